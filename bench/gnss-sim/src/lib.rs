@@ -1,0 +1,1 @@
+//! Simulated delivery flights and the u-blox receivers that see them

@@ -1,0 +1,1 @@
+//! The nRF52840 as a rigless MCU

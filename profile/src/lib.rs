@@ -1,0 +1,1 @@
+//! The HORUS profile: packed, CRC-protected objects, their air frames and the DPR image

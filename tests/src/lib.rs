@@ -1,0 +1,1 @@
+//! On-target tests of both boards.
