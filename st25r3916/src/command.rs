@@ -1,0 +1,37 @@
+//! Direct commands and SPI operation modes (DS13541, tables "SPI operation modes" and "List of
+//! direct commands").
+
+use crate::machine::Short;
+
+/// Operation mode: write registers of space A from an address on, auto-increment (`00aaaaaa`).
+pub const WRITE: u8 = 0x00;
+/// Operation mode: read registers of space A from an address on, auto-increment (`01aaaaaa`).
+pub const READ: u8 = 0x40;
+/// Operation mode: load the FIFO with the bytes that follow.
+pub const FIFO_LOAD: u8 = 0x80;
+/// Operation mode: read the FIFO.
+pub const FIFO_READ: u8 = 0x9F;
+/// Prefix: the register access that follows is in space B.
+pub const SPACE_B: u8 = 0xFB;
+/// Prefix: the register access that follows is in the test space.
+pub const SPACE_TEST: u8 = 0xFC;
+
+/// Set default: every register as after power-up, oscillator and field off.
+pub const SET_DEFAULT: Short = Short::new([0xC1]);
+/// Stop all activities: transmission, reception, timers.
+pub const STOP: Short = Short::new([0xC2]);
+/// Transmit with CRC: the FIFO's content, framed as the mode register says.
+pub const TRANSMIT_WITH_CRC: Short = Short::new([0xC4]);
+/// Mask receive data: the receiver runs but reports nothing.
+pub const MASK_RECEIVE_DATA: Short = Short::new([0xD0]);
+/// Unmask receive data: the receiver reports the next frame.
+pub const UNMASK_RECEIVE_DATA: Short = Short::new([0xD1]);
+/// Adjust the regulators to the supply; I_dct at its end, at most 5 ms later.
+pub const ADJUST_REGULATORS: Short = Short::new([0xD6]);
+/// Clear the FIFO.
+///
+/// The data sheet contradicts itself on whether this also clears the interrupt registers; nothing in
+/// this crate depends on either.
+pub const CLEAR_FIFO: Short = Short::new([0xDB]);
+/// RC oscillator calibration (ST25R3916B only).
+pub const RC_CALIBRATION: Short = Short::new([0xEA]);

@@ -1,0 +1,145 @@
+//! The vocabulary between a machine and its executor: what a machine asks for and what it is told.
+
+/// One register access or direct command: at most [`Short::MAX`] bytes, full duplex, within one
+/// chip-select-low period.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Short {
+    bytes: [u8; Short::MAX],
+    len: u8,
+}
+
+impl Short {
+    /// The longest short transfer, in bytes: enough for one register address and seven registers.
+    pub const MAX: usize = 8;
+
+    /// The bytes to clock out; the executor gives the machine as many bytes clocked in, in
+    /// [`Input::Done`].
+    #[must_use]
+    pub fn bytes(&self) -> &[u8] {
+        self.bytes.get(..usize::from(self.len)).unwrap_or(&[])
+    }
+
+    /// `N` bytes to send; checked at compile time to fit.
+    pub(crate) const fn new<const N: usize>(from: [u8; N]) -> Self {
+        const { assert!(N >= 1 && N <= Self::MAX) };
+        let mut bytes = [0; Self::MAX];
+        let (head, _) = bytes.split_at_mut(N);
+        head.copy_from_slice(&from);
+        Self {
+            bytes,
+            len: N as u8,
+        }
+    }
+}
+
+/// One SPI transfer with chip select low from its first bit to its last.
+///
+/// SPI mode 1 (CPOL 0, CPHA 1), most significant bit first, at most 10 MHz (DS13541, SPI
+/// interface).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Transfer {
+    /// Clock out [`Short::bytes`], keep what comes in.
+    Short(Short),
+    /// FIFO load: clock out [`crate::command::FIFO_LOAD`] (one byte), then
+    /// `frame[offset..offset + len]` of the payload the caller wants sent; what comes in means
+    /// nothing.
+    Load {
+        /// First byte of the payload to clock out.
+        offset: usize,
+        /// Number of payload bytes, 1..=254.
+        len: usize,
+    },
+    /// FIFO read: clock out [`crate::command::FIFO_READ`] (one byte), then clock `len` bytes into
+    /// `buffer[offset..offset + len]`; what goes out meanwhile means nothing (send zeros).
+    Read {
+        /// Where the first byte lands in the caller's receive buffer.
+        offset: usize,
+        /// Number of bytes to read, ≥ 1; `offset + len` ≤ [`crate::listener::BUFFER`].
+        len: usize,
+    },
+}
+
+/// What the executor tells a machine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Input<'a> {
+    /// Begin, or go on after a [`Step::Event`].
+    Start,
+    /// The transfer asked for is over and chip select is high again.
+    ///
+    /// After a [`Transfer::Short`]: the bytes clocked in, as many as were sent (the first means
+    /// nothing). After a [`Transfer::Read`]: the bytes just read, `buffer[offset..offset + len]`.
+    /// After a [`Transfer::Load`]: nothing, `&[]`.
+    Done(&'a [u8]),
+    /// The IRQ pin is high (a level, not an edge: if it still is, or is again, when a machine asks
+    /// for [`Step::Wait`], this input is due at once).
+    Irq,
+    /// The time of a [`Step::Wait`] or [`Step::Delay`] is over.
+    Timeout,
+    /// The transfer asked for could not be made (a DMA or bus error). Leads to [`Fault::Bus`] and
+    /// a new bring-up.
+    Failed,
+}
+
+/// What a machine asks of its executor. Every call to a machine returns exactly one step and costs
+/// a constant number of instructions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[must_use = "the machine stands still until its step is carried out"]
+pub enum Step<E> {
+    /// Make this transfer, then give [`Input::Done`] (or [`Input::Failed`]).
+    Transfer(Transfer),
+    /// Give [`Input::Irq`] when the IRQ pin is, or becomes, high, or [`Input::Timeout`] after
+    /// `micros`, whichever is first. Every wait has a bound: there is no wait for ever.
+    Wait {
+        /// The bound, in microseconds; being late is harmless, being early is not.
+        micros: u32,
+    },
+    /// Give [`Input::Timeout`] after `micros`, whatever the IRQ pin does.
+    Delay {
+        /// How long, in microseconds; being late is harmless.
+        micros: u32,
+    },
+    /// Something the caller wants to know. Give [`Input::Start`] to go on.
+    Event(E),
+}
+
+/// Why a machine gave up what it was doing. Every fault is followed by a recovery that the machine
+/// does by itself once it is given [`Input::Start`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Fault {
+    /// The identity register read as 0x00 or 0xFF: no chip, no supply, or a broken MISO line.
+    Absent,
+    /// The identity register names another part; the byte read.
+    Identity(u8),
+    /// No stable oscillator within [`crate::OSCILLATOR_MICROS`].
+    Oscillator,
+    /// The regulator adjustment did not end within [`crate::REGULATOR_MICROS`].
+    Regulator,
+    /// A register written during bring-up did not read back as written.
+    Configuration,
+    /// The chip has lost its configuration since bring-up: a power-up reset or a brown-out.
+    Reset,
+    /// Poller: the transmitter or the oscillator is off although nothing switched it off.
+    FieldDropped,
+    /// A response no ST25R3916 gives (all ones, or of the wrong length), or a transfer the executor
+    /// reported as failed.
+    Bus,
+    /// Poller: no I_txe within the frame's air time and a margin.
+    NoTransmitEnd,
+    /// Poller: after loading, the FIFO did not hold as many bytes as were loaded.
+    FifoCount {
+        /// Bytes loaded.
+        expected: u16,
+        /// Bytes the FIFO says it holds.
+        found: u16,
+    },
+    /// Poller: the FIFO ran dry or over: what was sent is damaged.
+    FifoFlow,
+    /// The IRQ pin stays high although no interrupt bit is set.
+    IrqStuck,
+    /// The executor gave an input that does not answer the step it was asked for.
+    Executor,
+}
