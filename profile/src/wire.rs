@@ -1,0 +1,54 @@
+//! Numbers as they lie on the wire: byte arrays, so alignment is 1 and the host's byte order never shows.
+use bytemuck::{Pod, Zeroable};
+
+macro_rules! little_endian {
+    ($($(#[$doc:meta])* $name:ident, $number:ty, $size:literal;)*) => {$(
+        $(#[$doc])*
+        #[derive(Clone, Copy, Pod, Zeroable)]
+        #[repr(transparent)]
+        pub(crate) struct $name([u8; $size]);
+
+        impl $name {
+            #[inline]
+            pub(crate) const fn new(value: $number) -> Self {
+                Self(value.to_le_bytes())
+            }
+
+            #[inline]
+            pub(crate) const fn get(self) -> $number {
+                <$number>::from_le_bytes(self.0)
+            }
+        }
+    )*};
+}
+
+little_endian! {
+    /// `u16`, least significant byte first.
+    U16Le, u16, 2;
+    /// `u32`, least significant byte first.
+    U32Le, u32, 4;
+    /// IEEE 754 binary32, least significant byte first; every bit pattern, NaN payloads included, passes unchanged.
+    F32Le, f32, 4;
+    /// IEEE 754 binary64, least significant byte first; every bit pattern, NaN payloads included, passes unchanged.
+    F64Le, f64, 8;
+}
+
+/// A CRC-32, most significant byte first: the order in which its bits follow the data as a polynomial.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(transparent)]
+pub(crate) struct CrcBe([u8; 4]);
+
+impl CrcBe {
+    /// What the field holds while the CRC over the rest is being computed.
+    pub(crate) const UNSEALED: Self = Self([0; 4]);
+
+    #[inline]
+    pub(crate) const fn new(crc: u32) -> Self {
+        Self(crc.to_be_bytes())
+    }
+
+    #[inline]
+    pub(crate) const fn get(self) -> u32 {
+        u32::from_be_bytes(self.0)
+    }
+}
