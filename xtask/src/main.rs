@@ -1,2 +1,216 @@
-//! Workspace tasks.
-fn main() {}
+//! Workspace tasks: `cargo xtask <command>`.
+//!
+//! One binary builds both firmware images, runs them against each other on the bench, tests everything, checks sizes
+//! against budgets and flashes the boards. Each command lives in a module of its own; this file is the command line.
+//!
+//! Exit codes: 0 success, 1 a check failed (said on standard error), 2 a wrong command line.
+
+mod firmware;
+mod fuzz;
+mod lint;
+#[cfg(feature = "probe")]
+mod probe;
+mod run;
+mod sim;
+mod size;
+mod test;
+mod workspace;
+
+use std::process::ExitCode;
+
+use anyhow::Result;
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+/// Builds, tests, flashes and simulates the HORUS link.
+#[derive(Parser)]
+#[command(name = "cargo xtask", bin_name = "cargo xtask", version)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Build firmware images in release; both boards unless one is named.
+    Build(BuildArgs),
+    /// Build an image, write it to a board through a debug probe, verify it and show its log.
+    Flash(FlashArgs),
+    /// Run both firmware images against each other on the bench.
+    Sim(sim::SimArgs),
+    /// Run any ELF alone on one board of the bench: its log, its exit code, its faults.
+    Run(run::RunArgs),
+    /// Run every test: host, fuzz corpora, both images, on-target suites.
+    Test(test::TestArgs),
+    /// Print each image's flash and RAM against its budget; over budget fails.
+    Size(SizeArgs),
+    /// Formatting, then clippy with warnings as errors, for host and target.
+    Lint,
+    /// Fuzz the profile's parsers with cargo-fuzz.
+    Fuzz(fuzz::FuzzArgs),
+}
+
+/// One of the two boards of the link.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Board {
+    /// nRF52840-DK: the dual-ported RAM.
+    Dpr,
+    /// NUCLEO-F429ZI: the HORUS side.
+    Horus,
+}
+
+impl Board {
+    pub(crate) const ALL: [Self; 2] = [Self::Dpr, Self::Horus];
+
+    /// The package that holds this board's firmware, which is also its binary's name.
+    pub(crate) const fn package(self) -> &'static str {
+        match self {
+            Self::Dpr => "dpr-fw",
+            Self::Horus => "horus-tx-fw",
+        }
+    }
+
+    /// The name used on the command line and by the on-target test suite.
+    pub(crate) const fn name(self) -> &'static str {
+        match self {
+            Self::Dpr => "dpr",
+            Self::Horus => "horus",
+        }
+    }
+
+    /// The board on the bench.
+    pub(crate) const fn on_bench(self) -> bench::Board {
+        match self {
+            Self::Dpr => bench::Board::Dpr,
+            Self::Horus => bench::Board::Horus,
+        }
+    }
+}
+
+/// How many GNSS receivers the profile carries (1, 2, 3 or 5).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Receivers(pub(crate) usize);
+
+impl Receivers {
+    pub(crate) const ALL: [Self; 4] = [Self(1), Self(2), Self(3), Self(5)];
+    pub(crate) const DEFAULT: Self = Self(3);
+
+    /// The cargo feature of both firmware packages that selects this profile.
+    pub(crate) fn feature(self) -> String {
+        format!("gps-{}", self.0)
+    }
+}
+
+impl std::fmt::Display for Receivers {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+impl std::str::FromStr for Receivers {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        Self::ALL
+            .into_iter()
+            .find(|n| n.0.to_string() == text)
+            .ok_or_else(|| "the profile exists for 1, 2, 3 or 5 receivers".to_owned())
+    }
+}
+
+#[derive(Args)]
+struct BuildArgs {
+    /// The board to build for; both if none is named.
+    #[arg(value_enum)]
+    board: Option<Board>,
+    /// GNSS receivers in the profile: 1, 2, 3 or 5.
+    #[arg(long, default_value_t = Receivers::DEFAULT)]
+    gps: Receivers,
+}
+
+#[derive(Args)]
+struct SizeArgs {
+    /// GNSS receivers in the profile: 1, 2, 3 or 5.
+    #[arg(long, default_value_t = Receivers::DEFAULT)]
+    gps: Receivers,
+}
+
+#[derive(Args, Clone)]
+pub(crate) struct FlashArgs {
+    /// The board to write.
+    #[arg(value_enum)]
+    pub(crate) board: Board,
+    /// GNSS receivers in the profile: 1, 2, 3 or 5.
+    #[arg(long, default_value_t = Receivers::DEFAULT)]
+    pub(crate) gps: Receivers,
+    #[command(flatten)]
+    pub(crate) probe: ProbeArgs,
+}
+
+/// Which debug probe, and how fast.
+#[derive(Args, Clone)]
+pub(crate) struct ProbeArgs {
+    /// The probe, as VID:PID or VID:PID:SERIAL. Needed when more than one is connected.
+    #[arg(long, value_name = "VID:PID[:SERIAL]")]
+    pub(crate) probe: Option<String>,
+    /// SWD clock in kHz; the probe's own default if absent.
+    #[arg(long, value_name = "KHZ", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) speed: Option<u32>,
+}
+
+fn main() -> ExitCode {
+    match dispatch(Cli::parse().command) {
+        Ok(code) => code,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn dispatch(command: Command) -> Result<ExitCode> {
+    match command {
+        Command::Build(args) => {
+            for board in args.board.map_or(Board::ALL.to_vec(), |board| vec![board]) {
+                println!("{}", firmware::build(board, args.gps)?.display());
+            }
+            Ok(ExitCode::SUCCESS)
+        }
+        Command::Flash(args) => flash(&args),
+        Command::Sim(args) => sim::sim(&args),
+        Command::Run(args) => run::run(&args),
+        Command::Test(args) => test::test(&args),
+        Command::Size(args) => size::size(args.gps),
+        Command::Lint => lint::lint(),
+        Command::Fuzz(args) => fuzz::fuzz(&args),
+    }
+}
+
+#[cfg(feature = "probe")]
+fn flash(args: &FlashArgs) -> Result<ExitCode> {
+    probe::flash(args)
+}
+
+/// Without the probe library in this binary: the same command again, with it.
+#[cfg(not(feature = "probe"))]
+fn flash(_args: &FlashArgs) -> Result<ExitCode> {
+    workspace::again_with_probe()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn receivers_other_than_the_profiles_are_refused_with_the_choice() {
+        for text in ["0", "4", "6", "three", "03", ""] {
+            assert!(text.parse::<Receivers>().unwrap_err().contains("1, 2, 3 or 5"));
+        }
+        assert_eq!("5".parse(), Ok(Receivers(5)));
+    }
+}

@@ -1,1 +1,0 @@
-//! On-target tests of both boards.

@@ -1,0 +1,54 @@
+//! Builds firmware images for the target.
+
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
+
+use anyhow::{Context, Result, bail};
+
+use crate::workspace::{FLIP_LINK, TARGET, cargo, install, target_dir};
+use crate::{Board, Receivers};
+
+/// Builds one board's image in release and returns the ELF, which later builds for other profiles leave alone.
+pub(crate) fn build(board: Board, gps: Receivers) -> Result<PathBuf> {
+    let package = board.package();
+    let feature = gps.feature();
+    let args = ["build", "--package", package, "--bin", package, "--no-default-features", "--features", &feature];
+    let made = build_for_target(&args, package)?;
+    let kept = target_dir().join("firmware").join(gps.feature()).join(board.package()).with_extension("elf");
+    std::fs::create_dir_all(kept.parent().unwrap_or(Path::new("."))).context("could not make the firmware folder")?;
+    std::fs::copy(&made, &kept).with_context(|| format!("could not copy {} to {}", made.display(), kept.display()))?;
+    Ok(kept)
+}
+
+/// Builds both boards' images.
+pub(crate) fn build_pair(gps: Receivers) -> Result<(PathBuf, PathBuf)> {
+    Ok((build(Board::Horus, gps)?, build(Board::Dpr, gps)?))
+}
+
+/// Runs cargo for the target in release and returns the executable of the given name.
+pub(crate) fn build_for_target(args: &[&str], name: &str) -> Result<PathBuf> {
+    install(&FLIP_LINK)?;
+    let mut command = cargo();
+    command
+        .args(args)
+        .args(["--quiet", "--release", "--target", TARGET, "--message-format", "json-render-diagnostics"])
+        // Read by defmt when it is compiled: what the images log.
+        .env("DEFMT_LOG", "info")
+        .stdout(Stdio::piped());
+    let mut child = command.spawn().with_context(|| format!("could not start {command:?}"))?;
+    let lines = BufReader::new(child.stdout.take().context("cargo has no standard output")?).lines();
+    let mut executable = None;
+    for line in lines {
+        let message: serde_json::Value = serde_json::from_str(&line?).context("cargo printed something that is not JSON")?;
+        if message["reason"] == "compiler-artifact" && message["target"]["name"] == name {
+            if let Some(path) = message["executable"].as_str() {
+                executable = Some(PathBuf::from(path));
+            }
+        }
+    }
+    if !child.wait()?.success() {
+        bail!("building {name} for {TARGET} failed");
+    }
+    executable.with_context(|| format!("cargo built no executable called {name}"))
+}

@@ -1,0 +1,57 @@
+//! Fuzzes the profile's parsers.
+//!
+//! cargo-fuzz on the pinned toolchain: `profile` forbids unsafe code, so no sanitizer is wanted, and without one no
+//! nightly compiler is needed. What a run finds goes into the corpus, which the ordinary tests replay.
+
+use std::process::ExitCode;
+
+use anyhow::{Context, Result, bail};
+use clap::Args;
+
+use crate::workspace::{CARGO_FUZZ, cargo, check, install, root};
+
+#[derive(Args)]
+pub(crate) struct FuzzArgs {
+    /// The fuzz target; all of them, one after the other, if none is named.
+    target: Option<String>,
+    /// How long each target is fuzzed, in seconds.
+    #[arg(long, default_value_t = 60)]
+    seconds: u32,
+    /// The fuzzer's seed.
+    #[arg(long, default_value_t = 1)]
+    seed: u32,
+}
+
+pub(crate) fn fuzz(args: &FuzzArgs) -> Result<ExitCode> {
+    install(&CARGO_FUZZ)?;
+    let known = targets()?;
+    let chosen = match &args.target {
+        None => known,
+        Some(name) if known.contains(name) => vec![name.clone()],
+        Some(name) => bail!("there is no fuzz target {name}; there are: {}", known.join(", ")),
+    };
+    for target in chosen {
+        eprintln!("-- fuzzing {target} for {} s", args.seconds);
+        let mut command = cargo();
+        command
+            .args(["fuzz", "run", "--fuzz-dir", "profile/fuzz", "--sanitizer", "none", &target, "--"])
+            .arg(format!("-max_total_time={}", args.seconds))
+            .arg(format!("-seed={}", args.seed));
+        check(&format!("fuzzing {target}"), &mut command)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn targets() -> Result<Vec<String>> {
+    let folder = root().join("profile/fuzz/fuzz_targets");
+    let entries = std::fs::read_dir(&folder).with_context(|| format!("could not read {}", folder.display()))?;
+    let mut names = vec![];
+    for entry in entries {
+        let path = entry?.path();
+        if path.extension().is_some_and(|extension| extension == "rs") {
+            names.extend(path.file_stem().map(|stem| stem.to_string_lossy().into_owned()));
+        }
+    }
+    names.sort();
+    Ok(names)
+}

@@ -1,0 +1,46 @@
+//! Formatting, then clippy with warnings as errors, for the host and for the target.
+
+use std::process::{Command, ExitCode};
+
+use anyhow::Result;
+
+use crate::workspace::{FLIP_LINK, TARGET, cargo, check, install};
+use crate::{Board, Receivers};
+
+pub(crate) fn lint() -> Result<ExitCode> {
+    install(&FLIP_LINK)?;
+    let mut steps: Vec<(String, Command)> = vec![];
+    let mut step = |what: String, args: &[&str]| {
+        let mut command = cargo();
+        command.args(args);
+        steps.push((what, command));
+    };
+    step("formatting".into(), &["fmt", "--all", "--check"]);
+    step("formatting of the fuzz targets".into(), &["fmt", "--manifest-path", "profile/fuzz/Cargo.toml", "--check"]);
+    step("clippy (host)".into(), &["clippy", "--quiet", "--workspace", "--all-targets", "--", "-D", "warnings"]);
+    step(
+        "clippy (xtask with the probe library)".into(),
+        &["clippy", "--quiet", "--package", "xtask", "--features", "probe", "--", "-D", "warnings"],
+    );
+    for board in Board::ALL {
+        for gps in Receivers::ALL {
+            let feature = gps.feature();
+            let on_target = ["--release", "--target", TARGET, "--no-default-features", "--features"];
+            let mut args = vec!["clippy", "--quiet", "--package", board.package()];
+            args.extend(on_target);
+            args.extend([&feature, "--", "-D", "warnings"]);
+            step(format!("clippy ({} for {TARGET}, {feature})", board.package()), &args);
+        }
+        let name = board.name();
+        let args = ["clippy", "--quiet", "--package", "on-target-tests", "--test", name, "--release", "--target", TARGET, "--features", name];
+        step(format!("clippy (on-target tests, {name})"), &[&args[..], &["--", "-D", "warnings"]].concat());
+    }
+    let mut failed = vec![];
+    for (what, command) in &mut steps {
+        eprintln!("-- {what}");
+        if let Err(error) = check(what, command) {
+            failed.push(error.to_string());
+        }
+    }
+    Ok(crate::test::verdict("lint", steps.len(), &failed))
+}

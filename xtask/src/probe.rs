@@ -1,0 +1,203 @@
+//! Real boards, through the probe-rs library: write, verify, show the log, run a test suite.
+//!
+//! Chip and probe are always named: the chip by the board, the probe by being the only one or by `--probe`. Two probes
+//! are never chosen between, because writing the wrong board's image is worse than asking.
+
+use std::path::Path;
+use std::process::ExitCode;
+use std::time::Duration;
+
+use anyhow::{Context, Result, bail};
+use defmt_decoder::{DecodeError, StreamDecoder, Table};
+use indicatif::{ProgressBar, ProgressStyle};
+use object::{Object, ObjectSymbol};
+use probe_rs::flashing::{DownloadOptions, FlashProgress, ProgressEvent, ProgressOperation, download_file_with_options, image_format};
+use probe_rs::probe::list::Lister;
+use probe_rs::probe::{DebugProbeInfo, DebugProbeSelector, WireProtocol};
+use probe_rs::rtt::Rtt;
+use probe_rs::semihosting::SemihostingCommand;
+use probe_rs::{BreakpointCause, Core, CoreStatus, HaltReason, Permissions, Session};
+
+use crate::{Board, FlashArgs, ProbeArgs, firmware};
+
+/// How long a core gets to do what a debugger asks.
+const CORE_TIMEOUT: Duration = Duration::from_secs(1);
+
+/// How often the log is read: far below the time in which a 1 KiB buffer fills at either image's rate.
+const LOG_POLL: Duration = Duration::from_millis(10);
+
+/// How long an image gets to set up its log after reset.
+const LOG_START: Duration = Duration::from_secs(3);
+
+/// Builds, writes, verifies, resets, then shows the log until interrupted.
+pub(crate) fn flash(args: &FlashArgs) -> Result<ExitCode> {
+    // The probe first: a missing one should not cost a build.
+    let probe = choose(args.board, &args.probe)?;
+    let elf = firmware::build(args.board, args.gps)?;
+    let mut session = attach(args.board, &probe, args.probe.speed)?;
+    write(&mut session, &elf)?;
+    eprintln!("{} written and verified; its log follows (Ctrl-C ends it)", elf.display());
+    follow(&mut session, &elf)
+}
+
+/// Writes an ELF, runs it, shows its log and ends as it does: a semihosting exit gives the code.
+pub(crate) fn run(board: Board, elf: &Path, args: &ProbeArgs) -> Result<ExitCode> {
+    let probe = choose(board, args)?;
+    let mut session = attach(board, &probe, args.speed)?;
+    write(&mut session, elf)?;
+    follow(&mut session, elf)
+}
+
+/// The chip's name in probe-rs's target list.
+const fn chip(board: Board) -> &'static str {
+    match board {
+        Board::Dpr => "nRF52840_xxAA",
+        Board::Horus => "STM32F429ZITx",
+    }
+}
+
+/// What to plug in.
+const fn connection(board: Board) -> &'static str {
+    match board {
+        Board::Dpr => "connect the nRF52840-DK by its J-Link's USB (connector J2) and switch it on",
+        Board::Horus => "connect the NUCLEO-F429ZI by its ST-LINK's USB (connector CN1)",
+    }
+}
+
+fn choose(board: Board, args: &ProbeArgs) -> Result<DebugProbeInfo> {
+    let lister = Lister::new();
+    let (mut found, wanted) = match &args.probe {
+        None => (lister.list_all(), None),
+        Some(text) => {
+            let selector: DebugProbeSelector = text.parse().with_context(|| format!("--probe {text}: expected VID:PID or VID:PID:SERIAL, in hex"))?;
+            (lister.list(Some(&selector)), Some(text))
+        }
+    };
+    match (found.len(), wanted) {
+        (1, _) => Ok(found.remove(0)),
+        (0, None) => bail!("no debug probe found: {}", connection(board)),
+        (0, Some(text)) => bail!("no debug probe matches {text}: {}{}", connection(board), listing(&lister.list_all())),
+        (_, _) => bail!("more than one debug probe matches: name one with --probe VID:PID:SERIAL{}", listing(&found)),
+    }
+}
+
+fn listing(probes: &[DebugProbeInfo]) -> String {
+    probes.iter().map(|probe| format!("\n  {probe}")).collect()
+}
+
+fn attach(board: Board, probe: &DebugProbeInfo, speed: Option<u32>) -> Result<Session> {
+    let mut opened = probe.open().with_context(|| format!("could not open {probe}: is another debugger using it?"))?;
+    opened.select_protocol(WireProtocol::Swd).context("the probe does not speak SWD")?;
+    if let Some(khz) = speed {
+        let actual = opened.set_speed(khz).with_context(|| format!("the probe does not do {khz} kHz"))?;
+        eprintln!("SWD at {actual} kHz");
+    }
+    eprintln!("{} through {probe}", chip(board));
+    opened.attach(chip(board), Permissions::default()).with_context(|| format!("{probe} sees no {}: {}", chip(board), connection(board)))
+}
+
+fn write(session: &mut Session, elf: &Path) -> Result<()> {
+    let bar = ProgressBar::new(0).with_style(ProgressStyle::with_template("{msg:>9} [{bar:40}] {bytes}/{total_bytes}").expect("a constant template"));
+    let shown = bar.clone();
+    let mut totals = [(ProgressOperation::Fill, 0), (ProgressOperation::Erase, 0), (ProgressOperation::Program, 0), (ProgressOperation::Verify, 0)];
+    let progress = FlashProgress::new(move |event| match event {
+        ProgressEvent::AddProgressBar { operation, total } => {
+            for (known, bytes) in &mut totals {
+                if *known == operation {
+                    *bytes = total.unwrap_or(0);
+                }
+            }
+        }
+        ProgressEvent::Started(operation) => {
+            let total = totals.iter().find(|(known, _)| *known == operation).map_or(0, |(_, bytes)| *bytes);
+            shown.set_length(total);
+            shown.set_position(0);
+            shown.set_message(match operation {
+                ProgressOperation::Fill => "reading",
+                ProgressOperation::Erase => "erasing",
+                ProgressOperation::Program => "writing",
+                ProgressOperation::Verify => "verifying",
+            });
+        }
+        ProgressEvent::Progress { size, .. } => shown.inc(size),
+        ProgressEvent::DiagnosticMessage { message } => shown.println(message),
+        _ => {}
+    });
+    let mut options = DownloadOptions::default();
+    options.progress = progress;
+    options.verify = true;
+    let loader = image_format("elf").context("the probe library reads no ELF")?.create_loader(None);
+    let outcome = download_file_with_options(session, elf, loader, options);
+    bar.finish_and_clear();
+    outcome.with_context(|| format!("could not write {}", elf.display()))
+}
+
+/// Resets the core and shows its defmt log until it exits through semihosting (its code is ours) or is interrupted.
+fn follow(session: &mut Session, elf: &Path) -> Result<ExitCode> {
+    let data = std::fs::read(elf).with_context(|| format!("could not read {}", elf.display()))?;
+    let table = Table::parse(&data)?.with_context(|| format!("{} carries no defmt log", elf.display()))?;
+    let block = rtt_block(&data).with_context(|| format!("{} has no RTT control block", elf.display()))?;
+    let mut decoder = table.new_stream_decoder();
+    let mut core = session.core(0).context("could not reach the core")?;
+    core.reset_and_halt(CORE_TIMEOUT).context("the core does not reset")?;
+    // What the last run left in RAM must not be taken for this run's log.
+    probe_rs::MemoryInterface::write_8(&mut core, block, &[0; 16]).context("could not clear the old log")?;
+    core.run().context("the core does not run")?;
+    let mut rtt = attach_log(&mut core, block)?;
+    loop {
+        let status = core.status().context("lost the core")?;
+        // Read after the status: what was logged before a halt is then shown before the run ends.
+        drain(&mut rtt, &mut core, decoder.as_mut())?;
+        match status {
+            CoreStatus::Halted(HaltReason::Breakpoint(BreakpointCause::Semihosting(command))) => match command {
+                SemihostingCommand::ExitSuccess => return Ok(ExitCode::SUCCESS),
+                SemihostingCommand::ExitError(details) => {
+                    eprintln!("error: the image ended with {details}");
+                    return Ok(ExitCode::FAILURE);
+                }
+                _ => core.run().context("the core does not go on")?,
+            },
+            CoreStatus::Halted(reason) => bail!("the core stopped: {reason:?}"),
+            CoreStatus::LockedUp => bail!("the core locked up"),
+            _ => std::thread::sleep(LOG_POLL),
+        }
+    }
+}
+
+fn rtt_block(elf: &[u8]) -> Option<u64> {
+    let file = object::File::parse(elf).ok()?;
+    file.symbols().find(|symbol| symbol.name() == Ok("_SEGGER_RTT")).map(|symbol| symbol.address())
+}
+
+fn attach_log(core: &mut Core<'_>, block: u64) -> Result<Rtt> {
+    let mut left = LOG_START;
+    loop {
+        match Rtt::attach_at(core, block) {
+            Ok(rtt) => return Ok(rtt),
+            Err(error) if left.is_zero() => return Err(error).context("the image set up no log within 3 s"),
+            Err(_) => {
+                std::thread::sleep(LOG_POLL);
+                left = left.saturating_sub(LOG_POLL);
+            }
+        }
+    }
+}
+
+fn drain(rtt: &mut Rtt, core: &mut Core<'_>, decoder: &mut (dyn StreamDecoder + Send + Sync + '_)) -> Result<()> {
+    let channel = rtt.up_channel(0).context("the image has no log channel")?;
+    let mut buffer = [0; 1024];
+    loop {
+        let count = channel.read(core, &mut buffer).context("could not read the log")?;
+        if count == 0 {
+            return Ok(());
+        }
+        decoder.received(&buffer[..count]);
+        loop {
+            match decoder.decode() {
+                Ok(frame) => println!("{}", frame.display(true)),
+                Err(DecodeError::UnexpectedEof) => break,
+                Err(DecodeError::Malformed) => eprintln!("(a damaged log frame: the buffer overran)"),
+            }
+        }
+    }
+}

@@ -1,0 +1,188 @@
+//! Both images against each other on the bench, and what came of it on one screen.
+
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Instant;
+
+use anyhow::{Context, Result, bail};
+use bench::report::Report;
+use bench::sim::{Crystals, Images, Observer, Setup};
+use clap::Args;
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::{Receivers, firmware};
+
+/// Crystals are sold to tens of ppm; far more than that is a mistyped number.
+const MAX_PPM: f64 = 1000.0;
+
+#[derive(Args)]
+pub(crate) struct SimArgs {
+    /// Virtual time to run, in seconds.
+    #[arg(long, default_value_t = 10.0, value_parser = positive_seconds)]
+    seconds: f64,
+    /// Seed of everything random: flight, receivers' noise.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// GNSS receivers in the profile: 1, 2, 3 or 5.
+    #[arg(long, default_value_t = Receivers::DEFAULT)]
+    gps: Receivers,
+    /// What the first receiver sends: a log that a real one recorded, instead of the generated flight.
+    #[arg(long, value_name = "FILE")]
+    ubx1: Option<PathBuf>,
+    /// What the second receiver sends.
+    #[arg(long, value_name = "FILE")]
+    ubx2: Option<PathBuf>,
+    /// What the third receiver sends.
+    #[arg(long, value_name = "FILE")]
+    ubx3: Option<PathBuf>,
+    /// Write the report as JSON to a file, or to standard output with `-`.
+    #[arg(long, value_name = "FILE|-")]
+    json: Option<PathBuf>,
+    /// Write the wires (SPI, IRQ, field, SSI, FRESH) as a VCD for GTKWave or sigrok.
+    #[arg(long, value_name = "FILE")]
+    trace: Option<PathBuf>,
+    /// Show both boards' defmt logs as they run.
+    #[arg(long)]
+    log: bool,
+    /// Error of the HORUS board's crystal, in ppm.
+    #[arg(long, value_name = "PPM", default_value_t = 8.0, allow_negative_numbers = true, value_parser = ppm)]
+    horus_ppm: f64,
+    /// Error of the DPR board's crystals, in ppm.
+    #[arg(long, value_name = "PPM", default_value_t = -12.0, allow_negative_numbers = true, value_parser = ppm)]
+    dpr_ppm: f64,
+    /// Error of the flight controller's crystal, in ppm.
+    #[arg(long, value_name = "PPM", default_value_t = 25.0, allow_negative_numbers = true, value_parser = ppm)]
+    fc_ppm: f64,
+}
+
+/// Parses a length of virtual time: up to a day.
+pub(crate) fn positive_seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if seconds > 0.0 && seconds <= 86_400.0 => Ok(seconds),
+        _ => Err("expected seconds above 0 and up to 86400".to_owned()),
+    }
+}
+
+fn ppm(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(ppm) if ppm.abs() <= MAX_PPM => Ok(ppm),
+        _ => Err(format!("expected parts per million between -{MAX_PPM} and {MAX_PPM}")),
+    }
+}
+
+struct Screen {
+    bar: ProgressBar,
+    log: bool,
+}
+
+impl Observer for Screen {
+    fn progress(&mut self, virtual_ns: u64) {
+        self.bar.set_position(virtual_ns / 1_000_000);
+    }
+
+    fn log(&mut self, board: &str, line: &str) {
+        if self.log {
+            let line = format!("{board:>5} {line}");
+            if self.bar.is_hidden() { eprintln!("{line}") } else { self.bar.println(line) }
+        }
+    }
+}
+
+pub(crate) fn sim(args: &SimArgs) -> Result<ExitCode> {
+    let recordings = vec![args.ubx1.clone(), args.ubx2.clone(), args.ubx3.clone()];
+    if let Some(beyond) = recordings.iter().skip(args.gps.0).position(Option::is_some) {
+        bail!("--ubx{}: this profile has {} receiver(s) only (--gps {})", args.gps.0 + beyond + 1, args.gps, args.gps);
+    }
+    let (horus, dpr) = firmware::build_pair(args.gps)?;
+    let to_ppb = |ppm: f64| (ppm * 1000.0).round() as i64;
+    let setup = Setup {
+        images: Images { horus, dpr },
+        gps: args.gps.0,
+        duration_ns: (args.seconds * 1e9).round() as u64,
+        seed: args.seed,
+        recordings,
+        crystals: Crystals { horus_ppb: to_ppb(args.horus_ppm), dpr_ppb: to_ppb(args.dpr_ppm), flight_controller_ppb: to_ppb(args.fc_ppm) },
+        trace: args.trace.clone(),
+    };
+    let style = ProgressStyle::with_template("{bar:40} {pos}/{len} ms of virtual time, {eta} left").expect("a constant template");
+    let mut screen = Screen { bar: ProgressBar::new(setup.duration_ns / 1_000_000).with_style(style), log: args.log };
+    let began = Instant::now();
+    let mut outcome = bench::sim::run(&setup, &mut screen)?;
+    let wall = began.elapsed().as_secs_f64();
+    screen.bar.finish_and_clear();
+    outcome.report.speed.times_real_time = outcome.report.virtual_seconds / wall;
+
+    let json_on_stdout = args.json.as_deref() == Some(Path::new("-"));
+    let text = table(&outcome.report) + &outcome.last_position;
+    // A program that reads the JSON from standard output gets nothing else there.
+    if json_on_stdout { eprint!("{text}") } else { print!("{text}") }
+    if let Some(path) = &args.json {
+        let mut json = serde_json::to_string_pretty(&outcome.report).context("the report does not serialise")?;
+        json.push('\n');
+        if json_on_stdout {
+            std::io::stdout().write_all(json.as_bytes()).context("could not write the report")?;
+        } else {
+            std::fs::write(path, json).with_context(|| format!("could not write {}", path.display()))?;
+        }
+    }
+    if outcome.report.violations.is_empty() {
+        return Ok(ExitCode::SUCCESS);
+    }
+    eprintln!("error: {} violation(s)", outcome.report.violations.len());
+    Ok(ExitCode::FAILURE)
+}
+
+/// One screen for a person.
+fn table(report: &Report) -> String {
+    let ms = |ns: u64| format!("{:.3} ms", ns as f64 / 1e6);
+    let us = |ns: u64| format!("{:.3} us", ns as f64 / 1e3);
+    let Report { horus, air, dpr, latency_ns: latency, ssi, base, .. } = report;
+    let rows = [
+        ("run", format!("{} s, {} receiver(s), seed {}, {:.1} x real time", report.virtual_seconds, report.gps, report.seed, report.speed.times_real_time)),
+        ("HORUS", format!("{} frames sent, load {:.1} %", horus.frames_sent, horus.load * 100.0)),
+        ("  period", format!("{} .. {}", ms(horus.period_ns.min), ms(horus.period_ns.max))),
+        ("  tick to air", format!("{} .. {} (jitter {} ns)", us(horus.tick_to_air_ns.min), us(horus.tick_to_air_ns.max), horus.tick_to_air_ns.width())),
+        ("air", format!("{} bit/s, {} a frame; {} delivered, {} damaged, {} lost", air.bit_rate, ms(air.air_time_ns), air.frames_delivered, air.frames_damaged, air.frames_lost)),
+        ("DPR", format!("{} objects accepted, {} rejected, {} frames missed, load {:.1} %", dpr.objects_accepted, dpr.objects_rejected, dpr.frames_missed, dpr.load * 100.0)),
+        ("  scrubs", format!("{}, {} found a stuck bit", dpr.scrubs, dpr.scrub_faults)),
+        ("sample to readable", format!("median {}, 99.9 % {}, worst {}", ms(latency.sample_to_readable.p50), ms(latency.sample_to_readable.p999), ms(latency.sample_to_readable.max))),
+        ("last bit to readable", format!("worst {}", us(latency.last_bit_to_readable.max))),
+        ("SSI", format!("{} transactions: {} fresh, {} repeated, {} busy, {} bad CRC; ready again in {} at worst", ssi.transactions, ssi.fresh, ssi.repeated, ssi.busy, ssi.bad_crc, us(ssi.ready_ns.max))),
+        ("base station", format!("{} profiles, {} bad CRC", base.profiles, base.bad_crc)),
+    ];
+    let mut text = String::new();
+    for (name, value) in rows {
+        text.push_str(&format!("{name:<21} {value}\n"));
+    }
+    match report.violations.as_slice() {
+        [] => text.push_str("violations            none\n"),
+        violations => {
+            text.push_str(&format!("violations            {}\n", violations.len()));
+            for violation in violations {
+                text.push_str(&format!("  ! {violation}\n"));
+            }
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_table_names_every_violation() {
+        let report = Report { violations: vec!["a torn read at 12 ms".into()], ..Report::default() };
+        assert!(table(&report).contains("! a torn read at 12 ms"));
+        assert!(table(&Report::default()).contains("violations            none"));
+    }
+
+    #[test]
+    fn lengths_of_time_outside_a_day_are_refused() {
+        for text in ["0", "-1", "nan", "inf", "86401", "ten"] {
+            assert!(positive_seconds(text).is_err(), "{text}");
+        }
+        assert_eq!(positive_seconds("0.5"), Ok(0.5));
+    }
+}

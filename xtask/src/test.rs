@@ -1,0 +1,84 @@
+//! Every test of the workspace, all of them run, what failed said at the end.
+
+use std::process::{Command, ExitCode};
+
+use anyhow::Result;
+use clap::Args;
+
+use crate::run::Place;
+use crate::workspace::{TARGET, cargo, check};
+use crate::{Board, ProbeArgs, Receivers, firmware};
+
+#[derive(Args)]
+pub(crate) struct TestArgs {
+    /// Where the on-target suites run.
+    #[arg(long, value_enum, default_value_t = Place::Bench)]
+    on: Place,
+    /// Run the on-target suite of this board only, and no host test.
+    #[arg(long, value_enum)]
+    board: Option<Board>,
+    #[command(flatten)]
+    probe: ProbeArgs,
+}
+
+pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
+    #[cfg(not(feature = "probe"))]
+    if args.on == Place::Hardware {
+        return crate::workspace::again_with_probe();
+    }
+    let mut ran = 0;
+    let mut failed = vec![];
+    let mut step = |what: &str, result: &mut dyn FnMut() -> Result<()>| {
+        eprintln!("-- {what}");
+        ran += 1;
+        if let Err(error) = result() {
+            failed.push(format!("{what}: {error:#}"));
+        }
+    };
+    if args.on == Place::Bench && args.board.is_none() {
+        for gps in Receivers::ALL {
+            step(&format!("both images build with {gps} receivers"), &mut || firmware::build_pair(gps).map(drop));
+        }
+        step("image sizes", &mut || match crate::size::size(Receivers::DEFAULT)? {
+            code if code == ExitCode::SUCCESS => Ok(()),
+            _ => anyhow::bail!("over budget"),
+        });
+        step("host tests", &mut || check("cargo test", cargo().args(["test", "--quiet", "--workspace"])));
+    }
+    for board in args.board.map_or(Board::ALL.to_vec(), |board| vec![board]) {
+        let what = format!("on-target suite of {}", board.name());
+        step(&what, &mut || on_target(board, args.on, &args.probe));
+    }
+    Ok(verdict("test", ran, &failed))
+}
+
+/// One board's defmt-test suite: the same ELF on the bench and on the board.
+fn on_target(board: Board, place: Place, probe: &ProbeArgs) -> Result<()> {
+    crate::workspace::install(&crate::workspace::FLIP_LINK)?;
+    let this = std::env::current_exe()?;
+    let mut runner = format!("{} run --board {}", this.display(), board.name());
+    if place == Place::Hardware {
+        runner.push_str(" --on hardware");
+        if let Some(probe) = &probe.probe {
+            runner.push_str(&format!(" --probe {probe}"));
+        }
+        if let Some(speed) = probe.speed {
+            runner.push_str(&format!(" --speed {speed}"));
+        }
+    }
+    let mut command: Command = cargo();
+    command
+        .args(["test", "--quiet", "--package", "on-target-tests", "--test", board.name(), "--release", "--target", TARGET, "--features", board.name()])
+        .env("DEFMT_LOG", "info")
+        .env("CARGO_TARGET_THUMBV7EM_NONE_EABIHF_RUNNER", runner);
+    check("the suite", &mut command)
+}
+
+/// Says what failed, or that nothing did.
+pub(crate) fn verdict(name: &str, ran: usize, failed: &[String]) -> ExitCode {
+    for failure in failed {
+        eprintln!("FAILED {failure}");
+    }
+    println!("{name}: {} passed, {} failed", ran - failed.len(), failed.len());
+    if failed.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}

@@ -1,0 +1,97 @@
+//! Where the workspace is, and how to call cargo and the tools it needs.
+
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode};
+
+use anyhow::{Context, Result, bail};
+
+/// The target of both microcontrollers: Cortex-M4F.
+pub(crate) const TARGET: &str = "thumbv7em-none-eabihf";
+
+/// A tool from crates.io that xtask installs for itself under `target/tools`, pinned.
+pub(crate) struct Tool {
+    name: &'static str,
+    version: &'static str,
+}
+
+/// The linker wrapper that puts the stack below the statics, so that an overflow faults instead of corrupting.
+pub(crate) const FLIP_LINK: Tool = Tool { name: "flip-link", version: "0.1.12" };
+
+/// The libFuzzer front end.
+pub(crate) const CARGO_FUZZ: Tool = Tool { name: "cargo-fuzz", version: "0.13.2" };
+
+/// The workspace's root folder.
+pub(crate) fn root() -> PathBuf {
+    // xtask's own folder at build time, unless the checkout moved since: then cargo says where it is now.
+    let manifest = std::env::var_os("CARGO_MANIFEST_DIR").map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")), PathBuf::from);
+    manifest.parent().map_or(manifest.clone(), Path::to_path_buf)
+}
+
+/// The folder for what cargo and xtask make.
+pub(crate) fn target_dir() -> PathBuf {
+    std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), |dir| root().join(PathBuf::from(dir)))
+}
+
+/// `cargo`, in the workspace's root, with the tools on its PATH.
+pub(crate) fn cargo() -> Command {
+    let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    command.current_dir(root()).env("PATH", path_with_tools());
+    // What cargo told *this* process about its own package must not reach the next one.
+    for (key, _) in std::env::vars_os() {
+        let name = key.to_string_lossy();
+        if name.starts_with("CARGO_PKG_") || name.starts_with("CARGO_MANIFEST_") || name == "CARGO_PRIMARY_PACKAGE" {
+            command.env_remove(&key);
+        }
+    }
+    command
+}
+
+/// Runs a command to its end; its failure is an error that names it.
+pub(crate) fn check(what: &str, command: &mut Command) -> Result<()> {
+    let status = command.status().with_context(|| format!("{what}: could not start {command:?}"))?;
+    if !status.success() {
+        bail!("{what} failed ({status})");
+    }
+    Ok(())
+}
+
+/// Installs a pinned tool under `target/tools` unless that version is there.
+pub(crate) fn install(tool: &Tool) -> Result<()> {
+    let tools = tools_dir();
+    let stamp = tools.join(format!(".{}-{}", tool.name, tool.version));
+    if stamp.exists() {
+        return Ok(());
+    }
+    eprintln!("installing {} {} into {}", tool.name, tool.version, tools.display());
+    let mut command = cargo();
+    command
+        .args(["install", "--quiet", "--locked", "--force", tool.name, "--version", tool.version, "--root"])
+        .arg(&tools)
+        .arg("--target-dir")
+        .arg(tools.join("build"));
+    check(&format!("installing {}", tool.name), &mut command)?;
+    std::fs::write(&stamp, "").with_context(|| format!("could not write {}", stamp.display()))
+}
+
+/// Runs this same command line again with the probe library compiled in.
+#[cfg(not(feature = "probe"))]
+pub(crate) fn again_with_probe() -> Result<ExitCode> {
+    let status = cargo()
+        .args(["run", "--quiet", "--package", "xtask", "--features", "probe", "--"])
+        .args(std::env::args_os().skip(1))
+        .status()
+        .context("could not start cargo")?;
+    Ok(status.code().and_then(|code| u8::try_from(code).ok()).map_or(ExitCode::FAILURE, ExitCode::from))
+}
+
+fn tools_dir() -> PathBuf {
+    target_dir().join("tools")
+}
+
+fn path_with_tools() -> OsString {
+    let old = std::env::var_os("PATH").unwrap_or_default();
+    let parts = std::iter::once(tools_dir().join("bin")).chain(std::env::split_paths(&old));
+    // A PATH that cannot be joined was not usable before either.
+    std::env::join_paths(parts).unwrap_or(old)
+}
