@@ -1,13 +1,77 @@
-//! Air frames: which objects travel together.
-use crate::{GpsObject, Profile, Rejection, ReportedPosition};
+//! Air frames: which objects travel together, and how long they take.
+//!
+//! # Design
+//!
+//! An NFC-F frame (ISO/IEC 18092, 424 kbit/s) is 48 bits of preamble, 16 of sync, LEN, the payload and a CRC-16; the
+//! RFID chips add and take away all but the payload. The payload is whole objects and nothing else. There is no
+//! header of our own, so what arrives is deposited as it is, and what could be wrong in a header cannot be.
+//!
+//! | receivers | frame | objects | payload, bytes | [air time](air_time_ns), ms |
+//! |---|---|---|---|---|
+//! | 1 | 1 of 1 | Reported-Position, GPS1 | 124 | 2.549 |
+//! | 2 | 1 of 1 | Reported-Position, GPS1, GPS2 | 184 | 3.681 |
+//! | 3 | 1 of 1 | Reported-Position, GPS1, GPS2, GPS3 | 244 | 4.814 |
+//! | 5 | 1 of 2 | Reported-Position, GPS1, GPS2 | 184 | 3.681 |
+//! | 5 | 2 of 2 | GPS3, GPS4, GPS5 | 180 | 3.606 |
+//!
+//! A frame's place in the profile is told by its length, which no two frames of one profile share; that each object is
+//! the one that belongs there, its identifier confirms when it is [verified](crate::Object::verify). Only a
+//! length that no frame has rejects a frame as a whole. The CRC-16 decides nothing: a hit on GPS3 does not cost
+//! Reported-Position.
+//!
+//! # Example
+//!
+//! ```
+//! use profile::{GpsValues, Object, Profile, Rejection, ReportedValues, air, image::Image};
+//!
+//! let profile = Profile::<5>::seal(&ReportedValues::absent(70), &[GpsValues::absent(70); 5]);
+//! let mut image = Image::<5>::EMPTY;
+//! for payload in air::split(&profile) {
+//!     for (index, bytes) in air::objects::<5>(payload)? {
+//!         image.deposit(Object::verify(index, bytes)?)?;
+//!     }
+//! }
+//! assert_eq!(image.profile(), &profile);
+//! # Ok::<(), Rejection>(())
+//! ```
+use core::iter::FusedIterator;
 
-/// The longest payload of an NFC-F frame, bytes: LEN counts itself, and 255 is its largest value.
+use crate::{GpsObject, Identifier, Profile, Rejection, ReportedPosition};
+
+/// The longest payload that an NFC-F frame can have, bytes: LEN is one byte and counts itself.
 pub const MAX_PAYLOAD: usize = 254;
 
-/// The longest payload that HORUS sends, bytes.
-pub const LONGEST_PAYLOAD: usize = 244;
+/// The longest payload of any profile, bytes: that of three receivers.
+pub const LONGEST_PAYLOAD: usize = Profile::<3>::SIZE;
 
-/// Air frames per cycle for a profile of `receivers` receivers: 1 or 2.
+/// The shortest time between the end of a frame and the start of the next, µs, in which the listener takes the first out
+/// of its FIFO and re-arms.
+pub const MIN_GAP_US: u32 = 300;
+
+const _: () = assert!(LONGEST_PAYLOAD <= MAX_PAYLOAD);
+
+/// Bits of a frame beside the payload: preamble, sync, LEN, CRC-16.
+const OVERHEAD_BITS: u64 = 48 + 16 + 8 + 16;
+
+/// A bit takes 32 periods of the 13.56 MHz carrier: 423.75 kbit/s.
+const BIT_CARRIER_PERIODS: u64 = 32;
+
+/// ns and carrier periods meet every 50 000 ns, which are 678 periods.
+const NS_PER_678_PERIODS: u64 = 50_000;
+
+/// Air time of a frame with `payload` bytes, from the first preamble bit to the last bit of the CRC-16: ns, rounded to
+/// nearest.
+///
+/// ```
+/// assert_eq!(profile::air::air_time_ns(244), 4_814_159);
+/// ```
+#[must_use]
+pub const fn air_time_ns(payload: u8) -> u64 {
+    let bits = OVERHEAD_BITS + 8 * u64::from_le_bytes([payload, 0, 0, 0, 0, 0, 0, 0]);
+    (bits * BIT_CARRIER_PERIODS * NS_PER_678_PERIODS + 339) / 678
+}
+
+/// Frames per cycle for a profile of `receivers` receivers: 1, or 2 if it does not fit in one.
 #[must_use]
 pub const fn frames(receivers: usize) -> usize {
     if receivers <= 3 { 1 } else { 2 }
@@ -21,70 +85,59 @@ pub struct Place {
 }
 
 impl Place {
-    /// Where frame `frame` (from 0) of a profile of `N` receivers belongs; `None` if there is no such frame.
+    /// The place of frame number `frame`, from 0, of a profile of `N` receivers; `None` if there is no such frame.
     #[must_use]
     pub const fn of_frame<const N: usize>(frame: usize) -> Option<Self> {
         let objects = Profile::<N>::OBJECTS;
         match (frame, frames(N)) {
-            (0, 1) => Some(Self {
-                first: 0,
-                count: objects,
-            }),
-            (0, _) => Some(Self { first: 0, count: 3 }),
-            (1, 2) => Some(Self {
-                first: 3,
-                count: objects - 3,
-            }),
+            (0, 1) => Some(Self { first: 0, count: objects }),
+            (0, 2) => Some(Self { first: 0, count: 3 }),
+            (1, 2) => Some(Self { first: 3, count: objects - 3 }),
             _ => None,
         }
     }
 
-    /// The index of the first object: 0 is Reported-Position, 1 to 5 are GPS1 to GPS5.
+    /// The number of the first object in its profile: 0 is Reported-Position, 1 to 5 are GPS1 to GPS5.
     #[must_use]
     pub const fn first(self) -> usize {
         self.first
     }
 
-    /// How many objects.
+    /// How many objects, at least one.
     #[must_use]
     pub const fn count(self) -> usize {
         self.count
     }
 
-    /// Payload, bytes.
-    #[must_use]
-    pub const fn length(self) -> usize {
-        if self.first == 0 {
-            ReportedPosition::SIZE + (self.count - 1) * GpsObject::SIZE
-        } else {
-            self.count * GpsObject::SIZE
-        }
-    }
-
-    /// Where the payload lies in the profile: its first byte.
+    /// Which byte of the profile is the payload's first.
     #[must_use]
     pub const fn offset(self) -> usize {
-        if self.first == 0 {
-            0
-        } else {
-            ReportedPosition::SIZE + (self.first - 1) * GpsObject::SIZE
+        match self.first {
+            0 => 0,
+            receiver => ReportedPosition::SIZE + (receiver - 1) * GpsObject::SIZE,
+        }
+    }
+
+    /// Bytes of the payload.
+    #[must_use]
+    pub const fn length(self) -> usize {
+        match self.first {
+            0 => ReportedPosition::SIZE + (self.count - 1) * GpsObject::SIZE,
+            _ => self.count * GpsObject::SIZE,
         }
     }
 }
 
-/// The frames of `profile` in the order they are sent, each a payload.
-pub fn split<const N: usize>(profile: &Profile<N>) -> impl Iterator<Item = &[u8]> {
-    let mut rest = profile.as_bytes();
-    (0..frames(N))
-        .filter_map(Place::of_frame::<N>)
-        .filter_map(move |place| {
-            let (payload, after) = rest.split_at_checked(place.length())?;
-            rest = after;
-            Some(payload)
-        })
+/// The payloads of `profile`'s frames, in the order in which they are sent. They are parts of it, not copies.
+pub fn split<const N: usize>(profile: &Profile<N>) -> impl FusedIterator<Item = &[u8]> {
+    let bytes = profile.as_bytes();
+    (0..frames(N)).filter_map(|frame| {
+        let place = Place::of_frame::<N>(frame)?;
+        bytes.get(place.offset()..place.offset() + place.length())
+    })
 }
 
-/// Which objects of a profile of `N` receivers `payload` carries, told by its length.
+/// Which objects of a profile of `N` receivers `payload` has room for: told by its length alone.
 ///
 /// # Errors
 ///
@@ -96,26 +149,38 @@ pub fn place<const N: usize>(payload: &[u8]) -> Result<Place, Rejection> {
         .ok_or(Rejection::Length)
 }
 
-/// The objects of `payload`, each with its index in the profile, for [`Object::verify`](crate::Object::verify).
+/// The parts of `payload` that should be objects, each with its number in the profile, for
+/// [`Object::verify`](crate::Object::verify).
 ///
 /// # Errors
 ///
 /// [`Rejection::Length`] if no frame of a profile of `N` receivers is that long.
-pub fn objects<const N: usize>(
-    payload: &[u8],
-) -> Result<impl Iterator<Item = (usize, &[u8])>, Rejection> {
+pub fn objects<const N: usize>(payload: &[u8]) -> Result<Objects<'_>, Rejection> {
     let place = place::<N>(payload)?;
-    let mut rest = payload;
-    Ok(
-        (place.first..place.first + place.count).filter_map(move |index| {
-            let size = if index == 0 {
-                ReportedPosition::SIZE
-            } else {
-                GpsObject::SIZE
-            };
-            let (object, after) = rest.split_at_checked(size)?;
-            rest = after;
-            Some((index, object))
-        }),
-    )
+    Ok(Objects { next: place.first, rest: payload })
 }
+
+/// The objects of a payload; see [`objects`].
+#[derive(Clone, Debug)]
+pub struct Objects<'a> {
+    next: usize,
+    rest: &'a [u8],
+}
+
+impl<'a> Iterator for Objects<'a> {
+    type Item = (usize, &'a [u8]);
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let size = match Identifier::of_object(self.next)? {
+            Identifier::REPORTED_POSITION => ReportedPosition::SIZE,
+            _ => GpsObject::SIZE,
+        };
+        let (object, rest) = self.rest.split_at_checked(size)?;
+        let index = self.next;
+        self.next += 1;
+        self.rest = rest;
+        Some((index, object))
+    }
+}
+
+impl FusedIterator for Objects<'_> {}

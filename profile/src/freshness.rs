@@ -1,33 +1,49 @@
 //! Freshness: what a timestamp says after the one before it.
 use crate::CYCLE_MS;
 
-/// What a timestamp says after the one before it.
+/// What a timestamp says after the one before it (paper, section 2.3).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Freshness {
-    /// Nothing came before it.
+    /// There was none before it.
     First,
-    /// A later cycle.
+    /// Forward by a whole number of cycles: new data.
     Fresh {
-        /// Cycles in between that were not received.
+        /// Cycles in between that did not arrive.
         missed: u32,
     },
-    /// The same again: HORUS is frozen.
+    /// The same again: HORUS repeats itself and must be taken for frozen.
     Frozen,
-    /// A jump back: HORUS started again.
+    /// Back: HORUS started again, and counts from 0. New data, but none of it continues what was.
     Restarted,
-    /// Forward, but not by a whole number of cycles: not fresh.
+    /// Forward, but not by a whole number of cycles: not what HORUS sends.
     Irregular,
 }
 
 impl Freshness {
-    /// Whether what carries the timestamp is new data of a running HORUS.
+    /// Whether what carries the timestamp is new data that continues what was: [`First`](Self::First) or
+    /// [`Fresh`](Self::Fresh).
     #[must_use]
     pub const fn is_fresh(self) -> bool {
         matches!(self, Self::First | Self::Fresh { .. })
     }
 }
 
-/// What timestamp `now` says after `previous`, both ms since HORUS start, wrapping.
+/// What timestamp `now` says after `previous`, the last one accepted; both ms since HORUS start.
+///
+/// Timestamps wrap after 49.7 days, which is no restart: forward is less than half of that ahead, back is the rest.
+/// (2³² is no multiple of ten, so timestamps end in another digit after they wrapped; only differences count.) A HORUS
+/// that restarts after more than 24.8 days therefore looks like one that went forward.
+///
+/// ```
+/// use profile::{Freshness, freshness};
+///
+/// assert_eq!(freshness(None, 500), Freshness::First);
+/// assert_eq!(freshness(Some(500), 510), Freshness::Fresh { missed: 0 });
+/// assert_eq!(freshness(Some(500), 540), Freshness::Fresh { missed: 3 });
+/// assert_eq!(freshness(Some(500), 500), Freshness::Frozen);
+/// assert_eq!(freshness(Some(500), 0), Freshness::Restarted);
+/// assert_eq!(freshness(Some(500), 515), Freshness::Irregular);
+/// ```
 #[must_use]
 pub const fn freshness(previous: Option<u32>, now: u32) -> Freshness {
     let Some(previous) = previous else {
@@ -41,8 +57,6 @@ pub const fn freshness(previous: Option<u32>, now: u32) -> Freshness {
     } else if !step.is_multiple_of(CYCLE_MS) {
         Freshness::Irregular
     } else {
-        Freshness::Fresh {
-            missed: step / CYCLE_MS - 1,
-        }
+        Freshness::Fresh { missed: step / CYCLE_MS - 1 }
     }
 }

@@ -1,34 +1,40 @@
 //! Which object it is.
+use core::fmt;
 
-/// The identifier of an object: what it is, and so where it belongs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+/// What an object is, and so where it belongs: the header word of every object (paper, section 2.1).
+///
+/// A valid object in another object's place is [rejected](crate::Rejection::Identifier): a CRC alone would not notice that
+/// GPS1 lies where GPS2 belongs.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Identifier(pub u16);
 
 impl Identifier {
     /// Reported-Position.
     pub const REPORTED_POSITION: Self = Self(0x4800);
-    /// GPS1 to GPS5.
-    pub const GPS: [Self; 5] = [
-        Self(0x4801),
-        Self(0x4802),
-        Self(0x4803),
-        Self(0x4804),
-        Self(0x4805),
-    ];
-    /// Link-Status, written by the DPR.
+    /// GPS1 to GPS5, in this order.
+    pub const GPS: [Self; 5] = [Self(0x4801), Self(0x4802), Self(0x4803), Self(0x4804), Self(0x4805)];
+    /// Link-Status, which the DPR writes.
     pub const LINK_STATUS: Self = Self(0x4400);
-    /// Uplink object from the base station.
-    pub const UPLINK_BASE_STATION: Self = Self(0x4200);
     /// Uplink object from the flight controller.
     pub const UPLINK_FLIGHT_CONTROLLER: Self = Self(0x4300);
-    /// First of the active load's identifiers.
+    /// Uplink object from the base station.
+    pub const UPLINK_BASE_STATION: Self = Self(0x4200);
+    /// First of the active load's objects.
     pub const ACTIVE_LOAD: Self = Self(0x4100);
 
-    /// The identifier of the GPS object of receiver `receiver`, 1 to 5.
+    /// The GPS object of receiver `receiver`, 1 to 5.
     ///
     /// # Panics
     ///
-    /// If `receiver` is not 1, 2, 3, 4 or 5; with a constant argument that is a compile-time error.
+    /// If `receiver` is not 1 to 5; for a constant argument that can be a compile-time error. To go through the
+    /// receivers, iterate over [`Identifier::GPS`], which cannot.
+    ///
+    /// ```
+    /// use profile::Identifier;
+    ///
+    /// const SECOND: Identifier = Identifier::gps(2);
+    /// assert_eq!(SECOND, Identifier(0x4802));
+    /// ```
     #[must_use]
     pub const fn gps(receiver: usize) -> Self {
         match receiver {
@@ -41,13 +47,48 @@ impl Identifier {
         }
     }
 
-    /// The identifier of a profile's object number `index`: 0 is Reported-Position, 1 to 5 are GPS1 to GPS5.
+    /// Object number `index` of a profile: 0 is Reported-Position, 1 to 5 are GPS1 to GPS5, and there are no others.
     #[must_use]
     pub const fn of_object(index: usize) -> Option<Self> {
         match index {
             0 => Some(Self::REPORTED_POSITION),
             1..=5 => Some(Self::gps(index)),
             _ => None,
+        }
+    }
+
+    /// Which object of a profile this is: 0 for Reported-Position, 1 to 5 for GPS1 to GPS5, `None` for any other.
+    #[must_use]
+    pub const fn object(self) -> Option<usize> {
+        match self.0 {
+            0x4800 => Some(0),
+            0x4801 => Some(1),
+            0x4802 => Some(2),
+            0x4803 => Some(3),
+            0x4804 => Some(4),
+            0x4805 => Some(5),
+            _ => None,
+        }
+    }
+}
+
+impl fmt::Debug for Identifier {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Identifier({:#06X})", self.0)
+    }
+}
+
+impl fmt::Display for Identifier {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::REPORTED_POSITION => f.write_str("Reported-Position"),
+            Self::LINK_STATUS => f.write_str("Link-Status"),
+            Self::UPLINK_FLIGHT_CONTROLLER => f.write_str("uplink from the flight controller"),
+            Self::UPLINK_BASE_STATION => f.write_str("uplink from the base station"),
+            Self(other) => match self.object() {
+                Some(receiver) => write!(f, "GPS{receiver}"),
+                None => write!(f, "object {other:#06X}"),
+            },
         }
     }
 }

@@ -1,24 +1,40 @@
 //! The DPR image: what the flight controller reads.
-use core::ops::Range;
+//!
+//! | offset | object | bytes |
+//! |---|---|---|
+//! | 0 | [Link-Status](LinkStatus) | 32 |
+//! | 32 | [Reported-Position](ReportedPosition) | 64 |
+//! | 96 | [GPS1](crate::GpsObject) … GPSn | 60 each |
+//!
+//! The first 96 bytes hold what a flight controller that flies by HORUS needs in every control cycle. From offset 32 on
+//! the image is the [`Profile`] as HORUS sent it: base station and flight controller verify the same bytes that were
+//! sealed. A slot whose object did not arrive, or was rejected, is zero and does not verify.
+use core::{fmt, ops::Range};
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::{GpsObject, LinkStatus, Profile, Reading, Rejection, ReportedPosition};
+use crate::{LinkStatus, Object, Profile, Reading, Rejection, ReportedPosition};
 
 /// Offset of Link-Status.
 pub const LINK_STATUS: usize = 0;
-/// Offset of Reported-Position.
+
+/// Offset of Reported-Position, and so of the profile.
 pub const REPORTED_POSITION: usize = LINK_STATUS + LinkStatus::SIZE;
-/// Offset of GPS1; the others follow it.
+
+/// Offset of GPS1; the others follow it, 60 bytes each.
 pub const GPS: usize = REPORTED_POSITION + ReportedPosition::SIZE;
 
-/// Offset of the GPS object of receiver `receiver`, counted from 1.
-#[must_use]
-pub const fn gps(receiver: usize) -> usize {
-    GPS + (receiver - 1) * GpsObject::SIZE
-}
+const _: () = {
+    assert!(REPORTED_POSITION == 32);
+    assert!(GPS == 96);
+    assert!(size_of::<Image<1>>() == 156 && Image::<1>::LEN == 156);
+    assert!(size_of::<Image<2>>() == 216 && Image::<2>::LEN == 216);
+    assert!(size_of::<Image<3>>() == 276 && Image::<3>::LEN == 276);
+    assert!(size_of::<Image<5>>() == 396 && Image::<5>::LEN == 396);
+};
 
-/// The image of a DPR for `N` receivers: Link-Status, Reported-Position, GPS1 to GPS`N`.
+/// The image of a DPR for a profile of `N` receivers.
+// Packed changes nothing, all fields have alignment 1; it is how bytemuck knows that for every N.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C, packed)]
 pub struct Image<const N: usize> {
@@ -30,16 +46,10 @@ impl<const N: usize> Image<N> {
     /// Bytes: 156, 216, 276 or 396.
     pub const LEN: usize = LinkStatus::SIZE + Profile::<N>::SIZE;
 
-    /// An image in which nothing verifies: all zero.
-    pub const EMPTY: Self = {
-        let () = Self::CHECK;
-        bytemuck::zeroed()
-    };
+    /// All zero: no object of it verifies.
+    pub const EMPTY: Self = Self { link: LinkStatus::EMPTY, profile: Profile::EMPTY };
 
-    const CHECK: () =
-        assert!(size_of::<Self>() == Self::LEN && Self::LEN == GPS + N * GpsObject::SIZE);
-
-    /// Link-Status, verified or not.
+    /// Link-Status, valid or not.
     #[must_use]
     pub const fn link(&self) -> &LinkStatus {
         &self.link
@@ -50,20 +60,37 @@ impl<const N: usize> Image<N> {
         self.link = link;
     }
 
-    /// The profile, verified or not.
+    /// The profile, its objects valid or not.
     #[must_use]
     pub fn profile(&self) -> &Profile<N> {
         let (_, profile) = self.as_bytes().split_at(REPORTED_POSITION);
         bytemuck::from_bytes(profile)
     }
 
-    /// The bytes of a profile's object number `index`, to deposit it as it is; `None` if there is no such object.
-    #[must_use]
-    pub fn object_mut(&mut self, index: usize) -> Option<&mut [u8]> {
-        self.as_bytes_mut().get_mut(Self::place(index)?)
+    /// Puts an accepted object in its place, as it is.
+    ///
+    /// # Errors
+    ///
+    /// [`Rejection::Identifier`] if this image has no place for it, and nothing is changed.
+    pub fn deposit(&mut self, object: Object<'_>) -> Result<(), Rejection> {
+        let slot = object.identifier().object().and_then(|index| self.object_mut(index));
+        let slot = slot.ok_or(Rejection::Identifier)?;
+        // Object and slot have the length that goes with the identifier.
+        for (to, from) in slot.iter_mut().zip(object.as_bytes()) {
+            *to = *from;
+        }
+        Ok(())
     }
 
-    /// Where a profile's object number `index` lies in the image; `None` if there is no such object.
+    /// The place of the profile's object number `index` (0 is Reported-Position, 1 to `N` are GPS1 to GPS`N`), to be
+    /// written or cleared; `None` if there is no such object.
+    #[must_use]
+    pub fn object_mut(&mut self, index: usize) -> Option<&mut [u8]> {
+        let place = Self::place(index)?;
+        self.as_bytes_mut().get_mut(place)
+    }
+
+    /// Which bytes of the image the profile's object number `index` is; `None` if there is no such object.
     #[must_use]
     pub const fn place(index: usize) -> Option<Range<usize>> {
         match Profile::<N>::place(index) {
@@ -75,14 +102,12 @@ impl<const N: usize> Image<N> {
     /// As on the wire: [`Image::LEN`] bytes.
     #[must_use]
     pub fn as_bytes(&self) -> &[u8] {
-        let () = Self::CHECK;
         bytemuck::bytes_of(self)
     }
 
     /// As on the wire: [`Image::LEN`] bytes.
     #[must_use]
     pub fn as_bytes_mut(&mut self) -> &mut [u8] {
-        let () = Self::CHECK;
         bytemuck::bytes_of_mut(self)
     }
 
@@ -90,22 +115,35 @@ impl<const N: usize> Image<N> {
     ///
     /// # Errors
     ///
-    /// [`Rejection::Length`] if `bytes` are not [`Image::LEN`] bytes.
+    /// [`Rejection::Length`] if `bytes` are not [`Image::LEN`].
     pub fn read(bytes: &[u8]) -> Result<ImageReading<'_, N>, Rejection> {
-        let () = Self::CHECK;
-        let (link, profile) = bytes
-            .split_at_checked(LinkStatus::SIZE)
-            .ok_or(Rejection::Length)?;
-        let profile = Profile::<N>::read(profile)?;
-        Ok(ImageReading {
-            link: LinkStatus::verify(link),
-            profile,
-        })
+        let image: &Self = bytemuck::try_from_bytes(bytes).map_err(|_| Rejection::Length)?;
+        Ok(image.verify())
+    }
+
+    /// Its objects, each accepted or rejected by itself.
+    #[must_use]
+    pub fn verify(&self) -> ImageReading<'_, N> {
+        ImageReading { link: LinkStatus::verify(self.link.as_bytes()), profile: self.profile().verify() }
     }
 }
 
-/// What an image's bytes turned out to be, object by object.
-#[derive(Clone, Copy)]
+impl<const N: usize> PartialEq for Image<N> {
+    fn eq(&self, other: &Self) -> bool {
+        self.as_bytes() == other.as_bytes()
+    }
+}
+
+impl<const N: usize> Eq for Image<N> {}
+
+impl<const N: usize> fmt::Debug for Image<N> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Image").field("link", self.link()).field("profile", self.profile()).finish()
+    }
+}
+
+/// What the bytes of an image turned out to be, object by object.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ImageReading<'a, const N: usize> {
     /// Link-Status.
     pub link: Result<&'a LinkStatus, Rejection>,

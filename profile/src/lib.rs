@@ -1,4 +1,79 @@
-//! The HORUS profile: packed, CRC-protected objects, their air frames and the DPR image.
+//! The HORUS profile: packed, CRC-protected objects, their air frames, and the image that a flight controller reads.
+//!
+//! HORUS, an independent flight-path monitor of an unmanned aircraft, writes its position and what each of its GNSS
+//! receivers says into a dual-ported RAM (DPR) by RFID, every [10 ms](CYCLE_MS), and never hears an answer. The flight
+//! controller reads that RAM and forwards what it finds, unchanged, to a base station. This crate is what those four
+//! must agree on, and nothing else: no driver, no clock, no memory but the caller's.
+//!
+//! # Design
+//!
+//! **Black channel.** Nothing between the one who seals an object and the one who verifies it is trusted: not the air, nor
+//! the RFID chips, nor the DPR, nor the radio link. What makes an object good is in the object: its CRC, its identifier and
+//! its timestamp. So each object stands alone, is [accepted or rejected](Rejection) alone, and can be stored, forwarded or
+//! dropped without looking into the others.
+//!
+//! **The bytes are the object.** [`GpsObject`], [`ReportedPosition`] and [`LinkStatus`] are arrays of bytes with names for
+//! their parts: alignment 1, no padding, every bit pattern allowed. A received buffer *is* an object, in place and without
+//! a copy, and the layout is the same on any host, whatever its byte order. Sizes and offsets are asserted when the crate
+//! is compiled.
+//!
+//! **A reference to an object says nothing about its validity; [`verify`](GpsObject::verify) does.** A slot that was never
+//! filled is an object too: [`EMPTY`](GpsObject::EMPTY), which does not verify. Nor does one that a scrub left at 0x00 or
+//! 0xFF, or a bus that reads 0xFF.
+//!
+//! **The same work whatever the data.** Every function that judges received bytes computes every CRC it needs and then
+//! decides; only a wrong length ends early. No function allocates, blocks, recurses or loops without a bound.
+//!
+//! # Layout
+//!
+//! All numbers are little-endian, except CRCs, which are stored most significant byte first (see [`crc`]).
+//!
+//! | bytes | Reported-Position (64) | bytes | GPS1 to GPS5 (60) | bytes | Link-Status (32) |
+//! |---|---|---|---|---|---|
+//! | 0..4 | u32 timestamp, ms | 0..4 | u32 timestamp, ms | 0..4 | u32 timestamp of the DPR, ms |
+//! | 4..6 | u16 identifier | 4..6 | u16 identifier | 4..6 | u16 identifier |
+//! | 6..8 | u16 status | 6..8 | u16 status | 6..8 | u16 status |
+//! | 8..16 | f64 latitude, ° | 8..16 | f64 latitude, ° | 8..12 | u32 objects accepted |
+//! | 16..24 | f64 longitude, ° | 16..24 | f64 longitude, ° | 12..16 | u32 objects rejected |
+//! | 24..28 | position CRC over 8..24 | 24..32 | f64 altitude, m | 16..20 | u32 frames received |
+//! | 28..36 | f64 altitude, m | 32..44 | f32 pitch, yaw, roll, rad | 20..24 | u32 frames missed |
+//! | 36..48 | f32 pitch, yaw, roll, rad | 44..56 | f32 x, y, z acceleration, m/s² | 24..26 | u16 age, 100 µs |
+//! | 48..60 | f32 x, y, z acceleration, m/s² | 56..60 | frame CRC over 0..56 | 26..28 | u16 access violations |
+//! | 60..64 | frame CRC over 0..60 | | | 28..32 | frame CRC over 0..28 |
+//!
+//! A [`Profile`] is Reported-Position and 1, 2, 3 or 5 GPS objects, contiguous: 124, 184, 244 or 364 bytes. [`air`] says which
+//! of them travel in one frame, [`image`] where they lie in the DPR, [`ssi`] how a flight controller asks for them.
+//!
+//! The objects are those of H. D. Doran et al., *Mixed Criticality Communication within an Unmanned Delivery Rotorcraft*,
+//! Tables 2 and 3. Its text gives Reported-Position 60 bytes; its Table 2 adds up to 64, and stands. The Link-Status
+//! object, the identifiers, the status bits, the units and the byte order are this project's.
+//!
+//! # Example
+//!
+//! ```
+//! use profile::{FixType, Freshness, GpsStatus, GpsValues, Identifier, Profile, Rejection, ReportedValues, freshness};
+//!
+//! // HORUS: what three receivers say at 1230 ms. The third has not been heard.
+//! let status = GpsStatus::new().with_fix_type(FixType::Fix3D).with_position_valid(true).with_heard(true);
+//! let first = GpsValues { status, latitude: 47.4979, longitude: 8.7296, altitude: 493.2, ..GpsValues::absent(1230) };
+//! let second = GpsValues { latitude: 47.4980, ..first };
+//! let reported = ReportedValues { latitude: 47.4979, longitude: 8.7296, ..ReportedValues::absent(1230) };
+//! let sent = Profile::<3>::seal(&reported, &[first, second, GpsValues::absent(1230)]);
+//!
+//! // On the way, one bit of GPS2 is lost: 64 bytes of Reported-Position, 60 of GPS1, and then its 20th.
+//! let mut bytes = [0; Profile::<3>::SIZE];
+//! bytes.copy_from_slice(sent.as_bytes());
+//! bytes[64 + 60 + 20] ^= 0x10;
+//!
+//! // The base station: that object is rejected, the others stand.
+//! let read = Profile::<3>::read(&bytes)?;
+//! assert_eq!(read.gps[1].err(), Some(Rejection::Crc));
+//! assert_eq!(read.gps[0]?.values().altitude, 493.2);
+//! let reported = read.reported?;
+//! assert_eq!(reported.values().latitude, 47.4979);
+//! assert_eq!(freshness(Some(1220), reported.timestamp()), Freshness::Fresh { missed: 0 });
+//! # Ok::<(), Rejection>(())
+//! ```
 #![no_std]
 #![forbid(unsafe_code)]
 #![deny(clippy::as_conversions, clippy::indexing_slicing)]
@@ -6,39 +81,31 @@
 pub mod air;
 pub mod crc;
 mod freshness;
+mod gps;
 mod identifier;
 pub mod image;
 mod link_status;
-mod object;
 mod rejection;
+mod reported;
 mod set;
 pub mod ssi;
 mod status;
 mod wire;
 
 pub use freshness::{Freshness, freshness};
+pub use gps::{GpsObject, GpsValues};
 pub use identifier::Identifier;
 pub use link_status::{LinkStatus, LinkValues};
-pub use object::{ABSENT_F32, ABSENT_F64, GpsObject, GpsValues, ReportedPosition, ReportedValues};
 pub use rejection::Rejection;
-pub use set::{MAX_RECEIVERS, Object, Profile, Reading, SIZE_LIMIT};
+pub use reported::{ReportedPosition, ReportedValues};
+pub use set::{MAX_RECEIVERS, MAX_SIZE, Object, Profile, Reading};
 pub use status::{FixType, GpsStatus, HorusState, LinkStatusBits, ReportedStatus};
 
-/// The HORUS cycle, ms: every timestamp is the one before plus this.
+/// The HORUS cycle, ms: every timestamp is the one before it plus this, exactly (paper, section 2.2).
 pub const CYCLE_MS: u32 = 10;
 
-#[cfg(test)]
-mod smoke {
-    use super::*;
-    #[test]
-    fn check_values_hold() {
-        assert_eq!(crc::frame(b"123456789"), crc::FRAME.check);
-        assert_eq!(crc::position(b"123456789"), crc::POSITION.check);
-    }
-    #[test]
-    fn a_sealed_profile_verifies() {
-        let p = Profile::<3>::seal(&ReportedValues::absent(10), &[GpsValues::absent(10); 3]);
-        assert!(p.verify().complete());
-        assert!(!Profile::<3>::EMPTY.verify().complete());
-    }
-}
+/// A binary32 that is not known: the canonical quiet NaN, on the wire `00 00 C0 7F`.
+pub const ABSENT_F32: f32 = f32::from_bits(0x7FC0_0000);
+
+/// A binary64 that is not known: the canonical quiet NaN, on the wire `00 00 00 00 00 00 F8 7F`.
+pub const ABSENT_F64: f64 = f64::from_bits(0x7FF8_0000_0000_0000);

@@ -1,44 +1,55 @@
 //! Link-Status: what the DPR says about itself and the link.
-use core::mem::{offset_of, size_of};
+use core::{
+    fmt,
+    mem::{align_of, offset_of, size_of},
+};
 
 use bytemuck::{Pod, Zeroable};
 
 use crate::{
     Identifier, LinkStatusBits, Rejection, crc,
+    rejection::Findings,
     wire::{CrcBe, U16Le, U32Le},
 };
 
-/// What Link-Status carries, in plain numbers.
+/// What Link-Status carries, in plain numbers. Counters count since DPR start and wrap unless they say otherwise.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LinkValues {
-    /// ms since DPR start, wraps.
+    /// ms since DPR start, wraps. The DPR's clock, not HORUS's.
     pub timestamp: u32,
     /// How the link does.
     pub status: LinkStatusBits,
-    /// Objects accepted since DPR start, wraps.
+    /// Objects accepted.
     pub objects_accepted: u32,
-    /// Objects rejected since DPR start, wraps.
+    /// Objects rejected.
     pub objects_rejected: u32,
-    /// Frames received since DPR start, wraps.
+    /// Frames received, accepted or not.
     pub frames_received: u32,
-    /// Frames missed since DPR start, wraps.
+    /// Frames that should have come and did not.
     pub frames_missed: u32,
-    /// Age of Reported-Position when the image was made, 100 µs, saturating.
+    /// Age of Reported-Position when the image was made, in units of 100 µs, 65535 if it is that or more.
     pub age_100us: u16,
-    /// Accesses over SSI that were refused, since DPR start.
+    /// Accesses over SSI that were refused; stays at 65535.
     pub access_violations: u16,
 }
 
 impl LinkValues {
-    /// `micros` µs as an age in units of 100 µs, rounded down, 65535 if it is more.
+    /// `micros` µs as an age for [`LinkValues::age_100us`]: rounded down, saturating after 6.5535 s.
+    ///
+    /// ```
+    /// assert_eq!(profile::LinkValues::age(5_299), 52);
+    /// assert_eq!(profile::LinkValues::age(u32::MAX), u16::MAX);
+    /// ```
     #[must_use]
     pub fn age(micros: u32) -> u16 {
         u16::try_from(micros / 100).unwrap_or(u16::MAX)
     }
 }
 
-/// Link-Status object, 32 bytes.
-#[derive(Clone, Copy, Pod, Zeroable)]
+/// A Link-Status object: 32 bytes, the last four of them the frame CRC of the others.
+///
+/// Any 32 bytes are one; [`LinkStatus::verify`] says whether they are a valid one.
+#[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct LinkStatus {
     timestamp: U32Le,
@@ -54,7 +65,17 @@ pub struct LinkStatus {
 }
 
 const _: () = {
-    assert!(size_of::<LinkStatus>() == LinkStatus::SIZE && align_of::<LinkStatus>() == 1);
+    assert!(size_of::<LinkStatus>() == LinkStatus::SIZE);
+    assert!(align_of::<LinkStatus>() == 1);
+    assert!(offset_of!(LinkStatus, timestamp) == 0);
+    assert!(offset_of!(LinkStatus, identifier) == 4);
+    assert!(offset_of!(LinkStatus, status) == 6);
+    assert!(offset_of!(LinkStatus, objects_accepted) == 8);
+    assert!(offset_of!(LinkStatus, objects_rejected) == 12);
+    assert!(offset_of!(LinkStatus, frames_received) == 16);
+    assert!(offset_of!(LinkStatus, frames_missed) == 20);
+    assert!(offset_of!(LinkStatus, age_100us) == 24);
+    assert!(offset_of!(LinkStatus, access_violations) == 26);
     assert!(offset_of!(LinkStatus, crc) == 28);
 };
 
@@ -62,10 +83,10 @@ impl LinkStatus {
     /// Bytes.
     pub const SIZE: usize = 32;
 
-    /// All zero, as a buffer is before anything has been put there: does not verify.
+    /// All zero, as a slot is before anything has been put there. Does not verify.
     pub const EMPTY: Self = bytemuck::zeroed();
 
-    /// The object that carries `values`, CRC computed.
+    /// The object that carries `values`, its CRC computed.
     #[must_use]
     pub fn seal(values: &LinkValues) -> Self {
         let mut object = Self {
@@ -89,24 +110,20 @@ impl LinkStatus {
     ///
     /// # Errors
     ///
-    /// [`Rejection`] says why not.
+    /// [`Rejection::Length`] if `bytes` are not 32, [`Rejection::Crc`] if they are damaged, [`Rejection::Identifier`] if
+    /// they are another object.
     pub fn verify(bytes: &[u8]) -> Result<&Self, Rejection> {
         let bytes: &[u8; Self::SIZE] = bytes.try_into().map_err(|_| Rejection::Length)?;
         let object: &Self = bytemuck::must_cast_ref(bytes);
-        let intact = crc::frame_intact(bytes);
-        let in_place = object.identifier() == Identifier::LINK_STATUS;
-        if !intact {
-            Err(Rejection::Crc)
-        } else if !in_place {
-            Err(Rejection::Identifier)
-        } else {
-            Ok(object)
-        }
+        Findings::new()
+            .check(crc::frame_intact(bytes), Rejection::Crc)
+            .check(object.identifier() == Identifier::LINK_STATUS, Rejection::Identifier)
+            .judge(object)
     }
 
-    /// The values it carries.
+    /// What it carries.
     #[must_use]
-    pub fn values(&self) -> LinkValues {
+    pub const fn values(&self) -> LinkValues {
         LinkValues {
             timestamp: self.timestamp.get(),
             status: self.status(),
@@ -119,25 +136,25 @@ impl LinkStatus {
         }
     }
 
-    /// Which object it says it is.
-    #[must_use]
-    pub const fn identifier(&self) -> Identifier {
-        Identifier(self.identifier.get())
-    }
-
     /// ms since DPR start, wraps.
     #[must_use]
     pub const fn timestamp(&self) -> u32 {
         self.timestamp.get()
     }
 
-    /// Its status bits.
+    /// Which object it says it is.
+    #[must_use]
+    pub const fn identifier(&self) -> Identifier {
+        Identifier(self.identifier.get())
+    }
+
+    /// Its status; bits without a meaning are ignored.
     #[must_use]
     pub const fn status(&self) -> LinkStatusBits {
         LinkStatusBits::from_bits(self.status.get())
     }
 
-    /// The CRC it carries, which may be wrong.
+    /// The frame CRC it carries, right or wrong.
     #[must_use]
     pub const fn crc(&self) -> u32 {
         self.crc.get()
@@ -145,7 +162,17 @@ impl LinkStatus {
 
     /// As on the wire.
     #[must_use]
-    pub fn as_bytes(&self) -> &[u8; Self::SIZE] {
+    pub const fn as_bytes(&self) -> &[u8; Self::SIZE] {
         bytemuck::must_cast_ref(self)
+    }
+}
+
+impl fmt::Debug for LinkStatus {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("LinkStatus")
+            .field("identifier", &self.identifier())
+            .field("values", &self.values())
+            .field("crc", &format_args!("{:#010X}", self.crc()))
+            .finish()
     }
 }

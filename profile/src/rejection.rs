@@ -1,19 +1,21 @@
-//! Why bytes were not accepted.
-use core::{error::Error, fmt};
+//! Why received bytes were not accepted.
+use core::{error::Error, fmt, hint::black_box};
 
-/// Why bytes were not accepted. Where several reasons hold, the first in this order is given.
+/// Why received bytes were not accepted.
+///
+/// Where several reasons hold, it is the first in this order. More may be added.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Rejection {
-    /// Not as long as what is expected here.
+    /// Not as long as what belongs here.
     Length,
-    /// The frame CRC does not fit the bytes.
+    /// The frame CRC does not fit: damaged, scrubbed, or never written.
     Crc,
-    /// The CRC over latitude and longitude does not fit them, though the frame CRC does.
+    /// The frame CRC fits, that over latitude and longitude does not: the one who sealed it had a fault.
     PositionCrc,
-    /// Intact, but another object than the one whose place this is.
+    /// Intact, but another object than the one that belongs here.
     Identifier,
-    /// Intact, but asks for bytes outside the image.
+    /// An intact request for bytes that the image does not have.
     Window,
 }
 
@@ -23,10 +25,52 @@ impl fmt::Display for Rejection {
             Self::Length => "wrong length",
             Self::Crc => "frame CRC does not match",
             Self::PositionCrc => "position CRC does not match",
-            Self::Identifier => "another object's identifier",
-            Self::Window => "window outside the image",
+            Self::Identifier => "identifier of another object",
+            Self::Window => "window not inside the image",
         })
     }
 }
 
 impl Error for Rejection {}
+
+/// What the checks of one object or request found, gathered before anything is decided.
+///
+/// Each check is made, and put here, whatever the others found: the time it takes to judge bytes does not tell, nor depend
+/// on, what they are.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Findings {
+    faults: u8,
+}
+
+impl Findings {
+    pub(crate) const fn new() -> Self {
+        Self { faults: 0 }
+    }
+
+    /// Notes that `rejection` applies unless `good`.
+    #[inline]
+    pub(crate) fn check(self, good: bool, rejection: Rejection) -> Self {
+        let bit = match rejection {
+            Rejection::Length => 0,
+            Rejection::Crc => 1,
+            Rejection::PositionCrc => 2,
+            Rejection::Identifier => 3,
+            Rejection::Window => 4,
+        };
+        Self { faults: self.faults | u8::from(!good) << bit }
+    }
+
+    /// `accepted` if every check was good, or else the first reason why not.
+    #[inline]
+    pub(crate) fn judge<T>(self, accepted: T) -> Result<T, Rejection> {
+        // Opaque to the optimiser, which might otherwise move a CRC into the branch that needs its result.
+        match black_box(self.faults).trailing_zeros() {
+            0 => Err(Rejection::Length),
+            1 => Err(Rejection::Crc),
+            2 => Err(Rejection::PositionCrc),
+            3 => Err(Rejection::Identifier),
+            4 => Err(Rejection::Window),
+            _ => Ok(accepted),
+        }
+    }
+}

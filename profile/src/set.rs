@@ -1,19 +1,26 @@
-//! A whole profile.
-use core::ops::Range;
+//! A whole profile: Reported-Position and the GPS objects it derives from.
+use core::{fmt, ops::Range};
 
 use bytemuck::{Pod, Zeroable};
 
 use crate::{GpsObject, GpsValues, Identifier, Rejection, ReportedPosition, ReportedValues};
 
-/// The most receivers a profile has room for (3oo5 redundancy).
+/// The most receivers that a profile has room for (3oo5 redundancy; paper, section 2.3).
 pub const MAX_RECEIVERS: usize = 5;
 
-/// The largest profile, bytes.
-pub const SIZE_LIMIT: usize = Profile::<MAX_RECEIVERS>::SIZE;
+/// Bytes of the largest profile.
+pub const MAX_SIZE: usize = Profile::<MAX_RECEIVERS>::SIZE;
 
-/// Reported-Position and GPS1 to GPS`N`, `N` = 1, 2, 3 or 5, contiguous.
+/// A profile of `N` receivers: Reported-Position, GPS1, … GPS`N`, contiguous.
 ///
-/// Another `N` does not compile.
+/// `N` is 1 (no redundancy), 2 (1oo2), 3 (triple modular redundancy) or 5 (3oo5); another does not compile:
+///
+/// ```compile_fail,E0080
+/// let four = profile::Profile::<4>::EMPTY;
+/// ```
+///
+/// Object number 0 is Reported-Position, 1 to `N` are GPS1 to GPS`N`.
+// Packed changes nothing, all fields have alignment 1; it is how bytemuck knows that for every N.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C, packed)]
 pub struct Profile<const N: usize> {
@@ -21,11 +28,15 @@ pub struct Profile<const N: usize> {
     gps: [GpsObject; N],
 }
 
+const _: () = {
+    assert!(Profile::<1>::SIZE == 124 && size_of::<Profile<1>>() == 124);
+    assert!(Profile::<2>::SIZE == 184 && size_of::<Profile<2>>() == 184);
+    assert!(Profile::<3>::SIZE == 244 && size_of::<Profile<3>>() == 244);
+    assert!(Profile::<5>::SIZE == 364 && size_of::<Profile<5>>() == 364);
+};
+
 impl<const N: usize> Profile<N> {
-    const SUPPORTED: () = assert!(
-        matches!(N, 1 | 2 | 3 | 5),
-        "a profile has 1, 2, 3 or 5 receivers"
-    );
+    const SUPPORTED: () = assert!(matches!(N, 1 | 2 | 3 | 5), "a profile has 1, 2, 3 or 5 receivers");
 
     /// Bytes: 124, 184, 244 or 364.
     pub const SIZE: usize = {
@@ -33,54 +44,52 @@ impl<const N: usize> Profile<N> {
         ReportedPosition::SIZE + N * GpsObject::SIZE
     };
 
-    /// All zero, as a buffer is before anything has been put there: nothing in it verifies.
-    pub const EMPTY: Self = {
-        let () = Self::SUPPORTED;
-        bytemuck::zeroed()
-    };
-
-    /// Objects: Reported-Position and `N` GPS.
+    /// Objects: 2, 3, 4 or 6.
     pub const OBJECTS: usize = {
         let () = Self::SUPPORTED;
         1 + N
     };
 
-    /// A profile of objects that are sealed already.
+    /// All zero, as a buffer is before anything has been put there. No object of it verifies.
+    pub const EMPTY: Self = {
+        let () = Self::SUPPORTED;
+        bytemuck::zeroed()
+    };
+
+    /// The profile of these objects, which are sealed already, GPS1 first.
     #[must_use]
     pub const fn new(reported: ReportedPosition, gps: [GpsObject; N]) -> Self {
         let () = Self::SUPPORTED;
         Self { reported, gps }
     }
 
-    /// The profile that carries these values, every CRC computed.
+    /// The profile that carries these values, GPS1's first, every CRC computed.
     #[must_use]
     pub fn seal(reported: &ReportedValues, gps: &[GpsValues; N]) -> Self {
-        let () = Self::SUPPORTED;
         let mut profile = Self::EMPTY;
         profile.reported = ReportedPosition::seal(reported);
-        for ((object, values), identifier) in
-            profile.gps_mut().iter_mut().zip(gps).zip(Identifier::GPS)
-        {
+        let objects = profile.gps_mut().iter_mut();
+        for ((object, values), identifier) in objects.zip(gps).zip(Identifier::GPS) {
             *object = GpsObject::seal(identifier, values);
         }
         profile
     }
 
-    /// Its Reported-Position, verified or not.
+    /// Reported-Position, valid or not.
     #[must_use]
     pub const fn reported(&self) -> &ReportedPosition {
         &self.reported
     }
 
-    /// Its GPS objects, verified or not.
+    /// The GPS objects, GPS1 first, valid or not.
     #[must_use]
     pub fn gps(&self) -> &[GpsObject; N] {
-        let (_, gps) = bytemuck::bytes_of(self).split_at(ReportedPosition::SIZE);
+        let (_, gps) = self.as_bytes().split_at(ReportedPosition::SIZE);
         bytemuck::from_bytes(gps)
     }
 
     fn gps_mut(&mut self) -> &mut [GpsObject; N] {
-        let (_, gps) = bytemuck::bytes_of_mut(self).split_at_mut(ReportedPosition::SIZE);
+        let (_, gps) = self.as_bytes_mut().split_at_mut(ReportedPosition::SIZE);
         bytemuck::from_bytes_mut(gps)
     }
 
@@ -91,17 +100,24 @@ impl<const N: usize> Profile<N> {
         bytemuck::bytes_of(self)
     }
 
-    /// Where object `index` lies in a profile: 0 is Reported-Position, 1 to `N` are GPS1 to GPS`N`.
+    /// As on the wire, to be received into: [`Profile::SIZE`] bytes.
+    #[must_use]
+    pub fn as_bytes_mut(&mut self) -> &mut [u8] {
+        let () = Self::SUPPORTED;
+        bytemuck::bytes_of_mut(self)
+    }
+
+    /// Which bytes of a profile object number `index` is; `None` if there is no such object.
     #[must_use]
     pub const fn place(index: usize) -> Option<Range<usize>> {
         let () = Self::SUPPORTED;
-        if index > N {
-            None
-        } else if index == 0 {
-            Some(0..ReportedPosition::SIZE)
-        } else {
-            let start = ReportedPosition::SIZE + (index - 1) * GpsObject::SIZE;
-            Some(start..start + GpsObject::SIZE)
+        match index {
+            0 => Some(0..ReportedPosition::SIZE),
+            receiver if receiver <= N => {
+                let end = ReportedPosition::SIZE + receiver * GpsObject::SIZE;
+                Some(end - GpsObject::SIZE..end)
+            }
+            _ => None,
         }
     }
 
@@ -109,29 +125,40 @@ impl<const N: usize> Profile<N> {
     ///
     /// # Errors
     ///
-    /// [`Rejection::Length`] if `bytes` are not [`Profile::SIZE`] bytes.
+    /// [`Rejection::Length`] if `bytes` are not [`Profile::SIZE`].
     pub fn read(bytes: &[u8]) -> Result<Reading<'_, N>, Rejection> {
         let () = Self::SUPPORTED;
         let profile: &Self = bytemuck::try_from_bytes(bytes).map_err(|_| Rejection::Length)?;
         Ok(profile.verify())
     }
 
-    /// Its objects, each accepted or rejected by itself.
+    /// Its objects, each accepted or rejected by itself. All are judged, whatever the first of them is found to be.
     #[must_use]
     pub fn verify(&self) -> Reading<'_, N> {
         let mut gps = [Err(Rejection::Length); N];
-        for ((result, object), identifier) in gps.iter_mut().zip(self.gps()).zip(Identifier::GPS) {
-            *result = GpsObject::verify(object.as_bytes(), identifier);
+        for ((judged, object), identifier) in gps.iter_mut().zip(self.gps()).zip(Identifier::GPS) {
+            *judged = GpsObject::verify(object.as_bytes(), identifier);
         }
-        Reading {
-            reported: ReportedPosition::verify(self.reported.as_bytes()),
-            gps,
-        }
+        Reading { reported: ReportedPosition::verify(self.reported.as_bytes()), gps }
     }
 }
 
-/// What a profile's bytes turned out to be, object by object.
-#[derive(Clone, Copy)]
+impl<const N: usize> PartialEq for Profile<N> {
+    fn eq(&self, other: &Self) -> bool {
+        self.as_bytes() == other.as_bytes()
+    }
+}
+
+impl<const N: usize> Eq for Profile<N> {}
+
+impl<const N: usize> fmt::Debug for Profile<N> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Profile").field("reported", self.reported()).field("gps", self.gps()).finish()
+    }
+}
+
+/// What the bytes of a profile turned out to be, object by object.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reading<'a, const N: usize> {
     /// Reported-Position.
     pub reported: Result<&'a ReportedPosition, Rejection>,
@@ -142,31 +169,37 @@ pub struct Reading<'a, const N: usize> {
 impl<const N: usize> Reading<'_, N> {
     /// Whether every object is accepted.
     #[must_use]
-    pub fn complete(&self) -> bool {
-        self.reported.is_ok() && self.gps.iter().all(Result::is_ok)
+    pub fn is_complete(&self) -> bool {
+        self.accepted() == Profile::<N>::OBJECTS
+    }
+
+    /// How many objects are accepted.
+    #[must_use]
+    pub fn accepted(&self) -> usize {
+        let gps: usize = self.gps.iter().map(|object| usize::from(object.is_ok())).sum();
+        usize::from(self.reported.is_ok()) + gps
     }
 }
 
-/// An accepted object of a profile.
-#[derive(Clone, Copy)]
+/// An accepted object of a profile, whichever it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Object<'a> {
     /// Reported-Position.
     Reported(&'a ReportedPosition),
-    /// GPS1 to GPS5, by its identifier.
+    /// One of GPS1 to GPS5; its identifier says which.
     Gps(&'a GpsObject),
 }
 
 impl<'a> Object<'a> {
-    /// Object number `index` of a profile in `bytes`, if it is intact and in its place.
+    /// Object number `index` of a profile, if `bytes` are that, intact.
     ///
     /// # Errors
     ///
-    /// [`Rejection`] says why not; [`Rejection::Identifier`] if no profile has an object of that number.
+    /// As [`ReportedPosition::verify`] for `index` 0 and [`GpsObject::verify`] for 1 to 5; [`Rejection::Identifier`] for
+    /// any other `index`, which no profile has.
     pub fn verify(index: usize, bytes: &'a [u8]) -> Result<Self, Rejection> {
         match Identifier::of_object(index) {
-            Some(Identifier::REPORTED_POSITION) => {
-                ReportedPosition::verify(bytes).map(Self::Reported)
-            }
+            Some(Identifier::REPORTED_POSITION) => ReportedPosition::verify(bytes).map(Self::Reported),
             Some(gps) => GpsObject::verify(bytes, gps).map(Self::Gps),
             None => Err(Rejection::Identifier),
         }
@@ -190,9 +223,9 @@ impl<'a> Object<'a> {
         }
     }
 
-    /// As on the wire.
+    /// As on the wire: 64 or 60 bytes.
     #[must_use]
-    pub fn as_bytes(self) -> &'a [u8] {
+    pub const fn as_bytes(self) -> &'a [u8] {
         match self {
             Self::Reported(object) => object.as_bytes(),
             Self::Gps(object) => object.as_bytes(),

@@ -1,10 +1,10 @@
-//! Numbers as they lie on the wire: byte arrays, so alignment is 1 and the host's byte order never shows.
+//! Numbers as they lie on the wire: arrays of bytes, so that alignment is 1 and the host's byte order never shows.
 use bytemuck::{Pod, Zeroable};
 
 macro_rules! little_endian {
     ($($(#[$doc:meta])* $name:ident, $number:ty, $size:literal;)*) => {$(
         $(#[$doc])*
-        #[derive(Clone, Copy, Pod, Zeroable)]
+        #[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
         #[repr(transparent)]
         pub(crate) struct $name([u8; $size]);
 
@@ -27,19 +27,19 @@ little_endian! {
     U16Le, u16, 2;
     /// `u32`, least significant byte first.
     U32Le, u32, 4;
-    /// IEEE 754 binary32, least significant byte first; every bit pattern, NaN payloads included, passes unchanged.
+    /// IEEE 754 binary32, least significant byte first; every bit pattern, a NaN's payload included, passes unchanged.
     F32Le, f32, 4;
-    /// IEEE 754 binary64, least significant byte first; every bit pattern, NaN payloads included, passes unchanged.
+    /// IEEE 754 binary64, least significant byte first; every bit pattern, a NaN's payload included, passes unchanged.
     F64Le, f64, 8;
 }
 
-/// A CRC-32, most significant byte first: the order in which its bits follow the data as a polynomial.
-#[derive(Clone, Copy, Pod, Zeroable)]
+/// A CRC-32, most significant byte first: the order in which its bits continue the data as a polynomial.
+#[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(transparent)]
 pub(crate) struct CrcBe([u8; 4]);
 
 impl CrcBe {
-    /// What the field holds while the CRC over the rest is being computed.
+    /// What the field holds until the CRC over what comes before it is known.
     pub(crate) const UNSEALED: Self = Self([0; 4]);
 
     #[inline]

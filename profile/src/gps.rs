@@ -1,0 +1,202 @@
+//! GPS1 to GPS5: what each receiver says (paper, Table 3).
+use core::{
+    fmt,
+    mem::{align_of, offset_of, size_of},
+};
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::{
+    ABSENT_F32, ABSENT_F64, GpsStatus, Identifier, Rejection, crc,
+    rejection::Findings,
+    wire::{CrcBe, F32Le, F64Le, U16Le, U32Le},
+};
+
+/// What a receiver says, in plain numbers.
+///
+/// What it does not give is NaN ([`ABSENT_F64`], [`ABSENT_F32`]), and the status bit is clear. So two of these are equal
+/// only if they carry no NaN; compare [sealed objects](GpsObject) to compare bits.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GpsValues {
+    /// ms since HORUS start, wraps. The cycle these were taken for, the same in every object of a profile.
+    pub timestamp: u32,
+    /// Which of the values are valid, and how the receiver does.
+    pub status: GpsStatus,
+    /// Degrees, WGS-84, north positive, -90 to 90.
+    pub latitude: f64,
+    /// Degrees, WGS-84, east positive, -180 to 180.
+    pub longitude: f64,
+    /// m above the WGS-84 ellipsoid (not above mean sea level).
+    pub altitude: f64,
+    /// rad, nose up positive, -π/2 to π/2.
+    pub pitch: f32,
+    /// rad, clockwise from true north.
+    pub yaw: f32,
+    /// rad, right side down positive.
+    pub roll: f32,
+    /// m/s² along x, y, z of the body frame: front, right, down. Gravity removed.
+    pub acceleration: [f32; 3],
+}
+
+impl GpsValues {
+    /// Nothing known at `timestamp`, ms: every value NaN, every status bit clear.
+    #[must_use]
+    pub const fn absent(timestamp: u32) -> Self {
+        Self {
+            timestamp,
+            status: GpsStatus::new(),
+            latitude: ABSENT_F64,
+            longitude: ABSENT_F64,
+            altitude: ABSENT_F64,
+            pitch: ABSENT_F32,
+            yaw: ABSENT_F32,
+            roll: ABSENT_F32,
+            acceleration: [ABSENT_F32; 3],
+        }
+    }
+}
+
+/// A GPS object: 60 bytes, the last four of them the frame CRC of the others.
+///
+/// Any 60 bytes are one; [`GpsObject::verify`] says whether they are a valid one.
+#[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct GpsObject {
+    timestamp: U32Le,
+    identifier: U16Le,
+    status: U16Le,
+    latitude: F64Le,
+    longitude: F64Le,
+    altitude: F64Le,
+    pitch: F32Le,
+    yaw: F32Le,
+    roll: F32Le,
+    acceleration: [F32Le; 3],
+    crc: CrcBe,
+}
+
+const _: () = {
+    assert!(size_of::<GpsObject>() == GpsObject::SIZE);
+    assert!(align_of::<GpsObject>() == 1);
+    assert!(offset_of!(GpsObject, timestamp) == 0);
+    assert!(offset_of!(GpsObject, identifier) == 4);
+    assert!(offset_of!(GpsObject, status) == 6);
+    assert!(offset_of!(GpsObject, latitude) == 8);
+    assert!(offset_of!(GpsObject, longitude) == 16);
+    assert!(offset_of!(GpsObject, altitude) == 24);
+    assert!(offset_of!(GpsObject, pitch) == 32);
+    assert!(offset_of!(GpsObject, yaw) == 36);
+    assert!(offset_of!(GpsObject, roll) == 40);
+    assert!(offset_of!(GpsObject, acceleration) == 44);
+    assert!(offset_of!(GpsObject, crc) == 56);
+};
+
+impl GpsObject {
+    /// Bytes.
+    pub const SIZE: usize = 60;
+
+    /// All zero, as a slot is before anything has been put there. Does not verify.
+    pub const EMPTY: Self = bytemuck::zeroed();
+
+    /// The object that carries `values`, its CRC computed.
+    ///
+    /// `identifier` is one of [`Identifier::GPS`]; under any other it is sealed as well, but verifies nowhere in a profile.
+    #[must_use]
+    pub fn seal(identifier: Identifier, values: &GpsValues) -> Self {
+        let mut object = Self {
+            timestamp: U32Le::new(values.timestamp),
+            identifier: U16Le::new(identifier.0),
+            status: U16Le::new(values.status.bits()),
+            latitude: F64Le::new(values.latitude),
+            longitude: F64Le::new(values.longitude),
+            altitude: F64Le::new(values.altitude),
+            pitch: F32Le::new(values.pitch),
+            yaw: F32Le::new(values.yaw),
+            roll: F32Le::new(values.roll),
+            acceleration: values.acceleration.map(F32Le::new),
+            crc: CrcBe::UNSEALED,
+        };
+        let [covered @ .., _, _, _, _] = object.as_bytes();
+        object.crc = CrcBe::new(crc::frame(covered));
+        object
+    }
+
+    /// The object in `bytes`, if it is intact and the `expected` one.
+    ///
+    /// # Errors
+    ///
+    /// [`Rejection::Length`] if `bytes` are not 60, [`Rejection::Crc`] if they are damaged, [`Rejection::Identifier`] if
+    /// they are another object.
+    ///
+    /// ```
+    /// use profile::{GpsObject, GpsValues, Identifier, Rejection};
+    ///
+    /// let sealed = GpsObject::seal(Identifier::gps(1), &GpsValues::absent(0));
+    /// assert_eq!(GpsObject::verify(sealed.as_bytes(), Identifier::gps(1)), Ok(&sealed));
+    /// assert_eq!(GpsObject::verify(sealed.as_bytes(), Identifier::gps(2)), Err(Rejection::Identifier));
+    /// ```
+    pub fn verify(bytes: &[u8], expected: Identifier) -> Result<&Self, Rejection> {
+        let bytes: &[u8; Self::SIZE] = bytes.try_into().map_err(|_| Rejection::Length)?;
+        let object: &Self = bytemuck::must_cast_ref(bytes);
+        Findings::new()
+            .check(crc::frame_intact(bytes), Rejection::Crc)
+            .check(object.identifier() == expected, Rejection::Identifier)
+            .judge(object)
+    }
+
+    /// What it carries, every number to the last bit.
+    #[must_use]
+    pub fn values(&self) -> GpsValues {
+        GpsValues {
+            timestamp: self.timestamp.get(),
+            status: self.status(),
+            latitude: self.latitude.get(),
+            longitude: self.longitude.get(),
+            altitude: self.altitude.get(),
+            pitch: self.pitch.get(),
+            yaw: self.yaw.get(),
+            roll: self.roll.get(),
+            acceleration: self.acceleration.map(F32Le::get),
+        }
+    }
+
+    /// ms since HORUS start, wraps.
+    #[must_use]
+    pub const fn timestamp(&self) -> u32 {
+        self.timestamp.get()
+    }
+
+    /// Which object it says it is.
+    #[must_use]
+    pub const fn identifier(&self) -> Identifier {
+        Identifier(self.identifier.get())
+    }
+
+    /// Its status; bits without a meaning are ignored.
+    #[must_use]
+    pub const fn status(&self) -> GpsStatus {
+        GpsStatus::from_bits(self.status.get())
+    }
+
+    /// The frame CRC it carries, right or wrong.
+    #[must_use]
+    pub const fn crc(&self) -> u32 {
+        self.crc.get()
+    }
+
+    /// As on the wire.
+    #[must_use]
+    pub const fn as_bytes(&self) -> &[u8; Self::SIZE] {
+        bytemuck::must_cast_ref(self)
+    }
+}
+
+impl fmt::Debug for GpsObject {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("GpsObject")
+            .field("identifier", &self.identifier())
+            .field("values", &self.values())
+            .field("crc", &format_args!("{:#010X}", self.crc()))
+            .finish()
+    }
+}

@@ -1,0 +1,230 @@
+//! Reported-Position: the position that holds for the sampling period (paper, Table 2).
+use core::{
+    fmt,
+    mem::{align_of, offset_of, size_of},
+};
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::{
+    ABSENT_F32, ABSENT_F64, Identifier, Rejection, ReportedStatus, crc,
+    rejection::Findings,
+    wire::{CrcBe, F32Le, F64Le, U16Le, U32Le},
+};
+
+/// What HORUS reports, in plain numbers.
+///
+/// What is not known is NaN ([`ABSENT_F64`], [`ABSENT_F32`]), and the status bit is clear. So two of these are equal only
+/// if they carry no NaN; compare [sealed objects](ReportedPosition) to compare bits.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ReportedValues {
+    /// ms since HORUS start, wraps; also the frame counter, one [cycle](crate::CYCLE_MS) more in each.
+    pub timestamp: u32,
+    /// Which of the values are valid, how many receivers agree, and what HORUS is doing.
+    pub status: ReportedStatus,
+    /// Degrees, WGS-84, north positive, -90 to 90.
+    pub latitude: f64,
+    /// Degrees, WGS-84, east positive, -180 to 180.
+    pub longitude: f64,
+    /// m above the WGS-84 ellipsoid (not above mean sea level).
+    pub altitude: f64,
+    /// rad, nose up positive, -π/2 to π/2.
+    pub pitch: f32,
+    /// rad, clockwise from true north.
+    pub yaw: f32,
+    /// rad, right side down positive.
+    pub roll: f32,
+    /// m/s² along x, y, z of the body frame: front, right, down. Gravity removed.
+    pub acceleration: [f32; 3],
+}
+
+impl ReportedValues {
+    /// Nothing known at `timestamp`, ms: every value NaN, every status bit clear, HORUS starting.
+    #[must_use]
+    pub const fn absent(timestamp: u32) -> Self {
+        Self {
+            timestamp,
+            status: ReportedStatus::new(),
+            latitude: ABSENT_F64,
+            longitude: ABSENT_F64,
+            altitude: ABSENT_F64,
+            pitch: ABSENT_F32,
+            yaw: ABSENT_F32,
+            roll: ABSENT_F32,
+            acceleration: [ABSENT_F32; 3],
+        }
+    }
+}
+
+/// Latitude and longitude with the CRC of their own: 20 bytes, a codeword inside the object's.
+#[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+struct Position {
+    latitude: F64Le,
+    longitude: F64Le,
+    crc: CrcBe,
+}
+
+impl Position {
+    fn seal(latitude: f64, longitude: f64) -> Self {
+        let mut position =
+            Self { latitude: F64Le::new(latitude), longitude: F64Le::new(longitude), crc: CrcBe::UNSEALED };
+        let [covered @ .., _, _, _, _] = position.as_bytes();
+        position.crc = CrcBe::new(crc::position(covered));
+        position
+    }
+
+    const fn as_bytes(&self) -> &[u8; 20] {
+        bytemuck::must_cast_ref(self)
+    }
+}
+
+/// A Reported-Position object: 64 bytes, the last four of them the frame CRC of the others.
+///
+/// Any 64 bytes are one; [`ReportedPosition::verify`] says whether they are a valid one.
+#[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct ReportedPosition {
+    timestamp: U32Le,
+    identifier: U16Le,
+    status: U16Le,
+    position: Position,
+    altitude: F64Le,
+    pitch: F32Le,
+    yaw: F32Le,
+    roll: F32Le,
+    acceleration: [F32Le; 3],
+    crc: CrcBe,
+}
+
+const _: () = {
+    assert!(size_of::<ReportedPosition>() == ReportedPosition::SIZE);
+    assert!(align_of::<ReportedPosition>() == 1);
+    assert!(offset_of!(ReportedPosition, timestamp) == 0);
+    assert!(offset_of!(ReportedPosition, identifier) == 4);
+    assert!(offset_of!(ReportedPosition, status) == 6);
+    assert!(offset_of!(ReportedPosition, position.latitude) == 8);
+    assert!(offset_of!(ReportedPosition, position.longitude) == 16);
+    assert!(offset_of!(ReportedPosition, position.crc) == 24);
+    assert!(offset_of!(ReportedPosition, altitude) == 28);
+    assert!(offset_of!(ReportedPosition, pitch) == 36);
+    assert!(offset_of!(ReportedPosition, yaw) == 40);
+    assert!(offset_of!(ReportedPosition, roll) == 44);
+    assert!(offset_of!(ReportedPosition, acceleration) == 48);
+    assert!(offset_of!(ReportedPosition, crc) == 60);
+};
+
+impl ReportedPosition {
+    /// Bytes.
+    pub const SIZE: usize = 64;
+
+    /// All zero, as a slot is before anything has been put there. Does not verify.
+    pub const EMPTY: Self = bytemuck::zeroed();
+
+    /// The object that carries `values`, both its CRCs computed: the position's first, which the frame's covers.
+    #[must_use]
+    pub fn seal(values: &ReportedValues) -> Self {
+        let mut object = Self {
+            timestamp: U32Le::new(values.timestamp),
+            identifier: U16Le::new(Identifier::REPORTED_POSITION.0),
+            status: U16Le::new(values.status.bits()),
+            position: Position::seal(values.latitude, values.longitude),
+            altitude: F64Le::new(values.altitude),
+            pitch: F32Le::new(values.pitch),
+            yaw: F32Le::new(values.yaw),
+            roll: F32Le::new(values.roll),
+            acceleration: values.acceleration.map(F32Le::new),
+            crc: CrcBe::UNSEALED,
+        };
+        let [covered @ .., _, _, _, _] = object.as_bytes();
+        object.crc = CrcBe::new(crc::frame(covered));
+        object
+    }
+
+    /// The object in `bytes`, if it is intact by both CRCs and Reported-Position.
+    ///
+    /// # Errors
+    ///
+    /// [`Rejection::Length`] if `bytes` are not 64, [`Rejection::Crc`] if they are damaged, [`Rejection::PositionCrc`] if
+    /// latitude and longitude are not those that were computed, [`Rejection::Identifier`] if they are another object.
+    ///
+    /// ```
+    /// use profile::{Rejection, ReportedPosition, ReportedValues};
+    ///
+    /// let sealed = ReportedPosition::seal(&ReportedValues::absent(0));
+    /// assert_eq!(ReportedPosition::verify(sealed.as_bytes()), Ok(&sealed));
+    /// assert_eq!(ReportedPosition::verify(&[0xFF; ReportedPosition::SIZE]), Err(Rejection::Crc));
+    /// ```
+    pub fn verify(bytes: &[u8]) -> Result<&Self, Rejection> {
+        let bytes: &[u8; Self::SIZE] = bytes.try_into().map_err(|_| Rejection::Length)?;
+        let object: &Self = bytemuck::must_cast_ref(bytes);
+        Findings::new()
+            .check(crc::frame_intact(bytes), Rejection::Crc)
+            .check(crc::position_intact(object.position.as_bytes()), Rejection::PositionCrc)
+            .check(object.identifier() == Identifier::REPORTED_POSITION, Rejection::Identifier)
+            .judge(object)
+    }
+
+    /// What it carries, every number to the last bit.
+    #[must_use]
+    pub fn values(&self) -> ReportedValues {
+        ReportedValues {
+            timestamp: self.timestamp.get(),
+            status: self.status(),
+            latitude: self.position.latitude.get(),
+            longitude: self.position.longitude.get(),
+            altitude: self.altitude.get(),
+            pitch: self.pitch.get(),
+            yaw: self.yaw.get(),
+            roll: self.roll.get(),
+            acceleration: self.acceleration.map(F32Le::get),
+        }
+    }
+
+    /// ms since HORUS start, wraps.
+    #[must_use]
+    pub const fn timestamp(&self) -> u32 {
+        self.timestamp.get()
+    }
+
+    /// Which object it says it is.
+    #[must_use]
+    pub const fn identifier(&self) -> Identifier {
+        Identifier(self.identifier.get())
+    }
+
+    /// Its status; bits without a meaning are ignored.
+    #[must_use]
+    pub const fn status(&self) -> ReportedStatus {
+        ReportedStatus::from_bits(self.status.get())
+    }
+
+    /// The position CRC it carries, right or wrong.
+    #[must_use]
+    pub const fn position_crc(&self) -> u32 {
+        self.position.crc.get()
+    }
+
+    /// The frame CRC it carries, right or wrong.
+    #[must_use]
+    pub const fn crc(&self) -> u32 {
+        self.crc.get()
+    }
+
+    /// As on the wire.
+    #[must_use]
+    pub const fn as_bytes(&self) -> &[u8; Self::SIZE] {
+        bytemuck::must_cast_ref(self)
+    }
+}
+
+impl fmt::Debug for ReportedPosition {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("ReportedPosition")
+            .field("identifier", &self.identifier())
+            .field("values", &self.values())
+            .field("position_crc", &format_args!("{:#010X}", self.position_crc()))
+            .field("crc", &format_args!("{:#010X}", self.crc()))
+            .finish()
+    }
+}
