@@ -1,0 +1,338 @@
+//! A UBX log that a real receiver recorded, as a byte source.
+//!
+//! # What is played
+//!
+//! Exactly the bytes of the file, all of them, in their order: UBX, NMEA, RTCM, damaged messages and noise alike. The log
+//! is read only to find out *when* its bytes were sent.
+//!
+//! # When it is played
+//!
+//! A receiver sends one burst per navigation epoch, and every UBX NAV message tells its epoch (`iTOW`, GPS time of week in ms). The
+//! file is cut where a message opens a new epoch, and each piece is sent as far after the one before it as their `iTOW` lie apart:
+//!
+//! - [`FIRST_BURST_NS`] after reset: what precedes the first epoch, at once, and behind it the first epoch.
+//! - A NAV message with a right checksum whose `iTOW` is ahead of the current epoch's opens the next epoch. The week's roll-over is
+//!   a step like any other. A step longer than [`GAP_MAX_MS`] (tunnel, recording resumed) is cut down to that.
+//! - A NAV-PVT whose `iTOW` is *not* ahead (a receiver that does not know the time, or logs put together) opens an epoch as
+//!   well, [`PERIOD_WITHOUT_TIME_MS`] after the one before. Other late messages belong to the epoch that they arrive in.
+//! - What is not a NAV message goes with the epoch before it.
+//! - A burst never starts before the one ahead of it has left the UART.
+//!
+//! # What it holds
+//!
+//! [`Log::positions`] lists the positions that a reader of the stream can take from it: NAV-PVT messages of 92 bytes (protocol version 15 and
+//! later) with a right checksum, `gnssFixOK` set, `invalidLlh` clear, and a fix that has a position. A log without any is refused
+//! when it is opened, with the reason.
+
+use std::fs::File;
+use std::io::{self, Read};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use crate::ubx::{self, Frame, NavPvt, WEEK_MS};
+
+/// The first byte of a log, ns after reset: the firmware is listening by then, so no position of the log is lost to its start-up.
+pub const FIRST_BURST_NS: u64 = 100_000_000;
+
+/// Longest pause between two epochs, ms.
+pub const GAP_MAX_MS: u32 = 5_000;
+
+/// Pause before an epoch whose time of week does not say how long it was, ms.
+pub const PERIOD_WITHOUT_TIME_MS: u32 = 1_000;
+
+/// Longest log that is read, bytes: a day of 1 Mbit/s would not be longer.
+pub const LENGTH_MAX: u64 = 1 << 30;
+
+/// Why a log cannot be played.
+#[derive(Debug, thiserror::Error)]
+pub enum LogError {
+    /// The file cannot be opened or read.
+    #[error("{}: cannot be read: {source}. Give the path of a file that a u-blox receiver's output was recorded to", path.display())]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// What the operating system says.
+        source: io::Error,
+    },
+    /// The file has no bytes.
+    #[error("{}: is empty. Record a receiver's output to it first, with NAV-PVT enabled", path.display())]
+    Empty {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The file is longer than [`LENGTH_MAX`].
+    #[error("{}: is longer than {LENGTH_MAX} bytes. Cut a shorter recording out of it", path.display())]
+    TooLong {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The file holds no valid NAV-PVT position.
+    #[error(
+        "{}: holds no position: among its {} bytes are {} whole UBX messages ({} NAV-PVT, none with a valid fix), {} NMEA sentences, \
+         {} RTCM messages, and {} bytes that belong to none. HORUS reads positions from UBX-NAV-PVT (92 bytes, protocol version 15 or \
+         later): enable that message in the receiver, let it get a fix, and record again",
+        path.display(), counts.bytes, counts.ubx, counts.nav_pvt, counts.nmea, counts.rtcm, counts.unknown_bytes
+    )]
+    NoPosition {
+        /// The file.
+        path: PathBuf,
+        /// What was found instead.
+        counts: LogCounts,
+    },
+}
+
+/// What a log is made of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct LogCounts {
+    /// Length of the log.
+    pub bytes: usize,
+    /// UBX messages with a right checksum.
+    pub ubx: usize,
+    /// NAV-PVT messages among them, with and without a valid position.
+    pub nav_pvt: usize,
+    /// NMEA sentences with a right checksum.
+    pub nmea: usize,
+    /// RTCM 3 messages with a right CRC.
+    pub rtcm: usize,
+    /// Bytes that belong to no whole message: damaged or cut-off messages, and anything else.
+    pub unknown_bytes: usize,
+}
+
+/// A position as a NAV-PVT message of the log states it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct RecordedPosition {
+    /// GPS time of week, ms.
+    pub itow_ms: u32,
+    /// Longitude, 1e-7 deg.
+    pub longitude_1e7: i32,
+    /// Latitude, 1e-7 deg.
+    pub latitude_1e7: i32,
+    /// Height above the ellipsoid, mm.
+    pub height_mm: i32,
+}
+
+impl RecordedPosition {
+    /// Longitude, degrees: the float64 nearest to the decimal number that the message states.
+    ///
+    /// The quotient, not the product with 1e-7: division of two exactly represented numbers is correctly rounded, 1e-7 itself is
+    /// not exact. This defines the value to its last bit.
+    #[must_use]
+    pub fn longitude(&self) -> f64 {
+        f64::from(self.longitude_1e7) / 1e7
+    }
+
+    /// Latitude, degrees; rounded as [`Self::longitude`] is.
+    #[must_use]
+    pub fn latitude(&self) -> f64 {
+        f64::from(self.latitude_1e7) / 1e7
+    }
+
+    /// Height above the ellipsoid, m; rounded as [`Self::longitude`] is.
+    #[must_use]
+    pub fn altitude(&self) -> f64 {
+        f64::from(self.height_mm) / 1e3
+    }
+
+    /// The position that a UBX message states, if it is a NAV-PVT message with a valid one.
+    #[must_use]
+    pub fn from_frame(frame: &Frame<'_>) -> Option<Self> {
+        if (frame.class, frame.id) != (ubx::CLASS_NAV, NavPvt::ID) || frame.payload.len() != NavPvt::PAYLOAD {
+            return None;
+        }
+        let word = |offset: usize| -> Option<i32> {
+            Some(i32::from_le_bytes(frame.payload.get(offset..offset + 4)?.try_into().ok()?))
+        };
+        let byte = |offset: usize| frame.payload.get(offset).copied();
+        // 1 dead reckoning, 2 2D, 3 3D, 4 GNSS and dead reckoning; 5 is time only.
+        let fixed = matches!(byte(20)?, 1..=4);
+        let ok = byte(21)? & NavPvt::FLAG_FIX_OK != 0 && byte(78)? & NavPvt::FLAG3_INVALID_LLH == 0;
+        (fixed && ok).then_some(())?;
+        Some(Self {
+            itow_ms: word(0)?.cast_unsigned(),
+            longitude_1e7: word(24)?,
+            latitude_1e7: word(28)?,
+            height_mm: word(32)?,
+        })
+    }
+}
+
+/// A recorded log, cut into the bursts that it is played in.
+#[derive(Debug, Clone)]
+pub struct Log {
+    bytes: Vec<u8>,
+    bursts: Vec<(u64, Range<usize>)>,
+    positions: Vec<RecordedPosition>,
+    counts: LogCounts,
+}
+
+impl Log {
+    /// Reads the log at `path`.
+    ///
+    /// # Errors
+    ///
+    /// [`LogError`]: it cannot be read, is empty, is too long, or holds no position.
+    pub fn open(path: impl AsRef<Path>) -> Result<Self, LogError> {
+        let path = path.as_ref();
+        let unreadable = |source| LogError::Unreadable { path: path.to_owned(), source };
+        let mut bytes = Vec::new();
+        File::open(path).and_then(|file| file.take(LENGTH_MAX + 1).read_to_end(&mut bytes)).map_err(unreadable)?;
+        Self::from_bytes(path, bytes)
+    }
+
+    /// The log that `bytes` are; `path` is what errors call it.
+    ///
+    /// # Errors
+    ///
+    /// [`LogError`], all but `Unreadable`.
+    pub fn from_bytes(path: impl AsRef<Path>, bytes: Vec<u8>) -> Result<Self, LogError> {
+        let path = path.as_ref();
+        if bytes.is_empty() {
+            return Err(LogError::Empty { path: path.to_owned() });
+        }
+        if bytes.len() as u64 > LENGTH_MAX {
+            return Err(LogError::TooLong { path: path.to_owned() });
+        }
+        let mut counts = LogCounts { bytes: bytes.len(), ..LogCounts::default() };
+        let mut positions = Vec::new();
+        let mut cutter = Cutter::default();
+        let mut at = 0;
+        while at < bytes.len() {
+            let rest = &bytes[at..];
+            at += if let Some(frame) = Frame::at_start_of(rest) {
+                counts.ubx += 1;
+                let is_pvt = (frame.class, frame.id) == (ubx::CLASS_NAV, NavPvt::ID);
+                counts.nav_pvt += usize::from(is_pvt);
+                positions.extend(RecordedPosition::from_frame(&frame));
+                if let Some(itow) = frame.itow_ms() {
+                    cutter.message(at, itow, is_pvt);
+                }
+                frame.wire_len()
+            } else if let Some(length) = nmea_at_start_of(rest) {
+                counts.nmea += 1;
+                length
+            } else if let Some(length) = rtcm_at_start_of(rest) {
+                counts.rtcm += 1;
+                length
+            } else {
+                counts.unknown_bytes += 1;
+                1
+            };
+        }
+        if positions.is_empty() {
+            return Err(LogError::NoPosition { path: path.to_owned(), counts });
+        }
+        let bursts = cutter.bursts(bytes.len());
+        Ok(Self { bytes, bursts, positions, counts })
+    }
+
+    /// The valid NAV-PVT positions, in the order of the log.
+    #[must_use]
+    pub fn positions(&self) -> &[RecordedPosition] {
+        &self.positions
+    }
+
+    /// What the log is made of.
+    #[must_use]
+    pub fn counts(&self) -> LogCounts {
+        self.counts
+    }
+
+    /// All bytes, as recorded.
+    #[must_use]
+    pub fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
+    /// When each burst is due (ns after reset) and what it consists of, in order. At least one; none is empty; together they are
+    /// [`Self::bytes`]. The UART may still be busy with the one before: the receiver sees to that.
+    pub fn bursts(&self) -> impl ExactSizeIterator<Item = (u64, &[u8])> {
+        self.bursts.iter().map(|(at, range)| (*at, &self.bytes[range.clone()]))
+    }
+
+    /// The burst number `index`, counted from zero.
+    #[must_use]
+    pub fn burst(&self, index: usize) -> Option<(u64, &[u8])> {
+        let (at, range) = self.bursts.get(index)?;
+        Some((*at, &self.bytes[range.clone()]))
+    }
+
+    /// From reset to when the last epoch is due, ns.
+    #[must_use]
+    pub fn duration_ns(&self) -> u64 {
+        self.bursts.last().map_or(0, |(at, _)| *at)
+    }
+}
+
+/// Cuts a log into epochs.
+#[derive(Debug, Default)]
+struct Cutter {
+    /// Time of week of the current epoch.
+    epoch: Option<u32>,
+    /// Whether the current epoch has had its NAV-PVT.
+    has_pvt: bool,
+    /// Start of each epoch but the first: ns after the first one, offset of its first byte.
+    cuts: Vec<(u64, usize)>,
+    now_ns: u64,
+}
+
+impl Cutter {
+    /// A NAV message at `offset`, of the epoch `itow`.
+    fn message(&mut self, offset: usize, itow: u32, is_pvt: bool) {
+        if let Some(epoch) = self.epoch {
+            let step = (itow + WEEK_MS - epoch) % WEEK_MS;
+            // More than half a week ahead is behind.
+            let ahead = step > 0 && step <= WEEK_MS / 2;
+            let pause = if ahead {
+                step.min(GAP_MAX_MS)
+            } else if is_pvt && (self.has_pvt || step != 0) {
+                PERIOD_WITHOUT_TIME_MS
+            } else {
+                self.has_pvt |= is_pvt;
+                return;
+            };
+            self.now_ns += u64::from(pause) * 1_000_000;
+            self.cuts.push((self.now_ns, offset));
+        }
+        self.epoch = Some(itow);
+        self.has_pvt = is_pvt;
+    }
+
+    fn bursts(self, length: usize) -> Vec<(u64, Range<usize>)> {
+        // What precedes the first epoch, and that epoch, are one burst.
+        let starts = std::iter::once((0, 0)).chain(self.cuts.iter().copied());
+        let ends = self.cuts.iter().map(|(_, offset)| *offset).chain([length]);
+        starts.zip(ends).map(|((at, start), end)| (FIRST_BURST_NS + at, start..end)).collect()
+    }
+}
+
+/// Length of the NMEA sentence with a right checksum that `bytes` start with: `$`, at most 255 printable characters (u-blox sends proprietary
+/// ones beyond the standard's 82), `*hh`, CR, LF.
+fn nmea_at_start_of(bytes: &[u8]) -> Option<usize> {
+    const LONGEST: usize = 255;
+    let body = bytes.strip_prefix(b"$")?;
+    let star = body.iter().take(LONGEST).position(|byte| !(b' '..=b'~').contains(byte) || *byte == b'*')?;
+    let [b'*', high, low, b'\r', b'\n', ..] = *body.get(star..)? else {
+        return None;
+    };
+    let digit = |c: u8| char::from(c).to_digit(16);
+    let told = digit(high)? * 16 + digit(low)?;
+    let sum = body[..star].iter().fold(0, |sum, byte| sum ^ byte);
+    (told == u32::from(sum)).then_some(1 + star + 5)
+}
+
+/// Length of the RTCM 3 message with a right CRC that `bytes` start with (RTCM 10403: 0xD3, 6 zero bits, 10 bits of length, CRC-24Q).
+fn rtcm_at_start_of(bytes: &[u8]) -> Option<usize> {
+    // The catalogue knows CRC-24Q under LTE's name for it: poly 0x864CFB, init 0.
+    const CRC_24Q: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_24_LTE_A);
+    let [0xd3, high, low, ..] = *bytes else {
+        return None;
+    };
+    if high & !0b11 != 0 {
+        return None;
+    }
+    let end = 3 + usize::from(u16::from_be_bytes([high, low]));
+    let [a, b, c] = *bytes.get(end..end + 3)? else {
+        return None;
+    };
+    (CRC_24Q.checksum(&bytes[..end]) == u32::from_be_bytes([0, a, b, c])).then_some(end + 3)
+}

@@ -1,0 +1,417 @@
+//! A u-blox receiver as a source of bytes on a UART.
+//!
+//! # Design
+//!
+//! A receiver is an iterator of [`Burst`]s, ordered in time: the bytes that it puts on its line without a gap, and when the first start bit
+//! falls. It computes a burst when asked for it and keeps nothing of the past, so a run of any length needs no memory. It knows its bit rate
+//! only to keep a burst from starting while the one before is still on the line.
+//!
+//! # What a generated receiver gets wrong, as real ones do
+//!
+//! - It navigates at its own rate, on epochs that are multiples of its period in GPS time. Reset falls at a random point
+//!   of GPS time, so the receivers' epochs, though aligned with each other, are not aligned with the 10 ms cycle of HORUS.
+//! - Its clock is kept within ±0.5 ms of GPS time by steps of 1 ms, as u-blox receivers do it: it drifts, and jumps. The
+//!   solution belongs to the instant that the clock said was the epoch.
+//! - Its position is off by a bias that wanders (first-order Gauss-Markov, what satellite geometry and atmosphere leave) and by white noise; its
+//!   velocity, attitude and acceleration by white noise, the latter two also by a constant (how it is mounted).
+//! - The solution leaves the receiver a delay after its epoch (40 to 80 ms, by model), with jitter.
+//!
+//! Receivers of an odd number carry inertial sensors and send NAV-ATT, the first and fifth also ESF-INS; the others send NAV-PVT alone.
+
+use std::sync::Arc;
+
+use chrono::{Datelike, TimeDelta, Timelike};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use rand_distr::{Distribution, StandardNormal, Uniform};
+
+use crate::flight::{Flight, State};
+use crate::log::Log;
+use crate::ubx::{EsfIns, NavAtt, NavPvt, WEEK_MS};
+
+/// Bit rate of a receiver's UART, unless told otherwise.
+pub const BIT_RATE: u32 = 460_800;
+
+/// Bits of a byte on the line: start, eight, stop.
+const BITS_PER_BYTE: u64 = 10;
+
+/// GPS week that simulated flights take place in (from 22 June 2025).
+const WEEK: i64 = 2_372;
+/// GPS time of week of the reset, ms, give or take a second: Wednesday, 10:00.
+const START_OF_RUN_MS: u64 = (3 * 24 + 10) * 3_600_000;
+/// GPS is ahead of UTC by this many seconds since 2017 (IERS Bulletin C 52).
+const LEAP_SECONDS: i64 = 18;
+/// Ellipsoid above mean sea level near Winterthur, m (EGM96).
+const GEOID: f64 = 47.5;
+/// Time constant of the wandering bias, s.
+const BIAS_TIME: f64 = 60.0;
+
+/// Bytes that a receiver sends without a gap between them.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Burst {
+    /// When the start bit of the first byte falls, ns after reset.
+    pub at_ns: u64,
+    /// Never empty.
+    pub bytes: Vec<u8>,
+}
+
+/// What kind of receiver a generated one is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Model {
+    /// Navigation period, ms; divides the week.
+    pub period_ms: u32,
+    /// From the epoch to the first byte of its solution, mean, ms.
+    pub delay_ms: f64,
+    /// Standard deviation of that delay, ms; never more than three of them either way.
+    pub delay_jitter_ms: f64,
+    /// Sends NAV-ATT.
+    pub attitude: bool,
+    /// Sends ESF-INS.
+    pub inertial: bool,
+    /// Standard deviation of the wandering bias and of the white noise, m, each axis, horizontal.
+    pub horizontal_m: (f64, f64),
+    /// The same, vertical.
+    pub vertical_m: (f64, f64),
+}
+
+impl Model {
+    /// The receivers that HORUS carries in its first to fifth place.
+    pub const FITTED: [Self; 5] = [
+        Self {
+            period_ms: 100,
+            delay_ms: 48.0,
+            delay_jitter_ms: 1.5,
+            attitude: true,
+            inertial: true,
+            horizontal_m: (0.8, 0.10),
+            vertical_m: (1.4, 0.20),
+        },
+        Self {
+            period_ms: 125,
+            delay_ms: 61.0,
+            delay_jitter_ms: 2.5,
+            attitude: false,
+            inertial: false,
+            horizontal_m: (1.1, 0.15),
+            vertical_m: (1.9, 0.30),
+        },
+        Self {
+            period_ms: 200,
+            delay_ms: 74.0,
+            delay_jitter_ms: 2.0,
+            attitude: true,
+            inertial: false,
+            horizontal_m: (1.0, 0.12),
+            vertical_m: (1.7, 0.25),
+        },
+        Self {
+            period_ms: 40,
+            delay_ms: 42.0,
+            delay_jitter_ms: 0.6,
+            attitude: false,
+            inertial: false,
+            horizontal_m: (1.3, 0.20),
+            vertical_m: (2.2, 0.35),
+        },
+        Self {
+            period_ms: 100,
+            delay_ms: 55.0,
+            delay_jitter_ms: 2.0,
+            attitude: true,
+            inertial: true,
+            horizontal_m: (0.9, 0.12),
+            vertical_m: (1.5, 0.22),
+        },
+    ];
+
+    /// The receiver in place `index`, counted from 1 as the objects GPS1 … GPS5 are; the sixth is like the first, and so on.
+    #[must_use]
+    pub fn fitted(index: usize) -> Self {
+        Self::FITTED[index.wrapping_sub(1) % Self::FITTED.len()]
+    }
+}
+
+/// A receiver: an iterator of its bursts, in order. A generated one never ends; a recorded one ends with its log.
+#[derive(Debug, Clone)]
+pub struct Receiver {
+    source: Source,
+    bit_rate: u32,
+    /// When the line is idle again, ns.
+    idle_ns: u64,
+}
+
+#[derive(Debug, Clone)]
+enum Source {
+    Generated(Box<Generated>),
+    Recorded { log: Arc<Log>, next: usize },
+}
+
+impl Receiver {
+    /// The receiver in place `index` (from 1) that watches `flight`, its noise drawn from `seed`.
+    ///
+    /// All receivers of one `seed` share the GPS time of the reset; nothing else.
+    #[must_use]
+    pub fn generated(index: usize, seed: u64, flight: Arc<Flight>) -> Self {
+        Self::with_model(Model::fitted(index), index, seed, flight)
+    }
+
+    /// As [`Self::generated`], but of the given model.
+    #[must_use]
+    pub fn with_model(model: Model, index: usize, seed: u64, flight: Arc<Flight>) -> Self {
+        Self::from_source(Source::Generated(Box::new(Generated::new(model, index, seed, flight))))
+    }
+
+    /// A receiver that says what `log` says.
+    #[must_use]
+    pub fn recorded(log: Arc<Log>) -> Self {
+        Self::from_source(Source::Recorded { log, next: 0 })
+    }
+
+    fn from_source(source: Source) -> Self {
+        Self { source, bit_rate: BIT_RATE, idle_ns: 0 }
+    }
+
+    /// The same receiver at another bit rate (8N1).
+    ///
+    /// # Panics
+    ///
+    /// If the rate is zero.
+    #[must_use]
+    pub fn at_bit_rate(mut self, bits_per_second: u32) -> Self {
+        assert!(bits_per_second > 0, "a UART has a bit rate");
+        self.bit_rate = bits_per_second;
+        self
+    }
+
+    /// Bits per second on the line.
+    #[must_use]
+    pub fn bit_rate(&self) -> u32 {
+        self.bit_rate
+    }
+
+    /// How long `bytes` bytes take on the line, ns, rounded up.
+    #[must_use]
+    pub fn line_time_ns(&self, bytes: usize) -> u64 {
+        (bytes as u64 * BITS_PER_BYTE * 1_000_000_000).div_ceil(u64::from(self.bit_rate))
+    }
+}
+
+impl Iterator for Receiver {
+    type Item = Burst;
+
+    fn next(&mut self) -> Option<Burst> {
+        let mut burst = match &mut self.source {
+            Source::Generated(generated) => generated.next(),
+            Source::Recorded { log, next } => {
+                let (at_ns, bytes) = log.burst(*next)?;
+                *next += 1;
+                Burst { at_ns, bytes: bytes.to_vec() }
+            }
+        };
+        burst.at_ns = burst.at_ns.max(self.idle_ns);
+        self.idle_ns = burst.at_ns + self.line_time_ns(burst.bytes.len());
+        Some(burst)
+    }
+}
+
+/// A receiver that watches a flight.
+#[derive(Debug, Clone)]
+struct Generated {
+    model: Model,
+    flight: Arc<Flight>,
+    noise: ChaCha8Rng,
+    /// GPS time of week of the reset, ns.
+    reset_ns: u64,
+    /// Number of the next epoch since the start of the week.
+    epoch: u64,
+    /// How far the clock is ahead at reset, ns; ±0.5 ms.
+    clock_ns: f64,
+    /// How fast it drifts, parts per billion.
+    clock_ppb: f64,
+    /// Wandering bias north, east, down, m.
+    bias: [f64; 3],
+    /// Mounting: constant error of roll, pitch, heading, rad.
+    mounting: [f64; 3],
+    /// Constant error of the accelerations, m/s².
+    offset: [f64; 3],
+    satellites: u8,
+}
+
+impl Generated {
+    fn new(model: Model, index: usize, seed: u64, flight: Arc<Flight>) -> Self {
+        // The stream number keeps the receivers' noise apart under one seed; stream 0 is what they share.
+        let mut shared = ChaCha8Rng::seed_from_u64(seed);
+        shared.set_stream(0);
+        let mut noise = ChaCha8Rng::seed_from_u64(seed);
+        noise.set_stream(index as u64 + 1);
+
+        let reset_ns = START_OF_RUN_MS * 1_000_000 + uniform(&mut shared, 0.0, 1e9) as u64;
+        let period_ns = u64::from(model.period_ms) * 1_000_000;
+        let clock_ns = uniform(&mut noise, -0.5e6, 0.5e6);
+        let clock_ppb = uniform(&mut noise, -500.0, 500.0);
+        let mut three = |deviation: f64| [(); 3].map(|()| deviation * normal(&mut noise));
+        let (horizontal, vertical) = (model.horizontal_m.0, model.vertical_m.0);
+        let [north, east, down] = three(1.0);
+        let mounting = three(0.3_f64.to_radians());
+        let offset = three(0.02);
+        let satellites = 12 + uniform(&mut noise, 0.0, 7.0) as u8;
+        Self {
+            model,
+            flight,
+            noise,
+            reset_ns,
+            // The first epoch after reset whose clock error cannot put it before.
+            epoch: (reset_ns + 1_000_000).div_ceil(period_ns),
+            clock_ns,
+            clock_ppb,
+            bias: [horizontal * north, horizontal * east, vertical * down],
+            mounting,
+            offset,
+            satellites,
+        }
+    }
+
+    fn next(&mut self) -> Burst {
+        let period_ms = u64::from(self.model.period_ms);
+        let epoch_ms = self.epoch * period_ms;
+        self.epoch += 1;
+        let nominal_ns = epoch_ms * 1_000_000 - self.reset_ns;
+        let clock_ns = self.clock_error_ns(nominal_ns);
+        // The receiver's clock is ahead: it takes the measurement early.
+        let measured_ns = nominal_ns as f64 - clock_ns;
+        let truth = self.flight.state(measured_ns / 1e9);
+        let seen = self.observe(&truth);
+
+        // Three standard deviations at most, so that no solution overtakes the one before.
+        let jitter = normal(&mut self.noise).clamp(-3.0, 3.0) * self.model.delay_jitter_ms;
+        let sent_ns = measured_ns + (self.model.delay_ms + jitter) * 1e6;
+        Burst { at_ns: libm::round(sent_ns) as u64, bytes: self.messages(epoch_ms, clock_ns, &seen) }
+    }
+
+    /// Error of the receiver's clock: it drifts, and is stepped by 1 ms when it leaves ±0.5 ms.
+    fn clock_error_ns(&self, since_reset_ns: u64) -> f64 {
+        let free = self.clock_ns + self.clock_ppb * since_reset_ns as f64 / 1e9;
+        free - 1e6 * libm::round(free / 1e6)
+    }
+
+    /// The aircraft as this receiver sees it.
+    fn observe(&mut self, truth: &State) -> State {
+        let mut normal = || normal(&mut self.noise);
+        let keep = libm::exp(-f64::from(self.model.period_ms) / 1e3 / BIAS_TIME);
+        let fresh = libm::sqrt(1.0 - keep * keep);
+        let (horizontal, vertical) = (self.model.horizontal_m, self.model.vertical_m);
+        let mut ned = truth.ned;
+        for ((metres, bias), (wander, white)) in
+            ned.iter_mut().zip(&mut self.bias).zip([horizontal, horizontal, vertical])
+        {
+            *bias = keep * *bias + fresh * wander * normal();
+            *metres += *bias + white * normal();
+        }
+        State {
+            position: self.flight.plane().to_geodetic(ned),
+            ned,
+            velocity: truth.velocity.map(|v| v + 0.04 * normal()),
+            roll: truth.roll + self.mounting[0] + 0.2_f64.to_radians() * normal(),
+            pitch: truth.pitch + self.mounting[1] + 0.2_f64.to_radians() * normal(),
+            yaw: truth.yaw + self.mounting[2] + 0.4_f64.to_radians() * normal(),
+            acceleration: [0, 1, 2].map(|i| truth.acceleration[i] + self.offset[i] + 0.03 * normal()),
+            rates: truth.rates.map(|rate| rate + 0.05_f64.to_radians() * normal()),
+        }
+    }
+
+    /// The solution in UBX: what the model sends in one burst.
+    fn messages(&self, epoch_ms: u64, clock_ns: f64, seen: &State) -> Vec<u8> {
+        let itow_ms = u32::try_from(epoch_ms % u64::from(WEEK_MS)).expect("a week is shorter than 2^32 ms");
+        let mut bytes = self.nav_pvt(epoch_ms, itow_ms, clock_ns, seen).encode();
+        if self.model.attitude {
+            let heading = seen.yaw.to_degrees();
+            let att = NavAtt {
+                itow_ms,
+                roll_1e5: rounded(seen.roll.to_degrees() * 1e5),
+                pitch_1e5: rounded(seen.pitch.to_degrees() * 1e5),
+                heading_1e5: heading_1e5(heading),
+                accuracy_1e5: [40_000, 40_000, 60_000],
+            };
+            bytes.extend(att.encode());
+        }
+        if self.model.inertial {
+            let ins = EsfIns {
+                itow_ms,
+                rates_1e3: seen.rates.map(|rate| rounded(rate.to_degrees() * 1e3)),
+                accelerations_1e2: seen.acceleration.map(|a| rounded(a * 1e2)),
+            };
+            bytes.extend(ins.encode());
+        }
+        bytes
+    }
+
+    fn nav_pvt(&self, epoch_ms: u64, itow_ms: u32, clock_ns: f64, seen: &State) -> NavPvt {
+        let ms = i64::try_from(epoch_ms).expect("the run is shorter than 292 million years");
+        // GPS time began on 6 January 1980.
+        let utc = chrono::NaiveDate::from_ymd_opt(1980, 1, 6)
+            .and_then(|day| day.and_hms_opt(0, 0, 0))
+            .map(|origin| {
+                origin + TimeDelta::weeks(WEEK) + TimeDelta::milliseconds(ms) - TimeDelta::seconds(LEAP_SECONDS)
+            })
+            .expect("the sixth of January 1980 is a date");
+        let [north, east, down] = seen.velocity;
+        let ground_speed = libm::hypot(north, east);
+        let millimetres = |metres: f64| rounded(metres * 1e3);
+        let accuracy = |(bias, white): (f64, f64), axes: f64| {
+            millimetres(libm::sqrt(axes) * libm::hypot(bias, white)).unsigned_abs()
+        };
+        NavPvt {
+            itow_ms,
+            year: u16::try_from(utc.year()).expect("the year has four digits"),
+            month: utc.month() as u8,
+            day: utc.day() as u8,
+            hour: utc.hour() as u8,
+            minute: utc.minute() as u8,
+            second: utc.second() as u8,
+            valid: 0b0111,
+            time_accuracy_ns: 25,
+            nano: utc.nanosecond() as i32 - rounded(clock_ns),
+            fix_type: if self.model.inertial { 4 } else { 3 },
+            flags: NavPvt::FLAG_FIX_OK | if self.model.attitude { NavPvt::FLAG_HEADING_OF_VEHICLE } else { 0 },
+            flags2: 0b1110_0000,
+            satellites: self.satellites,
+            longitude_1e7: rounded(seen.position.longitude * 1e7),
+            latitude_1e7: rounded(seen.position.latitude * 1e7),
+            height_mm: millimetres(seen.position.height),
+            height_msl_mm: millimetres(seen.position.height - GEOID),
+            horizontal_accuracy_mm: accuracy(self.model.horizontal_m, 2.0),
+            vertical_accuracy_mm: accuracy(self.model.vertical_m, 1.0),
+            velocity_mm_s: [north, east, down].map(millimetres),
+            ground_speed_mm_s: millimetres(ground_speed),
+            heading_of_motion_1e5: heading_1e5(libm::atan2(east, north).to_degrees()),
+            speed_accuracy_mm_s: 70,
+            heading_accuracy_1e5: 60_000,
+            pdop_1e2: 130,
+            flags3: 0,
+            heading_of_vehicle_1e5: heading_1e5(if self.model.attitude {
+                seen.yaw.to_degrees()
+            } else {
+                libm::atan2(east, north).to_degrees()
+            }),
+        }
+    }
+}
+
+/// To the nearest integer that a field of 32 bits holds.
+fn rounded(value: f64) -> i32 {
+    // A float-to-integer `as` saturates, and no field of a flight comes near that.
+    libm::round(value) as i32
+}
+
+/// A heading of −360 ..= 360 degrees in the unit and range of the wire, 0 ..= 360 × 1e5.
+fn heading_1e5(degrees: f64) -> i32 {
+    rounded(if degrees < 0.0 { degrees + 360.0 } else { degrees } * 1e5)
+}
+
+fn uniform(rng: &mut ChaCha8Rng, low: f64, high: f64) -> f64 {
+    Uniform::new(low, high).expect("the bounds of every draw are finite and ordered").sample(rng)
+}
+
+fn normal(rng: &mut ChaCha8Rng) -> f64 {
+    StandardNormal.sample(rng)
+}
