@@ -3,14 +3,18 @@
 #![forbid(unsafe_code)]
 #![deny(clippy::indexing_slicing)]
 
+pub mod blocking;
+mod bring_up;
 pub mod command;
 pub mod listener;
 mod machine;
 pub mod poller;
+pub mod register;
+mod status;
 
-pub use listener::{Dropped, FrameFlags, Listener, ListenerConfig, ListenerEvent, ReadMode};
+pub use listener::{Dropped, FrameFlags, Listener, ListenerConfig, ListenerCounters, ListenerEvent, ReadMode};
 pub use machine::{Fault, Input, Short, Step, Transfer};
-pub use poller::{Poller, PollerConfig, PollerEvent, Receiver, SendError};
+pub use poller::{Poller, PollerConfig, PollerCounters, PollerEvent, Receiver, SendError};
 
 /// The longest wait for a stable oscillator, in microseconds (typically 0.7 ms).
 pub const OSCILLATOR_MICROS: u32 = 10_000;

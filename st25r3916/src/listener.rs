@@ -1,7 +1,65 @@
 //! The listener: receives NFC-F frames, never answers.
+//!
+//! # A frame
+//!
+//! I_rxs (sync seen) begins it, I_rxe ends it, and in between the bytes fill the FIFO, one every
+//! 18.9 µs. With [`ReadMode::StoreAndForward`] the machine sleeps until I_rxe and reads everything
+//! then: at 8 MHz 248 µs for 247 bytes. With [`ReadMode::WhileFilling`] it reads twice on the way,
+//!
+//! 1. 16 bytes after the sync: what is there, LEN among it, which tells the frame's end;
+//! 2. [`TAIL`] bytes before that end: what is there,
+//!
+//! so that about [`TAIL`] bytes are left after I_rxe (24 µs at 8 MHz). Each read takes one
+//! byte less than the FIFO level gave, which can only have grown since, so the FIFO is never read
+//! empty while the chip fills it. An executor that is late at either instant finds more bytes, or the end; the result is the
+//! same, only later. A LEN damaged on air puts the second read at a wrong instant, nothing more.
+//!
+//! # Delivery before re-arming
+//!
+//! [`ListenerEvent::Frame`] is given as soon as the last byte is in the buffer; the transfers that
+//! re-arm the receiver (status, clear FIFO, unmask receive data: 10 bytes) come after the next
+//! [`Input::Start`]. The next frame's first byte is at least its preamble and sync (151 µs) after its
+//! beginning. Should it have begun before the executor came back, the status read shows its I_rxs and
+//! the machine leaves the FIFO alone (the chip resets it at I_rxs) and receives it. What cannot be
+//! told apart is a sync in the few microseconds between that read and the clear: if the clear also
+//! discards the interrupt (the data sheet is of two minds), the frame is recognised by its I_rxe alone.
+//!
+//! # Recovery
+//!
+//! | trouble | what happens |
+//! |---|---|
+//! | I_rxs without I_rxe | [`Dropped::NoEnd`] 6 ms after I_rxs, re-arm |
+//! | I_rxs again without I_rxe | [`Dropped::Overrun`], the new frame is received |
+//! | field lost under a frame | [`Dropped::FieldLost`], [`ListenerEvent::FieldOff`], re-arm |
+//! | errors without a frame (a start in the middle of one) | re-arm |
+//! | nothing for [`ListenerConfig::supervision_micros`] | configuration checked, re-arm |
+//! | reset of the chip | [`Fault::Reset`] at the next interrupt or supervision, bring-up |
+//! | dead bus, stuck IRQ pin | [`Fault::Bus`], [`Fault::IrqStuck`], bring-up after a back-off of 1 ms, doubled each time up to 64 ms |
 
-use crate::machine::{Fault, Input, Step};
-use crate::{Supply, Variant};
+use crate::bring_up::{BringUp, CONFIGURATION_READ, IDLE_IRQS, Progress, Role};
+use crate::command;
+use crate::machine::{Fault, Input, Short, Step, Transfer};
+use crate::register as reg;
+use crate::status::{STATUS_READ, Status};
+use crate::{FRAME_MICROS, Supply, Variant};
+
+/// With [`ReadMode::WhileFilling`], bytes left for after I_rxe when the second read begins. They take
+/// 453 µs to arrive; the second read, at most 233 bytes, takes 241 µs at 8 MHz and the rest is the
+/// executor's to be late in.
+pub const TAIL: usize = 24;
+/// With [`ReadMode::WhileFilling`], bytes awaited before the first read.
+const HEAD: u16 = 16;
+/// Bytes a read on the way leaves in the FIFO, so that it never runs dry while the chip writes it.
+const MARGIN: u16 = 1;
+/// LEN, one byte of payload, CRC-16.
+const SHORTEST: u16 = 4;
+/// LEN and CRC-16.
+const OVERHEAD: u16 = 3;
+
+/// The time `bytes` take at 424 kbit/s, in microseconds: 8 · 32 / 13.56 MHz = 18.879 µs each.
+const fn bytes_micros(bytes: u16) -> u32 {
+    (bytes as u32 * 1_208) >> 6
+}
 
 /// Bytes the caller's receive buffer must have: LEN (one byte, ≤ 255) counts itself and the
 /// payload; the CRC-16 follows.
@@ -29,19 +87,16 @@ pub struct ListenerConfig {
     pub supply: Supply,
     /// When the FIFO is read.
     pub read_mode: ReadMode,
-    /// With nothing on air, the chip is checked this often, in microseconds.
+    /// With nothing on air, the chip is checked and re-armed this often, in microseconds. Longer
+    /// than the time between frames, it costs nothing while frames come.
     pub supervision_micros: u32,
 }
 
 impl ListenerConfig {
-    /// 5 V supply, reads while the frame arrives, checks an idle chip every 100 ms.
+    /// 5 V supply, reads while the frame arrives, checks an idle chip every 20 ms.
     #[must_use]
     pub const fn new() -> Self {
-        Self {
-            supply: Supply::Volts5,
-            read_mode: ReadMode::WhileFilling,
-            supervision_micros: 100_000,
-        }
+        Self { supply: Supply::Volts5, read_mode: ReadMode::WhileFilling, supervision_micros: 20_000 }
     }
 }
 
@@ -58,7 +113,7 @@ impl Default for ListenerConfig {
 pub struct FrameFlags(u8);
 
 impl FrameFlags {
-    /// I_crc: the frame's CRC-16 is wrong, or the interrupt was read late.
+    /// I_crc: the frame's CRC-16 is wrong; or, on a good frame, the interrupt was read late.
     pub const CRC: Self = Self(0x01);
     /// I_par, I_err1 or I_err2: parity or framing error.
     pub const FRAMING: Self = Self(0x02);
@@ -87,6 +142,12 @@ impl FrameFlags {
     #[must_use]
     pub const fn contains(self, other: Self) -> bool {
         self.0 & other.0 == other.0
+    }
+
+    /// Whether any flag of `other` is set.
+    #[must_use]
+    pub const fn intersects(self, other: Self) -> bool {
+        self.0 & other.0 != 0
     }
 
     /// Both sets together.
@@ -142,11 +203,100 @@ pub enum ListenerEvent {
     Fault(Fault),
 }
 
+/// Counts since the machine was made; each wraps.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct ListenerCounters {
+    /// Frames delivered, whatever their flags.
+    pub frames: u32,
+    /// Of these, with [`FrameFlags::CRC`].
+    pub crc: u32,
+    /// Of these, with [`FrameFlags::FRAMING`] or [`FrameFlags::PARTIAL`].
+    pub framing: u32,
+    /// Of these, with [`FrameFlags::OVERFLOW`] or [`FrameFlags::UNDERFLOW`].
+    pub flow: u32,
+    /// Of these, with [`FrameFlags::LENGTH`].
+    pub length: u32,
+    /// [`Dropped::NoEnd`].
+    pub no_end: u32,
+    /// Every other [`Dropped`].
+    pub dropped: u32,
+    /// Times the field went off.
+    pub field_losses: u32,
+    /// Faults reported.
+    pub faults: u32,
+    /// Bring-ups that ended well.
+    pub bring_ups: u32,
+}
+
+/// Where the listener is. The name says what is outstanding.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    /// Nothing was done yet.
+    New,
+    /// A fault was reported; the chip needs a bring-up.
+    Broken,
+    BackOff,
+    BringUp,
+    /// An event was given; wait for the next frame, or for the rest of this one.
+    Resume,
+    /// An event was given; the receiver needs re-arming.
+    Used,
+    /// Re-arming: status, clear, unmask.
+    RearmStatus,
+    RearmClear,
+    RearmUnmask,
+    /// Waiting for an interrupt, in or out of a frame.
+    Waiting,
+    /// Reading status after the wait; `late`: its time is over.
+    ReadingStatus {
+        late: bool,
+    },
+    /// Nothing came for a while: configuration check.
+    Checking,
+    /// Reading the FIFO; `end`: the frame is over.
+    ReadingFifo {
+        count: u16,
+        end: bool,
+    },
+}
+
+/// The frame being received.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Frame {
+    plan: Plan,
+    /// Bytes in the caller's buffer.
+    got: u16,
+    /// LEN + 2, once LEN is known.
+    total: Option<u16>,
+    /// Microseconds waited since I_rxs; a lower bound of the time passed.
+    waited: u32,
+    /// Microseconds of the wait under way.
+    waiting: u32,
+    flags: FrameFlags,
+}
+
+/// What the next time-out within a frame is for. It only moves forward, so a frame costs at most two
+/// reads before its end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Plan {
+    Head,
+    Body,
+    End,
+}
+
 /// The listener machine.
 #[derive(Clone, Debug)]
 pub struct Listener {
     config: ListenerConfig,
-    variant: Option<Variant>,
+    bring_up: BringUp,
+    state: State,
+    frame: Option<Frame>,
+    /// I_eon and I_eof not yet reported.
+    field_irqs: u8,
+    field_on: bool,
+    idle_irqs: u8,
+    counters: ListenerCounters,
 }
 
 impl Listener {
@@ -155,19 +305,342 @@ impl Listener {
     pub const fn new(config: ListenerConfig) -> Self {
         Self {
             config,
-            variant: None,
+            bring_up: BringUp::new(Role::Listener, config.supply),
+            state: State::New,
+            frame: None,
+            field_irqs: 0,
+            field_on: false,
+            idle_irqs: 0,
+            counters: ListenerCounters {
+                frames: 0,
+                crc: 0,
+                framing: 0,
+                flow: 0,
+                length: 0,
+                no_end: 0,
+                dropped: 0,
+                field_losses: 0,
+                faults: 0,
+                bring_ups: 0,
+            },
         }
     }
 
     /// Which part answered the last bring-up.
     #[must_use]
     pub const fn variant(&self) -> Option<Variant> {
-        self.variant
+        self.bring_up.variant()
+    }
+
+    /// Counts since the machine was made.
+    #[must_use]
+    pub const fn counters(&self) -> ListenerCounters {
+        self.counters
     }
 
     /// Takes one input, gives the next step.
     pub fn step(&mut self, input: Input<'_>) -> Step<ListenerEvent> {
-        let _ = (input, self.config);
-        Step::Delay { micros: 1000 }
+        if matches!(input, Input::Failed) {
+            return self.fault(Fault::Bus);
+        }
+        match (self.state, input) {
+            // An event was given: whatever comes next goes on from it.
+            (State::New, _) | (State::BackOff, Input::Timeout) => {
+                self.state = State::BringUp;
+                let progress = self.bring_up.begin();
+                self.progress(progress)
+            }
+            (State::Broken | State::BackOff, _) => {
+                self.state = State::BackOff;
+                Step::Delay { micros: self.bring_up.back_off() }
+            }
+            (State::BringUp, input) => {
+                let progress = self.bring_up.step(input);
+                self.progress(progress)
+            }
+            (State::Resume, _) => self.resume(),
+            (State::Used, _) => self.short(State::RearmStatus, STATUS_READ),
+
+            (State::RearmStatus, Input::Done(response)) => match Status::parse(response) {
+                Ok(status) => self.rearm(status),
+                Err(fault) => self.fault(fault),
+            },
+            (State::RearmClear, Input::Done(_)) => self.short(State::RearmUnmask, command::UNMASK_RECEIVE_DATA),
+            (State::RearmUnmask, Input::Done(_)) => self.resume(),
+
+            (State::Waiting, Input::Irq) => self.short(State::ReadingStatus { late: false }, STATUS_READ),
+            (State::Waiting, Input::Timeout) => self.short(State::ReadingStatus { late: true }, STATUS_READ),
+            (State::ReadingStatus { late }, Input::Done(response)) => match Status::parse(response) {
+                Ok(status) => self.status(status, late),
+                Err(fault) => self.fault(fault),
+            },
+            (State::ReadingFifo { count, end }, Input::Done(bytes)) => self.fifo(count, end, bytes.first().copied()),
+            (State::Checking, Input::Done(response)) => {
+                if self.bring_up.role().configuration_stands(response) {
+                    self.short(State::RearmClear, command::CLEAR_FIFO)
+                } else {
+                    self.fault(Fault::Reset)
+                }
+            }
+            _ => self.fault(Fault::Executor),
+        }
     }
+
+    fn short(&mut self, state: State, short: Short) -> Step<ListenerEvent> {
+        self.state = state;
+        Step::Transfer(Transfer::Short(short))
+    }
+
+    fn event(&mut self, state: State, event: ListenerEvent) -> Step<ListenerEvent> {
+        self.state = state;
+        Step::Event(event)
+    }
+
+    fn fault(&mut self, fault: Fault) -> Step<ListenerEvent> {
+        self.frame = None;
+        self.field_irqs = 0;
+        self.field_on = false;
+        self.bring_up.failed();
+        count(&mut self.counters.faults);
+        self.event(State::Broken, ListenerEvent::Fault(fault))
+    }
+
+    fn progress(&mut self, progress: Progress) -> Step<ListenerEvent> {
+        match progress {
+            Progress::Transfer(short) => Step::Transfer(Transfer::Short(short)),
+            Progress::Wait(micros) => Step::Wait { micros },
+            Progress::Failed(fault) => self.fault(fault),
+            Progress::Finished(_) => {
+                self.idle_irqs = 0;
+                count(&mut self.counters.bring_ups);
+                self.event(State::Resume, ListenerEvent::Listening)
+            }
+        }
+    }
+
+    /// Status at re-arming: a frame that has already begun is received, not cleared away.
+    fn rearm(&mut self, status: Status) -> Step<ListenerEvent> {
+        self.note_field(status);
+        if status.is_set(reg::IRQ_RXS) {
+            self.status_begins(status)
+        } else {
+            self.short(State::RearmClear, command::CLEAR_FIFO)
+        }
+    }
+
+    /// Tells what is still to tell about the field, then waits.
+    fn resume(&mut self) -> Step<ListenerEvent> {
+        if self.frame.is_none() {
+            let first = if self.field_on { reg::IRQ_EOF } else { reg::IRQ_EON };
+            let due = if self.field_irqs & first != 0 { first } else { self.field_irqs };
+            self.field_irqs &= !due;
+            if due != 0 {
+                self.field_on = due == reg::IRQ_EON;
+                if self.field_on {
+                    return self.event(State::Resume, ListenerEvent::FieldOn);
+                }
+                count(&mut self.counters.field_losses);
+                return self.event(State::Resume, ListenerEvent::FieldOff);
+            }
+        }
+        self.wait()
+    }
+
+    fn wait(&mut self) -> Step<ListenerEvent> {
+        self.state = State::Waiting;
+        let micros = match &mut self.frame {
+            None => self.config.supervision_micros,
+            Some(frame) => {
+                frame.waiting = frame.next_wait();
+                frame.waiting
+            }
+        };
+        Step::Wait { micros }
+    }
+
+    fn note_field(&mut self, status: Status) {
+        self.field_irqs |= status.timer & (reg::IRQ_EON | reg::IRQ_EOF);
+    }
+
+    fn status(&mut self, status: Status, late: bool) -> Step<ListenerEvent> {
+        self.note_field(status);
+        let idle = match self.frame {
+            None => status.is_quiet(),
+            Some(_) => !status.is_set(reg::IRQ_RXS | reg::IRQ_RXE),
+        };
+        if idle && !late {
+            self.idle_irqs += 1;
+            if self.idle_irqs >= IDLE_IRQS {
+                return self.fault(Fault::IrqStuck);
+            }
+        } else {
+            self.idle_irqs = 0;
+        }
+        match self.frame.take() {
+            Some(frame) => self.status_in_frame(frame, status, late),
+            None if status.is_set(reg::IRQ_RXS | reg::IRQ_RXE) => self.status_begins(status),
+            None if status.error != 0 => self.short(State::RearmClear, command::CLEAR_FIFO),
+            None if late => self.short(State::Checking, CONFIGURATION_READ),
+            None => self.resume(),
+        }
+    }
+
+    /// A frame begins, and may be over already. I_rxe without I_rxs is one whose I_rxs was cleared.
+    fn status_begins(&mut self, status: Status) -> Step<ListenerEvent> {
+        let mut frame = Frame::new(self.config.read_mode);
+        frame.note(status);
+        self.frame = Some(frame);
+        if status.is_set(reg::IRQ_RXE) { self.frame_ends(frame, status) } else { self.wait() }
+    }
+
+    fn status_in_frame(&mut self, mut frame: Frame, status: Status, late: bool) -> Step<ListenerEvent> {
+        if status.is_set(reg::IRQ_RXS) {
+            // The chip resets the FIFO at each I_rxs: what was not read is gone. With I_rxe as well
+            // it cannot be told which of the two frames ended.
+            if status.is_set(reg::IRQ_RXE) {
+                return self.lose(Dropped::Overrun);
+            }
+            let mut next = Frame::new(self.config.read_mode);
+            next.note(status);
+            self.frame = Some(next);
+            count(&mut self.counters.dropped);
+            return self.event(State::Resume, ListenerEvent::Dropped(Dropped::Overrun));
+        }
+        frame.note(status);
+        if status.is_set(reg::IRQ_RXE) {
+            return self.frame_ends(frame, status);
+        }
+        if status.timer & reg::IRQ_EOF != 0 {
+            return self.lose(Dropped::FieldLost);
+        }
+        if !late {
+            self.frame = Some(frame);
+            return self.wait();
+        }
+        frame.waited = frame.waited.saturating_add(frame.waiting);
+        match frame.plan {
+            Plan::End => self.lose(Dropped::NoEnd),
+            Plan::Head | Plan::Body => {
+                frame.advance();
+                self.frame = Some(frame);
+                if status.count <= MARGIN { self.wait() } else { self.read(frame, status.count - MARGIN, false) }
+            }
+        }
+    }
+
+    fn frame_ends(&mut self, frame: Frame, status: Status) -> Step<ListenerEvent> {
+        self.frame = Some(frame);
+        if frame.got + status.count < SHORTEST {
+            self.lose(Dropped::Runt)
+        } else if status.count == 0 {
+            self.deliver(frame)
+        } else {
+            self.read(frame, status.count, true)
+        }
+    }
+
+    fn read(&mut self, frame: Frame, count: u16, end: bool) -> Step<ListenerEvent> {
+        if usize::from(frame.got) + usize::from(count) > BUFFER {
+            return self.lose(Dropped::TooLong);
+        }
+        self.state = State::ReadingFifo { count, end };
+        Step::Transfer(Transfer::Read { offset: usize::from(frame.got), len: usize::from(count) })
+    }
+
+    fn fifo(&mut self, count: u16, end: bool, first: Option<u8>) -> Step<ListenerEvent> {
+        let Some(mut frame) = self.frame else {
+            return self.fault(Fault::Executor);
+        };
+        if frame.got == 0 {
+            frame.total = first.map(|len| u16::from(len) + 2);
+        }
+        frame.got += count;
+        self.frame = Some(frame);
+        if end { self.deliver(frame) } else { self.wait() }
+    }
+
+    fn deliver(&mut self, mut frame: Frame) -> Step<ListenerEvent> {
+        if frame.total != Some(frame.got) {
+            frame.flags = frame.flags.union(FrameFlags::LENGTH);
+        }
+        self.frame = None;
+        self.bring_up.works();
+        let flags = frame.flags;
+        let counters = &mut self.counters;
+        count(&mut counters.frames);
+        count_if(&mut counters.crc, flags.intersects(FrameFlags::CRC));
+        count_if(&mut counters.framing, flags.intersects(FrameFlags::FRAMING.union(FrameFlags::PARTIAL)));
+        count_if(&mut counters.flow, flags.intersects(FrameFlags::OVERFLOW.union(FrameFlags::UNDERFLOW)));
+        count_if(&mut counters.length, flags.intersects(FrameFlags::LENGTH));
+        self.event(State::Used, ListenerEvent::Frame { len: usize::from(frame.got.saturating_sub(OVERHEAD)), flags })
+    }
+
+    fn lose(&mut self, why: Dropped) -> Step<ListenerEvent> {
+        self.frame = None;
+        count(match why {
+            Dropped::NoEnd => &mut self.counters.no_end,
+            _ => &mut self.counters.dropped,
+        });
+        self.event(State::Used, ListenerEvent::Dropped(why))
+    }
+}
+
+impl Frame {
+    const fn new(mode: ReadMode) -> Self {
+        Self {
+            plan: match mode {
+                ReadMode::StoreAndForward => Plan::End,
+                ReadMode::WhileFilling => Plan::Head,
+            },
+            got: 0,
+            total: None,
+            waited: 0,
+            waiting: 0,
+            flags: FrameFlags::empty(),
+        }
+    }
+
+    /// Adds what a status says about this frame.
+    fn note(&mut self, status: Status) {
+        let flag = |set: bool, flag: FrameFlags| if set { flag } else { FrameFlags::empty() };
+        let ended = status.is_set(reg::IRQ_RXE);
+        self.flags = self
+            .flags
+            .union(flag(status.error & reg::IRQ_CRC != 0, FrameFlags::CRC))
+            .union(flag(status.error & reg::IRQ_FRAMING != 0, FrameFlags::FRAMING))
+            .union(flag(status.fifo & reg::FIFO_OVERFLOW != 0, FrameFlags::OVERFLOW))
+            .union(flag(status.fifo & reg::FIFO_UNDERFLOW != 0, FrameFlags::UNDERFLOW))
+            // Before the end the last byte is as a matter of course not whole.
+            .union(flag(ended && status.fifo & reg::FIFO_LAST_BITS != 0, FrameFlags::PARTIAL));
+    }
+
+    fn advance(&mut self) {
+        self.plan = match self.plan {
+            Plan::Head => Plan::Body,
+            Plan::Body | Plan::End => Plan::End,
+        };
+    }
+
+    /// How long to wait now. Before a frame's last time-out, until the bytes of the plan should be
+    /// there, counted from the bytes already read (they arrived a little earlier, so this is late
+    /// rather than early by the duration of one read); then until the longest frame would be over.
+    fn next_wait(&mut self) -> u32 {
+        let tail = TAIL as u16;
+        match (self.plan, self.total) {
+            (Plan::Head, _) => bytes_micros(HEAD),
+            (Plan::Body, Some(total)) if total > self.got + tail => bytes_micros(total - tail - self.got),
+            _ => {
+                self.plan = Plan::End;
+                FRAME_MICROS.saturating_sub(self.waited).max(1)
+            }
+        }
+    }
+}
+
+fn count(counter: &mut u32) {
+    *counter = counter.wrapping_add(1);
+}
+
+fn count_if(counter: &mut u32, condition: bool) {
+    *counter = counter.wrapping_add(u32::from(condition));
 }

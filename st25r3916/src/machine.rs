@@ -26,10 +26,7 @@ impl Short {
         let mut bytes = [0; Self::MAX];
         let (head, _) = bytes.split_at_mut(N);
         head.copy_from_slice(&from);
-        Self {
-            bytes,
-            len: N as u8,
-        }
+        Self { bytes, len: N as u8 }
     }
 }
 

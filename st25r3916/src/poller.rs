@@ -1,10 +1,36 @@
 //! The poller: field always on, sends NFC-F frames, never listens.
+//!
+//! # A frame
+//!
+//! [`Poller::send`] clears the FIFO, sets the length, has the payload loaded and reads the FIFO level
+//! back; [`PollerEvent::Loaded`] says that all that is left is one byte on the bus,
+//! [`Poller::transmit`], which the executor sends at an instant of its own choosing (a timer's compare
+//! event may start it with no code in between). From there the machine waits for I_txe for as long
+//! as the frame's own air time and [`TRANSMIT_MARGIN_MICROS`], then says [`PollerEvent::Sent`].
+//! The next [`Input::Start`] checks the chip (configuration in place, oscillator and transmitter on)
+//! and comes to [`PollerEvent::Ready`]. The field stays on from bring-up on.
+//!
+//! # Recovery
+//!
+//! | fault | first | again, with no frame sent in between |
+//! |---|---|---|
+//! | [`Fault::NoTransmitEnd`], [`Fault::FifoFlow`], [`Fault::FifoCount`] | stop, clear, check: the field stays on | bring-up |
+//! | every other | bring-up after a back-off of 1 ms, doubled each time up to 64 ms | the same |
+//!
+//! A bring-up takes about 6 ms on the chip's side and drops the field meanwhile, which the listener
+//! sees; that is why a single lost frame does not cause one.
 
+use crate::bring_up::{BringUp, CONFIGURATION_READ, IDLE_IRQS, Progress, Role};
 use crate::command;
-use crate::machine::{Fault, Input, Short, Step};
-use crate::{Supply, Variant};
+use crate::machine::{Fault, Input, Short, Step, Transfer};
+use crate::register as reg;
+use crate::status::{STATUS_READ, Status};
+use crate::{Supply, Variant, air_time_ns};
 
-/// The longest payload of one frame, in bytes: LEN = payload + 1 is one byte (md: ntx ≤ 254).
+/// How much longer than its air time a frame may take before it is given up, in microseconds.
+pub const TRANSMIT_MARGIN_MICROS: u32 = 500;
+
+/// The longest payload of one frame, in bytes: LEN = payload + 1 is one byte.
 pub const MAX_PAYLOAD: usize = 254;
 
 /// What the receiver of a poller does.
@@ -27,16 +53,19 @@ pub struct PollerConfig {
     pub supply: Supply,
     /// Receiver off, or on and masked.
     pub receiver: Receiver,
+    /// Read the FIFO level back after loading, and fail with [`Fault::FifoCount`] if it is not the
+    /// frame's length.
+    pub check_load: bool,
+    /// Between frames, check in the auxiliary display that oscillator and transmitter are on, and fail
+    /// with [`Fault::FieldDropped`] if they are not.
+    pub check_field: bool,
 }
 
 impl PollerConfig {
-    /// 5 V supply, receiver off.
+    /// 5 V supply, receiver off, all checks on.
     #[must_use]
     pub const fn new() -> Self {
-        Self {
-            supply: Supply::Volts5,
-            receiver: Receiver::Off,
-        }
+        Self { supply: Supply::Volts5, receiver: Receiver::Off, check_load: true, check_field: true }
     }
 }
 
@@ -74,11 +103,63 @@ pub enum SendError {
     Length,
 }
 
+/// Where the poller is. The name says what is outstanding.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    /// Nothing was done yet.
+    New,
+    /// A fault was reported; the chip needs a bring-up.
+    Broken,
+    /// A fault was reported; the chip needs to be stopped and looked at.
+    Disturbed,
+    BackOff,
+    BringUp,
+    /// Stop, then clear, after a lost frame.
+    Stopping,
+    Clearing,
+    /// Configuration, then auxiliary display, between frames.
+    CheckingConfiguration,
+    CheckingField,
+    Ready,
+    /// The FIFO clear, length and load of `send`, and the read after it.
+    SendClear,
+    SendLength,
+    SendLoad,
+    SendCheck,
+    Loaded,
+    /// On air: waiting for I_txe.
+    OnAir,
+    /// Reading the interrupts; `last`: the time is over.
+    ReadingIrqs {
+        last: bool,
+    },
+    Sent,
+}
+
+/// Counts since the machine was made; each wraps.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct PollerCounters {
+    /// Frames the chip said it sent.
+    pub sent: u32,
+    /// Faults reported.
+    pub faults: u32,
+    /// Bring-ups that ended well.
+    pub bring_ups: u32,
+}
+
 /// The poller machine.
 #[derive(Clone, Debug)]
 pub struct Poller {
     config: PollerConfig,
-    variant: Option<Variant>,
+    bring_up: BringUp,
+    state: State,
+    /// Payload bytes of the frame under way.
+    len: u8,
+    /// Frames lost in a row without a bring-up.
+    lost: u8,
+    idle_irqs: u8,
+    counters: PollerCounters,
 }
 
 impl Poller {
@@ -87,14 +168,31 @@ impl Poller {
     pub const fn new(config: PollerConfig) -> Self {
         Self {
             config,
-            variant: None,
+            bring_up: BringUp::new(Role::Poller(config.receiver), config.supply),
+            state: State::New,
+            len: 0,
+            lost: 0,
+            idle_irqs: 0,
+            counters: PollerCounters { sent: 0, faults: 0, bring_ups: 0 },
         }
     }
 
     /// Which part answered the last bring-up.
     #[must_use]
     pub const fn variant(&self) -> Option<Variant> {
-        self.variant
+        self.bring_up.variant()
+    }
+
+    /// Counts since the machine was made.
+    #[must_use]
+    pub const fn counters(&self) -> PollerCounters {
+        self.counters
+    }
+
+    /// Whether [`Poller::send`] is possible now: the last step was [`PollerEvent::Ready`].
+    #[must_use]
+    pub const fn is_ready(&self) -> bool {
+        matches!(self.state, State::Ready)
     }
 
     /// The transfer that starts transmission (C4, one byte): the executor makes it at its own
@@ -104,19 +202,182 @@ impl Poller {
         command::TRANSMIT_WITH_CRC
     }
 
-    /// Begins a frame of `len` payload bytes: clears and loads the FIFO, up to
+    /// Begins a frame of `len` payload bytes, 1..=254: clears and loads the FIFO, up to
     /// [`PollerEvent::Loaded`]. Allowed when the last step was [`PollerEvent::Ready`].
     ///
     /// # Errors
     /// [`SendError`]; the machine is as before.
     pub fn send(&mut self, len: usize) -> Result<Step<PollerEvent>, SendError> {
-        let _ = (len, self.config);
-        Err(SendError::NotReady)
+        let Ok(len @ 1..=254) = u8::try_from(len) else {
+            return Err(SendError::Length);
+        };
+        if !self.is_ready() {
+            return Err(SendError::NotReady);
+        }
+        self.len = len;
+        Ok(self.short(State::SendClear, command::CLEAR_FIFO))
     }
 
     /// Takes one input, gives the next step.
     pub fn step(&mut self, input: Input<'_>) -> Step<PollerEvent> {
-        let _ = input;
-        Step::Delay { micros: 1000 }
+        if matches!(input, Input::Failed) {
+            return self.fault(Fault::Bus);
+        }
+        match (self.state, input) {
+            // An event was given: whatever comes next goes on from it.
+            (State::New, _) => self.begin_bring_up(),
+            (State::Disturbed, _) => self.short(State::Stopping, command::STOP),
+            (State::Ready | State::Sent, _) | (State::Loaded, Input::Start) => {
+                self.short(State::CheckingConfiguration, CONFIGURATION_READ)
+            }
+            (State::Loaded, Input::Done(_)) => {
+                self.state = State::OnAir;
+                self.wait()
+            }
+            (State::Loaded | State::OnAir, Input::Irq) => self.read_irqs(false),
+            (State::Loaded | State::OnAir, Input::Timeout) => self.read_irqs(true),
+
+            (State::BackOff, Input::Timeout) => self.begin_bring_up(),
+            (State::Broken | State::BackOff, _) => {
+                self.state = State::BackOff;
+                Step::Delay { micros: self.bring_up.back_off() }
+            }
+            (State::BringUp, input) => {
+                let progress = self.bring_up.step(input);
+                self.progress(progress)
+            }
+
+            (State::Stopping, Input::Done(_)) => self.short(State::Clearing, command::CLEAR_FIFO),
+            (State::Clearing, Input::Done(_)) => self.short(State::CheckingConfiguration, CONFIGURATION_READ),
+            (State::CheckingConfiguration, Input::Done(response)) => {
+                if !self.bring_up.role().configuration_stands(response) {
+                    self.fault(Fault::Reset)
+                } else if self.config.check_field {
+                    self.short(State::CheckingField, DISPLAY_READ)
+                } else {
+                    self.ready()
+                }
+            }
+            (State::CheckingField, Input::Done(response)) => {
+                const ON: u8 = reg::DISPLAY_OSC_OK | reg::DISPLAY_TX_ON;
+                match response {
+                    [_, display] if display & ON == ON => self.ready(),
+                    _ => self.fault(Fault::FieldDropped),
+                }
+            }
+
+            (State::SendClear, Input::Done(_)) => {
+                let short = Short::new([command::WRITE | reg::TRANSMIT_LENGTH, self.len >> 5, self.len << 3]);
+                self.short(State::SendLength, short)
+            }
+            (State::SendLength, Input::Done(_)) => {
+                self.state = State::SendLoad;
+                Step::Transfer(Transfer::Load { offset: 0, len: usize::from(self.len) })
+            }
+            (State::SendLoad, Input::Done(_)) => self.short(State::SendCheck, STATUS_READ),
+            (State::SendCheck, Input::Done(response)) => self.loaded(response),
+            (State::ReadingIrqs { last }, Input::Done(response)) => self.irqs(response, last),
+
+            _ => self.fault(Fault::Executor),
+        }
+    }
+
+    fn short(&mut self, state: State, short: Short) -> Step<PollerEvent> {
+        self.state = state;
+        Step::Transfer(Transfer::Short(short))
+    }
+
+    fn begin_bring_up(&mut self) -> Step<PollerEvent> {
+        self.state = State::BringUp;
+        let progress = self.bring_up.begin();
+        self.progress(progress)
+    }
+
+    fn progress(&mut self, progress: Progress) -> Step<PollerEvent> {
+        match progress {
+            Progress::Transfer(short) => Step::Transfer(Transfer::Short(short)),
+            Progress::Wait(micros) => Step::Wait { micros },
+            Progress::Failed(fault) => self.fault(fault),
+            Progress::Finished(_) => {
+                self.counters.bring_ups = self.counters.bring_ups.wrapping_add(1);
+                self.ready()
+            }
+        }
+    }
+
+    fn ready(&mut self) -> Step<PollerEvent> {
+        self.state = State::Ready;
+        Step::Event(PollerEvent::Ready)
+    }
+
+    fn fault(&mut self, fault: Fault) -> Step<PollerEvent> {
+        let light = matches!(fault, Fault::NoTransmitEnd | Fault::FifoFlow | Fault::FifoCount { .. });
+        self.state = if light && self.lost == 0 {
+            self.lost = 1;
+            State::Disturbed
+        } else {
+            self.lost = 0;
+            self.bring_up.failed();
+            State::Broken
+        };
+        self.counters.faults = self.counters.faults.wrapping_add(1);
+        Step::Event(PollerEvent::Fault(fault))
+    }
+
+    fn loaded(&mut self, response: &[u8]) -> Step<PollerEvent> {
+        let status = match Status::parse(response) {
+            Ok(status) => status,
+            Err(fault) => return self.fault(fault),
+        };
+        if self.config.check_load {
+            if status.flow_error() {
+                return self.fault(Fault::FifoFlow);
+            }
+            let expected = u16::from(self.len);
+            if status.count != expected {
+                return self.fault(Fault::FifoCount { expected, found: status.count });
+            }
+        }
+        self.state = State::Loaded;
+        self.idle_irqs = 0;
+        Step::Event(PollerEvent::Loaded)
+    }
+
+    fn wait(&self) -> Step<PollerEvent> {
+        let air_micros = air_time_ns(usize::from(self.len)).div_ceil(1_000) as u32;
+        Step::Wait { micros: air_micros + TRANSMIT_MARGIN_MICROS }
+    }
+
+    fn read_irqs(&mut self, last: bool) -> Step<PollerEvent> {
+        self.short(State::ReadingIrqs { last }, STATUS_READ)
+    }
+
+    fn irqs(&mut self, response: &[u8], last: bool) -> Step<PollerEvent> {
+        let status = match Status::parse(response) {
+            Ok(status) => status,
+            Err(fault) => return self.fault(fault),
+        };
+        if status.flow_error() {
+            return self.fault(Fault::FifoFlow);
+        }
+        if status.is_set(reg::IRQ_TXE) {
+            self.state = State::Sent;
+            self.lost = 0;
+            self.bring_up.works();
+            self.counters.sent = self.counters.sent.wrapping_add(1);
+            return Step::Event(PollerEvent::Sent);
+        }
+        if last {
+            return self.fault(Fault::NoTransmitEnd);
+        }
+        self.idle_irqs += 1;
+        if self.idle_irqs >= IDLE_IRQS {
+            return self.fault(Fault::IrqStuck);
+        }
+        self.state = State::OnAir;
+        self.wait()
     }
 }
+
+/// The auxiliary display.
+const DISPLAY_READ: Short = Short::new([command::READ | reg::AUXILIARY_DISPLAY, 0]);

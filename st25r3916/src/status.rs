@@ -1,0 +1,83 @@
+//! The one read that tells everything: interrupts and FIFO level in a single transfer.
+//!
+//! Registers 0x19..=0x1F, auto-increment, eight bytes on the wire: the last mask register, the four
+//! interrupt registers (which reading clears), the two FIFO status registers. Reading them together
+//! saves two transfers per interrupt and pairs the interrupts with a FIFO level that is never older
+//! than they are. The mask register is read along because it costs one byte and is the witness that
+//! the chip still has its configuration: this driver keeps it at 0xFF and a reset makes it 0x00.
+
+use crate::command;
+use crate::machine::{Fault, Short};
+use crate::register as reg;
+
+/// The read itself.
+pub(crate) const STATUS_READ: Short = Short::new([command::READ | reg::IRQ_MASK_TARGET, 0, 0, 0, 0, 0, 0, 0]);
+
+/// What it says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Status {
+    pub(crate) main: u8,
+    pub(crate) timer: u8,
+    pub(crate) error: u8,
+    pub(crate) target: u8,
+    /// Bytes in the FIFO.
+    pub(crate) count: u16,
+    /// FIFO status 2 without the count.
+    pub(crate) fifo: u8,
+}
+
+impl Status {
+    /// Reads the response to [`STATUS_READ`].
+    ///
+    /// # Errors
+    /// [`Fault::Bus`] where no chip answers so (wrong length, or a FIFO level beyond the FIFO, as a
+    /// line stuck high shows); [`Fault::Reset`] where the mask register is not as set.
+    pub(crate) fn parse(response: &[u8]) -> Result<Self, Fault> {
+        let &[_, mask, main, timer, error, target, low, high] = response else {
+            return Err(Fault::Bus);
+        };
+        if mask != reg::IRQ_MASK_TARGET_ALL {
+            return Err(Fault::Reset);
+        }
+        let count = u16::from(high & 0xC0) << 2 | u16::from(low);
+        if count > reg::FIFO_SIZE {
+            return Err(Fault::Bus);
+        }
+        Ok(Self { main, timer, error, target, count, fifo: high & 0x3F })
+    }
+
+    pub(crate) const fn is_set(self, main: u8) -> bool {
+        self.main & main != 0
+    }
+
+    /// No interrupt at all.
+    pub(crate) const fn is_quiet(self) -> bool {
+        self.main | self.timer | self.error | self.target == 0
+    }
+
+    /// The FIFO ran dry or over.
+    pub(crate) const fn flow_error(self) -> bool {
+        self.fifo & (reg::FIFO_UNDERFLOW | reg::FIFO_OVERFLOW) != 0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_status_is_read_bit_by_bit() {
+        let status = Status::parse(&[0, 0xFF, 0x30, 0x18, 0x80, 0, 0xF7, 0x50]).unwrap();
+        assert_eq!(status.count, 0x1F7);
+        assert!(status.is_set(reg::IRQ_RXS) && status.is_set(reg::IRQ_RXE) && !status.is_set(reg::IRQ_TXE));
+        assert!(status.flow_error() && !status.is_quiet());
+        assert_eq!(status.fifo, reg::FIFO_OVERFLOW);
+    }
+
+    #[test]
+    fn a_dead_line_and_a_reset_chip_are_told_apart() {
+        assert_eq!(Status::parse(&[0xFF; 8]), Err(Fault::Bus));
+        assert_eq!(Status::parse(&[0x00; 8]), Err(Fault::Reset));
+        assert_eq!(Status::parse(&[0xFF; 7]), Err(Fault::Bus));
+    }
+}
