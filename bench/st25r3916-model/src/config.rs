@@ -1,40 +1,111 @@
-//! What can differ between two boards that carry the chip.
+//! What can differ between two boards that carry the chip, and where the documents leave the silicon's behaviour open.
 
 /// Which of the two parts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Variant {
-    /// ST25R3916, identity 0x2A.
+    /// ST25R3916 (DS12484): identity 0x2A, capacitive sensor, no RC calibration.
     St25r3916,
-    /// ST25R3916B, identity 0x31.
+    /// ST25R3916B (DS13541): identity 0x31, active wave shaping with RC calibration (EA).
     St25r3916b,
 }
 
-/// A chip and what surrounds it.
+/// What the chip makes of a frame that breaks off: a length byte that promises more than comes, or a lost field.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BrokenFrame {
+    /// I_rxe comes with I_err1 (and I_crc unless no_crc_rx): the framing logic notices the missing bits.
+    EndsWithError,
+    /// I_rxe never comes, and the receiver hangs until D1: seen on real parts by several drivers.
+    NeverEnds,
+}
+
+/// A chip and what surrounds it. The default is an ST25R3916B on a 3.3 V supply with a perfect crystal.
+///
+/// Three kinds of values: which part and board; switches where the documents contradict themselves or each other; and the
+/// *individual* - latencies and converter results that no document gives and that were measured on one ST25R3916 at 5.2 V. The
+/// individual's defaults are those measurements, except where the field says "assumed".
 #[derive(Clone, Debug, PartialEq)]
 pub struct Config {
     /// The part.
     pub variant: Variant,
-    /// Whether DB (clear FIFO) clears the interrupt registers too.
-    pub db_clears_irqs: bool,
-    /// Whether C4/C5 raise I_txe when the receiver is off (rx_en = 0).
-    pub txe_with_rx_off: bool,
-    /// Supply voltage, mV.
+    /// Supply voltage, mV. Decides what Measure power supply (DF) finds and whether sup3V suits.
     pub vdd_mv: u16,
-    /// Time from `en` to a stable oscillator, ns.
-    pub oscillator_startup_ns: u64,
-    /// Error of the 27.12 MHz crystal, parts per billion, positive is fast.
+    /// Error of the 27.12 MHz crystal, parts per billion, positive is fast; beyond ±1 000 000 it is taken as that bound.
     pub crystal_ppb: i64,
+    /// Time from `en` to a stable oscillator, ns (data sheet: typically 0.7 ms).
+    pub oscillator_startup_ns: u64,
+
+    /// Whether DB (clear FIFO) clears the interrupt registers too: the data sheet says both.
+    pub db_clears_irqs: bool,
+    /// Whether a transmission that ends with the receiver off (`rx_en` = 0) raises I_txe: implied by the data sheet, not observed.
+    pub txe_with_rx_off: bool,
+    /// Whether a target must be unmasked (D1) before its first frame and after each: true is the cautious reading.
+    pub target_rearms_by_command: bool,
+    /// What happens to a frame that breaks off.
+    pub broken_frame: BrokenFrame,
+
+    /// Individual: from the end of the command byte to the start of the frame on the air, ns.
+    pub transmit_latency_ns: u64,
+    /// Individual: from the field's switch-on to I_apon, ns.
+    pub field_on_latency_ns: u64,
+    /// Individual: how much longer than its setting the no-response timer runs, ns.
+    pub no_response_extra_ns: u64,
+    /// Individual: NFC-A answer, from the end of its start of communication to I_rxs, ns.
+    pub nfc_a_start_latency_ns: u64,
+    /// Individual: NFC-A answer, from the end of a byte to the byte in the FIFO, and from the end of the frame to I_rxe, ns.
+    pub nfc_a_latency_ns: u64,
+    /// Individual, assumed (two bits at 424 kbit/s): NFC-F, from the end of the sync to I_rxs, from the end of a byte to the byte in the
+    /// FIFO, and from the end of the frame to I_rxe, ns.
+    pub nfc_f_latency_ns: u64,
+    /// Individual, assumed: from a change of the external field to the detector's output, ns.
+    pub field_detect_ns: u64,
+
+    /// Individual: duration of Adjust regulators (D6), ns (data sheet: at most 5 ms; 3 ms assumed).
+    pub adjust_regulators_ns: u64,
+    /// Individual: duration of the RC calibration (EA), ns (1 ms assumed).
+    pub rc_calibration_ns: u64,
+    /// Duration of the measurement commands D3, D8, D9 and DF, ns (data sheet: 25 µs).
+    pub measurement_ns: u64,
+    /// Individual: regulator display (B2C) after D6.
+    pub regulator_display: u8,
+    /// Individual: TX driver timing display (B2B).
+    pub driver_timing_display: u8,
+    /// Individual: RC calibration display (B39) after EA.
+    pub rc_calibration_display: u8,
+    /// Individual: what Measure amplitude (D3) finds, A/D steps.
+    pub amplitude: u8,
+    /// Individual: what Measure phase (D9) finds, A/D steps.
+    pub phase: u8,
+    /// Individual: regulated supplies as DF finds them: VDD_A, VDD_D, VDD_RF, VDD_AM, mV.
+    pub regulated_mv: [u16; 4],
 }
 
 impl Default for Config {
     fn default() -> Self {
         Self {
             variant: Variant::St25r3916b,
+            vdd_mv: 3300,
+            crystal_ppb: 0,
+            oscillator_startup_ns: 700_000,
             db_clears_irqs: true,
             txe_with_rx_off: true,
-            vdd_mv: 3300,
-            oscillator_startup_ns: 700_000,
-            crystal_ppb: 0,
+            target_rearms_by_command: true,
+            broken_frame: BrokenFrame::EndsWithError,
+            transmit_latency_ns: 2_500,
+            field_on_latency_ns: 2_400,
+            no_response_extra_ns: 2_300,
+            nfc_a_start_latency_ns: 48_900,
+            nfc_a_latency_ns: 17_400,
+            nfc_f_latency_ns: 4_720,
+            field_detect_ns: 10_000,
+            adjust_regulators_ns: 3_000_000,
+            rc_calibration_ns: 1_000_000,
+            measurement_ns: 25_000,
+            regulator_display: 0xE0,
+            driver_timing_display: 0x04,
+            rc_calibration_display: 0x80,
+            amplitude: 0x80,
+            phase: 0x80,
+            regulated_mv: [3_000, 3_000, 3_000, 2_700],
         }
     }
 }

@@ -1,12 +1,55 @@
-//! A behavioural model of the ST25R3916 and ST25R3916B: SPI bytes in and out, the IRQ pin's level, the air, virtual time.
+//! A behavioural model of the ST25R3916 (DS12484) and ST25R3916B (DS13541): SPI bytes with chip select, the IRQ pin, the air, virtual time.
+//!
+//! The model needs no microcontroller. A bench gives it bytes and instants and looks at a pin; two of them face each other through
+//! [`Air`]. It behaves as the data sheet says, also when misused, and says so: whatever it does not model, and whatever the data sheet does
+//! not allow, is in [`Chip::reports`] with its first instant and count, never silently zero. Where the documents are silent or contradict
+//! themselves there is a switch or a measured value in [`Config`]; two recordings of silicon are replayed against it by this crate's tests.
+//!
+//! # Driving it
+//!
+//! Time is `u64` nanoseconds and does not go back. Before looking at [`Chip::irq`] at an instant, [`advance`](Chip::advance) to it; to sleep, sleep
+//! until [`next_event`](Chip::next_event). [`Chip::transfer`] is one byte, called with the instant of its last clock: register values and FIFO bytes
+//! are taken at the end of the byte before, as on silicon, and take effect at the end of their own. Between events a chip costs nothing,
+//! and a byte costs a few nanoseconds and no allocation; a frame allocates a few times.
+//!
+//! Two chips may be advanced alternately in steps of up to a microsecond: an air event that lies a little behind the hearer's time keeps its
+//! own instant for the arithmetic of its bits, and receiver latencies (several microseconds) cover the difference.
+//!
+//! ```
+//! use st25r3916_model::{Chip, Config};
+//!
+//! let mut chip = Chip::new(Config::default());
+//! let mut exchange = |now, bytes: &[u8]| {
+//!     chip.select(now);
+//!     let miso: Vec<u8> = bytes.iter().map(|&b| chip.transfer(now, b)).collect();
+//!     chip.deselect(now);
+//!     miso
+//! };
+//! assert_eq!(exchange(0, &[0x7F, 0]), [0, 0x31]); // identity: ST25R3916B
+//! exchange(1_000, &[0x02, 0x80]); // oscillator on
+//! assert_eq!(chip.next_event(), Some(701_000));
+//! chip.advance(701_000);
+//! assert!(chip.irq()); // I_osc
+//! ```
+//!
+//! # Modules
+//!
+//! Each opens with what it covers, by data sheet section, and what it leaves out and why: `chip` (power, oscillator, registers, interrupts,
+//! timers, commands), `spi`, `radio` (frames and the FIFO), `registers` (map and reset values), `air`.
 #![forbid(unsafe_code)]
 
 mod air;
 mod chip;
+mod clock;
 mod config;
+mod crc;
+mod fifo;
+mod radio;
+mod registers;
 mod report;
+mod spi;
 
 pub use air::{Air, AirEvent, Chunk, Counters, Faults, FrameStart, LastFrame, Technology};
-pub use chip::Chip;
-pub use config::{Config, Variant};
-pub use report::{Kind, Report};
+pub use chip::{Chip, Statistics};
+pub use config::{BrokenFrame, Config, Variant};
+pub use report::{Kind, Report, Space};

@@ -1,0 +1,62 @@
+//! The 512-byte FIFO (DS13541 4.2.6): one ring for both directions, with sticky underflow and overflow flags.
+
+/// Bytes the FIFO holds.
+pub(crate) const CAPACITY: usize = 512;
+
+#[derive(Clone, Debug)]
+pub(crate) struct Fifo {
+    ring: [u8; CAPACITY],
+    head: usize,
+    len: usize,
+    /// fifo_unf (1F, bit 5).
+    pub(crate) underflow: bool,
+    /// fifo_ovr (1F, bit 4).
+    pub(crate) overflow: bool,
+    /// fifo_lb (1F, bits 3:1): bits in the last byte, 0 when it is whole.
+    pub(crate) last_bits: u8,
+}
+
+impl Fifo {
+    pub(crate) fn new() -> Self {
+        Self { ring: [0; CAPACITY], head: 0, len: 0, underflow: false, overflow: false, last_bits: 0 }
+    }
+
+    pub(crate) fn clear(&mut self) {
+        self.head = 0;
+        self.len = 0;
+        self.clear_flags();
+    }
+
+    pub(crate) fn clear_flags(&mut self) {
+        self.underflow = false;
+        self.overflow = false;
+        self.last_bits = 0;
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.len
+    }
+
+    /// The `i`th byte from the front.
+    pub(crate) fn peek(&self, i: usize) -> Option<u8> {
+        (i < self.len).then(|| self.ring[(self.head + i) % CAPACITY])
+    }
+
+    /// False, and the overflow flag, when there is no room.
+    pub(crate) fn push(&mut self, byte: u8) -> bool {
+        if self.len == CAPACITY {
+            self.overflow = true;
+            return false;
+        }
+        self.ring[(self.head + self.len) % CAPACITY] = byte;
+        self.len += 1;
+        true
+    }
+
+    /// Drops up to `n` bytes from the front.
+    pub(crate) fn drop_front(&mut self, n: usize) {
+        let n = n.min(self.len);
+        self.head = (self.head + n) % CAPACITY;
+        self.len -= n;
+    }
+}

@@ -1,0 +1,109 @@
+//! The register map: what exists, what can be written, what it is after reset, how far it is modelled.
+//!
+//! | covered | DS13541 |
+//! |---|---|
+//! | spaces A and B, addresses, writable bits, reset values | 4.5 Registers, tables of spaces A and B |
+//!
+//! | left out | why |
+//! |---|---|
+//! | what analog registers do to the radio (0B–0E, 26–2B, B0B–B0D, B0F, B28–B2A, B2E–B38) | the air is digital here; they are stored and read back |
+//! | stream mode, EMD suppression, wake-up by amplitude or phase, PPON2, capacitive sensor | the link uses none; a write of another value than reset is reported |
+//!
+//! Reset values are the data sheet's; where a recording of silicon after a bring-up that does not write a register shows one (0B, 0C,
+//! 0D, 0F, 15, 28, B0B, B0C, B29), it is that. Those of 26, 27, 29–2B, B05, B28 and B2A are as public drivers imply and influence nothing here
+//! but the load modulator (B28), whose reset connects it: the cautious assumption for a listener that must not answer.
+
+use crate::Variant;
+use crate::report::Space;
+
+/// How far a register is modelled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Class {
+    /// Its function is modelled, or it is analog and has none here: stored.
+    Stored,
+    /// A result or a status: writes have no effect.
+    ReadOnly,
+    /// Digital function that is not modelled: stored, and reported when it differs from reset.
+    Unmodelled,
+    /// Not in this part.
+    Absent,
+}
+
+/// Space A after power-up.
+pub(crate) const RESET_A: [u8; 64] = {
+    let mut r = [0u8; 64];
+    r[0x03] = 0x08;
+    r[0x0B] = 0x08;
+    r[0x0C] = 0x2D;
+    r[0x0D] = 0xD8;
+    r[0x0F] = 0x0C;
+    r[0x15] = 0x80;
+    r[0x26] = 0x80;
+    r[0x27] = 0x80;
+    r[0x28] = 0x70;
+    r[0x29] = 0x60;
+    r[0x2A] = 0x13;
+    r[0x2B] = 0x02;
+    r
+};
+
+/// Space B after power-up.
+pub(crate) const RESET_B: [u8; 64] = {
+    let mut r = [0u8; 64];
+    r[0x0B] = 0x0C;
+    r[0x0C] = 0x93;
+    r[0x15] = 0x33;
+    r[0x28] = 0x10;
+    r[0x29] = 0x7C;
+    r[0x2A] = 0x80;
+    r
+};
+
+/// The reset value of a register.
+pub(crate) fn reset(space: Space, address: u8) -> u8 {
+    let i = usize::from(address & 0x3F);
+    match space {
+        Space::A => RESET_A[i],
+        Space::B => RESET_B[i],
+        Space::Test => 0,
+    }
+}
+
+/// Bits that exist; the others read 0.
+pub(crate) fn writable(space: Space, address: u8) -> u8 {
+    match (space, address) {
+        (Space::A, 0x01) => 0xFC,
+        (Space::A, 0x04) => 0x33,
+        // Recorded: FF written reads back FB; bit 2 is reserved.
+        (Space::A, 0x19) => 0xFB,
+        (Space::A, 0x12) => 0xEF,
+        _ => 0xFF,
+    }
+}
+
+/// How far a register is modelled in this part.
+pub(crate) fn class(variant: Variant, space: Space, address: u8) -> Class {
+    match space {
+        Space::A => match address {
+            0x1A..=0x21 | 0x24 | 0x25 | 0x2D | 0x2E | 0x31 | 0x35 | 0x36 | 0x39 | 0x3A | 0x3F => Class::ReadOnly,
+            0x30 | 0x3D | 0x3E if variant == Variant::St25r3916 => Class::ReadOnly,
+            0x2F | 0x3B | 0x3C if variant == Variant::St25r3916 => Class::Unmodelled,
+            0x2F | 0x30 | 0x3B..=0x3E => Class::Absent,
+            0x06 | 0x09 | 0x15 | 0x33 | 0x34 | 0x37 | 0x38 => Class::Unmodelled,
+            _ => Class::Stored,
+        },
+        Space::B => match address {
+            0x05 | 0x06 => Class::Unmodelled,
+            0x0B..=0x0D | 0x0F | 0x15 | 0x28..=0x2A | 0x30..=0x33 => Class::Stored,
+            0x2B | 0x2C => Class::ReadOnly,
+            0x39 if variant == Variant::St25r3916b => Class::ReadOnly,
+            0x2E | 0x2F | 0x34..=0x38 if variant == Variant::St25r3916b => Class::Stored,
+            _ => Class::Absent,
+        },
+        // Test register 04 (overheat protection off) belongs to the bring-up of the ST25R3916.
+        Space::Test => match address {
+            0x04 => Class::Stored,
+            _ => Class::Unmodelled,
+        },
+    }
+}
