@@ -1,0 +1,157 @@
+//! Framing of the radio link from the flight controller to the base station.
+//!
+//! The link is a byte stream that may lose and damage bytes. A profile travels as it is, in consistent overhead byte stuffing (COBS:
+//! Cheshire and Baker, *Consistent Overhead Byte Stuffing*, IEEE/ACM Transactions on Networking 7(2), 1999), ended by a zero byte:
+//! the encoded bytes contain no zero, so a receiver is in step again at the next one, whatever happened before. There is no
+//! checksum here: the objects carry theirs (black channel).
+
+/// Ends each frame, and occurs nowhere else.
+pub const DELIMITER: u8 = 0;
+
+/// The most bytes that one code byte covers.
+const RUN_MAX: usize = 254;
+
+/// Appends `payload` as a frame to `line`.
+pub fn encode(payload: &[u8], line: &mut Vec<u8>) {
+    let mut code_at = line.len();
+    line.push(1);
+    for (index, byte) in payload.iter().enumerate() {
+        if *byte == DELIMITER {
+            code_at = line.len();
+            line.push(1);
+            continue;
+        }
+        line.push(*byte);
+        line[code_at] += 1;
+        // A full run is followed by another code byte, unless the frame ends with it.
+        if usize::from(line[code_at]) == RUN_MAX + 1 && index + 1 < payload.len() {
+            code_at = line.len();
+            line.push(1);
+        }
+    }
+    line.push(DELIMITER);
+}
+
+/// A frame that is not one: cut off, or longer than a deframer takes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Damaged;
+
+/// Finds frames in a byte stream.
+#[derive(Debug, Clone)]
+pub struct Deframer {
+    /// Encoded bytes since the last delimiter.
+    held: Vec<u8>,
+    /// The most encoded bytes that a frame may have.
+    limit: usize,
+    overrun: bool,
+}
+
+impl Deframer {
+    /// A deframer for payloads of at most `longest` bytes. It never holds more than such a frame.
+    #[must_use]
+    pub fn new(longest: usize) -> Self {
+        Self { held: Vec::new(), limit: longest + longest / RUN_MAX + 1, overrun: false }
+    }
+
+    /// Takes the next byte of the stream; gives the frame that it ends, if it does. Delimiters in a row end nothing.
+    pub fn push(&mut self, byte: u8) -> Option<Result<Vec<u8>, Damaged>> {
+        if byte != DELIMITER {
+            if self.held.len() < self.limit {
+                self.held.push(byte);
+            } else {
+                self.overrun = true;
+            }
+            return None;
+        }
+        let overrun = core::mem::take(&mut self.overrun);
+        if self.held.is_empty() {
+            return None;
+        }
+        let frame = if overrun { Err(Damaged) } else { decode(&self.held).ok_or(Damaged) };
+        self.held.clear();
+        Some(frame)
+    }
+}
+
+/// The payload of an encoded frame without its delimiter; `None` if it ends within a run.
+fn decode(mut encoded: &[u8]) -> Option<Vec<u8>> {
+    let mut payload = Vec::with_capacity(encoded.len());
+    while let Some((code, rest)) = encoded.split_first() {
+        let run = usize::from(*code).checked_sub(1)?;
+        let (bytes, after) = rest.split_at_checked(run)?;
+        payload.extend(bytes);
+        encoded = after;
+        if run < RUN_MAX && !encoded.is_empty() {
+            payload.push(DELIMITER);
+        }
+    }
+    Some(payload)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn frames(deframer: &mut Deframer, line: &[u8]) -> Vec<Result<Vec<u8>, Damaged>> {
+        line.iter().filter_map(|byte| deframer.push(*byte)).collect()
+    }
+
+    #[test]
+    fn encoding_matches_the_published_examples() {
+        let run: Vec<u8> = (1..=255).collect();
+        let full = &run[..254];
+        let examples: [(&[u8], Vec<u8>); 7] = [
+            (&[0], vec![1, 1, 0]),
+            (&[0, 0], vec![1, 1, 1, 0]),
+            (&[0x11, 0x22, 0, 0x33], vec![3, 0x11, 0x22, 2, 0x33, 0]),
+            (&[0x11, 0, 0, 0], vec![2, 0x11, 1, 1, 1, 0]),
+            (full, [&[255], full, &[0]].concat()),
+            (&run, [&[255], full, &[2, 255, 0]].concat()),
+            (&[], vec![1, 0]),
+        ];
+        for (payload, encoded) in examples {
+            let mut line = Vec::new();
+            encode(payload, &mut line);
+            assert_eq!(line, encoded, "{payload:?}");
+        }
+    }
+
+    #[test]
+    fn every_length_and_pattern_of_zeros_comes_back() {
+        for length in 1..=800_usize {
+            for pattern in 0..4_usize {
+                let payload: Vec<u8> = (0..length)
+                    .map(|i| match pattern {
+                        0 => 0,
+                        1 => 0xff,
+                        2 => (i % 256) as u8,
+                        _ => u8::from((i * i + length) % 7 != 0),
+                    })
+                    .collect();
+                let mut line = Vec::new();
+                encode(&payload, &mut line);
+                assert_eq!(line.iter().filter(|byte| **byte == DELIMITER).count(), 1);
+                assert_eq!(frames(&mut Deframer::new(length), &line), [Ok(payload)], "{length} {pattern}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_receiver_is_in_step_again_after_the_next_delimiter() {
+        let mut line = Vec::new();
+        encode(&[1, 2, 0, 3, 4], &mut line);
+        let whole = line.clone();
+        // Starts in the middle, loses a byte, and is flooded.
+        let mut stream = whole[4..].to_vec();
+        stream.extend(&whole[..3]);
+        stream.extend(&whole[4..]);
+        stream.extend([7; 100]);
+        stream.push(DELIMITER);
+        stream.extend([DELIMITER; 3]);
+        stream.extend(&whole);
+        let found = frames(&mut Deframer::new(5), &stream);
+        assert_eq!(found.last(), Some(&Ok(vec![1, 2, 0, 3, 4])));
+        assert_eq!(found.iter().filter(|frame| frame.is_ok()).count(), 1, "{found:?}");
+        assert_eq!(found.len(), 4);
+    }
+}
