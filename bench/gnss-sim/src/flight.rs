@@ -2,26 +2,29 @@
 //!
 //! # Design
 //!
-//! Three scalar plans describe the flight: height above the start, ground speed, and course. Each is a chain of quintic ramps
-//! (the minimum-jerk polynomial), constant in between, so every plan and its first two derivatives are continuous. The
-//! aircraft flies the way it points (yaw = course). From the plans follow, without any filter or simulation step,
+//! Three scalar plans describe the flight: height above the start, ground speed, and course. Each is a chain of quintic
+//! ramps (the minimum-jerk polynomial), constant in between, so every plan and its first two derivatives are
+//! continuous. The aircraft flies the way it points (yaw = course). From the plans follow, without any filter or
+//! simulation step,
 //!
 //! - velocity: speed along the course, and the height's first derivative;
-//! - acceleration: speed's derivative along the course, speed × turn rate across it, and the height's second derivative;
-//! - attitude: a rotorcraft can only push along its own vertical axis, so that axis points along the force it needs, which is
-//!   mass × (acceleration − gravity) plus drag. Pitch is negative (nose down) while it speeds up or cruises
+//! - acceleration: speed's derivative along the course, speed × turn rate across it, and the height's second
+//!   derivative;
+//! - attitude: a rotorcraft can only push along its own vertical axis, so that axis points along the force it needs,
+//!   which is mass × (acceleration − gravity) plus drag. Pitch is negative (nose down) while it speeds up or cruises
 //!   against drag, roll is positive (right side down) in a right turn.
 //!
-//! Position is the integral of velocity, taken by five-point Gauss-Legendre quadrature: sums over a fixed grid are made when the
-//! flight is planned, so any instant costs the same. The result is a pure function of time and seed.
+//! Position is the integral of velocity, taken by five-point Gauss-Legendre quadrature: sums over a fixed grid are made
+//! when the flight is planned, so any instant costs the same. The result is a pure function of time and seed.
 //!
 //! # How long a flight is
 //!
-//! A flight is planned to fill the duration it is given, all its phases included, so that a run of 10 s shows a take-off
-//! and a landing as well as one of ten minutes does. A short one is a low and slow hop (speed and height are what the
-//! acceleration limits leave of the time); a long one climbs to [`HEIGHT_MAX`], cruises at [`SPEED_MAX`] and flies more legs, which
-//! bend round so that the aircraft stays within a few kilometres. Less than [`SHORTEST`] is planned as that, and the run
-//! sees the beginning. Before its first instant and after its last one the aircraft stands still on the ground.
+//! A flight is planned to fill the duration it is given, all its phases included, so that a run of 10 s shows a
+//! take-off and a landing as well as one of ten minutes does. A short one is a low and slow hop (speed and height are
+//! what the acceleration limits leave of the time); a long one climbs to [`HEIGHT_MAX`], cruises at [`SPEED_MAX`] and
+//! flies more legs, which bend round so that the aircraft stays within a few kilometres. Less than [`SHORTEST`] is
+//! planned as that, and the run sees the beginning. Before its first instant and after its last one the aircraft stands
+//! still on the ground.
 
 use core::f64::consts::{PI, TAU};
 
@@ -165,18 +168,19 @@ impl Flight {
         speed.ramp(climbed, acceleration, speed_reached);
         speed.ramp(brake, braking, -speed_reached);
 
-        // Legs of 6 to 12 s, each ending in a turn: a wide one, then a narrow one back, and so on. Two legs turn the aircraft by
-        // 72° on average, ten by 720°: the path closes.
+        // Legs of about 15 s, each ending in a turn: a wide one, then a narrow one back, and so on. On a long flight two
+        // legs turn the aircraft by 45° on average, so after sixteen the path has closed; on a short one both turns are
+        // what the acceleration limit leaves, an S.
         let mut course = Plan::starting_at(draw(-PI, PI));
         let side = if draw(0.0, 1.0) < 0.5 { -1.0 } else { 1.0 };
-        let legs = (cruise / 9.0).ceil().max(2.0);
+        let legs = (cruise / 15.0).ceil().max(2.0);
         let leg = cruise / legs;
         let mut at = cruising;
-        // The number of legs is at most LONGEST / 9, an exact small integer.
+        // The number of legs is at most LONGEST / 15, an exact small integer.
         for number in 0..legs as u32 {
             let straight = leg * draw(0.25, 0.4);
             let turn = leg - straight;
-            let wanted = if number % 2 == 0 { draw(80.0, 120.0) } else { -draw(20.0, 36.0) };
+            let wanted = if number % 2 == 0 { draw(54.0, 72.0) } else { -draw(12.0, 24.0) };
             // Lateral acceleration is speed × turn rate.
             let possible = ACCELERATION_MAX * turn / (RAMP_SLOPE * speed_reached);
             let angle = wanted.to_radians().clamp(-possible, possible);
@@ -315,7 +319,8 @@ struct Pose {
 }
 
 impl Pose {
-    /// The acceleration, turned from the level frame into the body frame: pitch about the right axis, then roll about the front one.
+    /// The acceleration, turned from the level frame into the body frame: pitch about the right axis, then roll about
+    /// the front one.
     fn body_acceleration(&self) -> [f64; 3] {
         let [x, y, z] = self.acceleration;
         let (sr, cr) = (sin(self.roll), cos(self.roll));
@@ -325,7 +330,8 @@ impl Pose {
     }
 }
 
-/// Largest change that a quintic ramp of `duration` can make within a limit on its first and one on its second derivative.
+/// Largest change that a quintic ramp of `duration` can make within a limit on its first and one on its second
+/// derivative.
 fn ramp_limit(duration: f64, slope: f64, curve: f64) -> f64 {
     (slope * duration / RAMP_SLOPE).min(curve * duration * duration / RAMP_CURVE)
 }

@@ -41,8 +41,9 @@ impl Geodetic {
 
     /// The position at earth-centred, earth-fixed coordinates in m.
     ///
-    /// Fixed-point iteration on the latitude. Each round gains a factor of e² ≈ 1/150, so eight rounds reach the resolution of
-    /// the float64 anywhere from the ground to the stratosphere. Not for points within kilometres of the earth's axis.
+    /// Fixed-point iteration on the latitude. Each round gains a factor of e² ≈ 1/150, so eight rounds reach the
+    /// resolution of the float64 anywhere from the ground to the stratosphere. Not for points within kilometres of the
+    /// earth's axis.
     #[must_use]
     pub fn from_ecef([x, y, z]: [f64; 3]) -> Self {
         let p = sqrt(x * x + y * y);

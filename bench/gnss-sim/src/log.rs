@@ -2,27 +2,30 @@
 //!
 //! # What is played
 //!
-//! Exactly the bytes of the file, all of them, in their order: UBX, NMEA, RTCM, damaged messages and noise alike. The log
-//! is read only to find out *when* its bytes were sent.
+//! Exactly the bytes of the file, all of them, in their order: UBX, NMEA, RTCM, damaged messages and noise alike. The
+//! log is read only to find out *when* its bytes were sent.
 //!
 //! # When it is played
 //!
-//! A receiver sends one burst per navigation epoch, and every UBX NAV message tells its epoch (`iTOW`, GPS time of week in ms). The
-//! file is cut where a message opens a new epoch, and each piece is sent as far after the one before it as their `iTOW` lie apart:
+//! A receiver sends one burst per navigation epoch, and every UBX NAV message tells its epoch (`iTOW`, GPS time of week
+//! in ms). The file is cut where a message opens a new epoch, and each piece is sent as far after the one before it as
+//! their `iTOW` lie apart:
 //!
 //! - [`FIRST_BURST_NS`] after reset: what precedes the first epoch, at once, and behind it the first epoch.
-//! - A NAV message with a right checksum whose `iTOW` is ahead of the current epoch's opens the next epoch. The week's roll-over is
-//!   a step like any other. A step longer than [`GAP_MAX_MS`] (tunnel, recording resumed) is cut down to that.
-//! - A NAV-PVT whose `iTOW` is *not* ahead (a receiver that does not know the time, or logs put together) opens an epoch as
-//!   well, [`PERIOD_WITHOUT_TIME_MS`] after the one before. Other late messages belong to the epoch that they arrive in.
+//! - A NAV message with a right checksum whose `iTOW` is ahead of the current epoch's opens the next epoch. The week's
+//!   roll-over is a step like any other. A step longer than [`GAP_MAX_MS`] (tunnel, recording resumed) is cut down to
+//!   that.
+//! - A NAV-PVT whose `iTOW` is *not* ahead (a receiver that does not know the time, or logs put together) opens an
+//!   epoch as well, [`PERIOD_WITHOUT_TIME_MS`] after the one before. Other late messages belong to the epoch that they
+//!   arrive in.
 //! - What is not a NAV message goes with the epoch before it.
 //! - A burst never starts before the one ahead of it has left the UART.
 //!
 //! # What it holds
 //!
-//! [`Log::positions`] lists the positions that a reader of the stream can take from it: NAV-PVT messages of 92 bytes (protocol version 15 and
-//! later) with a right checksum, `gnssFixOK` set, `invalidLlh` clear, and a fix that has a position. A log without any is refused
-//! when it is opened, with the reason.
+//! [`Log::positions`] lists the positions that a reader of the stream can take from it: NAV-PVT messages of 92 bytes
+//! (protocol version 15 and later) with a right checksum, `gnssFixOK` set, `invalidLlh` clear, and a fix that has a
+//! position. A log without any is refused when it is opened, with the reason.
 
 use std::fs::File;
 use std::io::{self, Read};
@@ -31,7 +34,8 @@ use std::path::{Path, PathBuf};
 
 use crate::ubx::{self, Frame, NavPvt, WEEK_MS};
 
-/// The first byte of a log, ns after reset: the firmware is listening by then, so no position of the log is lost to its start-up.
+/// The first byte of a log, ns after reset: the firmware is listening by then, so no position of the log is lost to its
+/// start-up.
 pub const FIRST_BURST_NS: u64 = 100_000_000;
 
 /// Longest pause between two epochs, ms.
@@ -114,8 +118,8 @@ pub struct RecordedPosition {
 impl RecordedPosition {
     /// Longitude, degrees: the float64 nearest to the decimal number that the message states.
     ///
-    /// The quotient, not the product with 1e-7: division of two exactly represented numbers is correctly rounded, 1e-7 itself is
-    /// not exact. This defines the value to its last bit.
+    /// The quotient, not the product with 1e-7: division of two exactly represented numbers is correctly rounded, 1e-7
+    /// itself is not exact. This defines the value to its last bit.
     #[must_use]
     pub fn longitude(&self) -> f64 {
         f64::from(self.longitude_1e7) / 1e7
@@ -243,8 +247,8 @@ impl Log {
         &self.bytes
     }
 
-    /// When each burst is due (ns after reset) and what it consists of, in order. At least one; none is empty; together they are
-    /// [`Self::bytes`]. The UART may still be busy with the one before: the receiver sees to that.
+    /// When each burst is due (ns after reset) and what it consists of, in order. At least one; none is empty; together
+    /// they are [`Self::bytes`]. The UART may still be busy with the one before: the receiver sees to that.
     pub fn bursts(&self) -> impl ExactSizeIterator<Item = (u64, &[u8])> {
         self.bursts.iter().map(|(at, range)| (*at, &self.bytes[range.clone()]))
     }
@@ -305,8 +309,8 @@ impl Cutter {
     }
 }
 
-/// Length of the NMEA sentence with a right checksum that `bytes` start with: `$`, at most 255 printable characters (u-blox sends proprietary
-/// ones beyond the standard's 82), `*hh`, CR, LF.
+/// Length of the NMEA sentence with a right checksum that `bytes` start with: `$`, at most 255 printable characters
+/// (u-blox sends proprietary ones beyond the standard's 82), `*hh`, CR, LF.
 fn nmea_at_start_of(bytes: &[u8]) -> Option<usize> {
     const LONGEST: usize = 255;
     let body = bytes.strip_prefix(b"$")?;
@@ -320,7 +324,8 @@ fn nmea_at_start_of(bytes: &[u8]) -> Option<usize> {
     (told == u32::from(sum)).then_some(1 + star + 5)
 }
 
-/// Length of the RTCM 3 message with a right CRC that `bytes` start with (RTCM 10403: 0xD3, 6 zero bits, 10 bits of length, CRC-24Q).
+/// Length of the RTCM 3 message with a right CRC that `bytes` start with (RTCM 10403: 0xD3, 6 zero bits, 10 bits of
+/// length, CRC-24Q).
 fn rtcm_at_start_of(bytes: &[u8]) -> Option<usize> {
     // The catalogue knows CRC-24Q under LTE's name for it: poly 0x864CFB, init 0.
     const CRC_24Q: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_24_LTE_A);

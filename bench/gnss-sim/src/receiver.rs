@@ -2,21 +2,25 @@
 //!
 //! # Design
 //!
-//! A receiver is an iterator of [`Burst`]s, ordered in time: the bytes that it puts on its line without a gap, and when the first start bit
-//! falls. It computes a burst when asked for it and keeps nothing of the past, so a run of any length needs no memory. It knows its bit rate
-//! only to keep a burst from starting while the one before is still on the line.
+//! A receiver is an iterator of [`Burst`]s, ordered in time: the bytes that it puts on its line without a gap, and when
+//! the first start bit falls. It computes a burst when asked for it and keeps nothing of the past, so a run of any
+//! length needs no memory. It knows its bit rate only to keep a burst from starting while the one before is still on
+//! the line.
 //!
 //! # What a generated receiver gets wrong, as real ones do
 //!
-//! - It navigates at its own rate, on epochs that are multiples of its period in GPS time. Reset falls at a random point
-//!   of GPS time, so the receivers' epochs, though aligned with each other, are not aligned with the 10 ms cycle of HORUS.
-//! - Its clock is kept within ±0.5 ms of GPS time by steps of 1 ms, as u-blox receivers do it: it drifts, and jumps. The
-//!   solution belongs to the instant that the clock said was the epoch.
-//! - Its position is off by a bias that wanders (first-order Gauss-Markov, what satellite geometry and atmosphere leave) and by white noise; its
-//!   velocity, attitude and acceleration by white noise, the latter two also by a constant (how it is mounted).
+//! - It navigates at its own rate, on epochs that are multiples of its period in GPS time. Reset falls at a random
+//!   point of GPS time, so the receivers' epochs, though aligned with each other, are not aligned with the 10 ms cycle
+//!   of HORUS.
+//! - Its clock is kept within ±0.5 ms of GPS time by steps of 1 ms, as u-blox receivers do it: it drifts, and jumps.
+//!   The solution belongs to the instant that the clock said was the epoch.
+//! - Its position is off by a bias that wanders (first-order Gauss-Markov, what satellite geometry and atmosphere
+//!   leave) and by white noise; its velocity, attitude and acceleration by white noise, the latter two also by a
+//!   constant (how it is mounted).
 //! - The solution leaves the receiver a delay after its epoch (40 to 80 ms, by model), with jitter.
 //!
-//! Receivers of an odd number carry inertial sensors and send NAV-ATT, the first and fifth also ESF-INS; the others send NAV-PVT alone.
+//! Receivers of an odd number carry inertial sensors and send NAV-ATT, the first and fifth also ESF-INS; the others
+//! send NAV-PVT alone.
 
 use std::sync::Arc;
 
@@ -124,7 +128,8 @@ impl Model {
         },
     ];
 
-    /// The receiver in place `index`, counted from 1 as the objects GPS1 … GPS5 are; the sixth is like the first, and so on.
+    /// The receiver in place `index`, counted from 1 as the objects GPS1 … GPS5 are; the sixth is like the first, and
+    /// so on.
     #[must_use]
     pub fn fitted(index: usize) -> Self {
         Self::FITTED[index.wrapping_sub(1) % Self::FITTED.len()]

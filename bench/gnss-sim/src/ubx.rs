@@ -1,8 +1,9 @@
 //! UBX as u-blox receivers speak it: framing, and the three messages that HORUS reads.
 //!
-//! From the u-blox 8 / u-blox M8 receiver description including protocol specification (UBX-13003221), chapter UBX Protocol: frame
-//! structure, checksum, NAV-PVT, NAV-ATT and ESF-INS; the F9 interface descriptions agree on all of them. Fields are
-//! in the units of the wire, little-endian; the names are those of the specification in this language's spelling.
+//! From the u-blox 8 / u-blox M8 receiver description including protocol specification (UBX-13003221), chapter UBX
+//! Protocol: frame structure, checksum, NAV-PVT, NAV-ATT and ESF-INS; the F9 interface descriptions agree on all of
+//! them. Fields are in the units of the wire, little-endian; the names are those of the specification in this
+//! language's spelling.
 
 /// The two bytes that open a frame: 0xB5 and, in ISO 8859.1, a small b.
 pub const SYNC: [u8; 2] = [0xb5, 0x62];
@@ -81,8 +82,8 @@ impl<'a> Frame<'a> {
     #[must_use]
     pub fn itow_ms(&self) -> Option<u32> {
         let offset = match (self.class, self.id) {
-            // POSECEF, POSLLH, STATUS, DOP, ATT, SOL, PVT, VELECEF, VELNED, TIMEGPS, TIMEUTC, CLOCK, TIMEGLO, TIMEBDS, TIMEGAL,
-            // TIMELS, TIMEQZSS, NMI
+            // POSECEF, POSLLH, STATUS, DOP, ATT, SOL, PVT, VELECEF, VELNED, TIMEGPS, TIMEUTC, CLOCK, TIMEGLO, TIMEBDS,
+            // TIMEGAL, TIMELS, TIMEQZSS, NMI
             (CLASS_NAV, 0x01..=0x07 | 0x11 | 0x12 | 0x20..=0x28) => 0,
             // SVINFO, DGPS, SBAS, ORB, SAT, COV, GEOFENCE, EELL, SLAS, SIG, AOPSTATUS, EOE
             (CLASS_NAV, 0x30..=0x32 | 0x34..=0x36 | 0x39 | 0x3d | 0x42 | 0x43 | 0x60 | 0x61) => 0,

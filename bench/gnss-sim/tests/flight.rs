@@ -82,8 +82,8 @@ fn nothing_jumps() {
 
 #[test]
 fn the_rotors_push_along_the_body_axis() {
-    // Accelerometers read acceleration minus gravity. Without drag that is along the body's vertical axis alone; with it, the air pushes
-    // back along the way it flies.
+    // Accelerometers read acceleration minus gravity. Without drag that is along the body's vertical axis alone; with
+    // it, the air pushes back along the way it flies.
     let flight = Flight::new(5, 240.0);
     let mut tilted = 0;
     for t in instants(&flight) {
@@ -130,7 +130,7 @@ fn every_flight_has_all_its_phases_and_ends_on_the_ground() {
         assert!(fastest > 2.0 && highest > 2.0, "{seconds}: {fastest} m/s, {highest} m");
         let courses: Vec<_> =
             instants(&flight).filter(|t| flight.phase(*t) == Phase::Cruise).map(|t| flight.state(t).rates[2]).collect();
-        assert!(courses.iter().any(|r| *r > 0.1) && courses.iter().any(|r| *r < -0.1), "it turns both ways");
+        assert!(courses.iter().any(|r| *r > 0.03) && courses.iter().any(|r| *r < -0.03), "it turns both ways");
 
         let hover = instants(&flight).find(|t| flight.phase(*t) == Phase::Hover).map(|t| flight.state(t));
         assert!(hover.is_some_and(|s| length(&s.velocity) < 1e-9 && length(&s.acceleration) < 1e-9));
@@ -149,7 +149,7 @@ fn it_starts_where_it_should_and_stays_within_reach() {
     assert!((start.height - START.height).abs() < 1e-8);
     for t in instants(&flight) {
         let state = flight.state(t);
-        assert!(length(&state.ned[..2]) < 5_000.0, "{t} {state:?}");
+        assert!(length(&state.ned[..2]) < 3_000.0, "{t} {state:?}");
         let back = flight.plane().to_ned(state.position);
         assert!(difference(back, state.ned) < 1e-7);
     }

@@ -133,7 +133,8 @@ fn attitude_and_acceleration_are_the_flights() {
 #[test]
 fn delay_and_clock_phase_belong_to_the_receiver() {
     let flight = flight();
-    // All share the GPS time of the reset: the instant of iTOW zero, seen through each receiver, differs by delay and clock only.
+    // All share the GPS time of the reset: the instant of iTOW zero, seen through each receiver, differs by delay and
+    // clock only.
     let origin = |index: usize| -> Vec<f64> {
         let seen = read(&bursts(index, 4, &flight));
         seen.positions.iter().map(|p| p.4 as f64 / 1e6 - f64::from(p.0)).collect()

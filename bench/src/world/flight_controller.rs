@@ -2,21 +2,24 @@
 //!
 //! # Design
 //!
-//! An ordinary flight controller: once per control cycle (4 ms) it reads the DPR image in one SPI transaction, mode 0, 8 MHz, and goes
-//! on with whatever it got. Its crystal is its own, so its cycle drifts through that of the DPR and meets it in every phase.
+//! An ordinary flight controller: once per control cycle (4 ms) it reads the DPR image in one SPI transaction, mode 0,
+//! 8 MHz, and goes on with whatever it got. Its crystal is its own, so its cycle drifts through that of the DPR and
+//! meets it in every phase.
 //!
-//! It is driven, not driving: [`FlightController::act`] gives the next thing that it does on the wire and when, the bench does it to the
-//! SPI peripheral's model, and hands back what MISO showed with [`FlightController::miso`]. Chip select falls first; the first
-//! clock follows after the set-up time; the bytes follow each other without a gap; chip select rises after the hold time.
+//! It is driven, not driving: [`FlightController::act`] gives the next thing that it does on the wire and when, the
+//! bench does it to the SPI peripheral's model, and hands back what MISO showed with [`FlightController::miso`]. Chip
+//! select falls first; the first clock follows after the set-up time; the bytes follow each other without a gap; chip
+//! select rises after the hold time.
 //!
-//! What it has read it judges: see [`Outcome`]. A profile that it has not seen before goes to the base station, its bytes
-//! untouched ([`framing`]). Nothing else does.
+//! What it has read it judges: see [`Outcome`]. A profile that it has not seen before goes to the base station, its
+//! bytes untouched ([`framing`]). Nothing else does.
 //!
 //! # What counts as torn
 //!
-//! The DPR publishes an image per cycle, whole. So all valid objects in what one transaction read carry the same timestamp;
-//! if they do not, the image changed while it was read, or was published half-done. A place that holds only 0x00 or only 0xFF is not torn but
-//! vacant: that object was not received in that cycle, and its buffer is as the scrub left it.
+//! The DPR publishes an image per cycle, whole. So all valid objects in what one transaction read carry the same
+//! timestamp; if they do not, the image changed while it was read, or was published half-done. A place that holds only
+//! 0x00 or only 0xFF is not torn but vacant: that object was not received in that cycle, and its buffer is as the scrub
+//! left it.
 
 use std::collections::VecDeque;
 
@@ -44,8 +47,8 @@ pub struct Config {
     pub crystal_ppb: i64,
     /// A byte on the wire by its own clock, ns: 8 bits.
     pub byte_ns: u64,
-    /// From chip select falling to the first clock edge, ns. The nRF52840 needs 1000 while its high-frequency clock runs, and that
-    /// clock's start-up on top in low-power mode (PS v1.7, SPIS timing specifications).
+    /// From chip select falling to the first clock edge, ns. The nRF52840 needs 1000 while its high-frequency clock
+    /// runs, and that clock's start-up on top in low-power mode (PS v1.7, SPIS timing specifications).
     pub setup_ns: u64,
     /// From the last clock edge to chip select rising, ns. The nRF52840 needs 2000 (PS v1.7, SPIS timing
     /// specifications).
@@ -79,8 +82,9 @@ impl Config {
 pub enum Action {
     /// Chip select falls.
     Select,
-    /// Clocks a byte, most significant bit first, with these bits on MOSI. At the instant given, the first clock edge rises; the byte takes
-    /// [`Config::byte_ns`]. [`FlightController::miso`] must be told what came back before the next action.
+    /// Clocks a byte, most significant bit first, with these bits on MOSI. At the instant given, the first clock edge
+    /// rises; the byte takes [`Config::byte_ns`]. [`FlightController::miso`] must be told what came back before the
+    /// next action.
     Byte(u8),
     /// Chip select rises: the transaction is over.
     Deselect,
@@ -193,8 +197,8 @@ impl FlightController {
     ///
     /// # Panics
     ///
-    /// If there is no profile for so many receivers, or a transaction does not fit into the control cycle, or the crystal is
-    /// more than 1 % off: a bench set up so is wrong.
+    /// If there is no profile for so many receivers, or a transaction does not fit into the control cycle, or the
+    /// crystal is more than 1 % off: a bench set up so is wrong.
     #[must_use]
     pub fn new(config: Config) -> Self {
         assert!(matches!(config.receivers, 1 | 2 | 3 | MAX_RECEIVERS), "{} receivers", config.receivers);
@@ -219,12 +223,14 @@ impl FlightController {
         }
     }
 
-    /// Asks, in the next transaction that asks for nothing else yet, for a window of the image; the transaction after that reads just
-    /// that. One whose request met a busy DPR is repeated. Without a request every transaction reads the whole image.
+    /// Asks, in the next transaction that asks for nothing else yet, for a window of the image; the transaction after
+    /// that reads just that. One whose request met a busy DPR is repeated. Without a request every transaction reads
+    /// the whole image.
     ///
     /// # Panics
     ///
-    /// If the window is empty or longer than the image. One that lies outside of the image is sent as it is: the DPR has to refuse it.
+    /// If the window is empty or longer than the image. One that lies outside of the image is sent as it is: the DPR
+    /// has to refuse it.
     pub fn request(&mut self, window: Request) {
         assert!(
             (1..=self.config.image_len()).contains(&usize::from(window.length)),

@@ -1,9 +1,9 @@
 //! Framing of the radio link from the flight controller to the base station.
 //!
-//! The link is a byte stream that may lose and damage bytes. A profile travels as it is, in consistent overhead byte stuffing (COBS:
-//! Cheshire and Baker, *Consistent Overhead Byte Stuffing*, IEEE/ACM Transactions on Networking 7(2), 1999), ended by a zero byte:
-//! the encoded bytes contain no zero, so a receiver is in step again at the next one, whatever happened before. There is no
-//! checksum here: the objects carry theirs (black channel).
+//! The link is a byte stream that may lose and damage bytes. A profile travels as it is, in consistent overhead byte
+//! stuffing (COBS: Cheshire and Baker, *Consistent Overhead Byte Stuffing*, IEEE/ACM Transactions on Networking 7(2),
+//! 1999), ended by a zero byte: the encoded bytes contain no zero, so a receiver is in step again at the next one,
+//! whatever happened before. There is no checksum here: the objects carry theirs (black channel).
 
 /// Ends each frame, and occurs nowhere else.
 pub const DELIMITER: u8 = 0;
