@@ -1,1 +1,57 @@
-//! Firmware of the HORUS side: three GNSS receivers in, one NFC-F frame out every 10 ms
+//! The HORUS side of the link: what its firmware does, apart from the registers it does it with
+//!
+//! # Design
+//!
+//! Every 10 ms a hardware timer ticks. The tick is the *sample*: what the receivers have said by then
+//! is copied into the objects of a [`profile::Profile`], stamped with the tick's time, sealed with both
+//! CRCs, loaded into an ST25R3916 poller's FIFO by DMA, and sent at a fixed instant after the tick
+//! (paper, section 2.3). HORUS writes and never listens; nothing on the air is answered, so nothing is
+//! retried: a frame that is not ready in its slot is skipped and counted, and its successor comes 10 ms
+//! later (paper, section 2: operations that take constant time and either succeed or do not).
+//!
+//! This library holds every decision of that path as plain Rust that the host tests:
+//!
+//! | module | what it decides |
+//! |---|---|
+//! | [`receiver`] | bytes of one GNSS receiver → its latest solution, and how old each part of it may get |
+//! | [`cycle`] | solutions → the objects of one tick, their timestamps and their status bits |
+//! | [`transmitter`] | when the poller machine is given what, which slot a loaded frame belongs to |
+//! | [`ring`] | how many bytes a circular DMA transfer has delivered, and whether it lapped its reader |
+//! | [`timing`] | the slots of a cycle, each with its derivation, checked at compile time |
+//! | [`checkin`] | whether the watchdog may be fed |
+//! | [`telemetry`] | the counters that a debugger, or the bench, reads from RAM |
+//!
+//! The firmware itself (`main.rs`) is a table of interrupt tasks over this library, and `hw.rs` is the
+//! only file with `unsafe` in it.
+#![no_std]
+#![forbid(unsafe_code)]
+
+pub mod checkin;
+pub mod cycle;
+pub mod receiver;
+pub mod ring;
+pub mod telemetry;
+pub mod timing;
+pub mod transmitter;
+
+/// GNSS receivers fitted: 1 (no redundancy), 2 (1oo2), 3 (2oo3) or 5 (3oo5), by the cargo feature
+/// `gps-1`, `gps-2`, `gps-3` or `gps-5`.
+pub const RECEIVERS: usize = {
+    let chosen = cfg!(feature = "gps-1") as usize
+        + cfg!(feature = "gps-2") as usize
+        + cfg!(feature = "gps-3") as usize
+        + cfg!(feature = "gps-5") as usize;
+    assert!(chosen == 1, "choose exactly one of the features gps-1, gps-2, gps-3, gps-5");
+    if cfg!(feature = "gps-1") {
+        1
+    } else if cfg!(feature = "gps-2") {
+        2
+    } else if cfg!(feature = "gps-3") {
+        3
+    } else {
+        5
+    }
+};
+
+/// Air frames per cycle: 1, or 2 with five receivers.
+pub const FRAMES: usize = profile::air::frames(RECEIVERS);

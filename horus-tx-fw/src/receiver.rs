@@ -1,0 +1,342 @@
+//! One GNSS receiver: its bytes, and what they amount to
+//!
+//! # Design
+//!
+//! A receiver sends three UBX messages that matter here: NAV-PVT (position and fix), NAV-ATT (attitude)
+//! and ESF-INS (accelerations). The [`ublox`] crate finds and checks them in the byte stream; NMEA
+//! sentences, damaged messages and messages of other kinds on the same line are passed over and counted.
+//! What is kept is the latest of each, converted once, on arrival, so that the 10 ms cycle only copies.
+//!
+//! **To the last bit.** A latitude is `raw / 1e7`, one division of two exactly represented numbers, so
+//! it is the float64 nearest to what the receiver said. Multiplying by `1e-7`, itself rounded, is not.
+//!
+//! **Age.** A value is worth something only for a while. Each kind of message has its own period, which
+//! is learned from the receiver's time of week: the smaller of the last two steps, so that one lost
+//! message does not double it. A solution older than one and a half periods is *stale* (and says so); one older than
+//! three, two successors missing, is withdrawn. A message that repeats the time of week of the
+//! one before it renews nothing: a receiver that has frozen ages like one that is silent.
+//!
+//! **Bounded work.** One call takes at most [`BYTES_PER_CALL`] bytes, and the parser looks at no more than
+//! [`BUFFER`] bytes of an unfinished message beyond them.
+
+use core::f64::consts::PI;
+
+use ublox::{proto27::PacketRef, proto27::Proto27, FixedBuffer, Parser, ParserError, UbxPacket};
+
+use profile::{FixType, ABSENT_F32};
+
+/// The longest UBX message that can be taken in, bytes. NAV-PVT has 100; satellite lists are longer
+/// and not needed.
+pub const BUFFER: usize = 256;
+/// The most bytes one call of [`Receiver::receive`] takes.
+pub const BYTES_PER_CALL: usize = 64;
+/// A receiver counts as heard this long after an intact message, ms (design, status bit 7).
+pub const HEARD_MS: u32 = 250;
+
+/// The period a message kind is given before two of them have come, ms: u-blox' default rate.
+const DEFAULT_PERIOD_MS: u32 = 1_000;
+/// The shortest and the longest period that is believed, ms.
+const PERIOD_MS: core::ops::RangeInclusive<u32> = 20..=2_000;
+/// Added to every age limit, ms: the jitter of a receiver's output and one cycle of ours.
+const AGE_JITTER_MS: u32 = 20;
+/// Older than this, ms, a stamp is forgotten, long before the clock's wrap could make it look young.
+const FORGOTTEN_MS: u32 = 60_000;
+/// The time of week starts again here, ms.
+const WEEK_MS: u32 = 7 * 24 * 3_600 * 1_000;
+
+/// Bytes of a UBX message around its payload: two sync, class, identifier, two length, two checksum.
+const UBX_OVERHEAD: usize = 8;
+
+/// When something last happened, on a millisecond clock that wraps.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Stamp(Option<u32>);
+
+impl Stamp {
+    /// Whether it happened at most `limit` ms (below 2^31) before `now`, or after it: a message may
+    /// arrive between a tick and the moment its cycle looks.
+    #[must_use]
+    pub fn within(self, now: u32, limit: u32) -> bool {
+        self.0.is_some_and(|at| now.wrapping_sub(at) as i32 <= limit as i32)
+    }
+
+    fn set(&mut self, now: u32) {
+        self.0 = Some(now);
+    }
+
+    fn expire(&mut self, now: u32) {
+        if !self.within(now, FORGOTTEN_MS) {
+            self.0 = None;
+        }
+    }
+}
+
+/// When a kind of message last brought something new, and how often it does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Pace {
+    arrived: Stamp,
+    time_of_week: Option<u32>,
+    steps: [u32; 2],
+}
+
+impl Default for Pace {
+    fn default() -> Self {
+        Self { arrived: Stamp::default(), time_of_week: None, steps: [DEFAULT_PERIOD_MS; 2] }
+    }
+}
+
+impl Pace {
+    /// The message's period, ms.
+    #[must_use]
+    pub fn period(&self) -> u32 {
+        self.steps[0].min(self.steps[1])
+    }
+
+    /// Whether the last message is as young as its period allows.
+    #[must_use]
+    pub fn fresh(&self, now: u32) -> bool {
+        self.arrived.within(now, self.period() + self.period() / 2 + AGE_JITTER_MS)
+    }
+
+    /// Whether the last message is young enough to be passed on at all.
+    #[must_use]
+    pub fn usable(&self, now: u32) -> bool {
+        self.arrived.within(now, 3 * self.period() + AGE_JITTER_MS)
+    }
+
+    fn arrive(&mut self, time_of_week: u32, now: u32) {
+        if let Some(previous) = self.time_of_week {
+            if previous == time_of_week {
+                return;
+            }
+            let step = (time_of_week % WEEK_MS + WEEK_MS - previous % WEEK_MS) % WEEK_MS;
+            if PERIOD_MS.contains(&step) {
+                self.steps = [self.steps[1], step];
+            }
+        }
+        self.time_of_week = Some(time_of_week);
+        self.arrived.set(now);
+    }
+}
+
+/// Position, from NAV-PVT.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Position {
+    /// Its age.
+    pub pace: Pace,
+    /// What kind of fix; `None` for a code that UBX reserves, or before the first message.
+    pub fix: Option<FixType>,
+    /// Whether the receiver vouches for it: `gnssFixOK`, not `invalidLlh`, and a fix with a position.
+    pub valid: bool,
+    /// Degrees, WGS-84.
+    pub latitude: f64,
+    /// Degrees, WGS-84.
+    pub longitude: f64,
+    /// m above the WGS-84 ellipsoid.
+    pub altitude: f64,
+}
+
+/// Attitude, from NAV-ATT. An angle that the receiver does not give is NaN.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Attitude {
+    /// Its age.
+    pub pace: Pace,
+    /// Whether all three angles are given.
+    pub valid: bool,
+    /// rad, nose up positive.
+    pub pitch: f32,
+    /// rad from true north, clockwise.
+    pub yaw: f32,
+    /// rad, right side down positive.
+    pub roll: f32,
+}
+
+/// Accelerations, from ESF-INS. One that the receiver does not give is NaN.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Acceleration {
+    /// Its age.
+    pub pace: Pace,
+    /// Whether all three axes are given.
+    pub valid: bool,
+    /// m/s², vehicle frame front-right-down, gravity removed ("compensated").
+    pub axes: [f32; 3],
+}
+
+/// The latest that one receiver has said.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Solution {
+    /// When it last said anything intact.
+    pub heard: Stamp,
+    /// From NAV-PVT.
+    pub position: Position,
+    /// From NAV-ATT.
+    pub attitude: Attitude,
+    /// From ESF-INS.
+    pub acceleration: Acceleration,
+}
+
+/// What a line has carried so far. All counts wrap.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Bytes taken in.
+    pub bytes: u32,
+    /// Intact UBX messages of any kind.
+    pub messages: u32,
+    /// UBX messages with a wrong checksum.
+    pub damaged: u32,
+    /// UBX messages too long for the buffer, or of a shape that their kind does not have.
+    pub unusable: u32,
+    useful: u32,
+}
+
+impl Counts {
+    /// Bytes that belonged to no intact message of use: NMEA, noise, damage. An unfinished message
+    /// counts here until it is complete.
+    #[must_use]
+    pub const fn skipped(&self) -> u32 {
+        self.bytes.wrapping_sub(self.useful)
+    }
+}
+
+/// One receiver's line.
+pub struct Receiver {
+    parser: Parser<FixedBuffer<BUFFER>, Proto27>,
+    solution: Solution,
+    counts: Counts,
+}
+
+impl Default for Receiver {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Receiver {
+    /// A receiver that has not been heard.
+    #[must_use]
+    pub fn new() -> Self {
+        Self { parser: Parser::with_fixed_buffer(), solution: Solution::default(), counts: Counts::default() }
+    }
+
+    /// Takes up to [`BYTES_PER_CALL`] of `bytes`, which arrived by `now` (ms, wraps), and gives how many.
+    /// To be called at least once a minute, with or without bytes: that is also when old stamps are
+    /// forgotten.
+    pub fn receive(&mut self, bytes: &[u8], now: u32) -> usize {
+        let taken = bytes.len().min(BYTES_PER_CALL);
+        let (bytes, _) = bytes.split_at(taken);
+        self.solution.expire(now);
+        self.counts.bytes = self.counts.bytes.wrapping_add(bytes.len() as u32);
+
+        let mut messages = self.parser.consume_ubx(bytes);
+        while let Some(message) = messages.next() {
+            match message {
+                Ok(message) => {
+                    self.counts.messages = self.counts.messages.wrapping_add(1);
+                    self.solution.heard.set(now);
+                    let payload = self.solution.take(&message, now);
+                    self.counts.useful = self.counts.useful.wrapping_add((payload + UBX_OVERHEAD) as u32);
+                }
+                Err(ParserError::InvalidChecksum { .. }) => {
+                    self.counts.damaged = self.counts.damaged.wrapping_add(1);
+                }
+                Err(_) => self.counts.unusable = self.counts.unusable.wrapping_add(1),
+            }
+        }
+        taken
+    }
+
+    /// The latest that it has said.
+    #[must_use]
+    pub const fn solution(&self) -> &Solution {
+        &self.solution
+    }
+
+    /// What its line has carried.
+    #[must_use]
+    pub const fn counts(&self) -> &Counts {
+        &self.counts
+    }
+}
+
+impl Solution {
+    fn expire(&mut self, now: u32) {
+        self.heard.expire(now);
+        self.position.pace.arrived.expire(now);
+        self.attitude.pace.arrived.expire(now);
+        self.acceleration.pace.arrived.expire(now);
+    }
+
+    /// Takes what is of use in a message, and gives the length of its payload if it was (0 if not).
+    fn take(&mut self, message: &UbxPacket<'_>, now: u32) -> usize {
+        // More protocol versions exist when another crate of the build asks the parser for them; this
+        // one parses version 27 alone.
+        #[allow(unreachable_patterns)]
+        match message {
+            UbxPacket::Proto27(PacketRef::NavPvt(pvt)) => {
+                let position = &mut self.position;
+                position.pace.arrive(pvt.itow(), now);
+                position.fix = FixType::from_ubx(pvt.fix_type_raw());
+                let (latitude, longitude) = (pvt.latitude_raw(), pvt.longitude_raw());
+                position.valid = pvt.flags_raw() & GNSS_FIX_OK != 0
+                    && pvt.flags3_raw() & INVALID_LLH == 0
+                    && matches!(position.fix, Some(FixType::Fix2D | FixType::Fix3D | FixType::GnssDeadReckoning))
+                    && latitude.unsigned_abs() <= 90 * DEGREE_E7
+                    && longitude.unsigned_abs() <= 180 * DEGREE_E7;
+                position.latitude = f64::from(latitude) / 1e7;
+                position.longitude = f64::from(longitude) / 1e7;
+                position.altitude = f64::from(pvt.height_above_ellipsoid_raw()) / 1e3;
+                pvt.payload_len()
+            }
+            UbxPacket::Proto27(PacketRef::NavAtt(att)) => {
+                let attitude = &mut self.attitude;
+                attitude.pace.arrive(att.itow(), now);
+                attitude.roll = angle(att.vehicle_roll_raw(), att.vehicle_roll_accuracy_raw());
+                attitude.pitch = angle(att.vehicle_pitch_raw(), att.vehicle_pitch_accuracy_raw());
+                attitude.yaw = angle(att.vehicle_heading_raw(), att.vehicle_heading_accuracy_raw());
+                attitude.valid = !(attitude.roll.is_nan() | attitude.pitch.is_nan() | attitude.yaw.is_nan());
+                att.payload_len()
+            }
+            UbxPacket::Proto27(PacketRef::EsfIns(ins)) => {
+                let acceleration = &mut self.acceleration;
+                acceleration.pace.arrive(ins.itow(), now);
+                let given = ins.bitfield_raw();
+                acceleration.axes = [
+                    axis(ins.x_acceleration_raw(), given & X_ACCEL_VALID),
+                    axis(ins.y_acceleration_raw(), given & Y_ACCEL_VALID),
+                    axis(ins.z_acceleration_raw(), given & Z_ACCEL_VALID),
+                ];
+                acceleration.valid = !acceleration.axes.iter().any(|axis| axis.is_nan());
+                ins.payload_len()
+            }
+            _ => 0,
+        }
+    }
+}
+
+/// NAV-PVT `flags` bit 0: within the receiver's accuracy masks.
+const GNSS_FIX_OK: u8 = 0x01;
+/// NAV-PVT `flags3` bit 0: longitude, latitude and height are invalid.
+const INVALID_LLH: u8 = 0x01;
+/// NAV-PVT's longitude and latitude are in 1e-7 degrees.
+const DEGREE_E7: u32 = 10_000_000;
+/// ESF-INS `bitfield0` bits 11 to 13.
+const X_ACCEL_VALID: u32 = 1 << 11;
+const Y_ACCEL_VALID: u32 = 1 << 12;
+const Z_ACCEL_VALID: u32 = 1 << 13;
+
+/// An angle of NAV-ATT in rad; NaN if its accuracy is null, which says that it is not available.
+fn angle(e5_degrees: i32, accuracy: u32) -> f32 {
+    if accuracy == 0 {
+        ABSENT_F32
+    } else {
+        (f64::from(e5_degrees) * (PI / 180.0 / 1e5)) as f32
+    }
+}
+
+/// An acceleration of ESF-INS (1e-2 m/s²) in m/s²; NaN if it is not flagged valid.
+fn axis(centimetres: i32, valid: u32) -> f32 {
+    if valid == 0 {
+        ABSENT_F32
+    } else {
+        (f64::from(centimetres) / 1e2) as f32
+    }
+}

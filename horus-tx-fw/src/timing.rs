@@ -1,0 +1,161 @@
+//! The 10 ms cycle in timer ticks
+//!
+//! # Design
+//!
+//! One 32-bit timer (TIM2) counts the cycle at 72 MHz, twice the APB1 clock (RM0090, "Reset and clock
+//! control": the timer clock is 2 × PCLK1 when APB1 is divided). Its update is the tick that samples the
+//! receivers; its compare channels are the *slots* at which a loaded frame is fired. A slot is a
+//! constant, so the time from the tick to the first preamble bit is one too, whatever the data were
+//! and however long it took to load them: that is what the receiver's deadline monitor is built on.
+//!
+//! ```text
+//! tick k                slot 0                              slot 1 (five receivers)      tick k+1
+//!   |-- fill, seal, load --|== frame 0 on air ==|-- gap, load --|== frame 1 on air ==|  ...  |
+//! ```
+//!
+//! The slots come as early as the worst case of the work before them allows, since they are part of
+//! the latency from sample to image (design budget 5.5 ms, of which 4.814 ms is air for 244 bytes).
+
+use profile::air::Place;
+use st25r3916::air_time_ns;
+
+use crate::{FRAMES, RECEIVERS};
+
+/// Core clock, Hz. 144 MHz divides into the 72 MHz and 9 MHz below and into whole microseconds, and
+/// stays clear of over-drive.
+pub const CORE_HZ: u32 = 144_000_000;
+/// APB1 clock, Hz (limit 45 MHz, DS9405).
+pub const APB1_HZ: u32 = 36_000_000;
+/// APB2 clock, Hz (limit 90 MHz, DS9405).
+pub const APB2_HZ: u32 = 72_000_000;
+/// Clock of TIM2 and TIM5, Hz.
+pub const TIMER_HZ: u32 = 2 * APB1_HZ;
+/// SPI clock, Hz: APB2 / 8. The ST25R3916 allows 10 MHz (DS13541, SPI interface).
+pub const SPI_HZ: u32 = APB2_HZ / 8;
+/// Baud rate of every GNSS receiver, 8N1.
+pub const GNSS_BAUD: u32 = 460_800;
+
+/// Timer ticks in a microsecond.
+pub const TICKS_PER_US: u32 = TIMER_HZ / 1_000_000;
+/// Timer ticks in a cycle: 720 000, exactly 10 ms.
+pub const PERIOD_TICKS: u32 = TIMER_HZ / 1_000 * profile::CYCLE_MS;
+
+/// Gap between the frames of one cycle, µs, end of one to start of the next.
+///
+/// The design asks for 300 µs: the receiver empties its FIFO in it. 20 µs more pay for the poller's own
+/// latency from the command to the first bit, which the data sheet does not bound.
+pub const GAP_US: u32 = 320;
+
+/// Room for filling and sealing, µs: 10 µs to enter and hand over, and 10 µs an object. The byte-wise
+/// table CRC of 60 bytes costs about 14 core cycles a byte with the table in flash, so 6 µs an object.
+const FILL_US: u32 = 10 + 10 * (1 + RECEIVERS as u32);
+
+/// Room for the short transfers around a FIFO load, µs: clear, length, FIFO count, and four interrupts.
+const COMMANDS_US: u32 = 30;
+
+/// The length of frame `frame`'s payload, bytes.
+///
+/// # Panics
+/// If there is no such frame; at compile time with a constant argument.
+#[must_use]
+pub const fn payload(frame: usize) -> usize {
+    match Place::of_frame::<RECEIVERS>(frame) {
+        Some(place) => place.length(),
+        None => panic!("no such frame in a cycle"),
+    }
+}
+
+/// Air time of frame `frame`, µs, rounded up.
+#[must_use]
+pub const fn air_us(frame: usize) -> u32 {
+    air_time_ns(payload(frame)).div_ceil(1_000) as u32
+}
+
+/// Time to clock frame `frame` into the FIFO, µs, rounded up.
+#[must_use]
+pub const fn load_us(frame: usize) -> u32 {
+    ((payload(frame) as u64 + 1) * 8 * 1_000_000).div_ceil(SPI_HZ as u64) as u32
+}
+
+const fn round_up_10(us: u32) -> u32 {
+    us.div_ceil(10) * 10
+}
+
+/// When each frame of a cycle is fired, µs after the tick.
+///
+/// | receivers | slot 0 | slot 1 |
+/// |---|---|---|
+/// | 1 | 180 | – |
+/// | 2 | 240 | – |
+/// | 3 | 300 | – |
+/// | 5 | 270 | 4280 |
+pub const SLOT_US: [u32; FRAMES] = {
+    let mut slots = [0; FRAMES];
+    slots[0] = round_up_10(FILL_US + COMMANDS_US + load_us(0));
+    let mut frame = 1;
+    while frame < FRAMES {
+        slots[frame] = round_up_10(slots[frame - 1] + air_us(frame - 1) + GAP_US);
+        frame += 1;
+    }
+    slots
+};
+
+/// [`SLOT_US`] in timer ticks: the values of the compare channels.
+pub const SLOT_TICKS: [u32; FRAMES] = {
+    let mut ticks = [0; FRAMES];
+    let mut frame = 0;
+    while frame < FRAMES {
+        ticks[frame] = SLOT_US[frame] * TICKS_PER_US;
+        frame += 1;
+    }
+    ticks
+};
+
+/// From here on, µs after the tick, nothing of this cycle is due any more but the end of its last
+/// frame: logging may take a critical section of a few microseconds without moving a slot.
+pub const QUIET_FROM_US: u32 = SLOT_US[FRAMES - 1] + 20;
+/// Until here, µs after the tick, may a log message begin: it is over long before the next tick.
+pub const QUIET_UNTIL_US: u32 = 1_000 * profile::CYCLE_MS - 200;
+
+/// Whether a log message may begin when the cycle timer reads `count`.
+#[must_use]
+pub const fn quiet(count: u32) -> bool {
+    count >= QUIET_FROM_US * TICKS_PER_US && count < QUIET_UNTIL_US * TICKS_PER_US
+}
+
+// The divisions above are exact: the cycle is 10 ms and not nearly.
+const _: () = assert!(TIMER_HZ.is_multiple_of(1_000_000) && PERIOD_TICKS == 720_000);
+const _: () = assert!(CORE_HZ == 4 * APB1_HZ && CORE_HZ == 2 * APB2_HZ && SPI_HZ <= 10_000_000);
+// What DS13541 and the design say about the air, so that a change of either shows here.
+const _: () = assert!(air_time_ns(244) == 4_814_160 && air_time_ns(254) == 5_002_950);
+// The last frame has ended, and its receiver had its gap, before the next cycle's first frame starts.
+const _: () = assert!(SLOT_US[FRAMES - 1] + air_us(FRAMES - 1) + GAP_US <= 1_000 * profile::CYCLE_MS + SLOT_US[0]);
+// … and in fact before the next tick, so that a cycle's load never meets the frame before it.
+const _: () = assert!(SLOT_US[FRAMES - 1] + air_us(FRAMES - 1) + GAP_US <= 1_000 * profile::CYCLE_MS);
+// The second frame can be loaded in the gap.
+const _: () = assert!(FRAMES == 1 || COMMANDS_US * 2 + load_us(FRAMES - 1) <= GAP_US);
+const _: () = assert!(QUIET_FROM_US < QUIET_UNTIL_US);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_documented_slots_are_the_computed_ones() {
+        let documented: &[u32] = match RECEIVERS {
+            1 => &[180],
+            2 => &[240],
+            3 => &[300],
+            _ => &[270, 4280],
+        };
+        assert_eq!(SLOT_US.as_slice(), documented);
+    }
+
+    #[test]
+    fn logging_is_allowed_only_after_the_last_slot_and_before_the_next_tick() {
+        assert!(!quiet(0));
+        assert!(!quiet(SLOT_TICKS[FRAMES - 1]));
+        assert!(quiet(SLOT_TICKS[FRAMES - 1] + 20 * TICKS_PER_US));
+        assert!(!quiet(PERIOD_TICKS - 1));
+    }
+}
