@@ -183,17 +183,17 @@ impl Air {
                     hears(end, &AirEvent::FrameEnd { bits });
                 }
             }
-            AirEvent::Bytes(mut chunk) => match self.passing.map(|p| p.fate) {
-                Some(Fate::Whole | Fate::Damaged) => {
-                    if self.invert(&mut chunk)
-                        && let Some(p) = &mut self.passing
-                    {
-                        p.fate = Fate::Damaged;
-                    }
-                    hears(at, &AirEvent::Bytes(chunk));
+            AirEvent::Bytes(mut chunk) => {
+                if !self.passing.is_some_and(|p| matches!(p.fate, Fate::Whole | Fate::Damaged)) {
+                    return;
                 }
-                _ => {}
-            },
+                if self.invert(&mut chunk)
+                    && let Some(p) = &mut self.passing
+                {
+                    p.fate = Fate::Damaged;
+                }
+                hears(at, &AirEvent::Bytes(chunk));
+            }
             AirEvent::FrameEnd { bits } => {
                 let Some(p) = self.passing.take() else { return };
                 self.last = Some(LastFrame {

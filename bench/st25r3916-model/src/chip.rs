@@ -750,6 +750,9 @@ impl Chip {
         self.abort_reception();
         self.mask_idle();
         self.fifo.clear();
+        if self.config.stop_clears_irqs {
+            self.pending = 0;
+        }
         self.measuring = None;
         for d in [
             Due::FieldOn,

@@ -36,6 +36,8 @@ pub struct Config {
 
     /// Whether DB (clear FIFO) clears the interrupt registers too: the data sheet says both.
     pub db_clears_irqs: bool,
+    /// Whether C2 (stop) clears the interrupt registers: recorded, an I_gpe that was due before a C2 was gone after it.
+    pub stop_clears_irqs: bool,
     /// Whether a transmission that ends with the receiver off (`rx_en` = 0) raises I_txe: implied by the data sheet, not observed.
     pub txe_with_rx_off: bool,
     /// Whether a target must be unmasked (D1) before its first frame and after each: true is the cautious reading.
@@ -87,6 +89,7 @@ impl Default for Config {
             crystal_ppb: 0,
             oscillator_startup_ns: 700_000,
             db_clears_irqs: true,
+            stop_clears_irqs: true,
             txe_with_rx_off: true,
             target_rearms_by_command: true,
             broken_frame: BrokenFrame::EndsWithError,

@@ -1,0 +1,184 @@
+//! A controller's hands: transfers at 8 MHz, and the two bring-ups of the data sheet.
+#![allow(dead_code, reason = "each test file uses its share")]
+
+use st25r3916_model::{Air, Chip, Config};
+
+/// One byte at 8 MHz, ns.
+pub(crate) const BYTE_NS: u64 = 1_000;
+
+/// A poller and a listener, the air between them, and one clock.
+pub(crate) struct Pair {
+    pub(crate) poller: Chip,
+    pub(crate) listener: Chip,
+    pub(crate) air: Air,
+    pub(crate) now: u64,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Side {
+    Poller,
+    Listener,
+}
+
+impl Pair {
+    pub(crate) fn new(poller: Config, listener: Config, air: Air) -> Self {
+        Self { poller: Chip::new(poller), listener: Chip::new(listener), air, now: 0 }
+    }
+
+    pub(crate) fn chip(&mut self, side: Side) -> &mut Chip {
+        match side {
+            Side::Poller => &mut self.poller,
+            Side::Listener => &mut self.listener,
+        }
+    }
+
+    pub(crate) fn next_event(&self) -> Option<u64> {
+        [self.poller.next_event(), self.listener.next_event()].into_iter().flatten().min()
+    }
+
+    /// Both chips to `to`, event by event.
+    pub(crate) fn run_to(&mut self, to: u64) {
+        self.air.carry(&mut self.poller, &mut self.listener);
+        loop {
+            let t = self.next_event().filter(|t| *t <= to).unwrap_or(to);
+            assert!(t >= self.now, "an event in the past");
+            self.now = t;
+            self.poller.advance(t);
+            self.listener.advance(t);
+            self.air.carry(&mut self.poller, &mut self.listener);
+            if t == to && self.next_event().is_none_or(|n| n > to) {
+                return;
+            }
+        }
+    }
+
+    pub(crate) fn run_for(&mut self, ns: u64) {
+        self.run_to(self.now + ns);
+    }
+
+    pub(crate) fn spi(&mut self, side: Side, mosi: &[u8]) -> Vec<u8> {
+        let now = self.now;
+        self.chip(side).select(now);
+        let mut miso = Vec::with_capacity(mosi.len());
+        for &b in mosi {
+            let now = self.now + BYTE_NS;
+            self.run_to(now);
+            miso.push(self.chip(side).transfer(now, b));
+            self.air.carry(&mut self.poller, &mut self.listener);
+        }
+        let now = self.now;
+        self.chip(side).deselect(now);
+        miso
+    }
+
+    /// Runs until the side's IRQ pin is high; false after `ns`.
+    pub(crate) fn wait_irq(&mut self, side: Side, ns: u64) -> bool {
+        let end = self.now + ns;
+        while !self.chip(side).irq() {
+            match self.next_event().filter(|t| *t <= end) {
+                Some(t) => self.run_to(t),
+                None => {
+                    self.run_to(end);
+                    return self.chip(side).irq();
+                }
+            }
+        }
+        true
+    }
+
+    /// The four interrupt registers, read and so cleared.
+    pub(crate) fn irqs(&mut self, side: Side) -> [u8; 4] {
+        let r = self.spi(side, &[0x5A, 0, 0, 0, 0]);
+        [r[1], r[2], r[3], r[4]]
+    }
+
+    pub(crate) fn start(&mut self, side: Side) {
+        self.spi(side, &[0xC1]);
+        self.spi(side, &[0x00, 0x07, 0x9C]);
+        self.spi(side, &[0x02, 0x80]);
+        assert!(self.wait_irq(side, 10_000_000), "oscillator");
+        assert_eq!(self.irqs(side), [0x80, 0, 0, 0]);
+        self.spi(side, &[0xEA]);
+        assert!(self.wait_irq(side, 10_000_000), "RC calibration");
+        assert_eq!(self.irqs(side), [0, 0x80, 0, 0]);
+        self.spi(side, &[0xD6]);
+        assert!(self.wait_irq(side, 5_000_000), "regulators");
+        assert_eq!(self.irqs(side), [0, 0x80, 0, 0]);
+    }
+
+    pub(crate) fn start_poller(&mut self) {
+        self.start(Side::Poller);
+        self.spi(Side::Poller, &[0x03, 0x1C, 0x22]);
+        self.spi(Side::Poller, &[0x07, 0x00]);
+        self.spi(Side::Poller, &[0x28, 0x40]);
+        self.spi(Side::Poller, &[0x16, 0x77]);
+        self.spi(Side::Poller, &[0x02, 0x88]);
+    }
+
+    pub(crate) fn start_listener(&mut self) {
+        self.start(Side::Listener);
+        self.spi(Side::Listener, &[0x08, 0x5D]);
+        self.spi(Side::Listener, &[0x29, 0xFF]);
+        self.spi(Side::Listener, &[0xFB, 0x28, 0x00]);
+        self.spi(Side::Listener, &[0x0F, 0x02]);
+        self.spi(Side::Listener, &[0x16, 0xCF, 0xE7, 0x0F, 0xFF]);
+        self.spi(Side::Listener, &[0x03, 0xA0, 0x22]);
+        self.spi(Side::Listener, &[0x02, 0xC3]);
+        self.arm();
+    }
+
+    pub(crate) fn arm(&mut self) {
+        self.spi(Side::Listener, &[0xDB]);
+        self.spi(Side::Listener, &[0xD1]);
+    }
+
+    /// Both started, the field seen.
+    pub(crate) fn started(poller: Config, listener: Config, air: Air) -> Self {
+        let mut pair = Self::new(poller, listener, air);
+        pair.start_listener();
+        pair.start_poller();
+        assert!(pair.wait_irq(Side::Listener, 1_000_000), "external field");
+        assert_eq!(pair.irqs(Side::Listener), [0, 0x10, 0, 0]);
+        pair
+    }
+
+    /// DB, length, FIFO; not yet C4.
+    pub(crate) fn load(&mut self, payload: &[u8]) {
+        self.spi(Side::Poller, &[0xDB]);
+        let bits = (payload.len() as u16) << 3;
+        let [high, low] = bits.to_be_bytes();
+        self.spi(Side::Poller, &[0x22, high, low]);
+        let mut load = vec![0x80];
+        load.extend_from_slice(payload);
+        self.spi(Side::Poller, &load);
+    }
+
+    pub(crate) fn fire(&mut self) {
+        self.spi(Side::Poller, &[0xC4]);
+    }
+
+    /// FIFO status: bytes, and the flags of 1F.
+    pub(crate) fn fifo(&mut self, side: Side) -> (usize, u8) {
+        let r = self.spi(side, &[0x5E, 0, 0]);
+        (usize::from(r[1]) | usize::from(r[2] >> 6) << 8, r[2] & 0x3F)
+    }
+
+    pub(crate) fn read_fifo(&mut self, side: Side, n: usize) -> Vec<u8> {
+        let mut mosi = vec![0u8; n + 1];
+        mosi[0] = 0x9F;
+        self.spi(side, &mosi)[1..].to_vec()
+    }
+}
+
+/// Bytes that repeat nowhere near.
+pub(crate) fn payload(n: usize, seed: u64) -> Vec<u8> {
+    let mut x = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
+    (0..n)
+        .map(|_| {
+            x ^= x << 13;
+            x ^= x >> 7;
+            x ^= x << 17;
+            (x >> 32) as u8
+        })
+        .collect()
+}
