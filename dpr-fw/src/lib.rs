@@ -1,1 +1,60 @@
-//! Firmware of the DPR: NFC-F frames in, an active dual-ported RAM read over SSI
+//! Firmware of the DPR: NFC-F frames in, an active dual-ported RAM read over SSI.
+//!
+//! # Design
+//!
+//! This library is everything that decides; it needs no MCU and the host tests it. The binary beside it is an RTIC table
+//! of tasks, and its module `hw` is the only place that touches registers. One cycle, from top to bottom:
+//!
+//! | module | what it does | where it runs |
+//! |---|---|---|
+//! | [`rf`] | carries out the steps of the ST25R3916's listener machine | RFID interrupts |
+//! | [`triple`] | three receive buffers, three images: written, read, scrubbed | handed from task to task |
+//! | [`accept`] | verifies the objects of a frame, each by itself, and the freshness of its cycle | commit |
+//! | [`commit`] | deposits accepted objects in an image built from scratch, decides when it is published | commit |
+//! | [`link`] | Link-Status, counters, ages, and the deadline that notices a missed frame | commit |
+//! | [`ssi`] | what the flight controller asked for, and how much it may ask | SSI interrupt |
+//! | [`watch`] | which tasks have checked in, so that the watchdog may be fed | every task |
+//!
+//! Constant time: what a cycle costs does not depend on what the data say. Every object is verified and copied under a mask
+//! whatever the verdict is, and no loop ends early.
+#![cfg_attr(not(test), no_std)]
+#![forbid(unsafe_code)]
+
+pub mod accept;
+pub mod commit;
+pub mod link;
+pub mod rf;
+pub mod ssi;
+pub mod telemetry;
+pub mod triple;
+pub mod watch;
+
+#[cfg(any(
+    all(feature = "gps-1", any(feature = "gps-2", feature = "gps-3", feature = "gps-5")),
+    all(feature = "gps-2", any(feature = "gps-3", feature = "gps-5")),
+    all(feature = "gps-3", feature = "gps-5"),
+))]
+compile_error!("choose one of the features gps-1, gps-2, gps-3, gps-5: without the default gps-3 it is --no-default-features --features gps-N");
+#[cfg(not(any(feature = "gps-1", feature = "gps-2", feature = "gps-3", feature = "gps-5")))]
+compile_error!("choose one of the features gps-1, gps-2, gps-3, gps-5");
+
+/// GNSS receivers in the profile, chosen by the feature `gps-N`.
+pub const RECEIVERS: usize = if cfg!(feature = "gps-1") {
+    1
+} else if cfg!(feature = "gps-2") {
+    2
+} else if cfg!(feature = "gps-5") {
+    5
+} else {
+    3
+};
+
+/// Words of a receive buffer: [`rf::LEAD`] bytes, then LEN, payload and CRC-16 of the longest NFC-F frame.
+pub const RECEIVE_WORDS: usize = (rf::LEAD + st25r3916::listener::BUFFER).div_ceil(4);
+/// Words of an image buffer: the image for five receivers, the longest.
+pub const IMAGE_WORDS: usize = profile::image::Image::<5>::LEN.div_ceil(4);
+
+/// Memory for one air frame.
+pub type ReceiveMemory = [u32; RECEIVE_WORDS];
+/// Memory for one image.
+pub type ImageMemory = [u32; IMAGE_WORDS];

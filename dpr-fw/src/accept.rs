@@ -1,0 +1,263 @@
+//! Which objects of an air frame are accepted.
+//!
+//! # Design
+//!
+//! An object is accepted or rejected by itself: its length tells the place, then its CRCs, its identifier and its
+//! timestamp decide (black channel; paper, section 2.3). What the front end says of the frame (CRC-16, framing, overflow) is counted elsewhere and
+//! decides nothing. Only a wrong length rejects a frame outright, since then no object has a place.
+//!
+//! A cycle is what carries one timestamp: one frame for up to three receivers, two for five. The timestamp of a frame is
+//! that of its first intact object; an intact object with another timestamp is rejected, so no image ever mixes cycles.
+//! A frame either belongs to the current cycle, as the half that has not been there yet, or opens the next, and then
+//! [`profile::freshness`] judges the step. A step that is not fresh costs all its objects: data that were shown before are never
+//! shown again as new. After a step forward that is no whole number of cycles the new timestamp counts as the previous one, so that
+//! a HORUS that goes on regularly from there is fresh again with its next cycle.
+//!
+//! The work is the same whatever the data say: all objects are verified, with no early exit, and the caller copies under
+//! the mask that comes out.
+
+use profile::{
+    air::{self, Place},
+    freshness, Freshness, Object, Rejection, MAX_RECEIVERS,
+};
+
+/// Objects that a profile has at most.
+pub const MAX_OBJECTS: usize = MAX_RECEIVERS + 1;
+
+/// A set of a profile's objects: bit 0 is Reported-Position, bits 1 to 5 are GPS1 to GPS5.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Objects(u8);
+
+impl Objects {
+    /// None.
+    pub const NONE: Self = Self(0);
+
+    /// All objects of a profile of `receivers` receivers.
+    #[must_use]
+    pub const fn all(receivers: usize) -> Self {
+        Self(((2_u16 << receivers) - 1) as u8)
+    }
+
+    /// The objects that a frame at `place` carries.
+    #[must_use]
+    pub const fn at(place: Place) -> Self {
+        Self((((1_u16 << place.count()) - 1) << place.first()) as u8)
+    }
+
+    /// Whether object number `index` is among them.
+    #[must_use]
+    pub const fn has(self, index: usize) -> bool {
+        index < MAX_OBJECTS && self.0 >> index & 1 == 1
+    }
+
+    /// Those of both sets.
+    #[must_use]
+    pub const fn union(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+
+    /// Whether no object is in both sets.
+    #[must_use]
+    pub const fn is_disjoint(self, other: Self) -> bool {
+        self.0 & other.0 == 0
+    }
+
+    /// How many.
+    #[must_use]
+    pub const fn count(self) -> u32 {
+        self.0.count_ones()
+    }
+
+    /// With object number `index` if `on`.
+    const fn with(self, index: usize, on: bool) -> Self {
+        Self(self.0 | (on as u8) << index)
+    }
+}
+
+/// How a frame stands to the cycles before it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cycle {
+    /// No object is intact: no timestamp is known.
+    Unknown,
+    /// The half of the current cycle that was still missing.
+    Same,
+    /// Another cycle, and what its timestamp says.
+    Next(Freshness),
+}
+
+/// The verdict on a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Verdict {
+    /// Where the frame belongs.
+    pub place: Place,
+    /// How it stands to the cycles before it.
+    pub cycle: Cycle,
+    /// The objects accepted.
+    pub accepted: Objects,
+}
+
+impl Verdict {
+    /// The objects of the frame that were rejected.
+    #[must_use]
+    pub const fn rejected(&self) -> Objects {
+        Objects(Objects::at(self.place).0 & !self.accepted.0)
+    }
+}
+
+/// Memory of the cycles, for a profile of `N` receivers.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Acceptance<const N: usize> {
+    timestamp: Option<u32>,
+    /// The places of the current cycle whose frame has been there.
+    seen: Objects,
+    /// Whether the current cycle's objects are to be shown.
+    fresh: bool,
+}
+
+impl<const N: usize> Acceptance<N> {
+    /// Nothing received yet.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { timestamp: None, seen: Objects::NONE, fresh: false }
+    }
+
+    /// Judges a frame.
+    ///
+    /// # Errors
+    ///
+    /// [`Rejection::Length`] if no frame of this profile is that long; then nothing has changed.
+    pub fn judge(&mut self, payload: &[u8]) -> Result<Verdict, Rejection> {
+        let place = air::place::<N>(payload)?;
+        let mut timestamps = [0; MAX_OBJECTS];
+        let mut intact = Objects::NONE;
+        for (index, bytes) in air::objects::<N>(payload)? {
+            let object = Object::verify(index, bytes);
+            intact = intact.with(index, object.is_ok());
+            if let Some(timestamp) = timestamps.get_mut(index) {
+                *timestamp = object.map_or(0, Object::timestamp);
+            }
+        }
+        let mut of_frame = None;
+        for (index, timestamp) in timestamps.into_iter().enumerate().rev() {
+            if intact.has(index) {
+                of_frame = Some(timestamp);
+            }
+        }
+        let cycle = self.enter(of_frame, Objects::at(place));
+        let mut accepted = Objects::NONE;
+        for (index, timestamp) in timestamps.into_iter().enumerate() {
+            let shown = self.fresh && matches!(cycle, Cycle::Same | Cycle::Next(_)) && Some(timestamp) == of_frame;
+            accepted = accepted.with(index, shown && intact.has(index));
+        }
+        Ok(Verdict { place, cycle, accepted })
+    }
+
+    /// Notes that a frame with that timestamp came for these places.
+    fn enter(&mut self, timestamp: Option<u32>, places: Objects) -> Cycle {
+        let Some(now) = timestamp else { return Cycle::Unknown };
+        if self.timestamp == Some(now) && self.seen.is_disjoint(places) {
+            self.seen = self.seen.union(places);
+            return Cycle::Same;
+        }
+        let step = freshness(self.timestamp, now);
+        self.timestamp = Some(now);
+        self.seen = places;
+        self.fresh = step.is_fresh() || step == Freshness::Restarted;
+        Cycle::Next(step)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::commit::testing::{frames, profile};
+    use proptest::prelude::*;
+
+    fn accepted<const N: usize>(acceptance: &mut Acceptance<N>, payload: &[u8]) -> u32 {
+        acceptance.judge(payload).expect("the length is right").accepted.count()
+    }
+
+    #[test]
+    fn a_sound_frame_is_accepted_whole() {
+        let mut acceptance = Acceptance::<3>::new();
+        let verdict = acceptance.judge(profile::<3>(10).as_bytes()).expect("the length is right");
+        assert_eq!(verdict.accepted, Objects::all(3));
+        assert_eq!(verdict.rejected(), Objects::NONE);
+        assert_eq!(verdict.cycle, Cycle::Next(Freshness::First));
+    }
+
+    #[test]
+    fn the_same_timestamp_again_is_frozen_and_nothing_is_shown_until_it_advances() {
+        let mut acceptance = Acceptance::<1>::new();
+        for (timestamp, count, step) in [
+            (10, 2, Freshness::First),
+            (10, 0, Freshness::Frozen),
+            (10, 0, Freshness::Frozen),
+            (20, 2, Freshness::Fresh { missed: 0 }),
+            (50, 2, Freshness::Fresh { missed: 2 }),
+            (57, 0, Freshness::Irregular),
+            (67, 2, Freshness::Fresh { missed: 0 }),
+            (10, 2, Freshness::Restarted),
+            (20, 2, Freshness::Fresh { missed: 0 }),
+        ] {
+            let verdict = acceptance.judge(profile::<1>(timestamp).as_bytes()).expect("the length is right");
+            assert_eq!((verdict.accepted.count(), verdict.cycle), (count, Cycle::Next(step)), "at {timestamp}");
+        }
+    }
+
+    #[test]
+    fn the_two_halves_of_a_cycle_are_one_cycle_in_either_order_and_each_only_once() {
+        let mut acceptance = Acceptance::<5>::new();
+        let [first, second] = frames(10);
+        assert_eq!(accepted(&mut acceptance, &second), 3);
+        let verdict = acceptance.judge(&first).expect("the length is right");
+        assert_eq!((verdict.cycle, verdict.accepted.count()), (Cycle::Same, 3));
+        assert_eq!(accepted(&mut acceptance, &first), 0);
+        assert_eq!(accepted(&mut acceptance, &second), 0);
+    }
+
+    #[test]
+    fn the_second_half_of_an_irregular_cycle_is_not_shown_either() {
+        let mut acceptance = Acceptance::<5>::new();
+        accepted(&mut acceptance, &frames(10)[0]);
+        let [first, second] = frames(17);
+        assert_eq!(accepted(&mut acceptance, &first), 0);
+        assert_eq!(accepted(&mut acceptance, &second), 0);
+    }
+
+    #[test]
+    fn objects_of_another_cycle_in_one_frame_are_rejected_by_themselves() {
+        let mut payload = profile::<3>(20).as_bytes().to_vec();
+        payload[124..184].copy_from_slice(&profile::<3>(10).as_bytes()[124..184]);
+        let verdict = Acceptance::<3>::new().judge(&payload).expect("the length is right");
+        assert_eq!(verdict.rejected(), Objects(1 << 2));
+    }
+
+    #[test]
+    fn a_scrubbed_buffer_holds_no_object() {
+        for fill in [0x00, 0xFF] {
+            let verdict = Acceptance::<3>::new().judge(&[fill; 244]).expect("the length is right");
+            assert_eq!((verdict.cycle, verdict.accepted), (Cycle::Unknown, Objects::NONE));
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn a_hit_costs_the_object_it_hits_and_no_other(byte in 0_usize..244, flip in 1_u8..) {
+            let mut payload = profile::<3>(10).as_bytes().to_vec();
+            payload[byte] ^= flip;
+            let hit = if byte < 64 { 0 } else { 1 + (byte - 64) / 60 };
+            let verdict = Acceptance::<3>::new().judge(&payload).expect("the length is right");
+            prop_assert_eq!(verdict.rejected(), Objects(1 << hit));
+        }
+
+        #[test]
+        fn no_other_length_is_judged(length in 0_usize..300) {
+            let payload = vec![0; length];
+            prop_assert_eq!(Acceptance::<1>::new().judge(&payload).is_ok(), length == 124);
+            prop_assert_eq!(Acceptance::<2>::new().judge(&payload).is_ok(), length == 184);
+            prop_assert_eq!(Acceptance::<3>::new().judge(&payload).is_ok(), length == 244);
+            prop_assert_eq!(Acceptance::<5>::new().judge(&payload).is_ok(), length == 184 || length == 180);
+        }
+    }
+}
