@@ -1,0 +1,601 @@
+//! The listener against the stand-in.
+
+use st25r3916::listener::TAIL;
+use st25r3916::{
+    Dropped, Fault, FrameFlags, Input, Listener, ListenerConfig, ListenerEvent, ReadMode, Step, Supply, Transfer,
+    Variant,
+};
+
+use crate::stand_in::{CRC, Chip, EOF, EON, ERROR, Happening, MAIN, Miso, RXE, RXS, Rig, TIMER};
+
+const STORE: ListenerConfig = ListenerConfig { read_mode: ReadMode::StoreAndForward, ..ListenerConfig::new() };
+const FILLING: ListenerConfig = ListenerConfig::new();
+const BOTH: [ListenerConfig; 2] = [STORE, FILLING];
+const CLEAN: FrameFlags = FrameFlags::empty();
+
+fn listening(chip: Chip, config: ListenerConfig) -> (Rig, Listener) {
+    let mut rig = Rig::new(chip);
+    let mut listener = Listener::new(config);
+    assert_eq!(rig.listener(&mut listener), ListenerEvent::Listening);
+    rig.log();
+    (rig, listener)
+}
+
+fn payload(len: usize, seed: usize) -> Vec<u8> {
+    (0..len).map(|index| (index * 31 + seed * 7 + 3) as u8).collect()
+}
+
+/// Sends a frame 1 ms from now and expects it whole.
+fn hears(rig: &mut Rig, listener: &mut Listener, len: usize) {
+    let bytes = payload(len, len);
+    rig.chip.frame(rig.chip.now + 1_000, &bytes);
+    assert_eq!(rig.listener(listener), ListenerEvent::Frame { len, flags: CLEAN });
+    assert_eq!(rig.buffer[1..=len], bytes);
+}
+
+fn bring_up_log(variant: Variant, config: ListenerConfig) -> Vec<String> {
+    let mut rig = Rig::new(Chip::new(variant));
+    let mut listener = Listener::new(config);
+    assert_eq!(rig.listener(&mut listener), ListenerEvent::Listening);
+    assert_eq!(listener.variant(), Some(variant));
+    rig.assert_no_misuse();
+    rig.log()
+}
+
+#[test]
+fn an_st25r3916_is_brought_up_byte_by_byte() {
+    assert_eq!(
+        bring_up_log(Variant::A, FILLING),
+        [
+            "C1",
+            "00 07 1C",
+            "7F 00",
+            "FC 04 10",
+            "5A 00 00 00 00",
+            "02 80",
+            "5A 00 00 00 00", // I_osc
+            "D6",
+            "5A 00 00 00 00", // I_dct
+            "08 5D",
+            "29 FF",
+            "FB 28 00",
+            "26 00 FF",
+            "0F 02",
+            "16 CF E7 0F FF",
+            "03 A0 22",
+            "02 C3",
+            "DB",
+            "D1",
+            "42 00 00 00",
+        ]
+    );
+}
+
+#[test]
+fn an_st25r3916b_is_calibrated_and_has_its_own_antenna_tuning() {
+    assert_eq!(
+        bring_up_log(Variant::B, ListenerConfig { supply: Supply::Volts3, ..FILLING }),
+        [
+            "C1",
+            "00 07 9C",
+            "7F 00",
+            "5A 00 00 00 00",
+            "02 80",
+            "5A 00 00 00 00", // I_osc
+            "EA",
+            "D6",
+            "5A 00 00 00 00", // I_dct
+            "08 5D",
+            "29 FF",
+            "FB 28 00",
+            "26 00 00",
+            "0F 02",
+            "16 CF E7 0F FF",
+            "03 A0 22",
+            "02 C3",
+            "DB",
+            "D1",
+            "42 00 00 00",
+        ]
+    );
+}
+
+#[test]
+fn a_frame_is_stored_and_forwarded_in_one_status_and_one_read() {
+    let (mut rig, mut listener) = listening(Chip::new(Variant::B), STORE);
+    let sync = rig.chip.now + 500;
+    let end = rig.chip.frame(sync, &payload(244, 1));
+    assert_eq!(rig.listener(&mut listener), ListenerEvent::Frame { len: 244, flags: CLEAN });
+    assert_eq!(rig.buffer[0], 245);
+    assert_eq!(rig.buffer[1..245], payload(244, 1));
+    assert_eq!(rig.buffer[245..247], [0xC1, 0xC2]);
+    // 10 µs of status and 250 µs of read at the stand-in's 8 MHz.
+    assert_eq!(rig.chip.now - end, 10 + 250);
+
+    let log = rig.log();
+    assert_eq!(log[..2], ["59 00 00 00 00 00 00 00"; 2]); // I_rxs, I_rxe
+    assert!(log[2].starts_with("9F 00"));
+    assert_eq!(log.len(), 3, "nothing is re-armed before the frame is delivered");
+    assert_eq!(rig.listener_within(&mut listener, 5), None);
+    assert_eq!(rig.log(), ["59 00 00 00 00 00 00 00", "DB", "D1"]);
+    rig.assert_no_misuse();
+}
+
+#[test]
+fn a_frame_is_read_while_it_fills_and_few_bytes_are_left_at_its_end() {
+    let (mut rig, mut listener) = listening(Chip::new(Variant::B), FILLING);
+    for len in [124, 184, 244, 254] {
+        let end = rig.chip.frame(rig.chip.now + 2_000, &payload(len, len));
+        assert_eq!(rig.listener(&mut listener), ListenerEvent::Frame { len, flags: CLEAN });
+        assert_eq!(rig.buffer[1..=len], payload(len, len));
+        let left = rig.chip.log.iter().rev().find(|mosi| mosi[0] == 0x9F).unwrap().len() - 1;
+        assert!(left <= TAIL + 2, "{left} bytes left after I_rxe for {len}");
+        assert!(rig.chip.now - end <= 45, "{} µs after the last bit for {len}", rig.chip.now - end);
+        let reads = rig.chip.log.iter().filter(|mosi| mosi[0] == 0x9F).count();
+        assert_eq!(reads, 3);
+        assert_eq!(rig.listener_within(&mut listener, 5), None);
+        rig.log();
+    }
+    rig.assert_no_misuse();
+}
+
+#[test]
+fn every_length_from_1_to_254_is_received_in_both_modes() {
+    for config in BOTH {
+        for db_clears_irqs in [false, true] {
+            for end_masks_receiver in [false, true] {
+                let chip = Chip { db_clears_irqs, end_masks_receiver, ..Chip::new(Variant::B) };
+                let (mut rig, mut listener) = listening(chip, config);
+                for len in 1..=254 {
+                    hears(&mut rig, &mut listener, len);
+                }
+                assert_eq!(listener.counters().frames, 254);
+                assert_eq!(listener.counters().dropped, 0);
+                rig.assert_no_misuse();
+            }
+        }
+    }
+}
+
+#[test]
+fn a_busy_executor_gets_the_same_frame_only_later() {
+    for config in BOTH {
+        for lateness in [20, 100, 200, 400, 900, 3_000, 4_500] {
+            let (mut rig, mut listener) = listening(Chip::new(Variant::B), config);
+            rig.lateness = lateness;
+            for len in [10, 124, 244] {
+                hears(&mut rig, &mut listener, len);
+                rig.lateness = 0;
+                assert_eq!(rig.listener_within(&mut listener, 5), None);
+                rig.lateness = lateness;
+            }
+            rig.assert_no_misuse();
+        }
+    }
+}
+
+#[test]
+fn two_frames_300_microseconds_apart_are_both_received() {
+    for config in BOTH {
+        let (mut rig, mut listener) = listening(Chip::new(Variant::B), config);
+        for _ in 0..5 {
+            let end = rig.chip.frame(rig.chip.now + 4_000, &payload(184, 1));
+            // The gap, then the second frame's preamble and sync: 64 bits.
+            rig.chip.frame(end + 300 + 151, &payload(180, 2));
+            assert_eq!(rig.listener(&mut listener), ListenerEvent::Frame { len: 184, flags: CLEAN });
+            assert_eq!(rig.buffer[1..=184], payload(184, 1));
+            assert_eq!(rig.listener(&mut listener), ListenerEvent::Frame { len: 180, flags: CLEAN });
+            assert_eq!(rig.buffer[1..=180], payload(180, 2));
+        }
+        rig.assert_no_misuse();
+    }
+}
+
+#[test]
+fn a_frame_that_begins_before_the_re_arm_is_received_not_cleared() {
+    for config in BOTH {
+        // A receiver that stays on after a frame's end.
+        let chip = Chip { end_masks_receiver: false, ..Chip::new(Variant::B) };
+        let (mut rig, mut listener) = listening(chip, config);
+        rig.chip.frame(rig.chip.now + 1_000, &payload(100, 1));
+        assert_eq!(rig.listener(&mut listener), ListenerEvent::Frame { len: 100, flags: CLEAN });
+        // The caller takes its time; the next frame is half there when it comes back.
+        rig.chip.frame(rig.chip.now + 10, &payload(120, 2));
+        rig.chip.advance(rig.chip.now + 1_200);
+        rig.log();
+        assert_eq!(rig.listener(&mut listener), ListenerEvent::Frame { len: 120, flags: CLEAN });
+        assert_eq!(rig.buffer[1..=120], payload(120, 2));
+        assert!(!rig.log().contains(&"DB".to_owned()));
+        rig.assert_no_misuse();
+    }
+}
+
+#[test]
+fn a_sync_between_the_last_status_and_the_clear_costs_at_most_its_own_frame() {
+    for db_clears_irqs in [false, true] {
+        for offset in 0..40 {
+            let chip = Chip { db_clears_irqs, end_masks_receiver: false, ..Chip::new(Variant::B) };
+            let (mut rig, mut listener) = listening(chip, STORE);
+            rig.chip.frame(rig.chip.now + 1_000, &payload(100, 1));
+            assert!(matches!(rig.listener(&mut listener), ListenerEvent::Frame { .. }));
+            rig.chip.frame(rig.chip.now + offset, &payload(120, 2));
+            match rig.listener(&mut listener) {
+                ListenerEvent::Frame { len, flags } if flags.is_clean() => {
+                    assert_eq!(len, 120);
+                    assert_eq!(rig.buffer[1..=120], payload(120, 2));
+                }
+                // Damaged by the clear, and said to be.
+                ListenerEvent::Frame { flags, .. } => assert!(flags.contains(FrameFlags::LENGTH)),
+                other => assert!(matches!(other, ListenerEvent::Dropped(_)), "{other:?}"),
+            }
+            hears(&mut rig, &mut listener, 244);
+        }
+    }
+}
+
+#[test]
+fn a_frame_without_end_is_dropped_6_ms_after_its_sync() {
+    for config in BOTH {
+        for bytes in [0, 1, 5, 100, 247] {
+            let (mut rig, mut listener) = listening(Chip::new(Variant::B), config);
+            let sync = rig.chip.now + 1_000;
+            let mut frame = vec![245];
+            frame.extend(payload(246, 1));
+            rig.chip.raw_frame(sync, &frame[..bytes], None);
+            assert_eq!(rig.listener(&mut listener), ListenerEvent::Dropped(Dropped::NoEnd));
+            let after = rig.chip.now - sync;
+            assert!((6_000..6_400).contains(&after), "{after} µs");
+            rig.log();
+            hears(&mut rig, &mut listener, 244);
+            assert_eq!(rig.log()[..3], ["59 00 00 00 00 00 00 00", "DB", "D1"]);
+            assert_eq!(listener.counters().no_end, 1);
+            rig.assert_no_misuse();
+        }
+    }
+}
+
+#[test]
+fn a_crc_error_is_a_flag_and_the_bytes_are_delivered() {
+    for config in BOTH {
+        let (mut rig, mut listener) = listening(Chip::new(Variant::B), config);
+        let mut frame = vec![125];
+        frame.extend(payload(124, 1));
+        frame.extend([0, 0]);
+        rig.chip.raw_frame(rig.chip.now + 1_000, &frame, Some(CRC));
+        assert_eq!(rig.listener(&mut listener), ListenerEvent::Frame { len: 124, flags: FrameFlags::CRC });
+        assert_eq!(rig.buffer[1..=124], payload(124, 1));
+        assert_eq!(listener.counters().crc, 1);
+        hears(&mut rig, &mut listener, 244);
+    }
+}
+
+#[test]
+fn a_false_crc_flag_from_a_late_read_costs_nothing_but_the_flag() {
+    let (mut rig, mut listener) = listening(Chip::new(Variant::B), STORE);
+    let end = rig.chip.frame(rig.chip.now + 1_000, &payload(244, 1));
+    rig.chip.at(end + 30, Happening::Irq(ERROR, CRC));
+    rig.lateness = 60;
+    assert_eq!(rig.listener(&mut listener), ListenerEvent::Frame { len: 244, flags: FrameFlags::CRC });
+    assert_eq!(rig.buffer[1..=244], payload(244, 1));
+    rig.lateness = 0;
+    hears(&mut rig, &mut listener, 244);
+}
+
+#[test]
+fn framing_errors_on_the_way_are_flags_of_that_frame_alone() {
+    for config in BOTH {
+        let (mut rig, mut listener) = listening(Chip::new(Variant::B), config);
+        let sync = rig.chip.now + 1_000;
+        rig.chip.frame(sync, &payload(244, 1));
+        rig.chip.at(sync + 1_000, Happening::Irq(ERROR, 0x10));
+        rig.chip.at(sync + 2_000, Happening::Irq(ERROR, 0x20));
+        assert_eq!(rig.listener(&mut listener), ListenerEvent::Frame { len: 244, flags: FrameFlags::FRAMING });
+        assert_eq!(listener.counters().framing, 1);
+        hears(&mut rig, &mut listener, 244);
+    }
+}
+
+#[test]
+fn a_damaged_len_is_flagged_whatever_it_claims() {
+    for config in BOTH {
+        for len_byte in [0, 1, 2, 30, 244, 246, 255] {
+            let (mut rig, mut listener) = listening(Chip::new(Variant::B), config);
+            let mut frame = vec![len_byte];
+            frame.extend(payload(246, 1));
+            rig.chip.raw_frame(rig.chip.now + 1_000, &frame, Some(0));
+            assert_eq!(
+                rig.listener(&mut listener),
+                ListenerEvent::Frame { len: 244, flags: FrameFlags::LENGTH },
+                "LEN {len_byte}"
+            );
+            assert_eq!(rig.buffer[1..=244], payload(246, 1)[..244]);
+            hears(&mut rig, &mut listener, 244);
+            rig.assert_no_misuse();
+        }
+    }
+}
+
+#[test]
+fn frames_too_short_or_too_long_are_dropped_and_forgotten() {
+    for config in BOTH {
+        let (mut rig, mut listener) = listening(Chip::new(Variant::B), config);
+        for (bytes, why) in [(0, Dropped::Runt), (1, Dropped::Runt), (3, Dropped::Runt), (300, Dropped::TooLong)] {
+            let mut frame = payload(bytes, 1);
+            if let Some(len) = frame.first_mut() {
+                *len = 255;
+            }
+            rig.chip.raw_frame(rig.chip.now + 1_000, &frame, Some(0));
+            assert_eq!(rig.listener(&mut listener), ListenerEvent::Dropped(why), "{bytes} bytes");
+            hears(&mut rig, &mut listener, 244);
+        }
+        rig.assert_no_misuse();
+    }
+}
+
+#[test]
+fn a_fifo_overflow_and_a_partial_last_byte_are_flags() {
+    for (bits, flag) in [(0x10, FrameFlags::OVERFLOW), (0x20, FrameFlags::UNDERFLOW), (0x06, FrameFlags::PARTIAL)] {
+        let (mut rig, mut listener) = listening(Chip::new(Variant::B), STORE);
+        let sync = rig.chip.now + 1_000;
+        rig.chip.frame(sync, &payload(50, 1));
+        assert_eq!(rig.listener_within(&mut listener, 3), None); // I_rxs read, waiting for I_rxe
+        assert!(rig.chip.now < sync + 50);
+        rig.chip.fifo_flags = bits;
+        assert_eq!(rig.listener(&mut listener), ListenerEvent::Frame { len: 50, flags: flag });
+        hears(&mut rig, &mut listener, 244);
+    }
+}
+
+#[test]
+fn a_fifo_level_that_lies_is_survived_and_flagged() {
+    for config in BOTH {
+        for level_error in [-250, -20, -1, 1, 5, 400, 900] {
+            let (mut rig, mut listener) = listening(Chip::new(Variant::B), config);
+            rig.chip.frame(rig.chip.now + 1_000, &payload(244, 1));
+            rig.chip.level_error = level_error;
+            match rig.listener(&mut listener) {
+                ListenerEvent::Frame { flags, .. } => assert!(flags.contains(FrameFlags::LENGTH)),
+                ListenerEvent::Dropped(_) | ListenerEvent::Fault(Fault::Bus) => {}
+                other => panic!("{other:?}"),
+            }
+            rig.chip.level_error = 0;
+            rig.chip.advance(rig.chip.now + 10_000);
+            while rig.listener_within(&mut listener, 20).is_some() {}
+            assert!(hears_again(&mut rig, &mut listener), "level error {level_error}");
+        }
+    }
+}
+
+/// Whether one of the next three frames is delivered whole.
+fn hears_again(rig: &mut Rig, listener: &mut Listener) -> bool {
+    for seed in 0..3 {
+        let bytes = payload(244, seed);
+        rig.chip.frame(rig.chip.now + 2_000, &bytes);
+        for _ in 0..3 {
+            match rig.listener_within(listener, 60) {
+                Some(ListenerEvent::Frame { len: 244, flags }) if flags.is_clean() => {
+                    return rig.buffer[1..=244] == bytes;
+                }
+                Some(_) => {}
+                None => break,
+            }
+        }
+    }
+    false
+}
+
+#[test]
+fn the_field_coming_and_going_is_told() {
+    for config in BOTH {
+        let (mut rig, mut listener) = listening(Chip::new(Variant::B), config);
+        rig.chip.at(rig.chip.now + 100, Happening::Irq(TIMER, EON));
+        assert_eq!(rig.listener(&mut listener), ListenerEvent::FieldOn);
+        hears(&mut rig, &mut listener, 244);
+        rig.chip.at(rig.chip.now + 5_000, Happening::Irq(TIMER, EOF));
+        assert_eq!(rig.listener(&mut listener), ListenerEvent::FieldOff);
+        // Off for long: the chip is checked, nothing is reported.
+        assert_eq!(rig.listener_within(&mut listener, 300), None);
+        assert_eq!(listener.counters().faults, 0);
+    }
+}
+
+#[test]
+fn a_field_lost_under_a_frame_drops_the_frame_and_recovers() {
+    for config in BOTH {
+        let (mut rig, mut listener) = listening(Chip::new(Variant::B), config);
+        rig.chip.at(rig.chip.now + 100, Happening::Irq(TIMER, EON));
+        assert_eq!(rig.listener(&mut listener), ListenerEvent::FieldOn);
+        let sync = rig.chip.now + 1_000;
+        rig.chip.raw_frame(sync, &payload(120, 1), None);
+        rig.chip.at(sync + 2_300, Happening::Irq(TIMER, EOF));
+        assert_eq!(rig.listener(&mut listener), ListenerEvent::Dropped(Dropped::FieldLost));
+        assert_eq!(rig.listener(&mut listener), ListenerEvent::FieldOff);
+        rig.chip.at(rig.chip.now + 7_000, Happening::Irq(TIMER, EON));
+        assert_eq!(rig.listener(&mut listener), ListenerEvent::FieldOn);
+        hears(&mut rig, &mut listener, 244);
+        assert_eq!(listener.counters().field_losses, 1);
+    }
+}
+
+#[test]
+fn a_short_drop_of_the_field_seen_in_one_read_is_told_in_order() {
+    let (mut rig, mut listener) = listening(Chip::new(Variant::B), FILLING);
+    rig.chip.at(rig.chip.now + 100, Happening::Irq(TIMER, EON));
+    assert_eq!(rig.listener(&mut listener), ListenerEvent::FieldOn);
+    rig.chip.at(rig.chip.now + 100, Happening::Irq(TIMER, EON | EOF));
+    assert_eq!(rig.listener(&mut listener), ListenerEvent::FieldOff);
+    assert_eq!(rig.listener(&mut listener), ListenerEvent::FieldOn);
+    hears(&mut rig, &mut listener, 244);
+}
+
+#[test]
+fn a_start_in_the_middle_of_frames_hears_the_next_whole_one() {
+    for config in BOTH {
+        for shift in (0..10_000).step_by(487) {
+            let mut rig = Rig::new(Chip::new(Variant::B));
+            rig.chip.at(0, Happening::Irq(TIMER, EON));
+            for cycle in 0..6 {
+                rig.chip.frame(shift + cycle * 10_000, &payload(244, cycle as usize));
+                // A receiver that opens inside a frame reports errors.
+                rig.chip.at(shift + cycle * 10_000 + 2_000, Happening::Irq(ERROR, 0x30));
+            }
+            let mut listener = Listener::new(config);
+            let mut good = 0;
+            while rig.chip.now < 60_000 {
+                if let Some(ListenerEvent::Frame { len: 244, .. }) = rig.listener_within(&mut listener, 20) {
+                    good += 1;
+                }
+            }
+            assert!(good >= 4, "{good} frames, {shift}");
+            assert_eq!(listener.counters().faults, 0);
+        }
+    }
+}
+
+#[test]
+fn an_irq_pin_high_before_the_start_does_not_stop_bring_up() {
+    let mut chip = Chip::new(Variant::B);
+    chip.irqs = [0x7F, 0x7F, 0xFF, 0xFF];
+    let (mut rig, mut listener) = listening(chip, FILLING);
+    hears(&mut rig, &mut listener, 244);
+}
+
+#[test]
+fn a_frame_over_before_its_sync_was_read_is_received() {
+    for config in BOTH {
+        let (mut rig, mut listener) = listening(Chip::new(Variant::B), config);
+        rig.lateness = 6_000;
+        hears(&mut rig, &mut listener, 244);
+    }
+}
+
+#[test]
+fn a_second_sync_without_end_drops_the_first_frame_and_receives_the_second() {
+    for config in BOTH {
+        let (mut rig, mut listener) = listening(Chip::new(Variant::B), config);
+        let sync = rig.chip.now + 1_000;
+        rig.chip.raw_frame(sync, &payload(60, 1), None);
+        rig.chip.frame(sync + 2_000, &payload(124, 2));
+        assert_eq!(rig.listener(&mut listener), ListenerEvent::Dropped(Dropped::Overrun));
+        assert_eq!(rig.listener(&mut listener), ListenerEvent::Frame { len: 124, flags: CLEAN });
+        assert_eq!(rig.buffer[1..=124], payload(124, 2));
+        rig.assert_no_misuse();
+    }
+}
+
+#[test]
+fn an_end_and_a_new_sync_in_one_read_within_a_frame_cannot_be_told_apart_and_are_dropped() {
+    let (mut rig, mut listener) = listening(Chip::new(Variant::B), STORE);
+    rig.chip.frame(rig.chip.now + 1_000, &payload(50, 1));
+    assert_eq!(rig.listener_within(&mut listener, 3), None); // I_rxs read, waiting for I_rxe
+    rig.chip.advance(rig.chip.now + 2_000);
+    assert_eq!(rig.chip.irqs[MAIN], RXE);
+    rig.chip.irqs[MAIN] |= RXS;
+    assert_eq!(rig.listener(&mut listener), ListenerEvent::Dropped(Dropped::Overrun));
+    hears(&mut rig, &mut listener, 244);
+}
+
+#[test]
+fn a_chip_that_resets_is_noticed_at_the_next_interrupt_or_supervision() {
+    for config in BOTH {
+        let (mut rig, mut listener) = listening(Chip::new(Variant::A), config);
+        hears(&mut rig, &mut listener, 244);
+        let start = rig.chip.now;
+        rig.chip.at(start + 3_000, Happening::PowerUpReset);
+        assert_eq!(rig.listener(&mut listener), ListenerEvent::Fault(Fault::Reset));
+        assert!(rig.chip.now - start <= 21_000);
+        assert_eq!(rig.listener(&mut listener), ListenerEvent::Listening);
+        hears(&mut rig, &mut listener, 244);
+    }
+}
+
+#[test]
+fn a_configuration_lost_behind_the_masks_is_noticed_by_supervision() {
+    for (register, value) in [(2, 0x83), (3, 0x08), (4, 0x00)] {
+        let (mut rig, mut listener) = listening(Chip::new(Variant::B), FILLING);
+        rig.chip.a[register] = value;
+        assert_eq!(rig.listener(&mut listener), ListenerEvent::Fault(Fault::Reset));
+        assert_eq!(rig.listener(&mut listener), ListenerEvent::Listening);
+        hears(&mut rig, &mut listener, 244);
+    }
+}
+
+#[test]
+fn a_receiver_left_masked_is_unmasked_by_supervision() {
+    let (mut rig, mut listener) = listening(Chip::new(Variant::B), FILLING);
+    rig.chip.transfer(&[0xD0]);
+    assert_eq!(rig.listener_within(&mut listener, 10), None);
+    hears(&mut rig, &mut listener, 244);
+}
+
+#[test]
+fn supervision_costs_nothing_while_frames_come() {
+    let (mut rig, mut listener) = listening(Chip::new(Variant::B), FILLING);
+    for cycle in 0..50 {
+        rig.chip.frame(rig.chip.now + 5_000, &payload(244, cycle));
+        assert!(matches!(rig.listener(&mut listener), ListenerEvent::Frame { .. }));
+    }
+    assert!(!rig.log().contains(&"42 00 00 00".to_owned()));
+}
+
+#[test]
+fn a_dead_bus_is_a_fault_and_recovers_when_the_chip_is_back() {
+    for (miso, fault) in [(Miso::StuckHigh, Fault::Bus), (Miso::StuckLow, Fault::Reset)] {
+        let (mut rig, mut listener) = listening(Chip::new(Variant::B), FILLING);
+        rig.chip.miso = miso;
+        assert_eq!(rig.listener(&mut listener), ListenerEvent::Fault(fault));
+        for _ in 0..12 {
+            rig.transfers = 0;
+            assert_eq!(rig.listener(&mut listener), ListenerEvent::Fault(Fault::Absent));
+            assert!(rig.transfers < 10);
+        }
+        rig.chip.miso = Miso::Driven;
+        assert_eq!(rig.listener(&mut listener), ListenerEvent::Listening);
+        hears(&mut rig, &mut listener, 244);
+    }
+}
+
+#[test]
+fn a_stuck_irq_pin_ends_in_a_fault_not_in_a_loop() {
+    for config in BOTH {
+        for in_frame in [false, true] {
+            let (mut rig, mut listener) = listening(Chip::new(Variant::B), config);
+            if in_frame {
+                rig.chip.raw_frame(rig.chip.now + 10, &payload(20, 1), None);
+            }
+            rig.chip.pin_stuck = true;
+            rig.transfers = 0;
+            assert_eq!(rig.listener(&mut listener), ListenerEvent::Fault(Fault::IrqStuck));
+            assert!(rig.transfers < 20, "{}", rig.transfers);
+            rig.chip.pin_stuck = false;
+            assert_eq!(rig.listener(&mut listener), ListenerEvent::Listening);
+            hears(&mut rig, &mut listener, 244);
+        }
+    }
+}
+
+#[test]
+fn an_executor_out_of_step_is_a_fault_and_recovers() {
+    let (mut rig, mut listener) = listening(Chip::new(Variant::B), FILLING);
+    assert!(matches!(listener.step(Input::Start), Step::Wait { .. }));
+    rig.outstanding = listener.step(Input::Done(&[0; 8]));
+    assert_eq!(rig.outstanding, Step::Event(ListenerEvent::Fault(Fault::Executor)));
+    assert_eq!(rig.listener(&mut listener), ListenerEvent::Listening);
+    hears(&mut rig, &mut listener, 244);
+}
+
+#[test]
+fn an_executor_that_keeps_a_reads_bytes_to_itself_gets_frames_flagged() {
+    let (mut rig, mut listener) = listening(Chip::new(Variant::B), STORE);
+    rig.chip.frame(rig.chip.now + 1_000, &payload(50, 1));
+    let mut step = listener.step(Input::Start);
+    loop {
+        let given = rig.carry_out(step);
+        let read = matches!(step, Step::Transfer(Transfer::Read { .. }));
+        step = listener.step(if read { Input::Done(&[]) } else { rig.input(given) });
+        if let Step::Event(event) = step {
+            assert_eq!(event, ListenerEvent::Frame { len: 50, flags: FrameFlags::LENGTH });
+            break;
+        }
+    }
+}

@@ -1,0 +1,383 @@
+//! The poller against the stand-in.
+
+use st25r3916::{Fault, Input, Poller, PollerConfig, PollerEvent, Receiver, SendError, Step, Supply, Variant};
+
+use crate::stand_in::{Chip, Happening, Miso, Rig};
+
+fn ready(chip: Chip) -> (Rig, Poller) {
+    let mut rig = Rig::new(chip);
+    let mut poller = Poller::new(PollerConfig::new());
+    assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
+    rig.log();
+    (rig, poller)
+}
+
+fn bring_up_log(variant: Variant, config: PollerConfig) -> Vec<String> {
+    let mut rig = Rig::new(Chip::new(variant));
+    let mut poller = Poller::new(config);
+    assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
+    assert_eq!(poller.variant(), Some(variant));
+    rig.assert_no_misuse();
+    rig.log()
+}
+
+#[test]
+fn an_st25r3916_is_brought_up_byte_by_byte() {
+    assert_eq!(
+        bring_up_log(Variant::A, PollerConfig::new()),
+        [
+            "C1",
+            "00 07 1C",
+            "7F 00",
+            "FC 04 10",
+            "5A 00 00 00 00",
+            "02 80",
+            "5A 00 00 00 00", // I_osc
+            "D6",
+            "5A 00 00 00 00", // I_dct
+            "03 1C 22",
+            "07 00",
+            "0A 00",
+            "10 00 00",
+            "28 70",
+            "16 77 7F FF FF",
+            "02 88",
+            "42 00 00 00",
+        ]
+    );
+}
+
+#[test]
+fn an_st25r3916b_is_calibrated_and_has_its_own_am_depth() {
+    assert_eq!(
+        bring_up_log(Variant::B, PollerConfig::new()),
+        [
+            "C1",
+            "00 07 1C",
+            "7F 00",
+            "5A 00 00 00 00",
+            "02 80",
+            "5A 00 00 00 00", // I_osc
+            "EA",
+            "D6",
+            "5A 00 00 00 00", // I_dct
+            "03 1C 22",
+            "07 00",
+            "0A 00",
+            "10 00 00",
+            "28 40",
+            "16 77 7F FF FF",
+            "02 88",
+            "42 00 00 00",
+        ]
+    );
+}
+
+#[test]
+fn a_3_3_volt_supply_sets_sup3v_and_nothing_else() {
+    let at_5 = bring_up_log(Variant::B, PollerConfig::new());
+    let at_3 = bring_up_log(Variant::B, PollerConfig { supply: Supply::Volts3, ..PollerConfig::new() });
+    let different: Vec<_> = at_5.iter().zip(&at_3).filter(|(five, three)| five != three).collect();
+    assert_eq!(different, [(&"00 07 1C".to_owned(), &"00 07 9C".to_owned())]);
+    assert_eq!(at_5.len(), at_3.len());
+}
+
+#[test]
+fn the_receiver_can_be_left_on_and_masked() {
+    let log = bring_up_log(Variant::B, PollerConfig { receiver: Receiver::OnMasked, ..PollerConfig::new() });
+    assert_eq!(log[log.len() - 3..], ["02 C8", "D0", "42 00 00 00"]);
+}
+
+#[test]
+fn a_frame_is_loaded_then_started_by_one_byte() {
+    let (mut rig, mut poller) = ready(Chip::new(Variant::B));
+    let payload: Vec<u8> = (0..244).collect();
+    assert_eq!(rig.send(&mut poller, &payload), PollerEvent::Sent);
+    assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
+
+    let log = rig.log();
+    assert_eq!(log[..2], ["DB", "22 07 A0"]);
+    assert!(log[2].starts_with("80 00 01 02"), "{}", log[2]);
+    assert_eq!(
+        log[3..],
+        [
+            "59 00 00 00 00 00 00 00", // FIFO level
+            "C4",
+            "59 00 00 00 00 00 00 00", // I_txe
+            "42 00 00 00",
+            "71 00",
+        ]
+    );
+    assert_eq!(rig.chip.sent.len(), 1);
+    assert_eq!(rig.chip.sent[0].1, payload);
+    assert_eq!(poller.counters().sent, 1);
+    rig.assert_no_misuse();
+}
+
+#[test]
+fn every_length_from_1_to_254_is_sent_whole() {
+    let (mut rig, mut poller) = ready(Chip::new(Variant::B));
+    for len in 1..=254_usize {
+        let payload: Vec<u8> = (0..len).map(|index| (index * 7 + len) as u8).collect();
+        assert_eq!(rig.send(&mut poller, &payload), PollerEvent::Sent);
+        assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
+        assert_eq!(rig.chip.sent.last().unwrap().1, payload);
+    }
+    rig.assert_no_misuse();
+}
+
+#[test]
+fn a_frame_can_be_sent_only_when_ready_and_only_with_a_length_that_fits() {
+    let mut fresh = Poller::new(PollerConfig::new());
+    assert_eq!(fresh.send(10), Err(SendError::NotReady));
+    let (mut rig, mut poller) = ready(Chip::new(Variant::B));
+    assert_eq!(poller.send(0), Err(SendError::Length));
+    assert_eq!(poller.send(255), Err(SendError::Length));
+    assert_eq!(poller.send(usize::MAX), Err(SendError::Length));
+    // None of the refusals disturbed it.
+    assert_eq!(rig.send(&mut poller, &[1; 254]), PollerEvent::Sent);
+    assert_eq!(poller.send(10), Err(SendError::NotReady));
+}
+
+#[test]
+fn a_loaded_frame_can_be_given_up() {
+    let (mut rig, mut poller) = ready(Chip::new(Variant::B));
+    rig.payload = vec![1; 20];
+    let step = poller.send(20).unwrap();
+    assert_eq!(rig.poller(&mut poller, step), PollerEvent::Loaded);
+    assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
+    assert_eq!(rig.send(&mut poller, &[2; 30]), PollerEvent::Sent);
+    assert_eq!(rig.chip.sent.len(), 1);
+    assert_eq!(rig.chip.sent[0].1, [2; 30]);
+}
+
+#[test]
+fn the_wait_for_the_end_is_the_air_time_and_a_margin() {
+    let (mut rig, mut poller) = ready(Chip::new(Variant::B));
+    rig.payload = vec![0; 244];
+    let step = poller.send(244).unwrap();
+    assert_eq!(rig.poller(&mut poller, step), PollerEvent::Loaded);
+    // 2040 bits · 32 / 13.56 MHz = 4814.2 µs, rounded up, and 500 µs.
+    assert_eq!(poller.step(Input::Done(&[0])), Step::Wait { micros: 4_815 + 500 });
+}
+
+#[test]
+fn interrupts_survive_a_clear_that_clears_them_or_not() {
+    for db_clears_irqs in [false, true] {
+        let (mut rig, mut poller) = ready(Chip { db_clears_irqs, ..Chip::new(Variant::B) });
+        for _ in 0..3 {
+            // A stale I_txe from before must not pass for this frame's.
+            rig.chip.irqs[0] |= crate::stand_in::TXE;
+            let start = rig.chip.now;
+            assert_eq!(rig.send(&mut poller, &[9; 244]), PollerEvent::Sent);
+            assert!(rig.chip.now - start > 4_814, "Sent came before the frame was over");
+            assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
+        }
+    }
+}
+
+#[test]
+fn an_irq_pin_high_before_the_start_does_not_stop_bring_up() {
+    let mut chip = Chip::new(Variant::B);
+    chip.irqs = [0x7F, 0x7F, 0xFF, 0xFF];
+    let (rig, _) = ready(chip);
+    rig.assert_no_misuse();
+}
+
+#[test]
+fn a_chip_that_is_not_there_is_told_from_one_that_is_another() {
+    for (miso, identity, fault) in [
+        (Miso::StuckLow, 0x31, Fault::Absent),
+        (Miso::StuckHigh, 0x31, Fault::Absent),
+        (Miso::Driven, 0x15, Fault::Identity(0x15)),
+    ] {
+        let mut rig = Rig::new(Chip { miso, identity, ..Chip::new(Variant::B) });
+        let mut poller = Poller::new(PollerConfig::new());
+        for _ in 0..10 {
+            assert_eq!(rig.poller_next(&mut poller), PollerEvent::Fault(fault));
+        }
+        rig.chip.miso = Miso::Driven;
+        rig.chip.identity = 0x31;
+        assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
+    }
+}
+
+#[test]
+fn another_revision_of_the_same_part_is_accepted() {
+    let chip = Chip { identity: 0x32, ..Chip::new(Variant::B) };
+    let (_, poller) = ready(chip);
+    assert_eq!(poller.variant(), Some(Variant::B));
+}
+
+#[test]
+fn back_off_grows_to_64_ms_and_starts_over_after_a_frame() {
+    let mut rig = Rig::new(Chip { miso: Miso::StuckLow, ..Chip::new(Variant::B) });
+    let mut poller = Poller::new(PollerConfig::new());
+    let mut before = 0;
+    let mut pauses = Vec::new();
+    for _ in 0..10 {
+        assert_eq!(rig.poller_next(&mut poller), PollerEvent::Fault(Fault::Absent));
+        pauses.push((rig.chip.now - before) / 1_000);
+        before = rig.chip.now;
+    }
+    assert_eq!(pauses, [0, 1, 2, 4, 8, 16, 32, 64, 64, 64]);
+
+    rig.chip.miso = Miso::Driven;
+    assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
+    assert_eq!(rig.send(&mut poller, &[1; 10]), PollerEvent::Sent);
+    rig.chip.miso = Miso::StuckLow;
+    assert_eq!(rig.poller_next(&mut poller), PollerEvent::Fault(Fault::Reset));
+    before = rig.chip.now;
+    assert_eq!(rig.poller_next(&mut poller), PollerEvent::Fault(Fault::Absent));
+    assert_eq!((rig.chip.now - before) / 1_000, 1);
+}
+
+#[test]
+fn an_oscillator_or_a_regulator_that_never_settles_is_given_up_in_time() {
+    let mut rig = Rig::new(Chip { oscillator_micros: None, ..Chip::new(Variant::B) });
+    let mut poller = Poller::new(PollerConfig::new());
+    assert_eq!(rig.poller_next(&mut poller), PollerEvent::Fault(Fault::Oscillator));
+    assert!((10_000..10_200).contains(&rig.chip.now), "{}", rig.chip.now);
+
+    rig.chip.oscillator_micros = Some(700);
+    rig.chip.regulator_micros = None;
+    let start = rig.chip.now;
+    assert_eq!(rig.poller_next(&mut poller), PollerEvent::Fault(Fault::Regulator));
+    assert!((7_700..8_000).contains(&(rig.chip.now - start)), "{}", rig.chip.now - start);
+
+    rig.chip.regulator_micros = Some(5_000);
+    assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
+}
+
+#[test]
+fn a_lost_frame_costs_no_bring_up_and_keeps_the_field_on() {
+    let (mut rig, mut poller) = ready(Chip { transmit_ends: false, ..Chip::new(Variant::B) });
+    // I_txe pending from nowhere would hide the failure.
+    assert_eq!(rig.send(&mut poller, &[3; 100]), PollerEvent::Fault(Fault::NoTransmitEnd));
+    rig.log();
+    rig.chip.transmit_ends = true;
+    assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
+    assert_eq!(rig.log(), ["C2", "DB", "42 00 00 00", "71 00"]);
+    assert_eq!(rig.chip.a[2], 0x88);
+    assert_eq!(rig.send(&mut poller, &[4; 100]), PollerEvent::Sent);
+    assert_eq!(rig.chip.sent.last().unwrap().1, [4; 100]);
+}
+
+#[test]
+fn a_second_lost_frame_in_a_row_costs_a_bring_up() {
+    let (mut rig, mut poller) = ready(Chip { transmit_ends: false, ..Chip::new(Variant::B) });
+    for _ in 0..2 {
+        assert_eq!(rig.send(&mut poller, &[3; 100]), PollerEvent::Fault(Fault::NoTransmitEnd));
+        assert_eq!(poller.counters().bring_ups, 1);
+        rig.log();
+        assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
+    }
+    assert_eq!(poller.counters().bring_ups, 2);
+    assert_eq!(rig.log()[0], "C1");
+}
+
+#[test]
+fn a_fifo_that_took_the_wrong_number_of_bytes_is_not_sent() {
+    let (mut rig, mut poller) = ready(Chip { level_error: -1, ..Chip::new(Variant::B) });
+    assert_eq!(rig.send(&mut poller, &[1; 244]), PollerEvent::Fault(Fault::FifoCount { expected: 244, found: 243 }));
+    assert_eq!(rig.chip.sent.len(), 0);
+    rig.chip.level_error = 0;
+    assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
+    assert_eq!(rig.send(&mut poller, &[1; 244]), PollerEvent::Sent);
+}
+
+#[test]
+fn the_load_check_can_be_switched_off_and_an_underflow_is_still_seen() {
+    let mut rig = Rig::new(Chip { level_error: -1, ..Chip::new(Variant::B) });
+    let mut poller = Poller::new(PollerConfig { check_load: false, ..PollerConfig::new() });
+    assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
+    assert_eq!(rig.send(&mut poller, &[1; 244]), PollerEvent::Sent);
+    assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
+
+    rig.payload = vec![1; 244];
+    let step = poller.send(244).unwrap();
+    assert_eq!(rig.poller(&mut poller, step), PollerEvent::Loaded);
+    rig.chip.fifo.pop_back();
+    let transmit = Step::Transfer(st25r3916::Transfer::Short(Poller::transmit()));
+    assert_eq!(rig.poller(&mut poller, transmit), PollerEvent::Fault(Fault::FifoFlow));
+    assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
+}
+
+#[test]
+fn a_chip_that_resets_between_frames_is_brought_up_again() {
+    let (mut rig, mut poller) = ready(Chip::new(Variant::A));
+    assert_eq!(rig.send(&mut poller, &[1; 10]), PollerEvent::Sent);
+    rig.chip.at(rig.chip.now, Happening::PowerUpReset);
+    assert_eq!(rig.poller_next(&mut poller), PollerEvent::Fault(Fault::Reset));
+    assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
+    assert_eq!(rig.send(&mut poller, &[1; 10]), PollerEvent::Sent);
+}
+
+#[test]
+fn a_chip_that_resets_under_a_frame_is_brought_up_again() {
+    let (mut rig, mut poller) = ready(Chip::new(Variant::A));
+    rig.chip.at(rig.chip.now + 3_000, Happening::PowerUpReset);
+    assert_eq!(rig.send(&mut poller, &[1; 244]), PollerEvent::Fault(Fault::Reset));
+    assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
+    assert_eq!(rig.send(&mut poller, &[1; 244]), PollerEvent::Sent);
+}
+
+#[test]
+fn a_field_that_dropped_is_noticed_between_frames() {
+    for lost in [0x10, 0x20] {
+        let (mut rig, mut poller) = ready(Chip::new(Variant::B));
+        rig.chip.a[0x31] &= !lost;
+        assert_eq!(rig.poller_next(&mut poller), PollerEvent::Fault(Fault::FieldDropped));
+        assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
+        assert_eq!(rig.chip.a[0x31], 0x30);
+    }
+}
+
+#[test]
+fn a_write_that_does_not_stick_fails_bring_up() {
+    let mut rig = Rig::new(Chip::new(Variant::B));
+    let mut poller = Poller::new(PollerConfig::new());
+    let mut step = Step::Event(PollerEvent::Ready);
+    let event = loop {
+        let given = rig.carry_out(step);
+        rig.chip.a[4] = 0x21;
+        step = poller.step(rig.input(given));
+        if let Step::Event(event) = step {
+            break event;
+        }
+    };
+    assert_eq!(event, PollerEvent::Fault(Fault::Configuration));
+    assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
+}
+
+#[test]
+fn a_stuck_irq_pin_ends_in_a_fault_not_in_a_loop() {
+    let (mut rig, mut poller) = ready(Chip::new(Variant::B));
+    rig.chip.pin_stuck = true;
+    rig.transfers = 0;
+    assert_eq!(rig.send(&mut poller, &[1; 244]), PollerEvent::Fault(Fault::IrqStuck));
+    assert!(rig.transfers < 20);
+    rig.chip.pin_stuck = false;
+    assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
+}
+
+#[test]
+fn a_failed_transfer_is_a_bus_fault_wherever_it_happens() {
+    for transfers in 0..30 {
+        let mut rig = Rig::new(Chip::new(Variant::A));
+        rig.payload = vec![5; 50];
+        let mut poller = Poller::new(PollerConfig::new());
+        let mut step = Step::Event(PollerEvent::Ready);
+        for _ in 0..transfers {
+            let given = rig.carry_out(step);
+            step = match poller.step(rig.input(given)) {
+                Step::Event(PollerEvent::Ready) => poller.send(50).unwrap(),
+                Step::Event(PollerEvent::Loaded) => Step::Transfer(st25r3916::Transfer::Short(Poller::transmit())),
+                other => other,
+            };
+        }
+        assert_eq!(poller.step(Input::Failed), Step::Event(PollerEvent::Fault(Fault::Bus)));
+        assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
+        assert_eq!(rig.send(&mut poller, &[1; 20]), PollerEvent::Sent);
+    }
+}

@@ -1,0 +1,509 @@
+//! A register and FIFO stand-in for the chip, and an executor that runs a machine against it.
+//!
+//! It knows what the driver's documentation says the chip does, in whole microseconds, and can be told
+//! to do it wrong. It is not a model of the part: no analogue side, no modes but the two used here.
+
+use std::collections::{BTreeMap, VecDeque};
+
+use st25r3916::listener::BUFFER;
+use st25r3916::{Input, Listener, ListenerEvent, Poller, PollerEvent, Step, Transfer, Variant, air_time_ns};
+
+pub(crate) const MAIN: usize = 0;
+pub(crate) const TIMER: usize = 1;
+pub(crate) const ERROR: usize = 2;
+pub(crate) const RXS: u8 = 0x20;
+pub(crate) const RXE: u8 = 0x10;
+pub(crate) const TXE: u8 = 0x08;
+pub(crate) const EON: u8 = 0x10;
+pub(crate) const EOF: u8 = 0x08;
+pub(crate) const CRC: u8 = 0x80;
+
+/// What happens by itself at an instant.
+#[derive(Clone, Debug)]
+pub(crate) enum Happening {
+    Irq(usize, u8),
+    /// A frame's sync, if the receiver is on and unmasked.
+    Sync,
+    /// One byte of the frame whose sync was accepted.
+    Byte(u8),
+    /// The end of the frame whose sync was accepted, with these error bits.
+    End(u8),
+    /// The transmitter has drained the FIFO.
+    TransmitEnd,
+    PowerUpReset,
+}
+
+/// What MISO shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Miso {
+    Driven,
+    StuckLow,
+    StuckHigh,
+}
+
+#[derive(Clone, Debug)]
+pub(crate) struct Chip {
+    pub(crate) now: u64,
+    pub(crate) a: [u8; 64],
+    pub(crate) b: [u8; 64],
+    pub(crate) test: [u8; 64],
+    pub(crate) irqs: [u8; 4],
+    pub(crate) fifo: VecDeque<u8>,
+    pub(crate) fifo_flags: u8,
+    pub(crate) identity: u8,
+    pub(crate) miso: Miso,
+    pub(crate) db_clears_irqs: bool,
+    /// A frame's end masks the receiver until the next D1.
+    pub(crate) end_masks_receiver: bool,
+    pub(crate) oscillator_micros: Option<u64>,
+    pub(crate) regulator_micros: Option<u64>,
+    pub(crate) transmit_ends: bool,
+    /// The IRQ pin is high whatever the registers say.
+    pub(crate) pin_stuck: bool,
+    /// Added to the FIFO level shown.
+    pub(crate) level_error: i32,
+    /// Every MOSI string, in order.
+    pub(crate) log: Vec<Vec<u8>>,
+    /// What was sent on air, with its instant in µs.
+    pub(crate) sent: Vec<(u64, Vec<u8>)>,
+    /// What the driver did that the part does not answer.
+    pub(crate) misuse: Vec<String>,
+    pub(crate) unmasked: bool,
+    pub(crate) receiving: bool,
+    pub(crate) schedule: BTreeMap<(u64, u32), Happening>,
+    pub(crate) order: u32,
+}
+
+impl Chip {
+    pub(crate) fn new(variant: Variant) -> Self {
+        Self {
+            now: 0,
+            a: [0; 64],
+            b: [0; 64],
+            test: [0; 64],
+            irqs: [0; 4],
+            fifo: VecDeque::new(),
+            fifo_flags: 0,
+            identity: match variant {
+                Variant::A => 0x2A,
+                Variant::B => 0x31,
+            },
+            miso: Miso::Driven,
+            db_clears_irqs: false,
+            end_masks_receiver: true,
+            oscillator_micros: Some(700),
+            regulator_micros: Some(3_000),
+            transmit_ends: true,
+            pin_stuck: false,
+            level_error: 0,
+            log: Vec::new(),
+            sent: Vec::new(),
+            misuse: Vec::new(),
+            unmasked: false,
+            receiving: false,
+            schedule: BTreeMap::new(),
+            order: 0,
+        }
+    }
+
+    pub(crate) fn at(&mut self, instant: u64, happening: Happening) {
+        self.order += 1;
+        self.schedule.insert((instant.max(self.now), self.order), happening);
+    }
+
+    /// A frame whose sync ends at `sync`; its bytes are `LEN`, payload, CRC-16 (as two marks).
+    /// Returns the instant of its end.
+    pub(crate) fn frame(&mut self, sync: u64, payload: &[u8]) -> u64 {
+        let mut bytes = vec![payload.len() as u8 + 1];
+        bytes.extend_from_slice(payload);
+        bytes.extend_from_slice(&[0xC1, 0xC2]);
+        self.raw_frame(sync, &bytes, Some(0))
+    }
+
+    /// A frame as it comes: `end` none means that I_rxe never comes.
+    pub(crate) fn raw_frame(&mut self, sync: u64, bytes: &[u8], end: Option<u8>) -> u64 {
+        self.at(sync, Happening::Sync);
+        let instant = |index: usize| sync + (index as u64 * 18_879) / 1_000;
+        for (index, byte) in bytes.iter().enumerate() {
+            self.at(instant(index + 1), Happening::Byte(*byte));
+        }
+        let over = instant(bytes.len());
+        if let Some(errors) = end {
+            self.at(over, Happening::End(errors));
+        }
+        over
+    }
+
+    /// Nothing planned is on air any more, nor the frame that is.
+    pub(crate) fn clear_air(&mut self) {
+        self.receiving = false;
+        self.schedule.retain(|_, what| matches!(what, Happening::Irq(..) | Happening::TransmitEnd));
+    }
+
+    pub(crate) fn pin(&self) -> bool {
+        self.pin_stuck || self.irqs.iter().zip(&self.a[0x16..]).any(|(irq, mask)| irq & !mask != 0)
+    }
+
+    fn oscillates(&self) -> bool {
+        self.a[0x31] & 0x10 != 0
+    }
+
+    fn receiver_listens(&self) -> bool {
+        self.oscillates() && self.a[2] & 0x40 != 0 && self.a[3] & 0x80 != 0 && self.unmasked
+    }
+
+    fn reset(&mut self) {
+        self.a = [0; 64];
+        self.a[0x28] = 0x70;
+        self.b = [0; 64];
+        self.test = [0; 64];
+        self.fifo.clear();
+        self.fifo_flags = 0;
+        self.unmasked = false;
+        self.receiving = false;
+        self.schedule.retain(|_, what| {
+            !matches!(what, Happening::TransmitEnd | Happening::Irq(MAIN, 0x80) | Happening::Irq(TIMER, 0x80))
+        });
+    }
+
+    pub(crate) fn advance(&mut self, to: u64) {
+        while let Some(entry) = self.schedule.first_entry() {
+            let &(instant, _) = entry.key();
+            if instant > to {
+                break;
+            }
+            let what = entry.remove();
+            self.now = self.now.max(instant);
+            self.happen(what);
+        }
+        self.now = self.now.max(to);
+    }
+
+    fn happen(&mut self, what: Happening) {
+        match what {
+            Happening::Irq(register, bits) => {
+                self.irqs[register] |= bits;
+                if register == MAIN && bits & 0x80 != 0 {
+                    self.a[0x31] |= 0x10;
+                }
+            }
+            Happening::Sync => {
+                self.receiving = self.receiver_listens();
+                if self.receiving {
+                    self.fifo.clear();
+                    self.fifo_flags = 0;
+                    self.irqs[MAIN] |= RXS;
+                }
+            }
+            Happening::Byte(byte) if self.receiving => {
+                if self.fifo.len() < 512 {
+                    self.fifo.push_back(byte);
+                } else {
+                    self.fifo_flags |= 0x10;
+                }
+            }
+            Happening::Byte(_) => {}
+            Happening::End(errors) if self.receiving => {
+                self.receiving = false;
+                self.unmasked = !self.end_masks_receiver;
+                self.irqs[MAIN] |= RXE;
+                self.irqs[ERROR] |= errors;
+            }
+            Happening::End(_) => {}
+            Happening::TransmitEnd => {
+                self.fifo.clear();
+                self.irqs[MAIN] |= TXE;
+            }
+            Happening::PowerUpReset => {
+                self.reset();
+                self.irqs = [0; 4];
+            }
+        }
+    }
+
+    /// The next instant at which the pin may change, if any.
+    pub(crate) fn next(&self) -> Option<u64> {
+        self.schedule.first_key_value().map(|((instant, _), _)| *instant)
+    }
+
+    /// One chip-select-low transfer. Takes 2 µs and 1 µs per byte (8 MHz).
+    pub(crate) fn transfer(&mut self, mosi: &[u8]) -> Vec<u8> {
+        self.log.push(mosi.to_vec());
+        self.advance(self.now + 2);
+        let mut miso = vec![0; mosi.len()];
+        if self.miso == Miso::Driven {
+            self.answer(mosi, &mut miso);
+        } else if self.miso == Miso::StuckHigh {
+            miso.fill(0xFF);
+        }
+        self.advance(self.now + mosi.len() as u64);
+        miso
+    }
+
+    fn answer(&mut self, mosi: &[u8], miso: &mut [u8]) {
+        let (space, head, first) = match *mosi {
+            [0xFB, head, ..] => (1, head, 2),
+            [0xFC, head, ..] => (2, head, 2),
+            [head, ..] => (0, head, 1),
+            [] => return,
+        };
+        match head {
+            0x00..=0x3F => {
+                for (index, value) in mosi.iter().enumerate().skip(first) {
+                    self.write(space, usize::from(head) + index - first, *value);
+                }
+            }
+            0x40..=0x7F => {
+                for (offset, slot) in miso[first..].iter_mut().enumerate() {
+                    *slot = self.read(space, usize::from(head & 0x3F) + offset);
+                }
+            }
+            0x80 => {
+                self.needs_oscillator("FIFO load");
+                self.fifo.extend(&mosi[1..]);
+            }
+            0x9F => {
+                self.needs_oscillator("FIFO read");
+                for slot in &mut miso[1..] {
+                    match self.fifo.pop_front() {
+                        Some(byte) => *slot = byte,
+                        None => {
+                            self.fifo_flags |= 0x20;
+                            self.misuse.push("FIFO read empty".into());
+                        }
+                    }
+                }
+            }
+            _ => {
+                if mosi.len() != 1 {
+                    self.misuse.push(format!("command {head:02x} is not alone in its transfer"));
+                }
+                self.command(head);
+            }
+        }
+    }
+
+    fn needs_oscillator(&mut self, what: &str) {
+        if !self.oscillates() {
+            self.misuse.push(format!("{what} without oscillator"));
+        }
+    }
+
+    fn write(&mut self, space: usize, address: usize, value: u8) {
+        match (space, address) {
+            (0, 0x02) => {
+                let starts = value & 0x80 != 0 && self.a[2] & 0x80 == 0;
+                if let Some(micros) = self.oscillator_micros.filter(|_| starts) {
+                    self.at(self.now + micros, Happening::Irq(MAIN, 0x80));
+                }
+                self.a[0x31] = self.a[0x31] & !0x20 | (value & 0x08) << 2;
+            }
+            (0, 0x03) => self.needs_oscillator("mode"),
+            _ => {}
+        }
+        match space {
+            0 => self.a[address] = value,
+            1 => self.b[address] = value,
+            _ => self.test[address] = value,
+        }
+    }
+
+    fn read(&mut self, space: usize, address: usize) -> u8 {
+        let level = (self.fifo.len() as i32 + self.level_error).clamp(0, 0x3FF) as u16;
+        match (space, address) {
+            (0, 0x1A..=0x1D) => std::mem::take(&mut self.irqs[address - 0x1A]),
+            (0, 0x1E) => level as u8,
+            (0, 0x1F) => ((level >> 8) as u8) << 6 | self.fifo_flags,
+            (0, 0x3F) => self.identity,
+            (0, _) => self.a[address],
+            (1, _) => self.b[address],
+            _ => self.test[address],
+        }
+    }
+
+    fn command(&mut self, command: u8) {
+        match command {
+            // Interrupts stay, so that the driver has to cope with an IRQ pin that is high already.
+            0xC1 => self.reset(),
+            0xC2 => self.schedule.retain(|_, what| !matches!(what, Happening::TransmitEnd)),
+            0xC4 => {
+                let ntx = usize::from(self.a[0x22]) << 5 | usize::from(self.a[0x23]) >> 3;
+                if self.fifo.len() < ntx {
+                    self.fifo_flags |= 0x20;
+                }
+                let frame = self.fifo.iter().copied().take(ntx).collect();
+                self.sent.push((self.now, frame));
+                if self.transmit_ends {
+                    let air = air_time_ns(ntx).div_ceil(1_000);
+                    self.at(self.now + air, Happening::TransmitEnd);
+                }
+            }
+            0xD0 => self.unmasked = false,
+            0xD1 => self.unmasked = true,
+            0xD6 => {
+                if let Some(micros) = self.regulator_micros {
+                    self.at(self.now + micros, Happening::Irq(TIMER, 0x80));
+                }
+            }
+            0xDB => {
+                self.fifo.clear();
+                self.fifo_flags = 0;
+                if self.db_clears_irqs {
+                    self.irqs = [0; 4];
+                }
+            }
+            0xEA if self.identity & 0xF8 == 0x30 => {}
+            other => self.misuse.push(format!("command {other:02x}")),
+        }
+    }
+}
+
+/// A chip and the executor's side of it: payload to send, buffer to fill.
+#[derive(Clone, Debug)]
+pub(crate) struct Rig {
+    pub(crate) chip: Chip,
+    pub(crate) payload: Vec<u8>,
+    pub(crate) buffer: [u8; BUFFER],
+    response: Vec<u8>,
+    /// Added before each answer to a wait: a busy executor.
+    pub(crate) lateness: u64,
+    pub(crate) transfers: u32,
+    /// The listener's step that is still to be carried out.
+    pub(crate) outstanding: Step<ListenerEvent>,
+}
+
+/// An [`Input`] without its borrow.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Given {
+    Start,
+    Done,
+    Irq,
+    Timeout,
+}
+
+impl Rig {
+    pub(crate) fn new(chip: Chip) -> Self {
+        Self {
+            chip,
+            payload: Vec::new(),
+            buffer: [0; BUFFER],
+            response: Vec::new(),
+            lateness: 0,
+            transfers: 0,
+            outstanding: Step::Event(ListenerEvent::Listening),
+        }
+    }
+
+    pub(crate) fn carry_out<E>(&mut self, step: Step<E>) -> Given {
+        match step {
+            Step::Event(_) => Given::Start,
+            Step::Transfer(transfer) => {
+                self.transfers += 1;
+                match transfer {
+                    Transfer::Short(short) => self.response = self.chip.transfer(short.bytes()),
+                    Transfer::Load { offset, len } => {
+                        let mut mosi = vec![0x80];
+                        mosi.extend_from_slice(&self.payload[offset..offset + len]);
+                        self.chip.transfer(&mosi);
+                        self.response.clear();
+                    }
+                    Transfer::Read { offset, len } => {
+                        let mut mosi = vec![0; len + 1];
+                        mosi[0] = 0x9F;
+                        let miso = self.chip.transfer(&mosi);
+                        self.buffer[offset..offset + len].copy_from_slice(&miso[1..]);
+                        self.response = miso[1..].to_vec();
+                    }
+                }
+                Given::Done
+            }
+            Step::Wait { micros } => {
+                let end = self.chip.now + u64::from(micros);
+                let given = loop {
+                    if self.chip.pin() {
+                        break Given::Irq;
+                    }
+                    match self.chip.next() {
+                        Some(instant) if instant < end => self.chip.advance(instant),
+                        _ => {
+                            self.chip.advance(end);
+                            break if self.chip.pin() { Given::Irq } else { Given::Timeout };
+                        }
+                    }
+                };
+                self.chip.advance(self.chip.now + self.lateness);
+                given
+            }
+            Step::Delay { micros } => {
+                self.chip.advance(self.chip.now + u64::from(micros));
+                Given::Timeout
+            }
+        }
+    }
+
+    pub(crate) fn input(&self, given: Given) -> Input<'_> {
+        match given {
+            Given::Start => Input::Start,
+            Given::Done => Input::Done(&self.response),
+            Given::Irq => Input::Irq,
+            Given::Timeout => Input::Timeout,
+        }
+    }
+
+    /// Runs a poller from `step` to its next event.
+    pub(crate) fn poller(&mut self, machine: &mut Poller, mut step: Step<PollerEvent>) -> PollerEvent {
+        for _ in 0..200 {
+            let given = self.carry_out(step);
+            step = machine.step(self.input(given));
+            if let Step::Event(event) = step {
+                return event;
+            }
+        }
+        panic!("no event within 200 steps");
+    }
+
+    /// Goes on from an event of the poller's to its next.
+    pub(crate) fn poller_next(&mut self, machine: &mut Poller) -> PollerEvent {
+        self.poller(machine, Step::Event(PollerEvent::Ready))
+    }
+
+    /// Loads, transmits and checks one frame.
+    pub(crate) fn send(&mut self, machine: &mut Poller, payload: &[u8]) -> PollerEvent {
+        self.payload = payload.to_vec();
+        let step = machine.send(payload.len()).expect("the poller is ready");
+        match self.poller(machine, step) {
+            PollerEvent::Loaded => {}
+            other => return other,
+        }
+        self.poller(machine, Step::Transfer(Transfer::Short(Poller::transmit())))
+    }
+
+    /// Runs a listener to its next event, over at most `steps` steps; the next call goes on from there.
+    pub(crate) fn listener_within(&mut self, machine: &mut Listener, steps: u32) -> Option<ListenerEvent> {
+        for _ in 0..steps {
+            let given = self.carry_out(self.outstanding);
+            self.outstanding = machine.step(self.input(given));
+            if let Step::Event(event) = self.outstanding {
+                return Some(event);
+            }
+        }
+        None
+    }
+
+    pub(crate) fn listener(&mut self, machine: &mut Listener) -> ListenerEvent {
+        self.listener_within(machine, 400).expect("an event within 400 steps")
+    }
+
+    /// Everything on the bus since the last call, as text.
+    pub(crate) fn log(&mut self) -> Vec<String> {
+        self.chip
+            .log
+            .drain(..)
+            .map(|bytes| bytes.iter().map(|byte| format!("{byte:02X}")).collect::<Vec<_>>().join(" "))
+            .collect()
+    }
+
+    pub(crate) fn assert_no_misuse(&self) {
+        assert_eq!(self.chip.misuse, Vec::<String>::new());
+    }
+}
