@@ -73,9 +73,9 @@ impl<const N: usize> Image<N> {
     ///
     /// [`Rejection::Identifier`] if this image has no place for it, and nothing is changed.
     pub fn deposit(&mut self, object: Object<'_>) -> Result<(), Rejection> {
-        let slot = object.identifier().object().and_then(|index| self.object_mut(index));
-        let slot = slot.ok_or(Rejection::Identifier)?;
-        // Object and slot have the length that goes with the identifier.
+        let index = object.index().ok_or(Rejection::Identifier)?;
+        let slot = self.object_mut(index).ok_or(Rejection::Identifier)?;
+        // Both have the length that goes with the index.
         for (to, from) in slot.iter_mut().zip(object.as_bytes()) {
             *to = *from;
         }

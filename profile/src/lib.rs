@@ -109,3 +109,8 @@ pub const ABSENT_F32: f32 = f32::from_bits(0x7FC0_0000);
 
 /// A binary64 that is not known: the canonical quiet NaN, on the wire `00 00 00 00 00 00 F8 7F`.
 pub const ABSENT_F64: f64 = f64::from_bits(0x7FF8_0000_0000_0000);
+
+/// The README's example runs too.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -169,7 +169,7 @@ pub struct Reading<'a, const N: usize> {
 impl<const N: usize> Reading<'_, N> {
     /// Whether every object is accepted.
     #[must_use]
-    pub fn is_complete(&self) -> bool {
+    pub fn complete(&self) -> bool {
         self.accepted() == Profile::<N>::OBJECTS
     }
 
@@ -182,6 +182,8 @@ impl<const N: usize> Reading<'_, N> {
 }
 
 /// An accepted object of a profile, whichever it is.
+///
+/// [`Object::verify`] makes one of bytes that it accepts; one made in another way says nothing about them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Object<'a> {
     /// Reported-Position.
@@ -202,6 +204,16 @@ impl<'a> Object<'a> {
             Some(Identifier::REPORTED_POSITION) => ReportedPosition::verify(bytes).map(Self::Reported),
             Some(gps) => GpsObject::verify(bytes, gps).map(Self::Gps),
             None => Err(Rejection::Identifier),
+        }
+    }
+
+    /// Its number in a profile: 0 for Reported-Position, 1 to 5 for GPS1 to GPS5; `None` if it is not of one.
+    #[must_use]
+    pub const fn index(self) -> Option<usize> {
+        match (self, self.identifier().object()) {
+            (Self::Reported(_), Some(0)) => Some(0),
+            (Self::Gps(_), Some(receiver @ 1..)) => Some(receiver),
+            _ => None,
         }
     }
 

@@ -1,0 +1,247 @@
+//! What must hold of every parser for every input. A fuzz target is one of these; so is the replay of its corpus.
+//!
+//! A CRC-32 stops nearly every mutation at the door. So each invariant is asked twice: of the input as it is, and of the
+//! input with identifiers and CRCs put right, which must be accepted.
+use profile::{
+    GpsObject, GpsStatus, Identifier, LinkStatus, LinkStatusBits, Object, Profile, Rejection, ReportedPosition,
+    ReportedStatus, air,
+    image::Image,
+    ssi::{self, Parsed},
+};
+
+use super::reference;
+
+/// What must hold of a parser for an input; panics if it does not.
+pub(crate) type Invariant = fn(&[u8]);
+
+/// The name of each parser and what must hold of it: the fuzz targets.
+pub(crate) const ALL: [(&str, Invariant); 7] = [
+    ("reported_position", reported_position),
+    ("gps_object", gps_object),
+    ("link_status", link_status),
+    ("profile", profile),
+    ("air_frame", air_frame),
+    ("image", image),
+    ("ssi_request", ssi_request),
+];
+
+pub(crate) fn reported_position(input: &[u8]) {
+    judge_reported_position(input);
+    if input.len() == ReportedPosition::SIZE {
+        let mut repaired = input.to_vec();
+        reference::repair_frame_crc(&mut repaired);
+        judge_reported_position(&repaired);
+        reference::repair(&mut repaired, 0);
+        assert!(judge_reported_position(&repaired), "put right, it is accepted");
+    }
+}
+
+pub(crate) fn gps_object(input: &[u8]) {
+    for index in 1..=5 {
+        judge_gps_object(input, index);
+        if input.len() == GpsObject::SIZE {
+            let mut repaired = input.to_vec();
+            reference::repair_frame_crc(&mut repaired);
+            judge_gps_object(&repaired, index);
+            reference::repair(&mut repaired, index);
+            assert!(judge_gps_object(&repaired, index), "put right, it is accepted");
+            assert!(!judge_gps_object(&repaired, index % 5 + 1), "but not in another's place");
+        }
+    }
+}
+
+pub(crate) fn link_status(input: &[u8]) {
+    judge_link_status(input);
+    if input.len() == LinkStatus::SIZE {
+        let mut repaired = input.to_vec();
+        reference::repair_frame_crc(&mut repaired);
+        judge_link_status(&repaired);
+        repaired[4..6].copy_from_slice(&0x4400_u16.to_le_bytes());
+        reference::repair_frame_crc(&mut repaired);
+        assert!(judge_link_status(&repaired), "put right, it is accepted");
+    }
+}
+
+pub(crate) fn profile(input: &[u8]) {
+    profile_of::<1>(input);
+    profile_of::<2>(input);
+    profile_of::<3>(input);
+    profile_of::<5>(input);
+}
+
+pub(crate) fn air_frame(input: &[u8]) {
+    air_frame_of::<1>(input);
+    air_frame_of::<2>(input);
+    air_frame_of::<3>(input);
+    air_frame_of::<5>(input);
+}
+
+pub(crate) fn image(input: &[u8]) {
+    image_of::<1>(input);
+    image_of::<2>(input);
+    image_of::<3>(input);
+    image_of::<5>(input);
+}
+
+pub(crate) fn ssi_request(input: &[u8]) {
+    let Some(request) = input.first_chunk() else { return };
+    let mut repaired = *request;
+    reference::repair_frame_crc(&mut repaired);
+    for image_len in [0, 1, 156, 216, 276, 396, 0xFFFF, 0x1_FFFE, usize::MAX] {
+        judge_ssi_request(request, image_len);
+        judge_ssi_request(&repaired, image_len);
+    }
+}
+
+fn judge_reported_position(bytes: &[u8]) -> bool {
+    let judged = ReportedPosition::verify(bytes);
+    assert_eq!(judged.err(), reference::object_of_profile(bytes, 0));
+    let Ok(object) = judged else { return false };
+    assert_eq!(object.as_bytes(), bytes);
+    assert_eq!(Object::verify(0, bytes), Ok(Object::Reported(object)));
+    let again = ReportedPosition::seal(&object.values());
+    seals_the_same(again.as_bytes(), bytes, ReportedStatus::USED);
+    assert_eq!(ReportedPosition::verify(&with_a_flipped_bit(bytes)), Err(Rejection::Crc));
+    true
+}
+
+fn judge_gps_object(bytes: &[u8], index: usize) -> bool {
+    let identifier = Identifier::gps(index);
+    let judged = GpsObject::verify(bytes, identifier);
+    assert_eq!(judged.err(), reference::object_of_profile(bytes, index));
+    let Ok(object) = judged else { return false };
+    assert_eq!(object.as_bytes(), bytes);
+    assert_eq!(Object::verify(index, bytes), Ok(Object::Gps(object)));
+    let again = GpsObject::seal(identifier, &object.values());
+    seals_the_same(again.as_bytes(), bytes, GpsStatus::USED);
+    assert_eq!(GpsObject::verify(&with_a_flipped_bit(bytes), identifier), Err(Rejection::Crc));
+    true
+}
+
+fn judge_link_status(bytes: &[u8]) -> bool {
+    let judged = LinkStatus::verify(bytes);
+    assert_eq!(judged.err(), reference::object(bytes, 32, 0x4400));
+    let Ok(object) = judged else { return false };
+    assert_eq!(object.as_bytes(), bytes);
+    let again = LinkStatus::seal(&object.values());
+    seals_the_same(again.as_bytes(), bytes, LinkStatusBits::USED);
+    assert_eq!(LinkStatus::verify(&with_a_flipped_bit(bytes)), Err(Rejection::Crc));
+    true
+}
+
+/// An accepted object's values, sealed again, are its bytes; only status bits without a meaning are not kept.
+fn seals_the_same(again: &[u8], bytes: &[u8], used: u16) {
+    let mut expected = bytes.to_vec();
+    expected[6] &= used.to_le_bytes()[0];
+    expected[7] &= used.to_le_bytes()[1];
+    reference::repair_frame_crc(&mut expected);
+    assert_eq!(again, expected);
+}
+
+/// `bytes` with one bit inverted, which one being for the input to say.
+fn with_a_flipped_bit(bytes: &[u8]) -> Vec<u8> {
+    let chosen = bytes.iter().fold(0_usize, |sum, byte| sum * 31 % 65_521 + usize::from(*byte));
+    reference::flipped(bytes, [chosen % (8 * bytes.len())])
+}
+
+fn profile_of<const N: usize>(input: &[u8]) {
+    let judged = Profile::<N>::read(input);
+    assert_eq!(judged.is_ok(), input.len() == 64 + 60 * N);
+    let Ok(reading) = judged else {
+        assert_eq!(judged, Err(Rejection::Length));
+        return;
+    };
+    let mut accepted = 0;
+    for (index, place) in reference::places(N).into_iter().enumerate() {
+        let expected = reference::object_of_profile(&input[place.clone()], index);
+        let (found, bytes) = match index {
+            0 => (reading.reported.err(), reading.reported.ok().map(|it| &it.as_bytes()[..])),
+            _ => {
+                let gps = reading.gps[index - 1];
+                (gps.err(), gps.ok().map(|it| &it.as_bytes()[..]))
+            }
+        };
+        assert_eq!(found, expected);
+        assert!(bytes.is_none_or(|bytes| bytes == &input[place]));
+        accepted += usize::from(expected.is_none());
+    }
+    assert_eq!(reading.accepted(), accepted);
+    assert_eq!(reading.complete(), accepted == N + 1);
+}
+
+fn air_frame_of<const N: usize>(input: &[u8]) {
+    let frame = reference::frames(N).iter().position(|(.., length)| *length == input.len());
+    let Some(frame) = frame else {
+        assert_eq!(air::place::<N>(input), Err(Rejection::Length));
+        assert!(air::objects::<N>(input).is_err());
+        return;
+    };
+    let (first, count, length) = reference::frames(N)[frame];
+    let place = air::place::<N>(input).expect("a frame of this length exists");
+    assert_eq!((place.first(), place.count(), place.length()), (first, count, length));
+
+    // Whole objects, in order, and nothing left.
+    let objects: Vec<_> = air::objects::<N>(input).expect("as above").collect();
+    assert!(objects.iter().map(|(index, _)| *index).eq(first..first + count));
+    assert_eq!(objects.iter().flat_map(|(_, bytes)| *bytes).copied().collect::<Vec<_>>(), input);
+
+    // What is accepted lies in the image as it came; what is rejected has left no trace.
+    let mut image = Image::<N>::EMPTY;
+    for (index, bytes) in &objects {
+        let judged = Object::verify(*index, bytes);
+        assert_eq!(judged.err(), reference::object_of_profile(bytes, *index));
+        let place = Image::<N>::place(*index).expect("the frame belongs to this profile");
+        match judged {
+            Ok(object) => {
+                image.deposit(object).expect("it has a place");
+                assert_eq!(&image.as_bytes()[place], *bytes);
+            }
+            Err(_) => assert!(image.as_bytes()[place].iter().all(|byte| *byte == 0)),
+        }
+    }
+
+    // Put right, every object is accepted, and the deposited profile splits into the same frame again.
+    let mut payload = input.to_vec();
+    for index in first..first + count {
+        let object = reference::places(N)[index].clone();
+        let start = object.start - place.offset();
+        reference::repair(&mut payload[start..start + object.len()], index);
+    }
+    for (index, bytes) in air::objects::<N>(&payload).expect("same length") {
+        let object = Object::verify(index, bytes).expect("put right, it is accepted");
+        image.deposit(object).expect("it has a place");
+    }
+    assert_eq!(air::split(image.profile()).nth(frame), Some(&payload[..]));
+}
+
+fn image_of<const N: usize>(input: &[u8]) {
+    let judged = Image::<N>::read(input);
+    assert_eq!(judged.is_ok(), input.len() == 96 + 60 * N);
+    let Ok(reading) = judged else {
+        assert_eq!(judged, Err(Rejection::Length));
+        return;
+    };
+    assert_eq!(reading.link, LinkStatus::verify(&input[..32]));
+    assert_eq!(Ok(reading.profile), Profile::<N>::read(&input[32..]));
+    link_status(&input[..32]);
+    profile_of::<N>(&input[32..]);
+}
+
+fn judge_ssi_request(bytes: &[u8; 8], image_len: usize) {
+    let offset = usize::from(u16::from_le_bytes([bytes[0], bytes[1]]));
+    let length = usize::from(u16::from_le_bytes([bytes[2], bytes[3]]));
+    let intact = bytes[4..] == reference::crc(reference::FRAME, &bytes[..4]).to_be_bytes();
+    match ssi::parse(bytes, image_len) {
+        Ok(Parsed::Nothing) => assert_eq!(bytes, &[0; 8]),
+        Ok(Parsed::Window(request)) => {
+            assert!(intact && length > 0 && offset + length <= image_len);
+            assert_eq!(request.window(), offset..offset + length);
+            assert_eq!(&ssi::encode(request), bytes);
+        }
+        Err(Rejection::Crc) => assert!(!intact && bytes != &[0; 8]),
+        Err(Rejection::Window) => {
+            assert!(intact && (length == 0 || offset + length > image_len));
+        }
+        Err(other) => panic!("a request is never rejected for {other:?}"),
+    }
+}

@@ -1,0 +1,7 @@
+//! What the tests and the fuzz targets share: an independent reference, the invariants of every parser, and the seeds
+//! from which fuzzing starts.
+#![allow(dead_code, reason = "each test and each fuzz target uses its part of this")]
+
+pub(crate) mod invariants;
+pub(crate) mod reference;
+pub(crate) mod seeds;
