@@ -142,7 +142,7 @@ fn syndromes(polynomial: u32, bits: usize) -> Vec<u32> {
     (0..bits)
         .map(|_| {
             let this = syndrome;
-            syndrome = (syndrome << 1) ^ (syndrome >> 31) * polynomial;
+            syndrome = (syndrome << 1) ^ ((syndrome >> 31) * polynomial);
             this
         })
         .collect()
