@@ -5,11 +5,11 @@
 //!
 //! | covered | DS13541 |
 //! |---|---|
-//! | power-up, Set default (C0, C1), oscillator start and I_osc, auxiliary display (31) | 4.1 Power-on, 4.2.1 Operating modes, 4.4 Direct commands |
-//! | interrupts: four registers, masks, read clears, pin level | 4.2.7 Interrupt interface |
+//! | power-up, Set default (C0, C1), oscillator start and I_osc, auxiliary display (31) | Power-on, Operating modes, 4.4 Direct commands |
+//! | interrupts: four registers, masks, read clears, pin level | Interrupt interface |
 //! | Stop (C2), transmit (C4–C7), initial field on (C8), mask and unmask (D0, D1), measurements (D3, D8, D9, DF), reset gain (D5), regulators (D6), clear RSSI and FIFO (DA, DB), RC calibration (EA) | 4.4 Direct commands |
-//! | mask-receive, no-response, general purpose and wake-up timers (E0–E3, E8) | 4.2.8 Timers, 4.5 registers 0F–14, 32 |
-//! | external field detector, own field, RF collision avoidance | 4.2.3 External field detector, 4.4 NFC field on |
+//! | mask-receive, no-response, general purpose and wake-up timers (E0–E3, E8) | Timers, 4.5 registers 0F–14, 32 |
+//! | external field detector, own field, RF collision avoidance | External field detector, 4.4 NFC field on |
 //!
 //! | left out | why |
 //! |---|---|

@@ -1,4 +1,4 @@
-//! The 512-byte FIFO (DS13541 4.2.6): one ring for both directions, with sticky underflow and overflow flags.
+//! The 512-byte FIFO (DS13541, FIFO): one ring for both directions, with sticky underflow and overflow flags.
 
 /// Bytes the FIFO holds.
 pub(crate) const CAPACITY: usize = 512;

@@ -8,10 +8,10 @@
 //! |---|---|
 //! | NFC-F at 212 and 424 kbit/s, poller: preamble 48 to 96 bits (07), sync, LEN = ntx + 1, CRC-16 | 4.4 Transmit commands; 4.5 register 07, 22, 23 |
 //! | NFC-A at 106 kbit/s, poller: frames with parity, incomplete last bytes, REQA, WUPA, CRC_A | the same; register 05 |
-//! | FIFO: sending while loading, water level on the way down (below 200) and up (300), underflow breaks the frame off | 4.2.6 FIFO |
-//! | reception by a poller (answers, mask-receive timer) and by a target: fixed NFC-F (03 = A0) or bit rate detection (03 = C0 with NFC-F or NFC-A) | 4.2.4 Receiver, 4.2.9 Passive target |
-//! | I_rxs at the sync, FIFO emptied then, bytes as they come, I_rxe; CRC, parity and framing errors; re-arming by D1 | 4.2.7 |
-//! | automatic SENSF_RES to a SENSF_REQ, slot 0; load modulation by C4 of a target | 4.2.9 |
+//! | FIFO: sending while loading, water level on the way down (below 200) and up (300), underflow breaks the frame off | FIFO |
+//! | reception by a poller (answers, mask-receive timer) and by a target: fixed NFC-F (03 = A0) or bit rate detection (03 = C0 with NFC-F or NFC-A) | Receiver, Passive target |
+//! | I_rxs at the sync, FIFO emptied then, bytes as they come, I_rxe; CRC, parity and framing errors; re-arming by D1 | |
+//! | automatic SENSF_RES to a SENSF_REQ, slot 0; load modulation by C4 of a target | |
 //!
 //! | left out | why |
 //! |---|---|

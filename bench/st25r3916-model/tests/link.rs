@@ -180,6 +180,52 @@ fn an_unarmed_listener_hears_nothing_until_unmasked() {
 }
 
 #[test]
+fn a_sync_already_under_way_is_not_joined() {
+    // The sync is bits 48 to 63 of the frame: armed before it the frame is heard, armed inside it it is not.
+    for (bits_into, heard) in [(40, true), (50, false), (62, false)] {
+        let mut pair = pair();
+        pair.spi(Side::Listener, &[0xD0]);
+        pair.load(&payload(20, 1));
+        pair.fire();
+        let start = pair.now + pair.poller.config().transmit_latency_ns;
+        pair.run_to(start + bits_into * 2_360 - 1_000);
+        pair.spi(Side::Listener, &[0xD1]);
+        pair.run_for(2_000_000);
+        assert_eq!(pair.irqs(Side::Listener)[0] == 0x30, heard, "armed at bit {bits_into}");
+    }
+}
+
+#[test]
+fn a_target_whose_field_detector_is_off_or_whose_receiver_is_off_hears_nothing() {
+    for operation in [0xC0, 0x83, 0xC3] {
+        let mut pair = pair();
+        pair.spi(Side::Listener, &[0x02, operation]);
+        pair.run_for(100_000);
+        pair.irqs(Side::Listener);
+        pair.load(&payload(20, 1));
+        pair.fire();
+        pair.run_for(2_000_000);
+        let expected = if operation == 0xC3 { 0x30 } else { 0 };
+        assert_eq!(pair.irqs(Side::Listener)[0], expected, "02 = {operation:02X}");
+    }
+}
+
+#[test]
+fn two_frames_a_third_of_a_millisecond_apart_both_arrive_when_read_at_8_mhz() {
+    let mut pair = pair();
+    for seed in 0..2 {
+        pair.load(&payload(184, seed));
+        pair.fire();
+        let (end, data) = receive(&mut pair);
+        assert_eq!(end, [0x10, 0, 0, 0]);
+        assert_eq!(data[1..185], payload(184, seed));
+        let ended = pair.air.last_frame().expect("ended").end_ns;
+        pair.arm();
+        assert!(pair.now - ended < 300_000, "ready {} ns after the end", pair.now - ended);
+    }
+}
+
+#[test]
 fn an_unread_frame_is_lost_to_its_successor_never_appended() {
     let mut pair = pair();
     pair.load(&payload(20, 1));
