@@ -1,0 +1,159 @@
+//! NVMC: programming and erasing flash and UICR (PS 4.3).
+//!
+//! | covered | PS |
+//! |---|---|
+//! | CONFIG.WEN; word writes that only clear bits; READY and READYNEXT for as long as they take | 4.3.1 |
+//! | ERASEPAGE and its older names, ERASEALL, ERASEUICR, partial page erase | 4.3.2 to 4.3.7 |
+//! | a write without WEN, or narrower than a word: a bus fault | 4.3.1 |
+//!
+//! | left out | why |
+//! |---|---|
+//! | the core halting while flash is busy | the core is the engine's: READY says when it would run again, and a write or an erase begun before that is reported |
+//! | the limit of two writes to a word, and of erase cycles | no firmware here comes near |
+//! | cache counters and ACL | a read of IHIT or IMISS is reported |
+//!
+//! Times are the specification's maxima: 41 µs a word, 85 ms a page, 169 ms for everything (PS 4.3.9).
+use crate::FLASH_BYTES;
+use crate::clocks::Clocks;
+use crate::instance::{Act, Block, Cx, Instance};
+
+const WRITE: u64 = 41_000;
+const ERASE_PAGE: u64 = 85_000_000;
+const ERASE_ALL: u64 = 169_000_000;
+const PAGE: u32 = 4096;
+const UICR: u32 = 0x1000_1000;
+/// What UICR holds of registers, in bytes.
+const UICR_BYTES: u32 = 0x1000;
+
+/// CONFIG.WEN.
+const WRITE_ENABLED: u32 = 1;
+const ERASE_ENABLED: u32 = 2;
+
+/// The peripheral.
+#[derive(Debug, Default)]
+pub(crate) struct Nvmc {
+    block: Block,
+    config: u32,
+    cache: u32,
+    partial_ms: u32,
+    /// A page under partial erase, and the time it has had.
+    partial: Option<(u32, u64)>,
+    busy_until: u64,
+    /// Words to program once what they hold is known: address, value. The token counts them.
+    pending: Vec<(u32, u32, u32)>,
+    tokens: u32,
+}
+
+impl Nvmc {
+    /// A store of the firmware's into flash or UICR. `false` is a bus fault.
+    pub(crate) fn store(&mut self, address: u32, word: bool, value: u32, cx: &mut Cx<'_>) -> bool {
+        if self.config & 3 != WRITE_ENABLED {
+            cx.misuse("a write to flash without CONFIG.WEN, at", address);
+            return false;
+        }
+        if !word || !address.is_multiple_of(4) {
+            cx.misuse("a write to flash that is no aligned word, at", address);
+            return false;
+        }
+        self.occupy(WRITE, cx);
+        self.tokens = self.tokens.wrapping_add(1);
+        self.pending.push((self.tokens, address, value));
+        let id = cx.id;
+        cx.act(Act::Read { id, token: self.tokens, address, bytes: 4 });
+        true
+    }
+
+    fn occupy(&mut self, ns: u64, cx: &mut Cx<'_>) {
+        if cx.now < self.busy_until {
+            cx.misuse(
+                "begun while flash is still busy, where the core would have waited; ns",
+                (self.busy_until - cx.now) as u32,
+            );
+        }
+        self.busy_until = self.busy_until.max(cx.now) + ns;
+    }
+
+    fn erase(&mut self, from: u32, bytes: u32, cx: &mut Cx<'_>) {
+        for address in (from..from + bytes).step_by(4) {
+            cx.act(Act::Program { address, value: u32::MAX });
+        }
+    }
+
+    fn erase_page(&mut self, address: u32, ns: u64, cx: &mut Cx<'_>) {
+        if !address.is_multiple_of(PAGE) || u64::from(address) >= FLASH_BYTES {
+            cx.misuse("an erase of what is no page of flash, at", address);
+            return;
+        }
+        self.occupy(ns, cx);
+        self.erase(address, PAGE, cx);
+    }
+}
+
+impl Instance for Nvmc {
+    crate::instance::block!();
+
+    fn read(&self, offset: u32, now: u64, _: &Clocks) -> Option<u32> {
+        Some(match offset {
+            0x400 | 0x408 => u32::from(now >= self.busy_until),
+            0x504 => self.config,
+            0x508..=0x518 => 0,
+            0x51C => {
+                if self.partial_ms == 0 {
+                    10
+                } else {
+                    self.partial_ms
+                }
+            }
+            0x540 => self.cache,
+            _ => return None,
+        })
+    }
+
+    fn write(&mut self, offset: u32, value: u32, cx: &mut Cx<'_>) -> bool {
+        match offset {
+            0x400 | 0x408 => {}
+            0x504 => self.config = value & 3,
+            0x508..=0x518 => {
+                if self.config & 3 != ERASE_ENABLED {
+                    cx.misuse("an erase without CONFIG.EEN, which does nothing; offset", offset);
+                    return true;
+                }
+                match offset {
+                    0x508 | 0x510 => self.erase_page(value, ERASE_PAGE, cx),
+                    0x50C if value & 1 != 0 => {
+                        self.occupy(ERASE_ALL, cx);
+                        self.erase(0, FLASH_BYTES as u32, cx);
+                        self.erase(UICR, UICR_BYTES, cx);
+                    }
+                    0x514 if value & 1 != 0 => {
+                        self.occupy(ERASE_PAGE, cx);
+                        self.erase(UICR, UICR_BYTES, cx);
+                    }
+                    // A page is erased once its parts add up to a whole erase.
+                    0x518 => {
+                        let part = u64::from(self.partial_ms.max(1)) * 1_000_000;
+                        let had = self.partial.filter(|(page, _)| *page == value).map_or(0, |(_, had)| had);
+                        self.partial = (had + part < ERASE_PAGE).then_some((value, had + part));
+                        if self.partial.is_some() {
+                            self.occupy(part, cx);
+                        } else {
+                            self.erase_page(value, part, cx);
+                        }
+                    }
+                    _ => {}
+                }
+            }
+            0x51C => self.partial_ms = value & 0x7F,
+            0x540 => self.cache = value & 0x101,
+            _ => return false,
+        }
+        true
+    }
+
+    fn answer(&mut self, token: u32, value: u32, cx: &mut Cx<'_>) {
+        if let Some(n) = self.pending.iter().position(|(had, _, _)| *had == token) {
+            let (_, address, wanted) = self.pending.remove(n);
+            cx.act(Act::Program { address, value: value & wanted });
+        }
+    }
+}

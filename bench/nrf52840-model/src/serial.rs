@@ -1,0 +1,671 @@
+//! SPIM and SPIS: the shared serial blocks, SPIM0–3 and SPIS0–2 (PS 6.25, 6.26).
+//!
+//! SPIM*n*, SPIS*n* and the rest of one number are one block with one set of registers; ENABLE says which of them it is.
+//!
+//! | covered, SPIM | PS 6.25 |
+//! |---|---|
+//! | START, STOP, SUSPEND, RESUME; STARTED, STOPPED, ENDRX, ENDTX, END; END_START | |
+//! | EasyDMA with MAXCNT, AMOUNT and LIST, its pointers taken at START | 6.25.3, 6.6 |
+//! | FREQUENCY to 8 MHz (SPIM3: 32 MHz), CONFIG mode and bit order, ORC | |
+//! | each byte reaches the chips at its own last edge; its reception is in RAM at that instant | |
+//! | CSN driven by SPIM3 with CSNPOL | |
+//!
+//! | covered, SPIS | PS 6.26 |
+//! |---|---|
+//! | the semaphore with its four states, arbitrated when CSN falls | 6.26.1 |
+//! | ACQUIRE at once where it is free or the CPU's; at the end of the transaction where it is not | |
+//! | END and ACQUIRED raised together with END_ACQUIRE | |
+//! | DEF through a transaction that was not granted, ORC and OVERREAD past TXD, OVERFLOW past RXD, ENDRX | |
+//! | reported: CSN to SCK under 1 µs, bytes faster than 8 MHz, another mode than the controller's | 6.26.6 |
+//!
+//! | left out | why |
+//! |---|---|
+//! | legacy SPI and TWI, TWIM, TWIS | reported when enabled |
+//! | IFTIMING, DCX, STALLSTAT | registers only: nothing here stalls, and no display hangs on SPIM3 |
+//! | bits within a byte on the pins | peers exchange bytes |
+//! | EasyDMA outside data RAM | the part faults or corrupts RAM (PS 6.6); here TXD reads ORC, RXD is dropped, and it is reported |
+//!
+//! A transaction starts [`START_LATENCY`] after START (PS 6.25.6, tSPIM,START).
+use crate::clocks::Clocks;
+use crate::instance::{Act, Block, Cx, Instance};
+use crate::soc::in_data_ram;
+use crate::{Pin, SpiMode, SpisEvent};
+
+/// Events by number.
+const STOPPED: u32 = 1;
+const ENDRX: u32 = 4;
+const SPIM_END: u32 = 6;
+const ENDTX: u32 = 8;
+const STARTED: u32 = 19;
+const SPIS_END: u32 = 1;
+const ACQUIRED: u32 = 10;
+
+/// Shortcuts.
+const END_START: u32 = 17;
+const END_ACQUIRE: u32 = 2;
+
+/// ENABLE.
+const SPIM: u32 = 7;
+const SPIS: u32 = 2;
+
+/// From START to the first edge of SCK, in PCLK16M ticks: 1 µs.
+const START_LATENCY: u64 = 16;
+
+/// SPIS: from CSN to the first edge of SCK, in ns (tSPIS,SUCSN), and the shortest byte, 8 bits at 8 MHz.
+const CSN_SETUP: u64 = 1_000;
+const SHORTEST_BYTE: u64 = 1_000;
+
+/// MAXCNT is 16 bits wide in every instance of the part.
+const MAXCNT_MASK: u32 = 0xFFFF;
+
+/// Who has the semaphore, as SEMSTAT reads it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Semaphore {
+    Free = 0,
+    Cpu = 1,
+    Spis = 2,
+    CpuPending = 3,
+}
+
+/// One EasyDMA channel.
+#[derive(Debug, Default, Clone, Copy)]
+struct Channel {
+    ptr: u32,
+    maxcnt: u32,
+    amount: u32,
+    list: u32,
+}
+
+impl Channel {
+    fn read(&self, offset: u32) -> u32 {
+        [self.ptr, self.maxcnt, self.amount, self.list][offset as usize / 4]
+    }
+
+    fn write(&mut self, offset: u32, value: u32) {
+        match offset {
+            0x0 => self.ptr = value,
+            0x4 => self.maxcnt = value & MAXCNT_MASK,
+            0xC => self.list = value & 0b111,
+            _ => {}
+        }
+    }
+
+    /// The buffer as it is when a transfer takes it, and where the next one starts with LIST.
+    fn take(&mut self) -> Buffer {
+        let buffer = Buffer { at: self.ptr, len: self.maxcnt, done: 0 };
+        if self.list & 0b111 == 1 {
+            self.ptr = self.ptr.wrapping_add(self.maxcnt);
+        }
+        buffer
+    }
+}
+
+/// A buffer a transfer works through.
+#[derive(Debug, Default, Clone, Copy)]
+struct Buffer {
+    at: u32,
+    len: u32,
+    done: u32,
+}
+
+impl Buffer {
+    /// The address of the next byte, while there is one.
+    fn next(&self) -> Option<u32> {
+        (self.done < self.len).then(|| self.at.wrapping_add(self.done))
+    }
+}
+
+/// Puts `byte` where `rx` wants it; `false` past its end.
+fn receive(rx: &mut Buffer, byte: u8, cx: &mut Cx<'_>) -> bool {
+    let Some(address) = rx.next() else {
+        return false;
+    };
+    if in_data_ram(address) {
+        cx.act(Act::Write { address, value: byte });
+    } else {
+        cx.misuse("EasyDMA writes outside data RAM, at", address);
+    }
+    rx.done += 1;
+    true
+}
+
+/// Asks for the next byte of `tx`; `false` where EasyDMA gets none.
+fn fetch(tx: &Buffer, serial: u32, cx: &mut Cx<'_>) -> bool {
+    let Some(address) = tx.next() else {
+        return false;
+    };
+    if !in_data_ram(address) {
+        cx.misuse("EasyDMA reads outside data RAM, at", address);
+        return false;
+    }
+    let id = cx.id;
+    cx.act(Act::Read { id, token: serial, address, bytes: 1 });
+    true
+}
+
+/// Where a controller's lines are, for the chips.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Wires {
+    pub(crate) sck: Option<Pin>,
+    pub(crate) mosi: Option<Pin>,
+    pub(crate) miso: Option<Pin>,
+    /// CPHA and CPOL as CONFIG has them.
+    pub(crate) mode: u32,
+}
+
+/// A transfer of the controller.
+#[derive(Debug, Clone, Copy)]
+struct Transfer {
+    tx: Buffer,
+    rx: Buffer,
+    /// The byte on its way, and the tick at which its last edge is.
+    byte: u8,
+    ends: u64,
+    stopping: bool,
+}
+
+/// A transaction of the peripheral.
+#[derive(Debug, Clone, Copy)]
+struct Transaction {
+    granted: bool,
+    tx: Buffer,
+    rx: Buffer,
+    /// What EasyDMA has ready for the next byte.
+    ready: Option<u8>,
+    /// CSN's fall and the last byte's end.
+    since: u64,
+    last: Option<u64>,
+}
+
+/// One block.
+#[derive(Debug)]
+pub(crate) struct Serial {
+    block: Block,
+    /// SPIM0–2 share with SPIS and end at 8 MHz; SPIM3 stands alone and reaches 32.
+    shared: bool,
+    enable: u32,
+    psel: [u32; 4],
+    frequency: u32,
+    rxd: Channel,
+    txd: Channel,
+    config: u32,
+    def: u32,
+    orc: u32,
+    csnpol: u32,
+    /// IFTIMING.RXDELAY, IFTIMING.CSNDUR, PSELDCX, DCXCNT, STALLSTAT.
+    plain: [u32; 5],
+    transfer: Option<Transfer>,
+    suspended: bool,
+    next: Option<u64>,
+    semaphore: Semaphore,
+    status: u32,
+    transaction: Option<Transaction>,
+    /// Tells the answer to the last fetch from one asked for in a transfer that is gone.
+    serial: u32,
+}
+
+impl Serial {
+    pub(crate) fn new(shared: bool) -> Self {
+        Self {
+            block: Block::default(),
+            shared,
+            enable: 0,
+            psel: [u32::MAX; 4],
+            frequency: 0x0400_0000,
+            rxd: Channel::default(),
+            txd: Channel::default(),
+            config: 0,
+            def: 0,
+            orc: 0,
+            csnpol: 0,
+            plain: [2, 2, u32::MAX, 0, 0],
+            transfer: None,
+            suspended: false,
+            next: None,
+            semaphore: Semaphore::Cpu,
+            status: 0,
+            transaction: None,
+            serial: 0,
+        }
+    }
+
+    // ---- SPIM
+
+    pub(crate) fn wires(&self) -> Wires {
+        let pin = |n: usize| Pin::selected(self.psel[n]);
+        Wires { sck: pin(0), mosi: pin(1), miso: pin(2), mode: self.config & 0b110 }
+    }
+
+    /// PCLK16M ticks of one byte, or `None` for a FREQUENCY that is none.
+    fn byte_ticks(&self) -> Option<u64> {
+        Some(match self.frequency {
+            0x0200_0000 => 1024,
+            0x0400_0000 => 512,
+            0x0800_0000 => 256,
+            0x1000_0000 => 128,
+            0x2000_0000 => 64,
+            0x4000_0000 => 32,
+            0x8000_0000 => 16,
+            0x0A00_0000 if !self.shared => 8,
+            0x1400_0000 if !self.shared => 4,
+            _ => return None,
+        })
+    }
+
+    /// A byte in the order it travels, most significant bit first.
+    fn on_the_wire(&self, byte: u8) -> u8 {
+        if self.config & 1 == 0 { byte } else { byte.reverse_bits() }
+    }
+
+    fn start(&mut self, cx: &mut Cx<'_>) {
+        if self.enable != SPIM {
+            cx.misuse("START while SPIM is not enabled; ENABLE", self.enable);
+            return;
+        }
+        if self.transfer.is_some() {
+            cx.misuse("START during a transfer", 0);
+            return;
+        }
+        if self.byte_ticks().is_none() {
+            cx.misuse("a FREQUENCY that this instance does not have", self.frequency);
+            return;
+        }
+        if !self.shared {
+            cx.anomaly("anomaly 198: SPIM3 may send wrong data while the CPU uses the same RAM block", 0);
+            self.chip_select(true, cx);
+        }
+        self.transfer = Some(Transfer {
+            tx: self.txd.take(),
+            rx: self.rxd.take(),
+            byte: 0,
+            ends: cx.hf() + START_LATENCY,
+            stopping: false,
+        });
+        self.suspended = false;
+        self.block.raise(STARTED, cx);
+        self.next_byte(cx);
+    }
+
+    /// The pin SPIM3 selects its chip with, where it has one.
+    fn chip_select(&mut self, active: bool, cx: &mut Cx<'_>) {
+        if let Some(pin) = Pin::selected(self.psel[3]) {
+            let level = active == (self.csnpol & 1 != 0);
+            cx.act(Act::Hold { pin, level: Some(level) });
+        }
+    }
+
+    /// Sets out the next byte from the end of the last, or ends the transfer.
+    fn next_byte(&mut self, cx: &mut Cx<'_>) {
+        self.next = None;
+        let Some(transfer) = &mut self.transfer else {
+            return;
+        };
+        let over = transfer.tx.next().is_none() && transfer.rx.next().is_none();
+        if over || transfer.stopping {
+            self.end(!over, cx);
+        } else if !self.suspended {
+            transfer.byte = self.orc as u8;
+            self.serial = self.serial.wrapping_add(1);
+            let tx = transfer.tx;
+            fetch(&tx, self.serial, cx);
+            self.arm(cx);
+        }
+    }
+
+    fn arm(&mut self, cx: &Cx<'_>) {
+        self.next = match (self.transfer, self.byte_ticks()) {
+            (Some(transfer), Some(ticks)) => Some(cx.clocks.hf.instant(transfer.ends + ticks)),
+            _ => None,
+        };
+    }
+
+    /// The transfer is over, or was stopped. Stopped early, ENDRX and ENDTX come all the same (PS 6.25.3).
+    fn end(&mut self, stopped: bool, cx: &mut Cx<'_>) {
+        let Some(transfer) = self.transfer.take() else {
+            return;
+        };
+        (self.rxd.amount, self.txd.amount) = (transfer.rx.done, transfer.tx.done);
+        for (buffer, event) in [(transfer.tx, ENDTX), (transfer.rx, ENDRX)] {
+            // A buffer that was full said so as its last byte crossed; an empty one has its end here.
+            if buffer.done < buffer.len || buffer.len == 0 {
+                self.block.raise(event, cx);
+            }
+        }
+        if !self.shared {
+            self.chip_select(false, cx);
+        }
+        if stopped || transfer.stopping {
+            self.block.raise(STOPPED, cx);
+        }
+        if !stopped {
+            self.block.raise(SPIM_END, cx);
+            if self.block.short(END_START) && !transfer.stopping {
+                self.start(cx);
+            }
+        }
+    }
+
+    /// The byte under way has crossed, and `miso` came back.
+    pub(crate) fn exchanged(&mut self, miso: u8, cx: &mut Cx<'_>) {
+        let byte = self.on_the_wire(miso);
+        let ticks = self.byte_ticks().unwrap_or(0);
+        let Some(transfer) = &mut self.transfer else {
+            return;
+        };
+        transfer.ends += ticks;
+        let sent = transfer.tx.next().is_some();
+        transfer.tx.done += u32::from(sent);
+        let received = receive(&mut transfer.rx, byte, cx);
+        let (tx, rx) = (transfer.tx, transfer.rx);
+        if sent && tx.next().is_none() {
+            self.block.raise(ENDTX, cx);
+        }
+        if received && rx.next().is_none() {
+            self.block.raise(ENDRX, cx);
+        }
+        self.next_byte(cx);
+    }
+
+    // ---- SPIS
+
+    /// The pin that selects this block as a peripheral, where it is one.
+    pub(crate) fn csn(&self) -> Option<Pin> {
+        (self.enable == SPIS).then(|| Pin::selected(self.psel[3])).flatten()
+    }
+
+    pub(crate) fn selected(&self) -> bool {
+        self.transaction.is_some()
+    }
+
+    fn say(&self, event: SpisEvent, cx: &mut Cx<'_>) {
+        let id = cx.id;
+        cx.act(Act::Spis { id, event });
+    }
+
+    /// CSN moved: the semaphore is arbitrated when it falls, and given back when it rises.
+    pub(crate) fn csn_moved(&mut self, level: bool, controller: SpiMode, cx: &mut Cx<'_>) {
+        if level {
+            self.finish(cx);
+            return;
+        }
+        if self.transaction.is_some() {
+            return;
+        }
+        if self.config & 0b110 != controller.bits() {
+            cx.misuse("the controller clocks in another SPI mode; CONFIG", self.config);
+        }
+        let granted = self.semaphore == Semaphore::Free;
+        let mut transaction = Transaction {
+            granted,
+            tx: Buffer::default(),
+            rx: Buffer::default(),
+            ready: None,
+            since: cx.now,
+            last: None,
+        };
+        if granted {
+            self.semaphore = Semaphore::Spis;
+            (transaction.tx, transaction.rx) = (self.txd.take(), self.rxd.take());
+        } else {
+            self.say(SpisEvent::Busy, cx);
+        }
+        self.transaction = Some(transaction);
+        self.fetch_ready(cx);
+    }
+
+    fn fetch_ready(&mut self, cx: &mut Cx<'_>) {
+        self.serial = self.serial.wrapping_add(1);
+        if let Some(transaction) = &mut self.transaction {
+            transaction.ready = None;
+            let tx = transaction.tx;
+            fetch(&tx, self.serial, cx);
+        }
+    }
+
+    /// The controller clocked one byte: what MISO carried meanwhile, as it travels.
+    pub(crate) fn clock(&mut self, mosi: u8, cx: &mut Cx<'_>) -> u8 {
+        let heard = self.on_the_wire(mosi);
+        let Some(transaction) = &mut self.transaction else {
+            return 0xFF;
+        };
+        let earliest = transaction.last.unwrap_or(transaction.since + CSN_SETUP) + SHORTEST_BYTE;
+        if cx.now < earliest {
+            let what = if transaction.last.is_none() {
+                "the controller clocks less than 1 us after CSN, early by ns"
+            } else {
+                "the controller clocks faster than 8 MHz, early by ns"
+            };
+            cx.misuse(what, (earliest - cx.now) as u32);
+        }
+        transaction.last = Some(cx.now);
+        if !transaction.granted {
+            let def = self.def as u8;
+            return self.on_the_wire(def);
+        }
+        let said = match (transaction.tx.next(), transaction.ready) {
+            (Some(_), Some(byte)) => {
+                transaction.tx.done += 1;
+                byte
+            }
+            // Past the end of TXD, or from where EasyDMA does not reach.
+            (left, _) => {
+                transaction.tx.done += u32::from(left.is_some());
+                if left.is_none() {
+                    self.status |= 1;
+                }
+                self.orc as u8
+            }
+        };
+        if receive(&mut transaction.rx, heard, cx) {
+            if transaction.rx.next().is_none() {
+                self.block.raise(ENDRX, cx);
+            }
+        } else {
+            self.status |= 1 << 1;
+        }
+        self.fetch_ready(cx);
+        self.on_the_wire(said)
+    }
+
+    /// CSN rose.
+    fn finish(&mut self, cx: &mut Cx<'_>) {
+        let Some(transaction) = self.transaction.take() else {
+            return;
+        };
+        if !transaction.granted {
+            return;
+        }
+        let pending = self.semaphore == Semaphore::CpuPending;
+        self.semaphore = Semaphore::Free;
+        (self.rxd.amount, self.txd.amount) = (transaction.rx.done, transaction.tx.done);
+        self.block.raise(SPIS_END, cx);
+        self.say(SpisEvent::End { rx: self.rxd.amount, tx: self.txd.amount }, cx);
+        if pending || self.block.short(END_ACQUIRE) {
+            self.acquire(cx);
+        }
+    }
+
+    fn acquire(&mut self, cx: &mut Cx<'_>) {
+        match self.semaphore {
+            Semaphore::Free => {
+                self.semaphore = Semaphore::Cpu;
+                self.block.raise(ACQUIRED, cx);
+            }
+            Semaphore::Cpu => self.block.raise(ACQUIRED, cx),
+            Semaphore::Spis => self.semaphore = Semaphore::CpuPending,
+            Semaphore::CpuPending => {}
+        }
+    }
+
+    fn release(&mut self, cx: &mut Cx<'_>) {
+        match self.semaphore {
+            Semaphore::Cpu => {
+                self.semaphore = Semaphore::Free;
+                if self.transaction.is_none() {
+                    self.say(SpisEvent::Ready, cx);
+                }
+            }
+            // A pending acquire is taken back.
+            Semaphore::CpuPending => self.semaphore = Semaphore::Spis,
+            Semaphore::Free | Semaphore::Spis => {}
+        }
+    }
+
+    /// Writes to what the SPIS transfers with are safe only while the CPU has the semaphore.
+    fn guard(&self, offset: u32, cx: &mut Cx<'_>) {
+        if self.enable == SPIS && !matches!(self.semaphore, Semaphore::Cpu) {
+            cx.misuse("a buffer register written without the semaphore, at offset", offset);
+        }
+    }
+}
+
+impl Instance for Serial {
+    crate::instance::block!();
+
+    fn task(&mut self, offset: u32, cx: &mut Cx<'_>) -> bool {
+        match offset {
+            0x010 => self.start(cx),
+            0x014 => match &mut self.transfer {
+                Some(transfer) => {
+                    transfer.stopping = true;
+                    if self.suspended {
+                        self.suspended = false;
+                        self.next_byte(cx);
+                    }
+                }
+                None if self.enable == SPIM => self.block.raise(STOPPED, cx),
+                None => {}
+            },
+            0x01C => self.suspended = self.transfer.is_some(),
+            0x020 => {
+                if self.suspended {
+                    self.suspended = false;
+                    if self.next.is_none() {
+                        let tick = cx.hf();
+                        if let Some(transfer) = &mut self.transfer {
+                            transfer.ends = tick;
+                        }
+                        self.next_byte(cx);
+                    }
+                }
+            }
+            0x024 | 0x028 if self.shared => {
+                if self.enable != SPIS {
+                    cx.misuse("ACQUIRE or RELEASE while SPIS is not enabled; ENABLE", self.enable);
+                } else if offset == 0x024 {
+                    self.acquire(cx);
+                } else {
+                    self.release(cx);
+                }
+            }
+            _ => return false,
+        }
+        true
+    }
+
+    fn read(&self, offset: u32, _: u64, _: &Clocks) -> Option<u32> {
+        Some(match offset {
+            0x400 if self.enable == SPIS => self.semaphore as u32,
+            0x400 => self.plain[4],
+            0x440 => self.status,
+            0x500 => self.enable,
+            0x508..=0x514 => self.psel[(offset as usize - 0x508) / 4],
+            0x524 => self.frequency,
+            0x534..=0x540 => self.rxd.read(offset - 0x534),
+            0x544..=0x550 => self.txd.read(offset - 0x544),
+            0x554 => self.config,
+            0x55C => self.def,
+            0x560 => self.plain[0],
+            0x564 => self.plain[1],
+            0x568 => self.csnpol,
+            0x56C => self.plain[2],
+            0x570 => self.plain[3],
+            0x5C0 => self.orc,
+            _ => return None,
+        })
+    }
+
+    fn write(&mut self, offset: u32, value: u32, cx: &mut Cx<'_>) -> bool {
+        if matches!(offset, 0x508..=0x514 | 0x554) && self.enable != 0 && (self.transfer.is_some() || self.selected()) {
+            cx.misuse("pins or mode written during a transfer, at offset", offset);
+        }
+        match offset {
+            // Stalls never happen; SEMSTAT is read-only.
+            0x400 => {}
+            0x440 => self.status &= !value,
+            0x500 => {
+                let enable = value & 0xF;
+                match enable {
+                    0 | SPIM => {}
+                    SPIS if self.shared => {}
+                    1 | 5 | 6 | 9 => cx.unmodelled("legacy SPI or TWI, TWIM or TWIS enabled; ENABLE", value),
+                    _ => cx.misuse("an ENABLE that no instance has", value),
+                }
+                if enable != self.enable {
+                    if self.transfer.is_some() {
+                        cx.misuse("disabled during a transfer", value);
+                    }
+                    (self.transfer, self.transaction, self.next) = (None, None, None);
+                    // Enabled anew, an SPIS is the CPU's (SEMSTAT's reset value).
+                    self.semaphore = Semaphore::Cpu;
+                    if let Some(pin) = Pin::selected(self.psel[3]).filter(|_| !self.shared) {
+                        // SPIM3's select rests inactive while it is enabled, and is given back with it.
+                        let level = (enable == SPIM).then_some(self.csnpol & 1 == 0);
+                        cx.act(Act::Hold { pin, level });
+                    }
+                }
+                self.enable = enable;
+            }
+            0x508..=0x514 => self.psel[(offset as usize - 0x508) / 4] = value,
+            0x524 => self.frequency = value,
+            0x534..=0x540 => {
+                self.guard(offset, cx);
+                self.rxd.write(offset - 0x534, value);
+            }
+            0x544..=0x550 => {
+                self.guard(offset, cx);
+                self.txd.write(offset - 0x544, value);
+            }
+            0x554 => self.config = value & 0b111,
+            0x55C => self.def = value & 0xFF,
+            0x560 => self.plain[0] = value & 0b111,
+            0x564 => self.plain[1] = value & 0xFF,
+            0x568 => self.csnpol = value & 1,
+            0x56C => self.plain[2] = value,
+            0x570 => self.plain[3] = value & 0xF,
+            0x5C0 => self.orc = value & 0xFF,
+            _ => return false,
+        }
+        true
+    }
+
+    fn configured(&mut self, cx: &mut Cx<'_>) {
+        if self.next.is_some() {
+            self.arm(cx);
+        }
+    }
+
+    fn next(&self) -> Option<u64> {
+        self.next
+    }
+
+    /// The last edge of the byte under way.
+    fn due(&mut self, cx: &mut Cx<'_>) {
+        self.next = None;
+        if let Some(transfer) = self.transfer {
+            let (id, mosi) = (cx.id, self.on_the_wire(transfer.byte));
+            cx.act(Act::Exchange { id, mosi });
+        }
+    }
+
+    fn answer(&mut self, token: u32, value: u32, _: &mut Cx<'_>) {
+        if token != self.serial {
+            return;
+        }
+        if let Some(transfer) = &mut self.transfer {
+            transfer.byte = value as u8;
+        } else if let Some(transaction) = &mut self.transaction {
+            transaction.ready = Some(value as u8);
+        }
+    }
+}
