@@ -34,7 +34,7 @@
 //!
 //! # Modules
 //!
-//! Each opens with what it covers, by data sheet section (by title: DS12484 and DS13541 number some differently), and what it leaves out and why: `chip` (power, oscillator, registers, interrupts,
+//! Each opens with what it covers, by data sheet section, and what it leaves out and why: `chip` (power, oscillator, registers, interrupts,
 //! timers, commands), `spi`, `radio` (frames and the FIFO), `registers` (map and reset values), `air`.
 #![forbid(unsafe_code)]
 

@@ -10,8 +10,8 @@
 //! | NFC-A at 106 kbit/s, poller: frames with parity, incomplete last bytes, REQA, WUPA, CRC_A | the same; register 05 |
 //! | FIFO: sending while loading, water level on the way down (below 200) and up (300), underflow breaks the frame off | FIFO |
 //! | reception by a poller (answers, mask-receive timer) and by a target: fixed NFC-F (03 = A0) or bit rate detection (03 = C0 with NFC-F or NFC-A) | Receiver, Passive target |
-//! | I_rxs at the sync, FIFO emptied then, bytes as they come, I_rxe; CRC, parity and framing errors; re-arming by D1 | |
-//! | automatic SENSF_RES to a SENSF_REQ, slot 0; load modulation by C4 of a target | |
+//! | I_rxs at the sync, FIFO emptied then, bytes as they come, I_rxe; CRC, parity and framing errors; re-arming by D1 | Interrupt interface; Passive target |
+//! | automatic SENSF_RES to a SENSF_REQ, slot 0; load modulation by C4 of a target | Passive target |
 //!
 //! | left out | why |
 //! |---|---|
