@@ -25,7 +25,7 @@ use crate::command;
 use crate::machine::{Fault, Input, Short, Step, Transfer};
 use crate::register as reg;
 use crate::status::{STATUS_READ, Status};
-use crate::{Supply, Variant, air_time_ns};
+use crate::{Supply, Variant, air_time_micros};
 
 /// How much longer than its air time a frame may take before it is given up, in microseconds.
 pub const TRANSMIT_MARGIN_MICROS: u32 = 500;
@@ -344,8 +344,7 @@ impl Poller {
     }
 
     fn wait(&self) -> Step<PollerEvent> {
-        let air_micros = air_time_ns(usize::from(self.len)).div_ceil(1_000) as u32;
-        Step::Wait { micros: air_micros + TRANSMIT_MARGIN_MICROS }
+        Step::Wait { micros: air_time_micros(self.len) + TRANSMIT_MARGIN_MICROS }
     }
 
     fn read_irqs(&mut self, last: bool) -> Step<PollerEvent> {

@@ -42,7 +42,7 @@ fn byte() -> impl Strategy<Value = u8> {
 fn said() -> impl Strategy<Value = Said> {
     prop_oneof![
         3 => Just(Said::Start),
-        1 => vec(byte(), 0..300).prop_map(Said::Done),
+        1 => vec(byte(), 0..12).prop_map(Said::Done),
         8 => prop::array::uniform8(byte()).prop_map(Said::Answer),
         3 => Just(Said::Irq),
         3 => Just(Said::Timeout),
