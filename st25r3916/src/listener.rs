@@ -487,6 +487,8 @@ impl Listener {
 
     /// A frame begins, and may be over already. I_rxe without I_rxs is one whose I_rxs was cleared.
     fn status_begins(&mut self, status: Status) -> Step<ListenerEvent> {
+        // Where there is a frame there is a field, told or not (a start with the field on).
+        self.field_on = true;
         let mut frame = Frame::new(self.config.read_mode);
         frame.note(status);
         self.frame = Some(frame);

@@ -27,7 +27,8 @@ pub const NO_RESPONSE_TIMER: u8 = 0x10;
 /// First of four interrupt mask registers, 0x16..=0x19; 1 masks. A masked bit still sets.
 pub const IRQ_MASK_MAIN: u8 = 0x16;
 /// Last interrupt mask register. Everything it masks concerns card emulation in NFC-A and wake-up;
-/// this driver keeps it at [`IRQ_MASK_TARGET_ALL`], which a reset chip does not (it reads 0).
+/// this driver keeps it at [`IRQ_MASK_TARGET_ALL`], which a reset chip does not (it reads 0). Its bits hold what is
+/// written (*seen*: 0xFB).
 pub const IRQ_MASK_TARGET: u8 = 0x19;
 /// First of four interrupt registers, 0x1A..=0x1D; reading clears.
 pub const IRQ_MAIN: u8 = 0x1A;

@@ -429,6 +429,15 @@ fn a_short_drop_of_the_field_seen_in_one_read_is_told_in_order() {
 }
 
 #[test]
+fn a_frame_tells_that_there_is_a_field_even_if_its_coming_was_not_seen() {
+    let (mut rig, mut listener) = listening(Chip::new(Variant::B), FILLING);
+    hears(&mut rig, &mut listener, 244);
+    rig.chip.at(rig.chip.now + 1_000, Happening::Irq(TIMER, EON | EOF));
+    assert_eq!(rig.listener(&mut listener), ListenerEvent::FieldOff);
+    assert_eq!(rig.listener(&mut listener), ListenerEvent::FieldOn);
+}
+
+#[test]
 fn a_start_in_the_middle_of_frames_hears_the_next_whole_one() {
     for config in BOTH {
         for shift in (0..10_000).step_by(487) {

@@ -269,9 +269,12 @@ impl Chip {
                         Some(byte) => *slot = byte,
                         None => {
                             self.fifo_flags |= 0x20;
-                            self.misuse.push("FIFO read empty".into());
+                            self.misuse.push("FIFO read beyond its content".into());
                         }
                     }
+                }
+                if self.receiving && self.fifo.is_empty() {
+                    self.misuse.push("FIFO read empty while a frame arrives".into());
                 }
             }
             _ => {
