@@ -1,0 +1,103 @@
+//! The engine: real firmware images on emulated microcontrollers, in virtual time, on the caller's thread.
+//!
+//! A [`Node`] is one board: a rigless core and the models of its part, stepped to an instant by [`Node::advance`]. A [`Pair`] keeps
+//! two of them in lock-step with whatever passes between. Everything is a function of the images, the board and what the caller
+//! puts in: no threads, no wall clock, no randomness. The same run gives the same [`Node::digest`] on every host.
+//!
+//! # Time
+//! Virtual time is `u64` nanoseconds from power-on, one time for all boards. Each part's own clocks are what its crystals make of
+//! that time: a crystal that is off shows as a rate, see [`Clock`]. Models act at their exact instants. The core acts on
+//! instruction boundaries, so an instant the core takes part in is late by at most one instruction (10 to 24 ns).
+//!
+//! # What stops a run from lying
+//! An access where the part has nothing faults, as on silicon. An access to a register without a model, to a peripheral whose
+//! clock is off, or to a state the manual forbids is a [`Finding`] with the instruction that did it. A run with findings is not a
+//! passed run.
+
+mod clock;
+mod finding;
+mod firmware;
+mod memory;
+mod node;
+mod pair;
+mod poll;
+mod rtt;
+mod run;
+mod wiring;
+
+pub use clock::{Clock, FAST_CYCLES_PER_INSTRUCTION};
+pub use finding::{Finding, FindingKind};
+pub use firmware::{Firmware, Symbol};
+pub use memory::GuestMemory;
+pub use node::{LineEdge, Node, PROBE_PERIOD, ResetAt, Usage};
+pub use pair::{Between, Lookahead, Nothing, Pair, Sent};
+pub use rtt::{LogLevel, LogLine};
+pub use run::{Event, Limits, Outcome, run};
+pub use wiring::{Bare, FlashAction, Part, Wiring};
+
+/// What the engine cannot do, as opposed to what a firmware does wrong.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The firmware image cannot be read.
+    #[error("cannot read the firmware image: {0}")]
+    Firmware(String),
+    /// A segment of the image lies where the part has no memory.
+    #[error("{firmware} places {length} bytes at {address:#010x}, where the {part} has no memory")]
+    Placement {
+        /// The image.
+        firmware: String,
+        /// The part.
+        part: &'static str,
+        /// The segment's first address.
+        address: u64,
+        /// Its length in bytes.
+        length: usize,
+    },
+    /// The image has no such symbol.
+    #[error("{firmware} has no symbol {symbol}: is it the right image, and is the symbol `#[no_mangle]` and used?")]
+    NoSymbol {
+        /// The image.
+        firmware: String,
+        /// The name asked for.
+        symbol: String,
+    },
+    /// An address or symbol asked for is not in memory.
+    #[error("{length} bytes at {address:#010x} are not memory of the target")]
+    NotMemory {
+        /// The first address.
+        address: u64,
+        /// How many bytes were asked for.
+        length: usize,
+    },
+    /// The engine underneath refused the part or the board.
+    #[error("the emulator refused the board: {0}")]
+    Emulator(#[from] rigless::emulator::Error),
+}
+
+/// FNV-1a, 64 bits: a digest that is the same on every host and release.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Digest(u64);
+
+impl Digest {
+    const OFFSET: u64 = 0xCBF2_9CE4_8422_2325;
+    const PRIME: u64 = 0x0000_0100_0000_01B3;
+
+    pub(crate) fn new() -> Self {
+        Self(Self::OFFSET)
+    }
+
+    pub(crate) fn bytes(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(Self::PRIME);
+        }
+    }
+
+    pub(crate) fn word(&mut self, word: u64) {
+        self.bytes(&word.to_le_bytes());
+    }
+
+    pub(crate) fn finish(self) -> u64 {
+        self.0
+    }
+}

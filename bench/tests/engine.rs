@@ -1,0 +1,422 @@
+//! The engine on firmware written in the test itself: a few instructions, so that what must happen is plain to see.
+
+mod thumb;
+
+use bench::engine::{
+    Bare, Between, FindingKind, Limits, Lookahead, Node, Pair, Sent, Wiring, run,
+};
+use bench::stm32f427::{Oscillators, PinId, Stm32f427Part, TIM2_INTERRUPT};
+use thumb::{COUNTER, EXTI, FLASH, GPIOD, HANDLER, MAIN, RCC, TIM2, Thumb, firmware};
+
+const MS: u64 = 1_000_000;
+
+fn bare(firmware: &bench::engine::Firmware) -> Node<Bare<Stm32f427Part>> {
+    Node::new(Bare(Stm32f427Part::new(Oscillators::default())), firmware).unwrap()
+}
+
+fn counter<B: Wiring>(node: &mut Node<B>) -> u32 {
+    node.word(u64::from(COUNTER)).unwrap()
+}
+
+/// Counts TIM2 updates in RAM and sleeps. The timer runs on the 16 MHz internal oscillator.
+fn ticking() -> bench::engine::Firmware {
+    let mut main = Thumb::at(MAIN);
+    main.tim2_every(160_000).idle();
+    let mut tick = Thumb::at(HANDLER);
+    tick.store(TIM2 + 0x10, 0).count(COUNTER).ret();
+    firmware("ticking", &main, &[(28, &tick)])
+}
+
+#[test]
+fn a_timer_interrupt_comes_at_its_exact_instants_and_the_core_sleeps_between() {
+    let mut node = bare(&ticking());
+    node.watch_line(TIM2_INTERRUPT);
+    node.advance(105 * MS);
+    assert_eq!(counter(&mut node), 10);
+    let rises: Vec<u64> = node.take_edges().iter().filter(|edge| edge.high).map(|edge| edge.at).collect();
+    assert_eq!(rises.len(), 10);
+    for pair in rises.windows(2) {
+        assert_eq!(pair[1] - pair[0], 10 * MS);
+    }
+    let usage = node.usage();
+    assert!(usage.awake > 0 && usage.load() < 0.001, "{usage:?}");
+    assert_eq!(node.take_findings(), []);
+}
+
+/// TIM2 on HSE itself, 8 MHz: 10 ms is 80 000 ticks.
+fn ticking_on_hse() -> bench::engine::Firmware {
+    let mut main = Thumb::at(MAIN);
+    main.store(RCC, 1 << 18 | 1 << 16 | 0x83)
+        .wait_for(RCC, 17)
+        .store(RCC + 0x08, 1)
+        .tim2_every(80_000)
+        .idle();
+    let mut tick = Thumb::at(HANDLER);
+    tick.store(TIM2 + 0x10, 0).count(COUNTER).ret();
+    firmware("ticking on HSE", &main, &[(28, &tick)])
+}
+
+#[test]
+fn a_crystal_one_ppm_off_is_ten_microseconds_off_after_ten_seconds() {
+    let last_rise = |ppb| {
+        let part = Stm32f427Part::new(Oscillators { hse_ppb: ppb, ..Oscillators::default() });
+        let mut node = Node::new(Bare(part), &ticking_on_hse()).unwrap();
+        node.watch_line(TIM2_INTERRUPT);
+        node.advance(10_005 * MS);
+        let edges = node.take_edges();
+        let rises: Vec<u64> = edges.iter().filter(|edge| edge.high).map(|edge| edge.at).collect();
+        assert_eq!(rises.len(), 1000);
+        rises[999] - rises[0]
+    };
+    let nominal = last_rise(0);
+    assert_eq!(nominal, 9_990 * MS);
+    let gained = nominal - last_rise(1_000);
+    assert!((9_980..=9_995).contains(&gained), "{gained} ns early after 9.99 s");
+    let lost = last_rise(-1_000) - nominal;
+    assert!((9_985..=10_000).contains(&lost), "{lost} ns late after 9.99 s");
+}
+
+#[test]
+fn the_same_run_has_the_same_digest_however_it_is_cut() {
+    let at = |steps: &[u64]| {
+        let mut node = bare(&ticking());
+        for &step in steps {
+            node.advance(step);
+        }
+        node.digest()
+    };
+    let whole = at(&[105 * MS]);
+    assert_eq!(at(&[105 * MS]), whole);
+    let cut: Vec<u64> = (1..=1050).map(|step| step * MS / 10).collect();
+    assert_eq!(at(&cut), whole);
+    assert_ne!(at(&[95 * MS]), whole);
+}
+
+/// Polls TIM2's update flag instead of taking its interrupt.
+fn polling() -> bench::engine::Firmware {
+    let mut main = Thumb::at(MAIN);
+    main.store(RCC + 0x40, 1).store(TIM2 + 0x2C, 159_999).store(TIM2, 1);
+    let again = main.here();
+    main.wait_for(TIM2 + 0x10, 0).store(TIM2 + 0x10, 0).count(COUNTER).branch(again);
+    firmware("polling", &main, &[])
+}
+
+#[test]
+fn polling_is_skipped_and_changes_nothing_but_the_time_it_takes() {
+    let run = |skipping| {
+        let mut node = bare(&polling());
+        node.skip_polling_loops(skipping);
+        node.advance(35 * MS);
+        (node.digest(), node.usage(), counter(&mut node), node.instructions_skipped())
+    };
+    let (skipping, running) = (run(true), run(false));
+    assert_eq!(running.3, 0);
+    assert!(skipping.3 > 3_000_000, "{} instructions skipped", skipping.3);
+    assert_eq!((skipping.0, skipping.1, skipping.2), (running.0, running.1, running.2));
+    assert_eq!(skipping.2, 3);
+    // A core that polls is awake all the time.
+    assert_eq!(skipping.1.awake, skipping.1.total);
+}
+
+/// A polling loop that counts its own turns in RAM: skipping it would lose turns.
+#[test]
+fn a_polling_loop_with_a_side_effect_is_run() {
+    let mut main = Thumb::at(MAIN);
+    main.store(RCC + 0x40, 1).store(TIM2 + 0x2C, 159_999).store(TIM2, 1).mov(2, COUNTER).mov(0, TIM2 + 0x10);
+    let again = main.here();
+    main.ldr(3, 2, 0).raw(&[0x3301]).str(3, 2, 0).raw(&[0x2300]); // count, then forget the count
+    main.ldr(1, 0, 0).test(1, 0).branch_if(thumb::If::CarryClear, again).idle();
+    let firmware = firmware("counting poll", &main, &[]);
+    let turns = |skipping| {
+        let mut node = bare(&firmware);
+        node.skip_polling_loops(skipping);
+        node.advance(12 * MS);
+        (counter(&mut node), node.instructions_skipped())
+    };
+    let (counted, skipped) = turns(true);
+    assert_eq!(skipped, 0);
+    assert_eq!(counted, turns(false).0);
+    assert!(counted > 100_000, "{counted}");
+}
+
+#[test]
+fn an_access_where_nothing_is_faults_and_says_where() {
+    let mut main = Thumb::at(MAIN);
+    main.mov(0, 0x4003_0000);
+    let load = main.here();
+    main.ldr(1, 0, 0).idle();
+    let mut node = bare(&firmware("stray", &main, &[]));
+    node.advance(MS);
+    let findings = node.take_findings();
+    assert_eq!(findings[0].kind, FindingKind::Unmapped);
+    assert_eq!(findings[0].pc, Some(u64::from(load)));
+    assert!(findings[0].text.contains("0x40030000"), "{}", findings[0]);
+    // The vector table has no HardFault handler, so the core locks up.
+    assert_eq!(findings.last().unwrap().kind, FindingKind::Lockup);
+    assert!(node.now() >= MS);
+}
+
+#[test]
+fn a_register_behind_a_shut_clock_gate_is_reported() {
+    let mut main = Thumb::at(MAIN);
+    main.store(TIM2, 1).idle();
+    let mut node = bare(&firmware("gated", &main, &[]));
+    node.advance(MS);
+    let findings = node.take_findings();
+    assert_eq!(findings.len(), 1, "{findings:?}");
+    assert_eq!(findings[0].kind, FindingKind::Refused);
+    assert!(findings[0].pc.is_some());
+    assert!(findings[0].text.contains("APB1ENR"), "{}", findings[0]);
+}
+
+#[test]
+fn a_register_without_a_model_is_reported_once() {
+    let mut main = Thumb::at(MAIN);
+    main.store(RCC + 0x34, 1 << 6); // RNG
+    let again = main.here();
+    main.store(0x5006_0800, 4).branch(again);
+    let mut node = bare(&firmware("rng", &main, &[]));
+    node.advance(MS);
+    node.advance(2 * MS);
+    let findings = node.take_findings();
+    assert_eq!(findings.len(), 1, "{findings:?}");
+    assert_eq!(findings[0].kind, FindingKind::Unmodelled);
+    assert!(findings[0].text.contains("RNG.CR"), "{}", findings[0]);
+}
+
+#[test]
+fn a_firmware_that_exits_ends_its_run_with_its_status() {
+    let status = |reason: u32, code: u32| {
+        let block = COUNTER + 16;
+        let mut main = Thumb::at(MAIN);
+        main.store(block, reason).store(block + 4, code).semihost(0x20, block).idle();
+        run(Stm32f427Part::new(Oscillators::default()), &firmware("exits", &main, &[]), Limits::default(), |_| {})
+            .unwrap()
+    };
+    let passed = status(0x2_0026, 0);
+    assert!(passed.passed(), "{passed:?}");
+    let failed = status(0x2_0026, 7);
+    assert_eq!((failed.exit, failed.status(), failed.passed()), (Some(7), 7, false));
+}
+
+#[test]
+fn a_firmware_that_hangs_runs_into_the_limit() {
+    let mut main = Thumb::at(MAIN);
+    main.idle();
+    let limits = Limits { virtual_time: 200 * MS, ..Limits::default() };
+    let outcome =
+        run(Stm32f427Part::new(Oscillators::default()), &firmware("hangs", &main, &[]), limits, |_| {}).unwrap();
+    assert_eq!((outcome.exit, outcome.status(), outcome.virtual_time), (None, 124, 200 * MS));
+}
+
+#[test]
+fn console_output_through_semihosting_arrives_line_by_line() {
+    let text = COUNTER + 0x100;
+    let mut main = Thumb::at(MAIN);
+    main.store(text, u32::from_le_bytes(*b"hi\nt")).store(text + 4, u32::from_le_bytes(*b"here"));
+    main.store(text + 8, u32::from_le_bytes(*b"\n\0\0\0")).semihost(0x04, text).semihost(0x18, 0x2_0026);
+    let mut lines = Vec::new();
+    let outcome = run(
+        Stm32f427Part::new(Oscillators::default()),
+        &firmware("console", &main, &[]),
+        Limits::default(),
+        |event| {
+            if let bench::engine::Event::Line(line) = event {
+                lines.push(line.text.clone());
+            }
+        },
+    )
+    .unwrap();
+    assert_eq!(lines, ["hi", "there"]);
+    assert_eq!(outcome.exit, Some(0));
+}
+
+#[test]
+fn an_image_that_does_not_fit_is_refused() {
+    let firmware = bench::engine::Firmware::raw("too far", vec![(0x0900_0000, vec![0; 16])]);
+    let error = Node::new(Bare(Stm32f427Part::new(Oscillators::default())), &firmware).unwrap_err();
+    assert!(error.to_string().contains("0x09000000"), "{error}");
+}
+
+/// A board whose PD14 leaves it and whose PA3 is driven from outside.
+#[derive(Debug)]
+struct Player {
+    part: Stm32f427Part,
+}
+
+const OUT: PinId = PinId::new('D', 14);
+const IN: PinId = PinId::new('A', 3);
+
+impl Player {
+    fn new() -> Self {
+        let mut part = Stm32f427Part::new(Oscillators::default());
+        part.watch_pin(OUT);
+        Self { part }
+    }
+}
+
+impl Wiring for Player {
+    type Part = Stm32f427Part;
+
+    fn part(&self) -> &Stm32f427Part {
+        &self.part
+    }
+
+    fn part_mut(&mut self) -> &mut Stm32f427Part {
+        &mut self.part
+    }
+
+    fn outgoing(&self) -> bool {
+        !self.part.edges().is_empty()
+    }
+}
+
+/// Two wires, each from one board's PD14 to the other's PA3.
+#[derive(Debug)]
+struct Wires {
+    lookahead: Lookahead,
+    crossed: Vec<(u64, char, bool)>,
+}
+
+impl Between<Player, Player> for Wires {
+    type ToA = bool;
+    type ToB = bool;
+
+    fn lookahead(&self) -> Lookahead {
+        self.lookahead
+    }
+
+    fn leave_a(&mut self, node: &mut Node<Player>, to_b: &mut Sent<bool>) {
+        for edge in node.board_mut().part.take_edges() {
+            to_b.send(edge.at + self.lookahead.a_to_b, edge.high);
+        }
+    }
+
+    fn leave_b(&mut self, node: &mut Node<Player>, to_a: &mut Sent<bool>) {
+        for edge in node.board_mut().part.take_edges() {
+            to_a.send(edge.at + self.lookahead.b_to_a, edge.high);
+        }
+    }
+
+    fn arrive_a(&mut self, at: u64, high: bool, node: &mut Node<Player>) {
+        self.crossed.push((at, 'a', high));
+        node.input(|board, at| board.part.drive_pin(at, IN, high));
+    }
+
+    fn arrive_b(&mut self, at: u64, high: bool, node: &mut Node<Player>) {
+        self.crossed.push((at, 'b', high));
+        node.input(|board, at| board.part.drive_pin(at, IN, high));
+    }
+}
+
+/// Answers each rising edge of PA3 with a pulse on PD14. One of the two serves: it pulses once at its start.
+fn player(serves: bool) -> bench::engine::Firmware {
+    let mut main = Thumb::at(MAIN);
+    main.exti3_on_pa3().store(GPIOD, 1 << 28);
+    if serves {
+        main.store(GPIOD + 0x18, 1 << 14).store(GPIOD + 0x18, 1 << 30);
+    }
+    main.idle();
+    let mut hit = Thumb::at(HANDLER);
+    hit.store(EXTI + 0x14, 1 << 3).count(COUNTER).store(GPIOD + 0x18, 1 << 14).store(GPIOD + 0x18, 1 << 30).ret();
+    firmware("player", &main, &[(9, &hit)])
+}
+
+fn match_of(lookahead: Lookahead, stops: impl Iterator<Item = u64>) -> (Vec<(u64, char, bool)>, u64, u64) {
+    let a = Node::new(Player::new(), &player(true)).unwrap();
+    let b = Node::new(Player::new(), &player(false)).unwrap();
+    let mut pair = Pair::new(a, b, Wires { lookahead, crossed: Vec::new() });
+    for stop in stops {
+        pair.run_until(stop);
+    }
+    assert_eq!(pair.a.take_findings(), []);
+    assert_eq!(pair.b.take_findings(), []);
+    let digests = (pair.a.digest(), pair.b.digest());
+    (pair.between.crossed, digests.0, digests.1)
+}
+
+#[test]
+fn two_cores_interrupting_each_other_keep_step_to_the_instruction() {
+    let lookahead = Lookahead { a_to_b: 0, b_to_a: 500 };
+    let (crossed, ..) = match_of(lookahead, std::iter::once(2 * MS));
+    let rises: Vec<_> = crossed.iter().filter(|crossing| crossing.2).collect();
+    assert!(rises.len() > 1_000, "{} hits", rises.len());
+    for (nth, hit) in rises.iter().enumerate() {
+        assert_eq!(hit.1, if nth % 2 == 0 { 'b' } else { 'a' });
+    }
+    // An answer takes the handler's instructions up to its store, and the wire's delay one way. Whole instructions are 10 or
+    // 11 ns, and a wake-up rounds to the next.
+    let answers: Vec<u64> = rises.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
+    let (towards_a, towards_b): (Vec<_>, Vec<_>) = answers.iter().enumerate().partition(|(nth, _)| nth % 2 == 0);
+    let spread = |answers: &[(usize, &u64)]| {
+        let times = answers.iter().map(|(_, time)| **time);
+        times.clone().max().unwrap() - times.min().unwrap()
+    };
+    assert!(spread(&towards_a) <= 25 && spread(&towards_b) <= 25);
+    let difference = towards_a[3].1.abs_diff(towards_b[3].1 + 500);
+    assert!(difference <= 25, "{difference} ns");
+}
+
+#[test]
+fn a_pair_does_the_same_every_time_and_however_it_is_cut() {
+    let lookahead = Lookahead { a_to_b: 0, b_to_a: 500 };
+    let whole = match_of(lookahead, std::iter::once(MS));
+    assert_eq!(match_of(lookahead, std::iter::once(MS)), whole);
+    let cut = match_of(lookahead, (1..=100).map(|step| step * MS / 100));
+    assert_eq!(cut.0, whole.0);
+}
+
+#[test]
+fn a_one_way_link_needs_no_lookahead_back() {
+    let lookahead = Lookahead { a_to_b: 0, b_to_a: Lookahead::NEVER };
+    let a = Node::new(Player::new(), &player(true)).unwrap();
+    let b = Node::new(Player::new(), &player(false)).unwrap();
+    let mut pair = Pair::new(a, b, OneWay(Wires { lookahead, crossed: Vec::new() }));
+    pair.run_until(2 * MS);
+    assert_eq!(pair.between.0.crossed.len(), 2);
+    assert_eq!((counter(&mut pair.a), counter(&mut pair.b)), (0, 1));
+}
+
+/// [`Wires`] with the way back cut.
+struct OneWay(Wires);
+
+impl Between<Player, Player> for OneWay {
+    type ToA = bool;
+    type ToB = bool;
+
+    fn lookahead(&self) -> Lookahead {
+        self.0.lookahead
+    }
+
+    fn leave_a(&mut self, node: &mut Node<Player>, to_b: &mut Sent<bool>) {
+        self.0.leave_a(node, to_b);
+    }
+
+    fn leave_b(&mut self, node: &mut Node<Player>, _to_a: &mut Sent<bool>) {
+        node.board_mut().part.take_edges();
+    }
+
+    fn arrive_b(&mut self, at: u64, high: bool, node: &mut Node<Player>) {
+        self.0.arrive_b(at, high, node);
+    }
+}
+
+#[test]
+fn flash_keeps_what_the_firmware_programs_and_erases() {
+    const KEYR: u32 = 0x4002_3C04;
+    const SR: u32 = 0x4002_3C0C;
+    const CR: u32 = 0x4002_3C10;
+    let (kept, erased) = (FLASH + 0xC000, FLASH + 0x8000);
+    let mut main = Thumb::at(MAIN);
+    main.store(kept, 0); // locked: refused
+    main.store(KEYR, 0x4567_0123).store(KEYR, 0xCDEF_89AB);
+    main.store(CR, 2 << 8 | 1).store(kept, 0x1234_5678).store(erased, 0);
+    main.store(CR, 2 << 8 | 2 << 3 | 2).store(CR, 1 << 16 | 2 << 8 | 2 << 3 | 2); // sector 2
+    let again = main.here();
+    main.mov(0, SR).ldr(1, 0, 0).test(1, 16).branch_if(thumb::If::CarrySet, again).count(COUNTER).idle();
+    let mut node = bare(&firmware("flash", &main, &[]));
+    node.advance(3_000 * MS);
+    assert_eq!(counter(&mut node), 1);
+    assert_eq!(node.word(u64::from(kept)), Some(0x1234_5678));
+    assert_eq!(node.word(u64::from(erased)), Some(0xFFFF_FFFF));
+}
