@@ -18,6 +18,10 @@
 //!
 //! **Bounded work.** One call takes at most [`BYTES_PER_CALL`] bytes, and the parser looks at no more than
 //! [`BUFFER`] bytes of an unfinished message beyond them.
+//!
+//! **A false start ends with the line's silence.** A damaged length makes the parser wait for bytes that never
+//! come, with good messages among those it already has. After [`GAP_MS`] of silence it is given zeros until it
+//! gives them up, so that they are found now and not with the next epoch.
 
 use core::f64::consts::PI;
 
@@ -43,6 +47,10 @@ const AGE_JITTER_MS: u32 = 20;
 const FORGOTTEN_MS: u32 = 60_000;
 /// The time of week starts again here, ms.
 const WEEK_MS: u32 = 7 * 24 * 3_600 * 1_000;
+
+/// A line silent for this long, ms, has ended whatever message it had begun: a receiver sends a message in
+/// one go, and a byte takes 22 µs.
+pub const GAP_MS: u32 = 50;
 
 /// Bytes of a UBX message around its payload: two sync, class, identifier, two length, two checksum.
 const UBX_OVERHEAD: usize = 8;
@@ -183,14 +191,14 @@ pub struct Counts {
     pub messages: u32,
     /// UBX messages with a wrong checksum.
     pub damaged: u32,
-    /// UBX messages too long for the buffer, or of a shape that their kind does not have.
+    /// UBX messages too long for the buffer, or with a field that their kind does not have.
     pub unusable: u32,
     useful: u32,
 }
 
 impl Counts {
-    /// Bytes that belonged to no intact message of use: NMEA, noise, damage. An unfinished message
-    /// counts here until it is complete.
+    /// Bytes that belonged to no message of use: NMEA, UBX of other kinds, noise, damage. An unfinished
+    /// message counts here until it is complete.
     #[must_use]
     pub const fn skipped(&self) -> u32 {
         self.bytes.wrapping_sub(self.useful)
@@ -202,6 +210,8 @@ pub struct Receiver {
     parser: Parser<FixedBuffer<BUFFER>, Proto27>,
     solution: Solution,
     counts: Counts,
+    /// When the last bytes came.
+    spoke: Stamp,
 }
 
 impl Default for Receiver {
@@ -214,26 +224,40 @@ impl Receiver {
     /// A receiver that has not been heard.
     #[must_use]
     pub fn new() -> Self {
-        Self { parser: Parser::with_fixed_buffer(), solution: Solution::default(), counts: Counts::default() }
+        Self {
+            parser: Parser::with_fixed_buffer(),
+            solution: Solution::default(),
+            counts: Counts::default(),
+            spoke: Stamp::default(),
+        }
     }
 
     /// Takes up to [`BYTES_PER_CALL`] of `bytes`, which arrived by `now` (ms, wraps), and gives how many.
-    /// To be called at least once a minute, with or without bytes: that is also when old stamps are
-    /// forgotten.
+    /// To be called every few milliseconds, with or without bytes: that is also when a silent line is
+    /// noticed and old stamps are forgotten.
     pub fn receive(&mut self, bytes: &[u8], now: u32) -> usize {
-        let taken = bytes.len().min(BYTES_PER_CALL);
-        let (bytes, _) = bytes.split_at(taken);
+        let (bytes, _) = bytes.split_at(bytes.len().min(BYTES_PER_CALL));
         self.solution.expire(now);
-        self.counts.bytes = self.counts.bytes.wrapping_add(bytes.len() as u32);
+        if !bytes.is_empty() {
+            self.spoke.set(now);
+            self.counts.bytes = self.counts.bytes.wrapping_add(bytes.len() as u32);
+            self.parse(bytes, now);
+        } else if !self.parser.is_buffer_empty() && !self.spoke.within(now, GAP_MS) {
+            let then = self.spoke.0.unwrap_or(now);
+            self.parse(&[0; BYTES_PER_CALL], then);
+        }
+        bytes.len()
+    }
 
+    fn parse(&mut self, bytes: &[u8], arrived: u32) {
         let mut messages = self.parser.consume_ubx(bytes);
         while let Some(message) = messages.next() {
             match message {
                 Ok(message) => {
                     self.counts.messages = self.counts.messages.wrapping_add(1);
-                    self.solution.heard.set(now);
-                    let payload = self.solution.take(&message, now);
-                    self.counts.useful = self.counts.useful.wrapping_add((payload + UBX_OVERHEAD) as u32);
+                    self.solution.heard.set(arrived);
+                    let used = self.solution.take(&message, arrived);
+                    self.counts.useful = self.counts.useful.wrapping_add(used as u32);
                 }
                 Err(ParserError::InvalidChecksum { .. }) => {
                     self.counts.damaged = self.counts.damaged.wrapping_add(1);
@@ -241,7 +265,6 @@ impl Receiver {
                 Err(_) => self.counts.unusable = self.counts.unusable.wrapping_add(1),
             }
         }
-        taken
     }
 
     /// The latest that it has said.
@@ -265,7 +288,7 @@ impl Solution {
         self.acceleration.pace.arrived.expire(now);
     }
 
-    /// Takes what is of use in a message, and gives the length of its payload if it was (0 if not).
+    /// Takes what is of use in a message, and gives the message's length if anything was, else 0.
     fn take(&mut self, message: &UbxPacket<'_>, now: u32) -> usize {
         // More protocol versions exist when another crate of the build asks the parser for them; this
         // one parses version 27 alone.
@@ -284,7 +307,7 @@ impl Solution {
                 position.latitude = f64::from(latitude) / 1e7;
                 position.longitude = f64::from(longitude) / 1e7;
                 position.altitude = f64::from(pvt.height_above_ellipsoid_raw()) / 1e3;
-                pvt.payload_len()
+                pvt.payload_len() + UBX_OVERHEAD
             }
             UbxPacket::Proto27(PacketRef::NavAtt(att)) => {
                 let attitude = &mut self.attitude;
@@ -293,7 +316,7 @@ impl Solution {
                 attitude.pitch = angle(att.vehicle_pitch_raw(), att.vehicle_pitch_accuracy_raw());
                 attitude.yaw = angle(att.vehicle_heading_raw(), att.vehicle_heading_accuracy_raw());
                 attitude.valid = !(attitude.roll.is_nan() | attitude.pitch.is_nan() | attitude.yaw.is_nan());
-                att.payload_len()
+                att.payload_len() + UBX_OVERHEAD
             }
             UbxPacket::Proto27(PacketRef::EsfIns(ins)) => {
                 let acceleration = &mut self.acceleration;
@@ -305,7 +328,7 @@ impl Solution {
                     axis(ins.z_acceleration_raw(), given & Z_ACCEL_VALID),
                 ];
                 acceleration.valid = !acceleration.axes.iter().any(|axis| axis.is_nan());
-                ins.payload_len()
+                ins.payload_len() + UBX_OVERHEAD
             }
             _ => 0,
         }

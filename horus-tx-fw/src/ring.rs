@@ -116,9 +116,11 @@ mod tests {
 
     #[test]
     fn the_counts_wrap_without_losing_a_byte() {
-        let mut reader = Reader { total: u32::MAX - 15, lost: 0 };
-        assert_eq!(reader.take(8, SIZE, 64), Span { start: 0, len: 16 }, "up to the wrap");
+        let mut reader = Reader { total: u32::MAX - 7, lost: 0 };
+        assert_eq!(reader.take(8, SIZE, 64), Span { start: 8, len: 8 }, "up to the wrap, which is the ring's end");
         assert_eq!(reader.take(8, SIZE, 64), Span { start: 0, len: 8 });
+        assert_eq!(reader.waiting(8), 0);
+        assert_eq!(reader.lost(), 0);
     }
 
     proptest! {

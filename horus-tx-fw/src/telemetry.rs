@@ -60,10 +60,9 @@ pub struct Line {
     pub messages: Counter,
     /// UBX messages with a wrong checksum.
     pub damaged: Counter,
-    /// UBX messages that were intact and yet of no use: longer than the parser's buffer, or of a length
-    /// or with a field that their type does not have.
+    /// UBX messages longer than the parser's buffer, or with a field that their kind does not have.
     pub unusable: Counter,
-    /// Bytes that belonged to no intact UBX message: NMEA, noise, damage.
+    /// Bytes that belonged to no message of use: NMEA, UBX of other kinds, noise, damage.
     pub skipped: Counter,
 }
 

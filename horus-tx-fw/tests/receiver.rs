@@ -1,0 +1,286 @@
+//! What a receiver's bytes amount to.
+
+mod ubx;
+
+use std::{fs, path::Path};
+
+use horus_tx_fw::receiver::{Position, Receiver, BUFFER, BYTES_PER_CALL, GAP_MS};
+use profile::FixType;
+use proptest::prelude::*;
+use ubx::{esf_ins, message, nav_att, NavPvt, NMEA};
+
+/// Feeds all of `bytes` at `now`, in calls as small as the receiver wants them.
+fn feed(receiver: &mut Receiver, mut bytes: &[u8], now: u32) {
+    while !bytes.is_empty() {
+        let taken = receiver.receive(bytes, now);
+        assert!(taken > 0 && taken <= BYTES_PER_CALL);
+        bytes = &bytes[taken..];
+    }
+}
+
+fn fed(bytes: &[u8]) -> Receiver {
+    let mut receiver = Receiver::new();
+    feed(&mut receiver, bytes, 0);
+    receiver
+}
+
+/// The float64 nearest to `raw` / 10^`decimals`, by way of its decimal digits: the standard library's
+/// parser rounds correctly, and shares nothing with a division.
+fn decimal(raw: i32, decimals: usize) -> f64 {
+    let digits = format!("{:0width$}", raw.unsigned_abs(), width = decimals + 1);
+    let (whole, part) = digits.split_at(digits.len() - decimals);
+    let sign = if raw < 0 { "-" } else { "" };
+    format!("{sign}{whole}.{part}").parse().expect("digits")
+}
+
+proptest! {
+    #[test]
+    fn a_position_is_the_nearest_float64_to_what_the_receiver_said(
+        latitude in -900_000_000i32..=900_000_000,
+        longitude in -1_800_000_000i32..=1_800_000_000,
+        height in any::<i32>(),
+    ) {
+        let receiver = fed(&NavPvt { latitude, longitude, height, ..NavPvt::GOOD }.bytes());
+        let position = &receiver.solution().position;
+        prop_assert!(position.valid);
+        prop_assert_eq!(position.latitude.to_bits(), (decimal(latitude, 7) + 0.0).to_bits());
+        prop_assert_eq!(position.longitude.to_bits(), (decimal(longitude, 7) + 0.0).to_bits());
+        prop_assert_eq!(position.altitude.to_bits(), (decimal(height, 3) + 0.0).to_bits());
+    }
+
+    #[test]
+    fn how_the_bytes_are_cut_does_not_matter(cuts in proptest::collection::vec(1usize..90, 1..60)) {
+        let mut stream = Vec::new();
+        for epoch in 0..4 {
+            stream.extend(NMEA);
+            stream.extend(NavPvt { latitude: 470_000_000 + epoch, ..NavPvt::at(1_000 + 100 * epoch as u32) }.bytes());
+            stream.extend([0xB5, 0xB5, 0x62, 0x01]);
+            stream.extend(nav_att(1_000, [1, 2, 3], [1, 1, 1]));
+            stream.extend(esf_ins(1_000, [true; 3], [10, 20, 30]));
+        }
+        stream.extend([0; BUFFER]);
+        let whole = fed(&stream);
+        let mut receiver = Receiver::new();
+        let mut rest = stream.as_slice();
+        let mut cuts = cuts.into_iter().cycle();
+        while !rest.is_empty() {
+            let (piece, after) = rest.split_at(cuts.next().unwrap_or(1).min(rest.len()));
+            feed(&mut receiver, piece, 0);
+            rest = after;
+        }
+        prop_assert_eq!(receiver.solution(), whole.solution());
+        prop_assert_eq!(receiver.counts().messages, whole.counts().messages);
+        prop_assert_eq!(whole.counts().messages, 12);
+    }
+
+    #[test]
+    fn a_message_is_found_after_any_noise(noise in proptest::collection::vec(any::<u8>(), 0..600)) {
+        // Noise may begin a message that seems to go on; a buffer's worth of silence ends that.
+        let mut receiver = Receiver::new();
+        feed(&mut receiver, &noise, 0);
+        feed(&mut receiver, &[0; BUFFER + BYTES_PER_CALL], 0);
+        let before = receiver.counts().messages;
+        feed(&mut receiver, &NavPvt::GOOD.bytes(), 0);
+        prop_assert_eq!(receiver.counts().messages, before + 1);
+        prop_assert!(receiver.solution().position.valid);
+    }
+
+    #[test]
+    fn one_flipped_bit_is_never_taken_for_a_position(bit in 0usize..800) {
+        let mut bytes = NavPvt::GOOD.bytes();
+        prop_assume!(bit < bytes.len() * 8);
+        bytes[bit / 8] ^= 1 << (bit % 8);
+        let receiver = fed(&[bytes, vec![0; BUFFER + BYTES_PER_CALL]].concat());
+        prop_assert!(!receiver.solution().position.valid);
+        prop_assert!(!receiver.solution().heard.within(0, u32::MAX / 2));
+    }
+}
+
+#[test]
+fn nmea_and_damage_are_passed_over_and_counted() {
+    let good = NavPvt::GOOD.bytes();
+    let mut damaged = good.clone();
+    damaged[30] ^= 0x10;
+    let stream = [NMEA, &damaged, NMEA, &good].concat();
+    let receiver = fed(&stream);
+    assert!(receiver.solution().position.valid);
+    let counts = receiver.counts();
+    assert_eq!((counts.messages, counts.damaged, counts.unusable), (1, 1, 0));
+    assert_eq!(counts.bytes as usize, stream.len());
+    assert_eq!(counts.skipped() as usize, stream.len() - good.len());
+}
+
+#[test]
+fn a_message_longer_than_the_buffer_costs_only_itself() {
+    let long = message(0x01, 0x35, &vec![0x55; 2 * BUFFER]);
+    let receiver = fed(&[long, NavPvt::GOOD.bytes()].concat());
+    assert_eq!(receiver.counts().unusable, 1);
+    assert!(receiver.solution().position.valid);
+}
+
+#[test]
+fn a_message_of_another_length_than_its_kind_has_is_not_used() {
+    // NAV-PVT of protocol 14 had 84 bytes of payload.
+    let old = message(0x01, 0x07, &[0xFF; 84]);
+    let receiver = fed(&old);
+    assert_eq!(receiver.counts().messages, 1);
+    assert_eq!(receiver.counts().skipped() as usize, old.len());
+    assert_eq!(receiver.solution().position, Position::default());
+}
+
+#[test]
+fn a_false_start_hides_a_message_only_until_the_line_is_silent() {
+    // A header that promises 200 bytes, and then a whole message.
+    let mut receiver = Receiver::new();
+    feed(&mut receiver, &[&[0xB5, 0x62, 0x01, 0x07, 200, 0], NavPvt::GOOD.bytes().as_slice()].concat(), 1_000);
+    assert!(!receiver.solution().position.valid);
+    for now in (1_010..1_100).step_by(10) {
+        receiver.receive(&[], now);
+        assert_eq!(receiver.solution().position.valid, now >= 1_000 + GAP_MS + 20, "at {now}");
+    }
+    assert!(receiver.solution().heard.within(1_250, 250) && !receiver.solution().heard.within(1_251, 250));
+    assert_eq!(receiver.counts().skipped(), 6, "the zeros are nobody's bytes");
+}
+
+#[test]
+fn only_a_fix_that_the_receiver_vouches_for_is_a_position() {
+    let with = |fix, flags, flags3| {
+        let receiver = fed(&NavPvt { fix, flags, flags3, ..NavPvt::GOOD }.bytes());
+        receiver.solution().position.valid
+    };
+    let valid: Vec<u8> = (0..=255).filter(|fix| with(*fix, 1, 0)).collect();
+    assert_eq!(valid, [2, 3, 4], "2D, 3D, GNSS with dead reckoning");
+    assert!(!with(3, 0, 0), "without gnssFixOK");
+    assert!(!with(3, 1, 1), "with invalidLlh");
+    let off_the_earth = NavPvt { latitude: 900_000_001, ..NavPvt::GOOD };
+    assert!(!fed(&off_the_earth.bytes()).solution().position.valid);
+    let reserved = NavPvt { fix: 9, ..NavPvt::GOOD };
+    assert_eq!(fed(&reserved.bytes()).solution().position.fix, None);
+    assert_eq!(fed(&NavPvt::GOOD.bytes()).solution().position.fix, Some(FixType::Fix3D));
+}
+
+#[test]
+fn attitude_is_in_radians_and_an_angle_without_accuracy_is_not_given() {
+    let receiver = fed(&nav_att(0, [-1_000_000, 500_000, 27_000_000], [1, 1, 1]));
+    let attitude = &receiver.solution().attitude;
+    assert!(attitude.valid);
+    assert_eq!(attitude.roll, (-10f64).to_radians() as f32);
+    assert_eq!(attitude.pitch, 5f64.to_radians() as f32);
+    assert_eq!(attitude.yaw, 270f64.to_radians() as f32);
+
+    let receiver = fed(&nav_att(0, [1, 2, 3], [1, 1, 0]));
+    let attitude = &receiver.solution().attitude;
+    assert!(!attitude.valid && attitude.yaw.is_nan());
+    assert!(!attitude.roll.is_nan() && !attitude.pitch.is_nan());
+}
+
+#[test]
+fn accelerations_are_in_metres_per_second_squared_and_each_axis_has_its_own_validity() {
+    let receiver = fed(&esf_ins(0, [true; 3], [123, -456, 7]));
+    let acceleration = &receiver.solution().acceleration;
+    assert!(acceleration.valid);
+    assert_eq!(acceleration.axes, [1.23, -4.56, 0.07]);
+
+    let receiver = fed(&esf_ins(0, [true, false, true], [123, -456, 7]));
+    let acceleration = &receiver.solution().acceleration;
+    assert!(!acceleration.valid && acceleration.axes[1].is_nan());
+    assert_eq!((acceleration.axes[0], acceleration.axes[2]), (1.23, 0.07));
+}
+
+#[test]
+fn a_solution_ages_by_the_receivers_own_period() {
+    let mut receiver = Receiver::new();
+    for epoch in 0..5 {
+        feed(&mut receiver, &NavPvt::at(200 * epoch).bytes(), 200 * epoch);
+    }
+    let pace = receiver.solution().position.pace;
+    assert_eq!(pace.period(), 200);
+    assert!(pace.fresh(800 + 320) && !pace.fresh(800 + 321));
+    assert!(pace.usable(800 + 620) && !pace.usable(800 + 621));
+}
+
+#[test]
+fn one_lost_message_does_not_double_the_period() {
+    let mut receiver = Receiver::new();
+    for itow in [0, 100, 200, 400, 500] {
+        feed(&mut receiver, &NavPvt::at(itow).bytes(), itow);
+        assert!(receiver.solution().position.pace.period() == if itow == 0 { 1_000 } else { 100 });
+    }
+    // A slower rate is believed at the second step.
+    for itow in [1_500, 2_500] {
+        feed(&mut receiver, &NavPvt::at(itow).bytes(), itow);
+    }
+    assert_eq!(receiver.solution().position.pace.period(), 1_000);
+}
+
+#[test]
+fn the_period_survives_the_end_of_the_week() {
+    let week = 604_800_000;
+    let mut receiver = Receiver::new();
+    for (now, itow) in [(0, week - 200), (100, week - 100), (200, 0), (300, 100)] {
+        feed(&mut receiver, &NavPvt::at(itow).bytes(), now);
+    }
+    let pace = receiver.solution().position.pace;
+    assert_eq!(pace.period(), 100);
+    assert!(pace.fresh(300));
+}
+
+#[test]
+fn a_receiver_that_repeats_itself_ages_like_a_silent_one() {
+    let mut receiver = Receiver::new();
+    feed(&mut receiver, &NavPvt::at(0).bytes(), 0);
+    for now in (100..5_000).step_by(100) {
+        feed(&mut receiver, &NavPvt::at(100).bytes(), now);
+    }
+    let solution = receiver.solution();
+    assert!(solution.heard.within(5_000, 250), "it is heard");
+    assert!(!solution.position.pace.usable(5_000), "but says nothing new");
+}
+
+#[test]
+fn a_receiver_silent_for_as_long_as_the_clock_takes_to_wrap_is_still_silent() {
+    let mut receiver = Receiver::new();
+    feed(&mut receiver, &NavPvt::GOOD.bytes(), 100);
+    for minute in 1..80_000u32 {
+        receiver.receive(&[], minute.wrapping_mul(60_000));
+        let now = minute.wrapping_mul(60_000).wrapping_add(50);
+        assert!(!receiver.solution().heard.within(now, 250));
+        assert!(!receiver.solution().position.pace.usable(now));
+    }
+}
+
+/// What real receivers sent, where it is at hand: every NAV-PVT that a plain search for sync bytes and a
+/// checksum of its own finds is found, and nothing else.
+#[test]
+fn recordings_of_real_receivers_are_read_in_full() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/ubx");
+    let Ok(entries) = fs::read_dir(&folder) else {
+        println!("skipped: no recordings beside the workspace");
+        return;
+    };
+    let mut positions = 0;
+    for entry in entries {
+        let bytes = fs::read(entry.expect("a readable folder").path()).expect("a readable file");
+        let expected: Vec<(f64, f64)> = (0..bytes.len().saturating_sub(99))
+            .map(|at| &bytes[at..at + 100])
+            .filter(|m| m[..6] == [0xB5, 0x62, 0x01, 0x07, 92, 0] && **m == message(0x01, 0x07, &m[6..98])[..])
+            .map(|m| {
+                let field = |at: usize| i32::from_le_bytes([m[at], m[at + 1], m[at + 2], m[at + 3]]);
+                (decimal(field(34), 7), decimal(field(30), 7))
+            })
+            .collect();
+        let mut receiver = Receiver::new();
+        let (mut seen, mut itow) = (Vec::new(), receiver.solution().position);
+        for (now, byte) in bytes.iter().enumerate() {
+            let before = receiver.counts().messages;
+            receiver.receive(&[*byte], now as u32 / 46);
+            if receiver.counts().messages != before && receiver.solution().position != itow {
+                itow = receiver.solution().position;
+                seen.push((itow.latitude, itow.longitude));
+            }
+        }
+        assert_eq!(seen, expected);
+        positions += seen.len();
+    }
+    println!("{positions} positions");
+}

@@ -1,0 +1,308 @@
+//! The transmitter against the model of the chip it drives: every slot of a cycle in virtual time, byte by
+//! byte on the SPI.
+
+use horus_tx_fw::{
+    cycle::{timestamp, Cycle},
+    receiver::Solution,
+    telemetry::Telemetry,
+    timing::{payload, SLOT_US},
+    transmitter::{Port, Slot, Ticket, Transmitter},
+    FRAMES, RECEIVERS,
+};
+use profile::{air, Object, Profile};
+use st25r3916::PollerConfig;
+use st25r3916_model::{AirEvent, Chip, Config};
+
+/// One byte at 9 MHz, ns, rounded up.
+const BYTE_NS: u64 = 889;
+/// Start-up and end of a transfer, ns: an interrupt and its handler.
+const OVERHEAD_NS: u64 = 2_000;
+const CYCLE_NS: u64 = 10_000_000;
+
+/// A transfer on its way.
+struct Transfer {
+    out: Vec<u8>,
+    into: Vec<u8>,
+    keep: bool,
+    next_at: u64,
+}
+
+/// The chip, the SPI, the one-shot timer and the ticket, as interrupts see them.
+struct Bench {
+    now: u64,
+    chip: Chip,
+    transfer: Option<Transfer>,
+    timer: Option<u64>,
+    ticket: Ticket,
+    profile: Vec<u8>,
+    /// Swallows the end of the transfer under way.
+    hang: bool,
+    aborted: u32,
+}
+
+impl Bench {
+    fn new() -> Self {
+        Self {
+            now: 0,
+            chip: Chip::new(Config { vdd_mv: 5_000, ..Config::default() }),
+            transfer: None,
+            timer: None,
+            ticket: Ticket::NONE,
+            profile: Vec::new(),
+            hang: false,
+            aborted: 0,
+        }
+    }
+
+    fn begin(&mut self, out: Vec<u8>, keep: bool) {
+        assert!(self.transfer.is_none(), "one transfer at a time");
+        assert!(self.ticket == Ticket::NONE, "the SPI is the slot's while a ticket is out");
+        self.chip.select(self.now);
+        self.transfer = Some(Transfer { out, into: Vec::new(), keep, next_at: self.now + OVERHEAD_NS / 2 + BYTE_NS });
+    }
+}
+
+impl Port for Bench {
+    fn deposit(&mut self, profile: &Profile<RECEIVERS>) {
+        assert!(self.transfer.as_ref().is_none_or(|transfer| transfer.keep), "the bytes under a load do not change");
+        self.profile = profile.as_bytes().to_vec();
+    }
+    fn short(&mut self, bytes: &[u8]) {
+        self.begin(bytes.to_vec(), true);
+    }
+    fn load(&mut self, start: usize, len: usize) {
+        let mut out = vec![0x80];
+        out.extend(&self.profile[start..start + len]);
+        self.begin(out, false);
+    }
+    fn abort(&mut self) {
+        self.transfer = None;
+        self.hang = false;
+        self.aborted += 1;
+        self.chip.deselect(self.now);
+    }
+    fn irq(&self) -> bool {
+        self.chip.irq()
+    }
+    fn wait(&mut self, micros: u32) {
+        self.timer = Some(self.now + u64::from(micros) * 1_000);
+    }
+    fn cancel(&mut self) {
+        self.timer = None;
+    }
+    fn arm(&mut self, ticket: Ticket) {
+        assert!(self.transfer.is_none());
+        self.ticket = ticket;
+    }
+    fn disarm(&mut self) -> bool {
+        std::mem::replace(&mut self.ticket, Ticket::NONE) != Ticket::NONE
+    }
+}
+
+/// A frame that was on the air: when it began, its payload.
+struct Sent {
+    at: u64,
+    payload: Vec<u8>,
+}
+
+/// Runs `cycles` ticks and gives what was on the air. `before` is called before each tick's profile is
+/// offered, and says how late that is, ns after the tick.
+fn run(cycles: u32, telemetry: &Telemetry, mut before: impl FnMut(u32, &mut Bench) -> u64) -> (Vec<Sent>, Bench) {
+    let mut bench = Bench::new();
+    let mut transmitter = Transmitter::new(PollerConfig::new(), telemetry);
+    let mut cycle = Cycle::new();
+    let mut sent: Vec<Sent> = Vec::new();
+    transmitter.start(&mut bench);
+    // What is due at an instant of its own: slots and offers of the tick under way.
+    let mut due: Vec<(u64, Option<usize>)> = Vec::new();
+    let mut tick = 0;
+    let mut next_tick = CYCLE_NS;
+    let mut irq = false;
+    while tick < cycles || bench.now < u64::from(cycles) * CYCLE_NS + CYCLE_NS - 1 {
+        let transfer = bench.transfer.as_ref().filter(|_| !bench.hang).map_or(u64::MAX, |transfer| transfer.next_at);
+        let at = [
+            transfer,
+            bench.timer.unwrap_or(u64::MAX),
+            next_tick,
+            due.first().map_or(u64::MAX, |(at, _)| *at),
+            bench.chip.next_event().unwrap_or(u64::MAX),
+        ]
+        .into_iter()
+        .min()
+        .expect("five instants");
+        bench.now = at;
+        bench.chip.advance(at);
+        if next_tick == at {
+            tick += 1;
+            next_tick += CYCLE_NS;
+            let late = before(tick, &mut bench);
+            due = SLOT_US.iter().enumerate().map(|(frame, us)| (at + u64::from(*us) * 1_000, Some(frame))).collect();
+            due.push((at + late, None));
+            due.sort_unstable();
+        } else if due.first().is_some_and(|(when, _)| *when == at) {
+            match due.remove(0) {
+                (_, Some(frame)) => {
+                    let fired = bench.ticket.due(tick, frame).map(|command| {
+                        bench.ticket = Ticket::NONE;
+                        bench.chip.select(at);
+                        let response = bench.chip.transfer(at + BYTE_NS, command);
+                        bench.chip.deselect(at + BYTE_NS);
+                        response
+                    });
+                    if fired.is_none() {
+                        telemetry.frames_skipped.count();
+                    }
+                    transmitter.slot(Slot { frame, fired }, &mut bench);
+                }
+                (_, None) => {
+                    let profile = cycle.fill(tick, &[Solution::default(); RECEIVERS]);
+                    transmitter.offer(tick, &profile, &mut bench);
+                }
+            }
+        } else if transfer == at {
+            let transfer = bench.transfer.as_mut().expect("it is due");
+            if transfer.into.len() < transfer.out.len() {
+                let byte = transfer.out[transfer.into.len()];
+                transfer.into.push(bench.chip.transfer(at, byte));
+                transfer.next_at =
+                    at + if transfer.into.len() < transfer.out.len() { BYTE_NS } else { OVERHEAD_NS / 2 };
+            } else {
+                let transfer = bench.transfer.take().expect("it is due");
+                bench.chip.deselect(at);
+                let response: &[u8] = if transfer.keep { &transfer.into } else { &[] };
+                transmitter.done(response, &mut bench);
+            }
+        } else if bench.timer == Some(at) {
+            bench.timer = None;
+            transmitter.elapsed(&mut bench);
+        }
+        if bench.chip.irq() && !irq {
+            transmitter.edge(&mut bench);
+        }
+        irq = bench.chip.irq();
+        for (at, event) in bench.chip.take_air().collect::<Vec<_>>() {
+            match event {
+                AirEvent::FrameStart(start) => sent.push(Sent { at, payload: start.chunk.data }),
+                AirEvent::Bytes(chunk) => sent.last_mut().expect("it has started").payload.extend(chunk.data),
+                AirEvent::FrameEnd { bits } => {
+                    // LEN, payload, CRC-16.
+                    let frame = sent.last_mut().expect("it has started");
+                    assert!(frame.payload.len() * 8 >= bits as usize);
+                    frame.payload.truncate(bits as usize / 8);
+                    let end = frame.payload.len().saturating_sub(2).max(1);
+                    frame.payload = frame.payload[1..end].to_vec();
+                }
+                AirEvent::FieldOn | AirEvent::FieldOff => {}
+            }
+        }
+    }
+    (sent, bench)
+}
+
+/// Every object of `frame` is intact and of the cycle that it was sent in; gives the cycle and the frame's place.
+fn check(frame: &Sent) -> (u32, usize) {
+    let tick = (frame.at / CYCLE_NS) as u32;
+    let place = air::place::<RECEIVERS>(&frame.payload).expect("a length that a frame has");
+    for (index, bytes) in air::objects::<RECEIVERS>(&frame.payload).expect("whole objects") {
+        let object = Object::verify(index, bytes).unwrap_or_else(|rejection| panic!("{rejection:?} in cycle {tick}"));
+        assert_eq!(object.timestamp(), timestamp(tick), "no frame is older than its cycle");
+    }
+    (tick, usize::from(place.first() > 0))
+}
+
+const PUNCTUAL: u64 = 50_000;
+
+#[test]
+fn every_cycle_after_bring_up_sends_its_own_profile_at_its_slots() {
+    let telemetry = Telemetry::new();
+    let (sent, bench) = run(50, &telemetry, |_, _| PUNCTUAL);
+    let mut expected = Vec::new();
+    for tick in 1..=50 {
+        expected.extend((0..FRAMES).map(|frame| (tick, frame)));
+    }
+    // Bring-up takes 6 ms, so the first cycle may or may not find the chip ready.
+    let places: Vec<_> = sent.iter().map(check).collect();
+    assert!(expected.ends_with(&places) && places.len() >= 49 * FRAMES, "{places:?}");
+    let offsets: Vec<u64> = sent
+        .iter()
+        .zip(&places)
+        .map(|(frame, (_, place))| frame.at % CYCLE_NS - u64::from(SLOT_US[*place]) * 1_000)
+        .collect();
+    assert!(offsets.iter().all(|offset| *offset == offsets[0]), "slot to air is a constant: {offsets:?}");
+    assert_eq!(telemetry.frames_sent.get() as usize, sent.len());
+    assert_eq!(telemetry.rf_faults.get(), 0);
+    assert_eq!(telemetry.frames_skipped.get() as usize + sent.len(), 50 * FRAMES);
+    assert!(bench.chip.reports().is_empty(), "{:?}", bench.chip.reports());
+    for (frame, (_, place)) in sent.iter().zip(places) {
+        assert_eq!(frame.payload.len(), payload(place));
+    }
+    for pair in sent.windows(2) {
+        let end = pair[0].at + st25r3916::air_time_ns(pair[0].payload.len());
+        assert!(pair[1].at >= end + 300_000, "the receiver has its 0.30 ms between any two frames");
+    }
+}
+
+#[test]
+fn a_profile_offered_too_late_for_its_slot_is_never_sent() {
+    let telemetry = Telemetry::new();
+    // Late by half the time a load takes: under way when its slot passes.
+    let late = u64::from(SLOT_US[0]) * 1_000 - 60_000;
+    let (sent, _) = run(40, &telemetry, |tick, _| if tick == 20 || tick == 30 { late } else { PUNCTUAL });
+    let places: Vec<_> = sent.iter().map(check).collect();
+    for tick in 3..=40 {
+        let first = tick != 20 && tick != 30;
+        assert_eq!(places.contains(&(tick, 0)), first, "cycle {tick}");
+        if FRAMES == 2 {
+            assert!(places.contains(&(tick, 1)), "the other frame of cycle {tick} is in time");
+        }
+    }
+    assert_eq!(telemetry.rf_faults.get(), 0, "being late is no fault of the chip's");
+}
+
+#[test]
+fn a_chip_that_loses_its_supply_costs_the_frames_of_the_meantime_and_comes_back() {
+    let telemetry = Telemetry::new();
+    let (sent, _) = run(80, &telemetry, |tick, bench| {
+        match tick {
+            20 => bench.chip.power_off(bench.now),
+            25 => bench.chip.power_on(bench.now),
+            _ => {}
+        }
+        PUNCTUAL
+    });
+    let places: Vec<_> = sent.iter().filter(|frame| !frame.payload.is_empty()).map(check).collect();
+    assert!((20..25).all(|tick| !places.iter().any(|place| place.0 == tick)));
+    // The back-off is at most 64 ms, bring-up 6 ms.
+    for tick in 34..=80 {
+        assert!(places.contains(&(tick, 0)), "cycle {tick}");
+    }
+    assert!(telemetry.rf_faults.get() > 0);
+    assert_eq!(telemetry.rf_recoveries.get(), 1);
+    assert_eq!(telemetry.frames_sent.get() as usize, places.len());
+}
+
+#[test]
+fn a_transfer_that_never_ends_is_given_up_after_a_cycle() {
+    let telemetry = Telemetry::new();
+    let (sent, bench) = run(60, &telemetry, |tick, bench| {
+        bench.hang |= tick == 20;
+        PUNCTUAL
+    });
+    assert_eq!(bench.aborted, 1);
+    let places: Vec<_> = sent.iter().map(check).collect();
+    assert!(places.contains(&(19, 0)) && !places.contains(&(20, 0)));
+    for tick in 25..=60 {
+        assert!(places.contains(&(tick, 0)), "cycle {tick}");
+    }
+    assert_eq!(telemetry.rf_recoveries.get(), 1);
+}
+
+#[test]
+fn a_cycle_that_offers_nothing_sends_nothing() {
+    let telemetry = Telemetry::new();
+    // Later than every slot: as if the cycle had hung.
+    let (sent, _) = run(30, &telemetry, |tick, _| if tick == 20 { 9_999_000 } else { PUNCTUAL });
+    let places: Vec<_> = sent.iter().map(check).collect();
+    assert!(!places.iter().any(|place| place.0 == 20));
+    assert!(places.contains(&(19, 0)) && places.contains(&(22, 0)));
+}
