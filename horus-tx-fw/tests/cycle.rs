@@ -7,7 +7,7 @@ use horus_tx_fw::{
     receiver::{Receiver, Solution},
     transmitter::Ticket,
 };
-use profile::{Freshness, GpsObject, GpsValues, HorusState, Identifier, Profile, ReportedValues};
+use profile::{Freshness, GpsObject, GpsValues, HorusState, Identifier, Profile, ReportedPosition, ReportedValues};
 use proptest::prelude::*;
 use ubx::{esf_ins, nav_att, NavPvt};
 
@@ -23,8 +23,8 @@ fn read<const N: usize>(profile: &Profile<N>) -> (ReportedValues, [GpsValues; N]
     let reading = profile.verify();
     assert!(reading.complete(), "every object is sealed and in its place");
     (
-        reading.reported.map(|object| object.values()).expect("complete"),
-        reading.gps.map(|object| object.map(|object| object.values()).expect("complete")),
+        reading.reported.map(ReportedPosition::values).expect("complete"),
+        reading.gps.map(|object| object.map(GpsObject::values).expect("complete")),
     )
 }
 
