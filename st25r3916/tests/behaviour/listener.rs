@@ -608,3 +608,58 @@ fn an_executor_that_keeps_a_reads_bytes_to_itself_gets_frames_flagged() {
         }
     }
 }
+
+#[test]
+fn an_error_outside_a_frame_re_arms_the_receiver() {
+    let (mut rig, mut listener) = listening(Chip::new(Variant::B), FILLING);
+    rig.chip.at(rig.chip.now + 100, Happening::Irq(ERROR, 0x20));
+    assert_eq!(rig.listener_within(&mut listener, 6), None);
+    assert_eq!(rig.log(), ["59 00 00 00 00 00 00 00", "DB", "D1"]);
+}
+
+#[test]
+fn back_off_grows_to_64_ms_and_starts_over_after_a_frame() {
+    let (mut rig, mut listener) = listening(Chip::new(Variant::B), FILLING);
+    for _ in 0..2 {
+        hears(&mut rig, &mut listener, 244);
+        rig.chip.miso = Miso::StuckLow;
+        assert_eq!(rig.listener(&mut listener), ListenerEvent::Fault(Fault::Reset));
+        let mut pauses = Vec::new();
+        for _ in 0..9 {
+            let before = rig.chip.now;
+            assert_eq!(rig.listener(&mut listener), ListenerEvent::Fault(Fault::Absent));
+            pauses.push((rig.chip.now - before) / 1_000);
+        }
+        assert_eq!(pauses, [1, 2, 4, 8, 16, 32, 64, 64, 64]);
+        rig.chip.miso = Miso::Driven;
+        assert_eq!(rig.listener(&mut listener), ListenerEvent::Listening);
+    }
+}
+
+#[test]
+fn the_buffer_takes_the_longest_frame_len_can_tell_and_not_a_byte_more() {
+    for config in BOTH {
+        let (mut rig, mut listener) = listening(Chip::new(Variant::B), config);
+        let mut frame = vec![255];
+        frame.extend(payload(257, 1));
+        rig.chip.raw_frame(rig.chip.now + 1_000, &frame[..257], Some(0));
+        assert_eq!(rig.listener(&mut listener), ListenerEvent::Frame { len: 254, flags: CLEAN });
+        rig.chip.advance(rig.chip.now + 5);
+        rig.chip.raw_frame(rig.chip.now + 1_000, &frame, Some(0));
+        assert_eq!(rig.listener(&mut listener), ListenerEvent::Dropped(Dropped::TooLong));
+    }
+}
+
+#[test]
+fn a_byte_not_whole_on_the_way_is_no_flag() {
+    let (mut rig, mut listener) = listening(Chip::new(Variant::B), FILLING);
+    let sync = rig.chip.now + 1_000;
+    rig.chip.frame(sync, &payload(244, 1));
+    while rig.chip.now < sync + 250 {
+        assert_eq!(rig.listener_within(&mut listener, 1), None);
+        rig.chip.fifo_flags = if rig.chip.now >= sync { 0x06 } else { 0 };
+    }
+    assert_eq!(rig.listener_within(&mut listener, 1), None); // status, 16 bytes after the sync
+    rig.chip.fifo_flags = 0;
+    assert_eq!(rig.listener(&mut listener), ListenerEvent::Frame { len: 244, flags: CLEAN });
+}

@@ -381,3 +381,47 @@ fn a_failed_transfer_is_a_bus_fault_wherever_it_happens() {
         assert_eq!(rig.send(&mut poller, &[1; 20]), PollerEvent::Sent);
     }
 }
+
+#[test]
+fn a_frame_lost_now_and_then_never_costs_a_bring_up() {
+    let (mut rig, mut poller) = ready(Chip::new(Variant::B));
+    for _ in 0..5 {
+        rig.chip.transmit_ends = false;
+        assert_eq!(rig.send(&mut poller, &[3; 100]), PollerEvent::Fault(Fault::NoTransmitEnd));
+        rig.chip.transmit_ends = true;
+        assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
+        assert_eq!(rig.send(&mut poller, &[3; 100]), PollerEvent::Sent);
+        assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
+    }
+    assert_eq!(poller.counters().bring_ups, 1);
+    assert_eq!(poller.counters().faults, 5);
+}
+
+#[test]
+fn interrupts_without_a_cause_are_counted_anew_for_each_wait() {
+    let mut rig = Rig::new(Chip::new(Variant::B));
+    let mut poller = Poller::new(PollerConfig::new());
+    rig.payload = vec![1; 50];
+    let mut step = Step::Event(PollerEvent::Ready);
+    let mut false_alarms = 0;
+    for _ in 0..1_000 {
+        // Seven in each wait, one less than makes a fault.
+        let given = if matches!(step, Step::Wait { .. }) && false_alarms < 7 {
+            false_alarms += 1;
+            crate::stand_in::Given::Irq
+        } else {
+            let given = rig.carry_out(step);
+            if given == crate::stand_in::Given::Irq {
+                false_alarms = 0;
+            }
+            given
+        };
+        step = match poller.step(rig.input(given)) {
+            Step::Event(PollerEvent::Ready) => poller.send(50).unwrap(),
+            Step::Event(PollerEvent::Loaded) => Step::Transfer(st25r3916::Transfer::Short(Poller::transmit())),
+            Step::Event(PollerEvent::Fault(fault)) => panic!("{fault:?}"),
+            other => other,
+        };
+    }
+    assert!(poller.counters().sent > 10);
+}

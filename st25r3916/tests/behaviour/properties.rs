@@ -171,7 +171,7 @@ fn sends_again(rig: &mut Rig, machine: &mut Poller, mut step: Step<PollerEvent>)
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 400, failure_persistence: None, rng_seed: prop::test_runner::RngSeed::Fixed(3916), ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 256, failure_persistence: None, rng_seed: prop::test_runner::RngSeed::Fixed(3916), ..ProptestConfig::default() })]
 
     #[test]
     fn a_listener_takes_anything_and_listens_again(config in listener_config(), variant in variant(), said in vec(said(), 0..300)) {
