@@ -2,10 +2,10 @@
 //!
 //! | covered | PS |
 //! |---|---|
-//! | HFCLKSTART, HFCLKSTOP, HFCLKSTARTED, HFCLKRUN, HFCLKSTAT | 5.4.1 |
-//! | LFCLKSTART, LFCLKSTOP, LFCLKSTARTED, LFCLKSRC and its copy, LFCLKRUN, LFCLKSTAT | 5.4.2 |
-//! | CAL with DONE, the calibration timer CTSTART, CTSTOP, CTIV with CTTO, CTSTARTED, CTSTOPPED | 5.4.2.2 |
-//! | RESETREAS, GPREGRET, GPREGRET2, CONSTLAT, LOWPWR, POFCON, DCDCEN, RAM[n].POWER as registers | 5.3.7, 5.3.8 |
+//! | HFCLKSTART, HFCLKSTOP, HFCLKSTARTED, HFCLKRUN, HFCLKSTAT | 5.4 |
+//! | LFCLKSTART, LFCLKSTOP, LFCLKSTARTED, LFCLKSRC and its copy, LFCLKRUN, LFCLKSTAT | 5.4 |
+//! | CAL with DONE, the calibration timer CTSTART, CTSTOP, CTIV with CTTO, CTSTARTED, CTSTOPPED | 5.4 |
+//! | RESETREAS, GPREGRET, GPREGRET2, CONSTLAT, LOWPWR, POFCON, DCDCEN, RAM[n].POWER as registers | 5.3, 5.3 |
 //!
 //! | left out | why |
 //! |---|---|
@@ -28,9 +28,9 @@ const CTSTOPPED: u32 = 11;
 /// SLEEPENTER and SLEEPEXIT.
 const SLEEP_EVENTS: u32 = 0b11 << 5;
 
-/// From LFCLKSTART to LFCLKSTARTED with the RC oscillator, in ns (PS 5.4.4.1: 600 µs).
+/// From LFCLKSTART to LFCLKSTARTED with the RC oscillator, in ns (PS 5.4: 600 µs).
 const LFRC_STARTUP: u64 = 600_000;
-/// Length of a calibration, in ns (PS 5.4.4.1: 16 ms typical).
+/// Length of a calibration, in ns (PS 5.4: 16 ms typical).
 const CALIBRATION: u64 = 16_000_000;
 /// The calibration timer counts quarters of a second, in LFCLK ticks.
 const CTIV_TICKS: u64 = 8192;
@@ -154,7 +154,7 @@ impl Instance for ClockPower {
                 (self.hf_run, self.hf_stable, self.hf_due) = (false, false, None);
                 cx.act(Act::Clock(Source::HighInternal));
             }
-            // LFCLKSTART. Until the crystal has started, the RC oscillator feeds LFCLK (PS 5.4.2).
+            // LFCLKSTART. Until the crystal has started, the RC oscillator feeds LFCLK (PS 5.4).
             0x008 => {
                 self.copy = self.source;
                 let startup = match self.wanted() {
@@ -203,9 +203,8 @@ impl Instance for ClockPower {
             0x414 => u32::from(self.lf_run),
             0x418 => self.lf.map_or(0, |source| 1 << 16 | source as u32),
             0x41C => self.copy,
-            // RAMSTATUS (deprecated): all four blocks on. USBREGSTATUS: no VBUS. MAINREGSTATUS: normal voltage.
-            0x428 => 0xF,
-            0x438 | 0x640 => 0,
+            // RAMSTATUS, deprecated. USBREGSTATUS: no VBUS. MAINREGSTATUS: normal voltage.
+            0x428 | 0x438 | 0x640 => 0,
             0x500 => 0,
             0x518 => self.source,
             0x51C | 0x520 => self.retained[(offset as usize - 0x51C) / 4],

@@ -1,4 +1,4 @@
-//! EGU: 16 tasks that each raise an event, for interrupts and PPI chains in software (PS 6.7).
+//! EGU: 16 tasks that each raise an event, for interrupts and PPI chains in software (PS 6.8).
 //!
 //! Covered: TRIGGER[0..16], TRIGGERED[0..16], INTEN. Nothing is left out.
 use crate::instance::{Block, Cx, Instance, index};

@@ -2,10 +2,10 @@
 //!
 //! | covered | PS |
 //! |---|---|
-//! | OUT, OUTSET, OUTCLR, DIR, DIRSET, DIRCLR, PIN_CNF with its direction in both places | 6.9.2 |
-//! | IN of a pin whose input buffer is connected; 0 of one whose is not | 6.9.1 |
-//! | pull resistors; DRIVE with its open-drain and open-source settings | 6.9.2 |
-//! | SENSE, LATCH, DETECT and LDETECT across both ports | 6.9.1 |
+//! | OUT, OUTSET, OUTCLR, DIR, DIRSET, DIRCLR, PIN_CNF with its direction in both places | 6.9 |
+//! | IN of a pin whose input buffer is connected; 0 of one whose is not | 6.9 |
+//! | pull resistors; DRIVE with its open-drain and open-source settings | 6.9 |
+//! | SENSE, LATCH, DETECT and LDETECT across both ports | 6.9 |
 //! | a pin taken over by a peripheral | 6.9 |
 //!
 //! | left out | why |

@@ -2,13 +2,13 @@
 //!
 //! | covered | PS |
 //! |---|---|
-//! | 8 channels, event mode with each polarity, task mode with OUT, SET, CLR and OUTINIT | 6.10.1 |
-//! | PORT from the DETECT signal | 6.10.2 |
+//! | 8 channels, event mode with each polarity, task mode with OUT, SET, CLR and OUTINIT | 6.10 |
+//! | PORT from the DETECT signal | 6.10 |
 //!
 //! | left out | why |
 //! |---|---|
 //! | the difference between the accurate and the low-power source of IN | both see an edge at its own instant |
-//! | two channels in task mode on one pin | undefined in PS 6.10.1; reported |
+//! | two channels in task mode on one pin | undefined in PS 6.10; reported |
 use crate::Pin;
 use crate::instance::{Act, Block, Cx, Instance, index};
 

@@ -11,7 +11,7 @@ use crate::{Finding, FindingKind, Pin, SpisEvent};
 use std::collections::VecDeque;
 use std::fmt::Debug;
 
-/// A peripheral ID, which is also the number of its interrupt where it has one (PS 6.1.1).
+/// A peripheral ID, which is also the number of its interrupt where it has one (PS 6.1).
 pub(crate) type Id = usize;
 
 /// What a peripheral makes happen beyond its own registers.
@@ -27,6 +27,8 @@ pub(crate) enum Act {
     Write { address: u32, value: u8 },
     /// The flash controller puts a word into its array.
     Program { address: u32, value: u32 },
+    /// The flash controller erases part of its array.
+    Erase { from: u32, bytes: u32 },
     /// A peripheral takes a pin over and drives it (`Some`), or gives it back to GPIO (`None`).
     Hold { pin: Pin, level: Option<bool> },
     /// A pad changed its level.
@@ -35,7 +37,7 @@ pub(crate) enum Act {
     Driven { pin: Pin },
     /// A channel of GPIOTE starts to watch its pin.
     Sample { channel: usize },
-    /// The DETECT signal rose (PS 6.9.1).
+    /// The DETECT signal rose (PS 6.9).
     Detect,
     /// A controller of the serial block `id` clocks one byte out, as it travels on the wire.
     Exchange { id: Id, mosi: u8 },

@@ -6,11 +6,11 @@
 //! | `clock_power` | CLOCK, POWER | 5.3, 5.4 |
 //! | `gpio`, `gpiote` | P0, P1 with SENSE, LATCH and DETECT; GPIOTE | 6.9, 6.10 |
 //! | `ppi` | PPI with forks, groups and the fixed channels | 6.16 |
-//! | `egu`, `timer`, `rtc`, `wdt` | EGU0–5, TIMER0–4, RTC0–2, WDT | 6.7, 6.30, 6.22, 6.36 |
+//! | `egu`, `timer`, `rtc`, `wdt` | EGU0–5, TIMER0–4, RTC0–2, WDT | 6.8, 6.30, 6.22, 6.36 |
 //! | `serial` | SPIM0–3 and SPIS0–2 with EasyDMA | 6.25, 6.26 |
 //! | `uarte` | UARTE0–1 with EasyDMA | 6.34 |
 //! | `nvmc`, `ficr` | NVMC with flash and UICR as memory; FICR | 4.3, 4.4, 4.5 |
-//! | `rng`, `temp` | RNG from a seed; TEMP | 6.19, 6.29 |
+//! | `rng`, `temp` | RNG from a seed; TEMP | 6.21, 6.28 |
 //!
 //! What is left out, and how it shows:
 //!
@@ -63,11 +63,11 @@ use std::num::{NonZeroU32, NonZeroU64};
 
 /// Flash: 1 MiB in 256 pages of 4 KiB (PS 4.3).
 pub const FLASH_BYTES: u64 = 1 << 20;
-/// Data RAM: 256 KiB from 0x2000_0000, which is all that EasyDMA reaches (PS 6.6).
+/// Data RAM: 256 KiB from 0x2000_0000, which is all that EasyDMA reaches (PS 4.6).
 pub const RAM_BYTES: u64 = 256 << 10;
 /// Where data RAM starts.
 pub const RAM_BASE: u64 = 0x2000_0000;
-/// Where the same RAM answers as code RAM (PS 4.2.1).
+/// Where the same RAM answers as code RAM (PS 4.2).
 pub const CODE_RAM_BASE: u64 = 0x0080_0000;
 /// The core clock, in Hz.
 pub const CORE_HZ: u64 = 64_000_000;
@@ -79,16 +79,16 @@ pub const INTERRUPT_LINES: u16 = 48;
 pub struct Settings {
     /// Error of the 32 MHz crystal, in parts per billion: core clock, TIMER, SPIM and UARTE.
     pub hfxo_ppb: i64,
-    /// Error of the internal oscillator that stands in until HFXO has started, in ppb (PS 5.4.3.2: ±1.5 % typical). It
+    /// Error of the internal oscillator that stands in until HFXO has started, in ppb (PS 5.4: ±1.5 % typical). It
     /// scales the peripherals only: the core keeps the crystal's rate throughout.
     pub hfint_ppb: i64,
     /// Error of the 32.768 kHz crystal, in ppb.
     pub lfxo_ppb: i64,
-    /// Error of the RC oscillator, in ppb (PS 5.4.4.1: ±2 % uncalibrated; the default is 0).
+    /// Error of the RC oscillator, in ppb (PS 5.4: ±2 % uncalibrated; the default is 0).
     pub lfrc_ppb: i64,
     /// From HFCLKSTART to HFCLKSTARTED, in ns.
     pub hfxo_startup_ns: u64,
-    /// From LFCLKSTART to LFCLKSTARTED with the crystal, in ns (PS 5.4.4.2: 0.25 s typical).
+    /// From LFCLKSTART to LFCLKSTARTED with the crystal, in ns (PS 5.4: 0.25 s typical).
     pub lfxo_startup_ns: u64,
     /// What RNG's numbers follow from.
     pub seed: u64,
@@ -217,7 +217,7 @@ pub struct PinChange {
     pub level: bool,
 }
 
-/// What an SPIS shows of its semaphore (PS 6.26.1).
+/// What an SPIS shows of its semaphore (PS 6.26).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SpisEvent {
     /// RELEASE freed the semaphore with no transaction under way: the next select is answered.
@@ -346,6 +346,12 @@ impl Nrf52840 {
         Self { bus, soc: Soc::new(settings), dwt: Dwt::with_clock(core_hz), slots, hub }
     }
 
+    /// What the part was made with.
+    #[must_use]
+    pub fn settings(&self) -> &Settings {
+        &self.soc.settings
+    }
+
     /// The core of this part for rigless: Cortex-M4F at 64 MHz, 48 lines, 3 priority bits, 8 MPU regions, vector table at 0,
     /// retiring `instructions_per_second` (64 million is one instruction a cycle).
     #[must_use]
@@ -419,9 +425,10 @@ impl Nrf52840 {
     }
 
     /// The SSI's controller pulls the chip select `csn` low. The SPIS on that pin arbitrates its semaphore here, at the
-    /// falling edge, and for the whole transaction. Let the session resume before the first [`Nrf52840::ssi_clock`].
+    /// falling edge, and for the whole transaction. A pin that nobody has driven yet rests high, as the pull-up of a chip
+    /// select has it. Let the session resume before the first [`Nrf52840::ssi_clock`].
     pub fn ssi_select(&mut self, at: VirtualNanos, csn: Pin) {
-        self.drive(at, |soc| soc.outside(csn, Some(false)));
+        self.drive(at, |soc| soc.ssi_select(csn));
     }
 
     /// The SSI's controller clocks one byte into the selected SPIS and gets one back. `at` is the byte's last edge, at which
@@ -451,7 +458,7 @@ impl Nrf52840 {
         std::mem::take(&mut self.soc.uart_sent)
     }
 
-    /// The core locked up: the part resets with RESETREAS.LOCKUP (PS 5.3.7.4).
+    /// The core locked up: the part resets with RESETREAS.LOCKUP (PS 5.3).
     pub fn lockup(&mut self, at: VirtualNanos) {
         self.drive(at, |soc| soc.out.acts.push_back(instance::Act::Reset(instance::Restart::Lockup)));
     }

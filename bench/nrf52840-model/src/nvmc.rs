@@ -2,9 +2,9 @@
 //!
 //! | covered | PS |
 //! |---|---|
-//! | CONFIG.WEN; word writes that only clear bits; READY and READYNEXT for as long as they take | 4.3.1 |
-//! | ERASEPAGE and its older names, ERASEALL, ERASEUICR, partial page erase | 4.3.2 to 4.3.7 |
-//! | a write without WEN, or narrower than a word: a bus fault | 4.3.1 |
+//! | CONFIG.WEN; word writes that only clear bits; READY and READYNEXT for as long as they take | 4.3 |
+//! | ERASEPAGE and its older names, ERASEALL, ERASEUICR, partial page erase | 4.3 |
+//! | a write without WEN, or narrower than a word: a bus fault | 4.3 |
 //!
 //! | left out | why |
 //! |---|---|
@@ -12,7 +12,7 @@
 //! | the limit of two writes to a word, and of erase cycles | no firmware here comes near |
 //! | cache counters and ACL | a read of IHIT or IMISS is reported |
 //!
-//! Times are the specification's maxima: 41 µs a word, 85 ms a page, 169 ms for everything (PS 4.3.9).
+//! Times are the specification's maxima: 41 µs a word, 85 ms a page, 169 ms for everything (PS 4.3).
 use crate::FLASH_BYTES;
 use crate::clocks::Clocks;
 use crate::instance::{Act, Block, Cx, Instance};
@@ -73,19 +73,13 @@ impl Nvmc {
         self.busy_until = self.busy_until.max(cx.now) + ns;
     }
 
-    fn erase(&mut self, from: u32, bytes: u32, cx: &mut Cx<'_>) {
-        for address in (from..from + bytes).step_by(4) {
-            cx.act(Act::Program { address, value: u32::MAX });
-        }
-    }
-
     fn erase_page(&mut self, address: u32, ns: u64, cx: &mut Cx<'_>) {
         if !address.is_multiple_of(PAGE) || u64::from(address) >= FLASH_BYTES {
             cx.misuse("an erase of what is no page of flash, at", address);
             return;
         }
         self.occupy(ns, cx);
-        self.erase(address, PAGE, cx);
+        cx.act(Act::Erase { from: address, bytes: PAGE });
     }
 }
 
@@ -122,12 +116,12 @@ impl Instance for Nvmc {
                     0x508 | 0x510 => self.erase_page(value, ERASE_PAGE, cx),
                     0x50C if value & 1 != 0 => {
                         self.occupy(ERASE_ALL, cx);
-                        self.erase(0, FLASH_BYTES as u32, cx);
-                        self.erase(UICR, UICR_BYTES, cx);
+                        cx.act(Act::Erase { from: 0, bytes: FLASH_BYTES as u32 });
+                        cx.act(Act::Erase { from: UICR, bytes: UICR_BYTES });
                     }
                     0x514 if value & 1 != 0 => {
                         self.occupy(ERASE_PAGE, cx);
-                        self.erase(UICR, UICR_BYTES, cx);
+                        cx.act(Act::Erase { from: UICR, bytes: UICR_BYTES });
                     }
                     // A page is erased once its parts add up to a whole erase.
                     0x518 => {

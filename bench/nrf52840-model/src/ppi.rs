@@ -3,7 +3,7 @@
 //! | covered | PS |
 //! |---|---|
 //! | 20 programmable channels, CHEN, CHENSET, CHENCLR | 6.16 |
-//! | 12 fixed channels | 6.16.1 |
+//! | 12 fixed channels | 6.16 |
 //! | FORK of every channel | 6.16 |
 //! | 6 groups with their EN and DIS tasks, which other channels may trigger | 6.16 |
 //!
@@ -21,7 +21,7 @@ const RTC0: u32 = address_of(0x0B);
 const RADIO: u32 = address_of(0x01);
 const CCM: u32 = address_of(0x0F);
 
-/// Event and task of channels 20 to 31 (PS 6.16.1, *Pre-programmed channels*).
+/// Event and task of channels 20 to 31 (PS 6.16, *Pre-programmed channels*).
 const FIXED: [(u32, u32); CHANNELS - PROGRAMMABLE as usize] = [
     (TIMER0 + event(16), RADIO),         // COMPARE[0] to TXEN
     (TIMER0 + event(16), RADIO + 0x004), // COMPARE[0] to RXEN

@@ -22,7 +22,7 @@ const fn rw(name: &'static str, offset: u32, reset: u64) -> RegisterSpec {
 const fn ro(name: &'static str, offset: u32, reset: u64) -> RegisterSpec {
     row(name, offset, reset, Access::ReadOnly)
 }
-/// A task: written to start something, read as 0 (PS 6.1.4.1), so that a read of one is not refused.
+/// A task: written to start something, read as 0 (PS 6.1), so that a read of one is not refused.
 const fn wo(name: &'static str, offset: u32, reset: u64) -> RegisterSpec {
     row(name, offset, reset, Access::ReadWrite)
 }

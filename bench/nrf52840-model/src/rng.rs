@@ -1,9 +1,9 @@
-//! RNG: random bytes from a seed (PS 6.19).
+//! RNG: random bytes from a seed (PS 6.21).
 //!
 //! | covered | PS |
 //! |---|---|
-//! | START, STOP, VALRDY, VALUE, VALRDY_STOP, DERCEN | 6.19 |
-//! | 128 µs to start; 30 µs a byte, 120 µs with bias correction | 6.19.4 |
+//! | START, STOP, VALRDY, VALUE, VALRDY_STOP, DERCEN | 6.21 |
+//! | 128 µs to start; 30 µs a byte, 120 µs with bias correction | 6.21 |
 //!
 //! Left out: randomness. The bytes are SplitMix64's, so that the same seed gives the same run; they go on through a reset,
 //! as the noise of the part would not repeat either.

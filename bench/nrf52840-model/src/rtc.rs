@@ -2,14 +2,14 @@
 //!
 //! | covered | PS |
 //! |---|---|
-//! | START, STOP, CLEAR, TRIGOVRFLW; PRESCALER; COUNTER | 6.22.1 to 6.22.4 |
-//! | TICK, OVRFLW, COMPARE[n], each only while EVTEN or INTEN has it | 6.22.5 |
-//! | a compare register written with the count it has, or the next one, does not match this time round | 6.22.7 |
+//! | START, STOP, CLEAR, TRIGOVRFLW; PRESCALER; COUNTER | 6.22 |
+//! | TICK, OVRFLW, COMPARE[n], each only while EVTEN or INTEN has it | 6.22 |
+//! | a compare register written with the count it has, or the next one, does not match this time round | 6.22 |
 //!
 //! A task takes effect at the LFCLK tick under way. The part takes one to two ticks more and lets CC = COUNTER + 1 match
 //! sometimes; here it never does, and is reported, because a firmware must not rely on it.
 //!
-//! Left out: the jitter of tasks triggered by the CPU against LFCLK (PS 6.22.8).
+//! Left out: the jitter of tasks triggered by the CPU against LFCLK (PS 6.22).
 use crate::clocks::Clocks;
 use crate::instance::{Block, Cx, Instance, index};
 
@@ -28,7 +28,7 @@ pub(crate) struct Rtc {
     running: bool,
     prescaler: u32,
     cc: Vec<u32>,
-    /// Compare registers that skip the match ahead of them, written too late for it.
+    /// Compare registers that miss the match ahead of them, because they were written too late for it.
     late: u32,
     /// What the counter held at `base`, a tick of LFCLK.
     held: u32,
@@ -81,16 +81,14 @@ impl Rtc {
             return;
         };
         let count = self.count(cx.now, cx.clocks);
-        let ahead = |target: u32, least: u64| match u64::from(target.wrapping_sub(count) & MASK) {
-            ticks if ticks < least => ticks + u64::from(MASK) + 1,
-            ticks => ticks,
+        let ahead = |target: u32| match target.wrapping_sub(count) & MASK {
+            0 => u64::from(MASK) + 1,
+            ticks => u64::from(ticks),
         };
         let tick = self.enabled(TICK).then_some(1);
-        let overflow = self.enabled(OVRFLW).then(|| ahead(0, 1));
-        let compares = (0..self.cc.len()).filter(|&n| self.enabled(COMPARE + n as u32)).map(|n| {
-            let least = if self.late >> n & 1 != 0 { 2 } else { 1 };
-            ahead(self.cc[n], least)
-        });
+        let overflow = self.enabled(OVRFLW).then(|| ahead(0));
+        let enabled = (0..self.cc.len()).filter(|&n| self.enabled(COMPARE + n as u32));
+        let compares = enabled.map(|n| ahead(self.cc[n]));
         self.next = compares.chain(tick).chain(overflow).min().map(|ahead| {
             let counts = self.elapsed(cx.now, cx.clocks) + ahead;
             lf.instant(self.base + counts * self.step())
@@ -100,6 +98,7 @@ impl Rtc {
     /// Counts on from the tick under way.
     fn load(&mut self, count: u32, cx: &Cx<'_>) {
         self.held = count & MASK;
+        self.late = 0;
         self.base = cx.clocks.lf.map_or(0, |lf| lf.ticks(cx.now));
         self.clocked = cx.clocks.lf.is_some();
     }
@@ -186,14 +185,13 @@ impl Instance for Rtc {
             self.block.raise(OVRFLW, cx);
         }
         for n in 0..self.cc.len() {
-            if self.cc[n] == count && self.enabled(COMPARE + n as u32) && self.late >> n & 1 == 0 {
-                self.block.raise(COMPARE + n as u32, cx);
+            if self.cc[n] != count || !self.enabled(COMPARE + n as u32) {
+                continue;
             }
-        }
-        // One that was late is past the match it missed.
-        for n in 0..self.cc.len() {
-            if self.cc[n] != count.wrapping_add(1) & MASK {
+            if self.late >> n & 1 != 0 {
                 self.late &= !(1 << n);
+            } else {
+                self.block.raise(COMPARE + n as u32, cx);
             }
         }
         self.arm(cx);

@@ -5,29 +5,29 @@
 //! | covered, SPIM | PS 6.25 |
 //! |---|---|
 //! | START, STOP, SUSPEND, RESUME; STARTED, STOPPED, ENDRX, ENDTX, END; END_START | |
-//! | EasyDMA with MAXCNT, AMOUNT and LIST, its pointers taken at START | 6.25.3, 6.6 |
+//! | EasyDMA with MAXCNT, AMOUNT and LIST, its pointers taken at START | 6.25, 4.6 |
 //! | FREQUENCY to 8 MHz (SPIM3: 32 MHz), CONFIG mode and bit order, ORC | |
 //! | each byte reaches the chips at its own last edge; its reception is in RAM at that instant | |
 //! | CSN driven by SPIM3 with CSNPOL | |
 //!
 //! | covered, SPIS | PS 6.26 |
 //! |---|---|
-//! | the semaphore with its four states, arbitrated when CSN falls | 6.26.1 |
+//! | the semaphore with its four states, arbitrated when CSN falls | 6.26 |
 //! | ACQUIRE at once where it is free or the CPU's; at the end of the transaction where it is not | |
 //! | END and ACQUIRED raised together with END_ACQUIRE | |
 //! | DEF through a transaction that was not granted, ORC and OVERREAD past TXD, OVERFLOW past RXD, ENDRX | |
-//! | reported: CSN to SCK under 1 µs, bytes faster than 8 MHz, another mode than the controller's | 6.26.6 |
+//! | reported: CSN to SCK under 1 µs, bytes faster than 8 MHz, another mode than the controller's | 6.26 |
 //!
 //! | left out | why |
 //! |---|---|
 //! | legacy SPI and TWI, TWIM, TWIS | reported when enabled |
 //! | IFTIMING, DCX, STALLSTAT | registers only: nothing here stalls, and no display hangs on SPIM3 |
 //! | bits within a byte on the pins | peers exchange bytes |
-//! | EasyDMA outside data RAM | the part faults or corrupts RAM (PS 6.6); here TXD reads ORC, RXD is dropped, and it is reported |
+//! | EasyDMA outside data RAM | the part faults or corrupts RAM (PS 4.6); here TXD reads ORC, RXD is dropped, and it is reported |
 //!
-//! A transaction starts [`START_LATENCY`] after START (PS 6.25.6, tSPIM,START).
+//! A transaction starts [`START_LATENCY`] after START (PS 6.25, tSPIM,START).
 use crate::clocks::Clocks;
-use crate::instance::{Act, Block, Cx, Instance};
+use crate::instance::{Act, Block, Cx, Instance, address_of};
 use crate::soc::in_data_ram;
 use crate::{Pin, SpiMode, SpisEvent};
 
@@ -54,6 +54,9 @@ const START_LATENCY: u64 = 16;
 /// SPIS: from CSN to the first edge of SCK, in ns (tSPIS,SUCSN), and the shortest byte, 8 bits at 8 MHz.
 const CSN_SETUP: u64 = 1_000;
 const SHORTEST_BYTE: u64 = 1_000;
+/// How much earlier than that is not told, in ns: an input meets the part between two instructions of its core, so two
+/// that are a byte apart outside may be a few cycles less apart here.
+const SLACK: u64 = 100;
 
 /// MAXCNT is 16 bits wide in every instance of the part.
 const MAXCNT_MASK: u32 = 0xFFFF;
@@ -281,7 +284,9 @@ impl Serial {
             ends: cx.hf() + START_LATENCY,
             stopping: false,
         });
-        self.suspended = false;
+        if self.suspended {
+            cx.misuse("START after SUSPEND: nothing moves until RESUME", 0);
+        }
         self.block.raise(STARTED, cx);
         self.next_byte(cx);
     }
@@ -319,7 +324,7 @@ impl Serial {
         };
     }
 
-    /// The transfer is over, or was stopped. Stopped early, ENDRX and ENDTX come all the same (PS 6.25.3).
+    /// The transfer is over, or was stopped. Stopped early, ENDRX and ENDTX come all the same (PS 6.25).
     fn end(&mut self, stopped: bool, cx: &mut Cx<'_>) {
         let Some(transfer) = self.transfer.take() else {
             return;
@@ -340,7 +345,8 @@ impl Serial {
         if !stopped {
             self.block.raise(SPIM_END, cx);
             if self.block.short(END_START) && !transfer.stopping {
-                self.start(cx);
+                let start = address_of(cx.id) + 0x010;
+                cx.act(Act::Task(start));
             }
         }
     }
@@ -429,7 +435,7 @@ impl Serial {
             return 0xFF;
         };
         let earliest = transaction.last.unwrap_or(transaction.since + CSN_SETUP) + SHORTEST_BYTE;
-        if cx.now < earliest {
+        if cx.now + SLACK < earliest {
             let what = if transaction.last.is_none() {
                 "the controller clocks less than 1 us after CSN, early by ns"
             } else {
@@ -536,7 +542,8 @@ impl Instance for Serial {
                 None if self.enable == SPIM => self.block.raise(STOPPED, cx),
                 None => {}
             },
-            0x01C => self.suspended = self.transfer.is_some(),
+            // It stands until RESUME, also between transfers.
+            0x01C => self.suspended = self.enable == SPIM,
             0x020 => {
                 if self.suspended {
                     self.suspended = false;
@@ -606,6 +613,7 @@ impl Instance for Serial {
                         cx.misuse("disabled during a transfer", value);
                     }
                     (self.transfer, self.transaction, self.next) = (None, None, None);
+                    self.suspended = false;
                     // Enabled anew, an SPIS is the CPU's (SEMSTAT's reset value).
                     self.semaphore = Semaphore::Cpu;
                     if let Some(pin) = Pin::selected(self.psel[3]).filter(|_| !self.shared) {

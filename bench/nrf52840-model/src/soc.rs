@@ -2,10 +2,10 @@
 //!
 //! | covered | PS |
 //! |---|---|
-//! | peripheral IDs, bases and interrupts | 4.2.3 |
+//! | peripheral IDs, bases and interrupts | 4.2 |
 //! | tasks (write 1, read 0), events (write 0 clears, 1 sets), SHORTS, INTEN | 6.1 |
-//! | EasyDMA to data RAM, byte by byte | 6.6 |
-//! | what each source of reset leaves as it was | 5.3.7.7 |
+//! | EasyDMA to data RAM, byte by byte | 4.6 |
+//! | what each source of reset leaves as it was | 5.3 |
 //!
 //! | left out | why |
 //! |---|---|
@@ -80,7 +80,7 @@ static LINES: [u16; crate::INTERRUPT_LINES as usize] = {
     lines
 };
 
-/// Every block, by address (PS 4.2.3, *Instantiation*).
+/// Every block, by address (PS 4.2, *Instantiation*).
 pub(crate) static BLOCKS: [BlockSpec; 46] = [
     at(0x00, "CLOCK/POWER", r::CLOCK_POWER, true),
     at(0x01, "RADIO", r::RADIO, false),
@@ -154,9 +154,20 @@ pub(crate) static BLOCKS: [BlockSpec; 46] = [
     },
 ];
 
+/// Where in [`BLOCKS`] each ID is.
+const PLACES: [usize; 64] = {
+    let mut places = [usize::MAX; 64];
+    let mut n = 0;
+    while n < BLOCKS.len() {
+        places[BLOCKS[n].id] = n;
+        n += 1;
+    }
+    places
+};
+
 /// The block of a peripheral ID.
 fn spec(id: Id) -> &'static BlockSpec {
-    BLOCKS.iter().find(|block| block.id == id).expect("every ID asked for is in the table")
+    &BLOCKS[PLACES[id]]
 }
 
 /// A chip on a bus.
@@ -170,7 +181,7 @@ struct Place {
 /// Everything inside the part but memory and the core.
 #[derive(Debug)]
 pub(crate) struct Soc {
-    settings: Settings,
+    pub(crate) settings: Settings,
     clocks: Clocks,
     pub(crate) gpio: Gpio,
     parts: Parts,
@@ -364,6 +375,14 @@ impl Soc {
         self.gpio.outside(pin, level, self.now, &mut self.out);
     }
 
+    /// The SSI's controller pulls its select low, which rested high before.
+    pub(crate) fn ssi_select(&mut self, csn: Pin) {
+        if !self.gpio.is_driven_from_outside(csn) {
+            self.outside(csn, Some(true));
+        }
+        self.outside(csn, Some(false));
+    }
+
     /// The SSI's controller clocks a byte.
     pub(crate) fn ssi_clock(&mut self, mosi: u8) -> Option<u8> {
         let id = [0x03, 0x04, 0x23].into_iter().find(|&id| self.parts.serial[spis_number(id)].selected())?;
@@ -516,6 +535,11 @@ impl Soc {
             Act::Program { address, value } => {
                 context.program(u64::from(address), Width::W32, u64::from(value), WRITTEN);
             }
+            Act::Erase { from, bytes } => {
+                for address in (from..from + bytes).step_by(8) {
+                    context.program(u64::from(address), Width::W64, u64::MAX, WRITTEN);
+                }
+            }
             Act::Hold { pin, level } => self.gpio.hold(pin, level, self.now, &mut self.out),
             Act::Pad { pin, level } => self.pad(pin, level, context),
             Act::Driven { pin } => self.select_chips(pin, context),
@@ -667,12 +691,12 @@ impl Soc {
         }
     }
 
-    /// The part restarts (PS 5.3.7). Pins driven from outside, the chips, and what the cause leaves alone stay.
+    /// The part restarts (PS 5.3). Pins driven from outside, the chips, and what the cause leaves alone stay.
     pub(crate) fn restart(&mut self, cause: ResetCause, context: &mut DeviceContext<'_>) {
         self.now = context.now().0;
         let why = self.restarting.take();
         let mut parts = Parts::new(&self.settings);
-        // RESETREAS accumulates until it is cleared (PS 5.3.7.9); power-on starts it at 0.
+        // RESETREAS accumulates until it is cleared (PS 5.3); power-on starts it at 0.
         let reason = match (cause, why) {
             (ResetCause::PowerOn, _) => None,
             (ResetCause::Pin, _) => Some(1),
@@ -680,7 +704,7 @@ impl Soc {
             (_, Some(Restart::Lockup)) => Some(1 << 3),
             (_, None) => Some(1 << 2),
         };
-        // Soft reset and lockup leave the watchdog running and the retained registers as they were (PS 5.3.7.7).
+        // Soft reset and lockup leave the watchdog running and the retained registers as they were (PS 5.3).
         let gentle = matches!(reason, Some(r) if r & 0b1100 != 0);
         if let Some(reason) = reason {
             parts.clock_power.restarted(&self.parts.clock_power, reason, gentle);
@@ -823,7 +847,7 @@ impl ErasedDevice for Soc {
     }
 }
 
-/// Whether EasyDMA reaches `address` (PS 6.6: data RAM only).
+/// Whether EasyDMA reaches `address` (PS 4.6: data RAM only).
 pub(crate) fn in_data_ram(address: u32) -> bool {
     (RAM_BASE..RAM_BASE + RAM_BYTES).contains(&u64::from(address))
 }

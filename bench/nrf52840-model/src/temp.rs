@@ -1,11 +1,11 @@
-//! TEMP: the die temperature (PS 6.29).
+//! TEMP: the die temperature (PS 6.28).
 //!
 //! Covered: START, STOP, DATARDY 36 µs after START, TEMP in quarter degrees, the calibration registers as registers.
 //! Left out: what the calibration does to the reading; the temperature is a setting and read as it is.
 use crate::clocks::Clocks;
 use crate::instance::{Block, Cx, Instance, index};
 
-/// From START to DATARDY, in ns (PS 6.29.2, tTEMP).
+/// From START to DATARDY, in ns (PS 6.28, tTEMP).
 const MEASUREMENT: u64 = 36_000;
 /// A0 to A5, B0 to B5 and T0 to T4 after reset.
 const CALIBRATION: [u32; 17] = [

@@ -2,9 +2,9 @@
 //!
 //! | covered | PS |
 //! |---|---|
-//! | START, STOP, COUNT, CLEAR, SHUTDOWN, CAPTURE | 6.30.1 |
-//! | COMPARE at the exact tick, with CLEAR and STOP shortcuts | 6.30.1 |
-//! | Timer, Counter and LowPowerCounter mode, all bit modes, PRESCALER 0 to 9 | 6.30.5 |
+//! | START, STOP, COUNT, CLEAR, SHUTDOWN, CAPTURE | 6.30 |
+//! | COMPARE at the exact tick, with CLEAR and STOP shortcuts | 6.30 |
+//! | Timer, Counter and LowPowerCounter mode, all bit modes, PRESCALER 0 to 9 | 6.30 |
 //!
 //! A compare register matches when the counter *becomes* equal to it: one written with the present count matches after the
 //! counter has gone round. With the CLEAR shortcut the period is CC ticks.

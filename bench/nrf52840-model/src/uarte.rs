@@ -2,10 +2,10 @@
 //!
 //! | covered | PS |
 //! |---|---|
-//! | STARTTX, STOPTX; TXSTARTED, TXDRDY, ENDTX, TXSTOPPED | 6.34.3 |
-//! | STARTRX, STOPRX, FLUSHRX; RXSTARTED, RXDRDY, ENDRX, RXTO; ENDRX_STARTRX, ENDRX_STOPRX | 6.34.2 |
-//! | the 6-byte FIFO that bridges two buffers, and OVERRUN past it | 6.34.2 |
-//! | BAUDRATE, parity and stop bits in the length of a byte | 6.34.9 |
+//! | STARTTX, STOPTX; TXSTARTED, TXDRDY, ENDTX, TXSTOPPED | 6.34 |
+//! | STARTRX, STOPRX, FLUSHRX; RXSTARTED, RXDRDY, ENDRX, RXTO; ENDRX_STARTRX, ENDRX_STOPRX | 6.34 |
+//! | the 6-byte FIFO that bridges two buffers, and OVERRUN past it | 6.34 |
+//! | BAUDRATE, parity and stop bits in the length of a byte | 6.34 |
 //!
 //! | left out | why |
 //! |---|---|

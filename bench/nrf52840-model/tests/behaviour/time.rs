@@ -1,0 +1,310 @@
+//! TIMER, RTC, PPI, EGU and WDT.
+use crate::rig::*;
+use nrf52840_model::{FindingKind, Settings};
+
+/// A TIMER of 32 bits at 16 MHz with CC[0] = `cc`.
+fn timer(base: u32, cc: u32) -> [(u32, u32); 3] {
+    [(base + 0x508, 3), (base + 0x510, 0), (base + 0x540, cc)]
+}
+
+#[test]
+fn a_compare_comes_at_its_tick_and_not_before() {
+    let mut rig = Rig::new();
+    rig.write_all(&timer(TIMER0, 1_000));
+    rig.write(TIMER0, 1);
+    assert_eq!(rig.deadline(), 62_500);
+    rig.run_to(62_499);
+    assert_eq!(rig.read(TIMER0 + 0x140), 0);
+    rig.run_to(62_500);
+    assert_eq!(rig.read(TIMER0 + 0x140), 1);
+    rig.assert_clean();
+}
+
+#[test]
+fn a_period_of_ten_milliseconds_never_drifts() {
+    let mut rig = Rig::new();
+    rig.write_all(&timer(TIMER0, 160_000));
+    rig.write_all(&[(TIMER0 + 0x200, 1), (TIMER0 + 0x304, 1 << 16), (TIMER0, 1)]);
+    for k in 1..=1_000_u64 {
+        assert_eq!(rig.run_until_set(TIMER0 + 0x140, 11_000 * MS), k * 10 * MS);
+        assert!(rig.line(8));
+        rig.write(TIMER0 + 0x140, 0);
+        assert!(!rig.line(8));
+    }
+}
+
+#[test]
+fn a_fast_crystal_shortens_the_period_by_its_error() {
+    let mut rig = Rig::with(Settings { hfxo_ppb: 20_000, hfint_ppb: 20_000, ..Settings::default() });
+    rig.write_all(&timer(TIMER0, 160_000));
+    rig.write_all(&[(TIMER0 + 0x200, 1), (TIMER0, 1)]);
+    let mut at = 0;
+    for _ in 0..100 {
+        at = rig.run_until_set(TIMER0 + 0x140, 1_100 * MS);
+        rig.write(TIMER0 + 0x140, 0);
+    }
+    // 1 s at +20 ppm is 20 us short; an instant is rounded up to its nanosecond.
+    assert_eq!(at, 1_000 * MS - 20 * US + 1);
+}
+
+#[test]
+fn the_internal_oscillator_is_off_until_the_crystal_has_started() {
+    let mut rig = Rig::with(Settings::default());
+    rig.write_all(&timer(TIMER0, 16_000));
+    rig.write(TIMER0, 1);
+    // 1.5 % fast: 1 ms is over after 985.2 us, but the crystal takes over after 360 us.
+    rig.write(POWER, 1);
+    assert_eq!(rig.run_until_set(POWER + 0x100, MS), 360 * US);
+    assert_eq!(rig.read(POWER + 0x40C), 1 << 16 | 1);
+    let at = rig.run_until_set(TIMER0 + 0x140, 2 * MS);
+    // 360 us counted 5846.4 ticks; 10153.6 remain at 62.5 ns.
+    assert_eq!(at, 360_000 + 634_600);
+}
+
+#[test]
+fn a_prescaler_keeps_its_phase_while_registers_are_written() {
+    let mut rig = Rig::new();
+    rig.write_all(&[(TIMER0 + 0x508, 3), (TIMER0 + 0x510, 4), (TIMER0 + 0x540, 1_000), (TIMER0, 1)]);
+    for step in 0..900 {
+        rig.run_to(step * 1_030);
+        rig.write(TIMER0 + 0x544, 5_000 + step as u32);
+    }
+    assert_eq!(rig.run_until_set(TIMER0 + 0x140, 2 * MS), MS);
+}
+
+#[test]
+fn bit_modes_wrap_and_match_again_after_a_whole_turn() {
+    for (bitmode, turn) in [(1, 1 << 8), (0, 1 << 16), (2, 1 << 24)] {
+        let mut rig = Rig::new();
+        rig.write_all(&[(TIMER0 + 0x508, bitmode), (TIMER0 + 0x510, 0), (TIMER0 + 0x540, 100), (TIMER0, 1)]);
+        let first = rig.run_until_set(TIMER0 + 0x140, 2_000 * MS);
+        rig.write(TIMER0 + 0x140, 0);
+        let second = rig.run_until_set(TIMER0 + 0x140, 2_000 * MS);
+        assert_eq!(first, 6_250, "bit mode {bitmode}");
+        assert_eq!((second - first) * 2 / 125, turn, "bit mode {bitmode}");
+    }
+}
+
+#[test]
+fn stop_holds_the_count_and_start_goes_on_from_it() {
+    let mut rig = Rig::new();
+    rig.write_all(&timer(TIMER3, u32::MAX));
+    rig.write(TIMER3, 1);
+    rig.run_to(10 * US);
+    rig.write(TIMER3 + 0x04, 1);
+    rig.run_to(50 * US);
+    rig.write(TIMER3 + 0x54, 1); // CAPTURE[5]
+    assert_eq!(rig.read(TIMER3 + 0x554), 160);
+    rig.write(TIMER3, 1);
+    rig.run_to(60 * US);
+    rig.write(TIMER3 + 0x54, 1);
+    assert_eq!(rig.read(TIMER3 + 0x554), 320);
+    rig.write(TIMER3 + 0x0C, 1);
+    rig.write(TIMER3 + 0x54, 1);
+    assert_eq!(rig.read(TIMER3 + 0x554), 0);
+}
+
+#[test]
+fn a_counter_counts_tasks_and_stops_on_its_shortcut() {
+    let mut rig = Rig::new();
+    rig.write_all(&[(TIMER0 + 0x504, 1), (TIMER0 + 0x540, 3), (TIMER0 + 0x200, 1 << 8), (TIMER0, 1)]);
+    for _ in 0..5 {
+        rig.write(TIMER0 + 0x08, 1);
+        rig.run_for(US);
+    }
+    rig.write(TIMER0 + 0x44, 1);
+    assert_eq!(rig.read(TIMER0 + 0x544), 3, "COMPARE[0] stopped it at 3");
+    assert_eq!(rig.read(TIMER0 + 0x140), 1);
+}
+
+#[test]
+fn a_chain_of_timer_ppi_fork_and_egu_happens_in_one_instant() {
+    let mut rig = Rig::new();
+    rig.write_all(&timer(TIMER0, 320));
+    rig.write_all(&timer(TIMER1, u32::MAX));
+    rig.write_all(&[
+        (PPI + 0x510, TIMER0 + 0x140),
+        (PPI + 0x514, TIMER1 + 0x44), // CAPTURE[1]
+        (PPI + 0x910, EGU0 + 0x0C),   // TRIGGER[3]
+        (PPI + 0x518, EGU0 + 0x10C),
+        (PPI + 0x51C, TIMER1 + 0x48), // CAPTURE[2]
+        (PPI + 0x504, 0b11),
+        (EGU0 + 0x304, 1 << 3),
+        (TIMER1, 1),
+    ]);
+    rig.run_to(10 * US);
+    rig.write(TIMER0, 1);
+    rig.run_to(30 * US);
+    assert_eq!((rig.read(TIMER1 + 0x544), rig.read(TIMER1 + 0x548)), (480, 480));
+    assert!(rig.line(20), "EGU0 interrupts");
+    assert_eq!(rig.lines(), 1);
+    rig.write(EGU0 + 0x10C, 0);
+    assert_eq!(rig.lines(), 0);
+    rig.assert_clean();
+}
+
+#[test]
+fn a_disabled_channel_carries_nothing_and_groups_switch_channels_by_task() {
+    let mut rig = Rig::new();
+    rig.write_all(&[
+        (PPI + 0x510, EGU0 + 0x100),
+        (PPI + 0x514, EGU0 + 0x04),
+        (PPI + 0x800, 1), // group 0 is channel 0
+    ]);
+    rig.write(EGU0, 1);
+    assert_eq!(rig.read(EGU0 + 0x104), 0);
+    rig.write(PPI, 1); // CHG[0].EN
+    assert_eq!(rig.read(PPI + 0x500), 1);
+    rig.write(EGU0, 1);
+    assert_eq!(rig.read(EGU0 + 0x104), 1);
+    rig.write(PPI + 0x04, 1); // CHG[0].DIS
+    assert_eq!(rig.read(PPI + 0x500), 0);
+    rig.write_all(&[(PPI + 0x504, 1 << 31), (PPI + 0x508, 1 << 31)]);
+    assert_eq!(rig.read(PPI + 0x500), 0, "fixed channels are enabled and disabled the same way");
+}
+
+#[test]
+fn an_event_that_triggers_itself_is_cut_and_reported() {
+    let mut rig = Rig::new();
+    rig.write_all(&[(PPI + 0x510, EGU0 + 0x100), (PPI + 0x514, EGU0), (PPI + 0x504, 1), (EGU0, 1)]);
+    let found = rig.findings(FindingKind::Misuse);
+    assert_eq!((found.len(), found[0].instance), (1, "PPI"));
+}
+
+#[test]
+fn a_channel_to_a_task_of_the_radio_is_reported() {
+    let mut rig = Rig::new();
+    rig.write_all(&[(PPI + 0x510, EGU0 + 0x100), (PPI + 0x514, 0x4000_1000), (PPI + 0x504, 1), (EGU0, 1)]);
+    let found = rig.findings(FindingKind::Unmodelled);
+    assert_eq!((found.len(), found[0].value), (1, 0x4000_1000));
+}
+
+/// LFCLK from the RC oscillator, running.
+fn start_lfclk(rig: &mut Rig) {
+    rig.write(POWER + 0x08, 1);
+    rig.run_until_set(POWER + 0x104, 10 * MS);
+}
+
+/// The instant of LFCLK tick `n` after it started at 600 µs.
+fn lf_tick(n: u64) -> u64 {
+    600 * US + (n * 1_000_000_000).div_ceil(32_768)
+}
+
+#[test]
+fn an_rtc_compares_ticks_and_overflows_on_lfclk() {
+    let mut rig = Rig::new();
+    start_lfclk(&mut rig);
+    rig.write_all(&[(RTC0 + 0x508, 7), (RTC0 + 0x540, 4), (RTC0 + 0x304, 1 << 16), (RTC0, 1)]);
+    assert_eq!(rig.run_until_set(RTC0 + 0x140, 100 * MS), lf_tick(32));
+    assert!(rig.line(11));
+    assert_eq!(rig.read(RTC0 + 0x504), 4);
+    assert_eq!(rig.read(RTC0 + 0x100), 0, "TICK is not enabled");
+    rig.write(RTC0 + 0x344, 0b11); // TICK and OVRFLW to the PPI
+    assert_eq!(rig.run_until_set(RTC0 + 0x100, 100 * MS), lf_tick(40));
+    rig.write(RTC0 + 0x348, 1);
+    rig.write(RTC0 + 0x0C, 1); // TRIGOVRFLW
+    assert_eq!(rig.read(RTC0 + 0x504), 0x00FF_FFF0);
+    assert_eq!(rig.run_until_set(RTC0 + 0x104, 1_000 * MS), lf_tick(40 + 16 * 8));
+    assert_eq!(rig.read(RTC0 + 0x504), 0);
+    rig.assert_clean();
+}
+
+#[test]
+fn an_rtc_compare_set_to_the_next_count_is_missed_and_reported() {
+    let mut rig = Rig::new();
+    start_lfclk(&mut rig);
+    rig.write_all(&[(RTC0 + 0x304, 1 << 16 | 1 << 17), (RTC0, 1), (RTC0 + 0x544, 3), (RTC0 + 0x540, 1)]);
+    rig.run_until_set(RTC0 + 0x144, 100 * MS);
+    assert_eq!(rig.read(RTC0 + 0x140), 0);
+    assert_eq!(rig.findings(FindingKind::Misuse).len(), 1);
+}
+
+#[test]
+fn an_rtc_counts_nothing_without_lfclk() {
+    let mut rig = Rig::new();
+    rig.write(RTC0, 1);
+    rig.run_to(50 * MS);
+    assert_eq!(rig.read(RTC0 + 0x504), 0);
+    assert_eq!(rig.findings(FindingKind::Misuse).len(), 1);
+}
+
+/// A watchdog of 100 LFCLK ticks that wants both RR[0] and RR[1].
+fn start_watchdog(rig: &mut Rig) {
+    start_lfclk(rig);
+    rig.write_all(&[(WDT + 0x504, 99), (WDT + 0x508, 0b11), (WDT + 0x50C, 1), (WDT, 1)]);
+    assert_eq!(rig.read(WDT + 0x400), 1);
+}
+
+#[test]
+fn a_watchdog_fed_by_every_request_never_bites() {
+    let mut rig = Rig::new();
+    start_watchdog(&mut rig);
+    for _ in 0..100 {
+        rig.run_for(MS);
+        rig.write(WDT + 0x600, 0x6E52_4635);
+        assert_eq!(rig.read(WDT + 0x404), 0b10, "RR[1] is still to come");
+        rig.run_for(MS);
+        rig.write(WDT + 0x604, 0x6E52_4635);
+        assert_eq!(rig.read(WDT + 0x404), 0b11, "reloaded");
+    }
+    assert_eq!(rig.restarts(), 0);
+    rig.assert_clean();
+}
+
+#[test]
+fn a_watchdog_fed_by_one_of_two_requests_resets_the_part() {
+    let mut rig = Rig::new();
+    start_watchdog(&mut rig);
+    rig.write(POWER + 0x51C, 0x55);
+    while rig.restarts() == 0 {
+        rig.write(WDT + 0x600, 0x6E52_4635);
+        rig.run_for(MS);
+        assert!(rig.now < 10 * MS, "100 ticks are 3.05 ms");
+    }
+    assert_eq!(rig.part().watchdog_resets()[0].at, lf_tick(100), "at once: its interrupt is not enabled");
+    assert_eq!(rig.read(POWER + 0x400), 1 << 1, "RESETREAS.DOG");
+    assert_eq!(rig.read(WDT + 0x400), 0, "it has to be started again");
+    assert_eq!(rig.read(POWER + 0x51C), 0, "a watchdog reset clears the retained registers");
+    assert_eq!(rig.deadline(), i64::MAX as u64, "nothing of the time before is pending");
+    rig.write(POWER + 0x400, 1 << 1);
+    assert_eq!(rig.read(POWER + 0x400), 0);
+}
+
+#[test]
+fn the_timeout_interrupt_comes_two_ticks_before_the_reset() {
+    let mut rig = Rig::new();
+    start_watchdog(&mut rig);
+    rig.write(WDT + 0x304, 1);
+    assert_eq!(rig.run_until_set(WDT + 0x100, 10 * MS), lf_tick(100));
+    assert!(rig.line(16));
+    // Too late to feed.
+    rig.write_all(&[(WDT + 0x600, 0x6E52_4635), (WDT + 0x604, 0x6E52_4635)]);
+    rig.run_to(10 * MS);
+    assert_eq!(rig.part().watchdog_resets()[0].at, lf_tick(102));
+}
+
+#[test]
+fn a_running_watchdog_cannot_be_reconfigured_and_outlives_a_soft_reset() {
+    let mut rig = Rig::new();
+    start_watchdog(&mut rig);
+    rig.write(WDT + 0x504, 100_000);
+    assert_eq!(rig.read(WDT + 0x504), 99);
+    rig.write(POWER + 0x51C, 0xA7);
+    rig.run_for(MS);
+    rig.core_reset();
+    assert_eq!(rig.read(POWER + 0x400), 1 << 2, "RESETREAS.SREQ");
+    assert_eq!(rig.read(POWER + 0x51C), 0xA7, "GPREGRET is retained");
+    assert_eq!(rig.read(WDT + 0x400), 1);
+    rig.run_to(10 * MS);
+    assert_eq!(rig.part().watchdog_resets()[0].at, lf_tick(100), "the reset did not feed it");
+    assert_eq!(rig.read(POWER + 0x400), 1 << 2 | 1 << 1, "RESETREAS accumulates");
+}
+
+#[test]
+fn the_watchdog_starts_lfclk_by_itself() {
+    let mut rig = Rig::new();
+    rig.write_all(&[(WDT + 0x504, 32), (WDT, 1)]);
+    rig.write(POWER + 0x0C, 1); // LFCLKSTOP has no say
+    rig.run_to(10 * MS);
+    assert_eq!(rig.part().watchdog_resets()[0].at, (33 * 1_000_000_000_u64).div_ceil(32_768));
+}
