@@ -227,8 +227,8 @@ impl Gpio {
     pub(crate) fn restart(&mut self, now: u64, out: &mut Outbox) {
         let Self { outside, levels, driven, .. } = *self;
         *self = Self { outside, levels, driven, ..Self::default() };
-        for port in 0..2 {
-            for n in (0..32).filter(|&n| PORT_PINS[port] >> n & 1 != 0) {
+        for (port, pins) in PORT_PINS.into_iter().enumerate() {
+            for n in (0..32).filter(|&n| pins >> n & 1 != 0) {
                 self.settle(Pin::of(port, n), now, out);
             }
         }

@@ -392,13 +392,13 @@ impl Nrf52840 {
     /// The chip at `index`, if it is a `T`.
     #[must_use]
     pub fn chip<T: Peer>(&self, index: usize) -> Option<&T> {
-        let peer: &dyn Any = &**self.soc.peer(index)?;
+        let peer: &dyn Any = self.soc.peer(index)?;
         peer.downcast_ref()
     }
 
     /// The chip at `index`, if it is a `T`.
     pub fn chip_mut<T: Peer>(&mut self, index: usize) -> Option<&mut T> {
-        let peer: &mut dyn Any = &mut **self.soc.peer_mut(index)?;
+        let peer: &mut dyn Any = self.soc.peer_mut(index)?;
         peer.downcast_mut()
     }
 

@@ -353,12 +353,12 @@ impl Soc {
         self.chips.len() - 1
     }
 
-    pub(crate) fn peer(&self, index: usize) -> Option<&Box<dyn Peer>> {
-        self.chips.get(index).map(|place| &place.peer)
+    pub(crate) fn peer(&self, index: usize) -> Option<&dyn Peer> {
+        self.chips.get(index).map(|place| &*place.peer)
     }
 
-    pub(crate) fn peer_mut(&mut self, index: usize) -> Option<&mut Box<dyn Peer>> {
-        self.chips.get_mut(index).map(|place| &mut place.peer)
+    pub(crate) fn peer_mut(&mut self, index: usize) -> Option<&mut dyn Peer> {
+        self.chips.get_mut(index).map(|place| &mut *place.peer)
     }
 
     /// Calls instance `id` with what it may reach.

@@ -105,7 +105,7 @@ impl Instance for Wdt {
         match offset {
             0x400 | 0x404 => {}
             0x504 | 0x508 | 0x50C if self.running() => {
-                cx.misuse("configured while it runs, which is ignored; offset", offset)
+                cx.misuse("configured while it runs, which is ignored; offset", offset);
             }
             0x504 => self.crv = value.max(0xF),
             0x508 => {

@@ -1,6 +1,6 @@
 //! CLOCK, POWER, and what every block has in common.
 use crate::rig::*;
-use nrf52840_model::{FindingKind, Settings};
+use nrf52840_model::{FindingKind, Nrf52840, Settings};
 use rigless::mcu::Mcu;
 use rigless::soc::Width;
 
@@ -88,7 +88,7 @@ fn a_soft_reset_puts_every_register_back_and_lowers_every_line() {
 #[test]
 fn a_lockup_resets_with_its_own_reason() {
     let mut rig = Rig::new();
-    rig.input(|part, at| part.lockup(at));
+    rig.input(Nrf52840::lockup);
     assert_eq!(rig.restarts(), 1);
     assert_eq!(rig.read(POWER + 0x400), 1 << 3);
 }
@@ -119,8 +119,8 @@ fn ram_power_and_general_purpose_registers_hold_what_they_are_given() {
 fn every_register_modelled_reads_its_reset_value_first() {
     // Registers that only an instance we do not model has; and two whose reset value no core can read: HFCLK runs when it
     // does, and flash is ready.
-    const OTHERS: [&str; 10] =
-        ["HFCLKSTAT", "SPI.", "TWI.", "TWIM.", "TWIS.", "UART.", "ACL.", "IHIT", "IMISS", "UNUSED"];
+    const OTHERS: [&str; 11] =
+        ["HFCLKSTAT", "READYNEXT", "SPI.", "TWI.", "TWIM.", "TWIS.", "UART.", "ACL.", "IHIT", "IMISS", "UNUSED"];
     let mut rig = Rig::new();
     let tables: Vec<_> = rig.part().bus().peripherals().map(|p| (p.name, p.base, p.registers)).collect();
     let (mut checked, mut others) = (0, vec![]);
@@ -141,6 +141,7 @@ fn every_register_modelled_reads_its_reset_value_first() {
     }
     assert!(others.is_empty(), "{others:#?}");
     assert!(checked > 1_000, "{checked} registers");
-    let unmodelled = rig.findings(FindingKind::Unmodelled);
-    assert!(unmodelled.is_empty(), "{unmodelled:?}");
+    // The description gives RTC0 a fourth compare register, which the part has in RTC1 and RTC2 only.
+    let unmodelled: Vec<_> = rig.findings(FindingKind::Unmodelled).iter().map(|f| (f.instance, f.value)).collect();
+    assert_eq!(unmodelled, [("RTC0", 0x54C)]);
 }
