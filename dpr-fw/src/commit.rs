@@ -118,6 +118,12 @@ impl<const N: usize> Commit<N> {
         Ok(Committed { published, deadline_us: self.monitor.frame(last) })
     }
 
+    /// The DPR has started: an image without objects, so that the flight controller can read Link-Status from now on.
+    pub fn begin(&mut self, now_us: u32, health: &Health, images: &mut impl Images) {
+        self.link.advance(now_us);
+        self.publish(health, images);
+    }
+
     /// The deadline has passed.
     pub fn expired(&mut self, now_us: u32, health: &Health, images: &mut impl Images) -> Committed {
         let (missed, deadline_us) = self.monitor.expired();
@@ -289,6 +295,16 @@ mod tests {
             (link.objects_accepted, link.objects_rejected, link.frames_received, link.frames_missed),
             (4, 0, 1, 0)
         );
+    }
+
+    #[test]
+    fn from_the_start_there_is_an_image_that_says_the_link_is_down() {
+        let mut bench = Bench::<3>::new();
+        bench.commit.begin(2_000, &Health::default(), &mut bench.album);
+        assert_eq!(bench.album.shown::<3>(), []);
+        let link = bench.album.link::<3>();
+        assert_eq!((link.status, link.timestamp), (Default::default(), 2));
+        assert_eq!((link.age_100us, link.frames_missed, link.frames_received), (u16::MAX, 0, 0));
     }
 
     #[test]

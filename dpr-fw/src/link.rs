@@ -64,16 +64,19 @@ impl<const N: usize> Default for Monitor<N> {
 }
 
 impl<const N: usize> Monitor<N> {
-    /// Waits for the first frame; the deadline is [`FRAME_DEADLINE_US`] from now.
+    /// Waits for the first frame. As long as nothing was heard nothing is expected, so nothing counts as missed.
     #[must_use]
     pub const fn new() -> Self {
-        Self { due: Due::Frames(air::frames(N) as u32) }
+        Self { due: Due::Frames(0) }
     }
+
+    /// A whole cycle is due next.
+    const CYCLE: Self = Self { due: Due::Frames(air::frames(N) as u32) };
 
     /// A frame has come; `complete` tells whether its cycle now is. The next deadline, µs after the end of the frame.
     pub fn frame(&mut self, complete: bool) -> u32 {
         if complete {
-            *self = Self::new();
+            *self = Self::CYCLE;
             FRAME_DEADLINE_US
         } else {
             self.due = Due::Second;
@@ -88,8 +91,9 @@ impl<const N: usize> Monitor<N> {
                 self.due = Due::Frames(1);
                 (1, FRAME_DEADLINE_US - SECOND_FRAME_US)
             }
+            Due::Frames(0) => (0, SILENCE_US),
             Due::Frames(missed) => {
-                *self = Self::new();
+                *self = Self::CYCLE;
                 (missed, SILENCE_US)
             }
         }
@@ -221,6 +225,15 @@ mod tests {
                 prop_assert_eq!(u64::from(clock.ms()), total / 1000 % (1 << 32));
             }
         }
+    }
+
+    #[test]
+    fn before_the_first_frame_nothing_is_missed() {
+        let mut monitor = Monitor::<3>::new();
+        assert_eq!(monitor.expired(), (0, SILENCE_US));
+        assert_eq!(monitor.expired(), (0, SILENCE_US));
+        monitor.frame(true);
+        assert_eq!(monitor.expired(), (1, SILENCE_US));
     }
 
     #[test]

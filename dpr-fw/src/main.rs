@@ -80,6 +80,7 @@ mod app {
         commit: Commit<RECEIVERS>,
         filling: Option<Filling<ImageBuffer>>,
         deadline: Deadline,
+        started: bool,
         watchdog_reset: bool,
     }
 
@@ -123,10 +124,13 @@ mod app {
         // The first step of the bring-up; nothing else can have come yet.
         let mut rf = Executor::new(Listener::new(LISTENER), board.rf);
         let _ = rf.resume();
+        // The first image, before anything is heard.
+        rtic::pend(Interrupt::TIMER1);
         let committing = Committing {
             commit: Commit::new(),
             filling: None,
             deadline: board.deadline,
+            started: false,
             watchdog_reset: board.watchdog_reset,
         };
         (
@@ -296,14 +300,20 @@ mod app {
     fn deadline(cx: deadline::Context) {
         let deadline::SharedResources { committing, mut rotation, exchange, front_end } = cx.shared;
         let start = DWT::cycle_count();
-        // A frame that is already in its buffer has come in time; `commit` is pending and restarts the deadline.
-        if committing.deadline.passed() && !rotation.lock(|rotation| rotation.waiting()) {
-            let health = health(front_end, committing.watchdog_reset);
-            let mut outbox = Outbox { exchange, filling: &mut committing.filling };
-            let Committed { deadline_us, .. } = committing.commit.expired(hw::now_us(), &health, &mut outbox);
+        let health = health(front_end, committing.watchdog_reset);
+        let mut outbox = Outbox { exchange, filling: &mut committing.filling };
+        if !core::mem::replace(&mut committing.started, true) {
+            committing.commit.begin(hw::now_us(), &health, &mut outbox);
+        } else if committing.deadline.passed() && !rotation.lock(|rotation| rotation.waiting()) {
+            // Were a frame in its buffer already, it would have come in time: `commit` is pending then, and restarts the
+            // deadline.
+            let now_us = hw::now_us();
+            let Committed { deadline_us, .. } = committing.commit.expired(now_us, &health, &mut outbox);
             committing.deadline.follow(deadline_us);
-            after_commit(&committing.commit, start);
+        } else {
+            return;
         }
+        after_commit(&committing.commit, start);
     }
 
     fn after_commit(commit: &Commit<RECEIVERS>, start: u32) {

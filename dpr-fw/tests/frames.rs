@@ -298,7 +298,8 @@ impl<const N: usize> Dpr<N> {
 
 /// A profile whose values tell its timestamp.
 fn profile_at<const N: usize>(timestamp: u32) -> Profile<N> {
-    let (latitude, longitude, altitude) = (47.0 + f64::from(timestamp) * 1e-7, 8.0 - f64::from(timestamp) * 1e-7, 431.5);
+    let (latitude, longitude, altitude) =
+        (47.0 + f64::from(timestamp) * 1e-7, 8.0 - f64::from(timestamp) * 1e-7, 431.5);
     let reported = ReportedValues {
         timestamp,
         status: ReportedStatus::new().with_position_valid(true),
