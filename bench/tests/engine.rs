@@ -2,9 +2,7 @@
 
 mod thumb;
 
-use bench::engine::{
-    Bare, Between, FindingKind, Limits, Lookahead, Node, Pair, Sent, Wiring, run,
-};
+use bench::engine::{Bare, Between, FindingKind, Limits, Lookahead, Node, Pair, Sent, Wiring, run};
 use bench::stm32f427::{Oscillators, PinId, Stm32f427Part, TIM2_INTERRUPT};
 use thumb::{COUNTER, EXTI, FLASH, GPIOD, HANDLER, MAIN, RCC, TIM2, Thumb, firmware};
 
@@ -46,11 +44,7 @@ fn a_timer_interrupt_comes_at_its_exact_instants_and_the_core_sleeps_between() {
 /// TIM2 on HSE itself, 8 MHz: 10 ms is 80 000 ticks.
 fn ticking_on_hse() -> bench::engine::Firmware {
     let mut main = Thumb::at(MAIN);
-    main.store(RCC, 1 << 18 | 1 << 16 | 0x83)
-        .wait_for(RCC, 17)
-        .store(RCC + 0x08, 1)
-        .tim2_every(80_000)
-        .idle();
+    main.store(RCC, 1 << 18 | 1 << 16 | 0x83).wait_for(RCC, 17).store(RCC + 0x08, 1).tim2_every(80_000).idle();
     let mut tick = Thumb::at(HANDLER);
     tick.store(TIM2 + 0x10, 0).count(COUNTER).ret();
     firmware("ticking on HSE", &main, &[(28, &tick)])
@@ -216,17 +210,13 @@ fn console_output_through_semihosting_arrives_line_by_line() {
     main.store(text, u32::from_le_bytes(*b"hi\nt")).store(text + 4, u32::from_le_bytes(*b"here"));
     main.store(text + 8, u32::from_le_bytes(*b"\n\0\0\0")).semihost(0x04, text).semihost(0x18, 0x2_0026);
     let mut lines = Vec::new();
-    let outcome = run(
-        Stm32f427Part::new(Oscillators::default()),
-        &firmware("console", &main, &[]),
-        Limits::default(),
-        |event| {
+    let outcome =
+        run(Stm32f427Part::new(Oscillators::default()), &firmware("console", &main, &[]), Limits::default(), |event| {
             if let bench::engine::Event::Line(line) = event {
                 lines.push(line.text.clone());
             }
-        },
-    )
-    .unwrap();
+        })
+        .unwrap();
     assert_eq!(lines, ["hi", "there"]);
     assert_eq!(outcome.exit, Some(0));
 }

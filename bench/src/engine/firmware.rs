@@ -49,8 +49,7 @@ impl Firmware {
     ///
     /// A file that cannot be read, is no 32-bit Arm ELF file, or whose defmt section no decoder of this version reads.
     pub fn read(path: &Path) -> Result<Self, Error> {
-        let bytes =
-            std::fs::read(path).map_err(|error| Error::Firmware(format!("{}: {error}", path.display())))?;
+        let bytes = std::fs::read(path).map_err(|error| Error::Firmware(format!("{}: {error}", path.display())))?;
         let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
         Self::parse(&name, bytes)
     }

@@ -158,10 +158,8 @@ impl GuestMemory {
     /// Writes `from` at `address`, flash included, and answers whether all of it is memory. Code translated from those bytes
     /// is dropped before the core's next instruction.
     pub fn write(&mut self, address: u64, from: &[u8]) -> bool {
-        let found = self
-            .areas
-            .iter_mut()
-            .find_map(|area| area.offset(address, from.len()).map(|offset| (area, offset)));
+        let found =
+            self.areas.iter_mut().find_map(|area| area.offset(address, from.len()).map(|offset| (area, offset)));
         let Some((area, offset)) = found else { return false };
         area.copy_in(offset, from);
         let end = address + from.len() as u64;

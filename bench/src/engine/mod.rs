@@ -19,6 +19,7 @@ mod finding;
 mod firmware;
 mod memory;
 mod node;
+mod nrf52840;
 mod pair;
 mod poll;
 mod rtt;
@@ -32,7 +33,7 @@ pub use memory::GuestMemory;
 pub use node::{LineEdge, Node, PROBE_PERIOD, ResetAt, Usage};
 pub use pair::{Between, Lookahead, Nothing, Pair, Sent};
 pub use rtt::{LogLevel, LogLine};
-pub use run::{Event, Limits, Outcome, run};
+pub use run::{Event, Limits, Outcome, Target, run};
 pub use wiring::{Bare, FlashAction, Part, Wiring};
 
 /// What the engine cannot do, as opposed to what a firmware does wrong.

@@ -9,8 +9,8 @@ use std::collections::BTreeSet;
 
 use rigless::device::{Level, ResetCause};
 use rigless::emulator::{
-    Access, AccessKind, CoreBus, Error as EmulatorError, Exit, Host, HostCall, InterruptLine, Memory, Processor, Queued,
-    Stop, StopReason,
+    Access, AccessKind, CoreBus, Error as EmulatorError, Exit, Host, HostCall, InterruptLine, Memory, Processor,
+    Queued, Stop, StopReason,
 };
 use rigless::mcu::Mcu;
 use rigless::session::Session;
@@ -115,6 +115,7 @@ struct Reported {
     unrouted: usize,
     told: usize,
     unmapped: usize,
+    of_part: usize,
 }
 
 impl Side {
@@ -235,7 +236,8 @@ impl<B: Wiring> CoreBus for Lent<'_, B> {
         } else if self.session.mcu().bus().slot_at(access.address).is_none() {
             // Nothing is there. Rigless alone would answer zero; the part answers with a bus error.
             let verb = if access.kind == AccessKind::Read { "read" } else { "write" };
-            let text = format!("{} bit {verb} at {:#010x}, where the part has nothing", access.width.bits(), access.address);
+            let text =
+                format!("{} bit {verb} at {:#010x}, where the part has nothing", access.width.bits(), access.address);
             self.side.find(FindingKind::Unmapped, at.0, access.program_counter, text);
             return None;
         }
@@ -549,7 +551,12 @@ impl<B: Wiring> Node<B> {
         match exit {
             Exit::Lockup if !self.locked_up => {
                 self.locked_up = true;
-                self.find(FindingKind::Lockup, Some(self.cpu.pc()), "the core locked up: a fault inside a fault handler".into());
+                self.find(
+                    FindingKind::Lockup,
+                    Some(self.cpu.pc()),
+                    "the core locked up: a fault inside a fault handler".into(),
+                );
+                self.input(|board, at| board.part_mut().locked_up(at));
             }
             Exit::Breakpoint => self.trapped(),
             Exit::HostCall => self.host_call(),
@@ -579,6 +586,8 @@ impl<B: Wiring> Node<B> {
             self.side.restart = false;
         }
         if by_core || by_model {
+            // What the firmware logged last, before its start-up code clears the buffer.
+            self.probe_log(self.now());
             self.locked_up = false;
             self.cpu.reset();
             self.start();
@@ -709,10 +718,10 @@ impl<B: Wiring> Node<B> {
     ///
     /// [`Error::NoSymbol`].
     pub fn address_of(&self, symbol: &str) -> Result<u64, Error> {
-        self.firmware.symbol(symbol).map(|symbol| symbol.address).ok_or_else(|| Error::NoSymbol {
-            firmware: self.firmware.name().to_owned(),
-            symbol: symbol.to_owned(),
-        })
+        self.firmware
+            .symbol(symbol)
+            .map(|symbol| symbol.address)
+            .ok_or_else(|| Error::NoSymbol { firmware: self.firmware.name().to_owned(), symbol: symbol.to_owned() })
     }
 
     /// Fills `to` from the firmware's static `symbol`.
@@ -833,6 +842,11 @@ impl<B: Wiring> Node<B> {
             found.push((FindingKind::Unreachable, at, None, format!("a model could not go on: {error}")));
         }
         self.report_session(at, &mut found);
+        let part = self.session.board().0.part();
+        if part.finding_count() != self.side.reported.of_part {
+            self.side.reported.of_part = part.finding_count();
+            found.extend(part.findings().into_iter().map(|(kind, at, text)| (kind, at, None, text)));
+        }
         for (kind, at, pc, text) in found {
             // A list that grew is listed whole; what was already reported is dropped here.
             if self.reported.insert((kind, text.clone())) {
@@ -859,7 +873,9 @@ impl<B: Wiring> Node<B> {
                         "{}.{} ({address:#010x}) has no model and was written {value:#x}",
                         access.instance, access.register
                     ),
-                    None => format!("{}.{} ({address:#010x}) has no model and was read", access.instance, access.register),
+                    None => {
+                        format!("{}.{} ({address:#010x}) has no model and was read", access.instance, access.register)
+                    }
                 };
                 found.push((FindingKind::Unmodelled, at, Some(access.program_counter), text));
             }
@@ -918,7 +934,9 @@ impl<B: Wiring> Node<B> {
         let (lr, pc) = (pushed(5), pushed(6));
         let (cfsr, hfsr) = (self.word(CFSR).unwrap_or(0), self.word(HFSR).unwrap_or(0));
         let mut text = match kind {
-            FindingKind::HardFault => format!("HardFault: {} (CFSR {cfsr:#010x}, HFSR {hfsr:#010x})", fault_names(cfsr, hfsr)),
+            FindingKind::HardFault => {
+                format!("HardFault: {} (CFSR {cfsr:#010x}, HFSR {hfsr:#010x})", fault_names(cfsr, hfsr))
+            }
             _ => format!("exception {exception} (interrupt {}) has no handler", i64::from(exception) - 16),
         };
         if cfsr & 0x8000 != 0
@@ -974,7 +992,11 @@ impl<B: Wiring> Node<B> {
                 self.exit = Some(code);
                 if code != 0 {
                     let pc = self.cpu.pc();
-                    self.find(FindingKind::ExitStatus, Some(pc), format!("the firmware ended the run with status {code}"));
+                    self.find(
+                        FindingKind::ExitStatus,
+                        Some(pc),
+                        format!("the firmware ended the run with status {code}"),
+                    );
                 }
                 Some(0)
             }

@@ -256,6 +256,9 @@ fn next(instant: Option<u64>) -> u64 {
 fn note_late<B: Wiring>(node: &mut Node<B>, at: u64) {
     let now = node.now();
     if now > at.saturating_add(LATE) {
-        node.add_note(FindingKind::Late, format!("a message due at {at} ns arrived at {now} ns: shorten the lookahead"));
+        node.add_note(
+            FindingKind::Late,
+            format!("a message due at {at} ns arrived at {now} ns: shorten the lookahead"),
+        );
     }
 }

@@ -94,8 +94,8 @@ pub(crate) fn is_harmless(first: u16, second: u16, register: impl Fn(usize) -> u
         0xEA00..=0xEBFF => true,
         0xF000..=0xF7FF if second < 0x8000 => true,
         0xF000..=0xF7FF => {
-            let branch = matches!(second & 0xD000, 0x9000 | 0xD000)
-                || (second & 0xD000 == 0x8000 && (first >> 6 & 0xF) < 0xE);
+            let branch =
+                matches!(second & 0xD000, 0x9000 | 0xD000) || (second & 0xD000 == 0x8000 && (first >> 6 & 0xF) < 0xE);
             let barrier = first == 0xF3BF && matches!(second & 0xFFF0, 0x8F40 | 0x8F50 | 0x8F60);
             branch || barrier
         }
@@ -104,11 +104,8 @@ pub(crate) fn is_harmless(first: u16, second: u16, register: impl Fn(usize) -> u
             let base = usize::from(first & 0xF);
             let loads = first & 0x10 != 0 && second >> 12 != 0xF;
             let by_register = first & 0x80 == 0 && second & 0x800 == 0;
-            let offset = if by_register && base != 15 {
-                register(usize::from(second & 0xF)) << (second >> 4 & 3)
-            } else {
-                0
-            };
+            let offset =
+                if by_register && base != 15 { register(usize::from(second & 0xF)) << (second >> 4 & 3) } else { 0 };
             loads && (base == 15 || readable(register(base).wrapping_add(offset)))
         }
         // Data processing, register; multiplication.
@@ -146,7 +143,8 @@ mod tests {
     fn what_stores_waits_or_traps_is_not() {
         // str, strb, strh, push, stm, str (register), str (SP), wfi, wfe, sev, svc, bkpt, cpsid, pop {pc}
         for first in [
-            0x6081, 0x7001, 0x8001, 0xB510, 0xC003, 0x5001, 0x9000, 0xBF30, 0xBF20, 0xBF40, 0xDF00, 0xBEAB, 0xB672, 0xBD10,
+            0x6081, 0x7001, 0x8001, 0xB510, 0xC003, 0x5001, 0x9000, 0xBF30, 0xBF20, 0xBF40, 0xDF00, 0xBEAB, 0xB672,
+            0xBD10,
         ] {
             assert!(!harmless(first, 0), "{first:#06x}");
         }

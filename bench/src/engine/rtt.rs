@@ -50,9 +50,7 @@ pub(crate) fn drain(memory: &mut GuestMemory, block: u64, channel: u64) -> Resul
         return Ok(Vec::new());
     }
     if write >= size || read >= size {
-        return Err(RttFault::Corrupt(format!(
-            "up channel {channel} has offsets {write} and {read} in {size} bytes"
-        )));
+        return Err(RttFault::Corrupt(format!("up channel {channel} has offsets {write} and {read} in {size} bytes")));
     }
     let mut bytes = Vec::new();
     let mut take = |from: u64, to: u64| {
@@ -192,5 +190,76 @@ fn render(at: u64, frame: &defmt_decoder::Frame<'_>) -> LogLine {
             _ => LogLevel::None,
         },
         text: frame.display_message().to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rigless::soc::Region;
+
+    const BLOCK: u64 = 0x2000_0100;
+    const BUFFER: u64 = 0x2000_0200;
+    const SIZE: u64 = 16;
+
+    /// A control block of two up channels, the second with `text` from offset `read` on.
+    fn memory(text: &[u8], read: u64) -> GuestMemory {
+        let mut memory = GuestMemory::new(&[Region::ram("ram", 0x2000_0000, 4096)], &[]);
+        memory.write(BLOCK, MAGIC);
+        memory.put(BLOCK + UP_COUNT, 4, 2);
+        let entry = BLOCK + CHANNELS + CHANNEL_BYTES;
+        for (offset, value) in [(4, BUFFER), (8, SIZE), (12, (read + text.len() as u64) % SIZE), (16, read)] {
+            memory.put(entry + offset, 4, value);
+        }
+        for (index, byte) in (0..).zip(text) {
+            memory.write(BUFFER + (read + index) % SIZE, &[*byte]);
+        }
+        memory
+    }
+
+    #[test]
+    fn a_channel_is_read_across_the_end_of_its_buffer_and_makes_room() {
+        let mut memory = memory(b"over the end", 9);
+        assert_eq!(drain(&mut memory, BLOCK, 1).unwrap(), b"over the end");
+        assert_eq!(drain(&mut memory, BLOCK, 1).unwrap(), b"");
+        let entry = BLOCK + CHANNELS + CHANNEL_BYTES;
+        assert_eq!(memory.value(entry + 16, 4), Some(5));
+    }
+
+    #[test]
+    fn a_channel_that_is_not_there_is_empty() {
+        let mut memory = memory(b"text", 0);
+        assert_eq!(drain(&mut memory, BLOCK, 0).unwrap(), b"");
+        assert_eq!(drain(&mut memory, BLOCK, 2).unwrap(), b"");
+    }
+
+    #[test]
+    fn before_the_firmware_sets_it_up_there_is_nothing_yet() {
+        let mut memory = memory(b"text", 0);
+        memory.write(BLOCK, b"_");
+        assert_eq!(drain(&mut memory, BLOCK, 1), Err(RttFault::NotYet));
+    }
+
+    #[test]
+    fn offsets_past_the_buffer_are_corrupt() {
+        let mut memory = memory(b"text", 0);
+        memory.put(BLOCK + CHANNELS + CHANNEL_BYTES + 12, 4, SIZE);
+        assert!(matches!(drain(&mut memory, BLOCK, 1), Err(RttFault::Corrupt(_))));
+    }
+
+    #[test]
+    fn a_buffer_outside_memory_is_corrupt() {
+        let mut memory = memory(b"text", 0);
+        memory.put(BLOCK + CHANNELS + CHANNEL_BYTES + 4, 4, 0x3000_0000);
+        assert!(matches!(drain(&mut memory, BLOCK, 1), Err(RttFault::Corrupt(_))));
+    }
+
+    #[test]
+    fn text_without_a_table_comes_line_by_line() {
+        let mut stream = LogStream::default();
+        let mut lines = Vec::new();
+        stream.take(None, 5, b"one\r\ntw", |line| lines.push(line.text));
+        stream.take(None, 6, b"o\n", |line| lines.push(line.text));
+        assert_eq!(lines, ["one", "two"]);
     }
 }

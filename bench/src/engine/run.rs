@@ -3,9 +3,49 @@
 //! The run ends when the firmware exits through semihosting, when it dies (a panic whose handler faults, a HardFault, a lock-up),
 //! or at a limit of virtual time. defmt-test exits with `SYS_EXIT_EXTENDED`; panic-probe ends a failed test in a HardFault.
 
+use std::str::FromStr;
+
+use nrf52840_model::{Nrf52840, Settings};
+
 use super::finding::{Finding, FindingKind};
 use super::rtt::LogLine;
 use super::{Bare, Error, Firmware, Node, Part};
+use crate::stm32f427::{Oscillators, Stm32f427Part};
+
+/// A board a firmware can run on alone, with nothing on its pins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Target {
+    /// The DPR's nRF52840.
+    Dpr,
+    /// The HORUS side's STM32F429.
+    Horus,
+}
+
+impl FromStr for Target {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        match name {
+            "dpr" => Ok(Self::Dpr),
+            "horus" => Ok(Self::Horus),
+            _ => Err(format!("no board called {name}: take dpr or horus")),
+        }
+    }
+}
+
+impl Target {
+    /// Runs `firmware` on this board with nothing around it. See [`run`].
+    ///
+    /// # Errors
+    ///
+    /// As [`run`].
+    pub fn run(self, firmware: &Firmware, limits: Limits, event: impl FnMut(Event<'_>)) -> Result<Outcome, Error> {
+        match self {
+            Self::Dpr => run(Nrf52840::new(Settings::default()), firmware, limits, event),
+            Self::Horus => run(Stm32f427Part::new(Oscillators::default()), firmware, limits, event),
+        }
+    }
+}
 
 /// How far a run may go, in virtual nanoseconds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -90,10 +130,8 @@ pub fn run<P: Part>(
         }
         for finding in node.take_findings() {
             event(Event::Finding(&finding));
-            died |= matches!(
-                finding.kind,
-                FindingKind::HardFault | FindingKind::UnhandledInterrupt | FindingKind::Lockup
-            );
+            died |=
+                matches!(finding.kind, FindingKind::HardFault | FindingKind::UnhandledInterrupt | FindingKind::Lockup);
             findings.push(finding);
         }
     }

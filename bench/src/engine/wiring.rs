@@ -12,7 +12,7 @@ use rigless::machine::{Board, Target};
 use rigless::mcu::Mcu;
 use rigless::snapshot::Store;
 
-use super::Clock;
+use super::{Clock, FindingKind};
 
 /// What an access means to program memory whose contents the part's own model does not keep.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -54,6 +54,22 @@ pub trait Part: Mcu + Debug + Send + 'static {
     fn core_only(&self) -> &'static [Range<u64>] {
         &[]
     }
+
+    /// The core locked up at `at` (ns). Parts whose reset controller hears of it restart; the others hang.
+    fn locked_up(&mut self, at: u64) {
+        let _ = at;
+    }
+
+    /// How many entries [`Part::findings`] has, which the engine asks often.
+    fn finding_count(&self) -> usize {
+        0
+    }
+
+    /// What the part's own models found wrong so far, oldest first, beyond what the engine finds by itself: kind, instant (ns) and
+    /// words. The engine reports each once.
+    fn findings(&self) -> Vec<(FindingKind, u64, String)> {
+        Vec::new()
+    }
 }
 
 /// A board: one part, the chips on its buses and the wires between them.
@@ -75,7 +91,7 @@ pub trait Wiring: Debug + Send + 'static {
     }
 
     /// When a chip of the board next acts by itself (ns), `u64::MAX` for never. At that instant the engine calls
-    /// [`Wiring::settle`], which must move it on.
+    /// [`Wiring::settle`], which must move it on. A chip that schedules its events with the part's models needs none of this.
     fn next_event(&self) -> u64 {
         u64::MAX
     }

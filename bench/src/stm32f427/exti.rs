@@ -81,13 +81,7 @@ impl Exti {
 impl Device for Exti {
     type Register = Register;
 
-    fn write(
-        &mut self,
-        register: Register,
-        value: u64,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
+    fn write(&mut self, register: Register, value: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         let every = (1 << LINES) - 1;
         match register {
             Register::Pr => {

@@ -21,12 +21,12 @@ use rigless::device::{ErasedDevice, Level, ResetCause};
 use rigless::emulator::{Access, AccessKind, CoreSpec};
 use rigless::machine::armv7m;
 use rigless::mcu::{Mcu, Operate};
+use rigless::soc::Bus;
 use rigless::soc::stm32f427::generated::{flash, rcc, tim6, tim9, tim10, tim11};
 use rigless::soc::stm32f427::peripherals::gpio::Pin;
 use rigless::soc::stm32f427::peripherals::rcc::Apb;
 use rigless::soc::stm32f427::peripherals::spi::Select;
 use rigless::soc::stm32f427::{PORTS, Stm32f427};
-use rigless::soc::Bus;
 use rigless::time::VirtualNanos;
 
 use crate::engine::{Clock, FlashAction, Part};
@@ -469,11 +469,7 @@ impl Mcu for Stm32f427Part {
 }
 
 /// The timer whose slot is `slot`.
-fn at<'a, R: Rows>(
-    timers: &'a mut [Upcounter<R>],
-    slots: &[usize],
-    slot: usize,
-) -> Option<&'a mut dyn ErasedDevice> {
+fn at<'a, R: Rows>(timers: &'a mut [Upcounter<R>], slots: &[usize], slot: usize) -> Option<&'a mut dyn ErasedDevice> {
     let nth = slots.iter().position(|&own| own == slot)?;
     timers.get_mut(nth).map(|timer| -> &mut dyn ErasedDevice { timer })
 }
@@ -494,7 +490,11 @@ impl Part for Stm32f427Part {
             instructions_per_second: hz,
             boot: "flash",
         };
-        core.spec_with_parts(&rigless::cpu::armv7m::windows(self.mcu.bus()), armv7m::Fpu::FpV4Sp, armv7m::MpuRegions::Eight)
+        core.spec_with_parts(
+            &rigless::cpu::armv7m::windows(self.mcu.bus()),
+            armv7m::Fpu::FpV4Sp,
+            armv7m::MpuRegions::Eight,
+        )
     }
 
     fn clock(&self) -> Clock {

@@ -89,17 +89,10 @@ impl Device for Wwdg {
         registers: &mut RegisterFile,
         context: &mut DeviceContext<'_>,
     ) -> Option<u64> {
-        (register == Register::Cr)
-            .then(|| self.count(context.now().0, registers) | if self.active { WDGA } else { 0 })
+        (register == Register::Cr).then(|| self.count(context.now().0, registers) | if self.active { WDGA } else { 0 })
     }
 
-    fn write(
-        &mut self,
-        register: Register,
-        value: u64,
-        registers: &mut RegisterFile,
-        context: &mut DeviceContext<'_>,
-    ) {
+    fn write(&mut self, register: Register, value: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         match register {
             Register::Cr => {
                 let now = context.now().0;
