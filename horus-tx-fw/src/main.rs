@@ -195,6 +195,10 @@ mod app {
             pac::UART7::enable(&mut rcc);
         }
 
+        // The watchdog's prescaler and reload reach its own clock domain some LSI periods after they were
+        // written (RM0090 "IWDG", status register); from here on it counts with them.
+        watchdog.feed();
+
         let mut radio = Radio::new(device.SPI1, device.TIM5);
         let mut transmitter = Transmitter::new(PollerConfig::new(), &HORUS_TELEMETRY);
         transmitter.start(&mut radio);
