@@ -20,7 +20,7 @@ use core::hint::black_box;
 
 use profile::{
     air::{self, Place},
-    freshness, Freshness, Object, Rejection, MAX_RECEIVERS,
+    freshness, Freshness, Object, Profile, Rejection, MAX_RECEIVERS,
 };
 
 /// Objects that a profile has at most.
@@ -106,6 +106,61 @@ impl Verdict {
     }
 }
 
+/// The objects of a frame that were verified while it was still arriving.
+///
+/// Verifying is most of what a frame costs, and all but the last object are complete half a millisecond before the frame ends.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Early {
+    /// The payload length that LEN announced; 0 if nothing has arrived.
+    length: usize,
+    /// Objects verified, from the front.
+    done: usize,
+    intact: Objects,
+    timestamps: [u32; MAX_OBJECTS],
+}
+
+impl Early {
+    const fn of(length: usize) -> Self {
+        Self { length, done: 0, intact: Objects::NONE, timestamps: [0; MAX_OBJECTS] }
+    }
+
+    /// `arrived` is what has arrived of the frame so far, beginning with LEN, in a buffer that only grows until the frame is over; empty
+    /// if another frame begins. Verifies the objects that are complete and were not verified yet.
+    pub fn follow<const N: usize>(&mut self, arrived: &[u8]) {
+        let Some((&len, payload)) = arrived.split_first() else {
+            *self = Self::default();
+            return;
+        };
+        if self.length == 0 {
+            // LEN counts itself.
+            *self = Self::of(usize::from(len).saturating_sub(1));
+        }
+        self.advance::<N>(payload);
+    }
+
+    /// `payload` is what there is of it.
+    fn advance<const N: usize>(&mut self, payload: &[u8]) {
+        let places = (0..air::frames(N)).filter_map(Place::of_frame::<N>);
+        let Some(place) = places.into_iter().find(|place| place.length() == self.length) else { return };
+        while self.done < place.count() {
+            let index = place.first() + self.done;
+            let Some(bytes) = Profile::<N>::place(index).and_then(|range| {
+                let start = range.start.checked_sub(place.offset())?;
+                payload.get(start..start + range.len())
+            }) else {
+                return;
+            };
+            // The barrier keeps the compiler from going separate ways with intact and damaged objects.
+            self.intact = self.intact.with(index, black_box(Object::verify(index, bytes).is_ok()));
+            // Every object begins with its timestamp; that of a damaged one is not used.
+            if let (Some(timestamp), Some(bytes)) = (self.timestamps.get_mut(index), bytes.first_chunk()) {
+                *timestamp = u32::from_le_bytes(*bytes);
+            }
+            self.done += 1;
+        }
+    }
+}
+
 /// Memory of the cycles, for a profile of `N` receivers.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Acceptance<const N: usize> {
@@ -123,23 +178,17 @@ impl<const N: usize> Acceptance<N> {
         Self { timestamp: None, seen: Objects::NONE, fresh: false }
     }
 
-    /// Judges a frame.
+    /// Judges a frame, of which `early` has verified a part.
     ///
     /// # Errors
     ///
     /// [`Rejection::Length`] if no frame of this profile is that long; then nothing has changed.
-    pub fn judge(&mut self, payload: &[u8]) -> Result<Verdict, Rejection> {
+    pub fn judge(&mut self, payload: &[u8], early: Early) -> Result<Verdict, Rejection> {
         let place = air::place::<N>(payload)?;
-        let mut timestamps = [0; MAX_OBJECTS];
-        let mut intact = Objects::NONE;
-        for (index, bytes) in air::objects::<N>(payload)? {
-            // The barrier keeps the compiler from going separate ways with intact and damaged objects.
-            intact = intact.with(index, black_box(Object::verify(index, bytes).is_ok()));
-            // Every object begins with its timestamp; that of a damaged one is not used.
-            if let (Some(timestamp), Some(bytes)) = (timestamps.get_mut(index), bytes.first_chunk()) {
-                *timestamp = u32::from_le_bytes(*bytes);
-            }
-        }
+        // What was verified under another length than the frame turned out to have was not verified.
+        let mut early = if early.length == payload.len() { early } else { Early::of(payload.len()) };
+        early.advance::<N>(payload);
+        let Early { intact, timestamps, .. } = early;
         let mut of_frame = None;
         for (index, timestamp) in timestamps.into_iter().enumerate().rev() {
             if intact.has(index) {
@@ -177,13 +226,13 @@ mod tests {
     use proptest::prelude::*;
 
     fn accepted<const N: usize>(acceptance: &mut Acceptance<N>, payload: &[u8]) -> u32 {
-        acceptance.judge(payload).expect("the length is right").accepted.count()
+        acceptance.judge(payload, Early::default()).expect("the length is right").accepted.count()
     }
 
     #[test]
     fn a_sound_frame_is_accepted_whole() {
         let mut acceptance = Acceptance::<3>::new();
-        let verdict = acceptance.judge(profile::<3>(10).as_bytes()).expect("the length is right");
+        let verdict = acceptance.judge(profile::<3>(10).as_bytes(), Early::default()).expect("the length is right");
         assert_eq!(verdict.accepted, Objects::all(3));
         assert_eq!(verdict.rejected(), Objects::NONE);
         assert_eq!(verdict.cycle, Cycle::Next(Freshness::First));
@@ -203,7 +252,8 @@ mod tests {
             (10, 2, Freshness::Restarted),
             (20, 2, Freshness::Fresh { missed: 0 }),
         ] {
-            let verdict = acceptance.judge(profile::<1>(timestamp).as_bytes()).expect("the length is right");
+            let verdict =
+                acceptance.judge(profile::<1>(timestamp).as_bytes(), Early::default()).expect("the length is right");
             assert_eq!((verdict.accepted.count(), verdict.cycle), (count, Cycle::Next(step)), "at {timestamp}");
         }
     }
@@ -213,7 +263,7 @@ mod tests {
         let mut acceptance = Acceptance::<5>::new();
         let [first, second] = frames(10);
         assert_eq!(accepted(&mut acceptance, &second), 3);
-        let verdict = acceptance.judge(&first).expect("the length is right");
+        let verdict = acceptance.judge(&first, Early::default()).expect("the length is right");
         assert_eq!((verdict.cycle, verdict.accepted.count()), (Cycle::Same, 3));
         assert_eq!(accepted(&mut acceptance, &first), 0);
         assert_eq!(accepted(&mut acceptance, &second), 0);
@@ -232,14 +282,14 @@ mod tests {
     fn objects_of_another_cycle_in_one_frame_are_rejected_by_themselves() {
         let mut payload = profile::<3>(20).as_bytes().to_vec();
         payload[124..184].copy_from_slice(&profile::<3>(10).as_bytes()[124..184]);
-        let verdict = Acceptance::<3>::new().judge(&payload).expect("the length is right");
+        let verdict = Acceptance::<3>::new().judge(&payload, Early::default()).expect("the length is right");
         assert_eq!(verdict.rejected(), Objects(1 << 2));
     }
 
     #[test]
     fn a_scrubbed_buffer_holds_no_object() {
         for fill in [0x00, 0xFF] {
-            let verdict = Acceptance::<3>::new().judge(&[fill; 244]).expect("the length is right");
+            let verdict = Acceptance::<3>::new().judge(&[fill; 244], Early::default()).expect("the length is right");
             assert_eq!((verdict.cycle, verdict.accepted), (Cycle::Unknown, Objects::NONE));
         }
     }
@@ -250,17 +300,55 @@ mod tests {
             let mut payload = profile::<3>(10).as_bytes().to_vec();
             payload[byte] ^= flip;
             let hit = if byte < 64 { 0 } else { 1 + (byte - 64) / 60 };
-            let verdict = Acceptance::<3>::new().judge(&payload).expect("the length is right");
+            let verdict = Acceptance::<3>::new().judge(&payload, Early::default()).expect("the length is right");
             prop_assert_eq!(verdict.rejected(), Objects(1 << hit));
         }
 
         #[test]
         fn no_other_length_is_judged(length in 0_usize..300) {
             let payload = vec![0; length];
-            prop_assert_eq!(Acceptance::<1>::new().judge(&payload).is_ok(), length == 124);
-            prop_assert_eq!(Acceptance::<2>::new().judge(&payload).is_ok(), length == 184);
-            prop_assert_eq!(Acceptance::<3>::new().judge(&payload).is_ok(), length == 244);
-            prop_assert_eq!(Acceptance::<5>::new().judge(&payload).is_ok(), length == 184 || length == 180);
+            prop_assert_eq!(Acceptance::<1>::new().judge(&payload, Early::default()).is_ok(), length == 124);
+            prop_assert_eq!(Acceptance::<2>::new().judge(&payload, Early::default()).is_ok(), length == 184);
+            prop_assert_eq!(Acceptance::<3>::new().judge(&payload, Early::default()).is_ok(), length == 244);
+            prop_assert_eq!(Acceptance::<5>::new().judge(&payload, Early::default()).is_ok(), length == 184 || length == 180);
         }
+    }
+
+    proptest! {
+        #[test]
+        fn what_was_verified_early_changes_no_verdict(
+            byte in 0_usize..370, flip: u8, reads in prop::collection::vec(1_usize..246, 0..4), announced in prop::option::of(any::<u8>()),
+        ) {
+            let sent = profile::<5>(10);
+            for mut payload in air::split(&sent).map(<[u8]>::to_vec) {
+                if let Some(byte) = payload.get_mut(byte) {
+                    *byte ^= flip;
+                }
+                let mut arrived = vec![announced.unwrap_or(payload.len() as u8 + 1)];
+                arrived.extend(&payload);
+                let mut early = Early::default();
+                // The read of another frame, given up.
+                early.follow::<5>(&[185; 100]);
+                early.follow::<5>(&[]);
+                let mut reads = reads.clone();
+                reads.sort_unstable();
+                for read in reads {
+                    early.follow::<5>(&arrived[..read.min(arrived.len())]);
+                }
+                let verdict = Acceptance::<5>::new().judge(&payload, early);
+                prop_assert_eq!(verdict, Acceptance::<5>::new().judge(&payload, Early::default()));
+            }
+        }
+    }
+
+    #[test]
+    fn all_but_the_last_object_are_verified_before_the_last_bytes_arrive() {
+        let mut arrived = vec![245];
+        arrived.extend(profile::<3>(10).as_bytes());
+        let mut early = Early::default();
+        early.follow::<3>(&arrived[..16]);
+        assert_eq!(early.done, 0);
+        early.follow::<3>(&arrived[..222]);
+        assert_eq!((early.done, early.intact), (3, Objects(0b0111)));
     }
 }

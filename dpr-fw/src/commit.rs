@@ -18,7 +18,7 @@ use core::hint::black_box;
 use profile::{air, image::Image, GpsObject, Rejection, ReportedPosition};
 
 use crate::{
-    accept::{Acceptance, Cycle, Objects, Verdict},
+    accept::{Acceptance, Cycle, Early, Objects, Verdict},
     link::{Health, Link, Monitor},
     ImageMemory,
 };
@@ -38,6 +38,8 @@ pub struct Frame<'a> {
     pub payload: &'a [u8],
     /// The counter, µs, when the front end reported its end.
     pub ended_us: u32,
+    /// What of it was verified while it arrived.
+    pub early: Early,
 }
 
 /// What came of a frame or a deadline.
@@ -95,7 +97,7 @@ impl<const N: usize> Commit<N> {
         health: &Health,
         images: &mut impl Images,
     ) -> Result<Committed, Rejection> {
-        let verdict = self.acceptance.judge(frame.payload)?;
+        let verdict = self.acceptance.judge(frame.payload, frame.early)?;
         self.link.advance(now_us);
         self.link.frame(&verdict, now_us.wrapping_sub(frame.ended_us));
 
@@ -273,7 +275,7 @@ mod tests {
         }
         fn frame(&mut self, payload: &[u8], after_us: u32) -> Result<Committed, Rejection> {
             self.now += after_us;
-            let frame = Frame { payload, ended_us: self.now };
+            let frame = Frame { payload, ended_us: self.now, early: Early::default() };
             self.commit.frame(frame, self.now + 90, &Health::default(), &mut self.album)
         }
         fn expired(&mut self, after_us: u32) -> Committed {

@@ -316,6 +316,17 @@ impl RfPort {
         self.receive = self.receive.take().map(with);
     }
 
+    /// What has arrived of a frame, `len` bytes beginning with LEN; to be called while no read runs, which would put its own bytes in.
+    pub(crate) fn arrived(&self, len: usize) -> &[u8] {
+        match &self.receive {
+            Some(receive) if !self.running || !matches!(self.transfer, Transfer::Read { .. }) => {
+                let bytes: &[u8] = bytemuck::cast_slice(receive.peek().as_slice());
+                bytes.get(LEAD..LEAD + len).unwrap_or(&[])
+            }
+            _ => &[],
+        }
+    }
+
     /// Starts SPIM0 on `tx[..send]` and `receive` bytes at `into`.
     ///
     /// # Safety

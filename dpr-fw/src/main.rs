@@ -27,6 +27,7 @@ mod app {
     use cortex_m::peripheral::DWT;
     use defmt_rtt as _;
     use dpr_fw::{
+        accept::Early,
         commit::{Commit, Committed, Frame, Images},
         link::Health,
         rf::{Executor, LEAD},
@@ -62,6 +63,13 @@ mod app {
     pub struct FrameInfo {
         len: usize,
         ended_us: u32,
+        early: Early,
+    }
+
+    /// What the RFID tasks, of the same priority, share.
+    pub struct Receiving {
+        executor: Executor<RfPort>,
+        early: Early,
     }
 
     /// State of the RFID front end.
@@ -90,7 +98,7 @@ mod app {
         exchange: Exchange<ImageBuffer>,
         front_end: FrontEnd,
         #[lock_free]
-        rf: Executor<RfPort>,
+        rf: Receiving,
         #[lock_free]
         committing: Committing,
     }
@@ -122,8 +130,9 @@ mod app {
         let board = hw::init(&mut core, cx.device, memory, receive);
         defmt::info!("DPR for {=usize} receivers; watchdog reset: {=bool}", RECEIVERS, board.watchdog_reset);
         // The first step of the bring-up; nothing else can have come yet.
-        let mut rf = Executor::new(Listener::new(LISTENER), board.rf);
-        let _ = rf.resume();
+        let mut executor = Executor::new(Listener::new(LISTENER), board.rf);
+        let _ = executor.resume();
+        let rf = Receiving { executor, early: Early::default() };
         // The first image, before anything is heard.
         rtic::pend(Interrupt::TIMER1);
         let committing = Committing {
@@ -230,19 +239,21 @@ mod app {
         serve(cx.shared.rf, cx.shared.rotation, cx.shared.front_end);
     }
 
-    /// Carries the front end's driver as far as it goes. A frame goes to `commit`, and the driver on with a clean buffer.
+    /// Carries the front end's driver as far as it goes. A frame goes to `commit`, and the driver on with a clean buffer. While a frame
+    /// arrives, the objects that are complete are verified here, so that they are not in the way after its last bit.
     fn serve(
-        rf: &mut Executor<RfPort>,
+        rf: &mut Receiving,
         mut rotation: impl Mutex<T = Rotation<ReceiveBuffer, FrameInfo>>,
         mut front_end: impl Mutex<T = FrontEnd>,
     ) {
-        let mut event = rf.poll();
+        let Receiving { executor, early } = rf;
+        let mut event = executor.poll();
         while let Some(happened) = event {
             match happened {
                 ListenerEvent::Frame { len, flags } => {
                     TELEMETRY.chip_crc_flags.add(u32::from(!flags.is_clean()));
-                    let info = FrameInfo { len, ended_us: rf.irq_us() };
-                    rf.port().exchange(|filled| {
+                    let info = FrameInfo { len, ended_us: executor.irq_us(), early: *early };
+                    executor.port().exchange(|filled| {
                         let (next, rotated) = rotation.lock(|rotation| rotation.rotate(filled, info));
                         if let Rotated::Overrun(found) = rotated {
                             TELEMETRY.overruns.add(1);
@@ -263,7 +274,10 @@ mod app {
                 ListenerEvent::Dropped(_) => TELEMETRY.rf_faults.add(1),
                 ListenerEvent::FieldOn | ListenerEvent::FieldOff => {}
             }
-            event = rf.resume();
+            event = executor.resume();
+        }
+        if let Some(arrived) = executor.arrived() {
+            early.follow::<RECEIVERS>(executor.port().arrived(arrived));
         }
     }
 
@@ -275,10 +289,11 @@ mod app {
         let mut outbox = Outbox { exchange, filling: &mut committing.filling };
         let health = health(front_end, committing.watchdog_reset);
         while let Some(received) = rotation.lock(Rotation::read) {
-            let FrameInfo { len, ended_us } = *received.about();
+            let FrameInfo { len, ended_us, early } = *received.about();
             let bytes: &[u8] = bytemuck::cast_slice(received.memory().as_slice());
             let payload = bytes.get(LEAD + PAYLOAD_OFFSET..LEAD + PAYLOAD_OFFSET + len).unwrap_or(&[]);
-            let result = committing.commit.frame(Frame { payload, ended_us }, hw::now_us(), &health, &mut outbox);
+            let result =
+                committing.commit.frame(Frame { payload, ended_us, early }, hw::now_us(), &health, &mut outbox);
             match result {
                 Ok(Committed { published, deadline_us }) => {
                     let passed = hw::now_us().wrapping_sub(ended_us);

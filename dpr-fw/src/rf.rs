@@ -77,12 +77,15 @@ pub struct Executor<P> {
     port: P,
     waiting: Waiting,
     irq_us: u32,
+    /// Where the read that runs or ran last starts, and its length.
+    read: (usize, usize),
+    arrived: usize,
 }
 
 impl<P: Port> Executor<P> {
     /// Nothing has happened yet; [`Executor::resume`] begins the bring-up.
     pub fn new(listener: Listener, port: P) -> Self {
-        Self { listener, port, waiting: Waiting::Owner, irq_us: 0 }
+        Self { listener, port, waiting: Waiting::Owner, irq_us: 0, read: (0, 0), arrived: 0 }
     }
 
     /// The port, to swap its buffer while an event is in hand.
@@ -95,11 +98,19 @@ impl<P: Port> Executor<P> {
         self.irq_us
     }
 
+    /// How many bytes of the frame that is being received are in the buffer, LEN included; 0 as soon as another begins or none is there.
+    /// `None` while more are read: then nobody may look.
+    pub fn arrived(&self) -> Option<usize> {
+        let reading = self.waiting == Waiting::Transfer && self.arrived < self.read.0 + self.read.1;
+        (!reading || self.arrived == 0).then_some(self.arrived)
+    }
+
     /// Looks what has come and goes on as far as possible; with an event if there is one, after which [`Executor::resume`] has to be
     /// called.
     pub fn poll(&mut self) -> Option<ListenerEvent> {
         let step = match self.waiting {
             Waiting::Transfer if self.port.ended() => {
+                self.arrived = self.read.0 + self.read.1;
                 let input = self.port.response().map_or(Input::Failed, Input::Done);
                 self.listener.step(input)
             }
@@ -135,6 +146,9 @@ impl<P: Port> Executor<P> {
                 }
                 Step::Transfer(Transfer::Read { offset, len }) => {
                     self.wait(Waiting::Transfer, TRANSFER_US);
+                    self.read = (offset, len);
+                    // The first read of a frame starts at its beginning.
+                    self.arrived = offset;
                     self.port.start_read(offset, len);
                     return None;
                 }
@@ -154,6 +168,8 @@ impl<P: Port> Executor<P> {
                 }
                 Step::Event(event) => {
                     self.waiting = Waiting::Owner;
+                    self.read = (0, 0);
+                    self.arrived = 0;
                     return Some(event);
                 }
             }

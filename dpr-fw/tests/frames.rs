@@ -5,6 +5,7 @@
 use std::{cell::RefCell, collections::VecDeque, rc::Rc};
 
 use dpr_fw::{
+    accept::Early,
     commit::{Commit, Committed, Frame, Images},
     link::Health,
     rf::{Executor, Failed, Port, LEAD},
@@ -198,7 +199,9 @@ impl Images for Album {
 struct Dpr<const N: usize> {
     world: Rc<RefCell<World>>,
     executor: Executor<SimPort>,
-    rotation: Rotation<Buffer, (usize, u32)>,
+    rotation: Rotation<Buffer, (usize, u32, Early)>,
+    early: Early,
+    verified_early: u32,
     commit: Commit<N>,
     album: Album,
     events: Vec<ListenerEvent>,
@@ -226,6 +229,8 @@ impl<const N: usize> Dpr<N> {
             world,
             executor,
             rotation,
+            early: Early::default(),
+            verified_early: 0,
             commit: Commit::new(),
             album: Album { filling: [0; IMAGE_WORDS], published: Vec::new(), now: 0 },
             events: Vec::new(),
@@ -260,7 +265,7 @@ impl<const N: usize> Dpr<N> {
         while let Some(happened) = event {
             self.events.push(happened);
             if let ListenerEvent::Frame { len, .. } = happened {
-                let about = (len, self.executor.irq_us());
+                let about = (len, self.executor.irq_us(), self.early);
                 let port = self.executor.port();
                 let (next, rotated) = self.rotation.rotate(port.buffer.take().expect("the buffer is here"), about);
                 assert_eq!(rotated, Rotated::Handed);
@@ -268,13 +273,20 @@ impl<const N: usize> Dpr<N> {
             }
             event = self.executor.resume();
         }
+        if let Some(arrived) = self.executor.arrived() {
+            let buffer = self.executor.port().buffer.as_ref().expect("the buffer is here");
+            let bytes: &[u8] = bytemuck::cast_slice(buffer.peek().as_slice());
+            let before = self.early;
+            self.early.follow::<N>(&bytes[LEAD..LEAD + arrived]);
+            self.verified_early += u32::from(arrived > 0 && self.early != before);
+        }
         self.album.now = self.world.borrow().now;
         let now_us = (self.album.now / 1_000) as u32;
         while let Some(received) = self.rotation.read() {
-            let (len, ended_us) = *received.about();
+            let (len, ended_us, early) = *received.about();
             let bytes: &[u8] = bytemuck::cast_slice(received.memory().as_slice());
             let payload = &bytes[LEAD + PAYLOAD_OFFSET..][..len];
-            let frame = Frame { payload, ended_us };
+            let frame = Frame { payload, ended_us, early };
             let _: Result<Committed, _> = self.commit.frame(frame, now_us, &Health::default(), &mut self.album);
             self.rotation.done(received);
         }
