@@ -21,7 +21,10 @@ impl Span {
         series
             .into_iter()
             .fold(None, |span: Option<Self>, value| {
-                Some(span.map_or(Self { min: value, max: value }, |span| Self { min: span.min.min(value), max: span.max.max(value) }))
+                Some(span.map_or(Self { min: value, max: value }, |span| Self {
+                    min: span.min.min(value),
+                    max: span.max.max(value),
+                }))
             })
             .unwrap_or_default()
     }

@@ -63,7 +63,7 @@
 //! assert_eq!(mosi(poller.step(Input::Done(&[0; 2]))), [0x0A, 0x00]);
 //! assert_eq!(mosi(poller.step(Input::Done(&[0; 2]))), [0x10, 0x00, 0x00]); // no-response timer off
 //! assert_eq!(mosi(poller.step(Input::Done(&[0; 3]))), [0x28, 0x40]); // 12 % AM
-//! assert_eq!(mosi(poller.step(Input::Done(&[0; 2]))), [0x16, 0x77, 0x7F, 0xFF, 0xFF]); // masks
+//! assert_eq!(mosi(poller.step(Input::Done(&[0; 2]))), [0x16, 0x77, 0x7F, 0xFF, 0xFB]); // masks
 //! assert_eq!(mosi(poller.step(Input::Done(&[0; 5]))), [0x02, 0x88]); // field on, receiver off
 //! assert_eq!(mosi(poller.step(Input::Done(&[0; 2]))), [0x42, 0, 0, 0]); // as written?
 //! assert_eq!(poller.step(Input::Done(&[0, 0x88, 0x1C, 0x22])), Step::Event(PollerEvent::Ready));
@@ -75,12 +75,12 @@
 //! let load = Transfer::Load { offset: 0, len: 244 }; // 80 and the payload
 //! assert_eq!(poller.step(Input::Done(&[0; 3])), Step::Transfer(load));
 //! assert_eq!(mosi(poller.step(Input::Done(&[]))), [0x59, 0, 0, 0, 0, 0, 0, 0]); // all there?
-//! assert_eq!(poller.step(Input::Done(&[0, 0xFF, 0, 0, 0, 0, 244, 0])), Step::Event(PollerEvent::Loaded));
+//! assert_eq!(poller.step(Input::Done(&[0, 0xFB, 0, 0, 0, 0, 244, 0])), Step::Event(PollerEvent::Loaded));
 //! // At its own instant the executor sends this one byte:
 //! assert_eq!(Poller::transmit().bytes(), [0xC4]);
 //! assert_eq!(poller.step(Input::Done(&[0])), Step::Wait { micros: 4_815 + 500 });
 //! assert_eq!(mosi(poller.step(Input::Irq)), [0x59, 0, 0, 0, 0, 0, 0, 0]);
-//! assert_eq!(poller.step(Input::Done(&[0, 0xFF, 0x08, 0, 0, 0, 0, 0])), Step::Event(PollerEvent::Sent)); // I_txe
+//! assert_eq!(poller.step(Input::Done(&[0, 0xFB, 0x08, 0, 0, 0, 0, 0])), Step::Event(PollerEvent::Sent)); // I_txe
 //! assert_eq!(mosi(poller.step(Input::Start)), [0x42, 0, 0, 0]); // still configured?
 //! assert_eq!(mosi(poller.step(Input::Done(&[0, 0x88, 0x1C, 0x22]))), [0x71, 0]); // field still on?
 //! assert_eq!(poller.step(Input::Done(&[0, 0x30])), Step::Event(PollerEvent::Ready));
@@ -104,7 +104,7 @@
 //! assert_eq!(mosi(listener.step(Input::Done(&[0; 2]))), [0xFB, 0x28, 0x00]); // no driver for it
 //! assert_eq!(mosi(listener.step(Input::Done(&[0; 3]))), [0x26, 0x00, 0xFF]); // antenna tuning
 //! assert_eq!(mosi(listener.step(Input::Done(&[0; 3]))), [0x0F, 0x02]);
-//! assert_eq!(mosi(listener.step(Input::Done(&[0; 2]))), [0x16, 0xCF, 0xE7, 0x0F, 0xFF]); // masks
+//! assert_eq!(mosi(listener.step(Input::Done(&[0; 2]))), [0x16, 0xCF, 0xE7, 0x0F, 0xFB]); // masks
 //! assert_eq!(mosi(listener.step(Input::Done(&[0; 5]))), [0x03, 0xA0, 0x22]); // target, NFC-F, 424
 //! assert_eq!(mosi(listener.step(Input::Done(&[0; 3]))), [0x02, 0xC3]); // receiver, field detector
 //! assert_eq!(mosi(listener.step(Input::Done(&[0; 2]))), [0xDB]); // clear FIFO
@@ -115,16 +115,16 @@
 //! let mut buffer = [0; st25r3916::listener::BUFFER];
 //! assert_eq!(listener.step(Input::Start), Step::Wait { micros: 20_000 });
 //! assert_eq!(mosi(listener.step(Input::Irq)), [0x59, 0, 0, 0, 0, 0, 0, 0]);
-//! assert_eq!(listener.step(Input::Done(&[0, 0xFF, 0x20, 0, 0, 0, 0, 0])), Step::Wait { micros: 6_000 }); // I_rxs
+//! assert_eq!(listener.step(Input::Done(&[0, 0xFB, 0x20, 0, 0, 0, 0, 0])), Step::Wait { micros: 6_000 }); // I_rxs
 //! assert_eq!(mosi(listener.step(Input::Irq)), [0x59, 0, 0, 0, 0, 0, 0, 0]);
 //! let read = Transfer::Read { offset: 0, len: 247 }; // 9F, then into the buffer
-//! assert_eq!(listener.step(Input::Done(&[0, 0xFF, 0x10, 0, 0, 0, 247, 0])), Step::Transfer(read)); // I_rxe
+//! assert_eq!(listener.step(Input::Done(&[0, 0xFB, 0x10, 0, 0, 0, 247, 0])), Step::Transfer(read)); // I_rxe
 //! buffer[0] = 245; // what the transfer brought: LEN, payload, CRC-16
 //! let frame = ListenerEvent::Frame { len: 244, flags: FrameFlags::empty() };
 //! assert_eq!(listener.step(Input::Done(&buffer[..247])), Step::Event(frame));
 //! // The payload, buffer[1..245], is the caller's; with `Start` the receiver is armed again.
 //! assert_eq!(mosi(listener.step(Input::Start)), [0x59, 0, 0, 0, 0, 0, 0, 0]); // none begun meanwhile?
-//! assert_eq!(mosi(listener.step(Input::Done(&[0, 0xFF, 0, 0, 0, 0, 0, 0]))), [0xDB]);
+//! assert_eq!(mosi(listener.step(Input::Done(&[0, 0xFB, 0, 0, 0, 0, 0, 0]))), [0xDB]);
 //! assert_eq!(mosi(listener.step(Input::Done(&[0]))), [0xD1]);
 //! assert_eq!(listener.step(Input::Done(&[0])), Step::Wait { micros: 20_000 });
 //!

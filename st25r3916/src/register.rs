@@ -27,8 +27,8 @@ pub const NO_RESPONSE_TIMER: u8 = 0x10;
 /// First of four interrupt mask registers, 0x16..=0x19; 1 masks. A masked bit still sets.
 pub const IRQ_MASK_MAIN: u8 = 0x16;
 /// Last interrupt mask register. Everything it masks concerns card emulation in NFC-A and wake-up;
-/// this driver keeps it at [`IRQ_MASK_TARGET_ALL`], which a reset chip does not (it reads 0). Its bits hold what is
-/// written (*seen*: 0xFB).
+/// this driver keeps it at [`IRQ_MASK_TARGET_ALL`], which a reset chip does not (it reads 0). Bit 2 is reserved and
+/// reads 0 whatever is written (*seen*: 0xFF written, 0xFB read).
 pub const IRQ_MASK_TARGET: u8 = 0x19;
 /// First of four interrupt registers, 0x1A..=0x1D; reading clears.
 pub const IRQ_MAIN: u8 = 0x1A;
@@ -119,8 +119,9 @@ pub const POLLER_MASKS: [u8; 4] = [0x77, 0x7F, 0xFF, IRQ_MASK_TARGET_ALL];
 /// Listener masks: all but I_rxs and I_rxe, all but I_eon and I_eof, errors not masked, every
 /// target interrupt masked.
 pub const LISTENER_MASKS: [u8; 4] = [0xCF, 0xE7, 0x0F, IRQ_MASK_TARGET_ALL];
-/// [`IRQ_MASK_TARGET`] as this driver sets it; 0x00 after a reset.
-pub const IRQ_MASK_TARGET_ALL: u8 = 0xFF;
+/// [`IRQ_MASK_TARGET`] as this driver sets it: every interrupt that exists, the reserved bit 2 left 0, so that it reads back
+/// as written; 0x00 after a reset.
+pub const IRQ_MASK_TARGET_ALL: u8 = 0xFB;
 
 /// FIFO status 2: underflow.
 pub const FIFO_UNDERFLOW: u8 = 0x20;

@@ -4,7 +4,7 @@
 //! interrupt registers (which reading clears), the two FIFO status registers. Reading them together
 //! saves two transfers per interrupt and pairs the interrupts with a FIFO level that is never older
 //! than they are. The mask register is read along because it costs one byte and is the witness that
-//! the chip still has its configuration: this driver keeps it at 0xFF and a reset makes it 0x00.
+//! the chip still has its configuration: this driver keeps it at 0xFB and a reset makes it 0x00.
 
 use crate::command;
 use crate::machine::{Fault, Short};
@@ -36,12 +36,12 @@ impl Status {
         let &[_, mask, main, timer, error, target, low, high] = response else {
             return Err(Fault::Bus);
         };
-        if mask != reg::IRQ_MASK_TARGET_ALL {
-            return Err(Fault::Reset);
-        }
         let count = u16::from(high & 0xC0) << 2 | u16::from(low);
         if count > reg::FIFO_SIZE {
             return Err(Fault::Bus);
+        }
+        if mask != reg::IRQ_MASK_TARGET_ALL {
+            return Err(Fault::Reset);
         }
         Ok(Self { main, timer, error, target, count, fifo: high & 0x3F })
     }
@@ -67,7 +67,7 @@ mod tests {
 
     #[test]
     fn a_status_is_read_bit_by_bit() {
-        let status = Status::parse(&[0, 0xFF, 0x30, 0x18, 0x80, 0, 0xF7, 0x50]).unwrap();
+        let status = Status::parse(&[0, 0xFB, 0x30, 0x18, 0x80, 0, 0xF7, 0x50]).unwrap();
         assert_eq!(status.count, 0x1F7);
         assert!(status.is_set(reg::IRQ_RXS) && status.is_set(reg::IRQ_RXE) && !status.is_set(reg::IRQ_TXE));
         assert!(status.flow_error() && !status.is_quiet());

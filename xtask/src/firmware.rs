@@ -40,7 +40,8 @@ pub(crate) fn build_for_target(args: &[&str], name: &str) -> Result<PathBuf> {
     let lines = BufReader::new(child.stdout.take().context("cargo has no standard output")?).lines();
     let mut executable = None;
     for line in lines {
-        let message: serde_json::Value = serde_json::from_str(&line?).context("cargo printed something that is not JSON")?;
+        let message: serde_json::Value =
+            serde_json::from_str(&line?).context("cargo printed something that is not JSON")?;
         if message["reason"] == "compiler-artifact" && message["target"]["name"] == name {
             if let Some(path) = message["executable"].as_str() {
                 executable = Some(PathBuf::from(path));

@@ -1,14 +1,15 @@
 //! Fuzzes the profile's parsers.
 //!
 //! cargo-fuzz on the pinned toolchain: `profile` forbids unsafe code, so no sanitizer is wanted, and without one no
-//! nightly compiler is needed. What a run finds goes into the corpus, which the ordinary tests replay.
+//! nightly compiler is needed. The committed corpus seeds each run and is replayed by the ordinary tests; what a run adds
+//! stays below `target/`, and a crash is written to `profile/fuzz/artifacts`, to be minimised into the corpus.
 
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
 
-use crate::workspace::{CARGO_FUZZ, cargo, check, install, root};
+use crate::workspace::{CARGO_FUZZ, cargo, check, install, root, target_dir};
 
 #[derive(Args)]
 pub(crate) struct FuzzArgs {
@@ -32,9 +33,15 @@ pub(crate) fn fuzz(args: &FuzzArgs) -> Result<ExitCode> {
     };
     for target in chosen {
         eprintln!("-- fuzzing {target} for {} s", args.seconds);
+        // The first folder is the one that libFuzzer adds to.
+        let found = target_dir().join("fuzz-corpus").join(&target);
+        std::fs::create_dir_all(&found).with_context(|| format!("could not make {}", found.display()))?;
         let mut command = cargo();
         command
-            .args(["fuzz", "run", "--fuzz-dir", "profile/fuzz", "--sanitizer", "none", &target, "--"])
+            .args(["fuzz", "run", "--fuzz-dir", "profile/fuzz", "--sanitizer", "none", &target])
+            .arg(&found)
+            .arg(format!("profile/fuzz/corpus/{target}"))
+            .arg("--")
             .arg(format!("-max_total_time={}", args.seconds))
             .arg(format!("-seed={}", args.seed));
         check(&format!("fuzzing {target}"), &mut command)?;

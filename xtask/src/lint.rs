@@ -32,7 +32,19 @@ pub(crate) fn lint() -> Result<ExitCode> {
             step(format!("clippy ({} for {TARGET}, {feature})", board.package()), &args);
         }
         let name = board.name();
-        let args = ["clippy", "--quiet", "--package", "on-target-tests", "--test", name, "--release", "--target", TARGET, "--features", name];
+        let args = [
+            "clippy",
+            "--quiet",
+            "--package",
+            "on-target-tests",
+            "--test",
+            name,
+            "--release",
+            "--target",
+            TARGET,
+            "--features",
+            name,
+        ];
         step(format!("clippy (on-target tests, {name})"), &[&args[..], &["--", "-D", "warnings"]].concat());
     }
     let mut failed = vec![];

@@ -19,6 +19,7 @@ mod workspace;
 use std::process::ExitCode;
 
 use anyhow::Result;
+use bench::engine::Target;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 /// Builds, tests, flashes and simulates the HORUS link.
@@ -78,10 +79,10 @@ impl Board {
     }
 
     /// The board on the bench.
-    pub(crate) const fn on_bench(self) -> bench::Board {
+    pub(crate) const fn on_bench(self) -> Target {
         match self {
-            Self::Dpr => bench::Board::Dpr,
-            Self::Horus => bench::Board::Horus,
+            Self::Dpr => Target::Dpr,
+            Self::Horus => Target::Horus,
         }
     }
 }

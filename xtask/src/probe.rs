@@ -3,6 +3,7 @@
 //! Chip and probe are always named: the chip by the board, the probe by being the only one or by `--probe`. Two probes
 //! are never chosen between, because writing the wrong board's image is worse than asking.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::ExitCode;
 use std::time::Duration;
@@ -11,7 +12,9 @@ use anyhow::{Context, Result, bail};
 use defmt_decoder::{DecodeError, StreamDecoder, Table};
 use indicatif::{ProgressBar, ProgressStyle};
 use object::{Object, ObjectSymbol};
-use probe_rs::flashing::{DownloadOptions, FlashProgress, ProgressEvent, ProgressOperation, download_file_with_options, image_format};
+use probe_rs::flashing::{
+    DownloadOptions, FlashProgress, ProgressEvent, ProgressOperation, download_file_with_options, image_format,
+};
 use probe_rs::probe::list::Lister;
 use probe_rs::probe::{DebugProbeInfo, DebugProbeSelector, WireProtocol};
 use probe_rs::rtt::Rtt;
@@ -69,7 +72,8 @@ fn choose(board: Board, args: &ProbeArgs) -> Result<DebugProbeInfo> {
     let (mut found, wanted) = match &args.probe {
         None => (lister.list_all(), None),
         Some(text) => {
-            let selector: DebugProbeSelector = text.parse().with_context(|| format!("--probe {text}: expected VID:PID or VID:PID:SERIAL, in hex"))?;
+            let selector: DebugProbeSelector =
+                text.parse().with_context(|| format!("--probe {text}: expected VID:PID or VID:PID:SERIAL, in hex"))?;
             (lister.list(Some(&selector)), Some(text))
         }
     };
@@ -93,31 +97,27 @@ fn attach(board: Board, probe: &DebugProbeInfo, speed: Option<u32>) -> Result<Se
         eprintln!("SWD at {actual} kHz");
     }
     eprintln!("{} through {probe}", chip(board));
-    opened.attach(chip(board), Permissions::default()).with_context(|| format!("{probe} sees no {}: {}", chip(board), connection(board)))
+    opened
+        .attach(chip(board), Permissions::default())
+        .with_context(|| format!("{probe} sees no {}: {}", chip(board), connection(board)))
 }
 
 fn write(session: &mut Session, elf: &Path) -> Result<()> {
-    let bar = ProgressBar::new(0).with_style(ProgressStyle::with_template("{msg:>9} [{bar:40}] {bytes}/{total_bytes}").expect("a constant template"));
+    let bar = ProgressBar::new(0).with_style(
+        ProgressStyle::with_template("{msg:>9} [{bar:40}] {bytes}/{total_bytes}").expect("a constant template"),
+    );
     let shown = bar.clone();
-    let mut totals = [(ProgressOperation::Fill, 0), (ProgressOperation::Erase, 0), (ProgressOperation::Program, 0), (ProgressOperation::Verify, 0)];
+    // probe-rs announces every step with its size, then begins them one by one.
+    let mut totals = BTreeMap::new();
     let progress = FlashProgress::new(move |event| match event {
         ProgressEvent::AddProgressBar { operation, total } => {
-            for (known, bytes) in &mut totals {
-                if *known == operation {
-                    *bytes = total.unwrap_or(0);
-                }
-            }
+            totals.insert(verb(&operation), total.unwrap_or(0));
         }
         ProgressEvent::Started(operation) => {
-            let total = totals.iter().find(|(known, _)| *known == operation).map_or(0, |(_, bytes)| *bytes);
-            shown.set_length(total);
+            let verb = verb(&operation);
+            shown.set_length(totals.get(verb).copied().unwrap_or(0));
             shown.set_position(0);
-            shown.set_message(match operation {
-                ProgressOperation::Fill => "reading",
-                ProgressOperation::Erase => "erasing",
-                ProgressOperation::Program => "writing",
-                ProgressOperation::Verify => "verifying",
-            });
+            shown.set_message(verb);
         }
         ProgressEvent::Progress { size, .. } => shown.inc(size),
         ProgressEvent::DiagnosticMessage { message } => shown.println(message),
@@ -130,6 +130,16 @@ fn write(session: &mut Session, elf: &Path) -> Result<()> {
     let outcome = download_file_with_options(session, elf, loader, options);
     bar.finish_and_clear();
     outcome.with_context(|| format!("could not write {}", elf.display()))
+}
+
+/// What a step of writing is called on the screen.
+const fn verb(operation: &ProgressOperation) -> &'static str {
+    match operation {
+        ProgressOperation::Fill => "reading",
+        ProgressOperation::Erase => "erasing",
+        ProgressOperation::Program => "writing",
+        ProgressOperation::Verify => "verifying",
+    }
 }
 
 /// Resets the core and shows its defmt log until it exits through semihosting (its code is ours) or is interrupted.

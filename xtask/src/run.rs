@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Result;
+use bench::engine::{Event, Firmware, Limits};
 use clap::{Args, ValueEnum};
 
 use crate::{Board, ProbeArgs};
@@ -40,4 +41,29 @@ pub(crate) fn run(args: &RunArgs) -> Result<ExitCode> {
         Place::Bench => on_bench(args),
         Place::Hardware => on_hardware(args),
     }
+}
+
+fn on_bench(args: &RunArgs) -> Result<ExitCode> {
+    let firmware = Firmware::read(&args.elf)?;
+    let limits = Limits { virtual_time: (args.limit * 1e9) as u64, ..Limits::default() };
+    let outcome = args.board.on_bench().run(&firmware, limits, |event| match event {
+        Event::Line(line) => println!("{line}"),
+        Event::Finding(finding) => eprintln!("{finding}"),
+    })?;
+    if outcome.exit.is_none() && !outcome.died {
+        eprintln!("error: still running after {} s of virtual time (--limit)", args.limit);
+    }
+    // A firmware that says it is well while the bench saw it do wrong is not well.
+    let status = if outcome.status() == 0 && !outcome.passed() { 1 } else { outcome.status() };
+    Ok(u8::try_from(status).map_or(ExitCode::FAILURE, ExitCode::from))
+}
+
+#[cfg(feature = "probe")]
+fn on_hardware(args: &RunArgs) -> Result<ExitCode> {
+    crate::probe::run(args.board, &args.elf, &args.probe)
+}
+
+#[cfg(not(feature = "probe"))]
+fn on_hardware(_args: &RunArgs) -> Result<ExitCode> {
+    crate::workspace::again_with_probe()
 }

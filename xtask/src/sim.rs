@@ -102,10 +102,16 @@ pub(crate) fn sim(args: &SimArgs) -> Result<ExitCode> {
         duration_ns: (args.seconds * 1e9).round() as u64,
         seed: args.seed,
         recordings,
-        crystals: Crystals { horus_ppb: to_ppb(args.horus_ppm), dpr_ppb: to_ppb(args.dpr_ppm), flight_controller_ppb: to_ppb(args.fc_ppm) },
+        crystals: Crystals {
+            horus_ppb: to_ppb(args.horus_ppm),
+            dpr_ppb: to_ppb(args.dpr_ppm),
+            flight_controller_ppb: to_ppb(args.fc_ppm),
+        },
+        faults: bench::sim::Faults::default(),
         trace: args.trace.clone(),
     };
-    let style = ProgressStyle::with_template("{bar:40} {pos}/{len} ms of virtual time, {eta} left").expect("a constant template");
+    let style = ProgressStyle::with_template("{bar:40} {pos}/{len} ms of virtual time, {eta} left")
+        .expect("a constant template");
     let mut screen = Screen { bar: ProgressBar::new(setup.duration_ns / 1_000_000).with_style(style), log: args.log };
     let began = Instant::now();
     let mut outcome = bench::sim::run(&setup, &mut screen)?;
@@ -114,9 +120,13 @@ pub(crate) fn sim(args: &SimArgs) -> Result<ExitCode> {
     outcome.report.speed.times_real_time = outcome.report.virtual_seconds / wall;
 
     let json_on_stdout = args.json.as_deref() == Some(Path::new("-"));
-    let text = table(&outcome.report) + &outcome.last_position;
+    let text = format!("{}{}\n", table(&outcome.report), outcome.base);
     // A program that reads the JSON from standard output gets nothing else there.
-    if json_on_stdout { eprint!("{text}") } else { print!("{text}") }
+    if json_on_stdout {
+        eprint!("{text}")
+    } else {
+        print!("{text}")
+    }
     if let Some(path) = &args.json {
         let mut json = serde_json::to_string_pretty(&outcome.report).context("the report does not serialise")?;
         json.push('\n');
@@ -139,16 +149,68 @@ fn table(report: &Report) -> String {
     let us = |ns: u64| format!("{:.3} us", ns as f64 / 1e3);
     let Report { horus, air, dpr, latency_ns: latency, ssi, base, .. } = report;
     let rows = [
-        ("run", format!("{} s, {} receiver(s), seed {}, {:.1} x real time", report.virtual_seconds, report.gps, report.seed, report.speed.times_real_time)),
+        (
+            "run",
+            format!(
+                "{} s, {} receiver(s), seed {}, {:.1} x real time",
+                report.virtual_seconds, report.gps, report.seed, report.speed.times_real_time
+            ),
+        ),
         ("HORUS", format!("{} frames sent, load {:.1} %", horus.frames_sent, horus.load * 100.0)),
         ("  period", format!("{} .. {}", ms(horus.period_ns.min), ms(horus.period_ns.max))),
-        ("  tick to air", format!("{} .. {} (jitter {} ns)", us(horus.tick_to_air_ns.min), us(horus.tick_to_air_ns.max), horus.tick_to_air_ns.width())),
-        ("air", format!("{} bit/s, {} a frame; {} delivered, {} damaged, {} lost", air.bit_rate, ms(air.air_time_ns), air.frames_delivered, air.frames_damaged, air.frames_lost)),
-        ("DPR", format!("{} objects accepted, {} rejected, {} frames missed, load {:.1} %", dpr.objects_accepted, dpr.objects_rejected, dpr.frames_missed, dpr.load * 100.0)),
+        (
+            "  tick to air",
+            format!(
+                "{} .. {} (jitter {} ns)",
+                us(horus.tick_to_air_ns.min),
+                us(horus.tick_to_air_ns.max),
+                horus.tick_to_air_ns.width()
+            ),
+        ),
+        (
+            "air",
+            format!(
+                "{} bit/s, {} a frame; {} delivered, {} damaged, {} lost",
+                air.bit_rate,
+                ms(air.air_time_ns),
+                air.frames_delivered,
+                air.frames_damaged,
+                air.frames_lost
+            ),
+        ),
+        (
+            "DPR",
+            format!(
+                "{} objects accepted, {} rejected, {} frames missed, load {:.1} %",
+                dpr.objects_accepted,
+                dpr.objects_rejected,
+                dpr.frames_missed,
+                dpr.load * 100.0
+            ),
+        ),
         ("  scrubs", format!("{}, {} found a stuck bit", dpr.scrubs, dpr.scrub_faults)),
-        ("sample to readable", format!("median {}, 99.9 % {}, worst {}", ms(latency.sample_to_readable.p50), ms(latency.sample_to_readable.p999), ms(latency.sample_to_readable.max))),
+        (
+            "sample to readable",
+            format!(
+                "median {}, 99.9 % {}, worst {}",
+                ms(latency.sample_to_readable.p50),
+                ms(latency.sample_to_readable.p999),
+                ms(latency.sample_to_readable.max)
+            ),
+        ),
         ("last bit to readable", format!("worst {}", us(latency.last_bit_to_readable.max))),
-        ("SSI", format!("{} transactions: {} fresh, {} repeated, {} busy, {} bad CRC; ready again in {} at worst", ssi.transactions, ssi.fresh, ssi.repeated, ssi.busy, ssi.bad_crc, us(ssi.ready_ns.max))),
+        (
+            "SSI",
+            format!(
+                "{} transactions: {} fresh, {} repeated, {} busy, {} bad CRC; ready again in {} at worst",
+                ssi.transactions,
+                ssi.fresh,
+                ssi.repeated,
+                ssi.busy,
+                ssi.bad_crc,
+                us(ssi.ready_ns.max)
+            ),
+        ),
         ("base station", format!("{} profiles, {} bad CRC", base.profiles, base.bad_crc)),
     ];
     let mut text = String::new();

@@ -48,13 +48,19 @@ pub(crate) fn size(gps: Receivers) -> Result<ExitCode> {
 }
 
 fn budgets() -> Result<serde_json::Value> {
-    let output = cargo().args(["metadata", "--no-deps", "--format-version", "1"]).output().context("could not start cargo metadata")?;
+    let output = cargo()
+        .args(["metadata", "--no-deps", "--format-version", "1"])
+        .output()
+        .context("could not start cargo metadata")?;
     serde_json::from_slice(&output.stdout).context("cargo metadata printed something that is not JSON")
 }
 
 fn budget(metadata: &serde_json::Value, board: Board) -> Result<Footprint> {
     let packages = metadata["packages"].as_array().context("cargo metadata lists no packages")?;
-    let budget = packages.iter().find(|package| package["name"] == board.package()).map(|package| &package["metadata"]["budget"]);
+    let budget = packages
+        .iter()
+        .find(|package| package["name"] == board.package())
+        .map(|package| &package["metadata"]["budget"]);
     let bytes = |kind: &str| {
         budget
             .and_then(|budget| budget[kind].as_u64())

@@ -68,7 +68,19 @@ fn on_target(board: Board, place: Place, probe: &ProbeArgs) -> Result<()> {
     }
     let mut command: Command = cargo();
     command
-        .args(["test", "--quiet", "--package", "on-target-tests", "--test", board.name(), "--release", "--target", TARGET, "--features", board.name()])
+        .args([
+            "test",
+            "--quiet",
+            "--package",
+            "on-target-tests",
+            "--test",
+            board.name(),
+            "--release",
+            "--target",
+            TARGET,
+            "--features",
+            board.name(),
+        ])
         .env("DEFMT_LOG", "info")
         .env("CARGO_TARGET_THUMBV7EM_NONE_EABIHF_RUNNER", runner);
     check("the suite", &mut command)

@@ -117,7 +117,7 @@ impl GuestMemory {
         for area in &self.areas {
             let length = area.size as u64;
             for &start in &area.starts {
-                if start % page == 0 && length % page == 0 && cpu.maps(start, length) {
+                if start.is_multiple_of(page) && length.is_multiple_of(page) && cpu.maps(start, length) {
                     // SAFETY: `start` and `length` are whole pages, the allocation is aligned to at least one, is `length`
                     // bytes long and never moves. It outlives the processor (see `Drop`). This module hands out no reference
                     // to the bytes, so none is live while the processor runs, and one thread owns both.

@@ -104,6 +104,8 @@ struct Side {
     poll: PollWatch,
     skips: bool,
     reported: Reported,
+    /// Whether the models were called since errors were last looked for.
+    touched: bool,
 }
 
 /// How much of the session's own lists has been turned into findings.
@@ -229,6 +231,7 @@ impl<B: Wiring> CoreBus for Lent<'_, B> {
     fn access(&mut self, access: Access, _from_code: bool) -> Option<u64> {
         let at = access.virtual_time;
         self.side.instant = at.0;
+        self.side.touched = true;
         if let Some(usage) = self.side.memory.usage(access.address, bytes(access.width)) {
             if let Some(answer) = self.access_memory(&access, usage) {
                 return answer;
@@ -396,6 +399,7 @@ impl<B: Wiring> Node<B> {
             poll: PollWatch::default(),
             skips: true,
             reported: Reported::default(),
+            touched: false,
         };
         let mut node = Self {
             cpu,
@@ -564,7 +568,9 @@ impl<B: Wiring> Node<B> {
         }
         self.asleep = retired == 0 && self.side.queue.is_empty() && self.cpu.waiting() && exit == Exit::Waiting;
         self.flush();
-        self.report_errors();
+        if std::mem::take(&mut self.side.touched) {
+            self.report_errors();
+        }
         if self.side.poll.streak >= poll::STREAK {
             self.skip_polling();
         }

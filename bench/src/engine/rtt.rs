@@ -181,14 +181,13 @@ fn render(at: u64, frame: &defmt_decoder::Frame<'_>) -> LogLine {
     LogLine {
         at,
         timestamp: frame.display_timestamp().map_or_else(String::new, |time| time.to_string()),
-        level: match frame.level().map(|level| level.as_str()) {
-            Some("trace") => LogLevel::Trace,
-            Some("debug") => LogLevel::Debug,
-            Some("info") => LogLevel::Info,
-            Some("warn") => LogLevel::Warn,
-            Some("error") => LogLevel::Error,
-            _ => LogLevel::None,
-        },
+        level: frame.level().map_or(LogLevel::None, |level| match level.as_str() {
+            "trace" => LogLevel::Trace,
+            "debug" => LogLevel::Debug,
+            "info" => LogLevel::Info,
+            "warn" => LogLevel::Warn,
+            _ => LogLevel::Error,
+        }),
         text: frame.display_message().to_string(),
     }
 }

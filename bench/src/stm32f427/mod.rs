@@ -44,7 +44,7 @@ const PRIORITY_BITS: u8 = 4;
 /// The core timer's reference clock is HCLK over eight, PM0214 section 4.5.
 const REFCLK_DIVIDER: u32 = 8;
 /// RAM on the core's data bus alone, RM0090 section 2.3.1: no DMA controller reaches it.
-const CCM: [Range<u64>; 1] = [0x1000_0000..0x1001_0000];
+static CCM: Range<u64> = 0x1000_0000..0x1001_0000;
 /// Where flash starts, and what one of its two banks holds: RM0090 table 6.
 const FLASH_BASE: u64 = 0x0800_0000;
 const BANK_BYTES: u64 = 1 << 20;
@@ -502,7 +502,7 @@ impl Part for Stm32f427Part {
     }
 
     fn core_only(&self) -> &'static [Range<u64>] {
-        &CCM
+        std::slice::from_ref(&CCM)
     }
 
     fn settle(&mut self, now: u64) -> bool {

@@ -40,7 +40,7 @@ fn an_st25r3916_is_brought_up_byte_by_byte() {
             "0A 00",
             "10 00 00",
             "28 70",
-            "16 77 7F FF FF",
+            "16 77 7F FF FB",
             "02 88",
             "42 00 00 00",
         ]
@@ -66,7 +66,7 @@ fn an_st25r3916b_is_calibrated_and_has_its_own_am_depth() {
             "0A 00",
             "10 00 00",
             "28 40",
-            "16 77 7F FF FF",
+            "16 77 7F FF FB",
             "02 88",
             "42 00 00 00",
         ]

@@ -1,0 +1,97 @@
+//! The ST25R3916 on a board: the chip's model on the SPI bus of a rigless part.
+//!
+//! The chip hangs on the part's bus as a [`rigless::chip::spi::Peer`], and the board, the air and the trace reach it too, so it
+//! is shared. All of them run on the scheduler's one thread: the lock is never waited for.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use rigless::chip::{Timeline, spi};
+use rigless::snapshot::Store;
+use st25r3916_model::Chip;
+
+/// A byte that crossed between the part and the chip.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Crossing {
+    /// Chip select fell (`true`) or rose.
+    Select(bool),
+    /// Controller to chip, chip to controller; the eighth clock ended at the crossing's instant.
+    Byte(u8, u8),
+}
+
+#[derive(Debug)]
+struct Shared {
+    chip: Chip,
+    /// What crossed, while somebody wants to know.
+    crossings: Option<Vec<(u64, Crossing)>>,
+}
+
+/// A handle on the chip; clones are the same chip.
+#[derive(Clone, Debug)]
+pub struct FrontEnd(Arc<Mutex<Shared>>);
+
+impl FrontEnd {
+    /// A chip, powered from the start of the run. `watched` keeps what crosses the bus for [`FrontEnd::take_crossings`].
+    #[must_use]
+    pub fn new(chip: Chip, watched: bool) -> Self {
+        Self(Arc::new(Mutex::new(Shared { chip, crossings: watched.then(Vec::new) })))
+    }
+
+    fn shared(&self) -> MutexGuard<'_, Shared> {
+        // A panic in another holder ends the run anyway.
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Looks at or acts on the chip.
+    pub fn with<T>(&self, act: impl FnOnce(&mut Chip) -> T) -> T {
+        act(&mut self.shared().chip)
+    }
+
+    /// When the chip next acts by itself, ns.
+    #[must_use]
+    pub fn next_event(&self) -> u64 {
+        self.shared().chip.next_event().unwrap_or(u64::MAX)
+    }
+
+    /// What crossed the bus since the last call; nothing unless watched.
+    #[must_use]
+    pub fn take_crossings(&self) -> Vec<(u64, Crossing)> {
+        self.shared().crossings.as_mut().map(std::mem::take).unwrap_or_default()
+    }
+}
+
+impl Shared {
+    fn note(&mut self, at: u64, crossing: Crossing) {
+        if let Some(crossings) = &mut self.crossings {
+            crossings.push((at, crossing));
+        }
+    }
+}
+
+/// A run starts from its images and seed alone; there are no snapshots.
+impl Store for FrontEnd {}
+
+impl spi::Peer for FrontEnd {
+    fn transfer(&mut self, mosi: u32, _bits: u8, context: &mut Timeline<'_, '_>) -> u32 {
+        let at = context.now().0;
+        // The chip's word is a byte, whatever the controller's frame format.
+        let mosi = (mosi & 0xFF) as u8;
+        let mut shared = self.shared();
+        let miso = shared.chip.transfer(at, mosi);
+        shared.note(at, Crossing::Byte(mosi, miso));
+        u32::from(miso)
+    }
+
+    fn select(&mut self, context: &mut Timeline<'_, '_>) {
+        let at = context.now().0;
+        let mut shared = self.shared();
+        shared.chip.select(at);
+        shared.note(at, Crossing::Select(true));
+    }
+
+    fn deselect(&mut self, context: &mut Timeline<'_, '_>) {
+        let at = context.now().0;
+        let mut shared = self.shared();
+        shared.chip.deselect(at);
+        shared.note(at, Crossing::Select(false));
+    }
+}

@@ -1,0 +1,430 @@
+//! What a run is judged by: instants seen from outside, and what follows from them.
+//!
+//! The ledger knows nothing of either firmware's inside. It is told what a logic analyser on the wires would see: the 10 ms
+//! timer's ticks, frames on the air with their bytes, the FRESH pin, and what the flight controller got. From that come the
+//! latencies and most violations:
+//!
+//! - *Truth* is what HORUS put on the air. An object that the flight controller takes for valid and that was never sent
+//!   is a violation, however it came about.
+//! - *Readable* is the rising edge of FRESH. It is a claim, and each transaction that begins after it checks the claim:
+//!   it must bring that publication's data or newer.
+
+use std::collections::BTreeMap;
+
+use profile::{CYCLE_MS, Identifier};
+
+use crate::report::{Max, Quantiles, Span};
+
+/// Bounds from the design's timing table, ns.
+pub mod bounds {
+    /// HORUS tick to first bit on air, peak to peak.
+    pub const TICK_TO_AIR_JITTER: u64 = 1_000;
+    /// The cycle's period may differ from cycle to cycle by what the send jitter allows.
+    pub const PERIOD_WIDTH: u64 = 2 * TICK_TO_AIR_JITTER;
+    /// Last bit to image readable, store-and-forward.
+    pub const LAST_BIT_TO_READABLE: u64 = 300_000;
+    /// End of an SSI transaction to ready for the next.
+    pub const SSI_READY: u64 = 10_000;
+    /// A sample is readable before its successor is taken.
+    pub const SAMPLE_TO_READABLE: u64 = 10_000_000;
+}
+
+/// Violations of one kind are told once, with how many there were.
+#[derive(Clone, Debug, Default)]
+pub struct Violations(BTreeMap<&'static str, (String, u64)>);
+
+impl Violations {
+    /// Notes one; `first` is kept for the first of its kind alone.
+    pub fn add(&mut self, kind: &'static str, first: impl FnOnce() -> String) {
+        self.0.entry(kind).and_modify(|(_, count)| *count += 1).or_insert_with(|| (first(), 1));
+    }
+
+    /// In words, in a fixed order.
+    #[must_use]
+    pub fn into_words(self) -> Vec<String> {
+        self.0
+            .into_iter()
+            .map(|(kind, (first, count))| match count {
+                1 => format!("{kind}: {first}"),
+                _ => format!("{kind}: {first} (and {} more)", count - 1),
+            })
+            .collect()
+    }
+}
+
+/// One frame on the air.
+#[derive(Clone, Copy, Debug)]
+struct Frame {
+    started: u64,
+    /// When its last bit had passed; `None` while it is on the air.
+    ended: Option<u64>,
+    /// The timestamp of its first object, ms.
+    timestamp: Option<u32>,
+    /// Whether it is the first frame of its cycle.
+    leads: bool,
+}
+
+/// A transaction of the flight controller, as far as the ledger cares.
+#[derive(Clone, Debug)]
+pub struct Seen {
+    /// When chip select fell.
+    pub selected: u64,
+    /// The valid objects it brought: identifier, timestamp, bytes.
+    pub objects: Vec<(Identifier, u32, Vec<u8>)>,
+}
+
+/// Instants of a run.
+#[derive(Clone, Debug)]
+pub struct Ledger {
+    frames_per_cycle: usize,
+    ticks: Vec<u64>,
+    frames: Vec<Frame>,
+    /// Every object sent, by timestamp and identifier, of the last cycles.
+    sent: BTreeMap<(u32, u16), Vec<u8>>,
+    fresh: Vec<u64>,
+    /// How many of `fresh` some transaction has confirmed, and the timestamp it brought.
+    readable: Vec<(u64, u32)>,
+    newest: Option<u32>,
+    ready: Vec<u64>,
+    deselected: Option<u64>,
+    /// What was broken so far.
+    pub violations: Violations,
+}
+
+/// Objects of how many cycles are kept as truth: far more than an image can be old.
+const REMEMBERED_CYCLES: u32 = 100;
+
+impl Ledger {
+    /// An empty ledger for a link with this many air frames in a cycle.
+    #[must_use]
+    pub fn new(frames_per_cycle: usize) -> Self {
+        Self {
+            frames_per_cycle,
+            ticks: vec![],
+            frames: vec![],
+            sent: BTreeMap::new(),
+            fresh: vec![],
+            readable: vec![],
+            newest: None,
+            ready: vec![],
+            deselected: None,
+            violations: Violations::default(),
+        }
+    }
+
+    /// The 10 ms timer ticked.
+    pub fn tick(&mut self, at: u64) {
+        self.ticks.push(at);
+    }
+
+    /// The first preamble bit of a frame is on the air.
+    pub fn frame_started(&mut self, at: u64) {
+        self.frames.push(Frame { started: at, ended: None, timestamp: None, leads: true });
+    }
+
+    /// A frame's last bit has passed; its payload as it was sent.
+    pub fn frame_ended(&mut self, at: u64, payload: &[u8]) {
+        let mut objects = vec![];
+        let mut rest = payload;
+        // Whole objects, nothing else: the identifier tells the length.
+        while let Some(identifier) = rest.get(4..6) {
+            let identifier = u16::from_le_bytes([identifier[0], identifier[1]]);
+            let size = if Identifier(identifier) == Identifier::REPORTED_POSITION {
+                profile::ReportedPosition::SIZE
+            } else {
+                profile::GpsObject::SIZE
+            };
+            let Some((object, after)) = rest.split_at_checked(size) else { break };
+            let timestamp = u32::from_le_bytes([object[0], object[1], object[2], object[3]]);
+            objects.push((timestamp, identifier, object.to_vec()));
+            rest = after;
+        }
+        if !rest.is_empty() || objects.is_empty() {
+            let length = payload.len();
+            self.violations
+                .add("HORUS sent something that is not whole objects", || format!("{length} bytes at {}", ms(at)));
+        }
+        let Some(frame) = self.frames.last_mut() else { return };
+        frame.ended = Some(at);
+        if let Some(&(timestamp, identifier, _)) = objects.first() {
+            frame.timestamp = Some(timestamp);
+            frame.leads = Identifier(identifier) == Identifier::REPORTED_POSITION;
+            while let Some((&(oldest, id), _)) = self.sent.first_key_value() {
+                // Timestamps wrap after 49 days; a run is at most a day.
+                if timestamp.saturating_sub(oldest) <= REMEMBERED_CYCLES * CYCLE_MS {
+                    break;
+                }
+                self.sent.remove(&(oldest, id));
+            }
+        }
+        self.sent.extend(objects.into_iter().map(|(timestamp, id, bytes)| ((timestamp, id), bytes)));
+    }
+
+    /// FRESH rose: the DPR says that a new image is what the next transaction gets.
+    pub fn fresh(&mut self, at: u64) {
+        self.fresh.push(at);
+    }
+
+    /// The flight controller's chip select rose.
+    pub fn deselected(&mut self, at: u64) {
+        self.deselected = Some(at);
+    }
+
+    /// The DPR can serve a transaction.
+    pub fn ready(&mut self, at: u64) {
+        if let Some(ended) = self.deselected.take() {
+            self.ready.push(at - ended);
+        }
+    }
+
+    /// The flight controller has read a transaction to its end.
+    pub fn transaction(&mut self, seen: &Seen) {
+        let at = ms(seen.selected);
+        if let Some(ended) = self.deselected.filter(|ended| seen.selected > ended + bounds::SSI_READY) {
+            self.violations.add("SSI not ready in time", || {
+                format!("the transaction that ended at {} was not followed by readiness", ms(ended))
+            });
+        }
+        for (identifier, timestamp, bytes) in &seen.objects {
+            if self.sent.get(&(*timestamp, identifier.0)) != Some(bytes) {
+                self.violations.add("an invalid object shown as valid", || {
+                    format!("{:#06x} stamped {timestamp} ms, read at {at}, was never sent", identifier.0)
+                });
+            }
+        }
+        let Some(&(_, timestamp, _)) = seen.objects.iter().find(|(id, ..)| *id == Identifier::REPORTED_POSITION) else {
+            return;
+        };
+        if self.newest.is_some_and(|newest| timestamp < newest) {
+            self.violations.add("old data shown after new", || format!("{timestamp} ms read at {at}"));
+        }
+        self.newest = self.newest.max(Some(timestamp));
+        // The last publication announced before this transaction began is the one it must bring.
+        let announced = self.fresh.partition_point(|rose| *rose < seen.selected);
+        let Some(&rose) = announced.checked_sub(1).and_then(|last| self.fresh.get(last)) else {
+            self.violations.add("an image readable without FRESH", || format!("{timestamp} ms read at {at}"));
+            return;
+        };
+        match self.readable.last() {
+            Some(&(before, confirmed)) if before == rose => {
+                if confirmed != timestamp {
+                    self.violations.add("an image changed without FRESH", || {
+                        format!("from {confirmed} ms to {timestamp} ms, read at {at}")
+                    });
+                }
+            }
+            Some(&(_, confirmed)) if timestamp <= confirmed => {
+                self.violations.add("FRESH without a fresh image", || {
+                    format!("at {}, and {timestamp} ms was read at {at}", ms(rose))
+                });
+            }
+            _ => self.readable.push((rose, timestamp)),
+        }
+    }
+
+    /// The instant of the tick that stamps objects with `timestamp`: the k-th tick stamps 10·k ms.
+    fn sampled(&self, timestamp: u32) -> Option<u64> {
+        let index = usize::try_from(timestamp / CYCLE_MS).ok()?.checked_sub(1)?;
+        self.ticks.get(index).copied()
+    }
+
+    /// Frames begun so far.
+    #[must_use]
+    pub fn frames_sent(&self) -> u64 {
+        self.frames.len() as u64
+    }
+
+    /// When frames begin each cycle: those that lead one.
+    fn leads(&self) -> impl Iterator<Item = &Frame> {
+        self.frames.iter().filter(|frame| frame.leads)
+    }
+
+    /// Between the first frames of two cycles in a row.
+    #[must_use]
+    pub fn period(&self) -> Span {
+        let started: Vec<u64> = self.leads().map(|frame| frame.started).collect();
+        Span::of(started.windows(2).map(|pair| pair[1] - pair[0]))
+    }
+
+    /// From the tick to the first preamble bit of the cycle's first frame.
+    #[must_use]
+    pub fn tick_to_air(&self) -> Span {
+        Span::of(self.leads().filter_map(|frame| Some(frame.started - self.sampled(frame.timestamp?)?)))
+    }
+
+    /// From the sample to the image that holds it being readable.
+    #[must_use]
+    pub fn sample_to_readable(&self) -> Quantiles {
+        Quantiles::of(self.readable.iter().filter_map(|&(rose, timestamp)| Some(rose - self.sampled(timestamp)?)))
+    }
+
+    /// From the cycle's last bit on the air to the same.
+    #[must_use]
+    pub fn last_bit_to_readable(&self) -> Max {
+        let mut last_bits = BTreeMap::new();
+        for frame in &self.frames {
+            if let (Some(timestamp), Some(ended)) = (frame.timestamp, frame.ended) {
+                last_bits.insert(timestamp, ended);
+            }
+        }
+        Max::of(self.readable.iter().filter_map(|(rose, timestamp)| rose.checked_sub(*last_bits.get(timestamp)?)))
+    }
+
+    /// From chip select rising to the DPR being able to serve the next transaction.
+    #[must_use]
+    pub fn ready_after(&self) -> Max {
+        Max::of(self.ready.iter().copied())
+    }
+
+    /// Holds the whole run against the design's timing table, at its end (`end`, ns).
+    pub fn judge(&mut self, end: u64) {
+        let (period, air) = (self.period(), self.tick_to_air());
+        let (sample, last_bit, ready) = (self.sample_to_readable(), self.last_bit_to_readable(), self.ready_after());
+        let mut bound = |kind, value: u64, bound: u64| {
+            if value > bound {
+                self.violations.add(kind, || format!("{value} ns, the bound is {bound} ns"));
+            }
+        };
+        bound("the period is not constant", period.width(), bounds::PERIOD_WIDTH);
+        bound("the time from tick to air is not constant", air.width(), bounds::TICK_TO_AIR_JITTER);
+        bound("a sample was readable too late", sample.max, bounds::SAMPLE_TO_READABLE);
+        bound("a frame was readable too late after its last bit", last_bit.max, bounds::LAST_BIT_TO_READABLE);
+        bound("SSI not ready in time", ready.max, bounds::SSI_READY);
+        self.judge_cycles(end);
+    }
+
+    /// Once the link runs, every tick has its frames.
+    fn judge_cycles(&mut self, end: u64) {
+        let Some(first) = self.frames.first().map(|frame| frame.started) else {
+            self.violations.add("HORUS sent nothing", || format!("in {}", ms(end)));
+            return;
+        };
+        let mut cycles: BTreeMap<u32, usize> = BTreeMap::new();
+        for frame in &self.frames {
+            // The run may end while a frame is on the air.
+            if let Some(timestamp) = frame.timestamp {
+                *cycles.entry(timestamp).or_default() += 1;
+            }
+        }
+        let complete = self.ticks.partition_point(|tick| tick + bounds::SAMPLE_TO_READABLE <= end);
+        for (index, tick) in self.ticks.iter().enumerate().take(complete).filter(|(_, tick)| **tick >= first) {
+            let timestamp = u32::try_from(index + 1).unwrap_or(u32::MAX).saturating_mul(CYCLE_MS);
+            let sent = cycles.get(&timestamp).copied().unwrap_or(0);
+            if sent != self.frames_per_cycle {
+                let wanted = self.frames_per_cycle;
+                self.violations.add("a missed deadline", || {
+                    format!("{sent} of {wanted} frames sent in the cycle of {}", ms(*tick))
+                });
+            }
+        }
+    }
+}
+
+/// An instant for a person.
+pub(crate) fn ms(at: u64) -> String {
+    format!("{:.6} ms", at as f64 / 1e6)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use profile::{GpsValues, Profile, ReportedValues};
+
+    const AIR: u64 = 4_000_000;
+
+    fn payload(timestamp: u32) -> Vec<u8> {
+        Profile::<1>::seal(&ReportedValues::absent(timestamp), &[GpsValues::absent(timestamp)]).as_bytes().to_vec()
+    }
+
+    fn seen(selected: u64, bytes: &[u8]) -> Seen {
+        let word = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
+        Seen {
+            selected,
+            objects: vec![
+                (Identifier::REPORTED_POSITION, word(0), bytes[..64].to_vec()),
+                (Identifier::gps(1), word(64), bytes[64..].to_vec()),
+            ],
+        }
+    }
+
+    /// Ten flawless cycles.
+    fn run() -> Ledger {
+        let mut ledger = Ledger::new(1);
+        for cycle in 1..=10 {
+            let tick = cycle * 10_000_000;
+            let bytes = payload(cycle as u32 * 10);
+            ledger.tick(tick);
+            ledger.frame_started(tick + 300_000);
+            ledger.frame_ended(tick + 300_000 + AIR, &bytes);
+            ledger.fresh(tick + 300_000 + AIR + 100_000);
+            ledger.transaction(&seen(tick + 5_000_000, &bytes));
+            ledger.deselected(tick + 5_300_000);
+            ledger.ready(tick + 5_304_000);
+        }
+        ledger
+    }
+
+    #[test]
+    fn a_flawless_run_has_its_figures_and_no_violation() {
+        let mut ledger = run();
+        ledger.judge(111_000_000);
+        assert_eq!(ledger.period(), Span { min: 10_000_000, max: 10_000_000 });
+        assert_eq!(ledger.tick_to_air(), Span { min: 300_000, max: 300_000 });
+        assert_eq!(ledger.sample_to_readable().p999, 4_400_000);
+        assert_eq!(ledger.last_bit_to_readable().max, 100_000);
+        assert_eq!(ledger.ready_after().max, 4_000);
+        assert_eq!(ledger.violations.into_words(), [""; 0]);
+    }
+
+    #[test]
+    fn an_object_that_was_never_sent_is_a_violation() {
+        let mut ledger = run();
+        let mut bytes = payload(100);
+        bytes[70] ^= 1;
+        ledger.transaction(&seen(109_000_000, &bytes));
+        assert!(ledger.violations.into_words()[0].starts_with("an invalid object shown as valid"));
+    }
+
+    #[test]
+    fn old_data_after_new_is_a_violation() {
+        let mut ledger = run();
+        ledger.transaction(&seen(109_000_000, &payload(50)));
+        assert!(ledger.violations.into_words().iter().any(|words| words.starts_with("old data shown after new")));
+    }
+
+    #[test]
+    fn an_announcement_that_the_next_transaction_does_not_bear_out_is_a_violation() {
+        let mut ledger = run();
+        ledger.fresh(108_000_000);
+        ledger.transaction(&seen(109_000_000, &payload(100)));
+        assert!(ledger.violations.into_words()[0].starts_with("FRESH without a fresh image"));
+    }
+
+    #[test]
+    fn jitter_and_a_skipped_cycle_are_violations() {
+        let mut ledger = run();
+        ledger.tick(110_000_000);
+        ledger.tick(120_000_000);
+        let bytes = payload(120);
+        ledger.frame_started(120_302_001);
+        ledger.frame_ended(124_302_001, &bytes);
+        ledger.judge(131_000_000);
+        let words = ledger.violations.into_words();
+        for kind in [
+            "a missed deadline: 0 of 1 frames",
+            "the period is not constant",
+            "the time from tick to air is not constant",
+        ] {
+            assert!(words.iter().any(|violation| violation.starts_with(kind)), "{kind}: {words:?}");
+        }
+    }
+
+    #[test]
+    fn repeated_violations_of_a_kind_are_counted() {
+        let mut violations = Violations::default();
+        for index in 0..3 {
+            violations.add("kind", || format!("number {index}"));
+        }
+        assert_eq!(violations.into_words(), ["kind: number 0 (and 2 more)"]);
+    }
+}

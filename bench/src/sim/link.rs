@@ -1,0 +1,379 @@
+//! What is between and beside the boards, as the scheduler sees it, and what it notes for the report.
+
+use std::io;
+use std::iter::Peekable;
+
+use dpr_fw::telemetry::Telemetry as DprTelemetry;
+use gnss_sim::Receiver;
+use horus_tx_fw::telemetry::Telemetry as HorusTelemetry;
+use nrf52840_model::SpisEvent;
+use profile::{Object, image};
+use rigless::time::VirtualNanos;
+use st25r3916_model::{Air, AirEvent};
+
+use super::boards::{Dpr, FRESH, Horus, Line, SSI_CSN};
+use super::front_end::{Crossing, FrontEnd};
+use super::ledger::{Ledger, Seen, ms};
+use super::trace::{self, Trace, Wire};
+use crate::engine::{Between, Lookahead, Node, Sent, Wiring};
+use crate::report::{self, Report};
+use crate::world::flight_controller::{Action, Outcome};
+use crate::world::{BaseStation, FlightController};
+
+/// SPI clocks, for the trace: what each firmware sets.
+const HORUS_SPI_HZ: u64 = 9_000_000;
+const DPR_SPI_HZ: u64 = 8_000_000;
+const SSI_HZ: u64 = 8_000_000;
+
+/// LEN before an NFC-F frame's payload, CRC-16 after it.
+const LEN_BYTES: usize = 1;
+const CRC_BYTES: usize = 2;
+
+/// A receiver and its wire.
+#[derive(Debug)]
+struct Feed {
+    line: Line,
+    receiver: Peekable<Receiver>,
+    /// When its next burst begins.
+    next: Option<u64>,
+}
+
+impl Feed {
+    fn new(line: Line, receiver: Receiver) -> Self {
+        let mut receiver = receiver.peekable();
+        let next = receiver.peek().map(|burst| burst.at_ns);
+        Self { line, receiver, next }
+    }
+}
+
+/// The air, the receivers, the flight controller and the base station.
+pub(super) struct Link {
+    poller: FrontEnd,
+    listener: FrontEnd,
+    air: Air,
+    /// Bytes of the frame that is on the air: LEN, payload, CRC-16.
+    frame: Vec<u8>,
+    longest_frame_ns: u64,
+    frame_started: u64,
+    feeds: Vec<Feed>,
+    flight_controller: FlightController,
+    /// A byte that the flight controller is clocking: when its eighth clock ends, and MOSI.
+    clocking: Option<(u64, u8)>,
+    base: BaseStation,
+    ledger: Ledger,
+    trace: Option<Trace>,
+}
+
+impl Link {
+    pub(super) fn new(
+        poller: FrontEnd,
+        listener: FrontEnd,
+        air: Air,
+        feeds: impl Iterator<Item = (Line, Receiver)>,
+        flight_controller: FlightController,
+        base: BaseStation,
+        trace: Option<Trace>,
+    ) -> Self {
+        let frames = profile::air::frames(flight_controller.config().receivers);
+        Self {
+            poller,
+            listener,
+            air,
+            frame: vec![],
+            longest_frame_ns: 0,
+            frame_started: 0,
+            feeds: feeds.map(|(line, receiver)| Feed::new(line, receiver)).collect(),
+            flight_controller,
+            clocking: None,
+            base,
+            ledger: Ledger::new(frames),
+            trace,
+        }
+    }
+
+    /// The base station, and the trace to be finished.
+    pub(super) fn into_parts(self) -> (BaseStation, Option<Trace>) {
+        (self.base, self.trace)
+    }
+
+    /// Writes what both boards have passed to the trace.
+    pub(super) fn flush_trace(&mut self, now: u64) -> io::Result<()> {
+        let Some(trace) = &mut self.trace else { return Ok(()) };
+        let buses = [
+            (&self.poller, trace::HORUS, Wire::HorusCs, HORUS_SPI_HZ),
+            (&self.listener, trace::DPR, Wire::DprCs, DPR_SPI_HZ),
+        ];
+        for (front_end, bus, cs, hz) in buses {
+            for (at, crossing) in front_end.take_crossings() {
+                match crossing {
+                    Crossing::Select(selected) => trace.set(at, cs, !selected),
+                    Crossing::Byte(mosi, miso) => trace.byte(at, bus, mosi, miso, hz),
+                }
+            }
+        }
+        trace.flush_before(now)
+    }
+
+    fn mark(&mut self, at: u64, wire: Wire, level: bool) {
+        if let Some(trace) = &mut self.trace {
+            trace.set(at, wire, level);
+        }
+    }
+
+    /// What the poller emitted: noted, then through the air to the listener.
+    fn emitted(&mut self, at: u64, event: AirEvent) {
+        match &event {
+            AirEvent::FieldOn => self.mark(at, Wire::Field, true),
+            AirEvent::FieldOff => self.mark(at, Wire::Field, false),
+            AirEvent::FrameStart(start) => {
+                self.frame.clone_from(&start.chunk.data);
+                self.frame_started = at;
+                self.ledger.frame_started(at);
+                self.mark(at, Wire::Frame, true);
+            }
+            AirEvent::Bytes(chunk) => self.frame.extend_from_slice(&chunk.data),
+            AirEvent::FrameEnd { .. } => {
+                self.longest_frame_ns = self.longest_frame_ns.max(at - self.frame_started);
+                let end = self.frame.len().saturating_sub(CRC_BYTES).max(LEN_BYTES);
+                self.ledger.frame_ended(at, self.frame.get(LEN_BYTES..end).unwrap_or_default());
+                self.mark(at, Wire::Frame, false);
+            }
+        }
+        let listener = &self.listener;
+        self.air.from_poller(at, event, |at, event| listener.with(|chip| chip.hear(at, event)));
+    }
+
+    /// What the DPR's pins and its SPIS showed since the last look.
+    fn watch_dpr(&mut self, node: &mut Node<Dpr>) {
+        let part = node.board_mut().part_mut();
+        for change in part.take_pin_changes() {
+            if change.pin == FRESH {
+                self.mark(change.at, Wire::Fresh, change.level);
+                if change.level {
+                    self.ledger.fresh(change.at);
+                }
+            }
+        }
+        for (at, _, event) in part.take_spis_events() {
+            if event == SpisEvent::Ready {
+                self.ledger.ready(at);
+            }
+        }
+    }
+
+    /// The flight controller's transaction is over: what it brought is judged and passed on.
+    fn transaction_over(&mut self, at: u64) {
+        self.base.receive(at, &self.flight_controller.take_downlink());
+        let Some(transaction) = self.flight_controller.last() else { return };
+        let mut seen = Seen { selected: transaction.selected_ns, objects: vec![] };
+        if transaction.outcome != Outcome::Busy {
+            for index in 0..=self.flight_controller.config().receivers {
+                let (offset, size) = match index {
+                    0 => (image::REPORTED_POSITION, profile::ReportedPosition::SIZE),
+                    receiver => (image::GPS + (receiver - 1) * profile::GpsObject::SIZE, profile::GpsObject::SIZE),
+                };
+                let place = offset.checked_sub(transaction.offset).map(|from| from..from + size);
+                let bytes = place.and_then(|place| transaction.miso.get(place));
+                if let Some(Ok(object)) = bytes.map(|bytes| Object::verify(index, bytes)) {
+                    seen.objects.push((object.identifier(), object.timestamp(), object.as_bytes().to_vec()));
+                }
+            }
+        }
+        if transaction.torn {
+            self.ledger.violations.add("a torn read", || format!("the transaction of {}", ms(transaction.selected_ns)));
+        }
+        if transaction.outcome == Outcome::Busy {
+            self.ledger.violations.add("a transaction met the DPR busy", || ms(transaction.selected_ns));
+        }
+        if let Some((offset, rejection)) = transaction.damage {
+            let at = ms(transaction.selected_ns);
+            self.ledger.violations.add("damaged data in the image", || format!("{rejection} at offset {offset}, {at}"));
+        }
+        self.ledger.transaction(&seen);
+    }
+
+    /// The figures of the whole run, which took `duration` ns.
+    pub(super) fn report(&mut self, horus: &mut Node<Horus>, dpr: &mut Node<Dpr>, duration: u64) -> Report {
+        self.watch_dpr(dpr);
+        for tick in horus.board_mut().take_ticks() {
+            self.ledger.tick(tick);
+        }
+        self.ledger.judge(duration);
+        let counters = self.air.counters();
+        let stats = self.flight_controller.stats();
+        let base = self.base.counts();
+        let dpr_counter = |dpr: &Node<Dpr>, at| counter(dpr, "DPR_TELEMETRY", at);
+        let mut report = Report {
+            horus: report::Horus {
+                frames_sent: self.ledger.frames_sent(),
+                period_ns: self.ledger.period(),
+                tick_to_air_ns: self.ledger.tick_to_air(),
+                load: rounded(horus.usage().load()),
+            },
+            air: report::Air {
+                bit_rate: self.air.last_frame().map_or(0, |frame| u64::from(frame.bits_per_second)),
+                air_time_ns: self.longest_frame_ns,
+                frames_delivered: counters.delivered,
+                frames_damaged: counters.damaged,
+                frames_lost: counters.lost,
+            },
+            dpr: report::Dpr {
+                objects_accepted: dpr_counter(dpr, std::mem::offset_of!(DprTelemetry, objects_accepted)),
+                objects_rejected: dpr_counter(dpr, std::mem::offset_of!(DprTelemetry, objects_rejected)),
+                frames_missed: dpr_counter(dpr, std::mem::offset_of!(DprTelemetry, frames_missed)),
+                scrubs: dpr_counter(dpr, std::mem::offset_of!(DprTelemetry, scrubs)),
+                scrub_faults: dpr_counter(dpr, std::mem::offset_of!(DprTelemetry, scrub_faults)),
+                load: rounded(dpr.usage().load()),
+            },
+            latency_ns: report::Latency {
+                sample_to_readable: self.ledger.sample_to_readable(),
+                last_bit_to_readable: self.ledger.last_bit_to_readable(),
+            },
+            ssi: report::Ssi {
+                transactions: stats.transactions,
+                fresh: stats.fresh,
+                repeated: stats.repeated,
+                busy: stats.busy,
+                bad_crc: stats.bad_crc,
+                ready_ns: self.ledger.ready_after(),
+            },
+            base: report::Base { profiles: base.profiles, bad_crc: base.bad_crc },
+            ..Report::default()
+        };
+        self.judge_boards(horus, dpr, &report);
+        report.violations = std::mem::take(&mut self.ledger.violations).into_words();
+        report
+    }
+
+    /// What the boards themselves must answer for.
+    fn judge_boards(&mut self, horus: &mut Node<Horus>, dpr: &mut Node<Dpr>, report: &Report) {
+        let violations = &mut self.ledger.violations;
+        for finding in horus.take_findings() {
+            violations.add("HORUS", || finding.to_string());
+        }
+        for finding in dpr.take_findings() {
+            violations.add("DPR", || finding.to_string());
+        }
+        for reset in horus.resets() {
+            violations.add("HORUS restarted", || format!("{:?} at {}", reset.cause, ms(reset.at)));
+        }
+        for reset in dpr.resets() {
+            violations.add("the DPR restarted", || format!("{:?} at {}", reset.cause, ms(reset.at)));
+        }
+        for (kind, chip) in [("HORUS front end", &self.poller), ("DPR front end", &self.listener)] {
+            for misuse in chip.with(|chip| chip.reports().to_vec()) {
+                violations.add(kind, || misuse.to_string());
+            }
+        }
+        if self.air.counters().answers > 0 {
+            violations.add("the listener answered", || format!("{} times", self.air.counters().answers));
+        }
+        let horus_counts = [
+            ("HORUS skipped frames", std::mem::offset_of!(HorusTelemetry, frames_skipped)),
+            ("HORUS front end faults", std::mem::offset_of!(HorusTelemetry, rf_faults)),
+            ("HORUS cycles overran", std::mem::offset_of!(HorusTelemetry, cycle_overruns)),
+        ];
+        for (kind, at) in horus_counts {
+            let count = counter(horus, "HORUS_TELEMETRY", at);
+            if count > 0 {
+                violations.add(kind, || count.to_string());
+            }
+        }
+        // Every frame that arrived whole is accepted whole; one may still be on its way through the DPR at the end.
+        let objects = self.flight_controller.config().receivers as u64 + 1;
+        let frames = profile::air::frames(self.flight_controller.config().receivers) as u64;
+        let due = (report.air.frames_delivered / frames).saturating_sub(1) * objects;
+        if report.air.frames_damaged + report.air.frames_lost == 0 && report.dpr.objects_accepted < due {
+            violations.add("objects lost in the DPR", || format!("{} of {due} accepted", report.dpr.objects_accepted));
+        }
+        if report.dpr.scrub_faults > 0 {
+            violations.add("a scrub found a stuck bit", || report.dpr.scrub_faults.to_string());
+        }
+    }
+}
+
+/// A counter of a firmware's telemetry, read from RAM as a debug probe reads it. 0 in an image that has none.
+fn counter<B: Wiring>(node: &Node<B>, symbol: &str, offset: usize) -> u64 {
+    let mut word = [0; 4];
+    let read = node.address_of(symbol).and_then(|address| node.read(address + offset as u64, &mut word));
+    read.map_or(0, |()| u64::from(u32::from_le_bytes(word)))
+}
+
+/// A load to four digits: what differs beyond that is no information.
+fn rounded(load: f64) -> f64 {
+    (load * 1e4).round() / 1e4
+}
+
+impl Between<Horus, Dpr> for Link {
+    type ToA = ();
+    type ToB = ();
+
+    /// What the poller's chip emits, the listener's hears at the same instant; nothing ever comes back.
+    fn lookahead(&self) -> Lookahead {
+        Lookahead { a_to_b: 0, b_to_a: Lookahead::NEVER }
+    }
+
+    fn leave_a(&mut self, _node: &mut Node<Horus>, _to_b: &mut Sent<()>) {
+        let events: Vec<_> = self.poller.with(|chip| chip.take_air().collect());
+        for (at, event) in events {
+            self.emitted(at, event);
+        }
+    }
+
+    fn leave_b(&mut self, _node: &mut Node<Dpr>, _to_a: &mut Sent<()>) {
+        let events: Vec<_> = self.listener.with(|chip| chip.take_air().collect());
+        for (at, event) in events {
+            self.air.from_listener(at, &event);
+        }
+    }
+
+    fn next_at_a(&self) -> Option<u64> {
+        self.feeds.iter().filter_map(|feed| feed.next).min()
+    }
+
+    fn act_at_a(&mut self, at: u64, node: &mut Node<Horus>) {
+        for tick in node.board_mut().take_ticks() {
+            self.ledger.tick(tick);
+        }
+        for feed in self.feeds.iter_mut().filter(|feed| feed.next.is_some_and(|next| next <= at)) {
+            if let Some(burst) = feed.receiver.next() {
+                node.input(|_, _| feed.line.send(&burst.bytes));
+            }
+            feed.next = feed.receiver.peek().map(|burst| burst.at_ns);
+        }
+    }
+
+    fn next_at_b(&self) -> Option<u64> {
+        Some(self.clocking.map_or_else(|| self.flight_controller.next_at(), |(ends, _)| ends))
+    }
+
+    fn act_at_b(&mut self, at: u64, node: &mut Node<Dpr>) {
+        if let Some((ends, mosi)) = self.clocking.take() {
+            // MISO floats to its pull-up where nobody drives it.
+            let miso = node.input(|board, now| board.part_mut().ssi_clock(VirtualNanos(now), mosi)).unwrap_or(0xFF);
+            self.flight_controller.miso(miso);
+            if let Some(trace) = &mut self.trace {
+                trace.byte(ends, trace::SSI, mosi, miso, SSI_HZ);
+            }
+            return;
+        }
+        self.watch_dpr(node);
+        match self.flight_controller.act() {
+            (_, Action::Select) => {
+                node.input(|board, now| board.part_mut().ssi_select(VirtualNanos(now), SSI_CSN));
+                self.mark(at, Wire::SsiCsn, false);
+            }
+            (began, Action::Byte(mosi)) => {
+                let byte_ns = self.flight_controller.config().byte_ns;
+                self.clocking = Some((began + byte_ns, mosi));
+            }
+            (_, Action::Deselect) => {
+                let risen = node.now();
+                node.input(|board, now| board.part_mut().ssi_deselect(VirtualNanos(now), SSI_CSN));
+                self.mark(at, Wire::SsiCsn, true);
+                self.ledger.deselected(risen);
+                self.transaction_over(at);
+            }
+        }
+    }
+}
