@@ -417,6 +417,22 @@ impl Stm32f427Part {
         pending
     }
 
+    /// Restarts the rigless part. It knows no window watchdog, so that reset goes through as the core's own and leaves the flag
+    /// RM0090 section 6.3.21 gives it instead of the software reset's.
+    fn reset_by(&mut self, at: VirtualNanos, cause: ResetCause) {
+        const SFTRSTF: u64 = 1 << 28;
+        const WWDGRSTF: u64 = 1 << 30;
+        if cause != ResetCause::Model("WWDG") {
+            self.mcu.reset(at, cause);
+            return;
+        }
+        let before = self.mcu.bus().slots()[self.slots.rcc].registers().get(rcc::Register::Csr);
+        self.mcu.reset(at, ResetCause::Core);
+        let (_, registers) = self.mcu.clocks();
+        let flags = registers.get(rcc::Register::Csr) & !SFTRSTF | before & SFTRSTF | WWDGRSTF;
+        registers.set(rcc::Register::Csr, flags);
+    }
+
     fn flash_registers(&self) -> [u64; 2] {
         let registers = self.mcu.bus().slots()[self.slots.flash].registers();
         [registers.get(flash::Register::Cr), registers.get(flash::Register::Sr)]
@@ -438,7 +454,7 @@ impl Mcu for Stm32f427Part {
     }
 
     fn reset(&mut self, at: VirtualNanos, cause: ResetCause) {
-        self.mcu.reset(at, cause);
+        self.reset_by(at, cause);
         self.exti = Exti::default();
         self.wwdg = Wwdg::default();
         self.tim6 = Default::default();
