@@ -274,7 +274,12 @@ mod app {
                 ListenerEvent::Dropped(_) => TELEMETRY.rf_faults.add(1),
                 ListenerEvent::FieldOn | ListenerEvent::FieldOff => {}
             }
-            event = executor.resume();
+            event = if matches!(happened, ListenerEvent::Frame { .. }) {
+                executor.rest();
+                None
+            } else {
+                executor.resume()
+            };
         }
         if let Some(arrived) = executor.arrived() {
             early.follow::<RECEIVERS>(executor.port().arrived(arrived));

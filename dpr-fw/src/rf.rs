@@ -24,6 +24,10 @@ const _: () = assert!((LEAD + PAYLOAD_OFFSET).is_multiple_of(4));
 /// The longest transfer, µs: 258 bytes at 8 MHz take 258 µs; with margin.
 pub const TRANSFER_US: u32 = 1_000;
 
+/// How long the chip is left alone after a frame, µs: the commit takes 50. The next sync is at least 0.45 ms after the end of a frame (0.30 ms
+/// between two frames of a cycle, 0.15 ms of preamble and sync), of which reading takes 0.26 ms at worst (store-and-forward) and re-arming 0.03 ms.
+pub const REST_US: u32 = 80;
+
 /// Steps without a transfer or a wait before a poll gives the processor back. The machine needs two.
 const STEPS: u32 = 8;
 /// How long a machine that exceeds that is left alone, µs.
@@ -66,6 +70,8 @@ enum Waiting {
     Transfer,
     IrqOrTime,
     Time,
+    /// The owner let it rest.
+    Rest,
     /// The owner has an event in hand.
     Owner,
 }
@@ -105,8 +111,8 @@ impl<P: Port> Executor<P> {
         (!reading || self.arrived == 0).then_some(self.arrived)
     }
 
-    /// Looks what has come and goes on as far as possible; with an event if there is one, after which [`Executor::resume`] has to be
-    /// called.
+    /// Looks what has come and goes on as far as possible; with an event if there is one, after which [`Executor::resume`] or
+    /// [`Executor::rest`] has to be called.
     pub fn poll(&mut self) -> Option<ListenerEvent> {
         let step = match self.waiting {
             Waiting::Transfer if self.port.ended() => {
@@ -120,7 +126,8 @@ impl<P: Port> Executor<P> {
             }
             Waiting::IrqOrTime if self.port.irq() => self.irq(),
             Waiting::IrqOrTime | Waiting::Time if self.port.elapsed() => self.listener.step(Input::Timeout),
-            Waiting::Transfer | Waiting::IrqOrTime | Waiting::Time | Waiting::Owner => return None,
+            Waiting::Rest if self.port.elapsed() => self.listener.step(Input::Start),
+            Waiting::Rest | Waiting::Transfer | Waiting::IrqOrTime | Waiting::Time | Waiting::Owner => return None,
         };
         self.carry_out(step)
     }
@@ -129,6 +136,11 @@ impl<P: Port> Executor<P> {
     pub fn resume(&mut self) -> Option<ListenerEvent> {
         let step = self.listener.step(Input::Start);
         self.carry_out(step)
+    }
+
+    /// Goes on after a frame, but only [`REST_US`] later, so that the transfers that re-arm the chip do not interrupt the commit of the frame.
+    pub fn rest(&mut self) {
+        self.wait(Waiting::Rest, REST_US);
     }
 
     fn irq(&mut self) -> Step<ListenerEvent> {

@@ -271,7 +271,12 @@ impl<const N: usize> Dpr<N> {
                 assert_eq!(rotated, Rotated::Handed);
                 port.buffer = Some(next);
             }
-            event = self.executor.resume();
+            event = if matches!(happened, ListenerEvent::Frame { .. }) {
+                self.executor.rest();
+                None
+            } else {
+                self.executor.resume()
+            };
         }
         if let Some(arrived) = self.executor.arrived() {
             let buffer = self.executor.port().buffer.as_ref().expect("the buffer is here");
