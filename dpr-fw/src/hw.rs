@@ -86,6 +86,8 @@ pub(crate) struct Board {
     pub(crate) rf_edge: RfEdge,
     /// SSI.
     pub(crate) ssi: SsiPort,
+    /// FRESH.
+    pub(crate) fresh: Fresh,
     /// The missed-frame deadline.
     pub(crate) deadline: Deadline,
     /// The watchdog; `None` if something else has configured it, then it is that one's.
@@ -154,11 +156,11 @@ pub(crate) fn init(
         mosi: port1.p1_02.into_floating_input().degrade(),
         miso: port1.p1_03.into_disconnected().degrade(),
         select: port1.p1_04.into_pullup_input().degrade(),
-        fresh: port1.p1_05.into_push_pull_output(Level::Low).degrade(),
     };
     let ssi = SsiPort::new(p.SPIS1, pins, memory.ssi_rx);
+    port1.p1_05.into_push_pull_output(Level::Low);
     let deadline = Deadline::new(p.TIMER1);
-    Board { rf, rf_edge: RfEdge(gpiote), ssi, deadline, watchdog, watchdog_reset }
+    Board { rf, rf_edge: RfEdge(gpiote), ssi, fresh: Fresh(()), deadline, watchdog, watchdog_reset }
 }
 
 /// Starts TIMER0: 32 bits of µs, from zero, for ever.
@@ -182,10 +184,30 @@ pub(crate) fn now_us() -> u32 {
     timer.cc[3].read().bits()
 }
 
-/// Asks for the SSI's buffer, so that a newer image may be put in; the SSI interrupt follows when it is there.
-pub(crate) fn request_ssi() {
-    // SAFETY: the pointer is the peripheral's, valid for ever; a task register is written, once, which races with nothing.
-    unsafe { (*pac::SPIS1::ptr()).tasks_acquire.write(|w| w.bits(1)) };
+/// Asks for the SSI's buffer, so that a newer image may be put in; the SSI interrupt follows when it is there. Tells whether a transaction is under
+/// way, whose end has to come first.
+pub(crate) fn request_ssi() -> bool {
+    // SAFETY: the pointer is the peripheral's, valid for ever; a task register and a read-only one are accessed, which races with nothing.
+    let spis = unsafe { &*pac::SPIS1::ptr() };
+    // SAFETY: task registers take 1.
+    spis.tasks_acquire.write(|w| unsafe { w.bits(1) });
+    let holder = spis.semstat.read().semstat();
+    holder.is_spis() || holder.is_cpupending()
+}
+
+/// The FRESH pin. Both of its edges are single writes to a set or clear register, so two tasks may have it.
+#[derive(Clone, Copy)]
+pub(crate) struct Fresh(());
+
+impl Fresh {
+    /// Pulses.
+    pub(crate) fn pulse(self) {
+        // SAFETY: the pointer is the peripheral's, valid for ever; OUTSET and OUTCLR change the pins whose bits are set and no others.
+        let port = unsafe { &*pac::P1::ptr() };
+        port.outset.write(|w| w.pin5().set());
+        cortex_m::asm::delay(FRESH_CYCLES);
+        port.outclr.write(|w| w.pin5().clear());
+    }
 }
 
 /// The missed-frame deadline: TIMER1 in µs.
@@ -455,13 +477,13 @@ struct SsiPins {
     mosi: Pin<Input<Floating>>,
     miso: Pin<Disconnected>,
     select: Pin<Input<PullUp>>,
-    fresh: Pin<Output<PushPull>>,
 }
 
-/// SPIS1 and the FRESH pin, with the image that is streamed and the area that is written from outside.
+/// SPIS1, with the image that is streamed and the area that is written from outside.
 pub(crate) struct SsiPort {
     spis: pac::SPIS1,
-    pins: SsiPins,
+    /// Held so that nobody reconfigures them.
+    _pins: SsiPins,
     receive: &'static mut [u8; RECEIVE_BYTES],
     image: Option<Received<ImageBuffer, ()>>,
     granted: bool,
@@ -487,7 +509,7 @@ impl SsiPort {
         spis.shorts.write(|w| w.end_acquire().enabled());
         spis.intenset.write(|w| w.end().set().acquired().set());
         spis.enable.write(|w| w.enable().enabled());
-        Self { spis, pins, receive, image: None, granted: false }
+        Self { spis, _pins: pins, receive, image: None, granted: false }
     }
 
     /// Looks what has come: whether the buffers are in the processor's hands, and what the transaction that has ended brought in.
@@ -541,13 +563,6 @@ impl SsiPort {
         // SAFETY: task registers take 1.
         self.spis.tasks_release.write(|w| unsafe { w.bits(1) });
         true
-    }
-
-    /// Pulses FRESH.
-    pub(crate) fn pulse_fresh(&mut self) {
-        let Ok(()) = self.pins.fresh.set_high();
-        cortex_m::asm::delay(FRESH_CYCLES);
-        let Ok(()) = self.pins.fresh.set_low();
     }
 }
 

@@ -46,7 +46,9 @@ mod app {
         listener::PAYLOAD_OFFSET, Fault, Listener, ListenerConfig, ListenerEvent, ReadMode, Short, Supply,
     };
 
-    use crate::hw::{self, Deadline, ImageBuffer, ReceiveBuffer, RfEdge, RfPort, SsiPort, DPR_TELEMETRY as TELEMETRY};
+    use crate::hw::{
+        self, Deadline, Fresh, ImageBuffer, ReceiveBuffer, RfEdge, RfPort, SsiPort, DPR_TELEMETRY as TELEMETRY,
+    };
 
     /// The NFC expansion boards are fed with 5 V from the DK.
     const LISTENER: ListenerConfig = ListenerConfig {
@@ -87,15 +89,23 @@ mod app {
     pub struct Committing {
         commit: Commit<RECEIVERS>,
         filling: Option<Filling<ImageBuffer>>,
+        fresh: Fresh,
         deadline: Deadline,
         started: bool,
         watchdog_reset: bool,
     }
 
+    /// What `commit` and `ssi_end` hand over.
+    pub struct Mailbox {
+        exchange: Exchange<ImageBuffer>,
+        /// FRESH has told of the newest image already.
+        announced: bool,
+    }
+
     #[shared]
     struct Shared {
         rotation: Rotation<ReceiveBuffer, FrameInfo>,
-        exchange: Exchange<ImageBuffer>,
+        mailbox: Mailbox,
         front_end: FrontEnd,
         #[lock_free]
         rf: Receiving,
@@ -106,6 +116,7 @@ mod app {
     #[local]
     struct Local {
         ssi: SsiPort,
+        fresh: Fresh,
         windows: Windows<IMAGE_LEN>,
         budget: Budget,
         rf_edge: RfEdge,
@@ -138,14 +149,22 @@ mod app {
         let committing = Committing {
             commit: Commit::new(),
             filling: None,
+            fresh: board.fresh,
             deadline: board.deadline,
             started: false,
             watchdog_reset: board.watchdog_reset,
         };
         (
-            Shared { rotation, exchange, front_end: FrontEnd::Starting, rf, committing },
+            Shared {
+                rotation,
+                mailbox: Mailbox { exchange, announced: false },
+                front_end: FrontEnd::Starting,
+                rf,
+                committing,
+            },
             Local {
                 ssi: board.ssi,
+                fresh: board.fresh,
                 windows: Windows::new(),
                 budget: Budget::new(),
                 rf_edge: board.rf_edge,
@@ -195,10 +214,10 @@ mod app {
     }
 
     /// A transaction has ended, the buffers have come back for a newer image, or the scrub asks for a sign of life.
-    #[task(binds = SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1, priority = 5, local = [ssi, windows, budget], shared = [exchange])]
+    #[task(binds = SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1, priority = 5, local = [ssi, fresh, windows, budget], shared = [mailbox])]
     fn ssi_end(mut cx: ssi_end::Context) {
         let start = DWT::cycle_count();
-        let ssi_end::LocalResources { ssi, windows, budget } = cx.local;
+        let ssi_end::LocalResources { ssi, fresh, windows, budget } = cx.local;
         let (ours, received) = ssi.look();
         if let Some(mosi) = received {
             TELEMETRY.ssi_transactions.add(1);
@@ -206,12 +225,17 @@ mod app {
             TELEMETRY.access_violations.add(violations);
         }
         if ours {
-            let newer = cx.shared.exchange.lock(|exchange| ssi.exchange(|image| exchange.take(image)));
+            let (newer, announced) = cx.shared.mailbox.lock(|mailbox| {
+                let newer = ssi.exchange(|image| mailbox.exchange.take(image));
+                (newer, core::mem::take(&mut mailbox.announced))
+            });
             if newer {
                 *budget = Budget::new();
             }
             if budget.is_left() && ssi.grant(windows.window()) && newer {
-                ssi.pulse_fresh();
+                if !announced {
+                    fresh.pulse();
+                }
                 TELEMETRY.images_readable.add(1);
             }
         }
@@ -287,11 +311,11 @@ mod app {
     }
 
     /// A frame is in its buffer: verified, deposited, published.
-    #[task(binds = SWI0_EGU0, priority = 3, shared = [committing, rotation, exchange, front_end])]
+    #[task(binds = SWI0_EGU0, priority = 3, shared = [committing, rotation, mailbox, front_end])]
     fn commit(cx: commit::Context) {
-        let commit::SharedResources { committing, mut rotation, exchange, front_end } = cx.shared;
+        let commit::SharedResources { committing, mut rotation, mailbox, front_end } = cx.shared;
         let start = DWT::cycle_count();
-        let mut outbox = Outbox { exchange, filling: &mut committing.filling };
+        let mut outbox = Outbox { mailbox, filling: &mut committing.filling, fresh: committing.fresh };
         let health = health(front_end, committing.watchdog_reset);
         while let Some(received) = rotation.lock(Rotation::read) {
             let FrameInfo { len, ended_us, early } = *received.about();
@@ -316,12 +340,12 @@ mod app {
     }
 
     /// No frame came in time: what was valid must not stay readable.
-    #[task(binds = TIMER1, priority = 3, shared = [committing, rotation, exchange, front_end])]
+    #[task(binds = TIMER1, priority = 3, shared = [committing, rotation, mailbox, front_end])]
     fn deadline(cx: deadline::Context) {
-        let deadline::SharedResources { committing, mut rotation, exchange, front_end } = cx.shared;
+        let deadline::SharedResources { committing, mut rotation, mailbox, front_end } = cx.shared;
         let start = DWT::cycle_count();
         let health = health(front_end, committing.watchdog_reset);
-        let mut outbox = Outbox { exchange, filling: &mut committing.filling };
+        let mut outbox = Outbox { mailbox, filling: &mut committing.filling, fresh: committing.fresh };
         if !core::mem::replace(&mut committing.started, true) {
             committing.commit.begin(hw::now_us(), &health, &mut outbox);
         } else if committing.deadline.passed() && !rotation.lock(|rotation| rotation.waiting()) {
@@ -356,18 +380,19 @@ mod app {
         }
     }
 
-    /// Where `commit` puts images: into the exchange with the SSI, which is told.
-    struct Outbox<'a, E> {
-        exchange: E,
+    /// Where `commit` puts images: into the mailbox of the SSI, which is told.
+    struct Outbox<'a, M> {
+        mailbox: M,
         filling: &'a mut Option<Filling<ImageBuffer>>,
+        fresh: Fresh,
     }
 
-    impl<E: Mutex<T = Exchange<ImageBuffer>>> Images for Outbox<'_, E> {
+    impl<M: Mutex<T = Mailbox>> Images for Outbox<'_, M> {
         fn filling(&mut self) -> &mut ImageMemory {
-            let Self { exchange, filling } = self;
+            let Self { mailbox, filling, .. } = self;
             filling
                 .get_or_insert_with(|| {
-                    let blank = exchange.lock(Exchange::begin).expect("of three images one is free");
+                    let blank = mailbox.lock(|mailbox| mailbox.exchange.begin()).expect("of three images one is free");
                     let (filling, found) = blank.fill();
                     TELEMETRY.scrub_faults.add(found.stuck_bits);
                     filling
@@ -375,28 +400,36 @@ mod app {
                 .memory()
         }
 
+        /// If nobody is reading, the SSI interrupt puts the image in at once, and pulses FRESH when it has. During a transaction it does so at
+        /// its end; but what the next transaction gets is settled now, so FRESH pulses now.
         fn publish(&mut self) {
-            if let Some(filled) = self.filling.take() {
-                self.exchange.lock(|exchange| exchange.publish(filled));
-                hw::request_ssi();
+            let Self { mailbox, filling, fresh } = self;
+            if let Some(filled) = filling.take() {
+                mailbox.lock(|mailbox| {
+                    mailbox.exchange.publish(filled);
+                    mailbox.announced = hw::request_ssi();
+                    if mailbox.announced {
+                        fresh.pulse();
+                    }
+                });
                 TELEMETRY.publications.add(1);
             }
         }
     }
 
     /// Buffers were read or replaced: scrubs them, then asks the interrupts for their signs of life.
-    #[task(binds = SWI1_EGU1, priority = 2, shared = [rotation, exchange])]
+    #[task(binds = SWI1_EGU1, priority = 2, shared = [rotation, mailbox])]
     fn scrub(cx: scrub::Context) {
-        let scrub::SharedResources { mut rotation, mut exchange } = cx.shared;
+        let scrub::SharedResources { mut rotation, mut mailbox } = cx.shared;
         while let Some(spent) = rotation.lock(Rotation::dirty) {
             let (clean, found) = Spent::scrub(spent);
             scrubbed(1, found.stuck_bits);
             rotation.lock(|rotation| rotation.cleaned(clean));
         }
-        while let Some(spent) = exchange.lock(Exchange::dirty) {
+        while let Some(spent) = mailbox.lock(|mailbox| mailbox.exchange.dirty()) {
             let (clean, found) = Spent::scrub(spent);
             scrubbed(1, found.stuck_bits);
-            exchange.lock(|exchange| exchange.cleaned(clean));
+            mailbox.lock(|mailbox| mailbox.exchange.cleaned(clean));
         }
         ROLL.check_in(Task::Scrub);
         rtic::pend(Interrupt::GPIOTE);
