@@ -10,6 +10,7 @@ mod fuzz;
 mod lint;
 #[cfg(feature = "probe")]
 mod probe;
+mod residual;
 mod run;
 mod sim;
 mod size;
@@ -46,6 +47,8 @@ enum Command {
     Size(SizeArgs),
     /// Formatting, then clippy with warnings as errors, for host and target.
     Lint,
+    /// Residual error of the profile's two CRCs: exact weights, probabilities, claims; writes docs/safety.
+    Residual(residual::ResidualArgs),
     /// Fuzz the profile's parsers with cargo-fuzz.
     Fuzz(fuzz::FuzzArgs),
 }
@@ -182,6 +185,7 @@ fn dispatch(command: Command) -> Result<ExitCode> {
         Command::Test(args) => test::test(&args),
         Command::Size(args) => size::size(args.gps),
         Command::Lint => lint::lint(),
+        Command::Residual(args) => residual::residual(&args),
         Command::Fuzz(args) => fuzz::fuzz(&args),
     }
 }

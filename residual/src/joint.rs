@@ -1,0 +1,239 @@
+//! Two CRCs, one inside the other: what latitude and longitude in Reported-Position have.
+//!
+//! # The code
+//!
+//! Bytes 8 to 27 of Reported-Position are a codeword of the position CRC, all 64 bytes one of the frame CRC. A pattern of errors
+//! goes undetected if and only if it is a codeword of the outer code *and* its part in bytes 8 to 27 is one of the inner code:
+//! 64 check bits, 448 data bits. Two distances are of interest:
+//!
+//! - that of patterns which damage latitude or longitude, *and any other bits besides*: [`Joint::distance`]. The inner part is
+//!   then a codeword other than 0. (If latitude and longitude are undamaged, so is the position CRC, or it says so.)
+//! - that of all patterns, which leave latitude and longitude alone if they can: the outer code's own.
+//!
+//! # The method
+//!
+//! The dual of the joint code has 2^64 words; they cannot be counted. But a word of little weight is a word of the inner code of
+//! little weight, shifted to its place, and a few bits elsewhere that make up its syndrome in the outer code. The inner code has
+//! no words below its distance and few just above. So: find all inner words of weight up to [`MAX_WEIGHT`](crate::MAX_WEIGHT)
+//! ([`Words`]); look each one's outer syndrome up among the sums of 0, 1, 2, 3 columns of the 352 bits elsewhere. By total weight,
+//! smallest first, each combination of inside and outside either is excluded by having looked at every candidate, or has a word.
+//! A total weight that is odd needs no search if the outer polynomial is divisible by x + 1.
+use std::collections::HashMap;
+use std::num::NonZero;
+
+use crate::{MAX_WEIGHT, Polynomial, Words};
+
+/// Most bits outside that the search combines.
+const MAX_OUTSIDE: usize = 3;
+
+/// An inner codeword inside an outer one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Nesting {
+    /// The outer polynomial.
+    pub outer: Polynomial,
+    /// The outer codeword, bits.
+    pub outer_bits: usize,
+    /// The inner polynomial.
+    pub inner: Polynomial,
+    /// The inner codeword, bits.
+    pub inner_bits: usize,
+    /// Outer bits that are sent after the inner codeword's last.
+    pub bits_after: usize,
+}
+
+impl Nesting {
+    /// Latitude, longitude and the position CRC in Reported-Position.
+    pub const REPORTED_POSITION: Self = Self {
+        outer: crate::codes::FRAME.polynomial,
+        outer_bits: crate::codes::REPORTED_BITS,
+        inner: crate::codes::POSITION.polynomial,
+        inner_bits: crate::codes::POSITION_BITS,
+        // bytes 28 to 63
+        bits_after: 8 * 36,
+    };
+}
+
+/// One combination of weights: what the search found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Examined {
+    /// Errors in the inner codeword.
+    pub inside: usize,
+    /// Errors elsewhere in the outer codeword.
+    pub outside: usize,
+    /// Inner codewords of that weight, each of which was looked up.
+    pub candidates: u64,
+    /// Words of the joint code among them.
+    pub words: u64,
+}
+
+/// The least errors that damage the inner codeword and go undetected by both CRCs.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Joint {
+    /// The least weight of a joint codeword whose inner part is not 0, if the search came so far.
+    pub distance: Option<usize>,
+    /// All weights below this one are shown to have no words: the distance itself, if known.
+    pub at_least: usize,
+    /// The combinations that were searched, by total weight.
+    pub examined: Vec<Examined>,
+    /// Words of the least weight: of each, the bits of the outer codeword that are set, counted from the last sent. All those
+    /// of the combinations in `examined`; others, with more errors inside, may exist.
+    pub words: Vec<Vec<u16>>,
+}
+
+impl Joint {
+    /// Searches by total weight until one has words or a combination is out of reach.
+    #[must_use]
+    pub fn search(nesting: &Nesting, threads: NonZero<usize>) -> Self {
+        let columns = nesting.outer.columns(nesting.outer_bits);
+        let inside = nesting.bits_after..nesting.bits_after + nesting.inner_bits;
+        let outside: Vec<u16> =
+            (0..nesting.outer_bits).filter(|place| !inside.contains(place)).map(|place| place as u16).collect();
+        let outside = Outside::new(&columns, outside);
+        let mut examined = Vec::new();
+        // By weight, as far as needed.
+        let mut inner_words: Vec<Words> = Vec::new();
+        for total in 1.. {
+            if nesting.outer.is_even() && total % 2 == 1 {
+                continue;
+            }
+            let mut words = Vec::new();
+            let mut complete = true;
+            for weight in 1..=total {
+                if weight > MAX_WEIGHT || total - weight > MAX_OUTSIDE {
+                    // Out of reach, unless there are no such inner words at all.
+                    complete &= weight <= MAX_WEIGHT && words_of(&mut inner_words, nesting, weight, threads).starting_at_0().is_empty();
+                    continue;
+                }
+                let inner = words_of(&mut inner_words, nesting, weight, threads);
+                let before = words.len();
+                for word in inner.everywhere() {
+                    let shifted: Vec<u16> = word.iter().map(|place| place + nesting.bits_after as u16).collect();
+                    let syndrome = shifted.iter().fold(0, |sum, place| sum ^ columns[usize::from(*place)]);
+                    outside.sums_to(syndrome, total - weight, &mut |places| {
+                        let mut joint = shifted.clone();
+                        joint.extend_from_slice(places);
+                        joint.sort_unstable();
+                        words.push(joint);
+                    });
+                }
+                let candidates = inner.count();
+                if candidates > 0 {
+                    examined.push(Examined {
+                        inside: weight,
+                        outside: total - weight,
+                        candidates,
+                        words: (words.len() - before) as u64,
+                    });
+                }
+            }
+            if !words.is_empty() {
+                words.sort_unstable();
+                // Words found, but a lesser weight not excluded, would have ended the search before.
+                return Self { distance: Some(total), at_least: total, examined, words };
+            }
+            if !complete {
+                return Self { distance: None, at_least: total, examined, words };
+            }
+        }
+        unreachable!("the loop ends at the latest when a weight is out of reach")
+    }
+}
+
+fn words_of<'a>(found: &'a mut Vec<Words>, nesting: &Nesting, weight: usize, threads: NonZero<usize>) -> &'a Words {
+    while found.len() < weight {
+        found.push(Words::find(nesting.inner, nesting.inner_bits, found.len() + 1, threads));
+    }
+    &found[weight - 1]
+}
+
+/// Sums of up to three columns outside the inner codeword.
+struct Outside {
+    places: Vec<u16>,
+    columns: Vec<u32>,
+    /// Which one has this column.
+    singles: HashMap<u32, u16>,
+    /// Which two, each pair once.
+    pairs: HashMap<u32, Vec<[u16; 2]>>,
+}
+
+impl Outside {
+    fn new(columns: &[u32], places: Vec<u16>) -> Self {
+        let columns: Vec<u32> = places.iter().map(|place| columns[usize::from(*place)]).collect();
+        let mut pairs: HashMap<u32, Vec<[u16; 2]>> = HashMap::new();
+        for b in 0..places.len() {
+            for a in 0..b {
+                pairs.entry(columns[a] ^ columns[b]).or_default().push([places[a], places[b]]);
+            }
+        }
+        let singles = columns.iter().copied().zip(places.iter().copied()).collect();
+        Self { places, columns, singles, pairs }
+    }
+
+    /// Every set of `count` places, in rising order, whose columns add up to `sum`.
+    fn sums_to(&self, sum: u32, count: usize, found: &mut dyn FnMut(&[u16])) {
+        match count {
+            0 => {
+                if sum == 0 {
+                    found(&[]);
+                }
+            }
+            1 => {
+                if let Some(place) = self.singles.get(&sum) {
+                    found(&[*place]);
+                }
+            }
+            2 => self.pairs.get(&sum).into_iter().flatten().for_each(|pair| found(pair)),
+            _ => {
+                for (column, first) in self.columns.iter().zip(&self.places) {
+                    for pair in self.pairs.get(&(sum ^ column)).into_iter().flatten().filter(|pair| pair[0] > *first) {
+                        found(&[*first, pair[0], pair[1]]);
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TWO: NonZero<usize> = NonZero::new(2).unwrap();
+
+    /// The least weight of all words that are codewords of both and not 0 inside, by trying all of them.
+    fn by_brute_force(nesting: &Nesting) -> (usize, usize) {
+        let outer = nesting.outer.columns(nesting.outer_bits);
+        let inner = nesting.inner.columns(nesting.inner_bits);
+        let sum = |columns: &[u32], word: u64| columns.iter().enumerate().filter(|(i, _)| word >> i & 1 == 1).fold(0, |sum, (_, column)| sum ^ column);
+        let mut weights = vec![0; nesting.outer_bits + 1];
+        for word in 0..1_u64 << nesting.outer_bits {
+            let inside = word >> nesting.bits_after & ((1 << nesting.inner_bits) - 1);
+            if inside != 0 && sum(&inner, inside) == 0 && sum(&outer, word) == 0 {
+                weights[word.count_ones() as usize] += 1;
+            }
+        }
+        weights.into_iter().enumerate().find(|(_, count)| *count > 0).unwrap()
+    }
+
+    #[test]
+    fn the_distance_of_small_nestings_is_that_of_all_their_words() {
+        for (outer, inner) in [((4, 3), (3, 3)), ((5, 0x0B), (4, 3)), ((6, 0x03), (4, 0x0F)), ((5, 0x15), (5, 0x05))] {
+            let nesting = Nesting {
+                outer: Polynomial::from_normal(outer.0, outer.1).unwrap(),
+                outer_bits: 20,
+                inner: Polynomial::from_normal(inner.0, inner.1).unwrap(),
+                inner_bits: 10,
+                bits_after: 7,
+            };
+            let joint = Joint::search(&nesting, TWO);
+            let (distance, count) = by_brute_force(&nesting);
+            assert!(joint.at_least <= distance);
+            if let Some(found) = joint.distance {
+                assert_eq!(found, distance, "{nesting:?}");
+                assert!(joint.words.len() <= count);
+                let reach = joint.examined.iter().filter(|examined| examined.inside + examined.outside == found).map(|examined| examined.words).sum::<u64>();
+                assert_eq!(joint.words.len() as u64, reach);
+            }
+        }
+    }
+}

@@ -1,0 +1,167 @@
+//! From the probability of an undetected error to how many an hour, and what safety integrity levels allow.
+//!
+//! # Residual error rate
+//!
+//! HORUS sends a profile 100 times a second and never repeats one. Every object is judged by itself, so the residual errors
+//! add up over the objects:
+//!
+//! > Λ(p) = 360 000 / h · (P_ud, Reported-Position(p) + n P_ud, GPS(p))
+//!
+//! Reported-Position counts with its frame CRC alone; its position CRC can only lower the figure. This is for one sink; a
+//! system in which several act on what they read independently multiplies by their number (IEC 61784-3's m).
+//!
+//! # Bounds
+//!
+//! IEC 61508-1 bounds the frequency of dangerous failures per hour of a function in continuous mode: below 1e-6 for SIL 2,
+//! 1e-7 for SIL 3, 1e-8 for SIL 4. IEC 61784-3 leaves a communication channel 1 % of that.
+//!
+//! # Error interval limit
+//!
+//! A sink that goes to its safe state when a second error is detected within an interval T keeps the rate of detected errors
+//! below 1 / T, whatever the channel does. For every error that passes, 1 / P_re,cond - 1 are detected, so that residual
+//! errors are fewer than
+//!
+//! > 1 / T · max P_re,cond / (1 - P_re,cond)
+//!
+//! at *any* bit error rate: no assumption about p is left, only that of independent errors. OPC UA Safety does this with 6,
+//! 60 and 600 minutes for SIL 2, 3 and 4 (OPC 10000-15, 9.4, table 39). The price is availability: the channel must be that
+//! good, or the function stops.
+use crate::ErrorCurve;
+
+/// Profiles an hour: one every 10 ms.
+pub const CYCLES_PER_HOUR: f64 = 3_600_000.0 / profile::CYCLE_MS as f64;
+
+/// OPC UA Safety's bound of P_re,cond (OPC 10000-15, 9.3).
+pub const OPC_UA_SAFETY_CONDITIONAL: f64 = 4.0e-10;
+
+/// Receivers of the profiles there are.
+pub const RECEIVERS: [usize; 4] = [1, 2, 3, 5];
+
+/// A safety integrity level (IEC 61508).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sil {
+    /// SIL 2.
+    Two,
+    /// SIL 3.
+    Three,
+    /// SIL 4.
+    Four,
+}
+
+impl Sil {
+    /// Those that are compared with.
+    pub const ALL: [Self; 3] = [Self::Two, Self::Three, Self::Four];
+
+    /// Its number.
+    #[must_use]
+    pub const fn number(self) -> u32 {
+        match self {
+            Self::Two => 2,
+            Self::Three => 3,
+            Self::Four => 4,
+        }
+    }
+
+    /// What it leaves a communication channel: residual errors per hour, 1 % of the function's dangerous failures.
+    #[must_use]
+    pub const fn channel_limit(self) -> f64 {
+        match self {
+            Self::Two => 1e-8,
+            Self::Three => 1e-9,
+            Self::Four => 1e-10,
+        }
+    }
+
+    /// OPC UA Safety's error interval limit for it, minutes.
+    #[must_use]
+    pub const fn error_interval_minutes(self) -> u32 {
+        match self {
+            Self::Two => 6,
+            Self::Three => 60,
+            Self::Four => 600,
+        }
+    }
+}
+
+/// The objects of a profile, as far as errors go.
+#[derive(Clone, Copy, Debug)]
+pub struct ProfileCurves<'a> {
+    /// Reported-Position's frame CRC.
+    pub reported: &'a ErrorCurve,
+    /// A GPS object's.
+    pub gps: &'a ErrorCurve,
+    /// How many GPS objects there are.
+    pub receivers: usize,
+}
+
+impl ProfileCurves<'_> {
+    /// Λ: residual errors per hour at a bit error rate of `p`.
+    #[must_use]
+    pub fn residual_per_hour(&self, p: f64) -> f64 {
+        CYCLES_PER_HOUR * (self.reported.undetected(p) + self.receivers as f64 * self.gps.undetected(p))
+    }
+
+    /// Objects that arrive damaged and are rejected, per hour, at a bit error rate of `p`.
+    #[must_use]
+    pub fn rejected_per_hour(&self, p: f64) -> f64 {
+        let damaged = self.reported.damaged(p) + self.receivers as f64 * self.gps.damaged(p);
+        CYCLES_PER_HOUR * damaged - self.residual_per_hour(p)
+    }
+
+    /// The most residual errors per hour at any bit error rate, if at most one object in `minutes` minutes is rejected.
+    #[must_use]
+    pub fn residual_per_hour_limited(&self, minutes: f64) -> f64 {
+        let conditional = self.reported.conditional_maximum().value.max(self.gps.conditional_maximum().value);
+        60.0 / minutes * conditional / (1.0 - conditional)
+    }
+
+    /// The bit error rate up to which residual errors stay at or below `limit` per hour; None if they do up to 0.5.
+    #[must_use]
+    pub fn holds_up_to(&self, limit: f64) -> Option<f64> {
+        crossing(|p| self.residual_per_hour(p), limit)
+    }
+
+    /// The bit error rate at which one object in `minutes` minutes is rejected on average.
+    #[must_use]
+    pub fn one_rejected_per(&self, minutes: f64) -> Option<f64> {
+        crossing(|p| self.rejected_per_hour(p), 60.0 / minutes)
+    }
+}
+
+/// Where a function of the bit error rate first exceeds `limit`, from 1e-15 up, rounded down.
+fn crossing(function: impl Fn(f64) -> f64, limit: f64) -> Option<f64> {
+    let steps = (1..).map(|step| 1e-15 * 10_f64.powf(f64::from(step) / 100.0)).take_while(|p| *p < 0.5).chain([0.5]);
+    let mut low = 1e-15;
+    for p in steps {
+        if function(p) > limit {
+            let mut high = p;
+            for _ in 0..60 {
+                let middle = f64::midpoint(low, high);
+                if function(middle) > limit { high = middle } else { low = middle }
+            }
+            return Some(low);
+        }
+        low = p;
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn crossings_are_found_or_denied() {
+        let found = crossing(|p| p * p, 1e-6).unwrap();
+        assert!((found / 1e-3 - 1.0).abs() < 1e-9);
+        assert_eq!(crossing(|p| p, 0.5), None);
+        // The first of several.
+        let bump = crossing(|p| if (1e-5..1e-4).contains(&p) { 2.0 } else { p }, 0.25).unwrap();
+        assert!((bump / 1e-5 - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_hundred_profiles_a_second() {
+        assert_eq!(CYCLES_PER_HOUR, 360_000.0);
+    }
+}

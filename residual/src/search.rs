@@ -1,0 +1,235 @@
+//! Codewords of little weight, found one by one: a second way to the same numbers.
+//!
+//! # Meeting in the middle
+//!
+//! Errors in some bits go undetected if the [columns](Polynomial::columns) of these bits add up to 0. To find all such sets
+//! of w bits, cut them in two: the columns of one half must add up to what those of the other do, so it is enough to list the
+//! sums of all halves and look for equal ones.
+//!
+//! **Only words that begin at bit 0.** Shifted by a bit, a codeword of a CRC is one again. So the words whose lowest bit is bit
+//! 0 tell all others: of one that spans m bits, n - m + 1 lie in n. With bit 0 given, and for an even weight the highest bit as
+//! well (each in turn), 2h bits remain. Each word is counted once, with the h lower ones as its first half.
+//!
+//! **In the cache.** The halves are sorted into 2^16 buckets by the upper bits of their sum. Two halves that fit lie in two
+//! buckets that fit; a bitmap of 8 KiB over the lower bits tells whether one bucket has a partner for an entry of the other.
+use std::num::NonZero;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
+
+use crate::Polynomial;
+
+/// The most bits in a codeword searched for.
+pub const MAX_WEIGHT: usize = 10;
+/// The longest codeword searched, bits.
+pub const MAX_LENGTH: usize = 1 << PLACE_BITS;
+
+/// Bits of an entry that name one place.
+const PLACE_BITS: usize = 12;
+const BUCKETS: usize = 1 << 16;
+
+/// All codewords of a code that have a given weight and begin at bit 0.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Words {
+    length: usize,
+    words: Vec<Vec<u16>>,
+}
+
+impl Words {
+    /// Finds the codewords of `weight` ones in `length` bits.
+    ///
+    /// The work grows as the number of ways to choose weight / 2 of the bits, the memory as its root: 512 bits are a matter of
+    /// seconds up to weight 8, 160 up to 10.
+    ///
+    /// # Panics
+    ///
+    /// If the weight is 0 or above [`MAX_WEIGHT`], or the length above [`MAX_LENGTH`].
+    #[must_use]
+    pub fn find(polynomial: Polynomial, length: usize, weight: usize, threads: NonZero<usize>) -> Self {
+        assert!((1..=MAX_WEIGHT).contains(&weight) && length <= MAX_LENGTH, "{weight} of {length} bits");
+        // Whatever the degree, the upper bits tell the most.
+        let aligned = |column| column << (32 - polynomial.degree());
+        let columns: Vec<u32> = polynomial.columns(length).into_iter().map(aligned).collect();
+        let half = (weight - 1) / 2;
+        let halves = Halves::new(&columns, half);
+        let mut words = Vec::new();
+        if weight % 2 == 1 {
+            halves.join(columns[0], length, threads, &mut |places| words.push(place_all(&places, None)));
+        } else {
+            for highest in weight - 1..length {
+                halves.join(columns[0] ^ columns[highest], highest, threads, &mut |places| words.push(place_all(&places, Some(highest))));
+            }
+        }
+        words.sort_unstable();
+        Self { length, words }
+    }
+
+    /// The words: of each, the bits that are set, rising from 0. Bit i is the coefficient of x^i, sent i bits before the last.
+    #[must_use]
+    pub fn starting_at_0(&self) -> &[Vec<u16>] {
+        &self.words
+    }
+
+    /// How many words of the weight there are, wherever they begin: A_w.
+    #[must_use]
+    pub fn count(&self) -> u64 {
+        self.words.iter().map(|word| (self.length - span(word) + 1) as u64).sum()
+    }
+
+    /// Each of them, wherever it begins.
+    pub fn everywhere(&self) -> impl Iterator<Item = Vec<u16>> {
+        self.words.iter().flat_map(move |word| {
+            (0..=self.length - span(word)).map(move |shift| word.iter().map(|place| place + shift as u16).collect())
+        })
+    }
+}
+
+/// Bits from the first to the last, both included.
+fn span(word: &[u16]) -> usize {
+    usize::from(word.last().copied().unwrap_or(0)) + 1
+}
+
+fn place_all(middle: &[u16], highest: Option<usize>) -> Vec<u16> {
+    let mut places = vec![0];
+    places.extend_from_slice(middle);
+    places.extend(highest.map(|place| place as u16));
+    places
+}
+
+/// All sums of `half` columns but the first's, in buckets.
+struct Halves {
+    half: usize,
+    /// Where each bucket begins; one more than there are.
+    begins: Vec<u32>,
+    /// The sum's lower 16 bits, then the places, 12 bits each, the lowest place highest. In each bucket the highest place
+    /// rises.
+    entries: Vec<u64>,
+}
+
+impl Halves {
+    fn new(columns: &[u32], half: usize) -> Self {
+        let mut sizes = vec![0_u32; BUCKETS + 1];
+        subsets(columns, half, &mut |sum, _| sizes[(sum >> 16) as usize + 1] += 1);
+        let mut begins = sizes;
+        for bucket in 0..BUCKETS {
+            begins[bucket + 1] += begins[bucket];
+        }
+        let mut entries = vec![0_u64; begins[BUCKETS] as usize];
+        let mut ends = begins.clone();
+        subsets(columns, half, &mut |sum, places| {
+            let end = &mut ends[(sum >> 16) as usize];
+            entries[*end as usize] = u64::from(sum & 0xFFFF) << 48 | places;
+            *end += 1;
+        });
+        Self { half, begins, entries }
+    }
+
+    /// The entries of a bucket whose places are all below `limit`.
+    fn bucket(&self, bucket: usize, limit: usize) -> &[u64] {
+        let entries = &self.entries[self.begins[bucket] as usize..self.begins[bucket + 1] as usize];
+        let highest = |entry: &u64| (*entry & ((1 << PLACE_BITS) - 1)) as usize;
+        if self.half == 0 { entries } else { &entries[..entries.partition_point(|entry| highest(entry) < limit)] }
+    }
+
+    /// Every two halves, the one below the other and both below `limit`, whose sums add up to `target`.
+    fn join(&self, target: u32, limit: usize, threads: NonZero<usize>, found: &mut dyn FnMut(Vec<u16>)) {
+        // A thread is worth its start only where there is work for it.
+        let threads = if self.entries.len() < 1 << 20 { 1 } else { threads.get() };
+        let next = AtomicUsize::new(0);
+        let work = || {
+            let mut words = Vec::new();
+            let mut present = vec![0_u64; BUCKETS / 64];
+            loop {
+                let first = next.fetch_add(256, Ordering::Relaxed);
+                if first >= BUCKETS {
+                    return words;
+                }
+                for lower in first..first + 256 {
+                    let (lower, upper) = (self.bucket(lower, limit), self.bucket(lower ^ (target >> 16) as usize, limit));
+                    self.join_buckets(target as u16, lower, upper, &mut present, &mut words);
+                }
+            }
+        };
+        if threads == 1 {
+            work().into_iter().for_each(found);
+        } else {
+            thread::scope(|scope| {
+                let workers: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
+                workers.into_iter().flat_map(|worker| worker.join().expect("a worker does not panic")).for_each(found);
+            });
+        }
+    }
+
+    fn join_buckets(&self, target: u16, lower: &[u64], upper: &[u64], present: &mut [u64], words: &mut Vec<Vec<u16>>) {
+        if lower.is_empty() || upper.is_empty() {
+            return;
+        }
+        let low = |entry: u64| (entry >> 48) as u16;
+        for entry in upper {
+            present[usize::from(low(*entry) >> 6)] |= 1 << (low(*entry) & 63);
+        }
+        for entry in lower {
+            let wanted = low(*entry) ^ target;
+            if present[usize::from(wanted >> 6)] >> (wanted & 63) & 1 == 0 {
+                continue;
+            }
+            for partner in upper.iter().filter(|partner| low(**partner) == wanted) {
+                let places: Vec<u16> = self.places(*entry).chain(self.places(*partner)).collect();
+                if places.is_sorted_by(|a, b| a < b) {
+                    words.push(places);
+                }
+            }
+        }
+        for entry in upper {
+            present[usize::from(low(*entry) >> 6)] = 0;
+        }
+    }
+
+    fn places(&self, entry: u64) -> impl Iterator<Item = u16> {
+        (0..self.half).rev().map(move |i| (entry >> (i * PLACE_BITS)) as u16 & ((1 << PLACE_BITS) - 1))
+    }
+}
+
+/// Every set of `size` columns but the first, with its sum and its places, in order of the highest place.
+fn subsets(columns: &[u32], size: usize, visit: &mut dyn FnMut(u32, u64)) {
+    fn below(columns: &[u32], limit: usize, size: usize, sum: u32, places: u64, shift: usize, visit: &mut dyn FnMut(u32, u64)) {
+        if size == 0 {
+            visit(sum, places);
+            return;
+        }
+        for place in size..limit {
+            below(columns, place, size - 1, sum ^ columns[place], places | (place as u64) << shift, shift + PLACE_BITS, visit);
+        }
+    }
+    below(columns, columns.len(), size, 0, 0, 0, visit);
+}
+
+#[cfg(test)]
+mod tests {
+    use num_bigint::BigUint;
+
+    use super::*;
+    use crate::{DualWeights, Weights};
+
+    const TWO: NonZero<usize> = NonZero::new(2).unwrap();
+
+    #[test]
+    fn words_are_codewords_and_as_many_as_the_dual_says() {
+        for (degree, normal, length) in
+            [(8, 0x07, 20), (10, 0x233, 20), (16, 0x1021, 30), (16, 0x3D65, 40), (20, 0x8_0005, 60), (24, 0x86_4CFB, 70)]
+        {
+            let polynomial = Polynomial::from_normal(degree, normal).unwrap();
+            let columns = polynomial.columns(length);
+            let weights = Weights::from_dual(&DualWeights::count(polynomial, length, TWO, &|_| ()), degree).unwrap();
+            for weight in 1..=MAX_WEIGHT {
+                let words = Words::find(polynomial, length, weight, TWO);
+                assert_eq!(BigUint::from(words.count()), weights.counts()[weight], "{polynomial:?}, {weight} of {length} bits");
+                assert_eq!(words.everywhere().count() as u64, words.count());
+                for word in words.everywhere().take(10_000) {
+                    assert_eq!(word.len(), weight);
+                    assert_eq!(word.iter().fold(0, |sum, place| sum ^ columns[usize::from(*place)]), 0);
+                }
+                assert!(words.starting_at_0().is_sorted_by(|a, b| a < b), "each once");
+            }
+        }
+    }
+}
