@@ -209,7 +209,8 @@ impl CycleTimer {
     fn slot(&mut self, frame: usize) {
         let mut report = PASSED | (frame as u32) << 8;
         let ticket = Ticket::from_word(ARMED.load(Ordering::Acquire));
-        match ticket.due(TICKS.load(Ordering::Relaxed), frame) {
+        let tick = TICKS.load(Ordering::Relaxed);
+        match ticket.due(tick, frame) {
             Some(command) => {
                 select(true);
                 spi().dr8().write(|w| w.dr().set(command));
@@ -226,6 +227,8 @@ impl CycleTimer {
                 HORUS_TELEMETRY.fired(left.wrapping_sub(timing::SLOT_TICKS[frame]));
                 report |= FIRED | u32::from(response);
             }
+            // Before the first tick no cycle has begun that could have anything to send.
+            None if tick == 0 => {}
             None => HORUS_TELEMETRY.frames_skipped.count(),
         }
         SLOT.store(report, Ordering::Release);
