@@ -42,7 +42,7 @@ mod tests {
 
     #[test]
     fn sealing_and_verifying_take_bounded_and_constant_cycles(cycles: &mut Cycles) {
-        profile::bounds(cycles, 16_000, 16_000);
+        profile::bounds(cycles, 6_000, 5_000);
     }
 
     #[test]
@@ -86,6 +86,6 @@ mod tests {
             let (clean, _) = defmt::unwrap!(rotation.dirty()).scrub();
             rotation.cleaned(clean);
         });
-        taken.assert("rotation through all three roles", 12_000, 64);
+        taken.assert("rotation through all three roles", 9_000, 64);
     }
 }
