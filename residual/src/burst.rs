@@ -38,9 +38,12 @@ mod tests {
                 let patterns = 1_u64 << (bits - 2);
                 let undetected = (0..patterns)
                     .map(|inner| inner << 1 | 1 | 1 << (bits - 1))
-                    .filter(|pattern| (0..bits as usize).filter(|i| pattern >> i & 1 == 1).fold(0, |sum, i| sum ^ columns[i]) == 0)
+                    .filter(|pattern| {
+                        (0..bits as usize).filter(|i| pattern >> i & 1 == 1).fold(0, |sum, i| sum ^ columns[i]) == 0
+                    })
                     .count();
-                let expected = undetected_log2(degree, bits).map_or(0.0, |log2| patterns as f64 * 2_f64.powi(log2 as i32));
+                let expected =
+                    undetected_log2(degree, bits).map_or(0.0, |log2| patterns as f64 * 2_f64.powi(log2 as i32));
                 assert_eq!(undetected as f64, expected, "{polynomial:?}, {bits} bits");
             }
         }

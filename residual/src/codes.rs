@@ -109,7 +109,8 @@ impl Code {
 /// Where the weights of the duals are committed, from the workspace's root.
 pub const COMMITTED_PATH: &str = "residual/data/dual-weights.txt";
 
-static COMMITTED: LazyLock<Vec<(Code, DualWeights)>> = LazyLock::new(|| parse(include_str!("../data/dual-weights.txt")));
+static COMMITTED: LazyLock<Vec<(Code, DualWeights)>> =
+    LazyLock::new(|| parse(include_str!("../data/dual-weights.txt")));
 
 fn parse(text: &str) -> Vec<(Code, DualWeights)> {
     let line = |line: &str| {

@@ -32,6 +32,8 @@ const PIECES_LOG2: u32 = 10;
 /// Adjacent words often have equal weights; to count them in turn in as many histograms keeps one increment from waiting
 /// for the other's store.
 const HISTOGRAMS: usize = 4;
+/// Words of each weight in one piece: at most 2^22, which a u32 counts.
+type Histograms = [[u32; MAX_LENGTH + 1]; HISTOGRAMS];
 
 /// How many words of the dual code have each weight, 0 to the length.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -47,7 +49,12 @@ impl DualWeights {
     ///
     /// If `length` is more than [`MAX_LENGTH`] or not more than the check bits.
     #[must_use]
-    pub fn count(polynomial: Polynomial, length: usize, threads: NonZero<usize>, progress: &(dyn Fn(f64) + Sync)) -> Self {
+    pub fn count(
+        polynomial: Polynomial,
+        length: usize,
+        threads: NonZero<usize>,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Self {
         assert!(length > polynomial.degree() as usize && length <= MAX_LENGTH, "a codeword of {length} bits");
         match length.div_ceil(WORD) {
             1 => Walk::<1>::new(polynomial, length).count(threads, progress),
@@ -160,8 +167,8 @@ impl<const W: usize> Walk<W> {
         DualWeights { counts }
     }
 
-    /// The histograms of one piece: at most 2^22 words, which a u32 counts.
-    fn piece(&self, piece: usize) -> [Vec<u32>; HISTOGRAMS] {
+    /// The histograms of one piece.
+    fn piece(&self, piece: usize) -> Histograms {
         #[cfg(target_arch = "x86_64")]
         if std::arch::is_x86_feature_detected!("popcnt") {
             // SAFETY: the function needs the POPCNT instruction and nothing else, and this processor has it: asked just
@@ -174,13 +181,13 @@ impl<const W: usize> Walk<W> {
     /// The same, compiled for a processor that counts bits in one instruction: three times as fast as the portable code.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "popcnt")]
-    fn piece_with_popcnt(&self, piece: usize) -> [Vec<u32>; HISTOGRAMS] {
+    fn piece_with_popcnt(&self, piece: usize) -> Histograms {
         self.walk(piece)
     }
 
     #[inline(always)]
-    fn walk(&self, piece: usize) -> [Vec<u32>; HISTOGRAMS] {
-        let mut histograms = array::from_fn(|_| vec![0_u32; W * WORD + 1]);
+    fn walk(&self, piece: usize) -> Histograms {
+        let mut histograms = [[0; MAX_LENGTH + 1]; HISTOGRAMS];
         let (walked, fixed) = self.checks.split_at(self.checks.len() - self.pieces_log2 as usize);
         let mut word = [0; W];
         for (j, check) in fixed.iter().enumerate() {
@@ -190,11 +197,14 @@ impl<const W: usize> Walk<W> {
         }
         let mut step = 0_u64;
         loop {
-            for sums in self.table.chunks(HISTOGRAMS) {
+            let (groups, rest) = self.table.as_chunks::<HISTOGRAMS>();
+            for sums in groups {
                 for (histogram, sum) in histograms.iter_mut().zip(sums) {
-                    let weight: u32 = add(&word, sum).iter().map(|part| part.count_ones()).sum();
-                    histogram[weight as usize] += 1;
+                    count_word(histogram, &add(&word, sum));
                 }
+            }
+            for (histogram, sum) in histograms.iter_mut().zip(rest) {
+                count_word(histogram, &add(&word, sum));
             }
             step += 1;
             match walked.get(step.trailing_zeros() as usize) {
@@ -203,6 +213,14 @@ impl<const W: usize> Walk<W> {
             }
         }
     }
+}
+
+/// Counts a word. Nothing here can overflow: at most 512 ones, at most 2^22 words.
+#[inline(always)]
+fn count_word<const W: usize>(histogram: &mut [u32; MAX_LENGTH + 1], word: &[u64; W]) {
+    let weight = word.iter().fold(0_u32, |ones, part| ones.wrapping_add(part.count_ones()));
+    let count = &mut histogram[weight as usize];
+    *count = count.wrapping_add(1);
 }
 
 #[inline(always)]

@@ -14,7 +14,7 @@
 //!
 //! The dual of the joint code has 2^64 words; they cannot be counted. But a word of little weight is a word of the inner code of
 //! little weight, shifted to its place, and a few bits elsewhere that make up its syndrome in the outer code. The inner code has
-//! no words below its distance and few just above. So: find all inner words of weight up to [`MAX_WEIGHT`](crate::MAX_WEIGHT)
+//! no words below its distance and few just above. So: find all inner words of weight up to [`MAX_WEIGHT`]
 //! ([`Words`]); look each one's outer syndrome up among the sums of 0, 1, 2, 3 columns of the 352 bits elsewhere. By total weight,
 //! smallest first, each combination of inside and outside either is excluded by having looked at every candidate, or has a word.
 //! A total weight that is odd needs no search if the outer polynomial is divisible by x + 1.
@@ -101,7 +101,8 @@ impl Joint {
             for weight in 1..=total {
                 if weight > MAX_WEIGHT || total - weight > MAX_OUTSIDE {
                     // Out of reach, unless there are no such inner words at all.
-                    complete &= weight <= MAX_WEIGHT && words_of(&mut inner_words, nesting, weight, threads).starting_at_0().is_empty();
+                    complete &= weight <= MAX_WEIGHT
+                        && words_of(&mut inner_words, nesting, weight, threads).starting_at_0().is_empty();
                     continue;
                 }
                 let inner = words_of(&mut inner_words, nesting, weight, threads);
@@ -204,7 +205,9 @@ mod tests {
     fn by_brute_force(nesting: &Nesting) -> (usize, usize) {
         let outer = nesting.outer.columns(nesting.outer_bits);
         let inner = nesting.inner.columns(nesting.inner_bits);
-        let sum = |columns: &[u32], word: u64| columns.iter().enumerate().filter(|(i, _)| word >> i & 1 == 1).fold(0, |sum, (_, column)| sum ^ column);
+        let sum = |columns: &[u32], word: u64| {
+            columns.iter().enumerate().filter(|(i, _)| word >> i & 1 == 1).fold(0, |sum, (_, column)| sum ^ column)
+        };
         let mut weights = vec![0; nesting.outer_bits + 1];
         for word in 0..1_u64 << nesting.outer_bits {
             let inside = word >> nesting.bits_after & ((1 << nesting.inner_bits) - 1);
@@ -231,7 +234,12 @@ mod tests {
             if let Some(found) = joint.distance {
                 assert_eq!(found, distance, "{nesting:?}");
                 assert!(joint.words.len() <= count);
-                let reach = joint.examined.iter().filter(|examined| examined.inside + examined.outside == found).map(|examined| examined.words).sum::<u64>();
+                let reach = joint
+                    .examined
+                    .iter()
+                    .filter(|examined| examined.inside + examined.outside == found)
+                    .map(|examined| examined.words)
+                    .sum::<u64>();
                 assert_eq!(joint.words.len() as u64, reach);
             }
         }

@@ -77,7 +77,7 @@ impl Polynomial {
     /// detected.
     #[must_use]
     pub const fn is_even(self) -> bool {
-        self.coefficients.count_ones() % 2 == 0
+        self.coefficients.count_ones().is_multiple_of(2)
     }
 
     /// The remainders of x^0, x^1, … x^(length - 1): the columns of the parity-check matrix.

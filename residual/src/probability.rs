@@ -197,7 +197,12 @@ mod tests {
     use crate::{DualWeights, Polynomial};
 
     fn weights(degree: u32, normal: u32, length: usize) -> Weights {
-        let dual = DualWeights::count(Polynomial::from_normal(degree, normal).unwrap(), length, NonZero::<usize>::MIN, &|_| ());
+        let dual = DualWeights::count(
+            Polynomial::from_normal(degree, normal).unwrap(),
+            length,
+            NonZero::<usize>::MIN,
+            &|_| (),
+        );
         Weights::from_dual(&dual, degree).unwrap()
     }
 
@@ -225,7 +230,9 @@ mod tests {
         let curve = ErrorCurve::new(&weights(1, 1, 9));
         for p in [1e-6, 1e-3, 0.1, 0.4] {
             let (q, n) = (1.0 - p, 9);
-            let expected: f64 = (1..=4).map(|i| [36.0, 126.0, 84.0, 9.0][i - 1] * f64::powi(p, 2 * i as i32) * f64::powi(q, n - 2 * i as i32)).sum();
+            let expected: f64 = (1..=4)
+                .map(|i| [36.0, 126.0, 84.0, 9.0][i - 1] * f64::powi(p, 2 * i as i32) * f64::powi(q, n - 2 * i as i32))
+                .sum();
             assert!((curve.undetected(p) / expected - 1.0).abs() < 1e-12);
             assert!((curve.damaged(p) / (1.0 - q.powi(n)) - 1.0).abs() < 1e-9);
         }

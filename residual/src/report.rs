@@ -69,7 +69,8 @@ impl Analysis {
     ///
     /// As [`Analysis::new`].
     pub fn committed() -> Result<Self, (Code, NotADual)> {
-        let duals: Vec<(Code, DualWeights)> = Code::all().into_iter().filter_map(|code| Some((code, code.committed()?))).collect();
+        let duals: Vec<(Code, DualWeights)> =
+            Code::all().into_iter().filter_map(|code| Some((code, code.committed()?))).collect();
         Self::new(&duals)
     }
 
@@ -100,7 +101,8 @@ impl Analysis {
     ///
     /// As [`plot::svg`](crate::plot::svg).
     pub fn svg(&self) -> Result<String, Box<dyn std::error::Error>> {
-        let curves: Vec<(Code, ErrorCurve)> = self.codes.iter().map(|judged| (judged.code, judged.curve.clone())).collect();
+        let curves: Vec<(Code, ErrorCurve)> =
+            self.codes.iter().map(|judged| (judged.code, judged.curve.clone())).collect();
         crate::plot::svg(&curves)
     }
 }
@@ -151,20 +153,43 @@ impl Report {
         let mut distance = |claim: &str, named: Named, bits: usize, claimed: usize| {
             let judged = analysis.code(named, bits);
             let hd = judged.weights.hamming_distance();
-            add(claim.to_owned(), hd >= claimed, format!("Hamming distance {hd} at {bits} bits, {} codewords of that weight", judged.at_distance()));
+            add(
+                claim.to_owned(),
+                hd >= claimed,
+                format!("Hamming distance {hd} at {bits} bits, {} codewords of that weight", judged.at_distance()),
+            );
         };
-        distance("paper: the frame CRC protects 448 bits of payload to a Hamming distance of 8", FRAME, codes::GPS_BITS, 8);
-        distance("the same for the 480 bits that Reported-Position has by the paper's Table 2", FRAME, codes::REPORTED_BITS, 8);
-        distance("paper: the position CRC protects latitude and longitude to a Hamming distance of 9", POSITION, codes::POSITION_BITS, 9);
+        distance(
+            "paper: the frame CRC protects 448 bits of payload to a Hamming distance of 8",
+            FRAME,
+            codes::GPS_BITS,
+            8,
+        );
+        distance(
+            "the same for the 480 bits that Reported-Position has by the paper's Table 2",
+            FRAME,
+            codes::REPORTED_BITS,
+            8,
+        );
+        distance(
+            "paper: the position CRC protects latitude and longitude to a Hamming distance of 9",
+            POSITION,
+            codes::POSITION_BITS,
+            9,
+        );
 
         let conventional = BitErrorRate::CONVENTIONAL.value();
         for receivers in rate::RECEIVERS {
             let profile = analysis.profile(receivers);
-            let up_to = profile.holds_up_to(1e-9).map_or("any bit error rate".to_owned(), |p| format!("a bit error rate of {p:.2e}"));
+            let up_to = profile
+                .holds_up_to(1e-9)
+                .map_or("any bit error rate".to_owned(), |p| format!("a bit error rate of {p:.2e}"));
             for p in [conventional, 1e-3, 1e-4] {
                 let rate = profile.residual_per_hour(p);
                 add(
-                    format!("paper: better than one failure in 100 000 years (1e-9 per hour), n = {receivers}, bit error rate {p:.0e}"),
+                    format!(
+                        "paper: better than one failure in 100 000 years (1e-9 per hour), n = {receivers}, bit error rate {p:.0e}"
+                    ),
                     rate < 1e-9,
                     format!("{rate:.2e} per hour; holds up to {up_to}"),
                 );
@@ -181,9 +206,14 @@ impl Report {
         );
         let century = literal / (100_000.0 * HOURS_PER_YEAR);
         add(
-            "paper, taken as a probability of 10e-9 of any failure in 100 000 years, n = 3, bit error rate 1e-4".to_owned(),
+            "paper, taken as a probability of 10e-9 of any failure in 100 000 years, n = 3, bit error rate 1e-4"
+                .to_owned(),
             rate_at(1e-4) < century,
-            format!("{:.2e} per hour against {century:.2e}; holds up to a bit error rate of {}", rate_at(1e-4), up_to(century)),
+            format!(
+                "{:.2e} per hour against {century:.2e}; holds up to a bit error rate of {}",
+                rate_at(1e-4),
+                up_to(century)
+            ),
         );
 
         for sil in Sil::ALL {
@@ -191,13 +221,21 @@ impl Report {
             add(
                 format!("SIL {}, 1 % rule, bit error rate 1e-2, n = 3, no error interval limit", sil.number()),
                 rate < sil.channel_limit(),
-                format!("{rate:.2e} per hour against {:.0e}; holds up to a bit error rate of {}", sil.channel_limit(), up_to(sil.channel_limit())),
+                format!(
+                    "{rate:.2e} per hour against {:.0e}; holds up to a bit error rate of {}",
+                    sil.channel_limit(),
+                    up_to(sil.channel_limit())
+                ),
             );
         }
         for sil in Sil::ALL {
             let limited = analysis.profile(5).residual_per_hour_limited(f64::from(sil.error_interval_minutes()));
             add(
-                format!("SIL {}, 1 % rule, any bit error rate, any n, one rejected object in {} minutes at most", sil.number(), sil.error_interval_minutes()),
+                format!(
+                    "SIL {}, 1 % rule, any bit error rate, any n, one rejected object in {} minutes at most",
+                    sil.number(),
+                    sil.error_interval_minutes()
+                ),
                 limited < sil.channel_limit(),
                 format!("{limited:.2e} per hour against {:.0e}", sil.channel_limit()),
             );
@@ -216,7 +254,8 @@ impl Report {
         }
         let joint = &self.joint;
         add(
-            "errors that damage latitude or longitude, or anything else besides, and pass both CRCs: at least 12".to_owned(),
+            "errors that damage latitude or longitude, or anything else besides, and pass both CRCs: at least 12"
+                .to_owned(),
             joint.at_least >= 12,
             match joint.distance {
                 Some(distance) => format!("distance {distance} exactly"),
@@ -250,33 +289,49 @@ impl Report {
     }
 
     fn claims_table(&self) -> String {
-        let rows = self.claims().into_iter().map(|claim| vec![claim.claim, if claim.holds { "yes" } else { "**no**" }.to_owned(), claim.figure]);
+        let rows = self
+            .claims()
+            .into_iter()
+            .map(|claim| vec![claim.claim, if claim.holds { "yes" } else { "**no**" }.to_owned(), claim.figure]);
         table(&["claim", "holds", "figure"], rows)
     }
 
     fn codes_table(&self) -> String {
         let rows = codes::POLYNOMIALS.map(|named| {
-            let mut row =
-                vec![named.name.to_owned(), format!("{}", named.polynomial), format!("{:#010x}", named.polynomial.normal()), yes(named.polynomial.is_even())];
+            let mut row = vec![
+                named.name.to_owned(),
+                format!("{}", named.polynomial),
+                format!("{:#010x}", named.polynomial.normal()),
+                yes(named.polynomial.is_even()),
+            ];
             row.extend(codes::COMPARED.map(|bits| {
                 let judged = self.analysis.code(named, bits);
                 format!("{} ({})", judged.weights.hamming_distance(), judged.at_distance())
             }));
             row
         });
-        table(&["polynomial", "Koopman", "normal", "x + 1 divides", "160 bits", "480 bits", "512 bits"], rows.into_iter())
+        table(
+            &["polynomial", "Koopman", "normal", "x + 1 divides", "160 bits", "480 bits", "512 bits"],
+            rows.into_iter(),
+        )
     }
 
     fn undetected_table(&self) -> String {
         let columns = [(FRAME, codes::GPS_BITS), (FRAME, codes::REPORTED_BITS), (POSITION, codes::POSITION_BITS)];
         let rows = BitErrorRate::tabulated().map(|rate| {
             let mut row = vec![rate.to_string()];
-            row.extend(columns.iter().map(|(named, bits)| format!("{:.3e}", self.analysis.code(*named, *bits).undetected_at(rate))));
+            row.extend(
+                columns
+                    .iter()
+                    .map(|(named, bits)| format!("{:.3e}", self.analysis.code(*named, *bits).undetected_at(rate))),
+            );
             row
         });
         let mut rows: Vec<Vec<String>> = rows.collect();
         type Of = fn(&ErrorCurve) -> crate::Maximum;
-        for (name, of) in [("largest", ErrorCurve::maximum as Of), ("largest P_re,cond", ErrorCurve::conditional_maximum)] {
+        for (name, of) in
+            [("largest", ErrorCurve::maximum as Of), ("largest P_re,cond", ErrorCurve::conditional_maximum)]
+        {
             let mut row = vec![name.to_owned()];
             row.extend(columns.iter().map(|(named, bits)| {
                 let maximum = of(&self.analysis.code(*named, *bits).curve);
@@ -284,7 +339,10 @@ impl Report {
             }));
             rows.push(row);
         }
-        table(&["bit error rate", "frame, GPS object", "frame, Reported-Position", "position, latitude and longitude"], rows.into_iter())
+        table(
+            &["bit error rate", "frame, GPS object", "frame, Reported-Position", "position, latitude and longitude"],
+            rows.into_iter(),
+        )
     }
 
     fn comparison_table(&self) -> String {
@@ -292,8 +350,11 @@ impl Report {
             codes::POLYNOMIALS.map(|named| {
                 let judged = self.analysis.code(named, bits);
                 let (largest, conditional) = (judged.curve.maximum(), judged.curve.conditional_maximum());
-                let mut row = vec![bits.to_string(), named.name.to_owned(), judged.weights.hamming_distance().to_string()];
-                row.extend([4, 3, 2].map(|decade| format!("{:.2e}", judged.undetected_at(BitErrorRate { digit: 1, decade }))));
+                let mut row =
+                    vec![bits.to_string(), named.name.to_owned(), judged.weights.hamming_distance().to_string()];
+                row.extend(
+                    [4, 3, 2].map(|decade| format!("{:.2e}", judged.undetected_at(BitErrorRate { digit: 1, decade }))),
+                );
                 row.push(format!("{:.3e}", largest.value));
                 row.push(format!("{:.3e}", conditional.value));
                 row.push(yes(conditional.value <= rate::OPC_UA_SAFETY_CONDITIONAL));
@@ -301,20 +362,33 @@ impl Report {
             })
         });
         table(
-            &["bits", "polynomial", "distance", "P_ud at 1e-4", "at 1e-3", "at 1e-2", "largest P_ud", "largest P_re,cond", "≤ 4.0e-10"],
+            &[
+                "bits",
+                "polynomial",
+                "distance",
+                "P_ud at 1e-4",
+                "at 1e-3",
+                "at 1e-2",
+                "largest P_ud",
+                "largest P_re,cond",
+                "≤ 4.0e-10",
+            ],
             rows,
         )
     }
 
     fn rates_table(&self) -> String {
         let rates = [(1, 6), (1, 5), (1, 4), (5, 4), (1, 3), (2, 3), (5, 3), (1, 2), (1, 1), (5, 1)];
-        let rows = rates.map(|(digit, decade)| {
-            let rate = BitErrorRate { digit, decade };
-            let mut row = vec![rate.to_string()];
-            row.extend(rate::RECEIVERS.map(|receivers| format!("{:.2e}", self.analysis.profile(receivers).residual_per_hour(rate.value()))));
-            row.push(format!("{:.2e}", self.analysis.profile(3).rejected_per_hour(rate.value())));
-            row
-        });
+        let rows =
+            rates.map(|(digit, decade)| {
+                let rate = BitErrorRate { digit, decade };
+                let mut row = vec![rate.to_string()];
+                row.extend(rate::RECEIVERS.map(|receivers| {
+                    format!("{:.2e}", self.analysis.profile(receivers).residual_per_hour(rate.value()))
+                }));
+                row.push(format!("{:.2e}", self.analysis.profile(3).rejected_per_hour(rate.value())));
+                row
+            });
         table(&["bit error rate", "n = 1", "n = 2", "n = 3", "n = 5", "rejected per hour, n = 3"], rows.into_iter())
     }
 
@@ -322,7 +396,10 @@ impl Report {
         let rows = Sil::ALL.map(|sil| {
             let mut row = vec![format!("SIL {}", sil.number()), format!("{:.0e}", sil.channel_limit())];
             row.extend(rate::RECEIVERS.map(|receivers| {
-                self.analysis.profile(receivers).holds_up_to(sil.channel_limit()).map_or("any".to_owned(), |p| format!("{p:.2e}"))
+                self.analysis
+                    .profile(receivers)
+                    .holds_up_to(sil.channel_limit())
+                    .map_or("any".to_owned(), |p| format!("{p:.2e}"))
             }));
             row
         });
@@ -342,7 +419,16 @@ impl Report {
                 profile.one_rejected_per(minutes).map_or("any".to_owned(), |p| format!("{p:.2e}")),
             ]
         });
-        table(&["at most one rejected object in", "residual errors per hour, any bit error rate", "limit", "met", "bit error rate of one rejected per interval, n = 3"], rows.into_iter())
+        table(
+            &[
+                "at most one rejected object in",
+                "residual errors per hour, any bit error rate",
+                "limit",
+                "met",
+                "bit error rate of one rejected per interval, n = 3",
+            ],
+            rows.into_iter(),
+        )
     }
 
     fn joint_table(&self) -> String {
@@ -374,7 +460,17 @@ impl Report {
                 check.injected.identifier.to_string(),
             ]
         });
-        table(&["object", "patterns", "injected", "must pass the CRCs", "passed the CRCs", "of these rejected for the identifier"], rows)
+        table(
+            &[
+                "object",
+                "patterns",
+                "injected",
+                "must pass the CRCs",
+                "passed the CRCs",
+                "of these rejected for the identifier",
+            ],
+            rows,
+        )
     }
 
     /// The report's text with its tables brought up to date. A table stands between `<!-- table: NAME -->` and
@@ -397,18 +493,31 @@ impl Report {
     #[must_use]
     pub fn screen(&self) -> String {
         let mut text = String::new();
-        for (title, table) in [("Codes: Hamming distance (codewords of that weight)", self.codes_table()), ("Residual errors per hour", self.rates_table())] {
+        for (title, table) in [
+            ("Codes: Hamming distance (codewords of that weight)", self.codes_table()),
+            ("Residual errors per hour", self.rates_table()),
+        ] {
             let _ = writeln!(text, "{title}\n\n{table}");
         }
         text.push_str("Injected into sealed objects\n\n");
         for check in &self.checks {
             let passed = check.injected.accepted + check.injected.identifier;
             let verdict = if check.holds() { "as expected" } else { "NOT AS EXPECTED" };
-            let _ = writeln!(text, "  {}: {}: {passed} of {} passed the CRCs, {verdict}", check.object, check.patterns, check.injected.tried);
+            let _ = writeln!(
+                text,
+                "  {}: {}: {passed} of {} passed the CRCs, {verdict}",
+                check.object, check.patterns, check.injected.tried
+            );
         }
         text.push_str("\nClaims\n\n");
         for claim in self.claims() {
-            let _ = writeln!(text, "  {:<5} {}\n        {}", if claim.holds { "holds" } else { "FAILS" }, claim.claim, claim.figure);
+            let _ = writeln!(
+                text,
+                "  {:<5} {}\n        {}",
+                if claim.holds { "holds" } else { "FAILS" },
+                claim.claim,
+                claim.figure
+            );
         }
         text
     }
@@ -420,11 +529,15 @@ fn yes(holds: bool) -> String {
 
 fn bursts_table() -> String {
     let row = |bits: &str, length: u32| {
-        let undetected = burst::undetected_log2(32, length)
-            .map_or(("none".to_owned(), "0".to_owned()), |log2| (format!("1 of 2^{}", -log2), format!("{:.3e}", 2_f64.powi(log2 as i32))));
+        let undetected = burst::undetected_log2(32, length).map_or(("none".to_owned(), "0".to_owned()), |log2| {
+            (format!("1 of 2^{}", -log2), format!("{:.3e}", 2_f64.powi(log2 as i32)))
+        });
         vec![bits.to_owned(), undetected.0, undetected.1]
     };
-    table(&["burst, bits", "undetected", "part"], [row("1 to 32", 32), row("33", 33), row("34 and more", 34)].into_iter())
+    table(
+        &["burst, bits", "undetected", "part"],
+        [row("1 to 32", 32), row("33", 33), row("34 and more", 34)].into_iter(),
+    )
 }
 
 /// A Markdown table.
@@ -543,14 +656,23 @@ impl Serialize for Report {
         });
         let profiles = rate::RECEIVERS.map(|receivers| {
             let profile = self.analysis.profile(receivers);
-            let over = |function: &dyn Fn(f64) -> f64| BitErrorRate::tabulated().map(|rate| (rate.to_string(), function(rate.value()))).collect();
+            let over = |function: &dyn Fn(f64) -> f64| {
+                BitErrorRate::tabulated().map(|rate| (rate.to_string(), function(rate.value()))).collect()
+            };
             ProfileJson {
                 receivers,
                 residual_errors_per_hour: over(&|p| profile.residual_per_hour(p)),
                 rejected_objects_per_hour: over(&|p| profile.rejected_per_hour(p)),
-                holds_up_to_bit_error_rate: Sil::ALL.map(|sil| (format!("SIL {}", sil.number()), profile.holds_up_to(sil.channel_limit()))).to_vec(),
+                holds_up_to_bit_error_rate: Sil::ALL
+                    .map(|sil| (format!("SIL {}", sil.number()), profile.holds_up_to(sil.channel_limit())))
+                    .to_vec(),
                 residual_errors_per_hour_with_error_interval_limit_minutes: Sil::ALL
-                    .map(|sil| (sil.error_interval_minutes().to_string(), profile.residual_per_hour_limited(f64::from(sil.error_interval_minutes()))))
+                    .map(|sil| {
+                        (
+                            sil.error_interval_minutes().to_string(),
+                            profile.residual_per_hour_limited(f64::from(sil.error_interval_minutes())),
+                        )
+                    })
                     .to_vec(),
             }
         });
@@ -558,7 +680,9 @@ impl Serialize for Report {
         ReportJson {
             codes: codes.collect(),
             profiles: profiles.into_iter().collect(),
-            bursts: [("1..32", 32), ("33", 33), ("34..", 34)].map(|(bits, length)| BurstJson { bits, undetected_log2: burst::undetected_log2(32, length) }).into(),
+            bursts: [("1..32", 32), ("33", 33), ("34..", 34)]
+                .map(|(bits, length)| BurstJson { bits, undetected_log2: burst::undetected_log2(32, length) })
+                .into(),
             latitude_longitude: JointJson {
                 inner_koopman: nesting.inner.to_string(),
                 outer_koopman: nesting.outer.to_string(),

@@ -56,7 +56,9 @@ impl Words {
             halves.join(columns[0], length, threads, &mut |places| words.push(place_all(&places, None)));
         } else {
             for highest in weight - 1..length {
-                halves.join(columns[0] ^ columns[highest], highest, threads, &mut |places| words.push(place_all(&places, Some(highest))));
+                halves.join(columns[0] ^ columns[highest], highest, threads, &mut |places| {
+                    words.push(place_all(&places, Some(highest)));
+                });
             }
         }
         words.sort_unstable();
@@ -144,7 +146,8 @@ impl Halves {
                     return words;
                 }
                 for lower in first..first + 256 {
-                    let (lower, upper) = (self.bucket(lower, limit), self.bucket(lower ^ (target >> 16) as usize, limit));
+                    let (lower, upper) =
+                        (self.bucket(lower, limit), self.bucket(lower ^ (target >> 16) as usize, limit));
                     self.join_buckets(target as u16, lower, upper, &mut present, &mut words);
                 }
             }
@@ -191,13 +194,29 @@ impl Halves {
 
 /// Every set of `size` columns but the first, with its sum and its places, in order of the highest place.
 fn subsets(columns: &[u32], size: usize, visit: &mut dyn FnMut(u32, u64)) {
-    fn below(columns: &[u32], limit: usize, size: usize, sum: u32, places: u64, shift: usize, visit: &mut dyn FnMut(u32, u64)) {
+    fn below(
+        columns: &[u32],
+        limit: usize,
+        size: usize,
+        sum: u32,
+        places: u64,
+        shift: usize,
+        visit: &mut dyn FnMut(u32, u64),
+    ) {
         if size == 0 {
             visit(sum, places);
             return;
         }
         for place in size..limit {
-            below(columns, place, size - 1, sum ^ columns[place], places | (place as u64) << shift, shift + PLACE_BITS, visit);
+            below(
+                columns,
+                place,
+                size - 1,
+                sum ^ columns[place],
+                places | (place as u64) << shift,
+                shift + PLACE_BITS,
+                visit,
+            );
         }
     }
     below(columns, columns.len(), size, 0, 0, 0, visit);
@@ -214,15 +233,24 @@ mod tests {
 
     #[test]
     fn words_are_codewords_and_as_many_as_the_dual_says() {
-        for (degree, normal, length) in
-            [(8, 0x07, 20), (10, 0x233, 20), (16, 0x1021, 30), (16, 0x3D65, 40), (20, 0x8_0005, 60), (24, 0x86_4CFB, 70)]
-        {
+        for (degree, normal, length) in [
+            (8, 0x07, 20),
+            (10, 0x233, 20),
+            (16, 0x1021, 30),
+            (16, 0x3D65, 40),
+            (20, 0x8_0005, 60),
+            (24, 0x86_4CFB, 70),
+        ] {
             let polynomial = Polynomial::from_normal(degree, normal).unwrap();
             let columns = polynomial.columns(length);
             let weights = Weights::from_dual(&DualWeights::count(polynomial, length, TWO, &|_| ()), degree).unwrap();
             for weight in 1..=MAX_WEIGHT {
                 let words = Words::find(polynomial, length, weight, TWO);
-                assert_eq!(BigUint::from(words.count()), weights.counts()[weight], "{polynomial:?}, {weight} of {length} bits");
+                assert_eq!(
+                    BigUint::from(words.count()),
+                    weights.counts()[weight],
+                    "{polynomial:?}, {weight} of {length} bits"
+                );
                 assert_eq!(words.everywhere().count() as u64, words.count());
                 for word in words.everywhere().take(10_000) {
                     assert_eq!(word.len(), weight);

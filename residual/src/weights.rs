@@ -139,7 +139,9 @@ mod tests {
         let data = length - polynomial.degree() as usize;
         for data in 0..1_u64 << data {
             // Multiples of the polynomial: the codewords, in some order.
-            let codeword = (0..length).filter(|bit| data >> bit & 1 == 1).fold(0_u64, |word, bit| word ^ polynomial.coefficients() << bit);
+            let codeword = (0..length)
+                .filter(|bit| data >> bit & 1 == 1)
+                .fold(0_u64, |word, bit| word ^ polynomial.coefficients() << bit);
             counts[codeword.count_ones() as usize] += 1;
         }
         counts.into_iter().map(BigUint::from).collect()
@@ -155,7 +157,11 @@ mod tests {
         for (degree, normal) in [(1, 1), (4, 3), (8, 0x07), (8, 0x2F), (16, 0x1021), (16, 0x3D65)] {
             let polynomial = Polynomial::from_normal(degree, normal).unwrap();
             for length in [degree as usize + 1, degree as usize + 7, degree as usize + 18] {
-                assert_eq!(weights(polynomial, length).counts(), by_brute_force(polynomial, length), "{polynomial:?}, {length} bits");
+                assert_eq!(
+                    weights(polynomial, length).counts(),
+                    by_brute_force(polynomial, length),
+                    "{polynomial:?}, {length} bits"
+                );
             }
         }
     }
@@ -177,9 +183,15 @@ mod tests {
             let mut counts = dual.counts().to_vec();
             if counts[weight] > 0 {
                 counts[weight] -= 1;
-                assert!(matches!(Weights::from_dual(&DualWeights::from_counts(counts.clone()), 16), Err(NotADual::Words { .. })));
+                assert!(matches!(
+                    Weights::from_dual(&DualWeights::from_counts(counts.clone()), 16),
+                    Err(NotADual::Words { .. })
+                ));
                 counts[weight + 1] += 1;
-                assert!(Weights::from_dual(&DualWeights::from_counts(counts), 16).is_err(), "one word from weight {weight} to the next");
+                assert!(
+                    Weights::from_dual(&DualWeights::from_counts(counts), 16).is_err(),
+                    "one word from weight {weight} to the next"
+                );
             }
         }
     }

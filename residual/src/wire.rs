@@ -8,7 +8,9 @@ use std::num::NonZero;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
-use profile::{FixType, GpsObject, GpsStatus, GpsValues, Identifier, Rejection, ReportedPosition, ReportedStatus, ReportedValues};
+use profile::{
+    FixType, GpsObject, GpsStatus, GpsValues, Identifier, Rejection, ReportedPosition, ReportedStatus, ReportedValues,
+};
 
 use crate::joint::Joint;
 use crate::{Polynomial, Words, codes};
@@ -59,12 +61,32 @@ impl Object {
         match self {
             Self::ReportedPosition => {
                 let status = ReportedStatus::new().with_position_valid(true);
-                let values = ReportedValues { timestamp: 1230, status, latitude, longitude, altitude, pitch, yaw, roll, acceleration };
+                let values = ReportedValues {
+                    timestamp: 1230,
+                    status,
+                    latitude,
+                    longitude,
+                    altitude,
+                    pitch,
+                    yaw,
+                    roll,
+                    acceleration,
+                };
                 ReportedPosition::seal(&values).as_bytes().to_vec()
             }
             Self::Gps => {
                 let status = GpsStatus::new().with_fix_type(FixType::Fix3D).with_position_valid(true).with_heard(true);
-                let values = GpsValues { timestamp: 1230, status, latitude, longitude, altitude, pitch, yaw, roll, acceleration };
+                let values = GpsValues {
+                    timestamp: 1230,
+                    status,
+                    latitude,
+                    longitude,
+                    altitude,
+                    pitch,
+                    yaw,
+                    roll,
+                    acceleration,
+                };
                 GpsObject::seal(Identifier::gps(1), &values).as_bytes().to_vec()
             }
         }
@@ -102,7 +124,11 @@ impl Injected {
     }
 
     fn add(self, other: Self) -> Self {
-        Self { tried: self.tried + other.tried, accepted: self.accepted + other.accepted, identifier: self.identifier + other.identifier }
+        Self {
+            tried: self.tried + other.tried,
+            accepted: self.accepted + other.accepted,
+            identifier: self.identifier + other.identifier,
+        }
     }
 }
 
@@ -126,7 +152,10 @@ fn in_parallel(threads: NonZero<usize>, items: usize, work: &(dyn Fn(usize) -> I
     };
     thread::scope(|scope| {
         let workers: Vec<_> = (0..threads.get()).map(|_| scope.spawn(run)).collect();
-        workers.into_iter().map(|worker| worker.join().expect("a worker does not panic")).fold(Injected::default(), Injected::add)
+        workers
+            .into_iter()
+            .map(|worker| worker.join().expect("a worker does not panic"))
+            .fold(Injected::default(), Injected::add)
     })
 }
 
@@ -186,7 +215,12 @@ pub fn inject_bursts(object: Object, threads: NonZero<usize>) -> Injected {
 
 /// Injects `samples` bursts of each length in `lengths` (2 to 64 bits), of random pattern at a random place.
 #[must_use]
-pub fn sample_bursts(object: Object, lengths: std::ops::RangeInclusive<usize>, samples: usize, threads: NonZero<usize>) -> Injected {
+pub fn sample_bursts(
+    object: Object,
+    lengths: std::ops::RangeInclusive<usize>,
+    samples: usize,
+    threads: NonZero<usize>,
+) -> Injected {
     let sealed = object.sealed();
     let lengths: Vec<usize> = lengths.collect();
     in_parallel(threads, lengths.len(), &|item| {
@@ -328,18 +362,38 @@ pub fn check(joint: &Joint, threads: NonZero<usize>) -> Vec<Check> {
             checks.push(Check { object: object.name(), patterns: patterns.to_owned(), expected, injected });
         };
         for errors in 1..=EXHAUSTIVE_ERRORS {
-            add(&format!("every pattern of {errors} wrong bits"), Expected::Rejected, inject_errors(object, errors, threads));
+            add(
+                &format!("every pattern of {errors} wrong bits"),
+                Expected::Rejected,
+                inject_errors(object, errors, threads),
+            );
         }
         add("every burst of 1 to 16 bits", Expected::Rejected, inject_bursts(object, threads));
-        add("bursts of 17 to 32 bits, sampled", Expected::Rejected, sample_bursts(object, 17..=32, BURST_SAMPLES, threads));
-        add("bursts of 33 to 64 bits, sampled", Expected::Improbable, sample_bursts(object, 33..=64, BURST_SAMPLES, threads));
+        add(
+            "bursts of 17 to 32 bits, sampled",
+            Expected::Rejected,
+            sample_bursts(object, 17..=32, BURST_SAMPLES, threads),
+        );
+        add(
+            "bursts of 33 to 64 bits, sampled",
+            Expected::Improbable,
+            sample_bursts(object, 33..=64, BURST_SAMPLES, threads),
+        );
         let frame = codes::FRAME.polynomial;
         let burst = polynomial_word(frame);
-        add("the frame polynomial itself, a burst of 33 bits", Expected::Accepted, inject_words(object, [burst.as_slice()]));
+        add(
+            "the frame polynomial itself, a burst of 33 bits",
+            Expected::Accepted,
+            inject_words(object, [burst.as_slice()]),
+        );
         match object {
             Object::Gps => {
                 let words = random_codewords(frame, object.bits(), 8, CODEWORDS);
-                add("random frame codewords of weight 8", Expected::Accepted, inject_words(object, words.iter().map(Vec::as_slice)));
+                add(
+                    "random frame codewords of weight 8",
+                    Expected::Accepted,
+                    inject_words(object, words.iter().map(Vec::as_slice)),
+                );
             }
             Object::ReportedPosition => {
                 // In the 288 bits behind the position CRC, and in all that do not leave it alone.
@@ -351,12 +405,20 @@ pub fn check(joint: &Joint, threads: NonZero<usize>) -> Vec<Check> {
                 );
                 let anywhere = random_codewords(frame, object.bits(), 8, CODEWORDS);
                 let inside = anywhere.iter().map(Vec::as_slice).filter(|word| touches(word, object.bits(), 8..28));
-                add("random frame codewords of weight 8 that damage the position", Expected::Rejected, inject_words(object, inside));
+                add(
+                    "random frame codewords of weight 8 that damage the position",
+                    Expected::Rejected,
+                    inject_words(object, inside),
+                );
                 let position: Vec<Vec<u16>> = position_words(threads)
                     .everywhere()
                     .map(|word| word.iter().map(|place| place + 8 * 36).collect())
                     .collect();
-                add("every position codeword of weight 9", Expected::Rejected, inject_words(object, position.iter().map(Vec::as_slice)));
+                add(
+                    "every position codeword of weight 9",
+                    Expected::Rejected,
+                    inject_words(object, position.iter().map(Vec::as_slice)),
+                );
                 add(
                     &format!("every codeword of both of weight {} found", joint.at_least),
                     Expected::Accepted,

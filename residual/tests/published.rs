@@ -58,7 +58,9 @@ fn each_polynomial_is_the_same_in_both_notations() {
 
 #[test]
 fn profile_computes_with_these_polynomials_and_not_with_their_koopman_digits() {
-    for (named, algorithm, value) in [(FRAME, profile::crc::FRAME, 0x12D3_A0B1), (POSITION, profile::crc::POSITION, 0xEA87_07AB)] {
+    for (named, algorithm, value) in
+        [(FRAME, profile::crc::FRAME, 0x12D3_A0B1), (POSITION, profile::crc::POSITION, 0xEA87_07AB)]
+    {
         assert_eq!(named.polynomial.normal(), algorithm.poly);
         let digits = Box::leak(Box::new(crc::Algorithm { poly: named.polynomial.koopman(), ..algorithm }));
         assert_ne!(crc::Crc::<u32>::new(digits).checksum(b"123456789"), value, "{}", named.name);
@@ -96,7 +98,13 @@ fn words_found_one_by_one_are_as_many_as_the_dual_says() {
         let up_to = if code.bits <= 160 { 8 } else { 6 };
         for weight in 1..=up_to {
             let found = Words::find(code.named.polynomial, code.bits, weight, TWO).count();
-            assert_eq!(weights.counts()[weight], found.into(), "{} at {} bits, weight {weight}", code.named.name, code.bits);
+            assert_eq!(
+                weights.counts()[weight],
+                found.into(),
+                "{} at {} bits, weight {weight}",
+                code.named.name,
+                code.bits
+            );
         }
     }
 }

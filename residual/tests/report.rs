@@ -59,7 +59,9 @@ fn an_injection_against_the_theory_is_reported() {
     assert!(!check(Expected::Accepted, injected(100, 99)).holds());
     assert!(!check(Expected::Accepted, injected(0, 0)).holds());
     assert!(!check(Expected::Improbable, injected(100, 2)).holds());
-    assert!(check(Expected::Rejected, injected(100, 0)).holds() && check(Expected::Accepted, injected(100, 100)).holds());
+    assert!(
+        check(Expected::Rejected, injected(100, 0)).holds() && check(Expected::Accepted, injected(100, 100)).holds()
+    );
 }
 
 #[test]
@@ -86,19 +88,26 @@ fn every_compared_code_is_in_the_json_by_length() {
         for named in POLYNOMIALS {
             let code = codes
                 .iter()
-                .find(|code| code["polynomial_koopman"] == named.polynomial.to_string() && code["codeword_bits"] == bits)
+                .find(|code| {
+                    code["polynomial_koopman"] == named.polynomial.to_string() && code["codeword_bits"] == bits
+                })
                 .unwrap();
             let weights = code["weights"].as_object().unwrap();
             let least = weights.keys().map(|weight| weight.parse::<u64>().unwrap()).min();
             assert_eq!(code["hd"].as_u64(), least);
-            assert!(weights.values().all(|count| count.as_str().is_some_and(|count| count.bytes().all(|digit| digit.is_ascii_digit()))));
+            assert!(
+                weights
+                    .values()
+                    .all(|count| count.as_str().is_some_and(|count| count.bytes().all(|digit| digit.is_ascii_digit())))
+            );
             for rate in BitErrorRate::tabulated() {
                 let p = code["p_undetected"][rate.to_string()].as_f64().unwrap();
                 assert!(p > 0.0 && p < 1e-3, "{} at {bits} bits, {rate}: {p}", named.name);
             }
         }
     }
-    let gps = codes.iter().find(|code| code["polynomial_koopman"] == "0xf8c9140a" && code["codeword_bits"] == 480).unwrap();
+    let gps =
+        codes.iter().find(|code| code["polynomial_koopman"] == "0xf8c9140a" && code["codeword_bits"] == 480).unwrap();
     assert_eq!(gps["hd"], 8);
     assert_eq!(gps["weights"].as_object().unwrap().keys().next().map(String::as_str), Some("8"));
     for claim in json["claims"].as_array().unwrap() {
@@ -109,7 +118,8 @@ fn every_compared_code_is_in_the_json_by_length() {
 #[test]
 fn the_papers_distances_hold_and_its_failure_rate_not_at_the_conventional_bit_error_rate() {
     let claims = REPORT.claims();
-    let holds = |part: &str| claims.iter().find(|claim| claim.claim.contains(part)).unwrap_or_else(|| panic!("{part}")).holds;
+    let holds =
+        |part: &str| claims.iter().find(|claim| claim.claim.contains(part)).unwrap_or_else(|| panic!("{part}")).holds;
     assert!(holds("448 bits of payload to a Hamming distance of 8"));
     assert!(holds("longitude to a Hamming distance of 9"));
     assert!(!holds("n = 3, bit error rate 1e-2"));
@@ -117,7 +127,8 @@ fn the_papers_distances_hold_and_its_failure_rate_not_at_the_conventional_bit_er
     assert!(holds("P_re,cond at most 4.0e-10"));
     // By hand: 31 604 382 words of 8 in 480 bits, 53 157 895 in 512; at 1e-5 the next weights add less than a part in 10 000.
     let p = 1e-5_f64;
-    let expected = 360_000.0 * p.powi(8) * (53_157_895.0 * (1.0 - p).powi(504) + 3.0 * 31_604_382.0 * (1.0 - p).powi(472));
+    let expected =
+        360_000.0 * p.powi(8) * (53_157_895.0 * (1.0 - p).powi(504) + 3.0 * 31_604_382.0 * (1.0 - p).powi(472));
     let rate = REPORT.analysis.profile(3).residual_per_hour(p);
     assert!((rate / expected - 1.0).abs() < 1e-4, "{rate:e}, {expected:e}");
 }
@@ -125,9 +136,15 @@ fn the_papers_distances_hold_and_its_failure_rate_not_at_the_conventional_bit_er
 #[test]
 fn the_page_and_its_plot_are_what_the_command_writes() {
     let page = std::fs::read_to_string(root().join(REPORT_PATH)).unwrap();
-    assert!(REPORT.refresh(&page).unwrap() == page, "{REPORT_PATH} is out of date: run `cargo xtask residual --committed`");
+    assert!(
+        REPORT.refresh(&page).unwrap() == page,
+        "{REPORT_PATH} is out of date: run `cargo xtask residual --committed`"
+    );
     let plot = std::fs::read_to_string(root().join(PLOT_PATH)).unwrap();
-    assert!(REPORT.analysis.svg().unwrap() == plot, "{PLOT_PATH} is out of date: run `cargo xtask residual --committed`");
+    assert!(
+        REPORT.analysis.svg().unwrap() == plot,
+        "{PLOT_PATH} is out of date: run `cargo xtask residual --committed`"
+    );
 }
 
 #[test]

@@ -28,7 +28,10 @@ fn bursts_of_up_to_32_bits_are_rejected_and_the_polynomial_itself_is_not() {
         none_pass(wire::sample_bursts(object, 17..=32, 20_000, TWO), 16 * 20_000);
         let polynomial = wire::polynomial_word(FRAME.polynomial);
         assert_eq!(polynomial.last(), Some(&32), "33 bits");
-        assert_eq!(wire::inject_words(object, [polynomial.as_slice()]), Injected { tried: 1, accepted: 1, identifier: 0 });
+        assert_eq!(
+            wire::inject_words(object, [polynomial.as_slice()]),
+            Injected { tried: 1, accepted: 1, identifier: 0 }
+        );
     }
 }
 
@@ -99,8 +102,16 @@ fn scrubbed_and_inverted_objects_never_verify() {
                 let (mut front, mut back) = (sealed.clone(), sealed.clone());
                 front[..cut].fill(byte);
                 back[cut..].fill(byte);
-                assert!(front == sealed || object.rejection(&front).is_some(), "{}, {cut} bytes of {byte:#04X}", object.name());
-                assert!(back == sealed || object.rejection(&back).is_some(), "{}, {byte:#04X} from {cut}", object.name());
+                assert!(
+                    front == sealed || object.rejection(&front).is_some(),
+                    "{}, {cut} bytes of {byte:#04X}",
+                    object.name()
+                );
+                assert!(
+                    back == sealed || object.rejection(&back).is_some(),
+                    "{}, {byte:#04X} from {cut}",
+                    object.name()
+                );
             }
         }
     }

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, anyhow};
 use clap::Args;
-use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
+use indicatif::{ProgressBar, ProgressStyle};
 use residual::report::{self, Analysis, Report};
 use residual::{Code, DualWeights, codes};
 
@@ -44,12 +44,14 @@ pub(crate) fn residual(args: &ResidualArgs) -> Result<ExitCode> {
     if args.store {
         write(&root.join(codes::COMMITTED_PATH), &codes::committed_text(&duals))?;
     } else {
-        different.extend(duals.iter().filter(|(code, dual)| code.committed().as_ref() != Some(dual)).map(|(code, _)| *code));
+        different
+            .extend(duals.iter().filter(|(code, dual)| code.committed().as_ref() != Some(dual)).map(|(code, _)| *code));
     }
 
-    let analysis = Analysis::new(&duals)
-        .map_err(|(code, error)| anyhow!("{} at {} bits: {error}", code.named.name, code.bits))?;
-    let working = ProgressBar::new_spinner().with_message("searching for codewords of both CRCs, injecting errors into sealed objects");
+    let analysis =
+        Analysis::new(&duals).map_err(|(code, error)| anyhow!("{} at {} bits: {error}", code.named.name, code.bits))?;
+    let working = ProgressBar::new_spinner()
+        .with_message("searching for codewords of both CRCs, injecting errors into sealed objects");
     working.enable_steady_tick(Duration::from_millis(200));
     let report = Report::new(analysis, threads);
     working.finish_and_clear();
@@ -63,7 +65,11 @@ pub(crate) fn residual(args: &ResidualArgs) -> Result<ExitCode> {
     // A program that reads the JSON from standard output gets nothing else there.
     let json_on_stdout = args.json.as_deref() == Some(Path::new("-"));
     let screen = report.screen();
-    if json_on_stdout { eprint!("{screen}") } else { print!("{screen}") }
+    if json_on_stdout {
+        eprint!("{screen}")
+    } else {
+        print!("{screen}")
+    }
     if let Some(path) = &args.json {
         let json = serde_json::to_string_pretty(&report).context("the report does not serialise")? + "\n";
         if json_on_stdout {
@@ -97,7 +103,12 @@ pub(crate) fn residual(args: &ResidualArgs) -> Result<ExitCode> {
 fn committed() -> Result<Vec<(Code, DualWeights)>> {
     let dual = |code: Code| {
         let dual = code.committed().with_context(|| {
-            format!("{} has no line for {} at {} bits: count it with --store", codes::COMMITTED_PATH, code.named.name, code.bits)
+            format!(
+                "{} has no line for {} at {} bits: count it with --store",
+                codes::COMMITTED_PATH,
+                code.named.name,
+                code.bits
+            )
         })?;
         Ok((code, dual))
     };
@@ -126,9 +137,9 @@ fn count(threads: NonZero<usize>) -> Vec<(Code, DualWeights)> {
         .collect();
     bar.finish_and_clear();
     eprintln!(
-        "counted the words of {} dual codes in {} on {threads} thread(s), {:.1} s for the longest ({})",
+        "counted the words of {} dual codes in {:.0} s on {threads} thread(s), {:.1} s for the longest ({})",
         all.len(),
-        HumanDuration(began.elapsed()),
+        began.elapsed().as_secs_f64(),
         longest.0.as_secs_f64(),
         longest.1
     );
