@@ -50,6 +50,9 @@ const NVMC: Id = 0x1E;
 const GPIOTE: Id = 0x06;
 const WDT: Id = 0x10;
 
+/// An instant that never comes.
+const NEVER: u64 = u64::MAX;
+
 /// Acts that one access or one instant may set off before something must be going round in circles.
 const LOOP_LIMIT: u32 = 100_000;
 
@@ -193,7 +196,12 @@ pub(crate) struct Soc {
     /// Writes that other slots received, for the interconnect to carry out.
     inbox: Vec<(Id, u32, u32)>,
     lines: u64,
+    /// Instances called since their interrupt lines and next instants were last looked at.
     touched: u64,
+    /// The next instant of each instance by ID as last looked at, [`NEVER`] for none.
+    nexts: [u64; 64],
+    /// The least of them.
+    next: u64,
     /// The earliest instant the bus was asked to come back at.
     scheduled: Option<u64>,
     chips: Vec<Place>,
@@ -336,7 +344,9 @@ impl Soc {
             called: PPI,
             inbox: Vec::new(),
             lines: 0,
-            touched: 0,
+            touched: INSTANCES,
+            nexts: [NEVER; 64],
+            next: NEVER,
             scheduled: None,
             chips: Vec::new(),
             pin_changes: Vec::new(),
@@ -467,6 +477,7 @@ impl Soc {
     /// next thing happens.
     pub(crate) fn carry(&mut self, context: &mut DeviceContext<'_>) {
         self.drain(context);
+        self.look_at_touched();
         for id in ids(std::mem::take(&mut self.touched)) {
             let high = self.parts.get_ref(id).is_some_and(Instance::line);
             if id < usize::from(crate::INTERRUPT_LINES) && (self.lines >> id & 1 != 0) != high {
@@ -493,12 +504,24 @@ impl Soc {
     }
 
     fn schedule(&mut self, context: &mut DeviceContext<'_>) {
-        let next = ids(INSTANCES).filter_map(|id| self.parts.get_ref(id)?.next()).min();
-        if let Some(next) = next
-            && self.scheduled.is_none_or(|at| next < at || at <= self.now)
-        {
+        let next = self.next;
+        if next != NEVER && self.scheduled.is_none_or(|at| next < at || at <= self.now) {
             self.scheduled = Some(next);
             context.schedule(VirtualNanos(next));
+        }
+    }
+
+    /// Takes up the next instants of the instances called since last asked: no other's can have moved.
+    fn look_at_touched(&mut self) {
+        let mut least_moved = false;
+        for id in ids(self.touched) {
+            let next = self.parts.get_ref(id).and_then(Instance::next).unwrap_or(NEVER);
+            let was = std::mem::replace(&mut self.nexts[id], next);
+            least_moved |= was == self.next && next > was;
+            self.next = self.next.min(next);
+        }
+        if least_moved {
+            self.next = self.nexts.into_iter().min().unwrap_or(NEVER);
         }
     }
 
@@ -557,7 +580,8 @@ impl Soc {
             Act::Spis { id, event } => self.spis_events.push((self.now, spis_number(id), event)),
             Act::Clock(source) => self.switch(source),
             Act::DemandLfclk => {
-                let Self { parts, clocks, out, now, .. } = self;
+                let Self { parts, clocks, out, now, touched, .. } = self;
+                *touched |= 1;
                 let mut cx = Cx { now: *now, clocks, out, id: 0, name: "CLOCK/POWER" };
                 parts.clock_power.demand_lfclk(&mut cx);
             }
@@ -682,8 +706,10 @@ impl Soc {
 
     /// Everything due by now.
     fn fire(&mut self, context: &mut DeviceContext<'_>) {
+        // One that something else called since may have become due: it is asked itself, below.
+        let asked = |soc: &Self, id: Id| soc.nexts[id] <= soc.now || soc.touched >> id & 1 != 0;
         for id in ids(INSTANCES) {
-            if self.parts.get_ref(id).and_then(Instance::next).is_some_and(|at| at <= self.now) {
+            if asked(self, id) && self.parts.get_ref(id).and_then(Instance::next).is_some_and(|at| at <= self.now) {
                 self.with(id, |instance, cx| instance.due(cx));
                 // Before the next instance: two that are due at one instant happen one after the other.
                 self.drain(context);
@@ -792,7 +818,8 @@ impl ErasedDevice for Soc {
         context: &mut DeviceContext<'_>,
     ) -> bool {
         self.now = context.now().0;
-        let Self { parts, clocks, out, now, .. } = self;
+        let Self { parts, clocks, out, now, touched, .. } = self;
+        *touched |= 1 << NVMC;
         let mut cx = Cx { now: *now, clocks, out, id: NVMC, name: "NVMC" };
         if !parts.nvmc.store(address as u32, width == Width::W32, value as u32, &mut cx) {
             context.bus_error();

@@ -550,6 +550,11 @@ impl<B: Wiring> Node<B> {
 
     fn run_stretch(&mut self) {
         let target = self.target();
+        if self.asleep {
+            // Whatever could wake the core was asked of it and cleared the flag: it would run nothing.
+            self.side.warped += target.saturating_sub(self.now());
+            return;
+        }
         let budget = self.side.until(self.cpu.retired(), target);
         let (exit, retired) = self.run(budget);
         match exit {

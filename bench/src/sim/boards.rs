@@ -68,13 +68,21 @@ impl uart::Peer for Line {
 pub struct Horus {
     part: Stm32f427Part,
     front_end: FrontEnd,
-    /// Whether TIM2's update flag was set when last looked at.
+    /// What the front end's interrupt output was last driven to.
+    irq: Option<bool>,
+    /// TIM2's place on the part's bus.
+    timer: usize,
+    /// Whether its update flag was set when last looked at.
     updated: bool,
     ticks: Vec<u64>,
 }
 
 impl Horus {
     /// The board, and the lines of its receivers.
+    ///
+    /// # Panics
+    ///
+    /// If the part's own tables lack TIM2, which no input changes.
     #[must_use]
     pub fn new(mut part: Stm32f427Part, front_end: FrontEnd, receivers: usize) -> (Self, Vec<Line>) {
         part.attach_spi(1, front_end.clone(), HORUS_CS);
@@ -82,7 +90,8 @@ impl Horus {
         for (line, port) in lines.iter().zip(RECEIVER_PORTS) {
             part.attach_serial(port, line.clone());
         }
-        (Self { part, front_end, updated: false, ticks: vec![] }, lines)
+        let timer = part.bus().slot("TIM2").expect("an instance of the part");
+        (Self { part, front_end, irq: None, timer, updated: false, ticks: vec![] }, lines)
     }
 
     /// The 10 ms timer's ticks since the last call: each the instant TIM2's update flag rose, in ns.
@@ -91,7 +100,8 @@ impl Horus {
     }
 
     fn watch_tick(&mut self, at: u64) {
-        let updated = self.part.bus().registers("TIM2").is_some_and(|timer| timer.get(tim2::Register::Sr) & UIF != 0);
+        let timer = self.part.bus().slots()[self.timer].registers();
+        let updated = timer.get(tim2::Register::Sr) & UIF != 0;
         if updated && !self.updated {
             self.ticks.push(at);
         }
@@ -116,15 +126,12 @@ impl Wiring for Horus {
 
     fn settle(&mut self, at: u64) -> bool {
         self.watch_tick(at);
-        let irq = self.front_end.with(|chip| {
-            chip.advance(at);
-            chip.irq()
-        });
-        self.part.drive_pin(at, HORUS_IRQ, irq)
+        let irq = self.front_end.irq_at(at);
+        self.irq.replace(irq) != Some(irq) && self.part.drive_pin(at, HORUS_IRQ, irq)
     }
 
     fn outgoing(&self) -> bool {
-        self.front_end.with(|chip| chip.has_air())
+        self.front_end.has_air()
     }
 }
 
@@ -163,10 +170,7 @@ impl Wiring for Dpr {
     }
 
     fn settle(&mut self, at: u64) -> bool {
-        let irq = self.front_end.with(|chip| {
-            chip.advance(at);
-            chip.irq()
-        });
+        let irq = self.front_end.irq_at(at);
         if irq == self.irq {
             return false;
         }
@@ -176,6 +180,6 @@ impl Wiring for Dpr {
     }
 
     fn outgoing(&self) -> bool {
-        self.front_end.with(|chip| chip.has_air())
+        self.front_end.has_air()
     }
 }

@@ -3,7 +3,8 @@
 //! The chip hangs on the part's bus as a [`rigless::chip::spi::Peer`], and the board, the air and the trace reach it too, so it
 //! is shared. All of them run on the scheduler's one thread: the lock is never waited for.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use rigless::chip::{Timeline, spi};
 use rigless::snapshot::Store;
@@ -25,37 +26,79 @@ struct Shared {
     crossings: Option<Vec<(u64, Crossing)>>,
 }
 
+/// The chip, and beside it what the scheduler asks after every access and at every stop: asking takes no lock.
+#[derive(Debug)]
+struct Place {
+    shared: Mutex<Shared>,
+    /// Up to here the board has looked at the chip; the chip itself hears of it when it is next called.
+    reached: AtomicU64,
+    next: AtomicU64,
+    irq: AtomicBool,
+    air: AtomicBool,
+}
+
 /// A handle on the chip; clones are the same chip.
 #[derive(Clone, Debug)]
-pub struct FrontEnd(Arc<Mutex<Shared>>);
+pub struct FrontEnd(Arc<Place>);
 
 impl FrontEnd {
     /// A chip, powered from the start of the run. `watched` keeps what crosses the bus for [`FrontEnd::take_crossings`].
     #[must_use]
     pub fn new(chip: Chip, watched: bool) -> Self {
-        Self(Arc::new(Mutex::new(Shared { chip, crossings: watched.then(Vec::new) })))
+        let front_end = Self(Arc::new(Place {
+            shared: Mutex::new(Shared { chip, crossings: watched.then(Vec::new) }),
+            reached: AtomicU64::new(0),
+            next: AtomicU64::new(u64::MAX),
+            irq: AtomicBool::new(false),
+            air: AtomicBool::new(false),
+        }));
+        front_end.call(|_| {});
+        front_end
     }
 
-    fn shared(&self) -> MutexGuard<'_, Shared> {
+    fn call<T>(&self, act: impl FnOnce(&mut Shared) -> T) -> T {
+        let place = &*self.0;
         // A panic in another holder ends the run anyway.
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        let mut shared = place.shared.lock().unwrap_or_else(PoisonError::into_inner);
+        shared.chip.advance(place.reached.load(Relaxed));
+        let answer = act(&mut shared);
+        place.next.store(shared.chip.next_event().unwrap_or(u64::MAX), Relaxed);
+        place.irq.store(shared.chip.irq(), Relaxed);
+        place.air.store(shared.chip.has_air(), Relaxed);
+        answer
     }
 
     /// Looks at or acts on the chip.
     pub fn with<T>(&self, act: impl FnOnce(&mut Chip) -> T) -> T {
-        act(&mut self.shared().chip)
+        self.call(|shared| act(&mut shared.chip))
+    }
+
+    /// Lets the chip act up to `at` (ns) and answers the level of its interrupt output there.
+    #[must_use]
+    pub fn irq_at(&self, at: u64) -> bool {
+        self.0.reached.fetch_max(at, Relaxed);
+        if at >= self.0.next.load(Relaxed) {
+            self.call(|_| {});
+        }
+        self.0.irq.load(Relaxed)
+    }
+
+    /// Whether the chip has emitted something that was not taken.
+    #[must_use]
+    pub fn has_air(&self) -> bool {
+        self.0.air.load(Relaxed)
     }
 
     /// When the chip next acts by itself, ns.
     #[must_use]
     pub fn next_event(&self) -> u64 {
-        self.shared().chip.next_event().unwrap_or(u64::MAX)
+        self.0.next.load(Relaxed)
     }
 
     /// What crossed the bus since the last call; nothing unless watched.
     #[must_use]
     pub fn take_crossings(&self) -> Vec<(u64, Crossing)> {
-        self.shared().crossings.as_mut().map(std::mem::take).unwrap_or_default()
+        self.call(|shared| shared.crossings.as_mut().map(std::mem::take).unwrap_or_default())
     }
 }
 
@@ -75,23 +118,26 @@ impl spi::Peer for FrontEnd {
         let at = context.now().0;
         // The chip's word is a byte, whatever the controller's frame format.
         let mosi = (mosi & 0xFF) as u8;
-        let mut shared = self.shared();
-        let miso = shared.chip.transfer(at, mosi);
-        shared.note(at, Crossing::Byte(mosi, miso));
-        u32::from(miso)
+        self.call(|shared| {
+            let miso = shared.chip.transfer(at, mosi);
+            shared.note(at, Crossing::Byte(mosi, miso));
+            u32::from(miso)
+        })
     }
 
     fn select(&mut self, context: &mut Timeline<'_, '_>) {
         let at = context.now().0;
-        let mut shared = self.shared();
-        shared.chip.select(at);
-        shared.note(at, Crossing::Select(true));
+        self.call(|shared| {
+            shared.chip.select(at);
+            shared.note(at, Crossing::Select(true));
+        });
     }
 
     fn deselect(&mut self, context: &mut Timeline<'_, '_>) {
         let at = context.now().0;
-        let mut shared = self.shared();
-        shared.chip.deselect(at);
-        shared.note(at, Crossing::Select(false));
+        self.call(|shared| {
+            shared.chip.deselect(at);
+            shared.note(at, Crossing::Select(false));
+        });
     }
 }
