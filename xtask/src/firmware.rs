@@ -9,13 +9,18 @@ use anyhow::{Context, Result, bail};
 use crate::workspace::{FLIP_LINK, TARGET, cargo, install, target_dir};
 use crate::{Board, Receivers};
 
+/// Where the images are kept, each in a folder named after its profile's feature.
+pub(crate) fn folder() -> PathBuf {
+    target_dir().join("firmware")
+}
+
 /// Builds one board's image in release and returns the ELF, which later builds for other profiles leave alone.
 pub(crate) fn build(board: Board, gps: Receivers) -> Result<PathBuf> {
     let package = board.package();
     let feature = gps.feature();
     let args = ["build", "--package", package, "--bin", package, "--no-default-features", "--features", &feature];
     let made = build_for_target(&args, package)?;
-    let kept = target_dir().join("firmware").join(gps.feature()).join(board.package()).with_extension("elf");
+    let kept = folder().join(gps.feature()).join(board.package()).with_extension("elf");
     std::fs::create_dir_all(kept.parent().unwrap_or(Path::new("."))).context("could not make the firmware folder")?;
     std::fs::copy(&made, &kept).with_context(|| format!("could not copy {} to {}", made.display(), kept.display()))?;
     Ok(kept)

@@ -43,7 +43,11 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
             code if code == ExitCode::SUCCESS => Ok(()),
             _ => anyhow::bail!("over budget"),
         });
-        step("host tests", &mut || check("cargo test", cargo().args(["test", "--quiet", "--workspace"])));
+        // The link's tests run both images; they skip, saying so, when nobody tells them where those are.
+        let images = firmware::folder();
+        step("host tests", &mut || {
+            check("cargo test", cargo().args(["test", "--quiet", "--workspace"]).env("LINK_IMAGES", &images))
+        });
     }
     for board in args.board.map_or(Board::ALL.to_vec(), |board| vec![board]) {
         let what = format!("on-target suite of {}", board.name());

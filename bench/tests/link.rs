@@ -1,0 +1,217 @@
+//! The whole link: both release images against each other. What the figures must be, and that what should be noticed is.
+//!
+//! The images are built by `cargo xtask test`, which says where they are in `LINK_IMAGES`; without it each test says that it was
+//! skipped. One run is a few hundred virtual milliseconds, and a function of its setup.
+
+use std::path::PathBuf;
+
+use bench::sim::{Crystals, Faults, Images, Outcome, Setup, run};
+use gnss_sim::{Log, ubx};
+
+const MS: u64 = 1_000_000;
+
+/// The setup of a short run with this many receivers, or `None` (said) where the images were not built.
+fn setup(gps: usize, milliseconds: u64) -> Option<Setup> {
+    let Some(folder) = std::env::var_os("LINK_IMAGES").map(PathBuf::from) else {
+        eprintln!("skipped: LINK_IMAGES is not set; `cargo xtask test` builds the images and sets it");
+        return None;
+    };
+    let image = |gps: usize, name: &str| folder.join(format!("gps-{gps}")).join(name);
+    Some(Setup {
+        images: Images { horus: image(gps, "horus-tx-fw.elf"), dpr: image(gps, "dpr-fw.elf") },
+        gps,
+        duration_ns: milliseconds * MS,
+        seed: 1,
+        recordings: vec![],
+        crystals: Crystals { horus_ppb: 8_000, dpr_ppb: -12_000, flight_controller_ppb: 25_000 },
+        faults: Faults::default(),
+        trace: None,
+    })
+}
+
+fn outcome(setup: &Setup) -> Outcome {
+    run(setup, &mut ()).unwrap_or_else(|error| panic!("{error}"))
+}
+
+#[test]
+fn with_any_number_of_receivers_every_object_arrives_in_time_and_nothing_is_violated() {
+    for gps in [1, 2, 3, 5] {
+        let Some(setup) = setup(gps, 400) else { return };
+        let report = outcome(&setup).report;
+        assert_eq!(report.violations, [""; 0], "{gps} receivers");
+        let frames_per_cycle = if gps == 5 { 2 } else { 1 };
+        let cycles = report.air.frames_delivered / frames_per_cycle;
+        // The first tick is 10 ms after reset.
+        assert_eq!(cycles, 39, "{gps} receivers");
+        assert_eq!(report.horus.frames_sent, report.air.frames_delivered);
+        assert_eq!(report.dpr.objects_accepted, cycles * (gps as u64 + 1));
+        assert_eq!((report.dpr.objects_rejected, report.dpr.frames_missed, report.dpr.scrub_faults), (0, 0, 0));
+        assert_eq!((report.base.profiles, report.base.bad_crc), (report.ssi.fresh, 0));
+        assert!(report.horus.tick_to_air_ns.width() <= 1_000);
+        // 8 ppm fast.
+        assert!(report.horus.period_ns.min.abs_diff(9_999_920) <= 1_000, "{:?}", report.horus.period_ns);
+        assert!(report.ssi.ready_ns.max <= 10_000);
+        assert!(report.horus.load <= 0.1 && report.dpr.load <= 0.1);
+        assert!(report.latency_ns.last_bit_to_readable.max <= 100_000);
+        if gps == 3 {
+            assert_eq!(report.air.bit_rate, 424_000);
+            // 2040 bits of 32 / 13.56 MHz, on a crystal that is 8 ppm fast.
+            assert!(report.air.air_time_ns.abs_diff(4_814_159 - 39) <= 2, "{}", report.air.air_time_ns);
+            assert!(report.latency_ns.sample_to_readable.p999 <= 5_500_000);
+        }
+    }
+}
+
+#[test]
+fn the_same_setup_gives_the_same_report_and_another_seed_another_flight() {
+    let Some(mut setup) = setup(3, 200) else { return };
+    let (first, second) = (outcome(&setup), outcome(&setup));
+    assert_eq!(first.report, second.report);
+    assert_eq!(first.logs, second.logs);
+    let position =
+        |outcome: &Outcome| outcome.base.history().last().map(|entry| entry.gps[0].map(|gps| gps.latitude.to_bits()));
+    assert_eq!(position(&first), position(&second));
+    setup.seed = 2;
+    assert_ne!(position(&first), position(&outcome(&setup)));
+}
+
+#[test]
+fn crystals_at_their_worst_against_each_other_change_nothing() {
+    let Some(mut setup) = setup(3, 300) else { return };
+    for (horus_ppb, dpr_ppb) in [(100_000, -100_000), (-100_000, 100_000)] {
+        setup.crystals = Crystals { horus_ppb, dpr_ppb, flight_controller_ppb: dpr_ppb };
+        let report = outcome(&setup).report;
+        assert_eq!(report.violations, [""; 0]);
+        assert_eq!(report.dpr.objects_accepted, report.air.frames_delivered * 4);
+    }
+}
+
+#[test]
+fn bit_errors_cost_the_objects_they_hit_and_nothing_invalid_is_shown() {
+    let Some(mut setup) = setup(3, 600) else { return };
+    // 1952 payload bits a frame: about every third frame is hit, mostly in one object.
+    setup.faults = Faults { bit_error: 2e-4, ..Faults::default() };
+    let report = outcome(&setup).report;
+    assert!(report.air.frames_damaged >= 5, "{:?}", report.air);
+    assert!(report.dpr.objects_rejected >= 5, "{:?}", report.dpr);
+    assert!(
+        report.dpr.objects_rejected < 2 * report.air.frames_damaged,
+        "a hit on one object cost others: {:?}",
+        report.dpr
+    );
+    assert_eq!(report.base.bad_crc, 0);
+    for words in &report.violations {
+        for never in
+            ["an invalid object", "a torn read", "damaged data", "the period", "the time from tick", "the listener"]
+        {
+            assert!(!words.starts_with(never), "{words}");
+        }
+    }
+}
+
+#[test]
+fn lost_frames_are_missed_counted_and_their_successors_arrive() {
+    let Some(mut setup) = setup(3, 600) else { return };
+    setup.faults = Faults { lost: 0.2, ..Faults::default() };
+    let report = outcome(&setup).report;
+    assert!(report.air.frames_lost >= 3, "{:?}", report.air);
+    assert_eq!(report.dpr.frames_missed, report.air.frames_lost, "{report:?}");
+    assert_eq!(report.dpr.objects_accepted, report.air.frames_delivered * 4);
+    assert_eq!(report.ssi.bad_crc, 0);
+}
+
+#[test]
+fn frames_that_break_off_leave_the_link_working() {
+    let Some(mut setup) = setup(3, 600) else { return };
+    setup.faults = Faults { truncated: 0.2, ..Faults::default() };
+    let report = outcome(&setup).report;
+    assert!(report.air.frames_damaged >= 3, "{:?}", report.air);
+    assert!(report.dpr.objects_accepted >= report.air.frames_delivered * 4, "{report:?}");
+    assert_eq!((report.ssi.bad_crc, report.base.bad_crc), (0, 0));
+}
+
+#[test]
+fn an_image_for_another_profile_is_noticed() {
+    let (Some(mut setup), Some(other)) = (setup(3, 200), setup(1, 0)) else { return };
+    setup.images.dpr = other.images.dpr;
+    let report = outcome(&setup).report;
+    assert_eq!(report.dpr.objects_accepted, 0);
+    assert!(
+        report.violations.iter().any(|words| words.starts_with("objects lost in the DPR")),
+        "{:?}",
+        report.violations
+    );
+}
+
+/// Plays `log` at every receiver and compares what the base station showed with what the log holds, bit by bit.
+fn shows_what_the_log_holds(mut setup: Setup, log: PathBuf, at_least: usize) {
+    let held = Log::open(&log).unwrap();
+    setup.recordings = vec![Some(log); 3];
+    let outcome = outcome(&setup);
+    assert_eq!(outcome.report.violations, [""; 0]);
+    let mut shown: Vec<[u64; 3]> = vec![];
+    for entry in outcome.base.history() {
+        for position in entry.gps.iter().chain([&entry.reported]).flatten().filter(|position| position.valid) {
+            let bits = [position.latitude, position.longitude, position.altitude].map(f64::to_bits);
+            if !shown.contains(&bits) {
+                shown.push(bits);
+            }
+        }
+    }
+    assert!(shown.len() >= at_least, "{} positions shown", shown.len());
+    let mut held = held.positions().iter().map(|position| {
+        // The definition: the nearest float64 to the decimal that the message carries.
+        [
+            f64::from(position.latitude_1e7) / 1e7,
+            f64::from(position.longitude_1e7) / 1e7,
+            f64::from(position.height_mm) / 1e3,
+        ]
+        .map(f64::to_bits)
+    });
+    // In the log's order, and none that it does not hold.
+    for bits in &shown {
+        assert!(
+            held.any(|position| position == *bits),
+            "{:?} is not in the log, or out of order",
+            bits.map(f64::from_bits)
+        );
+    }
+}
+
+#[test]
+fn a_recording_with_nmea_and_damage_is_shown_to_the_last_bit() {
+    let Some(setup) = setup(3, 1_200) else { return };
+    let mut bytes = vec![];
+    for epoch in 0..10_i32 {
+        let itow_ms = 100_000 + epoch as u32 * 100;
+        let pvt = ubx::NavPvt {
+            itow_ms,
+            fix_type: 3,
+            flags: ubx::NavPvt::FLAG_FIX_OK,
+            latitude_1e7: 474_979_123 + epoch * 3,
+            longitude_1e7: -87_290_587 - epoch * 7,
+            height_mm: 470_001 + epoch,
+            ..ubx::NavPvt::default()
+        };
+        bytes.extend_from_slice(b"$GNGLL,4729.87,N,00843.74,E,110200.00,A,A*78\r\n");
+        let mut damaged = ubx::NavPvt { latitude_1e7: 1, ..pvt.clone() }.encode();
+        damaged[40] ^= 0x10;
+        bytes.extend(damaged);
+        bytes.extend(pvt.encode());
+    }
+    let path = std::env::temp_dir().join(format!("horus-link-recording-{}.ubx", std::process::id()));
+    std::fs::write(&path, bytes).unwrap();
+    shows_what_the_log_holds(setup, path.clone(), 8);
+    std::fs::remove_file(path).unwrap();
+}
+
+#[test]
+fn the_log_of_a_real_receiver_is_shown_to_the_last_bit() {
+    let Some(setup) = setup(3, 5_000) else { return };
+    let log = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/ubx/pygpsdata-MIXED.log");
+    if !log.exists() {
+        eprintln!("skipped: the recording {} is not here", log.display());
+        return;
+    }
+    shows_what_the_log_holds(setup, log, 4);
+}
