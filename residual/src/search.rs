@@ -102,6 +102,8 @@ struct Halves {
     half: usize,
     /// Where each bucket begins; one more than there are.
     begins: Vec<u32>,
+    /// The buckets that are not empty.
+    occupied: Vec<usize>,
     /// The sum's lower 16 bits, then the places, 12 bits each, the lowest place highest. In each bucket the highest place
     /// rises.
     entries: Vec<u64>,
@@ -122,7 +124,8 @@ impl Halves {
             entries[*end as usize] = u64::from(sum & 0xFFFF) << 48 | places;
             *end += 1;
         });
-        Self { half, begins, entries }
+        let occupied = (0..BUCKETS).filter(|bucket| begins[*bucket] < begins[bucket + 1]).collect();
+        Self { half, begins, occupied, entries }
     }
 
     /// The entries of a bucket whose places are all below `limit`.
@@ -142,13 +145,12 @@ impl Halves {
             let mut present = vec![0_u64; BUCKETS / 64];
             loop {
                 let first = next.fetch_add(256, Ordering::Relaxed);
-                if first >= BUCKETS {
+                if first >= self.occupied.len() {
                     return words;
                 }
-                for lower in first..first + 256 {
-                    let (lower, upper) =
-                        (self.bucket(lower, limit), self.bucket(lower ^ (target >> 16) as usize, limit));
-                    self.join_buckets(target as u16, lower, upper, &mut present, &mut words);
+                for lower in self.occupied[first..].iter().take(256) {
+                    let upper = self.bucket(lower ^ (target >> 16) as usize, limit);
+                    self.join_buckets(target as u16, self.bucket(*lower, limit), upper, &mut present, &mut words);
                 }
             }
         };

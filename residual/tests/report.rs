@@ -80,7 +80,8 @@ fn no_errors_below_12_damage_latitude_or_longitude_and_pass_both_crcs() {
 
 #[test]
 fn every_compared_code_is_in_the_json_by_length() {
-    let json: serde_json::Value = serde_json::from_str(&serde_json::to_string(&*REPORT).unwrap()).unwrap();
+    let text = serde_json::to_string(&*REPORT).unwrap();
+    let json: serde_json::Value = serde_json::from_str(&text).unwrap();
     let codes = json["codes"].as_array().unwrap();
     let lengths: Vec<u64> = codes.iter().map(|code| code["codeword_bits"].as_u64().unwrap()).collect();
     assert!(lengths.is_sorted());
@@ -106,10 +107,8 @@ fn every_compared_code_is_in_the_json_by_length() {
             }
         }
     }
-    let gps =
-        codes.iter().find(|code| code["polynomial_koopman"] == "0xf8c9140a" && code["codeword_bits"] == 480).unwrap();
-    assert_eq!(gps["hd"], 8);
-    assert_eq!(gps["weights"].as_object().unwrap().keys().next().map(String::as_str), Some("8"));
+    // In the text, where objects keep their order: the distance's weight comes first.
+    assert!(text.contains(r#""codeword_bits":480,"check_bits":32,"hd":8,"weights":{"8":"31604382","#));
     for claim in json["claims"].as_array().unwrap() {
         assert!(claim["claim"].is_string() && claim["holds"].is_boolean() && claim["figure"].is_string());
     }

@@ -66,9 +66,9 @@ pub(crate) fn residual(args: &ResidualArgs) -> Result<ExitCode> {
     let json_on_stdout = args.json.as_deref() == Some(Path::new("-"));
     let screen = report.screen();
     if json_on_stdout {
-        eprint!("{screen}")
+        eprint!("{screen}");
     } else {
-        print!("{screen}")
+        print!("{screen}");
     }
     if let Some(path) = &args.json {
         let json = serde_json::to_string_pretty(&report).context("the report does not serialise")? + "\n";
