@@ -1,8 +1,10 @@
-//! The engine: real firmware images on emulated microcontrollers, in virtual time, on the caller's thread.
+//! The engine: real firmware images on emulated microcontrollers, in virtual time.
 //!
 //! A [`Node`] is one board: a rigless core and the models of its part, stepped to an instant by [`Node::advance`]. A [`Pair`] keeps
-//! two of them in lock-step with whatever passes between. Everything is a function of the images, the board and what the caller
-//! puts in: no threads, no wall clock, no randomness. The same run gives the same [`Node::digest`] on every host.
+//! two of them in lock-step on the caller's thread with whatever passes between; a [`Relay`] runs two of which one only speaks and
+//! the other only hears, each on a thread. Everything is a function of the images, the board and what the caller puts in: no wall
+//! clock, no randomness, nothing that hangs on which thread comes first. The same run gives the same [`Node::digest`] on every
+//! host.
 //!
 //! # Time
 //! Virtual time is `u64` nanoseconds from power-on, one time for all boards. Each part's own clocks are what its crystals make of
@@ -22,6 +24,7 @@ mod node;
 mod nrf52840;
 mod pair;
 mod poll;
+mod relay;
 mod rtt;
 mod run;
 mod wiring;
@@ -32,6 +35,7 @@ pub use firmware::{Firmware, Symbol};
 pub use memory::GuestMemory;
 pub use node::{LineEdge, Node, PROBE_PERIOD, ResetAt, Usage};
 pub use pair::{Between, Lookahead, Nothing, Pair, Sent};
+pub use relay::{Downstream, Relay, Upstream};
 pub use rtt::{LogLevel, LogLine};
 pub use run::{Event, Limits, Outcome, Target, run};
 pub use wiring::{Bare, FlashAction, Part, Wiring};

@@ -15,7 +15,7 @@ use super::boards::{Dpr, FRESH, Horus, Line, SSI_CSN};
 use super::front_end::{Crossing, FrontEnd};
 use super::ledger::{Ledger, Seen, ms};
 use super::trace::{self, Trace, Wire};
-use crate::engine::{Between, Lookahead, Node, Sent, Wiring};
+use crate::engine::{Downstream, Node, Upstream, Wiring};
 use crate::report::{self, Report};
 use crate::world::flight_controller::{Action, Outcome};
 use crate::world::{BaseStation, FlightController};
@@ -46,7 +46,41 @@ impl Feed {
     }
 }
 
-/// The air, the receivers, the flight controller and the base station.
+/// What stands beside HORUS: its receivers, and the antenna that takes what its front end emits.
+#[derive(Debug)]
+pub(super) struct Receivers {
+    poller: FrontEnd,
+    feeds: Vec<Feed>,
+}
+
+impl Receivers {
+    pub(super) fn new(poller: FrontEnd, feeds: impl Iterator<Item = (Line, Receiver)>) -> Self {
+        Self { poller, feeds: feeds.map(|(line, receiver)| Feed::new(line, receiver)).collect() }
+    }
+}
+
+impl Upstream<Horus> for Receivers {
+    type Message = AirEvent;
+
+    fn leave(&mut self, _node: &mut Node<Horus>, sent: &mut Vec<(u64, AirEvent)>) {
+        self.poller.with(|chip| sent.extend(chip.take_air()));
+    }
+
+    fn next_at(&self) -> u64 {
+        self.feeds.iter().filter_map(|feed| feed.next).min().unwrap_or(u64::MAX)
+    }
+
+    fn act(&mut self, at: u64, node: &mut Node<Horus>) {
+        for feed in self.feeds.iter_mut().filter(|feed| feed.next.is_some_and(|next| next <= at)) {
+            if let Some(burst) = feed.receiver.next() {
+                node.input(|_, _| feed.line.send(&burst.bytes));
+            }
+            feed.next = feed.receiver.peek().map(|burst| burst.at_ns);
+        }
+    }
+}
+
+/// The air, the DPR's surroundings, and what the run notes.
 pub(super) struct Link {
     poller: FrontEnd,
     listener: FrontEnd,
@@ -55,8 +89,9 @@ pub(super) struct Link {
     frame: Vec<u8>,
     longest_frame_ns: u64,
     frame_started: u64,
-    feeds: Vec<Feed>,
     flight_controller: FlightController,
+    /// When the flight controller next does something.
+    acts_at: u64,
     /// A byte that the flight controller is clocking: when its eighth clock ends, and MOSI.
     clocking: Option<(u64, u8)>,
     base: BaseStation,
@@ -69,7 +104,6 @@ impl Link {
         poller: FrontEnd,
         listener: FrontEnd,
         air: Air,
-        feeds: impl Iterator<Item = (Line, Receiver)>,
         flight_controller: FlightController,
         base: BaseStation,
         trace: Option<Trace>,
@@ -82,7 +116,7 @@ impl Link {
             frame: vec![],
             longest_frame_ns: 0,
             frame_started: 0,
-            feeds: feeds.map(|(line, receiver)| Feed::new(line, receiver)).collect(),
+            acts_at: flight_controller.next_at(),
             flight_controller,
             clocking: None,
             base,
@@ -304,54 +338,30 @@ fn rounded(load: f64) -> f64 {
     (load * 1e4).round() / 1e4
 }
 
-impl Between<Horus, Dpr> for Link {
-    type ToA = ();
-    type ToB = ();
+impl Downstream<Dpr> for Link {
+    type Message = AirEvent;
 
-    /// What the poller's chip emits, the listener's hears at the same instant; nothing ever comes back.
-    fn lookahead(&self) -> Lookahead {
-        Lookahead { a_to_b: 0, b_to_a: Lookahead::NEVER }
+    fn hear(&mut self, at: u64, event: AirEvent) {
+        self.emitted(at, event);
     }
 
-    fn leave_a(&mut self, _node: &mut Node<Horus>, _to_b: &mut Sent<()>) {
-        let events: Vec<_> = self.poller.with(|chip| chip.take_air().collect());
-        for (at, event) in events {
-            self.emitted(at, event);
-        }
-    }
-
-    fn leave_b(&mut self, _node: &mut Node<Dpr>, _to_a: &mut Sent<()>) {
+    fn leave(&mut self, _node: &mut Node<Dpr>) {
         let events: Vec<_> = self.listener.with(|chip| chip.take_air().collect());
         for (at, event) in events {
             self.air.from_listener(at, &event);
         }
     }
 
-    fn next_at_a(&self) -> Option<u64> {
-        self.feeds.iter().filter_map(|feed| feed.next).min()
+    fn next_at(&self) -> u64 {
+        self.acts_at
     }
 
-    fn act_at_a(&mut self, at: u64, node: &mut Node<Horus>) {
-        for tick in node.board_mut().take_ticks() {
-            self.ledger.tick(tick);
-        }
-        for feed in self.feeds.iter_mut().filter(|feed| feed.next.is_some_and(|next| next <= at)) {
-            if let Some(burst) = feed.receiver.next() {
-                node.input(|_, _| feed.line.send(&burst.bytes));
-            }
-            feed.next = feed.receiver.peek().map(|burst| burst.at_ns);
-        }
-    }
-
-    fn next_at_b(&self) -> Option<u64> {
-        Some(self.clocking.map_or_else(|| self.flight_controller.next_at(), |(ends, _)| ends))
-    }
-
-    fn act_at_b(&mut self, at: u64, node: &mut Node<Dpr>) {
+    fn act(&mut self, at: u64, node: &mut Node<Dpr>) {
         if let Some((ends, mosi)) = self.clocking.take() {
             // MISO floats to its pull-up where nobody drives it.
             let miso = node.input(|board, now| board.part_mut().ssi_clock(VirtualNanos(now), mosi)).unwrap_or(0xFF);
             self.flight_controller.miso(miso);
+            self.acts_at = self.flight_controller.next_at();
             if let Some(trace) = &mut self.trace {
                 trace.byte(ends, trace::SSI, mosi, miso, SSI_HZ);
             }
@@ -366,6 +376,8 @@ impl Between<Horus, Dpr> for Link {
             (began, Action::Byte(mosi)) => {
                 let byte_ns = self.flight_controller.config().byte_ns;
                 self.clocking = Some((began + byte_ns, mosi));
+                self.acts_at = began + byte_ns;
+                return;
             }
             (_, Action::Deselect) => {
                 let risen = node.now();
@@ -375,5 +387,6 @@ impl Between<Horus, Dpr> for Link {
                 self.transaction_over(at);
             }
         }
+        self.acts_at = self.flight_controller.next_at();
     }
 }

@@ -4,8 +4,8 @@
 //! module adds stands on the boards' pins and antennas. What it reads from their RAM (the log, the telemetry counters) is
 //! what a debug probe would read.
 //!
-//! What passes between the boards is one-way and takes no time: the poller's chip emits, the listener's hears. So the
-//! scheduler lets HORUS run ahead (by up to a millisecond) and never the DPR, and both are exact.
+//! What passes between the boards is one-way and takes no time: the poller's chip emits, the listener's hears. So HORUS runs
+//! ahead on a thread of its own and never the DPR, and both are exact.
 
 pub mod boards;
 pub mod front_end;
@@ -13,6 +13,7 @@ pub mod ledger;
 mod link;
 pub mod trace;
 
+use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -21,14 +22,14 @@ use nrf52840_model::{Nrf52840, Settings};
 pub use st25r3916_model::Faults;
 use st25r3916_model::{Air, Chip, Config};
 
-use crate::engine::{self, Firmware, Node, Pair};
+use crate::engine::{self, Firmware, Node, Relay};
 use crate::report::Report;
 use crate::stm32f427::{Oscillators, Stm32f427Part};
 use crate::world::flight_controller;
 use crate::world::{BaseStation, FlightController};
 use boards::{Dpr, Horus};
 use front_end::FrontEnd;
-use link::Link;
+use link::{Link, Receivers};
 use trace::Trace;
 
 /// How often the caller hears of progress and gets the log, in virtual nanoseconds.
@@ -143,36 +144,39 @@ pub fn run(setup: &Setup, observer: &mut dyn Observer) -> Result<Outcome, Error>
 
     let config =
         flight_controller::Config { crystal_ppb: flight_controller_ppb, ..flight_controller::Config::new(setup.gps) };
+    let receivers = Receivers::new(poller.clone(), lines.into_iter().zip(receivers));
     let link = Link::new(
         poller,
         listener,
         Air::new(setup.seed, setup.faults),
-        lines.into_iter().zip(receivers),
         FlightController::new(config),
         BaseStation::new(setup.gps),
         trace,
     );
-    let mut pair = Pair::new(horus, dpr, link);
+    let mut relay = Relay::new(horus, dpr, receivers, link, setup.duration_ns);
     let mut logs = vec![];
+    // HORUS runs ahead; its lines wait for the DPR.
+    let mut early = VecDeque::new();
     let mut reached = 0;
     while reached < setup.duration_ns {
         reached = (reached + STEP).min(setup.duration_ns);
-        pair.run_until(reached);
-        let lines = pair.a.take_log().into_iter().map(|line| ("horus", line));
-        for (board, line) in lines.chain(pair.b.take_log().into_iter().map(|line| ("dpr", line))) {
+        relay.run_until(reached);
+        early.extend(relay.a.take_log());
+        let lines = std::iter::from_fn(|| early.pop_front_if(|line| line.at <= reached)).map(|line| ("horus", line));
+        for (board, line) in lines.chain(relay.b.take_log().into_iter().map(|line| ("dpr", line))) {
             let line = line.to_string();
             observer.log(board, &line);
             logs.push((board, line));
         }
-        pair.between.flush_trace(pair.now()).map_err(trace_error)?;
+        relay.downstream.flush_trace(relay.now()).map_err(trace_error)?;
         observer.progress(reached);
     }
-    let Pair { a, b, between, .. } = &mut pair;
-    let mut report = between.report(a, b, setup.duration_ns);
+    let Relay { a, b, downstream, .. } = &mut relay;
+    let mut report = downstream.report(a, b, setup.duration_ns);
     report.seed = setup.seed;
     report.virtual_seconds = setup.duration_ns as f64 / 1e9;
     report.gps = setup.gps;
-    let (base, trace) = pair.between.into_parts();
+    let (base, trace) = relay.downstream.into_parts();
     if let Some(trace) = trace {
         trace.finish().map_err(trace_error)?;
     }
