@@ -47,10 +47,11 @@ pub(crate) fn build_for_target(args: &[&str], name: &str) -> Result<PathBuf> {
     for line in lines {
         let message: serde_json::Value =
             serde_json::from_str(&line?).context("cargo printed something that is not JSON")?;
-        if message["reason"] == "compiler-artifact" && message["target"]["name"] == name {
-            if let Some(path) = message["executable"].as_str() {
-                executable = Some(PathBuf::from(path));
-            }
+        if message["reason"] == "compiler-artifact"
+            && message["target"]["name"] == name
+            && let Some(path) = message["executable"].as_str()
+        {
+            executable = Some(PathBuf::from(path));
         }
     }
     if !child.wait()?.success() {

@@ -84,7 +84,11 @@ impl Observer for Screen {
     fn log(&mut self, board: &str, line: &str) {
         if self.log {
             let line = format!("{board:>5} {line}");
-            if self.bar.is_hidden() { eprintln!("{line}") } else { self.bar.println(line) }
+            if self.bar.is_hidden() {
+                eprintln!("{line}");
+            } else {
+                self.bar.println(line);
+            }
         }
     }
 }
@@ -123,9 +127,9 @@ pub(crate) fn sim(args: &SimArgs) -> Result<ExitCode> {
     let text = format!("{}{}\n", table(&outcome.report), outcome.base);
     // A program that reads the JSON from standard output gets nothing else there.
     if json_on_stdout {
-        eprint!("{text}")
+        eprint!("{text}");
     } else {
-        print!("{text}")
+        print!("{text}");
     }
     if let Some(path) = &args.json {
         let mut json = serde_json::to_string_pretty(&outcome.report).context("the report does not serialise")?;

@@ -54,25 +54,25 @@ pub enum Wire {
     Fresh,
 }
 
-/// Every wire with its scope, its name and its level at the start.
+/// Every wire with its scope, its name and its level at the start. sigrok drops the scopes, so the names alone tell them apart.
 const WIRES: [(Wire, &str, &str, bool); 17] = [
-    (Wire::HorusSck, "horus", "sck", false),
-    (Wire::HorusMosi, "horus", "mosi", false),
-    (Wire::HorusMiso, "horus", "miso", false),
-    (Wire::HorusCs, "horus", "cs_n", true),
-    (Wire::HorusIrq, "horus", "irq", false),
+    (Wire::HorusSck, "horus", "horus_sck", false),
+    (Wire::HorusMosi, "horus", "horus_mosi", false),
+    (Wire::HorusMiso, "horus", "horus_miso", false),
+    (Wire::HorusCs, "horus", "horus_cs_n", true),
+    (Wire::HorusIrq, "horus", "horus_irq", false),
     (Wire::Field, "air", "field", false),
     (Wire::Frame, "air", "frame", false),
-    (Wire::DprSck, "dpr", "sck", false),
-    (Wire::DprMosi, "dpr", "mosi", false),
-    (Wire::DprMiso, "dpr", "miso", false),
-    (Wire::DprCs, "dpr", "cs_n", true),
-    (Wire::DprIrq, "dpr", "irq", false),
-    (Wire::SsiSck, "ssi", "sck", false),
-    (Wire::SsiMosi, "ssi", "mosi", false),
-    (Wire::SsiMiso, "ssi", "miso", false),
-    (Wire::SsiCsn, "ssi", "csn", true),
-    (Wire::Fresh, "ssi", "fresh", false),
+    (Wire::DprSck, "dpr", "dpr_sck", false),
+    (Wire::DprMosi, "dpr", "dpr_mosi", false),
+    (Wire::DprMiso, "dpr", "dpr_miso", false),
+    (Wire::DprCs, "dpr", "dpr_cs_n", true),
+    (Wire::DprIrq, "dpr", "dpr_irq", false),
+    (Wire::SsiSck, "ssi", "ssi_sck", false),
+    (Wire::SsiMosi, "ssi", "ssi_mosi", false),
+    (Wire::SsiMiso, "ssi", "ssi_miso", false),
+    (Wire::SsiCsn, "ssi", "ssi_csn", true),
+    (Wire::Fresh, "ssi", "ssi_fresh", false),
 ];
 
 /// An SPI bus of the trace.
@@ -223,9 +223,9 @@ mod tests {
 
     /// What a decoder that samples MOSI on the given edge of the clock reads.
     fn sampled(bytes: &[u8], scope: &str, rising: bool) -> u8 {
-        let data = changes(bytes, &format!("{scope}.mosi"));
+        let data = changes(bytes, &format!("{scope}.{scope}_mosi"));
         let level = |at: u64| data.iter().take_while(|(when, _)| *when <= at).last().unwrap().1;
-        changes(bytes, &format!("{scope}.sck"))
+        changes(bytes, &format!("{scope}.{scope}_sck"))
             .into_iter()
             .filter(|&(at, up)| at > 0 && up == rising)
             .fold(0, |byte, (at, _)| byte << 1 | u8::from(level(at)))
@@ -253,7 +253,7 @@ mod tests {
         trace.flush_before(550_000).unwrap();
         trace.set(501_000, Wire::Fresh, false);
         trace.finish().unwrap();
-        assert_eq!(changes(&written, "ssi.fresh"), [(0, false), (500_000, true), (501_000, false)]);
+        assert_eq!(changes(&written, "ssi.ssi_fresh"), [(0, false), (500_000, true), (501_000, false)]);
         assert_eq!(changes(&written, "air.field"), [(0, false), (400_000, true)]);
     }
 }
