@@ -194,7 +194,7 @@ fn a_recording_with_nmea_and_damage_is_shown_to_the_last_bit() {
             ..ubx::NavPvt::default()
         };
         bytes.extend_from_slice(b"$GNGLL,4729.87,N,00843.74,E,110200.00,A,A*78\r\n");
-        let mut damaged = ubx::NavPvt { latitude_1e7: 1, ..pvt.clone() }.encode();
+        let mut damaged = ubx::NavPvt { latitude_1e7: 1, ..pvt }.encode();
         damaged[40] ^= 0x10;
         bytes.extend(damaged);
         bytes.extend(pvt.encode());
