@@ -51,7 +51,7 @@ pub const LENGTH_MAX: u64 = 1 << 30;
 #[derive(Debug, thiserror::Error)]
 pub enum LogError {
     /// The file cannot be opened or read.
-    #[error("{}: cannot be read: {source}. Give the path of a file that a u-blox receiver's output was recorded to", path.display())]
+    #[error("{}: cannot be read; give the path of a file that a u-blox receiver's output was recorded to", path.display())]
     Unreadable {
         /// The file.
         path: PathBuf,

@@ -149,7 +149,7 @@ fn a_position_is_the_float_nearest_to_its_decimal_number() {
 fn logs_that_cannot_be_played_say_why() {
     let text = |result: Result<Log, LogError>| result.expect_err("refused").to_string();
     let missing = text(Log::open("no/such/file.ubx"));
-    assert!(missing.starts_with("no/such/file.ubx: cannot be read: "), "{missing}");
+    assert!(missing.starts_with("no/such/file.ubx: cannot be read; "), "{missing}");
     let folder = text(Log::open(env!("CARGO_MANIFEST_DIR")));
     assert!(folder.contains("cannot be read"), "{folder}");
     let empty = text(log(&[]));

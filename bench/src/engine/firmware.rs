@@ -61,9 +61,9 @@ impl Firmware {
     /// As [`Firmware::read`].
     pub fn parse(name: &str, elf: Vec<u8>) -> Result<Self, Error> {
         let refuse = |error: &dyn std::fmt::Display| Error::Firmware(format!("{name}: {error}"));
+        let file = object::File::parse(&*elf).map_err(|error| refuse(&format!("not an ELF image ({error})")))?;
         let image = Image::new(Path::new(name), elf.clone(), None).map_err(|error| refuse(&error))?;
         let segments: Vec<_> = image.segments().map(|(at, bytes)| (at, bytes.to_vec())).collect();
-        let file = object::File::parse(&*elf).map_err(|error| refuse(&error))?;
         let mut symbols = BTreeMap::new();
         let mut functions = Vec::new();
         for symbol in file.symbols() {

@@ -112,7 +112,7 @@ pub enum Error {
     #[error(transparent)]
     Recording(#[from] LogError),
     /// The trace file.
-    #[error("the trace cannot be written to {}: {source}", path.display())]
+    #[error("the trace cannot be written to {}", path.display())]
     Trace {
         /// The file.
         path: PathBuf,
