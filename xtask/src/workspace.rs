@@ -2,7 +2,9 @@
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
-use std::process::{Command, ExitCode};
+use std::process::Command;
+#[cfg(not(feature = "probe"))]
+use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail};
 
