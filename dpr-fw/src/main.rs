@@ -3,7 +3,7 @@
 //! | priority | task | when | has to be through within |
 //! |---|---|---|---|
 //! | 5 | `ssi_end` | CSN rises, or a newer image is there | 10 µs: the flight controller may select again |
-//! | 4 | `rf_spi`, `rf_irq`, `rf_timer` | a transfer has ended, the front end's IRQ rises, a wait is over | 18 µs: a byte on air |
+//! | 4 | `rf_spi`, `rf_irq`, `rf_timer` | a transfer has ended, the front end's IRQ rises, a wait is over | 40 µs, two bytes on air: one that verifies an object early takes about 30; the front end's FIFO holds what arrives meanwhile |
 //! | 3 | `commit`, `deadline` | a frame is in its buffer; 12.5 ms without one | 0.1 ms: last bit to readable |
 //! | 2 | `scrub` | a buffer was read | the next frame, 10 ms |
 //! | 0 | `idle` | nothing else wants to | 100 ms: feeds the watchdog |
