@@ -302,6 +302,13 @@ impl Link {
         if self.air.counters().answers > 0 {
             violations.add("the listener answered", || format!("{} times", self.air.counters().answers));
         }
+        // Without its counters a firmware would pass the checks below unchecked.
+        let images = [("HORUS", horus.address_of("HORUS_TELEMETRY")), ("the DPR", dpr.address_of("DPR_TELEMETRY"))];
+        for (board, telemetry) in images {
+            if let Err(missing) = telemetry {
+                violations.add("an image without telemetry", || format!("{board}: {missing}"));
+            }
+        }
         let horus_counts = [
             ("HORUS skipped frames", std::mem::offset_of!(HorusTelemetry, frames_skipped)),
             ("HORUS front end faults", std::mem::offset_of!(HorusTelemetry, rf_faults)),
