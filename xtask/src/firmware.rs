@@ -37,7 +37,7 @@ pub(crate) fn build_for_target(args: &[&str], name: &str) -> Result<PathBuf> {
     let mut command = cargo();
     command
         .args(args)
-        .args(["--quiet", "--release", "--target", TARGET, "--message-format", "json-render-diagnostics"])
+        .args(["--release", "--target", TARGET, "--message-format", "json-render-diagnostics"])
         // Read by defmt when it is compiled: what the images log.
         .env("DEFMT_LOG", "info")
         .stdout(Stdio::piped());
