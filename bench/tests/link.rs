@@ -86,6 +86,23 @@ fn crystals_at_their_worst_against_each_other_change_nothing() {
     }
 }
 
+/// The flight controller's 4 ms cycle slips through every phase of HORUS's 10 ms within 2 s, so that its transactions meet the DPR
+/// at everything it does; at 10 ms and 4 ms without a slip they would meet it at five instants alone.
+#[test]
+fn a_flight_controller_that_reads_at_every_phase_delays_nothing() {
+    let Some(mut setup) = setup(3, 2_200) else { return };
+    for ppb in [-1_000_000, 1_000_000] {
+        setup.crystals.flight_controller_ppb = ppb;
+        let report = outcome(&setup).report;
+        assert_eq!(report.violations, [""; 0], "{ppb} ppb");
+        assert_eq!(report.dpr.objects_accepted, report.air.frames_delivered * 4);
+        assert_eq!(report.ssi.fresh, report.base.profiles);
+        assert!(report.ssi.busy <= 2, "{:?}", report.ssi);
+        assert!(report.ssi.ready_ns.max <= 10_000, "{:?}", report.ssi);
+        assert!(report.latency_ns.last_bit_to_readable.max <= 100_000, "{:?}", report.latency_ns);
+    }
+}
+
 #[test]
 fn bit_errors_cost_the_objects_they_hit_and_nothing_invalid_is_shown() {
     let Some(mut setup) = setup(3, 600) else { return };

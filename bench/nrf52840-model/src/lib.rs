@@ -220,7 +220,11 @@ pub struct PinChange {
 /// What an SPIS shows of its semaphore (PS 6.26).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SpisEvent {
-    /// RELEASE freed the semaphore with no transaction under way: the next select is answered.
+    /// The CPU took the semaphore: a select is not answered until it releases it.
+    Held,
+    /// The CPU gave the semaphore back.
+    Released,
+    /// The semaphore is free and no transaction is under way any more: the next select is answered.
     Ready,
     /// CSN fell while the CPU held the semaphore: this transaction reads DEF throughout and is dropped.
     Busy,

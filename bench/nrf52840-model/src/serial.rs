@@ -479,6 +479,9 @@ impl Serial {
             return;
         };
         if !transaction.granted {
+            if self.semaphore == Semaphore::Free {
+                self.say(SpisEvent::Ready, cx);
+            }
             return;
         }
         let pending = self.semaphore == Semaphore::CpuPending;
@@ -488,6 +491,8 @@ impl Serial {
         self.say(SpisEvent::End { rx: self.rxd.amount, tx: self.txd.amount }, cx);
         if pending || self.block.short(END_ACQUIRE) {
             self.acquire(cx);
+        } else {
+            self.say(SpisEvent::Ready, cx);
         }
     }
 
@@ -495,6 +500,7 @@ impl Serial {
         match self.semaphore {
             Semaphore::Free => {
                 self.semaphore = Semaphore::Cpu;
+                self.say(SpisEvent::Held, cx);
                 self.block.raise(ACQUIRED, cx);
             }
             Semaphore::Cpu => self.block.raise(ACQUIRED, cx),
@@ -507,6 +513,7 @@ impl Serial {
         match self.semaphore {
             Semaphore::Cpu => {
                 self.semaphore = Semaphore::Free;
+                self.say(SpisEvent::Released, cx);
                 if self.transaction.is_none() {
                     self.say(SpisEvent::Ready, cx);
                 }

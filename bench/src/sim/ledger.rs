@@ -21,9 +21,9 @@ pub mod bounds {
     pub const TICK_TO_AIR_JITTER: u64 = 1_000;
     /// The cycle's period may differ from cycle to cycle by what the send jitter allows.
     pub const PERIOD_WIDTH: u64 = 2 * TICK_TO_AIR_JITTER;
-    /// Last bit to image readable, store-and-forward.
-    pub const LAST_BIT_TO_READABLE: u64 = 300_000;
-    /// End of an SSI transaction to ready for the next.
+    /// Last bit to image readable, with a listener that reads its FIFO while it fills.
+    pub const LAST_BIT_TO_READABLE: u64 = 100_000;
+    /// End of an SSI transaction to ready for the next; the DPR may put a new image in for no longer either.
     pub const SSI_READY: u64 = 10_000;
     /// A sample is readable before its successor is taken.
     pub const SAMPLE_TO_READABLE: u64 = 10_000_000;
@@ -87,6 +87,9 @@ pub struct Ledger {
     newest: Option<u32>,
     ready: Vec<u64>,
     deselected: Option<u64>,
+    /// Since when the DPR answers no transaction.
+    held: Option<u64>,
+    longest_hold: u64,
     /// What was broken so far.
     pub violations: Violations,
 }
@@ -108,6 +111,8 @@ impl Ledger {
             newest: None,
             ready: vec![],
             deselected: None,
+            held: None,
+            longest_hold: 0,
             violations: Violations::default(),
         }
     }
@@ -167,7 +172,23 @@ impl Ledger {
 
     /// The flight controller's chip select rose.
     pub fn deselected(&mut self, at: u64) {
-        self.deselected = Some(at);
+        if let Some(ended) = self.deselected.replace(at) {
+            self.violations.add("SSI not ready in time", || {
+                format!("the transaction that ended at {} was not followed by readiness", ms(ended))
+            });
+        }
+    }
+
+    /// The DPR's processor takes the SSI's buffers: a transaction that begins now meets it busy.
+    pub fn held(&mut self, at: u64) {
+        self.held = Some(at);
+    }
+
+    /// The DPR's processor gives the SSI's buffers back.
+    pub fn released(&mut self, at: u64) {
+        if let Some(held) = self.held.take() {
+            self.longest_hold = self.longest_hold.max(at - held);
+        }
     }
 
     /// The DPR can serve a transaction.
@@ -180,11 +201,6 @@ impl Ledger {
     /// The flight controller has read a transaction to its end.
     pub fn transaction(&mut self, seen: &Seen) {
         let at = ms(seen.selected);
-        if let Some(ended) = self.deselected.filter(|ended| seen.selected > ended + bounds::SSI_READY) {
-            self.violations.add("SSI not ready in time", || {
-                format!("the transaction that ended at {} was not followed by readiness", ms(ended))
-            });
-        }
         for (identifier, timestamp, bytes) in &seen.objects {
             if self.sent.get(&(*timestamp, identifier.0)) != Some(bytes) {
                 self.violations.add("an invalid object shown as valid", || {
@@ -280,6 +296,7 @@ impl Ledger {
     pub fn judge(&mut self, end: u64) {
         let (period, air) = (self.period(), self.tick_to_air());
         let (sample, last_bit, ready) = (self.sample_to_readable(), self.last_bit_to_readable(), self.ready_after());
+        let hold = self.longest_hold.max(self.held.map_or(0, |held| end - held));
         let mut bound = |kind, value: u64, bound: u64| {
             if value > bound {
                 self.violations.add(kind, || format!("{value} ns, the bound is {bound} ns"));
@@ -290,6 +307,7 @@ impl Ledger {
         bound("a sample was readable too late", sample.max, bounds::SAMPLE_TO_READABLE);
         bound("a frame was readable too late after its last bit", last_bit.max, bounds::LAST_BIT_TO_READABLE);
         bound("SSI not ready in time", ready.max, bounds::SSI_READY);
+        bound("the SSI was held back too long", hold, bounds::SSI_READY);
         self.judge_cycles(end);
     }
 
@@ -417,6 +435,27 @@ mod tests {
         ] {
             assert!(words.iter().any(|violation| violation.starts_with(kind)), "{kind}: {words:?}");
         }
+    }
+
+    #[test]
+    fn a_transaction_after_which_the_ssi_never_got_ready_is_a_violation() {
+        let mut ledger = run();
+        ledger.deselected(108_000_000);
+        assert_eq!(ledger.violations.clone().into_words(), [""; 0]);
+        ledger.deselected(109_000_000);
+        assert!(ledger.violations.into_words()[0].starts_with("SSI not ready in time: the transaction that ended at 108"));
+    }
+
+    #[test]
+    fn an_ssi_that_is_held_back_is_a_violation() {
+        let mut ledger = run();
+        ledger.held(108_000_000);
+        ledger.released(108_010_000);
+        ledger.judge(111_000_000);
+        assert_eq!(ledger.violations.clone().into_words(), [""; 0]);
+        ledger.held(109_000_000);
+        ledger.judge(111_000_000);
+        assert!(ledger.violations.into_words()[0].starts_with("the SSI was held back too long: 2000000 ns"));
     }
 
     #[test]

@@ -94,6 +94,8 @@ pub(super) struct Link {
     acts_at: u64,
     /// A byte that the flight controller is clocking: when its eighth clock ends, and MOSI.
     clocking: Option<(u64, u8)>,
+    /// The last transaction met the DPR busy.
+    was_busy: bool,
     base: BaseStation,
     ledger: Ledger,
     trace: Option<Trace>,
@@ -119,6 +121,7 @@ impl Link {
             acts_at: flight_controller.next_at(),
             flight_controller,
             clocking: None,
+            was_busy: false,
             base,
             ledger: Ledger::new(frames),
             trace,
@@ -189,8 +192,11 @@ impl Link {
             }
         }
         for (at, _, event) in part.take_spis_events() {
-            if event == SpisEvent::Ready {
-                self.ledger.ready(at);
+            match event {
+                SpisEvent::Held => self.ledger.held(at),
+                SpisEvent::Released => self.ledger.released(at),
+                SpisEvent::Ready => self.ledger.ready(at),
+                SpisEvent::Busy | SpisEvent::End { .. } => {}
             }
         }
     }
@@ -216,8 +222,10 @@ impl Link {
         if transaction.torn {
             self.ledger.violations.add("a torn read", || format!("the transaction of {}", ms(transaction.selected_ns)));
         }
-        if transaction.outcome == Outcome::Busy {
-            self.ledger.violations.add("a transaction met the DPR busy", || ms(transaction.selected_ns));
+        // One may meet the DPR while it puts a new image in; its successor must not.
+        let busy = transaction.outcome == Outcome::Busy;
+        if std::mem::replace(&mut self.was_busy, busy) && busy {
+            self.ledger.violations.add("two transactions in a row met the DPR busy", || ms(transaction.selected_ns));
         }
         if let Some((offset, rejection)) = transaction.damage {
             let at = ms(transaction.selected_ns);

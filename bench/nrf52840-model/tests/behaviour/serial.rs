@@ -261,7 +261,10 @@ fn a_released_spis_exchanges_its_buffers_and_says_end() {
     assert_eq!((rig.read(SPIS1 + 0x53C), rig.read(SPIS1 + 0x54C)), (3, 3));
     assert!(rig.line(4));
     assert_eq!((rig.read(SPIS1 + 0x104), rig.read(SPIS1 + 0x128), rig.read(SPIS1 + 0x440)), (1, 0, 0));
-    assert_eq!(said(&mut rig), [SpisEvent::Ready, SpisEvent::End { rx: 3, tx: 3 }]);
+    assert_eq!(
+        said(&mut rig),
+        [SpisEvent::Released, SpisEvent::Ready, SpisEvent::End { rx: 3, tx: 3 }, SpisEvent::Ready]
+    );
     rig.assert_clean();
 }
 
@@ -278,7 +281,7 @@ fn a_transaction_that_meets_the_cpu_reads_the_default_character_to_its_end() {
     rig.input(|part, at| part.ssi_deselect(at, CSN));
     assert_eq!(rig.ram(RX, 3), [0, 0, 0]);
     assert_eq!(rig.read(SPIS1 + 0x104), 0, "no END");
-    assert_eq!(said(&mut rig), [SpisEvent::Busy]);
+    assert_eq!(said(&mut rig), [SpisEvent::Busy, SpisEvent::Released, SpisEvent::Ready]);
     assert_eq!(transact(&mut rig, &[0xA0]), [Some(1)], "the next one is granted");
     rig.assert_clean();
 }
