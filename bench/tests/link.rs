@@ -3,22 +3,20 @@
 //! The images are built by `cargo xtask test`, which says where they are in `LINK_IMAGES`; without it each test says that it was
 //! skipped. One run is a few hundred virtual milliseconds, and a function of its setup.
 
+mod images;
+
 use std::path::PathBuf;
 
 use bench::sim::{Crystals, Faults, Images, Outcome, Setup, run};
 use gnss_sim::{Log, ubx};
+use images::image;
 
 const MS: u64 = 1_000_000;
 
-/// The setup of a short run with this many receivers, or `None` (said) where the images were not built.
+/// The setup of a short run with this many receivers, or `None` where the images were not built.
 fn setup(gps: usize, milliseconds: u64) -> Option<Setup> {
-    let Some(folder) = std::env::var_os("LINK_IMAGES").map(PathBuf::from) else {
-        eprintln!("skipped: LINK_IMAGES is not set; `cargo xtask test` builds the images and sets it");
-        return None;
-    };
-    let image = |gps: usize, name: &str| folder.join(format!("gps-{gps}")).join(name);
     Some(Setup {
-        images: Images { horus: image(gps, "horus-tx-fw.elf"), dpr: image(gps, "dpr-fw.elf") },
+        images: Images { horus: image(gps, "horus-tx-fw.elf")?, dpr: image(gps, "dpr-fw.elf")? },
         gps,
         duration_ns: milliseconds * MS,
         seed: 1,

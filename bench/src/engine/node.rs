@@ -518,8 +518,20 @@ impl<B: Wiring> Node<B> {
 
     /// Runs to the first instruction boundary at or past `to`, or to one where something left the board.
     pub fn advance(&mut self, to: u64) {
+        self.advance_or_restart(to, false);
+    }
+
+    /// As [`Node::advance`], but no further than the next restart of the part, before its core has run an instruction. Answers
+    /// whether it restarted.
+    pub fn advance_to_restart(&mut self, to: u64) -> bool {
+        self.advance_or_restart(to, true)
+    }
+
+    fn advance_or_restart(&mut self, to: u64, stops: bool) -> bool {
         loop {
-            self.take_restart();
+            if self.take_restart() && stops {
+                return true;
+            }
             let now = self.now();
             if now >= self.probe_at {
                 self.probe(now);
@@ -536,7 +548,7 @@ impl<B: Wiring> Node<B> {
                 continue;
             }
             if now >= to || self.session.board().0.outgoing() {
-                return;
+                return false;
             }
             if stopped {
                 self.side.warped += self.deadline().min(to) - now;
@@ -588,8 +600,8 @@ impl<B: Wiring> Node<B> {
         self.cpu.run(budget, &mut Lent { side: &mut self.side, session: &mut self.session })
     }
 
-    /// Restarts the core after the models or the firmware asked for a reset.
-    fn take_restart(&mut self) {
+    /// Restarts the core after the models or the firmware asked for a reset, and answers whether it did.
+    fn take_restart(&mut self) -> bool {
         let by_model = std::mem::take(&mut self.side.restart);
         let by_core = self.cpu.take_reset_request();
         if by_core {
@@ -604,6 +616,7 @@ impl<B: Wiring> Node<B> {
             self.start();
             self.flush();
         }
+        by_core || by_model
     }
 
     fn stop(&mut self, reason: StopReason) {

@@ -443,7 +443,9 @@ mod tests {
         ledger.deselected(108_000_000);
         assert_eq!(ledger.violations.clone().into_words(), [""; 0]);
         ledger.deselected(109_000_000);
-        assert!(ledger.violations.into_words()[0].starts_with("SSI not ready in time: the transaction that ended at 108"));
+        assert!(
+            ledger.violations.into_words()[0].starts_with("SSI not ready in time: the transaction that ended at 108")
+        );
     }
 
     #[test]
