@@ -41,6 +41,37 @@ fn a_timer_interrupt_comes_at_its_exact_instants_and_the_core_sleeps_between() {
     assert_eq!(node.take_findings(), []);
 }
 
+/// A loop on the 16 MHz oscillator, and again after the switch to the 8 MHz crystal, each timed by TIM2, which counts the same clock.
+#[test]
+fn the_core_follows_its_clock_tree() {
+    const TURNS: u32 = 10_000;
+    let mut main = Thumb::at(MAIN);
+    main.store(RCC + 0x40, 1).store(TIM2 + 0x2C, u32::MAX).store(TIM2, 1);
+    main.store(RCC, 1 << 18 | 1 << 16 | 0x83).wait_for(RCC, 17);
+    let lap = |main: &mut Thumb, to: u32| {
+        main.store(TIM2 + 0x24, 0).mov(0, TURNS);
+        let again = main.here();
+        // SUBS r0, #1; BNE again
+        main.raw(&[0x3801]).branch_if(thumb::If::NotEqual, again);
+        main.mov(2, TIM2 + 0x24).ldr(1, 2, 0).mov(2, to).str(1, 2, 0);
+    };
+    lap(&mut main, COUNTER);
+    main.store(RCC + 0x08, 1);
+    lap(&mut main, COUNTER + 4);
+    main.idle();
+    let mut node = bare(&firmware("clock tree", &main, &[]));
+    node.advance(20 * MS);
+    let turns = [COUNTER, COUNTER + 4].map(|at| node.word(u64::from(at)).unwrap());
+    // Two instructions a turn, 1.5 cycles each, whatever the rate: cycles are what the timer counts.
+    for cycles in turns {
+        assert!(cycles.abs_diff(TURNS * 3) <= 20, "{turns:?}");
+    }
+    // 30 000 cycles at 16 MHz, then at 8 MHz.
+    let awake = node.usage().awake;
+    assert!(awake.abs_diff(1_875_000 + 3_750_000) <= 20_000, "{awake}");
+    assert_eq!(node.take_findings(), []);
+}
+
 /// TIM2 on HSE itself, 8 MHz: 10 ms is 80 000 ticks.
 fn ticking_on_hse() -> bench::engine::Firmware {
     let mut main = Thumb::at(MAIN);
@@ -105,7 +136,7 @@ fn polling_is_skipped_and_changes_nothing_but_the_time_it_takes() {
     };
     let (skipping, running) = (run(true), run(false));
     assert_eq!(running.3, 0);
-    assert!(skipping.3 > 3_000_000, "{} instructions skipped", skipping.3);
+    assert!(skipping.3 > 300_000, "{} instructions skipped", skipping.3);
     assert_eq!((skipping.0, skipping.1, skipping.2), (running.0, running.1, running.2));
     assert_eq!(skipping.2, 3);
     // A core that polls is awake all the time.
@@ -130,7 +161,7 @@ fn a_polling_loop_with_a_side_effect_is_run() {
     let (counted, skipped) = turns(true);
     assert_eq!(skipped, 0);
     assert_eq!(counted, turns(false).0);
-    assert!(counted > 100_000, "{counted}");
+    assert!(counted > 10_000, "{counted}");
 }
 
 #[test]
@@ -334,17 +365,17 @@ fn two_cores_interrupting_each_other_keep_step_to_the_instruction() {
     for (nth, hit) in rises.iter().enumerate() {
         assert_eq!(hit.1, if nth % 2 == 0 { 'b' } else { 'a' });
     }
-    // An answer takes the handler's instructions up to its store, and the wire's delay one way. Whole instructions are 10 or
-    // 11 ns, and a wake-up rounds to the next.
+    // An answer takes the handler's instructions up to its store, and the wire's delay one way. Whole instructions are 93 or
+    // 94 ns, and a wake-up rounds to the next.
     let answers: Vec<u64> = rises.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
     let (towards_a, towards_b): (Vec<_>, Vec<_>) = answers.iter().enumerate().partition(|(nth, _)| nth % 2 == 0);
     let spread = |answers: &[(usize, &u64)]| {
         let times = answers.iter().map(|(_, time)| **time);
         times.clone().max().unwrap() - times.min().unwrap()
     };
-    assert!(spread(&towards_a) <= 25 && spread(&towards_b) <= 25);
+    assert!(spread(&towards_a) <= 190 && spread(&towards_b) <= 190);
     let difference = towards_a[3].1.abs_diff(towards_b[3].1 + 500);
-    assert!(difference <= 25, "{difference} ns");
+    assert!(difference <= 190, "{difference} ns");
 }
 
 #[test]

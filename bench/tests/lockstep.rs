@@ -217,6 +217,10 @@ fn receiving() -> bench::engine::Firmware {
     main.store(SPIS1 + 0x544, BLOCK + 0x100).store(SPIS1 + 0x548, BYTES);
     main.store(SPIS1 + 0x200, 1 << 2).store(SPIS1 + 0x304, 1 << 1).store(SPIS1 + 0x500, 2).enable(4);
     main.store(SPIS1 + 0x24, 1).wait_for(SPIS1 + 0x128, 0).store(SPIS1 + 0x128, 0).store(SPIS1 + 0x28, 1);
+    // The sender's core starts on its slow oscillator: let it come to its idle loop first.
+    main.mov(0, 4_000);
+    let again = main.here();
+    main.raw(&[0x3801]).branch_if(thumb::If::NotEqual, again);
     main.store(P1 + 0x508, 1 << 5).store(P1 + 0x50C, 1 << 5).idle();
     let mut end = Thumb::at(0x800);
     end.store(SPIS1 + 0x104, 0).count(COUNTER);

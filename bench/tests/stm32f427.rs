@@ -84,9 +84,9 @@ fn a_basic_timer_that_is_polled_ends_the_poll_at_its_instant() {
     main.wait_for(TIM7 + 0x10, 0).count(COUNTER).idle();
     let mut node = run(&firmware("one pulse", &main, &[]), &[], 5 * MS);
     assert_eq!(node.word(u64::from(COUNTER)), Some(1));
-    // 32 000 cycles at 16 MHz, and the few instructions around them.
+    // 32 000 cycles at 16 MHz, and some thirty instructions around them, 94 ns each.
     let awake = node.usage().awake;
-    assert!((2_000_000..2_001_000).contains(&awake), "{awake} ns awake");
+    assert!((2_000_000..2_003_000).contains(&awake), "{awake} ns awake");
 }
 
 #[test]

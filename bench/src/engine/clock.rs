@@ -17,6 +17,15 @@ pub const FAST_CYCLES_PER_INSTRUCTION: (u32, u32) = (3, 2);
 /// Parts per billion in one.
 const BILLION: u128 = 1_000_000_000;
 
+/// What a core's clock runs at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Rate {
+    /// In hertz, if its source were exact; above zero.
+    pub hz: u64,
+    /// How much faster the source is, in parts per billion (negative: slower).
+    pub ppb: i64,
+}
+
 /// How long an instruction takes, as an exact fraction of nanoseconds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Clock {
@@ -41,10 +50,10 @@ impl Clock {
         Self { numerator: numerator / divisor, denominator: denominator / divisor }
     }
 
-    /// A core at `hz` with [`FAST_CYCLES_PER_INSTRUCTION`].
+    /// A core at `rate` with [`FAST_CYCLES_PER_INSTRUCTION`].
     #[must_use]
-    pub fn fast(hz: u64, ppb: i64) -> Self {
-        Self::new(hz, ppb, FAST_CYCLES_PER_INSTRUCTION)
+    pub fn fast(rate: Rate) -> Self {
+        Self::new(rate.hz, rate.ppb, FAST_CYCLES_PER_INSTRUCTION)
     }
 
     /// When `instructions` have retired, in whole nanoseconds from the start, rounded down.
@@ -86,25 +95,29 @@ fn greatest_common_divisor(mut a: u128, mut b: u128) -> u128 {
 mod tests {
     use super::*;
 
+    fn fast(hz: u64, ppb: i64) -> Clock {
+        Clock::fast(Rate { hz, ppb })
+    }
+
     #[test]
     fn a_second_of_instructions_is_a_second() {
-        let clock = Clock::fast(144_000_000, 0);
+        let clock = fast(144_000_000, 0);
         assert_eq!(clock.nanos(96_000_000), 1_000_000_000);
         assert_eq!(clock.instructions(1_000_000_000), 96_000_000);
     }
 
     #[test]
     fn one_part_per_million_is_ten_microseconds_after_ten_seconds() {
-        let nominal = Clock::fast(64_000_000, 0);
-        let fast = Clock::fast(64_000_000, 1_000);
+        let nominal = fast(64_000_000, 0);
+        let gaining = fast(64_000_000, 1_000);
         let instructions = nominal.instructions(10_000_000_000);
-        let gained = nominal.nanos(instructions) - fast.nanos(instructions);
+        let gained = nominal.nanos(instructions) - gaining.nanos(instructions);
         assert!((9_999..=10_000).contains(&gained), "{gained} ns");
     }
 
     #[test]
     fn the_count_for_an_instant_is_the_first_that_reaches_it() {
-        for clock in [Clock::fast(144_000_000, 0), Clock::fast(64_000_000, -20_000), Clock::fast(168_000_000, 7)] {
+        for clock in [fast(144_000_000, 0), fast(64_000_000, -20_000), fast(168_000_000, 7)] {
             for nanos in [0, 1, 10, 11, 999, 1_000_003, 10_000_000_001] {
                 let count = clock.instructions(nanos);
                 assert!(clock.nanos(count) >= nanos);

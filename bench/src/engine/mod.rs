@@ -29,7 +29,7 @@ mod rtt;
 mod run;
 mod wiring;
 
-pub use clock::{Clock, FAST_CYCLES_PER_INSTRUCTION};
+pub use clock::{Clock, FAST_CYCLES_PER_INSTRUCTION, Rate};
 pub use finding::{Finding, FindingKind};
 pub use firmware::{Firmware, Symbol};
 pub use memory::GuestMemory;

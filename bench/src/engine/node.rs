@@ -22,7 +22,7 @@ use super::memory::{GuestMemory, Use};
 use super::poll::{self, PollWatch};
 use super::rtt::{self, LogLevel, LogLine, LogStream, RttFault};
 use super::wiring::Carrier;
-use super::{Clock, Digest, Error, Firmware, FlashAction, Part, Wiring};
+use super::{Clock, Digest, Error, Firmware, FlashAction, Part, Rate, Wiring};
 
 /// How often the node empties the firmware's log, as a debug probe polls RTT, in virtual nanoseconds.
 pub const PROBE_PERIOD: u64 = 1_000_000;
@@ -87,7 +87,10 @@ struct Side {
     memory: GuestMemory,
     core_only: &'static [std::ops::Range<u64>],
     queue: Vec<Queued>,
+    rate: Rate,
     clock: Clock,
+    /// Instructions, and nanoseconds the core was awake, before it ran at this rate.
+    before: (u64, u64),
     /// Nanoseconds the clock was set forward while the core slept.
     warped: u64,
     /// Instructions of polling loops that were counted and not run.
@@ -121,13 +124,28 @@ struct Reported {
 }
 
 impl Side {
+    /// Nanoseconds the core was awake with `retired` instructions behind it.
+    fn awake(&self, retired: u64) -> u64 {
+        let (instructions, nanos) = self.before;
+        nanos + self.clock.nanos(retired + self.skipped - instructions)
+    }
+
     fn time(&self, retired: u64) -> u64 {
-        self.warped + self.clock.nanos(retired + self.skipped)
+        self.warped + self.awake(retired)
+    }
+
+    /// The core goes on at `rate`.
+    fn follow(&mut self, rate: Rate, retired: u64) {
+        if rate != self.rate {
+            self.before = (retired + self.skipped, self.awake(retired));
+            (self.rate, self.clock) = (rate, Clock::fast(rate));
+        }
     }
 
     /// How many instructions from `retired` reach `target`, at least one.
     fn until(&self, retired: u64, target: u64) -> u32 {
-        let count = self.clock.instructions(target.saturating_sub(self.warped));
+        let (instructions, nanos) = self.before;
+        let count = instructions + self.clock.instructions(target.saturating_sub(self.warped + nanos));
         let left = count.saturating_sub(retired + self.skipped).clamp(1, 1 << 30);
         u32::try_from(left).unwrap_or(1 << 30)
     }
@@ -304,6 +322,7 @@ fn settle<B: Wiring>(session: &mut Session<Carrier<B>>, side: &mut Side, at: Vir
         let by_board = board.settle(at.0);
         let by_part = board.part_mut().settle(at.0);
         if !by_board && !by_part {
+            side.follow(board.part().rate(), instructions);
             return;
         }
         side.deadline = session.resume(NO_DEADLINE, at, instructions, side).0;
@@ -349,7 +368,7 @@ impl<B: Wiring> Node<B> {
     ///
     /// A board the emulator refuses, or an image that does not fit the part.
     pub fn new(board: B, firmware: &Firmware) -> Result<Self, Error> {
-        let clock = board.part().clock();
+        let rate = board.part().rate();
         let core = board.part().core();
         let mut cpu = (core.processor)(Endian::Little)?;
         let mut memory = GuestMemory::new(board.part().bus().memory(), &core.aliases);
@@ -385,7 +404,9 @@ impl<B: Wiring> Node<B> {
             memory,
             core_only,
             queue: Vec::new(),
-            clock,
+            rate,
+            clock: Clock::fast(rate),
+            before: (0, 0),
             warped: 0,
             skipped: 0,
             deadline: 0,
@@ -462,6 +483,12 @@ impl<B: Wiring> Node<B> {
         } else {
             self.now()
         }
+    }
+
+    /// The longest an instruction takes at the core's present rate, in virtual nanoseconds.
+    #[must_use]
+    pub fn instruction_ns(&self) -> u64 {
+        self.side.clock.nanos(1) + 1
     }
 
     /// The next instant a model of the part or a chip of the board acts at.
@@ -773,7 +800,7 @@ impl<B: Wiring> Node<B> {
     /// skipped included.
     #[must_use]
     pub fn usage(&self) -> Usage {
-        Usage { awake: self.side.clock.nanos(self.cpu.retired() + self.side.skipped), total: self.now() }
+        Usage { awake: self.side.awake(self.cpu.retired()), total: self.now() }
     }
 
     /// Instructions the core retired since power-on, polling that was skipped included.

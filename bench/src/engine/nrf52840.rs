@@ -6,7 +6,7 @@ use nrf52840_model::{CORE_HZ, FindingKind as ModelFinding, Nrf52840};
 use rigless::emulator::CoreSpec;
 use rigless::time::VirtualNanos;
 
-use super::{Clock, FindingKind, Part};
+use super::{FindingKind, Part, Rate};
 
 impl Part for Nrf52840 {
     const NAME: &'static str = "nRF52840";
@@ -15,8 +15,9 @@ impl Part for Nrf52840 {
         self.core_spec(NonZeroU64::new(CORE_HZ).expect("not zero"))
     }
 
-    fn clock(&self) -> Clock {
-        Clock::fast(CORE_HZ, self.settings().hfxo_ppb)
+    /// 64 MHz from either source (PS 5.4); the internal oscillator's error is left out, as the cycle counter leaves it out.
+    fn rate(&self) -> Rate {
+        Rate { hz: CORE_HZ, ppb: self.settings().hfxo_ppb }
     }
 
     fn locked_up(&mut self, at: u64) {

@@ -35,10 +35,6 @@ impl Lookahead {
 /// delivered.
 const MOST_LEAD: u64 = 1_000_000;
 
-/// What arrives after its instant by more than this was promised a longer crossing than it took. One instruction of the slower
-/// core is 24 ns.
-const LATE: u64 = 25;
-
 /// Messages on their way, with the instant each arrives at.
 #[derive(Debug)]
 pub struct Sent<M> {
@@ -255,7 +251,8 @@ fn next(instant: Option<u64>) -> u64 {
 
 fn note_late<B: Wiring>(node: &mut Node<B>, at: u64) {
     let now = node.now();
-    if now > at.saturating_add(LATE) {
+    // A core meets a message at its first instruction boundary after it.
+    if now > at.saturating_add(node.instruction_ns()) {
         node.add_note(
             FindingKind::Late,
             format!("a message due at {at} ns arrived at {now} ns: shorten the lookahead"),

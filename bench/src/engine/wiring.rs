@@ -12,7 +12,7 @@ use rigless::machine::{Board, Target};
 use rigless::mcu::Mcu;
 use rigless::snapshot::Store;
 
-use super::{Clock, FindingKind};
+use super::{FindingKind, Rate};
 
 /// What an access means to program memory whose contents the part's own model does not keep.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -33,8 +33,9 @@ pub trait Part: Mcu + Debug + Send + 'static {
     /// How the part's core is made: its variant, interrupt lines, priority bits and where it boots.
     fn core(&self) -> CoreSpec;
 
-    /// How long an instruction takes.
-    fn clock(&self) -> Clock;
+    /// What the core runs at now. The engine asks after every access to a register and at every stop, so that the core follows
+    /// the part's clock tree.
+    fn rate(&self) -> Rate;
 
     /// The part looks at its own pins at `at` (ns): edges towards its interrupt controller, output pins being watched. Answers
     /// whether anything moved.

@@ -29,7 +29,7 @@ use rigless::soc::stm32f427::peripherals::spi::Select;
 use rigless::soc::stm32f427::{PORTS, Stm32f427};
 use rigless::time::VirtualNanos;
 
-use crate::engine::{Clock, FlashAction, Part};
+use crate::engine::{FlashAction, Part, Rate};
 pub use exti::{Exti, Syscfg};
 pub use upcounter::{Rows, Upcounter};
 pub use wwdg::Wwdg;
@@ -60,15 +60,15 @@ pub struct Oscillators {
     pub hse_ppb: i64,
     /// The internal low-speed oscillator, which runs the independent watchdog: 17 to 47 kHz, 32 kHz typical (data sheet table 42).
     pub lsi_hz: u64,
-    /// The core clock the firmware sets, in hertz. The fast clock's instruction rate comes from it, from power-on: the few
-    /// hundred microseconds on the internal oscillator are not slower here.
-    pub core_hz: u64,
+    /// The core clock that the firmware sets in the end, in hertz: what SysTick counts, which rigless gives one rate for good.
+    /// Everything else follows the clock tree, the rate of the instructions included.
+    pub systick_hz: u64,
 }
 
 impl Default for Oscillators {
     /// The NUCLEO board with the HORUS firmware: 8 MHz from the ST-LINK, 144 MHz core.
     fn default() -> Self {
-        Self { hse_hz: 8_000_000, hse_ppb: 0, lsi_hz: 32_000, core_hz: 144_000_000 }
+        Self { hse_hz: 8_000_000, hse_ppb: 0, lsi_hz: 32_000, systick_hz: 144_000_000 }
     }
 }
 
@@ -80,9 +80,9 @@ impl Oscillators {
         u64::try_from(i128::from(self.hse_hz) + rounded).unwrap_or(0)
     }
 
-    /// What the core really runs at.
-    fn core(&self) -> u64 {
-        let hz = u128::from(self.core_hz) * u128::from(self.hse()) / u128::from(self.hse_hz.max(1));
+    /// What SysTick really counts.
+    fn systick(&self) -> u64 {
+        let hz = u128::from(self.systick_hz) * u128::from(self.hse()) / u128::from(self.hse_hz.max(1));
         u64::try_from(hz).unwrap_or(0)
     }
 }
@@ -185,6 +185,8 @@ pub struct Stm32f427Part {
     oscillators: Oscillators,
     /// The clock tree's registers as they were when the added models last heard of a rate.
     tree: [u64; 4],
+    /// HCLK in that state, in hertz.
+    hclk: u64,
     driven: BTreeMap<PinId, Level>,
     watched: Vec<(PinId, Level)>,
     edges: Vec<PinEdge>,
@@ -227,6 +229,7 @@ impl Stm32f427Part {
             slots,
             oscillators,
             tree: [u64::MAX; 4],
+            hclk: 0,
             driven: BTreeMap::new(),
             watched: Vec::new(),
             edges: Vec::new(),
@@ -377,6 +380,8 @@ impl Stm32f427Part {
         let apb1 = clocks.timer_clock(registers, Apb::One);
         let apb2 = clocks.timer_clock(registers, Apb::Two);
         let pclk1 = clocks.pclk1(registers);
+        // A tree without a source stops the core for good; here it goes on, slowly, until the watchdog has it.
+        self.hclk = clocks.hclk(registers).max(1);
         let Self { mcu, wwdg, tim6, tim9, tim10, tim11, slots, .. } = self;
         let bus = mcu.bus_mut();
         for (timer, slot) in tim6.iter_mut().zip(slots.tim6) {
@@ -494,7 +499,7 @@ impl Part for Stm32f427Part {
     const NAME: &'static str = "STM32F427";
 
     fn core(&self) -> CoreSpec {
-        let hz = NonZeroU64::new(self.oscillators.core()).expect("a running clock");
+        let hz = NonZeroU64::new(self.oscillators.systick()).expect("a running clock");
         let core = armv7m::Core {
             variant: armv7m::Variant::M4,
             clock_hz: hz,
@@ -513,8 +518,9 @@ impl Part for Stm32f427Part {
         )
     }
 
-    fn clock(&self) -> Clock {
-        Clock::fast(self.oscillators.core(), 0)
+    /// HCLK, of the crystal as it is.
+    fn rate(&self) -> Rate {
+        Rate { hz: self.hclk, ppb: 0 }
     }
 
     fn core_only(&self) -> &'static [Range<u64>] {
