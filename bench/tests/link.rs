@@ -5,6 +5,9 @@
 
 mod images;
 
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::BufReader;
 use std::path::PathBuf;
 
 use bench::sim::{Crystals, Faults, Images, Outcome, Setup, run};
@@ -71,6 +74,46 @@ fn the_same_setup_gives_the_same_report_and_another_seed_another_flight() {
     assert_eq!(position(&first), position(&second));
     setup.seed = 2;
     assert_ne!(position(&first), position(&outcome(&setup)));
+}
+
+#[test]
+fn every_wire_of_the_trace_moves_and_no_instant_comes_before_another() {
+    let Some(mut setup) = setup(3, 60) else { return };
+    let file = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("link.vcd");
+    setup.trace = Some(file.clone());
+    let traced = outcome(&setup).report;
+    setup.trace = None;
+    assert_eq!(traced, outcome(&setup).report, "a trace only watches");
+
+    let mut parser = vcd::Parser::new(BufReader::new(File::open(file).unwrap()));
+    let header = parser.parse_header().unwrap();
+    let mut names = BTreeMap::new();
+    for scope in
+        header.items.iter().filter_map(|item| if let vcd::ScopeItem::Scope(scope) = item { Some(scope) } else { None })
+    {
+        for item in &scope.items {
+            if let vcd::ScopeItem::Var(wire) = item {
+                names.insert(wire.code, format!("{}.{}", scope.identifier, wire.reference));
+            }
+        }
+    }
+    let (mut last, mut begun, mut moved) = (0, false, BTreeMap::<_, u32>::new());
+    for command in parser {
+        match command.unwrap() {
+            vcd::Command::Timestamp(at) => {
+                assert!(at >= last, "{at} after {last}");
+                last = at;
+            }
+            vcd::Command::End(_) => begun = true,
+            vcd::Command::ChangeScalar(code, _) if begun => *moved.entry(code).or_default() += 1,
+            _ => {}
+        }
+    }
+    assert!((59 * MS..=60 * MS).contains(&last), "{last}");
+    for (code, name) in names {
+        // This flight controller asks for no window: MOSI stays low.
+        assert_eq!(moved.contains_key(&code), name != "ssi.ssi_mosi", "{name}");
+    }
 }
 
 #[test]

@@ -6,6 +6,9 @@
 //! message has to bear. What either does follows from virtual instants alone and never from which thread came first, so a run is
 //! a function of its inputs.
 //!
+//! The first board may be far ahead: the translation of a piece of firmware that is reached for the first time holds its board up
+//! for milliseconds of real time, at other instants on each board, and the lead keeps the other one busy meanwhile.
+//!
 //! The caller describes what stands beside the first board in an [`Upstream`] (receivers on its lines), and what stands beside the
 //! second in a [`Downstream`] (a flight controller).
 
@@ -14,22 +17,28 @@ use std::sync::mpsc;
 
 use super::{Node, Wiring};
 
-/// The second board enters time in pieces of this, virtual ns.
+/// The boards enter time in pieces of this, virtual ns.
 const PIECE: u64 = 1_000_000;
 
 /// How far ahead of its instant a message is heard at most, virtual ns.
 const HEARD_AHEAD: u64 = 1_000_000;
 
-/// How far past the instant asked for the first board runs, virtual ns: what keeps both threads busy.
-const LEAD: u64 = 10_000_000;
+/// How many pieces the first board may be ahead: half a second.
+const LEAD: usize = 500;
 
 /// What stands beside the first board, and takes what leaves it.
 pub trait Upstream<A: Wiring>: Send {
     /// What leaves the board.
     type Message: Send;
 
+    /// What is told of the board beside its messages: its log, a trace.
+    type Notes: Send;
+
     /// Takes what left the board up to its present, each with its instant (virtual ns), in order of time.
     fn leave(&mut self, node: &mut Node<A>, sent: &mut Vec<(u64, Self::Message)>);
+
+    /// What is to be told of the board since the last call; called at least once a millisecond of virtual time.
+    fn notes(&mut self, node: &mut Node<A>) -> Self::Notes;
 
     /// The next instant an actor beside the board acts on it (virtual ns), `u64::MAX` for never.
     fn next_at(&self) -> u64 {
@@ -47,8 +56,14 @@ pub trait Downstream<B: Wiring> {
     /// What left the first board.
     type Message;
 
+    /// What is told of the first board beside its messages.
+    type Notes;
+
     /// `message` left the first board at `at` (virtual ns), which the second may not have reached yet.
     fn hear(&mut self, at: u64, message: Self::Message);
+
+    /// `notes` were made of the first board, which may be far ahead.
+    fn noted(&mut self, notes: Self::Notes);
 
     /// Takes what left the second board. It reaches nobody's board.
     fn leave(&mut self, node: &mut Node<B>) {
@@ -66,16 +81,18 @@ pub trait Downstream<B: Wiring> {
     }
 }
 
-/// What the first board's thread tells the second's.
+/// What the first board's thread tells the second's of a piece of time.
 #[derive(Debug)]
-enum Told<M> {
-    Sent(u64, M),
-    Reached(u64),
+struct Told<M, N> {
+    sent: Vec<(u64, M)>,
+    notes: N,
+    /// The board has left everything before this instant.
+    reached: u64,
 }
 
 /// Two boards and what stands beside each.
 #[derive(Debug)]
-pub struct Relay<A: Wiring, B: Wiring, U: Upstream<A>, D: Downstream<B, Message = U::Message>> {
+pub struct Relay<A: Wiring, B: Wiring, U, D> {
     /// The board that speaks.
     pub a: Node<A>,
     /// The board that hears.
@@ -84,93 +101,89 @@ pub struct Relay<A: Wiring, B: Wiring, U: Upstream<A>, D: Downstream<B, Message 
     pub upstream: U,
     /// What stands beside the second board.
     pub downstream: D,
-    /// Where the run ends: the first board goes no further.
-    end: u64,
-    /// What left the first board and was not heard yet.
-    on_the_way: VecDeque<(u64, U::Message)>,
-    /// The first board has left everything before this instant.
-    reached: u64,
 }
 
-impl<A: Wiring, B: Wiring, U: Upstream<A>, D: Downstream<B, Message = U::Message>> Relay<A, B, U, D> {
-    /// Joins two boards that stand at the same instant, for a run up to `end` (virtual ns).
-    #[must_use]
-    pub fn new(a: Node<A>, b: Node<B>, upstream: U, downstream: D, end: u64) -> Self {
-        Self { a, b, upstream, downstream, end, on_the_way: VecDeque::new(), reached: 0 }
-    }
-
-    /// The instant both boards have reached.
-    #[must_use]
-    pub fn now(&self) -> u64 {
-        self.a.now().min(self.b.now())
-    }
-
-    /// Runs both boards to `to` (virtual ns, at most the end of the run), or to the first instruction boundary after it. The first
-    /// board goes on ahead by some milliseconds.
-    pub fn run_until(&mut self, to: u64) {
-        let Self { a, b, upstream, downstream, end, on_the_way, reached } = self;
-        let to = to.min(*end);
-        let ahead = to.saturating_add(LEAD).min(*end);
-        let (tell, told) = mpsc::channel();
+impl<A: Wiring, B: Wiring, U, D> Relay<A, B, U, D>
+where
+    U: Upstream<A>,
+    D: Downstream<B, Message = U::Message, Notes = U::Notes>,
+{
+    /// Runs both boards to `end` (virtual ns), or to the first instruction boundary after it. Whenever the second board has come
+    /// another `step` of virtual time, and at the end, `each` is called with the instant, it and its surroundings.
+    ///
+    /// # Errors
+    ///
+    /// What `each` answers, which ends the run.
+    pub fn run<E>(
+        &mut self,
+        end: u64,
+        step: u64,
+        mut each: impl FnMut(u64, &mut Node<B>, &mut D) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let Self { a, b, upstream, downstream } = self;
+        let (tell, told) = mpsc::sync_channel(LEAD);
         std::thread::scope(|threads| {
-            threads.spawn(move || lead(a, upstream, ahead, &tell));
-            let mut hearing = Hearing { told: &told, on_the_way: &mut *on_the_way, reached: &mut *reached };
-            follow(b, downstream, to, *end, &mut hearing);
-            while hearing.hear_one() {}
-        });
+            threads.spawn(move || lead(a, upstream, end, &tell));
+            let mut hearing = Hearing { told, on_the_way: VecDeque::new(), reached: 0 };
+            let mut to = b.now();
+            while to < end {
+                to = (to + step).min(end);
+                follow(b, downstream, to, end, &mut hearing);
+                if to == end {
+                    // What the first board said after the last that the second had to wait for.
+                    while hearing.hear_one(downstream) {}
+                }
+                each(to, b, downstream)?;
+            }
+            Ok(())
+        })
     }
 }
 
-/// Runs the first board to `to`.
+/// Runs the first board to `end`, or until nobody listens any more.
 fn lead<A: Wiring, U: Upstream<A>>(
     node: &mut Node<A>,
     upstream: &mut U,
-    to: u64,
-    tell: &mpsc::Sender<Told<U::Message>>,
+    end: u64,
+    tell: &mpsc::SyncSender<Told<U::Message, U::Notes>>,
 ) {
     let mut sent = Vec::new();
+    let mut piece = (node.now() / PIECE + 1) * PIECE;
     loop {
         if node.board().outgoing() {
             upstream.leave(node, &mut sent);
-            for (at, message) in sent.drain(..) {
-                // Nobody listens any more only where the other thread panicked, which ends the run.
-                tell.send(Told::Sent(at, message)).ok();
-            }
         }
         let (now, next) = (node.now(), upstream.next_at());
         if next <= now {
             upstream.act(next, node);
             continue;
         }
-        tell.send(Told::Reached(now)).ok();
-        if now >= to {
-            return;
+        if now >= piece.min(end) {
+            let told = Told { sent: std::mem::take(&mut sent), notes: upstream.notes(node), reached: now };
+            if tell.send(told).is_err() || now >= end {
+                return;
+            }
+            piece = (now / PIECE + 1) * PIECE;
         }
-        node.advance(to.min(next).min((now / PIECE + 1) * PIECE));
+        node.advance(end.min(next).min(piece));
     }
 }
 
 /// Where the second board's thread hears of the first.
-struct Hearing<'a, M> {
-    told: &'a mpsc::Receiver<Told<M>>,
-    on_the_way: &'a mut VecDeque<(u64, M)>,
-    reached: &'a mut u64,
+struct Hearing<M, N> {
+    told: mpsc::Receiver<Told<M, N>>,
+    on_the_way: VecDeque<(u64, M)>,
+    reached: u64,
 }
 
-impl<M> Hearing<'_, M> {
+impl<M, N> Hearing<M, N> {
     /// Waits for the next thing told; `false` once there will be none.
-    fn hear_one(&mut self) -> bool {
-        match self.told.recv() {
-            Ok(Told::Sent(at, message)) => self.on_the_way.push_back((at, message)),
-            Ok(Told::Reached(at)) => *self.reached = at,
-            Err(mpsc::RecvError) => return false,
-        }
+    fn hear_one<B: Wiring>(&mut self, downstream: &mut impl Downstream<B, Message = M, Notes = N>) -> bool {
+        let Ok(Told { sent, notes, reached }) = self.told.recv() else { return false };
+        self.on_the_way.extend(sent);
+        self.reached = reached;
+        downstream.noted(notes);
         true
-    }
-
-    /// Waits until the first board has left everything before `at`.
-    fn wait_for(&mut self, at: u64) {
-        while *self.reached < at && self.hear_one() {}
     }
 }
 
@@ -180,7 +193,7 @@ fn follow<B: Wiring, D: Downstream<B>>(
     downstream: &mut D,
     to: u64,
     end: u64,
-    hearing: &mut Hearing<'_, D::Message>,
+    hearing: &mut Hearing<D::Message, D::Notes>,
 ) {
     loop {
         if node.board().outgoing() {
@@ -195,7 +208,8 @@ fn follow<B: Wiring, D: Downstream<B>>(
             return;
         }
         let piece = (now / PIECE + 1) * PIECE;
-        hearing.wait_for((piece + HEARD_AHEAD).min(end));
+        let left = (piece + HEARD_AHEAD).min(end);
+        while hearing.reached < left && hearing.hear_one(downstream) {}
         while let Some((at, message)) = hearing.on_the_way.pop_front_if(|(at, _)| *at <= now + HEARD_AHEAD) {
             downstream.hear(at, message);
         }

@@ -18,11 +18,16 @@ pub enum Crossing {
     Select(bool),
     /// Controller to chip, chip to controller; the eighth clock ended at the crossing's instant.
     Byte(u8, u8),
+    /// The interrupt output rose (`true`) or fell.
+    Irq(bool),
 }
 
 #[derive(Debug)]
 struct Shared {
     chip: Chip,
+    /// The chip was last called at this instant, with its interrupt output at this level afterwards.
+    now: u64,
+    irq: bool,
     /// What crossed, while somebody wants to know.
     crossings: Option<Vec<(u64, Crossing)>>,
 }
@@ -47,7 +52,7 @@ impl FrontEnd {
     #[must_use]
     pub fn new(chip: Chip, watched: bool) -> Self {
         let front_end = Self(Arc::new(Place {
-            shared: Mutex::new(Shared { chip, crossings: watched.then(Vec::new) }),
+            shared: Mutex::new(Shared { chip, now: 0, irq: false, crossings: watched.then(Vec::new) }),
             reached: AtomicU64::new(0),
             next: AtomicU64::new(u64::MAX),
             irq: AtomicBool::new(false),
@@ -61,10 +66,17 @@ impl FrontEnd {
         let place = &*self.0;
         // A panic in another holder ends the run anyway.
         let mut shared = place.shared.lock().unwrap_or_else(PoisonError::into_inner);
-        shared.chip.advance(place.reached.load(Relaxed));
+        shared.now = shared.now.max(place.reached.load(Relaxed));
+        let now = shared.now;
+        shared.chip.advance(now);
         let answer = act(&mut shared);
+        let irq = shared.chip.irq();
+        if std::mem::replace(&mut shared.irq, irq) != irq {
+            let now = shared.now;
+            shared.note(now, Crossing::Irq(irq));
+        }
         place.next.store(shared.chip.next_event().unwrap_or(u64::MAX), Relaxed);
-        place.irq.store(shared.chip.irq(), Relaxed);
+        place.irq.store(irq, Relaxed);
         place.air.store(shared.chip.has_air(), Relaxed);
         answer
     }
@@ -104,7 +116,9 @@ impl FrontEnd {
 }
 
 impl Shared {
+    /// Something crosses at `at`.
     fn note(&mut self, at: u64, crossing: Crossing) {
+        self.now = self.now.max(at);
         if let Some(crossings) = &mut self.crossings {
             crossings.push((at, crossing));
         }

@@ -1,5 +1,6 @@
 //! What is between and beside the boards, as the scheduler sees it, and what it notes for the report.
 
+use std::collections::VecDeque;
 use std::io;
 use std::iter::Peekable;
 
@@ -15,7 +16,7 @@ use super::boards::{Dpr, FRESH, Horus, Line, SSI_CSN};
 use super::front_end::{Crossing, FrontEnd};
 use super::ledger::{Ledger, Seen, ms};
 use super::trace::{self, Trace, Wire};
-use crate::engine::{Downstream, Node, Upstream, Wiring};
+use crate::engine::{Downstream, LogLine, Node, Upstream, Wiring};
 use crate::report::{self, Report};
 use crate::world::flight_controller::{Action, Outcome};
 use crate::world::{BaseStation, FlightController};
@@ -59,11 +60,24 @@ impl Receivers {
     }
 }
 
+/// What is told of the HORUS board as it runs ahead.
+#[derive(Debug)]
+pub(super) struct Notes {
+    lines: Vec<LogLine>,
+    /// What crossed between the part and its front end; nothing unless there is a trace.
+    crossings: Vec<(u64, Crossing)>,
+}
+
 impl Upstream<Horus> for Receivers {
     type Message = AirEvent;
+    type Notes = Notes;
 
     fn leave(&mut self, _node: &mut Node<Horus>, sent: &mut Vec<(u64, AirEvent)>) {
         self.poller.with(|chip| sent.extend(chip.take_air()));
+    }
+
+    fn notes(&mut self, node: &mut Node<Horus>) -> Notes {
+        Notes { lines: node.take_log(), crossings: self.poller.take_crossings() }
     }
 
     fn next_at(&self) -> u64 {
@@ -99,6 +113,8 @@ pub(super) struct Link {
     base: BaseStation,
     ledger: Ledger,
     trace: Option<Trace>,
+    /// What HORUS logged as it ran ahead.
+    horus_lines: VecDeque<LogLine>,
 }
 
 impl Link {
@@ -125,7 +141,13 @@ impl Link {
             base,
             ledger: Ledger::new(frames),
             trace,
+            horus_lines: VecDeque::new(),
         }
+    }
+
+    /// What HORUS had logged by `now`.
+    pub(super) fn horus_lines(&mut self, now: u64) -> impl Iterator<Item = LogLine> {
+        std::iter::from_fn(move || self.horus_lines.pop_front_if(|line| line.at <= now))
     }
 
     /// The base station, and the trace to be finished.
@@ -136,18 +158,7 @@ impl Link {
     /// Writes what both boards have passed to the trace.
     pub(super) fn flush_trace(&mut self, now: u64) -> io::Result<()> {
         let Some(trace) = &mut self.trace else { return Ok(()) };
-        let buses = [
-            (&self.poller, trace::HORUS, Wire::HorusCs, HORUS_SPI_HZ),
-            (&self.listener, trace::DPR, Wire::DprCs, DPR_SPI_HZ),
-        ];
-        for (front_end, bus, cs, hz) in buses {
-            for (at, crossing) in front_end.take_crossings() {
-                match crossing {
-                    Crossing::Select(selected) => trace.set(at, cs, !selected),
-                    Crossing::Byte(mosi, miso) => trace.byte(at, bus, mosi, miso, hz),
-                }
-            }
-        }
+        trace_bus(trace, self.listener.take_crossings(), trace::DPR, [Wire::DprCs, Wire::DprIrq], DPR_SPI_HZ);
         trace.flush_before(now)
     }
 
@@ -341,6 +352,17 @@ impl Link {
     }
 }
 
+/// Puts what crossed between a part and its front end on `trace`.
+fn trace_bus(trace: &mut Trace, crossings: Vec<(u64, Crossing)>, bus: trace::Bus, [cs, irq]: [Wire; 2], hz: u64) {
+    for (at, crossing) in crossings {
+        match crossing {
+            Crossing::Select(selected) => trace.set(at, cs, !selected),
+            Crossing::Byte(mosi, miso) => trace.byte(at, bus, mosi, miso, hz),
+            Crossing::Irq(level) => trace.set(at, irq, level),
+        }
+    }
+}
+
 /// A counter of a firmware's telemetry, read from RAM as a debug probe reads it. 0 in an image that has none.
 fn counter<B: Wiring>(node: &Node<B>, symbol: &str, offset: usize) -> u64 {
     let mut word = [0; 4];
@@ -355,9 +377,17 @@ fn rounded(load: f64) -> f64 {
 
 impl Downstream<Dpr> for Link {
     type Message = AirEvent;
+    type Notes = Notes;
 
     fn hear(&mut self, at: u64, event: AirEvent) {
         self.emitted(at, event);
+    }
+
+    fn noted(&mut self, Notes { lines, crossings }: Notes) {
+        self.horus_lines.extend(lines);
+        if let Some(trace) = &mut self.trace {
+            trace_bus(trace, crossings, trace::HORUS, [Wire::HorusCs, Wire::HorusIrq], HORUS_SPI_HZ);
+        }
     }
 
     fn leave(&mut self, _node: &mut Node<Dpr>) {

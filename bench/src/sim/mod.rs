@@ -13,7 +13,6 @@ pub mod ledger;
 mod link;
 pub mod trace;
 
-use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -153,24 +152,19 @@ pub fn run(setup: &Setup, observer: &mut dyn Observer) -> Result<Outcome, Error>
         BaseStation::new(setup.gps),
         trace,
     );
-    let mut relay = Relay::new(horus, dpr, receivers, link, setup.duration_ns);
+    let mut relay = Relay { a: horus, b: dpr, upstream: receivers, downstream: link };
     let mut logs = vec![];
-    // HORUS runs ahead; its lines wait for the DPR.
-    let mut early = VecDeque::new();
-    let mut reached = 0;
-    while reached < setup.duration_ns {
-        reached = (reached + STEP).min(setup.duration_ns);
-        relay.run_until(reached);
-        early.extend(relay.a.take_log());
-        let lines = std::iter::from_fn(|| early.pop_front_if(|line| line.at <= reached)).map(|line| ("horus", line));
-        for (board, line) in lines.chain(relay.b.take_log().into_iter().map(|line| ("dpr", line))) {
+    relay.run(setup.duration_ns, STEP, |reached, dpr, link| {
+        let lines = link.horus_lines(reached).map(|line| ("horus", line)).collect::<Vec<_>>().into_iter();
+        for (board, line) in lines.chain(dpr.take_log().into_iter().map(|line| ("dpr", line))) {
             let line = line.to_string();
             observer.log(board, &line);
             logs.push((board, line));
         }
-        relay.downstream.flush_trace(relay.now()).map_err(trace_error)?;
+        link.flush_trace(dpr.now()).map_err(trace_error)?;
         observer.progress(reached);
-    }
+        Ok::<_, Error>(())
+    })?;
     let Relay { a, b, downstream, .. } = &mut relay;
     let mut report = downstream.report(a, b, setup.duration_ns);
     report.seed = setup.seed;

@@ -1,0 +1,195 @@
+//! Two boards of which one only speaks: the relay's two threads against the same boards in lock-step on one.
+
+mod thumb;
+
+use std::collections::VecDeque;
+
+use bench::engine::{Between, Downstream, Lookahead, Node, Pair, Relay, Sent, Upstream, Wiring};
+use bench::stm32f427::{Oscillators, PinEdge, PinId, Stm32f427Part};
+use thumb::{COUNTER, EXTI, GPIOD, HANDLER, MAIN, TIM2, Thumb, firmware};
+
+const MS: u64 = 1_000_000;
+const OUT: PinId = PinId::new('D', 14);
+const IN: PinId = PinId::new('A', 3);
+
+/// A board whose PD14 leaves it and whose PA3 is driven from outside.
+#[derive(Debug)]
+struct Board {
+    part: Stm32f427Part,
+}
+
+impl Board {
+    fn new() -> Self {
+        let mut part = Stm32f427Part::new(Oscillators::default());
+        part.watch_pin(OUT);
+        Self { part }
+    }
+}
+
+impl Wiring for Board {
+    type Part = Stm32f427Part;
+
+    fn part(&self) -> &Stm32f427Part {
+        &self.part
+    }
+
+    fn part_mut(&mut self) -> &mut Stm32f427Part {
+        &mut self.part
+    }
+
+    fn outgoing(&self) -> bool {
+        !self.part.edges().is_empty()
+    }
+}
+
+/// Pulses PD14 at each update of TIM2, every 0.7 ms: across the pieces of time that the relay works in.
+fn beacon() -> Node<Board> {
+    let mut main = Thumb::at(MAIN);
+    main.store(thumb::RCC + 0x30, 1 << 3).store(GPIOD, 1 << 28).tim2_every(11_200).idle();
+    let mut tick = Thumb::at(HANDLER);
+    tick.store(TIM2 + 0x10, 0).store(GPIOD + 0x18, 1 << 14).store(GPIOD + 0x18, 1 << 30).count(COUNTER).ret();
+    Node::new(Board::new(), &firmware("beacon", &main, &[(28, &tick)])).unwrap()
+}
+
+/// Counts the rising edges of PA3, and answers each on PD14, which nobody hears.
+fn counter() -> Node<Board> {
+    let mut main = Thumb::at(MAIN);
+    main.exti3_on_pa3().store(GPIOD, 1 << 28).idle();
+    let mut hit = Thumb::at(HANDLER);
+    hit.store(EXTI + 0x14, 1 << 3).count(COUNTER).store(GPIOD + 0x18, 1 << 14).store(GPIOD + 0x18, 1 << 30).ret();
+    Node::new(Board::new(), &firmware("counter", &main, &[(9, &hit)])).unwrap()
+}
+
+/// The beacon's pin.
+#[derive(Debug, Default)]
+struct Speaker {
+    notes: u64,
+}
+
+impl Upstream<Board> for Speaker {
+    type Message = bool;
+    type Notes = u64;
+
+    fn leave(&mut self, node: &mut Node<Board>, sent: &mut Vec<(u64, bool)>) {
+        sent.extend(node.board_mut().part.take_edges().into_iter().map(|PinEdge { at, high, .. }| (at, high)));
+    }
+
+    fn notes(&mut self, _node: &mut Node<Board>) -> u64 {
+        self.notes += 1;
+        self.notes
+    }
+}
+
+/// The wire to the counter's pin.
+#[derive(Debug, Default)]
+struct Listener {
+    coming: VecDeque<(u64, bool)>,
+    arrived: Vec<(u64, bool)>,
+    notes: u64,
+}
+
+impl Downstream<Board> for Listener {
+    type Message = bool;
+    type Notes = u64;
+
+    fn hear(&mut self, at: u64, high: bool) {
+        self.coming.push_back((at, high));
+    }
+
+    fn noted(&mut self, notes: u64) {
+        assert_eq!(notes, self.notes + 1, "notes come in order");
+        self.notes = notes;
+    }
+
+    fn leave(&mut self, node: &mut Node<Board>) {
+        node.board_mut().part.take_edges();
+    }
+
+    fn next_at(&self) -> u64 {
+        self.coming.front().map_or(u64::MAX, |&(at, _)| at)
+    }
+
+    fn act(&mut self, at: u64, node: &mut Node<Board>) {
+        let (_, high) = self.coming.pop_front().unwrap();
+        self.arrived.push((at, high));
+        node.input(|board, now| board.part.drive_pin(now, IN, high));
+    }
+}
+
+fn relay() -> Relay<Board, Board, Speaker, Listener> {
+    Relay { a: beacon(), b: counter(), upstream: Speaker::default(), downstream: Listener::default() }
+}
+
+/// The same wire for [`Pair`].
+#[derive(Debug, Default)]
+struct Wire {
+    arrived: Vec<(u64, bool)>,
+}
+
+impl Between<Board, Board> for Wire {
+    type ToA = ();
+    type ToB = bool;
+
+    fn lookahead(&self) -> Lookahead {
+        Lookahead { a_to_b: 0, b_to_a: Lookahead::NEVER }
+    }
+
+    fn leave_a(&mut self, node: &mut Node<Board>, to_b: &mut Sent<bool>) {
+        for edge in node.board_mut().part.take_edges() {
+            to_b.send(edge.at, edge.high);
+        }
+    }
+
+    fn leave_b(&mut self, node: &mut Node<Board>, _to_a: &mut Sent<()>) {
+        node.board_mut().part.take_edges();
+    }
+
+    fn arrive_b(&mut self, at: u64, high: bool, node: &mut Node<Board>) {
+        self.arrived.push((at, high));
+        node.input(|board, now| board.part.drive_pin(now, IN, high));
+    }
+}
+
+fn count(node: &mut Node<Board>) -> u32 {
+    node.word(u64::from(COUNTER)).unwrap()
+}
+
+#[test]
+fn on_two_threads_both_boards_do_what_they_do_on_one() {
+    let mut pair = Pair::new(beacon(), counter(), Wire::default());
+    pair.run_until(100 * MS);
+    let mut relay = relay();
+    relay.run(100 * MS, 10 * MS, |_, _, _| Ok::<_, ()>(())).unwrap();
+    assert_eq!(count(&mut relay.a), 142);
+    assert_eq!(count(&mut relay.b), 142);
+    assert_eq!(relay.downstream.arrived, pair.between.arrived);
+    assert_eq!((relay.a.digest(), relay.b.digest()), (pair.a.digest(), pair.b.digest()));
+    assert_eq!((relay.a.take_findings(), relay.b.take_findings()), (vec![], vec![]));
+}
+
+#[test]
+fn the_caller_hears_of_every_step_and_of_everything_noted_by_the_end() {
+    let mut relay = relay();
+    let mut steps = vec![];
+    relay
+        .run(25 * MS, 10 * MS, |at, node, listener| {
+            assert!(node.now() >= at);
+            assert!(listener.notes >= at / MS, "{} notes at {at}", listener.notes);
+            steps.push(at);
+            Ok::<_, ()>(())
+        })
+        .unwrap();
+    assert_eq!(steps, [10 * MS, 20 * MS, 25 * MS]);
+    assert_eq!(relay.downstream.notes, relay.upstream.notes);
+    assert!(relay.upstream.notes >= 25);
+}
+
+/// Ten seconds are far more than the lead: the first board's thread must stop, too, although nobody takes what it says.
+#[test]
+fn an_error_of_the_caller_ends_the_run_on_both_threads() {
+    let mut relay = relay();
+    let ended = relay.run(10_000 * MS, 10 * MS, |at, _, _| if at < 30 * MS { Ok(()) } else { Err("enough") });
+    assert_eq!(ended, Err("enough"));
+    assert!((30 * MS..31 * MS).contains(&relay.b.now()), "{}", relay.b.now());
+    assert!(relay.a.now() < 1_000 * MS, "{}", relay.a.now());
+}
