@@ -1,14 +1,11 @@
 //! GPS1 to GPS5: what each receiver says (paper, Table 3).
-use core::{
-    fmt,
-    mem::{align_of, offset_of, size_of},
-};
+use core::mem::offset_of;
 
 use bytemuck::{Pod, Zeroable};
 
 use crate::{
-    ABSENT_F32, ABSENT_F64, GpsStatus, Identifier, Rejection, crc,
-    rejection::Findings,
+    ABSENT_F32, ABSENT_F64, GpsStatus, Identifier, Rejection,
+    object::object,
     wire::{CrcBe, F32Le, F64Le, U16Le, U32Le},
 };
 
@@ -75,12 +72,9 @@ pub struct GpsObject {
     crc: CrcBe,
 }
 
+object!(GpsObject, 60 bytes, status: GpsStatus, timestamp: "ms since HORUS start, wraps.", also shown: []);
+
 const _: () = {
-    assert!(size_of::<GpsObject>() == GpsObject::SIZE);
-    assert!(align_of::<GpsObject>() == 1);
-    assert!(offset_of!(GpsObject, timestamp) == 0);
-    assert!(offset_of!(GpsObject, identifier) == 4);
-    assert!(offset_of!(GpsObject, status) == 6);
     assert!(offset_of!(GpsObject, latitude) == 8);
     assert!(offset_of!(GpsObject, longitude) == 16);
     assert!(offset_of!(GpsObject, altitude) == 24);
@@ -88,22 +82,15 @@ const _: () = {
     assert!(offset_of!(GpsObject, yaw) == 36);
     assert!(offset_of!(GpsObject, roll) == 40);
     assert!(offset_of!(GpsObject, acceleration) == 44);
-    assert!(offset_of!(GpsObject, crc) == 56);
 };
 
 impl GpsObject {
-    /// Bytes.
-    pub const SIZE: usize = 60;
-
-    /// All zero, as a slot is before anything has been put there. Does not verify.
-    pub const EMPTY: Self = bytemuck::zeroed();
-
     /// The object that carries `values`, its CRC computed.
     ///
     /// `identifier` is one of [`Identifier::GPS`]; under any other it is sealed as well, but verifies nowhere in a profile.
     #[must_use]
     pub fn seal(identifier: Identifier, values: &GpsValues) -> Self {
-        let mut object = Self {
+        Self {
             timestamp: U32Le::new(values.timestamp),
             identifier: U16Le::new(identifier.0),
             status: U16Le::new(values.status.bits()),
@@ -115,10 +102,8 @@ impl GpsObject {
             roll: F32Le::new(values.roll),
             acceleration: values.acceleration.map(F32Le::new),
             crc: CrcBe::UNSEALED,
-        };
-        let [covered @ .., _, _, _, _] = object.as_bytes();
-        object.crc = CrcBe::new(crc::frame(covered));
-        object
+        }
+        .sealed()
     }
 
     /// The object in `bytes`, if it is intact and the `expected` one.
@@ -136,12 +121,8 @@ impl GpsObject {
     /// assert_eq!(GpsObject::verify(sealed.as_bytes(), Identifier::gps(2)), Err(Rejection::Identifier));
     /// ```
     pub fn verify(bytes: &[u8], expected: Identifier) -> Result<&Self, Rejection> {
-        let bytes: &[u8; Self::SIZE] = bytes.try_into().map_err(|_| Rejection::Length)?;
-        let object: &Self = bytemuck::must_cast_ref(bytes);
-        Findings::new()
-            .check(crc::frame_intact(bytes), Rejection::Crc)
-            .check(object.identifier() == expected, Rejection::Identifier)
-            .judge(object)
+        let (object, findings) = Self::look(bytes)?;
+        findings.check(object.identifier() == expected, Rejection::Identifier).judge(object)
     }
 
     /// What it carries, every number to the last bit.
@@ -158,45 +139,5 @@ impl GpsObject {
             roll: self.roll.get(),
             acceleration: self.acceleration.map(F32Le::get),
         }
-    }
-
-    /// ms since HORUS start, wraps.
-    #[must_use]
-    pub const fn timestamp(&self) -> u32 {
-        self.timestamp.get()
-    }
-
-    /// Which object it says it is.
-    #[must_use]
-    pub const fn identifier(&self) -> Identifier {
-        Identifier(self.identifier.get())
-    }
-
-    /// Its status; bits without a meaning are ignored.
-    #[must_use]
-    pub const fn status(&self) -> GpsStatus {
-        GpsStatus::from_bits(self.status.get())
-    }
-
-    /// The frame CRC it carries, right or wrong.
-    #[must_use]
-    pub const fn crc(&self) -> u32 {
-        self.crc.get()
-    }
-
-    /// As on the wire.
-    #[must_use]
-    pub const fn as_bytes(&self) -> &[u8; Self::SIZE] {
-        bytemuck::must_cast_ref(self)
-    }
-}
-
-impl fmt::Debug for GpsObject {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("GpsObject")
-            .field("identifier", &self.identifier())
-            .field("values", &self.values())
-            .field("crc", &format_args!("{:#010X}", self.crc()))
-            .finish()
     }
 }

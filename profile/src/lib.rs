@@ -85,6 +85,7 @@ mod gps;
 mod identifier;
 pub mod image;
 mod link_status;
+mod object;
 mod rejection;
 mod reported;
 mod set;

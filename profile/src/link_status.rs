@@ -1,14 +1,11 @@
 //! Link-Status: what the DPR says about itself and the link.
-use core::{
-    fmt,
-    mem::{align_of, offset_of, size_of},
-};
+use core::mem::offset_of;
 
 use bytemuck::{Pod, Zeroable};
 
 use crate::{
-    Identifier, LinkStatusBits, Rejection, crc,
-    rejection::Findings,
+    Identifier, LinkStatusBits, Rejection,
+    object::object,
     wire::{CrcBe, U16Le, U32Le},
 };
 
@@ -64,32 +61,22 @@ pub struct LinkStatus {
     crc: CrcBe,
 }
 
+object!(LinkStatus, 32 bytes, status: LinkStatusBits, timestamp: "ms since DPR start, wraps.", also shown: []);
+
 const _: () = {
-    assert!(size_of::<LinkStatus>() == LinkStatus::SIZE);
-    assert!(align_of::<LinkStatus>() == 1);
-    assert!(offset_of!(LinkStatus, timestamp) == 0);
-    assert!(offset_of!(LinkStatus, identifier) == 4);
-    assert!(offset_of!(LinkStatus, status) == 6);
     assert!(offset_of!(LinkStatus, objects_accepted) == 8);
     assert!(offset_of!(LinkStatus, objects_rejected) == 12);
     assert!(offset_of!(LinkStatus, frames_received) == 16);
     assert!(offset_of!(LinkStatus, frames_missed) == 20);
     assert!(offset_of!(LinkStatus, age_100us) == 24);
     assert!(offset_of!(LinkStatus, access_violations) == 26);
-    assert!(offset_of!(LinkStatus, crc) == 28);
 };
 
 impl LinkStatus {
-    /// Bytes.
-    pub const SIZE: usize = 32;
-
-    /// All zero, as a slot is before anything has been put there. Does not verify.
-    pub const EMPTY: Self = bytemuck::zeroed();
-
     /// The object that carries `values`, its CRC computed.
     #[must_use]
     pub fn seal(values: &LinkValues) -> Self {
-        let mut object = Self {
+        Self {
             timestamp: U32Le::new(values.timestamp),
             identifier: U16Le::new(Identifier::LINK_STATUS.0),
             status: U16Le::new(values.status.bits()),
@@ -100,10 +87,8 @@ impl LinkStatus {
             age_100us: U16Le::new(values.age_100us),
             access_violations: U16Le::new(values.access_violations),
             crc: CrcBe::UNSEALED,
-        };
-        let [covered @ .., _, _, _, _] = object.as_bytes();
-        object.crc = CrcBe::new(crc::frame(covered));
-        object
+        }
+        .sealed()
     }
 
     /// The object in `bytes`, if it is intact and Link-Status.
@@ -113,12 +98,8 @@ impl LinkStatus {
     /// [`Rejection::Length`] if `bytes` are not 32, [`Rejection::Crc`] if they are damaged, [`Rejection::Identifier`] if
     /// they are another object.
     pub fn verify(bytes: &[u8]) -> Result<&Self, Rejection> {
-        let bytes: &[u8; Self::SIZE] = bytes.try_into().map_err(|_| Rejection::Length)?;
-        let object: &Self = bytemuck::must_cast_ref(bytes);
-        Findings::new()
-            .check(crc::frame_intact(bytes), Rejection::Crc)
-            .check(object.identifier() == Identifier::LINK_STATUS, Rejection::Identifier)
-            .judge(object)
+        let (object, findings) = Self::look(bytes)?;
+        findings.check(object.identifier() == Identifier::LINK_STATUS, Rejection::Identifier).judge(object)
     }
 
     /// What it carries.
@@ -134,45 +115,5 @@ impl LinkStatus {
             age_100us: self.age_100us.get(),
             access_violations: self.access_violations.get(),
         }
-    }
-
-    /// ms since DPR start, wraps.
-    #[must_use]
-    pub const fn timestamp(&self) -> u32 {
-        self.timestamp.get()
-    }
-
-    /// Which object it says it is.
-    #[must_use]
-    pub const fn identifier(&self) -> Identifier {
-        Identifier(self.identifier.get())
-    }
-
-    /// Its status; bits without a meaning are ignored.
-    #[must_use]
-    pub const fn status(&self) -> LinkStatusBits {
-        LinkStatusBits::from_bits(self.status.get())
-    }
-
-    /// The frame CRC it carries, right or wrong.
-    #[must_use]
-    pub const fn crc(&self) -> u32 {
-        self.crc.get()
-    }
-
-    /// As on the wire.
-    #[must_use]
-    pub const fn as_bytes(&self) -> &[u8; Self::SIZE] {
-        bytemuck::must_cast_ref(self)
-    }
-}
-
-impl fmt::Debug for LinkStatus {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("LinkStatus")
-            .field("identifier", &self.identifier())
-            .field("values", &self.values())
-            .field("crc", &format_args!("{:#010X}", self.crc()))
-            .finish()
     }
 }

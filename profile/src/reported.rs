@@ -1,14 +1,11 @@
 //! Reported-Position: the position that holds for the sampling period (paper, Table 2).
-use core::{
-    fmt,
-    mem::{align_of, offset_of, size_of},
-};
+use core::mem::offset_of;
 
 use bytemuck::{Pod, Zeroable};
 
 use crate::{
     ABSENT_F32, ABSENT_F64, Identifier, Rejection, ReportedStatus, crc,
-    rejection::Findings,
+    object::object,
     wire::{CrcBe, F32Le, F64Le, U16Le, U32Le},
 };
 
@@ -97,12 +94,9 @@ pub struct ReportedPosition {
     crc: CrcBe,
 }
 
+object!(ReportedPosition, 64 bytes, status: ReportedStatus, timestamp: "ms since HORUS start, wraps.", also shown: [position_crc]);
+
 const _: () = {
-    assert!(size_of::<ReportedPosition>() == ReportedPosition::SIZE);
-    assert!(align_of::<ReportedPosition>() == 1);
-    assert!(offset_of!(ReportedPosition, timestamp) == 0);
-    assert!(offset_of!(ReportedPosition, identifier) == 4);
-    assert!(offset_of!(ReportedPosition, status) == 6);
     assert!(offset_of!(ReportedPosition, position.latitude) == 8);
     assert!(offset_of!(ReportedPosition, position.longitude) == 16);
     assert!(offset_of!(ReportedPosition, position.crc) == 24);
@@ -111,20 +105,13 @@ const _: () = {
     assert!(offset_of!(ReportedPosition, yaw) == 40);
     assert!(offset_of!(ReportedPosition, roll) == 44);
     assert!(offset_of!(ReportedPosition, acceleration) == 48);
-    assert!(offset_of!(ReportedPosition, crc) == 60);
 };
 
 impl ReportedPosition {
-    /// Bytes.
-    pub const SIZE: usize = 64;
-
-    /// All zero, as a slot is before anything has been put there. Does not verify.
-    pub const EMPTY: Self = bytemuck::zeroed();
-
     /// The object that carries `values`, both its CRCs computed: the position's first, which the frame's covers.
     #[must_use]
     pub fn seal(values: &ReportedValues) -> Self {
-        let mut object = Self {
+        Self {
             timestamp: U32Le::new(values.timestamp),
             identifier: U16Le::new(Identifier::REPORTED_POSITION.0),
             status: U16Le::new(values.status.bits()),
@@ -135,10 +122,8 @@ impl ReportedPosition {
             roll: F32Le::new(values.roll),
             acceleration: values.acceleration.map(F32Le::new),
             crc: CrcBe::UNSEALED,
-        };
-        let [covered @ .., _, _, _, _] = object.as_bytes();
-        object.crc = CrcBe::new(crc::frame(covered));
-        object
+        }
+        .sealed()
     }
 
     /// The object in `bytes`, if it is intact by both CRCs and Reported-Position.
@@ -156,10 +141,8 @@ impl ReportedPosition {
     /// assert_eq!(ReportedPosition::verify(&[0xFF; ReportedPosition::SIZE]), Err(Rejection::Crc));
     /// ```
     pub fn verify(bytes: &[u8]) -> Result<&Self, Rejection> {
-        let bytes: &[u8; Self::SIZE] = bytes.try_into().map_err(|_| Rejection::Length)?;
-        let object: &Self = bytemuck::must_cast_ref(bytes);
-        Findings::new()
-            .check(crc::frame_intact(bytes), Rejection::Crc)
+        let (object, findings) = Self::look(bytes)?;
+        findings
             .check(crc::position_intact(object.position.as_bytes()), Rejection::PositionCrc)
             .check(object.identifier() == Identifier::REPORTED_POSITION, Rejection::Identifier)
             .judge(object)
@@ -181,50 +164,9 @@ impl ReportedPosition {
         }
     }
 
-    /// ms since HORUS start, wraps.
-    #[must_use]
-    pub const fn timestamp(&self) -> u32 {
-        self.timestamp.get()
-    }
-
-    /// Which object it says it is.
-    #[must_use]
-    pub const fn identifier(&self) -> Identifier {
-        Identifier(self.identifier.get())
-    }
-
-    /// Its status; bits without a meaning are ignored.
-    #[must_use]
-    pub const fn status(&self) -> ReportedStatus {
-        ReportedStatus::from_bits(self.status.get())
-    }
-
     /// The position CRC it carries, right or wrong.
     #[must_use]
     pub const fn position_crc(&self) -> u32 {
         self.position.crc.get()
-    }
-
-    /// The frame CRC it carries, right or wrong.
-    #[must_use]
-    pub const fn crc(&self) -> u32 {
-        self.crc.get()
-    }
-
-    /// As on the wire.
-    #[must_use]
-    pub const fn as_bytes(&self) -> &[u8; Self::SIZE] {
-        bytemuck::must_cast_ref(self)
-    }
-}
-
-impl fmt::Debug for ReportedPosition {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("ReportedPosition")
-            .field("identifier", &self.identifier())
-            .field("values", &self.values())
-            .field("position_crc", &format_args!("{:#010X}", self.position_crc()))
-            .field("crc", &format_args!("{:#010X}", self.crc()))
-            .finish()
     }
 }
