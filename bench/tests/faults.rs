@@ -3,19 +3,15 @@
 //!
 //! Each image must come into its safe state by itself, be restarted by its watchdog, and work again once the damage is gone.
 
-mod images;
+mod boards;
 
-use bench::engine::FindingKind;
-use bench::engine::{Firmware, Node, Wiring};
+use bench::engine::{FindingKind, Node, Wiring};
 use bench::sim::boards::{Dpr, Horus, SSI_CSN};
 use bench::sim::front_end::FrontEnd;
-use bench::stm32f427::{Oscillators, Stm32f427Part};
-use images::image;
-use nrf52840_model::{Nrf52840, Settings};
 use profile::LinkStatus;
 use rigless::device::ResetCause;
 use rigless::time::VirtualNanos;
-use st25r3916_model::{AirEvent, Chip, Config};
+use st25r3916_model::AirEvent;
 
 const US: u64 = 1_000;
 const MS: u64 = 1_000_000;
@@ -84,15 +80,9 @@ struct Transmitter {
     air: Vec<(u64, AirEvent)>,
 }
 
-fn chip() -> FrontEnd {
-    FrontEnd::new(Chip::new(Config { vdd_mv: 5000, ..Config::default() }), false)
-}
-
 /// The HORUS board, without a receiver that sends.
 fn transmitter() -> Option<Transmitter> {
-    let chip = chip();
-    let (board, _) = Horus::new(Stm32f427Part::new(Oscillators::default()), chip.clone(), 3);
-    let node = Node::new(board, &Firmware::read(&image(3, "horus-tx-fw.elf")?).unwrap()).unwrap();
+    let (node, chip, _) = boards::horus()?;
     Some(Transmitter { node, chip, air: vec![] })
 }
 
@@ -168,12 +158,6 @@ fn a_fault_in_horus_switches_the_field_off_at_once_and_the_watchdog_brings_it_ba
 
 // ---- DPR
 
-/// The DPR board, out of any field.
-fn receiver() -> Option<Node<Dpr>> {
-    let board = Dpr::new(Nrf52840::new(Settings::default()), chip());
-    Some(Node::new(board, &Firmware::read(&image(3, "dpr-fw.elf")?).unwrap()).unwrap())
-}
-
 /// What one transaction of `bytes` bytes reads from the DPR.
 fn read_image(node: &mut Node<Dpr>, bytes: usize) -> Vec<u8> {
     fn pass(node: &mut Node<Dpr>, ns: u64) {
@@ -210,7 +194,7 @@ const DPR_TASKS: [(&str, &str); 4] = [
 fn the_dpr_restarts_when_a_task_dies_or_hangs_and_says_so() {
     for (vector, task) in DPR_TASKS {
         for damage in [Damage::Dead, Damage::Hung] {
-            let Some(mut dpr) = receiver() else { return };
+            let Some((mut dpr, _)) = boards::dpr() else { return };
             dpr.advance(50 * MS);
             assert!(!link_status(&mut dpr).status().watchdog_reset(), "{task}");
             let (address, was) = break_task(&mut dpr, vector, damage);
@@ -227,7 +211,7 @@ fn the_dpr_restarts_when_a_task_dies_or_hangs_and_says_so() {
 #[test]
 fn a_fault_in_the_dpr_leaves_nothing_to_be_read_until_the_watchdog_has_restarted_it() {
     for (vector, task) in DPR_TASKS {
-        let Some(mut dpr) = receiver() else { return };
+        let Some((mut dpr, _)) = boards::dpr() else { return };
         dpr.advance(50 * MS);
         let (address, was) = break_task(&mut dpr, vector, Damage::Faulting);
         // The deadline monitor comes round every 12.5 ms and makes each of them run.

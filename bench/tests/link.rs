@@ -3,7 +3,7 @@
 //! The images are built by `cargo xtask test`, which says where they are in `LINK_IMAGES`; without it each test says that it was
 //! skipped. One run is a few hundred virtual milliseconds, and a function of its setup.
 
-mod images;
+mod boards;
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -11,8 +11,8 @@ use std::io::BufReader;
 use std::path::PathBuf;
 
 use bench::sim::{Crystals, Faults, Images, Outcome, Setup, run};
+use boards::image;
 use gnss_sim::{Log, ubx};
-use images::image;
 
 const MS: u64 = 1_000_000;
 

@@ -1,0 +1,288 @@
+//! What is connected to a board talks too much, or nonsense: receivers to HORUS, the flight controller to the DPR. Neither may delay
+//! the cycle, cost a frame or upset anything else.
+
+mod boards;
+
+use bench::engine::{Downstream, Node, Relay, Upstream, Wiring};
+use bench::sim::boards::{Dpr, Horus, SSI_CSN};
+use bench::sim::front_end::FrontEnd;
+use boards::counter;
+use dpr_fw::telemetry::Telemetry as DprTelemetry;
+use horus_tx_fw::telemetry::{Line as LineTelemetry, Telemetry as HorusTelemetry};
+use profile::image::Image;
+use profile::ssi::{Request, encode};
+use profile::{Identifier, LinkStatus, ReportedPosition};
+use rigless::time::VirtualNanos;
+use st25r3916_model::{Air, AirEvent, Faults};
+
+const US: u64 = 1_000;
+const MS: u64 = 1_000_000;
+
+/// More bytes than a line carries in a millisecond: 460 800 baud, ten bits each. So it is never idle.
+const A_MILLISECOND: usize = 47;
+
+/// A linear congruential generator (Knuth's MMIX): noise that is the same every time.
+struct Noise(u64);
+
+impl Noise {
+    fn byte(&mut self) -> u8 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 56) as u8
+    }
+}
+
+// ---- receivers
+
+/// What comes over a line without a pause.
+#[derive(Clone, Copy, Debug)]
+enum Babble {
+    Noise,
+    /// The beginnings of UBX messages of the greatest length, one after the other.
+    Beginnings,
+    /// UBX messages that are whole and that nobody asked for.
+    Unasked,
+}
+
+/// A whole UBX message: sync, class, identifier, length, payload, checksum (u-blox M8 protocol specification, section 32).
+fn ubx(class: u8, id: u8, payload: &[u8]) -> Vec<u8> {
+    let mut message = vec![0xB5, 0x62, class, id];
+    message.extend((payload.len() as u16).to_le_bytes());
+    message.extend(payload);
+    let (mut a, mut b) = (0_u8, 0_u8);
+    for byte in &message[2..] {
+        a = a.wrapping_add(*byte);
+        b = b.wrapping_add(a);
+    }
+    message.extend([a, b]);
+    message
+}
+
+#[test]
+fn receivers_that_never_stop_talking_do_not_move_a_frame() {
+    for babble in [Babble::Noise, Babble::Beginnings, Babble::Unasked] {
+        let Some((mut node, chip, lines)) = boards::horus() else { return };
+        let mut noise = Noise(1);
+        let mut starts = vec![];
+        while node.now() < 500 * MS {
+            for line in &lines {
+                let bytes: Vec<u8> = match babble {
+                    Babble::Noise => (0..A_MILLISECOND).map(|_| noise.byte()).collect(),
+                    Babble::Beginnings => {
+                        [0xB5, 0x62, 0x01, 0x07, 0xFF, 0xFF].into_iter().cycle().take(A_MILLISECOND).collect()
+                    }
+                    Babble::Unasked => ubx(0x0A, 0x04, &[noise.byte(); A_MILLISECOND - 8]),
+                };
+                node.input(|_, _| line.send(&bytes));
+            }
+            let end = node.now() / MS * MS + MS;
+            while node.now() < end {
+                node.advance(end);
+                chip.with(|chip| {
+                    starts.extend(
+                        chip.take_air()
+                            .filter_map(|(at, event)| matches!(event, AirEvent::FrameStart(_)).then_some(at)),
+                    );
+                });
+            }
+        }
+        assert_eq!(starts.len(), 49, "{babble:?}");
+        for pair in starts.windows(2) {
+            assert!((pair[1] - pair[0]).abs_diff(10 * MS) <= 1_000, "{babble:?}: {pair:?}");
+        }
+        let count = |offset| counter(&node, "HORUS_TELEMETRY", offset);
+        assert_eq!(count(std::mem::offset_of!(HorusTelemetry, cycle_overruns)), 0, "{babble:?}");
+        assert_eq!(count(std::mem::offset_of!(HorusTelemetry, frames_skipped)), 0, "{babble:?}");
+        for line in 0..3 {
+            let line = std::mem::offset_of!(HorusTelemetry, lines) + line * size_of::<LineTelemetry>();
+            let bytes = count(line + std::mem::offset_of!(LineTelemetry, bytes));
+            // Half a ring may still be on its way.
+            assert!((20_000..=23_500).contains(&bytes), "{babble:?}: {bytes} bytes taken");
+            assert_eq!(count(line + std::mem::offset_of!(LineTelemetry, overruns)), 0, "{babble:?}");
+        }
+        assert_eq!(node.take_findings(), [], "{babble:?}");
+        assert_eq!(node.resets().len(), 0, "{babble:?}");
+    }
+}
+
+// ---- flight controller
+
+/// What a flight controller has become.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Conduct {
+    /// Selects, clocks one byte and lets go, as fast as the SPIS allows.
+    Hammers,
+    /// Selects and neither clocks nor lets go.
+    Hangs,
+    /// Selects and clocks noise for ever.
+    RunsAway,
+    /// Reads in its cycle, and asks for windows that do not exist, sends half requests and noise.
+    Lies,
+}
+
+/// Where it is in a transaction.
+#[derive(Clone, Copy, Debug)]
+enum Stage {
+    Idle,
+    Clocking(usize),
+}
+
+/// It, and the air to the DPR's front end.
+struct Controller {
+    conduct: Conduct,
+    /// When it lets go of everything and reads like a sane one.
+    sane_at: u64,
+    at: u64,
+    stage: Stage,
+    noise: Noise,
+    mosi: Vec<u8>,
+    miso: Vec<u8>,
+    /// What the last transaction of a sane one brought.
+    read: Vec<u8>,
+    air: Air,
+    listener: FrontEnd,
+}
+
+impl Controller {
+    fn new(conduct: Conduct, sane_at: u64, listener: FrontEnd) -> Self {
+        Self {
+            conduct,
+            sane_at,
+            at: 30 * MS,
+            stage: Stage::Idle,
+            noise: Noise(2),
+            mosi: vec![],
+            miso: vec![],
+            read: vec![],
+            air: Air::new(1, Faults::default()),
+            listener,
+        }
+    }
+
+    fn sane(&self) -> bool {
+        self.at >= self.sane_at
+    }
+
+    /// How many bytes it clocks in this transaction, and how long it waits after it.
+    fn manner(&self) -> (usize, u64) {
+        match self.conduct {
+            _ if self.sane() => (Image::<3>::LEN, 4 * MS),
+            Conduct::Hammers => (1, US + 100),
+            Conduct::Hangs => (0, 4 * MS),
+            Conduct::RunsAway => (usize::MAX, US),
+            Conduct::Lies => (96, 4 * MS),
+        }
+    }
+
+    fn request(&mut self) -> Vec<u8> {
+        match self.noise.byte() % 4 {
+            _ if self.sane() || self.conduct == Conduct::Hangs => vec![],
+            0 => encode(Request { offset: 4_096, length: 64 }).to_vec(),
+            1 => encode(Request { offset: 0, length: 0xFFFF }).to_vec(),
+            2 => encode(Request { offset: 96, length: 60 })[..5].to_vec(),
+            _ => (0..72).map(|_| self.noise.byte()).collect(),
+        }
+    }
+}
+
+impl Downstream<Dpr> for Controller {
+    type Message = AirEvent;
+    type Notes = ();
+
+    fn hear(&mut self, at: u64, event: AirEvent) {
+        let listener = &self.listener;
+        self.air.from_poller(at, event, |at, event| listener.with(|chip| chip.hear(at, event)));
+    }
+
+    fn noted(&mut self, (): ()) {}
+
+    fn leave(&mut self, node: &mut Node<Dpr>) {
+        let _ = node;
+        let answers = self.listener.with(|chip| chip.take_air().count());
+        assert_eq!(answers, 0, "the listener never answers");
+    }
+
+    fn next_at(&self) -> u64 {
+        self.at
+    }
+
+    fn act(&mut self, _at: u64, node: &mut Node<Dpr>) {
+        let (length, pause) = self.manner();
+        match self.stage {
+            Stage::Idle => {
+                self.mosi = self.request();
+                self.miso.clear();
+                node.input(|board, now| board.part_mut().ssi_select(VirtualNanos(now), SSI_CSN));
+                self.stage = Stage::Clocking(0);
+                // Set-up time and the first byte; a hung one comes back when it is sane again.
+                self.at = if length == 0 { self.sane_at } else { self.at + 2 * US + 200 };
+            }
+            Stage::Clocking(done) if done < length => {
+                let noisy = self.conduct == Conduct::RunsAway && !self.sane();
+                let mosi = self.mosi.get(done).copied();
+                let mosi = mosi.unwrap_or_else(|| if noisy { self.noise.byte() } else { 0 });
+                let miso = node.input(|board, now| board.part_mut().ssi_clock(VirtualNanos(now), mosi));
+                self.miso.push(miso.unwrap_or(0xFF));
+                self.stage = Stage::Clocking(done + 1);
+                self.at += US + 50;
+            }
+            Stage::Clocking(_) => {
+                node.input(|board, now| board.part_mut().ssi_deselect(VirtualNanos(now), SSI_CSN));
+                self.stage = Stage::Idle;
+                if self.miso.len() == Image::<3>::LEN {
+                    self.read.clone_from(&self.miso);
+                }
+                self.at += pause;
+            }
+        }
+    }
+}
+
+/// The poller's antenna.
+struct Antenna(FrontEnd);
+
+impl Upstream<Horus> for Antenna {
+    type Message = AirEvent;
+    type Notes = ();
+
+    fn leave(&mut self, _node: &mut Node<Horus>, sent: &mut Vec<(u64, AirEvent)>) {
+        self.0.with(|chip| sent.extend(chip.take_air()));
+    }
+
+    fn notes(&mut self, _node: &mut Node<Horus>) {}
+}
+
+#[test]
+fn a_flight_controller_gone_mad_costs_no_frame_and_is_served_again_when_it_is_sane() {
+    for conduct in [Conduct::Hammers, Conduct::Hangs, Conduct::RunsAway, Conduct::Lies] {
+        let (Some((a, poller, _)), Some((b, listener))) = (boards::horus(), boards::dpr()) else { return };
+        let downstream = Controller::new(conduct, 330 * MS, listener);
+        let mut relay = Relay { a, b, upstream: Antenna(poller), downstream };
+        relay.run(400 * MS, 400 * MS, |_, _, _| Ok::<_, ()>(())).unwrap();
+        let Relay { b: mut dpr, downstream, .. } = relay;
+        let count = |dpr: &Node<Dpr>, offset| counter(dpr, "DPR_TELEMETRY", offset);
+        // The first frame is that of 10 ms; that of 390 ms is through at 395 ms.
+        assert_eq!(count(&dpr, std::mem::offset_of!(DprTelemetry, frames_received)), 39, "{conduct:?}");
+        assert_eq!(count(&dpr, std::mem::offset_of!(DprTelemetry, objects_accepted)), 39 * 4, "{conduct:?}");
+        for (name, offset) in [
+            ("missed", std::mem::offset_of!(DprTelemetry, frames_missed)),
+            ("overruns", std::mem::offset_of!(DprTelemetry, overruns)),
+            ("front end faults", std::mem::offset_of!(DprTelemetry, rf_faults)),
+            ("scrub faults", std::mem::offset_of!(DprTelemetry, scrub_faults)),
+        ] {
+            assert_eq!(count(&dpr, offset), 0, "{conduct:?}: {name}");
+        }
+        let violations = count(&dpr, std::mem::offset_of!(DprTelemetry, access_violations));
+        assert_eq!(violations > 0, conduct != Conduct::Hangs, "{conduct:?}: {violations} violations");
+        assert_eq!(dpr.resets().len(), 0, "{conduct:?}");
+        assert_eq!(dpr.take_findings(), [], "{conduct:?}");
+        assert!(dpr.usage().load() < 0.1, "{conduct:?}: load {}", dpr.usage().load());
+        // Sane, it reads what there is.
+        let read = &downstream.read;
+        assert_eq!(read.len(), Image::<3>::LEN, "{conduct:?}");
+        let link = LinkStatus::verify(&read[..LinkStatus::SIZE]).unwrap().values();
+        assert!(link.status.link_up(), "{conduct:?}");
+        let reported = ReportedPosition::verify(&read[LinkStatus::SIZE..][..ReportedPosition::SIZE]).unwrap();
+        assert_eq!(reported.identifier(), Identifier::REPORTED_POSITION);
+        assert!(reported.timestamp() >= 380, "{conduct:?}: {} ms", reported.timestamp());
+    }
+}

@@ -1,0 +1,47 @@
+//! The two boards with the release images, which `cargo xtask test` builds before it runs these tests.
+#![allow(dead_code, reason = "each test file uses what it needs")]
+
+use std::path::PathBuf;
+
+use bench::engine::{Firmware, Node, Wiring};
+use bench::sim::boards::{Dpr, Horus, Line};
+use bench::sim::front_end::FrontEnd;
+use bench::stm32f427::{Oscillators, Stm32f427Part};
+use nrf52840_model::{Nrf52840, Settings};
+use st25r3916_model::{Chip, Config};
+
+/// The image called `name` for so many receivers, or `None` (said) where the images were not built.
+pub(crate) fn image(receivers: usize, name: &str) -> Option<PathBuf> {
+    let Some(folder) = std::env::var_os("LINK_IMAGES").map(PathBuf::from) else {
+        eprintln!("skipped: LINK_IMAGES is not set; `cargo xtask test` builds the images and sets it");
+        return None;
+    };
+    Some(folder.join(format!("gps-{receivers}")).join(name))
+}
+
+fn chip() -> FrontEnd {
+    FrontEnd::new(Chip::new(Config { vdd_mv: 5000, ..Config::default() }), false)
+}
+
+/// The HORUS board with its front end and the lines of its three receivers.
+pub(crate) fn horus() -> Option<(Node<Horus>, FrontEnd, Vec<Line>)> {
+    let chip = chip();
+    let (board, lines) = Horus::new(Stm32f427Part::new(Oscillators::default()), chip.clone(), 3);
+    let node = Node::new(board, &Firmware::read(&image(3, "horus-tx-fw.elf")?).unwrap()).unwrap();
+    Some((node, chip, lines))
+}
+
+/// The DPR board with its front end, out of any field.
+pub(crate) fn dpr() -> Option<(Node<Dpr>, FrontEnd)> {
+    let chip = chip();
+    let board = Dpr::new(Nrf52840::new(Settings::default()), chip.clone());
+    let node = Node::new(board, &Firmware::read(&image(3, "dpr-fw.elf")?).unwrap()).unwrap();
+    Some((node, chip))
+}
+
+/// The counter at byte `offset` of the telemetry called `symbol`.
+pub(crate) fn counter<B: Wiring>(node: &Node<B>, symbol: &str, offset: usize) -> u32 {
+    let mut word = [0; 4];
+    node.read(node.address_of(symbol).unwrap() + offset as u64, &mut word).unwrap();
+    u32::from_le_bytes(word)
+}
