@@ -1,9 +1,11 @@
 //! The engine on firmware written in the test itself: a few instructions, so that what must happen is plain to see.
 
+mod player;
 mod thumb;
 
 use bench::engine::{Bare, Between, FindingKind, Limits, Lookahead, Node, Pair, Sent, Wiring, run};
-use bench::stm32f427::{Oscillators, PinId, Stm32f427Part, TIM2_INTERRUPT};
+use bench::stm32f427::{Oscillators, Stm32f427Part, TIM2_INTERRUPT};
+use player::{IN, Player};
 use thumb::{COUNTER, EXTI, FLASH, GPIOD, HANDLER, MAIN, RCC, TIM2, Thumb, firmware};
 
 const MS: u64 = 1_000_000;
@@ -257,39 +259,6 @@ fn an_image_that_does_not_fit_is_refused() {
     let firmware = bench::engine::Firmware::raw("too far", vec![(0x0900_0000, vec![0; 16])]);
     let error = Node::new(Bare(Stm32f427Part::new(Oscillators::default())), &firmware).unwrap_err();
     assert!(error.to_string().contains("0x09000000"), "{error}");
-}
-
-/// A board whose PD14 leaves it and whose PA3 is driven from outside.
-#[derive(Debug)]
-struct Player {
-    part: Stm32f427Part,
-}
-
-const OUT: PinId = PinId::new('D', 14);
-const IN: PinId = PinId::new('A', 3);
-
-impl Player {
-    fn new() -> Self {
-        let mut part = Stm32f427Part::new(Oscillators::default());
-        part.watch_pin(OUT);
-        Self { part }
-    }
-}
-
-impl Wiring for Player {
-    type Part = Stm32f427Part;
-
-    fn part(&self) -> &Stm32f427Part {
-        &self.part
-    }
-
-    fn part_mut(&mut self) -> &mut Stm32f427Part {
-        &mut self.part
-    }
-
-    fn outgoing(&self) -> bool {
-        !self.part.edges().is_empty()
-    }
 }
 
 /// Two wires, each from one board's PD14 to the other's PA3.

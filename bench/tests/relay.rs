@@ -1,63 +1,32 @@
 //! Two boards of which one only speaks: the relay's two threads against the same boards in lock-step on one.
 
+mod player;
 mod thumb;
 
 use std::collections::VecDeque;
 
-use bench::engine::{Between, Downstream, Lookahead, Node, Pair, Relay, Sent, Upstream, Wiring};
-use bench::stm32f427::{Oscillators, PinEdge, PinId, Stm32f427Part};
+use bench::engine::{Between, Downstream, Lookahead, Node, Pair, Relay, Sent, Upstream};
+use bench::stm32f427::PinEdge;
+use player::{IN, Player};
 use thumb::{COUNTER, EXTI, GPIOD, HANDLER, MAIN, TIM2, Thumb, firmware};
 
 const MS: u64 = 1_000_000;
-const OUT: PinId = PinId::new('D', 14);
-const IN: PinId = PinId::new('A', 3);
-
-/// A board whose PD14 leaves it and whose PA3 is driven from outside.
-#[derive(Debug)]
-struct Board {
-    part: Stm32f427Part,
-}
-
-impl Board {
-    fn new() -> Self {
-        let mut part = Stm32f427Part::new(Oscillators::default());
-        part.watch_pin(OUT);
-        Self { part }
-    }
-}
-
-impl Wiring for Board {
-    type Part = Stm32f427Part;
-
-    fn part(&self) -> &Stm32f427Part {
-        &self.part
-    }
-
-    fn part_mut(&mut self) -> &mut Stm32f427Part {
-        &mut self.part
-    }
-
-    fn outgoing(&self) -> bool {
-        !self.part.edges().is_empty()
-    }
-}
-
 /// Pulses PD14 at each update of TIM2, every 0.7 ms: across the pieces of time that the relay works in.
-fn beacon() -> Node<Board> {
+fn beacon() -> Node<Player> {
     let mut main = Thumb::at(MAIN);
     main.store(thumb::RCC + 0x30, 1 << 3).store(GPIOD, 1 << 28).tim2_every(11_200).idle();
     let mut tick = Thumb::at(HANDLER);
     tick.store(TIM2 + 0x10, 0).store(GPIOD + 0x18, 1 << 14).store(GPIOD + 0x18, 1 << 30).count(COUNTER).ret();
-    Node::new(Board::new(), &firmware("beacon", &main, &[(28, &tick)])).unwrap()
+    Node::new(Player::new(), &firmware("beacon", &main, &[(28, &tick)])).unwrap()
 }
 
 /// Counts the rising edges of PA3, and answers each on PD14, which nobody hears.
-fn counter() -> Node<Board> {
+fn counter() -> Node<Player> {
     let mut main = Thumb::at(MAIN);
     main.exti3_on_pa3().store(GPIOD, 1 << 28).idle();
     let mut hit = Thumb::at(HANDLER);
     hit.store(EXTI + 0x14, 1 << 3).count(COUNTER).store(GPIOD + 0x18, 1 << 14).store(GPIOD + 0x18, 1 << 30).ret();
-    Node::new(Board::new(), &firmware("counter", &main, &[(9, &hit)])).unwrap()
+    Node::new(Player::new(), &firmware("counter", &main, &[(9, &hit)])).unwrap()
 }
 
 /// The beacon's pin.
@@ -66,15 +35,15 @@ struct Speaker {
     notes: u64,
 }
 
-impl Upstream<Board> for Speaker {
+impl Upstream<Player> for Speaker {
     type Message = bool;
     type Notes = u64;
 
-    fn leave(&mut self, node: &mut Node<Board>, sent: &mut Vec<(u64, bool)>) {
+    fn leave(&mut self, node: &mut Node<Player>, sent: &mut Vec<(u64, bool)>) {
         sent.extend(node.board_mut().part.take_edges().into_iter().map(|PinEdge { at, high, .. }| (at, high)));
     }
 
-    fn notes(&mut self, _node: &mut Node<Board>) -> u64 {
+    fn notes(&mut self, _node: &mut Node<Player>) -> u64 {
         self.notes += 1;
         self.notes
     }
@@ -88,7 +57,7 @@ struct Listener {
     notes: u64,
 }
 
-impl Downstream<Board> for Listener {
+impl Downstream<Player> for Listener {
     type Message = bool;
     type Notes = u64;
 
@@ -101,7 +70,7 @@ impl Downstream<Board> for Listener {
         self.notes = notes;
     }
 
-    fn leave(&mut self, node: &mut Node<Board>) {
+    fn leave(&mut self, node: &mut Node<Player>) {
         node.board_mut().part.take_edges();
     }
 
@@ -109,14 +78,14 @@ impl Downstream<Board> for Listener {
         self.coming.front().map_or(u64::MAX, |&(at, _)| at)
     }
 
-    fn act(&mut self, at: u64, node: &mut Node<Board>) {
+    fn act(&mut self, at: u64, node: &mut Node<Player>) {
         let (_, high) = self.coming.pop_front().unwrap();
         self.arrived.push((at, high));
         node.input(|board, now| board.part.drive_pin(now, IN, high));
     }
 }
 
-fn relay() -> Relay<Board, Board, Speaker, Listener> {
+fn relay() -> Relay<Player, Player, Speaker, Listener> {
     Relay { a: beacon(), b: counter(), upstream: Speaker::default(), downstream: Listener::default() }
 }
 
@@ -126,7 +95,7 @@ struct Wire {
     arrived: Vec<(u64, bool)>,
 }
 
-impl Between<Board, Board> for Wire {
+impl Between<Player, Player> for Wire {
     type ToA = ();
     type ToB = bool;
 
@@ -134,23 +103,23 @@ impl Between<Board, Board> for Wire {
         Lookahead { a_to_b: 0, b_to_a: Lookahead::NEVER }
     }
 
-    fn leave_a(&mut self, node: &mut Node<Board>, to_b: &mut Sent<bool>) {
+    fn leave_a(&mut self, node: &mut Node<Player>, to_b: &mut Sent<bool>) {
         for edge in node.board_mut().part.take_edges() {
             to_b.send(edge.at, edge.high);
         }
     }
 
-    fn leave_b(&mut self, node: &mut Node<Board>, _to_a: &mut Sent<()>) {
+    fn leave_b(&mut self, node: &mut Node<Player>, _to_a: &mut Sent<()>) {
         node.board_mut().part.take_edges();
     }
 
-    fn arrive_b(&mut self, at: u64, high: bool, node: &mut Node<Board>) {
+    fn arrive_b(&mut self, at: u64, high: bool, node: &mut Node<Player>) {
         self.arrived.push((at, high));
         node.input(|board, now| board.part.drive_pin(now, IN, high));
     }
 }
 
-fn count(node: &mut Node<Board>) -> u32 {
+fn count(node: &mut Node<Player>) -> u32 {
     node.word(u64::from(COUNTER)).unwrap()
 }
 
