@@ -52,7 +52,7 @@ mod wdt;
 use rigless::chip::spi::Peer;
 use rigless::cpu::armv7m::{self as cpu, Dwt};
 use rigless::device::{ErasedDevice, ResetCause};
-use rigless::emulator::{Alias, CoreSpec};
+use rigless::emulator::{Alias, CoreSpec, Memory};
 use rigless::machine::armv7m;
 use rigless::mcu::Mcu;
 use rigless::soc::{Bus, Cpu, Endian, EraseBlocks, Region};
@@ -440,6 +440,23 @@ impl Nrf52840 {
     /// byte, because EasyDMA fetches the next one there. `None` where no SPIS is selected: MISO floats.
     pub fn ssi_clock(&mut self, at: VirtualNanos, mosi: u8) -> Option<u8> {
         self.drive(at, |soc| soc.ssi_clock(mosi))
+    }
+
+    /// How many bytes the SSI's controller may clock before the selected SPIS raises an event; `usize::MAX` for any number.
+    #[must_use]
+    pub fn ssi_quiet(&self) -> usize {
+        self.soc.ssi_quiet()
+    }
+
+    /// As [`Nrf52840::ssi_clock`], with EasyDMA served from `memory` at once, so that bytes that were clocked one after the other
+    /// can be exchanged together after the last of them: each with its own instant, and memory as it is now. No more than
+    /// [`Nrf52840::ssi_quiet`] of them, or an event comes late.
+    pub fn ssi_exchange(&mut self, at: VirtualNanos, mosi: u8, memory: &mut dyn Memory) -> Option<u8> {
+        self.drive(at, |soc| {
+            let miso = soc.ssi_clock(mosi);
+            soc.serve(memory);
+            miso
+        })
     }
 
     /// The SSI's controller lets the chip select `csn` rise: the transaction ends.

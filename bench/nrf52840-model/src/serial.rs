@@ -383,6 +383,16 @@ impl Serial {
         self.transaction.is_some()
     }
 
+    /// How many bytes may be clocked before an event: ENDRX comes with the last that RXD takes.
+    pub(crate) fn quiet(&self) -> usize {
+        match &self.transaction {
+            Some(transaction) if transaction.granted && transaction.rx.next().is_some() => {
+                (transaction.rx.len - transaction.rx.done) as usize
+            }
+            _ => usize::MAX,
+        }
+    }
+
     fn say(&self, event: SpisEvent, cx: &mut Cx<'_>) {
         let id = cx.id;
         cx.act(Act::Spis { id, event });

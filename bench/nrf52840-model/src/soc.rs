@@ -37,6 +37,7 @@ use crate::{FindingKind, Pin, PinChange, RAM_BASE, RAM_BYTES, Settings, SpiBus, 
 use rigless::chip::Timeline;
 use rigless::chip::spi::Peer;
 use rigless::device::{DeviceContext, ErasedDevice, Level, RegisterFile, RequestChange, ResetCause};
+use rigless::emulator::Memory;
 use rigless::soc::{Peripheral, RegisterSpec, Width};
 use rigless::time::{EventId, VirtualNanos};
 
@@ -402,6 +403,31 @@ impl Soc {
         Some(parts.serial[spis_number(id)].clock(mosi, &mut cx))
     }
 
+    pub(crate) fn ssi_quiet(&self) -> usize {
+        let selected = [0x03, 0x04, 0x23].into_iter().map(|id| &self.parts.serial[spis_number(id)]);
+        selected.filter(|serial| serial.selected()).map(Serial::quiet).min().unwrap_or(usize::MAX)
+    }
+
+    /// Carries out what EasyDMA is waiting for; the rest goes on waiting.
+    pub(crate) fn serve(&mut self, memory: &mut dyn Memory) {
+        for _ in 0..self.out.acts.len() {
+            let Some(act) = self.out.acts.pop_front() else { return };
+            let served = match act {
+                Act::Read { id, token, address, bytes: 1 } => memory.read(u64::from(address), Width::W8).map(|value| {
+                    self.with(id, |instance, cx| instance.answer(token, value as u32, cx));
+                }),
+                Act::Write { address, value } => memory.write(u64::from(address), Width::W8, u64::from(value)),
+                other => {
+                    self.out.acts.push_back(other);
+                    Ok(())
+                }
+            };
+            if served.is_err() {
+                self.out.find(self.now, FindingKind::Misuse, "EasyDMA", MEMORY_REFUSED, 0);
+            }
+        }
+    }
+
     pub(crate) fn uart_receive(&mut self, uarte: usize, byte: u8) {
         let id = [0x02, 0x28][uarte];
         let Self { parts, clocks, out, now, touched, .. } = self;
@@ -764,6 +790,9 @@ impl Soc {
     }
 }
 
+/// What a refused access of EasyDMA is reported as.
+const MEMORY_REFUSED: &str = "memory refused an access of EasyDMA";
+
 /// The token of an access whose answer nobody waits for.
 const WRITTEN: u64 = u64::MAX;
 
@@ -870,7 +899,7 @@ impl ErasedDevice for Soc {
     fn on_refused(&mut self, token: u64, _: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         self.now = context.now().0;
         let name = if token == WRITTEN { "EasyDMA" } else { spec((token >> 32) as Id).peripheral.name };
-        self.out.find(self.now, FindingKind::Misuse, name, "memory refused an access of EasyDMA", token as u32);
+        self.out.find(self.now, FindingKind::Misuse, name, MEMORY_REFUSED, token as u32);
     }
 }
 

@@ -533,10 +533,15 @@ impl<B: Wiring> Node<B> {
     /// Something outside acts on the board now: a pin, a byte on a line, an edge of an SPI clock. The models hear of it at this
     /// instant, and so does the core if it raised an interrupt.
     pub fn input<T>(&mut self, act: impl FnOnce(&mut B, u64) -> T) -> T {
+        self.input_with_memory(|board, _, at| act(board, at))
+    }
+
+    /// As [`Node::input`], for what makes a bus controller of the part reach memory at once rather than when the models settle.
+    pub fn input_with_memory<T>(&mut self, act: impl FnOnce(&mut B, &mut dyn Memory, u64) -> T) -> T {
         let at = VirtualNanos(self.now());
         self.side.instant = at.0;
         let retired = self.cpu.retired();
-        let answer = act(&mut self.session.board_mut().0, at.0);
+        let answer = act(&mut self.session.board_mut().0, &mut self.side, at.0);
         self.side.deadline = self.session.resume(NO_DEADLINE, at, retired, &mut self.side).0;
         settle(&mut self.session, &mut self.side, at, retired);
         self.flush();

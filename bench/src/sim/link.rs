@@ -26,6 +26,10 @@ const HORUS_SPI_HZ: u64 = 9_000_000;
 const DPR_SPI_HZ: u64 = 8_000_000;
 const SSI_HZ: u64 = 8_000_000;
 
+/// How many bytes of an SSI transaction cross together. The DPR's memory is read and written when the last of them has been
+/// clocked: EasyDMA is up to this many microseconds late, but no event is.
+const RUN: usize = 16;
+
 /// LEN before an NFC-F frame's payload, CRC-16 after it.
 const LEN_BYTES: usize = 1;
 const CRC_BYTES: usize = 2;
@@ -106,8 +110,8 @@ pub(super) struct Link {
     flight_controller: FlightController,
     /// When the flight controller next does something.
     acts_at: u64,
-    /// A byte that the flight controller is clocking: when its eighth clock ends, and MOSI.
-    clocking: Option<(u64, u8)>,
+    /// How many bytes the flight controller is clocking.
+    clocking: usize,
     /// The last transaction met the DPR busy.
     was_busy: bool,
     base: BaseStation,
@@ -136,7 +140,7 @@ impl Link {
             frame_started: 0,
             acts_at: flight_controller.next_at(),
             flight_controller,
-            clocking: None,
+            clocking: 0,
             was_busy: false,
             base,
             ledger: Ledger::new(frames),
@@ -210,6 +214,33 @@ impl Link {
                 SpisEvent::Busy | SpisEvent::End { .. } => {}
             }
         }
+    }
+
+    /// What the flight controller does next, and when: bytes in runs of some.
+    fn plan(&mut self, node: &Node<Dpr>) {
+        self.clocking = self.flight_controller.bytes_left().min(RUN).min(node.board().part().ssi_quiet());
+        self.acts_at = match self.clocking {
+            0 => self.flight_controller.next_at(),
+            bytes => self.flight_controller.clocked_at(bytes),
+        };
+    }
+
+    /// The bytes that the flight controller has clocked cross the SSI.
+    fn exchange(&mut self, node: &mut Node<Dpr>) {
+        let Self { flight_controller, trace, clocking, .. } = self;
+        let bytes = std::mem::take(clocking);
+        node.input_with_memory(|board, memory, _| {
+            for _ in 0..bytes {
+                let ends = flight_controller.clocked_at(1);
+                let (_, Action::Byte(mosi)) = flight_controller.act() else { unreachable!("that many bytes are left") };
+                // MISO floats to its pull-up where nobody drives it.
+                let miso = board.part_mut().ssi_exchange(VirtualNanos(ends), mosi, memory).unwrap_or(0xFF);
+                flight_controller.miso(miso);
+                if let Some(trace) = trace {
+                    trace.byte(ends, trace::SSI, mosi, miso, SSI_HZ);
+                }
+            }
+        });
     }
 
     /// The flight controller's transaction is over: what it brought is judged and passed on.
@@ -402,14 +433,9 @@ impl Downstream<Dpr> for Link {
     }
 
     fn act(&mut self, at: u64, node: &mut Node<Dpr>) {
-        if let Some((ends, mosi)) = self.clocking.take() {
-            // MISO floats to its pull-up where nobody drives it.
-            let miso = node.input(|board, now| board.part_mut().ssi_clock(VirtualNanos(now), mosi)).unwrap_or(0xFF);
-            self.flight_controller.miso(miso);
-            self.acts_at = self.flight_controller.next_at();
-            if let Some(trace) = &mut self.trace {
-                trace.byte(ends, trace::SSI, mosi, miso, SSI_HZ);
-            }
+        if self.clocking > 0 {
+            self.exchange(node);
+            self.plan(node);
             return;
         }
         self.watch_dpr(node);
@@ -418,12 +444,7 @@ impl Downstream<Dpr> for Link {
                 node.input(|board, now| board.part_mut().ssi_select(VirtualNanos(now), SSI_CSN));
                 self.mark(at, Wire::SsiCsn, false);
             }
-            (began, Action::Byte(mosi)) => {
-                let byte_ns = self.flight_controller.config().byte_ns;
-                self.clocking = Some((began + byte_ns, mosi));
-                self.acts_at = began + byte_ns;
-                return;
-            }
+            (_, Action::Byte(_)) => unreachable!("bytes are clocked in runs"),
             (_, Action::Deselect) => {
                 let risen = node.now();
                 node.input(|board, now| board.part_mut().ssi_deselect(VirtualNanos(now), SSI_CSN));
@@ -432,6 +453,6 @@ impl Downstream<Dpr> for Link {
                 self.transaction_over(at);
             }
         }
-        self.acts_at = self.flight_controller.next_at();
+        self.plan(node);
     }
 }

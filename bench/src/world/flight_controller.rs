@@ -253,6 +253,23 @@ impl FlightController {
         })
     }
 
+    /// How many bytes of the transaction under way are still to be clocked.
+    #[must_use]
+    pub fn bytes_left(&self) -> usize {
+        match self.stage {
+            Stage::Idle => 0,
+            Stage::Clocking(done) | Stage::Answering(done) => self.length() - done,
+        }
+    }
+
+    /// When the last clock edge of the byte that is `bytes` further on will be, ns after reset.
+    #[must_use]
+    pub fn clocked_at(&self, bytes: usize) -> u64 {
+        let Config { cycle_ns, first_ns, byte_ns, setup_ns, .. } = self.config;
+        let (Stage::Clocking(done) | Stage::Answering(done)) = self.stage else { return self.next_at() };
+        self.by_the_bench(first_ns + self.number * cycle_ns + setup_ns + (done + bytes) as u64 * byte_ns)
+    }
+
     /// Does the next thing: when, and what. There is always one.
     ///
     /// # Panics

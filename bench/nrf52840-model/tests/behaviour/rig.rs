@@ -205,8 +205,15 @@ impl Rig {
 
     /// Something outside the part happens now.
     pub(crate) fn input<T>(&mut self, input: impl FnOnce(&mut Nrf52840, VirtualNanos) -> T) -> T {
+        self.input_with_memory(|part, _, at| input(part, at))
+    }
+
+    pub(crate) fn input_with_memory<T>(
+        &mut self,
+        input: impl FnOnce(&mut Nrf52840, &mut dyn Memory, VirtualNanos) -> T,
+    ) -> T {
         let at = VirtualNanos(self.now);
-        let out = input(&mut self.session.board_mut().part, at);
+        let out = input(&mut self.session.board_mut().part, &mut self.world, at);
         self.session.resume(NO_DEADLINE, at, 0, &mut self.world);
         out
     }

@@ -268,6 +268,54 @@ fn a_released_spis_exchanges_its_buffers_and_says_end() {
     rig.assert_clean();
 }
 
+/// Granted or not, within the buffers and past their ends: what crosses in runs is what crosses byte by byte.
+#[test]
+fn bytes_exchanged_together_are_those_exchanged_one_by_one() {
+    for granted in [true, false] {
+        let mosi: Vec<u8> = (0xA0..0xAB).collect();
+        let ready = || {
+            let mut rig = with_spis();
+            if granted {
+                rig.write(SPIS1 + 0x28, 1);
+            }
+            rig
+        };
+        let mut one_by_one = ready();
+        let alone = transact(&mut one_by_one, &mosi);
+
+        let mut together = ready();
+        together.run_for(10 * US);
+        together.input(|part, at| part.ssi_select(at, CSN));
+        let began = together.now + US;
+        let (mut miso, mut left, mut runs) = (vec![], &mosi[..], vec![]);
+        while !left.is_empty() {
+            let quiet = together.input(|part, _| part.ssi_quiet());
+            let (run, rest) = left.split_at(left.len().min(quiet));
+            together.run_for(US * run.len() as u64 + if miso.is_empty() { US } else { 0 });
+            together.input_with_memory(|part, memory, _| {
+                for &byte in run {
+                    let ends = began + US * (miso.len() as u64 + 1);
+                    miso.push(part.ssi_exchange(VirtualNanos(ends), byte, memory));
+                }
+            });
+            runs.push(run.len());
+            left = rest;
+        }
+        together.run_for(US);
+        together.input(|part, at| part.ssi_deselect(at, CSN));
+
+        // RXD takes 8, and ENDRX comes with the eighth.
+        assert_eq!(runs, if granted { vec![8, 3] } else { vec![11] });
+        assert_eq!(miso, alone);
+        assert_eq!(together.ram(RX, 9), one_by_one.ram(RX, 9));
+        for register in [0x104, 0x110, 0x400, 0x440, 0x53C, 0x54C] {
+            assert_eq!(together.read(SPIS1 + register), one_by_one.read(SPIS1 + register), "{register:#x}");
+        }
+        assert_eq!(said(&mut together), said(&mut one_by_one));
+        together.assert_clean();
+    }
+}
+
 #[test]
 fn a_transaction_that_meets_the_cpu_reads_the_default_character_to_its_end() {
     let mut rig = with_spis();
