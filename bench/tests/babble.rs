@@ -8,6 +8,7 @@ use bench::sim::boards::{Dpr, Horus, SSI_CSN};
 use bench::sim::front_end::FrontEnd;
 use boards::counter;
 use dpr_fw::telemetry::Telemetry as DprTelemetry;
+use gnss_sim::ubx;
 use horus_tx_fw::telemetry::{Line as LineTelemetry, Telemetry as HorusTelemetry};
 use profile::image::Image;
 use profile::ssi::{Request, encode};
@@ -43,20 +44,6 @@ enum Babble {
     Unasked,
 }
 
-/// A whole UBX message: sync, class, identifier, length, payload, checksum (u-blox M8 protocol specification, section 32).
-fn ubx(class: u8, id: u8, payload: &[u8]) -> Vec<u8> {
-    let mut message = vec![0xB5, 0x62, class, id];
-    message.extend((payload.len() as u16).to_le_bytes());
-    message.extend(payload);
-    let (mut a, mut b) = (0_u8, 0_u8);
-    for byte in &message[2..] {
-        a = a.wrapping_add(*byte);
-        b = b.wrapping_add(a);
-    }
-    message.extend([a, b]);
-    message
-}
-
 #[test]
 fn receivers_that_never_stop_talking_do_not_move_a_frame() {
     for babble in [Babble::Noise, Babble::Beginnings, Babble::Unasked] {
@@ -70,7 +57,7 @@ fn receivers_that_never_stop_talking_do_not_move_a_frame() {
                     Babble::Beginnings => {
                         [0xB5, 0x62, 0x01, 0x07, 0xFF, 0xFF].into_iter().cycle().take(A_MILLISECOND).collect()
                     }
-                    Babble::Unasked => ubx(0x0A, 0x04, &[noise.byte(); A_MILLISECOND - 8]),
+                    Babble::Unasked => ubx::frame(0x0A, 0x04, &[noise.byte(); A_MILLISECOND - 8]),
                 };
                 node.input(|_, _| line.send(&bytes));
             }
