@@ -90,6 +90,8 @@ pub struct Ledger {
     /// Since when the DPR answers no transaction.
     held: Option<u64>,
     longest_hold: u64,
+    /// The last transaction met the DPR busy.
+    was_busy: bool,
     /// What was broken so far.
     pub violations: Violations,
 }
@@ -113,6 +115,7 @@ impl Ledger {
             deselected: None,
             held: None,
             longest_hold: 0,
+            was_busy: false,
             violations: Violations::default(),
         }
     }
@@ -188,6 +191,13 @@ impl Ledger {
     pub fn released(&mut self, at: u64) {
         if let Some(held) = self.held.take() {
             self.longest_hold = self.longest_hold.max(at - held);
+        }
+    }
+
+    /// Whether the transaction that began at `selected` met the DPR busy: one may, while a new image is put in; its successor must not.
+    pub fn busy(&mut self, selected: u64, busy: bool) {
+        if std::mem::replace(&mut self.was_busy, busy) && busy {
+            self.violations.add("two transactions in a row met the DPR busy", || ms(selected));
         }
     }
 
@@ -296,7 +306,7 @@ impl Ledger {
     pub fn judge(&mut self, end: u64) {
         let (period, air) = (self.period(), self.tick_to_air());
         let (sample, last_bit, ready) = (self.sample_to_readable(), self.last_bit_to_readable(), self.ready_after());
-        let hold = self.longest_hold.max(self.held.map_or(0, |held| end - held));
+        let hold = self.longest_hold.max(self.held.map_or(0, |held| end.saturating_sub(held)));
         let mut bound = |kind, value: u64, bound: u64| {
             if value > bound {
                 self.violations.add(kind, || format!("{value} ns, the bound is {bound} ns"));
@@ -449,10 +459,26 @@ mod tests {
     }
 
     #[test]
+    fn one_busy_transaction_is_none_and_two_in_a_row_are_a_violation() {
+        let mut ledger = run();
+        for busy in [true, false, true, false] {
+            ledger.busy(108_000_000, busy);
+        }
+        assert_eq!(ledger.violations.clone().into_words(), [""; 0]);
+        ledger.busy(108_000_000, true);
+        ledger.busy(109_000_000, true);
+        assert_eq!(ledger.violations.into_words(), ["two transactions in a row met the DPR busy: 109.000000 ms"]);
+    }
+
+    #[test]
     fn an_ssi_that_is_held_back_is_a_violation() {
         let mut ledger = run();
         ledger.held(108_000_000);
         ledger.released(108_010_000);
+        ledger.judge(111_000_000);
+        assert_eq!(ledger.violations.clone().into_words(), [""; 0]);
+        // A board stops at its first instruction boundary after the end.
+        ledger.held(111_000_020);
         ledger.judge(111_000_000);
         assert_eq!(ledger.violations.clone().into_words(), [""; 0]);
         ledger.held(109_000_000);

@@ -112,8 +112,6 @@ pub(super) struct Link {
     acts_at: u64,
     /// How many bytes the flight controller is clocking.
     clocking: usize,
-    /// The last transaction met the DPR busy.
-    was_busy: bool,
     base: BaseStation,
     ledger: Ledger,
     trace: Option<Trace>,
@@ -141,7 +139,6 @@ impl Link {
             acts_at: flight_controller.next_at(),
             flight_controller,
             clocking: 0,
-            was_busy: false,
             base,
             ledger: Ledger::new(frames),
             trace,
@@ -264,11 +261,7 @@ impl Link {
         if transaction.torn {
             self.ledger.violations.add("a torn read", || format!("the transaction of {}", ms(transaction.selected_ns)));
         }
-        // One may meet the DPR while it puts a new image in; its successor must not.
-        let busy = transaction.outcome == Outcome::Busy;
-        if std::mem::replace(&mut self.was_busy, busy) && busy {
-            self.ledger.violations.add("two transactions in a row met the DPR busy", || ms(transaction.selected_ns));
-        }
+        self.ledger.busy(transaction.selected_ns, transaction.outcome == Outcome::Busy);
         if let Some((offset, rejection)) = transaction.damage {
             let at = ms(transaction.selected_ns);
             self.ledger.violations.add("damaged data in the image", || format!("{rejection} at offset {offset}, {at}"));

@@ -268,6 +268,21 @@ fn a_released_spis_exchanges_its_buffers_and_says_end() {
     rig.assert_clean();
 }
 
+#[test]
+fn the_outside_sees_the_cpu_take_the_semaphore_and_give_it_back() {
+    let mut rig = with_spis();
+    rig.write(SPIS1 + 0x28, 1);
+    rig.write(SPIS1 + 0x24, 1);
+    rig.write(SPIS1 + 0x28, 1);
+    let around = [SpisEvent::Released, SpisEvent::Ready];
+    assert_eq!(said(&mut rig), [&around[..], &[SpisEvent::Held], &around].concat());
+    // By END_ACQUIRE at the end of a transaction.
+    rig.write(SPIS1 + 0x200, 1 << 2);
+    transact(&mut rig, &[0xA0]);
+    assert_eq!(said(&mut rig), [SpisEvent::End { rx: 1, tx: 1 }, SpisEvent::Held]);
+    rig.assert_clean();
+}
+
 /// Granted or not, within the buffers and past their ends: what crosses in runs is what crosses byte by byte.
 #[test]
 fn bytes_exchanged_together_are_those_exchanged_one_by_one() {
