@@ -186,7 +186,7 @@ impl Link {
             .with_horus_restarted(self.restart_shown > 0)
             .with_ram_fault(health.ram_fault)
             .with_front_end_fault(health.front_end_fault)
-            .with_watchdog_reset(health.watchdog_reset);
+            .with_unasked_reset(health.watchdog_reset);
         self.restart_shown = self.restart_shown.saturating_sub(1);
         LinkStatus::seal(&LinkValues {
             timestamp: self.clock.ms(),
@@ -290,7 +290,7 @@ mod tests {
             .with_link_up(true)
             .with_all_accepted(true)
             .with_ram_fault(true)
-            .with_watchdog_reset(true);
+            .with_unasked_reset(true);
         assert_eq!(values.status, bits);
         assert_eq!(values.access_violations, u16::MAX);
         let values =

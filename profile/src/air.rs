@@ -71,6 +71,49 @@ pub const fn air_time_ns(payload: u8) -> u64 {
     (bits * BIT_CARRIER_PERIODS * NS_PER_678_PERIODS + 339) / 678
 }
 
+/// [`air_time_ns`] of a payload of a profile, which is never longer than [`LONGEST_PAYLOAD`]: µs, rounded up.
+const fn air_time_us(payload: usize) -> u32 {
+    let [payload, ..] = payload.to_le_bytes();
+    let [b0, b1, b2, b3, ..] = air_time_ns(payload).div_ceil(1_000).to_le_bytes();
+    u32::from_le_bytes([b0, b1, b2, b3])
+}
+
+/// From the tick, at which HORUS takes the sample, to the transmit command of frame number `frame` of its cycle, for a
+/// profile of `N` receivers: µs; `None` if there is no such frame. HORUS keeps these slots whatever the data say, so the
+/// DPR knows the age of a sample from the end of its frame.
+///
+/// | receivers | frame 1 | frame 2 |
+/// |---|---|---|
+/// | 1 | 180 | – |
+/// | 2 | 240 | – |
+/// | 3 | 300 | – |
+/// | 5 | 270 | 4280 |
+///
+/// `horus-tx-fw` derives each from the work that has to be done before it, and asserts that these hold.
+#[must_use]
+pub const fn send_slot_us<const N: usize>(frame: usize) -> Option<u32> {
+    match (N, frame) {
+        (1, 0) => Some(180),
+        (2, 0) => Some(240),
+        (3, 0) => Some(300),
+        (5, 0) => Some(270),
+        (5, 1) => Some(4280),
+        _ => None,
+    }
+}
+
+/// The age of a cycle's sample at the last bit of the cycle's frame number `frame`: send slot and air time, µs, rounded
+/// up; `None` if a profile of `N` receivers has no such frame.
+///
+/// ```
+/// assert_eq!(profile::air::age_at_end_us::<3>(0), Some(300 + 4_815));
+/// ```
+#[must_use]
+pub const fn age_at_end_us<const N: usize>(frame: usize) -> Option<u32> {
+    let (Some(slot), Some(place)) = (send_slot_us::<N>(frame), Place::of_frame::<N>(frame)) else { return None };
+    Some(slot + air_time_us(place.length()))
+}
+
 /// Frames per cycle for a profile of `receivers` receivers: 1, or 2 if it does not fit in one.
 #[must_use]
 pub const fn frames(receivers: usize) -> usize {

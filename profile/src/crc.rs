@@ -76,6 +76,19 @@ pub fn frame(bytes: &[u8]) -> u32 {
     FRAME_TABLE.checksum(bytes)
 }
 
+/// Frame CRC of words in the order of their addresses, each taken as its bytes lie in a little-endian memory.
+///
+/// ```
+/// let words = [u32::from_le_bytes(*b"1234"), u32::from_le_bytes(*b"5678")];
+/// assert_eq!(profile::crc::frame_of_words(words.into_iter()), profile::crc::frame(b"12345678"));
+/// ```
+#[must_use]
+pub fn frame_of_words(words: impl Iterator<Item = u32>) -> u32 {
+    let mut digest = FRAME_TABLE.digest();
+    words.for_each(|word| digest.update(&word.to_le_bytes()));
+    digest.finalize()
+}
+
 /// Position CRC of `bytes`, to be stored most significant byte first.
 ///
 /// ```

@@ -5,7 +5,7 @@ use bytemuck::{Pod, Zeroable};
 
 use crate::{
     ABSENT_F32, ABSENT_F64, GpsStatus, Identifier, Rejection,
-    object::object,
+    object_macro::object,
     wire::{CrcBe, F32Le, F64Le, U16Le, U32Le},
 };
 

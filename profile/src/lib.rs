@@ -85,10 +85,10 @@ mod gps;
 mod identifier;
 pub mod image;
 mod link_status;
-mod object;
+mod object_macro;
+mod profile;
 mod rejection;
 mod reported;
-mod set;
 pub mod ssi;
 mod status;
 mod wire;
@@ -97,10 +97,10 @@ pub use freshness::{Freshness, freshness};
 pub use gps::{GpsObject, GpsValues};
 pub use identifier::Identifier;
 pub use link_status::{LinkStatus, LinkValues};
+pub use profile::{MAX_RECEIVERS, MAX_SIZE, Object, Profile, Reading};
 pub use rejection::Rejection;
 pub use reported::{ReportedPosition, ReportedValues};
-pub use set::{MAX_RECEIVERS, MAX_SIZE, Object, Profile, Reading};
-pub use status::{FixType, GpsStatus, HorusState, LinkStatusBits, ReportedStatus};
+pub use status::{FixType, GpsStatus, HorusState, LinkStatusBits, ReportedStatus, ResetReason};
 
 /// The HORUS cycle, ms: every timestamp is the one before it plus this, exactly (paper, section 2.2).
 pub const CYCLE_MS: u32 = 10;

@@ -5,7 +5,7 @@ use bytemuck::{Pod, Zeroable};
 
 use crate::{
     Identifier, LinkStatusBits, Rejection,
-    object::object,
+    object_macro::object,
     wire::{CrcBe, U16Le, U32Le},
 };
 

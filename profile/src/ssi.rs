@@ -9,12 +9,13 @@
 //! | 2..4 | u16 length, bytes |
 //! | 4..8 | [frame CRC](crate::crc) over 0..4 |
 //!
-//! Eight zero bytes ask for nothing. Their CRC would be wrong, so no request can look like them.
+//! Eight bytes 0x00 ask for nothing, and so do eight bytes 0xFF, which is what the DPR reads from a MOSI line that nobody
+//! drives. After a transaction that asked for nothing the window is the whole image, from its start: a request holds for
+//! one transaction.
 //!
-//! Eight bytes 0xFF, on the other hand, carry a *valid* CRC: the start value 0xFFFFFFFF XORed with four bytes 0xFF is 0, of which
-//! the final XOR makes 0xFF 0xFF 0xFF 0xFF. A MOSI line that idles high is thus an intact request for 65535 bytes from offset
-//! 65535, which lies in no image and is refused as [`Rejection::Window`]. No other object has the length at which
-//! this happens.
+//! Neither can be mistaken for a request. The CRC of four bytes 0x00 is not 0. Eight bytes 0xFF do carry a valid CRC
+//! (the initial value 0xFFFFFFFF XORed with four bytes 0xFF is 0, of which the final XOR makes four bytes 0xFF), but would
+//! ask for 65535 bytes from offset 65535, and no image is that long. No other object has the length at which this happens.
 use core::ops::Range;
 
 use crate::{Rejection, crc, rejection::Findings};
@@ -43,7 +44,7 @@ impl Request {
 /// What a request that was accepted asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Parsed {
-    /// Nothing: the window stays as it is.
+    /// Nothing: the next transaction shows the whole image, from its start.
     Nothing,
     /// That window, which lies in the image.
     Window(Request),
@@ -62,6 +63,7 @@ pub enum Parsed {
 /// assert_eq!(ssi::parse(&ssi::encode(request), 276), Ok(Parsed::Window(request)));
 /// assert_eq!(ssi::parse(&ssi::encode(request), 95), Err(Rejection::Window));
 /// assert_eq!(ssi::parse(&[0; 8], 276), Ok(Parsed::Nothing));
+/// assert_eq!(ssi::parse(&[0xFF; 8], 276), Ok(Parsed::Nothing));
 /// ```
 pub fn parse(bytes: &[u8; REQUEST_SIZE], image_len: usize) -> Result<Parsed, Rejection> {
     let [offset_low, offset_high, length_low, length_high, ..] = *bytes;
@@ -70,7 +72,7 @@ pub fn parse(bytes: &[u8; REQUEST_SIZE], image_len: usize) -> Result<Parsed, Rej
         length: u16::from_le_bytes([length_low, length_high]),
     };
     let inside = request.length > 0 && request.window().end <= image_len;
-    let nothing = u64::from_ne_bytes(*bytes) == 0;
+    let nothing = matches!(u64::from_ne_bytes(*bytes), 0 | u64::MAX);
     Findings::new()
         .check(crc::frame_intact(bytes) | nothing, Rejection::Crc)
         .check(inside | nothing, Rejection::Window)

@@ -91,6 +91,56 @@ impl HorusState {
     }
 }
 
+/// Why a processor last started.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[repr(u8)]
+pub enum ResetReason {
+    /// Its supply came on.
+    #[default]
+    PowerOn = 0,
+    /// Its reset pin was low.
+    Pin = 1,
+    /// Its watchdog was not fed.
+    Watchdog = 2,
+    /// It locked up: a fault while it handled a fault.
+    Lockup = 3,
+    /// Software, or a debugger, asked for it.
+    Software = 4,
+    /// Its supply dipped, or something else that has no code of its own.
+    BrownOutOrOther = 5,
+}
+
+impl ResetReason {
+    /// Whether nobody asked for the reset: all but power-on, pin and software.
+    #[must_use]
+    pub const fn is_unasked(self) -> bool {
+        matches!(self, Self::Watchdog | Self::Lockup | Self::BrownOutOrOther)
+    }
+
+    const fn from_bits(code: u8) -> Option<Self> {
+        match code {
+            0 => Some(Self::PowerOn),
+            1 => Some(Self::Pin),
+            2 => Some(Self::Watchdog),
+            3 => Some(Self::Lockup),
+            4 => Some(Self::Software),
+            5 => Some(Self::BrownOutOrOther),
+            _ => None,
+        }
+    }
+
+    const fn bits(self) -> u16 {
+        match self {
+            Self::PowerOn => 0,
+            Self::Pin => 1,
+            Self::Watchdog => 2,
+            Self::Lockup => 3,
+            Self::Software => 4,
+            Self::BrownOutOrOther => 5,
+        }
+    }
+}
+
 macro_rules! bit_set {
     (
         $(#[$doc:meta])* $name:ident, used $used:literal;
@@ -177,7 +227,7 @@ impl GpsStatus {
 
 bit_set! {
     /// Status of Reported-Position.
-    ReportedStatus, used 0x0F7F;
+    ReportedStatus, used 0x0FFF;
     /// Bit 3: latitude, longitude and altitude are valid.
     position_valid, with_position_valid = 3;
     /// Bit 4: pitch, yaw and roll are valid.
@@ -186,6 +236,8 @@ bit_set! {
     acceleration_valid, with_acceleration_valid = 5;
     /// Bit 6: fewer receivers agree than are configured.
     degraded, with_degraded = 6;
+    /// Bit 7: HORUS runs on its internal oscillator, since its crystal's clock is missing; its cycle may be off by 1 %.
+    without_crystal, with_without_crystal = 7;
 }
 
 impl ReportedStatus {
@@ -219,7 +271,7 @@ impl ReportedStatus {
 
 bit_set! {
     /// Status of Link-Status.
-    LinkStatusBits, used 0x00FF;
+    LinkStatusBits, used 0x77FF;
     /// Bit 0: frames arrive within their deadline.
     link_up, with_link_up = 0;
     /// Bit 1: every object of the last cycle was accepted.
@@ -232,8 +284,29 @@ bit_set! {
     ram_fault, with_ram_fault = 4;
     /// Bit 5: the RFID front end has a fault.
     front_end_fault, with_front_end_fault = 5;
-    /// Bit 6: the DPR's last reset was its watchdog's.
-    watchdog_reset, with_watchdog_reset = 6;
+    /// Bit 6: the DPR's last reset was not asked for by anybody; see [`LinkStatusBits::reset_reason`].
+    unasked_reset, with_unasked_reset = 6;
     /// Bit 7: the last uplink was rejected.
     uplink_rejected, with_uplink_rejected = 7;
+    /// Bit 8: HORUS's timestamps are out of sequence; nothing is shown until the sequence is found again.
+    out_of_sequence, with_out_of_sequence = 8;
+    /// Bit 9: in sequence, but over the last second HORUS's clock differed from the DPR's by more than 2 %.
+    horus_clock_implausible, with_horus_clock_implausible = 9;
+    /// Bit 10: the DPR's program memory does not have the CRC that the build gave it.
+    flash_fault, with_flash_fault = 10;
+}
+
+impl LinkStatusBits {
+    /// Bits 12-14: why the DPR last started; `None` for a reserved code.
+    #[must_use]
+    pub const fn reset_reason(self) -> Option<ResetReason> {
+        let [_, high] = self.0.to_le_bytes();
+        ResetReason::from_bits(high >> 4 & 0x07)
+    }
+
+    /// This status with bits 12-14 set to `reason`, and bit 6 to whether nobody asked for that reset.
+    #[must_use]
+    pub const fn with_reset_reason(self, reason: ResetReason) -> Self {
+        self.with(0x7000, reason.bits() << 12).with_unasked_reset(reason.is_unasked())
+    }
 }

@@ -3,8 +3,8 @@ use std::error::Error;
 
 use profile::{
     FixType, Freshness, GpsObject, GpsStatus, GpsValues, HorusState, Identifier, LinkStatus, LinkStatusBits,
-    LinkValues, Object, Profile, Rejection, ReportedPosition, ReportedStatus, ReportedValues, air, freshness,
-    image::Image, ssi,
+    LinkValues, Object, Profile, Rejection, ReportedPosition, ReportedStatus, ReportedValues, ResetReason, air,
+    freshness, image::Image, ssi,
 };
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngSeed};
@@ -135,8 +135,8 @@ proptest! {
     #[test]
     fn a_status_keeps_the_bits_that_have_a_meaning_and_no_other(bits: u16) {
         prop_assert_eq!(GpsStatus::from_bits(bits).bits(), bits & 0x03FF);
-        prop_assert_eq!(ReportedStatus::from_bits(bits).bits(), bits & 0x0F7F);
-        prop_assert_eq!(LinkStatusBits::from_bits(bits).bits(), bits & 0x00FF);
+        prop_assert_eq!(ReportedStatus::from_bits(bits).bits(), bits & 0x0FFF);
+        prop_assert_eq!(LinkStatusBits::from_bits(bits).bits(), bits & 0x77FF);
     }
 
     #[test]
@@ -227,11 +227,18 @@ fn each_status_flag_is_the_bit_that_the_layout_gives_it() {
         (reported.with_attitude_valid(true), 4),
         (reported.with_acceleration_valid(true), 5),
         (reported.with_degraded(true), 6),
+        (reported.with_without_crystal(true), 7),
     ];
     for (status, bit) in flags {
         assert_eq!(status.bits(), 1 << bit);
-        let flags = [status.position_valid(), status.attitude_valid(), status.acceleration_valid(), status.degraded()];
-        assert_eq!(flags, [3, 4, 5, 6].map(|flag| flag == bit));
+        let flags = [
+            status.position_valid(),
+            status.attitude_valid(),
+            status.acceleration_valid(),
+            status.degraded(),
+            status.without_crystal(),
+        ];
+        assert_eq!(flags, [3, 4, 5, 6, 7].map(|flag| flag == bit));
     }
 
     let link = LinkStatusBits::new();
@@ -242,8 +249,11 @@ fn each_status_flag_is_the_bit_that_the_layout_gives_it() {
         (link.with_horus_restarted(true), 3),
         (link.with_ram_fault(true), 4),
         (link.with_front_end_fault(true), 5),
-        (link.with_watchdog_reset(true), 6),
+        (link.with_unasked_reset(true), 6),
         (link.with_uplink_rejected(true), 7),
+        (link.with_out_of_sequence(true), 8),
+        (link.with_horus_clock_implausible(true), 9),
+        (link.with_flash_fault(true), 10),
     ];
     for (status, bit) in flags {
         assert_eq!(status.bits(), 1 << bit);
@@ -254,10 +264,35 @@ fn each_status_flag_is_the_bit_that_the_layout_gives_it() {
             status.horus_restarted(),
             status.ram_fault(),
             status.front_end_fault(),
-            status.watchdog_reset(),
+            status.unasked_reset(),
             status.uplink_rejected(),
+            status.out_of_sequence(),
+            status.horus_clock_implausible(),
+            status.flash_fault(),
         ];
-        assert_eq!(flags, [0, 1, 2, 3, 4, 5, 6, 7].map(|flag| flag == bit));
+        assert_eq!(flags, [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10].map(|flag| flag == bit));
+    }
+}
+
+#[test]
+fn each_reset_reason_has_its_code_and_says_whether_anybody_asked_for_it() {
+    use ResetReason::{BrownOutOrOther, Lockup, Pin, PowerOn, Software, Watchdog};
+    let reasons = [
+        (PowerOn, 0, false),
+        (Pin, 1, false),
+        (Watchdog, 2, true),
+        (Lockup, 3, true),
+        (Software, 4, false),
+        (BrownOutOrOther, 5, true),
+    ];
+    for (reason, code, unasked) in reasons {
+        let status = LinkStatusBits::new().with_link_up(true).with_reset_reason(reason);
+        assert_eq!(status.bits(), code << 12 | u16::from(unasked) << 6 | 1);
+        assert_eq!((status.reset_reason(), status.unasked_reset()), (Some(reason), unasked));
+        assert_eq!(status.with_reset_reason(PowerOn), LinkStatusBits::new().with_link_up(true));
+    }
+    for reserved in [6, 7] {
+        assert_eq!(LinkStatusBits::from_bits(reserved << 12).reset_reason(), None);
     }
 }
 
@@ -267,9 +302,9 @@ fn a_flag_can_be_cleared_and_its_neighbours_stay() {
     assert_eq!(all.with_heard(false).bits(), 0x03FF & !(1 << 7));
     assert_eq!(all.with_fix_type(FixType::NoFix).bits(), 0x03F0);
     let all = ReportedStatus::from_bits(0xFFFF);
-    assert_eq!(all.with_degraded(false).bits(), 0x0F7F & !(1 << 6));
-    assert_eq!(all.with_state(HorusState::Starting).bits(), 0x007F);
-    assert_eq!(all.with_receivers_agreeing(0).bits(), 0x0F78);
+    assert_eq!(all.with_degraded(false).bits(), 0x0FFF & !(1 << 6));
+    assert_eq!(all.with_state(HorusState::Starting).bits(), 0x00FF);
+    assert_eq!(all.with_receivers_agreeing(0).bits(), 0x0FF8);
 }
 
 #[test]
@@ -372,6 +407,16 @@ fn the_second_frame_in_the_firsts_place_is_rejected_object_by_object() {
     for (index, bytes) in air::objects::<5>(&exchanged).expect("as long as the second frame") {
         assert_eq!(Object::verify(index, bytes), Err(Rejection::Identifier));
     }
+}
+
+#[test]
+fn a_sample_is_as_old_at_its_frames_end_as_slot_and_air_time_make_it() {
+    assert_eq!(air::age_at_end_us::<1>(0), Some(180 + 2_549));
+    assert_eq!(air::age_at_end_us::<2>(0), Some(240 + 3_682));
+    assert_eq!(air::age_at_end_us::<3>(0), Some(300 + 4_815));
+    assert_eq!(air::age_at_end_us::<5>(0), Some(270 + 3_682));
+    assert_eq!(air::age_at_end_us::<5>(1), Some(4_280 + 3_606));
+    assert_eq!((air::age_at_end_us::<3>(1), air::age_at_end_us::<5>(2)), (None, None));
 }
 
 #[test]

@@ -1,4 +1,6 @@
-//! What every object has alike: the header, the frame CRC at its end, and its bytes.
+//! The macro `object!`, which gives every object the methods that all of them have: header, frame CRC, bytes.
+//!
+//! The objects themselves are in `reported`, `gps` and `link_status`.
 
 /// The methods every object has, for a `repr(C)` type of wire fields with `timestamp`, `identifier`, `status` and `crc` among them.
 macro_rules! object {
