@@ -1,0 +1,73 @@
+//! The counters of which a firmware's telemetry is made.
+//!
+//! Each firmware exports one `repr(C)` structure of counters under a symbol of its own; a debugger or the bench reads it
+//! from RAM by that symbol. Nothing in the firmware depends on it.
+
+use core::sync::atomic::{AtomicU32, Ordering};
+
+/// One 32-bit counter or high-water mark. Totals wrap. Each has one writer, so no update is ever lost.
+#[derive(Debug, Default)]
+#[repr(transparent)]
+pub struct Counter(AtomicU32);
+
+impl Counter {
+    /// A counter that starts at `value`.
+    #[must_use]
+    pub const fn starting_at(value: u32) -> Self {
+        Self(AtomicU32::new(value))
+    }
+
+    /// A counter that starts at 0.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self::starting_at(0)
+    }
+
+    /// The number.
+    #[must_use]
+    pub fn get(&self) -> u32 {
+        self.0.load(Ordering::Relaxed)
+    }
+
+    /// Counts `amount` more.
+    pub fn add(&self, amount: u32) {
+        self.0.fetch_add(amount, Ordering::Relaxed);
+    }
+
+    /// Sets the number to that of a counter that is kept elsewhere.
+    pub fn set(&self, value: u32) {
+        self.0.store(value, Ordering::Relaxed);
+    }
+
+    /// Sets the number to `value` if that is larger.
+    pub fn record_max(&self, value: u32) {
+        self.0.fetch_max(value, Ordering::Relaxed);
+    }
+
+    /// Sets the number to `value` if that is smaller.
+    pub fn record_min(&self, value: u32) {
+        self.0.fetch_min(value, Ordering::Relaxed);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn totals_add_and_wrap_and_marks_keep_the_extreme() {
+        let total = Counter::starting_at(u32::MAX);
+        total.add(3);
+        assert_eq!(total.get(), 2);
+        total.set(9);
+        total.record_max(7);
+        assert_eq!(total.get(), 9);
+        total.record_max(11);
+        assert_eq!(total.get(), 11);
+        total.record_min(12);
+        assert_eq!(total.get(), 11);
+        total.record_min(4);
+        assert_eq!(total.get(), 4);
+        assert_eq!(Counter::new().get(), 0);
+    }
+}
