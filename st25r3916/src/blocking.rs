@@ -1,7 +1,7 @@
 //! The same machines, run to completion on an [`SpiDevice`], an IRQ [`InputPin`] and a [`DelayNs`].
 //!
 //! For bring-up on a bench, examples and small hosts. The IRQ pin is polled every
-//! [`POLL_MICROS`]; every call returns after a bounded time.
+//! [`POLL_US`]; every call returns after a bounded time.
 //!
 //! ```no_run
 //! # fn demo<S, P, D>(spi: S, irq: P, delay: D) -> Result<(), st25r3916::blocking::Error<S::Error, P::Error>>
@@ -27,7 +27,7 @@ use crate::machine::{Fault, Input, Short, Step, Transfer};
 use crate::poller::{self, PollerConfig, PollerCounters, PollerEvent, SendError};
 
 /// How often the IRQ pin is looked at, in microseconds.
-pub const POLL_MICROS: u32 = 10;
+pub const POLL_US: u32 = 10;
 
 /// Why a blocking call failed. The next call recovers the chip by itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,7 +56,7 @@ struct Executor<SPI, IRQ, DELAY> {
 /// What carrying out a step came to.
 enum Outcome {
     Input(Given),
-    /// The caller's time is over before the wait is; this much of it is left.
+    /// The caller's time is over before the wait is; so many microseconds of it are left.
     Unfinished(u32),
 }
 
@@ -77,32 +77,32 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Executor<SPI, IRQ, DELAY> {
         step: &Step<E>,
         payload: &[u8],
         buffer: &mut [u8],
-        budget: &mut u32,
+        budget_us: &mut u32,
     ) -> Result<Outcome, Error<SPI::Error, IRQ::Error>> {
         Ok(Outcome::Input(match *step {
             Step::Event(_) => Given::Start,
             Step::Transfer(transfer) => self.transfer(transfer, payload, buffer).map_err(Error::Spi)?,
             Step::Wait { micros } => {
-                let mut left = micros;
+                let mut left_us = micros;
                 loop {
                     if self.irq.is_high().map_err(Error::Pin)? {
                         break Given::Irq;
                     }
-                    if left == 0 {
+                    if left_us == 0 {
                         break Given::Timeout;
                     }
-                    if *budget == 0 {
-                        return Ok(Outcome::Unfinished(left));
+                    if *budget_us == 0 {
+                        return Ok(Outcome::Unfinished(left_us));
                     }
-                    let slice = left.min(POLL_MICROS);
-                    self.delay.delay_us(slice);
-                    left -= slice;
-                    *budget = budget.saturating_sub(slice);
+                    let slice_us = left_us.min(POLL_US);
+                    self.delay.delay_us(slice_us);
+                    left_us -= slice_us;
+                    *budget_us = budget_us.saturating_sub(slice_us);
                 }
             }
             Step::Delay { micros } => {
                 self.delay.delay_us(micros);
-                *budget = budget.saturating_sub(micros);
+                *budget_us = budget_us.saturating_sub(micros);
                 Given::Timeout
             }
         }))
@@ -192,12 +192,12 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Poller<SPI, IRQ, DELAY> {
     /// Carries out `step` and what follows from it, to the next event.
     fn run(&mut self, mut step: Step<PollerEvent>, payload: &[u8]) -> Result<(), Error<SPI::Error, IRQ::Error>> {
         loop {
-            let mut unlimited = u32::MAX;
-            match self.executor.carry_out(&step, payload, &mut [], &mut unlimited) {
+            let mut unlimited_us = u32::MAX;
+            match self.executor.carry_out(&step, payload, &mut [], &mut unlimited_us) {
                 Ok(Outcome::Input(given)) => {
                     step = self.machine.step(self.executor.input(given, &[]));
                 }
-                Ok(Outcome::Unfinished(micros)) => step = Step::Wait { micros },
+                Ok(Outcome::Unfinished(left_us)) => step = Step::Wait { micros: left_us },
                 Err(error) => {
                     let _fault = self.machine.step(Input::Failed);
                     return Err(error);
@@ -241,26 +241,26 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Listener<SPI, IRQ, DELAY> {
         self.machine.variant()
     }
 
-    /// Goes on to the next event, or for `micros` microseconds of waiting, whichever is first
+    /// Goes on to the next event, or for `limit_us` microseconds of waiting, whichever is first
     /// (`None`: nothing happened). A frame is in `buffer` from its byte
-    /// [`listener::PAYLOAD_OFFSET`] on; give the same buffer until an event comes. Faults are events: the call after one
-    /// recovers.
+    /// [`listener::PAYLOAD_OFFSET`] on; give the same buffer until an event comes. Faults are events:
+    /// the call after one recovers.
     ///
     /// # Errors
     /// The bus or the pin failed; the next call recovers.
     pub fn next(
         &mut self,
         buffer: &mut [u8; BUFFER],
-        micros: u32,
+        limit_us: u32,
     ) -> Result<Option<ListenerEvent>, Error<SPI::Error, IRQ::Error>> {
-        let mut budget = micros;
+        let mut budget_us = limit_us;
         loop {
-            match self.executor.carry_out(&self.step, &[], buffer, &mut budget) {
+            match self.executor.carry_out(&self.step, &[], buffer, &mut budget_us) {
                 Ok(Outcome::Input(given)) => {
                     self.step = self.machine.step(self.executor.input(given, buffer));
                 }
-                Ok(Outcome::Unfinished(left)) => {
-                    self.step = Step::Wait { micros: left };
+                Ok(Outcome::Unfinished(left_us)) => {
+                    self.step = Step::Wait { micros: left_us };
                     return Ok(None);
                 }
                 Err(error) => {

@@ -1,16 +1,36 @@
 //! Bring-up of either role: one list of operations, walked one at a time.
 //!
-//! The order is the data sheet's power-up sequence (set default, IO, oscillator, calibration,
-//! regulators), then the role's registers, then a read-back. Two things are done that a chip in
-//! order would not need: the IO drivers are set before the identity is read, so that MISO is driven
-//! as strongly as in operation when it is first relied on; and the interrupt registers are read once
-//! before the first wait, because the IRQ pin may have been high since before the host's reset.
+//! # The list
+//!
+//! 1. Power ([`Part::Power`]): set default; IO; identity; overheat protection (ST25R3916 only); interrupts read away;
+//!    oscillator on, I_osc; RC calibration (ST25R3916B only), I_dct; `reg_s` set and cleared; supply measured, I_dct,
+//!    its result; IO for that supply; regulators adjusted, I_dct.
+//! 2. Write ([`Part::Write`]): the role's [`Setting`]s, in order.
+//! 3. Read back ([`Part::ReadBack`]): IO, regulator control and the same [`Setting`]s; each must read as written.
+//! 4. Operate ([`Part::Operate`]): receiver or field on, the role's last commands, operation control, mode and bit
+//!    rate read back.
+//!
+//! The order of the first part is the data sheet's power-up sequence. Two things are done that a chip in order would
+//! not need: the IO drivers are set before the identity is read, so that MISO is driven as strongly as in operation
+//! when it is first relied on; and the interrupt registers are read once before the first wait, because the IRQ pin
+//! may have been high since before the host's reset. Nothing goes on air before every register was read back.
+//!
+//! # Sources of the supply's part
+//!
+//! The order (oscillator, calibration, measurement, `sup3V`, regulators), the source `mpsv` = VDD, the step of 23.4 mV
+//! and the threshold of 3.6 V are those of ST's library (stm32duino/ST25R3916, `src/st25r3916.cpp`), of Flipper Zero
+//! (`targets/f7/furi_hal/furi_hal_nfc.c`) and of embassy-rs/rnfc (`rnfc-st25r39/src/lib.rs`), which agree. That
+//! `reg_s` is to be toggled before the adjustment is in the first and the last of them. ST's library awaits I_dct
+//! after the RC calibration and goes on without it if it does not come; so does this one, because the next I_dct
+//! must not be taken for the measurement's.
 
 use crate::command;
 use crate::machine::{Fault, Input, Short};
 use crate::poller::Receiver;
 use crate::register as reg;
-use crate::{OSCILLATOR_MICROS, REGULATOR_MICROS, Supply, Variant};
+use crate::{
+    CALIBRATION_US, MEASUREMENT_US, OSCILLATOR_US, REGULATOR_US, SUPPLY_5V_MV, SUPPLY_MAX_MV, SUPPLY_MIN_MV, Variant,
+};
 
 /// The interrupt registers alone, for the time before the masks are set.
 const IRQ_READ: Short = Short::new([command::READ | reg::IRQ_MAIN, 0, 0, 0, 0]);
@@ -19,7 +39,7 @@ pub(crate) const CONFIGURATION_READ: Short = Short::new([command::READ | reg::OP
 /// Interrupts without the awaited bit before the pin is called stuck.
 pub(crate) const IDLE_IRQS: u8 = 8;
 /// The shortest back-off before a bring-up, in microseconds; doubled by each failure.
-const BACK_OFF_MICROS: u32 = 1_000;
+const BACK_OFF_US: u32 = 1_000;
 /// Back-off stops doubling at the seventh fault in a row: 1 ms · 2⁶ = 64 ms.
 const BACK_OFF_STEPS: u8 = 7;
 
@@ -33,64 +53,199 @@ pub(crate) enum Role {
 impl Role {
     /// Registers 02, 03 and 04 as they read in operation.
     pub(crate) const fn configuration(self) -> [u8; 3] {
-        match self {
-            Self::Poller(Receiver::Off) => [reg::OP_EN | reg::OP_TX_EN, reg::MODE_POLLER_NFC_F, reg::BIT_RATE_424],
-            Self::Poller(Receiver::OnMasked) => {
-                [reg::OP_EN | reg::OP_RX_EN | reg::OP_TX_EN, reg::MODE_POLLER_NFC_F, reg::BIT_RATE_424]
-            }
-            Self::Listener => {
-                [reg::OP_EN | reg::OP_RX_EN | reg::OP_FIELD_DETECTOR, reg::MODE_LISTENER_NFC_F, reg::BIT_RATE_424]
-            }
-        }
+        let [mode, rate] = match self {
+            Self::Poller(_) => POLLER_MODE,
+            Self::Listener => LISTENER_MODE,
+        };
+        let operation = match self {
+            Self::Poller(Receiver::Off) => reg::OP_EN | reg::OP_TX_EN,
+            Self::Poller(Receiver::OnMasked) => reg::OP_EN | reg::OP_RX_EN | reg::OP_TX_EN,
+            Self::Listener => reg::OP_EN | reg::OP_RX_EN | reg::OP_FIELD_DETECTOR,
+        };
+        [operation, mode, rate]
     }
 
     /// Whether a [`CONFIGURATION_READ`] found the registers as they were set.
     pub(crate) fn configuration_stands(self, response: &[u8]) -> bool {
         matches!(response, [_, found @ ..] if *found == self.configuration())
     }
+
+    /// What the role sets before it goes on air, in order.
+    const fn settings(self, variant: Variant) -> &'static [Setting] {
+        match (self, variant) {
+            (Self::Poller(_), Variant::A) => &POLLER_A,
+            (Self::Poller(_), Variant::B) => &POLLER_B,
+            (Self::Listener, Variant::A) => &LISTENER_A,
+            (Self::Listener, Variant::B) => &LISTENER_B,
+        }
+    }
+}
+
+/// Consecutive registers of one space and the values that they are set to, and must read back as.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Setting {
+    in_space_b: bool,
+    address: u8,
+    values: &'static [u8],
+}
+
+impl Setting {
+    /// Registers of space A from `address` on.
+    const fn a(address: u8, values: &'static [u8]) -> Self {
+        Self { in_space_b: false, address, values }
+    }
+
+    /// Registers of space B from `address` on.
+    const fn b(address: u8, values: &'static [u8]) -> Self {
+        Self { in_space_b: true, address, values }
+    }
+
+    /// The first bytes of an access in the given operation mode.
+    fn access(self, mode: u8, rest: &[u8]) -> Short {
+        let head = [command::SPACE_B, mode | self.address];
+        let from = usize::from(!self.in_space_b);
+        Short::of(head.get(from..).unwrap_or(&head), rest)
+    }
+
+    fn write(self) -> Short {
+        self.access(command::WRITE, self.values)
+    }
+
+    fn read(self) -> Short {
+        const ZEROS: [u8; Short::MAX] = [0; Short::MAX];
+        self.access(command::READ, ZEROS.get(..self.values.len()).unwrap_or(&ZEROS))
+    }
+
+    /// Whether the response to [`Setting::read`] has the values as they were written.
+    fn stands(self, response: &[u8]) -> bool {
+        let head = if self.in_space_b { 2 } else { 1 };
+        response.get(head..) == Some(self.values)
+    }
+}
+
+/// Mode and bit rate of a poller: registers 03 and 04.
+const POLLER_MODE: [u8; 2] = [reg::MODE_POLLER_NFC_F, reg::BIT_RATE_424];
+/// Mode and bit rate of a listener.
+const LISTENER_MODE: [u8; 2] = [reg::MODE_LISTENER_NFC_F, reg::BIT_RATE_424];
+
+const IO_5V: Setting =
+    Setting::a(reg::IO_CONFIGURATION_1, &[reg::IO_1_NO_CLOCK, reg::IO_2_MISO | reg::IO_2_ANTENNA_TUNING]);
+const IO_3V: Setting = Setting::a(
+    reg::IO_CONFIGURATION_1,
+    &[reg::IO_1_NO_CLOCK, reg::IO_2_MISO | reg::IO_2_ANTENNA_TUNING | reg::IO_2_SUPPLY_3V],
+);
+const REGULATOR_MANUAL: Setting = Setting::a(reg::REGULATOR_CONTROL, &[reg::REGULATOR_MANUAL]);
+const REGULATOR_ADJUSTED: Setting = Setting::a(reg::REGULATOR_CONTROL, &[reg::REGULATOR_ADJUSTED_MEASURE_VDD]);
+
+/// Auxiliary definition, receiver and mask-receive timer: registers 0A to 0F. Both roles set them: a poller's
+/// receiver is off, but what its registers say should not depend on that, and [`Receiver::OnMasked`] switches it on.
+const RECEIVER: Setting = Setting::a(
+    reg::AUXILIARY,
+    &[
+        reg::AUXILIARY_CORRELATOR,
+        reg::RECEIVER_1_NFC_F,
+        reg::RECEIVER_2_NFC_F,
+        reg::RECEIVER_3_NFC_F,
+        reg::RECEIVER_4_NFC_F,
+        reg::MASK_RECEIVE_SHORT,
+    ],
+);
+const CORRELATOR: Setting = Setting::b(reg::B_CORRELATOR, &reg::CORRELATOR_NFC_F);
+
+const POLLER_A: [Setting; 8] = poller(&reg::ANTENNA_TUNING_POLLER_A, &[reg::TRANSMIT_DRIVER_12_PERCENT_A]);
+const POLLER_B: [Setting; 8] = poller(&reg::ANTENNA_TUNING_POLLER_B, &[reg::TRANSMIT_DRIVER_12_PERCENT_B]);
+const LISTENER_A: [Setting; 8] = listener(&reg::ANTENNA_TUNING_LISTENER_A);
+const LISTENER_B: [Setting; 8] = listener(&reg::ANTENNA_TUNING_LISTENER_B);
+
+const fn poller(antenna: &'static [u8], driver: &'static [u8]) -> [Setting; 8] {
+    [
+        Setting::a(reg::MODE, &POLLER_MODE),
+        Setting::a(reg::NFC_F_PREAMBLE, &[reg::PREAMBLE_48]),
+        RECEIVER,
+        CORRELATOR,
+        Setting::a(reg::NO_RESPONSE_TIMER, &[0, 0]),
+        Setting::a(reg::ANTENNA_TUNING, antenna),
+        Setting::a(reg::TRANSMIT_DRIVER, driver),
+        Setting::a(reg::IRQ_MASK_MAIN, &reg::POLLER_MASKS),
+    ]
+}
+
+/// No automatic answer and no load modulation come before the mode.
+const fn listener(antenna: &'static [u8]) -> [Setting; 8] {
+    [
+        Setting::a(reg::PASSIVE_TARGET, &[reg::PASSIVE_TARGET_SILENT]),
+        Setting::a(reg::PASSIVE_TARGET_MODULATION, &[reg::PASSIVE_TARGET_HIGH_Z]),
+        Setting::b(reg::B_AUXILIARY_MODULATION, &[reg::NO_LOAD_MODULATION]),
+        Setting::a(reg::ANTENNA_TUNING, antenna),
+        RECEIVER,
+        CORRELATOR,
+        Setting::a(reg::IRQ_MASK_MAIN, &reg::LISTENER_MASKS),
+        Setting::a(reg::MODE, &LISTENER_MODE),
+    ]
+}
+
+/// A part of the list.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Part {
+    Power,
+    Write,
+    ReadBack,
+    Operate,
 }
 
 /// One entry of the list.
 enum Operation {
     /// A command or a write; the response means nothing.
     Send(Short),
+    /// A command or a write, then the wait for the interrupt that ends it.
+    Run(Short, Awaited),
     /// Read the identity.
     Identify,
-    /// Wait for an interrupt: I_osc in the main register or I_dct in the timer register.
-    Await(Awaited),
-    /// Read the configuration back.
+    /// Read the result of the supply measurement.
+    ReadSupply,
+    /// Read these registers back.
+    ReadBack(Setting),
+    /// Read operation control, mode and bit rate back.
     Verify,
     /// Nothing for this part or configuration.
     Skip,
-    /// The list is over.
+    /// This part of the list is over.
     End,
 }
 
 #[derive(Clone, Copy)]
 enum Awaited {
     Oscillator,
+    Calibration,
+    Measurement,
     Regulator,
 }
 
 impl Awaited {
-    const fn micros(self) -> u32 {
+    /// The longest wait, in microseconds.
+    const fn limit_us(self) -> u32 {
         match self {
-            Self::Oscillator => OSCILLATOR_MICROS,
-            Self::Regulator => REGULATOR_MICROS,
+            Self::Oscillator => OSCILLATOR_US,
+            Self::Calibration => CALIBRATION_US,
+            Self::Measurement => MEASUREMENT_US,
+            Self::Regulator => REGULATOR_US,
         }
     }
 
-    const fn fault(self) -> Fault {
+    /// What it is if the interrupt has not come by then. The calibration has its default to fall back on.
+    const fn fault(self) -> Option<Fault> {
         match self {
-            Self::Oscillator => Fault::Oscillator,
-            Self::Regulator => Fault::Regulator,
+            Self::Oscillator => Some(Fault::Oscillator),
+            Self::Calibration => None,
+            Self::Measurement => Some(Fault::SupplyMeasurement),
+            Self::Regulator => Some(Fault::Regulator),
         }
     }
 
     const fn is_in(self, main: u8, timer: u8) -> bool {
         match self {
             Self::Oscillator => main & reg::IRQ_OSCILLATOR != 0,
-            Self::Regulator => timer & reg::IRQ_DCT != 0,
+            Self::Calibration | Self::Measurement | Self::Regulator => timer & reg::IRQ_DCT != 0,
         }
     }
 }
@@ -109,16 +264,20 @@ enum Phase {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Progress {
     Transfer(Short),
+    /// Wait for the IRQ pin, at most so many microseconds.
     Wait(u32),
-    Finished(Variant),
+    Finished,
     Failed(Fault),
 }
 
 #[derive(Clone, Debug)]
 pub(crate) struct BringUp {
     role: Role,
-    supply: Supply,
     variant: Option<Variant>,
+    /// The supply as measured, in millivolts.
+    supply_mv: Option<u16>,
+    part: Part,
+    /// The operation under way within `part`.
     index: u8,
     phase: Phase,
     /// Interrupts in a row that were not the awaited one.
@@ -127,8 +286,17 @@ pub(crate) struct BringUp {
 }
 
 impl BringUp {
-    pub(crate) const fn new(role: Role, supply: Supply) -> Self {
-        Self { role, supply, variant: None, index: 0, phase: Phase::Sent, idle_irqs: 0, failures: 0 }
+    pub(crate) const fn new(role: Role) -> Self {
+        Self {
+            role,
+            variant: None,
+            supply_mv: None,
+            part: Part::Power,
+            index: 0,
+            phase: Phase::Sent,
+            idle_irqs: 0,
+            failures: 0,
+        }
     }
 
     pub(crate) const fn role(&self) -> Role {
@@ -139,6 +307,10 @@ impl BringUp {
         self.variant
     }
 
+    pub(crate) const fn supply_mv(&self) -> Option<u16> {
+        self.supply_mv
+    }
+
     /// A fault was reported: the next back-off is twice as long, up to 64 ms.
     pub(crate) const fn failed(&mut self) {
         if self.failures < BACK_OFF_STEPS {
@@ -147,19 +319,21 @@ impl BringUp {
     }
 
     /// The time to wait before the next bring-up, in microseconds: 1 ms after the first fault.
-    pub(crate) const fn back_off(&self) -> u32 {
-        BACK_OFF_MICROS << self.failures.saturating_sub(1)
+    pub(crate) const fn back_off_us(&self) -> u32 {
+        BACK_OFF_US << self.failures.saturating_sub(1)
     }
 
     /// The link works: the next back-off is the shortest again. Not called at the end of bring-up, so
-    /// that a chip that resets right after each bring-up is not hammered.
+    /// that a chip that resets right after each bring-up is not brought up without a pause.
     pub(crate) const fn works(&mut self) {
         self.failures = 0;
     }
 
     pub(crate) fn begin(&mut self) -> Progress {
+        self.part = Part::Power;
         self.index = 0;
         self.variant = None;
+        self.supply_mv = None;
         self.issue()
     }
 
@@ -183,25 +357,36 @@ impl BringUp {
         let &[_, main, timer, _, _] = response else {
             return Progress::Failed(Fault::Bus);
         };
-        let Operation::Await(awaited) = self.operation() else {
+        let Operation::Run(_, awaited) = self.operation() else {
             return Progress::Failed(Fault::Executor);
         };
         if awaited.is_in(main, timer) {
             return self.advance();
         }
         if last {
-            return Progress::Failed(awaited.fault());
+            return match awaited.fault() {
+                Some(fault) => Progress::Failed(fault),
+                None => self.advance(),
+            };
         }
         self.idle_irqs += 1;
         if self.idle_irqs >= IDLE_IRQS {
             return Progress::Failed(Fault::IrqStuck);
         }
+        self.wait(awaited)
+    }
+
+    fn wait(&mut self, awaited: Awaited) -> Progress {
         self.phase = Phase::Waiting;
-        Progress::Wait(awaited.micros())
+        Progress::Wait(awaited.limit_us())
     }
 
     fn answered(&mut self, response: &[u8]) -> Progress {
         match self.operation() {
+            Operation::Run(_, awaited) => {
+                self.idle_irqs = 0;
+                return self.wait(awaited);
+            }
             Operation::Identify => match response {
                 [_, 0x00 | 0xFF] => return Progress::Failed(Fault::Absent),
                 &[_, identity] => {
@@ -213,6 +398,19 @@ impl BringUp {
                 }
                 _ => return Progress::Failed(Fault::Bus),
             },
+            Operation::ReadSupply => {
+                let &[_, steps] = response else {
+                    return Progress::Failed(Fault::Bus);
+                };
+                let millivolts = supply_mv(steps);
+                if !(SUPPLY_MIN_MV..=SUPPLY_MAX_MV).contains(&millivolts) {
+                    return Progress::Failed(Fault::SupplyOutOfRange { millivolts });
+                }
+                self.supply_mv = Some(millivolts);
+            }
+            Operation::ReadBack(setting) if !setting.stands(response) => {
+                return Progress::Failed(Fault::Configuration);
+            }
             Operation::Verify if !self.role.configuration_stands(response) => {
                 return Progress::Failed(Fault::Configuration);
             }
@@ -226,153 +424,171 @@ impl BringUp {
         self.issue()
     }
 
-    /// Issues the operation at `index`, or the first after it that this part needs. The list has no
-    /// more than one entry to skip in a row, so this is constant time.
+    /// Issues the operation at `index`, or the first after it that this part of the list needs. At most one entry
+    /// in a row is skipped and each part has an entry, so the loop runs three times at most.
     fn issue(&mut self) -> Progress {
-        let mut operation = self.operation();
-        if matches!(operation, Operation::Skip) {
-            self.index += 1;
-            operation = self.operation();
-        }
         self.phase = Phase::Sent;
-        match operation {
-            Operation::Send(short) => Progress::Transfer(short),
-            Operation::Identify => Progress::Transfer(const { Short::new([command::READ | reg::IDENTITY, 0]) }),
-            Operation::Verify => Progress::Transfer(CONFIGURATION_READ),
-            Operation::Await(awaited) => {
-                self.phase = Phase::Waiting;
-                self.idle_irqs = 0;
-                Progress::Wait(awaited.micros())
-            }
-            Operation::Skip | Operation::End => match self.variant {
-                Some(variant) => Progress::Finished(variant),
-                None => Progress::Failed(Fault::Configuration),
-            },
+        loop {
+            return Progress::Transfer(match self.operation() {
+                Operation::Send(short) | Operation::Run(short, _) => short,
+                Operation::Identify => const { Short::new([command::READ | reg::IDENTITY, 0]) },
+                Operation::ReadSupply => const { Short::new([command::READ | reg::AD_RESULT, 0]) },
+                Operation::ReadBack(setting) => setting.read(),
+                Operation::Verify => CONFIGURATION_READ,
+                Operation::Skip => {
+                    self.index += 1;
+                    continue;
+                }
+                Operation::End => {
+                    self.part = match self.part {
+                        Part::Power => Part::Write,
+                        Part::Write => Part::ReadBack,
+                        Part::ReadBack => Part::Operate,
+                        Part::Operate => return Progress::Finished,
+                    };
+                    self.index = 0;
+                    continue;
+                }
+            });
+        }
+    }
+
+    /// The IO configuration for the supply measured; until it is, for 5 V, as after a reset.
+    fn io(&self) -> Setting {
+        match self.supply_mv {
+            Some(millivolts) if millivolts < SUPPLY_5V_MV => IO_3V,
+            _ => IO_5V,
         }
     }
 
     fn operation(&self) -> Operation {
-        let is_b = matches!(self.variant, Some(Variant::B));
-        match self.index {
-            0 => Operation::Send(command::SET_DEFAULT),
-            1 => Operation::Send(write([
-                reg::IO_CONFIGURATION_1,
-                reg::IO_1_NO_CLOCK,
-                match self.supply {
-                    Supply::Volts5 => reg::IO_2_MISO,
-                    Supply::Volts3 => reg::IO_2_MISO | reg::IO_2_SUPPLY_3V,
-                },
-            ])),
-            2 => Operation::Identify,
-            3 if is_b => Operation::Skip,
-            3 => Operation::Send(
-                const {
-                    Short::new([
-                        command::SPACE_TEST,
-                        command::WRITE | reg::TEST_OVERHEAT,
-                        reg::TEST_OVERHEAT_PROTECTION,
-                    ])
-                },
-            ),
-            4 => Operation::Send(IRQ_READ),
-            5 => Operation::Send(const { write([reg::OPERATION_CONTROL, reg::OP_EN]) }),
-            6 => Operation::Await(Awaited::Oscillator),
-            7 if is_b => Operation::Send(command::RC_CALIBRATION),
-            7 => Operation::Skip,
-            8 => Operation::Send(command::ADJUST_REGULATORS),
-            9 => Operation::Await(Awaited::Regulator),
-            index => match self.role {
-                Role::Poller(receiver) => self.poller_operation(index, receiver, is_b),
-                Role::Listener => self.listener_operation(index, is_b),
+        // Everything after the identity has a variant: without one, bring-up has failed.
+        let variant = self.variant.unwrap_or(Variant::A);
+        match self.part {
+            Part::Power => self.power(variant),
+            Part::Write => match self.setting(variant, self.index) {
+                Some(setting) => Operation::Send(setting.write()),
+                None => Operation::End,
             },
+            Part::ReadBack => match self.index {
+                0 => Operation::ReadBack(self.io()),
+                1 => Operation::ReadBack(REGULATOR_ADJUSTED),
+                index => match self.setting(variant, index - 2) {
+                    Some(setting) => Operation::ReadBack(setting),
+                    None => Operation::End,
+                },
+            },
+            Part::Operate => self.operate(),
         }
     }
 
-    fn poller_operation(&self, index: u8, receiver: Receiver, is_b: bool) -> Operation {
-        let [op, mode, rate] = self.role.configuration();
-        let [main, timer, error, target] = reg::POLLER_MASKS;
-        Operation::Send(match index {
-            10 => write([reg::MODE, mode, rate]),
-            11 => const { write([reg::NFC_F_PREAMBLE, reg::PREAMBLE_48]) },
-            12 => const { write([reg::AUXILIARY, 0]) },
-            13 => const { write([reg::NO_RESPONSE_TIMER, 0, 0]) },
-            14 if is_b => const { write([reg::TRANSMIT_DRIVER, reg::TRANSMIT_DRIVER_12_PERCENT_B]) },
-            14 => const { write([reg::TRANSMIT_DRIVER, reg::TRANSMIT_DRIVER_12_PERCENT_A]) },
-            15 => write([reg::IRQ_MASK_MAIN, main, timer, error, target]),
-            16 => write([reg::OPERATION_CONTROL, op]),
-            17 => match receiver {
-                Receiver::Off => return Operation::Skip,
-                Receiver::OnMasked => command::MASK_RECEIVE_DATA,
-            },
-            18 => return Operation::Verify,
-            _ => return Operation::End,
-        })
+    fn setting(&self, variant: Variant, index: u8) -> Option<Setting> {
+        self.role.settings(variant).get(usize::from(index)).copied()
     }
 
-    fn listener_operation(&self, index: u8, is_b: bool) -> Operation {
-        let [op, mode, rate] = self.role.configuration();
-        let [main, timer, error, target] = reg::LISTENER_MASKS;
-        Operation::Send(match index {
-            10 => const { write([reg::PASSIVE_TARGET, reg::PASSIVE_TARGET_SILENT]) },
-            11 => const { write([reg::PASSIVE_TARGET_MODULATION, reg::PASSIVE_TARGET_HIGH_Z]) },
-            12 => {
-                const {
-                    Short::new([
-                        command::SPACE_B,
-                        command::WRITE | reg::B_AUXILIARY_MODULATION,
-                        reg::NO_LOAD_MODULATION,
-                    ])
-                }
-            }
-            13 if is_b => const { write([reg::ANTENNA_TUNING, 0x00, 0x00]) },
-            13 => const { write([reg::ANTENNA_TUNING, 0x00, 0xFF]) },
-            14 => const { write([reg::MASK_RECEIVE_TIMER, reg::MASK_RECEIVE_SHORT]) },
-            15 => write([reg::IRQ_MASK_MAIN, main, timer, error, target]),
-            16 => write([reg::MODE, mode, rate]),
-            17 => write([reg::OPERATION_CONTROL, op]),
-            18 => command::CLEAR_FIFO,
-            19 => command::UNMASK_RECEIVE_DATA,
-            20 => return Operation::Verify,
-            _ => return Operation::End,
-        })
+    fn power(&self, variant: Variant) -> Operation {
+        const OVERHEAT: Short =
+            Short::new([command::SPACE_TEST, command::WRITE | reg::TEST_OVERHEAT, reg::TEST_OVERHEAT_PROTECTION]);
+        const OSCILLATOR_ON: Short = Short::new([command::WRITE | reg::OPERATION_CONTROL, reg::OP_EN]);
+        match (self.index, variant) {
+            (0, _) => Operation::Send(command::SET_DEFAULT),
+            (1 | 11, _) => Operation::Send(self.io().write()),
+            (2, _) => Operation::Identify,
+            (3, Variant::A) => Operation::Send(OVERHEAT),
+            (4, _) => Operation::Send(IRQ_READ),
+            (5, _) => Operation::Run(OSCILLATOR_ON, Awaited::Oscillator),
+            (6, Variant::B) => Operation::Run(command::RC_CALIBRATION, Awaited::Calibration),
+            (3 | 6, _) => Operation::Skip,
+            (7, _) => Operation::Send(REGULATOR_MANUAL.write()),
+            (8, _) => Operation::Send(REGULATOR_ADJUSTED.write()),
+            (9, _) => Operation::Run(command::MEASURE_SUPPLY, Awaited::Measurement),
+            (10, _) => Operation::ReadSupply,
+            (12, _) => Operation::Run(command::ADJUST_REGULATORS, Awaited::Regulator),
+            _ => Operation::End,
+        }
+    }
+
+    fn operate(&self) -> Operation {
+        let [operation, ..] = self.role.configuration();
+        let on = Short::new([command::WRITE | reg::OPERATION_CONTROL, operation]);
+        match (self.index, self.role) {
+            (0, _) => Operation::Send(on),
+            (1, Role::Poller(Receiver::Off)) => Operation::Skip,
+            (1, Role::Poller(Receiver::OnMasked)) => Operation::Send(command::MASK_RECEIVE_DATA),
+            (1, Role::Listener) => Operation::Send(command::CLEAR_FIFO),
+            (2, Role::Listener) => Operation::Send(command::UNMASK_RECEIVE_DATA),
+            (2, Role::Poller(_)) | (3, Role::Listener) => Operation::Verify,
+            _ => Operation::End,
+        }
     }
 }
 
-/// A write of `N - 1` registers from the first byte's address on.
-const fn write<const N: usize>(bytes: [u8; N]) -> Short {
-    Short::new(bytes)
+/// A result of the supply measurement in millivolts: steps of 23.4 mV, rounded.
+const fn supply_mv(steps: u8) -> u16 {
+    (steps as u16 * 234 + 5) / 10
 }
 
 #[cfg(test)]
+#[expect(clippy::indexing_slicing, reason = "a test may panic")]
 mod tests {
     use super::*;
 
+    const LISTS: [&[Setting]; 5] =
+        [&POLLER_A, &POLLER_B, &LISTENER_A, &LISTENER_B, &[IO_5V, IO_3V, REGULATOR_MANUAL, REGULATOR_ADJUSTED]];
+
     #[test]
-    fn no_two_operations_in_a_row_are_skipped() {
+    fn every_setting_fits_one_transfer_whole() {
+        for setting in LISTS.into_iter().flatten() {
+            let head = if setting.in_space_b { 2 } else { 1 };
+            assert_eq!(setting.write().bytes().len(), head + setting.values.len(), "{setting:?}");
+            assert_eq!(setting.read().bytes().len(), head + setting.values.len(), "{setting:?}");
+            assert!(setting.write().bytes().ends_with(setting.values));
+        }
+    }
+
+    #[test]
+    fn a_setting_stands_only_if_every_register_reads_as_written() {
+        for setting in LISTS.into_iter().flatten() {
+            let head = if setting.in_space_b { 2 } else { 1 };
+            let end = head + setting.values.len();
+            let mut response = [0; Short::MAX];
+            response[head..end].copy_from_slice(setting.values);
+            assert!(setting.stands(&response[..end]));
+            for place in head..end {
+                response[place] ^= 0x10;
+                assert!(!setting.stands(&response[..end]), "{setting:?}");
+                response[place] ^= 0x10;
+            }
+            assert!(!setting.stands(&response[..end - 1]));
+        }
+    }
+
+    #[test]
+    fn the_roles_settings_agree_with_what_is_checked_in_operation() {
         for role in [Role::Poller(Receiver::Off), Role::Poller(Receiver::OnMasked), Role::Listener] {
             for variant in [Variant::A, Variant::B] {
-                let mut list = BringUp::new(role, Supply::Volts5);
-                list.variant = Some(variant);
-                let mut skipped = false;
-                for index in 0..=21 {
-                    list.index = index;
-                    let skip = matches!(list.operation(), Operation::Skip);
-                    assert!(!(skip && skipped), "{role:?} {variant:?} at {index}");
-                    skipped = skip;
-                }
+                let mode = role.settings(variant).iter().find(|setting| setting.address == reg::MODE).unwrap();
+                assert_eq!(mode.values, &role.configuration()[1..]);
             }
+        }
+    }
+
+    #[test]
+    fn a_step_of_the_measurement_is_23_4_millivolts() {
+        for (steps, millivolts) in [(0, 0), (1, 23), (5, 117), (103, 2_410), (141, 3_299), (214, 5_008), (255, 5_967)] {
+            assert_eq!(supply_mv(steps), millivolts);
         }
     }
 
     #[test]
     fn back_off_doubles_from_1_ms_and_stays_at_64_ms() {
-        let mut list = BringUp::new(Role::Listener, Supply::Volts5);
-        for micros in [1_000, 2_000, 4_000, 8_000, 16_000, 32_000, 64_000, 64_000, 64_000] {
+        let mut list = BringUp::new(Role::Listener);
+        for us in [1_000, 2_000, 4_000, 8_000, 16_000, 32_000, 64_000, 64_000, 64_000] {
             list.failed();
-            assert_eq!(list.back_off(), micros);
+            assert_eq!(list.back_off_us(), us);
         }
         list.works();
         list.failed();
-        assert_eq!(list.back_off(), 1_000);
+        assert_eq!(list.back_off_us(), 1_000);
     }
 }

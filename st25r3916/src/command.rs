@@ -28,10 +28,13 @@ pub const MASK_RECEIVE_DATA: Short = Short::new([0xD0]);
 pub const UNMASK_RECEIVE_DATA: Short = Short::new([0xD1]);
 /// Adjust the regulators to the supply; I_dct at its end, at most 5 ms later.
 pub const ADJUST_REGULATORS: Short = Short::new([0xD6]);
+/// Measure the supply that [`crate::register::REGULATOR_CONTROL`] selects; I_dct at its end, 25 µs later; the
+/// result is in [`crate::register::AD_RESULT`]. Needs the oscillator.
+pub const MEASURE_SUPPLY: Short = Short::new([0xDF]);
 /// Clear the FIFO.
 ///
 /// The data sheet contradicts itself on whether this also clears the interrupt registers; nothing in
 /// this crate depends on either.
 pub const CLEAR_FIFO: Short = Short::new([0xDB]);
-/// RC oscillator calibration (ST25R3916B only).
+/// RC oscillator calibration (ST25R3916B only); I_dct at its end, at most 5 ms later.
 pub const RC_CALIBRATION: Short = Short::new([0xEA]);

@@ -6,6 +6,34 @@
 //! activation, no acknowledgement and no retry: what is lost is lost, and both ends get back to work by
 //! themselves.
 //!
+//! # The simplest use
+//!
+//! On `embedded-hal` traits, one call at a time ([`blocking`]):
+//!
+//! ```no_run
+//! # use embedded_hal::{delay::DelayNs, digital::InputPin, spi::SpiDevice};
+//! # use st25r3916::blocking::Error;
+//! use st25r3916::{ListenerConfig, ListenerEvent, PollerConfig, blocking};
+//!
+//! // One board: SPI mode 1, at most 10 MHz; the chip's IRQ pin; a delay.
+//! # fn poller<S: SpiDevice, P: InputPin, D: DelayNs>(spi: S, irq: P, delay: D) -> Result<(), Error<S::Error, P::Error>> {
+//! let mut poller = blocking::Poller::new(spi, irq, delay, PollerConfig::new());
+//! poller.send(b"up to 254 bytes")?;
+//! # Ok(())
+//! # }
+//!
+//! // The other board.
+//! # fn listener<S: SpiDevice, P: InputPin, D: DelayNs>(spi: S, irq: P, delay: D) -> Result<(), Error<S::Error, P::Error>> {
+//! let mut listener = blocking::Listener::new(spi, irq, delay, ListenerConfig::new());
+//! let mut buffer = [0; st25r3916::listener::BUFFER];
+//! if let Some(ListenerEvent::Frame { len, flags }) = listener.next(&mut buffer, 20_000)? {
+//!     let payload = &buffer[1..=len];
+//! #   let _ = (payload, flags);
+//! }
+//! # Ok(())
+//! # }
+//! ```
+//!
 //! # Machines and executors
 //!
 //! Neither machine touches a bus. Each is a value with one method, `step`, which takes what just
@@ -16,7 +44,7 @@
 //!
 //! | step | the executor | then gives |
 //! |---|---|---|
-//! | [`Step::Transfer`] | makes one transfer, chip select low throughout | [`Input::Done`] with what came in, or [`Input::Failed`] |
+//! | [`Step::Transfer`] | makes one transfer, chip select low throughout | [`Input::Done`] or [`Input::Failed`] |
 //! | [`Step::Wait`] | looks at the IRQ pin's level, and at a timer | [`Input::Irq`] or [`Input::Timeout`] |
 //! | [`Step::Delay`] | looks at a timer alone | [`Input::Timeout`] |
 //! | [`Step::Event`] | hands it to the caller, who may swap buffers now and only now | [`Input::Start`] |
@@ -31,13 +59,15 @@
 //! The IRQ pin is a level: high while an unmasked interrupt is set, low once the interrupt registers are
 //! read. Executors on an edge-triggered input look at the level when a [`Step::Wait`] begins.
 //!
+//! The states of each machine, with a diagram, are in [`poller`] and [`listener`].
+//!
 //! # Bring-up and one frame, call by call
 //!
 //! ```
 //! use st25r3916::{Input, Listener, ListenerConfig, ListenerEvent, Poller, PollerConfig, PollerEvent};
-//! use st25r3916::{FrameFlags, Fault, ReadMode, Step, Transfer, Variant};
+//! use st25r3916::{FrameFlags, Fault, ListenerState, PollerState, ReadMode, Step, Transfer, Variant};
 //!
-//! /// The bytes of the short transfer a step asks for.
+//! /// The bytes of the short transfer that a step asks for.
 //! fn mosi<E>(step: Step<E>) -> Vec<u8> {
 //!     match step {
 //!         Step::Transfer(Transfer::Short(short)) => short.bytes().to_vec(),
@@ -48,26 +78,52 @@
 //! // The poller.
 //! let mut poller = Poller::new(PollerConfig::new());
 //! assert_eq!(mosi(poller.step(Input::Start)), [0xC1]); // set default
-//! assert_eq!(mosi(poller.step(Input::Done(&[0]))), [0x00, 0x07, 0x1C]); // IO
+//! assert_eq!(mosi(poller.step(Input::Done(&[0]))), [0x00, 0x07, 0x3C]); // IO
 //! assert_eq!(mosi(poller.step(Input::Done(&[0; 3]))), [0x7F, 0x00]); // identity?
 //! assert_eq!(mosi(poller.step(Input::Done(&[0, 0x31]))), [0x5A, 0, 0, 0, 0]); // a 3916B; stale interrupts
 //! assert_eq!(mosi(poller.step(Input::Done(&[0; 5]))), [0x02, 0x80]); // oscillator on
 //! assert_eq!(poller.step(Input::Done(&[0; 2])), Step::Wait { micros: 10_000 });
 //! assert_eq!(mosi(poller.step(Input::Irq)), [0x5A, 0, 0, 0, 0]);
 //! assert_eq!(mosi(poller.step(Input::Done(&[0, 0x80, 0, 0, 0]))), [0xEA]); // I_osc; RC calibration
-//! assert_eq!(mosi(poller.step(Input::Done(&[0]))), [0xD6]); // adjust regulators
+//! assert_eq!(poller.step(Input::Done(&[0])), Step::Wait { micros: 6_000 });
+//! assert_eq!(mosi(poller.step(Input::Irq)), [0x5A, 0, 0, 0, 0]);
+//! assert_eq!(mosi(poller.step(Input::Done(&[0, 0, 0x80, 0, 0]))), [0x2C, 0x80]); // I_dct; reg_s set
+//! assert_eq!(mosi(poller.step(Input::Done(&[0; 2]))), [0x2C, 0x00]); // and cleared; VDD is measured
+//! assert_eq!(mosi(poller.step(Input::Done(&[0; 2]))), [0xDF]); // measure the supply
+//! assert_eq!(poller.step(Input::Done(&[0])), Step::Wait { micros: 1_000 });
+//! assert_eq!(mosi(poller.step(Input::Irq)), [0x5A, 0, 0, 0, 0]);
+//! assert_eq!(mosi(poller.step(Input::Done(&[0, 0, 0x80, 0, 0]))), [0x65, 0]); // I_dct; how much?
+//! assert_eq!(mosi(poller.step(Input::Done(&[0, 214]))), [0x00, 0x07, 0x3C]); // 214 · 23.4 mV: not sup3V
+//! assert_eq!(poller.supply_mv(), Some(5_008));
+//! assert_eq!(mosi(poller.step(Input::Done(&[0; 3]))), [0xD6]); // adjust regulators
 //! assert_eq!(poller.step(Input::Done(&[0])), Step::Wait { micros: 6_000 });
 //! assert_eq!(mosi(poller.step(Input::Irq)), [0x5A, 0, 0, 0, 0]);
 //! assert_eq!(mosi(poller.step(Input::Done(&[0, 0, 0x80, 0, 0]))), [0x03, 0x1C, 0x22]); // I_dct; NFC-F, 424
 //! assert_eq!(mosi(poller.step(Input::Done(&[0; 3]))), [0x07, 0x00]); // preamble 48 bits
-//! assert_eq!(mosi(poller.step(Input::Done(&[0; 2]))), [0x0A, 0x00]);
-//! assert_eq!(mosi(poller.step(Input::Done(&[0; 2]))), [0x10, 0x00, 0x00]); // no-response timer off
+//! assert_eq!(mosi(poller.step(Input::Done(&[0; 2]))), [0x0A, 0x00, 0x13, 0x2D, 0x00, 0x00, 0x02]); // receiver
+//! assert_eq!(mosi(poller.step(Input::Done(&[0; 7]))), [0xFB, 0x0C, 0x54, 0x00]); // correlator
+//! assert_eq!(mosi(poller.step(Input::Done(&[0; 4]))), [0x10, 0x00, 0x00]); // no-response timer off
+//! assert_eq!(mosi(poller.step(Input::Done(&[0; 3]))), [0x26, 0xC5, 0xE3]); // antenna tuning
 //! assert_eq!(mosi(poller.step(Input::Done(&[0; 3]))), [0x28, 0x40]); // 12 % AM
 //! assert_eq!(mosi(poller.step(Input::Done(&[0; 2]))), [0x16, 0x77, 0x7F, 0xFF, 0xFB]); // masks
-//! assert_eq!(mosi(poller.step(Input::Done(&[0; 5]))), [0x02, 0x88]); // field on, receiver off
+//! // Every register that was written is read back before the field goes on.
+//! assert_eq!(mosi(poller.step(Input::Done(&[0; 5]))), [0x40, 0, 0]);
+//! assert_eq!(mosi(poller.step(Input::Done(&[0, 0x07, 0x3C]))), [0x6C, 0]);
+//! assert_eq!(mosi(poller.step(Input::Done(&[0, 0x00]))), [0x43, 0, 0]);
+//! assert_eq!(mosi(poller.step(Input::Done(&[0, 0x1C, 0x22]))), [0x47, 0]);
+//! assert_eq!(mosi(poller.step(Input::Done(&[0, 0x00]))), [0x4A, 0, 0, 0, 0, 0, 0]);
+//! let receiver = [0, 0x00, 0x13, 0x2D, 0x00, 0x00, 0x02];
+//! assert_eq!(mosi(poller.step(Input::Done(&receiver))), [0xFB, 0x4C, 0, 0]);
+//! assert_eq!(mosi(poller.step(Input::Done(&[0, 0, 0x54, 0x00]))), [0x50, 0, 0]);
+//! assert_eq!(mosi(poller.step(Input::Done(&[0; 3]))), [0x66, 0, 0]);
+//! assert_eq!(mosi(poller.step(Input::Done(&[0, 0xC5, 0xE3]))), [0x68, 0]);
+//! assert_eq!(mosi(poller.step(Input::Done(&[0, 0x40]))), [0x56, 0, 0, 0, 0]);
+//! let masks = [0, 0x77, 0x7F, 0xFF, 0xFB];
+//! assert_eq!(mosi(poller.step(Input::Done(&masks))), [0x02, 0x88]); // field on, receiver off
 //! assert_eq!(mosi(poller.step(Input::Done(&[0; 2]))), [0x42, 0, 0, 0]); // as written?
 //! assert_eq!(poller.step(Input::Done(&[0, 0x88, 0x1C, 0x22])), Step::Event(PollerEvent::Ready));
 //! assert_eq!(poller.variant(), Some(Variant::B));
+//! assert_eq!(poller.state(), PollerState::Ready);
 //!
 //! let step = poller.send(244).expect("it is ready and 244 ≤ 254");
 //! assert_eq!(mosi(step), [0xDB]); // clear FIFO
@@ -80,12 +136,13 @@
 //! assert_eq!(Poller::transmit().bytes(), [0xC4]);
 //! assert_eq!(poller.step(Input::Done(&[0])), Step::Wait { micros: 4_815 + 500 });
 //! assert_eq!(mosi(poller.step(Input::Irq)), [0x59, 0, 0, 0, 0, 0, 0, 0]);
-//! assert_eq!(poller.step(Input::Done(&[0, 0xFB, 0x08, 0, 0, 0, 0, 0])), Step::Event(PollerEvent::Sent)); // I_txe
+//! let ended = [0, 0xFB, 0x08, 0, 0, 0, 0, 0]; // I_txe
+//! assert_eq!(poller.step(Input::Done(&ended)), Step::Event(PollerEvent::Sent));
 //! assert_eq!(mosi(poller.step(Input::Start)), [0x42, 0, 0, 0]); // still configured?
 //! assert_eq!(mosi(poller.step(Input::Done(&[0, 0x88, 0x1C, 0x22]))), [0x71, 0]); // field still on?
 //! assert_eq!(poller.step(Input::Done(&[0, 0x30])), Step::Event(PollerEvent::Ready));
 //!
-//! // The listener, from its regulators on (what is before is the same; this one is a 3916).
+//! // The listener, a 3916, up to its regulators: as above without the RC calibration.
 //! let config = ListenerConfig { read_mode: ReadMode::StoreAndForward, ..ListenerConfig::new() };
 //! let mut listener = Listener::new(config);
 //! let _ = listener.step(Input::Start);
@@ -96,24 +153,44 @@
 //! let _ = listener.step(Input::Done(&[0; 5]));
 //! let _ = listener.step(Input::Done(&[0; 2]));
 //! let _ = listener.step(Input::Irq);
-//! assert_eq!(mosi(listener.step(Input::Done(&[0, 0x80, 0, 0, 0]))), [0xD6]);
+//! assert_eq!(mosi(listener.step(Input::Done(&[0, 0x80, 0, 0, 0]))), [0x2C, 0x80]); // I_osc
+//! let _ = listener.step(Input::Done(&[0; 2]));
+//! let _ = listener.step(Input::Done(&[0; 2]));
+//! let _ = listener.step(Input::Done(&[0]));
+//! let _ = listener.step(Input::Irq);
+//! assert_eq!(mosi(listener.step(Input::Done(&[0, 0, 0x80, 0, 0]))), [0x65, 0]);
+//! assert_eq!(mosi(listener.step(Input::Done(&[0, 141]))), [0x00, 0x07, 0xBC]); // 3.3 V: sup3V
+//! assert_eq!(mosi(listener.step(Input::Done(&[0; 3]))), [0xD6]);
 //! let _ = listener.step(Input::Done(&[0]));
 //! let _ = listener.step(Input::Irq);
 //! assert_eq!(mosi(listener.step(Input::Done(&[0, 0, 0x80, 0, 0]))), [0x08, 0x5D]); // no automatic answer
 //! assert_eq!(mosi(listener.step(Input::Done(&[0; 2]))), [0x29, 0xFF]); // no load modulation:
 //! assert_eq!(mosi(listener.step(Input::Done(&[0; 2]))), [0xFB, 0x28, 0x00]); // no driver for it
 //! assert_eq!(mosi(listener.step(Input::Done(&[0; 3]))), [0x26, 0x00, 0xFF]); // antenna tuning
-//! assert_eq!(mosi(listener.step(Input::Done(&[0; 3]))), [0x0F, 0x02]);
-//! assert_eq!(mosi(listener.step(Input::Done(&[0; 2]))), [0x16, 0xCF, 0xE7, 0x0F, 0xFB]); // masks
+//! assert_eq!(mosi(listener.step(Input::Done(&[0; 3]))), [0x0A, 0x00, 0x13, 0x2D, 0x00, 0x00, 0x02]);
+//! assert_eq!(mosi(listener.step(Input::Done(&[0; 7]))), [0xFB, 0x0C, 0x54, 0x00]);
+//! assert_eq!(mosi(listener.step(Input::Done(&[0; 4]))), [0x16, 0xCF, 0xE7, 0x0F, 0xFB]); // masks
 //! assert_eq!(mosi(listener.step(Input::Done(&[0; 5]))), [0x03, 0xA0, 0x22]); // target, NFC-F, 424
-//! assert_eq!(mosi(listener.step(Input::Done(&[0; 3]))), [0x02, 0xC3]); // receiver, field detector
+//! let _ = listener.step(Input::Done(&[0; 3])); // the same registers read back
+//! let _ = listener.step(Input::Done(&[0, 0x07, 0xBC]));
+//! let _ = listener.step(Input::Done(&[0, 0x00]));
+//! let _ = listener.step(Input::Done(&[0, 0x5D]));
+//! let _ = listener.step(Input::Done(&[0, 0xFF]));
+//! let _ = listener.step(Input::Done(&[0, 0, 0x00]));
+//! let _ = listener.step(Input::Done(&[0, 0x00, 0xFF]));
+//! let _ = listener.step(Input::Done(&receiver));
+//! let _ = listener.step(Input::Done(&[0, 0, 0x54, 0x00]));
+//! assert_eq!(mosi(listener.step(Input::Done(&[0, 0xCF, 0xE7, 0x0F, 0xFB]))), [0x43, 0, 0]);
+//! assert_eq!(mosi(listener.step(Input::Done(&[0, 0xA0, 0x22]))), [0x02, 0xC3]); // receiver, field detector
 //! assert_eq!(mosi(listener.step(Input::Done(&[0; 2]))), [0xDB]); // clear FIFO
 //! assert_eq!(mosi(listener.step(Input::Done(&[0]))), [0xD1]); // unmask receive data
 //! assert_eq!(mosi(listener.step(Input::Done(&[0]))), [0x42, 0, 0, 0]);
-//! assert_eq!(listener.step(Input::Done(&[0, 0xC3, 0xA0, 0x22])), Step::Event(ListenerEvent::Listening));
+//! let listening = Step::Event(ListenerEvent::Listening);
+//! assert_eq!(listener.step(Input::Done(&[0, 0xC3, 0xA0, 0x22])), listening);
 //!
 //! let mut buffer = [0; st25r3916::listener::BUFFER];
 //! assert_eq!(listener.step(Input::Start), Step::Wait { micros: 20_000 });
+//! assert_eq!(listener.state(), ListenerState::Listening);
 //! assert_eq!(mosi(listener.step(Input::Irq)), [0x59, 0, 0, 0, 0, 0, 0, 0]);
 //! assert_eq!(listener.step(Input::Done(&[0, 0xFB, 0x20, 0, 0, 0, 0, 0])), Step::Wait { micros: 6_000 }); // I_rxs
 //! assert_eq!(mosi(listener.step(Input::Irq)), [0x59, 0, 0, 0, 0, 0, 0, 0]);
@@ -144,7 +221,8 @@
 //!
 //! "DS13541" is ST's data sheet of the ST25R3916B. Where the ST25R3916 differs (identity, overheat
 //! protection, antenna tuning, the coding of the AM depth) the driver reads which part it has and
-//! adapts. What no data sheet settles is in the README's table of known trouble.
+//! adapts. Values that the data sheet leaves to the user follow public drivers, named in [`register`]
+//! and in `bring_up.rs`. What no source settles is in the README's table of known trouble.
 #![no_std]
 #![forbid(unsafe_code)]
 #![deny(clippy::indexing_slicing)]
@@ -158,18 +236,32 @@ pub mod poller;
 pub mod register;
 mod status;
 
-pub use listener::{Dropped, FrameFlags, Listener, ListenerConfig, ListenerCounters, ListenerEvent, ReadMode};
+pub use listener::{
+    Dropped, FrameFlags, Listener, ListenerConfig, ListenerCounters, ListenerEvent, ListenerState, ReadMode,
+};
 pub use machine::{Fault, Input, Short, Step, Transfer};
-pub use poller::{Poller, PollerConfig, PollerCounters, PollerEvent, Receiver, SendError};
+pub use poller::{Poller, PollerConfig, PollerCounters, PollerEvent, PollerState, Receiver, SendError};
 
 /// The longest wait for a stable oscillator, in microseconds (typically 0.7 ms).
-pub const OSCILLATOR_MICROS: u32 = 10_000;
+pub const OSCILLATOR_US: u32 = 10_000;
+/// The longest wait for the RC calibration of an ST25R3916B, in microseconds (5 ms in the data sheet). Without its
+/// interrupt bring-up goes on after this time.
+pub const CALIBRATION_US: u32 = 6_000;
+/// The longest wait for the supply measurement, in microseconds (25 µs in the data sheet).
+pub const MEASUREMENT_US: u32 = 1_000;
 /// The longest wait for the regulator adjustment, in microseconds (at most 5 ms in the data
 /// sheet).
-pub const REGULATOR_MICROS: u32 = 6_000;
+pub const REGULATOR_US: u32 = 6_000;
 /// The longest time from a frame's sync (I_rxs) to its end (I_rxe), in microseconds: 257 bytes
 /// take 4.852 ms.
-pub const FRAME_MICROS: u32 = 6_000;
+pub const FRAME_US: u32 = 6_000;
+
+/// The lowest supply (VDD) that the data sheet allows, in millivolts. Less is [`Fault::SupplyOutOfRange`].
+pub const SUPPLY_MIN_MV: u16 = 2_400;
+/// From this supply on, in millivolts, the chip is set up for 5 V; below it for 3.3 V (`sup3V`).
+pub const SUPPLY_5V_MV: u16 = 3_600;
+/// The highest supply (VDD) that the data sheet allows, in millivolts. More is [`Fault::SupplyOutOfRange`].
+pub const SUPPLY_MAX_MV: u16 = 5_500;
 
 /// Which part answered, from its identity register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -179,17 +271,6 @@ pub enum Variant {
     A,
     /// ST25R3916B.
     B,
-}
-
-/// The chip's supply voltage (VDD).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Supply {
-    /// 4.1 V to 5.5 V.
-    #[default]
-    Volts5,
-    /// 2.4 V to 3.6 V: sets `sup3V`.
-    Volts3,
 }
 
 /// The air time of a frame at 424 kbit/s, first preamble bit to last CRC bit, in nanoseconds,
@@ -205,7 +286,7 @@ pub const fn air_time_ns(payload: usize) -> u64 {
 
 /// [`air_time_ns`] in microseconds, rounded up, without 64-bit arithmetic (a library call on a
 /// Cortex-M4).
-const fn air_time_micros(payload: u8) -> u32 {
+const fn air_time_us(payload: u8) -> u32 {
     let bits = 64 + 8 * (payload as u32 + 3);
     (bits * 3_200).div_ceil(1_356)
 }
@@ -224,7 +305,7 @@ mod tests {
         assert_eq!(air_time_ns(244), 4_814_160);
         assert_eq!(air_time_ns(254), 5_002_950);
         for payload in 0..=255_u8 {
-            assert_eq!(u64::from(air_time_micros(payload)), air_time_ns(usize::from(payload)).div_ceil(1_000));
+            assert_eq!(u64::from(air_time_us(payload)), air_time_ns(usize::from(payload)).div_ceil(1_000));
         }
     }
 

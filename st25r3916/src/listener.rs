@@ -1,5 +1,31 @@
 //! The listener: receives NFC-F frames, never answers.
 //!
+//! # States
+//!
+//! [`Listener::state`] tells where a listener is. A box is a [`ListenerState`], a word in capitals an event; an event
+//! waits for the next [`Input::Start`].
+//!
+//! ```text
+//!     New
+//!      │ Start
+//!      ▼         supply, oscillator, registers
+//!  BringingUp ────────────────────────────────► LISTENING ─► Reported
+//!      ▲                                                        │ Start
+//!      │ back-off over                                          ▼          no frame, supervision over
+//!  BackingOff              FIELDON, FIELDOFF ◄─ ReadingStatus ◄─► Listening ◄────────── RearmUnmask
+//!      ▲                   (─► Reported)        │       ▲                                   ▲
+//!      │ Start                            I_rxs │       │ nothing for a while               │
+//!   Faulted ◄─ FAULT ─ any state                │       └─► CheckingConfiguration ─► RearmClear
+//!                                               ▼                                           ▲
+//!                   ReadingFifo ◄─► Receiving ◄─► ReadingStatus                             │ none begun
+//!                        │              I_rxe, 6 ms over, field lost                        │
+//!                        ▼                                                                  │
+//!                FRAME or DROPPED ─► Delivered ── Start ──────────────► RearmStatus ────────┤
+//!                                                                            │ I_rxs: begun │
+//!                                                                            ▼
+//!                                                                        Receiving
+//! ```
+//!
 //! # A frame
 //!
 //! I_rxs (sync seen) begins it, I_rxe ends it, and in between the bytes fill the FIFO, one every
@@ -11,8 +37,9 @@
 //!
 //! so that about [`TAIL`] bytes are left after I_rxe (24 µs at 8 MHz). Each read takes one
 //! byte less than the FIFO level gave, which can only have grown since, so the FIFO is never read
-//! empty while the chip fills it. An executor that is late at either instant finds more bytes, or the end; the result is the
-//! same, only later. A LEN damaged on air puts the second read at a wrong instant, nothing more.
+//! empty while the chip fills it. An executor that is late at either instant finds more bytes, or the
+//! end; the result is the same, only later. A LEN damaged on air puts the second read at a wrong
+//! instant, nothing more.
 //!
 //! # Delivery before re-arming
 //!
@@ -32,16 +59,18 @@
 //! | I_rxs again without I_rxe | [`Dropped::Overrun`], the new frame is received |
 //! | field lost under a frame | [`Dropped::FieldLost`], [`ListenerEvent::FieldOff`], re-arm |
 //! | errors without a frame (a start in the middle of one) | re-arm |
-//! | nothing for [`ListenerConfig::supervision_micros`] | configuration checked, re-arm |
+//! | nothing for [`ListenerConfig::supervision_us`] | configuration checked, re-arm |
 //! | reset of the chip | [`Fault::Reset`] at the next interrupt or supervision, bring-up |
-//! | dead bus, stuck IRQ pin | [`Fault::Bus`], [`Fault::IrqStuck`], bring-up after a back-off of 1 ms, doubled each time up to 64 ms |
+//! | dead bus, stuck IRQ pin | [`Fault::Bus`], [`Fault::IrqStuck`], bring-up after a back-off |
+//!
+//! The back-off before a bring-up is 1 ms after the first fault and doubles with each up to 64 ms.
 
 use crate::bring_up::{BringUp, CONFIGURATION_READ, IDLE_IRQS, Progress, Role};
 use crate::command;
 use crate::machine::{Fault, Input, Short, Step, Transfer};
 use crate::register as reg;
 use crate::status::{STATUS_READ, Status};
-use crate::{FRAME_MICROS, Supply, Variant};
+use crate::{FRAME_US, Variant};
 
 /// With [`ReadMode::WhileFilling`], bytes left for after I_rxe when the second read begins. They take
 /// 453 µs to arrive; the second read, at most 233 bytes, takes 241 µs at 8 MHz and the rest is the
@@ -57,7 +86,7 @@ const SHORTEST: u16 = 4;
 const OVERHEAD: u16 = 3;
 
 /// The time `bytes` take at 424 kbit/s, in microseconds: 8 · 32 / 13.56 MHz = 18.879 µs each.
-const fn bytes_micros(bytes: u16) -> u32 {
+const fn bytes_us(bytes: u16) -> u32 {
     (bytes as u32 * 1_208) >> 6
 }
 
@@ -83,20 +112,18 @@ pub enum ReadMode {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ListenerConfig {
-    /// The chip's supply voltage.
-    pub supply: Supply,
     /// When the FIFO is read.
     pub read_mode: ReadMode,
     /// With nothing on air, the chip is checked and re-armed this often, in microseconds. Longer
     /// than the time between frames, it costs nothing while frames come.
-    pub supervision_micros: u32,
+    pub supervision_us: u32,
 }
 
 impl ListenerConfig {
-    /// 5 V supply, reads while the frame arrives, checks an idle chip every 20 ms.
+    /// Reads while the frame arrives, checks an idle chip every 20 ms.
     #[must_use]
     pub const fn new() -> Self {
-        Self { supply: Supply::Volts5, read_mode: ReadMode::WhileFilling, supervision_micros: 20_000 }
+        Self { read_mode: ReadMode::WhileFilling, supervision_us: 20_000 }
     }
 }
 
@@ -167,7 +194,7 @@ impl FrameFlags {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Dropped {
-    /// I_rxs, but no I_rxe within [`crate::FRAME_MICROS`].
+    /// I_rxs, but no I_rxe within [`crate::FRAME_US`].
     NoEnd,
     /// The field went off under it.
     FieldLost,
@@ -229,34 +256,44 @@ pub struct ListenerCounters {
     pub bring_ups: u32,
 }
 
-/// Where the listener is. The name says what is outstanding.
+/// Where a listener is; the module's documentation draws how it gets there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum State {
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum ListenerState {
     /// Nothing was done yet.
     New,
     /// A fault was reported; the chip needs a bring-up.
-    Broken,
-    BackOff,
-    BringUp,
-    /// An event was given; wait for the next frame, or for the rest of this one.
-    Resume,
-    /// An event was given; the receiver needs re-arming.
-    Used,
-    /// Re-arming: status, clear, unmask.
+    Faulted,
+    /// Waiting before the next bring-up.
+    BackingOff,
+    /// The chip is being brought up.
+    BringingUp,
+    /// An event was given; the receiver is armed, or a frame is on its way.
+    Reported,
+    /// A frame was delivered or dropped, and reported; the receiver needs re-arming.
+    Delivered,
+    /// Re-arming: the status is being read.
     RearmStatus,
+    /// Re-arming: the FIFO is being cleared.
     RearmClear,
+    /// Re-arming: the receiver is being unmasked.
     RearmUnmask,
-    /// Waiting for an interrupt, in or out of a frame.
-    Waiting,
-    /// Reading status after the wait; `late`: its time is over.
+    /// Waiting for a frame.
+    Listening,
+    /// Waiting for the rest of a frame.
+    Receiving,
+    /// The status is being read, in or out of a frame.
     ReadingStatus {
+        /// The time of the wait before is over.
         late: bool,
     },
-    /// Nothing came for a while: configuration check.
-    Checking,
-    /// Reading the FIFO; `end`: the frame is over.
+    /// Nothing came for a while: operation control, mode and bit rate are being read.
+    CheckingConfiguration,
+    /// Bytes of a frame are being read.
     ReadingFifo {
+        /// How many.
         count: u16,
+        /// The frame is over: these are its last.
         end: bool,
     },
 }
@@ -269,10 +306,10 @@ struct Frame {
     got: u16,
     /// LEN + 2, once LEN is known.
     total: Option<u16>,
-    /// Microseconds waited since I_rxs; a lower bound of the time passed.
-    waited: u32,
-    /// Microseconds of the wait under way.
-    waiting: u32,
+    /// Time waited since I_rxs; a lower bound of the time passed.
+    waited_us: u32,
+    /// Time of the wait under way.
+    waiting_us: u32,
     flags: FrameFlags,
 }
 
@@ -290,7 +327,7 @@ enum Plan {
 pub struct Listener {
     config: ListenerConfig,
     bring_up: BringUp,
-    state: State,
+    state: ListenerState,
     frame: Option<Frame>,
     /// I_eon and I_eof not yet reported.
     field_irqs: u8,
@@ -305,8 +342,8 @@ impl Listener {
     pub const fn new(config: ListenerConfig) -> Self {
         Self {
             config,
-            bring_up: BringUp::new(Role::Listener, config.supply),
-            state: State::New,
+            bring_up: BringUp::new(Role::Listener),
+            state: ListenerState::New,
             frame: None,
             field_irqs: 0,
             field_on: false,
@@ -332,6 +369,19 @@ impl Listener {
         self.bring_up.variant()
     }
 
+    /// The chip's supply (VDD) in millivolts, as the last bring-up measured it: steps of 23.4 mV, within
+    /// [`crate::SUPPLY_MIN_MV`]..=[`crate::SUPPLY_MAX_MV`].
+    #[must_use]
+    pub const fn supply_mv(&self) -> Option<u16> {
+        self.bring_up.supply_mv()
+    }
+
+    /// Where the listener is.
+    #[must_use]
+    pub const fn state(&self) -> ListenerState {
+        self.state
+    }
+
     /// Counts since the machine was made.
     #[must_use]
     pub const fn counters(&self) -> ListenerCounters {
@@ -345,39 +395,47 @@ impl Listener {
         }
         match (self.state, input) {
             // An event was given: whatever comes next goes on from it.
-            (State::New, _) | (State::BackOff, Input::Timeout) => {
-                self.state = State::BringUp;
+            (ListenerState::New, _) | (ListenerState::BackingOff, Input::Timeout) => {
+                self.state = ListenerState::BringingUp;
                 let progress = self.bring_up.begin();
                 self.progress(progress)
             }
-            (State::Broken | State::BackOff, _) => {
-                self.state = State::BackOff;
-                Step::Delay { micros: self.bring_up.back_off() }
+            (ListenerState::Faulted | ListenerState::BackingOff, _) => {
+                self.state = ListenerState::BackingOff;
+                Step::Delay { micros: self.bring_up.back_off_us() }
             }
-            (State::BringUp, input) => {
+            (ListenerState::BringingUp, input) => {
                 let progress = self.bring_up.step(input);
                 self.progress(progress)
             }
-            (State::Resume, _) => self.resume(),
-            (State::Used, _) => self.short(State::RearmStatus, STATUS_READ),
+            (ListenerState::Reported, _) => self.resume(),
+            (ListenerState::Delivered, _) => self.short(ListenerState::RearmStatus, STATUS_READ),
 
-            (State::RearmStatus, Input::Done(response)) => match Status::parse(response) {
+            (ListenerState::RearmStatus, Input::Done(response)) => match Status::parse(response) {
                 Ok(status) => self.rearm(status),
                 Err(fault) => self.fault(fault),
             },
-            (State::RearmClear, Input::Done(_)) => self.short(State::RearmUnmask, command::UNMASK_RECEIVE_DATA),
-            (State::RearmUnmask, Input::Done(_)) => self.resume(),
+            (ListenerState::RearmClear, Input::Done(_)) => {
+                self.short(ListenerState::RearmUnmask, command::UNMASK_RECEIVE_DATA)
+            }
+            (ListenerState::RearmUnmask, Input::Done(_)) => self.resume(),
 
-            (State::Waiting, Input::Irq) => self.short(State::ReadingStatus { late: false }, STATUS_READ),
-            (State::Waiting, Input::Timeout) => self.short(State::ReadingStatus { late: true }, STATUS_READ),
-            (State::ReadingStatus { late }, Input::Done(response)) => match Status::parse(response) {
+            (ListenerState::Listening | ListenerState::Receiving, Input::Irq) => {
+                self.short(ListenerState::ReadingStatus { late: false }, STATUS_READ)
+            }
+            (ListenerState::Listening | ListenerState::Receiving, Input::Timeout) => {
+                self.short(ListenerState::ReadingStatus { late: true }, STATUS_READ)
+            }
+            (ListenerState::ReadingStatus { late }, Input::Done(response)) => match Status::parse(response) {
                 Ok(status) => self.status(status, late),
                 Err(fault) => self.fault(fault),
             },
-            (State::ReadingFifo { count, end }, Input::Done(bytes)) => self.fifo(count, end, bytes.first().copied()),
-            (State::Checking, Input::Done(response)) => {
+            (ListenerState::ReadingFifo { count, end }, Input::Done(bytes)) => {
+                self.fifo(count, end, bytes.first().copied())
+            }
+            (ListenerState::CheckingConfiguration, Input::Done(response)) => {
                 if self.bring_up.role().configuration_stands(response) {
-                    self.short(State::RearmClear, command::CLEAR_FIFO)
+                    self.short(ListenerState::RearmClear, command::CLEAR_FIFO)
                 } else {
                     self.fault(Fault::Reset)
                 }
@@ -386,12 +444,12 @@ impl Listener {
         }
     }
 
-    fn short(&mut self, state: State, short: Short) -> Step<ListenerEvent> {
+    fn short(&mut self, state: ListenerState, short: Short) -> Step<ListenerEvent> {
         self.state = state;
         Step::Transfer(Transfer::Short(short))
     }
 
-    fn event(&mut self, state: State, event: ListenerEvent) -> Step<ListenerEvent> {
+    fn event(&mut self, state: ListenerState, event: ListenerEvent) -> Step<ListenerEvent> {
         self.state = state;
         Step::Event(event)
     }
@@ -402,18 +460,18 @@ impl Listener {
         self.field_on = false;
         self.bring_up.failed();
         count(&mut self.counters.faults);
-        self.event(State::Broken, ListenerEvent::Fault(fault))
+        self.event(ListenerState::Faulted, ListenerEvent::Fault(fault))
     }
 
     fn progress(&mut self, progress: Progress) -> Step<ListenerEvent> {
         match progress {
             Progress::Transfer(short) => Step::Transfer(Transfer::Short(short)),
-            Progress::Wait(micros) => Step::Wait { micros },
+            Progress::Wait(us) => Step::Wait { micros: us },
             Progress::Failed(fault) => self.fault(fault),
-            Progress::Finished(_) => {
+            Progress::Finished => {
                 self.idle_irqs = 0;
                 count(&mut self.counters.bring_ups);
-                self.event(State::Resume, ListenerEvent::Listening)
+                self.event(ListenerState::Reported, ListenerEvent::Listening)
             }
         }
     }
@@ -424,7 +482,7 @@ impl Listener {
         if status.is_set(reg::IRQ_RXS) {
             self.status_begins(status)
         } else {
-            self.short(State::RearmClear, command::CLEAR_FIFO)
+            self.short(ListenerState::RearmClear, command::CLEAR_FIFO)
         }
     }
 
@@ -437,25 +495,25 @@ impl Listener {
             if due != 0 {
                 self.field_on = due == reg::IRQ_EON;
                 if self.field_on {
-                    return self.event(State::Resume, ListenerEvent::FieldOn);
+                    return self.event(ListenerState::Reported, ListenerEvent::FieldOn);
                 }
                 count(&mut self.counters.field_losses);
-                return self.event(State::Resume, ListenerEvent::FieldOff);
+                return self.event(ListenerState::Reported, ListenerEvent::FieldOff);
             }
         }
         self.wait()
     }
 
     fn wait(&mut self) -> Step<ListenerEvent> {
-        self.state = State::Waiting;
-        let micros = match &mut self.frame {
-            None => self.config.supervision_micros,
+        let (state, us) = match &mut self.frame {
+            None => (ListenerState::Listening, self.config.supervision_us),
             Some(frame) => {
-                frame.waiting = frame.next_wait();
-                frame.waiting
+                frame.waiting_us = frame.next_wait_us();
+                (ListenerState::Receiving, frame.waiting_us)
             }
         };
-        Step::Wait { micros }
+        self.state = state;
+        Step::Wait { micros: us }
     }
 
     fn note_field(&mut self, status: Status) {
@@ -479,8 +537,8 @@ impl Listener {
         match self.frame.take() {
             Some(frame) => self.status_in_frame(frame, status, late),
             None if status.is_set(reg::IRQ_RXS | reg::IRQ_RXE) => self.status_begins(status),
-            None if status.error != 0 => self.short(State::RearmClear, command::CLEAR_FIFO),
-            None if late => self.short(State::Checking, CONFIGURATION_READ),
+            None if status.error != 0 => self.short(ListenerState::RearmClear, command::CLEAR_FIFO),
+            None if late => self.short(ListenerState::CheckingConfiguration, CONFIGURATION_READ),
             None => self.resume(),
         }
     }
@@ -506,7 +564,7 @@ impl Listener {
             next.note(status);
             self.frame = Some(next);
             count(&mut self.counters.dropped);
-            return self.event(State::Resume, ListenerEvent::Dropped(Dropped::Overrun));
+            return self.event(ListenerState::Reported, ListenerEvent::Dropped(Dropped::Overrun));
         }
         frame.note(status);
         if status.is_set(reg::IRQ_RXE) {
@@ -519,7 +577,7 @@ impl Listener {
             self.frame = Some(frame);
             return self.wait();
         }
-        frame.waited = frame.waited.saturating_add(frame.waiting);
+        frame.waited_us = frame.waited_us.saturating_add(frame.waiting_us);
         match frame.plan {
             Plan::End => self.lose(Dropped::NoEnd),
             Plan::Head | Plan::Body => {
@@ -545,7 +603,7 @@ impl Listener {
         if usize::from(frame.got) + usize::from(count) > BUFFER {
             return self.lose(Dropped::TooLong);
         }
-        self.state = State::ReadingFifo { count, end };
+        self.state = ListenerState::ReadingFifo { count, end };
         Step::Transfer(Transfer::Read { offset: usize::from(frame.got), len: usize::from(count) })
     }
 
@@ -574,7 +632,10 @@ impl Listener {
         count_if(&mut counters.framing, flags.intersects(FrameFlags::FRAMING.union(FrameFlags::PARTIAL)));
         count_if(&mut counters.flow, flags.intersects(FrameFlags::OVERFLOW.union(FrameFlags::UNDERFLOW)));
         count_if(&mut counters.length, flags.intersects(FrameFlags::LENGTH));
-        self.event(State::Used, ListenerEvent::Frame { len: usize::from(frame.got.saturating_sub(OVERHEAD)), flags })
+        self.event(
+            ListenerState::Delivered,
+            ListenerEvent::Frame { len: usize::from(frame.got.saturating_sub(OVERHEAD)), flags },
+        )
     }
 
     fn lose(&mut self, why: Dropped) -> Step<ListenerEvent> {
@@ -583,7 +644,7 @@ impl Listener {
             Dropped::NoEnd => &mut self.counters.no_end,
             _ => &mut self.counters.dropped,
         });
-        self.event(State::Used, ListenerEvent::Dropped(why))
+        self.event(ListenerState::Delivered, ListenerEvent::Dropped(why))
     }
 }
 
@@ -596,8 +657,8 @@ impl Frame {
             },
             got: 0,
             total: None,
-            waited: 0,
-            waiting: 0,
+            waited_us: 0,
+            waiting_us: 0,
             flags: FrameFlags::empty(),
         }
     }
@@ -626,14 +687,14 @@ impl Frame {
     /// How long to wait now. Before a frame's last time-out, until the bytes of the plan should be
     /// there, counted from the bytes already read (they arrived a little earlier, so this is late
     /// rather than early by the duration of one read); then until the longest frame would be over.
-    fn next_wait(&mut self) -> u32 {
+    fn next_wait_us(&mut self) -> u32 {
         let tail = TAIL as u16;
         match (self.plan, self.total) {
-            (Plan::Head, _) => bytes_micros(HEAD),
-            (Plan::Body, Some(total)) if total > self.got + tail => bytes_micros(total - tail - self.got),
+            (Plan::Head, _) => bytes_us(HEAD),
+            (Plan::Body, Some(total)) if total > self.got + tail => bytes_us(total - tail - self.got),
             _ => {
                 self.plan = Plan::End;
-                FRAME_MICROS.saturating_sub(self.waited).max(1)
+                FRAME_US.saturating_sub(self.waited_us).max(1)
             }
         }
     }

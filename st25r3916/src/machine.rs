@@ -28,6 +28,16 @@ impl Short {
         head.copy_from_slice(&from);
         Self { bytes, len: N as u8 }
     }
+
+    /// `head`, then `rest`; together at most [`Short::MAX`] bytes, what is more is not sent.
+    pub(crate) fn of(head: &[u8], rest: &[u8]) -> Self {
+        let mut short = Self { bytes: [0; Self::MAX], len: 0 };
+        for (slot, byte) in short.bytes.iter_mut().zip(head.iter().chain(rest)) {
+            *slot = *byte;
+            short.len += 1;
+        }
+        short
+    }
 }
 
 /// One SPI transfer with chip select low from its first bit to its last.
@@ -111,9 +121,16 @@ pub enum Fault {
     Absent,
     /// The identity register names another part; the byte read.
     Identity(u8),
-    /// No stable oscillator within [`crate::OSCILLATOR_MICROS`].
+    /// No stable oscillator within [`crate::OSCILLATOR_US`].
     Oscillator,
-    /// The regulator adjustment did not end within [`crate::REGULATOR_MICROS`].
+    /// The supply measurement did not end within [`crate::MEASUREMENT_US`].
+    SupplyMeasurement,
+    /// The chip's supply (VDD) is below [`crate::SUPPLY_MIN_MV`] or above [`crate::SUPPLY_MAX_MV`].
+    SupplyOutOfRange {
+        /// As the chip measured it, in millivolts, in steps of 23.4 mV.
+        millivolts: u16,
+    },
+    /// The regulator adjustment did not end within [`crate::REGULATOR_US`].
     Regulator,
     /// A register written during bring-up did not read back as written.
     Configuration,

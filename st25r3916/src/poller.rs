@@ -1,12 +1,37 @@
 //! The poller: field always on, sends NFC-F frames, never listens.
 //!
+//! # States
+//!
+//! [`Poller::state`] tells where a poller is. A box is a [`PollerState`], a word in capitals an event; an event waits
+//! for the next [`Input::Start`].
+//!
+//! ```text
+//!     New
+//!      │ Start
+//!      ▼         supply, oscillator, registers                 ┌──────────────────────────────────────┐
+//!  BringingUp ────────────────────────────────► READY ─► Ready │ Start: check the chip once more      │
+//!      ▲                                                 │ ▲ ◄─┘ (CheckingConfiguration,              │
+//!      │ back-off over                            send() │ │        CheckingField)                    │
+//!  BackingOff                                            ▼ │                                          │
+//!      ▲                     PreparingClear, PreparingLength, Loading, CheckingLoad                   │
+//!      │ Start                                           │                                            │
+//!   Faulted ◄─ FAULT ─ any state                         ▼                                            │
+//!                                             LOADED ─► Loaded ── Start: frame given up ──────────────┤
+//!   FrameLost ◄─ FAULT ─ a frame's first                 │ Done: C4 was sent                          │
+//!      │ Start                                           ▼                                            │
+//!      ▼                                       OnAir ◄─► ReadingIrqs                                  │
+//!   Stopping ─► Clearing ─► check ─► READY               │ I_txe                                      │
+//!                                                        ▼                                            │
+//!                                               SENT ─► Sent ── Start ────────────────────────────────┘
+//! ```
+//!
 //! # A frame
 //!
 //! [`Poller::send`] clears the FIFO, sets the length, has the payload loaded and reads the FIFO level
 //! back; [`PollerEvent::Loaded`] says that all that is left is one byte on the bus,
 //! [`Poller::transmit`], which the executor sends at an instant of its own choosing (a timer's compare
 //! event may start it with no code in between). From there the machine waits for I_txe for as long
-//! as the frame's own air time and [`TRANSMIT_MARGIN_MICROS`], then says [`PollerEvent::Sent`].
+//! as the frame's own air time and [`TRANSMIT_MARGIN_US`], then says [`PollerEvent::Sent`].
 //! The next [`Input::Start`] checks the chip (configuration in place, oscillator and transmitter on)
 //! and comes to [`PollerEvent::Ready`]. The field stays on from bring-up on.
 //!
@@ -14,21 +39,22 @@
 //!
 //! | fault | first | again, with no frame sent in between |
 //! |---|---|---|
-//! | [`Fault::NoTransmitEnd`], [`Fault::FifoFlow`], [`Fault::FifoCount`] | stop, clear, check: the field stays on | bring-up |
+//! | [`Fault::NoTransmitEnd`], [`Fault::FifoFlow`], [`Fault::FifoCount`] | stop, clear, check | bring-up |
 //! | every other | bring-up after a back-off of 1 ms, doubled each time up to 64 ms | the same |
 //!
-//! A bring-up takes about 6 ms on the chip's side and drops the field meanwhile, which the listener
-//! sees; that is why a single lost frame does not cause one.
+//! A bring-up takes the chip about 6 ms (ST25R3916) or up to 11 ms (ST25R3916B, whose RC calibration takes up to
+//! 5 ms) and drops the field meanwhile, which the listener sees; that is why a single lost frame does not cause one
+//! and leaves the field on.
 
 use crate::bring_up::{BringUp, CONFIGURATION_READ, IDLE_IRQS, Progress, Role};
 use crate::command;
 use crate::machine::{Fault, Input, Short, Step, Transfer};
 use crate::register as reg;
 use crate::status::{STATUS_READ, Status};
-use crate::{Supply, Variant, air_time_micros};
+use crate::{Variant, air_time_us};
 
 /// How much longer than its air time a frame may take before it is given up, in microseconds.
-pub const TRANSMIT_MARGIN_MICROS: u32 = 500;
+pub const TRANSMIT_MARGIN_US: u32 = 500;
 
 /// The longest payload of one frame, in bytes: LEN = payload + 1 is one byte.
 pub const MAX_PAYLOAD: usize = 254;
@@ -49,8 +75,6 @@ pub enum Receiver {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct PollerConfig {
-    /// The chip's supply voltage.
-    pub supply: Supply,
     /// Receiver off, or on and masked.
     pub receiver: Receiver,
     /// Read the FIFO level back after loading, and fail with [`Fault::FifoCount`] if it is not the
@@ -62,10 +86,10 @@ pub struct PollerConfig {
 }
 
 impl PollerConfig {
-    /// 5 V supply, receiver off, all checks on.
+    /// Receiver off, all checks on.
     #[must_use]
     pub const fn new() -> Self {
-        Self { supply: Supply::Volts5, receiver: Receiver::Off, check_load: true, check_field: true }
+        Self { receiver: Receiver::Off, check_load: true, check_field: true }
     }
 }
 
@@ -103,36 +127,48 @@ pub enum SendError {
     Length,
 }
 
-/// Where the poller is. The name says what is outstanding.
+/// Where a poller is; the module's documentation draws how it gets there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum State {
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum PollerState {
     /// Nothing was done yet.
     New,
     /// A fault was reported; the chip needs a bring-up.
-    Broken,
-    /// A fault was reported; the chip needs to be stopped and looked at.
-    Disturbed,
-    BackOff,
-    BringUp,
-    /// Stop, then clear, after a lost frame.
+    Faulted,
+    /// A frame was lost and reported as a fault; the chip needs to be stopped and checked.
+    FrameLost,
+    /// Waiting before the next bring-up.
+    BackingOff,
+    /// The chip is being brought up.
+    BringingUp,
+    /// After a lost frame: the stop command is under way.
     Stopping,
+    /// After a lost frame: the FIFO is being cleared.
     Clearing,
-    /// Configuration, then auxiliary display, between frames.
+    /// Between frames: operation control, mode and bit rate are being read.
     CheckingConfiguration,
+    /// Between frames: the auxiliary display is being read.
     CheckingField,
+    /// [`Poller::send`] is possible.
     Ready,
-    /// The FIFO clear, length and load of `send`, and the read after it.
-    SendClear,
-    SendLength,
-    SendLoad,
-    SendCheck,
+    /// A frame was begun: the FIFO is being cleared.
+    PreparingClear,
+    /// A frame was begun: its length is being written.
+    PreparingLength,
+    /// A frame was begun: its payload is being loaded.
+    Loading,
+    /// A frame was begun: the FIFO level is being read back.
+    CheckingLoad,
+    /// [`Poller::transmit`] is to be performed.
     Loaded,
     /// On air: waiting for I_txe.
     OnAir,
-    /// Reading the interrupts; `last`: the time is over.
+    /// On air: the interrupt registers are being read.
     ReadingIrqs {
+        /// The frame's time is over: this read decides.
         last: bool,
     },
+    /// The frame was sent and reported.
     Sent,
 }
 
@@ -153,7 +189,7 @@ pub struct PollerCounters {
 pub struct Poller {
     config: PollerConfig,
     bring_up: BringUp,
-    state: State,
+    state: PollerState,
     /// Payload bytes of the frame under way.
     len: u8,
     /// Frames lost in a row without a bring-up.
@@ -168,8 +204,8 @@ impl Poller {
     pub const fn new(config: PollerConfig) -> Self {
         Self {
             config,
-            bring_up: BringUp::new(Role::Poller(config.receiver), config.supply),
-            state: State::New,
+            bring_up: BringUp::new(Role::Poller(config.receiver)),
+            state: PollerState::New,
             len: 0,
             lost: 0,
             idle_irqs: 0,
@@ -183,6 +219,19 @@ impl Poller {
         self.bring_up.variant()
     }
 
+    /// The chip's supply (VDD) in millivolts, as the last bring-up measured it: steps of 23.4 mV, within
+    /// [`crate::SUPPLY_MIN_MV`]..=[`crate::SUPPLY_MAX_MV`].
+    #[must_use]
+    pub const fn supply_mv(&self) -> Option<u16> {
+        self.bring_up.supply_mv()
+    }
+
+    /// Where the poller is.
+    #[must_use]
+    pub const fn state(&self) -> PollerState {
+        self.state
+    }
+
     /// Counts since the machine was made.
     #[must_use]
     pub const fn counters(&self) -> PollerCounters {
@@ -192,7 +241,7 @@ impl Poller {
     /// Whether [`Poller::send`] is possible now: the last step was [`PollerEvent::Ready`].
     #[must_use]
     pub const fn is_ready(&self) -> bool {
-        matches!(self.state, State::Ready)
+        matches!(self.state, PollerState::Ready)
     }
 
     /// The transfer that starts transmission (C4, one byte): the executor makes it at its own
@@ -215,7 +264,7 @@ impl Poller {
             return Err(SendError::NotReady);
         }
         self.len = len;
-        Ok(self.short(State::SendClear, command::CLEAR_FIFO))
+        Ok(self.short(PollerState::PreparingClear, command::CLEAR_FIFO))
     }
 
     /// Takes one input, gives the next step.
@@ -225,40 +274,42 @@ impl Poller {
         }
         match (self.state, input) {
             // An event was given: whatever comes next goes on from it.
-            (State::New, _) => self.begin_bring_up(),
-            (State::Disturbed, _) => self.short(State::Stopping, command::STOP),
-            (State::Ready | State::Sent, _) | (State::Loaded, Input::Start) => {
-                self.short(State::CheckingConfiguration, CONFIGURATION_READ)
+            (PollerState::New, _) => self.begin_bring_up(),
+            (PollerState::FrameLost, _) => self.short(PollerState::Stopping, command::STOP),
+            (PollerState::Ready | PollerState::Sent, _) | (PollerState::Loaded, Input::Start) => {
+                self.short(PollerState::CheckingConfiguration, CONFIGURATION_READ)
             }
-            (State::Loaded, Input::Done(_)) => {
-                self.state = State::OnAir;
+            (PollerState::Loaded, Input::Done(_)) => {
+                self.state = PollerState::OnAir;
                 self.wait()
             }
-            (State::Loaded | State::OnAir, Input::Irq) => self.read_irqs(false),
-            (State::Loaded | State::OnAir, Input::Timeout) => self.read_irqs(true),
+            (PollerState::Loaded | PollerState::OnAir, Input::Irq) => self.read_irqs(false),
+            (PollerState::Loaded | PollerState::OnAir, Input::Timeout) => self.read_irqs(true),
 
-            (State::BackOff, Input::Timeout) => self.begin_bring_up(),
-            (State::Broken | State::BackOff, _) => {
-                self.state = State::BackOff;
-                Step::Delay { micros: self.bring_up.back_off() }
+            (PollerState::BackingOff, Input::Timeout) => self.begin_bring_up(),
+            (PollerState::Faulted | PollerState::BackingOff, _) => {
+                self.state = PollerState::BackingOff;
+                Step::Delay { micros: self.bring_up.back_off_us() }
             }
-            (State::BringUp, input) => {
+            (PollerState::BringingUp, input) => {
                 let progress = self.bring_up.step(input);
                 self.progress(progress)
             }
 
-            (State::Stopping, Input::Done(_)) => self.short(State::Clearing, command::CLEAR_FIFO),
-            (State::Clearing, Input::Done(_)) => self.short(State::CheckingConfiguration, CONFIGURATION_READ),
-            (State::CheckingConfiguration, Input::Done(response)) => {
+            (PollerState::Stopping, Input::Done(_)) => self.short(PollerState::Clearing, command::CLEAR_FIFO),
+            (PollerState::Clearing, Input::Done(_)) => {
+                self.short(PollerState::CheckingConfiguration, CONFIGURATION_READ)
+            }
+            (PollerState::CheckingConfiguration, Input::Done(response)) => {
                 if !self.bring_up.role().configuration_stands(response) {
                     self.fault(Fault::Reset)
                 } else if self.config.check_field {
-                    self.short(State::CheckingField, DISPLAY_READ)
+                    self.short(PollerState::CheckingField, DISPLAY_READ)
                 } else {
                     self.ready()
                 }
             }
-            (State::CheckingField, Input::Done(response)) => {
+            (PollerState::CheckingField, Input::Done(response)) => {
                 const ON: u8 = reg::DISPLAY_OSC_OK | reg::DISPLAY_TX_ON;
                 match response {
                     [_, display] if display & ON == ON => self.ready(),
@@ -266,29 +317,29 @@ impl Poller {
                 }
             }
 
-            (State::SendClear, Input::Done(_)) => {
+            (PollerState::PreparingClear, Input::Done(_)) => {
                 let short = Short::new([command::WRITE | reg::TRANSMIT_LENGTH, self.len >> 5, self.len << 3]);
-                self.short(State::SendLength, short)
+                self.short(PollerState::PreparingLength, short)
             }
-            (State::SendLength, Input::Done(_)) => {
-                self.state = State::SendLoad;
+            (PollerState::PreparingLength, Input::Done(_)) => {
+                self.state = PollerState::Loading;
                 Step::Transfer(Transfer::Load { offset: 0, len: usize::from(self.len) })
             }
-            (State::SendLoad, Input::Done(_)) => self.short(State::SendCheck, STATUS_READ),
-            (State::SendCheck, Input::Done(response)) => self.loaded(response),
-            (State::ReadingIrqs { last }, Input::Done(response)) => self.irqs(response, last),
+            (PollerState::Loading, Input::Done(_)) => self.short(PollerState::CheckingLoad, STATUS_READ),
+            (PollerState::CheckingLoad, Input::Done(response)) => self.loaded(response),
+            (PollerState::ReadingIrqs { last }, Input::Done(response)) => self.irqs(response, last),
 
             _ => self.fault(Fault::Executor),
         }
     }
 
-    fn short(&mut self, state: State, short: Short) -> Step<PollerEvent> {
+    fn short(&mut self, state: PollerState, short: Short) -> Step<PollerEvent> {
         self.state = state;
         Step::Transfer(Transfer::Short(short))
     }
 
     fn begin_bring_up(&mut self) -> Step<PollerEvent> {
-        self.state = State::BringUp;
+        self.state = PollerState::BringingUp;
         let progress = self.bring_up.begin();
         self.progress(progress)
     }
@@ -296,9 +347,9 @@ impl Poller {
     fn progress(&mut self, progress: Progress) -> Step<PollerEvent> {
         match progress {
             Progress::Transfer(short) => Step::Transfer(Transfer::Short(short)),
-            Progress::Wait(micros) => Step::Wait { micros },
+            Progress::Wait(us) => Step::Wait { micros: us },
             Progress::Failed(fault) => self.fault(fault),
-            Progress::Finished(_) => {
+            Progress::Finished => {
                 self.counters.bring_ups = self.counters.bring_ups.wrapping_add(1);
                 self.ready()
             }
@@ -306,7 +357,7 @@ impl Poller {
     }
 
     fn ready(&mut self) -> Step<PollerEvent> {
-        self.state = State::Ready;
+        self.state = PollerState::Ready;
         Step::Event(PollerEvent::Ready)
     }
 
@@ -314,11 +365,11 @@ impl Poller {
         let light = matches!(fault, Fault::NoTransmitEnd | Fault::FifoFlow | Fault::FifoCount { .. });
         self.state = if light && self.lost == 0 {
             self.lost = 1;
-            State::Disturbed
+            PollerState::FrameLost
         } else {
             self.lost = 0;
             self.bring_up.failed();
-            State::Broken
+            PollerState::Faulted
         };
         self.counters.faults = self.counters.faults.wrapping_add(1);
         Step::Event(PollerEvent::Fault(fault))
@@ -338,17 +389,17 @@ impl Poller {
                 return self.fault(Fault::FifoCount { expected, found: status.count });
             }
         }
-        self.state = State::Loaded;
+        self.state = PollerState::Loaded;
         self.idle_irqs = 0;
         Step::Event(PollerEvent::Loaded)
     }
 
     fn wait(&self) -> Step<PollerEvent> {
-        Step::Wait { micros: air_time_micros(self.len) + TRANSMIT_MARGIN_MICROS }
+        Step::Wait { micros: air_time_us(self.len) + TRANSMIT_MARGIN_US }
     }
 
     fn read_irqs(&mut self, last: bool) -> Step<PollerEvent> {
-        self.short(State::ReadingIrqs { last }, STATUS_READ)
+        self.short(PollerState::ReadingIrqs { last }, STATUS_READ)
     }
 
     fn irqs(&mut self, response: &[u8], last: bool) -> Step<PollerEvent> {
@@ -360,7 +411,7 @@ impl Poller {
             return self.fault(Fault::FifoFlow);
         }
         if status.is_set(reg::IRQ_TXE) {
-            self.state = State::Sent;
+            self.state = PollerState::Sent;
             self.lost = 0;
             self.bring_up.works();
             self.counters.sent = self.counters.sent.wrapping_add(1);
@@ -373,7 +424,7 @@ impl Poller {
         if self.idle_irqs >= IDLE_IRQS {
             return self.fault(Fault::IrqStuck);
         }
-        self.state = State::OnAir;
+        self.state = PollerState::OnAir;
         self.wait()
     }
 }

@@ -3,6 +3,19 @@
 //! Source: DS13541 (ST25R3916B), "Registers" chapter; where the ST25R3916 differs, this says so. Bits
 //! marked *seen* were also observed on a real ST25R3916 (public SPI captures). Addresses are of
 //! space A unless the name starts with `B_`.
+//!
+//! The values of the receive chain, of the antenna tuning and of the supply measurement are in no table of
+//! the data sheet for this use. They follow public drivers, named in short where a value is defined:
+//!
+//! | short | repository, file |
+//! |---|---|
+//! | *RFAL* | stm32duino/ST25R3916, `src/rfal_rfst25r3916_analogConfigTbl.h`, `src/st25r3916.cpp` (ST's own library) |
+//! | *Flipper* | flipperdevices/flipperzero-firmware, `targets/f7/furi_hal/furi_hal_nfc_felica.c`, `furi_hal_nfc.c` |
+//! | *Guyot* | pguyot/st25r391x, `st25r391x_nfcf.c` (from the ST25R3916's data sheet DS12484) |
+//! | *Delpy* | BdF-LabSec/kst25r3916, `Core/program/st25r` |
+//! | *rnfc* | embassy-rs/rnfc, `rnfc-st25r39/src/lib.rs` |
+//!
+//! Where they disagree, `docs/decisions/0008-receive-chain.md` says who is followed, and why.
 
 /// IO configuration 1: MCU clock output, I²C thresholds.
 pub const IO_CONFIGURATION_1: u8 = 0x00;
@@ -20,6 +33,15 @@ pub const NFC_F_PREAMBLE: u8 = 0x07;
 pub const PASSIVE_TARGET: u8 = 0x08;
 /// Auxiliary definition.
 pub const AUXILIARY: u8 = 0x0A;
+/// Receiver configuration 1: channel, low-pass and high-pass filter. 0x08 after a reset (*seen*), which is
+/// `hz_600_400khz`, the filter for the 848 kHz subcarrier of NFC-A.
+pub const RECEIVER_1: u8 = 0x0B;
+/// Receiver configuration 2: demodulator, squelch, gain control. 0x2D after a reset (*seen*).
+pub const RECEIVER_2: u8 = 0x0C;
+/// Receiver configuration 3: first stage's gain reduction. 0xD8 after a reset (*seen*).
+pub const RECEIVER_3: u8 = 0x0D;
+/// Receiver configuration 4: second stage's gain reduction. 0x00 after a reset (*seen*).
+pub const RECEIVER_4: u8 = 0x0E;
 /// Mask-receive timer.
 pub const MASK_RECEIVE_TIMER: u8 = 0x0F;
 /// No-response timer, most significant byte; the least significant follows at 0x11. 0 is off.
@@ -36,27 +58,44 @@ pub const IRQ_MAIN: u8 = 0x1A;
 pub const FIFO_STATUS_1: u8 = 0x1E;
 /// Transmit length in bytes, bits 12:5; bits 4:0 follow at 0x23, shifted left by 3.
 pub const TRANSMIT_LENGTH: u8 = 0x22;
-/// Antenna tuning A; B follows at 0x27.
+/// Result of the chip's A/D converter (read only); after [`crate::command::MEASURE_SUPPLY`] the supply in
+/// steps of 23.4 mV.
+pub const AD_RESULT: u8 = 0x25;
+/// Antenna tuning A; B follows at 0x27. They drive the tuning pins only while [`IO_2_ANTENNA_TUNING`] is set.
 pub const ANTENNA_TUNING: u8 = 0x26;
 /// Transmit driver: AM depth (bits 7:4), output resistance (bits 3:0).
 pub const TRANSMIT_DRIVER: u8 = 0x28;
 /// Passive target modulation: driver resistance when modulated and when not.
 pub const PASSIVE_TARGET_MODULATION: u8 = 0x29;
+/// Regulator control: regulated voltage by hand or as adjusted (`reg_s`), and what a supply measurement
+/// measures (`mpsv`, bits 2:0).
+pub const REGULATOR_CONTROL: u8 = 0x2C;
 /// Auxiliary display (read only).
 pub const AUXILIARY_DISPLAY: u8 = 0x31;
 /// Identity (read only): type in bits 7:3, revision in bits 2:0.
 pub const IDENTITY: u8 = 0x3F;
+/// Space B: correlator configuration 1; 2 follows at 0x0D. 0x93 and 0x00 after a reset (*seen*).
+pub const B_CORRELATOR: u8 = 0x0C;
 /// Space B: auxiliary modulation: which drivers do load modulation.
 pub const B_AUXILIARY_MODULATION: u8 = 0x28;
-/// Test space: with [`TEST_OVERHEAT_PROTECTION`], what ST's own driver writes on the ST25R3916.
+/// Test space, ST25R3916 only: the threshold of the internal overheat protection.
 pub const TEST_OVERHEAT: u8 = 0x04;
 
 /// [`IO_CONFIGURATION_1`]: no clock on MCU_CLK (out_cl = 3, lf_clk_off).
 pub const IO_1_NO_CLOCK: u8 = 0x07;
 /// [`IO_CONFIGURATION_2`]: MISO pull-downs on (miso_pd2, miso_pd1), strong IO drivers (io_drv_lvl).
 pub const IO_2_MISO: u8 = 0x1C;
-/// [`IO_CONFIGURATION_2`]: sup3V, supply between 2.4 V and 3.6 V.
+/// [`IO_CONFIGURATION_2`]: `aat_en`, without which the antenna tuning registers drive nothing (*RFAL* and
+/// *Delpy*, both parts; *seen*: 0x3C on real boards).
+pub const IO_2_ANTENNA_TUNING: u8 = 0x20;
+/// [`IO_CONFIGURATION_2`]: `sup3V`, supply between 2.4 V and 3.6 V. Clear: above 3.6 V.
 pub const IO_2_SUPPLY_3V: u8 = 0x80;
+
+/// [`REGULATOR_CONTROL`]: `reg_s`, which is set and cleared before the regulators are adjusted (*RFAL*, *Delpy*,
+/// *rnfc*).
+pub const REGULATOR_MANUAL: u8 = 0x80;
+/// [`REGULATOR_CONTROL`]: regulated voltage as adjusted (`reg_s` = 0), and VDD measured (`mpsv` = 0).
+pub const REGULATOR_ADJUSTED_MEASURE_VDD: u8 = 0x00;
 
 /// [`OPERATION_CONTROL`]: oscillator and regulator on.
 pub const OP_EN: u8 = 0x80;
@@ -77,8 +116,35 @@ pub const BIT_RATE_424: u8 = 0x22;
 pub const PREAMBLE_48: u8 = 0x00;
 /// [`PASSIVE_TARGET`]: no automatic answer of any kind (d_ac_ap2p, d_212_424_1r, d_106_ac_a).
 pub const PASSIVE_TARGET_SILENT: u8 = 0x5D;
-/// [`MASK_RECEIVE_TIMER`]: two steps.
+/// [`AUXILIARY`]: the correlator receives (`dis_corr` = 0), the received CRC is checked (`no_crc_rx` = 0).
+/// (*RFAL* for NFC-F without its coherent option; reset value, *seen*.)
+pub const AUXILIARY_CORRELATOR: u8 = 0x00;
+/// [`RECEIVER_1`] for NFC-F: AM channel, `lp_600khz`, `hz_12_80khz`. NFC-F has no subcarrier: at 424 kbit/s its
+/// Manchester code has its energy at 424 kHz and below, which [`RECEIVER_1`]'s reset value filters away.
+/// (*Flipper*'s NFC-F listener; *RFAL*, both parts, and *Guyot* for receiving NFC-F, at 212 and 424 kbit/s alike.)
+pub const RECEIVER_1_NFC_F: u8 = 0x13;
+/// [`RECEIVER_2`] for NFC-F: AM demodulation by the peak detector, squelch after a transmission (`sqm_dyn`), gain
+/// control for the whole reception (`agc_en`, `agc_m`) with ratio 3 (`agc6_3`). (*Flipper*'s NFC-F listener; reset
+/// value, *seen*.)
+pub const RECEIVER_2_NFC_F: u8 = 0x2D;
+/// [`RECEIVER_3`] for NFC-F: full gain in the first stage, AM and PM. (*Flipper*, *RFAL*, *Guyot*.)
+pub const RECEIVER_3_NFC_F: u8 = 0x00;
+/// [`RECEIVER_4`] for NFC-F: no gain reduction in the second stage, AM and PM. (*Flipper*, *RFAL*, *Guyot*.)
+pub const RECEIVER_4_NFC_F: u8 = 0x00;
+/// [`B_CORRELATOR`], two registers, for NFC-F: `corr_s6`, `corr_s4`, `corr_s2`; nothing. (*Flipper*'s NFC-F
+/// listener, *RFAL*, *Guyot*.)
+pub const CORRELATOR_NFC_F: [u8; 2] = [0x54, 0x00];
+/// [`MASK_RECEIVE_TIMER`]: two steps. (*Flipper*'s listeners, *Delpy*'s targets.)
 pub const MASK_RECEIVE_SHORT: u8 = 0x02;
+/// [`ANTENNA_TUNING`], two registers, of a poller with an ST25R3916 (*RFAL*, *Flipper*).
+pub const ANTENNA_TUNING_POLLER_A: [u8; 2] = [0x82, 0x82];
+/// [`ANTENNA_TUNING`], two registers, of a poller with an ST25R3916B (*RFAL*; a matter of the board's matching
+/// network, this is ST's for its expansion board).
+pub const ANTENNA_TUNING_POLLER_B: [u8; 2] = [0xC5, 0xE3];
+/// [`ANTENNA_TUNING`], two registers, of a listener with an ST25R3916 (*RFAL*, *Delpy*).
+pub const ANTENNA_TUNING_LISTENER_A: [u8; 2] = [0x00, 0xFF];
+/// [`ANTENNA_TUNING`], two registers, of a listener with an ST25R3916B (*RFAL*).
+pub const ANTENNA_TUNING_LISTENER_B: [u8; 2] = [0x00, 0x00];
 /// [`PASSIVE_TARGET_MODULATION`]: both resistances at high impedance: the driver cannot
 /// modulate the poller's field.
 pub const PASSIVE_TARGET_HIGH_Z: u8 = 0xFF;
@@ -90,7 +156,9 @@ pub const TRANSMIT_DRIVER_12_PERCENT_B: u8 = 0x40;
 /// [`TRANSMIT_DRIVER`] on the ST25R3916: 12 % AM (am_mod = 7, its reset value, *seen*). The two
 /// parts code the depth differently: 4 would be 9 % here.
 pub const TRANSMIT_DRIVER_12_PERCENT_A: u8 = 0x70;
-/// [`TEST_OVERHEAT`]: overheat protection on.
+/// [`TEST_OVERHEAT`]: keeps the internal overheat protection of the ST25R3916 from switching off below the
+/// permitted junction temperature. The power-on sequence asks for it after each set default (*RFAL*, *Flipper*,
+/// *Guyot*, *Delpy*).
 pub const TEST_OVERHEAT_PROTECTION: u8 = 0x10;
 
 /// Main interrupt: oscillator stable.
@@ -119,8 +187,8 @@ pub const POLLER_MASKS: [u8; 4] = [0x77, 0x7F, 0xFF, IRQ_MASK_TARGET_ALL];
 /// Listener masks: all but I_rxs and I_rxe, all but I_eon and I_eof, errors not masked, every
 /// target interrupt masked.
 pub const LISTENER_MASKS: [u8; 4] = [0xCF, 0xE7, 0x0F, IRQ_MASK_TARGET_ALL];
-/// [`IRQ_MASK_TARGET`] as this driver sets it: every interrupt that exists, the reserved bit 2 left 0, so that it reads back
-/// as written; 0x00 after a reset.
+/// [`IRQ_MASK_TARGET`] as this driver sets it: every interrupt that exists, the reserved bit 2 left 0, so that it
+/// reads back as written; 0x00 after a reset.
 pub const IRQ_MASK_TARGET_ALL: u8 = 0xFB;
 
 /// FIFO status 2: underflow.

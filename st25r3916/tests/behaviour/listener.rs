@@ -2,8 +2,8 @@
 
 use st25r3916::listener::TAIL;
 use st25r3916::{
-    Dropped, Fault, FrameFlags, Input, Listener, ListenerConfig, ListenerEvent, ReadMode, Step, Supply, Transfer,
-    Variant,
+    Dropped, Fault, FrameFlags, Input, Listener, ListenerConfig, ListenerEvent, ListenerState, ReadMode, Step,
+    Transfer, Variant,
 };
 
 use crate::stand_in::{CRC, Chip, EOF, EON, ERROR, Happening, MAIN, Miso, RXE, RXS, Rig, TIMER};
@@ -33,11 +33,10 @@ fn hears(rig: &mut Rig, listener: &mut Listener, len: usize) {
     assert_eq!(rig.buffer[1..=len], bytes);
 }
 
-fn bring_up_log(variant: Variant, config: ListenerConfig) -> Vec<String> {
-    let mut rig = Rig::new(Chip::new(variant));
-    let mut listener = Listener::new(config);
+fn bring_up_log(chip: Chip) -> Vec<String> {
+    let mut rig = Rig::new(chip);
+    let mut listener = Listener::new(FILLING);
     assert_eq!(rig.listener(&mut listener), ListenerEvent::Listening);
-    assert_eq!(listener.variant(), Some(variant));
     rig.assert_no_misuse();
     rig.log()
 }
@@ -45,24 +44,41 @@ fn bring_up_log(variant: Variant, config: ListenerConfig) -> Vec<String> {
 #[test]
 fn an_st25r3916_is_brought_up_byte_by_byte() {
     assert_eq!(
-        bring_up_log(Variant::A, FILLING),
+        bring_up_log(Chip::new(Variant::A)),
         [
             "C1",
-            "00 07 1C",
+            "00 07 3C",
             "7F 00",
             "FC 04 10",
             "5A 00 00 00 00",
             "02 80",
             "5A 00 00 00 00", // I_osc
+            "2C 80",
+            "2C 00",
+            "DF",
+            "5A 00 00 00 00", // I_dct
+            "65 00",
+            "00 07 3C",
             "D6",
             "5A 00 00 00 00", // I_dct
             "08 5D",
             "29 FF",
             "FB 28 00",
             "26 00 FF",
-            "0F 02",
+            "0A 00 13 2D 00 00 02",
+            "FB 0C 54 00",
             "16 CF E7 0F FB",
             "03 A0 22",
+            "40 00 00", // read back, in the same order
+            "6C 00",
+            "48 00",
+            "69 00",
+            "FB 68 00",
+            "66 00 00",
+            "4A 00 00 00 00 00 00",
+            "FB 4C 00 00",
+            "56 00 00 00 00",
+            "43 00 00",
             "02 C3",
             "DB",
             "D1",
@@ -72,32 +88,163 @@ fn an_st25r3916_is_brought_up_byte_by_byte() {
 }
 
 #[test]
-fn an_st25r3916b_is_calibrated_and_has_its_own_antenna_tuning() {
+fn an_st25r3916b_at_3_3_volts_is_calibrated_and_has_its_own_antenna_tuning() {
     assert_eq!(
-        bring_up_log(Variant::B, ListenerConfig { supply: Supply::Volts3, ..FILLING }),
+        bring_up_log(Chip { supply_mv: 3_300, ..Chip::new(Variant::B) }),
         [
             "C1",
-            "00 07 9C",
+            "00 07 3C",
             "7F 00",
             "5A 00 00 00 00",
             "02 80",
             "5A 00 00 00 00", // I_osc
             "EA",
+            "5A 00 00 00 00", // I_dct
+            "2C 80",
+            "2C 00",
+            "DF",
+            "5A 00 00 00 00", // I_dct
+            "65 00",
+            "00 07 BC",
             "D6",
             "5A 00 00 00 00", // I_dct
             "08 5D",
             "29 FF",
             "FB 28 00",
             "26 00 00",
-            "0F 02",
+            "0A 00 13 2D 00 00 02",
+            "FB 0C 54 00",
             "16 CF E7 0F FB",
             "03 A0 22",
+            "40 00 00", // read back, in the same order
+            "6C 00",
+            "48 00",
+            "69 00",
+            "FB 68 00",
+            "66 00 00",
+            "4A 00 00 00 00 00 00",
+            "FB 4C 00 00",
+            "56 00 00 00 00",
+            "43 00 00",
             "02 C3",
             "DB",
             "D1",
             "42 00 00 00",
         ]
     );
+}
+
+#[test]
+fn a_listener_has_the_receive_chain_of_nfc_f_and_not_that_of_a_reset() {
+    for variant in [Variant::A, Variant::B] {
+        let (rig, listener) = listening(Chip::new(variant), FILLING);
+        assert_eq!(listener.variant(), Some(variant));
+        assert_eq!(rig.chip.a[0x0B], 0x13, "hz_12_80khz and lp_600khz, not the subcarrier's hz_600_400khz");
+        assert_eq!(rig.chip.a[0x0C], 0x2D);
+        assert_eq!(rig.chip.a[0x0D..=0x0E], [0, 0], "gain is reduced");
+        assert_eq!(rig.chip.b[0x0C..=0x0D], [0x54, 0]);
+        assert_eq!(rig.chip.a[0x0A], 0, "the correlator is off");
+    }
+}
+
+#[test]
+fn the_receiver_goes_on_only_after_every_register_was_read_back() {
+    // Space, address, and a bit that the chip takes the wrong way.
+    let registers = [
+        (0, 0x00, 0x80),
+        (0, 0x01, 0x20),
+        (0, 0x03, 0x80),
+        (0, 0x04, 0x01),
+        (0, 0x08, 0x04),
+        (0, 0x0A, 0x80),
+        (0, 0x0B, 0x08),
+        (0, 0x0C, 0x40),
+        (0, 0x0D, 0xD8),
+        (0, 0x0E, 0x10),
+        (0, 0x0F, 0x01),
+        (0, 0x16, 0x20),
+        (0, 0x17, 0x10),
+        (0, 0x18, 0x80),
+        (0, 0x19, 0x01),
+        (0, 0x26, 0x80),
+        (0, 0x27, 0x01),
+        (0, 0x29, 0x0F),
+        (1, 0x0C, 0x10),
+        (1, 0x0D, 0x01),
+        (1, 0x28, 0x10),
+    ];
+    for stuck in registers {
+        let mut rig = Rig::new(Chip { stuck: Some(stuck), ..Chip::new(Variant::A) });
+        let mut listener = Listener::new(FILLING);
+        assert_eq!(rig.listener(&mut listener), ListenerEvent::Fault(Fault::Configuration), "{stuck:02x?}");
+        assert_eq!(rig.chip.a[2] & 0x40, 0, "the receiver is on, {stuck:02x?}");
+        rig.chip.stuck = None;
+        assert_eq!(rig.listener(&mut listener), ListenerEvent::Listening);
+        hears(&mut rig, &mut listener, 244);
+    }
+}
+
+#[test]
+fn a_supply_out_of_range_is_a_fault_that_tells_the_millivolts() {
+    let mut rig = Rig::new(Chip { supply_mv: 2_000, ..Chip::new(Variant::B) });
+    let mut listener = Listener::new(FILLING);
+    let fault = ListenerEvent::Fault(Fault::SupplyOutOfRange { millivolts: 1_989 });
+    assert_eq!(rig.listener(&mut listener), fault);
+    assert_eq!(rig.listener(&mut listener), fault);
+    assert_eq!(listener.supply_mv(), None);
+    rig.chip.supply_mv = 5_100;
+    assert_eq!(rig.listener(&mut listener), ListenerEvent::Listening);
+    assert_eq!(listener.supply_mv(), Some(5_101));
+    hears(&mut rig, &mut listener, 244);
+    rig.assert_no_misuse();
+}
+
+#[test]
+fn a_listener_tells_its_state() {
+    let mut rig = Rig::new(Chip::new(Variant::A));
+    let mut listener = Listener::new(STORE);
+    assert_eq!(listener.state(), ListenerState::New);
+    assert_eq!(rig.listener_within(&mut listener, 1), None);
+    assert_eq!(listener.state(), ListenerState::BringingUp);
+    assert_eq!(rig.listener(&mut listener), ListenerEvent::Listening);
+    assert_eq!(listener.state(), ListenerState::Reported);
+    rig.chip.frame(rig.chip.now + 1_000, &payload(50, 1));
+    let mut seen = Vec::new();
+    loop {
+        let event = rig.listener_within(&mut listener, 1);
+        seen.push(listener.state());
+        if event.is_some() {
+            break;
+        }
+    }
+    assert_eq!(
+        seen,
+        [
+            ListenerState::Listening,
+            ListenerState::ReadingStatus { late: false },
+            ListenerState::Receiving,
+            ListenerState::ReadingStatus { late: false },
+            ListenerState::ReadingFifo { count: 53, end: true },
+            ListenerState::Delivered,
+        ]
+    );
+    seen.clear();
+    for _ in 0..4 {
+        assert_eq!(rig.listener_within(&mut listener, 1), None);
+        seen.push(listener.state());
+    }
+    let rearmed =
+        [ListenerState::RearmStatus, ListenerState::RearmClear, ListenerState::RearmUnmask, ListenerState::Listening];
+    assert_eq!(seen, rearmed);
+    // Nothing for a while, then a fault.
+    assert_eq!(rig.listener_within(&mut listener, 1), None);
+    assert_eq!(listener.state(), ListenerState::ReadingStatus { late: true });
+    assert_eq!(rig.listener_within(&mut listener, 1), None);
+    assert_eq!(listener.state(), ListenerState::CheckingConfiguration);
+    let _ = listener.step(Input::Failed);
+    assert_eq!(listener.state(), ListenerState::Faulted);
+    let _ = listener.step(Input::Start);
+    assert_eq!(listener.state(), ListenerState::BackingOff);
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! The poller against the stand-in.
 
-use st25r3916::{Fault, Input, Poller, PollerConfig, PollerEvent, Receiver, SendError, Step, Supply, Variant};
+use st25r3916::{Fault, Input, Poller, PollerConfig, PollerEvent, PollerState, Receiver, SendError, Step, Variant};
 
 use crate::stand_in::{Chip, Happening, Miso, Rig};
 
@@ -27,20 +27,38 @@ fn an_st25r3916_is_brought_up_byte_by_byte() {
         bring_up_log(Variant::A, PollerConfig::new()),
         [
             "C1",
-            "00 07 1C",
+            "00 07 3C",
             "7F 00",
             "FC 04 10",
             "5A 00 00 00 00",
             "02 80",
             "5A 00 00 00 00", // I_osc
+            "2C 80",
+            "2C 00",
+            "DF",
+            "5A 00 00 00 00", // I_dct
+            "65 00",
+            "00 07 3C",
             "D6",
             "5A 00 00 00 00", // I_dct
             "03 1C 22",
             "07 00",
-            "0A 00",
+            "0A 00 13 2D 00 00 02",
+            "FB 0C 54 00",
             "10 00 00",
+            "26 82 82",
             "28 70",
             "16 77 7F FF FB",
+            "40 00 00", // read back, in the same order
+            "6C 00",
+            "43 00 00",
+            "47 00",
+            "4A 00 00 00 00 00 00",
+            "FB 4C 00 00",
+            "50 00 00",
+            "66 00 00",
+            "68 00",
+            "56 00 00 00 00",
             "02 88",
             "42 00 00 00",
         ]
@@ -53,33 +71,200 @@ fn an_st25r3916b_is_calibrated_and_has_its_own_am_depth() {
         bring_up_log(Variant::B, PollerConfig::new()),
         [
             "C1",
-            "00 07 1C",
+            "00 07 3C",
             "7F 00",
             "5A 00 00 00 00",
             "02 80",
             "5A 00 00 00 00", // I_osc
             "EA",
+            "5A 00 00 00 00", // I_dct
+            "2C 80",
+            "2C 00",
+            "DF",
+            "5A 00 00 00 00", // I_dct
+            "65 00",
+            "00 07 3C",
             "D6",
             "5A 00 00 00 00", // I_dct
             "03 1C 22",
             "07 00",
-            "0A 00",
+            "0A 00 13 2D 00 00 02",
+            "FB 0C 54 00",
             "10 00 00",
+            "26 C5 E3",
             "28 40",
             "16 77 7F FF FB",
+            "40 00 00", // read back, in the same order
+            "6C 00",
+            "43 00 00",
+            "47 00",
+            "4A 00 00 00 00 00 00",
+            "FB 4C 00 00",
+            "50 00 00",
+            "66 00 00",
+            "68 00",
+            "56 00 00 00 00",
             "02 88",
             "42 00 00 00",
         ]
     );
 }
 
+fn bring_up_log_at(supply_mv: u32) -> (Rig, Vec<String>) {
+    let mut rig = Rig::new(Chip { supply_mv, ..Chip::new(Variant::B) });
+    let mut poller = Poller::new(PollerConfig::new());
+    assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
+    let told = poller.supply_mv().expect("the supply was measured");
+    assert!(told.abs_diff(supply_mv as u16) <= 12, "{told} mV for {supply_mv} mV");
+    rig.assert_no_misuse();
+    let log = rig.log();
+    (rig, log)
+}
+
 #[test]
-fn a_3_3_volt_supply_sets_sup3v_and_nothing_else() {
-    let at_5 = bring_up_log(Variant::B, PollerConfig::new());
-    let at_3 = bring_up_log(Variant::B, PollerConfig { supply: Supply::Volts3, ..PollerConfig::new() });
+fn a_3_3_volt_supply_is_measured_and_sets_sup3v_and_nothing_else() {
+    let (_, at_5) = bring_up_log_at(5_000);
+    let (rig, at_3) = bring_up_log_at(3_300);
+    assert_eq!(rig.chip.a[1], 0xBC);
     let different: Vec<_> = at_5.iter().zip(&at_3).filter(|(five, three)| five != three).collect();
-    assert_eq!(different, [(&"00 07 1C".to_owned(), &"00 07 9C".to_owned())]);
+    assert_eq!(different, [(&"00 07 3C".to_owned(), &"00 07 BC".to_owned())]);
     assert_eq!(at_5.len(), at_3.len());
+}
+
+#[test]
+fn every_supply_that_the_data_sheet_allows_is_taken_with_sup3v_below_3_6_volts() {
+    for supply_mv in (2_400..=5_500).step_by(20) {
+        let (rig, _) = bring_up_log_at(supply_mv);
+        // One step of the measurement is 23.4 mV: next to the threshold either choice is right.
+        if supply_mv.abs_diff(3_600) > 23 {
+            assert_eq!(rig.chip.a[1], if supply_mv < 3_600 { 0xBC } else { 0x3C }, "{supply_mv} mV");
+        }
+    }
+}
+
+#[test]
+fn a_supply_out_of_range_is_a_fault_that_tells_the_millivolts_and_nothing_goes_on_air() {
+    for (supply_mv, millivolts) in [(0, 0), (1_200, 1_193), (2_380, 2_387), (5_530, 5_522), (5_900, 5_897)] {
+        let mut rig = Rig::new(Chip { supply_mv, ..Chip::new(Variant::A) });
+        let mut poller = Poller::new(PollerConfig::new());
+        let fault = PollerEvent::Fault(Fault::SupplyOutOfRange { millivolts });
+        for _ in 0..3 {
+            assert_eq!(rig.poller_next(&mut poller), fault);
+            assert_eq!(poller.supply_mv(), None);
+            assert_eq!(rig.chip.a[0x31] & 0x20, 0, "the field is on");
+        }
+        rig.chip.supply_mv = 3_300;
+        assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
+        assert!(poller.supply_mv().is_some_and(|told| told.abs_diff(3_300) <= 12));
+    }
+}
+
+#[test]
+fn the_supply_is_measured_anew_at_every_bring_up() {
+    let (mut rig, mut poller) = ready(Chip::new(Variant::B));
+    rig.chip.supply_mv = 3_300;
+    rig.chip.at(rig.chip.now, Happening::PowerUpReset);
+    assert_eq!(rig.poller_next(&mut poller), PollerEvent::Fault(Fault::Reset));
+    assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
+    assert_eq!(rig.chip.a[1], 0xBC);
+    rig.assert_no_misuse();
+}
+
+#[test]
+fn a_supply_measurement_that_never_ends_is_given_up_in_time() {
+    let mut rig = Rig::new(Chip { measurement_us: None, ..Chip::new(Variant::A) });
+    let mut poller = Poller::new(PollerConfig::new());
+    assert_eq!(rig.poller_next(&mut poller), PollerEvent::Fault(Fault::SupplyMeasurement));
+    assert!((1_700..1_900).contains(&rig.chip.now), "{}", rig.chip.now);
+    rig.chip.measurement_us = Some(25);
+    assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
+}
+
+#[test]
+fn an_rc_calibration_that_does_not_tell_its_end_costs_6_ms_and_no_fault() {
+    let mut spent = Vec::new();
+    for calibration_us in [None, Some(5_000), Some(100)] {
+        let mut rig = Rig::new(Chip { calibration_us, ..Chip::new(Variant::B) });
+        let mut poller = Poller::new(PollerConfig::new());
+        assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
+        rig.assert_no_misuse();
+        assert_eq!(rig.chip.a[0x25], 214, "the result read is not the measurement's");
+        spent.push(rig.chip.now);
+    }
+    assert!((1_000..1_010).contains(&(spent[0] - spent[1])), "{spent:?}");
+    assert_eq!(spent[1] - spent[2], 4_900);
+}
+
+#[test]
+fn measuring_and_reading_back_cost_less_than_a_millisecond() {
+    let mut rig = Rig::new(Chip::new(Variant::A));
+    let mut poller = Poller::new(PollerConfig::new());
+    assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
+    // Oscillator 700 µs, regulators 3 ms; the rest is 25 µs of measurement and transfers at 8 MHz.
+    assert!(rig.chip.now < 700 + 3_000 + 1_000, "{} µs", rig.chip.now);
+}
+
+#[test]
+fn the_transmitter_goes_on_only_after_every_register_was_read_back() {
+    // Space, address, and a bit that the chip takes the wrong way.
+    let registers = [
+        (0, 0x00, 0x80),
+        (0, 0x01, 0x20),
+        (0, 0x03, 0x04),
+        (0, 0x04, 0x01),
+        (0, 0x07, 0x01),
+        (0, 0x0A, 0x80),
+        (0, 0x0B, 0x08),
+        (0, 0x0C, 0x40),
+        (0, 0x0D, 0xD8),
+        (0, 0x0E, 0x10),
+        (0, 0x0F, 0x01),
+        (0, 0x10, 0x01),
+        (0, 0x11, 0x80),
+        (0, 0x16, 0x08),
+        (0, 0x17, 0x10),
+        (0, 0x18, 0x80),
+        (0, 0x19, 0x01),
+        (0, 0x26, 0x80),
+        (0, 0x27, 0x01),
+        (0, 0x28, 0x10),
+        (1, 0x0C, 0x10),
+        (1, 0x0D, 0x01),
+    ];
+    for stuck in registers {
+        let mut rig = Rig::new(Chip { stuck: Some(stuck), ..Chip::new(Variant::B) });
+        let mut poller = Poller::new(PollerConfig::new());
+        assert_eq!(rig.poller_next(&mut poller), PollerEvent::Fault(Fault::Configuration), "{stuck:02x?}");
+        assert_eq!(rig.chip.a[0x31] & 0x20, 0, "the field is on, {stuck:02x?}");
+        rig.chip.stuck = None;
+        assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
+    }
+}
+
+#[test]
+fn a_poller_tells_its_state() {
+    let mut rig = Rig::new(Chip::new(Variant::A));
+    let mut poller = Poller::new(PollerConfig::new());
+    assert_eq!(poller.state(), PollerState::New);
+    let step = poller.step(Input::Start);
+    assert_eq!(poller.state(), PollerState::BringingUp);
+    assert_eq!(rig.poller(&mut poller, step), PollerEvent::Ready);
+    assert_eq!(poller.state(), PollerState::Ready);
+    rig.payload = vec![1; 20];
+    let step = poller.send(20).unwrap();
+    assert_eq!(poller.state(), PollerState::PreparingClear);
+    assert_eq!(rig.poller(&mut poller, step), PollerEvent::Loaded);
+    assert_eq!(poller.state(), PollerState::Loaded);
+    let _ = poller.step(Input::Done(&[0]));
+    assert_eq!(poller.state(), PollerState::OnAir);
+    let _ = poller.step(Input::Irq);
+    assert_eq!(poller.state(), PollerState::ReadingIrqs { last: false });
+    let _ = poller.step(Input::Done(&[0, 0xFB, 0x08, 0, 0, 0, 0, 0]));
+    assert_eq!(poller.state(), PollerState::Sent);
+    let _ = poller.step(Input::Failed);
+    assert_eq!(poller.state(), PollerState::Faulted);
+    let _ = poller.step(Input::Start);
+    assert_eq!(poller.state(), PollerState::BackingOff);
 }
 
 #[test]
@@ -234,18 +419,18 @@ fn back_off_grows_to_64_ms_and_starts_over_after_a_frame() {
 
 #[test]
 fn an_oscillator_or_a_regulator_that_never_settles_is_given_up_in_time() {
-    let mut rig = Rig::new(Chip { oscillator_micros: None, ..Chip::new(Variant::B) });
+    let mut rig = Rig::new(Chip { oscillator_us: None, ..Chip::new(Variant::A) });
     let mut poller = Poller::new(PollerConfig::new());
     assert_eq!(rig.poller_next(&mut poller), PollerEvent::Fault(Fault::Oscillator));
     assert!((10_000..10_200).contains(&rig.chip.now), "{}", rig.chip.now);
 
-    rig.chip.oscillator_micros = Some(700);
-    rig.chip.regulator_micros = None;
+    rig.chip.oscillator_us = Some(700);
+    rig.chip.regulator_us = None;
     let start = rig.chip.now;
     assert_eq!(rig.poller_next(&mut poller), PollerEvent::Fault(Fault::Regulator));
     assert!((7_700..8_000).contains(&(rig.chip.now - start)), "{}", rig.chip.now - start);
 
-    rig.chip.regulator_micros = Some(5_000);
+    rig.chip.regulator_us = Some(5_000);
     assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
 }
 

@@ -61,9 +61,8 @@ fn listener_config() -> impl Strategy<Value = ListenerConfig> {
 }
 
 fn poller_config() -> impl Strategy<Value = PollerConfig> {
-    (prop_oneof![Just(Receiver::Off), Just(Receiver::OnMasked)], any::<bool>(), any::<bool>()).prop_map(
-        |(receiver, check_load, check_field)| PollerConfig { receiver, check_load, check_field, ..PollerConfig::new() },
-    )
+    (prop_oneof![Just(Receiver::Off), Just(Receiver::OnMasked)], any::<bool>(), any::<bool>())
+        .prop_map(|(receiver, check_load, check_field)| PollerConfig { receiver, check_load, check_field })
 }
 
 /// Every step is within what the documentation promises an executor.
@@ -171,10 +170,19 @@ fn sends_again(rig: &mut Rig, machine: &mut Poller, mut step: Step<PollerEvent>)
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 256, failure_persistence: None, rng_seed: prop::test_runner::RngSeed::Fixed(3916), ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig {
+        cases: 256,
+        failure_persistence: None,
+        rng_seed: prop::test_runner::RngSeed::Fixed(3916),
+        ..ProptestConfig::default()
+    })]
 
     #[test]
-    fn a_listener_takes_anything_and_listens_again(config in listener_config(), variant in variant(), said in vec(said(), 0..300)) {
+    fn a_listener_takes_anything_and_listens_again(
+        config in listener_config(),
+        variant in variant(),
+        said in vec(said(), 0..300),
+    ) {
         let mut machine = Listener::new(config);
         let step = feed_listener(&mut machine, &said);
         let mut rig = Rig::new(Chip::new(variant));
@@ -182,7 +190,11 @@ proptest! {
     }
 
     #[test]
-    fn a_poller_takes_anything_and_sends_again(config in poller_config(), variant in variant(), said in vec(said(), 0..300)) {
+    fn a_poller_takes_anything_and_sends_again(
+        config in poller_config(),
+        variant in variant(),
+        said in vec(said(), 0..300),
+    ) {
         let mut machine = Poller::new(config);
         let step = feed_poller(&mut machine, &said);
         let mut rig = Rig::new(Chip::new(variant));
@@ -190,7 +202,11 @@ proptest! {
     }
 
     #[test]
-    fn a_listener_on_a_noisy_bus_listens_again(config in listener_config(), variant in variant(), noise in vec((any::<u16>(), byte()), 1..400)) {
+    fn a_listener_on_a_noisy_bus_listens_again(
+        config in listener_config(),
+        variant in variant(),
+        noise in vec((any::<u16>(), byte()), 1..400),
+    ) {
         let mut rig = Rig::new(Chip::new(variant));
         let payload = [0x11; 244];
         for cycle in 1..=20 {
@@ -219,7 +235,11 @@ proptest! {
     }
 
     #[test]
-    fn a_chip_that_comes_and_goes_is_found_again(config in listener_config(), variant in variant(), outages in vec((1_000_u64..60_000, any::<bool>(), any::<bool>()), 1..12)) {
+    fn a_chip_that_comes_and_goes_is_found_again(
+        config in listener_config(),
+        variant in variant(),
+        outages in vec((1_000_u64..60_000, any::<bool>(), any::<bool>()), 1..12),
+    ) {
         let mut rig = Rig::new(Chip::new(variant));
         let mut machine = Listener::new(config);
         let mut step = machine.step(Input::Start);

@@ -22,6 +22,8 @@ pub(crate) const CRC: u8 = 0x80;
 #[derive(Clone, Debug)]
 pub(crate) enum Happening {
     Irq(usize, u8),
+    /// The A/D converter has a result.
+    Measured(u8),
     /// A frame's sync, if the receiver is on and unmasked.
     Sync,
     /// One byte of the frame whose sync was accepted.
@@ -55,13 +57,23 @@ pub(crate) struct Chip {
     pub(crate) db_clears_irqs: bool,
     /// A frame's end masks the receiver until the next D1.
     pub(crate) end_masks_receiver: bool,
-    pub(crate) oscillator_micros: Option<u64>,
-    pub(crate) regulator_micros: Option<u64>,
+    pub(crate) oscillator_us: Option<u64>,
+    pub(crate) regulator_us: Option<u64>,
+    /// Until I_dct after the RC calibration (ST25R3916B).
+    pub(crate) calibration_us: Option<u64>,
+    /// Until I_dct and the result after the supply measurement.
+    pub(crate) measurement_us: Option<u64>,
+    /// VDD, in millivolts.
+    pub(crate) supply_mv: u32,
     pub(crate) transmit_ends: bool,
     /// The IRQ pin is high whatever the registers say.
     pub(crate) pin_stuck: bool,
     /// Added to the FIFO level shown.
     pub(crate) level_error: i32,
+    /// Space, address and bits of a register that takes these bits the wrong way.
+    pub(crate) stuck: Option<(usize, usize, u8)>,
+    /// `reg_s` was set and cleared since the last adjustment.
+    pub(crate) adjusts: bool,
     /// Every MOSI string, in order.
     pub(crate) log: Vec<Vec<u8>>,
     /// What was sent on air, with its instant in µs.
@@ -91,11 +103,16 @@ impl Chip {
             miso: Miso::Driven,
             db_clears_irqs: false,
             end_masks_receiver: true,
-            oscillator_micros: Some(700),
-            regulator_micros: Some(3_000),
+            oscillator_us: Some(700),
+            regulator_us: Some(3_000),
+            calibration_us: Some(2_000),
+            measurement_us: Some(25),
+            supply_mv: 5_000,
             transmit_ends: true,
             pin_stuck: false,
             level_error: 0,
+            stuck: None,
+            adjusts: false,
             log: Vec::new(),
             sent: Vec::new(),
             misuse: Vec::new(),
@@ -137,7 +154,8 @@ impl Chip {
     /// Nothing planned is on air any more, nor the frame that is.
     pub(crate) fn clear_air(&mut self) {
         self.receiving = false;
-        self.schedule.retain(|_, what| matches!(what, Happening::Irq(..) | Happening::TransmitEnd));
+        self.schedule
+            .retain(|_, what| matches!(what, Happening::Irq(..) | Happening::Measured(_) | Happening::TransmitEnd));
     }
 
     pub(crate) fn pin(&self) -> bool {
@@ -148,21 +166,48 @@ impl Chip {
         self.a[0x31] & 0x10 != 0
     }
 
+    /// A target's receiver: on, unmasked, and with the filter, the gain and the correlator that NFC-F needs.
     fn receiver_listens(&self) -> bool {
-        self.oscillates() && self.a[2] & 0x40 != 0 && self.a[3] & 0x80 != 0 && self.unmasked
+        self.oscillates()
+            && self.a[2] & 0x40 != 0
+            && self.a[3] & 0x80 != 0
+            && self.unmasked
+            && self.a[0x0A] & 0x04 == 0
+            && self.a[0x0B..=0x0E] == [0x13, 0x2D, 0x00, 0x00]
+            && self.b[0x0C..=0x0D] == [0x54, 0x00]
+    }
+
+    /// A direct command is under way whose end I_dct tells.
+    fn is_busy(&self) -> bool {
+        self.schedule.values().any(|what| matches!(what, Happening::Irq(TIMER, 0x80)))
+    }
+
+    /// Ends a direct command after `us` microseconds; never for `None`.
+    fn ends(&mut self, us: Option<u64>) {
+        if let Some(us) = us {
+            self.at(self.now + us, Happening::Irq(TIMER, 0x80));
+        }
     }
 
     fn reset(&mut self) {
         self.a = [0; 64];
+        self.a[0x0B..=0x0E].copy_from_slice(&[0x08, 0x2D, 0xD8, 0x00]);
         self.a[0x28] = 0x70;
         self.b = [0; 64];
+        self.b[0x0C] = 0x93;
         self.test = [0; 64];
         self.fifo.clear();
         self.fifo_flags = 0;
         self.unmasked = false;
         self.receiving = false;
         self.schedule.retain(|_, what| {
-            !matches!(what, Happening::TransmitEnd | Happening::Irq(MAIN, 0x80) | Happening::Irq(TIMER, 0x80))
+            !matches!(
+                what,
+                Happening::TransmitEnd
+                    | Happening::Measured(_)
+                    | Happening::Irq(MAIN, 0x80)
+                    | Happening::Irq(TIMER, 0x80)
+            )
         });
     }
 
@@ -187,6 +232,7 @@ impl Chip {
                     self.a[0x31] |= 0x10;
                 }
             }
+            Happening::Measured(steps) => self.a[0x25] = steps,
             Happening::Sync => {
                 self.receiving = self.receiver_listens();
                 if self.receiving {
@@ -296,14 +342,24 @@ impl Chip {
         match (space, address) {
             (0, 0x02) => {
                 let starts = value & 0x80 != 0 && self.a[2] & 0x80 == 0;
-                if let Some(micros) = self.oscillator_micros.filter(|_| starts) {
-                    self.at(self.now + micros, Happening::Irq(MAIN, 0x80));
+                if let Some(us) = self.oscillator_us.filter(|_| starts) {
+                    self.at(self.now + us, Happening::Irq(MAIN, 0x80));
                 }
                 self.a[0x31] = self.a[0x31] & !0x20 | (value & 0x08) << 2;
             }
             (0, 0x03) => self.needs_oscillator("mode"),
+            (0, 0x26 | 0x27) if self.a[1] & 0x20 == 0 => {
+                self.misuse.push("antenna tuning written while aat_en is clear".into());
+            }
+            (0, 0x2C) if self.a[0x2C] & 0x80 != 0 && value & 0x80 == 0 => self.adjusts = true,
             _ => {}
         }
+        let value = match self.stuck {
+            Some((stuck_space, stuck_address, bits)) if (stuck_space, stuck_address) == (space, address) => {
+                value ^ bits
+            }
+            _ => value,
+        };
         match space {
             0 => self.a[address] = value,
             1 => self.b[address] = value,
@@ -325,6 +381,9 @@ impl Chip {
     }
 
     fn command(&mut self, command: u8) {
+        if self.is_busy() && command != 0xC1 {
+            self.misuse.push(format!("command {command:02x} before the one before has ended"));
+        }
         match command {
             // Interrupts stay, so that the driver has to cope with an IRQ pin that is high already.
             0xC1 => self.reset(),
@@ -344,9 +403,24 @@ impl Chip {
             0xD0 => self.unmasked = false,
             0xD1 => self.unmasked = true,
             0xD6 => {
-                if let Some(micros) = self.regulator_micros {
-                    self.at(self.now + micros, Happening::Irq(TIMER, 0x80));
+                self.needs_oscillator("regulator adjustment");
+                if !self.adjusts {
+                    self.misuse.push("regulators adjusted without reg_s set and cleared before".into());
                 }
+                self.adjusts = false;
+                if (self.a[1] & 0x80 != 0) != (self.supply_mv < 3_600) {
+                    self.misuse.push(format!("sup3V is wrong for {} mV", self.supply_mv));
+                }
+                self.ends(self.regulator_us);
+            }
+            0xDF => {
+                self.needs_oscillator("supply measurement");
+                self.a[0x25] = 0;
+                let steps = if self.a[0x2C] & 0x07 == 0 { (self.supply_mv * 10 + 117) / 234 } else { 146 };
+                if let Some(us) = self.measurement_us {
+                    self.at(self.now + us, Happening::Measured(steps.min(255) as u8));
+                }
+                self.ends(self.measurement_us);
             }
             0xDB => {
                 self.fifo.clear();
@@ -355,7 +429,10 @@ impl Chip {
                     self.irqs = [0; 4];
                 }
             }
-            0xEA if self.identity & 0xF8 == 0x30 => {}
+            0xEA if self.identity & 0xF8 == 0x30 => {
+                self.needs_oscillator("RC calibration");
+                self.ends(self.calibration_us);
+            }
             other => self.misuse.push(format!("command {other:02x}")),
         }
     }
