@@ -16,14 +16,15 @@
 //! use st25r3916::{ListenerConfig, ListenerEvent, PollerConfig, blocking};
 //!
 //! // One board: SPI mode 1, at most 10 MHz; the chip's IRQ pin; a delay.
-//! # fn poller<S: SpiDevice, P: InputPin, D: DelayNs>(spi: S, irq: P, delay: D) -> Result<(), Error<S::Error, P::Error>> {
+//! # type Done<S, P> = Result<(), Error<S, P>>;
+//! # fn poller<S: SpiDevice, P: InputPin, D: DelayNs>(spi: S, irq: P, delay: D) -> Done<S::Error, P::Error> {
 //! let mut poller = blocking::Poller::new(spi, irq, delay, PollerConfig::new());
 //! poller.send(b"up to 254 bytes")?;
 //! # Ok(())
 //! # }
 //!
 //! // The other board.
-//! # fn listener<S: SpiDevice, P: InputPin, D: DelayNs>(spi: S, irq: P, delay: D) -> Result<(), Error<S::Error, P::Error>> {
+//! # fn listener<S: SpiDevice, P: InputPin, D: DelayNs>(spi: S, irq: P, delay: D) -> Done<S::Error, P::Error> {
 //! let mut listener = blocking::Listener::new(spi, irq, delay, ListenerConfig::new());
 //! let mut buffer = [0; st25r3916::listener::BUFFER];
 //! if let Some(ListenerEvent::Frame { len, flags }) = listener.next(&mut buffer, 20_000)? {
@@ -222,7 +223,7 @@
 //! "DS13541" is ST's data sheet of the ST25R3916B. Where the ST25R3916 differs (identity, overheat
 //! protection, antenna tuning, the coding of the AM depth) the driver reads which part it has and
 //! adapts. Values that the data sheet leaves to the user follow public drivers, named in [`register`]
-//! and in `bring_up.rs`. What no source settles is in the README's table of known trouble.
+//! and in `bring_up.rs`. What no source settles is in the README's list of known trouble.
 #![no_std]
 #![forbid(unsafe_code)]
 #![deny(clippy::indexing_slicing)]

@@ -2,29 +2,36 @@
 //!
 //! # States
 //!
-//! [`Listener::state`] tells where a listener is. A box is a [`ListenerState`], a word in capitals an event; an event
-//! waits for the next [`Input::Start`].
+//! [`Listener::state`] tells where a listener is. Names are those of [`ListenerState`], words in capitals are events; after
+//! an event the machine stands still until [`Input::Start`]. A comma means: one after the other.
 //!
 //! ```text
-//!     New
-//!      │ Start
-//!      ▼         supply, oscillator, registers
-//!  BringingUp ────────────────────────────────► LISTENING ─► Reported
-//!      ▲                                                        │ Start
-//!      │ back-off over                                          ▼          no frame, supervision over
-//!  BackingOff              FIELDON, FIELDOFF ◄─ ReadingStatus ◄─► Listening ◄────────── RearmUnmask
-//!      ▲                   (─► Reported)        │       ▲                                   ▲
-//!      │ Start                            I_rxs │       │ nothing for a while               │
-//!   Faulted ◄─ FAULT ─ any state                │       └─► CheckingConfiguration ─► RearmClear
-//!                                               ▼                                           ▲
-//!                   ReadingFifo ◄─► Receiving ◄─► ReadingStatus                             │ none begun
-//!                        │              I_rxe, 6 ms over, field lost                        │
-//!                        ▼                                                                  │
-//!                FRAME or DROPPED ─► Delivered ── Start ──────────────► RearmStatus ────────┤
-//!                                                                            │ I_rxs: begun │
-//!                                                                            ▼
-//!                                                                        Receiving
+//!        New                                    any state
+//!         │ Start                                   │ FAULT
+//!         ▼                                         ▼
+//!     BringingUp ◄── time ── BackingOff ◄── Start ── Faulted
+//!         │ LISTENING
+//!         ▼
+//!      Reported ◄── FIELDON, FIELDOFF ──┐
+//!         │ Start                       │
+//!         ▼                             │
+//!  ┌─► Listening ◄──► ReadingStatus ────┴── nothing for a while ──► CheckingConfiguration ──┐
+//!  │                    │ I_rxs                                                             │
+//!  │                    ▼                                                                   │
+//!  │   Receiving ◄──► ReadingStatus, ReadingFifo                                            │
+//!  │      ▲             │ FRAME, DROPPED                                                    │
+//!  │      │             ▼                                                                   │
+//!  │      │           Delivered                                                             │
+//!  │      │             │ Start                                                             │
+//!  │      │             ▼                                                                   │
+//!  │      └── I_rxs ── RearmStatus                                                          │
+//!  │                    │                                                                   │
+//!  │                    ▼                                                                   │
+//!  └── RearmUnmask ◄── RearmClear ◄─────────────────────────────────────────────────────────┘
 //! ```
+//!
+//! Not drawn: an error outside a frame leads from ReadingStatus to RearmClear; a second sync within a frame is
+//! DROPPED, from where Reported leads back to Receiving.
 //!
 //! # A frame
 //!

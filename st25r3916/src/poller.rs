@@ -2,28 +2,34 @@
 //!
 //! # States
 //!
-//! [`Poller::state`] tells where a poller is. A box is a [`PollerState`], a word in capitals an event; an event waits
-//! for the next [`Input::Start`].
+//! [`Poller::state`] tells where a poller is. Names are those of [`PollerState`], words in capitals are events; after
+//! an event the machine stands still until [`Input::Start`]. A comma means: one after the other.
 //!
 //! ```text
-//!     New
-//!      │ Start
-//!      ▼         supply, oscillator, registers                 ┌──────────────────────────────────────┐
-//!  BringingUp ────────────────────────────────► READY ─► Ready │ Start: check the chip once more      │
-//!      ▲                                                 │ ▲ ◄─┘ (CheckingConfiguration,              │
-//!      │ back-off over                            send() │ │        CheckingField)                    │
-//!  BackingOff                                            ▼ │                                          │
-//!      ▲                     PreparingClear, PreparingLength, Loading, CheckingLoad                   │
-//!      │ Start                                           │                                            │
-//!   Faulted ◄─ FAULT ─ any state                         ▼                                            │
-//!                                             LOADED ─► Loaded ── Start: frame given up ──────────────┤
-//!   FrameLost ◄─ FAULT ─ a frame's first                 │ Done: C4 was sent                          │
-//!      │ Start                                           ▼                                            │
-//!      ▼                                       OnAir ◄─► ReadingIrqs                                  │
-//!   Stopping ─► Clearing ─► check ─► READY               │ I_txe                                      │
-//!                                                        ▼                                            │
-//!                                               SENT ─► Sent ── Start ────────────────────────────────┘
+//!        New                                    any state
+//!         │ Start                                   │ FAULT
+//!         ▼                                         ▼
+//!     BringingUp ◄── time ── BackingOff ◄── Start ── Faulted
+//!         │ READY
+//!         ▼
+//!  ┌──► Ready ─────────── Start ─────────────────────────────────┐
+//!  │      │ send()                                               │
+//!  │      ▼                                                      │
+//!  │    PreparingClear, PreparingLength, Loading, CheckingLoad ──┼─ FAULT: wrong level ─┐
+//!  │      │ LOADED                                               │                      │
+//!  │      ▼                                                      │                      │
+//!  │    Loaded ────────── Start: the frame is given up ──────────┤                      │
+//!  │      │ Done: C4 was sent                                    │                      │
+//!  │      ▼                                                      │                      │
+//!  │    OnAir ◄──► ReadingIrqs ─── FAULT: no I_txe, underflow ───┼──────────────────────┤
+//!  │                 │ I_txe: SENT                               │                      ▼
+//!  │                 ▼                                           │                  FrameLost
+//!  │               Sent ─ Start ─────────────────────────────────┤                      │ Start
+//!  │                                                             ▼                      ▼
+//!  └── READY ──── CheckingField ◄────────────────── CheckingConfiguration ◄── Clearing ◄── Stopping
 //! ```
+//!
+//! A second lost frame in a row leads to Faulted instead of FrameLost.
 //!
 //! # A frame
 //!
