@@ -242,6 +242,15 @@ fn the_transmitter_goes_on_only_after_every_register_was_read_back() {
 }
 
 #[test]
+fn an_operation_control_that_does_not_take_its_value_fails_bring_up() {
+    let mut rig = Rig::new(Chip { stuck: Some((0, 0x02, 0x04)), ..Chip::new(Variant::B) });
+    let mut poller = Poller::new(PollerConfig::new());
+    assert_eq!(rig.poller_next(&mut poller), PollerEvent::Fault(Fault::Configuration));
+    rig.chip.stuck = None;
+    assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
+}
+
+#[test]
 fn a_poller_tells_its_state() {
     let mut rig = Rig::new(Chip::new(Variant::A));
     let mut poller = Poller::new(PollerConfig::new());
