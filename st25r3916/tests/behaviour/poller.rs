@@ -168,6 +168,14 @@ fn the_supply_is_measured_anew_at_every_bring_up() {
     assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
     assert_eq!(rig.chip.a[1], 0xBC);
     rig.assert_no_misuse();
+
+    // What an earlier bring-up measured is not kept for one that fails.
+    rig.chip.supply_mv = 2_000;
+    rig.chip.at(rig.chip.now, Happening::PowerUpReset);
+    assert_eq!(rig.poller_next(&mut poller), PollerEvent::Fault(Fault::Reset));
+    let fault = PollerEvent::Fault(Fault::SupplyOutOfRange { millivolts: 1_989 });
+    assert_eq!(rig.poller_next(&mut poller), fault);
+    assert_eq!(poller.supply_mv(), None);
 }
 
 #[test]
