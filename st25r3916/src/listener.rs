@@ -2,8 +2,8 @@
 //!
 //! # States
 //!
-//! [`Listener::state`] tells where a listener is. Names are those of [`ListenerState`], words in capitals are events; after
-//! an event the machine stands still until [`Input::Start`]. A comma means: one after the other.
+//! [`Listener::state`] tells where a listener is. Names are those of [`ListenerState`], words in capitals are
+//! events; after an event the machine stands still until [`Input::Start`]. A comma means: one after the other.
 //!
 //! ```text
 //!        New                                    any state
