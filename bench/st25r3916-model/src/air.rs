@@ -14,6 +14,7 @@
 
 use crate::Chip;
 use crate::clock::bits_ns;
+use crate::rng::SplitMix;
 
 /// How a frame is coded and modulated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -125,6 +126,8 @@ enum Fate {
 struct Passing {
     start_ns: u64,
     bits_per_second: u32,
+    /// Bytes the poller has announced, whatever became of them on the way.
+    announced: usize,
     fate: Fate,
 }
 
@@ -141,7 +144,7 @@ pub struct Air {
 impl Air {
     /// The air with these faults, reproducible from `seed`.
     pub fn new(seed: u64, faults: Faults) -> Self {
-        Self { faults, rng: SplitMix(seed), passing: None, counters: Counters::default(), last: None }
+        Self { faults, rng: SplitMix::new(seed), passing: None, counters: Counters::default(), last: None }
     }
 
     /// Changes the faults; the frame on the air keeps its fate.
@@ -168,8 +171,10 @@ impl Air {
             AirEvent::FieldOn | AirEvent::FieldOff => hears(at, &event),
             AirEvent::FrameStart(mut frame) => {
                 self.counters.sent += 1;
+                let announced = frame.chunk.data.len();
                 let fate = self.fate(&mut frame);
-                self.passing = Some(Passing { start_ns: at, bits_per_second: frame.bits_per_second, fate });
+                let bits_per_second = frame.bits_per_second;
+                self.passing = Some(Passing { start_ns: at, bits_per_second, announced, fate });
                 if fate == Fate::Lost {
                     return;
                 }
@@ -184,6 +189,9 @@ impl Air {
                 }
             }
             AirEvent::Bytes(mut chunk) => {
+                if let Some(p) = &mut self.passing {
+                    p.announced += chunk.data.len();
+                }
                 if !self.passing.is_some_and(|p| matches!(p.fate, Fate::Whole | Fate::Damaged)) {
                     return;
                 }
@@ -202,7 +210,10 @@ impl Air {
                     bits_per_second: p.bits_per_second,
                     data_bits: bits,
                 });
+                // A poller that breaks off says so by an end before the bytes it has announced.
+                let cut = (bits.div_ceil(8) as usize) < p.announced;
                 match p.fate {
+                    Fate::Whole if cut => self.counters.damaged += 1,
                     Fate::Whole => self.counters.delivered += 1,
                     Fate::Damaged | Fate::Cut => self.counters.damaged += 1,
                     Fate::Lost => self.counters.lost += 1,
@@ -279,29 +290,5 @@ impl Air {
             chunk.parity_error |= flips.count_ones() % 2 == 1;
         }
         any
-    }
-}
-
-/// SplitMix64 (Steele, Lea, Flood 2014): small, fast, good enough to choose faults.
-#[derive(Clone, Debug)]
-struct SplitMix(u64);
-
-impl SplitMix {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ (z >> 31)
-    }
-
-    /// True with probability `p`; draws nothing when it cannot be.
-    fn hit(&mut self, p: f64) -> bool {
-        p > 0.0 && ((self.next() >> 11) as f64) < p * (1u64 << 53) as f64
-    }
-
-    /// 0 to `n` - 1, or 0.
-    fn below(&mut self, n: usize) -> usize {
-        ((u128::from(self.next()) * n as u128) >> 64) as usize
     }
 }

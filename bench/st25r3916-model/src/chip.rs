@@ -7,7 +7,7 @@
 //! |---|---|
 //! | power-up, Set default (C0, C1), oscillator start and I_osc, auxiliary display (31) | Power-on, Operating modes, 4.4 Direct commands |
 //! | interrupts: four registers, masks, read clears, pin level | Interrupt interface |
-//! | Stop (C2), transmit (C4–C7), initial field on (C8), mask and unmask (D0, D1), measurements (D3, D8, D9, DF), reset gain (D5), regulators (D6), clear RSSI and FIFO (DA, DB), RC calibration (EA) | 4.4 Direct commands |
+//! | Stop (C2), transmit (C4–C7), initial field on (C8), mask and unmask (D0, D1), measurements (D3, D8, D9; DF in `supply`), reset gain (D5), regulators (D6), clear RSSI and FIFO (DA, DB), RC calibration (EA) | 4.4 Direct commands |
 //! | mask-receive, no-response, general purpose and wake-up timers (E0–E3, E8) | Timers, 4.5 registers 0F–14, 32 |
 //! | external field detector, own field, RF collision avoidance | External field detector, 4.4 NFC field on |
 //!
@@ -16,15 +16,18 @@
 //! | response field on (C9), AM state (D2), transparent mode (DC), capacitive sensor (DD, DE), PPON2 timer (E4), NFC-A target states (CD, CE) | the link uses none; each is reported |
 //! | wake-up mode (`wu`), test registers | as above; test register 04 is stored for the bring-up |
 //! | the step of the NFC field-on guard time (B15) | recorded for 0 only (75.5 µs); 75.5 µs per step is assumed |
-//! | general purpose timer in NFC active mode (gptc = 3), nrt_emv | the link uses none: the timer starts by E0 or as gptc 1 and 2 say |
+//! | general purpose timer in NFC active mode (12, gptc = 3), nrt_emv and nrt_nfc (12), response field (03, nfc_ar), no_rx_par, nfc_f0 and antcl (05) | the link uses none; the bits are kept, and reported when set |
+//! | whether collision avoidance (C8) ends when it sees a field or when its time is up | not documented; it ends, with I_cac, when the detector sees a field at any instant of the window |
 
 use std::collections::VecDeque;
 
 use crate::clock::Clock;
 use crate::fifo::Fifo;
+use crate::irq_pin::IrqPin;
 use crate::radio::{Incoming, Outgoing};
 use crate::registers::{self, RESET_A, RESET_B};
 use crate::report::{Reports, Space};
+use crate::rng::SplitMix;
 use crate::spi::Spi;
 use crate::{AirEvent, Config, Kind, Report, Variant};
 
@@ -62,6 +65,9 @@ pub(crate) mod reg {
     pub(crate) const PREAMBLE: usize = 0x07;
     pub(crate) const PASSIVE_TARGET: usize = 0x08;
     pub(crate) const AUX: usize = 0x0A;
+    pub(crate) const RX_CONF1: usize = 0x0B;
+    pub(crate) const RX_CONF3: usize = 0x0D;
+    pub(crate) const RX_CONF4: usize = 0x0E;
     pub(crate) const MASK_RECEIVE: usize = 0x0F;
     pub(crate) const NO_RESPONSE: usize = 0x10;
     pub(crate) const TIMERS: usize = 0x12;
@@ -71,10 +77,15 @@ pub(crate) mod reg {
     pub(crate) const TRANSMIT_LENGTH: usize = 0x22;
     pub(crate) const RATE_DETECTED: usize = 0x24;
     pub(crate) const AD_RESULT: usize = 0x25;
+    pub(crate) const TUNE_A: usize = 0x26;
+    pub(crate) const TUNE_B: usize = 0x27;
     pub(crate) const REGULATOR: usize = 0x2C;
     pub(crate) const RSSI: usize = 0x2D;
     pub(crate) const GAIN: usize = 0x2E;
     pub(crate) const WAKE_UP: usize = 0x32;
+    /// Space B: correlator.
+    pub(crate) const B_CORR1: usize = 0x0C;
+    pub(crate) const B_CORR2: usize = 0x0D;
     /// Space B.
     pub(crate) const B_GUARD: usize = 0x15;
     /// Space B: lm_ext and lm_dri connect the load modulator.
@@ -167,6 +178,9 @@ pub struct Chip {
     /// Passive target memory: NFC-A 15, NFC-F 21, TSN 12 bytes.
     pub(crate) pt_memory: [u8; 48],
     pub(crate) pending: u32,
+    pub(crate) pin: IrqPin,
+    /// Scatters what scatters on silicon.
+    pub(crate) rng: SplitMix,
     pub(crate) fifo: Fifo,
     pub(crate) spi: Spi,
     pub(crate) osc_ok: bool,
@@ -194,6 +208,7 @@ impl Chip {
     /// A chip that is powered from time 0, its registers at their reset values.
     pub fn new(config: Config) -> Self {
         let clock = Clock::new(config.crystal_ppb);
+        let rng = SplitMix::new(config.seed);
         let mut chip = Self {
             config,
             clock,
@@ -204,6 +219,8 @@ impl Chip {
             test: [0; 64],
             pt_memory: [0; 48],
             pending: 0,
+            pin: IrqPin::new(),
+            rng,
             fifo: Fifo::new(),
             spi: Spi::default(),
             osc_ok: false,
@@ -244,19 +261,18 @@ impl Chip {
         self.advance(now);
         if self.powered {
             self.set_default();
+            // The clock's rate is the controller's.
+            let hz = self.spi.hz;
             self.spi = Spi::default();
+            self.spi.hz = hz;
             self.powered = false;
+            self.irq_changes();
         }
     }
 
     /// Whether the supply is on.
     pub fn is_powered(&self) -> bool {
         self.powered
-    }
-
-    /// Level of the IRQ pin at the time last advanced to: high while an unmasked interrupt bit is set.
-    pub fn irq(&self) -> bool {
-        self.powered && self.pending & !self.mask() != 0
     }
 
     /// Whether its own carrier is on.
@@ -404,12 +420,14 @@ impl Chip {
 
     // --- interrupts ---
 
-    fn mask(&self) -> u32 {
+    pub(crate) fn mask(&self) -> u32 {
         u32::from_le_bytes([self.a[reg::MASK], self.a[reg::MASK + 1], self.a[reg::MASK + 2], self.a[reg::MASK + 3]])
     }
 
     pub(crate) fn raise(&mut self, bits: u32) {
+        self.pin.raised(bits & !self.pending, self.now);
         self.pending |= bits;
+        self.irq_changes();
     }
 
     // --- registers ---
@@ -472,7 +490,7 @@ impl Chip {
     pub(crate) fn register_was_read(&mut self, space: Space, address: u8, seen: u8) {
         if space == Space::A && (0x1A..=0x1D).contains(&address) {
             let shift = 8 * u32::from(address - 0x1A);
-            self.pending &= !(u32::from(seen) << shift);
+            self.irqs_were_read(u32::from(seen) << shift);
         }
         if registers::class(self.config.variant, space, address) == registers::Class::Absent {
             self.note(Kind::NoSuchRegister(space, address));
@@ -491,6 +509,10 @@ impl Chip {
             registers::Class::Stored => {}
         }
         let value = value & registers::writable(space, address);
+        let unmodelled = registers::unmodelled_bits(space, address, value);
+        if unmodelled != 0 {
+            self.note(Kind::UnmodelledBits(space, address, unmodelled));
+        }
         let i = usize::from(address & 0x3F);
         match space {
             Space::B => self.b[i] = value,
@@ -505,6 +527,7 @@ impl Chip {
                 }
                 reg::MODE if !self.osc_ok => self.note(Kind::ModeWithoutOscillator),
                 reg::MODE => {
+                    self.changes_in_frame(address, value);
                     let entered = value & TARGET != 0 && self.a[i] & TARGET == 0;
                     self.a[i] = value;
                     self.abort_reception();
@@ -512,8 +535,34 @@ impl Chip {
                         self.mask_idle();
                     }
                 }
+                reg::BIT_RATE => {
+                    self.changes_in_frame(address, value);
+                    let receives = (value ^ self.a[i]) & 0x03 != 0;
+                    self.a[i] = value;
+                    if receives {
+                        self.abort_reception();
+                    }
+                }
+                reg::IO2 | reg::TUNE_A | reg::TUNE_B => {
+                    self.a[i] = value;
+                    if i != reg::IO2 && self.antenna_in_use() {
+                        self.tuning_suits();
+                    }
+                }
+                0x16..=0x19 => {
+                    self.a[i] = value;
+                    self.irq_changes();
+                }
                 _ => self.a[i] = value,
             },
+        }
+    }
+
+    /// 03 or 04 gets a value while a frame is on its way out or in.
+    fn changes_in_frame(&mut self, address: u8, value: u8) {
+        let on_its_way = self.tx.is_some() || self.rx.as_ref().is_some_and(|r| r.locked);
+        if on_its_way && self.a[usize::from(address)] != value {
+            self.note(Kind::ChangedInFrame(address));
         }
     }
 
@@ -541,6 +590,7 @@ impl Chip {
         self.due = [NEVER; DUES.len()];
         self.next = NEVER;
         self.plan_hearing();
+        self.irq_changes();
     }
 
     fn operation_changed(&mut self) {
@@ -559,8 +609,13 @@ impl Chip {
         }
         if operation & RX_EN == 0 {
             self.abort_reception();
+        } else if self.osc_ok {
+            self.supply_suits();
         }
         self.field_follows();
+        if self.antenna_in_use() {
+            self.tuning_suits();
+        }
         self.look_for_field();
     }
 
@@ -575,6 +630,7 @@ impl Chip {
         if on {
             self.field = true;
             self.supply_suits();
+            self.tuning_suits();
             self.emit(AirEvent::FieldOn);
         } else {
             self.abort_transmission();
@@ -607,34 +663,37 @@ impl Chip {
         if sees != self.detected {
             self.detected = sees;
             self.raise(if sees { irq::EON } else { irq::EOF });
+            if sees && self.running(Due::FieldOn) {
+                self.field_avoided();
+            }
         }
     }
 
-    /// C8: listens for a foreign field during T_IDT + n T_RFW (4096 + n 512 carrier cycles), then switches its own on.
+    /// C8: listens for a foreign field during T_IDT + n T_RFW (4096 + n 512 carrier cycles), then switches its own on. A field that
+    /// the detector sees at its start or at any instant of the window ends it.
     fn initial_field_on(&mut self) {
         if self.a[reg::OPERATION] & EN_FD == 0 {
             self.note(Kind::CollisionAvoidanceBlind);
+        }
+        if self.detected {
+            return self.field_avoided();
         }
         let n = u64::from(self.a[reg::AUX] & 0x03);
         self.plan_in(Due::FieldOn, self.clock.cycles(4096 + n * 512));
     }
 
+    /// Collision avoidance has seen a foreign field.
+    fn field_avoided(&mut self) {
+        self.cancel(Due::FieldOn);
+        self.raise(irq::CAC);
+    }
+
     fn field_after_avoidance(&mut self) {
-        if self.detected {
-            return self.raise(irq::CAC);
-        }
         self.a[reg::OPERATION] |= TX_EN;
         self.field_follows();
         self.plan_in(Due::Apon, self.config.field_on_latency_ns);
         let steps = 1 + u64::from(self.b[reg::B_GUARD]);
         self.plan_in(Due::Guard, self.clock.cycles(steps * 1024));
-    }
-
-    fn supply_suits(&mut self) {
-        let low = self.config.vdd_mv <= 3_600;
-        if (self.a[reg::IO2] & 0x80 != 0) != low {
-            self.note(Kind::SupplyMismatch);
-        }
     }
 
     // --- timers ---
@@ -702,6 +761,9 @@ impl Chip {
                 }
                 self.cancel(Due::MaskReceive);
                 self.check_silence();
+                if self.antenna_in_use() {
+                    self.tuning_suits();
+                }
             }
             0xD3 => self.measure(reg::AD_RESULT as u8, self.config.amplitude),
             0xD9 => self.measure(reg::AD_RESULT as u8, self.config.phase),
@@ -725,11 +787,13 @@ impl Chip {
             0xDA => self.a[reg::RSSI] = 0,
             0xDB => {
                 self.settle();
+                self.disturb_transmission();
                 self.fifo.clear();
                 self.cancel(Due::TxLevel);
-                self.cancel(Due::RxLevel);
+                self.plan_receive_level();
                 if self.config.db_clears_irqs {
                     self.pending = 0;
+                    self.irq_changes();
                 }
             }
             0xE0 => self.start_general_purpose(),
@@ -752,6 +816,7 @@ impl Chip {
         self.fifo.clear();
         if self.config.stop_clears_irqs {
             self.pending = 0;
+            self.irq_changes();
         }
         self.measuring = None;
         for d in [
@@ -769,20 +834,9 @@ impl Chip {
         }
     }
 
-    fn measure(&mut self, address: u8, value: u8) {
+    pub(crate) fn measure(&mut self, address: u8, value: u8) {
         self.measuring = Some((Space::A, address, value));
         self.plan_in(Due::CommandDone, self.config.measurement_ns);
-    }
-
-    /// DF: one step of the converter is 23.4 mV; mpsv (2C, bits 2:0) chooses the supply.
-    fn measure_supply(&mut self) {
-        let mv = match self.a[reg::REGULATOR] & 0x07 {
-            0 => self.config.vdd_mv,
-            n @ 1..=4 => self.config.regulated_mv[usize::from(n) - 1],
-            _ => 0,
-        };
-        let steps = (u32::from(mv) * 10 / 234).min(255);
-        self.measure(reg::AD_RESULT as u8, steps as u8);
     }
 
     /// A target that is about to listen: can it answer by itself?

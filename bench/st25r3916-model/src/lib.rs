@@ -8,12 +8,17 @@
 //! # Driving it
 //!
 //! Time is `u64` nanoseconds and does not go back. Before looking at [`Chip::irq`] at an instant, [`advance`](Chip::advance) to it; to sleep, sleep
-//! until [`next_event`](Chip::next_event). [`Chip::transfer`] is one byte, called with the instant of its last clock: register values and FIFO bytes
-//! are taken at the end of the byte before, as on silicon, and take effect at the end of their own. Between events a chip costs nothing,
-//! and a byte costs a few nanoseconds and no allocation; a frame allocates a few times.
+//! until [`next_event`](Chip::next_event). [`Chip::transfer`] is one byte, called with the instant of its last clock: register values and
+//! FIFO bytes are taken at the end of the byte before, as on silicon, and take effect at the end of their own. One effect comes earlier:
+//! reading an interrupt register moves the IRQ pin at the first clock edge of the byte read; [`Chip::take_irq_edges`] gives the pin's
+//! changes with their own instants, [`Chip::irq_since`] the last one. Between events a chip costs nothing, and a byte costs a few
+//! nanoseconds and no allocation; a frame allocates a few times.
 //!
-//! Two chips may be advanced alternately in steps of up to a microsecond: an air event that lies a little behind the hearer's time keeps its
-//! own instant for the arithmetic of its bits, and receiver latencies (several microseconds) cover the difference.
+//! Two chips may be advanced alternately in steps of up to a microsecond: an air event that lies a little behind the hearer's time keeps
+//! its own instant for the arithmetic of its bits, and receiver latencies (several microseconds) cover the difference.
+//!
+//! The start of a transmission scatters, as on silicon, from the generator that [`Config::seed`] starts: two chips of one bench want
+//! different seeds. A test that wants exact instants sets [`Config::transmit_scatter_ns`] to 0.
 //!
 //! ```
 //! use st25r3916_model::{Chip, Config};
@@ -35,7 +40,8 @@
 //! # Modules
 //!
 //! Each opens with what it covers, by data sheet section, and what it leaves out and why: `chip` (power, oscillator, registers, interrupts,
-//! timers, commands), `spi`, `radio` (frames and the FIFO), `registers` (map and reset values), `air`.
+//! timers, commands), `spi`, `irq_pin`, `radio` (frames and the FIFO), `receive_chain` and `supply` (settings that the board or the
+//! technology contradicts), `registers` (map and reset values), `air`.
 #![forbid(unsafe_code)]
 
 mod air;
@@ -44,12 +50,17 @@ mod clock;
 mod config;
 mod crc;
 mod fifo;
+mod irq_pin;
 mod radio;
+mod receive_chain;
 mod registers;
 mod report;
+mod rng;
 mod spi;
+mod supply;
 
 pub use air::{Air, AirEvent, Chunk, Counters, Faults, FrameStart, LastFrame, Technology};
 pub use chip::{Chip, Statistics};
 pub use config::{BrokenFrame, Config, Variant};
+pub use irq_pin::IrqEdge;
 pub use report::{Kind, Report, Space};

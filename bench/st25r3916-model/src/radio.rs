@@ -11,7 +11,9 @@
 //! | FIFO: sending while loading, water level on the way down (below 200) and up (300), underflow breaks the frame off | FIFO |
 //! | reception by a poller (answers, mask-receive timer) and by a target: fixed NFC-F (03 = A0) or bit rate detection (03 = C0 with NFC-F or NFC-A) | Receiver, Passive target |
 //! | I_rxs at the sync, FIFO emptied then, bytes as they come, I_rxe; CRC, parity and framing errors; re-arming by D1 | Interrupt interface; Passive target |
-//! | automatic SENSF_RES to a SENSF_REQ, slot 0; load modulation by C4 of a target | Passive target |
+//! | automatic SENSF_RES, slot 0, to a SENSF_REQ for its system code (passive target memory 15, 16); load modulation by C4 of a target | Passive target |
+//! | start of transmission scattered around its mean | recorded, see `Config::transmit_scatter_ns` |
+//! | FIFO cleared or read in mid-frame: the transmission underflows at its next byte | FIFO; silicon sends what is loaded in time instead, if anything is |
 //!
 //! | left out | why |
 //! |---|---|
@@ -70,6 +72,8 @@ pub(crate) struct Outgoing {
     consumed: usize,
     /// When the next announced byte leaves the FIFO, ns.
     next_byte: u64,
+    /// The FIFO was disturbed: what was announced and is still in it is not sent, the frame underflows.
+    cut: bool,
 }
 
 impl Outgoing {
@@ -198,7 +202,12 @@ impl Chip {
 
     /// The controller took a byte.
     pub(crate) fn fifo_take(&mut self) {
+        self.disturb_transmission();
         self.fifo.drop_front(1);
+        // I_wl comes again when the level is reached again.
+        if self.fifo.len() + 1 == LEVEL_RX {
+            self.plan_receive_level();
+        }
     }
 
     /// The controller loaded a byte.
@@ -266,6 +275,7 @@ impl Chip {
             announced: 0,
             consumed: 0,
             next_byte: 0,
+            cut: false,
         });
     }
 
@@ -294,6 +304,7 @@ impl Chip {
             announced: 0,
             consumed: 0,
             next_byte: 0,
+            cut: false,
         });
     }
 
@@ -314,7 +325,9 @@ impl Chip {
         self.abort_reception();
         self.cancel(Due::NoResponse);
         self.fifo.clear_flags();
-        frame.start = self.now.saturating_add(self.config.transmit_latency_ns);
+        let (mean, half) = (self.config.transmit_latency_ns, self.config.transmit_scatter_ns / 2);
+        let half = half.min(mean);
+        frame.start = self.now.saturating_add(mean - half).saturating_add(self.rng.up_to(2 * half));
         let start = frame.start;
         self.tx = Some(frame);
         self.plan(Due::TxStart, start);
@@ -377,7 +390,7 @@ impl Chip {
         self.settle();
         let Some(tx) = &mut self.tx else { return };
         let n = (tx.total() - tx.announced).min(self.fifo.len());
-        if n == 0 {
+        if n == 0 || tx.cut {
             self.fifo.underflow = true;
             self.note(Kind::TransmitUnderflow);
             self.break_off_transmission();
@@ -395,6 +408,23 @@ impl Chip {
         self.settle();
         self.plan_transmit_level();
         self.plan_transmission();
+    }
+
+    /// The FIFO is about to be cleared or read by the controller. A transmission that still has to take bytes out of it does not
+    /// get them: from its next byte on the FIFO is empty.
+    pub(crate) fn disturb_transmission(&mut self) {
+        let Some(tx) = &mut self.tx else { return };
+        if tx.consumed == tx.total() {
+            return;
+        }
+        if tx.started && tx.announced > tx.consumed {
+            tx.announced = tx.consumed;
+            tx.cut = true;
+            let at = tx.byte_start(tx.consumed);
+            self.cancel(Due::TxEnd);
+            self.plan(Due::TxMore, at);
+        }
+        self.note(Kind::FifoDisturbed);
     }
 
     pub(crate) fn transmission_ends(&mut self) {
@@ -579,9 +609,33 @@ impl Chip {
         }
     }
 
+    /// A frame that the receiver should take arrives in a mode or at a rate that is not modelled: that says so.
+    fn reception_is_modelled(&mut self, rx: &Incoming) {
+        let listening = self.powered && self.osc_ok && self.a[reg::OPERATION] & RX_EN != 0 && self.tx.is_none();
+        let mode = self.a[reg::MODE];
+        let target = mode & TARGET != 0;
+        if !listening || self.unmasked_since.is_none() || target == rx.frame.load_modulation {
+            return;
+        }
+        let rate = self.a[reg::BIT_RATE] & 0x03;
+        let rate_modelled = match (target, (mode >> 3) & 0x0F) {
+            (false, 0x01) => rate == 0,
+            (false, 0x03) | (true, 0x04) => matches!(rate, 1 | 2),
+            // Bit rate detection, of NFC-A (om0) and NFC-F (om2): the rate is found.
+            (true, 0x09 | 0x0C | 0x0D) => true,
+            _ => return self.note(Kind::UnmodelledMode(mode)),
+        };
+        if !rate_modelled {
+            self.note(Kind::UnmodelledBitRate(self.a[reg::BIT_RATE]));
+        }
+    }
+
     pub(crate) fn reception_starts(&mut self) {
         let Some(rx) = self.rx.take() else { return };
-        if !self.takes(&rx) {
+        self.reception_is_modelled(&rx);
+        let takes = self.takes(&rx);
+        let passes = !takes || self.receive_chain_suits(rx.frame.technology) || self.config.unsuited_chain_receives;
+        if !takes || !passes {
             self.statistics.missed += 1;
             return;
         }
@@ -627,11 +681,15 @@ impl Chip {
     }
 
     /// I_wl on the way up: when the byte arrives that makes 300.
-    fn plan_receive_level(&mut self) {
+    pub(crate) fn plan_receive_level(&mut self) {
         self.settle();
         let level = self.fifo.len();
+        if level >= LEVEL_RX {
+            return;
+        }
+        self.cancel(Due::RxLevel);
         let Some(rx) = &self.rx else { return };
-        if rx.locked && level < LEVEL_RX && rx.deposited + (LEVEL_RX - level) <= rx.available() {
+        if rx.locked && rx.deposited + (LEVEL_RX - level) <= rx.available() {
             let at = rx.instant(rx.deposited + LEVEL_RX - level).saturating_add(rx.latency);
             self.plan(Due::RxLevel, at.max(self.now));
         }
@@ -695,9 +753,13 @@ impl Chip {
         if rx.frame.chunk.parity_error && self.a[reg::ISO14443A] & 0x40 == 0 {
             raised |= irq::PAR;
         }
-        // SENSF_REQ: LEN 6, command 0.
-        let request =
-            target && rx.frame.technology == Technology::NfcF && !crc_wrong && data.first_chunk() == Some(&[6, 0]);
+        // SENSF_REQ: LEN 6, command 0, system code, request code, slots. The system code must be the one in the passive target
+        // memory, or FF in the bytes that do not matter (JIS X 6319-4); another is received like any frame.
+        let request = target
+            && rx.frame.technology == Technology::NfcF
+            && !crc_wrong
+            && matches!(*data, [6, 0, code1, code2, ..]
+                if [code1, code2].iter().zip(&self.pt_memory[15..17]).all(|(asked, own)| *asked == 0xFF || asked == own));
         // d_212_424_1r (08, bit 2) keeps the target from answering it.
         if request && self.a[reg::PASSIVE_TARGET] & 0x04 == 0 {
             raised = (raised & !irq::RXE) | irq::RXE_PTA | irq::WU_F;
@@ -753,6 +815,7 @@ impl Chip {
             announced: 0,
             consumed: 0,
             next_byte: 0,
+            cut: false,
         });
     }
 }

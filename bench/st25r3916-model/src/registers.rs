@@ -72,12 +72,26 @@ pub(crate) fn reset(space: Space, address: u8) -> u8 {
 /// Bits that exist; the others read 0.
 pub(crate) fn writable(space: Space, address: u8) -> u8 {
     match (space, address) {
-        (Space::A, 0x01) => 0xFC,
+        // Bit 1 is reserved. Bit 0: slow_up (ST25R3916) or act_amsink (B).
+        (Space::A, 0x01) => 0xFD,
         (Space::A, 0x04) => 0x33,
         // Recorded: FF written reads back FB; bit 2 is reserved.
         (Space::A, 0x19) => 0xFB,
         (Space::A, 0x12) => 0xEF,
         _ => 0xFF,
+    }
+}
+
+/// Bits of a stored register whose function is not modelled, as far as `value` sets them: reported when written.
+pub(crate) fn unmodelled_bits(space: Space, address: u8, value: u8) -> u8 {
+    match (space, address) {
+        // nfc_ar: response field by itself.
+        (Space::A, 0x03) => value & 0x03,
+        // no_rx_par, nfc_f0, antcl.
+        (Space::A, 0x05) => value & 0x61,
+        // gptc: 1 and 2 are modelled; nrt_nfc, nrt_emv.
+        (Space::A, 0x12) => value & 0x06 | if value >> 5 > 2 { value & 0xE0 } else { 0 },
+        _ => 0,
     }
 }
 

@@ -1,6 +1,8 @@
 //! What a run must not pass over in silence: accesses the model does not cover, and accesses the data sheet does not allow.
 use core::fmt;
 
+use crate::Technology;
+
 /// Which of the chip's three register spaces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Space {
@@ -33,13 +35,16 @@ pub enum Kind {
     UnknownModeByte(u8),
     /// A register whose function is not modelled was given a value other than its reset value: the value is kept, nothing more.
     UnmodelledRegister(Space, u8),
+    /// Bits (the third value) of a register that is modelled otherwise were set, and their function is not modelled: they are kept,
+    /// nothing more.
+    UnmodelledBits(Space, u8, u8),
     /// A register the part does not have was accessed.
     NoSuchRegister(Space, u8),
     /// A read-only register was written.
     ReadOnlyWritten(Space, u8),
     /// An operation mode (03) that is not modelled was in force when a frame was to be sent or received.
     UnmodelledMode(u8),
-    /// A bit rate (04) that is not modelled in this mode was in force when a frame was to be sent.
+    /// A bit rate (04) that is not modelled in this mode was in force when a frame was to be sent or received.
     UnmodelledBitRate(u8),
     /// The FIFO was accessed without a stable oscillator: bytes written are lost, bytes read are 0.
     FifoWithoutOscillator,
@@ -57,6 +62,12 @@ pub enum Kind {
     FrameTooLong(u16),
     /// A transmission ran out of FIFO bytes and broke off.
     TransmitUnderflow,
+    /// The FIFO was cleared, or read, while a transmission still had to take bytes out of it. What had been loaded for it is not
+    /// sent: the frame breaks off by an underflow when the byte on the air ends, unless none of its bytes was on the air yet.
+    FifoDisturbed,
+    /// The mode (03) or the bit rate (04) was changed while a frame was on its way. What is being sent goes on as it began, what
+    /// is being received is let go when the change concerns reception; no document says what silicon does.
+    ChangedInFrame(u8),
     /// More bytes than the FIFO holds: the excess was lost.
     FifoOverflow,
     /// The FIFO was read when it was empty.
@@ -75,6 +86,21 @@ pub enum Kind {
     NotPowered,
     /// sup3V (01, bit 7) does not suit the supply.
     SupplyMismatch,
+    /// The supply (mV) lies outside what the part is made for.
+    SupplyOutOfRange(u16),
+    /// Antenna tuning values (26, 27) were written, the antenna is used, and aat_en (01, bit 5) is clear: they drive nothing.
+    AntennaTuningOff,
+    /// A frame was received while a register of the receive chain had a value with which no public source receives its technology.
+    ReceiveChain {
+        /// The frame's technology.
+        technology: Technology,
+        /// The register's space.
+        space: Space,
+        /// Its address.
+        address: u8,
+        /// Its value.
+        value: u8,
+    },
     /// Initial field on (C8) with the external field detector off: collision avoidance sees nothing.
     CollisionAvoidanceBlind,
     /// A target was armed with automatic answers enabled (08) and its load modulator connected.
@@ -91,6 +117,7 @@ impl fmt::Display for Kind {
             Self::UnmodelledRegister(s, a) => write!(f, "register {s:?} {a:02X}: its function is not modelled"),
             Self::NoSuchRegister(s, a) => write!(f, "register {s:?} {a:02X} does not exist in this part"),
             Self::ReadOnlyWritten(s, a) => write!(f, "register {s:?} {a:02X} is read-only and was written"),
+            Self::UnmodelledBits(s, a, b) => write!(f, "register {s:?} {a:02X}: bits {b:02X} are not modelled"),
             Self::UnmodelledMode(m) => write!(f, "mode (03) {m:02X} is not modelled"),
             Self::UnmodelledBitRate(r) => write!(f, "bit rate (04) {r:02X} is not modelled in this mode"),
             Self::FifoWithoutOscillator => write!(f, "FIFO access without a stable oscillator"),
@@ -101,6 +128,8 @@ impl fmt::Display for Kind {
             Self::EmptyFrame => write!(f, "transmission of no bytes"),
             Self::FrameTooLong(n) => write!(f, "NFC-F frame of {n} bytes does not fit its length byte"),
             Self::TransmitUnderflow => write!(f, "transmission ran out of FIFO bytes"),
+            Self::FifoDisturbed => write!(f, "FIFO cleared or read during a transmission"),
+            Self::ChangedInFrame(a) => write!(f, "register {a:02X} changed during a frame"),
             Self::FifoOverflow => write!(f, "FIFO overflow"),
             Self::FifoUnderflow => write!(f, "FIFO read when empty"),
             Self::FrameOverwritten => write!(f, "unread frame lost to its successor"),
@@ -110,6 +139,11 @@ impl fmt::Display for Kind {
             Self::TransferCutShort => write!(f, "SPI transfer ended before what it announced"),
             Self::NotPowered => write!(f, "SPI access without supply"),
             Self::SupplyMismatch => write!(f, "sup3V does not suit the supply voltage"),
+            Self::SupplyOutOfRange(mv) => write!(f, "supply of {mv} mV is outside 2400 to 5500 mV"),
+            Self::AntennaTuningOff => write!(f, "antenna tuning (26, 27) written with aat_en clear"),
+            Self::ReceiveChain { technology, space, address, value } => {
+                write!(f, "register {space:?} {address:02X} = {value:02X} does not suit reception of {technology:?}")
+            }
             Self::CollisionAvoidanceBlind => write!(f, "collision avoidance with the field detector off"),
             Self::AutomaticAnswersEnabled => write!(f, "target armed with automatic answers enabled"),
             Self::LoadModulation => write!(f, "load modulation: the part answered"),

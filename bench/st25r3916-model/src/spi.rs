@@ -3,7 +3,7 @@
 //! | covered | DS13541 |
 //! |---|---|
 //! | register write and read with counting address, FIFO load (80) and read (9F), passive target memory (A0, A8, AC, BF), direct commands, also several in one transfer, spaces B (FB) and test (FC) | 4.3.3 Serial peripheral interface |
-//! | what is shifted out is taken at the end of the byte before; a read clears an interrupt register at the end of its own byte | recorded |
+//! | what is shifted out is taken at the end of the byte before; a read clears an interrupt register at the first clock edge of its own byte (`irq_pin`) | recorded |
 //!
 //! | left out | why |
 //! |---|---|
@@ -42,7 +42,10 @@ pub(crate) struct Spi {
     state: State,
     /// What the next byte shifts out.
     out: u8,
-    hz: u32,
+    /// The controller's clock, Hz; 0 when it was not told.
+    pub(crate) hz: u32,
+    /// End of the last byte, or the fall of chip select, ns.
+    pub(crate) last_byte: u64,
 }
 
 impl Chip {
@@ -61,6 +64,7 @@ impl Chip {
         self.spi.selected = true;
         self.spi.state = State::Mode;
         self.spi.out = 0;
+        self.spi.last_byte = self.now;
     }
 
     /// Eight clocks, the last of them at `now`: takes `mosi`, returns what was shifted out meanwhile. 0 where the part drives nothing.
@@ -111,6 +115,7 @@ impl Chip {
             State::ReadTarget(i) => self.read_target(i.saturating_add(1)),
             State::Ignore => State::Ignore,
         };
+        self.spi.last_byte = self.now;
         miso
     }
 
@@ -124,7 +129,8 @@ impl Chip {
         self.spi.state = State::Mode;
     }
 
-    /// The SPI clock the controller uses, Hz; above 10 MHz is reported at each transfer.
+    /// The SPI clock the controller uses, Hz; above 10 MHz is reported at each transfer. It also tells when in a byte the IRQ pin
+    /// falls ([`Chip::take_irq_edges`]).
     pub fn spi_clock_hz(&mut self, hz: u32) {
         self.spi.hz = hz;
     }

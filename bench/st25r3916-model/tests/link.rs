@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{Pair, Side, payload};
+use common::{Pair, Side, exact, payload};
 use st25r3916_model::{Air, BrokenFrame, Config, Faults, Kind};
 
 fn clean() -> Air {
@@ -52,7 +52,7 @@ fn air_time_is_that_of_the_data_sheet_at_either_crystal_error() {
     for (n, ppb, expected) in
         [(244, 0, 4_814_159), (254, 0, 5_002_950), (244, 50_000, 4_813_919), (244, -50_000, 4_814_400)]
     {
-        let config = Config { crystal_ppb: ppb, ..Config::default() };
+        let config = Config { crystal_ppb: ppb, ..exact() };
         let mut pair = Pair::started(config, Config::default(), clean());
         pair.load(&payload(n, 3));
         pair.fire();
@@ -142,7 +142,7 @@ fn running_dry_breaks_the_frame_off_and_the_receiver_says_so() {
 
 #[test]
 fn the_water_level_of_a_long_frame_sets_its_bit_behind_the_mask() {
-    let mut pair = pair();
+    let mut pair = Pair::started(exact(), exact(), clean());
     pair.load(&payload(244, 5));
     pair.fire();
     let start = pair.now + pair.poller.config().transmit_latency_ns;
@@ -183,7 +183,7 @@ fn an_unarmed_listener_hears_nothing_until_unmasked() {
 fn a_sync_already_under_way_is_not_joined() {
     // The sync is bits 48 to 63 of the frame: armed before it the frame is heard, armed inside it it is not.
     for (bits_into, heard) in [(40, true), (50, false), (62, false)] {
-        let mut pair = pair();
+        let mut pair = Pair::started(exact(), exact(), clean());
         pair.spi(Side::Listener, &[0xD0]);
         pair.load(&payload(20, 1));
         pair.fire();

@@ -144,20 +144,6 @@ fn end_of_transmission_without_a_receiver_is_a_switch() {
 }
 
 #[test]
-fn supply_measurement_and_a_wrong_supply_range() {
-    let mut pair = Pair::new(Config::default(), Config::default(), Air::new(0, Faults::default()));
-    pair.start(Side::Poller);
-    pair.spi(Side::Poller, &[0xDF]);
-    assert!(pair.wait_irq(Side::Poller, 100_000));
-    // 3300 mV in steps of 23.4 mV.
-    assert_eq!(pair.spi(Side::Poller, &[0x65, 0])[1], 141);
-    assert_eq!(found(&pair.poller, Kind::SupplyMismatch), 0);
-    pair.spi(Side::Poller, &[0x01, 0x1C]);
-    pair.spi(Side::Poller, &[0xD6]);
-    assert_eq!(found(&pair.poller, Kind::SupplyMismatch), 1);
-}
-
-#[test]
 fn no_response_and_wake_up_timers_run_as_set() {
     let mut pair = Pair::started(Config::default(), Config::default(), Air::new(0, Faults::default()));
     pair.spi(Side::Poller, &[0x02, 0xC8]);

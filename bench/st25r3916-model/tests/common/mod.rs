@@ -1,7 +1,7 @@
 //! A controller's hands: transfers at 8 MHz, and the two bring-ups of the data sheet.
 #![allow(dead_code, reason = "each test file uses its share")]
 
-use st25r3916_model::{Air, Chip, Config};
+use st25r3916_model::{Air, AirEvent, Chip, Chunk, Config, Faults, FrameStart, Technology};
 
 /// One byte at 8 MHz, ns.
 pub(crate) const BYTE_NS: u64 = 1_000;
@@ -94,7 +94,8 @@ impl Pair {
 
     pub(crate) fn start(&mut self, side: Side) {
         self.spi(side, &[0xC1]);
-        self.spi(side, &[0x00, 0x07, 0x9C]);
+        // 5 V, antenna tuning on.
+        self.spi(side, &[0x00, 0x07, 0x3C]);
         self.spi(side, &[0x02, 0x80]);
         assert!(self.wait_irq(side, 10_000_000), "oscillator");
         assert_eq!(self.irqs(side), [0x80, 0, 0, 0]);
@@ -122,9 +123,22 @@ impl Pair {
         self.spi(Side::Listener, &[0xFB, 0x28, 0x00]);
         self.spi(Side::Listener, &[0x0F, 0x02]);
         self.spi(Side::Listener, &[0x16, 0xCF, 0xE7, 0x0F, 0xFF]);
+        self.receive_nfc_f(Side::Listener);
         self.spi(Side::Listener, &[0x03, 0xA0, 0x22]);
         self.spi(Side::Listener, &[0x02, 0xC3]);
         self.arm();
+    }
+
+    /// The receive chain as public drivers set it for NFC-F.
+    pub(crate) fn receive_nfc_f(&mut self, side: Side) {
+        self.spi(side, &[0x0B, 0x13, 0x2D, 0x00, 0x00]);
+        self.spi(side, &[0xFB, 0x0C, 0x54, 0x00]);
+    }
+
+    /// The receive chain as public drivers set it for NFC-A.
+    pub(crate) fn receive_nfc_a(&mut self, side: Side) {
+        self.spi(side, &[0x0B, 0x08, 0x2D, 0x00, 0x00]);
+        self.spi(side, &[0xFB, 0x0C, 0x51, 0x00]);
     }
 
     pub(crate) fn arm(&mut self) {
@@ -170,6 +184,11 @@ impl Pair {
     }
 }
 
+/// A chip whose transmissions start exactly when they do on average.
+pub(crate) fn exact() -> Config {
+    Config { transmit_scatter_ns: 0, ..Config::default() }
+}
+
 /// Bytes that repeat nowhere near.
 pub(crate) fn payload(n: usize, seed: u64) -> Vec<u8> {
     let mut x = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
@@ -181,4 +200,45 @@ pub(crate) fn payload(n: usize, seed: u64) -> Vec<u8> {
             (x >> 32) as u8
         })
         .collect()
+}
+
+/// One bit at 106 kbit/s, attoseconds.
+pub(crate) const BIT_106_AS: u64 = 9_439_528_023_598;
+
+/// A poller of NFC-A with its field and receiver on, and no other chip in it.
+pub(crate) fn nfc_a_poller(config: Config) -> Pair {
+    let mut pair = Pair::new(config, Config::default(), Air::new(0, Faults::default()));
+    pair.start(Side::Poller);
+    pair.receive_nfc_a(Side::Poller);
+    pair.spi(Side::Poller, &[0x03, 0x08, 0x00]);
+    // The answers' CRC is not what these tests are about.
+    pair.spi(Side::Poller, &[0x0A, 0x80]);
+    pair.spi(Side::Poller, &[0x02, 0xC8]);
+    pair
+}
+
+/// An answer of these bytes begins now; the poller is told of it in advance.
+pub(crate) fn nfc_a_answer_begins(pair: &mut Pair, data: &[u8]) {
+    let now = pair.now;
+    pair.poller.hear(
+        now,
+        &AirEvent::FrameStart(FrameStart {
+            technology: Technology::NfcA,
+            bits_per_second: 106_000,
+            bit_as: BIT_106_AS,
+            header_bits: 1,
+            byte_bits: 9,
+            load_modulation: true,
+            chunk: Chunk { data: data.to_vec(), parity_error: false },
+        }),
+    );
+    let bits = 1 + 9 * data.len() as u64;
+    let end = now + bits * BIT_106_AS / 1_000_000_000;
+    pair.poller.hear(end, &AirEvent::FrameEnd { bits: 8 * data.len() as u32 });
+}
+
+/// The same, and it has been received.
+pub(crate) fn nfc_a_answer(pair: &mut Pair, data: &[u8]) {
+    nfc_a_answer_begins(pair, data);
+    pair.run_for(200_000 + 90_000 * data.len() as u64);
 }

@@ -1,0 +1,60 @@
+//! The receive chain: can what it is set to pass the technology that is received?
+//!
+//! After reset it suits NFC-A's 848 kHz subcarrier: 0B = 08 puts the first zero of the high-pass at 600 kHz. NFC-F has no subcarrier;
+//! its spectrum at 424 kbit/s lies below that zero. The air is digital, so a wrong setting is a finding
+//! ([`crate::Kind::ReceiveChain`]), and the frame is received all the same unless [`crate::Config::unsuited_chain_receives`] is false.
+//!
+//! | register | accepted for NFC-F | authority |
+//! |---|---|---|
+//! | 0B | high-pass zeros 12/200 kHz (hz 1, 5) or 12/80 kHz (3); low-pass 1200 kHz (lp 0) or 600 kHz (1) | 13: stm32duino/ST25R3916 `src/rfal_rfst25r3916_analogConfigTbl.h` (poller, both parts), flipperdevices/flipperzero-firmware `targets/f7/furi_hal/furi_hal_nfc_felica.c` (poller and listener). 01: the same table of ST's for a listener in active communication, wilson-elechouse/ST25R3916 `ST25R3916_ELECHOUSE/src/rfal_rfst25r3916_analogConfigTbl.h` for every listener |
+//! | 0C | all | AGC, squelch and choice of demodulator: public sources differ (2D, 3D, FD, mixer or peak); none of them blocks the signal |
+//! | 0D, 0E | 00: HF input, no gain reduction | both of the above, and a recording for NFC-A; reset leaves 0D = D8 |
+//! | B0C, B0D | 54 or 58, 00; not looked at with the correlator off (dis_corr, 0A bit 2) | 54: both of the above; 58: Flipper Zero's poller. B0D bit 0 is for a 424 kHz subcarrier |
+//!
+//! | register | accepted for NFC-A at 106 kbit/s | authority |
+//! |---|---|---|
+//! | 0B | 08 | ST's table and flipperzero-firmware `targets/f7/furi_hal/furi_hal_nfc_iso14443a.c` (poller and listener), recorded |
+//! | 0C | all | as above |
+//! | 0D, 0E | 00 | as above |
+//! | B0C, B0D | 51, or 11 during anticollision; 00 | as above |
+//!
+//! The channel (0B bit 7, AM or PM) is free. Where sources disagree about a listener (current tables of ST's set nothing for it and
+//! so keep what a poller before it had left), each setting that one of them gives is accepted and the reset values are not. Any
+//! other value may work on a bench with silicon; then it belongs into these tables with what was measured.
+
+use crate::air::Technology;
+use crate::chip::{Chip, reg};
+use crate::report::{Kind, Space};
+
+/// dis_corr (0A): the correlator is off, its settings have no effect.
+const DIS_CORR: u8 = 0x04;
+
+impl Chip {
+    /// Whether every register of the chain suits `technology`; each that does not is a finding.
+    pub(crate) fn receive_chain_suits(&mut self, technology: Technology) -> bool {
+        let filter = self.a[reg::RX_CONF1];
+        let (lp, hz) = ((filter >> 4) & 0x07, filter & 0x0F);
+        let (filter_suits, correlators): (bool, &[u8]) = match technology {
+            Technology::NfcF => (matches!(lp, 0 | 1) && matches!(hz, 1 | 3 | 5), &[0x54, 0x58]),
+            Technology::NfcA => (lp == 0 && hz == 8, &[0x51, 0x11]),
+        };
+        let (gain1, gain2) = (self.a[reg::RX_CONF3], self.a[reg::RX_CONF4]);
+        let (correlator1, correlator2) = (self.b[reg::B_CORR1], self.b[reg::B_CORR2]);
+        let unused = self.a[reg::AUX] & DIS_CORR != 0;
+        let looks = [
+            (filter_suits, Space::A, reg::RX_CONF1, filter),
+            (gain1 == 0, Space::A, reg::RX_CONF3, gain1),
+            (gain2 == 0, Space::A, reg::RX_CONF4, gain2),
+            (unused || correlators.contains(&correlator1), Space::B, reg::B_CORR1, correlator1),
+            (unused || correlator2 == 0, Space::B, reg::B_CORR2, correlator2),
+        ];
+        let mut suits = true;
+        for (right, space, address, value) in looks {
+            if !right {
+                suits = false;
+                self.note(Kind::ReceiveChain { technology, space, address: address as u8, value });
+            }
+        }
+        suits
+    }
+}

@@ -1,0 +1,65 @@
+//! Supply and antenna tuning: what a driver can measure, and settings that the board contradicts.
+//!
+//! | covered | source |
+//! |---|---|
+//! | Measure power supply (DF): 23.4 mV a step into the A/D output (25), source by mpsv (2C bits 2:0), 25 µs, then I_dct | DS13541, 4.4 Direct commands; stm32duino/ST25R3916 `src/st25r3916.cpp` (step, source, register), `src/st25r3916_com.h` |
+//! | sup3V (01 bit 7) against the supply: set below 3.6 V, clear above | the same file, threshold 3600 mV |
+//! | a supply outside 2.4 to 5.5 V | data sheet, features; the ST25R3911B's data sheet gives the same range |
+//! | antenna tuning DACs (26, 27) without aat_en (01 bit 5) drive nothing | stm32duino/ST25R3916 `src/rfal_rfst25r3916_analogConfigTbl.h`, chip initialisation: set before 26 and 27 are |
+//!
+//! | left out | why |
+//! |---|---|
+//! | what a wrong supply range does to the regulators, what tuning does to the field | the air is digital; a finding says it |
+
+use crate::Chip;
+use crate::chip::{RX_EN, TARGET, reg};
+use crate::registers::RESET_A;
+use crate::report::Kind;
+
+/// What the part can be supplied with, mV.
+const RANGE_MV: core::ops::RangeInclusive<u16> = 2_400..=5_500;
+/// Supplies above this want sup3V clear, below it set, mV.
+const SUP3V_MV: u16 = 3_600;
+/// A step of the A/D converter when it measures a supply, rounded up, mV: so near to the threshold a measurement may say either.
+const STEP_MV: u16 = 24;
+const SUP3V: u8 = 0x80;
+const AAT_EN: u8 = 0x20;
+
+impl Chip {
+    /// The supply is loaded: is there enough of it, and does the regulators' range fit?
+    pub(crate) fn supply_suits(&mut self) {
+        let mv = self.config.vdd_mv;
+        if !RANGE_MV.contains(&mv) {
+            self.note(Kind::SupplyOutOfRange(mv));
+        }
+        let sup3v = self.a[reg::IO2] & SUP3V != 0;
+        if mv.abs_diff(SUP3V_MV) >= STEP_MV && sup3v != (mv < SUP3V_MV) {
+            self.note(Kind::SupplyMismatch);
+        }
+    }
+
+    /// The antenna is used: do tuning values that were written reach it?
+    pub(crate) fn tuning_suits(&mut self) {
+        let written = (reg::TUNE_A..=reg::TUNE_B).any(|i| self.a[i] != RESET_A[i]);
+        if written && self.a[reg::IO2] & AAT_EN == 0 {
+            self.note(Kind::AntennaTuningOff);
+        }
+    }
+
+    /// Whether the antenna is in use: its own carrier is on, or it listens to another's.
+    pub(crate) fn antenna_in_use(&self) -> bool {
+        let listens = self.osc_ok && self.a[reg::MODE] & TARGET != 0 && self.a[reg::OPERATION] & RX_EN != 0;
+        self.field || listens
+    }
+
+    /// DF: one step of the converter is 23.4 mV; mpsv (2C, bits 2:0) chooses the supply. Above 255 steps the display saturates.
+    pub(crate) fn measure_supply(&mut self) {
+        let mv = match self.a[reg::REGULATOR] & 0x07 {
+            0 => self.config.vdd_mv,
+            n @ 1..=4 => self.config.regulated_mv[usize::from(n) - 1],
+            _ => 0,
+        };
+        let steps = (u32::from(mv) * 10 / 234).min(255);
+        self.measure(reg::AD_RESULT as u8, steps as u8);
+    }
+}
