@@ -15,7 +15,7 @@
 //! |---|---|
 //! | response field on (C9), AM state (D2), transparent mode (DC), capacitive sensor (DD, DE), PPON2 timer (E4), NFC-A target states (CD, CE) | the link uses none; each is reported |
 //! | wake-up mode (`wu`), test registers | as above; test register 04 is stored for the bring-up |
-//! | the step of the NFC field-on guard time (B15) | recorded for 0 only (75.5 µs); 75.5 µs per step is assumed |
+//! | the step of the NFC field-on guard time (B15) | recorded for 0 only (75.9 µs); 75.5 µs per step is assumed |
 //! | general purpose timer in NFC active mode (12, gptc = 3), nrt_emv and nrt_nfc (12), response field (03, nfc_ar), no_rx_par, nfc_f0 and antcl (05) | the link uses none; the bits are kept, and reported when set |
 //! | whether collision avoidance (C8) ends when it sees a field or when its time is up | not documented; it ends, with I_cac, when the detector sees a field at any instant of the window |
 
@@ -693,7 +693,7 @@ impl Chip {
         self.field_follows();
         self.plan_in(Due::Apon, self.config.field_on_latency_ns);
         let steps = 1 + u64::from(self.b[reg::B_GUARD]);
-        self.plan_in(Due::Guard, self.clock.cycles(steps * 1024));
+        self.plan_in(Due::Guard, self.clock.cycles(steps * 1024) + self.config.guard_extra_ns);
     }
 
     // --- timers ---

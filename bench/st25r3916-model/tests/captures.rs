@@ -1,24 +1,33 @@
 //! Recordings of silicon (an ST25R3916 at 5.2 V reading an NFC-A tag), replayed: the same MOSI bytes at the same instants must get the same
 //! MISO bytes, and the IRQ pin must move as it did.
 //!
-//! The recordings are not part of this repository; without them these tests say so and pass.
+//! The recordings are not part of this repository: they are looked for in `shared/data/st25r3916-silicon` beside the checkout or beside
+//! a folder that it lies in. Without them these tests say "not run"; where `CI` is set, they fail.
 //!
 //! What the recordings do not show is set up before they begin, over SPI, as the recorded firmware had done (registers it had written,
 //! a general purpose timer that had run out while masked). The tag is a stand-in that answers with the recorded bytes when the recorded tag
 //! did: its answers' instants are derived from the recorded I_rxs edges, which are therefore checked for order and level only; that they
 //! fit ISO 14443-3's frame delay time is a check of its own.
 
-use std::path::PathBuf;
+use std::path::Path;
 
-use st25r3916_model::{AirEvent, BrokenFrame, Chip, Chunk, Config, FrameStart, Space, Technology, Variant};
+use st25r3916_model::{
+    AirEvent, BrokenFrame, Chip, Chunk, Config, FrameStart, IrqEdge, Kind, Space, Technology, Variant,
+};
 
 /// Where in virtual time a recording begins: after the set-up.
 const BEGIN_NS: u64 = 60_000_000;
-/// From a transfer's recorded instant to its first clock, and a byte's duration; both as the IRQ edges after interrupt reads show them.
-const LEAD_NS: u64 = 1_000;
-const BYTE_NS: u64 = 1_900;
-/// How far a modelled edge may lie from the recorded one. The transmitter's start varies by 2.3 µs in the recording (one bit of 424 kbit/s).
-const EDGE_TOLERANCE_NS: u64 = 2_500;
+/// The recorded controller's SPI clock, Hz.
+const SPI_HZ: u32 = 10_500_000;
+/// From a byte's first rising clock edge to its last edge at that rate, ns.
+const BYTE_NS: u64 = 714;
+/// How far a modelled fall of the IRQ pin may lie from the recorded one, ns: the text gives a transfer's instant and an edge's
+/// to 100 ns each, and the bytes of an interrupt read start up to 60 ns from where [`byte_ends`] has them. A fall at the byte's
+/// end would be 683 ns away.
+const FALL_TOLERANCE_NS: u64 = 150;
+/// The same for a rise, whose cause may be a command: those start up to 300 ns from where [`byte_ends`] has them. The recorded
+/// receiver's own delays vary by 400 ns.
+const EDGE_TOLERANCE_NS: u64 = 250;
 /// One bit at 106 kbit/s.
 const BIT_AS: u64 = 9_439_528_023_598;
 
@@ -37,9 +46,11 @@ impl Line {
 }
 
 fn capture(name: &str) -> Option<Vec<Line>> {
-    let path: PathBuf = [env!("CARGO_MANIFEST_DIR"), "../../../shared/data/st25r3916-silicon", name].iter().collect();
-    let Ok(text) = std::fs::read_to_string(&path) else {
-        println!("skipped: no recording {name}");
+    let file = Path::new("shared/data/st25r3916-silicon").join(name);
+    let folders = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors();
+    let Some(text) = folders.filter_map(|f| std::fs::read_to_string(f.join(&file)).ok()).next() else {
+        assert!(std::env::var_os("CI").is_none(), "no recording {name}: CI runs these tests with the recordings");
+        println!("not run: no recording {name}");
         return None;
     };
     let hex = |s: &str| -> Vec<u8> { s.split_whitespace().map(|b| u8::from_str_radix(b, 16).expect("hex")).collect() };
@@ -64,27 +75,39 @@ fn capture(name: &str) -> Option<Vec<Line>> {
 
 /// The recorded board.
 fn board() -> Chip {
-    Chip::new(Config {
+    let mut chip = Chip::new(Config {
         variant: Variant::St25r3916,
         vdd_mv: 5_220,
         regulator_display: 0xE0,
         driver_timing_display: 0x04,
         broken_frame: BrokenFrame::EndsWithError,
+        // Each frame starts at the mean; the test allows for the scatter.
+        transmit_scatter_ns: 0,
         ..Config::default()
-    })
+    });
+    chip.spi_clock_hz(SPI_HZ);
+    chip
+}
+
+/// When the last edges of a transfer's bytes are, ns after chip select falls: as the same recordings show it at 2 ns resolution
+/// (hydrabus/st25r3916_decoder_dumps_sigrok). The first byte starts later the more the controller prepares; the second follows
+/// it by 1.5 µs, each further one by 1.88 µs.
+fn byte_ends(mosi: &[u8]) -> impl Iterator<Item = u64> {
+    let first = match mosi {
+        [_] => 2_040,
+        [0x5A, ..] => 3_370,
+        [0x00..=0x3F, ..] => 2_840,
+        [0xFB, ..] => 3_750,
+        _ => 3_080,
+    };
+    (0..mosi.len() as u64).map(move |i| first + if i == 0 { 0 } else { 1_500 + (i - 1) * 1_880 } + BYTE_NS)
 }
 
 fn exchange(chip: &mut Chip, at: u64, mosi: &[u8]) -> Vec<u8> {
     chip.select(at);
-    let mut now = at + LEAD_NS;
-    let miso = mosi
-        .iter()
-        .map(|&b| {
-            now += BYTE_NS;
-            chip.transfer(now, b)
-        })
-        .collect();
-    chip.deselect(now + 100);
+    let miso = mosi.iter().zip(byte_ends(mosi)).map(|(&b, end)| chip.transfer(at + end, b)).collect();
+    // Chip select rises when the controller gets round to it, 1.8 us or more after the last edge.
+    chip.deselect(at + byte_ends(mosi).last().unwrap_or(0) + 1_800);
     miso
 }
 
@@ -132,10 +155,7 @@ fn every_register_of_both_spaces_reads_as_on_silicon() {
     }
     assert!(!chip.irq());
     // The list holds addresses that the part has, and no other.
-    assert_eq!(
-        chip.reports().iter().filter(|r| matches!(r.kind, st25r3916_model::Kind::NoSuchRegister(..))).count(),
-        0
-    );
+    assert_eq!(chip.reports().iter().filter(|r| matches!(r.kind, Kind::NoSuchRegister(..))).count(), 0);
 }
 
 /// An NFC-A tag that says what the recorded one said, when it said it.
@@ -225,41 +245,59 @@ fn reading_a_tag_answers_byte_for_byte_and_moves_the_irq_pin_in_order_and_in_tim
     assert_eq!(tag.answers.len(), 6);
     tag.speak(&mut chip);
 
-    let mut level = chip.irq();
-    let mut edges: Vec<(u64, bool)> = Vec::new();
+    chip.take_irq_edges().for_each(drop);
     let mut sent: Vec<(u64, AirEvent)> = Vec::new();
-    let mut look = |chip: &mut Chip, edges: &mut Vec<(u64, bool)>, now: u64| {
-        if chip.irq() != level {
-            level = chip.irq();
-            edges.push((now, level));
-        }
-        sent.extend(chip.take_air());
-    };
-    let recorded: Vec<(u64, bool)> =
-        lines.iter().filter_map(|l| if let Line::Irq { at, level } = l { Some((*at, *level)) } else { None }).collect();
-
+    let mut edges: Vec<IrqEdge> = Vec::new();
     for line in &lines {
         let Line::Transfer { at, mosi, miso } = line else { continue };
         while let Some(t) = chip.next_event().filter(|t| t < at) {
             chip.advance(t);
-            look(&mut chip, &mut edges, t);
+            sent.extend(chip.take_air());
         }
-        chip.select(*at);
-        let mut now = *at + LEAD_NS;
-        for (i, (&out, &expected)) in mosi.iter().zip(miso).enumerate() {
-            now += BYTE_NS;
-            let got = chip.transfer(now, out);
-            assert_eq!(got, expected, "{:.1} us: byte {i} of {mosi:02X?}", (*at - BEGIN_NS) as f64 / 1e3);
-            look(&mut chip, &mut edges, now);
-        }
-        chip.deselect(now + 100);
+        let got = exchange(&mut chip, *at, mosi);
+        assert_eq!(&got, miso, "{:.1} us: {mosi:02X?}", (*at - BEGIN_NS) as f64 / 1e3);
+        sent.extend(chip.take_air());
+        edges.extend(chip.take_irq_edges());
     }
 
+    let recorded: Vec<(u64, bool)> =
+        lines.iter().filter_map(|l| if let Line::Irq { at, level } = l { Some((*at, *level)) } else { None }).collect();
     assert_eq!(edges.len(), recorded.len(), "edges {edges:?}");
-    for ((at, level), (was, recorded_level)) in edges.iter().zip(&recorded) {
-        assert_eq!(level, recorded_level, "at {at}");
-        assert!(at.abs_diff(*was) <= EDGE_TOLERANCE_NS, "edge at {at}, recorded at {was}");
+    assert_eq!(recorded.iter().filter(|(_, level)| !level).count(), 22);
+    // A frame starts when the recorded chip started it, somewhere in the scatter; its end, I_txe, and what counts from there,
+    // I_nre, move along with it.
+    let scatter = Config::default().transmit_scatter_ns / 2;
+    let mut starts: Vec<i64> = Vec::new();
+    for (edge, (was, level)) in edges.iter().zip(&recorded) {
+        assert_eq!(edge.level, *level, "at {}", edge.at_ns);
+        let late = edge.at_ns as i64 - *was as i64;
+        if !level {
+            assert!(late.unsigned_abs() <= FALL_TOLERANCE_NS, "fall at {}, recorded at {was}", edge.at_ns);
+            continue;
+        }
+        let cause = lines.iter().find_map(|l| match l {
+            Line::Transfer { at, mosi, miso } if mosi[0] == 0x5A && at > was => Some((miso[1], miso[2])),
+            _ => None,
+        });
+        let late = match cause {
+            Some((0x08, _)) => {
+                assert!(
+                    late.unsigned_abs() <= scatter + EDGE_TOLERANCE_NS,
+                    "I_txe at {}, recorded at {was}",
+                    edge.at_ns
+                );
+                starts.push(late);
+                continue;
+            }
+            Some((_, 0x40)) => late - starts.last().expect("a frame before I_nre"),
+            _ => late,
+        };
+        assert!(late.unsigned_abs() <= EDGE_TOLERANCE_NS, "edge at {}, recorded at {was}: {late} ns", edge.at_ns);
     }
+    assert_eq!(starts.len(), 7);
+    // The recorded frames use most of the scatter: the model's is not wider than it must be.
+    let used = starts.iter().max().expect("frames") - starts.iter().min().expect("frames");
+    assert!(used > scatter as i64 && used <= 2 * (scatter + EDGE_TOLERANCE_NS) as i64, "{starts:?}");
 
     // What the tag heard: the frames of ISO 14443-3, with the CRC the chip adds.
     let frames: Vec<&Vec<u8>> = sent
@@ -285,6 +323,19 @@ fn reading_a_tag_answers_byte_for_byte_and_moves_the_irq_pin_in_order_and_in_tim
     }
     assert_eq!(sent.first().map(|(_, e)| e), Some(&AirEvent::FieldOn));
     assert_eq!(sent.last().map(|(_, e)| e), Some(&AirEvent::FieldOff));
+    // What silicon worked with is not found fault with: its supply range, its antenna tuning, its receive chain.
+    let kinds: Vec<Kind> = chip.reports().iter().map(|r| r.kind).collect();
+    // The recorded controller is faster than the data sheet allows, and sets antcl and a register (EMD
+    // suppression) that are not modelled.
+    let expected = |k: &Kind| {
+        matches!(
+            k,
+            Kind::SpiTooFast(SPI_HZ)
+                | Kind::UnmodelledBits(Space::A, 0x05, 0x01)
+                | Kind::UnmodelledRegister(Space::B, 0x05)
+        )
+    };
+    assert!(kinds.iter().all(expected), "{kinds:?}");
     assert_eq!(chip.peek(Space::A, 0x02), 0x83);
     assert_eq!(chip.statistics().received, 6);
     assert_eq!(chip.statistics().crc_errors, 0);

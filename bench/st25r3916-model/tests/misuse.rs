@@ -2,15 +2,19 @@
 
 mod common;
 
-use common::{Pair, Side, payload};
+use common::{Pair, Side, exact, nfc_a_answer, nfc_a_answer_begins, nfc_a_poller, payload};
 use proptest::prelude::*;
-use st25r3916_model::{Air, Chip, Config, Faults, Kind, Space, Variant};
+use st25r3916_model::{Air, AirEvent, Chip, Config, Faults, Kind, Space, Variant};
 
 fn exchange(chip: &mut Chip, now: u64, mosi: &[u8]) -> Vec<u8> {
     chip.select(now);
     let miso = mosi.iter().map(|&b| chip.transfer(now, b)).collect();
     chip.deselect(now);
     miso
+}
+
+fn clean() -> Air {
+    Air::new(0, Faults::default())
 }
 
 fn found(chip: &Chip, kind: Kind) -> u64 {
@@ -161,6 +165,274 @@ fn no_response_and_wake_up_timers_run_as_set() {
     let from = pair.now;
     assert!(pair.wait_irq(Side::Poller, 20_000_000));
     assert_eq!((pair.now - from, pair.irqs(Side::Poller)[2]), (10_000_000, 0x08));
+}
+
+#[test]
+fn clearing_the_fifo_in_mid_frame_never_lets_the_frame_arrive_whole() {
+    // The FIFO is emptied at different bytes, and loaded again or not: what was announced does not come.
+    for (at_ns, reload) in [(200_000, false), (1_000_000, false), (1_000_000, true), (4_500_000, false)] {
+        let mut pair = Pair::started(exact(), exact(), clean());
+        pair.load(&payload(244, 1));
+        pair.fire();
+        pair.run_for(at_ns);
+        pair.spi(Side::Poller, &[0xDB]);
+        assert_eq!(found(&pair.poller, Kind::FifoDisturbed), 1, "cleared after {at_ns} ns");
+        if reload {
+            let mut load = vec![0x80];
+            load.extend_from_slice(&payload(244, 2));
+            pair.spi(Side::Poller, &load);
+        }
+        pair.run_for(6_000_000);
+        assert_eq!(found(&pair.poller, Kind::TransmitUnderflow), 1);
+        assert_eq!(pair.fifo(Side::Poller).1 & 0x20, 0x20, "fifo_unf");
+        let irqs = pair.irqs(Side::Listener);
+        assert_eq!((irqs[0] & 0x10, irqs[2] & 0x90), (0x10, 0x90), "I_rxe with I_crc and I_err1");
+        let (n, _) = pair.fifo(Side::Listener);
+        // 8 bits of 32 cycles a byte, 64 bits before the first; LEN leads.
+        let begun = (at_ns as f64 / 1e3 - 3.65 + 1.0 - 151.0) / 18.879;
+        assert!((n as f64 - begun).abs() <= 2.0, "{n} bytes, {begun:.1} had begun");
+        assert_eq!(pair.read_fifo(Side::Listener, n)[1..], payload(244, 1)[..n - 1]);
+        let c = pair.air.counters();
+        assert_eq!((c.sent, c.delivered, c.damaged), (1, 0, 1));
+        // The poller is not stuck.
+        pair.arm();
+        pair.irqs(Side::Poller);
+        pair.load(&payload(10, 3));
+        pair.fire();
+        pair.run_for(2_000_000);
+        assert_eq!(pair.irqs(Side::Listener), [0x30, 0, 0, 0]);
+    }
+}
+
+#[test]
+fn reading_the_fifo_in_mid_frame_takes_bytes_from_the_frame() {
+    let mut pair = Pair::started(exact(), exact(), clean());
+    pair.load(&payload(244, 1));
+    pair.fire();
+    pair.run_for(1_000_000);
+    pair.read_fifo(Side::Poller, 1);
+    assert_eq!(found(&pair.poller, Kind::FifoDisturbed), 1);
+    pair.run_for(6_000_000);
+    assert_eq!(pair.irqs(Side::Listener)[2], 0x90);
+    assert_eq!(pair.air.counters().delivered, 0);
+}
+
+#[test]
+fn clearing_the_fifo_before_its_first_byte_is_due_lets_other_bytes_be_sent() {
+    let mut pair = Pair::started(exact(), exact(), clean());
+    pair.load(&payload(40, 1));
+    pair.fire();
+    // Still before the first bit: no byte has been announced to the air.
+    let now = pair.now;
+    pair.poller.select(now);
+    pair.poller.transfer(now + 1_000, 0xDB);
+    pair.poller.deselect(now + 1_000);
+    pair.run_for(20_000);
+    let mut load = vec![0x80];
+    load.extend_from_slice(&payload(40, 2));
+    pair.spi(Side::Poller, &load);
+    pair.run_for(2_000_000);
+    assert_eq!(found(&pair.poller, Kind::FifoDisturbed), 1);
+    assert_eq!(pair.irqs(Side::Listener), [0x30, 0, 0, 0]);
+    assert_eq!(pair.read_fifo(Side::Listener, 43)[1..41], payload(40, 2));
+}
+
+#[test]
+fn clearing_the_fifo_when_its_last_byte_has_left_harms_nothing() {
+    let mut pair = Pair::started(exact(), exact(), clean());
+    pair.load(&payload(20, 1));
+    pair.fire();
+    // During the CRC: 64 bits, LEN and 20 bytes have gone.
+    pair.run_for(3_650 + (64 + 21 * 8 + 4) * 2_360);
+    assert!(pair.poller.is_transmitting());
+    pair.spi(Side::Poller, &[0xDB]);
+    pair.run_for(1_000_000);
+    assert_eq!(pair.irqs(Side::Listener), [0x30, 0, 0, 0]);
+    assert_eq!(pair.poller.reports(), []);
+}
+
+#[test]
+fn the_water_level_comes_again_each_time_a_reception_reaches_it() {
+    let mut pair = nfc_a_poller(exact());
+    pair.spi(Side::Poller, &[0x16, 0xBF]);
+    let sent = payload(1_100, 7);
+    nfc_a_answer_begins(&mut pair, &sent);
+    let mut data = Vec::new();
+    let mut levels = 0;
+    while data.len() < 1_050 {
+        if !pair.wait_irq(Side::Poller, 40_000_000) {
+            break;
+        }
+        assert_eq!(pair.irqs(Side::Poller)[0] & 0x40, 0x40);
+        let (n, _) = pair.fifo(Side::Poller);
+        assert!((300..=301).contains(&n), "{n} bytes at I_wl");
+        levels += 1;
+        // Down to 50 bytes: 250 more until the next.
+        data.extend(pair.read_fifo(Side::Poller, 250));
+    }
+    assert_eq!(levels, 4, "at 300, 550, 800 and 1050 bytes");
+    assert_eq!(data, sent[..1_000]);
+    pair.run_for(10_000_000);
+    assert_eq!(pair.irqs(Side::Poller)[0] & 0x50, 0x10, "the end, and no level");
+    assert_eq!(pair.poller.reports(), []);
+}
+
+#[test]
+fn a_mode_or_rate_that_is_not_modelled_says_so_when_a_frame_arrives() {
+    for (writes, kind) in [
+        // NFC-A target with its anticollision; active communication.
+        (&[&[0x03u8, 0x88, 0x22][..]], Kind::UnmodelledMode(0x88)),
+        (&[&[0x03, 0xB8, 0x22]], Kind::UnmodelledMode(0xB8)),
+        // NFC-F has no 106 kbit/s here.
+        (&[&[0x03, 0xA0, 0x20]], Kind::UnmodelledBitRate(0x20)),
+    ] {
+        let mut pair = Pair::started(exact(), exact(), clean());
+        for w in writes {
+            pair.spi(Side::Listener, w);
+        }
+        pair.arm();
+        assert_eq!(pair.listener.reports(), []);
+        pair.load(&payload(20, 1));
+        pair.fire();
+        pair.run_for(2_000_000);
+        assert_eq!(found(&pair.listener, kind), 1);
+        assert_eq!(pair.listener.statistics().missed, 1);
+    }
+    for (mode, rate, kind) in [
+        // NFC-B; NFC-A at 212 kbit/s.
+        (0x10, 0x00, Kind::UnmodelledMode(0x10)),
+        (0x08, 0x01, Kind::UnmodelledBitRate(0x01)),
+    ] {
+        let mut pair = nfc_a_poller(exact());
+        pair.spi(Side::Poller, &[0x03, mode, rate]);
+        nfc_a_answer(&mut pair, &[1, 2, 3]);
+        assert_eq!(found(&pair.poller, kind), 1);
+        // Not when it does not listen.
+        pair.spi(Side::Poller, &[0x02, 0x88]);
+        nfc_a_answer(&mut pair, &[1, 2, 3]);
+        assert_eq!(found(&pair.poller, kind), 1);
+    }
+}
+
+#[test]
+fn bits_that_are_kept_without_effect_are_reported_and_others_are_not() {
+    let mut chip = Chip::new(exact());
+    exchange(&mut chip, 0, &[0x02, 0x80]);
+    chip.advance(700_000);
+    let harmless: [&[u8]; 5] = [&[0x03, 0x1C], &[0x05, 0x80], &[0x05, 0x1E], &[0x12, 0x29], &[0x12, 0x48]];
+    for w in harmless {
+        exchange(&mut chip, 700_000, w);
+    }
+    assert_eq!(chip.reports(), []);
+    for (address, value, bits) in [
+        (0x03, 0x1D, 0x01),
+        (0x03, 0x1E, 0x02),
+        (0x05, 0x81, 0x01),
+        (0x05, 0x20, 0x20),
+        (0x05, 0x40, 0x40),
+        (0x12, 0x02, 0x02),
+        (0x12, 0x25, 0x04),
+        (0x12, 0x60, 0x60),
+        (0x12, 0xE0, 0xE0),
+    ] {
+        exchange(&mut chip, 700_000, &[address, value]);
+        assert_eq!(found(&chip, Kind::UnmodelledBits(Space::A, address, bits)), 1, "{address:02X} = {value:02X}");
+        assert_eq!(chip.peek(Space::A, address), value);
+    }
+}
+
+#[test]
+fn collision_avoidance_sees_a_field_at_any_instant_of_its_window() {
+    // The field comes and goes before the window of 302 us ends; or is there from the start and goes at once.
+    for (on, off) in [(100_000, 150_000), (250_000, 290_000)] {
+        let mut pair = Pair::new(exact(), exact(), clean());
+        pair.start(Side::Listener);
+        pair.spi(Side::Listener, &[0x02, 0x83]);
+        let now = pair.now;
+        pair.listener.hear(now + 1_000 + on, &AirEvent::FieldOn);
+        pair.listener.hear(now + 1_000 + off, &AirEvent::FieldOff);
+        pair.spi(Side::Listener, &[0xC8]);
+        pair.run_for(1_000_000);
+        let irqs = pair.irqs(Side::Listener);
+        assert_eq!(irqs, [0, 0x1C, 0, 0], "I_eon, I_eof and I_cac, no I_apon");
+        assert!(!pair.listener.field_on());
+    }
+    let mut pair = Pair::new(exact(), exact(), clean());
+    pair.start(Side::Listener);
+    pair.spi(Side::Listener, &[0x02, 0x83]);
+    let now = pair.now;
+    pair.listener.hear(now, &AirEvent::FieldOn);
+    pair.run_for(50_000);
+    pair.spi(Side::Listener, &[0xC8]);
+    let now = pair.now;
+    pair.listener.hear(now, &AirEvent::FieldOff);
+    pair.run_for(1_000_000);
+    assert_eq!(pair.irqs(Side::Listener), [0, 0x1C, 0, 0]);
+    assert!(!pair.listener.field_on());
+}
+
+#[test]
+fn only_a_request_for_its_own_system_code_is_answered() {
+    for (asked, answered) in [
+        ([0x12, 0xFC], true),
+        ([0xFF, 0xFF], true),
+        ([0x12, 0xFF], true),
+        ([0xFF, 0xFC], true),
+        ([0x12, 0xFD], false),
+        ([0x88, 0xB4], false),
+    ] {
+        let mut pair = Pair::started(exact(), exact(), clean());
+        pair.spi(Side::Listener, &[0x08, 0x50]);
+        pair.spi(Side::Listener, &[0xFB, 0x28, 0x10]);
+        pair.spi(Side::Listener, &[0xA8, 0x12, 0xFC, 0x01, 2, 3, 4, 5, 6, 7, 8]);
+        pair.arm();
+        pair.load(&[0x00, asked[0], asked[1], 0x00, 0x00]);
+        pair.fire();
+        pair.run_for(6_000_000);
+        assert_eq!(pair.air.counters().answers, u64::from(answered), "{asked:02X?}");
+        // Without an answer the request is a frame like any other.
+        let expected = if answered { [0x28, 0, 0, 0x18] } else { [0x30, 0, 0, 0] };
+        assert_eq!(pair.irqs(Side::Listener), expected);
+    }
+}
+
+#[test]
+fn mode_and_rate_changed_in_mid_frame_are_found_on_either_side() {
+    for (write, register, lost) in [
+        (&[0x03u8, 0xA4][..], 0x03, true),
+        (&[0x04, 0x21], 0x04, true),
+        // The rate of transmission.
+        (&[0x04, 0x12], 0x04, false),
+    ] {
+        let mut pair = Pair::started(exact(), exact(), clean());
+        pair.load(&payload(200, 1));
+        pair.fire();
+        pair.run_for(2_000_000);
+        pair.spi(Side::Listener, write);
+        pair.run_for(5_000_000);
+        assert_eq!(found(&pair.listener, Kind::ChangedInFrame(register)), 1);
+        assert_eq!(pair.irqs(Side::Listener)[0] & 0x10 == 0, lost, "{write:02X?}");
+    }
+    // What is being sent goes on as it began.
+    for write in [[0x03, 0x08], [0x04, 0x11]] {
+        let mut pair = Pair::started(exact(), exact(), clean());
+        pair.load(&payload(200, 1));
+        pair.fire();
+        pair.run_for(2_000_000);
+        pair.spi(Side::Poller, &write);
+        pair.run_for(5_000_000);
+        assert_eq!(found(&pair.poller, Kind::ChangedInFrame(write[0])), 1);
+        assert_eq!(pair.irqs(Side::Listener), [0x30, 0, 0, 0]);
+    }
+    // Writing the value that is there, or between frames, is no change in a frame.
+    let mut pair = Pair::started(exact(), exact(), clean());
+    pair.load(&payload(200, 1));
+    pair.fire();
+    pair.run_for(2_000_000);
+    pair.spi(Side::Poller, &[0x03, 0x1C, 0x22]);
+    pair.run_for(5_000_000);
+    pair.spi(Side::Poller, &[0x04, 0x11]);
+    assert_eq!(pair.poller.reports(), []);
 }
 
 /// One thing a controller, a field or a supply does.
