@@ -4,7 +4,8 @@
 //! |---|---|
 //! | field coupling, both ways | the two antennas face each other |
 //! | frames by event: start, further bytes, end; each with its instant | [`crate::Chip`] emits them |
-//! | seeded faults of the poller's frames: inverted data bits, a lost frame, a frame that breaks off | the fault model of the link's tests; a hit in the sync loses the frame |
+//! | seeded faults of the poller's frames: inverted data bits, a | the fault model of the link's tests; a hit in |
+//! | lost frame, a frame that breaks off | the sync loses the frame |
 //!
 //! | left out | why |
 //! |---|---|
@@ -66,7 +67,8 @@ pub enum AirEvent {
     Bytes(Chunk),
     /// The frame ends; the event's instant is the end of its last bit.
     FrameEnd {
-        /// Data bits after the header, parity bits not counted. Fewer than the bytes announced when the frame broke off.
+        /// Data bits after the header, parity bits not counted. Fewer than the bytes announced when the frame broke
+        /// off.
         bits: u32,
     },
 }
@@ -82,7 +84,8 @@ pub struct Faults {
     pub truncated: f64,
 }
 
-/// What the air has carried from poller to listener. A frame is in exactly one of delivered, damaged, lost once it has ended.
+/// What the air has carried from poller to listener. A frame is in exactly one of delivered, damaged, lost once it has
+/// ended.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
     /// Frames the poller began.
@@ -152,7 +155,8 @@ impl Air {
         self.faults = faults;
     }
 
-    /// Moves what each chip has emitted to the other, until both are silent. Call it when either [`has_air`](Chip::has_air).
+    /// Moves what each chip has emitted to the other, until both are silent. Call it when either
+    /// [`has_air`](Chip::has_air).
     pub fn carry(&mut self, poller: &mut Chip, listener: &mut Chip) {
         while poller.has_air() || listener.has_air() {
             for (at, event) in poller.take_air() {

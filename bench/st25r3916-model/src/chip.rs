@@ -1,23 +1,29 @@
 //! The chip: power, oscillator, registers, interrupts, timers, commands, and the order in which things happen.
 //!
-//! Everything the chip does by itself is a deadline in one small table; `advance` takes them in order of time. Between deadlines nothing
-//! runs: a frame on its way through the FIFO is computed when somebody looks (see `radio`).
+//! Everything the chip does by itself is a deadline in one small table; `advance` takes them in order of time. Between
+//! deadlines nothing runs: a frame on its way through the FIFO is computed when somebody looks (see `radio`).
 //!
 //! | covered | DS13541 |
 //! |---|---|
-//! | power-up, Set default (C0, C1), oscillator start and I_osc, auxiliary display (31) | Power-on, Operating modes, 4.4 Direct commands |
+//! | power-up, Set default (C0, C1), oscillator start and I_osc, auxiliary | Power-on, Operating modes, 4.4 Direct |
+//! | display (31) | commands |
 //! | interrupts: four registers, masks, read clears, pin level | Interrupt interface |
-//! | Stop (C2), transmit (C4–C7), initial field on (C8), mask and unmask (D0, D1), measurements (D3, D8, D9; DF in `supply`), reset gain (D5), regulators (D6), clear RSSI and FIFO (DA, DB), RC calibration (EA) | 4.4 Direct commands |
+//! | Stop (C2), transmit (C4–C7), initial field on (C8), mask and unmask (D0, D1), measurements | 4.4 Direct commands |
+//! | (D3, D8, D9; DF in `supply`), reset gain (D5), regulators (D6), clear RSSI and FIFO (DA, |  |
+//! | DB), RC calibration (EA) |  |
 //! | mask-receive, no-response, general purpose and wake-up timers (E0–E3, E8) | Timers, 4.5 registers 0F–14, 32 |
 //! | external field detector, own field, RF collision avoidance | External field detector, 4.4 NFC field on |
 //!
 //! | left out | why |
 //! |---|---|
-//! | response field on (C9), AM state (D2), transparent mode (DC), capacitive sensor (DD, DE), PPON2 timer (E4), NFC-A target states (CD, CE) | the link uses none; each is reported |
+//! | response field on (C9), AM state (D2), transparent mode (DC), capacitive sensor (DD, | the link uses none; each |
+//! | DE), PPON2 timer (E4), NFC-A target states (CD, CE) | is reported |
 //! | wake-up mode (`wu`), test registers | as above; test register 04 is stored for the bring-up |
 //! | the step of the NFC field-on guard time (B15) | recorded for 0 only (75.9 µs); 75.5 µs per step is assumed |
-//! | general purpose timer in NFC active mode (12, gptc = 3), nrt_emv and nrt_nfc (12), response field (03, nfc_ar), no_rx_par, nfc_f0 and antcl (05) | the link uses none; the bits are kept, and reported when set |
-//! | whether collision avoidance (C8) ends when it sees a field or when its time is up | not documented; it ends, with I_cac, when the detector sees a field at any instant of the window |
+//! | general purpose timer in NFC active mode (12, gptc = 3), nrt_emv and nrt_nfc | the link uses none; the bits are |
+//! | (12), response field (03, nfc_ar), no_rx_par, nfc_f0 and antcl (05) | kept, and reported when set |
+//! | whether collision avoidance (C8) ends when it | not documented; it ends, with I_cac, when the detector sees |
+//! | sees a field or when its time is up | a field at any instant of the window |
 
 use std::collections::VecDeque;
 
@@ -317,8 +323,8 @@ impl Chip {
         self.outbox.drain(..)
     }
 
-    /// Something happens on the air at `at`. It may lie ahead, and then waits; what lies behind takes effect now, but a frame's
-    /// bits keep the times they had.
+    /// Something happens on the air at `at`. It may lie ahead, and then waits; what lies behind takes effect now, but a
+    /// frame's bits keep the times they had.
     pub fn hear(&mut self, at: u64, event: &AirEvent) {
         let effect = at.max(self.now);
         let place = self.inbox.partition_point(|(t, _, _)| *t <= effect);
@@ -409,7 +415,8 @@ impl Chip {
             Due::NoResponse => self.raise(irq::NRE),
             Due::GeneralPurpose => self.raise(irq::GPE),
             Due::WakeUp => {
-                // wto (32, bit 3): an interrupt at each time-out; without it the timer only measures, which is not modelled.
+                // wto (32, bit 3): an interrupt at each time-out; without it the timer only measures, which is not
+                // modelled.
                 if self.a[reg::WAKE_UP] & 0x08 != 0 {
                     self.raise(irq::WT);
                 }
@@ -465,7 +472,8 @@ impl Chip {
 
     fn auxiliary_display(&self) -> u8 {
         let detector = self.a[reg::OPERATION] & EN_FD;
-        // Recorded: detector automatic and own field off reads en_peer. With the field on, automatic means collision avoidance.
+        // Recorded: detector automatic and own field off reads en_peer. With the field on, automatic means collision
+        // avoidance.
         let (peer, avoidance) = match detector {
             1 => (false, true),
             2 => (true, false),
@@ -669,8 +677,8 @@ impl Chip {
         }
     }
 
-    /// C8: listens for a foreign field during T_IDT + n T_RFW (4096 + n 512 carrier cycles), then switches its own on. A field that
-    /// the detector sees at its start or at any instant of the window ends it.
+    /// C8: listens for a foreign field during T_IDT + n T_RFW (4096 + n 512 carrier cycles), then switches its own on.
+    /// A field that the detector sees at its start or at any instant of the window ends it.
     fn initial_field_on(&mut self) {
         if self.a[reg::OPERATION] & EN_FD == 0 {
             self.note(Kind::CollisionAvoidanceBlind);

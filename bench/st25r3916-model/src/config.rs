@@ -20,17 +20,19 @@ pub enum BrokenFrame {
 
 /// A chip and what surrounds it. The default is an ST25R3916B on a 5 V supply with a perfect crystal.
 ///
-/// Three kinds of values: which part and board; switches where the documents contradict themselves or each other; and the
-/// *individual* - latencies and converter results that no document gives and that were measured on one ST25R3916 at 5.2 V. The
-/// individual's defaults are those measurements, except where the field says "assumed".
+/// Three kinds of values: which part and board; switches where the documents contradict themselves or each other; and
+/// the *individual* - latencies and converter results that no document gives and that were measured on one ST25R3916 at
+/// 5.2 V. The individual's defaults are those measurements, except where the field says "assumed".
 #[derive(Clone, Debug, PartialEq)]
 pub struct Config {
     /// The part.
     pub variant: Variant,
-    /// Supply voltage, mV. Decides what Measure power supply (DF) finds and whether sup3V suits. The part's range is 2400 to
-    /// 5500; any other value is taken too, for a driver to find, and is a finding when the part is put to work with it.
+    /// Supply voltage, mV. Decides what Measure power supply (DF) finds and whether sup3V suits. The part's range is
+    /// 2400 to 5500; any other value is taken too, for a driver to find, and is a finding when the part is put to work
+    /// with it.
     pub vdd_mv: u16,
-    /// Error of the 27.12 MHz crystal, parts per billion, positive is fast; beyond ±1 000 000 it is taken as that bound.
+    /// Error of the 27.12 MHz crystal, parts per billion, positive is fast; beyond ±1 000 000 it is taken as that
+    /// bound.
     pub crystal_ppb: i64,
     /// Time from `en` to a stable oscillator, ns (data sheet: typically 0.7 ms).
     pub oscillator_startup_ns: u64,
@@ -39,28 +41,30 @@ pub struct Config {
     pub db_clears_irqs: bool,
     /// Whether C2 (stop) clears the interrupt registers: recorded, an I_gpe that was due before a C2 was gone after it.
     pub stop_clears_irqs: bool,
-    /// Whether a transmission that ends with the receiver off (`rx_en` = 0) raises I_txe: implied by the data sheet, not observed.
+    /// Whether a transmission that ends with the receiver off (`rx_en` = 0) raises I_txe: implied by the data sheet,
+    /// not observed.
     pub txe_with_rx_off: bool,
     /// Whether a target must be unmasked (D1) before its first frame and after each: true is the cautious reading.
     pub target_rearms_by_command: bool,
     /// What happens to a frame that breaks off.
     pub broken_frame: BrokenFrame,
-    /// Whether a frame is received although the receive chain (0B to 0E, B0C, B0D) cannot pass its technology. True: a finding
-    /// only, as some of it may get through. False: the frame is missed as well.
+    /// Whether a frame is received although the receive chain (0B to 0E, B0C, B0D) cannot pass its technology. True: a
+    /// finding only, as some of it may get through. False: the frame is missed as well.
     pub unsuited_chain_receives: bool,
 
     /// Starts the generator that the start of transmission scatters by: the same seed, the same instants.
     pub seed: u64,
-    /// Individual: from the end of the command byte to the start of the frame on the air, mean, ns. Seven NFC-A frames of one
-    /// recording start 2.71 to 4.59 µs after the last clock edge of C4 to C7 (I_txe less the length of the frame); this is the
-    /// middle. For NFC-F inferred.
+    /// Individual: from the end of the command byte to the start of the frame on the air, mean, ns. Seven NFC-A frames
+    /// of one recording start 2.71 to 4.59 µs after the last clock edge of C4 to C7 (I_txe less the length of the
+    /// frame); this is the middle. For NFC-F inferred.
     pub transmit_latency_ns: u64,
-    /// Individual: how far the start of transmission scatters around its mean, peak to peak, uniform, ns; 0: not at all. In the
-    /// recordings, frames start up to 2.1 µs apart after the same command (seven of NFC-A within 1.9 µs, two equal ones of
-    /// NFC-V 2.1 µs, two of NFC-B 0.4 µs); 2.3 µs, a bit of 424 kbit/s, covers them. Taken as at most twice the mean.
+    /// Individual: how far the start of transmission scatters around its mean, peak to peak, uniform, ns; 0: not at
+    /// all. In the recordings, frames start up to 2.1 µs apart after the same command (seven of NFC-A within 1.9 µs,
+    /// two equal ones of NFC-V 2.1 µs, two of NFC-B 0.4 µs); 2.3 µs, a bit of 424 kbit/s, covers them. Taken as at most
+    /// twice the mean.
     pub transmit_scatter_ns: u64,
-    /// Individual: from the first rising clock edge of the byte that carries an interrupt register away to the fall of the IRQ
-    /// pin, ns (recorded: 30 to 32 ns).
+    /// Individual: from the first rising clock edge of the byte that carries an interrupt register away to the fall of
+    /// the IRQ pin, ns (recorded: 30 to 32 ns).
     pub irq_fall_ns: u64,
     /// Individual: from the field's switch-on to I_apon, ns (three recordings: 2.70 to 2.71 µs).
     pub field_on_latency_ns: u64,
@@ -70,10 +74,11 @@ pub struct Config {
     pub no_response_extra_ns: u64,
     /// Individual: NFC-A answer, from the end of its start of communication to I_rxs, ns.
     pub nfc_a_start_latency_ns: u64,
-    /// Individual: NFC-A answer, from the end of a byte to the byte in the FIFO, and from the end of the frame to I_rxe, ns.
+    /// Individual: NFC-A answer, from the end of a byte to the byte in the FIFO, and from the end of the frame to
+    /// I_rxe, ns.
     pub nfc_a_latency_ns: u64,
-    /// Individual, assumed (two bits at 424 kbit/s): NFC-F, from the end of the sync to I_rxs, from the end of a byte to the byte in the
-    /// FIFO, and from the end of the frame to I_rxe, ns.
+    /// Individual, assumed (two bits at 424 kbit/s): NFC-F, from the end of the sync to I_rxs, from the end of a byte
+    /// to the byte in the FIFO, and from the end of the frame to I_rxe, ns.
     pub nfc_f_latency_ns: u64,
     /// Individual, assumed: from a change of the external field to the detector's output, ns.
     pub field_detect_ns: u64,

@@ -1,18 +1,19 @@
 //! The IRQ pin: its level, and the exact instants at which it changed.
 //!
-//! The bus is modelled byte by byte, the pin is not: reading an interrupt register clears it at the first rising clock edge of
-//! the byte that carries its value, and the pin falls there, not at the byte's end. Four recordings of silicon (public repository
-//! hydrabus/st25r3916_decoder_dumps_sigrok, 2 ns resolution, 10.5 MHz clock) show the fall 30 to 32 ns after that edge and 682 to
-//! 684 ns before the byte's last one, in 38 of 38 reads.
+//! The bus is modelled byte by byte, the pin is not: reading an interrupt register clears it at the first rising clock
+//! edge of the byte that carries its value, and the pin falls there, not at the byte's end. Four recordings of silicon
+//! (public repository hydrabus/st25r3916_decoder_dumps_sigrok, 2 ns resolution, 10.5 MHz clock) show the fall 30 to 32
+//! ns after that edge and 682 to 684 ns before the byte's last one, in 38 of 38 reads.
 //!
-//! A byte is handed over at its end, so the chip tells of a fall when it has already happened: [`Chip::take_irq_edges`] gives
-//! every change with its own instant, [`Chip::irq_since`] the last one. Which edge of the clock was the first follows from the
-//! clock's rate ([`Chip::spi_clock_hz`]): 7.5 periods before the last edge, SPI mode 1. If the rate is not told, 10 MHz is taken,
-//! the part's highest: the pin has then fallen by the instant given, perhaps earlier.
+//! A byte is handed over at its end, so the chip tells of a fall when it has already happened: [`Chip::take_irq_edges`]
+//! gives every change with its own instant, [`Chip::irq_since`] the last one. Which edge of the clock was the first
+//! follows from the clock's rate ([`Chip::spi_clock_hz`]): 7.5 periods before the last edge, SPI mode 1. If the rate is
+//! not told, 10 MHz is taken, the part's highest: the pin has then fallen by the instant given, perhaps earlier.
 //!
 //! | left out | why |
 //! |---|---|
-//! | [`Chip::irq`] between the first rising edge of such a byte and its end: still high | the byte is not known until it ends |
+//! | [`Chip::irq`] between the first rising edge of such a byte and its end: still | the byte is not known until it |
+//! | high | ends |
 //! | the pin's rise time, and its delay after an internal event | below 50 ns; part of each event's measured latency |
 
 use std::collections::VecDeque;
@@ -21,7 +22,8 @@ use crate::Chip;
 
 /// Changes of the pin that are kept until somebody takes them; older ones are dropped.
 const KEPT: usize = 64;
-/// Half periods of the SPI clock from a byte's first rising edge to its last edge (mode 1: the falling edge of its last bit).
+/// Half periods of the SPI clock from a byte's first rising edge to its last edge (mode 1: the falling edge of its last
+/// bit).
 const HALF_PERIODS: u64 = 15;
 /// The part's highest SPI clock, Hz: assumed where the controller's rate was not told.
 const DEFAULT_HZ: u32 = 10_000_000;
@@ -29,7 +31,8 @@ const DEFAULT_HZ: u32 = 10_000_000;
 /// A change of the IRQ pin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct IrqEdge {
-    /// When, virtual ns. Not before the edge before it, and at most the length of one SPI byte before the call that caused it.
+    /// When, virtual ns. Not before the edge before it, and at most the length of one SPI byte before the call that
+    /// caused it.
     pub at_ns: u64,
     /// The level from then on: true is high, an unmasked interrupt is pending.
     pub level: bool,
@@ -80,14 +83,15 @@ impl Chip {
         self.powered && self.pending & !self.mask() != 0
     }
 
-    /// Since when the IRQ pin has had its level, virtual ns. After a read that cleared it, this lies inside the byte read.
+    /// Since when the IRQ pin has had its level, virtual ns. After a read that cleared it, this lies inside the byte
+    /// read.
     pub fn irq_since(&self) -> u64 {
         self.pin.since
     }
 
-    /// Every change of the IRQ pin since the last call, in order, each with its exact instant; the last 64 of them. A pulse
-    /// shorter than a byte is in it (the pin falls by a read and rises by the next event before the byte ends), which two
-    /// looks at [`Chip::irq`] would not show.
+    /// Every change of the IRQ pin since the last call, in order, each with its exact instant; the last 64 of them. A
+    /// pulse shorter than a byte is in it (the pin falls by a read and rises by the next event before the byte ends),
+    /// which two looks at [`Chip::irq`] would not show.
     pub fn take_irq_edges(&mut self) -> impl Iterator<Item = IrqEdge> + '_ {
         self.pin.edges.drain(..)
     }

@@ -1,24 +1,28 @@
-//! A behavioural model of the ST25R3916 (DS12484) and ST25R3916B (DS13541): SPI bytes with chip select, the IRQ pin, the air, virtual time.
+//! A behavioural model of the ST25R3916 (DS12484) and ST25R3916B (DS13541): SPI bytes with chip select, the IRQ pin,
+//! the air, virtual time.
 //!
-//! The model needs no microcontroller. A bench gives it bytes and instants and looks at a pin; two of them face each other through
-//! [`Air`]. It behaves as the data sheet says, also when misused, and says so: whatever it does not model, and whatever the data sheet does
-//! not allow, is in [`Chip::reports`] with its first instant and count, never silently zero. Where the documents are silent or contradict
-//! themselves there is a switch or a measured value in [`Config`]; two recordings of silicon are replayed against it by this crate's tests.
+//! The model needs no microcontroller. A bench gives it bytes and instants and looks at a pin; two of them face each
+//! other through [`Air`]. It behaves as the data sheet says, also when misused, and says so: whatever it does not
+//! model, and whatever the data sheet does not allow, is in [`Chip::reports`] with its first instant and count, never
+//! silently zero. Where the documents are silent or contradict themselves there is a switch or a measured value in
+//! [`Config`]; two recordings of silicon are replayed against it by this crate's tests.
 //!
 //! # Driving it
 //!
-//! Time is `u64` nanoseconds and does not go back. Before looking at [`Chip::irq`] at an instant, [`advance`](Chip::advance) to it; to sleep, sleep
-//! until [`next_event`](Chip::next_event). [`Chip::transfer`] is one byte, called with the instant of its last clock: register values and
-//! FIFO bytes are taken at the end of the byte before, as on silicon, and take effect at the end of their own. One effect comes earlier:
-//! reading an interrupt register moves the IRQ pin at the first clock edge of the byte read; [`Chip::take_irq_edges`] gives the pin's
-//! changes with their own instants, [`Chip::irq_since`] the last one. Between events a chip costs nothing, and a byte costs a few
-//! nanoseconds and no allocation; a frame allocates a few times.
+//! Time is `u64` nanoseconds and does not go back. Before looking at [`Chip::irq`] at an instant,
+//! [`advance`](Chip::advance) to it; to sleep, sleep until [`next_event`](Chip::next_event). [`Chip::transfer`] is one
+//! byte, called with the instant of its last clock: register values and FIFO bytes are taken at the end of the byte
+//! before, as on silicon, and take effect at the end of their own. One effect comes earlier: reading an interrupt
+//! register moves the IRQ pin at the first clock edge of the byte read; [`Chip::take_irq_edges`] gives the pin's
+//! changes with their own instants, [`Chip::irq_since`] the last one. Between events a chip costs nothing, and a byte
+//! costs a few nanoseconds and no allocation; a frame allocates a few times.
 //!
-//! Two chips may be advanced alternately in steps of up to a microsecond: an air event that lies a little behind the hearer's time keeps
-//! its own instant for the arithmetic of its bits, and receiver latencies (several microseconds) cover the difference.
+//! Two chips may be advanced alternately in steps of up to a microsecond: an air event that lies a little behind the
+//! hearer's time keeps its own instant for the arithmetic of its bits, and receiver latencies (several microseconds)
+//! cover the difference.
 //!
-//! The start of a transmission scatters, as on silicon, from the generator that [`Config::seed`] starts: two chips of one bench want
-//! different seeds. A test that wants exact instants sets [`Config::transmit_scatter_ns`] to 0.
+//! The start of a transmission scatters, as on silicon, from the generator that [`Config::seed`] starts: two chips of
+//! one bench want different seeds. A test that wants exact instants sets [`Config::transmit_scatter_ns`] to 0.
 //!
 //! ```
 //! use st25r3916_model::{Chip, Config};
@@ -39,9 +43,9 @@
 //!
 //! # Modules
 //!
-//! Each opens with what it covers, by data sheet section, and what it leaves out and why: `chip` (power, oscillator, registers, interrupts,
-//! timers, commands), `spi`, `irq_pin`, `radio` (frames and the FIFO), `receive_chain` and `supply` (settings that the board or the
-//! technology contradicts), `registers` (map and reset values), `air`.
+//! Each opens with what it covers, by data sheet section, and what it leaves out and why: `chip` (power, oscillator,
+//! registers, interrupts, timers, commands), `spi`, `irq_pin`, `radio` (frames and the FIFO), `receive_chain` and
+//! `supply` (settings that the board or the technology contradicts), `registers` (map and reset values), `air`.
 #![forbid(unsafe_code)]
 
 mod air;

@@ -1,29 +1,37 @@
 //! Frames: out of the FIFO onto the air, and from the air into the FIFO.
 //!
-//! A frame costs a handful of events, not one per byte. When a frame starts, everything then in the FIFO goes onto the air as one chunk;
-//! bytes loaded later follow as further chunks, each just before the air needs it; which byte has left the FIFO, or entered the other
-//! chip's, is arithmetic on the clock done when somebody looks ([`Chip::settle`]).
+//! A frame costs a handful of events, not one per byte. When a frame starts, everything then in the FIFO goes onto the
+//! air as one chunk; bytes loaded later follow as further chunks, each just before the air needs it; which byte has
+//! left the FIFO, or entered the other chip's, is arithmetic on the clock done when somebody looks ([`Chip::settle`]).
 //!
 //! | covered | DS13541 |
 //! |---|---|
-//! | NFC-F at 212 and 424 kbit/s, poller: preamble 48 to 96 bits (07), sync, LEN = ntx + 1, CRC-16 | 4.4 Transmit commands; 4.5 register 07, 22, 23 |
-//! | NFC-A at 106 kbit/s, poller: frames with parity, incomplete last bytes, REQA, WUPA, CRC_A | the same; register 05 |
-//! | FIFO: sending while loading, water level on the way down (below 200) and up (300), underflow breaks the frame off | FIFO |
-//! | reception by a poller (answers, mask-receive timer) and by a target: fixed NFC-F (03 = A0) or bit rate detection (03 = C0 with NFC-F or NFC-A) | Receiver, Passive target |
-//! | I_rxs at the sync, FIFO emptied then, bytes as they come, I_rxe; CRC, parity and framing errors; re-arming by D1 | Interrupt interface; Passive target |
-//! | automatic SENSF_RES, slot 0, to a SENSF_REQ for its system code (passive target memory 15, 16); load modulation by C4 of a target | Passive target |
+//! | NFC-F at 212 and 424 kbit/s, poller: preamble 48 to 96 bits (07), sync, | 4.4 Transmit commands; 4.5 register |
+//! | LEN = ntx + 1, CRC-16 | 07, 22, 23 |
+//! | NFC-A at 106 kbit/s, poller: frames with parity, incomplete last bytes, REQA, WUPA, | the same; register 05 |
+//! | CRC_A |  |
+//! | FIFO: sending while loading, water level on the way down (below 200) and up (300), underflow breaks the | FIFO |
+//! | frame off |  |
+//! | reception by a poller (answers, mask-receive timer) and by a target: fixed NFC-F (03 | Receiver, Passive target |
+//! | = A0) or bit rate detection (03 = C0 with NFC-F or NFC-A) |  |
+//! | I_rxs at the sync, FIFO emptied then, bytes as they come, I_rxe; CRC, parity and | Interrupt interface; |
+//! | framing errors; re-arming by D1 | Passive target |
+//! | automatic SENSF_RES, slot 0, to a SENSF_REQ for its system code (passive target memory 15, 16); | Passive target |
+//! | load modulation by C4 of a target |  |
 //! | start of transmission scattered around its mean | recorded, see `Config::transmit_scatter_ns` |
-//! | FIFO cleared or read in mid-frame: the transmission underflows at its next byte | FIFO; silicon sends what is loaded in time instead, if anything is |
+//! | FIFO cleared or read in mid-frame: the transmission | FIFO; silicon sends what is loaded in time |
+//! | underflows at its next byte | instead, if anything is |
 //!
 //! | left out | why |
 //! |---|---|
-//! | NFC-B, NFC-V, topaz, NFCIP-1, stream modes, higher rates of NFC-A | the link is NFC-F; asked for, they are reported |
+//! | NFC-B, NFC-V, topaz, NFCIP-1, stream modes, higher rates of | the link is NFC-F; asked for, they are |
+//! | NFC-A | reported |
 //! | NFC-A target with its anticollision, TSN slots other than 0 | the listener never answers |
 //! | collisions of two answers | one listener |
 //! | signal strength, noise, gain, squelch | the air is digital; errors come from its fault model |
 //!
-//! An NFC-F frame ends when LEN + 2 bytes are in, or when the signal ends before that. Which of the two counts when they disagree is not
-//! documented; the first to happen does here.
+//! An NFC-F frame ends when LEN + 2 bytes are in, or when the signal ends before that. Which of the two counts when
+//! they disagree is not documented; the first to happen does here.
 
 use crate::chip::{Due, RX_EN, TARGET, irq, reg};
 use crate::clock::{bits_in, bits_ns};
@@ -410,8 +418,8 @@ impl Chip {
         self.plan_transmission();
     }
 
-    /// The FIFO is about to be cleared or read by the controller. A transmission that still has to take bytes out of it does not
-    /// get them: from its next byte on the FIFO is empty.
+    /// The FIFO is about to be cleared or read by the controller. A transmission that still has to take bytes out of it
+    /// does not get them: from its next byte on the FIFO is empty.
     pub(crate) fn disturb_transmission(&mut self) {
         let Some(tx) = &mut self.tx else { return };
         if tx.consumed == tx.total() {
@@ -753,13 +761,12 @@ impl Chip {
         if rx.frame.chunk.parity_error && self.a[reg::ISO14443A] & 0x40 == 0 {
             raised |= irq::PAR;
         }
-        // SENSF_REQ: LEN 6, command 0, system code, request code, slots. The system code must be the one in the passive target
-        // memory, or FF in the bytes that do not matter (JIS X 6319-4); another is received like any frame.
-        let request = target
-            && rx.frame.technology == Technology::NfcF
-            && !crc_wrong
-            && matches!(*data, [6, 0, code1, code2, ..]
-                if [code1, code2].iter().zip(&self.pt_memory[15..17]).all(|(asked, own)| *asked == 0xFF || asked == own));
+        // SENSF_REQ: LEN 6, command 0, system code, request code, slots. The system code must be the one in the passive
+        // target memory, or FF in the bytes that do not matter (JIS X 6319-4); another is received like any frame.
+        let own = &self.pt_memory[15..17];
+        let asks_for_own = matches!(*data, [6, 0, code1, code2, ..]
+            if [code1, code2].iter().zip(own).all(|(asked, own)| *asked == 0xFF || asked == own));
+        let request = target && rx.frame.technology == Technology::NfcF && !crc_wrong && asks_for_own;
         // d_212_424_1r (08, bit 2) keeps the target from answering it.
         if request && self.a[reg::PASSIVE_TARGET] & 0x04 == 0 {
             raised = (raised & !irq::RXE) | irq::RXE_PTA | irq::WU_F;
@@ -791,7 +798,8 @@ impl Chip {
             detected => detected,
         };
         let cycles = CYCLES_106 >> rate;
-        // NFC-F part of the memory: two bytes of system code, then the 19 bytes of the answer, its request data included.
+        // NFC-F part of the memory: two bytes of system code, then the 19 bytes of the answer, its request data
+        // included.
         let body = &self.pt_memory[17..36];
         let mut prefix = vec![1 + body.len() as u8];
         prefix.extend_from_slice(body);

@@ -1,26 +1,34 @@
 //! The receive chain: can what it is set to pass the technology that is received?
 //!
-//! After reset it suits NFC-A's 848 kHz subcarrier: 0B = 08 puts the first zero of the high-pass at 600 kHz. NFC-F has no subcarrier;
-//! its spectrum at 424 kbit/s lies below that zero. The air is digital, so a wrong setting is a finding
-//! ([`crate::Kind::ReceiveChain`]), and the frame is received all the same unless [`crate::Config::unsuited_chain_receives`] is false.
+//! After reset it suits NFC-A's 848 kHz subcarrier: 0B = 08 puts the first zero of the high-pass at 600 kHz. NFC-F has
+//! no subcarrier; its spectrum at 424 kbit/s lies below that zero. The air is digital, so a wrong setting is a finding
+//! ([`crate::Kind::ReceiveChain`]), and the frame is received all the same unless
+//! [`crate::Config::unsuited_chain_receives`] is false.
 //!
-//! | register | accepted for NFC-F | authority |
-//! |---|---|---|
-//! | 0B | high-pass zeros 12/200 kHz (hz 1, 5) or 12/80 kHz (3); low-pass 1200 kHz (lp 0) or 600 kHz (1) | 13: stm32duino/ST25R3916 `src/rfal_rfst25r3916_analogConfigTbl.h` (poller, both parts), flipperdevices/flipperzero-firmware `targets/f7/furi_hal/furi_hal_nfc_felica.c` (poller and listener). 01: the same table of ST's for a listener in active communication, wilson-elechouse/ST25R3916 `ST25R3916_ELECHOUSE/src/rfal_rfst25r3916_analogConfigTbl.h` for every listener |
-//! | 0C | all | AGC, squelch and choice of demodulator: public sources differ (2D, 3D, FD, mixer or peak); none of them blocks the signal |
-//! | 0D, 0E | 00: HF input, no gain reduction | both of the above, and a recording for NFC-A; reset leaves 0D = D8 |
-//! | B0C, B0D | 54 or 58, 00; not looked at with the correlator off (dis_corr, 0A bit 2) | 54: both of the above; 58: Flipper Zero's poller. B0D bit 0 is for a 424 kHz subcarrier |
+//! Accepted for NFC-F:
+//! - 0B: high-pass zeros at 12 and 200 kHz (hz 1, 5) or 12 and 80 kHz (3), low-pass at 1200 kHz (lp 0) or 600 kHz (1).
+//!   13 is the value of \[1\] (poller, both parts) and of \[2\] (poller and listener); 01 that of \[1\] for a listener
+//!   in active communication and of \[3\] for every listener.
+//! - 0C: any. AGC, squelch and choice of demodulator; \[1\] to \[3\] differ (2D, 3D, FD, 6D), none of them blocks the
+//!   signal.
+//! - 0D, 0E: 00, the HF input without gain reduction: \[1\] and \[2\]. Reset leaves 0D = D8.
+//! - B0C: 54 (\[1\], \[2\]) or 58 (poller of \[2\]); B0D: 00 (\[1\], \[2\]), as its bit 0 is for a 424 kHz subcarrier.
+//!   Not looked at with the correlator off (dis_corr, 0A bit 2).
 //!
-//! | register | accepted for NFC-A at 106 kbit/s | authority |
-//! |---|---|---|
-//! | 0B | 08 | ST's table and flipperzero-firmware `targets/f7/furi_hal/furi_hal_nfc_iso14443a.c` (poller and listener), recorded |
-//! | 0C | all | as above |
-//! | 0D, 0E | 00 | as above |
-//! | B0C, B0D | 51, or 11 during anticollision; 00 | as above |
+//! Accepted for NFC-A at 106 kbit/s, each by \[1\], \[4\] and the recording that this crate's tests replay:
+//! - 0B: 08; 0C: any; 0D, 0E: 00.
+//! - B0C: 51, or 11 during anticollision; B0D: 00. Not looked at with the correlator off.
 //!
-//! The channel (0B bit 7, AM or PM) is free. Where sources disagree about a listener (current tables of ST's set nothing for it and
-//! so keep what a poller before it had left), each setting that one of them gives is accepted and the reset values are not. Any
-//! other value may work on a bench with silicon; then it belongs into these tables with what was measured.
+//! Public repositories:
+//! - \[1\] stm32duino/ST25R3916 `src/rfal_rfst25r3916_analogConfigTbl.h` (ST's own table)
+//! - \[2\] flipperdevices/flipperzero-firmware `targets/f7/furi_hal/furi_hal_nfc_felica.c`
+//! - \[3\] wilson-elechouse/ST25R3916 `ST25R3916_ELECHOUSE/src/rfal_rfst25r3916_analogConfigTbl.h` (a board with the B)
+//! - \[4\] flipperdevices/flipperzero-firmware `targets/f7/furi_hal/furi_hal_nfc_iso14443a.c` (poller and listener)
+//!
+//! The channel (0B bit 7, AM or PM) is free. Where sources disagree about a listener (\[1\] sets nothing for a passive
+//! one and so keeps what a poller before it had left), each setting that one of them gives is accepted and the reset
+//! values are not. Any other value may work on a bench with silicon; then it belongs into these tables with what was
+//! measured.
 
 use crate::air::Technology;
 use crate::chip::{Chip, reg};

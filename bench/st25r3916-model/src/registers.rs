@@ -6,12 +6,14 @@
 //!
 //! | left out | why |
 //! |---|---|
-//! | what analog registers do to the radio (0B–0E, 26–2B, B0B–B0D, B0F, B28–B2A, B2E–B38) | the air is digital here; they are stored and read back |
-//! | stream mode, EMD suppression, wake-up by amplitude or phase, PPON2, capacitive sensor | the link uses none; a write of another value than reset is reported |
+//! | what analog registers do to the radio (0B–0E, 26–2B, B0B–B0D, B0F, | the air is digital here; they are stored |
+//! | B28–B2A, B2E–B38) | and read back |
+//! | stream mode, EMD suppression, wake-up by amplitude or phase, | the link uses none; a write of another value |
+//! | PPON2, capacitive sensor | than reset is reported |
 //!
-//! Reset values: 03, 0B, 0C, 0D, 0F, 15, 28, B0B, B0C, B15 and B29 as a recording of silicon shows them after a bring-up that does not
-//! write them; 26, 27, 29–2B and B2A as public drivers imply, without influence here; B28 with the load modulator connected, the cautious
-//! assumption for a listener that must not answer; 0 elsewhere.
+//! Reset values: 03, 0B, 0C, 0D, 0F, 15, 28, B0B, B0C, B15 and B29 as a recording of silicon shows them after a
+//! bring-up that does not write them; 26, 27, 29–2B and B2A as public drivers imply, without influence here; B28 with
+//! the load modulator connected, the cautious assumption for a listener that must not answer; 0 elsewhere.
 
 use crate::Variant;
 use crate::report::Space;

@@ -1,4 +1,5 @@
-//! What a run must not pass over in silence: accesses the model does not cover, and accesses the data sheet does not allow.
+//! What a run must not pass over in silence: accesses the model does not cover, and accesses the data sheet does not
+//! allow.
 use core::fmt;
 
 use crate::Technology;
@@ -33,10 +34,11 @@ pub enum Kind {
     UnmodelledCommand(u8),
     /// An SPI mode byte the data sheet does not define.
     UnknownModeByte(u8),
-    /// A register whose function is not modelled was given a value other than its reset value: the value is kept, nothing more.
-    UnmodelledRegister(Space, u8),
-    /// Bits (the third value) of a register that is modelled otherwise were set, and their function is not modelled: they are kept,
+    /// A register whose function is not modelled was given a value other than its reset value: the value is kept,
     /// nothing more.
+    UnmodelledRegister(Space, u8),
+    /// Bits (the third value) of a register that is modelled otherwise were set, and their function is not modelled:
+    /// they are kept, nothing more.
     UnmodelledBits(Space, u8, u8),
     /// A register the part does not have was accessed.
     NoSuchRegister(Space, u8),
@@ -62,11 +64,12 @@ pub enum Kind {
     FrameTooLong(u16),
     /// A transmission ran out of FIFO bytes and broke off.
     TransmitUnderflow,
-    /// The FIFO was cleared, or read, while a transmission still had to take bytes out of it. What had been loaded for it is not
-    /// sent: the frame breaks off by an underflow when the byte on the air ends, unless none of its bytes was on the air yet.
+    /// The FIFO was cleared, or read, while a transmission still had to take bytes out of it. What had been loaded for
+    /// it is not sent: the frame breaks off by an underflow when the byte on the air ends, unless none of its bytes was
+    /// on the air yet.
     FifoDisturbed,
-    /// The mode (03) or the bit rate (04) was changed while a frame was on its way. What is being sent goes on as it began, what
-    /// is being received is let go when the change concerns reception; no document says what silicon does.
+    /// The mode (03) or the bit rate (04) was changed while a frame was on its way. What is being sent goes on as it
+    /// began, what is being received is let go when the change concerns reception; no document says what silicon does.
     ChangedInFrame(u8),
     /// More bytes than the FIFO holds: the excess was lost.
     FifoOverflow,
@@ -88,9 +91,11 @@ pub enum Kind {
     SupplyMismatch,
     /// The supply (mV) lies outside what the part is made for.
     SupplyOutOfRange(u16),
-    /// Antenna tuning values (26, 27) were written, the antenna is used, and aat_en (01, bit 5) is clear: they drive nothing.
+    /// Antenna tuning values (26, 27) were written, the antenna is used, and aat_en (01, bit 5) is clear: they drive
+    /// nothing.
     AntennaTuningOff,
-    /// A frame was received while a register of the receive chain had a value with which no public source receives its technology.
+    /// A frame was received while a register of the receive chain had a value with which no public source receives its
+    /// technology.
     ReceiveChain {
         /// The frame's technology.
         technology: Technology,

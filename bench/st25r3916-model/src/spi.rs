@@ -2,8 +2,11 @@
 //!
 //! | covered | DS13541 |
 //! |---|---|
-//! | register write and read with counting address, FIFO load (80) and read (9F), passive target memory (A0, A8, AC, BF), direct commands, also several in one transfer, spaces B (FB) and test (FC) | 4.3.3 Serial peripheral interface |
-//! | what is shifted out is taken at the end of the byte before; a read clears an interrupt register at the first clock edge of its own byte (`irq_pin`) | recorded |
+//! | register write and read with counting address, FIFO load (80) and read (9F), passive | 4.3.3 Serial peripheral |
+//! | target memory (A0, A8, AC, BF), direct commands, also several in one transfer, spaces | interface |
+//! | B (FB) and test (FC) |  |
+//! | what is shifted out is taken at the end of the byte before; a read clears an interrupt register at | recorded |
+//! | the first clock edge of its own byte (`irq_pin`) |  |
 //!
 //! | left out | why |
 //! |---|---|
@@ -67,7 +70,8 @@ impl Chip {
         self.spi.last_byte = self.now;
     }
 
-    /// Eight clocks, the last of them at `now`: takes `mosi`, returns what was shifted out meanwhile. 0 where the part drives nothing.
+    /// Eight clocks, the last of them at `now`: takes `mosi`, returns what was shifted out meanwhile. 0 where the part
+    /// drives nothing.
     pub fn transfer(&mut self, now: u64, mosi: u8) -> u8 {
         self.advance(now);
         if !self.powered {
@@ -129,8 +133,8 @@ impl Chip {
         self.spi.state = State::Mode;
     }
 
-    /// The SPI clock the controller uses, Hz; above 10 MHz is reported at each transfer. It also tells when in a byte the IRQ pin
-    /// falls ([`Chip::take_irq_edges`]).
+    /// The SPI clock the controller uses, Hz; above 10 MHz is reported at each transfer. It also tells when in a byte
+    /// the IRQ pin falls ([`Chip::take_irq_edges`]).
     pub fn spi_clock_hz(&mut self, hz: u32) {
         self.spi.hz = hz;
     }

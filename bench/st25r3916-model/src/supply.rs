@@ -2,14 +2,18 @@
 //!
 //! | covered | source |
 //! |---|---|
-//! | Measure power supply (DF): 23.4 mV a step into the A/D output (25), source by mpsv (2C bits 2:0), 25 µs, then I_dct | DS13541, 4.4 Direct commands; stm32duino/ST25R3916 `src/st25r3916.cpp` (step, source, register), `src/st25r3916_com.h` |
+//! | Measure power supply (DF): 23.4 mV a step into the | DS13541, 4.4 Direct commands; stm32duino/ST25R3916 |
+//! | A/D output (25), source by mpsv (2C bits 2:0), 25 µs, | `src/st25r3916.cpp` (step, source, register), |
+//! | then I_dct | `src/st25r3916_com.h` |
 //! | sup3V (01 bit 7) against the supply: set below 3.6 V, clear above | the same file, threshold 3600 mV |
-//! | a supply outside 2.4 to 5.5 V | data sheet, features; the ST25R3911B's data sheet gives the same range |
-//! | antenna tuning DACs (26, 27) without aat_en (01 bit 5) drive nothing | stm32duino/ST25R3916 `src/rfal_rfst25r3916_analogConfigTbl.h`, chip initialisation: set before 26 and 27 are |
+//! | a supply outside 2.4 to 5.5 V | ST25R3911B data sheet, features; taken for this part as well |
+//! | antenna tuning DACs (26, 27) without | stm32duino/ST25R3916 `src/rfal_rfst25r3916_analogConfigTbl.h`, chip |
+//! | aat_en (01 bit 5) drive nothing | initialisation: set before 26 and 27 are |
 //!
 //! | left out | why |
 //! |---|---|
-//! | what a wrong supply range does to the regulators, what tuning does to the field | the air is digital; a finding says it |
+//! | what a wrong supply range does to the regulators, what tuning does to the | the air is digital; a finding says |
+//! | field | it |
 
 use crate::Chip;
 use crate::chip::{RX_EN, TARGET, reg};
@@ -20,7 +24,8 @@ use crate::report::Kind;
 const RANGE_MV: core::ops::RangeInclusive<u16> = 2_400..=5_500;
 /// Supplies above this want sup3V clear, below it set, mV.
 const SUP3V_MV: u16 = 3_600;
-/// A step of the A/D converter when it measures a supply, rounded up, mV: so near to the threshold a measurement may say either.
+/// A step of the A/D converter when it measures a supply, rounded up, mV: so near to the threshold a measurement may
+/// say either.
 const STEP_MV: u16 = 24;
 const SUP3V: u8 = 0x80;
 const AAT_EN: u8 = 0x20;
@@ -52,7 +57,8 @@ impl Chip {
         self.field || listens
     }
 
-    /// DF: one step of the converter is 23.4 mV; mpsv (2C, bits 2:0) chooses the supply. Above 255 steps the display saturates.
+    /// DF: one step of the converter is 23.4 mV; mpsv (2C, bits 2:0) chooses the supply. Above 255 steps the display
+    /// saturates.
     pub(crate) fn measure_supply(&mut self) {
         let mv = match self.a[reg::REGULATOR] & 0x07 {
             0 => self.config.vdd_mv,

@@ -1,13 +1,13 @@
-//! Recordings of silicon (an ST25R3916 at 5.2 V reading an NFC-A tag), replayed: the same MOSI bytes at the same instants must get the same
-//! MISO bytes, and the IRQ pin must move as it did.
+//! Recordings of silicon (an ST25R3916 at 5.2 V reading an NFC-A tag), replayed: the same MOSI bytes at the same
+//! instants must get the same MISO bytes, and the IRQ pin must move as it did.
 //!
-//! The recordings are not part of this repository: they are looked for in `shared/data/st25r3916-silicon` beside the checkout or beside
-//! a folder that it lies in. Without them these tests say "not run"; where `CI` is set, they fail.
+//! The recordings are not part of this repository: they are looked for in `shared/data/st25r3916-silicon` beside the
+//! checkout or beside a folder that it lies in. Without them these tests say "not run"; where `CI` is set, they fail.
 //!
-//! What the recordings do not show is set up before they begin, over SPI, as the recorded firmware had done (registers it had written,
-//! a general purpose timer that had run out while masked). The tag is a stand-in that answers with the recorded bytes when the recorded tag
-//! did: its answers' instants are derived from the recorded I_rxs edges, which are therefore checked for order and level only; that they
-//! fit ISO 14443-3's frame delay time is a check of its own.
+//! What the recordings do not show is set up before they begin, over SPI, as the recorded firmware had done (registers
+//! it had written, a general purpose timer that had run out while masked). The tag is a stand-in that answers with the
+//! recorded bytes when the recorded tag did: its answers' instants are derived from the recorded I_rxs edges, which are
+//! therefore checked for order and level only; that they fit ISO 14443-3's frame delay time is a check of its own.
 
 use std::path::Path;
 
@@ -21,12 +21,12 @@ const BEGIN_NS: u64 = 60_000_000;
 const SPI_HZ: u32 = 10_500_000;
 /// From a byte's first rising clock edge to its last edge at that rate, ns.
 const BYTE_NS: u64 = 714;
-/// How far a modelled fall of the IRQ pin may lie from the recorded one, ns: the text gives a transfer's instant and an edge's
-/// to 100 ns each, and the bytes of an interrupt read start up to 60 ns from where [`byte_ends`] has them. A fall at the byte's
-/// end would be 683 ns away.
+/// How far a modelled fall of the IRQ pin may lie from the recorded one, ns: the text gives a transfer's instant and an
+/// edge's to 100 ns each, and the bytes of an interrupt read start up to 60 ns from where [`byte_ends`] has them. A
+/// fall at the byte's end would be 683 ns away.
 const FALL_TOLERANCE_NS: u64 = 150;
-/// The same for a rise, whose cause may be a command: those start up to 300 ns from where [`byte_ends`] has them. The recorded
-/// receiver's own delays vary by 400 ns.
+/// The same for a rise, whose cause may be a command: those start up to 300 ns from where [`byte_ends`] has them. The
+/// recorded receiver's own delays vary by 400 ns.
 const EDGE_TOLERANCE_NS: u64 = 250;
 /// One bit at 106 kbit/s.
 const BIT_AS: u64 = 9_439_528_023_598;
@@ -89,9 +89,9 @@ fn board() -> Chip {
     chip
 }
 
-/// When the last edges of a transfer's bytes are, ns after chip select falls: as the same recordings show it at 2 ns resolution
-/// (hydrabus/st25r3916_decoder_dumps_sigrok). The first byte starts later the more the controller prepares; the second follows
-/// it by 1.5 µs, each further one by 1.88 µs.
+/// When the last edges of a transfer's bytes are, ns after chip select falls: as the same recordings show it at 2 ns
+/// resolution (hydrabus/st25r3916_decoder_dumps_sigrok). The first byte starts later the more the controller prepares;
+/// the second follows it by 1.5 µs, each further one by 1.88 µs.
 fn byte_ends(mosi: &[u8]) -> impl Iterator<Item = u64> {
     let first = match mosi {
         [_] => 2_040,
@@ -264,8 +264,8 @@ fn reading_a_tag_answers_byte_for_byte_and_moves_the_irq_pin_in_order_and_in_tim
         lines.iter().filter_map(|l| if let Line::Irq { at, level } = l { Some((*at, *level)) } else { None }).collect();
     assert_eq!(edges.len(), recorded.len(), "edges {edges:?}");
     assert_eq!(recorded.iter().filter(|(_, level)| !level).count(), 22);
-    // A frame starts when the recorded chip started it, somewhere in the scatter; its end, I_txe, and what counts from there,
-    // I_nre, move along with it.
+    // A frame starts when the recorded chip started it, somewhere in the scatter; its end, I_txe, and what counts from
+    // there, I_nre, move along with it.
     let scatter = Config::default().transmit_scatter_ns / 2;
     let mut starts: Vec<i64> = Vec::new();
     for (edge, (was, level)) in edges.iter().zip(&recorded) {
@@ -340,7 +340,8 @@ fn reading_a_tag_answers_byte_for_byte_and_moves_the_irq_pin_in_order_and_in_tim
     assert_eq!(chip.statistics().received, 6);
     assert_eq!(chip.statistics().crc_errors, 0);
 
-    // ISO 14443-3: an answer starts 1172 cycles (86.4 us) after the end of the last bit, plus the pause; I_txe comes two bits after that bit.
+    // ISO 14443-3: an answer starts 1172 cycles (86.4 us) after the end of the last bit, plus the pause; I_txe comes
+    // two bits after that bit.
     let delays: Vec<u64> = sent
         .iter()
         .zip(sent.iter().skip(1))

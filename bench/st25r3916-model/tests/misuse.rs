@@ -478,15 +478,25 @@ fn act() -> impl Strategy<Value = Act> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, rng_seed: proptest::test_runner::RngSeed::Fixed(3916), ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig {
+        cases: 200,
+        failure_persistence: None,
+        rng_seed: proptest::test_runner::RngSeed::Fixed(3916),
+        ..ProptestConfig::default()
+    })]
 
     #[test]
-    fn no_sequence_of_bytes_panics_loops_or_goes_back_in_time(acts in prop::collection::vec(act(), 1..120), started: bool, seed: u64) {
+    fn no_sequence_of_bytes_panics_loops_or_goes_back_in_time(
+        acts in prop::collection::vec(act(), 1..120),
+        started: bool,
+        seed: u64,
+    ) {
         let faults = Faults { bit_error: 1e-3, lost: 0.1, truncated: 0.2 };
         let run = || {
             let air = Air::new(seed, faults);
             let config = Config { variant: Variant::St25r3916b, crystal_ppb: 20_000, ..Config::default() };
-            let mut pair = if started { Pair::started(config.clone(), config.clone(), air) } else { Pair::new(config.clone(), config.clone(), air) };
+            let make = if started { Pair::started } else { Pair::new };
+            let mut pair = make(config.clone(), config.clone(), air);
             let mut heard = Vec::new();
             for a in &acts {
                 match a {

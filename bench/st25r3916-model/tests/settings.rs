@@ -116,8 +116,11 @@ fn antenna_tuning_without_aat_en_is_found_when_the_antenna_is_used() {
     assert_eq!(found(&pair.listener, Kind::AntennaTuningOff), 1);
 }
 
+/// Space, address and value of a register that does not suit.
+type Finding = (Space, u8, u8);
+
 /// The listener receives a frame with these writes on top of a suitable chain; what it finds about the chain.
-fn listens_with(writes: &[&[u8]], config: Config) -> (Vec<(Space, u8, u8)>, u64) {
+fn listens_with(writes: &[&[u8]], config: Config) -> (Vec<Finding>, u64) {
     let mut pair = Pair::started(Config::default(), config, clean());
     for w in writes {
         pair.spi(Side::Listener, w);
@@ -168,7 +171,7 @@ fn each_setting_that_a_public_driver_receives_nfc_f_with_is_accepted() {
 
 #[test]
 fn each_register_of_the_receive_chain_is_looked_at() {
-    let cases: [(&[u8], (Space, u8, u8)); 8] = [
+    let cases: [(&[u8], Finding); 8] = [
         // A zero at 600 kHz; at 60 and 400 kHz; a low-pass of 300 kHz; a code that does not exist.
         (&[0x0B, 0x18], (Space::A, 0x0B, 0x18)),
         (&[0x0B, 0x10], (Space::A, 0x0B, 0x10)),
