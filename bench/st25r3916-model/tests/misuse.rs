@@ -183,6 +183,8 @@ fn clearing_the_fifo_in_mid_frame_never_lets_the_frame_arrive_whole() {
             pair.spi(Side::Poller, &load);
         }
         pair.run_for(6_000_000);
+        // None of what was loaded afterwards has gone out.
+        assert_eq!(pair.fifo(Side::Poller).0, if reload { 244 } else { 0 });
         assert_eq!(found(&pair.poller, Kind::TransmitUnderflow), 1);
         assert_eq!(pair.fifo(Side::Poller).1 & 0x20, 0x20, "fifo_unf");
         let irqs = pair.irqs(Side::Listener);
@@ -202,6 +204,24 @@ fn clearing_the_fifo_in_mid_frame_never_lets_the_frame_arrive_whole() {
         pair.run_for(2_000_000);
         assert_eq!(pair.irqs(Side::Listener), [0x30, 0, 0, 0]);
     }
+}
+
+#[test]
+fn a_frame_that_was_loaded_in_parts_and_then_cleared_counts_as_damaged() {
+    let mut pair = Pair::started(exact(), exact(), clean());
+    pair.load(&payload(244, 1)[..16]);
+    pair.spi(Side::Poller, &[0x22, 0x07, 0xA0]);
+    pair.fire();
+    pair.run_for(20_000);
+    let mut load = vec![0x80];
+    load.extend_from_slice(&payload(244, 1)[16..]);
+    pair.spi(Side::Poller, &load);
+    // 40 bytes are gone; the first 16 were announced alone.
+    pair.run_for(650_000);
+    pair.spi(Side::Poller, &[0xDB]);
+    pair.run_for(6_000_000);
+    let c = pair.air.counters();
+    assert_eq!((c.sent, c.delivered, c.damaged), (1, 0, 1));
 }
 
 #[test]
