@@ -22,7 +22,8 @@
 //! Public repositories:
 //! - \[1\] stm32duino/ST25R3916 `src/rfal_rfst25r3916_analogConfigTbl.h` (ST's own table)
 //! - \[2\] flipperdevices/flipperzero-firmware `targets/f7/furi_hal/furi_hal_nfc_felica.c`
-//! - \[3\] wilson-elechouse/ST25R3916 `ST25R3916_ELECHOUSE/src/rfal_rfst25r3916_analogConfigTbl.h` (a board with the B)
+//! - \[3\] Bwooce/zephyr-st25r3916 `third_party/elechouse/rfal_analogConfigTbl.h`, from wilson-elechouse/ST25R3916 (a
+//!   board with the B)
 //! - \[4\] flipperdevices/flipperzero-firmware `targets/f7/furi_hal/furi_hal_nfc_iso14443a.c` (poller and listener)
 //!
 //! The channel (0B bit 7, AM or PM) is free. Where sources disagree about a listener (\[1\] sets nothing for a passive

@@ -298,6 +298,19 @@ fn the_water_level_comes_again_each_time_a_reception_reaches_it() {
 }
 
 #[test]
+fn the_water_level_comes_again_after_the_fifo_was_cleared() {
+    let mut pair = nfc_a_poller(exact());
+    pair.spi(Side::Poller, &[0x16, 0xBF]);
+    nfc_a_answer_begins(&mut pair, &payload(700, 7));
+    for _ in 0..2 {
+        assert!(pair.wait_irq(Side::Poller, 40_000_000), "I_wl");
+        assert_eq!(pair.irqs(Side::Poller)[0] & 0x40, 0x40);
+        assert!((300..=301).contains(&pair.fifo(Side::Poller).0));
+        pair.spi(Side::Poller, &[0xDB]);
+    }
+}
+
+#[test]
 fn a_mode_or_rate_that_is_not_modelled_says_so_when_a_frame_arrives() {
     for (writes, kind) in [
         // NFC-A target with its anticollision; active communication.

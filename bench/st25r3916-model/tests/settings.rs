@@ -141,6 +141,16 @@ fn antenna_tuning_without_aat_en_is_found_when_the_antenna_is_used() {
     assert_eq!(found(&pair.listener, Kind::AntennaTuningOff), 0);
     pair.spi(Side::Listener, &[0x27, 0xFF]);
     assert_eq!(found(&pair.listener, Kind::AntennaTuningOff), 1);
+    // It becomes a target last.
+    let mut pair = Pair::new(Config::default(), Config::default(), clean());
+    pair.start(Side::Listener);
+    pair.spi(Side::Listener, &[0x01, 0x1C]);
+    pair.spi(Side::Listener, &[0x26, 0x00]);
+    pair.spi(Side::Listener, &[0x02, 0xC3]);
+    pair.spi(Side::Listener, &[0x03, 0xA0, 0x22]);
+    assert_eq!(found(&pair.listener, Kind::AntennaTuningOff), 0);
+    pair.arm();
+    assert_eq!(found(&pair.listener, Kind::AntennaTuningOff), 1);
 }
 
 /// Space, address and value of a register that does not suit.
