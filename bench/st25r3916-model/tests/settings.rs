@@ -153,6 +153,13 @@ fn antenna_tuning_without_aat_en_is_found_when_the_antenna_is_used() {
     assert_eq!(found(&pair.listener, Kind::AntennaTuningOff), 1);
 }
 
+#[test]
+fn a_finding_names_register_value_and_technology() {
+    let kind = Kind::ReceiveChain { technology: Technology::NfcF, space: Space::B, address: 0x0C, value: 0x93 };
+    assert_eq!(kind.to_string(), "register B 0C = 93 does not suit reception of NfcF");
+    assert_eq!(Kind::SupplyOutOfRange(5_950).to_string(), "supply of 5950 mV is outside 2400 to 5500 mV");
+}
+
 /// Space, address and value of a register that does not suit.
 type Finding = (Space, u8, u8);
 
