@@ -56,7 +56,7 @@ pub struct Config {
     pub seed: u64,
     /// Individual: from the end of the command byte to the start of the frame on the air, mean, ns. Seven NFC-A frames
     /// of one recording start 2.71 to 4.59 µs after the last clock edge of C4 to C7 (I_txe less the length of the
-    /// frame); this is the middle. For NFC-F inferred.
+    /// frame; half a clock less from the byte's end); this is the middle. For NFC-F inferred.
     pub transmit_latency_ns: u64,
     /// Individual: how far the start of transmission scatters around its mean, peak to peak, uniform, ns; 0: not at
     /// all. In the recordings, frames start up to 2.1 µs apart after the same command (seven of NFC-A within 1.9 µs,

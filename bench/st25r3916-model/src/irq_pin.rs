@@ -7,8 +7,9 @@
 //!
 //! A byte is handed over at its end, so the chip tells of a fall when it has already happened: [`Chip::take_irq_edges`]
 //! gives every change with its own instant, [`Chip::irq_since`] the last one. Which edge of the clock was the first
-//! follows from the clock's rate ([`Chip::spi_clock_hz`]): 7.5 periods before the last edge, SPI mode 1. If the rate is
-//! not told, 10 MHz is taken, the part's highest: the pin has then fallen by the instant given, perhaps earlier.
+//! follows from the clock's rate ([`Chip::spi_clock_hz`]): eight periods before the byte's end (SPI mode 1; the last
+//! edge is half a period before the end). If the rate is not told, 10 MHz is taken, the part's highest: the pin has then
+//! fallen by the instant given, perhaps earlier.
 //!
 //! | left out | why |
 //! |---|---|
@@ -22,9 +23,8 @@ use crate::Chip;
 
 /// Changes of the pin that are kept until somebody takes them; older ones are dropped.
 const KEPT: usize = 64;
-/// Half periods of the SPI clock from a byte's first rising edge to its last edge (mode 1: the falling edge of its last
-/// bit).
-const HALF_PERIODS: u64 = 15;
+/// Periods of the SPI clock from a byte's first rising edge to its end.
+const PERIODS: u64 = 8;
 /// The part's highest SPI clock, Hz: assumed where the controller's rate was not told.
 const DEFAULT_HZ: u32 = 10_000_000;
 
@@ -121,7 +121,7 @@ impl Chip {
     /// When the byte that ends now made the pin move, had its reading cleared it.
     fn first_rising_edge(&self) -> u64 {
         let hz = u64::from(if self.spi.hz == 0 { DEFAULT_HZ } else { self.spi.hz });
-        let before_end = (HALF_PERIODS * 1_000_000_000 / (2 * hz)).saturating_sub(self.config.irq_fall_ns);
+        let before_end = (PERIODS * 1_000_000_000 / hz).saturating_sub(self.config.irq_fall_ns);
         // A clock that was told wrongly cannot put the byte before the one it follows.
         self.now.saturating_sub(before_end).max(self.spi.last_byte).min(self.now)
     }

@@ -11,11 +11,11 @@
 //!
 //! Time is `u64` nanoseconds and does not go back. Before looking at [`Chip::irq`] at an instant,
 //! [`advance`](Chip::advance) to it; to sleep, sleep until [`next_event`](Chip::next_event). [`Chip::transfer`] is one
-//! byte, called with the instant of its last clock: register values and FIFO bytes are taken at the end of the byte
-//! before, as on silicon, and take effect at the end of their own. One effect comes earlier: reading an interrupt
-//! register moves the IRQ pin at the first clock edge of the byte read; [`Chip::take_irq_edges`] gives the pin's
-//! changes with their own instants, [`Chip::irq_since`] the last one. Between events a chip costs nothing, and a byte
-//! costs a few nanoseconds and no allocation; a frame allocates a few times.
+//! byte, called with the instant at which its last clock ends: register values and FIFO bytes are taken at the end of
+//! the byte before, as on silicon, and take effect at the end of their own. One effect comes earlier: reading an
+//! interrupt register moves the IRQ pin at the first clock edge of the byte read; [`Chip::take_irq_edges`] gives the
+//! pin's changes with their own instants, [`Chip::irq_since`] the last one. Between events a chip costs nothing, and a
+//! byte costs a few nanoseconds and no allocation; a frame allocates a few times.
 //!
 //! Two chips may be advanced alternately in steps of up to a microsecond: an air event that lies a little behind the
 //! hearer's time keeps its own instant for the arithmetic of its bits, and receiver latencies (several microseconds)

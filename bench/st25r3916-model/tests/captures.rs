@@ -19,8 +19,8 @@ use st25r3916_model::{
 const BEGIN_NS: u64 = 60_000_000;
 /// The recorded controller's SPI clock, Hz.
 const SPI_HZ: u32 = 10_500_000;
-/// From a byte's first rising clock edge to its last edge at that rate, ns.
-const BYTE_NS: u64 = 714;
+/// From a byte's first rising clock edge to the end of its eighth clock at that rate, ns.
+const BYTE_NS: u64 = 762;
 /// How far a modelled fall of the IRQ pin may lie from the recorded one, ns: the text gives a transfer's instant and an
 /// edge's to 100 ns each, and the bytes of an interrupt read start up to 60 ns from where [`byte_ends`] has them. A
 /// fall at the byte's end would be 683 ns away.
@@ -89,7 +89,7 @@ fn board() -> Chip {
     chip
 }
 
-/// When the last edges of a transfer's bytes are, ns after chip select falls: as the same recordings show it at 2 ns
+/// When the bytes of a transfer end, ns after chip select falls: as the same recordings show it at 2 ns
 /// resolution (hydrabus/st25r3916_decoder_dumps_sigrok). The first byte starts later the more the controller prepares;
 /// the second follows it by 1.5 µs, each further one by 1.88 µs.
 fn byte_ends(mosi: &[u8]) -> impl Iterator<Item = u64> {

@@ -20,8 +20,8 @@ fn with_irq(hz: u32) -> Chip {
 
 #[test]
 fn the_pin_falls_at_the_first_rising_edge_of_the_byte_that_carries_the_interrupts_away() {
-    // A byte has 7.5 clock periods from its first rising edge to its last edge; the pin follows 31 ns after the former.
-    for (hz, before_end) in [(10_000_000, 719), (8_000_000, 906), (1_000_000, 7_469)] {
+    // A byte has eight clock periods from its first rising edge to its end; the pin follows 31 ns after the former.
+    for (hz, before_end) in [(10_000_000, 769), (8_000_000, 969), (1_000_000, 7_969)] {
         let mut chip = with_irq(hz);
         chip.select(720_000);
         chip.transfer(730_000, 0x5A);
@@ -43,7 +43,7 @@ fn a_clock_that_was_not_told_counts_as_the_fastest() {
     chip.select(720_000);
     chip.transfer(730_000, 0x5A);
     chip.transfer(740_000, 0x00);
-    assert_eq!(chip.irq_since(), 740_000 - 719);
+    assert_eq!(chip.irq_since(), 740_000 - 769);
 }
 
 #[test]
@@ -83,7 +83,7 @@ fn an_interrupt_within_the_byte_that_clears_another_makes_a_pulse() {
     assert!(chip.irq());
     chip.transfer(807_200, 0x00);
     let edges: Vec<(u64, bool)> = chip.take_irq_edges().map(|e| (e.at_ns, e.level)).collect();
-    assert_eq!(edges, [(702_000, true), (807_200 - 906, false), (806_720, true)]);
+    assert_eq!(edges, [(702_000, true), (807_200 - 969, false), (806_720, true)]);
     assert!(chip.irq());
     assert_eq!(chip.irq_since(), 806_720);
 }
@@ -102,7 +102,7 @@ fn the_pin_stays_high_when_an_earlier_interrupt_is_left() {
     assert!(chip.irq());
     chip.transfer(5_003_000, 0x00);
     assert!(!chip.irq());
-    assert_eq!(chip.irq_since(), 5_003_000 - 719);
+    assert_eq!(chip.irq_since(), 5_003_000 - 769);
 }
 
 #[test]
