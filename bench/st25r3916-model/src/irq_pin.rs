@@ -8,8 +8,8 @@
 //! A byte is handed over at its end, so the chip tells of a fall when it has already happened: [`Chip::take_irq_edges`]
 //! gives every change with its own instant, [`Chip::irq_since`] the last one. Which edge of the clock was the first
 //! follows from the clock's rate ([`Chip::spi_clock_hz`]): eight periods before the byte's end (SPI mode 1; the last
-//! edge is half a period before the end). If the rate is not told, 10 MHz is taken, the part's highest: the pin has then
-//! fallen by the instant given, perhaps earlier.
+//! edge is half a period before the end). If the rate is not told, 10 MHz is taken, the part's highest: the pin has
+//! then fallen by the instant given, perhaps earlier.
 //!
 //! | left out | why |
 //! |---|---|

@@ -6,7 +6,8 @@
 //!
 //! | left out | why |
 //! |---|---|
-//! | what analog registers do to the radio (0B–0E, 26–2B, B0B–B0D, B0F, B28–B2A, B2E–B38) | the air is digital here; they are stored and read back; `receive_chain` and `supply` find fault with some |
+//! | what analog registers do to the radio (0B–0E, 26–2B, | the air is digital here; they are stored and read back; |
+//! | B0B–B0D, B0F, B28–B2A, B2E–B38) | `receive_chain` and `supply` find fault with some |
 //! | stream mode, EMD suppression, wake-up by amplitude or phase, | the link uses none; a write of another value |
 //! | PPON2, capacitive sensor | than reset is reported |
 //!

@@ -70,8 +70,8 @@ impl Chip {
         self.spi.last_byte = self.now;
     }
 
-    /// Eight clocks, the last of them ending at `now` (half a period after its falling edge): takes `mosi`, returns what
-    /// was shifted out meanwhile. 0 where the part drives nothing.
+    /// Eight clocks, the last of them ending at `now` (half a period after its falling edge): takes `mosi`, returns
+    /// what was shifted out meanwhile. 0 where the part drives nothing.
     pub fn transfer(&mut self, now: u64, mosi: u8) -> u8 {
         self.advance(now);
         if !self.powered {
