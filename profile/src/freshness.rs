@@ -1,4 +1,7 @@
-//! Freshness: what a timestamp says after the one before it.
+//! Freshness: what a timestamp alone says after the one before it.
+//!
+//! Whether a cycle may be shown is for [`sequence`](crate::sequence) to say, which knows the receiver's clock as well. This
+//! function is for those who read recorded or forwarded data, where the time of arrival says nothing.
 use crate::CYCLE_MS;
 
 /// What a timestamp says after the one before it (paper, section 2.3).
@@ -11,24 +14,23 @@ pub enum Freshness {
         /// Cycles in between that did not arrive.
         missed: u32,
     },
-    /// The same again: HORUS repeats itself and must be taken for frozen.
+    /// The same again: HORUS is frozen, or a frame was repeated.
     Frozen,
-    /// Back: HORUS started again, and counts from 0. New data, but none of it continues what was.
+    /// Back: HORUS has restarted and counts from 0, so what it sends does not continue what was before.
     Restarted,
     /// Forward, but not by a whole number of cycles: not what HORUS sends.
     Irregular,
 }
 
 impl Freshness {
-    /// Whether what carries the timestamp is new data that continues what was: [`First`](Self::First) or
-    /// [`Fresh`](Self::Fresh).
+    /// Whether the timestamp could continue what was before: [`First`](Self::First) or [`Fresh`](Self::Fresh).
     #[must_use]
     pub const fn is_fresh(self) -> bool {
         matches!(self, Self::First | Self::Fresh { .. })
     }
 }
 
-/// What timestamp `now` says after `previous`, the last one accepted; both ms since HORUS start.
+/// What timestamp `now` says after `previous`, the last one received; both ms since HORUS start.
 ///
 /// Timestamps wrap after 49.7 days, which is no restart: forward is less than half of that ahead, back is the rest.
 /// (2³² is no multiple of ten, so timestamps end in another digit after they wrapped; only differences count.) A HORUS

@@ -42,7 +42,8 @@
 //! | 60..64 | frame CRC over 0..60 | | | 28..32 | frame CRC over 0..28 |
 //!
 //! A [`Profile`] is Reported-Position and 1, 2, 3 or 5 GPS objects, contiguous: 124, 184, 244 or 364 bytes. [`air`] says which
-//! of them travel in one frame, [`image`] where they lie in the DPR, [`ssi`] how a flight controller asks for them.
+//! of them travel in one frame, [`image`] where they lie in the DPR, [`ssi`] how a flight controller asks for them,
+//! [`sequence`] which cycles continue the ones before them.
 //!
 //! The objects are those of H. D. Doran et al., *Mixed Criticality Communication within an Unmanned Delivery Rotorcraft*,
 //! Tables 2 and 3. Its text gives Reported-Position 60 bytes; its Table 2 adds up to 64, and stands. The Link-Status
@@ -89,6 +90,7 @@ mod object_macro;
 mod profile;
 mod rejection;
 mod reported;
+pub mod sequence;
 pub mod ssi;
 mod status;
 mod wire;
