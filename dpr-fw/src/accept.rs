@@ -3,15 +3,20 @@
 //! # Design
 //!
 //! An object is accepted or rejected by itself: its length tells the place, then its CRCs, its identifier and its
-//! timestamp decide (black channel; paper, section 2.3). What the front end says of the frame (CRC-16, framing, overflow) is counted elsewhere and
-//! decides nothing. Only a wrong length rejects a frame outright, since then no object has a place.
+//! timestamp decide (black channel; paper, section 2.3). What the front end says of the frame (CRC-16, framing, overflow) is
+//! counted elsewhere and decides nothing. Only a wrong length rejects a frame outright, since then no object has a place.
 //!
 //! A cycle is what carries one timestamp: one frame for up to three receivers, two for five. The timestamp of a frame is
 //! that of its first intact object; an intact object with another timestamp is rejected, so no image ever mixes cycles.
-//! A frame either belongs to the current cycle, as the half that has not been there yet, or opens the next, and then
-//! [`profile::freshness`] judges the step. A step that is not fresh costs all its objects: data that were shown before are never
-//! shown again as new. After a step forward that is no whole number of cycles the new timestamp counts as the previous one, so that
-//! a HORUS that goes on regularly from there is fresh again with its next cycle.
+//! Objects are accepted only if their cycle is in sequence ([`profile::sequence`]); a frame without an intact object carries no
+//! timestamp and leaves the sequence as it is.
+//!
+//! The sequence compares timestamps with the DPR's clock. The instant that counts is that of the cycle's sample: the end of
+//! the frame less the time that HORUS takes from sample to last bit, which is a constant of each frame of the profile
+//! ([`air::age_at_end_us`]). So it does not matter which of a cycle's two frames is heard. The second frame of a cycle shares
+//! the verdict on the first, if it has the same timestamp, comes in a place that has not been there yet, and was sampled at the
+//! same instant within [`SAME_SAMPLE_US`]. Without the last condition a second frame that was held back for any time would be
+//! accepted. Any other frame with a timestamp is another cycle, also one that repeats the timestamp.
 //!
 //! The work is the same whatever the data say: all objects are verified, with no early exit, and the caller copies under
 //! the mask that comes out.
@@ -20,11 +25,21 @@ use core::hint::black_box;
 
 use profile::{
     air::{self, Place},
-    freshness, Freshness, Object, Profile, Rejection, MAX_RECEIVERS,
+    sequence::{self, Judgement, Sequence},
+    Object, Profile, Rejection, MAX_RECEIVERS,
 };
 
 /// Objects that a profile has at most.
 pub const MAX_OBJECTS: usize = MAX_RECEIVERS + 1;
+
+/// The two frames of a cycle tell the same instant of its sample within so much, µs: the tolerance of the sequence for a step of 0 ms.
+pub const SAME_SAMPLE_US: u32 = sequence::TOLERANCE_US;
+
+/// Whether two instants at which samples were taken, µs, are the same within [`SAME_SAMPLE_US`].
+#[must_use]
+pub const fn same_sample(one_us: u64, other_us: u64) -> bool {
+    one_us.wrapping_sub(other_us).cast_signed().unsigned_abs() <= SAME_SAMPLE_US as u64
+}
 
 /// A set of a profile's objects: bit 0 is Reported-Position, bits 1 to 5 are GPS1 to GPS5.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -81,10 +96,10 @@ impl Objects {
 pub enum Cycle {
     /// No object is intact: no timestamp is known.
     Unknown,
-    /// The half of the current cycle that was still missing.
+    /// The frame of the current cycle that was still missing; the verdict on its first frame holds.
     Same,
-    /// Another cycle, and what its timestamp says.
-    Next(Freshness),
+    /// Another cycle, and what the sequence says of it.
+    Next(Judgement),
 }
 
 /// The verdict on a frame.
@@ -92,6 +107,8 @@ pub enum Cycle {
 pub struct Verdict {
     /// Where the frame belongs.
     pub place: Place,
+    /// When the sample was taken that the frame's place says it carries: µs on the DPR's clock.
+    pub sampled_us: u64,
     /// How it stands to the cycles before it.
     pub cycle: Cycle,
     /// The objects accepted.
@@ -99,10 +116,25 @@ pub struct Verdict {
 }
 
 impl Verdict {
+    /// The number of the frame in its cycle: 0 or 1.
+    #[must_use]
+    pub const fn frame(&self) -> usize {
+        frame_number(self.place)
+    }
+
     /// The objects of the frame that were rejected.
     #[must_use]
     pub const fn rejected(&self) -> Objects {
         Objects(Objects::at(self.place).0 & !self.accepted.0)
+    }
+}
+
+/// The number of the frame with that place in its cycle: 0 for the one that carries Reported-Position, else 1.
+const fn frame_number(place: Place) -> usize {
+    if place.first() == 0 {
+        0
+    } else {
+        1
     }
 }
 
@@ -164,27 +196,37 @@ impl Early {
 /// Memory of the cycles, for a profile of `N` receivers.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Acceptance<const N: usize> {
-    timestamp: Option<u32>,
+    sequence: Sequence,
     /// The places of the current cycle whose frame has been there.
     seen: Objects,
-    /// Whether the current cycle's objects are to be shown.
-    fresh: bool,
+    /// Whether the current cycle is in sequence.
+    in_sequence: bool,
 }
 
 impl<const N: usize> Acceptance<N> {
+    /// The age of the sample at the end of each frame of a cycle, µs.
+    const AGE_AT_END_US: [u32; 2] = {
+        let first = air::age_at_end_us::<N>(0).expect("a cycle has at least one frame");
+        // Where there is no second frame no place is a second frame's.
+        let second = if air::frames(N) == 2 { air::age_at_end_us::<N>(1).expect("of two frames") } else { first };
+        [first, second]
+    };
+
     /// Nothing received yet.
     #[must_use]
     pub const fn new() -> Self {
-        Self { timestamp: None, seen: Objects::NONE, fresh: false }
+        Self { sequence: Sequence::new(), seen: Objects::NONE, in_sequence: false }
     }
 
-    /// Judges a frame, of which `early` has verified a part.
+    /// Judges a frame that ended at `ended_us` on the DPR's clock, µs, and of which `early` has verified a part. Frames
+    /// are to be judged in the order of their ends.
     ///
     /// # Errors
     ///
     /// [`Rejection::Length`] if no frame of this profile is that long; then nothing has changed.
-    pub fn judge(&mut self, payload: &[u8], early: Early) -> Result<Verdict, Rejection> {
+    pub fn judge(&mut self, payload: &[u8], early: Early, ended_us: u64) -> Result<Verdict, Rejection> {
         let place = air::place::<N>(payload)?;
+        let sampled_us = ended_us.wrapping_sub(u64::from(Self::AGE_AT_END_US[frame_number(place)]));
         // What was verified under another length than the frame turned out to have was not verified.
         let mut early = if early.length == payload.len() { early } else { Early::of(payload.len()) };
         early.advance::<N>(payload);
@@ -195,27 +237,34 @@ impl<const N: usize> Acceptance<N> {
                 of_frame = Some(timestamp);
             }
         }
-        let cycle = self.enter(of_frame, Objects::at(place));
+        let cycle = self.enter(of_frame, sampled_us, Objects::at(place));
         let mut accepted = Objects::NONE;
         for (index, timestamp) in timestamps.into_iter().enumerate() {
-            let shown = self.fresh && matches!(cycle, Cycle::Same | Cycle::Next(_)) && Some(timestamp) == of_frame;
+            let shown = self.in_sequence && Some(timestamp) == of_frame;
             accepted = accepted.with(index, shown && intact.has(index));
         }
-        Ok(Verdict { place, cycle, accepted })
+        Ok(Verdict { place, sampled_us, cycle, accepted })
+    }
+
+    /// The sequence of the cycles judged so far.
+    #[must_use]
+    pub const fn sequence(&self) -> &Sequence {
+        &self.sequence
     }
 
     /// Notes that a frame with that timestamp came for these places.
-    fn enter(&mut self, timestamp: Option<u32>, places: Objects) -> Cycle {
-        let Some(now) = timestamp else { return Cycle::Unknown };
-        if self.timestamp == Some(now) && self.seen.is_disjoint(places) {
+    fn enter(&mut self, timestamp: Option<u32>, sampled_us: u64, places: Objects) -> Cycle {
+        let Some(timestamp) = timestamp else { return Cycle::Unknown };
+        let current = self.sequence.last();
+        let same = |last: sequence::Sample| last.timestamp == timestamp && same_sample(last.sampled_us, sampled_us);
+        if current.is_some_and(same) && self.seen.is_disjoint(places) {
             self.seen = self.seen.union(places);
             return Cycle::Same;
         }
-        let step = freshness(self.timestamp, now);
-        self.timestamp = Some(now);
+        let judgement = self.sequence.judge(timestamp, sampled_us);
         self.seen = places;
-        self.fresh = step.is_fresh() || step == Freshness::Restarted;
-        Cycle::Next(step)
+        self.in_sequence = judgement.is_in_sequence();
+        Cycle::Next(judgement)
     }
 }
 

@@ -6,10 +6,18 @@
 //! accepts. Nothing is ever carried over from the image before.
 //!
 //! - Up to three receivers: a cycle is one frame, so each frame is published at once, also one of which no object was accepted.
-//! - Five receivers: the image is published with the cycle's second frame. If it does not come, what there is is published when its
-//!   deadline has passed ([`link::SECOND_FRAME_US`](crate::link::SECOND_FRAME_US)) or another cycle's frame shows that it never will. A
-//!   second frame whose first was lost is published at once: nobody waits for the past.
+//! - Five receivers: the image is published with the cycle's second frame. The two belong together if their ends say the same
+//!   instant of the sample ([`accept::SAME_SAMPLE_US`](crate::accept::SAME_SAMPLE_US)), so also where one of them is damaged and its timestamp
+//!   unknown; if both are known, their timestamps must be the same. If the second does not come, what there is is published when its
+//!   deadline has passed ([`link::SECOND_FRAME_US`](crate::link::SECOND_FRAME_US)) or a frame arrives that does not belong to it. A
+//!   second frame whose first was lost is published at once.
 //! - Silence: at each deadline an image without objects is published, so that what was valid once does not stay readable.
+//!
+//! The deadline is an instant on the DPR's µs counter, counted from the end of the last frame. Whether it has passed is decided
+//! here from that instant alone, never from the interrupt that reports it: the task that a frame starts and the task that the timer
+//! starts do the same three things. They take in the frames that wait, call [`Commit::check_deadline`], and set the timer to
+//! [`Commit::deadline_us`]. A deadline that passed before a frame ended is dealt with before that frame, so the images are the same
+//! in either order of the two tasks.
 //!
 //! Objects are copied under a mask, so that copying costs the same whether they are accepted or not.
 
@@ -18,7 +26,7 @@ use core::hint::black_box;
 use profile::{air, image::Image, GpsObject, Rejection, ReportedPosition};
 
 use crate::{
-    accept::{Acceptance, Cycle, Early, Objects, Verdict},
+    accept::{same_sample, Acceptance, Cycle, Early, Objects, Verdict},
     link::{Health, Link, Monitor},
     ImageMemory,
 };
@@ -36,19 +44,10 @@ pub trait Images {
 pub struct Frame<'a> {
     /// Its payload, as received.
     pub payload: &'a [u8],
-    /// The counter, µs, when the front end reported its end.
+    /// The counter, µs, when the front end reported its end: not after the frame is handed to [`Commit::frame`].
     pub ended_us: u32,
     /// What of it was verified while it arrived.
     pub early: Early,
-}
-
-/// What came of a frame or a deadline.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Committed {
-    /// Images published: 0, 1, or 2 if an incomplete cycle had to go out first.
-    pub published: u32,
-    /// The next deadline: µs after the end of the frame, or after the deadline that has passed.
-    pub deadline_us: u32,
 }
 
 /// The commit task's state, for a profile of `N` receivers.
@@ -59,8 +58,8 @@ pub struct Commit<const N: usize> {
     link: Link,
     /// Objects in the image being filled.
     shown: Objects,
-    /// The image being filled waits for its cycle's second frame.
-    open: bool,
+    /// If the image being filled waits for its cycle's second frame: when the cycle was sampled, µs since start.
+    open: Option<u64>,
 }
 
 impl<const N: usize> Default for Commit<N> {
@@ -81,66 +80,92 @@ impl<const N: usize> Commit<N> {
             monitor: Monitor::new(),
             link: Link::new(),
             shown: Objects::NONE,
-            open: false,
+            open: None,
         }
     }
 
-    /// Takes a frame in.
+    /// The DPR has started: publishes an image without objects, so that the flight controller can read Link-Status from now on.
+    /// `now_us` is the value of the DPR's µs counter here and below; it never goes back from one call to the next.
+    pub fn begin(&mut self, now_us: u32, health: &Health, images: &mut impl Images) {
+        self.link.advance(now_us);
+        self.monitor.begin(now_us);
+        self.publish(health, images);
+    }
+
+    /// Takes a frame in, and restarts the deadline from its end. Frames are to be taken in in the order of their ends. How many
+    /// images were published: one, none if the second frame of a cycle is waited for, one more if something else had
+    /// to go out first.
     ///
     /// # Errors
     ///
-    /// [`Rejection::Length`] if it has no place in this profile; then nothing has changed and the deadline stands.
+    /// [`Rejection::Length`] if the frame has no place in this profile; then nothing has changed and the deadline stands.
     pub fn frame(
         &mut self,
         frame: Frame<'_>,
         now_us: u32,
         health: &Health,
         images: &mut impl Images,
-    ) -> Result<Committed, Rejection> {
-        let verdict = self.acceptance.judge(frame.payload, frame.early)?;
+    ) -> Result<u32, Rejection> {
         self.link.advance(now_us);
-        self.link.frame(&verdict, now_us.wrapping_sub(frame.ended_us));
+        let ended_us = self.link.clock().instant_us(frame.ended_us);
+        let verdict = self.acceptance.judge(frame.payload, frame.early, ended_us)?;
 
-        let first = verdict.place.first() == 0;
+        let mut published = u32::from(self.lapse(frame.ended_us, health, images));
+        self.link.missed(self.monitor.frame(verdict.frame(), verdict.sampled_us, frame.ended_us));
+        let first = verdict.frame() == 0;
         let last = verdict.place.first() + verdict.place.count() == Self::OBJECTS;
-        let mut published = 0;
-        if self.open && (first || matches!(verdict.cycle, Cycle::Next(_))) {
-            // The open cycle's second frame will never come.
-            self.link.missed(1);
-            self.publish(health, images);
-            published += 1;
+        if let Some(sampled_us) = self.open {
+            let other_slot = first || !same_sample(sampled_us, verdict.sampled_us);
+            let other_cycle = matches!(verdict.cycle, Cycle::Next(_)) && self.shown != Objects::NONE;
+            if other_slot || other_cycle {
+                // Still with the status of the cycle that it shows.
+                self.publish(health, images);
+                published += 1;
+            }
         }
-        if !first && !self.open {
-            self.link.missed(1);
-        }
+        self.link.frame(&verdict, self.acceptance.sequence());
         self.deposit(frame.payload, &verdict, images);
-        self.open = !last;
         if last {
             self.publish(health, images);
             published += 1;
+        } else {
+            self.open = Some(verdict.sampled_us);
         }
-        Ok(Committed { published, deadline_us: self.monitor.frame(last) })
+        Ok(published)
     }
 
-    /// The DPR has started: an image without objects, so that the flight controller can read Link-Status from now on.
-    pub fn begin(&mut self, now_us: u32, health: &Health, images: &mut impl Images) {
+    /// Publishes an image if the deadline has passed at `now_us`: what there is of a cycle whose second frame has not come, without
+    /// objects if no frame has. Moves the deadline on. To be called at any time after the frames that wait were taken in;
+    /// however long ago the deadline has passed, the work is the same. Whether an image was published.
+    pub fn check_deadline(&mut self, now_us: u32, health: &Health, images: &mut impl Images) -> bool {
         self.link.advance(now_us);
-        self.publish(health, images);
+        self.lapse(now_us, health, images)
     }
 
-    /// The deadline has passed.
-    pub fn expired(&mut self, now_us: u32, health: &Health, images: &mut impl Images) -> Committed {
-        let (missed, deadline_us) = self.monitor.expired();
-        self.link.advance(now_us);
-        self.link.missed(missed);
-        self.publish(health, images);
-        Committed { published: 1, deadline_us }
+    /// The next deadline: a value of the DPR's µs counter, to be compared wrapping. It moves with each frame and with each deadline
+    /// that passes.
+    #[must_use]
+    pub const fn deadline_us(&self) -> u32 {
+        self.monitor.deadline_us()
     }
 
     /// What is counted and shown of the link.
     #[must_use]
     pub const fn link(&self) -> &Link {
         &self.link
+    }
+
+    /// Does what the deadlines that have passed until `until_us` demand; whether there was one, and an image was published.
+    fn lapse(&mut self, until_us: u32, health: &Health, images: &mut impl Images) -> bool {
+        let Some(lapse) = self.monitor.lapse(until_us) else { return false };
+        self.link.missed(lapse.missed);
+        if lapse.silent {
+            // What waits for a second frame is too old by now.
+            images.filling().fill(0);
+            self.shown = Objects::NONE;
+        }
+        self.publish(health, images);
+        true
     }
 
     /// Copies the accepted objects in, and zeros in the rejected ones' place, at the same cost.
@@ -170,7 +195,7 @@ impl<const N: usize> Commit<N> {
         }
         images.publish();
         self.shown = Objects::NONE;
-        self.open = false;
+        self.open = None;
     }
 }
 

@@ -1,60 +1,119 @@
 //! Link-Status, and the deadline that notices a missed frame.
 
-use profile::{air, Freshness, LinkStatus, LinkStatusBits, LinkValues};
+use profile::{
+    air,
+    sequence::{Judgement, Sequence},
+    LinkStatus, LinkStatusBits, LinkValues, ResetReason, CYCLE_MS,
+};
 
-use crate::accept::{Cycle, Objects, Verdict};
+use crate::accept::{Cycle, Objects, Verdict, SAME_SAMPLE_US};
 
 /// From the end of one frame to the latest end of the next, µs: the cycle and a quarter of it, for the drift of two
 /// crystals and the jitter of a start-up; measured from each frame anew, not by a local tick, so that drift never adds up.
 pub const FRAME_DEADLINE_US: u32 = 12_500;
 /// While HORUS is silent a frame counts as missed this often, µs: the cycle.
-pub const SILENCE_US: u32 = 10_000;
-/// From the end of a cycle's first frame to the latest end of its second, µs (five receivers): the first takes 3.681 ms of air and
-/// the second has to end before the next cycle's first begins, 6.319 ms after the end of this cycle's; rounded up.
+pub const SILENCE_US: u32 = 1_000 * CYCLE_MS;
+/// From the end of a cycle's first frame to the latest end of its second, µs (five receivers): the second ends 3.935 ms after
+/// the first, give or take [`SAME_SAMPLE_US`], and the next cycle's first 10 ms after this cycle's.
 pub const SECOND_FRAME_US: u32 = 7_000;
-/// A restart of HORUS stays shown for that many publications (1 s), so that no control cycle can overlook it.
-pub const RESTART_SHOWN: u8 = 100;
+/// A restart of HORUS stays shown for so long, µs, that no control cycle can overlook it.
+pub const RESTART_SHOWN_US: u32 = 1_000_000;
+
+const _: () = {
+    let first = air::age_at_end_us::<5>(0).expect("the first frame of two");
+    let second = air::age_at_end_us::<5>(1).expect("the second frame of two");
+    // A second frame that belongs to the first is never later than its deadline.
+    assert!(second - first + SAME_SAMPLE_US < SECOND_FRAME_US && SECOND_FRAME_US < FRAME_DEADLINE_US);
+};
 
 /// The DPR's time: a free-running counter of µs, taken further.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Clock {
-    last_us: u32,
+    counter_us: u32,
+    us: u64,
     below_ms_us: u32,
     ms: u32,
 }
 
 impl Clock {
-    /// Moves on to counter value `now_us`; µs since the last call. To be called at least every 71 minutes; it is called
-    /// every 12.5 ms.
-    pub fn advance(&mut self, now_us: u32) -> u32 {
-        let passed = now_us.wrapping_sub(self.last_us);
-        self.last_us = now_us;
+    /// At start.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { counter_us: 0, us: 0, below_ms_us: 0, ms: 0 }
+    }
+
+    /// Moves on to counter value `now_us`, which must not be before that of the last call. To be called at least every
+    /// 71 minutes; it is called every 12.5 ms.
+    pub fn advance(&mut self, now_us: u32) {
+        let passed = now_us.wrapping_sub(self.counter_us);
+        self.counter_us = now_us;
+        self.us = self.us.wrapping_add(u64::from(passed));
         let us = self.below_ms_us + passed % 1000;
         self.ms = self.ms.wrapping_add(passed / 1000 + us / 1000);
         self.below_ms_us = us % 1000;
-        passed
     }
 
     /// ms since start, wraps after 49 days.
     #[must_use]
-    pub fn ms(&self) -> u32 {
+    pub const fn ms(&self) -> u32 {
         self.ms
+    }
+
+    /// µs since start, never wraps.
+    #[must_use]
+    pub const fn us(&self) -> u64 {
+        self.us
+    }
+
+    /// The instant at which the counter had the value `counter_us`, less than 71 minutes ago: µs since start.
+    #[must_use]
+    pub const fn instant_us(&self, counter_us: u32) -> u64 {
+        self.us.wrapping_sub(self.counter_us.wrapping_sub(counter_us) as u64)
     }
 }
 
 /// What the deadline waits for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Due {
+    /// Any frame; nothing was heard yet, so none is missed.
+    Any,
     /// The second frame of the current cycle.
     Second,
-    /// Frames, that many of which count as missed if none comes.
-    Frames(u32),
+    /// The next cycle's first frame; the current cycle's second is counted as missed.
+    First,
+    /// A whole cycle.
+    Cycle,
 }
 
-/// The missed-frame monitor: a deadline restarted by each frame.
+/// A frame's place in time.
+#[derive(Clone, Copy, Debug)]
+struct Slot {
+    sampled_us: u64,
+    /// The number of the frame in its cycle.
+    frame: u32,
+}
+
+/// What deadlines that have passed mean.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Lapse {
+    /// Frames that are missed now.
+    pub missed: u32,
+    /// No frame came in time after the last one, so that nothing may be shown any more. Otherwise only a cycle's second frame is late.
+    pub silent: bool,
+}
+
+/// The missed-frame monitor: a deadline restarted by each frame, and the count of the frames that did not come.
+///
+/// A frame is missed if its time has passed. During silence the deadlines count; when a frame arrives, the instants of the
+/// samples say how many frames were due between it and the one before, and those that no deadline has counted are added. So the count
+/// does not depend on whether a damaged frame could be told apart from its neighbours: it is one that was received.
 #[derive(Clone, Copy, Debug)]
 pub struct Monitor<const N: usize> {
     due: Due,
+    deadline_us: u32,
+    last: Option<Slot>,
+    /// Frames counted as missed since the last one arrived.
+    counted: u32,
 }
 
 impl<const N: usize> Default for Monitor<N> {
@@ -64,39 +123,81 @@ impl<const N: usize> Default for Monitor<N> {
 }
 
 impl<const N: usize> Monitor<N> {
+    /// Frames in a cycle.
+    const FRAMES: u32 = air::frames(N) as u32;
+    const CYCLE_US: u32 = 1_000 * CYCLE_MS;
+
     /// Waits for the first frame. As long as nothing was heard nothing is expected, so nothing counts as missed.
     #[must_use]
     pub const fn new() -> Self {
-        Self { due: Due::Frames(0) }
+        Self { due: Due::Any, deadline_us: 0, last: None, counted: 0 }
     }
 
-    /// A whole cycle is due next.
-    const CYCLE: Self = Self { due: Due::Frames(air::frames(N) as u32) };
-
-    /// A frame has come; `complete` tells whether its cycle now is. The next deadline, µs after the end of the frame.
-    pub fn frame(&mut self, complete: bool) -> u32 {
-        if complete {
-            *self = Self::CYCLE;
-            FRAME_DEADLINE_US
-        } else {
-            self.due = Due::Second;
-            SECOND_FRAME_US
-        }
+    /// The next deadline: value of the DPR's µs counter.
+    #[must_use]
+    pub const fn deadline_us(&self) -> u32 {
+        self.deadline_us
     }
 
-    /// The deadline has passed: how many frames are missed now, and the next deadline, µs after this one.
-    pub fn expired(&mut self) -> (u32, u32) {
-        match self.due {
-            Due::Second => {
-                self.due = Due::Frames(1);
-                (1, FRAME_DEADLINE_US - SECOND_FRAME_US)
-            }
-            Due::Frames(0) => (0, SILENCE_US),
-            Due::Frames(missed) => {
-                *self = Self::CYCLE;
-                (missed, SILENCE_US)
-            }
+    /// The DPR has started at counter value `now_us`: the first deadline is [`FRAME_DEADLINE_US`] later.
+    pub fn begin(&mut self, now_us: u32) {
+        self.deadline_us = now_us.wrapping_add(FRAME_DEADLINE_US);
+    }
+
+    /// Frame number `frame` of a cycle that was sampled at `sampled_us` on the DPR's clock has ended at counter value `ended_us`:
+    /// restarts the deadline. How many frames were missed before it that no deadline has counted.
+    pub fn frame(&mut self, frame: usize, sampled_us: u64, ended_us: u32) -> u32 {
+        let frame = frame as u32;
+        let missed = self.last.map_or(0, |last| {
+            let apart_us = sampled_us.wrapping_sub(last.sampled_us).cast_signed().max(0);
+            let apart_us = u32::try_from(apart_us).unwrap_or(u32::MAX).saturating_add(Self::CYCLE_US / 2);
+            let slots = apart_us / Self::CYCLE_US * Self::FRAMES + frame;
+            slots.saturating_sub(last.frame + 1).saturating_sub(self.counted)
+        });
+        let complete = frame + 1 == Self::FRAMES;
+        let (due, after_us) = if complete { (Due::Cycle, FRAME_DEADLINE_US) } else { (Due::Second, SECOND_FRAME_US) };
+        *self = Self {
+            due,
+            deadline_us: ended_us.wrapping_add(after_us),
+            last: Some(Slot { sampled_us, frame }),
+            counted: 0,
+        };
+        missed
+    }
+
+    /// Whether the deadline has passed at counter value `now_us`, itself included: it is less than 35 minutes ago.
+    #[must_use]
+    pub const fn has_lapsed(&self, now_us: u32) -> bool {
+        now_us.wrapping_sub(self.deadline_us).cast_signed() >= 0
+    }
+
+    /// At counter value `now_us`: `None` if the deadline has not passed. If it has, and however many others since, what
+    /// that means; the next deadline is after `now_us`.
+    pub fn lapse(&mut self, now_us: u32) -> Option<Lapse> {
+        if !self.has_lapsed(now_us) {
+            return None;
         }
+        let mut missed = 0;
+        if self.due == Due::Second {
+            missed = 1;
+            self.due = Due::First;
+            self.deadline_us = self.deadline_us.wrapping_add(FRAME_DEADLINE_US - SECOND_FRAME_US);
+        }
+        let silent = self.has_lapsed(now_us);
+        if silent {
+            // One deadline, and one for each further period.
+            let more = now_us.wrapping_sub(self.deadline_us) / SILENCE_US;
+            self.deadline_us = self.deadline_us.wrapping_add((more + 1) * SILENCE_US);
+            let (due, frames) = match self.due {
+                Due::Any => (Due::Any, 0),
+                Due::First | Due::Second => (Due::Cycle, 1 + more * Self::FRAMES),
+                Due::Cycle => (Due::Cycle, (1 + more) * Self::FRAMES),
+            };
+            self.due = due;
+            missed += frames;
+        }
+        self.counted = self.counted.saturating_add(missed);
+        Some(Lapse { missed, silent })
     }
 }
 
@@ -107,8 +208,10 @@ pub struct Health {
     pub ram_fault: bool,
     /// The RFID front end is lost at the moment.
     pub front_end_fault: bool,
-    /// The last reset was the watchdog's.
-    pub watchdog_reset: bool,
+    /// The program memory does not have the CRC that the build gave it.
+    pub flash_fault: bool,
+    /// Why the DPR last started.
+    pub reset_reason: ResetReason,
     /// Accesses over SSI that were refused since start.
     pub access_violations: u32,
 }
@@ -117,14 +220,16 @@ pub struct Health {
 #[derive(Clone, Copy, Debug)]
 pub struct Link {
     clock: Clock,
-    /// µs since the end of the frame that brought the last accepted Reported-Position, saturating.
-    age_us: u32,
+    /// When the sample was taken of the last Reported-Position that was accepted, µs since start.
+    reported_us: Option<u64>,
     accepted: u32,
     rejected: u32,
     received: u32,
     missed: u32,
+    sequence: Sequence,
     frozen: bool,
-    restart_shown: u8,
+    /// When a restart of HORUS was last noticed, µs since start.
+    restarted_us: Option<u64>,
 }
 
 impl Default for Link {
@@ -134,38 +239,46 @@ impl Default for Link {
 }
 
 impl Link {
-    /// Nothing received: the age is saturated.
+    /// Nothing received: the age is saturated, and the sequence is searched for.
     #[must_use]
     pub const fn new() -> Self {
         Self {
-            clock: Clock { last_us: 0, below_ms_us: 0, ms: 0 },
-            age_us: u32::MAX,
+            clock: Clock::new(),
+            reported_us: None,
             accepted: 0,
             rejected: 0,
             received: 0,
             missed: 0,
+            sequence: Sequence::new(),
             frozen: false,
-            restart_shown: 0,
+            restarted_us: None,
         }
     }
 
     /// Time has come to counter value `now_us`.
     pub fn advance(&mut self, now_us: u32) {
-        self.age_us = self.age_us.saturating_add(self.clock.advance(now_us));
+        self.clock.advance(now_us);
     }
 
-    /// Counts a frame that was judged `age_us` µs after its end.
-    pub fn frame(&mut self, verdict: &Verdict, age_us: u32) {
+    /// The DPR's clock.
+    #[must_use]
+    pub const fn clock(&self) -> &Clock {
+        &self.clock
+    }
+
+    /// Counts a frame; `sequence` is what it has come to with this frame.
+    pub fn frame(&mut self, verdict: &Verdict, sequence: &Sequence) {
         self.received = self.received.wrapping_add(1);
         self.accepted = self.accepted.wrapping_add(verdict.accepted.count());
         self.rejected = self.rejected.wrapping_add(verdict.rejected().count());
         if verdict.accepted.has(0) {
-            self.age_us = age_us;
+            self.reported_us = Some(verdict.sampled_us);
         }
-        if let Cycle::Next(step) = verdict.cycle {
-            self.frozen = step == Freshness::Frozen;
-            if step == Freshness::Restarted {
-                self.restart_shown = RESTART_SHOWN;
+        if let Cycle::Next(judgement) = verdict.cycle {
+            self.sequence = *sequence;
+            self.frozen = judgement == Judgement::Frozen;
+            if judgement == Judgement::Restarted {
+                self.restarted_us = Some(self.clock.us());
             }
         }
     }
@@ -175,19 +288,24 @@ impl Link {
         self.missed = self.missed.wrapping_add(frames);
     }
 
-    /// Link-Status for an image that shows `shown` of the `expected` objects.
+    /// Link-Status for an image that shows `shown` of the `expected` objects, and that is published now.
     ///
-    /// The link is up if the cycle that the image shows brought at least one object that may be shown.
-    pub fn seal(&mut self, shown: Objects, expected: Objects, health: &Health) -> LinkStatus {
+    /// The link is up if the cycle that the image shows brought at least one object that may be shown. The age is that of the sample
+    /// of the last Reported-Position that was accepted.
+    #[must_use]
+    pub fn seal(&self, shown: Objects, expected: Objects, health: &Health) -> LinkStatus {
+        let held = self.sequence.is_held(self.clock.us());
         let status = LinkStatusBits::new()
             .with_link_up(shown != Objects::NONE)
             .with_all_accepted(shown == expected)
             .with_horus_frozen(self.frozen)
-            .with_horus_restarted(self.restart_shown > 0)
+            .with_horus_restarted(self.since_us(self.restarted_us) < RESTART_SHOWN_US)
             .with_ram_fault(health.ram_fault)
             .with_front_end_fault(health.front_end_fault)
-            .with_unasked_reset(health.watchdog_reset);
-        self.restart_shown = self.restart_shown.saturating_sub(1);
+            .with_out_of_sequence(!held)
+            .with_horus_clock_implausible(held && self.sequence.is_clock_implausible())
+            .with_flash_fault(health.flash_fault)
+            .with_reset_reason(health.reset_reason);
         LinkStatus::seal(&LinkValues {
             timestamp: self.clock.ms(),
             status,
@@ -195,7 +313,7 @@ impl Link {
             objects_rejected: self.rejected,
             frames_received: self.received,
             frames_missed: self.missed,
-            age_100us: LinkValues::age(self.age_us),
+            age_100us: LinkValues::age(self.since_us(self.reported_us)),
             access_violations: u16::try_from(health.access_violations).unwrap_or(u16::MAX),
         })
     }
@@ -204,6 +322,12 @@ impl Link {
     #[must_use]
     pub const fn counters(&self) -> [u32; 4] {
         [self.accepted, self.rejected, self.received, self.missed]
+    }
+
+    /// µs since `instant_us`; saturates, as it does if there was no such instant.
+    fn since_us(&self, instant_us: Option<u64>) -> u32 {
+        let passed = instant_us.map_or(u64::MAX, |instant| self.clock.us().wrapping_sub(instant));
+        u32::try_from(passed).unwrap_or(u32::MAX)
     }
 }
 
