@@ -3,23 +3,25 @@
 //! # Design
 //!
 //! An object is accepted or rejected by itself: its length tells the place, then its CRCs, its identifier and its
-//! timestamp decide (black channel; paper, section 2.3). What the front end says of the frame (CRC-16, framing, overflow) is
-//! counted elsewhere and decides nothing. Only a wrong length rejects a frame outright, since then no object has a place.
+//! timestamp decide (black channel; paper, section 2.3). What the front end says of the frame (CRC-16, framing,
+//! overflow) is counted elsewhere and decides nothing. Only a wrong length rejects a frame outright, since then no
+//! object has a place.
 //!
-//! A cycle is what carries one timestamp: one frame for up to three receivers, two for five. The timestamp of a frame is
-//! that of its first intact object; an intact object with another timestamp is rejected, so no image ever mixes cycles.
-//! Objects are accepted only if their cycle is in sequence ([`profile::sequence`]); a frame without an intact object carries no
-//! timestamp and leaves the sequence as it is.
+//! A cycle is what carries one timestamp: one frame for up to three receivers, two for five. The timestamp of a frame
+//! is that of its first intact object; an intact object with another timestamp is rejected, so no image ever mixes
+//! cycles. Objects are accepted only if their cycle is in sequence ([`profile::sequence`]); a frame without an intact
+//! object carries no timestamp and leaves the sequence as it is.
 //!
-//! The sequence compares timestamps with the DPR's clock. The instant that counts is that of the cycle's sample: the end of
-//! the frame less the time that HORUS takes from sample to last bit, which is a constant of each frame of the profile
-//! ([`air::age_at_end_us`]). So it does not matter which of a cycle's two frames is heard. The second frame of a cycle shares
-//! the verdict on the first, if it has the same timestamp, comes in a place that has not been there yet, and was sampled at the
-//! same instant within [`SAME_SAMPLE_US`]. Without the last condition a second frame that was held back for any time would be
-//! accepted. Any other frame with a timestamp is another cycle, also one that repeats the timestamp.
+//! The sequence compares timestamps with the DPR's clock. The instant that counts is that of the cycle's sample: the
+//! end of the frame less the time that HORUS takes from sample to last bit, which is a constant of each frame of the
+//! profile ([`air::age_at_end_us`]). So it does not matter which of a cycle's two frames is heard. The second frame of
+//! a cycle shares the verdict on the first, if it has the same timestamp, comes in a place that has not been there yet,
+//! and was sampled at the same instant within [`SAME_SAMPLE_US`]. Without the last condition a second frame that was
+//! held back for any time would be accepted. Any other frame with a timestamp is another cycle, also one that repeats
+//! the timestamp.
 //!
-//! The work is the same whatever the data say: all objects are verified, with no early exit, and the caller copies under
-//! the mask that comes out.
+//! The work is the same whatever the data say: all objects are verified, with no early exit, and the caller copies
+//! under the mask that comes out.
 
 use core::hint::black_box;
 
@@ -32,7 +34,8 @@ use profile::{
 /// Objects that a profile has at most.
 pub const MAX_OBJECTS: usize = MAX_RECEIVERS + 1;
 
-/// The two frames of a cycle tell the same instant of its sample within so much, µs: the tolerance of the sequence for a step of 0 ms.
+/// The two frames of a cycle tell the same instant of its sample within so much, µs: the tolerance of the sequence for
+/// a step of 0 ms.
 pub const SAME_SAMPLE_US: u32 = sequence::TOLERANCE_US;
 
 /// Whether two instants at which samples were taken, µs, are the same within [`SAME_SAMPLE_US`].
@@ -140,7 +143,8 @@ const fn frame_number(place: Place) -> usize {
 
 /// The objects of a frame that were verified while it was still arriving.
 ///
-/// Verifying is most of what a frame costs, and all but the last object are complete half a millisecond before the frame ends.
+/// Verifying is most of what a frame costs, and all but the last object are complete half a millisecond before the
+/// frame ends.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Early {
     /// The payload length that LEN announced; 0 if nothing has arrived.
@@ -156,8 +160,8 @@ impl Early {
         Self { length, done: 0, intact: Objects::NONE, timestamps: [0; MAX_OBJECTS] }
     }
 
-    /// `arrived` is what has arrived of the frame so far, beginning with LEN, in a buffer that only grows until the frame is over; empty
-    /// if another frame begins. Verifies the objects that are complete and were not verified yet.
+    /// `arrived` is what has arrived of the frame so far, beginning with LEN, in a buffer that only grows until the
+    /// frame is over; empty if another frame begins. Verifies the objects that are complete and were not verified yet.
     pub fn follow<const N: usize>(&mut self, arrived: &[u8]) {
         let Some((&len, payload)) = arrived.split_first() else {
             *self = Self::default();

@@ -2,22 +2,25 @@
 //!
 //! # Design
 //!
-//! Each image is built from scratch in a scrubbed buffer: accepted objects are copied in, all else stays zero, which no CRC
-//! accepts. Nothing is ever carried over from the image before.
+//! Each image is built from scratch in a scrubbed buffer: accepted objects are copied in, all else stays zero, which no
+//! CRC accepts. Nothing is ever carried over from the image before.
 //!
-//! - Up to three receivers: a cycle is one frame, so each frame is published at once, also one of which no object was accepted.
-//! - Five receivers: the image is published with the cycle's second frame. The two belong together if their ends say the same
-//!   instant of the sample ([`accept::SAME_SAMPLE_US`](crate::accept::SAME_SAMPLE_US)), so also where one of them is damaged and its timestamp
-//!   unknown; if both are known, their timestamps must be the same. If the second does not come, what there is is published when its
-//!   deadline has passed ([`link::SECOND_FRAME_US`](crate::link::SECOND_FRAME_US)) or a frame arrives that does not belong to it. A
-//!   second frame whose first was lost is published at once.
-//! - Silence: at each deadline an image without objects is published, so that what was valid once does not stay readable.
+//! - Up to three receivers: a cycle is one frame, so each frame is published at once, also one of which no object was
+//!   accepted.
+//! - Five receivers: the image is published with the cycle's second frame. The two belong together if their ends say
+//!   the same instant of the sample ([`accept::SAME_SAMPLE_US`](crate::accept::SAME_SAMPLE_US)), so also where one of
+//!   them is damaged and its timestamp unknown; if both are known, their timestamps must be the same. If the second
+//!   does not come, what there is is published when its deadline has passed
+//!   ([`link::SECOND_FRAME_US`](crate::link::SECOND_FRAME_US)) or a frame arrives that does not belong to it. A second
+//!   frame whose first was lost is published at once.
+//! - Silence: at each deadline an image without objects is published, so that what was valid once does not stay
+//!   readable.
 //!
-//! The deadline is an instant on the DPR's µs counter, counted from the end of the last frame. Whether it has passed is decided
-//! here from that instant alone, never from the interrupt that reports it: the task that a frame starts and the task that the timer
-//! starts do the same three things. They take in the frames that wait, call [`Commit::check_deadline`], and set the timer to
-//! [`Commit::deadline_us`]. A deadline that passed before a frame ended is dealt with before that frame, so the images are the same
-//! in either order of the two tasks.
+//! The deadline is an instant on the DPR's µs counter, counted from the end of the last frame. Whether it has passed is
+//! decided here from that instant alone, never from the interrupt that reports it: the task that a frame starts and the
+//! task that the timer starts do the same three things. They take in the frames that wait, call
+//! [`Commit::check_deadline`], and set the timer to [`Commit::deadline_us`]. A deadline that passed before a frame
+//! ended is dealt with before that frame, so the images are the same in either order of the two tasks.
 //!
 //! Objects are copied under a mask, so that copying costs the same whether they are accepted or not.
 
@@ -84,21 +87,23 @@ impl<const N: usize> Commit<N> {
         }
     }
 
-    /// The DPR has started: publishes an image without objects, so that the flight controller can read Link-Status from now on.
-    /// `now_us` is the value of the DPR's µs counter here and below; it never goes back from one call to the next.
+    /// The DPR has started: publishes an image without objects, so that the flight controller can read Link-Status from
+    /// now on. `now_us` is the value of the DPR's µs counter here and below; it never goes back from one call to the
+    /// next.
     pub fn begin(&mut self, now_us: u32, health: &Health, images: &mut impl Images) {
         self.link.advance(now_us);
         self.monitor.begin(now_us);
         self.publish(health, images);
     }
 
-    /// Takes a frame in, and restarts the deadline from its end. Frames are to be taken in in the order of their ends. How many
-    /// images were published: one, none if the second frame of a cycle is waited for, one more if something else had
-    /// to go out first.
+    /// Takes a frame in, and restarts the deadline from its end. Frames are to be taken in in the order of their ends.
+    /// How many images were published: one, none if the second frame of a cycle is waited for, one more if something
+    /// else had to go out first.
     ///
     /// # Errors
     ///
-    /// [`Rejection::Length`] if the frame has no place in this profile; then nothing has changed and the deadline stands.
+    /// [`Rejection::Length`] if the frame has no place in this profile; then nothing has changed and the deadline
+    /// stands.
     pub fn frame(
         &mut self,
         frame: Frame<'_>,
@@ -134,16 +139,17 @@ impl<const N: usize> Commit<N> {
         Ok(published)
     }
 
-    /// Publishes an image if the deadline has passed at `now_us`: what there is of a cycle whose second frame has not come, without
-    /// objects if no frame has. Moves the deadline on. To be called at any time after the frames that wait were taken in;
-    /// however long ago the deadline has passed, the work is the same. Whether an image was published.
+    /// Publishes an image if the deadline has passed at `now_us`: what there is of a cycle whose second frame has not
+    /// come, without objects if no frame has. Moves the deadline on. To be called at any time after the frames that
+    /// wait were taken in; however long ago the deadline has passed, the work is the same. Whether an image was
+    /// published.
     pub fn check_deadline(&mut self, now_us: u32, health: &Health, images: &mut impl Images) -> bool {
         self.link.advance(now_us);
         self.lapse(now_us, health, images)
     }
 
-    /// The next deadline: a value of the DPR's µs counter, to be compared wrapping. It moves with each frame and with each deadline
-    /// that passes.
+    /// The next deadline: a value of the DPR's µs counter, to be compared wrapping. It moves with each frame and with
+    /// each deadline that passes.
     #[must_use]
     pub const fn deadline_us(&self) -> u32 {
         self.monitor.deadline_us()
@@ -155,7 +161,8 @@ impl<const N: usize> Commit<N> {
         &self.link
     }
 
-    /// Does what the deadlines that have passed until `until_us` demand; whether there was one, and an image was published.
+    /// Does what the deadlines that have passed until `until_us` demand; whether there was one, and an image was
+    /// published.
     fn lapse(&mut self, until_us: u32, health: &Health, images: &mut impl Images) -> bool {
         let Some(lapse) = self.monitor.lapse(until_us) else { return false };
         self.link.missed(lapse.missed);
@@ -173,7 +180,8 @@ impl<const N: usize> Commit<N> {
         let image: &mut [u8] = bytemuck::cast_slice_mut(images.filling());
         let Ok(objects) = air::objects::<N>(payload) else { return };
         for (index, object) in objects {
-            // Behind the barrier the compiler cannot tell the two masks apart, or it would copy or clear, at different costs.
+            // Behind the barrier the compiler cannot tell the two masks apart, or it would copy or clear, at different
+            // costs.
             let mask = black_box(if verdict.accepted.has(index) { u32::MAX } else { 0 });
             let Some(place) = Image::<N>::place(index).and_then(|place| image.get_mut(place)) else { return };
             // Both object sizes are multiples of four.

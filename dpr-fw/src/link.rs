@@ -9,12 +9,13 @@ use profile::{
 use crate::accept::{Cycle, Objects, Verdict, SAME_SAMPLE_US};
 
 /// From the end of one frame to the latest end of the next, µs: the cycle and a quarter of it, for the drift of two
-/// crystals and the jitter of a start-up; measured from each frame anew, not by a local tick, so that drift never adds up.
+/// crystals and the jitter of a start-up; measured from each frame anew, not by a local tick, so that drift never adds
+/// up.
 pub const FRAME_DEADLINE_US: u32 = 12_500;
 /// While HORUS is silent a frame counts as missed this often, µs: the cycle.
 pub const SILENCE_US: u32 = 1_000 * CYCLE_MS;
-/// From the end of a cycle's first frame to the latest end of its second, µs (five receivers): the second ends 3.935 ms after
-/// the first, give or take [`SAME_SAMPLE_US`], and the next cycle's first 10 ms after this cycle's.
+/// From the end of a cycle's first frame to the latest end of its second, µs (five receivers): the second ends 3.935 ms
+/// after the first, give or take [`SAME_SAMPLE_US`], and the next cycle's first 10 ms after this cycle's.
 pub const SECOND_FRAME_US: u32 = 7_000;
 /// A restart of HORUS stays shown for so long, µs, that no control cycle can overlook it.
 pub const RESTART_SHOWN_US: u32 = 1_000_000;
@@ -98,15 +99,17 @@ struct Slot {
 pub struct Lapse {
     /// Frames that are missed now.
     pub missed: u32,
-    /// No frame came in time after the last one, so that nothing may be shown any more. Otherwise only a cycle's second frame is late.
+    /// No frame came in time after the last one, so that nothing may be shown any more. Otherwise only a cycle's second
+    /// frame is late.
     pub silent: bool,
 }
 
 /// The missed-frame monitor: a deadline restarted by each frame, and the count of the frames that did not come.
 ///
-/// A frame is missed if its time has passed. During silence the deadlines count; when a frame arrives, the instants of the
-/// samples say how many frames were due between it and the one before, and those that no deadline has counted are added. So the count
-/// does not depend on whether a damaged frame could be told apart from its neighbours: it is one that was received.
+/// A frame is missed if its time has passed. During silence the deadlines count; when a frame arrives, the instants of
+/// the samples say how many frames were due between it and the one before, and those that no deadline has counted are
+/// added. So the count does not depend on whether a damaged frame could be told apart from its neighbours: it is one
+/// that was received.
 #[derive(Clone, Copy, Debug)]
 pub struct Monitor<const N: usize> {
     due: Due,
@@ -144,8 +147,8 @@ impl<const N: usize> Monitor<N> {
         self.deadline_us = now_us.wrapping_add(FRAME_DEADLINE_US);
     }
 
-    /// Frame number `frame` of a cycle that was sampled at `sampled_us` on the DPR's clock has ended at counter value `ended_us`:
-    /// restarts the deadline. How many frames were missed before it that no deadline has counted.
+    /// Frame number `frame` of a cycle that was sampled at `sampled_us` on the DPR's clock has ended at counter value
+    /// `ended_us`: restarts the deadline. How many frames were missed before it that no deadline has counted.
     pub fn frame(&mut self, frame: usize, sampled_us: u64, ended_us: u32) -> u32 {
         let frame = frame as u32;
         let missed = self.last.map_or(0, |last| {
@@ -290,8 +293,8 @@ impl Link {
 
     /// Link-Status for an image that shows `shown` of the `expected` objects, and that is published now.
     ///
-    /// The link is up if the cycle that the image shows brought at least one object that may be shown. The age is that of the sample
-    /// of the last Reported-Position that was accepted.
+    /// The link is up if the cycle that the image shows brought at least one object that may be shown. The age is that
+    /// of the sample of the last Reported-Position that was accepted.
     #[must_use]
     pub fn seal(&self, shown: Objects, expected: Objects, health: &Health) -> LinkStatus {
         let held = self.sequence.is_held(self.clock.us());

@@ -1,7 +1,7 @@
 //! Freshness: what a timestamp alone says after the one before it.
 //!
-//! Whether a cycle may be shown is for [`sequence`](crate::sequence) to say, which knows the receiver's clock as well. This
-//! function is for those who read recorded or forwarded data, where the time of arrival says nothing.
+//! Whether a cycle may be shown is for [`sequence`](crate::sequence) to say, which knows the receiver's clock as well.
+//! This function is for those who read recorded or forwarded data, where the time of arrival says nothing.
 use crate::CYCLE_MS;
 
 /// What a timestamp says after the one before it (paper, section 2.3).

@@ -7,19 +7,19 @@
 //!
 //! # Design
 //!
-//! **Black channel.** Nothing between the one who seals an object and the one who verifies it is trusted: not the air, nor
-//! the RFID chips, nor the DPR, nor the radio link. What makes an object good is in the object: its CRC, its identifier and
-//! its timestamp. So each object stands alone, is [accepted or rejected](Rejection) alone, and can be stored, forwarded or
-//! dropped without looking into the others.
+//! **Black channel.** Nothing between the one who seals an object and the one who verifies it is trusted: not the air,
+//! nor the RFID chips, nor the DPR, nor the radio link. What makes an object good is in the object: its CRC, its
+//! identifier and its timestamp. So each object stands alone, is [accepted or rejected](Rejection) alone, and can be
+//! stored, forwarded or dropped without looking into the others.
 //!
-//! **The bytes are the object.** [`GpsObject`], [`ReportedPosition`] and [`LinkStatus`] are arrays of bytes with names for
-//! their parts: alignment 1, no padding, every bit pattern allowed. A received buffer *is* an object, in place and without
-//! a copy, and the layout is the same on any host, whatever its byte order. Sizes and offsets are asserted when the crate
-//! is compiled.
+//! **The bytes are the object.** [`GpsObject`], [`ReportedPosition`] and [`LinkStatus`] are arrays of bytes with names
+//! for their parts: alignment 1, no padding, every bit pattern allowed. A received buffer *is* an object, in place and
+//! without a copy, and the layout is the same on any host, whatever its byte order. Sizes and offsets are asserted when
+//! the crate is compiled.
 //!
-//! **A reference to an object says nothing about its validity; [`verify`](GpsObject::verify) does.** A slot that was never
-//! filled is an object too: [`EMPTY`](GpsObject::EMPTY), which does not verify. Nor does one that a scrub left at 0x00 or
-//! 0xFF, or a bus that reads 0xFF.
+//! **A reference to an object says nothing about its validity; [`verify`](GpsObject::verify) does.** A slot that was
+//! never filled is an object too: [`EMPTY`](GpsObject::EMPTY), which does not verify. Nor does one that a scrub left at
+//! 0x00 or 0xFF, or a bus that reads 0xFF.
 //!
 //! **The same work whatever the data.** Every function that judges received bytes computes every CRC it needs and then
 //! decides; only a wrong length ends early. No function allocates, blocks, recurses or loops without a bound.
@@ -41,13 +41,13 @@
 //! | 48..60 | f32 x, y, z acceleration, m/s² | 56..60 | frame CRC over 0..56 | 26..28 | u16 access violations |
 //! | 60..64 | frame CRC over 0..60 | | | 28..32 | frame CRC over 0..28 |
 //!
-//! A [`Profile`] is Reported-Position and 1, 2, 3 or 5 GPS objects, contiguous: 124, 184, 244 or 364 bytes. [`air`] says which
-//! of them travel in one frame, [`image`] where they lie in the DPR, [`ssi`] how a flight controller asks for them,
-//! [`sequence`] which cycles continue the ones before them.
+//! A [`Profile`] is Reported-Position and 1, 2, 3 or 5 GPS objects, contiguous: 124, 184, 244 or 364 bytes. [`air`]
+//! says which of them travel in one frame, [`image`] where they lie in the DPR, [`ssi`] how a flight controller asks
+//! for them, [`sequence`] which cycles continue the ones before them.
 //!
-//! The objects are those of H. D. Doran et al., *Mixed Criticality Communication within an Unmanned Delivery Rotorcraft*,
-//! Tables 2 and 3. Its text gives Reported-Position 60 bytes; its Table 2 adds up to 64, and stands. The Link-Status
-//! object, the identifiers, the status bits, the units and the byte order are this project's.
+//! The objects are those of H. D. Doran et al., *Mixed Criticality Communication within an Unmanned Delivery
+//! Rotorcraft*, Tables 2 and 3. Its text gives Reported-Position 60 bytes; its Table 2 adds up to 64, and stands. The
+//! Link-Status object, the identifiers, the status bits, the units and the byte order are this project's.
 //!
 //! # Example
 //!

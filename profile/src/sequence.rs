@@ -2,37 +2,40 @@
 //!
 //! # Design
 //!
-//! A CRC says that an object is intact and an identifier says that it is in its place. Neither says that it is new: a frame
-//! that is repeated, delayed, reordered or inserted carries objects that verify. Against these errors (IEC 61784-3:
-//! unintended repetition, unacceptable delay, incorrect sequence, insertion) stand the timestamp and the receiver's own
-//! clock. Whoever receives cycles keeps one [`Sequence`] and asks it about each; it holds no clock and allocates nothing,
-//! and its work per cycle is bounded and small.
+//! A CRC says that an object is intact and an identifier says that it is in its place. Neither says that it is new: a
+//! frame that is repeated, delayed, reordered or inserted carries objects that verify. Against these errors (IEC
+//! 61784-3: unintended repetition, unacceptable delay, incorrect sequence, insertion) stand the timestamp and the
+//! receiver's own clock. Whoever receives cycles keeps one [`Sequence`] and asks it about each; it holds no clock and
+//! allocates nothing, and its work per cycle is bounded and small.
 //!
 //! **In sequence** is a cycle whose timestamp is that of the last cycle + 10 ms · (1 + missed), with at most
 //! [`MAX_MISSED`] missed, and between whose samples the same time has passed on the receiver's clock, within
 //! [`TOLERANCE_US`] plus [2 %](TOLERANCE_SHARE) of the timestamps' step. The last cycle is the last one that arrived,
 //! whatever was found of it.
 //!
-//! **Search.** At the start, and after any other step, nothing is shown until [`SEARCH_CYCLES`] cycles in a row have each
-//! advanced by exactly 10 ms, each 10 ms ± [`SEARCH_TOLERANCE_US`] after the one before. The cycle that opens the search has
-//! nothing it could advance from, so it is not one of the three. The third of them is in sequence itself:
+//! **Search.** At the start, and after any other step, nothing is shown until [`SEARCH_CYCLES`] cycles in a row have
+//! each advanced by exactly 10 ms, each 10 ms ± [`SEARCH_TOLERANCE_US`] after the one before. The cycle that opens the
+//! search has nothing it could advance from, so it is not one of the three. The third of them is in sequence itself:
 //!
-//! | cycle since the start, or since HORUS restarted | 1 | 2 | 3 | 4 |
-//! |---|---|---|---|---|
-//! | [`Judgement`] | `Searching { found: 0 }` or `Restarted` | `Searching { found: 1 }` | `Searching { found: 2 }` | `InSequence { missed: 0 }` |
+//! | cycle since the start, or since HORUS restarted | [`Judgement`] |
+//! |---|---|
+//! | 1 | `Searching { found: 0 }`, or `Restarted` |
+//! | 2 | `Searching { found: 1 }` |
+//! | 3 | `Searching { found: 2 }` |
+//! | 4 | `InSequence { missed: 0 }` |
 //!
 //! Timestamps 20, 10, 20, 10, … never advance twice in a row, so nothing of them is ever shown.
 //!
-//! **Clock.** A single step may deviate by up to 27 % (2.5 ms + 2 % of 10 ms), because a single cycle may be late for many
-//! reasons. A clock that is wrong adds up: while cycles are in sequence, the timestamps' advance is compared with the
-//! receiver's clock over windows of [`CLOCK_WINDOW_US`], one after the other. A difference of more than 2 % of the
-//! receiver's time makes HORUS's clock implausible until a later window finds no such difference. A window closes with the
-//! first cycle that is at least 1 s after its start, so it is at most 1 s and one step long, and a clock that goes wrong, or
-//! right again, is noticed within two windows: 2.1 s, or 2.6 s if as many cycles as possible are missed. A window that is
-//! broken off because the sequence is lost says nothing.
+//! **Clock.** A single step may deviate by up to 27 % (2.5 ms + 2 % of 10 ms), because a single cycle may be late for
+//! many reasons. A clock that is wrong adds up: while cycles are in sequence, the timestamps' advance is compared with
+//! the receiver's clock over windows of [`CLOCK_WINDOW_US`], one after the other. A difference of more than 2 % of the
+//! receiver's time makes HORUS's clock implausible until a later window finds no such difference. A window closes with
+//! the first cycle that is at least 1 s after its start, so it is at most 1 s and one step long, and a clock that goes
+//! wrong, or right again, is noticed within two windows: 2.1 s, or 2.6 s if as many cycles as possible are missed. A
+//! window that is broken off because the sequence is lost says nothing.
 //!
-//! Instants are u64 µs, which never wrap (584 000 years), so no silence is too long: with a u32 counter, two cycles 71.6
-//! minutes apart would look like neighbours.
+//! Instants are u64 µs, which never wrap (584 000 years), so no silence is too long: with a u32 counter, two cycles
+//! 71.6 minutes apart would look like neighbours.
 //!
 //! # Example
 //!
@@ -59,7 +62,8 @@ pub const MAX_MISSED: u32 = 25;
 /// half a cycle, so that no two steps are mistaken for each other.
 pub const TOLERANCE_US: u32 = 2_500;
 
-/// One part in so many, that is 2 %, may two clocks differ: HORUS without its crystal is off by 1 %, the rest is margin.
+/// One part in so many, that is 2 %, may two clocks differ: HORUS without its crystal is off by 1 %, the rest is
+/// margin.
 pub const TOLERANCE_SHARE: u32 = 50;
 
 /// While the sequence is searched for, a cycle must come 10 ms after the one before it within so much, µs.
@@ -153,9 +157,9 @@ impl Sequence {
         Self { last: None, found: 0, window: Sample { timestamp: 0, sampled_us: 0 }, clock_implausible: false }
     }
 
-    /// Judges a cycle, to be called once for each that arrives, in the order of arrival: `timestamp` in ms as HORUS sent it,
-    /// `sampled_us` the instant of its sample on the receiver's clock, µs, from a counter that never wraps. Where the sample's
-    /// instant is not known, the frame's arrival will do, if it is a constant time later.
+    /// Judges a cycle, to be called once for each that arrives, in the order of arrival: `timestamp` in ms as HORUS
+    /// sent it, `sampled_us` the instant of its sample on the receiver's clock, µs, from a counter that never wraps.
+    /// Where the sample's instant is not known, the frame's arrival will do, if it is a constant time later.
     pub fn judge(&mut self, timestamp: u32, sampled_us: u64) -> Judgement {
         let judgement = self.classify(timestamp, sampled_us);
         let sample = Sample { timestamp, sampled_us };
@@ -175,8 +179,8 @@ impl Sequence {
         judgement
     }
 
-    /// Whether the sequence is held at the instant `now_us`, so that the next cycle can be shown: false at the start, during
-    /// the search, and after [`HOLD_US`] without a cycle.
+    /// Whether the sequence is held at the instant `now_us`, so that the next cycle can be shown: false at the start,
+    /// during the search, and after [`HOLD_US`] without a cycle.
     #[must_use]
     pub fn is_held(&self, now_us: u64) -> bool {
         let in_time = |last: Sample| last.elapsed_us(now_us) <= i64::from(HOLD_US);
