@@ -278,102 +278,201 @@ mod tests {
     use crate::commit::testing::{frames, profile};
     use proptest::prelude::*;
 
-    fn accepted<const N: usize>(acceptance: &mut Acceptance<N>, payload: &[u8]) -> u32 {
-        acceptance.judge(payload, Early::default()).expect("the length is right").accepted.count()
+    /// When frame number `frame` of a cycle that is sampled at `sampled_us` ends.
+    fn end<const N: usize>(sampled_us: u64, frame: usize) -> u64 {
+        sampled_us + u64::from(air::age_at_end_us::<N>(frame).expect("a frame of the cycle"))
+    }
+
+    /// Judges frame number `frame` of the cycle `timestamp`, that was sampled at `sampled_us`.
+    fn judge<const N: usize>(acceptance: &mut Acceptance<N>, timestamp: u32, frame: usize, sampled_us: u64) -> Verdict {
+        let sent = profile::<N>(timestamp);
+        let payload = air::split(&sent).nth(frame).expect("a frame of the cycle");
+        acceptance.judge(payload, Early::default(), end::<N>(sampled_us, frame)).expect("the length is right")
+    }
+
+    /// In sequence: the last cycle was 40, sampled at 40 ms.
+    fn in_sequence<const N: usize>() -> Acceptance<N> {
+        let mut acceptance = Acceptance::new();
+        for cycle in 1..=4_u32 {
+            for frame in 0..air::frames(N) {
+                let accepted = judge(&mut acceptance, 10 * cycle, frame, 10_000 * u64::from(cycle)).accepted;
+                assert_eq!(accepted != Objects::NONE, cycle == 4);
+            }
+        }
+        acceptance
     }
 
     #[test]
-    fn a_sound_frame_is_accepted_whole() {
-        let mut acceptance = Acceptance::<3>::new();
-        let verdict = acceptance.judge(profile::<3>(10).as_bytes(), Early::default()).expect("the length is right");
+    fn a_set_of_objects_knows_its_members() {
+        assert_eq!([1, 2, 3, 5].map(|receivers| Objects::all(receivers).0), [0b11, 0b111, 0b1111, 0b11_1111]);
+        let place = |frame| Objects::at(Place::of_frame::<5>(frame).expect("a frame"));
+        assert_eq!((place(0), place(1)), (Objects(0b111), Objects(0b11_1000)));
+        let set = Objects(0b0110);
+        assert_eq!([0, 1, 2, 3, 6, 8, 9].map(|index| set.has(index)), [false, true, true, false, false, false, false]);
+        // A bit that no object has.
+        assert!(!Objects(1 << 6).has(6));
+        assert_eq!(set.union(Objects(0b1010)), Objects(0b1110));
+        assert!(set.is_disjoint(Objects(0b1001)) && !set.is_disjoint(Objects(0b0100)));
+        assert_eq!((set.count(), Objects::NONE.count()), (2, 0));
+        assert_eq!((set.with(0, true), set.with(1, true), set.with(0, false)), (Objects(0b0111), set, set));
+    }
+
+    #[test]
+    fn a_sound_frame_in_sequence_is_accepted_whole() {
+        let verdict = judge(&mut in_sequence::<3>(), 50, 0, 50_000);
         assert_eq!(verdict.accepted, Objects::all(3));
         assert_eq!(verdict.rejected(), Objects::NONE);
-        assert_eq!(verdict.cycle, Cycle::Next(Freshness::First));
+        assert_eq!(verdict.cycle, Cycle::Next(Judgement::InSequence { missed: 0 }));
+        assert_eq!((verdict.sampled_us, verdict.frame()), (50_000, 0));
     }
 
     #[test]
-    fn the_same_timestamp_again_is_frozen_and_nothing_is_shown_until_it_advances() {
-        let mut acceptance = Acceptance::<1>::new();
-        for (timestamp, count, step) in [
-            (10, 2, Freshness::First),
-            (10, 0, Freshness::Frozen),
-            (10, 0, Freshness::Frozen),
-            (20, 2, Freshness::Fresh { missed: 0 }),
-            (50, 2, Freshness::Fresh { missed: 2 }),
-            (57, 0, Freshness::Irregular),
-            (67, 2, Freshness::Fresh { missed: 0 }),
-            (10, 2, Freshness::Restarted),
-            (20, 2, Freshness::Fresh { missed: 0 }),
+    fn out_of_sequence_every_object_is_rejected_until_the_sequence_is_found() {
+        let mut acceptance = in_sequence::<1>();
+        let in_sequence = |missed| Judgement::InSequence { missed };
+        let searching = |found| Judgement::Searching { found };
+        for (timestamp, sampled_us, expected) in [
+            (50, 50_000, in_sequence(0)),
+            (50, 60_000, Judgement::Frozen),
+            (60, 70_000, searching(1)),
+            (70, 80_000, searching(2)),
+            (80, 90_000, in_sequence(0)),
+            (110, 120_000, in_sequence(2)),
+            (117, 127_000, Judgement::Irregular),
+            (127, 137_000, searching(1)),
+            (137, 147_000, searching(2)),
+            (147, 157_000, in_sequence(0)),
+            (157, 158_000, Judgement::Early),
+            (0, 500_000, Judgement::Restarted),
+            (10, 510_000, searching(1)),
+            (20, 520_000, searching(2)),
+            (30, 530_000, in_sequence(0)),
+            (40, 543_000, Judgement::Late),
         ] {
-            let verdict =
-                acceptance.judge(profile::<1>(timestamp).as_bytes(), Early::default()).expect("the length is right");
-            assert_eq!((verdict.accepted.count(), verdict.cycle), (count, Cycle::Next(step)), "at {timestamp}");
+            let verdict = judge(&mut acceptance, timestamp, 0, sampled_us);
+            assert_eq!(verdict.cycle, Cycle::Next(expected), "at {timestamp}");
+            let accepted = if expected.is_in_sequence() { Objects::all(1) } else { Objects::NONE };
+            assert_eq!(verdict.accepted, accepted, "at {timestamp}");
+            assert_eq!(acceptance.sequence().is_held(sampled_us), expected.is_in_sequence());
         }
     }
 
     #[test]
-    fn the_two_halves_of_a_cycle_are_one_cycle_in_either_order_and_each_only_once() {
-        let mut acceptance = Acceptance::<5>::new();
-        let [first, second] = frames(10);
-        assert_eq!(accepted(&mut acceptance, &second), 3);
-        let verdict = acceptance.judge(&first, Early::default()).expect("the length is right");
-        assert_eq!((verdict.cycle, verdict.accepted.count()), (Cycle::Same, 3));
-        assert_eq!(accepted(&mut acceptance, &first), 0);
-        assert_eq!(accepted(&mut acceptance, &second), 0);
+    fn two_frames_in_turn_are_never_accepted() {
+        let mut acceptance = Acceptance::<3>::new();
+        for turn in 1..200_u64 {
+            let verdict = judge(&mut acceptance, if turn % 2 == 1 { 20 } else { 10 }, 0, 10_000 * turn);
+            assert_eq!(verdict.accepted, Objects::NONE, "turn {turn}");
+        }
     }
 
     #[test]
-    fn the_second_half_of_an_irregular_cycle_is_not_shown_either() {
-        let mut acceptance = Acceptance::<5>::new();
-        accepted(&mut acceptance, &frames(10)[0]);
-        let [first, second] = frames(17);
-        assert_eq!(accepted(&mut acceptance, &first), 0);
-        assert_eq!(accepted(&mut acceptance, &second), 0);
+    fn the_second_frame_of_a_cycle_shares_the_verdict_on_the_first_and_each_counts_only_once() {
+        let mut acceptance = in_sequence::<5>();
+        assert_eq!(judge(&mut acceptance, 50, 0, 50_000).accepted, Objects(0b00_0111));
+        let second = judge(&mut acceptance, 50, 1, 50_010);
+        assert_eq!((second.cycle, second.accepted, second.frame()), (Cycle::Same, Objects(0b11_1000), 1));
+        for frame in [0, 1] {
+            let mut again = acceptance;
+            let verdict = judge(&mut again, 50, frame, 50_000);
+            assert_eq!((verdict.cycle, verdict.accepted), (Cycle::Next(Judgement::Frozen), Objects::NONE));
+        }
+    }
+
+    #[test]
+    fn a_second_frame_that_was_held_back_is_not_accepted_however_long() {
+        for (off, same) in [(-2_501_i64, false), (-2_500, true), (2_500, true), (2_501, false), (10_000, false)] {
+            let mut acceptance = in_sequence::<5>();
+            judge(&mut acceptance, 50, 0, 50_000);
+            let verdict = judge(&mut acceptance, 50, 1, 50_000_u64.wrapping_add_signed(off));
+            assert_eq!(verdict.cycle == Cycle::Same, same, "{off} µs");
+            assert_eq!(verdict.accepted != Objects::NONE, same, "{off} µs");
+        }
+        let mut acceptance = in_sequence::<5>();
+        judge(&mut acceptance, 50, 0, 50_000);
+        assert_eq!(judge(&mut acceptance, 50, 1, 50_000 + (1 << 32)).accepted, Objects::NONE);
+    }
+
+    #[test]
+    fn two_frames_of_a_cycle_in_the_wrong_order_are_not_accepted() {
+        let mut acceptance = in_sequence::<5>();
+        assert_eq!(judge(&mut acceptance, 50, 1, 50_000).accepted, Objects(0b11_1000));
+        // The first frame can at the earliest end when it was sent after the second.
+        let sampled_us = 50_000 + u64::from(air::send_slot_us::<5>(1).expect("a second frame"));
+        let verdict = judge(&mut acceptance, 50, 0, sampled_us);
+        assert_eq!((verdict.cycle, verdict.accepted), (Cycle::Next(Judgement::Frozen), Objects::NONE));
+    }
+
+    #[test]
+    fn it_does_not_matter_which_frames_of_a_cycle_are_heard() {
+        // Of each cycle the first frame, the second or both; the first four find the sequence.
+        for heard in 0..3_usize.pow(6) {
+            let mut acceptance = Acceptance::<5>::new();
+            for cycle in 1..=6_u32 {
+                let which = heard / 3_usize.pow(cycle - 1) % 3;
+                for frame in (0..2).filter(|&frame| which == 2 || frame == which) {
+                    let verdict = judge(&mut acceptance, 10 * cycle, frame, 10_000 * u64::from(cycle));
+                    assert_eq!(verdict.accepted != Objects::NONE, cycle >= 4, "{heard}: frame {frame} of {cycle}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_second_frame_of_a_cycle_out_of_sequence_is_not_accepted_either() {
+        let mut acceptance = in_sequence::<5>();
+        assert_eq!(judge(&mut acceptance, 57, 0, 57_000).accepted, Objects::NONE);
+        let verdict = judge(&mut acceptance, 57, 1, 57_000);
+        assert_eq!((verdict.cycle, verdict.accepted), (Cycle::Same, Objects::NONE));
     }
 
     #[test]
     fn objects_of_another_cycle_in_one_frame_are_rejected_by_themselves() {
-        let mut payload = profile::<3>(20).as_bytes().to_vec();
-        payload[124..184].copy_from_slice(&profile::<3>(10).as_bytes()[124..184]);
-        let verdict = Acceptance::<3>::new().judge(&payload, Early::default()).expect("the length is right");
-        assert_eq!(verdict.rejected(), Objects(1 << 2));
+        let mut payload = profile::<3>(50).as_bytes().to_vec();
+        payload[124..184].copy_from_slice(&profile::<3>(40).as_bytes()[124..184]);
+        let verdict = in_sequence::<3>().judge(&payload, Early::default(), end::<3>(50_000, 0));
+        assert_eq!(verdict.expect("the length is right").rejected(), Objects(1 << 2));
     }
 
     #[test]
-    fn a_scrubbed_buffer_holds_no_object() {
+    fn a_frame_without_an_intact_object_is_unknown_and_leaves_the_sequence_as_it_is() {
         for fill in [0x00, 0xFF] {
-            let verdict = Acceptance::<3>::new().judge(&[fill; 244], Early::default()).expect("the length is right");
+            let mut acceptance = in_sequence::<3>();
+            let before = *acceptance.sequence();
+            let verdict = acceptance.judge(&[fill; 244], Early::default(), end::<3>(50_000, 0)).expect("the length");
             assert_eq!((verdict.cycle, verdict.accepted), (Cycle::Unknown, Objects::NONE));
+            assert_eq!(*acceptance.sequence(), before);
+            assert_eq!(judge(&mut acceptance, 60, 0, 60_000).accepted, Objects::all(3));
         }
     }
 
     proptest! {
         #[test]
         fn a_hit_costs_the_object_it_hits_and_no_other(byte in 0_usize..244, flip in 1_u8..) {
-            let mut payload = profile::<3>(10).as_bytes().to_vec();
+            let mut payload = profile::<3>(50).as_bytes().to_vec();
             payload[byte] ^= flip;
             let hit = if byte < 64 { 0 } else { 1 + (byte - 64) / 60 };
-            let verdict = Acceptance::<3>::new().judge(&payload, Early::default()).expect("the length is right");
-            prop_assert_eq!(verdict.rejected(), Objects(1 << hit));
+            let verdict = in_sequence::<3>().judge(&payload, Early::default(), end::<3>(50_000, 0));
+            prop_assert_eq!(verdict.expect("the length is right").rejected(), Objects(1 << hit));
         }
 
         #[test]
         fn no_other_length_is_judged(length in 0_usize..300) {
             let payload = vec![0; length];
-            prop_assert_eq!(Acceptance::<1>::new().judge(&payload, Early::default()).is_ok(), length == 124);
-            prop_assert_eq!(Acceptance::<2>::new().judge(&payload, Early::default()).is_ok(), length == 184);
-            prop_assert_eq!(Acceptance::<3>::new().judge(&payload, Early::default()).is_ok(), length == 244);
-            prop_assert_eq!(Acceptance::<5>::new().judge(&payload, Early::default()).is_ok(), length == 184 || length == 180);
+            let early = Early::default();
+            prop_assert_eq!(Acceptance::<1>::new().judge(&payload, early, 0).is_ok(), length == 124);
+            prop_assert_eq!(Acceptance::<2>::new().judge(&payload, early, 0).is_ok(), length == 184);
+            prop_assert_eq!(Acceptance::<3>::new().judge(&payload, early, 0).is_ok(), length == 244);
+            prop_assert_eq!(Acceptance::<5>::new().judge(&payload, early, 0).is_ok(), length == 184 || length == 180);
         }
-    }
 
-    proptest! {
         #[test]
         fn what_was_verified_early_changes_no_verdict(
-            byte in 0_usize..370, flip: u8, reads in prop::collection::vec(1_usize..246, 0..4), announced in prop::option::of(any::<u8>()),
+            byte in 0_usize..370, flip: u8, reads in prop::collection::vec(1_usize..246, 0..4),
+            announced in prop::option::of(any::<u8>()),
         ) {
-            let sent = profile::<5>(10);
-            for mut payload in air::split(&sent).map(<[u8]>::to_vec) {
+            let sent = profile::<5>(50);
+            for (frame, mut payload) in air::split(&sent).map(<[u8]>::to_vec).enumerate() {
                 if let Some(byte) = payload.get_mut(byte) {
                     *byte ^= flip;
                 }
@@ -388,8 +487,9 @@ mod tests {
                 for read in reads {
                     early.follow::<5>(&arrived[..read.min(arrived.len())]);
                 }
-                let verdict = Acceptance::<5>::new().judge(&payload, early);
-                prop_assert_eq!(verdict, Acceptance::<5>::new().judge(&payload, Early::default()));
+                let ended_us = end::<5>(50_000, frame);
+                let verdict = in_sequence::<5>().judge(&payload, early, ended_us);
+                prop_assert_eq!(verdict, in_sequence::<5>().judge(&payload, Early::default(), ended_us));
             }
         }
     }
@@ -403,5 +503,35 @@ mod tests {
         assert_eq!(early.done, 0);
         early.follow::<3>(&arrived[..222]);
         assert_eq!((early.done, early.intact), (3, Objects(0b0111)));
+        assert_eq!(early.timestamps, [10, 10, 10, 0, 0, 0]);
+    }
+
+    #[test]
+    fn the_objects_of_a_second_frame_are_verified_early_too() {
+        let [_, second] = frames(70);
+        let mut arrived = vec![181];
+        arrived.extend(&second);
+        let mut early = Early::default();
+        early.follow::<5>(&arrived[..60]);
+        assert_eq!(early.done, 0);
+        early.follow::<5>(&arrived[..61]);
+        assert_eq!((early.done, early.intact), (1, Objects(0b1000)));
+        early.follow::<5>(&arrived[..181]);
+        assert_eq!((early.done, early.intact), (3, Objects(0b11_1000)));
+        assert_eq!(early.timestamps, [0, 0, 0, 70, 70, 70]);
+    }
+
+    #[test]
+    fn an_object_that_was_found_intact_early_is_not_verified_again() {
+        let sent = profile::<3>(50);
+        let mut arrived = vec![245];
+        arrived.extend(sent.as_bytes());
+        let mut early = Early::default();
+        early.follow::<3>(&arrived[..65]);
+        // What follows is judged by what was there when it was verified.
+        let mut payload = sent.as_bytes().to_vec();
+        payload[63] ^= 1;
+        let verdict = in_sequence::<3>().judge(&payload, early, end::<3>(50_000, 0)).expect("the length is right");
+        assert_eq!(verdict.accepted, Objects::all(3));
     }
 }

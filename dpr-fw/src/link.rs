@@ -337,91 +337,255 @@ impl Link {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use profile::air::Place;
     use proptest::prelude::*;
 
     proptest! {
         #[test]
-        fn the_clock_loses_nothing_over_any_steps_and_wraps(start: u32, steps in prop::collection::vec(0_u32..20_000_000, 0..200)) {
+        fn the_clock_loses_nothing_over_any_steps_and_wraps(
+            start: u32, steps in prop::collection::vec(0_u32..20_000_000, 0..200), ago in 0_u32..4_000_000,
+        ) {
             let mut clock = Clock::default();
-            let mut total = u64::from(clock.advance(start));
+            clock.advance(start);
+            let mut total = u64::from(start);
             let mut counter = start;
             for step in steps {
                 counter = counter.wrapping_add(step);
-                prop_assert_eq!(clock.advance(counter), step);
+                clock.advance(counter);
                 total += u64::from(step);
                 prop_assert_eq!(u64::from(clock.ms()), total / 1000 % (1 << 32));
+                prop_assert_eq!(clock.us(), total);
+                prop_assert_eq!(clock.instant_us(counter.wrapping_sub(ago)), total.wrapping_sub(u64::from(ago)));
             }
         }
+
+        #[test]
+        fn however_late_the_deadline_is_noticed_the_count_and_the_next_are_the_same(
+            first: bool, ended_us: u32, late_us in 0_u32..500_000,
+        ) {
+            let mut at_once = Monitor::<5>::new();
+            at_once.frame(usize::from(!first), 1_000_000, ended_us);
+            let mut late = at_once;
+            let now = at_once.deadline_us().wrapping_add(late_us);
+            let mut missed = 0;
+            let mut silent = false;
+            while at_once.has_lapsed(now) {
+                let lapse = at_once.lapse(at_once.deadline_us()).expect("it has passed");
+                missed += lapse.missed;
+                silent |= lapse.silent;
+            }
+            prop_assert_eq!(late.lapse(now), Some(Lapse { missed, silent }));
+            prop_assert_eq!(late.deadline_us(), at_once.deadline_us());
+            prop_assert_eq!(late.lapse(now), None);
+        }
     }
+
+    const OVERDUE: fn(u32, bool) -> Option<Lapse> = |missed, silent| Some(Lapse { missed, silent });
 
     #[test]
     fn before_the_first_frame_nothing_is_missed() {
         let mut monitor = Monitor::<3>::new();
-        assert_eq!(monitor.expired(), (0, SILENCE_US));
-        assert_eq!(monitor.expired(), (0, SILENCE_US));
-        monitor.frame(true);
-        assert_eq!(monitor.expired(), (1, SILENCE_US));
+        monitor.begin(7_000);
+        assert_eq!(monitor.deadline_us(), 7_000 + FRAME_DEADLINE_US);
+        assert_eq!(monitor.lapse(19_499), None);
+        assert_eq!(monitor.lapse(19_500), OVERDUE(0, true));
+        assert_eq!(monitor.lapse(1_019_500), OVERDUE(0, true));
+        assert_eq!(monitor.frame(0, 1_015_000, 1_020_000), 0);
+        assert_eq!(monitor.lapse(1_032_500), OVERDUE(1, true));
     }
 
     #[test]
     fn one_frame_a_cycle_silence_counts_one_frame_each_cycle() {
         let mut monitor = Monitor::<3>::new();
-        assert_eq!(monitor.frame(true), FRAME_DEADLINE_US);
-        assert_eq!(monitor.expired(), (1, SILENCE_US));
-        assert_eq!(monitor.expired(), (1, SILENCE_US));
-        assert_eq!(monitor.frame(true), FRAME_DEADLINE_US);
+        assert_eq!(monitor.frame(0, 5_000, 10_000), 0);
+        assert_eq!(monitor.deadline_us(), 22_500);
+        assert_eq!(monitor.lapse(22_500), OVERDUE(1, true));
+        assert_eq!(monitor.deadline_us(), 32_500);
+        assert_eq!(monitor.lapse(32_499), None);
+        assert_eq!(monitor.lapse(32_500), OVERDUE(1, true));
+        // The three that were due at 20, 30 and 40 ms, of which deadlines have counted two.
+        assert_eq!(monitor.frame(0, 45_000, 50_000), 1);
+        assert_eq!(monitor.frame(0, 55_000, 60_000), 0);
+        assert_eq!(monitor.deadline_us(), 72_500);
+    }
+
+    #[test]
+    fn frames_that_were_due_between_two_are_counted_by_their_slots() {
+        // Frame number and sample in µs of two frames, and how many were due between them.
+        for (one, other, missed) in [
+            ((0, 0), (1, 0), 0),
+            ((1, 0), (0, 10_000), 0),
+            ((0, 0), (0, 10_000), 1),
+            ((1, 0), (1, 10_000), 1),
+            ((0, 0), (1, 10_000), 2),
+            ((1, 0), (0, 20_000), 2),
+            ((0, 0), (0, 14_999), 1),
+            ((0, 0), (0, 15_000), 3),
+            ((0, 0), (0, 0), 0),
+            ((1, 0), (0, 0), 0),
+            ((0, 50_000), (0, 49_000), 0),
+            ((0, 50_000), (1, 20_000), 0),
+        ] {
+            let mut monitor = Monitor::<5>::new();
+            monitor.frame(one.0, one.1, 0);
+            assert_eq!(monitor.frame(other.0, other.1, 0), missed, "{one:?}, {other:?}");
+        }
+        let mut monitor = Monitor::<1>::new();
+        monitor.frame(0, 0, 0);
+        assert_eq!(monitor.frame(0, 40_000, 0), 3);
     }
 
     /// Frames that end at 0 (first), then nothing: lost are the second (3.9 ms), and both of every later cycle.
     #[test]
     fn two_frames_a_cycle_every_lost_frame_is_counted_once_its_time_has_passed() {
         let mut monitor = Monitor::<5>::new();
-        let mut now = monitor.frame(false);
+        monitor.frame(0, 0, 0);
+        assert_eq!(monitor.deadline_us(), SECOND_FRAME_US);
         let mut missed = 0;
-        while now < 100_000 {
-            let (frames, next) = monitor.expired();
-            missed += frames;
-            let due = (0..20).filter(|cycle| cycle * 10_000 + 3_900 <= now).count() as u32
-                + (1..20).filter(|cycle| cycle * 10_000 <= now).count() as u32;
-            // The deadline after a lost cycle stands before its second frame is due, so one may already be counted.
-            assert!(missed == due || missed == due + 1, "{missed} of {due} at {now} µs");
-            now += next;
+        for now in 0..100_000 {
+            if let Some(lapse) = monitor.lapse(now) {
+                missed += lapse.missed;
+                assert_eq!(lapse.silent, now >= FRAME_DEADLINE_US);
+                let due = (0..20).filter(|cycle| cycle * 10_000 + 3_935 <= now).count() as u32
+                    + (1..20).filter(|cycle| cycle * 10_000 <= now).count() as u32;
+                assert_eq!(missed, due, "at {now} µs");
+            }
         }
         assert_eq!(missed, 1 + 1 + 2 * 8);
+        // The second frame of the tenth cycle comes: of the ninth the second was missed, and the first of the tenth.
+        assert_eq!(monitor.frame(1, 100_000, 103_935), 2);
+    }
+
+    /// A verdict on the first frame of a cycle of three receivers of which `accepted` are accepted.
+    fn verdict(accepted: Objects, cycle: Cycle, sampled_us: u64) -> Verdict {
+        Verdict { place: Place::of_frame::<3>(0).expect("a frame"), sampled_us, cycle, accepted }
+    }
+
+    fn values(link: &Link) -> LinkValues {
+        link.seal(Objects::NONE, Objects::all(3), &Health::default()).values()
     }
 
     #[test]
-    fn the_age_starts_saturated_counts_in_100_us_and_saturates_again() {
+    fn the_age_is_that_of_the_sample_starts_saturated_counts_in_100_us_and_saturates_again() {
         let mut link = Link::new();
-        let health = Health::default();
-        let age = |link: &mut Link| link.seal(Objects::NONE, Objects::all(3), &health).values().age_100us;
-        link.advance(5_000);
-        assert_eq!(age(&mut link), u16::MAX);
-        link.age_us = 40;
-        assert_eq!(age(&mut link), 0);
-        link.advance(5_000 + 12_500);
-        assert_eq!(age(&mut link), 125);
+        let sequence = Sequence::new();
+        link.advance(50_000);
+        assert_eq!(values(&link).age_100us, u16::MAX);
+        link.frame(&verdict(Objects::all(3), Cycle::Same, 44_850), &sequence);
+        assert_eq!(values(&link).age_100us, 51);
+        link.advance(50_000 + 12_500);
+        assert_eq!(values(&link).age_100us, 176);
+        // Without Reported-Position the age goes on.
+        link.frame(&verdict(Objects::NONE, Cycle::Same, 60_000), &sequence);
+        assert_eq!(values(&link).age_100us, 176);
         for minutes in 1..200_u32 {
             link.advance(minutes.wrapping_mul(60_000_000));
         }
-        assert_eq!(age(&mut link), u16::MAX);
+        assert_eq!(values(&link).age_100us, u16::MAX);
+    }
+
+    #[test]
+    fn frames_and_objects_are_counted_and_shown_each_in_its_place() {
+        let mut link = Link::new();
+        let sequence = Sequence::new();
+        link.frame(&verdict(Objects::all(3), Cycle::Same, 0), &sequence);
+        link.frame(&verdict(Objects::all(2), Cycle::Same, 0), &sequence);
+        link.frame(&verdict(Objects::NONE, Cycle::Unknown, 0), &sequence);
+        link.missed(7);
+        link.missed(0);
+        assert_eq!(link.counters(), [7, 5, 3, 7]);
+        link.missed(4);
+        assert_eq!(link.counters(), [7, 5, 3, 11]);
+        let values = values(&link);
+        let shown = [values.objects_accepted, values.objects_rejected, values.frames_received, values.frames_missed];
+        assert_eq!(shown, link.counters());
+    }
+
+    #[test]
+    fn the_link_is_out_of_sequence_until_the_sequence_is_found_and_once_it_is_lost() {
+        let mut link = Link::new();
+        assert_eq!(values(&link).status, LinkStatusBits::new().with_out_of_sequence(true));
+        let mut sequence = Sequence::new();
+        let mut judged = |link: &mut Link, timestamp: u32, at_us: u32| {
+            link.advance(at_us);
+            let judgement = sequence.judge(timestamp, u64::from(at_us));
+            link.frame(&verdict(Objects::NONE, Cycle::Next(judgement), u64::from(at_us)), &sequence);
+            values(link).status
+        };
+        for (cycle, out) in [(0, true), (1, true), (2, true), (3, false), (4, false)] {
+            let status = judged(&mut link, 10 * cycle, 10_000 * cycle);
+            assert_eq!(status, LinkStatusBits::new().with_out_of_sequence(out), "cycle {cycle}");
+        }
+        // Silence.
+        link.advance(40_000 + 267_700);
+        assert!(!values(&link).status.out_of_sequence());
+        link.advance(40_000 + 267_701);
+        assert!(values(&link).status.out_of_sequence());
+        // Frozen, as long as the next cycle is not there.
+        let frozen = LinkStatusBits::new().with_out_of_sequence(true).with_horus_frozen(true);
+        assert_eq!(judged(&mut link, 40, 400_000), frozen);
+        assert_eq!(judged(&mut link, 50, 410_000), LinkStatusBits::new().with_out_of_sequence(true));
+        assert!(!judged(&mut link, 60, 420_000).horus_restarted());
+        assert!(judged(&mut link, 70, 430_000) == LinkStatusBits::new());
+    }
+
+    #[test]
+    fn a_clock_that_is_wrong_is_shown_while_the_sequence_is_held() {
+        let mut link = Link::new();
+        let mut sequence = Sequence::new();
+        for cycle in 0..400_u32 {
+            let at_us = 10_300 * cycle;
+            link.advance(at_us);
+            let judgement = sequence.judge(10 * cycle, u64::from(at_us));
+            link.frame(&verdict(Objects::NONE, Cycle::Next(judgement), u64::from(at_us)), &sequence);
+            let status = values(&link).status;
+            assert_eq!(status.horus_clock_implausible(), cycle >= 3 + 98, "cycle {cycle}");
+        }
+        link.advance(10_300 * 399 + 267_701);
+        let status = values(&link).status;
+        assert!(status.out_of_sequence() && !status.horus_clock_implausible());
+    }
+
+    #[test]
+    fn a_restart_stays_shown_for_one_second() {
+        let mut link = Link::new();
+        link.advance(5_000_000);
+        let restarted = verdict(Objects::NONE, Cycle::Next(Judgement::Restarted), 0);
+        link.frame(&restarted, &Sequence::new());
+        assert!(values(&link).status.horus_restarted());
+        link.frame(&verdict(Objects::NONE, Cycle::Next(Judgement::Frozen), 0), &Sequence::new());
+        link.advance(5_999_999);
+        assert!(values(&link).status.horus_restarted());
+        link.advance(6_000_000);
+        assert!(!values(&link).status.horus_restarted());
     }
 
     #[test]
     fn every_fault_that_others_report_has_its_bit() {
-        let mut link = Link::new();
-        let health =
-            Health { ram_fault: true, front_end_fault: false, watchdog_reset: true, access_violations: 70_000 };
-        let values = link.seal(Objects::all(2), Objects::all(2), &health).values();
-        let bits = LinkStatusBits::new()
-            .with_link_up(true)
-            .with_all_accepted(true)
-            .with_ram_fault(true)
-            .with_unasked_reset(true);
-        assert_eq!(values.status, bits);
-        assert_eq!(values.access_violations, u16::MAX);
-        let values =
-            link.seal(Objects::NONE, Objects::all(2), &Health { front_end_fault: true, ..Health::default() }).values();
-        assert_eq!(values.status, LinkStatusBits::new().with_front_end_fault(true));
+        let link = Link::new();
+        let none = LinkStatusBits::new().with_out_of_sequence(true);
+        let shown = |health| link.seal(Objects::NONE, Objects::all(2), &health).values();
+        let health = Health::default();
+        assert_eq!(shown(health).status, none);
+        assert_eq!(shown(Health { ram_fault: true, ..health }).status, none.with_ram_fault(true));
+        assert_eq!(shown(Health { front_end_fault: true, ..health }).status, none.with_front_end_fault(true));
+        assert_eq!(shown(Health { flash_fault: true, ..health }).status, none.with_flash_fault(true));
+        for (reset_reason, unasked) in [
+            (ResetReason::PowerOn, false),
+            (ResetReason::Pin, false),
+            (ResetReason::Watchdog, true),
+            (ResetReason::Lockup, true),
+            (ResetReason::Software, false),
+            (ResetReason::BrownOutOrOther, true),
+        ] {
+            let status = shown(Health { reset_reason, ..health }).status;
+            assert_eq!((status.reset_reason(), status.unasked_reset()), (Some(reset_reason), unasked));
+        }
+        assert_eq!(shown(Health { access_violations: 70_000, ..health }).access_violations, u16::MAX);
+        assert_eq!(shown(Health { access_violations: 7, ..health }).access_violations, 7);
+        let all = link.seal(Objects::all(2), Objects::all(2), &health).values().status;
+        assert_eq!(all, none.with_link_up(true).with_all_accepted(true));
+        let some = link.seal(Objects::all(1), Objects::all(2), &health).values().status;
+        assert_eq!(some, none.with_link_up(true));
     }
 }

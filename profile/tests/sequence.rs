@@ -176,8 +176,8 @@ fn the_sequence_is_held_until_no_cycle_could_continue_it() {
     assert!(!sequence.is_held(1_000_000 + (1 << 32)));
 }
 
-/// Runs a HORUS whose clock runs `rate` of µs per 10 ms of its timestamps for `cycles` cycles; the first one, if any, after
-/// which its clock is said to be implausible is given.
+/// Runs a HORUS whose clock runs `rate` of µs per 10 ms of its timestamps for `cycles` cycles; the first one, if any,
+/// after which its clock is said to be implausible is given.
 fn run(sequence: &mut Sequence, rate: u64, cycles: u32) -> Option<u32> {
     let mut noticed = None;
     for cycle in 1..=cycles {
@@ -271,8 +271,8 @@ mod oracle {
         advance(before, now) == Some(10) && (9_500..=10_500).contains(&(now.1 - before.1))
     }
 
-    /// Whether the last cycle of `history` is in sequence: somewhere three exact steps in a row end, and from there to here each
-    /// step continues the one before.
+    /// Whether the last cycle of `history` is in sequence: somewhere three exact steps in a row end, and from there to
+    /// here each step continues the one before.
     pub(crate) fn in_sequence(history: &[Arrival]) -> bool {
         let steps: Vec<_> = history.windows(2).map(|pair| (pair[0], pair[1])).collect();
         (3..=steps.len()).any(|end| {
@@ -281,7 +281,8 @@ mod oracle {
         })
     }
 
-    /// The cycle with which the sequence that is held was found: the earliest that the last one continues without a break.
+    /// The cycle with which the sequence that is held was found: the earliest that the last one continues without a
+    /// break.
     fn found(history: &[Arrival]) -> Option<usize> {
         (0..history.len()).find(|&cycle| (cycle..history.len()).all(|end| in_sequence(&history[..=end])))
     }
