@@ -662,6 +662,24 @@ mod tests {
         assert_eq!(bench.album.shown::<5>(), []);
     }
 
+    #[test]
+    fn five_receivers_a_repeated_first_frame_closes_the_cycle_of_the_one_before_and_costs_its_second() {
+        let mut bench = Bench::<5>::in_sequence();
+        bench.frame(50, 0, 50_000, false);
+        assert_eq!(bench.frame(50, 0, 52_000, false), 1);
+        assert_eq!(bench.album.shown::<5>(), [0, 1, 2]);
+        assert_eq!(bench.frame(50, 1, 50_000, false), 1);
+        assert_eq!(bench.album.shown::<5>(), []);
+    }
+
+    #[test]
+    fn five_receivers_a_damaged_first_frame_is_not_repeated_either() {
+        let mut bench = Bench::<5>::in_sequence();
+        bench.frame(50, 0, 50_000, true);
+        assert_eq!(bench.frame(50, 0, 50_500, true), 1);
+        assert_eq!(bench.album.shown::<5>(), []);
+    }
+
     /// What was sent and when it ended: what the image must show follows from the whole of it, each time anew.
     struct Sent {
         second: bool,

@@ -433,6 +433,12 @@ mod tests {
         let mut monitor = Monitor::<1>::new();
         monitor.frame(0, 0, 0);
         assert_eq!(monitor.frame(0, 40_000, 0), 3);
+        // What deadlines counted before a frame is not taken off what is missed after it.
+        let mut monitor = Monitor::<1>::new();
+        monitor.frame(0, 0, 5_000);
+        assert_eq!(monitor.lapse(37_500), OVERDUE(3, true));
+        assert_eq!(monitor.frame(0, 40_000, 45_000), 0);
+        assert_eq!(monitor.frame(0, 80_000, 85_000), 3);
     }
 
     /// Frames that end at 0 (first), then nothing: lost are the second (3.9 ms), and both of every later cycle.
