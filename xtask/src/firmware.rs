@@ -7,14 +7,15 @@ use std::process::Stdio;
 use anyhow::{Context, Result, bail};
 
 use crate::workspace::{FLIP_LINK, TARGET, cargo, install, target_dir};
-use crate::{Board, Receivers};
+use crate::{Board, Receivers, seal};
 
 /// Where the images are kept, each in a folder named after its profile's feature.
 pub(crate) fn folder() -> PathBuf {
     target_dir().join("firmware")
 }
 
-/// Builds one board's image in release and returns the ELF, which later builds for other profiles leave alone.
+/// Builds one board's image in release, writes its CRC into it, and returns the ELF, which later builds for other
+/// profiles leave alone.
 pub(crate) fn build(board: Board, gps: Receivers) -> Result<PathBuf> {
     let package = board.package();
     let feature = gps.feature();
@@ -23,6 +24,8 @@ pub(crate) fn build(board: Board, gps: Receivers) -> Result<PathBuf> {
     let kept = folder().join(gps.feature()).join(board.package()).with_extension("elf");
     std::fs::create_dir_all(kept.parent().unwrap_or(Path::new("."))).context("could not make the firmware folder")?;
     std::fs::copy(&made, &kept).with_context(|| format!("could not copy {} to {}", made.display(), kept.display()))?;
+    // The copy, not cargo's own file, which cargo takes for up to date only as long as nobody else writes it.
+    seal::seal_file(&kept)?;
     Ok(kept)
 }
 

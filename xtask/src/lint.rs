@@ -1,11 +1,11 @@
-//! Formatting, then clippy with warnings as errors, for the host and for the target.
+//! Line length and formatting, then clippy with warnings as errors, for the host and for the target.
 
 use std::process::{Command, ExitCode};
 
 use anyhow::Result;
 
 use crate::workspace::{FLIP_LINK, TARGET, cargo, check, install};
-use crate::{Board, Receivers};
+use crate::{Board, Receivers, line_length};
 
 pub(crate) fn lint() -> Result<ExitCode> {
     install(&FLIP_LINK)?;
@@ -48,11 +48,15 @@ pub(crate) fn lint() -> Result<ExitCode> {
         step(format!("clippy (on-target tests, {name})"), &[&args[..], &["--", "-D", "warnings"]].concat());
     }
     let mut failed = vec![];
+    eprintln!("-- line length");
+    if let Err(error) = line_length::check() {
+        failed.push(format!("line length: {error:#}"));
+    }
     for (what, command) in &mut steps {
         eprintln!("-- {what}");
         if let Err(error) = check(what, command) {
             failed.push(error.to_string());
         }
     }
-    Ok(crate::test::verdict("lint", steps.len(), &failed))
+    Ok(crate::test::verdict("lint", steps.len() + 1, &failed))
 }

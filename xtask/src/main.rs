@@ -7,11 +7,13 @@
 
 mod firmware;
 mod fuzz;
+mod line_length;
 mod lint;
 #[cfg(feature = "probe")]
 mod probe;
 mod residual;
 mod run;
+mod seal;
 mod sim;
 mod size;
 mod test;
@@ -45,7 +47,7 @@ enum Command {
     Test(test::TestArgs),
     /// Print each image's flash and RAM against its budget; over budget fails.
     Size(SizeArgs),
-    /// Formatting, then clippy with warnings as errors, for host and target.
+    /// Line length, formatting, then clippy with warnings as errors, for host and target.
     Lint,
     /// Residual error of the profile's two CRCs: exact weights, probabilities, claims; writes docs/safety.
     Residual(residual::ResidualArgs),

@@ -1,0 +1,88 @@
+//! No line of source is longer than 120 columns, comments included.
+//!
+//! rustfmt wraps code at that width but leaves comments and string literals as they are, so it does not see them.
+
+use std::path::Path;
+
+use anyhow::{Context, Result, bail, ensure};
+
+use crate::workspace::root;
+
+/// The longest line, in characters.
+const COLUMNS: usize = 120;
+
+/// Names of files that are checked: what people write by hand. Documents in Markdown, recorded data, test corpora and
+/// generated files are not.
+fn is_checked(path: &str) -> bool {
+    let data = path.split('/').any(|folder| matches!(folder, "data" | "corpus"));
+    let source = matches!(Path::new(path).extension().and_then(|end| end.to_str()), Some("rs" | "toml" | "sh" | "x"));
+    (source || path == ".ci/run") && !data
+}
+
+/// Lines of `text` that are too long, counted from 1, each with its width in characters.
+fn too_long(text: &str) -> impl Iterator<Item = (usize, usize)> + '_ {
+    text.lines()
+        .enumerate()
+        .map(|(index, line)| (index + 1, line.chars().count()))
+        .filter(|&(_, width)| width > COLUMNS)
+}
+
+/// Checks every tracked file and prints each line that is too long as `file:line: width`.
+///
+/// # Errors
+///
+/// If there is such a line, or git does not tell which files are tracked.
+pub(crate) fn check() -> Result<()> {
+    let output = std::process::Command::new("git")
+        .args(["ls-files", "-z"])
+        .current_dir(root())
+        .output()
+        .context("could not start git, which tells which files are tracked")?;
+    ensure!(output.status.success(), "git ls-files failed: {}", String::from_utf8_lossy(&output.stderr).trim());
+    let listed = String::from_utf8(output.stdout).context("a tracked file's name is not UTF-8")?;
+    let (mut files, mut found) = (0, 0);
+    for path in listed.split('\0').filter(|path| is_checked(path)) {
+        let file = root().join(path);
+        // Deleted but not committed yet: nothing to check.
+        if !file.exists() {
+            continue;
+        }
+        let text = std::fs::read_to_string(&file).with_context(|| format!("could not read {path}"))?;
+        files += 1;
+        for (line, width) in too_long(&text) {
+            eprintln!("{path}:{line}: {width} columns");
+            found += 1;
+        }
+    }
+    ensure!(files > 0, "git lists no source file: is this a checkout?");
+    if found > 0 {
+        bail!("{found} lines are longer than {COLUMNS} columns");
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_is_too_long_from_121_characters_on_whatever_it_holds() {
+        let fits = "x".repeat(120);
+        let comment = format!("// {}", "x".repeat(118));
+        // 120 characters of two bytes each.
+        let accents = "é".repeat(120);
+        let text = format!("{fits}\n{comment}\r\n\n{accents}\n{accents}é");
+        assert_eq!(too_long(&text).collect::<Vec<_>>(), [(2, 121), (5, 121)]);
+    }
+
+    #[test]
+    fn sources_scripts_and_linker_scripts_are_checked_and_documents_and_data_are_not() {
+        for path in ["xtask/src/main.rs", "Cargo.toml", "dpr-fw/memory.x", "tools/install.sh", ".ci/run"] {
+            assert!(is_checked(path), "{path}");
+        }
+        for path in ["Cargo.lock", "README.md", "docs/plot.svg", "bench/data/flight.rs", "profile/fuzz/corpus/a.rs", ""]
+        {
+            assert!(!is_checked(path), "{path}");
+        }
+    }
+}
