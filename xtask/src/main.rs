@@ -5,6 +5,8 @@
 //!
 //! Exit codes: 0 success, 1 a check failed (said on standard error), 2 a wrong command line.
 
+#[cfg(any(feature = "probe", test))]
+mod access;
 mod firmware;
 mod fuzz;
 mod line_length;
@@ -161,6 +163,9 @@ pub(crate) struct ProbeArgs {
     /// SWD clock in kHz; the probe's own default if absent.
     #[arg(long, value_name = "KHZ", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) speed: Option<u32>,
+    /// If the board's debug port is locked, unlock it by erasing everything on it: all of flash, and an nRF52840's UICR.
+    #[arg(long)]
+    pub(crate) erase_all: bool,
 }
 
 fn main() -> ExitCode {

@@ -12,6 +12,7 @@ use anyhow::{Context, Result, bail};
 use defmt_decoder::{DecodeError, StreamDecoder, Table};
 use indicatif::{ProgressBar, ProgressStyle};
 use object::{Object, ObjectSymbol};
+use probe_rs::architecture::arm::ArmError;
 use probe_rs::flashing::{
     DownloadOptions, FlashProgress, ProgressEvent, ProgressOperation, download_file_with_options, image_format,
 };
@@ -19,8 +20,9 @@ use probe_rs::probe::list::Lister;
 use probe_rs::probe::{DebugProbeInfo, DebugProbeSelector, WireProtocol};
 use probe_rs::rtt::Rtt;
 use probe_rs::semihosting::SemihostingCommand;
-use probe_rs::{BreakpointCause, Core, CoreStatus, HaltReason, Permissions, Session};
+use probe_rs::{BreakpointCause, Core, CoreStatus, HaltReason, MemoryInterface, Permissions, Session};
 
+use crate::access::{Approtect, HW_DISABLED, Refusal, UICR_APPROTECT, VARIANT, chip, connection, explain};
 use crate::{Board, FlashArgs, ProbeArgs, firmware};
 
 /// How long a core gets to do what a debugger asks.
@@ -37,7 +39,7 @@ pub(crate) fn flash(args: &FlashArgs) -> Result<ExitCode> {
     // The probe first: a missing one should not cost a build.
     let probe = choose(args.board, &args.probe)?;
     let elf = firmware::build(args.board, args.gps)?;
-    let mut session = attach(args.board, &probe, args.probe.speed)?;
+    let mut session = attach(args.board, &probe, &args.probe)?;
     write(&mut session, &elf)?;
     eprintln!("{} written and verified; its log follows (Ctrl-C ends it)", elf.display());
     follow(&mut session, &elf)
@@ -46,25 +48,9 @@ pub(crate) fn flash(args: &FlashArgs) -> Result<ExitCode> {
 /// Writes an ELF, runs it, shows its log and ends as it does: a semihosting exit gives the code.
 pub(crate) fn run(board: Board, elf: &Path, args: &ProbeArgs) -> Result<ExitCode> {
     let probe = choose(board, args)?;
-    let mut session = attach(board, &probe, args.speed)?;
+    let mut session = attach(board, &probe, args)?;
     write(&mut session, elf)?;
     follow(&mut session, elf)
-}
-
-/// The chip's name in probe-rs's target list.
-const fn chip(board: Board) -> &'static str {
-    match board {
-        Board::Dpr => "nRF52840_xxAA",
-        Board::Horus => "STM32F429ZITx",
-    }
-}
-
-/// What to plug in.
-const fn connection(board: Board) -> &'static str {
-    match board {
-        Board::Dpr => "connect the nRF52840-DK by its J-Link's USB (connector J2) and switch it on",
-        Board::Horus => "connect the NUCLEO-F429ZI by its ST-LINK's USB (connector CN1)",
-    }
 }
 
 fn choose(board: Board, args: &ProbeArgs) -> Result<DebugProbeInfo> {
@@ -89,17 +75,72 @@ fn listing(probes: &[DebugProbeInfo]) -> String {
     probes.iter().map(|probe| format!("\n  {probe}")).collect()
 }
 
-fn attach(board: Board, probe: &DebugProbeInfo, speed: Option<u32>) -> Result<Session> {
+fn attach(board: Board, probe: &DebugProbeInfo, args: &ProbeArgs) -> Result<Session> {
     let mut opened = probe.open().with_context(|| format!("could not open {probe}: is another debugger using it?"))?;
     opened.select_protocol(WireProtocol::Swd).context("the probe does not speak SWD")?;
-    if let Some(khz) = speed {
+    if let Some(khz) = args.speed {
         let actual = opened.set_speed(khz).with_context(|| format!("the probe does not do {khz} kHz"))?;
         eprintln!("SWD at {actual} kHz");
     }
     eprintln!("{} through {probe}", chip(board));
-    opened
-        .attach(chip(board), Permissions::default())
-        .with_context(|| format!("{probe} sees no {}: {}", chip(board), connection(board)))
+    let permissions = if args.erase_all { Permissions::new().allow_erase_all() } else { Permissions::new() };
+    let mut session = opened.attach(chip(board), permissions).map_err(|error| {
+        let explanation = explain(refusal(&error), board, &probe.to_string());
+        anyhow::Error::new(error).context(explanation)
+    })?;
+    if board == Board::Dpr {
+        keep_debug_port_open(&mut session).context("could not see to UICR.APPROTECT")?;
+    }
+    Ok(session)
+}
+
+/// What an error of the library's `attach` means.
+fn refusal(error: &probe_rs::Error) -> Refusal {
+    match error {
+        probe_rs::Error::MissingPermissions(_) | probe_rs::Error::Arm(ArmError::MissingPermissions(_)) => {
+            Refusal::Locked
+        }
+        // Of the steps of attaching to an nRF52840, unlocking alone ends so.
+        probe_rs::Error::Arm(ArmError::DebugSequence(_)) => Refusal::StaysLocked,
+        _ => Refusal::NoAnswer,
+    }
+}
+
+/// Programs UICR.APPROTECT of an nRF52840 that would otherwise be locked after the next power-on.
+///
+/// Only this word is written, by the NVMC itself (PS v1.7, NVMC), because the library's way to write UICR erases all of
+/// it first, and with it the reset pin's and the regulator's settings.
+fn keep_debug_port_open(session: &mut Session) -> Result<()> {
+    const NVMC_READY: u64 = 0x4001_E400;
+    const NVMC_CONFIG: u64 = 0x4001_E504;
+    const READ_ONLY: u32 = 0;
+    const WRITE: u32 = 1;
+    // A word takes 41 us (PS v1.7, NVMC, electrical specification), a look at it through the probe longer.
+    const LOOKS: usize = 1_000;
+
+    let mut core = session.core(0).context("could not reach the core")?;
+    // So that no firmware uses the NVMC meanwhile.
+    core.halt(CORE_TIMEOUT).context("the core does not halt")?;
+    match Approtect::of(core.read_word_32(VARIANT)?, core.read_word_32(UICR_APPROTECT)?) {
+        Approtect::Leave => return Ok(()),
+        Approtect::WillLock => {
+            eprintln!(
+                "warning: UICR.APPROTECT locks this board's debug port at the next power-on; only erasing undoes it"
+            );
+            return Ok(());
+        }
+        Approtect::Program => {}
+    }
+    core.write_word_32(NVMC_CONFIG, WRITE)?;
+    let written = core.write_word_32(UICR_APPROTECT, HW_DISABLED);
+    let ready = (0..LOOKS).any(|_| core.read_word_32(NVMC_READY).is_ok_and(|ready| ready & 1 == 1));
+    core.write_word_32(NVMC_CONFIG, READ_ONLY)?;
+    written?;
+    if !ready || core.read_word_32(UICR_APPROTECT)? != HW_DISABLED {
+        bail!("it does not take the value that keeps the debug port open");
+    }
+    eprintln!("UICR.APPROTECT programmed: the debug port will open after a power-on too");
+    Ok(())
 }
 
 fn write(session: &mut Session, elf: &Path) -> Result<()> {
@@ -151,7 +192,7 @@ fn follow(session: &mut Session, elf: &Path) -> Result<ExitCode> {
     let mut core = session.core(0).context("could not reach the core")?;
     core.reset_and_halt(CORE_TIMEOUT).context("the core does not reset")?;
     // What the last run left in RAM must not be taken for this run's log.
-    probe_rs::MemoryInterface::write_8(&mut core, block, &[0; 16]).context("could not clear the old log")?;
+    core.write_8(block, &[0; 16]).context("could not clear the old log")?;
     core.run().context("the core does not run")?;
     let mut rtt = attach_log(&mut core, block)?;
     loop {
@@ -209,5 +250,25 @@ fn drain(rtt: &mut Rtt, core: &mut Core<'_>, decoder: &mut (dyn StreamDecoder + 
                 Err(DecodeError::Malformed) => eprintln!("(a damaged log frame: the buffer overran)"),
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_the_library_says_of_a_locked_part_is_told_from_a_part_that_does_not_answer() {
+        let locked = || ArmError::MissingPermissions("erase_all".into());
+        assert_eq!(refusal(&probe_rs::Error::Arm(locked())), Refusal::Locked);
+        assert_eq!(refusal(&probe_rs::Error::MissingPermissions("erase_all".into())), Refusal::Locked);
+        assert_eq!(refusal(&probe_rs::Error::Arm(ArmError::Timeout)), Refusal::NoAnswer);
+        assert_eq!(refusal(&probe_rs::Error::Timeout), Refusal::NoAnswer);
+    }
+
+    #[test]
+    fn a_part_that_the_library_could_not_unlock_stays_locked() {
+        let error = probe_rs::architecture::arm::sequences::ArmDebugSequenceError::custom("Could not unlock core");
+        assert_eq!(refusal(&probe_rs::Error::Arm(error.into())), Refusal::StaysLocked);
     }
 }

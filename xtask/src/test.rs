@@ -69,6 +69,9 @@ fn on_target(board: Board, place: Place, probe: &ProbeArgs) -> Result<()> {
         if let Some(speed) = probe.speed {
             runner.push_str(&format!(" --speed {speed}"));
         }
+        if probe.erase_all {
+            runner.push_str(" --erase-all");
+        }
     }
     let mut command: Command = cargo();
     command

@@ -1,0 +1,139 @@
+//! Whether the debug port stays open after a reset.
+//!
+//! # Design
+//!
+//! The nRF52840 can lock its debug port (access port protection, PS v1.7 and later, "Debug and trace"). Parts up to
+//! build code Dxx are open unless UICR.APPROTECT says otherwise. Parts of build code Fxx and later, which Nordic calls
+//! revision 3, are locked after every power-on, pin reset, brown-out and watchdog reset, until both of these hold:
+//!
+//! | what | value | who writes it |
+//! |---|---|---|
+//! | UICR.APPROTECT, 0x1000_1208 | 0x5A, HwDisabled | the flashing tool, once: `cargo xtask flash dpr` |
+//! | APPROTECT.DISABLE, 0x4000_0558 | 0x5A, SwDisable | the firmware, after every reset |
+//!
+//! So a firmware that does not write APPROTECT.DISABLE can be flashed once, and after the next power-on its board
+//! answers no debugger any more, until everything is erased.
+//!
+//! [`open`] does as Nordic's own start-up code does (NordicSemiconductor/nrfx, `system_nrf52_approtect.h`,
+//! `nrf52_handle_approtect`): on such a part the value in UICR decides. A board that was locked on purpose, by writing
+//! another value there, stays locked. The firmware writes no UICR: that is non-volatile memory, and a part whose UICR is
+//! erased has no debugger attached that could need it.
+//!
+//! # How a part is recognised
+//!
+//! FICR.INFO.VARIANT holds the last two letters of the package variant and the two characters of the build code in ASCII,
+//! for example 0x4141_4630 for AAF0. Build codes from F on are taken as locked by default, as embassy-rs/embassy does
+//! (`embassy-nrf/src/chips/nrf52840.rs`, `APPROTECT_MIN_BUILD_CODE`). Nordic's code asks two words of FICR that the
+//! product specification does not describe (nrfx, `nrf52_erratas.h`, `nrf52_configuration_249`); both agree in that a
+//! part newer than what they know is one of the locked kind.
+
+/// UICR.APPROTECT, bits 7..0: the hardware's half of the lock is open (HwDisabled).
+pub const HW_DISABLED: u32 = 0x5A;
+
+/// APPROTECT.DISABLE: the software's half of the lock is open (SwDisable).
+pub const SW_DISABLE: u32 = 0x5A;
+
+/// The first build code letter of parts that start locked.
+const FIRST_LOCKED: u8 = b'F';
+
+/// The registers that it takes.
+pub trait Registers {
+    /// FICR.INFO.VARIANT, 0x1000_0104.
+    fn variant(&self) -> u32;
+
+    /// UICR.APPROTECT, 0x1000_1208.
+    fn uicr_approtect(&self) -> u32;
+
+    /// Writes [`SW_DISABLE`] to APPROTECT.DISABLE, 0x4000_0558. Called only on parts that have that register.
+    fn disable_protection(&mut self);
+}
+
+/// What the part and its UICR make of the debug port.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DebugPort {
+    /// The hardware alone decides, by UICR.APPROTECT: the part has no APPROTECT.DISABLE.
+    ByHardware,
+    /// The firmware has to open it and may.
+    ToBeOpened,
+    /// It is locked, and the firmware leaves it so: UICR.APPROTECT does not say that it may be open.
+    Locked,
+}
+
+impl DebugPort {
+    /// What it is on a part with these two words.
+    #[must_use]
+    pub const fn of(variant: u32, uicr_approtect: u32) -> Self {
+        let [_, build_code, ..] = variant.to_le_bytes();
+        if build_code < FIRST_LOCKED {
+            Self::ByHardware
+        } else if uicr_approtect & 0xFF == HW_DISABLED {
+            Self::ToBeOpened
+        } else {
+            Self::Locked
+        }
+    }
+}
+
+/// Opens the debug port if the part needs it and UICR allows it. To be called once after every reset, before anything
+/// that could fail, so that a debugger reaches a board whose firmware does not come far.
+pub fn open(registers: &mut impl Registers) -> DebugPort {
+    let port = DebugPort::of(registers.variant(), registers.uicr_approtect());
+    if port == DebugPort::ToBeOpened {
+        registers.disable_protection();
+    }
+    port
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Part {
+        variant: u32,
+        uicr: u32,
+        written: u32,
+    }
+
+    impl Registers for Part {
+        fn variant(&self) -> u32 {
+            self.variant
+        }
+
+        fn uicr_approtect(&self) -> u32 {
+            self.uicr
+        }
+
+        fn disable_protection(&mut self) {
+            self.written += 1;
+        }
+    }
+
+    fn opened(variant: &[u8; 4], uicr: u32) -> (DebugPort, u32) {
+        let mut part = Part { variant: u32::from_be_bytes(*variant), uicr, written: 0 };
+        (open(&mut part), part.written)
+    }
+
+    #[test]
+    fn a_part_of_revision_3_is_opened_once_uicr_says_so() {
+        for variant in [b"AAF0", b"AAFA", b"BAF0", b"AAG0", b"\xFF\xFF\xFF\xFF"] {
+            assert_eq!(opened(variant, 0x5A), (DebugPort::ToBeOpened, 1), "{variant:?}");
+            assert_eq!(opened(variant, 0xFFFF_FF5A), (DebugPort::ToBeOpened, 1), "{variant:?}");
+        }
+    }
+
+    #[test]
+    fn a_part_of_revision_3_whose_uicr_is_erased_or_says_locked_stays_locked() {
+        for uicr in [0xFFFF_FFFF, 0, 0xFFFF_FF00, 0x5A00, 0x5B, 0xA5] {
+            assert_eq!(opened(b"AAF0", uicr), (DebugPort::Locked, 0), "{uicr:#x}");
+        }
+    }
+
+    #[test]
+    fn on_an_older_part_nothing_is_written_because_it_has_no_such_register() {
+        for variant in [b"AAAA", b"BAAA", b"AACA", b"AAC0", b"AAD0", b"AAD1", b"AAE0"] {
+            for uicr in [0xFFFF_FFFF, 0, 0x5A] {
+                assert_eq!(opened(variant, uicr), (DebugPort::ByHardware, 0), "{variant:?} {uicr:#x}");
+            }
+        }
+    }
+}

@@ -1,0 +1,139 @@
+//! Why a debug probe gets no access to a board, in words, and what keeps a board accessible.
+//!
+//! Everything here is a pure function of what the probe saw; [`crate::probe`] does the seeing.
+
+use crate::Board;
+
+/// FICR.INFO.VARIANT of the nRF52840: two letters of the package variant and two of the build code, in ASCII.
+#[cfg(feature = "probe")]
+pub(crate) const VARIANT: u64 = 0x1000_0104;
+
+/// UICR.APPROTECT of the nRF52840.
+#[cfg(feature = "probe")]
+pub(crate) const UICR_APPROTECT: u64 = 0x1000_1208;
+
+/// What UICR.APPROTECT must hold for the debug port to open (HwDisabled, NordicSemiconductor/nrfx,
+/// `nrf52840_bitfields.h`).
+pub(crate) const HW_DISABLED: u32 = 0x5A;
+
+/// The first build code letter of parts that start with their debug port locked: see `dpr-fw/src/debug_port.rs`.
+const FIRST_LOCKED: u8 = b'F';
+
+/// What the probe library says when it did not get through to the part.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Refusal {
+    /// The debug port is locked; the library would have to erase everything and was not allowed to.
+    Locked,
+    /// Everything was to be erased, and the debug port is locked still.
+    StaysLocked,
+    /// No part answers.
+    NoAnswer,
+}
+
+/// What to tell the user, who called this board's command through a probe of this name.
+pub(crate) fn explain(refusal: Refusal, board: Board, probe: &str) -> String {
+    let (chip, connection) = (chip(board), connection(board));
+    match refusal {
+        Refusal::Locked => format!(
+            "the debug port of the {chip} is locked: nothing on it can be read or written\n\
+             Parts of build code Fxx and later are locked when they are new, and whenever the firmware on them does not \
+             open the port.\n\
+             The same command with --erase-all unlocks it by erasing everything on the part: all of flash, and UICR with \
+             its settings and customer data. Then it goes on as usual. Do so only if nothing on the part is to be kept."
+        ),
+        Refusal::StaysLocked => format!(
+            "everything on the {chip} was to be erased, but its debug port is locked still\n\
+             If firmware with a watchdog runs on it, the watchdog may have ended the erasing (nRF52840 anomaly 176): \
+             switch the board off and on, and repeat the command with --erase-all."
+        ),
+        Refusal::NoAnswer => format!("{probe} sees no {chip}: {connection}"),
+    }
+}
+
+/// The chip's name in the probe library's list of targets.
+pub(crate) const fn chip(board: Board) -> &'static str {
+    match board {
+        Board::Dpr => "nRF52840_xxAA",
+        Board::Horus => "STM32F429ZITx",
+    }
+}
+
+/// What to plug in.
+pub(crate) const fn connection(board: Board) -> &'static str {
+    match board {
+        Board::Dpr => "connect the nRF52840-DK by its J-Link's USB (connector J2) and switch it on",
+        Board::Horus => "connect the NUCLEO-F429ZI by its ST-LINK's USB (connector CN1)",
+    }
+}
+
+/// What is to be done about UICR.APPROTECT, so that the debug port of an nRF52840 opens after the next power-on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Approtect {
+    /// Nothing: it is right, or the part is of the older kind, which is open while UICR is erased. On those the value
+    /// for the newer kind is not defined.
+    Leave,
+    /// It is erased: [`HW_DISABLED`] is to be programmed.
+    Program,
+    /// It holds another value, which only erasing changes: the part will be locked after the next power-on.
+    WillLock,
+}
+
+impl Approtect {
+    /// What it is on a part with these two words.
+    pub(crate) const fn of(variant: u32, uicr_approtect: u32) -> Self {
+        let [_, build_code, ..] = variant.to_le_bytes();
+        if build_code < FIRST_LOCKED || uicr_approtect & 0xFF == HW_DISABLED {
+            Self::Leave
+        } else if uicr_approtect == u32::MAX {
+            Self::Program
+        } else {
+            Self::WillLock
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PROBE: &str = "J-Link";
+
+    #[test]
+    fn a_locked_part_is_called_locked_and_the_cost_of_unlocking_is_said_before_it_is_paid() {
+        let text = explain(Refusal::Locked, Board::Dpr, PROBE);
+        for part in ["nRF52840", "locked", "--erase-all", "all of flash", "UICR"] {
+            assert!(text.contains(part), "{part}: {text}");
+        }
+        assert!(!text.contains("connect"), "the board is connected: {text}");
+    }
+
+    #[test]
+    fn a_part_that_stays_locked_is_told_from_one_that_was_never_unlocked() {
+        let text = explain(Refusal::StaysLocked, Board::Dpr, PROBE);
+        assert!(text.contains("locked still") && text.contains("off and on"), "{text}");
+    }
+
+    #[test]
+    fn a_board_that_does_not_answer_is_to_be_connected_and_no_erasing_is_advised() {
+        for (board, plug) in [(Board::Dpr, "J2"), (Board::Horus, "CN1")] {
+            let text = explain(Refusal::NoAnswer, board, PROBE);
+            assert!(text.contains(PROBE) && text.contains(plug) && !text.contains("erase"), "{text}");
+        }
+    }
+
+    #[test]
+    fn uicr_is_programmed_on_new_parts_whose_uicr_is_erased_and_on_no_others() {
+        let of = |variant: &[u8; 4], uicr| Approtect::of(u32::from_be_bytes(*variant), uicr);
+        assert_eq!(of(b"AAF0", u32::MAX), Approtect::Program);
+        assert_eq!(of(b"AAFA", 0x5A), Approtect::Leave);
+        assert_eq!(of(b"AAF0", 0xFFFF_FF5A), Approtect::Leave);
+        for uicr in [0, 0xFFFF_FF00, 0xFFFF_FF5B] {
+            assert_eq!(of(b"AAF0", uicr), Approtect::WillLock, "{uicr:#x}");
+        }
+        for old in [b"AAC0", b"AAD0", b"AAD1", b"AAE0"] {
+            for uicr in [u32::MAX, 0] {
+                assert_eq!(of(old, uicr), Approtect::Leave, "{old:?}");
+            }
+        }
+    }
+}
