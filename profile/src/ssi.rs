@@ -1,7 +1,8 @@
 //! The request by which a flight controller says what it wants to read next.
 //!
-//! SSI is SPI mode 0, most significant bit first, with the flight controller as controller; one transaction per control cycle,
-//! full duplex. While the DPR shows the window that the transaction before asked for, it takes a request for the next:
+//! SSI is SPI mode 0, most significant bit first, with the flight controller as controller; one transaction per
+//! control cycle, full duplex. While the DPR shows the window that the transaction before asked for, it takes a
+//! request for the next:
 //!
 //! | bytes | request (8) |
 //! |---|---|
@@ -9,19 +10,83 @@
 //! | 2..4 | u16 length, bytes |
 //! | 4..8 | [frame CRC](crate::crc) over 0..4 |
 //!
-//! Eight bytes 0x00 ask for nothing, and so do eight bytes 0xFF, which is what the DPR reads from a MOSI line that nobody
-//! drives. After a transaction that asked for nothing the window is the whole image, from its start: a request holds for
-//! one transaction.
+//! Eight bytes 0x00 ask for nothing, and so do eight bytes 0xFF, which is what the DPR reads from a MOSI line that
+//! nobody drives. After a transaction that asked for nothing the window is the whole image, from its start: a request
+//! holds for one transaction.
 //!
 //! Neither can be mistaken for a request. The CRC of four bytes 0x00 is not 0. Eight bytes 0xFF do carry a valid CRC
-//! (the initial value 0xFFFFFFFF XORed with four bytes 0xFF is 0, of which the final XOR makes four bytes 0xFF), but would
-//! ask for 65535 bytes from offset 65535, and no image is that long. No other object has the length at which this happens.
+//! (the initial value 0xFFFFFFFF XORed with four bytes 0xFF is 0, of which the final XOR makes four bytes 0xFF), but
+//! would ask for 65535 bytes from offset 65535, and no image is that long. No other object has the length at which
+//! this happens.
+//!
+//! # Timing
+//!
+//! What a flight controller must keep on the wire, measured at the DPR's pins, behind the isolator. The numbers are
+//! constants in [`timing`].
+//!
+//! | what | bound | source |
+//! |---|---|---|
+//! | SCK | ≤ 8 MHz, each level ≥ 30 ns | nRF52840 PS v1.7, SPIS timing specifications |
+//! | CSN falls to first SCK edge | ≥ 1 µs | same: 1 µs while the high-frequency clock runs, which the DPR never stops |
+//! | last SCK edge to CSN rises | ≥ 2 µs | same |
+//! | SCK edge to MISO valid | ≤ 19 ns | same |
+//! | MOSI valid before and after the SCK edge | ≥ 59 ns, ≥ 20 ns | same |
+//! | CSN rises to CSN falls | ≥ 10 µs | our own: see below |
+//!
+//! `docs/hardware.md` says which of these were checked against the document again, and what they mean for isolators.
+//!
+//! The DPR needs up to 10 µs after a transaction to take the request and to lend the next buffer to its SPI peripheral.
+//! A transaction that begins earlier is not an error: it reads 0xFF throughout, which no CRC accepts, and its request
+//! is not seen. (The peripheral by itself needs CSN high for 0.3 µs.) One transaction per control cycle keeps this
+//! with room to spare.
+//!
+//! An isolator delays SCK on its way in and MISO on its way out, and MISO must arrive before the flight controller
+//! samples it, half a period after the edge that shifted it out. So half a period is at least two passes of the
+//! isolator, the 19 ns, and the set-up time of the flight controller's input: [`timing::max_clock_hz`]. For optical
+//! isolators that is well below 8 MHz.
 use core::ops::Range;
 
 use crate::{Rejection, crc, rejection::Findings};
 
 /// Bytes of a request.
 pub const REQUEST_SIZE: usize = 8;
+
+/// Bounds of the wire: see the [module's](self) section "Timing" for what they mean and where they come from.
+pub mod timing {
+    /// Highest SCK frequency, Hz.
+    pub const MAX_CLOCK_HZ: u32 = 8_000_000;
+    /// Shortest time from CSN falling to the first SCK edge, ns.
+    pub const CSN_SETUP_NS: u32 = 1_000;
+    /// Shortest time from the last SCK edge to CSN rising, ns.
+    pub const CSN_HOLD_NS: u32 = 2_000;
+    /// Shortest time from CSN rising to CSN falling after which a transaction is answered, ns.
+    pub const GAP_NS: u32 = 10_000;
+    /// Longest time from the SCK edge that shifts a bit out to that bit on MISO, ns.
+    pub const MISO_VALID_NS: u32 = 19;
+    /// Shortest time for which MOSI must be valid before the SCK edge that samples it, ns.
+    pub const MOSI_SETUP_NS: u32 = 59;
+    /// Shortest time for which MOSI must be valid after that edge, ns.
+    pub const MOSI_HOLD_NS: u32 = 20;
+
+    /// The highest SCK frequency, Hz, through an isolator that delays each signal by at most `isolator_ns`, for a
+    /// flight controller whose MISO input needs `setup_ns` before the sampling edge. At most [`MAX_CLOCK_HZ`].
+    ///
+    /// SCK is taken to be high and low for the same time.
+    ///
+    /// ```
+    /// use profile::ssi::timing::{MAX_CLOCK_HZ, max_clock_hz};
+    ///
+    /// assert_eq!(max_clock_hz(0, 10), MAX_CLOCK_HZ);
+    /// // 2 x 40 ns + 19 ns + 10 ns = 109 ns is half of 4.587 MHz's period.
+    /// assert_eq!(max_clock_hz(40, 10), 4_587_155);
+    /// ```
+    #[must_use]
+    pub const fn max_clock_hz(isolator_ns: u32, setup_ns: u32) -> u32 {
+        let half_period_ns = 2 * isolator_ns as u64 + MISO_VALID_NS as u64 + setup_ns as u64;
+        let clock_hz = 1_000_000_000 / (2 * half_period_ns);
+        if clock_hz < MAX_CLOCK_HZ as u64 { clock_hz as u32 } else { MAX_CLOCK_HZ }
+    }
+}
 
 /// The window of the image that the next transaction shall show.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -86,4 +151,32 @@ pub fn encode(request: Request) -> [u8; REQUEST_SIZE] {
     let [l0, l1] = request.length.to_le_bytes();
     let [c0, c1, c2, c3] = crc::frame(&[o0, o1, l0, l1]).to_be_bytes();
     [o0, o1, l0, l1, c0, c1, c2, c3]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn half_a_period_holds_two_passes_of_the_isolator_and_both_ends_at_the_clock_given_and_not_at_one_much_faster() {
+        for isolator in (0..300).step_by(7) {
+            for setup in [0, 5, 10, 40] {
+                let needed = u64::from(2 * isolator + timing::MISO_VALID_NS + setup);
+                let clock = u64::from(timing::max_clock_hz(isolator, setup));
+                assert!(2 * needed * clock <= 1_000_000_000, "{isolator} {setup}");
+                let faster = clock + 1;
+                assert!(faster > u64::from(timing::MAX_CLOCK_HZ) || 2 * needed * faster > 1_000_000_000);
+            }
+        }
+        assert_eq!(timing::max_clock_hz(u32::MAX, u32::MAX), 0);
+    }
+
+    #[test]
+    fn the_table_of_isolators_in_the_documentation_is_what_the_formula_gives() {
+        let table = [(100, 2_180_000), (55, 3_590_000), (40, 4_580_000), (22, 6_840_000), (16, 8_000_000)];
+        for (isolator, clock) in table {
+            let allowed = timing::max_clock_hz(isolator, 10);
+            assert!((clock..clock + 10_000).contains(&allowed), "{isolator} ns: {allowed} Hz");
+        }
+    }
 }

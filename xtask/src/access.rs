@@ -36,10 +36,11 @@ pub(crate) fn explain(refusal: Refusal, board: Board, probe: &str) -> String {
     match refusal {
         Refusal::Locked => format!(
             "the debug port of the {chip} is locked: nothing on it can be read or written\n\
-             Parts of build code Fxx and later are locked when they are new, and whenever the firmware on them does not \
-             open the port.\n\
-             The same command with --erase-all unlocks it by erasing everything on the part: all of flash, and UICR with \
-             its settings and customer data. Then it goes on as usual. Do so only if nothing on the part is to be kept."
+             Parts of build code Fxx and later are locked when they are new, and whenever the firmware on them does \
+             not open the port.\n\
+             The same command with --erase-all unlocks it by erasing everything on the part: all of flash, and UICR \
+             with its settings and customer data. Then it goes on as usual. Do so only if nothing on the part is to \
+             be kept."
         ),
         Refusal::StaysLocked => format!(
             "everything on the {chip} was to be erased, but its debug port is locked still\n\

@@ -1,8 +1,8 @@
 //! Fuzzes the profile's parsers.
 //!
 //! cargo-fuzz on the pinned toolchain: `profile` forbids unsafe code, so no sanitizer is wanted, and without one no
-//! nightly compiler is needed. The committed corpus seeds each run and is replayed by the ordinary tests; what a run adds
-//! stays below `target/`, and a crash is written to `profile/fuzz/artifacts`, to be minimised into the corpus.
+//! nightly compiler is needed. The committed corpus seeds each run and is replayed by the ordinary tests; what a run
+//! adds stays below `target/`, and a crash is written to `profile/fuzz/artifacts`, to be minimised into the corpus.
 
 use std::process::ExitCode;
 

@@ -163,7 +163,7 @@ pub(crate) struct ProbeArgs {
     /// SWD clock in kHz; the probe's own default if absent.
     #[arg(long, value_name = "KHZ", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) speed: Option<u32>,
-    /// If the board's debug port is locked, unlock it by erasing everything on it: all of flash, and an nRF52840's UICR.
+    /// If the board's debug port is locked, unlock it by erasing everything on it: flash, and an nRF52840's UICR.
     #[arg(long)]
     pub(crate) erase_all: bool,
 }
