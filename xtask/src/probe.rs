@@ -85,7 +85,7 @@ fn attach(board: Board, probe: &DebugProbeInfo, args: &ProbeArgs) -> Result<Sess
     eprintln!("{} through {probe}", chip(board));
     let permissions = if args.erase_all { Permissions::new().allow_erase_all() } else { Permissions::new() };
     let mut session = opened.attach(chip(board), permissions).map_err(|error| {
-        let explanation = explain(refusal(&error), board, &probe.to_string());
+        let explanation = explain(refusal(&error, args.erase_all), board, &probe.to_string());
         anyhow::Error::new(error).context(explanation)
     })?;
     if board == Board::Dpr {
@@ -94,14 +94,14 @@ fn attach(board: Board, probe: &DebugProbeInfo, args: &ProbeArgs) -> Result<Sess
     Ok(session)
 }
 
-/// What an error of the library's `attach` means.
-fn refusal(error: &probe_rs::Error) -> Refusal {
+/// What an error of the library's `attach` means, which was or was not allowed to erase everything.
+fn refusal(error: &probe_rs::Error, erase_all: bool) -> Refusal {
     match error {
         probe_rs::Error::MissingPermissions(_) | probe_rs::Error::Arm(ArmError::MissingPermissions(_)) => {
             Refusal::Locked
         }
         // Of the steps of attaching to an nRF52840, unlocking alone ends so.
-        probe_rs::Error::Arm(ArmError::DebugSequence(_)) => Refusal::StaysLocked,
+        probe_rs::Error::Arm(ArmError::DebugSequence(_)) if erase_all => Refusal::StaysLocked,
         _ => Refusal::NoAnswer,
     }
 }
@@ -256,19 +256,27 @@ fn drain(rtt: &mut Rtt, core: &mut Core<'_>, decoder: &mut (dyn StreamDecoder + 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use probe_rs::architecture::arm::sequences::ArmDebugSequenceError;
 
     #[test]
     fn what_the_library_says_of_a_locked_part_is_told_from_a_part_that_does_not_answer() {
-        let locked = || ArmError::MissingPermissions("erase_all".into());
-        assert_eq!(refusal(&probe_rs::Error::Arm(locked())), Refusal::Locked);
-        assert_eq!(refusal(&probe_rs::Error::MissingPermissions("erase_all".into())), Refusal::Locked);
-        assert_eq!(refusal(&probe_rs::Error::Arm(ArmError::Timeout)), Refusal::NoAnswer);
-        assert_eq!(refusal(&probe_rs::Error::Timeout), Refusal::NoAnswer);
+        for error in [
+            probe_rs::Error::Arm(ArmError::MissingPermissions("erase_all".into())),
+            probe_rs::Error::MissingPermissions("erase_all".into()),
+        ] {
+            assert_eq!(refusal(&error, false), Refusal::Locked);
+        }
+        for error in [probe_rs::Error::Arm(ArmError::Timeout), probe_rs::Error::Timeout] {
+            assert_eq!(refusal(&error, false), Refusal::NoAnswer);
+            assert_eq!(refusal(&error, true), Refusal::NoAnswer);
+        }
     }
 
     #[test]
-    fn a_part_that_the_library_could_not_unlock_stays_locked() {
-        let error = probe_rs::architecture::arm::sequences::ArmDebugSequenceError::custom("Could not unlock core");
-        assert_eq!(refusal(&probe_rs::Error::Arm(error.into())), Refusal::StaysLocked);
+    fn a_part_that_the_library_was_to_unlock_and_could_not_stays_locked() {
+        let failed = ArmDebugSequenceError::SequenceSpecific("Could not unlock core".into());
+        let error = probe_rs::Error::Arm(failed.into());
+        assert_eq!(refusal(&error, true), Refusal::StaysLocked);
+        assert_eq!(refusal(&error, false), Refusal::NoAnswer);
     }
 }
