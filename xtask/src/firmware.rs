@@ -23,9 +23,8 @@ pub(crate) fn build(board: Board, gps: Receivers) -> Result<PathBuf> {
     let made = build_for_target(&args, package)?;
     let kept = folder().join(gps.feature()).join(board.package()).with_extension("elf");
     std::fs::create_dir_all(kept.parent().unwrap_or(Path::new("."))).context("could not make the firmware folder")?;
-    std::fs::copy(&made, &kept).with_context(|| format!("could not copy {} to {}", made.display(), kept.display()))?;
-    // The copy, not cargo's own file, which cargo takes for up to date only as long as nobody else writes it.
-    seal::seal_file(&kept)?;
+    // Into the copy, not into cargo's own file, which cargo takes for up to date only while nobody else writes it.
+    seal::copy_sealed(&made, &kept)?;
     Ok(kept)
 }
 

@@ -38,15 +38,15 @@ impl Loaded {
     }
 }
 
-/// Seals the ELF file at `path` in place. Sealing it again changes nothing.
+/// Writes the ELF file `from` to `to`, sealed. Nothing is written if it cannot be sealed.
 ///
 /// # Errors
 ///
-/// If the file cannot be read or written, or is not an image as [`sealed`] expects it.
-pub(crate) fn seal_file(path: &Path) -> Result<()> {
-    let mut elf = std::fs::read(path).with_context(|| format!("could not read {}", path.display()))?;
-    seal(&mut elf).with_context(|| format!("could not write the image's CRC into {}", path.display()))?;
-    std::fs::write(path, elf).with_context(|| format!("could not write {}", path.display()))
+/// If a file cannot be read or written, or is not an image as [`seal`] expects it.
+pub(crate) fn copy_sealed(from: &Path, to: &Path) -> Result<()> {
+    let mut elf = std::fs::read(from).with_context(|| format!("could not read {}", from.display()))?;
+    seal(&mut elf).with_context(|| format!("could not give {} its CRC", from.display()))?;
+    std::fs::write(to, elf).with_context(|| format!("could not write {}", to.display()))
 }
 
 /// Seals an ELF file in memory and returns the CRC.
