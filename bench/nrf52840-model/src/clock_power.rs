@@ -6,6 +6,7 @@
 //! | LFCLKSTART, LFCLKSTOP, LFCLKSTARTED, LFCLKSRC and its copy, LFCLKRUN, LFCLKSTAT | 5.4 |
 //! | CAL with DONE, the calibration timer CTSTART, CTSTOP, CTIV with CTTO, CTSTARTED, CTSTOPPED | 5.4 |
 //! | RESETREAS, GPREGRET, GPREGRET2, CONSTLAT, LOWPWR, POFCON, DCDCEN, RAM[n].POWER as registers | 5.3, 5.3 |
+//! | APPROTECT.FORCEPROTECT, which only ever closes, and APPROTECT.DISABLE, which share this address space | 4.8 |
 //!
 //! | left out | why |
 //! |---|---|
@@ -27,6 +28,12 @@ const CTSTARTED: u32 = 10;
 const CTSTOPPED: u32 = 11;
 /// SLEEPENTER and SLEEPEXIT.
 const SLEEP_EVENTS: u32 = 0b11 << 5;
+
+/// Access port protection: written 0 it closes the debug port until the next reset; nothing written opens it again.
+const APPROTECT_FORCEPROTECT: u32 = 0x550;
+/// Access port protection: [`SW_DISABLE`] opens the software's half.
+const APPROTECT_DISABLE: u32 = 0x558;
+const SW_DISABLE: u32 = 0x5A;
 
 /// From LFCLKSTART to LFCLKSTARTED with the RC oscillator, in ns (PS 5.4: 600 µs).
 const LFRC_STARTUP: u64 = 600_000;
@@ -94,14 +101,14 @@ impl ClockPower {
             reset_reason: 0,
             retained: [0; 2],
             plain: [
-                (0x510, 0, 0xF1F),       // POFCON
-                (0x528, 0x10, 0xFF),     // HFXODEBOUNCE
-                (0x550, u32::MAX, 0xFF), // APPROTECT.FORCEPROTECT
-                (0x558, 0, 0xFF),        // APPROTECT.DISABLE
-                (0x55C, 0, 0x3_0003),    // TRACECONFIG
-                (0x578, 0, 1),           // DCDCEN
-                (0x580, 0, 1),           // DCDCEN0
-                (0x5B4, 0, 1),           // LFRCMODE
+                (0x510, 0, 0xF1F),   // POFCON
+                (0x528, 0x10, 0xFF), // HFXODEBOUNCE
+                (APPROTECT_FORCEPROTECT, u32::MAX, 0xFF),
+                (APPROTECT_DISABLE, 0, 0xFF),
+                (0x55C, 0, 0x3_0003), // TRACECONFIG
+                (0x578, 0, 1),        // DCDCEN
+                (0x580, 0, 1),        // DCDCEN0
+                (0x5B4, 0, 1),        // LFRCMODE
             ],
             ram: [RAM_POWER_RESET; RAM_BLOCKS as usize],
         }
@@ -113,6 +120,15 @@ impl ClockPower {
         if gentle {
             self.retained = before.retained;
         }
+    }
+
+    fn plain(&self, offset: u32) -> u32 {
+        self.plain.iter().find(|(at, ..)| *at == offset).map_or(0, |(_, value, _)| *value)
+    }
+
+    /// Whether the software's half of the access port protection stands open.
+    pub(crate) fn debug_port_enabled(&self) -> bool {
+        self.plain(APPROTECT_DISABLE) == SW_DISABLE && self.plain(APPROTECT_FORCEPROTECT) != 0
     }
 
     /// LFCLK goes on running through a reset because the watchdog does.
@@ -222,6 +238,8 @@ impl Instance for ClockPower {
         match offset {
             0x400 => self.reset_reason &= !value,
             0x408 | 0x40C | 0x414 | 0x418 | 0x41C | 0x428 | 0x438 | 0x640 => {}
+            // Whoever closed it cannot open it before the next reset.
+            APPROTECT_FORCEPROTECT if self.plain(APPROTECT_FORCEPROTECT) == 0 => {}
             0x500 => cx.unmodelled("System OFF is not modelled: the part runs on", value),
             0x518 => {
                 if self.lf_run {

@@ -2,14 +2,18 @@
 //!
 //! | covered | value |
 //! |---|---|
-//! | CODEPAGESIZE, CODESIZE, INFO.PART, INFO.VARIANT, INFO.PACKAGE, INFO.RAM, INFO.FLASH | an nRF52840-QIAA, revision D0 ("AAD0") |
+//! | CODEPAGESIZE, CODESIZE, INFO.PART, INFO.VARIANT, INFO.PACKAGE, INFO.RAM, INFO.FLASH | an nRF52840-QIAA, build code AAF0 |
+//! | the words at 0x130 and 0x134: part and revision | 8 and 3, see below |
 //! | DEVICEID, DEVICEADDR, DEVICEADDRTYPE | from the settings |
 //! | TEMP.A0–A5, B0–B5, T0–T4 | the typical calibration |
 //! | every other word | erased, 0xFFFF_FFFF |
 //!
+//! No specification names the words at 0x130 and 0x134. Nordic's start-up code reads them to know a part with hardened access port
+//! protection, revision 3 on (public repository littlekernel/lk, `external/platform/nrfx/mdk/nrf52_erratas.h`).
+//!
 //! UICR is memory that the NVMC programs, erased to 0xFF: see `nvmc`. PSELRESET, NFCPINS, APPROTECT and REGOUT0 read what
-//! the image or the firmware put there and change nothing here: the reset pin, the NFC antenna, debug protection and the
-//! supply are outside the model.
+//! the image or the firmware put there and change nothing here: the reset pin, the NFC antenna and the supply are outside the
+//! model, and what APPROTECT means to a debugger is [`crate::Nrf52840::debug_port_open`].
 use crate::Settings;
 use crate::clocks::Clocks;
 use crate::instance::{Block, Cx, Instance};
@@ -18,7 +22,7 @@ use crate::instance::{Block, Cx, Instance};
 #[derive(Debug)]
 pub(crate) struct Ficr {
     block: Block,
-    words: [(u32, u32); 31],
+    words: [(u32, u32); 33],
 }
 
 impl Ficr {
@@ -35,10 +39,12 @@ impl Ficr {
                 (0x0A4, address as u32),         // DEVICEADDR
                 (0x0A8, (address >> 32) as u32), //
                 (0x100, 0x0005_2840),            // INFO.PART
-                (0x104, 0x4141_4430),            // INFO.VARIANT: "AAD0"
+                (0x104, 0x4141_4630),            // INFO.VARIANT: "AAF0"
                 (0x108, 0x2004),                 // INFO.PACKAGE: QIxx
                 (0x10C, 256),                    // INFO.RAM, KiB
                 (0x110, 1024),                   // INFO.FLASH, KiB
+                (0x130, 8),                      // nRF52840
+                (0x134, 3),                      // revision 3
                 (0x350, 0xFFFF_FFFF),            // PRODTEST[0..3]
                 (0x354, 0xFFFF_FFFF),
                 (0x358, 0xFFFF_FFFF),

@@ -1368,6 +1368,9 @@ pub(crate) static FICR: &[RegisterSpec] = &[
     rw("INFO.UNUSED8[0]", 0x114, 0),
     rw("INFO.UNUSED8[1]", 0x118, 0),
     rw("INFO.UNUSED8[2]", 0x11c, 0),
+    // Not in the specification: see `ficr`.
+    ro("PART", 0x130, 8),
+    ro("REVISION", 0x134, 3),
     ro("PRODTEST[0]", 0x350, 0xffffffff),
     ro("PRODTEST[1]", 0x354, 0xffffffff),
     ro("PRODTEST[2]", 0x358, 0xffffffff),

@@ -95,6 +95,13 @@ impl Rtc {
         });
     }
 
+    /// Carries out what is due now before a task or a write of the same instant, which would look for the next from here.
+    fn catch_up(&mut self, cx: &mut Cx<'_>) {
+        if self.next.is_some_and(|at| at <= cx.now) {
+            self.due(cx);
+        }
+    }
+
     /// Counts on from the tick under way.
     fn load(&mut self, count: u32, cx: &Cx<'_>) {
         self.held = count & MASK;
@@ -108,6 +115,7 @@ impl Instance for Rtc {
     crate::instance::block!();
 
     fn task(&mut self, offset: u32, cx: &mut Cx<'_>) -> bool {
+        self.catch_up(cx);
         let count = self.count(cx.now, cx.clocks);
         match offset {
             0x000 if self.running => {}
@@ -140,6 +148,7 @@ impl Instance for Rtc {
     }
 
     fn write(&mut self, offset: u32, value: u32, cx: &mut Cx<'_>) -> bool {
+        self.catch_up(cx);
         match offset {
             0x340 => self.evten = value,
             0x344 => self.evten |= value,

@@ -211,6 +211,8 @@ pub(crate) struct Soc {
     pub(crate) uart_sent: Vec<UartByte>,
     pub(crate) watchdog_resets: Vec<WatchdogReset>,
     restarting: Option<Restart>,
+    /// The next restart is the supply's doing.
+    pub(crate) supply_failed: bool,
 }
 
 /// The instances but GPIO, which everyone's pins go through.
@@ -355,6 +357,7 @@ impl Soc {
             uart_sent: Vec::new(),
             watchdog_resets: Vec::new(),
             restarting: None,
+            supply_failed: false,
             settings,
         }
     }
@@ -401,6 +404,11 @@ impl Soc {
         *touched |= 1 << id;
         let mut cx = Cx { now: *now, clocks, out, id, name: spec(id).peripheral.name };
         Some(parts.serial[spis_number(id)].clock(mosi, &mut cx))
+    }
+
+    /// Whether the software's half of the access port protection stands open.
+    pub(crate) fn debug_port_enabled(&self) -> bool {
+        self.parts.clock_power.debug_port_enabled()
     }
 
     pub(crate) fn ssi_quiet(&self) -> usize {
@@ -747,9 +755,11 @@ impl Soc {
     pub(crate) fn restart(&mut self, cause: ResetCause, context: &mut DeviceContext<'_>) {
         self.now = context.now().0;
         let why = self.restarting.take();
+        let supply_failed = std::mem::take(&mut self.supply_failed);
         let mut parts = Parts::new(&self.settings);
         // RESETREAS accumulates until it is cleared (PS 5.3); power-on starts it at 0.
         let reason = match (cause, why) {
+            _ if supply_failed => None,
             (ResetCause::PowerOn, _) => None,
             (ResetCause::Pin, _) => Some(1),
             (_, Some(Restart::Watchdog)) => Some(1 << 1),

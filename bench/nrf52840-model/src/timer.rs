@@ -7,7 +7,8 @@
 //! | Timer, Counter and LowPowerCounter mode, all bit modes, PRESCALER 0 to 9 | 6.30 |
 //!
 //! A compare register matches when the counter *becomes* equal to it: one written with the present count matches after the
-//! counter has gone round. With the CLEAR shortcut the period is CC ticks.
+//! counter has gone round. With the CLEAR shortcut the period is CC ticks. A match that falls due in the instant of a task or of a
+//! write comes before it: neither takes it back.
 //!
 //! Left out: the PCLK1M saving of PRESCALER above 4, and the one-cycle resynchronisation of START, which is taken at the
 //! PCLK16M tick under way.
@@ -29,7 +30,8 @@ pub(crate) struct Timer {
     /// What the counter held at `base`, a tick of PCLK16M.
     held: u32,
     base: u64,
-    next: Option<u64>,
+    /// The next match: its instant, and its tick of PCLK16M.
+    next: Option<(u64, u64)>,
 }
 
 impl Timer {
@@ -77,22 +79,26 @@ impl Timer {
         self.base = if self.counts_ticks() { self.base + (self.elapsed(tick) << self.prescaler.min(9)) } else { tick };
     }
 
-    /// Finds the next match.
-    fn arm(&mut self, cx: &Cx<'_>) {
+    /// Finds the next match after `tick`.
+    fn arm_after(&mut self, tick: u64, cx: &Cx<'_>) {
         self.next = self.counts_ticks().then(|| {
-            let tick = cx.hf();
             let (mask, count) = (self.mask(), self.count(tick));
             let ahead = |cc: &u32| match cc.wrapping_sub(count) & mask {
                 0 => u64::from(mask) + 1,
                 ticks => u64::from(ticks),
             };
             let ahead = self.cc.iter().map(ahead).min().expect("a timer has compare registers");
-            cx.clocks.hf.instant(self.base + ((self.elapsed(tick) + ahead) << self.prescaler.min(9)))
+            let tick = self.base + ((self.elapsed(tick) + ahead) << self.prescaler.min(9));
+            (cx.clocks.hf.instant(tick), tick)
         });
     }
 
-    /// The counter has just become `count`: whoever compares equal says so.
-    fn matched(&mut self, count: u32, cx: &mut Cx<'_>) {
+    fn arm(&mut self, cx: &Cx<'_>) {
+        self.arm_after(cx.hf(), cx);
+    }
+
+    /// The counter has just become `count`, at `tick`: whoever compares equal says so.
+    fn matched(&mut self, count: u32, tick: u64, cx: &mut Cx<'_>) {
         let mask = self.mask();
         let (mut clear, mut stop) = (false, false);
         for n in 0..self.cc.len() {
@@ -103,12 +109,23 @@ impl Timer {
             }
         }
         if stop {
-            self.rebase(cx);
+            self.held = count;
+            self.base = tick;
             self.running = false;
         }
         if clear {
             self.held = 0;
-            self.base = cx.hf();
+            self.base = tick;
+        }
+    }
+
+    /// Carries out every match that is due by now. A task or a write that comes at the same instant finds the counter already
+    /// equal, and would otherwise look for the next match from there: this one would be lost.
+    fn catch_up(&mut self, cx: &mut Cx<'_>) {
+        while let Some((_, tick)) = self.next.filter(|(at, _)| *at <= cx.now) {
+            let count = self.count(tick);
+            self.matched(count, tick, cx);
+            self.arm_after(tick, cx);
         }
     }
 }
@@ -117,6 +134,7 @@ impl Instance for Timer {
     crate::instance::block!();
 
     fn task(&mut self, offset: u32, cx: &mut Cx<'_>) -> bool {
+        self.catch_up(cx);
         match offset {
             0x000 => {
                 if !self.running {
@@ -131,7 +149,7 @@ impl Instance for Timer {
             0x008 => {
                 if self.running && self.mode & 3 != 0 {
                     self.held = self.held.wrapping_add(1) & self.mask();
-                    self.matched(self.held, cx);
+                    self.matched(self.held, cx.hf(), cx);
                 }
             }
             0x00C => {
@@ -163,6 +181,7 @@ impl Instance for Timer {
     }
 
     fn write(&mut self, offset: u32, value: u32, cx: &mut Cx<'_>) -> bool {
+        self.catch_up(cx);
         if matches!(offset, 0x504 | 0x508 | 0x510) && self.running {
             cx.misuse("configured while it runs; offset", offset);
         }
@@ -189,16 +208,15 @@ impl Instance for Timer {
     }
 
     fn configured(&mut self, cx: &mut Cx<'_>) {
+        self.catch_up(cx);
         self.arm(cx);
     }
 
     fn next(&self) -> Option<u64> {
-        self.next
+        self.next.map(|(at, _)| at)
     }
 
     fn due(&mut self, cx: &mut Cx<'_>) {
-        let count = self.count(cx.hf());
-        self.matched(count, cx);
-        self.arm(cx);
+        self.catch_up(cx);
     }
 }

@@ -94,6 +94,73 @@ fn a_lockup_resets_with_its_own_reason() {
 }
 
 #[test]
+fn each_cause_of_a_reset_leaves_its_own_reason_and_all_stand_until_they_are_cleared() {
+    let mut rig = Rig::new();
+    assert_eq!(rig.read(POWER + 0x400), 0, "power-on");
+    rig.pin_reset();
+    assert_eq!(rig.read(POWER + 0x400), 1 << 0, "RESETPIN");
+    rig.core_reset();
+    assert_eq!(rig.read(POWER + 0x400), 1 << 0 | 1 << 2, "SREQ");
+    rig.input(Nrf52840::lockup);
+    assert_eq!(rig.read(POWER + 0x400), 1 << 0 | 1 << 2 | 1 << 3, "LOCKUP");
+    rig.write_all(&[(WDT + 0x504, 32), (WDT, 1)]);
+    rig.run_for(10 * MS);
+    assert_eq!(rig.read(POWER + 0x400), 0b1111, "DOG");
+    rig.write(POWER + 0x400, 1 << 2);
+    assert_eq!(rig.read(POWER + 0x400), 0b1011, "only a one clears, and only its own bit");
+    rig.core_reset();
+    assert_eq!(rig.read(POWER + 0x400), 0b1111);
+    rig.write(POWER + 0x400, u32::MAX);
+    assert_eq!(rig.read(POWER + 0x400), 0);
+    rig.assert_clean();
+}
+
+#[test]
+fn a_supply_that_failed_leaves_no_reason_and_nothing_of_the_time_before() {
+    let mut rig = Rig::new();
+    rig.pin_reset();
+    rig.write_all(&[(POWER + 0x51C, 0xA7), (TIMER0 + 0x540, 7)]);
+    rig.part().supply_failed();
+    rig.pin_reset();
+    assert_eq!(rig.read(POWER + 0x400), 0);
+    assert_eq!((rig.read(POWER + 0x51C), rig.read(TIMER0 + 0x540)), (0, 0));
+    rig.pin_reset();
+    assert_eq!(rig.read(POWER + 0x400), 1, "the next one is a pin reset again");
+}
+
+#[test]
+fn the_debug_port_is_open_only_while_uicr_and_the_firmware_both_say_so() {
+    const FORCEPROTECT: u32 = POWER + 0x550;
+    const DISABLE: u32 = POWER + 0x558;
+    let mut rig = Rig::new();
+    let open = |rig: &mut Rig, uicr| rig.part().debug_port_open(uicr);
+    assert!(!open(&mut rig, 0xFFFF_FF5A), "the firmware has not written DISABLE");
+    rig.write(DISABLE, 0xA5);
+    assert!(!open(&mut rig, 0xFFFF_FF5A), "another value than SwDisable");
+    rig.write(DISABLE, 0x5A);
+    assert_eq!(rig.read(DISABLE), 0x5A);
+    assert!(open(&mut rig, 0xFFFF_FF5A));
+    assert!(!open(&mut rig, 0xFFFF_FFFF), "UICR as it leaves the factory or an erase");
+    assert!(!open(&mut rig, 0xFFFF_FF00), "UICR.APPROTECT enabled");
+    rig.pin_reset();
+    assert!(!open(&mut rig, 0xFFFF_FF5A), "a reset closes it");
+    rig.write_all(&[(FORCEPROTECT, 0), (FORCEPROTECT, 0xFF), (DISABLE, 0x5A)]);
+    assert!(!open(&mut rig, 0xFFFF_FF5A), "forced shut until the next reset");
+    rig.pin_reset();
+    rig.write(DISABLE, 0x5A);
+    assert!(open(&mut rig, 0xFFFF_FF5A));
+    rig.assert_clean();
+}
+
+#[test]
+fn the_factory_registers_say_the_revision_whose_debug_port_starts_locked() {
+    let mut rig = Rig::new();
+    assert_eq!(rig.read(0x1000_0104).to_be_bytes(), *b"AAF0");
+    assert_eq!((rig.read(0x1000_0130), rig.read(0x1000_0134)), (8, 3));
+    rig.assert_clean();
+}
+
+#[test]
 fn the_factory_registers_say_what_part_this_is() {
     let mut rig = Rig::with(Settings { device_id: 0x1122_3344_5566_7788, ..Settings::default() });
     assert_eq!(rig.read(0x1000_0100), 0x0005_2840);

@@ -224,6 +224,13 @@ impl Rig {
         self.session.stop(stop, &mut self.world);
     }
 
+    /// The reset pin is pulled low for a moment.
+    pub(crate) fn pin_reset(&mut self) {
+        let at = VirtualNanos(self.now);
+        self.session.reset_by_pin(at, 0, &mut self.world);
+        self.session.resume(NO_DEADLINE, at, 0, &mut self.world);
+    }
+
     /// How often the models restarted the core.
     pub(crate) fn restarts(&self) -> u32 {
         self.world.restarts

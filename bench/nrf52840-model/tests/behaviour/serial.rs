@@ -418,6 +418,94 @@ fn end_and_acquired_come_together_with_the_shortcut_and_with_a_pending_acquire()
     }
 }
 
+/// TIMER1 takes the SPIS from the controller `ticks` of 62.5 ns after it was started, through PPI alone.
+fn expire_after(rig: &mut Rig, ticks: u32) {
+    rig.write_all(&[
+        (TIMER1 + 0x508, 3),
+        (TIMER1 + 0x510, 0),
+        (TIMER1 + 0x540, ticks),
+        (PPI + 0x510, TIMER1 + 0x140),
+        (PPI + 0x514, SPIS1 + 0x24), // ACQUIRE
+        (PPI + 0x504, 1),
+        (TIMER1, 1),
+    ]);
+}
+
+#[test]
+fn a_timer_takes_a_free_spis_through_ppi_and_what_is_read_from_then_on_is_the_default_character() {
+    let mut rig = with_spis();
+    rig.write(SPIS1 + 0x28, 1);
+    expire_after(&mut rig, 16_000);
+    assert_eq!(transact(&mut rig, &[0, 0]), [Some(1), Some(2)]);
+    rig.run_to(MS - 1);
+    assert_eq!((rig.read(SPIS1 + 0x400), rig.read(SPIS1 + 0x128)), (0, 0), "free");
+    rig.run_to(MS);
+    assert_eq!((rig.read(SPIS1 + 0x400), rig.read(SPIS1 + 0x128)), (1, 1), "the CPU's, ACQUIRED");
+    for _ in 0..3 {
+        assert_eq!(transact(&mut rig, &[0xA0, 0xA1]), [Some(0xFF); 2]);
+    }
+    assert_eq!(rig.read(SPIS1 + 0x440), 0, "a transaction that is not answered reads past nothing");
+    assert_eq!((rig.read(SPIS1 + 0x53C), rig.read(SPIS1 + 0x54C)), (2, 2), "as the last one answered left them");
+    // DEF is what the register says, not a constant of the part.
+    rig.write(SPIS1 + 0x55C, 0x3C);
+    assert_eq!(transact(&mut rig, &[0]), [Some(0x3C)]);
+    rig.assert_clean();
+}
+
+#[test]
+fn a_timer_that_takes_an_spis_in_mid_transaction_gets_it_at_the_end() {
+    let mut rig = with_spis();
+    rig.write(SPIS1 + 0x28, 1);
+    expire_after(&mut rig, 16 * 14); // 14 us: in the third byte
+    rig.run_for(10 * US);
+    rig.input(|part, at| part.ssi_select(at, CSN));
+    rig.run_for(US);
+    assert_eq!(clock(&mut rig, &[0, 0, 0, 0]), [Some(1), Some(2), Some(3), Some(4)], "it goes on to its end");
+    assert_eq!((rig.read(SPIS1 + 0x400), rig.read(SPIS1 + 0x128)), (3, 0), "CPU pending");
+    rig.run_for(US);
+    rig.input(|part, at| part.ssi_deselect(at, CSN));
+    assert_eq!((rig.read(SPIS1 + 0x104), rig.read(SPIS1 + 0x128), rig.read(SPIS1 + 0x400)), (1, 1, 1));
+    assert_eq!(transact(&mut rig, &[0, 0]), [Some(0xFF); 2]);
+    rig.assert_clean();
+}
+
+#[test]
+fn a_timer_started_anew_before_it_is_due_leaves_the_spis_alone() {
+    let mut rig = with_spis();
+    rig.write(SPIS1 + 0x28, 1);
+    expire_after(&mut rig, 16_000);
+    for _ in 0..10 {
+        rig.run_for(900 * US);
+        rig.write(TIMER1 + 0x0C, 1); // CLEAR
+    }
+    assert_eq!(transact(&mut rig, &[0]), [Some(1)]);
+    rig.run_for(MS);
+    assert_eq!(transact(&mut rig, &[0]), [Some(0xFF)]);
+    rig.assert_clean();
+}
+
+#[test]
+fn each_status_bit_is_set_by_its_own_buffer_and_cleared_by_a_one_alone() {
+    // RXD.MAXCNT, TXD.MAXCNT, and STATUS after a transaction of four bytes: OVERREAD is bit 0, OVERFLOW bit 1.
+    for (rx, tx, status) in [(4, 4, 0), (4, 3, 0b01), (3, 4, 0b10), (3, 3, 0b11), (0, 0, 0b11)] {
+        let mut rig = with_spis();
+        rig.write_all(&[(SPIS1 + 0x538, rx), (SPIS1 + 0x548, tx), (SPIS1 + 0x28, 1)]);
+        transact(&mut rig, &[0; 4]);
+        assert_eq!(rig.read(SPIS1 + 0x440), status, "{rx} {tx}");
+        rig.write(SPIS1 + 0x440, 0);
+        assert_eq!(rig.read(SPIS1 + 0x440), status, "a zero clears nothing");
+        // They stand through a transaction that fits.
+        transact(&mut rig, &[]);
+        assert_eq!(rig.read(SPIS1 + 0x440), status);
+        for bit in [0b01, 0b10] {
+            rig.write(SPIS1 + 0x440, bit);
+            assert_eq!(rig.read(SPIS1 + 0x440) & bit, 0);
+        }
+        assert_eq!(rig.read(SPIS1 + 0x440), 0);
+        rig.assert_clean();
+    }
+}
+
 #[test]
 fn over_read_and_overflow_are_prevented_and_told() {
     let mut rig = with_spis();

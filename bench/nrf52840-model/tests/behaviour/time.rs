@@ -62,6 +62,70 @@ fn the_internal_oscillator_is_off_until_the_crystal_has_started() {
 }
 
 #[test]
+fn a_compare_that_falls_due_in_the_instant_of_a_task_or_a_write_is_not_lost() {
+    let writes = [
+        ("CAPTURE", TIMER0 + 0x44, 1),
+        ("CLEAR", TIMER0 + 0x0C, 1),
+        ("STOP", TIMER0 + 0x04, 1),
+        ("SHUTDOWN", TIMER0 + 0x10, 1),
+        ("CC", TIMER0 + 0x540, 99),
+        ("another CC", TIMER0 + 0x544, 99),
+        ("INTENSET", TIMER0 + 0x304, 1 << 17),
+    ];
+    for (what, address, value) in writes {
+        for late in [0, 1, 24] {
+            let mut rig = Rig::new();
+            rig.write_all(&timer(TIMER0, 320));
+            rig.write_all(&[(PPI + 0x510, TIMER0 + 0x140), (PPI + 0x514, EGU0), (PPI + 0x504, 1), (TIMER0, 1)]);
+            // The core gets there first: the models have not been asked at their deadline.
+            rig.now = 20 * US + late;
+            rig.write(address, value);
+            assert_eq!(rig.read(TIMER0 + 0x140), 1, "{what}, {late} ns late");
+            assert_eq!(rig.read(EGU0 + 0x100), 1, "{what}, {late} ns late: through PPI");
+            rig.write(TIMER0 + 0x140, 0);
+            rig.run_for(US);
+            assert_eq!(rig.read(TIMER0 + 0x140), 0, "{what}: once only");
+            rig.assert_clean();
+        }
+    }
+}
+
+#[test]
+fn a_compare_that_falls_due_in_the_instant_of_a_capture_through_ppi_is_not_lost() {
+    let mut rig = Rig::new();
+    // Both timers reach their compare at once; the first one's captures the second, which is looked at after it.
+    rig.write_all(&timer(TIMER0, 320));
+    rig.write_all(&timer(TIMER1, 320));
+    rig.write_all(&[(PPI + 0x510, TIMER0 + 0x140), (PPI + 0x514, TIMER1 + 0x44), (PPI + 0x504, 1)]);
+    rig.write_all(&[(TIMER0, 1), (TIMER1, 1)]);
+    rig.run_to(21 * US);
+    assert_eq!(rig.read(TIMER1 + 0x140), 1);
+    assert_eq!(rig.read(TIMER1 + 0x544), 320);
+    rig.assert_clean();
+}
+
+#[test]
+fn a_compare_passed_by_more_than_a_tick_is_carried_out_with_its_shortcut_at_its_own_tick() {
+    let mut rig = Rig::new();
+    rig.write_all(&timer(TIMER0, 16));
+    rig.write_all(&[(TIMER0 + 0x200, 1), (TIMER0, 1)]); // COMPARE[0] to CLEAR
+    rig.now = 10 * US + 250;
+    rig.write(TIMER0 + 0x44, 1);
+    assert_eq!(rig.read(TIMER0 + 0x544), 4, "cleared ten times, each at its tick");
+    assert_eq!(rig.read(TIMER0 + 0x140), 1);
+}
+
+#[test]
+fn an_rtc_compare_that_falls_due_in_the_instant_of_a_write_is_not_lost() {
+    let mut rig = Rig::new();
+    start_lfclk(&mut rig);
+    rig.write_all(&[(RTC0 + 0x540, 4), (RTC0 + 0x304, 1 << 16), (RTC0, 1)]);
+    rig.now = lf_tick(4);
+    rig.write(RTC0 + 0x544, 1_000);
+    assert_eq!(rig.read(RTC0 + 0x140), 1);
+}
+
+#[test]
 fn a_prescaler_keeps_its_phase_while_registers_are_written() {
     let mut rig = Rig::new();
     rig.write_all(&[(TIMER0 + 0x508, 3), (TIMER0 + 0x510, 4), (TIMER0 + 0x540, 1_000), (TIMER0, 1)]);
