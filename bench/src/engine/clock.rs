@@ -20,7 +20,7 @@ const BILLION: u128 = 1_000_000_000;
 /// What a core's clock runs at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rate {
-    /// In hertz, if its source were exact; above zero.
+    /// In hertz, if its source were exact; zero for a core without a clock.
     pub hz: u64,
     /// How much faster the source is, in parts per billion (negative: slower).
     pub ppb: i64,

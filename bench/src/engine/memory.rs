@@ -181,6 +181,23 @@ impl GuestMemory {
         self.write(from, &vec![erased; length]);
     }
 
+    /// Fills everything the guest can write with noise that follows from `seed` (SplitMix64), as RAM comes up.
+    pub(crate) fn come_up(&mut self, seed: u64) {
+        let mut state = seed;
+        let writable: Vec<(u64, usize)> =
+            self.areas.iter().filter(|area| area.writable).map(|area| (area.starts[0], area.size)).collect();
+        for (start, size) in writable {
+            let mut noise = Vec::with_capacity(size + 8);
+            while noise.len() < size {
+                state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
+                let mut word = (state ^ state >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+                word = (word ^ word >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
+                noise.extend_from_slice(&(word ^ word >> 31).to_le_bytes());
+            }
+            self.write(start, &noise[..size]);
+        }
+    }
+
     /// Changes since last asked, for the core to hear of.
     pub(crate) fn take_changed(&mut self) -> Vec<Queued> {
         std::mem::take(&mut self.changed)

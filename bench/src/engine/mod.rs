@@ -33,12 +33,12 @@ pub use clock::{Clock, FAST_CYCLES_PER_INSTRUCTION, Rate};
 pub use finding::{Finding, FindingKind};
 pub use firmware::{Firmware, Symbol};
 pub use memory::GuestMemory;
-pub use node::{LineEdge, Node, PROBE_PERIOD, ResetAt, Usage};
+pub use node::{FromOutside, LineEdge, Node, PROBE_PERIOD, ResetAt, Usage};
 pub use pair::{Between, Lookahead, Nothing, Pair, Sent};
 pub use relay::{Downstream, Relay, Upstream};
 pub use rtt::{LogLevel, LogLine};
 pub use run::{Event, Limits, Outcome, Target, run};
-pub use wiring::{Bare, FlashAction, Part, Wiring};
+pub use wiring::{Bare, FlashAction, Part, Supply, Wiring};
 
 /// What the engine cannot do, as opposed to what a firmware does wrong.
 #[derive(Debug, thiserror::Error)]

@@ -22,7 +22,7 @@ use super::memory::{GuestMemory, Use};
 use super::poll::{self, PollWatch};
 use super::rtt::{self, LogLevel, LogLine, LogStream, RttFault};
 use super::wiring::Carrier;
-use super::{Clock, Digest, Error, Firmware, FlashAction, Part, Rate, Wiring};
+use super::{Clock, Digest, Error, Firmware, FlashAction, Part, Rate, Supply, Wiring};
 
 /// How often the node empties the firmware's log, as a debug probe polls RTT, in virtual nanoseconds.
 pub const PROBE_PERIOD: u64 = 1_000_000;
@@ -34,6 +34,15 @@ const MOST_FINDINGS: usize = 200;
 const CFSR: u64 = 0xE000_ED28;
 const HFSR: u64 = 0xE000_ED2C;
 const BFAR: u64 = 0xE000_ED38;
+
+/// Interrupt Control and State Register with its bit that makes the NMI pending, ARMv7-M ARM B3.2.4.
+const ICSR: u64 = 0xE000_ED04;
+const NMIPENDSET: u64 = 1 << 31;
+/// The NMI's exception number, ARMv7-M ARM table B1-4.
+const NMI: u32 = 2;
+/// While an NMI stands that its handler has not cleared, the core is looked at this often, in instructions: it may return, and has
+/// to be taken back.
+const NMI_LOOK: u32 = 8;
 
 /// HardFault's place in the vector table, ARMv7-M ARM table B1-4.
 const HARD_FAULT: u64 = 3;
@@ -56,6 +65,17 @@ pub struct ResetAt {
     pub at: u64,
     /// Why.
     pub cause: ResetCause,
+}
+
+/// What restarts a part from outside, see [`Node::restart`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FromOutside {
+    /// Its reset pin was pulled low for a moment. RAM keeps its contents.
+    Pin,
+    /// Its supply came on. RAM holds what it came up with: noise that follows from the seed.
+    PowerOn(u64),
+    /// Its supply dipped below the brown-out threshold. RAM keeps its contents, which is the harder case for a firmware.
+    BrownOut,
 }
 
 /// How long a core was awake.
@@ -99,6 +119,8 @@ struct Side {
     horizon: u64,
     restart: bool,
     held: bool,
+    /// The core has no clock.
+    unclocked: bool,
     /// The instant of the call the models are in, for what they drive.
     instant: u64,
     watched: Vec<(u16, bool)>,
@@ -136,7 +158,8 @@ impl Side {
 
     /// The core goes on at `rate`.
     fn follow(&mut self, rate: Rate, retired: u64) {
-        if rate != self.rate {
+        self.unclocked = rate.hz == 0;
+        if rate != self.rate && rate.hz > 0 {
             self.before = (retired + self.skipped, self.awake(retired));
             (self.rate, self.clock) = (rate, Clock::fast(rate));
         }
@@ -308,6 +331,7 @@ impl<B: Wiring> CoreBus for Lent<'_, B> {
         let target = side.target(event).min(board.next_event());
         let on = !side.restart
             && !side.held
+            && !side.unclocked
             && side.poll.streak < poll::STREAK
             && target > side.time(instructions)
             && !board.outgoing();
@@ -340,6 +364,8 @@ pub struct Node<B: Wiring> {
     boot: u64,
     asleep: bool,
     locked_up: bool,
+    /// Which of the session's resets were the supply's.
+    by_supply: BTreeSet<usize>,
     semihosting: bool,
     exit: Option<u32>,
     traps: Traps,
@@ -413,6 +439,7 @@ impl<B: Wiring> Node<B> {
             horizon: 0,
             restart: false,
             held: false,
+            unclocked: false,
             instant: 0,
             watched: Vec::new(),
             edges: Vec::new(),
@@ -429,6 +456,7 @@ impl<B: Wiring> Node<B> {
             boot,
             asleep: false,
             locked_up: false,
+            by_supply: BTreeSet::new(),
             semihosting: false,
             exit: None,
             traps,
@@ -478,7 +506,7 @@ impl<B: Wiring> Node<B> {
     /// The first instant this board may act at without anything from outside. Its own present while the core is awake.
     #[must_use]
     pub fn earliest(&self) -> u64 {
-        if self.asleep || self.exit.is_some() || self.locked_up {
+        if self.asleep || self.exit.is_some() || self.locked_up || self.side.unclocked {
             self.deadline().min(self.cpu.next_event().map_or(u64::MAX, |event| event.0)).max(self.now())
         } else {
             self.now()
@@ -568,7 +596,7 @@ impl<B: Wiring> Node<B> {
             if now >= self.probe_at {
                 self.probe(now);
             }
-            let stopped = self.exit.is_some() || self.locked_up || self.side.held;
+            let stopped = self.exit.is_some() || self.locked_up || self.side.held || self.side.unclocked;
             if !stopped && self.cpu.next_event().is_some_and(|event| event.0 <= now) {
                 self.cpu.on_event(VirtualNanos(now));
                 self.asleep = false;
@@ -592,7 +620,22 @@ impl<B: Wiring> Node<B> {
         }
     }
 
+    /// The core's NMI input is level sensitive here: whatever stands after the handler has returned makes it pending again.
+    /// Answers whether it stands.
+    fn take_nmi(&mut self) -> bool {
+        if !self.session.board().0.part().nmi() {
+            return false;
+        }
+        if self.register(16) & 0x1FF != NMI {
+            let now = VirtualNanos(self.now());
+            self.cpu.debugger_access(Some(NMIPENDSET), ICSR, Width::W32, now);
+            self.asleep = false;
+        }
+        true
+    }
+
     fn run_stretch(&mut self) {
+        let nmi = self.take_nmi();
         let target = self.target();
         if self.asleep {
             // Whatever could wake the core was asked of it and cleared the flag: it would run nothing.
@@ -600,17 +643,9 @@ impl<B: Wiring> Node<B> {
             return;
         }
         let budget = self.side.until(self.cpu.retired(), target);
-        let (exit, retired) = self.run(budget);
+        let (exit, retired) = self.run(if nmi { budget.min(NMI_LOOK) } else { budget });
         match exit {
-            Exit::Lockup if !self.locked_up => {
-                self.locked_up = true;
-                self.find(
-                    FindingKind::Lockup,
-                    Some(self.cpu.pc()),
-                    "the core locked up: a fault inside a fault handler".into(),
-                );
-                self.input(|board, at| board.part_mut().locked_up(at));
-            }
+            Exit::Lockup if !self.locked_up => self.lock_up(),
             Exit::Breakpoint => self.trapped(),
             Exit::HostCall => self.host_call(),
             _ => {}
@@ -626,6 +661,38 @@ impl<B: Wiring> Node<B> {
         if self.asleep {
             self.side.warped += target.saturating_sub(self.now());
         }
+    }
+
+    /// The core locks up, as a fault inside a fault handler makes it: it runs nothing until it is reset.
+    pub fn lock_up(&mut self) {
+        self.locked_up = true;
+        let pc = self.cpu.pc();
+        self.find(FindingKind::Lockup, Some(pc), "the core locked up: a fault inside a fault handler".into());
+        self.input(|board, at| board.part_mut().locked_up(at));
+    }
+
+    /// Restarts the part from outside, now. Its flags say why, as far as it has flags for it, and [`Node::resets`] lists it.
+    pub fn restart(&mut self, why: FromOutside) {
+        let at = VirtualNanos(self.now());
+        self.side.instant = at.0;
+        let retired = self.cpu.retired();
+        let how = match why {
+            FromOutside::Pin => None,
+            FromOutside::PowerOn(_) => Some(Supply::PowerOn),
+            FromOutside::BrownOut => Some(Supply::BrownOut),
+        };
+        if let Some(how) = how {
+            self.by_supply.insert(self.session.resets().len());
+            self.session.board_mut().0.part_mut().supply_failed(how);
+        }
+        self.session.reset_by_pin(at, retired, &mut self.side);
+        self.side.deadline = self.session.resume(NO_DEADLINE, at, retired, &mut self.side).0;
+        settle(&mut self.session, &mut self.side, at, retired);
+        self.take_restart();
+        if let FromOutside::PowerOn(seed) = why {
+            self.side.memory.come_up(seed);
+        }
+        self.flush();
     }
 
     fn run(&mut self, budget: u32) -> (Exit, u64) {
@@ -822,7 +889,10 @@ impl<B: Wiring> Node<B> {
 
     /// Every restart of the part so far.
     pub fn resets(&self) -> impl ExactSizeIterator<Item = ResetAt> {
-        self.session.resets().iter().map(|reset| ResetAt { at: reset.at.0, cause: reset.cause })
+        self.session.resets().iter().enumerate().map(|(nth, reset)| ResetAt {
+            at: reset.at.0,
+            cause: if self.by_supply.contains(&nth) { ResetCause::PowerOn } else { reset.cause },
+        })
     }
 
     /// The log lines since last asked, console output through semihosting among them.

@@ -6,7 +6,7 @@ use nrf52840_model::{CORE_HZ, FindingKind as ModelFinding, Nrf52840};
 use rigless::emulator::CoreSpec;
 use rigless::time::VirtualNanos;
 
-use super::{FindingKind, Part, Rate};
+use super::{FindingKind, Part, Rate, Supply};
 
 impl Part for Nrf52840 {
     const NAME: &'static str = "nRF52840";
@@ -18,6 +18,11 @@ impl Part for Nrf52840 {
     /// 64 MHz from either source (PS 5.4); the internal oscillator's error is left out, as the cycle counter leaves it out.
     fn rate(&self) -> Rate {
         Rate { hz: CORE_HZ, ppb: self.settings().hfxo_ppb }
+    }
+
+    /// RESETREAS tells power-on and brown-out apart from the rest, and not from each other (PS 5.3).
+    fn supply_failed(&mut self, _how: Supply) {
+        Nrf52840::supply_failed(self);
     }
 
     fn locked_up(&mut self, at: u64) {

@@ -25,6 +25,15 @@ pub enum FlashAction {
     Erase(Range<u64>),
 }
 
+/// How a part's supply failed before it restarted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Supply {
+    /// It was away: nothing of the time before is left.
+    PowerOn,
+    /// It fell below the brown-out threshold for a moment: RAM survived, and flags as far as the part keeps them.
+    BrownOut,
+}
+
 /// One microcontroller, as the engine steps it.
 pub trait Part: Mcu + Debug + Send + 'static {
     /// The part's name, as its maker writes it.
@@ -33,9 +42,17 @@ pub trait Part: Mcu + Debug + Send + 'static {
     /// How the part's core is made: its variant, interrupt lines, priority bits and where it boots.
     fn core(&self) -> CoreSpec;
 
-    /// What the core runs at now. The engine asks after every access to a register and at every stop, so that the core follows
-    /// the part's clock tree.
+    /// What the core runs at now; at zero hertz it stands still and time goes on. The engine asks after every access to a
+    /// register and at every stop, so that the core follows the part's clock tree.
     fn rate(&self) -> Rate;
+
+    /// The level of the core's NMI input. While it is high the core takes the exception again and again.
+    fn nmi(&self) -> bool {
+        false
+    }
+
+    /// The restart that comes next is the supply's doing, whatever cause it is given.
+    fn supply_failed(&mut self, how: Supply);
 
     /// The part looks at its own pins at `at` (ns): edges towards its interrupt controller, output pins being watched. Answers
     /// whether anything moved.

@@ -6,8 +6,10 @@
 //! LCD controller, which the firmware does not use.
 //!
 //! The board's clock is the ST-LINK's 8 MHz on OSC_IN with HSE in bypass. Its error shows in everything the firmware clocks from HSE
-//! and in the core's own rate alike, see [`Oscillators`].
+//! and in the core's own rate alike, see [`Oscillators`]. It can be absent, and it can fail and come back in mid run
+//! ([`Stm32f427Part::fail_hse`], [`Stm32f427Part::restore_hse`]).
 
+mod clocks;
 mod exti;
 mod upcounter;
 mod wwdg;
@@ -17,19 +19,20 @@ use std::num::{NonZeroU32, NonZeroU64};
 use std::ops::Range;
 
 use rigless::chip::{Timeline, spi, uart};
-use rigless::device::{ErasedDevice, Level, ResetCause};
+use rigless::device::{ErasedDevice, Level, RegisterFile, ResetCause};
 use rigless::emulator::{Access, AccessKind, CoreSpec};
 use rigless::machine::armv7m;
 use rigless::mcu::{Mcu, Operate};
 use rigless::soc::Bus;
 use rigless::soc::stm32f427::generated::{flash, rcc, tim6, tim9, tim10, tim11};
 use rigless::soc::stm32f427::peripherals::gpio::Pin;
-use rigless::soc::stm32f427::peripherals::rcc::Apb;
+use rigless::soc::stm32f427::peripherals::rcc::{Apb, Rcc};
 use rigless::soc::stm32f427::peripherals::spi::Select;
 use rigless::soc::stm32f427::{PORTS, Stm32f427};
 use rigless::time::VirtualNanos;
 
-use crate::engine::{FlashAction, Part, Rate};
+use crate::engine::{FlashAction, Part, Rate, Supply};
+use clocks::ClockControl;
 pub use exti::{Exti, Syscfg};
 pub use upcounter::{Rows, Upcounter};
 pub use wwdg::Wwdg;
@@ -54,10 +57,14 @@ const FLASH_CR: u64 = 0x4002_3C10;
 /// What clocks the part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Oscillators {
-    /// What OSC_IN is meant to carry, in hertz.
-    pub hse_hz: u64,
+    /// What OSC_IN is meant to carry, in hertz; `None` where nothing drives it, as on a NUCLEO whose ST-LINK has no power.
+    pub hse_hz: Option<u64>,
     /// By how much it is fast, in parts per billion. Taken to the nearest hertz of `hse_hz`: 125 ppb at 8 MHz.
     pub hse_ppb: i64,
+    /// By how much the internal 16 MHz oscillator (HSI) is fast, in parts per billion: ±1 % trimmed and at 25 °C, -8 % to +4.5 %
+    /// from -40 °C to 105 °C (DS9405, table of the HSI oscillator's characteristics). What is clocked from it is taken to the
+    /// nearest hertz.
+    pub hsi_ppb: i64,
     /// The internal low-speed oscillator, which runs the independent watchdog: 17 to 47 kHz, 32 kHz typical (data sheet table 42).
     pub lsi_hz: u64,
     /// The core clock that the firmware sets in the end, in hertz: what SysTick counts, which rigless gives one rate for good.
@@ -68,21 +75,31 @@ pub struct Oscillators {
 impl Default for Oscillators {
     /// The NUCLEO board with the HORUS firmware: 8 MHz from the ST-LINK, 144 MHz core.
     fn default() -> Self {
-        Self { hse_hz: 8_000_000, hse_ppb: 0, lsi_hz: 32_000, systick_hz: 144_000_000 }
+        Self { hse_hz: Some(8_000_000), hse_ppb: 0, hsi_ppb: 0, lsi_hz: 32_000, systick_hz: 144_000_000 }
     }
 }
 
 impl Oscillators {
-    /// What OSC_IN really carries.
+    /// What OSC_IN really carries, zero where nothing drives it.
     fn hse(&self) -> u64 {
-        let off = i128::from(self.hse_hz) * i128::from(self.hse_ppb);
+        let meant = self.hse_hz.unwrap_or(0);
+        let off = i128::from(meant) * i128::from(self.hse_ppb);
         let rounded = (off + off.signum() * 500_000_000) / 1_000_000_000;
-        u64::try_from(i128::from(self.hse_hz) + rounded).unwrap_or(0)
+        u64::try_from(i128::from(meant) + rounded).unwrap_or(0)
+    }
+
+    /// rigless's clock control with these oscillators. What makes HSE absent is this module's, so it always has a rate here.
+    fn control(&self) -> Rcc {
+        let mut rcc = Rcc::new();
+        rcc.attach_crystals(if self.hse_hz.is_some() { self.hse() } else { 8_000_000 }, 0);
+        rcc.calibrate_lsi(self.lsi_hz);
+        rcc
     }
 
     /// What SysTick really counts.
     fn systick(&self) -> u64 {
-        let hz = u128::from(self.systick_hz) * u128::from(self.hse()) / u128::from(self.hse_hz.max(1));
+        let Some(meant) = self.hse_hz.filter(|&hz| hz > 0) else { return self.systick_hz };
+        let hz = u128::from(self.systick_hz) * u128::from(self.hse()) / u128::from(meant);
         u64::try_from(hz).unwrap_or(0)
     }
 }
@@ -174,6 +191,7 @@ struct Slots {
 #[derive(Debug)]
 pub struct Stm32f427Part {
     mcu: Stm32f427,
+    clocks: ClockControl,
     exti: Exti,
     syscfg: Syscfg,
     wwdg: Wwdg,
@@ -184,9 +202,11 @@ pub struct Stm32f427Part {
     slots: Slots,
     oscillators: Oscillators,
     /// The clock tree's registers as they were when the added models last heard of a rate.
-    tree: [u64; 4],
+    tree: [u64; 5],
     /// HCLK in that state, in hertz.
     hclk: u64,
+    /// The next restart is the supply's doing.
+    supply: Option<Supply>,
     driven: BTreeMap<PinId, Level>,
     watched: Vec<(PinId, Level)>,
     edges: Vec<PinEdge>,
@@ -201,8 +221,8 @@ impl Stm32f427Part {
     #[must_use]
     pub fn new(oscillators: Oscillators) -> Self {
         let mut mcu = Stm32f427::new().expect("the part's tables are whole");
-        mcu.rcc.attach_crystals(oscillators.hse(), 0);
-        mcu.rcc.calibrate_lsi(oscillators.lsi_hz);
+        // A reset builds the next one from this one's oscillators.
+        mcu.rcc = oscillators.control();
         mcu.set_supply(3300);
         let slot = |name: &'static str| mcu.bus().slot(name).expect("an instance of the part");
         let slots = Slots {
@@ -217,8 +237,12 @@ impl Stm32f427Part {
             tim11: slot("TIM11"),
             ports: PORTS.map(slot),
         };
+        let clocks =
+            ClockControl::new(oscillators.control(), mcu.bus(), oscillators.hse_hz.is_some(), oscillators.hsi_ppb);
+        mcu.rcc = oscillators.control();
         let mut part = Self {
             mcu,
+            clocks,
             exti: Exti::default(),
             syscfg: Syscfg,
             wwdg: Wwdg::default(),
@@ -228,8 +252,9 @@ impl Stm32f427Part {
             tim11: Upcounter::default(),
             slots,
             oscillators,
-            tree: [u64::MAX; 4],
+            tree: [u64::MAX; 5],
             hclk: 0,
+            supply: None,
             driven: BTreeMap::new(),
             watched: Vec::new(),
             edges: Vec::new(),
@@ -345,6 +370,31 @@ impl Stm32f427Part {
         })
     }
 
+    /// The oscillator on OSC_IN stops at `at` (virtual ns). With `CSSON` set the hardware switches what ran from it to HSI and
+    /// raises the NMI; without, whatever it clocked stands still, the core with it (RM0090 section 6.2.7). Nothing happens where
+    /// it does not run.
+    pub fn fail_hse(&mut self, at: u64) {
+        let (registers, mut context) = self.mcu.bus_mut().drive(VirtualNanos(at), self.slots.rcc);
+        self.clocks.fail_hse(registers, &mut context);
+    }
+
+    /// The oscillator on OSC_IN runs again from `at` (virtual ns) on, also one that was absent from the start. Software that waits
+    /// for `HSERDY` sees it rise; nothing switches back by itself.
+    pub fn restore_hse(&mut self, at: u64) {
+        let (registers, mut context) = self.mcu.bus_mut().drive(VirtualNanos(at), self.slots.rcc);
+        self.clocks.restore_hse(registers, &mut context);
+    }
+
+    /// Whether OSC_IN carries a clock.
+    #[must_use]
+    pub fn has_hse(&self) -> bool {
+        self.clocks.hse()
+    }
+
+    fn rcc(&self) -> &RegisterFile {
+        self.mcu.bus().slots()[self.slots.rcc].registers()
+    }
+
     /// What a reset leaves to this module: reset values the tables lack, and the levels that are still on the pins.
     fn out_of_reset(&mut self, at: VirtualNanos) {
         let bus = self.mcu.bus_mut();
@@ -363,25 +413,27 @@ impl Stm32f427Part {
                 port.drive(pin.pin(), Some(level), registers, context);
             });
         }
-        self.tree = [u64::MAX; 4];
+        let (registers, mut context) = self.mcu.bus_mut().drive(at, self.slots.rcc);
+        self.clocks.take_over(registers, &mut context);
+        self.tree = [u64::MAX; 5];
         self.follow_clock_tree(at);
     }
 
     /// Tells the added models what they run on, after a change of the clock tree.
     fn follow_clock_tree(&mut self, at: VirtualNanos) {
         use rcc::Register::{Cfgr, Cr, Dckcfgr, Pllcfgr};
-        let registers = self.mcu.bus().slots()[self.slots.rcc].registers();
-        let tree = [Cr, Pllcfgr, Cfgr, Dckcfgr].map(|register| registers.get(register));
+        let registers = self.rcc();
+        let [cr, pll, cfg, dck] = [Cr, Pllcfgr, Cfgr, Dckcfgr].map(|register| registers.get(register));
+        let tree = [cr, pll, cfg, dck, u64::from(self.clocks.hse())];
         if tree == self.tree {
             return;
         }
+        let apb1 = self.clocks.timer_clock(registers, Apb::One);
+        let apb2 = self.clocks.timer_clock(registers, Apb::Two);
+        let pclk1 = self.clocks.pclk1(registers);
+        let hclk = self.clocks.hclk(registers);
         self.tree = tree;
-        let (clocks, registers) = self.mcu.clocks();
-        let apb1 = clocks.timer_clock(registers, Apb::One);
-        let apb2 = clocks.timer_clock(registers, Apb::Two);
-        let pclk1 = clocks.pclk1(registers);
-        // A tree without a source stops the core for good; here it goes on, slowly, until the watchdog has it.
-        self.hclk = clocks.hclk(registers).max(1);
+        self.hclk = hclk;
         let Self { mcu, wwdg, tim6, tim9, tim10, tim11, slots, .. } = self;
         let bus = mcu.bus_mut();
         for (timer, slot) in tim6.iter_mut().zip(slots.tim6) {
@@ -422,20 +474,40 @@ impl Stm32f427Part {
         pending
     }
 
-    /// Restarts the rigless part. It knows no window watchdog, so that reset goes through as the core's own and leaves the flag
-    /// RM0090 section 6.3.21 gives it instead of the software reset's.
+    /// Restarts the rigless part. It knows neither a window watchdog nor a failing supply: those go through as the core's own reset
+    /// and the pin's, and the flags of RM0090 section 6.3.21 are put in afterwards.
     fn reset_by(&mut self, at: VirtualNanos, cause: ResetCause) {
+        const BORRSTF: u64 = 1 << 25;
+        const PINRSTF: u64 = 1 << 26;
+        const PORRSTF: u64 = 1 << 27;
         const SFTRSTF: u64 = 1 << 28;
         const WWDGRSTF: u64 = 1 << 30;
-        if cause != ResetCause::Model("WWDG") {
-            self.mcu.reset(at, cause);
-            return;
+        const EVERY: u64 = 0xFE00_0000;
+        let before = self.rcc().get(rcc::Register::Csr);
+        let by_wwdg = cause == ResetCause::Model("WWDG");
+        let supply = self.supply.take();
+        let stands_in = match (cause, supply) {
+            (_, Some(_)) | (ResetCause::PowerOn, _) => ResetCause::Pin,
+            _ if by_wwdg => ResetCause::Core,
+            _ => cause,
+        };
+        self.mcu.reset(at, stands_in);
+        self.clocks.restarted(&mut self.mcu.rcc);
+        let registers = self.mcu.bus_mut().slot_mut(self.slots.rcc).registers_mut();
+        let now = registers.get(rcc::Register::Csr);
+        let supply = supply.or((cause == ResetCause::PowerOn).then_some(Supply::PowerOn));
+        let flags = match supply {
+            // "Reset by power reset only": nothing of the time before is left.
+            Some(Supply::PowerOn) => PORRSTF | BORRSTF | PINRSTF,
+            Some(Supply::BrownOut) => BORRSTF | PINRSTF,
+            None if by_wwdg => now & EVERY & !SFTRSTF | before & SFTRSTF | WWDGRSTF,
+            None => now & EVERY,
+        };
+        registers.set(rcc::Register::Csr, now & !EVERY | flags);
+        if supply == Some(Supply::PowerOn) {
+            // The board's VBAT is its VDD, section 6.1.3.
+            registers.set(rcc::Register::Bdcr, 0);
         }
-        let before = self.mcu.bus().slots()[self.slots.rcc].registers().get(rcc::Register::Csr);
-        self.mcu.reset(at, ResetCause::Core);
-        let (_, registers) = self.mcu.clocks();
-        let flags = registers.get(rcc::Register::Csr) & !SFTRSTF | before & SFTRSTF | WWDGRSTF;
-        registers.set(rcc::Register::Csr, flags);
     }
 
     fn flash_registers(&self) -> [u64; 2] {
@@ -474,8 +546,9 @@ impl Mcu for Stm32f427Part {
     }
 
     fn split(&mut self, slot: usize) -> (&mut Bus, Option<&mut dyn ErasedDevice>) {
-        let Self { mcu, exti, syscfg, wwdg, tim6, tim9, tim10, tim11, slots, .. } = self;
+        let Self { mcu, clocks, exti, syscfg, wwdg, tim6, tim9, tim10, tim11, slots, .. } = self;
         let added: Option<&mut dyn ErasedDevice> = match slot {
+            slot if slot == slots.rcc => Some(clocks),
             slot if slot == slots.exti => Some(exti),
             slot if slot == slots.syscfg => Some(syscfg),
             slot if slot == slots.wwdg => Some(wwdg),
@@ -518,9 +591,18 @@ impl Part for Stm32f427Part {
         )
     }
 
-    /// HCLK, of the crystal as it is.
+    /// HCLK, of the oscillator as it is.
     fn rate(&self) -> Rate {
         Rate { hz: self.hclk, ppb: 0 }
+    }
+
+    /// The clock security system's, the only one of the part: RM0090 section 6.2.7.
+    fn nmi(&self) -> bool {
+        ClockControl::nmi(self.rcc())
+    }
+
+    fn supply_failed(&mut self, how: Supply) {
+        self.supply = Some(how);
     }
 
     fn core_only(&self) -> &'static [Range<u64>] {
