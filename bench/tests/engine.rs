@@ -3,9 +3,11 @@
 mod player;
 mod thumb;
 
-use bench::engine::{Bare, Between, FindingKind, Limits, Lookahead, Node, Pair, Sent, Wiring, run};
+use bench::engine::{Bare, Between, FindingKind, FromOutside, Limits, Lookahead, Node, Pair, Sent, Wiring, run};
 use bench::stm32f427::{Oscillators, Stm32f427Part, TIM2_INTERRUPT};
+use nrf52840_model::{Nrf52840, Pin, Settings};
 use player::{IN, Player};
+use rigless::time::VirtualNanos;
 use thumb::{COUNTER, EXTI, FLASH, GPIOD, HANDLER, MAIN, RCC, TIM2, Thumb, firmware};
 
 const MS: u64 = 1_000_000;
@@ -409,4 +411,125 @@ fn flash_keeps_what_the_firmware_programs_and_erases() {
     assert_eq!(counter(&mut node), 1);
     assert_eq!(node.word(u64::from(kept)), Some(0x1234_5678));
     assert_eq!(node.word(u64::from(erased)), Some(0xFFFF_FFFF));
+}
+
+// ---- the DPR's part
+
+/// SPIS1 on P1.01 to P1.04 answers 0x11 0x22 out of RAM until TIMER1 takes it through PPI, 25 ms after its start.
+fn expiring(then: impl FnOnce(&mut Thumb)) -> bench::engine::Firmware {
+    const SPIS1: u32 = 0x4000_4000;
+    const TIMER1: u32 = 0x4000_9000;
+    const PPI: u32 = 0x4001_F000;
+    let mut main = Thumb::at(0x400);
+    main.store(COUNTER, 0x2211);
+    let set_up = [
+        (SPIS1 + 0x508, 0x21),
+        (SPIS1 + 0x50C, 0x23),
+        (SPIS1 + 0x510, 0x22),
+        (SPIS1 + 0x514, 0x24),
+        (SPIS1 + 0x55C, 0xFF),
+        (SPIS1 + 0x500, 2),
+        (SPIS1 + 0x534, COUNTER + 0x40),
+        (SPIS1 + 0x538, 2),
+        (SPIS1 + 0x544, COUNTER),
+        (SPIS1 + 0x548, 2),
+        (SPIS1 + 0x28, 1),
+        (TIMER1 + 0x508, 3),
+        (TIMER1 + 0x510, 0),
+        (TIMER1 + 0x540, 400_000),
+        (PPI + 0x510, TIMER1 + 0x140),
+        (PPI + 0x514, SPIS1 + 0x24),
+        (PPI + 0x504, 1),
+        (TIMER1, 1),
+    ];
+    for (address, value) in set_up {
+        main.store(address, value);
+    }
+    then(&mut main);
+    thumb::firmware_at(0, "expiring", &main, &[])
+}
+
+fn transact(node: &mut Node<Bare<Nrf52840>>) -> [u8; 2] {
+    const CSN: Pin = Pin::p1(4);
+    node.input(|board, now| board.0.ssi_select(VirtualNanos(now), CSN));
+    node.advance(node.now() + 3_000);
+    let read = [(); 2].map(|()| {
+        node.advance(node.now() + 1_100);
+        node.input(|board, now| board.0.ssi_clock(VirtualNanos(now), 0)).unwrap()
+    });
+    node.input(|board, now| board.0.ssi_deselect(VirtualNanos(now), CSN));
+    node.advance(node.now() + 3_000);
+    read
+}
+
+#[test]
+fn what_an_spis_answers_expires_in_hardware_whatever_the_processor_does() {
+    // Hung with interrupts masked (CPSID i), and asleep.
+    let hung = |main: &mut Thumb| {
+        main.raw(&[0xB672]);
+        let here = main.here();
+        main.branch(here);
+    };
+    let asleep = |main: &mut Thumb| {
+        main.idle();
+    };
+    let images = [("hung", expiring(hung)), ("asleep", expiring(asleep))];
+    for (what, firmware) in images {
+        let settings = Settings { hfint_ppb: 0, ..Settings::default() };
+        let mut node = Node::new(Bare(Nrf52840::new(settings)), &firmware).unwrap();
+        for read in 1..25 {
+            node.advance(read * MS);
+            assert_eq!(transact(&mut node), [0x11, 0x22], "{what} at {read} ms");
+        }
+        node.advance(25 * MS + MS / 10);
+        for _ in 0..5 {
+            assert_eq!(transact(&mut node), [0xFF; 2], "{what}");
+        }
+        assert_eq!(node.take_findings(), [], "{what}");
+    }
+}
+
+#[test]
+fn a_segment_in_uicr_is_loaded_and_opens_the_debug_port_with_the_firmwares_half() {
+    const UICR_APPROTECT: u64 = 0x1000_1208;
+    for (uicr, disable, open) in [(0x5A, 0x5A, true), (0x5A, 0, false), (0xFF, 0x5A, false)] {
+        let mut main = Thumb::at(0x400);
+        main.store(0x4000_0558, disable).idle();
+        let image = thumb::firmware_at(0, "debug port", &main, &[]);
+        let mut segments = image.segments().to_vec();
+        segments.push((UICR_APPROTECT, vec![uicr, 0xFF, 0xFF, 0xFF]));
+        let image = bench::engine::Firmware::raw("debug port", segments);
+        let mut node = Node::new(Bare(Nrf52840::new(Settings::default())), &image).unwrap();
+        node.advance(MS);
+        let word = node.word(UICR_APPROTECT).unwrap();
+        assert_eq!(word, 0xFFFF_FF00 | u32::from(uicr));
+        assert_eq!(node.board().0.debug_port_open(word), open, "{uicr:#x} {disable:#x}");
+        node.restart(FromOutside::Pin);
+        assert!(!node.board().0.debug_port_open(word), "a reset closes it");
+        assert_eq!(node.take_findings(), []);
+    }
+}
+
+#[test]
+fn the_dprs_part_says_why_it_was_reset_and_restarts_by_itself_from_a_lock_up() {
+    let mut main = Thumb::at(0x400);
+    main.idle();
+    let image = thumb::firmware_at(0, "reasons", &main, &[]);
+    let mut node = Node::new(Bare(Nrf52840::new(Settings::default())), &image).unwrap();
+    fn reason(node: &Node<Bare<Nrf52840>>) -> u32 {
+        node.board().0.reset_reason()
+    }
+    assert_eq!(reason(&node), 0, "power-on");
+    node.restart(FromOutside::Pin);
+    assert_eq!(reason(&node), 1);
+    node.advance(MS);
+    node.lock_up();
+    node.advance(2 * MS);
+    assert_eq!(reason(&node), 1 | 1 << 3);
+    assert_eq!(node.resets().len(), 2);
+    node.restart(FromOutside::BrownOut);
+    assert_eq!(reason(&node), 0);
+    node.restart(FromOutside::Pin);
+    node.restart(FromOutside::PowerOn(3));
+    assert_eq!(reason(&node), 0);
 }

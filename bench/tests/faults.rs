@@ -5,13 +5,14 @@
 
 mod boards;
 
-use bench::engine::{FindingKind, Node, Wiring};
+use bench::engine::{Downstream, FindingKind, Node, Relay, Upstream, Wiring};
 use bench::sim::boards::{Dpr, Horus, SSI_CSN};
 use bench::sim::front_end::FrontEnd;
-use profile::LinkStatus;
+use profile::image::Image;
+use profile::{GpsObject, Identifier, LinkStatus, ReportedPosition};
 use rigless::device::ResetCause;
 use rigless::time::VirtualNanos;
-use st25r3916_model::AirEvent;
+use st25r3916_model::{Air, AirEvent, Faults};
 
 const US: u64 = 1_000;
 const MS: u64 = 1_000_000;
@@ -226,4 +227,213 @@ fn a_fault_in_the_dpr_leaves_nothing_to_be_read_until_the_watchdog_has_restarted
         dpr.advance(dpr.now() + 50 * MS);
         assert!(link_status(&mut dpr).status().unasked_reset(), "{task}");
     }
+}
+
+// ---- both boards: a hung DPR
+
+/// No object may be readable as valid longer than this after its frame's last bit: the image expires in hardware 25 ms after its
+/// publication, which the frame's end precedes by well under 5 ms.
+const STALE: u64 = 30 * MS;
+
+/// A flight controller that reads the whole image again and again, and the air to the DPR's front end.
+struct Reader {
+    at: u64,
+    transactions: usize,
+    selected: Option<u64>,
+    miso: Vec<u8>,
+    /// Every image read, with the instant its transaction began.
+    read: Vec<(u64, Vec<u8>)>,
+    air: Air,
+    listener: FrontEnd,
+    /// The bytes of the frame that is on the air, LEN first.
+    frame: Vec<u8>,
+    /// When each frame's last bit was through, by the timestamp it carries.
+    sent: std::collections::BTreeMap<u32, u64>,
+    /// When the task was broken, and how to repair it.
+    broken: Option<(u64, u64, [u8; 2])>,
+    repaired: bool,
+}
+
+/// From one transaction's end to the next one's start.
+const PAUSES: [u64; 3] = [US * 700, US * 2_150, US * 3_600];
+
+impl Reader {
+    fn new(listener: FrontEnd) -> Self {
+        Self {
+            at: 20 * MS,
+            transactions: 0,
+            selected: None,
+            miso: vec![],
+            read: vec![],
+            air: Air::new(1, Faults::default()),
+            listener,
+            frame: vec![],
+            sent: std::collections::BTreeMap::new(),
+            broken: None,
+            repaired: false,
+        }
+    }
+
+    /// The timestamps of the valid objects in `image`, HORUS's alone.
+    fn valid(image: &[u8]) -> Vec<u32> {
+        let objects = &image[LinkStatus::SIZE..];
+        let (reported, gps) = objects.split_at(ReportedPosition::SIZE);
+        let reported = ReportedPosition::verify(reported).ok().map(|object| object.timestamp());
+        let gps = gps.chunks_exact(GpsObject::SIZE).zip(1..).filter_map(|(bytes, nth)| {
+            GpsObject::verify(bytes, Identifier(0x4800 + nth)).ok().map(|object| object.timestamp())
+        });
+        reported.into_iter().chain(gps).collect()
+    }
+
+    /// Instants at which something valid was read that was too old, with how old its frame was.
+    fn stale(&self) -> Vec<(u64, u64)> {
+        let timestamps =
+            self.read.iter().flat_map(|(at, image)| Self::valid(image).into_iter().map(move |ms| (*at, ms)));
+        timestamps
+            .filter_map(|(at, ms)| {
+                let ended = self.sent.get(&ms).unwrap_or_else(|| panic!("{ms} ms was never sent"));
+                Some((at, at - ended)).filter(|(_, age)| *age > STALE)
+            })
+            .collect()
+    }
+
+    fn valid_reads(&self, from: u64) -> usize {
+        self.read.iter().filter(|(at, image)| *at >= from && !Self::valid(image).is_empty()).count()
+    }
+}
+
+impl Downstream<Dpr> for Reader {
+    type Message = AirEvent;
+    type Notes = ();
+
+    fn hear(&mut self, at: u64, event: AirEvent) {
+        match &event {
+            AirEvent::FrameStart(start) => self.frame.clone_from(&start.chunk.data),
+            AirEvent::Bytes(chunk) => self.frame.extend(&chunk.data),
+            AirEvent::FrameEnd { .. } => {
+                let timestamp = self.frame[1..5].try_into().unwrap();
+                self.sent.insert(u32::from_le_bytes(timestamp), at);
+            }
+            AirEvent::FieldOn | AirEvent::FieldOff => {}
+        }
+        let listener = &self.listener;
+        self.air.from_poller(at, event, |at, event| listener.with(|chip| chip.hear(at, event)));
+    }
+
+    fn noted(&mut self, (): ()) {}
+
+    fn leave(&mut self, _node: &mut Node<Dpr>) {
+        self.listener.with(|chip| chip.take_air().count());
+    }
+
+    fn next_at(&self) -> u64 {
+        self.at
+    }
+
+    fn act(&mut self, at: u64, node: &mut Node<Dpr>) {
+        if self.selected.is_none() {
+            node.input(|board, now| board.part_mut().ssi_select(VirtualNanos(now), SSI_CSN));
+            self.selected = Some(at);
+            self.at += 3 * US;
+        } else if self.miso.len() < Image::<3>::LEN {
+            let miso = node.input(|board, now| board.part_mut().ssi_clock(VirtualNanos(now), 0));
+            self.miso.push(miso.unwrap_or(0xFF));
+            self.at += US + 50;
+        } else {
+            node.input(|board, now| board.part_mut().ssi_deselect(VirtualNanos(now), SSI_CSN));
+            self.read.push((self.selected.take().unwrap_or(at), std::mem::take(&mut self.miso)));
+            self.at += PAUSES[self.transactions % PAUSES.len()];
+            self.transactions += 1;
+        }
+    }
+}
+
+/// The poller's antenna.
+struct Antenna(FrontEnd);
+
+impl Upstream<Horus> for Antenna {
+    type Message = AirEvent;
+    type Notes = ();
+
+    fn leave(&mut self, _node: &mut Node<Horus>, sent: &mut Vec<(u64, AirEvent)>) {
+        self.0.with(|chip| sent.extend(chip.take_air()));
+    }
+
+    fn notes(&mut self, _node: &mut Node<Horus>) {}
+}
+
+/// Every task of the DPR by its vector; `idle` has none and is hung where it sleeps.
+const EVERY_DPR_TASK: [(&str, &str); 8] = [
+    ("SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1", "ssi_end"),
+    ("SPIM0_SPIS0_TWIM0_TWIS0_SPI0_TWI0", "rf_spi"),
+    ("GPIOTE", "rf_irq"),
+    ("TIMER0", "rf_timer"),
+    ("SWI0_EGU0", "commit"),
+    ("TIMER1", "deadline"),
+    ("SWI1_EGU1", "scrub"),
+    ("", "idle"),
+];
+
+/// Hangs `vector`, or the idle task where it has none and as soon as it sleeps.
+fn hang(node: &mut Node<Dpr>, vector: &str) -> Option<(u64, [u8; 2])> {
+    if !vector.is_empty() {
+        return Some(break_task(node, vector, Damage::Hung));
+    }
+    let address = node.is_asleep().then(|| u64::from(node.register(15)))?;
+    let name = node.firmware().name_of(address).unwrap_or_default();
+    assert!(name.contains("idle"), "the core sleeps in {name}");
+    let mut was = [0; 2];
+    node.read(address, &mut was).unwrap();
+    node.write(address, &Damage::Hung.instruction()).unwrap();
+    Some((address, was))
+}
+
+/// The flight controller reads on all the time. The watchdog restarts the DPR, and the damage is repaired at the first restart. A
+/// firmware that checks its flash as it starts may have met the damage before that, and then restarts once more.
+fn hung(vector: &str, task: &str, breaks_at: u64) -> Option<Reader> {
+    let (Some((a, poller, _)), Some((b, listener))) = (boards::horus(), boards::dpr()) else { return None };
+    let mut relay = Relay { a, b, upstream: Antenna(poller), downstream: Reader::new(listener) };
+    let ended = relay.run(900 * MS, 250 * US, |at, node, reader| {
+        match (reader.broken, reader.repaired) {
+            (None, _) if at >= breaks_at => {
+                reader.broken = hang(node, vector).map(|(address, was)| (at, address, was));
+            }
+            (Some((_, address, was)), false) if node.resets().len() > 0 => {
+                node.write(address, &was).unwrap();
+                reader.repaired = true;
+            }
+            (Some((broken, ..)), true) if reader.valid_reads(broken + 100 * MS) >= 10 => return Err(()),
+            _ => {}
+        }
+        Ok(())
+    });
+    let (dpr, reader) = (relay.b, relay.downstream);
+    let (broken, ..) = reader.broken.unwrap_or_else(|| panic!("{task} was not broken"));
+    assert!(reader.valid_reads(0) - reader.valid_reads(broken) >= 10, "{task}: it worked before");
+    assert!(reader.repaired, "{task}: the watchdog did not restart the DPR");
+    assert!((1..=2).contains(&dpr.resets().len()), "{task}: {} restarts", dpr.resets().len());
+    assert_eq!(ended, Err(()), "{task}: nothing valid after the repair");
+    Some(reader)
+}
+
+#[test]
+fn no_task_that_hangs_in_the_dpr_leaves_old_data_to_be_read_as_valid() {
+    let mut stale = vec![];
+    for (nth, (vector, task)) in EVERY_DPR_TASK.into_iter().enumerate() {
+        // Each at another phase of HORUS's cycle.
+        let Some(reader) = hung(vector, task, 100 * MS + nth as u64 * 1_250 * US) else { return };
+        if let Some((at, age)) = reader.stale().into_iter().max_by_key(|(_, age)| *age) {
+            stale.push(format!("{task}: at {} us valid, {} us after its frame's last bit", at / US, age / US));
+        }
+    }
+    assert!(stale.is_empty(), "{stale:#?}");
+}
+
+// ---- what stands in for absent images
+
+#[test]
+fn a_test_without_its_images_fails_where_ci_runs_and_says_elsewhere_that_it_did_not_run() {
+    let words = "not run: there is no image (build it)".to_owned();
+    assert_eq!(boards::verdict(true, "there is no image", "build it"), Err(words.clone()));
+    assert_eq!(boards::verdict(false, "there is no image", "build it"), Ok(words));
 }

@@ -74,7 +74,7 @@ pub(crate) struct ClockPower {
     calibration_due: Option<u64>,
     ctiv: u32,
     ct_due: Option<u64>,
-    reset_reason: u32,
+    pub(crate) reset_reason: u32,
     retained: [u32; 2],
     /// Registers that only hold what is written: offset, value, writable bits.
     plain: [(u32, u32, u32); 8],

@@ -500,6 +500,12 @@ impl Nrf52840 {
         uicr_approtect & 0xFF == 0x5A && self.soc.debug_port_enabled()
     }
 
+    /// RESETREAS, as the firmware has left it.
+    #[must_use]
+    pub fn reset_reason(&self) -> u32 {
+        self.soc.reset_reason()
+    }
+
     /// Every watchdog reset of this run.
     #[must_use]
     pub fn watchdog_resets(&self) -> &[WatchdogReset] {

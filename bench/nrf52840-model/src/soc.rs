@@ -406,6 +406,10 @@ impl Soc {
         Some(parts.serial[spis_number(id)].clock(mosi, &mut cx))
     }
 
+    pub(crate) fn reset_reason(&self) -> u32 {
+        self.parts.clock_power.reset_reason
+    }
+
     /// Whether the software's half of the access port protection stands open.
     pub(crate) fn debug_port_enabled(&self) -> bool {
         self.parts.clock_power.debug_port_enabled()

@@ -105,7 +105,7 @@ impl Thumb {
         self.mov(0, operation).mov(1, parameter).raw(&[0xBEAB])
     }
 
-    fn bytes(&self) -> Vec<u8> {
+    pub(crate) fn bytes(&self) -> Vec<u8> {
         self.code.iter().flat_map(|half| half.to_le_bytes()).collect()
     }
 }
