@@ -241,14 +241,17 @@ struct Reader {
     transactions: usize,
     selected: Option<u64>,
     miso: Vec<u8>,
-    /// Every image read, with the instant its transaction began.
-    read: Vec<(u64, Vec<u8>)>,
+    /// The timestamps of the valid objects of every image read, with the instant its transaction began.
+    read: Vec<(u64, Vec<u32>)>,
     air: Air,
     listener: FrontEnd,
     /// The bytes of the frame that is on the air, LEN first.
     frame: Vec<u8>,
     /// When each frame's last bit was through, by the timestamp it carries.
     sent: std::collections::BTreeMap<u32, u64>,
+    /// Frames are lost on the air from the damage to the repair, because the task runs only when they are.
+    loses: bool,
+    lost: bool,
     /// When the task was broken, and how to repair it.
     broken: Option<(u64, u64, [u8; 2])>,
     repaired: bool,
@@ -258,8 +261,10 @@ struct Reader {
 const PAUSES: [u64; 3] = [US * 700, US * 2_150, US * 3_600];
 
 impl Reader {
-    fn new(listener: FrontEnd) -> Self {
+    fn new(listener: FrontEnd, loses: bool) -> Self {
         Self {
+            loses,
+            lost: false,
             at: 20 * MS,
             transactions: 0,
             selected: None,
@@ -287,8 +292,7 @@ impl Reader {
 
     /// Instants at which something valid was read that was too old, with how old its frame was.
     fn stale(&self) -> Vec<(u64, u64)> {
-        let timestamps =
-            self.read.iter().flat_map(|(at, image)| Self::valid(image).into_iter().map(move |ms| (*at, ms)));
+        let timestamps = self.read.iter().flat_map(|(at, valid)| valid.iter().map(move |ms| (*at, *ms)));
         timestamps
             .filter_map(|(at, ms)| {
                 let ended = self.sent.get(&ms).unwrap_or_else(|| panic!("{ms} ms was never sent"));
@@ -298,7 +302,7 @@ impl Reader {
     }
 
     fn valid_reads(&self, from: u64) -> usize {
-        self.read.iter().filter(|(at, image)| *at >= from && !Self::valid(image).is_empty()).count()
+        self.read.iter().filter(|(at, valid)| *at >= from && !valid.is_empty()).count()
     }
 }
 
@@ -315,6 +319,12 @@ impl Downstream<Dpr> for Reader {
                 self.sent.insert(u32::from_le_bytes(timestamp), at);
             }
             AirEvent::FieldOn | AirEvent::FieldOff => {}
+        }
+        if matches!(event, AirEvent::FrameStart(_)) {
+            self.lost = self.loses && self.broken.is_some() && !self.repaired;
+        }
+        if self.lost && !matches!(event, AirEvent::FieldOn | AirEvent::FieldOff) {
+            return;
         }
         let listener = &self.listener;
         self.air.from_poller(at, event, |at, event| listener.with(|chip| chip.hear(at, event)));
@@ -341,7 +351,8 @@ impl Downstream<Dpr> for Reader {
             self.at += US + 50;
         } else {
             node.input(|board, now| board.part_mut().ssi_deselect(VirtualNanos(now), SSI_CSN));
-            self.read.push((self.selected.take().unwrap_or(at), std::mem::take(&mut self.miso)));
+            self.read.push((self.selected.take().unwrap_or(at), Self::valid(&self.miso)));
+            self.miso.clear();
             self.at += PAUSES[self.transactions % PAUSES.len()];
             self.transactions += 1;
         }
@@ -374,6 +385,9 @@ const EVERY_DPR_TASK: [(&str, &str); 8] = [
     ("", "idle"),
 ];
 
+/// Tasks that run when frames stay away.
+const ON_LOSS: [&str; 2] = ["rf_timer", "deadline"];
+
 /// Hangs `vector`, or the idle task where it has none and as soon as it sleeps.
 fn hang(node: &mut Node<Dpr>, vector: &str) -> Option<(u64, [u8; 2])> {
     if !vector.is_empty() {
@@ -392,8 +406,9 @@ fn hang(node: &mut Node<Dpr>, vector: &str) -> Option<(u64, [u8; 2])> {
 /// firmware that checks its flash as it starts may have met the damage before that, and then restarts once more.
 fn hung(vector: &str, task: &str, breaks_at: u64) -> Option<Reader> {
     let (Some((a, poller, _)), Some((b, listener))) = (boards::horus(), boards::dpr()) else { return None };
-    let mut relay = Relay { a, b, upstream: Antenna(poller), downstream: Reader::new(listener) };
-    let ended = relay.run(900 * MS, 250 * US, |at, node, reader| {
+    let mut relay =
+        Relay { a, b, upstream: Antenna(poller), downstream: Reader::new(listener, ON_LOSS.contains(&task)) };
+    let ended = relay.run(700 * MS, 250 * US, |at, node, reader| {
         match (reader.broken, reader.repaired) {
             (None, _) if at >= breaks_at => {
                 reader.broken = hang(node, vector).map(|(address, was)| (at, address, was));
@@ -402,7 +417,7 @@ fn hung(vector: &str, task: &str, breaks_at: u64) -> Option<Reader> {
                 node.write(address, &was).unwrap();
                 reader.repaired = true;
             }
-            (Some((broken, ..)), true) if reader.valid_reads(broken + 100 * MS) >= 10 => return Err(()),
+            (Some((broken, ..)), true) if reader.valid_reads(broken + 100 * MS) >= 5 => return Err(()),
             _ => {}
         }
         Ok(())
@@ -421,7 +436,7 @@ fn no_task_that_hangs_in_the_dpr_leaves_old_data_to_be_read_as_valid() {
     let mut stale = vec![];
     for (nth, (vector, task)) in EVERY_DPR_TASK.into_iter().enumerate() {
         // Each at another phase of HORUS's cycle.
-        let Some(reader) = hung(vector, task, 100 * MS + nth as u64 * 1_250 * US) else { return };
+        let Some(reader) = hung(vector, task, 70 * MS + nth as u64 * 1_250 * US) else { return };
         if let Some((at, age)) = reader.stale().into_iter().max_by_key(|(_, age)| *age) {
             stale.push(format!("{task}: at {} us valid, {} us after its frame's last bit", at / US, age / US));
         }
