@@ -231,8 +231,8 @@ fn a_fault_in_the_dpr_leaves_nothing_to_be_read_until_the_watchdog_has_restarted
 
 // ---- both boards: a hung DPR
 
-/// No object may be readable as valid longer than this after its frame's last bit: the image expires in hardware 25 ms after its
-/// publication, which the frame's end precedes by well under 5 ms.
+/// No object may be readable as valid longer than this after its frame's last bit: the image expires in hardware 25 ms
+/// after its publication, which the frame's end precedes by well under 5 ms.
 const STALE: u64 = 30 * MS;
 
 /// A flight controller that reads the whole image again and again, and the air to the DPR's front end.
@@ -402,8 +402,9 @@ fn hang(node: &mut Node<Dpr>, vector: &str) -> Option<(u64, [u8; 2])> {
     Some((address, was))
 }
 
-/// The flight controller reads on all the time. The watchdog restarts the DPR, and the damage is repaired at the first restart. A
-/// firmware that checks its flash as it starts may have met the damage before that, and then restarts once more.
+/// The flight controller reads on all the time. The watchdog restarts the DPR, and the damage is repaired at the first
+/// restart. A firmware that checks its flash as it starts may have met the damage before that, and then restarts once
+/// more.
 fn hung(vector: &str, task: &str, breaks_at: u64) -> Option<Reader> {
     let (Some((a, poller, _)), Some((b, listener))) = (boards::horus(), boards::dpr()) else { return None };
     let mut relay =

@@ -217,8 +217,8 @@ fn register(node: &Node<Bare<Stm32f427Part>>, offset: u64) -> u64 {
     bus.slots()[bus.slot_of("RCC").unwrap()].registers().get(register)
 }
 
-/// HSE and the PLL on it, as far as they start; then the PLL is asked for as the system clock, with TIM2 at 1 kHz of 16 MHz and
-/// the watchdog running. `extra` goes into CR with HSEON.
+/// HSE and the PLL on it, as far as they start; then the PLL is asked for as the system clock, with TIM2 at 1 kHz of 16
+/// MHz and the watchdog running. `extra` goes into CR with HSEON.
 fn on_the_pll(extra: u32) -> Thumb {
     let mut main = Thumb::at(MAIN);
     main.store(RCC, 0x83 | HSEBYP | HSEON | extra).wait_for(RCC, 17);

@@ -2,18 +2,19 @@
 //!
 //! | covered | value |
 //! |---|---|
-//! | CODEPAGESIZE, CODESIZE, INFO.PART, INFO.VARIANT, INFO.PACKAGE, INFO.RAM, INFO.FLASH | an nRF52840-QIAA, build code AAF0 |
+//! | CODEPAGESIZE, CODESIZE, INFO.PART, VARIANT, PACKAGE, RAM, FLASH | an nRF52840-QIAA, build code AAF0 |
 //! | the words at 0x130 and 0x134: part and revision | 8 and 3, see below |
 //! | DEVICEID, DEVICEADDR, DEVICEADDRTYPE | from the settings |
 //! | TEMP.A0–A5, B0–B5, T0–T4 | the typical calibration |
 //! | every other word | erased, 0xFFFF_FFFF |
 //!
-//! No specification names the words at 0x130 and 0x134. Nordic's start-up code reads them to know a part with hardened access port
-//! protection, revision 3 on (public repository littlekernel/lk, `external/platform/nrfx/mdk/nrf52_erratas.h`).
+//! No specification names the words at 0x130 and 0x134. Nordic's start-up code reads them to know a part with hardened
+//! access port protection, revision 3 on (public repository littlekernel/lk,
+//! `external/platform/nrfx/mdk/nrf52_erratas.h`).
 //!
 //! UICR is memory that the NVMC programs, erased to 0xFF: see `nvmc`. PSELRESET, NFCPINS, APPROTECT and REGOUT0 read what
-//! the image or the firmware put there and change nothing here: the reset pin, the NFC antenna and the supply are outside the
-//! model, and what APPROTECT means to a debugger is [`crate::Nrf52840::debug_port_open`].
+//! the image or the firmware put there and change nothing here: the reset pin, the NFC antenna and the supply are
+//! outside the model, and what APPROTECT means to a debugger is [`crate::Nrf52840::debug_port_open`].
 use crate::Settings;
 use crate::clocks::Clocks;
 use crate::instance::{Block, Cx, Instance};

@@ -484,17 +484,17 @@ impl Nrf52840 {
         self.drive(at, |soc| soc.out.acts.push_back(instance::Act::Reset(instance::Restart::Lockup)));
     }
 
-    /// The supply failed: the restart that comes next is a power-on or brown-out reset, whoever asks for it. Both leave nothing
-    /// in RESETREAS (PS 5.3) and put every register back; what RAM holds afterwards is the engine's to say.
+    /// The supply failed: the restart that comes next is a power-on or brown-out reset, whoever asks for it. Both leave
+    /// nothing in RESETREAS (PS 5.3) and put every register back; what RAM holds afterwards is the engine's to say.
     pub fn supply_failed(&mut self) {
         self.soc.supply_failed = true;
     }
 
-    /// What a debugger that comes now finds on a part with hardened access port protection (nRF52840 revision 3 on), given the
-    /// word of UICR.APPROTECT as it was at the last reset, when the part takes it up: the debug port is open while UICR.APPROTECT
-    /// and APPROTECT.DISABLE both say 0x5A and nothing was written to APPROTECT.FORCEPROTECT (PS 4.8, *Access port protection*).
-    /// Erased flash reads 0xFFFF_FFFF there, and every reset closes the software's half, so a firmware that writes neither is
-    /// locked.
+    /// What a debugger that comes now finds on a part with hardened access port protection (nRF52840 revision 3 on),
+    /// given the word of UICR.APPROTECT as it was at the last reset, when the part takes it up: the debug port is open
+    /// while UICR.APPROTECT and APPROTECT.DISABLE both say 0x5A and nothing was written to APPROTECT.FORCEPROTECT (PS
+    /// 4.8, *Access port protection*). Erased flash reads 0xFFFF_FFFF there, and every reset closes the software's
+    /// half, so a firmware that writes neither is locked.
     #[must_use]
     pub fn debug_port_open(&self, uicr_approtect: u32) -> bool {
         uicr_approtect & 0xFF == 0x5A && self.soc.debug_port_enabled()

@@ -95,7 +95,8 @@ impl Rtc {
         });
     }
 
-    /// Carries out what is due now before a task or a write of the same instant, which would look for the next from here.
+    /// Carries out what is due now before a task or a write of the same instant, which would look for the next from
+    /// here.
     fn catch_up(&mut self, cx: &mut Cx<'_>) {
         if self.next.is_some_and(|at| at <= cx.now) {
             self.due(cx);

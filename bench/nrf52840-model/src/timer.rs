@@ -7,8 +7,8 @@
 //! | Timer, Counter and LowPowerCounter mode, all bit modes, PRESCALER 0 to 9 | 6.30 |
 //!
 //! A compare register matches when the counter *becomes* equal to it: one written with the present count matches after the
-//! counter has gone round. With the CLEAR shortcut the period is CC ticks. A match that falls due in the instant of a task or of a
-//! write comes before it: neither takes it back.
+//! counter has gone round. With the CLEAR shortcut the period is CC ticks. A match that falls due in the instant of a
+//! task or of a write comes before it: neither takes it back.
 //!
 //! Left out: the PCLK1M saving of PRESCALER above 4, and the one-cycle resynchronisation of START, which is taken at the
 //! PCLK16M tick under way.
@@ -119,8 +119,8 @@ impl Timer {
         }
     }
 
-    /// Carries out every match that is due by now. A task or a write that comes at the same instant finds the counter already
-    /// equal, and would otherwise look for the next match from there: this one would be lost.
+    /// Carries out every match that is due by now. A task or a write that comes at the same instant finds the counter
+    /// already equal, and would otherwise look for the next match from there: this one would be lost.
     fn catch_up(&mut self, cx: &mut Cx<'_>) {
         while let Some((_, tick)) = self.next.filter(|(at, _)| *at <= cx.now) {
             let count = self.count(tick);

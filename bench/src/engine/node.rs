@@ -40,8 +40,8 @@ const ICSR: u64 = 0xE000_ED04;
 const NMIPENDSET: u64 = 1 << 31;
 /// The NMI's exception number, ARMv7-M ARM table B1-4.
 const NMI: u32 = 2;
-/// While an NMI stands that its handler has not cleared, the core is looked at this often, in instructions: it may return, and has
-/// to be taken back.
+/// While an NMI stands that its handler has not cleared, the core is looked at this often, in instructions: it may
+/// return, and has to be taken back.
 const NMI_LOOK: u32 = 8;
 
 /// HardFault's place in the vector table, ARMv7-M ARM table B1-4.
@@ -74,7 +74,8 @@ pub enum FromOutside {
     Pin,
     /// Its supply came on. RAM holds what it came up with: noise that follows from the seed.
     PowerOn(u64),
-    /// Its supply dipped below the brown-out threshold. RAM keeps its contents, which is the harder case for a firmware.
+    /// Its supply dipped below the brown-out threshold. RAM keeps its contents, which is the harder case for a
+    /// firmware.
     BrownOut,
 }
 
@@ -620,8 +621,8 @@ impl<B: Wiring> Node<B> {
         }
     }
 
-    /// The core's NMI input is level sensitive here: whatever stands after the handler has returned makes it pending again.
-    /// Answers whether it stands.
+    /// The core's NMI input is level sensitive here: whatever stands after the handler has returned makes it pending
+    /// again. Answers whether it stands.
     fn take_nmi(&mut self) -> bool {
         if !self.session.board().0.part().nmi() {
             return false;
@@ -671,7 +672,8 @@ impl<B: Wiring> Node<B> {
         self.input(|board, at| board.part_mut().locked_up(at));
     }
 
-    /// Restarts the part from outside, now. Its flags say why, as far as it has flags for it, and [`Node::resets`] lists it.
+    /// Restarts the part from outside, now. Its flags say why, as far as it has flags for it, and [`Node::resets`]
+    /// lists it.
     pub fn restart(&mut self, why: FromOutside) {
         let at = VirtualNanos(self.now());
         self.side.instant = at.0;

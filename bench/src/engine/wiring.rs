@@ -42,8 +42,8 @@ pub trait Part: Mcu + Debug + Send + 'static {
     /// How the part's core is made: its variant, interrupt lines, priority bits and where it boots.
     fn core(&self) -> CoreSpec;
 
-    /// What the core runs at now; at zero hertz it stands still and time goes on. The engine asks after every access to a
-    /// register and at every stop, so that the core follows the part's clock tree.
+    /// What the core runs at now; at zero hertz it stands still and time goes on. The engine asks after every access to
+    /// a register and at every stop, so that the core follows the part's clock tree.
     fn rate(&self) -> Rate;
 
     /// The level of the core's NMI input. While it is high the core takes the exception again and again.

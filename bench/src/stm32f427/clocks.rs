@@ -2,14 +2,16 @@
 //!
 //! | covered | RM0090 |
 //! |---|---|
-//! | HSE without a source: `HSEON` stays set, `HSERDY` stays clear, a PLL fed from it does not lock, a switch to either waits for ever | 6.2.1, 6.2.3, 6.2.6 |
-//! | HSE failing while it runs, with `CSSON`: HSE off, the system clock switched to HSI and the PLL off where HSE clocked the system, `CSSF`, the NMI that stands until `CSSC` is written, the break of TIM1 and TIM8 | 6.2.7 |
+//! | HSE without a source: `HSEON` stays set, `HSERDY` clear, a PLL fed from it does not lock | 6.2.1, 6.2.3 |
+//! | a switch to a source that never gets ready waits for ever | 6.2.6 |
+//! | HSE failing with `CSSON`: HSE off; where it clocked the system, HSI instead and the PLL off | 6.2.7 |
+//! | the same: `CSSF`, the NMI that stands until `CSSC` is written, the break of TIM1 and TIM8 | 6.2.7 |
 //! | HSE failing without `CSSON`: what it clocked has no clock; a core on it stands still | 6.2.7 |
 //! | HSI off its 16 MHz, in everything that is clocked from it | 6.2.2 |
 //!
 //! | left out | why |
 //! |---|---|
-//! | how long the detector takes, and what a PLL does on its way out of lock | no figure is given for either; here both take no time |
+//! | how long the detector and a PLL losing its lock take | no figure is given for either; here no time |
 //! | the core timer's rate, which rigless gives one value for good | see [`super::Oscillators::systick_hz`] |
 
 use rigless::device::{Device, DeviceContext, RegisterFile, RequestChange};
@@ -219,7 +221,8 @@ impl ClockControl {
     }
 }
 
-/// The register and mask of the bit that clocks the peripheral called `name`, 6.3.10 to 6.3.14: its name with `EN` after it.
+/// The register and mask of the bit that clocks the peripheral called `name`, 6.3.10 to 6.3.14: its name with `EN`
+/// after it.
 fn enable_of(name: &str) -> Option<(Register, u64)> {
     [Register::Ahb1enr, Register::Apb1enr, Register::Apb2enr].into_iter().find_map(|register| {
         let spec = REGISTERS.iter().find(|spec| {

@@ -57,13 +57,14 @@ const FLASH_CR: u64 = 0x4002_3C10;
 /// What clocks the part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Oscillators {
-    /// What OSC_IN is meant to carry, in hertz; `None` where nothing drives it, as on a NUCLEO whose ST-LINK has no power.
+    /// What OSC_IN is meant to carry, in hertz; `None` where nothing drives it, as on a NUCLEO whose ST-LINK has no
+    /// power.
     pub hse_hz: Option<u64>,
     /// By how much it is fast, in parts per billion. Taken to the nearest hertz of `hse_hz`: 125 ppb at 8 MHz.
     pub hse_ppb: i64,
-    /// By how much the internal 16 MHz oscillator (HSI) is fast, in parts per billion: ±1 % trimmed and at 25 °C, -8 % to +4.5 %
-    /// from -40 °C to 105 °C (DS9405, table of the HSI oscillator's characteristics). What is clocked from it is taken to the
-    /// nearest hertz.
+    /// By how much the internal 16 MHz oscillator (HSI) is fast, in parts per billion: ±1 % trimmed and at 25 °C, -8 %
+    /// to +4.5 % from -40 °C to 105 °C (DS9405, table of the HSI oscillator's characteristics). What is clocked from it
+    /// is taken to the nearest hertz.
     pub hsi_ppb: i64,
     /// The internal low-speed oscillator, which runs the independent watchdog: 17 to 47 kHz, 32 kHz typical (data sheet table 42).
     pub lsi_hz: u64,
@@ -88,7 +89,8 @@ impl Oscillators {
         u64::try_from(i128::from(meant) + rounded).unwrap_or(0)
     }
 
-    /// rigless's clock control with these oscillators. What makes HSE absent is this module's, so it always has a rate here.
+    /// rigless's clock control with these oscillators. What makes HSE absent is this module's, so it always has a rate
+    /// here.
     fn control(&self) -> Rcc {
         let mut rcc = Rcc::new();
         rcc.attach_crystals(if self.hse_hz.is_some() { self.hse() } else { 8_000_000 }, 0);
@@ -370,16 +372,16 @@ impl Stm32f427Part {
         })
     }
 
-    /// The oscillator on OSC_IN stops at `at` (virtual ns). With `CSSON` set the hardware switches what ran from it to HSI and
-    /// raises the NMI; without, whatever it clocked stands still, the core with it (RM0090 section 6.2.7). Nothing happens where
-    /// it does not run.
+    /// The oscillator on OSC_IN stops at `at` (virtual ns). With `CSSON` set the hardware switches what ran from it to
+    /// HSI and raises the NMI; without, whatever it clocked stands still, the core with it (RM0090 section 6.2.7).
+    /// Nothing happens where it does not run.
     pub fn fail_hse(&mut self, at: u64) {
         let (registers, mut context) = self.mcu.bus_mut().drive(VirtualNanos(at), self.slots.rcc);
         self.clocks.fail_hse(registers, &mut context);
     }
 
-    /// The oscillator on OSC_IN runs again from `at` (virtual ns) on, also one that was absent from the start. Software that waits
-    /// for `HSERDY` sees it rise; nothing switches back by itself.
+    /// The oscillator on OSC_IN runs again from `at` (virtual ns) on, also one that was absent from the start. Software
+    /// that waits for `HSERDY` sees it rise; nothing switches back by itself.
     pub fn restore_hse(&mut self, at: u64) {
         let (registers, mut context) = self.mcu.bus_mut().drive(VirtualNanos(at), self.slots.rcc);
         self.clocks.restore_hse(registers, &mut context);
@@ -474,8 +476,8 @@ impl Stm32f427Part {
         pending
     }
 
-    /// Restarts the rigless part. It knows neither a window watchdog nor a failing supply: those go through as the core's own reset
-    /// and the pin's, and the flags of RM0090 section 6.3.21 are put in afterwards.
+    /// Restarts the rigless part. It knows neither a window watchdog nor a failing supply: those go through as the
+    /// core's own reset and the pin's, and the flags of RM0090 section 6.3.21 are put in afterwards.
     fn reset_by(&mut self, at: VirtualNanos, cause: ResetCause) {
         const BORRSTF: u64 = 1 << 25;
         const PINRSTF: u64 = 1 << 26;

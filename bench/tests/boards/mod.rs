@@ -10,8 +10,8 @@ use bench::stm32f427::{Oscillators, Stm32f427Part};
 use nrf52840_model::{Nrf52840, Settings};
 use st25r3916_model::{Chip, Config};
 
-/// What a test answers that lacks something it needs: a test that ran on nothing must not look as if it had passed where nobody
-/// reads its output, so with `ci` it fails. `how` says how to get what is missing.
+/// What a test answers that lacks something it needs: a test that ran on nothing must not look as if it had passed
+/// where nobody reads its output, so with `ci` it fails. `how` says how to get what is missing.
 pub(crate) fn verdict(ci: bool, missing: &str, how: &str) -> Result<String, String> {
     let words = format!("not run: {missing} ({how})");
     if ci { Err(words) } else { Ok(words) }
