@@ -445,6 +445,61 @@ fn no_task_that_hangs_in_the_dpr_leaves_old_data_to_be_read_as_valid() {
     assert!(stale.is_empty(), "{stale:#?}");
 }
 
+// ---- flash that lost a bit before the start
+
+/// Where the vector of an interrupt lies that the firmware does not use: part of the image, and never fetched.
+fn unused_vector(table: u64, interrupt: u64) -> u64 {
+    table + 4 * (16 + interrupt)
+}
+
+/// Flips bit 3 of the byte at `address`.
+fn flip<B: Wiring>(node: &mut Node<B>, address: u64) {
+    let mut byte = [0];
+    node.read(address, &mut byte).unwrap();
+    node.write(address, &[byte[0] ^ 1 << 3]).unwrap();
+}
+
+#[test]
+fn a_bit_of_horus_flash_that_is_wrong_at_the_start_keeps_the_field_off_until_it_is_right_again() {
+    let Some(mut horus) = transmitter() else { return };
+    // The window watchdog's, interrupt 0.
+    let address = unused_vector(0x0800_0000, 0);
+    flip(&mut horus.node, address);
+    horus.run_for(500 * MS);
+    assert!(!horus.air.iter().any(|(_, event)| matches!(event, AirEvent::FieldOn)), "the field went on");
+    let causes: Vec<ResetCause> = horus.node.resets().map(|reset| reset.cause).collect();
+    assert!(causes.len() >= 2, "{causes:?}");
+    assert!(causes.iter().all(|cause| *cause == ResetCause::Model("IWDG")), "{causes:?}");
+    let log = logged(&mut horus.node);
+    assert!(log.contains("flash"), "{log}");
+    flip(&mut horus.node, address);
+    let restarted = horus.until_restart();
+    horus.run_for(55 * MS);
+    assert!(horus.frames(restarted) >= 4, "{} frames", horus.frames(restarted));
+}
+
+#[test]
+fn a_bit_of_the_dprs_flash_that_is_wrong_at_the_start_leaves_nothing_to_be_read_until_it_is_right_again() {
+    let Some((mut dpr, _)) = boards::dpr() else { return };
+    // The radio's, interrupt 1.
+    let address = unused_vector(0, 1);
+    flip(&mut dpr, address);
+    while dpr.now() < 500 * MS {
+        dpr.advance(dpr.now() + 7 * MS);
+        let read = read_image(&mut dpr, LinkStatus::SIZE);
+        assert!(read.iter().all(|&byte| byte == 0xFF), "at {} us: {read:02x?}", dpr.now() / US);
+    }
+    let bites = dpr.board().part().watchdog_resets().len();
+    assert!(bites >= 2, "{bites} watchdog resets");
+    assert_eq!(dpr.resets().len(), bites, "and no other");
+    let log = logged(&mut dpr);
+    assert!(log.contains("flash"), "{log}");
+    flip(&mut dpr, address);
+    until_restart(&mut dpr, BITE, |_| {});
+    dpr.advance(dpr.now() + 50 * MS);
+    assert!(link_status(&mut dpr).status().unasked_reset());
+}
+
 // ---- what stands in for absent images
 
 #[test]
