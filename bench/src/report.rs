@@ -87,7 +87,11 @@ pub struct Horus {
     pub frames_sent: u64,
     /// Between the first frames of two cycles in a row.
     pub period_ns: Span,
-    /// From the 10 ms timer's tick to the first preamble bit of the cycle's first frame.
+    /// From the 10 ms timer's tick to the transmit command of the cycle's first frame: chip select rising after its byte. Its
+    /// jitter is the firmware's.
+    pub tick_to_command_ns: Span,
+    /// From the same tick to the first preamble bit of the cycle's first frame. Its jitter is the firmware's and the
+    /// scatter with which the front end starts.
     pub tick_to_air_ns: Span,
     /// The part of the time in which the core was awake.
     pub load: f64,

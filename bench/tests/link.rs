@@ -26,6 +26,7 @@ fn setup(gps: usize, milliseconds: u64) -> Option<Setup> {
         recordings: vec![],
         crystals: Crystals { horus_ppb: 8_000, dpr_ppb: -12_000, flight_controller_ppb: 25_000 },
         faults: Faults::default(),
+        sweep: None,
         trace: None,
     })
 }
@@ -48,9 +49,10 @@ fn with_any_number_of_receivers_every_object_arrives_in_time_and_nothing_is_viol
         assert_eq!(report.dpr.objects_accepted, cycles * (gps as u64 + 1));
         assert_eq!((report.dpr.objects_rejected, report.dpr.frames_missed, report.dpr.scrub_faults), (0, 0, 0));
         assert_eq!((report.base.profiles, report.base.bad_crc), (report.ssi.fresh, 0));
-        assert!(report.horus.tick_to_air_ns.width() <= 1_000);
+        assert!(report.horus.tick_to_command_ns.max > 0 && report.horus.tick_to_command_ns.width() <= 100);
+        assert!(report.horus.tick_to_air_ns.width() <= 3_000);
         // 8 ppm fast.
-        assert!(report.horus.period_ns.min.abs_diff(9_999_920) <= 1_000, "{:?}", report.horus.period_ns);
+        assert!(report.horus.period_ns.min.abs_diff(9_999_920) <= 3_000, "{:?}", report.horus.period_ns);
         assert!(report.ssi.ready_ns.max <= 10_000);
         assert!(report.horus.load <= 0.1 && report.dpr.load <= 0.1);
         assert!(report.latency_ns.last_bit_to_readable.max <= 100_000);

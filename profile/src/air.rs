@@ -44,6 +44,12 @@ pub const MAX_PAYLOAD: usize = 254;
 /// The longest payload of any profile, bytes: that of three receivers.
 pub const LONGEST_PAYLOAD: usize = Profile::<3>::SIZE;
 
+/// Bytes before the payload that count in LEN: LEN itself.
+pub const LEN_BYTES: usize = 1;
+
+/// Bytes after the payload: the CRC-16, which the chips add and check.
+pub const CRC_BYTES: usize = 2;
+
 /// The shortest time between the end of a frame and the start of the next, µs, in which the listener takes the first out
 /// of its FIFO and re-arms.
 pub const MIN_GAP_US: u32 = 300;

@@ -112,6 +112,7 @@ pub(crate) fn sim(args: &SimArgs) -> Result<ExitCode> {
             flight_controller_ppb: to_ppb(args.fc_ppm),
         },
         faults: bench::sim::Faults::default(),
+        sweep: None,
         trace: args.trace.clone(),
     };
     let style = ProgressStyle::with_template("{bar:40} {pos}/{len} ms of virtual time, {eta} left")
@@ -163,9 +164,18 @@ fn table(report: &Report) -> String {
         ("HORUS", format!("{} frames sent, load {:.1} %", horus.frames_sent, horus.load * 100.0)),
         ("  period", format!("{} .. {}", ms(horus.period_ns.min), ms(horus.period_ns.max))),
         (
+            "  tick to command",
+            format!(
+                "{} .. {} (jitter {} ns, the firmware's)",
+                us(horus.tick_to_command_ns.min),
+                us(horus.tick_to_command_ns.max),
+                horus.tick_to_command_ns.width()
+            ),
+        ),
+        (
             "  tick to air",
             format!(
-                "{} .. {} (jitter {} ns)",
+                "{} .. {} (jitter {} ns, with the front end's scatter)",
                 us(horus.tick_to_air_ns.min),
                 us(horus.tick_to_air_ns.max),
                 horus.tick_to_air_ns.width()

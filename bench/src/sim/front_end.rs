@@ -11,6 +11,9 @@ use rigless::chip::{Timeline, spi};
 use rigless::snapshot::Store;
 use st25r3916_model::Chip;
 
+/// Transmit with CRC, the command that sends a frame (DS13541, Direct commands).
+const TRANSMIT: u8 = 0xC4;
+
 /// A byte that crossed between the part and the chip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Crossing {
@@ -30,6 +33,10 @@ struct Shared {
     irq: bool,
     /// What crossed, while somebody wants to know.
     crossings: Option<Vec<(u64, Crossing)>>,
+    /// The first byte since chip select fell.
+    first_byte: Option<u8>,
+    /// When chip select rose after a transmit command.
+    transmits: Vec<u64>,
 }
 
 /// The chip, and beside it what the scheduler asks after every access and at every stop: asking takes no lock.
@@ -52,7 +59,14 @@ impl FrontEnd {
     #[must_use]
     pub fn new(chip: Chip, watched: bool) -> Self {
         let front_end = Self(Arc::new(Place {
-            shared: Mutex::new(Shared { chip, now: 0, irq: false, crossings: watched.then(Vec::new) }),
+            shared: Mutex::new(Shared {
+                chip,
+                now: 0,
+                irq: false,
+                crossings: watched.then(Vec::new),
+                first_byte: None,
+                transmits: vec![],
+            }),
             reached: AtomicU64::new(0),
             next: AtomicU64::new(u64::MAX),
             irq: AtomicBool::new(false),
@@ -108,6 +122,13 @@ impl FrontEnd {
         self.0.next.load(Relaxed)
     }
 
+    /// The transmit commands since the last call: each the instant chip select rose after its byte, ns. The chip acts on a command from
+    /// there on, so this is the last instant that the firmware answers for.
+    #[must_use]
+    pub fn take_transmits(&self) -> Vec<u64> {
+        self.call(|shared| std::mem::take(&mut shared.transmits))
+    }
+
     /// What crossed the bus since the last call; nothing unless watched.
     #[must_use]
     pub fn take_crossings(&self) -> Vec<(u64, Crossing)> {
@@ -119,6 +140,14 @@ impl Shared {
     /// Something crosses at `at`.
     fn note(&mut self, at: u64, crossing: Crossing) {
         self.now = self.now.max(at);
+        match crossing {
+            Crossing::Select(true) => self.first_byte = None,
+            Crossing::Select(false) if self.first_byte == Some(TRANSMIT) => self.transmits.push(at),
+            Crossing::Byte(mosi, _) => {
+                self.first_byte.get_or_insert(mosi);
+            }
+            Crossing::Select(false) | Crossing::Irq(_) => {}
+        }
         if let Some(crossings) = &mut self.crossings {
             crossings.push((at, crossing));
         }

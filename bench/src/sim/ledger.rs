@@ -17,8 +17,10 @@ use crate::report::{Max, Quantiles, Span};
 
 /// Bounds from the design's timing table, ns.
 pub mod bounds {
-    /// HORUS tick to first bit on air, peak to peak.
-    pub const TICK_TO_AIR_JITTER: u64 = 1_000;
+    /// HORUS tick to transmit command (chip select rising after it), peak to peak: what the firmware answers for.
+    pub const TICK_TO_COMMAND_JITTER: u64 = 100;
+    /// HORUS tick to first bit on air, peak to peak: the front end itself scatters by up to 2.3 µs.
+    pub const TICK_TO_AIR_JITTER: u64 = 3_000;
     /// The cycle's period may differ from cycle to cycle by what the send jitter allows.
     pub const PERIOD_WIDTH: u64 = 2 * TICK_TO_AIR_JITTER;
     /// Last bit to image readable, with a listener that reads its FIFO while it fills.
@@ -37,6 +39,12 @@ impl Violations {
     /// Notes one; `first` is kept for the first of its kind alone.
     pub fn add(&mut self, kind: &'static str, first: impl FnOnce() -> String) {
         self.0.entry(kind).and_modify(|(_, count)| *count += 1).or_insert_with(|| (first(), 1));
+    }
+
+    /// How many there were of each kind.
+    #[must_use]
+    pub fn counts(&self) -> BTreeMap<&'static str, u64> {
+        self.0.iter().map(|(kind, (_, count))| (*kind, *count)).collect()
     }
 
     /// In words, in a fixed order.
@@ -78,6 +86,8 @@ pub struct Seen {
 pub struct Ledger {
     frames_per_cycle: usize,
     ticks: Vec<u64>,
+    /// When HORUS had given its front end a transmit command.
+    commands: Vec<u64>,
     frames: Vec<Frame>,
     /// Every object sent, by timestamp and identifier, of the last cycles.
     sent: BTreeMap<(u32, u16), Vec<u8>>,
@@ -85,11 +95,13 @@ pub struct Ledger {
     /// How many of `fresh` some transaction has confirmed, and the timestamp it brought.
     readable: Vec<(u64, u32)>,
     newest: Option<u32>,
-    ready: Vec<u64>,
+    /// When chip select rose, and how long after it the DPR was ready.
+    ready: Vec<(u64, u64)>,
     deselected: Option<u64>,
     /// Since when the DPR answers no transaction.
     held: Option<u64>,
-    longest_hold: u64,
+    /// How long the longest hold was, and since when.
+    longest_hold: (u64, u64),
     /// The last transaction met the DPR busy.
     was_busy: bool,
     /// What was broken so far.
@@ -106,6 +118,7 @@ impl Ledger {
         Self {
             frames_per_cycle,
             ticks: vec![],
+            commands: vec![],
             frames: vec![],
             sent: BTreeMap::new(),
             fresh: vec![],
@@ -114,7 +127,7 @@ impl Ledger {
             ready: vec![],
             deselected: None,
             held: None,
-            longest_hold: 0,
+            longest_hold: (0, 0),
             was_busy: false,
             violations: Violations::default(),
         }
@@ -123,6 +136,11 @@ impl Ledger {
     /// The 10 ms timer ticked.
     pub fn tick(&mut self, at: u64) {
         self.ticks.push(at);
+    }
+
+    /// HORUS has given its front end a transmit command: chip select rose. Told in order of time, before the frame begins.
+    pub fn commanded(&mut self, at: u64) {
+        self.commands.push(at);
     }
 
     /// The first preamble bit of a frame is on the air.
@@ -190,7 +208,7 @@ impl Ledger {
     /// The DPR's processor gives the SSI's buffers back.
     pub fn released(&mut self, at: u64) {
         if let Some(held) = self.held.take() {
-            self.longest_hold = self.longest_hold.max(at - held);
+            self.longest_hold = self.longest_hold.max((at - held, held));
         }
     }
 
@@ -204,7 +222,7 @@ impl Ledger {
     /// The DPR can serve a transaction.
     pub fn ready(&mut self, at: u64) {
         if let Some(ended) = self.deselected.take() {
-            self.ready.push(at - ended);
+            self.ready.push((ended, at - ended));
         }
     }
 
@@ -272,6 +290,16 @@ impl Ledger {
         Span::of(started.windows(2).map(|pair| pair[1] - pair[0]))
     }
 
+    /// From the tick to the transmit command of the cycle's first frame: the last command before that frame was on the air.
+    #[must_use]
+    pub fn tick_to_command(&self) -> Span {
+        Span::of(self.leads().filter_map(|frame| {
+            let tick = self.sampled(frame.timestamp?)?;
+            let commanded = self.commands.partition_point(|at| *at <= frame.started).checked_sub(1)?;
+            self.commands.get(commanded)?.checked_sub(tick)
+        }))
+    }
+
     /// From the tick to the first preamble bit of the cycle's first frame.
     #[must_use]
     pub fn tick_to_air(&self) -> Span {
@@ -287,37 +315,60 @@ impl Ledger {
     /// From the cycle's last bit on the air to the same.
     #[must_use]
     pub fn last_bit_to_readable(&self) -> Max {
+        Max::of(self.readable_after().map(|(took, _)| took))
+    }
+
+    /// How long each cycle's last bit took to be readable, and when FRESH rose.
+    fn readable_after(&self) -> impl Iterator<Item = (u64, u64)> {
         let mut last_bits = BTreeMap::new();
         for frame in &self.frames {
             if let (Some(timestamp), Some(ended)) = (frame.timestamp, frame.ended) {
                 last_bits.insert(timestamp, ended);
             }
         }
-        Max::of(self.readable.iter().filter_map(|(rose, timestamp)| rose.checked_sub(*last_bits.get(timestamp)?)))
+        self.readable
+            .iter()
+            .filter_map(move |(rose, timestamp)| Some((rose.checked_sub(*last_bits.get(timestamp)?)?, *rose)))
     }
 
     /// From chip select rising to the DPR being able to serve the next transaction.
     #[must_use]
     pub fn ready_after(&self) -> Max {
-        Max::of(self.ready.iter().copied())
+        Max::of(self.ready.iter().map(|(_, took)| *took))
     }
 
     /// Holds the whole run against the design's timing table, at its end (`end`, ns).
     pub fn judge(&mut self, end: u64) {
-        let (period, air) = (self.period(), self.tick_to_air());
-        let (sample, last_bit, ready) = (self.sample_to_readable(), self.last_bit_to_readable(), self.ready_after());
-        let hold = self.longest_hold.max(self.held.map_or(0, |held| end.saturating_sub(held)));
+        let (period, command, air) = (self.period(), self.tick_to_command(), self.tick_to_air());
+        let (commands, frames) = (self.commands.len(), self.frames.len());
+        // The run may end between a command and the first bit of its frame.
+        if commands != frames && commands != frames + 1 {
+            self.violations.add("frames and transmit commands do not correspond", || {
+                format!("{commands} commands and {frames} frames")
+            });
+        }
+        let sample = self.sample_to_readable();
+        let last_bit = self.readable_after().max().unwrap_or_default();
+        let ready = self.ready.iter().map(|(at, took)| (*took, *at)).max().unwrap_or_default();
+        let hold = self.longest_hold.max(self.held.map_or((0, 0), |held| (end.saturating_sub(held), held)));
         let mut bound = |kind, value: u64, bound: u64| {
             if value > bound {
                 self.violations.add(kind, || format!("{value} ns, the bound is {bound} ns"));
             }
         };
         bound("the period is not constant", period.width(), bounds::PERIOD_WIDTH);
+        bound("the time from tick to command is not constant", command.width(), bounds::TICK_TO_COMMAND_JITTER);
         bound("the time from tick to air is not constant", air.width(), bounds::TICK_TO_AIR_JITTER);
         bound("a sample was readable too late", sample.max, bounds::SAMPLE_TO_READABLE);
-        bound("a frame was readable too late after its last bit", last_bit.max, bounds::LAST_BIT_TO_READABLE);
-        bound("SSI not ready in time", ready.max, bounds::SSI_READY);
-        bound("the SSI was held back too long", hold, bounds::SSI_READY);
+        // The worst of each with its instant, so that it can be looked at in a trace.
+        let mut bound_at = |kind, (value, at): (u64, u64), bound: u64| {
+            if value > bound {
+                self.violations.add(kind, || format!("{value} ns at {}, the bound is {bound} ns", ms(at)));
+            }
+        };
+        bound_at("a frame was readable too late after its last bit", last_bit, bounds::LAST_BIT_TO_READABLE);
+        bound_at("SSI not ready in time", ready, bounds::SSI_READY);
+        bound_at("the SSI was held back too long", hold, bounds::SSI_READY);
         self.judge_cycles(end);
     }
 
@@ -382,6 +433,7 @@ mod tests {
             let tick = cycle * 10_000_000;
             let bytes = payload(cycle as u32 * 10);
             ledger.tick(tick);
+            ledger.commanded(tick + 297_000);
             ledger.frame_started(tick + 300_000);
             ledger.frame_ended(tick + 300_000 + AIR, &bytes);
             ledger.fresh(tick + 300_000 + AIR + 100_000);
@@ -397,6 +449,7 @@ mod tests {
         let mut ledger = run();
         ledger.judge(111_000_000);
         assert_eq!(ledger.period(), Span { min: 10_000_000, max: 10_000_000 });
+        assert_eq!(ledger.tick_to_command(), Span { min: 297_000, max: 297_000 });
         assert_eq!(ledger.tick_to_air(), Span { min: 300_000, max: 300_000 });
         assert_eq!(ledger.sample_to_readable().p999, 4_400_000);
         assert_eq!(ledger.last_bit_to_readable().max, 100_000);
@@ -434,17 +487,46 @@ mod tests {
         ledger.tick(110_000_000);
         ledger.tick(120_000_000);
         let bytes = payload(120);
-        ledger.frame_started(120_302_001);
-        ledger.frame_ended(124_302_001, &bytes);
+        ledger.commanded(120_297_101);
+        ledger.frame_started(120_303_001);
+        ledger.frame_ended(124_303_001, &bytes);
         ledger.judge(131_000_000);
         let words = ledger.violations.into_words();
         for kind in [
             "a missed deadline: 0 of 1 frames",
             "the period is not constant",
+            "the time from tick to command is not constant: 101 ns, the bound is 100 ns",
             "the time from tick to air is not constant",
         ] {
             assert!(words.iter().any(|violation| violation.starts_with(kind)), "{kind}: {words:?}");
         }
+    }
+
+    #[test]
+    fn the_front_ends_own_scatter_is_in_the_time_to_air_and_not_in_the_time_to_command() {
+        let mut ledger = Ledger::new(1);
+        for cycle in 1..=10 {
+            let tick = cycle * 10_000_000;
+            let start = tick + 300_000 + cycle % 2 * 2_300;
+            ledger.tick(tick);
+            ledger.commanded(tick + 297_000 + cycle % 3);
+            ledger.frame_started(start);
+            ledger.frame_ended(start + AIR, &payload(cycle as u32 * 10));
+        }
+        ledger.judge(111_000_000);
+        assert_eq!((ledger.tick_to_command().width(), ledger.tick_to_air().width()), (2, 2_300));
+        assert_eq!(ledger.violations.into_words(), [""; 0]);
+    }
+
+    #[test]
+    fn a_frame_that_no_command_began_is_a_violation() {
+        let mut ledger = run();
+        ledger.commands.remove(4);
+        ledger.judge(111_000_000);
+        assert_eq!(
+            ledger.violations.clone().into_words()[0],
+            "frames and transmit commands do not correspond: 9 commands and 10 frames"
+        );
     }
 
     #[test]

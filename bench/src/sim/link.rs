@@ -15,10 +15,11 @@ use st25r3916_model::{Air, AirEvent};
 use super::boards::{Dpr, FRESH, Horus, Line, SSI_CSN};
 use super::front_end::{Crossing, FrontEnd};
 use super::ledger::{Ledger, Seen, ms};
+use super::phases::{Edge, Phase, Sweeping};
 use super::trace::{self, Trace, Wire};
 use crate::engine::{Downstream, LogLine, Node, Upstream, Wiring};
 use crate::report::{self, Report};
-use crate::world::flight_controller::{Action, Outcome};
+use crate::world::flight_controller::{Action, Outcome, Placed};
 use crate::world::{BaseStation, FlightController};
 
 /// SPI clocks, for the trace: what each firmware sets.
@@ -68,6 +69,8 @@ impl Receivers {
 #[derive(Debug)]
 pub(super) struct Notes {
     lines: Vec<LogLine>,
+    /// When HORUS gave its front end the transmit command.
+    transmits: Vec<u64>,
     /// What crossed between the part and its front end; nothing unless there is a trace.
     crossings: Vec<(u64, Crossing)>,
 }
@@ -81,7 +84,11 @@ impl Upstream<Horus> for Receivers {
     }
 
     fn notes(&mut self, node: &mut Node<Horus>) -> Notes {
-        Notes { lines: node.take_log(), crossings: self.poller.take_crossings() }
+        Notes {
+            lines: node.take_log(),
+            transmits: self.poller.take_transmits(),
+            crossings: self.poller.take_crossings(),
+        }
     }
 
     fn next_at(&self) -> u64 {
@@ -115,6 +122,7 @@ pub(super) struct Link {
     base: BaseStation,
     ledger: Ledger,
     trace: Option<Trace>,
+    sweeping: Option<Sweeping>,
     /// What HORUS logged as it ran ahead.
     horus_lines: VecDeque<LogLine>,
 }
@@ -127,6 +135,7 @@ impl Link {
         flight_controller: FlightController,
         base: BaseStation,
         trace: Option<Trace>,
+        sweeping: Option<Sweeping>,
     ) -> Self {
         let frames = profile::air::frames(flight_controller.config().receivers);
         Self {
@@ -142,6 +151,7 @@ impl Link {
             base,
             ledger: Ledger::new(frames),
             trace,
+            sweeping,
             horus_lines: VecDeque::new(),
         }
     }
@@ -151,9 +161,9 @@ impl Link {
         std::iter::from_fn(move || self.horus_lines.pop_front_if(|line| line.at <= now))
     }
 
-    /// The base station, and the trace to be finished.
-    pub(super) fn into_parts(self) -> (BaseStation, Option<Trace>) {
-        (self.base, self.trace)
+    /// The base station, the trace to be finished, and what a sweep brought.
+    pub(super) fn into_parts(self) -> (BaseStation, Option<Trace>, Vec<Phase>) {
+        (self.base, self.trace, self.sweeping.map(Sweeping::into_phases).unwrap_or_default())
     }
 
     /// Writes what both boards have passed to the trace.
@@ -179,10 +189,15 @@ impl Link {
                 self.frame_started = at;
                 self.ledger.frame_started(at);
                 self.mark(at, Wire::Frame, true);
+                self.place_transactions(at);
             }
             AirEvent::Bytes(chunk) => self.frame.extend_from_slice(&chunk.data),
             AirEvent::FrameEnd { .. } => {
-                self.longest_frame_ns = self.longest_frame_ns.max(at - self.frame_started);
+                let took = at - self.frame_started;
+                self.longest_frame_ns = self.longest_frame_ns.max(took);
+                if let (Some(sweeping), Some(&len)) = (&mut self.sweeping, self.frame.first()) {
+                    sweeping.frame_took(len, took);
+                }
                 let end = self.frame.len().saturating_sub(CRC_BYTES).max(LEN_BYTES);
                 self.ledger.frame_ended(at, self.frame.get(LEN_BYTES..end).unwrap_or_default());
                 self.mark(at, Wire::Frame, false);
@@ -190,6 +205,31 @@ impl Link {
         }
         let listener = &self.listener;
         self.air.from_poller(at, event, |at, event| listener.with(|chip| chip.hear(at, event)));
+    }
+
+    /// A frame began at `at`: the transactions that a sweep wants around its end are placed.
+    fn place_transactions(&mut self, at: u64) {
+        let (Some(sweeping), Some(&len)) = (&mut self.sweeping, self.frame.first()) else { return };
+        let config = *self.flight_controller.config();
+        for (edge, instant, bytes) in sweeping.frame_started(at, len) {
+            let bytes = bytes.unwrap_or(config.image_len());
+            let at_ns = match edge {
+                Edge::Falls => instant,
+                Edge::Rises => instant - config.transaction_ns(bytes),
+            };
+            self.flight_controller.place(Placed { at_ns, bytes });
+        }
+        if self.clocking == 0 {
+            self.acts_at = self.flight_controller.next_at();
+        }
+    }
+
+    /// Notes what happened for the phase that is being swept.
+    fn note_phase(&mut self, at: u64, what: &'static str) {
+        if let Some(phase) = self.sweeping.as_mut().and_then(Sweeping::phase) {
+            let after = i64::try_from(at).unwrap_or(i64::MAX) - i64::try_from(phase.frame_ended).unwrap_or(i64::MAX);
+            phase.events.push((after, what));
+        }
     }
 
     /// What the DPR's pins and its SPIS showed since the last look.
@@ -201,15 +241,27 @@ impl Link {
                 if change.level {
                     self.ledger.fresh(change.at);
                 }
+                self.note_phase(change.at, if change.level { "FRESH rises" } else { "FRESH falls" });
             }
         }
         for (at, _, event) in part.take_spis_events() {
-            match event {
-                SpisEvent::Held => self.ledger.held(at),
-                SpisEvent::Released => self.ledger.released(at),
-                SpisEvent::Ready => self.ledger.ready(at),
-                SpisEvent::Busy | SpisEvent::End { .. } => {}
-            }
+            let what = match event {
+                SpisEvent::Held => {
+                    self.ledger.held(at);
+                    "SPIS held"
+                }
+                SpisEvent::Released => {
+                    self.ledger.released(at);
+                    "SPIS released"
+                }
+                SpisEvent::Ready => {
+                    self.ledger.ready(at);
+                    "SPIS ready"
+                }
+                SpisEvent::Busy => "SPIS busy",
+                SpisEvent::End { .. } => "SPIS END",
+            };
+            self.note_phase(at, what);
         }
     }
 
@@ -242,6 +294,15 @@ impl Link {
 
     /// The flight controller's transaction is over: what it brought is judged and passed on.
     fn transaction_over(&mut self, at: u64) {
+        let before = self.ledger.violations.counts();
+        self.judge_transaction(at);
+        let Some(phase) = self.sweeping.as_mut().and_then(Sweeping::phase) else { return };
+        let after = self.ledger.violations.counts();
+        let broken = after.into_iter().filter(|(kind, count)| before.get(kind).is_none_or(|before| before < count));
+        phase.violations.extend(broken.map(|(kind, _)| kind));
+    }
+
+    fn judge_transaction(&mut self, at: u64) {
         self.base.receive(at, &self.flight_controller.take_downlink());
         let Some(transaction) = self.flight_controller.last() else { return };
         let mut seen = Seen { selected: transaction.selected_ns, objects: vec![] };
@@ -284,6 +345,7 @@ impl Link {
             horus: report::Horus {
                 frames_sent: self.ledger.frames_sent(),
                 period_ns: self.ledger.period(),
+                tick_to_command_ns: self.ledger.tick_to_command(),
                 tick_to_air_ns: self.ledger.tick_to_air(),
                 load: rounded(horus.usage().load()),
             },
@@ -407,7 +469,10 @@ impl Downstream<Dpr> for Link {
         self.emitted(at, event);
     }
 
-    fn noted(&mut self, Notes { lines, crossings }: Notes) {
+    fn noted(&mut self, Notes { lines, transmits, crossings }: Notes) {
+        for at in transmits {
+            self.ledger.commanded(at);
+        }
         self.horus_lines.extend(lines);
         if let Some(trace) = &mut self.trace {
             trace_bus(trace, crossings, trace::HORUS, [Wire::HorusCs, Wire::HorusIrq], HORUS_SPI_HZ);
@@ -436,12 +501,14 @@ impl Downstream<Dpr> for Link {
             (_, Action::Select) => {
                 node.input(|board, now| board.part_mut().ssi_select(VirtualNanos(now), SSI_CSN));
                 self.mark(at, Wire::SsiCsn, false);
+                self.note_phase(at, "CSN falls");
             }
             (_, Action::Byte(_)) => unreachable!("bytes are clocked in runs"),
             (_, Action::Deselect) => {
                 let risen = node.now();
                 node.input(|board, now| board.part_mut().ssi_deselect(VirtualNanos(now), SSI_CSN));
                 self.mark(at, Wire::SsiCsn, true);
+                self.note_phase(risen, "CSN rises");
                 self.ledger.deselected(risen);
                 self.transaction_over(at);
             }

@@ -11,6 +11,7 @@ pub mod boards;
 pub mod front_end;
 pub mod ledger;
 mod link;
+pub mod phases;
 pub mod trace;
 
 use std::path::PathBuf;
@@ -24,11 +25,12 @@ use st25r3916_model::{Air, Chip, Config};
 use crate::engine::{self, Firmware, Node, Relay};
 use crate::report::Report;
 use crate::stm32f427::{Oscillators, Stm32f427Part};
-use crate::world::flight_controller;
+use crate::world::flight_controller::{self, Schedule};
 use crate::world::{BaseStation, FlightController};
 use boards::{Dpr, Horus};
 use front_end::FrontEnd;
 use link::{Link, Receivers};
+use phases::{Phase, Sweep, Sweeping};
 use trace::Trace;
 
 /// How often the caller hears of progress and gets the log, in virtual nanoseconds.
@@ -71,6 +73,8 @@ pub struct Setup {
     pub crystals: Crystals,
     /// What the air does to frames.
     pub faults: Faults,
+    /// Instead of the flight controller's own cycle: transactions in every phase to a frame's end.
+    pub sweep: Option<Sweep>,
     /// Where to write the wires as a VCD.
     pub trace: Option<PathBuf>,
 }
@@ -99,6 +103,8 @@ pub struct Outcome {
     pub base: BaseStation,
     /// Every log line of both boards: board, line.
     pub logs: Vec<(&'static str, String)>,
+    /// What came of each phase of [`Setup::sweep`].
+    pub phases: Vec<Phase>,
 }
 
 /// Why a run could not begin.
@@ -141,8 +147,12 @@ pub fn run(setup: &Setup, observer: &mut dyn Observer) -> Result<Outcome, Error>
     let horus = Node::new(horus, &Firmware::read(&setup.images.horus)?)?;
     let dpr = Node::new(Dpr::new(nrf, listener.clone()), &Firmware::read(&setup.images.dpr)?)?;
 
-    let config =
+    let mut config =
         flight_controller::Config { crystal_ppb: flight_controller_ppb, ..flight_controller::Config::new(setup.gps) };
+    let sweeping = setup.sweep.clone().map(|sweep| {
+        config.schedule = Schedule::Placed;
+        Sweeping::new(sweep, setup.gps)
+    });
     let receivers = Receivers::new(poller.clone(), lines.into_iter().zip(receivers));
     let link = Link::new(
         poller,
@@ -151,6 +161,7 @@ pub fn run(setup: &Setup, observer: &mut dyn Observer) -> Result<Outcome, Error>
         FlightController::new(config),
         BaseStation::new(setup.gps),
         trace,
+        sweeping,
     );
     let mut relay = Relay { a: horus, b: dpr, upstream: receivers, downstream: link };
     let mut logs = vec![];
@@ -170,11 +181,11 @@ pub fn run(setup: &Setup, observer: &mut dyn Observer) -> Result<Outcome, Error>
     report.seed = setup.seed;
     report.virtual_seconds = setup.duration_ns as f64 / 1e9;
     report.gps = setup.gps;
-    let (base, trace) = relay.downstream.into_parts();
+    let (base, trace, phases) = relay.downstream.into_parts();
     if let Some(trace) = trace {
         trace.finish().map_err(trace_error)?;
     }
-    Ok(Outcome { report, base, logs })
+    Ok(Outcome { report, base, logs, phases })
 }
 
 /// What each receiver will send.

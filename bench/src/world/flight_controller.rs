@@ -34,11 +34,31 @@ use super::framing;
 /// How many torn reads are kept to be looked at; all are counted.
 const TORN_KEPT: usize = 16;
 
+/// When the flight controller's transactions begin.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Schedule {
+    /// One in each of its own control cycles: [`Config::cycle_ns`].
+    EveryCycle,
+    /// Each at the instant that it was given with [`FlightController::place`], and no other.
+    Placed,
+}
+
+/// A transaction that is to begin at an instant of the bench's choice.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Placed {
+    /// When chip select falls, ns after reset, by the bench's clock.
+    pub at_ns: u64,
+    /// How many bytes are clocked: as many as are wanted, or the whole image.
+    pub bytes: usize,
+}
+
 /// How the flight controller reads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Config {
     /// Receivers in the profile: 1, 2, 3 or 5.
     pub receivers: usize,
+    /// When transactions begin.
+    pub schedule: Schedule,
     /// Control cycle by its own clock, ns.
     pub cycle_ns: u64,
     /// First transaction after reset, by its own clock, ns.
@@ -61,6 +81,7 @@ impl Config {
     pub const fn new(receivers: usize) -> Self {
         Self {
             receivers,
+            schedule: Schedule::EveryCycle,
             cycle_ns: 4_000_000,
             first_ns: 4_000_000,
             crystal_ppb: 0,
@@ -74,6 +95,12 @@ impl Config {
     #[must_use]
     pub const fn image_len(&self) -> usize {
         image::GPS + self.receivers * GpsObject::SIZE
+    }
+
+    /// From chip select falling to chip select rising in a transaction of so many bytes, by its own clock, ns.
+    #[must_use]
+    pub const fn transaction_ns(&self, bytes: usize) -> u64 {
+        self.setup_ns + bytes as u64 * self.byte_ns + self.hold_ns
     }
 }
 
@@ -176,6 +203,10 @@ pub struct FlightController {
     stage: Stage,
     number: u64,
     selected_ns: u64,
+    /// The transactions that are to begin at instants of the bench's choice, in order of time.
+    placed: VecDeque<Placed>,
+    /// How many bytes the transaction under way clocks.
+    length: usize,
     /// What this transaction reads of the image.
     window: Request,
     mosi: [u8; REQUEST_SIZE],
@@ -203,7 +234,7 @@ impl FlightController {
     pub fn new(config: Config) -> Self {
         assert!(matches!(config.receivers, 1 | 2 | 3 | MAX_RECEIVERS), "{} receivers", config.receivers);
         assert!(config.crystal_ppb.unsigned_abs() <= 10_000_000, "a crystal is off by {} ppb", config.crystal_ppb);
-        let longest = config.setup_ns + config.image_len() as u64 * config.byte_ns + config.hold_ns;
+        let longest = config.transaction_ns(config.image_len());
         assert!(longest < config.cycle_ns, "a transaction of {longest} ns does not fit into the control cycle");
         Self {
             window: whole(&config),
@@ -211,6 +242,8 @@ impl FlightController {
             stage: Stage::Idle,
             number: 0,
             selected_ns: 0,
+            placed: VecDeque::new(),
+            length: 0,
             mosi: [0; REQUEST_SIZE],
             miso: Vec::with_capacity(config.image_len()),
             asked: None,
@@ -240,16 +273,34 @@ impl FlightController {
         self.requests.push_back(window);
     }
 
-    /// When the next action is due, ns after reset.
+    /// Has a transaction begin at an instant of the bench's choice, [`Schedule::Placed`] alone.
+    ///
+    /// # Panics
+    ///
+    /// If the schedule is another one, if so many bytes are none or more than the image has, or if the transaction before
+    /// it is not over by then.
+    pub fn place(&mut self, transaction: Placed) {
+        let Placed { at_ns, bytes } = transaction;
+        assert_eq!(self.config.schedule, Schedule::Placed, "this flight controller keeps its own cycle");
+        assert!((1..=self.config.image_len()).contains(&bytes), "a transaction of {bytes} bytes");
+        let under_way = (self.stage != Stage::Idle).then_some((self.selected_ns, self.length));
+        let before = self.placed.back().map(|before| (before.at_ns, before.bytes)).or(under_way);
+        if let Some((from, bytes)) = before {
+            let ends = from + self.by_the_bench(self.config.transaction_ns(bytes));
+            assert!(at_ns > ends, "a transaction at {at_ns} ns, and the one before it ends at {ends} ns");
+        }
+        self.placed.push_back(transaction);
+    }
+
+    /// When the next action is due, ns after reset. `u64::MAX` if no transaction is placed.
     #[must_use]
     pub fn next_at(&self) -> u64 {
-        let Config { cycle_ns, first_ns, byte_ns, setup_ns, hold_ns, .. } = self.config;
-        let start = first_ns + self.number * cycle_ns;
-        self.by_the_bench(match self.stage {
-            Stage::Idle => start,
-            Stage::Clocking(done) if done < self.length() => start + setup_ns + done as u64 * byte_ns,
-            Stage::Clocking(done) => start + setup_ns + done as u64 * byte_ns + hold_ns,
-            Stage::Answering(number) => start + setup_ns + number as u64 * byte_ns,
+        let Config { byte_ns, setup_ns, hold_ns, .. } = self.config;
+        self.instant(match self.stage {
+            Stage::Idle => 0,
+            Stage::Clocking(done) if done < self.length => setup_ns + done as u64 * byte_ns,
+            Stage::Clocking(done) => setup_ns + done as u64 * byte_ns + hold_ns,
+            Stage::Answering(number) => setup_ns + number as u64 * byte_ns,
         })
     }
 
@@ -258,16 +309,16 @@ impl FlightController {
     pub fn bytes_left(&self) -> usize {
         match self.stage {
             Stage::Idle => 0,
-            Stage::Clocking(done) | Stage::Answering(done) => self.length() - done,
+            Stage::Clocking(done) | Stage::Answering(done) => self.length - done,
         }
     }
 
     /// When the last clock edge of the byte that is `bytes` further on will be, ns after reset.
     #[must_use]
     pub fn clocked_at(&self, bytes: usize) -> u64 {
-        let Config { cycle_ns, first_ns, byte_ns, setup_ns, .. } = self.config;
+        let Config { byte_ns, setup_ns, .. } = self.config;
         let (Stage::Clocking(done) | Stage::Answering(done)) = self.stage else { return self.next_at() };
-        self.by_the_bench(first_ns + self.number * cycle_ns + setup_ns + (done + bytes) as u64 * byte_ns)
+        self.instant(setup_ns + (done + bytes) as u64 * byte_ns)
     }
 
     /// Does the next thing: when, and what. There is always one.
@@ -282,7 +333,7 @@ impl FlightController {
                 self.select(at);
                 Action::Select
             }
-            Stage::Clocking(done) if done < self.length() => {
+            Stage::Clocking(done) if done < self.length => {
                 self.stage = Stage::Answering(done);
                 Action::Byte(self.mosi.get(done).copied().unwrap_or(0))
             }
@@ -338,6 +389,18 @@ impl FlightController {
         &self.config
     }
 
+    /// The instant by the bench's clock, `own_ns` by its own clock after the beginning of the transaction that is under way or comes
+    /// next.
+    fn instant(&self, own_ns: u64) -> u64 {
+        match (self.config.schedule, self.stage) {
+            (Schedule::EveryCycle, _) => {
+                self.by_the_bench(self.config.first_ns + self.number * self.config.cycle_ns + own_ns)
+            }
+            (Schedule::Placed, Stage::Idle) => self.placed.front().map_or(u64::MAX, |placed| placed.at_ns),
+            (Schedule::Placed, _) => self.selected_ns + self.by_the_bench(own_ns),
+        }
+    }
+
     /// From its own clock to the bench's: a fast crystal gets there early.
     fn by_the_bench(&self, own_ns: u64) -> u64 {
         const BILLION: i128 = 1_000_000_000;
@@ -346,15 +409,15 @@ impl FlightController {
         u64::try_from(bench).expect("a positive time at a rate near one")
     }
 
-    /// Bytes of this transaction: what it reads, but no fewer than a request takes.
-    fn length(&self) -> usize {
-        usize::from(self.window.length).max(REQUEST_SIZE)
-    }
-
     fn select(&mut self, at: u64) {
         self.selected_ns = at;
         self.miso.clear();
         self.window = self.asked.take().unwrap_or(whole(&self.config));
+        // What it reads, but no fewer bytes than a request takes.
+        self.length = match self.placed.pop_front() {
+            Some(placed) => placed.bytes,
+            None => usize::from(self.window.length).max(REQUEST_SIZE),
+        };
         self.asked = self.requests.pop_front();
         self.mosi = self.asked.map_or([0; REQUEST_SIZE], ssi::encode);
         self.stage = Stage::Clocking(0);
@@ -449,6 +512,7 @@ impl FlightController {
         transaction.outcome = if transaction.damage.is_some() {
             Outcome::BadCrc
         } else if self.window == whole(&self.config)
+            && self.miso.len() >= self.config.image_len()
             && transaction.timestamp.is_some_and(|now| self.previous != Some(now))
         {
             Outcome::Fresh
@@ -460,7 +524,7 @@ impl FlightController {
 
     /// The bytes of the image from `offset`, if the transaction read all of them.
     fn read(&self, offset: usize, size: usize) -> Option<&[u8]> {
-        let window = self.miso.get(..usize::from(self.window.length))?;
+        let window = self.miso.get(..usize::from(self.window.length)).unwrap_or(&self.miso);
         let start = offset.checked_sub(usize::from(self.window.offset))?;
         window.get(start..start + size)
     }

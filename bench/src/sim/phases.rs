@@ -1,0 +1,176 @@
+//! Transactions that are placed around a frame's end, in every phase.
+//!
+//! # Design
+//!
+//! A flight controller's cycle is its own, so each of its transactions meets the DPR's work at an instant that nobody chose. Some of
+//! these meetings last 100 ns: at a control cycle of 4 ms they occur once in minutes. A [`Sweep`] makes each happen: from one HORUS cycle
+//! to the next, it places transactions around the end of a frame at a phase that advances by a fixed step, and the phase is relative to
+//! the frame's last bit as it passes the antenna. Errors of crystals and the scatter of the front end therefore do not blur it.
+//!
+//! The end of a frame is known at its beginning: frames of one length take one time. The first frame of each length is measured.
+//!
+//! What each phase led to is in its [`Phase`]; the ledger judges a swept run like any other.
+
+use std::collections::BTreeMap;
+
+use profile::{Layout, air};
+
+/// Which edge of chip select a transaction is placed by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Edge {
+    /// Its beginning.
+    Falls,
+    /// Its end.
+    Rises,
+}
+
+/// A transaction relative to a phase.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Placement {
+    /// Which edge of chip select is placed.
+    pub edge: Edge,
+    /// How long after the phase's instant the edge is, ns; negative for before it.
+    pub after_ns: i64,
+    /// How many bytes are clocked; `None` for the whole image.
+    pub bytes: Option<usize>,
+}
+
+/// Phases, and what is placed at each.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Sweep {
+    /// Around the end of which frame of a cycle, from 0.
+    pub frame: usize,
+    /// The first phase, ns after the frame's last bit.
+    pub from_ns: i64,
+    /// No phase is later than this, ns after the frame's last bit.
+    pub to_ns: i64,
+    /// From one phase to the next, ns.
+    pub step_ns: u64,
+    /// The transactions of one cycle, in order of time. With several patterns, each phase is taken with one after the other.
+    pub patterns: Vec<Vec<Placement>>,
+}
+
+impl Sweep {
+    /// How many cycles it takes.
+    #[must_use]
+    pub fn cycles(&self) -> u64 {
+        let width = u64::try_from(self.to_ns - self.from_ns).unwrap_or(0);
+        (width / self.step_ns + 1) * self.patterns.len() as u64
+    }
+
+    /// The phase and the pattern of a cycle of the sweep; `None` once it is over.
+    fn at(&self, cycle: u64) -> Option<(i64, usize)> {
+        let patterns = self.patterns.len() as u64;
+        let step = i64::try_from(cycle / patterns * self.step_ns).ok()?;
+        let pattern = usize::try_from(cycle % patterns).ok()?;
+        (cycle < self.cycles()).then_some((self.from_ns + step, pattern))
+    }
+}
+
+/// What came of one phase.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Phase {
+    /// The phase, ns after the frame's last bit.
+    pub phase_ns: i64,
+    /// Which of the sweep's patterns was placed there.
+    pub pattern: usize,
+    /// The frame's last bit, ns.
+    pub frame_ended: u64,
+    /// When FRESH rose, ns after the frame's last bit; `None` if it did not before the next frame.
+    pub fresh_ns: Option<u64>,
+    /// The longest time from chip select rising to readiness, ns.
+    pub ready_ns: u64,
+    /// The longest time for which the SSI was held back, ns.
+    pub hold_ns: u64,
+    /// Which kinds of violations occurred.
+    pub violations: Vec<&'static str>,
+    /// What the wires and the SPIS showed, each with its instant, ns after the frame's last bit.
+    pub events: Vec<(i64, &'static str)>,
+}
+
+/// A sweep under way.
+#[derive(Debug)]
+pub(super) struct Sweeping {
+    sweep: Sweep,
+    cycle: u64,
+    /// LEN of the frame that is swept around.
+    target: u8,
+    /// How long a frame with this LEN is on the air, ns.
+    durations: BTreeMap<u8, u64>,
+    phases: Vec<Phase>,
+}
+
+impl Sweeping {
+    /// A sweep of the link with so many receivers.
+    ///
+    /// # Panics
+    ///
+    /// If its cycles have no such frame.
+    pub(super) fn new(sweep: Sweep, receivers: usize) -> Self {
+        let frame = Layout::for_receivers(receivers).and_then(|layout| layout.frame(sweep.frame));
+        let payload = frame.expect("a frame of the link's cycles").length();
+        let target = u8::try_from(payload + air::LEN_BYTES).expect("LEN is one byte and counts itself");
+        Self { sweep, cycle: 0, target, durations: BTreeMap::new(), phases: vec![] }
+    }
+
+    /// A frame with this LEN was on the air for so long.
+    pub(super) fn frame_took(&mut self, len: u8, took: u64) {
+        self.durations.insert(len, took);
+    }
+
+    /// A frame with this LEN began at `at`: what is to be placed around its end. Each is the chip select's edge, its instant, and the bytes.
+    pub(super) fn frame_started(&mut self, at: u64, len: u8) -> Vec<(Edge, u64, Option<usize>)> {
+        let Some(&took) = self.durations.get(&len).filter(|_| len == self.target) else { return vec![] };
+        let Some((phase_ns, pattern)) = self.sweep.at(self.cycle) else { return vec![] };
+        self.cycle += 1;
+        let frame_ended = at + took;
+        self.phases.push(Phase { phase_ns, pattern, frame_ended, ..Phase::default() });
+        let placed = self.sweep.patterns[pattern].iter().map(|placement| {
+            let instant = frame_ended.saturating_add_signed(phase_ns + placement.after_ns);
+            (placement.edge, instant, placement.bytes)
+        });
+        placed.collect()
+    }
+
+    /// The phase under way.
+    pub(super) fn phase(&mut self) -> Option<&mut Phase> {
+        self.phases.last_mut()
+    }
+
+    pub(super) fn into_phases(self) -> Vec<Phase> {
+        self.phases
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sweep_takes_every_phase_with_every_pattern_and_then_no_more() {
+        let whole = Placement { edge: Edge::Rises, after_ns: 0, bytes: None };
+        let short = Placement { edge: Edge::Falls, after_ns: 12_000, bytes: Some(96) };
+        let sweep =
+            Sweep { frame: 0, from_ns: -200, to_ns: 0, step_ns: 100, patterns: vec![vec![whole, short], vec![short]] };
+        assert_eq!(sweep.cycles(), 6);
+        let mut sweeping = Sweeping::new(sweep, 1);
+        assert_eq!(sweeping.frame_started(0, 125), [], "how long such a frame takes is not known yet");
+        sweeping.frame_took(125, 2_500_000);
+        assert_eq!(sweeping.frame_started(10_000_000, 185), [], "another frame");
+        for cycle in 0..8 {
+            let start = 20_000_000 + cycle * 10_000_000;
+            let end = start + 2_500_000;
+            let placed = sweeping.frame_started(start, 125);
+            let phase = end - 200 + cycle / 2 * 100;
+            match cycle {
+                0 | 2 | 4 => {
+                    assert_eq!(placed, [(Edge::Rises, phase, None), (Edge::Falls, phase + 12_000, Some(96))]);
+                }
+                1 | 3 | 5 => assert_eq!(placed, [(Edge::Falls, phase + 12_000, Some(96))]),
+                _ => assert_eq!(placed, []),
+            }
+        }
+        let phases: Vec<_> = sweeping.into_phases().iter().map(|phase| (phase.phase_ns, phase.pattern)).collect();
+        assert_eq!(phases, [(-200, 0), (-200, 1), (-100, 0), (-100, 1), (0, 0), (0, 1)]);
+    }
+}

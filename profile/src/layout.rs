@@ -1,0 +1,194 @@
+//! Layout of a profile whose number of receivers is known at run time only.
+//!
+//! A firmware knows its number of receivers when it is compiled and uses [`Profile<N>`](Profile) and [`Image<N>`](Image). A bench, a
+//! base station or a tool learns it from an argument or from its configuration: it asks here. Every answer is that of the
+//! const generics, so there is one authority on where an object is.
+//!
+//! # Example
+//!
+//! ```
+//! use profile::Layout;
+//!
+//! let layout = Layout::for_receivers(5).expect("a profile of five receivers");
+//! assert_eq!((layout.profile_len(), layout.image_len(), layout.frames()), (364, 396, 2));
+//! assert_eq!(layout.in_image(0), Some(32..96));
+//! assert_eq!(Layout::for_receivers(4), None);
+//! ```
+use core::ops::Range;
+
+use crate::air::{self, Objects, Place};
+use crate::image::Image;
+use crate::{Profile, Rejection};
+
+/// Calls a const generic for the number of receivers.
+macro_rules! with_receivers {
+    ($receivers:expr, $n:ident => $answer:expr) => {
+        match $receivers {
+            Receivers::One => {
+                const $n: usize = 1;
+                $answer
+            }
+            Receivers::Two => {
+                const $n: usize = 2;
+                $answer
+            }
+            Receivers::Three => {
+                const $n: usize = 3;
+                $answer
+            }
+            Receivers::Five => {
+                const $n: usize = 5;
+                $answer
+            }
+        }
+    };
+}
+
+/// The numbers of receivers that a profile can have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+enum Receivers {
+    One,
+    Two,
+    Three,
+    Five,
+}
+
+/// The layout of a profile, of its air frames and of its image. See the [module](self).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Layout(Receivers);
+
+impl Layout {
+    /// Every layout, that of the fewest receivers first.
+    pub const ALL: [Self; 4] =
+        [Self(Receivers::One), Self(Receivers::Two), Self(Receivers::Three), Self(Receivers::Five)];
+
+    /// The layout for this number of receivers; `None` if there is no such profile.
+    #[must_use]
+    pub const fn for_receivers(receivers: usize) -> Option<Self> {
+        match receivers {
+            1 => Some(Self(Receivers::One)),
+            2 => Some(Self(Receivers::Two)),
+            3 => Some(Self(Receivers::Three)),
+            5 => Some(Self(Receivers::Five)),
+            _ => None,
+        }
+    }
+
+    /// Receivers: 1, 2, 3 or 5.
+    #[must_use]
+    pub const fn receivers(self) -> usize {
+        with_receivers!(self.0, N => N)
+    }
+
+    /// Objects of the profile, Reported-Position included: 2, 3, 4 or 6.
+    #[must_use]
+    pub const fn objects(self) -> usize {
+        with_receivers!(self.0, N => Profile::<N>::OBJECTS)
+    }
+
+    /// Bytes of the profile: 124, 184, 244 or 364.
+    #[must_use]
+    pub const fn profile_len(self) -> usize {
+        with_receivers!(self.0, N => Profile::<N>::SIZE)
+    }
+
+    /// Bytes of the image: 156, 216, 276 or 396.
+    #[must_use]
+    pub const fn image_len(self) -> usize {
+        with_receivers!(self.0, N => Image::<N>::LEN)
+    }
+
+    /// Which bytes of the profile object number `index` is; `None` if there is no such object.
+    #[must_use]
+    pub const fn in_profile(self, index: usize) -> Option<Range<usize>> {
+        with_receivers!(self.0, N => Profile::<N>::place(index))
+    }
+
+    /// Which bytes of the image the profile's object number `index` is; `None` if there is no such object.
+    #[must_use]
+    pub const fn in_image(self, index: usize) -> Option<Range<usize>> {
+        with_receivers!(self.0, N => Image::<N>::place(index))
+    }
+
+    /// Air frames of a cycle: 1 or 2.
+    #[must_use]
+    pub const fn frames(self) -> usize {
+        air::frames(self.receivers())
+    }
+
+    /// Which objects frame number `frame` of a cycle, from 0, carries; `None` if there is no such frame.
+    #[must_use]
+    pub const fn frame(self, frame: usize) -> Option<Place> {
+        with_receivers!(self.0, N => Place::of_frame::<N>(frame))
+    }
+
+    /// The parts of an air frame's payload that should be objects, each with its number in the profile.
+    ///
+    /// # Errors
+    ///
+    /// [`Rejection::Length`] if no frame of such a profile is that long.
+    pub fn objects_of(self, payload: &[u8]) -> Result<Objects<'_>, Rejection> {
+        with_receivers!(self.0, N => air::objects::<N>(payload))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn agrees<const N: usize>() {
+        let layout = Layout::for_receivers(N).unwrap();
+        assert_eq!(layout.receivers(), N);
+        assert_eq!(layout.objects(), Profile::<N>::OBJECTS);
+        assert_eq!(layout.profile_len(), size_of::<Profile<N>>());
+        assert_eq!(layout.image_len(), size_of::<Image<N>>());
+        for index in 0..=N + 1 {
+            assert_eq!(layout.in_profile(index), Profile::<N>::place(index));
+            assert_eq!(layout.in_image(index), Image::<N>::place(index));
+        }
+        for frame in 0..3 {
+            assert_eq!(layout.frame(frame), Place::of_frame::<N>(frame));
+        }
+    }
+
+    #[test]
+    fn every_layout_is_that_of_the_const_generics() {
+        agrees::<1>();
+        agrees::<2>();
+        agrees::<3>();
+        agrees::<5>();
+        assert_eq!(Layout::ALL.map(Layout::receivers), [1, 2, 3, 5]);
+        for none in [0, 4, 6, usize::MAX] {
+            assert_eq!(Layout::for_receivers(none), None);
+        }
+    }
+
+    #[test]
+    fn the_objects_of_a_profile_lie_one_after_the_other_and_fill_it_and_its_frames() {
+        for layout in Layout::ALL {
+            let mut end = 0;
+            for index in 0..layout.objects() {
+                let place = layout.in_profile(index).unwrap();
+                assert_eq!(place.start, end);
+                let image = layout.in_image(index).unwrap();
+                assert_eq!(image.start - place.start, layout.image_len() - layout.profile_len());
+                end = place.end;
+            }
+            assert_eq!(end, layout.profile_len());
+            assert_eq!(layout.in_profile(layout.objects()), None);
+            let frames = (0..layout.frames()).map(|frame| layout.frame(frame).unwrap().length());
+            assert_eq!(frames.sum::<usize>(), layout.profile_len());
+            assert_eq!(layout.frame(layout.frames()), None);
+        }
+    }
+
+    #[test]
+    fn a_payload_is_split_at_the_objects_that_its_length_tells() {
+        let layout = Layout::for_receivers(5).unwrap();
+        let split =
+            |bytes: &[u8]| layout.objects_of(bytes).map(|objects| objects.map(|(index, _)| index).sum::<usize>());
+        assert_eq!(split(&[0; 184]), Ok(1 + 2));
+        assert_eq!(split(&[0; 180]), Ok(3 + 4 + 5));
+        assert_eq!(split(&[0; 244]), Err(Rejection::Length));
+    }
+}
