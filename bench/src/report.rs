@@ -155,6 +155,18 @@ pub struct Ssi {
     pub ready_ns: Max,
 }
 
+/// Reported-Position as the flight controller read it.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Reported {
+    /// Cycles of HORUS whose Reported-Position was read and had a valid position.
+    pub valid_cycles: u64,
+    /// When chip select fell for the first of the transactions that brought no valid position any more, ns; `None` if the last one brought
+    /// one, or none ever did.
+    pub invalid_since_ns: Option<u64>,
+    /// For each receiver in turn, when the last byte of its last valid position had arrived at HORUS, ns; `None` if it sent none.
+    pub last_solution_ns: Vec<Option<u64>>,
+}
+
 /// The far end of the radio.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Base {
@@ -185,6 +197,8 @@ pub struct Report {
     pub latency_ns: Latency,
     /// The flight controller's port.
     pub ssi: Ssi,
+    /// Reported-Position as the flight controller read it.
+    pub reported: Reported,
     /// The far end of the radio.
     pub base: Base,
     /// Broken invariants, in words.

@@ -1,85 +1,92 @@
+//! The flight controller's transactions in every phase to the end of a frame, in steps of 100 ns: what meets once in minutes at its own
+//! cycle meets here at once.
+//!
+//! Around the publication, each phase is taken twice: with a whole image that ends there and 96 bytes right after it, and with 96 bytes
+//! that begin there after a long silence. The crystals of the boards are 200 ppm off, opposite ways; the phases do not depend on them.
+
 mod boards;
+
 use bench::sim::phases::{Edge, Placement, Sweep};
 use bench::sim::{Crystals, Faults, Images, Setup, run};
 use boards::image;
 
-#[test]
-fn probe() {
-    let gps: usize = std::env::var("GPS").map_or(3, |s| s.parse().unwrap());
-    let v = |n: &str, d: i64| std::env::var(n).map_or(d, |s| s.parse().unwrap());
-    let whole = |edge, after_ns| Placement { edge, after_ns, bytes: None };
-    let short = |edge, after_ns| Placement { edge, after_ns, bytes: Some(96) };
-    let late = short(Edge::Falls, 700_000);
-    let sweep = Sweep {
-        frame: v("FRAME", 0) as usize,
-        from_ns: v("FROM", -60_000),
-        to_ns: v("TO", 240_000),
-        step_ns: v("STEP", 100) as u64,
-        patterns: vec![
-            vec![whole(Edge::Rises, 0), short(Edge::Falls, v("GAP", 11_000)), late],
-            vec![short(Edge::Falls, 0), late],
-        ],
-    };
+const US: i64 = 1_000;
+
+/// From a frame's last bit: a publication comes between 70 and 100 us after it, and what follows it (the scrub of three buffers) is over
+/// 240 us after it.
+const FIRST: i64 = -60 * US;
+const LAST: i64 = 240 * US;
+
+/// From the end of a transaction to the beginning of the next: the time within which the DPR promises to be ready, and 1 us more.
+const GAP: i64 = 11 * US;
+
+fn falls(after_ns: i64, bytes: usize) -> Placement {
+    Placement { edge: Edge::Falls, after_ns, bytes: Some(bytes) }
+}
+
+/// Runs `sweep` and says what the worst of it was; nothing may be violated, whatever meets.
+fn holds(gps: usize, sweep: Sweep, (horus_ppb, dpr_ppb): (i64, i64)) {
+    let (Some(horus), Some(dpr)) = (image(gps, "horus-tx-fw.elf"), image(gps, "dpr-fw.elf")) else { return };
+    let cycles = sweep.cycles();
     let setup = Setup {
-        images: Images { horus: image(gps, "horus-tx-fw.elf").unwrap(), dpr: image(gps, "dpr-fw.elf").unwrap() },
+        images: Images { horus, dpr },
         gps,
-        duration_ns: (sweep.cycles() + 5) * 10_000_000,
+        // The first frame comes with the first cycle, and the sweep begins with the second.
+        duration_ns: (cycles + 3) * 10_000_000,
         seed: 1,
         recordings: vec![],
-        crystals: Crystals { horus_ppb: v("HPPB", 200_000), dpr_ppb: v("DPPB", -200_000), flight_controller_ppb: 0 },
+        crystals: Crystals { horus_ppb, dpr_ppb, flight_controller_ppb: 0 },
         faults: Faults::default(),
         sweep: Some(sweep.clone()),
         trace: None,
     };
-    let began = std::time::Instant::now();
-    let outcome = run(&setup, &mut ()).unwrap();
-    println!("{} phases of {} in {:?}", outcome.phases.len(), sweep.cycles(), began.elapsed());
-    println!("{:#?}", outcome.report.violations);
-    println!("{:?} {:?}", outcome.report.ssi, outcome.report.latency_ns);
-    let mut shown = std::collections::BTreeMap::new();
-    for phase in &outcome.phases {
-        // derive
-        let mut rises = None;
-        let mut held = None;
-        let (mut ready, mut hold) = (0, 0);
-        let mut fresh = None;
-        for &(at, what) in &phase.events {
-            match what {
-                "CSN rises" => rises = Some(at),
-                "SPIS ready" => {
-                    if let Some(r) = rises.take() {
-                        ready = ready.max(at - r);
-                    }
-                }
-                "SPIS held" => held = Some(at),
-                "SPIS released" => {
-                    if let Some(h) = held.take() {
-                        hold = hold.max(at - h);
-                    }
-                }
-                "FRESH rises" => {
-                    fresh.get_or_insert(at);
-                }
-                _ => {}
-            }
-        }
-        let mut tags: Vec<String> = phase.violations.iter().map(|v| v.to_string()).collect();
-        if ready > 6_000 {
-            tags.push(format!("ready {} us", ready / 1000));
-        }
-        if hold > 6_000 {
-            tags.push(format!("hold {} us", hold / 1000));
-        }
-        if fresh.is_none_or(|f| f > 95_000) {
-            tags.push(format!("fresh {:?} us", fresh.map(|f| f / 1000)));
-        }
-        for tag in tags {
-            let e = shown.entry((phase.pattern, tag)).or_insert((vec![], phase.clone()));
-            e.0.push((phase.phase_ns, fresh));
-        }
+    let outcome = run(&setup, &mut ()).unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(outcome.phases.len() as u64, cycles, "every phase was swept");
+    let worst = |time: fn(&bench::sim::phases::Phase) -> i64| {
+        let phase = outcome.phases.iter().max_by_key(|phase| time(phase)).expect("a phase");
+        (time(phase), phase.phase_ns, phase.pattern)
+    };
+    println!("{gps} receivers, frame {}: (worst, ns; phase, ns after the last bit; pattern)", sweep.frame + 1);
+    println!("  last bit to FRESH  {:?}", worst(|phase| phase.fresh_ns().unwrap_or(0)));
+    println!("  SSI ready          {:?}", worst(|phase| phase.ready_ns()));
+    println!("  SSI held           {:?}", worst(|phase| phase.hold_ns()));
+    for phase in outcome.phases.iter().filter(|phase| !phase.violations.is_empty()).take(8) {
+        println!("  pattern {} at {} ns: {:?}", phase.pattern, phase.phase_ns, phase.violations);
+        println!("    {:?}", phase.events);
     }
-    for ((pattern, tag), (list, phase)) in shown {
-        println!("pattern {pattern} {tag}: {} x, {:?} .. {:?}", list.len(), list.first(), list.last());
-        println!("   e.g. {:?}", phase.events);
-    }
+    assert_eq!(outcome.report.violations, [""; 0], "{gps} receivers");
+    assert_eq!((outcome.report.ssi.bad_crc, outcome.report.dpr.objects_rejected), (0, 0), "{gps} receivers");
+}
+
+/// Around the publication of the cycle's frame number `frame`, from 0.
+fn around_a_publication(gps: usize, frame: usize, crystals: (i64, i64)) {
+    let whole = Placement { edge: Edge::Rises, after_ns: 0, bytes: None };
+    // Half a millisecond later, what was published is read in any case.
+    let witness = falls(700 * US, 96);
+    let patterns = vec![vec![whole, falls(GAP, 96), witness], vec![falls(0, 96), witness]];
+    holds(gps, Sweep { frame, from_ns: FIRST, to_ns: LAST, step_ns: 100, patterns }, crystals);
+}
+
+#[test]
+fn a_publication_with_one_receiver_may_meet_a_transaction_in_any_phase() {
+    around_a_publication(1, 0, (-200_000, 200_000));
+}
+
+#[test]
+fn a_publication_with_three_receivers_may_meet_a_transaction_in_any_phase() {
+    around_a_publication(3, 0, (200_000, -200_000));
+}
+
+#[test]
+fn a_publication_with_five_receivers_may_meet_a_transaction_in_any_phase() {
+    around_a_publication(5, 1, (200_000, -200_000));
+}
+
+/// What the DPR does once a second falls between two of these transactions at most 30 us apart, or into one of them: whole seconds of the
+/// DPR move by 400 us a second against HORUS's cycle, and so come through these 840 us within 25 s.
+#[test]
+fn what_the_dpr_does_once_a_second_holds_no_transaction_up() {
+    let row = (0..28).map(|place| falls(place * 30 * US, 8)).collect();
+    let sweep = Sweep { frame: 0, from_ns: 300 * US, to_ns: 330 * US, step_ns: 12, patterns: vec![row] };
+    holds(3, sweep, (200_000, -200_000));
 }

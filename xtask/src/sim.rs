@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
-use bench::report::Report;
+use bench::report::{Report, Reported};
 use bench::sim::{Crystals, Images, Observer, Setup};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -148,11 +148,29 @@ pub(crate) fn sim(args: &SimArgs) -> Result<ExitCode> {
     Ok(ExitCode::FAILURE)
 }
 
+/// Until when Reported-Position was valid, and which receivers had fallen silent by then.
+fn reported_position(reported: &Reported) -> String {
+    let seconds = |ns: u64| format!("{:.3} s", ns as f64 / 1e9);
+    let cycles = reported.valid_cycles;
+    let Some(since) = reported.invalid_since_ns else {
+        let end = if cycles == 0 { "never valid" } else { "valid to the end" };
+        return format!("{end}, valid in {cycles} cycles read");
+    };
+    let silent: Vec<String> = (1..)
+        .zip(&reported.last_solution_ns)
+        .map(|(receiver, last)| match last {
+            Some(last) => format!("GPS{receiver} silent since {}", seconds(*last)),
+            None => format!("GPS{receiver} never had a solution"),
+        })
+        .collect();
+    format!("invalid since {} ({}), valid in {cycles} cycles read", seconds(since), silent.join(", "))
+}
+
 /// One screen for a person.
 fn table(report: &Report) -> String {
     let ms = |ns: u64| format!("{:.3} ms", ns as f64 / 1e6);
     let us = |ns: u64| format!("{:.3} us", ns as f64 / 1e3);
-    let Report { horus, air, dpr, latency_ns: latency, ssi, base, .. } = report;
+    let Report { horus, air, dpr, latency_ns: latency, ssi, reported, base, .. } = report;
     let rows = [
         (
             "run",
@@ -225,6 +243,7 @@ fn table(report: &Report) -> String {
                 us(ssi.ready_ns.max)
             ),
         ),
+        ("Reported-Position", reported_position(reported)),
         ("base station", format!("{} profiles, {} bad CRC", base.profiles, base.bad_crc)),
     ];
     let mut text = String::new();
@@ -252,6 +271,19 @@ mod tests {
         let report = Report { violations: vec!["a torn read at 12 ms".into()], ..Report::default() };
         assert!(table(&report).contains("! a torn read at 12 ms"));
         assert!(table(&Report::default()).contains("violations            none"));
+    }
+
+    #[test]
+    fn the_table_tells_since_when_reported_position_is_invalid_and_which_receiver_fell_silent() {
+        let mut report = Report::default();
+        assert!(table(&report).contains("never valid"), "{}", table(&report));
+        report.reported.valid_cycles = 500;
+        assert!(table(&report).contains("valid to the end, valid in 500 cycles read"), "{}", table(&report));
+        report.reported.invalid_since_ns = Some(12_345_000_000);
+        report.reported.last_solution_ns = vec![Some(11_195_000_000), None];
+        let line = "Reported-Position     invalid since 12.345 s (GPS1 silent since 11.195 s, GPS2 never had a solution), \
+                    valid in 500 cycles read\n";
+        assert!(table(&report).contains(line), "{}", table(&report));
     }
 
     #[test]

@@ -30,8 +30,8 @@ use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal, Uniform};
 
 use crate::flight::{Flight, State};
-use crate::log::Log;
-use crate::ubx::{EsfIns, NavAtt, NavPvt, WEEK_MS};
+use crate::log::{Log, RecordedPosition};
+use crate::ubx::{EsfIns, Frame, NavAtt, NavPvt, WEEK_MS};
 
 /// Bit rate of a receiver's UART, unless told otherwise.
 pub const BIT_RATE: u32 = 460_800;
@@ -192,6 +192,26 @@ impl Receiver {
     #[must_use]
     pub fn bit_rate(&self) -> u32 {
         self.bit_rate
+    }
+
+    /// When the last byte of the last valid position in `burst` has crossed the line, ns after reset; `None` if it holds none.
+    #[must_use]
+    pub fn last_solution_ns(&self, burst: &Burst) -> Option<u64> {
+        let mut last = None;
+        let mut at = 0;
+        while let Some(rest) = burst.bytes.get(at..).filter(|rest| !rest.is_empty()) {
+            at += match Frame::at_start_of(rest) {
+                Some(frame) => {
+                    let end = at + frame.wire_len();
+                    if RecordedPosition::from_frame(&frame).is_some() {
+                        last = Some(burst.at_ns + self.line_time_ns(end));
+                    }
+                    frame.wire_len()
+                }
+                None => 1,
+            };
+        }
+        last
     }
 
     /// How long `bytes` bytes take on the line, ns, rounded up.

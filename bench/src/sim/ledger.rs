@@ -11,7 +11,7 @@
 
 use std::collections::BTreeMap;
 
-use profile::{CYCLE_MS, Identifier};
+use profile::{CYCLE_MS, Identifier, Layout, Object};
 
 use crate::report::{Max, Quantiles, Span};
 
@@ -84,7 +84,7 @@ pub struct Seen {
 /// Instants of a run.
 #[derive(Clone, Debug)]
 pub struct Ledger {
-    frames_per_cycle: usize,
+    layout: Layout,
     ticks: Vec<u64>,
     /// When HORUS had given its front end a transmit command.
     commands: Vec<u64>,
@@ -112,11 +112,11 @@ pub struct Ledger {
 const REMEMBERED_CYCLES: u32 = 100;
 
 impl Ledger {
-    /// An empty ledger for a link with this many air frames in a cycle.
+    /// An empty ledger for a link with profiles of this layout.
     #[must_use]
-    pub fn new(frames_per_cycle: usize) -> Self {
+    pub fn new(layout: Layout) -> Self {
         Self {
-            frames_per_cycle,
+            layout,
             ticks: vec![],
             commands: vec![],
             frames: vec![],
@@ -151,24 +151,22 @@ impl Ledger {
     /// A frame's last bit has passed; its payload as it was sent.
     pub fn frame_ended(&mut self, at: u64, payload: &[u8]) {
         let mut objects = vec![];
-        let mut rest = payload;
-        // Whole objects, nothing else: the identifier tells the length.
-        while let Some(identifier) = rest.get(4..6) {
-            let identifier = u16::from_le_bytes([identifier[0], identifier[1]]);
-            let size = if Identifier(identifier) == Identifier::REPORTED_POSITION {
-                profile::ReportedPosition::SIZE
-            } else {
-                profile::GpsObject::SIZE
-            };
-            let Some((object, after)) = rest.split_at_checked(size) else { break };
-            let timestamp = u32::from_le_bytes([object[0], object[1], object[2], object[3]]);
-            objects.push((timestamp, identifier, object.to_vec()));
-            rest = after;
-        }
-        if !rest.is_empty() || objects.is_empty() {
-            let length = payload.len();
-            self.violations
-                .add("HORUS sent something that is not whole objects", || format!("{length} bytes at {}", ms(at)));
+        match self.layout.objects_of(payload) {
+            Ok(parts) => {
+                for (index, bytes) in parts {
+                    match Object::verify(index, bytes) {
+                        Ok(object) => objects.push((object.timestamp(), object.identifier().0, bytes.to_vec())),
+                        Err(why) => self.violations.add("HORUS sent an object that is not valid", || {
+                            format!("object {index} at {}: {why}", ms(at))
+                        }),
+                    }
+                }
+            }
+            Err(_) => {
+                let length = payload.len();
+                self.violations
+                    .add("HORUS sent something that is not whole objects", || format!("{length} bytes at {}", ms(at)));
+            }
         }
         let Some(frame) = self.frames.last_mut() else { return };
         frame.ended = Some(at);
@@ -389,8 +387,8 @@ impl Ledger {
         for (index, tick) in self.ticks.iter().enumerate().take(complete).filter(|(_, tick)| **tick >= first) {
             let timestamp = u32::try_from(index + 1).unwrap_or(u32::MAX).saturating_mul(CYCLE_MS);
             let sent = cycles.get(&timestamp).copied().unwrap_or(0);
-            if sent != self.frames_per_cycle {
-                let wanted = self.frames_per_cycle;
+            let wanted = self.layout.frames();
+            if sent != wanted {
                 self.violations.add("a missed deadline", || {
                     format!("{sent} of {wanted} frames sent in the cycle of {}", ms(*tick))
                 });
@@ -411,6 +409,10 @@ mod tests {
 
     const AIR: u64 = 4_000_000;
 
+    fn layout() -> Layout {
+        Layout::for_receivers(1).unwrap()
+    }
+
     fn payload(timestamp: u32) -> Vec<u8> {
         Profile::<1>::seal(&ReportedValues::absent(timestamp), &[GpsValues::absent(timestamp)]).as_bytes().to_vec()
     }
@@ -428,7 +430,7 @@ mod tests {
 
     /// Ten flawless cycles.
     fn run() -> Ledger {
-        let mut ledger = Ledger::new(1);
+        let mut ledger = Ledger::new(layout());
         for cycle in 1..=10 {
             let tick = cycle * 10_000_000;
             let bytes = payload(cycle as u32 * 10);
@@ -504,7 +506,7 @@ mod tests {
 
     #[test]
     fn the_front_ends_own_scatter_is_in_the_time_to_air_and_not_in_the_time_to_command() {
-        let mut ledger = Ledger::new(1);
+        let mut ledger = Ledger::new(layout());
         for cycle in 1..=10 {
             let tick = cycle * 10_000_000;
             let start = tick + 300_000 + cycle % 2 * 2_300;

@@ -2,24 +2,25 @@
 
 use std::collections::VecDeque;
 use std::io;
-use std::iter::Peekable;
+use std::ops::Range;
 
 use dpr_fw::telemetry::Telemetry as DprTelemetry;
-use gnss_sim::Receiver;
+use gnss_sim::{Burst, Receiver};
 use horus_tx_fw::telemetry::Telemetry as HorusTelemetry;
 use nrf52840_model::SpisEvent;
-use profile::{Object, image};
+use profile::air::{CRC_BYTES, LEN_BYTES};
+use profile::{Layout, Object, ReportedPosition};
 use rigless::time::VirtualNanos;
 use st25r3916_model::{Air, AirEvent};
 
 use super::boards::{Dpr, FRESH, Horus, Line, SSI_CSN};
 use super::front_end::{Crossing, FrontEnd};
 use super::ledger::{Ledger, Seen, ms};
-use super::phases::{Edge, Phase, Sweeping};
+use super::phases::{Edge, Event, Phase, Sweeping};
 use super::trace::{self, Trace, Wire};
 use crate::engine::{Downstream, LogLine, Node, Upstream, Wiring};
-use crate::report::{self, Report};
-use crate::world::flight_controller::{Action, Outcome, Placed};
+use crate::report::{self, Report, Reported};
+use crate::world::flight_controller::{Action, Outcome, Placed, Transaction};
 use crate::world::{BaseStation, FlightController};
 
 /// SPI clocks, for the trace: what each firmware sets.
@@ -31,24 +32,23 @@ const SSI_HZ: u64 = 8_000_000;
 /// clocked: EasyDMA is up to this many microseconds late, but no event is.
 const RUN: usize = 16;
 
-/// LEN before an NFC-F frame's payload, CRC-16 after it.
-const LEN_BYTES: usize = 1;
-const CRC_BYTES: usize = 2;
-
 /// A receiver and its wire.
 #[derive(Debug)]
 struct Feed {
     line: Line,
-    receiver: Peekable<Receiver>,
+    receiver: Receiver,
+    upcoming: Option<Burst>,
     /// When its next burst begins.
     next: Option<u64>,
+    /// When its last valid position had arrived.
+    solution: Option<u64>,
 }
 
 impl Feed {
-    fn new(line: Line, receiver: Receiver) -> Self {
-        let mut receiver = receiver.peekable();
-        let next = receiver.peek().map(|burst| burst.at_ns);
-        Self { line, receiver, next }
+    fn new(line: Line, mut receiver: Receiver) -> Self {
+        let upcoming = receiver.next();
+        let next = upcoming.as_ref().map(|burst| burst.at_ns);
+        Self { line, receiver, upcoming, next, solution: None }
     }
 }
 
@@ -71,6 +71,8 @@ pub(super) struct Notes {
     lines: Vec<LogLine>,
     /// When HORUS gave its front end the transmit command.
     transmits: Vec<u64>,
+    /// For each receiver, when its last valid position had arrived.
+    solutions: Vec<Option<u64>>,
     /// What crossed between the part and its front end; nothing unless there is a trace.
     crossings: Vec<(u64, Crossing)>,
 }
@@ -87,6 +89,7 @@ impl Upstream<Horus> for Receivers {
         Notes {
             lines: node.take_log(),
             transmits: self.poller.take_transmits(),
+            solutions: self.feeds.iter().map(|feed| feed.solution).collect(),
             crossings: self.poller.take_crossings(),
         }
     }
@@ -97,10 +100,12 @@ impl Upstream<Horus> for Receivers {
 
     fn act(&mut self, at: u64, node: &mut Node<Horus>) {
         for feed in self.feeds.iter_mut().filter(|feed| feed.next.is_some_and(|next| next <= at)) {
-            if let Some(burst) = feed.receiver.next() {
+            if let Some(burst) = feed.upcoming.take() {
+                feed.solution = feed.receiver.last_solution_ns(&burst).or(feed.solution);
                 node.input(|_, _| feed.line.send(&burst.bytes));
             }
-            feed.next = feed.receiver.peek().map(|burst| burst.at_ns);
+            feed.upcoming = feed.receiver.next();
+            feed.next = feed.upcoming.as_ref().map(|burst| burst.at_ns);
         }
     }
 }
@@ -114,13 +119,19 @@ pub(super) struct Link {
     frame: Vec<u8>,
     longest_frame_ns: u64,
     frame_started: u64,
+    layout: Layout,
     flight_controller: FlightController,
     /// When the flight controller next does something.
     acts_at: u64,
     /// How many bytes the flight controller is clocking.
     clocking: usize,
+    /// When the DPR's pin saw chip select fall last: at the first boundary of its instructions from when it was due, ns.
+    selected: u64,
     base: BaseStation,
     ledger: Ledger,
+    reported: Reported,
+    /// The last cycle whose Reported-Position was read and valid.
+    valid_cycle: Option<u32>,
     trace: Option<Trace>,
     sweeping: Option<Sweeping>,
     /// What HORUS logged as it ran ahead.
@@ -137,7 +148,7 @@ impl Link {
         trace: Option<Trace>,
         sweeping: Option<Sweeping>,
     ) -> Self {
-        let frames = profile::air::frames(flight_controller.config().receivers);
+        let layout = flight_controller.config().layout();
         Self {
             poller,
             listener,
@@ -146,10 +157,14 @@ impl Link {
             longest_frame_ns: 0,
             frame_started: 0,
             acts_at: flight_controller.next_at(),
+            layout,
             flight_controller,
             clocking: 0,
+            selected: 0,
             base,
-            ledger: Ledger::new(frames),
+            ledger: Ledger::new(layout),
+            reported: Reported::default(),
+            valid_cycle: None,
             trace,
             sweeping,
             horus_lines: VecDeque::new(),
@@ -225,10 +240,10 @@ impl Link {
     }
 
     /// Notes what happened for the phase that is being swept.
-    fn note_phase(&mut self, at: u64, what: &'static str) {
+    fn note_phase(&mut self, at: u64, event: Event) {
         if let Some(phase) = self.sweeping.as_mut().and_then(Sweeping::phase) {
             let after = i64::try_from(at).unwrap_or(i64::MAX) - i64::try_from(phase.frame_ended).unwrap_or(i64::MAX);
-            phase.events.push((after, what));
+            phase.events.push((after, event));
         }
     }
 
@@ -241,27 +256,17 @@ impl Link {
                 if change.level {
                     self.ledger.fresh(change.at);
                 }
-                self.note_phase(change.at, if change.level { "FRESH rises" } else { "FRESH falls" });
+                self.note_phase(change.at, if change.level { Event::FreshRises } else { Event::FreshFalls });
             }
         }
         for (at, _, event) in part.take_spis_events() {
-            let what = match event {
-                SpisEvent::Held => {
-                    self.ledger.held(at);
-                    "SPIS held"
-                }
-                SpisEvent::Released => {
-                    self.ledger.released(at);
-                    "SPIS released"
-                }
-                SpisEvent::Ready => {
-                    self.ledger.ready(at);
-                    "SPIS ready"
-                }
-                SpisEvent::Busy => "SPIS busy",
-                SpisEvent::End { .. } => "SPIS END",
-            };
-            self.note_phase(at, what);
+            match event {
+                SpisEvent::Held => self.ledger.held(at),
+                SpisEvent::Released => self.ledger.released(at),
+                SpisEvent::Ready => self.ledger.ready(at),
+                SpisEvent::Busy | SpisEvent::End { .. } => {}
+            }
+            self.note_phase(at, Event::Spis(event));
         }
     }
 
@@ -305,20 +310,17 @@ impl Link {
     fn judge_transaction(&mut self, at: u64) {
         self.base.receive(at, &self.flight_controller.take_downlink());
         let Some(transaction) = self.flight_controller.last() else { return };
-        let mut seen = Seen { selected: transaction.selected_ns, objects: vec![] };
+        let mut seen = Seen { selected: self.selected, objects: vec![] };
         if transaction.outcome != Outcome::Busy {
-            for index in 0..=self.flight_controller.config().receivers {
-                let (offset, size) = match index {
-                    0 => (image::REPORTED_POSITION, profile::ReportedPosition::SIZE),
-                    receiver => (image::GPS + (receiver - 1) * profile::GpsObject::SIZE, profile::GpsObject::SIZE),
-                };
-                let place = offset.checked_sub(transaction.offset).map(|from| from..from + size);
-                let bytes = place.and_then(|place| transaction.miso.get(place));
+            for index in 0..self.layout.objects() {
+                let bytes = self.layout.in_image(index).and_then(|place| within(transaction, place));
                 if let Some(Ok(object)) = bytes.map(|bytes| Object::verify(index, bytes)) {
                     seen.objects.push((object.identifier(), object.timestamp(), object.as_bytes().to_vec()));
                 }
             }
         }
+        self.reported_position();
+        let Some(transaction) = self.flight_controller.last() else { return };
         if transaction.torn {
             self.ledger.violations.add("a torn read", || format!("the transaction of {}", ms(transaction.selected_ns)));
         }
@@ -328,6 +330,26 @@ impl Link {
             self.ledger.violations.add("damaged data in the image", || format!("{rejection} at offset {offset}, {at}"));
         }
         self.ledger.transaction(&seen);
+    }
+
+    /// Notes whether the transaction that is over brought a valid Reported-Position.
+    fn reported_position(&mut self) {
+        let Some(transaction) = self.flight_controller.last() else { return };
+        let Self { layout, reported, valid_cycle, .. } = self;
+        let place = layout.in_image(0).and_then(|place| within(transaction, place));
+        // A transaction that met the DPR busy, or read another part of the image, tells nothing.
+        let (Some(bytes), false) = (place, transaction.outcome == Outcome::Busy) else { return };
+        match ReportedPosition::verify(bytes) {
+            Ok(position) if position.values().status.position_valid() => {
+                reported.valid_cycles +=
+                    u64::from(valid_cycle.replace(position.timestamp()) != Some(position.timestamp()));
+                reported.invalid_since_ns = None;
+            }
+            _ if valid_cycle.is_some() => {
+                reported.invalid_since_ns.get_or_insert(transaction.selected_ns);
+            }
+            _ => {}
+        }
     }
 
     /// The figures of the whole run, which took `duration` ns.
@@ -376,6 +398,7 @@ impl Link {
                 bad_crc: stats.bad_crc,
                 ready_ns: self.ledger.ready_after(),
             },
+            reported: self.reported.clone(),
             base: report::Base { profiles: base.profiles, bad_crc: base.bad_crc },
             ..Report::default()
         };
@@ -426,8 +449,7 @@ impl Link {
             }
         }
         // Every frame that arrived whole is accepted whole; one may still be on its way through the DPR at the end.
-        let objects = self.flight_controller.config().receivers as u64 + 1;
-        let frames = profile::air::frames(self.flight_controller.config().receivers) as u64;
+        let (objects, frames) = (self.layout.objects() as u64, self.layout.frames() as u64);
         let due = (report.air.frames_delivered / frames).saturating_sub(1) * objects;
         if report.air.frames_damaged + report.air.frames_lost == 0 && report.dpr.objects_accepted < due {
             violations.add("objects lost in the DPR", || format!("{} of {due} accepted", report.dpr.objects_accepted));
@@ -436,6 +458,12 @@ impl Link {
             violations.add("a scrub found a stuck bit", || report.dpr.scrub_faults.to_string());
         }
     }
+}
+
+/// What `transaction` read of the image's bytes `place`, if it read all of them.
+fn within(transaction: &Transaction, place: Range<usize>) -> Option<&[u8]> {
+    let start = place.start.checked_sub(transaction.offset)?;
+    transaction.miso.get(start..start + place.len())
 }
 
 /// Puts what crossed between a part and its front end on `trace`.
@@ -469,7 +497,8 @@ impl Downstream<Dpr> for Link {
         self.emitted(at, event);
     }
 
-    fn noted(&mut self, Notes { lines, transmits, crossings }: Notes) {
+    fn noted(&mut self, Notes { lines, transmits, solutions, crossings }: Notes) {
+        self.reported.last_solution_ns = solutions;
         for at in transmits {
             self.ledger.commanded(at);
         }
@@ -499,16 +528,17 @@ impl Downstream<Dpr> for Link {
         self.watch_dpr(node);
         match self.flight_controller.act() {
             (_, Action::Select) => {
+                self.selected = node.now();
                 node.input(|board, now| board.part_mut().ssi_select(VirtualNanos(now), SSI_CSN));
                 self.mark(at, Wire::SsiCsn, false);
-                self.note_phase(at, "CSN falls");
+                self.note_phase(self.selected, Event::Selected);
             }
             (_, Action::Byte(_)) => unreachable!("bytes are clocked in runs"),
             (_, Action::Deselect) => {
                 let risen = node.now();
                 node.input(|board, now| board.part_mut().ssi_deselect(VirtualNanos(now), SSI_CSN));
                 self.mark(at, Wire::SsiCsn, true);
-                self.note_phase(risen, "CSN rises");
+                self.note_phase(risen, Event::Deselected);
                 self.ledger.deselected(risen);
                 self.transaction_over(at);
             }

@@ -13,6 +13,7 @@
 
 use std::collections::BTreeMap;
 
+use nrf52840_model::SpisEvent;
 use profile::{Layout, air};
 
 /// Which edge of chip select a transaction is placed by.
@@ -76,16 +77,61 @@ pub struct Phase {
     pub pattern: usize,
     /// The frame's last bit, ns.
     pub frame_ended: u64,
-    /// When FRESH rose, ns after the frame's last bit; `None` if it did not before the next frame.
-    pub fresh_ns: Option<u64>,
-    /// The longest time from chip select rising to readiness, ns.
-    pub ready_ns: u64,
-    /// The longest time for which the SSI was held back, ns.
-    pub hold_ns: u64,
-    /// Which kinds of violations occurred.
+    /// Which kinds of violations its transactions showed.
     pub violations: Vec<&'static str>,
-    /// What the wires and the SPIS showed, each with its instant, ns after the frame's last bit.
-    pub events: Vec<(i64, &'static str)>,
+    /// What the wires and the SPIS showed up to the next phase, each with its instant, ns after the frame's last bit. Each kind is in order
+    /// of time.
+    pub events: Vec<(i64, Event)>,
+}
+
+/// What the wires and the SPIS show of a phase.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Event {
+    /// The flight controller's chip select falls.
+    Selected,
+    /// It rises.
+    Deselected,
+    /// FRESH rises.
+    FreshRises,
+    /// FRESH falls.
+    FreshFalls,
+    /// What the SPIS shows of its semaphore.
+    Spis(SpisEvent),
+}
+
+impl Phase {
+    /// When FRESH first rose, ns after the frame's last bit; `None` if it did not.
+    #[must_use]
+    pub fn fresh_ns(&self) -> Option<i64> {
+        self.events.iter().find(|(_, event)| *event == Event::FreshRises).map(|(at, _)| *at)
+    }
+
+    /// The longest time from chip select rising to readiness, ns.
+    #[must_use]
+    pub fn ready_ns(&self) -> i64 {
+        self.longest(Event::Deselected, Event::Spis(SpisEvent::Ready))
+    }
+
+    /// The longest time for which the processor held the SSI back, ns.
+    #[must_use]
+    pub fn hold_ns(&self) -> i64 {
+        self.longest(Event::Spis(SpisEvent::Held), Event::Spis(SpisEvent::Released))
+    }
+
+    /// The longest time between a `begin` and the next `end`, ns.
+    fn longest(&self, begin: Event, end: Event) -> i64 {
+        let (mut since, mut longest) = (None, 0);
+        for &(at, event) in &self.events {
+            if event == begin {
+                since = Some(at);
+            } else if event == end
+                && let Some(since) = since.take()
+            {
+                longest = longest.max(at - since);
+            }
+        }
+        longest
+    }
 }
 
 /// A sweep under way.
@@ -145,6 +191,28 @@ impl Sweeping {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_phase_tells_its_worst_times() {
+        let mut phase = Phase::default();
+        assert_eq!((phase.fresh_ns(), phase.ready_ns(), phase.hold_ns()), (None, 0, 0));
+        let (held, released, ready) =
+            (Event::Spis(SpisEvent::Held), Event::Spis(SpisEvent::Released), Event::Spis(SpisEvent::Ready));
+        phase.events = vec![
+            (-90, Event::Selected),
+            (-50, Event::Deselected),
+            (-48, held),
+            (-10, released),
+            (-5, ready),
+            (7, Event::FreshRises),
+            (10, Event::Deselected),
+            (10, held),
+            (12, released),
+            (12, ready),
+            (99, Event::FreshRises),
+        ];
+        assert_eq!((phase.fresh_ns(), phase.ready_ns(), phase.hold_ns()), (Some(7), 45, 38));
+    }
 
     #[test]
     fn a_sweep_takes_every_phase_with_every_pattern_and_then_no_more() {

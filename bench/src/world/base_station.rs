@@ -6,10 +6,7 @@
 use core::fmt;
 use std::collections::VecDeque;
 
-use profile::{
-    Freshness, GpsObject, GpsValues, HorusState, MAX_RECEIVERS, Object, Rejection, ReportedPosition, ReportedValues,
-    freshness,
-};
+use profile::{Freshness, GpsValues, HorusState, Layout, MAX_RECEIVERS, Object, Rejection, ReportedValues, freshness};
 
 use super::flight_controller::is_vacant;
 use super::framing::Deframer;
@@ -73,7 +70,7 @@ pub struct Counts {
 /// A base station. See the [module](self).
 #[derive(Debug, Clone)]
 pub struct BaseStation {
-    receivers: usize,
+    layout: Layout,
     deframer: Deframer,
     counts: Counts,
     previous: Option<u32>,
@@ -91,10 +88,11 @@ impl BaseStation {
     /// If there is no profile for so many.
     #[must_use]
     pub fn new(receivers: usize) -> Self {
-        assert!(matches!(receivers, 1 | 2 | 3 | MAX_RECEIVERS), "{receivers} receivers");
+        let layout = Layout::for_receivers(receivers);
+        let layout = layout.unwrap_or_else(|| panic!("there is no profile of {receivers} receivers"));
         Self {
-            receivers,
-            deframer: Deframer::new(profile_len(receivers)),
+            layout,
+            deframer: Deframer::new(layout.profile_len()),
             counts: Counts::default(),
             previous: None,
             freshness: None,
@@ -109,7 +107,7 @@ impl BaseStation {
         for byte in bytes {
             match self.deframer.push(*byte) {
                 None => {}
-                Some(Ok(frame)) if frame.len() == profile_len(self.receivers) => self.profile(at_ns, &frame),
+                Some(Ok(frame)) if frame.len() == self.layout.profile_len() => self.profile(at_ns, &frame),
                 Some(_) => self.counts.bad_frames += 1,
             }
         }
@@ -150,11 +148,11 @@ impl BaseStation {
         self.gps = [None; MAX_RECEIVERS];
         let mut timestamp = None;
         let mut mixed = false;
-        let (reported, gps) = bytes.split_at(ReportedPosition::SIZE);
-        // The length was checked: nothing remains.
-        let (gps, _) = gps.as_chunks::<{ GpsObject::SIZE }>();
-        let objects = core::iter::once(reported).chain(gps.iter().map(<[u8; GpsObject::SIZE]>::as_slice));
-        for (index, bytes) in objects.enumerate() {
+        let layout = self.layout;
+        let places = (0..layout.objects()).filter_map(|index| Some((index, layout.in_profile(index)?)));
+        for (index, place) in places {
+            // The length was checked.
+            let bytes = &bytes[place];
             let object = match Object::verify(index, bytes) {
                 Ok(object) => object,
                 Err(_) if is_vacant(bytes) => {
@@ -218,11 +216,6 @@ impl BaseStation {
     }
 }
 
-/// Bytes of a profile of so many receivers.
-const fn profile_len(receivers: usize) -> usize {
-    ReportedPosition::SIZE + receivers * GpsObject::SIZE
-}
-
 /// The last state, for a person: a line per object, then what came of the link.
 impl fmt::Display for BaseStation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -257,10 +250,10 @@ impl fmt::Display for BaseStation {
                 };
                 let degraded = if v.status.degraded() { ", degraded" } else { "" };
                 let agreeing = v.status.receivers_agreeing();
-                writeln!(f, "  {state}, {agreeing} of {} agree{degraded}", self.receivers)?;
+                writeln!(f, "  {state}, {agreeing} of {} agree{degraded}", self.layout.receivers())?;
             }
         }
-        for (place, values) in self.gps.iter().take(self.receivers).enumerate() {
+        for (place, values) in self.gps.iter().take(self.layout.receivers()).enumerate() {
             write!(f, "  GPS{}      ", place + 1)?;
             match values {
                 None => writeln!(f, "not received")?,

@@ -22,12 +22,11 @@
 //! left it.
 
 use std::collections::VecDeque;
+use std::ops::Range;
 
 use profile::image;
 use profile::ssi::{self, REQUEST_SIZE, Request};
-use profile::{
-    Freshness, GpsObject, LinkStatus, LinkValues, MAX_RECEIVERS, Object, Rejection, ReportedPosition, freshness,
-};
+use profile::{Freshness, Layout, LinkStatus, LinkValues, Object, Rejection, freshness};
 
 use super::framing;
 
@@ -94,7 +93,17 @@ impl Config {
     /// Bytes of the image.
     #[must_use]
     pub const fn image_len(&self) -> usize {
-        image::GPS + self.receivers * GpsObject::SIZE
+        self.layout().image_len()
+    }
+
+    /// The profile's layout.
+    ///
+    /// # Panics
+    ///
+    /// If there is no profile for so many receivers: a bench set up so is wrong.
+    #[must_use]
+    pub const fn layout(&self) -> Layout {
+        Layout::for_receivers(self.receivers).expect("a profile has 1, 2, 3 or 5 receivers")
     }
 
     /// From chip select falling to chip select rising in a transaction of so many bytes, by its own clock, ns.
@@ -232,7 +241,6 @@ impl FlightController {
     /// crystal is more than 1 % off: a bench set up so is wrong.
     #[must_use]
     pub fn new(config: Config) -> Self {
-        assert!(matches!(config.receivers, 1 | 2 | 3 | MAX_RECEIVERS), "{} receivers", config.receivers);
         assert!(config.crystal_ppb.unsigned_abs() <= 10_000_000, "a crystal is off by {} ppb", config.crystal_ppb);
         let longest = config.transaction_ns(config.image_len());
         assert!(longest < config.cycle_ns, "a transaction of {longest} ns does not fit into the control cycle");
@@ -483,18 +491,16 @@ impl FlightController {
             transaction.outcome = Outcome::Busy;
             return transaction;
         }
-        if let Some(bytes) = self.read(image::LINK_STATUS, LinkStatus::SIZE) {
+        if let Some(bytes) = self.read(image::LINK_STATUS..image::LINK_STATUS + LinkStatus::SIZE) {
             match LinkStatus::verify(bytes) {
                 Ok(link) => transaction.link = Some(link.values()),
                 Err(why) => transaction.damage = Some((image::LINK_STATUS, why)),
             }
         }
-        for index in 0..=self.config.receivers {
-            let (offset, size) = match index {
-                0 => (image::REPORTED_POSITION, ReportedPosition::SIZE),
-                receiver => (image::GPS + (receiver - 1) * GpsObject::SIZE, GpsObject::SIZE),
-            };
-            let Some(bytes) = self.read(offset, size) else {
+        let layout = self.config.layout();
+        for (index, place) in (0..layout.objects()).filter_map(|index| Some((index, layout.in_image(index)?))) {
+            let offset = place.start;
+            let Some(bytes) = self.read(place) else {
                 continue;
             };
             match Object::verify(index, bytes) {
@@ -522,11 +528,11 @@ impl FlightController {
         transaction
     }
 
-    /// The bytes of the image from `offset`, if the transaction read all of them.
-    fn read(&self, offset: usize, size: usize) -> Option<&[u8]> {
+    /// These bytes of the image, if the transaction read all of them.
+    fn read(&self, place: Range<usize>) -> Option<&[u8]> {
         let window = self.miso.get(..usize::from(self.window.length)).unwrap_or(&self.miso);
-        let start = offset.checked_sub(usize::from(self.window.offset))?;
-        window.get(start..start + size)
+        let start = place.start.checked_sub(usize::from(self.window.offset))?;
+        window.get(start..start + place.len())
     }
 }
 
@@ -544,7 +550,7 @@ pub(super) fn is_vacant(bytes: &[u8]) -> bool {
 #[cfg(test)]
 mod tests {
     use profile::image::Image;
-    use profile::{GpsStatus, GpsValues, Identifier, LinkStatusBits, Profile, ReportedValues};
+    use profile::{GpsObject, GpsStatus, GpsValues, Identifier, LinkStatusBits, Profile, ReportedValues};
 
     use super::super::BaseStation;
     use super::*;
