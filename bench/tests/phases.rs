@@ -82,11 +82,17 @@ fn a_publication_with_five_receivers_may_meet_a_transaction_in_any_phase() {
     around_a_publication(5, 1, (200_000, -200_000));
 }
 
-/// What the DPR does once a second falls between two of these transactions at most 30 us apart, or into one of them: whole seconds of the
-/// DPR move by 400 us a second against HORUS's cycle, and so come through these 840 us within 25 s.
+/// The DPR's idle task wakes with whatever happens, and does then what is due once a second. In the silence between two frames it is a
+/// transaction's end that wakes it, so another transaction that ends 26 to 44 us later meets what it does. Whole seconds of the DPR move by
+/// 400 us a second against HORUS's cycle, so in 25 s half of them fall into that silence, each with another distance.
 #[test]
 fn what_the_dpr_does_once_a_second_holds_no_transaction_up() {
-    let row = (0..28).map(|place| falls(place * 30 * US, 8)).collect();
-    let sweep = Sweep { frame: 0, from_ns: 300 * US, to_ns: 330 * US, step_ns: 12, patterns: vec![row] };
+    let pairs = |gap: i64| {
+        let pair = |at: i64| [falls(at, 8), falls(at + 15 * US + gap, 8)];
+        (0..7).flat_map(|place| pair(place * 650 * US)).collect()
+    };
+    // A prime number of patterns: 100 cycles later, in the next second, it is another one.
+    let patterns = (0..19).map(|pattern| pairs(GAP + pattern * US)).collect();
+    let sweep = Sweep { frame: 0, from_ns: 300 * US, to_ns: 313_100, step_ns: 100, patterns };
     holds(3, sweep, (200_000, -200_000));
 }

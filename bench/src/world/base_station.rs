@@ -297,7 +297,7 @@ fn row(
 
 #[cfg(test)]
 mod tests {
-    use profile::{FixType, GpsStatus, Identifier, Profile, ReportedStatus};
+    use profile::{FixType, GpsObject, GpsStatus, Identifier, Profile, ReportedStatus};
 
     use super::super::framing;
     use super::*;
