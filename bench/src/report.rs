@@ -87,8 +87,8 @@ pub struct Horus {
     pub frames_sent: u64,
     /// Between the first frames of two cycles in a row.
     pub period_ns: Span,
-    /// From the 10 ms timer's tick to the transmit command of the cycle's first frame: chip select rising after its byte. Its
-    /// jitter is the firmware's.
+    /// From the 10 ms timer's tick to the transmit command of the cycle's first frame: chip select rising after its
+    /// byte. Its jitter is the firmware's.
     pub tick_to_command_ns: Span,
     /// From the same tick to the first preamble bit of the cycle's first frame. Its jitter is the firmware's and the
     /// scatter with which the front end starts.
@@ -160,10 +160,11 @@ pub struct Ssi {
 pub struct Reported {
     /// Cycles of HORUS whose Reported-Position was read and had a valid position.
     pub valid_cycles: u64,
-    /// When chip select fell for the first of the transactions that brought no valid position any more, ns; `None` if the last one brought
-    /// one, or none ever did.
+    /// When chip select fell for the first of the transactions that brought no valid position any more, ns; `None` if
+    /// the last one brought one, or none ever did.
     pub invalid_since_ns: Option<u64>,
-    /// For each receiver in turn, when the last byte of its last valid position had arrived at HORUS, ns; `None` if it sent none.
+    /// For each receiver in turn, when the last byte of its last valid position had arrived at HORUS, ns; `None` if it
+    /// sent none.
     pub last_solution_ns: Vec<Option<u64>>,
 }
 

@@ -205,8 +205,8 @@ fn an_image_for_another_profile_is_noticed() {
     );
 }
 
-/// The recording called `name`, or `None` (said) where it is not at hand. Where `CI` is set it must be there: a test that is not run
-/// must not look like one that passed.
+/// The recording called `name`, or `None` (said) where it is not at hand. Where `CI` is set it must be there: a test
+/// that is not run must not look like one that passed.
 fn recording(name: &str) -> Option<PathBuf> {
     let log = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/ubx").join(name);
     if log.exists() {
@@ -266,8 +266,9 @@ fn one_hertz(epochs: u32) -> Vec<u8> {
     (0..epochs).flat_map(|epoch| fix(epoch).encode()).collect()
 }
 
-/// Design: a position is valid for one period of its receiver and 150 ms more, so 1.15 s at 1 Hz. What comes on top: HORUS takes the bytes
-/// in its next cycle (10 ms) and the flight controller reads what was valid no more within a cycle of each (10 ms, 4 ms) and the air time.
+/// Design: a position is valid for one period of its receiver and 150 ms more, so 1.15 s at 1 Hz. What comes on top:
+/// HORUS takes the bytes in its next cycle (10 ms) and the flight controller reads what was valid no more within a
+/// cycle of each (10 ms, 4 ms) and the air time.
 #[test]
 fn reported_position_turns_invalid_one_period_and_150_ms_after_the_last_solution_of_a_receiver_that_falls_silent() {
     for gps in [1, 3] {

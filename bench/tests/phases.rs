@@ -1,8 +1,9 @@
-//! The flight controller's transactions in every phase to the end of a frame, in steps of 100 ns: what meets once in minutes at its own
-//! cycle meets here at once.
+//! The flight controller's transactions in every phase to the end of a frame, in steps of 100 ns: what meets once in
+//! minutes at its own cycle meets here at once.
 //!
-//! Around the publication, each phase is taken twice: with a whole image that ends there and 96 bytes right after it, and with 96 bytes
-//! that begin there after a long silence. The crystals of the boards are 200 ppm off, opposite ways; the phases do not depend on them.
+//! Around the publication, each phase is taken twice: with a whole image that ends there and 96 bytes right after it,
+//! and with 96 bytes that begin there after a long silence. The crystals of the boards are 200 ppm off, opposite ways;
+//! the phases do not depend on them.
 
 mod boards;
 
@@ -12,12 +13,13 @@ use boards::image;
 
 const US: i64 = 1_000;
 
-/// From a frame's last bit: a publication comes between 70 and 100 us after it, and what follows it (the scrub of three buffers) is over
-/// 240 us after it.
+/// From a frame's last bit: a publication comes between 70 and 100 us after it, and what follows it (the scrub of three
+/// buffers) is over 240 us after it.
 const FIRST: i64 = -60 * US;
 const LAST: i64 = 240 * US;
 
-/// From the end of a transaction to the beginning of the next: the time within which the DPR promises to be ready, and 1 us more.
+/// From the end of a transaction to the beginning of the next: the time within which the DPR promises to be ready, and
+/// 1 us more.
 const GAP: i64 = 11 * US;
 
 fn falls(after_ns: i64, bytes: usize) -> Placement {
@@ -82,9 +84,10 @@ fn a_publication_with_five_receivers_may_meet_a_transaction_in_any_phase() {
     around_a_publication(5, 1, (200_000, -200_000));
 }
 
-/// The DPR's idle task wakes with whatever happens, and does then what is due once a second. In the silence between two frames it is a
-/// transaction's end that wakes it, so another transaction that ends 26 to 44 us later meets what it does. Whole seconds of the DPR move by
-/// 400 us a second against HORUS's cycle, so in 25 s half of them fall into that silence, each with another distance.
+/// The DPR's idle task wakes with whatever happens, and does then what is due once a second. In the silence between two
+/// frames it is a transaction's end that wakes it, so another transaction that ends 26 to 44 us later meets what it
+/// does. Whole seconds of the DPR move by 400 us a second against HORUS's cycle, so in 25 s half of them fall into that
+/// silence, each with another distance.
 #[test]
 fn what_the_dpr_does_once_a_second_holds_no_transaction_up() {
     let pairs = |gap: i64| {

@@ -1,8 +1,8 @@
 //! Layout of a profile whose number of receivers is known at run time only.
 //!
-//! A firmware knows its number of receivers when it is compiled and uses [`Profile<N>`](Profile) and [`Image<N>`](Image). A bench, a
-//! base station or a tool learns it from an argument or from its configuration: it asks here. Every answer is that of the
-//! const generics, so there is one authority on where an object is.
+//! A firmware knows its number of receivers when it is compiled and uses [`Profile<N>`](Profile) and
+//! [`Image<N>`](Image). A bench, a base station or a tool learns it from an argument or from its configuration: it asks
+//! here. Every answer is that of the const generics, so there is one authority on where an object is.
 //!
 //! # Example
 //!

@@ -281,7 +281,8 @@ mod tests {
         assert!(table(&report).contains("valid to the end, valid in 500 cycles read"), "{}", table(&report));
         report.reported.invalid_since_ns = Some(12_345_000_000);
         report.reported.last_solution_ns = vec![Some(11_195_000_000), None];
-        let line = "Reported-Position     invalid since 12.345 s (GPS1 silent since 11.195 s, GPS2 never had a solution), \
+        let line = "Reported-Position     invalid since 12.345 s (GPS1 silent since 11.195 s, \
+                    GPS2 never had a solution), \
                     valid in 500 cycles read\n";
         assert!(table(&report).contains(line), "{}", table(&report));
     }

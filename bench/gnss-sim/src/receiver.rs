@@ -194,7 +194,8 @@ impl Receiver {
         self.bit_rate
     }
 
-    /// When the last byte of the last valid position in `burst` has crossed the line, ns after reset; `None` if it holds none.
+    /// When the last byte of the last valid position in `burst` has crossed the line, ns after reset; `None` if it
+    /// holds none.
     #[must_use]
     pub fn last_solution_ns(&self, burst: &Burst) -> Option<u64> {
         let mut last = None;

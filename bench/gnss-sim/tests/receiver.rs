@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use gnss_sim::receiver::BIT_RATE;
+use gnss_sim::ubx;
 use gnss_sim::{Burst, Flight, Model, Receiver};
 use ublox::{
     ParserBuilder, UbxPacket,
@@ -197,4 +198,19 @@ fn a_receiver_outlasts_the_flight() {
     let flight = Arc::new(Flight::new(1, 10.0));
     let late = Receiver::generated(1, 1, flight).find(|burst| burst.at_ns > 3_600_000_000_000);
     assert!(late.is_some());
+}
+
+#[test]
+fn the_last_solution_of_a_burst_has_arrived_with_its_last_byte() {
+    let receiver = Receiver::generated(1, 1, Arc::new(Flight::new(1, 10.0)));
+    let fix = ubx::NavPvt { fix_type: 3, flags: ubx::NavPvt::FLAG_FIX_OK, ..ubx::NavPvt::default() }.encode();
+    let none = ubx::NavPvt::default().encode();
+    let mut bytes = b"$GNGLL,noise*00\r\n".to_vec();
+    bytes.extend(&fix);
+    let solved = bytes.len();
+    // A message without a position, and one that is cut short.
+    bytes.extend(none.iter().chain(&fix[..fix.len() - 1]));
+    let burst = Burst { at_ns: 7_000, bytes };
+    assert_eq!(receiver.last_solution_ns(&burst), Some(7_000 + receiver.line_time_ns(solved)));
+    assert_eq!(receiver.last_solution_ns(&Burst { at_ns: 7_000, bytes: none }), None);
 }

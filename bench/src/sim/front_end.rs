@@ -122,8 +122,8 @@ impl FrontEnd {
         self.0.next.load(Relaxed)
     }
 
-    /// The transmit commands since the last call: each the instant chip select rose after its byte, ns. The chip acts on a command from
-    /// there on, so this is the last instant that the firmware answers for.
+    /// The transmit commands since the last call: each the instant chip select rose after its byte, ns. The chip acts
+    /// on a command from there on, so this is the last instant that the firmware answers for.
     #[must_use]
     pub fn take_transmits(&self) -> Vec<u64> {
         self.call(|shared| std::mem::take(&mut shared.transmits))

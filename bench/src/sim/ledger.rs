@@ -138,7 +138,8 @@ impl Ledger {
         self.ticks.push(at);
     }
 
-    /// HORUS has given its front end a transmit command: chip select rose. Told in order of time, before the frame begins.
+    /// HORUS has given its front end a transmit command: chip select rose. Told in order of time, before the frame
+    /// begins.
     pub fn commanded(&mut self, at: u64) {
         self.commands.push(at);
     }
@@ -288,7 +289,8 @@ impl Ledger {
         Span::of(started.windows(2).map(|pair| pair[1] - pair[0]))
     }
 
-    /// From the tick to the transmit command of the cycle's first frame: the last command before that frame was on the air.
+    /// From the tick to the transmit command of the cycle's first frame: the last command before that frame was on the
+    /// air.
     #[must_use]
     pub fn tick_to_command(&self) -> Span {
         Span::of(self.leads().filter_map(|frame| {

@@ -125,7 +125,8 @@ pub(super) struct Link {
     acts_at: u64,
     /// How many bytes the flight controller is clocking.
     clocking: usize,
-    /// When the DPR's pin saw chip select fall last: at the first boundary of its instructions from when it was due, ns.
+    /// When the DPR's pin saw chip select fall last: at the first boundary of its instructions from when it was due,
+    /// ns.
     selected: u64,
     base: BaseStation,
     ledger: Ledger,

@@ -2,12 +2,14 @@
 //!
 //! # Design
 //!
-//! A flight controller's cycle is its own, so each of its transactions meets the DPR's work at an instant that nobody chose. Some of
-//! these meetings last 100 ns: at a control cycle of 4 ms they occur once in minutes. A [`Sweep`] makes each happen: from one HORUS cycle
-//! to the next, it places transactions around the end of a frame at a phase that advances by a fixed step, and the phase is relative to
-//! the frame's last bit as it passes the antenna. Errors of crystals and the scatter of the front end therefore do not blur it.
+//! A flight controller's cycle is its own, so each of its transactions meets the DPR's work at an instant that nobody
+//! chose. Some of these meetings last 100 ns: at a control cycle of 4 ms they occur once in minutes. A [`Sweep`] makes
+//! each happen: from one HORUS cycle to the next, it places transactions around the end of a frame at a phase that
+//! advances by a fixed step, and the phase is relative to the frame's last bit as it passes the antenna. Errors of
+//! crystals and the scatter of the front end therefore do not blur it.
 //!
-//! The end of a frame is known at its beginning: frames of one length take one time. The first frame of each length is measured.
+//! The end of a frame is known at its beginning: frames of one length take one time. The first frame of each length is
+//! measured.
 //!
 //! What each phase led to is in its [`Phase`]; the ledger judges a swept run like any other.
 
@@ -47,7 +49,8 @@ pub struct Sweep {
     pub to_ns: i64,
     /// From one phase to the next, ns.
     pub step_ns: u64,
-    /// The transactions of one cycle, in order of time. With several patterns, each phase is taken with one after the other.
+    /// The transactions of one cycle, in order of time. With several patterns, each phase is taken with one after the
+    /// other.
     pub patterns: Vec<Vec<Placement>>,
 }
 
@@ -79,8 +82,8 @@ pub struct Phase {
     pub frame_ended: u64,
     /// Which kinds of violations its transactions showed.
     pub violations: Vec<&'static str>,
-    /// What the wires and the SPIS showed up to the next phase, each with its instant, ns after the frame's last bit. Each kind is in order
-    /// of time.
+    /// What the wires and the SPIS showed up to the next phase, each with its instant, ns after the frame's last bit.
+    /// Each kind is in order of time.
     pub events: Vec<(i64, Event)>,
 }
 
@@ -164,7 +167,8 @@ impl Sweeping {
         self.durations.insert(len, took);
     }
 
-    /// A frame with this LEN began at `at`: what is to be placed around its end. Each is the chip select's edge, its instant, and the bytes.
+    /// A frame with this LEN began at `at`: what is to be placed around its end. Each is the chip select's edge, its
+    /// instant, and the bytes.
     pub(super) fn frame_started(&mut self, at: u64, len: u8) -> Vec<(Edge, u64, Option<usize>)> {
         let Some(&took) = self.durations.get(&len).filter(|_| len == self.target) else { return vec![] };
         let Some((phase_ns, pattern)) = self.sweep.at(self.cycle) else { return vec![] };

@@ -285,8 +285,8 @@ impl FlightController {
     ///
     /// # Panics
     ///
-    /// If the schedule is another one, if so many bytes are none or more than the image has, or if the transaction before
-    /// it is not over by then.
+    /// If the schedule is another one, if so many bytes are none or more than the image has, or if the transaction
+    /// before it is not over by then.
     pub fn place(&mut self, transaction: Placed) {
         let Placed { at_ns, bytes } = transaction;
         assert_eq!(self.config.schedule, Schedule::Placed, "this flight controller keeps its own cycle");
@@ -397,8 +397,8 @@ impl FlightController {
         &self.config
     }
 
-    /// The instant by the bench's clock, `own_ns` by its own clock after the beginning of the transaction that is under way or comes
-    /// next.
+    /// The instant by the bench's clock, `own_ns` by its own clock after the beginning of the transaction that is under
+    /// way or comes next.
     fn instant(&self, own_ns: u64) -> u64 {
         match (self.config.schedule, self.stage) {
             (Schedule::EveryCycle, _) => {
