@@ -18,18 +18,25 @@
 //! | [`transmitter`] | when the poller machine is given what, which slot a loaded frame belongs to |
 //! | [`ring`] | how many bytes a circular DMA transfer has delivered, and whether it lapped its reader |
 //! | [`timing`] | the slots of a cycle, each with its derivation, checked at compile time |
-//! | [`checkin`] | whether the watchdog may be fed |
+//! | [`clock`] | whether to run on the external clock or, without it, on the internal oscillator |
+//! | [`reset`] | why the processor started |
+//! | [`task`] | which tasks have to check in before the watchdog is fed |
 //! | [`telemetry`] | the counters that a debugger, or the bench, reads from RAM |
 //!
-//! The firmware itself (`main.rs`) is a table of interrupt tasks over this library, and `hw.rs` is the
-//! only file with `unsafe` in it.
+//! This library has no `unsafe` code. The firmware itself is a table of interrupt tasks over it (`main.rs`), a table of
+//! pins, DMA streams, vectors and clocks (`board.rs`: add a receiver interface there), and the registers behind those
+//! (`hw/`). `unsafe` code is in `hw/` alone, file by file where its heading says so; `main.rs` denies it everywhere
+//! else. What the two macros that `main.rs` invokes expand to, RTIC's and `firmware_common::install_safe_state!`, is
+//! theirs.
 #![no_std]
 #![forbid(unsafe_code)]
 
-pub mod checkin;
+pub mod clock;
 pub mod cycle;
 pub mod receiver;
+pub mod reset;
 pub mod ring;
+pub mod task;
 pub mod telemetry;
 pub mod timing;
 pub mod transmitter;

@@ -2,111 +2,98 @@
 //!
 //! # Tasks
 //!
-//! | priority | task | vector | what arrives | deadline |
-//! |---|---|---|---|---|
-//! | 5 | `slot` | TIM2 | the tick; a frame's slot | fires the loaded frame: command byte at the SPI within 1 µs peak to peak of the same instant after every tick. Shares nothing, so no lock ever masks it |
-//! | 4 | `rf_done` | DMA2 stream 0, 3 | an SPI transfer has ended | starts the next; the whole load ends before the slot |
-//! | 4 | `rf_irq` | EXTI3 | the ST25R3916 has something to say | end of frame noted before the next tick |
-//! | 4 | `rf_time` | TIM5 | a wait of the poller machine is over | none: late is harmless |
-//! | 4 | `rf_slot` | CAN1_TX | a slot has passed (from `slot`) | before the frame's end, 1.9 ms |
-//! | 3 | `cycle` | CAN1_RX0 | the tick (from `slot`) | profile filled, sealed and offered so early that its load ends before the slot (see `timing`) |
-//! | 2 | `gnss*` | UARTs, their DMA | a line is idle, or half a ring is full | positions noted within half a ring, 5.5 ms |
-//! | 1 | `parse` | CAN1_RX1 | bytes (from `gnss*`) | parsed within one cycle |
-//! | 0 | `idle` | – | – | feeds the watchdog when all have checked in; logs when that delays nothing |
+//! | priority | task | vector | what arrives |
+//! |---|---|---|---|
+//! | NMI | in `hw::clock` | NMI | the external clock has failed |
+//! | 5 | `slot` | TIM2 | the tick; a frame's slot |
+//! | 4 | `rf_spi`, `rf_spi_error` | DMA2 stream 0, 3 | an SPI transfer has ended, or failed |
+//! | 4 | `rf_irq` | EXTI3 | the ST25R3916's interrupt request |
+//! | 4 | `rf_timer` | TIM5 | a wait of the poller machine is over |
+//! | 4 | `rf_slot` | CAN1_TX | a slot has passed (from `slot`) |
+//! | 3 | `cycle` | CAN1_RX0 | the tick (from `slot`) |
+//! | 2 | `gnss*` | UARTs, their DMA | a line is idle, or half a ring is full |
+//! | 1 | `parse` | CAN1_RX1 | bytes (from `gnss*`) |
+//! | 0 | `idle` | – | – |
+//!
+//! # Deadlines
+//!
+//! - `slot` fires the loaded frame: the command's byte is at the SPI within 1 µs peak to peak of the same instant after
+//!   every tick. It shares nothing, so no lock ever masks it.
+//! - `rf_spi` starts the next transfer; the whole load ends before the slot.
+//! - `rf_irq` notes the end of a frame before the next tick.
+//! - `rf_timer` has none: late is harmless.
+//! - `rf_slot` runs before the frame's end, 1.9 ms after the slot at the earliest.
+//! - `cycle` fills, seals and offers the profile so early that its load ends before the slot (see `timing`).
+//! - `gnss*` notes a ring's position within half a ring, 5.5 ms.
+//! - `parse` parses what there is within one cycle.
+//! - `idle` feeds the watchdog when all have checked in, and logs when that delays nothing.
 //!
 //! The vectors of CAN1 belong to a peripheral that stays off; they are how a task of higher priority
 //! calls one of lower priority without a queue, and so without a lock.
 //!
-//! No task waits for the SPI but for the end of one byte, and none allocates. A panic or a fault switches the
-//! RF field off, says why, and leaves the rest to the watchdog.
+//! No task waits for the SPI but for the end of one byte, and none allocates. A panic, a fault, a failing clock and an
+//! image that is not the one that was built end in the safe state: the RF field is off, the reason is logged, and the
+//! watchdog resets the part.
+//!
+//! # Start
+//!
+//! Watchdog, reason of the reset, oscillator, comparison of the image with its CRC, then front end, receivers and
+//! cycle. The comparison comes after the clock tree, since it takes 4 to 6 ms at 144 MHz and would take 40 ms at the 16
+//! MHz before, of the watchdog's 68 ms at worst; nothing of the board is touched before it but the clocks.
 #![cfg_attr(target_os = "none", no_std, no_main)]
+#![deny(unsafe_code)]
 
+#[cfg(target_os = "none")]
+mod board;
 #[cfg(target_os = "none")]
 mod hw;
 
 #[cfg(not(target_os = "none"))]
 fn main() -> std::process::ExitCode {
     eprintln!(
-        "this is firmware for the STM32F429ZI: build it with `cargo xtask build`, flash it with `cargo xtask flash horus`"
+        "this is firmware for the STM32F429ZI: build it with `cargo xtask build`, and flash it with \
+         `cargo xtask flash horus`"
     );
     std::process::ExitCode::FAILURE
 }
 
 #[cfg(target_os = "none")]
-mod panic {
-    //! The safe state: field off, then the watchdog.
-    use core::sync::atomic::{AtomicBool, Ordering};
-
-    use cortex_m::asm;
-    use cortex_m_rt::{exception, ExceptionFrame};
-
-    use crate::hw;
-
-    static SAFE: AtomicBool = AtomicBool::new(false);
-
-    /// Switches the field off, logs once (a fault inside the logger must not log again), and waits for
-    /// the watchdog.
-    fn safe_state(log: impl FnOnce()) -> ! {
-        cortex_m::interrupt::disable();
-        hw::field_off();
-        if !SAFE.swap(true, Ordering::Relaxed) {
-            log();
-        }
-        loop {
-            asm::nop();
-        }
-    }
-
-    #[panic_handler]
-    fn panic(info: &core::panic::PanicInfo<'_>) -> ! {
-        safe_state(|| defmt::error!("{}", defmt::Display2Format(info)))
-    }
-
-    // SAFETY: nothing of what was interrupted is used again: the handler does not return.
-    #[exception]
-    unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
-        safe_state(|| defmt::error!("hard fault at {=u32:#x}, from {=u32:#x}", frame.pc(), frame.lr()))
-    }
-
-    // SAFETY: as for `HardFault`.
-    #[exception]
-    unsafe fn DefaultHandler(number: i16) -> ! {
-        safe_state(|| defmt::error!("interrupt {=i16} has no task", number))
-    }
-}
+firmware_common::install_safe_state!(hw::safe_state);
 
 #[cfg(target_os = "none")]
 #[rtic::app(device = stm32f4xx_hal::pac, peripherals = true)]
 mod app {
     use cortex_m::peripheral::DWT;
     use defmt_rtt as _;
+    use firmware_common::{check_in::CheckIn, image, safe_state};
     use horus_tx_fw::{
-        checkin::{CheckIn, Task},
         cycle::Cycle,
         receiver::{Receiver, Solution, BYTES_PER_CALL},
+        reset,
         ring::Reader,
+        task::Task,
         timing,
         transmitter::Transmitter,
         RECEIVERS,
     };
     use st25r3916::PollerConfig;
-    use stm32f4xx_hal::{
-        gpio::{Edge, PinState, Pull, Speed},
-        pac::{self, Interrupt},
-        prelude::*,
-        rcc::{Config, Enable},
-        watchdog::IndependentWatchdog,
+    use stm32f4xx_hal::{pac::Interrupt, prelude::*, watchdog::IndependentWatchdog};
+
+    use crate::{
+        board,
+        hw::{
+            self,
+            cycle_timer::{self, CycleEvent, CycleTimer},
+            gnss::{self, GnssLine, RING},
+            radio::{Ended, Radio},
+            settle, HORUS_TELEMETRY,
+        },
     };
 
-    use crate::hw::{self, settle, CycleEvent, CycleTimer, Ended, GnssLine, Radio, HORUS_TELEMETRY, RING};
+    defmt::timestamp!("{=u32:ms}", cycle_timer::now_ms());
 
-    defmt::timestamp!("{=u32:ms}", hw::now_ms());
-
-    /// Who has to be alive for the watchdog to be fed.
-    static CHECK_IN: CheckIn = CheckIn::new();
-
-    /// The watchdog's time, ms at the nominal 32 kHz; LSI runs at 17 to 47 kHz (DS9405), so 68 to 190 ms.
-    const WATCHDOG_MS: u32 = 100;
+    /// Which tasks have checked in since the watchdog was last fed.
+    static CHECK_IN: CheckIn<Task> = CheckIn::new();
 
     #[shared]
     struct Shared {
@@ -128,93 +115,57 @@ mod app {
 
     #[init]
     fn init(mut cx: init::Context) -> (Shared, Local, init::Monotonics) {
-        let device = cx.device;
+        let mut device = cx.device;
 
         // First of all: a clock that does not start, or anything after it, ends in a reset too.
         let mut watchdog = IndependentWatchdog::new(device.IWDG);
         watchdog.stop_on_debug(&device.DBGMCU, true);
-        watchdog.start(WATCHDOG_MS.millis());
-        hw::count_resets(&device.RCC);
+        watchdog.start(timing::WATCHDOG_MS.millis());
+        let reason = hw::reset::note_reason(&device.RCC);
 
         cx.core.DCB.enable_trace();
         cx.core.DWT.enable_cycle_counter();
 
-        // HSE is the 8 MHz that the ST-LINK's MCO feeds into OSC_IN.
-        let mut rcc = device.RCC.freeze(
-            Config::hse(8.MHz())
-                .bypass_hse_oscillator()
-                .sysclk(timing::CORE_HZ.Hz())
-                .hclk(timing::CORE_HZ.Hz())
-                .pclk1(timing::APB1_HZ.Hz())
-                .pclk2(timing::APB2_HZ.Hz()),
-        );
-        assert!(
-            rcc.clocks.timclk1() == timing::TIMER_HZ.Hz::<1, 1>()
-                && rcc.clocks.pclk1() == timing::APB1_HZ.Hz::<1, 1>()
-                && rcc.clocks.pclk2() == timing::APB2_HZ.Hz::<1, 1>(),
-            "the clock tree is not the one the timing was derived for"
-        );
-        pac::DMA1::enable(&mut rcc);
-        pac::DMA2::enable(&mut rcc);
-        pac::SPI1::enable(&mut rcc);
-        pac::TIM2::enable(&mut rcc);
-        pac::TIM5::enable(&mut rcc);
+        // Log messages carry its time, those of a start that fails too.
+        cycle_timer::enable_clock(&mut device.RCC);
+        let (mut rcc, clock) = hw::clock::start(device.RCC);
 
-        let gpioa = device.GPIOA.split(&mut rcc);
-        let gpioc = device.GPIOC.split(&mut rcc);
-        let gpiod = device.GPIOD.split(&mut rcc);
-        let gpioe = device.GPIOE.split(&mut rcc);
-
-        // Radio: chip select is high before it is an output, the clock pad fast (erratum 2.12.4).
-        gpiod.pd14.into_push_pull_output_in_state(PinState::High).speed(Speed::VeryHigh);
-        gpioa.pa5.into_alternate::<5>().speed(Speed::VeryHigh);
-        gpioa.pa6.into_alternate::<5>();
-        gpioa.pa7.into_alternate::<5>().speed(Speed::VeryHigh);
-        let mut syscfg = device.SYSCFG.constrain(&mut rcc);
-        let mut exti = device.EXTI;
-        let mut irq = gpioa.pa3.into_pull_down_input();
-        irq.make_interrupt_source(&mut syscfg);
-        irq.trigger_on_edge(&mut exti, Edge::Rising);
-        irq.enable_interrupt(&mut exti);
-
-        // Receivers: an open line reads idle.
-        gpiod.pd6.into_alternate::<7>().internal_resistor(Pull::Up);
-        pac::USART2::enable(&mut rcc);
-        if RECEIVERS > 1 {
-            gpioc.pc7.into_alternate::<8>().internal_resistor(Pull::Up);
-            pac::USART6::enable(&mut rcc);
-        }
-        if RECEIVERS > 2 {
-            gpioc.pc11.into_alternate::<8>().internal_resistor(Pull::Up);
-            pac::UART4::enable(&mut rcc);
-        }
-        if RECEIVERS > 3 {
-            gpiod.pd2.into_alternate::<8>().internal_resistor(Pull::Up);
-            pac::UART5::enable(&mut rcc);
-            gpioe.pe7.into_alternate::<8>().internal_resistor(Pull::Up);
-            pac::UART7::enable(&mut rcc);
+        let found = image::compare();
+        if !found.is_intact() {
+            safe_state::enter(hw::safe_state, || {
+                defmt::error!(
+                    "the image in flash has the CRC {=u32:#010x}, but was built with {=u32:#010x}",
+                    found.computed,
+                    found.expected
+                );
+            });
         }
 
-        // The watchdog's prescaler and reload reach its own clock domain some LSI periods after they were
-        // written (RM0090 "IWDG", status register); from here on it counts with them.
+        // The watchdog's prescaler and reload reach its own clock domain some LSI periods after they were written
+        // (RM0090 "IWDG", status register); from here on it counts with them.
         watchdog.feed();
 
-        let mut radio = Radio::new(device.SPI1, device.TIM5);
+        let mut radio = Radio::new(&mut rcc, device.SPI1, device.TIM5, device.SYSCFG, &device.EXTI);
+        let lines = GnssLine::all(&mut rcc);
         let mut transmitter = Transmitter::new(PollerConfig::new(), &HORUS_TELEMETRY);
         transmitter.start(&mut radio);
         let mut timer = CycleTimer::new(device.TIM2);
         timer.start();
         defmt::info!(
-            "HORUS: {=usize} receivers, slots {=[?]} us, {=u32} watchdog resets",
+            "HORUS: {=usize} receivers, slots {=[?]} us, {=u32} watchdog resets, last reset: {=str}",
             RECEIVERS,
             timing::SLOT_US.as_slice(),
-            HORUS_TELEMETRY.watchdog_resets.get()
+            HORUS_TELEMETRY.watchdog_resets.get(),
+            reset::name(reason)
         );
+        if HORUS_TELEMETRY.without_crystal.get() != 0 {
+            defmt::warn!("the external clock is missing: running on the internal oscillator");
+        }
         (
-            Shared { transmitter, radio, solutions: [Solution::default(); RECEIVERS], lines: GnssLine::all() },
+            Shared { transmitter, radio, solutions: [Solution::default(); RECEIVERS], lines },
             Local {
                 timer,
-                cycle: Cycle::new(),
+                cycle: Cycle::on(clock),
                 receivers: core::array::from_fn(|_| Receiver::new()),
                 readers: [Reader::new(); RECEIVERS],
                 watchdog,
@@ -233,14 +184,14 @@ mod app {
             }
             fault = fault.or_else(|| cx.shared.transmitter.lock(Transmitter::take_fault));
             if let Some(what) = fault {
-                if hw::when_quiet(|| defmt::warn!("radio: {}", what)) {
+                if cycle_timer::when_quiet(|| defmt::warn!("radio: {}", what)) {
                     fault = None;
                 }
             }
-            let seconds = hw::tick() / 100;
+            let seconds = cycle_timer::tick() / 100;
             if seconds != reported {
                 let t = &HORUS_TELEMETRY;
-                if hw::when_quiet(|| {
+                if cycle_timer::when_quiet(|| {
                     defmt::info!(
                         "{=u32} sent, {=u32} skipped, {=u32} faults, fill {=u32} cycles",
                         t.frames_sent.get(),
@@ -266,13 +217,13 @@ mod app {
     }
 
     #[task(binds = DMA2_STREAM0, priority = 4, shared = [transmitter, radio])]
-    fn rf_done(cx: rf_done::Context) {
+    fn rf_spi(cx: rf_spi::Context) {
         (cx.shared.transmitter, cx.shared.radio).lock(transfer_ended);
         settle();
     }
 
     #[task(binds = DMA2_STREAM3, priority = 4, shared = [transmitter, radio])]
-    fn rf_failed(cx: rf_failed::Context) {
+    fn rf_spi_error(cx: rf_spi_error::Context) {
         (cx.shared.transmitter, cx.shared.radio).lock(transfer_ended);
         settle();
     }
@@ -293,14 +244,14 @@ mod app {
     #[task(binds = EXTI3, priority = 4, shared = [transmitter, radio])]
     fn rf_irq(cx: rf_irq::Context) {
         (cx.shared.transmitter, cx.shared.radio).lock(|transmitter, radio| {
-            radio.forget_edge();
+            radio.clear_pending_irq();
             transmitter.edge(radio);
         });
         settle();
     }
 
     #[task(binds = TIM5, priority = 4, shared = [transmitter, radio])]
-    fn rf_time(cx: rf_time::Context) {
+    fn rf_timer(cx: rf_timer::Context) {
         (cx.shared.transmitter, cx.shared.radio).lock(|transmitter, radio| {
             if radio.time_is_over() {
                 transmitter.elapsed(radio);
@@ -311,37 +262,28 @@ mod app {
 
     #[task(binds = CAN1_TX, priority = 4, shared = [transmitter, radio])]
     fn rf_slot(cx: rf_slot::Context) {
-        if let Some(slot) = hw::take_slot() {
+        if let Some(slot) = cycle_timer::take_slot() {
             (cx.shared.transmitter, cx.shared.radio).lock(|transmitter, radio| transmitter.slot(slot, radio));
         }
-        CHECK_IN.here(Task::Rf);
+        CHECK_IN.check_in(Task::Rf);
         settle();
     }
 
     #[task(binds = CAN1_RX0, priority = 3, local = [cycle], shared = [transmitter, radio, solutions])]
     fn cycle(mut cx: cycle::Context) {
         let begun = DWT::cycle_count();
-        let tick = hw::tick();
+        let tick = cycle_timer::tick();
         let profile = cx.shared.solutions.lock(|solutions| cx.local.cycle.fill(tick, solutions));
-        HORUS_TELEMETRY.worst_fill_cycles.worst(DWT::cycle_count().wrapping_sub(begun));
+        HORUS_TELEMETRY.worst_fill_cycles.record_max(DWT::cycle_count().wrapping_sub(begun));
         (cx.shared.transmitter, cx.shared.radio).lock(|transmitter, radio| transmitter.offer(tick, &profile, radio));
-        // Every line is looked at once a tick, so that an idle line that went unseen costs 10 ms at most.
-        for stream in STREAMS.into_iter().take(RECEIVERS) {
-            rtic::pend(stream);
+        // Every line is served once a tick, so that an idle line that went unseen costs 10 ms at most.
+        for port in board::RECEIVER_PORTS.iter().take(RECEIVERS) {
+            rtic::pend(port.stream_vector);
         }
-        hw::cycle_ended(tick);
-        CHECK_IN.here(Task::Cycle);
+        cycle_timer::cycle_ended(tick);
+        CHECK_IN.check_in(Task::Cycle);
         settle();
     }
-
-    /// The vectors of the receivers' DMA streams, GPS1 to GPS5.
-    const STREAMS: [Interrupt; profile::MAX_RECEIVERS] = [
-        Interrupt::DMA1_STREAM5,
-        Interrupt::DMA2_STREAM1,
-        Interrupt::DMA1_STREAM2,
-        Interrupt::DMA1_STREAM0,
-        Interrupt::DMA1_STREAM3,
-    ];
 
     fn uart(lines: &mut [GnssLine; RECEIVERS], index: usize) {
         if let Some(line) = lines.get_mut(index) {
@@ -359,56 +301,58 @@ mod app {
         settle();
     }
 
+    // Two tasks for each row of `board::RECEIVER_PORTS`; a vector that is in no row does not compile.
+
     #[task(binds = USART2, priority = 2, shared = [lines])]
     fn gnss1(cx: gnss1::Context) {
-        uart(cx.shared.lines, 0);
+        uart(cx.shared.lines, const { board::receiver_of(Interrupt::USART2) });
     }
     #[task(binds = USART6, priority = 2, shared = [lines])]
     fn gnss2(cx: gnss2::Context) {
-        uart(cx.shared.lines, 1);
+        uart(cx.shared.lines, const { board::receiver_of(Interrupt::USART6) });
     }
     #[task(binds = UART4, priority = 2, shared = [lines])]
     fn gnss3(cx: gnss3::Context) {
-        uart(cx.shared.lines, 2);
+        uart(cx.shared.lines, const { board::receiver_of(Interrupt::UART4) });
     }
     #[task(binds = UART5, priority = 2, shared = [lines])]
     fn gnss4(cx: gnss4::Context) {
-        uart(cx.shared.lines, 3);
+        uart(cx.shared.lines, const { board::receiver_of(Interrupt::UART5) });
     }
     #[task(binds = UART7, priority = 2, shared = [lines])]
     fn gnss5(cx: gnss5::Context) {
-        uart(cx.shared.lines, 4);
+        uart(cx.shared.lines, const { board::receiver_of(Interrupt::UART7) });
     }
     #[task(binds = DMA1_STREAM5, priority = 2, shared = [lines])]
     fn gnss1_ring(cx: gnss1_ring::Context) {
-        stream(cx.shared.lines, 0);
+        stream(cx.shared.lines, const { board::receiver_of(Interrupt::DMA1_STREAM5) });
     }
     #[task(binds = DMA2_STREAM1, priority = 2, shared = [lines])]
     fn gnss2_ring(cx: gnss2_ring::Context) {
-        stream(cx.shared.lines, 1);
+        stream(cx.shared.lines, const { board::receiver_of(Interrupt::DMA2_STREAM1) });
     }
     #[task(binds = DMA1_STREAM2, priority = 2, shared = [lines])]
     fn gnss3_ring(cx: gnss3_ring::Context) {
-        stream(cx.shared.lines, 2);
+        stream(cx.shared.lines, const { board::receiver_of(Interrupt::DMA1_STREAM2) });
     }
     #[task(binds = DMA1_STREAM0, priority = 2, shared = [lines])]
     fn gnss4_ring(cx: gnss4_ring::Context) {
-        stream(cx.shared.lines, 3);
+        stream(cx.shared.lines, const { board::receiver_of(Interrupt::DMA1_STREAM0) });
     }
     #[task(binds = DMA1_STREAM3, priority = 2, shared = [lines])]
     fn gnss5_ring(cx: gnss5_ring::Context) {
-        stream(cx.shared.lines, 4);
+        stream(cx.shared.lines, const { board::receiver_of(Interrupt::DMA1_STREAM3) });
     }
 
     #[task(binds = CAN1_RX1, priority = 1, local = [receivers, readers], shared = [solutions])]
     fn parse(mut cx: parse::Context) {
         let mut more = false;
-        let now = hw::now_ms();
+        let now = cycle_timer::now_ms();
         for (index, (receiver, reader)) in cx.local.receivers.iter_mut().zip(cx.local.readers.iter_mut()).enumerate() {
-            let written = hw::written(index);
+            let written = gnss::written(index);
             let span = reader.take(written, RING, BYTES_PER_CALL);
             let mut bytes = [0; BYTES_PER_CALL];
-            receiver.receive(hw::copy_out(index, span, &mut bytes), now);
+            receiver.receive(gnss::copy_out(index, span, &mut bytes), now);
             cx.shared.solutions.lock(|solutions| {
                 if let Some(solution) = solutions.get_mut(index) {
                     *solution = *receiver.solution();
@@ -427,7 +371,7 @@ mod app {
         if more {
             rtic::pend(Interrupt::CAN1_RX1);
         }
-        CHECK_IN.here(Task::Gnss);
+        CHECK_IN.check_in(Task::Gnss);
         settle();
     }
 }

@@ -10,11 +10,17 @@
 //! **To the last bit.** A latitude is `raw / 1e7`, one division of two exactly represented numbers, so
 //! it is the float64 nearest to what the receiver said. Multiplying by `1e-7`, itself rounded, is not.
 //!
-//! **Age.** A value is worth something only for a while. Each kind of message has its own period, which
-//! is learned from the receiver's time of week: the smaller of the last two steps, so that one lost
-//! message does not double it. A solution older than one and a half periods is *stale* (and says so); one older than
-//! three, two successors missing, is withdrawn. A message that repeats the time of week of the
-//! one before it renews nothing: a receiver that has frozen ages like one that is silent.
+//! **Age.** A value is worth something only for a while. It is *valid* until it is older than one period of its message
+//! and [`VALID_SLACK_MS`], and *stale* from one period and [`STALE_SLACK_MS`] on (design, section 2). The age counts
+//! from the arrival of the message, that is from the moment at which its last byte was parsed. The epoch for which it
+//! holds is older by what the receiver takes to compute and to send, some tens of milliseconds. A message that repeats
+//! the time of week of the one before it renews nothing: a receiver that has frozen ages like one that is silent.
+//!
+//! **Period.** Each kind of message has its own period. It is learned from the steps of the receiver's time of week and
+//! believed to be 20 ms to 1 s; a slower receiver counts as one of 1 s, so that no receiver, whatever it sends, keeps a
+//! position valid for more than 1.15 s after its last message. A shorter step is believed at once, a longer one only
+//! when [`LONGER_STEPS`] in a row were longer, and then the shortest of those: so messages that are lost now and then
+//! do not lengthen the period, and one step that is too short by chance (as at a receiver's first fix) is forgotten.
 //!
 //! **Bounded work.** One call takes at most [`BYTES_PER_CALL`] bytes, and the parser looks at no more than
 //! [`BUFFER`] bytes of an unfinished message beyond them.
@@ -27,7 +33,7 @@ use core::f64::consts::PI;
 
 use ublox::{proto27::PacketRef, proto27::Proto27, FixedBuffer, Parser, ParserError, UbxPacket};
 
-use profile::{FixType, ABSENT_F32};
+use profile::{FixType, ABSENT_F32, ABSENT_F64};
 
 /// The longest UBX message that can be taken in, bytes. NAV-PVT has 100; satellite lists are longer
 /// and not needed.
@@ -37,12 +43,17 @@ pub const BYTES_PER_CALL: usize = 64;
 /// A receiver counts as heard this long after an intact message, ms (design, status bit 7).
 pub const HEARD_MS: u32 = 250;
 
-/// The period a message kind is given before two of them have come, ms: u-blox' default rate.
-const DEFAULT_PERIOD_MS: u32 = 1_000;
-/// The shortest and the longest period that is believed, ms.
-const PERIOD_MS: core::ops::RangeInclusive<u32> = 20..=2_000;
-/// Added to every age limit, ms: the jitter of a receiver's output and one cycle of ours.
-const AGE_JITTER_MS: u32 = 20;
+/// The longest period that is believed, ms (design, section 2), and the one a message kind has before its second
+/// message: u-blox' default rate.
+pub const LONGEST_PERIOD_MS: u32 = 1_000;
+/// The shortest period that is believed, ms: 50 Hz, twice what the fastest receivers do.
+const SHORTEST_PERIOD_MS: u32 = 20;
+/// So many steps of the time of week in a row have to be longer than the period before it becomes longer.
+pub const LONGER_STEPS: u32 = 4;
+/// A solution is valid until it is older than its period and this, ms (design, section 2).
+pub const VALID_SLACK_MS: u32 = 150;
+/// A solution is stale as soon as it is as old as its period and this, ms (design, section 2).
+pub const STALE_SLACK_MS: u32 = 50;
 /// Older than this, ms, a stamp is forgotten, long before the clock's wrap could make it look young.
 const FORGOTTEN_MS: u32 = 60_000;
 /// The time of week starts again here, ms.
@@ -82,71 +93,98 @@ impl Stamp {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pace {
     arrived: Stamp,
-    time_of_week: Option<u32>,
-    steps: [u32; 2],
+    time_of_week_ms: Option<u32>,
+    period_ms: u32,
+    /// How many steps in a row were longer than the period, and the shortest of them.
+    longer_steps: u32,
+    shortest_longer_ms: u32,
 }
 
 impl Default for Pace {
     fn default() -> Self {
-        Self { arrived: Stamp::default(), time_of_week: None, steps: [DEFAULT_PERIOD_MS; 2] }
+        Self {
+            arrived: Stamp::default(),
+            time_of_week_ms: None,
+            period_ms: LONGEST_PERIOD_MS,
+            longer_steps: 0,
+            shortest_longer_ms: LONGEST_PERIOD_MS,
+        }
     }
 }
 
 impl Pace {
-    /// The message's period, ms.
+    /// The message's period as it was learned, ms, at most [`LONGEST_PERIOD_MS`].
     #[must_use]
-    pub fn period(&self) -> u32 {
-        self.steps[0].min(self.steps[1])
+    pub const fn period_ms(&self) -> u32 {
+        self.period_ms
     }
 
-    /// Whether the last message is as young as its period allows.
+    /// Whether the last message is as young as its period allows: not yet stale at `now`, ms.
     #[must_use]
-    pub fn fresh(&self, now: u32) -> bool {
-        self.arrived.within(now, self.period() + self.period() / 2 + AGE_JITTER_MS)
+    pub fn is_fresh(&self, now: u32) -> bool {
+        self.arrived.within(now, self.period_ms + STALE_SLACK_MS - 1)
     }
 
-    /// Whether the last message is young enough to be passed on at all.
+    /// Whether the last message is young enough to be valid at `now`, ms.
     #[must_use]
-    pub fn usable(&self, now: u32) -> bool {
-        self.arrived.within(now, 3 * self.period() + AGE_JITTER_MS)
+    pub fn is_current(&self, now: u32) -> bool {
+        self.arrived.within(now, self.period_ms + VALID_SLACK_MS)
     }
 
-    fn arrive(&mut self, time_of_week: u32, now: u32) {
-        if let Some(previous) = self.time_of_week {
-            if previous == time_of_week {
-                return;
-            }
-            let step = (time_of_week % WEEK_MS + WEEK_MS - previous % WEEK_MS) % WEEK_MS;
-            if PERIOD_MS.contains(&step) {
-                self.steps = [self.steps[1], step];
+    /// Notes a message of `time_of_week_ms` that arrived at `now`, ms.
+    fn arrive(&mut self, time_of_week_ms: u32, now: u32) {
+        if self.time_of_week_ms == Some(time_of_week_ms) {
+            return;
+        }
+        if let Some(previous) = self.time_of_week_ms {
+            let step_ms = (time_of_week_ms % WEEK_MS + WEEK_MS - previous % WEEK_MS) % WEEK_MS;
+            // A step back, after the receiver was restarted, tells nothing of its period.
+            if (SHORTEST_PERIOD_MS..WEEK_MS / 2).contains(&step_ms) {
+                self.learn(step_ms.min(LONGEST_PERIOD_MS));
             }
         }
-        self.time_of_week = Some(time_of_week);
+        self.time_of_week_ms = Some(time_of_week_ms);
         self.arrived.set(now);
+    }
+
+    fn learn(&mut self, step_ms: u32) {
+        if step_ms <= self.period_ms {
+            self.period_ms = step_ms;
+        } else {
+            self.longer_steps += 1;
+            self.shortest_longer_ms = self.shortest_longer_ms.min(step_ms);
+            if self.longer_steps < LONGER_STEPS {
+                return;
+            }
+            self.period_ms = self.shortest_longer_ms;
+        }
+        self.longer_steps = 0;
+        self.shortest_longer_ms = LONGEST_PERIOD_MS;
     }
 }
 
 /// Position, from NAV-PVT.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Position {
-    /// Its age.
+    /// When it arrived, and how often it does.
     pub pace: Pace,
     /// What kind of fix; `None` for a code that UBX reserves, or before the first message.
     pub fix: Option<FixType>,
-    /// Whether the receiver vouches for it: `gnssFixOK`, not `invalidLlh`, and a fix with a position.
+    /// Whether the receiver vouches for latitude and longitude: `gnssFixOK`, not `invalidLlh`, and a 2D, 3D or combined
+    /// fix. Dead reckoning without satellites is none: its error grows without a bound that the receiver would state.
     pub valid: bool,
     /// Degrees, WGS-84.
     pub latitude: f64,
     /// Degrees, WGS-84.
     pub longitude: f64,
-    /// m above the WGS-84 ellipsoid.
+    /// m above the WGS-84 ellipsoid; NaN for a 2D fix, which rests on an assumed altitude.
     pub altitude: f64,
 }
 
 /// Attitude, from NAV-ATT. An angle that the receiver does not give is NaN.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Attitude {
-    /// Its age.
+    /// When it arrived, and how often it does.
     pub pace: Pace,
     /// Whether all three angles are given.
     pub valid: bool,
@@ -161,7 +199,7 @@ pub struct Attitude {
 /// Accelerations, from ESF-INS. One that the receiver does not give is NaN.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Acceleration {
-    /// Its age.
+    /// When it arrived, and how often it does.
     pub pace: Pace,
     /// Whether all three axes are given.
     pub valid: bool,
@@ -306,7 +344,10 @@ impl Solution {
                     && longitude.unsigned_abs() <= 180 * DEGREE_E7;
                 position.latitude = f64::from(latitude) / 1e7;
                 position.longitude = f64::from(longitude) / 1e7;
-                position.altitude = f64::from(pvt.height_above_ellipsoid_raw()) / 1e3;
+                position.altitude = match position.fix {
+                    Some(FixType::Fix2D) => ABSENT_F64,
+                    _ => f64::from(pvt.height_above_ellipsoid_raw()) / 1e3,
+                };
                 pvt.payload_len() + UBX_OVERHEAD
             }
             UbxPacket::Proto27(PacketRef::NavAtt(att)) => {

@@ -53,7 +53,7 @@ pub struct Reader {
 }
 
 impl Reader {
-    /// Nothing read yet.
+    /// A reader that has read nothing yet.
     #[must_use]
     pub const fn new() -> Self {
         Self { total: 0, lost: 0 }

@@ -1,50 +1,10 @@
-//! Counters in RAM for whoever looks from outside
+//! Counters in RAM that a debugger or the bench reads
 //!
-//! The firmware exports one [`Telemetry`] under the symbol `HORUS_TELEMETRY`. A debugger, or the bench,
-//! reads it from RAM by that symbol; nothing in the firmware depends on it. All counters wrap.
+//! The firmware exports one [`Telemetry`] under the symbol `HORUS_TELEMETRY`. A debugger, or the bench, reads it from
+//! RAM by that symbol; nothing in the firmware depends on it. All counters wrap. New ones are added at the end.
 
-use core::sync::atomic::{AtomicU32, Ordering};
-
+use firmware_common::counter::Counter;
 use profile::MAX_RECEIVERS;
-
-/// One counter, or one high-water mark.
-#[derive(Debug, Default)]
-#[repr(transparent)]
-pub struct Counter(AtomicU32);
-
-impl Counter {
-    /// Zero.
-    #[must_use]
-    pub const fn new() -> Self {
-        Self(AtomicU32::new(0))
-    }
-
-    /// One more.
-    pub fn count(&self) {
-        self.add(1);
-    }
-
-    /// `n` more; wraps.
-    pub fn add(&self, n: u32) {
-        self.0.fetch_add(n, Ordering::Relaxed);
-    }
-
-    /// Takes the value of a counter kept elsewhere.
-    pub fn set(&self, value: u32) {
-        self.0.store(value, Ordering::Relaxed);
-    }
-
-    /// Raises the mark to `value` if that is higher.
-    pub fn worst(&self, value: u32) {
-        self.0.fetch_max(value, Ordering::Relaxed);
-    }
-
-    /// The value.
-    #[must_use]
-    pub fn get(&self) -> u32 {
-        self.0.load(Ordering::Relaxed)
-    }
-}
 
 /// What one receiver's line has carried.
 #[derive(Debug, Default)]
@@ -92,7 +52,7 @@ pub struct Telemetry {
     pub frames_sent: Counter,
     /// Slots that passed without a frame to fire.
     pub frames_skipped: Counter,
-    /// Faults of the radio front end.
+    /// Faults of the front end.
     pub rf_faults: Counter,
     /// Times the front end has come back from a fault.
     pub rf_recoveries: Counter,
@@ -107,6 +67,10 @@ pub struct Telemetry {
     pub worst_fire_ticks: Counter,
     /// GPS1 to GPS5; lines that are not fitted stay zero.
     pub lines: [Line; MAX_RECEIVERS],
+    /// Why the processor last started: a [`profile::ResetReason`] as a number.
+    pub reset_reason: Counter,
+    /// 1 if HORUS runs on its internal oscillator since the external clock is missing, else 0.
+    pub without_crystal: Counter,
 }
 
 impl Telemetry {
@@ -122,17 +86,21 @@ impl Telemetry {
             rf_recoveries: Counter::new(),
             watchdog_resets: Counter::new(),
             worst_fill_cycles: Counter::new(),
-            best_fire_ticks: Counter(AtomicU32::new(u32::MAX)),
+            best_fire_ticks: Counter::starting_at(u32::MAX),
             worst_fire_ticks: Counter::new(),
             lines: [const { Line::new() }; MAX_RECEIVERS],
+            reset_reason: Counter::new(),
+            without_crystal: Counter::new(),
         }
     }
 
-    /// A slot's command left `ticks` after its compare match.
-    pub fn fired(&self, ticks: u32) {
-        self.best_fire_ticks.0.fetch_min(ticks, Ordering::Relaxed);
-        self.worst_fire_ticks.worst(ticks);
+    /// Records that a slot's command left `ticks` (of 72 MHz) after its compare match.
+    pub fn record_fire(&self, ticks: u32) {
+        self.best_fire_ticks.record_min(ticks);
+        self.worst_fire_ticks.record_max(ticks);
     }
 }
 
-const _: () = assert!(size_of::<Telemetry>() == 4 * (10 + 7 * MAX_RECEIVERS));
+const _: () = assert!(size_of::<Telemetry>() == 4 * (10 + 7 * MAX_RECEIVERS + 2));
+// The bench and debuggers know the counters by these places.
+const _: () = assert!(core::mem::offset_of!(Telemetry, lines) == 40);

@@ -16,10 +16,9 @@
 //! The slots come as early as the worst case of the work before them allows, since they are part of
 //! the latency from sample to image (design budget 5.5 ms, of which 4.814 ms is air for 244 bytes).
 
-use profile::air::Place;
-use st25r3916::air_time_ns;
+use profile::air::{self, Place};
 
-use crate::{FRAMES, RECEIVERS};
+use crate::{clock, FRAMES, RECEIVERS};
 
 /// Core clock, Hz. 144 MHz divides into the 72 MHz and 9 MHz below and into whole microseconds, and
 /// stays clear of over-drive.
@@ -68,7 +67,8 @@ pub const fn payload(frame: usize) -> usize {
 /// Air time of frame `frame`, µs, rounded up.
 #[must_use]
 pub const fn air_us(frame: usize) -> u32 {
-    air_time_ns(payload(frame)).div_ceil(1_000) as u32
+    // At most `profile::air::LONGEST_PAYLOAD`, which is less than 256.
+    air::air_time_ns(payload(frame) as u8).div_ceil(1_000) as u32
 }
 
 /// Time to clock frame `frame` into the FIFO, µs, rounded up.
@@ -81,23 +81,37 @@ const fn round_up_10(us: u32) -> u32 {
     us.div_ceil(10) * 10
 }
 
-/// When each frame of a cycle is fired, µs after the tick.
-///
-/// | receivers | slot 0 | slot 1 |
-/// |---|---|---|
-/// | 1 | 180 | – |
-/// | 2 | 240 | – |
-/// | 3 | 300 | – |
-/// | 5 | 270 | 4280 |
+/// When each frame of a cycle is fired, µs after the tick: what the profile says, on which the DPR relies to know a
+/// sample's age ([`profile::air::send_slot_us`], with a table of the values).
 pub const SLOT_US: [u32; FRAMES] = {
     let mut slots = [0; FRAMES];
-    slots[0] = round_up_10(FILL_US + COMMANDS_US + load_us(0));
-    let mut frame = 1;
+    let mut frame = 0;
     while frame < FRAMES {
-        slots[frame] = round_up_10(slots[frame - 1] + air_us(frame - 1) + GAP_US);
+        slots[frame] = match air::send_slot_us::<RECEIVERS>(frame) {
+            Some(slot) => slot,
+            None => panic!("the profile names no slot for a frame of this cycle"),
+        };
         frame += 1;
     }
     slots
+};
+
+/// The earliest that frame `frame` can be fired, µs after the tick, by the work that comes before it: to fill, seal and
+/// load the first frame, and for a second one the air time of the first and the gap.
+const fn earliest_slot_us(frame: usize) -> u32 {
+    round_up_10(match frame {
+        0 => FILL_US + COMMANDS_US + load_us(0),
+        _ => SLOT_US[frame - 1] + air_us(frame - 1) + GAP_US,
+    })
+}
+
+// The profile's slots are the earliest ones: the work before each fits, and no time is wasted.
+const _: () = {
+    let mut frame = 0;
+    while frame < FRAMES {
+        assert!(SLOT_US[frame] == earliest_slot_us(frame), "the profile's slots are not those of the work before them");
+        frame += 1;
+    }
 };
 
 /// [`SLOT_US`] in timer ticks: the values of the compare channels.
@@ -117,6 +131,21 @@ pub const QUIET_FROM_US: u32 = SLOT_US[FRAMES - 1] + 20;
 /// Until here, µs after the tick, may a log message begin: it is over long before the next tick.
 pub const QUIET_UNTIL_US: u32 = 1_000 * profile::CYCLE_MS - 200;
 
+/// The watchdog's time, ms at the nominal 32 kHz of its oscillator (LSI).
+pub const WATCHDOG_MS: u32 = 100;
+
+/// The shortest that the watchdog's time can be, ms: LSI runs at 17 to 47 kHz (DS9405), so 68 to 190 ms.
+pub const WATCHDOG_SHORTEST_MS: u32 = WATCHDOG_MS * 32 / 47;
+
+/// The longest that the comparison of the image with its CRC takes, ms, at [`CORE_HZ`]: about 14 cycles a byte, and 20
+/// when each read of the CRC's table waits for the flash; an image has at most the 96 KiB of its budget. An image of
+/// 45 KB takes 4.4 to 6.3 ms. On the internal oscillator's 16 MHz, before the PLL is on, it would take 40 ms.
+pub const IMAGE_CHECK_MAX_MS: u32 = (96 * 1024 * 20_u32).div_ceil(CORE_HZ / 1_000);
+
+// What the start waits for takes at most two thirds of the watchdog's shortest time: a missing external clock, then the
+// comparison of the image. The PLL's lock time, 0.3 ms, and the rest of the start are nothing beside it.
+const _: () = assert!(3 * (clock::START_MAX_MS + IMAGE_CHECK_MAX_MS) <= 2 * WATCHDOG_SHORTEST_MS);
+
 /// Whether a log message may begin when the cycle timer reads `count`.
 #[must_use]
 pub const fn quiet(count: u32) -> bool {
@@ -127,7 +156,7 @@ pub const fn quiet(count: u32) -> bool {
 const _: () = assert!(TIMER_HZ.is_multiple_of(1_000_000) && PERIOD_TICKS == 720_000);
 const _: () = assert!(CORE_HZ == 4 * APB1_HZ && CORE_HZ == 2 * APB2_HZ && SPI_HZ <= 10_000_000);
 // What DS13541 and the design say about the air, so that a change of either shows here.
-const _: () = assert!(air_time_ns(244) == 4_814_160 && air_time_ns(254) == 5_002_950);
+const _: () = assert!(air::air_time_ns(244) == 4_814_159 && air::air_time_ns(254) == 5_002_950);
 // The last frame has ended, and its receiver had its gap, before the next cycle's first frame starts.
 const _: () = assert!(SLOT_US[FRAMES - 1] + air_us(FRAMES - 1) + GAP_US <= 1_000 * profile::CYCLE_MS + SLOT_US[0]);
 // … and in fact before the next tick, so that a cycle's load never meets the frame before it.
@@ -141,14 +170,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_documented_slots_are_the_computed_ones() {
-        let documented: &[u32] = match RECEIVERS {
-            1 => &[180],
-            2 => &[240],
-            3 => &[300],
-            _ => &[270, 4280],
-        };
-        assert_eq!(SLOT_US.as_slice(), documented);
+    fn every_slot_is_that_of_the_profile_and_leaves_room_for_the_work_before_it() {
+        for (frame, slot) in SLOT_US.into_iter().enumerate() {
+            assert_eq!(Some(slot), air::send_slot_us::<RECEIVERS>(frame));
+            assert_eq!(air::age_at_end_us::<RECEIVERS>(frame), Some(slot + air_us(frame)));
+        }
+        assert!(SLOT_US[0] >= FILL_US + COMMANDS_US + load_us(0));
+        assert_eq!(air::send_slot_us::<RECEIVERS>(FRAMES), None);
     }
 
     #[test]

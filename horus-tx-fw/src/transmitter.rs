@@ -1,4 +1,4 @@
-//! The radio's side of a cycle: what the poller machine is told, and when
+//! The front end's side of a cycle: what the poller machine is told, and when
 //!
 //! # Design
 //!
@@ -9,8 +9,8 @@
 //! for the SPI.
 //!
 //! The one transfer that must happen at its exact instant is the command that starts a frame. When the FIFO is
-//! loaded the transmitter *arms* a [`Ticket`], which says for which cycle and frame it was loaded, and keeps its
-//! hands off the SPI. The slot's interrupt, above everything else, asks [`Ticket::due`], writes the
+//! loaded the transmitter *arms* a [`Ticket`], which says for which cycle and frame it was loaded, and starts no
+//! other transfer. The slot's interrupt, above everything else, asks [`Ticket::due`], writes the
 //! command's byte, and reports back through [`Transmitter::slot`]. A slot that finds no ticket, or that of another
 //! cycle or frame, sends nothing: a frame never goes out late, and never with data older than its cycle's.
 //!
@@ -27,7 +27,7 @@ use crate::{telemetry::Telemetry, timing::payload, FRAMES, RECEIVERS};
 pub struct Ticket(u32);
 
 impl Ticket {
-    /// No frame is loaded.
+    /// The ticket of no frame.
     pub const NONE: Self = Self(0);
 
     /// For frame `frame` of tick `tick`, fired by sending `command`.
@@ -69,22 +69,23 @@ pub struct Slot {
     pub fired: Option<u8>,
 }
 
-/// The hardware a transmitter works with. Every operation starts something and returns at once.
+/// The hardware a transmitter works with. Every operation starts something and returns at once. The names are those of
+/// the port of the DPR's executor, which does the same for a listener.
 pub trait Port {
-    /// Makes `profile` the one whose frames [`Port::load`] sends. Never called while a load is under way.
+    /// Makes `profile` the one whose frames [`Port::start_load`] sends. Never called while a load is under way.
     fn deposit(&mut self, profile: &Profile<RECEIVERS>);
     /// Starts an SPI transfer of `bytes` (at most [`st25r3916::Short::MAX`]), full duplex.
-    fn short(&mut self, bytes: &[u8]);
+    fn start_short(&mut self, bytes: &[u8]);
     /// Starts an SPI transfer of the FIFO load command and the profile's bytes `start..start + len`.
-    fn load(&mut self, start: usize, len: usize);
+    fn start_load(&mut self, start: usize, len: usize);
     /// Ends a transfer that did not end by itself; chip select is high afterwards.
     fn abort(&mut self);
     /// Whether the chip's IRQ pin is high.
-    fn irq(&self) -> bool;
-    /// Starts the one-shot timer: [`Transmitter::elapsed`] is due after `micros` or a little more.
-    fn wait(&mut self, micros: u32);
+    fn irq_is_high(&self) -> bool;
+    /// Starts the one-shot timer: [`Transmitter::elapsed`] is due after `us` µs or a little more.
+    fn start_timer(&mut self, us: u32);
     /// Stops the one-shot timer.
-    fn cancel(&mut self);
+    fn stop_timer(&mut self);
     /// Hands a ticket to the slots.
     fn arm(&mut self, ticket: Ticket);
     /// Takes an unused ticket back; false if a slot has taken it already.
@@ -205,8 +206,8 @@ impl<'a> Transmitter<'a> {
 
     /// The IRQ pin has risen, or may have.
     pub fn edge(&mut self, port: &mut impl Port) {
-        if self.phase == Phase::Wait && port.irq() {
-            port.cancel();
+        if self.phase == Phase::Wait && port.irq_is_high() {
+            port.stop_timer();
             let step = self.poller.step(Input::Irq);
             self.run(step, port);
         }
@@ -215,7 +216,7 @@ impl<'a> Transmitter<'a> {
     /// The one-shot timer has run out.
     pub fn elapsed(&mut self, port: &mut impl Port) {
         let input = match self.phase {
-            Phase::Wait if port.irq() => Input::Irq,
+            Phase::Wait if port.irq_is_high() => Input::Irq,
             Phase::Wait | Phase::Delay => Input::Timeout,
             _ => return,
         };
@@ -268,7 +269,7 @@ impl<'a> Transmitter<'a> {
                 Step::Transfer(Transfer::Short(short)) => {
                     self.phase = Phase::Transfer { loading: false };
                     self.transfers = self.transfers.wrapping_add(1);
-                    port.short(short.bytes());
+                    port.start_short(short.bytes());
                     return;
                 }
                 Step::Transfer(Transfer::Load { offset, len }) => {
@@ -283,7 +284,7 @@ impl<'a> Transmitter<'a> {
                             }
                             self.phase = Phase::Transfer { loading: true };
                             self.transfers = self.transfers.wrapping_add(1);
-                            port.load(place.offset() + offset, len);
+                            port.start_load(place.offset() + offset, len);
                             return;
                         }
                         _ => self.poller.step(Input::Failed),
@@ -291,21 +292,21 @@ impl<'a> Transmitter<'a> {
                 }
                 // A poller reads no FIFO.
                 Step::Transfer(Transfer::Read { .. }) => self.poller.step(Input::Failed),
-                Step::Wait { .. } if port.irq() => self.poller.step(Input::Irq),
+                Step::Wait { .. } if port.irq_is_high() => self.poller.step(Input::Irq),
                 Step::Wait { micros } => {
                     self.phase = Phase::Wait;
-                    port.wait(micros);
+                    port.start_timer(micros);
                     return;
                 }
                 Step::Delay { micros } => {
                     self.phase = Phase::Delay;
-                    port.wait(micros);
+                    port.start_timer(micros);
                     return;
                 }
                 Step::Event(PollerEvent::Ready) => {
                     if self.faulty {
                         self.faulty = false;
-                        self.telemetry.rf_recoveries.count();
+                        self.telemetry.rf_recoveries.add(1);
                     }
                     self.phase = Phase::Ready;
                     match self.send() {
@@ -323,11 +324,11 @@ impl<'a> Transmitter<'a> {
                 // Loaded too late for its slot: give it up.
                 Step::Event(PollerEvent::Loaded) => self.poller.step(Input::Start),
                 Step::Event(PollerEvent::Sent) => {
-                    self.telemetry.frames_sent.count();
+                    self.telemetry.frames_sent.add(1);
                     self.poller.step(Input::Start)
                 }
                 Step::Event(PollerEvent::Fault(fault)) => {
-                    self.telemetry.rf_faults.count();
+                    self.telemetry.rf_faults.add(1);
                     self.faulty = true;
                     self.fault = Some(fault);
                     self.poller.step(Input::Start)
@@ -335,6 +336,6 @@ impl<'a> Transmitter<'a> {
             };
         }
         self.phase = Phase::Delay;
-        port.wait(1_000);
+        port.start_timer(1_000);
     }
 }

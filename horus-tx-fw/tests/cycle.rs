@@ -3,11 +3,15 @@
 mod ubx;
 
 use horus_tx_fw::{
+    clock::Source,
     cycle::{timestamp, Cycle},
     receiver::{Receiver, Solution},
     transmitter::Ticket,
 };
-use profile::{Freshness, GpsObject, GpsValues, HorusState, Identifier, Profile, ReportedPosition, ReportedValues};
+use profile::{
+    Freshness, GpsObject, GpsStatus, GpsValues, HorusState, Identifier, Profile, ReportedPosition, ReportedStatus,
+    ReportedValues,
+};
 use proptest::prelude::*;
 use ubx::{esf_ins, nav_att, NavPvt};
 
@@ -103,19 +107,155 @@ fn horus_goes_on_monitoring_when_its_position_is_lost() {
     assert!(!lost.position_valid());
 }
 
+/// What is said of `solution` at `age` ms, an age that is between two ticks too: Reported-Position's status, and
+/// GPS1's.
+fn status_at(arrived: impl Fn(u32) -> Solution, age: u32) -> (ReportedStatus, GpsStatus) {
+    // The tick is fixed, so that every age in ms can be had.
+    let tick = 1_000;
+    let (reported, [gps]) = read(&Cycle::new().fill(tick, &[arrived(timestamp(tick) - age)]));
+    (reported.status, gps.status)
+}
+
 #[test]
-fn a_solution_goes_stale_and_then_is_withdrawn() {
+fn a_position_is_valid_for_one_period_and_150_ms_to_the_millisecond_and_reported_position_with_it() {
+    // Of one message the period is not known yet: one second is assumed, as at 1 Hz.
+    for (age, valid) in
+        [(0, true), (1_050, true), (1_149, true), (1_150, true), (1_151, false), (1_152, false), (9_000, false)]
+    {
+        let (reported, gps) = status_at(all, age);
+        assert_eq!(gps.position_valid(), valid, "GPS1 at {age} ms");
+        assert_eq!(reported.position_valid(), valid, "Reported-Position at {age} ms");
+        assert_eq!(reported.receivers_agreeing(), u8::from(valid), "at {age} ms");
+        assert_eq!(gps.attitude_valid() && reported.attitude_valid(), valid, "attitude at {age} ms");
+        assert_eq!(gps.acceleration_valid() && reported.acceleration_valid(), valid, "acceleration at {age} ms");
+    }
+}
+
+#[test]
+fn a_solution_is_stale_from_one_period_and_50_ms_on_to_the_millisecond() {
+    for (age, stale) in [(0, false), (1_000, false), (1_049, false), (1_050, true), (1_051, true), (5_000, true)] {
+        assert_eq!(status_at(all, age).1.stale(), stale, "at {age} ms");
+    }
+}
+
+#[test]
+fn a_receiver_is_heard_for_250_ms() {
+    assert!(status_at(all, 250).1.heard() && !status_at(all, 251).1.heard());
+}
+
+#[test]
+fn each_kind_of_message_ages_by_its_own_period() {
+    // Position at 10 Hz, attitude at 2 Hz, acceleration at 5 Hz; the last of each arrives together.
+    let arrived = |last: u32| {
+        let mut receiver = Receiver::new();
+        for (period, kind) in [(100, 0), (500, 1), (200, 2)] {
+            for back in [2, 1, 0].map(|steps| steps * period) {
+                let (itow, now) = (100_000 - back, last - back);
+                let message = match kind {
+                    0 => NavPvt::at(itow).bytes(),
+                    1 => nav_att(itow, [100, 200, 300], [1; 3]),
+                    _ => esf_ins(itow, [true; 3], [1, 2, 3]),
+                };
+                assert_eq!(receiver.receive(&message[..60.min(message.len())], now), 60.min(message.len()));
+                receiver.receive(&message[60.min(message.len())..], now);
+            }
+        }
+        *receiver.solution()
+    };
+    let valid_until = |is_valid: fn(GpsStatus, ReportedStatus) -> bool| {
+        (0..2_000)
+            .take_while(|age| {
+                let (reported, gps) = status_at(arrived, *age);
+                is_valid(gps, reported)
+            })
+            .last()
+    };
+    assert_eq!(valid_until(|gps, reported| gps.position_valid() && reported.position_valid()), Some(250));
+    assert_eq!(valid_until(|gps, reported| gps.attitude_valid() && reported.attitude_valid()), Some(650));
+    assert_eq!(valid_until(|gps, reported| gps.acceleration_valid() && reported.acceleration_valid()), Some(350));
+    assert_eq!(valid_until(|gps, _| !gps.stale()), Some(149));
+}
+
+#[test]
+fn what_is_not_valid_any_more_is_absent_from_both_objects() {
     let solution = all(0);
-    let status = |tick| read(&Cycle::new().fill(tick, &[solution])).1[0].status;
-    // The period is not known yet: one second is assumed.
-    assert!(status(25).heard() && !status(26).heard(), "250 ms");
-    assert!(!status(152).stale() && status(153).stale(), "1.5 periods and 20 ms");
-    assert!(status(302).position_valid() && !status(303).position_valid(), "3 periods and 20 ms");
-    assert!(status(302).attitude_valid() && !status(303).attitude_valid());
-    assert!(status(302).acceleration_valid() && !status(303).acceleration_valid());
-    let withdrawn = read(&Cycle::new().fill(303, &[solution])).1[0];
-    assert_absent(&withdrawn, 3_030);
-    assert_eq!(withdrawn.status.bits(), 1 << 8);
+    let (reported, [gps]) = read(&Cycle::new().fill(116, &[solution]));
+    assert_absent(&gps, 1_160);
+    assert_eq!(gps.status.bits(), 1 << 8);
+    let absent = ReportedValues { status: reported.status, ..ReportedValues::absent(1_160) };
+    assert_eq!(ReportedPosition::seal(&reported).as_bytes(), ReportedPosition::seal(&absent).as_bytes());
+}
+
+/// A log of GPS1 that ends, played byte by byte through parser and cycle as the firmware runs them: when
+/// Reported-Position was last valid, ms after the last solution arrived.
+fn valid_after_the_end(period: u32, solutions: u32, repeats_its_last: bool) -> u32 {
+    let mut receiver = Receiver::new();
+    let mut cycle = Cycle::new();
+    let last = 500 + (solutions - 1) * period;
+    let mut valid_at = None;
+    for tick in 0..(last + 4_000) / 10 {
+        let now = timestamp(tick);
+        let epoch = now.checked_sub(500).filter(|since| since % period == 0).map(|since| since / period);
+        let message = match epoch {
+            Some(epoch) if epoch < solutions => NavPvt::at(1_000_000 + epoch * period).bytes(),
+            Some(_) if repeats_its_last => NavPvt::at(1_000_000 + (solutions - 1) * period).bytes(),
+            _ => Vec::new(),
+        };
+        for bytes in message.chunks(64) {
+            receiver.receive(bytes, now);
+        }
+        receiver.receive(&[], now);
+        let (reported, [gps]) = read(&cycle.fill(tick, &[*receiver.solution()]));
+        assert_eq!(reported.status.position_valid(), gps.status.position_valid());
+        assert_eq!(reported.status.position_valid(), reported.latitude.is_finite());
+        if reported.status.position_valid() {
+            assert!(valid_at.is_none_or(|before| before + 10 == now), "valid without a gap");
+            valid_at = Some(now);
+        }
+    }
+    valid_at.expect("it was valid") - last
+}
+
+#[test]
+fn reported_position_turns_invalid_one_period_and_150_ms_after_the_last_solution_of_a_log_that_ends() {
+    // The ticks are 10 ms apart, so the last valid one is at the limit itself.
+    assert_eq!(valid_after_the_end(1_000, 5, false), 1_150, "1 Hz");
+    assert_eq!(valid_after_the_end(200, 20, false), 350, "5 Hz");
+    assert_eq!(valid_after_the_end(100, 40, false), 250, "10 Hz");
+}
+
+#[test]
+fn reported_position_turns_invalid_when_gps1_goes_on_sending_but_says_nothing_new() {
+    assert_eq!(valid_after_the_end(1_000, 5, true), 1_150);
+    assert_eq!(valid_after_the_end(100, 40, true), 250);
+}
+
+#[test]
+fn a_2d_fix_gives_latitude_and_longitude_but_no_altitude() {
+    let solution = heard(&[NavPvt { fix: 2, ..NavPvt::GOOD }.bytes()], 70);
+    let (reported, [gps]) = read(&Cycle::new().fill(7, &[solution]));
+    assert!(gps.status.position_valid() && reported.status.position_valid());
+    assert_eq!(gps.latitude, 47.498_765_4);
+    assert_eq!(reported.longitude, 8.729_123_4);
+    assert_eq!(gps.altitude.to_bits(), profile::ABSENT_F64.to_bits());
+    assert_eq!(reported.altitude.to_bits(), profile::ABSENT_F64.to_bits());
+    let (_, [three_d]) = read(&Cycle::new().fill(7, &[heard(&[NavPvt::GOOD.bytes()], 70)]));
+    assert_eq!(three_d.altitude, 512.345);
+}
+
+#[test]
+fn without_a_crystal_reported_position_says_so_in_every_cycle_and_nothing_else_changes() {
+    let (mut with, mut without) = (Cycle::on(Source::External), Cycle::on(Source::Internal));
+    for (tick, solution) in [(1, Solution::default()), (2, all(20)), (3, all(20)), (4_000, all(20))] {
+        let (expected, expected_gps) = read(&with.fill(tick, &[solution]));
+        let (reported, gps) = read(&without.fill(tick, &[solution]));
+        assert!(!expected.status.without_crystal() && reported.status.without_crystal());
+        let same = ReportedValues { status: reported.status.with_without_crystal(false), ..reported };
+        assert_eq!(ReportedPosition::seal(&same).as_bytes(), ReportedPosition::seal(&expected).as_bytes());
+        let sealed = |values| *GpsObject::seal(Identifier::gps(1), values).as_bytes();
+        assert_eq!(sealed(&gps[0]), sealed(&expected_gps[0]));
+    }
+    assert_eq!(Cycle::new(), Cycle::on(Source::External));
 }
 
 #[test]
@@ -132,7 +272,7 @@ proptest! {
         latitude in any::<i32>(),
         accuracies in any::<[bool; 3]>(),
         axes in any::<[bool; 3]>(),
-        age in 0u32..400,
+        age in 0u32..130,
     ) {
         let solution = heard(
             &[
@@ -146,7 +286,7 @@ proptest! {
         for gps in gps {
             prop_assert_eq!(gps.status.position_valid(), gps.latitude.is_finite());
             prop_assert_eq!(gps.status.position_valid(), gps.longitude.is_finite());
-            prop_assert_eq!(gps.status.position_valid(), gps.altitude.is_finite());
+            prop_assert_eq!(gps.status.position_valid() && fix != 2, gps.altitude.is_finite());
             let angles = [gps.pitch, gps.yaw, gps.roll];
             prop_assert_eq!(gps.status.attitude_valid(), angles.iter().all(|angle| angle.is_finite()));
             prop_assert_eq!(gps.status.acceleration_valid(), gps.acceleration.iter().all(|axis| axis.is_finite()));
@@ -156,7 +296,12 @@ proptest! {
     }
 
     #[test]
-    fn a_ticket_is_good_for_its_own_slot_alone(tick in any::<u32>(), frame in 0usize..2, other in any::<u32>(), slot in 0usize..2) {
+    fn a_ticket_is_good_for_its_own_slot_alone(
+        tick in any::<u32>(),
+        frame in 0usize..2,
+        other in any::<u32>(),
+        slot in 0usize..2,
+    ) {
         let ticket = Ticket::new(tick, frame, 0xC4);
         prop_assert_eq!(ticket.due(tick, frame), Some(0xC4));
         if (tick as u16, frame) != (other as u16, slot) {

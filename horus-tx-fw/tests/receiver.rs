@@ -48,6 +48,43 @@ proptest! {
         prop_assert_eq!(position.altitude.to_bits(), (decimal(height, 3) + 0.0).to_bits());
     }
 
+    /// Of every four messages in a row at least one follows the one before it without a loss.
+    #[test]
+    fn messages_that_are_lost_now_and_then_do_not_lengthen_the_period(
+        period in prop::sample::select(vec![25u32, 40, 100, 200, 250, 500, 1_000]),
+        lost in proptest::collection::vec((0u32..20, 0u32..20, 0u32..20), 1..40),
+    ) {
+        let mut receiver = Receiver::new();
+        let mut itow = 1_000;
+        let mut send = |steps: u32| {
+            itow += steps * period;
+            feed(&mut receiver, &NavPvt::at(itow).bytes(), itow);
+            receiver.solution().position.pace.period_ms()
+        };
+        send(1);
+        prop_assert_eq!(send(1), period);
+        for (first, second, third) in lost {
+            for lost in [first, second, third, 0] {
+                prop_assert_eq!(send(1 + lost), period);
+            }
+        }
+    }
+
+    #[test]
+    fn whatever_times_of_week_come_no_position_is_valid_longer_than_1150_ms_after_its_arrival(
+        messages in proptest::collection::vec((any::<u32>(), 0u32..3_000), 1..60),
+    ) {
+        let mut receiver = Receiver::new();
+        let mut now = 0;
+        for (itow, later) in messages {
+            now += later;
+            feed(&mut receiver, &NavPvt::at(itow).bytes(), now);
+            let pace = receiver.solution().position.pace;
+            prop_assert!((20..=1_000).contains(&pace.period_ms()));
+            prop_assert!(!pace.is_current(now + 1_151) && !pace.is_fresh(now + 1_050));
+        }
+    }
+
     #[test]
     fn how_the_bytes_are_cut_does_not_matter(cuts in proptest::collection::vec(1usize..90, 1..60)) {
         let mut stream = Vec::new();
@@ -194,23 +231,55 @@ fn a_solution_ages_by_the_receivers_own_period() {
         feed(&mut receiver, &NavPvt::at(200 * epoch).bytes(), 200 * epoch);
     }
     let pace = receiver.solution().position.pace;
-    assert_eq!(pace.period(), 200);
-    assert!(pace.fresh(800 + 320) && !pace.fresh(800 + 321));
-    assert!(pace.usable(800 + 620) && !pace.usable(800 + 621));
+    assert_eq!(pace.period_ms(), 200);
+    assert!(pace.is_fresh(800 + 249) && !pace.is_fresh(800 + 250), "stale from one period and 50 ms on");
+    assert!(pace.is_current(800 + 350) && !pace.is_current(800 + 351), "valid up to one period and 150 ms");
 }
 
 #[test]
-fn one_lost_message_does_not_double_the_period() {
+fn a_receiver_slower_than_one_hertz_counts_as_one_of_one_hertz() {
     let mut receiver = Receiver::new();
-    for itow in [0, 100, 200, 400, 500] {
-        feed(&mut receiver, &NavPvt::at(itow).bytes(), itow);
-        assert!(receiver.solution().position.pace.period() == if itow == 0 { 1_000 } else { 100 });
+    for epoch in 0..6 {
+        feed(&mut receiver, &NavPvt::at(5_000 * epoch).bytes(), 5_000 * epoch);
     }
-    // A slower rate is believed at the second step.
-    for itow in [1_500, 2_500] {
+    let pace = receiver.solution().position.pace;
+    assert_eq!(pace.period_ms(), 1_000);
+    assert!(pace.is_current(25_000 + 1_150) && !pace.is_current(25_000 + 1_151));
+}
+
+#[test]
+fn a_shorter_period_is_believed_at_once_and_a_longer_one_at_the_fourth_step() {
+    let mut receiver = Receiver::new();
+    let mut period_after = |itow| {
+        feed(&mut receiver, &NavPvt::at(itow).bytes(), itow);
+        receiver.solution().position.pace.period_ms()
+    };
+    assert_eq!([0, 100, 200, 400, 500].map(&mut period_after), [1_000, 100, 100, 100, 100], "one is lost");
+    assert_eq!([1_500, 2_500, 3_500].map(&mut period_after), [100; 3]);
+    assert_eq!(period_after(4_400), 900, "the shortest of the four");
+    assert_eq!(period_after(4_500), 100);
+}
+
+#[test]
+fn the_first_fix_between_two_epochs_shortens_the_period_only_for_four_messages() {
+    let mut receiver = Receiver::new();
+    let periods = [456, 1_000, 2_000, 3_000, 4_000, 5_000].map(|itow| {
+        feed(&mut receiver, &NavPvt::at(itow).bytes(), itow);
+        receiver.solution().position.pace.period_ms()
+    });
+    assert_eq!(periods, [1_000, 544, 544, 544, 544, 1_000]);
+}
+
+#[test]
+fn a_receiver_that_starts_again_with_an_earlier_time_is_believed_at_once() {
+    let mut receiver = Receiver::new();
+    for itow in [100_000, 100_100, 100_200] {
         feed(&mut receiver, &NavPvt::at(itow).bytes(), itow);
     }
-    assert_eq!(receiver.solution().position.pace.period(), 1_000);
+    feed(&mut receiver, &NavPvt::at(5_000).bytes(), 110_000);
+    let pace = receiver.solution().position.pace;
+    assert_eq!(pace.period_ms(), 100);
+    assert!(pace.is_current(110_000));
 }
 
 #[test]
@@ -221,8 +290,8 @@ fn the_period_survives_the_end_of_the_week() {
         feed(&mut receiver, &NavPvt::at(itow).bytes(), now);
     }
     let pace = receiver.solution().position.pace;
-    assert_eq!(pace.period(), 100);
-    assert!(pace.fresh(300));
+    assert_eq!(pace.period_ms(), 100);
+    assert!(pace.is_fresh(300));
 }
 
 #[test]
@@ -234,7 +303,7 @@ fn a_receiver_that_repeats_itself_ages_like_a_silent_one() {
     }
     let solution = receiver.solution();
     assert!(solution.heard.within(5_000, 250), "it is heard");
-    assert!(!solution.position.pace.usable(5_000), "but says nothing new");
+    assert!(!solution.position.pace.is_current(5_000), "but says nothing new");
 }
 
 #[test]
@@ -245,7 +314,7 @@ fn a_receiver_silent_for_as_long_as_the_clock_takes_to_wrap_is_still_silent() {
         receiver.receive(&[], minute.wrapping_mul(60_000));
         let now = minute.wrapping_mul(60_000).wrapping_add(50);
         assert!(!receiver.solution().heard.within(now, 250));
-        assert!(!receiver.solution().position.pace.usable(now));
+        assert!(!receiver.solution().position.pace.is_current(now));
     }
 }
 
@@ -282,5 +351,6 @@ fn recordings_of_real_receivers_are_read_in_full() {
         assert_eq!(seen, expected);
         positions += seen.len();
     }
+    assert!(positions > 0, "the recordings hold positions");
     println!("{positions} positions");
 }

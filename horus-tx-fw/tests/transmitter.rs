@@ -67,10 +67,10 @@ impl Port for Bench {
         assert!(self.transfer.as_ref().is_none_or(|transfer| transfer.keep), "the bytes under a load do not change");
         self.profile = profile.as_bytes().to_vec();
     }
-    fn short(&mut self, bytes: &[u8]) {
+    fn start_short(&mut self, bytes: &[u8]) {
         self.begin(bytes.to_vec(), true);
     }
-    fn load(&mut self, start: usize, len: usize) {
+    fn start_load(&mut self, start: usize, len: usize) {
         let mut out = vec![0x80];
         out.extend(&self.profile[start..start + len]);
         self.begin(out, false);
@@ -81,13 +81,13 @@ impl Port for Bench {
         self.aborted += 1;
         self.chip.deselect(self.now);
     }
-    fn irq(&self) -> bool {
+    fn irq_is_high(&self) -> bool {
         self.chip.irq()
     }
-    fn wait(&mut self, micros: u32) {
-        self.timer = Some(self.now + u64::from(micros) * 1_000);
+    fn start_timer(&mut self, us: u32) {
+        self.timer = Some(self.now + u64::from(us) * 1_000);
     }
-    fn cancel(&mut self) {
+    fn stop_timer(&mut self) {
         self.timer = None;
     }
     fn arm(&mut self, ticket: Ticket) {
@@ -150,7 +150,7 @@ fn run(cycles: u32, telemetry: &Telemetry, mut before: impl FnMut(u32, &mut Benc
                         response
                     });
                     if fired.is_none() {
-                        telemetry.frames_skipped.count();
+                        telemetry.frames_skipped.add(1);
                     }
                     transmitter.slot(Slot { frame, fired }, &mut bench);
                 }
@@ -237,7 +237,7 @@ fn every_cycle_after_bring_up_sends_its_own_profile_at_its_slots() {
         assert_eq!(frame.payload.len(), payload(place));
     }
     for pair in sent.windows(2) {
-        let end = pair[0].at + st25r3916::air_time_ns(pair[0].payload.len());
+        let end = pair[0].at + air::air_time_ns(pair[0].payload.len() as u8);
         assert!(pair[1].at >= end + 300_000, "the receiver has its 0.30 ms between any two frames");
     }
 }

@@ -1,0 +1,96 @@
+//! The clocks: which oscillator, and what happens when it fails
+//!
+//! # Design
+//!
+//! The decision between the external clock and the internal oscillator is [`horus_tx_fw::clock`]'s. HSE is switched on
+//! and waited for here, with a bound, before the HAL sets the clock tree up, since the HAL waits for HSE without one.
+//!
+//! **Clock security system.** From the moment at which HSE is ready, hardware compares it with HSI. When HSE fails, it
+//! switches HSE and the PLL off, lets the processor run on HSI's 16 MHz, and raises the non-maskable interrupt (RM0090
+//! "Reset and clock control", clock security system). With the clock nine times too slow neither the cycle nor the baud
+//! rates hold, so the board enters the safe state: field off, then the watchdog's reset. The watchdog counts with an
+//! oscillator of its own (LSI). The start after that finds no HSE and runs on HSI, with all dividers as they should be.
+//!
+//! # Errata (ES0206 rev 24) of what is used here
+//!
+//! - 2.2.7: a peripheral does not answer for some cycles after its clock is enabled. Here: the HAL's `enable` waits for
+//!   the write (DSB) before it returns.
+//!
+//! `unsafe` here: the exception handler, and its access to RCC.
+#![allow(unsafe_code)]
+
+use cortex_m::asm;
+use cortex_m_rt::exception;
+use horus_tx_fw::{
+    clock::{self, Source},
+    timing,
+};
+use stm32f4xx_hal::{
+    pac,
+    prelude::*,
+    rcc::{Config, Rcc},
+};
+
+use super::HORUS_TELEMETRY;
+
+/// Sets the clock tree up, from HSE if that is there, else from HSI. Takes [`clock::START_MAX_MS`] and the PLL's lock
+/// time at most, or ends in the watchdog's reset.
+///
+/// # Panics
+///
+/// If the clock tree is not the one that the timing was derived for.
+pub fn start(rcc: pac::RCC) -> (Rcc, Source) {
+    let source = start_external(&rcc);
+    HORUS_TELEMETRY.without_crystal.set(u32::from(source == Source::Internal));
+    let config = match source {
+        // The 8 MHz that the ST-LINK's MCO feeds into OSC_IN: no crystal of this part's own.
+        Source::External => Config::hse(clock::EXTERNAL_HZ.Hz()).bypass_hse_oscillator(),
+        Source::Internal => Config::hsi(),
+    };
+    let rcc = rcc.freeze(
+        config
+            .sysclk(timing::CORE_HZ.Hz())
+            .hclk(timing::CORE_HZ.Hz())
+            .pclk1(timing::APB1_HZ.Hz())
+            .pclk2(timing::APB2_HZ.Hz()),
+    );
+    assert!(
+        rcc.clocks.hclk() == timing::CORE_HZ.Hz::<1, 1>()
+            && rcc.clocks.timclk1() == timing::TIMER_HZ.Hz::<1, 1>()
+            && rcc.clocks.pclk1() == timing::APB1_HZ.Hz::<1, 1>()
+            && rcc.clocks.pclk2() == timing::APB2_HZ.Hz::<1, 1>(),
+        "the clock tree is not the one the timing was derived for"
+    );
+    (rcc, source)
+}
+
+/// Switches HSE on, and its security system as soon as it is ready; off again if it does not become so.
+fn start_external(rcc: &pac::RCC) -> Source {
+    // Bypass can be chosen only while HSE is off (RM0090, RCC_CR).
+    rcc.cr().modify(|_, w| w.hsebyp().bypassed());
+    rcc.cr().modify(|_, w| w.hseon().on());
+    let source = clock::choose(|| rcc.cr().read().hserdy().is_ready(), || asm::delay(clock::PAUSE_CYCLES));
+    match source {
+        Source::External => rcc.cr().modify(|_, w| w.csson().on()),
+        Source::Internal => rcc.cr().modify(|_, w| w.hseon().off()),
+    };
+    source
+}
+
+/// HSE has failed. Nothing else raises this exception on this part.
+// SAFETY: nothing of what was interrupted is used again, since the handler does not return.
+#[exception]
+unsafe fn NonMaskableInt() -> ! {
+    // SAFETY: a register block is always there, and every access through it is volatile; nothing else writes CIR.
+    let rcc = unsafe { &*pac::RCC::ptr() };
+    // The exception comes again and again until its flag is cleared (RM0090, clock security system).
+    let failed = rcc.cir().read().cssf().bit_is_set();
+    rcc.cir().write(|w| w.cssc().set_bit());
+    firmware_common::safe_state::enter(super::safe_state, || {
+        if failed {
+            defmt::error!("the external clock has failed");
+        } else {
+            defmt::error!("non-maskable interrupt, but not from the clock security system");
+        }
+    })
+}

@@ -1,0 +1,116 @@
+//! Pins: mode, speed, level
+//!
+//! Set up from the board's table, by number, which the HAL's types for single pins do not allow.
+//!
+//! `unsafe` here: shared access to the ports' register blocks, and values that have no enumeration.
+#![allow(unsafe_code)]
+
+use stm32f4xx_hal::{
+    pac::{self, gpioa},
+    rcc::Enable,
+};
+
+use crate::board::{AlternatePin, Pin, Port};
+
+/// How fast a pin's edges are.
+#[derive(Clone, Copy)]
+pub(super) enum Speed {
+    Low = 0b00,
+    VeryHigh = 0b11,
+}
+
+/// What holds a pin that nothing drives.
+#[derive(Clone, Copy)]
+pub(super) enum Pull {
+    None = 0b00,
+    Up = 0b01,
+    Down = 0b10,
+}
+
+const INPUT: u32 = 0b00;
+const OUTPUT: u32 = 0b01;
+const ALTERNATE: u32 = 0b10;
+
+/// Switches the clocks of all ports in use on. Can be called again at any time.
+pub(super) fn enable_ports() {
+    // SAFETY: sets one bit each in the clock enable register, atomically (the HAL uses the bit-band region).
+    unsafe {
+        pac::GPIOA::enable_unchecked();
+        pac::GPIOC::enable_unchecked();
+        pac::GPIOD::enable_unchecked();
+        pac::GPIOE::enable_unchecked();
+    }
+}
+
+#[inline(always)]
+fn block(port: Port) -> &'static gpioa::RegisterBlock {
+    let block: *const gpioa::RegisterBlock = match port {
+        Port::A => pac::GPIOA::ptr(),
+        Port::C => pac::GPIOC::ptr().cast(),
+        Port::D => pac::GPIOD::ptr().cast(),
+        Port::E => pac::GPIOE::ptr().cast(),
+    };
+    // SAFETY: a register block is always there, and every access through it is volatile. All ports have the same
+    // registers (RM0090 "GPIO register map"); they differ in reset values alone. Configuration registers are changed
+    // only where nothing interrupts: in `init`, before interrupts are enabled, and in the safe state, after they are
+    // disabled for ever.
+    unsafe { &*block }
+}
+
+/// `word` with its field number `field` of `width` bits set to `value`.
+const fn with_field(word: u32, field: u8, width: u8, value: u32) -> u32 {
+    let at = field as u32 * width as u32;
+    word & !(((1 << width) - 1) << at) | value << at
+}
+
+fn configure(pin: Pin, mode: u32, speed: Speed, pull: Pull) {
+    let port = block(pin.port);
+    // SAFETY: every two-bit value of these registers is defined but 0b11 of PUPDR, which `Pull` does not have; and it
+    // is this pin's field alone that changes.
+    unsafe {
+        port.pupdr().modify(|r, w| w.bits(with_field(r.bits(), pin.number, 2, pull as u32)));
+        port.ospeedr().modify(|r, w| w.bits(with_field(r.bits(), pin.number, 2, speed as u32)));
+        port.moder().modify(|r, w| w.bits(with_field(r.bits(), pin.number, 2, mode)));
+    }
+}
+
+/// Connects a pin to its peripheral.
+pub(super) fn alternate(alternate: AlternatePin, speed: Speed, pull: Pull) {
+    let AlternatePin { pin, function } = alternate;
+    let port = block(pin.port);
+    let function = u32::from(function & 0xF);
+    // SAFETY: every four-bit value is one of the alternate functions, and it is this pin's field alone that changes.
+    unsafe {
+        if pin.number < 8 {
+            port.afrl().modify(|r, w| w.bits(with_field(r.bits(), pin.number, 4, function)));
+        } else {
+            port.afrh().modify(|r, w| w.bits(with_field(r.bits(), pin.number - 8, 4, function)));
+        }
+    }
+    configure(pin, ALTERNATE, speed, pull);
+}
+
+/// Makes a pin an output that is `high` from the first moment.
+pub(super) fn output(pin: Pin, speed: Speed, high: bool) {
+    write(pin, high);
+    configure(pin, OUTPUT, speed, Pull::None);
+}
+
+/// Makes a pin an input.
+pub(super) fn input(pin: Pin, pull: Pull) {
+    configure(pin, INPUT, Speed::Low, pull);
+}
+
+/// Sets an output's level.
+#[inline(always)]
+pub(super) fn write(pin: Pin, high: bool) {
+    let set = 1 << pin.number;
+    // SAFETY: BSRR changes only the pins whose bit is one: the low half sets, the high half resets.
+    block(pin.port).bsrr().write(|w| unsafe { w.bits(if high { set } else { set << 16 }) });
+}
+
+/// An input's level.
+#[inline(always)]
+pub(super) fn is_high(pin: Pin) -> bool {
+    block(pin.port).idr().read().bits() & 1 << pin.number != 0
+}
