@@ -63,7 +63,7 @@ firmware_common::install_safe_state!(hw::safe_state);
 #[cfg(target_os = "none")]
 #[rtic::app(device = stm32f4xx_hal::pac, peripherals = true)]
 mod app {
-    use cortex_m::peripheral::DWT;
+    use cortex_m::{asm, peripheral::DWT};
     use defmt_rtt as _;
     use firmware_common::{check_in::CheckIn, image, safe_state};
     use horus_tx_fw::{
@@ -121,6 +121,9 @@ mod app {
         let mut watchdog = IndependentWatchdog::new(device.IWDG);
         watchdog.stop_on_debug(&device.DBGMCU, true);
         watchdog.start(timing::WATCHDOG_MS.millis());
+        // It begins with the longest time there is; fed after its prescaler and reload have arrived, it counts with them.
+        asm::delay(timing::WATCHDOG_UPDATE_CYCLES);
+        watchdog.feed();
         let reason = hw::reset::note_reason(&device.RCC);
 
         cx.core.DCB.enable_trace();
@@ -141,8 +144,7 @@ mod app {
             });
         }
 
-        // The watchdog's prescaler and reload reach its own clock domain some LSI periods after they were written
-        // (RM0090 "IWDG", status register); from here on it counts with them.
+        // All of its time for the rest of the start and the first cycles, after which the tasks decide.
         watchdog.feed();
 
         let mut radio = Radio::new(&mut rcc, device.SPI1, device.TIM5, device.SYSCFG, &device.EXTI);
