@@ -1,9 +1,9 @@
 //! Which tasks have checked in, so that the watchdog may be fed.
 //!
-//! A board's one watchdog is fed from its idle loop, which runs only when nothing else wants to, and only when every task
-//! has checked in since it was last fed. So a task that hangs, a task that starves those below it and an interrupt that
-//! never comes all end in the same reset. No task may need the outside world in order to check in; each firmware says at
-//! its list of tasks what makes them run.
+//! A board's one watchdog is fed from its idle loop, which runs only when nothing else wants to, and only when every
+//! task has checked in since it was last fed. So a task that hangs, a task that starves those below it and an interrupt
+//! that never comes all end in the same reset. No task may need the outside world in order to check in; each firmware
+//! says at its list of tasks what makes them run.
 
 use core::{
     marker::PhantomData,

@@ -1,7 +1,7 @@
 //! The counters of which a firmware's telemetry is made.
 //!
-//! Each firmware exports one `repr(C)` structure of counters under a symbol of its own; a debugger or the bench reads it
-//! from RAM by that symbol. Nothing in the firmware depends on it.
+//! Each firmware exports one `repr(C)` structure of counters under a symbol of its own; a debugger or the bench reads
+//! it from RAM by that symbol. Nothing in the firmware depends on it.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 

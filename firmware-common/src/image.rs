@@ -3,15 +3,16 @@
 //! # Design
 //!
 //! The linker script `image_crc.x` puts one word behind everything that is loaded into flash: vector table, code,
-//! constants, and the initial values of variables. `cargo xtask build` writes the frame CRC ([`profile::crc::FRAME`]) of all
-//! bytes before it, from the vector table on, into that word, most significant byte first; a gap between two sections
-//! counts as erased flash, 0xFF. At start, before anything else is done, each firmware compares. With the CRC behind it the whole is a
-//! codeword, so every burst of up to 32 wrong bits is found, and any other damage but for one case in 2^32.
+//! constants, and the initial values of variables. `cargo xtask build` writes the frame CRC ([`profile::crc::FRAME`])
+//! of all bytes before it, from the vector table on, into that word, most significant byte first; a gap between two
+//! sections counts as erased flash, 0xFF. At start, before anything else is done, each firmware compares. With the CRC
+//! behind it the whole is a codeword, so every burst of up to 32 wrong bits is found, and any other damage but for one
+//! case in 2^32.
 //!
 //! An image on which the build did not do that carries 0xFFFFFFFF and does not pass.
 //!
-//! The words are read by a load instruction in assembly, not through a reference: on the nRF52840 flash begins at address
-//! 0, to which no Rust reference may point.
+//! The words are read by a load instruction in assembly, not through a reference: on the nRF52840 flash begins at
+//! address 0, to which no Rust reference may point.
 
 /// The word that the build fills in. Here, once, so that every firmware that links this crate has it.
 #[cfg(target_os = "none")]

@@ -5,6 +5,7 @@
 //! | [`check_in`] | which tasks have checked in since the watchdog was last fed |
 //! | [`counter`] | the counters of which each firmware's telemetry is made |
 //! | [`image`] | whether the program in flash has the CRC that the build gave it |
+//! | [`log_section`] | lets the idle loop write to the log without masking interrupts |
 //! | [`safe_state`] | what a panic or a fault does: enter the board's safe state, log once, wait for the watchdog |
 #![cfg_attr(not(test), no_std)]
 #![deny(unsafe_code)]
@@ -12,4 +13,5 @@
 pub mod check_in;
 pub mod counter;
 pub mod image;
+pub mod log_section;
 pub mod safe_state;

@@ -1,7 +1,7 @@
 //! What a panic, a fault or an interrupt without a task does on either board.
 //!
-//! Interrupts are masked, the board enters its own safe state (HORUS switches the field off, the DPR stops answering the
-//! flight controller), the reason is logged once, and nothing feeds the watchdog any more, which resets the part.
+//! Interrupts are masked, the board enters its own safe state (HORUS switches the field off, the DPR stops answering
+//! the flight controller), the reason is logged once, and nothing feeds the watchdog any more, which resets the part.
 //!
 //! A firmware installs all handlers with [`install_safe_state!`](crate::install_safe_state).
 
@@ -25,9 +25,9 @@ pub fn enter(enter: fn(), log: impl FnOnce()) -> ! {
     }
 }
 
-/// Installs the handlers of panics, of failed `defmt` assertions, of HardFault and of every exception or interrupt without
-/// a handler of its own. `$enter` is the `fn()` that puts the board into its safe state with all interrupts masked; it
-/// must not panic and must not wait without a bound.
+/// Installs the handlers of panics, of failed `defmt` assertions, of HardFault and of every exception or interrupt
+/// without a handler of its own. `$enter` is the `fn()` that puts the board into its safe state with all interrupts
+/// masked; it must not panic and must not wait without a bound.
 #[macro_export]
 macro_rules! install_safe_state {
     ($enter:path) => {
