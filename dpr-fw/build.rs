@@ -7,5 +7,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     fs::copy("memory.x", out.join("memory.x"))?;
     println!("cargo:rustc-link-search={}", out.display());
     println!("cargo:rerun-if-changed=memory.x");
+    // The word behind the image for its CRC; firmware-common has the script.
+    if env::var("CARGO_CFG_TARGET_OS")? == "none" {
+        println!("cargo:rustc-link-arg-bins=-Timage_crc.x");
+    }
     Ok(())
 }

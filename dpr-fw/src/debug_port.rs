@@ -16,16 +16,16 @@
 //!
 //! [`open`] does as Nordic's own start-up code does (NordicSemiconductor/nrfx, `system_nrf52_approtect.h`,
 //! `nrf52_handle_approtect`): on such a part the value in UICR decides. A board that was locked on purpose, by writing
-//! another value there, stays locked. The firmware writes no UICR: that is non-volatile memory, and a part whose UICR is
-//! erased has no debugger attached that could need it.
+//! another value there, stays locked. The firmware writes no UICR: that is non-volatile memory, and a part whose UICR
+//! is erased has no debugger attached that could need it.
 //!
 //! # How a part is recognised
 //!
-//! FICR.INFO.VARIANT holds the last two letters of the package variant and the two characters of the build code in ASCII,
-//! for example 0x4141_4630 for AAF0. Build codes from F on are taken as locked by default, as embassy-rs/embassy does
-//! (`embassy-nrf/src/chips/nrf52840.rs`, `APPROTECT_MIN_BUILD_CODE`). Nordic's code asks two words of FICR that the
-//! product specification does not describe (nrfx, `nrf52_erratas.h`, `nrf52_configuration_249`); both agree in that a
-//! part newer than what they know is one of the locked kind.
+//! FICR.INFO.VARIANT holds the last two letters of the package variant and the two characters of the build code in
+//! ASCII, for example 0x4141_4630 for AAF0. Build codes from F on are taken as locked by default, as embassy-rs/embassy
+//! does (`embassy-nrf/src/chips/nrf52840.rs`, `APPROTECT_MIN_BUILD_CODE`). Nordic's code asks two words of FICR that
+//! the product specification does not describe (nrfx, `nrf52_erratas.h`, `nrf52_configuration_249`); both agree in that
+//! a part newer than what they know is one of the locked kind.
 
 /// UICR.APPROTECT, bits 7..0: the hardware's half of the lock is open (HwDisabled).
 pub const HW_DISABLED: u32 = 0x5A;

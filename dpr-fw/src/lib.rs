@@ -2,39 +2,51 @@
 //!
 //! # Design
 //!
-//! This library is everything that decides; it needs no MCU and the host tests it. The binary beside it is an RTIC table
-//! of tasks, and its module `hw` is the only place that touches registers. One cycle, from top to bottom:
+//! This library is everything that decides; it needs no MCU and the host tests it. The binary beside it is an RTIC
+//! table of tasks, and its module `hw` is the only place that touches registers. One cycle, from top to bottom:
 //!
 //! | module | what it does | where it runs |
 //! |---|---|---|
-//! | [`rf`] | carries out the steps of the ST25R3916's listener machine | RFID interrupts |
-//! | [`triple`] | three receive buffers, three images: written, read, scrubbed | handed from task to task |
-//! | [`accept`] | verifies the objects of a frame, each by itself, and the freshness of its cycle | commit |
+//! | [`rf`] | carries out the steps of the ST25R3916's listener machine, hands frames on | RFID interrupts |
+//! | [`triple`] | receive buffers and images: written, read, scrubbed | handed from task to task |
+//! | [`intake`] | takes in the frames that wait, then looks at the deadline | commit |
+//! | [`accept`] | verifies the objects of a frame, each by itself, and the sequence of its cycle | commit |
 //! | [`commit`] | deposits accepted objects in an image built from scratch, decides when it is published | commit |
 //! | [`link`] | Link-Status, counters, ages, and the deadline that notices a missed frame | commit |
+//! | [`publish`] | hands images to the SSI, FRESH, expiry | commit, SSI interrupt |
 //! | [`ssi`] | what the flight controller asked for, and how much it may ask | SSI interrupt |
-//! | [`watch`] | which tasks have checked in, so that the watchdog may be fed | every task |
+//! | [`tasks`] | the tasks that have to check in, so that the watchdog may be fed | every task |
+//! | [`reset`] | why the part last started | start |
+//! | [`debug_port`] | whether the debug port stays open | start |
+//! | [`telemetry`] | the counters that a debugger, or the bench, reads from RAM | every task |
 //!
-//! Constant time: what a cycle costs does not depend on what the data say. Every object is verified and copied under a mask
-//! whatever the verdict is, and no loop ends early.
+//! Constant time: what a cycle costs does not depend on what the data say. Every object is verified and copied under a
+//! mask whatever the verdict is, and no loop ends early.
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
 
 pub mod accept;
 pub mod commit;
+pub mod debug_port;
+pub mod intake;
 pub mod link;
+pub mod publish;
+pub mod reset;
 pub mod rf;
 pub mod ssi;
+pub mod tasks;
 pub mod telemetry;
 pub mod triple;
-pub mod watch;
 
 #[cfg(any(
     all(feature = "gps-1", any(feature = "gps-2", feature = "gps-3", feature = "gps-5")),
     all(feature = "gps-2", any(feature = "gps-3", feature = "gps-5")),
     all(feature = "gps-3", feature = "gps-5"),
 ))]
-compile_error!("choose one of the features gps-1, gps-2, gps-3, gps-5: without the default gps-3 it is --no-default-features --features gps-N");
+compile_error!(
+    "choose one of the features gps-1, gps-2, gps-3, gps-5: without the default gps-3 it is --no-default-features \
+     --features gps-N"
+);
 #[cfg(not(any(feature = "gps-1", feature = "gps-2", feature = "gps-3", feature = "gps-5")))]
 compile_error!("choose one of the features gps-1, gps-2, gps-3, gps-5");
 

@@ -1,31 +1,54 @@
-//! Carries out the steps of the ST25R3916's listener machine, driven by interrupts.
+//! The RFID side: carries out the steps of the ST25R3916's listener machine, driven by interrupts, and hands frames on.
 //!
 //! # Design
 //!
-//! The machine ([`st25r3916::Listener`]) decides what to say to the chip; the [`Port`] starts SPI transfers by EasyDMA and a timer; this
-//! executor stands between them. Three interrupts drive it: transfer ended, IRQ pin risen, timer elapsed. All three call
-//! [`Executor::poll`], which asks the port what is the case rather than trusting which interrupt came. So a lost edge of the IRQ pin, an edge
-//! that is reported twice (anomaly 155) or an interrupt that comes late does no harm, and the cyclic heartbeat that pends the task heals what
-//! an edge could have lost.
+//! The machine ([`st25r3916::Listener`]) decides what to say to the chip; the [`Port`] starts SPI transfers by EasyDMA
+//! and a timer; the [`Executor`] stands between them. Three interrupts drive it: transfer ended, IRQ pin risen, timer
+//! elapsed. All three call [`Executor::poll`], which asks the port what is the case rather than trusting which
+//! interrupt came. So a lost edge of the IRQ pin, an edge that is reported twice (anomaly 155) or an interrupt that
+//! comes late does no harm, and the cyclic check-in that pends the task repairs what a lost edge could have left
+//! waiting.
 //!
-//! Nothing waits: a poll ends when a transfer or the timer runs. Every transfer has a bound as well, [`TRANSFER_US`]; one that does not end is reported to the
-//! machine as failed, and the machine brings the chip up again.
+//! No task waits: a poll ends when a transfer or the timer runs. Every transfer has a bound as well, [`TRANSFER_US`];
+//! one that does not end is reported to the machine as failed, and the machine brings the chip up again.
 //!
-//! A FIFO read puts a meaningless byte in front of the data, clocked in under the command. The port receives it into the byte before the place where
-//! the data go: for the first read that is the last of the [`LEAD`] bytes, for later ones the last byte of the chunk before, which the port keeps
-//! and puts back. So frames lie where they are wanted without a copy.
+//! A FIFO read puts a meaningless byte in front of the data, clocked in under the command. The port receives it into
+//! the byte before the place where the data go: for the first read that is the last of the [`LEAD`] bytes, for later
+//! ones the last byte of the chunk before, which the port keeps and puts back. So frames lie where they are wanted
+//! without a copy.
+//!
+//! # Buffers
+//!
+//! [`Receiver::serve`] hands a buffer that holds a frame to the commit task and goes on with a clean one. A buffer in
+//! which a frame was begun that is not delivered is replaced by a clean one as well: no frame is ever received into a
+//! buffer that holds bytes of another.
+//!
+//! # The end of a frame
+//!
+//! A frame's end is the rising edge of the IRQ pin (I_rxe), whose instant the hardware captures
+//! ([`Port::irq_edge_us`]). It does not depend on when the processor looks, nor on whether the interrupt was read in a
+//! status read that the edge caused or in one that a time-out had caused before it.
 
-use st25r3916::{listener::PAYLOAD_OFFSET, Input, Listener, ListenerEvent, Step, Transfer};
+use rtic_core::Mutex;
+use st25r3916::{listener::PAYLOAD_OFFSET, Fault, Input, Listener, ListenerEvent, Step, Transfer};
 
-/// Bytes in front of LEN in a receive buffer: room for the byte under the read command, chosen so that the payload is aligned.
+use crate::{
+    accept::Early,
+    telemetry::Telemetry,
+    triple::{Filling, Memory, Rotated, Rotation},
+};
+
+/// Bytes in front of LEN in a receive buffer: room for the byte under the read command, chosen so that the payload is
+/// aligned.
 pub const LEAD: usize = 3;
 const _: () = assert!((LEAD + PAYLOAD_OFFSET).is_multiple_of(4));
 
 /// The longest transfer, µs: 258 bytes at 8 MHz take 258 µs; with margin.
 pub const TRANSFER_US: u32 = 1_000;
 
-/// How long the chip is left alone after a frame, µs: the commit takes 50. The next sync is at least 0.45 ms after the end of a frame (0.30 ms
-/// between two frames of a cycle, 0.15 ms of preamble and sync), of which reading takes 0.26 ms at worst (store-and-forward) and re-arming 0.03 ms.
+/// How long the chip is left alone after a frame, µs: the commit takes 50. The next sync is at least 0.45 ms after the
+/// end of a frame (0.30 ms between two frames of a cycle, 0.15 ms of preamble and sync), of which reading takes 0.26 ms
+/// at worst (store-and-forward) and re-arming 0.03 ms.
 pub const REST_US: u32 = 80;
 
 /// Steps without a transfer or a wait before a poll gives the processor back. The machine needs two.
@@ -33,14 +56,18 @@ const STEPS: u32 = 8;
 /// How long a machine that exceeds that is left alone, µs.
 const PAUSE_US: u32 = 1_000;
 
-/// The hardware the executor needs. Its receive buffer is the one that is being written; the owner of the port swaps it
-/// on events.
+/// The hardware that the executor needs, with the receive buffer that is being written.
 pub trait Port {
-    /// Starts a transfer of `bytes`, at most [`st25r3916::Short::MAX`], full duplex, chip select low from first to last bit.
+    /// A receive buffer.
+    type Buffer: Memory;
+
+    /// Starts a transfer of `bytes`, at most [`st25r3916::Short::MAX`], full duplex, chip select low from first to last
+    /// bit.
     fn start_short(&mut self, bytes: &[u8]);
     /// Starts a FIFO read of `len` bytes to place `offset` of the receive buffer, counted from LEN.
     fn start_read(&mut self, offset: usize, len: usize);
-    /// Whether the transfer has ended. If so chip select is high again, and this is not asked again before the next one.
+    /// Whether the transfer has ended. If so chip select is high again, and this is not asked again before the next
+    /// one.
     fn ended(&mut self) -> bool;
     /// What the transfer that ended has clocked in, without the byte under a read command.
     ///
@@ -51,28 +78,160 @@ pub trait Port {
     /// Stops a transfer that does not end.
     fn abort(&mut self);
     /// Whether the IRQ pin is high.
-    fn irq(&mut self) -> bool;
-    /// Starts the timer: `micros` µs from now.
-    fn start_timer(&mut self, micros: u32);
+    fn irq_is_high(&mut self) -> bool;
+    /// The counter, µs, at the last rising edge of the IRQ pin, captured by hardware.
+    fn irq_edge_us(&mut self) -> u32;
+    /// Starts the timer: `us` µs from now.
+    fn start_timer(&mut self, us: u32);
     /// Whether that time is over.
     fn elapsed(&mut self) -> bool;
-    /// A free-running counter, µs.
-    fn now_us(&mut self) -> u32;
+    /// Exchanges the receive buffer. Called while no transfer runs.
+    fn exchange(&mut self, with: impl FnOnce(Filling<Self::Buffer>) -> Filling<Self::Buffer>);
+    /// The first `len` bytes of the frame in the receive buffer, beginning with LEN. Called while no read runs, which
+    /// would put its own bytes in.
+    fn arrived(&self, len: usize) -> &[u8];
 }
 
 /// A transfer that the hardware did not complete.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Failed;
 
+/// State of the RFID front end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(target_os = "none", derive(defmt::Format))]
+pub enum FrontEnd {
+    /// It has never listened yet.
+    Starting,
+    /// It is configured and listens.
+    Listening,
+    /// It was lost, for that reason, and is being brought up again.
+    Lost(Fault),
+}
+
+/// What is known of a frame beside its bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FrameInfo {
+    /// Payload bytes.
+    pub len: usize,
+    /// The counter, µs, at its end.
+    pub ended_us: u32,
+    /// What of it was verified while it arrived.
+    pub early: Early,
+}
+
+impl FrameInfo {
+    /// The payload in the receive buffer's `bytes`; empty if the buffer is too short for it.
+    #[must_use]
+    pub fn payload<'a>(&self, bytes: &'a [u8]) -> &'a [u8] {
+        bytes.get(LEAD + PAYLOAD_OFFSET..LEAD + PAYLOAD_OFFSET + self.len).unwrap_or(&[])
+    }
+}
+
+/// What the RFID tasks do.
+#[derive(Debug)]
+pub struct Receiver<P> {
+    executor: Executor<P>,
+    early: Early,
+}
+
+impl<P: Port> Receiver<P> {
+    /// Makes the first step of the front end's bring-up.
+    pub fn start(listener: Listener, port: P) -> Self {
+        let mut executor = Executor::new(listener, port);
+        // A bring-up begins with a transfer, never with an event.
+        let event = executor.resume();
+        debug_assert!(event.is_none(), "{event:?}");
+        Self { executor, early: Early::default() }
+    }
+
+    /// Carries the driver on as far as it goes, for a profile of `N` receivers. A frame goes into `rotation`, and the
+    /// driver on with a clean buffer. While a frame arrives, the objects that are complete are verified here, so that
+    /// this is not left for after its last bit. Tells whether a buffer was handed on: to be read, or to be scrubbed.
+    pub fn serve<const N: usize>(
+        &mut self,
+        mut rotation: impl Mutex<T = Rotation<P::Buffer, FrameInfo>>,
+        mut front_end: impl Mutex<T = FrontEnd>,
+        telemetry: &Telemetry,
+    ) -> bool {
+        let Self { executor, early } = self;
+        let mut handed = false;
+        let mut event = executor.poll();
+        while let Some(happened) = event {
+            match happened {
+                ListenerEvent::Frame { len, flags } => {
+                    telemetry.chip_crc_flags.add(u32::from(!flags.is_clean()));
+                    let info = FrameInfo { len, ended_us: executor.port().irq_edge_us(), early: *early };
+                    executor.port().exchange(|filled| {
+                        let (next, rotated) = rotation.lock(|rotation| rotation.rotate(filled, info));
+                        if let Rotated::Overrun(found) = rotated {
+                            telemetry.overruns.add(1);
+                            telemetry.scrubbed(1, found.stuck_bits);
+                        }
+                        next
+                    });
+                    handed = true;
+                }
+                ListenerEvent::Listening => front_end.lock(|state| {
+                    telemetry.rf_recoveries.add(u32::from(*state != FrontEnd::Starting));
+                    *state = FrontEnd::Listening;
+                }),
+                ListenerEvent::Fault(fault) => {
+                    telemetry.rf_faults.add(1);
+                    front_end.lock(|state| *state = FrontEnd::Lost(fault));
+                    replace_buffer(executor, &mut rotation, telemetry);
+                    handed = true;
+                }
+                ListenerEvent::Dropped(_) => {
+                    telemetry.rf_faults.add(1);
+                    replace_buffer(executor, &mut rotation, telemetry);
+                    handed = true;
+                }
+                ListenerEvent::FieldOn | ListenerEvent::FieldOff => {}
+            }
+            event = if matches!(happened, ListenerEvent::Frame { .. }) {
+                executor.rest();
+                None
+            } else {
+                executor.resume()
+            };
+        }
+        if let Some(arrived) = executor.arrived() {
+            early.follow::<N>(executor.port().arrived(arrived));
+        }
+        handed
+    }
+
+    /// The port, for a test to look at.
+    pub fn port(&mut self) -> &mut P {
+        self.executor.port()
+    }
+}
+
+/// A frame was begun in the receive buffer that will not be delivered: goes on with a clean one.
+fn replace_buffer<P: Port>(
+    executor: &mut Executor<P>,
+    rotation: &mut impl Mutex<T = Rotation<P::Buffer, FrameInfo>>,
+    telemetry: &Telemetry,
+) {
+    executor.port().exchange(|begun| {
+        let (next, found) = rotation.lock(|rotation| rotation.replace(begun));
+        telemetry.scrub_faults.add(found.stuck_bits);
+        next
+    });
+}
+
 /// What the executor waits for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Waiting {
+    /// The end of a transfer.
     Transfer,
+    /// The IRQ pin or the timer, whichever comes first.
     IrqOrTime,
+    /// The timer.
     Time,
-    /// The owner let it rest.
+    /// The timer, after a frame.
     Rest,
-    /// The owner has an event in hand.
+    /// The owner has been given an event and has not resumed yet.
     Owner,
 }
 
@@ -82,7 +241,6 @@ pub struct Executor<P> {
     listener: Listener,
     port: P,
     waiting: Waiting,
-    irq_us: u32,
     /// Where the read that runs or ran last starts, and its length.
     read: (usize, usize),
     arrived: usize,
@@ -91,7 +249,7 @@ pub struct Executor<P> {
 impl<P: Port> Executor<P> {
     /// Nothing has happened yet; [`Executor::resume`] begins the bring-up.
     pub fn new(listener: Listener, port: P) -> Self {
-        Self { listener, port, waiting: Waiting::Owner, irq_us: 0, read: (0, 0), arrived: 0 }
+        Self { listener, port, waiting: Waiting::Owner, read: (0, 0), arrived: 0 }
     }
 
     /// The port, to swap its buffer while an event is in hand.
@@ -99,20 +257,15 @@ impl<P: Port> Executor<P> {
         &mut self.port
     }
 
-    /// The counter, µs, when the IRQ pin was last found high: for a frame, its end.
-    pub fn irq_us(&self) -> u32 {
-        self.irq_us
-    }
-
-    /// How many bytes of the frame that is being received are in the buffer, LEN included; 0 as soon as another begins or none is there.
-    /// `None` while more are read: then nobody may look.
+    /// How many bytes of the frame that is being received are in the buffer, LEN included; 0 as soon as another begins
+    /// or none is there. `None` while more are read: then the buffer must not be looked at.
     pub fn arrived(&self) -> Option<usize> {
         let reading = self.waiting == Waiting::Transfer && self.arrived < self.read.0 + self.read.1;
         (!reading || self.arrived == 0).then_some(self.arrived)
     }
 
-    /// Looks what has come and goes on as far as possible; with an event if there is one, after which [`Executor::resume`] or
-    /// [`Executor::rest`] has to be called.
+    /// Takes note of what has happened and goes on as far as possible; with an event if there is one, after which
+    /// [`Executor::resume`] or [`Executor::rest`] has to be called.
     pub fn poll(&mut self) -> Option<ListenerEvent> {
         let step = match self.waiting {
             Waiting::Transfer if self.port.ended() => {
@@ -124,7 +277,7 @@ impl<P: Port> Executor<P> {
                 self.port.abort();
                 self.listener.step(Input::Failed)
             }
-            Waiting::IrqOrTime if self.port.irq() => self.irq(),
+            Waiting::IrqOrTime if self.port.irq_is_high() => self.listener.step(Input::Irq),
             Waiting::IrqOrTime | Waiting::Time if self.port.elapsed() => self.listener.step(Input::Timeout),
             Waiting::Rest if self.port.elapsed() => self.listener.step(Input::Start),
             Waiting::Rest | Waiting::Transfer | Waiting::IrqOrTime | Waiting::Time | Waiting::Owner => return None,
@@ -138,14 +291,10 @@ impl<P: Port> Executor<P> {
         self.carry_out(step)
     }
 
-    /// Goes on after a frame, but only [`REST_US`] later, so that the transfers that re-arm the chip do not interrupt the commit of the frame.
+    /// Goes on after a frame, but only [`REST_US`] later, so that the transfers that re-arm the chip do not interrupt
+    /// the commit of the frame.
     pub fn rest(&mut self) {
         self.wait(Waiting::Rest, REST_US);
-    }
-
-    fn irq(&mut self) -> Step<ListenerEvent> {
-        self.irq_us = self.port.now_us();
-        self.listener.step(Input::Irq)
     }
 
     fn carry_out(&mut self, mut step: Step<ListenerEvent>) -> Option<ListenerEvent> {
@@ -169,10 +318,10 @@ impl<P: Port> Executor<P> {
                 Step::Wait { micros } => {
                     self.wait(Waiting::IrqOrTime, micros);
                     // The pin is a level: it may be high already, or again, and then no edge comes.
-                    if !self.port.irq() {
+                    if !self.port.irq_is_high() {
                         return None;
                     }
-                    step = self.irq();
+                    step = self.listener.step(Input::Irq);
                 }
                 Step::Delay { micros } => {
                     self.wait(Waiting::Time, micros);
@@ -190,8 +339,8 @@ impl<P: Port> Executor<P> {
         None
     }
 
-    fn wait(&mut self, waiting: Waiting, micros: u32) {
+    fn wait(&mut self, waiting: Waiting, us: u32) {
         self.waiting = waiting;
-        self.port.start_timer(micros);
+        self.port.start_timer(us);
     }
 }

@@ -1,10 +1,10 @@
 //! What the firmware counts about itself, for a debugger or the bench to read from RAM by symbol.
 
-use core::sync::atomic::{AtomicU32, Ordering};
+use firmware_common::counter::Counter;
 
 macro_rules! telemetry {
     ($($(#[$doc:meta])* $name:ident,)*) => {
-        /// The static `DPR_TELEMETRY` in the image: 32-bit counters in this order, all zero at start. Each has one writer; totals wrap.
+        /// The static `DPR_TELEMETRY` in the image: 32-bit counters in this order, all zero at start. Totals wrap.
         #[derive(Debug, Default)]
         #[repr(C)]
         pub struct Telemetry {
@@ -47,7 +47,7 @@ telemetry! {
     rf_recoveries,
     /// Frames lost because commit and scrub were late by a cycle.
     overruns,
-    /// SSI transactions that were granted.
+    /// SSI transactions in which the image was shown.
     ssi_transactions,
     /// Requests that were refused, and times the transaction budget was used up.
     access_violations,
@@ -59,40 +59,25 @@ telemetry! {
     ssi_worst_cycles,
     /// Longest commit, frame or deadline, processor cycles, with what preempted it.
     commit_worst_cycles,
-    /// From the front end's report of the last frame's end to its publication, µs. (The cycle counter stands still while the processor sleeps.)
+    /// From the end of the last frame to its publication, µs. (The cycle counter stands still while the processor
+    /// sleeps.)
     rxe_to_publish_us,
     /// The longest of those, µs.
     rxe_to_publish_worst_us,
+    /// SSI transactions that clocked more bytes out than their window had; those read 0xFF.
+    ssi_over_reads,
+    /// SSI transactions that clocked more bytes in than a request and an uplink object have; those were dropped. A
+    /// transaction that reads more than 72 bytes does so always.
+    ssi_overflows,
+    /// Times an image expired in hardware because none replaced it in time.
+    images_expired,
 }
 
-/// One counter.
-#[derive(Debug, Default)]
-#[repr(transparent)]
-pub struct Counter(AtomicU32);
-
-impl Counter {
-    const fn new() -> Self {
-        Self(AtomicU32::new(0))
-    }
-
-    /// The number.
-    pub fn get(&self) -> u32 {
-        self.0.load(Ordering::Relaxed)
-    }
-
-    /// Counts `amount` more.
-    pub fn add(&self, amount: u32) {
-        self.0.fetch_add(amount, Ordering::Relaxed);
-    }
-
-    /// Sets the number.
-    pub fn set(&self, value: u32) {
-        self.0.store(value, Ordering::Relaxed);
-    }
-
-    /// Keeps the larger one.
-    pub fn at_least(&self, value: u32) {
-        self.0.fetch_max(value, Ordering::Relaxed);
+impl Telemetry {
+    /// Counts `buffers` scrubbed and the stuck bits found in them.
+    pub fn scrubbed(&self, buffers: u32, stuck_bits: u32) {
+        self.scrubs.add(buffers);
+        self.scrub_faults.add(stuck_bits);
     }
 }
 

@@ -1,0 +1,135 @@
+//! What is wired and allocated on the DPR's board: an nRF52840-DK with an ST25R3916 expansion board on its Arduino
+//! header.
+//!
+//! To move a signal to another pin, or to give something another peripheral, change it here; nothing else names either.
+//!
+//! | signal | pin | Arduino header | direction |
+//! |---|---|---|---|
+//! | front end chip select | P1.12 | D10 | out |
+//! | front end MOSI | P1.13 | D11 | out |
+//! | front end MISO | P1.14 | D12 | in |
+//! | front end SCK | P1.15 | D13 | out |
+//! | front end IRQ | P0.03 | A0 | in, pulled down |
+//! | SSI SCK | P1.01 | D0 | in |
+//! | SSI MOSI | P1.02 | D1 | in |
+//! | SSI MISO | P1.03 | D2 | out while selected |
+//! | SSI CSN | P1.04 | D3 | in, pulled up |
+//! | FRESH | P1.05 | D4 | out |
+//!
+//! | peripheral | use | vector, task |
+//! |---|---|---|
+//! | SPIM0 | front end | `SPIM0_SPIS0_TWIM0_TWIS0_SPI0_TWI0`, `rf_spi` |
+//! | SPIS1 | SSI | `SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1`, `ssi_end` |
+//! | GPIOTE channel 0 | rising edge of the front end's IRQ | `GPIOTE`, `rf_irq` |
+//! | GPIOTE channel 1 | FRESH | – |
+//! | TIMER0 | the counter, µs; compare 0: a wait of the driver; capture 1: the IRQ's edge, 3: now | `TIMER0`, `rf_timer` |
+//! | TIMER1 | the deadline of the next frame | `TIMER1`, `deadline` |
+//! | TIMER2 | time since FRESH, µs. Compare 0 and 1: expiry of the image. Compare 2: end of the FRESH pulse | – |
+//! | SWI0, SWI1 | calls of `commit` and `scrub` | `SWI0_EGU0`, `SWI1_EGU1` |
+//! | WDT | watchdog | – |
+//!
+//! | PPI channel | event | task |
+//! |---|---|---|
+//! | 0 | GPIOTE IN\[0\] | TIMER0 CAPTURE\[1\] |
+//! | 1 | TIMER2 COMPARE\[0\] | SPIS1 ACQUIRE |
+//! | 2 | TIMER2 COMPARE\[1\] | SPIS1 ACQUIRE |
+//! | 3 | TIMER2 COMPARE\[2\] | GPIOTE CLR\[1\] |
+
+use nrf52840_hal::{
+    gpio::{p0, p1, Disconnected, Floating, Input, Level, Output, Pin, PullDown, PullUp, PushPull},
+    gpiote::{Gpiote, TaskOutPolarity},
+    pac,
+    ppi::{self, ConfigurablePpi, Ppi},
+};
+
+/// GPIOTE channel of FRESH.
+pub(crate) const FRESH_CHANNEL: usize = 1;
+/// Compare register of TIMER0 for the waits of the front end's driver.
+pub(crate) const WAIT_COMPARE: usize = 0;
+/// Capture register of TIMER0 for the IRQ's edge.
+pub(crate) const EDGE_CAPTURE: usize = 1;
+/// Capture register of TIMER0 for the present time.
+pub(crate) const NOW_CAPTURE: usize = 3;
+/// Compare registers of TIMER2 for the expiry of the image.
+pub(crate) const EXPIRY_COMPARES: [usize; 2] = [0, 1];
+/// Compare register of TIMER2 for the end of the FRESH pulse.
+pub(crate) const PULSE_COMPARE: usize = 2;
+
+/// Pins of the front end.
+pub(crate) struct RfPins {
+    pub(crate) select: Pin<Output<PushPull>>,
+    pub(crate) mosi: Pin<Output<PushPull>>,
+    pub(crate) miso: Pin<Input<Floating>>,
+    pub(crate) clock: Pin<Output<PushPull>>,
+    pub(crate) irq: Pin<Input<PullDown>>,
+}
+
+/// Pins of the SSI.
+pub(crate) struct SsiPins {
+    pub(crate) clock: Pin<Input<Floating>>,
+    pub(crate) mosi: Pin<Input<Floating>>,
+    pub(crate) miso: Pin<Disconnected>,
+    pub(crate) select: Pin<Input<PullUp>>,
+}
+
+/// All pins.
+pub(crate) struct Pins {
+    pub(crate) rf: RfPins,
+    pub(crate) ssi: SsiPins,
+    pub(crate) fresh: Pin<Output<PushPull>>,
+}
+
+impl Pins {
+    /// Configures the pins as the table says. Chip select is high and FRESH is low before they are outputs.
+    pub(crate) fn new(port0: pac::P0, port1: pac::P1) -> Self {
+        let port0 = p0::Parts::new(port0);
+        let port1 = p1::Parts::new(port1);
+        Self {
+            rf: RfPins {
+                select: port1.p1_12.into_push_pull_output(Level::High).degrade(),
+                mosi: port1.p1_13.into_push_pull_output(Level::Low).degrade(),
+                miso: port1.p1_14.into_floating_input().degrade(),
+                clock: port1.p1_15.into_push_pull_output(Level::Low).degrade(),
+                irq: port0.p0_03.into_pulldown_input().degrade(),
+            },
+            ssi: SsiPins {
+                clock: port1.p1_01.into_floating_input().degrade(),
+                mosi: port1.p1_02.into_floating_input().degrade(),
+                miso: port1.p1_03.into_disconnected().degrade(),
+                select: port1.p1_04.into_pullup_input().degrade(),
+            },
+            fresh: port1.p1_05.into_push_pull_output(Level::Low).degrade(),
+        }
+    }
+}
+
+/// Configures both GPIOTE channels and the PPI as the tables say. The timers and SPIS1 may be configured later: nothing
+/// happens before they produce events.
+pub(crate) fn connect(
+    gpiote: pac::GPIOTE,
+    ppi: pac::PPI,
+    irq: &Pin<Input<PullDown>>,
+    fresh: Pin<Output<PushPull>>,
+    timer0: &pac::TIMER0,
+    timer2: &pac::TIMER2,
+    spis: &pac::SPIS1,
+) -> Gpiote {
+    let gpiote = Gpiote::new(gpiote);
+    gpiote.channel0().input_pin(irq).lo_to_hi().enable_interrupt();
+    gpiote.channel1().output_pin(fresh).task_out_polarity(TaskOutPolarity::Set).init_low();
+
+    let mut ppi = ppi::Parts::new(ppi);
+    ppi.ppi0.set_event_endpoint(gpiote.channel0().event());
+    ppi.ppi0.set_task_endpoint(&timer0.tasks_capture[EDGE_CAPTURE]);
+    ppi.ppi0.enable();
+    ppi.ppi1.set_event_endpoint(&timer2.events_compare[EXPIRY_COMPARES[0]]);
+    ppi.ppi1.set_task_endpoint(&spis.tasks_acquire);
+    ppi.ppi1.enable();
+    ppi.ppi2.set_event_endpoint(&timer2.events_compare[EXPIRY_COMPARES[1]]);
+    ppi.ppi2.set_task_endpoint(&spis.tasks_acquire);
+    ppi.ppi2.enable();
+    ppi.ppi3.set_event_endpoint(&timer2.events_compare[PULSE_COMPARE]);
+    ppi.ppi3.set_task_endpoint(gpiote.channel1().task_clr());
+    ppi.ppi3.enable();
+    gpiote
+}

@@ -1,0 +1,211 @@
+//! The registers. `unsafe` code is in the files of this module and nowhere else in this firmware.
+//!
+//! | file | what |
+//! |---|---|
+//! | `mod.rs` | start-up: watchdog, debug port, image check, clocks, everything below; the safe state |
+//! | `time.rs` | the µs counter, the deadline of the next frame |
+//! | `rf.rs` | the front end's SPI, interrupt pin and timer |
+//! | `ssi.rs` | the SSI, FRESH and the expiry of the image |
+//!
+//! # Design
+//!
+//! Each peripheral is a type that owns what its DMA may touch. A receive buffer is inside [`RfPort`] for as long as
+//! SPIM0 may write it, and the image and the receive area are inside [`SsiPort`] for as long as SPIS1 may read and
+//! write them; both are `&'static mut`, so nothing else can look at them meanwhile, and they come out only when the
+//! peripheral has reported that it is done. All of it is in RAM, as EasyDMA requires (PS v1.7, 6.3). Compiler fences
+//! stand before each start and after each end, so that no access to a buffer moves across; the Cortex-M4 has no data
+//! cache and completes its stores in order, so there is nothing but the compiler to hold back.
+//!
+//! # Anomalies
+//!
+//! nRF52840 revisions 1 to 3, of the peripherals used here:
+//!
+//! | no. | what | what we do |
+//! |---|---|---|
+//! | 36 | CLOCK: some registers survive a reset | the event of the HFXO is cleared before it is awaited |
+//! | 78 | TIMER: high current after STOP | our timers never stop |
+//! | 87 | CPU: FPU exceptions wake the processor | the FPU computes nothing here; a wake-up too many does no harm |
+//! | 136 | RESETREAS: bits set that should not be | with the pin's bit set, the others are not believed |
+//! | 155 | GPIOTE: an edge may be reported twice | the interrupt asks the pin for its level ([`dpr_fw::rf`]) |
+//! | 173, 210 | GPIO: LATCH is slow, and wrong | LATCH is not used |
+//! | 176 | a flash erase through CTRL-AP fails with the watchdog running | a matter for the flashing tool: halt first |
+//! | 195, 198 | SPIM3 draws current when disabled and can corrupt what it sends | SPIM0 and SPIS1 are used |
+//! | 213 | WDT: configuration lost in System OFF | System OFF is not used |
+//! | 246 | extra current in idle after EasyDMA | current only |
+//!
+//! 58 (SPIM, one byte too many) and 156 (GPIOTE CLR tasks) are of Engineering A only.
+#![allow(unsafe_code)]
+
+mod rf;
+mod ssi;
+mod time;
+
+use core::sync::atomic::{AtomicU32, Ordering};
+
+use dpr_fw::{
+    debug_port::{self, DebugPort},
+    publish::Doorbell,
+    reset,
+    ssi::RECEIVE_BYTES,
+    telemetry::Telemetry,
+    triple::Filling,
+};
+use dpr_fw::{ImageMemory, ReceiveMemory};
+use firmware_common::image;
+use nrf52840_hal::{
+    pac,
+    wdt::{count::One, handles::Hdl0, Watchdog, WatchdogHandle},
+};
+use profile::ResetReason;
+use st25r3916::Short;
+
+pub(crate) use rf::{RfEdge, RfPort};
+pub(crate) use ssi::{SsiDoorbell, SsiPort};
+pub(crate) use time::{now_us, Deadline};
+
+use crate::board;
+
+/// The counters, for a debugger to find.
+#[no_mangle]
+pub(crate) static DPR_TELEMETRY: Telemetry = Telemetry::new();
+
+/// A receive buffer.
+pub(crate) type ReceiveBuffer = &'static mut ReceiveMemory;
+/// An image buffer.
+pub(crate) type ImageBuffer = &'static mut ImageMemory;
+
+/// The watchdog bites after 100 ms: eight deadlines without a sign of life. The image expires long before.
+const WATCHDOG_TICKS: u32 = 32_768 / 10;
+
+/// Reads and clears an event, and waits until the write is through the bus bridge, so that the interrupt does not come
+/// again for it (PS v1.7, 6.1.8).
+macro_rules! take_event {
+    ($event:expr) => {{
+        let event = &$event;
+        let set = event.read().bits() != 0;
+        if set {
+            event.reset();
+            let _ = event.read();
+        }
+        set
+    }};
+}
+pub(crate) use take_event;
+
+/// Everything the tasks own of the hardware.
+pub(crate) struct Board {
+    /// RFID front end.
+    pub(crate) rf: RfPort,
+    /// IRQ edge of the front end.
+    pub(crate) rf_edge: RfEdge,
+    /// SSI.
+    pub(crate) ssi: SsiPort,
+    /// The missed-frame deadline.
+    pub(crate) deadline: Deadline,
+    /// The watchdog; `None` if something else has configured it, then it is that one's.
+    pub(crate) watchdog: Option<WatchdogHandle<Hdl0>>,
+    /// Why the part last started.
+    pub(crate) reset_reason: ResetReason,
+    /// Whether the debug port stays open.
+    pub(crate) debug_port: DebugPort,
+}
+
+/// Static memory that DMA uses.
+pub(crate) struct DmaMemory {
+    /// What is sent in a short transfer, or the command of a read.
+    pub(crate) spi_tx: &'static mut [u8; Short::MAX],
+    /// What is received in a short transfer.
+    pub(crate) spi_rx: &'static mut [u8; Short::MAX],
+    /// What comes in over SSI.
+    pub(crate) ssi_rx: &'static mut [u8; RECEIVE_BYTES],
+}
+
+/// What decides about the debug port (PS v1.7, "Debug and trace").
+struct Protection<'a> {
+    ficr: &'a pac::FICR,
+    uicr: &'a pac::UICR,
+}
+
+/// APPROTECT.DISABLE, which the register description of this PAC does not have.
+const APPROTECT_DISABLE: u32 = 0x4000_0558;
+
+impl debug_port::Registers for Protection<'_> {
+    fn variant(&self) -> u32 {
+        self.ficr.info.variant.read().bits()
+    }
+
+    fn uicr_approtect(&self) -> u32 {
+        self.uicr.approtect.read().bits()
+    }
+
+    fn disable_protection(&mut self) {
+        // SAFETY: the register exists on the parts for which this is called; it opens the debug port and does nothing
+        // else.
+        unsafe { (APPROTECT_DISABLE as *mut u32).write_volatile(debug_port::SW_DISABLE) };
+    }
+}
+
+/// Survives every reset that leaves the RAM powered.
+#[link_section = ".uninit.RAM_KEPT"]
+static RAM_KEPT: AtomicU32 = AtomicU32::new(0);
+/// What it holds once the firmware has run.
+const KEPT: u32 = 0x4450_5221;
+
+/// Configures everything. The watchdog first, since the image is checked and the crystal is waited for. An image that
+/// is not the one that was built ends in the safe state, before any pin is an output.
+pub(crate) fn init(
+    core: &mut cortex_m::Peripherals,
+    p: pac::Peripherals,
+    memory: DmaMemory,
+    receive: Filling<ReceiveBuffer>,
+) -> Board {
+    // So that a debugger reaches a board whose firmware does not come far.
+    let debug_port = debug_port::open(&mut Protection { ficr: &p.FICR, uicr: &p.UICR });
+
+    let watchdog = match Watchdog::try_new(p.WDT) {
+        Ok(mut watchdog) => {
+            watchdog.set_lfosc_ticks(WATCHDOG_TICKS);
+            watchdog.run_during_sleep(true);
+            watchdog.run_during_debug_halt(false);
+            Some(watchdog.activate::<One>().handles.0)
+        }
+        // It runs already: it outlives a soft reset.
+        Err(wdt) => Watchdog::try_recover::<One>(wdt).ok().map(|parts| parts.handles.0),
+    };
+
+    let resetreas = p.POWER.resetreas.read().bits();
+    // SAFETY: bits of RESETREAS are cleared by writing ones; these are the ones just read, so every bit is defined.
+    p.POWER.resetreas.write(|w| unsafe { w.bits(resetreas) });
+    let ram_kept = RAM_KEPT.swap(KEPT, Ordering::Relaxed) == KEPT;
+    let reset_reason = reset::reason(resetreas, ram_kept);
+
+    p.NVMC.icachecnf.write(|w| w.cacheen().enabled());
+    let flash = image::compare();
+    assert!(
+        flash.is_intact(),
+        "flash holds CRC {:#010x}, the build wrote {:#010x}: build with `cargo xtask build`, or flash again",
+        flash.computed,
+        flash.expected
+    );
+
+    p.CLOCK.events_hfclkstarted.reset();
+    let _clocks = nrf52840_hal::Clocks::new(p.CLOCK).enable_ext_hfosc();
+    core.DCB.enable_trace();
+    core.DWT.enable_cycle_counter();
+
+    let board::Pins { rf: rf_pins, ssi: ssi_pins, fresh } = board::Pins::new(p.P0, p.P1);
+    let gpiote = board::connect(p.GPIOTE, p.PPI, &rf_pins.irq, fresh, &p.TIMER0, &p.TIMER2, &p.SPIS1);
+    time::start(&p.TIMER0);
+    let rf = RfPort::new(p.SPIM0, p.TIMER0, rf_pins, memory.spi_tx, memory.spi_rx, receive);
+    let ssi = SsiPort::new(p.SPIS1, p.TIMER2, ssi_pins, memory.ssi_rx);
+    let deadline = Deadline::new(p.TIMER1);
+    Board { rf, rf_edge: RfEdge::new(gpiote), ssi, deadline, watchdog, reset_reason, debug_port }
+}
+
+/// The safe state: the SSI's buffers are taken back, so that the flight controller reads 0xFF. A transaction that is
+/// under way ends with the image with which it began.
+pub(crate) fn safe_state() {
+    let _ = SsiDoorbell.request();
+}
+
+defmt::timestamp!("{=u32:us}", now_us());

@@ -1,0 +1,178 @@
+//! The SSI: SPIS1 with the image that it streams, the FRESH pin, and the expiry of the image in hardware.
+
+use core::{
+    ops::Range,
+    sync::atomic::{compiler_fence, Ordering},
+};
+
+use dpr_fw::{
+    publish::{Doorbell, Events, Ssi, EXPIRY_AGAIN_US, EXPIRY_US},
+    ssi::RECEIVE_BYTES,
+    triple::Received,
+};
+use nrf52840_hal::pac::{self, Interrupt};
+
+use super::{take_event, time::PRESCALER, ImageBuffer};
+use crate::board::{SsiPins, EXPIRY_COMPARES, FRESH_CHANNEL, PULSE_COMPARE};
+
+/// The FRESH pulse lasts one to two µs: long enough for a pin interrupt of the flight controller and for an
+/// optocoupler of 1 Mbit/s.
+const FRESH_US: u32 = 2;
+
+/// What the commit task, too, does to the SSI. All of it is single writes to task registers and reads, so both tasks
+/// may.
+#[derive(Clone, Copy)]
+pub(crate) struct SsiDoorbell;
+
+impl Doorbell for SsiDoorbell {
+    fn request(&mut self) -> bool {
+        // SAFETY: the pointer is the peripheral's, valid for ever; a task register and a read-only one are accessed,
+        // which races with nothing.
+        let spis = unsafe { &*pac::SPIS1::ptr() };
+        // SAFETY: task registers take 1.
+        spis.tasks_acquire.write(|w| unsafe { w.bits(1) });
+        // With the semaphore in the processor's hands already no event comes that would call the task.
+        rtic::pend(Interrupt::SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1);
+        let holder = spis.semstat.read().semstat();
+        holder.is_spis() || holder.is_cpupending()
+    }
+
+    fn announce(&mut self) {
+        // SAFETY: the pointer is the peripheral's, valid for ever; the task acts on FRESH's channel alone.
+        let gpiote = unsafe { &*pac::GPIOTE::ptr() };
+        // SAFETY: as above; TIMER2 is used in this file only.
+        let timer = unsafe { &*pac::TIMER2::ptr() };
+        // SAFETY: (all three) task registers take 1.
+        gpiote.tasks_set[FRESH_CHANNEL].write(|w| unsafe { w.bits(1) });
+        // SAFETY: as above.
+        timer.tasks_clear.write(|w| unsafe { w.bits(1) });
+        // SAFETY: as above. It runs already but for the first time.
+        timer.tasks_start.write(|w| unsafe { w.bits(1) });
+        // After the counter was cleared no compare can come for 25 ms: the event that is cleared here is an old one.
+        timer.events_compare[EXPIRY_COMPARES[0]].reset();
+    }
+}
+
+/// SPIS1, with the image that is streamed and the area that is written from outside.
+pub(crate) struct SsiPort {
+    spis: pac::SPIS1,
+    timer: pac::TIMER2,
+    /// Held so that nothing else configures them.
+    _pins: SsiPins,
+    receive: &'static mut [u8; RECEIVE_BYTES],
+    image: Option<Received<ImageBuffer, ()>>,
+    granted: bool,
+}
+
+impl SsiPort {
+    /// Enabled, but with the buffers in the processor's hands: every transaction reads 0xFF.
+    pub(super) fn new(
+        spis: pac::SPIS1,
+        timer: pac::TIMER2,
+        pins: SsiPins,
+        receive: &'static mut [u8; RECEIVE_BYTES],
+    ) -> Self {
+        timer.bitmode.write(|w| w.bitmode()._32bit());
+        // SAFETY: the field has four bits and takes 0..=9 (PS v1.7, 6.30).
+        timer.prescaler.write(|w| unsafe { w.prescaler().bits(PRESCALER) });
+        for (compare, us) in EXPIRY_COMPARES.into_iter().zip([EXPIRY_US, EXPIRY_US + EXPIRY_AGAIN_US]) {
+            // SAFETY: any value may be compared with.
+            timer.cc[compare].write(|w| unsafe { w.bits(us) });
+        }
+        // SAFETY: as above.
+        timer.cc[PULSE_COMPARE].write(|w| unsafe { w.bits(FRESH_US) });
+        // SAFETY: (all four) the pins' own selectors; the pins are owned by `pins` and configured as inputs (PS v1.7,
+        // 6.26.4), MISO by the peripheral.
+        spis.psel.sck.write(|w| unsafe { w.bits(pins.clock.psel_bits()) });
+        // SAFETY: as above.
+        spis.psel.mosi.write(|w| unsafe { w.bits(pins.mosi.psel_bits()) });
+        // SAFETY: as above.
+        spis.psel.miso.write(|w| unsafe { w.bits(pins.miso.psel_bits()) });
+        // SAFETY: as above.
+        spis.psel.csn.write(|w| unsafe { w.bits(pins.select.psel_bits()) });
+        // Mode 0.
+        spis.config.write(|w| w.order().msb_first().cpha().leading().cpol().active_high());
+        // SAFETY: any byte may be the default and the over-read character; no CRC accepts 0xFF throughout.
+        spis.def.write(|w| unsafe { w.def().bits(0xFF) });
+        // SAFETY: as above.
+        spis.orc.write(|w| unsafe { w.orc().bits(0xFF) });
+        spis.shorts.write(|w| w.end_acquire().enabled());
+        spis.intenset.write(|w| w.end().set().acquired().set());
+        spis.enable.write(|w| w.enable().enabled());
+        Self { spis, timer, _pins: pins, receive, image: None, granted: false }
+    }
+}
+
+impl Ssi for SsiPort {
+    type Buffer = ImageBuffer;
+
+    /// The semaphore is asked for before the end of a transaction: if one ends in between, its end is told now and its
+    /// buffers next time, never the other way round. END and ACQUIRED come together by the shortcut, and a task that
+    /// handled ACQUIRED first would hand the buffers out again before it had seen the transaction (the fault of
+    /// openthread#5703).
+    fn take_events(&mut self) -> Events<'_> {
+        take_event!(self.spis.events_acquired);
+        let ours = self.spis.semstat.read().semstat().is_cpu();
+        let ended = take_event!(self.spis.events_end);
+        if ours || ended {
+            // The peripheral is done with both buffers: after the end of a transaction it has none until the next
+            // release.
+            compiler_fence(Ordering::SeqCst);
+        }
+        if ours {
+            self.granted = false;
+        }
+        if !ended {
+            return Events { ours, received: None, over_read: false, overflow: false };
+        }
+        let status = self.spis.status.read();
+        let (over_read, overflow) = (status.overread().is_present(), status.overflow().is_present());
+        self.spis.status.write(|w| w.overread().clear().overflow().clear());
+        let amount = usize::from(self.spis.rxd.amount.read().amount().bits());
+        Events { ours, received: Some(&self.receive[..amount.min(RECEIVE_BYTES)]), over_read, overflow }
+    }
+
+    fn is_expired(&mut self) -> bool {
+        self.timer.events_compare[EXPIRY_COMPARES[0]].read().bits() != 0
+    }
+
+    fn exchange<R>(
+        &mut self,
+        with: impl FnOnce(Option<Received<ImageBuffer, ()>>) -> (Option<Received<ImageBuffer, ()>>, R),
+    ) -> R {
+        assert!(!self.granted, "the image is being streamed");
+        let (image, result) = with(self.image.take());
+        self.image = image;
+        result
+    }
+
+    fn load(&mut self, window: Range<usize>) -> bool {
+        let Some(image) = &self.image else { return false };
+        let bytes: &[u8] = bytemuck::cast_slice(image.memory().as_slice());
+        let window = &bytes[window];
+        // SAFETY: (pointers and counts) both buffers are in RAM for ever and in `self` until the semaphore is ours
+        // again, which `exchange` and `take_events` see to; both slices were checked for their length, which fits 16
+        // bits. The peripheral reads the one and writes the other, and only between a release and the end of a
+        // transaction.
+        self.spis.txd.ptr.write(|w| unsafe { w.ptr().bits(window.as_ptr() as u32) });
+        // SAFETY: as above.
+        self.spis.txd.maxcnt.write(|w| unsafe { w.maxcnt().bits(window.len() as u16) });
+        // SAFETY: as above.
+        self.spis.rxd.ptr.write(|w| unsafe { w.ptr().bits(self.receive.as_mut_ptr() as u32) });
+        // SAFETY: as above.
+        self.spis.rxd.maxcnt.write(|w| unsafe { w.maxcnt().bits(RECEIVE_BYTES as u16) });
+        true
+    }
+
+    fn announce(&mut self) {
+        SsiDoorbell.announce();
+    }
+
+    fn release(&mut self) {
+        self.granted = true;
+        // What was written to the image is in memory before the peripheral may read it.
+        compiler_fence(Ordering::SeqCst);
+        // SAFETY: task registers take 1.
+        self.spis.tasks_release.write(|w| unsafe { w.bits(1) });
+    }
+}

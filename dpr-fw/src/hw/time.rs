@@ -1,0 +1,62 @@
+//! The µs counter (TIMER0) and the deadline of the next frame (TIMER1).
+
+use nrf52840_hal::pac;
+
+use super::take_event;
+use crate::board::NOW_CAPTURE;
+
+/// Microsecond timers: 16 MHz / 2^4.
+pub(super) const PRESCALER: u8 = 4;
+/// A compare value nearer than this could be passed before it is set, µs.
+pub(super) const SHORTEST_US: u32 = 2;
+
+/// Starts TIMER0: 32 bits of µs, from zero, for ever.
+pub(super) fn start(timer: &pac::TIMER0) {
+    timer.bitmode.write(|w| w.bitmode()._32bit());
+    // SAFETY: the field has four bits and takes 0..=9 (PS v1.7, 6.30).
+    timer.prescaler.write(|w| unsafe { w.prescaler().bits(PRESCALER) });
+    // SAFETY: task registers take 1; the reset of the counter comes before its start.
+    timer.tasks_clear.write(|w| unsafe { w.bits(1) });
+    // SAFETY: as above.
+    timer.tasks_start.write(|w| unsafe { w.bits(1) });
+}
+
+/// The µs counter now, from any task. Wraps after 71 minutes.
+pub(crate) fn now_us() -> u32 {
+    // SAFETY: the pointer is the peripheral's, valid for ever. This capture register is used here only. If another task
+    // preempts between the two accesses and captures too, what is read is a later value than the own capture, but still
+    // one of the time of this call.
+    let timer = unsafe { &*pac::TIMER0::ptr() };
+    // SAFETY: task registers take 1.
+    timer.tasks_capture[NOW_CAPTURE].write(|w| unsafe { w.bits(1) });
+    timer.cc[NOW_CAPTURE].read().bits()
+}
+
+/// The deadline of the next frame: TIMER1, µs since it was set.
+pub(crate) struct Deadline(pac::TIMER1);
+
+impl Deadline {
+    pub(super) fn new(timer: pac::TIMER1) -> Self {
+        timer.bitmode.write(|w| w.bitmode()._32bit());
+        // SAFETY: the field has four bits and takes 0..=9 (PS v1.7, 6.30).
+        timer.prescaler.write(|w| unsafe { w.prescaler().bits(PRESCALER) });
+        timer.intenset.write(|w| w.compare0().set());
+        // SAFETY: task registers take 1.
+        timer.tasks_start.write(|w| unsafe { w.bits(1) });
+        Self(timer)
+    }
+
+    /// Calls the task when the counter ([`now_us`]) reaches `at_us`, or at once if it has.
+    pub(crate) fn set(&mut self, at_us: u32) {
+        let left_us = at_us.wrapping_sub(now_us()).cast_signed();
+        // SAFETY: task registers take 1.
+        self.0.tasks_clear.write(|w| unsafe { w.bits(1) });
+        // SAFETY: any value may be compared with.
+        self.0.cc[0].write(|w| unsafe { w.bits(left_us.max(0).cast_unsigned().max(SHORTEST_US)) });
+    }
+
+    /// Clears the interrupt of a deadline that has passed.
+    pub(crate) fn clear(&mut self) {
+        take_event!(self.0.events_compare[0]);
+    }
+}

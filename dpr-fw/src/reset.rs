@@ -1,0 +1,66 @@
+//! Why the part last started.
+//!
+//! RESETREAS (PS v1.7, 5.3.7.8) collects the reasons since it was last cleared; after power-on and after a brown-out it
+//! is zero, since both come from the on-chip reset generator. They are told apart by a word of RAM that is not
+//! initialised: with it still there the supply only dipped.
+
+use profile::ResetReason;
+
+/// Bit 0: the reset pin.
+const RESETPIN: u32 = 1 << 0;
+/// Bit 1: the watchdog.
+const DOG: u32 = 1 << 1;
+/// Bit 2: software or a debugger, by AIRCR.SYSRESETREQ.
+const SREQ: u32 = 1 << 2;
+/// Bit 3: lockup.
+const LOCKUP: u32 = 1 << 3;
+
+/// The reason that RESETREAS `bits` tell, given whether the word of RAM had kept its value.
+///
+/// With the pin's bit set the others are not believed (anomaly 136). Bits of wake-up from System OFF, which is never
+/// entered, count as "other".
+#[must_use]
+pub const fn reason(bits: u32, ram_kept: bool) -> ResetReason {
+    if bits & RESETPIN != 0 {
+        ResetReason::Pin
+    } else if bits & DOG != 0 {
+        ResetReason::Watchdog
+    } else if bits & LOCKUP != 0 {
+        ResetReason::Lockup
+    } else if bits & SREQ != 0 {
+        ResetReason::Software
+    } else if bits != 0 || ram_kept {
+        ResetReason::BrownOutOrOther
+    } else {
+        ResetReason::PowerOn
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_bit_of_resetreas_tells_its_reason() {
+        for ram_kept in [false, true] {
+            assert_eq!(reason(0b0001, ram_kept), ResetReason::Pin);
+            assert_eq!(reason(0b0010, ram_kept), ResetReason::Watchdog);
+            assert_eq!(reason(0b0100, ram_kept), ResetReason::Software);
+            assert_eq!(reason(0b1000, ram_kept), ResetReason::Lockup);
+            assert_eq!(reason(1 << 16, ram_kept), ResetReason::BrownOutOrOther, "a wake-up from System OFF");
+        }
+    }
+
+    #[test]
+    fn with_the_pins_bit_set_the_others_are_not_believed() {
+        assert_eq!(reason(0b1111, true), ResetReason::Pin);
+        assert_eq!(reason(0b1110, false), ResetReason::Watchdog);
+        assert_eq!(reason(0b1100, false), ResetReason::Lockup);
+    }
+
+    #[test]
+    fn without_any_bit_kept_ram_tells_a_brown_out_from_power_on() {
+        assert_eq!(reason(0, false), ResetReason::PowerOn);
+        assert_eq!(reason(0, true), ResetReason::BrownOutOrOther);
+    }
+}
