@@ -37,12 +37,13 @@
 //!
 //! I_rxs (sync seen) begins it, I_rxe ends it, and in between the bytes fill the FIFO, one every
 //! 18.9 µs. With [`ReadMode::StoreAndForward`] the machine sleeps until I_rxe and reads everything
-//! then: at 8 MHz 248 µs for 247 bytes. With [`ReadMode::WhileFilling`] it reads twice on the way,
+//! then: at 8 MHz 248 µs for 247 bytes. With [`ReadMode::WhileFilling`] it reads three times on the way,
 //!
 //! 1. 16 bytes after the sync: what is there, LEN among it, which tells the frame's end;
-//! 2. [`TAIL`] bytes before that end: what is there,
+//! 2. [`BODY`] bytes before that end: what is there, most of the frame;
+//! 3. [`TAIL`] bytes before that end: what is there,
 //!
-//! so that about [`TAIL`] bytes are left after I_rxe (24 µs at 8 MHz). Each read takes one
+//! so that about [`TAIL`] bytes are left after I_rxe (10 µs at 8 MHz). Each read takes one
 //! byte less than the FIFO level gave, which can only have grown since, so the FIFO is never read
 //! empty while the chip fills it. An executor that is late at either instant finds more bytes, or the
 //! end; the result is the same, only later. A LEN damaged on air puts the second read at a wrong
@@ -79,22 +80,28 @@ use crate::register as reg;
 use crate::status::{STATUS_READ, Status};
 use crate::{FRAME_US, Variant};
 
-/// With [`ReadMode::WhileFilling`], bytes left for after I_rxe when the second read begins. They take
-/// 453 µs to arrive; the second read, at most 233 bytes, takes 241 µs at 8 MHz and the rest is the
-/// executor's to be late in.
-pub const TAIL: usize = 24;
+/// With [`ReadMode::WhileFilling`], bytes that are still to come when the second read begins. Until the third there are
+/// 80 bytes, 1.5 ms on air; the second read, at most 169 bytes, takes 177 µs at 8 MHz with its status, and the rest is
+/// the executor's to verify what has arrived.
+pub const BODY: usize = 88;
+/// With [`ReadMode::WhileFilling`], bytes that are still to come when the third read begins, which are left for after
+/// I_rxe. They take 151 µs to arrive; the third read, at most 83 bytes, takes 94 µs at 8 MHz with its status and the
+/// rest is the executor's to be late in.
+pub const TAIL: usize = 8;
 /// With [`ReadMode::WhileFilling`], bytes awaited before the first read.
 const HEAD: u16 = 16;
 /// Bytes a read on the way leaves in the FIFO, so that it never runs dry while the chip writes it.
 const MARGIN: u16 = 1;
+/// What a read takes beside its bytes, which take 1 µs each at 8 MHz: status and command, 10 bytes.
+const READ_OVERHEAD_US: u16 = 10;
 /// LEN, one byte of payload, CRC-16.
 const SHORTEST: u16 = 4;
 /// LEN and CRC-16.
 const OVERHEAD: u16 = 3;
 
 /// The time `bytes` take at 424 kbit/s, in microseconds: 8 · 32 / 13.56 MHz = 18.879 µs each.
-const fn bytes_us(bytes: u16) -> u32 {
-    (bytes as u32 * 1_208) >> 6
+const fn bytes_us(bytes: u16) -> u16 {
+    ((bytes as u32 * 1_208) >> 6) as u16
 }
 
 /// Bytes the caller's receive buffer must have: LEN (one byte, ≤ 255) counts itself and the
@@ -313,19 +320,22 @@ struct Frame {
     got: u16,
     /// LEN + 2, once LEN is known.
     total: Option<u16>,
-    /// Time waited since I_rxs; a lower bound of the time passed.
-    waited_us: u32,
+    /// Time waited since I_rxs; a lower bound of the time passed. All times here are below [`FRAME_US`] or just above.
+    waited_us: u16,
     /// Time of the wait under way.
-    waiting_us: u32,
+    waiting_us: u16,
+    /// What the last read has taken, with its status, at 8 MHz; on a slower bus the next one is later, not earlier.
+    read_us: u16,
     flags: FrameFlags,
 }
 
-/// What the next time-out within a frame is for. It only moves forward, so a frame costs at most two
+/// What the next time-out within a frame is for. It only moves forward, so a frame costs at most three
 /// reads before its end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Plan {
     Head,
     Body,
+    Tail,
     End,
 }
 
@@ -516,7 +526,7 @@ impl Listener {
             None => (ListenerState::Listening, self.config.supervision_us),
             Some(frame) => {
                 frame.waiting_us = frame.next_wait_us();
-                (ListenerState::Receiving, frame.waiting_us)
+                (ListenerState::Receiving, u32::from(frame.waiting_us))
             }
         };
         self.state = state;
@@ -587,7 +597,7 @@ impl Listener {
         frame.waited_us = frame.waited_us.saturating_add(frame.waiting_us);
         match frame.plan {
             Plan::End => self.lose(Dropped::NoEnd),
-            Plan::Head | Plan::Body => {
+            Plan::Head | Plan::Body | Plan::Tail => {
                 frame.advance();
                 self.frame = Some(frame);
                 if status.count <= MARGIN { self.wait() } else { self.read(frame, status.count - MARGIN, false) }
@@ -622,6 +632,7 @@ impl Listener {
             frame.total = first.map(|len| u16::from(len) + 2);
         }
         frame.got += count;
+        frame.read_us = count + READ_OVERHEAD_US;
         self.frame = Some(frame);
         if end { self.deliver(frame) } else { self.wait() }
     }
@@ -666,6 +677,7 @@ impl Frame {
             total: None,
             waited_us: 0,
             waiting_us: 0,
+            read_us: 0,
             flags: FrameFlags::empty(),
         }
     }
@@ -687,22 +699,30 @@ impl Frame {
     fn advance(&mut self) {
         self.plan = match self.plan {
             Plan::Head => Plan::Body,
-            Plan::Body | Plan::End => Plan::End,
+            Plan::Body => Plan::Tail,
+            Plan::Tail | Plan::End => Plan::End,
         };
     }
 
-    /// How long to wait now. Before a frame's last time-out, until the bytes of the plan should be
-    /// there, counted from the bytes already read (they arrived a little earlier, so this is late
-    /// rather than early by the duration of one read); then until the longest frame would be over.
-    fn next_wait_us(&mut self) -> u32 {
-        let tail = TAIL as u16;
-        match (self.plan, self.total) {
-            (Plan::Head, _) => bytes_us(HEAD),
-            (Plan::Body, Some(total)) if total > self.got + tail => bytes_us(total - tail - self.got),
-            _ => {
-                self.plan = Plan::End;
-                FRAME_US.saturating_sub(self.waited_us).max(1)
+    /// How long to wait now. Until the plan ends, until the bytes of the plan should be there: counted from the bytes
+    /// that had arrived at the last read, less the time that it has taken; then until the longest frame would be over.
+    fn next_wait_us(&mut self) -> u16 {
+        let left_us = (FRAME_US as u16).saturating_sub(self.waited_us).max(1);
+        loop {
+            let to_come = match self.plan {
+                Plan::Head => return bytes_us(HEAD),
+                Plan::Body => BODY as u16,
+                Plan::Tail => TAIL as u16,
+                Plan::End => return left_us,
+            };
+            // What had arrived when the last read was decided on.
+            let arrived = self.got + MARGIN;
+            if let Some(total) = self.total
+                && total > arrived + to_come
+            {
+                return bytes_us(total - to_come - arrived).saturating_sub(self.read_us).clamp(1, left_us);
             }
+            self.advance();
         }
     }
 }
