@@ -1,7 +1,8 @@
-//! What the two release images do when something inside them breaks: a task that dies, hangs or faults. What breaks is the image in
-//! flash, as a debugger would change it under the running core; nothing else of a board is touched.
+//! What the two release images do when something inside them breaks: a task that dies, hangs or faults. What breaks is
+//! the image in flash, as a debugger would change it under the running core; nothing else of a board is touched.
 //!
-//! Each image must come into its safe state by itself, be restarted by its watchdog, and work again once the damage is gone.
+//! Each image must come into its safe state by itself, be restarted by its watchdog, and work again once the damage is
+//! gone.
 
 mod boards;
 
@@ -17,8 +18,9 @@ use st25r3916_model::{Air, AirEvent, Faults};
 const US: u64 = 1_000;
 const MS: u64 = 1_000_000;
 
-/// The longest a watchdog may take from the last sign of life to its bite: the independent watchdog's 100 ms at the nominal rate of
-/// an oscillator that runs at 17 kHz instead of 32 at worst (DS9405 table 42); the nRF52840's takes 100 ms.
+/// The longest a watchdog may take from the last sign of life to its bite: the independent watchdog's 100 ms at the
+/// nominal rate of an oscillator that runs at 17 kHz instead of 32 at worst (DS9405 table 42); the nRF52840's takes 100
+/// ms.
 const BITE: u64 = 200 * MS;
 
 /// What a task's first instruction becomes.

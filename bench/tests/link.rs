@@ -1,7 +1,8 @@
-//! The whole link: both release images against each other. What the figures must be, and that what should be noticed is.
+//! The whole link: both release images against each other. What the figures must be, and that what should be noticed
+//! is.
 //!
-//! The images are built by `cargo xtask test`, which says where they are in `LINK_IMAGES`; without it each test says that it was
-//! skipped. One run is a few hundred virtual milliseconds, and a function of its setup.
+//! The images are built by `cargo xtask test`, which says where they are in `LINK_IMAGES`; without it each test says
+//! that it was skipped. One run is a few hundred virtual milliseconds, and a function of its setup.
 
 mod boards;
 
@@ -129,8 +130,8 @@ fn crystals_at_their_worst_against_each_other_change_nothing() {
     }
 }
 
-/// The flight controller's 4 ms cycle slips through every phase of HORUS's 10 ms within 2 s, so that its transactions meet the DPR
-/// at everything it does; at 10 ms and 4 ms without a slip they would meet it at five instants alone.
+/// The flight controller's 4 ms cycle slips through every phase of HORUS's 10 ms within 2 s, so that its transactions
+/// meet the DPR at everything it does; at 10 ms and 4 ms without a slip they would meet it at five instants alone.
 #[test]
 fn a_flight_controller_that_reads_at_every_phase_delays_nothing() {
     let Some(mut setup) = setup(3, 2_200) else { return };

@@ -1,8 +1,8 @@
 //! The ST25R3916 on a board: the chip's model on the SPI bus of a rigless part.
 //!
-//! The chip hangs on the part's bus as a [`rigless::chip::spi::Peer`], and the board, the air and the trace reach it too, so it
-//! is shared. Only one thread reaches a chip at a time, its board's or, between two steps of the run, the caller's: the lock is
-//! never waited for, and handing the board over orders the rest.
+//! The chip hangs on the part's bus as a [`rigless::chip::spi::Peer`], and the board, the air and the trace reach it
+//! too, so it is shared. Only one thread reaches a chip at a time, its board's or, between two steps of the run, the
+//! caller's: the lock is never waited for, and handing the board over orders the rest.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -55,7 +55,8 @@ struct Place {
 pub struct FrontEnd(Arc<Place>);
 
 impl FrontEnd {
-    /// A chip, powered from the start of the run. `watched` keeps what crosses the bus for [`FrontEnd::take_crossings`].
+    /// A chip, powered from the start of the run. `watched` keeps what crosses the bus for
+    /// [`FrontEnd::take_crossings`].
     #[must_use]
     pub fn new(chip: Chip, watched: bool) -> Self {
         let front_end = Self(Arc::new(Place {

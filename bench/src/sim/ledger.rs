@@ -1,8 +1,8 @@
 //! What a run is judged by: instants seen from outside, and what follows from them.
 //!
-//! The ledger knows nothing of either firmware's inside. It is told what a logic analyser on the wires would see: the 10 ms
-//! timer's ticks, frames on the air with their bytes, the FRESH pin, and what the flight controller got. From that come the
-//! latencies and most violations:
+//! The ledger knows nothing of either firmware's inside. It is told what a logic analyser on the wires would see: the
+//! 10 ms timer's ticks, frames on the air with their bytes, the FRESH pin, and what the flight controller got. From
+//! that come the latencies and most violations:
 //!
 //! - *Truth* is what HORUS put on the air. An object that the flight controller takes for valid and that was never sent
 //!   is a violation, however it came about.
@@ -97,6 +97,8 @@ pub struct Ledger {
     newest: Option<u32>,
     /// When chip select rose, and how long after it the DPR was ready.
     ready: Vec<(u64, u64)>,
+    /// The DPR has been ready for a transaction at least once.
+    started: bool,
     deselected: Option<u64>,
     /// Since when the DPR answers no transaction.
     held: Option<u64>,
@@ -125,6 +127,7 @@ impl Ledger {
             readable: vec![],
             newest: None,
             ready: vec![],
+            started: false,
             deselected: None,
             held: None,
             longest_hold: (0, 0),
@@ -190,8 +193,11 @@ impl Ledger {
         self.fresh.push(at);
     }
 
-    /// The flight controller's chip select rose.
+    /// The flight controller's chip select rose. Until the DPR has started it need not be ready for anything.
     pub fn deselected(&mut self, at: u64) {
+        if !self.started {
+            return;
+        }
         if let Some(ended) = self.deselected.replace(at) {
             self.violations.add("SSI not ready in time", || {
                 format!("the transaction that ended at {} was not followed by readiness", ms(ended))
@@ -211,8 +217,10 @@ impl Ledger {
         }
     }
 
-    /// Whether the transaction that began at `selected` met the DPR busy: one may, while a new image is put in; its successor must not.
+    /// Whether the transaction that began at `selected` met the DPR busy: one may, while a new image is put in; its
+    /// successor must not. Until the DPR has started each does.
     pub fn busy(&mut self, selected: u64, busy: bool) {
+        let busy = busy && self.started;
         if std::mem::replace(&mut self.was_busy, busy) && busy {
             self.violations.add("two transactions in a row met the DPR busy", || ms(selected));
         }
@@ -220,6 +228,7 @@ impl Ledger {
 
     /// The DPR can serve a transaction.
     pub fn ready(&mut self, at: u64) {
+        self.started = true;
         if let Some(ended) = self.deselected.take() {
             self.ready.push((ended, at - ended));
         }
@@ -279,7 +288,8 @@ impl Ledger {
 
     /// When frames begin each cycle: those that lead one.
     fn leads(&self) -> impl Iterator<Item = &Frame> {
-        self.frames.iter().filter(|frame| frame.leads)
+        // Of a frame that is still on the air at the end of the run it is not known whether it leads.
+        self.frames.iter().filter(|frame| frame.leads && frame.ended.is_some())
     }
 
     /// Between the first frames of two cycles in a row.
@@ -369,6 +379,9 @@ impl Ledger {
         bound_at("a frame was readable too late after its last bit", last_bit, bounds::LAST_BIT_TO_READABLE);
         bound_at("SSI not ready in time", ready, bounds::SSI_READY);
         bound_at("the SSI was held back too long", hold, bounds::SSI_READY);
+        if !self.started {
+            self.violations.add("the DPR never got ready for a transaction", || format!("in {}", ms(end)));
+        }
         self.judge_cycles(end);
     }
 
@@ -517,9 +530,23 @@ mod tests {
             ledger.frame_started(start);
             ledger.frame_ended(start + AIR, &payload(cycle as u32 * 10));
         }
+        ledger.ready(111_000_000);
         ledger.judge(111_000_000);
         assert_eq!((ledger.tick_to_command().width(), ledger.tick_to_air().width()), (2, 2_300));
         assert_eq!(ledger.violations.into_words(), [""; 0]);
+    }
+
+    #[test]
+    fn until_the_dpr_has_started_nothing_is_asked_of_it_and_one_that_never_starts_is_a_violation() {
+        let mut ledger = Ledger::new(layout());
+        ledger.deselected(1_000_000);
+        ledger.busy(900_000, true);
+        ledger.deselected(5_000_000);
+        ledger.busy(4_900_000, true);
+        assert_eq!(ledger.violations.clone().into_words(), [""; 0]);
+        ledger.judge(6_000_000);
+        let words = ledger.violations.into_words();
+        assert!(words.iter().any(|word| word.starts_with("the DPR never got ready for a transaction")), "{words:?}");
     }
 
     #[test]

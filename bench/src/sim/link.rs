@@ -9,6 +9,7 @@ use gnss_sim::{Burst, Receiver};
 use horus_tx_fw::telemetry::Telemetry as HorusTelemetry;
 use nrf52840_model::SpisEvent;
 use profile::air::{CRC_BYTES, LEN_BYTES};
+use profile::sequence::SEARCH_CYCLES;
 use profile::{Layout, Object, ReportedPosition};
 use rigless::time::VirtualNanos;
 use st25r3916_model::{Air, AirEvent};
@@ -28,8 +29,8 @@ const HORUS_SPI_HZ: u64 = 9_000_000;
 const DPR_SPI_HZ: u64 = 8_000_000;
 const SSI_HZ: u64 = 8_000_000;
 
-/// How many bytes of an SSI transaction cross together. The DPR's memory is read and written when the last of them has been
-/// clocked: EasyDMA is up to this many microseconds late, but no event is.
+/// How many bytes of an SSI transaction cross together. The DPR's memory is read and written when the last of them has
+/// been clocked: EasyDMA is up to this many microseconds late, but no event is.
 const RUN: usize = 16;
 
 /// A receiver and its wire.
@@ -449,9 +450,10 @@ impl Link {
                 violations.add(kind, || count.to_string());
             }
         }
-        // Every frame that arrived whole is accepted whole; one may still be on its way through the DPR at the end.
+        // Every cycle that arrived whole is accepted whole, but for those with which the sequence is found and one that
+        // may still be on its way through the DPR at the end.
         let (objects, frames) = (self.layout.objects() as u64, self.layout.frames() as u64);
-        let due = (report.air.frames_delivered / frames).saturating_sub(1) * objects;
+        let due = (report.air.frames_delivered / frames).saturating_sub(u64::from(SEARCH_CYCLES) + 1) * objects;
         if report.air.frames_damaged + report.air.frames_lost == 0 && report.dpr.objects_accepted < due {
             violations.add("objects lost in the DPR", || format!("{} of {due} accepted", report.dpr.objects_accepted));
         }

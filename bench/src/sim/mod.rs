@@ -1,11 +1,11 @@
 //! The whole link in virtual time: both images, the air, the receivers, the flight controller and the base station.
 //!
-//! Nothing here reaches into a firmware to make the link work. The two ELF files run as they would on the boards; what this
-//! module adds stands on the boards' pins and antennas. What it reads from their RAM (the log, the telemetry counters) is
-//! what a debug probe would read.
+//! Nothing here reaches into a firmware to make the link work. The two ELF files run as they would on the boards; what
+//! this module adds stands on the boards' pins and antennas. What it reads from their RAM (the log, the telemetry
+//! counters) is what a debug probe would read.
 //!
-//! What passes between the boards is one-way and takes no time: the poller's chip emits, the listener's hears. So HORUS runs
-//! ahead on a thread of its own and never the DPR, and both are exact.
+//! What passes between the boards is one-way and takes no time: the poller's chip emits, the listener's hears. So HORUS
+//! runs ahead on a thread of its own and never the DPR, and both are exact.
 
 pub mod boards;
 pub mod front_end;
@@ -138,9 +138,9 @@ pub fn run(setup: &Setup, observer: &mut dyn Observer) -> Result<Outcome, Error>
     let Crystals { horus_ppb, dpr_ppb, flight_controller_ppb } = setup.crystals;
 
     // The expansion boards run the chip from the 5 V of their header.
-    let chip = |crystal_ppb| Chip::new(Config { crystal_ppb, vdd_mv: 5000, ..Config::default() });
-    let poller = FrontEnd::new(chip(horus_ppb), trace.is_some());
-    let listener = FrontEnd::new(chip(dpr_ppb), trace.is_some());
+    let chip = |crystal_ppb, seed| Chip::new(Config { crystal_ppb, seed, vdd_mv: 5000, ..Config::default() });
+    let poller = FrontEnd::new(chip(horus_ppb, setup.seed), trace.is_some());
+    let listener = FrontEnd::new(chip(dpr_ppb, !setup.seed), trace.is_some());
     let stm32 = Stm32f427Part::new(Oscillators { hse_ppb: horus_ppb, ..Oscillators::default() });
     let nrf = Nrf52840::new(Settings { hfxo_ppb: dpr_ppb, lfxo_ppb: dpr_ppb, seed: setup.seed, ..Settings::default() });
     let (horus, lines) = Horus::new(stm32, poller.clone(), setup.gps);

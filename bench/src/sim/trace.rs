@@ -1,9 +1,9 @@
 //! The wires as a VCD file, for GTKWave and sigrok.
 //!
-//! Every wire is one bit, since that is what sigrok's importer and its SPI decoder read. The models exchange whole bytes, each at
-//! the end of its eighth clock; the clock edges and data bits of a byte are drawn back from there at the bus's clock rate.
-//! Events arrive a little out of order, because the boards run up to the scheduler's lookahead apart, so they wait
-//! in a window before they are written.
+//! Every wire is one bit, since that is what sigrok's importer and its SPI decoder read. The models exchange whole
+//! bytes, each at the end of its eighth clock; the clock edges and data bits of a byte are drawn back from there at the
+//! bus's clock rate. Events arrive a little out of order, because the boards run up to the scheduler's lookahead apart,
+//! so they wait in a window before they are written.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -54,7 +54,8 @@ pub enum Wire {
     Fresh,
 }
 
-/// Every wire with its scope, its name and its level at the start. sigrok drops the scopes, so the names alone tell them apart.
+/// Every wire with its scope, its name and its level at the start. sigrok drops the scopes, so the names alone tell
+/// them apart.
 const WIRES: [(Wire, &str, &str, bool); 17] = [
     (Wire::HorusSck, "horus", "horus_sck", false),
     (Wire::HorusMosi, "horus", "horus_mosi", false),
