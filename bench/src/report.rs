@@ -1,8 +1,8 @@
 //! What a run of the link showed: the figures, and what it broke.
 //!
 //! Everything here is a function of the images, the seed and the flags, so two runs give the same bytes, but for
-//! [`Speed`], which is the host's. Times are virtual nanoseconds on the bench's fast clock: a fixed number of cycles per
-//! instruction, so figures that contain processor time are estimates (see `docs/decisions/0004`).
+//! [`Speed`], which is the host's. Times are virtual nanoseconds on the bench's fast clock: a fixed number of cycles
+//! per instruction, so figures that contain processor time are estimates (see `docs/decisions/0004`).
 
 use serde::Serialize;
 

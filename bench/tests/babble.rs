@@ -1,5 +1,5 @@
-//! What is connected to a board talks too much, or nonsense: receivers to HORUS, the flight controller to the DPR. Neither may delay
-//! the cycle, cost a frame or upset anything else.
+//! What is connected to a board talks too much, or nonsense: receivers to HORUS, the flight controller to the DPR.
+//! Neither may delay the cycle, cost a frame or upset anything else.
 
 mod boards;
 

@@ -45,7 +45,8 @@ fn a_timer_interrupt_comes_at_its_exact_instants_and_the_core_sleeps_between() {
     assert_eq!(node.take_findings(), []);
 }
 
-/// A loop on the 16 MHz oscillator, and again after the switch to the 8 MHz crystal, each timed by TIM2, which counts the same clock.
+/// A loop on the 16 MHz oscillator, and again after the switch to the 8 MHz crystal, each timed by TIM2, which counts
+/// the same clock.
 #[test]
 fn the_core_follows_its_clock_tree() {
     const TURNS: u32 = 10_000;
@@ -336,8 +337,8 @@ fn two_cores_interrupting_each_other_keep_step_to_the_instruction() {
     for (nth, hit) in rises.iter().enumerate() {
         assert_eq!(hit.1, if nth % 2 == 0 { 'b' } else { 'a' });
     }
-    // An answer takes the handler's instructions up to its store, and the wire's delay one way. Whole instructions are 93 or
-    // 94 ns, and a wake-up rounds to the next.
+    // An answer takes the handler's instructions up to its store, and the wire's delay one way. Whole instructions are
+    // 93 or 94 ns, and a wake-up rounds to the next.
     let answers: Vec<u64> = rises.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
     let (towards_a, towards_b): (Vec<_>, Vec<_>) = answers.iter().enumerate().partition(|(nth, _)| nth % 2 == 0);
     let spread = |answers: &[(usize, &u64)]| {

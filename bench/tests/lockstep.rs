@@ -1,6 +1,6 @@
-//! The two different microcontrollers in lock-step: an STM32F427 sends a block over SPI1 by DMA, the nRF52840's SPIS receives it by
-//! EasyDMA, and each core hears of the end by an interrupt: the sender's DMA stream, the receiver's END, and the receiver's answer
-//! on a pin, which the sender takes by EXTI.
+//! The two different microcontrollers in lock-step: an STM32F427 sends a block over SPI1 by DMA, the nRF52840's SPIS
+//! receives it by EasyDMA, and each core hears of the end by an interrupt: the sender's DMA stream, the receiver's END,
+//! and the receiver's answer on a pin, which the sender takes by EXTI.
 
 mod thumb;
 
@@ -171,8 +171,8 @@ impl Between<Sender, Receiver> for Wires {
     }
 }
 
-/// SPI1 at 2 MHz from the 16 MHz internal oscillator, transmitted by DMA2 stream 3, its end in that stream's interrupt. A block
-/// goes out whenever the receiver says that it is ready.
+/// SPI1 at 2 MHz from the 16 MHz internal oscillator, transmitted by DMA2 stream 3, its end in that stream's interrupt.
+/// A block goes out whenever the receiver says that it is ready.
 fn sending() -> bench::engine::Firmware {
     const DMA2: u32 = 0x4002_6400;
     const STREAM3: u32 = DMA2 + 0x10 + 0x18 * 3;

@@ -121,7 +121,8 @@ mod app {
         let mut watchdog = IndependentWatchdog::new(device.IWDG);
         watchdog.stop_on_debug(&device.DBGMCU, true);
         watchdog.start(timing::WATCHDOG_MS.millis());
-        // It begins with the longest time there is; fed after its prescaler and reload have arrived, it counts with them.
+        // It begins with the longest time there is; fed after its prescaler and reload have arrived, it counts with
+        // them.
         asm::delay(timing::WATCHDOG_UPDATE_CYCLES);
         watchdog.feed();
         let reason = hw::reset::note_reason(&device.RCC);

@@ -137,9 +137,10 @@ pub const WATCHDOG_MS: u32 = 100;
 /// The shortest that the watchdog's time can be, ms: LSI runs at 17 to 47 kHz (DS9405), so 68 to 190 ms.
 pub const WATCHDOG_SHORTEST_MS: u32 = WATCHDOG_MS * 32 / 47;
 
-/// How long the watchdog's prescaler and reload take to reach its own clock domain, cycles of the internal oscillator on
-/// which the start begins: up to 5 periods of LSI (RM0090 "IWDG", status register) and its start-up time, 40 µs (DS9405);
-/// at 17 kHz 0.33 ms, with margin 0.5 ms. A watchdog that is not fed after that goes on with the reset values, seconds.
+/// How long the watchdog's prescaler and reload take to reach its own clock domain, cycles of the internal oscillator
+/// on which the start begins: up to 5 periods of LSI (RM0090 "IWDG", status register) and its start-up time, 40 µs
+/// (DS9405); at 17 kHz 0.33 ms, with margin 0.5 ms. A watchdog that is not fed after that goes on with the reset
+/// values, seconds.
 pub const WATCHDOG_UPDATE_CYCLES: u32 = clock::INTERNAL_HZ / 2_000;
 
 /// The longest that the comparison of the image with its CRC takes, ms, at [`CORE_HZ`]: about 14 cycles a byte, and 20

@@ -50,8 +50,8 @@ pub const LEN_BYTES: usize = 1;
 /// Bytes after the payload: the CRC-16, which the chips add and check.
 pub const CRC_BYTES: usize = 2;
 
-/// The shortest time between the end of a frame and the start of the next, µs, in which the listener takes the first out
-/// of its FIFO and re-arms.
+/// The shortest time between the end of a frame and the start of the next, µs, in which the listener takes the first
+/// out of its FIFO and re-arms.
 pub const MIN_GAP_US: u32 = 300;
 
 const _: () = assert!(LONGEST_PAYLOAD <= MAX_PAYLOAD);
@@ -85,8 +85,8 @@ const fn air_time_us(payload: usize) -> u32 {
 }
 
 /// From the tick, at which HORUS takes the sample, to the transmit command of frame number `frame` of its cycle, for a
-/// profile of `N` receivers: µs; `None` if there is no such frame. HORUS keeps these slots whatever the data say, so the
-/// DPR knows the age of a sample from the end of its frame.
+/// profile of `N` receivers: µs; `None` if there is no such frame. HORUS keeps these slots whatever the data say, so
+/// the DPR knows the age of a sample from the end of its frame.
 ///
 /// | receivers | frame 1 | frame 2 |
 /// |---|---|---|

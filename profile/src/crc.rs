@@ -2,16 +2,16 @@
 //!
 //! # Design
 //!
-//! **Polynomials** are the paper's (section 2.3), which names them as Koopman does: the frame CRC 0xF8C9140A with Hamming
-//! distance 8, the position CRC 0x9D7F97D6 with Hamming distance 9. The paper claims the first for 56 bytes of payload;
-//! it holds for the 60 of Reported-Position as well (the crate's tests prove both by exhaustion). Koopman leaves out the
-//! lowest coefficient, which is always 1, the usual notation the highest: the same polynomials are 0xF1922815 and
-//! 0x3AFF2FAD in [`FRAME`] and [`POSITION`], as the `crc` crate takes them. In Koopman's form it would take them for other,
-//! untried polynomials, and still pass every round-trip test; the check values tell.
+//! **Polynomials** are the paper's (section 2.3), which names them as Koopman does: the frame CRC 0xF8C9140A with
+//! Hamming distance 8, the position CRC 0x9D7F97D6 with Hamming distance 9. The paper claims the first for 56 bytes of
+//! payload; it holds for the 60 of Reported-Position as well (the crate's tests prove both by exhaustion). Koopman
+//! leaves out the lowest coefficient, which is always 1, the usual notation the highest: the same polynomials are
+//! 0xF1922815 and 0x3AFF2FAD in [`FRAME`] and [`POSITION`], as the `crc` crate takes them. In Koopman's form it would
+//! take them for other, untried polynomials, and still pass every round-trip test; the check values tell.
 //!
-//! **Start value 0xFFFFFFFF.** From 0, a buffer scrubbed to 0x00 would be a codeword wherever an object lies in it. From
-//! 0xFFFFFFFF, neither 0x00 nor 0xFF throughout is a codeword at the length of any object. (0xFF is at one length, eight
-//! bytes; see [`ssi`](crate::ssi).)
+//! **Start value 0xFFFFFFFF.** From 0, a buffer scrubbed to 0x00 would be a codeword wherever an object lies in it.
+//! From 0xFFFFFFFF, neither 0x00 nor 0xFF throughout is a codeword at the length of any object. (0xFF is at one length,
+//! eight bytes; see [`ssi`](crate::ssi).)
 //!
 //! **Most significant byte first.** NFC-F sends each byte's most significant bit first, and these CRCs are not
 //! reflected. So an object whose CRC field is big-endian goes over the air as a codeword in the polynomial's own order.
@@ -19,15 +19,16 @@
 //! bursts of 28 bits there would go unseen), and only then does one pass over the whole object, CRC and all, end in a
 //! [fixed residue](FRAME_RESIDUE). [`frame_intact`] is that: one pass and one comparison.
 //!
-//! **One table of 256 words per polynomial** (`Table<1>`), 2 KiB of flash in all. The `crc` crate's other choices are none
-//! (`Table<0>`), which takes eight steps per byte, and sixteen (`Table<16>`), which takes 32 KiB for the two, a third of
-//! an image's 96 KiB. On a Cortex-M4 `Table<1>` is four instructions and six cycles per byte (two loads, two exclusive
-//! ors), before wait states. To verify a profile of three receivers is 264 bytes of CRC, 20 of them the position's: about
-//! 1600 cycles, 11 µs at 144 MHz or 25 µs at 64 MHz, and half as much again if each table read waits two cycles for the
-//! flash. That is less than half a percent of the 10 ms cycle: nothing worth 30 KiB is left to gain.
+//! **One table of 256 words per polynomial** (`Table<1>`), 2 KiB of flash in all. The `crc` crate's other choices are
+//! none (`Table<0>`), which takes eight steps per byte, and sixteen (`Table<16>`), which takes 32 KiB for the two, a
+//! third of an image's 96 KiB. On a Cortex-M4 `Table<1>` is four instructions and six cycles per byte (two loads, two
+//! exclusive ors), before wait states. To verify a profile of three receivers is 264 bytes of CRC, 20 of them the
+//! position's: about 1600 cycles, 11 µs at 144 MHz or 25 µs at 64 MHz, and half as much again if each table read waits
+//! two cycles for the flash. That is less than half a percent of the 10 ms cycle: nothing worth 30 KiB is left to gain.
 //!
 //! The work is the same whatever the bytes are. So are the cycles, where every read of the table takes as long; a data
-//! cache before the flash, like that of the STM32F4's ART accelerator (RM0090, section 3), makes them vary by its misses.
+//! cache before the flash, like that of the STM32F4's ART accelerator (RM0090, section 3), makes them vary by its
+//! misses.
 use ::crc::{Algorithm, Crc, Table};
 
 /// Frame CRC: closes every object. Koopman 0xF8C9140A, Hamming distance 8 over any object (paper, section

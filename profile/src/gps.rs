@@ -11,8 +11,8 @@ use crate::{
 
 /// What a receiver says, in plain numbers.
 ///
-/// What it does not give is NaN ([`ABSENT_F64`], [`ABSENT_F32`]), and the status bit is clear. So two of these are equal
-/// only if they carry no NaN; compare [sealed objects](GpsObject) to compare bits.
+/// What it does not give is NaN ([`ABSENT_F64`], [`ABSENT_F32`]), and the status bit is clear. So two of these are
+/// equal only if they carry no NaN; compare [sealed objects](GpsObject) to compare bits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GpsValues {
     /// ms since HORUS start, wraps. The cycle these were taken for, the same in every object of a profile.
@@ -87,7 +87,8 @@ const _: () = {
 impl GpsObject {
     /// The object that carries `values`, its CRC computed.
     ///
-    /// `identifier` is one of [`Identifier::GPS`]; under any other it is sealed as well, but verifies nowhere in a profile.
+    /// `identifier` is one of [`Identifier::GPS`]; under any other it is sealed as well, but verifies nowhere in a
+    /// profile.
     #[must_use]
     pub fn seal(identifier: Identifier, values: &GpsValues) -> Self {
         Self {
@@ -110,8 +111,8 @@ impl GpsObject {
     ///
     /// # Errors
     ///
-    /// [`Rejection::Length`] if `bytes` are not 60, [`Rejection::Crc`] if they are damaged, [`Rejection::Identifier`] if
-    /// they are another object.
+    /// [`Rejection::Length`] if `bytes` are not 60, [`Rejection::Crc`] if they are damaged, [`Rejection::Identifier`]
+    /// if they are another object.
     ///
     /// ```
     /// use profile::{GpsObject, GpsValues, Identifier, Rejection};

@@ -3,8 +3,8 @@ use core::fmt;
 
 /// What an object is, and so where it belongs: the header word of every object (paper, section 2.1).
 ///
-/// A valid object in another object's place is [rejected](crate::Rejection::Identifier): a CRC alone would not notice that
-/// GPS1 lies where GPS2 belongs.
+/// A valid object in another object's place is [rejected](crate::Rejection::Identifier): a CRC alone would not notice
+/// that GPS1 lies where GPS2 belongs.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Identifier(pub u16);
 

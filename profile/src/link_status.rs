@@ -95,8 +95,8 @@ impl LinkStatus {
     ///
     /// # Errors
     ///
-    /// [`Rejection::Length`] if `bytes` are not 32, [`Rejection::Crc`] if they are damaged, [`Rejection::Identifier`] if
-    /// they are another object.
+    /// [`Rejection::Length`] if `bytes` are not 32, [`Rejection::Crc`] if they are damaged, [`Rejection::Identifier`]
+    /// if they are another object.
     pub fn verify(bytes: &[u8]) -> Result<&Self, Rejection> {
         let (object, findings) = Self::look(bytes)?;
         findings.check(object.identifier() == Identifier::LINK_STATUS, Rejection::Identifier).judge(object)

@@ -2,7 +2,8 @@
 //!
 //! The objects themselves are in `reported`, `gps` and `link_status`.
 
-/// The methods every object has, for a `repr(C)` type of wire fields with `timestamp`, `identifier`, `status` and `crc` among them.
+/// The methods every object has, for a `repr(C)` type of wire fields with `timestamp`, `identifier`, `status` and `crc`
+/// among them.
 macro_rules! object {
     ($object:ident, $size:literal bytes, status: $status:ty, timestamp: $timestamp:literal, also shown: [$($shown:ident),*]) => {
         const _: () = {

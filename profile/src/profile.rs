@@ -197,8 +197,8 @@ impl<'a> Object<'a> {
     ///
     /// # Errors
     ///
-    /// As [`ReportedPosition::verify`] for `index` 0 and [`GpsObject::verify`] for 1 to 5; [`Rejection::Identifier`] for
-    /// any other `index`, which no profile has.
+    /// As [`ReportedPosition::verify`] for `index` 0 and [`GpsObject::verify`] for 1 to 5; [`Rejection::Identifier`]
+    /// for any other `index`, which no profile has.
     pub fn verify(index: usize, bytes: &'a [u8]) -> Result<Self, Rejection> {
         match Identifier::of_object(index) {
             Some(Identifier::REPORTED_POSITION) => ReportedPosition::verify(bytes).map(Self::Reported),

@@ -35,8 +35,8 @@ impl Error for Rejection {}
 
 /// What the checks of one object or request found, gathered before anything is decided.
 ///
-/// Each check is made, and put here, whatever the others found: the time it takes to judge bytes does not tell, nor depend
-/// on, what they are.
+/// Each check is made, and put here, whatever the others found: the time it takes to judge bytes does not tell, nor
+/// depend on, what they are.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Findings {
     faults: u8,

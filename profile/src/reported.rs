@@ -11,8 +11,8 @@ use crate::{
 
 /// What HORUS reports, in plain numbers.
 ///
-/// What is not known is NaN ([`ABSENT_F64`], [`ABSENT_F32`]), and the status bit is clear. So two of these are equal only
-/// if they carry no NaN; compare [sealed objects](ReportedPosition) to compare bits.
+/// What is not known is NaN ([`ABSENT_F64`], [`ABSENT_F32`]), and the status bit is clear. So two of these are equal
+/// only if they carry no NaN; compare [sealed objects](ReportedPosition) to compare bits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReportedValues {
     /// ms since HORUS start, wraps; also the frame counter, one [cycle](crate::CYCLE_MS) more in each.
@@ -130,8 +130,9 @@ impl ReportedPosition {
     ///
     /// # Errors
     ///
-    /// [`Rejection::Length`] if `bytes` are not 64, [`Rejection::Crc`] if they are damaged, [`Rejection::PositionCrc`] if
-    /// latitude and longitude are not those that were computed, [`Rejection::Identifier`] if they are another object.
+    /// [`Rejection::Length`] if `bytes` are not 64, [`Rejection::Crc`] if they are damaged, [`Rejection::PositionCrc`]
+    /// if latitude and longitude are not those that were computed, [`Rejection::Identifier`] if they are another
+    /// object.
     ///
     /// ```
     /// use profile::{Rejection, ReportedPosition, ReportedValues};

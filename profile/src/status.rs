@@ -1,7 +1,7 @@
 //! Status words as typed bit sets.
 //!
-//! Bits without a meaning are sent 0 and ignored when received, so that a later version can give them one: the types here
-//! hold only bits that have a meaning. A code that is reserved today reads as `None`.
+//! Bits without a meaning are sent 0 and ignored when received, so that a later version can give them one: the types
+//! here hold only bits that have a meaning. A code that is reserved today reads as `None`.
 
 /// UBX-NAV-PVT `fixType`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -156,10 +156,11 @@ fn any_equal(mut sums: Vec<u32>) -> bool {
 
 #[test]
 fn the_frame_crc_has_hamming_distance_8_over_the_longest_object() {
-    // Odd numbers of errors are seen because the generator, x³² included, has an even number of terms: x + 1 divides it.
+    // Odd numbers of errors are seen because the generator, x³² included, has an even number of terms: x + 1 divides
+    // it.
     assert_eq!((1 + crc::FRAME.poly.count_ones()) % 2, 0);
-    // 2, 4 or 6 errors are unseen only if two different sets of three bits have the same sum (two that share a bit stand
-    // for 4, two that share two for 2). The paper claims it for 56 bytes and CRC; this is 60 and CRC, all of
+    // 2, 4 or 6 errors are unseen only if two different sets of three bits have the same sum (two that share a bit
+    // stand for 4, two that share two for 2). The paper claims it for 56 bytes and CRC; this is 60 and CRC, all of
     // Reported-Position.
     let s = syndromes(crc::FRAME.poly, 8 * ReportedPosition::SIZE);
     let mut sums = Vec::new();

@@ -1,9 +1,9 @@
 //! Bursts: errors confined to some consecutive bits.
 //!
-//! A burst of b bits has its first and last bit wrong and those between anyhow: 2^(b - 2) patterns. One goes undetected if and
-//! only if it is a multiple of the polynomial, x^i aside. Of degree r, the polynomial has no multiple of fewer than r + 1 bits;
-//! of r + 1 bits, itself alone; of more, 2^(b - r - 2). So, for any CRC of r bits, whatever its polynomial, as long as its
-//! codeword goes over the wire in the polynomial's own order:
+//! A burst of b bits has its first and last bit wrong and those between anyhow: 2^(b - 2) patterns. One goes undetected
+//! if and only if it is a multiple of the polynomial, x^i aside. Of degree r, the polynomial has no multiple of fewer
+//! than r + 1 bits; of r + 1 bits, itself alone; of more, 2^(b - r - 2). So, for any CRC of r bits, whatever its
+//! polynomial, as long as its codeword goes over the wire in the polynomial's own order:
 //!
 //! | bits | undetected |
 //! |---|---|

@@ -1,4 +1,5 @@
-//! The codes that are judged: the profile's two polynomials and those they are measured against, at every length in use.
+//! The codes that are judged: the profile's two polynomials and those they are measured against, at every length in
+//! use.
 use std::fmt::Write as _;
 use std::num::NonZero;
 use std::sync::LazyLock;
@@ -36,9 +37,9 @@ pub const CRC_32C: Named = named("CRC-32C", 0x8F6E_37A0);
 /// CRC-32Q (aeronautical data; AIXM, ARINC 424), 0x814141AB in the usual notation.
 pub const CRC_32Q: Named = named("CRC-32Q", 0xC0A0_A0D5);
 
-/// OPC UA Safety's (OPC 10000-15, RQ7.22), also AUTOSAR's CRC32P4, both of which write it 0xF4ACFB13 in the usual notation.
-/// Its first and last bits are both set, so that it would pass for either notation: read as Koopman's, 0xF4ACFB13 is another
-/// polynomial. The distances published for it are those of 0xFA567D89.
+/// OPC UA Safety's (OPC 10000-15, RQ7.22), also AUTOSAR's CRC32P4, both of which write it 0xF4ACFB13 in the usual
+/// notation. Its first and last bits are both set, so that it would pass for either notation: read as Koopman's,
+/// 0xF4ACFB13 is another polynomial. The distances published for it are those of 0xFA567D89.
 pub const OPC_UA_SAFETY: Named = named("OPC UA Safety", 0xFA56_7D89);
 
 /// All of them, the profile's first.
@@ -68,8 +69,8 @@ pub struct Code {
 }
 
 impl Code {
-    /// Every code that is judged, by length: all polynomials at the lengths of the profile, and the frame CRC at the two
-    /// lengths that it has on the SSI besides.
+    /// Every code that is judged, by length: all polynomials at the lengths of the profile, and the frame CRC at the
+    /// two lengths that it has on the SSI besides.
     #[must_use]
     pub fn all() -> Vec<Self> {
         let compared = COMPARED.iter().flat_map(|bits| POLYNOMIALS.map(|named| Self { named, bits: *bits }));

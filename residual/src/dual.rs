@@ -3,18 +3,18 @@
 //! # Design
 //!
 //! A CRC of r check bits over n bits is a linear code of 2^(n - r) words: far too many to count when n is hundreds. Its
-//! dual, all the sums of its r parity checks, has 2^r words whatever n is, and MacWilliams' identity turns the weights of
-//! the one into those of the other ([`crate::weights`]). For r = 32 that is 4.3 · 10^9 words.
+//! dual, all the sums of its r parity checks, has 2^r words whatever n is, and MacWilliams' identity turns the weights
+//! of the one into those of the other ([`crate::weights`]). For r = 32 that is 4.3 · 10^9 words.
 //!
-//! **Gray code.** From each word to the next, one parity check is added: an exclusive or of n bits. The last six checks are
-//! not walked but tabulated, all 64 sums of them, so that the inner loop has no dependency from word to word: load, exclusive
-//! or, count, n / 64 times, then one histogram entry.
+//! **Gray code.** From each word to the next, one parity check is added: an exclusive or of n bits. The last six checks
+//! are not walked but tabulated, all 64 sums of them, so that the inner loop has no dependency from word to word: load,
+//! exclusive or, count, n / 64 times, then one histogram entry.
 //!
 //! **Even codes need half.** If x + 1 divides the polynomial, the all-ones word is in the dual (it is the sum of all
 //! checks), so for each word of weight w there is one of n - w: one check is left out and the histogram mirrored.
 //!
-//! **All cores.** The walk is cut into 2^10 pieces, each begun at its own place of the Gray code; threads take them one by
-//! one. The result is a sum of histograms and does not depend on who counted what.
+//! **All cores.** The walk is cut into 2^10 pieces, each begun at its own place of the Gray code; threads take them one
+//! by one. The result is a sum of histograms and does not depend on who counted what.
 use std::num::NonZero;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::{array, thread};
@@ -29,8 +29,8 @@ const WORD: usize = 64;
 const TABLE_LOG2: u32 = 6;
 /// log2 of the pieces.
 const PIECES_LOG2: u32 = 10;
-/// Adjacent words often have equal weights; to count them in turn in as many histograms keeps one increment from waiting
-/// for the other's store.
+/// Adjacent words often have equal weights; to count them in turn in as many histograms keeps one increment from
+/// waiting for the other's store.
 const HISTOGRAMS: usize = 4;
 /// Words of each weight in one piece: at most 2^22, which a u32 counts.
 type Histograms = [[u32; MAX_LENGTH + 1]; HISTOGRAMS];
@@ -178,7 +178,8 @@ impl<const W: usize> Walk<W> {
         self.walk(piece)
     }
 
-    /// The same, compiled for a processor that counts bits in one instruction: three times as fast as the portable code.
+    /// The same, compiled for a processor that counts bits in one instruction: three times as fast as the portable
+    /// code.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "popcnt")]
     fn piece_with_popcnt(&self, piece: usize) -> Histograms {

@@ -2,22 +2,24 @@
 //!
 //! # The code
 //!
-//! Bytes 8 to 27 of Reported-Position are a codeword of the position CRC, all 64 bytes one of the frame CRC. A pattern of errors
-//! goes undetected if and only if it is a codeword of the outer code *and* its part in bytes 8 to 27 is one of the inner code:
-//! 64 check bits, 448 data bits. Two distances are of interest:
+//! Bytes 8 to 27 of Reported-Position are a codeword of the position CRC, all 64 bytes one of the frame CRC. A pattern
+//! of errors goes undetected if and only if it is a codeword of the outer code *and* its part in bytes 8 to 27 is one
+//! of the inner code: 64 check bits, 448 data bits. Two distances are of interest:
 //!
-//! - that of patterns which damage latitude or longitude, *and any other bits besides*: [`Joint::distance`]. The inner part is
-//!   then a codeword other than 0. (If latitude and longitude are undamaged, so is the position CRC, or it says so.)
+//! - that of patterns which damage latitude or longitude, *and any other bits besides*: [`Joint::distance`]. The inner
+//!   part is then a codeword other than 0. (If latitude and longitude are undamaged, so is the position CRC, or it says
+//!   so.)
 //! - that of all patterns, which leave latitude and longitude alone if they can: the outer code's own.
 //!
 //! # The method
 //!
-//! The dual of the joint code has 2^64 words; they cannot be counted. But a word of little weight is a word of the inner code of
-//! little weight, shifted to its place, and a few bits elsewhere that make up its syndrome in the outer code. The inner code has
-//! no words below its distance and few just above. So: find all inner words of weight up to [`MAX_WEIGHT`]
-//! ([`Words`]); look each one's outer syndrome up among the sums of 0, 1, 2, 3 columns of the 352 bits elsewhere. By total weight,
-//! smallest first, each combination of inside and outside either is excluded by having looked at every candidate, or has a word.
-//! A total weight that is odd needs no search if the outer polynomial is divisible by x + 1.
+//! The dual of the joint code has 2^64 words; they cannot be counted. But a word of little weight is a word of the
+//! inner code of little weight, shifted to its place, and a few bits elsewhere that make up its syndrome in the outer
+//! code. The inner code has no words below its distance and few just above. So: find all inner words of weight up to
+//! [`MAX_WEIGHT`] ([`Words`]); look each one's outer syndrome up among the sums of 0, 1, 2, 3 columns of the 352 bits
+//! elsewhere. By total weight, smallest first, each combination of inside and outside either is excluded by having
+//! looked at every candidate, or has a word. A total weight that is odd needs no search if the outer polynomial is
+//! divisible by x + 1.
 use std::collections::HashMap;
 use std::num::NonZero;
 
@@ -75,8 +77,8 @@ pub struct Joint {
     pub at_least: usize,
     /// The combinations that were searched, by total weight.
     pub examined: Vec<Examined>,
-    /// Words of the least weight: of each, the bits of the outer codeword that are set, counted from the last sent. All those
-    /// of the combinations in `examined`; others, with more errors inside, may exist.
+    /// Words of the least weight: of each, the bits of the outer codeword that are set, counted from the last sent. All
+    /// those of the combinations in `examined`; others, with more errors inside, may exist.
     pub words: Vec<Vec<u16>>,
 }
 

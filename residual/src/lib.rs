@@ -2,19 +2,19 @@
 //!
 //! # Design
 //!
-//! **Nothing estimated.** The probability that damage goes undetected follows from one set of numbers: how many codewords have
-//! each weight. They are computed in full, in exact integers: the 2^32 words of the dual code are counted one by one
-//! ([`DualWeights`]), MacWilliams' identity gives the weights of the code itself ([`Weights`]), and probabilities are sums over
-//! all of them ([`undetected_exactly`], [`ErrorCurve`]).
+//! **Nothing estimated.** The probability that damage goes undetected follows from one set of numbers: how many
+//! codewords have each weight. They are computed in full, in exact integers: the 2^32 words of the dual code are
+//! counted one by one ([`DualWeights`]), MacWilliams' identity gives the weights of the code itself ([`Weights`]), and
+//! probabilities are sums over all of them ([`undetected_exactly`], [`ErrorCurve`]).
 //!
-//! **Every number in two ways.** Codewords of little weight are also searched for one by one, by a method that knows nothing of
-//! the dual ([`Words`]); the two must agree, and with what Koopman published. And what the theory says of a pattern of errors is
-//! tried on objects that `profile` sealed ([`wire`]): what must be detected is rejected, and what must not be is accepted, without
-//! which the weights might be those of some other code.
+//! **Every number in two ways.** Codewords of little weight are also searched for one by one, by a method that knows
+//! nothing of the dual ([`Words`]); the two must agree, and with what Koopman published. And what the theory says of a
+//! pattern of errors is tried on objects that `profile` sealed ([`wire`]): what must be detected is rejected, and what
+//! must not be is accepted, without which the weights might be those of some other code.
 //!
-//! **One command.** `cargo xtask residual` does all of it and writes the tables and the plot of `docs/safety/residual-error.md`.
-//! The counting takes a minute or two, so its result is committed ([`codes`]): tests start from it, the command
-//! counts again and compares.
+//! **One command.** `cargo xtask residual` does all of it and writes the tables and the plot of
+//! `docs/safety/residual-error.md`. The counting takes a minute or two, so its result is committed ([`codes`]): tests
+//! start from it, the command counts again and compares.
 //!
 //! | module | says |
 //! |---|---|

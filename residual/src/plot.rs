@@ -1,4 +1,5 @@
-//! P_ud over the bit error rate, as an SVG: a panel for each length in use, a line for each polynomial, the bounds drawn in.
+//! P_ud over the bit error rate, as an SVG: a panel for each length in use, a line for each polynomial, the bounds
+//! drawn in.
 //!
 //! Coordinates are whole pixels and all text is text, so that the same numbers make the same file.
 use std::error::Error;

@@ -36,8 +36,8 @@ impl Polynomial {
         Some(Self { coefficients: (value as u64) << 1 | 1 })
     }
 
-    /// The polynomial whose coefficients x^(degree - 1) to x^0 are `value`'s bits, the highest first; that of x^degree is
-    /// 1.
+    /// The polynomial whose coefficients x^(degree - 1) to x^0 are `value`'s bits, the highest first; that of x^degree
+    /// is 1.
     ///
     /// None if the degree is not 1 to 32, `value` has more bits than that, or its constant term is 0: no CRC's
     /// polynomial is divisible by x.

@@ -2,20 +2,20 @@
 //!
 //! # Model
 //!
-//! Each bit of a codeword of n bits is wrong with probability p, independently of all others: the binary symmetric channel
-//! on which IEC 61784-3 bases its residual error probability. Then
+//! Each bit of a codeword of n bits is wrong with probability p, independently of all others: the binary symmetric
+//! channel on which IEC 61784-3 bases its residual error probability. Then
 //!
 //! > P_ud(p) = Σ A_w p^w (1 - p)^(n - w), w from the Hamming distance to n
 //!
 //! with nothing left out and nothing approximated, since all A_w are known.
 //!
-//! **Conditional.** P_re,cond(p) = P_ud(p) / (1 - (1 - p)^n): of the codewords that arrive damaged, the part that passes.
-//! OPC UA Safety (OPC 10000-15, 9.3) bounds this number, by 4.0e-10 for its own CRC: multiplied by a rate of damaged messages,
-//! whatever damages them, it gives the rate of residual errors.
+//! **Conditional.** P_re,cond(p) = P_ud(p) / (1 - (1 - p)^n): of the codewords that arrive damaged, the part that
+//! passes. OPC UA Safety (OPC 10000-15, 9.3) bounds this number, by 4.0e-10 for its own CRC: multiplied by a rate of
+//! damaged messages, whatever damages them, it gives the rate of residual errors.
 //!
-//! **Precision.** [`undetected_exactly`] adds the same terms as fractions of integers; every number in a table is one of
-//! these, rounded once. Curves, maxima and crossings come from [`ErrorCurve`], which adds them in binary64 from their
-//! logarithms, to a relative error below 1e-11 (a test compares the two).
+//! **Precision.** [`undetected_exactly`] adds the same terms as fractions of integers; every number in a table is one
+//! of these, rounded once. Curves, maxima and crossings come from [`ErrorCurve`], which adds them in binary64 from
+//! their logarithms, to a relative error below 1e-11 (a test compares the two).
 use std::f64::consts::LN_2;
 use std::fmt;
 

@@ -2,30 +2,30 @@
 //!
 //! # Residual error rate
 //!
-//! HORUS sends a profile 100 times a second and never repeats one. Every object is judged by itself, so the residual errors
-//! add up over the objects:
+//! HORUS sends a profile 100 times a second and never repeats one. Every object is judged by itself, so the residual
+//! errors add up over the objects:
 //!
 //! > Λ(p) = 360 000 / h · (P_ud, Reported-Position(p) + n P_ud, GPS(p))
 //!
-//! Reported-Position counts with its frame CRC alone; its position CRC can only lower the figure. This is for one sink; a
-//! system in which several act on what they read independently multiplies by their number (IEC 61784-3's m).
+//! Reported-Position counts with its frame CRC alone; its position CRC can only lower the figure. This is for one sink;
+//! a system in which several act on what they read independently multiplies by their number (IEC 61784-3's m).
 //!
 //! # Bounds
 //!
-//! IEC 61508-1 bounds the frequency of dangerous failures per hour of a function in continuous mode: below 1e-6 for SIL 2,
-//! 1e-7 for SIL 3, 1e-8 for SIL 4. IEC 61784-3 leaves a communication channel 1 % of that.
+//! IEC 61508-1 bounds the frequency of dangerous failures per hour of a function in continuous mode: below 1e-6 for SIL
+//! 2, 1e-7 for SIL 3, 1e-8 for SIL 4. IEC 61784-3 leaves a communication channel 1 % of that.
 //!
 //! # Error interval limit
 //!
-//! A sink that goes to its safe state when a second error is detected within an interval T keeps the rate of detected errors
-//! below 1 / T, whatever the channel does. For every error that passes, 1 / P_re,cond - 1 are detected, so that residual
-//! errors are fewer than
+//! A sink that goes to its safe state when a second error is detected within an interval T keeps the rate of detected
+//! errors below 1 / T, whatever the channel does. For every error that passes, 1 / P_re,cond - 1 are detected, so that
+//! residual errors are fewer than
 //!
 //! > 1 / T · max P_re,cond / (1 - P_re,cond)
 //!
-//! at *any* bit error rate: no assumption about p is left, only that of independent errors. OPC UA Safety does this with 6,
-//! 60 and 600 minutes for SIL 2, 3 and 4 (OPC 10000-15, 9.4, table 39). The price is availability: the channel must be that
-//! good, or the function stops.
+//! at *any* bit error rate: no assumption about p is left, only that of independent errors. OPC UA Safety does this
+//! with 6, 60 and 600 minutes for SIL 2, 3 and 4 (OPC 10000-15, 9.4, table 39). The price is availability: the channel
+//! must be that good, or the function stops.
 use crate::ErrorCurve;
 
 /// Profiles an hour: one every 10 ms.

@@ -2,16 +2,18 @@
 //!
 //! # Meeting in the middle
 //!
-//! Errors in some bits go undetected if the [columns](Polynomial::columns) of these bits add up to 0. To find all such sets
-//! of w bits, cut them in two: the columns of one half must add up to what those of the other do, so it is enough to list the
-//! sums of all halves and look for equal ones.
+//! Errors in some bits go undetected if the [columns](Polynomial::columns) of these bits add up to 0. To find all such
+//! sets of w bits, cut them in two: the columns of one half must add up to what those of the other do, so it is enough
+//! to list the sums of all halves and look for equal ones.
 //!
-//! **Only words that begin at bit 0.** Shifted by a bit, a codeword of a CRC is one again. So the words whose lowest bit is bit
-//! 0 tell all others: of one that spans m bits, n - m + 1 lie in n. With bit 0 given, and for an even weight the highest bit as
-//! well (each in turn), 2h bits remain. Each word is counted once, with the h lower ones as its first half.
+//! **Only words that begin at bit 0.** Shifted by a bit, a codeword of a CRC is one again. So the words whose lowest
+//! bit is bit 0 tell all others: of one that spans m bits, n - m + 1 lie in n. With bit 0 given, and for an even weight
+//! the highest bit as well (each in turn), 2h bits remain. Each word is counted once, with the h lower ones as its
+//! first half.
 //!
-//! **In the cache.** The halves are sorted into 2^16 buckets by the upper bits of their sum. Two halves that fit lie in two
-//! buckets that fit; a bitmap of 8 KiB over the lower bits tells whether one bucket has a partner for an entry of the other.
+//! **In the cache.** The halves are sorted into 2^16 buckets by the upper bits of their sum. Two halves that fit lie in
+//! two buckets that fit; a bitmap of 8 KiB over the lower bits tells whether one bucket has a partner for an entry of
+//! the other.
 use std::num::NonZero;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
@@ -37,8 +39,8 @@ pub struct Words {
 impl Words {
     /// Finds the codewords of `weight` ones in `length` bits.
     ///
-    /// The work grows as the number of ways to choose weight / 2 of the bits, the memory as its root: 512 bits are a matter of
-    /// seconds up to weight 8, 160 up to 10.
+    /// The work grows as the number of ways to choose weight / 2 of the bits, the memory as its root: 512 bits are a
+    /// matter of seconds up to weight 8, 160 up to 10.
     ///
     /// # Panics
     ///
@@ -65,7 +67,8 @@ impl Words {
         Self { length, words }
     }
 
-    /// The words: of each, the bits that are set, rising from 0. Bit i is the coefficient of x^i, sent i bits before the last.
+    /// The words: of each, the bits that are set, rising from 0. Bit i is the coefficient of x^i, sent i bits before
+    /// the last.
     #[must_use]
     pub fn starting_at_0(&self) -> &[Vec<u16>] {
         &self.words
@@ -104,8 +107,8 @@ struct Halves {
     begins: Vec<u32>,
     /// The buckets that are not empty.
     occupied: Vec<usize>,
-    /// The sum's lower 16 bits, then the places, 12 bits each, the lowest place highest. In each bucket the highest place
-    /// rises.
+    /// The sum's lower 16 bits, then the places, 12 bits each, the lowest place highest. In each bucket the highest
+    /// place rises.
     entries: Vec<u64>,
 }
 

@@ -6,10 +6,10 @@
 //!
 //! > Σ A_w z^w = 2^-r Σ B_j (1 - z)^j (1 + z)^(n - j)
 //!
-//! (F. J. MacWilliams, N. J. A. Sloane, *The Theory of Error-Correcting Codes*, chapter 5). Nothing is rounded: the right
-//! side is evaluated in integers as large as they come, by Horner's rule in 1 - z. A slip in the enumeration of the dual has
-//! little chance to pass: every coefficient must be divisible by 2^r and not negative, A_0 must be 1, and all must add up to
-//! 2^(n - r).
+//! (F. J. MacWilliams, N. J. A. Sloane, *The Theory of Error-Correcting Codes*, chapter 5). Nothing is rounded: the
+//! right side is evaluated in integers as large as they come, by Horner's rule in 1 - z. A slip in the enumeration of
+//! the dual has little chance to pass: every coefficient must be divisible by 2^r and not negative, A_0 must be 1, and
+//! all must add up to 2^(n - r).
 use num_bigint::{BigInt, BigUint, Sign};
 
 use crate::DualWeights;
@@ -41,8 +41,9 @@ pub enum NotADual {
 
 /// How many codewords have each weight: A_0 to A_n, exactly.
 ///
-/// Since the code is linear, that is also how many patterns of so many bit errors go undetected in any object, whatever it
-/// carries. Start value and final exclusive or of the CRC shift all codewords alike and change none of their distances.
+/// Since the code is linear, that is also how many patterns of so many bit errors go undetected in any object, whatever
+/// it carries. Start value and final exclusive or of the CRC shift all codewords alike and change none of their
+/// distances.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Weights {
     counts: Vec<BigUint>,

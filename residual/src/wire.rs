@@ -1,9 +1,9 @@
 //! The theory held against the code that flies: errors injected into sealed objects, judged by `profile` itself.
 //!
-//! Patterns that the mathematics says are detected must all be rejected; patterns that it says are codewords must all pass
-//! both CRCs. The second half is what shows that the weights in this crate are those of *that* code: of its polynomials, its
-//! byte order and its coverage. A codeword that happens to change the object's identifier is still rejected, for its identifier;
-//! that is told apart.
+//! Patterns that the mathematics says are detected must all be rejected; patterns that it says are codewords must all
+//! pass both CRCs. The second half is what shows that the weights in this crate are those of *that* code: of its
+//! polynomials, its byte order and its coverage. A codeword that happens to change the object's identifier is still
+//! rejected, for its identifier; that is told apart.
 use std::num::NonZero;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;

@@ -124,7 +124,8 @@ fn the_papers_distances_hold_and_its_failure_rate_not_at_the_conventional_bit_er
     assert!(!holds("n = 3, bit error rate 1e-2"));
     assert!(holds("n = 3, bit error rate 1e-3"));
     assert!(holds("P_re,cond at most 4.0e-10"));
-    // By hand: 31 604 382 words of 8 in 480 bits, 53 157 895 in 512; at 1e-5 the next weights add less than a part in 10 000.
+    // By hand: 31 604 382 words of 8 in 480 bits, 53 157 895 in 512; at 1e-5 the next weights add less than a part in
+    // 10 000.
     let p = 1e-5_f64;
     let expected =
         360_000.0 * p.powi(8) * (53_157_895.0 * (1.0 - p).powi(504) + 3.0 * 31_604_382.0 * (1.0 - p).powi(472));

@@ -1,5 +1,5 @@
-//! The theory on objects that `profile` sealed and judges: what must be detected is, what must not be is not. The exhaustive
-//! injections are in `report.rs`.
+//! The theory on objects that `profile` sealed and judges: what must be detected is, what must not be is not. The
+//! exhaustive injections are in `report.rs`.
 use std::num::NonZero;
 
 use profile::{GpsObject, GpsValues, Identifier, LinkStatus, Rejection, ReportedPosition, ReportedValues};
@@ -95,8 +95,8 @@ fn scrubbed_and_inverted_objects_never_verify() {
             assert_eq!(GpsObject::verify(&[byte; GpsObject::SIZE], Identifier::gps(receiver)), Err(Rejection::Crc));
         }
         for object in Object::ALL {
-            // Scrubbed from the front or from the back, one byte at least: the rest cannot vouch for it, unless it says the
-            // same.
+            // Scrubbed from the front or from the back, one byte at least: the rest cannot vouch for it, unless it says
+            // the same.
             let sealed = object.sealed();
             for cut in 1..sealed.len() {
                 let (mut front, mut back) = (sealed.clone(), sealed.clone());

@@ -1,4 +1,5 @@
-//! On-target suite of the HORUS side (STM32F429): the profile's code, the filling of a cycle's objects, and their cycles.
+//! On-target suite of the HORUS side (STM32F429): the profile's code, the filling of a cycle's objects, and their
+//! cycles.
 #![no_std]
 #![no_main]
 

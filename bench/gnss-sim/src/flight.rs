@@ -168,9 +168,9 @@ impl Flight {
         speed.ramp(climbed, acceleration, speed_reached);
         speed.ramp(brake, braking, -speed_reached);
 
-        // Legs of about 15 s, each ending in a turn: a wide one, then a narrow one back, and so on. On a long flight two
-        // legs turn the aircraft by 45° on average, so after sixteen the path has closed; on a short one both turns are
-        // what the acceleration limit leaves, an S.
+        // Legs of about 15 s, each ending in a turn: a wide one, then a narrow one back, and so on. On a long flight
+        // two legs turn the aircraft by 45° on average, so after sixteen the path has closed; on a short one both turns
+        // are what the acceleration limit leaves, an S.
         let mut course = Plan::starting_at(draw(-PI, PI));
         let side = if draw(0.0, 1.0) < 0.5 { -1.0 } else { 1.0 };
         let legs = (cruise / 15.0).ceil().max(2.0);

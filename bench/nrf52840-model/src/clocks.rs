@@ -5,11 +5,12 @@
 //! | PCLK16M from HFINT until HFXO has started, then from the crystal with its error | 5.4 |
 //! | LFCLK from LFRC, LFXO or synthesised from HFCLK, each with its error | 5.4 |
 //!
-//! An instant is a whole nanosecond and a tick of 16 MHz lasts 62.5: counts are therefore computed from where the clock last
-//! changed its rate, in integers, and never by adding up rounded periods, so nothing drifts however long a run lasts.
+//! An instant is a whole nanosecond and a tick of 16 MHz lasts 62.5: counts are therefore computed from where the clock
+//! last changed its rate, in integers, and never by adding up rounded periods, so nothing drifts however long a run
+//! lasts.
 //!
-//! Left out: temperature and ageing (an error is a constant of the run), and the phase between PCLK16M and the core clock,
-//! because the core retires instructions on a clock of its own.
+//! Left out: temperature and ageing (an error is a constant of the run), and the phase between PCLK16M and the core
+//! clock, because the core retires instructions on a clock of its own.
 
 /// Nanoseconds in a second, and parts in a billion.
 const GIGA: u128 = 1_000_000_000;

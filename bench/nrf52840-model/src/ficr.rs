@@ -12,8 +12,8 @@
 //! access port protection, revision 3 on (public repository littlekernel/lk,
 //! `external/platform/nrfx/mdk/nrf52_erratas.h`).
 //!
-//! UICR is memory that the NVMC programs, erased to 0xFF: see `nvmc`. PSELRESET, NFCPINS, APPROTECT and REGOUT0 read what
-//! the image or the firmware put there and change nothing here: the reset pin, the NFC antenna and the supply are
+//! UICR is memory that the NVMC programs, erased to 0xFF: see `nvmc`. PSELRESET, NFCPINS, APPROTECT and REGOUT0 read
+//! what the image or the firmware put there and change nothing here: the reset pin, the NFC antenna and the supply are
 //! outside the model, and what APPROTECT means to a debugger is [`crate::Nrf52840::debug_port_open`].
 use crate::Settings;
 use crate::clocks::Clocks;

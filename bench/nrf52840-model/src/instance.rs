@@ -1,11 +1,11 @@
 //! What every peripheral of the part has in common (PS 6.1, *Peripheral interface*).
 //!
-//! A peripheral is a block of registers at its ID × 0x1000: tasks below 0x100, events from 0x100 (bit *n* of INTEN is the
-//! event at 0x100 + 4 *n*), SHORTS at 0x200, INTEN, INTENSET and INTENCLR at 0x300 to 0x308. [`Block`] holds those, and the
-//! interconnect serves them for everyone; an [`Instance`] adds its own tasks and registers.
+//! A peripheral is a block of registers at its ID × 0x1000: tasks below 0x100, events from 0x100 (bit *n* of INTEN is
+//! the event at 0x100 + 4 *n*), SHORTS at 0x200, INTEN, INTENSET and INTENCLR at 0x300 to 0x308. [`Block`] holds those,
+//! and the interconnect serves them for everyone; an [`Instance`] adds its own tasks and registers.
 //!
-//! An instance never reaches another. It says what happens ([`Act`]) and the interconnect carries it, in order and at the
-//! same instant: an event to the PPI, a byte to memory, a level to a pin.
+//! An instance never reaches another. It says what happens ([`Act`]) and the interconnect carries it, in order and at
+//! the same instant: an event to the PPI, a byte to memory, a level to a pin.
 use crate::clocks::Clocks;
 use crate::{Finding, FindingKind, Pin, SpisEvent};
 use std::collections::VecDeque;
@@ -174,8 +174,8 @@ pub(crate) trait Instance: Debug + Send {
         let _ = (offset, cx);
         false
     }
-    /// What a register of its own reads at `now`, or `None` where it is not modelled. No register modelled here changes when
-    /// it is read.
+    /// What a register of its own reads at `now`, or `None` where it is not modelled. No register modelled here changes
+    /// when it is read.
     fn read(&self, offset: u32, now: u64, clocks: &Clocks) -> Option<u32> {
         let _ = (offset, now, clocks);
         None

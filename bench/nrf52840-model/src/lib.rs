@@ -22,12 +22,12 @@
 //! | an address no block covers | refused by the bus; the engine makes it a precise bus fault |
 //! | current, voltage, brown-out | – |
 //!
-//! Inside, the part is one interconnect (`soc`) with one typed instance per block. A write to any block is carried out with
-//! everything it sets off – event, PPI channel, task, pin, EasyDMA – in the order it happens and at the instant of the
-//! write, which is what PPI's zero CPU latency means (PS 6.16: one PCLK16M cycle, here none).
+//! Inside, the part is one interconnect (`soc`) with one typed instance per block. A write to any block is carried out
+//! with everything it sets off – event, PPI channel, task, pin, EasyDMA – in the order it happens and at the instant of
+//! the write, which is what PPI's zero CPU latency means (PS 6.16: one PCLK16M cycle, here none).
 //!
-//! rigless puts models on slots of a bus; the interconnect sits on the PPI's slot, which therefore carries every interrupt
-//! of the part, and the other blocks hand their accesses to it.
+//! rigless puts models on slots of a bus; the interconnect sits on the PPI's slot, which therefore carries every
+//! interrupt of the part, and the other blocks hand their accesses to it.
 #![forbid(unsafe_code)]
 
 mod clock_power;
@@ -356,8 +356,8 @@ impl Nrf52840 {
         &self.soc.settings
     }
 
-    /// The core of this part for rigless: Cortex-M4F at 64 MHz, 48 lines, 3 priority bits, 8 MPU regions, vector table at 0,
-    /// retiring `instructions_per_second` (64 million is one instruction a cycle).
+    /// The core of this part for rigless: Cortex-M4F at 64 MHz, 48 lines, 3 priority bits, 8 MPU regions, vector table
+    /// at 0, retiring `instructions_per_second` (64 million is one instruction a cycle).
     #[must_use]
     pub fn core_spec(&self, instructions_per_second: NonZeroU64) -> CoreSpec {
         let core = armv7m::Core {
@@ -387,8 +387,8 @@ impl Nrf52840 {
         out
     }
 
-    /// Hangs `peer` on `bus` and returns its index. More than one chip may share a bus; two selected at once answer with
-    /// the AND of both, and that is a finding.
+    /// Hangs `peer` on `bus` and returns its index. More than one chip may share a bus; two selected at once answer
+    /// with the AND of both, and that is a finding.
     pub fn attach_spi(&mut self, bus: SpiBus, peer: Box<dyn Peer>) -> usize {
         self.soc.attach(bus, peer)
     }
@@ -406,8 +406,8 @@ impl Nrf52840 {
         peer.downcast_mut()
     }
 
-    /// Something outside drives `pin` to `level` from `at` on. IN, SENSE, GPIOTE and an SPIS whose CSN this is see it at
-    /// that instant. What it sets off settles when the session resumes, as with every input.
+    /// Something outside drives `pin` to `level` from `at` on. IN, SENSE, GPIOTE and an SPIS whose CSN this is see it
+    /// at that instant. What it sets off settles when the session resumes, as with every input.
     pub fn drive_pin(&mut self, at: VirtualNanos, pin: Pin, level: bool) {
         self.drive(at, |soc| soc.outside(pin, Some(level)));
     }
@@ -429,28 +429,29 @@ impl Nrf52840 {
     }
 
     /// The SSI's controller pulls the chip select `csn` low. The SPIS on that pin arbitrates its semaphore here, at the
-    /// falling edge, and for the whole transaction. A pin that nobody has driven yet rests high, as the pull-up of a chip
-    /// select has it. Let the session resume before the first [`Nrf52840::ssi_clock`].
+    /// falling edge, and for the whole transaction. A pin that nobody has driven yet rests high, as the pull-up of a
+    /// chip select has it. Let the session resume before the first [`Nrf52840::ssi_clock`].
     pub fn ssi_select(&mut self, at: VirtualNanos, csn: Pin) {
         self.drive(at, |soc| soc.ssi_select(csn));
     }
 
-    /// The SSI's controller clocks one byte into the selected SPIS and gets one back. `at` is the byte's last edge, at which
-    /// `mosi` is complete; what MISO carried was loaded at the end of the byte before. Let the session resume after each
-    /// byte, because EasyDMA fetches the next one there. `None` where no SPIS is selected: MISO floats.
+    /// The SSI's controller clocks one byte into the selected SPIS and gets one back. `at` is the byte's last edge, at
+    /// which `mosi` is complete; what MISO carried was loaded at the end of the byte before. Let the session resume
+    /// after each byte, because EasyDMA fetches the next one there. `None` where no SPIS is selected: MISO floats.
     pub fn ssi_clock(&mut self, at: VirtualNanos, mosi: u8) -> Option<u8> {
         self.drive(at, |soc| soc.ssi_clock(mosi))
     }
 
-    /// How many bytes the SSI's controller may clock before the selected SPIS raises an event; `usize::MAX` for any number.
+    /// How many bytes the SSI's controller may clock before the selected SPIS raises an event; `usize::MAX` for any
+    /// number.
     #[must_use]
     pub fn ssi_quiet(&self) -> usize {
         self.soc.ssi_quiet()
     }
 
-    /// As [`Nrf52840::ssi_clock`], with EasyDMA served from `memory` at once, so that bytes that were clocked one after the other
-    /// can be exchanged together after the last of them: each with its own instant, and memory as it is now. No more than
-    /// [`Nrf52840::ssi_quiet`] of them, or an event comes late.
+    /// As [`Nrf52840::ssi_clock`], with EasyDMA served from `memory` at once, so that bytes that were clocked one after
+    /// the other can be exchanged together after the last of them: each with its own instant, and memory as it is now.
+    /// No more than [`Nrf52840::ssi_quiet`] of them, or an event comes late.
     pub fn ssi_exchange(&mut self, at: VirtualNanos, mosi: u8, memory: &mut dyn Memory) -> Option<u8> {
         self.drive(at, |soc| {
             let miso = soc.ssi_clock(mosi);

@@ -1,7 +1,7 @@
 //! The register tables: name, offset, direction and reset value of every register of the part.
 //!
-//! They are data, made from Nordic's device description (`nrf52840.svd`, as `nrf52840-pac` 0.12 carries it). Instances that
-//! share a block share a table, and a register that only the second of them has carries its name as prefix.
+//! They are data, made from Nordic's device description (`nrf52840.svd`, as `nrf52840-pac` 0.12 carries it). Instances
+//! that share a block share a table, and a register that only the second of them has carries its name as prefix.
 use rigless::soc::{Access, ReadAction, RegisterSpec, Width, WriteModify};
 
 const fn row(name: &'static str, offset: u32, reset: u64, access: Access) -> RegisterSpec {

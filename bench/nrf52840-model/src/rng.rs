@@ -5,8 +5,8 @@
 //! | START, STOP, VALRDY, VALUE, VALRDY_STOP, DERCEN | 6.21 |
 //! | 128 µs to start; 30 µs a byte, 120 µs with bias correction | 6.21 |
 //!
-//! Left out: randomness. The bytes are SplitMix64's, so that the same seed gives the same run; they go on through a reset,
-//! as the noise of the part would not repeat either.
+//! Left out: randomness. The bytes are SplitMix64's, so that the same seed gives the same run; they go on through a
+//! reset, as the noise of the part would not repeat either.
 use crate::clocks::Clocks;
 use crate::instance::{Block, Cx, Instance};
 

@@ -6,8 +6,8 @@
 //! | TICK, OVRFLW, COMPARE[n], each only while EVTEN or INTEN has it | 6.22 |
 //! | a compare register written with the count it has, or the next one, does not match this time round | 6.22 |
 //!
-//! A task takes effect at the LFCLK tick under way. The part takes one to two ticks more and lets CC = COUNTER + 1 match
-//! sometimes; here it never does, and is reported, because a firmware must not rely on it.
+//! A task takes effect at the LFCLK tick under way. The part takes one to two ticks more and lets CC = COUNTER + 1
+//! match sometimes; here it never does, and is reported, because a firmware must not rely on it.
 //!
 //! Left out: the jitter of tasks triggered by the CPU against LFCLK (PS 6.22).
 use crate::clocks::Clocks;

@@ -1,6 +1,7 @@
 //! SPIM and SPIS: the shared serial blocks, SPIM0–3 and SPIS0–2 (PS 6.25, 6.26).
 //!
-//! SPIM*n*, SPIS*n* and the rest of one number are one block with one set of registers; ENABLE says which of them it is.
+//! SPIM*n*, SPIS*n* and the rest of one number are one block with one set of registers; ENABLE says which of them it
+//! is.
 //!
 //! | covered, SPIM | PS 6.25 |
 //! |---|---|

@@ -13,9 +13,9 @@
 //! | the one PCLK16M cycle that a PPI channel takes | below the resolution anything here is asked for; order is kept |
 //! | RAM[n].POWER taking a section's contents | the registers are there; memory belongs to the engine |
 //!
-//! Everything that happens is an [`Act`] in one queue, carried out in order. An event that triggers, through PPI, the task
-//! that raises it again never ends on the part, one turn per clock cycle; here it is cut after [`LOOP_LIMIT`] turns and
-//! reported.
+//! Everything that happens is an [`Act`] in one queue, carried out in order. An event that triggers, through PPI, the
+//! task that raises it again never ends on the part, one turn per clock cycle; here it is cut after [`LOOP_LIMIT`]
+//! turns and reported.
 use crate::clock_power::ClockPower;
 use crate::clocks::{Clocks, LFCLK, Oscillator, PCLK16M};
 use crate::egu::Egu;
@@ -511,8 +511,8 @@ impl Soc {
         self.out.find(self.now, FindingKind::Unmodelled, spec(id).peripheral.name, what, offset);
     }
 
-    /// Carries everything out that is waiting, drives the interrupt lines that moved, and asks to be called again when the
-    /// next thing happens.
+    /// Carries everything out that is waiting, drives the interrupt lines that moved, and asks to be called again when
+    /// the next thing happens.
     pub(crate) fn carry(&mut self, context: &mut DeviceContext<'_>) {
         self.drain(context);
         self.look_at_touched();

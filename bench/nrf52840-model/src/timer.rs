@@ -6,12 +6,12 @@
 //! | COMPARE at the exact tick, with CLEAR and STOP shortcuts | 6.30 |
 //! | Timer, Counter and LowPowerCounter mode, all bit modes, PRESCALER 0 to 9 | 6.30 |
 //!
-//! A compare register matches when the counter *becomes* equal to it: one written with the present count matches after the
-//! counter has gone round. With the CLEAR shortcut the period is CC ticks. A match that falls due in the instant of a
-//! task or of a write comes before it: neither takes it back.
+//! A compare register matches when the counter *becomes* equal to it: one written with the present count matches after
+//! the counter has gone round. With the CLEAR shortcut the period is CC ticks. A match that falls due in the instant of
+//! a task or of a write comes before it: neither takes it back.
 //!
-//! Left out: the PCLK1M saving of PRESCALER above 4, and the one-cycle resynchronisation of START, which is taken at the
-//! PCLK16M tick under way.
+//! Left out: the PCLK1M saving of PRESCALER above 4, and the one-cycle resynchronisation of START, which is taken at
+//! the PCLK16M tick under way.
 use crate::clocks::Clocks;
 use crate::instance::{Block, Cx, Instance, index};
 

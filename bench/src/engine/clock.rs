@@ -1,13 +1,13 @@
 //! The fast clock: instructions counted, converted to time once.
 //!
 //! An instruction takes a fixed number of core cycles, so the instant of an instruction is its count times an exact
-//! rational number of nanoseconds, rounded down once. Nothing accumulates: a crystal that is 1 ppm off is 10 µs off after
-//! ten seconds, neither more nor less.
+//! rational number of nanoseconds, rounded down once. Nothing accumulates: a crystal that is 1 ppm off is 10 µs off
+//! after ten seconds, neither more nor less.
 //!
-//! A fixed cost is a deliberate simplification. A Cortex-M4 runs most instructions in one cycle and loads, stores and taken
-//! branches in two to four; flash wait states add to that. Compiled firmware of this kind averages about 1.5 cycles, which is
-//! the constant both boards use ([`FAST_CYCLES_PER_INSTRUCTION`]). Exception entry (12 cycles) and exit (10) are not charged:
-//! interrupt latency on this clock is the model's and must not be quoted as the silicon's.
+//! A fixed cost is a deliberate simplification. A Cortex-M4 runs most instructions in one cycle and loads, stores and
+//! taken branches in two to four; flash wait states add to that. Compiled firmware of this kind averages about 1.5
+//! cycles, which is the constant both boards use ([`FAST_CYCLES_PER_INSTRUCTION`]). Exception entry (12 cycles) and
+//! exit (10) are not charged: interrupt latency on this clock is the model's and must not be quoted as the silicon's.
 
 use rigless::time::NANOS_PER_SECOND;
 

@@ -1,7 +1,8 @@
 //! Guest memory: flash and RAM of one target, shared with the core that runs from it.
 //!
-//! The core's translated code reads and writes these bytes directly, so they live at a fixed place of the host's memory that
-//! nothing else holds a reference to. This is the only module of the crate with `unsafe` code, and it hands out bytes by value.
+//! The core's translated code reads and writes these bytes directly, so they live at a fixed place of the host's memory
+//! that nothing else holds a reference to. This is the only module of the crate with `unsafe` code, and it hands out
+//! bytes by value.
 #![expect(unsafe_code, reason = "a rigless processor maps guest memory by raw pointer, see the SAFETY comments")]
 
 use std::alloc::{Layout, alloc_zeroed, dealloc, handle_alloc_error};
@@ -24,8 +25,9 @@ struct Area {
     programmed: bool,
 }
 
-// SAFETY: an `Area` owns its allocation alone: the pointer is never copied out of this module but into the processor it is
-// mapped to, which lives beside it in one `Node` and moves with it. No thread touches the bytes while another owns the node.
+// SAFETY: an `Area` owns its allocation alone: the pointer is never copied out of this module but into the processor it
+// is mapped to, which lives beside it in one `Node` and moves with it. No thread touches the bytes while another owns
+// the node.
 unsafe impl Send for Area {}
 
 impl Area {
@@ -68,8 +70,8 @@ impl Area {
 
     fn copy_out(&self, offset: usize, to: &mut [u8]) {
         assert!(offset + to.len() <= self.size);
-        // SAFETY: the range was just checked to lie inside the allocation, `to` is a distinct Rust slice, and no reference to
-        // the source exists.
+        // SAFETY: the range was just checked to lie inside the allocation, `to` is a distinct Rust slice, and no
+        // reference to the source exists.
         unsafe { self.bytes.as_ptr().add(offset).copy_to_nonoverlapping(to.as_mut_ptr(), to.len()) }
     }
 
@@ -82,8 +84,8 @@ impl Area {
 
 impl Drop for Area {
     fn drop(&mut self) {
-        // SAFETY: allocated in `new` with the same layout and freed here only. The processor that mapped it is gone: `Node`
-        // declares its processor before its memory, so it is dropped first.
+        // SAFETY: allocated in `new` with the same layout and freed here only. The processor that mapped it is gone:
+        // `Node` declares its processor before its memory, so it is dropped first.
         unsafe { dealloc(self.bytes.as_ptr(), Self::layout(self.size)) }
     }
 }
@@ -118,9 +120,10 @@ impl GuestMemory {
             let length = area.size as u64;
             for &start in &area.starts {
                 if start.is_multiple_of(page) && length.is_multiple_of(page) && cpu.maps(start, length) {
-                    // SAFETY: `start` and `length` are whole pages, the allocation is aligned to at least one, is `length`
-                    // bytes long and never moves. It outlives the processor (see `Drop`). This module hands out no reference
-                    // to the bytes, so none is live while the processor runs, and one thread owns both.
+                    // SAFETY: `start` and `length` are whole pages, the allocation is aligned to at least one, is
+                    // `length` bytes long and never moves. It outlives the processor (see `Drop`). This module hands
+                    // out no reference to the bytes, so none is live while the processor runs, and one thread owns
+                    // both.
                     unsafe { cpu.map(start, length, area.bytes.as_ptr(), area.writable) }
                 }
             }
@@ -155,8 +158,8 @@ impl GuestMemory {
         self.read(address, bytes.get_mut(..length)?).then(|| u64::from_le_bytes(bytes))
     }
 
-    /// Writes `from` at `address`, flash included, and answers whether all of it is memory. Code translated from those bytes
-    /// is dropped before the core's next instruction.
+    /// Writes `from` at `address`, flash included, and answers whether all of it is memory. Code translated from those
+    /// bytes is dropped before the core's next instruction.
     pub fn write(&mut self, address: u64, from: &[u8]) -> bool {
         let found =
             self.areas.iter_mut().find_map(|area| area.offset(address, from.len()).map(|offset| (area, offset)));

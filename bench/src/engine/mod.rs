@@ -1,20 +1,21 @@
 //! The engine: real firmware images on emulated microcontrollers, in virtual time.
 //!
-//! A [`Node`] is one board: a rigless core and the models of its part, stepped to an instant by [`Node::advance`]. A [`Pair`] keeps
-//! two of them in lock-step on the caller's thread with whatever passes between; a [`Relay`] runs two of which one only speaks and
-//! the other only hears, each on a thread. Everything is a function of the images, the board and what the caller puts in: no wall
-//! clock, no randomness, nothing that hangs on which thread comes first. The same run gives the same [`Node::digest`] on every
-//! host.
+//! A [`Node`] is one board: a rigless core and the models of its part, stepped to an instant by [`Node::advance`]. A
+//! [`Pair`] keeps two of them in lock-step on the caller's thread with whatever passes between; a [`Relay`] runs two of
+//! which one only speaks and the other only hears, each on a thread. Everything is a function of the images, the board
+//! and what the caller puts in: no wall clock, no randomness, nothing that hangs on which thread comes first. The same
+//! run gives the same [`Node::digest`] on every host.
 //!
 //! # Time
-//! Virtual time is `u64` nanoseconds from power-on, one time for all boards. Each part's own clocks are what its crystals make of
-//! that time: a crystal that is off shows as a rate, see [`Clock`]. Models act at their exact instants. The core acts on
-//! instruction boundaries, so an instant the core takes part in is late by at most one instruction (10 to 24 ns).
+//! Virtual time is `u64` nanoseconds from power-on, one time for all boards. Each part's own clocks are what its
+//! crystals make of that time: a crystal that is off shows as a rate, see [`Clock`]. Models act at their exact
+//! instants. The core acts on instruction boundaries, so an instant the core takes part in is late by at most one
+//! instruction (10 to 24 ns).
 //!
 //! # What stops a run from lying
-//! An access where the part has nothing faults, as on silicon. An access to a register without a model, to a peripheral whose
-//! clock is off, or to a state the manual forbids is a [`Finding`] with the instruction that did it. A run with findings is not a
-//! passed run.
+//! An access where the part has nothing faults, as on silicon. An access to a register without a model, to a peripheral
+//! whose clock is off, or to a state the manual forbids is a [`Finding`] with the instruction that did it. A run with
+//! findings is not a passed run.
 
 mod clock;
 mod finding;

@@ -1,9 +1,10 @@
 //! One board in virtual time: a core, its part's models, and the clock between them.
 //!
-//! The core runs a stretch of instructions at a time. A stretch ends at the next instant anything else happens: a model's event,
-//! the horizon of [`Node::advance`], or an access of the firmware that changed what is due. A core that waits runs nothing and its
-//! clock is set to the next such instant. Rigless calls a core waiting from its WFI until it next runs, even when an interrupt has
-//! reached it meanwhile, so the node keeps a flag of its own for "runs nothing until something happens".
+//! The core runs a stretch of instructions at a time. A stretch ends at the next instant anything else happens: a
+//! model's event, the horizon of [`Node::advance`], or an access of the firmware that changed what is due. A core that
+//! waits runs nothing and its clock is set to the next such instant. Rigless calls a core waiting from its WFI until it
+//! next runs, even when an interrupt has reached it meanwhile, so the node keeps a flag of its own for "runs nothing
+//! until something happens".
 
 use std::collections::BTreeSet;
 
@@ -486,7 +487,8 @@ impl<B: Wiring> Node<B> {
         self
     }
 
-    /// Whether proven polling loops are counted instead of run, as they are unless told otherwise. The run is the same either way.
+    /// Whether proven polling loops are counted instead of run, as they are unless told otherwise. The run is the same
+    /// either way.
     pub fn skip_polling_loops(&mut self, skip: bool) {
         self.side.skips = skip;
     }
@@ -559,13 +561,14 @@ impl<B: Wiring> Node<B> {
         self.asleep
     }
 
-    /// Something outside acts on the board now: a pin, a byte on a line, an edge of an SPI clock. The models hear of it at this
-    /// instant, and so does the core if it raised an interrupt.
+    /// Something outside acts on the board now: a pin, a byte on a line, an edge of an SPI clock. The models hear of it
+    /// at this instant, and so does the core if it raised an interrupt.
     pub fn input<T>(&mut self, act: impl FnOnce(&mut B, u64) -> T) -> T {
         self.input_with_memory(|board, _, at| act(board, at))
     }
 
-    /// As [`Node::input`], for what makes a bus controller of the part reach memory at once rather than when the models settle.
+    /// As [`Node::input`], for what makes a bus controller of the part reach memory at once rather than when the models
+    /// settle.
     pub fn input_with_memory<T>(&mut self, act: impl FnOnce(&mut B, &mut dyn Memory, u64) -> T) -> T {
         let at = VirtualNanos(self.now());
         self.side.instant = at.0;
@@ -582,8 +585,8 @@ impl<B: Wiring> Node<B> {
         self.advance_or_restart(to, false);
     }
 
-    /// As [`Node::advance`], but no further than the next restart of the part, before its core has run an instruction. Answers
-    /// whether it restarted.
+    /// As [`Node::advance`], but no further than the next restart of the part, before its core has run an instruction.
+    /// Answers whether it restarted.
     pub fn advance_to_restart(&mut self, to: u64) -> bool {
         self.advance_or_restart(to, true)
     }
@@ -740,8 +743,8 @@ impl<B: Wiring> Node<B> {
         }
     }
 
-    /// Counts the iterations of a polling loop up to the next event instead of running them, once the loop is proven to change
-    /// nothing. See [`super::poll`].
+    /// Counts the iterations of a polling loop up to the next event instead of running them, once the loop is proven to
+    /// change nothing. See [`super::poll`].
     fn skip_polling(&mut self) {
         let gap = self.side.poll.gap;
         let target = self.target();
@@ -870,8 +873,8 @@ impl<B: Wiring> Node<B> {
         std::mem::take(&mut self.side.edges)
     }
 
-    /// How long the core was awake since power-on. An instruction counts with the time the clock gives it, polling that was
-    /// skipped included.
+    /// How long the core was awake since power-on. An instruction counts with the time the clock gives it, polling that
+    /// was skipped included.
     #[must_use]
     pub fn usage(&self) -> Usage {
         Usage { awake: self.side.awake(self.cpu.retired()), total: self.now() }
@@ -1088,8 +1091,8 @@ impl<B: Wiring> Node<B> {
         self.find(FindingKind::Panic, Some(lr.saturating_sub(2)), text);
     }
 
-    /// `PanicInfo` has no stable layout, but it holds a `&Location`: {file name, its length, line, column}. The first word of it
-    /// that points to something of that shape is taken.
+    /// `PanicInfo` has no stable layout, but it holds a `&Location`: {file name, its length, line, column}. The first
+    /// word of it that points to something of that shape is taken.
     fn panic_place(&self) -> Option<String> {
         let info = u64::from(self.register(0));
         let memory = &self.side.memory;

@@ -15,7 +15,8 @@ impl Part for Nrf52840 {
         self.core_spec(NonZeroU64::new(CORE_HZ).expect("not zero"))
     }
 
-    /// 64 MHz from either source (PS 5.4); the internal oscillator's error is left out, as the cycle counter leaves it out.
+    /// 64 MHz from either source (PS 5.4); the internal oscillator's error is left out, as the cycle counter leaves it
+    /// out.
     fn rate(&self) -> Rate {
         Rate { hz: CORE_HZ, ppb: self.settings().hfxo_ppb }
     }

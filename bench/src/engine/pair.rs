@@ -1,13 +1,14 @@
 //! Two boards in lock-step.
 //!
-//! Conservative parallel simulation on one thread: a board never runs past the first instant at which something could reach it.
-//! That instant is bounded by what the other board may do first (its next event if it sleeps, its present if it is awake) plus
-//! the [`Lookahead`], the least time anything takes to cross. Messages carry their own instant and are delivered at it, actors
-//! beside a board (a flight controller, a receiver) act at theirs. A sleeping board holds nobody back.
+//! Conservative parallel simulation on one thread: a board never runs past the first instant at which something could
+//! reach it. That instant is bounded by what the other board may do first (its next event if it sleeps, its present if
+//! it is awake) plus the [`Lookahead`], the least time anything takes to cross. Messages carry their own instant and
+//! are delivered at it, actors beside a board (a flight controller, a receiver) act at theirs. A sleeping board holds
+//! nobody back.
 //!
-//! The caller describes what passes in a [`Between`]: what leaves a board, when it arrives, and what stands beside each board.
-//! The order is fixed (messages before actors, by instant and then by the order they were sent), so a run is a function of its
-//! inputs.
+//! The caller describes what passes in a [`Between`]: what leaves a board, when it arrives, and what stands beside each
+//! board. The order is fixed (messages before actors, by instant and then by the order they were sent), so a run is a
+//! function of its inputs.
 
 use std::collections::BTreeMap;
 
@@ -16,8 +17,8 @@ use super::{Node, Wiring};
 
 /// The least time anything takes to cross between the boards, in virtual nanoseconds.
 ///
-/// The two must not both be zero. [`Lookahead::NEVER`] is a direction nothing ever takes. A controller on one board that reads an
-/// answer from the other within one transfer needs less than a byte time of its bus, 1 µs at 8 MHz.
+/// The two must not both be zero. [`Lookahead::NEVER`] is a direction nothing ever takes. A controller on one board
+/// that reads an answer from the other within one transfer needs less than a byte time of its bus, 1 µs at 8 MHz.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Lookahead {
     /// From the first board to the second.
@@ -31,8 +32,8 @@ impl Lookahead {
     pub const NEVER: u64 = u64::MAX;
 }
 
-/// How far one board may run ahead of the other where nothing holds it back, in virtual nanoseconds: bounds what waits to be
-/// delivered.
+/// How far one board may run ahead of the other where nothing holds it back, in virtual nanoseconds: bounds what waits
+/// to be delivered.
 const MOST_LEAD: u64 = 1_000_000;
 
 /// Messages on their way, with the instant each arrives at.

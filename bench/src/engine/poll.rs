@@ -1,8 +1,9 @@
 //! Register polling, skipped where skipping is exact.
 //!
-//! Firmware that waits for a flag reads one register again and again. Each read is a call into the models, which made such a wait
-//! 0.1 times real time. Between two events of the models nothing the loop can see changes, so its iterations are counted and not
-//! run. That is exact only if an iteration leaves everything as it found it, and this module proves it for every loop it skips:
+//! Firmware that waits for a flag reads one register again and again. Each read is a call into the models, which made
+//! such a wait 0.1 times real time. Between two events of the models nothing the loop can see changes, so its
+//! iterations are counted and not run. That is exact only if an iteration leaves everything as it found it, and this
+//! module proves it for every loop it skips:
 //!
 //! 1. One register is read with the same answer, the same number of instructions apart, [`STREAK`] times.
 //! 2. The register is not one whose read takes something out of a model (data registers).
@@ -14,7 +15,8 @@
 pub(crate) const STREAK: u32 = 4;
 /// The longest iteration looked at, in instructions.
 pub(crate) const LONGEST: u64 = 32;
-/// How many registers [`rigless::emulator::Processor::gdb_register`] numbers on a Cortex-M4F: core, xPSR, FPU and special.
+/// How many registers [`rigless::emulator::Processor::gdb_register`] numbers on a Cortex-M4F: core, xPSR, FPU and
+/// special.
 pub(crate) const REGISTERS: std::ops::RangeInclusive<usize> = 0..=39;
 
 /// The firmware's last accesses, as far as they are one read made again and again.
@@ -63,8 +65,9 @@ fn is_exception_return(target: u32) -> bool {
     target >= 0xF000_0000
 }
 
-/// Whether the Thumb instruction `first` (and `second`, where it is a wide one) changes nothing but core registers and reads
-/// nothing of the processor's own peripherals. Encodings as in the ARMv7-M Architecture Reference Manual, chapter A5.
+/// Whether the Thumb instruction `first` (and `second`, where it is a wide one) changes nothing but core registers and
+/// reads nothing of the processor's own peripherals. Encodings as in the ARMv7-M Architecture Reference Manual, chapter
+/// A5.
 pub(crate) fn is_harmless(first: u16, second: u16, register: impl Fn(usize) -> u32) -> bool {
     let low = |shift: u16| usize::from(first >> shift & 7);
     let readable = |address: u32| !is_private(address);

@@ -1,16 +1,17 @@
 //! Two boards of which one only speaks and the other only hears.
 //!
-//! Nothing ever comes back to the first board, so what it does depends on itself and on what stands beside it alone. It runs on a
-//! thread of its own, ahead of the second board, and sends every message with its instant. The second board enters a millisecond
-//! of virtual time only once the first has left it, and hears a message a fixed virtual time ahead, which the listener of a
-//! message has to bear. What either does follows from virtual instants alone and never from which thread came first, so a run is
-//! a function of its inputs.
+//! Nothing ever comes back to the first board, so what it does depends on itself and on what stands beside it alone. It
+//! runs on a thread of its own, ahead of the second board, and sends every message with its instant. The second board
+//! enters a millisecond of virtual time only once the first has left it, and hears a message a fixed virtual time
+//! ahead, which the listener of a message has to bear. What either does follows from virtual instants alone and never
+//! from which thread came first, so a run is a function of its inputs.
 //!
-//! The first board may be far ahead: the translation of a piece of firmware that is reached for the first time holds its board up
-//! for milliseconds of real time, at other instants on each board, and the lead keeps the other one busy meanwhile.
+//! The first board may be far ahead: the translation of a piece of firmware that is reached for the first time holds
+//! its board up for milliseconds of real time, at other instants on each board, and the lead keeps the other one busy
+//! meanwhile.
 //!
-//! The caller describes what stands beside the first board in an [`Upstream`] (receivers on its lines), and what stands beside the
-//! second in a [`Downstream`] (a flight controller).
+//! The caller describes what stands beside the first board in an [`Upstream`] (receivers on its lines), and what stands
+//! beside the second in a [`Downstream`] (a flight controller).
 
 use std::collections::VecDeque;
 use std::sync::mpsc;
@@ -108,8 +109,9 @@ where
     U: Upstream<A>,
     D: Downstream<B, Message = U::Message, Notes = U::Notes>,
 {
-    /// Runs both boards to `end` (virtual ns), or to the first instruction boundary after it. Whenever the second board has come
-    /// another `step` of virtual time, and at the end, `each` is called with the instant, it and its surroundings.
+    /// Runs both boards to `end` (virtual ns), or to the first instruction boundary after it. Whenever the second board
+    /// has come another `step` of virtual time, and at the end, `each` is called with the instant, it and its
+    /// surroundings.
     ///
     /// # Errors
     ///

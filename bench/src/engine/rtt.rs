@@ -1,8 +1,8 @@
 //! SEGGER RTT as a debug probe reads it, and the defmt stream inside it.
 //!
-//! A firmware keeps a control block called `_SEGGER_RTT`: the magic, the counts of up and down channels, then 24 bytes for each
-//! channel {name, buffer, size, write offset, read offset, flags}. The probe empties an up channel from the read to the write
-//! offset, wraps at the size, and writes the read offset back, which is what makes room for more.
+//! A firmware keeps a control block called `_SEGGER_RTT`: the magic, the counts of up and down channels, then 24 bytes
+//! for each channel {name, buffer, size, write offset, read offset, flags}. The probe empties an up channel from the
+//! read to the write offset, wraps at the size, and writes the read offset back, which is what makes room for more.
 
 use super::memory::GuestMemory;
 
@@ -118,8 +118,8 @@ pub(crate) struct LogStream {
 }
 
 impl LogStream {
-    /// Takes `bytes` as they came from the channel and hands every complete line to `line`. Answers how many frames did not
-    /// decode.
+    /// Takes `bytes` as they came from the channel and hands every complete line to `line`. Answers how many frames did
+    /// not decode.
     pub(crate) fn take(
         &mut self,
         table: Option<&defmt_decoder::Table>,

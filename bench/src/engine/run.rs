@@ -1,7 +1,8 @@
 //! One firmware alone on one board, to its end: what `cargo xtask run` and on-target test suites go through.
 //!
-//! The run ends when the firmware exits through semihosting, when it dies (a panic whose handler faults, a HardFault, a lock-up),
-//! or at a limit of virtual time. defmt-test exits with `SYS_EXIT_EXTENDED`; panic-probe ends a failed test in a HardFault.
+//! The run ends when the firmware exits through semihosting, when it dies (a panic whose handler faults, a HardFault, a
+//! lock-up), or at a limit of virtual time. defmt-test exits with `SYS_EXIT_EXTENDED`; panic-probe ends a failed test
+//! in a HardFault.
 
 use std::str::FromStr;
 
@@ -96,8 +97,8 @@ impl Outcome {
         self.exit == Some(0) && self.findings.is_empty()
     }
 
-    /// The status for a process that stands for this run: the firmware's own, 101 where it died (as a panic of a host process
-    /// gives), 124 where it ran into the limit (as `timeout` gives).
+    /// The status for a process that stands for this run: the firmware's own, 101 where it died (as a panic of a host
+    /// process gives), 124 where it ran into the limit (as `timeout` gives).
     #[must_use]
     pub fn status(&self) -> u32 {
         match self.exit {

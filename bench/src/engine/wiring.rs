@@ -1,8 +1,9 @@
 //! What the engine asks of a microcontroller and of the board around it.
 //!
-//! A [`Part`] is one microcontroller: a rigless [`Mcu`] plus what the engine needs beyond it. A [`Wiring`] is that part with its
-//! board: chips on its buses and the wires to its pins. After every access of the firmware and at every stop the engine calls
-//! [`Wiring::settle`], where the board carries what its chips drive to the part's pins. The part hears of it at that same instant.
+//! A [`Part`] is one microcontroller: a rigless [`Mcu`] plus what the engine needs beyond it. A [`Wiring`] is that part
+//! with its board: chips on its buses and the wires to its pins. After every access of the firmware and at every stop
+//! the engine calls [`Wiring::settle`], where the board carries what its chips drive to the part's pins. The part hears
+//! of it at that same instant.
 
 use std::fmt::Debug;
 use std::ops::Range;
@@ -54,15 +55,15 @@ pub trait Part: Mcu + Debug + Send + 'static {
     /// The restart that comes next is the supply's doing, whatever cause it is given.
     fn supply_failed(&mut self, how: Supply);
 
-    /// The part looks at its own pins at `at` (ns): edges towards its interrupt controller, output pins being watched. Answers
-    /// whether anything moved.
+    /// The part looks at its own pins at `at` (ns): edges towards its interrupt controller, output pins being watched.
+    /// Answers whether anything moved.
     fn settle(&mut self, at: u64) -> bool {
         let _ = at;
         false
     }
 
-    /// What `access` (a store into flash or any access to a register) means to program memory. Only for parts whose models
-    /// keep no flash contents.
+    /// What `access` (a store into flash or any access to a register) means to program memory. Only for parts whose
+    /// models keep no flash contents.
     fn flash(&mut self, access: &Access) -> FlashAction {
         let _ = access;
         FlashAction::None
@@ -83,8 +84,8 @@ pub trait Part: Mcu + Debug + Send + 'static {
         0
     }
 
-    /// What the part's own models found wrong so far, oldest first, beyond what the engine finds by itself: kind, instant (ns) and
-    /// words. The engine reports each once.
+    /// What the part's own models found wrong so far, oldest first, beyond what the engine finds by itself: kind,
+    /// instant (ns) and words. The engine reports each once.
     fn findings(&self) -> Vec<(FindingKind, u64, String)> {
         Vec::new()
     }
@@ -101,15 +102,16 @@ pub trait Wiring: Debug + Send + 'static {
     /// The microcontroller, to drive its pins from [`super::Node::input`].
     fn part_mut(&mut self) -> &mut Self::Part;
 
-    /// Carries what the board's chips drive to the part's pins at `at` (ns), and answers whether anything moved. Called again
-    /// until nothing does.
+    /// Carries what the board's chips drive to the part's pins at `at` (ns), and answers whether anything moved. Called
+    /// again until nothing does.
     fn settle(&mut self, at: u64) -> bool {
         let _ = at;
         false
     }
 
     /// When a chip of the board next acts by itself (ns), `u64::MAX` for never. At that instant the engine calls
-    /// [`Wiring::settle`], which must move it on. A chip that schedules its events with the part's models needs none of this.
+    /// [`Wiring::settle`], which must move it on. A chip that schedules its events with the part's models needs none of
+    /// this.
     fn next_event(&self) -> u64 {
         u64::MAX
     }

@@ -9,9 +9,9 @@
 //! | `SYSCFG_EXTICR1` to `4` | Which port's pin each of lines 0 to 15 listens to, 9.2.3 |
 //! | Interrupts | Lines 0 to 4 each their own, 5 to 9 and 10 to 15 shared, 16 (PVD), 21 and 22 their own, table 63 |
 //!
-//! **Left out.** Event mode (`EMR` waking a WFE): no firmware here waits for events of a pin. Edges of lines 16 to 22 themselves
-//! (PVD, RTC, USB, Ethernet): their sources have no model, so only `SWIER` raises them. `SYSCFG_MEMRMP` and `SYSCFG_PMC` keep what
-//! is written and say so.
+//! **Left out.** Event mode (`EMR` waking a WFE): no firmware here waits for events of a pin. Edges of lines 16 to 22
+//! themselves (PVD, RTC, USB, Ethernet): their sources have no model, so only `SWIER` raises them. `SYSCFG_MEMRMP` and
+//! `SYSCFG_PMC` keep what is written and say so.
 
 use rigless::device::{Device, DeviceContext, Level, RegisterFile};
 use rigless::soc::stm32f427::generated::{exti::Register, syscfg};
@@ -21,8 +21,9 @@ const LINES: u32 = 23;
 /// The lines that come from pins.
 pub(super) const PIN_LINES: u8 = 16;
 
-/// The lines of each interrupt of the instance, in the order its table lists them: interrupts 2 (tamper, line 21), 6 to 10
-/// (lines 0 to 4), 23 (lines 5 to 9), 40 (lines 10 to 15). PVD, RTC and USB wake-up belong to other instances of the tables.
+/// The lines of each interrupt of the instance, in the order its table lists them: interrupts 2 (tamper, line 21), 6 to
+/// 10 (lines 0 to 4), 23 (lines 5 to 9), 40 (lines 10 to 15). PVD, RTC and USB wake-up belong to other instances of the
+/// tables.
 const INTERRUPTS: [u64; 8] = [1 << 21, 1 << 0, 1 << 1, 1 << 2, 1 << 3, 1 << 4, 0x3E0, 0xFC00];
 
 /// The controller.

@@ -1,13 +1,13 @@
 //! The microcontroller of the HORUS board: an STM32F427/F429.
 //!
-//! Most of the part is rigless's: clock tree, ports, SPI, USART, I2C, DMA, TIM1 to TIM5 and TIM8, IWDG, flash interface, ADC. This
-//! module adds what those lack and the HORUS firmware needs: the EXTI with SYSCFG's routing, the simple timers, the window
-//! watchdog, the contents of flash, pins that keep what drives them across a reset, and pins to watch. The F429 is this part with an
-//! LCD controller, which the firmware does not use.
+//! Most of the part is rigless's: clock tree, ports, SPI, USART, I2C, DMA, TIM1 to TIM5 and TIM8, IWDG, flash
+//! interface, ADC. This module adds what those lack and the HORUS firmware needs: the EXTI with SYSCFG's routing, the
+//! simple timers, the window watchdog, the contents of flash, pins that keep what drives them across a reset, and pins
+//! to watch. The F429 is this part with an LCD controller, which the firmware does not use.
 //!
-//! The board's clock is the ST-LINK's 8 MHz on OSC_IN with HSE in bypass. Its error shows in everything the firmware clocks from HSE
-//! and in the core's own rate alike, see [`Oscillators`]. It can be absent, and it can fail and come back in mid run
-//! ([`Stm32f427Part::fail_hse`], [`Stm32f427Part::restore_hse`]).
+//! The board's clock is the ST-LINK's 8 MHz on OSC_IN with HSE in bypass. Its error shows in everything the firmware
+//! clocks from HSE and in the core's own rate alike, see [`Oscillators`]. It can be absent, and it can fail and come
+//! back in mid run ([`Stm32f427Part::fail_hse`], [`Stm32f427Part::restore_hse`]).
 
 mod clocks;
 mod exti;
@@ -66,10 +66,11 @@ pub struct Oscillators {
     /// to +4.5 % from -40 °C to 105 °C (DS9405, table of the HSI oscillator's characteristics). What is clocked from it
     /// is taken to the nearest hertz.
     pub hsi_ppb: i64,
-    /// The internal low-speed oscillator, which runs the independent watchdog: 17 to 47 kHz, 32 kHz typical (data sheet table 42).
+    /// The internal low-speed oscillator, which runs the independent watchdog: 17 to 47 kHz, 32 kHz typical (data sheet
+    /// table 42).
     pub lsi_hz: u64,
-    /// The core clock that the firmware sets in the end, in hertz: what SysTick counts, which rigless gives one rate for good.
-    /// Everything else follows the clock tree, the rate of the instructions included.
+    /// The core clock that the firmware sets in the end, in hertz: what SysTick counts, which rigless gives one rate
+    /// for good. Everything else follows the clock tree, the rate of the instructions included.
     pub systick_hz: u64,
 }
 
@@ -276,8 +277,8 @@ impl Stm32f427Part {
         &mut self.mcu
     }
 
-    /// Drives `pin` from outside from `at` on (virtual ns). A level that is already there changes nothing. What drives a pin goes
-    /// on through a reset of the part.
+    /// Drives `pin` from outside from `at` on (virtual ns). A level that is already there changes nothing. What drives
+    /// a pin goes on through a reset of the part.
     pub fn drive_pin(&mut self, at: u64, pin: PinId, high: bool) -> bool {
         let level = Level::from(high);
         if self.driven.insert(pin, level) == Some(level) {
@@ -318,7 +319,8 @@ impl Stm32f427Part {
         std::mem::take(&mut self.edges)
     }
 
-    /// Hangs `chip` on SPI `interface` (1 to 6), selected while `select` is low. Answers its place among the interface's chips.
+    /// Hangs `chip` on SPI `interface` (1 to 6), selected while `select` is low. Answers its place among the
+    /// interface's chips.
     ///
     /// # Panics
     ///
@@ -359,8 +361,8 @@ impl Stm32f427Part {
         self.mcu.usart[port.index()].chip_mut()
     }
 
-    /// Lets the chip on serial port `port` act at `at`, with a [`Timeline`] to schedule its own events on. A chip that sends on its
-    /// own schedules its first event this way.
+    /// Lets the chip on serial port `port` act at `at`, with a [`Timeline`] to schedule its own events on. A chip that
+    /// sends on its own schedules its first event this way.
     pub fn with_serial_chip<C: uart::Peer, T>(
         &mut self,
         at: u64,
@@ -625,8 +627,9 @@ impl Part for Stm32f427Part {
         self.sample_lines(at)
     }
 
-    /// RM0090 section 3.6: what the interface's registers make of a store into flash, and of a started erase. The model sets `BSY`
-    /// only for an erase it accepts, so write protection counts. A programmed word is there at once, without its 16 µs.
+    /// RM0090 section 3.6: what the interface's registers make of a store into flash, and of a started erase. The model
+    /// sets `BSY` only for an erase it accepts, so write protection counts. A programmed word is there at once, without
+    /// its 16 µs.
     fn flash(&mut self, access: &Access) -> FlashAction {
         const PG: u64 = 1 << 0;
         const SER: u64 = 1 << 1;
@@ -672,8 +675,8 @@ impl Part for Stm32f427Part {
     }
 }
 
-/// The addresses of a sector by `SNB`, RM0090 table 6 and section 3.9.8: four of 16 KiB, one of 64 KiB and seven of 128 KiB in each
-/// bank, the second bank's numbered from 16.
+/// The addresses of a sector by `SNB`, RM0090 table 6 and section 3.9.8: four of 16 KiB, one of 64 KiB and seven of 128
+/// KiB in each bank, the second bank's numbered from 16.
 fn sector(number: u64) -> Range<u64> {
     const KIB: u64 = 1 << 10;
     let bank = FLASH_BASE + (number >> 4) * BANK_BYTES;

@@ -8,8 +8,8 @@
 //! | `SR` `UIF`, `CC1IF`, `CC2IF` | Set by hardware, cleared by writing zero; a compare match sets its channel's flag, 19.4.4 |
 //! | `DIER` `UIE`, `CC1IE`, `CC2IE` | The interrupt is the OR of the flags they enable, 19.4.3 |
 //!
-//! Instants do not accumulate rounding: they come from the count of timer clock cycles since the counter started or its clock
-//! changed.
+//! Instants do not accumulate rounding: they come from the count of timer clock cycles since the counter started or its
+//! clock changed.
 //!
 //! **Left out.** Input capture, output pins, slave mode and DMA requests: setting them up is told to the run.
 

@@ -7,8 +7,8 @@
 //! | `CFR` `W` | Writing `T` while it is above `W` restarts the part, 22.3 |
 //! | `CFR` `EWI`, `SR` `EWIF` | At 0x40 `EWIF` is set, and interrupts when `EWI` is, 22.3 |
 //!
-//! **Left out.** The prescaler runs freely in the part; here it starts with each write of `T`, so a time-out is at the long end of
-//! the part's one-tick uncertainty. `DBGMCU` freezing it.
+//! **Left out.** The prescaler runs freely in the part; here it starts with each write of `T`, so a time-out is at the
+//! long end of the part's one-tick uncertainty. `DBGMCU` freezing it.
 
 use rigless::device::{Device, DeviceContext, Level, RegisterFile};
 use rigless::soc::stm32f427::generated::wwdg::Register;

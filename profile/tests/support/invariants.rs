@@ -1,7 +1,7 @@
 //! What must hold of every parser for every input. A fuzz target is one of these; so is the replay of its corpus.
 //!
-//! A CRC-32 stops nearly every mutation at the door. So each invariant is asked twice: of the input as it is, and of the
-//! input with identifiers and CRCs put right, which must be accepted.
+//! A CRC-32 stops nearly every mutation at the door. So each invariant is asked twice: of the input as it is, and of
+//! the input with identifiers and CRCs put right, which must be accepted.
 use profile::{
     GpsObject, GpsStatus, Identifier, LinkStatus, LinkStatusBits, Object, Profile, Rejection, ReportedPosition,
     ReportedStatus, air,

@@ -1,5 +1,5 @@
-//! The wire format a second time, as plainly as it can be written: offsets as numbers, CRCs bit by bit. It shares nothing
-//! with the crate but the type of its answers.
+//! The wire format a second time, as plainly as it can be written: offsets as numbers, CRCs bit by bit. It shares
+//! nothing with the crate but the type of its answers.
 use profile::Rejection;
 
 pub(crate) const FRAME: u32 = 0xF192_2815;

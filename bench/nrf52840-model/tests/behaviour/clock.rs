@@ -184,8 +184,8 @@ fn ram_power_and_general_purpose_registers_hold_what_they_are_given() {
 
 #[test]
 fn every_register_modelled_reads_its_reset_value_first() {
-    // Registers that only an instance we do not model has; and two whose reset value no core can read: HFCLK runs when it
-    // does, and flash is ready.
+    // Registers that only an instance we do not model has; and two whose reset value no core can read: HFCLK runs when
+    // it does, and flash is ready.
     const OTHERS: [&str; 11] =
         ["HFCLKSTAT", "READYNEXT", "SPI.", "TWI.", "TWIM.", "TWIS.", "UART.", "ACL.", "IHIT", "IMISS", "UNUSED"];
     let mut rig = Rig::new();
