@@ -6,15 +6,17 @@ mod boards;
 use bench::engine::{Downstream, Node, Relay, Upstream, Wiring};
 use bench::sim::boards::{Dpr, Horus, SSI_CSN};
 use bench::sim::front_end::FrontEnd;
+use bench::sim::ledger::bounds::TICK_TO_COMMAND_JITTER;
 use boards::counter;
 use dpr_fw::telemetry::Telemetry as DprTelemetry;
 use gnss_sim::ubx;
 use horus_tx_fw::telemetry::{Line as LineTelemetry, Telemetry as HorusTelemetry};
 use profile::image::Image;
+use profile::sequence::SEARCH_CYCLES;
 use profile::ssi::{Request, encode};
 use profile::{Identifier, LinkStatus, ReportedPosition};
 use rigless::time::VirtualNanos;
-use st25r3916_model::{Air, AirEvent, Faults};
+use st25r3916_model::{Air, AirEvent, Config, Faults};
 
 const US: u64 = 1_000;
 const MS: u64 = 1_000_000;
@@ -73,8 +75,16 @@ fn receivers_that_never_stop_talking_do_not_move_a_frame() {
             }
         }
         assert_eq!(starts.len(), 49, "{babble:?}");
+        // What the firmware answers for: the transmit command comes at the same instant of every cycle.
+        let commands = chip.take_transmits();
+        assert_eq!(commands.len(), 49, "{babble:?}");
+        for pair in commands.windows(2) {
+            assert!((pair[1] - pair[0]).abs_diff(10 * MS) <= TICK_TO_COMMAND_JITTER, "{babble:?}: {pair:?}");
+        }
+        // The front end adds its own scatter between the command and the first bit.
+        let scatter = TICK_TO_COMMAND_JITTER + Config::default().transmit_scatter_ns;
         for pair in starts.windows(2) {
-            assert!((pair[1] - pair[0]).abs_diff(10 * MS) <= 1_000, "{babble:?}: {pair:?}");
+            assert!((pair[1] - pair[0]).abs_diff(10 * MS) <= scatter, "{babble:?}: {pair:?}");
         }
         let count = |offset| counter(&node, "HORUS_TELEMETRY", offset);
         assert_eq!(count(std::mem::offset_of!(HorusTelemetry, cycle_overruns)), 0, "{babble:?}");
@@ -249,7 +259,9 @@ fn a_flight_controller_gone_mad_costs_no_frame_and_is_served_again_when_it_is_sa
         let count = |dpr: &Node<Dpr>, offset| counter(dpr, "DPR_TELEMETRY", offset);
         // The first frame is that of 10 ms; that of 390 ms is through at 395 ms.
         assert_eq!(count(&dpr, std::mem::offset_of!(DprTelemetry, frames_received)), 39, "{conduct:?}");
-        assert_eq!(count(&dpr, std::mem::offset_of!(DprTelemetry, objects_accepted)), 39 * 4, "{conduct:?}");
+        // The first three cycles find the sequence and are not shown.
+        let shown = 39 - u32::from(SEARCH_CYCLES);
+        assert_eq!(count(&dpr, std::mem::offset_of!(DprTelemetry, objects_accepted)), shown * 4, "{conduct:?}");
         for (name, offset) in [
             ("missed", std::mem::offset_of!(DprTelemetry, frames_missed)),
             ("overruns", std::mem::offset_of!(DprTelemetry, overruns)),

@@ -438,8 +438,8 @@ fn hung(vector: &str, task: &str, breaks_at: u64) -> Option<Reader> {
 fn no_task_that_hangs_in_the_dpr_leaves_old_data_to_be_read_as_valid() {
     let mut stale = vec![];
     for (nth, (vector, task)) in EVERY_DPR_TASK.into_iter().enumerate() {
-        // Each at another phase of HORUS's cycle.
-        let Some(reader) = hung(vector, task, 70 * MS + nth as u64 * 1_250 * US) else { return };
+        // Each at another phase of HORUS's cycle, and late enough that ten valid images were read before.
+        let Some(reader) = hung(vector, task, 110 * MS + nth as u64 * 1_250 * US) else { return };
         if let Some((at, age)) = reader.stale().into_iter().max_by_key(|(_, age)| *age) {
             stale.push(format!("{task}: at {} us valid, {} us after its frame's last bit", at / US, age / US));
         }

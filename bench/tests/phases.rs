@@ -10,6 +10,7 @@ mod boards;
 use bench::sim::phases::{Edge, Placement, Sweep};
 use bench::sim::{Crystals, Faults, Images, Setup, run};
 use boards::image;
+use profile::sequence::SEARCH_CYCLES;
 
 const US: i64 = 1_000;
 
@@ -57,7 +58,9 @@ fn holds(gps: usize, sweep: Sweep, (horus_ppb, dpr_ppb): (i64, i64)) {
         println!("    {:?}", phase.events);
     }
     assert_eq!(outcome.report.violations, [""; 0], "{gps} receivers");
-    assert_eq!((outcome.report.ssi.bad_crc, outcome.report.dpr.objects_rejected), (0, 0), "{gps} receivers");
+    // The cycles with which the DPR finds the sequence are rejected, each object of them, and no other.
+    let searched = u64::from(SEARCH_CYCLES) * (gps as u64 + 1);
+    assert_eq!((outcome.report.ssi.bad_crc, outcome.report.dpr.objects_rejected), (0, searched), "{gps} receivers");
 }
 
 /// Around the publication of the cycle's frame number `frame`, from 0.

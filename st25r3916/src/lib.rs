@@ -274,19 +274,11 @@ pub enum Variant {
     B,
 }
 
-/// The air time of a frame at 424 kbit/s, first preamble bit to last CRC bit, in nanoseconds,
-/// rounded up.
+/// The air time of a frame at 424 kbit/s, first preamble bit to last CRC bit, in microseconds, rounded up: what a poller
+/// waits for the end of its own frame.
 ///
-/// 48 bits of preamble, 16 of sync, then LEN, `payload` bytes and CRC-16; a bit is 32 carrier
-/// periods of 13.56 MHz. 244 bytes: 4.814 ms; 254 bytes: 5.003 ms.
-#[must_use]
-pub const fn air_time_ns(payload: usize) -> u64 {
-    let bits = 64 + 8 * (payload as u64 + 3);
-    (bits * 32 * 100_000).div_ceil(1_356)
-}
-
-/// [`air_time_ns`] in microseconds, rounded up, without 64-bit arithmetic (a library call on a
-/// Cortex-M4).
+/// 48 bits of preamble, 16 of sync, then LEN, `payload` bytes and CRC-16; a bit is 32 carrier periods of 13.56 MHz.
+/// Without 64-bit arithmetic, which is a library call on a Cortex-M4.
 const fn air_time_us(payload: u8) -> u32 {
     let bits = 64 + 8 * (payload as u32 + 3);
     (bits * 3_200).div_ceil(1_356)
@@ -303,10 +295,11 @@ mod tests {
 
     #[test]
     fn air_times_are_those_of_the_bit_rate() {
-        assert_eq!(air_time_ns(244), 4_814_160);
-        assert_eq!(air_time_ns(254), 5_002_950);
+        // 4.814159 ms and 5.002950 ms.
+        assert_eq!((air_time_us(244), air_time_us(254)), (4_815, 5_003));
         for payload in 0..=255_u8 {
-            assert_eq!(u64::from(air_time_us(payload)), air_time_ns(usize::from(payload)).div_ceil(1_000));
+            let carrier_periods = (48 + 16 + 8 * (1 + u64::from(payload) + 2)) * 32;
+            assert_eq!(u64::from(air_time_us(payload)), (carrier_periods * 1_000_000).div_ceil(13_560_000));
         }
     }
 

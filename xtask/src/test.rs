@@ -43,7 +43,7 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
             code if code == ExitCode::SUCCESS => Ok(()),
             _ => anyhow::bail!("over budget"),
         });
-        // The link's tests run both images; they skip, saying so, when nobody tells them where those are.
+        // The tests that run both images are told where those are: without it they are not run, and fail where CI is set.
         let images = firmware::folder();
         step("host tests", &mut || {
             check("cargo test", cargo().args(["test", "--quiet", "--workspace"]).env("LINK_IMAGES", &images))

@@ -2,9 +2,9 @@
 //!
 //! | covered | value |
 //! |---|---|
-//! | CODEPAGESIZE, CODESIZE, INFO.PART, VARIANT, PACKAGE, RAM, FLASH | an nRF52840-QIAA, build code AAF0 |
-//! | the words at 0x130 and 0x134: part and revision | 8 and 3, see below |
-//! | DEVICEID, DEVICEADDR, DEVICEADDRTYPE | from the settings |
+//! | CODEPAGESIZE, CODESIZE, INFO.PART, PACKAGE, RAM, FLASH | an nRF52840-QIAA |
+//! | INFO.VARIANT, DEVICEID, DEVICEADDR, DEVICEADDRTYPE | from the settings |
+//! | the words at 0x130 and 0x134: part and revision | 8; 3 with build code Fxx or later, else 2; see below |
 //! | TEMP.A0–A5, B0–B5, T0–T4 | the typical calibration |
 //! | every other word | erased, 0xFFFF_FFFF |
 //!
@@ -29,6 +29,8 @@ pub(crate) struct Ficr {
 impl Ficr {
     pub(crate) fn new(settings: &Settings) -> Self {
         let (id, address) = (settings.device_id, settings.device_address);
+        let variant = u32::from_be_bytes(settings.build_code);
+        let revision = if settings.build_code[2] >= b'F' { 3 } else { 2 };
         Self {
             block: Block::default(),
             words: [
@@ -40,12 +42,12 @@ impl Ficr {
                 (0x0A4, address as u32),         // DEVICEADDR
                 (0x0A8, (address >> 32) as u32), //
                 (0x100, 0x0005_2840),            // INFO.PART
-                (0x104, 0x4141_4630),            // INFO.VARIANT: "AAF0"
+                (0x104, variant),                // INFO.VARIANT
                 (0x108, 0x2004),                 // INFO.PACKAGE: QIxx
                 (0x10C, 256),                    // INFO.RAM, KiB
                 (0x110, 1024),                   // INFO.FLASH, KiB
                 (0x130, 8),                      // nRF52840
-                (0x134, 3),                      // revision 3
+                (0x134, revision),
                 (0x350, 0xFFFF_FFFF),            // PRODTEST[0..3]
                 (0x354, 0xFFFF_FFFF),
                 (0x358, 0xFFFF_FFFF),

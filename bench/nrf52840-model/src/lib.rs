@@ -96,6 +96,9 @@ pub struct Settings {
     pub device_id: u64,
     /// FICR.DEVICEADDR, 48 bits.
     pub device_address: u64,
+    /// FICR.INFO.VARIANT: the last two letters of the package variant and the build code, in ASCII. It decides whether
+    /// the part has hardened access port protection, which build codes Fxx and later have.
+    pub build_code: [u8; 4],
     /// What TEMP measures, in quarter degrees Celsius.
     pub temperature_quarters: i32,
     /// The mode in which the controller on the SSI clocks (CPOL, CPHA): an SPIS configured otherwise is a finding.
@@ -114,6 +117,7 @@ impl Default for Settings {
             seed: 0,
             device_id: 0x0123_4567_89AB_CDEF,
             device_address: 0x00C0_FFEE_1234,
+            build_code: *b"AAF0",
             temperature_quarters: 25 * 4,
             ssi_mode: SpiMode::Mode0,
         }

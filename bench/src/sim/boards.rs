@@ -21,6 +21,10 @@ use super::front_end::FrontEnd;
 use crate::engine::Wiring;
 use crate::stm32f427::{PinId, SerialPort, Stm32f427Part};
 
+/// The front end's SPI clock on the HORUS side, as the firmware sets it, Hz.
+pub const HORUS_SPI_HZ: u32 = horus_tx_fw::timing::SPI_HZ;
+/// The front end's SPI clock at the DPR, as the firmware sets it: the highest of SPIM0, Hz.
+pub const DPR_SPI_HZ: u32 = 8_000_000;
 /// Where the SSI's chip select arrives.
 pub const SSI_CSN: Pin = Pin::p1(4);
 /// Where the DPR announces a new image.
@@ -85,6 +89,7 @@ impl Horus {
     /// If the part's own tables lack TIM2, which no input changes.
     #[must_use]
     pub fn new(mut part: Stm32f427Part, front_end: FrontEnd, receivers: usize) -> (Self, Vec<Line>) {
+        front_end.with(|chip| chip.spi_clock_hz(HORUS_SPI_HZ));
         part.attach_spi(1, front_end.clone(), HORUS_CS);
         let lines: Vec<Line> = std::iter::repeat_with(Line::default).take(receivers).collect();
         for (line, port) in lines.iter().zip(RECEIVER_PORTS) {
@@ -147,6 +152,7 @@ impl Dpr {
     /// The board, with nobody selected on its SSI.
     #[must_use]
     pub fn new(mut part: Nrf52840, front_end: FrontEnd) -> Self {
+        front_end.with(|chip| chip.spi_clock_hz(DPR_SPI_HZ));
         part.attach_spi(DPR_FRONT_END, Box::new(front_end.clone()));
         part.drive_pin(VirtualNanos(0), SSI_CSN, true);
         part.drive_pin(VirtualNanos(0), DPR_IRQ, false);

@@ -21,16 +21,15 @@ pub enum Crossing {
     Select(bool),
     /// Controller to chip, chip to controller; the eighth clock ended at the crossing's instant.
     Byte(u8, u8),
-    /// The interrupt output rose (`true`) or fell.
+    /// The interrupt output rose (`true`) or fell. It falls inside the byte that clears it, which is noted at its end.
     Irq(bool),
 }
 
 #[derive(Debug)]
 struct Shared {
     chip: Chip,
-    /// The chip was last called at this instant, with its interrupt output at this level afterwards.
+    /// The chip was last called at this instant.
     now: u64,
-    irq: bool,
     /// What crossed, while somebody wants to know.
     crossings: Option<Vec<(u64, Crossing)>>,
     /// The first byte since chip select fell.
@@ -63,7 +62,6 @@ impl FrontEnd {
             shared: Mutex::new(Shared {
                 chip,
                 now: 0,
-                irq: false,
                 crossings: watched.then(Vec::new),
                 first_byte: None,
                 transmits: vec![],
@@ -85,11 +83,12 @@ impl FrontEnd {
         let now = shared.now;
         shared.chip.advance(now);
         let answer = act(&mut shared);
-        let irq = shared.chip.irq();
-        if std::mem::replace(&mut shared.irq, irq) != irq {
-            let now = shared.now;
-            shared.note(now, Crossing::Irq(irq));
+        // The pin falls inside the byte that clears it, so an edge may lie before this call's instant.
+        let edges: Vec<_> = shared.chip.take_irq_edges().collect();
+        for edge in edges {
+            shared.note(edge.at_ns, Crossing::Irq(edge.level));
         }
+        let irq = shared.chip.irq();
         place.next.store(shared.chip.next_event().unwrap_or(u64::MAX), Relaxed);
         place.irq.store(irq, Relaxed);
         place.air.store(shared.chip.has_air(), Relaxed);

@@ -14,7 +14,7 @@ use profile::{Layout, Object, ReportedPosition};
 use rigless::time::VirtualNanos;
 use st25r3916_model::{Air, AirEvent};
 
-use super::boards::{Dpr, FRESH, Horus, Line, SSI_CSN};
+use super::boards::{DPR_SPI_HZ, Dpr, FRESH, HORUS_SPI_HZ, Horus, Line, SSI_CSN};
 use super::front_end::{Crossing, FrontEnd};
 use super::ledger::{Ledger, Seen, ms};
 use super::phases::{Edge, Event, Phase, Sweeping};
@@ -24,10 +24,8 @@ use crate::report::{self, Report, Reported};
 use crate::world::flight_controller::{Action, Outcome, Placed, Transaction};
 use crate::world::{BaseStation, FlightController};
 
-/// SPI clocks, for the trace: what each firmware sets.
-const HORUS_SPI_HZ: u64 = 9_000_000;
-const DPR_SPI_HZ: u64 = 8_000_000;
-const SSI_HZ: u64 = 8_000_000;
+/// The SSI's clock, for the trace, Hz.
+const SSI_HZ: u32 = profile::ssi::timing::MAX_CLOCK_HZ;
 
 /// How many bytes of an SSI transaction cross together. The DPR's memory is read and written when the last of them has
 /// been clocked: EasyDMA is up to this many microseconds late, but no event is.
@@ -184,7 +182,12 @@ impl Link {
     }
 
     /// Writes what both boards have passed to the trace.
-    pub(super) fn flush_trace(&mut self, now: u64) -> io::Result<()> {
+    ///
+    /// The DPR's pins are looked at first, with or without a trace: a change of FRESH since the flight controller's
+    /// last action must be in the trace before what comes after it, and a trace must not change what is noted when.
+    pub(super) fn flush_trace(&mut self, dpr: &mut Node<Dpr>) -> io::Result<()> {
+        self.watch_dpr(dpr);
+        let now = dpr.now();
         let Some(trace) = &mut self.trace else { return Ok(()) };
         trace_bus(trace, self.listener.take_crossings(), trace::DPR, [Wire::DprCs, Wire::DprIrq], DPR_SPI_HZ);
         trace.flush_before(now)
@@ -470,7 +473,7 @@ fn within(transaction: &Transaction, place: Range<usize>) -> Option<&[u8]> {
 }
 
 /// Puts what crossed between a part and its front end on `trace`.
-fn trace_bus(trace: &mut Trace, crossings: Vec<(u64, Crossing)>, bus: trace::Bus, [cs, irq]: [Wire; 2], hz: u64) {
+fn trace_bus(trace: &mut Trace, crossings: Vec<(u64, Crossing)>, bus: trace::Bus, [cs, irq]: [Wire; 2], hz: u32) {
     for (at, crossing) in crossings {
         match crossing {
             Crossing::Select(selected) => trace.set(at, cs, !selected),

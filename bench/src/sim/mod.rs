@@ -172,7 +172,7 @@ pub fn run(setup: &Setup, observer: &mut dyn Observer) -> Result<Outcome, Error>
             observer.log(board, &line);
             logs.push((board, line));
         }
-        link.flush_trace(dpr.now()).map_err(trace_error)?;
+        link.flush_trace(dpr).map_err(trace_error)?;
         observer.progress(reached);
         Ok::<_, Error>(())
     })?;

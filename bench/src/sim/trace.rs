@@ -148,8 +148,8 @@ impl<W: io::Write> Trace<W> {
     }
 
     /// A byte has crossed a bus: its eighth clock ended at `at` (ns), at `hz`.
-    pub fn byte(&mut self, at: u64, bus: Bus, mosi: u8, miso: u8, hz: u64) {
-        let half = |halves: u64| at.saturating_sub(halves * 500_000_000 / hz);
+    pub fn byte(&mut self, at: u64, bus: Bus, mosi: u8, miso: u8, hz: u32) {
+        let half = |halves: u64| at.saturating_sub(halves * 500_000_000 / u64::from(hz));
         for bit in 0..8 {
             let left = 2 * (8 - bit);
             let (low, high, fall) = (half(left), half(left - 1), half(left - 2));

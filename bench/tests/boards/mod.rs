@@ -63,8 +63,13 @@ pub(crate) fn horus_on(oscillators: Oscillators) -> Option<(Node<Horus>, FrontEn
 
 /// The DPR board with its front end, out of any field.
 pub(crate) fn dpr() -> Option<(Node<Dpr>, FrontEnd)> {
+    dpr_on(Settings::default())
+}
+
+/// As [`dpr`], with a part like this.
+pub(crate) fn dpr_on(settings: Settings) -> Option<(Node<Dpr>, FrontEnd)> {
     let chip = chip();
-    let board = Dpr::new(Nrf52840::new(Settings::default()), chip.clone());
+    let board = Dpr::new(Nrf52840::new(settings), chip.clone());
     let node = Node::new(board, &Firmware::read(&image(3, "dpr-fw.elf")?).unwrap()).unwrap();
     Some((node, chip))
 }

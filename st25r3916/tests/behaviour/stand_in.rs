@@ -6,7 +6,7 @@
 use std::collections::{BTreeMap, VecDeque};
 
 use st25r3916::listener::BUFFER;
-use st25r3916::{Input, Listener, ListenerEvent, Poller, PollerEvent, Step, Transfer, Variant, air_time_ns};
+use st25r3916::{Input, Listener, ListenerEvent, Poller, PollerEvent, Step, Transfer, Variant};
 
 pub(crate) const MAIN: usize = 0;
 pub(crate) const TIMER: usize = 1;
@@ -396,8 +396,9 @@ impl Chip {
                 let frame = self.fifo.iter().copied().take(ntx).collect();
                 self.sent.push((self.now, frame));
                 if self.transmit_ends {
-                    let air = air_time_ns(ntx).div_ceil(1_000);
-                    self.at(self.now + air, Happening::TransmitEnd);
+                    // Preamble, sync, LEN, payload and CRC-16, a bit being 32 periods of 13.56 MHz; µs.
+                    let bits = 48 + 16 + 8 * (ntx as u64 + 3);
+                    self.at(self.now + (bits * 3_200).div_ceil(1_356), Happening::TransmitEnd);
                 }
             }
             0xD0 => self.unmasked = false,

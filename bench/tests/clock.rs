@@ -1,0 +1,175 @@
+//! HORUS's release image without its external clock: absent from the start, as on a NUCLEO whose ST-LINK has no power,
+//! or failing while it runs.
+
+mod boards;
+mod reader;
+
+use bench::engine::{Node, Relay, Wiring};
+use bench::sim::boards::Horus;
+use bench::sim::front_end::FrontEnd;
+use bench::stm32f427::Oscillators;
+use boards::counter;
+use dpr_fw::telemetry::Telemetry as DprTelemetry;
+use horus_tx_fw::telemetry::Telemetry as HorusTelemetry;
+use profile::sequence::SEARCH_CYCLES;
+use profile::{Object, ReportedPosition};
+use reader::{Antenna, MS, Reader, US};
+use rigless::device::ResetCause;
+use st25r3916_model::AirEvent;
+
+/// The longest from the failure of the external clock to the field being off: the exception, and one register written
+/// over the front end's SPI with the processor on 16 MHz.
+const FIELD_OFF: u64 = 100 * US;
+
+/// The longest from there to the watchdog's bite: 100 ms at the nominal rate of an oscillator that may run at 17 kHz
+/// instead of 32 (DS9405 table 42).
+const BITE: u64 = 200 * MS;
+
+#[test]
+fn without_a_crystal_horus_sends_every_10_ms_says_so_in_each_object_and_is_accepted() {
+    for hsi_ppb in [0, 10_000_000, -10_000_000] {
+        let oscillators = Oscillators { hse_hz: None, hsi_ppb, ..Oscillators::default() };
+        let (Some((a, poller, _)), Some((b, listener))) = (boards::horus_on(oscillators), boards::dpr()) else {
+            return;
+        };
+        let mut relay = Relay { a, b, upstream: Antenna::new(poller), downstream: Reader::new(listener) };
+        // Longer than two of the windows in which the DPR compares the clocks.
+        relay.run(2_300 * MS, 100 * MS, |_, _, _| Ok::<_, ()>(())).unwrap();
+        let Relay { a: horus, b: dpr, upstream, downstream: reader } = relay;
+        assert!(!horus.board().part().has_hse());
+        assert_eq!(counter(&horus, "HORUS_TELEMETRY", std::mem::offset_of!(HorusTelemetry, without_crystal)), 1);
+        assert_eq!(horus.resets().len(), 0, "{hsi_ppb} ppb");
+
+        // 10 ms of its own, an oscillator that is 1 % fast makes 9.901 ms of them.
+        let cycle = u64::try_from(10_000_000 * 1_000_000_000_i64 / (1_000_000_000 + hsi_ppb)).unwrap();
+        assert!(reader.sent.len() >= 220, "{hsi_ppb} ppb: {} frames", reader.sent.len());
+        for pair in reader.sent.windows(2) {
+            let took = pair[1].started - pair[0].started;
+            assert!(took.abs_diff(cycle) <= 3_000, "{hsi_ppb} ppb: {took} ns");
+            assert_eq!(pair[1].timestamp() - pair[0].timestamp(), 10);
+        }
+        for frame in &reader.sent {
+            let position = ReportedPosition::verify(&frame.payload[..ReportedPosition::SIZE]).unwrap();
+            assert!(position.values().status.without_crystal(), "{hsi_ppb} ppb: {} ms", position.timestamp());
+        }
+        // What needs no crystal: from the tick to the transmit command, peak to peak.
+        let after = |tick: u64| upstream.transmits.iter().find(|at| **at > tick).map(|at| at - tick);
+        let delays: Vec<u64> = upstream.ticks.iter().filter_map(|tick| after(*tick)).collect();
+        let (least, most) = (*delays.iter().min().unwrap(), *delays.iter().max().unwrap());
+        println!("HSI {hsi_ppb} ppb: tick to command {least} to {most} ns, {} ns peak to peak", most - least);
+        assert!(delays.len() >= 220);
+        assert!(most - least <= bench::sim::ledger::bounds::TICK_TO_COMMAND_JITTER, "{hsi_ppb} ppb");
+
+        let count = |offset| counter(&dpr, "DPR_TELEMETRY", offset);
+        let received = count(std::mem::offset_of!(DprTelemetry, frames_received));
+        let accepted = count(std::mem::offset_of!(DprTelemetry, objects_accepted));
+        assert!(usize::try_from(received).unwrap() + 1 >= reader.sent.len(), "{hsi_ppb} ppb: {received}");
+        assert_eq!(accepted, (received - u32::from(SEARCH_CYCLES)) * 4, "{hsi_ppb} ppb");
+        assert_eq!(count(std::mem::offset_of!(DprTelemetry, frames_missed)), 0, "{hsi_ppb} ppb");
+        let told = reader.views.iter().filter_map(|view| view.link);
+        assert!(told.clone().count() >= 900, "{hsi_ppb} ppb");
+        assert!(told.clone().all(|link| !link.status.horus_clock_implausible()), "{hsi_ppb} ppb");
+        let shown: Vec<_> = reader.views.iter().filter_map(|view| view.reported).collect();
+        assert!(shown.len() >= 800 && shown.iter().all(|status| status.without_crystal()), "{}", shown.len());
+    }
+}
+
+/// What a HORUS board alone put on the air.
+struct Transmitter {
+    node: Node<Horus>,
+    chip: FrontEnd,
+    air: Vec<(u64, AirEvent)>,
+}
+
+impl Transmitter {
+    fn new() -> Option<Self> {
+        let (node, chip, _) = boards::horus()?;
+        Some(Self { node, chip, air: vec![] })
+    }
+
+    /// Runs to `end`, or to a restart before it. Answers whether it restarted.
+    fn run_to(&mut self, end: u64) -> bool {
+        while self.node.now() < end {
+            let restarted = self.node.advance_to_restart(end);
+            self.chip.with(|chip| self.air.extend(chip.take_air()));
+            if restarted {
+                return true;
+            }
+        }
+        false
+    }
+
+    fn field_off(&self, from: u64) -> Option<u64> {
+        self.air.iter().find(|(at, event)| *at >= from && matches!(event, AirEvent::FieldOff)).map(|(at, _)| *at)
+    }
+
+    /// When frames that began from `from` on began, and whether their Reported-Position says that HORUS runs without a
+    /// crystal.
+    fn frames(&self, from: u64) -> Vec<(u64, bool)> {
+        let mut frames = vec![];
+        let (mut started, mut bytes) = (0, vec![]);
+        for (at, event) in &self.air {
+            match event {
+                AirEvent::FrameStart(start) => (started, bytes) = (*at, start.chunk.data.clone()),
+                AirEvent::Bytes(chunk) => bytes.extend(&chunk.data),
+                AirEvent::FrameEnd { .. } if started >= from => {
+                    let position = Object::verify(0, &bytes[1..][..ReportedPosition::SIZE]).unwrap();
+                    let position = ReportedPosition::verify(position.as_bytes()).unwrap();
+                    frames.push((started, position.values().status.without_crystal()));
+                }
+                _ => {}
+            }
+        }
+        frames
+    }
+}
+
+/// The failure comes at several phases of the cycle: while a profile is sealed, loaded, on the air, and in the silence
+/// after it.
+#[test]
+fn a_clock_that_fails_switches_the_field_off_at_once_and_horus_sends_again_without_it() {
+    let mut worst = 0;
+    for phase in [20 * US, 90 * US, 250 * US, 2_000 * US, 7_000 * US] {
+        let Some(mut horus) = Transmitter::new() else { return };
+        horus.run_to(60 * MS);
+        let tick = *horus.node.board_mut().take_ticks().last().unwrap();
+        assert!(!horus.run_to(tick + 10 * MS + phase));
+        assert!(horus.frames(0).len() >= 4);
+        assert!(horus.frames(0).iter().all(|(_, without)| !without));
+        horus.node.input(|board, at| board.part_mut().fail_hse(at));
+        let failed = horus.node.now();
+        assert!(horus.run_to(failed + BITE), "{phase}: no restart");
+        let restarted = horus.node.now();
+        let off = horus.field_off(failed).unwrap_or_else(|| panic!("{phase}: the field stayed on"));
+        worst = worst.max(off - failed);
+        assert!(off - failed <= FIELD_OFF, "{phase}: {} ns", off - failed);
+        assert_eq!(horus.frames(failed), [], "{phase}: nothing is sent any more");
+        let causes: Vec<ResetCause> = horus.node.resets().map(|reset| reset.cause).collect();
+        assert_eq!(causes, [ResetCause::Model("IWDG")], "{phase}");
+        let log: String = horus.node.take_log().iter().map(|line| format!("{line}\n")).collect();
+        assert!(log.contains("the external clock has failed"), "{phase}: {log}");
+
+        // It stays away: HORUS runs on its internal oscillator, and stays up.
+        assert!(!horus.run_to(restarted + 300 * MS), "{phase}: restarted again");
+        let again = horus.frames(restarted);
+        println!("{phase} ns: field off after {} ns, first frame {} us after the restart, which came {} ms after",
+            off - failed, (again[0].0 - restarted) / US, (restarted - failed) / MS);
+        assert!(again.len() >= 20, "{phase}: {} frames", again.len());
+        assert!(again.iter().all(|(_, without)| *without), "{phase}");
+        for pair in again.windows(2) {
+            assert!((pair[1].0 - pair[0].0).abs_diff(10 * MS) <= 3_000, "{phase}: {pair:?}");
+        }
+
+        // It comes back: nothing changes before the next start, which uses it.
+        horus.node.input(|board, at| board.part_mut().restore_hse(at));
+        let restored = horus.node.now();
+        assert!(!horus.run_to(restored + 50 * MS), "{phase}");
+        assert!(horus.frames(restored).iter().all(|(_, without)| *without), "{phase}");
+        horus.node.restart(bench::engine::FromOutside::Pin);
+        let started = horus.node.now();
+        horus.run_to(started + 80 * MS);
+        let with = horus.frames(started);
+        assert!(with.len() >= 4 && with.iter().all(|(_, without)| !without), "{phase}: {with:?}");
+    }
+    println!("field off at most {worst} ns after the clock's failure");
+}

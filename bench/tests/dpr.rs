@@ -1,0 +1,178 @@
+//! What the DPR's release image tells of itself and takes from its surroundings: the reason of its last reset, a line
+//! that nobody drives, transactions that are too long, the debug port.
+
+mod boards;
+mod reader;
+
+use bench::engine::{FromOutside, Node, Wiring};
+use bench::sim::boards::Dpr;
+use boards::counter;
+use dpr_fw::ssi::RECEIVE_BYTES;
+use dpr_fw::telemetry::Telemetry;
+use nrf52840_model::Settings;
+use profile::ResetReason;
+use reader::{MS, View, layout, transact, view};
+
+fn count(node: &Node<Dpr>, offset: usize) -> u32 {
+    counter(node, "DPR_TELEMETRY", offset)
+}
+
+/// Runs `ns` on.
+fn pass(node: &mut Node<Dpr>, ns: u64) {
+    let end = node.now() + ns;
+    while node.now() < end {
+        node.advance(end);
+    }
+}
+
+// ---- the reason of the last reset
+
+/// What resets it.
+#[derive(Clone, Copy, Debug)]
+enum Reset {
+    Pin,
+    PowerOn,
+    BrownOut,
+    Lockup,
+    Watchdog,
+}
+
+/// The longest from a task's last sign of life to the watchdog's reset.
+const BITE: u64 = 200 * MS;
+
+impl Reset {
+    fn strike(self, node: &mut Node<Dpr>) {
+        match self {
+            Self::Pin => node.restart(FromOutside::Pin),
+            Self::PowerOn => node.restart(FromOutside::PowerOn(3)),
+            Self::BrownOut => node.restart(FromOutside::BrownOut),
+            Self::Lockup => node.lock_up(),
+            Self::Watchdog => {
+                // The deadline's task never ends.
+                let task = node.address_of("TIMER1").unwrap() & !1;
+                let mut was = [0; 2];
+                node.read(task, &mut was).unwrap();
+                node.write(task, &0xE7FE_u16.to_le_bytes()).unwrap();
+                let end = node.now() + BITE;
+                while !node.advance_to_restart(end) {
+                    assert!(node.now() < end, "the watchdog did not bite");
+                }
+                node.write(task, &was).unwrap();
+            }
+        }
+    }
+}
+
+#[test]
+fn link_status_tells_each_reason_of_the_last_reset_apart() {
+    let Some((mut node, _)) = boards::dpr() else { return };
+    pass(&mut node, 50 * MS);
+    let told = |node: &mut Node<Dpr>| {
+        let status = view(node).link.expect("Link-Status").status;
+        (status.reset_reason(), status.unasked_reset())
+    };
+    assert_eq!(told(&mut node), (Some(ResetReason::PowerOn), false), "at first");
+    // Each follows another one, so that nothing is left over of the reason before.
+    let resets = [
+        (Reset::Pin, ResetReason::Pin),
+        (Reset::Watchdog, ResetReason::Watchdog),
+        (Reset::Lockup, ResetReason::Lockup),
+        (Reset::BrownOut, ResetReason::BrownOutOrOther),
+        (Reset::PowerOn, ResetReason::PowerOn),
+        (Reset::Watchdog, ResetReason::Watchdog),
+        (Reset::Pin, ResetReason::Pin),
+        (Reset::BrownOut, ResetReason::BrownOutOrOther),
+        (Reset::Lockup, ResetReason::Lockup),
+        (Reset::PowerOn, ResetReason::PowerOn),
+    ];
+    for (nth, (reset, reason)) in resets.into_iter().enumerate() {
+        reset.strike(&mut node);
+        pass(&mut node, 50 * MS);
+        assert_eq!(told(&mut node), (Some(reason), reason.is_unasked()), "{nth}: {reset:?}");
+    }
+    assert_eq!(node.resets().len(), resets.len());
+}
+
+// ---- the SSI
+
+#[test]
+fn a_flight_controller_whose_mosi_nobody_drives_reads_the_image_for_ever_and_violates_nothing() {
+    let Some((mut node, _)) = boards::dpr() else { return };
+    pass(&mut node, 50 * MS);
+    let mut read = 0;
+    while node.now() < 1_000 * MS {
+        // Whole images, and parts that are shorter than a request or than what it can bring in.
+        let bytes = [layout().image_len(), 96, 7, 32, 8, 1][read as usize % 6];
+        let miso = transact(&mut node, bytes, 0xFF);
+        if bytes >= 32 {
+            let shown = View::of(node.now(), &miso);
+            assert!(shown.link.is_some(), "transaction {read} of {bytes} bytes: {miso:02x?}");
+        }
+        read += 1;
+        pass(&mut node, 2 * MS);
+    }
+    assert!(read >= 400, "{read}");
+    assert_eq!(count(&node, std::mem::offset_of!(Telemetry, access_violations)), 0);
+    assert_eq!(count(&node, std::mem::offset_of!(Telemetry, ssi_transactions)), read);
+    let link = view(&mut node).link.expect("Link-Status");
+    assert_eq!(link.access_violations, 0);
+}
+
+#[test]
+fn transactions_that_clock_too_many_bytes_out_or_in_are_counted() {
+    let Some((mut node, _)) = boards::dpr() else { return };
+    pass(&mut node, 50 * MS);
+    let counts = |node: &Node<Dpr>| {
+        (
+            count(node, std::mem::offset_of!(Telemetry, ssi_over_reads)),
+            count(node, std::mem::offset_of!(Telemetry, ssi_overflows)),
+        )
+    };
+    assert_eq!(counts(&node), (0, 0));
+    let image = layout().image_len();
+    // Bytes of the transaction, and whether it reads and writes too many.
+    let mut expected = (0, 0);
+    for (bytes, reads, writes) in [
+        (RECEIVE_BYTES, 0, 0),
+        (RECEIVE_BYTES + 1, 0, 1),
+        (image, 0, 1),
+        (image + 1, 1, 1),
+        (8, 0, 0),
+        (image + 40, 1, 1),
+        (image, 0, 1),
+    ] {
+        let miso = transact(&mut node, bytes, 0);
+        expected = (expected.0 + reads, expected.1 + writes);
+        assert_eq!(counts(&node), expected, "{bytes} bytes");
+        assert!(miso.iter().skip(image).all(|byte| *byte == 0xFF), "{bytes} bytes: {miso:02x?}");
+        pass(&mut node, 3 * MS);
+    }
+    assert_eq!(count(&node, std::mem::offset_of!(Telemetry, access_violations)), 0);
+}
+
+// ---- the debug port
+
+/// UICR.APPROTECT (PS v1.7, 4.5.1).
+const UICR_APPROTECT: u64 = 0x1000_1208;
+
+#[test]
+fn the_debug_port_of_a_revision_3_part_is_opened_where_uicr_allows_it_and_an_older_part_is_left_alone() {
+    for (build_code, uicr, opened) in
+        [(*b"AAF0", 0x5A, true), (*b"AAF0", 0xFFFF_FFFF, false), (*b"AAF0", 0, false), (*b"AAD0", 0x5A, false)]
+    {
+        let settings = Settings { build_code, ..Settings::default() };
+        let Some((mut node, _)) = boards::dpr_on(settings) else { return };
+        node.write(UICR_APPROTECT, &u32::to_le_bytes(uicr)).unwrap();
+        pass(&mut node, 50 * MS);
+        // The software's half, whatever the hardware's says.
+        let software = node.board().part().debug_port_open(0x5A);
+        assert_eq!(software, opened, "{build_code:?} with {uicr:#x}");
+        assert_eq!(node.board().part().debug_port_open(uicr), opened, "{build_code:?} with {uicr:#x}");
+        // After a reset it is closed, and the firmware opens it again.
+        node.restart(FromOutside::Pin);
+        assert!(!node.board().part().debug_port_open(uicr));
+        pass(&mut node, 50 * MS);
+        assert_eq!(node.board().part().debug_port_open(uicr), opened, "{build_code:?} after a reset");
+        assert_eq!(node.take_findings(), [], "{build_code:?}");
+    }
+}

@@ -1,0 +1,293 @@
+//! What reads a DPR board and what sends to it, where a test wants neither the simulated flight controller nor, for
+//! frames of its own making, HORUS.
+#![allow(dead_code, reason = "each test file uses what it needs")]
+
+use bench::engine::{Downstream, Node, Upstream, Wiring};
+use bench::sim::boards::{Dpr, Horus, SSI_CSN};
+use bench::sim::front_end::FrontEnd;
+use profile::air::air_time_ns;
+use profile::{GpsStatus, GpsValues, Layout, LinkStatus, LinkValues, Object, Profile, ReportedStatus, ReportedValues};
+use rigless::time::VirtualNanos;
+use st25r3916_model::{Air, AirEvent, Chunk, Faults, FrameStart, Technology};
+
+pub(crate) const US: u64 = 1_000;
+pub(crate) const MS: u64 = 1_000_000;
+
+/// Receivers of the images that these tests run.
+pub(crate) const RECEIVERS: usize = 3;
+
+/// The places of the objects in the image.
+pub(crate) fn layout() -> Layout {
+    Layout::for_receivers(RECEIVERS).expect("a profile of three receivers")
+}
+
+/// A bit at 424 kbit/s: 32 periods of 13.56 MHz, attoseconds.
+const BIT_AS: u64 = 32 * 1_000_000_000_000_000 / 13_560 * 1_000;
+
+// ---- what is read
+
+/// What one transaction brought.
+#[derive(Clone, Debug)]
+pub(crate) struct View {
+    /// When chip select fell, ns.
+    pub(crate) at: u64,
+    /// Everything read 0xFF.
+    pub(crate) silent: bool,
+    /// Link-Status, if it is intact.
+    pub(crate) link: Option<LinkValues>,
+    /// The timestamps of the objects that are valid.
+    pub(crate) valid: Vec<u32>,
+    /// The status of Reported-Position, if that is valid.
+    pub(crate) reported: Option<ReportedStatus>,
+}
+
+impl View {
+    pub(crate) fn of(at: u64, miso: &[u8]) -> Self {
+        let mut valid = vec![];
+        let mut reported = None;
+        for index in 0..layout().objects() {
+            let bytes = layout().in_image(index).and_then(|place| miso.get(place));
+            if let Some(Ok(object)) = bytes.map(|bytes| Object::verify(index, bytes)) {
+                valid.push(object.timestamp());
+                if let Some(position) = bytes.filter(|_| index == 0) {
+                    reported = profile::ReportedPosition::verify(position).ok().map(|it| it.values().status);
+                }
+            }
+        }
+        let link = miso.get(..LinkStatus::SIZE).and_then(|bytes| LinkStatus::verify(bytes).ok());
+        Self {
+            at,
+            silent: miso.iter().all(|byte| *byte == 0xFF),
+            link: link.map(LinkStatus::values),
+            valid,
+            reported,
+        }
+    }
+}
+
+/// One transaction of `bytes` bytes, in which MOSI shows `mosi` throughout: what MISO showed.
+pub(crate) fn transact(node: &mut Node<Dpr>, bytes: usize, mosi: u8) -> Vec<u8> {
+    fn pass(node: &mut Node<Dpr>, ns: u64) {
+        let end = node.now() + ns;
+        while node.now() < end {
+            node.advance(end);
+        }
+    }
+    node.input(|board, now| board.part_mut().ssi_select(VirtualNanos(now), SSI_CSN));
+    pass(node, 5 * US);
+    let read = (0..bytes)
+        .map(|_| {
+            pass(node, US + 100);
+            node.input(|board, now| board.part_mut().ssi_clock(VirtualNanos(now), mosi)).unwrap_or(0xFF)
+        })
+        .collect();
+    pass(node, 2 * US);
+    node.input(|board, now| board.part_mut().ssi_deselect(VirtualNanos(now), SSI_CSN));
+    pass(node, 20 * US);
+    read
+}
+
+/// A whole image, read now.
+pub(crate) fn view(node: &mut Node<Dpr>) -> View {
+    let at = node.now();
+    View::of(at, &transact(node, layout().image_len(), 0))
+}
+
+/// Reads images one after the other, 2 ms from one's end to the next's beginning, up to `end`.
+pub(crate) fn views(node: &mut Node<Dpr>, end: u64) -> Vec<View> {
+    let mut all = vec![];
+    while node.now() < end {
+        let next = node.now() + 2 * MS;
+        while node.now() < next {
+            node.advance(next);
+        }
+        all.push(view(node));
+    }
+    all
+}
+
+// ---- what is sent
+
+/// The payload of a cycle's frame, every object of it valid, with `timestamp` ms.
+pub(crate) fn payload(timestamp: u32) -> Vec<u8> {
+    let gps = GpsValues { status: GpsStatus::new().with_position_valid(true), ..GpsValues::absent(timestamp) };
+    let reported = ReportedValues {
+        status: ReportedStatus::new().with_position_valid(true).with_receivers_agreeing(3),
+        ..ReportedValues::absent(timestamp)
+    };
+    Profile::<RECEIVERS>::seal(&reported, &[gps; RECEIVERS]).as_bytes().to_vec()
+}
+
+/// How long the frame of [`payload`] is on the air, ns.
+pub(crate) fn frame_ns() -> u64 {
+    air_time_ns(u8::try_from(payload(0).len()).expect("it fits one frame"))
+}
+
+/// CRC-16 of NFC-F (ISO/IEC 18092): polynomial 0x1021, initial value 0, most significant bit first.
+fn crc16(bytes: &[u8]) -> [u8; 2] {
+    let crc = bytes.iter().fold(0_u16, |crc, &byte| {
+        (0..8).fold(crc ^ u16::from(byte) << 8, |crc, _| if crc >> 15 == 1 { crc << 1 ^ 0x1021 } else { crc << 1 })
+    });
+    crc.to_be_bytes()
+}
+
+/// The chip behind `listener` hears a field from now on.
+pub(crate) fn field_on(listener: &FrontEnd) {
+    listener.with(|chip| chip.hear(0, &AirEvent::FieldOn));
+}
+
+/// It hears a frame with `payload` whose first bit is on the air at `at`, which may lie ahead. Frames must not overlap.
+pub(crate) fn send(listener: &FrontEnd, at: u64, payload: &[u8]) {
+    let length = u8::try_from(payload.len()).expect("it fits one frame");
+    let mut data = vec![length + 1];
+    data.extend(payload);
+    data.extend(crc16(&data));
+    let bits = 8 * u32::try_from(data.len()).expect("a frame is short");
+    let start = FrameStart {
+        technology: Technology::NfcF,
+        bits_per_second: 424_000,
+        bit_as: BIT_AS,
+        header_bits: 64,
+        byte_bits: 8,
+        load_modulation: false,
+        chunk: Chunk { data, parity_error: false },
+    };
+    listener.with(|chip| {
+        chip.hear(at, &AirEvent::FrameStart(start));
+        chip.hear(at + air_time_ns(length), &AirEvent::FrameEnd { bits });
+    });
+}
+
+// ---- both boards
+
+/// A frame that was on the air.
+#[derive(Clone, Debug)]
+pub(crate) struct Sent {
+    /// First bit, ns.
+    pub(crate) started: u64,
+    /// Last bit, ns.
+    pub(crate) ended: u64,
+    pub(crate) payload: Vec<u8>,
+}
+
+impl Sent {
+    /// The timestamp of its first object, ms.
+    pub(crate) fn timestamp(&self) -> u32 {
+        Object::verify(0, &self.payload[..64]).expect("Reported-Position comes first").timestamp()
+    }
+}
+
+/// The poller's antenna, and what the firmware is timed by.
+pub(crate) struct Antenna {
+    poller: FrontEnd,
+    /// When HORUS gave its front end the transmit command.
+    pub(crate) transmits: Vec<u64>,
+    /// When the 10 ms timer ticked.
+    pub(crate) ticks: Vec<u64>,
+}
+
+impl Antenna {
+    pub(crate) fn new(poller: FrontEnd) -> Self {
+        Self { poller, transmits: vec![], ticks: vec![] }
+    }
+}
+
+impl Upstream<Horus> for Antenna {
+    type Message = AirEvent;
+    type Notes = ();
+
+    fn leave(&mut self, _node: &mut Node<Horus>, sent: &mut Vec<(u64, AirEvent)>) {
+        self.poller.with(|chip| sent.extend(chip.take_air()));
+    }
+
+    fn notes(&mut self, node: &mut Node<Horus>) {
+        self.transmits.extend(self.poller.take_transmits());
+        self.ticks.extend(node.board_mut().take_ticks());
+    }
+}
+
+/// A flight controller that reads the whole image again and again, and the air to the DPR's front end.
+pub(crate) struct Reader {
+    at: u64,
+    selected: Option<u64>,
+    miso: Vec<u8>,
+    pub(crate) views: Vec<View>,
+    air: Air,
+    listener: FrontEnd,
+    started: u64,
+    frame: Vec<u8>,
+    pub(crate) sent: Vec<Sent>,
+    /// When the field went off.
+    pub(crate) field_off: Vec<u64>,
+}
+
+/// From one transaction's end to the next one's start: not a part of HORUS's cycle.
+const PAUSE: u64 = 1_830 * US;
+
+impl Reader {
+    pub(crate) fn new(listener: FrontEnd) -> Self {
+        Self {
+            at: 20 * MS,
+            selected: None,
+            miso: vec![],
+            views: vec![],
+            air: Air::new(1, Faults::default()),
+            listener,
+            started: 0,
+            frame: vec![],
+            sent: vec![],
+            field_off: vec![],
+        }
+    }
+}
+
+impl Downstream<Dpr> for Reader {
+    type Message = AirEvent;
+    type Notes = ();
+
+    fn hear(&mut self, at: u64, event: AirEvent) {
+        match &event {
+            AirEvent::FrameStart(start) => {
+                self.started = at;
+                self.frame.clone_from(&start.chunk.data);
+            }
+            AirEvent::Bytes(chunk) => self.frame.extend(&chunk.data),
+            AirEvent::FrameEnd { .. } => {
+                let payload = self.frame.get(1..self.frame.len() - 2).unwrap_or_default().to_vec();
+                self.sent.push(Sent { started: self.started, ended: at, payload });
+            }
+            AirEvent::FieldOff => self.field_off.push(at),
+            AirEvent::FieldOn => {}
+        }
+        let listener = &self.listener;
+        self.air.from_poller(at, event, |at, event| listener.with(|chip| chip.hear(at, event)));
+    }
+
+    fn noted(&mut self, (): ()) {}
+
+    fn leave(&mut self, _node: &mut Node<Dpr>) {
+        let answers = self.listener.with(|chip| chip.take_air().count());
+        assert_eq!(answers, 0, "the listener never answers");
+    }
+
+    fn next_at(&self) -> u64 {
+        self.at
+    }
+
+    fn act(&mut self, at: u64, node: &mut Node<Dpr>) {
+        if self.selected.is_none() {
+            node.input(|board, now| board.part_mut().ssi_select(VirtualNanos(now), SSI_CSN));
+            self.selected = Some(at);
+            self.at += 3 * US;
+        } else if self.miso.len() < layout().image_len() {
+            let miso = node.input(|board, now| board.part_mut().ssi_clock(VirtualNanos(now), 0));
+            self.miso.push(miso.unwrap_or(0xFF));
+            self.at += US + 50;
+        } else {
+            node.input(|board, now| board.part_mut().ssi_deselect(VirtualNanos(now), SSI_CSN));
+            self.views.push(View::of(self.selected.take().unwrap_or(at), &self.miso));
+            self.miso.clear();
+            self.at += PAUSE;
+        }
+    }
+}

@@ -1,0 +1,246 @@
+//! What the DPR's release image shows of cycles that do not continue the ones before them: repeated, reordered, early,
+//! from a HORUS that restarted or whose clock is wrong. Design section 4, "Sequence".
+//!
+//! Frames of the test's own making are intact in every bit: length, CRC-16, identifiers, CRCs. What may be wrong with
+//! them is their timestamp and their instant.
+
+mod boards;
+mod reader;
+
+use bench::engine::{FromOutside, Node, Relay};
+use bench::sim::boards::Dpr;
+use bench::sim::front_end::FrontEnd;
+use bench::stm32f427::Oscillators;
+use boards::counter;
+use dpr_fw::telemetry::Telemetry;
+use profile::sequence::SEARCH_CYCLES;
+use reader::{Antenna, MS, Reader, Sent, US, View, field_on, frame_ns, payload, send, views};
+
+/// When the first frame of the test's own begins: the DPR has started long before.
+const FIRST: u64 = 60 * MS;
+
+/// Valid objects of a cycle.
+const OBJECTS: u32 = 4;
+
+/// No object may be readable longer than this after its frame's last bit.
+const STALE: u64 = 30 * MS;
+
+fn dpr() -> Option<(Node<Dpr>, FrontEnd)> {
+    let (node, listener) = boards::dpr()?;
+    field_on(&listener);
+    Some((node, listener))
+}
+
+fn count(node: &Node<Dpr>, offset: usize) -> u32 {
+    counter(node, "DPR_TELEMETRY", offset)
+}
+
+/// The longest time, in ns, for which something valid was read after the last bit of the last frame that carried it,
+/// where `sent` are instants of last bits with their timestamps.
+fn oldest(views: &[View], sent: &[(u64, u32)]) -> u64 {
+    let shown = views.iter().flat_map(|view| view.valid.iter().map(|timestamp| (view.at, *timestamp)));
+    let ages = shown.map(|(at, timestamp)| {
+        let first = sent.iter().find(|(ended, ms)| *ms == timestamp && *ended <= at);
+        at - first.unwrap_or_else(|| panic!("{timestamp} ms was read at {at} ns, and never sent")).0
+    });
+    ages.max().unwrap_or(0)
+}
+
+#[test]
+fn timestamps_20_10_20_10_and_so_on_show_nothing() {
+    let Some((mut node, listener)) = dpr() else { return };
+    for cycle in 0..60 {
+        send(&listener, FIRST + cycle * 10 * MS, &payload(if cycle % 2 == 0 { 20 } else { 10 }));
+    }
+    let views = views(&mut node, FIRST + 600 * MS);
+    assert!(views.len() >= 200, "{}", views.len());
+    assert_eq!(count(&node, std::mem::offset_of!(Telemetry, frames_received)), 60);
+    assert_eq!(count(&node, std::mem::offset_of!(Telemetry, objects_accepted)), 0);
+    assert_eq!(count(&node, std::mem::offset_of!(Telemetry, objects_rejected)), 60 * OBJECTS);
+    let intact = views.iter().filter_map(|view| view.link);
+    assert!(intact.clone().count() + 5 >= views.len(), "it is read throughout");
+    assert!(intact.clone().all(|link| link.status.out_of_sequence() && !link.status.link_up()));
+    // Every second frame is a step back.
+    assert!(intact.clone().last().is_some_and(|link| link.status.horus_restarted()));
+    for view in &views {
+        assert_eq!(view.valid, [0; 0], "at {} us", view.at / US);
+    }
+}
+
+/// The frames of `sent` (first bit, timestamp) end when their air time is over.
+fn ends(sent: &[(u64, u32)]) -> Vec<(u64, u32)> {
+    sent.iter().map(|(at, timestamp)| (at + frame_ns(), *timestamp)).collect()
+}
+
+#[test]
+fn frames_that_follow_each_other_too_early_are_noticed_and_not_shown() {
+    let Some((mut node, listener)) = dpr() else { return };
+    // Ten cycles as they should be, then frames with 1 ms between one's end and the next's beginning, whose timestamps
+    // go on as if nothing were wrong.
+    let mut at = FIRST;
+    let mut sent = vec![];
+    for cycle in 0..40 {
+        send(&listener, at, &payload(100 + 10 * cycle));
+        sent.push((at, 100 + 10 * cycle));
+        at += if cycle < 10 { 10 * MS } else { frame_ns() + MS };
+    }
+    let views = views(&mut node, at);
+    // The eleventh comes 10 ms after the tenth, so it is the last that may be shown.
+    let early = ends(&sent)[11].0;
+    let newest = views.iter().flat_map(|view| &view.valid).max();
+    assert_eq!(newest, Some(&200));
+    assert_eq!(count(&node, std::mem::offset_of!(Telemetry, frames_received)), 40);
+    let shown = 11 - u32::from(SEARCH_CYCLES);
+    assert_eq!(count(&node, std::mem::offset_of!(Telemetry, objects_accepted)), shown * OBJECTS);
+    let after: Vec<_> = views.iter().filter(|view| view.at > early + 150 * US).collect();
+    assert!(after.len() >= 50, "{}", after.len());
+    for view in after {
+        assert_eq!(view.valid, [0; 0], "at {} us", view.at / US);
+        assert!(view.link.is_none_or(|link| link.status.out_of_sequence()), "at {} us: {view:?}", view.at / US);
+    }
+}
+
+/// One frame more than HORUS sends, in the gap between its frames 20 and 21: the frame `back` cycles before frame 21,
+/// to the bit.
+fn inserted(back: u32) -> Option<()> {
+    let (mut node, listener) = dpr()?;
+    let stamp = |cycle: u32| 500 + 10 * cycle;
+    let mut sent = vec![];
+    for cycle in 0..40 {
+        sent.push((FIRST + u64::from(cycle) * 10 * MS, stamp(cycle)));
+    }
+    let insert = (FIRST + 200 * MS + frame_ns() + 200 * US, stamp(21 - back));
+    sent.insert(21, insert);
+    for (at, timestamp) in &sent {
+        send(&listener, *at, &payload(*timestamp));
+    }
+    let views = views(&mut node, FIRST + 400 * MS);
+    let inserted_end = insert.0 + frame_ns();
+    // It is frame 22 that opens the search: frame 21 comes 5 ms after the inserted one, too early. Frames 22, 23 and 24
+    // are the three that advance as the search demands, and the third of them is shown.
+    let found = ends(&sent)[25].0;
+    let during: Vec<_> =
+        views.iter().filter(|view| (inserted_end + 150 * US..found).contains(&view.at)).collect();
+    assert!(during.len() >= 10, "{back} back: {}", during.len());
+    for view in during {
+        assert_eq!(view.valid, [0; 0], "{back} back: at {} us", view.at / US);
+        assert!(view.link.is_none_or(|link| link.status.out_of_sequence()), "{back} back: at {} us", view.at / US);
+    }
+    let newest: Vec<u32> = views.iter().filter_map(|view| view.valid.first().copied()).collect();
+    assert!(newest.is_sorted(), "{back} back: {newest:?}");
+    let first_again = newest.iter().find(|timestamp| **timestamp > stamp(20));
+    assert_eq!(first_again, Some(&stamp(24)), "{back} back");
+    let age = oldest(&views, &ends(&sent));
+    assert!(age <= STALE, "{back} back: {age} ns");
+    // Of 41 frames, the first three, the inserted one, and 21 to 23 are not shown.
+    let accepted = count(&node, std::mem::offset_of!(Telemetry, objects_accepted));
+    assert_eq!(accepted, (41 - 3 - 4) * OBJECTS, "{back} back");
+    Some(())
+}
+
+#[test]
+fn a_repeated_frame_that_is_inserted_once_is_never_shown_as_new() {
+    for back in [1, 2, 9] {
+        if inserted(back).is_none() {
+            return;
+        }
+    }
+}
+
+#[test]
+fn a_frame_that_repeats_its_predecessor_in_the_successors_place_is_not_shown() {
+    let Some((mut node, listener)) = dpr() else { return };
+    let mut sent = vec![];
+    for cycle in 0..30 {
+        // Frame 15 is frame 14 again, and so on up to 17.
+        let stamp = 500 + 10 * if (15..18).contains(&cycle) { 14 } else { cycle };
+        sent.push((FIRST + u64::from(cycle) * 10 * MS, stamp));
+    }
+    for (at, timestamp) in &sent {
+        send(&listener, *at, &payload(*timestamp));
+    }
+    let views = views(&mut node, FIRST + 300 * MS);
+    let (repeated, found) = (ends(&sent)[15].0, ends(&sent)[21].0);
+    let during: Vec<_> = views.iter().filter(|view| (repeated + 150 * US..found).contains(&view.at)).collect();
+    assert!(during.len() >= 15);
+    assert!(during.iter().all(|view| view.valid.is_empty()));
+    let frozen = during.iter().filter(|view| view.link.is_some_and(|link| link.status.horus_frozen()));
+    assert!(frozen.count() >= 8);
+    let age = oldest(&views, &ends(&sent));
+    assert!(age <= STALE, "{age} ns");
+    // The step from frame 14's timestamp to frame 18's is one of four cycles in 10 ms: too early. So 19, 20 and 21 are
+    // the three of the search.
+    let newest: Vec<u32> = views.iter().filter_map(|view| view.valid.first().copied()).collect();
+    assert_eq!(newest.iter().find(|timestamp| **timestamp > 640), Some(&(500 + 210)));
+}
+
+// ---- the real HORUS
+
+fn both(oscillators: Oscillators) -> Option<Relay<bench::sim::boards::Horus, Dpr, Antenna, Reader>> {
+    let ((a, poller, _), (b, listener)) = (boards::horus_on(oscillators)?, boards::dpr()?);
+    Some(Relay { a, b, upstream: Antenna::new(poller), downstream: Reader::new(listener) })
+}
+
+fn go<A, B, U, D>(relay: &mut Relay<A, B, U, D>, to: u64)
+where
+    A: bench::engine::Wiring,
+    B: bench::engine::Wiring,
+    U: bench::engine::Upstream<A>,
+    D: bench::engine::Downstream<B, Message = U::Message, Notes = U::Notes>,
+    Relay<A, B, U, D>: Sized,
+    Node<A>: Send,
+{
+    relay.run(to, 10 * MS, |_, _, _| Ok::<_, ()>(())).expect("nothing ends it before");
+}
+
+/// Which frame since the restart at `restarted`, from 1, was the first that was read as valid.
+fn first_shown(reader: &Reader, restarted: u64) -> usize {
+    let sent: Vec<&Sent> = reader.sent.iter().filter(|frame| frame.started > restarted).collect();
+    let again = sent.first().expect("it sends again").started;
+    let shown = reader.views.iter().find(|view| view.at > again && !view.valid.is_empty()).expect("shown again");
+    1 + sent.iter().position(|frame| frame.timestamp() == shown.valid[0]).expect("what was shown was sent")
+}
+
+#[test]
+fn a_horus_that_really_restarts_is_shown_again_within_five_cycles_of_its_first_frame() {
+    for why in [FromOutside::Pin, FromOutside::BrownOut, FromOutside::PowerOn(7)] {
+        let Some(mut relay) = both(Oscillators::default()) else { return };
+        go(&mut relay, 207 * MS);
+        let restarted = relay.a.now();
+        relay.a.restart(why);
+        go(&mut relay, 400 * MS);
+        let reader = &relay.downstream;
+        let nth = first_shown(reader, restarted);
+        let silence = reader.sent.iter().find(|frame| frame.started > restarted).unwrap().started - restarted;
+        println!("{why:?}: first frame {} us after the restart, frame {nth} is the first shown", silence / US);
+        // Frame 1 opens the search, 2 and 3 advance, 4 is the third that does.
+        assert_eq!(nth, 1 + usize::from(SEARCH_CYCLES), "{why:?}");
+        let told = reader.views.iter().filter(|view| view.at > restarted).filter_map(|view| view.link);
+        assert!(told.clone().any(|link| link.status.horus_restarted()), "{why:?}");
+        let last = told.clone().last().unwrap();
+        assert!(last.status.link_up() && !last.status.out_of_sequence(), "{why:?}: {last:?}");
+    }
+}
+
+#[test]
+fn a_horus_clock_that_is_wrong_by_3_percent_is_told_within_2600_ms_and_its_objects_are_still_shown() {
+    for ppb in [30_000_000, -30_000_000] {
+        let Some(mut relay) = both(Oscillators { hse_ppb: ppb, ..Oscillators::default() }) else { return };
+        go(&mut relay, 2_800 * MS);
+        let reader = &relay.downstream;
+        let first = reader.sent[0].started;
+        let implausible = |view: &&View| view.link.is_some_and(|link| link.status.horus_clock_implausible());
+        let told = reader.views.iter().find(implausible).unwrap_or_else(|| panic!("{ppb} ppb: it is never told")).at;
+        println!("{ppb} ppb: told {} us after the first frame began", (told - first) / US);
+        assert!(told - first <= 2_600 * MS, "{ppb} ppb: {told}");
+        let after: Vec<&View> = reader.views.iter().filter(|view| view.at > told).collect();
+        assert!(after.len() >= 50, "{ppb} ppb");
+        let shown = after.iter().filter(|view| !view.valid.is_empty()).count();
+        // What is busy or between two cycles is not valid; nearly all is.
+        assert!(shown * 10 >= after.len() * 9, "{ppb} ppb: {shown} of {} valid", after.len());
+        assert!(after.iter().all(|view| view.link.is_none() || implausible(view)), "{ppb} ppb");
+        let accepted = count(&relay.b, std::mem::offset_of!(Telemetry, objects_accepted)) as usize;
+        let received = count(&relay.b, std::mem::offset_of!(Telemetry, frames_received)) as usize;
+        assert_eq!(accepted, (received - usize::from(SEARCH_CYCLES)) * 4, "{ppb} ppb");
+    }
+}
