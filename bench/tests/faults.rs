@@ -292,15 +292,14 @@ impl Reader {
         reported.into_iter().chain(gps).collect()
     }
 
-    /// Instants at which something valid was read that was too old, with how old its frame was.
-    fn stale(&self) -> Vec<(u64, u64)> {
+    /// The instant at which the oldest data were read as valid, and how long before it their frame had ended.
+    fn oldest(&self) -> (u64, u64) {
         let timestamps = self.read.iter().flat_map(|(at, valid)| valid.iter().map(move |ms| (*at, *ms)));
-        timestamps
-            .filter_map(|(at, ms)| {
-                let ended = self.sent.get(&ms).unwrap_or_else(|| panic!("{ms} ms was never sent"));
-                Some((at, at - ended)).filter(|(_, age)| *age > STALE)
-            })
-            .collect()
+        let ages = timestamps.map(|(at, ms)| {
+            let ended = self.sent.get(&ms).unwrap_or_else(|| panic!("{ms} ms was never sent"));
+            (at, at - ended)
+        });
+        ages.max_by_key(|(_, age)| *age).expect("something was read")
     }
 
     fn valid_reads(&self, from: u64) -> usize {
@@ -440,7 +439,9 @@ fn no_task_that_hangs_in_the_dpr_leaves_old_data_to_be_read_as_valid() {
     for (nth, (vector, task)) in EVERY_DPR_TASK.into_iter().enumerate() {
         // Each at another phase of HORUS's cycle, and late enough that ten valid images were read before.
         let Some(reader) = hung(vector, task, 110 * MS + nth as u64 * 1_250 * US) else { return };
-        if let Some((at, age)) = reader.stale().into_iter().max_by_key(|(_, age)| *age) {
+        let (at, age) = reader.oldest();
+        println!("{task} hung: the oldest data read as valid were {} us old", age / US);
+        if age > STALE {
             stale.push(format!("{task}: at {} us valid, {} us after its frame's last bit", at / US, age / US));
         }
     }

@@ -25,7 +25,7 @@ use std::collections::VecDeque;
 use std::ops::Range;
 
 use profile::image;
-use profile::ssi::{self, REQUEST_SIZE, Request};
+use profile::ssi::{self, REQUEST_SIZE, Request, timing};
 use profile::{Freshness, Layout, LinkStatus, LinkValues, Object, Rejection, freshness};
 
 use super::framing;
@@ -66,16 +66,17 @@ pub struct Config {
     pub crystal_ppb: i64,
     /// A byte on the wire by its own clock, ns: 8 bits.
     pub byte_ns: u64,
-    /// From chip select falling to the first clock edge, ns. The nRF52840 needs 1000 while its high-frequency clock
-    /// runs, and that clock's start-up on top in low-power mode (PS v1.7, SPIS timing specifications).
+    /// From chip select falling to the first clock edge, ns; at least [`timing::CSN_SETUP_NS`].
     pub setup_ns: u64,
-    /// From the last clock edge to chip select rising, ns. The nRF52840 needs 2000 (PS v1.7, SPIS timing
-    /// specifications).
+    /// From the last clock edge to chip select rising, ns; at least [`timing::CSN_HOLD_NS`].
     pub hold_ns: u64,
+    /// From chip select rising to the earliest time at which it falls again, ns; at least [`timing::GAP_NS`].
+    pub gap_ns: u64,
 }
 
 impl Config {
-    /// 4 ms control cycle, 8 MHz, a perfect crystal, first transaction one cycle after reset.
+    /// 4 ms control cycle, a perfect crystal, first transaction one cycle after reset. On the wire it is as fast as
+    /// [`timing`] allows.
     #[must_use]
     pub const fn new(receivers: usize) -> Self {
         Self {
@@ -84,9 +85,10 @@ impl Config {
             cycle_ns: 4_000_000,
             first_ns: 4_000_000,
             crystal_ppb: 0,
-            byte_ns: 1_000,
-            setup_ns: 5_000,
-            hold_ns: 2_000,
+            byte_ns: 8 * 1_000_000_000 / timing::MAX_CLOCK_HZ as u64,
+            setup_ns: timing::CSN_SETUP_NS as u64,
+            hold_ns: timing::CSN_HOLD_NS as u64,
+            gap_ns: timing::GAP_NS as u64,
         }
     }
 
@@ -242,8 +244,8 @@ impl FlightController {
     #[must_use]
     pub fn new(config: Config) -> Self {
         assert!(config.crystal_ppb.unsigned_abs() <= 10_000_000, "a crystal is off by {} ppb", config.crystal_ppb);
-        let longest = config.transaction_ns(config.image_len());
-        assert!(longest < config.cycle_ns, "a transaction of {longest} ns does not fit into the control cycle");
+        let longest = config.transaction_ns(config.image_len()) + config.gap_ns;
+        assert!(longest <= config.cycle_ns, "a transaction of {longest} ns does not fit into the control cycle");
         Self {
             window: whole(&config),
             config,
@@ -286,7 +288,7 @@ impl FlightController {
     /// # Panics
     ///
     /// If the schedule is another one, if so many bytes are none or more than the image has, or if the transaction
-    /// before it is not over by then.
+    /// before it is not over by then, and the gap after it.
     pub fn place(&mut self, transaction: Placed) {
         let Placed { at_ns, bytes } = transaction;
         assert_eq!(self.config.schedule, Schedule::Placed, "this flight controller keeps its own cycle");
@@ -294,8 +296,8 @@ impl FlightController {
         let under_way = (self.stage != Stage::Idle).then_some((self.selected_ns, self.length));
         let before = self.placed.back().map(|before| (before.at_ns, before.bytes)).or(under_way);
         if let Some((from, bytes)) = before {
-            let ends = from + self.by_the_bench(self.config.transaction_ns(bytes));
-            assert!(at_ns > ends, "a transaction at {at_ns} ns, and the one before it ends at {ends} ns");
+            let ready = from + self.by_the_bench(self.config.transaction_ns(bytes) + self.config.gap_ns);
+            assert!(at_ns >= ready, "a transaction at {at_ns} ns, and after the one before it none before {ready} ns");
         }
         self.placed.push_back(transaction);
     }
@@ -615,11 +617,11 @@ mod tests {
             let start = 1_000_000 + cycle * 4_000_000;
             assert_eq!(controller.act(), (start, Action::Select));
             for (number, byte) in (0..).zip(&image) {
-                assert_eq!(controller.next_at(), start + 5_000 + number * 1_000);
-                assert_eq!(controller.act(), (start + 5_000 + number * 1_000, Action::Byte(0)));
+                assert_eq!(controller.next_at(), start + 1_000 + number * 1_000);
+                assert_eq!(controller.act(), (start + 1_000 + number * 1_000, Action::Byte(0)));
                 controller.miso(*byte);
             }
-            assert_eq!(controller.act(), (start + 5_000 + 276_000 + 2_000, Action::Deselect));
+            assert_eq!(controller.act(), (start + 1_000 + 276_000 + 2_000, Action::Deselect));
         }
         assert_eq!(Image::<3>::LEN, config.image_len());
     }

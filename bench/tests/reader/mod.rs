@@ -22,7 +22,7 @@ pub(crate) fn layout() -> Layout {
 }
 
 /// A bit at 424 kbit/s: 32 periods of 13.56 MHz, attoseconds.
-const BIT_AS: u64 = 32 * 1_000_000_000_000_000 / 13_560 * 1_000;
+const BIT_AS: u64 = 32 * 1_000_000_000_000_000 / 13_560;
 
 // ---- what is read
 
