@@ -152,8 +152,12 @@ fn a_clock_that_fails_switches_the_field_off_at_once_and_horus_sends_again_witho
         // It stays away: HORUS runs on its internal oscillator, and stays up.
         assert!(!horus.run_to(restarted + 300 * MS), "{phase}: restarted again");
         let again = horus.frames(restarted);
-        println!("{phase} ns: field off after {} ns, first frame {} us after the restart, which came {} ms after",
-            off - failed, (again[0].0 - restarted) / US, (restarted - failed) / MS);
+        println!(
+            "{phase} ns: field off after {} ns, first frame {} us after the restart, which came {} ms after",
+            off - failed,
+            (again[0].0 - restarted) / US,
+            (restarted - failed) / MS
+        );
         assert!(again.len() >= 20, "{phase}: {} frames", again.len());
         assert!(again.iter().all(|(_, without)| *without), "{phase}");
         for pair in again.windows(2) {

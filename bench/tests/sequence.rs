@@ -119,8 +119,7 @@ fn inserted(back: u32) -> Option<()> {
     // It is frame 22 that opens the search: frame 21 comes 5 ms after the inserted one, too early. Frames 22, 23 and 24
     // are the three that advance as the search demands, and the third of them is shown.
     let found = ends(&sent)[25].0;
-    let during: Vec<_> =
-        views.iter().filter(|view| (inserted_end + 150 * US..found).contains(&view.at)).collect();
+    let during: Vec<_> = views.iter().filter(|view| (inserted_end + 150 * US..found).contains(&view.at)).collect();
     assert!(during.len() >= 10, "{back} back: {}", during.len());
     for view in during {
         assert_eq!(view.valid, [0; 0], "{back} back: at {} us", view.at / US);

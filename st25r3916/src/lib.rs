@@ -274,8 +274,8 @@ pub enum Variant {
     B,
 }
 
-/// The air time of a frame at 424 kbit/s, first preamble bit to last CRC bit, in microseconds, rounded up: what a poller
-/// waits for the end of its own frame.
+/// The air time of a frame at 424 kbit/s, first preamble bit to last CRC bit, in microseconds, rounded up: how long a
+/// poller waits for the end of its own frame.
 ///
 /// 48 bits of preamble, 16 of sync, then LEN, `payload` bytes and CRC-16; a bit is 32 carrier periods of 13.56 MHz.
 /// Without 64-bit arithmetic, which is a library call on a Cortex-M4.

@@ -43,7 +43,8 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
             code if code == ExitCode::SUCCESS => Ok(()),
             _ => anyhow::bail!("over budget"),
         });
-        // The tests that run both images are told where those are: without it they are not run, and fail where CI is set.
+        // The tests that run both images are told where those are. Otherwise they would not be run, and would fail
+        // where CI is set.
         let images = firmware::folder();
         step("host tests", &mut || {
             check("cargo test", cargo().args(["test", "--quiet", "--workspace"]).env("LINK_IMAGES", &images))

@@ -48,7 +48,7 @@ impl Ficr {
                 (0x110, 1024),                   // INFO.FLASH, KiB
                 (0x130, 8),                      // nRF52840
                 (0x134, revision),
-                (0x350, 0xFFFF_FFFF),            // PRODTEST[0..3]
+                (0x350, 0xFFFF_FFFF), // PRODTEST[0..3]
                 (0x354, 0xFFFF_FFFF),
                 (0x358, 0xFFFF_FFFF),
                 (0x404, 0x320), // TEMP.A0 to A5

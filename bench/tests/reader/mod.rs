@@ -55,13 +55,7 @@ impl View {
             }
         }
         let link = miso.get(..LinkStatus::SIZE).and_then(|bytes| LinkStatus::verify(bytes).ok());
-        Self {
-            at,
-            silent: miso.iter().all(|byte| *byte == 0xFF),
-            link: link.map(LinkStatus::values),
-            valid,
-            reported,
-        }
+        Self { at, silent: miso.iter().all(|byte| *byte == 0xFF), link: link.map(LinkStatus::values), valid, reported }
     }
 }
 
