@@ -14,7 +14,7 @@ use bench::stm32f427::Oscillators;
 use boards::counter;
 use dpr_fw::telemetry::Telemetry;
 use profile::sequence::SEARCH_CYCLES;
-use reader::{Antenna, MS, Reader, Sent, US, View, field_on, frame_ns, payload, send, views};
+use reader::{Antenna, MS, RECEIVERS, Reader, Sent, US, View, field_on, frame_ns, payload, send, views};
 
 /// When the first frame of the test's own begins: the DPR has started long before.
 const FIRST: u64 = 60 * MS;
@@ -94,6 +94,8 @@ fn frames_that_follow_each_other_too_early_are_noticed_and_not_shown() {
     assert_eq!(count(&node, std::mem::offset_of!(Telemetry, objects_accepted)), shown * OBJECTS);
     let after: Vec<_> = views.iter().filter(|view| view.at > early + 150 * US).collect();
     assert!(after.len() >= 50, "{}", after.len());
+    let told = after.iter().filter(|view| view.link.is_some()).count();
+    assert!(told + 2 >= after.len(), "{told} of {} told it", after.len());
     for view in after {
         assert_eq!(view.valid, [0; 0], "at {} us", view.at / US);
         assert!(view.link.is_none_or(|link| link.status.out_of_sequence()), "at {} us: {view:?}", view.at / US);
@@ -175,6 +177,12 @@ fn a_frame_that_repeats_its_predecessor_in_the_successors_place_is_not_shown() {
 
 // ---- the real HORUS
 
+/// Send slot and air time, which are constants of the profile: the sample's age at its frame's last bit, us.
+const AGE_AT_END: u32 = match profile::air::age_at_end_us::<RECEIVERS>(0) {
+    Some(age) => age,
+    None => panic!("a frame of the cycle"),
+};
+
 fn both(oscillators: Oscillators) -> Option<Relay<bench::sim::boards::Horus, Dpr, Antenna, Reader>> {
     let ((a, poller, _), (b, listener)) = (boards::horus_on(oscillators)?, boards::dpr()?);
     Some(Relay { a, b, upstream: Antenna::new(poller), downstream: Reader::new(listener) })
@@ -190,6 +198,19 @@ where
     Node<A>: Send,
 {
     relay.run(to, 10 * MS, |_, _, _| Ok::<_, ()>(())).expect("nothing ends it before");
+}
+
+#[test]
+fn the_age_in_link_status_is_that_of_the_sample_when_the_image_was_published() {
+    let Some(mut relay) = both(Oscillators::default()) else { return };
+    go(&mut relay, 200 * MS);
+    let fresh = relay.downstream.views.iter().filter_map(|view| view.link).filter(|link| link.status.all_accepted());
+    let ages: Vec<u32> = fresh.map(|link| u32::from(link.age_100us) * 100).collect();
+    assert!(ages.len() >= 50, "{}", ages.len());
+    // From the last bit to the publication it is at most 100 us; the age is rounded down to 100 us.
+    for age in ages {
+        assert!((AGE_AT_END - 99..=AGE_AT_END + 100).contains(&age), "{age} us");
+    }
 }
 
 /// Which frame since the restart at `restarted`, from 1, was the first that was read as valid. What is read as valid
