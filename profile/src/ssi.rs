@@ -81,6 +81,7 @@ pub mod timing {
     /// assert_eq!(max_clock_hz(40, 10), 4_587_155);
     /// ```
     #[must_use]
+    #[expect(clippy::as_conversions, reason = "`From` is not const; each widens, or is at most `MAX_CLOCK_HZ`")]
     pub const fn max_clock_hz(isolator_ns: u32, setup_ns: u32) -> u32 {
         let half_period_ns = 2 * isolator_ns as u64 + MISO_VALID_NS as u64 + setup_ns as u64;
         let clock_hz = 1_000_000_000 / (2 * half_period_ns);
