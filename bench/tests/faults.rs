@@ -285,9 +285,9 @@ impl Reader {
     fn valid(image: &[u8]) -> Vec<u32> {
         let objects = &image[LinkStatus::SIZE..];
         let (reported, gps) = objects.split_at(ReportedPosition::SIZE);
-        let reported = ReportedPosition::verify(reported).ok().map(|object| object.timestamp());
-        let gps = gps.chunks_exact(GpsObject::SIZE).zip(1..).filter_map(|(bytes, nth)| {
-            GpsObject::verify(bytes, Identifier(0x4800 + nth)).ok().map(|object| object.timestamp())
+        let reported = ReportedPosition::verify(reported).ok().map(ReportedPosition::timestamp);
+        let gps = gps.as_chunks::<{ GpsObject::SIZE }>().0.iter().zip(1..).filter_map(|(bytes, nth)| {
+            GpsObject::verify(bytes, Identifier(0x4800 + nth)).ok().map(GpsObject::timestamp)
         });
         reported.into_iter().chain(gps).collect()
     }

@@ -7,7 +7,7 @@
 
 mod boards;
 
-use bench::sim::phases::{Edge, Placement, Sweep};
+use bench::sim::phases::{Edge, Phase, Placement, Sweep};
 use bench::sim::{Crystals, Faults, Images, Setup, run};
 use boards::image;
 use profile::sequence::SEARCH_CYCLES;
@@ -51,14 +51,14 @@ fn holds(gps: usize, sweep: Sweep, (horus_ppb, dpr_ppb): (i64, i64)) {
     };
     let outcome = run(&setup, &mut ()).unwrap_or_else(|error| panic!("{error}"));
     assert_eq!(outcome.phases.len() as u64, cycles, "every phase was swept");
-    let worst = |time: fn(&bench::sim::phases::Phase) -> i64| {
+    let worst = |time: fn(&Phase) -> i64| {
         let phase = outcome.phases.iter().max_by_key(|phase| time(phase)).expect("a phase");
         (time(phase), phase.phase_ns, phase.pattern)
     };
     println!("{gps} receivers, frame {}: (worst, ns; phase, ns after the last bit; pattern)", sweep.frame + 1);
     println!("  last bit to FRESH  {:?}", worst(|phase| phase.fresh_ns().unwrap_or(0)));
-    println!("  SSI ready          {:?}", worst(|phase| phase.ready_ns()));
-    println!("  SSI held           {:?}", worst(|phase| phase.hold_ns()));
+    println!("  SSI ready          {:?}", worst(Phase::ready_ns));
+    println!("  SSI held           {:?}", worst(Phase::hold_ns));
     for phase in outcome.phases.iter().filter(|phase| !phase.violations.is_empty()).take(8) {
         println!("  pattern {} at {} ns: {:?}", phase.pattern, phase.phase_ns, phase.violations);
         println!("    {:?}", phase.events);

@@ -61,7 +61,7 @@ fn timestamps_20_10_20_10_and_so_on_show_nothing() {
     assert!(intact.clone().count() + 5 >= views.len(), "it is read throughout");
     assert!(intact.clone().all(|link| link.status.out_of_sequence() && !link.status.link_up()));
     // Every second frame is a step back.
-    assert!(intact.clone().last().is_some_and(|link| link.status.horus_restarted()));
+    assert!(intact.clone().next_back().is_some_and(|link| link.status.horus_restarted()));
     for view in &views {
         assert_eq!(view.valid, [0; 0], "at {} us", view.at / US);
     }
@@ -220,8 +220,8 @@ fn first_shown(reader: &Reader, restarted: u64) -> usize {
     let (before, since): (Vec<&Sent>, Vec<&Sent>) = reader.sent.iter().partition(|frame| frame.started < restarted);
     let last = before.last().expect("it sent before");
     let is_last = |view: &View| view.valid[0] == last.timestamp() && view.at <= last.ended + STALE;
-    let after = reader.views.iter().filter(|view| view.at > restarted && !view.valid.is_empty());
-    let shown = after.skip_while(|view| view.at < last.ended || is_last(view)).next().expect("it is shown again");
+    let mut after = reader.views.iter().filter(|view| view.at > restarted && !view.valid.is_empty());
+    let shown = after.find(|view| view.at >= last.ended && !is_last(view)).expect("it is shown again");
     let nth = since.iter().position(|frame| frame.timestamp() == shown.valid[0]);
     1 + nth.unwrap_or_else(|| panic!("{shown:?} was not sent since the restart"))
 }
@@ -242,7 +242,7 @@ fn a_horus_that_really_restarts_is_shown_again_within_five_cycles_of_its_first_f
         assert_eq!(nth, 1 + usize::from(SEARCH_CYCLES), "{why:?}");
         let told = reader.views.iter().filter(|view| view.at > restarted).filter_map(|view| view.link);
         assert!(told.clone().any(|link| link.status.horus_restarted()), "{why:?}");
-        let last = told.clone().last().unwrap();
+        let last = told.clone().next_back().unwrap();
         assert!(last.status.link_up() && !last.status.out_of_sequence(), "{why:?}: {last:?}");
     }
 }
