@@ -54,4 +54,10 @@ impl Taken {
         defmt::assert!(self.max <= bound, "{=str} took {=u32} cycles, more than {=u32}", what, self.max, bound);
         defmt::assert!(self.max - self.min <= spread, "{=str} depends on its data: {}", what, self);
     }
+
+    /// Panics if the fastest call took less than `bound`: then some of the work was not done.
+    pub fn assert_at_least(self, what: &str, bound: u32) {
+        defmt::info!("{=str}: {=u32}..{=u32} cycles of at least {=u32}", what, self.min, self.max, bound);
+        defmt::assert!(self.min >= bound, "{=str} took {=u32} cycles, less than {=u32}", what, self.min, bound);
+    }
 }
