@@ -522,6 +522,18 @@ mod tests {
     }
 
     #[test]
+    fn bytes_behind_the_length_that_len_announces_are_no_objects_of_the_frame() {
+        // GPS3, intact and in its place in the profile, behind the last object of a cycle's first frame.
+        let sent = profile::<5>(70);
+        let mut arrived = vec![185];
+        arrived.extend(&sent.as_bytes()[..244]);
+        let mut early = Early::default();
+        early.follow::<5>(&arrived);
+        assert_eq!((early.done, early.intact), (3, Objects(0b0111)));
+        assert_eq!(early.timestamps, [70, 70, 70, 0, 0, 0]);
+    }
+
+    #[test]
     fn an_object_that_was_found_intact_early_is_not_verified_again() {
         let sent = profile::<3>(50);
         let mut arrived = vec![245];

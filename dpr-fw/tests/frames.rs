@@ -5,6 +5,7 @@
 use std::{cell::RefCell, collections::VecDeque, rc::Rc};
 
 use dpr_fw::{
+    accept::Early,
     commit::{Commit, Images},
     intake,
     link::Health,
@@ -154,6 +155,8 @@ impl Port for SimPort {
     }
 
     fn arrived(&self, len: usize) -> &[u8] {
+        let reading = self.world.borrow().transfer.is_some() && self.read.is_some();
+        assert!(len == 0 || !reading, "the buffer is looked at while the DMA writes into it");
         let bytes: &[u8] = bytemuck::cast_slice(self.buffer.as_ref().expect("the buffer is here").peek().as_slice());
         &bytes[LEAD..LEAD + len]
     }
@@ -244,6 +247,8 @@ struct Dpr<const N: usize> {
     commit: Commit<N>,
     album: Album,
     telemetry: Telemetry,
+    /// The commit task does not run.
+    commit_waits: bool,
 }
 
 impl<const N: usize> Dpr<N> {
@@ -278,6 +283,7 @@ impl<const N: usize> Dpr<N> {
             commit: Commit::new(),
             album: Album { filling: [0; IMAGE_WORDS], published: Vec::new(), now: 0 },
             telemetry: Telemetry::new(),
+            commit_waits: false,
         };
         dpr.commit.begin(0, &Health::default(), &mut dpr.album);
         dpr.run_to(FIRST_TICK_NS);
@@ -341,10 +347,10 @@ impl<const N: usize> Dpr<N> {
 
     /// What the RFID, commit and scrub tasks call, one after the other.
     fn serve(&mut self) {
-        let Self { world, receiver, rotation, front_end, front_ends, commit, album, telemetry } = self;
+        let Self { world, receiver, rotation, front_end, front_ends, commit, album, telemetry, commit_waits } = self;
         let handed = receiver.serve::<N>(Own(rotation), Own(front_end), telemetry);
         let now_us = || (world.borrow().now / 1_000) as u32;
-        if handed || now_us() >= commit.deadline_us() {
+        if !*commit_waits && (handed || now_us() >= commit.deadline_us()) {
             album.now = world.borrow().now;
             intake::take_in(commit, Own(rotation), now_us, &Health::default(), album, telemetry);
             let (scrubs, stuck_bits) = triple::scrub_waiting(Own(rotation));
@@ -435,6 +441,34 @@ fn profiles_arrive_by_store_and_forward() {
     // 247 bytes and the command take 0.248 ms of SPI.
     every_profile_arrives::<3>(ReadMode::StoreAndForward, 280_000);
     every_profile_arrives::<5>(ReadMode::StoreAndForward, 280_000);
+}
+
+/// What of each frame of a cycle of `N` receivers was verified before its last byte was there.
+fn verified_early<const N: usize>(read_mode: ReadMode) -> Vec<Early> {
+    let mut dpr = Dpr::<N>::in_sequence(read_mode);
+    dpr.commit_waits = true;
+    let end = dpr.send_cycle(4);
+    dpr.run_to(end + 1_000_000);
+    std::iter::from_fn(|| dpr.rotation.read()).map(|received| received.about().early).collect()
+}
+
+/// What is verified of the frames of a cycle if of each all but the last `missing` bytes have arrived.
+fn early_without<const N: usize>(missing: usize) -> Vec<Early> {
+    let sent = profile_at::<N>(timestamp(4));
+    let early = air::split(&sent).map(|payload| {
+        let arrived = [&[payload.len() as u8 + 1], payload].concat();
+        let mut early = Early::default();
+        early.follow::<N>(&arrived[..arrived.len() - missing]);
+        early
+    });
+    early.collect()
+}
+
+#[test]
+fn all_but_the_last_object_of_a_frame_is_verified_while_it_arrives() {
+    assert_eq!(verified_early::<1>(ReadMode::WhileFilling), early_without::<1>(1));
+    assert_eq!(verified_early::<3>(ReadMode::WhileFilling), early_without::<3>(1));
+    assert_eq!(verified_early::<5>(ReadMode::WhileFilling), early_without::<5>(1));
 }
 
 #[test]
