@@ -434,8 +434,9 @@ mod tests {
             self.point();
         }
 
-        fn scrub(&self) {
-            crate::triple::scrub_waiting(self.clone());
+        /// How many images were scrubbed, and the stuck bits found.
+        fn scrub(&self) -> (u32, u32) {
+            crate::triple::scrub_waiting(self.clone())
         }
 
         /// The flight controller reads a whole transaction while nothing else happens.
@@ -619,6 +620,18 @@ mod tests {
         assert_eq!(board.read(&[0; 8]), Read::Image(3));
         assert_eq!(board.telemetry.images_readable.get(), 2, "the second one was never put in");
         assert_eq!(board.telemetry.publications.get(), 3);
+    }
+
+    #[test]
+    fn images_that_nobody_streams_any_more_are_scrubbed_by_the_scrub_task() {
+        let board = Board::new();
+        assert_eq!(board.scrub(), (IMAGES as u32, 0), "at the start nothing is known of any of them");
+        let mut filling = None;
+        for generation in 1..=9 {
+            board.publish(generation, &mut filling);
+            assert_eq!(board.read(&[0; 8]), Read::Image(generation));
+            assert_eq!(board.scrub(), (u32::from(generation > 1), 0), "the one before generation {generation}");
+        }
     }
 
     #[test]

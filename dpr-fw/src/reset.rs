@@ -7,7 +7,7 @@
 use profile::ResetReason;
 
 /// Bit 0: the reset pin.
-const RESETPIN: u32 = 1 << 0;
+const RESETPIN: u32 = 1;
 /// Bit 1: the watchdog.
 const DOG: u32 = 1 << 1;
 /// Bit 2: software or a debugger, by AIRCR.SYSRESETREQ.
