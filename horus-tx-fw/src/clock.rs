@@ -91,4 +91,12 @@ mod tests {
         let cycles = u64::from(POLLS) * u64::from(PAUSE_CYCLES);
         assert_eq!(cycles * 1_000 / u64::from(INTERNAL_HZ), u64::from(START_MS));
     }
+
+    #[test]
+    fn the_longest_start_has_room_for_a_slow_oscillator_and_a_slow_delay_loop_and_not_for_twice_that() {
+        let cycles = 2 * u64::from(POLLS) * u64::from(PAUSE_CYCLES);
+        let slow_hz = u64::from(INTERNAL_HZ) * 92 / 100;
+        let longest_ms = (cycles * 1_000).div_ceil(slow_hz);
+        assert!((longest_ms..2 * longest_ms).contains(&u64::from(START_MAX_MS)), "{longest_ms} ms");
+    }
 }

@@ -191,6 +191,10 @@ fn only_a_fix_that_the_receiver_vouches_for_is_a_position() {
     assert!(!with(3, 1, 1), "with invalidLlh");
     let off_the_earth = NavPvt { latitude: 900_000_001, ..NavPvt::GOOD };
     assert!(!fed(&off_the_earth.bytes()).solution().position.valid);
+    let off_the_earth = NavPvt { longitude: -1_800_000_001, ..NavPvt::GOOD };
+    assert!(!fed(&off_the_earth.bytes()).solution().position.valid);
+    let date_line_at_the_pole = NavPvt { longitude: 1_800_000_000, latitude: -900_000_000, ..NavPvt::GOOD };
+    assert!(fed(&date_line_at_the_pole.bytes()).solution().position.valid);
     let reserved = NavPvt { fix: 9, ..NavPvt::GOOD };
     assert_eq!(fed(&reserved.bytes()).solution().position.fix, None);
     assert_eq!(fed(&NavPvt::GOOD.bytes()).solution().position.fix, Some(FixType::Fix3D));
@@ -209,6 +213,42 @@ fn attitude_is_in_radians_and_an_angle_without_accuracy_is_not_given() {
     let attitude = &receiver.solution().attitude;
     assert!(!attitude.valid && attitude.yaw.is_nan());
     assert!(!attitude.roll.is_nan() && !attitude.pitch.is_nan());
+}
+
+/// Which of three there are, in every combination.
+fn combinations() -> impl Iterator<Item = [bool; 3]> {
+    (0..8).map(|bits| [0, 1, 2].map(|bit| bits >> bit & 1 == 1))
+}
+
+#[test]
+fn attitude_is_valid_only_with_all_three_angles_whichever_are_missing() {
+    for given in combinations() {
+        let receiver = fed(&nav_att(0, [1, 2, 3], given.map(u32::from)));
+        let attitude = &receiver.solution().attitude;
+        assert_eq!([attitude.roll, attitude.pitch, attitude.yaw].map(|angle| !angle.is_nan()), given);
+        assert_eq!(attitude.valid, given == [true; 3], "{given:?}");
+    }
+}
+
+#[test]
+fn acceleration_is_valid_only_with_all_three_axes_whichever_are_missing() {
+    for given in combinations() {
+        let receiver = fed(&esf_ins(0, given, [1, 2, 3]));
+        let acceleration = &receiver.solution().acceleration;
+        assert_eq!(acceleration.axes.map(|axis| !axis.is_nan()), given);
+        assert_eq!(acceleration.valid, given == [true; 3], "{given:?}");
+    }
+}
+
+#[test]
+fn no_byte_of_the_messages_that_are_used_counts_as_skipped() {
+    let messages = [NavPvt::GOOD.bytes(), nav_att(1_000, [1, 2, 3], [1; 3]), esf_ins(1_000, [true; 3], [1, 2, 3])];
+    let mut receiver = Receiver::new();
+    for message in messages {
+        feed(&mut receiver, &message, 0);
+        assert_eq!(receiver.counts().skipped(), 0);
+    }
+    assert_eq!(receiver.counts().messages, 3);
 }
 
 #[test]
@@ -280,6 +320,12 @@ fn a_receiver_that_starts_again_with_an_earlier_time_is_believed_at_once() {
     let pace = receiver.solution().position.pace;
     assert_eq!(pace.period_ms(), 100);
     assert!(pace.is_current(110_000));
+    // The step back is none of the four that make the period longer.
+    let periods = [6_000, 7_000, 8_000, 9_000].map(|itow| {
+        feed(&mut receiver, &NavPvt::at(itow).bytes(), 105_000 + itow);
+        receiver.solution().position.pace.period_ms()
+    });
+    assert_eq!(periods, [100, 100, 100, 1_000]);
 }
 
 #[test]
@@ -292,6 +338,15 @@ fn the_period_survives_the_end_of_the_week() {
     let pace = receiver.solution().position.pace;
     assert_eq!(pace.period_ms(), 100);
     assert!(pace.is_fresh(300));
+}
+
+#[test]
+fn the_step_over_the_end_of_the_week_tells_the_period_like_any_other() {
+    let mut receiver = Receiver::new();
+    for (now, itow) in [(0, 604_800_000 - 60), (100, 40)] {
+        feed(&mut receiver, &NavPvt::at(itow).bytes(), now);
+    }
+    assert_eq!(receiver.solution().position.pace.period_ms(), 100);
 }
 
 #[test]
