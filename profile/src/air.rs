@@ -233,3 +233,29 @@ impl<'a> Iterator for Objects<'a> {
 }
 
 impl FusedIterator for Objects<'_> {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_frame_of_any_length_takes_32_carrier_periods_a_bit_rounded_to_the_nearest_ns() {
+        for payload in 0..=u8::MAX {
+            let bits = 48 + 16 + 8 * (1 + u64::from(payload) + 2);
+            // 678 periods of the carrier take 50 000 ns.
+            let exact = bits * 32 * 50_000;
+            assert!((678 * air_time_ns(payload)).abs_diff(exact) <= 339, "{payload} bytes");
+        }
+    }
+
+    #[test]
+    fn the_ages_at_the_ends_of_all_frames_are_their_slots_and_air_times() {
+        fn ages<const N: usize>() -> [Option<u32>; 3] {
+            [0, 1, 2].map(age_at_end_us::<N>)
+        }
+        assert_eq!(ages::<1>(), [Some(180 + 2_549), None, None]);
+        assert_eq!(ages::<2>(), [Some(240 + 3_682), None, None]);
+        assert_eq!(ages::<3>(), [Some(300 + 4_815), None, None]);
+        assert_eq!(ages::<5>(), [Some(270 + 3_682), Some(4_280 + 3_606), None]);
+    }
+}

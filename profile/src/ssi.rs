@@ -85,7 +85,7 @@ pub mod timing {
     pub const fn max_clock_hz(isolator_ns: u32, setup_ns: u32) -> u32 {
         let half_period_ns = 2 * isolator_ns as u64 + MISO_VALID_NS as u64 + setup_ns as u64;
         let clock_hz = 1_000_000_000 / (2 * half_period_ns);
-        if clock_hz < MAX_CLOCK_HZ as u64 { clock_hz as u32 } else { MAX_CLOCK_HZ }
+        if clock_hz <= MAX_CLOCK_HZ as u64 { clock_hz as u32 } else { MAX_CLOCK_HZ }
     }
 }
 
@@ -141,7 +141,7 @@ pub fn parse(bytes: &[u8; REQUEST_SIZE], image_len: usize) -> Result<Parsed, Rej
     let nothing = matches!(u64::from_ne_bytes(*bytes), 0 | u64::MAX);
     Findings::new()
         .check(crc::frame_intact(bytes) | nothing, Rejection::Crc)
-        .check(inside | nothing, Rejection::Window)
+        .check(inside || nothing, Rejection::Window)
         .judge(if nothing { Parsed::Nothing } else { Parsed::Window(request) })
 }
 
@@ -170,6 +170,29 @@ mod tests {
             }
         }
         assert_eq!(timing::max_clock_hz(u32::MAX, u32::MAX), 0);
+    }
+
+    #[test]
+    fn a_window_must_hold_a_byte_and_lie_in_the_image_to_its_end() {
+        let parsed = |offset, length| parse(&encode(Request { offset, length }), 276);
+        for (offset, length) in [(0, 1), (0, 276), (275, 1), (96, 180)] {
+            assert_eq!(parsed(offset, length), Ok(Parsed::Window(Request { offset, length })));
+        }
+        for (offset, length) in [(0, 0), (96, 0), (276, 0), (0, 277), (276, 1), (96, 181), (u16::MAX, 1)] {
+            assert_eq!(parsed(offset, length), Err(Rejection::Window), "{offset}, {length}");
+        }
+    }
+
+    #[test]
+    fn an_idle_line_asks_for_nothing_and_any_bit_of_a_request_that_is_wrong_is_found() {
+        assert_eq!(parse(&[0x00; 8], 276), Ok(Parsed::Nothing));
+        assert_eq!(parse(&[0xFF; 8], 276), Ok(Parsed::Nothing));
+        let request = encode(Request { offset: 32, length: 64 });
+        for bit in 0..64 {
+            let mut damaged = request;
+            damaged[bit / 8] ^= 1 << (bit % 8);
+            assert_eq!(parse(&damaged, 276).err(), Some(Rejection::Crc), "bit {bit}");
+        }
     }
 
     #[test]

@@ -251,7 +251,10 @@ impl ReportedStatus {
     /// This status with bits 0-2 set to `receivers`, at most 7.
     #[must_use]
     pub const fn with_receivers_agreeing(self, receivers: u8) -> Self {
-        let receivers = if receivers > 7 { 7 } else { receivers };
+        let receivers = match receivers {
+            0..=7 => receivers,
+            _ => 7,
+        };
         self.with(0x0007, u16::from_le_bytes([receivers, 0]))
     }
 
@@ -308,5 +311,45 @@ impl LinkStatusBits {
     #[must_use]
     pub const fn with_reset_reason(self, reason: ResetReason) -> Self {
         self.with(0x7000, reason.bits() << 12).with_unasked_reset(reason.is_unasked())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_code_reads_back_as_what_it_was_set_to_and_a_reserved_one_as_nothing() {
+        let fixes = (0..=0xF).map(|code| GpsStatus::from_bits(0x03F0 | code).fix_type());
+        let states = (0..=0xF).map(|code| ReportedStatus::from_bits(0x00FF | code << 8).state());
+        let reasons = (0..=7).map(|code| LinkStatusBits::from_bits(0x07FF | code << 12).reset_reason());
+        for (code, fix) in (0..).zip(fixes) {
+            assert_eq!(fix.map(|fix| fix as u16), (code <= 5).then_some(code));
+            let written = fix.map_or(GpsStatus::new(), |fix| GpsStatus::from_bits(0x03FF).with_fix_type(fix));
+            assert_eq!(written.bits(), if code <= 5 { 0x03F0 | code } else { 0 });
+        }
+        for (code, state) in (0..).zip(states) {
+            assert_eq!(state.map(|state| state as u16), (code <= 5).then_some(code));
+            let written =
+                state.map_or(ReportedStatus::new(), |state| ReportedStatus::from_bits(0x0FFF).with_state(state));
+            assert_eq!(written.bits(), if code <= 5 { 0x00FF | code << 8 } else { 0 });
+        }
+        for (code, reason) in (0..).zip(reasons) {
+            assert_eq!(reason.map(|reason| reason as u16), (code <= 5).then_some(code));
+            let Some(reason) = reason else { continue };
+            let unasked = [2, 3, 5].contains(&code);
+            assert_eq!(reason.is_unasked(), unasked);
+            let written = LinkStatusBits::from_bits(0x77FF).with_reset_reason(reason).bits();
+            assert_eq!(written, 0x07BF | u16::from(unasked) << 6 | code << 12);
+        }
+    }
+
+    #[test]
+    fn more_than_seven_receivers_that_agree_are_shown_as_seven() {
+        for receivers in 0..=u8::MAX {
+            let status = ReportedStatus::from_bits(0x0FFF).with_receivers_agreeing(receivers);
+            assert_eq!(status.receivers_agreeing(), receivers.min(7));
+            assert_eq!(status.bits() & !0x0007, 0x0FF8);
+        }
     }
 }
