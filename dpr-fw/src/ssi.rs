@@ -110,6 +110,11 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
+    fn a_transaction_brings_in_a_request_of_8_bytes_and_an_uplink_object_of_64() {
+        assert_eq!(RECEIVE_BYTES, 8 + 64);
+    }
+
+    #[test]
     fn a_request_opens_its_window_for_one_transaction() {
         let mut windows = Windows::<276>::new();
         assert_eq!(windows.window(), 0..276);

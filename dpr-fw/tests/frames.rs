@@ -443,6 +443,13 @@ fn profiles_arrive_by_store_and_forward() {
     every_profile_arrives::<5>(ReadMode::StoreAndForward, 280_000);
 }
 
+#[test]
+fn a_receive_buffer_holds_the_longest_frame_and_less_than_a_word_more() {
+    // LEN, payload and CRC-16, behind the bytes that align the payload.
+    let longest = LEAD + 1 + air::MAX_PAYLOAD + 2;
+    assert!((longest..longest + 4).contains(&(4 * RECEIVE_WORDS)));
+}
+
 /// What of each frame of a cycle of `N` receivers was verified before its last byte was there.
 fn verified_early<const N: usize>(read_mode: ReadMode) -> Vec<Early> {
     let mut dpr = Dpr::<N>::in_sequence(read_mode);
