@@ -260,7 +260,7 @@ impl<P: Port> Executor<P> {
     /// How many bytes of the frame that is being received are in the buffer, LEN included; 0 as soon as another begins
     /// or none is there. `None` while more are read: then the buffer must not be looked at.
     pub fn arrived(&self) -> Option<usize> {
-        let reading = self.waiting == Waiting::Transfer && self.arrived < self.read.0 + self.read.1;
+        let reading = self.arrived < self.read.0 + self.read.1;
         (!reading || self.arrived == 0).then_some(self.arrived)
     }
 

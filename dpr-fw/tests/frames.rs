@@ -9,7 +9,7 @@ use dpr_fw::{
     commit::{Commit, Images},
     intake,
     link::Health,
-    rf::{Failed, FrameInfo, FrontEnd, Port, Receiver, LEAD},
+    rf::{Failed, FrameInfo, FrontEnd, Port, Receiver, LEAD, REST_US},
     telemetry::Telemetry,
     triple::{self, Filling, Rotation},
     ImageMemory, ReceiveMemory, IMAGE_WORDS, RECEIVE_WORDS,
@@ -421,7 +421,7 @@ fn every_profile_arrives<const N: usize>(read_mode: ReadMode, bound_ns: u64) {
     let objects = N as u32 + 1;
     assert_eq!((link.objects_rejected, link.frames_missed), (3 * objects, 0));
     assert_eq!(link.objects_accepted, 17 * objects);
-    assert_eq!(dpr.telemetry.scrub_faults.get(), 0);
+    assert_eq!((dpr.telemetry.scrub_faults.get(), dpr.telemetry.rf_recoveries.get()), (0, 0));
     assert_eq!(dpr.telemetry.rxe_to_publish_us.get(), dpr.telemetry.rxe_to_publish_worst_us.get());
     assert!(dpr.receiver.port().always_clean);
     assert_eq!(dpr.world.borrow().chip.reports(), []);
@@ -441,6 +441,26 @@ fn profiles_arrive_by_store_and_forward() {
     // 247 bytes and the command take 0.248 ms of SPI.
     every_profile_arrives::<3>(ReadMode::StoreAndForward, 280_000);
     every_profile_arrives::<5>(ReadMode::StoreAndForward, 280_000);
+}
+
+#[test]
+fn after_a_frame_the_chip_is_left_alone_for_its_time_whatever_calls_the_task() {
+    let mut dpr = Dpr::<3>::in_sequence(ReadMode::WhileFilling);
+    let end = dpr.send_cycle(4);
+    dpr.run_to(end);
+    while dpr.published() == 4 {
+        let now = dpr.world.borrow().now;
+        dpr.run_to(now + 1_000);
+    }
+    let (frame_ns, _) = dpr.album.published[4];
+    let rest_ns = u64::from(REST_US) * 1_000;
+    for later_ns in (1_000..rest_ns).step_by(1_000) {
+        // Each step calls the task once more, as an edge that is told twice or the check-in does.
+        dpr.run_to(frame_ns + later_ns);
+        assert!(dpr.world.borrow().transfer.is_none(), "{later_ns} ns after the frame");
+    }
+    dpr.run_to(frame_ns + rest_ns);
+    assert!(dpr.world.borrow().transfer.is_some(), "then it is armed again");
 }
 
 #[test]
