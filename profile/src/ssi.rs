@@ -83,9 +83,9 @@ pub mod timing {
     #[must_use]
     #[expect(clippy::as_conversions, reason = "`From` is not const; each widens, or is at most `MAX_CLOCK_HZ`")]
     pub const fn max_clock_hz(isolator_ns: u32, setup_ns: u32) -> u32 {
-        let half_period_ns = 2 * isolator_ns as u64 + MISO_VALID_NS as u64 + setup_ns as u64;
-        let clock_hz = 1_000_000_000 / (2 * half_period_ns);
-        if clock_hz <= MAX_CLOCK_HZ as u64 { clock_hz as u32 } else { MAX_CLOCK_HZ }
+        let half_period_ns = isolator_ns.saturating_mul(2).saturating_add(MISO_VALID_NS).saturating_add(setup_ns);
+        let clock_hz = 500_000_000 / half_period_ns;
+        if clock_hz <= MAX_CLOCK_HZ { clock_hz } else { MAX_CLOCK_HZ }
     }
 }
 
