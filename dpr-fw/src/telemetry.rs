@@ -82,3 +82,16 @@ impl Telemetry {
 }
 
 const _: () = assert!(size_of::<Telemetry>() == 4 * Telemetry::NAMES.len());
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scrubbed_buffers_and_stuck_bits_add_up_each_in_its_counter() {
+        let telemetry = Telemetry::new();
+        telemetry.scrubbed(2, 0);
+        telemetry.scrubbed(3, 7);
+        assert_eq!((telemetry.scrubs.get(), telemetry.scrub_faults.get()), (5, 7));
+    }
+}

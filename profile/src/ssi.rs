@@ -187,10 +187,9 @@ mod tests {
     fn an_idle_line_asks_for_nothing_and_any_bit_of_a_request_that_is_wrong_is_found() {
         assert_eq!(parse(&[0x00; 8], 276), Ok(Parsed::Nothing));
         assert_eq!(parse(&[0xFF; 8], 276), Ok(Parsed::Nothing));
-        let request = encode(Request { offset: 32, length: 64 });
+        let request = u64::from_le_bytes(encode(Request { offset: 32, length: 64 }));
         for bit in 0..64 {
-            let mut damaged = request;
-            damaged[bit / 8] ^= 1 << (bit % 8);
+            let damaged = (request ^ 1 << bit).to_le_bytes();
             assert_eq!(parse(&damaged, 276).err(), Some(Rejection::Crc), "bit {bit}");
         }
     }

@@ -324,18 +324,18 @@ mod tests {
         let states = (0..=0xF).map(|code| ReportedStatus::from_bits(0x00FF | code << 8).state());
         let reasons = (0..=7).map(|code| LinkStatusBits::from_bits(0x07FF | code << 12).reset_reason());
         for (code, fix) in (0..).zip(fixes) {
-            assert_eq!(fix.map(|fix| fix as u16), (code <= 5).then_some(code));
+            assert_eq!(fix.map(FixType::bits), (code <= 5).then_some(code));
             let written = fix.map_or(GpsStatus::new(), |fix| GpsStatus::from_bits(0x03FF).with_fix_type(fix));
             assert_eq!(written.bits(), if code <= 5 { 0x03F0 | code } else { 0 });
         }
         for (code, state) in (0..).zip(states) {
-            assert_eq!(state.map(|state| state as u16), (code <= 5).then_some(code));
+            assert_eq!(state.map(HorusState::bits), (code <= 5).then_some(code));
             let written =
                 state.map_or(ReportedStatus::new(), |state| ReportedStatus::from_bits(0x0FFF).with_state(state));
             assert_eq!(written.bits(), if code <= 5 { 0x00FF | code << 8 } else { 0 });
         }
         for (code, reason) in (0..).zip(reasons) {
-            assert_eq!(reason.map(|reason| reason as u16), (code <= 5).then_some(code));
+            assert_eq!(reason.map(ResetReason::bits), (code <= 5).then_some(code));
             let Some(reason) = reason else { continue };
             let unasked = [2, 3, 5].contains(&code);
             assert_eq!(reason.is_unasked(), unasked);
