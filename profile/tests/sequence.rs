@@ -45,6 +45,21 @@ fn a_restart_of_horus_is_shown_again_from_its_fourth_cycle_on() {
 }
 
 #[test]
+fn a_clock_that_differs_by_exactly_2_percent_is_plausible_and_by_a_microsecond_more_it_is_not() {
+    for (cycles, window_us, implausible) in
+        [(98_u32, 1_000_000, false), (98, 1_000_001, true), (102, 1_000_000, false), (103, 1_009_803, true)]
+    {
+        let mut sequence = held(5_000, 1_000_000);
+        for cycle in 1..=cycles {
+            let passed_us = window_us * u64::from(cycle) / u64::from(cycles);
+            let judgement = sequence.judge(5_000 + 10 * cycle, 1_000_000 + passed_us);
+            assert!(judgement.is_in_sequence() && (cycle == cycles || !sequence.is_clock_implausible()));
+        }
+        assert_eq!(sequence.is_clock_implausible(), implausible, "{cycles} cycles in {window_us} µs");
+    }
+}
+
+#[test]
 fn two_timestamps_in_turn_are_never_in_sequence() {
     for apart_us in [10_000, 5_000, 1_000, 9_600] {
         for mut sequence in [Sequence::new(), held(30, 0)] {
