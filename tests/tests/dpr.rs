@@ -37,7 +37,7 @@ const WORDS: usize = 65;
 
 /// What a scrub does once with each of its two patterns. Sound memory has no bit that differs.
 ///
-/// Inlined like a scrub's own passes, so that the compiler, which knows the pattern in both places, makes the same code.
+/// Inlined like a scrub's own passes: the compiler knows the pattern in both places, and makes the same code of both.
 #[inline(always)]
 fn pass(memory: &mut [u32; WORDS], pattern: u32) {
     memory.fill(pattern);
