@@ -22,7 +22,7 @@
 //! | SPIS1 | SSI | `SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1`, `ssi_end` |
 //! | GPIOTE channel 0 | rising edge of the front end's IRQ | `GPIOTE`, `rf_irq` |
 //! | GPIOTE channel 1 | FRESH | – |
-//! | TIMER0 | the counter, µs; compare 0: a wait of the driver; capture 1: the IRQ's edge, 3: now | `TIMER0`, `rf_timer` |
+//! | TIMER0 | µs counter; compare 0: a wait of the driver; capture 1: IRQ edge, 3: now | `TIMER0`, `rf_timer` |
 //! | TIMER1 | the deadline of the next frame | `TIMER1`, `deadline` |
 //! | TIMER2 | time since FRESH, µs. Compare 0 and 1: expiry of the image. Compare 2: end of the FRESH pulse | – |
 //! | SWI0, SWI1 | calls of `commit` and `scrub` | `SWI0_EGU0`, `SWI1_EGU1` |

@@ -15,7 +15,7 @@
 //! | [`link`] | Link-Status, counters, ages, and the deadline that notices a missed frame | commit |
 //! | [`publish`] | hands images to the SSI, FRESH, expiry | commit, SSI interrupt |
 //! | [`ssi`] | what the flight controller asked for, and how much it may ask | SSI interrupt |
-//! | [`tasks`] | the tasks that have to check in, so that the watchdog may be fed | every task |
+//! | [`task`] | the tasks that have to check in, so that the watchdog may be fed | every task |
 //! | [`reset`] | why the part last started | start |
 //! | [`debug_port`] | whether the debug port stays open | start |
 //! | [`telemetry`] | the counters that a debugger, or the bench, reads from RAM | every task |
@@ -34,7 +34,7 @@ pub mod publish;
 pub mod reset;
 pub mod rf;
 pub mod ssi;
-pub mod tasks;
+pub mod task;
 pub mod telemetry;
 pub mod triple;
 

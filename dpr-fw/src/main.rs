@@ -49,7 +49,7 @@ mod app {
         publish::{Mailbox, Outbox, Server},
         rf::{FrameInfo, FrontEnd, Receiver},
         ssi::RECEIVE_BYTES,
-        tasks::Task,
+        task::Task,
         triple::{self, Filling, Rotation, IMAGES},
         ImageMemory, ReceiveMemory, IMAGE_WORDS, RECEIVERS, RECEIVE_WORDS,
     };

@@ -49,7 +49,7 @@ pub const TRANSFER_US: u32 = 1_000;
 /// How long the chip is left alone after a frame, µs: the commit takes 50. The next sync is at least 0.45 ms after the
 /// end of a frame (0.30 ms between two frames of a cycle, 0.15 ms of preamble and sync), of which reading takes 0.26 ms
 /// at worst (store-and-forward) and re-arming 0.03 ms.
-pub const REST_US: u32 = 80;
+pub const RESUME_AFTER_US: u32 = 80;
 
 /// Steps without a transfer or a wait before a poll gives the processor back. The machine needs two.
 const STEPS: u32 = 8;
@@ -189,7 +189,7 @@ impl<P: Port> Receiver<P> {
                 ListenerEvent::FieldOn | ListenerEvent::FieldOff => {}
             }
             event = if matches!(happened, ListenerEvent::Frame { .. }) {
-                executor.rest();
+                executor.resume_later();
                 None
             } else {
                 executor.resume()
@@ -230,7 +230,7 @@ enum Waiting {
     /// The timer.
     Time,
     /// The timer, after a frame.
-    Rest,
+    Later,
     /// The owner has been given an event and has not resumed yet.
     Owner,
 }
@@ -265,7 +265,7 @@ impl<P: Port> Executor<P> {
     }
 
     /// Takes note of what has happened and goes on as far as possible; with an event if there is one, after which
-    /// [`Executor::resume`] or [`Executor::rest`] has to be called.
+    /// [`Executor::resume`] or [`Executor::resume_later`] has to be called.
     pub fn poll(&mut self) -> Option<ListenerEvent> {
         let step = match self.waiting {
             Waiting::Transfer if self.port.ended() => {
@@ -279,8 +279,8 @@ impl<P: Port> Executor<P> {
             }
             Waiting::IrqOrTime if self.port.irq_is_high() => self.listener.step(Input::Irq),
             Waiting::IrqOrTime | Waiting::Time if self.port.elapsed() => self.listener.step(Input::Timeout),
-            Waiting::Rest if self.port.elapsed() => self.listener.step(Input::Start),
-            Waiting::Rest | Waiting::Transfer | Waiting::IrqOrTime | Waiting::Time | Waiting::Owner => return None,
+            Waiting::Later if self.port.elapsed() => self.listener.step(Input::Start),
+            Waiting::Later | Waiting::Transfer | Waiting::IrqOrTime | Waiting::Time | Waiting::Owner => return None,
         };
         self.carry_out(step)
     }
@@ -291,10 +291,10 @@ impl<P: Port> Executor<P> {
         self.carry_out(step)
     }
 
-    /// Goes on after a frame, but only [`REST_US`] later, so that the transfers that re-arm the chip do not interrupt
-    /// the commit of the frame.
-    pub fn rest(&mut self) {
-        self.wait(Waiting::Rest, REST_US);
+    /// Goes on after a frame, but only [`RESUME_AFTER_US`] later, so that the transfers that re-arm the chip do not
+    /// interrupt the commit of the frame.
+    pub fn resume_later(&mut self) {
+        self.wait(Waiting::Later, RESUME_AFTER_US);
     }
 
     fn carry_out(&mut self, mut step: Step<ListenerEvent>) -> Option<ListenerEvent> {
@@ -315,16 +315,16 @@ impl<P: Port> Executor<P> {
                 }
                 // A listener sends nothing.
                 Step::Transfer(Transfer::Load { .. }) => step = self.listener.step(Input::Failed),
-                Step::Wait { micros } => {
-                    self.wait(Waiting::IrqOrTime, micros);
+                Step::Wait { us } => {
+                    self.wait(Waiting::IrqOrTime, us);
                     // The pin is a level: it may be high already, or again, and then no edge comes.
                     if !self.port.irq_is_high() {
                         return None;
                     }
                     step = self.listener.step(Input::Irq);
                 }
-                Step::Delay { micros } => {
-                    self.wait(Waiting::Time, micros);
+                Step::Delay { us } => {
+                    self.wait(Waiting::Time, us);
                     return None;
                 }
                 Step::Event(event) => {

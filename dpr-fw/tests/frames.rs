@@ -9,7 +9,7 @@ use dpr_fw::{
     commit::{Commit, Images},
     intake,
     link::Health,
-    rf::{Failed, FrameInfo, FrontEnd, Port, Receiver, LEAD, REST_US},
+    rf::{Failed, FrameInfo, FrontEnd, Port, Receiver, LEAD, RESUME_AFTER_US},
     telemetry::Telemetry,
     triple::{self, Filling, Rotation},
     ImageMemory, ReceiveMemory, IMAGE_WORDS, RECEIVE_WORDS,
@@ -453,7 +453,7 @@ fn after_a_frame_the_chip_is_left_alone_for_its_time_whatever_calls_the_task() {
         dpr.run_to(now + 1_000);
     }
     let (frame_ns, _) = dpr.album.published[4];
-    let rest_ns = u64::from(REST_US) * 1_000;
+    let rest_ns = u64::from(RESUME_AFTER_US) * 1_000;
     for later_ns in (1_000..rest_ns).step_by(1_000) {
         // Each step calls the task once more, as an edge that is told twice or the check-in does.
         dpr.run_to(frame_ns + later_ns);

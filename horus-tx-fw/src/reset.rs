@@ -25,7 +25,7 @@ pub const fn reason(csr: u32) -> ResetReason {
         ResetReason::PowerOn
     } else if csr & flag::BROWN_OUT != 0 {
         ResetReason::BrownOutOrOther
-    } else if csr & (flag::INDEPENDENT_WATCHDOG | flag::WINDOW_WATCHDOG) != 0 {
+    } else if csr & flag::INDEPENDENT_WATCHDOG != 0 || csr & flag::WINDOW_WATCHDOG != 0 {
         ResetReason::Watchdog
     } else if csr & flag::SOFTWARE != 0 {
         ResetReason::Software

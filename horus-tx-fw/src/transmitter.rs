@@ -293,14 +293,14 @@ impl<'a> Transmitter<'a> {
                 // A poller reads no FIFO.
                 Step::Transfer(Transfer::Read { .. }) => self.poller.step(Input::Failed),
                 Step::Wait { .. } if port.irq_is_high() => self.poller.step(Input::Irq),
-                Step::Wait { micros } => {
+                Step::Wait { us } => {
                     self.phase = Phase::Wait;
-                    port.start_timer(micros);
+                    port.start_timer(us);
                     return;
                 }
-                Step::Delay { micros } => {
+                Step::Delay { us } => {
                     self.phase = Phase::Delay;
-                    port.start_timer(micros);
+                    port.start_timer(us);
                     return;
                 }
                 Step::Event(PollerEvent::Ready) => {

@@ -44,7 +44,7 @@ impl Bench {
     fn new() -> Self {
         Self {
             now: 0,
-            chip: Chip::new(Config { vdd_mv: 5_000, ..Config::default() }),
+            chip: Chip::new(Config { transmit_scatter_ns: 0, ..Config::default() }),
             transfer: None,
             timer: None,
             ticket: Ticket::NONE,

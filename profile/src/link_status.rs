@@ -31,15 +31,15 @@ pub struct LinkValues {
 }
 
 impl LinkValues {
-    /// `micros` µs as an age for [`LinkValues::age_100us`]: rounded down, saturating after 6.5535 s.
+    /// `age_us` µs as an age for [`LinkValues::age_100us`]: rounded down, saturating after 6.5535 s.
     ///
     /// ```
     /// assert_eq!(profile::LinkValues::age(5_299), 52);
     /// assert_eq!(profile::LinkValues::age(u32::MAX), u16::MAX);
     /// ```
     #[must_use]
-    pub fn age(micros: u32) -> u16 {
-        u16::try_from(micros / 100).unwrap_or(u16::MAX)
+    pub fn age(age_us: u32) -> u16 {
+        u16::try_from(age_us / 100).unwrap_or(u16::MAX)
     }
 }
 

@@ -82,8 +82,8 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Executor<SPI, IRQ, DELAY> {
         Ok(Outcome::Input(match *step {
             Step::Event(_) => Given::Start,
             Step::Transfer(transfer) => self.transfer(transfer, payload, buffer).map_err(Error::Spi)?,
-            Step::Wait { micros } => {
-                let mut left_us = micros;
+            Step::Wait { us } => {
+                let mut left_us = us;
                 loop {
                     if self.irq.is_high().map_err(Error::Pin)? {
                         break Given::Irq;
@@ -100,9 +100,9 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Executor<SPI, IRQ, DELAY> {
                     *budget_us = budget_us.saturating_sub(slice_us);
                 }
             }
-            Step::Delay { micros } => {
-                self.delay.delay_us(micros);
-                *budget_us = budget_us.saturating_sub(micros);
+            Step::Delay { us } => {
+                self.delay.delay_us(us);
+                *budget_us = budget_us.saturating_sub(us);
                 Given::Timeout
             }
         }))
@@ -197,7 +197,7 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Poller<SPI, IRQ, DELAY> {
                 Ok(Outcome::Input(given)) => {
                     step = self.machine.step(self.executor.input(given, &[]));
                 }
-                Ok(Outcome::Unfinished(left_us)) => step = Step::Wait { micros: left_us },
+                Ok(Outcome::Unfinished(left_us)) => step = Step::Wait { us: left_us },
                 Err(error) => {
                     let _fault = self.machine.step(Input::Failed);
                     return Err(error);
@@ -260,7 +260,7 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Listener<SPI, IRQ, DELAY> {
                     self.step = self.machine.step(self.executor.input(given, buffer));
                 }
                 Ok(Outcome::Unfinished(left_us)) => {
-                    self.step = Step::Wait { micros: left_us };
+                    self.step = Step::Wait { us: left_us };
                     return Ok(None);
                 }
                 Err(error) => {

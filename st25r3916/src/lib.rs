@@ -83,21 +83,21 @@
 //! assert_eq!(mosi(poller.step(Input::Done(&[0; 3]))), [0x7F, 0x00]); // identity?
 //! assert_eq!(mosi(poller.step(Input::Done(&[0, 0x31]))), [0x5A, 0, 0, 0, 0]); // a 3916B; stale interrupts
 //! assert_eq!(mosi(poller.step(Input::Done(&[0; 5]))), [0x02, 0x80]); // oscillator on
-//! assert_eq!(poller.step(Input::Done(&[0; 2])), Step::Wait { micros: 10_000 });
+//! assert_eq!(poller.step(Input::Done(&[0; 2])), Step::Wait { us: 10_000 });
 //! assert_eq!(mosi(poller.step(Input::Irq)), [0x5A, 0, 0, 0, 0]);
 //! assert_eq!(mosi(poller.step(Input::Done(&[0, 0x80, 0, 0, 0]))), [0xEA]); // I_osc; RC calibration
-//! assert_eq!(poller.step(Input::Done(&[0])), Step::Wait { micros: 6_000 });
+//! assert_eq!(poller.step(Input::Done(&[0])), Step::Wait { us: 6_000 });
 //! assert_eq!(mosi(poller.step(Input::Irq)), [0x5A, 0, 0, 0, 0]);
 //! assert_eq!(mosi(poller.step(Input::Done(&[0, 0, 0x80, 0, 0]))), [0x2C, 0x80]); // I_dct; reg_s set
 //! assert_eq!(mosi(poller.step(Input::Done(&[0; 2]))), [0x2C, 0x00]); // and cleared; VDD is measured
 //! assert_eq!(mosi(poller.step(Input::Done(&[0; 2]))), [0xDF]); // measure the supply
-//! assert_eq!(poller.step(Input::Done(&[0])), Step::Wait { micros: 1_000 });
+//! assert_eq!(poller.step(Input::Done(&[0])), Step::Wait { us: 1_000 });
 //! assert_eq!(mosi(poller.step(Input::Irq)), [0x5A, 0, 0, 0, 0]);
 //! assert_eq!(mosi(poller.step(Input::Done(&[0, 0, 0x80, 0, 0]))), [0x65, 0]); // I_dct; how much?
 //! assert_eq!(mosi(poller.step(Input::Done(&[0, 214]))), [0x00, 0x07, 0x3C]); // 214 · 23.4 mV: not sup3V
 //! assert_eq!(poller.supply_mv(), Some(5_008));
 //! assert_eq!(mosi(poller.step(Input::Done(&[0; 3]))), [0xD6]); // adjust regulators
-//! assert_eq!(poller.step(Input::Done(&[0])), Step::Wait { micros: 6_000 });
+//! assert_eq!(poller.step(Input::Done(&[0])), Step::Wait { us: 6_000 });
 //! assert_eq!(mosi(poller.step(Input::Irq)), [0x5A, 0, 0, 0, 0]);
 //! assert_eq!(mosi(poller.step(Input::Done(&[0, 0, 0x80, 0, 0]))), [0x03, 0x1C, 0x22]); // I_dct; NFC-F, 424
 //! assert_eq!(mosi(poller.step(Input::Done(&[0; 3]))), [0x07, 0x00]); // preamble 48 bits
@@ -135,7 +135,7 @@
 //! assert_eq!(poller.step(Input::Done(&[0, 0xFB, 0, 0, 0, 0, 244, 0])), Step::Event(PollerEvent::Loaded));
 //! // At its own instant the executor sends this one byte:
 //! assert_eq!(Poller::transmit().bytes(), [0xC4]);
-//! assert_eq!(poller.step(Input::Done(&[0])), Step::Wait { micros: 4_815 + 500 });
+//! assert_eq!(poller.step(Input::Done(&[0])), Step::Wait { us: 4_815 + 500 });
 //! assert_eq!(mosi(poller.step(Input::Irq)), [0x59, 0, 0, 0, 0, 0, 0, 0]);
 //! let ended = [0, 0xFB, 0x08, 0, 0, 0, 0, 0]; // I_txe
 //! assert_eq!(poller.step(Input::Done(&ended)), Step::Event(PollerEvent::Sent));
@@ -190,10 +190,10 @@
 //! assert_eq!(listener.step(Input::Done(&[0, 0xC3, 0xA0, 0x22])), listening);
 //!
 //! let mut buffer = [0; st25r3916::listener::BUFFER];
-//! assert_eq!(listener.step(Input::Start), Step::Wait { micros: 20_000 });
+//! assert_eq!(listener.step(Input::Start), Step::Wait { us: 20_000 });
 //! assert_eq!(listener.state(), ListenerState::Listening);
 //! assert_eq!(mosi(listener.step(Input::Irq)), [0x59, 0, 0, 0, 0, 0, 0, 0]);
-//! assert_eq!(listener.step(Input::Done(&[0, 0xFB, 0x20, 0, 0, 0, 0, 0])), Step::Wait { micros: 6_000 }); // I_rxs
+//! assert_eq!(listener.step(Input::Done(&[0, 0xFB, 0x20, 0, 0, 0, 0, 0])), Step::Wait { us: 6_000 }); // I_rxs
 //! assert_eq!(mosi(listener.step(Input::Irq)), [0x59, 0, 0, 0, 0, 0, 0, 0]);
 //! let read = Transfer::Read { offset: 0, len: 247 }; // 9F, then into the buffer
 //! assert_eq!(listener.step(Input::Done(&[0, 0xFB, 0x10, 0, 0, 0, 247, 0])), Step::Transfer(read)); // I_rxe
@@ -204,13 +204,13 @@
 //! assert_eq!(mosi(listener.step(Input::Start)), [0x59, 0, 0, 0, 0, 0, 0, 0]); // none begun meanwhile?
 //! assert_eq!(mosi(listener.step(Input::Done(&[0, 0xFB, 0, 0, 0, 0, 0, 0]))), [0xDB]);
 //! assert_eq!(mosi(listener.step(Input::Done(&[0]))), [0xD1]);
-//! assert_eq!(listener.step(Input::Done(&[0])), Step::Wait { micros: 20_000 });
+//! assert_eq!(listener.step(Input::Done(&[0])), Step::Wait { us: 20_000 });
 //!
 //! // A chip that lost its supply answers with its masks at their reset value.
 //! let _ = listener.step(Input::Timeout);
 //! let lost = ListenerEvent::Fault(Fault::Reset);
 //! assert_eq!(listener.step(Input::Done(&[0; 8])), Step::Event(lost));
-//! assert_eq!(listener.step(Input::Start), Step::Delay { micros: 1_000 }); // then bring-up, as above
+//! assert_eq!(listener.step(Input::Start), Step::Delay { us: 1_000 }); // then bring-up, as above
 //! assert_eq!(mosi(listener.step(Input::Timeout)), [0xC1]);
 //! ```
 //!

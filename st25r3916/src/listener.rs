@@ -419,7 +419,7 @@ impl Listener {
             }
             (ListenerState::Faulted | ListenerState::BackingOff, _) => {
                 self.state = ListenerState::BackingOff;
-                Step::Delay { micros: self.bring_up.back_off_us() }
+                Step::Delay { us: self.bring_up.back_off_us() }
             }
             (ListenerState::BringingUp, input) => {
                 let progress = self.bring_up.step(input);
@@ -483,7 +483,7 @@ impl Listener {
     fn progress(&mut self, progress: Progress) -> Step<ListenerEvent> {
         match progress {
             Progress::Transfer(short) => Step::Transfer(Transfer::Short(short)),
-            Progress::Wait(us) => Step::Wait { micros: us },
+            Progress::Wait(us) => Step::Wait { us },
             Progress::Failed(fault) => self.fault(fault),
             Progress::Finished => {
                 self.idle_irqs = 0;
@@ -530,7 +530,7 @@ impl Listener {
             }
         };
         self.state = state;
-        Step::Wait { micros: us }
+        Step::Wait { us }
     }
 
     fn note_field(&mut self, status: Status) {

@@ -98,15 +98,15 @@ pub enum Step<E> {
     /// Make this transfer, then give [`Input::Done`] (or [`Input::Failed`]).
     Transfer(Transfer),
     /// Give [`Input::Irq`] when the IRQ pin is, or becomes, high, or [`Input::Timeout`] after
-    /// `micros`, whichever is first. Every wait has a bound: there is no wait for ever.
+    /// `us`, whichever is first. Every wait has a bound: there is no wait for ever.
     Wait {
         /// The bound, in microseconds; being late is harmless, being early is not.
-        micros: u32,
+        us: u32,
     },
-    /// Give [`Input::Timeout`] after `micros`, whatever the IRQ pin does.
+    /// Give [`Input::Timeout`] after `us`, whatever the IRQ pin does.
     Delay {
         /// How long, in microseconds; being late is harmless.
-        micros: u32,
+        us: u32,
     },
     /// Something the caller wants to know. Give [`Input::Start`] to go on.
     Event(E),

@@ -295,7 +295,7 @@ impl Poller {
             (PollerState::BackingOff, Input::Timeout) => self.begin_bring_up(),
             (PollerState::Faulted | PollerState::BackingOff, _) => {
                 self.state = PollerState::BackingOff;
-                Step::Delay { micros: self.bring_up.back_off_us() }
+                Step::Delay { us: self.bring_up.back_off_us() }
             }
             (PollerState::BringingUp, input) => {
                 let progress = self.bring_up.step(input);
@@ -353,7 +353,7 @@ impl Poller {
     fn progress(&mut self, progress: Progress) -> Step<PollerEvent> {
         match progress {
             Progress::Transfer(short) => Step::Transfer(Transfer::Short(short)),
-            Progress::Wait(us) => Step::Wait { micros: us },
+            Progress::Wait(us) => Step::Wait { us },
             Progress::Failed(fault) => self.fault(fault),
             Progress::Finished => {
                 self.counters.bring_ups = self.counters.bring_ups.wrapping_add(1);
@@ -401,7 +401,7 @@ impl Poller {
     }
 
     fn wait(&self) -> Step<PollerEvent> {
-        Step::Wait { micros: air_time_us(self.len) + TRANSMIT_MARGIN_US }
+        Step::Wait { us: air_time_us(self.len) + TRANSMIT_MARGIN_US }
     }
 
     fn read_irqs(&mut self, last: bool) -> Step<PollerEvent> {

@@ -360,7 +360,7 @@ fn the_wait_for_the_end_is_the_air_time_and_a_margin() {
     let step = poller.send(244).unwrap();
     assert_eq!(rig.poller(&mut poller, step), PollerEvent::Loaded);
     // 2040 bits · 32 / 13.56 MHz = 4814.2 µs, rounded up, and 500 µs.
-    assert_eq!(poller.step(Input::Done(&[0])), Step::Wait { micros: 4_815 + 500 });
+    assert_eq!(poller.step(Input::Done(&[0])), Step::Wait { us: 4_815 + 500 });
 }
 
 #[test]

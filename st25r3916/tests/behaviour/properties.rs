@@ -71,7 +71,7 @@ fn check<E>(step: &Step<E>) {
         Step::Transfer(Transfer::Short(short)) => assert!((1..=8).contains(&short.bytes().len())),
         Step::Transfer(Transfer::Load { offset, len }) => assert!(offset == 0 && (1..=254).contains(&len)),
         Step::Transfer(Transfer::Read { offset, len }) => assert!(len >= 1 && offset + len <= BUFFER),
-        Step::Wait { micros } | Step::Delay { micros } => assert!((1..=100_000).contains(&micros)),
+        Step::Wait { us } | Step::Delay { us } => assert!((1..=100_000).contains(&us)),
         Step::Event(_) => {}
     }
 }
@@ -243,13 +243,13 @@ proptest! {
         let mut rig = Rig::new(Chip::new(variant));
         let mut machine = Listener::new(config);
         let mut step = machine.step(Input::Start);
-        for (micros, high, reset) in outages {
+        for (us, high, reset) in outages {
             for miso in [if high { Miso::StuckHigh } else { Miso::StuckLow }, Miso::Driven] {
                 rig.chip.miso = miso;
                 if reset {
                     rig.chip.at(rig.chip.now, crate::stand_in::Happening::PowerUpReset);
                 }
-                let until = rig.chip.now + micros;
+                let until = rig.chip.now + us;
                 let mut steps = 0;
                 while rig.chip.now < until {
                     let given = rig.carry_out(step);

@@ -498,8 +498,8 @@ impl Rig {
                 }
                 Given::Done
             }
-            Step::Wait { micros } => {
-                let end = self.chip.now + u64::from(micros);
+            Step::Wait { us } => {
+                let end = self.chip.now + u64::from(us);
                 let given = loop {
                     if self.chip.pin() {
                         break Given::Irq;
@@ -515,8 +515,8 @@ impl Rig {
                 self.chip.advance(self.chip.now + self.lateness);
                 given
             }
-            Step::Delay { micros } => {
-                self.chip.advance(self.chip.now + u64::from(micros));
+            Step::Delay { us } => {
+                self.chip.advance(self.chip.now + u64::from(us));
                 Given::Timeout
             }
         }
