@@ -5,7 +5,10 @@
 /// The methods every object has, for a `repr(C)` type of wire fields with `timestamp`, `identifier`, `status` and `crc`
 /// among them.
 macro_rules! object {
-    ($object:ident, $size:literal bytes, status: $status:ty, timestamp: $timestamp:literal, also shown: [$($shown:ident),*]) => {
+    (
+        $object:ident, $size:literal bytes, status: $status:ty, timestamp: $timestamp:literal,
+        also shown: [$($shown:ident),*]
+    ) => {
         const _: () = {
             assert!(core::mem::size_of::<$object>() == $object::SIZE);
             assert!(core::mem::align_of::<$object>() == 1);

@@ -94,7 +94,10 @@ pub struct ReportedPosition {
     crc: CrcBe,
 }
 
-object!(ReportedPosition, 64 bytes, status: ReportedStatus, timestamp: "ms since HORUS start, wraps.", also shown: [position_crc]);
+object!(
+    ReportedPosition, 64 bytes, status: ReportedStatus, timestamp: "ms since HORUS start, wraps.",
+    also shown: [position_crc]
+);
 
 const _: () = {
     assert!(offset_of!(ReportedPosition, position.latitude) == 8);

@@ -81,7 +81,6 @@ pub mod timing {
     /// assert_eq!(max_clock_hz(40, 10), 4_587_155);
     /// ```
     #[must_use]
-    #[expect(clippy::as_conversions, reason = "`From` is not const; each widens, or is at most `MAX_CLOCK_HZ`")]
     pub const fn max_clock_hz(isolator_ns: u32, setup_ns: u32) -> u32 {
         let half_period_ns = isolator_ns.saturating_mul(2).saturating_add(MISO_VALID_NS).saturating_add(setup_ns);
         let clock_hz = 500_000_000 / half_period_ns;

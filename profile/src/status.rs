@@ -196,7 +196,7 @@ macro_rules! bit_set {
 bit_set! {
     /// Status of a GPS object.
     GpsStatus, used 0x03FF;
-    /// Bit 4: latitude, longitude and altitude are valid.
+    /// Bit 4: latitude and longitude are valid, and altitude unless it is NaN, as in a 2D fix.
     position_valid, with_position_valid = 4;
     /// Bit 5: pitch, yaw and roll are valid.
     attitude_valid, with_attitude_valid = 5;
@@ -228,7 +228,7 @@ impl GpsStatus {
 bit_set! {
     /// Status of Reported-Position.
     ReportedStatus, used 0x0FFF;
-    /// Bit 3: latitude, longitude and altitude are valid.
+    /// Bit 3: latitude and longitude are valid, and altitude unless it is NaN, as in a 2D fix.
     position_valid, with_position_valid = 3;
     /// Bit 4: pitch, yaw and roll are valid.
     attitude_valid, with_attitude_valid = 4;
@@ -236,7 +236,8 @@ bit_set! {
     acceleration_valid, with_acceleration_valid = 5;
     /// Bit 6: fewer receivers agree than are configured.
     degraded, with_degraded = 6;
-    /// Bit 7: HORUS runs on its internal oscillator, since its crystal's clock is missing; its cycle may be off by 1 %.
+    /// Bit 7: HORUS runs on its internal oscillator, since its crystal's clock is missing. That one is trimmed to 1 %
+    /// at 25 °C and is off by more over temperature (DS9405), and the cycle with it; the DPR notices more than 2 %.
     without_crystal, with_without_crystal = 7;
 }
 
