@@ -58,7 +58,12 @@ pub fn compare() -> Comparison {
         let word: u32;
         // SAFETY: a load from flash inside the image changes nothing, and every word of it may be read.
         unsafe {
-            core::arch::asm!("ldr {0}, [{1}]", out(reg) word, in(reg) address, options(pure, readonly, nostack, preserves_flags));
+            core::arch::asm!(
+                "ldr {0}, [{1}]",
+                out(reg) word,
+                in(reg) address,
+                options(pure, readonly, nostack, preserves_flags),
+            );
         }
         word
     }

@@ -134,7 +134,8 @@ fn parse(text: &str) -> Vec<(Code, DualWeights)> {
 #[must_use]
 pub fn committed_text(duals: &[(Code, DualWeights)]) -> String {
     let mut text = String::from(
-        "# Weights of the dual codes, counted by `cargo xtask residual --store`: polynomial (Koopman), codeword bits, weight:words.\n",
+        "# Weights of the dual codes, counted by `cargo xtask residual --store`: polynomial (Koopman), codeword bits, \
+         weight:words.\n",
     );
     for (code, dual) in duals {
         let _ = write!(text, "{} {}", code.named.polynomial, code.bits);

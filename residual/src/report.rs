@@ -188,7 +188,8 @@ impl Report {
                 let rate = profile.residual_per_hour(p);
                 add(
                     format!(
-                        "paper: better than one failure in 100 000 years (1e-9 per hour), n = {receivers}, bit error rate {p:.0e}"
+                        "paper: better than one failure in 100 000 years (1e-9 per hour), n = {receivers}, bit error \
+                         rate {p:.0e}"
                     ),
                     rate < 1e-9,
                     format!("{rate:.2e} per hour; holds up to {up_to}"),

@@ -122,13 +122,22 @@ fn scrubbed_and_inverted_objects_never_verify() {
 }
 
 proptest! {
-    #![proptest_config(Config { cases: 2_000, rng_seed: RngSeed::Fixed(3), failure_persistence: None, ..Config::default() })]
+    #![proptest_config(Config {
+        cases: 2_000,
+        rng_seed: RngSeed::Fixed(3),
+        failure_persistence: None,
+        ..Config::default()
+    })]
 
     #[test]
-    fn an_object_in_anothers_place_never_verifies_as_that_one(timestamp: u32, latitude: f64, longitude: f64, bytes in prop::collection::vec(any::<u8>(), 64)) {
-        let reported = ReportedPosition::seal(&ReportedValues { latitude, longitude, ..ReportedValues::absent(timestamp) });
+    fn an_object_in_anothers_place_never_verifies_as_that_one(
+        timestamp: u32, latitude: f64, longitude: f64, bytes in prop::collection::vec(any::<u8>(), 64),
+    ) {
+        let reported = ReportedValues { latitude, longitude, ..ReportedValues::absent(timestamp) };
+        let reported = ReportedPosition::seal(&reported);
+        let values = GpsValues { latitude, longitude, ..GpsValues::absent(timestamp) };
         let gps: Vec<GpsObject> = (1..=profile::MAX_RECEIVERS)
-            .map(|receiver| GpsObject::seal(Identifier::gps(receiver), &GpsValues { latitude, longitude, ..GpsValues::absent(timestamp) }))
+            .map(|receiver| GpsObject::seal(Identifier::gps(receiver), &values))
             .collect();
         for (i, sealed) in gps.iter().enumerate() {
             for place in 1..=profile::MAX_RECEIVERS {
@@ -140,7 +149,8 @@ proptest! {
             longer[..GpsObject::SIZE].copy_from_slice(sealed.as_bytes());
             prop_assert!(ReportedPosition::verify(&longer).is_err());
             for cut in 0..=4 {
-                prop_assert!(GpsObject::verify(&reported.as_bytes()[cut..cut + GpsObject::SIZE], Identifier::gps(i + 1)).is_err());
+                let part = &reported.as_bytes()[cut..cut + GpsObject::SIZE];
+                prop_assert!(GpsObject::verify(part, Identifier::gps(i + 1)).is_err());
             }
         }
         // Link-Status, the same CRC at another length, is none of them either.

@@ -51,7 +51,10 @@ pub const LENGTH_MAX: u64 = 1 << 30;
 #[derive(Debug, thiserror::Error)]
 pub enum LogError {
     /// The file cannot be opened or read.
-    #[error("{}: cannot be read; give the path of a file that a u-blox receiver's output was recorded to", path.display())]
+    #[error(
+        "{}: cannot be read; give the path of a file that a u-blox receiver's output was recorded to",
+        path.display()
+    )]
     Unreadable {
         /// The file.
         path: PathBuf,
@@ -72,9 +75,10 @@ pub enum LogError {
     },
     /// The file holds no valid NAV-PVT position.
     #[error(
-        "{}: holds no position: among its {} bytes are {} whole UBX messages ({} NAV-PVT, none with a valid fix), {} NMEA sentences, \
-         {} RTCM messages, and {} bytes that belong to none. HORUS reads positions from UBX-NAV-PVT (92 bytes, protocol version 15 or \
-         later): enable that message in the receiver, let it get a fix, and record again",
+        "{}: holds no position: among its {} bytes are {} whole UBX messages ({} NAV-PVT, none with a valid fix), \
+         {} NMEA sentences, {} RTCM messages, and {} bytes that belong to none. HORUS reads positions from UBX-NAV-PVT \
+         (92 bytes, protocol version 15 or later): enable that message in the receiver, let it get a fix, and record \
+         again",
         path.display(), counts.bytes, counts.ubx, counts.nav_pvt, counts.nmea, counts.rtcm, counts.unknown_bytes
     )]
     NoPosition {

@@ -157,7 +157,10 @@ fn logs_that_cannot_be_played_say_why() {
     let unfixed = NavPvt { itow_ms: 1_000, ..NavPvt::default() }.encode();
     let none = text(log(&[&unfixed, GNTXT, GNTXT, b"xyz"]));
     assert!(
-        none.starts_with("made.ubx: holds no position: among its 197 bytes are 1 whole UBX messages (1 NAV-PVT, none with a valid fix), 2 NMEA sentences, "),
+        none.starts_with(
+            "made.ubx: holds no position: among its 197 bytes are 1 whole UBX messages (1 NAV-PVT, none with a valid \
+             fix), 2 NMEA sentences, "
+        ),
         "{none}"
     );
     assert!(none.contains("3 bytes that belong to none") && none.contains("enable"), "{none}");

@@ -12,7 +12,7 @@
 //! |---|---|
 //! | drive strength, slew, analogue input | a level is high or low |
 //! | P0.09 and P0.10 as NFC antenna until UICR.NFCPINS says otherwise | NFCT is not modelled and the pins are free |
-//! | the waveform of a serial peripheral on its pins | bytes cross at their own instants; only chip selects move as pins |
+//! | the waveform of a serial peripheral | bytes cross at their own instants; only chip selects move as pins |
 use crate::instance::{Act, Outbox};
 use crate::{FindingKind, Pin};
 

@@ -16,9 +16,10 @@
 //!
 //! | left out | what a firmware that uses it sees |
 //! |---|---|
-//! | RADIO, NFCT, SAADC, ECB, CCM, AAR, QDEC, COMP, LPCOMP, PWM, PDM, MWU, ACL, I2S, USBD, QSPI, CryptoCell | their registers are there and nothing happens; rigless lists each in `Session::unimplemented` |
+//! | RADIO, NFCT, SAADC, ECB, CCM, AAR, QDEC, COMP, LPCOMP, PWM | registers only; each in `Session::unimplemented` |
+//! | PDM, MWU, ACL, I2S, USBD, QSPI, CryptoCell | likewise |
 //! | the legacy UART, SPI and TWI, and TWIM and TWIS | a [`Finding`] |
-//! | an offset inside a block that no register covers | reads 0 and drops the write as the part does; rigless lists it in `Session::undefined` |
+//! | an offset inside a block that no register covers | reads 0, drops the write; listed in `Session::undefined` |
 //! | an address no block covers | refused by the bus; the engine makes it a precise bus fault |
 //! | current, voltage, brown-out | – |
 //!

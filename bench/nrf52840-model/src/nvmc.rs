@@ -8,7 +8,7 @@
 //!
 //! | left out | why |
 //! |---|---|
-//! | the core halting while flash is busy | the core is the engine's: READY says when it would run again, and a write or an erase begun before that is reported |
+//! | the core halting while flash is busy | the core is the engine's: READY says when; what begins before is reported |
 //! | the limit of two writes to a word, and of erase cycles | no firmware here comes near |
 //! | cache counters and ACL | a read of IHIT or IMISS is reported |
 //!

@@ -24,7 +24,7 @@
 //! | legacy SPI and TWI, TWIM, TWIS | reported when enabled |
 //! | IFTIMING, DCX, STALLSTAT | registers only: nothing here stalls, and no display hangs on SPIM3 |
 //! | bits within a byte on the pins | peers exchange bytes |
-//! | EasyDMA outside data RAM | the part faults or corrupts RAM (PS 4.6); here TXD reads ORC, RXD is dropped, and it is reported |
+//! | EasyDMA outside data RAM | the part may fault (PS 4.6); here TXD reads ORC, RXD is dropped: reported |
 //!
 //! A transaction starts [`START_LATENCY`] after START (PS 6.25, tSPIM,START).
 use crate::clocks::Clocks;

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | START once and for all; CRV, RREN and CONFIG locked by it | 6.36 |
 //! | RR[0..8] with 0x6E524635, REQSTATUS, a reload when every enabled one has been written | 6.36 |
-//! | time-out after (CRV + 1) LFCLK ticks; TIMEOUT; the reset two ticks later when its interrupt is enabled, at once when not | 6.36 |
+//! | time-out after (CRV + 1) LFCLK ticks; TIMEOUT; the reset, two ticks later if its interrupt is enabled | 6.36 |
 //! | running on through a soft reset and a lockup | 5.3 |
 //!
 //! | left out | why |

@@ -2,10 +2,10 @@
 //!
 //! | Register or section | Behaviour |
 //! |---|---|
-//! | `CNT`, `PSC`, `ARR` | A 16-bit up-counter on the timer clock over `PSC + 1`, wrapping after `ARR`; null `ARR` blocks it, 20.3.1 |
+//! | `CNT`, `PSC`, `ARR` | 16-bit up-counter on the clock over `PSC + 1`, wraps after `ARR`; `ARR` 0 blocks, 20.3.1 |
 //! | Update event | At the wrap and at `EGR.UG`; loads `PSC` always and `ARR` when `CR1.ARPE` holds it back, 20.3.2 |
 //! | `CR1` `CEN`, `UDIS`, `URS`, `OPM`, `ARPE` | As 20.4.1 |
-//! | `SR` `UIF`, `CC1IF`, `CC2IF` | Set by hardware, cleared by writing zero; a compare match sets its channel's flag, 19.4.4 |
+//! | `SR` `UIF`, `CC1IF`, `CC2IF` | Set by hardware, cleared by writing 0; a match sets its channel's flag, 19.4.4 |
 //! | `DIER` `UIE`, `CC1IE`, `CC2IE` | The interrupt is the OR of the flags they enable, 19.4.3 |
 //!
 //! Instants do not accumulate rounding: they come from the count of timer clock cycles since the counter started or its

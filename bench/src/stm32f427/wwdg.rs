@@ -2,7 +2,7 @@
 //!
 //! | Register or section | Behaviour |
 //! |---|---|
-//! | `CR` `WDGA`, `T` | Once `WDGA` is set only a reset clears it. `T` counts down once every 4096 × 2^`WDGTB` cycles of PCLK1, 22.4 |
+//! | `CR` `WDGA`, `T` | Only a reset clears `WDGA`. `T` counts down each 4096 × 2^`WDGTB` cycles of PCLK1, 22.4 |
 //! | End of count | From 0x40 to 0x3F the part restarts, and so it does when a value below 0x40 is written, 22.3 |
 //! | `CFR` `W` | Writing `T` while it is above `W` restarts the part, 22.3 |
 //! | `CFR` `EWI`, `SR` `EWIF` | At 0x40 `EWIF` is set, and interrupts when `EWI` is, 22.3 |

@@ -271,7 +271,8 @@ impl fmt::Display for BaseStation {
         let Counts { profiles, bad_crc, misplaced, vacant, bad_frames, missed, .. } = self.counts;
         write!(
             f,
-            "  {profiles} profiles, {missed} cycles missed, {bad_crc} bad CRC, {misplaced} misplaced, {vacant} vacant, {bad_frames} bad frames"
+            "  {profiles} profiles, {missed} cycles missed, {bad_crc} bad CRC, {misplaced} misplaced, {vacant} vacant, \
+             {bad_frames} bad frames"
         )
     }
 }
@@ -445,13 +446,16 @@ mod tests {
         let mut bytes = profile(1_230).as_bytes().to_vec();
         bytes[130] ^= 1;
         send(&mut base, 0, &bytes);
-        let expected = "\
+        let state = "monitoring, 2 of 3 agree, degraded";
+        let expected = format!(
+            "\
 1.23 s after HORUS start: fresh, 122 cycles missed before it
-  Reported   47.4979000° S    8.7289000° E   470.125 m  pitch  -5.7° roll   2.9° yaw 302.7°  monitoring, 2 of 3 agree, degraded
+  Reported   47.4979000° S    8.7289000° E   470.125 m  pitch  -5.7° roll   2.9° yaw 302.7°  {state}
   GPS1       47.4979000° S    8.7289000° E   470.125 m
   GPS2      not received
   GPS3      no position  silent
-  2 profiles, 122 cycles missed, 1 bad CRC, 0 misplaced, 0 vacant, 0 bad frames";
+  2 profiles, 122 cycles missed, 1 bad CRC, 0 misplaced, 0 vacant, 0 bad frames"
+        );
         let shown: Vec<_> = base.to_string().lines().map(|line| line.trim_end().to_owned()).collect();
         assert_eq!(shown.join("\n"), expected);
     }
