@@ -49,10 +49,12 @@ impl Deadline {
     /// Calls the task when the counter ([`now_us`]) reaches `at_us`, or at once if it has.
     pub(crate) fn set(&mut self, at_us: u32) {
         let left_us = at_us.wrapping_sub(now_us()).cast_signed();
+        // The compare value first: were the task preempted after clearing the counter, a near value could be passed
+        // before it is set, and the next match would be 71 minutes later. An interrupt too early does no harm. SAFETY:
+        // any value may be compared with.
+        self.0.cc[0].write(|w| unsafe { w.bits(left_us.max(0).cast_unsigned().max(SHORTEST_US)) });
         // SAFETY: task registers take 1.
         self.0.tasks_clear.write(|w| unsafe { w.bits(1) });
-        // SAFETY: any value may be compared with.
-        self.0.cc[0].write(|w| unsafe { w.bits(left_us.max(0).cast_unsigned().max(SHORTEST_US)) });
     }
 
     /// Clears the interrupt of a deadline that has passed.
