@@ -158,6 +158,8 @@ fn reported_position(reported: &Reported) -> String {
     };
     let silent: Vec<String> = (1..)
         .zip(&reported.last_solution_ns)
+        // One that had a solution since is not silent.
+        .filter(|(_, last)| last.is_none_or(|last| last < since))
         .map(|(receiver, last)| match last {
             Some(last) => format!("GPS{receiver} silent since {}", seconds(*last)),
             None => format!("GPS{receiver} never had a solution"),
@@ -280,7 +282,7 @@ mod tests {
         report.reported.valid_cycles = 500;
         assert!(table(&report).contains("valid to the end, valid in 500 cycles read"), "{}", table(&report));
         report.reported.invalid_since_ns = Some(12_345_000_000);
-        report.reported.last_solution_ns = vec![Some(11_195_000_000), None];
+        report.reported.last_solution_ns = vec![Some(11_195_000_000), None, Some(19_900_000_000)];
         let line = "Reported-Position     invalid since 12.345 s (GPS1 silent since 11.195 s, \
                     GPS2 never had a solution), \
                     valid in 500 cycles read\n";
