@@ -1,0 +1,204 @@
+//! Decoded instructions.
+//!
+//! | memory | decoded | forgotten |
+//! |---|---|---|
+//! | constant ([`Bus::is_constant`]) | a page at its first instruction | all, on [`crate::Signals::code_changed`] |
+//! | other (code in RAM) | each instruction at its first execution | where memory holds other halfwords by then |
+//!
+//! A page has 1 KiB. Pages are shared by clones of the core, so that a clone costs little and what one has decoded is
+//! not decoded again. A page must be constant, or not constant, as a whole.
+
+use std::sync::Arc;
+
+use crate::op::{Do, Op};
+use crate::{Bus, Fault, decode};
+
+/// Address bits within a page.
+const BITS: u32 = 10;
+/// Instructions of a page, one for each halfword.
+const SLOTS: usize = 1 << (BITS - 1);
+/// Entries of the index, a power of two.
+const INDEX: usize = 256;
+
+/// Instructions of one page.
+#[derive(Clone, Debug)]
+pub(crate) struct Page {
+    /// The page's address without [`BITS`].
+    number: u32,
+    constant: bool,
+    ops: [Op; SLOTS],
+    /// What the instructions were decoded from, first halfword below; only where the page is not constant.
+    halfwords: Vec<u32>,
+}
+
+impl Page {
+    /// Whether `pc` is in this page and it is constant: then [`Page::op`] holds without further checks.
+    #[inline(always)]
+    pub(crate) fn holds(&self, pc: u32) -> bool {
+        pc >> BITS == self.number
+    }
+
+    #[inline(always)]
+    pub(crate) fn op(&self, pc: u32) -> &Op {
+        &self.ops[(pc >> 1) as usize % SLOTS]
+    }
+
+    pub(crate) fn is_constant(&self) -> bool {
+        self.constant
+    }
+}
+
+/// All pages of a core.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Code {
+    pages: Vec<Arc<Page>>,
+    /// Where in `pages` a page may be, by the low bits of its number mixed with its region.
+    index: Vec<u16>,
+    /// Where the caller wants to stop, sorted.
+    breakpoints: Vec<u32>,
+    /// Where the breakpoint units of the core want to look, sorted.
+    hardware: Vec<u32>,
+}
+
+impl Code {
+    /// The page of `pc`, decoded.
+    #[inline(always)]
+    pub(crate) fn page<B: Bus>(&mut self, bus: &mut B, pc: u32) -> usize {
+        let number = pc >> BITS;
+        if let Some(&place) = self.index.get(hash(number))
+            && let Some(page) = self.pages.get(usize::from(place))
+            && page.number == number
+        {
+            return usize::from(place);
+        }
+        self.find(bus, number)
+    }
+
+    #[inline(always)]
+    pub(crate) fn at(&self, place: usize) -> &Page {
+        &self.pages[place]
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn find<B: Bus>(&mut self, bus: &mut B, number: u32) -> usize {
+        let place = self.pages.iter().position(|page| page.number == number).unwrap_or_else(|| {
+            let page = self.decode_page(bus, number);
+            self.pages.push(Arc::new(page));
+            self.pages.len() - 1
+        });
+        self.index.resize(INDEX, 0);
+        self.index[hash(number)] = u16::try_from(place).unwrap_or(u16::MAX);
+        place
+    }
+
+    fn decode_page<B: Bus>(&self, bus: &mut B, number: u32) -> Page {
+        let base = number << BITS;
+        let constant = bus.is_constant(base);
+        let mut page = Page { number, constant, ops: [decode::place(Do::Unknown); SLOTS], halfwords: Vec::new() };
+        if !constant {
+            page.halfwords = vec![0; SLOTS];
+            return page;
+        }
+        let mut next = bus.fetch(base);
+        let mut address = base;
+        for op in &mut page.ops {
+            let here = next;
+            next = bus.fetch(address.wrapping_add(2));
+            *op = decode_at(address, here.ok(), next.ok());
+            address = address.wrapping_add(2);
+        }
+        let stops = self.breakpoints.iter().chain(&self.hardware);
+        for &address in stops.filter(|&&address| address >> BITS == number) {
+            page.ops[(address >> 1) as usize % SLOTS] = decode::place(Do::Breakpoint);
+        }
+        page
+    }
+
+    /// The instruction at `pc` in memory that may have changed; or, with `over`, the instruction under a breakpoint.
+    #[inline(never)]
+    pub(crate) fn changing<B: Bus>(&mut self, bus: &mut B, pc: u32, over: bool) -> Op {
+        if over {
+            let here = bus.fetch(pc).ok();
+            return decode_at(pc, here, bus.fetch(pc.wrapping_add(2)).ok());
+        }
+        if self.breakpoints.binary_search(&pc).is_ok() || self.hardware.binary_search(&pc).is_ok() {
+            return decode::place(Do::Breakpoint);
+        }
+        let place = self.page(bus, pc);
+        let Ok(first) = bus.fetch(pc) else {
+            return decode::fault(Fault::BusInstruction);
+        };
+        let second = if decode::is_wide(first) { bus.fetch(pc.wrapping_add(2)).ok() } else { Some(0) };
+        let Some(second) = second else {
+            return decode::fault(Fault::BusInstruction);
+        };
+        let halfwords = u32::from(first) | u32::from(second) << 16;
+        let slot = (pc >> 1) as usize % SLOTS;
+        let page = &self.pages[place];
+        if page.halfwords.get(slot) == Some(&halfwords) && !matches!(page.ops[slot].what, Do::Unknown) {
+            return page.ops[slot];
+        }
+        let op = decode_at(pc, Some(first), Some(second));
+        let page = Arc::make_mut(&mut self.pages[place]);
+        page.ops[slot] = op;
+        if let Some(kept) = page.halfwords.get_mut(slot) {
+            *kept = halfwords;
+        }
+        op
+    }
+
+    /// What was decoded is no longer what memory holds.
+    pub(crate) fn forget(&mut self) {
+        self.pages.clear();
+        self.index.clear();
+    }
+
+    pub(crate) fn set_breakpoint(&mut self, address: u32) {
+        if let Err(place) = self.breakpoints.binary_search(&address) {
+            self.breakpoints.insert(place, address);
+            self.drop_page(address);
+        }
+    }
+
+    pub(crate) fn clear_breakpoint(&mut self, address: u32) {
+        if let Ok(place) = self.breakpoints.binary_search(&address) {
+            self.breakpoints.remove(place);
+            self.drop_page(address);
+        }
+    }
+
+    /// Whether the caller wants to stop at `address`.
+    pub(crate) fn is_callers(&self, address: u32) -> bool {
+        self.breakpoints.binary_search(&address).is_ok()
+    }
+
+    /// Replaces the addresses that the FPB and the DWT compare with.
+    pub(crate) fn set_hardware(&mut self, mut addresses: Vec<u32>) {
+        addresses.sort_unstable();
+        let before = std::mem::replace(&mut self.hardware, addresses.clone());
+        for address in before.into_iter().chain(addresses) {
+            self.drop_page(address);
+        }
+    }
+
+    /// Has the page of `address` decoded anew when it is next executed.
+    fn drop_page(&mut self, address: u32) {
+        self.pages.retain(|page| page.number != address >> BITS);
+        self.index.clear();
+    }
+}
+
+/// Spreads pages over the index: flash, RAM and their aliases begin at multiples of large powers of two.
+#[inline(always)]
+const fn hash(number: u32) -> usize {
+    (number ^ (number >> 12)) as usize % INDEX
+}
+
+fn decode_at(address: u32, first: Option<u16>, second: Option<u16>) -> Op {
+    match (first, second) {
+        (Some(first), _) if !decode::is_wide(first) => decode::narrow(address, first),
+        (Some(first), Some(second)) => decode::wide(address, first, second),
+        _ => decode::fault(Fault::BusInstruction),
+    }
+}

@@ -1,0 +1,164 @@
+//! What instructions and exceptions cost, in core cycles.
+//!
+//! The two bounds follow the table of the Cortex-M4 TRM, "Instruction set summary" (100166 3.3.1, table 3-1), its table
+//! of DSP instructions (table 3-2) and its notes on load/store timings (3.3.3). P is the refill of the pipeline: "1 to
+//! 3 depending on the alignment and width of the target instruction, and whether the processor manages to speculate the
+//! address early". N is the number of registers.
+//!
+//! | instruction | table | least | most |
+//! |---|---|---|---|
+//! | data processing, extend, bit field, saturate, CLZ, REV | 1 | 1 | 1 |
+//! | MUL, all of the DSP table | 1 | 1 | 1 |
+//! | MLA, MLS | 2 in the first revisions of the TRM, 1 in the later | 1 | 2 |
+//! | long multiplications | 1 | 1 | 1 |
+//! | SDIV, UDIV | 2 to 12, "early termination" | 2 | 12 |
+//! | B, BL, BX, BLX, MOV PC, ADD PC | 1 + P | 2 | 4 |
+//! | B<cc>, CBZ, CBNZ | 1 or 1 + P | 1, taken 2 | 1, taken 4 |
+//! | TBB, TBH | 2 + P | 3 | 5 |
+//! | loads of one register | 2; 1 where it is pipelined with a neighbour (3.3.3) | 1 | 2 |
+//! | the same to PC | 2 + P | 2 + 1 | 2 + 3 |
+//! | stores of one register | 2; "STR is always one cycle" with an immediate offset (3.3.3) | 1 | 2 |
+//! | LDRD, STRD | 1 + N, N = 2 | 3 | 3 |
+//! | LDM, STM, PUSH, POP | 1 + N | 1 + N | 1 + N |
+//! | LDM, POP with PC | 1 + N + P | 2 + N | 4 + N |
+//! | LDREX, STREX and their kin | 2 | 2 | 2 |
+//! | CLREX, SEV, NOP | 1 | 1 | 1 |
+//! | WFI, WFE | 1 + W, the sleep | 1 | 1 |
+//! | IT | 1; 0 where it is folded into a 16-bit instruction before it | 0 | 1 |
+//! | an instruction that is skipped in an IT block | not in the table: it passes the pipeline | 1 | 1 |
+//! | CPS, MRS, MSR | 1 or 2 | 1 | 2 |
+//! | ISB, DSB, DMB | 1 + B; B is not stated: taken as none to a refill, stores having been waited for | 1 | 4 |
+//! | SVC, BKPT | not stated: that of the exception, and | 1 | 1 |
+//! | floating point | TRM table 7-1 | [`crate::fp`] | [`crate::fp`] |
+//!
+//! Left out: a division that an interrupt abandons is not modelled (it completes first, up to 12 cycles later). The
+//! bounds are per instruction; no silicon takes the most of all of them.
+
+use std::fmt::Debug;
+
+use crate::Bound;
+use crate::fp;
+use crate::op::Do;
+
+/// A clock of the core: what each thing costs. A type parameter, so that the fast clock pays nothing for the others.
+pub trait Cost: Copy + Clone + Debug + Default + Send + Sync + 'static {
+    /// The clock's name, as a command line has it.
+    const NAME: &'static str;
+
+    /// Which wait states of the bus count, `None` for none.
+    const BOUND: Option<Bound>;
+
+    /// P of the TRM's table: what refilling the pipeline adds to a branch that is taken.
+    const REFILL: u64;
+
+    /// Exception entry with a basic frame: 12 cycles from the request to the handler's first instruction, without wait
+    /// states (TRM 3.9.1).
+    const EXCEPTION_ENTRY: u64;
+    /// Exception return with a basic frame: 10 cycles where the instruction returned to is fetched in parallel (TRM
+    /// 3.9.1); the worst case is taken as that of an entry.
+    const EXCEPTION_RETURN: u64;
+    /// From one handler to the next without unstacking and stacking: 6 cycles (TRM 3.9.1).
+    const TAIL_CHAIN: u64;
+    /// What an entry takes longer if a higher exception arrives in its middle, and its vector is fetched in place of
+    /// the first. The TRM has no figure: at best the fetch is hidden behind the stacking, at worst it takes a
+    /// tail-chain's time.
+    const LATE_ARRIVAL: u64;
+    /// Stacking s0 to s15 and FPSCR in an entry, without lazy preservation: 29 cycles in place of 12 (TRM 3.9.1).
+    const FP_STACKING: u64;
+    /// Unstacking the same: 27 cycles in place of 10 (TRM 3.9.1).
+    const FP_UNSTACKING: u64;
+    /// Stacking the same when the handler's first FP instruction makes lazy preservation do it: taken as the same 17.
+    const LAZY_STACKING: u64;
+}
+
+/// One cycle for each halfword of code, taken or not, and nothing for exceptions and wait states: what a run is
+/// fastest with. Compiled code of this kind then takes about 1.4 cycles an instruction, between the two bounds.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Fast;
+
+/// The cycles of the TRM's tables at their least: every branch predicted, every load pipelined, no wait states.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Optimistic;
+
+/// The cycles of the TRM's tables at their most, with every wait state and contention of the bus.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Pessimistic;
+
+impl Cost for Fast {
+    const NAME: &'static str = "fast";
+    const BOUND: Option<Bound> = None;
+    const REFILL: u64 = 0;
+    const EXCEPTION_ENTRY: u64 = 0;
+    const EXCEPTION_RETURN: u64 = 0;
+    const TAIL_CHAIN: u64 = 0;
+    const LATE_ARRIVAL: u64 = 0;
+    const FP_STACKING: u64 = 0;
+    const FP_UNSTACKING: u64 = 0;
+    const LAZY_STACKING: u64 = 0;
+}
+
+impl Cost for Optimistic {
+    const NAME: &'static str = "optimistic";
+    const BOUND: Option<Bound> = Some(Bound::Best);
+    const REFILL: u64 = 1;
+    const EXCEPTION_ENTRY: u64 = 12;
+    const EXCEPTION_RETURN: u64 = 10;
+    const TAIL_CHAIN: u64 = 6;
+    const LATE_ARRIVAL: u64 = 0;
+    const FP_STACKING: u64 = 17;
+    const FP_UNSTACKING: u64 = 17;
+    const LAZY_STACKING: u64 = 17;
+}
+
+impl Cost for Pessimistic {
+    const NAME: &'static str = "pessimistic";
+    const BOUND: Option<Bound> = Some(Bound::Worst);
+    const REFILL: u64 = 3;
+    const EXCEPTION_ENTRY: u64 = 12;
+    const EXCEPTION_RETURN: u64 = 12;
+    const TAIL_CHAIN: u64 = 6;
+    const LATE_ARRIVAL: u64 = 6;
+    const FP_STACKING: u64 = 17;
+    const FP_UNSTACKING: u64 = 17;
+    const LAZY_STACKING: u64 = 17;
+}
+
+/// The least and the most cycles of an instruction, without wait states and without [`Cost::REFILL`].
+pub(crate) fn cycles(what: Do) -> (u8, u8) {
+    match what {
+        Do::Mla { .. } | Do::Mls { .. } => (1, 2),
+        Do::Sdiv { .. } | Do::Udiv { .. } => (2, 12),
+        Do::TableBranch { .. } => (2, 2),
+        Do::LdrLiteral { t: 15, .. }
+        | Do::LoadLiteral { t: 15, .. }
+        | Do::Load { t: 15, .. }
+        | Do::LoadReg { t: 15, .. } => (2, 2),
+        Do::LdrImm { .. }
+        | Do::LdrbImm { .. }
+        | Do::LdrhImm { .. }
+        | Do::StrImm { .. }
+        | Do::StrbImm { .. }
+        | Do::StrhImm { .. }
+        | Do::LdrReg { .. }
+        | Do::LdrbReg { .. }
+        | Do::StrReg { .. }
+        | Do::StrbReg { .. }
+        | Do::LdrLiteral { .. }
+        | Do::LoadLiteral { .. }
+        | Do::Load { .. }
+        | Do::LoadReg { .. }
+        | Do::Store { .. }
+        | Do::StoreReg { .. } => (1, 2),
+        Do::Ldrd { .. } | Do::Strd { .. } => (3, 3),
+        Do::Ldrex { .. } | Do::Strex { .. } => (2, 2),
+        Do::Ldm { list, .. } | Do::Stm { list, .. } => {
+            let count = list.count_ones() as u8;
+            (1 + count, 1 + count)
+        }
+        Do::It { .. } => (0, 1),
+        Do::Cps { .. } | Do::Mrs { .. } | Do::Msr { .. } => (1, 2),
+        Do::Barrier => (1, 4),
+        Do::Fp(op) => fp::cycles(op),
+        _ => (1, 1),
+    }
+}

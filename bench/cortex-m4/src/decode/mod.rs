@@ -1,0 +1,90 @@
+//! From halfwords to [`Op`].
+//!
+//! | ARM ARM | where |
+//! |---|---|
+//! | A5.2, 16-bit instructions | `narrow` |
+//! | A5.3, 32-bit instructions, without those below | `wide` |
+//! | A5.3.5 to A5.3.10, A5.3.19: loads and stores | `transfer` |
+//! | A5.3.18, coprocessors 10 and 11 | [`crate::fp`] |
+//!
+//! What is UNPREDICTABLE is undefined here and faults: the stack pointer or the program counter where an encoding does
+//! not allow them, a load/store multiple of fewer than two registers in its 32-bit form, write-back into a register
+//! that is loaded, a branch inside an IT block that is not its last instruction, bits that should be 0 or 1 and are
+//! not.
+//! Other coprocessors than 10 and 11 take the fault for an absent coprocessor (UFSR.NOCP).
+
+mod narrow;
+mod transfer;
+mod wide;
+
+use crate::Fault;
+use crate::cost;
+use crate::op::{Block, Do, Op};
+
+/// Whether `first` is the first halfword of a 32-bit instruction (ARM ARM A5.1).
+pub(crate) const fn is_wide(first: u16) -> bool {
+    first >= 0xE800
+}
+
+/// Decodes the 16-bit instruction at `address`.
+pub(crate) fn narrow(address: u32, halfword: u16) -> Op {
+    let what = narrow::decode(address, halfword);
+    if matches!(what, Do::HostCall) {
+        return place(what);
+    }
+    op(what, 2, narrow::block(halfword, what))
+}
+
+/// Decodes the 32-bit instruction at `address`.
+pub(crate) fn wide(address: u32, first: u16, second: u16) -> Op {
+    let what = wide::decode(address, first, second);
+    op(what, 4, block(what))
+}
+
+/// An instruction that takes `fault` instead.
+pub(crate) fn fault(fault: Fault) -> Op {
+    op(Do::Fault(fault), 2, Block::Same)
+}
+
+/// The place of what is not executed: a breakpoint, a semihosting call, an instruction that is not decoded yet. Without
+/// size and cost, so that neither the program counter nor time moves.
+pub(crate) const fn place(what: Do) -> Op {
+    Op { what, size: 0, least: 0, most: 0, block: Block::Same }
+}
+
+fn op(what: Do, size: u8, block: Block) -> Op {
+    let (least, most) = cost::cycles(what);
+    Op { what, size, least, most, block }
+}
+
+/// How `what` behaves in an IT block, for all but the 16-bit data processing.
+fn block(what: Do) -> Block {
+    match what {
+        Do::BCond { .. } | Do::Cbz { .. } | Do::Cbnz { .. } | Do::It { .. } | Do::Cps { .. } => Block::Never,
+        Do::B { .. }
+        | Do::Bl { .. }
+        | Do::Bx { .. }
+        | Do::Blx { .. }
+        | Do::TableBranch { .. }
+        | Do::MovToPc { .. }
+        | Do::AddToPc { .. }
+        | Do::LdrLiteral { t: 15, .. }
+        | Do::Load { t: 15, .. }
+        | Do::LoadReg { t: 15, .. }
+        | Do::LoadLiteral { t: 15, .. } => Block::Last,
+        Do::Ldm { list, .. } if list & 0x8000 != 0 => Block::Last,
+        _ => Block::Same,
+    }
+}
+
+const UNDEFINED: Do = Do::Fault(Fault::Undefined);
+
+/// Whether register `n` is the stack pointer or the program counter, which most 32-bit encodings do not allow.
+const fn bad(n: u8) -> bool {
+    n == 13 || n == 15
+}
+
+/// `bits` of `value`, from bit `low` on.
+fn field(value: u16, low: u32, bits: u32) -> u8 {
+    ((value >> low) & ((1 << bits) - 1)) as u8
+}

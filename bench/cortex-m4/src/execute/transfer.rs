@@ -1,0 +1,259 @@
+//! Loads and stores that are more than one access or one register: ARM ARM A7.7, LDM, STM, LDRD, STRD, LDREX, STREX.
+//!
+//! On the clocks with bounds a load/store multiple in whose middle something is due is left there, with the register to
+//! go on with in EPSR.ICI, and continued afterwards (ARM ARM B1.5.10). Three kinds are completed first instead, which
+//! costs an interrupt up to 16 cycles: those in an IT block, those whose base is in the list, and PUSH.
+//!
+//! The local exclusive monitor marks all of memory (TRM 3.6.2: the granule is the whole address space): a STREX
+//! succeeds if no exception and no CLREX or STREX came since the LDREX, whatever its address.
+
+use crate::op::{Format, Index};
+use crate::{Bus, Core, Cost, Fault, Purpose, Width};
+
+impl<C: Cost> Core<C> {
+    /// Loads and extends. `privilege` is that of the core where `None`.
+    pub(super) fn load_format<B: Bus>(
+        &mut self,
+        bus: &mut B,
+        format: Format,
+        address: u32,
+        purpose: Purpose,
+        privilege: Option<bool>,
+    ) -> Result<u32, Fault> {
+        let privileged = privilege.unwrap_or_else(|| self.is_privileged());
+        let value = self.load_as(bus, address, Self::width(format), purpose, privileged)?;
+        Ok(match format {
+            Format::SignedByte => value as i8 as u32,
+            Format::SignedHalf => value as i16 as u32,
+            _ => value,
+        })
+    }
+
+    pub(super) fn store_format<B: Bus>(
+        &mut self,
+        bus: &mut B,
+        format: Format,
+        address: u32,
+        value: u32,
+        privilege: Option<bool>,
+    ) -> Result<(), Fault> {
+        let privileged = privilege.unwrap_or_else(|| self.is_privileged());
+        let value = match Self::width(format) {
+            Width::Byte => value & 0xFF,
+            Width::Half => value & 0xFFFF,
+            Width::Word => value,
+        };
+        self.store_as(bus, address, Self::width(format), value, Purpose::Data, privileged)
+    }
+
+    /// Puts a loaded value into register `t`, which may be the program counter; gives the next address.
+    pub(super) fn loaded<B: Bus>(&mut self, bus: &mut B, t: u8, value: u32, next: u32) -> u32 {
+        if t == 15 {
+            return self.branch_exchange(bus, value);
+        }
+        self.set(t, value);
+        next
+    }
+
+    /// The addresses of a dual access, and what is written back.
+    fn dual_address(&self, index: Index, n: u8, imm: u32) -> Result<(u32, u32), Fault> {
+        let base = if n == 15 { self.r[15].wrapping_add(4) & !3 } else { self.get(n) };
+        let offset = base.wrapping_add(imm);
+        let address = if index == Index::Post { base } else { offset };
+        if address & 3 == 0 { Ok((address, offset)) } else { Err(Fault::Unaligned) }
+    }
+
+    pub(super) fn load_dual<B: Bus>(
+        &mut self,
+        bus: &mut B,
+        index: Index,
+        t: u8,
+        t2: u8,
+        n: u8,
+        imm: u32,
+    ) -> Result<(), Fault> {
+        let (address, offset) = self.dual_address(index, n, imm)?;
+        let purpose = if n == 15 { Purpose::Literal } else { Purpose::Data };
+        let first = self.load(bus, address, Width::Word, purpose)?;
+        let second = self.load(bus, address.wrapping_add(4), Width::Word, purpose)?;
+        if index != Index::Offset {
+            self.set(n, offset);
+        }
+        self.put(t, first);
+        self.put(t2, second);
+        Ok(())
+    }
+
+    pub(super) fn store_dual<B: Bus>(
+        &mut self,
+        bus: &mut B,
+        index: Index,
+        t: u8,
+        t2: u8,
+        n: u8,
+        imm: u32,
+    ) -> Result<(), Fault> {
+        let (address, offset) = self.dual_address(index, n, imm)?;
+        self.store(bus, address, Width::Word, self.get(t), Purpose::Data)?;
+        self.store(bus, address.wrapping_add(4), Width::Word, self.get(t2), Purpose::Data)?;
+        if index != Index::Offset {
+            self.set(n, offset);
+        }
+        Ok(())
+    }
+
+    pub(super) fn load_exclusive<B: Bus>(
+        &mut self,
+        bus: &mut B,
+        format: Format,
+        t: u8,
+        n: u8,
+        imm: u16,
+    ) -> Result<(), Fault> {
+        let address = self.get(n).wrapping_add(u32::from(imm));
+        if address & (Self::width(format).bytes() - 1) != 0 {
+            return Err(Fault::Unaligned);
+        }
+        let value = self.load(bus, address, Self::width(format), Purpose::Data)?;
+        self.exclusive = Some(address);
+        self.put(t, value);
+        Ok(())
+    }
+
+    pub(super) fn store_exclusive<B: Bus>(
+        &mut self,
+        bus: &mut B,
+        format: Format,
+        d: u8,
+        t: u8,
+        n: u8,
+        imm: u16,
+    ) -> Result<(), Fault> {
+        let address = self.get(n).wrapping_add(u32::from(imm));
+        if address & (Self::width(format).bytes() - 1) != 0 {
+            return Err(Fault::Unaligned);
+        }
+        let held = self.exclusive.is_some();
+        if held {
+            self.store_format(bus, format, address, self.get(t), None)?;
+        }
+        self.exclusive = None;
+        self.put(d, u32::from(!held));
+        Ok(())
+    }
+
+    /// The first address of a load/store multiple, and what is written back.
+    fn multiple_address(&self, n: u8, list: u16, down: bool) -> Result<(u32, u32), Fault> {
+        let base = self.get(n);
+        let size = 4 * list.count_ones();
+        let (start, end) =
+            if down { (base.wrapping_sub(size), base.wrapping_sub(size)) } else { (base, base.wrapping_add(size)) };
+        if start & 3 == 0 { Ok((start, end)) } else { Err(Fault::Unaligned) }
+    }
+
+    /// Whether a load/store multiple is to be left before its register number `done` (counted from 0): the next thing
+    /// due falls there, and the instruction can be continued.
+    fn is_interrupted(&self, list: u16, n: u8, down: bool, done: u32) -> bool {
+        let continuable = self.it == 0 && list & (1 << n) == 0 && !(down && n == 13);
+        C::BOUND.is_some()
+            && done > 0
+            && continuable
+            && self.retired > 0
+            && self.cycle > 16
+            && self.cycle + u64::from(1 + done) >= self.limit
+    }
+
+    /// Leaves a load/store multiple before `register`, with `left` registers to go: the run loop looks around and comes
+    /// back to it, perhaps after an exception.
+    fn interrupt_multiple(&mut self, register: usize, left: u32) -> u32 {
+        self.ici = register as u8;
+        self.attention = true;
+        self.limit = 0;
+        // The run loop adds what the whole instruction costs and counts it, now and when it is completed.
+        self.cycle -= u64::from(left);
+        self.retired -= 1;
+        self.r[15]
+    }
+
+    /// The registers of a load/store multiple that is continued, and how many were moved before.
+    fn continued(&mut self, list: u16) -> (u16, u32) {
+        let from = std::mem::take(&mut self.ici);
+        let rest = list & (u16::MAX << (from & 15));
+        let before = list.count_ones() - rest.count_ones();
+        // What was moved before is not paid again; beginning anew is, at the most.
+        self.cycle -= u64::from(before).min(self.cycle);
+        (rest, before)
+    }
+
+    pub(super) fn load_multiple<B: Bus>(
+        &mut self,
+        bus: &mut B,
+        n: u8,
+        list: u16,
+        write_back: bool,
+        down: bool,
+        next: u32,
+    ) -> Result<u32, Fault> {
+        let (start, end) = self.multiple_address(n, list, down)?;
+        let (mut rest, before) = if self.ici == 0 { (list, 0) } else { self.continued(list) };
+        let mut address = start.wrapping_add(4 * before);
+        let mut values = [0; 16];
+        let mut done = 0;
+        let moved = rest;
+        while rest != 0 {
+            let register = rest.trailing_zeros() as usize & 15;
+            if self.is_interrupted(list, n, down, done) {
+                self.put_list(&values, moved & !rest);
+                return Ok(self.interrupt_multiple(register, rest.count_ones()));
+            }
+            values[register] = self.load(bus, address, Width::Word, Purpose::Data)?;
+            address = address.wrapping_add(4);
+            rest &= rest - 1;
+            done += 1;
+        }
+        if write_back {
+            self.put(n, end);
+        }
+        self.put_list(&values, moved & 0x7FFF);
+        if list & 0x8000 != 0 { Ok(self.branch_exchange(bus, values[15])) } else { Ok(next) }
+    }
+
+    /// Puts the values of the registers in `list`.
+    fn put_list(&mut self, values: &[u32; 16], list: u16) {
+        let mut rest = list;
+        while rest != 0 {
+            let register = rest.trailing_zeros() as usize & 15;
+            self.r[register] = values[register];
+            rest &= rest - 1;
+        }
+    }
+
+    pub(super) fn store_multiple<B: Bus>(
+        &mut self,
+        bus: &mut B,
+        n: u8,
+        list: u16,
+        write_back: bool,
+        down: bool,
+        next: u32,
+    ) -> Result<u32, Fault> {
+        let (start, end) = self.multiple_address(n, list, down)?;
+        let (mut rest, before) = if self.ici == 0 { (list, 0) } else { self.continued(list) };
+        let mut address = start.wrapping_add(4 * before);
+        let mut done = 0;
+        while rest != 0 {
+            let register = rest.trailing_zeros() as u8;
+            if self.is_interrupted(list, n, down, done) {
+                return Ok(self.interrupt_multiple(usize::from(register), rest.count_ones()));
+            }
+            self.store(bus, address, Width::Word, self.get(register), Purpose::Data)?;
+            address = address.wrapping_add(4);
+            rest &= rest - 1;
+            done += 1;
+        }
+        if write_back {
+            self.put(n, end);
+        }
+        Ok(next)
+    }
+}

@@ -1,0 +1,632 @@
+//! Results and flags of arithmetic, on tables of edge cases and on random operands.
+//!
+//! The truth about random operands is the host's: its `f32` operation rounds to nearest, and `f64` arithmetic that is
+//! exact for these operands tells on which side of that the exact result lies. From the two follow the result and the
+//! flags in each rounding mode, with flush-to-zero or without. Both ways in `arith`, the host's and the integer one,
+//! must give just that.
+
+use std::cmp::Ordering;
+
+use crate::fp::arith::{self, AHP, DN, DZC, FZ, IDC, IOC, IXC, Integer, OFC, RMODE, RMODE_SHIFT, SIGN, UFC, exact};
+
+const TO_PLUS: u32 = 1 << RMODE_SHIFT;
+const TO_MINUS: u32 = 2 << RMODE_SHIFT;
+const TO_ZERO: u32 = 3 << RMODE_SHIFT;
+
+const ONE: u32 = 0x3F80_0000;
+const INFINITY: u32 = 0x7F80_0000;
+const MAXIMUM: u32 = 0x7F7F_FFFF;
+const LEAST_NORMAL: u32 = 0x0080_0000;
+const DEFAULT_NAN: u32 = 0x7FC0_0000;
+const QUIET: u32 = 0xFFC1_2345;
+const OTHER_QUIET: u32 = 0x7FC5_4321;
+const SIGNALLING: u32 = 0x7F81_2345;
+const OTHER_SIGNALLING: u32 = 0xFF85_4321;
+
+/// Cases of each random test: enough to meet each path many times, in a fraction of a second. `cargo test --release`
+/// runs more.
+const CASES: u32 = if cfg!(debug_assertions) { 100_000 } else { 4_000_000 };
+
+type Unary = fn(u32, &mut u32) -> u32;
+type Binary = fn(u32, u32, &mut u32) -> u32;
+
+/// A generator of George Marsaglia's xorshift family, with a multiplication on top.
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> u64 {
+        self.0 ^= self.0 >> 12;
+        self.0 ^= self.0 << 25;
+        self.0 ^= self.0 >> 27;
+        self.0.wrapping_mul(0x2545_F491_4F6C_DD1D)
+    }
+
+    fn below(&mut self, limit: u64) -> u64 {
+        (self.next() >> 32) % limit
+    }
+
+    /// Any bits, numbers of close exponents with few or many bits, or an edge case with a bit or two off.
+    fn operand(&mut self) -> u32 {
+        const EDGES: [u32; 14] = [
+            0,
+            1,
+            0x0040_0000,
+            0x007F_FFFF,
+            LEAST_NORMAL,
+            0x0100_0000,
+            ONE,
+            0x3FFF_FFFF,
+            0x4B7F_FFFF,
+            0x4F00_0000,
+            MAXIMUM,
+            INFINITY,
+            SIGNALLING,
+            QUIET,
+        ];
+        let bits = self.next() as u32;
+        let sign = bits & SIGN;
+        match self.below(8) {
+            0 => bits,
+            1 => sign | EDGES[self.below(14) as usize],
+            2 => sign | EDGES[self.below(14) as usize] ^ 1 << self.below(31),
+            3 => bits & 0x80FF_FFFF,
+            4 => bits & 0xFFFF_0000,
+            5 => sign | (118 + self.below(20) as u32) << 23 | bits & 0x0070_0003,
+            _ => sign | (110 + self.below(36) as u32) << 23 | bits & 0x007F_FFFF,
+        }
+    }
+
+    /// An FPSCR: mostly nothing but flags.
+    fn fpscr(&mut self) -> u32 {
+        let bits = self.next() as u32;
+        match self.below(4) {
+            0 => 0,
+            1 => bits & (IOC | DZC | OFC | UFC | IXC | IDC),
+            _ => bits & (0xF000_0000 | RMODE | FZ | DN | AHP | IXC),
+        }
+    }
+}
+
+/// What the host knows of an exact result.
+struct Truth {
+    nearest: f32,
+    /// The exact result compared with `nearest`.
+    order: Ordering,
+    /// The exact magnitude is below the least normal number, and not zero.
+    tiny: bool,
+    /// The exact magnitude is 2^128 or more.
+    huge: bool,
+    /// A sum of terms of opposite signs, whose zero has the sign of the rounding mode.
+    opposite: bool,
+}
+
+impl Truth {
+    /// The result and FPSCR afterwards.
+    fn expected(&self, fpscr: u32) -> (u32, u32) {
+        let Self { nearest, order, .. } = *self;
+        let mode = fpscr & RMODE;
+        if self.tiny && fpscr & FZ != 0 {
+            let negative = if nearest == 0.0 { nearest.is_sign_negative() } else { nearest < 0.0 };
+            return (if negative { SIGN } else { 0 }, fpscr | UFC);
+        }
+        if nearest == 0.0 && order == Ordering::Equal && self.opposite {
+            return (if mode == TO_MINUS { SIGN } else { 0 }, fpscr);
+        }
+        let up = if order == Ordering::Greater { nearest.next_up() } else { nearest };
+        let down = if order == Ordering::Less { nearest.next_down() } else { nearest };
+        let result = match mode {
+            0 => nearest,
+            TO_PLUS => up,
+            TO_MINUS => down,
+            _ if nearest.is_sign_negative() => up,
+            _ => down,
+        };
+        let mut flags = 0;
+        if order != Ordering::Equal {
+            flags |= IXC;
+            if self.tiny {
+                flags |= UFC;
+            }
+            if result.is_infinite() || self.huge {
+                flags |= OFC;
+            }
+        }
+        (result.to_bits(), fpscr | flags)
+    }
+}
+
+/// `f64` sum and its error, as two numbers of which the second is smaller than the first's last bit.
+fn sum(a: f64, b: f64) -> (f64, f64) {
+    let (large, small) = if a.abs() >= b.abs() { (a, b) } else { (b, a) };
+    let sum = large + small;
+    (sum, small - (sum - large))
+}
+
+fn truth_of_sum(nearest: f32, a: f64, b: f64) -> Truth {
+    let (value, error) = sum(a, b);
+    let order = value.partial_cmp(&f64::from(nearest)).unwrap();
+    let order = if order == Ordering::Equal { error.partial_cmp(&0.0).unwrap() } else { order };
+    let least = f64::from(f32::MIN_POSITIVE);
+    let limit = 2.0_f64.powi(128);
+    // The error decides where the rounded f64 sum is just the limit.
+    let inwards = error != 0.0 && (error > 0.0) != (value > 0.0);
+    Truth {
+        nearest,
+        order,
+        tiny: (value != 0.0 && value.abs() < least) || (value.abs() == least && inwards),
+        huge: value.abs() > limit || (value.abs() == limit && !inwards),
+        opposite: a.is_sign_negative() != b.is_sign_negative(),
+    }
+}
+
+fn flush(operand: u32, fpscr: &mut u32) -> u32 {
+    if *fpscr & FZ != 0 && operand & INFINITY == 0 && operand & !SIGN != 0 {
+        *fpscr |= IDC;
+        operand & SIGN
+    } else {
+        operand
+    }
+}
+
+fn finite(bits: u32) -> bool {
+    f32::from_bits(bits).is_finite()
+}
+
+/// Random operands of a binary operation, against the host's truth where the operands are finite.
+fn check_binary(seed: u64, ways: [Binary; 2], truth: fn(f32, f32) -> Option<Truth>) {
+    let mut random = Random(seed);
+    for _ in 0..CASES {
+        let (a, b, before) = (random.operand(), random.operand(), random.fpscr());
+        let results = ways.map(|way| {
+            let mut fpscr = before;
+            (way(a, b, &mut fpscr), fpscr)
+        });
+        assert_eq!(results[0], results[1], "{a:08x} {b:08x} {before:08x}");
+        if finite(a) && finite(b) {
+            let mut fpscr = before;
+            let (x, y) = (f32::from_bits(flush(a, &mut fpscr)), f32::from_bits(flush(b, &mut fpscr)));
+            if let Some(truth) = truth(x, y) {
+                assert_eq!(results[1], truth.expected(fpscr), "{a:08x} {b:08x} {before:08x}");
+            }
+        }
+    }
+}
+
+#[test]
+fn sums_of_random_numbers_are_the_hosts_in_each_mode() {
+    check_binary(1, [arith::add, exact::add], |x, y| Some(truth_of_sum(x + y, x.into(), y.into())));
+    check_binary(2, [arith::subtract, exact::subtract], |x, y| Some(truth_of_sum(x - y, x.into(), -f64::from(y))));
+}
+
+#[test]
+fn products_of_random_numbers_are_the_hosts_in_each_mode() {
+    check_binary(3, [arith::multiply, exact::multiply], |x, y| {
+        let product = f64::from(x) * f64::from(y);
+        Some(Truth { opposite: false, ..truth_of_sum(x * y, product, 0.0) })
+    });
+}
+
+#[test]
+fn quotients_of_random_numbers_are_the_hosts_in_each_mode() {
+    check_binary(4, [arith::divide, exact::divide], |x, y| {
+        if y == 0.0 {
+            return None;
+        }
+        let nearest = x / y;
+        // The quotient is above `nearest` where the dividend is above `nearest` times a positive divisor.
+        let order = if nearest.is_infinite() {
+            if nearest > 0.0 { Ordering::Less } else { Ordering::Greater }
+        } else {
+            let order = f64::from(x).partial_cmp(&(f64::from(nearest) * f64::from(y))).unwrap();
+            if y < 0.0 { order.reverse() } else { order }
+        };
+        let (dividend, divisor) = (f64::from(x).abs(), f64::from(y).abs());
+        Some(Truth {
+            nearest,
+            order,
+            tiny: dividend != 0.0 && dividend < f64::from(f32::MIN_POSITIVE) * divisor,
+            huge: dividend >= 2.0_f64.powi(128) * divisor,
+            opposite: false,
+        })
+    });
+}
+
+#[test]
+fn square_roots_of_random_numbers_are_the_hosts_in_each_mode() {
+    let ways: [Unary; 2] = [arith::square_root, exact::square_root];
+    let mut random = Random(5);
+    for _ in 0..CASES {
+        let (a, before) = (random.operand(), random.fpscr());
+        let results = ways.map(|way| {
+            let mut fpscr = before;
+            (way(a, &mut fpscr), fpscr)
+        });
+        assert_eq!(results[0], results[1], "{a:08x} {before:08x}");
+        let mut fpscr = before;
+        let x = f32::from_bits(flush(a, &mut fpscr));
+        if x.is_finite() && x >= 0.0 {
+            let nearest = x.sqrt();
+            let order = f64::from(x).partial_cmp(&(f64::from(nearest) * f64::from(nearest))).unwrap();
+            let truth = Truth { nearest, order, tiny: false, huge: false, opposite: false };
+            assert_eq!(results[1], truth.expected(fpscr), "{a:08x} {before:08x}");
+        }
+    }
+}
+
+#[test]
+fn fused_products_and_sums_of_random_numbers_are_the_hosts_in_each_mode() {
+    let mut random = Random(6);
+    for case in 0..CASES {
+        let (a, b, before) = (random.operand(), random.operand(), random.fpscr());
+        // In half of the cases the addend nearly cancels the product.
+        let addend = if case & 1 == 0 {
+            random.operand()
+        } else {
+            let product = f32::from_bits(a) * f32::from_bits(b);
+            (-product).to_bits().wrapping_add(random.below(5) as u32).wrapping_sub(2)
+        };
+        let results = [arith::multiply_add, exact::multiply_add].map(|way| {
+            let mut fpscr = before;
+            (way(addend, a, b, &mut fpscr), fpscr)
+        });
+        let message = || format!("{addend:08x} + {a:08x} * {b:08x} {before:08x}");
+        assert_eq!(results[0], results[1], "{}", message());
+        if finite(a) && finite(b) && finite(addend) {
+            let mut fpscr = before;
+            let [z, x, y] = [addend, a, b].map(|operand| f32::from_bits(flush(operand, &mut fpscr)));
+            let truth = truth_of_sum(x.mul_add(y, z), f64::from(x) * f64::from(y), z.into());
+            assert_eq!(results[1], truth.expected(fpscr), "{}", message());
+        }
+    }
+}
+
+#[test]
+fn comparisons_of_random_numbers_are_the_hosts() {
+    let mut random = Random(7);
+    for _ in 0..CASES {
+        let (a, b, before) = (random.operand(), random.operand(), random.fpscr());
+        let b = if random.below(4) == 0 { a ^ (random.next() as u32 & SIGN) } else { b };
+        let signals = random.below(2) == 0;
+        let (mut one, mut other) = (before, before);
+        arith::compare(a, b, signals, &mut one);
+        exact::compare(a, b, signals, &mut other);
+        assert_eq!(one, other, "{a:08x} {b:08x} {before:08x}");
+        let mut fpscr = before & 0x0FFF_FFFF;
+        let (x, y) = (f32::from_bits(flush(a, &mut fpscr)), f32::from_bits(flush(b, &mut fpscr)));
+        let flags = match x.partial_cmp(&y) {
+            Some(Ordering::Less) => 0b1000,
+            Some(Ordering::Equal) => 0b0110,
+            Some(Ordering::Greater) => 0b0010,
+            None => {
+                let signalling = |bits: u32| f32::from_bits(bits).is_nan() && bits & 0x0040_0000 == 0;
+                if signals || signalling(a) || signalling(b) {
+                    fpscr |= IOC;
+                }
+                0b0011
+            }
+        };
+        assert_eq!(one, fpscr | flags << 28, "{a:08x} {b:08x} {before:08x}");
+    }
+}
+
+fn random_integer(random: &mut Random) -> Integer {
+    let size = if random.below(3) == 0 { 16 } else { 32 };
+    let fraction_bits = if random.below(2) == 0 { 0 } else { random.below(u64::from(size) + 1) as u8 };
+    Integer { size, unsigned: random.below(2) == 0, fraction_bits }
+}
+
+#[test]
+fn conversions_of_random_numbers_to_integers_are_the_hosts_in_each_mode() {
+    let mut random = Random(8);
+    for _ in 0..CASES {
+        let (a, before, target) = (random.operand(), random.fpscr(), random_integer(&mut random));
+        let toward_zero = random.below(2) == 0;
+        let results = [arith::to_integer, exact::to_integer].map(|way| {
+            let mut fpscr = before;
+            (way(a, target, toward_zero, &mut fpscr), fpscr)
+        });
+        assert_eq!(results[0], results[1], "{a:08x} {target:?} {before:08x}");
+        let mut fpscr = before;
+        let x = f64::from(f32::from_bits(flush(a, &mut fpscr))) * 2.0_f64.powi(target.fraction_bits.into());
+        let rounded = match before & RMODE {
+            _ if toward_zero => x.trunc(),
+            0 => x.round_ties_even(),
+            TO_PLUS => x.ceil(),
+            TO_MINUS => x.floor(),
+            _ => x.trunc(),
+        };
+        let (least, most) = if target.unsigned {
+            (0.0, 2.0_f64.powi(target.size.into()) - 1.0)
+        } else {
+            (-2.0_f64.powi(i32::from(target.size) - 1), 2.0_f64.powi(i32::from(target.size) - 1) - 1.0)
+        };
+        let result = if x.is_nan() { 0.0 } else { rounded.clamp(least, most) };
+        if x.is_nan() || result != rounded {
+            fpscr |= IOC;
+        } else if rounded != x {
+            fpscr |= IXC;
+        }
+        assert_eq!(results[1], (result as i64 as u32, fpscr), "{a:08x} {target:?} {before:08x} {toward_zero}");
+    }
+}
+
+#[test]
+fn conversions_of_random_integers_are_the_hosts_in_each_mode() {
+    let mut random = Random(9);
+    for _ in 0..CASES {
+        let (a, before, source) = (random.next() as u32, random.fpscr(), random_integer(&mut random));
+        let a = a >> random.below(32);
+        let to_nearest = random.below(2) == 0;
+        let results = [arith::from_integer, exact::from_integer].map(|way| {
+            let mut fpscr = before;
+            (way(a, source, to_nearest, &mut fpscr), fpscr)
+        });
+        assert_eq!(results[0], results[1], "{a:08x} {source:?} {before:08x}");
+        let value = match (source.size, source.unsigned) {
+            (16, true) => f64::from(a as u16),
+            (16, false) => f64::from(a as i16),
+            (_, true) => f64::from(a),
+            (_, false) => f64::from(a as i32),
+        } / 2.0_f64.powi(source.fraction_bits.into());
+        let truth = Truth { opposite: false, ..truth_of_sum(value as f32, value, 0.0) };
+        let mode = if to_nearest { before & !RMODE } else { before };
+        let (result, flags) = truth.expected(mode);
+        assert_eq!(results[1], (result, before | flags), "{a:08x} {source:?} {before:08x}");
+    }
+}
+
+/// The magnitude of a half-precision number; that of the alternative format where all exponent bits are set.
+fn half_magnitude(half: u16) -> f64 {
+    let (exponent, fraction) = (i32::from(half >> 10 & 31), f64::from(half & 0x3FF));
+    if exponent == 0 { fraction * 2.0_f64.powi(-24) } else { (1024.0 + fraction) * 2.0_f64.powi(exponent - 25) }
+}
+
+#[test]
+fn each_half_precision_number_converts_exactly_and_back() {
+    for half in 0..=u16::MAX {
+        for base in [0, AHP, FZ, DN, TO_PLUS, TO_MINUS | FZ] {
+            let special = half & 0x7C00 == 0x7C00 && base & AHP == 0;
+            let mut fpscr = base;
+            let single = exact::from_half(half, &mut fpscr);
+            if special {
+                continue;
+            }
+            assert_eq!(fpscr, base, "{half:04x}");
+            assert_eq!(f64::from(f32::from_bits(single & !SIGN)), half_magnitude(half), "{half:04x}");
+            assert_eq!(single >> 31, u32::from(half >> 15), "{half:04x}");
+            assert_eq!(exact::to_half(single, &mut fpscr), half, "{half:04x}");
+            assert_eq!(fpscr, base, "{half:04x}");
+        }
+    }
+}
+
+#[test]
+fn conversions_of_random_numbers_to_half_precision_round_to_a_neighbour() {
+    let mut random = Random(10);
+    for _ in 0..CASES {
+        let before = random.fpscr();
+        let bits = random.next() as u32;
+        let a = match random.below(4) {
+            0 => random.operand(),
+            1 => bits & 0x807F_F000 | (100 + random.below(46) as u32) << 23,
+            _ => bits & 0x807F_FFFF | (100 + random.below(46) as u32) << 23,
+        };
+        if !finite(a) {
+            continue;
+        }
+        let mut after = before;
+        let result = exact::to_half(a, &mut after);
+
+        let mut fpscr = before;
+        let flushed = flush(a, &mut fpscr);
+        let x = f64::from(f32::from_bits(flushed & !SIGN));
+        let alternative = before & AHP != 0;
+        // One more than the greatest finite number: the infinity, or what is out of the alternative format's range.
+        let top: u16 = if alternative { 0x8000 } else { 0x7C00 };
+        let magnitude = |half: u16| if half == 0x8000 { 131_072.0 } else { half_magnitude(half) };
+        let (mut below, mut above) = (0, top);
+        while above - below > 1 {
+            let middle = below + (above - below) / 2;
+            if magnitude(middle) <= x { below = middle } else { above = middle }
+        }
+        let error = x - magnitude(below);
+        let gap = magnitude(above) - magnitude(below);
+        let beyond = x >= magnitude(top);
+        let up = match before & RMODE {
+            0 => error > gap / 2.0 || (error == gap / 2.0 && below & 1 != 0),
+            TO_PLUS => error != 0.0 && a & SIGN == 0,
+            TO_MINUS => error != 0.0 && a & SIGN != 0,
+            _ => false,
+        };
+        let magnitude_bits = if up { above } else { below };
+        let expected = if alternative {
+            if magnitude_bits == 0x8000 || beyond {
+                fpscr |= IOC;
+                0x7FFF
+            } else {
+                magnitude_bits
+            }
+        } else {
+            if magnitude_bits == top || beyond {
+                fpscr |= OFC;
+            }
+            magnitude_bits
+        };
+        if error != 0.0 && fpscr & IOC == before & IOC {
+            fpscr |= IXC;
+            if x < 2.0_f64.powi(-14) {
+                fpscr |= UFC;
+            }
+        }
+        if beyond && !alternative {
+            fpscr |= IXC;
+        }
+        if before & IOC != 0 && alternative {
+            continue; // the flag that tells an invalid operation apart is set already
+        }
+        assert_eq!((result, after), ((flushed >> 16) as u16 & 0x8000 | expected, fpscr), "{a:08x} {before:08x}");
+    }
+}
+
+/// Operation, FPSCR before, result, FPSCR's bits that are new.
+type Edge = (fn(&mut u32) -> u32, u32, u32, u32);
+
+fn check_edges(edges: &[Edge]) {
+    for (number, &(operation, before, result, flags)) in edges.iter().enumerate() {
+        let mut fpscr = before;
+        let got = operation(&mut fpscr);
+        assert_eq!((got, fpscr), (result, before | flags), "case {number}: {got:08x} {fpscr:08x}");
+    }
+}
+
+#[test]
+fn nans_pass_through_as_the_manual_says() {
+    check_edges(&[
+        (|f| arith::add(QUIET, OTHER_QUIET, f), 0, QUIET, 0),
+        (|f| arith::add(ONE, OTHER_QUIET, f), 0, OTHER_QUIET, 0),
+        (|f| arith::add(QUIET, SIGNALLING, f), 0, SIGNALLING | 0x0040_0000, IOC),
+        (|f| arith::add(OTHER_SIGNALLING, SIGNALLING, f), 0, OTHER_SIGNALLING | 0x0040_0000, IOC),
+        (|f| arith::add(QUIET, ONE, f), DN, DEFAULT_NAN, 0),
+        (|f| arith::multiply(ONE, SIGNALLING, f), DN, DEFAULT_NAN, IOC),
+        // The sign of a NaN that is subtracted stays.
+        (|f| arith::subtract(ONE, QUIET, f), 0, QUIET, 0),
+        (|f| arith::divide(QUIET, 0, f), 0, QUIET, 0),
+        (|f| arith::square_root(OTHER_SIGNALLING, f), 0, OTHER_SIGNALLING | 0x0040_0000, IOC),
+        (|f| arith::square_root(QUIET, f), 0, QUIET, 0),
+        // A denormal beside a NaN is flushed and told.
+        (|f| arith::add(QUIET, 1, f), FZ, QUIET, IDC),
+        // Fused: addend, then factors; signalling ones first.
+        (|f| arith::multiply_add(QUIET, OTHER_QUIET, ONE, f), 0, QUIET, 0),
+        (|f| arith::multiply_add(QUIET, ONE, SIGNALLING, f), 0, SIGNALLING | 0x0040_0000, IOC),
+        (|f| arith::multiply_add(ONE, OTHER_QUIET, QUIET, f), 0, OTHER_QUIET, 0),
+        (|f| arith::multiply_add(QUIET, INFINITY, 0, f), 0, DEFAULT_NAN, IOC),
+        (|f| arith::multiply_add(SIGNALLING, INFINITY, 0, f), 0, SIGNALLING | 0x0040_0000, IOC),
+        // Conversions.
+        (|f| u32::from(arith::to_half(QUIET, f)), 0, 0xFE09, 0),
+        (|f| u32::from(arith::to_half(SIGNALLING, f)), 0, 0x7E09, IOC),
+        (|f| u32::from(arith::to_half(QUIET, f)), DN, 0x7E00, 0),
+        (|f| u32::from(arith::to_half(QUIET, f)), AHP, 0x8000, IOC),
+        (|f| arith::from_half(0xFE01, f), 0, 0xFFC0_2000, 0),
+        (|f| arith::from_half(0x7C01, f), 0, 0x7FC0_2000, IOC),
+        (|f| arith::from_half(0xFC01, f), DN, DEFAULT_NAN, IOC),
+        (|f| arith::from_half(0xFC00, f), 0, 0xFF80_0000, 0),
+        (|f| arith::from_half(0x7FFF, f), AHP, 131_008.0_f32.to_bits(), 0),
+    ]);
+}
+
+#[test]
+fn invalid_operations_give_the_default_nan() {
+    check_edges(&[
+        (|f| arith::add(INFINITY, INFINITY | SIGN, f), 0, DEFAULT_NAN, IOC),
+        (|f| arith::subtract(INFINITY, INFINITY, f), 0, DEFAULT_NAN, IOC),
+        (|f| arith::multiply(INFINITY, SIGN, f), 0, DEFAULT_NAN, IOC),
+        (|f| arith::multiply(INFINITY, 1, f), FZ, DEFAULT_NAN, IOC | IDC),
+        (|f| arith::divide(0, SIGN, f), 0, DEFAULT_NAN, IOC),
+        (|f| arith::divide(INFINITY, INFINITY, f), 0, DEFAULT_NAN, IOC),
+        (|f| arith::square_root(ONE | SIGN, f), 0, DEFAULT_NAN, IOC),
+        (|f| arith::multiply_add(INFINITY, INFINITY, ONE | SIGN, f), 0, DEFAULT_NAN, IOC),
+        (|f| arith::multiply_add(ONE, 0, INFINITY, f), 0, DEFAULT_NAN, IOC),
+    ]);
+}
+
+#[test]
+fn infinities_and_zeros_are_exact() {
+    check_edges(&[
+        (|f| arith::add(INFINITY, MAXIMUM | SIGN, f), 0, INFINITY, 0),
+        (|f| arith::multiply(INFINITY, ONE | SIGN, f), 0, INFINITY | SIGN, 0),
+        (|f| arith::divide(ONE, SIGN, f), 0, INFINITY | SIGN, DZC),
+        (|f| arith::divide(INFINITY, 0, f), 0, INFINITY, 0),
+        (|f| arith::divide(ONE, 1, f), FZ, INFINITY, DZC | IDC),
+        (|f| arith::divide(ONE | SIGN, INFINITY, f), 0, SIGN, 0),
+        (|f| arith::square_root(SIGN, f), 0, SIGN, 0),
+        (|f| arith::square_root(1 | SIGN, f), FZ, SIGN, IDC),
+        (|f| arith::square_root(INFINITY, f), 0, INFINITY, 0),
+        (|f| arith::add(ONE, ONE | SIGN, f), 0, 0, 0),
+        (|f| arith::add(ONE, ONE | SIGN, f), TO_MINUS, SIGN, 0),
+        (|f| arith::add(SIGN, SIGN, f), 0, SIGN, 0),
+        (|f| arith::add(0, SIGN, f), TO_MINUS, SIGN, 0),
+        (|f| arith::multiply_add(INFINITY | SIGN, ONE, ONE, f), 0, INFINITY | SIGN, 0),
+        (|f| arith::multiply_add(ONE, INFINITY, ONE | SIGN, f), 0, INFINITY | SIGN, 0),
+        (|f| arith::multiply_add(SIGN, ONE | SIGN, 0, f), 0, SIGN, 0),
+        (|f| arith::multiply_add(ONE, ONE, ONE | SIGN, f), TO_MINUS, SIGN, 0),
+    ]);
+}
+
+#[test]
+fn an_overflow_goes_to_infinity_or_to_the_greatest_number_by_rounding_mode() {
+    for sign in [0, SIGN] {
+        for (mode, infinite) in [(0, true), (TO_PLUS, sign == 0), (TO_MINUS, sign != 0), (TO_ZERO, false)] {
+            let mut fpscr = mode;
+            let result = arith::add(MAXIMUM | sign, MAXIMUM | sign, &mut fpscr);
+            assert_eq!(result, sign | if infinite { INFINITY } else { MAXIMUM });
+            assert_eq!(fpscr, mode | OFC | IXC);
+        }
+    }
+}
+
+#[test]
+fn underflow_is_judged_before_rounding() {
+    // (1 - 2^-24) * 2^-126: rounds up to the least normal number, and underflows all the same.
+    const BELOW_ONE: u32 = 0x3F7F_FFFF;
+    check_edges(&[
+        (|f| arith::multiply(BELOW_ONE, LEAST_NORMAL, f), 0, LEAST_NORMAL, UFC | IXC),
+        (|f| arith::multiply(BELOW_ONE, LEAST_NORMAL, f), TO_ZERO, 0x007F_FFFF, UFC | IXC),
+        // Flushed: neither inexact nor the least normal number.
+        (|f| arith::multiply(BELOW_ONE, LEAST_NORMAL, f), FZ, 0, UFC),
+        // Exact denormal results do not underflow.
+        (|f| arith::multiply(0x3F00_0000, LEAST_NORMAL, f), 0, 0x0040_0000, 0),
+        (|f| arith::add(LEAST_NORMAL, 0x8000_0001, f), 0, 0x007F_FFFF, 0),
+        (|f| arith::add(LEAST_NORMAL | SIGN, 0x0080_0001, f), FZ, 0, UFC),
+        (|f| arith::multiply(1, 0x3F00_0000, f), 0, 0, UFC | IXC),
+        (|f| arith::multiply(1, 0x3F00_0000, f), TO_PLUS, 1, UFC | IXC),
+        (|f| arith::add(1, 1, f), FZ, 0, IDC),
+    ]);
+}
+
+#[test]
+fn half_precision_overflows_by_format() {
+    let beyond = 65_536.0_f32.to_bits();
+    let rounds_to_infinity = 65_520.0_f32.to_bits();
+    let mut fpscr = 0;
+    assert_eq!((arith::to_half(beyond, &mut fpscr), fpscr), (0x7C00, OFC | IXC));
+    fpscr = TO_ZERO;
+    assert_eq!((arith::to_half(beyond, &mut fpscr), fpscr), (0x7BFF, TO_ZERO | OFC | IXC));
+    fpscr = 0;
+    assert_eq!((arith::to_half(rounds_to_infinity, &mut fpscr), fpscr), (0x7C00, OFC | IXC));
+    fpscr = AHP;
+    assert_eq!((arith::to_half(beyond, &mut fpscr), fpscr), (0x7C00, AHP));
+    fpscr = AHP;
+    assert_eq!((arith::to_half(INFINITY | SIGN, &mut fpscr), fpscr), (0xFFFF, AHP | IOC));
+    fpscr = AHP;
+    assert_eq!((arith::to_half(131_072.0_f32.to_bits(), &mut fpscr), fpscr), (0x7FFF, AHP | IOC));
+    // Flush-to-zero flushes single-precision operands only, not half-precision results.
+    fpscr = FZ;
+    assert_eq!((arith::to_half(2.0_f32.powi(-24).to_bits(), &mut fpscr), fpscr), (1, FZ));
+    fpscr = FZ;
+    assert_eq!((arith::to_half(1, &mut fpscr), fpscr), (0, FZ | IDC));
+}
+
+#[test]
+fn conversions_to_integers_saturate_and_round_as_told() {
+    const WORD: Integer = Integer { size: 32, unsigned: false, fraction_bits: 0 };
+    const UNSIGNED: Integer = Integer { size: 32, unsigned: true, fraction_bits: 0 };
+    const HALFWORD: Integer = Integer { size: 16, unsigned: false, fraction_bits: 8 };
+    check_edges(&[
+        (|f| arith::to_integer(INFINITY, WORD, true, f), 0, 0x7FFF_FFFF, IOC),
+        (|f| arith::to_integer(INFINITY | SIGN, WORD, true, f), 0, 0x8000_0000, IOC),
+        (|f| arith::to_integer(QUIET, WORD, true, f), 0, 0, IOC),
+        (|f| arith::to_integer(0xCF00_0000, WORD, true, f), 0, 0x8000_0000, 0),
+        (|f| arith::to_integer(0x4F00_0000, WORD, true, f), 0, 0x7FFF_FFFF, IOC),
+        (|f| arith::to_integer((-0.5_f32).to_bits(), UNSIGNED, true, f), 0, 0, IXC),
+        (|f| arith::to_integer((-1.0_f32).to_bits(), UNSIGNED, true, f), 0, 0, IOC),
+        (|f| arith::to_integer((-0.5_f32).to_bits(), UNSIGNED, false, f), TO_MINUS, 0, IOC),
+        (|f| arith::to_integer(2.5_f32.to_bits(), WORD, false, f), 0, 2, IXC),
+        (|f| arith::to_integer(3.5_f32.to_bits(), WORD, false, f), 0, 4, IXC),
+        (|f| arith::to_integer((-2.5_f32).to_bits(), WORD, false, f), TO_PLUS, (-2_i32) as u32, IXC),
+        (|f| arith::to_integer((-2.5_f32).to_bits(), WORD, false, f), TO_MINUS, (-3_i32) as u32, IXC),
+        (|f| arith::to_integer((-2.5_f32).to_bits(), WORD, true, f), TO_MINUS, (-2_i32) as u32, IXC),
+        (|f| arith::to_integer(1, WORD, true, f), FZ, 0, IDC),
+        (|f| arith::to_integer((-1.5_f32).to_bits(), HALFWORD, true, f), 0, 0xFFFF_FE80, 0),
+        (|f| arith::to_integer(128.0_f32.to_bits(), HALFWORD, true, f), 0, 0x7FFF, IOC),
+    ]);
+}

@@ -1,0 +1,354 @@
+//! Loads and stores on their way to the bus.
+//!
+//! | ARM ARM, TRM | what |
+//! |---|---|
+//! | A3.2.1 | alignment: CCR.UNALIGN_TRP, and those instructions that always want it (their callers check) |
+//! | B3.1 | the core's own space, 0xE000_0000 to 0xE00F_FFFF, goes to the system registers |
+//! | B3.5 | the MPU is asked before the bus |
+//! | TRM 3.7 | bit-banding, where the part has it |
+//! | B3.2.8 | CCR.BFHFNMIGN: a load that nothing answers then reads 0 |
+//! | C1.8 | the comparators of the DWT are told of data accesses while they watch |
+//!
+//! An unaligned access becomes aligned ones in rising order, as the TRM says of the bus interface (TRM 3.7.2): a half
+//! at an odd address two bytes; a word at 2 mod 4 two halves, at an odd address byte, half, byte. To the core's own
+//! space only aligned accesses are allowed, others take UFSR.UNALIGNED. The write buffer is not modelled: each bus
+//! fault is precise.
+
+use crate::{Access, Bus, Core, Cost, Fault, Purpose, Width};
+
+/// The first address of the core's own space.
+const PRIVATE: u32 = 0xE000_0000;
+/// The first address after it.
+const PRIVATE_END: u32 = 0xE010_0000;
+
+/// The widths, as parameters of functions.
+const BYTE: u8 = Width::Byte as u8;
+const HALF: u8 = Width::Half as u8;
+const WORD: u8 = Width::Word as u8;
+
+const fn sized(bytes: u8) -> Width {
+    match bytes {
+        BYTE => Width::Byte,
+        HALF => Width::Half,
+        _ => Width::Word,
+    }
+}
+
+/// Whether `address` is one that needs more than the bus: bit-band aliases and the core's own space, and some others.
+#[inline(always)]
+const fn is_special(address: u32) -> bool {
+    address >= PRIVATE || address & 0x9E00_0000 == 0x0200_0000
+}
+
+/// Of a bit-band alias, the address of its byte and the bit in it (TRM 3.7.1).
+const fn bit_band(address: u32) -> Option<(u32, u32)> {
+    let region = address & 0xFE00_0000;
+    if region != 0x2200_0000 && region != 0x4200_0000 {
+        return None;
+    }
+    let byte = (region - 0x0200_0000) + ((address & 0x01FF_FFFF) >> 5);
+    Some((byte, (address >> 2) & 7))
+}
+
+impl<C: Cost> Core<C> {
+    /// Reads `width` at `address`, sign not extended.
+    #[inline(always)]
+    pub(crate) fn load<B: Bus>(
+        &mut self,
+        bus: &mut B,
+        address: u32,
+        width: Width,
+        purpose: Purpose,
+    ) -> Result<u32, Fault> {
+        let privileged = self.is_privileged();
+        self.load_as(bus, address, width, purpose, privileged)
+    }
+
+    /// Writes the low part of `value` at `address`.
+    #[inline(always)]
+    pub(crate) fn store<B: Bus>(
+        &mut self,
+        bus: &mut B,
+        address: u32,
+        width: Width,
+        value: u32,
+        purpose: Purpose,
+    ) -> Result<(), Fault> {
+        let privileged = self.is_privileged();
+        self.store_as(bus, address, width, value, purpose, privileged)
+    }
+
+    /// [`Core::load`] with a privilege of its own, for LDRT and its kin.
+    #[inline(always)]
+    pub(crate) fn load_as<B: Bus>(
+        &mut self,
+        bus: &mut B,
+        address: u32,
+        width: Width,
+        purpose: Purpose,
+        privileged: bool,
+    ) -> Result<u32, Fault> {
+        if self.takes_short_way()
+            && let Some(value) = bus.read_memory(address, width)
+        {
+            return Ok(value);
+        }
+        if address & (width.bytes() - 1) != 0 || is_special(address) {
+            return self.load_unusual(bus, address, width, purpose, privileged);
+        }
+        self.load_plain(bus, address, width, purpose, privileged)
+    }
+
+    /// [`Core::store`] with a privilege of its own, for STRT and its kin.
+    #[inline(always)]
+    pub(crate) fn store_as<B: Bus>(
+        &mut self,
+        bus: &mut B,
+        address: u32,
+        width: Width,
+        value: u32,
+        purpose: Purpose,
+        privileged: bool,
+    ) -> Result<(), Fault> {
+        if self.takes_short_way() && bus.write_memory(address, width, value) {
+            return Ok(());
+        }
+        if address & (width.bytes() - 1) != 0 || is_special(address) {
+            return self.store_unusual(bus, address, width, value, purpose, privileged);
+        }
+        self.store_plain(bus, address, width, value, purpose, privileged)
+    }
+
+    /// Whether an access to memory concerns memory alone: no wait states are counted, and neither the MPU nor the DWT
+    /// wants to know.
+    #[inline(always)]
+    fn takes_short_way(&self) -> bool {
+        C::BOUND.is_none() && !self.mpu_enabled() && !self.watching()
+    }
+
+    #[inline(always)]
+    fn access(&self, address: u32, width: Width, purpose: Purpose, privileged: bool) -> Access {
+        Access { address, width, purpose, privileged, cycle: self.cycle, pc: self.r[15] }
+    }
+
+    /// An aligned load that the bus answers.
+    #[inline(always)]
+    fn load_plain<B: Bus>(
+        &mut self,
+        bus: &mut B,
+        address: u32,
+        width: Width,
+        purpose: Purpose,
+        privileged: bool,
+    ) -> Result<u32, Fault> {
+        match width {
+            Width::Byte => self.load_sized::<B, BYTE>(bus, address, purpose, privileged),
+            Width::Half => self.load_sized::<B, HALF>(bus, address, purpose, privileged),
+            Width::Word => self.load_sized::<B, WORD>(bus, address, purpose, privileged),
+        }
+    }
+
+    /// [`Core::load_plain`] of one width. A function of its own, so that the bus is not inlined into each instruction
+    /// that loads.
+    #[inline(never)]
+    fn load_sized<B: Bus, const WIDTH: u8>(
+        &mut self,
+        bus: &mut B,
+        address: u32,
+        purpose: Purpose,
+        privileged: bool,
+    ) -> Result<u32, Fault> {
+        let width = const { sized(WIDTH) };
+        if purpose != Purpose::Vector && !self.mpu_data(address, false, privileged) {
+            return Err(refused(address, purpose, false));
+        }
+        let access = self.access(address, width, purpose, privileged);
+        if let Some(bound) = C::BOUND {
+            self.cycle += u64::from(bus.wait_states(&access, bound));
+        }
+        let value = match bus.read(&access) {
+            Ok(value) => value,
+            Err(_) if self.ignores_bus_faults() => 0,
+            Err(_) => return Err(unanswered(address, purpose, false)),
+        };
+        self.notice(bus);
+        if self.watching() && matches!(purpose, Purpose::Data | Purpose::Literal) {
+            self.watch(address, false, width, value);
+            self.limit = 0;
+        }
+        Ok(value)
+    }
+
+    /// An aligned store that the bus takes.
+    #[inline(always)]
+    fn store_plain<B: Bus>(
+        &mut self,
+        bus: &mut B,
+        address: u32,
+        width: Width,
+        value: u32,
+        purpose: Purpose,
+        privileged: bool,
+    ) -> Result<(), Fault> {
+        match width {
+            Width::Byte => self.store_sized::<B, BYTE>(bus, address, value, purpose, privileged),
+            Width::Half => self.store_sized::<B, HALF>(bus, address, value, purpose, privileged),
+            Width::Word => self.store_sized::<B, WORD>(bus, address, value, purpose, privileged),
+        }
+    }
+
+    /// [`Core::store_plain`] of one width, as [`Core::load_sized`].
+    #[inline(never)]
+    fn store_sized<B: Bus, const WIDTH: u8>(
+        &mut self,
+        bus: &mut B,
+        address: u32,
+        value: u32,
+        purpose: Purpose,
+        privileged: bool,
+    ) -> Result<(), Fault> {
+        let width = const { sized(WIDTH) };
+        if !self.mpu_data(address, true, privileged) {
+            return Err(refused(address, purpose, true));
+        }
+        let access = self.access(address, width, purpose, privileged);
+        if let Some(bound) = C::BOUND {
+            self.cycle += u64::from(bus.wait_states(&access, bound));
+        }
+        if bus.write(&access, value).is_err() && !self.ignores_bus_faults() {
+            return Err(unanswered(address, purpose, true));
+        }
+        self.notice(bus);
+        if self.watching() && purpose == Purpose::Data {
+            self.watch(address, true, width, value);
+            self.limit = 0;
+        }
+        Ok(())
+    }
+
+    /// After an access the run loop leaves its burst where the part changed something.
+    #[inline(always)]
+    fn notice<B: Bus>(&mut self, bus: &mut B) {
+        if bus.signals().changed {
+            self.limit = 0;
+        }
+    }
+
+    #[inline(never)]
+    fn load_unusual<B: Bus>(
+        &mut self,
+        bus: &mut B,
+        address: u32,
+        width: Width,
+        purpose: Purpose,
+        privileged: bool,
+    ) -> Result<u32, Fault> {
+        let own = (PRIVATE..PRIVATE_END).contains(&address);
+        if address & (width.bytes() - 1) != 0 {
+            if own || self.traps_unaligned() {
+                return Err(Fault::Unaligned);
+            }
+            let mut value = 0;
+            for (part, width) in parts(address, width) {
+                let shift = 8 * part;
+                let at = address.wrapping_add(part);
+                value |= self.load_as(bus, at, width, purpose, privileged)? << shift;
+            }
+            return Ok(value);
+        }
+        if own {
+            let access = self.access(address, width, purpose, privileged);
+            let value = self.system_read(bus, &access)?;
+            self.limit = 0;
+            return Ok(value);
+        }
+        if let Some((byte, bit)) = bit_band(address)
+            && bus.bit_banding()
+        {
+            if !self.mpu_data(address, false, privileged) {
+                return Err(refused(address, purpose, false));
+            }
+            // The access has the width of the instruction's, at the alias's bytes of the word (TRM 3.7.1).
+            let whole = byte & !(width.bytes() - 1);
+            let value = self.load_plain(bus, whole, width, purpose, privileged)?;
+            return Ok(value >> (8 * (byte - whole) + bit) & 1);
+        }
+        self.load_plain(bus, address, width, purpose, privileged)
+    }
+
+    #[inline(never)]
+    fn store_unusual<B: Bus>(
+        &mut self,
+        bus: &mut B,
+        address: u32,
+        width: Width,
+        value: u32,
+        purpose: Purpose,
+        privileged: bool,
+    ) -> Result<(), Fault> {
+        let own = (PRIVATE..PRIVATE_END).contains(&address);
+        if address & (width.bytes() - 1) != 0 {
+            if own || self.traps_unaligned() {
+                return Err(Fault::Unaligned);
+            }
+            for (part, width) in parts(address, width) {
+                let at = address.wrapping_add(part);
+                self.store_as(bus, at, width, value >> (8 * part), purpose, privileged)?;
+            }
+            return Ok(());
+        }
+        if own {
+            let access = self.access(address, width, purpose, privileged);
+            self.system_write(bus, &access, value)?;
+            self.limit = 0;
+            return Ok(());
+        }
+        if let Some((byte, bit)) = bit_band(address)
+            && bus.bit_banding()
+        {
+            if !self.mpu_data(address, true, privileged) {
+                return Err(refused(address, purpose, true));
+            }
+            let whole = byte & !(width.bytes() - 1);
+            let old = self.load_plain(bus, whole, width, purpose, privileged)?;
+            let mask = 1 << (8 * (byte - whole) + bit);
+            let new = if value & 1 != 0 { old | mask } else { old & !mask };
+            return self.store_plain(bus, whole, width, new, purpose, privileged);
+        }
+        self.store_plain(bus, address, width, value, purpose, privileged)
+    }
+}
+
+/// The aligned accesses that an unaligned one becomes: offset and width.
+fn parts(address: u32, width: Width) -> impl Iterator<Item = (u32, Width)> {
+    let list: [Option<(u32, Width)>; 3] = match (width, address & 1) {
+        (Width::Word, 0) => [Some((0, Width::Half)), Some((2, Width::Half)), None],
+        (Width::Word, _) => [Some((0, Width::Byte)), Some((1, Width::Half)), Some((3, Width::Byte))],
+        _ => [Some((0, Width::Byte)), Some((1, Width::Byte)), None],
+    };
+    list.into_iter().flatten()
+}
+
+/// The fault where nothing answers.
+#[cold]
+const fn unanswered(address: u32, purpose: Purpose, write: bool) -> Fault {
+    match (purpose, write) {
+        (Purpose::Stack, true) => Fault::BusStacking,
+        (Purpose::Stack, false) => Fault::BusUnstacking,
+        (Purpose::Vector, _) => Fault::VectorRead,
+        (Purpose::Fetch, _) => Fault::BusInstruction,
+        _ => Fault::BusData(address),
+    }
+}
+
+/// The fault where the MPU refuses.
+#[cold]
+const fn refused(address: u32, purpose: Purpose, write: bool) -> Fault {
+    match (purpose, write) {
+        (Purpose::Stack, true) => Fault::MemStacking,
+        (Purpose::Stack, false) => Fault::MemUnstacking,
+        (Purpose::Vector, _) => Fault::VectorRead,
+        (Purpose::Fetch, _) => Fault::MemInstruction,
+        _ => Fault::MemData(address),
+    }
+}

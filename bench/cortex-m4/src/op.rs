@@ -1,0 +1,713 @@
+//! An instruction after decoding.
+//!
+//! | field | holds |
+//! |---|---|
+//! | [`Op::what`] | the operation with its operands; addresses relative to the program counter are already absolute |
+//! | [`Op::size`] | 2 or 4 bytes |
+//! | [`Op::least`], [`Op::most`] | core cycles at the two bounds, see [`crate::cost`] |
+//! | [`Op::block`] | how it behaves in an IT block |
+//!
+//! Sixteen bytes, so that four of them share a line of the host's cache.
+
+use crate::Fault;
+use crate::fp::FpOp;
+
+/// How an instruction behaves in an IT block (ARM ARM A7.3.3).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Block {
+    /// As outside of one.
+    Same,
+    /// A 16-bit data-processing instruction: it sets the flags outside of an IT block only.
+    KeepsFlags,
+    /// Branches: the last instruction only.
+    Last,
+    /// Not allowed; the instruction is undefined there.
+    Never,
+}
+
+/// A predecoded instruction.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Op {
+    pub(crate) what: Do,
+    pub(crate) size: u8,
+    pub(crate) least: u8,
+    pub(crate) most: u8,
+    pub(crate) block: Block,
+}
+
+const _: () = assert!(size_of::<Op>() <= 16);
+
+/// Data-processing operations that take any operand of ARM ARM A5.3.1 and A5.3.11.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Alu {
+    And,
+    Bic,
+    Orr,
+    Orn,
+    Eor,
+    Add,
+    Adc,
+    Sbc,
+    Sub,
+    Rsb,
+    Mov,
+    Mvn,
+    Tst,
+    Teq,
+    Cmn,
+    Cmp,
+}
+
+/// Shifts by a constant or by a register (ARM ARM A7.4). The amount 0 of LSR and ASR is already 32 here, and that of
+/// ROR is `Rrx`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Shift {
+    Lsl,
+    Lsr,
+    Asr,
+    Ror,
+    Rrx,
+}
+
+/// What a logical operation with a modified immediate leaves in the carry (ARM ARM A5.3.2).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Carry {
+    Same,
+    Clear,
+    Set,
+}
+
+/// The memory format of a single load or store.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Format {
+    Byte,
+    Half,
+    Word,
+    SignedByte,
+    SignedHalf,
+}
+
+/// When the base register is written, and with what the access is made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Index {
+    /// Base plus offset, no write-back.
+    Offset,
+    /// Base plus offset, which is written back.
+    Pre,
+    /// The base, then base plus offset is written back.
+    Post,
+    /// Base plus offset, as unprivileged code.
+    Unprivileged,
+}
+
+/// Extensions, ARM ARM A7.7 SXTB and its kin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Extend {
+    SignedByte,
+    SignedHalf,
+    SignedBytes,
+    UnsignedByte,
+    UnsignedHalf,
+    UnsignedBytes,
+}
+
+/// The lanes of a parallel addition or subtraction.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Lanes {
+    Add16,
+    Exchange16AddSub,
+    Exchange16SubAdd,
+    Sub16,
+    Add8,
+    Sub8,
+}
+
+/// What a lane's result is made into.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Lane {
+    Signed,
+    SignedSaturating,
+    SignedHalving,
+    Unsigned,
+    UnsignedSaturating,
+    UnsignedHalving,
+}
+
+/// QADD and its kin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Saturating {
+    Add,
+    DoubleAdd,
+    Sub,
+    DoubleSub,
+}
+
+/// Operations with one operand.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Unary {
+    Rev,
+    Rev16,
+    Revsh,
+    Rbit,
+    Clz,
+}
+
+/// Long multiplications, ARM ARM A5.3.17.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Long {
+    Smull,
+    Umull,
+    Smlal,
+    Umlal,
+    Umaal,
+}
+
+/// The operation. `d` is the destination, `n` and `m` are operands, `a` an addend, `t` a register that is transferred.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Do {
+    // Data processing with operands that compilers use most.
+    MovImm {
+        d: u8,
+        imm: u32,
+    },
+    MovsImm {
+        d: u8,
+        imm: u32,
+    },
+    MovReg {
+        d: u8,
+        m: u8,
+    },
+    AddImm {
+        d: u8,
+        n: u8,
+        imm: u32,
+    },
+    AddsImm {
+        d: u8,
+        n: u8,
+        imm: u32,
+    },
+    SubImm {
+        d: u8,
+        n: u8,
+        imm: u32,
+    },
+    SubsImm {
+        d: u8,
+        n: u8,
+        imm: u32,
+    },
+    CmpImm {
+        n: u8,
+        imm: u32,
+    },
+    AddReg {
+        d: u8,
+        n: u8,
+        m: u8,
+    },
+    AddsReg {
+        d: u8,
+        n: u8,
+        m: u8,
+    },
+    SubReg {
+        d: u8,
+        n: u8,
+        m: u8,
+    },
+    SubsReg {
+        d: u8,
+        n: u8,
+        m: u8,
+    },
+    CmpReg {
+        n: u8,
+        m: u8,
+    },
+    AndReg {
+        d: u8,
+        n: u8,
+        m: u8,
+    },
+    AndsReg {
+        d: u8,
+        n: u8,
+        m: u8,
+    },
+    OrrReg {
+        d: u8,
+        n: u8,
+        m: u8,
+    },
+    OrrsReg {
+        d: u8,
+        n: u8,
+        m: u8,
+    },
+    EorReg {
+        d: u8,
+        n: u8,
+        m: u8,
+    },
+    EorsReg {
+        d: u8,
+        n: u8,
+        m: u8,
+    },
+    AndImm {
+        d: u8,
+        n: u8,
+        imm: u32,
+    },
+    AddLsl {
+        d: u8,
+        n: u8,
+        m: u8,
+        amount: u8,
+    },
+    LslImm {
+        d: u8,
+        m: u8,
+        amount: u8,
+    },
+    LslsImm {
+        d: u8,
+        m: u8,
+        amount: u8,
+    },
+    LsrImm {
+        d: u8,
+        m: u8,
+        amount: u8,
+    },
+    LsrsImm {
+        d: u8,
+        m: u8,
+        amount: u8,
+    },
+    // The rest of it.
+    AluImm {
+        alu: Alu,
+        s: bool,
+        d: u8,
+        n: u8,
+        carry: Carry,
+        imm: u32,
+    },
+    AluShift {
+        alu: Alu,
+        s: bool,
+        d: u8,
+        n: u8,
+        m: u8,
+        shift: Shift,
+        amount: u8,
+    },
+    ShiftReg {
+        shift: Shift,
+        s: bool,
+        d: u8,
+        n: u8,
+        m: u8,
+    },
+    MovToPc {
+        m: u8,
+    },
+    AddToPc {
+        m: u8,
+    },
+    Movt {
+        d: u8,
+        imm: u16,
+    },
+    Bfi {
+        d: u8,
+        n: u8,
+        lsb: u8,
+        mask: u32,
+    },
+    Bfc {
+        d: u8,
+        mask: u32,
+    },
+    Sbfx {
+        d: u8,
+        n: u8,
+        left: u8,
+        right: u8,
+    },
+    Ubfx {
+        d: u8,
+        n: u8,
+        lsb: u8,
+        mask: u32,
+    },
+    Ssat {
+        d: u8,
+        n: u8,
+        to: u8,
+        shift: Shift,
+        amount: u8,
+    },
+    Usat {
+        d: u8,
+        n: u8,
+        to: u8,
+        shift: Shift,
+        amount: u8,
+    },
+    Ssat16 {
+        d: u8,
+        n: u8,
+        to: u8,
+    },
+    Usat16 {
+        d: u8,
+        n: u8,
+        to: u8,
+    },
+    Uxtb {
+        d: u8,
+        m: u8,
+    },
+    Uxth {
+        d: u8,
+        m: u8,
+    },
+    Extend {
+        kind: Extend,
+        d: u8,
+        n: u8,
+        m: u8,
+        rotation: u8,
+    },
+    Pkhbt {
+        d: u8,
+        n: u8,
+        m: u8,
+        amount: u8,
+    },
+    Pkhtb {
+        d: u8,
+        n: u8,
+        m: u8,
+        amount: u8,
+    },
+    Unary {
+        kind: Unary,
+        d: u8,
+        m: u8,
+    },
+    Sel {
+        d: u8,
+        n: u8,
+        m: u8,
+    },
+    Parallel {
+        lanes: Lanes,
+        lane: Lane,
+        d: u8,
+        n: u8,
+        m: u8,
+    },
+    Saturating {
+        kind: Saturating,
+        d: u8,
+        n: u8,
+        m: u8,
+    },
+    // Multiplication and division. `a` is 15 where nothing is added.
+    Mul {
+        d: u8,
+        n: u8,
+        m: u8,
+    },
+    Muls {
+        d: u8,
+        n: u8,
+        m: u8,
+    },
+    Mla {
+        d: u8,
+        n: u8,
+        m: u8,
+        a: u8,
+    },
+    Mls {
+        d: u8,
+        n: u8,
+        m: u8,
+        a: u8,
+    },
+    SmlaHalf {
+        d: u8,
+        n: u8,
+        m: u8,
+        a: u8,
+        n_top: bool,
+        m_top: bool,
+    },
+    SmlaWide {
+        d: u8,
+        n: u8,
+        m: u8,
+        a: u8,
+        m_top: bool,
+    },
+    SmlaDual {
+        d: u8,
+        n: u8,
+        m: u8,
+        a: u8,
+        subtract: bool,
+        exchange: bool,
+    },
+    SmmlaTop {
+        d: u8,
+        n: u8,
+        m: u8,
+        a: u8,
+        subtract: bool,
+        round: bool,
+    },
+    Usada8 {
+        d: u8,
+        n: u8,
+        m: u8,
+        a: u8,
+    },
+    LongMultiply {
+        kind: Long,
+        low: u8,
+        high: u8,
+        n: u8,
+        m: u8,
+    },
+    SmlalHalf {
+        low: u8,
+        high: u8,
+        n: u8,
+        m: u8,
+        n_top: bool,
+        m_top: bool,
+    },
+    SmlalDual {
+        low: u8,
+        high: u8,
+        n: u8,
+        m: u8,
+        subtract: bool,
+        exchange: bool,
+    },
+    Sdiv {
+        d: u8,
+        n: u8,
+        m: u8,
+    },
+    Udiv {
+        d: u8,
+        n: u8,
+        m: u8,
+    },
+    // Loads and stores.
+    LdrImm {
+        t: u8,
+        n: u8,
+        imm: u32,
+    },
+    LdrbImm {
+        t: u8,
+        n: u8,
+        imm: u32,
+    },
+    LdrhImm {
+        t: u8,
+        n: u8,
+        imm: u32,
+    },
+    StrImm {
+        t: u8,
+        n: u8,
+        imm: u32,
+    },
+    StrbImm {
+        t: u8,
+        n: u8,
+        imm: u32,
+    },
+    StrhImm {
+        t: u8,
+        n: u8,
+        imm: u32,
+    },
+    LdrReg {
+        t: u8,
+        n: u8,
+        m: u8,
+        amount: u8,
+    },
+    LdrbReg {
+        t: u8,
+        n: u8,
+        m: u8,
+        amount: u8,
+    },
+    StrReg {
+        t: u8,
+        n: u8,
+        m: u8,
+        amount: u8,
+    },
+    StrbReg {
+        t: u8,
+        n: u8,
+        m: u8,
+        amount: u8,
+    },
+    LdrLiteral {
+        t: u8,
+        address: u32,
+    },
+    LoadLiteral {
+        format: Format,
+        t: u8,
+        address: u32,
+    },
+    Load {
+        format: Format,
+        index: Index,
+        t: u8,
+        n: u8,
+        imm: u32,
+    },
+    LoadReg {
+        format: Format,
+        t: u8,
+        n: u8,
+        m: u8,
+        amount: u8,
+    },
+    Store {
+        format: Format,
+        index: Index,
+        t: u8,
+        n: u8,
+        imm: u32,
+    },
+    StoreReg {
+        format: Format,
+        t: u8,
+        n: u8,
+        m: u8,
+        amount: u8,
+    },
+    /// `n` is 15 for the literal form, whose base is the instruction's address plus 4, aligned to a word.
+    Ldrd {
+        index: Index,
+        t: u8,
+        t2: u8,
+        n: u8,
+        imm: u32,
+    },
+    Strd {
+        index: Index,
+        t: u8,
+        t2: u8,
+        n: u8,
+        imm: u32,
+    },
+    Ldrex {
+        format: Format,
+        t: u8,
+        n: u8,
+        imm: u16,
+    },
+    Strex {
+        format: Format,
+        d: u8,
+        t: u8,
+        n: u8,
+        imm: u16,
+    },
+    Clrex,
+    /// `down`: decrement before (LDMDB); otherwise increment after.
+    Ldm {
+        n: u8,
+        list: u16,
+        write_back: bool,
+        down: bool,
+    },
+    Stm {
+        n: u8,
+        list: u16,
+        write_back: bool,
+        down: bool,
+    },
+    // Branches.
+    B {
+        target: u32,
+    },
+    BCond {
+        condition: u8,
+        target: u32,
+    },
+    Bl {
+        target: u32,
+    },
+    Bx {
+        m: u8,
+    },
+    Blx {
+        m: u8,
+    },
+    Cbz {
+        n: u8,
+        target: u32,
+    },
+    Cbnz {
+        n: u8,
+        target: u32,
+    },
+    TableBranch {
+        n: u8,
+        m: u8,
+        half: bool,
+    },
+    // Control.
+    It {
+        state: u8,
+    },
+    Nop,
+    Barrier,
+    Wfe,
+    Wfi,
+    Sev,
+    Svc,
+    Bkpt,
+    Msr {
+        n: u8,
+        mask: u8,
+        sysm: u8,
+    },
+    Mrs {
+        d: u8,
+        sysm: u8,
+    },
+    Cps {
+        disable: bool,
+        primask: bool,
+        faultmask: bool,
+    },
+    Fp(FpOp),
+    /// The instruction cannot be executed: undefined, an absent coprocessor, memory that does not answer.
+    Fault(Fault),
+    // Not instructions.
+    /// Not decoded yet (code in RAM).
+    Unknown,
+    /// A breakpoint of the caller's.
+    Breakpoint,
+    /// `BKPT 0xAB`, which the caller answers, see [`crate::Core::finish_host_call`].
+    HostCall,
+}

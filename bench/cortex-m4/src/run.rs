@@ -1,0 +1,306 @@
+//! The run loop.
+//!
+//! | what | when it is looked at |
+//! |---|---|
+//! | the caller's `until`, [`Bus::due`], SysTick | each instruction compares the cycle with the nearest of them |
+//! | [`crate::Signals`] | after an access that set `changed`, and after each [`Bus::advance`] |
+//! | exceptions | after each of these, and after an instruction that may have changed a priority |
+//! | the MPU's rights to execute | each instruction while the MPU is on |
+//!
+//! An instruction is executed as a whole: the cycle of an access is that of its instruction's beginning, with the
+//! cycles of the accesses before it where the clock counts wait states.
+
+use crate::code::{Code, Page};
+use crate::op::{Block, Do, Op};
+use crate::{Access, Bound, Bus, Core, Cost, Exit, Fault, Purpose, Width, decode};
+
+impl<C: Cost> Core<C> {
+    /// Executes until the cycle `until`, or until something else wants the caller. While the core sleeps, is halted or
+    /// locked up, time passes and the bus is advanced. After [`Exit::Breakpoint`] it goes on with the instruction
+    /// there.
+    pub fn run<B: Bus>(&mut self, bus: &mut B, until: u64) -> Exit {
+        let mut code = std::mem::take(&mut self.code);
+        let exit = self.run_with(bus, &mut code, until, false);
+        self.code = code;
+        exit
+    }
+
+    /// Executes one instruction, breakpoint or not, after any exception that is due. [`Exit::Until`] where nothing else
+    /// came of it. A core that sleeps, is halted or locked up passes the time to the next thing due.
+    pub fn step<B: Bus>(&mut self, bus: &mut B) -> Exit {
+        let mut code = std::mem::take(&mut self.code);
+        self.passed = Some(self.r[15]);
+        let exit = self.run_with(bus, &mut code, u64::MAX, true);
+        self.code = code;
+        exit
+    }
+
+    fn run_with<B: Bus>(&mut self, bus: &mut B, code: &mut Code, until: u64, single: bool) -> Exit {
+        let mut stepped = false;
+        loop {
+            let mut due = bus.due().min(self.system_due());
+            if self.cycle >= due {
+                bus.advance(self.cycle);
+                self.system_advance();
+                due = bus.due().min(self.system_due());
+            }
+            let signals = bus.signals();
+            if signals.changed {
+                signals.changed = false;
+                self.attention = true;
+                self.stalled_until = signals.stalled_until;
+                if std::mem::take(&mut signals.code_changed) {
+                    code.forget();
+                }
+                if std::mem::take(&mut signals.stop) {
+                    return Exit::Stopped;
+                }
+                // The change may have been one of what is due.
+                continue;
+            }
+            let stalled = self.stalled_until > self.cycle;
+            if self.take_reset_request() {
+                return Exit::ResetRequest;
+            }
+            if self.attention && !stalled {
+                if self.look_at_exceptions(bus) {
+                    continue;
+                }
+                due = bus.due().min(self.system_due());
+            }
+            let asleep = self.waiting.is_some();
+            if asleep != self.told_sleep {
+                self.told_sleep = asleep;
+                let deep = self.sleep_deep();
+                bus.sleeps(self.cycle, asleep, deep);
+                continue;
+            }
+            self.told_lockup &= self.locked_up;
+            self.told_halt &= self.halted;
+            if self.locked_up && !self.told_lockup {
+                self.told_lockup = true;
+                return Exit::Lockup;
+            }
+            if self.halted && !self.told_halt {
+                self.told_halt = true;
+                return Exit::Halted;
+            }
+            if self.cycle >= until || stepped {
+                return Exit::Until;
+            }
+            stepped = single;
+            self.limit = until.min(due);
+            if self.attention && !stalled {
+                // It wants to look again after the next instruction.
+                self.limit = self.limit.min(self.cycle + 1);
+            }
+            if stalled {
+                self.cycle = self.limit.min(self.stalled_until);
+                continue;
+            }
+            if self.waiting.is_some() || self.locked_up || self.halted {
+                if self.limit == u64::MAX {
+                    // Nothing is ever due, and the caller set no end.
+                    return Exit::Until;
+                }
+                let cycle = self.limit;
+                self.skip_to(cycle);
+                continue;
+            }
+            if !self.thumb {
+                self.take_fault(bus, Fault::InvalidState);
+                self.attention = true;
+                continue;
+            }
+            if self.take_breakpoints_changed() {
+                code.set_hardware(self.fpb_breakpoints().collect());
+            }
+            self.execute_until_limit(bus, code, single);
+            if let Some(exit) = self.paused.take() {
+                self.retired -= 1;
+                let pc = self.r[15];
+                if exit != Exit::Breakpoint {
+                    return exit;
+                }
+                self.passed = Some(pc);
+                if code.is_callers(pc) {
+                    return exit;
+                }
+                if self.hardware_breakpoint(bus) {
+                    self.passed = None;
+                    self.attention = true;
+                }
+            }
+        }
+    }
+
+    /// Executes instructions until the limit, page by page.
+    #[inline(always)]
+    fn execute_until_limit<B: Bus>(&mut self, bus: &mut B, code: &mut Code, single: bool) {
+        let careful = single || self.passed.is_some() || self.refused_call.is_some() || self.mpu_enabled();
+        let careful = careful || self.ici != 0;
+        loop {
+            let pc = self.r[15];
+            let place = code.page(bus, pc);
+            let page = code.at(place);
+            let constant = page.is_constant();
+            let limit = self.limit;
+            let mark = self.cycle;
+            if careful || !constant || never_executable(pc) {
+                // The burst ends after one instruction. A limit that is then another asks to look around.
+                self.limit = mark;
+                let op = *page.op(pc);
+                let op = self.careful_op(bus, code, pc, op, constant);
+                self.burst(bus, code.at(place), &op);
+            } else {
+                self.burst(bus, page, page.op(pc));
+            }
+            if !constant && !careful && self.limit == mark && mark != 0 {
+                self.limit = limit;
+            }
+            if self.cycle >= self.limit {
+                return;
+            }
+        }
+    }
+
+    /// The instruction at `pc` where it is not simply the one of a constant page.
+    #[inline(never)]
+    fn careful_op<B: Bus>(&mut self, bus: &mut B, code: &mut Code, pc: u32, op: Op, constant: bool) -> Op {
+        if never_executable(pc) || !self.mpu_fetch(pc) || !self.mpu_fetch(pc.wrapping_add(2)) && op.size == 4 {
+            return decode::fault(Fault::MemInstruction);
+        }
+        let refused = self.refused_call.take() == Some(pc);
+        let over = self.passed.take() == Some(pc);
+        let op = if over || !constant { code.changing(bus, pc, over) } else { op };
+        // EPSR.ICI belongs to an interrupted load/store multiple (ARM ARM B1.4.2).
+        if self.ici != 0 && !matches!(op.what, Do::Ldm { .. } | Do::Stm { .. }) {
+            self.ici = 0;
+            return decode::fault(Fault::InvalidState);
+        }
+        if refused && matches!(op.what, Do::HostCall) { Op { what: Do::Bkpt, ..op } } else { op }
+    }
+
+    /// Executes `first`, and what follows on `page` while the cycle is below the limit.
+    #[inline(never)]
+    fn burst<B: Bus>(&mut self, bus: &mut B, page: &Page, first: &Op) {
+        let mut op = first;
+        let mut pc = self.r[15];
+        loop {
+            let it = self.it;
+            if C::BOUND.is_some() {
+                self.fetch_waits(bus, pc, u32::from(op.size));
+            }
+            if it == 0 || self.begins_in_block(bus, op) {
+                match self.execute(bus, op, pc) {
+                    Ok(next) => {
+                        if it != 0 && op.block == Block::KeepsFlags {
+                            (self.flag_n, self.flag_z, self.flag_c, self.flag_v) = self.kept_flags;
+                        }
+                        self.r[15] = next;
+                        pc = next;
+                        self.cycle += cost::<C>(op);
+                        self.retired += 1;
+                    }
+                    Err(fault) => {
+                        self.fail(bus, op, it, fault);
+                        return;
+                    }
+                }
+            } else {
+                pc = self.r[15];
+            }
+            if self.cycle >= self.limit || !page.holds(pc) {
+                return;
+            }
+            op = page.op(pc);
+        }
+    }
+
+    /// An instruction did not complete. Its cycles have passed nevertheless, so that time goes on whatever the fault
+    /// leads to.
+    #[cold]
+    #[inline(never)]
+    fn fail<B: Bus>(&mut self, bus: &mut B, op: &Op, it: u8, fault: Fault) {
+        self.it = it;
+        self.cycle += cost::<C>(op);
+        self.limit = 0;
+        self.attention = true;
+        self.take_fault(bus, fault);
+    }
+
+    /// In an IT block: whether `op` is to be executed now. If not, it was skipped or has faulted.
+    #[inline(never)]
+    fn begins_in_block<B: Bus>(&mut self, bus: &mut B, op: &Op) -> bool {
+        let it = self.it;
+        // Not instructions, or executed whatever the condition.
+        if matches!(op.what, Do::Breakpoint | Do::HostCall | Do::Bkpt)
+            || matches!(op.what, Do::Fault(Fault::BusInstruction | Fault::MemInstruction))
+        {
+            return true;
+        }
+        let last = it & 0xF == 8;
+        if op.block == Block::Never || op.block == Block::Last && !last {
+            self.fail(bus, op, it, Fault::Undefined);
+            return false;
+        }
+        self.it = after(it);
+        self.kept_flags = (self.flag_n, self.flag_z, self.flag_c, self.flag_v);
+        if self.passes(it >> 4) {
+            return true;
+        }
+        self.r[15] = self.r[15].wrapping_add(u32::from(op.size));
+        self.cycle += if C::BOUND.is_some() { 1 } else { u64::from(op.size / 2) };
+        self.retired += 1;
+        false
+    }
+
+    /// Wait states of fetching the words of an instruction that were not fetched with the one before.
+    fn fetch_waits<B: Bus>(&mut self, bus: &mut B, pc: u32, size: u32) {
+        let Some(bound) = C::BOUND else {
+            return;
+        };
+        let last = pc.wrapping_add(size.max(2) - 2) & !3;
+        for word in [pc & !3, last] {
+            if word != self.fetched {
+                self.fetched = word;
+                let access = Access {
+                    address: word,
+                    width: Width::Word,
+                    purpose: Purpose::Fetch,
+                    privileged: self.is_privileged(),
+                    cycle: self.cycle,
+                    pc,
+                };
+                self.cycle += u64::from(bus.wait_states(&access, bound));
+            }
+        }
+    }
+
+    /// Something stands where an instruction should be.
+    #[cold]
+    pub(crate) fn pause(&mut self, exit: Exit) {
+        self.paused = Some(exit);
+        self.limit = 0;
+    }
+}
+
+/// Where code never executes, MPU or not: peripherals, devices and the system's space (ARM ARM B3.1).
+const fn never_executable(pc: u32) -> bool {
+    pc >= 0xA000_0000 || pc >> 29 == 2
+}
+
+/// ITAdvance.
+pub(crate) const fn after(it: u8) -> u8 {
+    if it & 7 == 0 { 0 } else { it & 0xE0 | it << 1 & 0x1F }
+}
+
+/// The cycles of an instruction without its wait states and branches.
+#[inline(always)]
+fn cost<C: Cost>(op: &Op) -> u64 {
+    match C::BOUND {
+        None => u64::from(op.size / 2),
+        Some(Bound::Best) => u64::from(op.least),
+        Some(Bound::Worst) => u64::from(op.most),
+    }
+}

@@ -1,0 +1,178 @@
+//! The run loop: time, stops, breakpoints, code that changes, sleep, wait states.
+
+mod common;
+
+use common::{CODE, DEVICE, RAM, Rig};
+use cortex_m4::{Exit, Optimistic, Pessimistic, Register};
+
+/// movs r0, #10; loop: subs r0, #1; bne loop; b .
+const COUNT: &[u16] = &[0x200A, 0x3801, 0xD1FD, 0xE7FE];
+
+#[test]
+fn a_loop_counts_down_and_costs_a_cycle_for_each_halfword() {
+    let mut rig = Rig::new(COUNT);
+    assert_eq!(rig.core.run(&mut rig.board, 21), Exit::Until);
+    assert_eq!((rig.r(0), rig.core.cycle(), rig.core.pc()), (0, 21, CODE + 6));
+    assert_eq!(rig.core.retired(), 21);
+}
+
+#[test]
+fn the_bounds_count_the_refills_of_branches() {
+    let mut best = Rig::<Optimistic>::with_clock(COUNT);
+    let mut worst = Rig::<Pessimistic>::with_clock(COUNT);
+    best.steps(21);
+    worst.steps(21);
+    // movs, 10 × subs, 10 × bne of which 9 are taken
+    assert_eq!((best.core.cycle(), worst.core.cycle()), (21 + 9, 21 + 27));
+}
+
+#[test]
+fn each_word_of_code_is_fetched_once_and_waits_add_up() {
+    // nop; nop; nop.w; nop
+    let mut rig = Rig::<Optimistic>::with_clock(&[0xBF00, 0xBF00, 0xF3AF, 0x8000, 0xBF00]);
+    rig.board.waits = 2;
+    rig.steps(4);
+    assert_eq!(rig.board.fetches, [CODE, CODE + 4, CODE + 8]);
+    assert_eq!(rig.core.cycle(), 4 + 6);
+}
+
+#[test]
+fn the_bus_is_advanced_when_it_is_due() {
+    let mut rig = Rig::new(COUNT);
+    rig.board.due = 7;
+    assert_eq!(rig.core.run(&mut rig.board, 15), Exit::Until);
+    assert_eq!(rig.board.advanced, [7]);
+}
+
+#[test]
+fn an_access_that_wants_to_stop_ends_the_run_after_its_instruction() {
+    // ldr r1, [r0]; movs r2, #1
+    let mut rig = Rig::new(&[0x6801, 0x2201, 0xE7FE]);
+    rig.board.stop_at = Some(DEVICE);
+    rig.board.answer = 5;
+    rig.set(0, DEVICE);
+    assert_eq!(rig.core.run(&mut rig.board, 100), Exit::Stopped);
+    assert_eq!((rig.r(1), rig.core.pc(), rig.core.cycle()), (5, CODE + 2, 1));
+    assert_eq!(rig.board.reads, [(DEVICE, 4, 0)]);
+}
+
+#[test]
+fn a_breakpoint_stops_before_its_instruction_and_the_next_run_goes_on_with_it() {
+    let mut rig = Rig::new(COUNT);
+    rig.core.set_breakpoint(CODE + 2);
+    for left in [10, 9, 8] {
+        assert_eq!(rig.core.run(&mut rig.board, 100), Exit::Breakpoint);
+        assert_eq!((rig.r(0), rig.core.pc()), (left, CODE + 2));
+    }
+    assert_eq!(rig.core.retired(), 5);
+    rig.core.clear_breakpoint(CODE + 2);
+    assert_eq!(rig.core.run(&mut rig.board, 100), Exit::Until);
+    assert_eq!(rig.core.pc(), CODE + 6);
+}
+
+#[test]
+fn a_semihosting_call_is_answered_by_the_caller() {
+    // movs r0, #5; bkpt 0xAB; adds r0, #1; b .
+    let mut rig = Rig::new(&[0x2005, 0xBEAB, 0x3001, 0xE7FE]);
+    assert_eq!(rig.core.run(&mut rig.board, 100), Exit::HostCall);
+    assert_eq!((rig.core.host_call().0, rig.core.pc()), (5, CODE + 2));
+    rig.core.finish_host_call(Some(40));
+    assert_eq!(rig.core.run(&mut rig.board, 100), Exit::Until);
+    assert_eq!((rig.r(0), rig.core.pc()), (41, CODE + 6));
+}
+
+#[test]
+fn code_in_ram_is_executed_as_memory_holds_it_now() {
+    // bx r4 to RAM: movs r0, #1; strh r1, [r2]; bx r3 (back to its beginning); r1 is movs r0, #2
+    let mut rig = Rig::new(&[0x4720]);
+    for (index, half) in [0x2001_u16, 0x8011, 0x4718].iter().enumerate() {
+        rig.board.ram[0x200 + 2 * index..][..2].copy_from_slice(&half.to_le_bytes());
+    }
+    rig.set(1, 0x2002).set(2, RAM + 0x200).set(3, RAM + 0x201).set(4, RAM + 0x201);
+    assert_eq!(rig.core.run(&mut rig.board, 4), Exit::Until);
+    assert_eq!(rig.r(0), 1);
+    assert_eq!(rig.core.run(&mut rig.board, 5), Exit::Until);
+    assert_eq!(rig.r(0), 2);
+}
+
+#[test]
+fn flash_that_was_programmed_is_decoded_anew() {
+    let mut rig = Rig::new(&[0x2001, 0xE7FD]);
+    rig.core.run(&mut rig.board, 10);
+    assert_eq!(rig.r(0), 1);
+    rig.board.flash[CODE as usize] = 7;
+    rig.board.signals.code_changed = true;
+    rig.board.signals.changed = true;
+    rig.core.run(&mut rig.board, 20);
+    assert_eq!(rig.r(0), 7);
+}
+
+#[test]
+fn a_stalled_core_executes_nothing_and_is_not_idle() {
+    let mut rig = Rig::new(COUNT);
+    rig.board.signals.stalled_until = 50;
+    rig.board.signals.changed = true;
+    assert_eq!(rig.core.run(&mut rig.board, 40), Exit::Until);
+    assert_eq!((rig.core.cycle(), rig.core.retired(), rig.core.idle()), (40, 0, 0));
+    assert_eq!(rig.core.run(&mut rig.board, 60), Exit::Until);
+    assert_eq!(rig.core.retired(), 10);
+}
+
+#[test]
+fn wfi_lets_time_pass_to_the_end_asked_for() {
+    let mut rig = Rig::new(&[0xBF30, 0x2001]);
+    rig.board.due = 70;
+    assert_eq!(rig.core.run(&mut rig.board, 100), Exit::Until);
+    assert!(rig.core.is_asleep());
+    assert_eq!((rig.core.cycle(), rig.core.idle(), rig.core.retired()), (100, 99, 1));
+    assert_eq!(rig.board.advanced, [70]);
+}
+
+#[test]
+fn what_is_no_instruction_ends_in_a_lockup_without_a_handler() {
+    let codes: [&[u16]; 6] = [
+        // udf #0; a branch within an IT block; cbz within one; mcr of an absent coprocessor; ldrd at an odd address;
+        // bx to an even address
+        &[0xDE00],
+        &[0xBF04, 0xE000, 0xBF00],
+        &[0xBF08, 0xB100],
+        &[0xEE00, 0x0110],
+        &[0xE9D1, 0x0200],
+        &[0x4708],
+    ];
+    for code in codes {
+        let mut rig = Rig::new(code);
+        rig.set(1, 0x202).set_nzcv(4);
+        assert_eq!(rig.core.run(&mut rig.board, 1000), Exit::Lockup, "{code:04X?}");
+        let at = rig.core.cycle();
+        assert_eq!(rig.core.run(&mut rig.board, 2000), Exit::Until);
+        assert_eq!((rig.core.cycle(), rig.core.idle()), (2000, 2000 - at));
+    }
+}
+
+#[test]
+fn a_load_multiple_is_left_where_something_is_due_and_continued() {
+    // ldm r0, {r1-r4}; b .
+    let mut rig = Rig::<Pessimistic>::with_clock(&[0xBF00, 0xBF00, 0xE890, 0x001E, 0xE7FE]);
+    rig.core.skip_to(100);
+    for index in 0..4 {
+        rig.board.set_word(RAM + 4 * index, index + 1);
+    }
+    rig.set(0, RAM);
+    rig.board.due = 104;
+    assert_eq!(rig.core.run(&mut rig.board, 110), Exit::Until);
+    assert_eq!(rig.board.advanced, [104]);
+    assert_eq!([1, 2, 3, 4].map(|n| rig.r(n)), [1, 2, 3, 4]);
+}
+
+#[test]
+fn registers_are_the_callers_to_change() {
+    let mut rig = Rig::new(COUNT);
+    rig.core.set_register(Register::Psp, 0x2000_0803);
+    assert_eq!(rig.core.register(Register::Psp), 0x2000_0800);
+    rig.core.set_register(Register::Control, 2);
+    assert_eq!(rig.r(13), 0x2000_0800);
+    assert_eq!(rig.core.register(Register::Msp), RAM + 0x1000);
+    rig.core.set_register(Register::S(31), 7);
+    assert_eq!(rig.core.register(Register::S(31)), 7);
+}
