@@ -1,0 +1,18 @@
+//! Which encodings are instructions, compared with what LLVM's disassembler was recorded to know.
+//!
+//! The recording is made by `cargo xtask oracle --record`, which also compares the registers of each instruction; the
+//! crate `core-oracle` lists the encodings: every one of 16 bits, and 16 for each first halfword of those of 32 bits.
+
+use core_oracle::decode::{Verdict, encodings, verdict};
+
+#[test]
+fn the_decoder_knows_the_instructions_that_llvm_knows() {
+    let recorded = include_bytes!("data/decode.bin");
+    let encodings = encodings();
+    assert_eq!(recorded.len(), encodings.len().div_ceil(4));
+    for (i, &encoding) in encodings.iter().enumerate() {
+        let code = recorded[i / 4] >> (2 * (i % 4)) & 3;
+        let known = code == Verdict::Both as u8 || code == Verdict::OursUndefined as u8;
+        assert_eq!(verdict(known, encoding) as u8, code, "{:04x} {:04x}", encoding.0, encoding.1);
+    }
+}

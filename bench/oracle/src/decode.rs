@@ -1,0 +1,244 @@
+//! What encodings mean, by LLVM's disassembler.
+//!
+//! Compared: every 16-bit encoding, and for every first halfword of a 32-bit encoding [`SECONDS`] second halfwords.
+
+use std::{
+    collections::HashMap,
+    path::{Path, PathBuf},
+    process::Command,
+};
+
+use anyhow::{Context, ensure};
+
+use crate::random::Random;
+
+/// Second halfwords for each first.
+pub const SECONDS: usize = 16;
+
+/// One encoding; `second` is 0 where `first` is all of it.
+pub type Encoding = (u16, u16);
+
+/// The encodings that are compared, always the same.
+#[must_use]
+pub fn encodings() -> Vec<Encoding> {
+    let mut random = Random::new(0, 0);
+    let mut encodings: Vec<Encoding> = (0..0xE800).map(|first| (first, 0)).collect();
+    for first in 0xE800..=0xFFFF {
+        for _ in 0..SECONDS {
+            let mut second = random.bits() as u16;
+            // registers 13 and 15, and fields that should be zero or one, are rare among random bits
+            for nibble in 0..4 {
+                match random.below(8) {
+                    0 => second |= 0xF << (4 * nibble),
+                    1 => second = second & !(0xF << (4 * nibble)) | 0xD << (4 * nibble),
+                    2 | 3 => second &= !(0xF << (4 * nibble)),
+                    _ => {}
+                }
+            }
+            encodings.push((first, second));
+        }
+    }
+    encodings
+}
+
+/// Bytes from one encoding to the next in the object file: NOPs between them keep an IT and an encoding that is not
+/// known from changing how the next is read.
+const SLOT: usize = 12;
+
+/// LLVM's text of each encoding, disassembled at a multiple of `SLOT`; empty where there is no instruction.
+///
+/// # Errors
+///
+/// The disassembler is not installed or failed.
+pub fn reference(encodings: &[Encoding], directory: &Path) -> anyhow::Result<Vec<String>> {
+    std::fs::create_dir_all(directory)?;
+    let mut code = Vec::new();
+    for &(first, second) in encodings {
+        let mut halves = [0xBF00_u16; SLOT / 2];
+        halves[0] = first;
+        if first >= 0xE800 {
+            halves[1] = second;
+        }
+        code.extend(halves.iter().flat_map(|half| half.to_le_bytes()));
+    }
+    let path = directory.join("encodings.o");
+    std::fs::write(&path, object(&code))?;
+    let output = Command::new(disassembler()?)
+        .args(["-d", "--triple=thumbv7em-none-eabihf", "--mcpu=cortex-m4", "--no-show-raw-insn"])
+        .arg(&path)
+        .output()?;
+    ensure!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let text = String::from_utf8_lossy(&output.stdout);
+    let mut at = HashMap::new();
+    for line in text.lines() {
+        let Some((address, rest)) = line.trim_start().split_once(':') else { continue };
+        if let Ok(address) = usize::from_str_radix(address, 16) {
+            at.insert(address, rest.trim().replace('\t', " "));
+        }
+    }
+    (0..encodings.len())
+        .map(|i| {
+            let text = at.get(&(i * SLOT)).with_context(|| format!("no line for encoding {:04x?}", encodings[i]))?;
+            Ok(if text.contains("<unknown>") { String::new() } else { text.clone() })
+        })
+        .collect()
+}
+
+/// The disassembler of the toolchain's component llvm-tools.
+fn disassembler() -> anyhow::Result<PathBuf> {
+    let output = Command::new("rustc").args(["--print", "sysroot"]).output()?;
+    let libraries = PathBuf::from(String::from_utf8(output.stdout)?.trim()).join("lib/rustlib");
+    for entry in std::fs::read_dir(&libraries)? {
+        let path = entry?.path().join("bin/llvm-objdump");
+        if path.exists() {
+            return Ok(path);
+        }
+    }
+    anyhow::bail!("no llvm-objdump below {}: `rustup component add llvm-tools`", libraries.display())
+}
+
+/// A relocatable ELF with `code` as its Thumb `.text`.
+fn object(code: &[u8]) -> Vec<u8> {
+    let names = b"\0.text\0.symtab\0.strtab\0";
+    let strings = b"\0$t\0";
+    let text_at = 52;
+    let symbols_at = text_at + code.len() as u32;
+    let strings_at = symbols_at + 32;
+    let names_at = strings_at + 4;
+    let headers_at = names_at + 24;
+    let mut elf = vec![0x7F, b'E', b'L', b'F', 1, 1, 1];
+    elf.resize(16, 0);
+    let half = |elf: &mut Vec<u8>, value: u16| elf.extend(value.to_le_bytes());
+    let word = |elf: &mut Vec<u8>, value: u32| elf.extend(value.to_le_bytes());
+    // ET_REL, EM_ARM
+    half(&mut elf, 1);
+    half(&mut elf, 40);
+    for value in [1, 0, 0, headers_at, 0x0500_0000] {
+        word(&mut elf, value);
+    }
+    for value in [52, 0, 0, 40, 5, 4] {
+        half(&mut elf, value);
+    }
+    elf.extend(code);
+    // the null symbol, then $t at 0 in section 1
+    elf.extend([0; 16]);
+    for value in [1, 0, 0] {
+        word(&mut elf, value);
+    }
+    half(&mut elf, 0);
+    half(&mut elf, 1);
+    elf.extend(strings);
+    elf.extend(names);
+    elf.resize(headers_at as usize, 0);
+    let sections: [[u32; 10]; 5] = [
+        [0; 10],
+        [1, 1, 6, 0, text_at, code.len() as u32, 0, 0, 4, 0],
+        [7, 2, 0, 0, symbols_at, 32, 3, 2, 4, 16],
+        [15, 3, 0, 0, strings_at, 4, 0, 0, 1, 0],
+        [15, 3, 0, 0, names_at, names.len() as u32, 0, 0, 1, 0],
+    ];
+    for value in sections.iter().flatten() {
+        word(&mut elf, *value);
+    }
+    elf
+}
+
+/// What our decoder and LLVM make of one encoding.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// Both know no instruction.
+    Neither = 0,
+    /// Both know an instruction; for a coprocessor that is absent, ours is the fault for that.
+    Both = 1,
+    /// LLVM knows an instruction, ours is undefined: what the manual calls UNPREDICTABLE.
+    OursUndefined = 2,
+    /// LLVM knows no instruction, ours executes: unallocated hints, and MSR of a register that does not exist.
+    OursExecutes = 3,
+}
+
+/// The verdict on an encoding of which LLVM knows an instruction or not.
+#[must_use]
+pub fn verdict(known: bool, (first, second): Encoding) -> Verdict {
+    let undefined = cortex_m4::describe(0, first, second).1 == "Fault(Undefined)";
+    match (known, undefined) {
+        (false, true) => Verdict::Neither,
+        (true, false) => Verdict::Both,
+        (true, true) => Verdict::OursUndefined,
+        (false, false) => Verdict::OursExecutes,
+    }
+}
+
+/// What came of the comparison with LLVM.
+#[derive(Clone, Debug, Default)]
+pub struct Report {
+    /// Encodings of each [`Verdict`].
+    pub counts: [usize; 4],
+    /// Both know an instruction, and the registers in it differ: encoding, LLVM's text, ours.
+    pub registers_differ: Vec<String>,
+    /// Two bits for each of [`encodings`], the first in the lowest.
+    pub verdicts: Vec<u8>,
+}
+
+/// Compares our decoder with LLVM's: whether there is an instruction, and which registers it names.
+///
+/// # Errors
+///
+/// The disassembler is not installed or failed.
+pub fn compare(directory: &Path) -> anyhow::Result<Report> {
+    let encodings = encodings();
+    let texts = reference(&encodings, directory)?;
+    let mut report = Report { verdicts: vec![0; encodings.len().div_ceil(4)], ..Report::default() };
+    for (i, (&encoding, text)) in encodings.iter().zip(&texts).enumerate() {
+        let verdict = verdict(!text.is_empty(), encoding);
+        report.counts[verdict as usize] += 1;
+        report.verdicts[i / 4] |= (verdict as u8) << (2 * (i % 4));
+        let ours = cortex_m4::describe(0, encoding.0, encoding.1).1;
+        let comparable = !ours.starts_with("Fault") && !ours.starts_with("Nop");
+        if verdict == Verdict::Both && comparable && their_registers(text) != our_registers(&ours) {
+            report.registers_differ.push(format!("{:04x} {:04x}: {text}; {ours}", encoding.0, encoding.1));
+        }
+    }
+    Ok(report)
+}
+
+/// The core registers in LLVM's text, as a set. The program counter does not count: ours is part of an address.
+fn their_registers(text: &str) -> u16 {
+    let text = text.split('@').next().unwrap_or_default();
+    let words = text.split(|c: char| !c.is_ascii_alphanumeric()).skip(1);
+    let implied = if text.starts_with("push") || text.starts_with("pop") { 1 << 13 } else { 0 };
+    words.fold(implied, |set, word| {
+        let number = match word {
+            "sp" => Some(13),
+            "lr" => Some(14),
+            _ => word.strip_prefix('r').and_then(|digits| digits.parse::<u32>().ok()),
+        };
+        set | number.map_or(0, |n| 1 << n)
+    })
+}
+
+/// The core registers in our decoder's text, as a set.
+fn our_registers(text: &str) -> u16 {
+    let floating = text.starts_with("Fp(");
+    let moves = text.starts_with("AluS") || text.starts_with("AluI");
+    let alu = |name: &str| text.contains(&format!("alu: {name},"));
+    let mut set = 0;
+    let fields = text.split(['{', '}', ',', '(', ')']).filter_map(|field| field.trim().split_once(": "));
+    for (name, value) in fields {
+        let Ok(value) = value.parse::<u32>() else { continue };
+        let register = match name {
+            "t" | "t2" | "base" => true,
+            "n" if moves && (alu("Mov") || alu("Mvn")) => false,
+            "d" if moves && (alu("Tst") || alu("Teq") || alu("Cmp") || alu("Cmn")) => false,
+            "d" | "n" | "m" | "a" | "low" | "high" => !floating,
+            "list" => {
+                set |= value as u16;
+                false
+            }
+            _ => false,
+        };
+        if register && value < 16 {
+            set |= 1 << value;
+        }
+    }
+    set & 0x7FFF
+}
