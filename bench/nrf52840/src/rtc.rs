@@ -1,0 +1,211 @@
+//! RTC: the 24-bit counter on LFCLK (PS 6.22).
+//!
+//! | covered | PS |
+//! |---|---|
+//! | START, STOP, CLEAR, TRIGOVRFLW; PRESCALER; COUNTER | 6.22 |
+//! | TICK, OVRFLW, COMPARE\[n\], each only while EVTEN or INTEN has it | 6.22 |
+//! | a compare register written with the count it has, or the next one, does not match this time round | 6.22 |
+//!
+//! A task takes effect at the LFCLK tick under way. The part takes one to two ticks more and lets CC = COUNTER + 1
+//! match sometimes; here it never does, and is reported, because a firmware must not rely on it.
+//!
+//! Left out: the jitter of tasks triggered by the CPU against LFCLK (PS 6.22).
+use crate::clocks::Clocks;
+use crate::instance::{Block, Cx, Instance, index};
+
+const TICK: u32 = 0;
+const OVRFLW: u32 = 1;
+const COMPARE: u32 = 16;
+const MASK: u32 = 0x00FF_FFFF;
+/// What TRIGOVRFLW puts into the counter.
+const NEAR_OVERFLOW: u32 = 0x00FF_FFF0;
+
+/// One instance.
+#[derive(Clone, Debug)]
+pub(crate) struct Rtc {
+    block: Block,
+    evten: u32,
+    running: bool,
+    prescaler: u32,
+    cc: [u32; 4],
+    compares: usize,
+    /// Compare registers that miss the match ahead of them, because they were written too late for it.
+    late: u32,
+    /// What the counter held at `base`, a tick of LFCLK.
+    held: u32,
+    base: u64,
+    /// LFCLK ran when last looked at.
+    clocked: bool,
+    next: Option<u64>,
+}
+
+impl Rtc {
+    /// One with `compares` compare registers: 3, or 4.
+    pub(crate) fn new(compares: usize) -> Self {
+        Self {
+            block: Block::default(),
+            evten: 0,
+            running: false,
+            prescaler: 0,
+            cc: [0; 4],
+            compares,
+            late: 0,
+            held: 0,
+            base: 0,
+            clocked: false,
+            next: None,
+        }
+    }
+
+    fn step(&self) -> u64 {
+        u64::from(self.prescaler) + 1
+    }
+
+    /// Counts since `base`.
+    fn elapsed(&self, now: u64, clocks: &Clocks) -> u64 {
+        match clocks.lf {
+            Some(lf) if self.running && self.clocked => lf.ticks(now).saturating_sub(self.base) / self.step(),
+            _ => 0,
+        }
+    }
+
+    fn count(&self, now: u64, clocks: &Clocks) -> u32 {
+        self.held.wrapping_add(self.elapsed(now, clocks) as u32) & MASK
+    }
+
+    fn enabled(&self, event: u32) -> bool {
+        (self.evten | self.block.inten) >> event & 1 != 0
+    }
+
+    fn arm(&mut self, cx: &Cx<'_>) {
+        self.next = None;
+        let Some(lf) = cx.clocks.lf.filter(|_| self.running) else {
+            return;
+        };
+        let count = self.count(cx.now, cx.clocks);
+        let ahead = |target: u32| match target.wrapping_sub(count) & MASK {
+            0 => u64::from(MASK) + 1,
+            ticks => u64::from(ticks),
+        };
+        let tick = self.enabled(TICK).then_some(1);
+        let overflow = self.enabled(OVRFLW).then(|| ahead(0));
+        let enabled = (0..self.compares).filter(|&n| self.enabled(COMPARE + n as u32));
+        let compares = enabled.map(|n| ahead(self.cc[n]));
+        self.next = compares.chain(tick).chain(overflow).min().map(|ahead| {
+            let counts = self.elapsed(cx.now, cx.clocks) + ahead;
+            lf.instant(self.base + counts * self.step())
+        });
+    }
+
+    /// Carries out what is due now before a task or a write of the same instant, which would look for the next from
+    /// here.
+    fn catch_up(&mut self, cx: &mut Cx<'_>) {
+        if self.next.is_some_and(|at| at <= cx.now) {
+            self.due(cx);
+        }
+    }
+
+    /// Counts on from the tick under way.
+    fn load(&mut self, count: u32, cx: &Cx<'_>) {
+        self.held = count & MASK;
+        self.late = 0;
+        self.base = cx.clocks.lf.map_or(0, |lf| lf.ticks(cx.now));
+        self.clocked = cx.clocks.lf.is_some();
+    }
+}
+
+impl Instance for Rtc {
+    crate::instance::block!();
+
+    fn task(&mut self, offset: u32, cx: &mut Cx<'_>) -> bool {
+        self.catch_up(cx);
+        let count = self.count(cx.now, cx.clocks);
+        match offset {
+            0x000 if self.running => {}
+            0x000 => {
+                if cx.clocks.lf.is_none() {
+                    cx.misuse("START while LFCLK does not run: it counts from when it does", 0);
+                }
+                self.load(count, cx);
+                self.running = true;
+            }
+            0x004 => {
+                self.load(count, cx);
+                self.running = false;
+            }
+            0x008 => self.load(0, cx),
+            0x00C => self.load(NEAR_OVERFLOW, cx),
+            _ => return false,
+        }
+        self.arm(cx);
+        true
+    }
+
+    fn read(&self, offset: u32, now: u64, clocks: &Clocks) -> Option<u32> {
+        Some(match offset {
+            0x340 | 0x344 | 0x348 => self.evten,
+            0x504 => self.count(now, clocks),
+            0x508 => self.prescaler,
+            _ => self.cc[index(offset, 0x540, 4, self.compares as u32)?],
+        })
+    }
+
+    fn write(&mut self, offset: u32, value: u32, cx: &mut Cx<'_>) -> bool {
+        self.catch_up(cx);
+        match offset {
+            0x340 => self.evten = value,
+            0x344 => self.evten |= value,
+            0x348 => self.evten &= !value,
+            0x504 => {}
+            0x508 if self.running => cx.misuse("PRESCALER written while it runs, which is ignored", value),
+            0x508 => self.prescaler = value & 0xFFF,
+            _ => {
+                let Some(n) = index(offset, 0x540, 4, self.compares as u32) else {
+                    return false;
+                };
+                self.cc[n] = value & MASK;
+                self.late &= !(1 << n);
+                let ahead = value.wrapping_sub(self.count(cx.now, cx.clocks)) & MASK;
+                if self.running && ahead == 1 {
+                    self.late |= 1 << n;
+                    cx.misuse("CC = COUNTER + 1 may or may not match; here it does not", value);
+                }
+            }
+        }
+        self.arm(cx);
+        true
+    }
+
+    fn configured(&mut self, cx: &mut Cx<'_>) {
+        if cx.clocks.lf.is_some() != self.clocked {
+            // LFCLK stopped, and its ticks with it, or started anew from none.
+            self.load(self.held, cx);
+        }
+        self.arm(cx);
+    }
+
+    fn next(&self) -> Option<u64> {
+        self.next
+    }
+
+    fn due(&mut self, cx: &mut Cx<'_>) {
+        let count = self.count(cx.now, cx.clocks);
+        if self.enabled(TICK) {
+            self.block.raise(TICK, cx);
+        }
+        if count == 0 && self.enabled(OVRFLW) {
+            self.block.raise(OVRFLW, cx);
+        }
+        for n in 0..self.compares {
+            if self.cc[n] != count || !self.enabled(COMPARE + n as u32) {
+                continue;
+            }
+            if self.late >> n & 1 != 0 {
+                self.late &= !(1 << n);
+            } else {
+                self.block.raise(COMPARE + n as u32, cx);
+            }
+        }
+        self.arm(cx);
+    }
+}

@@ -1,0 +1,164 @@
+//! WDT: the watchdog (PS 6.36).
+//!
+//! | covered | PS |
+//! |---|---|
+//! | START once and for all; CRV, RREN and CONFIG locked by it | 6.36 |
+//! | RR[0..8] with 0x6E524635, REQSTATUS, a reload when every enabled one has been written | 6.36 |
+//! | time-out after (CRV + 1) LFCLK ticks; TIMEOUT; the reset, two ticks later if its interrupt is enabled | 6.36 |
+//! | CONFIG.SLEEP: running on or pausing while the core sleeps | 6.36 |
+//! | running on through a soft reset and a lockup | 5.3 |
+//!
+//! | left out | why |
+//! |---|---|
+//! | CONFIG.HALT = Run | nothing halts the core |
+use crate::clocks::Clocks;
+use crate::instance::{Act, Block, Cx, Instance, index};
+
+/// What a reload request register wants to read.
+const RELOAD: u32 = 0x6E52_4635;
+/// LFCLK ticks from TIMEOUT to the reset.
+const GRACE: u64 = 2;
+
+/// The peripheral.
+#[derive(Clone, Debug)]
+pub(crate) struct Wdt {
+    block: Block,
+    /// The LFCLK tick at which the counter was last loaded.
+    loaded: Option<u64>,
+    crv: u32,
+    rren: u32,
+    config: u32,
+    /// Enabled reload requests not yet made.
+    requests: u32,
+    timed_out: bool,
+    /// The LFCLK tick at which it was paused.
+    paused: Option<u64>,
+    next: Option<u64>,
+}
+
+impl Default for Wdt {
+    fn default() -> Self {
+        Self {
+            block: Block::default(),
+            loaded: None,
+            crv: u32::MAX,
+            rren: 1,
+            config: 1,
+            requests: 1,
+            timed_out: false,
+            paused: None,
+            next: None,
+        }
+    }
+}
+
+impl Wdt {
+    pub(crate) fn running(&self) -> bool {
+        self.loaded.is_some()
+    }
+
+    fn arm(&mut self, cx: &Cx<'_>) {
+        self.next = match (self.loaded, cx.clocks.lf) {
+            (Some(loaded), Some(lf)) if self.paused.is_none() => {
+                let grace = if self.timed_out { GRACE } else { 0 };
+                Some(lf.instant(loaded + u64::from(self.crv) + 1 + grace))
+            }
+            _ => None,
+        };
+    }
+
+    /// The core sleeps or woke.
+    pub(crate) fn sleeps(&mut self, asleep: bool, cx: &mut Cx<'_>) {
+        let tick = cx.clocks.lf.map_or(0, |lf| lf.ticks(cx.now));
+        if asleep && self.config & 1 == 0 && self.running() {
+            self.paused = Some(tick);
+        } else if let Some(since) = self.paused.take() {
+            self.loaded = self.loaded.map(|loaded| loaded + tick.saturating_sub(since));
+        }
+        self.arm(cx);
+    }
+
+    fn load(&mut self, cx: &Cx<'_>) {
+        self.loaded = Some(cx.clocks.lf.map_or(0, |lf| lf.ticks(cx.now)));
+        self.requests = self.rren;
+        self.arm(cx);
+    }
+}
+
+impl Instance for Wdt {
+    crate::instance::block!();
+
+    fn task(&mut self, offset: u32, cx: &mut Cx<'_>) -> bool {
+        if offset != 0 {
+            return false;
+        }
+        if !self.running() {
+            cx.act(Act::DemandLfclk);
+            self.load(cx);
+        }
+        true
+    }
+
+    fn read(&self, offset: u32, _: u64, _: &Clocks) -> Option<u32> {
+        Some(match offset {
+            0x400 => u32::from(self.running()),
+            0x404 => self.requests,
+            0x504 => self.crv,
+            0x508 => self.rren,
+            0x50C => self.config,
+            // RR is write-only.
+            0x600..0x620 => 0,
+            _ => return None,
+        })
+    }
+
+    fn write(&mut self, offset: u32, value: u32, cx: &mut Cx<'_>) -> bool {
+        match offset {
+            0x400 | 0x404 => {}
+            0x504 | 0x508 | 0x50C if self.running() => {
+                cx.misuse("configured while it runs, which is ignored; offset", offset);
+            }
+            0x504 => self.crv = value.max(0xF),
+            0x508 => {
+                self.rren = value & 0xFF;
+                self.requests = self.rren;
+            }
+            0x50C => self.config = value & 0b1001,
+            _ => {
+                let Some(n) = index(offset, 0x600, 4, 8) else {
+                    return false;
+                };
+                if value != RELOAD {
+                    cx.misuse("a reload request with another value than 0x6E524635", value);
+                } else if self.running() && !self.timed_out {
+                    self.requests &= !(1 << n);
+                    if self.requests == 0 {
+                        self.load(cx);
+                    }
+                }
+            }
+        }
+        true
+    }
+
+    fn configured(&mut self, cx: &mut Cx<'_>) {
+        self.arm(cx);
+    }
+
+    fn next(&self) -> Option<u64> {
+        self.next
+    }
+
+    fn due(&mut self, cx: &mut Cx<'_>) {
+        if !self.timed_out {
+            self.timed_out = true;
+            self.block.raise(0, cx);
+            if self.block.inten & 1 != 0 {
+                self.arm(cx);
+                return;
+            }
+        }
+        self.next = None;
+        cx.act(Act::Restart);
+    }
+}

@@ -1,0 +1,9 @@
+//! What the part does, seen from its registers and its pins.
+mod anything;
+mod clock;
+mod memory;
+mod peripherals;
+mod pins;
+mod rig;
+mod serial;
+mod time;
