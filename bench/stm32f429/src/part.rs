@@ -1,0 +1,271 @@
+//! The part as the bench calls it: [`Part`].
+
+use super::*;
+
+impl Part for Stm32f429 {
+    const NAME: &'static str = "STM32F429ZI";
+    const RAM: &'static [(u32, usize)] = &[(CCM_BASE, 64 << 10), (SRAM_BASE, 192 << 10)];
+    const RESETS_ON_LOCKUP: bool = false;
+
+    fn core(&self) -> Config {
+        Config {
+            lines: INTERRUPTS,
+            // PM0214 4.3.
+            priority_bits: 4,
+            vector_table: 0,
+            // 12.1.2: the calibration value is 18750, 1 ms at HCLK/8 of 150 MHz; SKEW, since it is not exact.
+            systick_calibration: 0x4000_0000 | 18_750,
+            systick_reference: 8,
+            mpu_regions: 8,
+        }
+    }
+
+    #[inline(always)]
+    fn read<O: Outside>(&mut self, access: &Access, outside: &mut O) -> Result<u32, BusError> {
+        if let Some(value) = self.sram.read(access.address.wrapping_sub(SRAM_BASE), access.width) {
+            return Ok(value);
+        }
+        // A copy, so that an access to RAM is never put together in the host's memory.
+        self.read_other(&{ *access }, outside)
+    }
+
+    #[inline(always)]
+    fn write<O: Outside>(&mut self, access: &Access, value: u32, outside: &mut O) -> Result<(), BusError> {
+        if self.sram.write(access.address.wrapping_sub(SRAM_BASE), access.width, value) {
+            return Ok(());
+        }
+        self.write_other(&{ *access }, value, outside)
+    }
+
+    #[inline(always)]
+    fn read_memory(&self, address: u32, width: Width) -> Option<u32> {
+        if let Some(value) = self.sram.read_aligned(address.wrapping_sub(SRAM_BASE), width) {
+            return Some(value);
+        }
+        // Flash that is being programmed or erased holds the bus.
+        if self.flash.is_quiet() {
+            return self.flash.memory.read_aligned(address.wrapping_sub(flash::BASE), width);
+        }
+        None
+    }
+
+    #[inline(always)]
+    fn write_memory(&mut self, address: u32, width: Width, value: u32) -> bool {
+        self.sram.write_aligned(address.wrapping_sub(SRAM_BASE), width, value)
+    }
+
+    #[inline]
+    fn fetch(&self, address: u32) -> Result<u16, BusError> {
+        if let Some(offset) = self.flash_offset(address) {
+            if !self.flash.is_readable() {
+                return Ok(FlashControl::GARBAGE as u16);
+            }
+            return self.flash.memory.read(offset, Width::Half).map(|value| value as u16).ok_or(BusError);
+        }
+        // The CCM is on the data bus alone, 2.3.1: nothing is executed from it.
+        match self.locate(address) {
+            Some((Memory::Sram, offset)) => self.sram.read(offset as u32, Width::Half),
+            Some((Memory::Factory, offset)) => self.factory.read(offset as u32, Width::Half),
+            _ => None,
+        }
+        .map(|value| value as u16)
+        .ok_or(BusError)
+    }
+
+    #[inline]
+    fn is_constant(&self, address: u32) -> bool {
+        self.flash_offset(address).is_some()
+    }
+
+    #[inline]
+    fn due(&self) -> Cycle {
+        self.next
+    }
+
+    fn advance<O: Outside>(&mut self, to: Cycle, outside: &mut O) {
+        while self.next <= to {
+            let at = self.next;
+            self.now = self.now.max(at);
+            let number = self.first_due(at);
+            match number {
+                0..id::INSTANCES => {
+                    with!(self, number, p => p.advance(cx!(self, number, at, None), &mut Outward(outside)));
+                    self.dirty |= 1 << number;
+                }
+                id::IWDG => {
+                    self.iwdg.advance(at, self.clocks.lsi);
+                    self.after_watchdogs();
+                }
+                id::WWDG => {
+                    self.wwdg.advance(at);
+                    self.after_watchdogs();
+                }
+                id::RCC => {
+                    self.rcc.advance(at, self.pwr.supply(), &mut self.out);
+                    self.after_rcc(at, None, outside);
+                }
+                id::FLASH => {
+                    self.flash.advance(at);
+                    self.set_due(id::FLASH, self.flash.due());
+                    self.set_line(4, self.flash.irq());
+                }
+                _ => self.set_due(number, NEVER),
+            }
+            self.settle(at, outside);
+        }
+        self.now = self.now.max(to);
+    }
+
+    #[inline]
+    fn signals(&mut self) -> &mut Signals {
+        &mut self.signals
+    }
+
+    fn wait_states(&mut self, access: &Access, bound: Bound) -> u32 {
+        let address = access.address;
+        if self.flash_offset(address).is_some() {
+            return self.flash.wait_states(address, access.purpose == Purpose::Fetch, bound);
+        }
+        // Assumed, as no manual has figures: a DMA controller that is active takes the RAM or the bridge for one cycle.
+        let contention = u32::from(bound == Bound::Worst && self.dma.iter().any(Dma::is_active));
+        match address {
+            0x4000_0000..0x4002_0000 => {
+                // Assumed: setup and access phase of the APB, and at worst the wait for the bridge's clock edge.
+                let divider = if address < 0x4001_0000 { self.clocks.pclk1 } else { self.clocks.pclk2 };
+                let phases = 2 * divider;
+                match bound {
+                    Bound::Best => phases - 1,
+                    Bound::Worst => phases + divider - 1 + contention,
+                }
+            }
+            SRAM_BASE..0x2003_0000 | 0x4002_0000..0x6000_0000 => contention,
+            _ => 0,
+        }
+    }
+
+    fn bit_banding(&self) -> bool {
+        true
+    }
+
+    /// HCLK. While its source has failed without the clock security system, the rate is 0: the core stands still, and
+    /// cycles are to go on being counted at the last rate, for the independent watchdog.
+    fn clock(&self) -> Clock {
+        Clock { hz: if self.rcc.stopped { 0 } else { self.clocks.hclk_hz }, ppb: self.clocks.ppb }
+    }
+
+    fn reset<O: Outside>(&mut self, at: Cycle, cause: Reset, outside: &mut O) {
+        self.now = self.now.max(at);
+        let at = self.now;
+        self.rcc.reset(cause);
+        self.clocks = self.rcc.clocks;
+        self.rcc.clocks_changed = false;
+        self.pwr = Pwr::new();
+        self.syscfg = Syscfg::default();
+        self.dac = Dac::default();
+        self.flash.reset();
+        self.exti.reset();
+        self.gpio.reset();
+        self.gpio.pads.dac = [None; 2];
+        self.dma = [Dma::new(0), Dma::new(1)];
+        self.iwdg = Iwdg::new();
+        self.wwdg = Wwdg::new();
+        for number in 0..id::INSTANCES {
+            if number == id::RTC && cause != Reset::PowerOn {
+                self.rtc.system_reset();
+            } else {
+                with!(self, number, p => p.reset());
+            }
+        }
+        self.out.notes.clear();
+        self.out.outputs.clear();
+        self.out.triggers.clear();
+        self.reset_wanted = None;
+        self.signals = Signals { changed: true, code_changed: true, ..Signals::default() };
+        (self.own, self.shared) = ([0; 4], [0; 4]);
+        self.dirty = 0;
+        self.due = [NEVER; GROUPS * 8];
+        self.group_due = [NEVER; GROUPS];
+        self.next = NEVER;
+        if self.flash.starts_watchdog() {
+            self.iwdg.start(at, self.clocks.lsi);
+            self.iwdg.started = false;
+            self.rcc.force_lsi(at);
+        }
+        self.gpio.settle_all(at, &mut self.out);
+        self.refresh_all();
+        self.settle(at, outside);
+    }
+
+    fn take_reset(&mut self) -> Option<Reset> {
+        self.reset_wanted.take()
+    }
+
+    fn sleeps<O: Outside>(&mut self, at: Cycle, asleep: bool, deep: bool, outside: &mut O) {
+        if asleep && deep {
+            let text = "stop and standby mode are not modelled: the part sleeps with its clocks on";
+            self.note(Note { kind: FindingKind::Unmodelled, at, pc: None, place: "PWR", text, value: None });
+        }
+        let _ = outside;
+    }
+
+    fn drive<O: Outside>(&mut self, at: Cycle, pin: Pin, level: Option<bool>, outside: &mut O) {
+        self.now = self.now.max(at);
+        self.gpio.drive(pin, level, self.now, &mut self.out);
+        self.settle(self.now, outside);
+    }
+
+    fn pin(&self, pin: Pin) -> bool {
+        self.gpio.level(pin)
+    }
+
+    fn receive<O: Outside>(&mut self, begins: Cycle, pin: Pin, frame: UartFrame, outside: &mut O) {
+        let Some(Signal::Uart(n, wire @ (UartPin::Rx | UartPin::Tx))) = self.gpio.signal_of(pin) else { return };
+        let number = id::usart(n);
+        if !self.is_open(number) {
+            return;
+        }
+        let now = self.now;
+        let usart = &mut self.usart[usize::from(n - 1)];
+        let cx = cx!(self, number, now, None);
+        // In half-duplex mode (CR3.HDSEL) the TX pin is the receiver's, and the RX pin is not used, 30.3.10.
+        let half_duplex = usart.peek(0x14, cx) & 1 << 3 != 0;
+        if half_duplex == (wire == UartPin::Tx) {
+            usart.receive(begins, &frame, cx);
+            self.dirty |= 1 << number;
+            self.settle(now, outside);
+        }
+    }
+
+    fn memory(&self, address: u32, size: usize) -> Option<&[u8]> {
+        let (memory, at) = self.locate(address)?;
+        let bytes = match memory {
+            Memory::Flash => self.flash.memory.bytes(),
+            Memory::Sram => self.sram.bytes(),
+            Memory::Ccm => self.ccm.bytes(),
+            Memory::Factory => self.factory.bytes(),
+            Memory::Backup => self.backup.bytes(),
+        };
+        bytes.get(at..at.checked_add(size)?)
+    }
+
+    fn memory_mut(&mut self, address: u32, size: usize) -> Option<&mut [u8]> {
+        let (memory, at) = self.locate(address)?;
+        let end = at.checked_add(size)?;
+        let bytes = match memory {
+            Memory::Flash => {
+                self.signals.code_changed = true;
+                self.signals.changed = true;
+                self.flash.memory.bytes_mut()
+            }
+            Memory::Sram => self.sram.bytes_mut(),
+            Memory::Ccm => self.ccm.bytes_mut(),
+            Memory::Factory => self.factory.bytes_mut(),
+            Memory::Backup => self.backup.bytes_mut(),
+        };
+        bytes.get_mut(at..end)
+    }
+
+    fn findings(&self) -> &[Finding] {
+        &self.findings
+    }
+}
