@@ -96,6 +96,12 @@ impl Chip {
         self.pin.edges.drain(..)
     }
 
+    /// Whether the pin changed since [`Chip::take_irq_edges`] was last called.
+    #[must_use]
+    pub fn has_irq_edges(&self) -> bool {
+        !self.pin.edges.is_empty()
+    }
+
     /// Something that moves the pin has happened now.
     pub(crate) fn irq_changes(&mut self) {
         let level = self.irq();

@@ -79,6 +79,10 @@ pub enum Kind {
     FrameOverwritten,
     /// SPI clock above the part's 10 MHz, Hz.
     SpiTooFast(u32),
+    /// Clocked in an SPI mode other than 1: bits are sampled one early or late.
+    WrongSpiMode(u8),
+    /// A transfer ended with fewer than eight clocks after the last byte: these bits were lost.
+    BitsLost(u8),
     /// SPI clocks without chip select.
     NotSelected,
     /// Chip select asserted twice.
@@ -139,6 +143,8 @@ impl fmt::Display for Kind {
             Self::FifoUnderflow => write!(f, "FIFO read when empty"),
             Self::FrameOverwritten => write!(f, "unread frame lost to its successor"),
             Self::SpiTooFast(hz) => write!(f, "SPI clock {hz} Hz is above 10 MHz"),
+            Self::WrongSpiMode(mode) => write!(f, "clocked in SPI mode {mode}, the chip's is 1"),
+            Self::BitsLost(bits) => write!(f, "{bits} bits that make no whole byte were lost"),
             Self::NotSelected => write!(f, "SPI clocks without chip select"),
             Self::SelectedTwice => write!(f, "chip select asserted twice"),
             Self::TransferCutShort => write!(f, "SPI transfer ended before what it announced"),

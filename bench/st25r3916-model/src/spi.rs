@@ -139,6 +139,20 @@ impl Chip {
         self.spi.hz = hz;
     }
 
+    /// Fewer than eight clocks, `bits` of them, the last ending at `now`: the chip takes whole bytes and loses them.
+    pub fn lose_bits(&mut self, now: u64, bits: u8) {
+        self.advance(now);
+        self.note(Kind::BitsLost(bits));
+    }
+
+    /// The controller's clock has not the polarity and phase of the chip's mode 1: bits are sampled one early or late.
+    pub fn clocked_in_mode(&mut self, now: u64, mode: u8) {
+        self.advance(now);
+        if mode != 1 {
+            self.note(Kind::WrongSpiMode(mode));
+        }
+    }
+
     fn mode_byte(&mut self, byte: u8) -> State {
         match byte {
             0x00..=0x3F => State::WriteFirst(Space::A, byte),
