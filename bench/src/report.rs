@@ -1,8 +1,8 @@
 //! What a run of the link showed: the figures, and what it broke.
 //!
 //! Everything here is a function of the images, the seed and the flags, so two runs give the same bytes, but for
-//! [`Speed`], which is the host's. Times are virtual nanoseconds on the bench's fast clock: a fixed number of cycles
-//! per instruction, so figures that contain processor time are estimates (see `docs/decisions/0004`).
+//! [`Speed`], which is the host's. Times are virtual nanoseconds. Figures that contain processor time hold for the
+//! run's clock ([`Report::clock`]): on the fast one they are estimates, the other two bound what silicon takes.
 
 use serde::Serialize;
 
@@ -182,6 +182,8 @@ pub struct Base {
 pub struct Report {
     /// The seed of everything random.
     pub seed: u64,
+    /// What the cores' time costs: `fast`, `optimistic` or `pessimistic`. The last two bound what silicon takes.
+    pub clock: &'static str,
     /// How long the run was.
     pub virtual_seconds: f64,
     /// Receivers in the profile.

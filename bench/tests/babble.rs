@@ -3,9 +3,8 @@
 
 mod boards;
 
-use bench::engine::{Downstream, Node, Relay, Upstream, Wiring};
-use bench::sim::boards::{Dpr, Horus, SSI_CSN};
-use bench::sim::front_end::FrontEnd;
+use bench::engine::{Downstream, Node, Relay, Threads, Upstream};
+use bench::sim::boards::{Dpr, Horus};
 use bench::sim::ledger::bounds::TICK_TO_COMMAND_JITTER;
 use boards::counter;
 use dpr_fw::telemetry::Telemetry as DprTelemetry;
@@ -15,7 +14,6 @@ use profile::image::Image;
 use profile::sequence::SEARCH_CYCLES;
 use profile::ssi::{Request, encode};
 use profile::{Identifier, LinkStatus, ReportedPosition};
-use rigless::time::VirtualNanos;
 use st25r3916_model::{Air, AirEvent, Config, Faults};
 
 const US: u64 = 1_000;
@@ -49,11 +47,11 @@ enum Babble {
 #[test]
 fn receivers_that_never_stop_talking_do_not_move_a_frame() {
     for babble in [Babble::Noise, Babble::Beginnings, Babble::Unasked] {
-        let Some((mut node, chip, lines)) = boards::horus() else { return };
+        let Some(mut node) = boards::horus() else { return };
         let mut noise = Noise(1);
         let mut starts = vec![];
         while node.now() < 500 * MS {
-            for line in &lines {
+            for line in 0..3 {
                 let bytes: Vec<u8> = match babble {
                     Babble::Noise => (0..A_MILLISECOND).map(|_| noise.byte()).collect(),
                     Babble::Beginnings => {
@@ -61,22 +59,19 @@ fn receivers_that_never_stop_talking_do_not_move_a_frame() {
                     }
                     Babble::Unasked => ubx::frame(0x0A, 0x04, &[noise.byte(); A_MILLISECOND - 8]),
                 };
-                node.input(|_, _| line.send(&bytes));
+                let now = node.now();
+                node.board_mut(|board| board.send(now, line, &bytes));
             }
             let end = node.now() / MS * MS + MS;
             while node.now() < end {
                 node.advance(end);
-                chip.with(|chip| {
-                    starts.extend(
-                        chip.take_air()
-                            .filter_map(|(at, event)| matches!(event, AirEvent::FrameStart(_)).then_some(at)),
-                    );
-                });
+                let emitted = node.board_mut(|board| board.front_end.take_air()).into_iter();
+                starts.extend(emitted.filter(|(_, event)| matches!(event, AirEvent::FrameStart(_))).map(|(at, _)| at));
             }
         }
         assert_eq!(starts.len(), 49, "{babble:?}");
         // What the firmware answers for: the transmit command comes at the same instant of every cycle.
-        let commands = chip.take_transmits();
+        let commands = node.board_mut(|board| board.front_end.take_transmits());
         assert_eq!(commands.len(), 49, "{babble:?}");
         for pair in commands.windows(2) {
             assert!((pair[1] - pair[0]).abs_diff(10 * MS) <= TICK_TO_COMMAND_JITTER, "{babble:?}: {pair:?}");
@@ -136,11 +131,10 @@ struct Controller {
     /// What the last transaction of a sane one brought.
     read: Vec<u8>,
     air: Air,
-    listener: FrontEnd,
 }
 
 impl Controller {
-    fn new(conduct: Conduct, sane_at: u64, listener: FrontEnd) -> Self {
+    fn new(conduct: Conduct, sane_at: u64) -> Self {
         Self {
             conduct,
             sane_at,
@@ -151,7 +145,6 @@ impl Controller {
             miso: vec![],
             read: vec![],
             air: Air::new(1, Faults::default()),
-            listener,
         }
     }
 
@@ -185,16 +178,15 @@ impl Downstream<Dpr> for Controller {
     type Message = AirEvent;
     type Notes = ();
 
-    fn hear(&mut self, at: u64, event: AirEvent) {
-        let listener = &self.listener;
-        self.air.from_poller(at, event, |at, event| listener.with(|chip| chip.hear(at, event)));
+    fn hear(&mut self, at: u64, event: AirEvent, node: &mut Node<Dpr>) {
+        let air = &mut self.air;
+        node.board_mut(|board| air.from_poller(at, event, |at, event| board.front_end.hear(at, event)));
     }
 
     fn noted(&mut self, (): ()) {}
 
     fn leave(&mut self, node: &mut Node<Dpr>) {
-        let _ = node;
-        let answers = self.listener.with(|chip| chip.take_air().count());
+        let answers = node.board_mut(|board| board.front_end.take_air().len());
         assert_eq!(answers, 0, "the listener never answers");
     }
 
@@ -208,7 +200,7 @@ impl Downstream<Dpr> for Controller {
             Stage::Idle => {
                 self.mosi = self.request();
                 self.miso.clear();
-                node.input(|board, now| board.part_mut().ssi_select(VirtualNanos(now), SSI_CSN));
+                node.ssi_select();
                 self.stage = Stage::Clocking(0);
                 // Set-up time and the first byte; a hung one comes back when it is sane again.
                 self.at = if length == 0 { self.sane_at } else { self.at + 2 * US + 200 };
@@ -217,13 +209,13 @@ impl Downstream<Dpr> for Controller {
                 let noisy = self.conduct == Conduct::RunsAway && !self.sane();
                 let mosi = self.mosi.get(done).copied();
                 let mosi = mosi.unwrap_or_else(|| if noisy { self.noise.byte() } else { 0 });
-                let miso = node.input(|board, now| board.part_mut().ssi_clock(VirtualNanos(now), mosi));
-                self.miso.push(miso.unwrap_or(0xFF));
+                let miso = node.ssi_clock(node.now(), mosi);
+                self.miso.push(miso);
                 self.stage = Stage::Clocking(done + 1);
                 self.at += US + 50;
             }
             Stage::Clocking(_) => {
-                node.input(|board, now| board.part_mut().ssi_deselect(VirtualNanos(now), SSI_CSN));
+                node.ssi_deselect();
                 self.stage = Stage::Idle;
                 if self.miso.len() == Image::<3>::LEN {
                     self.read.clone_from(&self.miso);
@@ -235,14 +227,14 @@ impl Downstream<Dpr> for Controller {
 }
 
 /// The poller's antenna.
-struct Antenna(FrontEnd);
+struct Antenna;
 
 impl Upstream<Horus> for Antenna {
     type Message = AirEvent;
     type Notes = ();
 
-    fn leave(&mut self, _node: &mut Node<Horus>, sent: &mut Vec<(u64, AirEvent)>) {
-        self.0.with(|chip| sent.extend(chip.take_air()));
+    fn leave(&mut self, node: &mut Node<Horus>, sent: &mut Vec<(u64, AirEvent)>) {
+        node.board_mut(|board| sent.extend(board.front_end.take_air()));
     }
 
     fn notes(&mut self, _node: &mut Node<Horus>) {}
@@ -251,10 +243,9 @@ impl Upstream<Horus> for Antenna {
 #[test]
 fn a_flight_controller_gone_mad_costs_no_frame_and_is_served_again_when_it_is_sane() {
     for conduct in [Conduct::Hammers, Conduct::Hangs, Conduct::RunsAway, Conduct::Lies] {
-        let (Some((a, poller, _)), Some((b, listener))) = (boards::horus(), boards::dpr()) else { return };
-        let downstream = Controller::new(conduct, 330 * MS, listener);
-        let mut relay = Relay { a, b, upstream: Antenna(poller), downstream };
-        relay.run(400 * MS, 400 * MS, |_, _, _| Ok::<_, ()>(())).unwrap();
+        let (Some(a), Some(b)) = (boards::horus(), boards::dpr()) else { return };
+        let mut relay = Relay { a, b, upstream: Antenna, downstream: Controller::new(conduct, 330 * MS) };
+        relay.run(400 * MS, 400 * MS, Threads::Two, |_, _, _| Ok::<_, ()>(())).unwrap();
         let Relay { b: mut dpr, downstream, .. } = relay;
         let count = |dpr: &Node<Dpr>, offset| counter(dpr, "DPR_TELEMETRY", offset);
         // The first frame is that of 10 ms; that of 390 ms is through at 395 ms.

@@ -4,18 +4,17 @@
 mod boards;
 mod reader;
 
-use bench::engine::{Node, Relay, Wiring};
+use bench::engine::{Node, Relay, Threads};
 use bench::sim::boards::Horus;
-use bench::sim::front_end::FrontEnd;
-use bench::stm32f427::Oscillators;
+use bench_seam::Reset;
 use boards::counter;
 use dpr_fw::telemetry::Telemetry as DprTelemetry;
 use horus_tx_fw::telemetry::Telemetry as HorusTelemetry;
 use profile::sequence::SEARCH_CYCLES;
 use profile::{Object, ReportedPosition};
 use reader::{Antenna, MS, Reader, US};
-use rigless::device::ResetCause;
 use st25r3916_model::AirEvent;
+use stm32f429::Oscillators;
 
 /// The longest from the failure of the external clock to the field being off: the exception, and one register written
 /// over the front end's SPI with the processor on 16 MHz.
@@ -29,14 +28,12 @@ const BITE: u64 = 200 * MS;
 fn without_a_crystal_horus_sends_every_10_ms_says_so_in_each_object_and_is_accepted() {
     for hsi_ppb in [0, 10_000_000, -10_000_000] {
         let oscillators = Oscillators { hse_hz: None, hsi_ppb, ..Oscillators::default() };
-        let (Some((a, poller, _)), Some((b, listener))) = (boards::horus_on(oscillators), boards::dpr()) else {
-            return;
-        };
-        let mut relay = Relay { a, b, upstream: Antenna::new(poller), downstream: Reader::new(listener) };
+        let (Some(a), Some(b)) = (boards::horus_on(oscillators), boards::dpr()) else { return };
+        let mut relay = Relay { a, b, upstream: Antenna::default(), downstream: Reader::new() };
         // Longer than two of the windows in which the DPR compares the clocks.
-        relay.run(2_300 * MS, 100 * MS, |_, _, _| Ok::<_, ()>(())).unwrap();
+        relay.run(2_300 * MS, 100 * MS, Threads::Two, |_, _, _| Ok::<_, ()>(())).unwrap();
         let Relay { a: horus, b: dpr, upstream, downstream: reader } = relay;
-        assert!(!horus.board().part().has_hse());
+        assert!(!horus.part().has_hse());
         assert_eq!(counter(&horus, "HORUS_TELEMETRY", std::mem::offset_of!(HorusTelemetry, without_crystal)), 1);
         assert_eq!(horus.resets().len(), 0, "{hsi_ppb} ppb");
 
@@ -77,21 +74,19 @@ fn without_a_crystal_horus_sends_every_10_ms_says_so_in_each_object_and_is_accep
 /// What a HORUS board alone put on the air.
 struct Transmitter {
     node: Node<Horus>,
-    chip: FrontEnd,
     air: Vec<(u64, AirEvent)>,
 }
 
 impl Transmitter {
     fn new() -> Option<Self> {
-        let (node, chip, _) = boards::horus()?;
-        Some(Self { node, chip, air: vec![] })
+        Some(Self { node: boards::horus()?, air: vec![] })
     }
 
     /// Runs to `end`, or to a restart before it. Answers whether it restarted.
     fn run_to(&mut self, end: u64) -> bool {
         while self.node.now() < end {
             let restarted = self.node.advance_to_restart(end);
-            self.chip.with(|chip| self.air.extend(chip.take_air()));
+            self.air.extend(self.node.board_mut(|board| board.front_end.take_air()));
             if restarted {
                 return true;
             }
@@ -132,11 +127,11 @@ fn a_clock_that_fails_switches_the_field_off_at_once_and_horus_sends_again_witho
     for phase in [20 * US, 90 * US, 250 * US, 2_000 * US, 7_000 * US] {
         let Some(mut horus) = Transmitter::new() else { return };
         horus.run_to(60 * MS);
-        let tick = *horus.node.board_mut().take_ticks().last().unwrap();
+        let tick = *horus.node.board_mut(Horus::take_ticks).last().unwrap();
         assert!(!horus.run_to(tick + 10 * MS + phase));
         assert!(horus.frames(0).len() >= 4);
         assert!(horus.frames(0).iter().all(|(_, without)| !without));
-        horus.node.input(|board, at| board.part_mut().fail_hse(at));
+        horus.node.input(|part, view, at| part.fail_hse(at, view));
         let failed = horus.node.now();
         assert!(horus.run_to(failed + BITE), "{phase}: no restart");
         let restarted = horus.node.now();
@@ -144,8 +139,8 @@ fn a_clock_that_fails_switches_the_field_off_at_once_and_horus_sends_again_witho
         worst = worst.max(off - failed);
         assert!(off - failed <= FIELD_OFF, "{phase}: {} ns", off - failed);
         assert_eq!(horus.frames(failed), [], "{phase}: nothing is sent any more");
-        let causes: Vec<ResetCause> = horus.node.resets().map(|reset| reset.cause).collect();
-        assert_eq!(causes, [ResetCause::Model("IWDG")], "{phase}");
+        let causes: Vec<Reset> = horus.node.resets().iter().map(|reset| reset.cause).collect();
+        assert_eq!(causes, [Reset::Watchdog("IWDG")], "{phase}");
         let log: String = horus.node.take_log().iter().map(|line| format!("{line}\n")).collect();
         assert!(log.contains("the external clock has failed"), "{phase}: {log}");
 
@@ -165,7 +160,7 @@ fn a_clock_that_fails_switches_the_field_off_at_once_and_horus_sends_again_witho
         }
 
         // It comes back: nothing changes before the next start, which uses it.
-        horus.node.input(|board, at| board.part_mut().restore_hse(at));
+        horus.node.input(|part, view, at| part.restore_hse(at, view));
         let restored = horus.node.now();
         assert!(!horus.run_to(restored + 50 * MS), "{phase}");
         assert!(horus.frames(restored).iter().all(|(_, without)| *without), "{phase}");

@@ -6,13 +6,11 @@
 
 mod boards;
 
-use bench::engine::{Downstream, FindingKind, Node, Relay, Upstream, Wiring};
-use bench::sim::boards::{Dpr, Horus, SSI_CSN};
-use bench::sim::front_end::FrontEnd;
+use bench::engine::{Board, Downstream, FindingKind, Node, Relay, Threads, Upstream};
+use bench::sim::boards::{Dpr, Horus};
+use bench_seam::Reset;
 use profile::image::Image;
 use profile::{GpsObject, Identifier, LinkStatus, ReportedPosition};
-use rigless::device::ResetCause;
-use rigless::time::VirtualNanos;
 use st25r3916_model::{Air, AirEvent, Faults};
 
 const US: u64 = 1_000;
@@ -46,7 +44,7 @@ impl Damage {
 }
 
 /// Puts `damage` where `task` begins, and answers what repairs it.
-fn break_task<B: Wiring>(node: &mut Node<B>, task: &str, damage: Damage) -> (u64, [u8; 2]) {
+fn break_task<B: Board>(node: &mut Node<B>, task: &str, damage: Damage) -> (u64, [u8; 2]) {
     let address = node.address_of(task).unwrap() & !1;
     let mut was = [0; 2];
     node.read(address, &mut was).unwrap();
@@ -55,7 +53,7 @@ fn break_task<B: Wiring>(node: &mut Node<B>, task: &str, damage: Damage) -> (u64
 }
 
 /// Runs to the board's next restart, and answers when it was. `look` is called whenever something left the board.
-fn until_restart<B: Wiring>(node: &mut Node<B>, within: u64, mut look: impl FnMut(&mut Node<B>)) -> u64 {
+fn until_restart<B: Board>(node: &mut Node<B>, within: u64, mut look: impl FnMut(&mut Node<B>)) -> u64 {
     let end = node.now() + within;
     while node.now() < end {
         let restarted = node.advance_to_restart(end);
@@ -67,11 +65,11 @@ fn until_restart<B: Wiring>(node: &mut Node<B>, within: u64, mut look: impl FnMu
     panic!("no restart within {} ms", within / MS);
 }
 
-fn logged<B: Wiring>(node: &mut Node<B>) -> String {
+fn logged<B: Board>(node: &mut Node<B>) -> String {
     node.take_log().iter().map(|line| format!("{line}\n")).collect()
 }
 
-fn faulted<B: Wiring>(node: &mut Node<B>) -> bool {
+fn faulted<B: Board>(node: &mut Node<B>) -> bool {
     node.take_findings().iter().any(|finding| finding.kind == FindingKind::HardFault)
 }
 
@@ -79,14 +77,12 @@ fn faulted<B: Wiring>(node: &mut Node<B>) -> bool {
 
 struct Transmitter {
     node: Node<Horus>,
-    chip: FrontEnd,
     air: Vec<(u64, AirEvent)>,
 }
 
 /// The HORUS board, without a receiver that sends.
 fn transmitter() -> Option<Transmitter> {
-    let (node, chip, _) = boards::horus()?;
-    Some(Transmitter { node, chip, air: vec![] })
+    Some(Transmitter { node: boards::horus()?, air: vec![] })
 }
 
 impl Transmitter {
@@ -94,7 +90,7 @@ impl Transmitter {
         let end = self.node.now() + ns;
         while self.node.now() < end {
             self.node.advance(end);
-            self.chip.with(|chip| self.air.extend(chip.take_air()));
+            self.air.extend(self.node.board_mut(|board| board.front_end.take_air()));
         }
     }
 
@@ -108,8 +104,8 @@ impl Transmitter {
     }
 
     fn until_restart(&mut self) -> u64 {
-        let Self { node, chip, air } = self;
-        until_restart(node, BITE, |_| chip.with(|chip| air.extend(chip.take_air())))
+        let Self { node, air } = self;
+        until_restart(node, BITE, |node| air.extend(node.board_mut(|board| board.front_end.take_air())))
     }
 }
 
@@ -126,8 +122,8 @@ fn horus_restarts_when_a_task_dies_or_hangs_and_sends_again() {
             assert_eq!(horus.frames(0), 5, "{task}");
             let (address, was) = break_task(&mut horus.node, vector, damage);
             let restarted = horus.until_restart();
-            let causes: Vec<ResetCause> = horus.node.resets().map(|reset| reset.cause).collect();
-            assert_eq!(causes, [ResetCause::Model("IWDG")], "{task} {damage:?}");
+            let causes: Vec<Reset> = horus.node.resets().iter().map(|reset| reset.cause).collect();
+            assert_eq!(causes, [Reset::Watchdog("IWDG")], "{task} {damage:?}");
             horus.node.write(address, &was).unwrap();
             horus.run_for(55 * MS);
             assert!(horus.frames(restarted) >= 4, "{task} {damage:?}: {} frames", horus.frames(restarted));
@@ -166,16 +162,16 @@ fn read_image(node: &mut Node<Dpr>, bytes: usize) -> Vec<u8> {
     fn pass(node: &mut Node<Dpr>, ns: u64) {
         node.advance(node.now() + ns);
     }
-    node.input(|board, now| board.part_mut().ssi_select(VirtualNanos(now), SSI_CSN));
+    node.ssi_select();
     pass(node, 5 * US);
     let read = (0..bytes)
         .map(|_| {
             pass(node, US + 100);
-            node.input(|board, now| board.part_mut().ssi_clock(VirtualNanos(now), 0)).unwrap_or(0xFF)
+            node.ssi_clock(node.now(), 0)
         })
         .collect();
     pass(node, 2 * US);
-    node.input(|board, now| board.part_mut().ssi_deselect(VirtualNanos(now), SSI_CSN));
+    node.ssi_deselect();
     pass(node, 20 * US);
     read
 }
@@ -197,12 +193,12 @@ const DPR_TASKS: [(&str, &str); 4] = [
 fn the_dpr_restarts_when_a_task_dies_or_hangs_and_says_so() {
     for (vector, task) in DPR_TASKS {
         for damage in [Damage::Dead, Damage::Hung] {
-            let Some((mut dpr, _)) = boards::dpr() else { return };
+            let Some(mut dpr) = boards::dpr() else { return };
             dpr.advance(50 * MS);
             assert!(!link_status(&mut dpr).status().unasked_reset(), "{task}");
             let (address, was) = break_task(&mut dpr, vector, damage);
             until_restart(&mut dpr, BITE, |_| {});
-            assert_eq!(dpr.board().part().watchdog_resets().len(), 1, "{task} {damage:?}");
+            assert_eq!(dpr.part().watchdog_resets().len(), 1, "{task} {damage:?}");
             dpr.write(address, &was).unwrap();
             dpr.advance(dpr.now() + 50 * MS);
             assert!(link_status(&mut dpr).status().unasked_reset(), "{task} {damage:?}");
@@ -214,7 +210,7 @@ fn the_dpr_restarts_when_a_task_dies_or_hangs_and_says_so() {
 #[test]
 fn a_fault_in_the_dpr_leaves_nothing_to_be_read_until_the_watchdog_has_restarted_it() {
     for (vector, task) in DPR_TASKS {
-        let Some((mut dpr, _)) = boards::dpr() else { return };
+        let Some(mut dpr) = boards::dpr() else { return };
         dpr.advance(50 * MS);
         let (address, was) = break_task(&mut dpr, vector, Damage::Faulting);
         // The deadline monitor comes round every 12.5 ms and makes each of them run.
@@ -246,7 +242,6 @@ struct Reader {
     /// The timestamps of the valid objects of every image read, with the instant its transaction began.
     read: Vec<(u64, Vec<u32>)>,
     air: Air,
-    listener: FrontEnd,
     /// The bytes of the frame that is on the air, LEN first.
     frame: Vec<u8>,
     /// When each frame's last bit was through, by the timestamp it carries.
@@ -263,7 +258,7 @@ struct Reader {
 const PAUSES: [u64; 3] = [US * 700, US * 2_150, US * 3_600];
 
 impl Reader {
-    fn new(listener: FrontEnd, loses: bool) -> Self {
+    fn new(loses: bool) -> Self {
         Self {
             loses,
             lost: false,
@@ -273,7 +268,6 @@ impl Reader {
             miso: vec![],
             read: vec![],
             air: Air::new(1, Faults::default()),
-            listener,
             frame: vec![],
             sent: std::collections::BTreeMap::new(),
             broken: None,
@@ -311,7 +305,7 @@ impl Downstream<Dpr> for Reader {
     type Message = AirEvent;
     type Notes = ();
 
-    fn hear(&mut self, at: u64, event: AirEvent) {
+    fn hear(&mut self, at: u64, event: AirEvent, node: &mut Node<Dpr>) {
         match &event {
             AirEvent::FrameStart(start) => self.frame.clone_from(&start.chunk.data),
             AirEvent::Bytes(chunk) => self.frame.extend(&chunk.data),
@@ -327,14 +321,14 @@ impl Downstream<Dpr> for Reader {
         if self.lost && !matches!(event, AirEvent::FieldOn | AirEvent::FieldOff) {
             return;
         }
-        let listener = &self.listener;
-        self.air.from_poller(at, event, |at, event| listener.with(|chip| chip.hear(at, event)));
+        let air = &mut self.air;
+        node.board_mut(|board| air.from_poller(at, event, |at, event| board.front_end.hear(at, event)));
     }
 
     fn noted(&mut self, (): ()) {}
 
-    fn leave(&mut self, _node: &mut Node<Dpr>) {
-        self.listener.with(|chip| chip.take_air().count());
+    fn leave(&mut self, node: &mut Node<Dpr>) {
+        node.board_mut(|board| board.front_end.take_air());
     }
 
     fn next_at(&self) -> u64 {
@@ -343,15 +337,15 @@ impl Downstream<Dpr> for Reader {
 
     fn act(&mut self, at: u64, node: &mut Node<Dpr>) {
         if self.selected.is_none() {
-            node.input(|board, now| board.part_mut().ssi_select(VirtualNanos(now), SSI_CSN));
+            node.ssi_select();
             self.selected = Some(at);
             self.at += 3 * US;
         } else if self.miso.len() < Image::<3>::LEN {
-            let miso = node.input(|board, now| board.part_mut().ssi_clock(VirtualNanos(now), 0));
-            self.miso.push(miso.unwrap_or(0xFF));
+            let miso = node.ssi_clock(node.now(), 0);
+            self.miso.push(miso);
             self.at += US + 50;
         } else {
-            node.input(|board, now| board.part_mut().ssi_deselect(VirtualNanos(now), SSI_CSN));
+            node.ssi_deselect();
             self.read.push((self.selected.take().unwrap_or(at), Self::valid(&self.miso)));
             self.miso.clear();
             self.at += PAUSES[self.transactions % PAUSES.len()];
@@ -361,14 +355,14 @@ impl Downstream<Dpr> for Reader {
 }
 
 /// The poller's antenna.
-struct Antenna(FrontEnd);
+struct Antenna;
 
 impl Upstream<Horus> for Antenna {
     type Message = AirEvent;
     type Notes = ();
 
-    fn leave(&mut self, _node: &mut Node<Horus>, sent: &mut Vec<(u64, AirEvent)>) {
-        self.0.with(|chip| sent.extend(chip.take_air()));
+    fn leave(&mut self, node: &mut Node<Horus>, sent: &mut Vec<(u64, AirEvent)>) {
+        node.board_mut(|board| sent.extend(board.front_end.take_air()));
     }
 
     fn notes(&mut self, _node: &mut Node<Horus>) {}
@@ -407,15 +401,14 @@ fn hang(node: &mut Node<Dpr>, vector: &str) -> Option<(u64, [u8; 2])> {
 /// restart. A firmware that checks its flash as it starts may have met the damage before that, and then restarts once
 /// more.
 fn hung(vector: &str, task: &str, breaks_at: u64) -> Option<Reader> {
-    let (Some((a, poller, _)), Some((b, listener))) = (boards::horus(), boards::dpr()) else { return None };
-    let mut relay =
-        Relay { a, b, upstream: Antenna(poller), downstream: Reader::new(listener, ON_LOSS.contains(&task)) };
-    let ended = relay.run(700 * MS, 250 * US, |at, node, reader| {
+    let (Some(a), Some(b)) = (boards::horus(), boards::dpr()) else { return None };
+    let mut relay = Relay { a, b, upstream: Antenna, downstream: Reader::new(ON_LOSS.contains(&task)) };
+    let ended = relay.run(700 * MS, 250 * US, Threads::Two, |at, node, reader| {
         match (reader.broken, reader.repaired) {
             (None, _) if at >= breaks_at => {
                 reader.broken = hang(node, vector).map(|(address, was)| (at, address, was));
             }
-            (Some((_, address, was)), false) if node.resets().len() > 0 => {
+            (Some((_, address, was)), false) if !node.resets().is_empty() => {
                 node.write(address, &was).unwrap();
                 reader.repaired = true;
             }
@@ -456,7 +449,7 @@ fn unused_vector(table: u64, interrupt: u64) -> u64 {
 }
 
 /// Flips bit 3 of the byte at `address`.
-fn flip<B: Wiring>(node: &mut Node<B>, address: u64) {
+fn flip<B: Board>(node: &mut Node<B>, address: u64) {
     let mut byte = [0];
     node.read(address, &mut byte).unwrap();
     node.write(address, &[byte[0] ^ 1 << 3]).unwrap();
@@ -470,9 +463,9 @@ fn a_bit_of_horus_flash_that_is_wrong_at_the_start_keeps_the_field_off_until_it_
     flip(&mut horus.node, address);
     horus.run_for(500 * MS);
     assert!(!horus.air.iter().any(|(_, event)| matches!(event, AirEvent::FieldOn)), "the field went on");
-    let causes: Vec<ResetCause> = horus.node.resets().map(|reset| reset.cause).collect();
+    let causes: Vec<Reset> = horus.node.resets().iter().map(|reset| reset.cause).collect();
     assert!(causes.len() >= 2, "{causes:?}");
-    assert!(causes.iter().all(|cause| *cause == ResetCause::Model("IWDG")), "{causes:?}");
+    assert!(causes.iter().all(|cause| *cause == Reset::Watchdog("IWDG")), "{causes:?}");
     let log = logged(&mut horus.node);
     assert!(log.contains("flash"), "{log}");
     flip(&mut horus.node, address);
@@ -483,7 +476,7 @@ fn a_bit_of_horus_flash_that_is_wrong_at_the_start_keeps_the_field_off_until_it_
 
 #[test]
 fn a_bit_of_the_dprs_flash_that_is_wrong_at_the_start_leaves_nothing_to_be_read_until_it_is_right_again() {
-    let Some((mut dpr, _)) = boards::dpr() else { return };
+    let Some(mut dpr) = boards::dpr() else { return };
     // The radio's, interrupt 1.
     let address = unused_vector(0, 1);
     flip(&mut dpr, address);
@@ -492,7 +485,7 @@ fn a_bit_of_the_dprs_flash_that_is_wrong_at_the_start_leaves_nothing_to_be_read_
         let read = read_image(&mut dpr, LinkStatus::SIZE);
         assert!(read.iter().all(|&byte| byte == 0xFF), "at {} us: {read:02x?}", dpr.now() / US);
     }
-    let bites = dpr.board().part().watchdog_resets().len();
+    let bites = dpr.part().watchdog_resets().len();
     assert!(bites >= 2, "{bites} watchdog resets");
     assert_eq!(dpr.resets().len(), bites, "and no other");
     let log = logged(&mut dpr);

@@ -11,6 +11,7 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::PathBuf;
 
+use bench::engine::{Clock, Threads};
 use bench::sim::{Crystals, Faults, Images, Outcome, Setup, run};
 use boards::{image, not_run};
 use gnss_sim::{Log, ubx};
@@ -27,6 +28,8 @@ fn setup(gps: usize, milliseconds: u64) -> Option<Setup> {
         images: Images { horus: image(gps, "horus-tx-fw.elf")?, dpr: image(gps, "dpr-fw.elf")? },
         gps,
         duration_ns: milliseconds * MS,
+        clock: Clock::Fast,
+        threads: Threads::Two,
         seed: 1,
         recordings: vec![],
         crystals: Crystals { horus_ppb: 8_000, dpr_ppb: -12_000, flight_controller_ppb: 25_000 },

@@ -1,119 +1,75 @@
-//! The two different microcontrollers in lock-step: an STM32F427 sends a block over SPI1 by DMA, the nRF52840's SPIS
+//! The two different microcontrollers in lock-step: an STM32F429 sends a block over SPI1 by DMA, the nRF52840's SPIS
 //! receives it by EasyDMA, and each core hears of the end by an interrupt: the sender's DMA stream, the receiver's END,
 //! and the receiver's answer on a pin, which the sender takes by EXTI.
 
 mod thumb;
 
-use bench::engine::{Between, Lookahead, Node, Pair, Sent, Wiring};
-use bench::stm32f427::{Oscillators, PinId, Stm32f427Part};
-use nrf52840_model::{Nrf52840, Pin, PinChange, Settings};
-use rigless::chip::{Timeline, spi};
-use rigless::snapshot::Store;
-use rigless::time::VirtualNanos;
-use thumb::{COUNTER, EXTI, GPIOD, HANDLER, MAIN, RCC, Thumb, firmware, firmware_at};
+use bench::engine::{Between, Board, Lookahead, Node, Pair, Sent};
+use bench_seam::{Pad, Pin, SpiFrame, SpiMode};
+use nrf52840::{Nrf52840, Settings, SsiWires};
+use stm32f429::{Oscillators, Stm32f429, pin};
+use thumb::{COUNTER, EXTI, GPIOA, GPIOD, HANDLER, MAIN, RCC, Thumb, firmware, firmware_at};
 
 const BLOCK: u32 = 0x2000_1000;
 const BYTES: u32 = 64;
 
-/// The far end of the sender's SPI is a cable: everything that happens on it, with its instant.
-#[derive(Debug, Default)]
-struct Cable {
-    crossed: Vec<(u64, Clocked)>,
-}
-
+/// What happens on the cable between the two.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Clocked {
     Select,
-    Byte(u8),
+    Byte(u8, SpiMode),
     Deselect,
 }
 
-impl Store for Cable {}
-
-impl spi::Peer for Cable {
-    fn transfer(&mut self, mosi: u32, _bits: u8, timeline: &mut Timeline<'_, '_>) -> u32 {
-        self.crossed.push((timeline.now().0, Clocked::Byte(u8::try_from(mosi).unwrap())));
-        0xFF
-    }
-
-    fn select(&mut self, timeline: &mut Timeline<'_, '_>) {
-        self.crossed.push((timeline.now().0, Clocked::Select));
-    }
-
-    fn deselect(&mut self, timeline: &mut Timeline<'_, '_>) {
-        self.crossed.push((timeline.now().0, Clocked::Deselect));
-    }
-}
-
-#[derive(Debug)]
+/// The far end of the sender's SPI is a cable: everything that happens on it, with its instant.
+#[derive(Clone, Debug, Default)]
 struct Sender {
-    part: Stm32f427Part,
+    crossed: Vec<(u64, Clocked)>,
 }
 
-const CS: PinId = PinId::new('D', 14);
-const ANSWERED: PinId = PinId::new('A', 3);
+const SCK: Pin = pin('A', 5);
+const MOSI: Pin = pin('A', 7);
+const CS: Pin = pin('D', 14);
+const ANSWERED: Pin = pin('A', 3);
 
-impl Sender {
-    fn new() -> Self {
-        let mut part = Stm32f427Part::new(Oscillators::default());
-        part.attach_spi(1, Cable::default(), CS);
-        part.drive_pin(0, ANSWERED, false);
-        Self { part }
+impl Board for Sender {
+    type Part = Stm32f429;
+
+    fn pin(&mut self, at: u64, pin: Pin, pad: Pad) {
+        if pin == CS {
+            self.crossed.push((at, if pad.level() { Clocked::Deselect } else { Clocked::Select }));
+        }
     }
 
-    fn cable(&self) -> Option<&Cable> {
-        let chip: &dyn std::any::Any = self.part.mcu().spi[0].peer()?;
-        chip.downcast_ref()
-    }
-}
-
-impl Wiring for Sender {
-    type Part = Stm32f427Part;
-
-    fn part(&self) -> &Stm32f427Part {
-        &self.part
-    }
-
-    fn part_mut(&mut self) -> &mut Stm32f427Part {
-        &mut self.part
+    fn spi(&mut self, _begins: u64, ends: u64, frame: &SpiFrame) -> Option<u32> {
+        if frame.sck.contains(&Some(SCK)) && frame.mosi.contains(&Some(MOSI)) && frame.bits == 8 {
+            self.crossed.push((ends, Clocked::Byte(u8::try_from(frame.data).unwrap(), frame.mode)));
+        }
+        Some(0xFF)
     }
 
     fn outgoing(&self) -> bool {
-        self.cable().is_some_and(|cable| !cable.crossed.is_empty())
+        !self.crossed.is_empty()
     }
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug, Default)]
 struct Receiver {
-    part: Nrf52840,
-    changes: Vec<PinChange>,
+    level: bool,
+    changes: Vec<(u64, bool)>,
 }
 
-const CSN: Pin = Pin::p1(4);
-const ANSWER: Pin = Pin::p1(5);
+const SSI: SsiWires = SsiWires { sck: Pin::new(1, 1), mosi: Pin::new(1, 2), miso: Pin::new(1, 3), csn: Pin::new(1, 4) };
+const ANSWER: Pin = Pin::new(1, 5);
 
-impl Receiver {
-    fn new() -> Self {
-        let mut part = Nrf52840::new(Settings::default());
-        part.drive_pin(VirtualNanos(0), CSN, true);
-        Self { part, changes: Vec::new() }
-    }
-}
-
-impl Wiring for Receiver {
+impl Board for Receiver {
     type Part = Nrf52840;
 
-    fn part(&self) -> &Nrf52840 {
-        &self.part
-    }
-
-    fn part_mut(&mut self) -> &mut Nrf52840 {
-        &mut self.part
-    }
-
-    fn settle(&mut self, _at: u64) -> bool {
-        self.changes.extend(self.part.take_pin_changes().into_iter().filter(|change| change.pin == ANSWER));
-        false
+    fn pin(&mut self, at: u64, pin: Pin, pad: Pad) {
+        if pin == ANSWER && pad.level() != self.level {
+            self.level = pad.level();
+            self.changes.push((at, self.level));
+        }
     }
 
     fn outgoing(&self) -> bool {
@@ -139,15 +95,14 @@ impl Between<Sender, Receiver> for Wires {
     }
 
     fn leave_a(&mut self, node: &mut Node<Sender>, to_b: &mut Sent<Clocked>) {
-        let cable = node.board_mut().part.spi_chip::<Cable>(1, 0).unwrap();
-        for (at, clocked) in cable.crossed.drain(..) {
+        for (at, clocked) in node.board_mut(|board| std::mem::take(&mut board.crossed)) {
             to_b.send(at, clocked);
         }
     }
 
     fn leave_b(&mut self, node: &mut Node<Receiver>, to_a: &mut Sent<bool>) {
-        for change in node.board_mut().changes.drain(..) {
-            to_a.send(change.at + BACK, change.level);
+        for (at, high) in node.board_mut(|board| std::mem::take(&mut board.changes)) {
+            to_a.send(at + BACK, high);
         }
     }
 
@@ -155,17 +110,17 @@ impl Between<Sender, Receiver> for Wires {
         if high {
             self.answers.push(at);
         }
-        node.input(|board, at| board.part.drive_pin(at, ANSWERED, high));
+        node.drive(ANSWERED, Some(high));
     }
 
     fn arrive_b(&mut self, _at: u64, clocked: Clocked, node: &mut Node<Receiver>) {
         let bytes = &mut self.bytes;
-        node.input(|board, at| match clocked {
-            Clocked::Select => board.part.ssi_select(VirtualNanos(at), CSN),
-            Clocked::Deselect => board.part.ssi_deselect(VirtualNanos(at), CSN),
-            Clocked::Byte(mosi) => {
+        node.input(|part, view, at| match clocked {
+            Clocked::Select => part.ssi_select(at, SSI.csn, view),
+            Clocked::Deselect => part.ssi_deselect(at, SSI.csn, view),
+            Clocked::Byte(mosi, mode) => {
                 bytes.push(mosi);
-                board.part.ssi_clock(VirtualNanos(at), mosi);
+                part.ssi_clock(at, mosi, mode, view);
             }
         });
     }
@@ -185,6 +140,8 @@ fn sending() -> bench::engine::Firmware {
     let mut main = Thumb::at(MAIN);
     main.store(RCC + 0x44, 1 << 12 | 1 << 14).exti3_on_pa3();
     main.store(RCC + 0x30, 1 | 1 << 3 | 1 << 22).store(GPIOD + 0x18, 1 << 14).store(GPIOD, 1 << 28);
+    // SCK and MOSI: alternate function 5 on PA5 and PA7.
+    main.store(GPIOA + 0x20, 5 << 20 | 5 << 28).store(GPIOA, 0xA800_0000 | 2 << 10 | 2 << 14);
     main.store(RCC + 0x44, 1 << 12 | 1 << 14);
     for word in 0..BYTES / 4 {
         main.store(BLOCK + 4 * word, 0x0302_0100 + word * 0x0404_0404);
@@ -211,6 +168,8 @@ fn receiving() -> bench::engine::Firmware {
     const P1: u32 = 0x5000_0300;
     let mut main = Thumb::at(0x400);
     main.store(P1 + 0x518, 1 << 5);
+    // P1.01, P1.02 and P1.04 are connected inputs.
+    main.store(P1 + 0x704, 0).store(P1 + 0x708, 0).store(P1 + 0x710, 0);
     main.store(SPIS1 + 0x508, 32 + 1).store(SPIS1 + 0x50C, 32 + 3).store(SPIS1 + 0x510, 32 + 2);
     main.store(SPIS1 + 0x514, 32 + 4);
     main.store(SPIS1 + 0x534, BLOCK).store(SPIS1 + 0x538, BYTES);
@@ -230,8 +189,10 @@ fn receiving() -> bench::engine::Firmware {
 }
 
 fn after(end: u64) -> (Pair<Sender, Receiver, Wires>, [u64; 2]) {
-    let sender = Node::new(Sender::new(), &sending()).unwrap();
-    let receiver = Node::new(Receiver::new(), &receiving()).unwrap();
+    let sender = Node::new(Stm32f429::new(Oscillators::default()), Sender::default(), &sending()).unwrap();
+    let mut receiver = Node::new(Nrf52840::new(Settings::default()), Receiver::default(), &receiving()).unwrap();
+    receiver.input(|part, _, _| part.wire_ssi(SSI));
+    receiver.drive(SSI.csn, Some(true));
     let mut pair = Pair::new(sender, receiver, Wires::default());
     pair.run_until(end);
     assert_eq!(pair.a.take_findings(), []);

@@ -7,6 +7,7 @@
 
 mod boards;
 
+use bench::engine::{Clock, Threads};
 use bench::sim::phases::{Edge, Phase, Placement, Sweep};
 use bench::sim::{Crystals, Faults, Images, Setup, run};
 use boards::image;
@@ -42,6 +43,8 @@ fn holds(gps: usize, sweep: Sweep, (horus_ppb, dpr_ppb): (i64, i64)) {
         gps,
         // The first frame comes with the first cycle, and the sweep begins with the second.
         duration_ns: (cycles + 3) * 10_000_000,
+        clock: Clock::Fast,
+        threads: Threads::Two,
         seed: 1,
         recordings: vec![],
         crystals: Crystals { horus_ppb, dpr_ppb, flight_controller_ppb: 0 },

@@ -5,8 +5,7 @@ mod thumb;
 
 use std::collections::VecDeque;
 
-use bench::engine::{Between, Downstream, Lookahead, Node, Pair, Relay, Sent, Upstream};
-use bench::stm32f427::PinEdge;
+use bench::engine::{Between, Downstream, Lookahead, Node, Pair, Relay, Sent, Threads, Upstream};
 use player::{IN, Player};
 use thumb::{COUNTER, EXTI, GPIOD, HANDLER, MAIN, TIM2, Thumb, firmware};
 
@@ -17,7 +16,7 @@ fn beacon() -> Node<Player> {
     main.store(thumb::RCC + 0x30, 1 << 3).store(GPIOD, 1 << 28).tim2_every(11_200).idle();
     let mut tick = Thumb::at(HANDLER);
     tick.store(TIM2 + 0x10, 0).store(GPIOD + 0x18, 1 << 14).store(GPIOD + 0x18, 1 << 30).count(COUNTER).ret();
-    Node::new(Player::new(), &firmware("beacon", &main, &[(28, &tick)])).unwrap()
+    Player::with(&firmware("beacon", &main, &[(28, &tick)]))
 }
 
 /// Counts the rising edges of PA3, and answers each on PD14, which nobody hears.
@@ -26,7 +25,7 @@ fn counter() -> Node<Player> {
     main.exti3_on_pa3().store(GPIOD, 1 << 28).idle();
     let mut hit = Thumb::at(HANDLER);
     hit.store(EXTI + 0x14, 1 << 3).count(COUNTER).store(GPIOD + 0x18, 1 << 14).store(GPIOD + 0x18, 1 << 30).ret();
-    Node::new(Player::new(), &firmware("counter", &main, &[(9, &hit)])).unwrap()
+    Player::with(&firmware("counter", &main, &[(9, &hit)]))
 }
 
 /// The beacon's pin.
@@ -40,7 +39,7 @@ impl Upstream<Player> for Speaker {
     type Notes = u64;
 
     fn leave(&mut self, node: &mut Node<Player>, sent: &mut Vec<(u64, bool)>) {
-        sent.extend(node.board_mut().part.take_edges().into_iter().map(|PinEdge { at, high, .. }| (at, high)));
+        sent.extend(node.board_mut(Player::take_edges));
     }
 
     fn notes(&mut self, _node: &mut Node<Player>) -> u64 {
@@ -61,7 +60,7 @@ impl Downstream<Player> for Listener {
     type Message = bool;
     type Notes = u64;
 
-    fn hear(&mut self, at: u64, high: bool) {
+    fn hear(&mut self, at: u64, high: bool, _node: &mut Node<Player>) {
         self.coming.push_back((at, high));
     }
 
@@ -71,7 +70,7 @@ impl Downstream<Player> for Listener {
     }
 
     fn leave(&mut self, node: &mut Node<Player>) {
-        node.board_mut().part.take_edges();
+        node.board_mut(Player::take_edges);
     }
 
     fn next_at(&self) -> u64 {
@@ -81,7 +80,7 @@ impl Downstream<Player> for Listener {
     fn act(&mut self, at: u64, node: &mut Node<Player>) {
         let (_, high) = self.coming.pop_front().unwrap();
         self.arrived.push((at, high));
-        node.input(|board, now| board.part.drive_pin(now, IN, high));
+        node.drive(IN, Some(high));
     }
 }
 
@@ -104,18 +103,18 @@ impl Between<Player, Player> for Wire {
     }
 
     fn leave_a(&mut self, node: &mut Node<Player>, to_b: &mut Sent<bool>) {
-        for edge in node.board_mut().part.take_edges() {
-            to_b.send(edge.at, edge.high);
+        for (at, high) in node.board_mut(Player::take_edges) {
+            to_b.send(at, high);
         }
     }
 
     fn leave_b(&mut self, node: &mut Node<Player>, _to_a: &mut Sent<()>) {
-        node.board_mut().part.take_edges();
+        node.board_mut(Player::take_edges);
     }
 
     fn arrive_b(&mut self, at: u64, high: bool, node: &mut Node<Player>) {
         self.arrived.push((at, high));
-        node.input(|board, now| board.part.drive_pin(now, IN, high));
+        node.drive(IN, Some(high));
     }
 }
 
@@ -128,7 +127,7 @@ fn on_two_threads_both_boards_do_what_they_do_on_one() {
     let mut pair = Pair::new(beacon(), counter(), Wire::default());
     pair.run_until(100 * MS);
     let mut relay = relay();
-    relay.run(100 * MS, 10 * MS, |_, _, _| Ok::<_, ()>(())).unwrap();
+    relay.run(100 * MS, 10 * MS, Threads::Two, |_, _, _| Ok::<_, ()>(())).unwrap();
     assert_eq!(count(&mut relay.a), 142);
     assert_eq!(count(&mut relay.b), 142);
     assert_eq!(relay.downstream.arrived, pair.between.arrived);
@@ -141,7 +140,7 @@ fn the_caller_hears_of_every_step_and_of_everything_noted_by_the_end() {
     let mut relay = relay();
     let mut steps = vec![];
     relay
-        .run(25 * MS, 10 * MS, |at, node, listener| {
+        .run(25 * MS, 10 * MS, Threads::Two, |at, node, listener| {
             assert!(node.now() >= at);
             assert!(listener.notes >= at / MS, "{} notes at {at}", listener.notes);
             steps.push(at);
@@ -157,7 +156,8 @@ fn the_caller_hears_of_every_step_and_of_everything_noted_by_the_end() {
 #[test]
 fn an_error_of_the_caller_ends_the_run_on_both_threads() {
     let mut relay = relay();
-    let ended = relay.run(10_000 * MS, 10 * MS, |at, _, _| if at < 30 * MS { Ok(()) } else { Err("enough") });
+    let ended =
+        relay.run(10_000 * MS, 10 * MS, Threads::Two, |at, _, _| if at < 30 * MS { Ok(()) } else { Err("enough") });
     assert_eq!(ended, Err("enough"));
     assert!((30 * MS..31 * MS).contains(&relay.b.now()), "{}", relay.b.now());
     assert!(relay.a.now() < 1_000 * MS, "{}", relay.a.now());

@@ -7,14 +7,13 @@
 mod boards;
 mod reader;
 
-use bench::engine::{FromOutside, Node, Relay};
+use bench::engine::{FromOutside, Node, Relay, Threads};
 use bench::sim::boards::Dpr;
-use bench::sim::front_end::FrontEnd;
-use bench::stm32f427::Oscillators;
 use boards::counter;
 use dpr_fw::telemetry::Telemetry;
 use profile::sequence::SEARCH_CYCLES;
 use reader::{Antenna, MS, RECEIVERS, Reader, Sent, US, View, field_on, frame_ns, payload, send, views};
+use stm32f429::Oscillators;
 
 /// When the first frame of the test's own begins: the DPR has started long before.
 const FIRST: u64 = 60 * MS;
@@ -25,10 +24,10 @@ const OBJECTS: u32 = 4;
 /// No object may be readable longer than this after its frame's last bit.
 const STALE: u64 = 30 * MS;
 
-fn dpr() -> Option<(Node<Dpr>, FrontEnd)> {
-    let (node, listener) = boards::dpr()?;
-    field_on(&listener);
-    Some((node, listener))
+fn dpr() -> Option<Node<Dpr>> {
+    let mut node = boards::dpr()?;
+    field_on(&mut node);
+    Some(node)
 }
 
 fn count(node: &Node<Dpr>, offset: usize) -> u32 {
@@ -48,9 +47,9 @@ fn oldest(views: &[View], sent: &[(u64, u32)]) -> u64 {
 
 #[test]
 fn timestamps_20_10_20_10_and_so_on_show_nothing() {
-    let Some((mut node, listener)) = dpr() else { return };
+    let Some(mut node) = dpr() else { return };
     for cycle in 0..60 {
-        send(&listener, FIRST + cycle * 10 * MS, &payload(if cycle % 2 == 0 { 20 } else { 10 }));
+        send(&mut node, FIRST + cycle * 10 * MS, &payload(if cycle % 2 == 0 { 20 } else { 10 }));
     }
     let views = views(&mut node, FIRST + 600 * MS);
     assert!(views.len() >= 200, "{}", views.len());
@@ -74,13 +73,13 @@ fn ends(sent: &[(u64, u32)]) -> Vec<(u64, u32)> {
 
 #[test]
 fn frames_that_follow_each_other_too_early_are_noticed_and_not_shown() {
-    let Some((mut node, listener)) = dpr() else { return };
+    let Some(mut node) = dpr() else { return };
     // Ten cycles as they should be, then frames with 1 ms between one's end and the next's beginning, whose timestamps
     // go on as if nothing were wrong.
     let mut at = FIRST;
     let mut sent = vec![];
     for cycle in 0..40 {
-        send(&listener, at, &payload(100 + 10 * cycle));
+        send(&mut node, at, &payload(100 + 10 * cycle));
         sent.push((at, 100 + 10 * cycle));
         at += if cycle < 10 { 10 * MS } else { frame_ns() + MS };
     }
@@ -105,7 +104,7 @@ fn frames_that_follow_each_other_too_early_are_noticed_and_not_shown() {
 /// One frame more than HORUS sends, in the gap between its frames 20 and 21: the frame `back` cycles before frame 21,
 /// to the bit.
 fn inserted(back: u32) -> Option<()> {
-    let (mut node, listener) = dpr()?;
+    let mut node = dpr()?;
     let stamp = |cycle: u32| 500 + 10 * cycle;
     let mut sent = vec![];
     for cycle in 0..40 {
@@ -114,7 +113,7 @@ fn inserted(back: u32) -> Option<()> {
     let insert = (FIRST + 200 * MS + frame_ns() + 200 * US, stamp(21 - back));
     sent.insert(21, insert);
     for (at, timestamp) in &sent {
-        send(&listener, *at, &payload(*timestamp));
+        send(&mut node, *at, &payload(*timestamp));
     }
     let views = views(&mut node, FIRST + 400 * MS);
     let inserted_end = insert.0 + frame_ns();
@@ -150,7 +149,7 @@ fn a_repeated_frame_that_is_inserted_once_is_never_shown_as_new() {
 
 #[test]
 fn a_frame_that_repeats_its_predecessor_in_the_successors_place_is_not_shown() {
-    let Some((mut node, listener)) = dpr() else { return };
+    let Some(mut node) = dpr() else { return };
     let mut sent = vec![];
     for cycle in 0..30 {
         // Frame 15 is frame 14 again, and so on up to 17.
@@ -158,7 +157,7 @@ fn a_frame_that_repeats_its_predecessor_in_the_successors_place_is_not_shown() {
         sent.push((FIRST + u64::from(cycle) * 10 * MS, stamp));
     }
     for (at, timestamp) in &sent {
-        send(&listener, *at, &payload(*timestamp));
+        send(&mut node, *at, &payload(*timestamp));
     }
     let views = views(&mut node, FIRST + 300 * MS);
     let (repeated, found) = (ends(&sent)[15].0, ends(&sent)[21].0);
@@ -184,20 +183,20 @@ const AGE_AT_END: u32 = match profile::air::age_at_end_us::<RECEIVERS>(0) {
 };
 
 fn both(oscillators: Oscillators) -> Option<Relay<bench::sim::boards::Horus, Dpr, Antenna, Reader>> {
-    let ((a, poller, _), (b, listener)) = (boards::horus_on(oscillators)?, boards::dpr()?);
-    Some(Relay { a, b, upstream: Antenna::new(poller), downstream: Reader::new(listener) })
+    let (a, b) = (boards::horus_on(oscillators)?, boards::dpr()?);
+    Some(Relay { a, b, upstream: Antenna::default(), downstream: Reader::new() })
 }
 
 fn go<A, B, U, D>(relay: &mut Relay<A, B, U, D>, to: u64)
 where
-    A: bench::engine::Wiring,
-    B: bench::engine::Wiring,
+    A: bench::engine::Board,
+    B: bench::engine::Board,
     U: bench::engine::Upstream<A>,
     D: bench::engine::Downstream<B, Message = U::Message, Notes = U::Notes>,
     Relay<A, B, U, D>: Sized,
     Node<A>: Send,
 {
-    relay.run(to, 10 * MS, |_, _, _| Ok::<_, ()>(())).expect("nothing ends it before");
+    relay.run(to, 10 * MS, Threads::Two, |_, _, _| Ok::<_, ()>(())).expect("nothing ends it before");
 }
 
 #[test]
@@ -257,7 +256,7 @@ fn a_horus_that_its_watchdog_restarted_is_shown_again_within_five_cycles_of_its_
     relay.a.read(task, &mut was).unwrap();
     relay.a.write(task, &0xE7FE_u16.to_le_bytes()).unwrap();
     let mut now = 210 * MS;
-    while relay.a.resets().len() == 0 {
+    while relay.a.resets().is_empty() {
         assert!(now < 450 * MS, "the watchdog did not bite");
         go(&mut relay, now);
         now += 5 * MS;

@@ -11,6 +11,7 @@ mod firmware;
 mod fuzz;
 mod line_length;
 mod lint;
+mod oracle;
 #[cfg(feature = "probe")]
 mod probe;
 mod residual;
@@ -18,6 +19,7 @@ mod run;
 mod seal;
 mod sim;
 mod size;
+mod speed;
 mod test;
 mod workspace;
 
@@ -43,6 +45,8 @@ enum Command {
     Flash(FlashArgs),
     /// Run both firmware images against each other on the bench.
     Sim(sim::SimArgs),
+    /// Instructions per second of the core alone, and where the time of `sim` goes.
+    Speed(speed::SpeedArgs),
     /// Run any ELF alone on one board of the bench: its log, its exit code, its faults.
     Run(run::RunArgs),
     /// Run every test: host, fuzz corpora, both images, on-target suites.
@@ -55,6 +59,8 @@ enum Command {
     Residual(residual::ResidualArgs),
     /// Fuzz the profile's parsers with cargo-fuzz.
     Fuzz(fuzz::FuzzArgs),
+    /// Compare the bench's core with QEMU (qemu-system-arm) and with LLVM's disassembler (llvm-tools), case by case.
+    Oracle(oracle::OracleArgs),
 }
 
 /// One of the two boards of the link.
@@ -188,12 +194,14 @@ fn dispatch(command: Command) -> Result<ExitCode> {
         }
         Command::Flash(args) => flash(&args),
         Command::Sim(args) => sim::sim(&args),
+        Command::Speed(args) => speed::speed(&args),
         Command::Run(args) => run::run(&args),
         Command::Test(args) => test::test(&args),
         Command::Size(args) => size::size(args.gps),
         Command::Lint => lint::lint(),
         Command::Residual(args) => residual::residual(&args),
         Command::Fuzz(args) => fuzz::fuzz(&args),
+        Command::Oracle(args) => oracle::oracle(&args),
     }
 }
 

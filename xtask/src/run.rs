@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Result;
-use bench::engine::{Event, Firmware, Limits};
+use bench::engine::{Clock, Event, Firmware, Limits};
 use clap::{Args, ValueEnum};
 
 use crate::{Board, ProbeArgs};
@@ -20,6 +20,9 @@ pub(crate) struct RunArgs {
     /// Stop after this much virtual time, in seconds; an image that is still running then fails. Bench only.
     #[arg(long, default_value_t = 60.0, value_parser = crate::sim::positive_seconds)]
     limit: f64,
+    /// What processor time costs: fast, optimistic or pessimistic. The last two bound what silicon takes. Bench only.
+    #[arg(long, default_value_t)]
+    clock: Clock,
     /// Where it runs.
     #[arg(long, value_enum, default_value_t = Place::Bench)]
     on: Place,
@@ -46,12 +49,17 @@ pub(crate) fn run(args: &RunArgs) -> Result<ExitCode> {
 fn on_bench(args: &RunArgs) -> Result<ExitCode> {
     let firmware = Firmware::read(&args.elf)?;
     let limits = Limits { virtual_time: (args.limit * 1e9) as u64, ..Limits::default() };
-    let outcome = args.board.on_bench().run(&firmware, limits, |event| match event {
+    let outcome = args.board.on_bench().run(args.clock, &firmware, limits, |event| match event {
         Event::Line(line) => println!("{line}"),
         Event::Finding(finding) => eprintln!("{finding}"),
     })?;
     if outcome.exit.is_none() && !outcome.died {
-        eprintln!("error: still running after {} s of virtual time (--limit)", args.limit);
+        let restarts = match outcome.resets {
+            0 => String::new(),
+            1 => ", after a restart".to_owned(),
+            count => format!(", after {count} restarts"),
+        };
+        eprintln!("error: still running after {} s of virtual time (--limit){restarts}: {}", args.limit, outcome.doing);
     }
     // A firmware that says it is well while the bench saw it do wrong is not well.
     let status = if outcome.status() == 0 && !outcome.passed() { 1 } else { outcome.status() };

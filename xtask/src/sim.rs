@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
+use bench::engine::{Clock, Threads};
 use bench::report::{Report, Reported};
 use bench::sim::{Crystals, Images, Observer, Setup};
 use clap::Args;
@@ -45,6 +46,12 @@ pub(crate) struct SimArgs {
     /// Show both boards' defmt logs as they run.
     #[arg(long)]
     log: bool,
+    /// What processor time costs: fast, optimistic or pessimistic. The last two bound what silicon takes.
+    #[arg(long, default_value_t)]
+    clock: Clock,
+    /// Threads to run on: 1 or 2. The outcome is the same, byte for byte.
+    #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u8).range(1..=2))]
+    threads: u8,
     /// Error of the HORUS board's crystal, in ppm.
     #[arg(long, value_name = "PPM", default_value_t = 8.0, allow_negative_numbers = true, value_parser = ppm)]
     horus_ppm: f64,
@@ -104,6 +111,8 @@ pub(crate) fn sim(args: &SimArgs) -> Result<ExitCode> {
         images: Images { horus, dpr },
         gps: args.gps.0,
         duration_ns: (args.seconds * 1e9).round() as u64,
+        clock: args.clock,
+        threads: if args.threads == 1 { Threads::One } else { Threads::Two },
         seed: args.seed,
         recordings,
         crystals: Crystals {
@@ -177,8 +186,8 @@ fn table(report: &Report) -> String {
         (
             "run",
             format!(
-                "{} s, {} receiver(s), seed {}, {:.1} x real time",
-                report.virtual_seconds, report.gps, report.seed, report.speed.times_real_time
+                "{} s, {} receiver(s), seed {}, {} clock, {:.1} x real time",
+                report.virtual_seconds, report.gps, report.seed, report.clock, report.speed.times_real_time
             ),
         ),
         ("HORUS", format!("{} frames sent, load {:.1} %", horus.frames_sent, horus.load * 100.0)),

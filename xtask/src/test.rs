@@ -3,6 +3,7 @@
 use std::process::{Command, ExitCode};
 
 use anyhow::Result;
+use bench::engine::Clock;
 use clap::Args;
 
 use crate::run::Place;
@@ -14,6 +15,9 @@ pub(crate) struct TestArgs {
     /// Where the on-target suites run.
     #[arg(long, value_enum, default_value_t = Place::Bench)]
     on: Place,
+    /// What processor time costs in the on-target suites on the bench: fast, optimistic or pessimistic.
+    #[arg(long, default_value_t)]
+    clock: Clock,
     /// Run the on-target suite of this board only, and no host test.
     #[arg(long, value_enum)]
     board: Option<Board>,
@@ -52,16 +56,16 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
     }
     for board in args.board.map_or(Board::ALL.to_vec(), |board| vec![board]) {
         let what = format!("on-target suite of {}", board.name());
-        step(&what, &mut || on_target(board, args.on, &args.probe));
+        step(&what, &mut || on_target(board, args.on, args.clock, &args.probe));
     }
     Ok(verdict("test", ran, &failed))
 }
 
 /// One board's defmt-test suite: the same ELF on the bench and on the board.
-fn on_target(board: Board, place: Place, probe: &ProbeArgs) -> Result<()> {
+fn on_target(board: Board, place: Place, clock: Clock, probe: &ProbeArgs) -> Result<()> {
     crate::workspace::install(&crate::workspace::FLIP_LINK)?;
     let this = std::env::current_exe()?;
-    let mut runner = format!("{} run --board {}", this.display(), board.name());
+    let mut runner = format!("{} run --board {} --clock {clock}", this.display(), board.name());
     if place == Place::Hardware {
         runner.push_str(" --on hardware");
         if let Some(probe) = &probe.probe {

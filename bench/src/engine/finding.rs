@@ -23,28 +23,47 @@ pub enum FindingKind {
     Undefined,
     /// A state the manual forbids, which the part itself does not report.
     Misuse,
-    /// An interrupt the core has no line for.
-    Unrouted,
+    /// Something was used that an erratum of the part spoils.
+    Erratum,
     /// A bus controller was pointed at memory it cannot reach.
     Unreachable,
     /// The firmware's log lost bytes or carries a frame that does not decode.
     LogOverrun,
-    /// The RTT control block holds what no firmware writes there.
+    /// The RTT control block holds what no firmware writes there, or a channel what its name does not promise.
     LogCorrupt,
+    /// The firmware does nothing but restart.
+    RestartLoop,
     /// The firmware ended the run itself with a status other than zero.
     ExitStatus,
     /// Something crossed to a board that was already past its instant: the scheduler's lookahead was set too long.
     Late,
 }
 
+impl From<bench_seam::FindingKind> for FindingKind {
+    fn from(kind: bench_seam::FindingKind) -> Self {
+        use bench_seam::FindingKind as OfPart;
+        match kind {
+            OfPart::Unmapped => Self::Unmapped,
+            OfPart::Refused => Self::Refused,
+            OfPart::Unmodelled => Self::Unmodelled,
+            OfPart::Undefined => Self::Undefined,
+            OfPart::Misuse => Self::Misuse,
+            OfPart::Erratum => Self::Erratum,
+            OfPart::Unreachable => Self::Unreachable,
+        }
+    }
+}
+
 impl FindingKind {
     /// Whether the firmware stopped doing its work, rather than doing something questionable on the way.
     #[must_use]
     pub fn is_fatal(self) -> bool {
-        matches!(
-            self,
-            Self::Panic | Self::HardFault | Self::UnhandledInterrupt | Self::Lockup | Self::Unmapped | Self::ExitStatus
-        )
+        self.ends_run() || matches!(self, Self::Panic | Self::Unmapped | Self::ExitStatus)
+    }
+
+    /// Whether nothing more is to be expected of a firmware that runs alone.
+    pub(crate) fn ends_run(self) -> bool {
+        matches!(self, Self::HardFault | Self::UnhandledInterrupt | Self::Lockup | Self::RestartLoop)
     }
 }
 

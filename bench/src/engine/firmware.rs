@@ -6,8 +6,9 @@ use std::path::Path;
 use std::sync::Arc;
 
 use addr2line::gimli;
-use object::{Object, ObjectSection, ObjectSymbol, SymbolKind};
-use rigless::image::Image;
+use object::elf::{ELFMAG, EM_ARM, ET_DYN, ET_EXEC, ET_REL, PT_LOAD};
+use object::read::elf::{ElfFile32, FileHeader, ProgramHeader};
+use object::{Architecture, LittleEndian, Object, ObjectSection, ObjectSymbol, SymbolKind};
 
 use super::Error;
 
@@ -40,6 +41,8 @@ struct Contents {
     symbols: BTreeMap<String, Symbol>,
     functions: Vec<Function>,
     log: Option<defmt_decoder::Table>,
+    /// Why there is no table, as far as the image has a part of one.
+    log_error: Option<String>,
 }
 
 impl Firmware {
@@ -47,7 +50,7 @@ impl Firmware {
     ///
     /// # Errors
     ///
-    /// A file that cannot be read, is no 32-bit Arm ELF file, or whose defmt section no decoder of this version reads.
+    /// A file that cannot be read, or is no linked 32-bit Arm ELF file.
     pub fn read(path: &Path) -> Result<Self, Error> {
         let bytes = std::fs::read(path).map_err(|error| Error::Firmware(format!("{}: {error}", path.display())))?;
         let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
@@ -61,9 +64,43 @@ impl Firmware {
     /// As [`Firmware::read`].
     pub fn parse(name: &str, elf: Vec<u8>) -> Result<Self, Error> {
         let refuse = |error: &dyn std::fmt::Display| Error::Firmware(format!("{name}: {error}"));
-        let file = object::File::parse(&*elf).map_err(|error| refuse(&format!("not an ELF image ({error})")))?;
-        let image = Image::new(Path::new(name), elf.clone(), None).map_err(|error| refuse(&error))?;
-        let segments: Vec<_> = image.segments().map(|(at, bytes)| (at, bytes.to_vec())).collect();
+        if elf.is_empty() {
+            return Err(refuse(&"the file is empty"));
+        }
+        if !elf.starts_with(&ELFMAG) {
+            return Err(refuse(&"not an ELF file: name the one that the linker wrote, no .hex, .bin or source"));
+        }
+        // Which kind of file it is decides how the rest of it is laid out, so this is looked at before it is parsed.
+        if let Ok(any) = object::File::parse(&*elf)
+            && (any.architecture() != Architecture::Arm || !any.is_little_endian())
+        {
+            let order = if any.is_little_endian() { "" } else { ", big-endian" };
+            let words = "not for a Cortex-M: build it with --target thumbv7em-none-eabihf";
+            return Err(refuse(&format!("an image for {:?}{order}, {words}", any.architecture())));
+        }
+        let file = ElfFile32::<LittleEndian>::parse(&*elf)
+            .map_err(|error| refuse(&format!("a damaged or truncated ELF file ({error})")))?;
+        match file.elf_header().e_type(LittleEndian) {
+            ET_EXEC | ET_DYN => {}
+            ET_REL => return Err(refuse(&"an object file: link it, its code has no addresses yet")),
+            kind => return Err(refuse(&format!("an ELF file of type {kind}, which is no program"))),
+        }
+        if file.elf_header().e_machine(LittleEndian) != EM_ARM {
+            return Err(refuse(&format!("an image for {:?}, not for a 32-bit Arm", file.architecture())));
+        }
+        let mut segments = Vec::new();
+        for header in file.elf_program_headers() {
+            if header.p_type(LittleEndian) != PT_LOAD || header.p_filesz(LittleEndian) == 0 {
+                continue;
+            }
+            let bytes = header
+                .data(LittleEndian, &*elf)
+                .map_err(|()| refuse(&"a segment lies outside the file: is it truncated?"))?;
+            segments.push((u64::from(header.p_paddr(LittleEndian)), bytes.to_vec()));
+        }
+        if segments.is_empty() {
+            return Err(refuse(&"nothing in it goes into memory: was it linked with a linker script (-Tlink.x)?"));
+        }
         let mut symbols = BTreeMap::new();
         let mut functions = Vec::new();
         for symbol in file.symbols() {
@@ -81,9 +118,13 @@ impl Firmware {
             symbols.insert(name.to_owned(), Symbol { address, size: symbol.size() });
         }
         functions.sort_by(|a, b| (a.start, &a.name).cmp(&(b.start, &b.name)));
-        let log = defmt_decoder::Table::parse(&elf).map_err(|error| refuse(&error))?;
+        // An image may link crates that log with defmt and not log itself: it runs all the same.
+        let (log, log_error) = match defmt_decoder::Table::parse(&elf) {
+            Ok(table) => (table, None),
+            Err(error) => (None, Some(error.to_string())),
+        };
         drop(file);
-        Ok(Self(Arc::new(Contents { name: name.to_owned(), elf, segments, symbols, functions, log })))
+        Ok(Self(Arc::new(Contents { name: name.to_owned(), elf, segments, symbols, functions, log, log_error })))
     }
 
     /// Bytes at addresses, with no symbols: a few hand-assembled instructions for a test.
@@ -96,6 +137,7 @@ impl Firmware {
             symbols: BTreeMap::new(),
             functions: Vec::new(),
             log: None,
+            log_error: None,
         }))
     }
 
@@ -133,22 +175,52 @@ impl Firmware {
         self.0.log.as_ref()
     }
 
+    /// Why the image has no defmt table that can be read, where it has something of one.
+    pub(crate) fn log_error(&self) -> Option<&str> {
+        self.0.log_error.as_deref()
+    }
+
     /// `address` as function and offset, like `horus_tx_fw::app::cycle+0x1c`.
     #[must_use]
     pub fn name_of(&self, address: u64) -> Option<String> {
         let address = address & !1;
-        let after = self.0.functions.partition_point(|function| function.start <= address);
-        let function = self.0.functions.get(after.checked_sub(1)?)?;
-        let offset = address - function.start;
-        (offset < function.size.max(2)).then(|| match offset {
+        let function = self.function_at(address)?;
+        Some(match address - function.start {
             0 => function.name.clone(),
-            _ => format!("{}+{offset:#x}", function.name),
+            offset => format!("{}+{offset:#x}", function.name),
         })
     }
 
-    /// The source line of the instruction at `address`, like `src/main.rs:120`, where the image carries DWARF.
+    fn function_at(&self, address: u64) -> Option<&Function> {
+        let after = self.0.functions.partition_point(|function| function.start <= address);
+        let function = self.0.functions.get(after.checked_sub(1)?)?;
+        (address - function.start < function.size.max(2)).then_some(function)
+    }
+
+    /// What a person needs to find the instruction at `address`: function and source line, like
+    /// `horus_tx_fw::app::cycle+0x1c (src/main.rs:120)`. Of code that was inlined from the language's own libraries or
+    /// from a dependency, both are those of the innermost caller in the firmware itself; where that was inlined too,
+    /// the function that the linker knows follows: `horus_tx_fw::clock::init (src/clock.rs:70), inlined in main+0x1c`.
+    #[must_use]
+    pub fn place_of(&self, address: u64) -> Option<String> {
+        let name = self.name_of(address)?;
+        let Some(source) = self.source_of(address) else { return Some(name) };
+        let line = source.line;
+        Some(match source.inlined {
+            Some(function) => format!("{function} ({line}), inlined in {name}"),
+            None => format!("{name} ({line})"),
+        })
+    }
+
+    /// The source line of the instruction at `address`, like `src/main.rs:120`, where the image carries DWARF. See
+    /// [`Firmware::place_of`] for which of several.
     #[must_use]
     pub fn line_of(&self, address: u64) -> Option<String> {
+        self.source_of(address).map(|source| source.line)
+    }
+
+    fn source_of(&self, address: u64) -> Option<Source> {
+        let address = address & !1;
         let file = object::File::parse(&*self.0.elf).ok()?;
         let load = |section: gimli::SectionId| -> Result<Cow<'_, [u8]>, gimli::Error> {
             let section = file.section_by_name(section.name());
@@ -157,7 +229,67 @@ impl Firmware {
         let sections = gimli::DwarfSections::load(load).ok()?;
         let dwarf = sections.borrow(|section| gimli::EndianSlice::new(section, gimli::LittleEndian));
         let context = addr2line::Context::from_dwarf(dwarf).ok()?;
-        let location = context.find_location(address & !1).ok()??;
-        Some(format!("{}:{}", location.file?, location.line?))
+        let unit = context.find_dwarf_and_unit(address).skip_all_loads();
+        let directory = unit.and_then(|unit| unit.comp_dir).map(|directory| directory.to_string_lossy().into_owned());
+        let mut frames = context.find_frames(address).skip_all_loads().ok()?;
+        let mut found: Option<Source> = None;
+        let mut own = false;
+        let mut outermost = None;
+        while let Ok(Some(frame)) = frames.next() {
+            let function = frame.function.and_then(|function| {
+                let raw = function.raw_name().ok()?;
+                Some(format!("{:#}", rustc_demangle::demangle(&raw)))
+            });
+            // Of the frame that was found, there is now one around it: it was inlined.
+            if let (Some(found), true) = (&mut found, outermost.is_some()) {
+                found.inlined = found.inlined.take().or_else(|| found.function.take());
+            }
+            if let Some(location) = frame.location
+                && let (Some(file), Some(line)) = (location.file, location.line)
+                && !own
+            {
+                own = !is_library(file);
+                if own || found.is_none() {
+                    let line = format!("{}:{line}", within(file, directory.as_deref()));
+                    found = Some(Source { function: function.clone(), inlined: None, line });
+                }
+            }
+            outermost = function;
+        }
+        // The linker puts what it left out of the image at address 0 in the debug information, on top of what is
+        // really there on a part whose flash begins at 0.
+        let start = self.function_at(address)?.start;
+        let is_there = |name: &String| {
+            let bare = |name: &str| name.rsplit("::").next().unwrap_or_default().to_owned();
+            let same = |function: &Function| function.start == start && bare(&function.name) == bare(name);
+            self.0.functions.iter().any(same)
+        };
+        if outermost.as_ref().is_some_and(|name| !is_there(name)) {
+            return None;
+        }
+        found
     }
+}
+
+/// Where an instruction comes from.
+#[derive(Debug)]
+struct Source {
+    /// The function it is written in, where the image says.
+    function: Option<String>,
+    /// The same, where that function was inlined into another.
+    inlined: Option<String>,
+    /// File and line.
+    line: String,
+}
+
+/// `file` as seen from the directory it was compiled in, which says nothing to a reader.
+fn within<'a>(file: &'a str, directory: Option<&str>) -> &'a str {
+    directory.and_then(|directory| file.strip_prefix(directory)?.strip_prefix('/')).unwrap_or(file)
+}
+
+/// Whether a source file belongs to the language's libraries or to a package from elsewhere.
+fn is_library(file: &str) -> bool {
+    ["/rustc/", "/rustlib/", "library/core/", "/registry/src/", "/git/checkouts/"]
+        .iter()
+        .any(|part| file.contains(part))
 }

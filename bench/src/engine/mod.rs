@@ -1,45 +1,41 @@
 //! The engine: real firmware images on emulated microcontrollers, in virtual time.
 //!
-//! A [`Node`] is one board: a rigless core and the models of its part, stepped to an instant by [`Node::advance`]. A
-//! [`Pair`] keeps two of them in lock-step on the caller's thread with whatever passes between; a [`Relay`] runs two of
-//! which one only speaks and the other only hears, each on a thread. Everything is a function of the images, the board
-//! and what the caller puts in: no wall clock, no randomness, nothing that hangs on which thread comes first. The same
-//! run gives the same [`Node::digest`] on every host.
+//! A [`Node`] is one board: a Cortex-M4 ([`cortex_m4`]), the models of its part ([`bench_seam::Part`]) and what is
+//! wired around it ([`Board`]), stepped to an instant by [`Node::advance`]. A [`Pair`] keeps two of them in lock-step
+//! with whatever passes between; a [`Relay`] runs two of which one only speaks and the other only hears, on one thread
+//! or on two. Everything is a function of the images, the board and what the caller puts in: no wall clock, no
+//! randomness, nothing that hangs on which thread comes first. All of it is plain data: a clone that is run on does
+//! what the original does.
 //!
 //! # Time
-//! Virtual time is `u64` nanoseconds from power-on, one time for all boards. Each part's own clocks are what its
-//! crystals make of that time: a crystal that is off shows as a rate, see [`Clock`]. Models act at their exact
-//! instants. The core acts on instruction boundaries, so an instant the core takes part in is late by at most one
-//! instruction (10 to 24 ns).
+//! Virtual time is `u64` nanoseconds from power-on, one time for all boards. Inside a board, time is counted in cycles
+//! of its core, whose rate is what its crystals and its clock tree make of it ([`bench_seam::Timebase`]). Models act at
+//! their exact cycles. The core acts on instruction boundaries, so an instant the core takes part in is late by at most
+//! one instruction.
 //!
 //! # What stops a run from lying
 //! An access where the part has nothing faults, as on silicon. An access to a register without a model, to a peripheral
 //! whose clock is off, or to a state the manual forbids is a [`Finding`] with the instruction that did it. A run with
 //! findings is not a passed run.
 
-mod clock;
+mod board;
 mod finding;
 mod firmware;
 mod memory;
 mod node;
-mod nrf52840;
 mod pair;
-mod poll;
 mod relay;
 mod rtt;
 mod run;
-mod wiring;
 
-pub use clock::{Clock, FAST_CYCLES_PER_INSTRUCTION, Rate};
+pub use board::{Bare, Board, Input, View};
 pub use finding::{Finding, FindingKind};
 pub use firmware::{Firmware, Symbol};
-pub use memory::GuestMemory;
 pub use node::{FromOutside, LineEdge, Node, PROBE_PERIOD, ResetAt, Usage};
 pub use pair::{Between, Lookahead, Nothing, Pair, Sent};
-pub use relay::{Downstream, Relay, Upstream};
+pub use relay::{Downstream, Relay, Threads, Upstream};
 pub use rtt::{LogLevel, LogLine};
-pub use run::{Event, Limits, Outcome, Target, run};
-pub use wiring::{Bare, FlashAction, Part, Supply, Wiring};
+pub use run::{Clock, Event, Limits, Outcome, Target, run};
 
 /// What the engine cannot do, as opposed to what a firmware does wrong.
 #[derive(Debug, thiserror::Error)]
@@ -49,7 +45,10 @@ pub enum Error {
     #[error("cannot read the firmware image: {0}")]
     Firmware(String),
     /// A segment of the image lies where the part has no memory.
-    #[error("{firmware} places {length} bytes at {address:#010x}, where the {part} has no memory")]
+    #[error(
+        "{firmware} places {length} bytes at {address:#010x}, where the {part} has no memory: is it \
+         linked for this part?"
+    )]
     Placement {
         /// The image.
         firmware: String,
@@ -76,9 +75,21 @@ pub enum Error {
         /// How many bytes were asked for.
         length: usize,
     },
-    /// The engine underneath refused the part or the board.
-    #[error("the emulator refused the board: {0}")]
-    Emulator(#[from] rigless::emulator::Error),
+    /// Where the part's core looks for its vectors at reset, the image has none.
+    #[error(
+        "{firmware} has no vector table at {address:#010x}, where the {part} starts from, and begins at \
+         {begins:#010x}: is it an image for this part, without a bootloader?"
+    )]
+    NoVectors {
+        /// The image.
+        firmware: String,
+        /// The part.
+        part: &'static str,
+        /// Where the table should be.
+        address: u64,
+        /// The lowest address that the image fills.
+        begins: u64,
+    },
 }
 
 /// FNV-1a, 64 bits: a digest that is the same on every host and release.

@@ -1,29 +1,19 @@
-//! One board in virtual time: a core, its part's models, and the clock between them.
+//! One board in virtual time: a core, its part, the chips around it, and the clock between them.
 //!
-//! The core runs a stretch of instructions at a time. A stretch ends at the next instant anything else happens: a
-//! model's event, the horizon of [`Node::advance`], or an access of the firmware that changed what is due. A core that
-//! waits runs nothing and its clock is set to the next such instant. Rigless calls a core waiting from its WFI until it
-//! next runs, even when an interrupt has reached it meanwhile, so the node keeps a flag of its own for "runs nothing
-//! until something happens".
+//! The core runs until an instant is reached ([`Node::advance`]), and what is due in the part and on the board before
+//! that happens on the way, each at its own instant. The part counts cycles of its core; a [`Timebase`] turns them into
+//! the bench's nanoseconds and follows the part's clock tree. A node is plain data: a clone that is run on does what
+//! the original does.
 
 use std::collections::BTreeSet;
 
-use rigless::device::{Level, ResetCause};
-use rigless::emulator::{
-    Access, AccessKind, CoreBus, Error as EmulatorError, Exit, Host, HostCall, InterruptLine, Memory, Processor,
-    Queued, Stop, StopReason,
-};
-use rigless::mcu::Mcu;
-use rigless::session::Session;
-use rigless::soc::{Endian, Width};
-use rigless::time::{NO_DEADLINE, VirtualNanos};
+use bench_seam::{Clock, Cycle, NEVER, Part, Pin, Reset, Timebase, UartFrame};
+use cortex_m4::{Access, Bound, Bus, BusError, Core, Cost, Exit, Fast, Register, Signals, Width};
 
+use super::board::{Board, Input, View};
 use super::finding::{Finding, FindingKind};
-use super::memory::{GuestMemory, Use};
-use super::poll::{self, PollWatch};
-use super::rtt::{self, LogLevel, LogLine, LogStream, RttFault};
-use super::wiring::Carrier;
-use super::{Clock, Digest, Error, Firmware, FlashAction, Part, Rate, Supply, Wiring};
+use super::rtt::{self, Channels, LogLine, Text};
+use super::{Digest, Error, Firmware, memory};
 
 /// How often the node empties the firmware's log, as a debug probe polls RTT, in virtual nanoseconds.
 pub const PROBE_PERIOD: u64 = 1_000_000;
@@ -32,21 +22,20 @@ pub const PROBE_PERIOD: u64 = 1_000_000;
 const MOST_FINDINGS: usize = 200;
 
 /// Configurable Fault Status, HardFault Status and Bus Fault Address registers, ARMv7-M ARM B3.2.
-const CFSR: u64 = 0xE000_ED28;
-const HFSR: u64 = 0xE000_ED2C;
-const BFAR: u64 = 0xE000_ED38;
-
-/// Interrupt Control and State Register with its bit that makes the NMI pending, ARMv7-M ARM B3.2.4.
-const ICSR: u64 = 0xE000_ED04;
-const NMIPENDSET: u64 = 1 << 31;
-/// The NMI's exception number, ARMv7-M ARM table B1-4.
-const NMI: u32 = 2;
-/// While an NMI stands that its handler has not cleared, the core is looked at this often, in instructions: it may
-/// return, and has to be taken back.
-const NMI_LOOK: u32 = 8;
+const CFSR: u32 = 0xE000_ED28;
+const HFSR: u32 = 0xE000_ED2C;
+const BFAR: u32 = 0xE000_ED38;
 
 /// HardFault's place in the vector table, ARMv7-M ARM table B1-4.
 const HARD_FAULT: u64 = 3;
+
+/// `B .` in Thumb.
+const BRANCH_TO_ITSELF: u64 = 0xE7FE;
+
+/// Where peripherals begin: below are code and RAM.
+const PERIPHERALS: u32 = 0x4000_0000;
+/// Where RAM begins: below is code.
+const RAM: u32 = 0x2000_0000;
 
 /// A watched interrupt line changing its level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,7 +54,7 @@ pub struct ResetAt {
     /// When, in virtual nanoseconds.
     pub at: u64,
     /// Why.
-    pub cause: ResetCause,
+    pub cause: Reset,
 }
 
 /// What restarts a part from outside, see [`Node::restart`].
@@ -103,306 +92,273 @@ impl Usage {
     }
 }
 
-/// What the models reach while they are called, and the clock: all of a node but its core and its session.
-#[derive(Debug)]
-struct Side {
-    memory: GuestMemory,
-    core_only: &'static [std::ops::Range<u64>],
-    queue: Vec<Queued>,
-    rate: Rate,
+/// All of a node that its core reaches while it runs: the part, the board and the clock.
+#[derive(Clone, Debug)]
+struct Side<B: Board> {
+    part: B::Part,
+    board: B,
+    time: Timebase,
     clock: Clock,
-    /// Instructions, and nanoseconds the core was awake, before it ran at this rate.
-    before: (u64, u64),
-    /// Nanoseconds the clock was set forward while the core slept.
-    warped: u64,
-    /// Instructions of polling loops that were counted and not run.
-    skipped: u64,
-    deadline: u64,
-    horizon: u64,
-    restart: bool,
-    held: bool,
-    /// The core has no clock.
-    unclocked: bool,
-    /// The instant of the call the models are in, for what they drive.
-    instant: u64,
+    /// The core was awake, in ns, up to the last change of its clock; and its awake cycles then.
+    awake: (u64, u64),
+    /// Something reached the board since it was last settled.
+    touched: bool,
+    /// When a chip of the board next acts.
+    board_due: Cycle,
+    inputs: Vec<Input>,
+    /// The restart that the part asked for, with its cycle.
+    reset: Option<Reset>,
     watched: Vec<(u16, bool)>,
     edges: Vec<LineEdge>,
-    findings: Vec<(FindingKind, u64, Option<u64>, String)>,
-    poll: PollWatch,
-    skips: bool,
-    reported: Reported,
-    /// Whether the models were called since errors were last looked for.
-    touched: bool,
+    /// What the part's models found, with instants.
+    findings: Vec<Finding>,
+    noted: usize,
+    /// The core's cycles in which it did not run, as last told: see [`Side::changed`].
+    idle: u64,
+    /// Nothing outside the core happens past this cycle yet, which begins at this instant (ns): something may act on
+    /// the board there.
+    horizon: Cycle,
+    horizon_ns: u64,
+    /// Something acted on the board since the core last ran: it may wake.
+    stirred: bool,
 }
 
-/// How much of the session's own lists has been turned into findings.
-#[derive(Debug, Default)]
-struct Reported {
-    refused: usize,
-    unimplemented: usize,
-    undefined: usize,
-    unrouted: usize,
-    told: usize,
-    unmapped: usize,
-    of_part: usize,
-}
-
-impl Side {
-    /// Nanoseconds the core was awake with `retired` instructions behind it.
-    fn awake(&self, retired: u64) -> u64 {
-        let (instructions, nanos) = self.before;
-        nanos + self.clock.nanos(retired + self.skipped - instructions)
+impl<B: Board> Side<B> {
+    /// Calls the part with its view of the board.
+    fn with<T>(&mut self, at: Cycle, call: impl FnOnce(&mut B::Part, &mut View<'_, B>) -> T) -> T {
+        let Self { part, board, time, touched, .. } = self;
+        let answer = call(part, &mut View { board, time, touched });
+        self.after(at);
+        answer
     }
 
-    fn time(&self, retired: u64) -> u64 {
-        self.warped + self.awake(retired)
-    }
-
-    /// The core goes on at `rate`.
-    fn follow(&mut self, rate: Rate, retired: u64) {
-        self.unclocked = rate.hz == 0;
-        if rate != self.rate && rate.hz > 0 {
-            self.before = (retired + self.skipped, self.awake(retired));
-            (self.rate, self.clock) = (rate, Clock::fast(rate));
+    /// The board acts on what reached it, and what changed is looked at.
+    #[inline]
+    fn after(&mut self, at: Cycle) {
+        if self.touched {
+            self.settle(at);
         }
-    }
-
-    /// How many instructions from `retired` reach `target`, at least one.
-    fn until(&self, retired: u64, target: u64) -> u32 {
-        let (instructions, nanos) = self.before;
-        let count = instructions + self.clock.instructions(target.saturating_sub(self.warped + nanos));
-        let left = count.saturating_sub(retired + self.skipped).clamp(1, 1 << 30);
-        u32::try_from(left).unwrap_or(1 << 30)
-    }
-
-    fn target(&self, event: Option<VirtualNanos>) -> u64 {
-        self.deadline.min(self.horizon).min(event.map_or(u64::MAX, |event| event.0))
-    }
-
-    fn find(&mut self, kind: FindingKind, at: u64, pc: Option<u64>, text: String) {
-        self.findings.push((kind, at, pc, text));
-    }
-
-    /// Guest memory as a bus controller reaches it: not what hangs on the core's own bus.
-    fn reachable(&mut self, address: u64, width: Width) -> Result<(), EmulatorError> {
-        if self.core_only.iter().any(|range| range.contains(&address)) {
-            let text = format!("a bus controller was pointed at {address:#010x}, which only the core reaches");
-            self.find(FindingKind::Unreachable, self.instant, None, text);
-            return Err(EmulatorError::Memory { address, width });
+        if self.part.signals().changed {
+            self.changed(at);
         }
-        Ok(())
-    }
-}
-
-impl Memory for Side {
-    fn read(&mut self, address: u64, width: Width) -> Result<u64, EmulatorError> {
-        self.reachable(address, width)?;
-        self.memory.value(address, bytes(width)).ok_or(EmulatorError::Memory { address, width })
+        let Self { board, part, time, .. } = self;
+        board.watch(|| time.ns(at), part);
     }
 
-    fn write(&mut self, address: u64, width: Width, value: u64) -> Result<(), EmulatorError> {
-        self.reachable(address, width)?;
-        let writable = self.memory.usage(address, bytes(width)) == Some(Use::Written);
-        let written = writable && self.memory.put(address, bytes(width), value);
-        written.then_some(()).ok_or(EmulatorError::Memory { address, width })
-    }
-
-    fn program(&mut self, address: u64, width: Width, value: u64) -> Result<(), EmulatorError> {
-        let programmed = self.memory.usage(address, bytes(width)) == Some(Use::Programmed);
-        let written = programmed && self.memory.put(address, bytes(width), value);
-        written.then_some(()).ok_or(EmulatorError::Memory { address, width })
-    }
-}
-
-impl Host for Side {
-    fn set_interrupt(&mut self, line: InterruptLine, level: Level) {
-        let high = level == Level::High;
-        if let Some((line, was)) = self.watched.iter_mut().find(|(watched, _)| *watched == line.index())
-            && *was != high
-        {
-            *was = high;
-            self.edges.push(LineEdge { at: self.instant, line: *line, high });
-        }
-        self.queue.push(Queued::Line(line, level));
-    }
-
-    fn request_reset(&mut self) {
-        self.restart = true;
-        self.queue.push(Queued::Return);
-    }
-
-    fn hold(&mut self, held: bool) {
-        self.held = held;
-        self.queue.push(Queued::Return);
-    }
-}
-
-fn bytes(width: Width) -> usize {
-    width.bytes() as usize
-}
-
-/// What the core reaches while it runs a stretch.
-struct Lent<'a, B: Wiring> {
-    side: &'a mut Side,
-    session: &'a mut Session<Carrier<B>>,
-}
-
-impl<B: Wiring> Lent<'_, B> {
-    /// A store to memory that is not mapped writable, or an access to a page routed here.
-    fn access_memory(&mut self, access: &Access, usage: Use) -> Option<Option<u64>> {
-        let width = bytes(access.width);
-        match (access.kind, usage) {
-            (AccessKind::Read, _) => Some(self.side.memory.value(access.address, width)),
-            (AccessKind::Write, Use::Written) => {
-                self.side.memory.put(access.address, width, access.value);
-                Some(Some(access.value))
+    /// Lets the board's chips act up to `at`, and the part hear of what they do, until nothing moves any more.
+    fn settle(&mut self, at: Cycle) {
+        let ns = self.time.ns(at);
+        let mut inputs = std::mem::take(&mut self.inputs);
+        loop {
+            self.touched = false;
+            inputs.clear();
+            self.board.settle(ns, &mut inputs);
+            if inputs.is_empty() && !self.touched {
+                break;
             }
-            (AccessKind::Write, Use::Stored) => {
-                if self.session.board_mut().0.part_mut().flash(access) == FlashAction::Program {
-                    let was = self.side.memory.value(access.address, width)?;
-                    self.side.memory.put(access.address, width, was & access.value);
+            for input in &inputs {
+                let Self { part, board, time, touched, .. } = self;
+                let mut view = View { board, time, touched };
+                match *input {
+                    Input::Level(pin, level) => part.drive(at, pin, level, &mut view),
+                    Input::Frame(pin, begins, frame) => {
+                        part.receive(time.cycle(begins), pin, frame, &mut view);
+                    }
                 }
-                Some(Some(access.value))
             }
-            // The part's own model takes the store.
-            (AccessKind::Write, Use::Programmed) => None,
         }
+        self.inputs = inputs;
+        self.replan();
+        if self.board.outgoing() {
+            let signals = self.part.signals();
+            signals.stop = true;
+            signals.changed = true;
+        }
+    }
+
+    /// The board's next event may have moved.
+    fn replan(&mut self) {
+        let due = self.time.cycle(self.board.next_event());
+        if due != self.board_due {
+            self.board_due = due;
+            self.part.signals().changed = true;
+        }
+    }
+
+    /// The part drives something else into the core, or has other plans: what the engine must know of it.
+    fn changed(&mut self, at: Cycle) {
+        // Before the rate changes: the instants of what was found up to here are counted at the old one.
+        let found = self.part.findings();
+        if found.len() > self.noted {
+            for finding in &found[self.noted..] {
+                self.findings.push(Finding {
+                    kind: finding.kind.into(),
+                    at: self.time.ns(finding.at),
+                    pc: finding.pc.map(u64::from),
+                    symbol: None,
+                    text: format!("{}: {}", finding.place, finding.text),
+                });
+            }
+            self.noted = self.part.findings().len();
+        }
+        let clock = self.part.clock();
+        if clock != self.clock {
+            self.follow(clock, at);
+        }
+        if let Some(reset) = self.part.take_reset() {
+            self.reset.get_or_insert(reset);
+            self.part.signals().stop = true;
+        }
+        for index in 0..self.watched.len() {
+            let (line, was) = self.watched[index];
+            let high = self.part.signals().lines[usize::from(line) / 64] >> (line % 64) & 1 != 0;
+            if high != was {
+                self.watched[index].1 = high;
+                self.edges.push(LineEdge { at: self.time.ns(at), line, high });
+            }
+        }
+    }
+
+    /// The core goes on at another rate from `at` on, or stands still.
+    fn follow(&mut self, clock: Clock, at: Cycle) {
+        self.clock = clock;
+        // Cycles go on being counted at the last rate while the core has no clock: they are the bench's time then.
+        self.part.signals().stalled_until = if clock.hz == 0 { NEVER } else { 0 };
+        if clock.hz > 0 {
+            let cycles = at - self.idle;
+            self.awake = (self.awake.0 + self.scaled(cycles - self.awake.1), cycles);
+            self.time.change(at, clock.hz, clock.ppb);
+            self.board_due = self.time.cycle(self.board.next_event());
+            // The same instant is another cycle now: the core must not run on to the old one.
+            self.horizon = self.time.cycle(self.horizon_ns);
+            self.part.signals().stop = true;
+        }
+    }
+
+    /// So many cycles at the present rate, in ns.
+    fn scaled(&self, cycles: u64) -> u64 {
+        self.time.span_ns(cycles)
     }
 }
 
-impl<B: Wiring> CoreBus for Lent<'_, B> {
-    fn access(&mut self, access: Access, _from_code: bool) -> Option<u64> {
-        let at = access.virtual_time;
-        self.side.instant = at.0;
-        self.side.touched = true;
-        if let Some(usage) = self.side.memory.usage(access.address, bytes(access.width)) {
-            if let Some(answer) = self.access_memory(&access, usage) {
-                return answer;
+impl<B: Board> Bus for Side<B> {
+    #[inline(always)]
+    fn read(&mut self, access: &Access) -> Result<u32, BusError> {
+        let Self { part, board, time, touched, .. } = self;
+        let answer = part.read(access, &mut View { board, time, touched });
+        if access.address >= PERIPHERALS {
+            self.after(access.cycle);
+        }
+        answer
+    }
+
+    #[inline(always)]
+    fn write(&mut self, access: &Access, value: u32) -> Result<(), BusError> {
+        let Self { part, board, time, touched, .. } = self;
+        let answer = part.write(access, value, &mut View { board, time, touched });
+        // A store into code is one to a flash controller.
+        if !(RAM..PERIPHERALS).contains(&access.address) {
+            self.after(access.cycle);
+        }
+        answer
+    }
+
+    #[inline(always)]
+    fn read_memory(&self, address: u32, width: Width) -> Option<u32> {
+        self.part.read_memory(address, width)
+    }
+
+    #[inline(always)]
+    fn write_memory(&mut self, address: u32, width: Width, value: u32) -> bool {
+        self.part.write_memory(address, width, value)
+    }
+
+    #[inline]
+    fn fetch(&mut self, address: u32) -> Result<u16, BusError> {
+        self.part.fetch(address)
+    }
+
+    #[inline]
+    fn is_constant(&self, address: u32) -> bool {
+        self.part.is_constant(address)
+    }
+
+    #[inline]
+    fn due(&self) -> Cycle {
+        self.part.due().min(self.board_due)
+    }
+
+    fn advance(&mut self, cycle: Cycle) {
+        loop {
+            let (part, board) = (self.part.due(), self.board_due);
+            // The core's last instruction may have ended past the horizon.
+            if part.min(board) > cycle.min(self.horizon) {
+                return;
             }
-        } else if self.session.mcu().bus().slot_at(access.address).is_none() {
-            // Nothing is there. Rigless alone would answer zero; the part answers with a bus error.
-            let verb = if access.kind == AccessKind::Read { "read" } else { "write" };
-            let text =
-                format!("{} bit {verb} at {:#010x}, where the part has nothing", access.width.bits(), access.address);
-            self.side.find(FindingKind::Unmapped, at.0, access.program_counter, text);
-            return None;
-        }
-        let (value, next) = self.session.access(access, self.side);
-        self.side.deadline = next.0;
-        let refused = self.session.refused();
-        if refused.len() > self.side.reported.refused {
-            self.side.reported.refused = refused.len();
-            if let Some(fault) = refused.get(&access.address) {
-                let text = format!("access at {:#010x}: {fault}", access.address);
-                self.side.find(FindingKind::Refused, at.0, access.program_counter, text);
+            if part <= board {
+                self.with(part, |model, view| model.advance(part, view));
+            } else {
+                self.settle(board);
+                self.after(board);
             }
         }
-        if self.session.take_failure() {
-            return None;
-        }
-        let board = &mut self.session.board_mut().0;
-        if access.kind == AccessKind::Write
-            && let FlashAction::Erase(range) = board.part_mut().flash(&access)
-        {
-            self.side.memory.erase(range.start, range.end);
-        }
-        match (access.kind, access.program_counter) {
-            (AccessKind::Read, Some(pc)) if self.side.skips => {
-                self.side.poll.read(pc, access.address, value, access.instruction_count);
-            }
-            _ => self.side.poll.other(access.instruction_count),
-        }
-        board.saw(&access, value);
-        settle(self.session, self.side, at, access.instruction_count);
-        Some(value)
     }
 
-    fn time(&self, instructions: u64) -> VirtualNanos {
-        VirtualNanos(self.side.time(instructions))
+    #[inline]
+    fn signals(&mut self) -> &mut Signals {
+        self.part.signals()
     }
 
-    fn queued(&mut self) -> Vec<Queued> {
-        let mut all = self.side.memory.take_changed();
-        all.append(&mut self.side.queue);
-        all
+    fn sleeps(&mut self, cycle: Cycle, asleep: bool, deep: bool) {
+        let at = cycle.min(self.horizon);
+        self.with(at, |part, view| part.sleeps(at, asleep, deep, view));
     }
 
-    fn carry_on(&mut self, instructions: u64, event: Option<VirtualNanos>) -> Option<u32> {
-        let side = &self.side;
-        let board = &self.session.board().0;
-        let target = side.target(event).min(board.next_event());
-        let on = !side.restart
-            && !side.held
-            && !side.unclocked
-            && side.poll.streak < poll::STREAK
-            && target > side.time(instructions)
-            && !board.outgoing();
-        on.then(|| side.until(instructions, target))
+    fn wait_states(&mut self, access: &Access, bound: Bound) -> u32 {
+        self.part.wait_states(access, bound)
     }
-}
 
-/// Lets the part and the board look at their pins until nothing moves any more.
-fn settle<B: Wiring>(session: &mut Session<Carrier<B>>, side: &mut Side, at: VirtualNanos, instructions: u64) {
-    loop {
-        let board = &mut session.board_mut().0;
-        let by_board = board.settle(at.0);
-        let by_part = board.part_mut().settle(at.0);
-        if !by_board && !by_part {
-            side.follow(board.part().rate(), instructions);
-            return;
-        }
-        side.deadline = session.resume(NO_DEADLINE, at, instructions, side).0;
+    fn bit_banding(&self) -> bool {
+        self.part.bit_banding()
     }
 }
 
 /// One board, running one firmware.
-#[derive(Debug)]
-pub struct Node<B: Wiring> {
-    // Declared before `side`: dropped while the memory it maps is still there.
-    cpu: Box<dyn Processor>,
-    session: Session<Carrier<B>>,
-    side: Side,
+#[derive(Clone, Debug)]
+pub struct Node<B: Board, C: Cost = Fast> {
+    core: Core<C>,
+    side: Side<B>,
     firmware: Firmware,
-    boot: u64,
-    asleep: bool,
-    locked_up: bool,
-    /// Which of the session's resets were the supply's.
-    by_supply: BTreeSet<usize>,
     semihosting: bool,
     exit: Option<u32>,
     traps: Traps,
+    resets: Vec<ResetAt>,
     probe_at: u64,
     log_block: Option<u64>,
-    log_lost: bool,
-    log: LogStream,
+    log: Channels,
     lines: Vec<LogLine>,
-    console: Vec<u8>,
+    console: Text,
     findings: Vec<Finding>,
     reported: BTreeSet<(FindingKind, String)>,
 }
 
 /// Instructions the node stops at to report what happened, and goes on from.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 struct Traps {
     hard_fault: Option<u64>,
     default_handler: BTreeSet<u64>,
     panic: BTreeSet<u64>,
 }
 
-impl<B: Wiring> Node<B> {
-    /// `board` with `firmware` in its memory, at power-on.
+impl<B: Board, C: Cost> Node<B, C> {
+    /// `part` on `board` with `firmware` in its memory, at power-on.
     ///
     /// # Errors
     ///
-    /// A board the emulator refuses, or an image that does not fit the part.
-    pub fn new(board: B, firmware: &Firmware) -> Result<Self, Error> {
-        let rate = board.part().rate();
-        let core = board.part().core();
-        let mut cpu = (core.processor)(Endian::Little)?;
-        let mut memory = GuestMemory::new(board.part().bus().memory(), &core.aliases);
-        memory.map_to(&mut *cpu);
+    /// An image that does not fit the part, or that has no vector table where the core looks for it.
+    pub fn new(mut part: B::Part, board: B, firmware: &Firmware) -> Result<Self, Error> {
         for (address, bytes) in firmware.segments() {
-            if !memory.write(*address, bytes) {
+            if !memory::write(&mut part, *address, bytes) {
                 return Err(Error::Placement {
                     firmware: firmware.name().to_owned(),
                     part: B::Part::NAME,
@@ -411,10 +367,20 @@ impl<B: Wiring> Node<B> {
                 });
             }
         }
-        let boot = core.boot.reset;
-        let vector = |number: u64| memory.value(boot + 4 * number, 4).map(|address| address & !1);
+        let config = part.core();
+        let boot = u64::from(config.vector_table);
+        let vector = |number: u64| memory::value(&part, boot + 4 * number, 4);
+        let (stack, entry) = (vector(0).unwrap_or(0), vector(1).unwrap_or(0));
+        let erased = u64::from(u32::MAX);
+        if entry & 1 == 0 || entry == erased || stack == 0 || stack == erased {
+            let begins = firmware.segments().iter().map(|(address, _)| *address).min().unwrap_or(0);
+            let firmware = firmware.name().to_owned();
+            return Err(Error::NoVectors { firmware, part: B::Part::NAME, address: boot, begins });
+        }
         let traps = Traps {
-            hard_fault: vector(HARD_FAULT).filter(|&address| firmware.name_of(address).is_some()),
+            hard_fault: vector(HARD_FAULT)
+                .filter(|&handler| handler & 1 != 0 && memory::value(&part, handler & !1, 2).is_some())
+                .map(|handler| handler & !1),
             default_handler: firmware
                 .symbol("DefaultHandler_")
                 .or_else(|| firmware.symbol("DefaultHandler"))
@@ -423,61 +389,56 @@ impl<B: Wiring> Node<B> {
                 .collect(),
             panic: firmware.functions_called("rust_begin_unwind").collect(),
         };
-        for &trap in traps.hard_fault.iter().chain(&traps.default_handler).chain(&traps.panic) {
-            cpu.add_breakpoint(trap);
-        }
-        let core_only = board.part().core_only();
-        let session = Session::new(Box::new(Carrier(board)), 0, NO_DEADLINE)?;
-        let side = Side {
-            memory,
-            core_only,
-            queue: Vec::new(),
-            rate,
-            clock: Clock::fast(rate),
-            before: (0, 0),
-            warped: 0,
-            skipped: 0,
-            deadline: 0,
-            horizon: 0,
-            restart: false,
-            held: false,
-            unclocked: false,
-            instant: 0,
-            watched: Vec::new(),
-            edges: Vec::new(),
-            findings: Vec::new(),
-            poll: PollWatch::default(),
-            skips: true,
-            reported: Reported::default(),
-            touched: false,
-        };
+        let clock = part.clock();
         let mut node = Self {
-            cpu,
-            session,
-            side,
-            boot,
-            asleep: false,
-            locked_up: false,
-            by_supply: BTreeSet::new(),
+            core: Core::new(config),
+            side: Side {
+                part,
+                board,
+                time: Timebase::new(clock.hz, clock.ppb),
+                clock,
+                awake: (0, 0),
+                touched: true,
+                board_due: NEVER,
+                inputs: Vec::new(),
+                reset: None,
+                watched: Vec::new(),
+                edges: Vec::new(),
+                findings: Vec::new(),
+                noted: 0,
+                idle: 0,
+                horizon: 0,
+                horizon_ns: 0,
+                stirred: true,
+            },
             semihosting: false,
             exit: None,
-            traps,
+            resets: Vec::new(),
             probe_at: PROBE_PERIOD,
             log_block: firmware.symbol("_SEGGER_RTT").map(|symbol| symbol.address),
-            log_lost: false,
-            log: LogStream::default(),
+            log: Channels::default(),
             lines: Vec::new(),
-            console: Vec::new(),
+            console: Text::default(),
             findings: Vec::new(),
             reported: BTreeSet::new(),
             firmware: firmware.clone(),
+            traps,
         };
-        node.side.memory.take_changed();
-        node.start();
-        settle(&mut node.session, &mut node.side, VirtualNanos(0), 0);
-        node.side.deadline = node.session.next_deadline().0;
-        node.flush();
+        node.arm();
+        // A part that was made leaves its pins as at power-on, which the board hears of here.
+        node.side.with(0, |part, view| part.reset(0, Reset::PowerOn, view));
+        node.side.reset = None;
+        node.side.settle(0);
+        node.core.reset(&mut node.side);
         Ok(node)
+    }
+
+    /// Has the core stop at every trap.
+    fn arm(&mut self) {
+        let traps = &self.traps;
+        for &trap in traps.hard_fault.iter().chain(&traps.default_handler).chain(&traps.panic) {
+            self.core.set_breakpoint(u32::try_from(trap).unwrap_or(u32::MAX));
+        }
     }
 
     /// Serves the firmware's semihosting calls, as a debug probe does: console output, and an exit that stops the core.
@@ -487,60 +448,90 @@ impl<B: Wiring> Node<B> {
         self
     }
 
-    /// Whether proven polling loops are counted instead of run, as they are unless told otherwise. The run is the same
-    /// either way.
-    pub fn skip_polling_loops(&mut self, skip: bool) {
-        self.side.skips = skip;
-    }
-
-    fn start(&mut self) {
-        let memory = &self.side.memory;
-        self.cpu.boot(self.boot, &|address, width| memory.value(address, bytes(width)));
-        self.asleep = false;
-        self.log.restart();
+    /// The cycle this board has reached. The core's last instruction may end later.
+    fn present(&self) -> Cycle {
+        self.core.cycle().min(self.side.horizon)
     }
 
     /// The instant this board has reached, in virtual nanoseconds.
     #[must_use]
     pub fn now(&self) -> u64 {
-        self.side.time(self.cpu.retired())
+        self.side.time.ns(self.present())
+    }
+
+    /// When `cycle` of this board's core begins, in virtual nanoseconds. Exact since the clock tree last changed.
+    #[must_use]
+    pub fn ns(&self, cycle: Cycle) -> u64 {
+        self.side.time.ns(cycle)
+    }
+
+    /// The first cycle of this board's core that begins at `ns` or later.
+    #[must_use]
+    pub fn cycle_at(&self, ns: u64) -> Cycle {
+        self.side.time.cycle(ns)
     }
 
     /// The first instant this board may act at without anything from outside. Its own present while the core is awake.
     #[must_use]
     pub fn earliest(&self) -> u64 {
-        if self.asleep || self.exit.is_some() || self.locked_up || self.side.unclocked {
-            self.deadline().min(self.cpu.next_event().map_or(u64::MAX, |event| event.0)).max(self.now())
+        if (self.core.is_asleep() && !self.side.stirred) || self.stopped() {
+            self.side.time.ns(self.side.due().min(self.core.due())).max(self.now())
         } else {
             self.now()
         }
     }
 
-    /// The longest an instruction takes at the core's present rate, in virtual nanoseconds.
+    /// The longest an ordinary instruction takes at the core's present rate, in virtual nanoseconds.
     #[must_use]
     pub fn instruction_ns(&self) -> u64 {
-        self.side.clock.nanos(1) + 1
+        2 * self.side.time.cycle_ns()
     }
 
-    /// The next instant a model of the part or a chip of the board acts at.
-    fn deadline(&self) -> u64 {
-        self.side.deadline.min(self.board().next_event())
+    fn stopped(&self) -> bool {
+        self.exit.is_some() || self.core.locked_up() || self.side.clock.hz == 0
     }
 
-    /// Where the next stretch ends at the latest.
-    fn target(&self) -> u64 {
-        self.side.target(self.cpu.next_event()).min(self.board().next_event())
-    }
-
-    /// The board, to read.
+    /// What is wired around the part, to read.
     #[must_use]
     pub fn board(&self) -> &B {
-        &self.session.board().0
+        &self.side.board
     }
 
-    /// The board, to take out what its chips collected. What changes a pin or a bus goes through [`Node::input`].
-    pub fn board_mut(&mut self) -> &mut B {
-        &mut self.session.board_mut().0
+    /// Something outside acts on the board's chips now, or takes out what they collected. The chips may have other
+    /// plans afterwards, and the part hears of what they do at this instant.
+    pub fn board_mut<T>(&mut self, act: impl FnOnce(&mut B) -> T) -> T {
+        let answer = act(&mut self.side.board);
+        let at = self.present();
+        self.side.settle(at);
+        self.side.after(at);
+        self.side.stirred = true;
+        answer
+    }
+
+    /// The microcontroller, to read.
+    #[must_use]
+    pub fn part(&self) -> &B::Part {
+        &self.side.part
+    }
+
+    /// Something outside acts on the part now: its pins, a bus, an oscillator. `act` gets the part, what is around it,
+    /// and the present cycle.
+    pub fn input<T>(&mut self, act: impl FnOnce(&mut B::Part, &mut View<'_, B>, Cycle) -> T) -> T {
+        let at = self.present();
+        let answer = self.side.with(at, |part, view| act(part, view, at));
+        self.side.part.signals().changed = true;
+        self.side.stirred = true;
+        answer
+    }
+
+    /// Drives `pin` from outside from now on, or lets go of it.
+    pub fn drive(&mut self, pin: Pin, level: Option<bool>) {
+        self.input(|part, view, at| part.drive(at, pin, level, view));
+    }
+
+    /// A UART frame whose start bit begins now arrives at `pin`.
+    pub fn receive(&mut self, pin: Pin, frame: UartFrame) {
+        self.input(|part, view, at| part.receive(at, pin, frame, view));
     }
 
     /// The image this node runs.
@@ -558,29 +549,11 @@ impl<B: Wiring> Node<B> {
     /// Whether the core runs nothing until an interrupt.
     #[must_use]
     pub fn is_asleep(&self) -> bool {
-        self.asleep
+        self.core.is_asleep()
     }
 
-    /// Something outside acts on the board now: a pin, a byte on a line, an edge of an SPI clock. The models hear of it
-    /// at this instant, and so does the core if it raised an interrupt.
-    pub fn input<T>(&mut self, act: impl FnOnce(&mut B, u64) -> T) -> T {
-        self.input_with_memory(|board, _, at| act(board, at))
-    }
-
-    /// As [`Node::input`], for what makes a bus controller of the part reach memory at once rather than when the models
-    /// settle.
-    pub fn input_with_memory<T>(&mut self, act: impl FnOnce(&mut B, &mut dyn Memory, u64) -> T) -> T {
-        let at = VirtualNanos(self.now());
-        self.side.instant = at.0;
-        let retired = self.cpu.retired();
-        let answer = act(&mut self.session.board_mut().0, &mut self.side, at.0);
-        self.side.deadline = self.session.resume(NO_DEADLINE, at, retired, &mut self.side).0;
-        settle(&mut self.session, &mut self.side, at, retired);
-        self.flush();
-        answer
-    }
-
-    /// Runs to the first instruction boundary at or past `to`, or to one where something left the board.
+    /// Runs to `to` (virtual ns), or to an instruction boundary before it where something left the board. What acts on
+    /// the board then acts at `to` itself; the core hears of it after the instruction that it is in.
     pub fn advance(&mut self, to: u64) {
         self.advance_or_restart(to, false);
     }
@@ -593,224 +566,125 @@ impl<B: Wiring> Node<B> {
 
     fn advance_or_restart(&mut self, to: u64, stops: bool) -> bool {
         loop {
-            if self.take_restart() && stops {
-                return true;
+            if let Some(reset) = self.side.reset.take() {
+                self.reset_by(reset);
+                if stops {
+                    return true;
+                }
             }
             let now = self.now();
             if now >= self.probe_at {
                 self.probe(now);
             }
-            let stopped = self.exit.is_some() || self.locked_up || self.side.held || self.side.unclocked;
-            if !stopped && self.cpu.next_event().is_some_and(|event| event.0 <= now) {
-                self.cpu.on_event(VirtualNanos(now));
-                self.asleep = false;
-                continue;
-            }
-            if now >= self.deadline() {
-                let reason = if self.asleep || stopped { StopReason::Idle } else { StopReason::Deadline };
-                self.stop(reason);
-                continue;
-            }
-            if now >= to || self.session.board().0.outgoing() {
+            if now >= to || self.side.board.outgoing() {
                 return false;
             }
-            if stopped {
-                self.side.warped += self.deadline().min(to) - now;
+            self.side.horizon_ns = to.min(self.probe_at);
+            let horizon = self.side.time.cycle(self.side.horizon_ns);
+            self.side.horizon = horizon;
+            if self.exit.is_some() {
+                self.side.advance(horizon);
+                self.core.skip_to(horizon);
                 continue;
             }
-            // A sleeping firmware logs nothing, so only one that runs is stopped for its log.
-            self.side.horizon = if self.asleep { to } else { to.min(self.probe_at) };
-            self.run_stretch();
+            self.side.stirred = false;
+            match self.core.run(&mut self.side, horizon) {
+                Exit::Until | Exit::Stopped | Exit::Halted => {}
+                Exit::Breakpoint => self.trapped(),
+                Exit::HostCall => self.host_call(),
+                Exit::Lockup => self.locked_up(),
+                Exit::ResetRequest => self.side.reset = Some(Reset::Software),
+            }
+            self.side.idle = self.core.idle();
         }
     }
 
-    /// The core's NMI input is level sensitive here: whatever stands after the handler has returned makes it pending
-    /// again. Answers whether it stands.
-    fn take_nmi(&mut self) -> bool {
-        if !self.session.board().0.part().nmi() {
-            return false;
+    fn locked_up(&mut self) {
+        let pc = u64::from(self.core.pc());
+        let (cfsr, hfsr) = (self.word(u64::from(CFSR)).unwrap_or(0), self.word(u64::from(HFSR)).unwrap_or(0));
+        let mut text = "the core locked up: a fault inside a fault handler".to_owned();
+        if cfsr | hfsr != 0 {
+            text += &format!(": {} (CFSR {cfsr:#010x}, HFSR {hfsr:#010x})", fault_names(cfsr, hfsr));
         }
-        if self.register(16) & 0x1FF != NMI {
-            let now = VirtualNanos(self.now());
-            self.cpu.debugger_access(Some(NMIPENDSET), ICSR, Width::W32, now);
-            self.asleep = false;
+        if self.instructions() == 0 {
+            text += "; it has not run one instruction: does the reset vector lead into the image?";
         }
-        true
-    }
-
-    fn run_stretch(&mut self) {
-        let nmi = self.take_nmi();
-        let target = self.target();
-        if self.asleep {
-            // Whatever could wake the core was asked of it and cleared the flag: it would run nothing.
-            self.side.warped += target.saturating_sub(self.now());
-            return;
-        }
-        let budget = self.side.until(self.cpu.retired(), target);
-        let (exit, retired) = self.run(if nmi { budget.min(NMI_LOOK) } else { budget });
-        match exit {
-            Exit::Lockup if !self.locked_up => self.lock_up(),
-            Exit::Breakpoint => self.trapped(),
-            Exit::HostCall => self.host_call(),
-            _ => {}
-        }
-        self.asleep = retired == 0 && self.side.queue.is_empty() && self.cpu.waiting() && exit == Exit::Waiting;
-        self.flush();
-        if std::mem::take(&mut self.side.touched) {
-            self.report_errors();
-        }
-        if self.side.poll.streak >= poll::STREAK {
-            self.skip_polling();
-        }
-        if self.asleep {
-            self.side.warped += target.saturating_sub(self.now());
+        self.find(FindingKind::Lockup, Some(pc), text);
+        if B::Part::RESETS_ON_LOCKUP {
+            self.side.reset = Some(Reset::Lockup);
         }
     }
 
-    /// The core locks up, as a fault inside a fault handler makes it: it runs nothing until it is reset.
+    /// The core locks up now, as a fault inside a fault handler makes it: it runs nothing until it is reset.
     pub fn lock_up(&mut self) {
-        self.locked_up = true;
-        let pc = self.cpu.pc();
-        self.find(FindingKind::Lockup, Some(pc), "the core locked up: a fault inside a fault handler".into());
-        self.input(|board, at| board.part_mut().locked_up(at));
+        self.core.lock_up();
+        self.locked_up();
     }
 
     /// Restarts the part from outside, now. Its flags say why, as far as it has flags for it, and [`Node::resets`]
     /// lists it.
     pub fn restart(&mut self, why: FromOutside) {
-        let at = VirtualNanos(self.now());
-        self.side.instant = at.0;
-        let retired = self.cpu.retired();
-        let how = match why {
-            FromOutside::Pin => None,
-            FromOutside::PowerOn(_) => Some(Supply::PowerOn),
-            FromOutside::BrownOut => Some(Supply::BrownOut),
-        };
-        if let Some(how) = how {
-            self.by_supply.insert(self.session.resets().len());
-            self.session.board_mut().0.part_mut().supply_failed(how);
-        }
-        self.session.reset_by_pin(at, retired, &mut self.side);
-        self.side.deadline = self.session.resume(NO_DEADLINE, at, retired, &mut self.side).0;
-        settle(&mut self.session, &mut self.side, at, retired);
-        self.take_restart();
+        self.reset_by(match why {
+            FromOutside::Pin => Reset::Pin,
+            FromOutside::PowerOn(_) => Reset::PowerOn,
+            FromOutside::BrownOut => Reset::BrownOut,
+        });
         if let FromOutside::PowerOn(seed) = why {
-            self.side.memory.come_up(seed);
-        }
-        self.flush();
-    }
-
-    fn run(&mut self, budget: u32) -> (Exit, u64) {
-        self.cpu.run(budget, &mut Lent { side: &mut self.side, session: &mut self.session })
-    }
-
-    /// Restarts the core after the models or the firmware asked for a reset, and answers whether it did.
-    fn take_restart(&mut self) -> bool {
-        let by_model = std::mem::take(&mut self.side.restart);
-        let by_core = self.cpu.take_reset_request();
-        if by_core {
-            self.stop(StopReason::Reset);
-            self.side.restart = false;
-        }
-        if by_core || by_model {
-            // What the firmware logged last, before its start-up code clears the buffer.
-            self.probe_log(self.now());
-            self.locked_up = false;
-            self.cpu.reset();
-            self.start();
-            self.flush();
-        }
-        by_core || by_model
-    }
-
-    fn stop(&mut self, reason: StopReason) {
-        let at = VirtualNanos(self.now());
-        let stop = Stop { at, instruction_count: self.cpu.retired(), reason };
-        // The models' event was due at the deadline; the core stopped on the instruction boundary after it.
-        self.side.instant = at.0.min(self.deadline());
-        self.side.deadline = self.session.stop(stop, &mut self.side).0;
-        self.side.instant = at.0;
-        settle(&mut self.session, &mut self.side, at, stop.instruction_count);
-        self.flush();
-        self.report_errors();
-    }
-
-    fn flush(&mut self) {
-        self.asleep &= self.side.queue.is_empty();
-        let changed = self.side.memory.take_changed();
-        for queued in changed.into_iter().chain(std::mem::take(&mut self.side.queue)) {
-            self.cpu.ask(queued);
+            self.come_up(seed);
         }
     }
 
-    /// Counts the iterations of a polling loop up to the next event instead of running them, once the loop is proven to
-    /// change nothing. See [`super::poll`].
-    fn skip_polling(&mut self) {
-        let gap = self.side.poll.gap;
-        let target = self.target();
-        if u64::from(self.side.until(self.cpu.retired(), target)) < 3 * gap || !self.polls_a_status() {
-            self.side.poll.streak = 0;
-            return;
-        }
-        let before = self.all_registers();
-        for _ in 0..gap {
-            let harmless = self.next_is_harmless();
-            let (exit, retired) = self.run(1);
-            self.flush();
-            if !harmless || retired != 1 || !matches!(exit, Exit::Budget | Exit::Returned) {
-                self.side.poll.streak = 0;
-                return;
+    fn reset_by(&mut self, cause: Reset) {
+        let at = self.present();
+        // What the firmware logged last, before its start-up code clears the buffer.
+        self.probe_log(self.now());
+        self.resets.push(ResetAt { at: self.now(), cause });
+        self.side.with(at, |part, view| part.reset(at, cause, view));
+        self.side.reset = None;
+        self.side.settle(at);
+        self.core.reset(&mut self.side);
+        let unfinished = self.log.finish(self.now());
+        self.lines.extend(unfinished);
+        // What the last start did, the next may do again.
+        self.reported.retain(|(kind, _)| *kind != FindingKind::HardFault && *kind != FindingKind::UnhandledInterrupt);
+        self.arm();
+    }
+
+    /// Fills all RAM with noise that follows from `seed` (SplitMix64), as RAM comes up.
+    fn come_up(&mut self, seed: u64) {
+        let mut state = seed;
+        for (start, size) in B::Part::RAM {
+            let Some(bytes) = self.side.part.memory_mut(*start, *size) else { continue };
+            for chunk in bytes.chunks_mut(8) {
+                state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
+                let mut word = (state ^ state >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+                word = (word ^ word >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
+                let noise = (word ^ word >> 31).to_le_bytes();
+                chunk.copy_from_slice(&noise[..chunk.len()]);
             }
         }
-        if self.side.poll.streak < poll::STREAK || self.side.poll.gap != gap || self.all_registers() != before {
-            self.side.poll.streak = 0;
-            return;
-        }
-        let target = self.target();
-        let left = u64::from(self.side.until(self.cpu.retired(), target));
-        self.side.skipped += left.saturating_sub(1) / gap * gap;
-    }
-
-    fn polls_a_status(&mut self) -> bool {
-        let Some(address) = self.side.poll.address() else { return false };
-        let bus = self.session.mcu().bus();
-        let Some(slot) = bus.slot_at(address) else { return false };
-        let peripheral = bus.slots()[slot].peripheral();
-        let offset = address - peripheral.base;
-        peripheral
-            .registers
-            .iter()
-            .find(|register| u64::from(register.offset) == offset & !3)
-            .is_some_and(|register| !poll::is_consumed_by_reading(register.name))
-    }
-
-    fn all_registers(&self) -> Vec<Option<Vec<u8>>> {
-        poll::REGISTERS.map(|number| self.cpu.gdb_register(number)).collect()
-    }
-
-    fn next_is_harmless(&self) -> bool {
-        let half = |address| self.side.memory.value(address, 2).and_then(|value| u16::try_from(value).ok());
-        let pc = self.cpu.pc();
-        let Some(first) = half(pc) else { return false };
-        let second = if poll::is_wide(first) { half(pc + 2) } else { Some(0) };
-        second.is_some_and(|second| poll::is_harmless(first, second, |number| self.register(number)))
     }
 
     /// Core register `number`: 0 to 15, then xPSR at 16.
     #[must_use]
     pub fn register(&self, number: usize) -> u32 {
-        self.cpu
-            .gdb_register(number)
-            .and_then(|bytes| bytes.get(..4).and_then(|bytes| bytes.try_into().ok()))
-            .map_or(0, u32::from_le_bytes)
+        match u8::try_from(number) {
+            Ok(number @ 0..=15) => self.core.register(Register::R(number)),
+            _ => self.core.register(Register::Xpsr),
+        }
     }
 
     /// The word at `address` as a debugger reads it: memory, or the processor's own registers.
     #[must_use]
     pub fn word(&mut self, address: u64) -> Option<u32> {
-        let now = VirtualNanos(self.now());
-        let own = self.cpu.debugger_access(None, address, Width::W32, now);
-        own.or_else(|| self.side.memory.value(address, 4)).and_then(|word| u32::try_from(word).ok())
+        if let Some(word) = memory::value(&self.side.part, address, 4) {
+            return u32::try_from(word).ok();
+        }
+        let address = u32::try_from(address).ok()?;
+        if !(0xE000_0000..0xE010_0000).contains(&address) {
+            return None;
+        }
+        self.core.debug_read(&mut self.side, address).ok()
     }
 
     /// Fills `to` from memory at `address`.
@@ -820,7 +694,7 @@ impl<B: Wiring> Node<B> {
     /// [`Error::NotMemory`].
     pub fn read(&self, address: u64, to: &mut [u8]) -> Result<(), Error> {
         let length = to.len();
-        self.side.memory.read(address, to).then_some(()).ok_or(Error::NotMemory { address, length })
+        memory::read(&self.side.part, address, to).then_some(()).ok_or(Error::NotMemory { address, length })
     }
 
     /// Writes `from` to memory at `address`, flash included, as a debugger does.
@@ -829,15 +703,11 @@ impl<B: Wiring> Node<B> {
     ///
     /// [`Error::NotMemory`].
     pub fn write(&mut self, address: u64, from: &[u8]) -> Result<(), Error> {
-        let written = self.side.memory.write(address, from);
-        self.flush_memory();
+        let written = memory::write(&mut self.side.part, address, from);
+        let signals = self.side.part.signals();
+        signals.code_changed = true;
+        signals.changed = true;
         written.then_some(()).ok_or(Error::NotMemory { address, length: from.len() })
-    }
-
-    fn flush_memory(&mut self) {
-        for queued in self.side.memory.take_changed() {
-            self.cpu.ask(queued);
-        }
     }
 
     /// Where the firmware's `symbol` is.
@@ -873,31 +743,24 @@ impl<B: Wiring> Node<B> {
         std::mem::take(&mut self.side.edges)
     }
 
-    /// How long the core was awake since power-on. An instruction counts with the time the clock gives it, polling that
-    /// was skipped included.
+    /// How long the core was awake since power-on.
     #[must_use]
     pub fn usage(&self) -> Usage {
-        Usage { awake: self.side.awake(self.cpu.retired()), total: self.now() }
+        let (ns, cycles) = self.side.awake;
+        let since = (self.core.cycle() - self.core.idle()).saturating_sub(cycles);
+        Usage { awake: ns + self.side.scaled(since), total: self.now() }
     }
 
-    /// Instructions the core retired since power-on, polling that was skipped included.
+    /// Instructions the core executed since power-on.
     #[must_use]
     pub fn instructions(&self) -> u64 {
-        self.cpu.retired() + self.side.skipped
-    }
-
-    /// How many of [`Node::instructions`] were proven polling and not run.
-    #[must_use]
-    pub fn instructions_skipped(&self) -> u64 {
-        self.side.skipped
+        self.core.retired()
     }
 
     /// Every restart of the part so far.
-    pub fn resets(&self) -> impl ExactSizeIterator<Item = ResetAt> {
-        self.session.resets().iter().enumerate().map(|(nth, reset)| ResetAt {
-            at: reset.at.0,
-            cause: if self.by_supply.contains(&nth) { ResetCause::PowerOn } else { reset.cause },
-        })
+    #[must_use]
+    pub fn resets(&self) -> &[ResetAt] {
+        &self.resets
     }
 
     /// The log lines since last asked, console output through semihosting among them.
@@ -906,18 +769,47 @@ impl<B: Wiring> Node<B> {
         std::mem::take(&mut self.lines)
     }
 
-    /// Empties RTT up channel `channel` other than the log's (0).
+    /// The log lines since last asked, as [`Node::take_log`], and then the lines that the firmware did not finish.
+    pub fn finish_log(&mut self) -> Vec<LogLine> {
+        let mut lines = self.take_log();
+        let at = self.now();
+        lines.extend(self.log.finish(at));
+        lines.extend(self.console.finish().map(|bytes| rtt::text_line(at, "", &bytes)));
+        lines
+    }
+
+    /// The bytes that came over RTT up channel `channel` since last asked, up to the latest 64 KiB. They are in the log
+    /// as well.
     pub fn take_channel(&mut self, channel: u64) -> Vec<u8> {
-        let Some(block) = self.log_block else { return Vec::new() };
-        let bytes = rtt::drain(&mut self.side.memory, block, channel).unwrap_or_default();
-        self.flush_memory();
-        bytes
+        self.probe_log(self.now());
+        self.log.take_raw(channel)
+    }
+
+    /// What the core is doing now, in words.
+    #[must_use]
+    pub fn doing(&self) -> String {
+        let pc = u64::from(self.core.pc());
+        let place = self.firmware.place_of(pc).map_or_else(|| format!("at {pc:#010x}"), |place| format!("in {place}"));
+        if self.core.locked_up() {
+            "it is locked up".to_owned()
+        } else if self.side.clock.hz == 0 {
+            format!("its core has no clock, {place}")
+        } else if !self.core.is_asleep() {
+            format!("it runs {place}")
+        } else if self.side.due().min(self.core.due()) == NEVER {
+            format!("it sleeps {place}, and nothing is due that could wake it")
+        } else {
+            format!("it sleeps {place}")
+        }
     }
 
     /// What went wrong since last asked.
     pub fn take_findings(&mut self) -> Vec<Finding> {
         self.report_errors();
-        std::mem::take(&mut self.findings)
+        let mut findings = std::mem::take(&mut self.findings);
+        // At one instant what the part saw comes first: it is why the core then stops.
+        findings.sort_by_key(|finding| (finding.at, finding.kind.ends_run()));
+        findings
     }
 
     /// What went wrong so far and was not taken.
@@ -930,12 +822,18 @@ impl<B: Wiring> Node<B> {
     #[must_use]
     pub fn digest(&self) -> u64 {
         let mut digest = Digest::new();
-        for register in self.all_registers().into_iter().flatten() {
-            digest.bytes(&register);
+        let named = [Register::Xpsr, Register::Msp, Register::Psp, Register::Control, Register::Faultmask];
+        let more = [Register::Basepri, Register::Primask, Register::Fpscr];
+        let all = (0..16).map(Register::R).chain((0..32).map(Register::S)).chain(named).chain(more);
+        for register in all {
+            digest.word(u64::from(self.core.register(register)));
         }
+        digest.word(self.core.cycle());
         digest.word(self.now());
         digest.word(self.instructions());
-        self.side.memory.digest(&mut digest);
+        for (start, size) in B::Part::RAM {
+            digest.bytes(self.side.part.memory(*start, *size).unwrap_or_default());
+        }
         digest.finish()
     }
 
@@ -948,13 +846,7 @@ impl<B: Wiring> Node<B> {
         if self.findings.len() >= MOST_FINDINGS {
             return;
         }
-        let symbol = pc.and_then(|pc| {
-            let name = self.firmware.name_of(pc)?;
-            Some(match self.firmware.line_of(pc) {
-                Some(line) => format!("{name} ({line})"),
-                None => name,
-            })
-        });
+        let symbol = pc.and_then(|pc| self.firmware.place_of(pc));
         self.findings.push(Finding { kind, at, pc, symbol, text });
     }
 
@@ -963,89 +855,33 @@ impl<B: Wiring> Node<B> {
         self.find(kind, None, text);
     }
 
-    /// Turns what the session listed since the last call into findings, stamped with the present.
+    /// Takes what the models and the core listed since the last call.
     fn report_errors(&mut self) {
-        let at = self.now();
+        self.side.changed(self.present());
         let mut found = std::mem::take(&mut self.side.findings);
-        if let Some(error) = self.session.take_error()
-            && !found.iter().any(|(kind, ..)| *kind == FindingKind::Unreachable)
-        {
-            found.push((FindingKind::Unreachable, at, None, format!("a model could not go on: {error}")));
+        for (address, pc, cycle) in self.core.take_unmodelled() {
+            found.push(Finding {
+                kind: FindingKind::Unmodelled,
+                at: self.side.time.ns(cycle),
+                pc: Some(u64::from(pc)),
+                symbol: None,
+                text: format!("the core's register at {address:#010x} is not modelled"),
+            });
         }
-        self.report_session(at, &mut found);
-        let part = self.session.board().0.part();
-        if part.finding_count() != self.side.reported.of_part {
-            self.side.reported.of_part = part.finding_count();
-            found.extend(part.findings().into_iter().map(|(kind, at, text)| (kind, at, None, text)));
-        }
-        for (kind, at, pc, text) in found {
-            // A list that grew is listed whole; what was already reported is dropped here.
+        for Finding { kind, at, pc, text, .. } in found {
             if self.reported.insert((kind, text.clone())) {
                 self.add_finding(kind, at, pc, text);
             }
         }
     }
 
-    fn report_session(&mut self, at: u64, found: &mut Vec<(FindingKind, u64, Option<u64>, String)>) {
-        let session = &self.session;
-        let reported = &mut self.side.reported;
-        // The session keeps the first access for each address, so a list that did not grow has nothing new.
-        if session.refused().len() != reported.refused {
-            reported.refused = session.refused().len();
-            for (address, fault) in session.refused() {
-                found.push((FindingKind::Refused, at, None, format!("access at {address:#010x}: {fault}")));
-            }
-        }
-        if session.unimplemented().len() != reported.unimplemented {
-            reported.unimplemented = session.unimplemented().len();
-            for (address, access) in session.unimplemented() {
-                let text = match access.written {
-                    Some(value) => format!(
-                        "{}.{} ({address:#010x}) has no model and was written {value:#x}",
-                        access.instance, access.register
-                    ),
-                    None => {
-                        format!("{}.{} ({address:#010x}) has no model and was read", access.instance, access.register)
-                    }
-                };
-                found.push((FindingKind::Unmodelled, at, Some(access.program_counter), text));
-            }
-        }
-        if session.undefined().len() != reported.undefined {
-            reported.undefined = session.undefined().len();
-            for (address, access) in session.undefined() {
-                let text = format!("{} has no register at {address:#010x}", access.instance);
-                found.push((FindingKind::Undefined, at, Some(access.program_counter), text));
-            }
-        }
-        if session.unrouted().len() != reported.unrouted {
-            reported.unrouted = session.unrouted().len();
-            for (instance, number) in session.unrouted() {
-                let text = format!("{instance} raised interrupt {number}, which the core has no line for");
-                found.push((FindingKind::Unrouted, at, None, text));
-            }
-        }
-        let told = session.told().count();
-        if told != reported.told {
-            reported.told = told;
-            for told in session.told() {
-                let text = format!("{}.{}: {}", told.instance, told.register, told.reason);
-                found.push((FindingKind::Misuse, told.at.0, None, text));
-            }
-        }
-        if session.unmapped().len() != reported.unmapped {
-            let unmapped = session.unmapped();
-            reported.unmapped = unmapped.len();
-            for access in unmapped {
-                let text = format!("no register at {:#010x}", access.address);
-                found.push((FindingKind::Unmapped, at, Some(access.program_counter), text));
-            }
-        }
-    }
-
     /// The core is about to run an instruction the node watches.
     fn trapped(&mut self) {
-        let pc = self.cpu.pc();
+        let pc = u64::from(self.core.pc());
+        // A handler that is one branch to itself comes here at every turn.
+        if memory::value(&self.side.part, pc, 2) == Some(BRANCH_TO_ITSELF) {
+            self.core.clear_breakpoint(self.core.pc());
+        }
         if self.traps.hard_fault == Some(pc) {
             self.report_exception(FindingKind::HardFault);
         } else if self.traps.panic.contains(&pc) {
@@ -1053,17 +889,16 @@ impl<B: Wiring> Node<B> {
         } else if self.traps.default_handler.contains(&pc) {
             self.report_exception(FindingKind::UnhandledInterrupt);
         }
-        self.cpu.pass_breakpoint(pc);
     }
 
     fn report_exception(&mut self, kind: FindingKind) {
-        let exception = self.register(16) & 0x1FF;
+        let exception = self.core.register(Register::Xpsr) & 0x1FF;
         let returns = self.register(14);
         // EXC_RETURN bit 2 says which stack the core pushed its frame on, ARMv7-M ARM table B1-8.
-        let stack = if returns & 4 != 0 { self.register(35) } else { self.register(34) };
-        let pushed = |index: u64| self.side.memory.value(u64::from(stack) + 4 * index, 4);
+        let stack = self.core.register(if returns & 4 != 0 { Register::Psp } else { Register::Msp });
+        let pushed = |index: u64| memory::value(&self.side.part, u64::from(stack) + 4 * index, 4);
         let (lr, pc) = (pushed(5), pushed(6));
-        let (cfsr, hfsr) = (self.word(CFSR).unwrap_or(0), self.word(HFSR).unwrap_or(0));
+        let (cfsr, hfsr) = (self.word(u64::from(CFSR)).unwrap_or(0), self.word(u64::from(HFSR)).unwrap_or(0));
         let mut text = match kind {
             FindingKind::HardFault => {
                 format!("HardFault: {} (CFSR {cfsr:#010x}, HFSR {hfsr:#010x})", fault_names(cfsr, hfsr))
@@ -1071,14 +906,16 @@ impl<B: Wiring> Node<B> {
             _ => format!("exception {exception} (interrupt {}) has no handler", i64::from(exception) - 16),
         };
         if cfsr & 0x8000 != 0
-            && let Some(address) = self.word(BFAR)
+            && let Some(address) = self.word(u64::from(BFAR))
         {
             text += &format!(", bus fault address {address:#010x}");
         }
         if let Some(caller) = lr.and_then(|lr| self.firmware.name_of(lr)) {
             text += &format!(", called from {caller}");
         }
-        self.find(kind, pc, text);
+        if self.reported.insert((kind, text.clone())) {
+            self.find(kind, pc, text);
+        }
     }
 
     fn report_panic(&mut self) {
@@ -1088,87 +925,133 @@ impl<B: Wiring> Node<B> {
             Some(place) => format!("panicked at {place}; the message is in the log"),
             None => "panicked; the message is in the log".to_owned(),
         };
-        self.find(FindingKind::Panic, Some(lr.saturating_sub(2)), text);
+        let pc = self.panicking_call().unwrap_or(lr.saturating_sub(2));
+        self.find(FindingKind::Panic, Some(pc), text);
+    }
+
+    /// Where the firmware's own code called what panicked: of the return addresses on the stack, the innermost that is
+    /// not in the language's libraries. A word that only looks like one is rare above the stack pointer, and the text
+    /// of the finding has the place from the panic itself.
+    fn panicking_call(&self) -> Option<u64> {
+        const LIBRARIES: [&str; 5] = ["core::", "<core::", "alloc::", "<alloc::", "compiler_builtins::"];
+        let part = &self.side.part;
+        let stack = u64::from(self.register(13));
+        (0..128).find_map(|index| {
+            let to = memory::value(part, stack + 4 * index, 4).filter(|to| to & 1 != 0)? & !1;
+            let half = |back: u64| memory::value(part, to.checked_sub(back)?, 2);
+            // BL, or BLX of a register: ARMv7-M ARM A7.7.18 and A7.7.19.
+            let call = half(4)? & 0xF800 == 0xF000 && half(2)? & 0xD000 == 0xD000 || half(2)? & 0xFF87 == 0x4780;
+            let function = self.firmware.name_of(to - 2)?;
+            (call && !LIBRARIES.iter().any(|library| function.starts_with(library))).then_some(to - 2)
+        })
     }
 
     /// `PanicInfo` has no stable layout, but it holds a `&Location`: {file name, its length, line, column}. The first
     /// word of it that points to something of that shape is taken.
     fn panic_place(&self) -> Option<String> {
         let info = u64::from(self.register(0));
-        let memory = &self.side.memory;
+        let part = &self.side.part;
         (0..6).find_map(|index| {
-            let location = memory.value(info + 4 * index, 4)?;
-            let word = |index: u64| memory.value(location + 4 * index, 4);
+            let location = memory::value(part, info + 4 * index, 4)?;
+            let word = |index: u64| memory::value(part, location + 4 * index, 4);
             let (name, length, line, column) = (word(0)?, word(1)?, word(2)?, word(3)?);
             if !(4..=512).contains(&length) || line == 0 || line > 1_000_000 || column > 10_000 {
                 return None;
             }
             let mut text = vec![0; usize::try_from(length).ok()?];
-            memory.read(name, &mut text).then_some(())?;
+            memory::read(part, name, &mut text).then_some(())?;
             let text = String::from_utf8(text).ok().filter(|text| text.trim_end_matches('\0').ends_with(".rs"))?;
             Some(format!("{}:{line}:{column}", text.trim_end_matches('\0')))
         })
     }
 
-    /// The firmware asked something of the host it is debugged from.
+    /// The firmware asked something of the host it is debugged from: "Semihosting for AArch32 and AArch64", Arm
+    /// 2021, section 3 (operations).
     fn host_call(&mut self) {
-        let memory = &self.side.memory;
-        let call = self.cpu.host_call(&mut |address, width| memory.value(address, bytes(width)));
         if !self.semihosting {
-            self.cpu.answer_host_call(None);
+            self.core.finish_host_call(None);
             return;
         }
-        let answer = match call {
-            Some(HostCall::Exit { code }) => {
-                self.exit = Some(code);
-                if code != 0 {
-                    let pc = self.cpu.pc();
-                    self.find(
-                        FindingKind::ExitStatus,
-                        Some(pc),
-                        format!("the firmware ended the run with status {code}"),
-                    );
+        let (operation, parameter) = (self.register(0), u64::from(self.register(1)));
+        let argument = |node: &Self, index: u64| memory::value(&node.side.part, parameter + 4 * index, 4).unwrap_or(0);
+        const FAILED: u32 = u32::MAX;
+        let answer = match operation {
+            // SYS_OPEN: the console alone, called ":tt".
+            0x01 => {
+                let mut name = vec![0; usize::try_from(argument(self, 2)).unwrap_or(0).min(64)];
+                let read = memory::read(&self.side.part, argument(self, 0), &mut name);
+                // Modes 0 to 3 read, 4 to 7 write, 8 to 11 append (standard error).
+                if read && name == b":tt" { u32::try_from(argument(self, 1) / 4).unwrap_or(0) } else { FAILED }
+            }
+            // SYS_CLOSE
+            0x02 => 0,
+            // SYS_WRITEC
+            0x03 => {
+                let character = memory::value(&self.side.part, parameter, 1).unwrap_or(0);
+                self.print(&[u8::try_from(character).unwrap_or(0)]);
+                0
+            }
+            // SYS_WRITE0
+            0x04 => {
+                let mut at = parameter;
+                while let Some(byte @ 1..) = memory::value(&self.side.part, at, 1) {
+                    self.print(&[u8::try_from(byte).unwrap_or(0)]);
+                    at += 1;
                 }
-                Some(0)
+                0
             }
-            Some(HostCall::Write { handle: 1 | 2, address, length }) => {
-                let mut text = vec![0; usize::try_from(length).unwrap_or(0)];
-                let there = self.side.memory.read(address, &mut text);
+            // SYS_WRITE answers how many bytes it did not write.
+            0x05 => {
+                let length = argument(self, 2);
+                let mut text = vec![0; usize::try_from(length).unwrap_or(0).min(1 << 20)];
+                let there = memory::read(&self.side.part, argument(self, 1), &mut text);
                 self.print(&text);
-                // SYS_WRITE answers how many bytes it did not write.
-                Some(if there { 0 } else { length })
+                if there { 0 } else { u32::try_from(length).unwrap_or(FAILED) }
             }
-            Some(HostCall::OpenConsole { handle }) => Some(handle),
-            Some(HostCall::Close { handle: 0..=2 }) => Some(0),
-            Some(HostCall::IsTty { handle }) => Some(u64::from(handle <= 2)),
-            Some(HostCall::Clock) => Some(self.now() / 10_000_000),
-            Some(HostCall::Errno) => Some(0),
-            Some(HostCall::TickFrequency) => Some(1_000_000_000),
-            Some(HostCall::Elapsed { block }) => {
-                let now = self.now();
-                self.side.memory.put(block, 8, now);
-                Some(0)
+            // SYS_ISTTY
+            0x09 => u32::from(argument(self, 0) <= 2),
+            // SYS_CLOCK, in hundredths of a second; SYS_TIME, in seconds since power-on.
+            0x10 => u32::try_from(self.now() / 10_000_000).unwrap_or(FAILED),
+            0x11 => u32::try_from(self.now() / 1_000_000_000).unwrap_or(FAILED),
+            // SYS_ERRNO
+            0x13 => 0,
+            // SYS_EXIT: a reason, ADP_Stopped_ApplicationExit is success. SYS_EXIT_EXTENDED: reason and status.
+            0x18 => self.ended(if parameter == 0x2_0026 { 0 } else { 1 }),
+            0x20 => {
+                let status = argument(self, 1);
+                self.ended(u32::try_from(status).unwrap_or(1))
             }
-            // There is no file system here: -1 is "failed" in every call that is left.
-            Some(_) => Some(u64::from(u32::MAX)),
-            None => {
-                let operation = self.register(0);
+            // SYS_ELAPSED, SYS_TICKFREQ: nanoseconds.
+            0x30 => {
+                let now = self.now().to_le_bytes();
+                if memory::write(&mut self.side.part, parameter, &now) { 0 } else { FAILED }
+            }
+            0x31 => 1_000_000_000,
+            // There is no file system here, nor anything to read: these fail as on a host that has none.
+            0x06 | 0x07 | 0x0A | 0x0C..=0x0F | 0x12 | 0x15 | 0x16 => FAILED,
+            _ => {
                 let text = format!("semihosting operation {operation:#x} is not served");
-                self.find(FindingKind::Unmodelled, Some(self.cpu.pc()), text);
-                Some(u64::from(u32::MAX))
+                self.find(FindingKind::Unmodelled, Some(u64::from(self.core.pc())), text);
+                FAILED
             }
         };
-        self.cpu.answer_host_call(answer);
+        self.core.finish_host_call(Some(answer));
+    }
+
+    /// The firmware ended the run with `status`.
+    fn ended(&mut self, status: u32) -> u32 {
+        self.exit = Some(status);
+        if status != 0 {
+            let pc = u64::from(self.core.pc());
+            self.find(FindingKind::ExitStatus, Some(pc), format!("the firmware ended the run with status {status}"));
+        }
+        0
     }
 
     fn print(&mut self, text: &[u8]) {
-        self.console.extend_from_slice(text);
         let at = self.now();
-        while let Some(end) = self.console.iter().position(|&byte| byte == b'\n') {
-            let line: Vec<u8> = self.console.drain(..=end).collect();
-            let text = String::from_utf8_lossy(&line).trim_end().to_owned();
-            self.lines.push(LogLine { at, timestamp: String::new(), level: LogLevel::None, text });
-        }
+        let Self { console, lines, .. } = self;
+        console.take(text, |line| lines.push(rtt::text_line(at, "", line)));
     }
 
     /// A debug probe's look at the log, on a grid of [`PROBE_PERIOD`].
@@ -1179,24 +1062,11 @@ impl<B: Wiring> Node<B> {
 
     fn probe_log(&mut self, at: u64) {
         let Some(block) = self.log_block else { return };
-        match rtt::drain(&mut self.side.memory, block, 0) {
-            Ok(bytes) if bytes.is_empty() => {}
-            Ok(bytes) => {
-                let lines = &mut self.lines;
-                let malformed = self.log.take(self.firmware.log_table(), at, &bytes, |line| lines.push(line));
-                if malformed > 0 {
-                    let text = format!("{malformed} log frames did not decode: the log buffer overran");
-                    self.add_finding(FindingKind::LogOverrun, at, None, text);
-                }
-            }
-            Err(RttFault::NotYet) => {}
-            Err(RttFault::Corrupt(text)) => {
-                if !std::mem::replace(&mut self.log_lost, true) {
-                    self.add_finding(FindingKind::LogCorrupt, at, None, text);
-                }
-            }
+        let (lines, troubles) = self.log.probe(&mut self.side.part, block, &self.firmware, at);
+        self.lines.extend(lines);
+        for (kind, text) in troubles {
+            self.add_finding(kind, at, None, text);
         }
-        self.flush_memory();
     }
 }
 

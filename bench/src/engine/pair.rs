@@ -13,7 +13,9 @@
 use std::collections::BTreeMap;
 
 use super::finding::FindingKind;
-use super::{Node, Wiring};
+use cortex_m4::{Cost, Fast};
+
+use super::{Board, Node};
 
 /// The least time anything takes to cross between the boards, in virtual nanoseconds.
 ///
@@ -69,7 +71,7 @@ impl<M> Sent<M> {
 }
 
 /// What passes between two boards, and what stands beside each.
-pub trait Between<A: Wiring, B: Wiring> {
+pub trait Between<A: Board, B: Board, C: Cost = Fast> {
     /// What arrives at the first board.
     type ToA;
     /// What arrives at the second board.
@@ -79,22 +81,22 @@ pub trait Between<A: Wiring, B: Wiring> {
     fn lookahead(&self) -> Lookahead;
 
     /// Takes what left the first board up to its present and sends each with the instant it arrives.
-    fn leave_a(&mut self, node: &mut Node<A>, to_b: &mut Sent<Self::ToB>) {
+    fn leave_a(&mut self, node: &mut Node<A, C>, to_b: &mut Sent<Self::ToB>) {
         let _ = (node, to_b);
     }
 
     /// Takes what left the second board up to its present and sends each with the instant it arrives.
-    fn leave_b(&mut self, node: &mut Node<B>, to_a: &mut Sent<Self::ToA>) {
+    fn leave_b(&mut self, node: &mut Node<B, C>, to_a: &mut Sent<Self::ToA>) {
         let _ = (node, to_a);
     }
 
     /// `message`, due at `at`, reaches the first board, which stands there. Hand it over with [`Node::input`].
-    fn arrive_a(&mut self, at: u64, message: Self::ToA, node: &mut Node<A>) {
+    fn arrive_a(&mut self, at: u64, message: Self::ToA, node: &mut Node<A, C>) {
         let _ = (at, message, node);
     }
 
     /// `message`, due at `at`, reaches the second board, which stands there.
-    fn arrive_b(&mut self, at: u64, message: Self::ToB, node: &mut Node<B>) {
+    fn arrive_b(&mut self, at: u64, message: Self::ToB, node: &mut Node<B, C>) {
         let _ = (at, message, node);
     }
 
@@ -109,12 +111,12 @@ pub trait Between<A: Wiring, B: Wiring> {
     }
 
     /// The actor beside the first board acts, due at `at`. [`Between::next_at_a`] must move on.
-    fn act_at_a(&mut self, at: u64, node: &mut Node<A>) {
+    fn act_at_a(&mut self, at: u64, node: &mut Node<A, C>) {
         let _ = (at, node);
     }
 
     /// The actor beside the second board acts, due at `at`. [`Between::next_at_b`] must move on.
-    fn act_at_b(&mut self, at: u64, node: &mut Node<B>) {
+    fn act_at_b(&mut self, at: u64, node: &mut Node<B, C>) {
         let _ = (at, node);
     }
 }
@@ -123,7 +125,7 @@ pub trait Between<A: Wiring, B: Wiring> {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Nothing;
 
-impl<A: Wiring, B: Wiring> Between<A, B> for Nothing {
+impl<A: Board, B: Board, C: Cost> Between<A, B, C> for Nothing {
     type ToA = ();
     type ToB = ();
 
@@ -134,25 +136,25 @@ impl<A: Wiring, B: Wiring> Between<A, B> for Nothing {
 
 /// Two boards and what is between them.
 #[derive(Debug)]
-pub struct Pair<A: Wiring, B: Wiring, L: Between<A, B>> {
+pub struct Pair<A: Board, B: Board, L: Between<A, B, C>, C: Cost = Fast> {
     /// The first board.
-    pub a: Node<A>,
+    pub a: Node<A, C>,
     /// The second board.
-    pub b: Node<B>,
+    pub b: Node<B, C>,
     /// What passes between them.
     pub between: L,
     to_a: Sent<L::ToA>,
     to_b: Sent<L::ToB>,
 }
 
-impl<A: Wiring, B: Wiring, L: Between<A, B>> Pair<A, B, L> {
+impl<A: Board, B: Board, L: Between<A, B, C>, C: Cost> Pair<A, B, L, C> {
     /// Joins two boards that stand at the same instant.
     ///
     /// # Panics
     ///
     /// If both lookaheads are zero, which would let neither board move.
     #[must_use]
-    pub fn new(a: Node<A>, b: Node<B>, between: L) -> Self {
+    pub fn new(a: Node<A, C>, b: Node<B, C>, between: L) -> Self {
         let lookahead = between.lookahead();
         assert!(lookahead.a_to_b > 0 || lookahead.b_to_a > 0, "one direction has to take time");
         Self { a, b, between, to_a: Sent::default(), to_b: Sent::default() }
@@ -250,7 +252,7 @@ fn next(instant: Option<u64>) -> u64 {
     instant.unwrap_or(u64::MAX)
 }
 
-fn note_late<B: Wiring>(node: &mut Node<B>, at: u64) {
+fn note_late<B: Board, C: Cost>(node: &mut Node<B, C>, at: u64) {
     let now = node.now();
     // A core meets a message at its first instruction boundary after it.
     if now > at.saturating_add(node.instruction_ns()) {

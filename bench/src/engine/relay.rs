@@ -1,14 +1,10 @@
 //! Two boards of which one only speaks and the other only hears.
 //!
 //! Nothing ever comes back to the first board, so what it does depends on itself and on what stands beside it alone. It
-//! runs on a thread of its own, ahead of the second board, and sends every message with its instant. The second board
-//! enters a millisecond of virtual time only once the first has left it, and hears a message a fixed virtual time
+//! may run on a thread of its own, ahead of the second board, and sends every message with its instant. The second
+//! board enters a millisecond of virtual time only once the first has left it, and hears a message a fixed virtual time
 //! ahead, which the listener of a message has to bear. What either does follows from virtual instants alone and never
 //! from which thread came first, so a run is a function of its inputs.
-//!
-//! The first board may be far ahead: the translation of a piece of firmware that is reached for the first time holds
-//! its board up for milliseconds of real time, at other instants on each board, and the lead keeps the other one busy
-//! meanwhile.
 //!
 //! The caller describes what stands beside the first board in an [`Upstream`] (receivers on its lines), and what stands
 //! beside the second in a [`Downstream`] (a flight controller).
@@ -16,7 +12,9 @@
 use std::collections::VecDeque;
 use std::sync::mpsc;
 
-use super::{Node, Wiring};
+use cortex_m4::{Cost, Fast};
+
+use super::{Board, Node};
 
 /// The boards enter time in pieces of this, virtual ns.
 const PIECE: u64 = 1_000_000;
@@ -24,11 +22,12 @@ const PIECE: u64 = 1_000_000;
 /// How far ahead of its instant a message is heard at most, virtual ns.
 const HEARD_AHEAD: u64 = 1_000_000;
 
-/// How many pieces the first board may be ahead: half a second.
-const LEAD: usize = 500;
+/// How many pieces the first board may be ahead on its own thread: enough that neither waits for the other's bursts of
+/// work, few enough that what waits stays small.
+const LEAD: usize = 50;
 
 /// What stands beside the first board, and takes what leaves it.
-pub trait Upstream<A: Wiring>: Send {
+pub trait Upstream<A: Board, C: Cost = Fast>: Send {
     /// What leaves the board.
     type Message: Send;
 
@@ -36,10 +35,10 @@ pub trait Upstream<A: Wiring>: Send {
     type Notes: Send;
 
     /// Takes what left the board up to its present, each with its instant (virtual ns), in order of time.
-    fn leave(&mut self, node: &mut Node<A>, sent: &mut Vec<(u64, Self::Message)>);
+    fn leave(&mut self, node: &mut Node<A, C>, sent: &mut Vec<(u64, Self::Message)>);
 
     /// What is to be told of the board since the last call; called at least once a millisecond of virtual time.
-    fn notes(&mut self, node: &mut Node<A>) -> Self::Notes;
+    fn notes(&mut self, node: &mut Node<A, C>) -> Self::Notes;
 
     /// The next instant an actor beside the board acts on it (virtual ns), `u64::MAX` for never.
     fn next_at(&self) -> u64 {
@@ -47,13 +46,13 @@ pub trait Upstream<A: Wiring>: Send {
     }
 
     /// The actor acts, due at `at`. [`Upstream::next_at`] must move on.
-    fn act(&mut self, at: u64, node: &mut Node<A>) {
+    fn act(&mut self, at: u64, node: &mut Node<A, C>) {
         let _ = (at, node);
     }
 }
 
 /// What stands beside the second board, and brings it what left the first.
-pub trait Downstream<B: Wiring> {
+pub trait Downstream<B: Board, C: Cost = Fast> {
     /// What left the first board.
     type Message;
 
@@ -61,13 +60,13 @@ pub trait Downstream<B: Wiring> {
     type Notes;
 
     /// `message` left the first board at `at` (virtual ns), which the second may not have reached yet.
-    fn hear(&mut self, at: u64, message: Self::Message);
+    fn hear(&mut self, at: u64, message: Self::Message, node: &mut Node<B, C>);
 
     /// `notes` were made of the first board, which may be far ahead.
     fn noted(&mut self, notes: Self::Notes);
 
     /// Takes what left the second board. It reaches nobody's board.
-    fn leave(&mut self, node: &mut Node<B>) {
+    fn leave(&mut self, node: &mut Node<B, C>) {
         let _ = node;
     }
 
@@ -77,41 +76,53 @@ pub trait Downstream<B: Wiring> {
     }
 
     /// The actor acts, due at `at`. [`Downstream::next_at`] must move on.
-    fn act(&mut self, at: u64, node: &mut Node<B>) {
+    fn act(&mut self, at: u64, node: &mut Node<B, C>) {
         let _ = (at, node);
     }
 }
 
-/// What the first board's thread tells the second's of a piece of time.
+/// On how many threads a [`Relay`] runs. What comes of it is the same, byte for byte.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Threads {
+    /// The caller's alone.
+    One,
+    /// One for each board.
+    #[default]
+    Two,
+}
+
+/// What the first board tells the second of a piece of time.
 #[derive(Debug)]
 struct Told<M, N> {
     sent: Vec<(u64, M)>,
     notes: N,
     /// The board has left everything before this instant.
     reached: u64,
+    /// It has reached the end of the run.
+    ended: bool,
 }
 
-/// Two boards and what stands beside each.
-#[derive(Debug)]
-pub struct Relay<A: Wiring, B: Wiring, U, D> {
+/// Two boards and what stands beside each. Between two runs nothing is on its way, so a clone is a whole bench.
+#[derive(Clone, Debug)]
+pub struct Relay<A: Board, B: Board, U, D, C: Cost = Fast> {
     /// The board that speaks.
-    pub a: Node<A>,
+    pub a: Node<A, C>,
     /// The board that hears.
-    pub b: Node<B>,
+    pub b: Node<B, C>,
     /// What stands beside the first board.
     pub upstream: U,
     /// What stands beside the second board.
     pub downstream: D,
 }
 
-impl<A: Wiring, B: Wiring, U, D> Relay<A, B, U, D>
+impl<A: Board, B: Board, U, D, C: Cost> Relay<A, B, U, D, C>
 where
-    U: Upstream<A>,
-    D: Downstream<B, Message = U::Message, Notes = U::Notes>,
+    U: Upstream<A, C>,
+    D: Downstream<B, C, Message = U::Message, Notes = U::Notes>,
 {
     /// Runs both boards to `end` (virtual ns), or to the first instruction boundary after it. Whenever the second board
     /// has come another `step` of virtual time, and at the end, `each` is called with the instant, it and its
-    /// surroundings.
+    /// surroundings. What comes of it does not depend on where runs end and `threads`.
     ///
     /// # Errors
     ///
@@ -120,102 +131,117 @@ where
         &mut self,
         end: u64,
         step: u64,
-        mut each: impl FnMut(u64, &mut Node<B>, &mut D) -> Result<(), E>,
+        threads: Threads,
+        each: impl FnMut(u64, &mut Node<B, C>, &mut D) -> Result<(), E>,
     ) -> Result<(), E> {
         let Self { a, b, upstream, downstream } = self;
-        let (tell, told) = mpsc::sync_channel(LEAD);
-        std::thread::scope(|threads| {
-            threads.spawn(move || lead(a, upstream, end, &tell));
-            let mut hearing = Hearing { told, on_the_way: VecDeque::new(), reached: 0 };
-            let mut to = b.now();
-            while to < end {
-                to = (to + step).min(end);
-                follow(b, downstream, to, end, &mut hearing);
-                if to == end {
-                    // What the first board said after the last that the second had to wait for.
-                    while hearing.hear_one(downstream) {}
-                }
-                each(to, b, downstream)?;
+        let mut lead = Lead { sent: Vec::new() };
+        match threads {
+            Threads::One => follow(b, downstream, end, step, || Some(lead.piece(a, upstream, end)), each),
+            Threads::Two => {
+                let (tell, told) = mpsc::sync_channel(LEAD);
+                std::thread::scope(|threads| {
+                    threads.spawn(move || {
+                        loop {
+                            let told = lead.piece(a, upstream, end);
+                            let ended = told.ended;
+                            if tell.send(told).is_err() || ended {
+                                return;
+                            }
+                        }
+                    });
+                    // The receiver is dropped when this returns, which ends the other thread.
+                    follow(b, downstream, end, step, move || told.recv().ok(), each)
+                })
             }
-            Ok(())
-        })
+        }
     }
 }
 
-/// Runs the first board to `end`, or until nobody listens any more.
-fn lead<A: Wiring, U: Upstream<A>>(
-    node: &mut Node<A>,
-    upstream: &mut U,
-    end: u64,
-    tell: &mpsc::SyncSender<Told<U::Message, U::Notes>>,
-) {
-    let mut sent = Vec::new();
-    let mut piece = (node.now() / PIECE + 1) * PIECE;
-    loop {
-        if node.board().outgoing() {
-            upstream.leave(node, &mut sent);
-        }
-        let (now, next) = (node.now(), upstream.next_at());
-        if next <= now {
-            upstream.act(next, node);
-            continue;
-        }
-        if now >= piece.min(end) {
-            let told = Told { sent: std::mem::take(&mut sent), notes: upstream.notes(node), reached: now };
-            if tell.send(told).is_err() || now >= end {
-                return;
+/// The first board's way through time.
+struct Lead<M> {
+    sent: Vec<(u64, M)>,
+}
+
+impl<M> Lead<M> {
+    /// Runs the first board through its next piece of time.
+    fn piece<A: Board, C: Cost, U: Upstream<A, C, Message = M>>(
+        &mut self,
+        node: &mut Node<A, C>,
+        upstream: &mut U,
+        end: u64,
+    ) -> Told<M, U::Notes> {
+        let to = ((node.now() / PIECE + 1) * PIECE).min(end);
+        loop {
+            if node.board().outgoing() {
+                upstream.leave(node, &mut self.sent);
             }
-            piece = (now / PIECE + 1) * PIECE;
+            let (now, next) = (node.now(), upstream.next_at());
+            if next <= now {
+                upstream.act(next, node);
+            } else if now >= to {
+                let sent = std::mem::take(&mut self.sent);
+                return Told { sent, notes: upstream.notes(node), reached: now, ended: now >= end };
+            } else {
+                node.advance(to.min(next));
+            }
         }
-        node.advance(end.min(next).min(piece));
     }
 }
 
-/// Where the second board's thread hears of the first.
-struct Hearing<M, N> {
-    told: mpsc::Receiver<Told<M, N>>,
-    on_the_way: VecDeque<(u64, M)>,
-    reached: u64,
-}
-
-impl<M, N> Hearing<M, N> {
-    /// Waits for the next thing told; `false` once there will be none.
-    fn hear_one<B: Wiring>(&mut self, downstream: &mut impl Downstream<B, Message = M, Notes = N>) -> bool {
-        let Ok(Told { sent, notes, reached }) = self.told.recv() else { return false };
-        self.on_the_way.extend(sent);
-        self.reached = reached;
-        downstream.noted(notes);
-        true
-    }
-}
-
-/// Runs the second board to `to`.
-fn follow<B: Wiring, D: Downstream<B>>(
-    node: &mut Node<B>,
+/// Runs the second board to `end`.
+fn follow<B: Board, C: Cost, D: Downstream<B, C>, E>(
+    node: &mut Node<B, C>,
     downstream: &mut D,
-    to: u64,
     end: u64,
-    hearing: &mut Hearing<D::Message, D::Notes>,
-) {
-    loop {
-        if node.board().outgoing() {
-            downstream.leave(node);
+    step: u64,
+    mut tell: impl FnMut() -> Option<Told<D::Message, D::Notes>>,
+    mut each: impl FnMut(u64, &mut Node<B, C>, &mut D) -> Result<(), E>,
+) -> Result<(), E> {
+    let mut on_the_way = VecDeque::new();
+    let (mut reached, mut ended) = (0, false);
+    let mut hear = |downstream: &mut D, on_the_way: &mut VecDeque<_>| {
+        let Some(told) = tell() else { return (u64::MAX, true) };
+        on_the_way.extend(told.sent);
+        downstream.noted(told.notes);
+        (told.reached, told.ended)
+    };
+    let mut to = node.now();
+    while to < end {
+        to = (to + step).min(end);
+        loop {
+            if node.board().outgoing() {
+                downstream.leave(node);
+            }
+            let (now, next) = (node.now(), downstream.next_at());
+            if next <= now {
+                downstream.act(next, node);
+                continue;
+            }
+            if now >= to {
+                break;
+            }
+            let piece = (now / PIECE + 1) * PIECE;
+            let left = (piece + HEARD_AHEAD).min(end);
+            while reached < left && !ended {
+                (reached, ended) = hear(downstream, &mut on_the_way);
+            }
+            while let Some((at, message)) = on_the_way.pop_front_if(|(at, _)| *at <= now + HEARD_AHEAD) {
+                downstream.hear(at, message, node);
+            }
+            let unheard = on_the_way.front().map_or(u64::MAX, |(at, _)| at - HEARD_AHEAD);
+            node.advance(to.min(next).min(piece).min(unheard));
         }
-        let (now, next) = (node.now(), downstream.next_at());
-        if next <= now {
-            downstream.act(next, node);
-            continue;
+        if to == end {
+            // What the first board said after the last that the second had to wait for, and what comes after the end.
+            while !ended {
+                (_, ended) = hear(downstream, &mut on_the_way);
+            }
+            for (at, message) in on_the_way.drain(..) {
+                downstream.hear(at, message, node);
+            }
         }
-        if now >= to {
-            return;
-        }
-        let piece = (now / PIECE + 1) * PIECE;
-        let left = (piece + HEARD_AHEAD).min(end);
-        while hearing.reached < left && hearing.hear_one(downstream) {}
-        while let Some((at, message)) = hearing.on_the_way.pop_front_if(|(at, _)| *at <= now + HEARD_AHEAD) {
-            downstream.hear(at, message);
-        }
-        let unheard = hearing.on_the_way.front().map_or(u64::MAX, |(at, _)| at - HEARD_AHEAD);
-        node.advance(to.min(next).min(piece).min(unheard));
+        each(to, node, downstream)?;
     }
+    Ok(())
 }

@@ -1,17 +1,55 @@
 //! One firmware alone on one board, to its end: what `cargo xtask run` and on-target test suites go through.
 //!
 //! The run ends when the firmware exits through semihosting, when it dies (a panic whose handler faults, a HardFault, a
-//! lock-up), or at a limit of virtual time. defmt-test exits with `SYS_EXIT_EXTENDED`; panic-probe ends a failed test
-//! in a HardFault.
+//! lock-up), when it does nothing but restart, or at a limit of virtual time. defmt-test exits with
+//! `SYS_EXIT_EXTENDED`; panic-probe ends a failed test in a HardFault.
 
+use std::collections::BTreeMap;
 use std::str::FromStr;
 
-use nrf52840_model::{Nrf52840, Settings};
+use bench_seam::{Part, Reset};
+use cortex_m4::{Cost, Fast, Optimistic, Pessimistic};
+use nrf52840::{Nrf52840, Settings};
+use stm32f429::{Oscillators, Stm32f429};
 
 use super::finding::{Finding, FindingKind};
 use super::rtt::LogLine;
-use super::{Bare, Error, Firmware, Node, Part};
-use crate::stm32f427::{Oscillators, Stm32f427Part};
+use super::{Bare, Error, Firmware, Node, ResetAt};
+
+/// What a core's instructions and exceptions cost, see [`cortex_m4::Cost`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Clock {
+    /// A fixed cost: [`cortex_m4::Fast`].
+    #[default]
+    Fast,
+    /// No processor of this kind is faster: [`cortex_m4::Optimistic`].
+    Optimistic,
+    /// No processor of this kind is slower: [`cortex_m4::Pessimistic`].
+    Pessimistic,
+}
+
+impl FromStr for Clock {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        match name {
+            "fast" => Ok(Self::Fast),
+            "optimistic" => Ok(Self::Optimistic),
+            "pessimistic" => Ok(Self::Pessimistic),
+            _ => Err(format!("no clock called {name}: take fast, optimistic or pessimistic")),
+        }
+    }
+}
+
+impl std::fmt::Display for Clock {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Fast => Fast::NAME,
+            Self::Optimistic => Optimistic::NAME,
+            Self::Pessimistic => Pessimistic::NAME,
+        })
+    }
+}
 
 /// A board a firmware can run on alone, with nothing on its pins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,10 +78,29 @@ impl Target {
     /// # Errors
     ///
     /// As [`run`].
-    pub fn run(self, firmware: &Firmware, limits: Limits, event: impl FnMut(Event<'_>)) -> Result<Outcome, Error> {
+    pub fn run(
+        self,
+        clock: Clock,
+        firmware: &Firmware,
+        limits: Limits,
+        event: impl FnMut(Event<'_>),
+    ) -> Result<Outcome, Error> {
+        match clock {
+            Clock::Fast => self.run_on::<Fast>(firmware, limits, event),
+            Clock::Optimistic => self.run_on::<Optimistic>(firmware, limits, event),
+            Clock::Pessimistic => self.run_on::<Pessimistic>(firmware, limits, event),
+        }
+    }
+
+    fn run_on<C: Cost>(
+        self,
+        firmware: &Firmware,
+        limits: Limits,
+        event: impl FnMut(Event<'_>),
+    ) -> Result<Outcome, Error> {
         match self {
-            Self::Dpr => run(Nrf52840::new(Settings::default()), firmware, limits, event),
-            Self::Horus => run(Stm32f427Part::new(Oscillators::default()), firmware, limits, event),
+            Self::Dpr => run::<_, C>(Nrf52840::new(Settings::default()), firmware, limits, event),
+            Self::Horus => run::<_, C>(Stm32f429::new(Oscillators::default()), firmware, limits, event),
         }
     }
 }
@@ -55,12 +112,14 @@ pub struct Limits {
     pub virtual_time: u64,
     /// How often output is handed over.
     pub step: u64,
+    /// The run ends at this many restarts: a firmware that only restarts does nothing else.
+    pub restarts: usize,
 }
 
 impl Default for Limits {
-    /// A minute of virtual time, output every 10 ms.
+    /// A minute of virtual time, output every 10 ms, a hundred restarts.
     fn default() -> Self {
-        Self { virtual_time: 60_000_000_000, step: 10_000_000 }
+        Self { virtual_time: 60_000_000_000, step: 10_000_000, restarts: 100 }
     }
 }
 
@@ -78,7 +137,7 @@ pub enum Event<'a> {
 pub struct Outcome {
     /// The status the firmware exited with, or `None` where it did not exit.
     pub exit: Option<u32>,
-    /// Whether the firmware died: see [`FindingKind::is_fatal`].
+    /// Whether the firmware died: a HardFault, an exception without a handler, a lock-up, or nothing but restarts.
     pub died: bool,
     /// The virtual time the run took, in nanoseconds.
     pub virtual_time: u64,
@@ -88,6 +147,8 @@ pub struct Outcome {
     pub findings: Vec<Finding>,
     /// How often the part restarted.
     pub resets: usize,
+    /// What the core was doing at the end, in words.
+    pub doing: String,
 }
 
 impl Outcome {
@@ -114,26 +175,35 @@ impl Outcome {
 /// # Errors
 ///
 /// What [`Node::new`] refuses.
-pub fn run<P: Part>(
+pub fn run<P: Part, C: Cost>(
     part: P,
     firmware: &Firmware,
     limits: Limits,
     mut event: impl FnMut(Event<'_>),
 ) -> Result<Outcome, Error> {
-    let mut node = Node::new(Bare(part), firmware)?.with_semihosting();
+    let mut node = Node::<_, C>::new(part, Bare::new(), firmware)?.with_semihosting();
     let (mut lines, mut findings) = (Vec::new(), Vec::new());
     let mut died = false;
-    while node.exit_status().is_none() && !died && node.now() < limits.virtual_time {
-        node.advance((node.now() + limits.step).min(limits.virtual_time));
-        for line in node.take_log() {
+    loop {
+        // It stops at every restart, before a firmware that only restarts has done so for a whole step.
+        node.advance_to_restart((node.now() + limits.step).min(limits.virtual_time));
+        if node.resets().len() >= limits.restarts && !died {
+            let text = restart_loop(node.resets());
+            node.add_note(FindingKind::RestartLoop, text);
+        }
+        let found = node.take_findings();
+        died = found.iter().any(|finding| finding.kind.ends_run());
+        let over = died || node.exit_status().is_some() || node.now() >= limits.virtual_time;
+        for line in if over { node.finish_log() } else { node.take_log() } {
             event(Event::Line(&line));
             lines.push(line);
         }
-        for finding in node.take_findings() {
+        for finding in found.into_iter().chain(if over { node.take_findings() } else { Vec::new() }) {
             event(Event::Finding(&finding));
-            died |=
-                matches!(finding.kind, FindingKind::HardFault | FindingKind::UnhandledInterrupt | FindingKind::Lockup);
             findings.push(finding);
+        }
+        if over {
+            break;
         }
     }
     Ok(Outcome {
@@ -143,5 +213,25 @@ pub fn run<P: Part>(
         lines,
         findings,
         resets: node.resets().len(),
+        doing: node.doing(),
     })
+}
+
+/// What a person needs to hear of a firmware that only restarts.
+fn restart_loop(resets: &[ResetAt]) -> String {
+    let mut causes = BTreeMap::<String, usize>::new();
+    for reset in resets {
+        let cause = match reset.cause {
+            Reset::Software => "by software".to_owned(),
+            Reset::Watchdog(name) => format!("by its watchdog {name}"),
+            Reset::Lockup => "from a lock-up".to_owned(),
+            Reset::Wakeup(name) => format!("waking up by {name}"),
+            cause @ (Reset::PowerOn | Reset::BrownOut | Reset::Pin) => format!("{cause:?}"),
+        };
+        *causes.entry(cause).or_default() += 1;
+    }
+    let causes: Vec<String> = causes.iter().map(|(cause, times)| format!("{times} times {cause}")).collect();
+    let count = resets.len();
+    let causes = causes.join(", ");
+    format!("the part restarted {count} times ({causes}): the run ends here, as nothing else is to be expected")
 }

@@ -1,28 +1,31 @@
 //! What is between and beside the boards, as the scheduler sees it, and what it notes for the report.
 
 use std::collections::VecDeque;
-use std::io;
 use std::ops::Range;
 
+use cortex_m4::{Bound, Cost};
 use dpr_fw::telemetry::Telemetry as DprTelemetry;
 use gnss_sim::{Burst, Receiver};
 use horus_tx_fw::telemetry::Telemetry as HorusTelemetry;
-use nrf52840_model::SpisEvent;
+use nrf52840::SpisEvent;
 use profile::air::{CRC_BYTES, LEN_BYTES};
 use profile::sequence::SEARCH_CYCLES;
 use profile::{Layout, Object, ReportedPosition};
-use rigless::time::VirtualNanos;
 use st25r3916_model::{Air, AirEvent};
 
-use super::boards::{DPR_SPI_HZ, Dpr, FRESH, HORUS_SPI_HZ, Horus, Line, SSI_CSN};
-use super::front_end::{Crossing, FrontEnd};
-use super::ledger::{Ledger, Seen, ms};
+use super::boards::{Dpr, Horus};
+use super::front_end::Crossing;
+use super::ledger::{Ledger, Seen, bounds, ms};
 use super::phases::{Edge, Event, Phase, Sweeping};
-use super::trace::{self, Trace, Wire};
-use crate::engine::{Downstream, LogLine, Node, Upstream, Wiring};
+use super::trace::{self, Mark, Wire};
+use crate::engine::{Board, Downstream, LogLine, Node, Upstream};
 use crate::report::{self, Report, Reported};
 use crate::world::flight_controller::{Action, Outcome, Placed, Transaction};
 use crate::world::{BaseStation, FlightController};
+
+/// The front ends' SPI clocks as the firmwares set them, for the trace, Hz.
+const HORUS_SPI_HZ: u32 = horus_tx_fw::timing::SPI_HZ;
+const DPR_SPI_HZ: u32 = 8_000_000;
 
 /// The SSI's clock, for the trace, Hz.
 const SSI_HZ: u32 = profile::ssi::timing::MAX_CLOCK_HZ;
@@ -31,10 +34,9 @@ const SSI_HZ: u32 = profile::ssi::timing::MAX_CLOCK_HZ;
 /// been clocked: EasyDMA is up to this many microseconds late, but no event is.
 const RUN: usize = 16;
 
-/// A receiver and its wire.
-#[derive(Debug)]
+/// A receiver and what it sends next.
+#[derive(Clone, Debug)]
 struct Feed {
-    line: Line,
     receiver: Receiver,
     upcoming: Option<Burst>,
     /// When its next burst begins.
@@ -44,23 +46,22 @@ struct Feed {
 }
 
 impl Feed {
-    fn new(line: Line, mut receiver: Receiver) -> Self {
+    fn new(mut receiver: Receiver) -> Self {
         let upcoming = receiver.next();
         let next = upcoming.as_ref().map(|burst| burst.at_ns);
-        Self { line, receiver, upcoming, next, solution: None }
+        Self { receiver, upcoming, next, solution: None }
     }
 }
 
 /// What stands beside HORUS: its receivers, and the antenna that takes what its front end emits.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Receivers {
-    poller: FrontEnd,
     feeds: Vec<Feed>,
 }
 
 impl Receivers {
-    pub(super) fn new(poller: FrontEnd, feeds: impl Iterator<Item = (Line, Receiver)>) -> Self {
-        Self { poller, feeds: feeds.map(|(line, receiver)| Feed::new(line, receiver)).collect() }
+    pub(super) fn new(receivers: Vec<Receiver>) -> Self {
+        Self { feeds: receivers.into_iter().map(Feed::new).collect() }
     }
 }
 
@@ -70,38 +71,43 @@ pub(super) struct Notes {
     lines: Vec<LogLine>,
     /// When HORUS gave its front end the transmit command.
     transmits: Vec<u64>,
+    /// When its 10 ms timer ticked.
+    ticks: Vec<u64>,
     /// For each receiver, when its last valid position had arrived.
     solutions: Vec<Option<u64>>,
     /// What crossed between the part and its front end; nothing unless there is a trace.
     crossings: Vec<(u64, Crossing)>,
 }
 
-impl Upstream<Horus> for Receivers {
+impl<C: Cost> Upstream<Horus, C> for Receivers {
     type Message = AirEvent;
     type Notes = Notes;
 
-    fn leave(&mut self, _node: &mut Node<Horus>, sent: &mut Vec<(u64, AirEvent)>) {
-        self.poller.with(|chip| sent.extend(chip.take_air()));
+    fn leave(&mut self, node: &mut Node<Horus, C>, sent: &mut Vec<(u64, AirEvent)>) {
+        node.board_mut(|board| sent.extend(board.front_end.take_air()));
     }
 
-    fn notes(&mut self, node: &mut Node<Horus>) -> Notes {
-        Notes {
-            lines: node.take_log(),
-            transmits: self.poller.take_transmits(),
-            solutions: self.feeds.iter().map(|feed| feed.solution).collect(),
-            crossings: self.poller.take_crossings(),
-        }
+    fn notes(&mut self, node: &mut Node<Horus, C>) -> Notes {
+        let (transmits, crossings, ticks) = node.board_mut(|board| {
+            (board.front_end.take_transmits(), board.front_end.take_crossings(), board.take_ticks())
+        });
+        let solutions = self.feeds.iter().map(|feed| feed.solution).collect();
+        Notes { lines: node.take_log(), transmits, ticks, solutions, crossings }
     }
 
     fn next_at(&self) -> u64 {
         self.feeds.iter().filter_map(|feed| feed.next).min().unwrap_or(u64::MAX)
     }
 
-    fn act(&mut self, at: u64, node: &mut Node<Horus>) {
-        for feed in self.feeds.iter_mut().filter(|feed| feed.next.is_some_and(|next| next <= at)) {
+    fn act(&mut self, at: u64, node: &mut Node<Horus, C>) {
+        for (index, feed) in self.feeds.iter_mut().enumerate() {
+            if feed.next.is_none_or(|next| next > at) {
+                continue;
+            }
             if let Some(burst) = feed.upcoming.take() {
                 feed.solution = feed.receiver.last_solution_ns(&burst).or(feed.solution);
-                node.input(|_, _| feed.line.send(&burst.bytes));
+                let now = node.now();
+                node.board_mut(|board| board.send(now, index, &burst.bytes));
             }
             feed.upcoming = feed.receiver.next();
             feed.next = feed.upcoming.as_ref().map(|burst| burst.at_ns);
@@ -110,9 +116,8 @@ impl Upstream<Horus> for Receivers {
 }
 
 /// The air, the DPR's surroundings, and what the run notes.
+#[derive(Clone, Debug)]
 pub(super) struct Link {
-    poller: FrontEnd,
-    listener: FrontEnd,
     air: Air,
     /// Bytes of the frame that is on the air: LEN, payload, CRC-16.
     frame: Vec<u8>,
@@ -132,7 +137,8 @@ pub(super) struct Link {
     reported: Reported,
     /// The last cycle whose Reported-Position was read and valid.
     valid_cycle: Option<u32>,
-    trace: Option<Trace>,
+    /// What goes into a trace, while there is one.
+    trace: Option<Vec<Mark>>,
     sweeping: Option<Sweeping>,
     /// What HORUS logged as it ran ahead.
     horus_lines: VecDeque<LogLine>,
@@ -140,18 +146,14 @@ pub(super) struct Link {
 
 impl Link {
     pub(super) fn new(
-        poller: FrontEnd,
-        listener: FrontEnd,
         air: Air,
         flight_controller: FlightController,
         base: BaseStation,
-        trace: Option<Trace>,
+        traced: bool,
         sweeping: Option<Sweeping>,
     ) -> Self {
         let layout = flight_controller.config().layout();
         Self {
-            poller,
-            listener,
             air,
             frame: vec![],
             longest_frame_ns: 0,
@@ -165,7 +167,7 @@ impl Link {
             ledger: Ledger::new(layout),
             reported: Reported::default(),
             valid_cycle: None,
-            trace,
+            trace: traced.then(Vec::new),
             sweeping,
             horus_lines: VecDeque::new(),
         }
@@ -176,31 +178,31 @@ impl Link {
         std::iter::from_fn(move || self.horus_lines.pop_front_if(|line| line.at <= now))
     }
 
-    /// The base station, the trace to be finished, and what a sweep brought.
-    pub(super) fn into_parts(self) -> (BaseStation, Option<Trace>, Vec<Phase>) {
-        (self.base, self.trace, self.sweeping.map(Sweeping::into_phases).unwrap_or_default())
+    /// The base station, and what a sweep brought.
+    pub(super) fn into_parts(self) -> (BaseStation, Vec<Phase>) {
+        (self.base, self.sweeping.map(Sweeping::into_phases).unwrap_or_default())
     }
 
-    /// Writes what both boards have passed to the trace.
+    /// What happened on the wires since the last call, for the trace.
     ///
     /// The DPR's pins are looked at first, with or without a trace: a change of FRESH since the flight controller's
     /// last action must be in the trace before what comes after it, and a trace must not change what is noted when.
-    pub(super) fn flush_trace(&mut self, dpr: &mut Node<Dpr>) -> io::Result<()> {
+    pub(super) fn take_marks<C: Cost>(&mut self, dpr: &mut Node<Dpr, C>) -> Vec<Mark> {
         self.watch_dpr(dpr);
-        let now = dpr.now();
-        let Some(trace) = &mut self.trace else { return Ok(()) };
-        trace_bus(trace, self.listener.take_crossings(), trace::DPR, [Wire::DprCs, Wire::DprIrq], DPR_SPI_HZ);
-        trace.flush_before(now)
+        let Some(trace) = &mut self.trace else { return vec![] };
+        let crossings = dpr.board_mut(|board| board.front_end.take_crossings());
+        trace_bus(trace, crossings, trace::DPR, [Wire::DprCs, Wire::DprIrq], DPR_SPI_HZ);
+        std::mem::take(trace)
     }
 
     fn mark(&mut self, at: u64, wire: Wire, level: bool) {
         if let Some(trace) = &mut self.trace {
-            trace.set(at, wire, level);
+            trace.push(Mark::Level(at, wire, level));
         }
     }
 
     /// What the poller emitted: noted, then through the air to the listener.
-    fn emitted(&mut self, at: u64, event: AirEvent) {
+    fn emitted<C: Cost>(&mut self, at: u64, event: AirEvent, node: &mut Node<Dpr, C>) {
         match &event {
             AirEvent::FieldOn => self.mark(at, Wire::Field, true),
             AirEvent::FieldOff => self.mark(at, Wire::Field, false),
@@ -223,8 +225,8 @@ impl Link {
                 self.mark(at, Wire::Frame, false);
             }
         }
-        let listener = &self.listener;
-        self.air.from_poller(at, event, |at, event| listener.with(|chip| chip.hear(at, event)));
+        let air = &mut self.air;
+        node.board_mut(|board| air.from_poller(at, event, |at, event| board.front_end.hear(at, event)));
     }
 
     /// A frame began at `at`: the transactions that a sweep wants around its end are placed.
@@ -253,18 +255,16 @@ impl Link {
     }
 
     /// What the DPR's pins and its SPIS showed since the last look.
-    fn watch_dpr(&mut self, node: &mut Node<Dpr>) {
-        let part = node.board_mut().part_mut();
-        for change in part.take_pin_changes() {
-            if change.pin == FRESH {
-                self.mark(change.at, Wire::Fresh, change.level);
-                if change.level {
-                    self.ledger.fresh(change.at);
-                }
-                self.note_phase(change.at, if change.level { Event::FreshRises } else { Event::FreshFalls });
+    fn watch_dpr<C: Cost>(&mut self, node: &mut Node<Dpr, C>) {
+        for (at, level) in node.board_mut(Dpr::take_fresh) {
+            self.mark(at, Wire::Fresh, level);
+            if level {
+                self.ledger.fresh(at);
             }
+            self.note_phase(at, if level { Event::FreshRises } else { Event::FreshFalls });
         }
-        for (at, _, event) in part.take_spis_events() {
+        for (cycle, _, event) in node.input(|part, _, _| part.take_spis_events()) {
+            let at = node.ns(cycle);
             match event {
                 SpisEvent::Held => self.ledger.held(at),
                 SpisEvent::Released => self.ledger.released(at),
@@ -276,8 +276,8 @@ impl Link {
     }
 
     /// What the flight controller does next, and when: bytes in runs of some.
-    fn plan(&mut self, node: &Node<Dpr>) {
-        self.clocking = self.flight_controller.bytes_left().min(RUN).min(node.board().part().ssi_quiet());
+    fn plan<C: Cost>(&mut self, node: &Node<Dpr, C>) {
+        self.clocking = self.flight_controller.bytes_left().min(RUN).min(node.part().ssi_quiet());
         self.acts_at = match self.clocking {
             0 => self.flight_controller.next_at(),
             bytes => self.flight_controller.clocked_at(bytes),
@@ -285,21 +285,20 @@ impl Link {
     }
 
     /// The bytes that the flight controller has clocked cross the SSI.
-    fn exchange(&mut self, node: &mut Node<Dpr>) {
+    fn exchange<C: Cost>(&mut self, node: &mut Node<Dpr, C>) {
         let Self { flight_controller, trace, clocking, .. } = self;
         let bytes = std::mem::take(clocking);
-        node.input_with_memory(|board, memory, _| {
-            for _ in 0..bytes {
-                let ends = flight_controller.clocked_at(1);
-                let (_, Action::Byte(mosi)) = flight_controller.act() else { unreachable!("that many bytes are left") };
-                // MISO floats to its pull-up where nobody drives it.
-                let miso = board.part_mut().ssi_exchange(VirtualNanos(ends), mosi, memory).unwrap_or(0xFF);
-                flight_controller.miso(miso);
-                if let Some(trace) = trace {
-                    trace.byte(ends, trace::SSI, mosi, miso, SSI_HZ);
-                }
+        let (first, last) = (flight_controller.clocked_at(1), flight_controller.clocked_at(bytes));
+        let mosi = flight_controller.upcoming(bytes);
+        let miso = node.ssi_exchange(first, last, &mosi);
+        for miso in miso {
+            let ends = trace.is_some().then(|| flight_controller.clocked_at(1));
+            let (_, Action::Byte(mosi)) = flight_controller.act() else { unreachable!("that many bytes are left") };
+            flight_controller.miso(miso);
+            if let (Some(trace), Some(ends)) = (trace.as_mut(), ends) {
+                trace.push(Mark::Byte(ends, trace::SSI, mosi, miso, SSI_HZ));
             }
-        });
+        }
     }
 
     /// The flight controller's transaction is over: what it brought is judged and passed on.
@@ -358,16 +357,20 @@ impl Link {
     }
 
     /// The figures of the whole run, which took `duration` ns.
-    pub(super) fn report(&mut self, horus: &mut Node<Horus>, dpr: &mut Node<Dpr>, duration: u64) -> Report {
+    pub(super) fn report<C: Cost>(
+        &mut self,
+        horus: &mut Node<Horus, C>,
+        dpr: &mut Node<Dpr, C>,
+        duration: u64,
+    ) -> Report {
         self.watch_dpr(dpr);
-        for tick in horus.board_mut().take_ticks() {
-            self.ledger.tick(tick);
-        }
-        self.ledger.judge(duration);
+        let worst = C::BOUND == Some(Bound::Worst);
+        let jitter = if worst { bounds::TICK_TO_COMMAND_JITTER_PESSIMISTIC } else { bounds::TICK_TO_COMMAND_JITTER };
+        self.ledger.judge(duration, jitter);
         let counters = self.air.counters();
         let stats = self.flight_controller.stats();
         let base = self.base.counts();
-        let dpr_counter = |dpr: &Node<Dpr>, at| counter(dpr, "DPR_TELEMETRY", at);
+        let dpr_counter = |dpr: &Node<Dpr, C>, at| counter(dpr, "DPR_TELEMETRY", at);
         let mut report = Report {
             horus: report::Horus {
                 frames_sent: self.ledger.frames_sent(),
@@ -413,7 +416,7 @@ impl Link {
     }
 
     /// What the boards themselves must answer for.
-    fn judge_boards(&mut self, horus: &mut Node<Horus>, dpr: &mut Node<Dpr>, report: &Report) {
+    fn judge_boards<C: Cost>(&mut self, horus: &mut Node<Horus, C>, dpr: &mut Node<Dpr, C>, report: &Report) {
         let violations = &mut self.ledger.violations;
         for finding in horus.take_findings() {
             violations.add("HORUS", || finding.to_string());
@@ -427,8 +430,10 @@ impl Link {
         for reset in dpr.resets() {
             violations.add("the DPR restarted", || format!("{:?} at {}", reset.cause, ms(reset.at)));
         }
-        for (kind, chip) in [("HORUS front end", &self.poller), ("DPR front end", &self.listener)] {
-            for misuse in chip.with(|chip| chip.reports().to_vec()) {
+        let chips =
+            [("HORUS front end", horus.board().front_end.chip()), ("DPR front end", dpr.board().front_end.chip())];
+        for (kind, chip) in chips {
+            for misuse in chip.reports() {
                 violations.add(kind, || misuse.to_string());
             }
         }
@@ -473,18 +478,18 @@ fn within(transaction: &Transaction, place: Range<usize>) -> Option<&[u8]> {
 }
 
 /// Puts what crossed between a part and its front end on `trace`.
-fn trace_bus(trace: &mut Trace, crossings: Vec<(u64, Crossing)>, bus: trace::Bus, [cs, irq]: [Wire; 2], hz: u32) {
+fn trace_bus(trace: &mut Vec<Mark>, crossings: Vec<(u64, Crossing)>, bus: trace::Bus, [cs, irq]: [Wire; 2], hz: u32) {
     for (at, crossing) in crossings {
         match crossing {
-            Crossing::Select(selected) => trace.set(at, cs, !selected),
-            Crossing::Byte(mosi, miso) => trace.byte(at, bus, mosi, miso, hz),
-            Crossing::Irq(level) => trace.set(at, irq, level),
+            Crossing::Select(selected) => trace.push(Mark::Level(at, cs, !selected)),
+            Crossing::Byte(mosi, miso) => trace.push(Mark::Byte(at, bus, mosi, miso, hz)),
+            Crossing::Irq(level) => trace.push(Mark::Level(at, irq, level)),
         }
     }
 }
 
 /// A counter of a firmware's telemetry, read from RAM as a debug probe reads it. 0 in an image that has none.
-fn counter<B: Wiring>(node: &Node<B>, symbol: &str, offset: usize) -> u64 {
+fn counter<B: Board, C: Cost>(node: &Node<B, C>, symbol: &str, offset: usize) -> u64 {
     let mut word = [0; 4];
     let read = node.address_of(symbol).and_then(|address| node.read(address + offset as u64, &mut word));
     read.map_or(0, |()| u64::from(u32::from_le_bytes(word)))
@@ -495,16 +500,19 @@ fn rounded(load: f64) -> f64 {
     (load * 1e4).round() / 1e4
 }
 
-impl Downstream<Dpr> for Link {
+impl<C: Cost> Downstream<Dpr, C> for Link {
     type Message = AirEvent;
     type Notes = Notes;
 
-    fn hear(&mut self, at: u64, event: AirEvent) {
-        self.emitted(at, event);
+    fn hear(&mut self, at: u64, event: AirEvent, node: &mut Node<Dpr, C>) {
+        self.emitted(at, event, node);
     }
 
-    fn noted(&mut self, Notes { lines, transmits, solutions, crossings }: Notes) {
+    fn noted(&mut self, Notes { lines, transmits, ticks, solutions, crossings }: Notes) {
         self.reported.last_solution_ns = solutions;
+        for at in ticks {
+            self.ledger.tick(at);
+        }
         for at in transmits {
             self.ledger.commanded(at);
         }
@@ -514,9 +522,8 @@ impl Downstream<Dpr> for Link {
         }
     }
 
-    fn leave(&mut self, _node: &mut Node<Dpr>) {
-        let events: Vec<_> = self.listener.with(|chip| chip.take_air().collect());
-        for (at, event) in events {
+    fn leave(&mut self, node: &mut Node<Dpr, C>) {
+        for (at, event) in node.board_mut(|board| board.front_end.take_air()) {
             self.air.from_listener(at, &event);
         }
     }
@@ -525,7 +532,7 @@ impl Downstream<Dpr> for Link {
         self.acts_at
     }
 
-    fn act(&mut self, at: u64, node: &mut Node<Dpr>) {
+    fn act(&mut self, at: u64, node: &mut Node<Dpr, C>) {
         if self.clocking > 0 {
             self.exchange(node);
             self.plan(node);
@@ -535,14 +542,14 @@ impl Downstream<Dpr> for Link {
         match self.flight_controller.act() {
             (_, Action::Select) => {
                 self.selected = node.now();
-                node.input(|board, now| board.part_mut().ssi_select(VirtualNanos(now), SSI_CSN));
+                node.ssi_select();
                 self.mark(at, Wire::SsiCsn, false);
                 self.note_phase(self.selected, Event::Selected);
             }
             (_, Action::Byte(_)) => unreachable!("bytes are clocked in runs"),
             (_, Action::Deselect) => {
                 let risen = node.now();
-                node.input(|board, now| board.part_mut().ssi_deselect(VirtualNanos(now), SSI_CSN));
+                node.ssi_deselect();
                 self.mark(at, Wire::SsiCsn, true);
                 self.note_phase(risen, Event::Deselected);
                 self.ledger.deselected(risen);

@@ -5,7 +5,7 @@
 //! counters) is what a debug probe would read.
 //!
 //! What passes between the boards is one-way and takes no time: the poller's chip emits, the listener's hears. So HORUS
-//! runs ahead on a thread of its own and never the DPR, and both are exact.
+//! may run ahead on a thread of its own and never the DPR, and both are exact. [`Bench`] is all of it as plain data.
 
 pub mod boards;
 pub mod front_end;
@@ -17,18 +17,19 @@ pub mod trace;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use cortex_m4::{Cost, Fast, Optimistic, Pessimistic};
 use gnss_sim::{Flight, Log, LogError, Receiver};
-use nrf52840_model::{Nrf52840, Settings};
+use nrf52840::{Nrf52840, Settings};
 pub use st25r3916_model::Faults;
 use st25r3916_model::{Air, Chip, Config};
 
-use crate::engine::{self, Firmware, Node, Relay};
+use stm32f429::{Oscillators, Stm32f429};
+
+use crate::engine::{self, Clock, Firmware, Node, Relay, Threads};
 use crate::report::Report;
-use crate::stm32f427::{Oscillators, Stm32f427Part};
 use crate::world::flight_controller::{self, Schedule};
 use crate::world::{BaseStation, FlightController};
 use boards::{Dpr, Horus};
-use front_end::FrontEnd;
 use link::{Link, Receivers};
 use phases::{Phase, Sweep, Sweeping};
 use trace::Trace;
@@ -65,6 +66,10 @@ pub struct Setup {
     pub gps: usize,
     /// How long, in virtual nanoseconds.
     pub duration_ns: u64,
+    /// What processor time costs.
+    pub clock: Clock,
+    /// On how many threads. The outcome is the same.
+    pub threads: Threads,
     /// Seed of everything random.
     pub seed: u64,
     /// For each receiver in turn, a recorded log to play instead of the generated flight.
@@ -126,62 +131,139 @@ pub enum Error {
     },
 }
 
+/// The whole bench: both boards, their front ends, the air, the receivers, the flight controller and the base station.
+/// A clone that is run on does, byte for byte, what the original does.
+#[derive(Clone, Debug)]
+pub struct Bench<C: Cost = Fast> {
+    relay: Relay<Horus, Dpr, Receivers, Link, C>,
+    seed: u64,
+    gps: usize,
+}
+
+impl<C: Cost> Bench<C> {
+    /// The bench at power-on.
+    ///
+    /// # Errors
+    ///
+    /// An image that cannot be loaded, or a recording that cannot be played.
+    pub fn new(setup: &Setup) -> Result<Self, Error> {
+        let receivers = receivers(setup)?;
+        let watched = setup.trace.is_some();
+        let Crystals { horus_ppb, dpr_ppb, flight_controller_ppb } = setup.crystals;
+        // The expansion boards run the chip from the 5 V of their header.
+        let chip = |crystal_ppb, seed| Chip::new(Config { crystal_ppb, seed, vdd_mv: 5000, ..Config::default() });
+        let stm32 = Stm32f429::new(Oscillators { hse_ppb: horus_ppb, ..Oscillators::default() });
+        let nrf =
+            Nrf52840::new(Settings { hfxo_ppb: dpr_ppb, lfxo_ppb: dpr_ppb, seed: setup.seed, ..Settings::default() });
+        let horus = Horus::new(chip(horus_ppb, setup.seed), setup.gps, watched);
+        let dpr = Dpr::new(chip(dpr_ppb, !setup.seed), watched);
+        let mut config = flight_controller::Config {
+            crystal_ppb: flight_controller_ppb,
+            ..flight_controller::Config::new(setup.gps)
+        };
+        let sweeping = setup.sweep.clone().map(|sweep| {
+            config.schedule = Schedule::Placed;
+            Sweeping::new(sweep, setup.gps)
+        });
+        let link = Link::new(
+            Air::new(setup.seed, setup.faults),
+            FlightController::new(config),
+            BaseStation::new(setup.gps),
+            watched,
+            sweeping,
+        );
+        let a = Node::new(stm32, horus, &Firmware::read(&setup.images.horus)?)?;
+        let mut b = Node::new(nrf, dpr, &Firmware::read(&setup.images.dpr)?)?;
+        b.input(|part, _, _| part.wire_ssi(boards::SSI));
+        let relay = Relay { a, b, upstream: Receivers::new(receivers), downstream: link };
+        Ok(Self { relay, seed: setup.seed, gps: setup.gps })
+    }
+
+    /// Runs to `end` (virtual ns). `each` is called every 10 ms of virtual time with the instant, the DPR and what is
+    /// around it.
+    ///
+    /// # Errors
+    ///
+    /// What `each` answers.
+    fn run<E>(
+        &mut self,
+        end: u64,
+        threads: Threads,
+        each: impl FnMut(u64, &mut Node<Dpr, C>, &mut Link) -> Result<(), E>,
+    ) -> Result<(), E> {
+        self.relay.run(end, STEP, threads, each)
+    }
+
+    /// Runs to `end` (virtual ns) with nobody watching.
+    pub fn run_to(&mut self, end: u64, threads: Threads) {
+        let run = self.run(end, threads, |_, dpr, link| {
+            dpr.take_log();
+            link.take_marks(dpr);
+            Ok::<_, std::convert::Infallible>(())
+        });
+        let Ok(()) = run;
+    }
+
+    /// The HORUS board.
+    #[must_use]
+    pub fn horus(&self) -> &Node<Horus, C> {
+        &self.relay.a
+    }
+
+    /// The DPR.
+    #[must_use]
+    pub fn dpr(&self) -> &Node<Dpr, C> {
+        &self.relay.b
+    }
+
+    /// The figures of the run so far, which has come to `reached` (virtual ns), and the end of the bench.
+    #[must_use]
+    pub fn finish(mut self, reached: u64) -> (Report, BaseStation, Vec<Phase>) {
+        let Relay { a, b, downstream, .. } = &mut self.relay;
+        let mut report = downstream.report(a, b, reached);
+        report.seed = self.seed;
+        report.clock = C::NAME;
+        report.virtual_seconds = reached as f64 / 1e9;
+        report.gps = self.gps;
+        let (base, phases) = self.relay.downstream.into_parts();
+        (report, base, phases)
+    }
+}
+
 /// Runs the link.
 ///
 /// # Errors
 ///
 /// An image that cannot be loaded, a recording that cannot be played, or a trace that cannot be written.
 pub fn run(setup: &Setup, observer: &mut dyn Observer) -> Result<Outcome, Error> {
+    match setup.clock {
+        Clock::Fast => run_on::<Fast>(setup, observer),
+        Clock::Optimistic => run_on::<Optimistic>(setup, observer),
+        Clock::Pessimistic => run_on::<Pessimistic>(setup, observer),
+    }
+}
+
+fn run_on<C: Cost>(setup: &Setup, observer: &mut dyn Observer) -> Result<Outcome, Error> {
     let trace_error = |source| Error::Trace { path: setup.trace.clone().unwrap_or_default(), source };
-    let receivers = receivers(setup)?;
-    let trace = setup.trace.as_deref().map(Trace::create).transpose().map_err(trace_error)?;
-    let Crystals { horus_ppb, dpr_ppb, flight_controller_ppb } = setup.crystals;
-
-    // The expansion boards run the chip from the 5 V of their header.
-    let chip = |crystal_ppb, seed| Chip::new(Config { crystal_ppb, seed, vdd_mv: 5000, ..Config::default() });
-    let poller = FrontEnd::new(chip(horus_ppb, setup.seed), trace.is_some());
-    let listener = FrontEnd::new(chip(dpr_ppb, !setup.seed), trace.is_some());
-    let stm32 = Stm32f427Part::new(Oscillators { hse_ppb: horus_ppb, ..Oscillators::default() });
-    let nrf = Nrf52840::new(Settings { hfxo_ppb: dpr_ppb, lfxo_ppb: dpr_ppb, seed: setup.seed, ..Settings::default() });
-    let (horus, lines) = Horus::new(stm32, poller.clone(), setup.gps);
-    let horus = Node::new(horus, &Firmware::read(&setup.images.horus)?)?;
-    let dpr = Node::new(Dpr::new(nrf, listener.clone()), &Firmware::read(&setup.images.dpr)?)?;
-
-    let mut config =
-        flight_controller::Config { crystal_ppb: flight_controller_ppb, ..flight_controller::Config::new(setup.gps) };
-    let sweeping = setup.sweep.clone().map(|sweep| {
-        config.schedule = Schedule::Placed;
-        Sweeping::new(sweep, setup.gps)
-    });
-    let receivers = Receivers::new(poller.clone(), lines.into_iter().zip(receivers));
-    let link = Link::new(
-        poller,
-        listener,
-        Air::new(setup.seed, setup.faults),
-        FlightController::new(config),
-        BaseStation::new(setup.gps),
-        trace,
-        sweeping,
-    );
-    let mut relay = Relay { a: horus, b: dpr, upstream: receivers, downstream: link };
+    let mut bench = Bench::<C>::new(setup)?;
+    let mut trace = setup.trace.as_deref().map(Trace::create).transpose().map_err(trace_error)?;
     let mut logs = vec![];
-    relay.run(setup.duration_ns, STEP, |reached, dpr, link| {
+    bench.run(setup.duration_ns, setup.threads, |reached, dpr, link| {
         let lines = link.horus_lines(reached).map(|line| ("horus", line)).collect::<Vec<_>>().into_iter();
         for (board, line) in lines.chain(dpr.take_log().into_iter().map(|line| ("dpr", line))) {
             let line = line.to_string();
             observer.log(board, &line);
             logs.push((board, line));
         }
-        link.flush_trace(dpr).map_err(trace_error)?;
+        let marks = link.take_marks(dpr);
+        if let Some(trace) = &mut trace {
+            trace.take(marks);
+            trace.flush_before(reached).map_err(trace_error)?;
+        }
         observer.progress(reached);
         Ok::<_, Error>(())
     })?;
-    let Relay { a, b, downstream, .. } = &mut relay;
-    let mut report = downstream.report(a, b, setup.duration_ns);
-    report.seed = setup.seed;
-    report.virtual_seconds = setup.duration_ns as f64 / 1e9;
-    report.gps = setup.gps;
-    let (base, trace, phases) = relay.downstream.into_parts();
+    let (report, base, phases) = bench.finish(setup.duration_ns);
     if let Some(trace) = trace {
         trace.finish().map_err(trace_error)?;
     }

@@ -15,7 +15,7 @@
 
 use std::collections::BTreeMap;
 
-use nrf52840_model::SpisEvent;
+use nrf52840::SpisEvent;
 use profile::{Layout, air};
 
 /// Which edge of chip select a transaction is placed by.
@@ -138,7 +138,7 @@ impl Phase {
 }
 
 /// A sweep under way.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Sweeping {
     sweep: Sweep,
     cycle: u64,

@@ -93,6 +93,15 @@ pub const DPR: Bus = Bus { sck: Wire::DprSck, mosi: Wire::DprMosi, miso: Wire::D
 /// The flight controller's port: SPI mode 0.
 pub const SSI: Bus = Bus { sck: Wire::SsiSck, mosi: Wire::SsiMosi, miso: Wire::SsiMiso, changes_on_rise: false };
 
+/// Something that happened on a wire.
+#[derive(Clone, Copy, Debug)]
+pub enum Mark {
+    /// The wire took a level at the instant (ns).
+    Level(u64, Wire, bool),
+    /// A byte crossed the bus, controller to chip and back, its eighth clock ending at the instant (ns), at so many Hz.
+    Byte(u64, Bus, u8, u8, u32),
+}
+
 /// A VCD file being written.
 pub struct Trace<W: io::Write = BufWriter<File>> {
     writer: Writer<W>,
@@ -140,6 +149,16 @@ impl<W: io::Write> Trace<W> {
         }
         writer.end()?;
         Ok(Self { writer, codes, levels, waiting: BTreeMap::new() })
+    }
+
+    /// Takes what happened.
+    pub fn take(&mut self, marks: Vec<Mark>) {
+        for mark in marks {
+            match mark {
+                Mark::Level(at, wire, level) => self.set(at, wire, level),
+                Mark::Byte(at, bus, mosi, miso, hz) => self.byte(at, bus, mosi, miso, hz),
+            }
+        }
     }
 
     /// A wire takes a level at `at` (ns).

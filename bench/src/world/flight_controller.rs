@@ -331,6 +331,13 @@ impl FlightController {
         self.instant(setup_ns + (done + bytes) as u64 * byte_ns)
     }
 
+    /// What MOSI will carry in the next `bytes` bytes.
+    #[must_use]
+    pub fn upcoming(&self, bytes: usize) -> Vec<u8> {
+        let (Stage::Clocking(done) | Stage::Answering(done)) = self.stage else { return vec![] };
+        (done..done + bytes).map(|byte| self.mosi.get(byte).copied().unwrap_or(0)).collect()
+    }
+
     /// Does the next thing: when, and what. There is always one.
     ///
     /// # Panics
@@ -413,10 +420,10 @@ impl FlightController {
 
     /// From its own clock to the bench's: a fast crystal gets there early.
     fn by_the_bench(&self, own_ns: u64) -> u64 {
-        const BILLION: i128 = 1_000_000_000;
-        let rate = BILLION + i128::from(self.config.crystal_ppb);
-        let bench = (i128::from(own_ns) * BILLION + rate / 2) / rate;
-        u64::try_from(bench).expect("a positive time at a rate near one")
+        const BILLION: u64 = 1_000_000_000;
+        let rate = BILLION.checked_add_signed(self.config.crystal_ppb).expect("a crystal that swings");
+        // own_ns * BILLION / rate to the nearest, whole turns of `rate` apart so that it fits 64 bits.
+        own_ns / rate * BILLION + (own_ns % rate * BILLION + rate / 2) / rate
     }
 
     fn select(&mut self, at: u64) {

@@ -3,12 +3,11 @@
 
 use std::path::PathBuf;
 
-use bench::engine::{Firmware, Node, Wiring};
-use bench::sim::boards::{Dpr, Horus, Line};
-use bench::sim::front_end::FrontEnd;
-use bench::stm32f427::{Oscillators, Stm32f427Part};
-use nrf52840_model::{Nrf52840, Settings};
+use bench::engine::{Board, Firmware, Node};
+use bench::sim::boards::{Dpr, Horus, SSI};
+use nrf52840::{Nrf52840, Settings};
 use st25r3916_model::{Chip, Config};
+use stm32f429::{Oscillators, Stm32f429};
 
 /// What a test answers that lacks something it needs: a test that ran on nothing must not look as if it had passed
 /// where nobody reads its output, so with `ci` it fails. `how` says how to get what is missing.
@@ -44,38 +43,36 @@ pub(crate) fn image(receivers: usize, name: &str) -> Option<PathBuf> {
     Some(path)
 }
 
-fn chip() -> FrontEnd {
-    FrontEnd::new(Chip::new(Config { vdd_mv: 5000, ..Config::default() }), false)
+fn chip() -> Chip {
+    Chip::new(Config { vdd_mv: 5000, ..Config::default() })
 }
 
-/// The HORUS board with its front end and the lines of its three receivers.
-pub(crate) fn horus() -> Option<(Node<Horus>, FrontEnd, Vec<Line>)> {
+/// The HORUS board with three receivers, of which none sends.
+pub(crate) fn horus() -> Option<Node<Horus>> {
     horus_on(Oscillators::default())
 }
 
 /// As [`horus`], with these oscillators.
-pub(crate) fn horus_on(oscillators: Oscillators) -> Option<(Node<Horus>, FrontEnd, Vec<Line>)> {
-    let chip = chip();
-    let (board, lines) = Horus::new(Stm32f427Part::new(oscillators), chip.clone(), 3);
-    let node = Node::new(board, &Firmware::read(&image(3, "horus-tx-fw.elf")?).unwrap()).unwrap();
-    Some((node, chip, lines))
+pub(crate) fn horus_on(oscillators: Oscillators) -> Option<Node<Horus>> {
+    let image = Firmware::read(&image(3, "horus-tx-fw.elf")?).unwrap();
+    Some(Node::new(Stm32f429::new(oscillators), Horus::new(chip(), 3, false), &image).unwrap())
 }
 
-/// The DPR board with its front end, out of any field.
-pub(crate) fn dpr() -> Option<(Node<Dpr>, FrontEnd)> {
+/// The DPR board, out of any field.
+pub(crate) fn dpr() -> Option<Node<Dpr>> {
     dpr_on(Settings::default())
 }
 
 /// As [`dpr`], with a part like this.
-pub(crate) fn dpr_on(settings: Settings) -> Option<(Node<Dpr>, FrontEnd)> {
-    let chip = chip();
-    let board = Dpr::new(Nrf52840::new(settings), chip.clone());
-    let node = Node::new(board, &Firmware::read(&image(3, "dpr-fw.elf")?).unwrap()).unwrap();
-    Some((node, chip))
+pub(crate) fn dpr_on(settings: Settings) -> Option<Node<Dpr>> {
+    let image = Firmware::read(&image(3, "dpr-fw.elf")?).unwrap();
+    let mut node = Node::new(Nrf52840::new(settings), Dpr::new(chip(), false), &image).unwrap();
+    node.input(|part, _, _| part.wire_ssi(SSI));
+    Some(node)
 }
 
 /// The counter at byte `offset` of the telemetry called `symbol`.
-pub(crate) fn counter<B: Wiring>(node: &Node<B>, symbol: &str, offset: usize) -> u32 {
+pub(crate) fn counter<B: Board>(node: &Node<B>, symbol: &str, offset: usize) -> u32 {
     let mut word = [0; 4];
     node.read(node.address_of(symbol).unwrap() + offset as u64, &mut word).unwrap();
     u32::from_le_bytes(word)

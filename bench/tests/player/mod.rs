@@ -1,39 +1,46 @@
 //! A board with one wire out and one wire in.
 
-use bench::engine::Wiring;
-use bench::stm32f427::{Oscillators, PinId, Stm32f427Part};
+use bench::engine::{Board, Firmware, Input, Node};
+use bench_seam::{Pad, Pin};
+use stm32f429::{Oscillators, Stm32f429, pin};
 
 /// The pin that leaves the board.
-pub(crate) const OUT: PinId = PinId::new('D', 14);
+pub(crate) const OUT: Pin = pin('D', 14);
 /// The pin that is driven from outside.
-pub(crate) const IN: PinId = PinId::new('A', 3);
+pub(crate) const IN: Pin = pin('A', 3);
 
 /// The board.
-#[derive(Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Player {
-    pub(crate) part: Stm32f427Part,
+    level: bool,
+    edges: Vec<(u64, bool)>,
 }
 
 impl Player {
-    pub(crate) fn new() -> Self {
-        let mut part = Stm32f427Part::new(Oscillators::default());
-        part.watch_pin(OUT);
-        Self { part }
+    /// The board with this firmware.
+    pub(crate) fn with(firmware: &Firmware) -> Node<Player> {
+        Node::new(Stm32f429::new(Oscillators::default()), Self::default(), firmware).unwrap()
+    }
+
+    /// The levels that the wire out took since the last call, each with its instant (ns).
+    pub(crate) fn take_edges(&mut self) -> Vec<(u64, bool)> {
+        std::mem::take(&mut self.edges)
     }
 }
 
-impl Wiring for Player {
-    type Part = Stm32f427Part;
+impl Board for Player {
+    type Part = Stm32f429;
 
-    fn part(&self) -> &Stm32f427Part {
-        &self.part
+    fn pin(&mut self, at: u64, pin: Pin, pad: Pad) {
+        if pin == OUT && pad.level() != self.level {
+            self.level = pad.level();
+            self.edges.push((at, self.level));
+        }
     }
 
-    fn part_mut(&mut self) -> &mut Stm32f427Part {
-        &mut self.part
-    }
+    fn settle(&mut self, _at: u64, _inputs: &mut Vec<Input>) {}
 
     fn outgoing(&self) -> bool {
-        !self.part.edges().is_empty()
+        !self.edges.is_empty()
     }
 }

@@ -2,12 +2,10 @@
 //! frames of its own making, HORUS.
 #![allow(dead_code, reason = "each test file uses what it needs")]
 
-use bench::engine::{Downstream, Node, Upstream, Wiring};
-use bench::sim::boards::{Dpr, Horus, SSI_CSN};
-use bench::sim::front_end::FrontEnd;
+use bench::engine::{Downstream, Node, Upstream};
+use bench::sim::boards::{Dpr, Horus};
 use profile::air::air_time_ns;
 use profile::{GpsStatus, GpsValues, Layout, LinkStatus, LinkValues, Object, Profile, ReportedStatus, ReportedValues};
-use rigless::time::VirtualNanos;
 use st25r3916_model::{Air, AirEvent, Chunk, Faults, FrameStart, Technology};
 
 pub(crate) const US: u64 = 1_000;
@@ -67,16 +65,16 @@ pub(crate) fn transact(node: &mut Node<Dpr>, bytes: usize, mosi: u8) -> Vec<u8> 
             node.advance(end);
         }
     }
-    node.input(|board, now| board.part_mut().ssi_select(VirtualNanos(now), SSI_CSN));
+    node.ssi_select();
     pass(node, 5 * US);
     let read = (0..bytes)
         .map(|_| {
             pass(node, US + 100);
-            node.input(|board, now| board.part_mut().ssi_clock(VirtualNanos(now), mosi)).unwrap_or(0xFF)
+            node.ssi_clock(node.now(), mosi)
         })
         .collect();
     pass(node, 2 * US);
-    node.input(|board, now| board.part_mut().ssi_deselect(VirtualNanos(now), SSI_CSN));
+    node.ssi_deselect();
     pass(node, 20 * US);
     read
 }
@@ -125,13 +123,13 @@ fn crc16(bytes: &[u8]) -> [u8; 2] {
     crc.to_be_bytes()
 }
 
-/// The chip behind `listener` hears a field from now on.
-pub(crate) fn field_on(listener: &FrontEnd) {
-    listener.with(|chip| chip.hear(0, &AirEvent::FieldOn));
+/// The DPR's chip hears a field from now on.
+pub(crate) fn field_on(node: &mut Node<Dpr>) {
+    node.board_mut(|board| board.front_end.hear(0, &AirEvent::FieldOn));
 }
 
 /// It hears a frame with `payload` whose first bit is on the air at `at`, which may lie ahead. Frames must not overlap.
-pub(crate) fn send(listener: &FrontEnd, at: u64, payload: &[u8]) {
+pub(crate) fn send(node: &mut Node<Dpr>, at: u64, payload: &[u8]) {
     let length = u8::try_from(payload.len()).expect("it fits one frame");
     let mut data = vec![length + 1];
     data.extend(payload);
@@ -146,9 +144,9 @@ pub(crate) fn send(listener: &FrontEnd, at: u64, payload: &[u8]) {
         load_modulation: false,
         chunk: Chunk { data, parity_error: false },
     };
-    listener.with(|chip| {
-        chip.hear(at, &AirEvent::FrameStart(start));
-        chip.hear(at + air_time_ns(length), &AirEvent::FrameEnd { bits });
+    node.board_mut(|board| {
+        board.front_end.hear(at, &AirEvent::FrameStart(start));
+        board.front_end.hear(at + air_time_ns(length), &AirEvent::FrameEnd { bits });
     });
 }
 
@@ -172,31 +170,27 @@ impl Sent {
 }
 
 /// The poller's antenna, and what the firmware is timed by.
+#[derive(Default)]
 pub(crate) struct Antenna {
-    poller: FrontEnd,
     /// When HORUS gave its front end the transmit command.
     pub(crate) transmits: Vec<u64>,
     /// When the 10 ms timer ticked.
     pub(crate) ticks: Vec<u64>,
 }
 
-impl Antenna {
-    pub(crate) fn new(poller: FrontEnd) -> Self {
-        Self { poller, transmits: vec![], ticks: vec![] }
-    }
-}
-
 impl Upstream<Horus> for Antenna {
     type Message = AirEvent;
     type Notes = ();
 
-    fn leave(&mut self, _node: &mut Node<Horus>, sent: &mut Vec<(u64, AirEvent)>) {
-        self.poller.with(|chip| sent.extend(chip.take_air()));
+    fn leave(&mut self, node: &mut Node<Horus>, sent: &mut Vec<(u64, AirEvent)>) {
+        node.board_mut(|board| sent.extend(board.front_end.take_air()));
     }
 
     fn notes(&mut self, node: &mut Node<Horus>) {
-        self.transmits.extend(self.poller.take_transmits());
-        self.ticks.extend(node.board_mut().take_ticks());
+        node.board_mut(|board| {
+            self.transmits.extend(board.front_end.take_transmits());
+            self.ticks.extend(board.take_ticks());
+        });
     }
 }
 
@@ -207,7 +201,6 @@ pub(crate) struct Reader {
     miso: Vec<u8>,
     pub(crate) views: Vec<View>,
     air: Air,
-    listener: FrontEnd,
     started: u64,
     frame: Vec<u8>,
     pub(crate) sent: Vec<Sent>,
@@ -219,14 +212,13 @@ pub(crate) struct Reader {
 const PAUSE: u64 = 1_830 * US;
 
 impl Reader {
-    pub(crate) fn new(listener: FrontEnd) -> Self {
+    pub(crate) fn new() -> Self {
         Self {
             at: 20 * MS,
             selected: None,
             miso: vec![],
             views: vec![],
             air: Air::new(1, Faults::default()),
-            listener,
             started: 0,
             frame: vec![],
             sent: vec![],
@@ -239,7 +231,7 @@ impl Downstream<Dpr> for Reader {
     type Message = AirEvent;
     type Notes = ();
 
-    fn hear(&mut self, at: u64, event: AirEvent) {
+    fn hear(&mut self, at: u64, event: AirEvent, node: &mut Node<Dpr>) {
         match &event {
             AirEvent::FrameStart(start) => {
                 self.started = at;
@@ -253,14 +245,14 @@ impl Downstream<Dpr> for Reader {
             AirEvent::FieldOff => self.field_off.push(at),
             AirEvent::FieldOn => {}
         }
-        let listener = &self.listener;
-        self.air.from_poller(at, event, |at, event| listener.with(|chip| chip.hear(at, event)));
+        let air = &mut self.air;
+        node.board_mut(|board| air.from_poller(at, event, |at, event| board.front_end.hear(at, event)));
     }
 
     fn noted(&mut self, (): ()) {}
 
-    fn leave(&mut self, _node: &mut Node<Dpr>) {
-        let answers = self.listener.with(|chip| chip.take_air().count());
+    fn leave(&mut self, node: &mut Node<Dpr>) {
+        let answers = node.board_mut(|board| board.front_end.take_air().len());
         assert_eq!(answers, 0, "the listener never answers");
     }
 
@@ -270,15 +262,15 @@ impl Downstream<Dpr> for Reader {
 
     fn act(&mut self, at: u64, node: &mut Node<Dpr>) {
         if self.selected.is_none() {
-            node.input(|board, now| board.part_mut().ssi_select(VirtualNanos(now), SSI_CSN));
+            node.ssi_select();
             self.selected = Some(at);
             self.at += 3 * US;
         } else if self.miso.len() < layout().image_len() {
-            let miso = node.input(|board, now| board.part_mut().ssi_clock(VirtualNanos(now), 0));
-            self.miso.push(miso.unwrap_or(0xFF));
+            let miso = node.ssi_clock(node.now(), 0);
+            self.miso.push(miso);
             self.at += US + 50;
         } else {
-            node.input(|board, now| board.part_mut().ssi_deselect(VirtualNanos(now), SSI_CSN));
+            node.ssi_deselect();
             self.views.push(View::of(self.selected.take().unwrap_or(at), &self.miso));
             self.miso.clear();
             self.at += PAUSE;

@@ -135,6 +135,7 @@ pub(crate) const COUNTER: u32 = 0x2000_0000;
 
 pub(crate) const RCC: u32 = 0x4002_3800;
 pub(crate) const TIM2: u32 = 0x4000_0000;
+pub(crate) const GPIOA: u32 = 0x4002_0000;
 pub(crate) const GPIOD: u32 = 0x4002_0C00;
 pub(crate) const SYSCFG: u32 = 0x4001_3800;
 pub(crate) const EXTI: u32 = 0x4001_3C00;

@@ -1,0 +1,128 @@
+//! How fast the bench is: the core alone, and where the time of a link goes.
+
+use std::process::ExitCode;
+use std::time::Instant;
+
+use anyhow::{Context, Result, bail};
+use bench::engine::{Clock, Threads};
+use bench::sim::{Bench, Crystals, Faults, Images, Setup};
+use clap::Args;
+
+use crate::{Receivers, firmware, workspace};
+
+/// What is run first and not measured: the firmwares' start-up, which longer runs hardly notice.
+const WARM_UP_NS: u64 = 1_000_000_000;
+
+/// How often the link is run. The least time counts, as that of the run that other work on this machine held up least.
+const RUNS: usize = 3;
+
+/// How often the running bench is copied. The least time counts.
+const COPIES: usize = 100;
+
+/// Reports instructions per second of the core alone, where the time of `sim` goes, and what a copy of it takes.
+///
+/// Core: the loops of cortex-m4's example `speed` for half a second each: one computes, one polls a register of a
+/// device. Memory and the device are a few lines; there are no part models.
+///
+/// Link: both images on one thread on the fast clock, after their first second, the least time of three runs. What an
+/// instruction takes in the loop that computes, times the instructions that each core executed, is the cores' share.
+/// The rest is measured as a whole only: part models, front ends, air and what stands around the boards. The shares of
+/// single functions are told by a profiler: `perf record target/debug/xtask sim --threads 1`.
+#[derive(Args)]
+pub(crate) struct SpeedArgs {
+    /// Virtual time of the link to measure, in seconds.
+    #[arg(long, default_value_t = 5.0, value_parser = crate::sim::positive_seconds)]
+    seconds: f64,
+}
+
+pub(crate) fn speed(args: &SpeedArgs) -> Result<ExitCode> {
+    println!("The core alone:");
+    let per_instruction = core_alone()?;
+    let (horus, dpr) = firmware::build_pair(Receivers::DEFAULT)?;
+    let setup = Setup {
+        images: Images { horus, dpr },
+        gps: Receivers::DEFAULT.0,
+        duration_ns: WARM_UP_NS + (args.seconds * 1e9).round() as u64,
+        clock: Clock::Fast,
+        threads: Threads::One,
+        seed: 1,
+        recordings: vec![],
+        crystals: Crystals::default(),
+        faults: Faults::default(),
+        sweep: None,
+        trace: None,
+    };
+    let mut warm: Bench = Bench::new(&setup)?;
+    warm.run_to(WARM_UP_NS, setup.threads);
+    let copy = (0..COPIES).map(|_| {
+        let began = Instant::now();
+        let copy = warm.clone();
+        let took = began.elapsed().as_secs_f64();
+        drop(copy);
+        took
+    });
+    let copy = copy.fold(f64::INFINITY, f64::min);
+    let mut least = f64::INFINITY;
+    let mut instructions = (0, 0);
+    for _ in 0..RUNS {
+        let mut bench = warm.clone();
+        let began = Instant::now();
+        bench.run_to(setup.duration_ns, setup.threads);
+        least = least.min(began.elapsed().as_secs_f64());
+        instructions = (
+            bench.horus().instructions() - warm.horus().instructions(),
+            bench.dpr().instructions() - warm.dpr().instructions(),
+        );
+    }
+    let whole = least / args.seconds * 1e3;
+    println!("\nThe link on one thread, for each virtual second:");
+    println!("  {whole:6.2} ms in all, {:.0} x real time", 1e3 / whole);
+    let mut rest = whole;
+    for (board, count) in [("HORUS", instructions.0), ("DPR", instructions.1)] {
+        let millions = count as f64 / args.seconds / 1e6;
+        let share = millions * per_instruction;
+        rest -= share;
+        let percent = 100.0 * share / whole;
+        println!("  {share:6.2} ms ({percent:2.0} %) the {board} core: {millions:.2} million instructions");
+    }
+    println!("  {rest:6.2} ms ({:2.0} %) part models, front ends, air, surroundings", 100.0 * rest / whole);
+    println!("\nA copy of the whole bench: {:.3} ms", copy * 1e3);
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Runs the core's own example and shows what it prints. Answers what an instruction takes in the loop that computes on
+/// the fast clock, in nanoseconds.
+fn core_alone() -> Result<f64> {
+    let mut cargo = workspace::cargo();
+    cargo.args(["run", "--quiet", "--package", "cortex-m4", "--example", "speed"]);
+    let output = cargo.stderr(std::process::Stdio::inherit()).output().context("cargo did not start")?;
+    if !output.status.success() {
+        bail!("the core's example failed ({})", output.status);
+    }
+    let text = String::from_utf8_lossy(&output.stdout);
+    for line in text.lines() {
+        println!("  {line}");
+    }
+    per_instruction(&text).context("the core's example did not say how fast it is")
+}
+
+/// The nanoseconds of an instruction, from the line "compute fast <n> M/s, ...".
+fn per_instruction(text: &str) -> Option<f64> {
+    text.lines().find_map(|line| {
+        let mut words = line.split_whitespace();
+        (words.next() == Some("compute") && words.next() == Some("fast")).then_some(())?;
+        words.next()?.parse::<f64>().ok().map(|millions| 1e3 / millions)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::per_instruction;
+
+    #[test]
+    fn the_time_of_an_instruction_is_read_from_the_line_of_the_fast_clock() {
+        let text = "compute  optimistic   100 M/s, 1.2 cycles\ncompute  fast          250 M/s, 1.37 cycles\n";
+        assert_eq!(per_instruction(text), Some(4.0));
+        assert_eq!(per_instruction("polling  fast  250 M/s"), None);
+    }
+}
