@@ -1,0 +1,83 @@
+//! A bench is plain data: a copy that is run on does, byte for byte, what the original does, on one thread and on two.
+
+mod boards;
+
+use bench::engine::{Clock, Threads};
+use bench::sim::{Bench, Crystals, Faults, Images, Setup};
+use boards::image;
+use cortex_m4::{Cost, Fast, Pessimistic};
+
+const US: u64 = 1_000;
+const MS: u64 = 1_000_000;
+const END: u64 = 260 * MS;
+
+fn setup() -> Option<Setup> {
+    Some(Setup {
+        images: Images { horus: image(3, "horus-tx-fw.elf")?, dpr: image(3, "dpr-fw.elf")? },
+        gps: 3,
+        duration_ns: END,
+        clock: Clock::Fast,
+        threads: Threads::Two,
+        seed: 5,
+        recordings: vec![],
+        crystals: Crystals { horus_ppb: 8_000, dpr_ppb: -12_000, flight_controller_ppb: 25_000 },
+        faults: Faults { lost: 0.1, ..Faults::default() },
+        sweep: None,
+        trace: None,
+    })
+}
+
+/// Everything that a run leaves: figures, what the base station shows, and both boards' registers and memory.
+fn outcome<C: Cost>(bench: Bench<C>) -> (String, [u64; 2]) {
+    let digests = [bench.horus().digest(), bench.dpr().digest()];
+    let (report, base, _) = bench.finish(END);
+    (format!("{report:?}\n{base}"), digests)
+}
+
+fn whole<C: Cost>(setup: &Setup, threads: Threads) -> (String, [u64; 2]) {
+    let mut bench = Bench::<C>::new(setup).unwrap();
+    bench.run_to(END, threads);
+    outcome(bench)
+}
+
+#[test]
+fn on_one_thread_and_on_two_a_run_leaves_the_same_bytes() {
+    let Some(setup) = setup() else { return };
+    assert_eq!(whole::<Fast>(&setup, Threads::One), whole::<Fast>(&setup, Threads::Two));
+    assert_eq!(whole::<Pessimistic>(&setup, Threads::One), whole::<Pessimistic>(&setup, Threads::Two));
+}
+
+/// In the bring-up of both front ends, between two frames, while a frame is on the air and its beginning is being read,
+/// at its last bit, and while an image is published.
+const INSTANTS: [u64; 7] =
+    [0, 6 * MS + 300 * US, 101 * MS, 147 * MS + 777, 149 * MS + 419 * US, 149 * MS + 503 * US, 213 * MS];
+
+#[test]
+fn a_copy_taken_at_any_instant_and_run_on_leaves_the_bytes_of_the_original() {
+    let Some(setup) = setup() else { return };
+    let expected = whole::<Fast>(&setup, Threads::Two);
+    let mut original = Bench::<Fast>::new(&setup).unwrap();
+    for instant in INSTANTS {
+        original.run_to(instant, Threads::One);
+        let mut copy = original.clone();
+        copy.run_to(END, Threads::Two);
+        assert_eq!(outcome(copy), expected, "a copy at {instant} ns");
+    }
+    // The copies' runs changed nothing of the original, and neither did where it stopped.
+    original.run_to(END, Threads::One);
+    assert_eq!(outcome(original), expected);
+}
+
+#[test]
+fn copies_of_one_instant_that_are_treated_alike_stay_alike_and_others_do_not() {
+    let Some(setup) = setup() else { return };
+    let mut original = Bench::<Fast>::new(&setup).unwrap();
+    original.run_to(120 * MS, Threads::Two);
+    let [first, second, third] = [(); 3].map(|()| original.clone());
+    let run = |mut bench: Bench<Fast>, end| {
+        bench.run_to(end, Threads::Two);
+        outcome(bench)
+    };
+    assert_eq!(run(first, END), run(second, END));
+    assert_ne!(run(third, END - 10 * MS).1, run(original, END).1);
+}
