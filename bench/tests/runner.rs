@@ -1,0 +1,382 @@
+//! What `cargo xtask run` goes through: any file, alone on one board, is refused or ends within the limit, with words
+//! that say what is wrong; and what a firmware logs is shown, whatever it logs with.
+
+mod boards;
+mod thumb;
+
+use bench::engine::{Bare, Clock, Finding, FindingKind, Firmware, Limits, Node, Outcome, Target};
+use stm32f429::{Oscillators, Stm32f429};
+use thumb::{COUNTER, FLASH, MAIN, STACK, Thumb, firmware, firmware_at};
+
+const MS: u64 = 1_000_000;
+
+// ---- files
+
+const ET_REL: u16 = 1;
+const ET_EXEC: u16 = 2;
+const EM_ARM: u16 = 40;
+const EM_RISCV: u16 = 243;
+
+/// A little-endian 32-bit ELF file with these segments and symbols, as the System V ABI lays it out.
+fn elf(kind: u16, machine: u16, segments: &[(u64, Vec<u8>)], symbols: &[(&str, u32)]) -> Vec<u8> {
+    const HEADER: usize = 52;
+    const PROGRAM_HEADER: usize = 32;
+    const SECTION_HEADER: u32 = 40;
+    let mut headers = Vec::new();
+    let mut body = Vec::new();
+    let data = HEADER + PROGRAM_HEADER * segments.len();
+    let at = |body: &Vec<u8>| u32::try_from(data + body.len()).unwrap();
+    let words = |words: &[u32]| words.iter().flat_map(|word| word.to_le_bytes()).collect::<Vec<u8>>();
+    for (address, bytes) in segments {
+        let (address, length) = (u32::try_from(*address).unwrap(), u32::try_from(bytes.len()).unwrap());
+        headers.extend(words(&[1, at(&body), address, address, length, length, 5, 4]));
+        body.extend(bytes);
+    }
+    let mut names = vec![0];
+    let symbol_table = at(&body);
+    body.extend([0; 16]);
+    for (name, address) in symbols {
+        // A global object in section 0xFFF1, SHN_ABS.
+        body.extend(words(&[u32::try_from(names.len()).unwrap(), *address, 4, 0xFFF1_0011]));
+        names.extend(name.bytes().chain([0]));
+    }
+    let (symbols_end, names_at) = (at(&body), at(&body));
+    body.extend(&names);
+    let sections = at(&body);
+    let size = u32::try_from(names.len()).unwrap();
+    body.extend([0; SECTION_HEADER as usize]);
+    body.extend(words(&[0, 2, 0, 0, symbol_table, symbols_end - symbol_table, 2, 1, 4, 16]));
+    body.extend(words(&[0, 3, 0, 0, names_at, size, 0, 0, 1, 0]));
+    let mut file = b"\x7FELF\x01\x01\x01\0\0\0\0\0\0\0\0\0".to_vec();
+    file.extend([kind, machine].iter().flat_map(|half| half.to_le_bytes()));
+    file.extend(words(&[1, FLASH, u32::try_from(HEADER).unwrap(), sections, 0x0500_0400]));
+    let halves = [HEADER, PROGRAM_HEADER, segments.len(), 40, 3, 2].map(|half| u16::try_from(half).unwrap());
+    file.extend(halves.iter().flat_map(|half| half.to_le_bytes()));
+    file.extend(headers);
+    file.extend(body);
+    file
+}
+
+fn refused(bytes: Vec<u8>) -> String {
+    Firmware::parse("image", bytes).unwrap_err().to_string()
+}
+
+#[test]
+fn a_file_that_is_no_firmware_is_refused_and_the_words_say_what_it_is() {
+    assert!(refused(Vec::new()).contains("the file is empty"));
+    assert!(refused(b"fn main() {}\n".to_vec()).contains("not an ELF file"));
+    assert!(refused(vec![0; 4096]).contains("not an ELF file"));
+    let here = std::fs::read(std::env::current_exe().unwrap()).unwrap();
+    let words = refused(here);
+    assert!(words.contains("not for a Cortex-M") && words.contains("thumbv7em-none-eabihf"), "{words}");
+    let code = [(u64::from(FLASH), vec![0; 64])];
+    let words = refused(elf(ET_EXEC, EM_RISCV, &code, &[]));
+    assert!(words.contains("Riscv32, not for a Cortex-M"), "{words}");
+    assert!(refused(elf(ET_REL, EM_ARM, &code, &[])).contains("link it"));
+    assert!(refused(elf(ET_EXEC, EM_ARM, &[], &[])).contains("nothing in it goes into memory"));
+}
+
+#[test]
+fn a_file_cut_off_anywhere_is_refused_or_read_and_nothing_panics() {
+    let whole = elf(ET_EXEC, EM_ARM, &[(u64::from(FLASH), vec![0x55; 64])], &[("_SEGGER_RTT", COUNTER)]);
+    assert!(Firmware::parse("whole", whole.clone()).is_ok());
+    for length in 0..whole.len() {
+        let _ = Firmware::parse("cut", whole[..length].to_vec());
+    }
+    assert!(refused(whole[..60].to_vec()).contains("image"));
+}
+
+fn run_on(target: Target, firmware: &Firmware, ms: u64) -> Outcome {
+    let limits = Limits { virtual_time: ms * MS, ..Limits::default() };
+    target.run(Clock::Fast, firmware, limits, |_| {}).unwrap()
+}
+
+fn on_horus(firmware: &Firmware) -> Outcome {
+    run_on(Target::Horus, firmware, 200)
+}
+
+#[test]
+fn an_image_that_does_not_fit_the_part_or_has_no_vectors_is_refused() {
+    let refused = |target: Target, segments: Vec<(u64, Vec<u8>)>| {
+        let firmware = Firmware::parse("image", elf(ET_EXEC, EM_ARM, &segments, &[])).unwrap();
+        target.run(Clock::Fast, &firmware, Limits::default(), |_| {}).unwrap_err().to_string()
+    };
+    let words = refused(Target::Horus, vec![(0x6000_0000, vec![0; 16])]);
+    assert!(words.contains("16 bytes at 0x60000000") && words.contains("is it linked for this part?"), "{words}");
+    let words = refused(Target::Horus, vec![(0x0820_0000 - 8, vec![0; 16])]);
+    assert!(words.contains("has no memory"), "{words}");
+    let words = refused(Target::Horus, vec![(u64::from(FLASH), vec![0; 4096])]);
+    assert!(words.contains("no vector table at 0x00000000") && words.contains("begins at 0x08000000"), "{words}");
+    // Behind a bootloader that is not there.
+    let words = refused(Target::Dpr, vec![(0x5_0000, vec![1; 64])]);
+    assert!(words.contains("begins at 0x00050000"), "{words}");
+}
+
+// ---- endings
+
+fn kinds(outcome: &Outcome) -> Vec<FindingKind> {
+    outcome.findings.iter().map(|finding| finding.kind).collect()
+}
+
+#[test]
+fn a_reset_vector_to_nowhere_locks_up_at_once_and_ends_the_run_on_both_parts() {
+    for (target, base) in [(Target::Horus, FLASH), (Target::Dpr, 0)] {
+        let lost = firmware_at(base, "lost", &Thumb::at(base + 0x0070_0000), &[]);
+        let lost = Firmware::raw("lost", lost.segments()[..1].to_vec());
+        let outcome = run_on(target, &lost, 60_000);
+        assert_eq!((outcome.exit, outcome.died, outcome.status()), (None, true, 101), "{outcome:?}");
+        let last = outcome.findings.last().unwrap();
+        assert_eq!(last.kind, FindingKind::Lockup);
+        assert!(last.text.contains("instruction bus error"), "{last}");
+        assert!(last.text.contains("does the reset vector lead into the image?"), "{last}");
+        assert!(last.at < MS / 10, "{last}");
+        assert!(outcome.virtual_time <= 10 * MS, "{}", outcome.virtual_time);
+    }
+}
+
+#[test]
+fn a_firmware_that_spins_or_sleeps_for_ever_ends_at_the_limit_and_the_outcome_says_which() {
+    let mut spins = Thumb::at(MAIN);
+    spins.branch(MAIN);
+    let outcome = on_horus(&firmware("spins", &spins, &[]));
+    assert_eq!((outcome.status(), outcome.virtual_time, outcome.findings.len()), (124, 200 * MS, 0), "{outcome:?}");
+    assert_eq!(outcome.doing, "it runs at 0x08000400");
+    let mut sleeps = Thumb::at(MAIN);
+    sleeps.idle();
+    let outcome = on_horus(&firmware("sleeps", &sleeps, &[]));
+    assert_eq!((outcome.status(), outcome.virtual_time), (124, 200 * MS));
+    assert!(outcome.doing.ends_with("and nothing is due that could wake it"), "{}", outcome.doing);
+    let mut ticks = Thumb::at(MAIN);
+    ticks.tim2_every(16_000).idle();
+    let mut tick = Thumb::at(thumb::HANDLER);
+    tick.store(thumb::TIM2 + 0x10, 0).ret();
+    let outcome = on_horus(&firmware("ticks", &ticks, &[(28, &tick)]));
+    assert_eq!(outcome.status(), 124);
+    assert!(outcome.doing.starts_with("it sleeps at"), "{}", outcome.doing);
+    assert!(!outcome.doing.contains("nothing is due"), "{}", outcome.doing);
+}
+
+/// `main` with one exception of the core, by its number.
+fn with_exception(main: &Thumb, number: usize, handler: (u32, &Thumb)) -> Firmware {
+    let mut segments = firmware("exception", main, &[]).segments().to_vec();
+    segments[0].1[4 * number..][..4].copy_from_slice(&(handler.0 | 1).to_le_bytes());
+    segments.push((u64::from(handler.0), handler.1.bytes()));
+    Firmware::raw("exception", segments)
+}
+
+#[test]
+fn a_firmware_that_only_switches_contexts_ends_at_the_limit() {
+    const ICSR: u32 = 0xE000_ED04;
+    let pend = |at| {
+        let mut code = Thumb::at(at);
+        code.store(ICSR, 1 << 28);
+        code
+    };
+    let mut main = pend(MAIN);
+    main.idle();
+    let mut switch = pend(thumb::HANDLER);
+    switch.count(COUNTER).ret();
+    let image = with_exception(&main, 14, (thumb::HANDLER, &switch));
+    let outcome = on_horus(&image);
+    assert_eq!((outcome.status(), outcome.virtual_time), (124, 200 * MS), "{outcome:?}");
+    assert_eq!(outcome.findings, []);
+}
+
+#[test]
+fn a_hard_fault_handler_that_only_loops_is_reported_once_and_ends_the_run() {
+    let mut main = Thumb::at(MAIN);
+    main.raw(&[0xDE00]);
+    let mut handler = Thumb::at(thumb::HANDLER);
+    handler.branch(thumb::HANDLER);
+    let outcome = on_horus(&with_exception(&main, 3, (thumb::HANDLER, &handler)));
+    assert_eq!(kinds(&outcome), [FindingKind::HardFault], "{outcome:?}");
+    assert_eq!((outcome.status(), outcome.findings[0].pc), (101, Some(u64::from(MAIN))));
+    assert!(outcome.findings[0].text.contains("undefined instruction"), "{}", outcome.findings[0]);
+}
+
+#[test]
+fn a_firmware_that_only_restarts_ends_and_the_words_say_why_it_restarts() {
+    for (target, base) in [(Target::Horus, FLASH), (Target::Dpr, 0)] {
+        let mut main = Thumb::at(base + 0x400);
+        main.store(0xE000_ED0C, 0x05FA_0004).idle();
+        let outcome = run_on(target, &firmware_at(base, "restarts", &main, &[]), 60_000);
+        assert_eq!((outcome.status(), outcome.resets), (101, 100), "{outcome:?}");
+        assert_eq!(kinds(&outcome), [FindingKind::RestartLoop]);
+        assert!(outcome.findings[0].text.contains("100 times (100 times by software)"), "{}", outcome.findings[0]);
+        assert!(outcome.virtual_time < 100 * MS, "{}", outcome.virtual_time);
+    }
+}
+
+#[test]
+fn a_firmware_that_its_watchdog_restarts_for_ever_ends() {
+    // The reload of 1 comes too late for the first round, which takes the whole 512 ms.
+    const IWDG: u32 = 0x4000_3000;
+    let mut main = Thumb::at(MAIN);
+    main.store(IWDG, 0x5555).store(IWDG + 8, 1).store(IWDG, 0xAAAA).store(IWDG, 0xCCCC).idle();
+    let image = firmware("watchdog", &main, &[]);
+    let outcome = run_on(Target::Horus, &image, 60_000);
+    assert_eq!((outcome.status(), outcome.resets), (101, 100), "{outcome:?}");
+    assert!(outcome.findings.last().unwrap().text.contains("by its watchdog IWDG"), "{:?}", outcome.findings.last());
+    let short = run_on(Target::Horus, &image, 5);
+    assert_eq!((short.status(), short.virtual_time), (124, 5 * MS), "{short:?}");
+}
+
+#[test]
+fn a_firmware_that_calls_its_host_for_ever_ends_at_the_limit_and_what_it_wrote_is_shown() {
+    let mut main = Thumb::at(MAIN);
+    main.store(COUNTER, u32::from(b'x'));
+    let again = main.here();
+    main.semihost(0x03, COUNTER).branch(again);
+    let outcome = run_on(Target::Horus, &firmware("calls", &main, &[]), 5);
+    assert_eq!((outcome.status(), outcome.virtual_time), (124, 5 * MS));
+    assert!(outcome.lines.iter().all(|line| line.text.starts_with("xxx")), "{:?}", outcome.lines);
+    assert!(outcome.lines.len() > 1);
+}
+
+// ---- findings
+
+#[test]
+fn a_finding_has_the_instant_of_its_access_and_the_peripherals_name_also_over_a_change_of_clock() {
+    const WAIT: u32 = 16_000;
+    let mut main = Thumb::at(MAIN);
+    main.mov(0, WAIT);
+    let again = main.here();
+    main.raw(&[0x3801]).branch_if(thumb::If::NotEqual, again);
+    let store = main.here() + 16;
+    // A timer without its clock; then the part goes over to its 8 MHz crystal and works on.
+    main.store(thumb::TIM2, 1);
+    main.store(thumb::RCC, 1 << 18 | 1 << 16 | 0x83).wait_for(thumb::RCC, 17).store(thumb::RCC + 8, 1).idle();
+    let outcome = on_horus(&firmware("clocks", &main, &[]));
+    assert_eq!(outcome.findings.len(), 1, "{:?}", outcome.findings);
+    let finding = &outcome.findings[0];
+    assert_eq!((finding.kind, finding.pc), (FindingKind::Refused, Some(u64::from(store))));
+    assert!(finding.text.starts_with("TIM2: "), "{finding}");
+    // Two cycles a turn at 16 MHz are 2 ms, and a few instructions.
+    assert!((2 * MS..2 * MS + 3_000).contains(&finding.at), "{finding}");
+}
+
+#[test]
+fn a_finding_in_a_release_image_names_the_firmwares_own_function_and_line() {
+    let Some(path) = boards::image(3, "dpr-fw.elf") else { return };
+    // The other board's image: its register accesses, all of them inside inlined `core::ptr` functions, meet the
+    // wrong peripherals.
+    let outcome = on_horus(&Firmware::read(&path).unwrap());
+    let written: Vec<&Finding> = outcome.findings.iter().filter(|found| found.kind == FindingKind::Refused).collect();
+    assert!(written.len() >= 3, "{:?}", outcome.findings);
+    for finding in written {
+        let place = finding.symbol.as_deref().unwrap();
+        assert!(!place.contains("core/src") && !place.contains("/registry/"), "{finding}");
+        assert!(place.contains("dpr-fw/src/") || place.contains("firmware-common/src/"), "{finding}");
+        assert!(place.contains("dpr_fw::") || place.contains("firmware_common::"), "{finding}");
+    }
+}
+
+// ---- RTT
+
+const BLOCK: u32 = 0x2000_1000;
+const NAMES: u32 = FLASH + 0x4000;
+const TEXTS: u32 = FLASH + 0x4100;
+
+/// One up channel as the test's firmware sets it up: its name, what is in its buffer, its mode.
+struct Up<'a>(&'a str, &'a [u8], u32);
+
+/// A firmware whose control block has these channels, each with a buffer of 256 bytes that `main` fills.
+fn logging(channels: &[Up<'_>], then: impl FnOnce(&mut Thumb)) -> Firmware {
+    let mut main = Thumb::at(MAIN);
+    let mut names = vec![0; 0x100];
+    let put = |main: &mut Thumb, at: u32, bytes: &[u8]| {
+        for (index, chunk) in (0..).zip(bytes.chunks(4)) {
+            let mut word = [0; 4];
+            word[..chunk.len()].copy_from_slice(chunk);
+            main.store(at + 4 * index, u32::from_le_bytes(word));
+        }
+    };
+    main.store(BLOCK + 16, u32::try_from(channels.len()).unwrap());
+    for (index, Up(name, text, mode)) in (0..).zip(channels) {
+        let (entry, buffer) = (BLOCK + 24 + 24 * index, 0x2000_2000 + 0x100 * index);
+        names[32 * index as usize..][..name.len()].copy_from_slice(name.as_bytes());
+        put(&mut main, buffer, text);
+        let length = u32::try_from(text.len()).unwrap();
+        for (at, word) in [(0, NAMES + 32 * index), (4, buffer), (8, 256), (12, length), (16, 0), (20, *mode)] {
+            main.store(entry + at, word);
+        }
+    }
+    put(&mut main, BLOCK, b"SEGGER RTT");
+    then(&mut main);
+    main.idle();
+    let mut segments = firmware("logging", &main, &[]).segments().to_vec();
+    segments.push((u64::from(NAMES), names));
+    segments.push((u64::from(TEXTS), vec![0; 4]));
+    Firmware::parse("logging", elf(ET_EXEC, EM_ARM, &segments, &[("_SEGGER_RTT", BLOCK)])).unwrap()
+}
+
+fn shown(outcome: &Outcome) -> Vec<String> {
+    outcome.lines.iter().map(ToString::to_string).collect()
+}
+
+#[test]
+fn text_channels_come_by_lines_under_their_names_and_bytes_that_are_no_text_show_as_such() {
+    let one = on_horus(&logging(&[Up("Terminal", b"one\r\nt\xFFo\nunfinished", 0)], |_| {}));
+    assert_eq!(shown(&one), ["one", "t\u{FFFD}o", "unfinished"]);
+    assert_eq!(one.findings, []);
+    let two = on_horus(&logging(&[Up("Terminal", b"here\n", 0), Up("", b"there\n", 2)], |_| {}));
+    assert_eq!(shown(&two), ["[Terminal] here", "[1] there"]);
+}
+
+#[test]
+fn defmt_frames_without_a_table_are_said_to_be_dropped_and_text_beside_them_is_shown() {
+    let outcome = on_horus(&logging(&[Up("defmt", &[3, 1, 2, 0, 5, 0], 1), Up("Terminal", b"text\n", 0)], |_| {}));
+    assert_eq!(shown(&outcome), ["[Terminal] text"]);
+    assert_eq!(kinds(&outcome), [FindingKind::LogCorrupt]);
+    assert!(outcome.findings[0].text.contains("no table to decode them"), "{}", outcome.findings[0]);
+}
+
+#[test]
+fn a_corrupt_channel_is_a_finding_once_and_the_others_go_on() {
+    let spoil = |main: &mut Thumb| {
+        main.store(BLOCK + 24 + 12, 0xFFFF_FFF0);
+    };
+    let outcome = on_horus(&logging(&[Up("a", b"lost\n", 0), Up("b", b"kept\n", 0)], spoil));
+    assert_eq!(shown(&outcome).len(), 1, "{:?}", outcome.lines);
+    assert!(outcome.lines[0].text == "kept");
+    assert_eq!(kinds(&outcome), [FindingKind::LogCorrupt], "{:?}", outcome.findings);
+    for (offset, value) in [(16, 0), (16, u32::MAX), (24 + 4, 0x2002_FFF0), (24 + 8, u32::MAX), (24, 0xFFFF_FFFF)] {
+        let outcome = on_horus(&logging(&[Up("a", b"text\n", 0)], |main| {
+            main.store(BLOCK + offset, value);
+        }));
+        assert!(outcome.findings.len() <= 1, "{:?}", outcome.findings);
+        assert_eq!(outcome.status(), 124);
+    }
+}
+
+#[test]
+fn a_channel_that_fills_between_two_looks_is_a_finding_unless_the_firmware_waits_for_room() {
+    let text = [b'.'; 255];
+    let lossy = on_horus(&logging(&[Up("Terminal", &text, 1)], |_| {}));
+    assert_eq!(kinds(&lossy), [FindingKind::LogOverrun]);
+    assert!(lossy.findings[0].text.contains("RTT channel Terminal was full"), "{}", lossy.findings[0]);
+    let waits = on_horus(&logging(&[Up("Terminal", &text, 2)], |_| {}));
+    assert_eq!((waits.findings.len(), waits.lines[0].text.len()), (0, 255));
+}
+
+#[test]
+fn the_bytes_of_a_channel_can_be_taken_as_they_came() {
+    let image = logging(&[Up("Terminal", b"text\n", 0), Up("data", &[1, 2, 3, 0xFF], 0)], |_| {});
+    let mut node: Node<Bare<Stm32f429>> =
+        Node::new(Stm32f429::new(Oscillators::default()), Bare::new(), &image).unwrap();
+    node.advance(5 * MS);
+    assert_eq!(node.take_channel(1), [1, 2, 3, 0xFF]);
+    assert!(node.take_channel(1).is_empty());
+    assert!(node.take_channel(7).is_empty());
+}
+
+#[test]
+fn the_test_images_stack_is_where_the_vector_table_says() {
+    let mut main = Thumb::at(MAIN);
+    main.idle();
+    let bytes = elf(ET_EXEC, EM_ARM, firmware("whole", &main, &[]).segments(), &[("here", COUNTER)]);
+    let image = Firmware::parse("whole", bytes).unwrap();
+    assert_eq!(image.segments()[0].1[..4], STACK.to_le_bytes());
+    assert_eq!(image.symbol("here").unwrap().address, u64::from(COUNTER));
+    assert_eq!(on_horus(&image).status(), 124);
+}
