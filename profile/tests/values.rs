@@ -411,11 +411,11 @@ fn the_second_frame_in_the_firsts_place_is_rejected_object_by_object() {
 
 #[test]
 fn a_sample_is_as_old_at_its_frames_end_as_slot_and_air_time_make_it() {
-    assert_eq!(air::age_at_end_us::<1>(0), Some(180 + 2_549));
-    assert_eq!(air::age_at_end_us::<2>(0), Some(240 + 3_682));
-    assert_eq!(air::age_at_end_us::<3>(0), Some(300 + 4_815));
-    assert_eq!(air::age_at_end_us::<5>(0), Some(270 + 3_682));
-    assert_eq!(air::age_at_end_us::<5>(1), Some(4_280 + 3_606));
+    assert_eq!(air::age_at_end_us::<1>(0), Some(200 + 2_549));
+    assert_eq!(air::age_at_end_us::<2>(0), Some(270 + 3_682));
+    assert_eq!(air::age_at_end_us::<3>(0), Some(340 + 4_815));
+    assert_eq!(air::age_at_end_us::<5>(0), Some(330 + 3_682));
+    assert_eq!(air::age_at_end_us::<5>(1), Some(4_340 + 3_606));
     assert_eq!((air::age_at_end_us::<3>(1), air::age_at_end_us::<5>(2)), (None, None));
 }
 
