@@ -5,6 +5,7 @@ use std::marker::PhantomData;
 use crate::Cost;
 use crate::code::Code;
 use crate::system::System;
+use crate::watch::Watch;
 
 /// How the part configures its core.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -116,6 +117,8 @@ pub struct Core<C: Cost> {
     pub(crate) told_lockup: bool,
     /// [`Exit::Halted`] was told.
     pub(crate) told_halt: bool,
+    /// Changes of the active exception.
+    pub(crate) watch: Watch,
     pub(crate) cost: PhantomData<C>,
 }
 
@@ -188,6 +191,7 @@ impl<C: Cost> Core<C> {
             told_sleep: false,
             told_lockup: false,
             told_halt: false,
+            watch: Watch::default(),
             cost: PhantomData,
         }
     }
@@ -234,7 +238,11 @@ impl<C: Cost> Core<C> {
                 self.passed = None;
             }
             Register::R(n) => self.r[usize::from(n & 15)] = value,
-            Register::Xpsr => self.set_xpsr(value),
+            Register::Xpsr => {
+                let before = self.ipsr;
+                self.set_xpsr(value);
+                self.exception_changed_from(before);
+            }
             Register::Msp if self.on_process_stack() => self.other_sp = value & !3,
             Register::Psp if !self.on_process_stack() => self.other_sp = value & !3,
             Register::Msp | Register::Psp => self.r[13] = value & !3,

@@ -13,7 +13,7 @@
 //! | long multiplications | 1 | 1 | 1 |
 //! | SDIV, UDIV | 2 to 12, "early termination" | 2 | 12 |
 //! | B, BL, BX, BLX, MOV PC, ADD PC | 1 + P | 2 | 4 |
-//! | B<cc>, CBZ, CBNZ | 1 or 1 + P | 1, taken 2 | 1, taken 4 |
+//! | `B<cc>`, CBZ, CBNZ | 1 or 1 + P | 1, taken 2 | 1, taken 4 |
 //! | TBB, TBH | 2 + P | 3 | 5 |
 //! | loads of one register | 2; 1 where it is pipelined with a neighbour (3.3.3) | 1 | 2 |
 //! | the same to PC | 2 + P | 2 + 1 | 2 + 3 |

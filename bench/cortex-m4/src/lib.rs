@@ -23,6 +23,7 @@ mod op;
 mod run;
 mod special;
 mod system;
+mod watch;
 
 pub use self::core::{Config, Core, Exit, Register};
 pub use bus::{Access, Bound, Bus, BusError, Purpose, Signals, Width};

@@ -115,7 +115,9 @@ impl<C: Cost> Core<C> {
             if self.take_breakpoints_changed() {
                 code.set_hardware(self.fpb_breakpoints().collect());
             }
+            let recorded = self.watch.recorded();
             self.execute_until_limit(bus, code, single);
+            self.watch.complete(recorded, self.cycle);
             if let Some(exit) = self.paused.take() {
                 self.retired -= 1;
                 let pc = self.r[15];

@@ -2,7 +2,9 @@
 //!
 //! | here | what |
 //! |---|---|
-//! | this file | the dispatch, data processing, multiplication, branches, control |
+//! | this file | the dispatch, registers and flags, control |
+//! | `data` | data processing and multiplication with their flags |
+//! | `branch` | conditions and branches |
 //! | `arithmetic` | arithmetic without state |
 //! | `transfer` | loads and stores |
 //! | [`crate::fp`] | floating point |
@@ -10,42 +12,13 @@
 //! An instruction that faults leaves the registers as they were, so that it can be executed again.
 
 pub(crate) mod arithmetic;
+mod branch;
+mod data;
 mod transfer;
 
-use crate::op::{Alu, Carry, Do, Format, Index, Long, Op, Saturating, Shift};
-use crate::{Bound, Bus, Core, Cost, Exit, Fault, Purpose, Width};
+use crate::op::{Carry, Do, Format, Index, Op, Shift};
+use crate::{Bus, Core, Cost, Exit, Fault, Purpose, Width};
 use arithmetic::{add_with_carry, dual, extend, half, parallel, shift, signed_saturate, unary, unsigned_saturate};
-
-/// Of each condition, the sets of flags that pass it: bit n of an entry is for the flags n, with N in bit 3, Z in
-/// bit 2, C in bit 1 and V in bit 0 (ARM ARM A7.3).
-const PASSES: [u16; 16] = passes();
-
-const fn passes() -> [u16; 16] {
-    let mut table = [0; 16];
-    let mut condition = 0;
-    while condition < 16 {
-        let mut flags = 0;
-        while flags < 16 {
-            let (n, z, c, v) = (flags & 8 != 0, flags & 4 != 0, flags & 2 != 0, flags & 1 != 0);
-            let base = match condition >> 1 {
-                0 => z,
-                1 => c,
-                2 => n,
-                3 => v,
-                4 => c && !z,
-                5 => n == v,
-                6 => n == v && !z,
-                _ => true,
-            };
-            if base != (condition & 1 != 0 && condition != 15) {
-                table[condition] |= 1 << flags;
-            }
-            flags += 1;
-        }
-        condition += 1;
-    }
-    table
-}
 
 impl<C: Cost> Core<C> {
     /// Register `n` as an operand.
@@ -85,47 +58,6 @@ impl<C: Cost> Core<C> {
         self.flag_c = c;
         self.flag_v = v;
         sum
-    }
-
-    /// ConditionPassed.
-    #[inline(always)]
-    pub(crate) fn passes(&self, condition: u8) -> bool {
-        let flags = u8::from(self.flag_n) << 3
-            | u8::from(self.flag_z) << 2
-            | u8::from(self.flag_c) << 1
-            | u8::from(self.flag_v);
-        PASSES[usize::from(condition & 15)] >> flags & 1 != 0
-    }
-
-    /// BXWritePC and LoadWritePC: bit 0 becomes EPSR.T; EXC_RETURN in handler mode.
-    pub(crate) fn branch_exchange<B: Bus>(&mut self, bus: &mut B, target: u32) -> u32 {
-        self.refill();
-        if target >= 0xF000_0000 && self.ipsr != 0 {
-            self.limit = 0;
-            self.exception_return(bus, target);
-            return self.r[15];
-        }
-        if target & 1 == 0 {
-            self.thumb = false;
-            self.limit = 0;
-        }
-        target & !1
-    }
-
-    /// A branch is taken: the pipeline is filled anew. At worst the words it held are fetched again.
-    #[inline(always)]
-    fn refill(&mut self) {
-        self.cycle += C::REFILL;
-        if matches!(C::BOUND, Some(Bound::Worst)) {
-            self.fetched = 1;
-        }
-    }
-
-    /// BranchWritePC, taken.
-    #[inline(always)]
-    fn branch(&mut self, target: u32) -> u32 {
-        self.refill();
-        target
     }
 
     /// Executes the instruction `op` at `pc`, which is in r15; gives the address of the next.
@@ -507,81 +439,6 @@ impl<C: Cost> Core<C> {
             Do::Unknown => return Err(Fault::BusInstruction),
         }
         Ok(next)
-    }
-
-    /// One of the operations of ARM ARM A5.3.1. `carry` is that of the operand.
-    fn alu(&mut self, alu: Alu, s: bool, d: u8, a: u32, b: u32, carry: bool) {
-        let logical = |value| (value, carry, self.flag_v);
-        let (value, c, v) = match alu {
-            Alu::And | Alu::Tst => logical(a & b),
-            Alu::Bic => logical(a & !b),
-            Alu::Orr => logical(a | b),
-            Alu::Orn => logical(a | !b),
-            Alu::Eor | Alu::Teq => logical(a ^ b),
-            Alu::Mov => logical(b),
-            Alu::Mvn => logical(!b),
-            Alu::Add | Alu::Cmn => add_with_carry(a, b, false),
-            Alu::Adc => add_with_carry(a, b, self.flag_c),
-            Alu::Sbc => add_with_carry(a, !b, self.flag_c),
-            Alu::Sub | Alu::Cmp => add_with_carry(a, !b, true),
-            Alu::Rsb => add_with_carry(!a, b, true),
-        };
-        if s {
-            self.set_nz(value);
-            self.flag_c = c;
-            self.flag_v = v;
-        }
-        if !matches!(alu, Alu::Tst | Alu::Teq | Alu::Cmn | Alu::Cmp) {
-            self.set(d, value);
-        }
-    }
-
-    /// SMLAxy and its kin: `product` plus register `a` (15: nothing), with Q where the sum overflows.
-    fn accumulate(&mut self, d: u8, a: u8, product: i64) {
-        let sum = if a == 15 { product } else { product + i64::from(self.get(a) as i32) };
-        self.put(d, sum as u32);
-        self.flag_q |= sum != i64::from(sum as i32);
-    }
-
-    fn accumulate_long(&mut self, low: u8, high: u8, product: i64) {
-        let sum = self.pair(low, high).wrapping_add(product as u64);
-        self.put_pair(low, high, sum);
-    }
-
-    fn pair(&self, low: u8, high: u8) -> u64 {
-        u64::from(self.get(high)) << 32 | u64::from(self.get(low))
-    }
-
-    fn put_pair(&mut self, low: u8, high: u8, value: u64) {
-        self.put(low, value as u32);
-        self.put(high, (value >> 32) as u32);
-    }
-
-    fn long_multiply(&mut self, kind: Long, low: u8, high: u8, n: u8, m: u8) {
-        let unsigned = u64::from(self.get(n)) * u64::from(self.get(m));
-        let signed = (i64::from(self.get(n) as i32) * i64::from(self.get(m) as i32)) as u64;
-        let value = match kind {
-            Long::Smull => signed,
-            Long::Umull => unsigned,
-            Long::Smlal => self.pair(low, high).wrapping_add(signed),
-            Long::Umlal => self.pair(low, high).wrapping_add(unsigned),
-            Long::Umaal => unsigned + u64::from(self.get(low)) + u64::from(self.get(high)),
-        };
-        self.put_pair(low, high, value);
-    }
-
-    fn saturating(&mut self, kind: Saturating, d: u8, n: u8, m: u8) {
-        let (a, b) = (i64::from(self.get(m) as i32), i64::from(self.get(n) as i32));
-        let (doubled, q1) = match kind {
-            Saturating::DoubleAdd | Saturating::DoubleSub => signed_saturate(2 * b, 32),
-            Saturating::Add | Saturating::Sub => (b as i32, false),
-        };
-        let (value, q2) = match kind {
-            Saturating::Add | Saturating::DoubleAdd => signed_saturate(a + i64::from(doubled), 32),
-            Saturating::Sub | Saturating::DoubleSub => signed_saturate(a - i64::from(doubled), 32),
-        };
-        self.put(d, value as u32);
-        self.flag_q |= q1 | q2;
     }
 
     /// The memory width of `format`.

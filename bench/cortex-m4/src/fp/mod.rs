@@ -199,7 +199,7 @@ pub(crate) enum FpOp {
         write_back: bool,
         imm8: u8,
     },
-    /// Core register to s<n>, also to one half of a double register.
+    /// Core register to `s<n>`, also to one half of a double register.
     VmovFromCore {
         n: u8,
         t: u8,
@@ -208,7 +208,7 @@ pub(crate) enum FpOp {
         n: u8,
         t: u8,
     },
-    /// Two core registers to s<m> and s<m+1>, also to a double register.
+    /// Two core registers to `s<m>` and `s<m+1>`, also to a double register.
     VmovFromCorePair {
         m: u8,
         t: u8,

@@ -221,7 +221,11 @@ impl<C: Cost> Core<C> {
 
     fn transfer_special(&mut self, index: usize, write: bool, value: u32) {
         match (index, write) {
-            (16, true) => self.set_xpsr(value),
+            (16, true) => {
+                let before = self.ipsr;
+                self.set_xpsr(value);
+                self.exception_changed_from(before);
+            }
             (16, false) => self.system.debug.dcrdr = self.xpsr(),
             (_, true) => {
                 let [primask, basepri, faultmask, control] = value.to_le_bytes();

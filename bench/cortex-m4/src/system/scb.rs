@@ -277,7 +277,8 @@ impl<C: Cost> Core<C> {
             self.system.scb.reset_request |= value & 1 != 0;
             if value & 2 != 0 {
                 self.system.nvic.active = [0; 4];
-                self.ipsr = 0;
+                let active = std::mem::take(&mut self.ipsr);
+                self.exception_changed_from(active);
                 self.system.nvic.refresh();
             }
         }

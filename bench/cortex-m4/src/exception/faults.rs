@@ -1,0 +1,178 @@
+//! Faults and what an instruction raises itself: status, escalation, derived exceptions, lockup (ARM ARM B1.5.11,
+//! B1.5.14, B1.5.15).
+
+use super::*;
+
+impl<C: Cost> Core<C> {
+    /// A stacking (`entry`) or unstacking fault: its exception becomes pending beside the one being entered, and the
+    /// higher of the two is taken first. ARM ARM B1.5.11.
+    pub(super) fn derived_fault(&mut self, fault: Fault, entry: bool) {
+        let (number, flag, kind) = match (fault, entry) {
+            (Fault::MemData(_), true) => (MEM_MANAGE, CFSR_MSTKERR, debug_catch::INTERR),
+            (Fault::MemData(_), false) => (MEM_MANAGE, CFSR_MUNSTKERR, debug_catch::INTERR),
+            (Fault::NoCoprocessor, _) => (USAGE_FAULT, CFSR_NOCP, debug_catch::NOCPERR),
+            (_, true) => (BUS_FAULT, CFSR_STKERR, debug_catch::INTERR),
+            (_, false) => (BUS_FAULT, CFSR_UNSTKERR, debug_catch::INTERR),
+        };
+        self.system.scb.cfsr |= flag;
+        self.pend_fault(number);
+        self.catch(kind);
+    }
+
+    fn pend_escalated(&mut self, number: u16) {
+        let nvic = &self.system.nvic;
+        let taken =
+            nvic::contains(&nvic.enabled, number) && i32::from(nvic.group_priority(number)) < self.execution_priority();
+        if taken {
+            self.system.nvic.pend(number);
+        } else {
+            self.system.scb.hfsr |= HFSR_FORCED;
+            self.system.nvic.pend(HARD_FAULT);
+        }
+    }
+
+    /// Makes the exception of a synchronous fault pending, as HardFault where it is off or does not preempt; locks up
+    /// where HardFault does not either. Answers whether an exception is to be taken. ARM ARM B1.5.11, B1.5.15.
+    pub(super) fn pend_fault(&mut self, number: u16) -> bool {
+        if self.execution_priority() <= -1 {
+            if number != HARD_FAULT {
+                self.system.scb.hfsr |= HFSR_FORCED;
+            }
+            self.lock_up();
+            return false;
+        }
+        self.pend_escalated(number);
+        true
+    }
+
+    /// Locks up as if in the handler of HardFault or NMI, which could not be entered.
+    pub(super) fn lock_up_at(&mut self, number: u16) {
+        self.set_stack(false);
+        self.ipsr = number;
+        self.exception_changed();
+        self.system.nvic.activate(number);
+        self.lock_up();
+    }
+
+    /// The core locks up now, as a fault inside a fault handler makes it (ARM ARM B1.5.15).
+    pub fn lock_up(&mut self) {
+        self.locked_up = true;
+        self.attention = true;
+    }
+
+    /// Vector catch: the core halts at the first instruction of the handler.
+    pub(super) fn catch(&mut self, kinds: u32) {
+        let forced = self.system.nvic.best == HARD_FAULT;
+        if self.system.debug.catches(kinds | if forced { debug_catch::HARDERR } else { 0 }) {
+            self.system.debug.halt_wanted |= DFSR_VCATCH;
+            self.attention = true;
+        }
+    }
+
+    /// Whether data bus faults are ignored now: CCR.BFHFNMIGN in HardFault, NMI or with FAULTMASK (ARM ARM B3.2.8).
+    #[inline]
+    pub(crate) fn ignores_bus_faults(&self) -> bool {
+        self.system.scb.ccr & CCR_BFHFNMIGN != 0 && self.execution_priority() < 0
+    }
+
+    /// The instruction at r15 faulted: sets the status and enters the handler, or locks up. The IT state is still that
+    /// of the instruction.
+    pub(crate) fn take_fault<B: Bus>(&mut self, bus: &mut B, fault: Fault) {
+        if matches!(fault, Fault::BusData(_)) && self.ignores_bus_faults() {
+            self.skip_instruction(bus);
+            return;
+        }
+        let (number, flag, kind) = match fault {
+            Fault::Undefined => (USAGE_FAULT, CFSR_UNDEFINSTR, debug_catch::STATERR),
+            Fault::InvalidState => (USAGE_FAULT, CFSR_INVSTATE, debug_catch::STATERR),
+            Fault::InvalidPc => (USAGE_FAULT, CFSR_INVPC, debug_catch::STATERR),
+            Fault::NoCoprocessor => (USAGE_FAULT, CFSR_NOCP, debug_catch::NOCPERR),
+            Fault::Unaligned => (USAGE_FAULT, CFSR_UNALIGNED, debug_catch::CHKERR),
+            Fault::DivideByZero => (USAGE_FAULT, CFSR_DIVBYZERO, debug_catch::CHKERR),
+            Fault::BusData(address) => {
+                self.note_fault_address(address, CFSR_MMARVALID);
+                (BUS_FAULT, CFSR_PRECISERR | CFSR_BFARVALID, debug_catch::BUSERR)
+            }
+            Fault::BusInstruction => (BUS_FAULT, CFSR_IBUSERR, debug_catch::BUSERR),
+            Fault::BusStacking => (BUS_FAULT, CFSR_STKERR, debug_catch::INTERR),
+            Fault::BusUnstacking => (BUS_FAULT, CFSR_UNSTKERR, debug_catch::INTERR),
+            Fault::MemData(address) => {
+                self.note_fault_address(address, CFSR_BFARVALID);
+                (MEM_MANAGE, CFSR_DACCVIOL | CFSR_MMARVALID, debug_catch::MMERR)
+            }
+            Fault::MemInstruction => (MEM_MANAGE, CFSR_IACCVIOL, debug_catch::MMERR),
+            Fault::MemStacking => (MEM_MANAGE, CFSR_MSTKERR, debug_catch::INTERR),
+            Fault::MemUnstacking => (MEM_MANAGE, CFSR_MUNSTKERR, debug_catch::INTERR),
+            Fault::VectorRead => {
+                self.system.scb.hfsr |= HFSR_VECTTBL;
+                (HARD_FAULT, 0, debug_catch::INTERR)
+            }
+            Fault::BusLazy | Fault::MemLazy => {
+                // `fp_ready` has made the exception pending and found that it preempts, or locked up
+                if !self.locked_up && self.preempts() {
+                    let to = self.r[15];
+                    self.enter(bus, to);
+                }
+                return;
+            }
+            Fault::Breakpoint => {
+                self.breakpoint(bus);
+                return;
+            }
+        };
+        self.system.scb.cfsr |= flag;
+        if self.pend_fault(number) {
+            self.catch(kind);
+            let to = self.r[15];
+            self.enter(bus, to);
+        }
+    }
+
+    /// MMFAR and BFAR are one register in this core: an address of the one makes the other's invalid (TRM table 4-1).
+    fn note_fault_address(&mut self, address: u32, other: u32) {
+        self.system.scb.fault_address = address;
+        self.system.scb.cfsr &= !other;
+    }
+
+    /// Goes on behind a load or store whose bus fault is ignored. What the load reads is UNKNOWN: registers stay.
+    #[cold]
+    fn skip_instruction<B: Bus>(&mut self, bus: &mut B) {
+        let wide = bus.fetch(self.r[15]).is_ok_and(|first| first >> 11 >= 0x1D);
+        self.r[15] = self.r[15].wrapping_add(if wide { 4 } else { 2 });
+        // ITAdvance, ARM ARM A7.3.2
+        self.it = if self.it & 7 == 0 { 0 } else { self.it & 0xE0 | self.it << 1 & 0x1F };
+    }
+
+    /// SVC: r15 is the next instruction. Where SVCall does not preempt, it is a HardFault, whose return address is the
+    /// next instruction too: Zephyr's fault handler relies on it on silicon, and QEMU does it. A core that locks up
+    /// stays at the SVC.
+    pub(crate) fn supervisor_call<B: Bus>(&mut self, bus: &mut B) {
+        let next = self.r[15];
+        if self.pend_fault(SV_CALL) {
+            self.enter(bus, next);
+        } else {
+            self.r[15] = next.wrapping_sub(2);
+        }
+    }
+
+    /// BKPT, or an instruction at a breakpoint of the FPB: halts, or DebugMonitor, or HardFault. r15 is its address.
+    /// ARM ARM C1.5.1.
+    pub(crate) fn breakpoint<B: Bus>(&mut self, bus: &mut B) {
+        if self.system.debug.halting() {
+            self.halt(DFSR_BKPT);
+            return;
+        }
+        let number = if self.monitor_can_be_taken() {
+            self.system.scb.dfsr |= DFSR_BKPT;
+            DEBUG_MONITOR
+        } else {
+            self.system.scb.hfsr |= HFSR_DEBUGEVT;
+            self.system.scb.dfsr |= DFSR_BKPT;
+            HARD_FAULT
+        };
+        if self.pend_fault(number) {
+            let to = self.r[15];
+            self.enter(bus, to);
+        }
+    }
+}

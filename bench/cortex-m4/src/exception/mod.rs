@@ -1,0 +1,137 @@
+//! Exceptions: entry, return, faults, sleep. ARM ARM B1.5.
+//!
+//! | Module | Covered | ARM ARM |
+//! |---|---|---|
+//! | this one | execution priority, preemption; `WFI` and `WFE` | B1.5.4, B1.5.17 to B1.5.19 |
+//! | `entry` | entry, basic and extended frames, late arrival | B1.5.6, B1.5.7, B1.5.11 |
+//! | `exit` | return and its integrity checks, tail-chaining, sleep-on-exit | B1.5.8, B1.5.12, B1.5.17 |
+//! | `faults` | faults, derived exceptions, escalation, lockup | B1.5.11, B1.5.14, B1.5.15 |
+//! | `lazy` | lazy preservation of the floating-point state | B1.5.7, A2.5.3 |
+//! | `reset` | reset, power-on | B1.5.5 |
+//!
+//! Entry and return are each one step: nothing interrupts them in their middle. What arrives while an entry stacks is
+//! served by late arrival; what arrives while a return unstacks preempts right after it. Imprecise bus faults do not
+//! exist in this model: every bus fault is precise.
+
+mod entry;
+mod exit;
+mod faults;
+mod lazy;
+mod reset;
+
+use crate::special::{CONTROL_FPCA, CONTROL_NPRIV, CONTROL_SPSEL};
+use crate::system::nvic::{
+    self, BUS_FAULT, DEBUG_MONITOR, HARD_FAULT, IDLE_PRIORITY, MEM_MANAGE, NMI, SV_CALL, USAGE_FAULT,
+};
+use crate::system::*;
+use crate::{Access, Bus, Core, Cost, Fault, Purpose, Width};
+
+/// Words of a basic frame and of one with the floating-point state, ARM ARM B1.5.7.
+const BASIC: u32 = 8;
+const EXTENDED: u32 = 26;
+
+/// Bit 9 of a stacked xPSR: the stack pointer was moved by four to align it.
+const REALIGNED: u32 = 1 << 9;
+
+impl<C: Cost> Core<C> {
+    /// The priority that PRIMASK (if `primask`), BASEPRI and FAULTMASK give, ARM ARM B1.5.4.
+    #[inline]
+    pub(crate) fn mask_priority(&self, primask: bool) -> i16 {
+        if self.faultmask {
+            -1
+        } else if self.primask && primask {
+            0
+        } else if self.basepri != 0 {
+            self.system.nvic.group_of(self.basepri.into())
+        } else {
+            IDLE_PRIORITY
+        }
+    }
+
+    /// The execution priority, ARM ARM B1.5.4: an exception is taken if its group priority is lower.
+    #[inline]
+    pub(crate) fn execution_priority(&self) -> i32 {
+        self.mask_priority(true).min(self.system.nvic.active_priority).into()
+    }
+
+    /// Whether the best pending exception preempts.
+    #[inline]
+    fn preempts(&self) -> bool {
+        i32::from(self.system.nvic.best_priority) < self.execution_priority()
+    }
+
+    /// Takes in the interrupt lines and outside events. Leaves `Signals::changed` to the run loop.
+    #[inline]
+    pub(crate) fn take_signals<B: Bus>(&mut self, bus: &mut B) {
+        let signals = bus.signals();
+        self.system.nvic.set_levels(&signals.lines, signals.nmi);
+        if std::mem::take(&mut signals.event) {
+            self.event = true;
+            self.attention = true;
+        }
+        if std::mem::take(&mut self.system.nvic.newly_pending) {
+            self.attention = true;
+            if self.system.scb.scr & SCR_SEVONPEND != 0 {
+                self.event = true;
+            }
+        }
+    }
+
+    /// Takes in what the part drives, then takes the highest pending exception if it preempts; wakes the core. To be
+    /// called between instructions whenever `attention` is set. Answers whether an exception was entered.
+    pub(crate) fn look_at_exceptions<B: Bus>(&mut self, bus: &mut B) -> bool {
+        self.system_advance();
+        self.take_signals(bus);
+        self.attention = false;
+        if self.halted {
+            return false;
+        }
+        if self.system.debug.halt_wanted != 0 {
+            let reason = self.system.debug.halt_wanted;
+            self.halt(reason);
+            return false;
+        }
+        if let Some(before) = self.system.debug.stepping {
+            // else the step is still to come, see `debug_stepping`
+            if self.retired != before {
+                self.system.debug.stepping = None;
+                if self.system.debug.halting() {
+                    self.halt(DFSR_HALTED);
+                    return false;
+                }
+                self.debug_event(DFSR_HALTED);
+            }
+        }
+        if self.locked_up {
+            // only NMI leaves a lockup, and only one at HardFault's priority (ARM ARM B1.5.15)
+            if self.system.nvic.best != NMI || !self.preempts() {
+                return false;
+            }
+            self.locked_up = false;
+            self.r[15] = 0xFFFF_FFFE;
+        }
+        if self.waiting.is_some() {
+            self.wake();
+        }
+        if self.preempts() {
+            let to = self.r[15];
+            self.enter(bus, to);
+            return true;
+        }
+        false
+    }
+
+    /// Ends `WFI` or `WFE` if there is a reason to, ARM ARM B1.5.18, B1.5.19.
+    fn wake(&mut self) {
+        if self.waiting == Some(true) && self.event {
+            self.event = false;
+            self.waiting = None;
+            return;
+        }
+        // WFI wakes for what would preempt if PRIMASK were clear; WFE only for what is taken
+        let priority = self.mask_priority(self.waiting == Some(true)).min(self.system.nvic.active_priority);
+        if self.system.nvic.best_priority < priority {
+            self.waiting = None;
+        }
+    }
+}

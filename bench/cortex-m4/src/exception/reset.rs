@@ -1,0 +1,53 @@
+//! Reset and power-on (ARM ARM B1.5.5).
+
+use super::*;
+
+impl<C: Cost> Core<C> {
+    /// A system reset: registers, stack pointer and program counter as after reset (ARM ARM B1.5.5). Time and the
+    /// counts of it go on; the debug components keep their state, as only a power-on resets them.
+    pub fn reset<B: Bus>(&mut self, bus: &mut B) {
+        self.system_advance();
+        self.system.reset();
+        self.halted = false;
+        self.pause_timers();
+        let active = std::mem::take(&mut self.ipsr);
+        self.exception_changed_from(active);
+        self.it = 0;
+        self.ici = 0;
+        self.primask = false;
+        self.faultmask = false;
+        self.basepri = 0;
+        self.control = 0;
+        self.fpscr = 0;
+        self.exclusive = None;
+        self.event = false;
+        self.waiting = None;
+        self.locked_up = false;
+        self.r[14] = 0xFFFF_FFFF;
+        self.attention = true;
+        let (Some(stack), Some(start)) = (self.vector(bus, 0), self.vector(bus, 1)) else {
+            // without them the core locks up at once (ARM ARM B1.5.15)
+            self.system.scb.hfsr |= HFSR_VECTTBL;
+            self.lock_up_at(HARD_FAULT);
+            return;
+        };
+        self.r[13] = stack & !3;
+        self.r[15] = start & !1;
+        self.thumb = start & 1 != 0;
+        if self.system.debug.catches(debug_catch::CORERESET) {
+            self.halt(DFSR_VCATCH);
+        }
+    }
+
+    /// The supply came on: as [`Core::reset`], and the debug components are new too.
+    pub fn power_on<B: Bus>(&mut self, bus: &mut B) {
+        self.halted = false;
+        self.system.power_on();
+        self.r[..13].fill(0);
+        self.other_sp = 0;
+        self.s = [0; 32];
+        (self.flag_n, self.flag_z, self.flag_c, self.flag_v, self.flag_q) = (false, false, false, false, false);
+        self.ge = 0;
+        self.reset(bus);
+    }
+}

@@ -1,0 +1,78 @@
+//! Conditions and branches (ARM ARM A7.3): what changes the program counter, and when.
+
+use super::*;
+use crate::Bound;
+
+/// Of each condition, the sets of flags that pass it: bit n of an entry is for the flags n, with N in bit 3, Z in
+/// bit 2, C in bit 1 and V in bit 0 (ARM ARM A7.3).
+const PASSES: [u16; 16] = passes();
+
+pub(super) const fn passes() -> [u16; 16] {
+    let mut table = [0; 16];
+    let mut condition = 0;
+    while condition < 16 {
+        let mut flags = 0;
+        while flags < 16 {
+            let (n, z, c, v) = (flags & 8 != 0, flags & 4 != 0, flags & 2 != 0, flags & 1 != 0);
+            let base = match condition >> 1 {
+                0 => z,
+                1 => c,
+                2 => n,
+                3 => v,
+                4 => c && !z,
+                5 => n == v,
+                6 => n == v && !z,
+                _ => true,
+            };
+            if base != (condition & 1 != 0 && condition != 15) {
+                table[condition] |= 1 << flags;
+            }
+            flags += 1;
+        }
+        condition += 1;
+    }
+    table
+}
+
+impl<C: Cost> Core<C> {
+    /// ConditionPassed.
+    #[inline(always)]
+    pub(crate) fn passes(&self, condition: u8) -> bool {
+        let flags = u8::from(self.flag_n) << 3
+            | u8::from(self.flag_z) << 2
+            | u8::from(self.flag_c) << 1
+            | u8::from(self.flag_v);
+        PASSES[usize::from(condition & 15)] >> flags & 1 != 0
+    }
+
+    /// BXWritePC and LoadWritePC: bit 0 becomes EPSR.T; EXC_RETURN in handler mode.
+    pub(crate) fn branch_exchange<B: Bus>(&mut self, bus: &mut B, target: u32) -> u32 {
+        self.refill();
+        if target >= 0xF000_0000 && self.ipsr != 0 {
+            self.limit = 0;
+            self.exception_return(bus, target);
+            return self.r[15];
+        }
+        if target & 1 == 0 {
+            self.thumb = false;
+            self.limit = 0;
+        }
+        target & !1
+    }
+
+    /// A branch is taken: the pipeline is filled anew. At worst the words it held are fetched again.
+    #[inline(always)]
+    pub(super) fn refill(&mut self) {
+        self.cycle += C::REFILL;
+        if matches!(C::BOUND, Some(Bound::Worst)) {
+            self.fetched = 1;
+        }
+    }
+
+    /// BranchWritePC, taken.
+    #[inline(always)]
+    pub(super) fn branch(&mut self, target: u32) -> u32 {
+        self.refill();
+        target
+    }
+}
