@@ -402,12 +402,6 @@ impl Stm32f429 {
         self.rcc.has_hse()
     }
 
-    /// How often timer `number` (1 to 14) has raised its update flag since power-on.
-    #[must_use]
-    pub fn timer_updates(&self, number: usize) -> u64 {
-        self.tim[number - 1].updates
-    }
-
     /// What the part does to `pin` now.
     #[must_use]
     pub fn pad(&self, pin: Pin) -> Pad {

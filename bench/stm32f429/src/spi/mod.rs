@@ -11,11 +11,17 @@
 //! **Left out, each a finding when it is used:** slave mode (nothing outside the part clocks it), I2S, the TI frame
 //! format, the CRC that the end of a DMA transfer sends.
 //!
+//! `frame` has the shift register, this module the registers around it.
+//!
 //! # Time
 //!
 //! A byte written while the shift register is empty moves on to it at once: `TXE` is back before the next access. The
 //! frame begins at the next PCLK edge and takes its bits' SCK periods; what came in is there at the end of the last
 //! one. A byte that waits in the data register then begins its frame without a gap.
+
+mod frame;
+#[cfg(test)]
+mod tests;
 
 use bench_seam::{Cycle, FindingKind, NEVER, SpiFrame, SpiMode};
 use cortex_m4::Width;
@@ -137,112 +143,6 @@ impl Spi {
         self.cr1 & (BIDIMODE | BIDIOE) == BIDIMODE | BIDIOE
     }
 
-    /// Begins the next frame at `from`, if there is one to begin.
-    fn begin(&mut self, from: Cycle) {
-        if self.flight.is_some() {
-            return;
-        }
-        let crc_next = self.cr1 & (CRCEN | CRCNEXT) == CRCEN | CRCNEXT && !self.crc_done;
-        let on = self.cr1 & (SPE | MSTR) == SPE | MSTR;
-        let (data, is_crc) = if !on {
-            self.sr &= !BSY;
-            return;
-        } else if self.receives_only() {
-            (0, crc_next && self.sr & BSY != 0)
-        } else if self.sr & TXE == 0 {
-            self.sr |= TXE;
-            (self.tx, false)
-        } else if crc_next && self.sr & BSY != 0 {
-            (self.tx_crc, true)
-        } else {
-            self.sr &= !BSY;
-            return;
-        };
-        self.crc_done |= is_crc;
-        self.sr |= BSY;
-        let sck = u64::from(self.pclk << ((self.cr1 >> 3 & 7) + 1));
-        let ends = from + u64::from(self.bits()) * sck;
-        self.flight = Some(Flight { data: data & self.mask(), begins: from, ends, is_crc });
-        self.due = ends;
-    }
-
-    /// The next edge of PCLK.
-    fn edge(&self, now: Cycle) -> Cycle {
-        // A power of two.
-        let step = u64::from(self.pclk);
-        (now + step - 1) & !(step - 1)
-    }
-
-    /// The bits of a frame in the order they travel, or back.
-    fn ordered(&self, data: u16) -> u32 {
-        if self.cr1 & LSBFIRST == 0 {
-            u32::from(data)
-        } else {
-            u32::from(data.reverse_bits() >> (16 - u32::from(self.bits())))
-        }
-    }
-
-    fn crc(&self, mut crc: u16, travelled: u32) -> u16 {
-        let bits = self.bits();
-        let top = bits - 1;
-        for bit in (0..bits).rev() {
-            let feed = (crc >> top & 1) ^ (travelled >> bit & 1) as u16;
-            crc = (crc << 1 ^ if feed != 0 { self.crc_polynomial } else { 0 }) & self.mask();
-        }
-        crc
-    }
-
-    fn finish_frame<W: Wires>(&mut self, flight: Flight, cx: &mut Cx, wires: &mut W) {
-        let one_line = self.cr1 & BIDIMODE != 0;
-        let mosi = cx.pins(self.signal(SpiPin::Mosi));
-        let miso = if one_line { mosi[0] } else { cx.pins(self.signal(SpiPin::Miso))[0] };
-        let sends = !self.receives_only();
-        let travels = self.ordered(flight.data);
-        let frame = SpiFrame {
-            sck: cx.pins(self.signal(SpiPin::Sck)),
-            mosi: if sends { mosi } else { [None; 2] },
-            miso: if one_line && sends { None } else { miso },
-            mode: match self.cr1 & (CPOL | CPHA) {
-                0 => SpiMode::Mode0,
-                CPHA => SpiMode::Mode1,
-                CPOL => SpiMode::Mode2,
-                _ => SpiMode::Mode3,
-            },
-            bits: self.bits(),
-            data: travels,
-            begins: flight.begins,
-            ends: flight.ends,
-        };
-        let answer = wires.spi(&frame);
-        if self.cr1 & CRCEN != 0 && sends && !flight.is_crc {
-            self.tx_crc = self.crc(self.tx_crc, travels);
-        }
-        if self.sends_only() {
-            return;
-        }
-        let came = match (answer, frame.miso) {
-            (_, None) => 0,
-            (Some(bits), Some(_)) => bits & u32::from(self.mask()),
-            (None, Some(pin)) => u32::from(if cx.pads.level(pin) { self.mask() } else { 0 }),
-        };
-        let received = self.ordered(came as u16) as u16;
-        if self.cr1 & CRCEN != 0 {
-            if !flight.is_crc {
-                self.rx_crc = self.crc(self.rx_crc, came);
-            } else if received != self.rx_crc {
-                self.sr |= CRCERR;
-            }
-        }
-        if self.sr & RXNE != 0 {
-            // What was not read stays, what came is lost (28.3.10).
-            self.sr |= OVR;
-            self.overrun_read = false;
-        } else {
-            self.rx = received;
-            self.sr |= RXNE;
-        }
-    }
-
     /// The level at the slave select input, see 28.3.1. An input that no pin is connected to is low.
     fn select_is_high(&self, cx: &Cx) -> bool {
         if self.cr1 & SSM != 0 { self.cr1 & SSI != 0 } else { cx.pads.input(self.signal(SpiPin::Nss)).unwrap_or(false) }
@@ -256,12 +156,6 @@ impl Spi {
             self.fault_read = false;
             self.drop_flight();
         }
-    }
-
-    fn drop_flight(&mut self) {
-        self.flight = None;
-        self.due = NEVER;
-        self.sr &= !BSY;
     }
 
     /// The levels of the pins between frames.
@@ -454,189 +348,5 @@ impl Peripheral for Spi {
             self.check_mode_fault(cx);
             self.drive((before, self.cr2), cx);
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use bench_seam::Pin;
-
-    use super::*;
-    use crate::rig::Rig;
-
-    const CR1: u32 = 0x00;
-    const CR2: u32 = 0x04;
-    const SR: u32 = 0x08;
-    const DR: u32 = 0x0C;
-    /// Mode 1, master, PCLK / 8, slave select by software.
-    const MASTER: u32 = CPHA | MSTR | 2 << 3 | SSM | SSI;
-
-    fn rig() -> Rig<Spi> {
-        let mut rig = Rig::new(Spi::new(1));
-        rig.change_clocks(|clocks| clocks.pclk2 = 2);
-        rig.connect(Signal::Spi(1, SpiPin::Sck), 0, 5);
-        rig.connect(Signal::Spi(1, SpiPin::Miso), 0, 6);
-        rig.connect(Signal::Spi(1, SpiPin::Mosi), 0, 7);
-        rig
-    }
-
-    #[test]
-    fn a_byte_takes_eight_periods_of_sck_and_its_answer_is_there_at_their_end() {
-        let mut rig = rig();
-        rig.write(CR1, MASTER | SPE);
-        rig.lines.spi_answers.push_back(0xA5);
-        rig.run(101);
-        rig.write(DR, 0x3C);
-        assert_eq!(rig.read(SR), TXE | BSY);
-        // PCLK's next edge is at 102; a bit takes 8 PCLK cycles of 2 core cycles.
-        rig.run(102 + 127);
-        assert_eq!(rig.read(SR), TXE | BSY);
-        rig.run(102 + 128);
-        assert_eq!(rig.read(SR), TXE | RXNE);
-        assert_eq!(rig.read(DR), 0xA5);
-        assert_eq!(rig.read(SR), TXE);
-        let frame = rig.lines.spi[0];
-        assert_eq!((frame.data, frame.bits, frame.mode), (0x3C, 8, SpiMode::Mode1));
-        assert_eq!((frame.begins, frame.ends, frame.miso), (102, 230, Some(Pin::new(0, 6))));
-    }
-
-    #[test]
-    fn a_second_byte_waits_in_the_data_register_and_follows_without_a_gap() {
-        let mut rig = rig();
-        rig.write(CR1, MASTER | SPE);
-        rig.write(DR, 1);
-        rig.write(DR, 2);
-        assert_eq!(rig.read(SR), BSY);
-        rig.run(128);
-        assert_eq!(rig.read(SR), TXE | BSY | RXNE);
-        rig.run(256);
-        assert_eq!(rig.lines.spi[1].begins, 128);
-        assert_eq!(rig.lines.spi[1].ends, 256);
-        assert_eq!(rig.read(SR) & BSY, 0);
-    }
-
-    #[test]
-    fn a_byte_that_is_not_read_in_time_stays_and_the_next_one_is_lost() {
-        let mut rig = rig();
-        rig.write(CR1, MASTER | SPE);
-        rig.lines.spi_answers.extend([0x11, 0x22]);
-        rig.write(DR, 1);
-        rig.write(DR, 2);
-        rig.run(256);
-        assert_eq!(rig.read(SR), TXE | RXNE | OVR);
-        assert_eq!(rig.read(DR), 0x11);
-        assert_eq!(rig.read(SR), TXE | OVR);
-        assert_eq!(rig.read(SR), TXE);
-    }
-
-    #[test]
-    fn without_spe_a_byte_stays_in_the_data_register_until_it_is_set() {
-        let mut rig = rig();
-        rig.write(CR1, MASTER);
-        rig.write(DR, 0x55);
-        rig.run(10_000);
-        assert!(rig.lines.spi.is_empty());
-        assert_eq!(rig.read(SR), 0);
-        rig.write(CR1, MASTER | SPE);
-        rig.run(20_000);
-        assert_eq!(rig.lines.spi[0].begins, 10_000);
-    }
-
-    #[test]
-    fn a_master_whose_slave_select_is_low_loses_its_mode_and_sends_nothing() {
-        let mut rig = rig();
-        rig.write(CR1, (MASTER | SPE) & !SSI);
-        assert_eq!(rig.read(CR1) & (MSTR | SPE), 0);
-        rig.write(DR, 1);
-        rig.run(1000);
-        assert!(rig.lines.spi.is_empty());
-        assert_ne!(rig.read(SR) & MODF, 0);
-        rig.write(CR1, MASTER);
-        assert_eq!(rig.read(SR) & MODF, 0);
-        rig.write(CR1, MASTER | SPE);
-        assert_eq!(rig.read(CR1) & (MSTR | SPE), MSTR | SPE);
-    }
-
-    #[test]
-    fn dma_requests_need_their_enable_bits() {
-        let mut rig = rig();
-        rig.write(CR1, MASTER | SPE);
-        assert_eq!(rig.instance.dma(), 0);
-        rig.write(CR2, TXDMAEN);
-        assert_eq!(rig.instance.dma(), 2);
-        rig.write(DR, 1);
-        rig.write(DR, 1);
-        assert_eq!(rig.instance.dma(), 0);
-        rig.run(128);
-        assert_eq!(rig.instance.dma(), 2, "no request for what came in");
-        rig.write(CR2, RXDMAEN);
-        assert_eq!(rig.instance.dma(), 1);
-        rig.read(DR);
-        assert_eq!(rig.instance.dma(), 0);
-    }
-
-    #[test]
-    fn with_least_significant_bit_first_the_wire_carries_the_byte_the_other_way_round() {
-        let mut rig = rig();
-        rig.write(CR1, MASTER | SPE | LSBFIRST);
-        rig.lines.spi_answers.push_back(0x01);
-        rig.write(DR, 0x0F);
-        rig.run(200);
-        assert_eq!(rig.lines.spi[0].data, 0xF0);
-        assert_eq!(rig.read(DR), 0x80);
-    }
-
-    #[test]
-    fn a_pin_that_is_not_driven_reads_as_its_level_in_every_bit() {
-        let mut rig = rig();
-        rig.write(CR1, MASTER | SPE | DFF);
-        rig.pads.levels[0] = 1 << 6;
-        rig.write(DR, 0);
-        rig.run(300);
-        assert_eq!(rig.read(DR), 0xFFFF);
-    }
-
-    #[test]
-    fn a_receiver_only_clocks_until_it_is_disabled_and_drives_no_mosi() {
-        let mut rig = rig();
-        rig.write(CR1, MASTER | SPE | RXONLY);
-        rig.run(300);
-        assert_eq!(rig.lines.spi.len(), 2);
-        assert_eq!(rig.lines.spi[0].mosi, [None; 2]);
-        rig.write(CR1, MASTER | RXONLY);
-        rig.run(10_000);
-        assert_eq!(rig.lines.spi.len(), 3, "the frame under way ends");
-        assert!(!rig.found("lost"));
-    }
-
-    #[test]
-    fn the_crc_follows_the_last_byte_and_is_compared_with_what_comes_in() {
-        let mut rig = rig();
-        rig.write(0x10, 0x07);
-        rig.write(CR1, MASTER | CRCEN);
-        rig.write(CR1, MASTER | CRCEN | SPE);
-        // CRC-8 of 0x31 is 0x97; the answers are one byte and a wrong CRC.
-        rig.lines.spi_answers.extend([0x31, 0x96]);
-        rig.write(DR, 0x31);
-        rig.write(CR1, MASTER | CRCEN | SPE | CRCNEXT);
-        rig.run(128);
-        rig.read(DR);
-        rig.run(1000);
-        assert_eq!(rig.lines.spi.len(), 2);
-        assert_eq!(rig.lines.spi[1].data, 0x97);
-        assert_ne!(rig.read(SR) & CRCERR, 0);
-        rig.write(SR, 0);
-        assert_eq!(rig.read(SR) & CRCERR, 0);
-    }
-
-    #[test]
-    fn changing_the_phase_under_a_frame_is_found() {
-        let mut rig = rig();
-        rig.write(CR1, MASTER | SPE);
-        rig.write(DR, 1);
-        rig.write(CR1, MASTER | SPE);
-        assert!(!rig.found("CR1 changed"));
-        rig.write(CR1, (MASTER | SPE) & !CPHA);
-        assert!(rig.found("CR1 changed"));
     }
 }

@@ -12,6 +12,10 @@
 //! status interrupt never comes. Initialization mode is left at once where RX is high, not after eleven bits. A
 //! received frame is there at the end of its end of frame, not one bit before. Time stamps (`TTCM`) are 0.
 
+mod message;
+#[cfg(test)]
+mod tests;
+
 use bench_seam::{Cycle, FindingKind, NEVER};
 use cortex_m4::Width;
 
@@ -52,96 +56,12 @@ struct Mailbox {
     data: [u32; 2],
 }
 
-impl Mailbox {
-    /// The bits from start of frame to the end of the CRC, stuffed ones too.
-    fn stuffed_bits(&self) -> u64 {
-        let mut frame = (0_u128, 0_u32);
-        let mut push = |value: u32, width: u32| {
-            frame.0 = frame.0 << width | u128::from(value) & ((1 << width) - 1);
-            frame.1 += width;
-            frame
-        };
-        let remote = self.identifier >> 1 & 1;
-        push(0, 1);
-        push(self.identifier >> 21, 11);
-        if self.identifier & IDE != 0 {
-            push(3, 2);
-            push(self.identifier >> 3, 18);
-            push(remote, 1);
-            push(0, 2);
-        } else {
-            push(remote, 1);
-            push(0, 2);
-        }
-        let (mut bits, mut count) = push(self.length, 4);
-        if remote == 0 {
-            for nth in 0..(self.length & 0xF).min(8) {
-                (bits, count) = push(self.data[nth as usize / 4] >> (8 * (nth % 4)), 8);
-            }
-        }
-        // Bosch, CAN specification 2.0: x^15 + x^14 + x^10 + x^8 + x^7 + x^4 + x^3 + 1.
-        let crc = (0..count).rev().fold(0_u32, |crc, nth| {
-            let next = (bits >> nth & 1) as u32 ^ crc >> 14 & 1;
-            crc << 1 & 0x7FFF ^ if next != 0 { 0x4599 } else { 0 }
-        });
-        (bits, count) = push(crc, 15);
-        let (mut run, mut last, mut stuffed) = (0, 2, 0);
-        for nth in (0..count).rev() {
-            let bit = (bits >> nth & 1) as u32;
-            run = if bit == last { run + 1 } else { 1 };
-            last = bit;
-            if run == 5 {
-                // The complement that is stuffed begins the next run.
-                (run, last, stuffed) = (1, 1 - bit, stuffed + 1);
-            }
-        }
-        u64::from(count) + stuffed
-    }
-
-    /// What a filter of 32 bits compares, and one of 16.
-    fn compared(&self) -> (u32, u32) {
-        let wide = self.identifier & !TXRQ;
-        let narrow = wide >> 21 << 5 | (wide & RTR) << 3 | (wide & IDE) << 1 | (wide >> 18 & 7);
-        (wide, narrow)
-    }
-}
-
 /// A receive FIFO.
 #[derive(Clone, Debug, Default)]
 struct Fifo {
     messages: [Mailbox; 3],
     pending: u8,
     flags: u32,
-}
-
-impl Fifo {
-    fn push(&mut self, message: Mailbox, locked: bool) {
-        if self.pending == 3 {
-            self.flags |= FOVR;
-            if !locked {
-                self.messages[2] = message;
-            }
-            return;
-        }
-        self.messages[usize::from(self.pending)] = message;
-        self.pending += 1;
-        if self.pending == 3 {
-            self.flags |= FULL;
-        }
-    }
-
-    fn write(&mut self, value: u32) {
-        self.flags &= !(value & (FULL | FOVR));
-        if value & RFOM != 0 && self.pending > 0 {
-            self.messages.rotate_left(1);
-            self.pending -= 1;
-        }
-    }
-
-    fn wants(&self, enables: u32) -> bool {
-        let flags = u32::from(self.pending > 0) | (self.flags & FULL) >> 2 | (self.flags & FOVR) >> 2;
-        flags & enables & 7 != 0
-    }
 }
 
 /// The controller.
@@ -446,104 +366,5 @@ impl Peripheral for Can {
     fn input(&mut self, _: Signal, _: bool, cx: &mut Cx) {
         self.follow_requests(cx);
         self.send(cx);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::rig::Rig;
-
-    /// In loopback at 16 cycles a bit, a mask filter that lets all in to FIFO 0.
-    fn rig() -> Rig<Can> {
-        let mut rig = Rig::new(Can::new());
-        rig.write(0, INRQ);
-        assert_eq!(rig.read(4) & 3, 1);
-        rig.write(0x1C, LBKM | 13 << 16);
-        rig.write(0x200, 0x0E01);
-        rig.write(0x20C, 1);
-        rig.write(0x21C, 1);
-        rig.write(0x200, 0x0E00);
-        rig.write(0, 0);
-        assert_eq!(rig.read(4) & 3, 0);
-        rig
-    }
-
-    #[test]
-    fn a_frame_comes_back_after_its_bits_with_the_stuffed_ones() {
-        let mut rig = rig();
-        rig.write(0x14, 3);
-        rig.write(0x184, 1);
-        rig.write(0x188, 0x55);
-        // 19 bits of identifier and control, 8 of data, 15 of CRC, and what is stuffed.
-        rig.write(0x180, 0x2AA << 21 | TXRQ);
-        assert_eq!(rig.read(8) >> 26, 6);
-        let bits = rig.instance.mailboxes[0].stuffed_bits();
-        assert!((42..=46).contains(&bits), "{bits}");
-        let end = rig.instance.due();
-        assert_eq!(end, rig.now + 16 * (bits + TAIL_BITS));
-        rig.run(end - 1);
-        assert_eq!((rig.read(0x0C), rig.instance.irq()), (0, 0));
-        rig.run(end);
-        assert_eq!((rig.read(0x0C), rig.instance.irq()), (1, 3));
-        assert_eq!(rig.read(8) & 3, RQCP | TXOK);
-        assert_eq!((rig.read(0x1B0), rig.read(0x1B4), rig.read(0x1B8)), (0x2AA << 21, 1, 0x55));
-        rig.write(0x0C, RFOM);
-        rig.write(8, RQCP);
-        assert_eq!((rig.read(0x0C), rig.instance.irq()), (0, 0));
-    }
-
-    #[test]
-    fn a_frame_of_zeros_is_stuffed_after_every_five_bits() {
-        // 34 zeros: SOF, identifier, RTR, IDE, r0, length 0 (19 bits) and a CRC of 15 zeros.
-        let frame = Mailbox::default();
-        assert_eq!(frame.stuffed_bits(), 34 + 6);
-    }
-
-    #[test]
-    fn the_lowest_identifier_is_sent_first_and_the_filters_choose() {
-        let mut rig = rig();
-        // Bank 0 becomes a list of two standard identifiers, for FIFO 1.
-        rig.write(0x200, 0x0E01);
-        rig.write(0x204, 1);
-        rig.write(0x214, 1);
-        rig.write(0x240, 0x100 << 21);
-        rig.write(0x244, 0x300 << 21);
-        rig.write(0x200, 0x0E00);
-        rig.write(0x180, 0x300 << 21 | TXRQ);
-        rig.write(0x190, 0x200 << 21 | TXRQ);
-        rig.write(0x1A0, 0x100 << 21 | TXRQ);
-        rig.run(100_000);
-        assert_eq!((rig.read(0x0C), rig.read(0x10)), (0, 2));
-        assert_eq!((rig.read(0x1C0), rig.read(0x1C4)), (0x300 << 21, 1 << 8));
-        rig.write(0x10, RFOM);
-        assert_eq!((rig.read(0x1C0), rig.read(0x1C4)), (0x100 << 21, 0));
-    }
-
-    #[test]
-    fn outside_loopback_a_frame_waits_and_is_found() {
-        let mut rig = rig();
-        rig.write(0, INRQ);
-        rig.write(0x1C, 12 << 16);
-        rig.write(0, 0);
-        rig.write(0x180, TXRQ);
-        rig.run(100_000);
-        assert_eq!(rig.read(8) & 3, 0);
-        assert!(rig.found("no bus"));
-        rig.write(8, ABRQ);
-        assert_eq!(rig.read(8) & 3, RQCP);
-    }
-
-    #[test]
-    fn initialization_is_not_left_while_the_bus_is_dominant() {
-        let mut rig = rig();
-        rig.connect(Signal::Can(1, CanPin::Rx), 0, 11);
-        rig.write(0, INRQ);
-        rig.write(0x1C, 13 << 16);
-        rig.write(0, 0);
-        assert_eq!(rig.read(4) & 3, 1);
-        rig.pads.levels[0] = 1 << 11;
-        rig.input(Signal::Can(1, CanPin::Rx), true);
-        assert_eq!(rig.read(4) & 3, 0);
     }
 }

@@ -7,9 +7,15 @@
 //! | `EOC` of a conversion or of the sequence, `OVR`, DMA requests with `DDS`, analogue watchdog | 13.8, 13.3.7 |
 //! | Temperature sensor, VREFINT and VBAT at 25 °C and 3.3 V, the values of the factory's calibration | 13.10, 13.11 |
 //!
+//! `converter` has what each of the three does, this module what they share.
+//!
 //! **Left out, each a finding when it is used:** the injected group, the multi-ADC modes, triggers by falling edges.
 //! The stabilisation time after `ADON` is not checked. A channel is read at the end of its sampling time, without
 //! noise.
+
+mod converter;
+#[cfg(test)]
+mod tests;
 
 use bench_seam::{Cycle, FindingKind, NEVER, Pin};
 use cortex_m4::Width;
@@ -89,96 +95,6 @@ struct Converter {
     request: bool,
     /// The DMA has made its last transfer (DDS = 0).
     dma_ended: bool,
-}
-
-impl Converter {
-    fn new() -> Self {
-        Self { high: 0xFFF, ..Self::default() }
-    }
-
-    fn length(&self) -> u8 {
-        if self.cr1 & SCAN != 0 { (self.sqr[0] >> 20 & 0xF) as u8 + 1 } else { 1 }
-    }
-
-    fn channel(&self, place: u8) -> u8 {
-        let (register, index) = match place {
-            0..=5 => (self.sqr[2], place),
-            6..=11 => (self.sqr[1], place - 6),
-            _ => (self.sqr[0], place - 12),
-        };
-        (register >> (5 * index) & 0x1F) as u8
-    }
-
-    fn sampling_cycles(&self, channel: u8) -> u64 {
-        // Channels past 18 do not exist and have no field.
-        if channel > 18 {
-            return 3;
-        }
-        let (register, index) = if channel < 10 { (self.smpr[1], channel) } else { (self.smpr[0], channel - 10) };
-        [3, 15, 28, 56, 84, 112, 144, 480][(register >> (3 * index) & 7) as usize]
-    }
-
-    fn bits(&self) -> u32 {
-        12 - 2 * (self.cr1 >> 24 & 3)
-    }
-
-    fn begin(&mut self, place: u8, at: Cycle, clock: u64) {
-        let channel = self.channel(place);
-        let sampled_at = at + self.sampling_cycles(channel) * clock;
-        let ends = sampled_at + u64::from(self.bits()) * clock;
-        self.running = Some(Conversion { place, channel, ends, sampled_at });
-    }
-
-    fn start(&mut self, at: Cycle, clock: u64) {
-        if self.cr2 & ADON == 0 || self.running.is_some() || self.sr & OVR != 0 {
-            return;
-        }
-        self.sr |= STRT;
-        let place = if self.cr1 & DISCEN != 0 { self.next_place } else { 0 };
-        self.begin(place, at, clock);
-    }
-
-    fn finish(&mut self, conversion: Conversion, code: u32, clock: u64) {
-        let value = code >> (12 - self.bits());
-        let watched = self.cr1 & AWDSGL == 0 || self.cr1 & 0x1F == u32::from(conversion.channel);
-        if self.cr1 & AWDEN != 0 && watched {
-            let full = value << (12 - self.bits());
-            if full > self.high || full < self.low {
-                self.sr |= AWD;
-            }
-        }
-        let guarded = self.cr2 & (DMA | EOCS) != 0;
-        let unread = if self.cr2 & DMA != 0 { self.request } else { self.sr & EOC != 0 };
-        if guarded && unread {
-            self.sr |= OVR;
-            self.request = false;
-            return;
-        }
-        self.data = if self.cr2 & ALIGN == 0 {
-            value
-        } else if self.bits() == 6 {
-            value << 2
-        } else {
-            value << (16 - self.bits())
-        };
-        let last = conversion.place + 1 >= self.length();
-        if last || self.cr2 & EOCS != 0 {
-            self.sr |= EOC;
-        }
-        if self.cr2 & DMA != 0 && !self.dma_ended {
-            self.request = true;
-        }
-        let next = if last { 0 } else { conversion.place + 1 };
-        if self.cr1 & DISCEN != 0 {
-            self.next_place = next;
-            let group = (self.cr1 >> 13 & 7) as u8 + 1;
-            if !last && !(conversion.place + 1).is_multiple_of(group) {
-                self.begin(next, conversion.ends, clock);
-            }
-        } else if !last || self.cr2 & CONT != 0 {
-            self.begin(next, conversion.ends, clock);
-        }
-    }
 }
 
 /// All three ADCs.
@@ -437,96 +353,5 @@ impl Peripheral for Adc {
             }
         }
         self.plan();
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::rig::Rig;
-
-    const CR1: u32 = 0x04;
-    const CR2: u32 = 0x08;
-    const DR: u32 = 0x4C;
-
-    #[test]
-    fn a_conversion_takes_its_sampling_time_and_a_cycle_for_each_bit() {
-        let mut rig = Rig::new(Adc::new());
-        rig.lines.microvolts = 1_650_000;
-        rig.write(0x10, 1);
-        rig.write(CR2, ADON);
-        rig.write(CR2, ADON | SWSTART);
-        // 15 + 12 cycles of PCLK2 / 2.
-        rig.run(53);
-        assert_eq!(rig.read(0), STRT);
-        rig.run(54);
-        assert_eq!(rig.read(0), STRT | EOC);
-        assert_eq!(rig.read(DR), 2048);
-        assert_eq!(rig.read(0), STRT);
-    }
-
-    #[test]
-    fn a_pin_that_the_dac_drives_reads_what_it_drives() {
-        let mut rig = Rig::new(Adc::new());
-        rig.pads.dac[0] = Some(825_000);
-        rig.write(0x34, 4);
-        rig.write(CR2, ADON);
-        rig.write(CR2, ADON | SWSTART);
-        rig.run(100);
-        assert_eq!(rig.read(DR), 1024);
-    }
-
-    #[test]
-    fn a_scan_asks_the_dma_for_each_channel_and_overruns_where_it_does_not_come() {
-        let mut rig = Rig::new(Adc::new());
-        rig.write(CR1, SCAN);
-        rig.write(0x2C, 1 << 20);
-        rig.write(0x34, 1 << 5);
-        rig.write(CR2, ADON | DMA);
-        rig.write(CR2, ADON | DMA | SWSTART);
-        rig.run(30);
-        assert_eq!((rig.instance.dma(), rig.read(0) & EOC), (1, 0));
-        rig.call(|adc, cx| adc.dma_served(0, false, cx));
-        rig.run(60);
-        assert_eq!((rig.instance.dma(), rig.read(0) & EOC), (1, EOC));
-        rig.write(CR2, ADON | DMA | SWSTART);
-        rig.run(100);
-        assert_eq!(rig.read(0) & OVR, OVR);
-        assert_eq!(rig.instance.dma(), 0);
-    }
-
-    #[test]
-    fn a_converter_that_is_off_converts_nothing() {
-        let mut rig = Rig::new(Adc::new());
-        rig.write(CR2, SWSTART);
-        rig.run(1000);
-        assert_eq!(rig.read(0), 0);
-        assert!(rig.found("off"));
-    }
-
-    #[test]
-    fn the_internal_reference_reads_what_the_factory_measured() {
-        let mut rig = Rig::new(Adc::new());
-        rig.write(0x34, 17);
-        rig.write(CR2, ADON | SWSTART);
-        rig.run(1000);
-        assert_eq!(rig.read(DR), 0, "the channel is off without TSVREFE");
-        rig.write(0x304, TSVREFE);
-        rig.write(CR2, ADON | SWSTART);
-        rig.run(2000);
-        assert_eq!(rig.read(DR), u32::from(CALIBRATION[0]));
-    }
-
-    #[test]
-    fn a_timer_starts_a_conversion_where_it_is_selected() {
-        let mut rig = Rig::new(Adc::new());
-        // EXTSEL 8: TIM3_TRGO, rising.
-        rig.write(CR2, ADON | 8 << 24 | 1 << 28);
-        rig.call(|adc, cx| adc.trigger(Trigger::Trgo(2), cx));
-        rig.run(100);
-        assert_eq!(rig.read(0), 0);
-        rig.call(|adc, cx| adc.trigger(Trigger::Trgo(3), cx));
-        rig.run(200);
-        assert_eq!(rig.read(0), STRT | EOC);
     }
 }

@@ -11,13 +11,20 @@
 //! tamper, outputs. The shadow registers hold the calendar of the moment, not that of up to two RTC clocks ago. The
 //! protection by PWR_CR.DBP is not this module's.
 //!
+//! `calendar` has the date and time themselves, this module the registers and what follows from the time that passed.
+//!
 //! The calendar is not stepped: it follows from the RTC clocks since it was last looked at. Only an alarm or wake-up
 //! whose interrupt is enabled is an event.
+
+mod calendar;
+#[cfg(test)]
+mod tests;
 
 use bench_seam::{Cycle, FindingKind, NEVER};
 use cortex_m4::Width;
 
 use crate::cx::{Clocks, Cx, Peripheral, Ratio, Wires};
+use calendar::bcd;
 
 const BYPSHAD: u32 = 1 << 5;
 const FMT: u32 = 1 << 6;
@@ -55,79 +62,6 @@ struct Calendar {
     hour: u8,
     minute: u8,
     second: u8,
-}
-
-fn bcd(number: u8) -> u32 {
-    u32::from(number / 10) << 4 | u32::from(number % 10)
-}
-
-fn binary(bcd: u32) -> u8 {
-    ((bcd >> 4) * 10 + (bcd & 0xF)) as u8
-}
-
-impl Calendar {
-    const FIRST: Self = Self { year: 0, month: 1, day: 1, weekday: 1, hour: 0, minute: 0, second: 0 };
-
-    fn month_days(&self) -> u8 {
-        match self.month {
-            2 => 28 + u8::from(self.year.is_multiple_of(4)),
-            4 | 6 | 9 | 11 => 30,
-            _ => 31,
-        }
-    }
-
-    fn next_second(&mut self) {
-        self.second += 1;
-        if self.second < 60 {
-            return;
-        }
-        self.second = 0;
-        self.minute += 1;
-        if self.minute < 60 {
-            return;
-        }
-        self.minute = 0;
-        self.hour += 1;
-        if self.hour < 24 {
-            return;
-        }
-        self.hour = 0;
-        self.weekday = self.weekday % 7 + 1;
-        self.day += 1;
-        if self.day <= self.month_days() {
-            return;
-        }
-        self.day = 1;
-        self.month += 1;
-        if self.month <= 12 {
-            return;
-        }
-        self.month = 1;
-        self.year = (self.year + 1) % 100;
-    }
-
-    fn time(&self, twelve: bool) -> u32 {
-        let (hour, pm) = if twelve { ((self.hour + 11) % 12 + 1, self.hour >= 12) } else { (self.hour, false) };
-        u32::from(pm) << 22 | bcd(hour) << 16 | bcd(self.minute) << 8 | bcd(self.second)
-    }
-
-    fn date(&self) -> u32 {
-        bcd(self.year) << 16 | u32::from(self.weekday) << 13 | bcd(self.month) << 8 | bcd(self.day)
-    }
-
-    fn set_time(&mut self, time: u32, twelve: bool) {
-        let hour = binary(time >> 16 & 0x3F);
-        self.hour = if twelve { hour % 12 + if time >> 22 & 1 != 0 { 12 } else { 0 } } else { hour };
-        self.minute = binary(time >> 8 & 0x7F);
-        self.second = binary(time & 0x7F);
-    }
-
-    fn set_date(&mut self, date: u32) {
-        self.year = binary(date >> 16 & 0xFF);
-        self.weekday = (date >> 13 & 7) as u8;
-        self.month = binary(date >> 8 & 0x1F);
-        self.day = binary(date & 0x3F);
-    }
 }
 
 /// The clock.
@@ -514,131 +448,5 @@ impl Peripheral for Rtc {
 
     fn reset(&mut self) {
         *self = Self { clock: self.clock, origin: self.origin, counted: self.counted, ..Self::new() };
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::rig::Rig;
-
-    const TR: u32 = 0x00;
-    const DR: u32 = 0x04;
-    const CR: u32 = 0x08;
-    const ISR: u32 = 0x0C;
-    const WPR: u32 = 0x24;
-    const SSR: u32 = 0x28;
-    /// A second in core cycles.
-    const SECOND: Cycle = 16_000_000;
-
-    /// LSE at 32 768 Hz, registers open.
-    fn rig() -> Rig<Rtc> {
-        let mut rig = Rig::new(Rtc::new());
-        rig.change_clocks(|clocks| clocks.rtc = Ratio::new(16_000_000, 32_768));
-        rig.write(WPR, 0xCA);
-        rig.write(WPR, 0x53);
-        rig
-    }
-
-    fn set(rig: &mut Rig<Rtc>, time: u32, date: u32) {
-        rig.write(ISR, INIT);
-        rig.run(rig.now + 1000);
-        assert_eq!(rig.read(ISR) & INITF, INITF);
-        rig.write(TR, time);
-        rig.write(DR, date);
-        rig.write(ISR, 0);
-    }
-
-    #[test]
-    fn the_calendar_goes_over_the_end_of_february_in_a_leap_year() {
-        let mut rig = rig();
-        set(&mut rig, 0x23_59_58, 0x24_42_28);
-        rig.run(rig.now + 2 * SECOND + 100_000);
-        assert_eq!((rig.read(TR), rig.read(DR)), (0, 0x24_62_29));
-        rig.run(rig.now + 86_400 * SECOND);
-        assert_eq!((rig.read(TR), rig.read(DR)), (0, 0x24_83_01));
-        assert_eq!(rig.read(ISR) & INITS, INITS);
-    }
-
-    #[test]
-    fn sub_seconds_count_down_and_a_read_of_them_holds_time_and_date() {
-        let mut rig = rig();
-        set(&mut rig, 0x12_00_00, 0x24_21_01);
-        rig.run(rig.now + SECOND - 100_000);
-        assert_eq!(rig.read(SSR), 1);
-        rig.run(rig.now + SECOND);
-        assert_eq!(rig.read(TR), 0x12_00_00);
-        rig.read(DR);
-        assert_eq!(rig.read(TR), 0x12_00_01);
-    }
-
-    #[test]
-    fn without_the_key_nothing_but_the_backup_registers_can_be_written() {
-        let mut rig = rig();
-        rig.write(WPR, 0);
-        rig.write(ISR, INIT);
-        rig.run(10_000);
-        assert_eq!(rig.read(ISR) & (INIT | INITF), 0);
-        rig.write(CR, FMT);
-        assert_eq!(rig.read(CR), 0);
-        assert!(rig.found("write-protected"));
-        rig.write(0x50, 0xDEAD_BEEF);
-        rig.instance.system_reset();
-        assert_eq!(rig.read(0x50), 0xDEAD_BEEF);
-    }
-
-    #[test]
-    fn outside_initialisation_mode_the_calendar_cannot_be_set() {
-        let mut rig = rig();
-        rig.write(TR, 0x12_00_00);
-        assert_eq!(rig.read(TR), 0);
-        assert!(rig.found("outside initialisation mode"));
-    }
-
-    #[test]
-    fn without_a_clock_initialisation_mode_is_never_entered() {
-        let mut rig = Rig::new(Rtc::new());
-        rig.write(WPR, 0xCA);
-        rig.write(WPR, 0x53);
-        rig.write(ISR, INIT);
-        rig.run(SECOND);
-        assert_eq!(rig.read(ISR) & INITF, 0);
-    }
-
-    #[test]
-    fn an_alarm_interrupts_in_the_second_that_it_is_set_to() {
-        let mut rig = rig();
-        set(&mut rig, 0x12_00_00, 0x24_21_01);
-        let start = rig.now;
-        // Any date, hour and minute; second 05.
-        rig.write(0x1C, 1 << 31 | 1 << 23 | 1 << 15 | 0x05);
-        rig.write(CR, ALRAE | ALRAIE);
-        rig.run(start + 5 * SECOND - 1000);
-        assert_eq!(rig.instance.irq(), 0);
-        rig.run(start + 5 * SECOND);
-        assert_eq!(rig.instance.irq(), 1);
-        rig.write(ISR, !ALRAF & !INIT);
-        assert_eq!(rig.instance.irq(), 0);
-        // A minute later.
-        rig.run(start + 65 * SECOND);
-        assert_eq!(rig.instance.irq(), 1);
-    }
-
-    #[test]
-    fn the_wake_up_timer_comes_after_its_clocks_and_again() {
-        let mut rig = rig();
-        rig.write(CR, 0);
-        // RTCCLK / 16 is 2048 Hz.
-        rig.write(0x14, 2047);
-        rig.write(CR, WUTE | WUTIE);
-        rig.run(SECOND - 1000);
-        assert_eq!(rig.instance.irq(), 0);
-        rig.run(SECOND + 1000);
-        assert_eq!(rig.instance.irq(), 4);
-        rig.write(ISR, !WUTF & !INIT);
-        rig.run(2 * SECOND - 1000);
-        assert_eq!(rig.instance.irq(), 0);
-        rig.run(2 * SECOND + 1000);
-        assert_eq!(rig.instance.irq(), 4);
     }
 }
