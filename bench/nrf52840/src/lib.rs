@@ -231,6 +231,12 @@ impl Nrf52840 {
         std::mem::take(&mut self.soc.spis_events)
     }
 
+    /// For each [`SpisEvent::Ready`] since this was last asked: when, and what the TXD buffer held, which is what a
+    /// transaction that began then would have read.
+    pub fn take_spis_offers(&mut self) -> Vec<(Cycle, Vec<u8>)> {
+        std::mem::take(&mut self.soc.spis_offers)
+    }
+
     /// An I2C controller outside acts on the bus of `scl` and `sda`; what it did ended at `at`. `None` while the TWIS
     /// on these pins holds SCL low: the controller waits, and does the same again later. A bus without a TWIS answers
     /// as an empty one.

@@ -3,9 +3,6 @@ use crate::rig::*;
 use bench_seam::{FindingKind, I2cEvent, Part, Pin};
 use cortex_m4::{Access, Bound, Purpose, Width};
 
-const TX: u32 = RAM + 0x100;
-const RX: u32 = RAM + 0x200;
-
 fn halves(rig: &Rig, address: u32, n: usize) -> Vec<i16> {
     rig.memory(address, 2 * n).chunks(2).map(|half| i16::from_le_bytes([half[0], half[1]])).collect()
 }

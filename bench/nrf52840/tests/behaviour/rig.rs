@@ -30,6 +30,9 @@ pub(crate) const SPIM3: u32 = 0x4002_F000;
 pub(crate) const P0: u32 = 0x5000_0000;
 pub(crate) const P1: u32 = 0x5000_0300;
 pub(crate) const RAM: u32 = 0x2000_0000;
+/// Where a test puts the buffer that EasyDMA sends, and the one that it receives into.
+pub(crate) const TX: u32 = RAM + 0x100;
+pub(crate) const RX: u32 = RAM + 0x200;
 
 pub(crate) const US: Cycle = 64;
 pub(crate) const MS: Cycle = 64_000;

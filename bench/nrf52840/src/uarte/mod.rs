@@ -1,5 +1,7 @@
 //! UARTE: the UART with EasyDMA (PS 6.34), and the legacy UART, which shares its registers (6.33).
 //!
+//! `transmitter` has TXD and CTS, `receiver` RXD and RTS, `line` the wire, this module the registers.
+//!
 //! | covered | PS |
 //! |---|---|
 //! | STARTTX, STOPTX; TXSTARTED, TXDRDY, ENDTX, TXSTOPPED | 6.34 |
@@ -22,6 +24,11 @@
 //! | left out | why |
 //! |---|---|
 //! | the check of the start bit's middle, and bytes that begin before STARTRX | no noise here |
+
+mod line;
+mod receiver;
+mod transmitter;
+
 use crate::clocks::{CYCLES_PER_TICK, Clocks};
 use crate::instance::{Act, Block, Cx, Instance};
 use crate::pin::Pin;
@@ -74,55 +81,9 @@ struct Line {
     frames: VecDeque<(Cycle, UartFrame)>,
 }
 
-/// Level of bit `k` of a frame: the start bit, the data, the parity, then the stop and what follows it.
-fn level_of(frame: &UartFrame, k: u64) -> bool {
-    let bits = u64::from(frame.bits);
-    let ones = (u32::from(frame.data) & ((1 << frame.bits) - 1)).count_ones();
-    match (k, frame.parity) {
-        (0, _) => false,
-        (k, _) if k <= bits => frame.data >> (k - 1) & 1 != 0,
-        (k, UartParity::Even) if k == bits + 1 => ones % 2 == 1,
-        (k, UartParity::Odd) if k == bits + 1 => ones.is_multiple_of(2),
-        _ => true,
-    }
-}
-
 /// The length of a cycle in 2⁻¹⁶ ps.
 fn period(clocks: &Clocks) -> u64 {
     (CYCLE_PS << 16) * 1_000_000_000 / 1_000_000_000_u64.wrapping_add_signed(clocks.hf_ppb)
-}
-
-impl Line {
-    /// The level at `at`.
-    fn level(&self, at: Cycle, period: u64) -> bool {
-        self.frames.iter().rev().find(|(begins, _)| *begins <= at).is_none_or(|(begins, frame)| {
-            let ps = (at - begins).saturating_mul(period) >> 16;
-            level_of(frame, ps / frame.bit_ps.max(1))
-        })
-    }
-
-    /// The first falling edge at `from` or after it.
-    fn falling_edge(&self, from: Cycle, period: u64) -> Option<Cycle> {
-        for (begins, frame) in &self.frames {
-            let mut high = true;
-            for k in 0..=u64::from(frame.bits) + 1 {
-                let level = level_of(frame, k);
-                let at = begins + ((k * frame.bit_ps) << 16).div_ceil(period);
-                if high && !level && at >= from {
-                    return Some(at);
-                }
-                high = level;
-            }
-        }
-        None
-    }
-
-    /// Forgets what ended before `now`.
-    fn forget(&mut self, now: Cycle) {
-        while self.frames.front().is_some_and(|(begins, frame)| begins + frame.ns() * 64 / 1000 + 64 < now) {
-            self.frames.pop_front();
-        }
-    }
 }
 
 /// One instance.
@@ -208,220 +169,6 @@ impl Uarte {
     /// Cycles that `halves` half bits take.
     fn half_bits(&self, halves: u64) -> u64 {
         (halves << 31) * CYCLES_PER_TICK / u64::from(self.baudrate.max(1))
-    }
-
-    // ---- Transmitter
-
-    fn fetch(&mut self, cx: &mut Cx<'_>) {
-        let Some(tx) = self.tx else { return };
-        self.byte = cx.dma_read(tx.at.wrapping_add(tx.done)).unwrap_or(0);
-        self.arm_tx(cx);
-    }
-
-    fn arm_tx(&mut self, cx: &Cx<'_>) {
-        self.tx_held = self.clear_to_send().is_some_and(|pin| cx.pins.input(pin));
-        if self.tx_held {
-            self.tx_next = None;
-            return;
-        }
-        self.tx_next = Some(cx.clocks.hf.instant(self.tx_from + self.ticks(self.tx_sent + 1)));
-    }
-
-    /// The pin of CTS, where flow control looks at it. It is active low.
-    pub(crate) fn clear_to_send(&self) -> Option<Pin> {
-        let controls = self.config & 1 != 0 && matches!(self.enable, ENABLED | LEGACY);
-        controls.then(|| Pin::selected(self.psel[2])).flatten()
-    }
-
-    /// CTS moved: a byte that it held back begins now.
-    pub(crate) fn clear_to_send_moved(&mut self, level: bool, cx: &mut Cx<'_>) {
-        self.block.raise(if level { NCTS } else { CTS }, cx);
-        if !level && self.tx_held {
-            (self.tx_from, self.tx_sent) = (cx.hf(), 0);
-            self.arm_tx(cx);
-        }
-    }
-
-    /// RTS follows what the receiver has room for. It is active low.
-    fn request_to_send(&mut self, cx: &mut Cx<'_>) {
-        let controls = self.config & 1 != 0 && matches!(self.enable, ENABLED | LEGACY);
-        let ready = self.rx_on && self.rx_timeout.is_none() && self.fifo.len() + ROOM <= FIFO;
-        let pin = Pin::selected(self.psel[0]).filter(|&pin| controls && cx.pins.is_output(pin));
-        let rts = pin.map(|pin| (pin, !ready));
-        if rts != self.rts {
-            if let Some((was, _)) = self.rts.filter(|&(was, _)| Some(was) != pin) {
-                cx.act(Act::Hold { pin: was, level: None });
-            }
-            if let Some((pin, level)) = rts {
-                cx.act(Act::Hold { pin, level: Some(level) });
-            }
-            self.rts = rts;
-        }
-    }
-
-    /// The byte under way has left.
-    fn sent(&mut self, cx: &mut Cx<'_>) {
-        let bit_ps = (62_500 << 32) / u64::from(self.baudrate.max(1));
-        let frame = UartFrame {
-            data: u16::from(self.byte),
-            bits: 8,
-            parity: if self.has_parity() { UartParity::Even } else { UartParity::None },
-            stop_halves: 2 + 2 * (self.config >> 4 & 1) as u8,
-            bit_ps: (u128::from(bit_ps) * u128::from(period(cx.clocks)) / u128::from(CYCLE_PS << 16)) as u64,
-        };
-        match Pin::selected(self.psel[1]) {
-            Some(pin) if cx.pins.is_output(pin) => cx.act(Act::Sent { pin, frame }),
-            _ => cx.misuse("TXD is no output and carries nothing; PSEL.TXD", self.psel[1]),
-        }
-        self.block.raise(TXDRDY, cx);
-    }
-
-    fn stop_tx(&mut self, cx: &mut Cx<'_>) {
-        (self.tx_next, self.tx_stopping, self.tx_held) = (None, false, false);
-        if let Some(tx) = self.tx.take() {
-            self.txd[2] = tx.done;
-            self.block.raise(ENDTX, cx);
-        }
-        self.block.raise(TXSTOPPED, cx);
-    }
-
-    fn legacy_send(&mut self, byte: u8, cx: &mut Cx<'_>) {
-        if !self.legacy_tx {
-            cx.misuse("TXD written before STARTTX", u32::from(byte));
-        } else if self.tx_next.is_none() && !self.tx_held {
-            self.byte = byte;
-            (self.tx_from, self.tx_sent) = (cx.hf(), 0);
-            self.arm_tx(cx);
-        } else if self.legacy_waiting.replace(byte).is_some() {
-            cx.misuse("TXD written while a byte waits, which is lost", u32::from(byte));
-        }
-    }
-
-    // ---- Receiver
-
-    fn receiver_on(&mut self, cx: &Cx<'_>) {
-        if !self.rx_on {
-            self.rx_since = cx.now;
-        }
-        (self.rx_on, self.rx_timeout) = (true, None);
-    }
-
-    fn start_rx(&mut self, cx: &mut Cx<'_>) {
-        self.rx = Some(Buffer { at: self.rxd[0], len: self.rxd[1], done: 0 });
-        self.receiver_on(cx);
-        self.block.raise(RXSTARTED, cx);
-        self.drain(cx);
-    }
-
-    fn stop_rx(&mut self, cx: &Cx<'_>) {
-        if self.rx_on {
-            self.rx_timeout = Some(cx.clocks.hf.instant(cx.hf() + self.ticks(RX_TIMEOUT_BYTES)));
-        }
-    }
-
-    /// From the FIFO into the buffer, as far as both go.
-    fn drain(&mut self, cx: &mut Cx<'_>) {
-        while let Some(rx) = &mut self.rx {
-            if rx.done >= rx.len {
-                self.end_rx(cx);
-                return;
-            }
-            let Some(byte) = self.fifo.pop_front() else { return };
-            let address = rx.at.wrapping_add(rx.done);
-            rx.done += 1;
-            cx.dma_write(address, byte);
-        }
-    }
-
-    fn end_rx(&mut self, cx: &mut Cx<'_>) {
-        let Some(rx) = self.finish_rx(cx) else { return };
-        if self.block.short(ENDRX_STARTRX) && rx.len != 0 {
-            self.start_rx(cx);
-        }
-        if self.block.short(ENDRX_STOPRX) {
-            self.stop_rx(cx);
-        }
-    }
-
-    /// Hands the buffer over.
-    fn finish_rx(&mut self, cx: &mut Cx<'_>) -> Option<Buffer> {
-        let rx = self.rx.take()?;
-        self.rxd[2] = rx.done;
-        self.block.raise(ENDRX, cx);
-        Some(rx)
-    }
-
-    /// Whether RXD is `pin` and an enabled receiver looks at it.
-    pub(crate) fn listens_to(&self, pin: Pin) -> bool {
-        matches!(self.enable, ENABLED | LEGACY) && Pin::selected(self.psel[3]) == Some(pin)
-    }
-
-    /// A frame arrives on RXD.
-    pub(crate) fn receive(&mut self, begins: Cycle, mut frame: UartFrame, cx: &mut Cx<'_>) {
-        frame.bit_ps = frame.bit_ps.clamp(1, LONGEST_BIT_PS);
-        let connected = Pin::selected(self.psel[3]).is_some_and(|pin| cx.pins.is_connected(pin));
-        if !self.rx_on || !connected {
-            return;
-        }
-        self.line.frames.push_back((begins, frame));
-        self.wait_for_edge(self.rx_since.max(begins), cx);
-        self.sample(cx);
-    }
-
-    /// Begins to receive at the next falling edge, where nothing is being received.
-    fn wait_for_edge(&mut self, from: Cycle, cx: &Cx<'_>) {
-        if self.receiving.is_none() {
-            let bits = 9 + u64::from(self.has_parity());
-            let edge = self.line.falling_edge(from, period(cx.clocks));
-            self.receiving = edge.map(|edge| (edge, edge + self.half_bits(2 * bits + 1)));
-        }
-    }
-
-    /// Takes up every byte whose stop bit has been sampled.
-    fn sample(&mut self, cx: &mut Cx<'_>) {
-        while let Some((start, stop)) = self.receiving.take_if(|(_, stop)| *stop <= cx.now) {
-            let period = period(cx.clocks);
-            let bit = |k: u64| self.line.level(start + self.half_bits(2 * k + 1), period);
-            let byte = (0..8).fold(0_u8, |byte, k| byte | u8::from(bit(k + 1)) << k);
-            let odd = byte.count_ones() % 2 == 1;
-            let mut error = 0;
-            if self.has_parity() && bit(9) != odd {
-                error |= PARITY;
-            }
-            if !self.line.level(stop, period) {
-                error |= FRAMING;
-                if byte == 0 && !(self.has_parity() && bit(9)) {
-                    error |= BREAK;
-                }
-            }
-            if error != 0 {
-                self.errorsrc |= error;
-                self.block.raise(ERROR, cx);
-            }
-            self.received(byte, cx);
-            self.wait_for_edge(stop, cx);
-            if self.receiving.is_none() {
-                self.line.forget(cx.now);
-            }
-        }
-    }
-
-    fn received(&mut self, byte: u8, cx: &mut Cx<'_>) {
-        if self.fifo.len() == FIFO {
-            self.errorsrc |= OVERRUN;
-            self.block.raise(ERROR, cx);
-            return;
-        }
-        self.fifo.push_back(byte);
-        if self.enable == LEGACY {
-            // RXDRDY says that RXD has a byte: again for the next once it was read.
-            if self.fifo.len() == 1 {
-                self.block.raise(RXDRDY, cx);
-            }
-            return;
-        }
-        self.block.raise(RXDRDY, cx);
-        self.drain(cx);
     }
 
     fn stop(&mut self) {

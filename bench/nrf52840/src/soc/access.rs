@@ -1,0 +1,198 @@
+//! The core's reads and writes: memory, registers, tasks, events (PS 4.2, 6.1), and what an access costs.
+
+use super::*;
+
+/// What is said of a block that is not modelled.
+const NOT_MODELLED: &str = "is not modelled, first used at offset";
+
+impl Soc {
+    #[inline(never)]
+    pub(crate) fn read<O: Outside>(&mut self, access: &Access, outside: &mut O) -> Result<u32, BusError> {
+        if let Some(place) = place(access.address) {
+            let read = match place {
+                Place::Flash(offset) => self.memory.flash.read(offset, access.width),
+                Place::Ram(offset) => self.memory.ram.read(offset, access.width),
+                Place::Ficr(offset) => self.memory.ficr.read(offset, access.width),
+                Place::Uicr(offset) => self.memory.uicr.read(offset, access.width),
+            };
+            return read.ok_or(BusError);
+        }
+        self.take_up(access, outside);
+        let word = access.address & !3;
+        let value = self.read_word(word, access, outside).ok_or(BusError)?;
+        Ok(match access.width {
+            Width::Word => value,
+            Width::Half => value >> (8 * (access.address & 2)) & 0xFFFF,
+            Width::Byte => value >> (8 * (access.address & 3)) & 0xFF,
+        })
+    }
+
+    #[inline(never)]
+    pub(crate) fn write<O: Outside>(&mut self, access: &Access, value: u32, outside: &mut O) -> Result<(), BusError> {
+        let address = access.address;
+        if let Some(place) = place(address) {
+            return match place {
+                Place::Ram(offset) => self.memory.ram.write(offset, access.width, value).then_some(()).ok_or(BusError),
+                Place::Ficr(offset) => {
+                    self.take_up(access, outside);
+                    self.find(FindingKind::Misuse, "FICR", "a write to read-only memory, at offset", offset);
+                    Ok(())
+                }
+                Place::Flash(_) | Place::Uicr(_) => {
+                    self.take_up(access, outside);
+                    let word = access.width == Width::Word;
+                    let Soc { parts, clocks, out, now, touched, memory, gpio, .. } = self;
+                    *touched |= 1 << NVMC;
+                    let mut cx = Cx { now: *now, clocks, memory, pins: gpio, out, id: NVMC, name: "NVMC" };
+                    let stored = parts.nvmc.store(address, word, value, &mut cx);
+                    self.carry(outside);
+                    stored.then_some(()).ok_or(BusError)
+                }
+            };
+        }
+        self.take_up(access, outside);
+        let Some((id, n, block)) = block_at(address) else {
+            if let Some((name, offset)) = unmodelled_at(address) {
+                self.find(FindingKind::Unmodelled, name, NOT_MODELLED, offset);
+                return Ok(());
+            }
+            self.find(FindingKind::Unmapped, "bus", "a write where the part has nothing, at", address);
+            return Err(BusError);
+        };
+        let offset = address & 0xFFC;
+        let (word, bit) = (offset as usize / 256, 1 << (offset / 4 % 64));
+        let [present, writable] = &REGISTERS[n];
+        if present[word] & bit == 0 {
+            self.find(FindingKind::Undefined, block.name, "a write where no register is, at offset", offset);
+        } else if !block.modelled {
+            self.find(FindingKind::Unmodelled, block.name, NOT_MODELLED, offset);
+        } else {
+            if access.width != Width::Word {
+                self.find(FindingKind::Misuse, block.name, "a write narrower than a word, at offset", offset);
+            }
+            if writable[word] & bit == 0 {
+                self.find(FindingKind::Misuse, block.name, "a write to a read-only register, at offset", offset);
+            } else {
+                self.write_register(id, offset, value);
+            }
+        }
+        self.carry(outside);
+        Ok(())
+    }
+
+    /// Time and place of an access.
+    #[inline]
+    fn take_up<O: Outside>(&mut self, access: &Access, outside: &mut O) {
+        if access.purpose == Purpose::Debugger {
+            return;
+        }
+        if access.cycle >= self.next {
+            self.advance(access.cycle, outside);
+        }
+        self.now = self.now.max(access.cycle);
+        self.out.pc = Some(access.pc);
+    }
+
+    fn read_word<O: Outside>(&mut self, address: u32, access: &Access, outside: &mut O) -> Option<u32> {
+        let real = access.purpose != Purpose::Debugger;
+        let Some((id, n, block)) = block_at(address) else {
+            if let Some((name, offset)) = unmodelled_at(address) {
+                if real {
+                    self.find(FindingKind::Unmodelled, name, NOT_MODELLED, offset);
+                }
+                return Some(0);
+            }
+            let identification = identification(address, &self.settings);
+            if identification.is_none() && real {
+                self.find(FindingKind::Unmapped, "bus", "a read where the part has nothing, at", address);
+            }
+            return identification;
+        };
+        let offset = address & 0xFFC;
+        if REGISTERS[n][0][offset as usize / 256] >> (offset / 4 % 64) & 1 == 0 {
+            if real {
+                self.find(FindingKind::Undefined, block.name, "a read where no register is, at offset", offset);
+            }
+            return Some(0);
+        }
+        if !block.modelled {
+            if real {
+                self.find(FindingKind::Unmodelled, block.name, NOT_MODELLED, offset);
+            }
+            return Some(block.registers.iter().find(|register| register.offset == offset).map_or(0, |r| r.reset));
+        }
+        if id == GPIO {
+            return Some(self.gpio.read(offset).unwrap_or(0));
+        }
+        let Self { parts, clocks, now, .. } = self;
+        let read = instance!(parts, id, instance => {
+            let block = instance.block_ref();
+            match offset {
+                0x000..0x100 => Some(0),
+                0x100..0x180 => Some(block.events >> ((offset - 0x100) / 4) & 1),
+                0x200 => Some(block.shorts),
+                0x300 | 0x304 | 0x308 => Some(block.inten),
+                _ => instance.read(offset, *now, clocks),
+            }
+        });
+        // Only the legacy UART has a register that reading changes.
+        if real && matches!((id, offset), (0x02 | 0x28, 0x518)) {
+            call!(self, id, instance, cx => instance.was_read(offset, cx));
+            self.carry(outside);
+        }
+        let Some(value) = read.flatten() else {
+            if real {
+                let name = register_name(block, offset);
+                self.find(FindingKind::Unmodelled, block.name, name, offset);
+            }
+            return Some(0);
+        };
+        Some(value)
+    }
+
+    /// A write that there is a register for.
+    fn write_register(&mut self, id: Id, offset: u32, value: u32) {
+        if id == GPIO {
+            let Self { gpio, out, now, .. } = self;
+            gpio.write(offset, value, *now, out);
+            return;
+        }
+        let known = call!(self, id, instance, cx => match offset {
+            0x000..0x100 => value & 1 == 0 || instance.task(offset, cx),
+            0x100..0x180 => {
+                let bit = 1 << ((offset - 0x100) / 4);
+                let block = instance.block();
+                block.events = if value & 1 == 0 { block.events & !bit } else { block.events | bit };
+                true
+            }
+            0x200 | 0x300 | 0x304 | 0x308 => {
+                let block = instance.block();
+                match offset {
+                    0x200 => block.shorts = value,
+                    0x300 => block.inten = value,
+                    0x304 => block.inten |= value,
+                    _ => block.inten &= !value,
+                }
+                instance.configured(cx);
+                true
+            }
+            _ => instance.write(offset, value, cx),
+        });
+        if known != Some(true)
+            && let Some((_, block)) = spec(id)
+        {
+            self.find(FindingKind::Unmodelled, block.name, register_name(block, offset), offset);
+        }
+    }
+
+    pub(crate) fn worst_wait_states(&self, access: &Access) -> u32 {
+        let contention = u32::from(self.moving != 0);
+        match access.address {
+            0..FLASH_BYTES if self.parts.nvmc.is_cached() => 3,
+            0..FLASH_BYTES => 2,
+            0x0080_0000..0x0084_0000 | 0x2000_0000..0x2004_0000 => contention,
+            0x4000_0000..0x5000_0000 => 6,
+            _ => 1,
+        }
+    }
+}

@@ -1,0 +1,137 @@
+//! The sources of the clocks, sleep, System OFF and what each reset leaves as it was (PS 5.3, 5.4).
+
+use super::*;
+
+/// What RAM holds that was not retained through System OFF.
+const LOST: u8 = 0xA5;
+
+impl Soc {
+    /// A clock's source changed: whoever counts on it moves what it has scheduled.
+    pub(super) fn switch(&mut self, source: Source) {
+        let Settings { hfxo_ppb, hfint_ppb, lfxo_ppb, lfrc_ppb, .. } = self.settings;
+        match source {
+            Source::HighInternal => self.feed_hf(hfint_ppb),
+            Source::HighCrystal => self.feed_hf(hfxo_ppb),
+            Source::LowRc => self.feed_lf(lfrc_ppb, false),
+            Source::LowCrystal => self.feed_lf(lfxo_ppb, false),
+            Source::LowSynthesised => self.feed_lf(self.clocks.hf_ppb, true),
+            // The watchdog does not let LFCLK go.
+            Source::LowStopped if self.parts.wdt.running() => {
+                self.feed_lf(lfrc_ppb, false);
+                self.parts.clock_power.keep_lfclk();
+            }
+            Source::LowStopped => self.clocks.lf = None,
+        }
+        for id in ids(INSTANCES) {
+            call!(self, id, instance, cx => instance.configured(cx));
+        }
+    }
+
+    fn feed_hf(&mut self, ppb: i64) {
+        if self.clocks.hf_ppb == ppb {
+            return;
+        }
+        self.clocks.hf_ppb = ppb;
+        self.signals.changed = true;
+        if let Some(lf) = &mut self.clocks.lf {
+            let lf_ppb = if self.lf_synthesised { ppb } else { lf.ppb() };
+            lf.retune(self.now, lf_ppb, ppb);
+        }
+    }
+
+    fn feed_lf(&mut self, ppb: i64, synthesised: bool) {
+        self.lf_synthesised = synthesised;
+        match &mut self.clocks.lf {
+            Some(lf) => lf.retune(self.now, ppb, self.clocks.hf_ppb),
+            stopped => *stopped = Some(Lfclk::new(ppb, self.clocks.hf_ppb, self.now)),
+        }
+    }
+
+    pub(crate) fn sleeps<O: Outside>(&mut self, at: Cycle, asleep: bool, outside: &mut O) {
+        self.come(at, outside);
+        let Soc { parts, clocks, out, now, touched, memory, gpio, .. } = self;
+        *touched |= 1 << CLOCK_POWER | 1 << WDT;
+        let mut cx = Cx { now: *now, clocks, memory, pins: gpio, out, id: CLOCK_POWER, name: "CLOCK/POWER" };
+        parts.clock_power.sleeps(asleep, &mut cx);
+        parts.wdt.sleeps(asleep, &mut cx);
+        self.carry(outside);
+    }
+
+    /// The part restarts (PS 5.3, *Reset behavior*). Pins driven from outside and what the cause leaves alone stay.
+    pub(crate) fn restart<O: Outside>(&mut self, at: Cycle, cause: Reset, outside: &mut O) {
+        self.now = self.now.max(at);
+        self.out.pc = None;
+        let mut parts = Parts::new(&self.settings);
+        // RESETREAS accumulates until it is cleared (PS 5.3); power-on and brown-out start it at 0.
+        let reason = match cause {
+            Reset::PowerOn | Reset::BrownOut => None,
+            Reset::Pin => Some(1),
+            Reset::Watchdog(_) => Some(1 << 1),
+            Reset::Software => Some(1 << 2),
+            Reset::Lockup => Some(1 << 3),
+            Reset::Wakeup(BY_LPCOMP) => Some(1 << 17),
+            Reset::Wakeup(_) => Some(1 << 16),
+        };
+        // These leave the retained registers as they were; all but the wake-up the watchdog as well.
+        let keeps_watchdog = matches!(cause, Reset::Software | Reset::Lockup);
+        let wakes = matches!(cause, Reset::Wakeup(_));
+        if let Some(reason) = reason {
+            parts.clock_power.restarted(&self.parts.clock_power, reason, keeps_watchdog || wakes);
+        }
+        if wakes {
+            self.lose_ram();
+        }
+        parts.rng.keep(&self.parts.rng);
+        self.feed_hf(self.settings.hfint_ppb);
+        if keeps_watchdog && self.parts.wdt.running() {
+            std::mem::swap(&mut parts.wdt, &mut self.parts.wdt);
+            parts.clock_power.keep_lfclk();
+            if self.clocks.lf.is_some() {
+                self.feed_lf(self.settings.lfrc_ppb, false);
+            }
+        } else {
+            self.clocks.lf = None;
+        }
+        self.parts = parts;
+        self.out.acts.clear();
+        (self.restarting, self.halted, self.off) = (None, false, false);
+        self.signals.stalled_until = 0;
+        self.signals.changed = true;
+        let Self { gpio, out, now, .. } = self;
+        if wakes {
+            // GPIO keeps its configuration through System OFF and the reset that ends it.
+            gpio.let_go(*now, out);
+        } else {
+            gpio.restart(*now, out);
+        }
+        for id in ids(INSTANCES) {
+            call!(self, id, instance, cx => instance.configured(cx));
+        }
+        self.next = NEVER;
+        self.nexts = [NEVER; 64];
+        self.scheduled = 0;
+        self.touched = INSTANCES;
+        self.carry(outside);
+    }
+
+    /// RAM that System OFF did not retain: sections of 4 KiB, two in each of RAM0 to RAM7, and six of 32 KiB in RAM8
+    /// (PS 4.2, *RAM*; 5.3, RAM\[n\].POWER).
+    fn lose_ram(&mut self) {
+        let sections = (0..16).map(|n| (n / 2, n % 2, n * 0x1000, 0x1000));
+        let large = (0..6).map(|n| (8, n, 0x1_0000 + n * 0x8000, 0x8000));
+        for (block, section, from, size) in sections.chain(large) {
+            if !self.parts.clock_power.retains(block, section) {
+                self.memory.ram.bytes_mut()[from..from + size].fill(LOST);
+            }
+        }
+    }
+
+    pub(crate) fn reset_reason(&self) -> u32 {
+        self.parts.clock_power.reset_reason
+    }
+
+    /// Whether the software's half of the access port protection stands open.
+    pub(crate) fn debug_port_enabled(&self) -> bool {
+        self.parts.clock_power.debug_port_enabled()
+    }
+}

@@ -1,0 +1,147 @@
+//! The receiver: samples, the FIFO that bridges two buffers, errors, RTS (PS 6.33, 6.34).
+
+use super::*;
+
+impl Uarte {
+    /// RTS follows what the receiver has room for. It is active low.
+    pub(super) fn request_to_send(&mut self, cx: &mut Cx<'_>) {
+        let controls = self.config & 1 != 0 && matches!(self.enable, ENABLED | LEGACY);
+        let ready = self.rx_on && self.rx_timeout.is_none() && self.fifo.len() + ROOM <= FIFO;
+        let pin = Pin::selected(self.psel[0]).filter(|&pin| controls && cx.pins.is_output(pin));
+        let rts = pin.map(|pin| (pin, !ready));
+        if rts != self.rts {
+            if let Some((was, _)) = self.rts.filter(|&(was, _)| Some(was) != pin) {
+                cx.act(Act::Hold { pin: was, level: None });
+            }
+            if let Some((pin, level)) = rts {
+                cx.act(Act::Hold { pin, level: Some(level) });
+            }
+            self.rts = rts;
+        }
+    }
+
+    pub(super) fn receiver_on(&mut self, cx: &Cx<'_>) {
+        if !self.rx_on {
+            self.rx_since = cx.now;
+        }
+        (self.rx_on, self.rx_timeout) = (true, None);
+    }
+
+    pub(super) fn start_rx(&mut self, cx: &mut Cx<'_>) {
+        self.rx = Some(Buffer { at: self.rxd[0], len: self.rxd[1], done: 0 });
+        self.receiver_on(cx);
+        self.block.raise(RXSTARTED, cx);
+        self.drain(cx);
+    }
+
+    pub(super) fn stop_rx(&mut self, cx: &Cx<'_>) {
+        if self.rx_on {
+            self.rx_timeout = Some(cx.clocks.hf.instant(cx.hf() + self.ticks(RX_TIMEOUT_BYTES)));
+        }
+    }
+
+    /// From the FIFO into the buffer, as far as both go.
+    pub(super) fn drain(&mut self, cx: &mut Cx<'_>) {
+        while let Some(rx) = &mut self.rx {
+            if rx.done >= rx.len {
+                self.end_rx(cx);
+                return;
+            }
+            let Some(byte) = self.fifo.pop_front() else { return };
+            let address = rx.at.wrapping_add(rx.done);
+            rx.done += 1;
+            cx.dma_write(address, byte);
+        }
+    }
+
+    pub(super) fn end_rx(&mut self, cx: &mut Cx<'_>) {
+        let Some(rx) = self.finish_rx(cx) else { return };
+        if self.block.short(ENDRX_STARTRX) && rx.len != 0 {
+            self.start_rx(cx);
+        }
+        if self.block.short(ENDRX_STOPRX) {
+            self.stop_rx(cx);
+        }
+    }
+
+    /// Hands the buffer over.
+    pub(super) fn finish_rx(&mut self, cx: &mut Cx<'_>) -> Option<Buffer> {
+        let rx = self.rx.take()?;
+        self.rxd[2] = rx.done;
+        self.block.raise(ENDRX, cx);
+        Some(rx)
+    }
+
+    /// Whether RXD is `pin` and an enabled receiver looks at it.
+    pub(crate) fn listens_to(&self, pin: Pin) -> bool {
+        matches!(self.enable, ENABLED | LEGACY) && Pin::selected(self.psel[3]) == Some(pin)
+    }
+
+    /// A frame arrives on RXD.
+    pub(crate) fn receive(&mut self, begins: Cycle, mut frame: UartFrame, cx: &mut Cx<'_>) {
+        frame.bit_ps = frame.bit_ps.clamp(1, LONGEST_BIT_PS);
+        let connected = Pin::selected(self.psel[3]).is_some_and(|pin| cx.pins.is_connected(pin));
+        if !self.rx_on || !connected {
+            return;
+        }
+        self.line.frames.push_back((begins, frame));
+        self.wait_for_edge(self.rx_since.max(begins), cx);
+        self.sample(cx);
+    }
+
+    /// Begins to receive at the next falling edge, where nothing is being received.
+    fn wait_for_edge(&mut self, from: Cycle, cx: &Cx<'_>) {
+        if self.receiving.is_none() {
+            let bits = 9 + u64::from(self.has_parity());
+            let edge = self.line.falling_edge(from, period(cx.clocks));
+            self.receiving = edge.map(|edge| (edge, edge + self.half_bits(2 * bits + 1)));
+        }
+    }
+
+    /// Takes up every byte whose stop bit has been sampled.
+    pub(super) fn sample(&mut self, cx: &mut Cx<'_>) {
+        while let Some((start, stop)) = self.receiving.take_if(|(_, stop)| *stop <= cx.now) {
+            let period = period(cx.clocks);
+            let bit = |k: u64| self.line.level(start + self.half_bits(2 * k + 1), period);
+            let byte = (0..8).fold(0_u8, |byte, k| byte | u8::from(bit(k + 1)) << k);
+            let odd = byte.count_ones() % 2 == 1;
+            let mut error = 0;
+            if self.has_parity() && bit(9) != odd {
+                error |= PARITY;
+            }
+            if !self.line.level(stop, period) {
+                error |= FRAMING;
+                if byte == 0 && !(self.has_parity() && bit(9)) {
+                    error |= BREAK;
+                }
+            }
+            if error != 0 {
+                self.errorsrc |= error;
+                self.block.raise(ERROR, cx);
+            }
+            self.received(byte, cx);
+            self.wait_for_edge(stop, cx);
+            if self.receiving.is_none() {
+                self.line.forget(cx.now);
+            }
+        }
+    }
+
+    fn received(&mut self, byte: u8, cx: &mut Cx<'_>) {
+        if self.fifo.len() == FIFO {
+            self.errorsrc |= OVERRUN;
+            self.block.raise(ERROR, cx);
+            return;
+        }
+        self.fifo.push_back(byte);
+        if self.enable == LEGACY {
+            // RXDRDY says that RXD has a byte: again for the next once it was read.
+            if self.fifo.len() == 1 {
+                self.block.raise(RXDRDY, cx);
+            }
+            return;
+        }
+        self.block.raise(RXDRDY, cx);
+        self.drain(cx);
+    }
+}
