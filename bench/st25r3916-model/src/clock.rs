@@ -1,9 +1,13 @@
-//! The chip's own time: carrier cycles of its crystal, turned into virtual nanoseconds.
+//! The chip's own time: carrier cycles of its crystal, turned into virtual nanoseconds, and the bit rates that divide
+//! them.
 
 /// Carrier cycles per second.
 pub(crate) const CARRIER_HZ: u64 = 13_560_000;
 /// Attoseconds in a nanosecond.
 pub(crate) const AS_PER_NS: u64 = 1_000_000_000;
+
+/// Carrier cycles per bit at 106 kbit/s.
+pub(crate) const CYCLES_106: u64 = 128;
 
 /// A crystal, as far as time is concerned.
 #[derive(Clone, Copy, Debug)]
@@ -33,6 +37,21 @@ impl Clock {
     pub(crate) fn cycles_as(self, n: u64) -> u64 {
         let a = u128::from(n) * u128::from(self.millicycle_as) / 1_000;
         u64::try_from(a).unwrap_or(u64::MAX)
+    }
+}
+
+/// Carrier cycles of a bit at the rate that register 04 or 24 codes as `rate`.
+pub(crate) fn bit_cycles(rate: u8) -> u64 {
+    CYCLES_106 >> rate
+}
+
+/// The nominal rate of a bit of so many carrier cycles, bit/s.
+pub(crate) fn rate_of(cycles: u64) -> u32 {
+    match cycles {
+        64 => 212_000,
+        32 => 424_000,
+        16 => 848_000,
+        _ => 106_000,
     }
 }
 

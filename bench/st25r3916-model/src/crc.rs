@@ -1,7 +1,8 @@
 //! The two CRC-16 of the air: NFC-F (ISO 18092, FeliCa) and NFC-A (ISO 14443-3 annex B).
 
 /// NFC-F: polynomial 0x1021, initial value 0, most significant bit first; sent most significant byte first.
-pub(crate) fn nfc_f(bytes: &[u8]) -> [u8; 2] {
+#[must_use]
+pub fn nfc_f(bytes: &[u8]) -> [u8; 2] {
     let mut crc = 0u16;
     for &b in bytes {
         crc ^= u16::from(b) << 8;

@@ -42,6 +42,11 @@ impl Fifo {
         (i < self.len).then(|| self.ring[(self.head + i) % CAPACITY])
     }
 
+    /// Up to `n` bytes from the front, which stay.
+    pub(crate) fn front(&self, n: usize) -> Vec<u8> {
+        (0..n.min(self.len)).filter_map(|i| self.peek(i)).collect()
+    }
+
     /// False, and the overflow flag, when there is no room.
     pub(crate) fn push(&mut self, byte: u8) -> bool {
         if self.len == CAPACITY {

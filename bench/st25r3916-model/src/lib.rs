@@ -43,28 +43,44 @@
 //!
 //! # Modules
 //!
-//! Each opens with what it covers, by data sheet section, and what it leaves out and why: `chip` (power, oscillator,
-//! registers, interrupts, timers, commands), `spi`, `irq_pin`, `radio` (frames and the FIFO), `receive_chain` and
-//! `supply` (settings that the board or the technology contradicts), `registers` (map and reset values), `air`.
+//! Each opens with what it covers, by data sheet section, and what it leaves out and why. None knows those above it:
+//!
+//! - `air`: two chips and what is between them.
+//! - `chip`: the parts of a chip put together; SPI bytes, register accesses and commands.
+//! - `transmitter`, `receiver` (frames, one each at a time), `field` (carriers), `timers`, `fifo`, `spi` (the slave's
+//!   state); `receive_chain` and `supply` (settings that the board or the technology contradicts).
+//! - `core`: what every part stands on: time and deadlines (`schedule`), `registers` (map, reset values and contents),
+//!   `interrupts` (pending bits and the IRQ pin), findings (`report`).
 #![forbid(unsafe_code)]
 
 mod air;
 mod chip;
 mod clock;
 mod config;
+mod core;
 mod crc;
+mod event;
+mod field;
 mod fifo;
-mod irq_pin;
-mod radio;
+mod incoming;
+mod interrupts;
+mod outgoing;
 mod receive_chain;
+mod receiver;
 mod registers;
 mod report;
 mod rng;
+mod schedule;
 mod spi;
 mod supply;
+mod timers;
+mod transmitter;
 
-pub use air::{Air, AirEvent, Chunk, Counters, Faults, FrameStart, LastFrame, Technology};
-pub use chip::{Chip, Statistics};
+pub use crate::core::Statistics;
+pub use air::{Air, AirFaults, Counters, Heard, LastFrame, Origin, SentFrame};
+pub use chip::{Chip, SpiFrame, SpiMode};
 pub use config::{BrokenFrame, Config, Variant};
-pub use irq_pin::IrqEdge;
+pub use crc::nfc_f;
+pub use event::{AirEvent, Chunk, FrameStart, Technology};
+pub use interrupts::IrqEdge;
 pub use report::{Kind, Report, Space};

@@ -31,39 +31,38 @@
 //! values are not. Any other value may work on a bench with silicon; then it belongs into these tables with what was
 //! measured.
 
-use crate::air::Technology;
-use crate::chip::{Chip, reg};
+use crate::core::Core;
+use crate::event::Technology;
+use crate::registers::reg;
 use crate::report::{Kind, Space};
 
 /// dis_corr (0A): the correlator is off, its settings have no effect.
 const DIS_CORR: u8 = 0x04;
 
-impl Chip {
-    /// Whether every register of the chain suits `technology`; each that does not is a finding.
-    pub(crate) fn receive_chain_suits(&mut self, technology: Technology) -> bool {
-        let filter = self.a[reg::RX_CONF1];
-        let (lp, hz) = ((filter >> 4) & 0x07, filter & 0x0F);
-        let (filter_suits, correlators): (bool, &[u8]) = match technology {
-            Technology::NfcF => (matches!(lp, 0 | 1) && matches!(hz, 1 | 3 | 5), &[0x54, 0x58]),
-            Technology::NfcA => (lp == 0 && hz == 8, &[0x51, 0x11]),
-        };
-        let (gain1, gain2) = (self.a[reg::RX_CONF3], self.a[reg::RX_CONF4]);
-        let (correlator1, correlator2) = (self.b[reg::B_CORR1], self.b[reg::B_CORR2]);
-        let unused = self.a[reg::AUX] & DIS_CORR != 0;
-        let looks = [
-            (filter_suits, Space::A, reg::RX_CONF1, filter),
-            (gain1 == 0, Space::A, reg::RX_CONF3, gain1),
-            (gain2 == 0, Space::A, reg::RX_CONF4, gain2),
-            (unused || correlators.contains(&correlator1), Space::B, reg::B_CORR1, correlator1),
-            (unused || correlator2 == 0, Space::B, reg::B_CORR2, correlator2),
-        ];
-        let mut suits = true;
-        for (right, space, address, value) in looks {
-            if !right {
-                suits = false;
-                self.note(Kind::ReceiveChain { technology, space, address: address as u8, value });
-            }
+/// Whether every register of the chain suits `technology`; each that does not is a finding.
+pub(crate) fn suits(core: &mut Core, technology: Technology) -> bool {
+    let filter = core.a(reg::RX_CONF1);
+    let (lp, hz) = ((filter >> 4) & 0x07, filter & 0x0F);
+    let (filter_suits, correlators): (bool, &[u8]) = match technology {
+        Technology::NfcF => (matches!(lp, 0 | 1) && matches!(hz, 1 | 3 | 5), &[0x54, 0x58]),
+        Technology::NfcA => (lp == 0 && hz == 8, &[0x51, 0x11]),
+    };
+    let (gain1, gain2) = (core.a(reg::RX_CONF3), core.a(reg::RX_CONF4));
+    let (correlator1, correlator2) = (core.registers().b(reg::B_CORR1), core.registers().b(reg::B_CORR2));
+    let unused = core.a(reg::AUX) & DIS_CORR != 0;
+    let looks = [
+        (filter_suits, Space::A, reg::RX_CONF1, filter),
+        (gain1 == 0, Space::A, reg::RX_CONF3, gain1),
+        (gain2 == 0, Space::A, reg::RX_CONF4, gain2),
+        (unused || correlators.contains(&correlator1), Space::B, reg::B_CORR1, correlator1),
+        (unused || correlator2 == 0, Space::B, reg::B_CORR2, correlator2),
+    ];
+    let mut suits = true;
+    for (right, space, address, value) in looks {
+        if !right {
+            suits = false;
+            core.note(Kind::ReceiveChain { technology, space, address: address as u8, value });
         }
-        suits
     }
+    suits
 }

@@ -18,6 +18,57 @@
 use crate::Variant;
 use crate::report::Space;
 
+/// Register addresses, space A.
+pub(crate) mod reg {
+    pub(crate) const IO2: usize = 0x01;
+    pub(crate) const OPERATION: usize = 0x02;
+    pub(crate) const MODE: usize = 0x03;
+    pub(crate) const BIT_RATE: usize = 0x04;
+    pub(crate) const ISO14443A: usize = 0x05;
+    pub(crate) const PREAMBLE: usize = 0x07;
+    pub(crate) const PASSIVE_TARGET: usize = 0x08;
+    pub(crate) const AUX: usize = 0x0A;
+    pub(crate) const RX_CONF1: usize = 0x0B;
+    pub(crate) const RX_CONF3: usize = 0x0D;
+    pub(crate) const RX_CONF4: usize = 0x0E;
+    pub(crate) const MASK_RECEIVE: usize = 0x0F;
+    pub(crate) const NO_RESPONSE: usize = 0x10;
+    pub(crate) const TIMERS: usize = 0x12;
+    pub(crate) const GENERAL_PURPOSE: usize = 0x13;
+    pub(crate) const MASK: usize = 0x16;
+    pub(crate) const IRQ: usize = 0x1A;
+    pub(crate) const TRANSMIT_LENGTH: usize = 0x22;
+    pub(crate) const RATE_DETECTED: usize = 0x24;
+    pub(crate) const AD_RESULT: usize = 0x25;
+    pub(crate) const TUNE_A: usize = 0x26;
+    pub(crate) const TUNE_B: usize = 0x27;
+    pub(crate) const REGULATOR: usize = 0x2C;
+    pub(crate) const RSSI: usize = 0x2D;
+    pub(crate) const GAIN: usize = 0x2E;
+    pub(crate) const WAKE_UP: usize = 0x32;
+    /// Space B: correlator.
+    pub(crate) const B_CORR1: usize = 0x0C;
+    pub(crate) const B_CORR2: usize = 0x0D;
+    /// Space B: field-on guard time.
+    pub(crate) const B_GUARD: usize = 0x15;
+    /// Space B: lm_ext and lm_dri connect the load modulator.
+    pub(crate) const B_AUX_MOD: usize = 0x28;
+    /// Space B: TX driver timing display.
+    pub(crate) const B_DRIVER_TIMING: usize = 0x2B;
+    /// Space B: regulator display.
+    pub(crate) const B_REGULATOR: usize = 0x2C;
+    /// Space B: RC calibration display.
+    pub(crate) const B_RC_CALIBRATION: usize = 0x39;
+}
+
+/// Bits of the operation control register (02).
+pub(crate) const EN: u8 = 0x80;
+pub(crate) const RX_EN: u8 = 0x40;
+pub(crate) const TX_EN: u8 = 0x08;
+pub(crate) const EN_FD: u8 = 0x03;
+/// targ (03): the chip is a target.
+pub(crate) const TARGET: u8 = 0x80;
+
 /// How far a register is modelled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Class {
@@ -121,5 +172,81 @@ pub(crate) fn class(variant: Variant, space: Space, address: u8) -> Class {
             0x04 => Class::Stored,
             _ => Class::Unmodelled,
         },
+    }
+}
+
+/// The values of all registers, and the passive target memory.
+#[derive(Clone, Debug)]
+pub(crate) struct Registers {
+    a: [u8; 64],
+    b: [u8; 64],
+    test: [u8; 64],
+    target_memory: [u8; TARGET_MEMORY],
+}
+
+/// Passive target memory: NFC-A 15, NFC-F 21, TSN 12 bytes.
+const TARGET_MEMORY: usize = 48;
+
+impl Registers {
+    /// As after power-up.
+    pub(crate) fn new() -> Self {
+        Self { a: RESET_A, b: RESET_B, test: [0; 64], target_memory: [0; TARGET_MEMORY] }
+    }
+
+    /// Every register takes its reset value; the passive target memory keeps its own.
+    pub(crate) fn reset(&mut self) {
+        *self = Self { target_memory: self.target_memory, ..Self::new() };
+    }
+
+    /// What is stored.
+    pub(crate) fn get(&self, space: Space, address: u8) -> u8 {
+        let i = usize::from(address & 0x3F);
+        match space {
+            Space::A => self.a[i],
+            Space::B => self.b[i],
+            Space::Test => self.test[i],
+        }
+    }
+
+    /// Stores without a look at what is writable.
+    pub(crate) fn set(&mut self, space: Space, address: u8, value: u8) {
+        let i = usize::from(address & 0x3F);
+        match space {
+            Space::A => self.a[i] = value,
+            Space::B => self.b[i] = value,
+            Space::Test => self.test[i] = value,
+        }
+    }
+
+    /// The register `i` of space A.
+    pub(crate) fn a(&self, i: usize) -> u8 {
+        self.a[i]
+    }
+
+    /// The registers `i` and `i + 1` of space A, the first one the higher byte.
+    pub(crate) fn a16(&self, i: usize) -> u16 {
+        u16::from_be_bytes([self.a[i], self.a[i + 1]])
+    }
+
+    /// The register `i` of space B.
+    pub(crate) fn b(&self, i: usize) -> u8 {
+        self.b[i]
+    }
+
+    /// Interrupt bits that do not drive the pin (16 to 19).
+    pub(crate) fn interrupt_mask(&self) -> u32 {
+        u32::from_le_bytes([self.a[reg::MASK], self.a[reg::MASK + 1], self.a[reg::MASK + 2], self.a[reg::MASK + 3]])
+    }
+
+    /// The passive target memory.
+    pub(crate) fn target_memory(&self) -> &[u8; TARGET_MEMORY] {
+        &self.target_memory
+    }
+
+    /// Loads byte `i` of the passive target memory; beyond its end nothing happens.
+    pub(crate) fn load_target_memory(&mut self, i: u8, value: u8) {
+        if let Some(cell) = self.target_memory.get_mut(usize::from(i)) {
+            *cell = value;
+        }
     }
 }

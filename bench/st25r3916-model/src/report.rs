@@ -2,7 +2,7 @@
 //! allow.
 use core::fmt;
 
-use crate::Technology;
+use crate::event::Technology;
 
 /// Which of the chip's three register spaces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -15,10 +15,10 @@
 //! | what a wrong supply range does to the regulators, what tuning does to the | the air is digital; a finding says |
 //! | field | it |
 
-use crate::Chip;
-use crate::chip::{RX_EN, TARGET, reg};
-use crate::registers::RESET_A;
-use crate::report::Kind;
+use crate::core::Core;
+use crate::field::Field;
+use crate::registers::{self, RX_EN, reg};
+use crate::report::{Kind, Space};
 
 /// What the part can be supplied with, mV.
 const RANGE_MV: core::ops::RangeInclusive<u16> = 2_400..=5_500;
@@ -30,42 +30,37 @@ const STEP_MV: u16 = 24;
 const SUP3V: u8 = 0x80;
 const AAT_EN: u8 = 0x20;
 
-impl Chip {
-    /// The supply is loaded: is there enough of it, and does the regulators' range fit?
-    pub(crate) fn supply_suits(&mut self) {
-        let mv = self.config.vdd_mv;
-        if !RANGE_MV.contains(&mv) {
-            self.note(Kind::SupplyOutOfRange(mv));
-        }
-        let sup3v = self.a[reg::IO2] & SUP3V != 0;
-        if mv.abs_diff(SUP3V_MV) >= STEP_MV && sup3v != (mv < SUP3V_MV) {
-            self.note(Kind::SupplyMismatch);
-        }
+/// The supply is loaded: is there enough of it, and does the regulators' range fit?
+pub(crate) fn suits(core: &mut Core) {
+    let mv = core.config().vdd_mv;
+    if !RANGE_MV.contains(&mv) {
+        core.note(Kind::SupplyOutOfRange(mv));
     }
+    let sup3v = core.a(reg::IO2) & SUP3V != 0;
+    if mv.abs_diff(SUP3V_MV) >= STEP_MV && sup3v != (mv < SUP3V_MV) {
+        core.note(Kind::SupplyMismatch);
+    }
+}
 
-    /// The antenna is used: do tuning values that were written reach it?
-    pub(crate) fn tuning_suits(&mut self) {
-        let written = (reg::TUNE_A..=reg::TUNE_B).any(|i| self.a[i] != RESET_A[i]);
-        if written && self.a[reg::IO2] & AAT_EN == 0 {
-            self.note(Kind::AntennaTuningOff);
-        }
+/// The antenna may be in use: if it is, do tuning values that were written reach it?
+pub(crate) fn tuning_suits(core: &mut Core, field: &Field) {
+    // Its own carrier is on, or it listens to another's.
+    let listens = core.oscillator() && core.target() && core.operates(RX_EN);
+    if !field.own() && !listens {
+        return;
     }
+    let written = (reg::TUNE_A..=reg::TUNE_B).any(|i| core.a(i) != registers::reset(Space::A, i as u8));
+    if written && core.a(reg::IO2) & AAT_EN == 0 {
+        core.note(Kind::AntennaTuningOff);
+    }
+}
 
-    /// Whether the antenna is in use: its own carrier is on, or it listens to another's.
-    pub(crate) fn antenna_in_use(&self) -> bool {
-        let listens = self.osc_ok && self.a[reg::MODE] & TARGET != 0 && self.a[reg::OPERATION] & RX_EN != 0;
-        self.field || listens
-    }
-
-    /// DF: one step of the converter is 23.4 mV; mpsv (2C, bits 2:0) chooses the supply. Above 255 steps the display
-    /// saturates.
-    pub(crate) fn measure_supply(&mut self) {
-        let mv = match self.a[reg::REGULATOR] & 0x07 {
-            0 => self.config.vdd_mv,
-            n @ 1..=4 => self.config.regulated_mv[usize::from(n) - 1],
-            _ => 0,
-        };
-        let steps = (u32::from(mv) * 10 / 234).min(255);
-        self.measure(reg::AD_RESULT as u8, steps as u8);
-    }
+/// What DF finds, A/D steps of 23.4 mV; mpsv (2C, bits 2:0) chooses the supply. Above 255 steps the display saturates.
+pub(crate) fn measured(core: &Core) -> u8 {
+    let mv = match core.a(reg::REGULATOR) & 0x07 {
+        0 => core.config().vdd_mv,
+        n @ 1..=4 => core.config().regulated_mv[usize::from(n) - 1],
+        _ => 0,
+    };
+    (u32::from(mv) * 10 / 234).min(255) as u8
 }

@@ -3,10 +3,10 @@
 mod common;
 
 use common::{Pair, Side, exact, payload};
-use st25r3916_model::{Air, BrokenFrame, Config, Faults, Kind};
+use st25r3916_model::{Air, AirFaults, BrokenFrame, Config, Kind};
 
 fn clean() -> Air {
-    Air::new(1, Faults::default())
+    Air::new(1, AirFaults::default())
 }
 
 fn pair() -> Pair {
@@ -294,7 +294,7 @@ fn bit_errors_are_found_by_the_crc_and_counted_by_the_air() {
     let mut pair = Pair::started(
         Config::default(),
         Config::default(),
-        Air::new(7, Faults { bit_error: 2e-4, ..Faults::default() }),
+        Air::new(7, AirFaults { bit_error: 2e-4, ..AirFaults::default() }),
     );
     let (mut good, mut bad, mut none) = (0, 0, 0);
     for i in 0..300 {
@@ -327,7 +327,7 @@ fn bit_errors_are_found_by_the_crc_and_counted_by_the_air() {
 #[test]
 fn lost_and_truncated_frames_are_counted_and_the_same_seed_gives_the_same_run() {
     let run = |seed| {
-        let faults = Faults { lost: 0.2, truncated: 0.3, ..Faults::default() };
+        let faults = AirFaults { lost: 0.2, truncated: 0.3, ..AirFaults::default() };
         let mut pair = Pair::started(Config::default(), Config::default(), Air::new(seed, faults));
         let mut log = Vec::new();
         for i in 0..60 {

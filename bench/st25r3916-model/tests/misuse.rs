@@ -4,7 +4,7 @@ mod common;
 
 use common::{Pair, Side, exact, nfc_a_answer, nfc_a_answer_begins, nfc_a_poller, payload};
 use proptest::prelude::*;
-use st25r3916_model::{Air, AirEvent, Chip, Config, Faults, Kind, Space, Variant};
+use st25r3916_model::{Air, AirEvent, AirFaults, Chip, Config, Kind, Space, Variant};
 
 fn exchange(chip: &mut Chip, now: u64, mosi: &[u8]) -> Vec<u8> {
     chip.select(now);
@@ -14,7 +14,7 @@ fn exchange(chip: &mut Chip, now: u64, mosi: &[u8]) -> Vec<u8> {
 }
 
 fn clean() -> Air {
-    Air::new(0, Faults::default())
+    Air::new(0, AirFaults::default())
 }
 
 fn found(chip: &Chip, kind: Kind) -> u64 {
@@ -38,7 +38,7 @@ fn without_an_oscillator_fifo_mode_and_commands_do_nothing_and_say_so() {
 
 #[test]
 fn transmitting_without_a_field_or_twice_is_refused() {
-    let mut pair = Pair::new(Config::default(), Config::default(), Air::new(0, Faults::default()));
+    let mut pair = Pair::new(Config::default(), Config::default(), Air::new(0, AirFaults::default()));
     pair.start(Side::Poller);
     pair.spi(Side::Poller, &[0x03, 0x1C, 0x22]);
     pair.load(&payload(10, 0));
@@ -55,7 +55,7 @@ fn transmitting_without_a_field_or_twice_is_refused() {
 
 #[test]
 fn fifo_over_and_underflow_set_their_flags() {
-    let mut pair = Pair::new(Config::default(), Config::default(), Air::new(0, Faults::default()));
+    let mut pair = Pair::new(Config::default(), Config::default(), Air::new(0, AirFaults::default()));
     pair.start(Side::Poller);
     let mut load = vec![0x80];
     load.extend_from_slice(&payload(514, 1));
@@ -139,7 +139,7 @@ fn the_switch_decides_whether_clearing_the_fifo_clears_interrupts() {
 fn end_of_transmission_without_a_receiver_is_a_switch() {
     for raises in [false, true] {
         let poller = Config { txe_with_rx_off: raises, ..Config::default() };
-        let mut pair = Pair::started(poller, Config::default(), Air::new(0, Faults::default()));
+        let mut pair = Pair::started(poller, Config::default(), Air::new(0, AirFaults::default()));
         pair.load(&payload(10, 0));
         pair.fire();
         assert_eq!(pair.wait_irq(Side::Poller, 2_000_000), raises);
@@ -149,7 +149,7 @@ fn end_of_transmission_without_a_receiver_is_a_switch() {
 
 #[test]
 fn no_response_and_wake_up_timers_run_as_set() {
-    let mut pair = Pair::started(Config::default(), Config::default(), Air::new(0, Faults::default()));
+    let mut pair = Pair::started(Config::default(), Config::default(), Air::new(0, AirFaults::default()));
     pair.spi(Side::Poller, &[0x02, 0xC8]);
     pair.spi(Side::Poller, &[0x16, 0xFF, 0xBF, 0xF7, 0xFF]);
     pair.spi(Side::Poller, &[0x10, 0x00, 0x64]);
@@ -524,7 +524,7 @@ proptest! {
         started: bool,
         seed: u64,
     ) {
-        let faults = Faults { bit_error: 1e-3, lost: 0.1, truncated: 0.2 };
+        let faults = AirFaults { bit_error: 1e-3, lost: 0.1, truncated: 0.2, ..AirFaults::default() };
         let run = || {
             let air = Air::new(seed, faults);
             let config = Config { variant: Variant::St25r3916b, crystal_ppb: 20_000, ..Config::default() };

@@ -3,10 +3,10 @@
 mod common;
 
 use common::{Pair, Side, payload};
-use st25r3916_model::{Air, Chip, Config, Faults, Kind, Space, Technology};
+use st25r3916_model::{Air, AirFaults, Chip, Config, Kind, Space, Technology};
 
 fn clean() -> Air {
-    Air::new(0, Faults::default())
+    Air::new(0, AirFaults::default())
 }
 
 fn found(chip: &Chip, kind: Kind) -> u64 {

@@ -3,7 +3,7 @@
 mod common;
 
 use common::{Pair, exact, payload};
-use st25r3916_model::{Air, Chip, Config, Faults, IrqEdge};
+use st25r3916_model::{Air, AirFaults, Chip, Config, IrqEdge};
 
 /// A chip whose oscillator has started at 700 us: I_osc is pending, the pin is high.
 fn with_irq(hz: u32) -> Chip {
@@ -149,7 +149,7 @@ fn edges_that_nobody_takes_do_not_pile_up() {
 
 /// From the command's end to the first bit, for so many frames.
 fn starts(config: Config, frames: u64) -> Vec<u64> {
-    let mut pair = Pair::started(config, exact(), Air::new(0, Faults::default()));
+    let mut pair = Pair::started(config, exact(), Air::new(0, AirFaults::default()));
     (0..frames)
         .map(|i| {
             pair.load(&payload(4, i));
@@ -186,7 +186,7 @@ fn the_same_seed_scatters_the_same_and_another_does_not() {
 
 #[test]
 fn a_copy_of_a_chip_scatters_as_the_chip_does() {
-    let mut pair = Pair::started(Config::default(), exact(), Air::new(0, Faults::default()));
+    let mut pair = Pair::started(Config::default(), exact(), Air::new(0, AirFaults::default()));
     pair.load(&payload(4, 0));
     let mut copy = pair.poller.clone();
     pair.fire();

@@ -1,7 +1,9 @@
 //! A controller's hands: transfers at 8 MHz, and the two bring-ups of the data sheet.
 #![allow(dead_code, reason = "each test file uses its share")]
 
-use st25r3916_model::{Air, AirEvent, Chip, Chunk, Config, Faults, FrameStart, Technology};
+pub(crate) mod antenna;
+
+use st25r3916_model::{Air, AirEvent, AirFaults, Chip, Chunk, Config, FrameStart, Technology};
 
 /// One byte at 8 MHz, ns.
 pub(crate) const BYTE_NS: u64 = 1_000;
@@ -33,7 +35,7 @@ impl Pair {
     }
 
     pub(crate) fn next_event(&self) -> Option<u64> {
-        [self.poller.next_event(), self.listener.next_event()].into_iter().flatten().min()
+        [self.poller.next_event(), self.listener.next_event(), self.air.next_event()].into_iter().flatten().min()
     }
 
     /// Both chips to `to`, event by event.
@@ -207,7 +209,7 @@ pub(crate) const BIT_106_AS: u64 = 9_439_528_023_598;
 
 /// A poller of NFC-A with its field and receiver on, and no other chip in it.
 pub(crate) fn nfc_a_poller(config: Config) -> Pair {
-    let mut pair = Pair::new(config, Config::default(), Air::new(0, Faults::default()));
+    let mut pair = Pair::new(config, Config::default(), Air::new(0, AirFaults::default()));
     pair.start(Side::Poller);
     pair.receive_nfc_a(Side::Poller);
     pair.spi(Side::Poller, &[0x03, 0x08, 0x00]);

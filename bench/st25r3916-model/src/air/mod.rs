@@ -1,0 +1,381 @@
+//! The air between a poller and a listener: who hears what, when, and how damaged.
+//!
+//! | covered | source |
+//! |---|---|
+//! | field coupling, both ways; the listener's loss of the field | the two antennas face each other |
+//! | frames by event: start, further bytes, end; each with its instant | [`crate::Chip`] emits them |
+//! | seeded faults of the poller's frames: [`AirFaults`] | the errors of IEC 61784-3 (corruption, loss, |
+//! | | repetition, delay) |
+//! | frames that meet at the listener's antenna | see below |
+//!
+//! | left out | why |
+//! |---|---|
+//! | propagation time | 1 ns at 30 cm |
+//! | faults of answers | the link has none: an answer is counted, and is a violation to its user |
+//!
+//! # Frames that meet
+//!
+//! At most one frame is on the air at the listener's antenna.
+//!
+//! - A frame that is repeated or delayed never begins on top of another: if the air is taken when it is due, it begins
+//!   0.3 ms after the other's end.
+//! - The poller knows nothing of such frames. If one of its frames begins while another frame is on the air, both are
+//!   damaged: the one on the air breaks off at that instant, and the poller's is not heard, because its sync is
+//!   drowned. The same happens to two frames of the poller that [`AirFaults::scatter_ns`] moves onto each other.
+//! - Every frame travels on the poller's carrier. If there is none at the listener when a frame is due there, the frame
+//!   is lost; if it goes off during a frame, the frame breaks off.
+//!
+//! # Time
+//!
+//! [`Air::from_poller`], [`Air::set_faults`] and [`Air::advance`] are called in order of time; the instants may lie
+//! ahead of the listener's time, as [`Chip::hear`] takes what lies ahead. What comes later waits in the air: whoever
+//! keeps the time calls [`Air::advance`] at [`Air::next_event`]. Without faults nothing ever waits.
+
+mod account;
+mod faults;
+mod flight;
+
+pub use account::{Counters, Heard, LastFrame, Origin, SentFrame};
+pub use faults::AirFaults;
+
+use crate::Chip;
+use crate::event::{AirEvent, Chunk, FrameStart};
+use crate::rng::SplitMix;
+use account::{Account, Fault, Outcome};
+use faults::{burst, invert, sync_errors, within};
+use flight::{Flight, Later, Sending, expected_bits};
+
+/// From the end of a frame to the start of one that waited for it, ns: the shortest gap that the link itself keeps
+/// between two frames.
+const GAP_NS: u64 = 300_000;
+
+/// The air between one poller and one listener.
+#[derive(Clone, Debug)]
+pub struct Air {
+    faults: AirFaults,
+    rng: SplitMix,
+    /// The poller's carrier.
+    field: bool,
+    sending: Option<Sending>,
+    /// The frame at the listener's antenna, with its first bit there.
+    on_air: Option<(u64, Flight)>,
+    /// Frames that have not begun there, in the order they were planned.
+    waiting: Vec<Flight>,
+    next_id: u64,
+    account: Account,
+}
+
+impl Air {
+    /// The air with these faults from time 0 on, reproducible from `seed`.
+    pub fn new(seed: u64, faults: AirFaults) -> Self {
+        let mut air = Self {
+            faults: AirFaults::default(),
+            rng: SplitMix::new(seed),
+            field: false,
+            sending: None,
+            on_air: None,
+            waiting: vec![],
+            next_id: 0,
+            account: Account::default(),
+        };
+        air.set_faults(0, faults, |_, _| {});
+        air
+    }
+
+    /// Changes the faults from `at` (virtual ns) on. A frame that the poller began before keeps its fate, repetitions
+    /// and delays that are on their way included; but a field that goes off breaks off the frame that is on the air.
+    pub fn set_faults(&mut self, at: u64, faults: AirFaults, mut hears: impl FnMut(u64, &AirEvent)) {
+        self.advance(at, &mut hears);
+        let was_off = std::mem::replace(&mut self.faults, faults).field_off;
+        if faults.field_off && !was_off {
+            self.break_off(at, &mut hears);
+            self.account.inject(at, Fault::FieldOff);
+            if self.field {
+                hears(at, &AirEvent::FieldOff);
+            }
+        } else if was_off && !faults.field_off && self.field {
+            hears(at, &AirEvent::FieldOn);
+        }
+    }
+
+    /// Moves what each chip has emitted to the other, until both are silent, and lets the air come to the poller's
+    /// time. Call it when either [`has_air`](Chip::has_air), and at [`Air::next_event`].
+    pub fn carry(&mut self, poller: &mut Chip, listener: &mut Chip) {
+        loop {
+            for (at, event) in poller.take_air() {
+                self.from_poller(at, event, |at, event| listener.hear(at, event));
+            }
+            for (at, event) in listener.take_air() {
+                self.from_listener(at, &event);
+                poller.hear(at, &event);
+            }
+            self.advance(poller.now(), |at, event| listener.hear(at, event));
+            if !poller.has_air() && !listener.has_air() {
+                return;
+            }
+        }
+    }
+
+    /// What the poller emitted, for who owns the chips apart: `hears` gets what the listener hears.
+    pub fn from_poller(&mut self, at: u64, event: AirEvent, mut hears: impl FnMut(u64, &AirEvent)) {
+        match event {
+            AirEvent::FieldOn | AirEvent::FieldOff => {
+                self.advance(at, &mut hears);
+                self.field = event == AirEvent::FieldOn;
+                if !self.field {
+                    self.sending_breaks_off(at, &mut hears);
+                    self.break_off(at, &mut hears);
+                }
+                if !self.faults.field_off {
+                    hears(at, &event);
+                }
+            }
+            AirEvent::FrameStart(frame) => {
+                self.advance(at, &mut hears);
+                self.sending_breaks_off(at, &mut hears);
+                self.frame_started(at, frame);
+            }
+            // Before the air comes to `at`: what is due there must find the frame's end.
+            AirEvent::Bytes(chunk) => self.frame_goes_on(at, chunk),
+            AirEvent::FrameEnd { bits } => self.frame_ended(at, bits),
+        }
+        self.advance(at, &mut hears);
+    }
+
+    /// What the listener emitted, for who owns the chips apart; the poller hears it unchanged.
+    pub fn from_listener(&mut self, _at: u64, event: &AirEvent) {
+        if matches!(event, AirEvent::FrameStart(_)) {
+            self.account.counters.answers += 1;
+        }
+    }
+
+    /// When the air next has something for the listener by itself, virtual ns.
+    pub fn next_event(&self) -> Option<u64> {
+        let on_air = self.on_air.as_ref().and_then(|(began, flight)| flight.next(*began));
+        let waiting = self.waiting.iter().filter_map(|flight| flight.due).min();
+        on_air.into_iter().chain(waiting).min()
+    }
+
+    /// The listener hears what the air has for it up to and including `to` (virtual ns). The poller must have emitted
+    /// everything up to that instant.
+    pub fn advance(&mut self, to: u64, mut hears: impl FnMut(u64, &AirEvent)) {
+        loop {
+            let ends = self.on_air.as_ref().and_then(|(began, flight)| flight.next(*began));
+            let begins = (0..self.waiting.len()).filter_map(|i| Some((self.waiting[i].due?, i))).min();
+            match (ends, begins) {
+                // What ends and what begins at the same instant do not meet.
+                (Some(at), _) if at <= to && begins.is_none_or(|(due, _)| at <= due) => self.goes_on(&mut hears),
+                (_, Some((due, index))) if due <= to => self.begins(due, index, &mut hears),
+                _ => break,
+            }
+        }
+        self.publish_marks(to);
+    }
+
+    /// What was carried so far.
+    pub fn counters(&self) -> Counters {
+        self.account.counters
+    }
+
+    /// The last frame of the poller that ended.
+    pub fn last_frame(&self) -> Option<LastFrame> {
+        self.account.last
+    }
+
+    /// The frames that the poller sent since the last call, in the order of their ends.
+    pub fn take_sent(&mut self) -> Vec<SentFrame> {
+        std::mem::take(&mut self.account.sent)
+    }
+
+    /// The frames that the listener's antenna heard since the last call, in the order of their ends.
+    pub fn take_heard(&mut self) -> Vec<Heard> {
+        std::mem::take(&mut self.account.heard)
+    }
+
+    /// The faults since the last call, in order of time: the instant (virtual ns) and the kind, one of "bit error" (one
+    /// entry a bit), "burst", "lost", "cut", "repeated", "delayed", "scatter", "field off".
+    ///
+    /// The instant of an error is that of its first bit at the listener, of a cut the frame's end there, of a
+    /// repetition its first bit; of what is lost, delayed or scattered, and of an error in the sync, it is the first
+    /// bit that the poller sent.
+    pub fn take_injected(&mut self) -> Vec<(u64, &'static str)> {
+        std::mem::take(&mut self.account.injected)
+    }
+
+    // --- the poller's side ---
+
+    fn frame_started(&mut self, at: u64, frame: FrameStart) {
+        self.account.counters.sent += 1;
+        let id = self.new_id();
+        self.sending = Some(Sending::new(id, at, frame.clone()));
+        if self.faults.field_off || self.is_lost(at, &frame) {
+            return self.account.over(Origin::Poller, Outcome::Lost);
+        }
+        let Self { faults, rng, account, .. } = self;
+        let mut flight = Flight::new(id, *faults, at, frame);
+        flight.burst = burst(rng, faults, expected_bits(&flight.start));
+        if let Some(&first) = flight.burst.first() {
+            flight.mark(flight.start.until_bit(first), Fault::Burst);
+        }
+        let mut chunk = std::mem::take(&mut flight.start.chunk);
+        damage(rng, &mut flight, 0, &mut chunk);
+        flight.start.chunk = chunk;
+        if rng.hit(faults.truncated) {
+            let bytes = rng.below(flight.start.chunk.data.len());
+            flight.cut(bytes);
+            flight.mark(flight.start.until_byte(bytes), Fault::Cut);
+        }
+        if rng.hit(faults.delayed) {
+            flight.due = Some(at.saturating_add(within(rng, faults.delay_ns)));
+            flight.origin = Origin::Delayed;
+            account.inject(at, Fault::Delayed);
+        } else {
+            let later = rng.up_to(faults.scatter_ns);
+            if later > 0 {
+                flight.due = Some(at.saturating_add(later));
+                account.inject(at, Fault::Scatter);
+            }
+        }
+        self.waiting.push(flight);
+    }
+
+    fn frame_goes_on(&mut self, at: u64, mut chunk: Chunk) {
+        let Self { rng, sending, on_air, waiting, .. } = self;
+        let Some(sending) = sending else { return };
+        let (first, after) = (sending.len(), at.saturating_sub(sending.started_ns));
+        sending.more(&chunk);
+        if let Some(flight) = flight_of(on_air, waiting, sending.id) {
+            damage(rng, flight, first, &mut chunk);
+            flight.later.push_back((after, Later::Bytes(chunk)));
+        }
+    }
+
+    fn frame_ended(&mut self, at: u64, bits: u32) {
+        let Some(sending) = self.sending.take() else { return };
+        let (id, start_ns) = (sending.id, sending.started_ns);
+        let sent = sending.ended(at, bits);
+        let bits_per_second = sent.bits_per_second;
+        self.account.last = Some(LastFrame { start_ns, end_ns: at, bits_per_second, data_bits: bits });
+        if let Some(flight) = flight_of(&mut self.on_air, &mut self.waiting, id) {
+            flight.later.push_back((at.saturating_sub(start_ns), Later::End { bits, whole: sent.whole }));
+        }
+        self.account.sent.push(sent);
+    }
+
+    /// The poller's frame is over without having ended: the next one begins, or the carrier is gone.
+    fn sending_breaks_off(&mut self, at: u64, hears: &mut impl FnMut(u64, &AirEvent)) {
+        if let Some(sending) = &self.sending {
+            let bits = sending.bits_by(at);
+            self.frame_ended(at, bits);
+            self.advance(at, hears);
+        }
+    }
+
+    fn is_lost(&mut self, at: u64, frame: &FrameStart) -> bool {
+        let Self { faults, rng, account, .. } = self;
+        if rng.hit(faults.lost) {
+            account.inject(at, Fault::Lost);
+            return true;
+        }
+        let wrong = sync_errors(rng, faults, frame);
+        (0..wrong).for_each(|_| account.inject(at, Fault::BitError));
+        wrong != 0
+    }
+
+    fn new_id(&mut self) -> u64 {
+        self.next_id += 1;
+        self.next_id
+    }
+
+    // --- the listener's side ---
+
+    /// A frame is due at the listener.
+    fn begins(&mut self, due: u64, index: usize, hears: &mut impl FnMut(u64, &AirEvent)) {
+        let straight = self.waiting[index].origin == Origin::Poller;
+        if self.on_air.is_some() && !straight {
+            self.waiting[index].due = None;
+            return;
+        }
+        let flight = self.waiting.remove(index);
+        if !self.field || self.faults.field_off {
+            return self.account.over(flight.origin, Outcome::Lost);
+        }
+        if self.on_air.is_some() {
+            self.account.counters.collisions += 1;
+            self.account.over(flight.origin, Outcome::Lost);
+            return self.break_off(due, hears);
+        }
+        if flight.origin == Origin::Repeated {
+            self.account.inject(due, Fault::Repeated);
+        }
+        hears(due, &AirEvent::FrameStart(flight.start.clone()));
+        self.on_air = Some((due, flight));
+    }
+
+    /// What is next of the frame on the air.
+    fn goes_on(&mut self, hears: &mut impl FnMut(u64, &AirEvent)) {
+        let Some((began, flight)) = &mut self.on_air else { return };
+        let Some((after, later)) = flight.later.pop_front() else { return };
+        let at = began.saturating_add(after);
+        match later {
+            Later::Bytes(chunk) => {
+                flight.start.chunk.data.extend_from_slice(&chunk.data);
+                flight.start.chunk.parity_error |= chunk.parity_error;
+                hears(at, &AirEvent::Bytes(chunk));
+            }
+            Later::End { bits, whole } => {
+                hears(at, &AirEvent::FrameEnd { bits });
+                self.over(at, bits, whole);
+            }
+        }
+    }
+
+    /// The frame on the air, if there is one, stops at `at`.
+    fn break_off(&mut self, at: u64, hears: &mut impl FnMut(u64, &AirEvent)) {
+        let Some((began, flight)) = &self.on_air else { return };
+        let bits = flight.start.data_bits_in(at.saturating_sub(*began)).min(8 * flight.start.chunk.data.len() as u64);
+        let bits = u32::try_from(bits).unwrap_or(u32::MAX);
+        hears(at, &AirEvent::FrameEnd { bits });
+        self.over(at, bits, false);
+    }
+
+    /// The frame on the air ended at `at`.
+    fn over(&mut self, at: u64, bits: u32, whole: bool) {
+        self.publish_marks(at);
+        let Some((began, flight)) = self.on_air.take() else { return };
+        self.account.heard.push(flight.heard(began, at, bits, whole));
+        let outcome = if whole && !flight.changed { Outcome::Delivered } else { Outcome::Damaged };
+        self.account.over(flight.origin, outcome);
+        for waits in self.waiting.iter_mut().filter(|other| other.due.is_none()) {
+            waits.due = Some(at.saturating_add(GAP_NS));
+        }
+        if whole && flight.origin != Origin::Repeated && self.rng.hit(flight.faults.repeated) {
+            let due = at.saturating_add(within(&mut self.rng, flight.faults.repeat_after_ns));
+            let id = self.new_id();
+            self.waiting.push(flight.again(id, due, at - began, bits));
+        }
+    }
+
+    /// Tells of the faults in the frame on the air that lie up to `to`.
+    fn publish_marks(&mut self, to: u64) {
+        let Some((began, flight)) = &mut self.on_air else { return };
+        while let Some((after, fault)) = flight.marks.pop_front_if(|(after, _)| began.saturating_add(*after) <= to) {
+            self.account.inject(began.saturating_add(after), fault);
+        }
+    }
+}
+
+/// The bytes of `flight` from byte `first` on pass the air.
+fn damage(rng: &mut SplitMix, flight: &mut Flight, first: usize, chunk: &mut Chunk) {
+    let before = chunk.clone();
+    for bit in invert(rng, &flight.faults, flight.start.technology, &flight.burst, first, chunk) {
+        flight.mark(flight.start.until_bit(bit), Fault::BitError);
+    }
+    flight.changed |= *chunk != before;
+}
+
+/// The frame `id` of the poller, unless it is over at the listener.
+fn flight_of<'a>(on_air: &'a mut Option<(u64, Flight)>, waiting: &'a mut [Flight], id: u64) -> Option<&'a mut Flight> {
+    let on_air = on_air.iter_mut().map(|(_, flight)| flight);
+    on_air.chain(waiting).find(|flight| flight.id == id)
+}

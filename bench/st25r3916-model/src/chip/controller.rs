@@ -1,0 +1,95 @@
+//! The controller's side of the bus: frames of any length, clocked in any mode and at any rate.
+//!
+//! The chip's own mode is 1 (DS13541, SPI interface: idle low, both sides sample on the falling edge), and it takes
+//! whole bytes. A clock of another polarity or phase shifts bits; what makes no whole byte is lost.
+
+use super::Chip;
+use crate::report::Kind;
+
+/// Clock polarity and phase.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SpiMode {
+    /// Idle low, sampled on the first edge.
+    Mode0,
+    /// Idle low, sampled on the second edge: the chip's own.
+    Mode1,
+    /// Idle high, sampled on the first edge.
+    Mode2,
+    /// Idle high, sampled on the second edge.
+    Mode3,
+}
+
+/// Bits that a controller clocks without a pause.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SpiFrame {
+    /// The first clock edge, virtual ns.
+    pub begins_ns: u64,
+    /// The end of the last bit, virtual ns.
+    pub ends_ns: u64,
+    /// Polarity and phase of the clock.
+    pub mode: SpiMode,
+    /// How many bits, 1 to 32.
+    pub bits: u8,
+    /// What MOSI carries, in the order it travels: the first bit is the most significant of the `bits` low ones.
+    pub mosi: u32,
+}
+
+impl Chip {
+    /// A frame is clocked. Answers what the controller reads from MISO, in the order of [`SpiFrame::mosi`]; `each` gets
+    /// every whole byte that crosses: the instant its eighth clock ended (virtual ns), what the chip took, what it
+    /// gave.
+    ///
+    /// The frame tells the chip the controller's clock, as [`Chip::spi_clock_hz`] does.
+    pub fn clock_frame(&mut self, frame: &SpiFrame, mut each: impl FnMut(&mut Self, u64, u8, u8)) -> u32 {
+        let SpiFrame { begins_ns, ends_ns, mode, mosi, .. } = *frame;
+        let (bits, span) = (u64::from(frame.bits.max(1)), ends_ns.saturating_sub(begins_ns));
+        self.spi.took(frame.bits, span);
+        if bits == 8 && mode == SpiMode::Mode1 {
+            // What follows, for the frames that firmwares send: a byte in the chip's own mode.
+            let miso = self.transfer(ends_ns, mosi as u8);
+            each(self, ends_ns, mosi as u8, miso);
+            return u32::from(miso);
+        }
+        if mode != SpiMode::Mode1 {
+            self.advance(begins_ns);
+            self.core.note(Kind::WrongSpiMode(mode as u8));
+        }
+        let sent = |bit: u64| mosi >> (bits - 1 - bit) & 1 != 0;
+        let (mut answer, mut last, mut bit) = (0_u32, self.last_bits, 0);
+        while bit < bits {
+            let many = (bits - bit).min(8);
+            let mut byte = 0_u8;
+            for nth in bit..bit + many {
+                // Clocked in mode 3, data changes on the edge that the chip samples on: it takes the bit before.
+                let seen = if mode == SpiMode::Mode3 { std::mem::replace(&mut last.0, sent(nth)) } else { sent(nth) };
+                byte = byte << 1 | u8::from(seen);
+            }
+            bit += many;
+            let at = begins_ns + span * bit / bits;
+            if many < 8 {
+                // What is left over is lost at the end of chip select.
+                self.advance(at);
+                self.core.note(Kind::BitsLost(many as u8));
+                answer <<= many;
+                break;
+            }
+            let miso = self.transfer(at, byte);
+            each(self, at, byte, miso);
+            for nth in (0..8).rev() {
+                let driven = miso >> nth & 1 != 0;
+                // The chip changes MISO on the rising edge. A controller that samples there (modes 0 and 3) takes the
+                // bit before, and so does one that samples the falling edge before it (mode 2).
+                let read = if mode == SpiMode::Mode1 { driven } else { std::mem::replace(&mut last.1, driven) };
+                answer = answer << 1 | u32::from(read);
+            }
+        }
+        self.last_bits = last;
+        answer
+    }
+
+    /// The SPI clock the controller uses, Hz; above 10 MHz is reported at each transfer. It also tells when in a byte
+    /// the IRQ pin falls ([`Chip::take_irq_edges`]).
+    pub fn spi_clock_hz(&mut self, hz: u32) {
+        self.spi.set_hz(hz);
+    }
+}

@@ -1,0 +1,152 @@
+//! The register file: what a read finds, and what a write does.
+//!
+//! | covered | DS13541 |
+//! |---|---|
+//! | interrupt registers (1A to 1D), FIFO status (1E, 1F), timer and rate display (24), | 4.5 Registers |
+//! | auxiliary display (31), identity (3F) | |
+//! | operation control (02), mode (03), bit rate (04), I/O configuration (01), tuning, masks (16 to 19) | as above |
+//!
+//! | left out | why |
+//! |---|---|
+//! | response field (03, nfc_ar), no_rx_par, nfc_f0 and antcl (05) | the link uses none: kept, and reported when set |
+//! | test registers | test register 04 is stored for the bring-up, the others are reported |
+
+use super::Chip;
+use crate::config::Variant;
+use crate::registers::{self, Class, EN_FD, RX_EN, TARGET, reg};
+use crate::report::{Kind, Space};
+use crate::schedule::Due;
+use crate::supply;
+
+impl Chip {
+    /// A register's value as a read would find it, without the read's side effects.
+    pub fn peek(&self, space: Space, address: u8) -> u8 {
+        let core = &self.core;
+        let stored = core.registers().get(space, address);
+        if space != Space::A {
+            return stored;
+        }
+        let i = usize::from(address & 0x3F);
+        match i {
+            0x1A..=0x1D => core.interrupts().pending().to_le_bytes()[i - reg::IRQ],
+            0x1E => (self.fifo_level() & 0xFF) as u8,
+            0x1F => {
+                let level = self.fifo_level();
+                (((level >> 8) & 0x03) << 6) as u8
+                    | u8::from(self.fifo.underflow) << 5
+                    | u8::from(self.fifo.overflow) << 4
+                    | self.fifo.last_bits << 1
+            }
+            reg::RATE_DETECTED => {
+                stored & 0x30
+                    | u8::from(core.running(Due::GeneralPurpose)) << 2
+                    | u8::from(core.running(Due::NoResponse)) << 1
+                    | u8::from(core.running(Due::MaskReceive))
+            }
+            0x31 => self.auxiliary_display(),
+            0x3F => match core.config().variant {
+                Variant::St25r3916 => 0x2A,
+                Variant::St25r3916b => 0x31,
+            },
+            _ => stored,
+        }
+    }
+
+    fn auxiliary_display(&self) -> u8 {
+        let Self { core, field, receiver, .. } = self;
+        // Recorded: detector automatic and own field off reads en_peer. With the field on, automatic means collision
+        // avoidance.
+        let (peer, avoidance) = match core.a(reg::OPERATION) & EN_FD {
+            1 => (false, true),
+            2 => (true, false),
+            3 => (!field.own(), field.own()),
+            _ => (false, false),
+        };
+        let rx_on = core.oscillator()
+            && core.operates(RX_EN)
+            && !receiver.masked()
+            && (core.target() || field.own())
+            && !core.running(Due::MaskReceive);
+        u8::from(field.detected()) << 6
+            | u8::from(field.own()) << 5
+            | u8::from(core.oscillator()) << 4
+            | u8::from(rx_on) << 3
+            | u8::from(receiver.busy()) << 2
+            | u8::from(peer) << 1
+            | u8::from(avoidance)
+    }
+
+    /// An access to a register that the part does not have is noted.
+    pub(super) fn register_exists(&mut self, space: Space, address: u8) {
+        if registers::class(self.core.config().variant, space, address) == Class::Absent {
+            self.core.note(Kind::NoSuchRegister(space, address));
+        }
+    }
+
+    pub(super) fn write_register(&mut self, space: Space, address: u8, value: u8) {
+        let core = &mut self.core;
+        match registers::class(core.config().variant, space, address) {
+            Class::Absent => return core.note(Kind::NoSuchRegister(space, address)),
+            Class::ReadOnly => return core.note(Kind::ReadOnlyWritten(space, address)),
+            Class::Unmodelled => {
+                if value != registers::reset(space, address) {
+                    core.note(Kind::UnmodelledRegister(space, address));
+                }
+            }
+            Class::Stored => {}
+        }
+        let value = value & registers::writable(space, address);
+        let unmodelled = registers::unmodelled_bits(space, address, value);
+        if unmodelled != 0 {
+            core.note(Kind::UnmodelledBits(space, address, unmodelled));
+        }
+        match (space, usize::from(address & 0x3F)) {
+            (Space::A, reg::MODE) => self.write_mode(value),
+            (Space::A, reg::BIT_RATE) => self.write_bit_rate(value),
+            (_, i) => {
+                core.registers_mut().set(space, address, value);
+                match (space, i) {
+                    (Space::A, reg::OPERATION) => {
+                        if value & 0x04 != 0 {
+                            core.note(Kind::UnmodelledRegister(space, address));
+                        }
+                        self.operation_changed();
+                    }
+                    (Space::A, reg::TUNE_A | reg::TUNE_B) => supply::tuning_suits(core, &self.field),
+                    (Space::A, 0x16..=0x19) => core.pin_follows(),
+                    _ => {}
+                }
+            }
+        }
+    }
+
+    fn write_mode(&mut self, value: u8) {
+        if !self.core.oscillator() {
+            return self.core.note(Kind::ModeWithoutOscillator);
+        }
+        self.changes_in_frame(reg::MODE, value);
+        let entered = value & TARGET != 0 && !self.core.target();
+        self.core.set_a(reg::MODE, value);
+        self.let_go();
+        if entered || !self.core.target() {
+            self.receiver.mask_idle(&self.core);
+        }
+    }
+
+    fn write_bit_rate(&mut self, value: u8) {
+        self.changes_in_frame(reg::BIT_RATE, value);
+        let receives = (value ^ self.core.a(reg::BIT_RATE)) & 0x03 != 0;
+        self.core.set_a(reg::BIT_RATE, value);
+        if receives {
+            self.let_go();
+        }
+    }
+
+    /// 03 or 04 gets a value while a frame is on its way out or in.
+    fn changes_in_frame(&mut self, i: usize, value: u8) {
+        let on_its_way = self.transmitter.busy() || self.receiver.busy();
+        if on_its_way && self.core.a(i) != value {
+            self.core.note(Kind::ChangedInFrame(i as u8));
+        }
+    }
+}

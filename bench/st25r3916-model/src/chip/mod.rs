@@ -1,0 +1,354 @@
+//! The chip: its parts put together, and the order in which things happen.
+//!
+//! Everything the chip does by itself is a deadline in one small table; `advance` takes them in order of time. Between
+//! deadlines nothing runs: a frame on its way through the FIFO is computed when somebody looks.
+//!
+//! | covered | DS13541 |
+//! |---|---|
+//! | power-up, oscillator start and I_osc | Power-on, Operating modes |
+//! | what the parts do to each other: field and frames, sending and receiving, FIFO | the parts' own sections |
+//!
+//! The chip's children: `bus` (bytes over SPI), `controller` (the clock and bits of a controller), `commands`,
+//! `file` (the register file).
+
+mod bus;
+mod commands;
+mod controller;
+mod file;
+
+use std::collections::VecDeque;
+
+use crate::core::{Core, Statistics};
+use crate::event::AirEvent;
+use crate::field::{self, Field};
+use crate::fifo::{CAPACITY, Fifo};
+use crate::interrupts::{IrqEdge, irq};
+use crate::outgoing::Outgoing;
+use crate::receiver::Receiver;
+use crate::registers::{RX_EN, TX_EN, reg};
+use crate::report::{Report, Space};
+use crate::schedule::Due;
+use crate::spi::Spi;
+use crate::transmitter::Transmitter;
+use crate::{Config, supply, timers};
+
+pub use controller::{SpiFrame, SpiMode};
+
+/// One ST25R3916 or ST25R3916B on a virtual clock.
+///
+/// All times are virtual ns and do not go back: an instant before the last one counts as the last one.
+#[derive(Clone, Debug)]
+pub struct Chip {
+    core: Core,
+    field: Field,
+    fifo: Fifo,
+    transmitter: Transmitter,
+    receiver: Receiver,
+    spi: Spi,
+    /// Events of the air: when they take effect, and when they happened.
+    inbox: VecDeque<(u64, u64, AirEvent)>,
+    /// The result register that a command in progress will set.
+    measuring: Option<(Space, u8, u8)>,
+    /// When chip select rose after a command to transmit.
+    transmits: Vec<u64>,
+    /// The last bit on MOSI and on MISO: what a clock of another phase finds there.
+    last_bits: (bool, bool),
+}
+
+impl Chip {
+    /// A chip that is powered from time 0, its registers at their reset values.
+    pub fn new(config: Config) -> Self {
+        let mut chip = Self {
+            core: Core::new(config),
+            field: Field::default(),
+            fifo: Fifo::new(),
+            transmitter: Transmitter::default(),
+            receiver: Receiver::new(),
+            spi: Spi::default(),
+            inbox: VecDeque::new(),
+            measuring: None,
+            transmits: vec![],
+            last_bits: (false, false),
+        };
+        chip.set_default();
+        chip
+    }
+
+    /// Its configuration.
+    pub fn config(&self) -> &Config {
+        self.core.config()
+    }
+
+    /// The virtual time it has been advanced to, ns.
+    pub fn now(&self) -> u64 {
+        self.core.now()
+    }
+
+    /// Supply on: every register takes its reset value. What was on the air is still there.
+    pub fn power_on(&mut self, now: u64) {
+        self.advance(now);
+        if !self.core.powered() {
+            self.core.set_powered(true);
+            self.set_default();
+        }
+    }
+
+    /// Supply off: own field, IRQ pin and MISO go low, registers are lost. A frame on the air breaks off.
+    pub fn power_off(&mut self, now: u64) {
+        self.advance(now);
+        if self.core.powered() {
+            self.set_default();
+            self.spi.power_off();
+            self.core.set_powered(false);
+        }
+    }
+
+    /// Whether the supply is on.
+    pub fn is_powered(&self) -> bool {
+        self.core.powered()
+    }
+
+    /// Whether its own carrier is on.
+    pub fn field_on(&self) -> bool {
+        self.field.own()
+    }
+
+    /// Whether a frame of its own is on the air.
+    pub fn is_transmitting(&self) -> bool {
+        self.transmitter.on_air()
+    }
+
+    /// When the chip next does something by itself, ns; never before the time last advanced to.
+    pub fn next_event(&self) -> Option<u64> {
+        self.core.next_due().map(|next| next.max(self.core.now()))
+    }
+
+    /// Lets every internal event up to and including `now` take effect.
+    pub fn advance(&mut self, now: u64) {
+        while let Some(what) = self.core.take_due(now) {
+            self.fall_due(what);
+        }
+        self.core.reach(now);
+    }
+
+    /// Whether there is anything for [`Chip::take_air`].
+    pub fn has_air(&self) -> bool {
+        self.core.has_air()
+    }
+
+    /// What the chip has emitted since the last call, in order of time.
+    pub fn take_air(&mut self) -> impl Iterator<Item = (u64, AirEvent)> + '_ {
+        self.core.take_air()
+    }
+
+    /// Something happens on the air at `at`. It may lie ahead, and then waits; what lies behind takes effect now, but a
+    /// frame's bits keep the times they had.
+    pub fn hear(&mut self, at: u64, event: &AirEvent) {
+        let effect = at.max(self.core.now());
+        let place = self.inbox.partition_point(|(t, _, _)| *t <= effect);
+        self.inbox.insert(place, (effect, at, event.clone()));
+        self.plan_hearing();
+        self.advance(self.core.now());
+    }
+
+    /// Level of the IRQ pin at the time last advanced to: high while an unmasked interrupt bit is set.
+    pub fn irq(&self) -> bool {
+        self.core.irq()
+    }
+
+    /// Since when the IRQ pin has had its level, virtual ns. After a read that cleared it, this lies inside the byte
+    /// read.
+    pub fn irq_since(&self) -> u64 {
+        self.core.interrupts().since()
+    }
+
+    /// The IRQ pin's level if it is another than at the last call; always at the first one.
+    pub fn take_irq_change(&mut self) -> Option<bool> {
+        self.core.interrupts_mut().take_change()
+    }
+
+    /// Every change of the IRQ pin since the last call, in order, each with its exact instant; the last 64 of them. A
+    /// pulse shorter than a byte is in it (the pin falls by a read and rises by the next event before the byte ends),
+    /// which two looks at [`Chip::irq`] would not show.
+    pub fn take_irq_edges(&mut self) -> impl Iterator<Item = IrqEdge> + '_ {
+        self.core.interrupts_mut().take_edges()
+    }
+
+    /// Whether the pin changed since [`Chip::take_irq_edges`] was last called.
+    #[must_use]
+    pub fn has_irq_edges(&self) -> bool {
+        self.core.interrupts().has_edges()
+    }
+
+    /// What must not be passed over in silence.
+    pub fn reports(&self) -> &[Report] {
+        self.core.reports()
+    }
+
+    /// What the chip has done.
+    pub fn statistics(&self) -> Statistics {
+        self.core.statistics()
+    }
+
+    // --- in order of time ---
+
+    fn plan_hearing(&mut self) {
+        match self.inbox.front() {
+            Some((at, ..)) => self.core.plan(Due::Heard, *at),
+            None => self.core.cancel(Due::Heard),
+        }
+    }
+
+    fn fall_due(&mut self, what: Due) {
+        let Self { core, fifo, transmitter, receiver, field, .. } = self;
+        match what {
+            Due::Osc => {
+                core.set_oscillator(true);
+                core.raise(irq::OSC);
+                self.field_follows();
+            }
+            Due::FieldOn => {
+                core.set_a(reg::OPERATION, core.a(reg::OPERATION) | TX_EN);
+                self.field_follows();
+                field::start_guard(&mut self.core);
+            }
+            Due::FieldDetect => field.detect(core),
+            Due::Heard => {
+                if let Some((_, at, event)) = self.inbox.pop_front() {
+                    self.plan_hearing();
+                    self.heard(at, event);
+                }
+            }
+            Due::TxStart => transmitter.starts(core, fifo),
+            Due::TxMore => transmitter.goes_on(core, fifo),
+            Due::TxLevel => transmitter.level(core, fifo),
+            Due::TxEnd => transmitter.ends(core, fifo),
+            Due::RxStart => receiver.starts(core, fifo, field, transmitter.busy()),
+            Due::RxLevel => receiver.level(core, fifo),
+            Due::RxEnd => receiver.ends(core, fifo),
+            Due::Apon => core.raise(irq::APON),
+            Due::Guard => core.raise(irq::CAT),
+            Due::CommandDone => {
+                if let Some((space, address, value)) = self.measuring.take() {
+                    core.registers_mut().set(space, address, value);
+                }
+                core.raise(irq::DCT);
+            }
+            // The mask ends by having been in the past.
+            Due::MaskReceive => {}
+            Due::NoResponse => core.raise(irq::NRE),
+            Due::GeneralPurpose => core.raise(irq::GPE),
+            Due::WakeUp => timers::wake_up(core),
+            Due::Answer => {
+                let answer = Outgoing::automatic_answer(core);
+                self.send(answer);
+            }
+        }
+    }
+
+    /// Something on the air takes effect now; `at` is when it happened.
+    fn heard(&mut self, at: u64, event: AirEvent) {
+        let Self { core, fifo, receiver, field, .. } = self;
+        match event {
+            AirEvent::FieldOn => field.outside_is(core, true),
+            AirEvent::FieldOff => {
+                field.outside_is(core, false);
+                receiver.signal_lost(core, fifo, at);
+            }
+            AirEvent::FrameStart(frame) => receiver.frame_starts(core, fifo, at, frame),
+            AirEvent::Bytes(chunk) => receiver.frame_goes_on(core, fifo, &chunk),
+            AirEvent::FrameEnd { bits } => receiver.frame_ends(core, fifo, at, bits),
+        }
+    }
+
+    // --- what concerns more than one part ---
+
+    /// Set default (C0, C1), and what a supply that comes or goes does.
+    fn set_default(&mut self) {
+        self.break_off();
+        self.receiver.set_default(self.core.now());
+        self.core.set_default();
+        self.fifo.clear();
+        self.measuring = None;
+        self.field_follows();
+        self.field.forget();
+        self.core.cancel_all();
+        self.plan_hearing();
+        self.core.pin_follows();
+    }
+
+    /// 02 has been written.
+    fn operation_changed(&mut self) {
+        if !self.core.enabled() {
+            self.core.set_oscillator(false);
+            let dues =
+                [Due::Osc, Due::MaskReceive, Due::NoResponse, Due::GeneralPurpose, Due::CommandDone, Due::Answer];
+            for due in dues {
+                self.core.cancel(due);
+            }
+            self.measuring = None;
+            self.break_off();
+            self.let_go();
+        } else if !self.core.oscillator() && !self.core.running(Due::Osc) {
+            let startup = self.core.config().oscillator_startup_ns;
+            self.core.plan_in(Due::Osc, startup);
+        }
+        if !self.core.operates(RX_EN) {
+            self.let_go();
+        } else if self.core.oscillator() {
+            supply::suits(&mut self.core);
+        }
+        self.field_follows();
+        supply::tuning_suits(&mut self.core, &self.field);
+        self.field.look(&mut self.core);
+    }
+
+    /// The own field is on when oscillator and transmitter are.
+    fn field_follows(&mut self) {
+        let on = Field::wanted(&self.core);
+        if on == self.field.own() {
+            return;
+        }
+        if !on {
+            self.break_off();
+            self.let_go();
+        }
+        self.field.switch(&mut self.core, on);
+        if on {
+            supply::suits(&mut self.core);
+            supply::tuning_suits(&mut self.core, &self.field);
+        }
+        self.field.look(&mut self.core);
+    }
+
+    /// A frame is to be sent. Half duplex: what was being received is gone, what comes during the transmission is not
+    /// heard.
+    fn send(&mut self, mut frame: Outgoing) {
+        if self.transmitter.admits(&mut self.core, &self.field, &mut frame) {
+            self.let_go();
+            self.transmitter.send(&mut self.core, &mut self.fifo, frame);
+        }
+    }
+
+    /// Stop, field off, supply off: a frame on the air breaks off, without an interrupt.
+    fn break_off(&mut self) {
+        self.transmitter.break_off(&mut self.core, &mut self.fifo);
+    }
+
+    /// The receiver lets go of what it was receiving.
+    fn let_go(&mut self) {
+        self.receiver.abort(&mut self.core, &mut self.fifo);
+    }
+
+    /// Brings the FIFO up to date: bytes that left for the air, bytes that arrived.
+    fn settle(&mut self) {
+        self.transmitter.settle(&self.core, &mut self.fifo);
+        self.receiver.settle(&mut self.core, &mut self.fifo);
+    }
+
+    /// Bytes in the FIFO now.
+    fn fifo_level(&self) -> usize {
+        let (leaving, arriving) = (self.transmitter.leaving(&self.core), self.receiver.arriving(&self.core));
+        (self.fifo.len().saturating_sub(leaving) + arriving).min(CAPACITY)
+    }
+}

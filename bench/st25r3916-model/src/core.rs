@@ -1,0 +1,267 @@
+//! What every part of the chip stands on: configuration, time, power and oscillator, registers, interrupts, deadlines,
+//! and the lists of what was found and emitted.
+
+use crate::clock::Clock;
+use crate::config::Config;
+use crate::event::AirEvent;
+use crate::interrupts::Interrupts;
+use crate::registers::{EN, Registers, TARGET, reg};
+use crate::report::{Kind, Report, Reports, Space};
+use crate::rng::SplitMix;
+use crate::schedule::{Due, Schedule};
+
+/// What the chip has done, for a report.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Statistics {
+    /// Frames sent to their end.
+    pub sent: u64,
+    /// Frames received to I_rxe, whatever their flags.
+    pub received: u64,
+    /// Of these, with a CRC error.
+    pub crc_errors: u64,
+    /// Frames that broke off while being received.
+    pub broken: u64,
+    /// Frames that passed by: not armed, receiver off, other mode or rate.
+    pub missed: u64,
+    /// Frames that began while their predecessor was unread in the FIFO.
+    pub overwritten: u64,
+}
+
+/// The common state.
+#[derive(Clone, Debug)]
+pub(crate) struct Core {
+    config: Config,
+    clock: Clock,
+    now: u64,
+    powered: bool,
+    oscillator: bool,
+    registers: Registers,
+    interrupts: Interrupts,
+    schedule: Schedule,
+    /// Scatters what scatters on silicon.
+    rng: SplitMix,
+    reports: Reports,
+    outbox: Vec<(u64, AirEvent)>,
+    statistics: Statistics,
+}
+
+impl Core {
+    /// Powered from time 0, registers at their reset values.
+    pub(crate) fn new(config: Config) -> Self {
+        Self {
+            clock: Clock::new(config.crystal_ppb),
+            rng: SplitMix::new(config.seed),
+            config,
+            now: 0,
+            powered: true,
+            oscillator: false,
+            registers: Registers::new(),
+            interrupts: Interrupts::new(),
+            schedule: Schedule::new(),
+            reports: Reports::default(),
+            outbox: Vec::new(),
+            statistics: Statistics::default(),
+        }
+    }
+
+    pub(crate) fn config(&self) -> &Config {
+        &self.config
+    }
+
+    pub(crate) fn clock(&self) -> Clock {
+        self.clock
+    }
+
+    /// 0 to `most`, each as likely as the others.
+    pub(crate) fn scatter(&mut self, most: u64) -> u64 {
+        self.rng.up_to(most)
+    }
+
+    // --- time ---
+
+    pub(crate) fn now(&self) -> u64 {
+        self.now
+    }
+
+    /// Time is `now`, unless it is later already.
+    pub(crate) fn reach(&mut self, now: u64) {
+        self.now = self.now.max(now);
+    }
+
+    /// What falls due first up to `now`; time moves to its instant.
+    pub(crate) fn take_due(&mut self, now: u64) -> Option<Due> {
+        let (at, what) = self.schedule.take(now)?;
+        self.reach(at);
+        Some(what)
+    }
+
+    pub(crate) fn next_due(&self) -> Option<u64> {
+        self.schedule.next()
+    }
+
+    pub(crate) fn plan(&mut self, what: Due, at: u64) {
+        self.schedule.plan(what, at);
+    }
+
+    pub(crate) fn plan_in(&mut self, what: Due, ns: u64) {
+        self.schedule.plan(what, self.now.saturating_add(ns));
+    }
+
+    pub(crate) fn cancel(&mut self, what: Due) {
+        self.schedule.cancel(what);
+    }
+
+    pub(crate) fn running(&self, what: Due) -> bool {
+        self.schedule.running(what)
+    }
+
+    // --- power and oscillator ---
+
+    pub(crate) fn powered(&self) -> bool {
+        self.powered
+    }
+
+    pub(crate) fn set_powered(&mut self, powered: bool) {
+        self.powered = powered;
+        self.pin_follows();
+    }
+
+    /// Whether the oscillator is stable.
+    pub(crate) fn oscillator(&self) -> bool {
+        self.oscillator
+    }
+
+    pub(crate) fn set_oscillator(&mut self, stable: bool) {
+        self.oscillator = stable;
+    }
+
+    /// Set default: registers, interrupts and oscillator, as after power-up. The pin does not follow yet.
+    pub(crate) fn set_default(&mut self) {
+        self.registers.reset();
+        self.registers.set(Space::B, reg::B_DRIVER_TIMING as u8, self.config.driver_timing_display);
+        self.interrupts.clear();
+        self.oscillator = false;
+    }
+
+    /// No deadline is left.
+    pub(crate) fn cancel_all(&mut self) {
+        self.schedule = Schedule::new();
+    }
+
+    // --- registers ---
+
+    pub(crate) fn registers(&self) -> &Registers {
+        &self.registers
+    }
+
+    pub(crate) fn registers_mut(&mut self) -> &mut Registers {
+        &mut self.registers
+    }
+
+    /// The register `i` of space A.
+    pub(crate) fn a(&self, i: usize) -> u8 {
+        self.registers.a(i)
+    }
+
+    pub(crate) fn set_a(&mut self, i: usize, value: u8) {
+        self.registers.set(Space::A, i as u8, value);
+    }
+
+    /// Whether all these bits of the operation control register (02) are set.
+    pub(crate) fn operates(&self, bits: u8) -> bool {
+        self.a(reg::OPERATION) & bits == bits
+    }
+
+    /// Whether the oscillator is to run.
+    pub(crate) fn enabled(&self) -> bool {
+        self.operates(EN)
+    }
+
+    /// Whether the mode (03) is a target's.
+    pub(crate) fn target(&self) -> bool {
+        self.a(reg::MODE) & TARGET != 0
+    }
+
+    /// Operation mode om (03, bits 6:3).
+    pub(crate) fn operation_mode(&self) -> u8 {
+        (self.a(reg::MODE) >> 3) & 0x0F
+    }
+
+    /// Whether the load modulator is connected: lm_ext or lm_dri (B28).
+    pub(crate) fn load_modulator(&self) -> bool {
+        self.registers.b(reg::B_AUX_MOD) & 0x30 != 0
+    }
+
+    // --- interrupts ---
+
+    pub(crate) fn interrupts(&self) -> &Interrupts {
+        &self.interrupts
+    }
+
+    pub(crate) fn interrupts_mut(&mut self) -> &mut Interrupts {
+        &mut self.interrupts
+    }
+
+    /// Interrupt bits that may drive the pin.
+    fn unmasked(&self) -> u32 {
+        if self.powered { !self.registers.interrupt_mask() } else { 0 }
+    }
+
+    /// The pin's level.
+    pub(crate) fn irq(&self) -> bool {
+        self.interrupts.pending() & self.unmasked() != 0
+    }
+
+    pub(crate) fn raise(&mut self, bits: u32) {
+        let unmasked = self.unmasked();
+        self.interrupts.raise(bits, unmasked, self.now);
+    }
+
+    /// These bits were read at `at`, perhaps a little in the past.
+    pub(crate) fn interrupts_were_read(&mut self, bits: u32, at: u64) {
+        let unmasked = self.unmasked();
+        self.interrupts.were_read(bits, unmasked, at);
+    }
+
+    /// Every interrupt bit is cleared.
+    pub(crate) fn clear_interrupts(&mut self) {
+        self.interrupts.clear();
+        self.pin_follows();
+    }
+
+    /// A mask, the supply or the pending bits have changed.
+    pub(crate) fn pin_follows(&mut self) {
+        let unmasked = self.unmasked();
+        self.interrupts.follows(unmasked, self.now);
+    }
+
+    // --- what leaves the chip ---
+
+    pub(crate) fn note(&mut self, kind: Kind) {
+        self.reports.note(self.now, kind);
+    }
+
+    pub(crate) fn reports(&self) -> &[Report] {
+        self.reports.all()
+    }
+
+    pub(crate) fn emit(&mut self, event: AirEvent) {
+        self.outbox.push((self.now, event));
+    }
+
+    pub(crate) fn has_air(&self) -> bool {
+        !self.outbox.is_empty()
+    }
+
+    pub(crate) fn take_air(&mut self) -> impl Iterator<Item = (u64, AirEvent)> + '_ {
+        self.outbox.drain(..)
+    }
+
+    pub(crate) fn statistics(&self) -> Statistics {
+        self.statistics
+    }
+
+    pub(crate) fn statistics_mut(&mut self) -> &mut Statistics {
+        &mut self.statistics
+    }
+}

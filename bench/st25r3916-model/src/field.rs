@@ -1,0 +1,131 @@
+//! The carriers: the chip's own field, the external field detector, and RF collision avoidance.
+//!
+//! | covered | DS13541 |
+//! |---|---|
+//! | external field detector, own field, NFC initial field on (C8) with its guard time | External field detector, 4.4 |
+//! | | NFC field on |
+//!
+//! | left out | why |
+//! |---|---|
+//! | response field on (C9) | the link does not use it; it is reported |
+//! | the step of the NFC field-on guard time (B15) | recorded for 0 only (75.9 µs); 75.5 µs per step is assumed |
+//! | whether collision avoidance (C8) ends when it | not documented; it ends, with I_cac, when the detector sees |
+//! | sees a field or when its time is up | a field at any instant of the window |
+
+use crate::core::Core;
+use crate::event::AirEvent;
+use crate::interrupts::irq;
+use crate::registers::{EN, EN_FD, TX_EN, reg};
+use crate::report::Kind;
+use crate::schedule::Due;
+
+/// The carriers, as the chip makes and sees them.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Field {
+    own: bool,
+    /// A carrier from outside, whether or not the chip sees it.
+    outside: bool,
+    /// The detector's output.
+    detected: bool,
+}
+
+impl Field {
+    /// Whether the own carrier is on.
+    pub(crate) fn own(&self) -> bool {
+        self.own
+    }
+
+    /// Whether there is a carrier from outside.
+    pub(crate) fn outside(&self) -> bool {
+        self.outside
+    }
+
+    /// Whether the detector sees a carrier from outside.
+    pub(crate) fn detected(&self) -> bool {
+        self.detected
+    }
+
+    /// Whether the own carrier is to be on: oscillator and transmitter are.
+    pub(crate) fn wanted(core: &Core) -> bool {
+        core.powered() && core.oscillator() && core.operates(EN | TX_EN)
+    }
+
+    /// The own carrier goes on or off.
+    pub(crate) fn switch(&mut self, core: &mut Core, on: bool) {
+        self.own = on;
+        if on {
+            core.emit(AirEvent::FieldOn);
+        } else {
+            core.cancel(Due::Apon);
+            core.cancel(Due::Guard);
+            core.emit(AirEvent::FieldOff);
+        }
+    }
+
+    /// A carrier from outside comes or goes.
+    pub(crate) fn outside_is(&mut self, core: &mut Core, on: bool) {
+        self.outside = on;
+        self.look(core);
+    }
+
+    /// The detector starts anew: it has seen nothing.
+    pub(crate) fn forget(&mut self) {
+        self.detected = false;
+    }
+
+    fn sees(&self, core: &Core) -> bool {
+        // Its own field blinds the detector.
+        core.powered() && self.outside && !self.own && core.a(reg::OPERATION) & EN_FD != 0
+    }
+
+    /// Starts the detector's delay when its output must change.
+    pub(crate) fn look(&mut self, core: &mut Core) {
+        if self.sees(core) == self.detected {
+            core.cancel(Due::FieldDetect);
+        } else if !core.running(Due::FieldDetect) {
+            let delay = core.config().field_detect_ns;
+            core.plan_in(Due::FieldDetect, delay);
+        }
+    }
+
+    /// The detector's delay is over.
+    pub(crate) fn detect(&mut self, core: &mut Core) {
+        let sees = self.sees(core);
+        if sees != self.detected {
+            self.detected = sees;
+            core.raise(if sees { irq::EON } else { irq::EOF });
+            if sees && core.running(Due::FieldOn) {
+                avoided(core);
+            }
+        }
+    }
+
+    /// C8: listens for a foreign field during T_IDT + n T_RFW (4096 + n 512 carrier cycles), then switches its own on.
+    /// A field that the detector sees at its start or at any instant of the window ends it.
+    pub(crate) fn initial_on(&self, core: &mut Core) {
+        if core.a(reg::OPERATION) & EN_FD == 0 {
+            core.note(Kind::CollisionAvoidanceBlind);
+        }
+        if self.detected {
+            return avoided(core);
+        }
+        let n = u64::from(core.a(reg::AUX) & 0x03);
+        let window = core.clock().cycles(4096 + n * 512);
+        core.plan_in(Due::FieldOn, window);
+    }
+}
+
+/// Collision avoidance has seen a foreign field.
+fn avoided(core: &mut Core) {
+    core.cancel(Due::FieldOn);
+    core.raise(irq::CAC);
+}
+
+/// Collision avoidance has switched the own field on: I_apon, then the guard time.
+pub(crate) fn start_guard(core: &mut Core) {
+    let apon = core.config().field_on_latency_ns;
+    core.plan_in(Due::Apon, apon);
+    let steps = 1 + u64::from(core.registers().b(reg::B_GUARD));
+    let guard = core.clock().cycles(steps * 1024) + core.config().guard_extra_ns;
+    core.plan_in(Due::Guard, guard);
+}

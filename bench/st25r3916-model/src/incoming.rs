@@ -1,0 +1,161 @@
+//! A frame on its way in, from the moment it is heard: its bytes, and the arithmetic of their instants.
+//!
+//! An NFC-F frame ends when LEN + 2 bytes are in, or when the signal ends before that. Which of the two counts when
+//! they disagree is not documented; the first to happen does here.
+
+use crate::clock::{bits_in, bits_ns};
+use crate::event::{Chunk, FrameStart, Technology};
+
+/// A frame on its way in.
+#[derive(Clone, Debug)]
+pub(crate) struct Incoming {
+    pub(crate) frame: FrameStart,
+    start: u64,
+    /// The receiver took it: I_rxs was raised.
+    pub(crate) locked: bool,
+    /// Bytes in the FIFO.
+    deposited: usize,
+    /// When the next byte reaches the FIFO, ns.
+    next_byte: u64,
+    /// The signal's end and the data bits until then.
+    ended: Option<(u64, u32)>,
+    latency: u64,
+}
+
+impl Incoming {
+    /// A frame whose first bit was on the air at `start`; a byte reaches the FIFO `latency` ns after its end.
+    pub(crate) fn new(frame: FrameStart, start: u64, latency: u64) -> Self {
+        Self { frame, start, locked: false, deposited: 0, next_byte: 0, ended: None, latency }
+    }
+
+    fn instant(&self, bytes: usize) -> u64 {
+        let bits = u64::from(self.frame.header_bits) + u64::from(self.frame.byte_bits) * bytes as u64;
+        self.start.saturating_add(bits_ns(bits, self.frame.bit_as))
+    }
+
+    /// When its sync, or its start of communication, has passed.
+    pub(crate) fn header_end(&self) -> u64 {
+        self.instant(0)
+    }
+
+    /// When its sync, or its start of communication, began: the decoder must have been running by then.
+    pub(crate) fn sync_start(&self) -> u64 {
+        let bits = match self.frame.technology {
+            Technology::NfcF => self.frame.header_bits.saturating_sub(16),
+            Technology::NfcA => 0,
+        };
+        self.start.saturating_add(bits_ns(u64::from(bits), self.frame.bit_as))
+    }
+
+    /// Whether the signal has ended.
+    pub(crate) fn has_ended(&self) -> bool {
+        self.ended.is_some()
+    }
+
+    /// More of it is on the air.
+    pub(crate) fn more(&mut self, chunk: &Chunk) {
+        self.frame.chunk.data.extend_from_slice(&chunk.data);
+        self.frame.chunk.parity_error |= chunk.parity_error;
+        self.next_byte = 0;
+    }
+
+    /// The signal ended at `at`, after `bits` data bits.
+    pub(crate) fn ends(&mut self, at: u64, bits: u32) {
+        self.ended = Some((at, bits));
+        self.frame.chunk.data.truncate(bits.div_ceil(8) as usize);
+    }
+
+    /// The signal stopped at `at`, wherever the frame was. False when that is before the frame could be found.
+    pub(crate) fn stops(&mut self, at: u64) -> bool {
+        let air = bits_in(at.saturating_sub(self.start), self.frame.bit_as);
+        if !self.locked && air < u64::from(self.frame.header_bits) {
+            return false;
+        }
+        let bytes = air.saturating_sub(u64::from(self.frame.header_bits)) / u64::from(self.frame.byte_bits.max(1));
+        let bytes = usize::try_from(bytes).unwrap_or(usize::MAX).min(self.frame.chunk.data.len());
+        self.frame.chunk.data.truncate(bytes.max(self.deposited));
+        self.ended = Some((at, 8 * bytes as u32));
+        true
+    }
+
+    /// Bytes the frame says it has: LEN and CRC of NFC-F.
+    fn limit(&self) -> Option<usize> {
+        match self.frame.technology {
+            Technology::NfcF => self.frame.chunk.data.first().map(|&len| usize::from(len.max(1)) + 2),
+            Technology::NfcA => None,
+        }
+    }
+
+    /// Bytes that may reach the FIFO.
+    fn available(&self) -> usize {
+        let n = self.frame.chunk.data.len();
+        self.limit().map_or(n, |l| n.min(l))
+    }
+
+    /// The bytes that may reach the FIFO.
+    pub(crate) fn data(&self) -> &[u8] {
+        &self.frame.chunk.data[..self.available()]
+    }
+
+    /// Whether everything that the frame says it has was heard.
+    pub(crate) fn whole(&self) -> bool {
+        match (self.limit(), self.ended) {
+            (Some(limit), None) => self.frame.chunk.data.len() >= limit,
+            (Some(limit), Some((_, bits))) => self.frame.chunk.data.len() >= limit && bits as usize >= 8 * limit,
+            (None, ended) => ended.is_some(),
+        }
+    }
+
+    /// Bits of an incomplete last byte (NFC-A), 0 when it is whole.
+    pub(crate) fn last_bits(&self) -> u8 {
+        match self.ended {
+            Some((_, bits)) if self.frame.technology == Technology::NfcA => (bits % 8) as u8,
+            _ => 0,
+        }
+    }
+
+    /// When the receiver is done with it; `None` while that is not known.
+    pub(crate) fn done_at(&self) -> Option<u64> {
+        let end = match (self.whole(), self.limit(), self.ended) {
+            (true, Some(limit), _) => self.instant(limit),
+            (_, _, Some((at, _))) => at,
+            _ => return None,
+        };
+        Some(end.saturating_add(self.latency))
+    }
+
+    /// When a FIFO with `level` bytes of it reaches `full`; `None` when the frame, as far as it is known, is shorter.
+    pub(crate) fn reaches(&self, full: usize, level: usize) -> Option<u64> {
+        let byte = self.deposited + full.checked_sub(level)?;
+        (self.locked && byte <= self.available()).then(|| self.instant(byte).saturating_add(self.latency))
+    }
+
+    /// Bytes that have come since the last call of [`Incoming::take_due`].
+    pub(crate) fn due(&self, now: u64) -> usize {
+        if !self.locked || now < self.next_byte {
+            return 0;
+        }
+        let elapsed = now.saturating_sub(self.start).saturating_sub(self.latency);
+        let bits = bits_in(elapsed, self.frame.bit_as).saturating_sub(u64::from(self.frame.header_bits));
+        let bytes = bits / u64::from(self.frame.byte_bits.max(1));
+        let most = self.available().max(self.deposited);
+        usize::try_from(bytes).unwrap_or(usize::MAX).clamp(self.deposited, most) - self.deposited
+    }
+
+    /// The bytes that have come, for the FIFO.
+    pub(crate) fn take_due(&mut self, now: u64) -> &[u8] {
+        let (from, due) = (self.deposited, self.due(now));
+        if due != 0 {
+            self.deposited += due;
+            self.next_byte = self.instant(self.deposited + 1).saturating_add(self.latency);
+        }
+        &self.frame.chunk.data[from..from + due]
+    }
+
+    /// The bytes that are left, for the FIFO: the last may be a rounding of a nanosecond away.
+    pub(crate) fn take_rest(&mut self) -> &[u8] {
+        let from = self.deposited;
+        self.deposited = self.available().max(from);
+        &self.frame.chunk.data[from..self.deposited]
+    }
+}

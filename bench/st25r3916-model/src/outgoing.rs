@@ -1,0 +1,297 @@
+//! A frame on its way out: its parts, and the arithmetic of its bits in time.
+
+use crate::clock::{CYCLES_106, bit_cycles, bits_in, bits_ns, rate_of};
+use crate::core::Core;
+use crate::crc;
+use crate::event::{Chunk, FrameStart, Technology};
+use crate::registers::reg;
+use crate::report::Kind;
+
+/// A frame on its way out.
+#[derive(Clone, Debug)]
+pub(crate) struct Outgoing {
+    /// As it starts on the air; its chunk holds the bytes that the chip puts before the FIFO's, then all that went onto
+    /// the air so far but the CRC.
+    frame: FrameStart,
+    trailer_bits: u32,
+    /// Bytes that the chip puts before the FIFO's.
+    prefix: usize,
+    /// Whole bytes from the FIFO.
+    whole: usize,
+    /// Bits of an incomplete last byte from the FIFO.
+    last_bits: u32,
+    with_crc: bool,
+    /// An answer without a load modulator: nothing reaches the air.
+    pub(crate) silent: bool,
+
+    /// First bit on the air, ns.
+    start: u64,
+    started: bool,
+    /// FIFO bytes announced to the air.
+    announced: usize,
+    /// Of these, taken from the FIFO.
+    consumed: usize,
+    /// When the next announced byte leaves the FIFO, ns.
+    next_byte: u64,
+    /// The FIFO was disturbed: what was announced and is still in it is not sent, the frame underflows.
+    cut: bool,
+}
+
+impl Outgoing {
+    /// A frame of bits of so many carrier cycles, that begins with `prefix` and has nothing else yet.
+    fn new(core: &Core, technology: Technology, cycles: u64, prefix: Vec<u8>) -> Self {
+        let frame = FrameStart {
+            technology,
+            bits_per_second: rate_of(cycles),
+            bit_as: core.clock().cycles_as(cycles),
+            header_bits: 64,
+            byte_bits: 8,
+            load_modulation: false,
+            chunk: Chunk::default(),
+        };
+        let mut frame = Self {
+            frame,
+            trailer_bits: 0,
+            prefix: prefix.len(),
+            whole: 0,
+            last_bits: 0,
+            with_crc: false,
+            silent: false,
+            start: 0,
+            started: false,
+            announced: 0,
+            consumed: 0,
+            next_byte: 0,
+            cut: false,
+        };
+        frame.frame.chunk.data = prefix;
+        frame
+    }
+
+    /// C4 and C5: the frame that the registers describe. What is not modelled is noted, and there is no frame.
+    pub(crate) fn described(core: &mut Core, with_crc: bool) -> Option<Self> {
+        let length = core.registers().a16(reg::TRANSMIT_LENGTH);
+        let (whole, last_bits) = (usize::from(length >> 3), u32::from(length & 0x07));
+        let target = core.target();
+        let rate = core.a(reg::BIT_RATE) >> 4;
+        let technology = match (target, core.operation_mode()) {
+            (false, 1) => Technology::NfcA,
+            (false, 3) | (true, 4) => Technology::NfcF,
+            _ => {
+                core.note(Kind::UnmodelledMode(core.a(reg::MODE)));
+                return None;
+            }
+        };
+        let refused = match technology {
+            Technology::NfcA if whole == 0 && last_bits == 0 => Some(Kind::EmptyFrame),
+            Technology::NfcA if rate != 0 => Some(Kind::UnmodelledBitRate(core.a(reg::BIT_RATE))),
+            Technology::NfcF if rate != 1 && rate != 2 => Some(Kind::UnmodelledBitRate(core.a(reg::BIT_RATE))),
+            _ => None,
+        };
+        if let Some(kind) = refused {
+            core.note(kind);
+            return None;
+        }
+        let mut frame = match technology {
+            Technology::NfcA => {
+                let parity = core.a(reg::ISO14443A) & 0x80 == 0;
+                Self { last_bits, ..Self::new(core, technology, bit_cycles(rate), vec![]) }.nfc_a(8 + u32::from(parity))
+            }
+            Technology::NfcF => {
+                if whole > 254 {
+                    core.note(Kind::FrameTooLong(length >> 3));
+                }
+                let len = ((whole + 1) & 0xFF) as u8;
+                let mut frame = Self::new(core, technology, bit_cycles(rate), vec![len]);
+                // f_p: 48, 64, 80 or 96 bits of preamble; then 16 of sync.
+                frame.frame.header_bits = 48 + 16 * u32::from(core.a(reg::PREAMBLE) & 0x03) + 16;
+                frame
+            }
+        };
+        frame.whole = whole;
+        frame.with_crc = with_crc && last_bits == 0;
+        frame.frame.load_modulation = target;
+        Some(frame)
+    }
+
+    /// C6 and C7: a short frame of seven bits. In another mode than NFC-A's there is none, and that is noted.
+    pub(crate) fn short(core: &mut Core, byte: u8) -> Option<Self> {
+        if core.target() || core.operation_mode() != 1 {
+            core.note(Kind::UnmodelledMode(core.a(reg::MODE)));
+            return None;
+        }
+        Some(Self::new(core, Technology::NfcA, CYCLES_106, vec![byte]).nfc_a(7))
+    }
+
+    /// SENSF_RES from the passive target memory, in slot 0.
+    pub(crate) fn automatic_answer(core: &Core) -> Self {
+        let rate = match core.a(reg::RATE_DETECTED) >> 4 & 0x03 {
+            0 => core.a(reg::BIT_RATE) & 0x03,
+            detected => detected,
+        };
+        // NFC-F part of the memory: two bytes of system code, then the 19 bytes of the answer, its request data
+        // included.
+        let body = &core.registers().target_memory()[17..36];
+        let mut prefix = vec![1 + body.len() as u8];
+        prefix.extend_from_slice(body);
+        prefix.extend_from_slice(&crc::nfc_f(&prefix));
+        let mut answer = Self::new(core, Technology::NfcF, bit_cycles(rate), prefix);
+        answer.frame.load_modulation = true;
+        answer
+    }
+
+    /// Start of communication; end of communication is a logic 0 and a bit without modulation.
+    fn nfc_a(mut self, byte_bits: u32) -> Self {
+        self.frame.header_bits = 1;
+        self.frame.byte_bits = byte_bits;
+        self.trailer_bits = 2;
+        self
+    }
+
+    /// Whether it is an answer: load modulation.
+    pub(crate) fn is_answer(&self) -> bool {
+        self.frame.load_modulation
+    }
+
+    /// Its first bit is due at `at`.
+    pub(crate) fn starts_at(&mut self, at: u64) {
+        self.start = at;
+    }
+
+    /// Whether its first bit has left.
+    pub(crate) fn started(&self) -> bool {
+        self.started
+    }
+
+    /// FIFO bytes, an incomplete one counted.
+    fn total(&self) -> usize {
+        self.whole + usize::from(self.last_bits != 0)
+    }
+
+    /// FIFO bytes that the air has not been given.
+    pub(crate) fn missing(&self) -> usize {
+        self.total() - self.announced
+    }
+
+    /// Whether the FIFO was disturbed: it gives no more bytes to this frame.
+    pub(crate) fn is_cut(&self) -> bool {
+        self.cut
+    }
+
+    /// Whether every FIFO byte has left the FIFO.
+    pub(crate) fn all_taken(&self) -> bool {
+        self.consumed == self.total()
+    }
+
+    /// When FIFO byte `i` starts on the air.
+    fn byte_start(&self, i: usize) -> u64 {
+        let bits = u64::from(self.frame.header_bits) + u64::from(self.frame.byte_bits) * (self.prefix + i) as u64;
+        self.start.saturating_add(bits_ns(bits, self.frame.bit_as))
+    }
+
+    /// When the next FIFO byte to be taken starts on the air.
+    pub(crate) fn next_taken(&self) -> u64 {
+        self.byte_start(self.consumed)
+    }
+
+    /// When the byte is taken that leaves `below` - 1 of the `level` FIFO bytes; `None` when the frame needs fewer.
+    pub(crate) fn falls_below(&self, below: usize, level: usize) -> Option<u64> {
+        let last = self.consumed + level.checked_sub(below)?;
+        (self.started && last < self.total()).then(|| self.byte_start(last))
+    }
+
+    /// When the air needs a byte that it was not given; `None` when it has all.
+    pub(crate) fn needs_more_at(&self) -> Option<u64> {
+        (self.missing() != 0).then(|| self.byte_start(self.announced))
+    }
+
+    /// When its last bit has left.
+    pub(crate) fn ends_at(&self) -> u64 {
+        self.start.saturating_add(bits_ns(self.lengths().1, self.frame.bit_as))
+    }
+
+    /// Data bits of the whole frame.
+    pub(crate) fn data_bits(&self) -> u32 {
+        self.lengths().0
+    }
+
+    /// Data bits that have left by `now`.
+    pub(crate) fn bits_by(&self, now: u64) -> u32 {
+        let bits = self.frame.data_bits_in(now.saturating_sub(self.start));
+        u32::try_from(bits).unwrap_or(u32::MAX).min(self.data_bits())
+    }
+
+    /// Data bits and air bits of the whole frame.
+    fn lengths(&self) -> (u32, u64) {
+        let FrameStart { header_bits, byte_bits, .. } = self.frame;
+        let bytes = self.prefix + self.whole + if self.with_crc { 2 } else { 0 };
+        let data = u64::from(byte_bits.min(8)) * bytes as u64 + u64::from(self.last_bits);
+        let air = u64::from(header_bits)
+            + u64::from(byte_bits) * bytes as u64
+            + u64::from(self.last_bits)
+            + u64::from(self.trailer_bits);
+        (u32::try_from(data).unwrap_or(u32::MAX), air)
+    }
+
+    /// FIFO bytes whose turn has come since the last call of [`Outgoing::take_due`].
+    pub(crate) fn due(&self, now: u64) -> usize {
+        if !self.started || now < self.next_byte {
+            return 0;
+        }
+        let bits = bits_in(now.saturating_sub(self.start), self.frame.bit_as);
+        let into = bits.saturating_sub(u64::from(self.frame.header_bits)) / u64::from(self.frame.byte_bits);
+        let begun = (into + 1).saturating_sub(self.prefix as u64);
+        usize::try_from(begun).unwrap_or(usize::MAX).clamp(self.consumed, self.announced) - self.consumed
+    }
+
+    /// The FIFO bytes whose turn has come leave it: how many.
+    pub(crate) fn take_due(&mut self, now: u64) -> usize {
+        let due = self.due(now);
+        if due != 0 {
+            self.consumed += due;
+            self.next_byte = self.byte_start(self.consumed);
+        }
+        due
+    }
+
+    /// The first bit leaves, and `data` of the FIFO goes onto the air with it.
+    pub(crate) fn start(&mut self, data: &[u8]) -> FrameStart {
+        self.started = true;
+        self.next_byte = self.byte_start(0);
+        let mut frame = self.frame.clone();
+        frame.chunk.data.extend(self.give(data).data);
+        frame
+    }
+
+    /// `data` of the FIFO goes onto the air; behind its last byte the CRC does too.
+    pub(crate) fn more(&mut self, data: &[u8]) -> Chunk {
+        let chunk = self.give(data);
+        self.next_byte = self.byte_start(self.consumed);
+        chunk
+    }
+
+    fn give(&mut self, data: &[u8]) -> Chunk {
+        self.announced += data.len();
+        let sent = &mut self.frame.chunk.data;
+        sent.extend_from_slice(data);
+        let mut chunk = Chunk { data: data.to_vec(), parity_error: false };
+        if self.with_crc && self.missing() == 0 {
+            let sent = &self.frame.chunk.data;
+            chunk.data.extend(match self.frame.technology {
+                Technology::NfcF => crc::nfc_f(sent),
+                Technology::NfcA => crc::nfc_a(sent),
+            });
+        }
+        chunk
+    }
+
+    /// The FIFO loses what it still holds of the frame. Answers whether the air was promised some of it.
+    pub(crate) fn disturb(&mut self) -> bool {
+        let promised = self.started && self.announced > self.consumed;
+        if promised {
+            self.announced = self.consumed;
+            self.cut = true;
+        }
+        promised
+    }
+}

@@ -1,0 +1,210 @@
+//! The transmitter: frames out of the FIFO onto the air.
+//!
+//! A frame costs a handful of events, not one per byte. When a frame starts, everything then in the FIFO goes onto the
+//! air as one chunk; bytes loaded later follow as further chunks, each just before the air needs it; which byte has
+//! left the FIFO is arithmetic on the clock done when somebody looks ([`Transmitter::settle`]).
+//!
+//! | covered | DS13541 |
+//! |---|---|
+//! | NFC-F at 212 and 424 kbit/s, poller: preamble 48 to 96 bits (07), sync, | 4.4 Transmit commands; 4.5 register |
+//! | LEN = ntx + 1, CRC-16 | 07, 22, 23 |
+//! | NFC-A at 106 kbit/s, poller: frames with parity, incomplete last bytes, REQA, WUPA, | the same; register 05 |
+//! | CRC_A |  |
+//! | FIFO: sending while loading, water level on the way down (below 200), underflow breaks the frame off | FIFO |
+//! | automatic SENSF_RES, slot 0; load modulation by C4 of a target | Passive target |
+//! | start of transmission scattered around its mean | recorded, see `Config::transmit_scatter_ns` |
+//! | FIFO cleared or read in mid-frame: the transmission | FIFO; silicon sends what is loaded in time |
+//! | underflows at its next byte | instead, if anything is |
+//!
+//! | left out | why |
+//! |---|---|
+//! | NFC-B, NFC-V, topaz, NFCIP-1, stream modes, higher rates of | the link is NFC-F; asked for, they are |
+//! | NFC-A | reported |
+
+use crate::core::Core;
+use crate::event::AirEvent;
+use crate::field::Field;
+use crate::fifo::Fifo;
+use crate::interrupts::irq;
+use crate::outgoing::Outgoing;
+use crate::registers::RX_EN;
+use crate::report::Kind;
+use crate::schedule::Due;
+use crate::timers;
+
+/// FIFO level below which a transmission raises I_wl.
+const LEVEL: usize = 200;
+
+/// The transmitter, and the frame that it has.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Transmitter {
+    frame: Option<Outgoing>,
+}
+
+impl Transmitter {
+    /// Whether it has a frame, on the air or about to be.
+    pub(crate) fn busy(&self) -> bool {
+        self.frame.is_some()
+    }
+
+    /// Whether a frame is on the air.
+    pub(crate) fn on_air(&self) -> bool {
+        self.frame.as_ref().is_some_and(Outgoing::started)
+    }
+
+    /// Bytes that have left the FIFO since it was last settled.
+    pub(crate) fn leaving(&self, core: &Core) -> usize {
+        self.frame.as_ref().map_or(0, |frame| frame.due(core.now()))
+    }
+
+    /// Takes out of the FIFO the bytes that have left for the air.
+    pub(crate) fn settle(&mut self, core: &Core, fifo: &mut Fifo) {
+        if let Some(frame) = &mut self.frame {
+            fifo.drop_front(frame.take_due(core.now()));
+        }
+    }
+
+    /// Whether `frame` can be sent now; why not is noted.
+    pub(crate) fn admits(&self, core: &mut Core, field: &Field, frame: &mut Outgoing) -> bool {
+        if self.busy() {
+            core.note(Kind::TransmitWhileBusy);
+            return false;
+        }
+        let carrier = if frame.is_answer() { field.outside() } else { field.own() };
+        if !carrier {
+            core.note(Kind::TransmitWithoutField);
+            return false;
+        }
+        if frame.is_answer() {
+            frame.silent = !core.load_modulator();
+            core.note(Kind::LoadModulation);
+        }
+        true
+    }
+
+    /// An admitted frame is on its way: its first bit follows after the transmitter's latency.
+    pub(crate) fn send(&mut self, core: &mut Core, fifo: &mut Fifo, mut frame: Outgoing) {
+        core.cancel(Due::NoResponse);
+        fifo.clear_flags();
+        let (mean, half) = (core.config().transmit_latency_ns, core.config().transmit_scatter_ns / 2);
+        let half = half.min(mean);
+        let start = core.now().saturating_add(mean - half).saturating_add(core.scatter(2 * half));
+        frame.starts_at(start);
+        self.frame = Some(frame);
+        core.plan(Due::TxStart, start);
+    }
+
+    /// The first bit leaves.
+    pub(crate) fn starts(&mut self, core: &mut Core, fifo: &mut Fifo) {
+        let Some(frame) = &mut self.frame else { return };
+        let start = frame.start(&fifo.front(frame.missing()));
+        if !frame.silent {
+            core.emit(AirEvent::FrameStart(start));
+        }
+        self.plan_level(core, fifo);
+        self.plan(core);
+    }
+
+    fn plan(&mut self, core: &mut Core) {
+        let Some(frame) = &self.frame else { return };
+        match frame.needs_more_at() {
+            Some(at) => core.plan(Due::TxMore, at),
+            None => core.plan(Due::TxEnd, frame.ends_at()),
+        }
+    }
+
+    /// The air needs a byte that was not in the FIFO when the last chunk went.
+    pub(crate) fn goes_on(&mut self, core: &mut Core, fifo: &mut Fifo) {
+        self.settle(core, fifo);
+        let Some(frame) = &mut self.frame else { return };
+        let data = fifo.front(frame.missing());
+        if data.is_empty() || frame.is_cut() {
+            fifo.underflow = true;
+            core.note(Kind::TransmitUnderflow);
+            self.break_off(core, fifo);
+            over(core);
+            return;
+        }
+        let chunk = frame.more(&data);
+        if !frame.silent {
+            core.emit(AirEvent::Bytes(chunk));
+        }
+        self.settle(core, fifo);
+        self.plan_level(core, fifo);
+        self.plan(core);
+    }
+
+    /// The FIFO is about to be cleared or read by the controller. A transmission that still has to take bytes out of it
+    /// does not get them: from its next byte on the FIFO is empty.
+    pub(crate) fn disturb(&mut self, core: &mut Core) {
+        let Some(frame) = self.frame.as_mut().filter(|frame| !frame.all_taken()) else { return };
+        if frame.disturb() {
+            core.cancel(Due::TxEnd);
+            core.plan(Due::TxMore, frame.next_taken());
+        }
+        core.note(Kind::FifoDisturbed);
+    }
+
+    /// The last bit has left.
+    pub(crate) fn ends(&mut self, core: &mut Core, fifo: &mut Fifo) {
+        self.settle(core, fifo);
+        let Some(frame) = self.frame.take() else { return };
+        if !frame.silent {
+            core.emit(AirEvent::FrameEnd { bits: frame.data_bits() });
+        }
+        core.statistics_mut().sent += 1;
+        over(core);
+    }
+
+    /// The signal stops where it is, without an interrupt.
+    pub(crate) fn break_off(&mut self, core: &mut Core, fifo: &mut Fifo) {
+        if self.frame.is_none() {
+            return;
+        }
+        self.settle(core, fifo);
+        for due in [Due::TxStart, Due::TxMore, Due::TxLevel, Due::TxEnd] {
+            core.cancel(due);
+        }
+        let Some(frame) = self.frame.take() else { return };
+        if frame.started() && !frame.silent {
+            core.emit(AirEvent::FrameEnd { bits: frame.bits_by(core.now()) });
+        }
+    }
+
+    /// The controller loaded a byte.
+    pub(crate) fn loaded(&mut self, core: &mut Core, fifo: &mut Fifo) {
+        if fifo.len() == LEVEL {
+            self.plan_level(core, fifo);
+        }
+    }
+
+    /// I_wl on the way down: when the byte leaves that leaves fewer than 200.
+    fn plan_level(&mut self, core: &mut Core, fifo: &mut Fifo) {
+        self.settle(core, fifo);
+        if let Some(at) = self.frame.as_ref().and_then(|frame| frame.falls_below(LEVEL, fifo.len())) {
+            core.plan(Due::TxLevel, at);
+        }
+    }
+
+    /// The FIFO should have fallen below its level.
+    pub(crate) fn level(&mut self, core: &mut Core, fifo: &mut Fifo) {
+        self.settle(core, fifo);
+        if fifo.len() < LEVEL {
+            core.raise(irq::WL);
+        } else {
+            self.plan_level(core, fifo);
+        }
+    }
+}
+
+/// A transmission is over, with or without an underflow.
+fn over(core: &mut Core) {
+    core.cancel(Due::TxLevel);
+    if core.operates(RX_EN) {
+        core.raise(irq::TXE);
+        timers::start_mask_receive(core);
+        timers::start_no_response(core);
+    } else if core.config().txe_with_rx_off {
+        core.raise(irq::TXE);
+    }
+}
