@@ -8,7 +8,7 @@
 //! | front end, clocked out | SPI1 | MOSI PA7, SCK PA5, chip select PD14 | DMA2 stream 3 channel 3 | DMA2_STREAM3 |
 //! | front end's interrupt request | EXTI line 3 | IRQ PA3 | – | EXTI3 |
 //! | front end's waits | TIM5 | – | – | TIM5 |
-//! | cycle and slots | TIM2 | – | – | TIM2 |
+//! | cycle and slots | TIM2 | TICK PB10 (channel 3) | – | TIM2 |
 //! | calls of tasks of lower priority | CAN1, which stays off | – | – | CAN1_TX, CAN1_RX0, CAN1_RX1 |
 //! | receivers | see [`RECEIVER_PORTS`] | | | |
 //!
@@ -31,6 +31,7 @@ use stm32f4xx_hal::{
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Port {
     A,
+    B,
     C,
     D,
     E,
@@ -67,6 +68,12 @@ pub(crate) struct Stream {
     pub(crate) number: u8,
     pub(crate) channel: u8,
 }
+
+// ---- Cycle
+
+/// Where the cycle timer shows each tick to a logic analyser: TIM2 channel 3, CN10 pin 32 of the NUCLEO (D36). High for
+/// the last [`timing::TICK_PULSE_TICKS`] of each cycle; it falls with the tick.
+pub(crate) const TICK: AlternatePin = AlternatePin { pin: Pin { port: Port::B, number: 10 }, function: 1 };
 
 // ---- Front end
 

@@ -38,6 +38,8 @@ pub const GNSS_BAUD: u32 = 460_800;
 pub const TICKS_PER_US: u32 = TIMER_HZ / 1_000_000;
 /// Timer ticks in a cycle: 720 000, exactly 10 ms.
 pub const PERIOD_TICKS: u32 = TIMER_HZ / 1_000 * profile::CYCLE_MS;
+/// How long the pin TICK is high before each tick, timer ticks: 10 µs, for any logic analyser to see.
+pub const TICK_PULSE_TICKS: u32 = 10 * TICKS_PER_US;
 
 /// Gap between the frames of one cycle, µs, end of one to start of the next.
 ///

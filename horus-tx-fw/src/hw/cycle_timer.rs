@@ -7,6 +7,10 @@
 //! nothing with other tasks but single words, so no lock ever masks it: a slot's command leaves by the same
 //! instructions every time, and everything else comes after it.
 //!
+//! The pin TICK falls with each tick, by the timer itself: channel 3 in PWM mode 2 (RM0090, "TIMx_CCMR2") is active
+//! from its compare value to the update. So whoever watches the board from outside sees the tick and not what the
+//! processor makes of it. The pin rests low until the timer runs, since the counter then stands at 0.
+//!
 //! Between `Port::arm` and the slot the SPI is the slot's; the word in [`ARMED`] says for which slot.
 //!
 //! # Errata (ES0206 rev 24) of what is used here
@@ -29,7 +33,11 @@ use stm32f4xx_hal::{
     rcc::Enable,
 };
 
-use super::{radio, HORUS_TELEMETRY};
+use super::{
+    gpio::{self, Pull, Speed},
+    radio, HORUS_TELEMETRY,
+};
+use crate::board;
 
 /// The ticks so far; written by the cycle timer's interrupt alone.
 static TICKS: AtomicU32 = AtomicU32::new(0);
@@ -41,6 +49,9 @@ pub(super) static ARMED: AtomicU32 = AtomicU32::new(0);
 static SLOT: AtomicU32 = AtomicU32::new(0);
 const PASSED: u32 = 1 << 31;
 const FIRED: u32 = 1 << 30;
+
+/// The compare channel that drives the pin TICK, from 0.
+const TICK_CHANNEL: usize = 2;
 
 fn tim2() -> &'static pac::tim2::RegisterBlock {
     // SAFETY: a register block is always there, and every access through it is volatile; outside the timer's own
@@ -74,6 +85,12 @@ impl CycleTimer {
         for (channel, ticks) in timing::SLOT_TICKS.into_iter().enumerate() {
             timer.ccr(channel).write(|w| w.ccr().set(ticks));
         }
+        const { assert!(FRAMES <= TICK_CHANNEL, "a slot has the channel of the pin TICK") };
+        timer.ccr(TICK_CHANNEL).write(|w| w.ccr().set(timing::PERIOD_TICKS - timing::TICK_PULSE_TICKS));
+        timer.ccmr2_output().write(|w| w.oc3m().pwm_mode2());
+        timer.ccer().write(|w| w.cc3e().set_bit());
+        gpio::enable_ports();
+        gpio::alternate(board::TICK, Speed::Low, Pull::None);
         // Load the prescaler now, and do not call that a tick.
         timer.cr1().write(|w| w.urs().set_bit());
         timer.egr().write(|w| w.ug().set_bit());

@@ -36,6 +36,7 @@ pub(super) fn enable_ports() {
     // SAFETY: sets one bit each in the clock enable register, atomically (the HAL uses the bit-band region).
     unsafe {
         pac::GPIOA::enable_unchecked();
+        pac::GPIOB::enable_unchecked();
         pac::GPIOC::enable_unchecked();
         pac::GPIOD::enable_unchecked();
         pac::GPIOE::enable_unchecked();
@@ -46,6 +47,7 @@ pub(super) fn enable_ports() {
 fn block(port: Port) -> &'static gpioa::RegisterBlock {
     let block: *const gpioa::RegisterBlock = match port {
         Port::A => pac::GPIOA::ptr(),
+        Port::B => pac::GPIOB::ptr().cast(),
         Port::C => pac::GPIOC::ptr().cast(),
         Port::D => pac::GPIOD::ptr().cast(),
         Port::E => pac::GPIOE::ptr().cast(),
