@@ -1,7 +1,20 @@
-//! The tasks that have to check in before the watchdog is fed ([`firmware_common::check_in`]).
+//! The firmware's tasks, and those of them that have to check in before the watchdog is fed
+//! ([`firmware_common::check_in`]).
 //!
 //! None of them needs the outside world for that: the deadline comes round every 12.5 ms without any frame, the commit
 //! tasks call the scrub, and the scrub pends the RFID and SSI tasks, which check in although they have nothing to do.
+
+/// Every task of the firmware with its interrupt vector, the most urgent first: what a trace of the bench shows, by
+/// name.
+pub const TASKS: &[(&str, &str)] = &[
+    ("ssi_end", "SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1"),
+    ("rf_spi", "SPIM0_SPIS0_TWIM0_TWIS0_SPI0_TWI0"),
+    ("rf_irq", "GPIOTE"),
+    ("rf_timer", "TIMER0"),
+    ("commit", "SWI0_EGU0"),
+    ("deadline", "TIMER1"),
+    ("scrub", "SWI1_EGU1"),
+];
 
 /// A task that has to check in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,7 +39,7 @@ impl firmware_common::check_in::Task for Task {
 
 #[cfg(test)]
 mod tests {
-    use super::Task;
+    use super::*;
     use firmware_common::check_in::CheckIn;
 
     #[test]
@@ -39,5 +52,20 @@ mod tests {
             list.check_in(missing);
             assert!(list.complete());
         }
+    }
+    /// `#[task(binds = VECTOR, ..)]` and the name of the function below it, in the order of the source.
+    #[test]
+    fn the_table_of_tasks_is_the_one_that_the_firmware_binds() {
+        let mut bound = Vec::new();
+        let mut vector = None;
+        for line in include_str!("main.rs").lines().map(str::trim) {
+            if let Some(rest) = line.strip_prefix("#[task(binds = ") {
+                vector = rest.split([',', ')']).next();
+            } else if let Some(vector) = vector.take() {
+                let name = line.strip_prefix("fn ").and_then(|rest| rest.split('(').next());
+                bound.push((name.expect("a function below its attribute"), vector));
+            }
+        }
+        assert_eq!(bound, TASKS);
     }
 }

@@ -1,10 +1,33 @@
-//! The tasks that have to check in before the watchdog is fed.
+//! The firmware's tasks, and those of them that have to check in before the watchdog is fed.
 //!
 //! What makes each of them run is the cycle timer alone, so that neither a missing receiver nor a missing front end
 //! keeps a task from checking in: the timer's interrupt calls `rf_slot` after every slot and `cycle` at every tick, and
 //! `cycle` calls every receiver's line, each of which calls `parse`.
 
 use firmware_common::check_in;
+
+/// Every task of the firmware with its interrupt vector, the most urgent first: what a trace of the bench shows, by
+/// name.
+pub const TASKS: &[(&str, &str)] = &[
+    ("slot", "TIM2"),
+    ("rf_spi", "DMA2_STREAM0"),
+    ("rf_spi_error", "DMA2_STREAM3"),
+    ("rf_irq", "EXTI3"),
+    ("rf_timer", "TIM5"),
+    ("rf_slot", "CAN1_TX"),
+    ("cycle", "CAN1_RX0"),
+    ("gnss1", "USART2"),
+    ("gnss2", "USART6"),
+    ("gnss3", "UART4"),
+    ("gnss4", "UART5"),
+    ("gnss5", "UART7"),
+    ("gnss1_ring", "DMA1_STREAM5"),
+    ("gnss2_ring", "DMA2_STREAM1"),
+    ("gnss3_ring", "DMA1_STREAM2"),
+    ("gnss4_ring", "DMA1_STREAM0"),
+    ("gnss5_ring", "DMA1_STREAM3"),
+    ("parse", "CAN1_RX1"),
+];
 
 /// A task that has to check in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,6 +50,10 @@ impl check_in::Task for Task {
 
 #[cfg(test)]
 mod tests {
+    extern crate std;
+
+    use std::vec::Vec;
+
     use super::*;
     use firmware_common::check_in::CheckIn;
 
@@ -40,5 +67,20 @@ mod tests {
             list.check_in(missing);
             assert!(list.complete());
         }
+    }
+    /// `#[task(binds = VECTOR, ..)]` and the name of the function below it, in the order of the source.
+    #[test]
+    fn the_table_of_tasks_is_the_one_that_the_firmware_binds() {
+        let mut bound = Vec::new();
+        let mut vector = None;
+        for line in include_str!("main.rs").lines().map(str::trim) {
+            if let Some(rest) = line.strip_prefix("#[task(binds = ") {
+                vector = rest.split([',', ')']).next();
+            } else if let Some(vector) = vector.take() {
+                let name = line.strip_prefix("fn ").and_then(|rest| rest.split('(').next());
+                bound.push((name.expect("a function below its attribute"), vector));
+            }
+        }
+        assert_eq!(bound, TASKS);
     }
 }
