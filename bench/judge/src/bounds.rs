@@ -1,0 +1,138 @@
+//! What is allowed: the design's numbers, ns unless said otherwise.
+
+/// HORUS tick to transmit command (chip select rising after it), peak to peak: design section 6.
+pub const TICK_TO_COMMAND_JITTER: u64 = 100;
+/// The same on the pessimistic clock, where an interrupt may meet the longest instruction: design section 6.
+pub const TICK_TO_COMMAND_JITTER_PESSIMISTIC: u64 = 1_000;
+/// HORUS tick to first bit on air, peak to peak; the front end itself scatters by up to 2.3 µs: design section 6.
+pub const TICK_TO_AIR_JITTER: u64 = 3_000;
+/// Last bit to image readable, with a listener that reads its FIFO while it fills.
+pub const LAST_BIT_TO_READABLE: u64 = 100_000;
+/// End of an SSI transaction to ready for the next: design section 6. The DPR may put a new image in for no longer
+/// either.
+pub const SSI_READY: u64 = 10_000;
+/// A sample is readable before its successor is taken.
+pub const SAMPLE_TO_READABLE: u64 = 10_000_000;
+/// The cycle: design section 6.
+pub const CYCLE: u64 = 10_000_000;
+/// Processor load, ten thousandths: design section 6.
+pub const LOAD_PER_10_000: u32 = 1_000;
+/// Missed-frame deadline after a frame's end: design section 4.
+pub const FRAME_DEADLINE: u64 = 12_500_000;
+/// An image that is not replaced stops being readable so long after its publication: design section 4.
+pub const EXPIRY: u64 = 25_000_000;
+/// From power-on or reset to a board doing its work: first tick, first readiness. HORUS compares its flash with its CRC
+/// (4 to 6 ms), starts its oscillators and waits one cycle; either board's watchdog would bite after 100 ms.
+pub const START: u64 = 100_000_000;
+
+// ---- What the rules of the sending side add
+
+/// A tick comes 10 ms after the one before, give or take this: HORUS without its crystal runs on an oscillator that is
+/// trimmed to 1 % and may be off by 2 % over temperature (design section 2, Reported-Position bit 7), and 0.1 % for the
+/// clock that it is measured by.
+pub const TICK_TOLERANCE: u64 = 210_000;
+/// Between two ticks, peak to peak from one start of HORUS to the next: its timer counts one oscillator.
+pub const TICK_WIDTH: u64 = 1_000;
+/// So long after a tick its successor is missing: one and a half cycles.
+pub const TICK_MISSING: u64 = CYCLE + CYCLE / 2;
+/// From a transmit command to the first preamble bit: the front end takes 3 to 5 µs in recordings and its data sheet
+/// names no bound. A command that no frame follows within this has none.
+pub const COMMAND_TO_AIR: u64 = 100_000;
+/// The longest frame at 424 kbit/s is 5.003 ms (254 bytes, `profile::air`), and 2 % for the clock.
+pub const FRAME_LONGEST: u64 = 5_100_000;
+/// A frame is logged when it has ended. At the slowest rate that the front end has, 106 kbit/s, the longest takes 20
+/// ms: after this a command had no frame.
+pub const COMMAND_TO_END: u64 = 20_500_000;
+/// So long after a lost frame HORUS may take the field down to bring its front end up again: it does that after the
+/// second in a row.
+pub const FIELD_RECOVERY: u64 = 2 * CYCLE + CYCLE / 2;
+/// After the field has come back HORUS checks its front end before the next tick's frame: the cycle in which it came
+/// back has none.
+pub const FIELD_READY: u64 = CYCLE;
+/// The longest that HORUS's watchdog takes to bite: 100 ms by an oscillator of 32 kHz that may run at 17 kHz (DS9405).
+pub const WATCHDOG_LONGEST: u64 = 190_000_000;
+/// HORUS takes what its objects say after the tick and before the first slot, 0.34 ms after it at the latest (design
+/// section 6 and `profile::air::send_slot_us`): a message that arrived later is not in them.
+pub const SAMPLED_AFTER_TICK: u64 = 350_000;
+/// A message whose last byte crossed its line so long before a tick is in that tick's objects. HORUS looks how far a
+/// line's ring has come when the line falls idle (22 µs), at every half of the ring (5.5 ms) and, if it overlooks both,
+/// once a tick, after the objects of that tick are made: 10 ms. Parsing in pieces of 64 bytes, below all other tasks,
+/// takes less than 2 ms.
+pub const MESSAGE_TAKEN: u64 = CYCLE + 2_000_000;
+/// A solution is valid until it is older than its receiver's period and this: design section 2.
+pub const VALID_BEYOND_PERIOD: u64 = 150_000_000;
+/// A solution is stale from its receiver's period and this on: design section 2.
+pub const STALE_BEYOND_PERIOD: u64 = 50_000_000;
+/// A receiver counts as heard so long after a message: design section 2.
+pub const HEARD: u64 = 250_000_000;
+/// The longest period that is believed of a receiver, ms: design section 2.
+pub const LONGEST_PERIOD_MS: u32 = 1_000;
+/// The shortest, ms: 50 Hz, twice what the fastest receivers do.
+pub const SHORTEST_PERIOD_MS: u32 = 20;
+/// A line that was silent for this long may have ended the message that it had begun: HORUS does that after 50 ms.
+pub const SILENCE_MAY_END: u64 = 45_000_000;
+/// A line that was silent for this long has: after 50 ms HORUS notices at its next look (10 ms) and gives the parser 64
+/// zeros at each of the following, of which four are more than the longest message that it takes.
+pub const SILENCE_ENDS: u64 = 110_000_000;
+/// The flight controller reads in every one of its control cycles, which are much shorter.
+pub const NO_TRANSACTION: u64 = 100_000_000;
+/// Transactions that the DPR serves between two images: a flight controller that runs away gets no more
+/// (`dpr_fw::ssi`).
+pub const SSI_BUDGET: u32 = 32;
+/// The DPR's clock counts [`EXPIRY`]; it is off by no more than 2 % (design section 4), so no image expires earlier.
+pub const EXPIRY_EARLIEST: u64 = EXPIRY - EXPIRY / 50;
+/// A frame that is heard so much earlier or later than it was sent was delayed or repeated on its way.
+pub const AIR_DELAY: u64 = 1_000;
+/// From forwarding a profile to its arrival at the base station.
+pub const DOWNLINK: u64 = 100_000_000;
+/// From a frame's end, or a deadline, to the image that follows from it being what a transaction gets, where nothing
+/// narrower is asked: three more transactions of the listener's front end and a commit may come between.
+pub const PUBLICATION: u64 = 400_000;
+/// The same on the pessimistic clock.
+pub const PUBLICATION_PESSIMISTIC: u64 = 1_000_000;
+/// The values of Link-Status are taken so long before FRESH rises at most: the rest of the commit.
+pub const SEALED_BEFORE_FRESH: u64 = 200_000;
+/// Cycles that may be missing between two that are in sequence: design section 4.
+pub const MAX_MISSED: u32 = 25;
+/// How much the time between two cycles may differ from their timestamps' step; to this comes one part in
+/// [`STEP_TOLERANCE_SHARE`] of the step: design section 4.
+pub const STEP_TOLERANCE: u64 = 2_500_000;
+/// See [`STEP_TOLERANCE`]: 2 %.
+pub const STEP_TOLERANCE_SHARE: u64 = 50;
+/// While the sequence is searched for a cycle comes 10 ms after the one before it within this: design section 4.
+pub const SEARCH_TOLERANCE: u64 = 500_000;
+/// So many cycles in a row that each advance by exactly one find the sequence: design section 4.
+pub const SEARCH_CYCLES: u8 = 3;
+/// Around every limit of the sequence's times nothing is asked: what the front ends scatter, the resolution of the
+/// DPR's counter, and its crystal (100 ppm of the longest step are 26 µs), many times over.
+pub const SEQUENCE_BAND: u64 = 300_000;
+/// The same around the narrower limit of the search.
+pub const SEARCH_BAND: u64 = 100_000;
+/// From the carrier's return to a listener that hears: it measures the field, and one that was being configured or
+/// backs off starts anew.
+pub const ARMED: u64 = 50_000_000;
+/// Between the end of one frame and the beginning of the next a listener needs this to hear both: design section 3.
+pub const FRAME_GAP: u64 = 300_000;
+/// Of five receivers' two frames the second is waited for so long after the end of the first: it ends 3.935 ms after
+/// it, and the image has to be out before the next cycle's first.
+pub const SECOND_FRAME: u64 = 7_000_000;
+/// After a fault inside a board, for so long nothing is asked of what that board brings: the watchdog bites after
+/// 200 ms at most (its oscillator's tolerance), a start takes [`START`], the search four cycles.
+pub const RECOVERY: u64 = 500_000_000;
+/// A restart of HORUS is shown in Link-Status for so long: design section 4, no control cycle may overlook it.
+pub const RESTART_SHOWN: u64 = 1_000_000_000;
+/// HORUS's clock is implausible if it differs by more than one part in so many over a second: design section 4, bit 9.
+pub const CLOCK_SHARE: u64 = 50;
+/// The shortest time over which the clocks are compared: design section 4, bit 9.
+pub const CLOCK_WINDOW: u64 = 1_000_000_000;
+/// What two crystals may be apart, parts per million: twice 50, and as much again for the temperature.
+pub const CRYSTALS_PPM: u64 = 200;
+/// From the return of a front end that was out of order to its firmware having brought it up again: within 15
+/// cycles.
+pub const FRONT_END_RECOVERY: u64 = 15 * CYCLE;
+/// After a flight controller has misused the SSI the DPR is asked for nothing for so long: what was under way ends, and
+/// the next image is put in.
+pub const MISUSE_OVER: u64 = 2 * CYCLE;
+/// Last bit to image readable where the FIFO is read at the frame's end only: design section 6. So it is for a frame
+/// whose LEN was damaged, since nobody knows then when its objects are complete.
+pub const STORE_AND_FORWARD: u64 = 360_000;

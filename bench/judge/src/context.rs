@@ -1,0 +1,136 @@
+//! What every rule has to know: since when each board runs, and what the bench does wrong on purpose.
+
+use profile::Layout;
+
+use crate::read::{Frame, Reading, Window};
+use crate::{Board, Event, Header, What};
+
+/// Since when a board runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Running {
+    /// It has a supply.
+    pub powered: bool,
+    /// When it last started: power-on, or the end of a reset, ns.
+    pub since: u64,
+    /// How often it has started.
+    pub starts: u64,
+}
+
+/// The state of the run at the event that is being judged, that event included.
+#[derive(Clone, Debug)]
+pub struct Context {
+    layout: Layout,
+    worst_case: bool,
+    now: u64,
+    horus: Running,
+    dpr: Running,
+    ended: bool,
+    window: Window,
+    frame: Option<Frame>,
+    reading: Option<Reading>,
+}
+
+impl Context {
+    /// At power-on of both boards.
+    ///
+    /// # Panics
+    ///
+    /// If there is no profile for the header's number of receivers.
+    #[must_use]
+    pub fn new(header: &Header) -> Self {
+        let running = Running { powered: true, since: 0, starts: 1 };
+        Self {
+            layout: Layout::for_receivers(header.gps).expect("a profile has 1, 2, 3 or 5 receivers"),
+            worst_case: header.worst_case(),
+            now: 0,
+            horus: running,
+            dpr: running,
+            ended: false,
+            window: Window::default(),
+            frame: None,
+            reading: None,
+        }
+    }
+
+    /// Takes the next event.
+    pub fn take(&mut self, event: &Event) {
+        self.now = event.at;
+        self.frame = None;
+        self.reading = None;
+        match &event.what {
+            What::Power { board, on } => {
+                let running = self.running_mut(*board);
+                running.powered = *on;
+                running.since = event.at;
+                running.starts += u64::from(*on);
+            }
+            What::Reset { board, .. } => {
+                let running = self.running_mut(*board);
+                running.since = event.at;
+                running.starts += 1;
+            }
+            What::Sent { bytes, whole, .. } | What::Heard { bytes, whole, .. } => {
+                self.frame = Some(Frame::of(self.layout, bytes, *whole));
+            }
+            What::Transaction { selected, mosi, miso } => {
+                let reading = Reading::of(self.layout, *selected, event.at, self.window.offset(), miso);
+                self.window.transaction(self.layout, mosi, reading.silent);
+                self.reading = Some(reading);
+            }
+            What::End => self.ended = true,
+            _ => {}
+        }
+    }
+
+    fn running_mut(&mut self, board: Board) -> &mut Running {
+        match board {
+            Board::Horus => &mut self.horus,
+            Board::Dpr => &mut self.dpr,
+        }
+    }
+
+    /// Since when a board runs.
+    #[must_use]
+    pub fn running(&self, board: Board) -> Running {
+        match board {
+            Board::Horus => self.horus,
+            Board::Dpr => self.dpr,
+        }
+    }
+
+    /// The instant of the last event, ns.
+    #[must_use]
+    pub fn now(&self) -> u64 {
+        self.now
+    }
+
+    /// The profile's layout.
+    #[must_use]
+    pub fn layout(&self) -> Layout {
+        self.layout
+    }
+
+    /// Whether the cores' time is the longest that silicon may take.
+    #[must_use]
+    pub fn worst_case(&self) -> bool {
+        self.worst_case
+    }
+
+    /// The frame of the event that is being judged, if it is [`What::Sent`] or [`What::Heard`].
+    #[must_use]
+    pub fn frame(&self) -> Option<&Frame> {
+        self.frame.as_ref()
+    }
+
+    /// The transaction of the event that is being judged, if it is [`What::Transaction`].
+    #[must_use]
+    pub fn reading(&self) -> Option<&Reading> {
+        self.reading.as_ref()
+    }
+
+    /// Whether the run is over.
+    #[must_use]
+    pub fn ended(&self) -> bool {
+        self.ended
+    }
+}

@@ -1,0 +1,123 @@
+//! What the base station shows against what was forwarded.
+//!
+//! # One cause, one violation
+//!
+//! - Bytes that were changed on the way are [`Violation::BaseChanged`], and the profile that they were is not missed as
+//!   well.
+//! - A profile whose shown objects are of several cycles, and that was not forwarded so, is [`Violation::BaseMixed`]
+//!   alone. One that was forwarded so is a torn read, which another rule finds in the transaction.
+//! - In a profile that mixes cycles an object that is not shown is not hidden.
+
+use std::collections::VecDeque;
+
+use profile::{Layout, Object};
+
+use crate::bounds;
+use crate::{Context, Event, Figures, Findings, Header, Violation, What};
+
+/// Profiles that are kept of what transactions read: the flight controller forwards at once.
+const READ: usize = 4;
+
+/// See the [module](self).
+#[derive(Clone, Debug)]
+pub struct Base {
+    /// The profiles that transactions brought last.
+    read: VecDeque<Vec<u8>>,
+    /// What was forwarded and has not arrived: when, and its bytes.
+    outstanding: VecDeque<(u64, Vec<u8>)>,
+    /// When something arrived that was not forwarded.
+    strange: VecDeque<u64>,
+}
+
+impl Base {
+    /// Nothing has happened yet.
+    #[must_use]
+    pub fn new(_header: &Header) -> Self {
+        Self { read: VecDeque::new(), outstanding: VecDeque::new(), strange: VecDeque::new() }
+    }
+
+    /// Takes the next event.
+    pub fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
+        let at = event.at;
+        self.expire(at.checked_sub(bounds::DOWNLINK), findings);
+        match &event.what {
+            What::Transaction { .. } => {
+                let Some(reading) = context.reading().filter(|reading| !reading.silent) else { return };
+                let layout = context.layout();
+                let start = (layout.image_len() - layout.profile_len()).checked_sub(reading.offset);
+                let profile = start.and_then(|start| reading.miso.get(start..start + layout.profile_len()));
+                if let Some(profile) = profile {
+                    let mut kept = match self.read.len() {
+                        READ => self.read.pop_front().unwrap_or_default(),
+                        _ => vec![],
+                    };
+                    kept.clear();
+                    kept.extend_from_slice(profile);
+                    self.read.push_back(kept);
+                }
+            }
+            What::Forwarded { profile } => {
+                if !self.read.iter().any(|read| **read == **profile) {
+                    findings
+                        .add(Violation::BaseChanged, at, || "what was forwarded is not what a transaction read".into());
+                }
+                self.outstanding.push_back((at, profile.to_vec()));
+            }
+            What::Arrived { profile, shown } => self.arrived(at, profile, *shown, context.layout(), findings),
+            _ => {}
+        }
+    }
+
+    fn arrived(&mut self, at: u64, profile: &[u8], shown: u8, layout: Layout, findings: &mut Findings) {
+        // The timestamps of the objects that are valid in their places, each with whether it is shown.
+        let mut valid = 0_u8;
+        let mut stamps = [None; 8];
+        for (index, stamp) in stamps.iter_mut().enumerate().take(layout.objects()) {
+            let bytes = layout.in_profile(index).and_then(|place| profile.get(place)).unwrap_or_default();
+            *stamp = Object::verify(index, bytes).ok().map(Object::timestamp);
+            valid |= u8::from(stamp.is_some()) << index;
+        }
+        let mixes = |of: u8| {
+            let mut of = stamps.iter().enumerate().filter(|(index, _)| of >> index & 1 == 1).filter_map(|(_, at)| *at);
+            of.next().is_some_and(|first| of.any(|other| other != first))
+        };
+        match self.outstanding.iter().position(|(_, forwarded)| **forwarded == *profile) {
+            Some(arrived) => {
+                self.outstanding.remove(arrived);
+            }
+            None => {
+                self.strange.push_back(at);
+                let (violation, words) = match mixes(shown) {
+                    true => (Violation::BaseMixed, "and it was not forwarded so"),
+                    false => (Violation::BaseChanged, "it arrived, and was not forwarded"),
+                };
+                findings.add(violation, at, || words.into());
+            }
+        }
+        let (invalid, hidden) = (shown & !valid, valid & !shown);
+        if invalid != 0 {
+            findings.add(Violation::BaseInvalid, at, || format!("object {}", invalid.trailing_zeros()));
+        }
+        if hidden != 0 && !mixes(valid) {
+            findings.add(Violation::BaseHidden, at, || format!("object {}", hidden.trailing_zeros()));
+        }
+    }
+
+    /// What was forwarded at `until` or before and has not arrived is missed, unless it arrived changed.
+    fn expire(&mut self, until: Option<u64>, findings: &mut Findings) {
+        let Some(until) = until else { return };
+        while let Some((at, _)) = self.outstanding.pop_front_if(|(at, _)| *at < until) {
+            while self.strange.pop_front_if(|strange| *strange < at).is_some() {}
+            if self.strange.pop_front().is_none() {
+                findings.add(Violation::BaseMissed, at, || "it did not arrive".into());
+            }
+        }
+        // Nothing that is still to arrive can be one of these.
+        while self.strange.pop_front_if(|strange| *strange < until).is_some() {}
+    }
+
+    /// The run is over.
+    pub fn finish(&mut self, context: &Context, findings: &mut Findings, _figures: &mut Figures) {
+        self.expire(Some(context.now() + 1), findings);
+    }
+}

@@ -1,0 +1,433 @@
+//! Restarts, findings, misuse, load, the firmwares' own counters, the bench's own lateness.
+//!
+//! # When a counter is a complaint
+//!
+//! What a firmware counts about itself is evidence beside what is seen from outside. A fault counter that is not zero
+//! is a violation only if nothing in the log explains it:
+//!
+//! | explained by | since |
+//! |---|---|
+//! | an injected fault, a supply that went off or on, a reset of either board | the bench did it, or it is told |
+//! | HORUS's field going off while HORUS runs | HORUS brings its front end up again, the DPR loses frames |
+//! | a frame that reached the DPR's antenna changed or not at all | what the air does is no board's fault |
+//! | any violation found before | it is that one's consequence, and a cause is told once |
+//!
+//! | board | counter | counts |
+//! |---|---|---|
+//! | HORUS | `frames_skipped` | slots that passed without a frame to fire |
+//! | HORUS | `rf_faults` | faults of the front end |
+//! | HORUS | `cycle_overruns` | ticks at which the cycle before had not ended |
+//! | HORUS | a line's `overruns` | bytes of a receiver that were lost |
+//! | DPR | `scrub_faults` | stuck bits found by scrubs |
+//! | DPR | `rf_faults` | faults of the front end, frames that began but were not delivered |
+//! | DPR | `overruns` | frames lost because commit and scrub were late by a cycle |
+//! | DPR | `images_expired` | images that none replaced in time |
+//!
+//! A line's counter may carry a prefix that ends in a full stop, as in `lines.0.overruns`.
+
+use std::collections::BTreeMap;
+
+use crate::{Board, Context, Event, Figures, Findings, Header, Violation, What, bounds};
+
+/// A violation of HORUS, and its like of the DPR.
+#[derive(Clone, Copy)]
+struct Of {
+    horus: Violation,
+    dpr: Violation,
+}
+
+impl Of {
+    const RESTARTED: Self = Self { horus: Violation::HorusRestarted, dpr: Violation::DprRestarted };
+    const FINDING: Self = Self { horus: Violation::HorusFinding, dpr: Violation::DprFinding };
+    const OVERLOADED: Self = Self { horus: Violation::HorusOverloaded, dpr: Violation::DprOverloaded };
+    const COMPLAINS: Self = Self { horus: Violation::HorusComplains, dpr: Violation::DprComplains };
+
+    fn board(self, board: Board) -> Violation {
+        match board {
+            Board::Horus => self.horus,
+            Board::Dpr => self.dpr,
+        }
+    }
+}
+
+/// A fault counter that is not zero.
+#[derive(Clone, Debug)]
+struct Complaint {
+    board: Board,
+    at: u64,
+    name: String,
+    value: u32,
+}
+
+/// See the [module](self).
+#[derive(Clone, Debug)]
+pub struct Boards {
+    injected: BTreeMap<String, u64>,
+    /// Something in the log explains that a firmware counts faults.
+    explained: bool,
+    /// Faults of a core that no restart has ended yet: on which board, when, in words.
+    faulted: Vec<(Board, u64, String)>,
+    /// Which board last restarted unasked, and when.
+    restarted: Option<(Board, u64)>,
+    /// A front end was without supply at some time.
+    unsupplied: bool,
+    /// HORUS's carrier is on.
+    field: bool,
+    /// The last frame that HORUS sent whole, until it has reached the antenna.
+    on_the_way: Option<Vec<u8>>,
+    complaints: Vec<Complaint>,
+}
+
+impl Boards {
+    /// Nothing has happened yet.
+    #[must_use]
+    pub fn new(_header: &Header) -> Self {
+        Self {
+            injected: BTreeMap::new(),
+            explained: false,
+            faulted: vec![],
+            restarted: None,
+            unsupplied: false,
+            field: false,
+            on_the_way: None,
+            complaints: vec![],
+        }
+    }
+
+    /// Takes the next event.
+    pub fn take(&mut self, event: &Event, _context: &Context, findings: &mut Findings) {
+        let at = event.at;
+        match &event.what {
+            What::Power { .. } => self.explained = true,
+            What::Reset { board, cause, asked } => {
+                self.explained = true;
+                if !asked {
+                    self.restarted = Some((*board, at));
+                    // The fault that ended in this restart is told by it.
+                    let ended_so = |(of, fault_at, _): &(Board, u64, String)| {
+                        of == board && at <= fault_at + bounds::WATCHDOG_LONGEST
+                    };
+                    self.faulted.retain(|fault| !ended_so(fault));
+                    findings.add(Of::RESTARTED.board(*board), at, || cause.clone());
+                }
+            }
+            What::Injected { kind, .. } => {
+                // A firmware whose code is broken answers for what it counts.
+                self.explained |= !kind.starts_with("image");
+                self.unsupplied |= kind.contains("front end off") || kind.starts_with("power") && kind.ends_with("off");
+                match self.injected.get_mut(kind) {
+                    Some(count) => *count += 1,
+                    None => _ = self.injected.insert(kind.clone(), 1),
+                }
+            }
+            What::Field { on } => self.explained |= std::mem::replace(&mut self.field, *on) && !on,
+            What::Sent { bytes, whole, .. } => {
+                // The one before was not heard.
+                self.explained |= self.on_the_way.is_some();
+                self.on_the_way = whole.then(|| bytes.to_vec());
+            }
+            What::Heard { bytes, whole, .. } => {
+                self.explained |= !whole || self.on_the_way.take().is_none_or(|sent| sent != bytes.0);
+            }
+            // The restart that a lockup is stands before it.
+            What::Finding { board, text } if is_fault(text) => {
+                if self.restarted != Some((*board, at)) {
+                    self.faulted.push((*board, at, text.clone()));
+                }
+            }
+            What::Finding { board, text } => findings.add(Of::FINDING.board(*board), at, || text.clone()),
+            // A firmware that does not know that its front end has no supply goes on using it.
+            What::Misuse { text, .. } if self.unsupplied && text.contains("without supply") => {}
+            What::Misuse { board, text } => {
+                findings.add(Violation::FrontEndMisuse, at, || format!("{board:?}: {text}"));
+            }
+            What::Load { board, per_10_000 } => {
+                if *per_10_000 > bounds::LOAD_PER_10_000 {
+                    findings.add(Of::OVERLOADED.board(*board), at, || {
+                        format!("{per_10_000} of 10000, the bound is {}", bounds::LOAD_PER_10_000)
+                    });
+                }
+            }
+            What::Counter { board, name, value: None } => {
+                findings.add(Violation::NoTelemetry, at, || format!("{board:?} has no counter {name}"));
+            }
+            What::Counter { board, name, value: Some(value) } => {
+                if *value > 0 && counts_faults(*board, name) {
+                    self.complaints.push(Complaint { board: *board, at, name: name.clone(), value: *value });
+                }
+            }
+            What::Late { board, text } => {
+                findings.add(Violation::Late, at, || format!("{board:?}: {text}"));
+            }
+            _ => {}
+        }
+    }
+
+    /// The run is over.
+    pub fn finish(&mut self, _context: &Context, findings: &mut Findings, figures: &mut Figures) {
+        figures.faults.injected = std::mem::take(&mut self.injected);
+        for (board, at, text) in self.faulted.drain(..) {
+            findings.add(Of::FINDING.board(board), at, || text);
+        }
+        if self.explained || findings.counts().next().is_some() {
+            return;
+        }
+        for Complaint { board, at, name, value } in self.complaints.drain(..) {
+            findings.add(Of::COMPLAINS.board(board), at, || format!("{name} = {value}"));
+        }
+    }
+}
+
+/// Whether the words of a finding are those of a fault of the core, after which the board does nothing but restart.
+fn is_fault(text: &str) -> bool {
+    ["HardFault: ", "Lockup: "].iter().any(|kind| text.contains(kind))
+}
+
+/// Whether a firmware counts faults under this name.
+fn counts_faults(board: Board, name: &str) -> bool {
+    let name = name.rsplit('.').next().unwrap_or(name);
+    match board {
+        Board::Horus => matches!(name, "frames_skipped" | "rf_faults" | "cycle_overruns" | "overruns"),
+        Board::Dpr => matches!(name, "scrub_faults" | "rf_faults" | "overruns" | "images_expired"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{Events, MS, found, header};
+
+    const BOARDS: [Board; 2] = [Board::Horus, Board::Dpr];
+
+    /// A run in which every frame is heard, so that nothing explains a complaint.
+    fn run() -> Events {
+        let mut events = Events::flawless(3, 10);
+        let heard: Vec<_> = events
+            .events
+            .iter()
+            .filter_map(|event| match &event.what {
+                What::Sent { started, bytes, whole, .. } => {
+                    Some((event.at, What::Heard { started: *started, bytes: bytes.clone(), whole: *whole }))
+                }
+                _ => None,
+            })
+            .collect();
+        for (at, what) in heard {
+            events.add(at, what);
+        }
+        events
+    }
+
+    fn broken(events: &Events) -> Vec<(Violation, u64, u64)> {
+        found(Boards::new(&header(3)), &events.log()).0
+    }
+
+    fn counter(board: Board, name: &str, value: Option<u32>) -> What {
+        What::Counter { board, name: name.to_owned(), value }
+    }
+
+    #[test]
+    fn a_flawless_run_has_no_violation() {
+        let mut events = run();
+        for board in BOARDS {
+            events.add(60 * MS, What::Load { board, per_10_000: bounds::LOAD_PER_10_000 });
+            events.add(60 * MS, counter(board, "frames_sent", Some(7)));
+            events.add(60 * MS, counter(board, "rf_faults", Some(0)));
+        }
+        let (broken, figures) = found(Boards::new(&header(3)), &events.log());
+        assert_eq!(broken, []);
+        assert_eq!(figures.faults.injected, BTreeMap::new());
+    }
+
+    #[test]
+    fn each_of_a_boards_violations_is_told_of_the_board_that_it_is_of() {
+        let text = || "in words".to_owned();
+        let all = |board| {
+            [
+                What::Reset { board, cause: text(), asked: false },
+                What::Finding { board, text: text() },
+                What::Misuse { board, text: text() },
+                What::Load { board, per_10_000: bounds::LOAD_PER_10_000 + 1 },
+            ]
+        };
+        let horus =
+            [Violation::HorusRestarted, Violation::HorusFinding, Violation::FrontEndMisuse, Violation::HorusOverloaded];
+        let dpr = [Violation::DprRestarted, Violation::DprFinding, Violation::FrontEndMisuse, Violation::DprOverloaded];
+        for (board, violations) in [(Board::Horus, horus), (Board::Dpr, dpr)] {
+            for (what, violation) in all(board).into_iter().zip(violations) {
+                let mut events = run();
+                events.add(50 * MS, what.clone()).add(60 * MS, what);
+                assert_eq!(broken(&events), [(violation, 2, 50 * MS)]);
+            }
+        }
+    }
+
+    #[test]
+    fn a_fault_of_a_core_is_told_by_the_restart_that_ends_it_or_by_itself() {
+        let fault = || What::Finding { board: Board::Dpr, text: "20 ms  HardFault: bus error".into() };
+        let restart = |board| What::Reset { board, cause: "Watchdog".into(), asked: false };
+        let told = |board, after: u64| {
+            let mut events = run();
+            events.add(30 * MS, fault()).add(30 * MS + after, restart(board));
+            broken(&events).into_iter().map(|(violation, ..)| violation).collect::<Vec<_>>()
+        };
+        assert_eq!(told(Board::Dpr, bounds::WATCHDOG_LONGEST), [Violation::DprRestarted]);
+        assert_eq!(told(Board::Dpr, bounds::WATCHDOG_LONGEST + 1), [Violation::DprRestarted, Violation::DprFinding]);
+        assert_eq!(told(Board::Horus, 1), [Violation::HorusRestarted, Violation::DprFinding]);
+        assert_eq!(told(Board::Dpr, 0), [Violation::DprRestarted]);
+        let mut events = run();
+        events.add(30 * MS, fault());
+        assert_eq!(broken(&events), [(Violation::DprFinding, 1, 30 * MS)]);
+    }
+
+    #[test]
+    fn a_restart_that_the_bench_asked_for_is_none() {
+        let mut events = run();
+        for board in BOARDS {
+            events.reset(50 * MS, board, true);
+        }
+        assert_eq!(broken(&events), []);
+    }
+
+    #[test]
+    fn a_counter_that_is_missing_and_an_act_that_is_late_are_violations() {
+        let mut events = run();
+        events.add(60 * MS, counter(Board::Dpr, "scrubs", None));
+        assert_eq!(broken(&events), [(Violation::NoTelemetry, 1, 60 * MS)]);
+        let mut events = run();
+        events.add(60 * MS, What::Late { board: Board::Dpr, text: "5 ns".into() });
+        assert_eq!(broken(&events), [(Violation::Late, 1, 60 * MS)]);
+    }
+
+    #[test]
+    fn every_fault_counter_that_nothing_explains_is_a_complaint_of_its_board() {
+        let horus = ["frames_skipped", "rf_faults", "cycle_overruns", "overruns", "lines.2.overruns"];
+        let dpr = ["scrub_faults", "rf_faults", "overruns", "images_expired"];
+        let horus = horus.map(|name| (Board::Horus, name, Violation::HorusComplains));
+        let dpr = dpr.map(|name| (Board::Dpr, name, Violation::DprComplains));
+        for (board, name, violation) in horus.into_iter().chain(dpr) {
+            let mut events = run();
+            events.add(60 * MS, counter(board, name, Some(1)));
+            assert_eq!(broken(&events), [(violation, 1, 60 * MS)], "{name}");
+        }
+    }
+
+    #[test]
+    fn counters_that_count_no_faults_are_no_complaint() {
+        let mut events = run();
+        for name in ["scrub_faults", "images_expired", "frames_sent", "lines.0.damaged", "overruns.bytes"] {
+            events.add(60 * MS, counter(Board::Horus, name, Some(1)));
+        }
+        for name in ["frames_skipped", "cycle_overruns", "frames_missed", "ssi_over_reads"] {
+            events.add(60 * MS, counter(Board::Dpr, name, Some(1)));
+        }
+        assert_eq!(broken(&events), []);
+    }
+
+    /// A run in which both boards complain, and one thing more.
+    fn complaining(change: impl FnOnce(&mut Events)) -> Vec<Violation> {
+        let mut events = run();
+        events.add(100 * MS, counter(Board::Horus, "rf_faults", Some(1)));
+        events.add(100 * MS, counter(Board::Dpr, "rf_faults", Some(1)));
+        change(&mut events);
+        broken(&events).into_iter().map(|(violation, ..)| violation).collect()
+    }
+
+    fn frame(at: u64, bytes: &[u8], whole: bool) -> Event {
+        let what = What::Heard { started: at, bytes: bytes.to_vec().into(), whole };
+        Event { at, what }
+    }
+
+    #[test]
+    fn a_complaint_that_something_in_the_log_explains_is_no_violation() {
+        assert_eq!(complaining(|_| {}), [Violation::HorusComplains, Violation::DprComplains]);
+        assert_eq!(complaining(|events| _ = events.add(9 * MS, What::Power { board: Board::Dpr, on: false })), []);
+        assert_eq!(complaining(|events| _ = events.reset(9 * MS, Board::Dpr, true)), []);
+        let injected = What::Injected { kind: "noise".to_owned(), until: 9 * MS };
+        assert_eq!(complaining(|events| _ = events.add(9 * MS, injected)), []);
+        assert_eq!(complaining(|events| _ = events.field(60 * MS, false)), []);
+        let late = What::Late { board: Board::Dpr, text: "5 ns".into() };
+        assert_eq!(complaining(|events| _ = events.add(9 * MS, late)), [Violation::Late]);
+    }
+
+    #[test]
+    fn a_frame_that_the_air_changed_lost_or_made_up_explains_a_complaint() {
+        let is_heard = |event: &Event| matches!(event.what, What::Heard { .. });
+        let mut heard = 0;
+        let second = |event: &Event| {
+            heard += usize::from(is_heard(event));
+            is_heard(event) && heard == 2
+        };
+        assert_eq!(complaining(|events| _ = events.without(second)), [], "lost");
+        let changed = |change: fn(&mut What)| {
+            complaining(|events| {
+                change(
+                    &mut events.events.iter_mut().rfind(|event| matches!(event.what, What::Heard { .. })).unwrap().what,
+                );
+            })
+        };
+        assert_eq!(
+            changed(|what| if let What::Heard { bytes, .. } = what {
+                bytes.0[9] ^= 1;
+            }),
+            [],
+            "changed"
+        );
+        assert_eq!(
+            changed(|what| if let What::Heard { whole, .. } = what {
+                *whole = false;
+            }),
+            [],
+            "cut short"
+        );
+        assert_eq!(complaining(|events| events.events.push(frame(101 * MS, &[1], true))), [], "made up");
+    }
+
+    #[test]
+    fn the_carrier_going_on_or_the_last_frame_still_being_on_its_way_explains_nothing() {
+        let both = [Violation::HorusComplains, Violation::DprComplains];
+        assert_eq!(complaining(|events| _ = events.field(60 * MS, true)), both);
+        assert_eq!(
+            complaining(|events| {
+                let last = events.events.iter().rposition(|event| matches!(event.what, What::Heard { .. })).unwrap();
+                events.events.remove(last);
+            }),
+            both
+        );
+    }
+
+    #[test]
+    fn a_frame_that_horus_broke_off_is_not_missed_at_the_antenna() {
+        let both = [Violation::HorusComplains, Violation::DprComplains];
+        let cut = |events: &mut Events| {
+            let last = events.events.iter().rposition(|event| matches!(event.what, What::Heard { .. })).unwrap();
+            let at = events.events.remove(last).at;
+            for event in events.events.iter_mut().filter(|event| event.at == at) {
+                if let What::Sent { whole, .. } = &mut event.what {
+                    *whole = false;
+                }
+            }
+            // The end of the run is none of a frame's.
+            let bytes = events.events.iter().find_map(|event| match &event.what {
+                What::Sent { bytes, .. } => Some(bytes.clone()),
+                _ => None,
+            });
+            let sent = What::Sent { started: 117 * MS, bit_rate: 424_000, bytes: bytes.clone().unwrap(), whole: true };
+            events.add(118 * MS, sent);
+            events.events.push(frame(118 * MS, &bytes.unwrap(), true));
+        };
+        assert_eq!(complaining(cut), both);
+    }
+
+    #[test]
+    fn injected_faults_are_counted_by_kind() {
+        let mut events = run();
+        for kind in ["noise", "upset", "noise"] {
+            events.add(50 * MS, What::Injected { kind: kind.to_owned(), until: 50 * MS });
+        }
+        let (broken, figures) = found(Boards::new(&header(3)), &events.log());
+        assert_eq!(broken, []);
+        let wanted = [("noise".to_owned(), 2), ("upset".to_owned(), 1)];
+        assert_eq!(figures.faults.injected, BTreeMap::from(wanted));
+    }
+}

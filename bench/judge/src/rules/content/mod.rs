@@ -1,0 +1,332 @@
+//! What HORUS sends against the bytes that its receivers were fed.
+//!
+//! # How it is judged
+//!
+//! The messages of each receiver are found in the bytes of its line, with the instant at which the last byte of each
+//! had crossed. A GPS object of the cycle of a tick shows, of each kind of message, the newest that had arrived
+//! [`bounds::MESSAGE_TAKEN`] before the tick, or one that arrived after that and at most
+//! [`bounds::SAMPLED_AFTER_TICK`] after the tick. Its values are compared bit by bit, its status bit by bit; which
+//! status bits a message of a certain age may have at that tick, with the bands in which both are right, is in
+//! [`track`]. A message that HORUS may have missed (a disturbed line, bytes before the first tick of a start, a message
+//! inside a false start) may be the newest or not.
+//!
+//! # What is not judged
+//!
+//! - The bits *excluded* and *degraded*: there is no voter yet.
+//! - An object whose timestamp does not follow from the one of the cycle before: `cycle` tells that.
+//! - Ages for two seconds after a tick that was missing or irregular, or a timestamp that jumped: HORUS counts its time
+//!   in ticks.
+//! - Reported-Position in a cycle of which a GPS object was blamed, or is missing.
+//!
+//! One object is told at most once for its values and once for its status. If both disagree with every message, it is
+//! the status if the values are those of a message that the status calls valid, or none where it calls none valid; else
+//! the content.
+
+mod reported;
+#[cfg(test)]
+mod tests;
+mod track;
+mod ubx;
+
+use std::collections::VecDeque;
+
+use profile::{CYCLE_MS, GpsStatus, GpsValues, Layout, MAX_RECEIVERS, ReportedValues};
+
+use crate::read::{Frame, Placed, State, Values};
+use crate::{Board, Context, Event, Figures, Findings, Header, Violation, What, bounds};
+use track::{Age, FOUND_LATE, Track};
+use ubx::{Kind, Message, Reader};
+
+/// The status bit that says that the receiver was heard.
+const HEARD: u16 = 1 << 7;
+/// The voter's bit, which is not judged.
+const EXCLUDED: u16 = 1 << 9;
+/// For so long after an irregular tick nothing is known of ages, ns: the longest that a solution stays valid, and more.
+const UNTIMED: u64 = 2_000_000_000;
+
+/// One receiver's line.
+#[derive(Clone, Debug)]
+struct Line {
+    reader: Reader,
+    /// Messages that HORUS may not have taken yet, in order of arrival.
+    arriving: VecDeque<Message>,
+    tracks: [Track; 3],
+    /// When the last message had arrived that HORUS has taken for certain, and the last that it may have.
+    heard: Option<u64>,
+    may_have_heard: Option<u64>,
+    /// When the last valid position had arrived, and those that have not.
+    solution: Option<u64>,
+    solutions: VecDeque<u64>,
+}
+
+impl Line {
+    fn new() -> Self {
+        Self {
+            reader: Reader::default(),
+            arriving: VecDeque::new(),
+            tracks: Kind::ALL.map(Track::new),
+            heard: None,
+            may_have_heard: None,
+            solution: None,
+            solutions: VecDeque::new(),
+        }
+    }
+
+    fn fed(&mut self, at: u64, byte_ns: u64, bytes: &[u8], clean: bool) {
+        let Self { reader, arriving, solutions, .. } = self;
+        reader.feed(at, byte_ns, bytes, clean, |message| {
+            let valid = message
+                .said
+                .is_some_and(|(kind, _, said)| said.status & Kind::Position.valid() != 0 && kind == Kind::Position);
+            if valid && clean {
+                solutions.push_back(message.arrived);
+            }
+            arriving.push_back(message);
+        });
+    }
+
+    /// It is `now`.
+    fn pass(&mut self, now: u64) {
+        while let Some(arrived) = self.solutions.pop_front_if(|arrived| *arrived <= now) {
+            self.solution = Some(arrived);
+        }
+    }
+
+    /// HORUS restarts at `at`: it forgets what it had taken.
+    fn forget(&mut self, at: u64) {
+        self.arriving.retain(|message| message.arrived > at);
+        self.tracks.iter_mut().for_each(Track::clear);
+        self.heard = None;
+        self.may_have_heard = None;
+    }
+
+    /// What had arrived by `by` HORUS has taken, or missed for good. Its lines are up since before `first_tick`.
+    fn settle(&mut self, by: u64, first_tick: Option<u64>) {
+        while let Some(message) = self.arriving.pop_front_if(|message| message.arrived <= by) {
+            let Message { begun, arrived, sure, said } = message;
+            self.may_have_heard = self.may_have_heard.max(Some(if sure { arrived } else { arrived + FOUND_LATE }));
+            let Some((kind, time_of_week, said)) = said else { continue };
+            let track = &mut self.tracks[kind as usize];
+            if sure && first_tick.is_some_and(|first| begun >= first) {
+                self.heard = Some(arrived);
+                track.taken(time_of_week, said, arrived);
+            } else {
+                track.doubted(time_of_week, said, arrived);
+            }
+        }
+    }
+
+    /// What is wrong with a GPS object of `tick`.
+    fn faults(
+        &self,
+        tick: u64,
+        timed: bool,
+        status: u16,
+        values: &GpsValues,
+    ) -> (Option<&'static str>, Option<&'static str>) {
+        let (mut content, mut wrong_status) = (None, None);
+        let arriving =
+            || self.arriving.iter().take_while(|message| message.arrived <= tick + bounds::SAMPLED_AFTER_TICK);
+        for (kind, name) in Kind::ALL.into_iter().zip(["position", "attitude", "acceleration"]) {
+            let values = numbers(kind, values);
+            let settled = &self.tracks[kind as usize];
+            let mut new = arriving()
+                .filter_map(|message| Some((message.arrived, message.said?)))
+                .filter(|(_, (its, ..))| *its == kind)
+                .peekable();
+            let agreement = if new.peek().is_none() {
+                settled.agreement(tick, timed, status, values)
+            } else {
+                let mut track = settled.clone();
+                new.for_each(|(arrived, (_, time_of_week, said))| track.arriving(time_of_week, said, arrived));
+                track.agreement(tick, timed, status, values)
+            };
+            let shown_as_told = if status & kind.valid() == 0 { values == [kind.absent(); 3] } else { agreement.raw };
+            if agreement.both {
+                continue;
+            }
+            if agreement.values || !agreement.status && shown_as_told {
+                wrong_status = wrong_status.or(Some(name));
+            } else {
+                content = content.or(Some(name));
+            }
+        }
+        let now = arriving().next().is_some();
+        let age = |at: u64| Age::at(tick, (at, at)).within(bounds::HEARD, bounds::HEARD);
+        let may_be_heard = now || self.may_have_heard.is_some_and(|at| !timed || age(at)[0]);
+        let may_be_silent = self.heard.is_none_or(|at| !timed || age(at)[1]);
+        if (status & HEARD != 0 && !may_be_heard) || (status & HEARD == 0 && !may_be_silent) {
+            wrong_status = wrong_status.or(Some("heard"));
+        }
+        if status & !GpsStatus::USED != 0 {
+            wrong_status = wrong_status.or(Some("unused"));
+        }
+        (content, wrong_status)
+    }
+}
+
+/// The numbers of a GPS object that follow from this kind of message, as bits.
+fn numbers(kind: Kind, values: &GpsValues) -> [u64; 3] {
+    match kind {
+        Kind::Position => [values.latitude, values.longitude, values.altitude].map(f64::to_bits),
+        Kind::Attitude => [values.pitch, values.yaw, values.roll].map(|value| u64::from(value.to_bits())),
+        Kind::Acceleration => values.acceleration.map(|value| u64::from(value.to_bits())),
+    }
+}
+
+/// HORUS's ticks since its last start.
+#[derive(Clone, Copy, Debug, Default)]
+struct Ticks {
+    since: u64,
+    count: u64,
+    first: Option<u64>,
+    last: Option<u64>,
+    before: Option<u64>,
+    /// Until then nothing is known of ages.
+    untimed: u64,
+    /// What its timestamps are ahead of 10 ms for each tick, ms.
+    ahead: u32,
+}
+
+/// What was sent in the cycle of a tick.
+#[derive(Clone, Debug, Default)]
+struct Sent {
+    tick: u64,
+    reported: Option<ReportedValues>,
+    gps: [Option<GpsValues>; MAX_RECEIVERS],
+    /// A GPS object was wrong.
+    blamed: bool,
+    /// The timestamps do not follow from those of the cycle before.
+    misstamped: bool,
+}
+
+/// See the [module](self).
+#[derive(Clone, Debug)]
+pub struct Content {
+    layout: Layout,
+    lines: Vec<Line>,
+    ticks: Ticks,
+    sent: Sent,
+}
+
+impl Content {
+    /// Nothing has happened yet.
+    ///
+    /// # Panics
+    ///
+    /// If there is no profile for the header's number of receivers.
+    #[must_use]
+    pub fn new(header: &Header) -> Self {
+        Self {
+            layout: Layout::for_receivers(header.gps).expect("a profile has 1, 2, 3 or 5 receivers"),
+            lines: vec![Line::new(); header.gps],
+            ticks: Ticks::default(),
+            sent: Sent::default(),
+        }
+    }
+
+    /// Takes the next event.
+    pub fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
+        let at = event.at;
+        match &event.what {
+            What::Power { board: Board::Horus, .. } | What::Reset { board: Board::Horus, .. } => {
+                self.ticks = Ticks { since: at, ..Ticks::default() };
+                self.lines.iter_mut().for_each(|line| line.forget(at));
+            }
+            What::Tick => {
+                let ticks = &mut self.ticks;
+                if ticks.last.is_some_and(|last| (at - last).abs_diff(bounds::CYCLE) > bounds::TICK_TOLERANCE) {
+                    ticks.untimed = at + UNTIMED;
+                }
+                ticks.count += 1;
+                ticks.first.get_or_insert(at);
+                ticks.before = ticks.last.replace(at);
+            }
+            What::Fed { receiver, byte_ns, bytes, clean } => {
+                let Some(line) = self.lines.get_mut(*receiver) else { return };
+                line.pass(at);
+                // Frames of a tick end before the tick after its successor.
+                line.settle(at.saturating_sub(4 * bounds::CYCLE), self.ticks.first);
+                line.fed(at, *byte_ns, bytes, *clean);
+            }
+            What::Sent { started, whole: true, .. } => {
+                if let Some(frame) = context.frame()
+                    && *started >= self.ticks.since + bounds::COMMAND_TO_AIR
+                {
+                    self.sent(at, *started, frame, findings);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// HORUS has sent a frame.
+    fn sent(&mut self, at: u64, started: u64, frame: &Frame, findings: &mut Findings) {
+        let Ticks { count, first, last, before, untimed, .. } = self.ticks;
+        let (tick, number) = match (last, before) {
+            (Some(last), _) if started >= last => (last, count),
+            (_, Some(before)) if started >= before => (before, count - 1),
+            _ => return,
+        };
+        if self.sent.tick != tick {
+            self.sent = Sent { tick, ..Sent::default() };
+        }
+        let Self { lines, ticks, sent, layout } = self;
+        let stamp = (number * u64::from(CYCLE_MS)) as u32;
+        let gps = || frame.objects.iter().filter(|object| object.index > 0);
+        let mut ahead = gps().filter_map(Placed::timestamp).map(|timestamp| timestamp.wrapping_sub(stamp));
+        if let Some(other) = ahead.find(|ahead| *ahead != ticks.ahead) {
+            ticks.ahead = other;
+            ticks.untimed = at + UNTIMED;
+            sent.misstamped = true;
+        }
+        if sent.misstamped {
+            return;
+        }
+        for object in &frame.objects {
+            match &object.state {
+                State::Valid { values: Values::Reported(values), .. } => sent.reported = Some(*values),
+                State::Valid { values: Values::Gps(values), .. } => {
+                    let Some(line) = lines.get_mut(object.index - 1) else { continue };
+                    sent.gps[object.index - 1] = Some(*values);
+                    line.settle(tick.saturating_sub(bounds::MESSAGE_TAKEN), first);
+                    let status = u16::from_le_bytes([object.bytes[6], object.bytes[7]]) & !EXCLUDED;
+                    let (content, wrong_status) = line.faults(tick, tick >= untimed, status, values);
+                    let words = |what: &str| format!("GPS{} at {:.6} ms: {what}", object.index, at as f64 / 1e6);
+                    if let Some(what) = content {
+                        findings.add(Violation::ContentWrong, at, || words(what));
+                        sent.blamed = true;
+                    }
+                    if let Some(what) = wrong_status {
+                        findings.add(Violation::StatusWrong, at, || words(&format!("{what}, status {status:#06x}")));
+                        sent.blamed = true;
+                    }
+                }
+                _ => {}
+            }
+        }
+        let complete = sent.gps.iter().flatten().count() == layout.receivers();
+        let Some(reported) = sent.reported.filter(|_| complete && !sent.blamed) else { return };
+        let stamp = stamp.wrapping_add(ticks.ahead);
+        let fault = if reported.timestamp == stamp {
+            reported::fault(&reported, sent.gps.iter().flatten())
+        } else {
+            Some(format!("it is stamped {} ms, the GPS objects {stamp} ms", reported.timestamp))
+        };
+        if let Some(what) = fault {
+            findings.add(Violation::ReportedWrong, at, || format!("{what}, at {:.6} ms", at as f64 / 1e6));
+        }
+    }
+
+    /// The run is over.
+    pub fn finish(&mut self, context: &Context, _findings: &mut Findings, figures: &mut Figures) {
+        figures.last_solution_ns = self
+            .lines
+            .iter_mut()
+            .map(|line| {
+                line.pass(context.now());
+                line.solution
+            })
+            .collect();
+    }
+}

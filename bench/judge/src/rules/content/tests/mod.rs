@@ -1,0 +1,191 @@
+//! A run in which receivers speak and HORUS says what they said, changed by what a test wants to be found.
+
+mod doubt;
+mod reader;
+mod reported;
+mod status;
+mod values;
+
+use gnss_sim::ubx::{EsfIns, NavAtt, NavPvt};
+use profile::{ABSENT_F32, ABSENT_F64, FixType, GpsStatus, GpsValues, ReportedStatus, ReportedValues};
+
+use super::*;
+use crate::testing::{BYTE_NS, Events, FIRST_TICK, MS, found, header, silent_gps};
+
+/// What a receiver puts on its line at once.
+#[derive(Clone, Debug)]
+struct Burst {
+    /// When its first byte begins, ns.
+    at: u64,
+    pvt: Option<NavPvt>,
+    att: Option<NavAtt>,
+    ins: Option<EsfIns>,
+    clean: bool,
+}
+
+impl Burst {
+    /// All three messages, of a number that makes their values differ from those of the next.
+    fn new(at: u64, number: u32, period_ms: u32) -> Self {
+        let itow_ms = 400_000_000 + number * period_ms;
+        let step = number as i32;
+        Self {
+            at,
+            pvt: Some(NavPvt {
+                itow_ms,
+                fix_type: 3,
+                flags: NavPvt::FLAG_FIX_OK,
+                latitude_1e7: 474_979_123 + step,
+                longitude_1e7: 87_296_456 - step,
+                height_mm: 493_217 + step,
+                ..NavPvt::default()
+            }),
+            att: Some(NavAtt {
+                itow_ms,
+                roll_1e5: 123_456 + step,
+                pitch_1e5: -234_567 + step,
+                heading_1e5: 34_567_891 + step,
+                accuracy_1e5: [40_000, 40_000, 60_000],
+            }),
+            ins: Some(EsfIns { itow_ms, rates_1e3: [0; 3], accelerations_1e2: [17 + step, -981 + step, 333 + step] }),
+            clean: true,
+        }
+    }
+
+    fn bytes(&self) -> Vec<u8> {
+        let pvt = self.pvt.iter().flat_map(NavPvt::encode);
+        pvt.chain(self.att.iter().flat_map(NavAtt::encode)).chain(self.ins.iter().flat_map(EsfIns::encode)).collect()
+    }
+
+    /// When its last byte has crossed.
+    fn arrived(&self) -> u64 {
+        self.at + self.bytes().len() as u64 * BYTE_NS
+    }
+
+    /// What HORUS makes of it while it is young enough.
+    fn values(&self, timestamp: u32) -> GpsValues {
+        let mut values = GpsValues::absent(timestamp);
+        if let Some(pvt) = &self.pvt {
+            values.status = values.status.with_position_valid(true).with_fix_type(FixType::Fix3D);
+            values.latitude = f64::from(pvt.latitude_1e7) / 1e7;
+            values.longitude = f64::from(pvt.longitude_1e7) / 1e7;
+            values.altitude = f64::from(pvt.height_mm) / 1e3;
+        }
+        if let Some(att) = &self.att {
+            let rad = |angle: i32| (f64::from(angle) * (std::f64::consts::PI / 180.0 / 1e5)) as f32;
+            values.status = values.status.with_attitude_valid(true);
+            (values.pitch, values.yaw, values.roll) = (rad(att.pitch_1e5), rad(att.heading_1e5), rad(att.roll_1e5));
+        }
+        if let Some(ins) = &self.ins {
+            values.status = values.status.with_acceleration_valid(true);
+            values.acceleration = ins.accelerations_1e2.map(|axis| (f64::from(axis) / 1e2) as f32);
+        }
+        values
+    }
+}
+
+/// A run: what each receiver says.
+#[derive(Clone, Debug)]
+struct Scene {
+    receivers: Vec<Vec<Burst>>,
+    period_ms: u32,
+    cycles: u64,
+}
+
+/// The receivers' first burst; every 100 ms comes another.
+const FIRST_BURST: u64 = 45 * MS;
+/// Ticks that are far from the arrival of a message, and by which the period is known.
+const STEADY: u64 = 51;
+
+impl Scene {
+    fn new(gps: usize) -> Self {
+        Self::with_period(gps, 100)
+    }
+
+    fn with_period(gps: usize, period_ms: u32) -> Self {
+        let cycles = 120;
+        let count = (cycles * u64::from(CYCLE_MS) / u64::from(period_ms)) as u32;
+        let receiver = |receiver: u32| {
+            let at = |number: u32| FIRST_BURST + u64::from(number * period_ms) * MS;
+            (0..count).map(|number| Burst::new(at(number), number + 1_000 * receiver, period_ms)).collect()
+        };
+        Self { receivers: (0..gps as u32).map(receiver).collect(), period_ms, cycles }
+    }
+
+    /// What GPS `receiver` (from 0) is at `tick`.
+    fn shown(&self, receiver: usize, tick: u64, timestamp: u32) -> GpsValues {
+        let taken = |burst: &&Burst| burst.arrived() + MS <= tick;
+        let bursts = self.receivers[receiver].iter().take_while(taken);
+        let count = bursts.clone().count();
+        let Some(last) = bursts.last() else { return silent_gps(timestamp) };
+        let period = if count < 2 { 1_000 * MS } else { u64::from(self.period_ms) * MS };
+        let age = tick - last.arrived();
+        let values = if age <= period + 150 * MS { last.values(timestamp) } else { GpsValues::absent(timestamp) };
+        let status = values.status.with_heard(age <= 250 * MS).with_stale(age >= period + 50 * MS);
+        GpsValues { status, ..values }
+    }
+
+    /// The run, of which `change` may change what is said in a cycle (from 1).
+    fn events(&self, mut change: impl FnMut(u64, &mut ReportedValues, &mut [GpsValues])) -> Events {
+        let gps = self.receivers.len();
+        let mut events = Events::new(gps);
+        for number in 1..=self.cycles {
+            let (tick, timestamp) = (tick(number), number as u32 * CYCLE_MS);
+            let mut values: Vec<_> = (0..gps).map(|receiver| self.shown(receiver, tick, timestamp)).collect();
+            let mut reported = reported(&values[0]);
+            change(number, &mut reported, &mut values);
+            events.cycle_of(tick, &reported, &values);
+        }
+        for (receiver, bursts) in self.receivers.iter().enumerate() {
+            for burst in bursts {
+                let bytes = burst.bytes().into();
+                events.add(burst.at, What::Fed { receiver, byte_ns: BYTE_NS, bytes, clean: burst.clean });
+            }
+        }
+        events.end(tick(self.cycles + 1) - MS);
+        events
+    }
+
+    /// What is found in the run, changed in what is said.
+    fn said(&self, change: impl FnMut(u64, &mut ReportedValues, &mut [GpsValues])) -> Vec<(Violation, u64)> {
+        kinds(&self.events(change))
+    }
+
+    /// What is found if GPS1 is changed in cycle `number`, and Reported-Position with it.
+    fn gps1(&self, number: u64, change: impl Fn(&mut GpsValues)) -> Vec<(Violation, u64)> {
+        self.said(|cycle, as_reported, gps| {
+            if cycle == number {
+                change(&mut gps[0]);
+                *as_reported = reported(&gps[0]);
+            }
+        })
+    }
+}
+
+/// When the tick of a cycle comes.
+fn tick(number: u64) -> u64 {
+    FIRST_TICK + (number - 1) * bounds::CYCLE
+}
+
+/// The first cycle whose tick comes so long after the arrival of a burst, or later.
+fn cycle_after(burst: &Burst, age: u64) -> u64 {
+    (burst.arrived() + age - FIRST_TICK).div_ceil(bounds::CYCLE) + 1
+}
+
+/// GPS1 as Reported-Position.
+fn reported(gps: &GpsValues) -> ReportedValues {
+    let GpsValues { timestamp, latitude, longitude, altitude, pitch, yaw, roll, acceleration, .. } = *gps;
+    let valid = gps.status.position_valid();
+    let status = ReportedStatus::new().with_position_valid(valid).with_receivers_agreeing(u8::from(valid));
+    ReportedValues { timestamp, status, latitude, longitude, altitude, pitch, yaw, roll, acceleration }
+}
+
+fn kinds(events: &Events) -> Vec<(Violation, u64)> {
+    let found = found(Content::new(&header(events.gps)), &events.log()).0;
+    found.into_iter().map(|(violation, count, _)| (violation, count)).collect()
+}
+
+fn unchanged(_: u64, _: &mut ReportedValues, _: &mut [GpsValues]) {}
+
+const CONTENT: [(Violation, u64); 1] = [(Violation::ContentWrong, 1)];
+const STATUS: [(Violation, u64); 1] = [(Violation::StatusWrong, 1)];
+const REPORTED: [(Violation, u64); 1] = [(Violation::ReportedWrong, 1)];

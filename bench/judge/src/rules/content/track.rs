@@ -1,0 +1,227 @@
+//! What of one kind of message HORUS may have taken, and how old it is.
+
+use gnss_sim::ubx::WEEK_MS;
+
+use super::ubx::{Kind, STALE, Said};
+use crate::bounds;
+
+/// So many longer steps of the time of week in a row make a period longer: HORUS then takes the shortest of them.
+const LONGER_STEPS: u32 = 4;
+/// After so many equal steps in a row HORUS has learned that period whatever it had believed before: at most three more
+/// longer steps complete a row that had begun, and two rows of four follow that may end shorter.
+const EQUAL_STEPS: u32 = 9;
+/// Of a message that HORUS may have found late: by how much at most, ns.
+pub(super) const FOUND_LATE: u64 = 200_000_000;
+/// More messages that may have been taken are not told apart.
+const MOST_CANDIDATES: usize = 64;
+
+/// The period of a receiver's messages as HORUS learns it from their time of week (design section 2: 20 ms to 1 s). A
+/// shorter step is believed at once; a longer one when four in a row are longer, and then the shortest of them.
+#[derive(Clone, Copy, Debug)]
+struct Pace {
+    time_of_week: Option<u32>,
+    /// ms; nothing while it is not certain which messages HORUS has taken.
+    period: Option<u32>,
+    longer: u32,
+    shortest_longer: u32,
+    step: u32,
+    equal: u32,
+}
+
+impl Pace {
+    const fn new() -> Self {
+        Self {
+            time_of_week: None,
+            period: Some(bounds::LONGEST_PERIOD_MS),
+            longer: 0,
+            shortest_longer: bounds::LONGEST_PERIOD_MS,
+            step: 0,
+            equal: 0,
+        }
+    }
+
+    /// A message that HORUS has taken.
+    fn taken(&mut self, time_of_week: u32) {
+        let Some(before) = self.time_of_week.replace(time_of_week) else { return };
+        let step = (time_of_week % WEEK_MS + WEEK_MS - before % WEEK_MS) % WEEK_MS;
+        // A repeated time of week, one that comes too soon, and a step back tell nothing of the period.
+        if !(bounds::SHORTEST_PERIOD_MS..WEEK_MS / 2).contains(&step) {
+            return;
+        }
+        let step = step.min(bounds::LONGEST_PERIOD_MS);
+        self.equal = if step == self.step { self.equal + 1 } else { 1 };
+        self.step = step;
+        match self.period {
+            None if self.equal < EQUAL_STEPS => return,
+            Some(period) if step > period => {
+                self.longer += 1;
+                self.shortest_longer = self.shortest_longer.min(step);
+                if self.longer < LONGER_STEPS {
+                    return;
+                }
+                self.period = Some(self.shortest_longer);
+            }
+            _ => self.period = Some(step),
+        }
+        self.longer = 0;
+        self.shortest_longer = bounds::LONGEST_PERIOD_MS;
+    }
+
+    /// A message that HORUS may have taken.
+    fn doubted(&mut self) {
+        *self = Self { period: None, ..Self::new() };
+    }
+
+    /// The least and the greatest that the period can be, ns.
+    fn range(&self) -> (u64, u64) {
+        let (least, most) = match self.period {
+            Some(period) => (period, period),
+            None => (bounds::SHORTEST_PERIOD_MS, bounds::LONGEST_PERIOD_MS),
+        };
+        (u64::from(least) * 1_000_000, u64::from(most) * 1_000_000)
+    }
+}
+
+/// A message that may be the last that HORUS has taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Candidate {
+    said: Said,
+    time_of_week: u32,
+    /// Between these instants it began to be new, ns: what repeats a time of week is as old as the first with that.
+    born: (u64, u64),
+}
+
+/// How old something can be by HORUS's clock, ns.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Age {
+    pub(super) least: u64,
+    pub(super) most: u64,
+}
+
+impl Age {
+    /// The age at `tick` of what arrived between the two instants of `born`. HORUS's clock may be off by 2 % without
+    /// its crystal, counts whole milliseconds, and begins when HORUS takes the message.
+    pub(super) fn at(tick: u64, born: (u64, u64)) -> Self {
+        let (least, most) = (tick.saturating_sub(born.1 + bounds::MESSAGE_TAKEN), tick.saturating_sub(born.0));
+        let off = |age: u64| age / (bounds::CYCLE / bounds::TICK_TOLERANCE) + 1_000_000;
+        Self { least: least.saturating_sub(off(least)), most: most + off(most) }
+    }
+
+    /// Whether it may be within a limit that is itself from `least` to `most`, and whether it may be beyond it.
+    pub(super) fn within(self, least: u64, most: u64) -> [bool; 2] {
+        [self.least <= most, self.most > least]
+    }
+}
+
+/// What agrees of an object's values and status bits with what they may be.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Agreement {
+    /// Values and status bits.
+    pub(super) both: bool,
+    /// The values, perhaps with other status bits.
+    pub(super) values: bool,
+    /// The status bits, perhaps with other values.
+    pub(super) status: bool,
+    /// The values are those of a message, valid or not.
+    pub(super) raw: bool,
+}
+
+/// What of one kind of message HORUS may have taken.
+#[derive(Clone, Debug)]
+pub(super) struct Track {
+    kind: Kind,
+    candidates: Vec<Candidate>,
+    /// It may have taken none, or none for so long that it makes no difference.
+    none: bool,
+    pace: Pace,
+}
+
+impl Track {
+    pub(super) fn new(kind: Kind) -> Self {
+        Self { kind, candidates: vec![], none: true, pace: Pace::new() }
+    }
+
+    /// HORUS has forgotten everything.
+    pub(super) fn clear(&mut self) {
+        self.candidates.clear();
+        self.none = true;
+        self.pace = Pace::new();
+    }
+
+    /// A message that HORUS has taken, since it arrived long enough ago.
+    pub(super) fn taken(&mut self, time_of_week: u32, said: Said, arrived: u64) {
+        let born = self.born(time_of_week, (arrived, arrived));
+        self.candidates.clear();
+        self.candidates.push(Candidate { said, time_of_week, born });
+        self.none = false;
+        self.pace.taken(time_of_week);
+    }
+
+    /// A message that HORUS may have taken, and will not take any more.
+    pub(super) fn doubted(&mut self, time_of_week: u32, said: Said, arrived: u64) {
+        self.possible(time_of_week, said, (arrived, arrived + FOUND_LATE));
+        self.pace.doubted();
+    }
+
+    /// A message that HORUS may have taken by now; it teaches no period until it is certain what became of it.
+    pub(super) fn arriving(&mut self, time_of_week: u32, said: Said, arrived: u64) {
+        self.possible(time_of_week, said, (arrived, arrived));
+    }
+
+    fn possible(&mut self, time_of_week: u32, said: Said, arrived: (u64, u64)) {
+        let born = self.born(time_of_week, arrived);
+        let same = |candidate: &&mut Candidate| candidate.said == said && candidate.time_of_week == time_of_week;
+        if let Some(same) = self.candidates.iter_mut().find(same) {
+            same.born = (same.born.0.min(born.0), same.born.1.max(born.1));
+            return;
+        }
+        if self.candidates.len() == MOST_CANDIDATES {
+            self.candidates.remove(0);
+            self.none = true;
+        }
+        self.candidates.push(Candidate { said, time_of_week, born });
+    }
+
+    /// Since when a message is new that arrived between the two instants of `arrived`.
+    fn born(&self, time_of_week: u32, arrived: (u64, u64)) -> (u64, u64) {
+        let others = self.none || self.candidates.iter().any(|candidate| candidate.time_of_week != time_of_week);
+        let same = self.candidates.iter().filter(|candidate| candidate.time_of_week == time_of_week);
+        same.map(|candidate| candidate.born)
+            .chain(others.then_some(arrived))
+            .reduce(|one, other| (one.0.min(other.0), one.1.max(other.1)))
+            .unwrap_or(arrived)
+    }
+
+    /// Holds the values and the status of a GPS object of `tick` against what they may be. Unless HORUS's ticks were
+    /// regular (`timed`), nothing is known of ages.
+    pub(super) fn agreement(&self, tick: u64, timed: bool, status: u16, values: [u64; 3]) -> Agreement {
+        let status = status & self.kind.mask();
+        let mut agreement = Agreement::default();
+        let mut allow = |said: &Said, current: bool, stale: bool| {
+            let nothing = Said::nothing(self.kind);
+            let shown = if current { said } else { &nothing };
+            let stale = if stale && self.kind == Kind::Position { STALE } else { 0 };
+            let bits = stale | shown.status;
+            agreement.values |= shown.values == values;
+            agreement.status |= bits == status;
+            agreement.both |= shown.values == values && bits == status;
+            agreement.raw |= said.raw == values;
+        };
+        if self.none {
+            allow(&Said::nothing(self.kind), false, true);
+        }
+        let (least, most) = self.pace.range();
+        for candidate in &self.candidates {
+            let age = Age::at(tick, candidate.born);
+            let within = |slack: u64| if timed { age.within(least + slack, most + slack) } else { [true; 2] };
+            let [current, outdated] = within(bounds::VALID_BEYOND_PERIOD);
+            let [fresh, stale] = within(bounds::STALE_BEYOND_PERIOD);
+            for (is_current, _) in [(true, current), (false, outdated)].into_iter().filter(|(_, may)| *may) {
+                for (is_stale, _) in [(false, fresh), (true, stale)].into_iter().filter(|(_, may)| *may) {
+                    allow(&candidate.said, is_current, is_stale);
+                }
+            }
+        }
+        agreement
+    }
+}

@@ -1,0 +1,507 @@
+//! Ticks, transmit commands, frames, their timestamps and their timing.
+//!
+//! # What is asked
+//!
+//! From a start of HORUS (power-on or reset) to its next, ticks come every 10 ms, the first within [`bounds::START`].
+//! A frame belongs to the last tick before its first bit, and each tick is followed by the frames of its cycle, in
+//! their order, before the next tick. Each frame follows its transmit command within [`bounds::COMMAND_TO_AIR`]. What
+//! is on the air are whole, valid objects, stamped 10 ms for each tick since the start.
+//!
+//! # One cause, one violation
+//!
+//! - A restart, asked for or not, cuts off whatever is under way and switches the field off: nothing of that is blamed
+//!   here. Ticks and frames that are missing for at most [`bounds::WATCHDOG_LONGEST`] until a reset that nobody asked
+//!   for are a hung HORUS, which that reset tells.
+//! - A command without its frame, a frame broken off, one that no command began, one that is not whole objects or that
+//!   has no place in its cycle fills a place of the cycle: its frames are not missed again.
+//! - While the field is off after it dropped, and in the cycle in which it comes back, no frame is asked for, and a
+//!   frame that it cuts off is not blamed. A field that HORUS takes down within [`bounds::FIELD_RECOVERY`] after a lost
+//!   frame is how it brings its front end up again: the lost frame is told.
+//! - A cycle that its tick does not end in time is not asked for frames. Where a tick was missing or irregular, the
+//!   timestamps may or may not count it: the next one decides, and binds those after it.
+//! - A frame that begins more than a cycle after a tick without another is that of a tick that is missing or late,
+//!   which is told itself; it is not one too many.
+//! - Series of which the jitter is judged leave out cycles of which something was blamed, and of tick, command, air and
+//!   period only the first that scatters is told: the others follow from it.
+//! - If the GPS objects of a frame have the right timestamp and Reported-Position has not, that is the violation of
+//!   [`content`](super::content).
+
+mod jitter;
+#[cfg(test)]
+mod tests;
+
+use profile::{CYCLE_MS, Layout};
+
+use crate::read::{Frame, State};
+use crate::{Board, Context, Event, Figures, Findings, Header, Violation, What, bounds};
+use jitter::{Jitter, Series, Worst};
+
+/// An instant for a person.
+fn ms(at: u64) -> String {
+    format!("{:.6} ms", at as f64 / 1e6)
+}
+
+/// A transmit command whose frame has not ended.
+#[derive(Clone, Copy, Debug)]
+struct Command {
+    at: u64,
+    /// The field was off, or went off while its frame may have been on the air.
+    field_lost: bool,
+}
+
+/// Which numbers a tick may have, counted from 1 since HORUS's start: more than one only after ticks that were missing
+/// or irregular.
+#[derive(Clone, Copy, Debug, Default)]
+struct Number {
+    least: u64,
+    most: u64,
+}
+
+impl Number {
+    /// Whether a cycle of this number is stamped `timestamp` (ms), which then decides the number.
+    fn is_stamped(&mut self, timestamp: u32) -> bool {
+        // Both wrap together after 2^32 ms.
+        let least = (self.least * u64::from(CYCLE_MS)) as u32;
+        let ahead = timestamp.wrapping_sub(least);
+        let steps = u64::from(ahead / CYCLE_MS);
+        let stamped = ahead.is_multiple_of(CYCLE_MS) && steps <= self.most - self.least;
+        if stamped {
+            *self = Self { least: self.least + steps, most: self.least + steps };
+        }
+        stamped
+    }
+}
+
+/// A tick and what followed it.
+#[derive(Clone, Copy, Debug)]
+struct Tick {
+    at: u64,
+    number: Number,
+    /// Something of it was blamed.
+    blamed: bool,
+    /// The field was off for some of it, after it had dropped.
+    field_lost: bool,
+    /// Command and first preamble bit of each frame.
+    frames: [Option<(u64, u64)>; 2],
+    /// Frames that were sent and are not among those, since something was wrong with them.
+    others: usize,
+}
+
+impl Tick {
+    fn sent(&self) -> usize {
+        self.frames.iter().flatten().count()
+    }
+}
+
+/// What is missing.
+#[derive(Clone, Copy, Debug)]
+enum Missing {
+    /// A tick after this one, or after the start.
+    Tick { after: Option<u64> },
+    /// Frames of the cycle of the tick at this instant.
+    Frames { of: u64, sent: usize, wanted: usize },
+}
+
+/// HORUS from one start to the next.
+#[derive(Clone, Debug)]
+struct Run {
+    since: u64,
+    powered: bool,
+    /// The tick before `tick`.
+    before: Option<Tick>,
+    tick: Option<Tick>,
+    /// The next tick is overdue, and that has been noted.
+    tick_missing: bool,
+    /// In order of time.
+    commands: Vec<Command>,
+    /// The carrier is on.
+    field: bool,
+    /// It has dropped and is still off.
+    dropped: bool,
+    /// When it came back last.
+    back: Option<u64>,
+    /// When a frame was lost last.
+    lost: Option<u64>,
+    /// The first bit of the cycle's first frame, if nothing of the last cycle was blamed.
+    led: Option<u64>,
+    jitter: Jitter,
+    /// What is missing since the last frame, each with when it was noticed, until it is known whether HORUS was hung.
+    missing: Vec<(u64, Missing)>,
+}
+
+impl Run {
+    fn new(since: u64, powered: bool) -> Self {
+        Self {
+            since,
+            powered,
+            before: None,
+            tick: None,
+            tick_missing: false,
+            commands: vec![],
+            field: false,
+            dropped: false,
+            back: None,
+            lost: None,
+            led: None,
+            jitter: Jitter::default(),
+            missing: vec![],
+        }
+    }
+
+    /// The tick that something belongs to which began at this instant: the last or, since a frame is known when it has
+    /// ended, the one before.
+    fn tick_of(&mut self, began: u64) -> Option<&mut Tick> {
+        self.tick.iter_mut().chain(&mut self.before).find(|tick| began >= tick.at)
+    }
+}
+
+/// What is measured over all starts of HORUS.
+#[derive(Clone, Copy, Debug, Default)]
+struct Measured {
+    frames_sent: u64,
+    bit_rate: u64,
+    air_time_ns: u64,
+    period: Series,
+    command: Series,
+    air: Series,
+}
+
+/// See the [module](self).
+#[derive(Clone, Debug)]
+pub struct Cycle {
+    layout: Layout,
+    run: Run,
+    worst: Worst,
+    measured: Measured,
+    /// Until when HORUS's front end may be out of order through no fault of HORUS's, ns.
+    front_end_gone: u64,
+}
+
+impl Cycle {
+    /// Nothing has happened yet.
+    ///
+    /// # Panics
+    ///
+    /// If there is no profile for the header's number of receivers.
+    #[must_use]
+    pub fn new(header: &Header) -> Self {
+        Self {
+            layout: Layout::for_receivers(header.gps).expect("a profile has 1, 2, 3 or 5 receivers"),
+            run: Run::new(0, true),
+            worst: Worst::default(),
+            measured: Measured::default(),
+            front_end_gone: 0,
+        }
+    }
+
+    /// Takes the next event.
+    pub fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
+        self.pass(event.at, findings);
+        match &event.what {
+            What::Power { board: Board::Horus, on } => self.restart(event.at, *on, true, context, findings),
+            What::Reset { board: Board::Horus, asked, .. } => {
+                let powered = context.running(Board::Horus).powered;
+                self.restart(event.at, powered, *asked, context, findings);
+            }
+            _ if !self.run.powered => {}
+            What::Tick => self.tick(event.at, findings),
+            What::Command => {
+                let field_lost = self.run.dropped;
+                self.run.commands.push(Command { at: event.at, field_lost });
+            }
+            What::Injected { kind, until } if kind.contains("horus front end") => {
+                self.front_end_gone = self.front_end_gone.max(until.saturating_add(bounds::FRONT_END_RECOVERY));
+            }
+            What::Field { on } => self.field(event.at, *on, findings),
+            What::Sent { started, bit_rate, whole, .. } => {
+                if *whole {
+                    self.measured.frames_sent += 1;
+                    self.measured.bit_rate = u64::from(*bit_rate);
+                    self.measured.air_time_ns = self.measured.air_time_ns.max(event.at - started);
+                }
+                // What HORUS had begun before it restarted is nobody's.
+                if let Some(frame) = context.frame()
+                    && *started >= self.run.since + bounds::COMMAND_TO_AIR
+                {
+                    self.sent(event.at, *started, *whole, frame, findings);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// It is `now`: what has not come until now is missing.
+    fn pass(&mut self, now: u64, findings: &mut Findings) {
+        let run = &mut self.run;
+        if !run.powered {
+            return;
+        }
+        let due = run.tick.map_or(run.since + bounds::START, |tick| tick.at + bounds::TICK_MISSING);
+        if now > due && !run.tick_missing {
+            run.tick_missing = true;
+            run.missing.push((due, Missing::Tick { after: run.tick.map(|tick| tick.at) }));
+        }
+        while let Some(&command) = self.run.commands.first()
+            && now > command.at + bounds::COMMAND_TO_END
+        {
+            self.run.commands.remove(0);
+            self.without_frame(command, findings);
+        }
+        while let Some(&(at, missing)) = self.run.missing.first()
+            && now > at + bounds::WATCHDOG_LONGEST
+        {
+            self.run.missing.remove(0);
+            tell(at, missing, findings);
+        }
+    }
+
+    /// HORUS starts, or has no supply any more.
+    fn restart(&mut self, at: u64, powered: bool, asked: bool, context: &Context, findings: &mut Findings) {
+        if asked {
+            self.tell_missing(findings);
+        }
+        self.conclude(context);
+        self.run = Run::new(at, powered);
+    }
+
+    fn tell_missing(&mut self, findings: &mut Findings) {
+        for (at, missing) in self.run.missing.drain(..) {
+            tell(at, missing, findings);
+        }
+    }
+
+    fn without_frame(&mut self, command: Command, findings: &mut Findings) {
+        if !command.field_lost {
+            findings.add(Violation::CommandWithoutFrame, command.at, || format!("the one given at {}", ms(command.at)));
+            self.run.lost = self.run.lost.max(Some(command.at));
+            if let Some(tick) = self.run.tick_of(command.at) {
+                tick.blamed = true;
+            }
+        }
+    }
+
+    fn tick(&mut self, at: u64, findings: &mut Findings) {
+        let (number, regular) = match self.run.tick {
+            None => (Number { least: 1, most: 1 }, true),
+            Some(Tick { at: before, number: Number { least, most }, .. }) => {
+                let interval = at - before;
+                if std::mem::take(&mut self.run.tick_missing) {
+                    let passed = (interval + bounds::CYCLE / 2) / bounds::CYCLE;
+                    (Number { least: least + 1, most: most + passed }, false)
+                } else if interval.abs_diff(bounds::CYCLE) > bounds::TICK_TOLERANCE {
+                    findings.add(Violation::TickIrregular, at, || {
+                        format!("{interval} ns from the one before, at {}", ms(at))
+                    });
+                    (Number { least, most: most + 1 }, false)
+                } else {
+                    self.run.jitter.ticks.push(interval, at);
+                    (Number { least: least + 1, most: most + 1 }, true)
+                }
+            }
+        };
+        self.close(at, regular);
+        let run = &mut self.run;
+        run.tick_missing = false;
+        let before = std::mem::replace(&mut run.before, run.tick);
+        self.measure(before);
+        let run = &mut self.run;
+        run.tick = Some(Tick {
+            at,
+            number,
+            blamed: !regular,
+            field_lost: run.dropped || run.back.is_some_and(|back| at < back + bounds::FIELD_READY),
+            frames: [None; 2],
+            others: 0,
+        });
+    }
+
+    /// The present cycle is over: the next tick has come at `now`, `in_time`.
+    fn close(&mut self, now: u64, in_time: bool) {
+        let run = &mut self.run;
+        let Some(tick) = &mut run.tick else { return };
+        // A frame that is on the air is known when it has ended.
+        let under_way = run.commands.iter().filter(|command| command.at >= tick.at).count();
+        let (sent, wanted) = (tick.sent(), self.layout.frames());
+        if in_time && !tick.field_lost && sent + tick.others + under_way < wanted {
+            run.missing.push((now, Missing::Frames { of: tick.at, sent, wanted }));
+            run.lost = run.lost.max(Some(tick.at));
+            tick.blamed = true;
+        }
+    }
+
+    /// All that can be known of a cycle is known: its times go into the series, unless something of it was blamed.
+    fn measure(&mut self, tick: Option<Tick>) {
+        let (run, measured) = (&mut self.run, &mut self.measured);
+        let led = run.led.take();
+        let Some(tick) = tick.filter(|tick| !tick.blamed && !tick.field_lost) else { return };
+        for (number, frame) in tick.frames.into_iter().enumerate() {
+            let Some((command, started)) = frame else { continue };
+            let (to_command, to_air) = (command - tick.at, started - tick.at);
+            run.jitter.command[number].push(to_command, command);
+            run.jitter.air[number].push(to_air, started);
+            if number == 0 {
+                measured.command.push(to_command, command);
+                measured.air.push(to_air, started);
+                if let Some(led) = led {
+                    measured.period.push(started - led, started);
+                }
+                run.led = Some(started);
+            }
+        }
+    }
+
+    /// This start of HORUS is over.
+    fn conclude(&mut self, context: &Context) {
+        let (before, tick) = (self.run.before, self.run.tick);
+        self.measure(before);
+        self.measure(tick);
+        self.worst.start_over(&self.run.jitter, self.layout, context);
+    }
+
+    fn field(&mut self, at: u64, on: bool, findings: &mut Findings) {
+        let run = &mut self.run;
+        if on {
+            if std::mem::take(&mut run.dropped) {
+                run.back = Some(at);
+            }
+            run.field = true;
+            return;
+        }
+        if !std::mem::take(&mut run.field) {
+            return;
+        }
+        run.dropped = true;
+        if let Some(tick) = &mut run.tick {
+            tick.field_lost = true;
+        }
+        let whole_by = |command: &Command| command.at + bounds::COMMAND_TO_AIR + bounds::FRAME_LONGEST;
+        let waited_in_vain = run.commands.iter().any(|command| !command.field_lost && at > whole_by(command));
+        for command in run.commands.iter_mut().filter(|command| at <= whole_by(command)) {
+            command.field_lost = true;
+        }
+        let gone = at < self.front_end_gone;
+        if !gone && !waited_in_vain && run.lost.is_none_or(|lost| at > lost + bounds::FIELD_RECOVERY) {
+            findings.add(Violation::FieldDropped, at, || format!("at {}", ms(at)));
+        }
+    }
+
+    /// A frame of this start of HORUS has ended on the air.
+    fn sent(&mut self, at: u64, started: u64, whole: bool, frame: &Frame, findings: &mut Findings) {
+        let command = self.command_of(started, findings);
+        let run = &mut self.run;
+        if !whole && !run.field {
+            // The field went off under it.
+            return;
+        }
+        run.field |= whole;
+        let others = |run: &mut Run| {
+            if let Some(tick) = run.tick_of(started) {
+                tick.others += 1;
+                tick.blamed = true;
+            }
+        };
+        if !whole {
+            findings.add(Violation::BrokenOff, at, || format!("after {} bytes, at {}", frame.payload.len(), ms(at)));
+            run.lost = Some(at);
+            return others(run);
+        }
+        self.tell_missing(findings);
+        let run = &mut self.run;
+        let Some(command) = command else {
+            findings.add(Violation::FrameWithoutCommand, at, || format!("the one that began at {}", ms(started)));
+            return others(run);
+        };
+        let Some(number) = frame.number else {
+            let length = frame.payload.len();
+            findings
+                .add(Violation::SentNotWhole, at, || format!("{length} bytes, in the frame that ended at {}", ms(at)));
+            return others(run);
+        };
+        match run.tick_of(started) {
+            Some(tick) if started > tick.at + bounds::CYCLE + bounds::TICK_TOLERANCE => {
+                let Number { least, most } = tick.number;
+                let mut number = Number { least, most: most + (started - tick.at) / bounds::CYCLE };
+                objects_are_right(at, frame, &mut number, findings);
+            }
+            Some(tick) if tick.frames.iter().skip(number).all(Option::is_none) => {
+                tick.frames[number] = Some((command, started));
+                tick.blamed |= !objects_are_right(at, frame, &mut tick.number, findings);
+            }
+            tick => {
+                let of =
+                    tick.map_or("before the first tick".to_owned(), |tick| format!("of the cycle of {}", ms(tick.at)));
+                findings.add(Violation::ExtraFrame, at, || format!("frame {} {of}, at {}", number + 1, ms(at)));
+                others(run);
+            }
+        }
+    }
+
+    /// The command that began the frame which began at `started`; those before it have no frame.
+    fn command_of(&mut self, started: u64, findings: &mut Findings) -> Option<u64> {
+        let given = self.run.commands.iter().take_while(|command| command.at <= started).count();
+        let mut own = None;
+        for number in (0..given).rev() {
+            let command = self.run.commands.remove(number);
+            if number + 1 == given && started - command.at <= bounds::COMMAND_TO_AIR {
+                own = Some(command.at);
+            } else {
+                self.without_frame(command, findings);
+            }
+        }
+        own
+    }
+
+    /// The run is over.
+    pub fn finish(&mut self, context: &Context, findings: &mut Findings, figures: &mut Figures) {
+        self.pass(context.now(), findings);
+        self.tell_missing(findings);
+        self.conclude(context);
+        self.worst.tell(findings);
+        figures.frames_sent = self.measured.frames_sent;
+        figures.bit_rate = self.measured.bit_rate;
+        figures.air_time_ns = self.measured.air_time_ns;
+        figures.period_ns = self.measured.period.span();
+        figures.tick_to_command_ns = self.measured.command.span();
+        figures.tick_to_air_ns = self.measured.air.span();
+    }
+}
+
+/// Judges the objects of a frame of the cycle with this number; whether nothing is wrong with them.
+fn objects_are_right(at: u64, frame: &Frame, number: &mut Number, findings: &mut Findings) -> bool {
+    let mut right = true;
+    for object in &frame.objects {
+        let why = match &object.state {
+            State::Valid { .. } => continue,
+            State::Vacant => "nothing in its place".to_owned(),
+            State::Unsound(rejection) => rejection.to_string(),
+        };
+        right = false;
+        findings.add(Violation::SentInvalid, at, || format!("object {} at {}: {why}", object.index, ms(at)));
+    }
+    // GPS objects first: Reported-Position's timestamp is judged here if there is none of them to hold it against.
+    let mut against = false;
+    for object in frame.objects.iter().rev() {
+        let Some(timestamp) = object.timestamp().filter(|_| object.index > 0 || !against) else { continue };
+        against = true;
+        if !number.is_stamped(timestamp) {
+            let expected = number.least * u64::from(CYCLE_MS);
+            findings.add(Violation::TimestampWrong, at, || {
+                format!("object {} is stamped {timestamp} ms instead of {expected} ms, at {}", object.index, ms(at))
+            });
+            return false;
+        }
+    }
+    right
+}
+
+fn tell(at: u64, missing: Missing, findings: &mut Findings) {
+    match missing {
+        Missing::Tick { after } => findings.add(Violation::NoTick, at, || match after {
+            Some(tick) => format!("after the one at {}", ms(tick)),
+            None => format!("from the start until {}", ms(at)),
+        }),
+        Missing::Frames { of, sent, wanted } => {
+            findings.add(Violation::NoFrame, at, || format!("{sent} of {wanted} in the cycle of {}", ms(of)));
+        }
+    }
+}

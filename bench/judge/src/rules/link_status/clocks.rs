@@ -1,0 +1,77 @@
+//! Whether HORUS's clock differs from the DPR's by more than 2 % over a second.
+
+use std::collections::VecDeque;
+
+use crate::bounds;
+use crate::rules::shown::expectation::{Certainty, Delivery};
+
+/// A clock that goes wrong, or right again, is noticed within two windows, each at most a second and one step long, ns.
+const NOTICED: u64 = 2 * (bounds::CLOCK_WINDOW + (bounds::MAX_MISSED as u64 + 1) * bounds::CYCLE) + 100_000_000;
+
+/// The cycles in sequence of the last window and a step.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Clocks {
+    /// Timestamp, ms, and instant of the sample, ns.
+    samples: VecDeque<(u32, u64)>,
+    /// The last cycle at whose window's end the clocks did not surely agree, ns.
+    disagreed: Option<u64>,
+    /// The last cycle at whose window's end they did not surely disagree, ns.
+    agreed: u64,
+}
+
+impl Clocks {
+    /// What Link-Status says of the clock after this frame: [`Certainty::Must`] for implausible.
+    pub(super) fn frame(&mut self, frame: &Delivery) -> Certainty {
+        let Some(timestamp) = frame.timestamp else { return self.said(frame.sampled) };
+        let second = self.samples.back().is_some_and(|(last, _)| *last == timestamp);
+        if second && frame.shown == Certainty::Must {
+            return self.said(frame.sampled);
+        }
+        if frame.shown > Certainty::Never {
+            self.samples.push_back((timestamp, frame.sampled));
+            self.compare();
+        } else if frame.received == Certainty::Must {
+            // The sequence is lost or not found: nothing is said of the clock.
+            *self = Self::default();
+        }
+        if frame.shown < Certainty::Must {
+            self.agreed = frame.sampled;
+        }
+        self.said(frame.sampled)
+    }
+
+    /// Closes the window that ends with the last sample.
+    fn compare(&mut self) {
+        let Some(&(now, at)) = self.samples.back() else { return };
+        let full = |sample: Option<&(u32, u64)>| {
+            sample.is_some_and(|(_, from)| at.saturating_sub(*from) >= bounds::CLOCK_WINDOW)
+        };
+        while full(self.samples.get(1)) {
+            self.samples.pop_front();
+        }
+        let Some(&(then, from)) = self.samples.front().filter(|first| full(Some(first))) else {
+            self.agreed = at;
+            return;
+        };
+        let passed = at.saturating_sub(from);
+        let advance = u64::from(now.wrapping_sub(then)) * 1_000_000;
+        let difference = advance.abs_diff(passed);
+        let allowed = passed / bounds::CLOCK_SHARE;
+        if difference + bounds::SEQUENCE_BAND > allowed {
+            self.disagreed = Some(at);
+        }
+        if difference < allowed + bounds::SEQUENCE_BAND {
+            self.agreed = at;
+        }
+    }
+
+    fn said(&self, now: u64) -> Certainty {
+        if self.disagreed.is_none_or(|at| now.saturating_sub(at) > NOTICED) {
+            Certainty::Never
+        } else if now.saturating_sub(self.agreed) > NOTICED {
+            Certainty::Must
+        } else {
+            Certainty::May
+        }
+    }
+}

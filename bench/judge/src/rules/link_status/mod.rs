@@ -1,0 +1,454 @@
+//! Link-Status against the wires.
+//!
+//! Link-Status holds as of the publication of its image: the last rise of FRESH before chip select fell. What the DPR
+//! had heard by then follows from the antenna, through the same [`Expectation`] as what it shows; where that is not
+//! certain, either value is right. A frame that ended shortly before FRESH may or may not have had its part in the
+//! image, unless the image shows it or nothing else can have caused it; so there may be several [`Snapshot`]s that an
+//! image can be of, and it has to fit one of them.
+//!
+//! # What is whose
+//!
+//! | | is held against |
+//! |---|---|
+//! | `LinkAge` | the tick of the last Reported-Position that was accepted, as it was on the TICK pin |
+//! | `LinkCounters` | the frames at the antenna: absolutely within what is certain, and exactly from image to image |
+//! | `LinkFlags` | the frames at the antenna, the DPR's last start, what was injected |
+//! | `LinkTime` | the time since the DPR's start |
+//!
+//! Nothing is asked of an image that is another violation already: one that FRESH did not announce, or that is older
+//! than FRESH says (rule `ssi`), or that does not show what it must (rule `shown`). An image that lacks an object and
+//! one whose flag is wrong are told apart by the antenna: bits 0 and 1 are wrong only if they contradict both the image
+//! and what reached the antenna. Nothing is asked either while a fault inside the DPR leaves open what it does; after
+//! it counters and time are compared from image to image alone, and bits 4, 5 and 10 may be set.
+
+mod clocks;
+mod counters;
+mod start;
+#[cfg(test)]
+mod tests;
+
+use std::collections::VecDeque;
+
+use clocks::Clocks;
+use counters::{Baseline, Counters};
+use profile::{Layout, LinkStatusBits, LinkValues};
+use start::{Reasons, Time};
+
+use super::shown::expectation::{Certainty, Delivery, Expectation};
+use super::shown::publication;
+use super::shown::truth::Truth;
+use crate::read::{Reading, State};
+use crate::{Board, Context, Event, Figures, Findings, Header, Violation, What, bounds};
+
+/// So many frames, and so many rises of FRESH, are remembered: a transaction may be long.
+const REMEMBERED: usize = 64;
+
+/// The resolution of the DPR's clock, what its front end needs to tell the end of a frame, and what HORUS's front end
+/// scatters (2.3 µs), ns.
+const INSTANTS: u64 = 30_000;
+
+/// The unit of the age, ns.
+const AGE_UNIT: u64 = 100_000;
+
+/// So much of the second for which a restart is shown may be lost or gained, ns: a frame's commit, and the crystals.
+const RESTART_BAND: u64 = 2_000_000;
+
+/// A Reported-Position that was or may have been accepted.
+#[derive(Clone, Copy, Debug)]
+struct Sample {
+    /// The instant of its sample, ns.
+    at: u64,
+    /// What the air added on the way, ns, of which the DPR cannot know.
+    delay: u64,
+}
+
+/// What the DPR knows after a frame.
+#[derive(Clone, Debug)]
+struct Snapshot {
+    frame: Option<Delivery>,
+    counters: Counters,
+    /// What may be the last Reported-Position that was accepted.
+    samples: Vec<Sample>,
+    /// None may have been.
+    none: bool,
+    /// Objects of the cycle that must be and that may be accepted: bit n for object n.
+    must: u8,
+    may: u8,
+    /// Until when the sequence must be held, and may be.
+    held: (u64, u64),
+    frozen: Certainty,
+    /// When HORUS was last taken to have restarted: surely, and perhaps.
+    restarted: [Option<u64>; 2],
+    implausible: Certainty,
+}
+
+impl Snapshot {
+    fn ended(&self) -> u64 {
+        self.frame.as_ref().map_or(0, |frame| frame.ended)
+    }
+}
+
+/// See the [module](self).
+#[derive(Clone, Debug)]
+pub struct LinkStatus {
+    layout: Layout,
+    publication: u64,
+    truth: Truth,
+    expectation: Expectation,
+    clocks: Clocks,
+    /// After each frame, the oldest first; at the DPR's start there is one without a frame. Never empty.
+    snapshots: VecDeque<Snapshot>,
+    fresh: VecDeque<u64>,
+    baseline: Option<Baseline>,
+    time: Time,
+    reasons: Reasons,
+    /// Something inside the DPR was broken on purpose.
+    broken: bool,
+    /// Since the DPR's last start.
+    broken_since_start: bool,
+    /// The bytes that were judged last. Where they are read again, a rise of FRESH in between announced no image.
+    last: Vec<u8>,
+    /// What FRESH announced last.
+    offered: Vec<u8>,
+}
+
+impl LinkStatus {
+    /// Nothing has happened yet.
+    ///
+    /// # Panics
+    ///
+    /// If there is no profile for the header's number of receivers.
+    #[must_use]
+    pub fn new(header: &Header) -> Self {
+        let layout = Layout::for_receivers(header.gps).expect("a profile has 1, 2, 3 or 5 receivers");
+        Self {
+            layout,
+            publication: publication(header.worst_case()),
+            truth: Truth::default(),
+            expectation: Expectation::new(layout),
+            clocks: Clocks::default(),
+            snapshots: VecDeque::from([Self::at_start(layout)]),
+            fresh: VecDeque::new(),
+            baseline: None,
+            time: Time::default(),
+            reasons: Reasons::power_on(),
+            broken: false,
+            broken_since_start: false,
+            last: vec![],
+            offered: vec![],
+        }
+    }
+
+    fn at_start(layout: Layout) -> Snapshot {
+        Snapshot {
+            frame: None,
+            counters: Counters::new(layout),
+            samples: vec![],
+            none: true,
+            must: 0,
+            may: 0,
+            held: (0, 0),
+            frozen: Certainty::Never,
+            restarted: [None; 2],
+            implausible: Certainty::Never,
+        }
+    }
+
+    /// Takes the next event.
+    pub fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
+        self.truth.take(event, context);
+        let delivery = self.expectation.take(event, context);
+        let disturbed = self.expectation.is_disturbed(event.at);
+        match &event.what {
+            What::Power { board: Board::Dpr, .. } | What::Reset { board: Board::Dpr, .. } => {
+                self.reasons = Reasons::of(&event.what);
+                self.snapshots = VecDeque::from([Self::at_start(self.layout)]);
+                self.clocks = Clocks::default();
+                self.fresh.clear();
+                self.baseline = None;
+                self.time = Time::default();
+                self.last.clear();
+                self.offered.clear();
+                self.broken_since_start = disturbed;
+            }
+            What::Injected { .. } if disturbed => {
+                self.broken = true;
+                self.broken_since_start = true;
+                self.time = Time::default();
+            }
+            What::Fresh { high: true, offered } => {
+                // What announces the image of before is no publication: rule `ssi` tells that.
+                let offered = offered.as_ref().map_or(&[][..], |bytes| &bytes.0);
+                if !offered.is_empty() && offered == self.offered {
+                    return;
+                }
+                self.offered = offered.to_vec();
+                self.fresh.push_back(event.at);
+                if self.fresh.len() > REMEMBERED {
+                    self.fresh.pop_front();
+                }
+            }
+            What::Transaction { .. } => {
+                if let Some(reading) = context.reading() {
+                    self.read(reading, context, findings);
+                }
+            }
+            _ => {}
+        }
+        if let Some(delivery) = delivery {
+            self.heard(delivery);
+        }
+    }
+
+    /// A frame has reached the antenna.
+    fn heard(&mut self, frame: Delivery) {
+        let Some(last) = self.snapshots.back() else { return };
+        let mut next = last.clone();
+        next.counters.frame(&frame);
+        let of = |fate: Certainty| {
+            let objects = frame.objects.iter().filter(|(.., own)| *own >= fate);
+            objects.fold(0, |mask, (index, ..)| mask | 1_u8 << index)
+        };
+        let (must, may) = (of(Certainty::Must), of(Certainty::May));
+        let completes = last.frame.as_ref().is_some_and(|first| frame.completes(first));
+        (next.must, next.may) = if completes { (last.must | must, last.may | may) } else { (must, may) };
+        if may & 1 == 1 {
+            let sent = frame.objects.iter().find(|(index, ..)| *index == 0);
+            let sent = sent.and_then(|(index, bytes, _)| self.truth.find(*index, bytes, frame.started));
+            let tick = sent.and_then(|sent| Some((sent.tick?, frame.started - sent.started)));
+            let (at, delay) = tick.unwrap_or((frame.sampled, 0));
+            if must & 1 == 1 {
+                next.samples.clear();
+                next.none = false;
+            }
+            next.samples.push(Sample { at, delay });
+            // Of those that are merely possible the oldest are not remembered.
+            if next.samples.len() > REMEMBERED {
+                next.samples.remove(0);
+            }
+        }
+        next.held = self.expectation.held_until();
+        next.frozen = self.expectation.frozen(frame.ended);
+        for (at, least) in next.restarted.iter_mut().zip([Certainty::Must, Certainty::May]) {
+            if frame.restarted >= least {
+                *at = Some(frame.ended);
+            }
+        }
+        next.implausible = self.clocks.frame(&frame);
+        next.frame = Some(frame);
+        self.snapshots.push_back(next);
+        if self.snapshots.len() > REMEMBERED {
+            self.snapshots.pop_front();
+        }
+    }
+
+    /// A transaction is over.
+    fn read(&mut self, reading: &Reading, context: &Context, findings: &mut Findings) {
+        let dpr = context.running(Board::Dpr);
+        let Some(Ok(values)) = &reading.link else { return };
+        let before = |rose: &&u64| **rose <= reading.selected;
+        let Some(&published) = self.fresh.iter().rev().find(before) else { return };
+        // Every deadline publishes: what has not been replaced for longer, FRESH has not announced.
+        let announced = reading.selected <= published + bounds::FRAME_DEADLINE + self.publication;
+        if !dpr.powered || published < dpr.since || !announced {
+            return;
+        }
+        if self.expectation.is_disturbed(published) || self.last == reading.miso {
+            return;
+        }
+        let Some(candidates) = self.candidates(reading, published) else { return };
+        self.last.clone_from(&reading.miso);
+        if !self.counters_fit(values, published, &candidates) {
+            findings.add(Violation::LinkCounters, reading.selected, || {
+                let LinkValues { objects_accepted, objects_rejected, frames_received, frames_missed, .. } = values;
+                format!(
+                    "accepted {objects_accepted}, rejected {objects_rejected}, received {frames_received}, missed \
+                     {frames_missed}"
+                )
+            });
+        }
+        let mut of_candidates = candidates.iter().filter_map(|index| self.snapshots.get(*index));
+        if !of_candidates.clone().any(|snapshot| age_fits(snapshot, values.age_100us, published)) {
+            findings.add(Violation::LinkAge, reading.selected, || format!("{} · 100 µs", values.age_100us));
+        }
+        let flags = |snapshot| self.wrong_flags(snapshot, values.status, reading, published);
+        // The words are of the last candidate, the one with every frame.
+        let wrong = of_candidates.try_fold(String::new(), |_, snapshot| flags(snapshot));
+        let reason = || self.reasons.wrong(values.status).filter(|_| !self.broken_since_start);
+        let wrong = wrong.or_else(reason);
+        if let Some(words) = wrong {
+            findings.add(Violation::LinkFlags, reading.selected, || words);
+        }
+        if let Some(words) = self.time.wrong(values.timestamp, published, dpr.since, self.broken_since_start) {
+            findings.add(Violation::LinkTime, reading.selected, || words);
+        }
+    }
+
+    /// The snapshots that an image which was published then can be of; `None` if it is another violation.
+    fn candidates(&self, reading: &Reading, published: u64) -> Option<Vec<usize>> {
+        let newest = |of: &dyn Fn(&Snapshot) -> bool| self.snapshots.iter().rposition(of);
+        let last = newest(&|it| it.ended() <= published)?;
+        let settled = newest(&|it| it.ended() + self.publication <= published);
+        let mut first = settled.unwrap_or(0);
+        if reading.timestamp().is_some() {
+            let shown =
+                newest(&|it| it.ended() <= published && it.frame.as_ref().is_some_and(|it| shows(reading, it)))?;
+            let frame_of = |index: usize| self.snapshots.get(index).and_then(|snapshot| snapshot.frame.as_ref());
+            let same_cycle = frame_of(last).zip(frame_of(shown)).is_some_and(|(last, shown)| last.completes(shown));
+            // What is shown is older than FRESH says.
+            if shown < first || shown < last && self.is_cause(last) && !same_cycle {
+                return None;
+            }
+            first = shown;
+        }
+        if self.is_cause(last) {
+            first = last;
+        }
+        Some((first..=last).collect())
+    }
+
+    /// Whether an image that is published just after this snapshot's frame can have no other cause: the frame is the
+    /// last of its cycle, and no deadline coincides with it.
+    fn is_cause(&self, index: usize) -> bool {
+        let frame_of = |index: usize| self.snapshots.get(index).and_then(|snapshot| snapshot.frame.as_ref());
+        let Some(frame) = frame_of(index) else { return false };
+        let is_last = |frame: &Delivery| frame.number + 1 == self.layout.frames();
+        let Some(before) = index.checked_sub(1).and_then(frame_of) else { return false };
+        let (deadline, belongs) = if is_last(before) {
+            (bounds::FRAME_DEADLINE, true)
+        } else {
+            // Otherwise the first goes out before the second is looked at, and the image again after that.
+            (bounds::SECOND_FRAME, frame.completes(before) && frame.shown == before.shown)
+        };
+        let in_time = frame.ended + bounds::SEQUENCE_BAND < before.ended + deadline;
+        frame.received == Certainty::Must && is_last(frame) && belongs && in_time
+    }
+
+    fn counters_fit(&mut self, values: &LinkValues, published: u64, candidates: &[usize]) -> bool {
+        let Self { snapshots, baseline, publication, broken_since_start, .. } = self;
+        let mut fits = false;
+        for (place, index) in candidates.iter().enumerate() {
+            let Some(counters) = snapshots.get(*index).map(|snapshot| &snapshot.counters) else { continue };
+            let next = candidates.get(place + 1).and_then(|next| Some(&snapshots.get(*next)?.counters));
+            let absolute =
+                *broken_since_start || counters.add_up(values) && counters.fit(values, published, *publication, next);
+            let relative = |before: &Baseline| counters.follow(before, values, published, *publication, next);
+            fits |= absolute && baseline.as_ref().is_none_or(relative);
+        }
+        if let [only] = candidates
+            && let Some(snapshot) = snapshots.get(*only)
+            && let Some(next) = snapshot.counters.baseline(values, published)
+        {
+            *baseline = Some(next);
+        }
+        fits
+    }
+
+    /// What of the flags contradicts a snapshot, in words.
+    fn wrong_flags(
+        &self,
+        snapshot: &Snapshot,
+        status: LinkStatusBits,
+        reading: &Reading,
+        published: u64,
+    ) -> Option<String> {
+        let sealed = published - bounds::SEALED_BEFORE_FRESH.min(published);
+        let expected = self.objects_expected(snapshot, published);
+        let (must, may) = snapshot.held;
+        let held = match published {
+            _ if published <= must => Certainty::Must,
+            _ if sealed > may => Certainty::Never,
+            _ => Certainty::May,
+        };
+        let shown_for = |at: Option<u64>, band: i64| {
+            let shown = bounds::RESTART_SHOWN.saturating_add_signed(band);
+            at.is_some_and(|at| published.saturating_sub(at) < shown)
+        };
+        let band = i64::try_from(RESTART_BAND).unwrap_or(i64::MAX);
+        let restarted = match snapshot.restarted {
+            [sure, _] if shown_for(sure, -band) => Certainty::Must,
+            [_, perhaps] if shown_for(perhaps, band) => Certainty::May,
+            _ => Certainty::Never,
+        };
+        let implausible = if held == Certainty::Never { held } else { snapshot.implausible.min(held) };
+        let fault = if self.broken { Certainty::May } else { Certainty::Never };
+        let claims = [
+            ("the link up", status.link_up(), self.objects_shown(reading, false), expected[0]),
+            ("all accepted", status.all_accepted(), self.objects_shown(reading, true), expected[1]),
+            ("HORUS frozen", status.horus_frozen(), None, snapshot.frozen),
+            ("HORUS restarted", status.horus_restarted(), None, restarted),
+            ("a RAM fault", status.ram_fault(), None, fault),
+            ("a front end fault", status.front_end_fault(), None, fault),
+            ("out of sequence", !status.out_of_sequence(), None, held),
+            ("HORUS's clock implausible", status.horus_clock_implausible(), None, implausible),
+            ("a flash fault", status.flash_fault(), None, fault),
+        ];
+        let wrong = claims.iter().find(|(_, said, shown, truth)| {
+            let against = |truth: bool| truth != *said;
+            let truth = match truth {
+                Certainty::Must => against(true),
+                Certainty::Never => against(false),
+                Certainty::May => false,
+            };
+            truth && shown.is_none_or(against)
+        });
+        wrong.map(|(words, ..)| format!("{words}: status {:#06x}", status.bits()))
+    }
+
+    /// Whether the image shows any object, or `all` of them, as far as that was read.
+    fn objects_shown(&self, reading: &Reading, all: bool) -> Option<bool> {
+        let valid = |state: &State| matches!(state, State::Valid { .. });
+        let any = reading.objects.iter().any(|placed| valid(&placed.state));
+        let missing = reading.objects.iter().any(|placed| placed.state == State::Vacant);
+        let whole = reading.objects.len() == self.layout.objects();
+        match all {
+            false if any => Some(true),
+            true if missing => Some(false),
+            _ if whole => Some(all),
+            _ => None,
+        }
+    }
+
+    /// Whether the image of a snapshot shows any object, and all of them.
+    fn objects_expected(&self, snapshot: &Snapshot, published: u64) -> [Certainty; 2] {
+        let Some(frame) = &snapshot.frame else { return [Certainty::Never; 2] };
+        let after = published.saturating_sub(frame.ended);
+        if after > bounds::FRAME_DEADLINE + self.publication {
+            return [Certainty::Never; 2];
+        }
+        let band = bounds::SEQUENCE_BAND;
+        let waits = frame.number + 1 < self.layout.frames();
+        // Either side of the deadline; and before the second frame's the image is that of the cycle before.
+        if after + band > bounds::FRAME_DEADLINE || waits && after < bounds::SECOND_FRAME + band {
+            return [Certainty::May; 2];
+        }
+        let whole = u8::MAX >> (8 - self.layout.objects());
+        let of = |holds: &dyn Fn(u8) -> bool| match (holds(snapshot.must), holds(snapshot.may)) {
+            (true, _) => Certainty::Must,
+            (false, true) => Certainty::May,
+            (false, false) => Certainty::Never,
+        };
+        [of(&|mask| mask != 0), of(&|mask| mask == whole)]
+    }
+
+    /// The run is over.
+    pub fn finish(&mut self, _context: &Context, _findings: &mut Findings, _figures: &mut Figures) {}
+}
+
+/// Whether a transaction shows an object that a frame brought.
+fn shows(reading: &Reading, frame: &Delivery) -> bool {
+    let mut objects = frame.objects.iter().filter(|(.., fate)| *fate > Certainty::Never);
+    objects.any(|(index, bytes, _)| reading.objects.iter().any(|it| it.index == *index && it.bytes == *bytes))
+}
+
+/// Whether an age can be told by an image that was published then.
+fn age_fits(snapshot: &Snapshot, told: u16, published: u64) -> bool {
+    let units = |ns: u64| u16::try_from(ns / AGE_UNIT).unwrap_or(u16::MAX);
+    let fits = |sample: &Sample| {
+        let age = published.saturating_sub(sample.at);
+        let crystals = age / 1_000_000 * bounds::CRYSTALS_PPM;
+        let least = age.saturating_sub(bounds::SEALED_BEFORE_FRESH + INSTANTS + crystals + sample.delay);
+        (units(least)..=units(age + INSTANTS + crystals)).contains(&told)
+    };
+    snapshot.none && told == u16::MAX || snapshot.samples.iter().any(fits)
+}

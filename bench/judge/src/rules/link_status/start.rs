@@ -1,0 +1,79 @@
+//! What Link-Status says about the DPR's own start: why, and how long ago.
+
+use profile::{LinkStatusBits, ResetReason};
+
+use crate::{What, bounds};
+
+/// For which reasons the DPR may say that it has started.
+#[derive(Clone, Debug)]
+pub(super) struct Reasons(Option<&'static [ResetReason]>);
+
+impl Reasons {
+    /// The supply came. A part that finds its RAM intact takes it for a brown-out, which it cannot tell apart.
+    pub(super) const fn power_on() -> Self {
+        Self(Some(&[ResetReason::PowerOn, ResetReason::BrownOutOrOther]))
+    }
+
+    /// The reasons after a start; any if the event's words name none.
+    pub(super) fn of(event: &What) -> Self {
+        let What::Reset { cause, asked, .. } = event else { return Self::power_on() };
+        let cause = cause.to_lowercase();
+        let says = |words: &[&str]| words.iter().any(|word| cause.contains(word));
+        let reasons: Option<&'static [ResetReason]> = if says(&["watchdog", "wdt"]) {
+            Some(&[ResetReason::Watchdog])
+        } else if says(&["lockup"]) {
+            Some(&[ResetReason::Lockup])
+        } else if says(&["software", "sysresetreq"]) {
+            Some(&[ResetReason::Software])
+        } else if says(&["power", "brown"]) {
+            return Self::power_on();
+        } else if *asked || says(&["pin"]) {
+            Some(&[ResetReason::Pin])
+        } else {
+            None
+        };
+        Self(reasons)
+    }
+
+    /// What of bits 6 and 12 to 14 is wrong, in words.
+    pub(super) fn wrong(&self, status: LinkStatusBits) -> Option<String> {
+        let told = status.reset_reason();
+        let unasked = [ResetReason::Watchdog, ResetReason::Lockup, ResetReason::BrownOutOrOther];
+        let reason = told.filter(|told| self.0.is_none_or(|reasons| reasons.contains(told)));
+        let right = reason.is_some_and(|reason| unasked.contains(&reason) == status.unasked_reset());
+        (!right).then(|| format!("the last reset: {told:?}, status {:#06x}", status.bits()))
+    }
+}
+
+/// Link-Status's clock.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Time {
+    /// The first image since the start: publication, ns, and what that instant is ahead of the clock, ns.
+    first: Option<(u64, i128)>,
+    last_ms: u32,
+}
+
+/// The clock is read some time before FRESH rises, to the ms: ns.
+const RESOLUTION: u64 = 2_000_000;
+
+impl Time {
+    /// What is wrong with the time told in an image that was `published` then by a DPR that started at `since`, in
+    /// words. Of a DPR in which something was broken on purpose the first time is taken as it is.
+    pub(super) fn wrong(&mut self, told_ms: u32, published: u64, since: u64, broken: bool) -> Option<String> {
+        let back = told_ms < std::mem::replace(&mut self.last_ms, told_ms);
+        let passed = published - since;
+        let words = |what: &str| Some(format!("{told_ms} ms, {passed} ns after the start: {what}"));
+        let ahead = i128::from(passed) - i128::from(told_ms) * 1_000_000;
+        let Some((from, was)) = self.first else {
+            self.first = Some((published, ahead));
+            let plausible = broken || (0..=i128::from(bounds::START)).contains(&ahead);
+            return if plausible { None } else { words("not the time since then") };
+        };
+        if back {
+            return words("back");
+        }
+        let drift = (published - from) / 1_000_000 * bounds::CRYSTALS_PPM;
+        let off = (ahead - was).unsigned_abs();
+        if off > u128::from(RESOLUTION + drift) { words("not the time since the image before") } else { None }
+    }
+}

@@ -1,0 +1,363 @@
+use profile::{LinkStatusBits, LinkValues, ResetReason};
+
+use crate::rules::shown::synthetic::{Air, Image, MS, Run, US};
+use crate::{Board, Event, Violation, What};
+
+const RECEIVERS: [usize; 3] = [1, 3, 5];
+
+/// Changes the images that are published within.
+fn within(times: std::ops::Range<u64>, change: impl Fn(&mut LinkValues)) -> impl Fn(&mut Vec<Image>) {
+    move |images| {
+        let mut changed = 0;
+        for image in images.iter_mut().filter(|image| times.contains(&image.at)) {
+            change(&mut image.link);
+            changed += 1;
+        }
+        assert!(changed > 0, "no image is published in {times:?}");
+    }
+}
+
+/// The image of this cycle alone.
+fn of(run: &Run, cycle: u32, change: impl Fn(&mut LinkValues)) -> impl Fn(&mut Vec<Image>) {
+    within(run.end(cycle)..run.end(cycle) + MS, change)
+}
+
+fn flip(values: &mut LinkValues, bit: u16) {
+    values.status = LinkStatusBits::from_bits(values.status.bits() ^ 1 << bit);
+}
+
+#[test]
+fn an_age_that_is_off_by_more_than_its_bound_is_wrong() {
+    for n in RECEIVERS {
+        let run = Run::new(n);
+        for (off, wrong) in [(-4, true), (-2, false), (0, false), (1, false), (2, true), (30_000, true)] {
+            let change = |values: &mut LinkValues| values.age_100us = values.age_100us.wrapping_add_signed(off);
+            let expected: &[Violation] = if wrong { &[Violation::LinkAge] } else { &[] };
+            assert_eq!(run.broken(of(&run, 20, change)), expected, "{n} receivers, {off}");
+        }
+    }
+}
+
+#[test]
+fn the_age_is_the_last_accepted_reported_positions_also_in_silence_and_when_it_alone_was_hit() {
+    for n in RECEIVERS {
+        let newer = |values: &mut LinkValues| values.age_100us -= 100;
+        let run = Run::new(n).hit(20, 0, Air::Hit(vec![0]));
+        assert_eq!(run.broken(of(&run, 20, newer)), [Violation::LinkAge], "{n} receivers");
+        let run = Run::new(n).hit_all(20..28, &Air::Lost);
+        assert_eq!(run.broken(within(run.end(25)..run.end(26), newer)), [Violation::LinkAge], "{n} receivers");
+    }
+}
+
+#[test]
+fn before_anything_was_accepted_the_age_is_saturated_and_after_it_it_is_not() {
+    let run = Run::new(3);
+    let change = |age| move |values: &mut LinkValues| values.age_100us = age;
+    assert_eq!(run.broken(within(10 * MS..20 * MS, change(65_534))), [Violation::LinkAge]);
+    assert_eq!(run.broken(of(&run, 20, change(u16::MAX))), [Violation::LinkAge]);
+    // After 6.5535 s it is again.
+    let mut long = Run::new(3).hit_all(20..700, &Air::Lost);
+    long.cycles = 710;
+    long.control = 4 * MS;
+    long.assert_flawless();
+    let late = long.tick(19) + 6_600 * MS..long.tick(19) + 6_700 * MS;
+    assert_eq!(long.broken(within(late, change(65_534))), [Violation::LinkAge]);
+}
+
+#[test]
+fn the_age_counts_from_the_tick_and_not_from_the_frame() {
+    // HORUS keeps its slot, but this tick was 1 ms earlier than its frame tells.
+    let run = Run::new(3);
+    let mut log = run.log(|_| {});
+    for event in log.events.iter_mut().filter(|event| event.what == What::Tick && event.at == run.tick(20)) {
+        event.at -= MS;
+    }
+    log.events.sort_by_key(|event| (event.at, event.what.rank()));
+    assert!(crate::judge(&log).kinds().any(|kind| kind == Violation::LinkAge));
+    // Without ticks the frame has to do.
+    log.events.retain(|event| event.what != What::Tick);
+    assert!(crate::judge(&log).kinds().all(|kind| kind != Violation::LinkAge));
+}
+
+#[test]
+fn a_counter_that_is_off_by_one_is_wrong_once_if_it_stays_so_and_twice_if_it_does_not() {
+    let counters: [fn(&mut LinkValues) -> &mut u32; 4] = [
+        |values| &mut values.objects_accepted,
+        |values| &mut values.objects_rejected,
+        |values| &mut values.frames_received,
+        |values| &mut values.frames_missed,
+    ];
+    for n in RECEIVERS {
+        for (index, counter) in counters.iter().enumerate() {
+            for by in [-1_i32, 1] {
+                let change = |values: &mut LinkValues| *counter(values) = counter(values).wrapping_add_signed(by);
+                let run = Run::new(n).hit_all(10..12, &Air::Lost);
+                let once = run.verdict(of(&run, 25, change));
+                let stays = run.verdict(within(run.end(25)..u64::MAX, change));
+                for verdict in [once, stays] {
+                    let words: Vec<String> = verdict.violations.iter().map(ToString::to_string).collect();
+                    let counters = verdict.violations.iter().find(|it| it.violation == Violation::LinkCounters);
+                    assert!(counters.is_some(), "{n} receivers, counter {index} by {by}: {words:?}");
+                }
+                assert_eq!(run.broken(of(&run, 25, change)), [Violation::LinkCounters]);
+            }
+        }
+    }
+}
+
+#[test]
+fn counters_that_go_on_wrongly_together_are_wrong() {
+    for n in RECEIVERS {
+        // A damaged object that counts as accepted, and a frame that was received and counts as missed.
+        let run = Run::new(n).hit(20, 0, Air::Hit(vec![1]));
+        let change = |values: &mut LinkValues| {
+            values.objects_accepted += 1;
+            values.objects_rejected -= 1;
+        };
+        assert_eq!(run.broken(within(run.end(20)..u64::MAX, change)), [Violation::LinkCounters], "{n} receivers");
+        let places = if n == 5 { 3 } else { n as u32 + 1 };
+        let change = |values: &mut LinkValues| {
+            values.objects_accepted -= places;
+            values.frames_received -= 1;
+            values.frames_missed += 1;
+        };
+        assert_eq!(run.broken(within(run.end(22)..u64::MAX, change)), [Violation::LinkCounters], "{n} receivers");
+    }
+}
+
+#[test]
+fn a_frame_that_nobody_counts_as_missed_is_wrong() {
+    for n in RECEIVERS {
+        let frames = if n == 5 { 2 } else { 1 };
+        let run = Run::new(n).hit_all([20], &Air::Lost);
+        let change = |values: &mut LinkValues| values.frames_missed -= frames;
+        assert_eq!(run.broken(within(run.end(21)..u64::MAX, change)), [Violation::LinkCounters], "{n} receivers");
+        // In a long silence.
+        let run = Run::new(n).hit_all(20..35, &Air::Lost);
+        let change = |values: &mut LinkValues| values.frames_missed -= 5 * frames;
+        assert_eq!(run.broken(within(run.end(30)..run.end(31), change)), [Violation::LinkCounters], "{n} receivers");
+    }
+}
+
+#[test]
+fn each_flag_that_contradicts_what_was_heard_and_shown_is_wrong() {
+    for n in RECEIVERS {
+        let run = Run::new(n);
+        for bit in [0, 1, 2, 3, 4, 5, 8, 9, 10, 6, 12, 13, 14] {
+            let broken = run.broken(of(&run, 20, |values| flip(values, bit)));
+            assert_eq!(broken, [Violation::LinkFlags], "{n} receivers, bit {bit}");
+        }
+        // Not ours: rejected uplinks.
+        assert_eq!(run.broken(of(&run, 20, |values| flip(values, 7))), []);
+        // In silence.
+        let run = Run::new(n).hit_all(20..25, &Air::Lost);
+        for bit in [0, 1, 2, 3, 8, 9] {
+            let broken = run.broken(within(run.end(22)..run.end(23), |values| flip(values, bit)));
+            assert_eq!(broken, [Violation::LinkFlags], "{n} receivers, bit {bit}");
+        }
+        // And when it has lasted too long for the sequence to be held.
+        let mut run = Run::new(n).hit_all(20..58, &Air::Lost);
+        run.cycles = 70;
+        for (time, cycle) in [("before", 44), ("after", 48)] {
+            let broken = run.broken(within(run.end(cycle)..run.end(cycle + 1), |values| flip(values, 8)));
+            assert_eq!(broken, [Violation::LinkFlags], "{n} receivers, {time}");
+        }
+    }
+}
+
+#[test]
+fn the_flags_of_a_damaged_cycle_say_so() {
+    for n in RECEIVERS {
+        let run = Run::new(n).hit(20, 0, Air::Hit(vec![1]));
+        for bit in [0, 1] {
+            assert_eq!(run.broken(of(&run, 20, |values| flip(values, bit))), [Violation::LinkFlags], "bit {bit}");
+        }
+    }
+}
+
+#[test]
+fn what_an_image_lacks_is_not_also_a_wrong_flag() {
+    // Whether the flags say what was heard or what is shown.
+    for bits in [LinkStatusBits::new().with_link_up(true).with_all_accepted(true), LinkStatusBits::new()] {
+        let run = Run::new(3);
+        let broken = run.broken(|images| {
+            let image = images.iter_mut().find(|image| image.timestamp() == Some(200)).unwrap();
+            image.places.iter_mut().for_each(|place| place.fill(0));
+            image.link.status = bits;
+        });
+        assert_eq!(broken, [Violation::NotShown]);
+    }
+}
+
+#[test]
+fn a_frozen_and_a_restarted_horus_are_told() {
+    for n in RECEIVERS {
+        let mut run = Run::new(n);
+        run.frozen = vec![20];
+        assert_eq!(run.broken(of(&run, 20, |values| flip(values, 2))), [Violation::LinkFlags], "{n} receivers");
+        assert_eq!(run.broken(of(&run, 21, |values| flip(values, 2))), [Violation::LinkFlags], "{n} receivers");
+        let run = Run { cycles: 150, horus_starts: vec![20], ..Run::new(n) };
+        run.assert_flawless();
+        // Shown for a second.
+        for cycle in [21, 119, 121, 140] {
+            let broken = run.broken(of(&run, cycle, |values| flip(values, 3)));
+            assert_eq!(broken, [Violation::LinkFlags], "{n} receivers, {cycle}");
+        }
+    }
+}
+
+#[test]
+fn a_clock_that_is_3_percent_off_is_implausible_and_one_that_is_1_percent_off_is_not() {
+    for (period, implausible) in [(9_700 * US, true), (9_900 * US, false), (10_100 * US, false), (10_300 * US, true)] {
+        let run = Run { cycles: 450, control: 4 * MS, period, ..Run::new(3) };
+        run.assert_flawless();
+        let told = |images: &mut Vec<Image>| {
+            let image = images.iter().find(|image| image.at > run.end(400)).unwrap();
+            assert_eq!(image.link.status.horus_clock_implausible(), implausible);
+        };
+        assert_eq!(run.broken(told), []);
+        assert_eq!(run.broken(of(&run, 400, |values| flip(values, 9))), [Violation::LinkFlags], "{period} ns");
+    }
+}
+
+#[test]
+fn the_reason_of_the_last_reset_is_what_happened() {
+    let reasons = [
+        ("PowerOn", ResetReason::PowerOn),
+        ("BrownOut", ResetReason::BrownOutOrOther),
+        ("the supply dipped: brown-out", ResetReason::BrownOutOrOther),
+        ("pin", ResetReason::Pin),
+        ("Watchdog(\"WDT\")", ResetReason::Watchdog),
+        ("Lockup", ResetReason::Lockup),
+        ("Software", ResetReason::Software),
+        ("asked for", ResetReason::Pin),
+    ];
+    for (cause, right) in reasons {
+        for told in reasons.map(|(_, reason)| reason) {
+            let run = Run { cycles: 60, dpr_start: Some((200 * MS, cause, told)), ..Run::new(1) };
+            let power = [ResetReason::PowerOn, ResetReason::BrownOutOrOther];
+            let fits = told == right || power.contains(&told) && power.contains(&right);
+            let expected: &[Violation] = if fits { &[] } else { &[Violation::LinkFlags] };
+            assert_eq!(run.broken(|_| {}), expected, "{cause}: {told:?}");
+        }
+    }
+}
+
+#[test]
+fn a_front_end_without_supply_may_set_the_dprs_flags_and_nothing_else_must() {
+    let fault = |kind: &str| Event { at: 200 * MS, what: What::Injected { kind: kind.into(), until: 200 * MS } };
+    for (kind, may) in
+        [("power dpr front end off", true), ("ram dpr", false), ("power horus front end off", false), ("air", false)]
+    {
+        for bit in [4, 5, 10] {
+            let run = Run { cycles: 120, extra: vec![fault(kind)], ..Run::new(3) };
+            let expected: &[Violation] = if may { &[] } else { &[Violation::LinkFlags] };
+            assert_eq!(run.broken(of(&run, 100, |values| flip(values, bit))), expected, "{kind}, bit {bit}");
+        }
+    }
+    // Afterwards counters and time are compared from image to image, and from wherever they are.
+    let run = Run { cycles: 120, extra: vec![fault("power dpr front end off")], ..Run::new(3) };
+    let upset = |values: &mut LinkValues| {
+        values.objects_accepted ^= 1 << 20;
+        values.timestamp ^= 1 << 20;
+    };
+    assert_eq!(run.broken(within(200 * MS..u64::MAX, upset)), []);
+    let missed = |values: &mut LinkValues| values.frames_missed += 1;
+    assert_eq!(run.broken(of(&run, 100, missed)), [Violation::LinkCounters]);
+    let early = |values: &mut LinkValues| values.timestamp -= 10;
+    assert_eq!(run.broken(of(&run, 100, early)), [Violation::LinkTime]);
+}
+
+#[test]
+fn the_time_starts_with_the_dpr_and_goes_on_with_it() {
+    for n in RECEIVERS {
+        let run = Run::new(n);
+        for (by, wrong) in [(-3, true), (-1, false), (1, false), (4, true)] {
+            let change = |values: &mut LinkValues| values.timestamp = values.timestamp.wrapping_add_signed(by);
+            let broken = run.broken(of(&run, 20, change));
+            assert_eq!(broken == [Violation::LinkTime], wrong, "{n} receivers, {by}: {broken:?}");
+        }
+        // From the first image on it is the time since the start, within the time that a start takes.
+        for (by, wrong) in [(3_i32, true), (-4, false)] {
+            let change = |values: &mut LinkValues| values.timestamp = values.timestamp.saturating_add_signed(by);
+            let broken = run.broken(within(0..u64::MAX, change));
+            assert_eq!(broken == [Violation::LinkTime], wrong, "{n} receivers, {by}: {broken:?}");
+        }
+        let mut late = Run { cycles: 80, dpr_start: Some((300 * MS, "pin", ResetReason::Pin)), ..Run::new(n) };
+        late.assert_flawless();
+        let runs_on = |values: &mut LinkValues| values.timestamp += 300;
+        assert_eq!(late.broken(within(301 * MS..u64::MAX, runs_on)), [Violation::LinkTime]);
+        late.dpr_start = None;
+        let stands = |values: &mut LinkValues| values.timestamp = 280;
+        assert_eq!(late.broken(within(301 * MS..u64::MAX, stands)), [Violation::LinkTime]);
+    }
+}
+
+#[test]
+fn a_clock_that_drifts_is_wrong() {
+    let run = Run { cycles: 600, control: 4 * MS, ..Run::new(1) };
+    for (ppm, wrong) in [(100, false), (-100, false), (2_000, true), (-2_000, true)] {
+        let drift = |images: &mut Vec<Image>| {
+            for image in images {
+                let ms = i64::from(image.link.timestamp);
+                image.link.timestamp = (ms + ms * ppm / 1_000_000) as u32;
+            }
+        };
+        let broken = run.broken(drift);
+        assert_eq!(broken == [Violation::LinkTime], wrong, "{ppm} ppm: {broken:?}");
+    }
+}
+
+#[test]
+fn an_image_that_fresh_has_not_announced_is_not_asked() {
+    let run = Run::new(3);
+    let wrong = of(&run, 20, |values| values.age_100us += 50);
+    let mut log = run.log(&wrong);
+    // FRESH is stuck.
+    log.events.retain(|event| !(matches!(event.what, What::Fresh { .. }) && event.at > run.tick(15)));
+    let own = |kind: &Violation| *kind >= Violation::LinkAge && *kind <= Violation::LinkTime;
+    assert_eq!(crate::judge(&log).kinds().filter(own).count(), 0);
+    assert_eq!(run.broken(&wrong), [Violation::LinkAge]);
+}
+
+#[test]
+fn a_rise_of_fresh_that_announces_the_image_of_before_is_no_publication() {
+    // Most images are read for the first time after the second rise.
+    let run = Run { control: 7 * MS, ..Run::new(3) };
+    let own = |kind: &Violation| *kind >= Violation::LinkAge && *kind <= Violation::LinkTime;
+    // Each rise, with a number for its image, comes again 3 ms later with the same image or with another.
+    let broken = |another: u64| {
+        let mut log = run.log(|_| {});
+        let mut again = vec![];
+        for (event, number) in log.events.iter_mut().filter(|event| event.at > run.tick(15)).zip(0..) {
+            if let What::Fresh { high: true, offered } = &mut event.what {
+                *offered = Some(u64::to_le_bytes(number).to_vec().into());
+                let offered = Some(u64::to_le_bytes(number + another).to_vec().into());
+                again.push(Event { at: event.at + 3 * MS, what: What::Fresh { high: true, offered } });
+            }
+        }
+        assert!(again.len() > 5);
+        log.events.extend(again);
+        log.events.sort_by_key(|event| (event.at, event.what.rank()));
+        crate::judge(&log).kinds().filter(own).collect::<Vec<_>>()
+    };
+    assert_eq!(broken(0), []);
+    assert!(broken(1_000).contains(&Violation::LinkAge));
+}
+
+#[test]
+fn a_power_cycle_of_the_dpr_is_a_start() {
+    let power = |at, on| Event { at, what: What::Power { board: Board::Dpr, on } };
+    let mut run = Run { cycles: 80, dpr_start: Some((300 * MS, "power-on", ResetReason::PowerOn)), ..Run::new(3) };
+    run.extra = vec![power(250 * MS, false), power(300 * MS, true)];
+    let mut log = run.log(|images| images.retain(|image| !(250 * MS..300 * MS).contains(&image.at)));
+    // Without a supply nothing is heard and nothing read.
+    for event in &mut log.events {
+        if let What::Transaction { selected, miso, .. } = &mut event.what
+            && (250 * MS..300 * MS).contains(selected)
+        {
+            miso.0.fill(0xFF);
+        }
+    }
+    assert_eq!(crate::rules::shown::synthetic::kinds(&crate::judge(&log)), []);
+}

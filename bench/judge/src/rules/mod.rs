@@ -1,0 +1,59 @@
+//! The rules: each a type that takes every event and notes what is broken.
+//!
+//! | file | asks |
+//! |---|---|
+//! | [`cycle`] | ticks, transmit commands, frames, their timestamps and their timing |
+//! | [`content`] | what HORUS sends against the bytes that its receivers were fed |
+//! | [`boards`] | restarts, findings, misuse, load, the firmwares' own counters, the bench's own lateness |
+//! | [`ssi`] | transactions, readiness, FRESH, what is torn or damaged |
+//! | [`shown`] | what is shown against what reached the DPR's antenna: absence, sequence, age |
+//! | [`link_status`] | Link-Status against the wires |
+//! | [`base`] | what the base station shows against what was forwarded |
+
+pub mod base;
+pub mod boards;
+pub mod content;
+pub mod cycle;
+pub mod link_status;
+pub mod shown;
+pub mod ssi;
+
+use crate::{Context, Event, Figures, Findings, Header};
+
+macro_rules! rules {
+    ($($name:ident: $rule:ty,)*) => {
+        /// All rules.
+        #[derive(Clone, Debug)]
+        pub struct Rules {
+            $($name: $rule,)*
+        }
+
+        impl Rules {
+            /// Nothing has happened yet.
+            #[must_use]
+            pub fn new(header: &Header) -> Self {
+                Self { $($name: <$rule>::new(header),)* }
+            }
+
+            /// Takes the next event.
+            pub fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
+                $(self.$name.take(event, context, findings);)*
+            }
+
+            /// The run is over.
+            pub fn finish(&mut self, context: &Context, findings: &mut Findings, figures: &mut Figures) {
+                $(self.$name.finish(context, findings, figures);)*
+            }
+        }
+    };
+}
+
+rules! {
+    cycle: cycle::Cycle,
+    content: content::Content,
+    ssi: ssi::Ssi,
+    shown: shown::Shown,
+    link_status: link_status::LinkStatus,
+    base: base::Base,
+    boards: boards::Boards,
+}

@@ -1,0 +1,362 @@
+//! Which of the cycles that reach the DPR's antenna it shows: the sequence of design section 4, seen from outside.
+//!
+//! The judge cannot know everything that decides: whether a frame was received that came while the listener was being
+//! armed, or on which side of a limit a step falls that is nearly at it. So it keeps *every*
+//! state that a DPR which does right can be in ([`State`]), and lets each frame lead each state to all its successors.
+//! What they all agree on [must](Certainty::Must) be, what none allows must [never](Certainty::Never) be, and nothing
+//! is asked of the rest. While all is clear there is one state; after something unclear the states become one again
+//! when the sequence has been found from all of them, which takes four cycles.
+//!
+//! This is written from the design and shares no code with `profile::sequence`, which the firmware runs.
+
+use profile::air::CRC_BYTES;
+use profile::{CYCLE_MS, Layout, air};
+
+use crate::{Board, Context, Event, What, bounds};
+
+/// What can be said of something that the DPR decides.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Certainty {
+    /// A DPR that does right does not.
+    Never,
+    /// It may or may not.
+    May,
+    /// A DPR that does right does.
+    Must,
+}
+
+impl Certainty {
+    /// What is said by all of `answers`, of which there is at least one.
+    fn of(answers: impl IntoIterator<Item = bool>) -> Self {
+        let (mut any, mut all) = (false, true);
+        for answer in answers {
+            any |= answer;
+            all &= answer;
+        }
+        match (any, all) {
+            (true, true) => Self::Must,
+            (true, false) => Self::May,
+            (false, _) => Self::Never,
+        }
+    }
+}
+
+/// A frame with a length of the profile that reached the antenna of a running DPR.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Delivery {
+    /// Its first preamble bit, ns.
+    pub started: u64,
+    /// The end of its last bit, ns.
+    pub ended: u64,
+    /// Its number in its cycle.
+    pub number: usize,
+    /// When the sample was taken that it carries, by the constants of the profile, ns.
+    pub sampled: u64,
+    /// The timestamp of its first valid object, ms.
+    pub timestamp: Option<u32>,
+    /// Whether the DPR received it: must or may.
+    pub received: Certainty,
+    /// Whether its cycle is in sequence, and it was received.
+    pub shown: Certainty,
+    /// Whether the DPR took it for a restart of HORUS: a step back.
+    pub restarted: Certainty,
+    /// Number, bytes and fate of its valid objects.
+    pub objects: Vec<(usize, Vec<u8>, Certainty)>,
+    /// How many places it has.
+    pub places: u32,
+}
+
+impl Delivery {
+    /// Whether object number `index` of it may be or must be accepted.
+    #[must_use]
+    pub fn accepted(&self, index: usize) -> Certainty {
+        let of_index = |(number, _, fate): &(usize, Vec<u8>, Certainty)| (*number == index).then_some(*fate);
+        self.objects.iter().find_map(of_index).unwrap_or(Certainty::Never)
+    }
+
+    /// Whether it is the second frame of the cycle whose first is `first`, as far as its end and what is intact tell.
+    #[must_use]
+    pub fn completes(&self, first: &Self) -> bool {
+        let same_cycle = self.timestamp.is_none_or(|timestamp| first.timestamp.is_none_or(|first| first == timestamp));
+        let apart = self.sampled.abs_diff(first.sampled);
+        (first.number, self.number) == (0, 1) && same_cycle && apart <= bounds::STEP_TOLERANCE
+    }
+}
+
+/// What a cycle is to the cycles before it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Step {
+    First,
+    Frozen,
+    Back,
+    Irregular,
+    TooEarlyOrLate,
+    Regular {
+        /// By exactly one cycle, and as punctual as the search demands.
+        exact: bool,
+    },
+}
+
+/// A state that a DPR which does right can be in.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct State {
+    /// The last cycle: its timestamp, ms, and the instant of its sample, ns.
+    last: Option<(u32, u64)>,
+    /// How many cycles in a row have advanced as the search demands; with [`bounds::SEARCH_CYCLES`] it is found.
+    found: u8,
+    /// Which of the last cycle's frames have come: bit 0 the first.
+    frames: u8,
+    /// Whether the last cycle is shown.
+    shown: bool,
+    /// Whether the last cycle had the timestamp of the one before.
+    frozen: bool,
+}
+
+impl State {
+    const fn is_found(&self) -> bool {
+        self.found >= bounds::SEARCH_CYCLES
+    }
+
+    /// The states that a cycle's frame may lead to, and whether it is a step back there.
+    fn successors(self, timestamp: u32, sampled: u64, number: usize, mut to: impl FnMut(Self, bool)) {
+        let frame = 1 << number;
+        let (mut same, mut other) = (false, true);
+        if let Some((last, at)) = self.last
+            && last == timestamp
+            && self.frames & frame == 0
+        {
+            let apart = sampled.abs_diff(at);
+            same = apart <= bounds::STEP_TOLERANCE + bounds::SEQUENCE_BAND;
+            other = apart >= bounds::STEP_TOLERANCE - bounds::SEQUENCE_BAND;
+        }
+        if same {
+            to(Self { frames: self.frames | frame, ..self }, false);
+        }
+        if other {
+            self.steps(timestamp, sampled, |step| {
+                let found = match step {
+                    Step::Regular { .. } if self.is_found() => self.found,
+                    Step::Regular { exact: true } => self.found + 1,
+                    _ => 0,
+                };
+                let next = Self { last: Some((timestamp, sampled)), found, frames: frame, ..Self::default() };
+                to(Self { shown: next.is_found(), frozen: step == Step::Frozen, ..next }, step == Step::Back);
+            });
+        }
+    }
+
+    /// What the step to a cycle may be taken for.
+    fn steps(&self, timestamp: u32, sampled: u64, mut to: impl FnMut(Step)) {
+        let Some((last, at)) = self.last else { return to(Step::First) };
+        let advance = timestamp.wrapping_sub(last);
+        match advance {
+            0 => return to(Step::Frozen),
+            _ if advance > u32::MAX / 2 => return to(Step::Back),
+            _ if !advance.is_multiple_of(CYCLE_MS) || advance / CYCLE_MS > bounds::MAX_MISSED + 1 => {
+                return to(Step::Irregular);
+            }
+            _ => {}
+        }
+        let step = u64::from(advance) * 1_000_000;
+        let late = i128::from(sampled) - i128::from(at) - i128::from(step);
+        let deviation = u64::try_from(late.unsigned_abs()).unwrap_or(u64::MAX);
+        let tolerance = bounds::STEP_TOLERANCE + step / bounds::STEP_TOLERANCE_SHARE;
+        let band = bounds::SEQUENCE_BAND;
+        if deviation >= tolerance - band {
+            to(Step::TooEarlyOrLate);
+        }
+        if deviation > tolerance + band {
+            return;
+        }
+        let next = advance == CYCLE_MS;
+        let band = bounds::SEARCH_BAND;
+        if next && deviation <= bounds::SEARCH_TOLERANCE + band {
+            to(Step::Regular { exact: true });
+        }
+        if !next || deviation >= bounds::SEARCH_TOLERANCE - band {
+            to(Step::Regular { exact: false });
+        }
+    }
+
+    /// Until when a cycle can still continue the last one, `band` (ns) later than the design says; 0 if none can.
+    fn held_until(&self, band: i64) -> u64 {
+        let longest = u64::from(bounds::MAX_MISSED + 1) * bounds::CYCLE;
+        let hold = longest + bounds::STEP_TOLERANCE + longest / bounds::STEP_TOLERANCE_SHARE;
+        match self.last {
+            Some((_, sampled)) if self.is_found() => (sampled + hold).saturating_add_signed(band),
+            _ => 0,
+        }
+    }
+}
+
+/// A state in which nothing has come for so long, ns, is as good as one in which nothing ever came: what comes next
+/// is not in sequence.
+const FORGOTTEN: u64 = 300_000_000;
+
+/// Everything that a DPR which does right can have made of what reached its antenna.
+#[derive(Clone, Debug)]
+pub struct Expectation {
+    layout: Layout,
+    /// Never empty.
+    states: Vec<State>,
+    /// Until when frames may escape the listener, since the carrier came, ns.
+    armed: u64,
+    /// Until when the DPR may be out of its mind, ns.
+    disturbed: u64,
+    /// The end of the last frame of whatever length, ns.
+    last_end: Option<u64>,
+}
+
+impl Expectation {
+    /// At power-on.
+    #[must_use]
+    pub fn new(layout: Layout) -> Self {
+        Self { layout, states: vec![State::default()], armed: 0, disturbed: 0, last_end: None }
+    }
+
+    /// Takes the next event, and answers the frame if it is one that the DPR may have received.
+    pub fn take(&mut self, event: &Event, context: &Context) -> Option<Delivery> {
+        match &event.what {
+            What::Power { board: Board::Dpr, .. } | What::Reset { board: Board::Dpr, .. } => {
+                self.states = vec![State::default()];
+            }
+            What::FieldHeard { on } => {
+                self.armed = if *on { event.at + bounds::ARMED } else { u64::MAX };
+            }
+            What::Injected { kind, until } if disturbs_the_dpr(kind) => {
+                self.disturbed = self.disturbed.max(until.saturating_add(bounds::RECOVERY));
+            }
+            What::Heard { started, whole, bytes } => {
+                // A listener may believe LEN rather than what arrives.
+                let len = bytes.first().map(|len| usize::from(*len) + CRC_BYTES);
+                let whole = *whole && len == Some(bytes.len());
+                let gap = self.last_end.replace(event.at).is_none_or(|end| *started >= end + bounds::FRAME_GAP);
+                return self.heard(event.at, *started, whole && gap, context);
+            }
+            _ => {}
+        }
+        None
+    }
+
+    fn heard(&mut self, ended: u64, started: u64, clear: bool, context: &Context) -> Option<Delivery> {
+        let frame = context.frame()?;
+        let number = frame.number?;
+        let dpr = context.running(Board::Dpr);
+        if !dpr.powered {
+            return None;
+        }
+        let listening = started >= dpr.since + bounds::START && started >= self.armed;
+        let sane = started >= self.disturbed;
+        let received = if clear && listening && sane { Certainty::Must } else { Certainty::May };
+        let sampled = ended.saturating_sub(age_at_end(self.layout, number));
+        let timestamp = frame.timestamp();
+        let (mut shown, mut restarted) = (Certainty::Never, Certainty::Never);
+        if let Some(timestamp) = timestamp {
+            (shown, restarted) = self.enter(timestamp, sampled, number, received, sane);
+            shown = shown.min(received);
+            restarted = restarted.min(received);
+        }
+        let objects = frame.objects.iter().filter_map(|placed| {
+            let own = placed.timestamp()?;
+            let fate = if Some(own) == timestamp { shown } else { Certainty::Never };
+            Some((placed.index, placed.bytes.clone(), fate))
+        });
+        Some(Delivery {
+            started,
+            ended,
+            number,
+            sampled,
+            timestamp,
+            received,
+            shown,
+            restarted,
+            objects: objects.collect(),
+            places: u32::try_from(frame.objects.len()).unwrap_or(u32::MAX),
+        })
+    }
+
+    /// A frame with a timestamp has come: whether its cycle is shown if it was received, and taken for a step back.
+    fn enter(
+        &mut self,
+        timestamp: u32,
+        sampled: u64,
+        number: usize,
+        received: Certainty,
+        sane: bool,
+    ) -> (Certainty, Certainty) {
+        let before = std::mem::take(&mut self.states);
+        if !sane {
+            let of = |found: u8| State {
+                last: Some((timestamp, sampled)),
+                found,
+                frames: 1 << number,
+                shown: found >= bounds::SEARCH_CYCLES,
+                frozen: false,
+            };
+            self.states.extend((0..=bounds::SEARCH_CYCLES).map(of));
+            self.states.push(State::default());
+            return (Certainty::May, Certainty::May);
+        }
+        let mut back = vec![];
+        for state in &before {
+            state.successors(timestamp, sampled, number, |next, is_back| {
+                back.push(is_back);
+                if !self.states.contains(&next) {
+                    self.states.push(next);
+                }
+            });
+        }
+        let verdict = (Certainty::of(self.states.iter().map(|state| state.shown)), Certainty::of(back));
+        if received < Certainty::Must {
+            for mut state in before {
+                if state.last.is_some_and(|(_, at)| sampled.saturating_sub(at) > FORGOTTEN) {
+                    state = State::default();
+                }
+                if !self.states.contains(&state) {
+                    self.states.push(state);
+                }
+            }
+        }
+        verdict
+    }
+
+    /// Until when the sequence must be held and until when it may be, ns; 0 if it is not.
+    #[must_use]
+    pub fn held_until(&self) -> (u64, u64) {
+        let band = i64::try_from(bounds::SEQUENCE_BAND).unwrap_or(i64::MAX);
+        let must = self.states.iter().map(|state| state.held_until(-band)).min();
+        let may = self.states.iter().map(|state| state.held_until(band)).max();
+        (must.unwrap_or(0), may.unwrap_or(0))
+    }
+
+    /// Whether the last cycle had the timestamp of the one before it.
+    #[must_use]
+    pub fn frozen(&self, at: u64) -> Certainty {
+        if at < self.disturbed { Certainty::May } else { Certainty::of(self.states.iter().map(|state| state.frozen)) }
+    }
+
+    /// Whether a fault inside the DPR leaves open what it does at `at`, ns.
+    #[must_use]
+    pub fn is_disturbed(&self, at: u64) -> bool {
+        at < self.disturbed
+    }
+}
+
+/// Whether a fault of this kind keeps the DPR from hearing: its front end. What is wrong with its memory or its code is
+/// not excused.
+#[must_use]
+pub fn disturbs_the_dpr(kind: &str) -> bool {
+    kind.contains("front end") && !kind.contains("horus")
+}
+
+/// The age of a cycle's sample at the last bit of its frame number `number`, ns.
+#[must_use]
+pub fn age_at_end(layout: Layout, number: usize) -> u64 {
+    let us = match layout.receivers() {
+        1 => air::age_at_end_us::<1>(number),
+        2 => air::age_at_end_us::<2>(number),
+        3 => air::age_at_end_us::<3>(number),
+        _ => air::age_at_end_us::<5>(number),
+    };
+    1_000 * u64::from(us.unwrap_or(0))
+}

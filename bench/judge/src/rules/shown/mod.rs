@@ -1,0 +1,398 @@
+//! What is shown against what reached the DPR's antenna: absence, sequence, age.
+//!
+//! *Truth* is what HORUS put on the air ([`truth`]) and what of it reached the DPR's antenna, after loss, damage,
+//! repetition and delay ([`expectation`]). What the flight controller reads is held against both.
+//!
+//! # What is whose
+//!
+//! An object that was read as valid is judged once, by the first line that holds:
+//!
+//! | the object | violation |
+//! |---|---|
+//! | HORUS never sent these bytes in this place | `ShownNeverSent` |
+//! | no frame that may be shown brought it: out of sequence, or it did not reach the antenna | `ShownOutOfSequence` |
+//! | its image has expired | `ShownExpired` |
+//! | the deadline after the last frame has passed | `ShownStale` |
+//! | HORUS sent it before one of its kind that was shown already | `Regression` |
+//!
+//! Stale data become expired data if nobody takes them away: that is one cause, so what was stale is told only when it
+//! is gone without having expired.
+//!
+//! `NotShown` is a cycle that must be shown and is in no transaction, `Vacant` an object that is missing where others
+//! of its cycle are shown. Both ask transactions alone that began after the image had to be readable and before the
+//! next could be, and nothing if what stands there is another violation's: an object of the table above, damage (rule
+//! `ssi`). A transaction that reads 0xFF throughout is never asked: whether it may is for `ssi` to say.
+//!
+//! # Limits
+//!
+//! - An image that stays although the next frame was received and brought nothing that may be shown is found when its
+//!   deadline or its 25 ms have passed, not before.
+//! - A transaction that takes longer than a second is not judged: what it could have read is not remembered.
+//! - While a fault inside the DPR leaves open what it does ([`bounds::RECOVERY`] after the fault's end) no cycle must
+//!   be shown, and any cycle that was heard may be.
+
+pub mod expectation;
+mod recovery;
+#[cfg(test)]
+pub(in crate::rules) mod synthetic;
+#[cfg(test)]
+mod tests;
+pub mod truth;
+
+use std::collections::VecDeque;
+
+use expectation::{Certainty, Delivery, Expectation};
+use profile::Layout;
+use recovery::Recovery;
+use truth::Truth;
+
+use crate::read::{Placed, Reading, State, Values};
+use crate::{Board, Context, Event, Figures, Findings, Header, Violation, What, bounds};
+
+/// So long is kept what reached the antenna, ns: a transaction may be long, and an image that is not replaced old.
+const KEPT: u64 = 2_000_000_000;
+
+/// So many cycles may wait for a transaction that does not end.
+const WAITING: usize = 16;
+
+/// A cycle that must be shown.
+#[derive(Clone, Debug)]
+struct Due {
+    /// Its frame; of two the last.
+    frame: Delivery,
+    timestamp: u32,
+    /// Its objects that must be shown: bit n for object n.
+    objects: u8,
+    /// From when on a transaction must show it, ns.
+    from: u64,
+    /// Until when, ns.
+    until: u64,
+    /// Chip select of the first transaction that had to show it and did not.
+    asked: Option<u64>,
+    /// Some transaction showed it, or something in its place that is another violation.
+    answered: bool,
+}
+
+/// What the last reading showed in an object's place.
+#[derive(Clone, Debug)]
+struct Known {
+    bytes: Vec<u8>,
+    /// From when on it has expired, ns.
+    expired: u64,
+}
+
+/// Data that were shown past the deadline and have not expired.
+#[derive(Clone, Debug)]
+struct Stale {
+    at: u64,
+    words: String,
+    serial: u64,
+}
+
+/// See the [module](self).
+#[derive(Clone, Debug)]
+pub struct Shown {
+    layout: Layout,
+    publication: u64,
+    truth: Truth,
+    expectation: Expectation,
+    recovery: Recovery,
+    deliveries: VecDeque<Delivery>,
+    due: VecDeque<Due>,
+    known: Vec<Option<Known>>,
+    /// For each object, the serial number of the youngest frame that it was shown of.
+    youngest: Vec<u64>,
+    stale: Option<Stale>,
+    selected: Option<u64>,
+    invalid_shown_valid: u64,
+    valid_cycle: Option<u32>,
+    valid_cycles: u64,
+    invalid_since: Option<u64>,
+}
+
+/// What came of judging an object that was read as valid.
+enum Fate {
+    /// As it should be.
+    Right {
+        /// Serial number of the frame that it is of.
+        serial: u64,
+        /// That frame's first preamble bit, ns.
+        started: u64,
+    },
+    /// With the serial number of the frame, and in words.
+    Wrong(Violation, u64, String),
+}
+
+impl Shown {
+    /// Nothing has happened yet.
+    ///
+    /// # Panics
+    ///
+    /// If there is no profile for the header's number of receivers.
+    #[must_use]
+    pub fn new(header: &Header) -> Self {
+        let layout = Layout::for_receivers(header.gps).expect("a profile has 1, 2, 3 or 5 receivers");
+        Self {
+            layout,
+            publication: publication(header.worst_case()),
+            truth: Truth::default(),
+            expectation: Expectation::new(layout),
+            recovery: Recovery::default(),
+            deliveries: VecDeque::new(),
+            due: VecDeque::new(),
+            known: vec![None; layout.objects()],
+            youngest: vec![0; layout.objects()],
+            stale: None,
+            selected: None,
+            invalid_shown_valid: 0,
+            valid_cycle: None,
+            valid_cycles: 0,
+            invalid_since: None,
+        }
+    }
+
+    /// Takes the next event.
+    pub fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
+        self.truth.take(event, context);
+        self.recovery.take(event);
+        match &event.what {
+            What::Selected => self.selected = Some(event.at),
+            What::Power { board: Board::Dpr, .. } | What::Reset { board: Board::Dpr, .. } => {
+                self.close(event.at, true, findings);
+                self.due.clear();
+                self.deliveries.clear();
+                self.known.fill(None);
+            }
+            // What its front end had not handed over by then is lost with it.
+            What::Injected { kind, .. } if expectation::disturbs_the_dpr(kind) => {
+                self.due.retain(|due| due.frame.ended + bounds::STORE_AND_FORWARD <= event.at);
+            }
+            What::Transaction { .. } => {
+                if let Some(reading) = context.reading() {
+                    self.read(reading, context, findings);
+                }
+                self.selected = None;
+            }
+            _ => {}
+        }
+        if let Some(delivery) = self.expectation.take(event, context) {
+            self.deliver(delivery);
+        }
+        self.close(event.at, false, findings);
+    }
+
+    /// A frame has reached the antenna.
+    fn deliver(&mut self, delivery: Delivery) {
+        let ended = delivery.ended;
+        let kept = |old: &Delivery| ended - old.ended <= KEPT;
+        while self.deliveries.front().is_some_and(|old| !kept(old)) {
+            self.deliveries.pop_front();
+        }
+        let objects = delivery.objects.iter().filter(|(.., fate)| *fate == Certainty::Must);
+        let mut objects = objects.fold(0, |mask, (index, ..)| mask | 1 << index);
+        let mut timestamp = delivery.timestamp;
+        if let Some(before) = self.due.back_mut() {
+            // Whatever it brings, a new image may follow.
+            before.until = before.until.min(ended);
+            if delivery.received == Certainty::Must && delivery.completes(&before.frame) {
+                objects |= before.objects;
+                timestamp = Some(before.timestamp);
+                self.due.pop_back();
+            }
+        }
+        if let (Some(timestamp), true) = (timestamp, objects != 0) {
+            let from = ended + self.awaits_second(&delivery) + bounds::LAST_BIT_TO_READABLE;
+            let until = ended + bounds::FRAME_DEADLINE - bounds::SEQUENCE_BAND;
+            let frame = delivery.clone();
+            self.due.push_back(Due { frame, timestamp, objects, from, until, asked: None, answered: false });
+        }
+        self.deliveries.push_back(delivery);
+    }
+
+    /// How long the image waits for the second frame of its cycle, ns.
+    fn awaits_second(&self, frame: &Delivery) -> u64 {
+        if frame.number + 1 < self.layout.frames() { bounds::SECOND_FRAME } else { 0 }
+    }
+
+    /// Decides the cycles whose time is over at `now`: all of them if it is over for all.
+    fn close(&mut self, now: u64, all: bool, findings: &mut Findings) {
+        // A transaction that began in time has not told yet what it read.
+        let open = |due: &Due, selected: Option<u64>| selected.is_some_and(|selected| selected < due.until);
+        while let Some(due) = self.due.front() {
+            let over = now > due.until && !open(due, self.selected);
+            if !over && !all && self.due.len() <= WAITING {
+                return;
+            }
+            if let (Some(asked), false) = (due.asked, due.answered) {
+                let (timestamp, ended) = (due.timestamp, due.frame.ended);
+                findings.add(Violation::NotShown, asked, || {
+                    format!("{timestamp} ms, whose last bit was at the antenna at {}", ms(ended))
+                });
+            }
+            self.due.pop_front();
+        }
+    }
+
+    /// A transaction is over.
+    fn read(&mut self, reading: &Reading, context: &Context, findings: &mut Findings) {
+        let dpr = context.running(Board::Dpr);
+        let forgotten = reading.deselected - reading.selected > KEPT / 2;
+        if reading.silent || forgotten || !dpr.powered || reading.selected < dpr.since {
+            return;
+        }
+        self.position(reading);
+        let mut wrong: Vec<(Violation, String)> = vec![];
+        let mut was_stale = None;
+        for placed in reading.objects.iter().filter(|placed| placed.timestamp().is_some()) {
+            match self.judge(placed, reading.selected) {
+                Fate::Right { serial, started } => {
+                    self.youngest[placed.index] = serial;
+                    self.recovery.shown(started, reading.selected);
+                }
+                Fate::Wrong(Violation::ShownStale, serial, words) => {
+                    self.invalid_shown_valid += 1;
+                    was_stale.get_or_insert((serial, words));
+                }
+                Fate::Wrong(violation, serial, words) => {
+                    self.invalid_shown_valid += u64::from(violation != Violation::Regression);
+                    if violation == Violation::ShownExpired {
+                        self.stale = self.stale.take().filter(|stale| stale.serial != serial);
+                    }
+                    if wrong.iter().all(|(other, _)| *other != violation) {
+                        wrong.push((violation, words));
+                    }
+                }
+            }
+        }
+        self.note_stale(reading.selected, was_stale.clone(), findings);
+        let answered = was_stale.is_some() || !wrong.is_empty();
+        for (violation, words) in wrong {
+            findings.add(violation, reading.selected, || words);
+        }
+        self.ask(reading, answered, findings);
+    }
+
+    /// Stale data are told when they are gone, unless they have expired by then.
+    fn note_stale(&mut self, at: u64, now: Option<(u64, String)>, findings: &mut Findings) {
+        let serial = now.as_ref().map(|(serial, _)| *serial);
+        if let Some(gone) = self.stale.take_if(|stale| serial != Some(stale.serial)) {
+            findings.add(Violation::ShownStale, gone.at, || gone.words);
+        }
+        if let (None, Some((serial, words))) = (&self.stale, now) {
+            self.stale = Some(Stale { at, words, serial });
+        }
+    }
+
+    /// Whether a valid object may be shown by a transaction that began at `selected`.
+    fn judge(&mut self, placed: &Placed, selected: u64) -> Fate {
+        let index = placed.index;
+        let what = || format!("object {index} of {} ms, read at {}", placed.timestamp().unwrap_or(0), ms(selected));
+        let sent = self.truth.find(index, &placed.bytes, selected);
+        let Some((serial, started)) = sent.map(|sent| (sent.serial, sent.started)) else {
+            return Fate::Wrong(Violation::ShownNeverSent, 0, what());
+        };
+        let Some(expired) = self.expires(placed, selected) else {
+            return Fate::Wrong(Violation::ShownOutOfSequence, serial, what());
+        };
+        self.known[index] = Some(Known { bytes: placed.bytes.clone(), expired });
+        if selected > expired {
+            return Fate::Wrong(Violation::ShownExpired, serial, what());
+        }
+        let last = self.deliveries.iter().rev().find(|delivery| delivery.ended <= selected);
+        if last.is_none_or(|last| selected > last.ended + bounds::FRAME_DEADLINE + self.publication) {
+            return Fate::Wrong(Violation::ShownStale, serial, what());
+        }
+        if serial < self.youngest[index] {
+            return Fate::Wrong(Violation::Regression, serial, what());
+        }
+        Fate::Right { serial, started }
+    }
+
+    /// When the image has expired that may show an object at `selected`, ns; `None` if none may.
+    fn expires(&self, placed: &Placed, selected: u64) -> Option<u64> {
+        let mut found = false;
+        for delivery in self.deliveries.iter().rev().filter(|delivery| delivery.ended <= selected) {
+            let same = |(index, bytes, _): &&(usize, Vec<u8>, _)| *index == placed.index && *bytes == placed.bytes;
+            let Some((.., fate)) = delivery.objects.iter().find(same) else { continue };
+            found = true;
+            let readable =
+                delivery.ended + self.awaits_second(delivery) + bounds::LAST_BIT_TO_READABLE.max(self.publication);
+            if *fate > Certainty::Never {
+                return Some(readable + bounds::EXPIRY);
+            }
+            // It has been taken out again by the frame that brought it once more.
+            if delivery.received == Certainty::Must && selected > readable {
+                return None;
+            }
+        }
+        // What was shown rightly and is still there; its frame is long ago.
+        let known = self.known[placed.index].as_ref().filter(|known| !found && known.bytes == placed.bytes);
+        known.map(|known| known.expired)
+    }
+
+    /// Asks a transaction for the cycles that must be shown. With `answered`, what it shows is another violation.
+    fn ask(&mut self, reading: &Reading, answered: bool, findings: &mut Findings) {
+        let selected = reading.selected;
+        for due in &mut self.due {
+            let of_cycle = |placed: &&Placed| placed.timestamp() == Some(due.timestamp);
+            let shows = reading.objects.iter().any(|placed| of_cycle(&placed));
+            due.answered |= shows;
+            if selected < due.from || selected >= due.until {
+                continue;
+            }
+            due.answered |= answered;
+            let wanted = |placed: &&Placed| due.objects >> placed.index & 1 == 1;
+            for placed in reading.objects.iter().filter(wanted) {
+                match placed.state {
+                    State::Unsound(_) => due.answered = true,
+                    State::Vacant if shows => {
+                        findings.add(Violation::Vacant, selected, || {
+                            format!("object {} of {} ms, read at {}", placed.index, due.timestamp, ms(selected))
+                        });
+                        break;
+                    }
+                    _ => {}
+                }
+            }
+            if !shows && reading.objects.iter().any(|placed| wanted(&placed)) {
+                due.asked.get_or_insert(selected);
+            }
+        }
+    }
+
+    /// Notes whether a transaction brought a valid position.
+    fn position(&mut self, reading: &Reading) {
+        let Some(reported) = reading.objects.iter().find(|placed| placed.index == 0) else { return };
+        match &reported.state {
+            State::Valid { timestamp, values: Values::Reported(values) } if values.status.position_valid() => {
+                self.valid_cycles += u64::from(self.valid_cycle.replace(*timestamp) != Some(*timestamp));
+                self.invalid_since = None;
+            }
+            _ if self.valid_cycle.is_some() => {
+                self.invalid_since.get_or_insert(reading.selected);
+            }
+            _ => {}
+        }
+    }
+
+    /// The run is over.
+    pub fn finish(&mut self, context: &Context, findings: &mut Findings, figures: &mut Figures) {
+        self.close(context.now(), false, findings);
+        self.note_stale(context.now(), None, findings);
+        figures.valid_cycles = self.valid_cycles;
+        figures.invalid_since_ns = self.invalid_since;
+        figures.faults.invalid_shown_valid = self.invalid_shown_valid;
+        figures.faults.max_recovery_cycles = self.recovery.finish(context.now());
+    }
+}
+
+/// How long an image may take from its cause to being readable, ns.
+#[must_use]
+pub fn publication(worst_case: bool) -> u64 {
+    if worst_case { bounds::PUBLICATION_PESSIMISTIC } else { bounds::PUBLICATION }
+}
+
+/// An instant for a person.
+fn ms(at: u64) -> String {
+    format!("{:.6} ms", at as f64 / 1e6)
+}

@@ -1,0 +1,230 @@
+//! Whether each rise of FRESH is borne out, and whether each image that is read was announced.
+//!
+//! # What FRESH claims
+//!
+//! From its rise on a transaction brings the new image, or 0xFF throughout while that is being put in; never an older
+//! one (design section 4, `dpr_fw::publish`). The DPR raises it
+//!
+//! - before it gives the SSI's buffers back, so that no image is readable without FRESH;
+//! - at once if a transaction is under way, which still brings the image of before.
+//!
+//! So at the rise itself there may be nothing to be offered. Then the claim is checked by the first evidence after it:
+//! what is offered when FRESH falls, or what a transaction that began after the rise brings. That the image becomes
+//! readable in time is a matter of how long the buffers are held. Each publication has its rise, that of an image
+//! without objects at the missed-frame deadline, too.
+//!
+//! The image that a transaction brings must have been announced before its chip select fell: what rises later is put in
+//! after its end.
+
+use std::collections::VecDeque;
+
+use profile::LinkValues;
+
+use super::latency::Cycles;
+use crate::read::{Reading, State};
+use crate::{Findings, Violation};
+
+/// More rises than there are between chip select falling and rising, unless the flight controller hangs for long.
+const REMEMBERED: usize = 64;
+
+/// What tells an image from others.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Mark {
+    link: Option<LinkValues>,
+    /// The timestamp of its objects, ms.
+    stamp: Option<u32>,
+}
+
+/// Whether `a` is after `b`; counters and timestamps wrap.
+fn is_later(a: u32, b: u32) -> bool {
+    (1..1 << 31).contains(&a.wrapping_sub(b))
+}
+
+impl Mark {
+    /// That of what was read; nothing if too little was read to tell.
+    fn of(reading: &Reading) -> Option<Self> {
+        let mark = Self { link: reading.link.and_then(Result::ok), stamp: reading.timestamp() };
+        (mark != Self { link: None, stamp: None }).then_some(mark)
+    }
+
+    /// Whether it is an image that was made after the one of `before`.
+    fn is_newer_than(&self, before: &Self) -> bool {
+        let Some((now, then)) = self.link.zip(before.link) else { return self.stamp != before.stamp };
+        let counters = |link: LinkValues| {
+            [link.timestamp, link.frames_received, link.frames_missed, link.objects_accepted, link.objects_rejected]
+        };
+        let stamps = self.stamp.zip(before.stamp);
+        stamps.is_some_and(|(now, then)| is_later(now, then))
+            || counters(now).into_iter().zip(counters(then)).any(|(now, then)| is_later(now, then))
+    }
+
+    /// Whether both are of one image, if that can be told. A cycle is shown by one image, but its timestamp comes again
+    /// after a restart of HORUS.
+    fn is_of(&self, other: &Self) -> Option<bool> {
+        let stamps = self.stamp.zip(other.stamp).map(|(a, b)| a == b);
+        let times = self.link.zip(other.link).map(|(a, b)| a.timestamp == b.timestamp);
+        match (stamps, times) {
+            (Some(stamps), Some(times)) => Some(stamps && times),
+            (known, None) | (None, known) => known,
+        }
+    }
+
+    /// Whether both are certainly of one image: two may be made within one millisecond, but then they differ in what
+    /// they count.
+    fn is_the_same_as(&self, other: &Self) -> bool {
+        let links = self.link.zip(other.link).is_none_or(|(a, b)| a == b);
+        self.is_of(other) == Some(true) && links
+    }
+}
+
+/// A rise of FRESH.
+#[derive(Clone, Copy, Debug)]
+struct Claim {
+    rose: u64,
+    /// The image that it announces, once that is known.
+    mark: Option<Mark>,
+    /// It was not borne out, which is noted.
+    told: bool,
+    /// The image is another than it announced: one without FRESH, which is noted.
+    unannounced: bool,
+}
+
+impl Claim {
+    fn new(rose: u64) -> Self {
+        Self { rose, mark: None, told: false, unannounced: false }
+    }
+}
+
+/// See the [module](self).
+#[derive(Clone, Debug, Default)]
+pub(super) struct Claims {
+    /// In order of time.
+    claims: VecDeque<Claim>,
+    /// What FRESH announced last, if that is unsound; empty otherwise.
+    condemned: Vec<u8>,
+    /// The newest timestamp that was read, ms.
+    newest: Option<u32>,
+}
+
+impl Claims {
+    /// FRESH rose. `excused` if there is a reason for nothing being offered.
+    pub(super) fn rise(
+        &mut self,
+        rose: u64,
+        offered: Option<&Reading>,
+        excused: bool,
+        cycles: &mut Cycles,
+        findings: &mut Findings,
+    ) {
+        if self.claims.len() == REMEMBERED {
+            self.claims.pop_front();
+        }
+        self.condemned.clear();
+        self.claims.push_back(Claim::new(rose));
+        match offered {
+            Some(offered) => self.offer(offered, cycles, findings),
+            None if excused => {}
+            None => findings.add(Violation::FreshUnreadable, rose, || {
+                "a transaction would have met the DPR busy, for no reason".into()
+            }),
+        }
+    }
+
+    /// FRESH fell.
+    pub(super) fn fall(&mut self, offered: Option<&Reading>, cycles: &mut Cycles, findings: &mut Findings) {
+        let open = self.claims.back().is_some_and(|claim| claim.mark.is_none()) && self.condemned.is_empty();
+        if let Some(offered) = offered.filter(|_| open) {
+            self.offer(offered, cycles, findings);
+        }
+    }
+
+    /// What the last rise announced is `offered`.
+    fn offer(&mut self, offered: &Reading, cycles: &mut Cycles, findings: &mut Findings) {
+        let Some((claim, before)) = self.claims.make_contiguous().split_last_mut() else { return };
+        let unsound = offered.objects.iter().any(|object| matches!(object.state, State::Unsound(_)));
+        if offered.silent || unsound || matches!(offered.link, Some(Err(_))) {
+            self.condemned.clone_from(&offered.miso);
+            findings.add(Violation::FreshUnreadable, claim.rose, || "what was offered is unsound".into());
+            return;
+        }
+        claim.mark = Mark::of(offered);
+        let Some(mark) = claim.mark else { return };
+        // FRESH may come late for an image that was read without it.
+        let previous = before.last().filter(|before| !before.unannounced).and_then(|before| before.mark);
+        if previous.is_some_and(|previous| !mark.is_newer_than(&previous)) {
+            claim.told = true;
+            findings.add(Violation::FreshNotNew, claim.rose, || "the image of before was offered".into());
+        } else if let Some(stamp) = mark.stamp {
+            cycles.readable(stamp, claim.rose, findings);
+        }
+    }
+
+    /// Whether these bytes are an unsound image that FRESH announced.
+    pub(super) fn has_condemned(&self, miso: &[u8]) -> bool {
+        !miso.is_empty() && self.condemned.starts_with(miso)
+    }
+
+    /// Whether Link-Status is of one image that was announced and the objects are of another.
+    pub(super) fn is_spliced(&self, reading: &Reading) -> bool {
+        let Some(Mark { link: Some(link), stamp: Some(stamp) }) = Mark::of(reading) else { return false };
+        let marks = || self.claims.iter().filter_map(|claim| claim.mark);
+        let with_objects = || marks().filter(|mark| mark.stamp == Some(stamp)).filter_map(|mark| mark.link);
+        with_objects().next().is_some()
+            && with_objects().all(|other| other != link)
+            && marks().any(|mark| mark.stamp != Some(stamp) && mark.link == Some(link))
+    }
+
+    /// A transaction brought a sound image.
+    pub(super) fn transaction(&mut self, reading: &Reading, cycles: &mut Cycles, findings: &mut Findings) {
+        let Some(mark) = Mark::of(reading) else { return };
+        let selected = reading.selected;
+        // Objects older than what was read before are another rule's.
+        let regressed = self.newest.zip(mark.stamp).is_some_and(|(newest, stamp)| is_later(newest, stamp));
+        let announced = self.claims.partition_point(|claim| claim.rose <= selected);
+        if announced == 0 && self.claims.len() == REMEMBERED {
+            // The flight controller held on for so long that what was announced before is forgotten.
+            return;
+        }
+        let older = |claim: &Claim| claim.mark.is_some_and(|older| older.is_the_same_as(&mark));
+        let stale = self.claims.range(..announced.saturating_sub(1)).rev().any(older);
+        let Some(claim) = announced.checked_sub(1).and_then(|last| self.claims.get_mut(last)) else {
+            missing(selected, mark, cycles, findings);
+            self.claims.push_front(Claim { mark: Some(mark), unannounced: true, ..Claim::new(selected) });
+            self.newest = mark.stamp.or(self.newest);
+            return;
+        };
+        match claim.mark {
+            Some(expected) if expected.is_of(&mark) != Some(false) => {}
+            _ if stale => {
+                if !regressed && !std::mem::replace(&mut claim.told, true) {
+                    findings.add(Violation::FreshNotNew, claim.rose, || {
+                        format!("an older image was read at {selected} ns")
+                    });
+                }
+                return;
+            }
+            None => {
+                claim.mark = Some(mark);
+                if let Some(stamp) = mark.stamp {
+                    cycles.readable(stamp, claim.rose, findings);
+                }
+            }
+            Some(_) => {
+                // It is what there is from now on.
+                (claim.mark, claim.unannounced) = (Some(mark), true);
+                if regressed {
+                    return;
+                }
+                missing(selected, mark, cycles, findings);
+            }
+        }
+        self.newest = mark.stamp.or(self.newest);
+    }
+}
+
+/// A transaction brought an image that FRESH had not announced before.
+fn missing(selected: u64, mark: Mark, cycles: &mut Cycles, findings: &mut Findings) {
+    if !mark.stamp.is_some_and(|stamp| cycles.unannounced(stamp)) {
+        findings.add(Violation::FreshMissing, selected, || "FRESH had not announced it".into());
+    }
+}

@@ -1,0 +1,201 @@
+//! How soon after its tick and its last bit a cycle is readable; and what HORUS sent in the last cycles.
+
+use std::collections::{BTreeMap, VecDeque};
+
+use profile::Layout;
+use profile::air::LEN_BYTES;
+
+use crate::bounds;
+use crate::read::Frame;
+use crate::{Findings, Max, Quantiles, Violation};
+
+/// Cycles that are kept: far more than an image can be old.
+const REMEMBERED: usize = 100;
+
+/// Ticks that are kept: a frame is sent within its cycle.
+const TICKS: usize = 4;
+
+/// A cycle of HORUS.
+#[derive(Clone, Debug, Default)]
+struct Cycle {
+    stamp: u32,
+    /// When its sample was taken, ns, if there was a tick before its first frame.
+    tick: Option<u64>,
+    /// When its frames began, ns.
+    started: [Option<u64>; 2],
+    /// When the last bit of its last frame reached the DPR's antenna, ns, if that was neither delayed nor repeated.
+    last_bit: Option<u64>,
+    /// How long after that it may take to be readable, ns, if the LEN of the frame was damaged on the air: nobody could
+    /// read its objects while it arrived, or knows that it is the second one of its cycle.
+    damaged_len: Option<u64>,
+    /// It was readable.
+    readable: bool,
+    /// It was so too late.
+    late: bool,
+    /// Which objects were sent, bit 0 Reported-Position.
+    objects: u8,
+    profile: Vec<u8>,
+}
+
+/// See the [module](self).
+#[derive(Clone, Debug, Default)]
+pub(super) struct Cycles {
+    cycles: VecDeque<Cycle>,
+    ticks: VecDeque<u64>,
+    samples: Series,
+    last_bit: Option<u64>,
+}
+
+impl Cycles {
+    /// HORUS ticked.
+    pub(super) fn tick(&mut self, at: u64) {
+        if self.ticks.len() == TICKS {
+            self.ticks.pop_front();
+        }
+        self.ticks.push_back(at);
+    }
+
+    /// HORUS sent a frame.
+    pub(super) fn sent(&mut self, layout: Layout, frame: &Frame, started: u64) {
+        let (Some(stamp), Some(number)) = (frame.timestamp(), frame.number) else { return };
+        if self.cycles.back().is_none_or(|cycle| cycle.stamp != stamp) {
+            let mut profile = match self.cycles.len() {
+                REMEMBERED => self.cycles.pop_front().unwrap_or_default().profile,
+                _ => vec![],
+            };
+            profile.resize(layout.profile_len(), 0);
+            self.cycles.push_back(Cycle { stamp, profile, ..Cycle::default() });
+        }
+        let Some(cycle) = self.cycles.back_mut() else { return };
+        if let Some(begun) = cycle.started.get_mut(number) {
+            begun.get_or_insert(started);
+        }
+        if number == 0 && cycle.tick.is_none() {
+            let before = self.ticks.iter().rev().find(|tick| **tick <= started);
+            cycle.tick = before.copied().filter(|tick| started - tick < bounds::CYCLE);
+        }
+        for object in frame.objects.iter().filter(|object| object.timestamp() == Some(stamp)) {
+            let place = layout.in_profile(object.index).and_then(|place| cycle.profile.get_mut(place));
+            if let Some(place) = place.filter(|place| place.len() == object.bytes.len()) {
+                place.copy_from_slice(&object.bytes);
+                cycle.objects |= 1 << object.index;
+            }
+        }
+    }
+
+    /// A whole frame with this LEN reached the DPR's antenna; its last bit at `ended`.
+    pub(super) fn heard(&mut self, layout: Layout, frame: &Frame, len: Option<u8>, started: u64, ended: u64) {
+        let fits = len.is_some_and(|len| usize::from(len) == frame.payload.len() + LEN_BYTES);
+        let (Some(stamp), Some(number)) = (frame.timestamp(), frame.number) else { return };
+        let Some(cycle) = self.cycle(stamp) else { return };
+        let sent = cycle.started.get(number).copied().flatten();
+        let undelayed = sent.is_some_and(|sent| sent.abs_diff(started) <= bounds::AIR_DELAY);
+        if undelayed && number + 1 == layout.frames() {
+            cycle.last_bit.get_or_insert(ended);
+            let waits = if layout.frames() > 1 { bounds::SECOND_FRAME } else { 0 };
+            cycle.damaged_len = (!fits).then_some(bounds::STORE_AND_FORWARD + waits);
+        }
+    }
+
+    fn cycle(&mut self, stamp: u32) -> Option<&mut Cycle> {
+        self.cycles.iter_mut().rev().find(|cycle| cycle.stamp == stamp)
+    }
+
+    /// FRESH, which rose at `rose`, announced the cycle of `stamp`.
+    pub(super) fn readable(&mut self, stamp: u32, rose: u64, findings: &mut Findings) {
+        let Some(cycle) = self.cycle(stamp).filter(|cycle| !cycle.readable) else { return };
+        cycle.readable = true;
+        let tick = cycle.tick;
+        let Some(after_bit) = cycle.last_bit.and_then(|last_bit| rose.checked_sub(last_bit)) else { return };
+        let damaged_len = cycle.damaged_len;
+        let late = after_bit > damaged_len.unwrap_or(bounds::LAST_BIT_TO_READABLE);
+        cycle.late = late;
+        if damaged_len.is_none() {
+            self.last_bit = self.last_bit.max(Some(after_bit));
+        }
+        if late {
+            findings.add(Violation::LateReadable, rose, || format!("the cycle of {stamp} ms, after {after_bit} ns"));
+        }
+        if damaged_len.is_some() {
+            return;
+        }
+        let Some(after_tick) = tick.and_then(|tick| rose.checked_sub(tick)) else { return };
+        self.samples.push(after_tick);
+        if after_tick > bounds::SAMPLE_TO_READABLE && !late {
+            findings.add(Violation::LateSample, rose, || format!("the cycle of {stamp} ms, after {after_tick} ns"));
+        }
+    }
+
+    /// The cycle of `stamp` was read without FRESH: when FRESH rises for it is no latency. Whether FRESH has already,
+    /// too late, which is noted.
+    pub(super) fn unannounced(&mut self, stamp: u32) -> bool {
+        let Some(cycle) = self.cycle(stamp) else { return false };
+        cycle.readable = true;
+        cycle.late
+    }
+
+    /// What HORUS sent as object `index` in the last cycles.
+    pub(super) fn objects(&self, layout: Layout, index: usize) -> impl Iterator<Item = &[u8]> + Clone {
+        let place = layout.in_profile(index).unwrap_or_default();
+        let sent = self.cycles.iter().filter(move |cycle| cycle.objects >> index & 1 == 1);
+        sent.filter_map(move |cycle| cycle.profile.get(place.clone()))
+    }
+
+    /// From the tick that stamps the objects to the image that holds them being readable.
+    pub(super) fn sample_to_readable(&self) -> Option<Quantiles> {
+        self.samples.quantiles()
+    }
+
+    /// From the cycle's last bit to the same.
+    pub(super) fn last_bit_to_readable(&self) -> Option<Max> {
+        Max::of(self.last_bit)
+    }
+}
+
+/// A series of durations, ns, of which there are many and few are different.
+#[derive(Clone, Debug, Default)]
+struct Series {
+    counts: BTreeMap<u64, u64>,
+    length: u64,
+}
+
+impl Series {
+    fn push(&mut self, value: u64) {
+        *self.counts.entry(value).or_default() += 1;
+        self.length += 1;
+    }
+
+    /// As [`Quantiles::of`].
+    fn quantiles(&self) -> Option<Quantiles> {
+        let rank = |per_mille: u64| {
+            let mut left = (self.length * per_mille).div_ceil(1000);
+            self.counts.iter().find_map(|(value, count)| {
+                let found = left <= *count;
+                left = left.saturating_sub(*count);
+                found.then_some(*value)
+            })
+        };
+        Some(Quantiles { p50: rank(500)?, p999: rank(999)?, max: rank(1000)? })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_of_counted_values_are_those_of_the_series() {
+        let mut random = 1_u64;
+        for length in [0, 1, 2, 3, 10, 999, 1000, 1001, 2500] {
+            let mut series = Series::default();
+            let values: Vec<u64> = (0..length)
+                .map(|_| {
+                    random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+                    random >> 56
+                })
+                .collect();
+            values.iter().for_each(|value| series.push(*value));
+            assert_eq!(series.quantiles(), Quantiles::of(values), "{length}");
+        }
+    }
+}

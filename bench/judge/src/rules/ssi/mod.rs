@@ -1,0 +1,171 @@
+//! Transactions, readiness, FRESH, and what is torn or damaged.
+//!
+//! | file | asks |
+//! |---|---|
+//! | `service` | whether transactions are made, and whether the DPR serves them in time |
+//! | `fresh` | whether each rise of FRESH is borne out, and whether each image that is read was announced |
+//! | `damage` | what a place holds that is neither an intact object nor vacant |
+//! | `latency` | how soon after its tick and its last bit a cycle is readable |
+//!
+//! # One cause, one violation
+//!
+//! - A DPR without supply, or in its start-up time, is asked for nothing. A transaction that began before the DPR's
+//!   last start is not judged.
+//! - The time for which the processor keeps the SSI's buffers is [`Violation::NotReady`] if the end of a transaction
+//!   gave them to it, and [`Violation::HeldBack`] otherwise. Transactions that meet the DPR busy because of it are not
+//!   counted again, unless nothing is readable for longer than [`bounds::EXPIRY`](crate::bounds::EXPIRY): then it is
+//!   [`Violation::Silent`] alone.
+//! - An unsound image is [`Violation::FreshUnreadable`] if FRESH announced these bytes; if it became unsound later, or
+//!   FRESH rose while nothing could be read yet, it is what the transaction found: torn, misplaced, or damaged, in this
+//!   order, and one of them for each transaction.
+//! - A flight controller that misuses the SSI (an injected fault of it, and [`bounds::MISUSE_OVER`] more) is owed no
+//!   service, and what it reads by the wrong clocks is not looked at here: what it reads as valid still has to be,
+//!   which is the rule of [`super::shown`].
+//! - A transaction that brings an older image than the one announced is [`Violation::FreshNotNew`], but for one whose
+//!   objects are older than what was read before: that is [`Violation::Regression`], of another rule.
+//! - A cycle that is readable too late after its last bit is not also a sample that is readable too late. One that is
+//!   read before FRESH has risen for it is [`Violation::FreshMissing`] or [`Violation::LateReadable`], whichever is
+//!   seen first.
+
+mod damage;
+mod fresh;
+mod latency;
+mod service;
+
+use crate::bounds;
+use crate::read::{Reading, Window};
+use crate::{Board, Context, Event, Figures, Findings, Header, SsiEvent, Violation, What};
+use damage::Damage;
+use fresh::Claims;
+use latency::Cycles;
+use service::{Read, Service};
+
+/// The injected faults that keep the flight controller from reading begin so.
+const FLIGHT_CONTROLLER: &str = "flight controller";
+
+/// See the [module](self).
+#[derive(Clone, Debug)]
+pub struct Ssi {
+    service: Service,
+    claims: Claims,
+    damage: Damage,
+    cycles: Cycles,
+    window: Window,
+    /// Until when the flight controller misuses the SSI, ns.
+    misused: u64,
+}
+
+impl Ssi {
+    /// Nothing has happened yet.
+    #[must_use]
+    pub fn new(_header: &Header) -> Self {
+        Self {
+            service: Service::new(),
+            claims: Claims::default(),
+            damage: Damage::default(),
+            cycles: Cycles::default(),
+            window: Window::default(),
+            misused: 0,
+        }
+    }
+
+    /// Takes the next event.
+    pub fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
+        let at = event.at;
+        self.service.pass(at, findings);
+        if at < self.misused {
+            self.service.misused();
+        }
+        match &event.what {
+            What::Power { board: Board::Dpr, on } => {
+                self.restart();
+                self.service.power(at, *on);
+            }
+            What::Reset { board: Board::Dpr, .. } => {
+                self.restart();
+                self.service.reset(at);
+            }
+            What::Injected { kind, until } if kind.starts_with(FLIGHT_CONTROLLER) => {
+                self.service.excuse(*until);
+                self.misused = self.misused.max(until.saturating_add(bounds::MISUSE_OVER));
+            }
+            What::Answer => findings.add(Violation::Answered, at, || "the DPR's front end sent".into()),
+            What::Tick => self.cycles.tick(at),
+            What::Sent { started, .. } => {
+                if let Some(frame) = context.frame() {
+                    self.cycles.sent(context.layout(), frame, *started);
+                }
+            }
+            What::Heard { started, whole: true, bytes } => {
+                if let Some(frame) = context.frame() {
+                    self.cycles.heard(context.layout(), frame, bytes.first().copied(), *started, at);
+                }
+            }
+            _ if context.running(Board::Dpr).powered => self.take_ssi(event, context, findings),
+            _ => {}
+        }
+    }
+
+    /// Takes an event of the SSI of a DPR that has a supply.
+    fn take_ssi(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
+        let at = event.at;
+        match &event.what {
+            What::Fresh { high, offered } => {
+                let offered = offered.as_ref().map(|bytes| {
+                    let offset = self.window.offset();
+                    Reading::of(context.layout(), at, at, offset, bytes)
+                });
+                offered.iter().for_each(|offered| self.damage.remember(offered));
+                if *high {
+                    let excused = self.service.rise(at, offered.is_some());
+                    self.claims.rise(at, offered.as_ref(), excused, &mut self.cycles, findings);
+                } else {
+                    self.claims.fall(offered.as_ref(), &mut self.cycles, findings);
+                }
+            }
+            What::Ssi(SsiEvent::Held) => self.service.held(at),
+            What::Ssi(SsiEvent::Released) => self.service.released(at, findings),
+            What::Ssi(SsiEvent::Ready) => self.service.ready(at, findings),
+            What::Ssi(SsiEvent::Busy) => self.service.busy(),
+            What::Selected => self.service.selected(at),
+            What::Transaction { mosi, .. } => {
+                if let Some(reading) = context.reading() {
+                    self.transaction(reading, context, findings);
+                    self.window.transaction(context.layout(), mosi, reading.silent);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn transaction(&mut self, reading: &Reading, context: &Context, findings: &mut Findings) {
+        let whole = reading.selected >= context.running(Board::Dpr).since;
+        self.service.transaction(reading, whole, findings);
+        // What meets a DPR that is starting is of two lives.
+        if !whole || Read::of(reading, false) != Read::Image || reading.selected < self.misused {
+            return;
+        }
+        if self.claims.has_condemned(&reading.miso) {
+            return;
+        }
+        let spliced = self.claims.is_spliced(reading);
+        if !self.damage.find(reading, spliced, &self.cycles, context.layout(), findings) {
+            self.claims.transaction(reading, &mut self.cycles, findings);
+        }
+        self.damage.remember(reading);
+    }
+
+    fn restart(&mut self) {
+        self.claims = Claims::default();
+        self.damage = Damage::default();
+        self.window = Window::default();
+    }
+
+    /// The run is over.
+    pub fn finish(&mut self, context: &Context, findings: &mut Findings, figures: &mut Figures) {
+        self.service.finish(context.now(), findings);
+        figures.ready_ns = self.service.figure();
+        figures.sample_to_readable = self.cycles.sample_to_readable();
+        figures.last_bit_to_readable = self.cycles.last_bit_to_readable();
+    }
+}

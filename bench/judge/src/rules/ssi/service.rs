@@ -1,0 +1,321 @@
+//! Whether transactions are made, and whether the DPR serves them in time.
+
+use profile::LinkStatus;
+
+use crate::bounds;
+use crate::read::Reading;
+use crate::{Findings, Max, Violation};
+
+/// What a transaction says about whether anything could be read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Read {
+    /// Something was.
+    Image,
+    /// 0xFF throughout.
+    Nothing,
+    /// Too few bytes to tell.
+    Unknown,
+}
+
+impl Read {
+    /// What `reading` says; `busy` if the DPR's SPI peripheral did not serve it.
+    pub(super) fn of(reading: &Reading, busy: bool) -> Self {
+        match reading.silent {
+            false => Self::Image,
+            // A few bytes of an image may be 0xFF; a whole Link-Status is not, for no CRC accepts it.
+            true if busy || reading.miso.len() >= LinkStatus::SIZE => Self::Nothing,
+            true => Self::Unknown,
+        }
+    }
+}
+
+/// Why the processor has the SSI's buffers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Why {
+    /// A transaction that was served has ended: hardware gave them back.
+    Transaction,
+    /// The image's time was over: hardware took them, and there is nothing to give back until the next image.
+    Expiry,
+    /// It took them itself.
+    Own,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Hold {
+    since: u64,
+    why: Why,
+}
+
+/// A transaction is over, and the DPR is not ready for the next one yet.
+#[derive(Clone, Copy, Debug)]
+struct Pending {
+    since: u64,
+    /// There is an image to be read.
+    owed: bool,
+}
+
+/// Transactions in a row that read nothing.
+#[derive(Clone, Copy, Debug)]
+struct Streak {
+    /// When chip select fell for the first, ns.
+    first: u64,
+    /// When it fell for the last, ns.
+    last: u64,
+    count: u64,
+    /// The buffers were held for too long meanwhile, which is a violation of its own.
+    explained: bool,
+    /// It is noted as silence.
+    told: bool,
+}
+
+impl Streak {
+    fn is_silence(self) -> bool {
+        self.last - self.first > bounds::EXPIRY
+    }
+}
+
+/// See the [module](self).
+#[derive(Clone, Debug)]
+pub(super) struct Service {
+    powered: bool,
+    /// When the DPR last started, ns.
+    since: u64,
+    /// When the DPR was first ready after that, ns.
+    started: Option<u64>,
+    never_told: bool,
+    /// Since when the flight controller has made no transaction, ns; later than now while it is not expected to.
+    quiet_since: u64,
+    quiet_told: bool,
+    under_way: bool,
+    /// The transaction under way is not served.
+    busy: bool,
+    hold: Option<Hold>,
+    pending: Option<Pending>,
+    /// FRESH rose at this instant while nothing was owed, so that no other bound tells when the image has to be
+    /// readable.
+    claimed: Option<u64>,
+    ready_at: Option<u64>,
+    rose_at: Option<u64>,
+    /// Transactions served since FRESH rose last.
+    served: u32,
+    streak: Option<Streak>,
+    longest: Option<u64>,
+}
+
+impl Service {
+    pub(super) fn new() -> Self {
+        Self {
+            powered: true,
+            since: 0,
+            started: None,
+            never_told: false,
+            quiet_since: 0,
+            quiet_told: false,
+            under_way: false,
+            busy: false,
+            hold: None,
+            pending: None,
+            claimed: None,
+            ready_at: None,
+            rose_at: None,
+            served: 0,
+            streak: None,
+            longest: None,
+        }
+    }
+
+    /// Starts anew: what was under way is not judged, since the restart is.
+    fn restart(&mut self, since: u64) {
+        let Self { powered, quiet_since, quiet_told, longest, .. } = *self;
+        *self = Self { powered, since, quiet_since, quiet_told, longest, ..Self::new() };
+    }
+
+    pub(super) fn power(&mut self, at: u64, on: bool) {
+        self.restart(at);
+        self.powered = on;
+        (self.quiet_since, self.quiet_told) = (self.quiet_since.max(at), false);
+    }
+
+    pub(super) fn reset(&mut self, at: u64) {
+        self.restart(at);
+    }
+
+    /// The flight controller is kept from reading until then.
+    pub(super) fn excuse(&mut self, until: u64) {
+        self.quiet_since = self.quiet_since.max(until);
+    }
+
+    /// The flight controller misuses the SSI: nothing is owed to it.
+    pub(super) fn misused(&mut self) {
+        (self.pending, self.claimed, self.streak) = (None, None, None);
+    }
+
+    /// Time passes: what should have happened before `now`.
+    pub(super) fn pass(&mut self, now: u64, findings: &mut Findings) {
+        if !self.powered {
+            return;
+        }
+        let due = self.since + bounds::START;
+        if self.started.is_none() && !self.never_told && now > due {
+            self.never_told = true;
+            findings.add(Violation::NeverReady, due, || format!("{} ns after its start", bounds::START));
+        }
+        let due = self.quiet_since.saturating_add(bounds::NO_TRANSACTION);
+        if !self.quiet_told && now > due {
+            self.quiet_told = true;
+            findings.add(Violation::NoTransaction, due, || format!("none for {} ns", bounds::NO_TRANSACTION));
+        }
+    }
+
+    /// FRESH rose; `offers` if a transaction could begin. Whether there is a reason if none could.
+    pub(super) fn rise(&mut self, at: u64, offers: bool) -> bool {
+        (self.rose_at, self.served) = (Some(at), 0);
+        let expired = self.hold.is_some_and(|hold| hold.why == Why::Expiry);
+        let unowed = self.pending.is_some_and(|pending| !pending.owed);
+        if !offers && (expired || unowed) {
+            self.claimed.get_or_insert(at);
+        }
+        self.started.is_none() || self.under_way || self.hold.is_some() || self.pending.is_some()
+    }
+
+    pub(super) fn held(&mut self, at: u64) {
+        let why = match self.under_way && !self.busy || self.pending.is_some() {
+            true => Why::Transaction,
+            false if self.is_expired(at) => Why::Expiry,
+            false => Why::Own,
+        };
+        self.hold.get_or_insert(Hold { since: at, why });
+    }
+
+    pub(super) fn released(&mut self, at: u64, findings: &mut Findings) {
+        self.served_again(at);
+        self.settle(at, findings);
+        self.hold = None;
+    }
+
+    pub(super) fn ready(&mut self, at: u64, findings: &mut Findings) {
+        self.served_again(at);
+        self.settle(at, findings);
+        self.ready_at = Some(at);
+        if self.started.is_none() {
+            self.started = Some(at);
+            (self.hold, self.streak) = (None, None);
+        }
+    }
+
+    pub(super) fn busy(&mut self) {
+        self.busy = true;
+    }
+
+    pub(super) fn selected(&mut self, at: u64) {
+        self.under_way = true;
+        // A flight controller that does not wait for the DPR as long as it has to is no evidence.
+        self.pending = self.pending.filter(|pending| at - pending.since > bounds::SSI_READY);
+    }
+
+    /// A transaction is over; `whole` if the DPR ran all the while.
+    pub(super) fn transaction(&mut self, reading: &Reading, whole: bool, findings: &mut Findings) {
+        let at = reading.deselected;
+        let busy = std::mem::take(&mut self.busy);
+        self.under_way = false;
+        self.quiet_told = false;
+        self.quiet_since = self.quiet_since.max(at);
+        // One that began before the DPR was ready for any is none that its SPI peripheral knows of.
+        if !whole || self.started.is_none_or(|started| reading.selected < started) {
+            return;
+        }
+        self.served = self.served.saturating_add(u32::from(!busy));
+        let spent = self.served >= bounds::SSI_BUDGET;
+        if self.ready_at == Some(at) {
+            self.took(0);
+        } else if self.hold.is_none_or(|hold| hold.why == Why::Transaction) {
+            let owed = !spent && !self.is_expired(at);
+            self.pending.get_or_insert(Pending { since: at, owed });
+        }
+        match Read::of(reading, busy) {
+            Read::Image => self.end_streak(findings),
+            Read::Nothing if !(busy && spent) => self.read_nothing(reading.selected, findings),
+            Read::Nothing | Read::Unknown => {}
+        }
+    }
+
+    /// Whether the image's time may be over.
+    fn is_expired(&self, at: u64) -> bool {
+        self.rose_at.is_some_and(|rose| at >= rose + bounds::EXPIRY_EARLIEST)
+    }
+
+    fn took(&mut self, ns: u64) {
+        self.longest = self.longest.max(Some(ns));
+    }
+
+    /// The DPR can serve the next transaction.
+    fn served_again(&mut self, at: u64) {
+        if let Some(Pending { since, owed: true }) = self.pending {
+            self.took(at - since);
+        }
+    }
+
+    /// The DPR can serve the next transaction, or the run is over: what had to wait has waited until now.
+    fn settle(&mut self, now: u64, findings: &mut Findings) {
+        if let Some(Pending { since, owed: true }) = self.pending.take() {
+            self.waited(Violation::NotReady, since, now, findings);
+        }
+        if let Some(Hold { since, why: Why::Own }) = self.hold {
+            self.waited(Violation::HeldBack, since, now, findings);
+        }
+        if let Some(since) = self.claimed.take() {
+            self.waited(Violation::FreshUnreadable, since, now, findings);
+        }
+    }
+
+    fn waited(&mut self, violation: Violation, since: u64, now: u64, findings: &mut Findings) {
+        let took = now - since;
+        let silence = self.streak.is_some_and(Streak::is_silence);
+        if self.started.is_none() || took <= bounds::SSI_READY || silence {
+            return;
+        }
+        findings.add(violation, since, || format!("{took} ns, the bound is {} ns", bounds::SSI_READY));
+        if let Some(streak) = &mut self.streak {
+            streak.explained = true;
+        }
+    }
+
+    fn read_nothing(&mut self, selected: u64, findings: &mut Findings) {
+        let new = Streak { first: selected, last: selected, count: 0, explained: false, told: false };
+        let streak = self.streak.get_or_insert(new);
+        streak.last = selected;
+        streak.count += 1;
+        // A DPR that hangs is restarted by its watchdog, which is another violation. This is longer than that takes.
+        if streak.last - streak.first > bounds::EXPIRY + bounds::START {
+            self.silence(findings);
+        }
+    }
+
+    fn silence(&mut self, findings: &mut Findings) {
+        let Some(streak) = self.streak.as_mut().filter(|streak| !streak.told) else { return };
+        streak.told = true;
+        let (first, took, count) = (streak.first, streak.last - streak.first, streak.count);
+        findings.add(Violation::Silent, first, || format!("{count} transactions in {took} ns read 0xFF throughout"));
+    }
+
+    fn end_streak(&mut self, findings: &mut Findings) {
+        let Some(streak) = self.streak else { return };
+        if streak.is_silence() {
+            self.silence(findings);
+        } else if streak.count > 1 && !streak.explained {
+            findings.add(Violation::BusyTwice, streak.first, || format!("{} in a row", streak.count));
+        }
+        self.streak = None;
+    }
+
+    pub(super) fn finish(&mut self, now: u64, findings: &mut Findings) {
+        self.pass(now, findings);
+        self.settle(now, findings);
+        self.end_streak(findings);
+    }
+
+    /// From chip select rising to the DPR being able to serve the next transaction.
+    pub(super) fn figure(&self) -> Option<Max> {
+        Max::of(self.longest)
+    }
+}

@@ -1,0 +1,190 @@
+//! Logs for the tests of the rules: a flawless run, to be changed by what a test wants to be found.
+
+use profile::{GpsValues, Identifier, Layout, ReportedValues};
+
+use crate::{Board, Broken, Bytes, Context, Event, Figures, Findings, Header, Log, Violation, What, bounds};
+
+/// ns in a millisecond.
+pub(crate) const MS: u64 = 1_000_000;
+/// When the first tick comes, ns.
+pub(crate) const FIRST_TICK: u64 = 20 * MS;
+/// From a tick to the transmit command of the cycle's first and second frame.
+pub(crate) const COMMAND: [u64; 2] = [340_000, 4_340_000];
+/// From a command to its frame's first bit.
+pub(crate) const LATENCY: u64 = 3_650;
+/// What a byte takes on a receiver's line, ns.
+pub(crate) const BYTE_NS: u64 = 21_702;
+
+/// The layout for so many receivers.
+pub(crate) fn layout(gps: usize) -> Layout {
+    Layout::for_receivers(gps).unwrap()
+}
+
+/// A header for so many receivers.
+pub(crate) fn header(gps: usize) -> Header {
+    Header { version: Header::VERSION, gps, seed: 1, clock: "fast".to_owned() }
+}
+
+/// Events of a run that are sorted when all are there.
+#[derive(Clone, Debug)]
+pub(crate) struct Events {
+    /// Receivers.
+    pub(crate) gps: usize,
+    /// The events, in any order.
+    pub(crate) events: Vec<Event>,
+}
+
+impl Events {
+    /// Nothing.
+    pub(crate) fn new(gps: usize) -> Self {
+        Self { gps, events: vec![] }
+    }
+
+    /// HORUS sends `cycles` cycles in which no receiver has said anything; the field is on before the first tick, and
+    /// the run ends before the tick after the last.
+    pub(crate) fn flawless(gps: usize, cycles: u64) -> Self {
+        let mut events = Self::new(gps);
+        events.field(8 * MS, true);
+        events.cycles(FIRST_TICK, cycles);
+        events.end(FIRST_TICK + cycles * bounds::CYCLE - MS);
+        events
+    }
+
+    /// Adds an event.
+    pub(crate) fn add(&mut self, at: u64, what: What) -> &mut Self {
+        self.events.push(Event { at, what });
+        self
+    }
+
+    /// The run is over at `at`, wherever it was before; what comes later goes.
+    pub(crate) fn end(&mut self, at: u64) -> &mut Self {
+        self.events.retain(|event| event.at <= at && event.what != What::End);
+        self.add(at, What::End)
+    }
+
+    /// The carrier.
+    pub(crate) fn field(&mut self, at: u64, on: bool) -> &mut Self {
+        self.add(at, What::Field { on })
+    }
+
+    /// HORUS starts anew.
+    pub(crate) fn reset(&mut self, at: u64, board: Board, asked: bool) -> &mut Self {
+        self.add(at, What::Reset { board, cause: "a test".to_owned(), asked })
+    }
+
+    /// `cycles` cycles from the tick at `first` on, which is the first of a start of HORUS.
+    pub(crate) fn cycles(&mut self, first: u64, cycles: u64) -> &mut Self {
+        for number in 1..=cycles {
+            self.cycle(first + (number - 1) * bounds::CYCLE, number as u32 * 10);
+        }
+        self
+    }
+
+    /// A tick and the frames of its cycle, stamped `timestamp` (ms).
+    pub(crate) fn cycle(&mut self, tick: u64, timestamp: u32) -> &mut Self {
+        self.cycle_of(tick, &silent_reported(timestamp), &vec![silent_gps(timestamp); self.gps])
+    }
+
+    /// A tick and the frames of its cycle that say this.
+    pub(crate) fn cycle_of(&mut self, tick: u64, reported: &ReportedValues, gps: &[GpsValues]) -> &mut Self {
+        self.add(tick, What::Tick);
+        let objects = objects(reported, gps);
+        for (number, after) in COMMAND.into_iter().enumerate().take(layout(self.gps).frames()) {
+            let place = layout(self.gps).frame(number).unwrap();
+            let payload = objects[place.first()..place.first() + place.count()].concat();
+            self.add(tick + after, What::Command);
+            self.frame(tick + after + LATENCY, &payload);
+        }
+        self
+    }
+
+    /// A frame with this payload.
+    pub(crate) fn frame(&mut self, started: u64, payload: &[u8]) -> &mut Self {
+        let took = profile::air::air_time_ns(payload.len() as u8);
+        let mut bytes = vec![payload.len() as u8 + 1];
+        bytes.extend(payload);
+        bytes.extend([0, 0]);
+        self.add(started + took, What::Sent { started, bit_rate: 424_000, bytes: Bytes(bytes), whole: true })
+    }
+
+    /// A receiver puts bytes on its line.
+    pub(crate) fn fed(&mut self, at: u64, receiver: usize, bytes: Vec<u8>) -> &mut Self {
+        self.add(at, What::Fed { receiver, byte_ns: BYTE_NS, bytes: Bytes(bytes), clean: true })
+    }
+
+    /// Takes the events away for which `which` holds.
+    pub(crate) fn without(&mut self, mut which: impl FnMut(&Event) -> bool) -> &mut Self {
+        self.events.retain(|event| !which(event));
+        self
+    }
+
+    /// The log.
+    pub(crate) fn log(&self) -> Log {
+        let mut events = self.events.clone();
+        events.sort_by_key(|event| (event.at, event.what.rank()));
+        Log { header: header(self.gps), events }
+    }
+}
+
+/// What Reported-Position says before any receiver has said anything.
+pub(crate) fn silent_reported(timestamp: u32) -> ReportedValues {
+    ReportedValues::absent(timestamp)
+}
+
+/// What a GPS object says of a receiver that has not said anything.
+pub(crate) fn silent_gps(timestamp: u32) -> GpsValues {
+    let absent = GpsValues::absent(timestamp);
+    GpsValues { status: absent.status.with_stale(true), ..absent }
+}
+
+/// A profile's objects.
+pub(crate) fn objects(reported: &ReportedValues, gps: &[GpsValues]) -> Vec<Vec<u8>> {
+    let mut objects = vec![profile::ReportedPosition::seal(reported).as_bytes().to_vec()];
+    objects.extend(
+        (1..)
+            .zip(gps)
+            .map(|(index, values)| profile::GpsObject::seal(Identifier::gps(index), values).as_bytes().to_vec()),
+    );
+    objects
+}
+
+/// A rule, as the tests drive it.
+pub(crate) trait Rule {
+    /// Takes the next event.
+    fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings);
+    /// The run is over.
+    fn finish(&mut self, context: &Context, findings: &mut Findings, figures: &mut Figures);
+}
+
+macro_rules! rules {
+    ($($rule:ty),* $(,)?) => {
+        $(impl Rule for $rule {
+            fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
+                Self::take(self, event, context, findings);
+            }
+
+            fn finish(&mut self, context: &Context, findings: &mut Findings, figures: &mut Figures) {
+                Self::finish(self, context, findings, figures);
+            }
+        })*
+    };
+}
+
+rules!(crate::rules::cycle::Cycle, crate::rules::content::Content, crate::rules::boards::Boards);
+
+/// What one rule finds in a log, and the figures.
+pub(crate) fn broken(mut rule: impl Rule, log: &Log) -> (Vec<Broken>, Figures) {
+    let (mut context, mut findings, mut figures) = (Context::new(&log.header), Findings::default(), Figures::default());
+    for event in &log.events {
+        context.take(event);
+        rule.take(event, &context, &mut findings);
+    }
+    rule.finish(&context, &mut findings, &mut figures);
+    (findings.into_broken(), figures)
+}
+
+/// What one rule finds in a log: which violation, how often, when first (ns); and the figures.
+pub(crate) fn found(rule: impl Rule, log: &Log) -> (Vec<(Violation, u64, u64)>, Figures) {
+    let (broken, figures) = broken(rule, log);
+    (broken.into_iter().map(|broken| (broken.violation, broken.count, broken.first_at)).collect(), figures)
+}

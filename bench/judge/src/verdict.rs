@@ -1,0 +1,75 @@
+//! What came of judging.
+
+use std::collections::BTreeMap;
+
+use crate::{Figures, Violation};
+
+/// A violation that occurred.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Broken {
+    /// Which.
+    pub violation: Violation,
+    /// How often.
+    pub count: u64,
+    /// When first, ns.
+    pub first_at: u64,
+    /// The first in words, with its figures.
+    pub words: String,
+}
+
+impl std::fmt::Display for Broken {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}: {}, at {:.6} ms", self.violation, self.words, self.first_at as f64 / 1e6)?;
+        if self.count > 1 {
+            write!(f, " (and {} more)", self.count - 1)?;
+        }
+        Ok(())
+    }
+}
+
+/// Violations as they are found.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Findings(BTreeMap<Violation, Broken>);
+
+impl Findings {
+    /// Notes one that occurred at `at` (ns); `words` is called for the first of its kind alone.
+    pub fn add(&mut self, violation: Violation, at: u64, words: impl FnOnce() -> String) {
+        self.0.entry(violation).and_modify(|broken| broken.count += 1).or_insert_with(|| Broken {
+            violation,
+            count: 1,
+            first_at: at,
+            words: words(),
+        });
+    }
+
+    /// How often a violation occurred so far.
+    #[must_use]
+    pub fn count(&self, violation: Violation) -> u64 {
+        self.0.get(&violation).map_or(0, |broken| broken.count)
+    }
+
+    /// Which occurred so far, and how often.
+    pub fn counts(&self) -> impl Iterator<Item = (Violation, u64)> + '_ {
+        self.0.values().map(|broken| (broken.violation, broken.count))
+    }
+
+    pub(crate) fn into_broken(self) -> Vec<Broken> {
+        self.0.into_values().collect()
+    }
+}
+
+/// What came of a log.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Verdict {
+    /// Every violation that occurred, in the order of [`Violation`].
+    pub violations: Vec<Broken>,
+    /// What was measured.
+    pub figures: Figures,
+}
+
+impl Verdict {
+    /// Which violations occurred.
+    pub fn kinds(&self) -> impl Iterator<Item = Violation> + '_ {
+        self.violations.iter().map(|broken| broken.violation)
+    }
+}

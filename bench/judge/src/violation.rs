@@ -1,0 +1,167 @@
+//! Everything that a run of the link must not show.
+
+macro_rules! violations {
+    ($($(#[$doc:meta])* $name:ident = $words:literal,)*) => {
+        /// Something that a run of the link must not show. The rule that finds it is in [`crate::rules`].
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        pub enum Violation {
+            $($(#[$doc])* $name,)*
+        }
+
+        impl Violation {
+            /// All of them.
+            pub const ALL: &'static [Self] = &[$(Self::$name,)*];
+
+            /// In words.
+            #[must_use]
+            pub const fn words(self) -> &'static str {
+                match self {
+                    $(Self::$name => $words,)*
+                }
+            }
+        }
+    };
+}
+
+violations! {
+    // ---- Sending side
+
+    /// HORUS does not tick. From a start-up time after power-on or reset, or one and a half cycles after a tick,
+    /// there is no tick.
+    NoTick = "HORUS does not tick",
+    /// The tick is not constant. Two ticks are not 10 ms apart, give or take what a clock without its crystal is
+    /// off, or not equally far.
+    TickIrregular = "the tick is not constant",
+    /// A cycle without its frames. A tick was not followed by the frames of its cycle.
+    NoFrame = "a cycle without its frames",
+    /// More frames than the cycle has. HORUS sent a frame that its cycle does not have.
+    ExtraFrame = "more frames than the cycle has",
+    /// A transmit command without a frame. A transmit command was not followed by a frame.
+    CommandWithoutFrame = "a transmit command without a frame",
+    /// A frame without a transmit command. A frame that no transmit command began.
+    FrameWithoutCommand = "a frame without a transmit command",
+    /// HORUS broke a frame off. The poller ended a frame before all of it was sent.
+    BrokenOff = "HORUS broke a frame off",
+    /// HORUS sent something that is not whole objects. The payload has no frame's length.
+    SentNotWhole = "HORUS sent something that is not whole objects",
+    /// HORUS sent an object that is not valid. CRC or identifier of an object on the air is wrong.
+    SentInvalid = "HORUS sent an object that is not valid",
+    /// HORUS's timestamp is not its tick's. The timestamp is not 10 ms for each tick since the start; also one from
+    /// the future.
+    TimestampWrong = "HORUS's timestamp is not its tick's",
+    /// The time from tick to command is not constant. Peak to peak.
+    CommandJitter = "the time from tick to command is not constant",
+    /// The time from tick to air is not constant. Peak to peak.
+    AirJitter = "the time from tick to air is not constant",
+    /// The field dropped. HORUS's carrier went off while it ran.
+    FieldDropped = "the field dropped",
+    /// A GPS object differs from what its receiver said. A value is not that of the message the receiver sent last.
+    ContentWrong = "a GPS object differs from what its receiver said",
+    /// A GPS object's status differs from what its receiver sent. A bit of the status: fix, valid, heard, stale.
+    StatusWrong = "a GPS object's status differs from what its receiver sent",
+    /// Reported-Position does not follow from the GPS objects. It lies outside of them, is valid without any, or
+    /// claims more receivers than agree.
+    ReportedWrong = "Reported-Position does not follow from the GPS objects",
+    // ---- DPR and SSI
+
+    /// The listener answered. The DPR's front end sent something.
+    Answered = "the listener answered",
+    /// The flight controller reads nothing. There was no transaction for longer than its cycle allows.
+    NoTransaction = "the flight controller reads nothing",
+    /// The DPR never got ready for a transaction. From a start-up time after power-on or reset on, nothing could be
+    /// read.
+    NeverReady = "the DPR never got ready for a transaction",
+    /// The SSI was not ready in time. After the end of a transaction the DPR could not serve the next within its
+    /// bound.
+    NotReady = "the SSI was not ready in time",
+    /// The SSI was held back too long. The processor kept the SSI's buffers longer than its bound.
+    HeldBack = "the SSI was held back too long",
+    /// Two transactions in a row met the DPR busy. One may, while a new image is put in.
+    BusyTwice = "two transactions in a row met the DPR busy",
+    /// Nothing can be read. Nothing is readable although the DPR runs: its images expire instead of being replaced.
+    Silent = "nothing can be read",
+    /// A vacant object although it was delivered whole. The image shows the cycle, and lacks an object of it that
+    /// reached the antenna whole.
+    Vacant = "a vacant object although it was delivered whole",
+    /// A cycle not shown although it was delivered. A cycle in sequence reached the antenna whole and was never
+    /// shown.
+    NotShown = "a cycle not shown although it was delivered",
+    /// An invalid object shown as valid. It was never sent by HORUS so, whatever its CRC says.
+    ShownNeverSent = "an invalid object shown as valid",
+    /// An object out of sequence shown as valid. Repeated, delayed, inserted or before the sequence was found.
+    ShownOutOfSequence = "an object out of sequence shown as valid",
+    /// Stale data shown past its deadline. An object is shown although the next frame was missed and the deadline
+    /// has passed.
+    ShownStale = "stale data shown past its deadline",
+    /// An expired image can be read. An object is shown although its image was not replaced within its 25 ms.
+    ShownExpired = "an expired image can be read",
+    /// Old data shown after new. An object older than one of its kind that was shown before.
+    Regression = "old data shown after new",
+    /// A torn read. What one transaction read is of several images, down to the byte.
+    Torn = "a torn read",
+    /// Damaged data in the image. A place is neither an intact object nor vacant nor torn.
+    Damaged = "damaged data in the image",
+    /// A valid object in another's place. An intact object in a place that is not its own.
+    Misplaced = "a valid object in another's place",
+    /// FRESH without a readable image. FRESH rose, and a transaction at that instant would have met the DPR busy,
+    /// or an unsound image.
+    FreshUnreadable = "FRESH without a readable image",
+    /// FRESH without a fresh image. FRESH rose, and what was readable at that instant was the image of before.
+    FreshNotNew = "FRESH without a fresh image",
+    /// An image readable without FRESH. A transaction brought an image that FRESH had not announced.
+    FreshMissing = "an image readable without FRESH",
+    /// A frame was readable too late after its last bit.
+    LateReadable = "a frame was readable too late after its last bit",
+    /// A sample was readable too late.
+    LateSample = "a sample was readable too late",
+    /// Link-Status tells a wrong age. Against the instant of the sample as it was on the wires.
+    LinkAge = "Link-Status tells a wrong age",
+    /// Link-Status tells wrong counters. Against the frames that reached the antenna.
+    LinkCounters = "Link-Status tells wrong counters",
+    /// Link-Status tells wrong flags. Against what reached the antenna and what happened to the board.
+    LinkFlags = "Link-Status tells wrong flags",
+    /// Link-Status tells a wrong time. Its timestamp against the time since the DPR's start.
+    LinkTime = "Link-Status tells a wrong time",
+    // ---- Base station
+
+    /// The base station missed a profile. It was forwarded and did not arrive.
+    BaseMissed = "the base station missed a profile",
+    /// The base station got another profile than was forwarded. Bytes were changed, added or invented on the way.
+    BaseChanged = "the base station got another profile than was forwarded",
+    /// The base station shows an object that is not valid. By CRC, identifier or place.
+    BaseInvalid = "the base station shows an object that is not valid",
+    /// The base station shows objects of several cycles as one.
+    BaseMixed = "the base station shows objects of several cycles as one",
+    /// The base station does not show an object that is valid.
+    BaseHidden = "the base station does not show an object that is valid",
+    // ---- Boards
+
+    /// HORUS restarted unasked.
+    HorusRestarted = "HORUS restarted unasked",
+    /// The DPR restarted unasked.
+    DprRestarted = "the DPR restarted unasked",
+    /// HORUS did what its part does not allow.
+    HorusFinding = "HORUS did what its part does not allow",
+    /// The DPR did what its part does not allow.
+    DprFinding = "the DPR did what its part does not allow",
+    /// A front end was used against its data sheet. By either firmware; the words say which.
+    FrontEndMisuse = "a front end was used against its data sheet",
+    /// HORUS's processor is loaded too much.
+    HorusOverloaded = "HORUS's processor is loaded too much",
+    /// The DPR's processor is loaded too much.
+    DprOverloaded = "the DPR's processor is loaded too much",
+    /// HORUS counts faults that have no cause. A counter of the firmware's own, beside what is seen from outside.
+    HorusComplains = "HORUS counts faults that have no cause",
+    /// The DPR counts faults that have no cause. A counter of the firmware's own, beside what is seen from outside.
+    DprComplains = "the DPR counts faults that have no cause",
+    /// An image without telemetry. A counter that is evidence is missing.
+    NoTelemetry = "an image without telemetry",
+    /// The bench acted late. So the run is not exact in time.
+    Late = "the bench acted late",
+}
+
+impl std::fmt::Display for Violation {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.words())
+    }
+}

@@ -1,0 +1,396 @@
+//! The log of a run in which nothing goes wrong, to be spoilt by tests.
+//!
+//! A [`Plan`] is what the DPR publishes and when the flight controller reads; [`Plan::log`] works out what the wires
+//! show of it. What is spoilt in the plan has its consequences in the log; what is spoilt in the log has none.
+#![allow(dead_code, reason = "not every test uses all of it")]
+
+use bench_judge::{Board, Event, Header, Log, SsiEvent, Verdict, Violation, What, bounds, judge};
+use profile::{
+    GpsStatus, GpsValues, Layout, LinkStatus, LinkStatusBits, LinkValues, Profile, ReportedValues, ResetReason, air,
+};
+
+/// The first tick of HORUS, ns.
+pub(crate) const FIRST_TICK: u64 = 20_000_000;
+/// The DPR's first image, ns.
+pub(crate) const FIRST_IMAGE: u64 = 6_000_000;
+/// From the end of a cycle's last frame to FRESH.
+pub(crate) const TO_FRESH: u64 = 60_000;
+/// The processor takes the buffers so long before FRESH, ns.
+pub(crate) const HELD_BEFORE: u64 = 1_000;
+/// And gives them back so long after it, ns.
+pub(crate) const RELEASED_AFTER: u64 = 500;
+/// From the end of a transaction to readiness, ns.
+pub(crate) const TO_READY: u64 = 3_000;
+/// The flight controller's control cycle, ns: not quite 4 ms, so that it meets every phase.
+pub(crate) const CONTROL_CYCLE: u64 = 3_997_000;
+/// Cycles with which the sequence is found: they are not shown.
+pub(crate) const SEARCH: u32 = 3;
+
+/// An image of the DPR.
+#[derive(Clone, Debug)]
+pub(crate) struct Publication {
+    /// When FRESH rises, ns.
+    pub(crate) at: u64,
+    /// What becomes readable.
+    pub(crate) image: Vec<u8>,
+}
+
+/// What happens in a run.
+#[derive(Clone, Debug)]
+pub(crate) struct Plan {
+    pub(crate) header: Header,
+    pub(crate) layout: Layout,
+    /// HORUS's side and the air.
+    pub(crate) upstream: Vec<Event>,
+    /// The DPR's images, in order of time.
+    pub(crate) publications: Vec<Publication>,
+    /// When chip select falls.
+    pub(crate) selects: Vec<u64>,
+    pub(crate) end: u64,
+}
+
+/// A profile without a position: its receivers say nothing.
+pub(crate) fn profile(gps: usize, stamp: u32) -> Vec<u8> {
+    fn of<const N: usize>(stamp: u32) -> Vec<u8> {
+        // What HORUS says of receivers that have said nothing.
+        let silent = GpsValues { status: GpsStatus::new().with_stale(true), ..GpsValues::absent(stamp) };
+        Profile::<N>::seal(&ReportedValues::absent(stamp), &[silent; N]).as_bytes().to_vec()
+    }
+    match gps {
+        1 => of::<1>(stamp),
+        2 => of::<2>(stamp),
+        3 => of::<3>(stamp),
+        _ => of::<5>(stamp),
+    }
+}
+
+/// LEN, payload, CRC-16 (which nobody checks here).
+pub(crate) fn frame(payload: &[u8]) -> Vec<u8> {
+    let len = u8::try_from(payload.len() + 1).unwrap();
+    [&[len], payload, &[0, 0]].concat()
+}
+
+/// The payloads of a profile's frames, each with its send slot (µs after the tick).
+fn frames(gps: usize, profile: &[u8]) -> Vec<(u64, Vec<u8>)> {
+    let slot = |frame| match gps {
+        1 => air::send_slot_us::<1>(frame),
+        2 => air::send_slot_us::<2>(frame),
+        3 => air::send_slot_us::<3>(frame),
+        _ => air::send_slot_us::<5>(frame),
+    };
+    let layout = Layout::for_receivers(gps).unwrap();
+    let of = |frame| {
+        let place = layout.frame(frame).unwrap();
+        let payload = profile[place.offset()..place.offset() + place.length()].to_vec();
+        (u64::from(slot(frame).unwrap()), payload)
+    };
+    (0..layout.frames()).map(of).collect()
+}
+
+fn event(at: u64, what: What) -> Event {
+    Event { at, what }
+}
+
+impl Plan {
+    /// A flawless run of `cycles` cycles of HORUS.
+    pub(crate) fn new(gps: usize, cycles: u32) -> Self {
+        let layout = Layout::for_receivers(gps).unwrap();
+        let end = FIRST_TICK + u64::from(cycles) * bounds::CYCLE;
+        let mut plan = Self {
+            header: Header { version: Header::VERSION, gps, seed: 7, clock: "fast".into() },
+            layout,
+            upstream: vec![],
+            publications: vec![],
+            selects: (1..).map(|cycle| cycle * CONTROL_CYCLE).take_while(|at| at + 500_000 < end).collect(),
+            end,
+        };
+        plan.upstream
+            .extend([event(10_000_000, What::Field { on: true }), event(10_000_000, What::FieldHeard { on: true })]);
+        let objects = u32::try_from(layout.objects()).unwrap();
+        for at in [FIRST_IMAGE, FIRST_IMAGE + bounds::FRAME_DEADLINE] {
+            let image = plan.image(at, None, LinkValues { age_100us: u16::MAX, ..LinkValues::default() });
+            plan.publications.push(Publication { at, image });
+        }
+        for cycle in 0..cycles {
+            let tick = FIRST_TICK + u64::from(cycle) * bounds::CYCLE;
+            let stamp = 10 * (cycle + 1);
+            plan.upstream.push(event(tick, What::Tick));
+            let mut ended = 0;
+            for (slot, payload) in frames(gps, &profile(gps, stamp)) {
+                let command = tick + slot * 1_000;
+                let started = command + 500;
+                ended = started + air::air_time_ns(u8::try_from(payload.len()).unwrap());
+                let bytes = frame(&payload);
+                plan.upstream.extend([
+                    event(command, What::Command),
+                    event(ended, What::Sent { started, bit_rate: 423_750, bytes: bytes.clone().into(), whole: true }),
+                    event(ended, What::Heard { started, bytes: bytes.into(), whole: true }),
+                ]);
+            }
+            let at = ended + TO_FRESH;
+            let shown = (cycle >= SEARCH).then_some(stamp);
+            let accepted = (cycle + 1).saturating_sub(SEARCH) * objects;
+            let link = LinkValues {
+                objects_accepted: accepted,
+                objects_rejected: (cycle + 1) * objects - accepted,
+                frames_received: (cycle + 1) * u32::try_from(layout.frames()).unwrap(),
+                age_100us: shown.map_or(u16::MAX, |_| u16::try_from((at - tick) / 100_000).unwrap()),
+                ..LinkValues::default()
+            };
+            let image = plan.image(at, shown, link);
+            plan.publications.push(Publication { at, image });
+        }
+        plan
+    }
+
+    /// An image that is published at `at` and shows the cycle of `stamp`.
+    pub(crate) fn image(&self, at: u64, stamp: Option<u32>, values: LinkValues) -> Vec<u8> {
+        let status = LinkStatusBits::new()
+            .with_link_up(stamp.is_some())
+            .with_all_accepted(stamp.is_some())
+            .with_out_of_sequence(stamp.is_none())
+            .with_reset_reason(ResetReason::PowerOn);
+        let timestamp = u32::try_from(at / 1_000_000).unwrap();
+        let link = LinkStatus::seal(&LinkValues { timestamp, status, ..values });
+        let objects = match stamp {
+            Some(stamp) => profile(self.layout.receivers(), stamp),
+            None => vec![0; self.layout.profile_len()],
+        };
+        [link.as_bytes().as_slice(), &objects].concat()
+    }
+
+    /// The number of the publication that shows the cycle of `stamp`.
+    pub(crate) fn showing(&self, stamp: u32) -> usize {
+        let place = self.layout.in_image(0).unwrap();
+        let shows = |image: &[u8]| image[place.clone()].starts_with(&stamp.to_le_bytes());
+        self.publications.iter().position(|publication| shows(&publication.image)).unwrap()
+    }
+
+    /// How long a transaction takes.
+    pub(crate) fn transaction_ns(&self) -> u64 {
+        3_000 + 1_000 * self.layout.image_len() as u64
+    }
+
+    /// What the wires show.
+    pub(crate) fn log(&self) -> Log {
+        let mut events = self.upstream.clone();
+        let took = self.transaction_ns();
+        let mut ssi = Ssi { held: true, image: None, expires: u64::MAX, rise: None };
+        let mut publications = self.publications.iter().peekable();
+        let mut forwarded = None;
+        for selected in self.selects.iter().copied().chain([u64::MAX]) {
+            // What is published before this transaction; it may begin while that is being put in.
+            let mut busy = false;
+            let before = |publication: &&Publication| publication.at.saturating_sub(HELD_BEFORE) <= selected;
+            while let Some(publication) = publications.next_if(before) {
+                ssi.expire(publication.at - HELD_BEFORE, &mut events);
+                busy |= ssi.put_in(publication, selected, &mut events);
+            }
+            if selected == u64::MAX {
+                break;
+            }
+            ssi.expire(selected, &mut events);
+            let ended = selected + took;
+            busy |= ssi.held;
+            events.push(event(selected, What::Selected));
+            let served = ssi.image.clone().filter(|_| !busy);
+            if served.is_none() {
+                events.push(event(selected, What::Ssi(SsiEvent::Busy)));
+            }
+            let miso = served.clone().unwrap_or_else(|| vec![0xFF; self.layout.image_len()]);
+            let mosi = vec![0; miso.len()].into();
+            events.push(event(ended, What::Transaction { selected, mosi, miso: miso.clone().into() }));
+            if served.is_none() {
+                if !ssi.held {
+                    events.push(event(ended, What::Ssi(SsiEvent::Ready)));
+                }
+                continue;
+            }
+            // Published meanwhile: announced at once, put in at the end.
+            let mut ready = ended + TO_READY;
+            while let Some(publication) =
+                publications.next_if(|publication| publication.at - HELD_BEFORE <= ended + TO_READY)
+            {
+                ready = ready.max(publication.at + RELEASED_AFTER);
+                events.push(event(publication.at, What::Fresh { high: true, offered: None }));
+                events.push(event(publication.at + 2_000, What::Fresh { high: false, offered: None }));
+                (ssi.image, ssi.expires) = (Some(publication.image.clone()), publication.at + bounds::EXPIRY);
+            }
+            events.push(event(ended, What::Ssi(SsiEvent::Held)));
+            if ssi.expires > ended {
+                events.extend([SsiEvent::Released, SsiEvent::Ready].map(|what| event(ready, What::Ssi(what))));
+            } else {
+                ssi.held = true;
+            }
+            let place = self.layout.in_image(0).unwrap();
+            let profile = miso[place.start..].to_vec();
+            let stamp = profile[..4].to_vec();
+            if profile.iter().any(|byte| *byte != 0) && forwarded.replace(stamp.clone()) != Some(stamp) {
+                let shown = u8::try_from((1 << self.layout.objects()) - 1).unwrap();
+                events.push(event(ended, What::Forwarded { profile: profile.clone().into() }));
+                events.push(event(ended, What::Arrived { profile: profile.into(), shown }));
+            }
+        }
+        events.push(event(self.end, What::End));
+        events.retain(|event| event.at <= self.end);
+        events.sort_by_key(|event| (event.at, event.what.rank()));
+        Log { header: self.header.clone(), events }
+    }
+}
+
+/// The DPR's end of the SSI.
+struct Ssi {
+    held: bool,
+    image: Option<Vec<u8>>,
+    expires: u64,
+    rise: Option<u64>,
+}
+
+impl Ssi {
+    /// The image's time is over by `now`.
+    fn expire(&mut self, now: u64, events: &mut Vec<Event>) {
+        if self.expires <= now && !self.held {
+            self.held = true;
+            events.push(event(self.expires, What::Ssi(SsiEvent::Held)));
+        }
+    }
+
+    /// Puts an image in while no transaction is under way; whether the one of `selected` begins meanwhile.
+    fn put_in(&mut self, publication: &Publication, selected: u64, events: &mut Vec<Event>) -> bool {
+        let Publication { at, image } = publication;
+        let released = at + RELEASED_AFTER;
+        if !self.held {
+            events.push(event(at - HELD_BEFORE, What::Ssi(SsiEvent::Held)));
+        }
+        events.push(event(*at, What::Fresh { high: true, offered: None }));
+        events.push(event(released, What::Ssi(SsiEvent::Released)));
+        let busy = selected < released;
+        if !busy {
+            events.push(event(released, What::Ssi(SsiEvent::Ready)));
+        }
+        let offered = (selected > at + 2_000).then(|| image.clone().into());
+        events.push(event(at + 2_000, What::Fresh { high: false, offered }));
+        (self.held, self.image, self.expires, self.rise) = (false, Some(image.clone()), at + bounds::EXPIRY, Some(*at));
+        busy
+    }
+}
+
+/// What the rules of the SSI and of the base station find. The DPR of these logs tells of itself and of HORUS no more
+/// than those rules need, so what others find there is no finding.
+const OURS: [Violation; 20] = [
+    Violation::Answered,
+    Violation::NoTransaction,
+    Violation::NeverReady,
+    Violation::NotReady,
+    Violation::HeldBack,
+    Violation::BusyTwice,
+    Violation::Silent,
+    Violation::Torn,
+    Violation::Damaged,
+    Violation::Misplaced,
+    Violation::FreshUnreadable,
+    Violation::FreshNotNew,
+    Violation::FreshMissing,
+    Violation::LateReadable,
+    Violation::LateSample,
+    Violation::BaseMissed,
+    Violation::BaseChanged,
+    Violation::BaseInvalid,
+    Violation::BaseMixed,
+    Violation::BaseHidden,
+];
+
+/// The verdict of the rules of the SSI and of the base station.
+pub(crate) fn judged(log: &Log) -> Verdict {
+    let mut verdict = judge(log);
+    verdict.violations.retain(|broken| OURS.contains(&broken.violation));
+    verdict
+}
+
+/// The kinds of violations that judging finds, each with how often.
+pub(crate) fn found(log: &Log) -> Vec<(Violation, u64)> {
+    judged(log).violations.iter().map(|broken| (broken.violation, broken.count)).collect()
+}
+
+/// Puts an event in its place.
+pub(crate) fn insert(log: &mut Log, at: u64, what: What) {
+    let rank = what.rank();
+    let place = log.events.partition_point(|event| (event.at, event.what.rank()) <= (at, rank));
+    log.events.insert(place, event(at, what));
+}
+
+/// Sorts what was moved.
+pub(crate) fn sort(log: &mut Log) {
+    log.events.sort_by_key(|event| (event.at, event.what.rank()));
+}
+
+/// What every transaction read, to be changed: chip select's fall, and MISO.
+pub(crate) fn transactions(log: &mut Log) -> impl Iterator<Item = (u64, &mut Vec<u8>)> {
+    log.events.iter_mut().filter_map(|event| match &mut event.what {
+        What::Transaction { selected, miso, .. } => Some((*selected, &mut miso.0)),
+        _ => None,
+    })
+}
+
+/// The DPR restarts.
+pub(crate) fn dpr_reset(asked: bool) -> What {
+    What::Reset { board: Board::Dpr, cause: "pin".into(), asked }
+}
+
+/// The places in the log of the transactions that read an image again: nothing is forwarded of them.
+pub(crate) fn repeats(log: &Log) -> Vec<usize> {
+    let mut last: Option<&[u8]> = None;
+    let mut places = vec![];
+    for (place, event) in log.events.iter().enumerate() {
+        let What::Transaction { miso, .. } = &event.what else { continue };
+        if last.replace(miso).is_some_and(|last| last == &**miso) && miso[32] != 0 {
+            places.push(place);
+        }
+    }
+    places
+}
+
+/// What a transaction read.
+pub(crate) fn miso(log: &mut Log, place: usize) -> &mut Vec<u8> {
+    match &mut log.events[place].what {
+        What::Transaction { miso, .. } => &mut miso.0,
+        other => panic!("no transaction: {other:?}"),
+    }
+}
+
+/// Makes the transactions that end within `from..to` (ns) read nothing.
+pub(crate) fn blind(log: &mut Log, from: u64, to: u64) {
+    log.events.retain(|event| {
+        let forwarding = matches!(event.what, What::Forwarded { .. } | What::Arrived { .. });
+        !(forwarding && (from..to).contains(&event.at))
+    });
+    let mut busy = vec![];
+    for event in log.events.iter_mut().filter(|event| (from..to).contains(&event.at)) {
+        if let What::Transaction { selected, miso, .. } = &mut event.what {
+            miso.0.fill(0xFF);
+            busy.push(*selected);
+        }
+    }
+    for selected in busy {
+        insert(log, selected, What::Ssi(SsiEvent::Busy));
+    }
+}
+
+/// A flawless log and the place in it of a transaction of which nothing is forwarded.
+pub(crate) fn run(gps: usize) -> (Plan, Log, usize) {
+    let plan = Plan::new(gps, 40);
+    let log = plan.log();
+    let place = repeats(&log)[20];
+    (plan, log, place)
+}
+
+/// What was read last before the transaction at `place` that is another image than it brought.
+pub(crate) fn image_before(log: &Log, place: usize) -> Vec<u8> {
+    let mut log = log.clone();
+    let now = miso(&mut log, place).clone();
+    let before = (0..place).rev().find_map(|place| match &log.events[place].what {
+        What::Transaction { miso, .. } if **miso != *now => Some(miso.to_vec()),
+        _ => None,
+    });
+    before.unwrap()
+}

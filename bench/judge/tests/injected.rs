@@ -1,0 +1,231 @@
+//! What a rule makes of what the bench does wrong on purpose: what it excuses, and what it does not.
+
+mod common;
+
+use bench_judge::{Board, Context, Event, Header, Log, Violation, What, bounds, judge};
+use common::{Plan, insert, judged, sort, transactions};
+use profile::Layout;
+use profile::air::{CRC_BYTES, LEN_BYTES};
+
+const MS: u64 = 1_000_000;
+
+fn injected(kind: &str, until: u64) -> What {
+    What::Injected { kind: kind.into(), until }
+}
+
+/// What is found at the SSI: what a test changes of what was read is not forwarded so.
+fn found(log: &Log) -> Vec<(Violation, u64)> {
+    common::found(log).into_iter().filter(|(violation, _)| *violation != Violation::BaseChanged).collect()
+}
+
+/// The flight controller reads what no DPR sends, from `from` to `to`.
+fn read_by_wrong_clocks(from: u64, to: u64) -> Log {
+    let mut log = Plan::new(3, 60).log();
+    for (_, miso) in transactions(&mut log).filter(|(selected, _)| (from..to).contains(selected)) {
+        miso.iter_mut().for_each(|byte| *byte ^= 0x10);
+    }
+    log
+}
+
+#[test]
+fn what_a_flight_controller_reads_while_it_misuses_the_ssi_and_shortly_after_it_is_no_damage() {
+    let (from, until) = (300 * MS, 400 * MS);
+    let over = until + bounds::MISUSE_OVER;
+    let mut log = read_by_wrong_clocks(from, over);
+    assert!(found(&log).contains(&(Violation::Damaged, 30)), "{:?}", found(&log));
+    insert(&mut log, from, injected("flight controller mode 1", until));
+    assert_eq!(found(&log), []);
+    // A moment later it is.
+    let mut log = read_by_wrong_clocks(from, over + 5 * MS);
+    insert(&mut log, from, injected("flight controller mode 1", until));
+    assert_eq!(found(&log), [(Violation::Damaged, 1)]);
+    // And no other fault excuses it.
+    let mut log = read_by_wrong_clocks(from, over);
+    insert(&mut log, from, injected("air", until));
+    assert_eq!(found(&log), [(Violation::Damaged, 30)]);
+}
+
+#[test]
+fn a_flight_controller_that_misuses_the_ssi_is_owed_no_readiness_and_no_image() {
+    let silent = |kind: Option<&str>| {
+        let mut log = Plan::new(3, 60).log();
+        for (selected, miso) in transactions(&mut log) {
+            if (300 * MS..380 * MS).contains(&selected) {
+                miso.fill(0xFF);
+            }
+        }
+        if let Some(kind) = kind {
+            insert(&mut log, 299 * MS, injected(kind, 380 * MS));
+        }
+        found(&log)
+    };
+    assert_eq!(silent(None), [(Violation::Silent, 1)]);
+    assert_eq!(silent(Some("flight controller hammers")), []);
+}
+
+#[test]
+fn a_transaction_that_began_before_the_dpr_was_ready_for_any_owes_no_readiness_at_its_end() {
+    let mut plan = Plan::new(3, 20);
+    // Chip select falls before the first image is put in, and rises after it.
+    let took = plan.transaction_ns();
+    let first = plan.publications[0].at;
+    plan.selects.retain(|at| *at > first + 2 * MS);
+    let mut log = plan.log();
+    let selected = first - took / 2;
+    let whole = vec![0xFF; 276];
+    insert(&mut log, selected, What::Selected);
+    let ended = What::Transaction { selected, mosi: vec![0; 276].into(), miso: whole.into() };
+    insert(&mut log, selected + took, ended);
+    sort(&mut log);
+    assert_eq!(found(&log), []);
+}
+
+#[test]
+fn two_images_of_one_millisecond_that_differ_in_what_they_count_are_two() {
+    let mut plan = Plan::new(3, 40);
+    let place = plan.showing(200);
+    let publication = plan.publications[place].clone();
+    // Two images without objects, 300 us apart, of which the second counts one rejected object more.
+    let values = |rejected| profile::LinkValues { objects_rejected: rejected, ..profile::LinkValues::default() };
+    let at = publication.at;
+    plan.publications[place].image = plan.image(at, None, values(50));
+    let mut second = publication.clone();
+    second.at = at + 300_000;
+    second.image = plan.image(at, None, values(51));
+    plan.publications.insert(place + 1, second);
+    assert_eq!(found(&plan.log()), []);
+}
+
+/// Frames of the log whose bytes `change` has changed at the antenna.
+fn heard(log: &mut Log, at: u64, change: impl Fn(&mut Vec<u8>, &mut bool)) {
+    let event = log.events.iter_mut().find(|event| event.at >= at && matches!(event.what, What::Heard { .. }));
+    if let Some(Event { what: What::Heard { bytes, whole, .. }, .. }) = event {
+        change(&mut bytes.0, whole);
+    }
+}
+
+#[test]
+fn a_frame_whose_len_was_damaged_has_the_time_of_one_that_is_read_at_its_end() {
+    for (gps, waits) in [(3, 0), (5, bounds::SECOND_FRAME)] {
+        for (late, violations) in [(0, vec![]), (1, vec![(Violation::LateReadable, 1)])] {
+            let mut plan = Plan::new(gps, 40);
+            let place = plan.showing(200);
+            let ended = plan.publications[place].at - common::TO_FRESH;
+            plan.publications[place].at = ended + bounds::STORE_AND_FORWARD + waits + late;
+            // No transaction is in the way.
+            let at = plan.publications[place].at;
+            plan.selects.retain(|selected| !(at - 2 * MS..at + MS).contains(selected));
+            let mut log = plan.log();
+            let sound = found(&log);
+            assert_eq!(sound.first().map(|(violation, _)| *violation), Some(Violation::LateReadable), "{gps}");
+            heard(&mut log, ended, |bytes, _| bytes[0] ^= 0x40);
+            assert_eq!(found(&log), violations, "{gps} {late}");
+            let figures = judged(&log).figures;
+            assert!(figures.last_bit_to_readable.unwrap().max <= bounds::LAST_BIT_TO_READABLE, "it is no figure");
+        }
+    }
+}
+
+/// The objects that the context finds in a frame of one receiver that broke off after so many of its bytes.
+fn objects_of(bytes: usize, whole: bool) -> (Option<usize>, usize) {
+    let layout = Layout::for_receivers(1).unwrap();
+    let frame = common::frame(&common::profile(1, 70));
+    assert_eq!(frame.len(), LEN_BYTES + layout.profile_len() + CRC_BYTES);
+    let mut context = Context::new(&Header { version: 1, gps: 1, seed: 0, clock: "fast".into() });
+    let what = What::Heard { started: 0, bytes: frame[..bytes].to_vec().into(), whole };
+    context.take(&Event { at: 9, what });
+    let frame = context.frame().unwrap();
+    (frame.number, frame.objects.len())
+}
+
+#[test]
+fn a_frame_that_broke_off_has_its_objects_if_all_that_len_announces_arrived() {
+    let layout = Layout::for_receivers(1).unwrap();
+    let announced = LEN_BYTES + layout.profile_len();
+    assert_eq!(objects_of(announced + CRC_BYTES, true), (Some(0), 2));
+    assert_eq!(objects_of(announced + 1, false), (Some(0), 2));
+    assert_eq!(objects_of(announced, false), (Some(0), 2));
+    assert_eq!(objects_of(announced - 1, false), (None, 0));
+    assert_eq!(objects_of(announced, true), (None, 0), "a whole frame ends with its CRC-16");
+    assert_eq!(objects_of(0, false), (None, 0));
+}
+
+#[test]
+fn a_front_end_without_supply_is_used_on_and_its_field_drops_and_neither_is_held_against_horus() {
+    let text = || "SPI access without supply (3 times)".to_owned();
+    let misuse = |board| What::Misuse { board, text: text() };
+    let kinds = |log: &Log| judge(log).kinds().collect::<Vec<_>>();
+    for (kind, excused) in [
+        ("power horus front end off", true),
+        ("power dpr front end off", true),
+        ("power horus off", true),
+        ("power horus reset pin", false),
+        ("air lost", false),
+    ] {
+        let mut log = Plan::new(3, 40).log();
+        insert(&mut log, 100 * MS, injected(kind, 100 * MS));
+        insert(&mut log, 400 * MS, misuse(Board::Dpr));
+        assert_eq!(!kinds(&log).contains(&Violation::FrontEndMisuse), excused, "{kind}");
+        // Another misuse is one in any case.
+        insert(&mut log, 400 * MS, What::Misuse { board: Board::Dpr, text: "SPI clock too fast".into() });
+        assert!(kinds(&log).contains(&Violation::FrontEndMisuse), "{kind}");
+    }
+    let dropped = |kind: &str, until| {
+        let mut log = Plan::new(3, 40).log();
+        insert(&mut log, 299 * MS, injected(kind, until));
+        // Between two frames: the next tick is at 300 ms.
+        insert(&mut log, 299 * MS + 1, What::Field { on: false });
+        insert(&mut log, 299 * MS + 2, What::Field { on: true });
+        kinds(&log).contains(&Violation::FieldDropped)
+    };
+    assert!(dropped("power dpr front end off", 299 * MS));
+    assert!(!dropped("power horus front end off", 299 * MS));
+    // Until the firmware has brought it up again.
+    let before = |ns| 299 * MS + 1 - bounds::FRONT_END_RECOVERY - ns;
+    let mut log = Plan::new(3, 40).log();
+    for (ns, blamed) in [(0, true), (1, true)] {
+        let mut log = log.clone();
+        insert(&mut log, before(ns), injected("power horus front end off", before(ns)));
+        insert(&mut log, 299 * MS + 1, What::Field { on: false });
+        assert_eq!(kinds(&log).contains(&Violation::FieldDropped), blamed, "{ns}");
+    }
+    insert(&mut log, before(0) + 1, injected("power horus front end off", before(0) + 1));
+    insert(&mut log, 299 * MS + 1, What::Field { on: false });
+    assert!(!kinds(&log).contains(&Violation::FieldDropped));
+}
+
+#[test]
+fn broken_code_of_a_firmware_explains_none_of_its_complaints() {
+    let complaint = || What::Counter { board: Board::Horus, name: "rf_faults".into(), value: Some(2) };
+    for (kind, blamed) in [("image horus", true), ("air lost", false), ("receiver 1 silent", false)] {
+        let mut log = Plan::new(3, 40).log();
+        insert(&mut log, 100 * MS, injected(kind, 100 * MS));
+        let end = log.events.last().unwrap().at;
+        insert(&mut log, end, complaint());
+        let complains = judge(&log).kinds().any(|violation| violation == Violation::HorusComplains);
+        assert_eq!(complains, blamed, "{kind}");
+    }
+}
+
+#[test]
+fn what_a_front_end_had_not_handed_over_when_its_supply_failed_need_not_be_shown() {
+    let lost = |after: u64, kind: &str| {
+        let plan = Plan::new(3, 60);
+        let place = plan.showing(300);
+        let ended = plan.publications[place].at - common::TO_FRESH;
+        let mut log = plan.log();
+        // The cycle is heard, and no image shows it.
+        let layout = Layout::for_receivers(3).unwrap();
+        let shown = |bytes: &[u8]| bytes[layout.in_image(0).unwrap()].starts_with(&300_u32.to_le_bytes());
+        for (_, miso) in transactions(&mut log).filter(|(_, miso)| shown(miso)) {
+            miso[32..].fill(0);
+        }
+        insert(&mut log, ended + after, injected(kind, ended + after));
+        judge(&log).kinds().any(|violation| violation == Violation::NotShown || violation == Violation::Vacant)
+    };
+    let kind = "power dpr front end off";
+    assert!(!lost(10_000, kind));
+    assert!(!lost(bounds::STORE_AND_FORWARD - 1, kind));
+    assert!(lost(bounds::STORE_AND_FORWARD, kind));
+    assert!(lost(10_000, "air lost"));
+}

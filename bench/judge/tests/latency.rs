@@ -1,0 +1,110 @@
+//! How soon a cycle is readable: on logs that are spoilt in one way each.
+
+mod common;
+
+use bench_judge::{Violation::*, What, bounds};
+use common::*;
+
+const MS: u64 = 1_000_000;
+const GPS: [usize; 4] = [1, 2, 3, 5];
+
+#[test]
+fn a_cycle_that_is_readable_too_late_after_its_last_bit_is_a_violation() {
+    for gps in GPS {
+        for (late, violations) in
+            [(100_000, vec![]), (100_001, vec![(LateReadable, 1)]), (6_000_000, vec![(LateReadable, 1)])]
+        {
+            let mut plan = Plan::new(gps, 40);
+            let number = plan.showing(200);
+            plan.publications[number].at += late - TO_FRESH;
+            let log = plan.log();
+            assert_eq!(found(&log), violations, "{gps} {late}");
+            assert_eq!(judged(&log).figures.last_bit_to_readable.unwrap().max, late, "{gps}");
+        }
+    }
+}
+
+#[test]
+fn a_sample_that_is_readable_too_late_is_a_violation() {
+    for (late, violations) in [(0, vec![]), (1, vec![(LateSample, 1)])] {
+        let mut plan = Plan::new(3, 40);
+        let number = plan.showing(200);
+        let rose = plan.publications[number].at;
+        let tick = FIRST_TICK + 19 * bounds::CYCLE;
+        for event in plan.upstream.iter_mut().filter(|event| event.at == tick) {
+            event.at = rose - bounds::SAMPLE_TO_READABLE - late;
+        }
+        let log = plan.log();
+        let ours = [LateSample, LateReadable];
+        let found: Vec<_> = found(&log).into_iter().filter(|(kind, _)| ours.contains(kind)).collect();
+        assert_eq!(found, violations);
+        assert_eq!(judged(&log).figures.sample_to_readable.unwrap().max, bounds::SAMPLE_TO_READABLE + late);
+    }
+}
+
+#[test]
+fn frames_that_were_delayed_or_lost_on_the_air_and_cycles_without_a_tick_are_not_measured() {
+    let measured = |gps: usize, spoil: &dyn Fn(&mut Plan, u64)| {
+        let mut plan = Plan::new(gps, 40);
+        let number = plan.showing(200);
+        let rose = plan.publications[number].at;
+        plan.publications[number].at += 500_000;
+        spoil(&mut plan, rose - TO_FRESH);
+        let log = plan.log();
+        let ours = [LateSample, LateReadable];
+        judged(&log).kinds().filter(|kind| ours.contains(kind)).collect::<Vec<_>>()
+    };
+    for gps in GPS {
+        assert_eq!(measured(gps, &|_, _| {}), [LateReadable]);
+        let delay = |by: u64| {
+            move |plan: &mut Plan, ended: u64| {
+                for event in &mut plan.upstream {
+                    if let What::Heard { started, .. } = &mut event.what
+                        && event.at == ended
+                    {
+                        (event.at, *started) = (ended + by, *started + by);
+                    }
+                }
+            }
+        };
+        assert_eq!(measured(gps, &delay(1_001)), []);
+        assert_eq!(measured(gps, &delay(1_000)), [LateReadable]);
+        assert_eq!(
+            measured(gps, &|plan, ended| {
+                plan.upstream.retain(|event| event.at != ended || !matches!(event.what, What::Heard { .. }));
+            }),
+            []
+        );
+        assert_eq!(
+            measured(gps, &|plan, ended| {
+                for event in plan.upstream.iter_mut().filter(|event| event.at == ended) {
+                    if let What::Heard { whole, .. } = &mut event.what {
+                        *whole = false;
+                    }
+                }
+            }),
+            []
+        );
+    }
+    let mut plan = Plan::new(3, 40);
+    plan.upstream.retain(|event| event.what != What::Tick);
+    let figures = judged(&plan.log()).figures;
+    assert_eq!((figures.sample_to_readable, figures.last_bit_to_readable.is_some()), (None, true));
+    // Nor is the time since a tick of long ago.
+    let mut plan = Plan::new(3, 40);
+    plan.upstream.retain(|event| event.what != What::Tick || event.at < 200 * MS);
+    assert_eq!(judged(&plan.log()).figures.sample_to_readable.unwrap().max, 5_200_000 + 14_659);
+}
+
+#[test]
+fn a_cycle_whose_second_frame_is_lost_is_shown_late_and_is_not_late() {
+    let mut plan = Plan::new(5, 40);
+    let number = plan.showing(200);
+    let ended = plan.publications[number].at - TO_FRESH;
+    plan.upstream.retain(|event| event.at != ended || !matches!(event.what, What::Heard { .. }));
+    let mut image = plan.publications[number].image.clone();
+    image[216..].fill(0);
+    plan.publications[number] = Publication { at: ended + 4 * MS, image };
+    let ours = [LateSample, LateReadable, Torn, Damaged, FreshMissing, FreshNotNew];
+    assert!(!judged(&plan.log()).kinds().any(|kind| ours.contains(&kind)));
+}

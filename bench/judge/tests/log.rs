@@ -1,0 +1,278 @@
+//! The log in memory, as a file, and as it is judged.
+
+mod common;
+
+use bench_judge::{Board, Bytes, Event, Header, Judge, Log, LogError, LogWriter, SsiEvent, What, judge};
+use common::*;
+use proptest::prelude::*;
+
+fn stored(log: &Log) -> Vec<u8> {
+    let mut file = vec![];
+    log.write(&mut file).unwrap();
+    file
+}
+
+/// One event of each kind, in the order of their declaration.
+fn one_of_each() -> Vec<What> {
+    let text = || "line 1\nline 2 \"\u{e9}\"".to_owned();
+    vec![
+        What::Power { board: Board::Horus, on: true },
+        What::Reset { board: Board::Dpr, cause: text(), asked: false },
+        What::Injected { kind: "air".into(), until: u64::MAX },
+        What::Tick,
+        What::Command,
+        What::Field { on: false },
+        What::Sent { started: 1, bit_rate: 423_750, bytes: vec![0, 0xA5, 0xFF].into(), whole: true },
+        What::FieldHeard { on: true },
+        What::Heard { started: 0, bytes: Bytes::default(), whole: false },
+        What::Answer,
+        What::Fed { receiver: 2, byte_ns: 86_806, bytes: vec![0xB5, 0x62].into(), clean: true },
+        What::Fresh { high: true, offered: Some(vec![1; 276].into()) },
+        What::Ssi(SsiEvent::Held),
+        What::Selected,
+        What::Transaction { selected: 0, mosi: vec![0; 8].into(), miso: vec![0xFF; 96].into() },
+        What::Forwarded { profile: vec![9].into() },
+        What::Arrived { profile: vec![9].into(), shown: 0xFF },
+        What::Finding { board: Board::Horus, text: text() },
+        What::Misuse { board: Board::Dpr, text: text() },
+        What::Late { board: Board::Dpr, text: "3 ns".into() },
+        What::Counter { board: Board::Horus, name: "frames_skipped".into(), value: None },
+        What::Load { board: Board::Dpr, per_10_000: 10_000 },
+        What::End,
+    ]
+}
+
+#[test]
+fn events_of_one_instant_stand_in_the_order_of_their_declaration() {
+    let ranks: Vec<_> = one_of_each().iter().map(What::rank).collect();
+    assert_eq!(ranks, (0..23).collect::<Vec<_>>());
+    let source = include_str!("../src/event.rs");
+    let declared = source.split("pub enum What {").nth(1).unwrap().split("\n}\n").next().unwrap();
+    let is_variant = |line: &&str| line.starts_with("    ") && line.as_bytes()[4].is_ascii_uppercase();
+    let name = |text: &str| text.trim().split(|letter: char| !letter.is_alphanumeric()).next().unwrap().to_owned();
+    let declared: Vec<_> = declared.lines().filter(is_variant).map(name).collect();
+    let sampled: Vec<_> = one_of_each().iter().map(|what| name(&format!("{what:?}"))).collect();
+    assert_eq!(sampled, declared);
+}
+
+#[test]
+fn a_stored_log_reads_back_equal() {
+    let header = Plan::new(5, 4).header;
+    let events = one_of_each().into_iter().zip(5..).map(|(what, at)| Event { at, what }).collect();
+    let log = Log { header, events };
+    assert_eq!(Log::read(&*stored(&log)).unwrap(), log);
+    let log = Plan::new(5, 20).log();
+    assert_eq!(Log::read(&*stored(&log)).unwrap(), log);
+    // Event by event, it is the same file.
+    let mut file = vec![];
+    let mut writer = LogWriter::new(&mut file, &log.header).unwrap();
+    log.events.iter().for_each(|event| writer.take(event).unwrap());
+    writer.finish().unwrap();
+    assert_eq!(file, stored(&log));
+    assert_eq!(file.iter().filter(|byte| **byte == b'\n').count(), 1 + log.events.len());
+}
+
+#[test]
+fn bytes_are_stored_as_two_hexadecimal_digits_each() {
+    let what = What::Heard { started: 7, bytes: vec![0x00, 0x0F, 0xA5, 0xFF].into(), whole: true };
+    let line = serde_json::to_string(&Event { at: 9, what: what.clone() }).unwrap();
+    assert_eq!(line, r#"{"at":9,"what":{"heard":{"started":7,"bytes":"000fa5ff","whole":true}}}"#);
+    let read = |digits: &str| serde_json::from_str::<Event>(&line.replace("000fa5ff", digits)).map(|event| event.what);
+    assert_eq!(read("000FA5Ff").unwrap(), what);
+    for wrong in ["0", "000", "0g", "0x12", " 12", "\u{ff11}0"] {
+        let error = read(wrong).unwrap_err().to_string();
+        assert!(error.starts_with("bytes are two hexadecimal digits each"), "{wrong}: {error}");
+    }
+    assert!(serde_json::from_str::<Event>(&line.replace("\"000fa5ff\"", "[0,15]")).is_err());
+}
+
+/// What reading a file with these lines says.
+fn error(lines: &[&str]) -> LogError {
+    Log::read(lines.join("\n").as_bytes()).unwrap_err()
+}
+
+const HEADER: &str = r#"{"version":1,"gps":3,"seed":7,"clock":"fast"}"#;
+const TICK: &str = r#"{"at":10,"what":"tick"}"#;
+
+#[test]
+fn what_is_no_log_is_told_with_its_line() {
+    let log = Log::read(format!("{HEADER}\n{TICK}\n{TICK}").as_bytes()).unwrap();
+    assert_eq!((log.header.gps, log.events.len()), (3, 2));
+    assert!(matches!(error(&[]), LogError::Empty));
+    assert_eq!(error(&[]).to_string(), "the log is empty");
+    for (lines, at) in [
+        (&[TICK][..], 1),
+        (&[HEADER, HEADER], 2),
+        (&[HEADER, TICK, ""], 3),
+        (&[HEADER, TICK, "{"], 3),
+        (&[HEADER, TICK, r#"{"at":11,"what":"tock"}"#], 3),
+        (&[HEADER, r#"{"at":-1,"what":"tick"}"#], 2),
+    ] {
+        // A last line that is empty is none.
+        let lines = [lines, &[TICK]].concat();
+        let error = error(&lines);
+        assert!(matches!(error, LogError::Line { line, .. } if line == at), "{lines:?}: {error}");
+        assert_eq!(error.to_string(), format!("line {at}"));
+        // What is wrong with it comes as the source.
+        assert!(std::error::Error::source(&error).is_some());
+    }
+    let newer = HEADER.replace("\"version\":1", "\"version\":2");
+    assert!(matches!(error(&[&newer, TICK]), LogError::Version { found: 2 }));
+    assert_eq!(error(&[&newer]).to_string(), "the log has format 2, and this version reads format 1");
+    let backwards = [HEADER, TICK, TICK, r#"{"at":9,"what":"tick"}"#];
+    assert!(matches!(error(&backwards), LogError::Order { line: 4, at: 9, before: 10 }));
+    assert_eq!(error(&backwards).to_string(), "line 4: an event at 9 ns after one at 10 ns");
+}
+
+/// A file that cannot be read or written.
+struct Broken;
+
+impl std::io::Read for Broken {
+    fn read(&mut self, _: &mut [u8]) -> std::io::Result<usize> {
+        Err(std::io::Error::other("the disk is gone"))
+    }
+}
+
+impl std::io::Write for Broken {
+    fn write(&mut self, _: &[u8]) -> std::io::Result<usize> {
+        Err(std::io::Error::other("the disk is full"))
+    }
+    fn flush(&mut self) -> std::io::Result<()> {
+        Err(std::io::Error::other("the disk is full"))
+    }
+}
+
+#[test]
+fn what_the_file_says_is_passed_on() {
+    let error = Log::read(std::io::BufReader::new(Broken)).unwrap_err();
+    assert!(matches!(error, LogError::Io(_)));
+    assert_eq!(error.to_string(), "the disk is gone");
+    // In the middle, too.
+    let begun = std::io::Read::chain(HEADER.as_bytes(), std::io::Read::chain(&b"\n"[..], Broken));
+    assert!(matches!(Log::read(std::io::BufReader::new(begun)), Err(LogError::Io(_))));
+    let log = Plan::new(1, 4).log();
+    assert_eq!(log.write(Broken).unwrap_err().to_string(), "the disk is full");
+    // What is flushed last may be what does not fit.
+    let mut room = [0; 1 << 20];
+    let buffered = std::io::BufWriter::with_capacity(1 << 20, Broken);
+    assert!(log.write(buffered).is_err());
+    assert!(log.write(&mut room[..]).is_ok());
+}
+
+/// A log with violations of many kinds.
+fn spoilt() -> Log {
+    let mut log = Plan::new(3, 60).log();
+    let places = repeats(&log);
+    miso(&mut log, places[20])[100] ^= 1;
+    miso(&mut log, places[30])[96..120].fill(0);
+    let (from, late) = (log.events[places[40]].at, log.events[places[10]].at);
+    blind(&mut log, from, from + 30_000_000);
+    insert(&mut log, late, What::Answer);
+    insert(&mut log, late + 500_000, What::Fresh { high: true, offered: None });
+    let arrived = log.events.iter().position(|event| matches!(event.what, What::Arrived { .. })).unwrap();
+    log.events.remove(arrived);
+    log
+}
+
+#[test]
+fn judging_is_a_function_of_the_log_alone() {
+    let log = spoilt();
+    let verdict = judge(&log);
+    assert!(verdict.violations.len() >= 6, "{:?}", verdict.violations);
+    assert!(verdict.figures.sample_to_readable.is_some());
+    assert_eq!(judge(&log), verdict);
+    assert_eq!(judge(&Log::read(&*stored(&log)).unwrap()), verdict);
+    let mut judge = Judge::new(&log.header);
+    for event in &log.events {
+        judge.take(event);
+    }
+    // What is found at the end is added to what was found before.
+    let counts: Vec<_> = judge.findings().counts().collect();
+    let verdict_of_events = judge.clone().finish();
+    for (violation, count) in counts {
+        let broken = verdict.violations.iter().find(|broken| broken.violation == violation).unwrap();
+        assert!(broken.count >= count);
+        assert_eq!(judge.findings().count(violation), count);
+    }
+    assert_eq!(verdict_of_events, verdict);
+}
+
+#[test]
+fn a_violation_is_told_once_with_its_count_and_its_first_instant() {
+    let mut log = Plan::new(3, 30).log();
+    insert(&mut log, 100_000_000, What::Answer);
+    let told = |log: &Log| judge(log).violations[0].to_string();
+    assert_eq!(told(&log), "the listener answered: the DPR's front end sent, at 100.000000 ms");
+    insert(&mut log, 110_000_000, What::Answer);
+    insert(&mut log, 110_000_000, What::Answer);
+    assert_eq!(told(&log), "the listener answered: the DPR's front end sent, at 100.000000 ms (and 2 more)");
+}
+
+#[test]
+fn the_clock_of_the_header_says_whether_time_is_at_its_worst() {
+    for (clock, worst) in [("fast", false), ("optimistic", false), ("pessimistic", true)] {
+        let header = Header { clock: clock.into(), ..Plan::new(3, 1).header };
+        assert_eq!(header.worst_case(), worst);
+    }
+}
+
+fn what() -> impl Strategy<Value = What> {
+    let bytes = || prop::collection::vec(any::<u8>(), 0..40).prop_map(Bytes::from);
+    let image = prop_oneof![
+        Just(Plan::new(1, 1).image(70_000_000, Some(10), profile::LinkValues::default())),
+        Just(vec![0xFF; 156]),
+        prop::collection::vec(any::<u8>(), 150..160),
+    ];
+    let frame = prop_oneof![Just(frame(&profile(1, 10))), Just(frame(&profile(1, 20)))];
+    let board = || prop_oneof![Just(Board::Horus), Just(Board::Dpr)];
+    let ssi = prop_oneof![Just(SsiEvent::Held), Just(SsiEvent::Released), Just(SsiEvent::Ready), Just(SsiEvent::Busy)];
+    prop_oneof![
+        2 => (board(), any::<bool>()).prop_map(|(board, on)| What::Power { board, on }),
+        1 => (board(), ".*", any::<bool>()).prop_map(|(board, cause, asked)| What::Reset { board, cause, asked }),
+        1 => (".*", any::<u64>()).prop_map(|(kind, until)| What::Injected { kind, until }),
+        2 => Just(What::Tick),
+        2 => (any::<u32>(), frame.clone(), any::<bool>()).prop_map(|(bit_rate, bytes, whole)| What::Sent {
+            started: 0,
+            bit_rate,
+            bytes: bytes.into(),
+            whole
+        }),
+        2 => (frame, any::<bool>()).prop_map(|(bytes, whole)| What::Heard { started: 0, bytes: bytes.into(), whole }),
+        4 => (any::<bool>(), prop::option::of(image.clone())).prop_map(|(high, image)| What::Fresh {
+            high,
+            offered: image.map(Bytes::from)
+        }),
+        8 => ssi.prop_map(What::Ssi),
+        4 => Just(What::Selected),
+        6 => (bytes(), image).prop_map(|(mosi, miso)| What::Transaction { selected: 0, mosi, miso: miso.into() }),
+        2 => bytes().prop_map(|profile| What::Forwarded { profile }),
+        2 => (bytes(), any::<u8>()).prop_map(|(profile, shown)| What::Arrived { profile, shown }),
+        1 => (board(), ".*").prop_map(|(board, text)| What::Finding { board, text }),
+        1 => (board(), "[a-z]*", any::<Option<u32>>())
+            .prop_map(|(board, name, value)| What::Counter { board, name, value }),
+    ]
+}
+
+proptest! {
+    /// Whatever happens, in whatever order: a log is judged without a panic, reads back equal, and has one verdict.
+    #[test]
+    fn any_log_reads_back_equal_and_has_one_verdict(
+        steps in prop::collection::vec((0..20_000_000_u64, what()), 0..60),
+    ) {
+        let mut at = 0;
+        let header = Header { version: Header::VERSION, gps: 1, seed: 0, clock: "fast".into() };
+        let mut events = vec![];
+        for (step, mut what) in steps {
+            at += step;
+            if let What::Transaction { selected, .. } = &mut what {
+                *selected = at.saturating_sub(160_000);
+            }
+            events.push(Event { at, what });
+        }
+        events.push(Event { at: at + 1, what: What::End });
+        let log = Log { header, events };
+        let read = Log::read(&*stored(&log)).unwrap();
+        prop_assert_eq!(&read, &log);
+        prop_assert_eq!(judge(&read), judge(&log));
+    }
+}

@@ -1,0 +1,430 @@
+//! Whether the flight controller reads, and whether the DPR serves it: on logs that are spoilt in one way each.
+
+mod common;
+
+use bench_judge::{Board, Max, Quantiles, SsiEvent, Violation::*, What, bounds};
+use common::*;
+
+const MS: u64 = 1_000_000;
+
+#[test]
+fn a_flawless_run_has_its_figures_and_no_violation() {
+    // With five receivers an image is put in just after a transaction, which then takes longer.
+    for (gps, ready) in [(1, TO_READY), (2, TO_READY), (3, TO_READY), (5, 3_900)] {
+        let plan = Plan::new(gps, 60);
+        let log = plan.log();
+        let verdict = judged(&log);
+        assert_eq!(verdict.violations, [], "{gps}");
+        let publication = &plan.publications[plan.showing(600)];
+        let after = publication.at - FIRST_TICK - 59 * bounds::CYCLE;
+        let figures = verdict.figures;
+        assert_eq!(figures.sample_to_readable, Some(Quantiles { p50: after, p999: after, max: after }), "{gps}");
+        assert_eq!(figures.last_bit_to_readable, Some(Max { max: TO_FRESH }));
+        assert_eq!(figures.ready_ns, Some(Max { max: ready }));
+        let busy = log.events.iter().any(|event| event.what == What::Ssi(SsiEvent::Busy));
+        assert!(busy, "some transaction begins before the first image");
+    }
+}
+
+#[test]
+fn without_transactions_and_frames_there_are_no_figures() {
+    let mut plan = Plan::new(3, 3);
+    plan.selects.clear();
+    plan.upstream.clear();
+    let figures = judged(&plan.log()).figures;
+    assert_eq!((figures.sample_to_readable, figures.last_bit_to_readable, figures.ready_ns), (None, None, None));
+}
+
+#[test]
+fn an_answer_is_a_violation() {
+    let mut log = Plan::new(3, 30).log();
+    insert(&mut log, 100 * MS, What::Answer);
+    insert(&mut log, 120 * MS, What::Answer);
+    assert_eq!(found(&log), [(Answered, 2)]);
+}
+
+/// A run in which the flight controller reads nothing from `from` to `to` (ns).
+fn without_transactions(from: u64, to: u64) -> Plan {
+    let mut plan = Plan::new(3, 60);
+    let took = plan.transaction_ns();
+    plan.selects.retain(|selected| !(from..to).contains(&(selected + took)));
+    plan.selects.extend([from, to].map(|ended| ended - took));
+    plan.selects.sort_unstable();
+    plan.selects.dedup();
+    plan
+}
+
+#[test]
+fn a_flight_controller_that_reads_nothing_for_longer_than_100_ms_is_a_violation() {
+    let from = 251 * MS;
+    assert_eq!(found(&without_transactions(from, from + bounds::NO_TRANSACTION).log()), []);
+    let verdict = judged(&without_transactions(from, from + bounds::NO_TRANSACTION + 1).log());
+    assert_eq!(verdict.violations.len(), 1);
+    assert_eq!((verdict.violations[0].violation, verdict.violations[0].first_at), (NoTransaction, 351 * MS));
+    // Twice, and to the end of the run.
+    let mut log = without_transactions(from, from + 150 * MS).log();
+    log.events.retain(|event| event.at < 450 * MS || !matches!(event.what, What::Selected | What::Transaction { .. }));
+    log.events
+        .retain(|event| event.at < 450 * MS || !matches!(event.what, What::Forwarded { .. } | What::Arrived { .. }));
+    log.events.retain(|event| event.at < 450 * MS || !matches!(event.what, What::Ssi(SsiEvent::Busy)));
+    assert_eq!(found(&log), [(NoTransaction, 2)]);
+}
+
+#[test]
+fn a_flight_controller_that_never_reads_is_a_violation() {
+    let mut plan = Plan::new(3, 12);
+    plan.selects.clear();
+    assert_eq!(found(&plan.log()), [(NoTransaction, 1)]);
+}
+
+#[test]
+fn no_transaction_is_expected_while_the_flight_controller_is_made_to_hang() {
+    for (kind, until, violations) in [
+        ("flight controller hangs", 400 * MS, vec![]),
+        ("flight controller hangs", u64::MAX, vec![]),
+        ("flight controller hangs", 349 * MS, vec![(NoTransaction, 1)]),
+        ("wire FRESH stuck", 400 * MS, vec![(NoTransaction, 1)]),
+    ] {
+        let mut log = without_transactions(251 * MS, 450 * MS).log();
+        insert(&mut log, 260 * MS, What::Injected { kind: kind.into(), until });
+        assert_eq!(found(&log), violations, "{kind} until {until}");
+    }
+}
+
+#[test]
+fn a_dpr_that_never_gets_ready_is_a_violation_and_no_other() {
+    let mut plan = Plan::new(3, 40);
+    plan.publications.clear();
+    let verdict = judged(&plan.log());
+    assert_eq!(verdict.violations.len(), 1);
+    assert_eq!((verdict.violations[0].violation, verdict.violations[0].first_at), (NeverReady, bounds::START));
+    // In its start-up time nothing is asked of it.
+    let mut plan = Plan::new(3, 8);
+    plan.publications.clear();
+    assert_eq!(plan.end, bounds::START);
+    assert_eq!(found(&plan.log()), []);
+}
+
+/// The DPR restarts at `at`, and publishes nothing until `back`: the log, in which nothing of it is seen meanwhile.
+fn restarted(at: u64, back: u64, what: &[What]) -> bench_judge::Log {
+    let mut log = Plan::new(3, 60).log();
+    blind(&mut log, at, back);
+    let of_dpr = |what: &What| matches!(what, What::Fresh { .. } | What::Ssi(_));
+    log.events.retain(|event| !(at..back).contains(&event.at) || !of_dpr(&event.what));
+    what.iter().for_each(|what| insert(&mut log, at, what.clone()));
+    log
+}
+
+#[test]
+fn a_dpr_that_is_not_ready_in_time_after_a_restart_is_a_violation_and_starts_anew() {
+    let power = |on| What::Power { board: Board::Dpr, on };
+    let power_cycle = [power(false), power(true)];
+    for what in [&[dpr_reset(true)][..], &[dpr_reset(false)], &power_cycle] {
+        assert_eq!(found(&restarted(250 * MS, 345 * MS, what)), [], "{what:?}");
+        let log = restarted(250 * MS, 355 * MS, what);
+        let verdict = judged(&log);
+        assert_eq!(found(&log), [(NeverReady, 1)], "{what:?}");
+        assert_eq!(verdict.violations[0].first_at, 350 * MS);
+    }
+    // Without a supply it is asked for nothing.
+    let mut log = restarted(250 * MS, 445 * MS, &[power(false)]);
+    insert(&mut log, 440 * MS, power(true));
+    assert_eq!(found(&log), []);
+    // Without a restart it is a silence.
+    assert_eq!(found(&restarted(250 * MS, 345 * MS, &[])), [(Silent, 1)]);
+}
+
+#[test]
+fn nobody_reads_a_dpr_without_supply() {
+    let mut log = without_transactions(251 * MS, 450 * MS).log();
+    insert(&mut log, 260 * MS, What::Power { board: Board::Dpr, on: false });
+    insert(&mut log, 440 * MS, What::Power { board: Board::Dpr, on: true });
+    log.events.retain(|event| !(260 * MS..440 * MS).contains(&event.at) || !matches!(event.what, What::Fresh { .. }));
+    assert_eq!(found(&log), []);
+}
+
+#[test]
+fn a_transaction_into_which_the_dpr_restarts_is_not_judged() {
+    let mut log = Plan::new(3, 60).log();
+    let place = repeats(&log)[40];
+    miso(&mut log, place)[100..].fill(0xFF);
+    let at = log.events[place].at;
+    assert_eq!(found(&log), [(Torn, 1)]);
+    insert(&mut log, at - 50_000, dpr_reset(true));
+    let publication = |event: &bench_judge::Event| matches!(event.what, What::Fresh { high: true, .. });
+    let next = log.events.iter().find(|event| event.at > at && publication(event)).unwrap().at;
+    blind(&mut log, at + 1, next);
+    log.events.retain(|event| !(at..next).contains(&event.at) || !matches!(event.what, What::Ssi(_)));
+    assert_eq!(found(&log), []);
+}
+
+/// Moves what the SPIS shows at `from` to `to` (ns).
+fn moved(log: &bench_judge::Log, from: u64, to: u64, which: &[SsiEvent]) -> bench_judge::Log {
+    let mut log = log.clone();
+    let mut count = 0;
+    for event in &mut log.events {
+        if let What::Ssi(what) = event.what
+            && event.at == from
+            && which.contains(&what)
+        {
+            event.at = to;
+            count += 1;
+        }
+    }
+    assert_eq!(count, which.len());
+    sort(&mut log);
+    log
+}
+
+#[test]
+fn a_dpr_that_is_not_ready_10_us_after_a_transaction_is_a_violation() {
+    let log = Plan::new(3, 60).log();
+    let ended = log.events[repeats(&log)[40]].at;
+    let ready = [SsiEvent::Released, SsiEvent::Ready];
+    let at = |after| moved(&log, ended + TO_READY, ended + after, &ready);
+    assert_eq!(found(&at(bounds::SSI_READY)), []);
+    assert_eq!(judged(&at(bounds::SSI_READY)).figures.ready_ns, Some(Max { max: 10_000 }));
+    let verdict = judged(&at(bounds::SSI_READY + 1));
+    assert_eq!(found(&at(bounds::SSI_READY + 1)), [(NotReady, 1)]);
+    assert_eq!(verdict.violations[0].first_at, ended);
+    assert_eq!(verdict.figures.ready_ns, Some(Max { max: 10_001 }));
+    // Until after the next one, which meets it busy, and so does the one after that.
+    let mut late = at(2 * CONTROL_CYCLE + 100_000);
+    blind(&mut late, ended + 1, ended + 2 * CONTROL_CYCLE + 200_000);
+    late.events.retain(|event| {
+        !(ended + 1..ended + 2 * CONTROL_CYCLE + 90_000).contains(&event.at)
+            || !matches!(event.what, What::Ssi(SsiEvent::Held | SsiEvent::Released | SsiEvent::Ready))
+    });
+    assert_eq!(found(&late), [(NotReady, 1)]);
+}
+
+#[test]
+fn a_dpr_that_is_ready_as_the_transaction_ends_needs_no_time() {
+    let mut log = Plan::new(3, 60).log();
+    let ends: Vec<_> = log.events.iter().filter(|event| matches!(event.what, What::Transaction { .. })).collect();
+    let ends: Vec<_> = ends.iter().map(|event| event.at).collect();
+    for event in &mut log.events {
+        if let What::Ssi(_) = event.what
+            && let Some(ended) = ends.iter().find(|ended| **ended + TO_READY == event.at)
+        {
+            event.at = *ended;
+        }
+    }
+    sort(&mut log);
+    assert_eq!(found(&log), []);
+    assert_eq!(judged(&log).figures.ready_ns, Some(Max { max: 0 }));
+}
+
+#[test]
+fn a_dpr_that_is_never_ready_again_is_a_violation_and_one_alone() {
+    let mut log = Plan::new(3, 60).log();
+    let ended = log.events[*repeats(&log).last().unwrap()].at;
+    log.events
+        .retain(|event| event.at <= ended || !matches!(event.what, What::Ssi(SsiEvent::Released | SsiEvent::Ready)));
+    assert!(log.events.last().unwrap().at > ended + bounds::SSI_READY);
+    assert_eq!(found(&log), [(NotReady, 1)]);
+    // How long it would have taken nobody knows.
+    assert_eq!(judged(&log).figures.ready_ns, Some(Max { max: TO_READY }));
+}
+
+#[test]
+fn a_flight_controller_that_does_not_keep_the_gap_is_no_evidence_of_the_dpr_being_late() {
+    let log = Plan::new(3, 60).log();
+    let ended = log.events[repeats(&log)[40]].at;
+    for (gap, violations) in [(9_000, vec![]), (10_001, vec![(NotReady, 1)])] {
+        let mut log = moved(&log, ended + TO_READY, ended + 200_000, &[SsiEvent::Released, SsiEvent::Ready]);
+        insert(&mut log, ended + gap, What::Selected);
+        insert(&mut log, ended + gap, What::Ssi(SsiEvent::Busy));
+        let what = What::Transaction { selected: ended + gap, mosi: vec![0; 96].into(), miso: vec![0xFF; 96].into() };
+        insert(&mut log, ended + 195_000, what);
+        assert_eq!(found(&log), violations, "{gap}");
+    }
+}
+
+#[test]
+fn buffers_that_are_held_for_longer_than_10_us_are_a_violation() {
+    let plan = Plan::new(3, 60);
+    let log = plan.log();
+    let publication = |after: u64| {
+        let free =
+            |at: u64| !log.events.iter().any(|event| event.at.abs_diff(at) < 30_000 && event.what == What::Selected);
+        let mut publications = plan.publications.iter().map(|publication| publication.at);
+        let held = |at: u64| log.events.iter().any(|event| event.at == at && event.what == What::Ssi(SsiEvent::Held));
+        publications.find(|at| *at > after && free(*at) && held(*at - HELD_BEFORE)).unwrap()
+    };
+    let at = publication(200 * MS);
+    let released = at + RELEASED_AFTER;
+    let held_for = |ns: u64| moved(&log, at - HELD_BEFORE, released - ns, &[SsiEvent::Held]);
+    assert_eq!(found(&held_for(bounds::SSI_READY)), []);
+    assert_eq!(found(&held_for(bounds::SSI_READY + 1)), [(HeldBack, 1)]);
+    assert_eq!(judged(&held_for(bounds::SSI_READY + 1)).violations[0].first_at, released - bounds::SSI_READY - 1);
+    // Still so at the end of the run.
+    let mut held = log.clone();
+    let last = publication(plan.end - 12 * MS);
+    held.events.retain(|event| event.at < last || event.what == What::End);
+    assert_eq!(found(&held), [(HeldBack, 1)]);
+    held.events.last_mut().unwrap().at = last - HELD_BEFORE + bounds::SSI_READY;
+    assert_eq!(found(&held), []);
+}
+
+#[test]
+fn one_transaction_may_meet_the_dpr_busy_and_its_successor_may_not() {
+    let log = Plan::new(3, 60).log();
+    let ended = log.events[repeats(&log)[40]].at;
+    for (transactions, violations) in [
+        (1, vec![]),
+        (2, vec![(BusyTwice, 1)]),
+        (7, vec![(BusyTwice, 1)]),
+        (8, vec![(Silent, 1)]),
+        (40, vec![(Silent, 1)]),
+    ] {
+        let mut log = log.clone();
+        blind(&mut log, ended, ended + transactions * CONTROL_CYCLE);
+        assert_eq!(found(&log), violations, "{transactions}");
+    }
+    // One now and one then.
+    let mut log = log.clone();
+    blind(&mut log, ended, ended + 1);
+    blind(&mut log, ended + 2 * CONTROL_CYCLE, ended + 2 * CONTROL_CYCLE + 1);
+    assert_eq!(found(&log), []);
+}
+
+#[test]
+fn a_silence_that_lasts_to_the_end_of_the_run_is_a_violation_and_so_is_one_that_a_restart_ends_too_late() {
+    let log = Plan::new(3, 60).log();
+    let ended = log.events[repeats(&log)[40]].at;
+    for (cycles, violations) in [(4, vec![(BusyTwice, 1)]), (9, vec![(Silent, 1)])] {
+        let mut log = log.clone();
+        blind(&mut log, ended, u64::MAX);
+        let over = ended + cycles * CONTROL_CYCLE;
+        log.events.retain(|event| event.at <= over || event.what == What::End);
+        log.events.last_mut().unwrap().at = over;
+        assert_eq!(found(&log), violations, "{cycles}");
+    }
+    // A DPR that hangs is restarted within 100 ms, and that is judged elsewhere.
+    let first = log.events[repeats(&log)[10]].at;
+    for (silence, violations) in [(120 * MS, vec![]), (140 * MS, vec![(Silent, 1)])] {
+        let mut log = log.clone();
+        blind(&mut log, first, first + silence);
+        insert(&mut log, first + silence - 2 * MS, dpr_reset(false));
+        assert_eq!(found(&log), violations, "{silence}");
+    }
+}
+
+#[test]
+fn a_dpr_that_stops_publishing_falls_silent_and_that_is_one_violation() {
+    for (gap, violations) in [(24, vec![]), (36, vec![(BusyTwice, 1)]), (70, vec![(Silent, 1)])] {
+        let mut plan = Plan::new(3, 60);
+        let from = plan.publications[plan.showing(300)].at;
+        plan.publications.retain(|publication| !(from + 1..from + gap * MS).contains(&publication.at));
+        assert_eq!(found(&plan.log()), violations, "{gap}");
+    }
+}
+
+#[test]
+fn an_spis_that_serves_0xff_throughout_is_silent_too() {
+    let mut log = Plan::new(3, 60).log();
+    let ended = log.events[repeats(&log)[40]].at;
+    blind(&mut log, ended, ended + 40 * MS);
+    log.events.retain(|event| event.at < 20 * MS || event.what != What::Ssi(SsiEvent::Busy));
+    assert_eq!(found(&log), [(Silent, 1)]);
+}
+
+#[test]
+fn transactions_of_a_few_bytes_tell_nothing_unless_they_met_the_dpr_busy() {
+    let plan = Plan::new(3, 60);
+    for (bytes, busy, violations) in
+        [(31, false, vec![]), (0, false, vec![]), (32, false, vec![(BusyTwice, 1)]), (1, true, vec![(BusyTwice, 1)])]
+    {
+        let mut log = plan.log();
+        let ended = log.events[repeats(&log)[40]].at;
+        let quiet = ended + 500_000..ended + CONTROL_CYCLE - 500_000;
+        for count in 0..2 {
+            let at = quiet.start + 100_000 * count;
+            insert(&mut log, at, What::Selected);
+            if busy {
+                insert(&mut log, at, What::Ssi(SsiEvent::Busy));
+            }
+            let miso = vec![0xFF; bytes].into();
+            insert(&mut log, at + 40_000, What::Ssi(SsiEvent::Held));
+            insert(&mut log, at + 40_000, What::Transaction { selected: at, mosi: vec![].into(), miso });
+            insert(&mut log, at + 42_000, What::Ssi(SsiEvent::Released));
+            insert(&mut log, at + 42_000, What::Ssi(SsiEvent::Ready));
+        }
+        assert_eq!(found(&log), violations, "{bytes}");
+    }
+}
+
+#[test]
+fn a_flight_controller_that_runs_away_gets_so_many_transactions_for_each_image_and_no_more() {
+    let plan = Plan::new(1, 60);
+    let gap = plan.publications[plan.showing(300)].at + 400_000;
+    for (served, violations) in [(bounds::SSI_BUDGET, vec![]), (bounds::SSI_BUDGET - 1, vec![(NotReady, 1)])] {
+        let mut plan = plan.clone();
+        plan.selects.retain(|selected| !(gap - 800_000..gap + 10 * MS).contains(selected));
+        let mut log = plan.log();
+        let image = plan.publications[plan.showing(300)].image.clone();
+        let at = |number: u32| gap + 180_000 * u64::from(number);
+        for number in 0..served {
+            let (at, ended) = (at(number), at(number) + 160_000);
+            insert(&mut log, at, What::Selected);
+            insert(&mut log, ended, What::Ssi(SsiEvent::Held));
+            let what = What::Transaction { selected: at, mosi: vec![0; 8].into(), miso: image.clone().into() };
+            insert(&mut log, ended, what);
+            if number + 1 < served {
+                insert(&mut log, ended + TO_READY, What::Ssi(SsiEvent::Released));
+                insert(&mut log, ended + TO_READY, What::Ssi(SsiEvent::Ready));
+            }
+        }
+        for number in served..served + 10 {
+            let at = at(number);
+            insert(&mut log, at, What::Selected);
+            insert(&mut log, at, What::Ssi(SsiEvent::Busy));
+            let what = What::Transaction { selected: at, mosi: vec![0; 8].into(), miso: vec![0xFF; 156].into() };
+            insert(&mut log, at + 160_000, what);
+        }
+        // That of the first transaction with this image.
+        let profile = image[32..].to_vec();
+        log.events.retain(|event| match &event.what {
+            What::Forwarded { profile: other } | What::Arrived { profile: other, .. } => **other != *profile,
+            _ => true,
+        });
+        assert_eq!(found(&log), violations, "{served}");
+    }
+}
+
+#[test]
+fn a_silence_is_longer_than_an_image_lives() {
+    for (longer, violation) in [(0, BusyTwice), (1, Silent)] {
+        let mut plan = Plan::new(3, 60);
+        let from = plan.publications[plan.showing(300)].at + MS;
+        plan.selects.retain(|selected| !(from - 500_000..from + 26 * MS).contains(selected));
+        let silent = [from, from + 12 * MS, from + bounds::EXPIRY + longer];
+        plan.selects.extend(silent);
+        plan.selects.sort_unstable();
+        let mut log = plan.log();
+        blind(&mut log, from, from + bounds::EXPIRY + MS);
+        assert_eq!(found(&log), [(violation, 1)], "{longer}");
+    }
+}
+
+#[test]
+fn a_restart_forgets_neither_the_supply_nor_what_was_told_nor_the_figures() {
+    // A reset without a supply changes nothing.
+    let power = |on| What::Power { board: Board::Dpr, on };
+    let mut log = restarted(250 * MS, 445 * MS, &[power(false)]);
+    insert(&mut log, 260 * MS, dpr_reset(true));
+    insert(&mut log, 440 * MS, power(true));
+    assert_eq!(found(&log), []);
+    // One absence of transactions is one violation.
+    let mut log = without_transactions(251 * MS, 450 * MS).log();
+    insert(&mut log, 400 * MS, dpr_reset(true));
+    assert_eq!(found(&log), [(NoTransaction, 1)]);
+    // The longest time to readiness may have been before.
+    let log = restarted(250 * MS, 345 * MS, &[dpr_reset(true)]);
+    let place = repeats(&log)[10];
+    let ended = log.events[place].at;
+    assert!(ended < 250 * MS);
+    let log = moved(&log, ended + TO_READY, ended + 9_000, &[SsiEvent::Released, SsiEvent::Ready]);
+    assert_eq!(judged(&log).figures.ready_ns, Some(Max { max: 9_000 }));
+}
