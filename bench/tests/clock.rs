@@ -4,8 +4,8 @@
 mod boards;
 mod reader;
 
-use bench::engine::{Node, Relay, Threads};
-use bench::sim::boards::Horus;
+use bench::boards::Horus;
+use bench::node::{Node, Relay, Threads};
 use bench_seam::Reset;
 use boards::counter;
 use dpr_fw::telemetry::Telemetry as DprTelemetry;
@@ -55,7 +55,7 @@ fn without_a_crystal_horus_sends_every_10_ms_says_so_in_each_object_and_is_accep
         let (least, most) = (*delays.iter().min().unwrap(), *delays.iter().max().unwrap());
         println!("HSI {hsi_ppb} ppb: tick to command {least} to {most} ns, {} ns peak to peak", most - least);
         assert!(delays.len() >= 220);
-        assert!(most - least <= bench::sim::ledger::bounds::TICK_TO_COMMAND_JITTER, "{hsi_ppb} ppb");
+        assert!(most - least <= bench_judge::bounds::TICK_TO_COMMAND_JITTER, "{hsi_ppb} ppb");
 
         let count = |offset| counter(&dpr, "DPR_TELEMETRY", offset);
         let received = count(std::mem::offset_of!(DprTelemetry, frames_received));
@@ -164,7 +164,7 @@ fn a_clock_that_fails_switches_the_field_off_at_once_and_horus_sends_again_witho
         let restored = horus.node.now();
         assert!(!horus.run_to(restored + 50 * MS), "{phase}");
         assert!(horus.frames(restored).iter().all(|(_, without)| *without), "{phase}");
-        horus.node.restart(bench::engine::FromOutside::Pin);
+        horus.node.restart(bench::node::FromOutside::Pin);
         let started = horus.node.now();
         horus.run_to(started + 80 * MS);
         let with = horus.frames(started);

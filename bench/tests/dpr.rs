@@ -4,14 +4,17 @@
 mod boards;
 mod reader;
 
-use bench::engine::{FromOutside, Node};
-use bench::sim::boards::Dpr;
+use bench::boards::Dpr;
+use bench::faults::ImageFault;
+use bench::node::{FromOutside, Node};
+use bench::world::ssi::Order;
 use boards::counter;
 use dpr_fw::ssi::RECEIVE_BYTES;
 use dpr_fw::telemetry::Telemetry;
 use nrf52840::{Settings, SpisEvent};
 use profile::ResetReason;
-use reader::{MS, View, layout, transact, view};
+use profile::ssi::{Request, encode};
+use reader::{MS, View, carry, layout, transact, view};
 
 fn count(node: &Node<Dpr>, offset: usize) -> u32 {
     counter(node, "DPR_TELEMETRY", offset)
@@ -121,6 +124,32 @@ fn a_flight_controller_whose_mosi_nobody_drives_reads_the_image_for_ever_and_vio
     assert_eq!(granted + u32::try_from(busy).unwrap(), read);
     let link = view(&mut node).link.expect("Link-Status");
     assert_eq!(link.access_violations, 0);
+}
+
+#[test]
+fn a_busy_dpr_does_not_hear_a_request_and_goes_on_showing_the_window_that_it_was_asked_for_before() {
+    let Some(mut node) = boards::dpr() else { return };
+    pass(&mut node, 50 * MS);
+    let whole = layout().image_len();
+    let ask = |node: &mut Node<Dpr>, offset, length, bytes| {
+        let mosi = encode(Request { offset, length }).to_vec();
+        carry(node, Order { mosi, ..Order::read(bytes) })
+    };
+    // Its publications without a frame are 10 ms apart: after one there is time for some transactions.
+    let mut rose = vec![];
+    while rose.is_empty() {
+        pass(&mut node, MS / 10);
+        rose = node.board_mut(Dpr::take_fresh);
+    }
+    // What the task does not get to do after the first transaction leaves the DPR busy in the second.
+    let hung = ImageFault::Hung("SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1".into()).apply(&mut node).unwrap();
+    let image = ask(&mut node, 16, 16, whole);
+    assert!(image.iter().any(|byte| *byte != 0xFF));
+    assert_eq!(ask(&mut node, 4, 8, whole), vec![0xFF; whole]);
+    hung.mend(&mut node).unwrap();
+    pass(&mut node, MS / 10);
+    assert_eq!(transact(&mut node, 16, 0), image[16..32]);
+    assert_eq!(transact(&mut node, whole, 0), image);
 }
 
 #[test]

@@ -5,13 +5,18 @@
 //! gone.
 
 mod boards;
+mod reader;
 
-use bench::engine::{Board, Downstream, FindingKind, Node, Relay, Threads, Upstream};
-use bench::sim::boards::{Dpr, Horus};
+use bench::boards::{Dpr, Horus};
+use bench::faults::Upset;
+use bench::faults::image::{ImageFault, Repair};
+use bench::node::{Board, Downstream, FindingKind, Node, Relay, Threads, Upstream};
+use bench::world::ssi::{Crystal, Order, Progress, SsiMaster, Start};
 use bench_seam::Reset;
 use profile::image::Image;
 use profile::{GpsObject, Identifier, LinkStatus, ReportedPosition};
-use st25r3916_model::{Air, AirEvent, Faults};
+use reader::transact;
+use st25r3916_model::{Air, AirEvent, AirFaults};
 
 const US: u64 = 1_000;
 const MS: u64 = 1_000_000;
@@ -21,35 +26,15 @@ const MS: u64 = 1_000_000;
 /// ms.
 const BITE: u64 = 200 * MS;
 
-/// What a task's first instruction becomes.
-#[derive(Clone, Copy, Debug)]
-enum Damage {
-    /// `BX LR`: the task returns without having done anything, its interrupt not even acknowledged.
-    Dead,
-    /// `B .`: the task never ends.
-    Hung,
-    /// `UDF #0`: the task faults.
-    Faulting,
-}
+/// After which a task does its work no more.
+const DAMAGES: [(Damage, &str); 2] = [(ImageFault::Dead, "dead"), (ImageFault::Hung, "hung")];
 
-impl Damage {
-    fn instruction(self) -> [u8; 2] {
-        match self {
-            Self::Dead => 0x4770_u16,
-            Self::Hung => 0xE7FE,
-            Self::Faulting => 0xDE00,
-        }
-        .to_le_bytes()
-    }
-}
+/// What can become of a task, by its vector.
+type Damage = fn(String) -> ImageFault;
 
-/// Puts `damage` where `task` begins, and answers what repairs it.
-fn break_task<B: Board>(node: &mut Node<B>, task: &str, damage: Damage) -> (u64, [u8; 2]) {
-    let address = node.address_of(task).unwrap() & !1;
-    let mut was = [0; 2];
-    node.read(address, &mut was).unwrap();
-    node.write(address, &damage.instruction()).unwrap();
-    (address, was)
+/// Puts `damage` where the task of `vector` begins.
+fn break_task<B: Board>(node: &mut Node<B>, vector: &str, damage: Damage) -> Repair {
+    damage(vector.to_owned()).apply(node).unwrap()
 }
 
 /// Runs to the board's next restart, and answers when it was. `look` is called whenever something left the board.
@@ -116,20 +101,20 @@ const HORUS_TASKS: [(&str, &str); 4] =
 #[test]
 fn horus_restarts_when_a_task_dies_or_hangs_and_sends_again() {
     for (vector, task) in HORUS_TASKS {
-        for damage in [Damage::Dead, Damage::Hung] {
+        for (damage, name) in DAMAGES {
             let Some(mut horus) = transmitter() else { return };
             horus.run_for(55 * MS);
             assert_eq!(horus.frames(0), 5, "{task}");
-            let (address, was) = break_task(&mut horus.node, vector, damage);
+            let repair = break_task(&mut horus.node, vector, damage);
             let restarted = horus.until_restart();
             let causes: Vec<Reset> = horus.node.resets().iter().map(|reset| reset.cause).collect();
-            assert_eq!(causes, [Reset::Watchdog("IWDG")], "{task} {damage:?}");
-            horus.node.write(address, &was).unwrap();
+            assert_eq!(causes, [Reset::Watchdog("IWDG")], "{task} {name}");
+            repair.mend(&mut horus.node).unwrap();
             horus.run_for(55 * MS);
-            assert!(horus.frames(restarted) >= 4, "{task} {damage:?}: {} frames", horus.frames(restarted));
-            assert_eq!(horus.node.resets().len(), 1, "{task} {damage:?}");
+            assert!(horus.frames(restarted) >= 4, "{task} {name}: {} frames", horus.frames(restarted));
+            assert_eq!(horus.node.resets().len(), 1, "{task} {name}");
             let log = logged(&mut horus.node);
-            assert!(log.contains("1 watchdog resets"), "{task} {damage:?}: {log}");
+            assert!(log.contains("1 watchdog resets"), "{task} {name}: {log}");
         }
     }
 }
@@ -139,7 +124,7 @@ fn a_fault_in_horus_switches_the_field_off_at_once_and_the_watchdog_brings_it_ba
     for (vector, task) in HORUS_TASKS {
         let Some(mut horus) = transmitter() else { return };
         horus.run_for(55 * MS);
-        let (broken, (address, was)) = (horus.node.now(), break_task(&mut horus.node, vector, Damage::Faulting));
+        let (broken, repair) = (horus.node.now(), break_task(&mut horus.node, vector, ImageFault::Faulting));
         let restarted = horus.until_restart();
         // Each of them runs in every cycle.
         let off = horus.field_off(broken).unwrap_or_else(|| panic!("{task}: the field stayed on"));
@@ -149,7 +134,7 @@ fn a_fault_in_horus_switches_the_field_off_at_once_and_the_watchdog_brings_it_ba
         assert!(faulted(&mut horus.node), "{task}");
         let log = logged(&mut horus.node);
         assert!(log.contains("hard fault at"), "{task}: {log}");
-        horus.node.write(address, &was).unwrap();
+        repair.mend(&mut horus.node).unwrap();
         horus.run_for(55 * MS);
         assert!(horus.frames(restarted) >= 4, "{task}: {} frames", horus.frames(restarted));
     }
@@ -157,27 +142,8 @@ fn a_fault_in_horus_switches_the_field_off_at_once_and_the_watchdog_brings_it_ba
 
 // ---- DPR
 
-/// What one transaction of `bytes` bytes reads from the DPR.
-fn read_image(node: &mut Node<Dpr>, bytes: usize) -> Vec<u8> {
-    fn pass(node: &mut Node<Dpr>, ns: u64) {
-        node.advance(node.now() + ns);
-    }
-    node.ssi_select();
-    pass(node, 5 * US);
-    let read = (0..bytes)
-        .map(|_| {
-            pass(node, US + 100);
-            node.ssi_clock(node.now(), 0)
-        })
-        .collect();
-    pass(node, 2 * US);
-    node.ssi_deselect();
-    pass(node, 20 * US);
-    read
-}
-
 fn link_status(node: &mut Node<Dpr>) -> LinkStatus {
-    let read = read_image(node, LinkStatus::SIZE);
+    let read = transact(node, LinkStatus::SIZE, 0);
     *LinkStatus::verify(&read).unwrap_or_else(|rejection| panic!("{rejection} in {read:02x?}"))
 }
 
@@ -192,17 +158,17 @@ const DPR_TASKS: [(&str, &str); 4] = [
 #[test]
 fn the_dpr_restarts_when_a_task_dies_or_hangs_and_says_so() {
     for (vector, task) in DPR_TASKS {
-        for damage in [Damage::Dead, Damage::Hung] {
+        for (damage, name) in DAMAGES {
             let Some(mut dpr) = boards::dpr() else { return };
             dpr.advance(50 * MS);
             assert!(!link_status(&mut dpr).status().unasked_reset(), "{task}");
-            let (address, was) = break_task(&mut dpr, vector, damage);
+            let repair = break_task(&mut dpr, vector, damage);
             until_restart(&mut dpr, BITE, |_| {});
-            assert_eq!(dpr.part().watchdog_resets().len(), 1, "{task} {damage:?}");
-            dpr.write(address, &was).unwrap();
+            assert_eq!(dpr.part().watchdog_resets().len(), 1, "{task} {name}");
+            repair.mend(&mut dpr).unwrap();
             dpr.advance(dpr.now() + 50 * MS);
-            assert!(link_status(&mut dpr).status().unasked_reset(), "{task} {damage:?}");
-            assert_eq!(dpr.resets().len(), 1, "{task} {damage:?}");
+            assert!(link_status(&mut dpr).status().unasked_reset(), "{task} {name}");
+            assert_eq!(dpr.resets().len(), 1, "{task} {name}");
         }
     }
 }
@@ -212,16 +178,16 @@ fn a_fault_in_the_dpr_leaves_nothing_to_be_read_until_the_watchdog_has_restarted
     for (vector, task) in DPR_TASKS {
         let Some(mut dpr) = boards::dpr() else { return };
         dpr.advance(50 * MS);
-        let (address, was) = break_task(&mut dpr, vector, Damage::Faulting);
+        let repair = break_task(&mut dpr, vector, ImageFault::Faulting);
         // The deadline monitor comes round every 12.5 ms and makes each of them run.
         dpr.advance(dpr.now() + 15 * MS);
         assert!(faulted(&mut dpr), "{task}");
-        let read = read_image(&mut dpr, LinkStatus::SIZE);
+        let read = transact(&mut dpr, LinkStatus::SIZE, 0);
         assert!(read.iter().all(|&byte| byte == 0xFF), "{task}: {read:02x?}");
         let log = logged(&mut dpr);
         assert!(log.contains("hard fault at"), "{task}: {log}");
         until_restart(&mut dpr, BITE, |_| {});
-        dpr.write(address, &was).unwrap();
+        repair.mend(&mut dpr).unwrap();
         dpr.advance(dpr.now() + 50 * MS);
         assert!(link_status(&mut dpr).status().unasked_reset(), "{task}");
     }
@@ -235,10 +201,8 @@ const STALE: u64 = 30 * MS;
 
 /// A flight controller that reads the whole image again and again, and the air to the DPR's front end.
 struct Reader {
-    at: u64,
+    master: SsiMaster,
     transactions: usize,
-    selected: Option<u64>,
-    miso: Vec<u8>,
     /// The timestamps of the valid objects of every image read, with the instant its transaction began.
     read: Vec<(u64, Vec<u32>)>,
     air: Air,
@@ -250,29 +214,37 @@ struct Reader {
     loses: bool,
     lost: bool,
     /// When the task was broken, and how to repair it.
-    broken: Option<(u64, u64, [u8; 2])>,
+    broken: Option<(u64, Repair)>,
     repaired: bool,
 }
 
-/// From one transaction's end to the next one's start.
+/// When its first transaction begins.
+const FIRST_READ: u64 = 20 * MS;
+
+/// From one transaction's end and the gap to the next one's start.
 const PAUSES: [u64; 3] = [US * 700, US * 2_150, US * 3_600];
 
 impl Reader {
     fn new(loses: bool) -> Self {
-        Self {
+        let mut reader = Self {
             loses,
             lost: false,
-            at: 20 * MS,
+            master: SsiMaster::new(Crystal::default()),
             transactions: 0,
-            selected: None,
-            miso: vec![],
             read: vec![],
-            air: Air::new(1, Faults::default()),
+            air: Air::new(1, AirFaults::default()),
             frame: vec![],
             sent: std::collections::BTreeMap::new(),
             broken: None,
             repaired: false,
-        }
+        };
+        reader.read_at(FIRST_READ);
+        reader
+    }
+
+    /// The next transaction begins at `at` (ns).
+    fn read_at(&mut self, at: u64) {
+        self.master.begin(Start { bench_ns: at, own_ns: 0 }, Order::read(Image::<3>::LEN));
     }
 
     /// The timestamps of the valid objects in `image`, HORUS's alone.
@@ -332,23 +304,13 @@ impl Downstream<Dpr> for Reader {
     }
 
     fn next_at(&self) -> u64 {
-        self.at
+        self.master.next_at()
     }
 
-    fn act(&mut self, at: u64, node: &mut Node<Dpr>) {
-        if self.selected.is_none() {
-            node.ssi_select();
-            self.selected = Some(at);
-            self.at += 3 * US;
-        } else if self.miso.len() < Image::<3>::LEN {
-            let miso = node.ssi_clock(node.now(), 0);
-            self.miso.push(miso);
-            self.at += US + 50;
-        } else {
-            node.ssi_deselect();
-            self.read.push((self.selected.take().unwrap_or(at), Self::valid(&self.miso)));
-            self.miso.clear();
-            self.at += PAUSES[self.transactions % PAUSES.len()];
+    fn act(&mut self, _at: u64, node: &mut Node<Dpr>) {
+        if let Some(Progress::Over(transaction)) = self.master.act(node) {
+            self.read.push((transaction.selected_ns, Self::valid(&transaction.miso)));
+            self.read_at(self.master.free_at() + PAUSES[self.transactions % PAUSES.len()]);
             self.transactions += 1;
         }
     }
@@ -384,17 +346,14 @@ const EVERY_DPR_TASK: [(&str, &str); 8] = [
 const ON_LOSS: [&str; 2] = ["rf_timer", "deadline"];
 
 /// Hangs `vector`, or the idle task where it has none and as soon as it sleeps.
-fn hang(node: &mut Node<Dpr>, vector: &str) -> Option<(u64, [u8; 2])> {
+fn hang(node: &mut Node<Dpr>, vector: &str) -> Option<Repair> {
     if !vector.is_empty() {
-        return Some(break_task(node, vector, Damage::Hung));
+        return Some(break_task(node, vector, ImageFault::Hung));
     }
     let address = node.is_asleep().then(|| u64::from(node.register(15)))?;
     let name = node.firmware().name_of(address).unwrap_or_default();
     assert!(name.contains("idle"), "the core sleeps in {name}");
-    let mut was = [0; 2];
-    node.read(address, &mut was).unwrap();
-    node.write(address, &Damage::Hung.instruction()).unwrap();
-    Some((address, was))
+    Some(ImageFault::Stopped(u32::try_from(address).unwrap()).apply(node).unwrap())
 }
 
 /// The flight controller reads on all the time. The watchdog restarts the DPR, and the damage is repaired at the first
@@ -404,21 +363,21 @@ fn hung(vector: &str, task: &str, breaks_at: u64) -> Option<Reader> {
     let (Some(a), Some(b)) = (boards::horus(), boards::dpr()) else { return None };
     let mut relay = Relay { a, b, upstream: Antenna, downstream: Reader::new(ON_LOSS.contains(&task)) };
     let ended = relay.run(700 * MS, 250 * US, Threads::Two, |at, node, reader| {
-        match (reader.broken, reader.repaired) {
+        match (&reader.broken, reader.repaired) {
             (None, _) if at >= breaks_at => {
-                reader.broken = hang(node, vector).map(|(address, was)| (at, address, was));
+                reader.broken = hang(node, vector).map(|repair| (at, repair));
             }
-            (Some((_, address, was)), false) if !node.resets().is_empty() => {
-                node.write(address, &was).unwrap();
+            (Some((_, repair)), false) if !node.resets().is_empty() => {
+                repair.mend(node).unwrap();
                 reader.repaired = true;
             }
-            (Some((broken, ..)), true) if reader.valid_reads(broken + 100 * MS) >= 5 => return Err(()),
+            (Some((broken, _)), true) if reader.valid_reads(broken + 100 * MS) >= 5 => return Err(()),
             _ => {}
         }
         Ok(())
     });
     let (dpr, reader) = (relay.b, relay.downstream);
-    let (broken, ..) = reader.broken.unwrap_or_else(|| panic!("{task} was not broken"));
+    let &(broken, _) = reader.broken.as_ref().unwrap_or_else(|| panic!("{task} was not broken"));
     assert!(reader.valid_reads(0) - reader.valid_reads(broken) >= 10, "{task}: it worked before");
     assert!(reader.repaired, "{task}: the watchdog did not restart the DPR");
     assert!((1..=2).contains(&dpr.resets().len()), "{task}: {} restarts", dpr.resets().len());
@@ -450,9 +409,8 @@ fn unused_vector(table: u64, interrupt: u64) -> u64 {
 
 /// Flips bit 3 of the byte at `address`.
 fn flip<B: Board>(node: &mut Node<B>, address: u64) {
-    let mut byte = [0];
-    node.read(address, &mut byte).unwrap();
-    node.write(address, &[byte[0] ^ 1 << 3]).unwrap();
+    let address = u32::try_from(address).unwrap();
+    Upset::Flash { address, bit: 3 }.apply(node).unwrap();
 }
 
 #[test]
@@ -482,7 +440,7 @@ fn a_bit_of_the_dprs_flash_that_is_wrong_at_the_start_leaves_nothing_to_be_read_
     flip(&mut dpr, address);
     while dpr.now() < 500 * MS {
         dpr.advance(dpr.now() + 7 * MS);
-        let read = read_image(&mut dpr, LinkStatus::SIZE);
+        let read = transact(&mut dpr, LinkStatus::SIZE, 0);
         assert!(read.iter().all(|&byte| byte == 0xFF), "at {} us: {read:02x?}", dpr.now() / US);
     }
     let bites = dpr.part().watchdog_resets().len();

@@ -5,14 +5,13 @@
 //! and each fails where `CI` is set. One run is a few hundred virtual milliseconds, and a function of its setup.
 
 mod boards;
+mod waves;
 
-use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::BufReader;
 use std::path::PathBuf;
 
-use bench::engine::{Clock, Threads};
-use bench::sim::{Crystals, Faults, Images, Outcome, Setup, run};
+use bench::faults::{AirFaults, Faults};
+use bench::sim::{Crystals, Images, Outcome, Setup, run};
+use bench_judge::Violation;
 use boards::{image, not_run};
 use gnss_sim::{Log, ubx};
 use profile::sequence::SEARCH_CYCLES;
@@ -24,19 +23,8 @@ const SEARCHED: u64 = SEARCH_CYCLES as u64;
 
 /// The setup of a short run with this many receivers, or `None` where the images were not built.
 fn setup(gps: usize, milliseconds: u64) -> Option<Setup> {
-    Some(Setup {
-        images: Images { horus: image(gps, "horus-tx-fw.elf")?, dpr: image(gps, "dpr-fw.elf")? },
-        gps,
-        duration_ns: milliseconds * MS,
-        clock: Clock::Fast,
-        threads: Threads::Two,
-        seed: 1,
-        recordings: vec![],
-        crystals: Crystals { horus_ppb: 8_000, dpr_ppb: -12_000, flight_controller_ppb: 25_000 },
-        faults: Faults::default(),
-        sweep: None,
-        trace: None,
-    })
+    let images = Images { horus: image(gps, "horus-tx-fw.elf")?, dpr: image(gps, "dpr-fw.elf")? };
+    Some(Setup::new(images, gps, milliseconds * MS))
 }
 
 fn outcome(setup: &Setup) -> Outcome {
@@ -61,18 +49,19 @@ fn with_any_number_of_receivers_every_object_arrives_in_time_and_nothing_is_viol
         assert_eq!(report.dpr.objects_accepted, (cycles - SEARCHED) * objects);
         assert_eq!((report.dpr.frames_missed, report.dpr.scrub_faults), (0, 0));
         assert_eq!((report.base.profiles, report.base.bad_crc), (report.ssi.fresh, 0));
-        assert!(report.horus.tick_to_command_ns.max > 0 && report.horus.tick_to_command_ns.width() <= 100);
-        assert!(report.horus.tick_to_air_ns.width() <= 3_000);
+        let command = report.horus.tick_to_command_ns.unwrap();
+        assert!(command.max > 0 && command.width() <= 100);
+        assert!(report.horus.tick_to_air_ns.unwrap().width() <= 3_000);
         // 8 ppm fast.
-        assert!(report.horus.period_ns.min.abs_diff(9_999_920) <= 3_000, "{:?}", report.horus.period_ns);
-        assert!(report.ssi.ready_ns.max <= 10_000);
+        assert!(report.horus.period_ns.unwrap().min.abs_diff(9_999_920) <= 3_000, "{:?}", report.horus.period_ns);
+        assert!(report.ssi.ready_ns.unwrap().max <= 10_000);
         assert!(report.horus.load <= 0.1 && report.dpr.load <= 0.1);
-        assert!(report.latency_ns.last_bit_to_readable.max <= 100_000);
+        assert!(report.latency_ns.last_bit_to_readable.unwrap().max <= 100_000);
         if gps == 3 {
             assert_eq!(report.air.bit_rate, 424_000);
             // 2040 bits of 32 / 13.56 MHz, on a crystal that is 8 ppm fast.
             assert!(report.air.air_time_ns.abs_diff(4_814_159 - 39) <= 2, "{}", report.air.air_time_ns);
-            assert!(report.latency_ns.sample_to_readable.p999 <= 5_500_000);
+            assert!(report.latency_ns.sample_to_readable.unwrap().p999 <= 5_500_000);
         }
     }
 }
@@ -93,61 +82,61 @@ fn the_same_setup_gives_the_same_report_and_another_seed_another_flight() {
 #[test]
 fn every_wire_of_the_trace_moves_and_no_instant_comes_before_another() {
     let Some(mut setup) = setup(3, 60) else { return };
-    let file = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("link.vcd");
-    setup.trace = Some(file.clone());
-    let traced = outcome(&setup).report;
+    let mut traced = |ending: &str| {
+        let file = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("link.{ending}"));
+        setup.trace = Some(file.clone());
+        (outcome(&setup).report, file)
+    };
+    let ((report, vcd), (again, fst)) = (traced("vcd"), traced("fst"));
+    assert_eq!(report, again);
     setup.trace = None;
-    assert_eq!(traced, outcome(&setup).report, "a trace only watches");
+    assert_eq!(report, outcome(&setup).report, "a trace only watches");
 
-    let mut parser = vcd::Parser::new(BufReader::new(File::open(file).unwrap()));
-    let header = parser.parse_header().unwrap();
-    let mut names = BTreeMap::new();
-    for scope in
-        header.items.iter().filter_map(|item| if let vcd::ScopeItem::Scope(scope) = item { Some(scope) } else { None })
-    {
-        for item in &scope.items {
-            if let vcd::ScopeItem::Var(wire) = item {
-                names.insert(wire.code, format!("{}.{}", scope.identifier, wire.reference));
-            }
-        }
+    let waves = waves::read(&vcd);
+    let others = waves::read(&fst);
+    assert!(waves.keys().eq(others.keys()), "{:?} and {:?}", waves.keys(), others.keys());
+    for (name, changes) in &waves {
+        let differ = changes.iter().zip(&others[name]).position(|(one, other)| one != other);
+        let at = differ.map(|place| (&changes[place], &others[name][place]));
+        assert_eq!((at, changes.len()), (None, others[name].len()), "{name} differs");
     }
-    let (mut last, mut begun, mut moved) = (0, false, BTreeMap::<_, u32>::new());
-    // For each front end: since its clock last rose, and how long after that each fall of its interrupt output came.
-    let mut clocks = BTreeMap::<String, u64>::new();
-    let mut falls = BTreeMap::<String, Vec<u64>>::new();
-    for command in parser {
-        match command.unwrap() {
-            vcd::Command::Timestamp(at) => {
-                assert!(at >= last, "{at} after {last}");
-                last = at;
-            }
-            vcd::Command::End(_) => begun = true,
-            vcd::Command::ChangeScalar(code, value) if begun => {
-                *moved.entry(code).or_default() += 1;
-                let Some((board, wire)) = names.get(&code).and_then(|name| name.split_once('.')) else { continue };
-                if wire.ends_with("_sck") && value == vcd::Value::V1 {
-                    clocks.insert(board.to_owned(), last);
-                }
-                if wire.ends_with("_irq") && value == vcd::Value::V0 {
-                    let rose = clocks.get(board).copied().unwrap_or(0);
-                    falls.entry(board.to_owned()).or_default().push(last - rose);
-                }
-            }
-            _ => {}
-        }
-    }
-    assert!((59 * MS..=60 * MS).contains(&last), "{last}");
+    let text = std::fs::read_to_string(vcd).unwrap();
+    let instants: Vec<u64> = text.lines().filter_map(|line| line.strip_prefix('#')?.parse().ok()).collect();
+    assert!(instants.is_sorted());
+    let last = instants.last().unwrap();
+    assert!((59 * MS..=60 * MS).contains(last), "{last}");
+
     // The pin falls 31 ns after the first rising edge of the byte that clears it, as recorded on silicon, and not at
     // that byte's end; the bench's clocks are exact to 1 ns.
     for board in ["horus", "dpr"] {
-        let falls = &falls[board];
+        let edges = |wire: &str, level: &str| -> Vec<u64> {
+            let changes = waves[&format!("{board}.{board}_{wire}")].iter();
+            changes.filter(|(at, value)| *at > 0 && value == level).map(|(at, _)| *at).collect()
+        };
+        let clocks = edges("sck", "1");
+        let since_clock = |fall: u64| fall - clocks[clocks.partition_point(|&rise| rise <= fall) - 1];
+        let falls: Vec<u64> = edges("irq", "0").into_iter().map(since_clock).collect();
         assert!(falls.len() >= 5, "{board}: {falls:?}");
         assert!(falls.iter().all(|after| (29..=33).contains(after)), "{board}: {falls:?}");
     }
-    for (code, name) in names {
-        // This flight controller asks for no window: MOSI stays low.
-        assert_eq!(moved.contains_key(&code), name != "ssi.ssi_mosi", "{name}");
-    }
+    // This flight controller asks for no window: MOSI stays low. No transfer of HORUS fails, nothing of its poller
+    // waits for the timer, no receiver has sent yet, two of five are not fitted, and every exception is a task's.
+    let still = [
+        "dpr.tasks.dpr_other",
+        "horus.tasks.gnss1_USART2",
+        "horus.tasks.gnss2_USART6",
+        "horus.tasks.gnss3_UART4",
+        "horus.tasks.gnss4_UART5",
+        "horus.tasks.gnss4_ring_DMA1_STREAM0",
+        "horus.tasks.gnss5_UART7",
+        "horus.tasks.gnss5_ring_DMA1_STREAM3",
+        "horus.tasks.horus_other",
+        "horus.tasks.rf_spi_error_DMA2_STREAM3",
+        "horus.tasks.rf_timer_TIM5",
+        "ssi.ssi_mosi",
+    ];
+    let unmoved: Vec<&str> = waves.iter().filter(|(_, changes)| changes.len() < 2).map(|(name, _)| &**name).collect();
+    assert_eq!(unmoved, still);
 }
 
 #[test]
@@ -175,8 +164,8 @@ fn a_flight_controller_that_reads_at_every_phase_delays_nothing() {
         assert_eq!(report.dpr.objects_rejected, SEARCHED * 4);
         assert_eq!(report.ssi.fresh, report.base.profiles);
         assert!(report.ssi.busy <= 2, "{:?}", report.ssi);
-        assert!(report.ssi.ready_ns.max <= 10_000, "{:?}", report.ssi);
-        assert!(report.latency_ns.last_bit_to_readable.max <= 100_000, "{:?}", report.latency_ns);
+        assert!(report.ssi.ready_ns.unwrap().max <= 10_000, "{:?}", report.ssi);
+        assert!(report.latency_ns.last_bit_to_readable.unwrap().max <= 100_000, "{:?}", report.latency_ns);
     }
 }
 
@@ -184,7 +173,7 @@ fn a_flight_controller_that_reads_at_every_phase_delays_nothing() {
 fn bit_errors_cost_the_objects_they_hit_and_nothing_invalid_is_shown() {
     let Some(mut setup) = setup(3, 600) else { return };
     // 1952 payload bits a frame: about every third frame is hit, mostly in one object.
-    setup.faults = Faults { bit_error: 2e-4, ..Faults::default() };
+    setup.faults = Faults::of_air(AirFaults { bit_error: 2e-4, ..AirFaults::default() });
     let report = outcome(&setup).report;
     assert!(report.air.frames_damaged >= 5, "{:?}", report.air);
     assert!(report.dpr.objects_rejected >= 5, "{:?}", report.dpr);
@@ -194,19 +183,13 @@ fn bit_errors_cost_the_objects_they_hit_and_nothing_invalid_is_shown() {
         report.dpr
     );
     assert_eq!(report.base.bad_crc, 0);
-    for words in &report.violations {
-        for never in
-            ["an invalid object", "a torn read", "damaged data", "the period", "the time from tick", "the listener"]
-        {
-            assert!(!words.starts_with(never), "{words}");
-        }
-    }
+    assert_eq!(report.violations, [""; 0]);
 }
 
 #[test]
 fn lost_frames_are_missed_counted_and_their_successors_arrive() {
     let Some(mut setup) = setup(3, 600) else { return };
-    setup.faults = Faults { lost: 0.2, ..Faults::default() };
+    setup.faults = Faults::of_air(AirFaults { lost: 0.2, ..AirFaults::default() });
     let report = outcome(&setup).report;
     assert_eq!(report.violations, [""; 0]);
     assert!(report.air.frames_lost >= 3, "{:?}", report.air);
@@ -220,7 +203,7 @@ fn lost_frames_are_missed_counted_and_their_successors_arrive() {
 #[test]
 fn frames_that_break_off_leave_the_link_working() {
     let Some(mut setup) = setup(3, 600) else { return };
-    setup.faults = Faults { truncated: 0.2, ..Faults::default() };
+    setup.faults = Faults::of_air(AirFaults { truncated: 0.2, ..AirFaults::default() });
     let report = outcome(&setup).report;
     assert_eq!(report.violations, [""; 0]);
     assert!(report.air.frames_damaged >= 3, "{:?}", report.air);
@@ -235,13 +218,9 @@ fn frames_that_break_off_leave_the_link_working() {
 fn an_image_for_another_profile_is_noticed() {
     let (Some(mut setup), Some(other)) = (setup(3, 200), setup(1, 0)) else { return };
     setup.images.dpr = other.images.dpr;
-    let report = outcome(&setup).report;
+    let Outcome { report, verdict, .. } = outcome(&setup);
     assert_eq!(report.dpr.objects_accepted, 0);
-    assert!(
-        report.violations.iter().any(|words| words.starts_with("objects lost in the DPR")),
-        "{:?}",
-        report.violations
-    );
+    assert!(verdict.kinds().any(|violation| violation == Violation::NotShown), "{:?}", report.violations);
 }
 
 /// The recording called `name`, or `None` (said, see [`not_run`]) where it is not at hand.

@@ -4,7 +4,7 @@
 
 mod thumb;
 
-use bench::engine::{Between, Board, Lookahead, Node, Pair, Sent};
+use bench::node::{Between, Board, Lookahead, Node, Pair, Sent};
 use bench_seam::{Pad, Pin, SpiFrame, SpiMode};
 use nrf52840::{Nrf52840, Settings, SsiWires};
 use stm32f429::{Oscillators, Stm32f429, pin};
@@ -128,7 +128,7 @@ impl Between<Sender, Receiver> for Wires {
 
 /// SPI1 at 2 MHz from the 16 MHz internal oscillator, transmitted by DMA2 stream 3, its end in that stream's interrupt.
 /// A block goes out whenever the receiver says that it is ready.
-fn sending() -> bench::engine::Firmware {
+fn sending() -> bench::node::Firmware {
     const DMA2: u32 = 0x4002_6400;
     const STREAM3: u32 = DMA2 + 0x10 + 0x18 * 3;
     const SPI1: u32 = 0x4001_3000;
@@ -163,7 +163,7 @@ fn sending() -> bench::engine::Firmware {
 }
 
 /// SPIS1 into the block; a pulse on P1.05 says that it is ready, at first and after each END.
-fn receiving() -> bench::engine::Firmware {
+fn receiving() -> bench::node::Firmware {
     const SPIS1: u32 = 0x4000_4000;
     const P1: u32 = 0x5000_0300;
     let mut main = Thumb::at(0x400);

@@ -7,9 +7,8 @@
 
 mod boards;
 
-use bench::engine::{Clock, Threads};
 use bench::sim::phases::{Edge, Phase, Placement, Sweep};
-use bench::sim::{Crystals, Faults, Images, Setup, run};
+use bench::sim::{Crystals, Images, Setup, run};
 use boards::image;
 use profile::sequence::SEARCH_CYCLES;
 use profile::ssi::timing;
@@ -38,19 +37,11 @@ fn falls(after_ns: i64, bytes: usize) -> Placement {
 fn holds(gps: usize, sweep: Sweep, (horus_ppb, dpr_ppb): (i64, i64)) {
     let (Some(horus), Some(dpr)) = (image(gps, "horus-tx-fw.elf"), image(gps, "dpr-fw.elf")) else { return };
     let cycles = sweep.cycles();
+    // The first frame comes with the first cycle, and the sweep begins with the second.
     let setup = Setup {
-        images: Images { horus, dpr },
-        gps,
-        // The first frame comes with the first cycle, and the sweep begins with the second.
-        duration_ns: (cycles + 3) * 10_000_000,
-        clock: Clock::Fast,
-        threads: Threads::Two,
-        seed: 1,
-        recordings: vec![],
         crystals: Crystals { horus_ppb, dpr_ppb, flight_controller_ppb: 0 },
-        faults: Faults::default(),
         sweep: Some(sweep.clone()),
-        trace: None,
+        ..Setup::new(Images { horus, dpr }, gps, (cycles + 3) * 10_000_000)
     };
     let outcome = run(&setup, &mut ()).unwrap_or_else(|error| panic!("{error}"));
     assert_eq!(outcome.phases.len() as u64, cycles, "every phase was swept");
@@ -62,9 +53,12 @@ fn holds(gps: usize, sweep: Sweep, (horus_ppb, dpr_ppb): (i64, i64)) {
     println!("  last bit to FRESH  {:?}", worst(|phase| phase.fresh_ns().unwrap_or(0)));
     println!("  SSI ready          {:?}", worst(Phase::ready_ns));
     println!("  SSI held           {:?}", worst(Phase::hold_ns));
-    for phase in outcome.phases.iter().filter(|phase| !phase.violations.is_empty()).take(8) {
-        println!("  pattern {} at {} ns: {:?}", phase.pattern, phase.phase_ns, phase.violations);
-        println!("    {:?}", phase.events);
+    // The first violation of each kind with what happened around it.
+    for broken in &outcome.verdict.violations {
+        let phase = outcome.phases.iter().rev().find(|phase| phase.frame_ended <= broken.first_at + 1_000_000);
+        if let Some(phase) = phase {
+            println!("  {broken}: pattern {} at {} ns: {:?}", phase.pattern, phase.phase_ns, phase.events);
+        }
     }
     assert_eq!(outcome.report.violations, [""; 0], "{gps} receivers");
     // The cycles with which the DPR finds the sequence are rejected, each object of them, and no other.

@@ -5,7 +5,7 @@ mod thumb;
 
 use std::collections::VecDeque;
 
-use bench::engine::{Between, Downstream, Lookahead, Node, Pair, Relay, Sent, Threads, Upstream};
+use bench::node::{Between, Downstream, FindingKind, Lookahead, Node, Pair, Relay, Sent, Threads, Upstream};
 use player::{IN, Player};
 use thumb::{COUNTER, EXTI, GPIOD, HANDLER, MAIN, TIM2, Thumb, firmware};
 
@@ -161,4 +161,112 @@ fn an_error_of_the_caller_ends_the_run_on_both_threads() {
     assert_eq!(ended, Err("enough"));
     assert!((30 * MS..31 * MS).contains(&relay.b.now()), "{}", relay.b.now());
     assert!(relay.a.now() < 1_000 * MS, "{}", relay.a.now());
+}
+
+/// What stands beside the beacon: an actor that is due at `acts_at`, and what it says of it, each late by so much.
+#[derive(Debug)]
+struct Tardy {
+    acts_at: u64,
+    late_by: u64,
+    tells: bool,
+}
+
+impl Upstream<Player> for Tardy {
+    type Message = bool;
+    type Notes = ();
+
+    fn leave(&mut self, node: &mut Node<Player>, _sent: &mut Vec<(u64, bool)>) {
+        node.board_mut(Player::take_edges);
+    }
+
+    fn notes(&mut self, node: &mut Node<Player>) {
+        // Only now does the actor say when it was to act.
+        if self.acts_at == u64::MAX && node.now() >= 5 * MS {
+            self.acts_at = node.now() - self.late_by;
+        }
+    }
+
+    fn next_at(&self) -> u64 {
+        if self.tells { u64::MAX } else { self.acts_at }
+    }
+
+    fn act(&mut self, _at: u64, node: &mut Node<Player>) {
+        self.tells = true;
+        node.drive(IN, Some(true));
+    }
+}
+
+#[derive(Debug, Default)]
+struct Deaf;
+
+impl Downstream<Player> for Deaf {
+    type Message = bool;
+    type Notes = ();
+
+    fn hear(&mut self, _at: u64, _high: bool, _node: &mut Node<Player>) {}
+
+    fn noted(&mut self, (): ()) {}
+
+    fn leave(&mut self, node: &mut Node<Player>) {
+        node.board_mut(Player::take_edges);
+    }
+}
+
+fn kinds(node: &mut Node<Player>) -> Vec<FindingKind> {
+    node.take_findings().iter().map(|finding| finding.kind).collect()
+}
+
+#[test]
+fn an_actor_beside_the_first_board_that_acts_after_its_instant_is_a_finding() {
+    for (late_by, expected) in [(0, vec![]), (1_000, vec![FindingKind::Late])] {
+        let upstream = Tardy { acts_at: u64::MAX, late_by, tells: false };
+        let mut relay = Relay { a: beacon(), b: counter(), upstream, downstream: Deaf };
+        relay.run(10 * MS, 10 * MS, Threads::Two, |_, _, _| Ok::<_, ()>(())).unwrap();
+        assert!(relay.upstream.tells, "it acted");
+        assert_eq!(kinds(&mut relay.a), expected, "{late_by} ns late");
+        assert_eq!(kinds(&mut relay.b), []);
+    }
+}
+
+#[test]
+fn an_actor_beside_the_second_board_that_acts_after_its_instant_is_a_finding() {
+    for (late_by, expected) in [(0, vec![]), (1_000, vec![FindingKind::Late])] {
+        let mut relay = relay();
+        relay
+            .run(10 * MS, 5 * MS, Threads::Two, |at, _, listener| {
+                if at == 5 * MS {
+                    listener.coming.push_front((at - late_by, true));
+                }
+                Ok::<_, ()>(())
+            })
+            .unwrap();
+        assert_eq!(kinds(&mut relay.b), expected, "{late_by} ns late");
+        assert_eq!(kinds(&mut relay.a), []);
+    }
+}
+
+/// The beacon's pin, each message with an instant that lies so far back that the counter is past it.
+#[derive(Debug, Default)]
+struct Backdated(u64);
+
+impl Upstream<Player> for Backdated {
+    type Message = bool;
+    type Notes = ();
+
+    fn leave(&mut self, node: &mut Node<Player>, sent: &mut Vec<(u64, bool)>) {
+        sent.extend(node.board_mut(Player::take_edges).into_iter().map(|(at, high)| (at.saturating_sub(self.0), high)));
+    }
+
+    fn notes(&mut self, _node: &mut Node<Player>) {}
+}
+
+#[test]
+fn a_message_that_is_heard_after_its_instant_is_a_finding() {
+    for (back, late) in [(0, false), (3 * MS, true)] {
+        let mut relay = Relay { a: beacon(), b: counter(), upstream: Backdated(back), downstream: Deaf };
+        relay.run(10 * MS, 10 * MS, Threads::Two, |_, _, _| Ok::<_, ()>(())).unwrap();
+        let kinds = kinds(&mut relay.b);
+        assert_eq!(!kinds.is_empty(), late, "{kinds:?}");
+        assert!(kinds.iter().all(|kind| *kind == FindingKind::Late), "{kinds:?}");
+    }
 }

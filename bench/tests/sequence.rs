@@ -7,8 +7,8 @@
 mod boards;
 mod reader;
 
-use bench::engine::{FromOutside, Node, Relay, Threads};
-use bench::sim::boards::Dpr;
+use bench::boards::Dpr;
+use bench::node::{FromOutside, Node, Relay, Threads};
 use boards::counter;
 use dpr_fw::telemetry::Telemetry;
 use profile::sequence::SEARCH_CYCLES;
@@ -182,17 +182,17 @@ const AGE_AT_END: u32 = match profile::air::age_at_end_us::<RECEIVERS>(0) {
     None => panic!("a frame of the cycle"),
 };
 
-fn both(oscillators: Oscillators) -> Option<Relay<bench::sim::boards::Horus, Dpr, Antenna, Reader>> {
+fn both(oscillators: Oscillators) -> Option<Relay<bench::boards::Horus, Dpr, Antenna, Reader>> {
     let (a, b) = (boards::horus_on(oscillators)?, boards::dpr()?);
     Some(Relay { a, b, upstream: Antenna::default(), downstream: Reader::new() })
 }
 
 fn go<A, B, U, D>(relay: &mut Relay<A, B, U, D>, to: u64)
 where
-    A: bench::engine::Board,
-    B: bench::engine::Board,
-    U: bench::engine::Upstream<A>,
-    D: bench::engine::Downstream<B, Message = U::Message, Notes = U::Notes>,
+    A: bench::node::Board,
+    B: bench::node::Board,
+    U: bench::node::Upstream<A>,
+    D: bench::node::Downstream<B, Message = U::Message, Notes = U::Notes>,
     Relay<A, B, U, D>: Sized,
     Node<A>: Send,
 {

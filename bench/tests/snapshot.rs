@@ -2,8 +2,9 @@
 
 mod boards;
 
-use bench::engine::{Clock, Threads};
-use bench::sim::{Bench, Crystals, Faults, Images, Setup};
+use bench::faults::{AirFaults, Faults};
+use bench::node::Threads;
+use bench::sim::{Bench, Images, Setup};
 use boards::image;
 use cortex_m4::{Cost, Fast, Pessimistic};
 
@@ -12,26 +13,16 @@ const MS: u64 = 1_000_000;
 const END: u64 = 260 * MS;
 
 fn setup() -> Option<Setup> {
-    Some(Setup {
-        images: Images { horus: image(3, "horus-tx-fw.elf")?, dpr: image(3, "dpr-fw.elf")? },
-        gps: 3,
-        duration_ns: END,
-        clock: Clock::Fast,
-        threads: Threads::Two,
-        seed: 5,
-        recordings: vec![],
-        crystals: Crystals { horus_ppb: 8_000, dpr_ppb: -12_000, flight_controller_ppb: 25_000 },
-        faults: Faults { lost: 0.1, ..Faults::default() },
-        sweep: None,
-        trace: None,
-    })
+    let images = Images { horus: image(3, "horus-tx-fw.elf")?, dpr: image(3, "dpr-fw.elf")? };
+    let faults = Faults::of_air(AirFaults { lost: 0.1, ..AirFaults::default() });
+    Some(Setup { seed: 5, faults, ..Setup::new(images, 3, END) })
 }
 
 /// Everything that a run leaves: figures, what the base station shows, and both boards' registers and memory.
 fn outcome<C: Cost>(bench: Bench<C>) -> (String, [u64; 2]) {
     let digests = [bench.horus().digest(), bench.dpr().digest()];
-    let (report, base, _) = bench.finish(END);
-    (format!("{report:?}\n{base}"), digests)
+    let finished = bench.finish(END);
+    (format!("{:?}\n{:?}\n{}", finished.report, finished.verdict, finished.base), digests)
 }
 
 fn whole<C: Cost>(setup: &Setup, threads: Threads) -> (String, [u64; 2]) {

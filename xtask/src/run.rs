@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Result;
-use bench::engine::{Clock, Event, Firmware, Limits};
+use bench::node::{Clock, Event, Firmware, Limits};
 use clap::{Args, ValueEnum};
 
 use crate::{Board, ProbeArgs};

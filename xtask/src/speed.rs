@@ -4,8 +4,8 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
-use bench::engine::{Clock, Threads};
-use bench::sim::{Bench, Crystals, Faults, Images, Setup};
+use bench::node::Threads;
+use bench::sim::{Bench, Crystals, Images, Setup};
 use clap::Args;
 
 use crate::{Receivers, firmware, workspace};
@@ -39,19 +39,9 @@ pub(crate) fn speed(args: &SpeedArgs) -> Result<ExitCode> {
     println!("The core alone:");
     let per_instruction = core_alone()?;
     let (horus, dpr) = firmware::build_pair(Receivers::DEFAULT)?;
-    let setup = Setup {
-        images: Images { horus, dpr },
-        gps: Receivers::DEFAULT.0,
-        duration_ns: WARM_UP_NS + (args.seconds * 1e9).round() as u64,
-        clock: Clock::Fast,
-        threads: Threads::One,
-        seed: 1,
-        recordings: vec![],
-        crystals: Crystals::default(),
-        faults: Faults::default(),
-        sweep: None,
-        trace: None,
-    };
+    let duration_ns = WARM_UP_NS + (args.seconds * 1e9).round() as u64;
+    let setup = Setup::new(Images { horus, dpr }, Receivers::DEFAULT.0, duration_ns);
+    let setup = Setup { threads: Threads::One, crystals: Crystals::default(), ..setup };
     let mut warm: Bench = Bench::new(&setup)?;
     warm.run_to(WARM_UP_NS, setup.threads);
     let copy = (0..COPIES).map(|_| {

@@ -3,7 +3,7 @@
 use std::process::{Command, ExitCode};
 
 use anyhow::Result;
-use bench::engine::Clock;
+use bench::node::Clock;
 use clap::Args;
 
 use crate::run::Place;

@@ -7,32 +7,37 @@
 //! What passes between the boards is one-way and takes no time: the poller's chip emits, the listener's hears. So HORUS
 //! may run ahead on a thread of its own and never the DPR, and both are exact. [`Bench`] is all of it as plain data.
 
-pub mod boards;
-pub mod front_end;
-pub mod ledger;
-mod link;
+mod board_events;
+mod campaign;
+mod downstream;
+mod marks;
 pub mod phases;
-pub mod trace;
+mod recorder;
+pub mod telemetry;
+mod upstream;
 
-use std::path::PathBuf;
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use bench_judge::{Findings, Header, Log, LogWriter, Verdict};
 use cortex_m4::{Cost, Fast, Optimistic, Pessimistic};
-use gnss_sim::{Flight, Log, LogError, Receiver};
+use gnss_sim::{Flight, LogError, Receiver};
 use nrf52840::{Nrf52840, Settings};
-pub use st25r3916_model::Faults;
-use st25r3916_model::{Air, Chip, Config};
-
+use st25r3916_model::{Chip, Config};
 use stm32f429::{Oscillators, Stm32f429};
 
-use crate::engine::{self, Clock, Firmware, Node, Relay, Threads};
-use crate::report::Report;
+use crate::boards::{self, Dpr, Horus};
+use crate::faults::{Campaign, Faults, Options};
+use crate::node::{self, Clock, Firmware, Node, Relay, Threads};
+use crate::report::{self, Report};
+use crate::trace::{self, TaskWatch, Trace};
 use crate::world::flight_controller::{self, Schedule};
 use crate::world::{BaseStation, FlightController};
-use boards::{Dpr, Horus};
-use link::{Link, Receivers};
+use downstream::{Link, Surroundings};
 use phases::{Phase, Sweep, Sweeping};
-use trace::Trace;
+use upstream::Receivers;
 
 /// How often the caller hears of progress and gets the log, in virtual nanoseconds.
 const STEP: u64 = 10_000_000;
@@ -76,12 +81,36 @@ pub struct Setup {
     pub recordings: Vec<Option<PathBuf>>,
     /// The crystals' errors.
     pub crystals: Crystals,
-    /// What the air does to frames.
+    /// What goes wrong on purpose.
     pub faults: Faults,
     /// Instead of the flight controller's own cycle: transactions in every phase to a frame's end.
     pub sweep: Option<Sweep>,
-    /// Where to write the wires as a VCD.
+    /// Where to write the wires and the tasks: a name in `.vcd` or `.fst`.
     pub trace: Option<PathBuf>,
+    /// Where to store the event log.
+    pub log: Option<PathBuf>,
+}
+
+impl Setup {
+    /// A run in which nothing goes wrong: fast clock, both threads, seed 1, the generated flight, crystals that differ
+    /// as ordinary ones do.
+    #[must_use]
+    pub fn new(images: Images, gps: usize, duration_ns: u64) -> Self {
+        Self {
+            images,
+            gps,
+            duration_ns,
+            clock: Clock::Fast,
+            threads: Threads::Two,
+            seed: 1,
+            recordings: vec![],
+            crystals: Crystals { horus_ppb: 8_000, dpr_ppb: -12_000, flight_controller_ppb: 25_000 },
+            faults: Faults::none(),
+            sweep: None,
+            trace: None,
+            log: None,
+        }
+    }
 }
 
 /// Who watches a run.
@@ -104,6 +133,8 @@ impl Observer for () {
 pub struct Outcome {
     /// The figures. [`crate::report::Speed`] is the caller's to fill in: this crate reads no wall clock.
     pub report: Report,
+    /// What is judged of the event log.
+    pub verdict: Verdict,
     /// The base station, with what it showed.
     pub base: BaseStation,
     /// Every log line of both boards: board, line.
@@ -117,13 +148,16 @@ pub struct Outcome {
 pub enum Error {
     /// An image or a board.
     #[error(transparent)]
-    Engine(#[from] engine::Error),
+    Engine(#[from] node::Error),
     /// A receiver's recording.
     #[error(transparent)]
     Recording(#[from] LogError),
     /// The trace file.
-    #[error("the trace cannot be written to {}", path.display())]
-    Trace {
+    #[error(transparent)]
+    Trace(#[from] trace::Error),
+    /// The file that stores the event log.
+    #[error("the event log cannot be written to {}", path.display())]
+    Log {
         /// The file.
         path: PathBuf,
         /// What the operating system says.
@@ -136,8 +170,21 @@ pub enum Error {
 #[derive(Clone, Debug)]
 pub struct Bench<C: Cost = Fast> {
     relay: Relay<Horus, Dpr, Receivers, Link, C>,
-    seed: u64,
-    gps: usize,
+}
+
+/// What came of a [`Bench`].
+#[derive(Debug)]
+pub struct Finished {
+    /// The figures.
+    pub report: Report,
+    /// What is judged of the event log.
+    pub verdict: Verdict,
+    /// The event log, if [`Bench::keep_log`] asked for it.
+    pub log: Log,
+    /// The base station, with what it showed.
+    pub base: BaseStation,
+    /// What came of each phase of [`Setup::sweep`].
+    pub phases: Vec<Phase>,
 }
 
 impl<C: Cost> Bench<C> {
@@ -148,15 +195,15 @@ impl<C: Cost> Bench<C> {
     /// An image that cannot be loaded, or a recording that cannot be played.
     pub fn new(setup: &Setup) -> Result<Self, Error> {
         let receivers = receivers(setup)?;
-        let watched = setup.trace.is_some();
+        let traced = setup.trace.is_some();
         let Crystals { horus_ppb, dpr_ppb, flight_controller_ppb } = setup.crystals;
         // The expansion boards run the chip from the 5 V of their header.
         let chip = |crystal_ppb, seed| Chip::new(Config { crystal_ppb, seed, vdd_mv: 5000, ..Config::default() });
         let stm32 = Stm32f429::new(Oscillators { hse_ppb: horus_ppb, ..Oscillators::default() });
         let nrf =
             Nrf52840::new(Settings { hfxo_ppb: dpr_ppb, lfxo_ppb: dpr_ppb, seed: setup.seed, ..Settings::default() });
-        let horus = Horus::new(chip(horus_ppb, setup.seed), setup.gps, watched);
-        let dpr = Dpr::new(chip(dpr_ppb, !setup.seed), watched);
+        let horus = Horus::new(chip(horus_ppb, setup.seed), setup.gps, traced);
+        let dpr = Dpr::new(chip(dpr_ppb, !setup.seed), traced);
         let mut config = flight_controller::Config {
             crystal_ppb: flight_controller_ppb,
             ..flight_controller::Config::new(setup.gps)
@@ -165,18 +212,27 @@ impl<C: Cost> Bench<C> {
             config.schedule = Schedule::Placed;
             Sweeping::new(sweep, setup.gps)
         });
-        let link = Link::new(
-            Air::new(setup.seed, setup.faults),
-            FlightController::new(config),
-            BaseStation::new(setup.gps),
-            watched,
+        let clock = C::NAME.to_owned();
+        let header = Header { version: Header::VERSION, gps: setup.gps, seed: setup.seed, clock };
+        let surroundings = Surroundings {
+            header,
+            flight_controller: FlightController::new(config),
+            base: BaseStation::new(setup.gps),
+            traced,
+            logged: setup.log.is_some(),
             sweeping,
-        );
+        };
         let a = Node::new(stm32, horus, &Firmware::read(&setup.images.horus)?)?;
         let mut b = Node::new(nrf, dpr, &Firmware::read(&setup.images.dpr)?)?;
         b.input(|part, _, _| part.wire_ssi(boards::SSI));
-        let relay = Relay { a, b, upstream: Receivers::new(receivers), downstream: link };
-        Ok(Self { relay, seed: setup.seed, gps: setup.gps })
+        let upstream = Receivers::new(receivers, config.layout(), &setup.faults, setup.seed);
+        let relay = Relay { a, b, upstream, downstream: Link::new(surroundings, &setup.faults) };
+        Ok(Self { relay })
+    }
+
+    /// Keeps the event log from now on, for [`Finished::log`].
+    pub fn keep_log(&mut self) {
+        self.relay.downstream.keep_log();
     }
 
     /// Runs to `end` (virtual ns). `each` is called every 10 ms of virtual time with the instant, the DPR and what is
@@ -189,9 +245,23 @@ impl<C: Cost> Bench<C> {
         &mut self,
         end: u64,
         threads: Threads,
-        each: impl FnMut(u64, &mut Node<Dpr, C>, &mut Link) -> Result<(), E>,
+        mut each: impl FnMut(u64, &mut Node<Dpr, C>, &mut Link) -> Result<(), E>,
     ) -> Result<(), E> {
-        self.relay.run(end, STEP, threads, each)
+        self.relay.run(end, STEP, threads, |reached, dpr, link| {
+            link.come_to(reached, dpr);
+            each(reached, dpr, link)
+        })
+    }
+
+    /// A trace of the bench, which begins here.
+    fn trace(&mut self, path: &Path) -> Result<Trace, trace::Error> {
+        let Relay { a, b, upstream, downstream } = &mut self.relay;
+        let horus = TaskWatch::new(trace::Board::Horus, a, horus_tx_fw::task::TASKS);
+        let dpr = TaskWatch::new(trace::Board::Dpr, b, dpr_fw::task::TASKS);
+        let trace = Trace::create(path, horus.tasks(), dpr.tasks())?;
+        upstream.watch_tasks(horus);
+        downstream.watch_tasks(dpr);
+        Ok(trace)
     }
 
     /// Runs to `end` (virtual ns) with nobody watching.
@@ -202,6 +272,12 @@ impl<C: Cost> Bench<C> {
             Ok::<_, std::convert::Infallible>(())
         });
         let Ok(()) = run;
+    }
+
+    /// The instant that both boards have reached, ns.
+    #[must_use]
+    pub fn now(&self) -> u64 {
+        self.relay.a.now().max(self.relay.b.now())
     }
 
     /// The HORUS board.
@@ -216,17 +292,94 @@ impl<C: Cost> Bench<C> {
         &self.relay.b
     }
 
-    /// The figures of the run so far, which has come to `reached` (virtual ns), and the end of the bench.
+    /// What was broken in the part of the run that is judged already: all but the last few milliseconds.
     #[must_use]
-    pub fn finish(mut self, reached: u64) -> (Report, BaseStation, Vec<Phase>) {
-        let Relay { a, b, downstream, .. } = &mut self.relay;
-        let mut report = downstream.report(a, b, reached);
-        report.seed = self.seed;
-        report.clock = C::NAME;
-        report.virtual_seconds = reached as f64 / 1e9;
-        report.gps = self.gps;
-        let (base, phases) = self.relay.downstream.into_parts();
-        (report, base, phases)
+    pub fn findings(&self) -> &Findings {
+        self.relay.downstream.findings()
+    }
+
+    /// What goes wrong from now on beside what was set up; it must lie ahead of the instant that both boards have
+    /// reached.
+    pub fn add_faults(&mut self, faults: &Faults) {
+        self.relay.upstream.add_faults(faults);
+        self.relay.downstream.add_faults(faults);
+    }
+
+    /// What came of the run so far, which has come to `reached` (virtual ns).
+    #[must_use]
+    pub fn finish(self, reached: u64) -> Finished {
+        let Relay { a, mut b, downstream, .. } = self.relay;
+        let header = downstream.header().clone();
+        let around = (downstream.air(), downstream.stats());
+        let evidence = downstream::evidence(&a, &b, header.gps);
+        let (verdict, log, base, phases) = downstream.finish(reached, evidence, &mut b);
+        let report = report(&header, reached, &verdict, (&a, &b), around, &base);
+        Finished { report, verdict, log, base, phases }
+    }
+}
+
+/// The figures of a run that has come to `reached` (ns).
+fn report<C: Cost>(
+    header: &Header,
+    reached: u64,
+    verdict: &Verdict,
+    (horus, dpr): (&Node<Horus, C>, &Node<Dpr, C>),
+    (air, stats): (st25r3916_model::Counters, flight_controller::Stats),
+    base: &BaseStation,
+) -> Report {
+    let figures = verdict.figures.clone();
+    let of_dpr = |name| u64::from(telemetry::of_dpr(dpr, name).unwrap_or(0));
+    // What differs beyond four digits is no information.
+    let load = |load: f64| (load * 1e4).round() / 1e4;
+    Report {
+        seed: header.seed,
+        clock: C::NAME,
+        virtual_seconds: reached as f64 / 1e9,
+        gps: header.gps,
+        speed: report::Speed::default(),
+        horus: report::Horus {
+            frames_sent: figures.frames_sent,
+            period_ns: figures.period_ns,
+            tick_to_command_ns: figures.tick_to_command_ns,
+            tick_to_air_ns: figures.tick_to_air_ns,
+            load: load(horus.usage().load()),
+        },
+        air: report::Air {
+            bit_rate: figures.bit_rate,
+            air_time_ns: figures.air_time_ns,
+            frames_delivered: air.delivered,
+            frames_damaged: air.damaged,
+            frames_lost: air.lost,
+        },
+        dpr: report::Dpr {
+            objects_accepted: of_dpr("objects_accepted"),
+            objects_rejected: of_dpr("objects_rejected"),
+            frames_missed: of_dpr("frames_missed"),
+            scrubs: of_dpr("scrubs"),
+            scrub_faults: of_dpr("scrub_faults"),
+            load: load(dpr.usage().load()),
+        },
+        latency_ns: report::Latency {
+            sample_to_readable: figures.sample_to_readable,
+            last_bit_to_readable: figures.last_bit_to_readable,
+        },
+        ssi: report::Ssi {
+            transactions: stats.transactions,
+            fresh: stats.fresh,
+            repeated: stats.repeated,
+            busy: stats.busy,
+            bad_crc: stats.bad_crc,
+            ready_ns: figures.ready_ns,
+        },
+        reported: report::Reported {
+            valid_cycles: figures.valid_cycles,
+            invalid_since_ns: figures.invalid_since_ns,
+            last_solution_ns: figures.last_solution_ns,
+        },
+        base: report::Base { profiles: base.counts().profiles, bad_crc: base.counts().bad_crc },
+        faults: figures.faults,
+        upsets: None,
+        violations: verdict.violations.iter().map(ToString::to_string).collect(),
     }
 }
 
@@ -244,9 +397,17 @@ pub fn run(setup: &Setup, observer: &mut dyn Observer) -> Result<Outcome, Error>
 }
 
 fn run_on<C: Cost>(setup: &Setup, observer: &mut dyn Observer) -> Result<Outcome, Error> {
-    let trace_error = |source| Error::Trace { path: setup.trace.clone().unwrap_or_default(), source };
     let mut bench = Bench::<C>::new(setup)?;
-    let mut trace = setup.trace.as_deref().map(Trace::create).transpose().map_err(trace_error)?;
+    let mut trace = setup.trace.as_deref().map(|path| bench.trace(path)).transpose()?;
+    let unwritten = |source| Error::Log { path: setup.log.clone().unwrap_or_default(), source };
+    let mut stored = match &setup.log {
+        Some(path) => {
+            let file = File::create(path).map_err(unwritten)?;
+            let header = bench.relay.downstream.header();
+            Some(LogWriter::new(BufWriter::new(file), header).map_err(unwritten)?)
+        }
+        None => None,
+    };
     let mut logs = vec![];
     bench.run(setup.duration_ns, setup.threads, |reached, dpr, link| {
         let lines = link.horus_lines(reached).map(|line| ("horus", line)).collect::<Vec<_>>().into_iter();
@@ -258,16 +419,40 @@ fn run_on<C: Cost>(setup: &Setup, observer: &mut dyn Observer) -> Result<Outcome
         let marks = link.take_marks(dpr);
         if let Some(trace) = &mut trace {
             trace.take(marks);
-            trace.flush_before(reached).map_err(trace_error)?;
+            trace.flush_before(reached)?;
+        }
+        if let Some(stored) = &mut stored {
+            for event in link.take_log() {
+                stored.take(&event).map_err(unwritten)?;
+            }
         }
         observer.progress(reached);
         Ok::<_, Error>(())
     })?;
-    let (report, base, phases) = bench.finish(setup.duration_ns);
+    let Finished { report, verdict, log, base, phases } = bench.finish(setup.duration_ns);
     if let Some(trace) = trace {
-        trace.finish().map_err(trace_error)?;
+        trace.finish()?;
     }
-    Ok(Outcome { report, base, logs, phases })
+    if let Some(mut stored) = stored {
+        for event in &log.events {
+            stored.take(event).map_err(unwritten)?;
+        }
+        stored.finish().map_err(unwritten)?;
+    }
+    Ok(Outcome { report, verdict, base, logs, phases })
+}
+
+/// Tries upsets on copies of the bench.
+///
+/// # Errors
+///
+/// An image that cannot be loaded, or a recording that cannot be played.
+pub fn campaign(setup: &Setup, options: &Options) -> Result<Campaign, Error> {
+    Ok(match setup.clock {
+        Clock::Fast => Campaign::run(Bench::<Fast>::new(setup)?, options),
+        Clock::Optimistic => Campaign::run(Bench::<Optimistic>::new(setup)?, options),
+        Clock::Pessimistic => Campaign::run(Bench::<Pessimistic>::new(setup)?, options),
+    })
 }
 
 /// What each receiver will send.
@@ -275,7 +460,7 @@ fn receivers(setup: &Setup) -> Result<Vec<Receiver>, LogError> {
     let flight = Arc::new(Flight::new(setup.seed, setup.duration_ns as f64 / 1e9));
     (1..=setup.gps)
         .map(|index| match setup.recordings.get(index - 1) {
-            Some(Some(path)) => Ok(Receiver::recorded(Arc::new(Log::open(path)?))),
+            Some(Some(path)) => Ok(Receiver::recorded(Arc::new(gnss_sim::Log::open(path)?))),
             _ => Ok(Receiver::generated(index, setup.seed, flight.clone())),
         })
         .collect()

@@ -11,7 +11,7 @@
 //! The end of a frame is known at its beginning: frames of one length take one time. The first frame of each length is
 //! measured.
 //!
-//! What each phase led to is in its [`Phase`]; the ledger judges a swept run like any other.
+//! What each phase led to is in its [`Phase`]; the judge judges a swept run like any other.
 
 use std::collections::BTreeMap;
 
@@ -80,16 +80,14 @@ pub struct Phase {
     pub pattern: usize,
     /// The frame's last bit, ns.
     pub frame_ended: u64,
-    /// Which kinds of violations its transactions showed.
-    pub violations: Vec<&'static str>,
     /// What the wires and the SPIS showed up to the next phase, each with its instant, ns after the frame's last bit.
     /// Each kind is in order of time.
-    pub events: Vec<(i64, Event)>,
+    pub events: Vec<(i64, PhaseEvent)>,
 }
 
 /// What the wires and the SPIS show of a phase.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Event {
+pub enum PhaseEvent {
     /// The flight controller's chip select falls.
     Selected,
     /// It rises.
@@ -106,23 +104,23 @@ impl Phase {
     /// When FRESH first rose, ns after the frame's last bit; `None` if it did not.
     #[must_use]
     pub fn fresh_ns(&self) -> Option<i64> {
-        self.events.iter().find(|(_, event)| *event == Event::FreshRises).map(|(at, _)| *at)
+        self.events.iter().find(|(_, event)| *event == PhaseEvent::FreshRises).map(|(at, _)| *at)
     }
 
     /// The longest time from chip select rising to readiness, ns.
     #[must_use]
     pub fn ready_ns(&self) -> i64 {
-        self.longest(Event::Deselected, Event::Spis(SpisEvent::Ready))
+        self.longest(PhaseEvent::Deselected, PhaseEvent::Spis(SpisEvent::Ready))
     }
 
     /// The longest time for which the processor held the SSI back, ns.
     #[must_use]
     pub fn hold_ns(&self) -> i64 {
-        self.longest(Event::Spis(SpisEvent::Held), Event::Spis(SpisEvent::Released))
+        self.longest(PhaseEvent::Spis(SpisEvent::Held), PhaseEvent::Spis(SpisEvent::Released))
     }
 
     /// The longest time between a `begin` and the next `end`, ns.
-    fn longest(&self, begin: Event, end: Event) -> i64 {
+    fn longest(&self, begin: PhaseEvent, end: PhaseEvent) -> i64 {
         let (mut since, mut longest) = (None, 0);
         for &(at, event) in &self.events {
             if event == begin {
@@ -200,20 +198,23 @@ mod tests {
     fn a_phase_tells_its_worst_times() {
         let mut phase = Phase::default();
         assert_eq!((phase.fresh_ns(), phase.ready_ns(), phase.hold_ns()), (None, 0, 0));
-        let (held, released, ready) =
-            (Event::Spis(SpisEvent::Held), Event::Spis(SpisEvent::Released), Event::Spis(SpisEvent::Ready));
+        let (held, released, ready) = (
+            PhaseEvent::Spis(SpisEvent::Held),
+            PhaseEvent::Spis(SpisEvent::Released),
+            PhaseEvent::Spis(SpisEvent::Ready),
+        );
         phase.events = vec![
-            (-90, Event::Selected),
-            (-50, Event::Deselected),
+            (-90, PhaseEvent::Selected),
+            (-50, PhaseEvent::Deselected),
             (-48, held),
             (-10, released),
             (-5, ready),
-            (7, Event::FreshRises),
-            (10, Event::Deselected),
+            (7, PhaseEvent::FreshRises),
+            (10, PhaseEvent::Deselected),
             (10, held),
             (12, released),
             (12, ready),
-            (99, Event::FreshRises),
+            (99, PhaseEvent::FreshRises),
         ];
         assert_eq!((phase.fresh_ns(), phase.ready_ns(), phase.hold_ns()), (Some(7), 45, 38));
     }

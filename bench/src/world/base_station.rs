@@ -67,6 +67,15 @@ pub struct Counts {
     pub irregular: u64,
 }
 
+/// A profile that arrived.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Arrival {
+    /// Its bytes as they arrived.
+    pub profile: Vec<u8>,
+    /// Which of its objects the base station shows: bit 0 Reported-Position, bit n GPSn.
+    pub shown: u8,
+}
+
 /// A base station. See the [module](self).
 #[derive(Debug, Clone)]
 pub struct BaseStation {
@@ -102,15 +111,20 @@ impl BaseStation {
         }
     }
 
-    /// Takes bytes that arrived at `at_ns`.
-    pub fn receive(&mut self, at_ns: u64, bytes: &[u8]) {
+    /// Takes bytes that arrived at `at_ns`. Answers the profiles that they completed.
+    pub fn receive(&mut self, at_ns: u64, bytes: &[u8]) -> Vec<Arrival> {
+        let mut arrivals = vec![];
         for byte in bytes {
             match self.deframer.push(*byte) {
                 None => {}
-                Some(Ok(frame)) if frame.len() == self.layout.profile_len() => self.profile(at_ns, &frame),
+                Some(Ok(frame)) if frame.len() == self.layout.profile_len() => {
+                    let shown = self.profile(at_ns, &frame);
+                    arrivals.push(Arrival { profile: frame, shown });
+                }
                 Some(_) => self.counts.bad_frames += 1,
             }
         }
+        arrivals
     }
 
     /// Totals.
@@ -142,7 +156,9 @@ impl BaseStation {
         self.freshness
     }
 
-    fn profile(&mut self, at_ns: u64, bytes: &[u8]) {
+    /// Takes a profile. Answers which of its objects it shows: bit 0 Reported-Position, bit n GPSn.
+    fn profile(&mut self, at_ns: u64, bytes: &[u8]) -> u8 {
+        let mut shown = 0;
         self.counts.profiles += 1;
         self.reported = None;
         self.gps = [None; MAX_RECEIVERS];
@@ -169,6 +185,7 @@ impl BaseStation {
                 }
             };
             mixed |= *timestamp.get_or_insert(object.timestamp()) != object.timestamp();
+            shown |= 1 << index;
             match object {
                 Object::Reported(object) => self.reported = Some(object.values()),
                 // Object 0 is Reported-Position, and no profile has more than five others.
@@ -177,7 +194,7 @@ impl BaseStation {
         }
         self.counts.mixed += u64::from(mixed);
         let Some(timestamp) = timestamp else {
-            return;
+            return shown;
         };
         let judged = freshness(self.previous, timestamp);
         match judged {
@@ -213,6 +230,7 @@ impl BaseStation {
                 })
             }),
         });
+        shown
     }
 }
 

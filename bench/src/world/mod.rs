@@ -3,12 +3,20 @@
 //!
 //! Neither runs our firmware, so neither is emulated: they are state machines in virtual time that know the wire
 //! format, through `profile`, and nothing of how the boards are made. The flight controller is a source of SPI activity
-//! and a sink of what comes back; the base station is a sink of bytes. Both judge what they see: what is fresh, what is
-//! damaged, and whether an image was torn.
+//! and a sink of what comes back; the base station is a sink of bytes. Both verify what they receive, as the real ones
+//! do: what is fresh and what is damaged.
+//!
+//! | file | what |
+//! |---|---|
+//! | [`ssi`] | the SSI's pins, and the state machine that carries a transaction on them |
+//! | [`flight_controller`] | when transactions begin, what they ask for, what is made of what they bring |
+//! | [`framing`] | the radio's framing |
+//! | [`base_station`] | what is shown of what arrives |
 
 pub mod base_station;
 pub mod flight_controller;
 pub mod framing;
+pub mod ssi;
 
 pub use base_station::BaseStation;
 pub use flight_controller::FlightController;

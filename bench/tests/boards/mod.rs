@@ -3,8 +3,8 @@
 
 use std::path::PathBuf;
 
-use bench::engine::{Board, Firmware, Node};
-use bench::sim::boards::{Dpr, Horus, SSI};
+use bench::boards::{Dpr, Horus, SSI};
+use bench::node::{Board, Firmware, Node};
 use nrf52840::{Nrf52840, Settings};
 use st25r3916_model::{Chip, Config};
 use stm32f429::{Oscillators, Stm32f429};

@@ -1,6 +1,6 @@
 //! A board with one wire out and one wire in.
 
-use bench::engine::{Board, Firmware, Input, Node};
+use bench::node::{Board, Firmware, Input, Node};
 use bench_seam::{Pad, Pin};
 use stm32f429::{Oscillators, Stm32f429, pin};
 
@@ -22,6 +22,7 @@ impl Player {
         Node::new(Stm32f429::new(Oscillators::default()), Self::default(), firmware).unwrap()
     }
 
+    #[allow(dead_code, reason = "every test binary uses its own part of it")]
     /// The levels that the wire out took since the last call, each with its instant (ns).
     pub(crate) fn take_edges(&mut self) -> Vec<(u64, bool)> {
         std::mem::take(&mut self.edges)

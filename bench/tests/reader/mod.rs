@@ -2,11 +2,12 @@
 //! frames of its own making, HORUS.
 #![allow(dead_code, reason = "each test file uses what it needs")]
 
-use bench::engine::{Downstream, Node, Upstream};
-use bench::sim::boards::{Dpr, Horus};
+use bench::boards::{Dpr, Horus};
+use bench::node::{Downstream, Node, Upstream};
+use bench::world::ssi::{Crystal, Filler, Order, Progress, SsiMaster, Start};
 use profile::air::air_time_ns;
 use profile::{GpsStatus, GpsValues, Layout, LinkStatus, LinkValues, Object, Profile, ReportedStatus, ReportedValues};
-use st25r3916_model::{Air, AirEvent, Chunk, Faults, FrameStart, Technology};
+use st25r3916_model::{Air, AirEvent, AirFaults, Chunk, FrameStart, Technology};
 
 pub(crate) const US: u64 = 1_000;
 pub(crate) const MS: u64 = 1_000_000;
@@ -57,26 +58,29 @@ impl View {
     }
 }
 
-/// One transaction of `bytes` bytes, in which MOSI shows `mosi` throughout: what MISO showed.
+/// One transaction of `bytes` bytes that begins now, in which MOSI shows `mosi` throughout: what MISO showed. The gap
+/// after it is over.
 pub(crate) fn transact(node: &mut Node<Dpr>, bytes: usize, mosi: u8) -> Vec<u8> {
-    fn pass(node: &mut Node<Dpr>, ns: u64) {
-        let end = node.now() + ns;
+    carry(node, Order { filler: Filler::Byte(mosi), ..Order::read(bytes) })
+}
+
+/// A transaction that begins now: what MISO showed. The gap after it is over.
+pub(crate) fn carry(node: &mut Node<Dpr>, order: Order) -> Vec<u8> {
+    fn pass(node: &mut Node<Dpr>, end: u64) {
         while node.now() < end {
             node.advance(end);
         }
     }
-    node.ssi_select();
-    pass(node, 5 * US);
-    let read = (0..bytes)
-        .map(|_| {
-            pass(node, US + 100);
-            node.ssi_clock(node.now(), mosi)
-        })
-        .collect();
-    pass(node, 2 * US);
-    node.ssi_deselect();
-    pass(node, 20 * US);
-    read
+    let mut master = SsiMaster::new(Crystal::default());
+    let start = Start { bench_ns: node.now(), own_ns: 0 };
+    master.begin(start, order);
+    loop {
+        pass(node, master.next_at());
+        if let Some(Progress::Over(transaction)) = master.act(node) {
+            pass(node, master.free_at());
+            return transaction.miso;
+        }
+    }
 }
 
 /// A whole image, read now.
@@ -196,9 +200,7 @@ impl Upstream<Horus> for Antenna {
 
 /// A flight controller that reads the whole image again and again, and the air to the DPR's front end.
 pub(crate) struct Reader {
-    at: u64,
-    selected: Option<u64>,
-    miso: Vec<u8>,
+    master: SsiMaster,
     pub(crate) views: Vec<View>,
     air: Air,
     started: u64,
@@ -208,22 +210,30 @@ pub(crate) struct Reader {
     pub(crate) field_off: Vec<u64>,
 }
 
-/// From one transaction's end to the next one's start: not a part of HORUS's cycle.
+/// When its first transaction begins.
+const FIRST_READ: u64 = 20 * MS;
+
+/// From one transaction's end and the gap to the next one's start: not a part of HORUS's cycle.
 const PAUSE: u64 = 1_830 * US;
 
 impl Reader {
     pub(crate) fn new() -> Self {
-        Self {
-            at: 20 * MS,
-            selected: None,
-            miso: vec![],
+        let mut reader = Self {
+            master: SsiMaster::new(Crystal::default()),
             views: vec![],
-            air: Air::new(1, Faults::default()),
+            air: Air::new(1, AirFaults::default()),
             started: 0,
             frame: vec![],
             sent: vec![],
             field_off: vec![],
-        }
+        };
+        reader.read(FIRST_READ);
+        reader
+    }
+
+    /// The next transaction begins at `at` (ns).
+    fn read(&mut self, at: u64) {
+        self.master.begin(Start { bench_ns: at, own_ns: 0 }, Order::read(layout().image_len()));
     }
 }
 
@@ -257,23 +267,13 @@ impl Downstream<Dpr> for Reader {
     }
 
     fn next_at(&self) -> u64 {
-        self.at
+        self.master.next_at()
     }
 
-    fn act(&mut self, at: u64, node: &mut Node<Dpr>) {
-        if self.selected.is_none() {
-            node.ssi_select();
-            self.selected = Some(at);
-            self.at += 3 * US;
-        } else if self.miso.len() < layout().image_len() {
-            let miso = node.ssi_clock(node.now(), 0);
-            self.miso.push(miso);
-            self.at += US + 50;
-        } else {
-            node.ssi_deselect();
-            self.views.push(View::of(self.selected.take().unwrap_or(at), &self.miso));
-            self.miso.clear();
-            self.at += PAUSE;
+    fn act(&mut self, _at: u64, node: &mut Node<Dpr>) {
+        if let Some(Progress::Over(transaction)) = self.master.act(node) {
+            self.views.push(View::of(transaction.selected_ns, &transaction.miso));
+            self.read(self.master.free_at() + PAUSE);
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Just enough Thumb to write a test's firmware in the test: each method appends one instruction.
 #![allow(dead_code, reason = "every test binary uses its own part of it")]
 
-use bench::engine::Firmware;
+use bench::node::Firmware;
 
 /// The vector table's place and the stack's end of every test firmware, on an STM32F4.
 pub(crate) const FLASH: u32 = 0x0800_0000;

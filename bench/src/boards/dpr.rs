@@ -1,0 +1,107 @@
+//! The DPR: nRF52840-DK with its front end and the SSI.
+
+use bench_seam::{Pad, Pin, SpiFrame, SpiMode};
+use cortex_m4::Cost;
+use nrf52840::{Nrf52840, SsiWires};
+use st25r3916_model::Chip;
+
+use super::front_end::{FrontEnd, Wires};
+use crate::node::{Board, Input, Node};
+
+/// The SSI's wires at the DPR.
+pub const SSI: SsiWires =
+    SsiWires { sck: Pin::new(1, 1), mosi: Pin::new(1, 2), miso: Pin::new(1, 3), csn: Pin::new(1, 4) };
+/// Where the DPR announces a new image.
+pub const FRESH: Pin = Pin::new(1, 5);
+/// The front end's wires at the DPR.
+const DPR_FRONT_END: Wires = Wires {
+    sck: Pin::new(1, 15),
+    mosi: Pin::new(1, 13),
+    miso: Pin::new(1, 14),
+    cs: Pin::new(1, 12),
+    irq: Pin::new(0, 3),
+};
+/// The DPR.
+#[derive(Clone, Debug)]
+pub struct Dpr {
+    /// The front end.
+    pub front_end: FrontEnd,
+    powered: bool,
+    fresh: bool,
+    fresh_changes: Vec<(u64, bool)>,
+}
+
+impl Dpr {
+    /// The board, with nobody selected on its SSI.
+    #[must_use]
+    pub fn new(chip: Chip, watched: bool) -> Self {
+        Self {
+            front_end: FrontEnd::new(chip, DPR_FRONT_END, watched),
+            powered: false,
+            fresh: false,
+            fresh_changes: vec![],
+        }
+    }
+
+    /// The levels that FRESH took since the last call, each with its instant, ns.
+    pub fn take_fresh(&mut self) -> Vec<(u64, bool)> {
+        std::mem::take(&mut self.fresh_changes)
+    }
+}
+
+impl Board for Dpr {
+    type Part = Nrf52840;
+
+    fn pin(&mut self, at: u64, pin: Pin, pad: Pad) {
+        if pin == FRESH && pad.level() != self.fresh {
+            self.fresh = pad.level();
+            self.fresh_changes.push((at, self.fresh));
+        }
+        self.front_end.pin(at, pin, pad);
+    }
+
+    fn spi(&mut self, begins: u64, ends: u64, frame: &SpiFrame) -> Option<u32> {
+        self.front_end.spi(begins, ends, frame)
+    }
+
+    fn next_event(&self) -> u64 {
+        self.front_end.next_event()
+    }
+
+    fn settle(&mut self, at: u64, inputs: &mut Vec<Input>) {
+        if !self.powered {
+            self.powered = true;
+            inputs.push(Input::Level(SSI.csn, Some(true)));
+        }
+        self.front_end.settle(at, inputs);
+    }
+
+    fn outgoing(&self) -> bool {
+        self.front_end.has_air()
+    }
+}
+
+/// The flight controller's end of the SSI.
+impl<C: Cost> Node<Dpr, C> {
+    /// Chip select falls now.
+    pub fn ssi_select(&mut self) {
+        self.input(|part, view, at| part.ssi_select(at, SSI.csn, view));
+    }
+
+    /// The bytes of `mosi` have been clocked in `mode`, one after the other: the first ended at `first`, the last at
+    /// `last` (ns). Answers what MISO carried: its pull-up's ones where nobody drives it.
+    pub fn ssi_exchange(&mut self, first: u64, last: u64, mosi: &[u8], mode: SpiMode) -> Vec<u8> {
+        let (first, last) = (self.cycle_at(first), self.cycle_at(last));
+        let gaps = mosi.len().saturating_sub(1).max(1) as u64;
+        let mut miso = vec![0xFF; mosi.len()];
+        self.input(|part, view, _| {
+            part.ssi_exchange(first, ((last - first) << 16) / gaps, mode, mosi, &mut miso, view);
+        });
+        miso
+    }
+
+    /// Chip select rises now.
+    pub fn ssi_deselect(&mut self) {
+        self.input(|part, view, at| part.ssi_deselect(at, SSI.csn, view));
+    }
+}

@@ -1,0 +1,405 @@
+//! Many upsets, each on a copy of a bench of its own, and what comes of them.
+//!
+//! A campaign runs a [`Subject`] once from its beginning. At instants spread over that run it takes copies: one that
+//! is run on as it is, the reference, and one for each trial, with one upset. A trial is classed by what the judge
+//! says of it and of the reference, and by what the flight controller has read in both.
+//!
+//! | class | what the flight controller saw |
+//! |---|---|
+//! | masked | the same as without the upset |
+//! | detected | something else, and nothing invalid as valid |
+//! | dangerous | something invalid as valid |
+
+use std::fmt;
+
+use bench_judge::{Verdict, Violation};
+
+use super::{Board, Kind, Rng, Targets, Upset, name_of};
+
+/// A bench that upsets are tried on.
+pub trait Subject: Clone {
+    /// Runs to `at` (virtual ns).
+    fn run_to(&mut self, at: u64);
+
+    /// The memory that `board`'s firmware uses now.
+    fn targets(&self, board: Board) -> Targets;
+
+    /// Has `upset` happen to `board` now.
+    fn upset(&mut self, board: Board, upset: Upset);
+
+    /// What came of this subject from now until `for_ns` later.
+    fn outcome(self, for_ns: u64) -> RunOutcome;
+}
+
+/// What came of a run.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RunOutcome {
+    /// What the judge says.
+    pub verdict: Verdict,
+    /// A digest of all bytes that the flight controller has read, and of the instants at which it has.
+    pub read_digest: u64,
+}
+
+/// What a campaign tries.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Options {
+    /// Kinds of upset, in turn; others are left out.
+    pub kinds: Vec<Kind>,
+    /// Boards, in turn.
+    pub boards: Vec<Board>,
+    /// How many trials.
+    pub count: usize,
+    /// How many trials have an instant, and its reference, in common; at least 1.
+    pub per_instant: usize,
+    /// The instants are spread between these two, virtual ns.
+    pub between: (u64, u64),
+    /// How long each copy is run from its upset on, ns.
+    pub for_ns: u64,
+    /// Instants and upsets follow from it.
+    pub seed: u64,
+}
+
+/// What an upset did.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Class {
+    /// Nothing that the flight controller could see.
+    Masked,
+    /// Something, but nothing invalid was shown as valid.
+    Detected,
+    /// Something invalid was shown as valid.
+    Dangerous,
+}
+
+impl Class {
+    /// All, from harmless to dangerous.
+    pub const ALL: [Self; 3] = [Self::Masked, Self::Detected, Self::Dangerous];
+
+    /// In a word.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Masked => "masked",
+            Self::Detected => "detected",
+            Self::Dangerous => "dangerous",
+        }
+    }
+
+    /// The class of a trial that ended in `outcome`, where the same copy without an upset ended in `reference`.
+    #[must_use]
+    pub fn of(reference: &RunOutcome, outcome: &RunOutcome) -> Self {
+        let of_outcome = &outcome.verdict.violations;
+        let before = |violation: Violation| {
+            let broken = reference.verdict.violations.iter().find(|broken| broken.violation == violation);
+            broken.map_or(0, |broken| broken.count)
+        };
+        if of_outcome.iter().any(|broken| is_dangerous(broken.violation) && broken.count > before(broken.violation)) {
+            return Self::Dangerous;
+        }
+        let same = of_outcome.len() == reference.verdict.violations.len()
+            && of_outcome.iter().all(|broken| broken.count == before(broken.violation))
+            && outcome.read_digest == reference.read_digest;
+        if same { Self::Masked } else { Self::Detected }
+    }
+}
+
+/// Whether `violation` means that something invalid was shown as valid: to the flight controller, or at the base
+/// station. The judge does not say whether an object whose contents are wrong was shown, so such an object counts.
+#[must_use]
+pub const fn is_dangerous(violation: Violation) -> bool {
+    matches!(
+        violation,
+        Violation::ContentWrong
+            | Violation::StatusWrong
+            | Violation::ReportedWrong
+            | Violation::ShownNeverSent
+            | Violation::ShownOutOfSequence
+            | Violation::ShownStale
+            | Violation::ShownExpired
+            | Violation::Regression
+            | Violation::Torn
+            | Violation::LinkAge
+            | Violation::BaseInvalid
+            | Violation::BaseMixed
+    )
+}
+
+/// One upset and what came of it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Trial {
+    /// Its number in its campaign, from 1: with the campaign's seed it says which trial it is.
+    pub number: usize,
+    /// The campaign's seed.
+    pub seed: u64,
+    /// When, virtual ns.
+    pub at: u64,
+    /// On which board.
+    pub board: Board,
+    /// Which.
+    pub upset: Upset,
+    /// What it did.
+    pub class: Class,
+    /// What the judge found that it had not found without it.
+    pub violations: Vec<Violation>,
+}
+
+/// Upsets and what came of them.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Campaign {
+    /// In order of their instants.
+    pub trials: Vec<Trial>,
+}
+
+impl Campaign {
+    /// Tries upsets on copies of `subject`, which is at its beginning.
+    #[must_use]
+    pub fn run<S: Subject>(mut subject: S, options: &Options) -> Self {
+        let kinds: Vec<Kind> = options.kinds.iter().copied().filter(|kind| kind.is_upset()).collect();
+        let mut trials = vec![];
+        if kinds.is_empty() || options.boards.is_empty() {
+            return Self { trials };
+        }
+        let per_instant = options.per_instant.max(1);
+        let instants = options.count.div_ceil(per_instant) as u64;
+        let (from, to) = options.between;
+        let mut rng = Rng::new(options.seed);
+        for instant in 0..instants {
+            // One instant somewhere in each of so many equal parts of the run.
+            let part = |nth: u64| from + (u128::from(to - from) * u128::from(nth) / u128::from(instants)) as u64;
+            let at = rng.between(part(instant), part(instant + 1).saturating_sub(1).max(part(instant)));
+            subject.run_to(at);
+            let reference = subject.clone().outcome(options.for_ns);
+            for _ in 0..per_instant.min(options.count - trials.len()) {
+                let nth = trials.len();
+                let board = options.boards[nth % options.boards.len()];
+                let kind = kinds[nth / options.boards.len() % kinds.len()];
+                let Some(upset) = Upset::drawn(kind, &mut rng, &subject.targets(board)) else { continue };
+                let mut copy = subject.clone();
+                copy.upset(board, upset);
+                let outcome = copy.outcome(options.for_ns);
+                let known = |violation| reference.verdict.kinds().any(|of_reference| of_reference == violation);
+                trials.push(Trial {
+                    number: nth + 1,
+                    seed: options.seed,
+                    at,
+                    board,
+                    upset,
+                    class: Class::of(&reference, &outcome),
+                    violations: outcome.verdict.kinds().filter(|&violation| !known(violation)).collect(),
+                });
+            }
+        }
+        Self { trials }
+    }
+
+    /// How many upsets of `kind` on `board` are of `class`.
+    #[must_use]
+    pub fn count(&self, board: Board, kind: Kind, class: Class) -> usize {
+        let is_one = |trial: &&Trial| trial.board == board && trial.upset.kind() == kind && trial.class == class;
+        self.trials.iter().filter(is_one).count()
+    }
+
+    /// Those that showed something invalid as valid.
+    pub fn dangerous(&self) -> impl Iterator<Item = &Trial> + '_ {
+        self.trials.iter().filter(|trial| trial.class == Class::Dangerous)
+    }
+}
+
+impl fmt::Display for Campaign {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{:<7} {:<10} {:>8} {:>8} {:>9}", "board", "upset", "masked", "detected", "dangerous")?;
+        for board in [Board::Horus, Board::Dpr] {
+            for kind in Kind::ALL.into_iter().filter(|kind| kind.is_upset()) {
+                let [masked, detected, dangerous] = Class::ALL.map(|class| self.count(board, kind, class));
+                if masked + detected + dangerous > 0 {
+                    let (board, kind) = (name_of(board), kind.word());
+                    writeln!(f, "{board:<7} {kind:<10} {masked:>8} {detected:>8} {dangerous:>9}")?;
+                }
+            }
+        }
+        self.dangerous().try_for_each(|trial| writeln!(f, "{trial}"))
+    }
+}
+
+impl fmt::Display for Trial {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let words: Vec<&str> = self.violations.iter().map(|violation| violation.words()).collect();
+        let (at, board) = (self.at as f64 / 1e6, name_of(self.board));
+        let Self { number, seed, upset, .. } = self;
+        write!(f, "seed {seed}, trial {number}: at {at:.6} ms, {board}, {upset}: {}", words.join("; "))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::Cell;
+
+    use bench_judge::Broken;
+
+    use super::*;
+
+    const HORUS_RAM: std::ops::Range<u32> = 0x2000_0000..0x2000_0100;
+    const DPR_RAM: std::ops::Range<u32> = 0x2000_8000..0x2000_8100;
+
+    /// What a bench shows that has one upset, by the lowest bits of where it is: nothing, other bytes, or an old
+    /// object.
+    #[derive(Clone, Debug, Default)]
+    struct Bench<'a> {
+        now: u64,
+        upset: Option<(u64, Board, Upset)>,
+        outcomes: Option<&'a Cell<usize>>,
+    }
+
+    fn broken(violation: Violation, count: u64) -> Broken {
+        Broken { violation, count, first_at: 0, words: String::new() }
+    }
+
+    fn outcome(violations: &[(Violation, u64)], read_digest: u64) -> RunOutcome {
+        let violations = violations.iter().map(|&(violation, count)| broken(violation, count)).collect();
+        RunOutcome { verdict: Verdict { violations, ..Verdict::default() }, read_digest }
+    }
+
+    impl Subject for Bench<'_> {
+        fn run_to(&mut self, at: u64) {
+            assert!(at >= self.now, "a bench does not run backwards");
+            self.now = at;
+        }
+
+        fn targets(&self, board: Board) -> Targets {
+            let ram = if board == Board::Horus { HORUS_RAM } else { DPR_RAM };
+            Targets { ram: std::iter::once(ram).collect(), flash: std::iter::once(0..0x80).collect() }
+        }
+
+        fn upset(&mut self, board: Board, upset: Upset) {
+            self.upset = Some((self.now, board, upset));
+        }
+
+        fn outcome(self, for_ns: u64) -> RunOutcome {
+            assert_eq!(for_ns, 400);
+            if let Some(outcomes) = self.outcomes {
+                outcomes.set(outcomes.get() + 1);
+            }
+            // A bench with a violation of its own, whatever happens to it.
+            let always = (Violation::ShownStale, 2);
+            match self.upset {
+                Some((_, _, Upset::Ram { address, .. })) if address % 4 == 1 => outcome(&[always], 8),
+                Some((_, _, Upset::Ram { address, .. })) if address % 4 == 2 => {
+                    outcome(&[always, (Violation::Regression, 1)], 8)
+                }
+                _ => outcome(&[always], 7),
+            }
+        }
+    }
+
+    fn options() -> Options {
+        Options {
+            kinds: vec![Kind::Ram],
+            boards: vec![Board::Horus, Board::Dpr],
+            count: 200,
+            per_instant: 8,
+            between: (1_000, 9_000),
+            for_ns: 400,
+            seed: 3,
+        }
+    }
+
+    #[test]
+    fn an_upset_is_classed_by_what_it_changed() {
+        let reference = outcome(&[(Violation::NoFrame, 1)], 7);
+        let class = |violations: &[(Violation, u64)], digest| Class::of(&reference, &outcome(violations, digest));
+        assert_eq!(class(&[(Violation::NoFrame, 1)], 7), Class::Masked);
+        assert_eq!(class(&[(Violation::NoFrame, 1)], 8), Class::Detected);
+        assert_eq!(class(&[(Violation::NoFrame, 2)], 7), Class::Detected);
+        assert_eq!(class(&[], 7), Class::Detected);
+        assert_eq!(class(&[(Violation::NoFrame, 1), (Violation::HorusRestarted, 1)], 7), Class::Detected);
+        assert_eq!(class(&[(Violation::NoFrame, 1), (Violation::ShownExpired, 1)], 7), Class::Dangerous);
+    }
+
+    #[test]
+    fn what_is_dangerous_without_the_upset_counts_only_where_there_is_more_of_it() {
+        let reference = outcome(&[(Violation::Regression, 2)], 7);
+        assert_eq!(Class::of(&reference, &outcome(&[(Violation::Regression, 2)], 7)), Class::Masked);
+        assert_eq!(Class::of(&reference, &outcome(&[(Violation::Regression, 3)], 7)), Class::Dangerous);
+    }
+
+    #[test]
+    fn a_campaign_tries_as_many_upsets_as_asked_for_in_turn_on_each_board_and_each_kind() {
+        let options = Options { kinds: vec![Kind::Ram, Kind::Flash, Kind::Registers], count: 201, ..options() };
+        let campaign = Campaign::run(Bench::default(), &options);
+        assert_eq!(campaign.trials.len(), 201);
+        let of = |board, kind| Class::ALL.map(|class| campaign.count(board, kind, class)).iter().sum::<usize>();
+        for kind in [Kind::Ram, Kind::Flash, Kind::Registers] {
+            assert!((33..=34).contains(&of(Board::Horus, kind)), "{kind}");
+            assert!((33..=34).contains(&of(Board::Dpr, kind)), "{kind}");
+        }
+    }
+
+    #[test]
+    fn every_trial_is_classed_by_its_own_copy() {
+        let campaign = Campaign::run(Bench::default(), &options());
+        for trial in &campaign.trials {
+            let Upset::Ram { address, .. } = trial.upset else { panic!("{trial:?}") };
+            let ram = if trial.board == Board::Horus { HORUS_RAM } else { DPR_RAM };
+            assert!(ram.contains(&address), "{trial:?}");
+            let (class, found) = match address % 4 {
+                1 => (Class::Detected, vec![]),
+                2 => (Class::Dangerous, vec![Violation::Regression]),
+                _ => (Class::Masked, vec![]),
+            };
+            assert_eq!((trial.class, &trial.violations), (class, &found), "{trial:?}");
+        }
+        assert!(campaign.dangerous().count() > 20);
+    }
+
+    #[test]
+    fn instants_are_spread_over_the_run_and_shared_by_so_many_trials() {
+        let outcomes = Cell::new(0);
+        let campaign = Campaign::run(Bench { outcomes: Some(&outcomes), ..Bench::default() }, &options());
+        let mut instants: Vec<u64> = campaign.trials.iter().map(|trial| trial.at).collect();
+        assert!(instants.is_sorted());
+        instants.dedup();
+        assert_eq!(instants.len(), 25);
+        // Each in its own part of 320 ns, and one reference each.
+        for (nth, at) in instants.iter().enumerate() {
+            let from = 1_000 + 320 * nth as u64;
+            assert!((from..from + 320).contains(at), "{at}");
+        }
+        assert_eq!(outcomes.get(), 225);
+    }
+
+    #[test]
+    fn the_same_seed_tries_the_same_upsets_and_another_seed_others() {
+        let run = |seed| Campaign::run(Bench::default(), &Options { seed, ..options() });
+        assert_eq!(run(3), run(3));
+        assert_ne!(run(3), run(4));
+    }
+
+    #[test]
+    fn kinds_that_are_no_upsets_are_left_out() {
+        let options = Options { kinds: vec![Kind::Air, Kind::Ram, Kind::Power], ..options() };
+        let campaign = Campaign::run(Bench::default(), &options);
+        assert_eq!(campaign.trials.len(), 200);
+        assert!(campaign.trials.iter().all(|trial| trial.upset.kind() == Kind::Ram));
+        let none = Campaign::run(Bench::default(), &Options { kinds: vec![Kind::Air], ..options });
+        assert_eq!(none, Campaign::default());
+    }
+
+    #[test]
+    fn a_campaign_in_words_counts_the_classes_and_lists_what_is_dangerous() {
+        let trial = |class, violations| Trial {
+            number: 7,
+            seed: 3,
+            at: 1_500_000,
+            board: Board::Dpr,
+            upset: Upset::Ram { address: 0x2000_8002, bit: 5 },
+            class,
+            violations,
+        };
+        let dangerous = trial(Class::Dangerous, vec![Violation::Regression]);
+        let trials = vec![trial(Class::Masked, vec![]), trial(Class::Masked, vec![]), dangerous];
+        let words = Campaign { trials }.to_string();
+        let lines: Vec<&str> = words.lines().collect();
+        assert_eq!(lines[1].split_whitespace().collect::<Vec<_>>(), ["dpr", "ram", "2", "0", "1"]);
+        assert_eq!(lines[2], "seed 3, trial 7: at 1.500000 ms, dpr, RAM 0x20008002 bit 5: old data shown after new");
+        assert_eq!(lines.len(), 3);
+    }
+}

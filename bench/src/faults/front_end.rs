@@ -1,0 +1,337 @@
+//! What HORUS's front end, the poller, does wrong, or the wires to it.
+//!
+//! [`Emission`] stands between the chip and its antenna: it is told what the chip emits, and says what leaves the
+//! antenna. Neither chip nor firmware notices. [`FrontEndFault::SelectLate`] acts on the wire to the chip instead.
+
+use std::collections::VecDeque;
+
+use st25r3916_model::{AirEvent, FrameStart, nfc_f};
+
+use super::Rng;
+
+/// A fault of HORUS's front end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FrontEndFault {
+    /// Its antenna is disconnected: no carrier, and no frame.
+    NoCarrier,
+    /// Its modulator is dead: a carrier, and no frame.
+    Mute,
+    /// The second half of each frame is missing.
+    BreaksOff,
+    /// The last byte of each payload is missing, as if the chip had been told a length that is less by one: the frame's
+    /// own length and CRC fit what is sent.
+    Shortened,
+    /// Each frame is sent once more, so many ns after it has ended, and nothing commanded that.
+    FrameAgain(u64),
+    /// The chip is given each transmit command once more, so many ns after the frame has ended, with the same frame.
+    CommandAgain(u64),
+    /// Each frame begins later than the chip begins it, by up to so many ns, each time as likely as the others.
+    Scatters(u64),
+    /// Each rise of chip select reaches the chip late, by up to so many ns, each time as likely as the others.
+    SelectLate(u64),
+}
+
+/// From a command that is given once more to its frame, ns: the mean of what recordings show.
+pub const COMMAND_TO_FRAME_NS: u64 = 4_000;
+
+impl FrontEndFault {
+    /// What the event log calls it.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::NoCarrier => "without a carrier",
+            Self::Mute => "mute",
+            Self::BreaksOff => "breaks off",
+            Self::Shortened => "sends a byte too few",
+            Self::FrameAgain(_) => "sends frames again",
+            Self::CommandAgain(_) => "is commanded again",
+            Self::Scatters(_) => "scatters",
+            Self::SelectLate(_) => "is deselected late",
+        }
+    }
+}
+
+/// The frame that the chip is sending.
+#[derive(Clone, Debug)]
+struct Sending {
+    start: FrameStart,
+    /// It leaves the antenna so much later, ns.
+    late: u64,
+    /// The chip's end of it is no event at the antenna any more.
+    ended: bool,
+    /// Nothing of it leaves the antenna.
+    lost: bool,
+}
+
+/// What leaves the antenna of what a chip emits. See the [module](self).
+#[derive(Clone, Debug)]
+pub struct Emission {
+    noise: Rng,
+    faults: Vec<FrontEndFault>,
+    sending: Option<Sending>,
+    /// What leaves the antenna, and when, in order of time.
+    leaving: VecDeque<(u64, AirEvent)>,
+    /// Commands that nobody gave.
+    commands: Vec<u64>,
+}
+
+impl Emission {
+    /// A sound front end. What is random follows from `seed`.
+    #[must_use]
+    pub const fn new(seed: u64) -> Self {
+        Self { noise: Rng::new(seed), faults: vec![], sending: None, leaving: VecDeque::new(), commands: vec![] }
+    }
+
+    /// This is wrong from `now` (ns) on, beside what is wrong already. `carrier`: the chip's is on.
+    pub fn begin(&mut self, now: u64, fault: FrontEndFault, carrier: bool) {
+        if fault == FrontEndFault::NoCarrier {
+            if carrier && !self.has(fault) {
+                self.leaving.clear();
+                self.leave(now, AirEvent::FieldOff);
+            }
+            if let Some(sending) = &mut self.sending {
+                sending.lost = true;
+            }
+        }
+        self.faults.push(fault);
+    }
+
+    /// This is wrong no longer from `now` (ns) on. Nothing happens if it was not. `carrier`: the chip's is on.
+    pub fn end(&mut self, now: u64, fault: FrontEndFault, carrier: bool) {
+        let Some(place) = self.faults.iter().position(|other| *other == fault) else { return };
+        self.faults.remove(place);
+        if fault == FrontEndFault::NoCarrier && carrier && !self.has(fault) {
+            self.leave(now, AirEvent::FieldOn);
+        }
+    }
+
+    fn has(&self, fault: FrontEndFault) -> bool {
+        self.faults.contains(&fault)
+    }
+
+    fn leave(&mut self, at: u64, event: AirEvent) {
+        let place = self.leaving.partition_point(|(before, _)| *before <= at);
+        self.leaving.insert(place, (at, event));
+    }
+
+    /// By how much a rise of chip select is late, ns.
+    pub fn select_late(&mut self) -> u64 {
+        let Self { faults, noise, .. } = self;
+        let late = |fault: &FrontEndFault| if let FrontEndFault::SelectLate(ns) = fault { noise.below(*ns) } else { 0 };
+        faults.iter().map(late).sum()
+    }
+
+    /// The chip emitted this at `at` (ns).
+    pub fn emitted(&mut self, at: u64, event: AirEvent) {
+        match event {
+            AirEvent::FieldOn | AirEvent::FieldOff => {
+                if !self.has(FrontEndFault::NoCarrier) {
+                    self.leave(at, event);
+                }
+            }
+            AirEvent::FrameStart(start) => self.frame_started(at, start),
+            AirEvent::Bytes(chunk) => {
+                let Some(sending) = &mut self.sending else { return };
+                sending.start.chunk.data.extend_from_slice(&chunk.data);
+                let Sending { late, ended, lost, .. } = *sending;
+                if !lost && !ended {
+                    self.leave(at + late, AirEvent::Bytes(chunk));
+                }
+            }
+            AirEvent::FrameEnd { bits } => {
+                let Some(Sending { start, late, ended, lost }) = self.sending.take() else { return };
+                if lost {
+                    return;
+                }
+                if !ended {
+                    self.leave(at + late, AirEvent::FrameEnd { bits });
+                }
+                self.send_again(at + late, &start, bits);
+            }
+        }
+    }
+
+    fn frame_started(&mut self, at: u64, mut start: FrameStart) {
+        let lost = self.has(FrontEndFault::NoCarrier) || self.has(FrontEndFault::Mute);
+        let late = self
+            .faults
+            .iter()
+            .map(|fault| if let FrontEndFault::Scatters(ns) = fault { self.noise.below(*ns) } else { 0 })
+            .sum();
+        let data = &mut start.chunk.data;
+        let mut bits = None;
+        // LEN, of which it is one of two bytes at least, payload and CRC.
+        if self.faults.contains(&FrontEndFault::Shortened) && data.len() > 4 {
+            data.truncate(data.len() - 3);
+            data[0] -= 1;
+            let crc = nfc_f(data);
+            data.extend(crc);
+            bits = Some(8 * data.len() as u64);
+        }
+        if self.faults.contains(&FrontEndFault::BreaksOff) {
+            bits = Some(4 * data.len() as u64);
+        }
+        if let (Some(bits), false) = (bits, lost) {
+            let air = u64::from(start.header_bits) + bits / 8 * u64::from(start.byte_bits) + bits % 8;
+            // A bit is about 2.4 µs long, in attoseconds.
+            let ends = at + late + air * (start.bit_as / 1_000_000) / 1_000;
+            self.leave(ends, AirEvent::FrameEnd { bits: u32::try_from(bits).unwrap_or(u32::MAX) });
+        }
+        if !lost {
+            self.leave(at + late, AirEvent::FrameStart(start.clone()));
+        }
+        self.sending = Some(Sending { start, late, ended: bits.is_some(), lost });
+    }
+
+    /// A frame of so many `bits` ended at `at`.
+    fn send_again(&mut self, at: u64, start: &FrameStart, bits: u32) {
+        for fault in self.faults.clone() {
+            let begins = match fault {
+                FrontEndFault::FrameAgain(after) => at + after,
+                FrontEndFault::CommandAgain(after) => {
+                    self.commands.push(at + after);
+                    at + after + COMMAND_TO_FRAME_NS
+                }
+                _ => continue,
+            };
+            let air = u64::from(start.header_bits) + start.chunk.data.len() as u64 * u64::from(start.byte_bits);
+            self.leave(begins, AirEvent::FrameStart(start.clone()));
+            self.leave(begins + air * (start.bit_as / 1_000_000) / 1_000, AirEvent::FrameEnd { bits });
+        }
+    }
+
+    /// When something next leaves the antenna, ns; `u64::MAX` for never.
+    #[must_use]
+    pub fn next_at(&self) -> u64 {
+        self.leaving.front().map_or(u64::MAX, |(at, _)| *at)
+    }
+
+    /// What leaves the antenna at `now` (ns) or before.
+    pub fn take(&mut self, now: u64) -> Option<(u64, AirEvent)> {
+        self.leaving.pop_front_if(|(at, _)| *at <= now)
+    }
+
+    /// The transmit commands since the last call that nobody gave, each with its instant (ns); some may lie ahead.
+    pub fn take_commands(&mut self) -> Vec<u64> {
+        std::mem::take(&mut self.commands)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use st25r3916_model::{Chunk, Technology};
+
+    use super::*;
+
+    const MS: u64 = 1_000_000;
+    /// A bit of 424 kbit/s is 2.36 µs; here 2 µs, so that instants are round.
+    const BIT_NS: u64 = 2_000;
+
+    fn frame() -> FrameStart {
+        let mut data = vec![11];
+        data.extend(1..=10);
+        data.extend(nfc_f(&data));
+        FrameStart {
+            technology: Technology::NfcF,
+            bits_per_second: 424_000,
+            bit_as: BIT_NS * 1_000_000_000,
+            header_bits: 64,
+            byte_bits: 8,
+            load_modulation: false,
+            chunk: Chunk { data, parity_error: false },
+        }
+    }
+
+    const BITS: u32 = 8 * 13;
+    const AIR_NS: u64 = (64 + BITS as u64) * BIT_NS;
+
+    /// What leaves the antenna until `until` if a frame begins at 1 ms, and the front end does `fault` from 0 on.
+    fn leaves(faults: &[FrontEndFault], until: u64) -> (Vec<(u64, AirEvent)>, Vec<u64>) {
+        let mut emission = Emission::new(1);
+        faults.iter().for_each(|fault| emission.begin(0, *fault, false));
+        emission.emitted(0, AirEvent::FieldOn);
+        emission.emitted(MS, AirEvent::FrameStart(frame()));
+        emission.emitted(MS + AIR_NS, AirEvent::FrameEnd { bits: BITS });
+        (std::iter::from_fn(|| emission.take(until)).collect(), emission.take_commands())
+    }
+
+    fn sound() -> Vec<(u64, AirEvent)> {
+        let end = AirEvent::FrameEnd { bits: BITS };
+        vec![(0, AirEvent::FieldOn), (MS, AirEvent::FrameStart(frame())), (MS + AIR_NS, end)]
+    }
+
+    #[test]
+    fn a_sound_front_end_emits_what_its_chip_emits() {
+        assert_eq!(leaves(&[], u64::MAX), (sound(), vec![]));
+        assert_eq!(leaves(&[], MS).0, sound()[..2]);
+    }
+
+    #[test]
+    fn a_mute_one_has_a_carrier_alone_and_one_without_an_antenna_not_even_that() {
+        assert_eq!(leaves(&[FrontEndFault::Mute], u64::MAX).0, [(0, AirEvent::FieldOn)]);
+        assert_eq!(leaves(&[FrontEndFault::NoCarrier], u64::MAX).0, []);
+    }
+
+    #[test]
+    fn the_carrier_goes_and_comes_back_with_the_antenna_and_the_frame_between_is_lost() {
+        let mut emission = Emission::new(1);
+        emission.emitted(MS, AirEvent::FrameStart(frame()));
+        assert_eq!(emission.take(MS).map(|(at, _)| at), Some(MS));
+        emission.begin(MS + 100, FrontEndFault::NoCarrier, true);
+        emission.end(MS + 200, FrontEndFault::NoCarrier, true);
+        emission.emitted(MS + AIR_NS, AirEvent::FrameEnd { bits: BITS });
+        let left: Vec<_> = std::iter::from_fn(|| emission.take(u64::MAX)).collect();
+        assert_eq!(left, [(MS + 100, AirEvent::FieldOff), (MS + 200, AirEvent::FieldOn)]);
+    }
+
+    #[test]
+    fn a_frame_that_breaks_off_ends_in_its_middle() {
+        let half = (MS + (64 + u64::from(BITS) / 2) * BIT_NS, AirEvent::FrameEnd { bits: BITS / 2 });
+        let expected = [&sound()[..2], &[half]].concat();
+        assert_eq!(leaves(&[FrontEndFault::BreaksOff], u64::MAX).0, expected);
+    }
+
+    #[test]
+    fn a_shortened_frame_has_a_length_and_a_crc_that_fit() {
+        let (left, _) = leaves(&[FrontEndFault::Shortened], u64::MAX);
+        let AirEvent::FrameStart(start) = &left[1].1 else { panic!("{left:?}") };
+        let mut data = vec![10];
+        data.extend(1..=9);
+        data.extend(nfc_f(&data));
+        assert_eq!(start.chunk.data, data);
+        assert_eq!(left[2], (MS + AIR_NS - 8 * BIT_NS, AirEvent::FrameEnd { bits: BITS - 8 }));
+        assert_eq!(left.len(), 3);
+    }
+
+    #[test]
+    fn a_frame_comes_once_more_with_or_without_a_command() {
+        let again = |begins| {
+            let end = AirEvent::FrameEnd { bits: BITS };
+            vec![(begins, AirEvent::FrameStart(frame())), (begins + AIR_NS, end)]
+        };
+        let ended = MS + AIR_NS;
+        let expected = [sound(), again(ended + 500)].concat();
+        assert_eq!(leaves(&[FrontEndFault::FrameAgain(500)], u64::MAX), (expected, vec![]));
+        let expected = [sound(), again(ended + 500 + COMMAND_TO_FRAME_NS)].concat();
+        assert_eq!(leaves(&[FrontEndFault::CommandAgain(500)], u64::MAX), (expected, vec![ended + 500]));
+    }
+
+    #[test]
+    fn frames_and_chip_select_come_late_by_less_than_was_said_and_not_always_the_same() {
+        let mut emission = Emission::new(1);
+        emission.begin(0, FrontEndFault::Scatters(1_000), true);
+        let mut lates = std::collections::BTreeSet::new();
+        for number in 1..50 {
+            emission.emitted(number * MS, AirEvent::FrameStart(frame()));
+            emission.emitted(number * MS + AIR_NS, AirEvent::FrameEnd { bits: BITS });
+            let begins = emission.take(u64::MAX).unwrap().0;
+            assert_eq!(emission.take(u64::MAX).unwrap().0, begins + AIR_NS);
+            lates.insert(begins - number * MS);
+        }
+        assert!(lates.len() > 20 && *lates.last().unwrap() < 1_000, "{lates:?}");
+        assert_eq!(emission.select_late(), 0);
+        emission.begin(0, FrontEndFault::SelectLate(100), true);
+        let lates: std::collections::BTreeSet<_> = (0..50).map(|_| emission.select_late()).collect();
+        assert!(lates.len() > 20 && *lates.last().unwrap() < 100, "{lates:?}");
+    }
+}

@@ -1,0 +1,137 @@
+//! Another value for a constant that an image's code loads, found by what it is and not by where it is.
+//!
+//! | covered | not covered |
+//! |---|---|
+//! | MOVW; MOVW and MOVT in a row, or with one 16-bit instruction between | the halves farther apart |
+//! | MOV with a modified immediate | MOVS and other 8-bit immediates |
+//! | an aligned word, between the code or in a table | a word that is put together at run time |
+
+use cortex_m4::Cost;
+
+use super::{Repair, seal};
+use crate::node::{Board, Error, Node};
+
+/// Every place of `node`'s image that loads `of` loads `value` from now on; the image is sealed again.
+///
+/// # Errors
+///
+/// [`Error::NoSymbol`] where the image has no vector table or no CRC, or no such constant.
+pub(super) fn replace<B: Board, C: Cost>(node: &mut Node<B, C>, of: u32, value: u32) -> Result<Repair, Error> {
+    let (first, end) = (node.address_of("__vector_table")?, node.address_of("__image_crc")?);
+    let mut image = vec![0; usize::try_from(end.saturating_sub(first)).unwrap_or(0)];
+    node.read(first, &mut image)?;
+    let places = replaced(&image, of, value);
+    if places.is_empty() {
+        let firmware = node.firmware().name().to_owned();
+        return Err(Error::NoSymbol { firmware, symbol: format!("for the constant {of:#x}") });
+    }
+    let mut repair = Repair::default();
+    for (offset, bytes) in places {
+        repair.0.extend(Repair::after_writing(node, first + offset as u64, &bytes)?.0);
+    }
+    repair.0.extend(seal(node)?.0);
+    Ok(repair)
+}
+
+/// Where in `image` the constant `of` is, and what stands there instead for `value`.
+fn replaced(image: &[u8], of: u32, value: u32) -> Vec<(usize, Vec<u8>)> {
+    let half = |at: usize| image.get(2 * at..2 * at + 2).map(|bytes| u16::from_le_bytes([bytes[0], bytes[1]]));
+    let pair = |at| half(at).zip(half(at + 1));
+    let mut places = vec![];
+    let mut put = |at: usize, (one, two): (u16, u16)| {
+        places.push((2 * at, [one.to_le_bytes(), two.to_le_bytes()].concat()));
+    };
+    for at in 0..image.len() / 2 {
+        let Some(here) = pair(at) else { break };
+        let register = here.1 >> 8 & 0xF;
+        let top = (at + 2..=at + 3).find(|&at| pair(at).is_some_and(|it| is_half(it, MOVT, register)));
+        if is_half(here, MOVW, register) && immediate(here) == of as u16 {
+            match top {
+                Some(top) if pair(top).map(immediate) == Some((of >> 16) as u16) => {
+                    put(at, encoded(MOVW, register, value as u16));
+                    put(top, encoded(MOVT, register, (value >> 16) as u16));
+                }
+                None if of <= 0xFFFF && value <= 0xFFFF => put(at, encoded(MOVW, register, value as u16)),
+                _ => {}
+            }
+        } else if here.0 & 0xFBFF == MOV && here.1 & 0x8000 == 0 && expanded(here) == of && value <= 0xFFFF {
+            put(at, encoded(MOVW, register, value as u16));
+        } else if at % 2 == 0 && u32::from(here.0) | u32::from(here.1) << 16 == of {
+            put(at, (value as u16, (value >> 16) as u16));
+        }
+    }
+    places
+}
+
+/// First halfwords, ARMv7-M ARM A7.7.76 and A7.7.79: MOVW is encoding T3 of MOV, MOV is encoding T2.
+const MOVW: u16 = 0xF240;
+const MOVT: u16 = 0xF2C0;
+const MOV: u16 = 0xF04F;
+
+fn is_half((one, two): (u16, u16), opcode: u16, register: u16) -> bool {
+    one & 0xFBF0 == opcode && two & 0x8000 == 0 && two >> 8 & 0xF == register
+}
+
+/// The 16 bits of a MOVW or MOVT.
+fn immediate((one, two): (u16, u16)) -> u16 {
+    (one & 0xF) << 12 | (one >> 10 & 1) << 11 | (two >> 12 & 7) << 8 | two & 0xFF
+}
+
+fn encoded(opcode: u16, register: u16, value: u16) -> (u16, u16) {
+    (opcode | (value >> 11 & 1) << 10 | value >> 12, (value >> 8 & 7) << 12 | register << 8 | value & 0xFF)
+}
+
+/// The modified immediate of a MOV, ARMv7-M ARM A5.3.2.
+fn expanded((one, two): (u16, u16)) -> u32 {
+    let (rotation, byte) = ((one >> 10 & 1) << 4 | two >> 11 & 0xE | two >> 7 & 1, u32::from(two & 0xFF));
+    match rotation {
+        0 | 1 => byte,
+        2 | 3 => byte << 16 | byte,
+        4 | 5 => byte << 24 | byte << 8,
+        6 | 7 => byte << 24 | byte << 16 | byte << 8 | byte,
+        _ => (byte | 0x80).rotate_right(u32::from(rotation)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn image(halves: &[u16]) -> Vec<u8> {
+        halves.iter().flat_map(|half| half.to_le_bytes()).collect()
+    }
+
+    #[test]
+    fn a_constant_of_16_bits_is_found_in_a_movw_and_its_register_stays() {
+        // MOVW r1, #24480
+        let image = image(&[0xBF00, 0xF645, 0x71A0]);
+        assert_eq!(replaced(&image, 24_480, 24_481), [(2, vec![0x45, 0xF6, 0xA1, 0x71])]);
+        assert!(replaced(&image, 24_481, 0).is_empty());
+    }
+
+    #[test]
+    fn a_constant_of_32_bits_is_found_in_a_movw_and_its_movt() {
+        let of = 0x0004_C4A0;
+        let (low, high) = (encoded(MOVW, 1, 0xC4A0), encoded(MOVT, 1, 4));
+        let code = image(&[low.0, low.1, 0xBF00, high.0, high.1]);
+        let (to_low, to_high) = (encoded(MOVW, 1, 0xFCC0), encoded(MOVT, 1, 6));
+        let wanted = [(0, image(&[to_low.0, to_low.1])), (6, image(&[to_high.0, to_high.1]))];
+        assert_eq!(replaced(&code, of, 0x0006_FCC0), wanted);
+        // Its low half alone is no constant of 16 bits.
+        assert!(replaced(&code, 0xC4A0, 1).is_empty());
+    }
+
+    #[test]
+    fn a_constant_is_found_in_a_modified_immediate() {
+        // MOV.W r3, #0x4400
+        let (one, two) = encoded(MOVW, 3, 0x4401);
+        assert_eq!(replaced(&image(&[0xF44F, 0x4388]), 0x4400, 0x4401), [(0, image(&[one, two]))]);
+    }
+
+    #[test]
+    fn a_constant_is_found_as_an_aligned_word() {
+        let table = image(&[0, 0, 0xC4A0, 4, 0]);
+        assert_eq!(replaced(&table, 0x0004_C4A0, 7), [(4, vec![7, 0, 0, 0])]);
+        assert!(replaced(&table, 0xC4A0_0000, 7).is_empty());
+    }
+}

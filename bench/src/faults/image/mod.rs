@@ -1,0 +1,195 @@
+//! Damage to the code of a firmware in flash, or to its variables.
+//!
+//! [`ImageFault::apply`] damages a board as a debugger would, under the running core, and answers the [`Repair`].
+//! [`rewrite()`] changes what an image stores to peripheral registers, from what a [`Recording`] of it shows.
+
+mod constant;
+mod record;
+mod rewrite;
+
+pub use record::{Recording, Stored};
+pub use rewrite::{Change, RewriteError, To, rewrite};
+
+use cortex_m4::Cost;
+
+use crate::node::{Board, Error, Node};
+
+/// What is wrong with an image.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum ImageFault {
+    /// The handler of this vector, or the function of this name, returns at once.
+    Dead(String),
+    /// It never returns.
+    Hung(String),
+    /// It executes an undefined instruction.
+    Faulting(String),
+    /// The instruction at this address is a branch to itself.
+    Stopped(u32),
+    /// A variable or table, by its symbol, holds these bytes from this offset on.
+    Poke {
+        /// The symbol as the linker has it, or the end of its path: `cycle_timer::TICKS`.
+        symbol: String,
+        /// Bytes from its first.
+        offset: u32,
+        /// What it holds there.
+        bytes: Vec<u8>,
+    },
+    /// The code of a function, its literals included, holds other bytes where it holds certain ones, which must be at
+    /// one place of it alone.
+    Replaced {
+        /// A handler's symbol, or the end of a function's path.
+        function: String,
+        /// The bytes, from an even address on.
+        was: Vec<u8>,
+        /// As many others.
+        is: Vec<u8>,
+    },
+    /// The image's code and tables have another value in place of this constant, wherever they have it, and the image's
+    /// CRC is made to fit.
+    Constant {
+        /// The constant.
+        of: u32,
+        /// What is there instead.
+        value: u32,
+    },
+    /// Memory at this address holds these bytes, flash included.
+    Patch {
+        /// The first byte's address.
+        address: u32,
+        /// What is there.
+        bytes: Vec<u8>,
+        /// The image's CRC is made to fit, so that the firmware's own check of its flash finds nothing.
+        sealed: bool,
+    },
+}
+
+/// `BX LR`: a handler returns without having done anything, its interrupt not even acknowledged.
+const RETURN: u16 = 0x4770;
+/// `B .`
+const BRANCH_TO_ITSELF: u16 = 0xE7FE;
+/// `UDF #0`
+const UNDEFINED: u16 = 0xDE00;
+
+impl ImageFault {
+    /// What the event log calls it.
+    #[must_use]
+    pub fn name(&self) -> String {
+        match self {
+            Self::Dead(handler) => format!("{handler} dead"),
+            Self::Hung(handler) => format!("{handler} hung"),
+            Self::Faulting(handler) => format!("{handler} faulting"),
+            Self::Stopped(address) => format!("stopped at {address:#010x}"),
+            Self::Poke { symbol, offset, .. } => format!("{symbol}+{offset:#x} overwritten"),
+            Self::Replaced { function, .. } => format!("{function} changed"),
+            Self::Constant { of, value } => format!("{value:#x} for {of:#x}"),
+            Self::Patch { address, .. } => format!("{address:#010x} overwritten"),
+        }
+    }
+
+    /// Damages `node`'s memory now.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::NoSymbol`] where the image has no handler, function or variable of that name, or no such constant,
+    /// [`Error::NotMemory`] where an address is none of the part's memory, [`Error::NoPlace`] where what is to be
+    /// replaced is not there once.
+    pub fn apply<B: Board, C: Cost>(&self, node: &mut Node<B, C>) -> Result<Repair, Error> {
+        let code = |node: &mut Node<B, C>, address, instruction: u16| {
+            Repair::after_writing(node, address, &instruction.to_le_bytes())
+        };
+        match self {
+            Self::Dead(name) => code(node, entry(node, name)?, RETURN),
+            Self::Hung(name) => code(node, entry(node, name)?, BRANCH_TO_ITSELF),
+            Self::Faulting(name) => code(node, entry(node, name)?, UNDEFINED),
+            Self::Stopped(address) => code(node, u64::from(*address), BRANCH_TO_ITSELF),
+            Self::Poke { symbol, offset, bytes } => poke(node, symbol, *offset, bytes),
+            Self::Replaced { function, was, is } => {
+                let address = place_of(node, function, was)?;
+                Repair::after_writing(node, address, is)
+            }
+            Self::Constant { of, value } => constant::replace(node, *of, *value),
+            Self::Patch { address, bytes, sealed } => {
+                let mut repair = Repair::after_writing(node, u64::from(*address), bytes)?;
+                if *sealed {
+                    repair.0.extend(seal(node)?.0);
+                }
+                Ok(repair)
+            }
+        }
+    }
+}
+
+/// What was in memory before it was damaged.
+#[must_use = "the damage stays without it"]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Repair(Vec<(u64, Vec<u8>)>);
+
+impl Repair {
+    /// Writes `bytes` to memory at `address`.
+    fn after_writing<B: Board, C: Cost>(node: &mut Node<B, C>, address: u64, bytes: &[u8]) -> Result<Self, Error> {
+        let mut was = vec![0; bytes.len()];
+        node.read(address, &mut was)?;
+        node.write(address, bytes)?;
+        Ok(Self(vec![(address, was)]))
+    }
+
+    /// Mends the damage: what was overwritten is there again.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::NotMemory`], of another part than the damaged one.
+    pub fn mend<B: Board, C: Cost>(&self, node: &mut Node<B, C>) -> Result<(), Error> {
+        self.0.iter().rev().try_for_each(|(address, was)| node.write(*address, was))
+    }
+}
+
+/// The first instruction of the handler or function called `name`: a symbol, or else a function whose path ends so.
+fn entry<B: Board, C: Cost>(node: &Node<B, C>, name: &str) -> Result<u64, Error> {
+    let called = node.firmware().functions_called(name).next();
+    node.address_of(name).or_else(|error| called.ok_or(error)).map(|address| address & !1)
+}
+
+/// Where the function called `name` holds `bytes`: the one place.
+fn place_of<B: Board, C: Cost>(node: &Node<B, C>, name: &str, bytes: &[u8]) -> Result<u64, Error> {
+    let first = entry(node, name)?;
+    let mut code = vec![0; node.firmware().size_at(first)];
+    node.read(first, &mut code)?;
+    let mut places = (0..code.len()).step_by(2).filter(|place| code[*place..].starts_with(bytes));
+    match (places.next(), places.next()) {
+        (Some(place), None) => Ok(first + place as u64),
+        (found, _) => Err(Error::NoPlace {
+            function: name.to_owned(),
+            bytes: bytes.to_vec(),
+            found: if found.is_some() { "several places" } else { "no place" },
+        }),
+    }
+}
+
+/// Overwrites the variable `symbol` from byte `offset` on.
+///
+/// # Errors
+///
+/// [`Error::NoSymbol`] where the image has no such variable, [`Error::NotMemory`] where the bytes reach past its
+/// memory.
+pub fn poke<B: Board, C: Cost>(
+    node: &mut Node<B, C>,
+    symbol: &str,
+    offset: u32,
+    bytes: &[u8],
+) -> Result<Repair, Error> {
+    let called = node.firmware().symbol_called(symbol);
+    let address = node.address_of(symbol).or_else(|error| called.ok_or(error))? + u64::from(offset);
+    Repair::after_writing(node, address, bytes)
+}
+
+/// Seals `node`'s image again, as the build does: its CRC is that of what is in flash now.
+///
+/// # Errors
+///
+/// [`Error::NoSymbol`] where the image has no vector table or no CRC.
+pub fn seal<B: Board, C: Cost>(node: &mut Node<B, C>) -> Result<Repair, Error> {
+    let (first, end) = (node.address_of("__vector_table")?, node.address_of("__image_crc")?);
+    let mut image = vec![0; usize::try_from(end.saturating_sub(first)).unwrap_or(0)];
+    node.read(first, &mut image)?;
+    Repair::after_writing(node, end, &profile::crc::frame(&image).to_be_bytes())
+}

@@ -1,0 +1,166 @@
+//! Which instructions of an image store what to peripherals.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use cortex_m4::Cost;
+
+use crate::node::{Board, Node};
+
+/// Where peripherals begin, the core's own included.
+const PERIPHERALS: u32 = 0x4000_0000;
+
+/// An instruction that stores a register.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Store {
+    /// The register stored.
+    pub(super) rt: u8,
+    pub(super) rn: u8,
+    pub(super) offset: Offset,
+    /// How many bytes.
+    size: u8,
+    /// Whether the instruction has 32 bits.
+    wide: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Offset {
+    Immediate(u16),
+    Register { rm: u8, shift: u8 },
+}
+
+impl Store {
+    /// The store in `first` and `second`, if that is one: ARMv7-M ARM A7.7.161 (STR), A7.7.163 (STRB), A7.7.170 (STRH).
+    pub(super) fn decode(first: u16, second: u16) -> Option<Self> {
+        let low = |at: u16| (first >> at & 7) as u8;
+        let narrow = |size: u8, offset| Some(Self { rt: low(0), rn: low(3), offset, size, wide: false });
+        let immediate = first >> 6 & 0x1F;
+        match first >> 11 {
+            0b01100 => return narrow(4, Offset::Immediate(immediate * 4)),
+            0b01110 => return narrow(1, Offset::Immediate(immediate)),
+            0b10000 => return narrow(2, Offset::Immediate(immediate * 2)),
+            _ => {}
+        }
+        match first >> 9 {
+            0b010_1000 => return narrow(4, Offset::Register { rm: low(6), shift: 0 }),
+            0b010_1001 => return narrow(2, Offset::Register { rm: low(6), shift: 0 }),
+            0b010_1010 => return narrow(1, Offset::Register { rm: low(6), shift: 0 }),
+            _ => {}
+        }
+        let (rn, rt) = ((first & 0xF) as u8, (second >> 12) as u8);
+        let (size, long) = match first & 0xFFF0 {
+            0xF880 => (1, true),
+            0xF8A0 => (2, true),
+            0xF8C0 => (4, true),
+            0xF800 => (1, false),
+            0xF820 => (2, false),
+            0xF840 => (4, false),
+            _ => return None,
+        };
+        let offset = if long {
+            Offset::Immediate(second & 0xFFF)
+        } else if second & 0x0FC0 == 0 {
+            Offset::Register { rm: (second & 0xF) as u8, shift: (second >> 4 & 3) as u8 }
+        } else {
+            return None;
+        };
+        Some(Self { rt, rn, offset, size, wide: true })
+    }
+
+    fn address<B: Board, C: Cost>(self, node: &Node<B, C>) -> u32 {
+        let register = |number: u8| node.register(usize::from(number));
+        let offset = match self.offset {
+            Offset::Immediate(value) => u32::from(value),
+            Offset::Register { rm, shift } => register(rm) << shift,
+        };
+        register(self.rn).wrapping_add(offset)
+    }
+
+    pub(super) fn uses(self, register: u8) -> bool {
+        let rm = if let Offset::Register { rm, .. } = self.offset { rm } else { self.rn };
+        [self.rt, self.rn, rm].contains(&register)
+    }
+}
+
+/// Whether an instruction that begins with `first` has 32 bits: ARMv7-M ARM A5.1.
+pub(super) const fn is_wide(first: u16) -> bool {
+    first >> 11 >= 0b11101
+}
+
+/// A store that a board made to a peripheral.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Stored {
+    /// The register's address.
+    pub address: u32,
+    /// Which instruction did it.
+    pub pc: u32,
+    /// What was stored.
+    pub value: u32,
+}
+
+/// What a board stored to peripherals in a run without a patch.
+#[derive(Clone, Debug, Default)]
+pub struct Recording {
+    stores: BTreeSet<Stored>,
+    /// Instructions that something branched to.
+    pub(super) targets: BTreeSet<u32>,
+    /// Stores inside IT blocks.
+    pub(super) conditional: BTreeSet<u32>,
+    /// The instruction before each store.
+    pub(super) before: BTreeMap<u32, u32>,
+}
+
+impl Recording {
+    /// Runs `node` to `until` (ns), and calls `drain` after every instruction.
+    #[must_use]
+    pub fn of<B: Board, C: Cost>(node: &mut Node<B, C>, until: u64, mut drain: impl FnMut(&mut Node<B, C>)) -> Self {
+        let mut recording = Self::default();
+        let mut before = 0;
+        while node.now() < until {
+            if node.is_asleep() {
+                node.advance(node.earliest().max(node.now() + 1).min(until));
+                drain(node);
+                continue;
+            }
+            let (pc, retired) = (node.register(15), node.instructions());
+            let (first, second) = halves(node, pc);
+            let length = if is_wide(first) { 4 } else { 2 };
+            // ICI/IT of EPSR, ARMv7-M ARM B1.4.2.
+            let in_it_block = node.register(16) & 0x0600_FC00 != 0;
+            let stored = Store::decode(first, second)
+                .map(|store| (store.address(node), node.register(usize::from(store.rt)), store.size))
+                .filter(|(address, ..)| *address >= PERIPHERALS);
+            while node.instructions() == retired && node.now() < until && !node.is_asleep() {
+                node.advance(node.now() + 1);
+            }
+            let next = node.register(15);
+            if next != pc + length {
+                recording.targets.insert(next);
+            } else if let Some((address, register, size)) = stored {
+                let value = if size == 4 { register } else { register & ((1 << (8 * size)) - 1) };
+                recording.stores.insert(Stored { address, pc, value });
+                recording.before.insert(pc, before);
+                if in_it_block {
+                    recording.conditional.insert(pc);
+                }
+            }
+            before = pc;
+            drain(node);
+        }
+        recording
+    }
+
+    /// What was stored to `address`.
+    pub fn to(&self, address: u32) -> impl Iterator<Item = Stored> + '_ {
+        self.stores.iter().copied().filter(move |stored| stored.address == address)
+    }
+}
+
+/// The two halfwords at `address`.
+pub(super) fn halves<B: Board, C: Cost>(node: &Node<B, C>, address: u32) -> (u16, u16) {
+    let mut bytes = [0; 4];
+    if node.read(u64::from(address), &mut bytes).is_err() {
+        // The last halfword of a memory.
+        let _ = node.read(u64::from(address), &mut bytes[..2]);
+    }
+    (u16::from_le_bytes([bytes[0], bytes[1]]), u16::from_le_bytes([bytes[2], bytes[3]]))
+}

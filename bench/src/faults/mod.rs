@@ -1,0 +1,215 @@
+//! What goes wrong on purpose, and when.
+//!
+//! [`Faults`] is the one type that says it, for tests and for `cargo xtask sim --faults`: a list of [`Episode`]s, each
+//! a [`Fault`] from one instant to another, and the damage done to the images before the run. Tests write episodes by
+//! hand; [`Faults::drawn`] draws them from a seed.
+//!
+//! | file | what it breaks | where it acts |
+//! |---|---|---|
+//! | `st25r3916_model::AirFaults` | frames between the antennas | the air |
+//! | [`receivers`] | what a GNSS receiver sends, and its line | HORUS's UART pins |
+//! | [`front_end`] | HORUS's front end | its antenna, its chip select |
+//! | [`flight_controller`] | how the flight controller uses the SSI | the SSI's pins |
+//! | [`wires`] | what the wires between boards and world carry | FRESH, TICK, MISO, the radio |
+//! | [`base`] | which objects the base station shows | what it tells of a profile |
+//! | [`power`] | supply and reset of a board | the part and its front end |
+//! | [`upset`] | a bit of RAM, flash or a register | the part's memory |
+//! | [`image`] | instructions of a firmware in flash, or its variables | the image, before the run or in mid-run |
+//!
+//! [`plan`] draws episodes of these from a seed. Upsets are not drawn into a run: [`campaign`] tries each on a copy of
+//! the bench.
+//!
+//! # Where to add a fault
+//!
+//! A variant of [`Fault`], its effect in one of the files above, a line in [`Kind`] so that `--faults` can draw it.
+
+pub mod base;
+pub mod campaign;
+pub mod flight_controller;
+pub mod front_end;
+pub mod image;
+pub mod plan;
+pub mod power;
+pub mod receivers;
+pub mod rng;
+pub mod upset;
+pub mod wires;
+
+use std::collections::VecDeque;
+
+pub use base::BaseFault;
+pub use bench_judge::Board;
+pub use campaign::{Campaign, Class, Options, RunOutcome, Subject, Trial};
+pub use flight_controller::Conduct;
+pub use front_end::{Emission, FrontEndFault};
+pub use image::ImageFault;
+pub use plan::{Kind, UnknownKind};
+pub use power::{PowerFault, Powered};
+pub use receivers::{LineFaults, OnLine, ReceiverFault};
+pub use rng::Rng;
+pub use st25r3916_model::AirFaults;
+pub use upset::{Targets, Upset};
+pub use wires::{WireFault, Wires};
+
+/// Something that is wrong while an [`Episode`] lasts, or that happens at its beginning.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Fault {
+    /// The air treats frames so.
+    Air(AirFaults),
+    /// A receiver, from 0, or its line.
+    Receiver(usize, ReceiverFault),
+    /// HORUS's front end.
+    FrontEnd(FrontEndFault),
+    /// The flight controller behaves so.
+    FlightController(Conduct),
+    /// A wire.
+    Wire(WireFault),
+    /// The base station.
+    Base(BaseFault),
+    /// A board's supply or reset pin.
+    Power(Board, PowerFault),
+    /// A bit of a board.
+    Upset(Board, Upset),
+    /// Code of a board's image; it is mended at the episode's end.
+    Image(Board, ImageFault),
+}
+
+impl Fault {
+    /// What the event log calls it.
+    #[must_use]
+    pub fn name(&self) -> String {
+        match self {
+            Self::Air(_) => "air".into(),
+            Self::Receiver(receiver, fault) => format!("receiver {} {}", receiver + 1, fault.name()),
+            Self::FrontEnd(fault) => format!("poller {}", fault.name()),
+            Self::FlightController(conduct) => format!("flight controller {}", conduct.name()),
+            Self::Wire(fault) => format!("wire {}", fault.name()),
+            Self::Base(fault) => format!("base station {}", fault.name()),
+            Self::Power(board, fault) => format!("power {} {}", name_of(*board), fault.name()),
+            Self::Upset(board, upset) => format!("{} {}", upset.name(), name_of(*board)),
+            Self::Image(board, fault) => format!("image {} {}", name_of(*board), fault.name()),
+        }
+    }
+
+    /// Whether it acts on HORUS's side, which runs ahead of the DPR's.
+    #[must_use]
+    pub fn is_upstream(&self) -> bool {
+        match self {
+            Self::Receiver(..) | Self::FrontEnd(_) => true,
+            Self::Air(_) | Self::FlightController(_) | Self::Base(_) => false,
+            Self::Wire(fault) => fault.is_upstream(),
+            Self::Power(board, _) | Self::Upset(board, _) | Self::Image(board, _) => *board == Board::Horus,
+        }
+    }
+}
+
+/// A board in the log's words.
+#[must_use]
+pub fn name_of(board: Board) -> &'static str {
+    match board {
+        Board::Horus => "horus",
+        Board::Dpr => "dpr",
+    }
+}
+
+/// A fault and when it is there.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Episode {
+    /// When it begins, virtual ns.
+    pub at: u64,
+    /// When its cause goes away, ns: [`Episode::at`] for what has no duration, `u64::MAX` for never.
+    pub until: u64,
+    /// What.
+    pub fault: Fault,
+}
+
+/// Everything that goes wrong in a run. The default is a run in which nothing does.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Faults {
+    /// In order of their beginnings.
+    episodes: Vec<Episode>,
+}
+
+impl Faults {
+    /// Nothing goes wrong.
+    #[must_use]
+    pub fn none() -> Self {
+        Self::default()
+    }
+
+    /// The air treats frames so from the beginning to the end.
+    #[must_use]
+    pub fn of_air(faults: AirFaults) -> Self {
+        Self::none().with(0, u64::MAX, Fault::Air(faults))
+    }
+
+    /// And this.
+    #[must_use]
+    pub fn with(mut self, at: u64, until: u64, fault: Fault) -> Self {
+        self.add(Episode { at, until, fault });
+        self
+    }
+
+    /// Adds an episode.
+    pub fn add(&mut self, episode: Episode) {
+        let place = self.episodes.partition_point(|other| other.at <= episode.at);
+        self.episodes.insert(place, episode);
+    }
+
+    /// The episodes, in order of their beginnings.
+    #[must_use]
+    pub fn episodes(&self) -> &[Episode] {
+        &self.episodes
+    }
+
+    /// What begins and ends on HORUS's side (`upstream`) or on the DPR's.
+    #[must_use]
+    pub fn timeline(&self, upstream: bool) -> Timeline {
+        let mine = self.episodes.iter().filter(|episode| episode.fault.is_upstream() == upstream);
+        let mut turns: Vec<(u64, Turn)> = vec![];
+        for episode in mine {
+            turns.push((episode.at, Turn::Begins(episode.clone())));
+            if episode.until > episode.at && episode.until != u64::MAX {
+                turns.push((episode.until, Turn::Ends(episode.clone())));
+            }
+        }
+        turns.sort_by_key(|(at, _)| *at);
+        Timeline { turns: turns.into() }
+    }
+}
+
+/// An episode begins or ends.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Turn {
+    /// It begins.
+    Begins(Episode),
+    /// It ends.
+    Ends(Episode),
+}
+
+/// Beginnings and ends of one side's episodes, in order of time.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Timeline {
+    turns: VecDeque<(u64, Turn)>,
+}
+
+impl Timeline {
+    /// When the next episode begins or ends, ns; `u64::MAX` for never.
+    #[must_use]
+    pub fn next_at(&self) -> u64 {
+        self.turns.front().map_or(u64::MAX, |(at, _)| *at)
+    }
+
+    /// And what is on `other`.
+    pub fn add(&mut self, other: Self) {
+        for (at, turn) in other.turns {
+            let place = self.turns.partition_point(|(before, _)| *before <= at);
+            self.turns.insert(place, (at, turn));
+        }
+    }
+
+    /// What begins or ends at `now` (ns) or before.
+    pub fn take(&mut self, now: u64) -> Option<Turn> {
+        self.turns.pop_front_if(|(at, _)| *at <= now).map(|(_, turn)| turn)
+    }
+}

@@ -1,0 +1,375 @@
+//! Faults drawn from a seed.
+//!
+//! Every kind has random numbers of its own, so that asking for one kind more leaves the others' episodes as they were.
+//! The faults of a kind come in rounds: each round has all of them, in a random order.
+
+use std::fmt;
+use std::str::FromStr;
+
+use super::{AirFaults, Board, Conduct, Episode, Fault, Faults, PowerFault, ReceiverFault, Rng};
+
+/// No episode begins before this instant, ns: both boards start in peace.
+pub const FIRST_AT: u64 = 300_000_000;
+
+/// No episode ends later than so long before the run's end, ns: what recovers is seen to recover.
+pub const LAST_BEFORE_END: u64 = 600_000_000;
+
+/// From one episode's end to the next one's beginning, of the same kind: 0.5 s on average, ns.
+pub const GAP: (u64, u64) = (100_000_000, 900_000_000);
+
+/// A millisecond, ns.
+const MS: u64 = 1_000_000;
+
+/// How long an episode lasts, ns.
+pub const LENGTH: (u64, u64) = (20_000_000, 400_000_000);
+
+/// Where both boards lose their supply, the second does so much later at most, ns.
+pub const BETWEEN_BOARDS: u64 = 20_000_000;
+
+/// What `--faults` can draw.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Kind {
+    /// The air.
+    Air,
+    /// The receivers and their lines.
+    Receivers,
+    /// The flight controller.
+    FlightController,
+    /// Supply and reset of either board.
+    Power,
+    /// Bits of RAM.
+    Ram,
+    /// Bits of flash.
+    Flash,
+    /// Bits of registers.
+    Registers,
+}
+
+impl Kind {
+    /// All kinds.
+    pub const ALL: [Self; 7] =
+        [Self::Air, Self::Receivers, Self::FlightController, Self::Power, Self::Ram, Self::Flash, Self::Registers];
+
+    /// What `--faults` calls it.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Air => "air",
+            Self::Receivers => "receivers",
+            Self::FlightController => "fc",
+            Self::Power => "power",
+            Self::Ram => "ram",
+            Self::Flash => "flash",
+            Self::Registers => "registers",
+        }
+    }
+
+    /// Whether it is an upset: each is tried on a copy of the bench, none is drawn into a run.
+    #[must_use]
+    pub const fn is_upset(self) -> bool {
+        matches!(self, Self::Ram | Self::Flash | Self::Registers)
+    }
+}
+
+impl fmt::Display for Kind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.word())
+    }
+}
+
+/// A word that names no kind of fault.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("\"{0}\" is no kind of fault: give one or several of {words}", words = Kind::ALL.map(Kind::word).join(", "))]
+pub struct UnknownKind(pub String);
+
+impl FromStr for Kind {
+    type Err = UnknownKind;
+
+    fn from_str(word: &str) -> Result<Self, UnknownKind> {
+        let found = Self::ALL.into_iter().find(|kind| kind.word() == word.trim());
+        found.ok_or_else(|| UnknownKind(word.to_owned()))
+    }
+}
+
+/// One or two faults that belong together, each so much later than the first begins (ns).
+type Draw = Vec<(u64, Fault)>;
+
+impl Faults {
+    /// Faults of these kinds in a run of `duration_ns` with `gps` receivers, drawn from `seed`. Of each kind at most
+    /// one episode is there at a time, but for the supplies of both boards that fail together. Upsets of RAM, flash and
+    /// registers are not drawn into a run: each is tried on a copy of the bench ([`super::Campaign`]).
+    #[must_use]
+    pub fn drawn(kinds: &[Kind], gps: usize, seed: u64, duration_ns: u64) -> Self {
+        let mut faults = Self::none();
+        let last = duration_ns.saturating_sub(LAST_BEFORE_END);
+        for kind in Kind::ALL.into_iter().filter(|kind| kinds.contains(kind)) {
+            let mut rng = Rng::stream(seed, kind as u64);
+            let mut round: Vec<Draw> = vec![];
+            let mut free_at = FIRST_AT;
+            // The first episode may begin at once.
+            let mut gap = (0, GAP.1);
+            loop {
+                if round.is_empty() {
+                    round = all_of(kind, gps, &mut rng);
+                    rng.shuffle(&mut round);
+                }
+                let Some(draw) = round.pop() else { break };
+                let begins = free_at + rng.between(gap.0, gap.1);
+                gap = GAP;
+                let length = rng.between(LENGTH.0, LENGTH.1);
+                let after = draw.iter().map(|(after, _)| *after).max().unwrap_or(0);
+                free_at = begins + after + length;
+                if free_at > last {
+                    break;
+                }
+                for (after, fault) in draw {
+                    let at = begins + after;
+                    let until = if lasts(&fault) { at + length } else { at };
+                    faults.add(Episode { at, until, fault });
+                }
+            }
+        }
+        faults
+    }
+}
+
+/// Whether `fault` has a duration.
+fn lasts(fault: &Fault) -> bool {
+    match fault {
+        Fault::Power(_, fault) => fault.lasts(),
+        _ => true,
+    }
+}
+
+/// One round of `kind`: every fault of it once.
+fn all_of(kind: Kind, gps: usize, rng: &mut Rng) -> Vec<Draw> {
+    match kind {
+        Kind::Air => air().into_iter().map(|faults| vec![(0, Fault::Air(faults))]).collect(),
+        Kind::Receivers if gps == 0 => vec![],
+        Kind::Receivers => {
+            let mut one = |fault| vec![(0, Fault::Receiver(rng.below(gps as u64) as usize, fault))];
+            receivers().into_iter().map(&mut one).collect()
+        }
+        Kind::FlightController => {
+            Conduct::ALL.into_iter().map(|conduct| vec![(0, Fault::FlightController(conduct))]).collect()
+        }
+        Kind::Power => power(rng),
+        Kind::Ram | Kind::Flash | Kind::Registers => vec![],
+    }
+}
+
+/// Each way in which the air treats frames badly, so strongly that an episode of average length shows it.
+fn air() -> Vec<AirFaults> {
+    let none = AirFaults::default();
+    vec![
+        // A frame has about 2000 bits: of three, one passes.
+        AirFaults { bit_error: 5e-4, ..none },
+        AirFaults { lost: 0.4, ..none },
+        AirFaults { truncated: 0.4, ..none },
+        // Up to twice what the objects' CRCs detect without exception.
+        AirFaults { burst: 0.4, burst_bits: 64, ..none },
+        // A frame of a cycle is on the air for half of it: its repetition comes before the next, or collides with it.
+        AirFaults { repeated: 0.4, repeat_after_ns: (100_000, 12 * MS), ..none },
+        // By less than a cycle to several.
+        AirFaults { delayed: 0.4, delay_ns: (MS, 45 * MS), ..none },
+        AirFaults { field_off: true, ..none },
+        AirFaults { scatter_ns: 3 * MS, ..none },
+    ]
+}
+
+/// Each way in which a receiver or its line fails.
+fn receivers() -> Vec<ReceiverFault> {
+    vec![
+        ReceiverFault::Silent,
+        ReceiverFault::Babbles,
+        ReceiverFault::Beginnings,
+        ReceiverFault::Unasked,
+        ReceiverFault::Frozen,
+        // What u-blox receivers start with when they have lost their configuration.
+        ReceiverFault::WrongBaud(38_400),
+        ReceiverFault::Break,
+        ReceiverFault::Noise,
+        ReceiverFault::FramingErrors,
+        ReceiverFault::Restarts,
+        ReceiverFault::Jumps { metres: 1_000 },
+        ReceiverFault::NoFix,
+        ReceiverFault::LateBursts(60_000_000),
+        ReceiverFault::BadChecksums,
+    ]
+}
+
+/// Each way in which supply and reset of either board fail, and both supplies together, in either order.
+fn power(rng: &mut Rng) -> Vec<Draw> {
+    let mut draws = vec![];
+    for board in [Board::Horus, Board::Dpr] {
+        for fault in [PowerFault::Off(rng.word()), PowerFault::Pin, PowerFault::BrownOut, PowerFault::FrontEndOff] {
+            draws.push(vec![(0, Fault::Power(board, fault))]);
+        }
+    }
+    for [first, second] in [[Board::Horus, Board::Dpr], [Board::Dpr, Board::Horus]] {
+        let after = rng.between(0, BETWEEN_BOARDS);
+        let mut off = |board| Fault::Power(board, PowerFault::Off(rng.word()));
+        draws.push(vec![(0, off(first)), (after, off(second))]);
+    }
+    draws
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+
+    const MINUTE: u64 = 60_000_000_000;
+
+    fn of(kind: Kind) -> Vec<Episode> {
+        Faults::drawn(&[kind], 3, 5, MINUTE).episodes().to_vec()
+    }
+
+    #[test]
+    fn every_word_is_read_as_its_kind() {
+        for kind in Kind::ALL {
+            assert_eq!(kind.word().parse(), Ok(kind));
+            assert_eq!(format!(" {kind} ").parse(), Ok(kind));
+        }
+    }
+
+    #[test]
+    fn another_word_is_refused_with_the_words_there_are() {
+        let error = "radio".parse::<Kind>().unwrap_err().to_string();
+        assert_eq!(
+            error,
+            "\"radio\" is no kind of fault: give one or several of air, receivers, fc, power, ram, flash, registers"
+        );
+    }
+
+    #[test]
+    fn the_same_seed_draws_the_same_episodes_and_another_seed_others() {
+        let drawn = |seed| Faults::drawn(&Kind::ALL, 3, seed, MINUTE);
+        assert_eq!(drawn(5), drawn(5));
+        assert_ne!(drawn(5), drawn(6));
+    }
+
+    #[test]
+    fn a_kind_more_leaves_the_episodes_of_the_others_as_they_were() {
+        let all = Faults::drawn(&Kind::ALL, 3, 5, MINUTE);
+        let alone = of(Kind::Receivers);
+        let among: Vec<Episode> =
+            all.episodes().iter().filter(|episode| matches!(episode.fault, Fault::Receiver(..))).cloned().collect();
+        assert_eq!(alone, among);
+    }
+
+    #[test]
+    fn the_order_in_which_kinds_are_named_does_not_matter() {
+        let drawn = |kinds| Faults::drawn(kinds, 3, 5, MINUTE);
+        assert_eq!(drawn(&[Kind::Air, Kind::Power]), drawn(&[Kind::Power, Kind::Air, Kind::Power]));
+    }
+
+    #[test]
+    fn episodes_are_in_order_leave_both_ends_of_the_run_alone_and_last_as_long_as_they_may() {
+        for seed in 0..20 {
+            let faults = Faults::drawn(&Kind::ALL, 3, seed, MINUTE);
+            assert!(faults.episodes().is_sorted_by_key(|episode| episode.at));
+            for episode in faults.episodes() {
+                assert!(episode.at >= FIRST_AT, "{episode:?}");
+                assert!(episode.until <= MINUTE - LAST_BEFORE_END, "{episode:?}");
+                if lasts(&episode.fault) {
+                    let length = episode.until - episode.at;
+                    assert!((LENGTH.0..=LENGTH.1).contains(&length), "{episode:?}");
+                } else {
+                    assert_eq!(episode.until, episode.at, "{episode:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn episodes_of_one_kind_do_not_overlap_but_for_both_supplies() {
+        for kind in Kind::ALL {
+            for pair in of(kind).windows(2) {
+                let both = matches!(
+                    (&pair[0].fault, &pair[1].fault),
+                    (Fault::Power(one, PowerFault::Off(_)), Fault::Power(other, PowerFault::Off(_))) if one != other
+                ) && pair[1].at - pair[0].at <= BETWEEN_BOARDS;
+                assert!(both || pair[1].at >= pair[0].until + GAP.0, "{pair:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn gaps_are_half_a_second_on_average() {
+        let episodes = of(Kind::Receivers);
+        let gaps: Vec<u64> = episodes.windows(2).map(|pair| pair[1].at - pair[0].until).collect();
+        let mean = gaps.iter().sum::<u64>() / gaps.len() as u64;
+        assert!((450_000_000..=550_000_000).contains(&mean), "{mean}");
+    }
+
+    #[test]
+    fn a_minute_has_every_fault_of_every_kind_that_is_drawn() {
+        let names = |kind| of(kind).iter().map(|episode| episode.fault.name()).collect::<BTreeSet<_>>();
+        let faults: BTreeSet<_> = of(Kind::Receivers)
+            .into_iter()
+            .filter_map(|episode| match episode.fault {
+                Fault::Receiver(_, fault) => Some(fault.name()),
+                _ => None,
+            })
+            .collect();
+        assert_eq!(faults.len(), receivers().len());
+        let shows = |wanted: AirFaults| of(Kind::Air).iter().any(|episode| episode.fault == Fault::Air(wanted));
+        assert!(air().into_iter().all(shows));
+        assert_eq!(
+            names(Kind::FlightController).len(),
+            Conduct::ALL.map(Conduct::name).into_iter().collect::<BTreeSet<_>>().len()
+        );
+        for board in ["horus", "dpr"] {
+            for name in ["off", "reset pin", "brown-out", "front end off"] {
+                assert!(names(Kind::Power).contains(&format!("power {board} {name}")), "{board} {name}");
+            }
+        }
+        for kind in [Kind::Ram, Kind::Flash, Kind::Registers] {
+            assert!(of(kind).is_empty());
+        }
+    }
+
+    #[test]
+    fn a_minute_has_both_supplies_failing_together_in_either_order() {
+        let episodes = of(Kind::Power);
+        let together = |first: Board| {
+            episodes.windows(2).any(|pair| {
+                let of_first = matches!(pair[0].fault, Fault::Power(board, PowerFault::Off(_)) if board == first);
+                let of_second = matches!(pair[1].fault, Fault::Power(board, PowerFault::Off(_)) if board != first);
+                of_first && of_second && pair[1].at < pair[0].until && pair[1].until >= pair[0].until
+            })
+        };
+        assert!(together(Board::Horus));
+        assert!(together(Board::Dpr));
+    }
+
+    #[test]
+    fn receivers_that_are_not_there_have_no_faults() {
+        assert_eq!(Faults::drawn(&[Kind::Receivers], 0, 5, MINUTE), Faults::none());
+        let hit: BTreeSet<usize> = of(Kind::Receivers)
+            .into_iter()
+            .filter_map(|episode| if let Fault::Receiver(receiver, _) = episode.fault { Some(receiver) } else { None })
+            .collect();
+        assert_eq!(hit.into_iter().collect::<Vec<_>>(), [0, 1, 2]);
+    }
+
+    #[test]
+    fn a_run_too_short_for_an_episode_has_none() {
+        let faults = Faults::drawn(&Kind::ALL, 3, 5, FIRST_AT + LAST_BEFORE_END);
+        assert_eq!(faults, Faults::none());
+    }
+
+    #[test]
+    fn the_supplies_of_two_episodes_come_up_with_other_noise() {
+        let seeds: Vec<u64> = of(Kind::Power)
+            .into_iter()
+            .filter_map(|episode| match episode.fault {
+                Fault::Power(_, PowerFault::Off(seed)) => Some(seed),
+                _ => None,
+            })
+            .collect();
+        assert_eq!(seeds.iter().collect::<BTreeSet<_>>().len(), seeds.len());
+    }
+}

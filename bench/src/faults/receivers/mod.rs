@@ -1,0 +1,333 @@
+//! What a GNSS receiver, or its line, does wrong.
+//!
+//! [`LineFaults`] stands between a receiver and HORUS's UART pin: it takes the receiver's bursts and answers what is on
+//! the line instead. It knows nothing of a board, so what a fault does to a burst can be tested byte by byte.
+//!
+//! | fault | what is on the line |
+//! |---|---|
+//! | `Silent` | nothing |
+//! | `Babbles`, `Beginnings`, `Unasked` | bytes without a pause, and nothing of what the receiver has to say |
+//! | `Frozen`, `Jumps`, `NoFix`, `BadChecksums` | the receiver's messages, with other contents |
+//! | `Restarts` | nothing, then messages of a receiver that knows neither time nor place |
+//! | `LateBursts` | the receiver's messages, later |
+//! | `WrongBaud`, `Noise`, `FramingErrors` | the receiver's messages, damaged frame by frame |
+//! | `Break` | a low level |
+
+mod messages;
+#[cfg(test)]
+mod tests;
+
+use std::collections::VecDeque;
+
+use bench_seam::UartFrame;
+use gnss_sim::ubx;
+use horus_tx_fw::timing::GNSS_BAUD;
+
+use super::Rng;
+use messages::{each_message, last_itow, move_north, set_itow, with_bad_checksums, without_fix};
+
+/// A fault of one receiver, or of its line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ReceiverFault {
+    /// Sends nothing.
+    Silent,
+    /// Sends random bytes without a pause.
+    Babbles,
+    /// Sends the beginnings of UBX messages of the greatest length, one after the other and without a pause.
+    Beginnings,
+    /// Sends whole UBX messages that nobody asked for, one after the other and without a pause.
+    Unasked,
+    /// Goes on with new data that all carry the time of week of its last message before.
+    Frozen,
+    /// Sends at this bit rate, bit/s.
+    WrongBaud(u32),
+    /// Its line is held low.
+    Break,
+    /// Bits on its line are inverted: one in [`NOISE_ONE_IN`] of the data and stop bits.
+    Noise,
+    /// Stop bits on its line are low: one in [`FRAMING_ONE_IN`].
+    FramingErrors,
+    /// Is silent for the first half of the episode. In the second half it has started again and searches: its messages
+    /// carry a time of week that begins at 0, and no fix.
+    Restarts,
+    /// Its position is this far too far north, m.
+    Jumps {
+        /// How far.
+        metres: u32,
+    },
+    /// Has no fix: its position is marked invalid.
+    NoFix,
+    /// Every burst comes so much later, ns.
+    LateBursts(u64),
+    /// The checksum of every message is wrong.
+    BadChecksums,
+}
+
+/// [`ReceiverFault::Noise`] inverts one bit in so many: about one NAV-PVT message in six arrives whole.
+pub const NOISE_ONE_IN: u64 = 500;
+
+/// [`ReceiverFault::FramingErrors`] makes one stop bit in so many low.
+pub const FRAMING_ONE_IN: u64 = 16;
+
+/// The second half of [`ReceiverFault::Restarts`] begins so long after the first at the latest, ns.
+pub const LONGEST_SILENCE: u64 = 1_000_000_000;
+
+/// The longest time that a line is held low without a pause, ns.
+const LONGEST_BREAK: u64 = 3_600_000_000_000;
+
+/// So many frames at once of what comes without a pause: about a millisecond, and a whole number of [`BEGINNING`].
+const CHUNK: usize = 48;
+
+/// The beginning of a NAV-PVT message that claims to be of the greatest length.
+const BEGINNING: [u8; 6] = [0xB5, 0x62, 0x01, 0x07, 0xFF, 0xFF];
+
+impl ReceiverFault {
+    /// What the event log calls it.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Silent => "silent",
+            Self::Babbles => "babbles",
+            Self::Beginnings => "sends beginnings of messages",
+            Self::Unasked => "sends messages nobody asked for",
+            Self::Frozen => "repeats a time of week",
+            Self::WrongBaud(_) => "sends at another bit rate",
+            Self::Break => "line held low",
+            Self::Noise => "line with bit errors",
+            Self::FramingErrors => "line with framing errors",
+            Self::Restarts => "restarts",
+            Self::Jumps { .. } => "jumps",
+            Self::NoFix => "without a fix",
+            Self::LateBursts(_) => "sends late",
+            Self::BadChecksums => "sends wrong checksums",
+        }
+    }
+
+    /// Whether the line is never idle while it lasts.
+    #[must_use]
+    pub const fn is_endless(self) -> bool {
+        matches!(self, Self::Babbles | Self::Beginnings | Self::Unasked)
+    }
+}
+
+/// What is on a receiver's line.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct OnLine {
+    /// When the first frame's start bit begins, ns, or when the line is free again after that.
+    pub at_ns: u64,
+    /// Whose line, from 0.
+    pub receiver: usize,
+    /// The frames, one after the other without a gap.
+    pub frames: Vec<UartFrame>,
+    /// Every frame is an ordinary one at the receiver's bit rate: HORUS gets [`OnLine::bytes`], whatever they say. Of
+    /// other frames it gets some or none.
+    pub clean: bool,
+}
+
+impl OnLine {
+    fn clean(at_ns: u64, receiver: usize, bytes: &[u8]) -> Self {
+        let frames = bytes.iter().map(|&byte| UartFrame::eight_n_one(byte, GNSS_BAUD)).collect();
+        Self { at_ns, receiver, frames, clean: true }
+    }
+
+    /// The bytes of the frames that are ordinary ones at the receiver's bit rate; `None` in the place of any other.
+    pub fn bytes(&self) -> impl Iterator<Item = Option<u8>> + '_ {
+        self.frames.iter().map(|frame| {
+            let byte = frame.data as u8;
+            (*frame == UartFrame::eight_n_one(byte, GNSS_BAUD)).then_some(byte)
+        })
+    }
+}
+
+/// A fault under way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Active {
+    fault: ReceiverFault,
+    at: u64,
+    until: u64,
+    /// When it next sends by itself, ns.
+    next: u64,
+}
+
+/// What is wrong with one receiver and its line.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+struct Line {
+    /// In the order of their beginnings: the last acts.
+    faults: Vec<Active>,
+    /// The time of week of the receiver's last burst without a fault, ms.
+    last_itow: Option<u32>,
+    /// What comes later than it was sent, in order.
+    waiting: VecDeque<OnLine>,
+}
+
+impl Line {
+    fn next_at(&self) -> u64 {
+        let waiting = self.waiting.front().map_or(u64::MAX, |on_line| on_line.at_ns);
+        self.faults.last().map_or(u64::MAX, |active| active.next).min(waiting)
+    }
+}
+
+/// What is wrong with all receivers and their lines.
+#[derive(Clone, Debug)]
+pub struct LineFaults {
+    rng: Rng,
+    lines: Vec<Line>,
+}
+
+impl LineFaults {
+    /// Nothing is wrong yet. What will be random follows from `seed`.
+    #[must_use]
+    pub const fn new(seed: u64) -> Self {
+        Self { rng: Rng::new(seed), lines: vec![] }
+    }
+
+    fn line(&mut self, receiver: usize) -> &mut Line {
+        if self.lines.len() <= receiver {
+            self.lines.resize_with(receiver + 1, Line::default);
+        }
+        &mut self.lines[receiver]
+    }
+
+    /// `fault` begins at `at` and will end at `until` (ns; `u64::MAX` for never). Of several at one receiver, the one
+    /// that began last acts.
+    pub fn begin(&mut self, at: u64, until: u64, receiver: usize, fault: ReceiverFault) {
+        let line = self.line(receiver);
+        if fault == ReceiverFault::Break {
+            let frames = vec![low_for(until.saturating_sub(at))];
+            line.waiting.push_back(OnLine { at_ns: at, receiver, frames, clean: false });
+        }
+        let next = if fault.is_endless() { at } else { u64::MAX };
+        line.faults.push(Active { fault, at, until, next });
+    }
+
+    /// `fault` ends. What it holds back still comes.
+    pub fn end(&mut self, receiver: usize, fault: ReceiverFault) {
+        let faults = &mut self.line(receiver).faults;
+        if let Some(index) = faults.iter().position(|active| active.fault == fault) {
+            faults.remove(index);
+        }
+    }
+
+    /// The receiver sends `bytes` from `at` (ns) on: what is on the line instead. What comes later is held back for
+    /// [`LineFaults::take`].
+    pub fn burst(&mut self, at: u64, receiver: usize, bytes: &[u8]) -> Vec<OnLine> {
+        let line = self.line(receiver);
+        let Some(active) = line.faults.last().copied() else {
+            line.last_itow = last_itow(bytes).or(line.last_itow);
+            let on_line = OnLine::clean(at, receiver, bytes);
+            return self.in_order(on_line);
+        };
+        let clean = match active.fault {
+            ReceiverFault::Silent
+            | ReceiverFault::Babbles
+            | ReceiverFault::Beginnings
+            | ReceiverFault::Unasked
+            | ReceiverFault::Break => return vec![],
+            ReceiverFault::Frozen => {
+                let frozen = *line.last_itow.get_or_insert(last_itow(bytes).unwrap_or(0));
+                each_message(bytes, |class, id, payload| set_itow(class, id, payload, frozen))
+            }
+            ReceiverFault::Restarts => {
+                let searches = active.at + ((active.until - active.at) / 2).min(LONGEST_SILENCE);
+                if at < searches {
+                    return vec![];
+                }
+                let itow = u32::try_from((at - searches) / 1_000_000).unwrap_or(u32::MAX) % ubx::WEEK_MS;
+                each_message(bytes, |class, id, payload| {
+                    set_itow(class, id, payload, itow);
+                    without_fix(class, id, payload, true);
+                })
+            }
+            ReceiverFault::Jumps { metres } => {
+                each_message(bytes, |class, id, payload| move_north(class, id, payload, metres))
+            }
+            ReceiverFault::NoFix => each_message(bytes, |class, id, payload| without_fix(class, id, payload, false)),
+            ReceiverFault::BadChecksums => with_bad_checksums(bytes),
+            ReceiverFault::LateBursts(ns) => {
+                let mut late = OnLine::clean(at.saturating_add(ns), receiver, bytes);
+                late.at_ns = late.at_ns.max(line.waiting.back().map_or(0, |before| before.at_ns));
+                line.waiting.push_back(late);
+                return vec![];
+            }
+            ReceiverFault::WrongBaud(baud) => {
+                let frames = bytes.iter().map(|&byte| UartFrame::eight_n_one(byte, baud.max(1))).collect();
+                return self.in_order(OnLine { at_ns: at, receiver, frames, clean: baud == GNSS_BAUD });
+            }
+            ReceiverFault::Noise => {
+                let frames = bytes.iter().map(|&byte| self.noisy(byte)).collect();
+                return self.in_order(damaged(at, receiver, frames));
+            }
+            ReceiverFault::FramingErrors => {
+                let mut frame = |&byte: &u8| with_stop(byte, !self.rng.one_in(FRAMING_ONE_IN));
+                let frames = bytes.iter().map(&mut frame).collect();
+                return self.in_order(damaged(at, receiver, frames));
+            }
+        };
+        self.in_order(OnLine::clean(at, receiver, &clean))
+    }
+
+    /// `on_line`, or nothing now where something of before still waits.
+    fn in_order(&mut self, mut on_line: OnLine) -> Vec<OnLine> {
+        let line = self.line(on_line.receiver);
+        let Some(before) = line.waiting.back() else { return vec![on_line] };
+        on_line.at_ns = on_line.at_ns.max(before.at_ns);
+        line.waiting.push_back(on_line);
+        vec![]
+    }
+
+    /// `byte` with each of its bits and its stop bit inverted once in [`NOISE_ONE_IN`] times.
+    fn noisy(&mut self, byte: u8) -> UartFrame {
+        let flips = (0..9).fold(0_u16, |flips, bit| flips | u16::from(self.rng.one_in(NOISE_ONE_IN)) << bit);
+        with_stop(byte ^ flips as u8, flips >> 8 == 0)
+    }
+
+    /// When something comes on a line by itself, ns; `u64::MAX` for never.
+    #[must_use]
+    pub fn next_at(&self) -> u64 {
+        self.lines.iter().map(Line::next_at).min().unwrap_or(u64::MAX)
+    }
+
+    /// What comes on the lines by itself at `now` (ns) or before.
+    pub fn take(&mut self, now: u64) -> Vec<OnLine> {
+        let mut taken = vec![];
+        for (receiver, line) in self.lines.iter_mut().enumerate() {
+            while let Some(on_line) = line.waiting.pop_front_if(|on_line| on_line.at_ns <= now) {
+                taken.push(on_line);
+            }
+            let Some(active) = line.faults.last_mut().filter(|active| active.next <= now) else { continue };
+            let bytes: Vec<u8> = match active.fault {
+                ReceiverFault::Babbles => (0..CHUNK).map(|_| self.rng.byte()).collect(),
+                ReceiverFault::Beginnings => BEGINNING.into_iter().cycle().take(CHUNK).collect(),
+                // MON-VER, which answers a request for the receiver's version.
+                _ => ubx::frame(0x0A, 0x04, &[self.rng.byte(); CHUNK - ubx::OVERHEAD]),
+            };
+            let on_line = OnLine::clean(now, receiver, &bytes);
+            // The next begins where this ends: the line is never idle.
+            active.next = now + on_line.frames.iter().map(UartFrame::ns).sum::<u64>();
+            taken.push(on_line);
+        }
+        taken
+    }
+}
+
+/// Frames that may be damaged.
+fn damaged(at_ns: u64, receiver: usize, frames: Vec<UartFrame>) -> OnLine {
+    let mut on_line = OnLine { at_ns, receiver, frames, clean: false };
+    let clean = on_line.bytes().all(|byte| byte.is_some());
+    on_line.clean = clean;
+    on_line
+}
+
+/// `byte` with its stop bit high, or low: a ninth bit that is low, and then a stop bit.
+const fn with_stop(byte: u8, high: bool) -> UartFrame {
+    let frame = UartFrame::eight_n_one(byte, GNSS_BAUD);
+    if high { frame } else { UartFrame { bits: 9, ..frame } }
+}
+
+/// A low level for `ns`, one character at least. The line rests high in the last twentieth.
+fn low_for(ns: u64) -> UartFrame {
+    let character = UartFrame::eight_n_one(0, GNSS_BAUD);
+    let ns = ns.clamp(character.ns(), LONGEST_BREAK);
+    // Ten bits low, half a bit high.
+    UartFrame { bits: 9, stop_halves: 1, bit_ps: ns * 2_000 / 21, ..character }
+}

@@ -1,0 +1,95 @@
+//! Nodes: real firmware images on emulated microcontrollers, in virtual time.
+//!
+//! A [`Node`] is one board: a Cortex-M4 ([`cortex_m4`]), the models of its part ([`bench_seam::Part`]) and what is
+//! wired around it ([`Board`]), stepped to an instant by [`Node::advance`]. A [`Pair`] keeps two of them in lock-step
+//! with whatever passes between; a [`Relay`] runs two of which one only speaks and the other only hears, on one thread
+//! or on two. Everything is a function of the images, the board and what the caller puts in: no wall clock, no
+//! randomness, nothing that hangs on which thread comes first. All of it is plain data: a clone that is run on does
+//! what the original does.
+//!
+//! # Time
+//! Virtual time is `u64` nanoseconds from power-on, one time for all boards. Inside a board, time is counted in cycles
+//! of its core, whose rate is what its crystals and its clock tree make of it ([`bench_seam::Timebase`]). Models act at
+//! their exact cycles. The core acts on instruction boundaries, so an instant the core takes part in is late by at most
+//! one instruction.
+//!
+//! # What stops a run from lying
+//! An access where the part has nothing faults, as on silicon. An access to a register without a model, to a peripheral
+//! whose clock is off, or to a state the manual forbids is a [`Finding`] with the instruction that did it. A run with
+//! findings is not a passed run.
+
+mod board;
+mod debugger;
+mod digest;
+mod error;
+mod finding;
+mod firmware;
+mod input;
+mod memory;
+mod pair;
+mod probe;
+mod relay;
+mod report;
+mod reset;
+mod rtt;
+mod run;
+mod semihosting;
+mod side;
+mod start;
+mod step;
+mod tasks;
+mod usage;
+
+use std::collections::BTreeSet;
+
+use cortex_m4::{Core, Cost, Fast};
+
+pub use board::{Bare, Board, Input, View};
+pub(crate) use digest::Digest;
+pub use error::Error;
+pub use finding::{Finding, FindingKind};
+pub use firmware::{Firmware, Symbol};
+pub use pair::{Between, Lookahead, Nothing, Pair, Sent};
+pub use probe::PROBE_PERIOD;
+pub use relay::{Downstream, Relay, Threads, Upstream};
+pub use reset::{FromOutside, ResetAt};
+pub use rtt::{LogLevel, LogLine};
+pub use run::{Clock, Event, Limits, Outcome, Target, run};
+use side::Side;
+pub use usage::{LineEdge, Usage};
+
+/// One board, running one firmware: a core, its part, the chips around it, and the clock between them.
+///
+/// The core runs until an instant is reached ([`Node::advance`]), and what is due in the part and on the board before
+/// that happens on the way, each at its own instant. The part counts cycles of its core; a [`bench_seam::Timebase`]
+/// turns them into the bench's nanoseconds and follows the part's clock tree. A node is plain data: a clone that is run
+/// on does what the original does.
+#[derive(Clone, Debug)]
+pub struct Node<B: Board, C: Cost = Fast> {
+    core: Core<C>,
+    side: Side<B>,
+    firmware: Firmware,
+    semihosting: bool,
+    exit: Option<u32>,
+    traps: Traps,
+    /// The part has its supply.
+    powered: bool,
+    /// Which exception was active from when (ns) on; nothing unless watched.
+    tasks: Option<Vec<(u64, u16)>>,
+    resets: Vec<ResetAt>,
+    probe_at: u64,
+    log_block: Option<u64>,
+    log: rtt::Channels,
+    lines: Vec<LogLine>,
+    console: rtt::Text,
+    findings: Vec<Finding>,
+    reported: BTreeSet<(FindingKind, String)>,
+}
+
+/// Instructions the node stops at to report what happened, and goes on from.
+#[derive(Clone, Debug, Default)]
+struct Traps {
+    hard_fault: Option<u64>,
+    default_handler: BTreeSet<u64>,
+    panic: BTreeSet<u64>,
+}

@@ -1,0 +1,254 @@
+//! Two boards in lock-step.
+//!
+//! Conservative parallel simulation on one thread: a board never runs past the first instant at which something could
+//! reach it. That instant is bounded by what the other board may do first (its next event if it sleeps, its present if
+//! it is awake) plus the [`Lookahead`], the least time anything takes to cross. Messages carry their own instant and
+//! are delivered at it, actors beside a board (a flight controller, a receiver) act at theirs. A sleeping board holds
+//! nobody back.
+//!
+//! The caller describes what passes in a [`Between`]: what leaves a board, when it arrives, and what stands beside each
+//! board. The order is fixed (messages before actors, by instant and then by the order they were sent), so a run is a
+//! function of its inputs.
+
+use std::collections::BTreeMap;
+
+use cortex_m4::{Cost, Fast};
+
+use super::{Board, Node};
+
+/// The least time anything takes to cross between the boards, in virtual nanoseconds.
+///
+/// The two must not both be zero. [`Lookahead::NEVER`] is a direction nothing ever takes. A controller on one board
+/// that reads an answer from the other within one transfer needs less than a byte time of its bus, 1 µs at 8 MHz.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Lookahead {
+    /// From the first board to the second.
+    pub a_to_b: u64,
+    /// From the second board to the first.
+    pub b_to_a: u64,
+}
+
+impl Lookahead {
+    /// A direction nothing ever takes.
+    pub const NEVER: u64 = u64::MAX;
+}
+
+/// How far one board may run ahead of the other where nothing holds it back, in virtual nanoseconds: bounds what waits
+/// to be delivered.
+const MOST_LEAD: u64 = 1_000_000;
+
+/// Messages on their way, with the instant each arrives at.
+#[derive(Debug)]
+pub struct Sent<M> {
+    queue: BTreeMap<(u64, u64), M>,
+    count: u64,
+}
+
+impl<M> Default for Sent<M> {
+    fn default() -> Self {
+        Self { queue: BTreeMap::new(), count: 0 }
+    }
+}
+
+impl<M> Sent<M> {
+    /// `message` arrives at `at` (virtual ns), after everything sent earlier for that instant.
+    pub fn send(&mut self, at: u64, message: M) {
+        self.queue.insert((at, self.count), message);
+        self.count += 1;
+    }
+
+    fn next(&self) -> u64 {
+        self.queue.first_key_value().map_or(u64::MAX, |(&(at, _), _)| at)
+    }
+
+    fn take_due(&mut self, now: u64) -> Option<(u64, M)> {
+        if self.next() > now {
+            return None;
+        }
+        self.queue.pop_first().map(|((at, _), message)| (at, message))
+    }
+}
+
+/// What passes between two boards, and what stands beside each.
+pub trait Between<A: Board, B: Board, C: Cost = Fast> {
+    /// What arrives at the first board.
+    type ToA;
+    /// What arrives at the second board.
+    type ToB;
+
+    /// The least crossing times.
+    fn lookahead(&self) -> Lookahead;
+
+    /// Takes what left the first board up to its present and sends each with the instant it arrives.
+    fn leave_a(&mut self, node: &mut Node<A, C>, to_b: &mut Sent<Self::ToB>) {
+        let _ = (node, to_b);
+    }
+
+    /// Takes what left the second board up to its present and sends each with the instant it arrives.
+    fn leave_b(&mut self, node: &mut Node<B, C>, to_a: &mut Sent<Self::ToA>) {
+        let _ = (node, to_a);
+    }
+
+    /// `message`, due at `at`, reaches the first board, which stands there. Hand it over with [`Node::input`].
+    fn arrive_a(&mut self, at: u64, message: Self::ToA, node: &mut Node<A, C>) {
+        let _ = (at, message, node);
+    }
+
+    /// `message`, due at `at`, reaches the second board, which stands there.
+    fn arrive_b(&mut self, at: u64, message: Self::ToB, node: &mut Node<B, C>) {
+        let _ = (at, message, node);
+    }
+
+    /// The next instant an actor beside the first board acts on it.
+    fn next_at_a(&self) -> Option<u64> {
+        None
+    }
+
+    /// The next instant an actor beside the second board acts on it.
+    fn next_at_b(&self) -> Option<u64> {
+        None
+    }
+
+    /// The actor beside the first board acts, due at `at`. [`Between::next_at_a`] must move on.
+    fn act_at_a(&mut self, at: u64, node: &mut Node<A, C>) {
+        let _ = (at, node);
+    }
+
+    /// The actor beside the second board acts, due at `at`. [`Between::next_at_b`] must move on.
+    fn act_at_b(&mut self, at: u64, node: &mut Node<B, C>) {
+        let _ = (at, node);
+    }
+}
+
+/// Two boards with nothing between them.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Nothing;
+
+impl<A: Board, B: Board, C: Cost> Between<A, B, C> for Nothing {
+    type ToA = ();
+    type ToB = ();
+
+    fn lookahead(&self) -> Lookahead {
+        Lookahead { a_to_b: Lookahead::NEVER, b_to_a: Lookahead::NEVER }
+    }
+}
+
+/// Two boards and what is between them.
+#[derive(Debug)]
+pub struct Pair<A: Board, B: Board, L: Between<A, B, C>, C: Cost = Fast> {
+    /// The first board.
+    pub a: Node<A, C>,
+    /// The second board.
+    pub b: Node<B, C>,
+    /// What passes between them.
+    pub between: L,
+    to_a: Sent<L::ToA>,
+    to_b: Sent<L::ToB>,
+}
+
+impl<A: Board, B: Board, L: Between<A, B, C>, C: Cost> Pair<A, B, L, C> {
+    /// Joins two boards that stand at the same instant.
+    ///
+    /// # Panics
+    ///
+    /// If both lookaheads are zero, which would let neither board move.
+    #[must_use]
+    pub fn new(a: Node<A, C>, b: Node<B, C>, between: L) -> Self {
+        let lookahead = between.lookahead();
+        assert!(lookahead.a_to_b > 0 || lookahead.b_to_a > 0, "one direction has to take time");
+        Self { a, b, between, to_a: Sent::default(), to_b: Sent::default() }
+    }
+
+    /// The instant both boards have reached.
+    #[must_use]
+    pub fn now(&self) -> u64 {
+        self.a.now().min(self.b.now())
+    }
+
+    /// Runs both boards to `end` (virtual ns), or to the first instruction boundary after it.
+    pub fn run_until(&mut self, end: u64) {
+        let lookahead = self.between.lookahead();
+        self.leave_a();
+        self.leave_b();
+        loop {
+            self.serve_a();
+            self.serve_b();
+            let (a, b) = (self.a.now(), self.b.now());
+            if a >= end && b >= end {
+                return;
+            }
+            let bound_a = self.first_act_b().saturating_add(lookahead.b_to_a).min(b.saturating_add(MOST_LEAD));
+            let bound_a = bound_a.min(end).min(self.to_a.next()).min(next(self.between.next_at_a()));
+            if a < bound_a {
+                self.a.advance(bound_a);
+                self.leave_a();
+            }
+            let bound_b =
+                self.first_act_a().saturating_add(lookahead.a_to_b).min(self.a.now().saturating_add(MOST_LEAD));
+            let bound_b = bound_b.min(end).min(self.to_b.next()).min(next(self.between.next_at_b()));
+            if b < bound_b {
+                self.b.advance(bound_b);
+                self.leave_b();
+            }
+        }
+    }
+
+    /// The first instant the first board can act at: by itself, by a message, or by an actor.
+    fn first_act_a(&self) -> u64 {
+        let outside = self.to_a.next().min(next(self.between.next_at_a())).max(self.a.now());
+        self.a.earliest().min(outside)
+    }
+
+    fn first_act_b(&self) -> u64 {
+        let outside = self.to_b.next().min(next(self.between.next_at_b())).max(self.b.now());
+        self.b.earliest().min(outside)
+    }
+
+    fn leave_a(&mut self) {
+        if self.a.board().outgoing() {
+            self.between.leave_a(&mut self.a, &mut self.to_b);
+        }
+    }
+
+    fn leave_b(&mut self) {
+        if self.b.board().outgoing() {
+            self.between.leave_b(&mut self.b, &mut self.to_a);
+        }
+    }
+
+    fn serve_a(&mut self) {
+        loop {
+            let now = self.a.now();
+            if let Some((at, message)) = self.to_a.take_due(now) {
+                self.a.note_late(at, "a message");
+                self.between.arrive_a(at, message, &mut self.a);
+            } else if let Some(at) = self.between.next_at_a().filter(|&at| at <= now) {
+                self.a.note_late(at, "an actor");
+                self.between.act_at_a(at, &mut self.a);
+            } else {
+                return;
+            }
+            self.leave_a();
+        }
+    }
+
+    fn serve_b(&mut self) {
+        loop {
+            let now = self.b.now();
+            if let Some((at, message)) = self.to_b.take_due(now) {
+                self.b.note_late(at, "a message");
+                self.between.arrive_b(at, message, &mut self.b);
+            } else if let Some(at) = self.between.next_at_b().filter(|&at| at <= now) {
+                self.b.note_late(at, "an actor");
+                self.between.act_at_b(at, &mut self.b);
+            } else {
+                return;
+            }
+            self.leave_b();
+        }
+    }
+}
+
+fn next(instant: Option<u64>) -> u64 {
+    instant.unwrap_or(u64::MAX)
+}

@@ -1,0 +1,251 @@
+//! Two boards of which one only speaks and the other only hears.
+//!
+//! Nothing ever comes back to the first board, so what it does depends on itself and on what stands beside it alone. It
+//! may run on a thread of its own, ahead of the second board, and sends every message with its instant. The second
+//! board enters a millisecond of virtual time only once the first has left it, and hears a message a fixed virtual time
+//! ahead, which the listener of a message has to bear. What either does follows from virtual instants alone and never
+//! from which thread came first, so a run is a function of its inputs.
+//!
+//! The caller describes what stands beside the first board in an [`Upstream`] (receivers on its lines), and what stands
+//! beside the second in a [`Downstream`] (a flight controller).
+
+use std::collections::VecDeque;
+use std::sync::mpsc;
+
+use cortex_m4::{Cost, Fast};
+
+use super::{Board, Node};
+
+/// The boards enter time in pieces of this, virtual ns.
+const PIECE: u64 = 1_000_000;
+
+/// How far ahead of its instant a message is heard at most, virtual ns.
+const HEARD_AHEAD: u64 = 1_000_000;
+
+/// How many pieces the first board may be ahead on its own thread: enough that neither waits for the other's bursts of
+/// work, few enough that what waits stays small.
+const LEAD: usize = 50;
+
+/// What stands beside the first board, and takes what leaves it.
+pub trait Upstream<A: Board, C: Cost = Fast>: Send {
+    /// What leaves the board.
+    type Message: Send;
+
+    /// What is told of the board beside its messages: its log, a trace.
+    type Notes: Send;
+
+    /// Takes what left the board up to its present, each with its instant (virtual ns), in order of time.
+    fn leave(&mut self, node: &mut Node<A, C>, sent: &mut Vec<(u64, Self::Message)>);
+
+    /// What is to be told of the board since the last call; called at least once a millisecond of virtual time.
+    fn notes(&mut self, node: &mut Node<A, C>) -> Self::Notes;
+
+    /// The next instant an actor beside the board acts on it (virtual ns), `u64::MAX` for never.
+    fn next_at(&self) -> u64 {
+        u64::MAX
+    }
+
+    /// The actor acts, due at `at`. [`Upstream::next_at`] must move on.
+    fn act(&mut self, at: u64, node: &mut Node<A, C>) {
+        let _ = (at, node);
+    }
+}
+
+/// What stands beside the second board, and brings it what left the first.
+pub trait Downstream<B: Board, C: Cost = Fast> {
+    /// What left the first board.
+    type Message;
+
+    /// What is told of the first board beside its messages.
+    type Notes;
+
+    /// `message` left the first board at `at` (virtual ns), which the second may not have reached yet.
+    fn hear(&mut self, at: u64, message: Self::Message, node: &mut Node<B, C>);
+
+    /// `notes` were made of the first board, which may be far ahead.
+    fn noted(&mut self, notes: Self::Notes);
+
+    /// Takes what left the second board. It reaches nobody's board.
+    fn leave(&mut self, node: &mut Node<B, C>) {
+        let _ = node;
+    }
+
+    /// The next instant an actor beside the board acts on it (virtual ns), `u64::MAX` for never.
+    fn next_at(&self) -> u64 {
+        u64::MAX
+    }
+
+    /// The actor acts, due at `at`. [`Downstream::next_at`] must move on.
+    fn act(&mut self, at: u64, node: &mut Node<B, C>) {
+        let _ = (at, node);
+    }
+}
+
+/// On how many threads a [`Relay`] runs. What comes of it is the same, byte for byte.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Threads {
+    /// The caller's alone.
+    One,
+    /// One for each board.
+    #[default]
+    Two,
+}
+
+/// What the first board tells the second of a piece of time.
+#[derive(Debug)]
+struct Told<M, N> {
+    sent: Vec<(u64, M)>,
+    notes: N,
+    /// The board has left everything before this instant.
+    reached: u64,
+    /// It has reached the end of the run.
+    ended: bool,
+}
+
+/// Two boards and what stands beside each. Between two runs nothing is on its way, so a clone is a whole bench.
+#[derive(Clone, Debug)]
+pub struct Relay<A: Board, B: Board, U, D, C: Cost = Fast> {
+    /// The board that speaks.
+    pub a: Node<A, C>,
+    /// The board that hears.
+    pub b: Node<B, C>,
+    /// What stands beside the first board.
+    pub upstream: U,
+    /// What stands beside the second board.
+    pub downstream: D,
+}
+
+impl<A: Board, B: Board, U, D, C: Cost> Relay<A, B, U, D, C>
+where
+    U: Upstream<A, C>,
+    D: Downstream<B, C, Message = U::Message, Notes = U::Notes>,
+{
+    /// Runs both boards to `end` (virtual ns), or to the first instruction boundary after it. Whenever the second board
+    /// has come another `step` of virtual time, and at the end, `each` is called with the instant, it and its
+    /// surroundings. What comes of it does not depend on where runs end and `threads`.
+    ///
+    /// # Errors
+    ///
+    /// What `each` answers, which ends the run.
+    pub fn run<E>(
+        &mut self,
+        end: u64,
+        step: u64,
+        threads: Threads,
+        each: impl FnMut(u64, &mut Node<B, C>, &mut D) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let Self { a, b, upstream, downstream } = self;
+        let mut lead = Lead { sent: Vec::new() };
+        match threads {
+            Threads::One => follow(b, downstream, end, step, || Some(lead.piece(a, upstream, end)), each),
+            Threads::Two => {
+                let (tell, told) = mpsc::sync_channel(LEAD);
+                std::thread::scope(|threads| {
+                    threads.spawn(move || {
+                        loop {
+                            let told = lead.piece(a, upstream, end);
+                            let ended = told.ended;
+                            if tell.send(told).is_err() || ended {
+                                return;
+                            }
+                        }
+                    });
+                    // The receiver is dropped when this returns, which ends the other thread.
+                    follow(b, downstream, end, step, move || told.recv().ok(), each)
+                })
+            }
+        }
+    }
+}
+
+/// The first board's way through time.
+struct Lead<M> {
+    sent: Vec<(u64, M)>,
+}
+
+impl<M> Lead<M> {
+    /// Runs the first board through its next piece of time.
+    fn piece<A: Board, C: Cost, U: Upstream<A, C, Message = M>>(
+        &mut self,
+        node: &mut Node<A, C>,
+        upstream: &mut U,
+        end: u64,
+    ) -> Told<M, U::Notes> {
+        let to = ((node.now() / PIECE + 1) * PIECE).min(end);
+        loop {
+            if node.board().outgoing() {
+                upstream.leave(node, &mut self.sent);
+            }
+            let (now, next) = (node.now(), upstream.next_at());
+            if next <= now {
+                node.note_late(next, "an actor");
+                upstream.act(next, node);
+            } else if now >= to {
+                let sent = std::mem::take(&mut self.sent);
+                return Told { sent, notes: upstream.notes(node), reached: now, ended: now >= end };
+            } else {
+                node.advance(to.min(next));
+            }
+        }
+    }
+}
+
+/// Runs the second board to `end`.
+fn follow<B: Board, C: Cost, D: Downstream<B, C>, E>(
+    node: &mut Node<B, C>,
+    downstream: &mut D,
+    end: u64,
+    step: u64,
+    mut tell: impl FnMut() -> Option<Told<D::Message, D::Notes>>,
+    mut each: impl FnMut(u64, &mut Node<B, C>, &mut D) -> Result<(), E>,
+) -> Result<(), E> {
+    let mut on_the_way = VecDeque::new();
+    let (mut reached, mut ended) = (0, false);
+    let mut hear = |downstream: &mut D, on_the_way: &mut VecDeque<_>| {
+        let Some(told) = tell() else { return (u64::MAX, true) };
+        on_the_way.extend(told.sent);
+        downstream.noted(told.notes);
+        (told.reached, told.ended)
+    };
+    let mut to = node.now();
+    while to < end {
+        to = (to + step).min(end);
+        loop {
+            if node.board().outgoing() {
+                downstream.leave(node);
+            }
+            let (now, next) = (node.now(), downstream.next_at());
+            if next <= now {
+                node.note_late(next, "an actor");
+                downstream.act(next, node);
+                continue;
+            }
+            if now >= to {
+                break;
+            }
+            let piece = (now / PIECE + 1) * PIECE;
+            let left = (piece + HEARD_AHEAD).min(end);
+            while reached < left && !ended {
+                (reached, ended) = hear(downstream, &mut on_the_way);
+            }
+            while let Some((at, message)) = on_the_way.pop_front_if(|(at, _)| *at <= now + HEARD_AHEAD) {
+                node.note_late(at, "a message");
+                downstream.hear(at, message, node);
+            }
+            let unheard = on_the_way.front().map_or(u64::MAX, |(at, _)| at - HEARD_AHEAD);
+            node.advance(to.min(next).min(piece).min(unheard));
+        }
+        if to == end {
+            // What the first board said after the last that the second had to wait for, and what comes after the end.
+            while !ended {
+                (_, ended) = hear(downstream, &mut on_the_way);
+            }
+            for (at, message) in on_the_way.drain(..) {
+                node.note_late(at, "a message");
+                downstream.hear(at, message, node);
+            }
+        }
+        each(to, node, downstream)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,113 @@
+//! Restarts of a part, and its supply.
+
+use bench_seam::{Part, Reset};
+use cortex_m4::Cost;
+
+use super::{Board, FindingKind, Node};
+
+/// A restart of the part.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ResetAt {
+    /// When, in virtual nanoseconds.
+    pub at: u64,
+    /// Why.
+    pub cause: Reset,
+}
+
+/// What restarts a part from outside, see [`Node::restart`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FromOutside {
+    /// Its reset pin was pulled low for a moment. RAM keeps its contents.
+    Pin,
+    /// Its supply came on. RAM holds what it came up with: noise that follows from the seed.
+    PowerOn(u64),
+    /// Its supply dipped below the brown-out threshold. RAM keeps its contents, which is the harder case for a
+    /// firmware.
+    BrownOut,
+}
+
+impl<B: Board, C: Cost> Node<B, C> {
+    /// Restarts the part from outside, now. Its flags say why, as far as it has flags for it, and [`Node::resets`]
+    /// lists it. A part whose supply is off begins with its power-on only.
+    pub fn restart(&mut self, why: FromOutside) {
+        match why {
+            FromOutside::PowerOn(seed) => self.power_on(seed),
+            FromOutside::Pin if self.powered => self.reset_by(Reset::Pin),
+            FromOutside::BrownOut if self.powered => self.reset_by(Reset::BrownOut),
+            FromOutside::Pin | FromOutside::BrownOut => {}
+        }
+    }
+
+    /// The part's supply goes off, now: its core runs nothing and its pins let go until [`Node::power_on`]. Time goes
+    /// on for the board, whose chips act as before: what becomes of them is the caller's to say. Does nothing to a part
+    /// that is off.
+    pub fn power_off(&mut self) {
+        if !self.powered {
+            return;
+        }
+        let at = self.present();
+        // What the firmware logged last: nobody can read it afterwards.
+        self.probe_log(self.now());
+        self.powered = false;
+        // Without a supply a part does what it does at power-on before its core begins: nothing, with all pins open.
+        self.side.with(at, |part, view| part.reset(at, Reset::PowerOn, view));
+        self.side.reset = None;
+        self.side.settle(at);
+        self.core.reset(&mut self.side);
+        self.note_power();
+    }
+
+    /// The part's supply comes on, now. RAM holds noise that follows from `seed`, flash is as it was, and the part
+    /// starts as [`Reset::PowerOn`] has it, which [`Node::resets`] lists. A part that is on was without its supply for
+    /// no time.
+    pub fn power_on(&mut self, seed: u64) {
+        self.powered = true;
+        self.side.stirred = true;
+        self.reset_by(Reset::PowerOn);
+        self.come_up(seed);
+        self.note_power();
+    }
+
+    /// Whether the part has its supply.
+    #[must_use]
+    pub fn is_powered(&self) -> bool {
+        self.powered
+    }
+
+    pub(super) fn reset_by(&mut self, cause: Reset) {
+        let at = self.present();
+        // What the firmware logged last, before its start-up code clears the buffer.
+        self.probe_log(self.now());
+        self.resets.push(ResetAt { at: self.now(), cause });
+        self.side.with(at, |part, view| part.reset(at, cause, view));
+        self.side.reset = None;
+        self.side.settle(at);
+        self.core.reset(&mut self.side);
+        let unfinished = self.log.finish(self.now());
+        self.lines.extend(unfinished);
+        // What the last start did, the next may do again.
+        self.reported.retain(|(kind, _)| *kind != FindingKind::HardFault && *kind != FindingKind::UnhandledInterrupt);
+        self.arm();
+    }
+
+    /// Fills all RAM with noise that follows from `seed` (SplitMix64), as RAM comes up.
+    fn come_up(&mut self, seed: u64) {
+        let mut state = seed;
+        for (start, size) in B::Part::RAM {
+            let Some(bytes) = self.side.part.memory_mut(*start, *size) else { continue };
+            for chunk in bytes.chunks_mut(8) {
+                state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
+                let mut word = (state ^ state >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+                word = (word ^ word >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
+                let noise = (word ^ word >> 31).to_le_bytes();
+                chunk.copy_from_slice(&noise[..chunk.len()]);
+            }
+        }
+    }
+
+    /// Every restart of the part so far.
+    #[must_use]
+    pub fn resets(&self) -> &[ResetAt] {
+        &self.resets
+    }
+}

@@ -1,0 +1,237 @@
+//! One firmware alone on one board, to its end: what `cargo xtask run` and on-target test suites go through.
+//!
+//! The run ends when the firmware exits through semihosting, when it dies (a panic whose handler faults, a HardFault, a
+//! lock-up), when it does nothing but restart, or at a limit of virtual time. defmt-test exits with
+//! `SYS_EXIT_EXTENDED`; panic-probe ends a failed test in a HardFault.
+
+use std::collections::BTreeMap;
+use std::str::FromStr;
+
+use bench_seam::{Part, Reset};
+use cortex_m4::{Cost, Fast, Optimistic, Pessimistic};
+use nrf52840::{Nrf52840, Settings};
+use stm32f429::{Oscillators, Stm32f429};
+
+use super::finding::{Finding, FindingKind};
+use super::rtt::LogLine;
+use super::{Bare, Error, Firmware, Node, ResetAt};
+
+/// What a core's instructions and exceptions cost, see [`cortex_m4::Cost`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Clock {
+    /// A fixed cost: [`cortex_m4::Fast`].
+    #[default]
+    Fast,
+    /// No processor of this kind is faster: [`cortex_m4::Optimistic`].
+    Optimistic,
+    /// No processor of this kind is slower: [`cortex_m4::Pessimistic`].
+    Pessimistic,
+}
+
+impl FromStr for Clock {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        match name {
+            "fast" => Ok(Self::Fast),
+            "optimistic" => Ok(Self::Optimistic),
+            "pessimistic" => Ok(Self::Pessimistic),
+            _ => Err(format!("no clock called {name}: take fast, optimistic or pessimistic")),
+        }
+    }
+}
+
+impl std::fmt::Display for Clock {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Fast => Fast::NAME,
+            Self::Optimistic => Optimistic::NAME,
+            Self::Pessimistic => Pessimistic::NAME,
+        })
+    }
+}
+
+/// A board a firmware can run on alone, with nothing on its pins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Target {
+    /// The DPR's nRF52840.
+    Dpr,
+    /// The HORUS side's STM32F429.
+    Horus,
+}
+
+impl FromStr for Target {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        match name {
+            "dpr" => Ok(Self::Dpr),
+            "horus" => Ok(Self::Horus),
+            _ => Err(format!("no board called {name}: take dpr or horus")),
+        }
+    }
+}
+
+impl Target {
+    /// Runs `firmware` on this board with nothing around it. See [`run`].
+    ///
+    /// # Errors
+    ///
+    /// As [`run`].
+    pub fn run(
+        self,
+        clock: Clock,
+        firmware: &Firmware,
+        limits: Limits,
+        event: impl FnMut(Event<'_>),
+    ) -> Result<Outcome, Error> {
+        match clock {
+            Clock::Fast => self.run_on::<Fast>(firmware, limits, event),
+            Clock::Optimistic => self.run_on::<Optimistic>(firmware, limits, event),
+            Clock::Pessimistic => self.run_on::<Pessimistic>(firmware, limits, event),
+        }
+    }
+
+    fn run_on<C: Cost>(
+        self,
+        firmware: &Firmware,
+        limits: Limits,
+        event: impl FnMut(Event<'_>),
+    ) -> Result<Outcome, Error> {
+        match self {
+            Self::Dpr => run::<_, C>(Nrf52840::new(Settings::default()), firmware, limits, event),
+            Self::Horus => run::<_, C>(Stm32f429::new(Oscillators::default()), firmware, limits, event),
+        }
+    }
+}
+
+/// How far a run may go, in virtual nanoseconds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limits {
+    /// The run ends here if the firmware does not end it first.
+    pub virtual_time: u64,
+    /// How often output is handed over.
+    pub step: u64,
+    /// The run ends at this many restarts: a firmware that only restarts does nothing else.
+    pub restarts: usize,
+}
+
+impl Default for Limits {
+    /// A minute of virtual time, output every 10 ms, a hundred restarts.
+    fn default() -> Self {
+        Self { virtual_time: 60_000_000_000, step: 10_000_000, restarts: 100 }
+    }
+}
+
+/// What a run hands over as it goes.
+#[derive(Debug)]
+pub enum Event<'a> {
+    /// The firmware logged a line.
+    Line(&'a LogLine),
+    /// Something went wrong.
+    Finding(&'a Finding),
+}
+
+/// How a run ended.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Outcome {
+    /// The status the firmware exited with, or `None` where it did not exit.
+    pub exit: Option<u32>,
+    /// Whether the firmware died: a HardFault, an exception without a handler, a lock-up, or nothing but restarts.
+    pub died: bool,
+    /// The virtual time the run took, in nanoseconds.
+    pub virtual_time: u64,
+    /// Every line the firmware logged.
+    pub lines: Vec<LogLine>,
+    /// What went wrong.
+    pub findings: Vec<Finding>,
+    /// How often the part restarted.
+    pub resets: usize,
+    /// What the core was doing at the end, in words.
+    pub doing: String,
+}
+
+impl Outcome {
+    /// Whether the firmware exited with status 0 and did nothing that a person should look at.
+    #[must_use]
+    pub fn passed(&self) -> bool {
+        self.exit == Some(0) && self.findings.is_empty()
+    }
+
+    /// The status for a process that stands for this run: the firmware's own, 101 where it died (as a panic of a host
+    /// process gives), 124 where it ran into the limit (as `timeout` gives).
+    #[must_use]
+    pub fn status(&self) -> u32 {
+        match self.exit {
+            Some(status) if !self.died => status,
+            _ if self.died => 101,
+            _ => 124,
+        }
+    }
+}
+
+/// Runs `firmware` on `part` with nothing around it, and hands what it says to `event` as it goes.
+///
+/// # Errors
+///
+/// What [`Node::new`] refuses.
+pub fn run<P: Part, C: Cost>(
+    part: P,
+    firmware: &Firmware,
+    limits: Limits,
+    mut event: impl FnMut(Event<'_>),
+) -> Result<Outcome, Error> {
+    let mut node = Node::<_, C>::new(part, Bare::new(), firmware)?.with_semihosting();
+    let (mut lines, mut findings) = (Vec::new(), Vec::new());
+    let mut died = false;
+    loop {
+        // It stops at every restart, before a firmware that only restarts has done so for a whole step.
+        node.advance_to_restart((node.now() + limits.step).min(limits.virtual_time));
+        if node.resets().len() >= limits.restarts && !died {
+            let text = restart_loop(node.resets());
+            node.find(FindingKind::RestartLoop, None, text);
+        }
+        let found = node.take_findings();
+        died = found.iter().any(|finding| finding.kind.ends_run());
+        let over = died || node.exit_status().is_some() || node.now() >= limits.virtual_time;
+        for line in if over { node.finish_log() } else { node.take_log() } {
+            event(Event::Line(&line));
+            lines.push(line);
+        }
+        for finding in found.into_iter().chain(if over { node.take_findings() } else { Vec::new() }) {
+            event(Event::Finding(&finding));
+            findings.push(finding);
+        }
+        if over {
+            break;
+        }
+    }
+    Ok(Outcome {
+        exit: node.exit_status(),
+        died,
+        virtual_time: node.now(),
+        lines,
+        findings,
+        resets: node.resets().len(),
+        doing: node.doing(),
+    })
+}
+
+/// What a person needs to hear of a firmware that only restarts.
+fn restart_loop(resets: &[ResetAt]) -> String {
+    let mut causes = BTreeMap::<String, usize>::new();
+    for reset in resets {
+        let cause = match reset.cause {
+            Reset::Software => "by software".to_owned(),
+            Reset::Watchdog(name) => format!("by its watchdog {name}"),
+            Reset::Lockup => "from a lock-up".to_owned(),
+            Reset::Wakeup(name) => format!("waking up by {name}"),
+            cause @ (Reset::PowerOn | Reset::BrownOut | Reset::Pin) => format!("{cause:?}"),
+        };
+        *causes.entry(cause).or_default() += 1;
+    }
+    let causes: Vec<String> = causes.iter().map(|(cause, times)| format!("{times} times {cause}")).collect();
+    let count = resets.len();
+    let causes = causes.join(", ");
+    format!("the part restarted {count} times ({causes}): the run ends here, as nothing else is to be expected")
+}

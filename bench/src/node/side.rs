@@ -1,0 +1,285 @@
+//! What a core reaches while it runs: the part, the board around it, and the clock between them.
+
+use bench_seam::{Clock, Cycle, NEVER, Part, Reset, Timebase};
+use cortex_m4::{Access, Bound, Bus, BusError, Signals, Width};
+
+use super::LineEdge;
+use super::board::{Board, Input, View};
+use super::finding::Finding;
+
+/// Where peripherals begin: below are code and RAM.
+const PERIPHERALS: u32 = 0x4000_0000;
+/// Where RAM begins: below is code.
+const RAM: u32 = 0x2000_0000;
+
+/// All of a node that its core reaches while it runs: the part, the board and the clock.
+#[derive(Clone, Debug)]
+pub(super) struct Side<B: Board> {
+    pub(super) part: B::Part,
+    pub(super) board: B,
+    pub(super) time: Timebase,
+    /// The clock before its last change: the time of the cycles before that.
+    before: Timebase,
+    /// The cycle of that change.
+    changed_at: Cycle,
+    pub(super) clock: Clock,
+    /// The core was awake, in ns, up to the last change of its clock; and its awake cycles then.
+    pub(super) awake: (u64, u64),
+    /// Something reached the board since it was last settled.
+    pub(super) touched: bool,
+    /// When a chip of the board next acts.
+    pub(super) board_due: Cycle,
+    pub(super) inputs: Vec<Input>,
+    /// The restart that the part asked for, with its cycle.
+    pub(super) reset: Option<Reset>,
+    pub(super) watched: Vec<(u16, bool)>,
+    pub(super) edges: Vec<LineEdge>,
+    /// What the part's models found, with instants.
+    pub(super) findings: Vec<Finding>,
+    pub(super) noted: usize,
+    /// The core's cycles in which it did not run, as last told: see [`Side::changed`].
+    pub(super) idle: u64,
+    /// Nothing outside the core happens past this cycle yet, which begins at this instant (ns): something may act on
+    /// the board there.
+    pub(super) horizon: Cycle,
+    pub(super) horizon_ns: u64,
+    /// Something acted on the board since the core last ran: it may wake.
+    pub(super) stirred: bool,
+    /// When the core fell asleep (`true`) and woke, ns; nothing unless watched.
+    pub(super) sleeps: Option<Vec<(u64, bool)>>,
+}
+
+impl<B: Board> Side<B> {
+    /// A part and its board at power-on.
+    pub(super) fn new(part: B::Part, board: B) -> Self {
+        let clock = part.clock();
+        let time = Timebase::new(clock.hz, clock.ppb);
+        Self {
+            part,
+            board,
+            time,
+            before: time,
+            changed_at: 0,
+            clock,
+            awake: (0, 0),
+            touched: true,
+            board_due: NEVER,
+            inputs: Vec::new(),
+            reset: None,
+            watched: Vec::new(),
+            edges: Vec::new(),
+            findings: Vec::new(),
+            noted: 0,
+            idle: 0,
+            horizon: 0,
+            horizon_ns: 0,
+            stirred: true,
+            sleeps: None,
+        }
+    }
+
+    /// Calls the part with its view of the board.
+    pub(super) fn with<T>(&mut self, at: Cycle, call: impl FnOnce(&mut B::Part, &mut View<'_, B>) -> T) -> T {
+        let Self { part, board, time, touched, .. } = self;
+        let answer = call(part, &mut View { board, time, touched });
+        self.after(at);
+        answer
+    }
+
+    /// The board acts on what reached it, and what changed is looked at.
+    #[inline]
+    pub(super) fn after(&mut self, at: Cycle) {
+        if self.touched {
+            self.settle(at);
+        }
+        if self.part.signals().changed {
+            self.changed(at);
+        }
+    }
+
+    /// Lets the board's chips act up to `at`, and the part hear of what they do, until nothing moves any more.
+    pub(super) fn settle(&mut self, at: Cycle) {
+        let ns = self.time.ns(at);
+        let mut inputs = std::mem::take(&mut self.inputs);
+        loop {
+            self.touched = false;
+            inputs.clear();
+            self.board.settle(ns, &mut inputs);
+            if inputs.is_empty() && !self.touched {
+                break;
+            }
+            for input in &inputs {
+                let Self { part, board, time, touched, .. } = self;
+                let mut view = View { board, time, touched };
+                match *input {
+                    Input::Level(pin, level) => part.drive(at, pin, level, &mut view),
+                    Input::Frame(pin, begins, frame) => {
+                        part.receive(time.cycle(begins), pin, frame, &mut view);
+                    }
+                }
+            }
+        }
+        self.inputs = inputs;
+        self.replan();
+        if self.board.outgoing() {
+            let signals = self.part.signals();
+            signals.stop = true;
+            signals.changed = true;
+        }
+    }
+
+    /// The board's next event may have moved.
+    fn replan(&mut self) {
+        let due = self.time.cycle(self.board.next_event());
+        if due != self.board_due {
+            self.board_due = due;
+            self.part.signals().changed = true;
+        }
+    }
+
+    /// The part drives something else into the core, or has other plans: what the node must know of it.
+    pub(super) fn changed(&mut self, at: Cycle) {
+        // Before the rate changes: the instants of what was found up to here are counted at the old one.
+        let found = self.part.findings();
+        if found.len() > self.noted {
+            for finding in &found[self.noted..] {
+                self.findings.push(Finding {
+                    kind: finding.kind.into(),
+                    at: self.time.ns(finding.at),
+                    pc: finding.pc.map(u64::from),
+                    symbol: None,
+                    text: format!("{}: {}", finding.place, finding.text),
+                });
+            }
+            self.noted = self.part.findings().len();
+        }
+        let clock = self.part.clock();
+        if clock != self.clock {
+            self.follow(clock, at);
+        }
+        if let Some(reset) = self.part.take_reset() {
+            self.reset.get_or_insert(reset);
+            self.part.signals().stop = true;
+        }
+        for index in 0..self.watched.len() {
+            let (line, was) = self.watched[index];
+            let high = self.part.signals().lines[usize::from(line) / 64] >> (line % 64) & 1 != 0;
+            if high != was {
+                self.watched[index].1 = high;
+                self.edges.push(LineEdge { at: self.time.ns(at), line, high });
+            }
+        }
+    }
+
+    /// The core goes on at another rate from `at` on, or stands still.
+    fn follow(&mut self, clock: Clock, at: Cycle) {
+        self.clock = clock;
+        // Cycles go on being counted at the last rate while the core has no clock: they are the bench's time then.
+        self.part.signals().stalled_until = if clock.hz == 0 { NEVER } else { 0 };
+        if clock.hz > 0 {
+            let cycles = at - self.idle;
+            self.awake = (self.awake.0 + self.scaled(cycles - self.awake.1), cycles);
+            (self.before, self.changed_at) = (self.time, at);
+            self.time.change(at, clock.hz, clock.ppb);
+            self.board_due = self.time.cycle(self.board.next_event());
+            // The same instant is another cycle now: the core must not run on to the old one.
+            self.horizon = self.time.cycle(self.horizon_ns);
+            self.part.signals().stop = true;
+        }
+    }
+
+    /// When `cycle` was, in ns; it lies no further back than the last change of the clock but one.
+    pub(super) fn past(&self, cycle: Cycle) -> u64 {
+        if cycle < self.changed_at { self.before.ns(cycle) } else { self.time.ns(cycle) }
+    }
+
+    /// So many cycles at the present rate, in ns.
+    pub(super) fn scaled(&self, cycles: u64) -> u64 {
+        self.time.span_ns(cycles)
+    }
+}
+
+impl<B: Board> Bus for Side<B> {
+    #[inline(always)]
+    fn read(&mut self, access: &Access) -> Result<u32, BusError> {
+        let Self { part, board, time, touched, .. } = self;
+        let answer = part.read(access, &mut View { board, time, touched });
+        if access.address >= PERIPHERALS {
+            self.after(access.cycle);
+        }
+        answer
+    }
+
+    #[inline(always)]
+    fn write(&mut self, access: &Access, value: u32) -> Result<(), BusError> {
+        let Self { part, board, time, touched, .. } = self;
+        let answer = part.write(access, value, &mut View { board, time, touched });
+        // A store into code is one to a flash controller.
+        if !(RAM..PERIPHERALS).contains(&access.address) {
+            self.after(access.cycle);
+        }
+        answer
+    }
+
+    #[inline(always)]
+    fn read_memory(&self, address: u32, width: Width) -> Option<u32> {
+        self.part.read_memory(address, width)
+    }
+
+    #[inline(always)]
+    fn write_memory(&mut self, address: u32, width: Width, value: u32) -> bool {
+        self.part.write_memory(address, width, value)
+    }
+
+    #[inline]
+    fn fetch(&mut self, address: u32) -> Result<u16, BusError> {
+        self.part.fetch(address)
+    }
+
+    #[inline]
+    fn is_constant(&self, address: u32) -> bool {
+        self.part.is_constant(address)
+    }
+
+    #[inline]
+    fn due(&self) -> Cycle {
+        self.part.due().min(self.board_due)
+    }
+
+    fn advance(&mut self, cycle: Cycle) {
+        loop {
+            let (part, board) = (self.part.due(), self.board_due);
+            // The core's last instruction may have ended past the horizon.
+            if part.min(board) > cycle.min(self.horizon) {
+                return;
+            }
+            if part <= board {
+                self.with(part, |model, view| model.advance(part, view));
+            } else {
+                self.settle(board);
+                self.after(board);
+            }
+        }
+    }
+
+    #[inline]
+    fn signals(&mut self) -> &mut Signals {
+        self.part.signals()
+    }
+
+    fn sleeps(&mut self, cycle: Cycle, asleep: bool, deep: bool) {
+        let at = cycle.min(self.horizon);
+        if let Some(sleeps) = &mut self.sleeps {
+            sleeps.push((self.time.ns(at), asleep));
+        }
+        self.with(at, |part, view| part.sleeps(at, asleep, deep, view));
+    }
+
+    fn wait_states(&mut self, access: &Access, bound: Bound) -> u32 {
+        self.part.wait_states(access, bound)
+    }
+
+    fn bit_banding(&self) -> bool {
+        self.part.bit_banding()
+    }
+}

@@ -1,0 +1,135 @@
+//! How a node goes through time.
+
+use bench_seam::{Cycle, NEVER, Reset};
+use cortex_m4::{Bus, Cost, Exit};
+
+use super::{Board, Node};
+
+impl<B: Board, C: Cost> Node<B, C> {
+    /// The cycle this board has reached. The core's last instruction may end later.
+    pub(super) fn present(&self) -> Cycle {
+        self.core.cycle().min(self.side.horizon)
+    }
+
+    /// The instant this board has reached, in virtual nanoseconds.
+    #[must_use]
+    pub fn now(&self) -> u64 {
+        self.side.time.ns(self.present())
+    }
+
+    /// When `cycle` of this board's core begins, in virtual nanoseconds. Exact since the clock tree last changed.
+    #[must_use]
+    pub fn ns(&self, cycle: Cycle) -> u64 {
+        self.side.time.ns(cycle)
+    }
+
+    /// The first cycle of this board's core that begins at `ns` or later.
+    #[must_use]
+    pub fn cycle_at(&self, ns: u64) -> Cycle {
+        self.side.time.cycle(ns)
+    }
+
+    /// The first instant this board may act at without anything from outside. Its own present while the core is awake;
+    /// without its supply, the next instant of the chips around the part.
+    #[must_use]
+    pub fn earliest(&self) -> u64 {
+        if !self.powered {
+            self.side.time.ns(self.side.board_due).max(self.now())
+        } else if (self.core.is_asleep() && !self.side.stirred) || self.stopped() {
+            self.side.time.ns(self.side.due().min(self.core.due())).max(self.now())
+        } else {
+            self.now()
+        }
+    }
+
+    /// The longest an ordinary instruction takes at the core's present rate, in virtual nanoseconds.
+    #[must_use]
+    pub fn instruction_ns(&self) -> u64 {
+        2 * self.side.time.cycle_ns()
+    }
+
+    fn stopped(&self) -> bool {
+        self.exit.is_some() || self.core.locked_up() || self.side.clock.hz == 0
+    }
+
+    /// The firmware's exit status, once it ended the run through semihosting.
+    #[must_use]
+    pub fn exit_status(&self) -> Option<u32> {
+        self.exit
+    }
+
+    /// Whether the core runs nothing until an interrupt, or until its supply comes on.
+    #[must_use]
+    pub fn is_asleep(&self) -> bool {
+        !self.powered || self.core.is_asleep()
+    }
+
+    /// Runs to `to` (virtual ns), or to an instruction boundary before it where something left the board. What acts on
+    /// the board then acts at `to` itself; the core hears of it after the instruction that it is in.
+    pub fn advance(&mut self, to: u64) {
+        self.advance_or_restart(to, false);
+    }
+
+    /// As [`Node::advance`], but no further than the next restart of the part, before its core has run an instruction.
+    /// Answers whether it restarted.
+    pub fn advance_to_restart(&mut self, to: u64) -> bool {
+        self.advance_or_restart(to, true)
+    }
+
+    fn advance_or_restart(&mut self, to: u64, stops: bool) -> bool {
+        loop {
+            if let Some(reset) = self.side.reset.take() {
+                self.reset_by(reset);
+                if stops {
+                    return true;
+                }
+            }
+            let now = self.now();
+            if now >= self.probe_at {
+                self.probe(now);
+            }
+            if now >= to || self.side.board.outgoing() {
+                return false;
+            }
+            self.side.horizon_ns = to.min(self.probe_at);
+            let horizon = self.side.time.cycle(self.side.horizon_ns);
+            self.side.horizon = horizon;
+            if self.exit.is_some() || !self.powered {
+                self.side.advance(horizon);
+                self.core.skip_to(self.side.horizon);
+                self.side.idle = self.core.idle();
+                continue;
+            }
+            self.side.stirred = false;
+            match self.core.run(&mut self.side, horizon) {
+                Exit::Until | Exit::Stopped | Exit::Halted => {}
+                Exit::Breakpoint => self.trapped(),
+                Exit::HostCall => self.host_call(),
+                Exit::Lockup => self.locked_up(),
+                Exit::ResetRequest => self.side.reset = Some(Reset::Software),
+            }
+            self.side.idle = self.core.idle();
+            self.note_tasks();
+        }
+    }
+
+    /// What the core is doing now, in words.
+    #[must_use]
+    pub fn doing(&self) -> String {
+        let pc = u64::from(self.core.pc());
+        let place = self.firmware.place_of(pc).map_or_else(|| format!("at {pc:#010x}"), |place| format!("in {place}"));
+        if !self.powered {
+            "its supply is off".to_owned()
+        } else if self.core.locked_up() {
+            "it is locked up".to_owned()
+        } else if self.side.clock.hz == 0 {
+            format!("its core has no clock, {place}")
+        } else if !self.core.is_asleep() {
+            format!("it runs {place}")
+        } else if self.side.due().min(self.core.due()) == NEVER {
+            format!("it sleeps {place}, and nothing is due that could wake it")
+        } else {
+            format!("it sleeps {place}")
+        }
+    }
+}

@@ -1,0 +1,67 @@
+//! How long a core was awake, and what its interrupt lines did.
+
+use cortex_m4::Cost;
+
+use super::{Board, Node};
+
+/// A watched interrupt line changing its level.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LineEdge {
+    /// The instant the model drove it, in virtual nanoseconds.
+    pub at: u64,
+    /// The line, as the vector table numbers interrupts.
+    pub line: u16,
+    /// Whether it rose.
+    pub high: bool,
+}
+
+/// How long a core was awake.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Usage {
+    /// Virtual nanoseconds the core executed instructions.
+    pub awake: u64,
+    /// Virtual nanoseconds in all.
+    pub total: u64,
+}
+
+impl Usage {
+    /// The processor load, 0 to 1.
+    #[must_use]
+    pub fn load(self) -> f64 {
+        if self.total == 0 { 0.0 } else { self.awake as f64 / self.total as f64 }
+    }
+
+    /// What was used since `before`.
+    #[must_use]
+    pub fn since(self, before: Self) -> Self {
+        Self { awake: self.awake - before.awake, total: self.total - before.total }
+    }
+}
+
+impl<B: Board, C: Cost> Node<B, C> {
+    /// Records every change of interrupt line `line` from now on, for [`Node::take_edges`].
+    pub fn watch_line(&mut self, line: u16) {
+        if self.side.watched.iter().all(|&(watched, _)| watched != line) {
+            self.side.watched.push((line, false));
+        }
+    }
+
+    /// The changes of watched lines since last asked, in order.
+    pub fn take_edges(&mut self) -> Vec<LineEdge> {
+        std::mem::take(&mut self.side.edges)
+    }
+
+    /// How long the core was awake since power-on.
+    #[must_use]
+    pub fn usage(&self) -> Usage {
+        let (ns, cycles) = self.side.awake;
+        let since = (self.core.cycle() - self.core.idle()).saturating_sub(cycles);
+        Usage { awake: ns + self.side.scaled(since), total: self.now() }
+    }
+
+    /// Instructions the core executed since power-on.
+    #[must_use]
+    pub fn instructions(&self) -> u64 {
+        self.core.retired()
+    }
+}

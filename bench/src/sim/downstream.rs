@@ -1,0 +1,528 @@
+//! What is between and beside the boards as the DPR sees it: the air, the flight controller, the base station, and what
+//! goes wrong there. It also keeps the event log.
+
+use std::collections::VecDeque;
+
+use bench_judge::{Board as Side, Bytes, Event, Findings, Header, Log, SsiEvent, Verdict, What};
+use cortex_m4::Cost;
+use nrf52840::SpisEvent;
+use st25r3916_model::{Air, AirEvent, AirFaults, Counters};
+
+use super::board_events::BoardEvents;
+use super::marks::{DPR_SPI_HZ, HORUS_SPI_HZ, SSI_HZ, bus};
+use super::phases::{Edge, Phase, PhaseEvent, Sweeping};
+use super::recorder::Recorder;
+use super::upstream::Notes;
+use crate::boards::{Dpr, Horus};
+use crate::faults::wires::Wires;
+use crate::faults::{BaseFault, Episode, Fault, Faults, Timeline, Turn};
+use crate::node::{Downstream, LogLine, Node};
+use crate::trace::{self, Mark, TaskWatch, Wire, Word};
+use crate::world::flight_controller::{Placed, Stats};
+use crate::world::ssi::{Progress, Transaction};
+use crate::world::{BaseStation, FlightController};
+
+/// What the DPR's pins and its SPIS show.
+#[derive(Clone, Copy, Debug)]
+enum Seen {
+    /// The part restarted: its SPIS has no buffers until they are given to it.
+    Restart,
+    Fresh(bool),
+    Spis(SpisEvent),
+}
+
+/// The air, the DPR's surroundings, and the log.
+#[derive(Clone, Debug)]
+pub(super) struct Link {
+    air: Air,
+    /// To which instant the air was told everything, ns: what the poller emitted is heard up to a millisecond ahead.
+    air_at: u64,
+    flight_controller: FlightController,
+    base: BaseStation,
+    /// What is wrong with the base station at present.
+    base_faults: Vec<BaseFault>,
+    wires: Wires,
+    faults: Timeline,
+    /// Air faults under way: the last counts.
+    air_faults: Vec<(u64, AirFaults)>,
+    dpr_events: BoardEvents,
+    recorder: Recorder,
+    /// When FRESH rose, while it is not known yet what a transaction would read.
+    announced: Option<u64>,
+    /// What a transaction would read now, while the SPIS has the buffers and none is under way.
+    offer: Option<Vec<u8>>,
+    /// How many of the DPR's restarts were seen.
+    restarts: usize,
+    /// A transaction is under way.
+    selected: bool,
+    /// What goes into a trace, while there is one.
+    trace: Option<Vec<Mark>>,
+    /// The DPR's tasks, while there is a trace.
+    tasks: Option<TaskWatch>,
+    sweeping: Option<Sweeping>,
+    /// What HORUS logged as it ran ahead.
+    horus_lines: VecDeque<LogLine>,
+}
+
+/// What a [`Link`] begins with.
+pub(super) struct Surroundings {
+    pub(super) header: Header,
+    pub(super) flight_controller: FlightController,
+    pub(super) base: BaseStation,
+    pub(super) traced: bool,
+    pub(super) logged: bool,
+    pub(super) sweeping: Option<Sweeping>,
+}
+
+impl Link {
+    pub(super) fn new(with: Surroundings, faults: &Faults) -> Self {
+        let seed = with.header.seed;
+        let layout = with.flight_controller.config().layout();
+        Self {
+            air: Air::new(seed, AirFaults::default()),
+            air_at: 0,
+            flight_controller: with.flight_controller,
+            base: with.base,
+            base_faults: vec![],
+            wires: Wires::new(layout, seed),
+            faults: faults.timeline(false),
+            air_faults: vec![],
+            dpr_events: BoardEvents::new(Side::Dpr),
+            recorder: Recorder::new(with.header, with.logged),
+            announced: None,
+            offer: None,
+            restarts: 0,
+            selected: false,
+            trace: with.traced.then(Vec::new),
+            tasks: None,
+            sweeping: with.sweeping,
+            horus_lines: VecDeque::new(),
+        }
+    }
+
+    /// What HORUS had logged by `now`.
+    pub(super) fn horus_lines(&mut self, now: u64) -> impl Iterator<Item = LogLine> {
+        std::iter::from_fn(move || self.horus_lines.pop_front_if(|line| line.at <= now))
+    }
+
+    /// What the run is known by.
+    pub(super) fn header(&self) -> &Header {
+        self.recorder.header()
+    }
+
+    /// What was broken in the part of the run that is judged already.
+    pub(super) fn findings(&self) -> &Findings {
+        self.recorder.findings()
+    }
+
+    /// What the air has carried.
+    pub(super) fn air(&self) -> Counters {
+        self.air.counters()
+    }
+
+    /// What the flight controller has read.
+    pub(super) fn stats(&self) -> Stats {
+        self.flight_controller.stats()
+    }
+
+    /// Both boards have passed `reached` (ns): what happened before is judged.
+    pub(super) fn come_to<C: Cost>(&mut self, reached: u64, dpr: &mut Node<Dpr, C>) {
+        self.watch_dpr(dpr);
+        self.advance_air(reached, dpr);
+        self.recorder.extend(self.dpr_events.take());
+        self.recorder.release(reached.min(self.announced.unwrap_or(u64::MAX)));
+    }
+
+    /// Keeps the event log from now on.
+    pub(super) fn keep_log(&mut self) {
+        self.recorder.keep();
+    }
+
+    /// What goes wrong beside what was set up.
+    pub(super) fn add_faults(&mut self, faults: &Faults) {
+        self.faults.add(faults.timeline(false));
+    }
+
+    /// What was released of the log since the last call.
+    pub(super) fn take_log(&mut self) -> Vec<Event> {
+        self.recorder.take_kept()
+    }
+
+    /// The DPR's tasks go into a trace.
+    pub(super) fn watch_tasks(&mut self, tasks: TaskWatch) {
+        self.tasks = Some(tasks);
+    }
+
+    /// What happened on the wires since the last call, for the trace; nothing without one.
+    pub(super) fn take_marks<C: Cost>(&mut self, dpr: &mut Node<Dpr, C>) -> Vec<Mark> {
+        let Some(trace) = &mut self.trace else { return vec![] };
+        let crossings = dpr.board_mut(|board| board.front_end.take_crossings());
+        bus(trace, crossings, trace::DPR, [Wire::DprCs, Wire::DprIrq], DPR_SPI_HZ);
+        if let Some(tasks) = &mut self.tasks {
+            trace.extend(tasks.take(dpr));
+        }
+        std::mem::take(trace)
+    }
+
+    /// The run is over at `end` (ns).
+    pub(super) fn finish<C: Cost>(
+        mut self,
+        end: u64,
+        evidence: Vec<What>,
+        dpr: &mut Node<Dpr, C>,
+    ) -> (Verdict, Log, BaseStation, Vec<Phase>) {
+        self.come_to(end, dpr);
+        self.offered(None);
+        for what in evidence {
+            self.recorder.note(end, what);
+        }
+        let (verdict, log) = self.recorder.finish(end);
+        (verdict, log, self.base, self.sweeping.map(Sweeping::into_phases).unwrap_or_default())
+    }
+
+    fn mark(&mut self, at: u64, wire: Wire, level: bool) {
+        if let Some(trace) = &mut self.trace {
+            trace.push(Mark::Level(at, wire, level));
+        }
+    }
+
+    fn mark_word(&mut self, at: u64, word: Word, value: Option<u64>) {
+        if let Some(trace) = &mut self.trace {
+            trace.push(Mark::Word(at, word, value));
+        }
+    }
+
+    // ---- the air
+
+    /// What the poller emitted: noted, then through the air to the listener.
+    fn emitted<C: Cost>(&mut self, at: u64, event: AirEvent, node: &mut Node<Dpr, C>) {
+        match &event {
+            AirEvent::FieldOn | AirEvent::FieldOff => {
+                let on = event == AirEvent::FieldOn;
+                self.recorder.note(at, What::Field { on });
+                self.mark(at, Wire::Field, on);
+            }
+            AirEvent::FrameStart(start) => {
+                self.mark(at, Wire::Frame, true);
+                if let Some(timestamp) = start.chunk.data.get(1..5).and_then(|bytes| bytes.try_into().ok()) {
+                    self.mark_word(at, Word::FrameTimestamp, Some(u64::from(u32::from_le_bytes(timestamp))));
+                }
+                if let Some(&len) = start.chunk.data.first() {
+                    self.place_transactions(at, len);
+                }
+            }
+            AirEvent::Bytes(_) => {}
+            AirEvent::FrameEnd { .. } => {
+                self.mark(at, Wire::Frame, false);
+                self.mark_word(at, Word::FrameTimestamp, None);
+            }
+        }
+        self.air_at = self.air_at.max(at);
+        let Self { air, recorder, .. } = self;
+        node.board_mut(|board| {
+            air.from_poller(at, event, |at, event| {
+                note_field(recorder, at, event);
+                board.front_end.hear(at, event);
+            });
+        });
+        self.note_air();
+    }
+
+    /// The air comes to `to` (ns), with what it does by itself: frames that it holds back or repeats. The poller has
+    /// emitted everything before that instant.
+    fn advance_air<C: Cost>(&mut self, to: u64, node: &mut Node<Dpr, C>) {
+        let Self { air, recorder, .. } = self;
+        node.board_mut(|board| {
+            air.advance(to, |at, event| {
+                note_field(recorder, at, event);
+                board.front_end.hear(at, event);
+            });
+        });
+        self.note_air();
+    }
+
+    /// What the air says of frames and faults since the last look.
+    fn note_air(&mut self) {
+        for frame in self.air.take_sent() {
+            if let Some(sweeping) = &mut self.sweeping
+                && let Some(&len) = frame.bytes.first()
+            {
+                sweeping.frame_took(len, frame.ended_ns - frame.started_ns);
+            }
+            let what = What::Sent {
+                started: frame.started_ns,
+                bit_rate: frame.bits_per_second,
+                bytes: Bytes(frame.bytes),
+                whole: frame.whole,
+            };
+            self.recorder.note(frame.ended_ns, what);
+        }
+        for frame in self.air.take_heard() {
+            let what = What::Heard { started: frame.started_ns, bytes: Bytes(frame.bytes), whole: frame.whole };
+            self.recorder.note(frame.ended_ns, what);
+            if self.wires.answers() {
+                self.recorder.note(frame.ended_ns, What::Answer);
+            }
+        }
+        for (at, kind) in self.air.take_injected() {
+            self.recorder.note(at, What::Injected { kind: format!("air {kind}"), until: at });
+        }
+    }
+
+    /// A frame began at `at`: the transactions that a sweep wants around its end are placed.
+    fn place_transactions(&mut self, at: u64, len: u8) {
+        let Some(sweeping) = &mut self.sweeping else { return };
+        let config = *self.flight_controller.config();
+        for (edge, instant, bytes) in sweeping.frame_started(at, len) {
+            let bytes = bytes.unwrap_or(config.image_len());
+            let at_ns = match edge {
+                Edge::Falls => instant,
+                Edge::Rises => instant - config.transaction_ns(bytes),
+            };
+            self.flight_controller.place(Placed { at_ns, bytes });
+        }
+    }
+
+    // ---- the DPR
+
+    /// Notes what happened for the phase that is being swept.
+    fn note_phase(&mut self, at: u64, event: PhaseEvent) {
+        if let Some(phase) = self.sweeping.as_mut().and_then(Sweeping::phase) {
+            let after = i64::try_from(at).unwrap_or(i64::MAX) - i64::try_from(phase.frame_ended).unwrap_or(i64::MAX);
+            phase.events.push((after, event));
+        }
+    }
+
+    /// What the DPR's pins and its SPIS showed since the last look.
+    fn watch_dpr<C: Cost>(&mut self, node: &mut Node<Dpr, C>) {
+        let changes = node.board_mut(Dpr::take_fresh);
+        let spis = node.input(|part, _, _| part.take_spis_events());
+        let mut offers = node.input(|part, _, _| part.take_spis_offers()).into_iter();
+        let mut seen: Vec<(u64, Seen)> = vec![];
+        for (at, level) in changes {
+            seen.extend(self.wires.fresh(at, level).map(|(at, level)| (at, Seen::Fresh(level))));
+        }
+        seen.extend(node.resets()[self.restarts..].iter().map(|reset| (reset.at, Seen::Restart)));
+        self.restarts = node.resets().len();
+        // An image is put in before FRESH announces it, and readable only after that: of one instant, FRESH comes
+        // first.
+        seen.extend(spis.into_iter().map(|(cycle, _, event)| (node.ns(cycle), Seen::Spis(event))));
+        seen.sort_by_key(|(at, _)| *at);
+        for (at, what) in seen {
+            match what {
+                Seen::Restart => {
+                    self.offered(None);
+                    self.offer = None;
+                }
+                Seen::Fresh(high) => self.fresh_changed(at, high),
+                Seen::Spis(event) => {
+                    self.note_phase(at, PhaseEvent::Spis(event));
+                    if event == SpisEvent::Ready {
+                        let offered = offers.next().map(|(_, image)| image).unwrap_or_default();
+                        self.offer = Some(offered.clone());
+                        if self.announced.is_some_and(|rose| rose <= at) {
+                            self.offered(Some(offered));
+                        }
+                    } else {
+                        self.offer = None;
+                    }
+                    let what = match event {
+                        SpisEvent::Held => SsiEvent::Held,
+                        SpisEvent::Released => SsiEvent::Released,
+                        SpisEvent::Ready => SsiEvent::Ready,
+                        SpisEvent::Busy => SsiEvent::Busy,
+                        SpisEvent::End { .. } => continue,
+                    };
+                    self.recorder.note(at, What::Ssi(what));
+                }
+            }
+        }
+        self.dpr_events.watch(node);
+    }
+
+    fn fresh_changed(&mut self, at: u64, high: bool) {
+        self.mark(at, Wire::Fresh, high);
+        self.note_phase(at, if high { PhaseEvent::FreshRises } else { PhaseEvent::FreshFalls });
+        if high {
+            self.offered(None);
+            self.announced = Some(at);
+            if self.selected {
+                self.offered(None);
+            } else if self.offer.is_some() {
+                // The DPR raises FRESH while it has the buffers. A rise while the SPIS has them announces what it
+                // offers.
+                self.offered(self.offer.clone());
+            }
+        } else {
+            self.recorder.note(at, What::Fresh { high, offered: None });
+        }
+    }
+
+    /// What a transaction would have read after FRESH rose, if it rose, is known now.
+    fn offered(&mut self, image: Option<Vec<u8>>) {
+        if let Some(at) = self.announced.take() {
+            self.recorder.note(at, What::Fresh { high: true, offered: image.map(Bytes) });
+        }
+    }
+
+    // ---- the flight controller and the base station
+
+    /// The flight controller's transaction is over: what it brought is noted, and what it forwards goes on.
+    fn transaction_over(&mut self, Transaction { selected_ns, deselected_ns, mosi, miso, .. }: Transaction) {
+        let what = What::Transaction { selected: selected_ns, mosi: Bytes(mosi), miso: Bytes(miso) };
+        self.recorder.note(deselected_ns, what);
+        if let Some(profile) = self.flight_controller.last().and_then(|last| last.forwarded.clone()) {
+            self.recorder.note(deselected_ns, What::Forwarded { profile: Bytes(profile) });
+        }
+        let mut line = self.flight_controller.take_downlink();
+        if !self.wires.radio(&mut line) {
+            return;
+        }
+        for arrival in self.base.receive(deselected_ns, &line) {
+            let layout = self.flight_controller.config().layout();
+            let shown = self.base_faults.iter().fold(arrival.shown, |shown, fault| fault.shows(shown, layout));
+            let what = What::Arrived { profile: Bytes(arrival.profile), shown };
+            self.recorder.note(deselected_ns, what);
+        }
+    }
+
+    /// An episode on the DPR's side begins or ends.
+    fn turn<C: Cost>(&mut self, turn: &Turn, node: &mut Node<Dpr, C>) {
+        let now = node.now();
+        let (Turn::Begins(Episode { at, until, fault }) | Turn::Ends(Episode { at, until, fault })) = turn;
+        let begins = matches!(turn, Turn::Begins(_));
+        if begins && !matches!(fault, Fault::Power(..) | Fault::Upset(..) | Fault::Image(..)) {
+            self.recorder.note(now, What::Injected { kind: fault.name(), until: (*until).max(now) });
+        }
+        match fault {
+            Fault::Air(faults) => {
+                if begins {
+                    self.air_faults.push((*at, *faults));
+                } else if let Some(place) = self.air_faults.iter().position(|other| *other == (*at, *faults)) {
+                    self.air_faults.remove(place);
+                }
+                let faults = self.air_faults.last().map_or_else(AirFaults::default, |(_, faults)| *faults);
+                let Self { air, recorder, .. } = self;
+                let from = now.max(self.air_at);
+                node.board_mut(|board| {
+                    air.set_faults(from, faults, |at, event| {
+                        note_field(recorder, at, event);
+                        board.front_end.hear(at, event);
+                    });
+                });
+                self.note_air();
+            }
+            Fault::FlightController(conduct) => {
+                self.flight_controller.set_conduct(now, begins.then_some(*conduct));
+            }
+            Fault::Wire(fault) if begins => self.wires.begin(*fault),
+            Fault::Wire(fault) => self.wires.end(*fault),
+            Fault::Base(fault) if begins => self.base_faults.push(*fault),
+            Fault::Base(fault) => {
+                if let Some(place) = self.base_faults.iter().position(|other| other == fault) {
+                    self.base_faults.remove(place);
+                }
+            }
+            _ => {
+                self.dpr_events.turn(node, turn);
+                self.offered(None);
+                self.offer = None;
+            }
+        }
+    }
+}
+
+/// The DPR's antenna sees a carrier, or none any more.
+fn note_field(recorder: &mut Recorder, at: u64, event: &AirEvent) {
+    match event {
+        AirEvent::FieldOn => recorder.note(at, What::FieldHeard { on: true }),
+        AirEvent::FieldOff => recorder.note(at, What::FieldHeard { on: false }),
+        _ => {}
+    }
+}
+
+impl<C: Cost> Downstream<Dpr, C> for Link {
+    type Message = AirEvent;
+    type Notes = Notes;
+
+    fn hear(&mut self, at: u64, event: AirEvent, node: &mut Node<Dpr, C>) {
+        self.emitted(at, event, node);
+    }
+
+    fn noted(&mut self, notes: Notes) {
+        self.recorder.extend(notes.events);
+        self.horus_lines.extend(notes.lines);
+        if let Some(trace) = &mut self.trace {
+            bus(trace, notes.crossings, trace::HORUS, [Wire::HorusCs, Wire::HorusIrq], HORUS_SPI_HZ);
+            trace.extend(notes.marks);
+        }
+    }
+
+    fn leave(&mut self, node: &mut Node<Dpr, C>) {
+        for (at, event) in node.board_mut(|board| board.front_end.take_air()) {
+            self.air.from_listener(at, &event);
+            if matches!(event, AirEvent::FrameStart(_)) {
+                self.recorder.note(at, What::Answer);
+            }
+        }
+    }
+
+    fn next_at(&self) -> u64 {
+        let air = self.air.next_event().unwrap_or(u64::MAX);
+        self.flight_controller.next_at().min(self.faults.next_at()).min(air)
+    }
+
+    fn act(&mut self, at: u64, node: &mut Node<Dpr, C>) {
+        if self.air.next_event().is_some_and(|next| next <= at) {
+            self.advance_air(at, node);
+        }
+        while let Some(turn) = self.faults.take(at) {
+            self.watch_dpr(node);
+            self.turn(&turn, node);
+        }
+        if self.flight_controller.next_at() > at {
+            return;
+        }
+        if !self.flight_controller.is_clocking() {
+            self.watch_dpr(node);
+        }
+        match self.flight_controller.act(node, &mut self.wires) {
+            Some(Progress::Selected(selected)) => {
+                self.offered(None);
+                self.selected = true;
+                self.recorder.note(selected, What::Selected);
+                self.mark(at, Wire::SsiCsn, false);
+                self.note_phase(selected, PhaseEvent::Selected);
+            }
+            Some(Progress::Clocked(run)) => {
+                if let Some(trace) = &mut self.trace {
+                    trace.extend(run.bytes().map(|(at, mosi, miso)| Mark::Byte(at, trace::SSI, mosi, miso, SSI_HZ)));
+                }
+            }
+            Some(Progress::Over(transaction)) => {
+                self.selected = false;
+                self.mark(at, Wire::SsiCsn, true);
+                self.note_phase(transaction.deselected_ns, PhaseEvent::Deselected);
+                if let Some(link) = self.flight_controller.last().and_then(|last| last.link) {
+                    self.mark_word(at, Word::LinkStatusAge, Some(u64::from(link.age_100us)));
+                }
+                self.transaction_over(transaction);
+            }
+            None => {}
+        }
+    }
+}
+
+/// What a run leaves at its end: findings of chips, counters, loads.
+pub(super) fn evidence<C: Cost>(horus: &Node<Horus, C>, dpr: &Node<Dpr, C>, receivers: usize) -> Vec<What> {
+    let mut evidence = vec![];
+    let chips = [(Side::Horus, horus.board().front_end.chip()), (Side::Dpr, dpr.board().front_end.chip())];
+    for (board, chip) in chips {
+        evidence.extend(chip.reports().iter().map(|misuse| What::Misuse { board, text: misuse.to_string() }));
+    }
+    evidence.extend(super::telemetry::counters(horus, dpr, receivers));
+    let load = |load: f64| (load * 1e4).round() as u32;
+    evidence.push(What::Load { board: Side::Horus, per_10_000: load(horus.usage().load()) });
+    evidence.push(What::Load { board: Side::Dpr, per_10_000: load(dpr.usage().load()) });
+    evidence
+}

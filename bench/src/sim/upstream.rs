@@ -1,0 +1,186 @@
+//! What stands beside HORUS: its receivers, the antenna that takes what its front end emits, and what goes wrong there.
+
+use bench_judge::{Board as Side, Bytes, Event, What};
+use bench_seam::UartFrame;
+use cortex_m4::Cost;
+use gnss_sim::{Burst, Receiver};
+use horus_tx_fw::timing::{GNSS_BAUD, TICK_PULSE_TICKS, TICKS_PER_US};
+use profile::Layout;
+use st25r3916_model::AirEvent;
+
+use super::board_events::BoardEvents;
+use crate::boards::Horus;
+use crate::boards::front_end::Crossing;
+use crate::faults::receivers::{LineFaults, OnLine};
+use crate::faults::{Fault, Faults, Timeline, Turn, Wires};
+use crate::node::{LogLine, Node, Upstream};
+use crate::trace::{Mark, TaskWatch, Wire};
+
+/// How long the pin TICK is high before each tick, ns.
+const TICK_PULSE_NS: u64 = TICK_PULSE_TICKS as u64 * 1_000 / TICKS_PER_US as u64;
+
+/// A receiver and what it sends next.
+#[derive(Clone, Debug)]
+struct Feed {
+    receiver: Receiver,
+    upcoming: Option<Burst>,
+}
+
+impl Feed {
+    fn new(mut receiver: Receiver) -> Self {
+        let upcoming = receiver.next();
+        Self { receiver, upcoming }
+    }
+
+    /// When its next burst begins, ns.
+    fn next_at(&self) -> u64 {
+        self.upcoming.as_ref().map_or(u64::MAX, |burst| burst.at_ns)
+    }
+}
+
+/// What stands beside HORUS.
+#[derive(Clone, Debug)]
+pub(super) struct Receivers {
+    feeds: Vec<Feed>,
+    lines: LineFaults,
+    faults: Timeline,
+    events: BoardEvents,
+    wires: Wires,
+    /// What the pin TICK did, while there is a trace.
+    marks: Vec<Mark>,
+    /// HORUS's tasks, while there is a trace.
+    tasks: Option<TaskWatch>,
+}
+
+impl Receivers {
+    pub(super) fn new(receivers: Vec<Receiver>, layout: Layout, faults: &Faults, seed: u64) -> Self {
+        Self {
+            feeds: receivers.into_iter().map(Feed::new).collect(),
+            lines: LineFaults::new(seed),
+            faults: faults.timeline(true),
+            events: BoardEvents::new(Side::Horus),
+            wires: Wires::new(layout, seed),
+            marks: vec![],
+            tasks: None,
+        }
+    }
+
+    /// HORUS's tasks go into a trace.
+    pub(super) fn watch_tasks(&mut self, tasks: TaskWatch) {
+        self.tasks = Some(tasks);
+    }
+
+    /// What goes wrong beside what was set up.
+    pub(super) fn add_faults(&mut self, faults: &Faults) {
+        self.faults.add(faults.timeline(true));
+    }
+
+    /// The ticks since the last look are on the wire TICK, as it is now.
+    fn watch_ticks<C: Cost>(&mut self, node: &mut Node<Horus, C>) {
+        let ticks = node.board_mut(Horus::take_ticks);
+        for at in ticks.into_iter().flat_map(|at| self.wires.tick(at)) {
+            self.events.note(at, What::Tick);
+            if self.tasks.is_some() {
+                // The pin is high for a constant time before each tick.
+                let rose = at.saturating_sub(TICK_PULSE_NS);
+                self.marks.extend([Mark::Level(rose, Wire::HorusTick, true), Mark::Level(at, Wire::HorusTick, false)]);
+            }
+        }
+    }
+
+    /// What is on a line goes to the board and into the log.
+    fn feed<C: Cost>(&mut self, node: &mut Node<Horus, C>, lines: Vec<OnLine>) {
+        for OnLine { at_ns, receiver, frames, clean } in lines {
+            let bytes: Vec<u8> = frames.iter().map(|frame| frame.data as u8).collect();
+            let begins = node.board_mut(|board| board.send(at_ns, receiver, frames));
+            let byte_ns = UartFrame::eight_n_one(0, GNSS_BAUD).ns();
+            self.events.note(begins, What::Fed { receiver, byte_ns, bytes: Bytes(bytes), clean });
+        }
+    }
+}
+
+/// What is told of the HORUS board as it runs ahead.
+#[derive(Debug)]
+pub(super) struct Notes {
+    pub(super) lines: Vec<LogLine>,
+    pub(super) events: Vec<Event>,
+    /// What crossed between the part and its front end; nothing unless there is a trace.
+    pub(super) crossings: Vec<(u64, Crossing)>,
+    /// What else goes into a trace: the pin TICK and the tasks.
+    pub(super) marks: Vec<Mark>,
+}
+
+impl<C: Cost> Upstream<Horus, C> for Receivers {
+    type Message = AirEvent;
+    type Notes = Notes;
+
+    fn leave(&mut self, node: &mut Node<Horus, C>, sent: &mut Vec<(u64, AirEvent)>) {
+        node.board_mut(|board| sent.extend(board.front_end.take_air()));
+    }
+
+    fn notes(&mut self, node: &mut Node<Horus, C>) -> Notes {
+        let (transmits, crossings) =
+            node.board_mut(|board| (board.front_end.take_transmits(), board.front_end.take_crossings()));
+        for at in transmits {
+            self.events.note(at, What::Command);
+        }
+        self.watch_ticks(node);
+        let mut marks = std::mem::take(&mut self.marks);
+        self.events.watch(node);
+        if let Some(tasks) = &mut self.tasks {
+            marks.extend(tasks.take(node));
+        }
+        Notes { lines: node.take_log(), events: self.events.take(), crossings, marks }
+    }
+
+    fn next_at(&self) -> u64 {
+        let bursts = self.feeds.iter().map(Feed::next_at).min().unwrap_or(u64::MAX);
+        bursts.min(self.lines.next_at()).min(self.faults.next_at())
+    }
+
+    fn act(&mut self, at: u64, node: &mut Node<Horus, C>) {
+        while let Some(turn) = self.faults.take(at) {
+            let (Turn::Begins(episode) | Turn::Ends(episode)) = &turn;
+            let begins = matches!(turn, Turn::Begins(_));
+            match episode.fault {
+                Fault::Receiver(receiver, fault) if begins => {
+                    self.events.injected(node.now(), episode);
+                    self.lines.begin(node.now(), episode.until, receiver, fault);
+                }
+                Fault::Receiver(receiver, fault) => self.lines.end(receiver, fault),
+                Fault::Wire(fault) => {
+                    // Ticks of before have crossed the wire as it was.
+                    self.watch_ticks(node);
+                    if begins {
+                        self.events.injected(node.now(), episode);
+                        self.wires.begin(fault);
+                    } else {
+                        self.wires.end(fault);
+                    }
+                }
+                Fault::FrontEnd(fault) if begins => {
+                    self.events.injected(node.now(), episode);
+                    let now = node.now();
+                    node.board_mut(|board| board.front_end.begin_fault(now, fault));
+                }
+                Fault::FrontEnd(fault) => {
+                    let now = node.now();
+                    node.board_mut(|board| board.front_end.end_fault(now, fault));
+                }
+                _ => self.events.turn(node, &turn),
+            }
+        }
+        for index in 0..self.feeds.len() {
+            let feed = &mut self.feeds[index];
+            if feed.next_at() > at {
+                continue;
+            }
+            if let Some(burst) = std::mem::replace(&mut feed.upcoming, feed.receiver.next()) {
+                let lines = self.lines.burst(burst.at_ns, index, &burst.bytes);
+                self.feed(node, lines);
+            }
+        }
+        let lines = self.lines.take(at);
+        self.feed(node, lines);
+    }
+}

@@ -1,0 +1,89 @@
+//! The file of a trace: which format it has, and what either format is told.
+
+use std::ffi::OsStr;
+use std::io;
+use std::path::Path;
+
+use super::Error;
+use super::fst::FstFile;
+use super::signals::{Id, Signals, Value};
+use super::vcd::VcdFile;
+
+/// A file being written, in the format that its name's ending says.
+pub(super) enum TraceFile {
+    Vcd(VcdFile),
+    Fst(Box<FstFile>),
+}
+
+impl TraceFile {
+    /// Creates the file with its list of signals.
+    pub(super) fn create(path: &Path, signals: &Signals) -> Result<Self, Error> {
+        let failed = |source| Error::Io { path: path.to_owned(), source };
+        match path.extension().and_then(OsStr::to_str) {
+            Some("vcd") => VcdFile::create(path, signals).map(Self::Vcd).map_err(failed),
+            Some("fst") => FstFile::create(path, signals).map(|file| Self::Fst(Box::new(file))).map_err(failed),
+            _ => Err(Error::Ending { path: path.to_owned() }),
+        }
+    }
+
+    /// The values of all signals at 0 ns, which come first.
+    pub(super) fn start(&mut self, signals: &Signals, values: &[Value]) -> io::Result<()> {
+        if let Self::Vcd(file) = self {
+            file.start()?;
+        }
+        for (place, (signal, value)) in signals.all().iter().zip(values).enumerate() {
+            self.change(Id(place), signal.bits, *value)?;
+        }
+        if let Self::Vcd(file) = self {
+            file.started()?;
+        }
+        Ok(())
+    }
+
+    /// What follows happens at `at` (ns), which comes after every instant before.
+    pub(super) fn time(&mut self, at: u64) -> io::Result<()> {
+        match self {
+            Self::Vcd(file) => file.time(at),
+            Self::Fst(file) => file.time(at),
+        }
+    }
+
+    /// Signal `id`, `bits` wide, takes `value`.
+    pub(super) fn change(&mut self, id: Id, bits: u32, value: Value) -> io::Result<()> {
+        match self {
+            Self::Vcd(file) => file.change(id, bits, value),
+            Self::Fst(file) => file.change(id, bits, value),
+        }
+    }
+
+    /// Nothing follows.
+    pub(super) fn finish(self) -> io::Result<()> {
+        match self {
+            Self::Vcd(file) => file.finish(),
+            Self::Fst(file) => file.finish(),
+        }
+    }
+}
+
+/// The digits of `value`, most significant first, as both formats write them; `z` where nothing drives the signal.
+pub(super) fn digits(bits: u32, value: Value) -> impl Iterator<Item = u8> {
+    (0..bits).rev().map(move |bit| match value {
+        Some(value) => b'0' + u8::from(value >> bit & 1 != 0),
+        None => b'z',
+    })
+}
+
+/// Calls `open` and `close` for the groups that lie between those of one signal and those of the next.
+pub(super) fn regroup<T>(
+    to: &mut T,
+    from: &[&'static str],
+    next: &[&'static str],
+    mut open: impl FnMut(&mut T, &'static str) -> io::Result<()>,
+    mut close: impl FnMut(&mut T) -> io::Result<()>,
+) -> io::Result<()> {
+    let common = from.iter().zip(next).take_while(|(of, to)| of == to).count();
+    for _ in common..from.len() {
+        close(to)?;
+    }
+    next[common..].iter().try_for_each(|group| open(to, group))
+}

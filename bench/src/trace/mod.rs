@@ -1,0 +1,224 @@
+//! The wires and the tasks of a run as a file, for GTKWave, Surfer and sigrok.
+//!
+//! # Formats
+//!
+//! The file's ending says which. sigrok's importer reads VCD, and of that one-bit wires alone; GTKWave and Surfer read
+//! both. For 10 s of the link with three receivers, `cargo xtask sim --seconds 10 --trace run.fst`:
+//!
+//! | ending | format | size |
+//! |---|---|---|
+//! | `.vcd` | Value Change Dump, text | 327 MB |
+//! | `.fst` | Fast Signal Trace, compressed | 1.8 MB |
+//!
+//! # What there is to see
+//!
+//! | group | signals |
+//! |---|---|
+//! | `horus` | the front end's SPI, bit by bit and as bytes (`horus_mosi_byte`), its interrupt output, TICK |
+//! | `horus.tasks` | one signal for each task, named by task and vector (`rf_irq_EXTI3`), and those below |
+//! | `air` | the carrier, frames, the timestamp that a frame carries |
+//! | `dpr` | the front end's SPI, its interrupt output |
+//! | `dpr.tasks` | as `horus.tasks` |
+//! | `ssi` | the flight controller's SPI, FRESH, the age that the image's Link-Status carries |
+//!
+//! A task's signal is 1 from the entry of its handler to its end; where a more urgent task preempts it, it stays 1, and
+//! `..._running` has the number of the exception that runs. `..._idle` is thread mode with the core awake, `..._asleep`
+//! the core sleeping, and `..._other` stands for exceptions that are not in the firmware's table of tasks.
+//!
+//! The models exchange whole bytes, each at the end of its eighth clock; the clock edges and data bits of a byte are
+//! drawn back from there at the bus's clock rate. A byte's signal has its value from its first clock until the next
+//! byte or the end of chip select, and is not driven (`z`) otherwise. Events arrive a little out of order, because the
+//! boards run up to the scheduler's lookahead apart, so they wait in a window before they are written.
+
+mod file;
+mod fst;
+mod signals;
+mod tasks;
+mod vcd;
+mod vectors;
+
+use std::collections::BTreeMap;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use file::TraceFile;
+use signals::{BUSES, Id, Signals, Value};
+pub use signals::{Board, Bus, DPR, HORUS, SSI, TaskSignal, Wire, Word};
+pub use tasks::{Task, TaskWatch};
+
+/// How far back an event may still be placed: more than the longest byte and the greatest lookahead together.
+const WINDOW_NS: u64 = 200_000;
+
+/// Why a trace cannot be written.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The file's name does not say which format it has.
+    #[error("a trace's name ends in .vcd or in .fst, and {} does not", path.display())]
+    Ending {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The file cannot be created or written.
+    #[error("the trace cannot be written to {}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the operating system says.
+        source: io::Error,
+    },
+    /// Something was told after the trace had been written up to a later instant.
+    #[error("the trace is written up to {written} ns, and {signal} changed at {at} ns")]
+    Late {
+        /// The signal.
+        signal: String,
+        /// When it changed, ns.
+        at: u64,
+        /// What is written, ns.
+        written: u64,
+    },
+}
+
+/// Something that happened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mark {
+    /// The wire took a level at the instant (ns).
+    Level(u64, Wire, bool),
+    /// The number took a value at the instant (ns), or ended.
+    Word(u64, Word, Option<u64>),
+    /// A byte crossed the bus, controller to chip and back, its eighth clock ending at the instant (ns), at so many Hz.
+    Byte(u64, Bus, u8, u8, u32),
+    /// A board's tasks changed at the instant (ns): [`TaskWatch`] makes these.
+    Task(u64, Board, TaskSignal, u64),
+}
+
+/// A file being written.
+pub struct Trace {
+    path: PathBuf,
+    file: TraceFile,
+    signals: Signals,
+    /// What each signal carries at the last written instant.
+    values: Vec<Value>,
+    /// Events not yet written, by time; of several on one signal at one instant the last counts.
+    waiting: BTreeMap<(u64, Id), Value>,
+    /// Everything before this instant is written, ns.
+    written: u64,
+    /// The values at 0 ns are written.
+    begun: bool,
+}
+
+impl Trace {
+    /// Creates the file `path`, with a signal for each of the boards' tasks.
+    ///
+    /// # Errors
+    ///
+    /// A name that ends neither in `.vcd` nor in `.fst`, a directory that does not exist, and what else the file system
+    /// says.
+    pub fn create(path: &Path, horus: &[Task], dpr: &[Task]) -> Result<Self, Error> {
+        let signals = Signals::new(horus, dpr);
+        let file = TraceFile::create(path, &signals)?;
+        let values = signals.all().iter().map(|signal| signal.start).collect();
+        Ok(Self { path: path.to_owned(), file, signals, values, waiting: BTreeMap::new(), written: 0, begun: false })
+    }
+
+    /// Takes what happened.
+    pub fn take(&mut self, marks: impl IntoIterator<Item = Mark>) {
+        for mark in marks {
+            match mark {
+                Mark::Level(at, wire, level) => self.level(at, wire, level),
+                Mark::Word(at, word, value) => self.set(at, Signals::word(word), value),
+                Mark::Byte(at, bus, mosi, miso, hz) => self.byte(at, bus, mosi, miso, hz),
+                Mark::Task(at, board, signal, value) => self.set(at, self.signals.task(board, signal), Some(value)),
+            }
+        }
+    }
+
+    fn set(&mut self, at: u64, id: Id, value: Value) {
+        self.waiting.insert((at, id), value);
+    }
+
+    fn level(&mut self, at: u64, wire: Wire, level: bool) {
+        self.set(at, Signals::wire(wire), Some(u64::from(level)));
+        if level && let Some(bus) = BUSES.iter().find(|bus| bus.cs == wire) {
+            self.set(at, Signals::word(bus.mosi_byte), None);
+            self.set(at, Signals::word(bus.miso_byte), None);
+        }
+    }
+
+    /// A byte has crossed a bus: its eighth clock ended at `at` (ns), at `hz`.
+    fn byte(&mut self, at: u64, bus: Bus, mosi: u8, miso: u8, hz: u32) {
+        let half = |halves: u64| at.saturating_sub(halves * 500_000_000 / u64::from(hz));
+        let bit = |byte: u8, bit: u64| Some(u64::from(byte >> (7 - bit) & 1));
+        for nth in 0..8 {
+            let left = 2 * (8 - nth);
+            let (low, high, fall) = (half(left), half(left - 1), half(left - 2));
+            // Mode 0: low half, then high half. Mode 1: high half, then low half.
+            let (rise, fall) = if bus.changes_on_rise { (low, high) } else { (high, fall) };
+            self.set(low, Signals::wire(bus.mosi), bit(mosi, nth));
+            self.set(low, Signals::wire(bus.miso), bit(miso, nth));
+            self.set(rise, Signals::wire(bus.sck), Some(1));
+            self.set(fall, Signals::wire(bus.sck), Some(0));
+        }
+        self.set(half(16), Signals::word(bus.mosi_byte), Some(u64::from(mosi)));
+        self.set(half(16), Signals::word(bus.miso_byte), Some(u64::from(miso)));
+    }
+
+    /// Writes what can no longer change: both boards have passed `now` (ns).
+    ///
+    /// # Errors
+    ///
+    /// What the file system says, and an event that is told too late.
+    pub fn flush_before(&mut self, now: u64) -> Result<(), Error> {
+        let before = now.saturating_sub(WINDOW_NS);
+        if before == 0 {
+            return Ok(());
+        }
+        let later = self.waiting.split_off(&(before, Id(0)));
+        let due = std::mem::replace(&mut self.waiting, later);
+        self.write(due)?;
+        self.written = before;
+        Ok(())
+    }
+
+    /// Writes the rest.
+    ///
+    /// # Errors
+    ///
+    /// As [`Trace::flush_before`].
+    pub fn finish(mut self) -> Result<(), Error> {
+        let due = std::mem::take(&mut self.waiting);
+        self.write(due)?;
+        let Self { file, path, .. } = self;
+        file.finish().map_err(|source| Error::Io { path, source })
+    }
+
+    fn write(&mut self, mut due: BTreeMap<(u64, Id), Value>) -> Result<(), Error> {
+        let Self { path, file, signals, values, written, begun, .. } = self;
+        let failed = |source| Error::Io { path: path.clone(), source };
+        if !std::mem::replace(begun, true) {
+            // What is told of 0 ns belongs to the state at the start.
+            while let Some(first) = due.first_entry().filter(|first| first.key().0 == 0) {
+                let Id(place) = first.key().1;
+                values[place] = first.remove();
+            }
+            file.start(signals, values).map_err(failed)?;
+        }
+        let mut stamped = None;
+        for ((at, id), value) in due {
+            let Id(place) = id;
+            let signal = &signals.all()[place];
+            if at < *written {
+                return Err(Error::Late { signal: signal.name.clone(), at, written: *written });
+            }
+            if std::mem::replace(&mut values[place], value) == value {
+                continue;
+            }
+            if stamped != Some(at) {
+                file.time(at).map_err(failed)?;
+                stamped = Some(at);
+            }
+            file.change(id, signal.bits, value).map_err(failed)?;
+        }
+        Ok(())
+    }
+}

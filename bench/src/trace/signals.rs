@@ -1,0 +1,295 @@
+//! What there is to see in a trace: every signal with its group, its name and its width.
+
+use std::fmt;
+
+use super::tasks::Task;
+
+/// A board of the trace.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Board {
+    /// The sending side.
+    Horus,
+    /// The receiving side.
+    Dpr,
+}
+
+/// A wire of the trace.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wire {
+    /// HORUS: SPI clock of the front end.
+    HorusSck,
+    /// HORUS: controller to front end.
+    HorusMosi,
+    /// HORUS: front end to controller.
+    HorusMiso,
+    /// HORUS: chip select of the front end, active low.
+    HorusCs,
+    /// HORUS: the front end's interrupt output.
+    HorusIrq,
+    /// HORUS: the 10 ms timer begins its next cycle.
+    HorusTick,
+    /// The poller's carrier.
+    Field,
+    /// A frame is on the air.
+    Frame,
+    /// DPR: SPI clock of the front end.
+    DprSck,
+    /// DPR: controller to front end.
+    DprMosi,
+    /// DPR: front end to controller.
+    DprMiso,
+    /// DPR: chip select of the front end, active low.
+    DprCs,
+    /// DPR: the front end's interrupt output.
+    DprIrq,
+    /// SSI clock.
+    SsiSck,
+    /// SSI: flight controller to DPR.
+    SsiMosi,
+    /// SSI: DPR to flight controller.
+    SsiMiso,
+    /// SSI chip select, active low.
+    SsiCsn,
+    /// A new image is readable.
+    Fresh,
+}
+
+/// A number of the trace, several bits wide.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Word {
+    /// The byte that HORUS's front end is sent, from its first clock on.
+    HorusMosiByte,
+    /// The byte that HORUS's front end answers.
+    HorusMisoByte,
+    /// The timestamp of the first object in the frame on the air.
+    FrameTimestamp,
+    /// The byte that the DPR's front end is sent.
+    DprMosiByte,
+    /// The byte that the DPR's front end answers.
+    DprMisoByte,
+    /// The byte that the flight controller sends.
+    SsiMosiByte,
+    /// The byte that the DPR answers.
+    SsiMisoByte,
+    /// The age of Reported-Position in the image that was read last, in units of 100 µs: Link-Status carries it.
+    LinkStatusAge,
+}
+
+/// A one-bit signal: group, name, level at the start. sigrok drops the groups, so the names alone tell them apart.
+const WIRES: [(Wire, &str, &str, bool); 18] = [
+    (Wire::HorusSck, "horus", "horus_sck", false),
+    (Wire::HorusMosi, "horus", "horus_mosi", false),
+    (Wire::HorusMiso, "horus", "horus_miso", false),
+    (Wire::HorusCs, "horus", "horus_cs_n", true),
+    (Wire::HorusIrq, "horus", "horus_irq", false),
+    (Wire::HorusTick, "horus", "horus_tick", false),
+    (Wire::Field, "air", "field", false),
+    (Wire::Frame, "air", "frame", false),
+    (Wire::DprSck, "dpr", "dpr_sck", false),
+    (Wire::DprMosi, "dpr", "dpr_mosi", false),
+    (Wire::DprMiso, "dpr", "dpr_miso", false),
+    (Wire::DprCs, "dpr", "dpr_cs_n", true),
+    (Wire::DprIrq, "dpr", "dpr_irq", false),
+    (Wire::SsiSck, "ssi", "ssi_sck", false),
+    (Wire::SsiMosi, "ssi", "ssi_mosi", false),
+    (Wire::SsiMiso, "ssi", "ssi_miso", false),
+    (Wire::SsiCsn, "ssi", "ssi_csn", true),
+    (Wire::Fresh, "ssi", "ssi_fresh", false),
+];
+
+/// A number: group, name, bits.
+const WORDS: [(Word, &str, &str, u32); 8] = [
+    (Word::HorusMosiByte, "horus", "horus_mosi_byte", 8),
+    (Word::HorusMisoByte, "horus", "horus_miso_byte", 8),
+    (Word::FrameTimestamp, "air", "frame_timestamp", 32),
+    (Word::DprMosiByte, "dpr", "dpr_mosi_byte", 8),
+    (Word::DprMisoByte, "dpr", "dpr_miso_byte", 8),
+    (Word::SsiMosiByte, "ssi", "ssi_mosi_byte", 8),
+    (Word::SsiMisoByte, "ssi", "ssi_miso_byte", 8),
+    (Word::LinkStatusAge, "ssi", "link_status_age", 16),
+];
+
+/// An SPI bus of the trace.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Bus {
+    pub(super) sck: Wire,
+    pub(super) mosi: Wire,
+    pub(super) miso: Wire,
+    pub(super) cs: Wire,
+    pub(super) mosi_byte: Word,
+    pub(super) miso_byte: Word,
+    /// Data changes on the clock's rising edge (mode 1) rather than before it (mode 0).
+    pub(super) changes_on_rise: bool,
+}
+
+/// HORUS's front end: SPI mode 1.
+pub const HORUS: Bus = Bus {
+    sck: Wire::HorusSck,
+    mosi: Wire::HorusMosi,
+    miso: Wire::HorusMiso,
+    cs: Wire::HorusCs,
+    mosi_byte: Word::HorusMosiByte,
+    miso_byte: Word::HorusMisoByte,
+    changes_on_rise: true,
+};
+/// The DPR's front end: SPI mode 1.
+pub const DPR: Bus = Bus {
+    sck: Wire::DprSck,
+    mosi: Wire::DprMosi,
+    miso: Wire::DprMiso,
+    cs: Wire::DprCs,
+    mosi_byte: Word::DprMosiByte,
+    miso_byte: Word::DprMisoByte,
+    changes_on_rise: true,
+};
+/// The flight controller's port: SPI mode 0.
+pub const SSI: Bus = Bus {
+    sck: Wire::SsiSck,
+    mosi: Wire::SsiMosi,
+    miso: Wire::SsiMiso,
+    cs: Wire::SsiCsn,
+    mosi_byte: Word::SsiMosiByte,
+    miso_byte: Word::SsiMisoByte,
+    changes_on_rise: false,
+};
+
+/// Every bus.
+pub(super) const BUSES: [Bus; 3] = [HORUS, DPR, SSI];
+
+/// A signal's place in the list of all.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Id(pub(super) usize);
+
+/// What a signal carries: a number, or nothing (high impedance, `z`).
+pub(super) type Value = Option<u64>;
+
+/// A signal of the trace.
+#[derive(Clone, Debug)]
+pub(super) struct Signal {
+    /// The groups from the outermost inward.
+    pub(super) group: Vec<&'static str>,
+    /// Letters, digits and underscores: what every viewer takes.
+    pub(super) name: String,
+    pub(super) bits: u32,
+    pub(super) start: Value,
+}
+
+/// One of a board's signals about its tasks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TaskSignal {
+    /// The task of this number in the board's list is entered, whether it runs or a more urgent one preempts it.
+    Entered(usize),
+    /// An exception that is in no list is entered.
+    Other,
+    /// Nothing is entered and the core is awake: thread mode.
+    Idle,
+    /// The core sleeps, or has no supply.
+    Asleep,
+    /// The number of the exception whose handler runs: 0 for thread mode, 16 + n for interrupt n.
+    Running,
+}
+
+/// Every signal of a trace.
+#[derive(Clone, Debug)]
+pub(super) struct Signals {
+    all: Vec<Signal>,
+    /// The lists of tasks: where each board's signals begin, and how many tasks it has.
+    boards: [(usize, usize); 2],
+}
+
+impl Signals {
+    /// The wires, the numbers, and each board's tasks.
+    pub(super) fn new(horus: &[Task], dpr: &[Task]) -> Self {
+        let bit = |level: bool| Some(u64::from(level));
+        let wires = WIRES.iter().map(|&(_, group, name, level)| Signal {
+            group: vec![group],
+            name: name.to_owned(),
+            bits: 1,
+            start: bit(level),
+        });
+        let words = WORDS.iter().map(|&(_, group, name, bits)| Signal {
+            group: vec![group],
+            name: name.to_owned(),
+            bits,
+            start: None,
+        });
+        let mut all: Vec<Signal> = wires.chain(words).collect();
+        let boards = [("horus", horus), ("dpr", dpr)].map(|(board, tasks)| {
+            let first = all.len();
+            let named = tasks.iter().map(|task| (task.to_string(), 1));
+            let rest = [("other", 1), ("idle", 1), ("asleep", 1), ("running", 9)];
+            let rest = rest.map(|(name, bits)| (format!("{board}_{name}"), bits));
+            all.extend(named.chain(rest).map(|(name, bits)| Signal {
+                group: vec![board, "tasks"],
+                name,
+                bits,
+                start: bit(false),
+            }));
+            (first, tasks.len())
+        });
+        Self { all, boards }
+    }
+
+    /// Every signal, each at the place that its [`Id`] says.
+    pub(super) fn all(&self) -> &[Signal] {
+        &self.all
+    }
+
+    /// Every signal, those of a group one after the other, groups within a group after its own signals.
+    pub(super) fn by_group(&self) -> Vec<(Id, &Signal)> {
+        let mut groups: Vec<&'static str> = vec![];
+        for signal in &self.all {
+            if !groups.contains(&signal.group[0]) {
+                groups.push(signal.group[0]);
+            }
+        }
+        let mut sorted: Vec<_> = self.all.iter().enumerate().map(|(place, signal)| (Id(place), signal)).collect();
+        sorted.sort_by_key(|(id, signal)| {
+            let group = groups.iter().position(|group| *group == signal.group[0]);
+            (group, signal.group.len(), *id)
+        });
+        sorted
+    }
+
+    pub(super) fn wire(wire: Wire) -> Id {
+        Id(wire as usize)
+    }
+
+    pub(super) fn word(word: Word) -> Id {
+        Id(WIRES.len() + word as usize)
+    }
+
+    pub(super) fn task(&self, board: Board, which: TaskSignal) -> Id {
+        let (first, tasks) = self.boards[board as usize];
+        Id(first
+            + match which {
+                TaskSignal::Entered(task) => task,
+                TaskSignal::Other => tasks,
+                TaskSignal::Idle => tasks + 1,
+                TaskSignal::Asleep => tasks + 2,
+                TaskSignal::Running => tasks + 3,
+            })
+    }
+}
+
+impl fmt::Display for Task {
+    /// The task's name as a signal: `rf_irq_EXTI3`.
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "{}_{}", self.name, self.vector)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_wire_and_word_is_at_the_place_in_its_table_that_its_number_says() {
+        for (place, (wire, ..)) in WIRES.iter().enumerate() {
+            assert_eq!(*wire as usize, place, "{wire:?}");
+        }
+        for (place, (word, ..)) in WORDS.iter().enumerate() {
+            assert_eq!(*word as usize, place, "{word:?}");
+        }
+    }
+}

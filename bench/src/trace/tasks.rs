@@ -1,0 +1,124 @@
+//! The tasks of a board over time: from the changes of the active exception to what is entered, runs and sleeps.
+
+use cortex_m4::Cost;
+
+use super::signals::{Board, TaskSignal};
+use super::{Mark, vectors};
+use crate::node::{self, Node};
+
+/// A task of a firmware.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Task {
+    /// Its name in the firmware's sources.
+    pub name: &'static str,
+    /// Its interrupt vector, as the part's manual calls it.
+    pub vector: &'static str,
+    /// The number of its exception in the image: 16 + n for interrupt n.
+    pub exception: u16,
+}
+
+/// Watches the tasks of a board. Plain data: a clone of it goes with a clone of its node.
+#[derive(Clone, Debug)]
+pub struct TaskWatch {
+    board: Board,
+    tasks: Vec<Task>,
+    /// The exceptions that are entered, each with its priority; the last of them runs.
+    entered: Vec<(u16, i16)>,
+    asleep: bool,
+}
+
+impl TaskWatch {
+    /// Begins to watch the tasks of `node` from now on. `table` has the firmware's tasks: name and vector of each. A
+    /// task whose vector does not lead to the image's function of that name is left out.
+    #[must_use]
+    pub fn new<B: node::Board, C: Cost>(
+        board: Board,
+        node: &mut Node<B, C>,
+        table: &[(&'static str, &'static str)],
+    ) -> Self {
+        node.watch_tasks(true);
+        let tasks = table
+            .iter()
+            .filter_map(|&(name, vector)| {
+                let exception = vectors::exception(board, vector)?;
+                node.exceptions_of(vector).contains(&exception).then_some(Task { name, vector, exception })
+            })
+            .collect();
+        Self { board, tasks, entered: vec![], asleep: false }
+    }
+
+    /// The tasks of the image, in the order of its table.
+    #[must_use]
+    pub fn tasks(&self) -> &[Task] {
+        &self.tasks
+    }
+
+    /// What happened since the last call. To be called at least once every 4096 changes of the active exception, which
+    /// a core makes in some milliseconds at the earliest.
+    pub fn take<B: node::Board, C: Cost>(&mut self, node: &mut Node<B, C>) -> Vec<Mark> {
+        let mut marks = vec![];
+        let mut sleeps = node.take_sleeps().into_iter().peekable();
+        for (at, active) in node.take_tasks() {
+            while let Some((at, asleep)) = sleeps.next_if(|(slept, _)| *slept <= at) {
+                self.sleeps(at, asleep, &mut marks);
+            }
+            let priority = node.exception_priority(active);
+            self.changes(at, active, priority, &mut marks);
+        }
+        for (at, asleep) in sleeps {
+            self.sleeps(at, asleep, &mut marks);
+        }
+        marks
+    }
+
+    /// From `at` on exception `active` of this priority runs.
+    fn changes(&mut self, at: u64, active: u16, priority: i16, marks: &mut Vec<Mark>) {
+        if let Some(place) = self.entered.iter().position(|&(entered, _)| entered == active) {
+            // Returned to, or entered anew by tail-chaining.
+            self.leave(at, place + 1, marks);
+        } else {
+            // What is not more urgent than the last cannot preempt it: it follows by tail-chaining (ARMv7-M ARM
+            // B1.5.12). Thread mode is less urgent than everything.
+            while self.entered.last().is_some_and(|&(_, last)| last <= priority) {
+                self.leave(at, self.entered.len() - 1, marks);
+            }
+            if active != 0 {
+                self.entered.push((active, priority));
+                marks.push(self.mark(at, self.signal(active), 1));
+            }
+        }
+        marks.push(self.mark(at, TaskSignal::Running, u64::from(active)));
+        self.idle(at, marks);
+    }
+
+    /// All but the first `stay` of what is entered have ended.
+    fn leave(&mut self, at: u64, stay: usize, marks: &mut Vec<Mark>) {
+        for (ended, _) in self.entered.split_off(stay) {
+            let signal = self.signal(ended);
+            // Two exceptions that are in no list share a signal.
+            if self.entered.iter().all(|&(entered, _)| self.signal(entered) != signal) {
+                marks.push(self.mark(at, signal, 0));
+            }
+        }
+    }
+
+    fn sleeps(&mut self, at: u64, asleep: bool, marks: &mut Vec<Mark>) {
+        self.asleep = asleep;
+        marks.push(self.mark(at, TaskSignal::Asleep, u64::from(asleep)));
+        self.idle(at, marks);
+    }
+
+    fn idle(&self, at: u64, marks: &mut Vec<Mark>) {
+        let idle = self.entered.is_empty() && !self.asleep;
+        marks.push(self.mark(at, TaskSignal::Idle, u64::from(idle)));
+    }
+
+    fn signal(&self, exception: u16) -> TaskSignal {
+        let place = self.tasks.iter().position(|task| task.exception == exception);
+        place.map_or(TaskSignal::Other, TaskSignal::Entered)
+    }
+
+    fn mark(&self, at: u64, signal: TaskSignal, value: u64) -> Mark {
+        Mark::Task(at, self.board, signal, value)
+    }
+}

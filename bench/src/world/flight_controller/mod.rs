@@ -1,0 +1,307 @@
+//! The aircraft's flight controller at the other end of the SSI.
+//!
+//! # Design
+//!
+//! An ordinary flight controller: once per control cycle (4 ms) it reads the DPR image in one SPI transaction, mode 0,
+//! 8 MHz, and goes on with whatever it got. Its crystal is its own, so its cycle drifts through that of the DPR and
+//! meets it in every phase. [`SsiMaster`] carries its transactions: [`FlightController::next_at`] says when it next
+//! does something on the wires, and [`FlightController::act`] does it.
+//!
+//! What it has read it verifies: see [`Outcome`]. A whole profile that it has not seen before goes to the base station,
+//! its bytes untouched ([`framing`]). Nothing else does.
+//!
+//! While a [`Conduct`] is set, it misuses the SSI in that way. It verifies what it reads all the same.
+//!
+//! | file | what |
+//! |---|---|
+//! | `config` | how it reads, and when |
+//! | `reading` | what it makes of the bytes that one transaction brought |
+
+mod config;
+mod reading;
+#[cfg(test)]
+mod tests;
+
+use std::collections::VecDeque;
+
+use profile::ssi::{self, REQUEST_SIZE, Request};
+
+pub use config::{Config, Placed, Schedule};
+pub(super) use reading::is_vacant;
+pub use reading::{Outcome, Reading};
+
+use super::framing;
+use super::ssi::{Crystal, Order, Progress, SsiMaster, SsiPort, Start, Transaction};
+use crate::faults::flight_controller::{Conduct, Misconduct, Rhythm};
+use crate::faults::wires::Wires;
+
+/// Totals since reset.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Stats {
+    /// Transactions that are over: the sum of the next four.
+    pub transactions: u64,
+    /// [`Outcome::Fresh`].
+    pub fresh: u64,
+    /// [`Outcome::Repeated`].
+    pub repeated: u64,
+    /// [`Outcome::Busy`].
+    pub busy: u64,
+    /// [`Outcome::BadCrc`].
+    pub bad_crc: u64,
+    /// Profiles forwarded to the base station: fresh ones.
+    pub forwarded: u64,
+}
+
+/// A flight controller. See the [module](self).
+#[derive(Debug, Clone)]
+pub struct FlightController {
+    config: Config,
+    crystal: Crystal,
+    master: SsiMaster,
+    /// When the next action is due, ns.
+    next_at: u64,
+    /// The control cycle in which its next transaction begins.
+    cycle: u64,
+    /// The transactions that are to begin at instants of the bench's choice, in order of time.
+    placed: VecDeque<Placed>,
+    /// How it misuses the SSI at present.
+    misconduct: Option<Misconduct>,
+    /// How many episodes of misconduct there were.
+    episodes: u64,
+    /// No transaction begins before this instant, ns.
+    not_before: u64,
+    /// What the transaction under way reads of the image.
+    window: Request,
+    /// What the next transaction reads of the image, unless that is all of it.
+    next: Option<Request>,
+    /// What shall be asked for in the coming transactions.
+    requests: VecDeque<Request>,
+    last: Option<Reading>,
+    /// Timestamp of the last fresh profile.
+    previous: Option<u32>,
+    downlink: Vec<u8>,
+    stats: Stats,
+}
+
+impl FlightController {
+    /// A flight controller at reset.
+    ///
+    /// # Panics
+    ///
+    /// If there is no profile for so many receivers, or a transaction does not fit into the control cycle, or the
+    /// crystal is more than 1 % off: a bench set up so is wrong.
+    #[must_use]
+    pub fn new(config: Config) -> Self {
+        assert!(config.crystal_ppb.unsigned_abs() <= 10_000_000, "a crystal is off by {} ppb", config.crystal_ppb);
+        let longest = config.transaction_ns(config.image_len()) + config.pace.gap_ns;
+        assert!(longest <= config.cycle_ns, "a transaction of {longest} ns does not fit into the control cycle");
+        let crystal = Crystal { ppb: config.crystal_ppb };
+        let mut controller = Self {
+            window: config.whole(),
+            config,
+            crystal,
+            master: SsiMaster::new(crystal),
+            next_at: 0,
+            cycle: 0,
+            placed: VecDeque::new(),
+            misconduct: None,
+            episodes: 0,
+            not_before: 0,
+            next: None,
+            requests: VecDeque::new(),
+            last: None,
+            previous: None,
+            downlink: Vec::new(),
+            stats: Stats::default(),
+        };
+        controller.plan();
+        controller
+    }
+
+    /// Asks, in the next transaction that asks for nothing else yet, for a window of the image; the transaction after
+    /// that reads just that. One whose request met a busy DPR is repeated; the transaction after it reads what it
+    /// itself was to read. Without a request every transaction reads the whole image.
+    ///
+    /// # Panics
+    ///
+    /// If the window is empty or longer than the image. One that lies outside of the image is sent as it is: the DPR
+    /// has to refuse it.
+    pub fn request(&mut self, window: Request) {
+        assert!(
+            (1..=self.config.image_len()).contains(&usize::from(window.length)),
+            "a window of {} bytes",
+            window.length
+        );
+        self.requests.push_back(window);
+    }
+
+    /// Has a transaction begin at an instant of the bench's choice, [`Schedule::Placed`] alone.
+    ///
+    /// # Panics
+    ///
+    /// If the schedule is another one, if so many bytes are none or more than the image has, or if the transaction
+    /// before it is not over by then, and the gap after it.
+    pub fn place(&mut self, transaction: Placed) {
+        let Placed { at_ns, bytes } = transaction;
+        assert_eq!(self.config.schedule, Schedule::Placed, "this flight controller keeps its own cycle");
+        assert!((1..=self.config.image_len()).contains(&bytes), "a transaction of {bytes} bytes");
+        let ready = match self.placed.back() {
+            Some(before) => {
+                let took = self.config.transaction_ns(before.bytes) + self.config.pace.gap_ns;
+                before.at_ns + self.crystal.by_the_bench(took)
+            }
+            None if self.misconduct.is_some() => 0,
+            None => self.master.free_at(),
+        };
+        assert!(at_ns >= ready, "a transaction at {at_ns} ns, and after the one before it none before {ready} ns");
+        self.placed.push_back(transaction);
+        self.plan();
+    }
+
+    /// From `at` (ns) on it misuses the SSI so; a transaction under way comes to its end before. With `None` it lets go
+    /// of everything and reads on in its cycle, as it does at reset.
+    pub fn set_conduct(&mut self, at: u64, conduct: Option<Conduct>) {
+        if self.misconduct.take().is_some() {
+            self.master.cut(at);
+        }
+        self.not_before = at;
+        if let Some(conduct) = conduct {
+            self.misconduct = Some(Misconduct::new(conduct, self.config, self.config.seed ^ self.episodes));
+            self.episodes += 1;
+        } else {
+            // A transaction that was cut short ends with a byte and the hold time; then there is a gap.
+            let pace = self.config.pace;
+            self.not_before += self.crystal.by_the_bench(pace.byte_ns + pace.hold_ns + pace.gap_ns);
+            let from = self.not_before;
+            self.placed.retain(|placed| placed.at_ns >= from);
+        }
+        self.plan();
+    }
+
+    /// When the next action is due, ns. `u64::MAX` if there is none.
+    #[must_use]
+    pub fn next_at(&self) -> u64 {
+        self.next_at
+    }
+
+    /// Whether its next action is that bytes cross.
+    #[must_use]
+    pub fn is_clocking(&self) -> bool {
+        self.master.is_clocking()
+    }
+
+    /// Takes the action that is due, on the DPR's pins. What MISO carried comes to it through `wires`. Nothing is told
+    /// of what is no part of a transaction: clocks without chip select. Of a transaction that is over, MISO is what the
+    /// flight controller saw, and [`Self::last`] is what it made of it.
+    ///
+    /// # Panics
+    ///
+    /// If nothing is due at any time.
+    pub fn act(&mut self, port: &mut impl SsiPort, wires: &mut Wires) -> Option<Progress> {
+        if self.master.is_idle() {
+            let start = self.start().expect("a transaction is due");
+            self.window = self.next.take().unwrap_or(self.config.whole());
+            let order = self.order();
+            self.master.begin(start, order);
+        }
+        let mut told = self.master.act(port);
+        if let Some(Progress::Over(transaction)) = &mut told {
+            wires.miso(transaction.deselected_ns, usize::from(self.window.offset), &mut transaction.miso);
+            self.conclude(transaction);
+        }
+        self.plan();
+        told
+    }
+
+    /// What it made of the transaction that was over last.
+    #[must_use]
+    pub fn last(&self) -> Option<&Reading> {
+        self.last.as_ref()
+    }
+
+    /// What it has sent to the base station since this was last called.
+    #[must_use]
+    pub fn take_downlink(&mut self) -> Vec<u8> {
+        core::mem::take(&mut self.downlink)
+    }
+
+    /// Totals.
+    #[must_use]
+    pub fn stats(&self) -> Stats {
+        self.stats
+    }
+
+    /// How it reads.
+    #[must_use]
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+
+    /// Settles what it does next.
+    fn plan(&mut self) {
+        if self.master.is_idle() {
+            let from = self.master.free_at().max(self.not_before);
+            while self.in_cycle().and(0, self.crystal) < from {
+                self.cycle += 1;
+            }
+            self.next_at = self.start().map_or(u64::MAX, |start| start.and(0, self.crystal));
+        } else {
+            self.next_at = self.master.next_at();
+        }
+    }
+
+    /// When the next transaction in its own cycle begins.
+    fn in_cycle(&self) -> Start {
+        Start { bench_ns: 0, own_ns: self.config.first_ns + self.cycle * self.config.cycle_ns }
+    }
+
+    /// When its next transaction begins.
+    fn start(&self) -> Option<Start> {
+        let at = |bench_ns| Start { bench_ns, own_ns: 0 };
+        match (self.misconduct.as_ref().map(Misconduct::rhythm), self.config.schedule) {
+            (Some(Rhythm::Never), _) => None,
+            (Some(Rhythm::AtOnce), _) => Some(at(self.master.free_at().max(self.not_before))),
+            (Some(Rhythm::InCycle), _) | (None, Schedule::EveryCycle) => Some(self.in_cycle()),
+            (None, Schedule::Placed) => self.placed.front().map(|placed| at(placed.at_ns)),
+        }
+    }
+
+    /// What the transaction that begins now is to be.
+    fn order(&mut self) -> Order {
+        if let Some(misconduct) = &mut self.misconduct {
+            return misconduct.order();
+        }
+        // What it reads, but no fewer bytes than a request takes.
+        let bytes = match self.placed.pop_front() {
+            Some(placed) => placed.bytes,
+            None => usize::from(self.window.length).max(REQUEST_SIZE),
+        };
+        self.next = self.requests.pop_front();
+        let mosi = self.next.map_or(vec![], |asked| ssi::encode(asked).to_vec());
+        Order { mosi, pace: self.config.pace, ..Order::read(bytes) }
+    }
+
+    /// A transaction is over.
+    fn conclude(&mut self, transaction: &Transaction) {
+        let reading = Reading::of(transaction, self.window, self.config.layout(), self.previous);
+        self.stats.transactions += 1;
+        *match reading.outcome {
+            Outcome::Fresh => &mut self.stats.fresh,
+            Outcome::Repeated => &mut self.stats.repeated,
+            Outcome::Busy => &mut self.stats.busy,
+            Outcome::BadCrc => &mut self.stats.bad_crc,
+        } += 1;
+        if let Some(profile) = &reading.forwarded {
+            self.previous = reading.timestamp;
+            self.stats.forwarded += 1;
+            framing::encode(profile, &mut self.downlink);
+        }
+        if reading.outcome == Outcome::Busy {
+            // A busy DPR has not heard what it was asked for, and goes on showing what it was asked for before.
+            if let Some(unheard) = self.next.replace(self.window) {
+                self.requests.push_front(unheard);
+            }
+        }
+        self.last = Some(reading);
+    }
+}

@@ -1,0 +1,499 @@
+//! Unit tests: what it reads, and what it does while it misuses the SSI.
+
+use bench_seam::SpiMode;
+use profile::image::Image;
+use profile::{
+    GpsObject, GpsStatus, GpsValues, Identifier, LinkStatus, LinkStatusBits, LinkValues, Profile, Rejection,
+    ReportedValues,
+};
+
+use super::super::BaseStation;
+use super::super::ssi::mock::{Done, Pins};
+use super::*;
+use crate::faults::WireFault;
+
+const US: u64 = 1_000;
+const MS: u64 = 1_000_000;
+
+fn profile(timestamp: u32) -> Profile<3> {
+    let position = GpsValues {
+        status: GpsStatus::new().with_position_valid(true),
+        latitude: 47.4979,
+        longitude: 8.7289,
+        altitude: 470.0,
+        ..GpsValues::absent(timestamp)
+    };
+    Profile::seal(
+        &ReportedValues { latitude: 47.4979, longitude: 8.7289, ..ReportedValues::absent(timestamp) },
+        &[position; 3],
+    )
+}
+
+fn link() -> LinkStatus {
+    LinkStatus::seal(&LinkValues {
+        timestamp: 77,
+        status: LinkStatusBits::new().with_link_up(true),
+        objects_accepted: 4,
+        objects_rejected: 0,
+        frames_received: 1,
+        frames_missed: 0,
+        age_100us: 60,
+        access_violations: 0,
+    })
+}
+
+fn image_of(profile: &Profile<3>) -> Vec<u8> {
+    [link().as_bytes().as_slice(), profile.as_bytes()].concat()
+}
+
+/// A flight controller, the pins of a DPR, and the wires between them.
+struct Rig {
+    controller: FlightController,
+    pins: Pins,
+    wires: Wires,
+}
+
+impl Rig {
+    fn new(config: Config) -> Self {
+        let wires = Wires::new(config.layout(), 1);
+        Self { controller: FlightController::new(config), pins: Pins::showing(&[]), wires }
+    }
+
+    fn act(&mut self) -> Option<Progress> {
+        assert!(self.controller.next_at() >= self.pins.now, "it never acts late");
+        self.pins.now = self.controller.next_at();
+        self.controller.act(&mut self.pins, &mut self.wires)
+    }
+
+    /// Runs one transaction against a DPR that shows `shown`, and zeros after it. Gives what was on MOSI.
+    fn transact(&mut self, shown: &[u8]) -> Vec<u8> {
+        self.pins.shown = shown.to_vec();
+        loop {
+            if let Some(Progress::Over(transaction)) = self.act() {
+                return transaction.mosi;
+            }
+        }
+    }
+
+    /// Runs to `end` (ns); gives the transactions that were over by then.
+    fn run(&mut self, end: u64) -> Vec<Transaction> {
+        let mut over = vec![];
+        while self.controller.next_at() <= end {
+            if let Some(Progress::Over(transaction)) = self.act() {
+                over.push(transaction);
+            }
+        }
+        self.pins.now = end;
+        over
+    }
+
+    fn last(&self) -> &Reading {
+        self.controller.last().expect("a transaction is over")
+    }
+
+    fn outcome(&self) -> Outcome {
+        self.last().outcome
+    }
+}
+
+fn rig() -> Rig {
+    Rig::new(Config::new(3))
+}
+
+// ---- what it reads
+
+#[test]
+fn a_transaction_keeps_the_timing_that_its_configuration_states() {
+    let config = Config { first_ns: MS, ..Config::new(3) };
+    let mut rig = Rig::new(config);
+    for cycle in 0..3 {
+        let start = MS + cycle * 4 * MS;
+        assert_eq!(rig.controller.next_at(), start);
+        assert_eq!(rig.act(), Some(Progress::Selected(start)));
+        for run in 0..18 {
+            let Some(Progress::Clocked(bytes)) = rig.act() else { panic!("bytes cross") };
+            let last = (run * 16 + 16).min(276);
+            let (first_ns, last_ns) = (bytes.edge(0), bytes.edge(bytes.mosi.len() - 1));
+            assert_eq!((first_ns, last_ns), (start + (run * 16 + 2) * US, start + (last + 1) * US));
+        }
+        let Some(Progress::Over(over)) = rig.act() else { panic!("it is over") };
+        assert_eq!((over.selected_ns, over.deselected_ns, over.bytes), (start, start + 279 * US, 276));
+    }
+    assert_eq!(Image::<3>::LEN, config.image_len());
+}
+
+#[test]
+fn a_fast_crystal_gets_there_early_and_a_slow_one_late() {
+    let at_cycle_1000 = |crystal_ppb| {
+        let mut rig = Rig::new(Config { first_ns: 0, crystal_ppb, ..Config::new(1) });
+        for _ in 0..1_000 {
+            rig.transact(&[]);
+        }
+        rig.controller.next_at()
+    };
+    assert_eq!(at_cycle_1000(0), 4_000_000_000);
+    // 50 ppm of 4 s are 200 µs, less a second-order 10 ns.
+    assert_eq!(at_cycle_1000(50_000), 4_000_000_000 - 199_990);
+    assert_eq!(at_cycle_1000(-50_000), 4_000_000_000 + 200_010);
+}
+
+#[test]
+fn a_control_cycle_that_just_holds_a_transaction_is_not_skipped_whatever_the_crystal() {
+    for crystal_ppb in [-123_457, 1, 77_777] {
+        let longest = Config::new(3).transaction_ns(276) + 10 * US;
+        let mut rig = Rig::new(Config { cycle_ns: longest, crystal_ppb, ..Config::new(3) });
+        let over = rig.run(1_000 * MS);
+        for pair in over.windows(2) {
+            let cycle = pair[1].selected_ns - pair[0].selected_ns;
+            assert!(cycle.abs_diff(longest) <= 37, "{crystal_ppb}: {cycle}");
+        }
+    }
+}
+
+#[test]
+fn transactions_that_are_placed_begin_at_their_instants_and_there_are_no_others() {
+    let mut rig = Rig::new(Config { schedule: Schedule::Placed, ..Config::new(3) });
+    assert_eq!(rig.controller.next_at(), u64::MAX);
+    rig.controller.place(Placed { at_ns: 7 * MS, bytes: 96 });
+    rig.controller.place(Placed { at_ns: 7 * MS + 99 * US + 10 * US, bytes: 1 });
+    let over = rig.run(100 * MS);
+    let placed: Vec<_> = over.iter().map(|over| (over.selected_ns, over.bytes)).collect();
+    assert_eq!(placed, [(7 * MS, 96), (7 * MS + 109 * US, 1)]);
+    assert_eq!(rig.controller.next_at(), u64::MAX);
+}
+
+#[test]
+#[should_panic(expected = "none before 7109000 ns")]
+fn a_transaction_cannot_be_placed_into_the_gap_after_another() {
+    let mut rig = Rig::new(Config { schedule: Schedule::Placed, ..Config::new(3) });
+    rig.controller.place(Placed { at_ns: 7 * MS, bytes: 96 });
+    rig.controller.place(Placed { at_ns: 7 * MS + 108 * US, bytes: 1 });
+}
+
+#[test]
+fn a_profile_is_fresh_once_then_repeated_and_forwarded_once_as_it_is() {
+    let mut rig = rig();
+    let mut line = Vec::new();
+    for (timestamp, is_new) in [(10, true), (10, false), (10, false), (20, true), (20, false), (50, true)] {
+        rig.transact(&image_of(&profile(timestamp)));
+        line.extend(rig.controller.take_downlink());
+        let forwarded = is_new.then(|| profile(timestamp).as_bytes().to_vec());
+        assert_eq!(rig.last().forwarded, forwarded);
+    }
+    let stats = rig.controller.stats();
+    assert_eq!((stats.transactions, stats.fresh, stats.repeated, stats.busy, stats.bad_crc), (6, 3, 3, 0, 0));
+    assert_eq!(stats.forwarded, 3);
+    assert_eq!(rig.last().link, Some(link().values()));
+
+    let mut deframer = framing::Deframer::new(Profile::<3>::SIZE);
+    let frames: Vec<_> = line.iter().filter_map(|byte| deframer.push(*byte)).collect();
+    let sent: Vec<_> = [10, 20, 50].iter().map(|t| Ok(profile(*t).as_bytes().to_vec())).collect();
+    assert_eq!(frames, sent);
+}
+
+#[test]
+fn a_busy_dpr_is_told_from_a_damaged_image() {
+    let mut rig = rig();
+    rig.transact(&[0xff; 276]);
+    assert_eq!(rig.outcome(), Outcome::Busy);
+    // A bus that reads zero has no Link-Status.
+    rig.transact(&[]);
+    assert_eq!(rig.outcome(), Outcome::BadCrc);
+    let image = image_of(&profile(10));
+    for bit in 0..image.len() * 8 {
+        let mut damaged = image.clone();
+        damaged[bit / 8] ^= 0x80 >> (bit % 8);
+        rig.transact(&damaged);
+        assert_eq!(rig.outcome(), Outcome::BadCrc, "bit {bit}");
+    }
+    assert!(rig.controller.take_downlink().is_empty(), "nothing damaged is forwarded");
+    // The same profile, read well at last, is still new.
+    rig.transact(&image);
+    assert_eq!(rig.outcome(), Outcome::Fresh);
+    let stats = rig.controller.stats();
+    assert_eq!((stats.busy, stats.bad_crc, stats.fresh), (1, 1 + 276 * 8, 1));
+}
+
+#[test]
+fn damage_is_reported_where_it_is() {
+    let mut rig = rig();
+    let mut image = image_of(&profile(10));
+    image[96 + 60 + 30] ^= 1;
+    rig.transact(&image);
+    let last = rig.last();
+    assert_eq!(last.damage, Some((156, Rejection::Crc)));
+    assert_eq!((last.valid, last.timestamp), (3, Some(10)));
+}
+
+#[test]
+fn an_image_without_a_profile_is_nothing_new_and_a_vacant_place_is_no_damage() {
+    let mut rig = rig();
+    rig.transact(&image_of(&Profile::<3>::EMPTY));
+    assert_eq!(rig.outcome(), Outcome::Repeated);
+    for fill in [0x00, 0xff] {
+        let timestamp = 10 + u32::from(fill == 0xff) * 10;
+        let mut image = image_of(&profile(timestamp));
+        image[216..276].fill(fill);
+        rig.transact(&image);
+        let last = rig.last();
+        assert_eq!((last.outcome, last.valid, last.vacant), (Outcome::Fresh, 3, 1));
+        assert_eq!(last.forwarded.as_deref(), Some(&image[32..]), "it is forwarded as it was read");
+    }
+}
+
+#[test]
+fn a_valid_object_in_anothers_place_is_damage() {
+    let mut rig = rig();
+    let mut image = image_of(&profile(10));
+    image.copy_within(96..156, 156);
+    rig.transact(&image);
+    assert_eq!((rig.outcome(), rig.last().damage), (Outcome::BadCrc, Some((156, Rejection::Identifier))));
+}
+
+#[test]
+fn a_request_goes_out_in_one_transaction_and_the_next_reads_its_window() {
+    let mut rig = rig();
+    let window = Request { offset: 32, length: 64 };
+    rig.controller.request(window);
+    let image = image_of(&profile(10));
+    let mosi = rig.transact(&image);
+    assert_eq!(mosi.len(), 276);
+    let request = mosi.first_chunk().expect("eight bytes");
+    assert_eq!(ssi::parse(request, 276), Ok(ssi::Parsed::Window(window)));
+    assert!(mosi[8..].iter().all(|byte| *byte == 0));
+
+    let mosi = rig.transact(&image[32..]);
+    assert_eq!(mosi, [0; 64], "it asks for nothing");
+    let last = rig.last();
+    assert_eq!((last.offset, last.valid, last.timestamp), (32, 1, Some(10)));
+    assert_eq!((last.outcome, last.link), (Outcome::Repeated, None));
+    assert_eq!(rig.transact(&image).len(), 276, "and is back at the whole image");
+}
+
+#[test]
+fn a_short_window_leaves_room_for_the_next_request() {
+    let mut rig = rig();
+    rig.controller.request(Request { offset: 32, length: 4 });
+    rig.controller.request(Request { offset: 36, length: 2 });
+    let image = image_of(&profile(10));
+    rig.transact(&image);
+    let mosi = rig.transact(&image[32..36]);
+    let request = mosi.first_chunk().expect("eight bytes");
+    assert_eq!(ssi::parse(request, 276), Ok(ssi::Parsed::Window(Request { offset: 36, length: 2 })));
+    assert_eq!(rig.outcome(), Outcome::Repeated);
+}
+
+#[test]
+fn a_request_that_met_a_busy_dpr_is_made_again() {
+    let mut rig = rig();
+    rig.controller.request(Request { offset: 96, length: 60 });
+    let asking = rig.transact(&[0xff; 276]);
+    let again = rig.transact(&image_of(&profile(10)));
+    assert_eq!(asking, again);
+    assert_eq!(rig.transact(profile(10).gps()[0].as_bytes()).len(), 60);
+    assert_eq!(rig.last().valid, 1);
+}
+
+#[test]
+fn a_window_that_met_a_busy_dpr_is_read_by_the_next_transaction() {
+    let mut rig = rig();
+    let image = image_of(&profile(10));
+    rig.controller.request(Request { offset: 96, length: 60 });
+    rig.transact(&image);
+    // The window that was granted stays, and what this transaction asks for is lost.
+    rig.controller.request(Request { offset: 216, length: 60 });
+    let asking = rig.transact(&[0xff; 60]);
+    assert_eq!(rig.outcome(), Outcome::Busy);
+    assert_eq!(rig.transact(&image[96..156]), asking);
+    assert_eq!((rig.last().offset, rig.last().valid), (96, 1));
+    rig.transact(&image[216..]);
+    assert_eq!((rig.last().offset, rig.last().valid), (216, 1));
+    assert_eq!(rig.transact(&image).len(), 276, "and is back at the whole image");
+}
+
+#[test]
+fn every_size_of_profile_reaches_the_base_station() {
+    for receivers in [1, 2, 3, 5] {
+        let mut rig = Rig::new(Config::new(receivers));
+        let mut base = BaseStation::new(receivers);
+        for timestamp in [10, 20] {
+            let reported = profile(timestamp);
+            let mut image = [link().as_bytes().as_slice(), reported.reported().as_bytes()].concat();
+            for identifier in &Identifier::GPS[..receivers] {
+                image.extend(GpsObject::seal(*identifier, &GpsValues::absent(timestamp)).as_bytes());
+            }
+            rig.transact(&image);
+            base.receive(0, &rig.controller.take_downlink());
+        }
+        let counts = base.counts();
+        assert_eq!((counts.profiles, counts.fresh, counts.bad_crc, counts.vacant), (2, 2, 0, 0), "{receivers}");
+    }
+}
+
+#[test]
+fn it_sees_and_forwards_what_the_wires_made_of_miso() {
+    let mut rig = rig();
+    let image = image_of(&profile(10));
+    rig.wires.begin(WireFault::MisoBit { byte: 40, bit: 0 });
+    rig.transact(&image);
+    assert_eq!((rig.outcome(), rig.last().damage), (Outcome::BadCrc, Some((32, Rejection::Crc))));
+    rig.wires.end(WireFault::MisoBit { byte: 40, bit: 0 });
+    rig.wires.begin(WireFault::MisoVacant { object: 3 });
+    rig.transact(&image);
+    let mut vacant = image[32..].to_vec();
+    vacant[184..].fill(0);
+    assert_eq!(rig.last().forwarded, Some(vacant));
+    // The window that was asked for decides where an object is read.
+    rig.controller.request(Request { offset: 216, length: 60 });
+    rig.transact(&image);
+    rig.transact(&image[216..]);
+    assert_eq!((rig.last().offset, rig.last().vacant), (216, 1));
+}
+
+// ---- what it does wrong
+
+/// It misuses the SSI from 10 ms to 50 ms; the transactions that began meanwhile, all of them, and the pins.
+fn misused(conduct: Conduct, image: &[u8]) -> (Vec<Transaction>, Vec<Transaction>, Rig) {
+    let mut rig = rig();
+    rig.pins.shown = image.to_vec();
+    let mut over = rig.run(10 * MS - 1);
+    rig.controller.set_conduct(10 * MS, Some(conduct));
+    over.extend(rig.run(50 * MS - 1));
+    rig.controller.set_conduct(50 * MS, None);
+    over.extend(rig.run(80 * MS));
+    let meanwhile = over.iter().filter(|over| (10 * MS..50 * MS).contains(&over.selected_ns)).cloned().collect();
+    (meanwhile, over, rig)
+}
+
+#[test]
+fn whatever_it_did_it_lets_go_at_the_end_and_reads_on_in_its_cycle() {
+    for conduct in Conduct::ALL {
+        let (_, all, rig) = misused(conduct, &image_of(&profile(10)));
+        let sane = |over: &&Transaction| !(10 * MS..50 * MS).contains(&over.selected_ns);
+        let at: Vec<u64> = all.iter().filter(sane).map(|over| over.selected_ns / MS).collect();
+        assert_eq!(at, [4, 8, 52, 56, 60, 64, 68, 72, 76, 80][..9], "{conduct:?}");
+        assert!(all.iter().filter(sane).all(|over| over.bytes == 276 && over.mosi == [0; 276]), "{conduct:?}");
+        let levels = rig.pins.done.iter().filter(|done| !matches!(done, Done::Bytes(..)));
+        let selects = levels.clone().step_by(2).all(|done| matches!(done, Done::Select(_)));
+        let lets_go = levels.skip(1).step_by(2).all(|done| matches!(done, Done::Deselect(_)));
+        assert!(selects && lets_go, "{conduct:?}: chip select falls and rises in turn");
+        let late = all.iter().filter(|over| (50 * MS..52 * MS).contains(&over.deselected_ns));
+        assert!(late.clone().count() <= 1, "{conduct:?}");
+        assert!(late.into_iter().all(|over| over.deselected_ns <= 50 * MS + 3 * US), "{conduct:?}");
+        let stats = rig.controller.stats();
+        assert_eq!(stats.transactions, all.len() as u64, "{conduct:?}");
+        assert_eq!(stats.transactions, stats.fresh + stats.repeated + stats.busy + stats.bad_crc, "{conduct:?}");
+    }
+}
+
+#[test]
+fn each_conduct_keeps_the_rate_that_it_states() {
+    let image = image_of(&profile(10));
+    // Transactions that begin in 40 ms, and the bytes of each.
+    for (conduct, count, bytes) in [
+        (Conduct::Hammers, 8_000, 1),
+        (Conduct::ZeroBytes, 3_077, 0),
+        (Conduct::Hangs, 1, 0),
+        (Conduct::RunsAway, 1, 39_998),
+        (Conduct::TenThousand, 4, 10_000),
+        (Conduct::TogglesCsn, 20_000, 0),
+        (Conduct::ClocksWithoutCsn, 0, 0),
+        (Conduct::BackToBack, 139, 276),
+        (Conduct::OtherMode(SpiMode::Mode1), 10, 276),
+        (Conduct::OtherMode(SpiMode::Mode2), 10, 276),
+        (Conduct::OtherMode(SpiMode::Mode3), 10, 276),
+        (Conduct::RandomBytes, 10, 276),
+        (Conduct::Lies, 10, 96),
+        (Conduct::ReplaysUplink, 10, 276),
+        (Conduct::Silent, 0, 0),
+    ] {
+        let (meanwhile, _, rig) = misused(conduct, &image);
+        assert!(meanwhile.len().abs_diff(count) <= 1, "{conduct:?}: {} transactions", meanwhile.len());
+        for over in &meanwhile[..meanwhile.len().saturating_sub(1)] {
+            assert_eq!(over.bytes, bytes, "{conduct:?}");
+        }
+        // The last one may be cut short.
+        assert!(meanwhile.last().is_none_or(|last| last.bytes.abs_diff(bytes) <= 1 || count > 1), "{conduct:?}");
+        let past: usize =
+            rig.pins.done.iter().map(|done| if let Done::Bytes(_, _, mosi, _) = done { mosi.len() } else { 0 }).sum();
+        if conduct == Conduct::ClocksWithoutCsn {
+            assert!((past - 9 * 276).abs_diff(40_000) <= 4, "{past} bytes past the DPR");
+        }
+    }
+}
+
+#[test]
+fn a_transaction_under_way_comes_to_its_end_before_it_goes_wrong() {
+    let mut rig = rig();
+    rig.run(4 * MS + 100 * US);
+    rig.controller.set_conduct(4 * MS + 100 * US, Some(Conduct::Hammers));
+    let over = rig.run(4 * MS + 300 * US);
+    assert_eq!((over[0].bytes, over[0].deselected_ns), (276, 4 * MS + 279 * US));
+    assert_eq!((over[1].bytes, over[1].selected_ns), (1, 4 * MS + 289 * US));
+}
+
+#[test]
+fn one_conduct_may_follow_another_at_once() {
+    let mut rig = rig();
+    rig.controller.set_conduct(MS, Some(Conduct::Hangs));
+    assert_eq!(rig.run(3 * MS), []);
+    rig.controller.set_conduct(3 * MS, Some(Conduct::BackToBack));
+    let over = rig.run(4 * MS);
+    assert_eq!((over[0].selected_ns, over[0].deselected_ns), (MS, 3 * MS + 2 * US));
+    assert_eq!((over[1].selected_ns, over[1].bytes), (3 * MS + 12 * US, 276));
+}
+
+#[test]
+fn placed_transactions_that_fall_into_an_episode_do_not_take_place() {
+    let mut rig = Rig::new(Config { schedule: Schedule::Placed, ..Config::new(3) });
+    for at_ns in [5 * MS, 15 * MS, 25 * MS] {
+        rig.controller.place(Placed { at_ns, bytes: 10 });
+    }
+    rig.controller.set_conduct(8 * MS, Some(Conduct::Silent));
+    rig.run(20 * MS);
+    rig.controller.set_conduct(20 * MS, None);
+    let over: Vec<u64> = rig.run(30 * MS).iter().map(|over| over.selected_ns).collect();
+    assert_eq!(over, [25 * MS]);
+}
+
+#[test]
+fn a_lie_is_never_a_request_that_the_dpr_grants_and_each_kind_of_it_is_told() {
+    let mut misconduct = Misconduct::new(Conduct::Lies, Config::new(3), 5);
+    let mut kinds = [0; 3];
+    for _ in 0..300 {
+        let mut mosi = misconduct.order().mosi;
+        mosi.resize(96, 0);
+        match ssi::parse(mosi.first_chunk().unwrap(), 276) {
+            Ok(asked) => panic!("{asked:?} of {mosi:02x?}"),
+            Err(Rejection::Window) => kinds[0] += 1,
+            Err(_) if mosi[8..].iter().all(|byte| *byte == 0) => kinds[1] += 1,
+            Err(_) => kinds[2] += 1,
+        }
+    }
+    assert!(kinds.iter().all(|count| *count > 30), "{kinds:?}");
+}
+
+#[test]
+fn what_is_random_follows_from_the_seed_and_differs_from_episode_to_episode() {
+    let noise = |seed| {
+        let mut rig = Rig::new(Config { seed, ..Config::new(3) });
+        rig.controller.set_conduct(0, Some(Conduct::RandomBytes));
+        let first = rig.transact(&[]);
+        rig.controller.set_conduct(5 * MS, None);
+        rig.controller.set_conduct(5 * MS, Some(Conduct::RandomBytes));
+        [first, rig.transact(&[]), rig.transact(&[])]
+    };
+    let [first, second, third] = noise(1);
+    assert_eq!(noise(1), [first.clone(), second.clone(), third.clone()]);
+    assert!(first != second && second != third && first != third);
+    assert_ne!(noise(2)[0], first);
+}
+
+#[test]
+fn the_uplink_object_that_is_replayed_is_intact_and_asks_for_nothing() {
+    let mosi = Misconduct::new(Conduct::ReplaysUplink, Config::new(3), 1).order().mosi;
+    assert_eq!(ssi::parse(mosi.first_chunk().unwrap(), 276), Ok(ssi::Parsed::Nothing));
+    assert_eq!(mosi.len(), 72);
+    assert!(profile::crc::frame_intact(&mosi[8..]));
+    assert_eq!(mosi[12..14], Identifier::UPLINK_FLIGHT_CONTROLLER.0.to_le_bytes());
+}

@@ -1,0 +1,419 @@
+//! The synchronous serial interface as the flight controller drives it (design section 5): the pins, and the one state
+//! machine that carries a transaction on them.
+//!
+//! [`SsiPort`] is what a flight controller can do to the DPR's pins. [`SsiMaster`] does it: given an [`Order`], it lets
+//! chip select fall, waits for the set-up time, clocks the bytes one after the other without a gap, waits for the hold
+//! time, and lets chip select rise, each at its instant by its own [`Crystal`]. Every SSI transaction of the bench is
+//! carried by it: those of the flight controller, of a flight controller that has gone wrong, and of tests.
+//!
+//! Bytes cross in runs of up to 16 that the DPR's model takes together when the last of them has been clocked. EasyDMA
+//! then reads and writes the DPR's memory up to 16 µs late, but no event is late: a run ends with the byte that raises
+//! one ([`SsiPort::quiet`]).
+//!
+//! An action is due at its instant, and the DPR's pin sees it at the first boundary of the DPR's instructions from
+//! then on. What is scheduled follows from instants that were due; what is told ([`Transaction`]) is what the pin saw.
+
+use bench_seam::SpiMode;
+use cortex_m4::Cost;
+use profile::ssi::timing;
+
+use crate::boards::Dpr;
+use crate::faults::Rng;
+use crate::node::Node;
+
+/// How many bytes cross together at most.
+const RUN: usize = 16;
+
+/// How many bytes of a transaction are kept; the others are counted. The longest image has 396.
+pub const KEPT: usize = 16_384;
+
+/// What a flight controller can do to the pins of the DPR's SSI.
+pub trait SsiPort {
+    /// The instant that the DPR has reached, ns.
+    fn now(&self) -> u64;
+
+    /// Chip select falls now.
+    fn select(&mut self);
+
+    /// The bytes of `mosi` have been clocked in `mode`, one after the other without a gap: the last edge of the first
+    /// was at `first`, that of the last at `last` (ns), which the DPR may have passed by a few bytes. Answers what MISO
+    /// carried meanwhile: the ones of its pull-up where nobody drives it, as while chip select is high.
+    fn exchange(&mut self, first: u64, last: u64, mosi: &[u8], mode: SpiMode) -> Vec<u8>;
+
+    /// Chip select rises now.
+    fn deselect(&mut self);
+
+    /// How many bytes may be clocked before the DPR's peripheral raises an event; `usize::MAX` for any number.
+    fn quiet(&self) -> usize;
+}
+
+impl<C: Cost> SsiPort for Node<Dpr, C> {
+    fn now(&self) -> u64 {
+        Node::now(self)
+    }
+
+    fn select(&mut self) {
+        self.ssi_select();
+    }
+
+    fn exchange(&mut self, first: u64, last: u64, mosi: &[u8], mode: SpiMode) -> Vec<u8> {
+        self.ssi_exchange(first, last, mosi, mode)
+    }
+
+    fn deselect(&mut self) {
+        self.ssi_deselect();
+    }
+
+    fn quiet(&self) -> usize {
+        self.part().ssi_quiet()
+    }
+}
+
+/// A clock of a flight controller's own.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Crystal {
+    /// How much faster it runs than it should, parts per billion.
+    pub ppb: i64,
+}
+
+impl Crystal {
+    /// How long `own_ns` by this clock take by the bench's, ns: less with a fast crystal.
+    ///
+    /// # Panics
+    ///
+    /// If the crystal is so slow that it stands still.
+    #[must_use]
+    pub const fn by_the_bench(self, own_ns: u64) -> u64 {
+        const BILLION: u64 = 1_000_000_000;
+        let rate = BILLION.checked_add_signed(self.ppb).expect("a crystal that swings");
+        // own_ns * BILLION / rate to the nearest, whole turns of `rate` apart so that it fits 64 bits.
+        own_ns / rate * BILLION + (own_ns % rate * BILLION + rate / 2) / rate
+    }
+}
+
+/// An instant that is partly known by the bench's clock and partly by the flight controller's own.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Start {
+    /// By the bench's clock, ns.
+    pub bench_ns: u64,
+    /// What follows after that by its own clock, ns.
+    pub own_ns: u64,
+}
+
+impl Start {
+    /// The instant by the bench's clock, `own_ns` by `crystal` later, ns.
+    #[must_use]
+    pub const fn and(self, own_ns: u64, crystal: Crystal) -> u64 {
+        self.bench_ns + crystal.by_the_bench(self.own_ns + own_ns)
+    }
+}
+
+/// How fast a transaction goes, by the flight controller's own clock.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Pace {
+    /// From chip select falling to the first clock edge, ns; at least [`timing::CSN_SETUP_NS`].
+    pub setup_ns: u64,
+    /// A byte on the wire, ns: 8 bits.
+    pub byte_ns: u64,
+    /// From the last clock edge to chip select rising, ns; at least [`timing::CSN_HOLD_NS`].
+    pub hold_ns: u64,
+    /// From chip select rising to the earliest time at which it falls again, ns; at least [`timing::GAP_NS`].
+    pub gap_ns: u64,
+}
+
+impl Pace {
+    /// As fast as [`timing`] allows.
+    pub const FASTEST: Self = Self {
+        setup_ns: timing::CSN_SETUP_NS as u64,
+        byte_ns: 8 * 1_000_000_000 / timing::MAX_CLOCK_HZ as u64,
+        hold_ns: timing::CSN_HOLD_NS as u64,
+        gap_ns: timing::GAP_NS as u64,
+    };
+
+    /// From chip select falling to chip select rising in a transaction of so many bytes, ns.
+    #[must_use]
+    pub const fn transaction_ns(&self, bytes: usize) -> u64 {
+        self.setup_ns + bytes as u64 * self.byte_ns + self.hold_ns
+    }
+}
+
+/// What MOSI carries after the bytes that an [`Order`] names.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Filler {
+    /// This byte again and again.
+    Byte(u8),
+    /// Noise.
+    Noise(Rng),
+}
+
+/// A transaction to be carried.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Order {
+    /// Whether chip select falls: without, the bytes are clocked past a DPR that is not selected.
+    pub selects: bool,
+    /// Whether chip select rises after the last byte: without, it stays low until [`SsiMaster::cut`].
+    pub lets_go: bool,
+    /// How many bytes are clocked; [`Order::ENDLESS`] until [`SsiMaster::cut`].
+    pub bytes: usize,
+    /// What MOSI carries first.
+    pub mosi: Vec<u8>,
+    /// What it carries after that.
+    pub filler: Filler,
+    /// Clock polarity and phase.
+    pub mode: SpiMode,
+    /// How fast it goes.
+    pub pace: Pace,
+}
+
+impl Order {
+    /// As many bytes as there is time for.
+    pub const ENDLESS: usize = usize::MAX;
+
+    /// A transaction of so many bytes as design section 5 wants it, as fast as it may be, that asks for nothing.
+    #[must_use]
+    pub const fn read(bytes: usize) -> Self {
+        Self {
+            selects: true,
+            lets_go: true,
+            bytes,
+            mosi: vec![],
+            filler: Filler::Byte(0),
+            mode: SpiMode::Mode0,
+            pace: Pace::FASTEST,
+        }
+    }
+
+    /// What MOSI carries in byte `index`. To be asked of each byte once, in order.
+    fn mosi(&mut self, index: usize) -> u8 {
+        match (self.mosi.get(index), &mut self.filler) {
+            (Some(byte), _) => *byte,
+            (None, Filler::Byte(byte)) => *byte,
+            (None, Filler::Noise(noise)) => noise.byte(),
+        }
+    }
+}
+
+/// A transaction that is over.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Transaction {
+    /// When the DPR's pin saw chip select fall, ns.
+    pub selected_ns: u64,
+    /// When it saw chip select rise, ns.
+    pub deselected_ns: u64,
+    /// How many bytes were clocked.
+    pub bytes: usize,
+    /// What MOSI carried: the first [`KEPT`] bytes.
+    pub mosi: Vec<u8>,
+    /// What MISO carried: the first [`KEPT`] bytes.
+    pub miso: Vec<u8>,
+}
+
+/// Bytes that crossed one after the other.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Run {
+    /// The last edge of the first byte.
+    first: Start,
+    crystal: Crystal,
+    byte_ns: u64,
+    /// What MOSI carried.
+    pub mosi: Vec<u8>,
+    /// What MISO carried at the DPR's pin.
+    pub miso: Vec<u8>,
+}
+
+impl Run {
+    /// The last edge of the byte at `index`, ns.
+    #[must_use]
+    pub const fn edge(&self, index: usize) -> u64 {
+        self.first.and(index as u64 * self.byte_ns, self.crystal)
+    }
+
+    /// The bytes: the last edge (ns) of each, MOSI, MISO.
+    pub fn bytes(&self) -> impl Iterator<Item = (u64, u8, u8)> {
+        let crossed = self.mosi.iter().zip(&self.miso).enumerate();
+        crossed.map(|(index, (mosi, miso))| (self.edge(index), *mosi, *miso))
+    }
+}
+
+/// What an action of an [`SsiMaster`] was.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Progress {
+    /// Chip select fell; the instant at which the DPR's pin saw it, ns.
+    Selected(u64),
+    /// Bytes crossed.
+    Clocked(Run),
+    /// Chip select rose.
+    Over(Transaction),
+}
+
+/// A transaction that is being carried.
+#[derive(Clone, Debug)]
+struct UnderWay {
+    order: Order,
+    start: Start,
+    /// When the DPR's pin saw chip select fall, ns; nothing before it was due.
+    selected_ns: Option<u64>,
+    /// How many bytes are done.
+    done: usize,
+    /// How many are being clocked.
+    run: usize,
+    /// When it was cut short: chip select rises then.
+    released: Option<u64>,
+    mosi: Vec<u8>,
+    miso: Vec<u8>,
+}
+
+/// Who carries transactions on the SSI, one at a time. See the [module](self).
+#[derive(Clone, Debug)]
+pub struct SsiMaster {
+    crystal: Crystal,
+    under_way: Option<UnderWay>,
+    /// From when on chip select may fall again, ns.
+    free_ns: u64,
+}
+
+impl SsiMaster {
+    /// One whose instants go by `crystal`, with nothing to do.
+    #[must_use]
+    pub const fn new(crystal: Crystal) -> Self {
+        Self { crystal, under_way: None, free_ns: 0 }
+    }
+
+    /// Whether it has no transaction to carry.
+    #[must_use]
+    pub const fn is_idle(&self) -> bool {
+        self.under_way.is_none()
+    }
+
+    /// Whether its next action is that bytes cross.
+    #[must_use]
+    pub fn is_clocking(&self) -> bool {
+        self.under_way.as_ref().is_some_and(|it| it.run > 0)
+    }
+
+    /// From when on chip select may fall after the transaction under way, or after the last one: when it was due to
+    /// rise and the gap. `u64::MAX` while a transaction has no end.
+    #[must_use]
+    pub fn free_at(&self) -> u64 {
+        let Some(it) = &self.under_way else { return self.free_ns };
+        match it.released {
+            Some(at) => at + self.crystal.by_the_bench(it.order.pace.gap_ns),
+            None if it.order.bytes == Order::ENDLESS || !it.order.lets_go => u64::MAX,
+            None => it.start.and(it.order.pace.transaction_ns(it.order.bytes) + it.order.pace.gap_ns, self.crystal),
+        }
+    }
+
+    /// Has it carry a transaction that begins at `start`.
+    ///
+    /// # Panics
+    ///
+    /// If it is carrying one.
+    pub fn begin(&mut self, start: Start, order: Order) {
+        assert!(self.is_idle(), "a transaction is under way");
+        let (mosi, miso) = (vec![], vec![]);
+        self.under_way =
+            Some(UnderWay { order, start, selected_ns: None, done: 0, run: 0, released: None, mosi, miso });
+    }
+
+    /// When its next action is due, ns; `u64::MAX` for never.
+    #[must_use]
+    pub fn next_at(&self) -> u64 {
+        let Some(it) = &self.under_way else { return u64::MAX };
+        let Order { pace, bytes, lets_go, .. } = &it.order;
+        match it {
+            UnderWay { selected_ns: None, .. } => it.start.and(0, self.crystal),
+            UnderWay { run, done, .. } if *run > 0 => self.clocked(it, done + run),
+            UnderWay { released: Some(at), .. } => *at,
+            _ if *lets_go => it.start.and(pace.transaction_ns(*bytes), self.crystal),
+            _ => u64::MAX,
+        }
+    }
+
+    /// Takes the action that is due. Nothing is told of what the DPR's pins do not show as part of a transaction:
+    /// clocks without chip select.
+    ///
+    /// # Panics
+    ///
+    /// If it has nothing to do.
+    pub fn act(&mut self, port: &mut impl SsiPort) -> Option<Progress> {
+        let mut it = self.under_way.take().expect("a transaction is under way");
+        if it.selected_ns.is_none() {
+            let now = port.now();
+            if it.order.selects {
+                port.select();
+            }
+            it.selected_ns = Some(now);
+            let told = it.order.selects.then_some(Progress::Selected(now));
+            self.under_way = Some(planned(it, port));
+            return told;
+        }
+        if it.run > 0 {
+            let run = self.exchange(&mut it, port);
+            let told = it.order.selects.then_some(Progress::Clocked(run));
+            self.under_way = Some(planned(it, port));
+            return told;
+        }
+        self.under_way = Some(it);
+        self.free_ns = self.free_at();
+        let it = self.under_way.take()?;
+        if !it.order.selects {
+            return None;
+        }
+        let deselected_ns = port.now();
+        port.deselect();
+        Some(Progress::Over(Transaction {
+            selected_ns: it.selected_ns?,
+            deselected_ns,
+            bytes: it.done,
+            mosi: it.mosi,
+            miso: it.miso,
+        }))
+    }
+
+    /// At `at` (ns) it lets go of everything: the byte under way is clocked to its end, and chip select rises after the
+    /// hold time. A transaction that is not under way yet is dropped.
+    pub fn cut(&mut self, at: u64) {
+        let Some(mut it) = self.under_way.take().filter(|it| it.selected_ns.is_some()) else { return };
+        let end = it.done + it.run;
+        let bytes = (it.done..end).find(|done| self.clocked(&it, *done) >= at).unwrap_or(end);
+        it.run = bytes - it.done;
+        it.order.bytes = bytes;
+        let hold = self.crystal.by_the_bench(it.order.pace.hold_ns);
+        // A transaction without a byte so far may still be in its set-up time.
+        let last = if bytes == 0 { at } else { self.clocked(&it, bytes).max(at) };
+        it.released = Some(last + hold);
+        self.under_way = Some(it);
+    }
+
+    /// When the last edge of the `bytes`-th byte is, counted from 1, ns.
+    fn clocked(&self, it: &UnderWay, bytes: usize) -> u64 {
+        it.start.and(it.order.pace.setup_ns + bytes as u64 * it.order.pace.byte_ns, self.crystal)
+    }
+
+    /// The bytes that have been clocked cross.
+    fn exchange(&self, it: &mut UnderWay, port: &mut impl SsiPort) -> Run {
+        let count = std::mem::take(&mut it.run);
+        let pace = it.order.pace;
+        let own_ns = it.start.own_ns + pace.setup_ns + (it.done as u64 + 1) * pace.byte_ns;
+        let first = Start { own_ns, ..it.start };
+        let (first_ns, last_ns) = (first.and(0, self.crystal), self.clocked(it, it.done + count));
+        let mosi: Vec<u8> = (it.done..it.done + count).map(|index| it.order.mosi(index)).collect();
+        let miso = port.exchange(first_ns, last_ns, &mosi, it.order.mode);
+        it.done += count;
+        let kept = count.min(KEPT - it.mosi.len());
+        it.mosi.extend(&mosi[..kept]);
+        it.miso.extend(&miso[..kept]);
+        Run { first, crystal: self.crystal, byte_ns: pace.byte_ns, mosi, miso }
+    }
+}
+
+/// `it` with the bytes that are clocked next.
+fn planned(mut it: UnderWay, port: &impl SsiPort) -> UnderWay {
+    it.run = (it.order.bytes - it.done).min(RUN).min(port.quiet().max(1));
+    it
+}
+
+#[cfg(test)]
+pub(super) mod mock;
+#[cfg(test)]
+mod tests;

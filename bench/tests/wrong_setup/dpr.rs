@@ -1,0 +1,267 @@
+//! The DPR image set up wrongly.
+
+use super::*;
+
+/// The DPR's run: frames come from here on, every 10 ms.
+const FIRST: u64 = 60 * MS;
+/// From here on the task `commit` hangs, so that the image has to expire in hardware.
+const HANGS: u64 = 135 * MS;
+const DPR_RUN: u64 = 200 * MS;
+
+/// What is seen of the DPR from outside.
+#[derive(Clone, Debug, Default)]
+struct Shows {
+    /// Transactions in which everything read 0xFF, those with an intact Link-Status, and those with a valid object.
+    silent: usize,
+    intact: usize,
+    valid: usize,
+    all: usize,
+    /// How long after `commit` hung something valid was still read, ns.
+    stale: u64,
+    /// How often FRESH rose and fell.
+    fresh: (usize, usize),
+    received: u32,
+    missed: u32,
+    faults: u32,
+    /// The longest from a frame's end to its publication, us.
+    publish_us: u32,
+    expired: u32,
+    log: String,
+    restarts: Vec<Reset>,
+}
+
+fn dpr() -> Option<&'static (Node<Dpr>, Recording)> {
+    static DPR: OnceLock<Option<(Node<Dpr>, Recording)>> = OnceLock::new();
+    DPR.get_or_init(|| {
+        let mut node = boards::dpr()?;
+        field_on(&mut node);
+        let recording = Recording::of(&mut node.clone(), 30 * MS, |_| {});
+        Some((node, recording))
+    })
+    .as_ref()
+}
+
+fn run_dpr(changes: &[Change]) -> (Shows, Vec<String>) {
+    let (node, recording) = dpr().expect("an image");
+    let mut node = node.clone();
+    rewrite(&mut node, recording, changes).unwrap();
+    for (cycle, at) in (FIRST..DPR_RUN).step_by(10_000_000).enumerate() {
+        send(&mut node, at, &payload(100 + 10 * u32::try_from(cycle).unwrap()));
+    }
+    let mut seen = Shows::default();
+    let mut hangs = false;
+    while node.now() < DPR_RUN {
+        let next = node.now() + 2 * MS;
+        while node.now() < next {
+            node.advance(next);
+        }
+        if !hangs && node.now() >= HANGS {
+            hangs = true;
+            // It stays so.
+            let _ = ImageFault::Hung("SWI0_EGU0".into()).apply(&mut node).unwrap();
+        }
+        let read: View = view(&mut node);
+        seen.all += 1;
+        seen.silent += usize::from(read.silent);
+        seen.intact += usize::from(read.link.is_some());
+        if !read.valid.is_empty() {
+            seen.valid += 1;
+            seen.stale = read.at.saturating_sub(HANGS);
+        }
+    }
+    let levels = node.board_mut(Dpr::take_fresh);
+    seen.fresh = (levels.iter().filter(|(_, high)| *high).count(), levels.iter().filter(|(_, high)| !high).count());
+    let count = |offset| counter(&node, "DPR_TELEMETRY", offset);
+    seen.received = count(std::mem::offset_of!(DprTelemetry, frames_received));
+    seen.missed = count(std::mem::offset_of!(DprTelemetry, frames_missed));
+    seen.faults = count(std::mem::offset_of!(DprTelemetry, rf_faults));
+    seen.publish_us = count(std::mem::offset_of!(DprTelemetry, rxe_to_publish_worst_us));
+    seen.expired = count(std::mem::offset_of!(DprTelemetry, images_expired));
+    seen.log = node.take_log().iter().map(|line| format!("{line}\n")).collect();
+    seen.restarts = node.resets().iter().map(|reset| reset.cause).collect();
+    let mut told = words(node.take_findings());
+    told.extend(node.board().front_end.chip().reports().iter().map(|report| format!("chip: {report}")));
+    (seen, told)
+}
+
+const CLOCK: u32 = 0x4000_0000;
+const SPIM0: u32 = 0x4000_3000;
+const SPIS1: u32 = 0x4000_4000;
+const GPIOTE: u32 = 0x4000_6000;
+const TIMER0: u32 = 0x4000_8000;
+const TIMER1: u32 = 0x4000_9000;
+const TIMER2: u32 = 0x4000_A000;
+const WDT: u32 = 0x4001_0000;
+const PPI_CHENSET: u32 = 0x4001_F504;
+/// PIN_CNF of port 1.
+const P1_CNF: u32 = 0x5000_0A00;
+
+/// The front end is never used, the log says why; the SSI shows images with nothing valid in them.
+fn deaf_for(seen: &Shows, reason: &str) -> bool {
+    seen.received == 0
+        && seen.valid == 0
+        && seen.intact >= 60
+        && seen.faults >= 5
+        && seen.log.contains(&format!("front end: Lost({reason}"))
+        && seen.restarts.is_empty()
+}
+
+/// Frames are received and published; the flight controller gets nothing of it.
+fn mute(seen: &Shows) -> bool {
+    seen.received == 8 && seen.fresh.0 >= 10 && seen.intact == 0 && seen.valid == 0 && seen.restarts.is_empty()
+}
+
+/// As [`mute`], and what it reads is what a line shows that nobody drives, or SPIS's default character.
+fn mute_and_silent(seen: &Shows) -> bool {
+    mute(seen) && seen.silent == seen.all
+}
+
+/// Everything but FRESH is as it should be.
+fn shows_as_ever(seen: &Shows) -> bool {
+    seen.received == 8 && seen.valid >= 25 && seen.intact >= 60 && seen.restarts.is_empty()
+}
+
+const NO_OUTPUT: &str = "SCK or MOSI of SPIM is no output";
+const NO_INPUT: &str = "MISO of SPIM is no connected input";
+const NO_SPIS_INPUT: &str = "SCK, MOSI or CSN of SPIS is no connected input";
+
+const DPR_ROWS: &[Row<Shows>] = &[
+    // ---- the front end's SPI
+    row("SCK: input", &[bits(P1_CNF + 0x3C, 3, 0)], Told::Finding(NO_OUTPUT), |seen| deaf_for(seen, "Absent")),
+    row("MOSI: input", &[bits(P1_CNF + 0x34, 3, 0)], Told::Finding(NO_OUTPUT), |seen| deaf_for(seen, "Absent")),
+    row("chip select: input", &[bits(P1_CNF + 0x30, 3, 0)], Told::Nothing, |seen| deaf_for(seen, "Absent")),
+    row("MISO: disconnected", &[bits(P1_CNF + 0x38, 3, 2)], Told::Finding(NO_INPUT), |seen| deaf_for(seen, "Absent")),
+    row("SPIM0: SCK on P1.11", &[bits(SPIM0 + 0x508, 0x3F, 0x2B)], Told::Finding(NO_OUTPUT), |seen| {
+        deaf_for(seen, "Absent")
+    }),
+    row("SPIM0: MISO on P1.11", &[bits(SPIM0 + 0x510, 0x3F, 0x2B)], Told::Finding(NO_INPUT), |seen| {
+        deaf_for(seen, "Absent")
+    }),
+    row("SPIM0: mode 0", &[bits(SPIM0 + 0x554, 7, 0)], Told::Finding("SPI mode 0"), |seen| deaf_for(seen, "Identity")),
+    row("SPIM0: mode 3", &[bits(SPIM0 + 0x554, 7, 6)], Told::Finding("SPI mode 3"), |seen| deaf_for(seen, "Absent")),
+    row("SPIM0: least significant bit first", &[bits(SPIM0 + 0x554, 7, 3)], Told::Finding("chip:"), |seen| {
+        deaf_for(seen, "Absent")
+    }),
+    // The chip is set up, but its FIFO is read more slowly than the air fills it.
+    row("SPIM0: 125 kbit/s", &[bits(SPIM0 + 0x524, !0, 0x0200_0000)], Told::Nothing, |seen| {
+        seen.received == 0 && seen.valid == 0 && seen.faults >= 3 && seen.log.contains("Lost(Bus)")
+    }),
+    row("SPIM0: no interrupt", &[bits(SPIM0 + 0x304, !0, 0)], Told::Nothing, publishes_late),
+    row(
+        "SPIM0: not enabled",
+        &[bits(SPIM0 + 0x500, !0, 0)],
+        Told::Finding("START while SPIM is not enabled"),
+        |seen| seen.log.contains("SPIM0 does not stop") && seen.valid == 0 && seen.restarts == [Reset::Watchdog("WDT")],
+    ),
+    row(
+        "SPIM0: sends from flash",
+        &[bits(SPIM0 + 0x544, !0, 0x1000)],
+        Told::Finding("reads outside data RAM"),
+        |seen| deaf_for(seen, "Absent"),
+    ),
+    row(
+        "SPIM0: receives to flash",
+        &[bits(SPIM0 + 0x534, !0, 0x1000)],
+        Told::Finding("writes outside data RAM"),
+        |seen| deaf_for(seen, "Absent"),
+    ),
+    // ---- the SSI
+    row("SPIS1: CPHA", &[bits(SPIS1 + 0x554, 7, 2)], Told::Finding("another SPI mode"), mute),
+    row("SPIS1: CPOL", &[bits(SPIS1 + 0x554, 7, 4)], Told::Finding("another SPI mode"), mute),
+    row("SPIS1: least significant bit first", &[bits(SPIS1 + 0x554, 7, 1)], Told::Nothing, |seen| {
+        // What is 0xFF throughout reads the same from either end.
+        mute(seen) && seen.silent < seen.all / 2
+    }),
+    row("SPIS1: MISO on P1.07", &[bits(SPIS1 + 0x50C, 0x3F, 0x27)], Told::Nothing, mute_and_silent),
+    row("SPIS1: CSN on P1.06", &[bits(SPIS1 + 0x514, 0x3F, 0x26)], Told::Nothing, mute_and_silent),
+    row("SPIS1: SCK on P1.07", &[bits(SPIS1 + 0x508, 0x3F, 0x27)], Told::Finding(NO_SPIS_INPUT), mute),
+    row("CSN: disconnected", &[bits(P1_CNF + 0x10, 2, 2)], Told::Finding(NO_SPIS_INPUT), mute_and_silent),
+    row("SPIS1: image in flash", &[bits(SPIS1 + 0x544, !0, 0x1000)], Told::Finding("outside data RAM"), mute),
+    row("SPIS1: window of no bytes", &[bits(SPIS1 + 0x548, !0, 0)], Told::Nothing, mute_and_silent),
+    row("SPIS1: not enabled", &[bits(SPIS1 + 0x500, !0, 0)], Told::Finding("while SPIS is not enabled"), |seen| {
+        seen.received == 8 && seen.silent == seen.all && seen.fresh == (0, 0)
+    }),
+    // The task runs only when the scrub asks for a sign of life, so most transactions find no image.
+    row("SPIS1: no interrupts", &[bits(SPIS1 + 0x304, !0, 0)], Told::Nothing, rarely_shows),
+    row("SPIS1: interrupt not enabled", &[never_iser(0, 0x10)], Told::Nothing, |seen| {
+        seen.silent == seen.all && seen.fresh.0 <= 1
+    }),
+    // ---- FRESH and the expiry
+    row("PPI 3: FRESH is never cleared", &[instead(PPI_CHENSET, 8, 0)], Told::Nothing, |seen| {
+        shows_as_ever(seen) && seen.fresh == (1, 0)
+    }),
+    row("FRESH: channel on P1.06", &[bits(GPIOTE + 0x514, 0x1F00, 0x600)], Told::Nothing, |seen| {
+        shows_as_ever(seen) && seen.fresh == (0, 0)
+    }),
+    row("FRESH: channel is an input", &[bits(GPIOTE + 0x514, 3, 1)], Told::Nothing, |seen| {
+        shows_as_ever(seen) && seen.fresh == (0, 0)
+    }),
+    // One transaction more reads the image; at its end the SSI's task sees that its time is over.
+    row("PPI 1 and 2: no expiry", &[instead(PPI_CHENSET, 2, 0), instead(PPI_CHENSET, 4, 0)], Told::Nothing, |seen| {
+        shows_as_ever(seen) && (24 * MS..30 * MS).contains(&seen.stale)
+    }),
+    row("TIMER2: prescaler 2^9", &[bits(TIMER2 + 0x510, 0xF, 9)], Told::Nothing, |seen| {
+        shows_as_ever(seen) && seen.stale > 50 * MS && seen.expired == 0
+    }),
+    // ---- the interrupt of the front end, and time
+    row("PPI 0: the edge is not captured", &[instead(PPI_CHENSET, 1, 0)], Told::Nothing, |seen| {
+        seen.received == 8 && seen.valid == 0 && seen.publish_us > 50_000
+    }),
+    row("IRQ: falling edge", &[bits(GPIOTE + 0x510, 0x3_0000, 0x2_0000)], Told::Nothing, |seen| {
+        seen.valid == 0 && seen.received < 8 && seen.intact >= 60
+    }),
+    row("IRQ: P0.04", &[bits(GPIOTE + 0x510, 0x1F00, 0x400)], Told::Nothing, |seen| {
+        seen.valid == 0 && seen.publish_us > 50_000 && seen.intact >= 60
+    }),
+    row("IRQ: no interrupt", &[bits(GPIOTE + 0x304, !0, 0)], Told::Nothing, |seen| {
+        seen.valid == 0 && seen.publish_us > 1_000 && seen.intact >= 60
+    }),
+    row("IRQ: interrupt not enabled", &[never_iser(0, 0x40)], Told::Nothing, |seen| seen.valid == 0),
+    row("SPIM0: interrupt not enabled", &[never_iser(0, 0x8)], Told::Nothing, publishes_late),
+    row("TIMER0: no prescaler", &[bits(TIMER0 + 0x510, 0xF, 0)], Told::Nothing, |seen| {
+        deaf_for(seen, "Oscillator") && seen.log.contains("2.0")
+    }),
+    row("TIMER0: not started", &[never(TIMER0)], Told::Nothing, |seen| seen.valid == 0 && seen.silent > 50),
+    row("TIMER1: no interrupt", &[bits(TIMER1 + 0x304, !0, 0)], Told::Nothing, |seen| {
+        // No image while no frame comes: what was there expires.
+        seen.silent > 30 && seen.fresh.0 < 12 && seen.received == 8
+    }),
+    row("commit's interrupt not enabled", &[never_iser(0, 0x10_0000)], Told::Nothing, |seen| seen.valid == 0),
+    // ---- clock and watchdog
+    row("HFXO: not started", &[never(CLOCK)], Told::Nothing, |seen| {
+        seen.silent == seen.all && seen.log.is_empty() && seen.restarts.contains(&Reset::Watchdog("WDT"))
+    }),
+    row("WDT: never reloaded", &[never(WDT + 0x600)], Told::Nothing, |seen| {
+        seen.valid > 0 && seen.restarts.contains(&Reset::Watchdog("WDT")) && seen.log.contains("last reset: Watchdog")
+    }),
+];
+
+/// The end of a transfer is noticed when the driver's wait is over, 2 ms later.
+fn publishes_late(seen: &Shows) -> bool {
+    seen.received == 8 && seen.publish_us > 1_000
+}
+
+/// Images are published, and few of them reach the flight controller.
+fn rarely_shows(seen: &Shows) -> bool {
+    seen.received == 8 && seen.silent > 60 && seen.valid < 10
+}
+
+#[test]
+fn the_dpr_image_set_up_wrongly_fails_as_silicon_would() {
+    if dpr().is_none() {
+        return;
+    }
+    let (healthy, told) = run_dpr(&[]);
+    assert!(told.is_empty(), "{told:?}");
+    assert!(DPR_ROWS.len() >= 24);
+    check(DPR_ROWS, &healthy, run_dpr);
+}
+
+#[test]
+fn the_dpr_image_patched_to_store_what_it_stores_anyway_works() {
+    let Some((_, recording)) = dpr() else { return };
+    for (seen, row) in control(DPR_ROWS, recording, run_dpr).iter().zip(DPR_ROWS) {
+        let well = shows_as_ever(seen) && seen.faults == 0 && seen.missed == 0 && seen.publish_us < 100;
+        assert!(well && seen.stale < 25 * MS && seen.fresh.0 == seen.fresh.1, "{}: {seen:?}", row.what);
+    }
+}

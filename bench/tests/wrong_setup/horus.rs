@@ -1,0 +1,365 @@
+//! The HORUS image set up wrongly.
+
+use super::*;
+
+/// How long HORUS runs.
+const HORUS_RUN: u64 = 250 * MS;
+
+/// What is seen of the HORUS side from outside.
+#[derive(Clone, Debug, Default)]
+struct Sends {
+    /// When each frame began, ns.
+    frames: Vec<u64>,
+    /// How long the last frame was on the air, ns.
+    air_ns: u64,
+    /// For each receiver, how many frames said that its position is valid.
+    valid: [usize; 3],
+    /// The 10 ms timer's ticks, ns.
+    ticks: Vec<u64>,
+    /// The field was switched on.
+    field: bool,
+    /// UBX messages, bytes, and errors of each receiver's line.
+    messages: [u32; 3],
+    bytes: [u32; 3],
+    errors: [u32; 3],
+    skipped: u32,
+    faults: u32,
+    without_crystal: bool,
+    log: String,
+    restarts: Vec<Reset>,
+}
+
+impl Sends {
+    fn watchdog(&self) -> bool {
+        self.restarts.contains(&Reset::Watchdog("IWDG"))
+    }
+    fn period(&self) -> u64 {
+        let [first, .., last] = self.ticks[..] else { return 0 };
+        (last - first) / (self.ticks.len() as u64 - 1)
+    }
+}
+
+/// The HORUS board with three receivers that send their position every 20 ms.
+fn horus() -> Option<&'static (Node<Horus>, Recording)> {
+    static HORUS: OnceLock<Option<(Node<Horus>, Recording)>> = OnceLock::new();
+    HORUS
+        .get_or_init(|| {
+            let node = boards::horus()?;
+            let recording = Recording::of(&mut node.clone(), 30 * MS, |node| {
+                node.board_mut(|board| board.front_end.take_air());
+            });
+            Some((node, recording))
+        })
+        .as_ref()
+}
+
+fn run_horus(changes: &[Change]) -> (Sends, Vec<String>) {
+    let (node, recording) = horus().expect("an image");
+    let mut node = node.clone();
+    rewrite(&mut node, recording, changes).unwrap();
+    let mut seen = Sends::default();
+    let mut frame = vec![];
+    let mut feed = 15 * MS;
+    let mut epoch = 0;
+    while node.now() < HORUS_RUN {
+        node.advance(feed.min(HORUS_RUN));
+        for (at, event) in node.board_mut(|board| board.front_end.take_air()) {
+            match event {
+                AirEvent::FieldOn => seen.field = true,
+                AirEvent::FieldOff => {}
+                AirEvent::FrameStart(start) => {
+                    seen.frames.push(at);
+                    frame = start.chunk.data;
+                }
+                AirEvent::Bytes(chunk) => frame.extend(&chunk.data),
+                AirEvent::FrameEnd { .. } => {
+                    seen.air_ns = at - seen.frames.last().unwrap();
+                    let objects = frame.get(1 + ReportedPosition::SIZE..).unwrap_or_default();
+                    for (index, bytes) in objects.as_chunks::<{ GpsObject::SIZE }>().0.iter().enumerate().take(3) {
+                        let number = u16::try_from(index).unwrap() + 1;
+                        let object = GpsObject::verify(bytes, Identifier(0x4800 + number));
+                        seen.valid[index] +=
+                            usize::from(object.is_ok_and(|object| object.values().status.position_valid()));
+                    }
+                }
+            }
+        }
+        if node.now() >= feed {
+            for index in 0..3 {
+                let pvt = NavPvt {
+                    itow_ms: 20 * epoch,
+                    year: 2026,
+                    month: 1,
+                    day: 1,
+                    valid: 7,
+                    fix_type: 3,
+                    flags: NavPvt::FLAG_FIX_OK,
+                    satellites: 9,
+                    ..NavPvt::default()
+                };
+                node.board_mut(|board| board.send_bytes(feed, index, &pvt.encode()));
+            }
+            epoch += 1;
+            feed += 20 * MS;
+        }
+    }
+    let count = |offset| counter(&node, "HORUS_TELEMETRY", offset);
+    for index in 0..3 {
+        let line = std::mem::offset_of!(HorusTelemetry, lines) + index * size_of::<Line>();
+        seen.messages[index] = count(line + std::mem::offset_of!(Line, messages));
+        seen.bytes[index] = count(line + std::mem::offset_of!(Line, bytes));
+        seen.errors[index] = count(line + std::mem::offset_of!(Line, uart_errors));
+    }
+    seen.skipped = count(std::mem::offset_of!(HorusTelemetry, frames_skipped));
+    seen.faults = count(std::mem::offset_of!(HorusTelemetry, rf_faults));
+    seen.without_crystal = count(std::mem::offset_of!(HorusTelemetry, without_crystal)) != 0;
+    seen.ticks = node.board_mut(Horus::take_ticks);
+    seen.log = node.take_log().iter().map(|line| format!("{line}\n")).collect();
+    seen.restarts = node.resets().iter().map(|reset| reset.cause).collect();
+    let mut told = words(node.take_findings());
+    told.extend(node.board().front_end.chip().reports().iter().map(|report| format!("chip: {report}")));
+    (seen, told)
+}
+
+const USART2: u32 = 0x4000_4400;
+const SPI1: u32 = 0x4001_3000;
+const SYSCFG: u32 = 0x4001_3800;
+const EXTI: u32 = 0x4001_3C00;
+const GPIOA: u32 = 0x4002_0000;
+const GPIOD: u32 = 0x4002_0C00;
+const RCC: u32 = 0x4002_3800;
+const FLASH: u32 = 0x4002_3C00;
+const DMA1_STREAM5: u32 = 0x4002_6088;
+const DMA2_STREAM0: u32 = 0x4002_6410;
+const DMA2_STREAM3: u32 = 0x4002_6458;
+const TIM2: u32 = 0x4000_0000;
+const TIM5: u32 = 0x4000_0C00;
+const IWDG: u32 = 0x4000_3000;
+
+/// All but what is asked for goes on as it should: the other two receivers, and a frame every 10 ms.
+fn first_receiver_alone_is_lost(seen: &Sends) -> bool {
+    let [first, second, third] = seen.valid;
+    first == 0 && second >= 20 && third >= 20 && seen.messages == [0, 12, 12] && on_time(seen)
+}
+
+/// A frame in every cycle of 10 ms.
+fn on_time(seen: &Sends) -> bool {
+    seen.frames.len() >= 23 && seen.ticks.len() >= 23 && seen.period() == 10 * MS && seen.restarts.is_empty()
+}
+
+/// The front end is never used, the log says why, and the rest of the board goes on.
+fn off_air_for(seen: &Sends, reason: &str) -> bool {
+    seen.frames.is_empty()
+        && !seen.field
+        && seen.faults >= 5
+        && seen.log.contains(&format!("WARN  radio: {reason}"))
+        && seen.messages[2] == 12
+        && seen.period() == 10 * MS
+        && seen.restarts.is_empty()
+}
+
+const REFUSED: &str = "written without its clock";
+
+const HORUS_ROWS: &[Row<Sends>] = &[
+    // ---- the first receiver's line
+    row("USART2: half the baud rate", &[bits(USART2 + 8, 0xFFFF, 0x9C)], Told::Nothing, |seen| {
+        first_receiver_alone_is_lost(seen) && seen.errors[0] > 100
+    }),
+    row("USART2: OVER8 with a divider for 16 samples", &[bits(USART2 + 0xC, 0x8000, 0x8000)], Told::Nothing, |seen| {
+        first_receiver_alone_is_lost(seen) && seen.errors[0] > 100
+    }),
+    // Nine bits take the stop bit for parity and the next start bit for a stop.
+    row("USART2: eight bits and parity", &[bits(USART2 + 0xC, 0x1400, 0x1400)], Told::Nothing, |seen| {
+        first_receiver_alone_is_lost(seen) && seen.errors[0] > 100
+    }),
+    row("USART2: receiver not enabled", &[bits(USART2 + 0xC, 4, 0)], Told::Nothing, |seen| {
+        first_receiver_alone_is_lost(seen) && seen.bytes[0] == 0 && seen.errors[0] == 0
+    }),
+    // EIE reports nothing without DMAR (RM0090 30.6.6): what is counted is the overrun that each idle line comes with.
+    row("USART2: no DMA requests", &[bits(USART2 + 0x14, 0x40, 0)], Told::Nothing, |seen| {
+        first_receiver_alone_is_lost(seen) && seen.bytes[0] == 0 && seen.errors[0] == 12
+    }),
+    row("USART2: no clock", &[gate(0x40, 17)], Told::Finding(REFUSED), |seen| {
+        first_receiver_alone_is_lost(seen) && seen.bytes[0] == 0 && seen.errors[0] == 0
+    }),
+    row(
+        "PD6: alternate function 8",
+        &[bits(GPIOD + 0x20, 0xF00_0000, 0x800_0000)],
+        Told::Finding("this pin has no such alternate function"),
+        |seen| first_receiver_alone_is_lost(seen) && seen.bytes[0] == 0 && seen.errors[0] == 0,
+    ),
+    row("DMA1 stream 5: channel 3", &[bits(DMA1_STREAM5, 7 << 25, 3 << 25)], Told::Nothing, |seen| {
+        first_receiver_alone_is_lost(seen) && seen.bytes[0] == 0 && seen.errors[0] > 100
+    }),
+    // RXNE stays, and with it the request: the ring fills with nothing as fast as the controller goes round.
+    row("DMA1 stream 5: towards the UART", &[bits(DMA1_STREAM5, 0xC0, 0x40)], Told::Nothing, |seen| {
+        first_receiver_alone_is_lost(seen) && seen.bytes[0] > 100_000 && seen.errors[0] > 100
+    }),
+    row("DMA1 stream 5: reads CR3 for DR", &[bits(DMA1_STREAM5 + 8, !0, USART2 + 0x14)], Told::Nothing, |seen| {
+        first_receiver_alone_is_lost(seen) && seen.bytes[0] > 100_000 && seen.errors[0] > 100
+    }),
+    // The first byte ends in a transfer error; the firmware starts the ring again, by code that is not changed.
+    row(
+        "DMA1 stream 5: ring in CCM RAM",
+        &[bits(DMA1_STREAM5 + 0xC, !0, 0x1000_0000)],
+        Told::Finding("does not reach 0x10000000"),
+        |seen| seen.errors == [1, 0, 0] && seen.messages == [11, 12, 12] && on_time(seen),
+    ),
+    row("DMA1: no clock", &[gate(0x30, 21)], Told::Finding(REFUSED), |seen| {
+        // Receivers 1 and 3 are DMA1's.
+        seen.valid[0] == 0 && seen.valid[2] == 0 && seen.valid[1] >= 20 && on_time(seen)
+    }),
+    // ---- the front end's SPI
+    row("SPI1: mode 0", &[bits(SPI1, 3, 0)], Told::Finding("SPI mode 0"), |seen| off_air_for(seen, "Identity")),
+    row("SPI1: mode 2", &[bits(SPI1, 3, 2)], Told::Finding("SPI mode 2"), |seen| off_air_for(seen, "Identity")),
+    row("SPI1: mode 3", &[bits(SPI1, 3, 3)], Told::Finding("SPI mode 3"), |seen| off_air_for(seen, "Absent")),
+    row("SPI1: least significant bit first", &[bits(SPI1, 0x80, 0x80)], Told::Finding("chip:"), |seen| {
+        off_air_for(seen, "Absent")
+    }),
+    row("SPI1: 16 bits", &[bits(SPI1, 0x800, 0x800)], Told::Finding("chip:"), |seen| off_air_for(seen, "Identity")),
+    // 281 kHz: loading a frame takes 7 ms, and the slot passes. The chip answers, so nothing is at fault.
+    row("SPI1: clock divided by 256", &[bits(SPI1, 0x38, 0x38)], Told::Nothing, |seen| {
+        seen.frames.is_empty() && seen.field && seen.skipped >= 23 && seen.faults == 0 && seen.log.contains("HORUS")
+    }),
+    row("SPI1: slave", &[bits(SPI1, 4, 0)], Told::Finding("slave mode"), |seen| off_air_for(seen, "Bus")),
+    // A mode fault switches master mode and the SPI off (RM0090 28.3.10).
+    row("SPI1: not selected by software", &[bits(SPI1, 0x100, 0)], Told::Nothing, |seen| off_air_for(seen, "Bus")),
+    row("SPI1: not enabled", &[bits(SPI1, 0x40, 0)], Told::Nothing, |seen| off_air_for(seen, "Bus")),
+    row("SPI1: no clock", &[gate(0x44, 12)], Told::Finding(REFUSED), |seen| off_air_for(seen, "Bus")),
+    row("SCK: alternate function 0", &[bits(GPIOA + 0x20, 0xF0_0000, 0)], Told::Nothing, |seen| {
+        off_air_for(seen, "Absent")
+    }),
+    row("MOSI: input", &[bits(GPIOA, 0xC000, 0)], Told::Finding("chip:"), |seen| off_air_for(seen, "Absent")),
+    row("MISO: input", &[bits(GPIOA, 0x3000, 0)], Told::Nothing, |seen| off_air_for(seen, "Absent")),
+    row("chip select: input", &[bits(GPIOD, 0x3000_0000, 0)], Told::Nothing, |seen| off_air_for(seen, "Absent")),
+    row("GPIOA: no clock", &[gate(0x30, 0)], Told::Finding(REFUSED), |seen| off_air_for(seen, "Absent")),
+    // Port D has chip select and the first receiver's line.
+    row("GPIOD: no clock", &[gate(0x30, 3)], Told::Finding(REFUSED), |seen| {
+        off_air_for(seen, "Absent") && seen.bytes == [0, 1200, 1200]
+    }),
+    // A transfer that never completes is ended by the firmware's bound.
+    row("DMA2 stream 0: channel 4", &[bits(DMA2_STREAM0, 7 << 25, 4 << 25)], Told::Nothing, |seen| {
+        off_air_for(seen, "Bus")
+    }),
+    row(
+        "DMA2 stream 3: channel 4",
+        &[bits(DMA2_STREAM3, 7 << 25, 4 << 25)],
+        Told::Finding("a stream's channel has no request"),
+        |seen| off_air_for(seen, "Bus"),
+    ),
+    row("DMA2 stream 3: from the SPI", &[bits(DMA2_STREAM3, 0xC0, 0)], Told::Nothing, |seen| off_air_for(seen, "Bus")),
+    row("DMA2 stream 0: memory does not advance", &[bits(DMA2_STREAM0, 0x400, 0)], Told::Nothing, |seen| {
+        off_air_for(seen, "Absent")
+    }),
+    row(
+        "DMA2 stream 3: sends from CCM RAM",
+        &[bits(DMA2_STREAM3 + 0xC, !0, 0x1000_0000)],
+        Told::Finding("does not reach 0x10000000"),
+        |seen| off_air_for(seen, "Bus"),
+    ),
+    // DMA2 serves the second receiver, too.
+    row("DMA2: no clock", &[gate(0x30, 22)], Told::Finding(REFUSED), |seen| {
+        off_air_for(seen, "Bus") && seen.messages == [12, 0, 12]
+    }),
+    row("DMA2 stream 0: interrupt not enabled", &[never_iser(1, 0x0100_0000)], Told::Nothing, |seen| {
+        off_air_for(seen, "Bus")
+    }),
+    // ---- the front end's interrupt and timer
+    // Without the edge the firmware learns of the oscillator and of the first frames when its waits are over.
+    row("EXTI3: from port D", &[bits(SYSCFG + 8, 0xF000, 0x3000)], Told::Nothing, late_on_air),
+    row("EXTI3: no rising edge", &[bits(EXTI + 8, 8, 0)], Told::Nothing, late_on_air),
+    row("EXTI3: masked", &[bits(EXTI, 8, 0)], Told::Nothing, late_on_air),
+    row("EXTI3: interrupt not enabled", &[never_iser(0, 0x200)], Told::Nothing, late_on_air),
+    row("EXTI3 masked, TIM5 without a clock", &[bits(EXTI, 8, 0), gate(0x40, 3)], Told::Finding(REFUSED), |seen| {
+        seen.frames.is_empty() && !seen.field && seen.faults == 0 && seen.messages == [12; 3]
+    }),
+    row("TIM5: no prescaler", &[bits(TIM5 + 0x28, 0xFFFF, 0)], Told::Nothing, |seen| off_air_for(seen, "Oscillator")),
+    // ---- the cycle
+    row("TIM2: prescaler 2", &[bits(TIM2 + 0x28, 0xFFFF, 1)], Told::Nothing, |seen| {
+        seen.period() == 20 * MS && seen.frames.len() == seen.ticks.len() && seen.restarts.is_empty()
+    }),
+    // CC1IF comes with the overflow where the compare value is beyond it (RM0090 18.4.5).
+    row("TIM2: slot beyond the period", &[bits(TIM2 + 0x34, !0, 0xF_FFFF)], Told::Nothing, fires_at_the_tick),
+    row("TIM2: no compare interrupt", &[bits(TIM2 + 0xC, 2, 0)], Told::Nothing, fires_at_the_tick),
+    row("TIM2: no clock", &[gate(0x40, 0)], Told::Finding(REFUSED), |seen| {
+        seen.ticks.is_empty() && seen.frames.is_empty() && seen.watchdog()
+    }),
+    row("TIM2: interrupt not enabled", &[never_iser(0, 0x1000_0000)], Told::Nothing, |seen| {
+        !seen.ticks.is_empty() && seen.frames.is_empty() && seen.watchdog() && seen.log.contains("reset: watchdog")
+    }),
+    row("cycle's interrupt not enabled", &[never_iser(0, 0x10_0000)], Told::Nothing, |seen| {
+        !seen.ticks.is_empty() && seen.frames.is_empty() && seen.watchdog() && seen.log.contains("reset: watchdog")
+    }),
+    // ---- clocks, flash, watchdog
+    row("FLASH: no wait states", &[bits(FLASH, 0xF, 0)], Told::Finding("too few wait states"), |seen| {
+        seen.log.is_empty() && seen.ticks.is_empty() && !seen.field && seen.watchdog()
+    }),
+    row("FLASH: three wait states", &[bits(FLASH, 0xF, 3)], Told::Finding("too few wait states"), |seen| {
+        seen.log.is_empty() && seen.ticks.is_empty() && !seen.field && seen.watchdog()
+    }),
+    row("PLL: 100 MHz", &[bits(RCC + 4, 0x7FC0, 100 << 6)], Told::Nothing, |seen| {
+        seen.period() == 14_400_000 && seen.messages == [0; 3] && seen.errors.iter().all(|&errors| errors > 100)
+    }),
+    row("PLL: input above 2 MHz", &[bits(RCC + 4, 0x3F, 3)], Told::Finding("never locks"), |seen| {
+        seen.log.is_empty() && seen.ticks.is_empty() && !seen.field && seen.watchdog()
+    }),
+    row("system clock left on HSI", &[bits(RCC + 8, 3, 0)], Told::Nothing, |seen| {
+        seen.period() == 90 * MS && seen.messages == [0; 3]
+    }),
+    row("HSE: not switched on", &[bits(RCC, 1 << 16, 0)], Told::Nothing, |seen| {
+        seen.without_crystal && seen.log.contains("the external clock is missing") && seen.period() == 10 * MS
+    }),
+    row("APB1: divided by 8", &[bits(RCC + 8, 0x1C00, 0x1800)], Told::Nothing, |seen| {
+        // Receiver 2 is on APB2.
+        seen.period() == 20 * MS && seen.messages == [0, 12, 0]
+    }),
+    row("APB1: divided by 2", &[bits(RCC + 8, 0x1C00, 0x1000)], Told::Finding("PCLK1 is faster"), |seen| {
+        seen.period() == 5 * MS && seen.messages == [0, 12, 0] && seen.frames.is_empty()
+    }),
+    row("IWDG: never reloaded", &[instead(IWDG, 0xAAAA, 0)], Told::Nothing, |seen| {
+        seen.watchdog() && !seen.frames.is_empty() && seen.log.contains("reset: watchdog")
+    }),
+    row(
+        "IWDG: prescaler and reload stay locked, and TIM2's interrupt is not enabled",
+        &[instead(IWDG, 0x5555, 0), never_iser(0, 0x1000_0000)],
+        Told::Finding("without the key 0x5555"),
+        |seen| seen.frames.is_empty() && seen.restarts.is_empty() && seen.messages == [12; 3],
+    ),
+    row(
+        "IWDG: not started, and TIM2's interrupt is not enabled",
+        &[instead(IWDG, 0xCCCC, 0), never_iser(0, 0x1000_0000)],
+        Told::Nothing,
+        |seen| seen.frames.is_empty() && seen.restarts.is_empty() && seen.messages == [12; 3],
+    ),
+];
+
+/// The field comes on two cycles late; from there on a frame in every cycle.
+fn late_on_air(seen: &Sends) -> bool {
+    seen.frames.len() + 2 == seen.ticks.len() && seen.skipped == 2 && seen.faults == 0 && seen.messages == [12; 3]
+}
+
+/// Frames leave at the tick instead of the slot 300 us after it.
+fn fires_at_the_tick(seen: &Sends) -> bool {
+    let after = |frame: &u64| seen.ticks.iter().filter(|tick| *tick <= frame).map(|tick| frame - tick).min();
+    seen.frames.len() >= 22 && seen.frames.iter().all(|frame| after(frame).is_some_and(|after| after < 50 * US))
+}
+
+#[test]
+fn the_horus_image_set_up_wrongly_fails_as_silicon_would() {
+    if horus().is_none() {
+        return;
+    }
+    let (healthy, told) = run_horus(&[]);
+    assert!(told.is_empty(), "{told:?}");
+    assert!(HORUS_ROWS.len() >= 24);
+    check(HORUS_ROWS, &healthy, run_horus);
+}
+
+#[test]
+fn the_horus_image_patched_to_store_what_it_stores_anyway_works() {
+    let Some((_, recording)) = horus() else { return };
+    for (seen, row) in control(HORUS_ROWS, recording, run_horus).iter().zip(HORUS_ROWS) {
+        let well = on_time(seen) && seen.valid.iter().all(|&frames| frames >= 22) && seen.errors == [0; 3];
+        assert!(well && seen.faults == 0 && seen.skipped == 0, "{}: {seen:?}", row.what);
+    }
+}

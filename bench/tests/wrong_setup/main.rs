@@ -1,0 +1,120 @@
+//! Boards that are set up wrongly on purpose: both release images, patched in flash, fail the way silicon would.
+//!
+//! Each row changes what the firmware writes to one register (see [`rewrite`]) and says what is seen of it from
+//! outside: on the air, on the SSI, in the log, in the telemetry, by a restart. The same must not be seen of the image
+//! as it was built. A row also says what the models have to report of it; where silicon would be silent, so must they
+//! be.
+
+#[path = "../boards/mod.rs"]
+mod boards;
+mod dpr;
+mod horus;
+#[path = "../reader/mod.rs"]
+mod reader;
+
+use std::fmt::Debug;
+use std::sync::OnceLock;
+
+use bench::boards::{Dpr, Horus};
+use bench::faults::image::{Change, ImageFault, Recording, To, rewrite};
+use bench::node::{Finding, Node};
+use bench_seam::Reset;
+use boards::counter;
+use dpr_fw::telemetry::Telemetry as DprTelemetry;
+use gnss_sim::ubx::NavPvt;
+use horus_tx_fw::telemetry::{Line, Telemetry as HorusTelemetry};
+use profile::{GpsObject, Identifier, ReportedPosition};
+use reader::{MS, US, View, field_on, payload, send, view};
+use st25r3916_model::AirEvent;
+
+// ---- what is changed
+
+/// The bits of `mask` are `value` whenever the image stores to `address`.
+const fn bits(address: u32, mask: u32, value: u32) -> Change {
+    Change { address, to: To::Bits { mask, value } }
+}
+
+/// The image stores `value` where it would store `of`.
+const fn instead(address: u32, of: u32, value: u32) -> Change {
+    Change { address, to: To::Instead { of, value } }
+}
+
+/// The image never stores to `address`.
+const fn never(address: u32) -> Change {
+    Change { address, to: To::Nothing }
+}
+
+/// The bit-band alias by which the image sets bit `bit` of the STM32's RCC at `offset` (ARMv7-M ARM B3.1.1).
+const fn gate(offset: u32, bit: u32) -> Change {
+    never(0x4247_0000 + 32 * offset + 4 * bit)
+}
+
+/// What must be reported of a wrong set-up.
+#[derive(Clone, Copy, Debug)]
+enum Told {
+    /// Nothing: silicon has no way to tell.
+    Nothing,
+    /// A finding whose words hold this.
+    Finding(&'static str),
+}
+
+/// One wrong set-up.
+struct Row<S> {
+    what: &'static str,
+    changes: &'static [Change],
+    seen: fn(&S) -> bool,
+    told: Told,
+}
+
+const fn row<S>(what: &'static str, changes: &'static [Change], told: Told, seen: fn(&S) -> bool) -> Row<S> {
+    Row { what, changes, seen, told }
+}
+
+/// Runs every row of `rows` on a clone of `board`, patched, and demands of each what it says.
+fn check<S: Debug>(rows: &[Row<S>], healthy: &S, run: impl Fn(&[Change]) -> (S, Vec<String>)) {
+    let mut wrong = vec![];
+    for row in rows {
+        let (seen, told) = run(row.changes);
+        let mut say = |why: &str| wrong.push(format!("{}: {why}\n  {seen:?}\n  {told:#?}", row.what));
+        if (row.seen)(healthy) {
+            say("the image as it was built shows the same");
+        }
+        if !(row.seen)(&seen) {
+            say("not seen");
+        }
+        match row.told {
+            Told::Nothing if !told.is_empty() => say("silicon would not tell"),
+            Told::Finding(words) if !told.iter().any(|text| text.contains(words)) => say("no such finding"),
+            _ => {}
+        }
+    }
+    assert!(wrong.is_empty(), "{} of {} rows:\n{}", wrong.len(), rows.len(), wrong.join("\n"));
+}
+
+/// For every row the same patch, but with each value stored as it was: what is seen must not hang on the stubs.
+fn control<S: Debug>(rows: &[Row<S>], recording: &Recording, run: impl Fn(&[Change]) -> (S, Vec<String>)) -> Vec<S> {
+    let mut all = vec![];
+    for row in rows {
+        let same = |change: &Change| {
+            let values = recording.to(change.address).map(|stored| stored.value);
+            values.map(|value| instead(change.address, value, value)).collect::<Vec<_>>()
+        };
+        let changes: Vec<Change> = row.changes.iter().flat_map(same).collect();
+        let (seen, told) = run(&changes);
+        assert!(told.is_empty(), "{}: {told:?}", row.what);
+        all.push(seen);
+    }
+    all
+}
+
+fn words(findings: Vec<Finding>) -> Vec<String> {
+    findings.iter().map(|finding| format!("{:?}: {}", finding.kind, finding.text)).collect()
+}
+
+/// The interrupts' enable registers, ARMv7-M ARM B3.4.4.
+const ISER: u32 = 0xE000_E100;
+
+/// The image's store that enables the interrupts `of` of ISER register `word` enables none.
+const fn never_iser(word: u32, of: u32) -> Change {
+    instead(ISER + 4 * word, of, 0)
+}
