@@ -9,6 +9,7 @@
 mod access;
 mod firmware;
 mod fuzz;
+mod judge;
 mod line_length;
 mod lint;
 mod oracle;
@@ -26,7 +27,7 @@ mod workspace;
 use std::process::ExitCode;
 
 use anyhow::Result;
-use bench::engine::Target;
+use bench::node::Target;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 /// Builds, tests, flashes and simulates the HORUS link.
@@ -45,6 +46,8 @@ enum Command {
     Flash(FlashArgs),
     /// Run both firmware images against each other on the bench.
     Sim(sim::SimArgs),
+    /// Judge an event log again that `sim --events` stored.
+    Judge(judge::JudgeArgs),
     /// Instructions per second of the core alone, and where the time of `sim` goes.
     Speed(speed::SpeedArgs),
     /// Run any ELF alone on one board of the bench: its log, its exit code, its faults.
@@ -194,6 +197,8 @@ fn dispatch(command: Command) -> Result<ExitCode> {
         }
         Command::Flash(args) => flash(&args),
         Command::Sim(args) => sim::sim(&args),
+
+        Command::Judge(args) => judge::run(&args),
         Command::Speed(args) => speed::speed(&args),
         Command::Run(args) => run::run(&args),
         Command::Test(args) => test::test(&args),

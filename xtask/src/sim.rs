@@ -6,7 +6,8 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
-use bench::engine::{Clock, Threads};
+use bench::faults::{Board, Campaign, Faults, Kind, Options};
+use bench::node::{Clock, Threads};
 use bench::report::{Report, Reported};
 use bench::sim::{Crystals, Images, Observer, Setup};
 use clap::Args;
@@ -40,9 +41,19 @@ pub(crate) struct SimArgs {
     /// Write the report as JSON to a file, or to standard output with `-`.
     #[arg(long, value_name = "FILE|-")]
     json: Option<PathBuf>,
-    /// Write the wires (SPI, IRQ, field, SSI, FRESH) as a VCD for GTKWave or sigrok.
+    /// Write the wires (SPI, IRQ, field, SSI, FRESH, TICK) and both boards' tasks: FILE.fst or FILE.vcd.
     #[arg(long, value_name = "FILE")]
     trace: Option<PathBuf>,
+    /// Store the event log, which `cargo xtask judge` judges again.
+    #[arg(long, value_name = "FILE")]
+    events: Option<PathBuf>,
+    /// What goes wrong on purpose: a list of air, receivers, fc, power (drawn into the run from the seed), and of ram,
+    /// flash, registers (each upset on a copy of the bench, see --upsets).
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    faults: Vec<Kind>,
+    /// How many upsets of RAM, flash and registers are tried.
+    #[arg(long, value_name = "COUNT", default_value_t = 120)]
+    upsets: usize,
     /// Show both boards' defmt logs as they run.
     #[arg(long)]
     log: bool,
@@ -105,12 +116,15 @@ pub(crate) fn sim(args: &SimArgs) -> Result<ExitCode> {
     if let Some(beyond) = recordings.iter().skip(args.gps.0).position(Option::is_some) {
         bail!("--ubx{}: this profile has {} receiver(s) only (--gps {})", args.gps.0 + beyond + 1, args.gps, args.gps);
     }
+    // Before anything is built or run: a result that cannot be kept is known here.
+    let json = args.json.as_deref().map(Json::create).transpose()?;
     let (horus, dpr) = firmware::build_pair(args.gps)?;
+    let duration_ns = (args.seconds * 1e9).round() as u64;
     let to_ppb = |ppm: f64| (ppm * 1000.0).round() as i64;
     let setup = Setup {
         images: Images { horus, dpr },
         gps: args.gps.0,
-        duration_ns: (args.seconds * 1e9).round() as u64,
+        duration_ns,
         clock: args.clock,
         threads: if args.threads == 1 { Threads::One } else { Threads::Two },
         seed: args.seed,
@@ -120,9 +134,10 @@ pub(crate) fn sim(args: &SimArgs) -> Result<ExitCode> {
             dpr_ppb: to_ppb(args.dpr_ppm),
             flight_controller_ppb: to_ppb(args.fc_ppm),
         },
-        faults: bench::sim::Faults::default(),
+        faults: Faults::drawn(&args.faults, args.gps.0, args.seed, duration_ns),
         sweep: None,
         trace: args.trace.clone(),
+        log: args.events.clone(),
     };
     let style = ProgressStyle::with_template("{bar:40} {pos}/{len} ms of virtual time, {eta} left")
         .expect("a constant template");
@@ -133,28 +148,73 @@ pub(crate) fn sim(args: &SimArgs) -> Result<ExitCode> {
     screen.bar.finish_and_clear();
     outcome.report.speed.times_real_time = outcome.report.virtual_seconds / wall;
 
-    let json_on_stdout = args.json.as_deref() == Some(Path::new("-"));
+    if args.faults.iter().any(|kind| kind.is_upset()) {
+        let campaign = upsets(args, &setup)?;
+        eprint!("{campaign}");
+        outcome.report.upsets = Some((&campaign).into());
+    }
     let text = format!("{}{}\n", table(&outcome.report), outcome.base);
     // A program that reads the JSON from standard output gets nothing else there.
-    if json_on_stdout {
+    if matches!(json, Some(Json::Stdout)) {
         eprint!("{text}");
     } else {
         print!("{text}");
     }
-    if let Some(path) = &args.json {
-        let mut json = serde_json::to_string_pretty(&outcome.report).context("the report does not serialise")?;
-        json.push('\n');
-        if json_on_stdout {
-            std::io::stdout().write_all(json.as_bytes()).context("could not write the report")?;
-        } else {
-            std::fs::write(path, json).with_context(|| format!("could not write {}", path.display()))?;
-        }
+    if let Some(json) = json {
+        json.write(&outcome.report)?;
     }
     if outcome.report.violations.is_empty() {
         return Ok(ExitCode::SUCCESS);
     }
     eprintln!("error: {} violation(s)", outcome.report.violations.len());
     Ok(ExitCode::FAILURE)
+}
+
+/// Where the report goes as JSON.
+enum Json {
+    Stdout,
+    File(PathBuf, std::fs::File),
+}
+
+impl Json {
+    fn create(path: &Path) -> Result<Self> {
+        if path == Path::new("-") {
+            return Ok(Self::Stdout);
+        }
+        let file = std::fs::File::create(path)
+            .with_context(|| format!("--json: the report cannot be written to {}", path.display()))?;
+        Ok(Self::File(path.to_owned(), file))
+    }
+
+    fn write(self, report: &Report) -> Result<()> {
+        let mut text = serde_json::to_string_pretty(report).context("the report does not serialise")?;
+        text.push('\n');
+        match self {
+            Self::Stdout => std::io::stdout().write_all(text.as_bytes()).context("could not write the report"),
+            Self::File(path, mut file) => {
+                file.write_all(text.as_bytes()).with_context(|| format!("could not write {}", path.display()))
+            }
+        }
+    }
+}
+
+/// How long a copy of the bench is run on after an upset, ns: the watchdogs bite within 200 ms, and a board that has
+/// restarted is believed again 40 ms later.
+const AFTER_UPSET: u64 = 400_000_000;
+
+/// Tries upsets on copies of the bench.
+fn upsets(args: &SimArgs, setup: &Setup) -> Result<Campaign> {
+    let setup = Setup { trace: None, log: None, faults: Faults::none(), ..setup.clone() };
+    let options = Options {
+        kinds: args.faults.clone(),
+        boards: vec![Board::Horus, Board::Dpr],
+        count: args.upsets,
+        per_instant: 12,
+        between: (300_000_000, setup.duration_ns.max(400_000_000)),
+        for_ns: AFTER_UPSET,
+        seed: args.seed,
+    };
+    Ok(bench::sim::campaign(&setup, &options)?)
 }
 
 /// Until when Reported-Position was valid, and which receivers had fallen silent by then.
@@ -177,10 +237,26 @@ fn reported_position(reported: &Reported) -> String {
     format!("invalid since {} ({}), valid in {cycles} cycles read", seconds(since), silent.join(", "))
 }
 
+/// What was done wrong on purpose, and what came of it.
+fn faults_in_words(faults: &bench::report::Faults) -> String {
+    if faults.injected.is_empty() {
+        return "none injected".to_owned();
+    }
+    let count: u64 = faults.injected.values().sum();
+    let recovery = faults.max_recovery_cycles.map_or("none measured".to_owned(), |cycles| format!("{cycles} cycles"));
+    format!(
+        "{count} injected of {} kinds; {} invalid shown as valid; longest recovery {recovery}",
+        faults.injected.len(),
+        faults.invalid_shown_valid
+    )
+}
+
 /// One screen for a person.
 fn table(report: &Report) -> String {
     let ms = |ns: u64| format!("{:.3} ms", ns as f64 / 1e6);
     let us = |ns: u64| format!("{:.3} us", ns as f64 / 1e3);
+    // What was never measured has no figure.
+    let or_none = |text: Option<String>| text.unwrap_or_else(|| "none".to_owned());
     let Report { horus, air, dpr, latency_ns: latency, ssi, reported, base, .. } = report;
     let rows = [
         (
@@ -191,24 +267,23 @@ fn table(report: &Report) -> String {
             ),
         ),
         ("HORUS", format!("{} frames sent, load {:.1} %", horus.frames_sent, horus.load * 100.0)),
-        ("  period", format!("{} .. {}", ms(horus.period_ns.min), ms(horus.period_ns.max))),
+        ("  period", or_none(horus.period_ns.map(|span| format!("{} .. {}", ms(span.min), ms(span.max))))),
         (
             "  tick to command",
-            format!(
-                "{} .. {} (jitter {} ns, the firmware's)",
-                us(horus.tick_to_command_ns.min),
-                us(horus.tick_to_command_ns.max),
-                horus.tick_to_command_ns.width()
-            ),
+            or_none(horus.tick_to_command_ns.map(|span| {
+                format!("{} .. {} (jitter {} ns, the firmware's)", us(span.min), us(span.max), span.width())
+            })),
         ),
         (
             "  tick to air",
-            format!(
-                "{} .. {} (jitter {} ns, with the front end's scatter)",
-                us(horus.tick_to_air_ns.min),
-                us(horus.tick_to_air_ns.max),
-                horus.tick_to_air_ns.width()
-            ),
+            or_none(horus.tick_to_air_ns.map(|span| {
+                format!(
+                    "{} .. {} (jitter {} ns, with the front end's scatter)",
+                    us(span.min),
+                    us(span.max),
+                    span.width()
+                )
+            })),
         ),
         (
             "air",
@@ -234,27 +309,27 @@ fn table(report: &Report) -> String {
         ("  scrubs", format!("{}, {} found a stuck bit", dpr.scrubs, dpr.scrub_faults)),
         (
             "sample to readable",
-            format!(
-                "median {}, 99.9 % {}, worst {}",
-                ms(latency.sample_to_readable.p50),
-                ms(latency.sample_to_readable.p999),
-                ms(latency.sample_to_readable.max)
+            or_none(
+                latency
+                    .sample_to_readable
+                    .map(|it| format!("median {}, 99.9 % {}, worst {}", ms(it.p50), ms(it.p999), ms(it.max))),
             ),
         ),
-        ("last bit to readable", format!("worst {}", us(latency.last_bit_to_readable.max))),
+        ("last bit to readable", or_none(latency.last_bit_to_readable.map(|it| format!("worst {}", us(it.max))))),
         (
             "SSI",
             format!(
-                "{} transactions: {} fresh, {} repeated, {} busy, {} bad CRC; ready again in {} at worst",
+                "{} transactions: {} fresh, {} repeated, {} busy, {} bad CRC; ready again at worst in {}",
                 ssi.transactions,
                 ssi.fresh,
                 ssi.repeated,
                 ssi.busy,
                 ssi.bad_crc,
-                us(ssi.ready_ns.max)
+                or_none(ssi.ready_ns.map(|it| us(it.max)))
             ),
         ),
         ("Reported-Position", reported_position(reported)),
+        ("faults", faults_in_words(&report.faults)),
         ("base station", format!("{} profiles, {} bad CRC", base.profiles, base.bad_crc)),
     ];
     let mut text = String::new();
