@@ -1,0 +1,77 @@
+//! Rows: restarts, findings, misuse, load, counters, lateness of the bench.
+
+use bench::faults::{AirFaults, Board, Fault, Faults, ImageFault, Upset};
+use bench_judge::Violation;
+use dpr_fw::telemetry::Telemetry as DprTelemetry;
+use horus_tx_fw::telemetry::Telemetry as HorusTelemetry;
+
+use super::images::{awake, bits, instead, stores, without_telemetry};
+use super::{BREAKS, MS, Row, table};
+
+/// The STM32's SPI1_CR1, with the prescaler of the front end's clock in bits 5 to 3 (RM0090 28.5.1).
+const SPI1_CR1: u32 = 0x4001_3000;
+/// The STM32's IWDG_KR (RM0090 21.4.1).
+const IWDG_KR: u32 = 0x4000_3000;
+/// The key that reloads the STM32's watchdog.
+const IWDG_RELOAD: u32 = 0xAAAA;
+
+/// From the start to the end of the run.
+const ALWAYS: (u64, u64) = (0, u64::MAX);
+
+/// A word in the telemetry of `board` is not zero from [`BREAKS`] on.
+fn counts(board: Board, symbol: &str, offset: usize) -> Faults {
+    let offset = u32::try_from(offset).unwrap();
+    let poke = ImageFault::Poke { symbol: symbol.into(), offset, bytes: vec![1, 0, 0, 0] };
+    Faults::none().with(BREAKS, u64::MAX, Fault::Image(board, poke))
+}
+
+/// The number of channels in the log's control block of `board` is destroyed at [`BREAKS`].
+fn log_destroyed(board: Board) -> Faults {
+    let poke = ImageFault::Poke { symbol: "_SEGGER_RTT".into(), offset: 16, bytes: vec![0xFF; 4] };
+    Faults::none().with(BREAKS, u64::MAX, Fault::Image(board, poke))
+}
+
+table! {
+    a_horus_that_does_not_feed_its_watchdog => Row {
+        setup: |setup| stores(setup, Board::Horus, (BREAKS, BREAKS + 120 * MS), instead(IWDG_KR, IWDG_RELOAD, 0)),
+        duration: 1_000 * MS,
+        ..Row::new(Violation::HorusRestarted, Faults::none)
+    };
+    // With a stack in no memory the next interrupt locks the core up, and this part resets then.
+    a_dpr_whose_stack_pointer_lost_a_bit => Row::new(Violation::DprRestarted, || {
+        let upset = Fault::Upset(Board::Dpr, Upset::Register { number: 13, bit: 30 });
+        Faults::none().with(BREAKS, BREAKS, upset)
+    });
+    a_front_end_of_horus_that_is_clocked_too_fast => Row {
+        setup: |setup| stores(setup, Board::Horus, ALWAYS, bits(SPI1_CR1, 0x38, 0x08)),
+        ..Row::new(Violation::FrontEndMisuse, Faults::none)
+    };
+    a_horus_whose_log_is_none => Row::new(Violation::HorusFinding, || log_destroyed(Board::Horus));
+    a_dpr_whose_log_is_none => Row::new(Violation::DprFinding, || log_destroyed(Board::Dpr));
+    a_horus_that_does_not_sleep => Row {
+        setup: |setup| awake(setup, Board::Horus, BREAKS),
+        ..Row::new(Violation::HorusOverloaded, Faults::none)
+    };
+    a_dpr_that_does_not_sleep => Row {
+        setup: |setup| awake(setup, Board::Dpr, BREAKS),
+        ..Row::new(Violation::DprOverloaded, Faults::none)
+    };
+    a_horus_that_counts_a_fault_that_nobody_sees => Row::new(Violation::HorusComplains, || {
+        counts(Board::Horus, "HORUS_TELEMETRY", std::mem::offset_of!(HorusTelemetry, cycle_overruns))
+    });
+    a_dpr_that_counts_a_fault_that_nobody_sees => Row::new(Violation::DprComplains, || {
+        counts(Board::Dpr, "DPR_TELEMETRY", std::mem::offset_of!(DprTelemetry, overruns))
+    });
+    an_image_of_horus_without_telemetry => Row {
+        setup: |setup| without_telemetry(setup, Board::Horus),
+        ..Row::new(Violation::NoTelemetry, Faults::none)
+    };
+    an_image_of_the_dpr_without_telemetry => Row {
+        setup: |setup| without_telemetry(setup, Board::Dpr),
+        ..Row::new(Violation::NoTelemetry, Faults::none)
+    };
+    a_fault_that_is_added_behind_the_boards => Row {
+        added: || Faults::none().with(BREAKS - 100 * MS, BREAKS - 50 * MS, Fault::Air(AirFaults::default())),
+        ..Row::new(Violation::Late, Faults::none)
+    };
+}

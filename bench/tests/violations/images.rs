@@ -1,0 +1,140 @@
+//! Release images that are wrong in a way that has to be looked for in them.
+
+use std::path::PathBuf;
+
+use bench::boards::{Dpr, Horus};
+use bench::faults::image::{Change, Recording, To, rewrite};
+use bench::faults::power::Powered;
+use bench::faults::{Board, Episode, Fault, ImageFault};
+use bench::node::{Firmware, Node};
+use bench::sim::Setup;
+use nrf52840::{Nrf52840, Settings};
+use st25r3916_model::{Chip, Config};
+use stm32f429::{Oscillators, Stm32f429};
+
+use super::MS;
+
+/// How much of a board's first time is recorded, ns: every store of its start and of its first cycle.
+const RECORDED: u64 = 30 * MS;
+/// How much of flash is compared: an image and the stubs behind it.
+const FLASH: usize = 0x4_4000;
+/// `WFI`
+const WAIT: [u8; 2] = 0xBF30_u16.to_le_bytes();
+/// `NOP`
+const NOTHING: [u8; 2] = 0xBF00_u16.to_le_bytes();
+
+fn image(setup: &Setup, board: Board) -> Firmware {
+    let path = match board {
+        Board::Horus => &setup.images.horus,
+        Board::Dpr => &setup.images.dpr,
+    };
+    Firmware::read(path).unwrap()
+}
+
+fn chip() -> Chip {
+    Chip::new(Config { vdd_mv: 5000, ..Config::default() })
+}
+
+fn horus(setup: &Setup) -> Node<Horus> {
+    let board = Horus::new(chip(), setup.gps, false);
+    Node::new(Stm32f429::new(Oscillators::default()), board, &image(setup, Board::Horus)).unwrap()
+}
+
+fn dpr(setup: &Setup) -> Node<Dpr> {
+    Node::new(Nrf52840::new(Settings::default()), Dpr::new(chip(), false), &image(setup, Board::Dpr)).unwrap()
+}
+
+/// Between `at` and `until` (ns) the image of `board` stores something else to a register, its CRC made to fit.
+pub(super) fn stores(setup: &mut Setup, board: Board, (at, until): (u64, u64), change: Change) {
+    let patches = match board {
+        Board::Horus => patches(horus(setup), change),
+        Board::Dpr => patches(dpr(setup), change),
+    };
+    for (address, bytes) in patches {
+        let fault = Fault::Image(board, ImageFault::Patch { address, bytes, sealed: false });
+        setup.faults.add(Episode { at, until, fault });
+    }
+}
+
+/// Where flash differs after [`rewrite`], and what is there then.
+fn patches<B: Powered>(mut node: Node<B>, change: Change) -> Vec<(u32, Vec<u8>)> {
+    let recording = Recording::of(&mut node.clone(), RECORDED, |node| {
+        node.board_mut(|board| board.front_end().take_air());
+    });
+    let first = node.address_of("__vector_table").unwrap();
+    let read = |node: &Node<B>| {
+        let mut flash = vec![0; FLASH];
+        node.read(first, &mut flash).unwrap();
+        flash
+    };
+    let before = read(&node);
+    rewrite(&mut node, &recording, &[change]).unwrap();
+    let after = read(&node);
+    let mut patches: Vec<(u32, Vec<u8>)> = vec![];
+    for (offset, (before, after)) in before.iter().zip(after).enumerate() {
+        if *before == after {
+            continue;
+        }
+        let address = u32::try_from(first).unwrap() + u32::try_from(offset).unwrap();
+        match patches.last_mut() {
+            Some((start, bytes)) if *start + bytes.len() as u32 == address => bytes.push(after),
+            _ => patches.push((address, vec![after])),
+        }
+    }
+    // Stubs first, then the branches to them.
+    patches.reverse();
+    patches
+}
+
+/// From `at` (ns) on the task `idle` of `board` does not sleep.
+pub(super) fn awake(setup: &mut Setup, board: Board, at: u64) {
+    let firmware = image(setup, board);
+    let idle = firmware.functions_called("idle").next().expect("the task idle");
+    let read = |node: &dyn Fn(u64, &mut [u8])| {
+        let mut code = vec![0; 0x400];
+        node(idle & !1, &mut code);
+        let place = code.as_chunks::<2>().0.iter().position(|half| *half == WAIT).expect("idle waits for an interrupt");
+        (idle & !1) + 2 * place as u64
+    };
+    let address = match board {
+        Board::Horus => {
+            let node = horus(setup);
+            read(&|address, bytes| node.read(address, bytes).unwrap())
+        }
+        Board::Dpr => {
+            let node = dpr(setup);
+            read(&|address, bytes| node.read(address, bytes).unwrap())
+        }
+    };
+    let address = u32::try_from(address).unwrap();
+    let fault = Fault::Image(board, ImageFault::Patch { address, bytes: NOTHING.to_vec(), sealed: false });
+    setup.faults.add(Episode { at, until: u64::MAX, fault });
+}
+
+/// The image of `board` has no telemetry: its symbol has another name.
+pub(super) fn without_telemetry(setup: &mut Setup, board: Board) {
+    let (path, symbol) = match board {
+        Board::Horus => (&mut setup.images.horus, "HORUS_TELEMETRY"),
+        Board::Dpr => (&mut setup.images.dpr, "DPR_TELEMETRY"),
+    };
+    let mut elf = std::fs::read(&*path).unwrap();
+    let name = format!("\0{symbol}\0");
+    let places: Vec<usize> =
+        (0..elf.len() - name.len()).filter(|&place| elf[place..].starts_with(name.as_bytes())).collect();
+    assert!(!places.is_empty(), "no symbol {symbol}");
+    for place in places {
+        elf[place + 1] = b'X';
+    }
+    *path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("without-{symbol}.elf"));
+    std::fs::write(&*path, elf).unwrap();
+}
+
+/// The bits of `mask` are `value` whenever the image stores to `address`.
+pub(super) const fn bits(address: u32, mask: u32, value: u32) -> Change {
+    Change { address, to: To::Bits { mask, value } }
+}
+
+/// The image stores `value` where it would store `of`.
+pub(super) const fn instead(address: u32, of: u32, value: u32) -> Change {
+    Change { address, to: To::Instead { of, value } }
+}

@@ -1,0 +1,139 @@
+//! What is shown against what reached the DPR's antenna, and Link-Status against the wires.
+
+use std::mem::offset_of;
+
+use bench::faults::{AirFaults, Board, Fault, Faults, ImageFault, WireFault};
+use bench_judge::{Event, Violation, What};
+use dpr_fw::telemetry::Telemetry;
+
+use super::{BREAKS, MS, Row, run, table};
+
+/// The control cycle of the flight controller: between two instants so far apart exactly one transaction ends.
+const CONTROL_CYCLE: u64 = 4 * MS;
+
+/// The cycle of HORUS: between two instants so far apart exactly one frame begins.
+const CYCLE: u64 = 10 * MS;
+
+/// No frame is heard.
+fn lost(at: u64, until: u64) -> Faults {
+    Faults::none().with(at, until, Fault::Air(AirFaults { lost: 1.0, ..AirFaults::default() }))
+}
+
+/// A bridge in the SSI hangs from `at` on: it repeats the last image and announces no other.
+fn hangs(faults: Faults, at: u64) -> Faults {
+    let wire = |faults: Faults, fault| faults.with(at, u64::MAX, Fault::Wire(fault));
+    wire(wire(faults, WireFault::FreshStuck), WireFault::MisoFrozen)
+}
+
+/// Silence on the air, and the SSI hangs after the last frame was read and before the DPR takes it out of the image,
+/// 12.5 ms after that frame's end.
+fn hangs_in_silence() -> Faults {
+    hangs(lost(BREAKS, u64::MAX), BREAKS + 8 * MS)
+}
+
+fn of_wire(at: u64, until: u64, fault: WireFault) -> Faults {
+    Faults::none().with(at, until, Fault::Wire(fault))
+}
+
+/// Bits of a byte of Link-Status read inverted, in one transaction.
+fn link_status(byte: usize, bits: u8) -> Faults {
+    of_wire(BREAKS, BREAKS + CONTROL_CYCLE, WireFault::MisoForged { object: None, byte, bits })
+}
+
+fn regressed() -> Faults {
+    of_wire(BREAKS, BREAKS + CONTROL_CYCLE, WireFault::MisoReplay { age_ns: CYCLE })
+}
+
+table! {
+    vacant => Row::new(Violation::Vacant, || of_wire(BREAKS, u64::MAX, WireFault::MisoVacant { object: 2 }));
+    // No object of some cycles, though Link-Status says that all were accepted.
+    not_shown => Row::new(Violation::NotShown, || {
+        let vacant = |faults: Faults, object| {
+            faults.with(BREAKS, BREAKS + 3 * CYCLE, Fault::Wire(WireFault::MisoVacant { object }))
+        };
+        (0..=3).fold(Faults::none(), vacant)
+    });
+    shown_never_sent => Row::new(Violation::ShownNeverSent, || {
+        of_wire(BREAKS, u64::MAX, WireFault::MisoForged { object: Some(2), byte: 30, bits: 0x10 })
+    });
+    // A repetition takes its cycle out of the image; the SSI, which hangs, goes on showing it.
+    shown_out_of_sequence => Row {
+        gps: 1,
+        duration: BREAKS + 2 * CYCLE,
+        ..Row::new(Violation::ShownOutOfSequence, || {
+            let repeated = AirFaults { repeated: 1.0, repeat_after_ns: (2 * MS, 2 * MS), ..AirFaults::default() };
+            hangs(Faults::none().with(BREAKS, BREAKS + CYCLE, Fault::Air(repeated)), BREAKS + CYCLE)
+        })
+    };
+    // It has not expired when the run ends.
+    shown_stale => Row { duration: BREAKS + 2 * CYCLE, ..Row::new(Violation::ShownStale, hangs_in_silence) };
+    // The task that notices silence does nothing for 9 ms, and expiry has not come yet when it does again.
+    shown_stale_while_the_deadline_is_dead => Row::new(Violation::ShownStale, || {
+        let dead = Fault::Image(Board::Dpr, ImageFault::Dead("TIMER1".into()));
+        lost(BREAKS, BREAKS + 2 * CYCLE).with(BREAKS + 8 * MS, BREAKS + 21 * MS, dead)
+    });
+    shown_expired => Row::new(Violation::ShownExpired, hangs_in_silence);
+    // One transaction reads what one of the cycle before had read.
+    regression => Row::new(Violation::Regression, regressed);
+    link_age => Row::new(Violation::LinkAge, || link_status(25, 0x10));
+    link_counters => Row::new(Violation::LinkCounters, || link_status(8, 0x01));
+    link_flags => Row::new(Violation::LinkFlags, || link_status(7, 0x02));
+    // A fault counter of its RAM that counts what was never there: the flag says so.
+    link_flags_of_a_ram_fault => Row::new(Violation::LinkFlags, || {
+        let offset = u32::try_from(offset_of!(Telemetry, scrub_faults)).unwrap();
+        let bytes = vec![1, 0, 0, 0];
+        let poke = ImageFault::Poke { symbol: "DPR_TELEMETRY".into(), offset, bytes };
+        Faults::none().with(BREAKS, u64::MAX, Fault::Image(Board::Dpr, poke))
+    });
+    // The DPR's oscillator is 0.6 % slow, as one without a crystal would be.
+    link_time => Row {
+        setup: |setup| setup.crystals.dpr_ppb = -6_000_000,
+        ..Row::new(Violation::LinkTime, Faults::none)
+    };
+}
+
+// ---- the figures that go with them
+
+/// The figures of a run of so many milliseconds with three receivers; `None` where the images were not built.
+fn figures(duration: u64, faults: fn() -> Faults) -> Option<(bench_judge::Faults, bench_judge::Log)> {
+    let finished = run(&Row { duration, ..Row::new(Violation::NotShown, faults) })?;
+    Some((finished.verdict.figures.faults, finished.log))
+}
+
+#[test]
+fn the_recovery_is_the_time_from_a_causes_end_to_what_was_sent_after_it_being_read() {
+    // Within the hold of 26 cycles the first frame is shown: it begins within a cycle, ends within half of another, and
+    // the flight controller reads within 4 ms.
+    let Some((short, _)) = figures(1_000 * MS, || lost(BREAKS, BREAKS + 10 * CYCLE)) else { return };
+    assert!((1..=2).contains(&short.max_recovery_cycles.unwrap()), "{short:?}");
+    // After that the sequence is searched for: the fourth frame is shown.
+    let (long, _) = figures(1_200 * MS, || lost(BREAKS, BREAKS + 30 * CYCLE)).unwrap();
+    assert!((4..=5).contains(&long.max_recovery_cycles.unwrap()), "{long:?}");
+    // A cause that ended less than half a second before the run does is not counted, and one that never ends neither.
+    for until in [BREAKS + 10 * CYCLE, u64::MAX] {
+        let faults: fn() -> Faults =
+            if until == u64::MAX { || lost(BREAKS, u64::MAX) } else { || lost(BREAKS, BREAKS + 10 * CYCLE) };
+        let (recent, _) = figures(800 * MS, faults).unwrap();
+        assert_eq!(recent.max_recovery_cycles, None, "{until}");
+    }
+}
+
+#[test]
+fn every_object_that_is_read_as_valid_and_must_not_be_is_counted() {
+    const ENDS: u64 = BREAKS + 5 * CYCLE;
+    let forged = || {
+        let forged = |object| Fault::Wire(WireFault::MisoForged { object: Some(object), byte: 30, bits: 1 });
+        Faults::none().with(BREAKS, ENDS, forged(1)).with(BREAKS, ENDS, forged(3))
+    };
+    let Some((faults, log)) = figures(400 * MS, forged) else { return };
+    let during = |event: &&Event| matches!(event.what, What::Transaction { .. }) && (BREAKS..ENDS).contains(&event.at);
+    let transactions = log.events.iter().filter(during).count() as u64;
+    assert!(transactions >= 12, "{transactions}");
+    assert_eq!(faults.invalid_shown_valid, 2 * transactions);
+    // Old data after new were valid once, and are still.
+    let (regressed, _) = figures(400 * MS, regressed).unwrap();
+    assert_eq!(regressed.invalid_shown_valid, 0);
+    let (sound, _) = figures(400 * MS, Faults::none).unwrap();
+    assert_eq!(sound.invalid_shown_valid, 0);
+    assert_eq!(sound.max_recovery_cycles, None);
+}

@@ -1,0 +1,96 @@
+//! What the DPR shows on the SSI, and when: rule `ssi`.
+
+use bench::faults::{AirFaults, Board, Fault, Faults, ImageFault, WireFault};
+use bench::sim::phases::{Edge, Placement, Sweep};
+use bench_judge::Violation;
+
+use super::{BREAKS, MS, Row, US, table};
+
+/// The interrupt handler that serves the SSI.
+const SSI_END: &str = "SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1";
+/// The interrupt handler that publishes a frame's image.
+const COMMIT: &str = "SWI0_EGU0";
+
+/// What a tick of HORUS's timer takes, in which its slots are counted: 72 MHz.
+const TICKS_PER_US: u32 = 72;
+/// When HORUS sends the second frame of five receivers, µs after its tick.
+const SECOND_SLOT_US: u32 = 4_340;
+
+/// A broken wire from `at` on for `ns`.
+fn wire(at: u64, ns: u64, fault: WireFault) -> Faults {
+    Faults::none().with(at, at + ns, Fault::Wire(fault))
+}
+
+/// A broken image of the DPR from `at` on for `ns`.
+fn dpr(at: u64, ns: u64, fault: ImageFault) -> Faults {
+    Faults::none().with(at, at + ns, Fault::Image(Board::Dpr, fault))
+}
+
+/// A transaction so long after the end of each of the first so many frames, ns; from one to the next 1 µs more.
+fn after_each_frame(ns: i64, frames: u32) -> Sweep {
+    let read = Placement { edge: Edge::Falls, after_ns: 0, bytes: None };
+    let to_ns = ns + i64::from(frames - 1) * 1_000;
+    Sweep { frame: 0, from_ns: ns, to_ns, step_ns: US, patterns: vec![vec![read]] }
+}
+
+table! {
+    a_front_end_whose_load_modulator_works_by_itself_answers =>
+        Row::new(Violation::Answered, || wire(BREAKS, 100 * MS, WireFault::AntennaAnswers));
+    // One transaction in each of three cycles, and none after them.
+    a_flight_controller_that_stops_reading_makes_no_transaction => Row {
+        setup: |setup| setup.sweep = Some(after_each_frame(200_000, 3)),
+        ..Row::new(Violation::NoTransaction, Faults::none)
+    };
+    // The watchdog bites some 180 µs after the start-up time is over: the run ends before.
+    a_firmware_whose_commit_task_does_nothing_never_gets_ready => Row {
+        duration: 100 * MS + 50 * US,
+        ..Row::new(Violation::NeverReady, || {
+            let sealed = ImageFault::Patch { address: 0, bytes: vec![], sealed: true };
+            let dead = Fault::Image(Board::Dpr, ImageFault::Dead(COMMIT.into()));
+            Faults::none().with(0, u64::MAX, dead).with(0, u64::MAX, Fault::Image(Board::Dpr, sealed))
+        })
+    };
+    an_ssi_task_that_is_held_up_after_a_transaction_is_not_ready_in_time =>
+        Row::new(Violation::NotReady, || dpr(304 * MS, 350 * US, ImageFault::Hung(SSI_END.into())));
+    a_miso_line_that_is_stuck_high_for_two_transactions_looks_busy_twice =>
+        Row::new(Violation::BusyTwice, || wire(BREAKS, 8 * MS, WireFault::MisoOnes));
+    a_miso_line_that_stays_high_lets_nothing_be_read =>
+        Row::new(Violation::Silent, || wire(BREAKS, 200 * MS, WireFault::MisoOnes));
+    a_transaction_whose_end_is_of_the_one_before_is_torn =>
+        Row::new(Violation::Torn, || wire(BREAKS, 100 * MS, WireFault::MisoSplice { at_byte: 250 }));
+    a_bit_that_is_inverted_on_the_wire_is_damage =>
+        Row::new(Violation::Damaged, || wire(BREAKS, 100 * MS, WireFault::MisoBit { byte: 110, bit: 3 }));
+    objects_in_each_others_places_are_misplaced =>
+        Row::new(Violation::Misplaced, || wire(BREAKS, 100 * MS, WireFault::MisoSwap));
+    a_fresh_that_rises_without_a_new_image_announces_nothing_new =>
+        Row::new(Violation::FreshNotNew, || wire(BREAKS, 100 * MS, WireFault::FreshGlitch));
+    a_fresh_that_rests_low_announces_no_image =>
+        Row::new(Violation::FreshMissing, || wire(BREAKS, 100 * MS, WireFault::FreshStuck));
+    a_fresh_that_comes_late_makes_its_frame_late =>
+        Row::new(Violation::LateReadable, || wire(BREAKS, 100 * MS, WireFault::FreshLate(40 * US)));
+    an_image_whose_link_status_has_a_wrong_identifier_is_announced_all_the_same =>
+        Row::new(Violation::FreshUnreadable, || {
+            dpr(BREAKS, 100 * MS, ImageFault::Constant { of: 0x4400, value: 0x4401 })
+        });
+    // Its last bit comes just before the next tick, and its image after that.
+    a_second_frame_in_a_late_slot_makes_its_sample_late => Row {
+        gps: 5,
+        ..Row::new(Violation::LateSample, || {
+            let late = ImageFault::Constant {
+                of: SECOND_SLOT_US * TICKS_PER_US,
+                value: (SECOND_SLOT_US + 2_020) * TICKS_PER_US,
+            };
+            Faults::none().with(0, u64::MAX, Fault::Image(Board::Horus, late))
+        })
+    };
+    // It asks for them itself at the deadline after a lost frame. The image of that deadline is never read: each cycle
+    // has one transaction, just after its frame.
+    a_processor_that_keeps_the_buffers_without_a_transaction_holds_the_ssi_back => Row {
+        setup: |setup| setup.sweep = Some(after_each_frame(200_000, 60)),
+        ..Row::new(Violation::HeldBack, || {
+            let lost = AirFaults { lost: 1.0, ..AirFaults::default() };
+            let hung = ImageFault::Hung(SSI_END.into());
+            dpr(BREAKS + 10 * MS, 3 * MS, hung).with(BREAKS, BREAKS + 9 * MS, Fault::Air(lost))
+        })
+    };
+}
