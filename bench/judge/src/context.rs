@@ -63,11 +63,13 @@ impl Context {
                 running.powered = *on;
                 running.since = event.at;
                 running.starts += u64::from(*on);
+                self.forget_window(*board);
             }
             What::Reset { board, .. } => {
                 let running = self.running_mut(*board);
                 running.since = event.at;
                 running.starts += 1;
+                self.forget_window(*board);
             }
             What::Sent { bytes, whole, .. } | What::Heard { bytes, whole, .. } => {
                 self.frame = Some(Frame::of(self.layout, bytes, *whole));
@@ -79,6 +81,13 @@ impl Context {
             }
             What::End => self.ended = true,
             _ => {}
+        }
+    }
+
+    /// A DPR that starts anew has heard of no window.
+    fn forget_window(&mut self, board: Board) {
+        if board == Board::Dpr {
+            self.window = Window::default();
         }
     }
 
@@ -126,6 +135,12 @@ impl Context {
     #[must_use]
     pub fn reading(&self) -> Option<&Reading> {
         self.reading.as_ref()
+    }
+
+    /// Which part of the image the next transaction shows.
+    #[must_use]
+    pub fn window(&self) -> Window {
+        self.window
     }
 
     /// Whether the run is over.

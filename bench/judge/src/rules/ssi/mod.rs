@@ -33,7 +33,7 @@ mod latency;
 mod service;
 
 use crate::bounds;
-use crate::read::{Reading, Window};
+use crate::read::Reading;
 use crate::{Board, Context, Event, Figures, Findings, Header, SsiEvent, Violation, What};
 use damage::Damage;
 use fresh::Claims;
@@ -50,7 +50,6 @@ pub struct Ssi {
     claims: Claims,
     damage: Damage,
     cycles: Cycles,
-    window: Window,
     /// Until when the flight controller misuses the SSI, ns.
     misused: u64,
 }
@@ -64,7 +63,6 @@ impl Ssi {
             claims: Claims::default(),
             damage: Damage::default(),
             cycles: Cycles::default(),
-            window: Window::default(),
             misused: 0,
         }
     }
@@ -112,7 +110,7 @@ impl Ssi {
         match &event.what {
             What::Fresh { high, offered } => {
                 let offered = offered.as_ref().map(|bytes| {
-                    let offset = self.window.offset();
+                    let offset = context.window().offset();
                     Reading::of(context.layout(), at, at, offset, bytes)
                 });
                 offered.iter().for_each(|offered| self.damage.remember(offered));
@@ -128,10 +126,9 @@ impl Ssi {
             What::Ssi(SsiEvent::Ready) => self.service.ready(at, findings),
             What::Ssi(SsiEvent::Busy) => self.service.busy(),
             What::Selected => self.service.selected(at),
-            What::Transaction { mosi, .. } => {
+            What::Transaction { .. } => {
                 if let Some(reading) = context.reading() {
                     self.transaction(reading, context, findings);
-                    self.window.transaction(context.layout(), mosi, reading.silent);
                 }
             }
             _ => {}
@@ -158,7 +155,6 @@ impl Ssi {
     fn restart(&mut self) {
         self.claims = Claims::default();
         self.damage = Damage::default();
-        self.window = Window::default();
     }
 
     /// The run is over.
