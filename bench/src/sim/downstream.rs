@@ -425,8 +425,11 @@ impl Link {
             }
             _ => {
                 self.dpr_events.turn(node, turn);
-                self.offered(None);
-                self.offer = None;
+                // Without a supply nothing is offered. A restart is seen by itself.
+                if matches!(fault, Fault::Power(..)) {
+                    self.offered(None);
+                    self.offer = None;
+                }
             }
         }
     }
