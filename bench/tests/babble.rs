@@ -100,7 +100,7 @@ fn receivers_that_never_stop_talking_do_not_move_a_frame() {
 
 // ---- flight controller
 
-/// When the flight controller goes wrong, and when it is sane again.
+/// From when to when the flight controller misuses the SSI, ns.
 const EPISODE: std::ops::Range<u64> = 30 * MS..330 * MS;
 
 /// A flight controller that goes wrong, and the air to the DPR's front end.
@@ -184,7 +184,7 @@ impl Upstream<Horus> for Antenna {
 }
 
 #[test]
-fn a_flight_controller_gone_mad_costs_no_frame_and_is_served_again_when_it_is_sane() {
+fn a_flight_controller_that_misuses_the_ssi_costs_no_frame_and_is_served_again_afterwards() {
     for conduct in Conduct::ALL {
         let (Some(a), Some(b)) = (boards::horus(), boards::dpr()) else { return };
         let mut relay = Relay { a, b, upstream: Antenna, downstream: Controller::new(conduct) };

@@ -116,8 +116,8 @@ pub const FRAME_GAP: u64 = 300_000;
 /// Of five receivers' two frames the second is waited for so long after the end of the first: it ends 3.935 ms after
 /// it, and the image has to be out before the next cycle's first.
 pub const SECOND_FRAME: u64 = 7_000_000;
-/// After a fault inside a board, for so long nothing is asked of what that board brings: the watchdog bites after
-/// 200 ms at most (its oscillator's tolerance), a start takes [`START`], the search four cycles.
+/// After the DPR's front end was without supply, for so long nothing is asked of what the DPR shows: its watchdog may
+/// bite meanwhile, 200 ms at most (its oscillator's tolerance), a start takes [`START`], the search four cycles.
 pub const RECOVERY: u64 = 500_000_000;
 /// A restart of HORUS is shown in Link-Status for so long: design section 4, no control cycle may overlook it.
 pub const RESTART_SHOWN: u64 = 1_000_000_000;

@@ -18,7 +18,7 @@
 //! Nothing is asked of an image that is another violation already: one that FRESH did not announce, or that is older
 //! than FRESH says (rule `ssi`), or that does not show what it must (rule `shown`). An image that lacks an object and
 //! one whose flag is wrong are told apart by the antenna: bits 0 and 1 are wrong only if they contradict both the image
-//! and what reached the antenna. Nothing is asked either while a fault inside the DPR leaves open what it does; after
+//! and what reached the antenna. Nothing is asked either while the DPR's front end is without supply; after
 //! it counters and time are compared from image to image alone, and bits 4, 5 and 10 may be set.
 
 mod clocks;
@@ -102,7 +102,7 @@ pub struct LinkStatus {
     baseline: Option<Baseline>,
     time: Time,
     reasons: Reasons,
-    /// Something inside the DPR was broken on purpose.
+    /// The DPR's front end was without supply.
     broken: bool,
     /// Since the DPR's last start.
     broken_since_start: bool,

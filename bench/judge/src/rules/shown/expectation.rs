@@ -201,7 +201,7 @@ pub struct Expectation {
     states: Vec<State>,
     /// Until when frames may escape the listener, since the carrier came, ns.
     armed: u64,
-    /// Until when the DPR may be out of its mind, ns.
+    /// Until when the DPR's front end may be without supply, or not be brought up again, ns.
     disturbed: u64,
     /// The end of the last frame of whatever length, ns.
     last_end: Option<u64>,
@@ -246,13 +246,13 @@ impl Expectation {
             return None;
         }
         let listening = started >= dpr.since + bounds::START && started >= self.armed;
-        let sane = started >= self.disturbed;
-        let received = if clear && listening && sane { Certainty::Must } else { Certainty::May };
+        let hears = started >= self.disturbed;
+        let received = if clear && listening && hears { Certainty::Must } else { Certainty::May };
         let sampled = ended.saturating_sub(age_at_end(self.layout, number));
         let timestamp = frame.timestamp();
         let (mut shown, mut restarted) = (Certainty::Never, Certainty::Never);
         if let Some(timestamp) = timestamp {
-            (shown, restarted) = self.enter(timestamp, sampled, number, received, sane);
+            (shown, restarted) = self.enter(timestamp, sampled, number, received, hears);
             shown = shown.min(received);
             restarted = restarted.min(received);
         }
@@ -282,10 +282,10 @@ impl Expectation {
         sampled: u64,
         number: usize,
         received: Certainty,
-        sane: bool,
+        hears: bool,
     ) -> (Certainty, Certainty) {
         let before = std::mem::take(&mut self.states);
-        if !sane {
+        if !hears {
             let of = |found: u8| State {
                 last: Some((timestamp, sampled)),
                 found,
@@ -335,7 +335,7 @@ impl Expectation {
         if at < self.disturbed { Certainty::May } else { Certainty::of(self.states.iter().map(|state| state.frozen)) }
     }
 
-    /// Whether a fault inside the DPR leaves open what it does at `at`, ns.
+    /// Whether the state of its front end leaves open what the DPR shows at `at`, ns.
     #[must_use]
     pub fn is_disturbed(&self, at: u64) -> bool {
         at < self.disturbed

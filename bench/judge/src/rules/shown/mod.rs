@@ -28,7 +28,7 @@
 //! - An image that stays although the next frame was received and brought nothing that may be shown is found when its
 //!   deadline or its 25 ms have passed, not before.
 //! - A transaction that takes longer than a second is not judged: what it could have read is not remembered.
-//! - While a fault inside the DPR leaves open what it does ([`bounds::RECOVERY`] after the fault's end) no cycle must
+//! - While the DPR's front end is without supply, and [`bounds::RECOVERY`] after that, no cycle must
 //!   be shown, and any cycle that was heard may be.
 
 pub mod expectation;

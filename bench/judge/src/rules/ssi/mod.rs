@@ -138,7 +138,7 @@ impl Ssi {
     fn transaction(&mut self, reading: &Reading, context: &Context, findings: &mut Findings) {
         let whole = reading.selected >= context.running(Board::Dpr).since;
         self.service.transaction(reading, whole, findings);
-        // What meets a DPR that is starting is of two lives.
+        // A transaction that began before the DPR's last start is not judged.
         if !whole || Read::of(reading, false) != Read::Image || reading.selected < self.misused {
             return;
         }
