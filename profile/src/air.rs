@@ -90,20 +90,20 @@ const fn air_time_us(payload: usize) -> u32 {
 ///
 /// | receivers | frame 1 | frame 2 |
 /// |---|---|---|
-/// | 1 | 200 | – |
-/// | 2 | 270 | – |
-/// | 3 | 340 | – |
-/// | 5 | 330 | 4340 |
+/// | 1 | 70 | – |
+/// | 2 | 80 | – |
+/// | 3 | 100 | – |
+/// | 5 | 120 | 4130 |
 ///
 /// `horus-tx-fw` derives each from the work that has to be done before it, and asserts that these hold.
 #[must_use]
 pub const fn send_slot_us<const N: usize>(frame: usize) -> Option<u32> {
     match (N, frame) {
-        (1, 0) => Some(200),
-        (2, 0) => Some(270),
-        (3, 0) => Some(340),
-        (5, 0) => Some(330),
-        (5, 1) => Some(4340),
+        (1, 0) => Some(70),
+        (2, 0) => Some(80),
+        (3, 0) => Some(100),
+        (5, 0) => Some(120),
+        (5, 1) => Some(4130),
         _ => None,
     }
 }
@@ -112,7 +112,7 @@ pub const fn send_slot_us<const N: usize>(frame: usize) -> Option<u32> {
 /// up; `None` if a profile of `N` receivers has no such frame.
 ///
 /// ```
-/// assert_eq!(profile::air::age_at_end_us::<3>(0), Some(340 + 4_815));
+/// assert_eq!(profile::air::age_at_end_us::<3>(0), Some(100 + 4_815));
 /// ```
 #[must_use]
 pub const fn age_at_end_us<const N: usize>(frame: usize) -> Option<u32> {
@@ -253,9 +253,9 @@ mod tests {
         fn ages<const N: usize>() -> [Option<u32>; 3] {
             [0, 1, 2].map(age_at_end_us::<N>)
         }
-        assert_eq!(ages::<1>(), [Some(200 + 2_549), None, None]);
-        assert_eq!(ages::<2>(), [Some(270 + 3_682), None, None]);
-        assert_eq!(ages::<3>(), [Some(340 + 4_815), None, None]);
-        assert_eq!(ages::<5>(), [Some(330 + 3_682), Some(4_340 + 3_606), None]);
+        assert_eq!(ages::<1>(), [Some(70 + 2_549), None, None]);
+        assert_eq!(ages::<2>(), [Some(80 + 3_682), None, None]);
+        assert_eq!(ages::<3>(), [Some(100 + 4_815), None, None]);
+        assert_eq!(ages::<5>(), [Some(120 + 3_682), Some(4_130 + 3_606), None]);
     }
 }

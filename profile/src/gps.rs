@@ -4,7 +4,7 @@ use core::mem::offset_of;
 use bytemuck::{Pod, Zeroable};
 
 use crate::{
-    ABSENT_F32, ABSENT_F64, GpsStatus, Identifier, Rejection,
+    ABSENT_F32, ABSENT_F64, GpsStatus, Identifier, Rejection, crc,
     object_macro::object,
     wire::{CrcBe, F32Le, F64Le, U16Le, U32Le},
 };
@@ -123,6 +123,17 @@ impl GpsObject {
     /// ```
     pub fn verify(bytes: &[u8], expected: Identifier) -> Result<&Self, Rejection> {
         let (object, findings) = Self::look(bytes)?;
+        findings.check(object.identifier() == expected, Rejection::Identifier).judge(object)
+    }
+
+    /// As [`verify`](Self::verify), given that the frame CRC was `begun` over the first of `bytes`.
+    ///
+    /// # Errors
+    ///
+    /// As [`verify`](Self::verify).
+    pub fn verify_begun(bytes: &[u8], expected: Identifier, begun: crc::Begun) -> Result<&Self, Rejection> {
+        let bytes: &[u8; Self::SIZE] = bytes.try_into().map_err(|_| Rejection::Length)?;
+        let (object, findings) = Self::found(bytes, begun.is_intact(bytes));
         findings.check(object.identifier() == expected, Rejection::Identifier).judge(object)
     }
 

@@ -15,6 +15,10 @@ impl Identifier {
     pub const GPS: [Self; 5] = [Self(0x4801), Self(0x4802), Self(0x4803), Self(0x4804), Self(0x4805)];
     /// Link-Status, which the DPR writes.
     pub const LINK_STATUS: Self = Self(0x4400);
+    /// Port-Status, which the DPR writes.
+    pub const PORT_STATUS: Self = Self(0x4401);
+    /// Command from the flight controller to the DPR.
+    pub const COMMAND: Self = Self(0x4301);
     /// Uplink object from the flight controller.
     pub const UPLINK_FLIGHT_CONTROLLER: Self = Self(0x4300);
     /// Uplink object from the base station.
@@ -83,6 +87,8 @@ impl fmt::Display for Identifier {
         match *self {
             Self::REPORTED_POSITION => f.write_str("Reported-Position"),
             Self::LINK_STATUS => f.write_str("Link-Status"),
+            Self::PORT_STATUS => f.write_str("Port-Status"),
+            Self::COMMAND => f.write_str("command to the DPR"),
             Self::UPLINK_FLIGHT_CONTROLLER => f.write_str("uplink from the flight controller"),
             Self::UPLINK_BASE_STATION => f.write_str("uplink from the base station"),
             Self(other) => match self.object() {

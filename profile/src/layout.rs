@@ -17,7 +17,9 @@
 use core::ops::Range;
 
 use crate::air::{self, Objects, Place};
+use crate::criticality::WritesUplink;
 use crate::image::Image;
+use crate::map::Map;
 use crate::{Profile, Rejection};
 
 /// Calls a const generic for the number of receivers.
@@ -96,6 +98,24 @@ impl Layout {
     #[must_use]
     pub const fn image_len(self) -> usize {
         with_receivers!(self.0, N => Image::<N>::LEN)
+    }
+
+    /// Bytes of the map: 348, 408, 468 or 588.
+    #[must_use]
+    pub const fn map_len(self) -> usize {
+        with_receivers!(self.0, N => Map::<N>::LEN)
+    }
+
+    /// Which bytes of the map Port-Status is.
+    #[must_use]
+    pub const fn port_status(self) -> Range<usize> {
+        with_receivers!(self.0, N => Map::<N>::port_status())
+    }
+
+    /// Which bytes of the map the uplink of role `W` is.
+    #[must_use]
+    pub const fn uplink<W: WritesUplink>(self) -> Range<usize> {
+        with_receivers!(self.0, N => Map::<N>::uplink::<W>())
     }
 
     /// Which bytes of the profile object number `index` is; `None` if there is no such object.

@@ -45,6 +45,9 @@
 //! says which of them travel in one frame, [`image`] where they lie in the DPR, [`ssi`] how a flight controller asks
 //! for them, [`sequence`] which cycles continue the ones before them.
 //!
+//! Three more objects of 64 bytes each lie behind the image in the [`map`]: [`PortStatus`] and two [`Uplink`]s. A
+//! [`CommandObject`] is written and not stored. [`criticality`] says who may write which of them.
+//!
 //! The objects are those of H. D. Doran et al., *Mixed Criticality Communication within an Unmanned Delivery
 //! Rotorcraft*, Tables 2 and 3. Its text gives Reported-Position 60 bytes; its Table 2 adds up to 64, and stands. The
 //! Link-Status object, the identifiers, the status bits, the units and the byte order are this project's.
@@ -80,31 +83,39 @@
 #![deny(clippy::as_conversions, clippy::indexing_slicing)]
 
 pub mod air;
+mod command;
 pub mod crc;
+pub mod criticality;
 mod freshness;
 mod gps;
 mod identifier;
 pub mod image;
 mod layout;
 mod link_status;
+pub mod map;
 mod object_macro;
+pub mod port_status;
 mod profile;
 mod rejection;
 mod reported;
 pub mod sequence;
 pub mod ssi;
 mod status;
+pub mod uplink;
 mod wire;
 
+pub use command::{Command, CommandObject, CommandValues};
 pub use freshness::{Freshness, freshness};
 pub use gps::{GpsObject, GpsValues};
 pub use identifier::Identifier;
 pub use layout::Layout;
 pub use link_status::{LinkStatus, LinkValues};
+pub use port_status::{PortStatus, PortValues, Violation, Violations};
 pub use profile::{MAX_RECEIVERS, MAX_SIZE, Object, Profile, Reading};
 pub use rejection::Rejection;
 pub use reported::{ReportedPosition, ReportedValues};
-pub use status::{FixType, GpsStatus, HorusState, LinkStatusBits, ReportedStatus, ResetReason};
+pub use status::{FixType, GpsStatus, HorusState, LinkStatusBits, PortStatusBits, ReportedStatus, ResetReason};
+pub use uplink::{Uplink, UplinkStatus, UplinkValues};
 
 /// The HORUS cycle, ms: every timestamp is the one before it plus this, exactly (paper, section 2.2).
 pub const CYCLE_MS: u32 = 10;
@@ -119,3 +130,8 @@ pub const ABSENT_F64: f64 = f64::from_bits(0x7FF8_0000_0000_0000);
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]
 struct Readme;
+
+/// So does the Rust of the guide for developers of flight controllers.
+#[cfg(all(doctest, feature = "embedded-hal"))]
+#[doc = include_str!("../../docs/flight-controller.md")]
+struct FlightControllerGuide;

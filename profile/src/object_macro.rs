@@ -65,9 +65,13 @@ macro_rules! object {
             /// `bytes` as an object, and whether its frame CRC is right; nothing else of it is known yet.
             fn look(bytes: &[u8]) -> Result<(&Self, $crate::rejection::Findings), $crate::Rejection> {
                 let bytes: &[u8; Self::SIZE] = bytes.try_into().map_err(|_| $crate::Rejection::Length)?;
-                let intact = $crate::crc::frame_intact(bytes);
+                Ok(Self::found(bytes, $crate::crc::frame_intact(bytes)))
+            }
+
+            /// `bytes` as an object, given whether its frame CRC is right.
+            fn found(bytes: &[u8; Self::SIZE], intact: bool) -> (&Self, $crate::rejection::Findings) {
                 let findings = $crate::rejection::Findings::new().check(intact, $crate::Rejection::Crc);
-                Ok((bytemuck::must_cast_ref(bytes), findings))
+                (bytemuck::must_cast_ref(bytes), findings)
             }
         }
 

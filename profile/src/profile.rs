@@ -3,7 +3,7 @@ use core::{fmt, ops::Range};
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::{GpsObject, GpsValues, Identifier, Rejection, ReportedPosition, ReportedValues};
+use crate::{GpsObject, GpsValues, Identifier, Rejection, ReportedPosition, ReportedValues, crc};
 
 /// The most receivers that a profile has room for (3oo5 redundancy; paper, section 2.3).
 pub const MAX_RECEIVERS: usize = 5;
@@ -203,6 +203,19 @@ impl<'a> Object<'a> {
         match Identifier::of_object(index) {
             Some(Identifier::REPORTED_POSITION) => ReportedPosition::verify(bytes).map(Self::Reported),
             Some(gps) => GpsObject::verify(bytes, gps).map(Self::Gps),
+            None => Err(Rejection::Identifier),
+        }
+    }
+
+    /// As [`verify`](Self::verify), given that the frame CRC was `begun` over the first of `bytes`.
+    ///
+    /// # Errors
+    ///
+    /// As [`verify`](Self::verify).
+    pub fn verify_begun(index: usize, bytes: &'a [u8], begun: crc::Begun) -> Result<Self, Rejection> {
+        match Identifier::of_object(index) {
+            Some(Identifier::REPORTED_POSITION) => ReportedPosition::verify_begun(bytes, begun).map(Self::Reported),
+            Some(gps) => GpsObject::verify_begun(bytes, gps, begun).map(Self::Gps),
             None => Err(Rejection::Identifier),
         }
     }

@@ -15,8 +15,10 @@ pub enum Rejection {
     PositionCrc,
     /// Intact, but another object than the one that belongs here.
     Identifier,
-    /// An intact request for bytes that the image does not have.
+    /// An intact request for bytes that the map does not have.
     Window,
+    /// An intact command whose word the DPR does not know, or whose reserved bytes are not zero.
+    Command,
 }
 
 impl fmt::Display for Rejection {
@@ -26,7 +28,8 @@ impl fmt::Display for Rejection {
             Self::Crc => "frame CRC does not match",
             Self::PositionCrc => "position CRC does not match",
             Self::Identifier => "identifier of another object",
-            Self::Window => "window not inside the image",
+            Self::Window => "window not inside the map",
+            Self::Command => "unknown command",
         })
     }
 }
@@ -56,6 +59,7 @@ impl Findings {
             Rejection::PositionCrc => 2,
             Rejection::Identifier => 3,
             Rejection::Window => 4,
+            Rejection::Command => 5,
         };
         Self { faults: self.faults | u8::from(!good) << bit }
     }
@@ -70,6 +74,7 @@ impl Findings {
             2 => Err(Rejection::PositionCrc),
             3 => Err(Rejection::Identifier),
             4 => Err(Rejection::Window),
+            5 => Err(Rejection::Command),
             _ => Ok(accepted),
         }
     }

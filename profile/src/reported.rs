@@ -6,6 +6,7 @@ use bytemuck::{Pod, Zeroable};
 use crate::{
     ABSENT_F32, ABSENT_F64, Identifier, Rejection, ReportedStatus, crc,
     object_macro::object,
+    rejection::Findings,
     wire::{CrcBe, F32Le, F64Le, U16Le, U32Le},
 };
 
@@ -146,10 +147,26 @@ impl ReportedPosition {
     /// ```
     pub fn verify(bytes: &[u8]) -> Result<&Self, Rejection> {
         let (object, findings) = Self::look(bytes)?;
+        object.judge(findings)
+    }
+
+    /// As [`verify`](Self::verify), given that the frame CRC was `begun` over the first of `bytes`.
+    ///
+    /// # Errors
+    ///
+    /// As [`verify`](Self::verify).
+    pub fn verify_begun(bytes: &[u8], begun: crc::Begun) -> Result<&Self, Rejection> {
+        let bytes: &[u8; Self::SIZE] = bytes.try_into().map_err(|_| Rejection::Length)?;
+        let (object, findings) = Self::found(bytes, begun.is_intact(bytes));
+        object.judge(findings)
+    }
+
+    /// With the findings beside the frame CRC's.
+    fn judge(&self, findings: Findings) -> Result<&Self, Rejection> {
         findings
-            .check(crc::position_intact(object.position.as_bytes()), Rejection::PositionCrc)
-            .check(object.identifier() == Identifier::REPORTED_POSITION, Rejection::Identifier)
-            .judge(object)
+            .check(crc::position_intact(self.position.as_bytes()), Rejection::PositionCrc)
+            .check(self.identifier() == Identifier::REPORTED_POSITION, Rejection::Identifier)
+            .judge(self)
     }
 
     /// What it carries, every number to the last bit.

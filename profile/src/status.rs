@@ -300,6 +300,25 @@ bit_set! {
     flash_fault, with_flash_fault = 10;
 }
 
+bit_set! {
+    /// Status of Port-Status.
+    PortStatusBits, used 0x007F;
+    /// Bit 0: the uplink of the base station is fresh, and so it is shown.
+    base_station_fresh, with_base_station_fresh = 0;
+    /// Bit 1: the uplink of the flight controller is fresh, and so it is shown.
+    flight_controller_fresh, with_flight_controller_fresh = 1;
+    /// Bit 2: the last uplink or command that came in was refused.
+    last_refused, with_last_refused = 2;
+    /// Bit 3: a self-test is under way.
+    self_test_running, with_self_test_running = 3;
+    /// Bit 4: the last self-test that was finished found nothing.
+    self_test_passed, with_self_test_passed = 4;
+    /// Bit 5: the last self-test that was finished found a fault.
+    self_test_failed, with_self_test_failed = 5;
+    /// Bit 6: fewer than three receive buffers, or fewer than four images, are in use.
+    buffers_out_of_use, with_buffers_out_of_use = 6;
+}
+
 impl LinkStatusBits {
     /// Bits 12-14: why the DPR last started; `None` for a reserved code.
     #[must_use]

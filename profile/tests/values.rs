@@ -411,11 +411,11 @@ fn the_second_frame_in_the_firsts_place_is_rejected_object_by_object() {
 
 #[test]
 fn a_sample_is_as_old_at_its_frames_end_as_slot_and_air_time_make_it() {
-    assert_eq!(air::age_at_end_us::<1>(0), Some(200 + 2_549));
-    assert_eq!(air::age_at_end_us::<2>(0), Some(270 + 3_682));
-    assert_eq!(air::age_at_end_us::<3>(0), Some(340 + 4_815));
-    assert_eq!(air::age_at_end_us::<5>(0), Some(330 + 3_682));
-    assert_eq!(air::age_at_end_us::<5>(1), Some(4_340 + 3_606));
+    assert_eq!(air::age_at_end_us::<1>(0), Some(70 + 2_549));
+    assert_eq!(air::age_at_end_us::<2>(0), Some(80 + 3_682));
+    assert_eq!(air::age_at_end_us::<3>(0), Some(100 + 4_815));
+    assert_eq!(air::age_at_end_us::<5>(0), Some(120 + 3_682));
+    assert_eq!(air::age_at_end_us::<5>(1), Some(4_130 + 3_606));
     assert_eq!((air::age_at_end_us::<3>(1), air::age_at_end_us::<5>(2)), (None, None));
 }
 
@@ -496,15 +496,18 @@ fn an_age_saturates() {
 fn a_person_can_read_what_was_rejected_and_what_was_not() {
     let error: Box<dyn Error> = Box::new(Rejection::PositionCrc);
     assert_eq!(error.to_string(), "position CRC does not match");
-    let names = [0x4800, 0x4803, 0x4400, 0x4200, 0x4300, 0x1234].map(|it| Identifier(it).to_string());
+    assert_eq!(Rejection::Command.to_string(), "unknown command");
+    let names = [0x4800, 0x4803, 0x4400, 0x4401, 0x4200, 0x4300, 0x4301, 0x1234].map(|it| Identifier(it).to_string());
     assert_eq!(
         names,
         [
             "Reported-Position",
             "GPS3",
             "Link-Status",
+            "Port-Status",
             "uplink from the base station",
             "uplink from the flight controller",
+            "command to the DPR",
             "object 0x1234",
         ]
     );

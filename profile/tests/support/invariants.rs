@@ -3,19 +3,27 @@
 //! A CRC-32 stops nearly every mutation at the door. So each invariant is asked twice: of the input as it is, and of
 //! the input with identifiers and CRCs put right, which must be accepted.
 use profile::{
-    GpsObject, GpsStatus, Identifier, LinkStatus, LinkStatusBits, Object, Profile, Rejection, ReportedPosition,
-    ReportedStatus, air,
+    Command, CommandObject, GpsObject, GpsStatus, Identifier, LinkStatus, LinkStatusBits, Object, PortStatus,
+    PortStatusBits, Profile, Rejection, ReportedPosition, ReportedStatus, Uplink, air,
+    criticality::{BaseStation, Dpr, FlightController, Writer},
     image::Image,
-    ssi::{self, Parsed},
+    map::Map,
+    ssi::{
+        self, Parsed,
+        client::{AGE_UNKNOWN, Verdict},
+    },
+    uplink::Written,
 };
 
 use super::reference;
+use super::tape::{self, Told};
 
 /// What must hold of a parser for an input; panics if it does not.
 pub(crate) type Invariant = fn(&[u8]);
 
 /// The name of each parser and what must hold of it: the fuzz targets.
-pub(crate) const ALL: [(&str, Invariant); 7] = [
+pub(crate) const ALL: [(&str, Invariant); 11] = [
+    ("client", client),
     ("reported_position", reported_position),
     ("gps_object", gps_object),
     ("link_status", link_status),
@@ -23,7 +31,38 @@ pub(crate) const ALL: [(&str, Invariant); 7] = [
     ("air_frame", air_frame),
     ("image", image),
     ("ssi_request", ssi_request),
+    ("port_status", port_status),
+    ("written", written),
+    ("map", map),
 ];
+
+/// What must hold of whatever the flight controller's client says.
+pub(crate) fn report(told: &Told<'_>) {
+    let Told { began_us: _, config, report } = told;
+    if let Some(position) = &report.position {
+        assert!(report.age_us <= config.age_limit_us, "an old position is not shown");
+        assert!(report.age_us != AGE_UNKNOWN, "nor one whose age cannot be told");
+        assert!(position.status.position_valid(), "an invalid position is not shown");
+        assert!(position.latitude.abs() <= 90.0 && position.longitude.abs() <= 180.0, "it is on the earth");
+        assert!(position.altitude.is_finite() || position.altitude.is_nan());
+        let attitude = [position.pitch, position.yaw, position.roll];
+        let known = |values: [f32; 3], valid: bool| {
+            assert!(values.iter().all(|value| value.is_finite() == valid && value.is_nan() != valid), "{values:?}");
+        };
+        known(attitude, position.status.attitude_valid());
+        known(position.acceleration, position.status.acceleration_valid());
+    }
+    assert!(!report.must_fall_back() || report.verdict != Verdict::Fresh, "what is fresh is shown");
+    let hidden = [Verdict::Searching, Verdict::OutOfSequence, Verdict::Invalid, Verdict::Stale];
+    assert!(report.must_fall_back() || !hidden.contains(&report.verdict), "{:?} takes it away", report.verdict);
+    let image = [Verdict::Fresh, Verdict::Same, Verdict::Empty].contains(&report.verdict);
+    assert!(!image && !hidden.contains(&report.verdict) || report.link.is_some(), "an image has Link-Status");
+}
+
+pub(crate) fn client(input: &[u8]) {
+    let said = tape::play(input, |told| report(&told));
+    assert_eq!(said, tape::play(input, |_| {}), "the same tape, the same reports");
+}
 
 pub(crate) fn reported_position(input: &[u8]) {
     judge_reported_position(input);
@@ -87,10 +126,46 @@ pub(crate) fn ssi_request(input: &[u8]) {
     let Some(request) = input.first_chunk() else { return };
     let mut repaired = *request;
     reference::repair_frame_crc(&mut repaired);
-    for image_len in [0, 1, 156, 216, 276, 396, 0xFFFF, 0x1_FFFE, usize::MAX] {
-        judge_ssi_request(request, image_len);
-        judge_ssi_request(&repaired, image_len);
+    for map_len in [0, 1, 348, 408, 468, 588, 0xFFFF, 0x1_FFFE, usize::MAX] {
+        judge_ssi_request(request, map_len);
+        judge_ssi_request(&repaired, map_len);
     }
+}
+
+pub(crate) fn port_status(input: &[u8]) {
+    judge_port_status(input);
+    if input.len() == PortStatus::SIZE {
+        let mut repaired = input.to_vec();
+        repaired[4..6].copy_from_slice(&0x4401_u16.to_le_bytes());
+        reference::repair_frame_crc(&mut repaired);
+        assert!(judge_port_status(&repaired), "put right, it is accepted");
+    }
+}
+
+pub(crate) fn written(input: &[u8]) {
+    judge_written(input);
+    if input.len() == Uplink::SIZE {
+        for identifier in [0x4200_u16, 0x4300, 0x4301] {
+            let mut repaired = input.to_vec();
+            repaired[4..6].copy_from_slice(&identifier.to_le_bytes());
+            reference::repair_frame_crc(&mut repaired);
+            assert!(judge_written(&repaired) || identifier == 0x4301, "put right, an uplink is accepted");
+            // Two commands, each with all that is reserved zero.
+            for word in [*b"CLRC", *b"TEST"] {
+                repaired[8..12].copy_from_slice(&word);
+                repaired[12..60].fill(0);
+                reference::repair_frame_crc(&mut repaired);
+                assert!(judge_written(&repaired), "put right, it is accepted");
+            }
+        }
+    }
+}
+
+pub(crate) fn map(input: &[u8]) {
+    map_of::<1>(input);
+    map_of::<2>(input);
+    map_of::<3>(input);
+    map_of::<5>(input);
 }
 
 fn judge_reported_position(bytes: &[u8]) -> bool {
@@ -227,22 +302,84 @@ fn image_of<const N: usize>(input: &[u8]) {
     profile_of::<N>(&input[32..]);
 }
 
-fn judge_ssi_request(bytes: &[u8; 8], image_len: usize) {
+fn judge_ssi_request(bytes: &[u8; 8], map_len: usize) {
     let offset = usize::from(u16::from_le_bytes([bytes[0], bytes[1]]));
     let length = usize::from(u16::from_le_bytes([bytes[2], bytes[3]]));
     let intact = bytes[4..] == reference::crc(reference::FRAME, &bytes[..4]).to_be_bytes();
     let nothing = [[0x00; 8], [0xFF; 8]].contains(bytes);
-    match ssi::parse(bytes, image_len) {
+    match ssi::parse(bytes, map_len) {
         Ok(Parsed::Nothing) => assert!(nothing),
         Ok(Parsed::Window(request)) => {
-            assert!(intact && length > 0 && offset + length <= image_len);
+            assert!(intact && length > 0 && offset + length <= map_len);
             assert_eq!(request.window(), offset..offset + length);
             assert_eq!(&ssi::encode(request), bytes);
         }
         Err(Rejection::Crc) => assert!(!intact && !nothing),
         Err(Rejection::Window) => {
-            assert!(intact && !nothing && (length == 0 || offset + length > image_len));
+            assert!(intact && !nothing && (length == 0 || offset + length > map_len));
         }
         Err(other) => panic!("a request is never rejected for {other:?}"),
     }
+}
+
+fn judge_port_status(bytes: &[u8]) -> bool {
+    let judged = PortStatus::verify(bytes);
+    assert_eq!(judged.err(), reference::object(bytes, 64, 0x4401));
+    let Ok(object) = judged else { return false };
+    assert_eq!(object.as_bytes(), bytes);
+    let again = PortStatus::seal(Writer::<Dpr>::claim(), &object.values());
+    seals_the_same(again.as_bytes(), bytes, PortStatusBits::USED);
+    assert_eq!(PortStatus::verify(&with_a_flipped_bit(bytes)), Err(Rejection::Crc));
+    true
+}
+
+fn judge_written(bytes: &[u8]) -> bool {
+    let expected = match [0x4200, 0x4300, 0x4301].map(|identifier| reference::object(bytes, 64, identifier)) {
+        [_, _, None] if bytes[12..60].iter().any(|&byte| byte != 0) => Some(Rejection::Command),
+        [_, _, None] if ![b"CLRC", b"TEST"].contains(&bytes[8..12].first_chunk().expect("four")) => {
+            Some(Rejection::Command)
+        }
+        judged if judged.contains(&None) => None,
+        [first, ..] => first,
+    };
+    let judged = Written::verify(bytes);
+    assert_eq!(judged.err(), expected);
+    let [base, own] = [Uplink::verify::<BaseStation>(bytes), Uplink::verify::<FlightController>(bytes)];
+    assert_eq!(base.err(), reference::object(bytes, 64, 0x4200));
+    assert_eq!(own.err(), reference::object(bytes, 64, 0x4300));
+    let again = match judged {
+        Ok(Written::BaseStation(object)) => Uplink::seal(Writer::<BaseStation>::claim(), &object.values()),
+        Ok(Written::FlightController(object)) => Uplink::seal(Writer::<FlightController>::claim(), &object.values()),
+        Ok(Written::Command(command, object)) => {
+            assert_eq!(CommandObject::verify(bytes), Ok(object));
+            assert_eq!((object.as_bytes().as_slice(), object.command()), (bytes, Some(command)));
+            let sealed = CommandObject::seal(Writer::<FlightController>::claim(), object.timestamp(), command);
+            // Its status is not kept.
+            seals_the_same(sealed.as_bytes(), bytes, 0);
+            assert_eq!(Command::from_word(object.values().word), Some(command));
+            return true;
+        }
+        Err(_) => return false,
+    };
+    assert_eq!(again.as_bytes(), bytes);
+    assert_eq!(Written::verify(&with_a_flipped_bit(bytes)).err(), Some(Rejection::Crc));
+    true
+}
+
+fn map_of<const N: usize>(input: &[u8]) {
+    let judged = Map::<N>::read(input);
+    assert_eq!(judged.is_ok(), input.len() == 96 + 60 * N + 192);
+    let Ok(reading) = judged else {
+        assert_eq!(judged, Err(Rejection::Length));
+        return;
+    };
+    let (image_bytes, port) = input.split_at(96 + 60 * N);
+    assert_eq!(Ok(reading.image), Image::<N>::read(image_bytes));
+    assert_eq!(reading.port.status, PortStatus::verify(&port[..64]));
+    assert_eq!(reading.port.base_station.err(), reference::object(&port[64..128], 64, 0x4200));
+    assert_eq!(reading.port.flight_controller.err(), reference::object(&port[128..], 64, 0x4300));
+    image(image_bytes);
+    port_status(&port[..64]);
+    written(&port[64..128]);
+    written(&port[128..]);
 }

@@ -5,3 +5,4 @@
 pub(crate) mod invariants;
 pub(crate) mod reference;
 pub(crate) mod seeds;
+pub(crate) mod tape;

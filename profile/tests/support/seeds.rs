@@ -1,13 +1,17 @@
 //! The committed corpus: for each parser, what is valid, and what is nearly so. `cargo run -p profile --example corpus`
 //! writes it.
 use profile::{
-    FixType, GpsObject, GpsStatus, GpsValues, HorusState, Identifier, LinkStatus, LinkStatusBits, LinkValues, Profile,
-    ReportedPosition, ReportedStatus, ReportedValues, air,
+    Command, CommandObject, FixType, GpsObject, GpsStatus, GpsValues, HorusState, Identifier, Layout, LinkStatus,
+    LinkStatusBits, LinkValues, PortStatus, PortStatusBits, PortValues, Profile, ReportedPosition, ReportedStatus,
+    ReportedValues, Uplink, UplinkStatus, UplinkValues, Violation, air,
+    criticality::{BaseStation, Dpr, FlightController, Writer},
     image::Image,
-    ssi::{self, Request},
+    map::{Map, PortArea},
+    ssi::{self, Request, client::Config},
 };
 
 use super::reference::{self, flipped};
+use super::tape::{NO_FRESH, Tape};
 
 /// A receiver's values with every field in use.
 pub(crate) fn gps_values(timestamp: u32) -> GpsValues {
@@ -74,6 +78,48 @@ pub(crate) fn link_values() -> LinkValues {
     }
 }
 
+/// Port-Status with every field in use.
+pub(crate) fn port_values() -> PortValues {
+    let mut values = PortValues {
+        timestamp: 6_000,
+        status: PortStatusBits::new().with_base_station_fresh(true).with_last_refused(true).with_self_test_passed(true),
+        uplinks_accepted: 300,
+        commands_carried_out: 2,
+        last_command_timestamp: 5_500,
+        last_command: Command::SelfTest.word(),
+        base_station_age_ms: 40,
+        flight_controller_age_ms: 501,
+        integrity_faults: 11,
+        flash_passes: 12,
+        stuck_bits: 13,
+        buffers_out_of_use: 14,
+        last_stop: 0x0102_0304,
+        ..PortValues::default()
+    };
+    for (times, kind) in (1..).zip(Violation::ALL) {
+        values.violations.count(kind, times);
+    }
+    values
+}
+
+/// An uplink with every field in use.
+pub(crate) fn uplink_values(timestamp: u32) -> UplinkValues {
+    let mut payload = [0; Uplink::PAYLOAD];
+    (1..).zip(&mut payload).for_each(|(number, byte)| *byte = number);
+    UplinkValues { timestamp, status: UplinkStatus::from_bits(0xF00F), payload }
+}
+
+/// Port-Status and both uplinks.
+pub(crate) fn port_area() -> PortArea {
+    let mut area = PortArea::EMPTY;
+    area.set_status(Writer::<Dpr>::claim(), PortStatus::seal(Writer::<Dpr>::claim(), &port_values()));
+    let base = Writer::<BaseStation>::claim();
+    area.set_uplink(base, Uplink::seal(base, &uplink_values(70)));
+    let own = Writer::<FlightController>::claim();
+    area.set_uplink(own, Uplink::seal(own, &uplink_values(80)));
+    area
+}
+
 type Seeds = Vec<(String, Vec<u8>)>;
 
 /// The seeds of every fuzz target: target, then name and bytes of each.
@@ -86,7 +132,37 @@ pub(crate) fn all() -> Vec<(&'static str, Seeds)> {
         ("air_frame", air_frames()),
         ("image", images()),
         ("ssi_request", ssi_requests()),
+        ("client", tapes()),
+        ("port_status", port_status()),
+        ("written", written()),
+        ("map", maps()),
     ]
+}
+
+/// Tapes for the flight controller's client: it starts, it asks for windows, it writes.
+fn tapes() -> Seeds {
+    let layout = Layout::for_receivers(3).unwrap();
+    let image = |n: u32| {
+        let link = LinkStatus::seal(&LinkValues { timestamp: 5_000 + 10 * n, ..link_values() });
+        [link.as_bytes().as_slice(), profile::<3>(10 * n).as_bytes(), &[0; 192]].concat()
+    };
+    let started = || {
+        let mut tape = Tape::default();
+        tape.config(3, &Config::new(layout));
+        (0..6).for_each(|n| tape.transaction(10_000 * u64::from(n), NO_FRESH, &image(n)[..96]));
+        tape
+    };
+    let mut asking = started();
+    asking.ask(96, 60);
+    asking.transaction(60_000, 59_000, &image(6)[..96]);
+    asking.transaction(64_000, 59_000, &image(6)[96..156]);
+    asking.view();
+    asking.transaction(68_000, 59_000, &[0xFF; 96]);
+    let mut writing = started();
+    writing.command(1, 1);
+    writing.uplink(2, 3, &[4; 52]);
+    writing.transaction(60_000, NO_FRESH, &image(6)[..96]);
+    [("starting", started()), ("asking", asking), ("writing", writing)].map(|(name, tape)| (name.into(), tape.0)).into()
 }
 
 /// `valid` as it is, and all the ways in which any object can be nearly that.
@@ -219,6 +295,8 @@ fn ssi_requests() -> Seeds {
         ("idle-high".into(), vec![0xFF; 8]),
         ("reported-position".into(), request(32, 64)),
         ("whole-image".into(), request(0, 276)),
+        ("port-status".into(), request(276, 64)),
+        ("last-byte-of-the-map".into(), request(467, 1)),
         ("last-byte".into(), request(275, 1)),
         ("one-past-the-end".into(), request(276, 1)),
         ("empty-window".into(), request(32, 0)),
@@ -227,4 +305,46 @@ fn ssi_requests() -> Seeds {
         ("one-byte-short".into(), request(32, 64)[..7].to_vec()),
         ("zero-with-its-crc".into(), request(0, 0)),
     ]
+}
+
+fn port_status() -> Seeds {
+    let mut seeds = around("valid", PortStatus::seal(Writer::<Dpr>::claim(), &port_values()).as_bytes());
+    seeds.extend(scrubbed(PortStatus::SIZE));
+    let start = PortStatus::seal(Writer::<Dpr>::claim(), &PortValues::default());
+    seeds.push(("at-start".into(), start.as_bytes().to_vec()));
+    seeds
+}
+
+fn written() -> Seeds {
+    let own = Writer::<FlightController>::claim();
+    let uplink = Uplink::seal(Writer::<BaseStation>::claim(), &uplink_values(70));
+    let mut seeds = around("uplink-base-station", uplink.as_bytes());
+    seeds.extend(scrubbed(Uplink::SIZE));
+    seeds.push(("uplink-flight-controller".into(), Uplink::seal(own, &uplink_values(80)).as_bytes().to_vec()));
+    for (name, command) in [("clear-counters", Command::ClearCounters), ("self-test", Command::SelfTest)] {
+        let valid = CommandObject::seal(own, 90, command);
+        for (nearly, bit) in [("word", 8 * 8), ("first-reserved", 8 * 12), ("last-reserved", 8 * 59 + 7)] {
+            let mut bytes = flipped(valid.as_bytes(), [bit]);
+            reference::repair_frame_crc(&mut bytes);
+            seeds.push((format!("{name}-{nearly}-bit-flipped"), bytes));
+        }
+        seeds.push((name.into(), valid.as_bytes().to_vec()));
+    }
+    seeds
+}
+
+fn maps() -> Seeds {
+    let mut seeds = scrubbed(468);
+    let mut image = Image::<3>::EMPTY;
+    image.set_link(LinkStatus::seal(&link_values()));
+    let port = port_area();
+    let map = Map::new(image, port);
+    seeds.push(("gps3".into(), map.as_bytes().to_vec()));
+    seeds.push(("gps3-image-only".into(), Map::new(image, PortArea::EMPTY).as_bytes().to_vec()));
+    seeds.push(("gps1".into(), Map::new(Image::<1>::EMPTY, port).as_bytes().to_vec()));
+    // The uplinks in each other's place.
+    let (before, uplinks) = map.as_bytes().split_at(276 + 64);
+    seeds.push(("gps3-uplinks-exchanged".into(), [before, &uplinks[64..], &uplinks[..64]].concat()));
+    seeds.push(("gps3-one-byte-short".into(), map.as_bytes()[..467].to_vec()));
+    seeds
 }

@@ -6,17 +6,20 @@
 //!
 //! | bytes | request (8) |
 //! |---|---|
-//! | 0..2 | u16 offset, the first byte of the [image](crate::image) to show |
+//! | 0..2 | u16 offset, the first byte of the [map](crate::map) to show |
 //! | 2..4 | u16 length, bytes |
 //! | 4..8 | [frame CRC](crate::crc) over 0..4 |
 //!
 //! Eight bytes 0x00 ask for nothing, and so do eight bytes 0xFF, which is what the DPR reads from a MOSI line that
-//! nobody drives. After a transaction that asked for nothing the window is the whole image, from its start: a request
+//! nobody drives. After a transaction that asked for nothing the window is the whole map, from its start: a request
 //! holds for one transaction.
+//!
+//! Behind the request the flight controller may write one [object](crate::uplink::Written) of 64 bytes, an uplink or a
+//! command. [`port_status`](crate::port_status) says how what it writes is judged.
 //!
 //! Neither can be mistaken for a request. The CRC of four bytes 0x00 is not 0. Eight bytes 0xFF do carry a valid CRC
 //! (the initial value 0xFFFFFFFF XORed with four bytes 0xFF is 0, of which the final XOR makes four bytes 0xFF), but
-//! would ask for 65535 bytes from offset 65535, and no image is that long. No other object has the length at which
+//! would ask for 65535 bytes from offset 65535, and no map is that long. No other object has the length at which
 //! this happens.
 //!
 //! # Timing
@@ -44,9 +47,13 @@
 //! samples it, half a period after the edge that shifted it out. So half a period is at least two passes of the
 //! isolator, the 19 ns, and the set-up time of the flight controller's input: [`timing::max_clock_hz`]. For optical
 //! isolators that is well below 8 MHz.
+//!
+//! [`client`] is the flight controller's end: what to send, and what to make of what comes back.
 use core::ops::Range;
 
 use crate::{Rejection, crc, rejection::Findings};
+
+pub mod client;
 
 /// Bytes of a request.
 pub const REQUEST_SIZE: usize = 8;
@@ -88,38 +95,45 @@ pub mod timing {
     }
 }
 
-/// The window of the image that the next transaction shall show.
+/// The window of the map that the next transaction shall show.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Request {
-    /// Its first byte in the image.
+    /// Its first byte in the map.
     pub offset: u16,
     /// Its bytes, at least one.
     pub length: u16,
 }
 
 impl Request {
-    /// Which bytes of the image it is.
+    /// Which bytes of the map it is.
     #[must_use]
     pub fn window(self) -> Range<usize> {
         let offset = usize::from(self.offset);
         offset..offset + usize::from(self.length)
+    }
+
+    /// Whether it holds a byte and lies in a map of `map_len` bytes.
+    #[must_use]
+    #[expect(clippy::as_conversions, reason = "both widen, and usize::from is not const")]
+    pub const fn is_inside(self, map_len: usize) -> bool {
+        self.length > 0 && self.offset as usize + self.length as usize <= map_len
     }
 }
 
 /// What a request that was accepted asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Parsed {
-    /// Nothing: the next transaction shows the whole image, from its start.
+    /// Nothing: the next transaction shows the whole map, from its start.
     Nothing,
-    /// That window, which lies in the image.
+    /// That window, which lies in the map.
     Window(Request),
 }
 
-/// The request in `bytes`, to a DPR whose image is `image_len` bytes.
+/// The request in `bytes`, to a DPR whose map is `map_len` bytes.
 ///
 /// # Errors
 ///
-/// [`Rejection::Crc`] if it is damaged; [`Rejection::Window`] if the window is empty or does not lie in the image.
+/// [`Rejection::Crc`] if it is damaged; [`Rejection::Window`] if the window is empty or does not lie in the map.
 ///
 /// ```
 /// use profile::{Rejection, ssi::{self, Parsed, Request}};
@@ -130,13 +144,13 @@ pub enum Parsed {
 /// assert_eq!(ssi::parse(&[0; 8], 276), Ok(Parsed::Nothing));
 /// assert_eq!(ssi::parse(&[0xFF; 8], 276), Ok(Parsed::Nothing));
 /// ```
-pub fn parse(bytes: &[u8; REQUEST_SIZE], image_len: usize) -> Result<Parsed, Rejection> {
+pub fn parse(bytes: &[u8; REQUEST_SIZE], map_len: usize) -> Result<Parsed, Rejection> {
     let [offset_low, offset_high, length_low, length_high, ..] = *bytes;
     let request = Request {
         offset: u16::from_le_bytes([offset_low, offset_high]),
         length: u16::from_le_bytes([length_low, length_high]),
     };
-    let inside = request.length > 0 && request.window().end <= image_len;
+    let inside = request.is_inside(map_len);
     let nothing = matches!(u64::from_ne_bytes(*bytes), 0 | u64::MAX);
     Findings::new()
         .check(crc::frame_intact(bytes) | nothing, Rejection::Crc)

@@ -1,0 +1,562 @@
+/* The flight controller's end of the SSI: what to send to the DPR, and what to make of what comes back.
+ *
+ * Generated from the Rust crate `profile` by `cargo xtask header`, from xtask/src/header/template.h and the layouts as
+ * that crate has them. Do not edit: `cargo xtask lint` fails if this file is not what is generated.
+ *
+ * C11, or C++11 and later. docs/flight-controller.md shows how to wire and use it; this is the short form:
+ *
+ *     static horus_dpr_t dpr;
+ *     horus_dpr_config_t config = horus_dpr_config(3);
+ *     horus_dpr_init(&dpr, &config);
+ *
+ *     in each control cycle:
+ *         uint8_t buffer[HORUS_DPR_MAX_MAP_BYTES];
+ *         horus_dpr_report_t report;
+ *         uint64_t began_us = now in us;
+ *         size_t bytes = horus_dpr_begin(&dpr, buffer, sizeof buffer);
+ *         transfer `bytes` bytes of `buffer` by SPI, in place; bytes = 0 if that failed
+ *         horus_dpr_end(&dpr, buffer, bytes, began_us, HORUS_DPR_NO_FRESH, &report);
+ *         if (report.has_position) { fly by report.position } else { fly by your own receiver }
+ *
+ * Nothing here allocates, blocks or calls back. A client is plain memory of its caller's; two clients are independent;
+ * one client is used by one thread at a time. No pointer may be NULL, but `miso` if there are no bytes.
+ */
+#ifndef HORUS_DPR_H
+#define HORUS_DPR_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+#define HORUS_DPR_ASSERT(condition, text) static_assert(condition, text)
+extern "C" {
+#else
+#define HORUS_DPR_ASSERT(condition, text) _Static_assert(condition, text)
+#endif
+
+/* ---- numbers ---- */
+
+/* Bytes. */
+#define HORUS_DPR_REQUEST_BYTES  8U   /* a request */
+#define HORUS_DPR_OBJECT_BYTES   64U  /* an uplink or a command */
+#define HORUS_DPR_PAYLOAD_BYTES  52U  /* what an uplink carries */
+#define HORUS_DPR_RESERVED_BYTES 48U  /* what a command reserves, zero */
+#define HORUS_DPR_MAX_WRITE      72U  /* the longest MOSI that says something */
+#define HORUS_DPR_PREFIX_BYTES   96U  /* Link-Status and Reported-Position */
+#define HORUS_DPR_GPS_BYTES      60U  /* a receiver's object */
+#define HORUS_DPR_PORT_BYTES     192U /* Port-Status and both uplinks */
+#define HORUS_DPR_MAX_MAP_BYTES  588U /* the longest map, that of five receivers */
+
+/* Offsets in the map. */
+#define HORUS_DPR_LINK_STATUS_OFFSET       0U  /* Link-Status */
+#define HORUS_DPR_REPORTED_POSITION_OFFSET 32U /* Reported-Position */
+#define HORUS_DPR_GPS_OFFSET               96U /* GPS1; the others follow */
+
+/* Offsets behind the image. */
+#define HORUS_DPR_PORT_STATUS_OFFSET              0U   /* Port-Status */
+#define HORUS_DPR_UPLINK_BASE_STATION_OFFSET      64U  /* the base station's uplink, as stored */
+#define HORUS_DPR_UPLINK_FLIGHT_CONTROLLER_OFFSET 128U /* the flight controller's uplink, as stored */
+
+/* Identifiers. */
+#define HORUS_DPR_ID_REPORTED_POSITION        0x4800U /* Reported-Position; GPS1 to GPS5 are 1 to 5 more */
+#define HORUS_DPR_ID_LINK_STATUS              0x4400U /* Link-Status */
+#define HORUS_DPR_ID_PORT_STATUS              0x4401U /* Port-Status */
+#define HORUS_DPR_ID_UPLINK_BASE_STATION      0x4200U /* uplink of the base station */
+#define HORUS_DPR_ID_UPLINK_FLIGHT_CONTROLLER 0x4300U /* uplink of the flight controller */
+#define HORUS_DPR_ID_COMMAND                  0x4301U /* command of the flight controller to the DPR */
+
+/* Commands. */
+#define HORUS_DPR_COMMAND_CLEAR_COUNTERS 0x43524C43U /* sets Port-Status's counters to 0 */
+#define HORUS_DPR_COMMAND_SELF_TEST      0x54534554U /* one whole pass over flash and free RAM */
+
+/* Limits of the client, unless its configuration sets others. */
+#define HORUS_DPR_AGE_LIMIT_US 100000U /* a position older than this is not shown */
+#define HORUS_DPR_SILENCE_US   30000U  /* so long without anything intact, and the DPR is silent */
+
+/* Bounds that cannot be set. */
+#define HORUS_DPR_CYCLE_MS         10U        /* the cycle of HORUS: each timestamp is a multiple later */
+#define HORUS_DPR_MAX_STEP_MS      260U       /* the longest step of timestamps in sequence */
+#define HORUS_DPR_SEARCH_CYCLES    3U         /* so many samples in sequence before one is shown */
+#define HORUS_DPR_TOLERANCE_US     27500U     /* a sample may be read so much too early or too late */
+#define HORUS_DPR_TOLERANCE_SHARE  50U        /* and by one part in so many of the step */
+#define HORUS_DPR_EXPIRY_US        25000U     /* the DPR does not show an image for longer than this */
+#define HORUS_DPR_UPLINK_EXPIRY_MS 500U       /* the DPR does not show an uplink for longer than this */
+#define HORUS_DPR_AGE_UNKNOWN      UINT32_MAX /* no sample yet, or its age cannot be told */
+#define HORUS_DPR_NO_FRESH         UINT64_MAX /* the FRESH line is not wired */
+
+/* The wire, at the DPR's pins; see docs/hardware.md for isolators. */
+#define HORUS_DPR_MAX_CLOCK_HZ 8000000U /* SCK at most */
+#define HORUS_DPR_CSN_SETUP_NS 1000U    /* CSN falls to first SCK edge at least */
+#define HORUS_DPR_CSN_HOLD_NS  2000U    /* last SCK edge to CSN rises at least */
+#define HORUS_DPR_GAP_NS       10000U   /* CSN rises to CSN falls at least */
+
+/* Registers of the CRCs after an intact object, before the final XOR. */
+#define HORUS_DPR_FRAME_RESIDUE    0x9D18E2E0U /* frame CRC */
+#define HORUS_DPR_POSITION_RESIDUE 0x3C139B22U /* CRC over latitude and longitude */
+
+/* Access violations by kind: places in horus_dpr_port_t.violations. */
+#define HORUS_DPR_VIOLATION_REQUEST_DAMAGED   0U /* a request whose CRC is wrong */
+#define HORUS_DPR_VIOLATION_WINDOW_OUTSIDE    1U /* a window that is empty or not in the map */
+#define HORUS_DPR_VIOLATION_TOO_SHORT         2U /* a request or an object that ended in the middle */
+#define HORUS_DPR_VIOLATION_UPLINK_DAMAGED    3U /* an object whose CRC is wrong */
+#define HORUS_DPR_VIOLATION_UPLINK_IDENTIFIER 4U /* an object that nobody may write */
+#define HORUS_DPR_VIOLATION_UPLINK_NOT_NEWER  5U /* an uplink or a command that is repeated or old */
+#define HORUS_DPR_VIOLATION_COMMAND_UNKNOWN   6U /* an unknown command, or reserved bytes that are not zero */
+#define HORUS_DPR_VIOLATION_COMMAND_BUSY      7U /* a self-test while one is under way */
+#define HORUS_DPR_VIOLATION_TOO_MANY          8U /* more transactions or objects than the DPR grants */
+#define HORUS_DPR_VIOLATION_TOO_LONG          9U /* something was driven behind the object */
+#define HORUS_DPR_VIOLATIONS 10U /* kinds */
+
+/* The image for 1, 2, 3 or 5 receivers, bytes: Link-Status, Reported-Position, GPS1 to GPSn. */
+#define HORUS_DPR_IMAGE_BYTES(receivers) (HORUS_DPR_GPS_OFFSET + (HORUS_DPR_GPS_BYTES * (receivers)))
+/* The memory map, bytes: the image, Port-Status, both uplinks. */
+#define HORUS_DPR_MAP_BYTES(receivers) (HORUS_DPR_IMAGE_BYTES(receivers) + HORUS_DPR_PORT_BYTES)
+/* Offset of GPS1 to GPS5 in the map. */
+#define HORUS_DPR_GPS_AT(receiver) (HORUS_DPR_GPS_OFFSET + (HORUS_DPR_GPS_BYTES * ((receiver) - 1U)))
+/* Offset of Port-Status in the map. */
+#define HORUS_DPR_PORT_STATUS_AT(receivers) (HORUS_DPR_IMAGE_BYTES(receivers) + HORUS_DPR_PORT_STATUS_OFFSET)
+
+HORUS_DPR_ASSERT(HORUS_DPR_IMAGE_BYTES(1U) == 156U, "layout of 1 receivers");
+HORUS_DPR_ASSERT(HORUS_DPR_MAP_BYTES(1U) == 348U, "layout of 1 receivers");
+HORUS_DPR_ASSERT(HORUS_DPR_GPS_AT(1U) == 96U, "layout of 1 receivers");
+HORUS_DPR_ASSERT(HORUS_DPR_PORT_STATUS_AT(1U) == 156U, "layout of 1 receivers");
+HORUS_DPR_ASSERT(HORUS_DPR_IMAGE_BYTES(2U) == 216U, "layout of 2 receivers");
+HORUS_DPR_ASSERT(HORUS_DPR_MAP_BYTES(2U) == 408U, "layout of 2 receivers");
+HORUS_DPR_ASSERT(HORUS_DPR_GPS_AT(2U) == 156U, "layout of 2 receivers");
+HORUS_DPR_ASSERT(HORUS_DPR_PORT_STATUS_AT(2U) == 216U, "layout of 2 receivers");
+HORUS_DPR_ASSERT(HORUS_DPR_IMAGE_BYTES(3U) == 276U, "layout of 3 receivers");
+HORUS_DPR_ASSERT(HORUS_DPR_MAP_BYTES(3U) == 468U, "layout of 3 receivers");
+HORUS_DPR_ASSERT(HORUS_DPR_GPS_AT(3U) == 216U, "layout of 3 receivers");
+HORUS_DPR_ASSERT(HORUS_DPR_PORT_STATUS_AT(3U) == 276U, "layout of 3 receivers");
+HORUS_DPR_ASSERT(HORUS_DPR_IMAGE_BYTES(5U) == 396U, "layout of 5 receivers");
+HORUS_DPR_ASSERT(HORUS_DPR_MAP_BYTES(5U) == 588U, "layout of 5 receivers");
+HORUS_DPR_ASSERT(HORUS_DPR_GPS_AT(5U) == 336U, "layout of 5 receivers");
+HORUS_DPR_ASSERT(HORUS_DPR_PORT_STATUS_AT(5U) == 396U, "layout of 5 receivers");
+
+/* ---- objects as they lie on the wire: everything little-endian, but the CRCs, which are big-endian ---- */
+
+/* Link-Status, identifier HORUS_DPR_ID_LINK_STATUS, 32 bytes. */
+typedef struct {
+    uint8_t timestamp[4];         /*  0: u32, ms since DPR start */
+    uint8_t identifier[2];        /*  4: u16 */
+    uint8_t status[2];            /*  6: u16, HORUS_DPR_LINK_... */
+    uint8_t objects_accepted[4];  /*  8: u32, objects accepted */
+    uint8_t objects_rejected[4];  /* 12: u32, objects rejected */
+    uint8_t frames_received[4];   /* 16: u32, frames received */
+    uint8_t frames_missed[4];     /* 20: u32, frames missed */
+    uint8_t age_100us[2];         /* 24: u16, age of Reported-Position, 100 us */
+    uint8_t access_violations[2]; /* 26: u16, accesses refused */
+    uint8_t crc[4];               /* 28: u32, big-endian, over all before */
+} horus_dpr_wire_link_status_t;
+HORUS_DPR_ASSERT(sizeof(horus_dpr_wire_link_status_t) == 32U, "size");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_link_status_t, timestamp) == 0U, "timestamp");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_link_status_t, identifier) == 4U, "identifier");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_link_status_t, status) == 6U, "status");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_link_status_t, objects_accepted) == 8U, "objects_accepted");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_link_status_t, objects_rejected) == 12U, "objects_rejected");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_link_status_t, frames_received) == 16U, "frames_received");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_link_status_t, frames_missed) == 20U, "frames_missed");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_link_status_t, age_100us) == 24U, "age_100us");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_link_status_t, access_violations) == 26U, "access_violations");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_link_status_t, crc) == 28U, "crc");
+
+/* Reported-Position, identifier HORUS_DPR_ID_REPORTED_POSITION, 64 bytes. */
+typedef struct {
+    uint8_t timestamp[4];     /*  0: u32, ms since HORUS start */
+    uint8_t identifier[2];    /*  4: u16 */
+    uint8_t status[2];        /*  6: u16, HORUS_DPR_REPORTED_... */
+    uint8_t latitude[8];      /*  8: binary64, degrees */
+    uint8_t longitude[8];     /* 16: binary64, degrees */
+    uint8_t position_crc[4];  /* 24: u32, big-endian, over latitude and longitude */
+    uint8_t altitude[8];      /* 28: binary64, m */
+    uint8_t pitch[4];         /* 36: binary32, rad */
+    uint8_t yaw[4];           /* 40: binary32, rad */
+    uint8_t roll[4];          /* 44: binary32, rad */
+    uint8_t acceleration[12]; /* 48: 3 x binary32, m/s2 */
+    uint8_t crc[4];           /* 60: u32, big-endian, over all before */
+} horus_dpr_wire_reported_t;
+HORUS_DPR_ASSERT(sizeof(horus_dpr_wire_reported_t) == 64U, "size");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_reported_t, timestamp) == 0U, "timestamp");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_reported_t, identifier) == 4U, "identifier");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_reported_t, status) == 6U, "status");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_reported_t, latitude) == 8U, "latitude");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_reported_t, longitude) == 16U, "longitude");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_reported_t, position_crc) == 24U, "position_crc");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_reported_t, altitude) == 28U, "altitude");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_reported_t, pitch) == 36U, "pitch");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_reported_t, yaw) == 40U, "yaw");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_reported_t, roll) == 44U, "roll");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_reported_t, acceleration) == 48U, "acceleration");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_reported_t, crc) == 60U, "crc");
+
+/* GPS1 to GPS5, identifier HORUS_DPR_ID_REPORTED_POSITION + 1 to 5, 60 bytes. */
+typedef struct {
+    uint8_t timestamp[4];     /*  0: u32, ms since HORUS start */
+    uint8_t identifier[2];    /*  4: u16 */
+    uint8_t status[2];        /*  6: u16, HORUS_DPR_GPS_... */
+    uint8_t latitude[8];      /*  8: binary64, degrees */
+    uint8_t longitude[8];     /* 16: binary64, degrees */
+    uint8_t altitude[8];      /* 24: binary64, m */
+    uint8_t pitch[4];         /* 32: binary32, rad */
+    uint8_t yaw[4];           /* 36: binary32, rad */
+    uint8_t roll[4];          /* 40: binary32, rad */
+    uint8_t acceleration[12]; /* 44: 3 x binary32, m/s2 */
+    uint8_t crc[4];           /* 56: u32, big-endian, over all before */
+} horus_dpr_wire_gps_t;
+HORUS_DPR_ASSERT(sizeof(horus_dpr_wire_gps_t) == 60U, "size");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_gps_t, timestamp) == 0U, "timestamp");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_gps_t, identifier) == 4U, "identifier");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_gps_t, status) == 6U, "status");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_gps_t, latitude) == 8U, "latitude");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_gps_t, longitude) == 16U, "longitude");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_gps_t, altitude) == 24U, "altitude");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_gps_t, pitch) == 32U, "pitch");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_gps_t, yaw) == 36U, "yaw");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_gps_t, roll) == 40U, "roll");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_gps_t, acceleration) == 44U, "acceleration");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_gps_t, crc) == 56U, "crc");
+
+/* Port-Status, identifier HORUS_DPR_ID_PORT_STATUS, 64 bytes. */
+typedef struct {
+    uint8_t timestamp[4];                /*  0: u32, ms since DPR start */
+    uint8_t identifier[2];               /*  4: u16 */
+    uint8_t status[2];                   /*  6: u16, HORUS_DPR_PORT_... */
+    uint8_t uplinks_accepted[4];         /*  8: u32, uplinks stored */
+    uint8_t commands_carried_out[4];     /* 12: u32, commands carried out */
+    uint8_t last_command_timestamp[4];   /* 16: u32, ms, timestamp of the last command */
+    uint8_t last_command[4];             /* 20: u32, its word */
+    uint8_t base_station_age_ms[2];      /* 24: u16, ms since the base station's uplink */
+    uint8_t flight_controller_age_ms[2]; /* 26: u16, ms since the flight controller's uplink */
+    uint8_t violations[20];              /* 28: u16 of each kind */
+    uint8_t integrity_faults[2];         /* 48: u16, faults found in images */
+    uint8_t flash_passes[2];             /* 50: u16, passes over the flash */
+    uint8_t stuck_bits[2];               /* 52: u16, stuck bits found */
+    uint8_t buffers_out_of_use[2];       /* 54: u16, buffers out of use */
+    uint8_t last_stop[4];                /* 56: u32, reason of the last safe state */
+    uint8_t crc[4];                      /* 60: u32, big-endian, over all before */
+} horus_dpr_wire_port_status_t;
+HORUS_DPR_ASSERT(sizeof(horus_dpr_wire_port_status_t) == 64U, "size");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_port_status_t, timestamp) == 0U, "timestamp");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_port_status_t, identifier) == 4U, "identifier");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_port_status_t, status) == 6U, "status");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_port_status_t, uplinks_accepted) == 8U, "uplinks_accepted");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_port_status_t, commands_carried_out) == 12U, "commands_carried_out");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_port_status_t, last_command_timestamp) == 16U, "last_command_timestamp");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_port_status_t, last_command) == 20U, "last_command");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_port_status_t, base_station_age_ms) == 24U, "base_station_age_ms");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_port_status_t, flight_controller_age_ms) == 26U, "flight_controller_age_ms");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_port_status_t, violations) == 28U, "violations");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_port_status_t, integrity_faults) == 48U, "integrity_faults");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_port_status_t, flash_passes) == 50U, "flash_passes");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_port_status_t, stuck_bits) == 52U, "stuck_bits");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_port_status_t, buffers_out_of_use) == 54U, "buffers_out_of_use");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_port_status_t, last_stop) == 56U, "last_stop");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_port_status_t, crc) == 60U, "crc");
+
+/* Uplink, identifier HORUS_DPR_ID_UPLINK_BASE_STATION or HORUS_DPR_ID_UPLINK_FLIGHT_CONTROLLER, 64 bytes. */
+typedef struct {
+    uint8_t timestamp[4];  /*  0: u32, ms on the writer's clock */
+    uint8_t identifier[2]; /*  4: u16 */
+    uint8_t status[2];     /*  6: u16, as writer and reader agree */
+    uint8_t payload[52];   /*  8: the writer's */
+    uint8_t crc[4];        /* 60: u32, big-endian, over all before */
+} horus_dpr_wire_uplink_t;
+HORUS_DPR_ASSERT(sizeof(horus_dpr_wire_uplink_t) == 64U, "size");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_uplink_t, timestamp) == 0U, "timestamp");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_uplink_t, identifier) == 4U, "identifier");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_uplink_t, status) == 6U, "status");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_uplink_t, payload) == 8U, "payload");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_uplink_t, crc) == 60U, "crc");
+
+/* Command, identifier HORUS_DPR_ID_COMMAND, 64 bytes. */
+typedef struct {
+    uint8_t timestamp[4];  /*  0: u32, ms on the flight controller's clock */
+    uint8_t identifier[2]; /*  4: u16 */
+    uint8_t status[2];     /*  6: u16, not evaluated */
+    uint8_t word[4];       /*  8: u32, HORUS_DPR_COMMAND_... */
+    uint8_t reserved[48];  /* 12: zero */
+    uint8_t crc[4];        /* 60: u32, big-endian, over all before */
+} horus_dpr_wire_command_t;
+HORUS_DPR_ASSERT(sizeof(horus_dpr_wire_command_t) == 64U, "size");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_command_t, timestamp) == 0U, "timestamp");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_command_t, identifier) == 4U, "identifier");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_command_t, status) == 6U, "status");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_command_t, word) == 8U, "word");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_command_t, reserved) == 12U, "reserved");
+HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_command_t, crc) == 60U, "crc");
+
+/* ---- bits and codes of the status words ---- */
+
+/* Reported-Position. */
+#define HORUS_DPR_REPORTED_AGREEING_MASK      0x0007U /* receivers that agree, 0 to 7 */
+#define HORUS_DPR_REPORTED_POSITION_VALID     0x0008U /* latitude and longitude are valid */
+#define HORUS_DPR_REPORTED_ATTITUDE_VALID     0x0010U /* pitch, yaw and roll are valid */
+#define HORUS_DPR_REPORTED_ACCELERATION_VALID 0x0020U /* the accelerations are valid */
+#define HORUS_DPR_REPORTED_DEGRADED           0x0040U /* fewer receivers agree than are configured */
+#define HORUS_DPR_REPORTED_WITHOUT_CRYSTAL    0x0080U /* HORUS runs without its crystal */
+#define HORUS_DPR_REPORTED_STATE_MASK         0x0F00U /* what HORUS is doing: horus_dpr_state_t */
+#define HORUS_DPR_REPORTED_USED               0x0FFFU /* the bits that have a meaning */
+#define HORUS_DPR_REPORTED_AGREEING_SHIFT     0U      /* how far to shift that code down */
+#define HORUS_DPR_REPORTED_STATE_SHIFT        8U      /* how far to shift that code down */
+
+/* GPS1 to GPS5. */
+#define HORUS_DPR_GPS_FIX_MASK           0x000FU /* UBX fixType: horus_dpr_fix_t */
+#define HORUS_DPR_GPS_POSITION_VALID     0x0010U /* latitude and longitude are valid */
+#define HORUS_DPR_GPS_ATTITUDE_VALID     0x0020U /* pitch, yaw and roll are valid */
+#define HORUS_DPR_GPS_ACCELERATION_VALID 0x0040U /* the accelerations are valid */
+#define HORUS_DPR_GPS_HEARD              0x0080U /* heard in the last 250 ms */
+#define HORUS_DPR_GPS_STALE              0x0100U /* the solution is older than its period allows */
+#define HORUS_DPR_GPS_EXCLUDED           0x0200U /* the voter excluded this receiver */
+#define HORUS_DPR_GPS_USED               0x03FFU /* the bits that have a meaning */
+#define HORUS_DPR_GPS_FIX_SHIFT          0U      /* how far to shift that code down */
+
+/* Link-Status. */
+#define HORUS_DPR_LINK_UP                0x0001U /* frames arrive within their deadline */
+#define HORUS_DPR_LINK_ALL_ACCEPTED      0x0002U /* every object of the last cycle was accepted */
+#define HORUS_DPR_LINK_HORUS_FROZEN      0x0004U /* HORUS repeats its timestamp */
+#define HORUS_DPR_LINK_HORUS_RESTARTED   0x0008U /* HORUS started again */
+#define HORUS_DPR_LINK_RAM_FAULT         0x0010U /* a scrub found a RAM fault */
+#define HORUS_DPR_LINK_FRONT_END_FAULT   0x0020U /* the RFID front end has a fault */
+#define HORUS_DPR_LINK_UNASKED_RESET     0x0040U /* nobody asked for the DPR's last reset */
+#define HORUS_DPR_LINK_UPLINK_REJECTED   0x0080U /* the last uplink was rejected */
+#define HORUS_DPR_LINK_OUT_OF_SEQUENCE   0x0100U /* nothing is shown until it is found again */
+#define HORUS_DPR_LINK_CLOCK_IMPLAUSIBLE 0x0200U /* HORUS's clock is off by > 2 % */
+#define HORUS_DPR_LINK_FLASH_FAULT       0x0400U /* the DPR's program memory is damaged */
+#define HORUS_DPR_LINK_RESET_MASK        0x7000U /* why the DPR last started: horus_dpr_reset_t */
+#define HORUS_DPR_LINK_USED              0x77FFU /* the bits that have a meaning */
+#define HORUS_DPR_LINK_RESET_SHIFT       12U     /* how far to shift that code down */
+
+/* Port-Status. */
+#define HORUS_DPR_PORT_BASE_STATION_FRESH      0x0001U /* its uplink is shown */
+#define HORUS_DPR_PORT_FLIGHT_CONTROLLER_FRESH 0x0002U /* its uplink is shown */
+#define HORUS_DPR_PORT_LAST_REFUSED            0x0004U /* the last uplink or command was refused */
+#define HORUS_DPR_PORT_SELF_TEST_RUNNING       0x0008U /* a self-test is under way */
+#define HORUS_DPR_PORT_SELF_TEST_PASSED        0x0010U /* the last one found nothing */
+#define HORUS_DPR_PORT_SELF_TEST_FAILED        0x0020U /* the last one found a fault */
+#define HORUS_DPR_PORT_BUFFERS_OUT_OF_USE      0x0040U /* a buffer or image is out of use */
+#define HORUS_DPR_PORT_USED                    0x007FU /* the bits that have a meaning */
+
+/* What HORUS is doing. Other codes are reserved. */
+typedef enum {
+    HORUS_DPR_STATE_STARTING = 0,         /* not yet monitoring */
+    HORUS_DPR_STATE_MONITORING = 1,       /* monitoring the flight range */
+    HORUS_DPR_STATE_OUTSIDE_RANGE = 2,    /* the position is outside the flight range */
+    HORUS_DPR_STATE_SWITCHED = 3,         /* switched to the redundant flight controller */
+    HORUS_DPR_STATE_MOTORS_CUT = 4,       /* motors cut */
+    HORUS_DPR_STATE_EMERGENCY_FIRED = 5   /* emergency measure fired */
+} horus_dpr_state_t;
+
+/* A receiver's fix. Other codes are reserved. */
+typedef enum {
+    HORUS_DPR_FIX_NONE = 0,            /* no fix */
+    HORUS_DPR_FIX_DEAD_RECKONING = 1,  /* dead reckoning only */
+    HORUS_DPR_FIX_2D = 2,              /* two-dimensional fix */
+    HORUS_DPR_FIX_3D = 3,              /* three-dimensional fix */
+    HORUS_DPR_FIX_COMBINED = 4,        /* GNSS and dead reckoning combined */
+    HORUS_DPR_FIX_TIME_ONLY = 5        /* time only */
+} horus_dpr_fix_t;
+
+/* Why the DPR last started. Other codes are reserved. */
+typedef enum {
+    HORUS_DPR_RESET_POWER_ON = 0,  /* its supply came on */
+    HORUS_DPR_RESET_PIN = 1,       /* its reset pin was low */
+    HORUS_DPR_RESET_WATCHDOG = 2,  /* its watchdog was not fed */
+    HORUS_DPR_RESET_LOCKUP = 3,    /* a fault while it handled a fault */
+    HORUS_DPR_RESET_SOFTWARE = 4,  /* software or a debugger asked for it */
+    HORUS_DPR_RESET_OTHER = 5      /* its supply dipped, or something else */
+} horus_dpr_reset_t;
+
+/* ---- what the client says ---- */
+
+/* What a transaction brought. */
+typedef enum {
+    HORUS_DPR_FRESH = 0,            /* a new sample, in sequence, valid, not too old: its position is shown */
+    HORUS_DPR_SAME = 1,             /* the same sample again, intact: not new, only older */
+    HORUS_DPR_SEARCHING = 2,        /* a new sample; the sequence is not found yet. Not shown */
+    HORUS_DPR_OUT_OF_SEQUENCE = 3,  /* a sample that does not continue the others. Not shown */
+    HORUS_DPR_EMPTY = 4,            /* Link-Status is intact; there is no Reported-Position */
+    HORUS_DPR_INVALID = 5,          /* a new sample whose position is not valid. Not shown */
+    HORUS_DPR_STALE = 6,            /* an intact sample that is older than the limit. Not shown */
+    HORUS_DPR_BUSY = 7,             /* 0xFF throughout, or nothing: not heard; what was sent is sent again */
+    HORUS_DPR_DAMAGED = 8,          /* damaged, or not read whole: nothing of it is used */
+    HORUS_DPR_SILENT = 9,           /* busy or damaged, and nothing intact for too long */
+    HORUS_DPR_OTHER_WINDOW = 10     /* the window that was asked for: see horus_dpr_view_... */
+} horus_dpr_verdict_t;
+
+/* What is in the place of an object, or why an argument was refused. */
+typedef enum {
+    HORUS_DPR_OK = 0,           /* the object, intact; the argument was accepted */
+    HORUS_DPR_VACANT = 1,       /* nothing: 0x00 or 0xFF throughout */
+    HORUS_DPR_LENGTH = 2,       /* it was not read, or not whole; there is no such object */
+    HORUS_DPR_CRC = 3,          /* damaged: the frame CRC does not match */
+    HORUS_DPR_POSITION_CRC = 4, /* the frame CRC matches, that over latitude and longitude does not */
+    HORUS_DPR_IDENTIFIER = 5,   /* intact, but another object than the one that belongs here */
+    HORUS_DPR_WINDOW = 6,       /* a window that is empty or not in the map */
+    HORUS_DPR_COMMAND = 7       /* a command that the DPR does not know, or whose reserved bytes are not zero */
+} horus_dpr_result_t;
+
+/* Values of Reported-Position, or of a receiver. What is not known is NaN. */
+typedef struct {
+    uint32_t timestamp;    /* ms since HORUS start, wraps; +10 in each cycle */
+    uint16_t status;       /* HORUS_DPR_REPORTED_..., or HORUS_DPR_GPS_... for a receiver's */
+    double latitude;       /* degrees, WGS-84, north positive */
+    double longitude;      /* degrees, WGS-84, east positive */
+    double altitude;       /* m above the WGS-84 ellipsoid, not above mean sea level */
+    float pitch;           /* rad, nose up positive */
+    float yaw;             /* rad, clockwise from true north */
+    float roll;            /* rad, right side down positive */
+    float acceleration[3]; /* m/s2 along front, right, down; gravity removed */
+} horus_dpr_sample_t;
+
+/* Values of Link-Status. Counters count since DPR start and wrap unless they say otherwise. */
+typedef struct {
+    uint32_t timestamp;         /* ms since DPR start, wraps */
+    uint16_t status;            /* HORUS_DPR_LINK_... */
+    uint32_t objects_accepted;  /* objects accepted */
+    uint32_t objects_rejected;  /* objects rejected */
+    uint32_t frames_received;   /* frames received, accepted or not */
+    uint32_t frames_missed;     /* frames that should have come and did not */
+    uint16_t age_100us;         /* age of Reported-Position when the image was made, 100 us; stays at 65535 */
+    uint16_t access_violations; /* accesses over SSI that were refused; stays at 65535 */
+} horus_dpr_link_t;
+
+/* Values of Port-Status. Counters of 16 bits stay at 65535, those of 32 wrap. */
+typedef struct {
+    uint32_t timestamp;                        /* ms since DPR start, wraps */
+    uint16_t status;                           /* HORUS_DPR_PORT_... */
+    uint32_t uplinks_accepted;                 /* uplinks that were stored, of both writers */
+    uint32_t commands_carried_out;             /* commands that were carried out */
+    uint32_t last_command_timestamp;           /* timestamp of the last of them, ms; 0 if there was none */
+    uint32_t last_command;                     /* its word; 0 if there was none */
+    uint16_t base_station_age_ms;              /* since the base station's last uplink, ms; 65535: long ago or never */
+    uint16_t flight_controller_age_ms;         /* since the flight controller's last uplink, likewise */
+    uint16_t violations[HORUS_DPR_VIOLATIONS]; /* access violations by kind: HORUS_DPR_VIOLATION_... */
+    uint16_t integrity_faults;                 /* faults that the round-the-clock check found in images */
+    uint16_t flash_passes;                     /* passes of that check over the flash */
+    uint16_t stuck_bits;                       /* stuck bits that scrubs found */
+    uint16_t buffers_out_of_use;               /* receive buffers and images taken out of use */
+    uint32_t last_stop;                        /* why the DPR was last in its safe state; 0 if it was not */
+} horus_dpr_port_t;
+
+/* Values of an uplink as the DPR has stored it. */
+typedef struct {
+    uint32_t timestamp;                       /* ms on the writer's clock, wraps */
+    uint16_t status;                          /* as writer and reader have agreed */
+    uint8_t payload[HORUS_DPR_PAYLOAD_BYTES]; /* what the writer says */
+} horus_dpr_uplink_t;
+
+/* Bytes of the map. */
+typedef struct {
+    uint16_t offset; /* the first of them */
+    uint16_t length; /* how many */
+} horus_dpr_window_t;
+
+/* How a client reads, and what it accepts. Fill it with horus_dpr_config, then change what you like. */
+typedef struct {
+    uint8_t receivers;     /* receivers of the profile: 1, 2, 3 or 5 */
+    uint16_t read_bytes;   /* bytes that a transaction reads from the map's start: HORUS_DPR_PREFIX_BYTES or more */
+    uint32_t age_limit_us; /* a position older than this is not shown, us */
+    uint32_t silence_us;   /* so long without anything intact is HORUS_DPR_SILENT, us */
+} horus_dpr_config_t;
+
+/* What the client says after a transaction. */
+typedef struct {
+    horus_dpr_verdict_t verdict; /* what the transaction brought */
+    bool has_position;           /* whether there is a position to fly by; if not, fall back on your own receiver */
+    horus_dpr_sample_t position; /* that position; what is not valid in it is NaN, and its status bit clear */
+    uint32_t age_us;             /* age of the last intact sample when the transaction began, us; not less than true */
+    bool has_link;               /* whether this transaction brought Link-Status */
+    horus_dpr_link_t link;       /* Link-Status, if so */
+} horus_dpr_report_t;
+
+/* A client. Its members are its own: read reports instead. */
+typedef struct {
+    horus_dpr_config_t config;
+    horus_dpr_window_t shown;               /* what the transaction that ended last showed */
+    horus_dpr_window_t window;              /* what the next one shows, if it was asked for */
+    horus_dpr_window_t asked;               /* to be asked for in the next one */
+    horus_dpr_window_t sent;                /* asked for, until it is known that the DPR has heard it */
+    uint8_t object[HORUS_DPR_OBJECT_BYTES]; /* to be written, until it is known that the DPR has heard it */
+    horus_dpr_sample_t position;            /* the last sample's values, if they may be shown */
+    uint64_t last_due_us;                   /* the last sample: the earliest instant at which it could be read */
+    uint64_t last_read_us;                  /* when it was read first */
+    uint32_t last_timestamp;
+    uint32_t last_age_us; /* how old it was then */
+    uint64_t image_us;    /* when an intact Link-Status was last read */
+    uint64_t intact_us;   /* when anything intact was last read, or else when the first transaction began */
+    uint32_t image_timestamp;
+    uint8_t found; /* samples in a row that were in sequence */
+    bool has_window;
+    bool has_asked;
+    bool has_sent;
+    bool has_object;
+    bool object_under_way;
+    bool has_position;
+    bool has_last;
+    bool has_image;
+    bool has_intact;
+} horus_dpr_t;
+
+/* ---- the client ---- */
+
+/* 96 bytes in each transaction, a position of at most HORUS_DPR_AGE_LIMIT_US. */
+horus_dpr_config_t horus_dpr_config(uint8_t receivers);
+
+/* A client that has read nothing yet. HORUS_DPR_WINDOW, and nothing changed, if there is no profile for so many
+ * receivers, or if read_bytes are fewer than HORUS_DPR_PREFIX_BYTES or more than the map has. */
+horus_dpr_result_t horus_dpr_init(horus_dpr_t *client, const horus_dpr_config_t *config);
+
+/* Asks for bytes of the map: the next transaction asks, the one after it shows them. A request that met a busy DPR is
+ * repeated. HORUS_DPR_WINDOW, and nothing is asked for, if it is empty or does not lie in the map. */
+horus_dpr_result_t horus_dpr_ask(horus_dpr_t *client, uint16_t offset, uint16_t length);
+
+/* Writes an object in the next transaction: one that was sealed here, or one of the base station's, as it is. One that
+ * met a busy DPR is written again. HORUS_DPR_CRC, HORUS_DPR_IDENTIFIER or HORUS_DPR_COMMAND, and nothing is written,
+ * if it is damaged or the DPR would refuse it. */
+horus_dpr_result_t horus_dpr_write(horus_dpr_t *client, const uint8_t object[HORUS_DPR_OBJECT_BYTES]);
+
+/* Fills `object` with an uplink of the flight controller. Each must have a later timestamp than the one before, ms. */
+void horus_dpr_seal_uplink(uint8_t object[HORUS_DPR_OBJECT_BYTES], uint32_t timestamp, uint16_t status,
+    const uint8_t payload[HORUS_DPR_PAYLOAD_BYTES]);
+
+/* Fills `object` with a command, HORUS_DPR_COMMAND_..., whose timestamp must be later than that of the one before. */
+void horus_dpr_seal_command(uint8_t object[HORUS_DPR_OBJECT_BYTES], uint32_t timestamp, uint32_t word);
+
+/* Fills the first bytes of `mosi` with what the next transaction sends, and says how many bytes are to be clocked. 0,
+ * and nothing changed, if `capacity` is too small; HORUS_DPR_MAX_MAP_BYTES always suffice. */
+size_t horus_dpr_begin(horus_dpr_t *client, uint8_t *mosi, size_t capacity);
+
+/* The transaction is over. `miso` is what came back, `bytes` as many as were clocked; none if the bus failed.
+ * `began_us` is when chip select fell, `fresh_us` when the last edge of FRESH before that came, or HORUS_DPR_NO_FRESH
+ * if the line is not wired: both us on one clock that never goes back. */
+void horus_dpr_end(horus_dpr_t *client, const uint8_t *miso, size_t bytes, uint64_t began_us, uint64_t fresh_us,
+    horus_dpr_report_t *report);
+
+/* ---- what the transaction that ended last brought, object by object; `miso` and `bytes` as for horus_dpr_end ---- */
+
+/* Bytes of the map, NULL if they were not all read. */
+const uint8_t *horus_dpr_find(
+    const horus_dpr_t *client, const uint8_t *miso, size_t bytes, size_t offset, size_t length);
+
+/* Link-Status. The values are written with HORUS_DPR_OK only; so below. */
+horus_dpr_result_t horus_dpr_view_link(
+    const horus_dpr_t *client, const uint8_t *miso, size_t bytes, horus_dpr_link_t *link);
+
+/* Object number `index` of the profile as HORUS sent it: 0 is Reported-Position, 1 to 5 are GPS1 to GPS5. */
+horus_dpr_result_t horus_dpr_view_object(
+    const horus_dpr_t *client, const uint8_t *miso, size_t bytes, uint8_t index, horus_dpr_sample_t *sample);
+
+/* Port-Status. */
+horus_dpr_result_t horus_dpr_view_port(
+    const horus_dpr_t *client, const uint8_t *miso, size_t bytes, horus_dpr_port_t *port);
+
+/* An uplink as stored: HORUS_DPR_ID_UPLINK_BASE_STATION or HORUS_DPR_ID_UPLINK_FLIGHT_CONTROLLER. */
+horus_dpr_result_t horus_dpr_view_uplink(const horus_dpr_t *client, const uint8_t *miso, size_t bytes,
+    uint16_t identifier, horus_dpr_uplink_t *uplink);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,8 @@
+//! Compiles the C client and its tape player, which the target `client` compares with the Rust one.
+fn main() {
+    let files = ["../c/horus_dpr.c", "../c/tests/tape.c"];
+    cc::Build::new().files(files).flag("-std=c11").warnings_into_errors(true).compile("horus_dpr");
+    for file in files.into_iter().chain(["../c/horus_dpr.h", "../c/horus_dpr_crc.h", "../c/tests/tape.h"]) {
+        println!("cargo::rerun-if-changed={file}");
+    }
+}

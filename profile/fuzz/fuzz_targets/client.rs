@@ -1,0 +1,39 @@
+//! The flight controller's client in Rust and in C: both are played the same tape and must say the same. See
+//! `tests/support/tape.rs` for the tape, and `tests/support/invariants.rs` for what is asserted besides.
+#![no_main]
+
+use std::ffi::c_void;
+
+use libfuzzer_sys::fuzz_target;
+
+#[path = "../../tests/support/mod.rs"]
+mod support;
+
+use support::{invariants, tape};
+
+type Sink = extern "C" fn(context: *mut c_void, text: *const u8, count: usize);
+
+unsafe extern "C" {
+    /// `profile/c/tests/tape.h`.
+    fn horus_dpr_play(tape: *const u8, count: usize, sink: Sink, context: *mut c_void);
+}
+
+extern "C" fn gather(context: *mut c_void, text: *const u8, count: usize) {
+    // SAFETY: `context` is the vector that `c` passes, which nothing else uses meanwhile; `text` are `count`
+    // characters.
+    let (said, text) = unsafe { (&mut *context.cast::<Vec<u8>>(), std::slice::from_raw_parts(text, count)) };
+    said.extend_from_slice(text);
+}
+
+/// What the C client says.
+fn c(tape: &[u8]) -> String {
+    let mut said = Vec::<u8>::new();
+    // SAFETY: the tape outlives the call, which reads `count` bytes of it and calls `gather` with the vector.
+    unsafe { horus_dpr_play(tape.as_ptr(), tape.len(), gather, (&raw mut said).cast()) };
+    String::from_utf8(said).expect("text")
+}
+
+fuzz_target!(|input: &[u8]| {
+    invariants::client(input);
+    assert_eq!(tape::play(input, |_| {}), c(input), "in Rust and in C");
+});

@@ -1,0 +1,136 @@
+//! Command: what the flight controller asks the DPR to do.
+use core::mem::offset_of;
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::{
+    Identifier, Rejection, UplinkStatus,
+    criticality::{MayWrite, Writer, object},
+    object_macro::object,
+    wire::{CrcBe, U16Le, U32Le},
+};
+
+/// What the DPR does when its word is written (paper, section 2.1: actions are executed by writing defined words).
+///
+/// A command acts on the DPR and on nothing else: the link to HORUS is one-way, and nothing written over the SSI can
+/// change Link-Status's counters or an object of HORUS.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Command {
+    /// Sets Port-Status's counters of uplinks, commands and access violations to 0; after it one command has been
+    /// carried out, this one. Link-Status's total of access violations goes on, and so do the counters of faults.
+    ClearCounters,
+    /// Begins one whole pass over the flash and over the RAM that is free, in the time that nothing else needs. One
+    /// that is under way is finished first: the command is refused meanwhile.
+    SelfTest,
+}
+
+impl Command {
+    /// Every command.
+    pub const ALL: [Self; 2] = [Self::ClearCounters, Self::SelfTest];
+
+    /// Its word. In the order of the bytes on the wire the words are ASCII text: `CLRC`, `TEST`.
+    #[must_use]
+    pub const fn word(self) -> u32 {
+        match self {
+            Self::ClearCounters => u32::from_le_bytes(*b"CLRC"),
+            Self::SelfTest => u32::from_le_bytes(*b"TEST"),
+        }
+    }
+
+    /// The command of a word; `None` if the DPR does not know it.
+    #[must_use]
+    pub fn from_word(word: u32) -> Option<Self> {
+        Self::ALL.into_iter().find(|command| command.word() == word)
+    }
+}
+
+/// What a command object carries.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CommandValues {
+    /// ms on the flight controller's clock, wraps. Each command must be later than the one before it.
+    pub timestamp: u32,
+    /// The command's [word](Command::word).
+    pub word: u32,
+}
+
+/// A command object: 64 bytes, the last four of them the frame CRC of the others.
+///
+/// Any 64 bytes are one; [`CommandObject::verify`] says whether they are a valid one.
+///
+/// | bytes | |
+/// |---|---|
+/// | 0..4 | u32 timestamp of the flight controller, ms |
+/// | 4..6 | u16 [identifier](Identifier::COMMAND) |
+/// | 6..8 | u16 status, not evaluated |
+/// | 8..12 | u32 [word](Command::word) |
+/// | 12..60 | zero |
+/// | 60..64 | [frame CRC](crate::crc) over 0..60 |
+///
+/// It comes in where an [uplink](crate::Uplink) does, and its timestamps are judged as an uplink's are, in a sequence
+/// of their own: a repeated or older command is refused. It is carried out once and not stored;
+/// [Port-Status](crate::PortStatus) names the last one that was accepted. A flight controller that has restarted may
+/// have to send its first command three times, each with a later timestamp.
+#[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct CommandObject {
+    timestamp: U32Le,
+    identifier: U16Le,
+    status: U16Le,
+    word: U32Le,
+    reserved: [u8; 48],
+    crc: CrcBe,
+}
+
+object!(
+    CommandObject, 64 bytes, status: UplinkStatus, timestamp: "ms on the flight controller's clock, wraps.",
+    also shown: []
+);
+
+const _: () = {
+    assert!(offset_of!(CommandObject, word) == 8);
+    assert!(offset_of!(CommandObject, reserved) == 12);
+};
+
+impl CommandObject {
+    /// The object that carries `command`, its CRC computed; `timestamp` in ms on the flight controller's clock.
+    #[must_use]
+    pub fn seal<W: MayWrite<object::Command>>(_writer: Writer<W>, timestamp: u32, command: Command) -> Self {
+        Self {
+            timestamp: U32Le::new(timestamp),
+            identifier: U16Le::new(Identifier::COMMAND.0),
+            status: U16Le::new(0),
+            word: U32Le::new(command.word()),
+            reserved: [0; 48],
+            crc: CrcBe::UNSEALED,
+        }
+        .sealed()
+    }
+
+    /// The object in `bytes`, if it is intact and a command that the DPR knows.
+    ///
+    /// # Errors
+    ///
+    /// [`Rejection::Length`] if `bytes` are not 64, [`Rejection::Crc`] if they are damaged, [`Rejection::Identifier`]
+    /// if they are another object, [`Rejection::Command`] if the word is unknown or a reserved byte is not zero.
+    pub fn verify(bytes: &[u8]) -> Result<&Self, Rejection> {
+        let (object, findings) = Self::look(bytes)?;
+        findings
+            .check(object.identifier() == Identifier::COMMAND, Rejection::Identifier)
+            .check(object.command().is_some(), Rejection::Command)
+            .judge(object)
+    }
+
+    /// The command, if its word is known and what is reserved is zero.
+    #[must_use]
+    pub fn command(&self) -> Option<Command> {
+        let clear = self.reserved == [0; 48];
+        Command::from_word(self.word.get()).filter(|_| clear)
+    }
+
+    /// What it carries.
+    #[must_use]
+    pub const fn values(&self) -> CommandValues {
+        CommandValues { timestamp: self.timestamp.get(), word: self.word.get() }
+    }
+}

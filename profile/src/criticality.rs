@@ -1,0 +1,385 @@
+//! Who may write what, and how critical it is: the paper's Table 1 as one fact that the compiler checks.
+//!
+//! # The table
+//!
+//! Rows are sources, columns destinations (paper, Table 1). HORUS writes to the base station and to the flight
+//! controller, and nobody writes to HORUS.
+//!
+//! | from \ to | Base Station | HORUS | Flight Controller | Active Load |
+//! |---|---|---|---|---|
+//! | Base Station | | | Safety relevant | Non-critical |
+//! | HORUS | Safety relevant | | Safety relevant | |
+//! | Flight Controller | Safety relevant | | | Non-critical |
+//! | Active Load | Non-critical | | Non-critical | |
+//!
+//! The DPR is not in the table, since it is the medium. It writes objects of its own
+//! ([Link-Status](crate::LinkStatus), [Port-Status](crate::PortStatus)) for the flight controller and the base station,
+//! and it takes [commands](crate::Command) from the flight controller.
+//!
+//! # How it is used
+//!
+//! Each cell that is not empty is one implementation of [`Sends`]. Each object of the memory map is a type in
+//! [`object`] that names the only role that writes it. The rest follows: a role [may write](MayWrite) an object if it
+//! is that role, and it [may read](MayRead) an object if the table lets the writer send to it.
+//!
+//! Functions that write an object into the [map](crate::map), or seal an [uplink](crate::Uplink) or a command, take a
+//! [`Writer`] of a role that may write it. A program claims the roles that it plays where it starts; a function that
+//! was given the writer of one role cannot write an object of another:
+//!
+//! ```
+//! use profile::criticality::{BaseStation, Writer};
+//! use profile::{Identifier, Uplink, UplinkValues};
+//!
+//! let writer = Writer::<BaseStation>::claim();
+//! let uplink = Uplink::seal(writer, &UplinkValues { timestamp: 1, ..UplinkValues::default() });
+//! assert_eq!(uplink.identifier(), Identifier::UPLINK_BASE_STATION);
+//! ```
+//!
+//! HORUS has no uplink:
+//!
+//! ```compile_fail,E0277
+//! use profile::criticality::{Horus, Writer};
+//! let uplink = profile::Uplink::seal(Writer::<Horus>::claim(), &profile::UplinkValues::default());
+//! ```
+//!
+//! Nothing that the flight controller writes reaches HORUS, and nobody can declare that it does:
+//!
+//! ```compile_fail,E0277
+//! use profile::criticality::{Criticality, FlightController, Horus, MayRead, object::UplinkFrom};
+//! const LEVEL: Criticality = <Horus as MayRead<UplinkFrom<FlightController>>>::CRITICALITY;
+//! ```
+//!
+//! ```compile_fail,E0117
+//! use profile::criticality::{BaseStation, Criticality, Horus, Sends};
+//! impl Sends<Horus> for BaseStation {
+//!     const CRITICALITY: Criticality = Criticality::NonCritical;
+//! }
+//! ```
+//!
+//! Only HORUS writes the profile, and only the DPR writes its own objects:
+//!
+//! ```compile_fail,E0271
+//! use profile::criticality::{FlightController, Writer};
+//! let mut map = [0; profile::map::Map::<3>::LEN];
+//! profile::map::profile_object_mut::<_, 3>(Writer::<FlightController>::claim(), &mut map, 0);
+//! ```
+//!
+//! ```compile_fail,E0271
+//! use profile::criticality::{Horus, Writer};
+//! let mut map = [0; profile::map::Map::<3>::LEN];
+//! profile::map::link_status_mut(Writer::<Horus>::claim(), &mut map);
+//! ```
+//!
+//! ```compile_fail,E0271
+//! use profile::criticality::{FlightController, Writer};
+//! profile::PortStatus::seal(Writer::<FlightController>::claim(), &profile::PortValues::default());
+//! ```
+//!
+//! The base station has no commands:
+//!
+//! ```compile_fail,E0271
+//! use profile::{Command, CommandObject, criticality::{BaseStation, Writer}};
+//! CommandObject::seal(Writer::<BaseStation>::claim(), 0, Command::SelfTest);
+//! ```
+//!
+//! What this holds is mistakes, at no cost at run time: a program that wants to claims any role. What comes over a wire
+//! is judged by its CRC, its identifier and its timestamp, by whoever receives it.
+use core::{fmt, marker::PhantomData};
+
+/// How critical a communication is (paper, Table 1).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Criticality {
+    /// A safety function relies on it.
+    SafetyRelevant,
+    /// No safety function relies on it.
+    NonCritical,
+}
+
+impl fmt::Display for Criticality {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::SafetyRelevant => "Safety relevant",
+            Self::NonCritical => "Non-critical",
+        })
+    }
+}
+
+/// One of those who write objects, as a value; [`Role`] is the same as a type.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Function {
+    /// The base station.
+    BaseStation,
+    /// HORUS.
+    Horus,
+    /// The flight controller.
+    FlightController,
+    /// The active load (the paper's active-hold).
+    ActiveLoad,
+    /// The DPR, which is the medium between the others.
+    Dpr,
+}
+
+impl Function {
+    /// The rows and columns of the paper's Table 1, in its order.
+    pub const TABLE_1: [Self; 4] = [Self::BaseStation, Self::Horus, Self::FlightController, Self::ActiveLoad];
+}
+
+impl fmt::Display for Function {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::BaseStation => "Base Station",
+            Self::Horus => "HORUS",
+            Self::FlightController => "Flight Controller",
+            Self::ActiveLoad => "Active Load",
+            Self::Dpr => "DPR",
+        })
+    }
+}
+
+mod sealed {
+    pub trait Sealed {}
+}
+
+/// One of those who write objects, as a type. There are no others than those of this module.
+pub trait Role: sealed::Sealed + Copy + fmt::Debug + 'static {
+    /// Which one.
+    const FUNCTION: Function;
+}
+
+macro_rules! roles {
+    ($($(#[$doc:meta])* $role:ident,)*) => {$(
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub struct $role;
+        impl sealed::Sealed for $role {}
+        impl Role for $role {
+            const FUNCTION: Function = Function::$role;
+        }
+    )*};
+}
+
+roles! {
+    /// The base station.
+    BaseStation,
+    /// HORUS: it writes, and reads nothing.
+    Horus,
+    /// The flight controller.
+    FlightController,
+    /// The active load.
+    ActiveLoad,
+    /// The DPR.
+    Dpr,
+}
+
+/// The role sends to the role `To`: a cell of the [table](self) that is not empty.
+pub trait Sends<To: Role>: Role {
+    /// What the cell says.
+    const CRITICALITY: Criticality;
+}
+
+/// Each line is a cell, as the implementation of [`Sends`] and as what [`criticality`] answers.
+macro_rules! cells {
+    ($($from:ident => $to:ident: $criticality:ident;)*) => {
+        $(
+            impl Sends<$to> for $from {
+                const CRITICALITY: Criticality = Criticality::$criticality;
+            }
+        )*
+
+        /// How critical it is what `from` sends to `to`; `None` if it may not send there.
+        ///
+        /// ```
+        /// use profile::criticality::{Criticality, Function, criticality};
+        ///
+        /// assert_eq!(criticality(Function::Horus, Function::FlightController), Some(Criticality::SafetyRelevant));
+        /// assert_eq!(criticality(Function::FlightController, Function::Horus), None);
+        /// ```
+        #[must_use]
+        pub const fn criticality(from: Function, to: Function) -> Option<Criticality> {
+            match (from, to) {
+                $((Function::$from, Function::$to) => Some(<$from as Sends<$to>>::CRITICALITY),)*
+                _ => None,
+            }
+        }
+    };
+}
+
+cells! {
+    // The paper's Table 1.
+    BaseStation => FlightController: SafetyRelevant;
+    BaseStation => ActiveLoad: NonCritical;
+    Horus => BaseStation: SafetyRelevant;
+    Horus => FlightController: SafetyRelevant;
+    FlightController => BaseStation: SafetyRelevant;
+    FlightController => ActiveLoad: NonCritical;
+    ActiveLoad => BaseStation: NonCritical;
+    ActiveLoad => FlightController: NonCritical;
+    // The DPR's own objects, by which a reader judges HORUS's, and what the flight controller asks of it.
+    Dpr => BaseStation: SafetyRelevant;
+    Dpr => FlightController: SafetyRelevant;
+    FlightController => Dpr: NonCritical;
+}
+
+/// The objects of the memory map, each with the one role that writes it.
+pub mod object {
+    use core::marker::PhantomData;
+
+    use super::{ActiveLoad, Dpr, FlightController, Horus, Role, WritesUplink};
+
+    /// An object, or the objects of a kind.
+    pub trait MapObject {
+        /// The role that writes it; there is no other.
+        type Writer: Role;
+    }
+
+    macro_rules! objects {
+        ($($(#[$doc:meta])* $object:ident by $writer:ty;)*) => {$(
+            $(#[$doc])*
+            #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+            pub struct $object;
+            impl MapObject for $object {
+                type Writer = $writer;
+            }
+        )*};
+    }
+
+    objects! {
+        /// Reported-Position and GPS1 to GPSn.
+        Profile by Horus;
+        /// Link-Status.
+        LinkStatus by Dpr;
+        /// Port-Status.
+        PortStatus by Dpr;
+        /// The command object, which is not stored.
+        Command by FlightController;
+        /// The active load's objects, which the map has no place for yet.
+        Load by ActiveLoad;
+    }
+
+    /// The uplink that `W` writes.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub struct UplinkFrom<W>(PhantomData<W>);
+
+    impl<W: WritesUplink> MapObject for UplinkFrom<W> {
+        type Writer = W;
+    }
+}
+
+use object::MapObject;
+
+/// The role writes the object `O`.
+pub trait MayWrite<O: MapObject>: Role {}
+impl<W: Role, O: MapObject<Writer = W>> MayWrite<O> for W {}
+
+/// The role reads the object `O`, because the [table](self) lets its writer send to it.
+pub trait MayRead<O: MapObject>: Role {
+    /// How critical it is.
+    const CRITICALITY: Criticality;
+}
+
+impl<R: Role, O: MapObject<Writer: Sends<R>>> MayRead<O> for R {
+    const CRITICALITY: Criticality = <O::Writer as Sends<R>>::CRITICALITY;
+}
+
+/// The role has an uplink: an object that it writes over the SSI and that the map keeps.
+pub trait WritesUplink: Role {
+    /// The uplink's identifier.
+    const IDENTIFIER: crate::Identifier;
+    /// Which of the uplinks of the map it is, from 0.
+    const INDEX: usize;
+}
+
+impl WritesUplink for BaseStation {
+    const IDENTIFIER: crate::Identifier = crate::Identifier::UPLINK_BASE_STATION;
+    const INDEX: usize = 0;
+}
+
+impl WritesUplink for FlightController {
+    const IDENTIFIER: crate::Identifier = crate::Identifier::UPLINK_FLIGHT_CONTROLLER;
+    const INDEX: usize = 1;
+}
+
+/// What a function needs to write what role `W` writes. No bytes, no cost.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Writer<W>(PhantomData<W>);
+
+impl<W: Role> Writer<W> {
+    /// This program plays role `W`, or passes on what `W` has sent.
+    #[must_use]
+    pub const fn claim() -> Self {
+        Self(PhantomData)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use std::{format, string::String};
+
+    use super::*;
+
+    /// The rows of the table of this page, as `criticality` has them.
+    fn table() -> String {
+        let mut table = String::from("| from \\ to |");
+        for to in Function::TABLE_1 {
+            table += &format!(" {to} |");
+        }
+        table += "\n|---|---|---|---|---|\n";
+        for from in Function::TABLE_1 {
+            table += &format!("| {from} |");
+            for to in Function::TABLE_1 {
+                table += &criticality(from, to).map_or_else(|| String::from(" |"), |level| format!(" {level} |"));
+            }
+            table += "\n";
+        }
+        table
+    }
+
+    #[test]
+    fn the_cells_are_those_of_the_papers_table_1() {
+        let paper = "\
+            | from \\ to | Base Station | HORUS | Flight Controller | Active Load |\n\
+            |---|---|---|---|---|\n\
+            | Base Station | | | Safety relevant | Non-critical |\n\
+            | HORUS | Safety relevant | | Safety relevant | |\n\
+            | Flight Controller | Safety relevant | | | Non-critical |\n\
+            | Active Load | Non-critical | | Non-critical | |\n";
+        assert_eq!(table(), paper);
+    }
+
+    #[test]
+    fn the_table_of_the_documentation_is_the_one_that_the_compiler_checks() {
+        let documentation: String = include_str!("criticality.rs")
+            .lines()
+            .filter_map(|line| line.strip_prefix("//! |"))
+            .fold(String::new(), |mut rows, row| {
+                rows += &format!("|{row}\n");
+                rows
+            });
+        assert_eq!(documentation, table());
+    }
+
+    #[test]
+    fn nobody_sends_to_horus_and_horus_sends_to_no_one_below() {
+        for from in [Function::TABLE_1.as_slice(), &[Function::Dpr]].concat() {
+            assert_eq!(criticality(from, Function::Horus), None, "{from}");
+        }
+        assert_eq!(criticality(Function::Horus, Function::ActiveLoad), None);
+        assert_eq!(criticality(Function::Horus, Function::Dpr), None);
+        assert_eq!(criticality(Function::ActiveLoad, Function::Dpr), None);
+    }
+
+    #[test]
+    fn an_object_is_as_critical_to_its_reader_as_the_table_says_of_its_writer() {
+        const SAFETY: Criticality = <FlightController as MayRead<object::Profile>>::CRITICALITY;
+        const LOAD: Criticality = <ActiveLoad as MayRead<object::UplinkFrom<BaseStation>>>::CRITICALITY;
+        assert_eq!((SAFETY, LOAD), (Criticality::SafetyRelevant, Criticality::NonCritical));
+        assert_eq!(<BaseStation as MayRead<object::LinkStatus>>::CRITICALITY, Criticality::SafetyRelevant);
+        assert_eq!(<Dpr as MayRead<object::Command>>::CRITICALITY, Criticality::NonCritical);
+    }
+
+    #[test]
+    fn a_writer_has_no_bytes() {
+        assert_eq!(size_of::<Writer<Horus>>(), 0);
+    }
+}

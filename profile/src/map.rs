@@ -1,0 +1,243 @@
+//! The memory map: all that the flight controller can read over the SSI.
+//!
+//! | offset | object | bytes | written by |
+//! |---|---|---|---|
+//! | 0 | the [image](crate::image): Link-Status, Reported-Position, GPS1 … GPSn | [`Image::LEN`] | DPR, HORUS |
+//! | `LEN` | [Port-Status](PortStatus) | 64 | DPR |
+//! | `LEN` + 64 | [uplink](Uplink) of the base station, as it was stored | 64 | base station |
+//! | `LEN` + 128 | [uplink](Uplink) of the flight controller, as it was stored | 64 | flight controller |
+//! | `LEN` + 192 | end | | |
+//!
+//! All of it is one generation: what a transaction reads was published at one instant. A place is zeros, which do not
+//! verify, if there is no object that may be shown. [`Map::PORT_STATUS`] and [`Map::uplink`] tell the offsets.
+//!
+//! A transaction that asked for nothing shows the map from its start, so a flight controller that clocks no more than
+//! the image's bytes reads the image alone.
+//!
+//! Who may write what is a matter of types: the functions here take the [writer](Writer) of the role that an object
+//! belongs to.
+use core::{fmt, ops::Range};
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::{
+    LinkStatus, PortStatus, Rejection, Uplink,
+    criticality::{BaseStation, FlightController, MayWrite, Writer, WritesUplink, object},
+    image::{self, Image, ImageReading},
+};
+
+/// Port-Status and both uplinks: the part of the map that tells what the SSI port does.
+#[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct PortArea {
+    status: PortStatus,
+    uplinks: [Uplink; 2],
+}
+
+impl PortArea {
+    /// Bytes.
+    pub const SIZE: usize = PortStatus::SIZE + 2 * Uplink::SIZE;
+
+    /// All zero: no object of it verifies.
+    pub const EMPTY: Self = bytemuck::zeroed();
+
+    /// Port-Status, valid or not.
+    #[must_use]
+    pub const fn status(&self) -> &PortStatus {
+        &self.status
+    }
+
+    /// Puts Port-Status in its place.
+    pub const fn set_status<W: MayWrite<object::PortStatus>>(&mut self, _writer: Writer<W>, status: PortStatus) {
+        self.status = status;
+    }
+
+    /// The uplink of role `W`, valid or not.
+    #[must_use]
+    pub fn uplink<W: WritesUplink>(&self) -> &Uplink {
+        let [base_station, flight_controller] = &self.uplinks;
+        if W::INDEX == 0 { base_station } else { flight_controller }
+    }
+
+    /// Puts an uplink of role `W` in its place, or [`Uplink::EMPTY`] if none may be shown.
+    pub fn set_uplink<W: WritesUplink>(&mut self, _writer: Writer<W>, uplink: Uplink) {
+        let [base_station, flight_controller] = &mut self.uplinks;
+        *(if W::INDEX == 0 { base_station } else { flight_controller }) = uplink;
+    }
+
+    /// As on the wire.
+    #[must_use]
+    pub const fn as_bytes(&self) -> &[u8; Self::SIZE] {
+        bytemuck::must_cast_ref(self)
+    }
+
+    /// Its objects, each accepted or rejected by itself.
+    #[must_use]
+    pub fn verify(&self) -> PortReading<'_> {
+        PortReading {
+            status: PortStatus::verify(self.status.as_bytes()),
+            base_station: Uplink::verify::<BaseStation>(self.uplink::<BaseStation>().as_bytes()),
+            flight_controller: Uplink::verify::<FlightController>(self.uplink::<FlightController>().as_bytes()),
+        }
+    }
+}
+
+impl fmt::Debug for PortArea {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("PortArea").field("status", &self.status).field("uplinks", &self.uplinks).finish()
+    }
+}
+
+/// The memory map of a DPR for a profile of `N` receivers.
+// Packed changes nothing, all fields have alignment 1; it is how bytemuck knows that for every N.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C, packed)]
+pub struct Map<const N: usize> {
+    image: Image<N>,
+    port: PortArea,
+}
+
+const _: () = {
+    assert!(PortArea::SIZE == 192 && size_of::<PortArea>() == 192);
+    assert!(size_of::<Map<1>>() == 348 && Map::<1>::LEN == 348);
+    assert!(size_of::<Map<2>>() == 408 && Map::<2>::LEN == 408);
+    assert!(size_of::<Map<3>>() == 468 && Map::<3>::LEN == 468);
+    assert!(size_of::<Map<5>>() == 588 && Map::<5>::LEN == 588);
+};
+
+impl<const N: usize> Map<N> {
+    /// Bytes: 348, 408, 468 or 588.
+    pub const LEN: usize = Image::<N>::LEN + PortArea::SIZE;
+
+    /// Offset of Port-Status.
+    pub const PORT_STATUS: usize = Image::<N>::LEN;
+
+    /// All zero: no object of it verifies.
+    pub const EMPTY: Self = Self { image: Image::EMPTY, port: PortArea::EMPTY };
+
+    /// The map of an image and of what the port has to show.
+    #[must_use]
+    pub const fn new(image: Image<N>, port: PortArea) -> Self {
+        Self { image, port }
+    }
+
+    /// The image, its objects valid or not.
+    #[must_use]
+    pub fn image(&self) -> &Image<N> {
+        let (image, _) = self.as_bytes().split_at(Self::PORT_STATUS);
+        bytemuck::from_bytes(image)
+    }
+
+    /// Port-Status and uplinks, valid or not.
+    #[must_use]
+    pub const fn port(&self) -> &PortArea {
+        &self.port
+    }
+
+    /// Which bytes of the map Port-Status and both uplinks are.
+    #[must_use]
+    pub const fn port_area() -> Range<usize> {
+        Self::PORT_STATUS..Self::LEN
+    }
+
+    /// Which bytes of the map Port-Status is.
+    #[must_use]
+    pub const fn port_status() -> Range<usize> {
+        Self::PORT_STATUS..Self::PORT_STATUS + PortStatus::SIZE
+    }
+
+    /// Which bytes of the map the uplink of role `W` is.
+    #[must_use]
+    pub const fn uplink<W: WritesUplink>() -> Range<usize> {
+        let start = Self::PORT_STATUS + PortStatus::SIZE + W::INDEX * Uplink::SIZE;
+        start..start + Uplink::SIZE
+    }
+
+    /// As on the wire: [`Map::LEN`] bytes.
+    #[must_use]
+    pub fn as_bytes(&self) -> &[u8] {
+        bytemuck::bytes_of(self)
+    }
+
+    /// The objects in `bytes`, each accepted or rejected by itself.
+    ///
+    /// # Errors
+    ///
+    /// [`Rejection::Length`] if `bytes` are not [`Map::LEN`].
+    pub fn read(bytes: &[u8]) -> Result<MapReading<'_, N>, Rejection> {
+        let map: &Self = bytemuck::try_from_bytes(bytes).map_err(|_| Rejection::Length)?;
+        Ok(map.verify())
+    }
+
+    /// Its objects, each accepted or rejected by itself.
+    #[must_use]
+    pub fn verify(&self) -> MapReading<'_, N> {
+        MapReading { image: self.image().verify(), port: self.port.verify() }
+    }
+}
+
+impl<const N: usize> PartialEq for Map<N> {
+    fn eq(&self, other: &Self) -> bool {
+        self.as_bytes() == other.as_bytes()
+    }
+}
+
+impl<const N: usize> Eq for Map<N> {}
+
+impl<const N: usize> fmt::Debug for Map<N> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Map").field("image", self.image()).field("port", self.port()).finish()
+    }
+}
+
+/// The place of the profile's object number `index` in `map`, for whoever passes on what HORUS has sent; `None` if
+/// there is no such object, or if `map` is shorter than one for `N` receivers.
+#[must_use]
+pub fn profile_object_mut<W: MayWrite<object::Profile>, const N: usize>(
+    _writer: Writer<W>,
+    map: &mut [u8],
+    index: usize,
+) -> Option<&mut [u8]> {
+    map.get_mut(Image::<N>::place(index)?)
+}
+
+/// The place of Link-Status in `map`; `None` if `map` is shorter.
+#[must_use]
+pub fn link_status_mut<W: MayWrite<object::LinkStatus>>(
+    _writer: Writer<W>,
+    map: &mut [u8],
+) -> Option<&mut [u8; LinkStatus::SIZE]> {
+    let (_, from) = map.split_at_mut_checked(image::LINK_STATUS)?;
+    from.first_chunk_mut()
+}
+
+/// The place of Port-Status and both uplinks in `map`, for the DPR, which has stored the uplinks of both writers;
+/// `None` if `map` is shorter than one for `N` receivers.
+#[must_use]
+pub fn port_area_mut<W: MayWrite<object::PortStatus>, const N: usize>(
+    _writer: Writer<W>,
+    map: &mut [u8],
+) -> Option<&mut [u8; PortArea::SIZE]> {
+    let (_, from) = map.split_at_mut_checked(Map::<N>::PORT_STATUS)?;
+    from.first_chunk_mut()
+}
+
+/// What the bytes of Port-Status and both uplinks turned out to be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PortReading<'a> {
+    /// Port-Status.
+    pub status: Result<&'a PortStatus, Rejection>,
+    /// The uplink of the base station.
+    pub base_station: Result<&'a Uplink, Rejection>,
+    /// The uplink of the flight controller.
+    pub flight_controller: Result<&'a Uplink, Rejection>,
+}
+
+/// What the bytes of a map turned out to be, object by object.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MapReading<'a, const N: usize> {
+    /// The image.
+    pub image: ImageReading<'a, N>,
+    /// Port-Status and uplinks.
+    pub port: PortReading<'a>,
+}

@@ -1,0 +1,307 @@
+//! Port-Status: what the DPR says about its SSI port: uplinks, commands, access violations, self-test.
+//!
+//! # Access violations
+//!
+//! In a transaction the flight controller reads what it likes and may write three things: a
+//! [request](crate::ssi), behind it one [object](crate::uplink::Written), and behind that nothing. Each of the three
+//! *parts* is judged by itself. A part is *idle*, and no violation, if all of it that came in is 0x00 or all of it is
+//! 0xFF. Every part that is not idle and that the DPR does not accept counts once, under the first of these kinds
+//! ([`Violation`]) that holds for it:
+//!
+//! | kind | part | what it means |
+//! |---|---|---|
+//! | `RequestDamaged` | request | eight bytes came in, and their CRC is wrong |
+//! | `WindowOutside` | request | intact, but the window is empty or reaches beyond the map |
+//! | `TooShort` | request, object | the transaction ended in the middle of the part |
+//! | `UplinkDamaged` | object | 64 bytes came in, and their CRC is wrong |
+//! | `UplinkIdentifier` | object | intact, but nobody may write such an object here |
+//! | `CommandUnknown` | object | a command with an unknown word, or with reserved bytes that are not zero |
+//! | `UplinkNotNewer` | object | an uplink or a command whose timestamp is not [newer](crate::Uplink) |
+//! | `CommandBusy` | object | a self-test while one is under way; its timestamp counts as seen |
+//! | `TooMany` | – | see below |
+//! | `TooLong` | rest | behind the object something is driven: the eight bytes there are not idle |
+//!
+//! A transaction that is longer than 80 bytes is no violation: whoever reads more than that clocks as many in. What
+//! comes in behind the 80th byte is dropped by the DPR's peripheral and not judged.
+//!
+//! `TooMany` is not about a part. It counts once when the transactions that the DPR grants between two images are used
+//! up (the next ones read 0xFF, and what they write is not seen), and once for each transaction whose object came while
+//! those of two transactions before it still waited to be judged: it is dropped, unless it is idle by its identifier
+//! and status.
+//!
+//! So one transaction counts up to four times: request, object, rest, and `TooMany` if it is the last that is granted.
+//! (A transaction that is dropped counts `TooMany` alone, and once more if it was the last that is granted.)
+//! Link-Status's [`access_violations`](crate::LinkValues::access_violations) is the total of all kinds since the DPR's
+//! start; no command clears it. A transaction shows up in the first image that is published after the DPR has judged
+//! it, which may be the one after next.
+use core::{mem::offset_of, ops::Range};
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::{
+    Identifier, PortStatusBits, Rejection,
+    criticality::{MayWrite, Writer, object},
+    object_macro::object,
+    wire::{CrcBe, U16Le, U32Le},
+};
+
+/// A kind of access violation: see the [module](self).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Violation {
+    /// A request whose CRC is wrong.
+    RequestDamaged,
+    /// An intact request for a window that is empty or not in the map.
+    WindowOutside,
+    /// A request or an object that ended in the middle.
+    TooShort,
+    /// An object whose CRC is wrong.
+    UplinkDamaged,
+    /// An intact object that nobody may write over the SSI.
+    UplinkIdentifier,
+    /// An uplink or a command that is repeated or old.
+    UplinkNotNewer,
+    /// A command that the DPR does not know, or with reserved bytes that are not zero.
+    CommandUnknown,
+    /// A command that cannot be carried out while one like it is.
+    CommandBusy,
+    /// More transactions, or more objects, than the DPR grants.
+    TooMany,
+    /// Something was driven behind the object.
+    TooLong,
+}
+
+impl Violation {
+    /// Every kind, in the order of the counters in Port-Status.
+    pub const ALL: [Self; 10] = [
+        Self::RequestDamaged,
+        Self::WindowOutside,
+        Self::TooShort,
+        Self::UplinkDamaged,
+        Self::UplinkIdentifier,
+        Self::UplinkNotNewer,
+        Self::CommandUnknown,
+        Self::CommandBusy,
+        Self::TooMany,
+        Self::TooLong,
+    ];
+
+    /// The kind of a request or an object that was rejected so: of a [request](crate::ssi::parse) or of an
+    /// [object](crate::uplink::Written::verify).
+    #[must_use]
+    pub const fn of_request(rejection: Rejection) -> Self {
+        match rejection {
+            Rejection::Window => Self::WindowOutside,
+            Rejection::Length => Self::TooShort,
+            _ => Self::RequestDamaged,
+        }
+    }
+
+    /// The kind of an [object](crate::uplink::Written::verify) that was rejected so.
+    #[must_use]
+    pub const fn of_object(rejection: Rejection) -> Self {
+        match rejection {
+            Rejection::Length => Self::TooShort,
+            Rejection::Identifier => Self::UplinkIdentifier,
+            Rejection::Command => Self::CommandUnknown,
+            _ => Self::UplinkDamaged,
+        }
+    }
+
+    /// Which bytes of Port-Status count it.
+    #[must_use]
+    pub const fn place(self) -> Range<usize> {
+        let start = offset_of!(PortStatus, violations) + 2 * self.index();
+        start..start + 2
+    }
+
+    const fn index(self) -> usize {
+        match self {
+            Self::RequestDamaged => 0,
+            Self::WindowOutside => 1,
+            Self::TooShort => 2,
+            Self::UplinkDamaged => 3,
+            Self::UplinkIdentifier => 4,
+            Self::UplinkNotNewer => 5,
+            Self::CommandUnknown => 6,
+            Self::CommandBusy => 7,
+            Self::TooMany => 8,
+            Self::TooLong => 9,
+        }
+    }
+}
+
+/// Access violations by kind, each counter staying at 65535.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Violations([u16; Violation::ALL.len()]);
+
+impl Violations {
+    /// None.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self([0; Violation::ALL.len()])
+    }
+
+    /// How many of this kind.
+    #[must_use]
+    pub fn of(&self, kind: Violation) -> u16 {
+        self.0.get(kind.index()).copied().unwrap_or(0)
+    }
+
+    /// Counts `times` more of this kind.
+    pub fn count(&mut self, kind: Violation, times: u16) {
+        if let Some(count) = self.0.get_mut(kind.index()) {
+            *count = count.saturating_add(times);
+        }
+    }
+
+    /// The sum of all kinds.
+    #[must_use]
+    pub fn total(&self) -> u32 {
+        self.0.iter().copied().map(u32::from).sum()
+    }
+}
+
+/// What Port-Status carries, in plain numbers. Counters of u16 stay at 65535, those of u32 wrap.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PortValues {
+    /// ms since DPR start, wraps: when this object was made. Up to one cycle before Link-Status's.
+    pub timestamp: u32,
+    /// How the port does.
+    pub status: PortStatusBits,
+    /// Uplinks that were stored, of both writers; since start or since they were cleared.
+    pub uplinks_accepted: u32,
+    /// Commands that were carried out; since start or since they were cleared, that command included.
+    pub commands_carried_out: u32,
+    /// Timestamp of the last command that was carried out, ms on the flight controller's clock; 0 if there was none.
+    pub last_command_timestamp: u32,
+    /// Its word; 0 if there was none.
+    pub last_command: u32,
+    /// Since the last uplink of the base station was stored, ms; 65535 if that is as long ago or there was none.
+    pub base_station_age_ms: u16,
+    /// Since the last uplink of the flight controller was stored, ms; 65535 if that is as long ago or there was none.
+    pub flight_controller_age_ms: u16,
+    /// Access violations by kind, since start or since they were cleared.
+    pub violations: Violations,
+    /// Faults that the round-the-clock check found in images.
+    pub integrity_faults: u16,
+    /// Passes of the round-the-clock check over the flash.
+    pub flash_passes: u16,
+    /// Stuck bits that scrubs found.
+    pub stuck_bits: u16,
+    /// Receive buffers and images that were taken out of use.
+    pub buffers_out_of_use: u16,
+    /// Why the DPR was last in its safe state, as the firmware codes it; 0 if it was not since its supply came on.
+    pub last_stop: u32,
+}
+
+/// A Port-Status object: 64 bytes, the last four of them the frame CRC of the others.
+///
+/// Any 64 bytes are one; [`PortStatus::verify`] says whether they are a valid one.
+///
+/// | bytes | | bytes | |
+/// |---|---|---|---|
+/// | 0..4 | u32 timestamp of the DPR, ms | 26..28 | u16 age of the flight controller's uplink, ms |
+/// | 4..6 | u16 identifier | 28..48 | u16 access violations of each [kind](Violation::ALL) |
+/// | 6..8 | u16 [status](PortStatusBits) | 48..50 | u16 integrity faults |
+/// | 8..12 | u32 uplinks accepted | 50..52 | u16 passes over the flash |
+/// | 12..16 | u32 commands carried out | 52..54 | u16 stuck bits |
+/// | 16..20 | u32 timestamp of the last command, ms | 54..56 | u16 buffers out of use |
+/// | 20..24 | u32 word of the last command | 56..60 | u32 reason of the last safe state |
+/// | 24..26 | u16 age of the base station's uplink, ms | 60..64 | [frame CRC](crate::crc) over 0..60 |
+#[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct PortStatus {
+    timestamp: U32Le,
+    identifier: U16Le,
+    status: U16Le,
+    uplinks_accepted: U32Le,
+    commands_carried_out: U32Le,
+    last_command_timestamp: U32Le,
+    last_command: U32Le,
+    base_station_age_ms: U16Le,
+    flight_controller_age_ms: U16Le,
+    violations: [U16Le; Violation::ALL.len()],
+    integrity_faults: U16Le,
+    flash_passes: U16Le,
+    stuck_bits: U16Le,
+    buffers_out_of_use: U16Le,
+    last_stop: U32Le,
+    crc: CrcBe,
+}
+
+object!(
+    PortStatus, 64 bytes, status: PortStatusBits, timestamp: "ms since DPR start, wraps.", also shown: []
+);
+
+const _: () = {
+    assert!(offset_of!(PortStatus, uplinks_accepted) == 8);
+    assert!(offset_of!(PortStatus, commands_carried_out) == 12);
+    assert!(offset_of!(PortStatus, last_command_timestamp) == 16);
+    assert!(offset_of!(PortStatus, last_command) == 20);
+    assert!(offset_of!(PortStatus, base_station_age_ms) == 24);
+    assert!(offset_of!(PortStatus, flight_controller_age_ms) == 26);
+    assert!(offset_of!(PortStatus, violations) == 28);
+    assert!(offset_of!(PortStatus, integrity_faults) == 48);
+    assert!(offset_of!(PortStatus, flash_passes) == 50);
+    assert!(offset_of!(PortStatus, stuck_bits) == 52);
+    assert!(offset_of!(PortStatus, buffers_out_of_use) == 54);
+    assert!(offset_of!(PortStatus, last_stop) == 56);
+};
+
+impl PortStatus {
+    /// The object that carries `values`, its CRC computed.
+    #[must_use]
+    pub fn seal<W: MayWrite<object::PortStatus>>(_writer: Writer<W>, values: &PortValues) -> Self {
+        Self {
+            timestamp: U32Le::new(values.timestamp),
+            identifier: U16Le::new(Identifier::PORT_STATUS.0),
+            status: U16Le::new(values.status.bits()),
+            uplinks_accepted: U32Le::new(values.uplinks_accepted),
+            commands_carried_out: U32Le::new(values.commands_carried_out),
+            last_command_timestamp: U32Le::new(values.last_command_timestamp),
+            last_command: U32Le::new(values.last_command),
+            base_station_age_ms: U16Le::new(values.base_station_age_ms),
+            flight_controller_age_ms: U16Le::new(values.flight_controller_age_ms),
+            violations: values.violations.0.map(U16Le::new),
+            integrity_faults: U16Le::new(values.integrity_faults),
+            flash_passes: U16Le::new(values.flash_passes),
+            stuck_bits: U16Le::new(values.stuck_bits),
+            buffers_out_of_use: U16Le::new(values.buffers_out_of_use),
+            last_stop: U32Le::new(values.last_stop),
+            crc: CrcBe::UNSEALED,
+        }
+        .sealed()
+    }
+
+    /// The object in `bytes`, if it is intact and Port-Status.
+    ///
+    /// # Errors
+    ///
+    /// [`Rejection::Length`] if `bytes` are not 64, [`Rejection::Crc`] if they are damaged, [`Rejection::Identifier`]
+    /// if they are another object.
+    pub fn verify(bytes: &[u8]) -> Result<&Self, Rejection> {
+        let (object, findings) = Self::look(bytes)?;
+        findings.check(object.identifier() == Identifier::PORT_STATUS, Rejection::Identifier).judge(object)
+    }
+
+    /// What it carries.
+    #[must_use]
+    pub fn values(&self) -> PortValues {
+        PortValues {
+            timestamp: self.timestamp.get(),
+            status: self.status(),
+            uplinks_accepted: self.uplinks_accepted.get(),
+            commands_carried_out: self.commands_carried_out.get(),
+            last_command_timestamp: self.last_command_timestamp.get(),
+            last_command: self.last_command.get(),
+            base_station_age_ms: self.base_station_age_ms.get(),
+            flight_controller_age_ms: self.flight_controller_age_ms.get(),
+            violations: Violations(self.violations.map(U16Le::get)),
+            integrity_faults: self.integrity_faults.get(),
+            flash_passes: self.flash_passes.get(),
+            stuck_bits: self.stuck_bits.get(),
+            buffers_out_of_use: self.buffers_out_of_use.get(),
+            last_stop: self.last_stop.get(),
+        }
+    }
+}

@@ -1,0 +1,200 @@
+//! HORUS's sequence on the flight controller's clock, and what of it may be shown.
+use super::view::{Prefix, Shown};
+use super::{AGE_UNKNOWN, Config, Report, Verdict};
+use crate::sequence::{MAX_MISSED, SEARCH_CYCLES, TOLERANCE_SHARE};
+use crate::{ABSENT_F32, ABSENT_F64, CYCLE_MS, Freshness, LinkStatus, ReportedPosition, ReportedValues, freshness};
+
+/// The DPR stops to show an image so long after it was published, µs (design, section 4).
+pub const EXPIRY_US: u32 = 25_000;
+
+/// How much earlier or later than its timestamp says a sample may be read, µs; to this come 2 % of the step. An image
+/// can be read at any time until it expires; the rest is what [`sequence`](crate::sequence) allows for the link.
+pub const TOLERANCE_US: u32 = EXPIRY_US + crate::sequence::TOLERANCE_US;
+
+/// What a transaction brought.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Brought<'a> {
+    /// The DPR was busy.
+    pub(super) busy: bool,
+    /// It showed another window than one that begins with the prefix.
+    pub(super) another: bool,
+    /// If so, whether anything in it was intact.
+    pub(super) intact: bool,
+    /// The prefix, if it was all read.
+    pub(super) prefix: Option<Prefix<'a>>,
+}
+
+/// The last intact sample.
+#[derive(Clone, Copy, Debug)]
+struct Sample {
+    timestamp: u32,
+    /// The earliest instant at which it could have been read, as far as the samples before it tell.
+    due_us: u64,
+    /// When it was read first.
+    read_us: u64,
+    /// How old it was then.
+    age_us: u32,
+}
+
+impl Sample {
+    fn age_us(&self, now_us: u64) -> u32 {
+        // A clock that went back makes every age unknown.
+        now_us.checked_sub(self.read_us).map_or(AGE_UNKNOWN, |since| sum_us(self.age_us, since))
+    }
+}
+
+/// The memory of what was read.
+#[derive(Clone, Debug)]
+pub(super) struct Track {
+    last: Option<Sample>,
+    /// Samples in a row that were in sequence, at most [`SEARCH_CYCLES`].
+    found: u8,
+    /// The last sample's values, if they may be shown.
+    position: Option<ReportedValues>,
+    /// Which image an intact Link-Status was last read of, by the DPR's time in it, and when.
+    image: Option<(u32, u64)>,
+    /// When anything intact was last read, or else when the first transaction began.
+    intact_us: Option<u64>,
+}
+
+impl Track {
+    pub(super) const fn new() -> Self {
+        Self { last: None, found: 0, position: None, image: None, intact_us: None }
+    }
+
+    /// What is to be said of a transaction that began at `began_us` after FRESH at `fresh_us`.
+    pub(super) fn report(
+        &mut self,
+        config: &Config,
+        brought: Brought<'_>,
+        began_us: u64,
+        fresh_us: Option<u64>,
+    ) -> Report {
+        let prefix = brought.prefix.filter(|_| !brought.another & !brought.busy);
+        let link = prefix.and_then(|prefix| prefix.link.ok());
+        let verdict = match (link, prefix.map(|prefix| prefix.reported)) {
+            (Some(link), Some(Shown::Intact(reported))) => self.sample(config, link, reported, began_us, fresh_us),
+            (Some(_), Some(Shown::Vacant)) => Verdict::Empty,
+            _ if brought.busy => Verdict::Busy,
+            _ if brought.another => Verdict::Window,
+            _ => Verdict::Damaged,
+        };
+        if let Some(link) = link {
+            self.image = Some((link.timestamp(), began_us));
+        }
+        if link.is_some() | (brought.another & brought.intact) | self.intact_us.is_none() {
+            self.intact_us = Some(began_us);
+        }
+        let quiet_us = self.intact_us.map_or(0, |intact_us| began_us.saturating_sub(intact_us));
+        let silent = quiet_us > u64::from(config.silence_us) && matches!(verdict, Verdict::Busy | Verdict::Damaged);
+        let age_us = self.last.map_or(AGE_UNKNOWN, |last| last.age_us(began_us));
+        if is_too_old(age_us, config) {
+            self.position = None;
+        }
+        Report {
+            verdict: if silent { Verdict::Silent } else { verdict },
+            position: self.position,
+            age_us,
+            link: link.map(LinkStatus::values),
+        }
+    }
+
+    /// What an intact sample is.
+    fn sample(
+        &mut self,
+        config: &Config,
+        link: &LinkStatus,
+        reported: &ReportedPosition,
+        began_us: u64,
+        fresh_us: Option<u64>,
+    ) -> Verdict {
+        let timestamp = reported.timestamp();
+        if let Some(last) = self.last.filter(|last| last.timestamp == timestamp) {
+            return if is_too_old(last.age_us(began_us), config) { Verdict::Stale } else { Verdict::Same };
+        }
+        let due_us = self.last.and_then(|last| due_us(&last, timestamp, began_us));
+        let sample = Sample {
+            timestamp,
+            due_us: due_us.unwrap_or(began_us),
+            read_us: began_us,
+            age_us: self.age_us(link, began_us, fresh_us),
+        };
+        let first = self.last.is_none();
+        self.last = Some(sample);
+        self.found = if due_us.is_some() { SEARCH_CYCLES.min(self.found + 1) } else { 0 };
+        let position = valid(reported);
+        let verdict = if due_us.is_none() & !first {
+            Verdict::OutOfSequence
+        } else if self.found < SEARCH_CYCLES {
+            Verdict::Searching
+        } else if position.is_none() {
+            Verdict::Invalid
+        } else if is_too_old(sample.age_us, config) {
+            Verdict::Stale
+        } else {
+            Verdict::Fresh
+        };
+        self.position = position.filter(|_| verdict == Verdict::Fresh);
+        verdict
+    }
+
+    /// How old the sample of an image that was not read before is at most, µs.
+    fn age_us(&self, link: &LinkStatus, began_us: u64, fresh_us: Option<u64>) -> u32 {
+        let units = link.values().age_100us;
+        // Link-Status rounds down, and stays at the highest value.
+        let published_us = if units == u16::MAX { AGE_UNKNOWN } else { 100 * (u32::from(units) + 1) };
+        // The reading before says when the image was published only if it showed another one.
+        let before_us = self.image.filter(|(image, _)| *image != link.timestamp()).map(|(_, read_us)| read_us);
+        let since = |instant: Option<u64>| instant.and_then(|instant| began_us.checked_sub(instant));
+        let bounds = [since(fresh_us), since(before_us)];
+        let shown_us = bounds.into_iter().flatten().fold(u64::from(EXPIRY_US), u64::min);
+        sum_us(published_us, shown_us)
+    }
+}
+
+/// When a new sample could have been read at the earliest, µs, if it continues `last`.
+fn due_us(last: &Sample, timestamp: u32, read_us: u64) -> Option<u64> {
+    let Freshness::Fresh { missed: missed @ 0..=MAX_MISSED } = freshness(Some(last.timestamp), timestamp) else {
+        return None;
+    };
+    let step_us = 1_000 * u64::from(CYCLE_MS) * (1 + u64::from(missed));
+    let drift_us = step_us / u64::from(TOLERANCE_SHARE);
+    let tolerance_us = u64::from(TOLERANCE_US) + drift_us;
+    let due_us = last.due_us.saturating_add(step_us);
+    if due_us.abs_diff(read_us) > tolerance_us {
+        return None;
+    }
+    // A sample that is read early shows that the others were read late. HORUS's clock may be slower by 2 %.
+    Some(read_us.min(due_us.saturating_add(drift_us)))
+}
+
+/// The values of a sample with a valid position; what is not valid in it is NaN, and its status bit clear.
+fn valid(reported: &ReportedPosition) -> Option<ReportedValues> {
+    let mut values = reported.values();
+    let status = values.status;
+    let located = (values.latitude.abs() <= 90.0) & (values.longitude.abs() <= 180.0);
+    let attitude =
+        status.attitude_valid() & values.pitch.is_finite() & values.yaw.is_finite() & values.roll.is_finite();
+    let acceleration = status.acceleration_valid() & values.acceleration.iter().all(|axis| axis.is_finite());
+    if !values.altitude.is_finite() {
+        values.altitude = ABSENT_F64;
+    }
+    if !attitude {
+        (values.pitch, values.yaw, values.roll) = (ABSENT_F32, ABSENT_F32, ABSENT_F32);
+    }
+    if !acceleration {
+        values.acceleration = [ABSENT_F32; 3];
+    }
+    values.status = status.with_attitude_valid(attitude).with_acceleration_valid(acceleration);
+    (status.position_valid() & located).then_some(values)
+}
+
+/// Whether a position so old, or of an age that cannot be told, must not be shown.
+fn is_too_old(age_us: u32, config: &Config) -> bool {
+    age_us > config.age_limit_us || age_us == AGE_UNKNOWN
+}
+
+/// An age and a time that has passed since, µs; it never wraps.
+fn sum_us(age_us: u32, since_us: u64) -> u32 {
+    u32::try_from(u64::from(age_us).saturating_add(since_us)).unwrap_or(AGE_UNKNOWN)
+}

@@ -1,0 +1,141 @@
+//! Where the objects are in what a transaction brought, and whether they are intact.
+use core::ops::Range;
+
+use crate::criticality::{BaseStation, FlightController, WritesUplink};
+use crate::ssi::Request;
+use crate::{Layout, LinkStatus, Object, PortStatus, Rejection, ReportedPosition, Uplink, image};
+
+/// What is in the place of an object.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shown<T> {
+    /// The object, intact.
+    Intact(T),
+    /// Nothing: 0x00 or 0xFF throughout, as a scrub leaves it.
+    Vacant,
+    /// Neither; why it is not the object.
+    Damaged(Rejection),
+}
+
+impl<T> Shown<T> {
+    /// The object, if it is intact.
+    pub fn intact(self) -> Option<T> {
+        match self {
+            Self::Intact(object) => Some(object),
+            Self::Vacant | Self::Damaged(_) => None,
+        }
+    }
+
+    /// What `verified` and the bytes say together; all of them are looked at, whatever they are.
+    fn new(bytes: &[u8], verified: Result<T, Rejection>) -> Self {
+        let vacant = is_throughout(bytes, 0x00) | is_throughout(bytes, 0xFF);
+        match verified {
+            Ok(object) => Self::Intact(object),
+            Err(_) if vacant => Self::Vacant,
+            Err(why) => Self::Damaged(why),
+        }
+    }
+}
+
+/// Whether each of `bytes` is `value`; true of none.
+fn is_throughout(bytes: &[u8], value: u8) -> bool {
+    bytes.iter().fold(0, |difference, byte| difference | (byte ^ value)) == 0
+}
+
+/// What a transaction brought, object by object. Each is verified when it is asked for.
+#[derive(Clone, Copy, Debug)]
+pub struct View<'a> {
+    layout: Layout,
+    window: Request,
+    bytes: &'a [u8],
+}
+
+/// The first 96 bytes of the map.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Prefix<'a> {
+    pub(super) link: Result<&'a LinkStatus, Rejection>,
+    pub(super) reported: Shown<&'a ReportedPosition>,
+}
+
+impl<'a> View<'a> {
+    /// A transaction that showed `window` of the map brought `miso`. What was clocked beyond the window is ignored.
+    #[must_use]
+    pub fn new(layout: Layout, window: Request, miso: &'a [u8]) -> Self {
+        let bytes = miso.get(..usize::from(window.length)).unwrap_or(miso);
+        Self { layout, window, bytes }
+    }
+
+    /// Which bytes of the map it shows.
+    #[must_use]
+    pub const fn window(&self) -> Request {
+        self.window
+    }
+
+    /// The bytes of the window, as many of them as were read.
+    #[must_use]
+    pub const fn bytes(&self) -> &'a [u8] {
+        self.bytes
+    }
+
+    /// Whether the DPR was busy: 0xFF throughout, or nothing at all.
+    #[must_use]
+    pub fn is_busy(&self) -> bool {
+        is_throughout(self.bytes, 0xFF)
+    }
+
+    /// These bytes of the map; `None` if they were not all read.
+    #[must_use]
+    pub fn find(&self, place: Range<usize>) -> Option<&'a [u8]> {
+        let start = place.start.checked_sub(usize::from(self.window.offset))?;
+        let end = place.end.checked_sub(usize::from(self.window.offset))?;
+        self.bytes.get(start..end)
+    }
+
+    /// Link-Status; `None` if it was not read.
+    #[must_use]
+    pub fn link(&self) -> Option<Shown<&'a LinkStatus>> {
+        let bytes = self.find(image::LINK_STATUS..image::LINK_STATUS + LinkStatus::SIZE)?;
+        Some(Shown::new(bytes, LinkStatus::verify(bytes)))
+    }
+
+    /// The profile's object number `index`: 0 is Reported-Position, 1 to 5 are GPS1 to GPS5. `None` if it was not read,
+    /// or there is no such object.
+    #[must_use]
+    pub fn object(&self, index: usize) -> Option<Shown<Object<'a>>> {
+        let bytes = self.find(self.layout.in_image(index)?)?;
+        Some(Shown::new(bytes, Object::verify(index, bytes)))
+    }
+
+    /// Port-Status; `None` if it was not read.
+    #[must_use]
+    pub fn port_status(&self) -> Option<Shown<&'a PortStatus>> {
+        let bytes = self.find(self.layout.port_status())?;
+        Some(Shown::new(bytes, PortStatus::verify(bytes)))
+    }
+
+    /// The uplink of role `W`, as the DPR has stored it; `None` if it was not read.
+    #[must_use]
+    pub fn uplink<W: WritesUplink>(&self) -> Option<Shown<&'a Uplink>> {
+        let bytes = self.find(self.layout.uplink::<W>())?;
+        Some(Shown::new(bytes, Uplink::verify::<W>(bytes)))
+    }
+
+    /// Whether any object in it is intact; all of them are looked at.
+    pub(super) fn is_any_intact(&self) -> bool {
+        let profile = (0..self.layout.objects()).filter_map(|index| self.object(index)?.intact()).count();
+        let link = self.link().and_then(Shown::intact).is_some();
+        let port = self.port_status().and_then(Shown::intact).is_some();
+        let base_station = self.uplink::<BaseStation>().and_then(Shown::intact).is_some();
+        let flight_controller = self.uplink::<FlightController>().and_then(Shown::intact).is_some();
+        (profile > 0) | link | port | base_station | flight_controller
+    }
+
+    /// The map's first 96 bytes, if they were all read.
+    pub(super) fn prefix(&self) -> Option<Prefix<'a>> {
+        let link = self.find(image::LINK_STATUS..image::REPORTED_POSITION)?;
+        let reported = self.find(image::REPORTED_POSITION..image::GPS)?;
+        Some(Prefix {
+            link: LinkStatus::verify(link),
+            reported: Shown::new(reported, ReportedPosition::verify(reported)),
+        })
+    }
+}

@@ -1,0 +1,157 @@
+//! Uplink: what the flight controller or, through it, the base station writes into the DPR.
+use core::mem::offset_of;
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::{
+    Command, CommandObject, Identifier, Rejection,
+    criticality::{Writer, WritesUplink},
+    object_macro::object,
+    wire::{CrcBe, U16Le, U32Le},
+};
+
+/// Status of an uplink. What its bits mean is for the writer and the readers to agree; the DPR keeps all of them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct UplinkStatus(u16);
+
+impl UplinkStatus {
+    /// From the wire.
+    #[must_use]
+    pub const fn from_bits(bits: u16) -> Self {
+        Self(bits)
+    }
+
+    /// As on the wire.
+    #[must_use]
+    pub const fn bits(self) -> u16 {
+        self.0
+    }
+}
+
+/// What an uplink carries.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct UplinkValues {
+    /// ms on the writer's clock, wraps. Each uplink of a writer must be later than the one before it.
+    pub timestamp: u32,
+    /// The writer's status.
+    pub status: UplinkStatus,
+    /// What the writer says; the DPR passes it on as it is.
+    pub payload: [u8; Uplink::PAYLOAD],
+}
+
+impl Default for UplinkValues {
+    fn default() -> Self {
+        Self { timestamp: 0, status: UplinkStatus::default(), payload: [0; Uplink::PAYLOAD] }
+    }
+}
+
+/// An uplink object: 64 bytes, the last four of them the frame CRC of the others.
+///
+/// Any 64 bytes are one; [`Uplink::verify`] says whether they are a valid one of a writer.
+///
+/// | bytes | |
+/// |---|---|
+/// | 0..4 | u32 timestamp of the writer, ms |
+/// | 4..6 | u16 identifier, which names the writer |
+/// | 6..8 | u16 status |
+/// | 8..60 | 52 bytes that the DPR does not look at |
+/// | 60..64 | [frame CRC](crate::crc) over 0..60 |
+///
+/// # What the DPR accepts
+///
+/// An uplink comes in behind the [request](crate::ssi) of a transaction, and belongs to its writer alone: each has a
+/// place of its own in the [map](crate::map). The DPR stores it there, as it is, if its CRC is right, if the identifier
+/// is one of the two, and if its timestamp is *newer* than that of the writer's last one that was stored: less than 2³¹
+/// ms later, so that timestamps may wrap. The first uplink of a writer after the DPR's own start is newer.
+///
+/// A repeated or older one is refused and changes nothing. A writer that has restarted counts from 0 again, so all that
+/// it sends is older; the third uplink in a row of which each is newer than the one before it is stored again, and what
+/// the DPR knew of the writer's timestamps is forgotten. So no single uplink that is repeated or delayed is taken for a
+/// new one. (A whole recording that is played back in its order looks like a writer that has restarted. Whoever can do
+/// that is the writer's own radio link or the flight controller; they protect it among themselves.)
+///
+/// An uplink that no newer one follows within [`Uplink::EXPIRY_MS`] is taken out: its place is zeros, and its bit in
+/// [Port-Status](crate::PortStatus) is clear.
+#[derive(Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Uplink {
+    timestamp: U32Le,
+    identifier: U16Le,
+    status: U16Le,
+    payload: [u8; Uplink::PAYLOAD],
+    crc: CrcBe,
+}
+
+object!(Uplink, 64 bytes, status: UplinkStatus, timestamp: "ms on the writer's clock, wraps.", also shown: []);
+
+const _: () = assert!(offset_of!(Uplink, payload) == 8);
+
+impl Uplink {
+    /// Bytes that the writer may use as it likes.
+    pub const PAYLOAD: usize = 52;
+
+    /// After so long without a newer one, ms, an uplink is not shown any more.
+    pub const EXPIRY_MS: u32 = 500;
+
+    /// The uplink of role `W` that carries `values`, its CRC computed.
+    #[must_use]
+    pub fn seal<W: WritesUplink>(_writer: Writer<W>, values: &UplinkValues) -> Self {
+        Self {
+            timestamp: U32Le::new(values.timestamp),
+            identifier: U16Le::new(W::IDENTIFIER.0),
+            status: U16Le::new(values.status.bits()),
+            payload: values.payload,
+            crc: CrcBe::UNSEALED,
+        }
+        .sealed()
+    }
+
+    /// The object in `bytes`, if it is intact and the uplink of role `W`.
+    ///
+    /// # Errors
+    ///
+    /// [`Rejection::Length`] if `bytes` are not 64, [`Rejection::Crc`] if they are damaged, [`Rejection::Identifier`]
+    /// if they are another object.
+    pub fn verify<W: WritesUplink>(bytes: &[u8]) -> Result<&Self, Rejection> {
+        let (object, findings) = Self::look(bytes)?;
+        findings.check(object.identifier() == W::IDENTIFIER, Rejection::Identifier).judge(object)
+    }
+
+    /// What it carries.
+    #[must_use]
+    pub const fn values(&self) -> UplinkValues {
+        UplinkValues { timestamp: self.timestamp.get(), status: self.status(), payload: self.payload }
+    }
+}
+
+/// An object that came in behind a request, intact and known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Written<'a> {
+    /// An uplink of the base station.
+    BaseStation(&'a Uplink),
+    /// An uplink of the flight controller.
+    FlightController(&'a Uplink),
+    /// A command, and the object that brought it.
+    Command(Command, &'a CommandObject),
+}
+
+impl<'a> Written<'a> {
+    /// The object in `bytes`, if it is intact and one that may be written.
+    ///
+    /// # Errors
+    ///
+    /// [`Rejection::Length`] if `bytes` are not 64, [`Rejection::Crc`] if they are damaged, [`Rejection::Identifier`]
+    /// if it is an object that nobody may write over the SSI, [`Rejection::Command`] if it is a command, but not one
+    /// that the DPR knows.
+    pub fn verify(bytes: &'a [u8]) -> Result<Self, Rejection> {
+        let (uplink, findings) = Uplink::look(bytes)?;
+        let command: &CommandObject = bytemuck::must_cast_ref(uplink);
+        findings.judge(())?;
+        match uplink.identifier() {
+            Identifier::UPLINK_BASE_STATION => Ok(Self::BaseStation(uplink)),
+            Identifier::UPLINK_FLIGHT_CONTROLLER => Ok(Self::FlightController(uplink)),
+            Identifier::COMMAND => Ok(Self::Command(command.command().ok_or(Rejection::Command)?, command)),
+            _ => Err(Rejection::Identifier),
+        }
+    }
+}

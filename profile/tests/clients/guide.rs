@@ -1,0 +1,72 @@
+//! `docs/flight-controller.md`: its code compiles, and its numbers are those of the code.
+use std::fs;
+use std::path::Path;
+
+use profile::Layout;
+use profile::ssi::client::{Config, SEARCH_CYCLES};
+use profile::ssi::timing::{CSN_HOLD_NS, CSN_SETUP_NS, GAP_NS};
+
+use super::c::{WARNINGS, compile, folder, scratch};
+
+fn guide() -> String {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/flight-controller.md");
+    fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+}
+
+/// The code blocks of `language`, in order.
+fn blocks(language: &str) -> Vec<String> {
+    let guide = guide();
+    let begins = format!("```{language}\n");
+    let parts = guide.split(&begins).skip(1);
+    parts.map(|part| part.split("```").next().expect("the block's text").to_owned()).collect()
+}
+
+#[test]
+fn each_block_of_c_in_the_guide_compiles_with_all_warnings_as_errors() {
+    let blocks = blocks("c");
+    assert_eq!(blocks.len(), 2);
+    for (number, block) in blocks.iter().enumerate() {
+        let source = scratch(&format!("guide{number}.c"));
+        fs::write(&source, block).expect("written");
+        let include = format!("-I{}", folder().display());
+        compile(&[WARNINGS, &[&include, "-fsyntax-only", source.to_str().expect("text")]].concat());
+    }
+}
+
+#[test]
+fn the_examples_for_px4_and_ardupilot_compile_against_what_they_use_of_them() {
+    let blocks = blocks("cpp");
+    assert_eq!(blocks.len(), 2);
+    for (number, block) in blocks.iter().enumerate() {
+        let source = scratch(&format!("guide{number}.cpp"));
+        fs::write(&source, block).expect("written");
+        let stubs = folder().join("tests/autopilots.hpp");
+        let include = format!("-I{}", folder().display());
+        let source = source.to_str().expect("text");
+        let stubs = stubs.to_str().expect("text");
+        let options = ["-x", "c++", "-std=c++14", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", "-include", stubs];
+        compile(&[&options[..], &[&include, source]].concat());
+    }
+}
+
+#[test]
+fn the_numbers_of_the_guide_are_those_of_the_code() {
+    let guide = guide();
+    let layout = Layout::for_receivers(3).expect("three receivers");
+    for bytes in [96, layout.image_len(), layout.map_len()] {
+        let wire_us = |clock_mhz: usize| bytes * 8 / clock_mhz + (CSN_SETUP_NS + CSN_HOLD_NS) as usize / 1_000;
+        let row = format!("| {bytes} | {} µs | {} µs |", wire_us(2), wire_us(8));
+        assert!(guide.contains(&row), "{row}");
+    }
+    let bounds = [
+        format!("first edge of SCK | at least {} µs", CSN_SETUP_NS / 1_000),
+        format!("CSN rises | at least {} µs", CSN_HOLD_NS / 1_000),
+        format!("CSN rises to CSN falls | at least {} µs", GAP_NS / 1_000),
+        format!("`age_limit_us`, {} ms unless you set it", Config::AGE_LIMIT_US / 1_000),
+        format!("nothing intact for {} ms", Config::SILENCE_US / 1_000),
+        format!("after four samples, {} ms", (SEARCH_CYCLES + 1) * 10),
+    ];
+    for bound in bounds {
+        assert!(guide.contains(&bound), "{bound}");
+    }
+}

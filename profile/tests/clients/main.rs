@@ -1,0 +1,72 @@
+//! The flight controller's client in Rust and in C: the same transactions, the same reports, byte for byte.
+//!
+//! `profile/c/tests/recorded` holds the recordings: `NAME.tape` the transactions, `NAME.txt` what a client says to
+//! them. After a change of the wire format, of the client or of `recordings.rs`, `RECORD=1 cargo test -p profile --test
+//! clients` writes them anew, to be read before they are committed.
+use std::fs;
+
+mod c;
+mod fuzz;
+mod guide;
+mod recordings;
+#[path = "../support/mod.rs"]
+mod support;
+
+use c::{Build, WARNINGS, compile, folder};
+use support::tape::play;
+
+#[test]
+fn the_recordings_are_current_and_both_clients_say_to_them_what_is_recorded() {
+    let recorded = folder().join("tests/recorded");
+    let mut names = vec![];
+    for (name, tape) in recordings::all() {
+        let said = play(&tape.0, |_| {});
+        let (tape_path, text_path) = (recorded.join(format!("{name}.tape")), recorded.join(format!("{name}.txt")));
+        if std::env::var_os("RECORD").is_some() {
+            fs::write(&tape_path, &tape.0).expect("written");
+            fs::write(&text_path, &said).expect("written");
+        }
+        let remedy = "run `RECORD=1 cargo test -p profile --test clients` and read the difference";
+        assert!(fs::read(&tape_path).is_ok_and(|found| found == tape.0), "{name}.tape is not current: {remedy}");
+        let text = fs::read_to_string(&text_path).unwrap_or_default();
+        assert_same(&format!("{name}.txt, recorded and in Rust"), &text, &said);
+        for build in [Build::Optimised, Build::Sanitised] {
+            assert_same(&format!("{name}, recorded and in C ({build:?})"), &text, &build.play(&tape.0));
+        }
+        names.extend([format!("{name}.tape"), format!("{name}.txt")]);
+    }
+    names.sort();
+    let mut found: Vec<_> = fs::read_dir(&recorded)
+        .expect("the recordings")
+        .map(|entry| entry.expect("readable").file_name().to_string_lossy().into_owned())
+        .collect();
+    found.sort();
+    assert_eq!(found, names, "there is nothing else in {}", recorded.display());
+}
+
+/// Fails at the first line that differs.
+fn assert_same(what: &str, left: &str, right: &str) {
+    for (number, (left, right)) in left.lines().zip(right.lines()).enumerate() {
+        assert_eq!(left, right, "{what}: line {}", number + 1);
+    }
+    assert_eq!(left.lines().count(), right.lines().count(), "{what}: lines");
+    assert!(left == right, "{what}: line ends");
+}
+
+#[test]
+fn a_recording_shows_every_verdict() {
+    let mut seen = [0; 11];
+    for (_, tape) in recordings::all() {
+        play(&tape.0, |told| seen[usize::from(told.report.verdict as u8)] += 1);
+    }
+    assert!(seen.iter().all(|count| *count > 0), "{seen:?}");
+}
+
+#[test]
+fn the_header_serves_c_plus_plus_and_c_that_includes_it_twice() {
+    let source = c::scratch("twice.c");
+    fs::write(&source, "#include \"horus_dpr.h\"\n#include \"horus_dpr.h\"\n").expect("written");
+    let source = source.to_str().expect("a path of text");
+    compile(&[WARNINGS, &["-I.", "-fsyntax-only", source]].concat());
+    compile(&["-x", "c++", "-std=c++14", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-I.", "-fsyntax-only", source]);
+}

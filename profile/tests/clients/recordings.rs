@@ -1,0 +1,521 @@
+//! The recorded transactions: a DPR, as the design describes it, read by a flight controller, with one thing after the
+//! other going wrong.
+use profile::criticality::{BaseStation, Dpr as DprRole, FlightController, Writer};
+use profile::image::Image;
+use profile::map::{Map, PortArea};
+use profile::ssi::client::{Client, Config, MAX_MAP};
+use profile::ssi::{self, Parsed, Request};
+use profile::uplink::Written;
+use profile::{
+    Command, CommandObject, GpsValues, Identifier, Layout, LinkStatus, LinkStatusBits, LinkValues, Object, PortStatus,
+    PortStatusBits, PortValues, Profile, ReportedValues, Uplink, UplinkStatus, UplinkValues, Violation, Violations,
+};
+
+use super::support::seeds;
+use super::support::tape::{NO_FRESH, Tape};
+
+/// From a sample to the publication of its image, µs.
+const LATENCY_US: u64 = 5_300;
+const CYCLE_US: u64 = 10_000;
+/// When the first sample was taken, µs.
+const START_US: u64 = 1_000_000;
+
+/// What a transaction meets.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Event {
+    Good,
+    /// The DPR is busy: it shows 0xFF and hears nothing.
+    Busy,
+    /// One bit of MISO is wrong.
+    Flip(usize),
+    /// MISO shows this throughout; the DPR hears.
+    Line(u8),
+    /// Only so many bytes are clocked.
+    Cut(usize),
+    /// So many bytes are of the image before.
+    Torn(usize),
+    /// Bytes of MISO shift by one bit, as after a clock edge too many.
+    Slipped,
+}
+
+/// What HORUS sends in cycle number `n`; `None` if its frame is missed.
+type Horus = fn(u32) -> Option<ReportedValues>;
+
+pub(crate) struct World<const N: usize> {
+    pub(crate) tape: Tape,
+    client: Client,
+    horus: Horus,
+    fresh_is_wired: bool,
+    /// What the DPR shows next.
+    window: Option<Request>,
+    port: PortArea,
+    age_100us: u16,
+    now_us: u64,
+}
+
+impl<const N: usize> World<N> {
+    fn new(change: impl FnOnce(&mut Config)) -> Self {
+        let layout = Layout::for_receivers(N).expect("a profile");
+        let mut config = Config::new(layout);
+        change(&mut config);
+        let mut tape = Tape::default();
+        tape.config(u8::try_from(N).expect("few"), &config);
+        Self {
+            tape,
+            client: Client::new(config).expect("a good configuration"),
+            horus: |n| Some(good(10 * n)),
+            fresh_is_wired: false,
+            window: None,
+            port: PortArea::EMPTY,
+            age_100us: 53,
+            now_us: START_US + LATENCY_US + 700,
+        }
+    }
+
+    /// The map that was published with cycle number `n`.
+    fn map(&self, n: u32) -> Vec<u8> {
+        let sent = (self.horus)(n);
+        let mut image = Image::<N>::EMPTY;
+        if let Some(reported) = sent {
+            // Nothing of a receiver is as in Reported-Position.
+            let same = seeds::gps_values(reported.timestamp);
+            let gps = GpsValues {
+                latitude: same.latitude + 1.0,
+                longitude: same.longitude + 1.0,
+                altitude: f64::from(n),
+                pitch: same.pitch + 1.0,
+                yaw: same.yaw + 1.0,
+                roll: same.roll + 1.0,
+                acceleration: same.acceleration.map(|axis| axis + 1.0),
+                ..same
+            };
+            let profile = Profile::<N>::seal(&reported, &[gps; N]);
+            for index in 0..Profile::<N>::OBJECTS {
+                let bytes = &profile.as_bytes()[Profile::<N>::place(index).expect("an object")];
+                image.deposit(Object::verify(index, bytes).expect("sealed")).expect("it has a place");
+            }
+        }
+        let status = LinkStatusBits::new().with_link_up(sent.is_some()).with_all_accepted(sent.is_some());
+        image.set_link(LinkStatus::seal(&LinkValues {
+            timestamp: 7_000 + 10 * n,
+            status,
+            frames_received: n,
+            age_100us: self.age_100us,
+            ..seeds::link_values()
+        }));
+        Map::<N>::new(image, self.port).as_bytes().to_vec()
+    }
+
+    /// One transaction in the flight controller's cycle.
+    fn read(&mut self, event: Event) {
+        let mut mosi = [0; MAX_MAP];
+        let bytes = self.client.begin(&mut mosi).expect("room");
+        let cycle = (self.now_us - START_US - LATENCY_US) / CYCLE_US;
+        let published_us = START_US + LATENCY_US + cycle * CYCLE_US;
+        let cycle = u32::try_from(cycle).expect("a short recording");
+        let window = self.window.map_or(0..Map::<N>::LEN, Request::window);
+        let show = |map: Vec<u8>| {
+            let mut shown = map[window.clone()].to_vec();
+            shown.resize(bytes, 0xFF);
+            shown
+        };
+        let mut miso = show(self.map(cycle));
+        match event {
+            Event::Good => {}
+            Event::Busy => miso.fill(0xFF),
+            Event::Flip(bit) => miso[bit / 8] ^= 0x80 >> (bit % 8),
+            Event::Line(level) => miso.fill(level),
+            Event::Cut(length) => miso.truncate(length),
+            Event::Torn(length) => miso[..length].copy_from_slice(&show(self.map(cycle - 1))[..length]),
+            Event::Slipped => {
+                let next: Vec<_> = miso.iter().skip(1).copied().chain([0]).collect();
+                miso.iter_mut().zip(next).for_each(|(byte, next)| *byte = *byte << 1 | next >> 7);
+            }
+        }
+        if !matches!(event, Event::Busy) {
+            let request = mosi[..8].try_into().expect("eight bytes");
+            self.window = match ssi::parse(&request, Map::<N>::LEN) {
+                Ok(Parsed::Window(window)) => Some(window),
+                _ => None,
+            };
+        }
+        let fresh_us = if self.fresh_is_wired { published_us } else { NO_FRESH };
+        self.tape.transaction(self.now_us, fresh_us, &miso);
+        self.client.end(&miso, self.now_us, Some(fresh_us));
+        self.now_us += 4_000;
+    }
+
+    fn good(&mut self, times: usize) {
+        (0..times).for_each(|_| self.read(Event::Good));
+    }
+
+    fn ask(&mut self, offset: usize, length: usize) {
+        let window = Request { offset: offset.try_into().expect("small"), length: length.try_into().expect("small") };
+        self.tape.ask(window.offset, window.length);
+        // One that the client refuses is part of the recording too.
+        let _ = self.client.ask(window);
+    }
+
+    fn write(&mut self, object: &[u8; 64]) {
+        self.tape.write(object);
+        if let Ok(written) = Written::verify(object) {
+            self.client.write(written);
+        }
+    }
+}
+
+fn good(timestamp: u32) -> ReportedValues {
+    seeds::reported_values(timestamp)
+}
+
+fn port(fresh: bool) -> PortArea {
+    let mut violations = Violations::new();
+    Violation::ALL.into_iter().zip(3..).for_each(|(kind, times)| violations.count(kind, times));
+    let values = PortValues {
+        timestamp: 7_123,
+        status: PortStatusBits::new().with_base_station_fresh(fresh).with_self_test_passed(true),
+        uplinks_accepted: 17,
+        commands_carried_out: 4,
+        last_command_timestamp: 6_999,
+        last_command: Command::SelfTest.word(),
+        base_station_age_ms: 120,
+        flight_controller_age_ms: u16::MAX,
+        violations,
+        integrity_faults: 1,
+        flash_passes: 88,
+        stuck_bits: 2,
+        buffers_out_of_use: 5,
+        last_stop: 0x0102_0304,
+    };
+    let mut area = PortArea::EMPTY;
+    area.set_status(Writer::<DprRole>::claim(), PortStatus::seal(Writer::<DprRole>::claim(), &values));
+    if fresh {
+        let values = UplinkValues {
+            timestamp: 6_400,
+            status: UplinkStatus::from_bits(0x8001),
+            payload: [0x5A; Uplink::PAYLOAD],
+        };
+        area.set_uplink(Writer::<BaseStation>::claim(), Uplink::seal(Writer::<BaseStation>::claim(), &values));
+        area.set_uplink(
+            Writer::<FlightController>::claim(),
+            Uplink::seal(Writer::<FlightController>::claim(), &values),
+        );
+    }
+    area
+}
+
+/// HORUS restarts in cycle 20.
+fn restarting(n: u32) -> Option<ReportedValues> {
+    Some(good(if n < 20 { 50_000 + 10 * n } else { 10 * (n - 20) }))
+}
+
+/// What HORUS sends from cycle 8 on, one after the other: every way in which a position can be invalid.
+fn invalid(n: u32) -> Option<ReportedValues> {
+    let all = good(10 * n);
+    let status = all.status;
+    Some(match n {
+        8 => ReportedValues { status: status.with_position_valid(false), ..all },
+        10 => ReportedValues { latitude: f64::NAN, ..all },
+        11 => ReportedValues { longitude: f64::INFINITY, ..all },
+        12 => ReportedValues { latitude: 90.000_000_000_000_01, ..all },
+        13 => ReportedValues { latitude: -90.0, longitude: 180.0, ..all },
+        14 => ReportedValues { longitude: -180.000_000_000_000_03, ..all },
+        15 => ReportedValues { altitude: f64::NEG_INFINITY, ..all },
+        16 => ReportedValues { pitch: f32::NAN, ..all },
+        17 => ReportedValues { yaw: f32::INFINITY, ..all },
+        18 => ReportedValues { status: status.with_attitude_valid(false), ..all },
+        19 => ReportedValues { acceleration: [0.0, f32::NAN, 0.0], ..all },
+        20 => ReportedValues { status: status.with_acceleration_valid(false), ..all },
+        21 => ReportedValues { roll: f32::NEG_INFINITY, acceleration: [0.0, 0.0, f32::INFINITY], ..all },
+        22 => ReportedValues { latitude: -0.0, longitude: f64::from_bits(1), ..all },
+        23 => ReportedValues::absent(10 * n),
+        _ => all,
+    })
+}
+
+fn started<const N: usize>(change: impl FnOnce(&mut World<N>)) -> World<N> {
+    let mut world = World::new(|_| {});
+    change(&mut world);
+    world.good(9);
+    world
+}
+
+fn events(events: &[Event]) -> Tape {
+    let mut world = started::<3>(|_| {});
+    for event in events {
+        world.read(*event);
+        world.good(2);
+    }
+    world.tape
+}
+
+fn sequence(horus: Horus, readings: usize) -> Tape {
+    let mut world = started::<3>(|world| world.horus = horus);
+    world.good(readings);
+    world.tape
+}
+
+fn windows<const N: usize>() -> Tape {
+    let mut world = started::<N>(|world| world.port = port(true));
+    let layout = Layout::for_receivers(N).expect("a profile");
+    let mut places: Vec<_> = (1..=N).filter_map(|index| layout.in_image(index)).collect();
+    places.extend([layout.port_status(), layout.uplink::<BaseStation>(), layout.uplink::<FlightController>()]);
+    places.extend([0..layout.map_len(), 0..95, 4..100, layout.image_len()..layout.map_len()]);
+    for place in places {
+        world.ask(place.start, place.len());
+        world.good(1);
+        world.tape.view();
+        world.good(1);
+        world.tape.view();
+    }
+    world.ask(layout.map_len(), 1);
+    world.ask(0, 0);
+    world.good(1);
+    world.tape
+}
+
+fn busy_while_asking() -> Tape {
+    let mut world = started::<3>(|world| world.port = port(false));
+    world.ask(96, 60);
+    world.write(Uplink::seal(Writer::<BaseStation>::claim(), &UplinkValues::default()).as_bytes());
+    // The request is not heard, and is sent again; then its window is what a busy DPR goes on to show.
+    for event in [Event::Busy, Event::Busy, Event::Good, Event::Busy, Event::Busy, Event::Good, Event::Good] {
+        world.read(event);
+        world.tape.view();
+    }
+    world.ask(0, 96);
+    world.read(Event::Busy);
+    world.ask(276, 64);
+    world.good(3);
+    world.ask(96, 60);
+    world.read(Event::Flip(5));
+    world.read(Event::Flip(99));
+    world.tape.view();
+    world.good(2);
+    world.tape
+}
+
+fn writing() -> Tape {
+    let mut world = started::<3>(|_| {});
+    let values = UplinkValues { timestamp: 1, payload: [1; Uplink::PAYLOAD], ..UplinkValues::default() };
+    let sealed = Uplink::seal(Writer::<BaseStation>::claim(), &values);
+    world.write(sealed.as_bytes());
+    world.good(2);
+    let command = CommandObject::seal(Writer::<FlightController>::claim(), 2, Command::ClearCounters);
+    world.write(command.as_bytes());
+    world.read(Event::Busy);
+    world.write(sealed.as_bytes());
+    world.good(2);
+    // What the DPR would refuse is not written.
+    let mut damaged = *command.as_bytes();
+    damaged[20] ^= 1;
+    world.write(&damaged);
+    let reseal = |mut object: [u8; 64]| {
+        super::support::reference::repair_frame_crc(&mut object);
+        object
+    };
+    world.write(&reseal(damaged));
+    let mut unknown = *command.as_bytes();
+    unknown[8] ^= 1;
+    world.write(&reseal(unknown));
+    let mut position = *sealed.as_bytes();
+    position[4..6].copy_from_slice(&Identifier::REPORTED_POSITION.0.to_le_bytes());
+    world.write(&reseal(position));
+    world.good(2);
+    for which in 0..2 {
+        world.tape.command(3 + u32::from(which), which);
+        let command = Command::ALL[usize::from(which)];
+        let object = CommandObject::seal(Writer::<FlightController>::claim(), 3 + u32::from(which), command);
+        world.client.write(Written::Command(command, &object));
+        world.good(1);
+    }
+    let values = UplinkValues { timestamp: 9, status: UplinkStatus::from_bits(0xBEEF), payload: [9; Uplink::PAYLOAD] };
+    world.tape.uplink(9, 0xBEEF, &[9; 52]);
+    world.client.write(Written::FlightController(&Uplink::seal(Writer::<FlightController>::claim(), &values)));
+    world.good(2);
+    world.tape
+}
+
+fn stale() -> Tape {
+    let mut world = started::<3>(|_| {});
+    // The DPR says that its sample is old, older than the limit, and of unknown age.
+    for age_100us in [900, 940, 1_000, u16::MAX, 53] {
+        world.age_100us = age_100us;
+        world.good(3);
+    }
+    // Busy until the position is too old.
+    (0..32).for_each(|_| world.read(Event::Busy));
+    world.good(12);
+    // HORUS stops, and the DPR goes on to show its last sample.
+    world.horus = |_| Some(good(700));
+    world.good(30);
+    world.tape
+}
+
+fn silent() -> Tape {
+    let mut world = World::<3>::new(|config| config.silence_us = 20_000);
+    (0..8).for_each(|_| world.read(Event::Line(0x00)));
+    (0..3).for_each(|_| world.read(Event::Busy));
+    world.good(10);
+    (0..8).for_each(|_| world.read(Event::Line(0xFF)));
+    world.good(2);
+    world.tape
+}
+
+fn clocks() -> Tape {
+    let mut world = started::<3>(|world| world.fresh_is_wired = true);
+    world.good(4);
+    // The flight controller does not read for a while, less than HORUS may be missed, then for longer.
+    world.now_us += 200_000;
+    world.good(3);
+    world.now_us += 300_000;
+    world.good(12);
+    // Its clock goes back, and on.
+    world.now_us -= 400_000;
+    world.good(2);
+    world.now_us += 400_000;
+    world.good(12);
+    world.tape
+}
+
+/// Whatever is intact in another window keeps the DPR from being called silent, and nothing else does.
+fn windows_and_silence() -> Tape {
+    let mut world = started::<3>(|world| world.port = port(true));
+    let layout = Layout::for_receivers(3).expect("a profile");
+    let mut places: Vec<_> = (0..=3).filter_map(|index| layout.in_image(index)).collect();
+    places.extend([layout.port_status(), layout.uplink::<BaseStation>(), layout.uplink::<FlightController>()]);
+    // Link-Status without the whole of Reported-Position; bytes that are no object.
+    places.extend([0..32, 33..95]);
+    for place in places {
+        for _ in 0..10 {
+            world.ask(place.start, place.len());
+            world.good(1);
+        }
+        world.read(Event::Busy);
+        world.good(2);
+    }
+    world.tape
+}
+
+/// Ages and silences that are just at their limit, and one microsecond more.
+fn limits() -> Tape {
+    let mut world = World::<3>::new(|config| (config.age_limit_us, config.silence_us) = (17_400, 12_000));
+    world.good(10);
+    for more_us in [0, 1] {
+        // The sample is 9.4 ms old when it is read first.
+        world.read(Event::Good);
+        world.now_us += more_us;
+        world.read(Event::Busy);
+        world.read(Event::Busy);
+        world.read(Event::Busy);
+        world.now_us += 4_000 - more_us;
+        world.good(4);
+    }
+    // Nothing new at the same instant, then another image at the same instant.
+    let (map, next) = (world.map(30), world.map(31));
+    for shown in [&map, &map, &next] {
+        world.tape.transaction(world.now_us, NO_FRESH, &shown[..96]);
+    }
+    // FRESH has broken: its last edge is long ago.
+    for n in 32..40 {
+        world.now_us += CYCLE_US;
+        let map = world.map(n);
+        world.tape.transaction(world.now_us, START_US, &map[..96]);
+    }
+    world.tape
+}
+
+/// Objects that are intact but in another's place, and positions with a CRC that is wrong under a frame CRC that is
+/// right.
+fn misplaced() -> Tape {
+    let mut world = World::<3>::new(|config| config.read_bytes = 468);
+    world.port = port(true);
+    world.good(9);
+    let repair = super::support::reference::repair_frame_crc;
+    for (object, at) in
+        [(0..32, 4), (32..96, 5), (32..96, 10), (96..156, 4), (276..340, 4), (340..404, 5), (404..468, 5)]
+    {
+        let mut map = world.map(12);
+        map[object.start + at] ^= 0x01;
+        repair(&mut map[object]);
+        world.tape.transaction(world.now_us, NO_FRESH, &map);
+        world.tape.view();
+        world.now_us += 4_000;
+    }
+    world.tape
+}
+
+fn edges() -> Tape {
+    let mut world = started::<1>(|_| {});
+    world.now_us = u64::MAX - 40_000;
+    let map = world.map(3);
+    for (began, fresh) in [(0, 0), (u64::MAX, 0), (u64::MAX, u64::MAX), (1, u64::MAX), (u64::MAX - 1, 5)] {
+        world.tape.transaction(began, fresh, &map[..96]);
+    }
+    for length in [0, 1, 31, 32, 95, 97, 348, 400, 1_024] {
+        let mut miso = map.clone();
+        miso.resize(length, 0xFF);
+        world.tape.transaction(START_US, NO_FRESH, &miso);
+        world.tape.view();
+    }
+    for (receivers, read_bytes) in [(0, 96), (4, 96), (6, 96), (255, 96), (3, 95), (3, 469), (3, 468), (5, 588)] {
+        let config = Config { read_bytes, ..*world.client.config() };
+        world.tape.config(receivers, &config);
+        world.tape.view();
+        world.tape.transaction(START_US, NO_FRESH, &map[..96]);
+    }
+    world.tape
+}
+
+/// Every recording, by name.
+pub(crate) fn all() -> Vec<(&'static str, Tape)> {
+    use Event::{Busy, Cut, Flip, Good, Line, Slipped, Torn};
+    let whole = {
+        let mut world = World::<3>::new(|config| config.read_bytes = 468);
+        world.port = port(true);
+        world.good(12);
+        world.tape.view();
+        world.read(Flip(8 * 200 + 3));
+        world.tape.view();
+        world.tape
+    };
+    let five = {
+        let mut world = World::<5>::new(|config| config.age_limit_us = 12_000);
+        world.good(14);
+        world.tape
+    };
+    let wrapped: Horus = |n| Some(good((u32::MAX - 95).wrapping_add(10 * n)));
+    vec![
+        ("good", sequence(|n| Some(good(10 * n)), 10)),
+        ("busy", events(&[Busy, Busy, Good])),
+        ("torn", events(&[Torn(1), Torn(16), Torn(31), Torn(33), Torn(64), Torn(95)])),
+        (
+            "damaged",
+            events(&[Flip(0), Flip(38), Flip(255), Flip(256), Flip(500), Flip(767), Slipped, Line(0xA5), Cut(95)]),
+        ),
+        ("stale", stale()),
+        ("silent", silent()),
+        ("missed", sequence(|n| (n % 5 != 2).then(|| good(10 * n)), 30)),
+        ("restarted", sequence(restarting, 60)),
+        ("timestamps_that_wrap", sequence(wrapped, 30)),
+        ("timestamps_that_jump", sequence(|n| Some(good(10 * n + 30 * (n / 15))), 70)),
+        ("timestamps_that_are_irregular", sequence(|n| Some(good(10 * n + n / 15)), 70)),
+        ("timestamps_that_swing", sequence(|n| Some(good(500 + 10 * (n % 2))), 30)),
+        ("a_clock_that_is_slow", sequence(|n| Some(good(10 * (n - n / 8))), 60)),
+        ("a_clock_that_is_fast", sequence(|n| Some(good(10 * (n + n / 4))), 60)),
+        ("invalid", sequence(invalid, 55)),
+        ("windows_of_1", windows::<1>()),
+        ("windows_of_2", windows::<2>()),
+        ("windows_of_3", windows::<3>()),
+        ("windows_of_5", windows::<5>()),
+        ("busy_while_asking", busy_while_asking()),
+        ("writing", writing()),
+        ("whole_map", whole),
+        ("a_limit_of_12_ms", five),
+        ("clocks", clocks()),
+        ("windows_and_silence", windows_and_silence()),
+        ("limits", limits()),
+        ("misplaced", misplaced()),
+        ("edges", edges()),
+    ]
+}

@@ -1,0 +1,296 @@
+//! Tapes: what a flight controller does and what comes back, to be played to the client in Rust and in C.
+//!
+//! A tape is a row of steps, all numbers little-endian. What the client says is written down, one line for each step
+//! but the view's; `profile/c/tests/tape.c` writes the same lines for the C client. Any bytes are a tape: it ends where
+//! a step is not whole.
+//!
+//! | first byte, modulo 7 | step | what follows it |
+//! |---|---|---|
+//! | 0 | a new client | u8 receivers, u16 bytes to read, u32 age limit, u32 silence, µs |
+//! | 1 | asks for a window | u16 offset, u16 length |
+//! | 2 | writes an object | 64 bytes |
+//! | 3 | a transaction | u64 began, u64 FRESH, µs; u16 count; so many bytes of MISO, at most 1024 |
+//! | 4 | views every object of the last transaction | |
+//! | 5 | seals a command and writes it | u32 timestamp, u8: odd for a self-test |
+//! | 6 | seals an uplink and writes it | u32 timestamp, u16 status, 52 bytes |
+use std::fmt::Write as _;
+
+use profile::criticality::{BaseStation, FlightController, Writer};
+use profile::ssi::Request;
+use profile::ssi::client::{Client, Config, MAX_MAP, MAX_WRITE, Report, Shown, View};
+use profile::uplink::Written;
+use profile::{
+    Command, CommandObject, Layout, LinkStatus, LinkValues, Object, PortStatus, Rejection, ReportedValues, Uplink,
+    UplinkStatus, UplinkValues, Violation,
+};
+
+/// The longest MISO of a step.
+const MAX_MISO: usize = 1024;
+
+/// The instant of FRESH where the line is not wired: in the future, where the client ignores it.
+pub(crate) const NO_FRESH: u64 = u64::MAX;
+
+/// A tape that is being written.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Tape(pub(crate) Vec<u8>);
+
+impl Tape {
+    fn step(&mut self, kind: u8, parts: &[&[u8]]) {
+        self.0.push(kind);
+        parts.iter().for_each(|part| self.0.extend_from_slice(part));
+    }
+
+    pub(crate) fn config(&mut self, receivers: u8, config: &Config) {
+        let Config { read_bytes, age_limit_us, silence_us, .. } = config;
+        let (age, silence) = (age_limit_us.to_le_bytes(), silence_us.to_le_bytes());
+        self.step(0, &[&[receivers], &read_bytes.to_le_bytes(), &age, &silence]);
+    }
+
+    pub(crate) fn ask(&mut self, offset: u16, length: u16) {
+        self.step(1, &[&offset.to_le_bytes(), &length.to_le_bytes()]);
+    }
+
+    pub(crate) fn write(&mut self, object: &[u8; 64]) {
+        self.step(2, &[object]);
+    }
+
+    pub(crate) fn transaction(&mut self, began_us: u64, fresh_us: u64, miso: &[u8]) {
+        let count = u16::try_from(miso.len()).expect("a short transaction").to_le_bytes();
+        self.step(3, &[&began_us.to_le_bytes(), &fresh_us.to_le_bytes(), &count, miso]);
+    }
+
+    pub(crate) fn view(&mut self) {
+        self.step(4, &[]);
+    }
+
+    pub(crate) fn command(&mut self, timestamp: u32, which: u8) {
+        self.step(5, &[&timestamp.to_le_bytes(), &[which]]);
+    }
+
+    pub(crate) fn uplink(&mut self, timestamp: u32, status: u16, payload: &[u8; 52]) {
+        self.step(6, &[&timestamp.to_le_bytes(), &status.to_le_bytes(), payload]);
+    }
+}
+
+/// What is left of a tape.
+struct Rest<'a>(&'a [u8]);
+
+impl<'a> Rest<'a> {
+    fn take(&mut self, count: usize) -> Option<&'a [u8]> {
+        let (taken, rest) = self.0.split_at_checked(count).unwrap_or((&[], &[]));
+        self.0 = rest;
+        (taken.len() == count).then_some(taken)
+    }
+
+    fn array<const N: usize>(&mut self) -> Option<[u8; N]> {
+        self.take(N).and_then(|bytes| bytes.try_into().ok())
+    }
+}
+
+/// The number of `horus_dpr_result_t` in C.
+fn code<T>(result: Result<T, Rejection>) -> u8 {
+    match result {
+        Ok(_) => 0,
+        Err(Rejection::Length) => 2,
+        Err(Rejection::Crc) => 3,
+        Err(Rejection::PositionCrc) => 4,
+        Err(Rejection::Identifier) => 5,
+        Err(Rejection::Window) => 6,
+        Err(Rejection::Command) => 7,
+        Err(_) => unreachable!("a rejection without a number"),
+    }
+}
+
+/// The number of what is shown, and the object if it is intact.
+fn shown<T>(shown: Option<Shown<T>>) -> (u8, Option<T>) {
+    match shown {
+        None => (code::<()>(Err(Rejection::Length)), None),
+        Some(Shown::Intact(object)) => (0, Some(object)),
+        Some(Shown::Vacant) => (1, None),
+        Some(Shown::Damaged(why)) => (code::<()>(Err(why)), None),
+    }
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().fold(String::new(), |mut text, byte| {
+        let _ = write!(text, "{byte:02x}");
+        text
+    })
+}
+
+/// A sample's values, to the last bit.
+fn sample(timestamp: u32, status: u16, position: [f64; 3], attitude: [f32; 3], acceleration: [f32; 3]) -> String {
+    let mut text = format!(" t={timestamp} s={status:04x}");
+    position.iter().for_each(|value| write!(text, " {:016x}", value.to_bits()).expect("written"));
+    attitude.iter().chain(&acceleration).for_each(|value| write!(text, " {:08x}", value.to_bits()).expect("written"));
+    text
+}
+
+fn reported(values: &ReportedValues) -> String {
+    let ReportedValues { timestamp, status, latitude, longitude, altitude, pitch, yaw, roll, acceleration } = *values;
+    sample(timestamp, status.bits(), [latitude, longitude, altitude], [pitch, yaw, roll], acceleration)
+}
+
+fn link(values: &LinkValues) -> String {
+    format!(
+        " t={} s={:04x} {} {} {} {} {} {}",
+        values.timestamp,
+        values.status.bits(),
+        values.objects_accepted,
+        values.objects_rejected,
+        values.frames_received,
+        values.frames_missed,
+        values.age_100us,
+        values.access_violations
+    )
+}
+
+fn report(said: &Report) -> String {
+    let mut text = format!("end {} age={}", said.verdict as u8, said.age_us);
+    if let Some(position) = &said.position {
+        text += &format!(" position{}", reported(position));
+    }
+    if let Some(values) = &said.link {
+        text += &format!(" link{}", link(values));
+    }
+    text
+}
+
+fn view(view: &View<'_>) -> String {
+    let (result, object) = shown(view.link());
+    let mut text = format!("link {result}{}\n", object.map(LinkStatus::values).as_ref().map_or(String::new(), link));
+    for index in 0..=6 {
+        let (result, object) = shown(view.object(index));
+        let values = object.map_or(String::new(), |object| match object {
+            Object::Reported(object) => reported(&object.values()),
+            Object::Gps(object) => {
+                let v = object.values();
+                let (position, attitude) = ([v.latitude, v.longitude, v.altitude], [v.pitch, v.yaw, v.roll]);
+                sample(v.timestamp, v.status.bits(), position, attitude, v.acceleration)
+            }
+        });
+        text += &format!("object {index} {result}{values}\n");
+    }
+    let (result, object) = shown(view.port_status());
+    text += &format!("port {result}");
+    if let Some(v) = object.map(PortStatus::values) {
+        text += &format!(
+            " t={} s={:04x} {} {} {} {:08x} {} {}",
+            v.timestamp,
+            v.status.bits(),
+            v.uplinks_accepted,
+            v.commands_carried_out,
+            v.last_command_timestamp,
+            v.last_command,
+            v.base_station_age_ms,
+            v.flight_controller_age_ms
+        );
+        Violation::ALL.iter().for_each(|kind| text += &format!(" {}", v.violations.of(*kind)));
+        text += &format!(
+            " {} {} {} {} {}",
+            v.integrity_faults, v.flash_passes, v.stuck_bits, v.buffers_out_of_use, v.last_stop
+        );
+    }
+    text += "\n";
+    for uplink in [view.uplink::<BaseStation>(), view.uplink::<FlightController>()] {
+        let (result, object) = shown(uplink);
+        let values = object
+            .map(Uplink::values)
+            .map_or(String::new(), |v| format!(" t={} s={:04x} {}", v.timestamp, v.status.bits(), hex(&v.payload)));
+        text += &format!("uplink {result}{values}\n");
+    }
+    text
+}
+
+/// What is told of each transaction.
+pub(crate) struct Told<'a> {
+    pub(crate) began_us: u64,
+    pub(crate) config: Config,
+    pub(crate) report: &'a Report,
+}
+
+/// Plays a tape to the Rust client. Gives what it says, line by line; `told` hears of each transaction.
+pub(crate) fn play(tape: &[u8], mut told: impl FnMut(Told<'_>)) -> String {
+    let mut rest = Rest(tape);
+    let mut client = Client::new(Config::new(Layout::for_receivers(3).expect("three receivers"))).expect("a client");
+    let mut miso: &[u8] = &[];
+    let mut text = String::new();
+    while let Some([kind]) = rest.array() {
+        let said = match kind % 7 {
+            0 => rest.array::<11>().map(|[receivers, b0, b1, a0, a1, a2, a3, s0, s1, s2, s3]| {
+                let made = Layout::for_receivers(receivers.into()).ok_or(Rejection::Window).and_then(|layout| {
+                    Client::new(Config {
+                        layout,
+                        read_bytes: u16::from_le_bytes([b0, b1]),
+                        age_limit_us: u32::from_le_bytes([a0, a1, a2, a3]),
+                        silence_us: u32::from_le_bytes([s0, s1, s2, s3]),
+                    })
+                });
+                let result = code(made.as_ref().map_err(|why| *why));
+                if let Ok(made) = made {
+                    (client, miso) = (made, &[]);
+                }
+                format!("config {result}\n")
+            }),
+            1 => rest.array().map(|[o0, o1, l0, l1]| {
+                let window = Request { offset: u16::from_le_bytes([o0, o1]), length: u16::from_le_bytes([l0, l1]) };
+                format!("ask {}\n", code(client.ask(window)))
+            }),
+            2 => rest.take(64).map(|bytes| {
+                let written = Written::verify(bytes);
+                if let Ok(written) = written {
+                    client.write(written);
+                }
+                format!("write {}\n", code(written))
+            }),
+            3 => transaction(&mut rest, &mut client, &mut miso, &mut told),
+            4 => Some(view(&client.view(miso))),
+            5 => rest.array().map(|[t0, t1, t2, t3, which]| {
+                let command = if which % 2 == 0 { Command::ClearCounters } else { Command::SelfTest };
+                let timestamp = u32::from_le_bytes([t0, t1, t2, t3]);
+                let object = CommandObject::seal(Writer::<FlightController>::claim(), timestamp, command);
+                client.write(Written::Command(command, &object));
+                format!("command 0 {}\n", hex(object.as_bytes()))
+            }),
+            _ => rest.array::<58>().map(|bytes| {
+                let ([t0, t1, t2, t3, s0, s1], payload) = bytes.split_first_chunk().expect("58 bytes");
+                let values = UplinkValues {
+                    timestamp: u32::from_le_bytes([*t0, *t1, *t2, *t3]),
+                    status: UplinkStatus::from_bits(u16::from_le_bytes([*s0, *s1])),
+                    payload: payload.try_into().expect("52 bytes"),
+                };
+                let object = Uplink::seal(Writer::<FlightController>::claim(), &values);
+                client.write(Written::FlightController(&object));
+                format!("own 0 {}\n", hex(object.as_bytes()))
+            }),
+        };
+        text += &said.unwrap_or_default();
+    }
+    text
+}
+
+fn transaction<'a>(
+    rest: &mut Rest<'a>,
+    client: &mut Client,
+    miso: &mut &'a [u8],
+    told: &mut impl FnMut(Told<'_>),
+) -> Option<String> {
+    *miso = &[];
+    let head = rest.array::<18>()?;
+    let number = |at: usize| u64::from_le_bytes(head[at..at + 8].try_into().expect("eight bytes"));
+    let (began_us, fresh_us) = (number(0), number(8));
+    let count = usize::from(u16::from_le_bytes([head[16], head[17]]));
+    let brought = rest.take(count);
+    let mut mosi = [0xA5; MAX_MAP];
+    assert_eq!(client.begin(&mut mosi[..7]), Err(Rejection::Length), "a buffer that is too short changes nothing");
+    let bytes = client.begin(&mut mosi).expect("room for the longest transaction");
+    let Some(brought) = brought.filter(|brought| brought.len() <= MAX_MISO) else {
+        rest.0 = &[];
+        return None;
+    };
+    assert!(mosi[bytes.min(MAX_WRITE)..bytes].iter().all(|byte| *byte == 0), "nothing is driven behind an object");
+    let said = client.end(brought, began_us, Some(fresh_us));
+    *miso = brought;
+    told(Told { began_us, config: *client.config(), report: &said });
+    Some(format!("begin {bytes} {}\n{}\n", hex(&mosi[..bytes.min(MAX_WRITE)]), report(&said)))
+}
