@@ -178,12 +178,13 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Poller<SPI, IRQ, DELAY> {
         if !self.machine.is_ready() {
             self.run(Step::Event(PollerEvent::Ready), payload)?;
         }
-        let first = match self.machine.send(payload.len()) {
+        let first = match self.machine.prepare(payload.len()) {
             Ok(step) => step,
             Err(SendError::Length) => return Err(Error::Length),
             Err(SendError::NotReady) => return Err(Error::Fault(Fault::Executor)),
         };
-        self.run(first, payload)?; // to Loaded
+        self.run(first, payload)?; // to Prepared
+        self.run(Step::Event(PollerEvent::Prepared), payload)?; // to Loaded
         let transmit = Step::Transfer(Transfer::Short(poller::Poller::transmit()));
         self.run(transmit, payload)?; // to Sent
         self.run(Step::Event(PollerEvent::Sent), payload) // checked, Ready again

@@ -126,16 +126,20 @@
 //! assert_eq!(poller.variant(), Some(Variant::B));
 //! assert_eq!(poller.state(), PollerState::Ready);
 //!
-//! let step = poller.send(244).expect("it is ready and 244 ≤ 254");
+//! let step = poller.prepare(244).expect("it is ready and 244 ≤ 254");
 //! assert_eq!(mosi(step), [0xDB]); // clear FIFO
 //! assert_eq!(mosi(poller.step(Input::Done(&[0]))), [0x22, 0x07, 0xA0]); // length
-//! let load = Transfer::Load { offset: 0, len: 244 }; // 80 and the payload
-//! assert_eq!(poller.step(Input::Done(&[0; 3])), Step::Transfer(load));
-//! assert_eq!(mosi(poller.step(Input::Done(&[]))), [0x59, 0, 0, 0, 0, 0, 0, 0]); // all there?
-//! assert_eq!(poller.step(Input::Done(&[0, 0xFB, 0, 0, 0, 0, 244, 0])), Step::Event(PollerEvent::Loaded));
-//! // At its own instant the executor sends this one byte:
+//! assert_eq!(mosi(poller.step(Input::Done(&[0; 3]))), [0x59, 0, 0, 0, 0, 0, 0, 0]); // empty?
+//! assert_eq!(poller.step(Input::Done(&[0, 0xFB, 0, 0, 0, 0, 0, 0])), Step::Event(PollerEvent::Prepared));
+//! // The payload is known: 80 and its first bytes.
+//! let head = Transfer::Load { offset: 0, len: 16 };
+//! assert_eq!(poller.step(Input::Start), Step::Transfer(head));
+//! assert_eq!(poller.step(Input::Done(&[])), Step::Event(PollerEvent::Loaded));
+//! // At its own instant the executor sends this one byte, and then the rest of the payload:
 //! assert_eq!(Poller::transmit().bytes(), [0xC4]);
-//! assert_eq!(poller.step(Input::Done(&[0])), Step::Wait { us: 4_815 + 500 });
+//! let rest = Transfer::Load { offset: 16, len: 228 };
+//! assert_eq!(poller.step(Input::Done(&[0])), Step::Transfer(rest));
+//! assert_eq!(poller.step(Input::Done(&[])), Step::Wait { us: 4_815 + 500 });
 //! assert_eq!(mosi(poller.step(Input::Irq)), [0x59, 0, 0, 0, 0, 0, 0, 0]);
 //! let ended = [0, 0xFB, 0x08, 0, 0, 0, 0, 0]; // I_txe
 //! assert_eq!(poller.step(Input::Done(&ended)), Step::Event(PollerEvent::Sent));

@@ -81,13 +81,13 @@ use crate::status::{STATUS_READ, Status};
 use crate::{FRAME_US, Variant};
 
 /// With [`ReadMode::WhileFilling`], bytes that are still to come when the second read begins. Until the third there are
-/// 80 bytes, 1.5 ms on air; the second read, at most 169 bytes, takes 177 µs at 8 MHz with its status, and the rest is
+/// 27 bytes, 0.51 ms on air; the second read, at most 225 bytes, takes 235 µs at 8 MHz with its status, and the rest is
 /// the executor's to verify what has arrived.
-pub const BODY: usize = 88;
+pub const BODY: usize = 32;
 /// With [`ReadMode::WhileFilling`], bytes that are still to come when the third read begins, which are left for after
-/// I_rxe. They take 151 µs to arrive; the third read, at most 83 bytes, takes 94 µs at 8 MHz with its status and the
+/// I_rxe. They take 94 µs to arrive; the third read, at most 30 bytes, takes 40 µs at 8 MHz with its status and the
 /// rest is the executor's to be late in.
-pub const TAIL: usize = 8;
+pub const TAIL: usize = 5;
 /// With [`ReadMode::WhileFilling`], bytes awaited before the first read.
 const HEAD: u16 = 16;
 /// Bytes a read on the way leaves in the FIFO, so that it never runs dry while the chip writes it.

@@ -143,9 +143,9 @@ pub enum Fault {
     Bus,
     /// Poller: no I_txe within the frame's air time and a margin.
     NoTransmitEnd,
-    /// Poller: after loading, the FIFO did not hold as many bytes as were loaded.
+    /// Poller: after a frame the FIFO held another number of bytes than it should.
     FifoCount {
-        /// Bytes loaded.
+        /// Bytes that it should hold.
         expected: u16,
         /// Bytes the FIFO says it holds.
         found: u16,

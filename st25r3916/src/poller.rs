@@ -13,16 +13,25 @@
 //!         │ READY
 //!         ▼
 //!  ┌──► Ready ─────────── Start ─────────────────────────────────┐
-//!  │      │ send()                                               │
+//!  │      │ prepare()                                            │
 //!  │      ▼                                                      │
-//!  │    PreparingClear, PreparingLength, Loading, CheckingLoad ──┼─ FAULT: wrong level ─┐
+//!  │    PreparingClear, PreparingLength, CheckingFifo ───────────┼─ FAULT: not empty ───┐
+//!  │      │ PREPARED                                             │                      │
+//!  │      ▼                                                      │                      │
+//!  │    Prepared ── prepare(): another length                    │                      │
+//!  │      │ Start                                                │                      │
+//!  │      ▼                                                      │                      │
+//!  │    LoadingHead                                              │                      │
 //!  │      │ LOADED                                               │                      │
 //!  │      ▼                                                      │                      │
 //!  │    Loaded ────────── Start: the frame is given up ──────────┤                      │
 //!  │      │ Done: C4 was sent                                    │                      │
 //!  │      ▼                                                      │                      │
-//!  │    OnAir ◄──► ReadingIrqs ─── FAULT: no I_txe, underflow ───┼──────────────────────┤
-//!  │                 │ I_txe: SENT                               │                      ▼
+//!  │    LoadingRest                                              │                      │
+//!  │      │                                                      │                      │
+//!  │      ▼                                                      │                      │
+//!  │    OnAir ◄──► ReadingIrqs ─── FAULT: no I_txe, underflow, ──┼──────────────────────┤
+//!  │                 │ I_txe: SENT        bytes left over        │                      ▼
 //!  │                 ▼                                           │                  FrameLost
 //!  │               Sent ─ Start ─────────────────────────────────┤                      │ Start
 //!  │                                                             ▼                      ▼
@@ -33,13 +42,19 @@
 //!
 //! # A frame
 //!
-//! [`Poller::send`] clears the FIFO, sets the length, has the payload loaded and reads the FIFO level
-//! back; [`PollerEvent::Loaded`] says that all that is left is one byte on the bus,
-//! [`Poller::transmit`], which the executor sends at an instant of its own choosing (a timer's compare
-//! event may start it with no code in between). From there the machine waits for I_txe for as long
-//! as the frame's own air time and [`TRANSMIT_MARGIN_US`], then says [`PollerEvent::Sent`].
-//! The next [`Input::Start`] checks the chip (configuration in place, oscillator and transmitter on)
-//! and comes to [`PollerEvent::Ready`]. The field stays on from bring-up on.
+//! [`Poller::prepare`] clears the FIFO, sets the length, and reads the status, so that no interrupt of before is taken
+//! for one of this frame: all that can be done before the payload is known. The next [`Input::Start`] loads the first
+//! [`HEAD`] bytes of the payload, and [`PollerEvent::Loaded`] says that all that is left is one byte on the bus,
+//! [`Poller::transmit`], which the executor sends at an instant of its own choosing (a timer's compare event may start
+//! it with no code in between). The rest is loaded at once afterwards, while the chip sends preamble and sync. Then the
+//! machine waits for I_txe for as long as the frame's own air time and [`TRANSMIT_MARGIN_US`], then says
+//! [`PollerEvent::Sent`]. The next [`Input::Start`] checks the chip (configuration in place, oscillator and transmitter
+//! on) and comes to [`PollerEvent::Ready`]. The field stays on from bring-up on.
+//!
+//! The FIFO cannot run dry while the executor begins to load the rest within [`rest_within_us`] of the transmit
+//! command. Should a chip report it all the same, the frame is lost ([`Fault::FifoFlow`], counted), and the next one is
+//! sent. The number of bytes needs no check of its own before the frame goes out: one too few is an underflow, one too
+//! many is left over ([`Fault::FifoCount`]), and the listener rejects what the frame's own checks do not cover.
 //!
 //! # Recovery
 //!
@@ -65,6 +80,27 @@ pub const TRANSMIT_MARGIN_US: u32 = 500;
 /// The longest payload of one frame, in bytes: LEN = payload + 1 is one byte.
 pub const MAX_PAYLOAD: usize = 254;
 
+/// Bytes of the payload that are in the FIFO before the transmit command; what is longer is loaded behind it.
+pub const HEAD: usize = 16;
+
+/// How long after the transmit command the load of the rest may begin, in microseconds, on an SPI of `spi_hz`, so that
+/// the FIFO never runs dry; `None` if the SPI is not faster than the air, 53 kB/s.
+///
+/// The chip takes byte `n` of the payload (from 0) when preamble, sync, LEN and `n` bytes are on the air:
+/// `64 + 8 · (n + 1)` bits of 32 / 13.56 MHz. The SPI has brought it after `n - HEAD + 2` bytes, the FIFO load command being the first. As
+/// the SPI is the faster one, the first byte of the rest decides.
+#[must_use]
+pub const fn rest_within_us(spi_hz: u32) -> Option<u32> {
+    const AIR_BITS: u64 = 64 + 8 * (HEAD as u64 + 1);
+    // A byte takes 256 carrier periods on the air and 8 clocks on the SPI.
+    if spi_hz as u64 * 256 <= 8 * 13_560_000 {
+        return None;
+    }
+    let needed_us = AIR_BITS * 32 * 100 / 1_356;
+    let brought_us = (2 * 8 * 1_000_000_u64).div_ceil(spi_hz as u64);
+    Some((needed_us - brought_us) as u32)
+}
+
 /// What the receiver of a poller does.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -83,9 +119,9 @@ pub enum Receiver {
 pub struct PollerConfig {
     /// Receiver off, or on and masked.
     pub receiver: Receiver,
-    /// Read the FIFO level back after loading, and fail with [`Fault::FifoCount`] if it is not the
-    /// frame's length.
-    pub check_load: bool,
+    /// When a frame was sent, fail with [`Fault::FifoCount`] if bytes are left in the FIFO: it took more than the frame
+    /// has.
+    pub check_left_over: bool,
     /// Between frames, check in the auxiliary display that oscillator and transmitter are on, and fail
     /// with [`Fault::FieldDropped`] if they are not.
     pub check_field: bool,
@@ -95,7 +131,7 @@ impl PollerConfig {
     /// Receiver off, all checks on.
     #[must_use]
     pub const fn new() -> Self {
-        Self { receiver: Receiver::Off, check_load: true, check_field: true }
+        Self { receiver: Receiver::Off, check_left_over: true, check_field: true }
     }
 }
 
@@ -109,10 +145,13 @@ impl Default for PollerConfig {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum PollerEvent {
-    /// The chip is configured, checked, and its field is on: [`Poller::send`] is possible.
+    /// The chip is configured, checked, and its field is on: [`Poller::prepare`] is possible.
     /// ([`Input::Start`] checks the chip once more and comes back here.)
     Ready,
-    /// The FIFO holds the frame: perform [`Poller::transmit`] at the instant wanted, then give
+    /// The FIFO is empty and the length is set: [`Input::Start`] loads the first bytes of the payload, which has to be
+    /// there by then. ([`Poller::prepare`] instead prepares a frame of another length.)
+    Prepared,
+    /// The FIFO holds the first bytes of the frame: perform [`Poller::transmit`] at the instant wanted, then give
     /// [`Input::Done`]. ([`Input::Start`] instead gives the frame up.)
     Loaded,
     /// The chip has sent the frame (I_txe). [`Input::Start`] checks the chip and leads to
@@ -123,11 +162,11 @@ pub enum PollerEvent {
     Fault(Fault),
 }
 
-/// Why [`Poller::send`] was refused. The machine is as it was before.
+/// Why [`Poller::prepare`] was refused. The machine is as it was before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum SendError {
-    /// The last step was not [`PollerEvent::Ready`].
+    /// The last step was neither [`PollerEvent::Ready`] nor [`PollerEvent::Prepared`].
     NotReady,
     /// The payload is empty or longer than [`MAX_PAYLOAD`].
     Length,
@@ -155,18 +194,22 @@ pub enum PollerState {
     CheckingConfiguration,
     /// Between frames: the auxiliary display is being read.
     CheckingField,
-    /// [`Poller::send`] is possible.
+    /// [`Poller::prepare`] is possible.
     Ready,
-    /// A frame was begun: the FIFO is being cleared.
+    /// A frame is prepared: the FIFO is being cleared.
     PreparingClear,
-    /// A frame was begun: its length is being written.
+    /// A frame is prepared: its length is being written.
     PreparingLength,
-    /// A frame was begun: its payload is being loaded.
-    Loading,
-    /// A frame was begun: the FIFO level is being read back.
-    CheckingLoad,
+    /// A frame is prepared: interrupts of before and the FIFO level are being read.
+    CheckingFifo,
+    /// A frame was prepared and reported.
+    Prepared,
+    /// The first bytes of the payload are being loaded.
+    LoadingHead,
     /// [`Poller::transmit`] is to be performed.
     Loaded,
+    /// On air: the rest of the payload is being loaded.
+    LoadingRest,
     /// On air: waiting for I_txe.
     OnAir,
     /// On air: the interrupt registers are being read.
@@ -188,6 +231,8 @@ pub struct PollerCounters {
     pub faults: u32,
     /// Bring-ups that ended well.
     pub bring_ups: u32,
+    /// Frames during which the FIFO ran dry or over.
+    pub flow: u32,
 }
 
 /// The poller machine.
@@ -215,7 +260,7 @@ impl Poller {
             len: 0,
             lost: 0,
             idle_irqs: 0,
-            counters: PollerCounters { sent: 0, faults: 0, bring_ups: 0 },
+            counters: PollerCounters { sent: 0, faults: 0, bring_ups: 0, flow: 0 },
         }
     }
 
@@ -244,10 +289,11 @@ impl Poller {
         self.counters
     }
 
-    /// Whether [`Poller::send`] is possible now: the last step was [`PollerEvent::Ready`].
+    /// Whether [`Poller::prepare`] is possible now: the last step was [`PollerEvent::Ready`] or
+    /// [`PollerEvent::Prepared`].
     #[must_use]
     pub const fn is_ready(&self) -> bool {
-        matches!(self.state, PollerState::Ready)
+        matches!(self.state, PollerState::Ready | PollerState::Prepared)
     }
 
     /// The transfer that starts transmission (C4, one byte): the executor makes it at its own
@@ -257,12 +303,12 @@ impl Poller {
         command::TRANSMIT_WITH_CRC
     }
 
-    /// Begins a frame of `len` payload bytes, 1..=254: clears and loads the FIFO, up to
-    /// [`PollerEvent::Loaded`]. Allowed when the last step was [`PollerEvent::Ready`].
+    /// Prepares a frame of `len` payload bytes, 1..=254: clears the FIFO and sets the length, up to
+    /// [`PollerEvent::Prepared`]. Allowed when the last step was [`PollerEvent::Ready`] or [`PollerEvent::Prepared`].
     ///
     /// # Errors
     /// [`SendError`]; the machine is as before.
-    pub fn send(&mut self, len: usize) -> Result<Step<PollerEvent>, SendError> {
+    pub fn prepare(&mut self, len: usize) -> Result<Step<PollerEvent>, SendError> {
         let Ok(len @ 1..=254) = u8::try_from(len) else {
             return Err(SendError::Length);
         };
@@ -285,10 +331,12 @@ impl Poller {
             (PollerState::Ready | PollerState::Sent, _) | (PollerState::Loaded, Input::Start) => {
                 self.short(PollerState::CheckingConfiguration, CONFIGURATION_READ)
             }
-            (PollerState::Loaded, Input::Done(_)) => {
-                self.state = PollerState::OnAir;
-                self.wait()
-            }
+            (PollerState::Prepared, _) => self.load(PollerState::LoadingHead, 0, usize::from(self.len).min(HEAD)),
+            (PollerState::Loaded, Input::Done(_)) => match usize::from(self.len).checked_sub(HEAD) {
+                None | Some(0) => self.on_air(),
+                Some(rest) => self.load(PollerState::LoadingRest, HEAD, rest),
+            },
+            (PollerState::LoadingRest, Input::Done(_)) => self.on_air(),
             (PollerState::Loaded | PollerState::OnAir, Input::Irq) => self.read_irqs(false),
             (PollerState::Loaded | PollerState::OnAir, Input::Timeout) => self.read_irqs(true),
 
@@ -327,12 +375,13 @@ impl Poller {
                 let short = Short::new([command::WRITE | reg::TRANSMIT_LENGTH, self.len >> 5, self.len << 3]);
                 self.short(PollerState::PreparingLength, short)
             }
-            (PollerState::PreparingLength, Input::Done(_)) => {
-                self.state = PollerState::Loading;
-                Step::Transfer(Transfer::Load { offset: 0, len: usize::from(self.len) })
+            (PollerState::PreparingLength, Input::Done(_)) => self.short(PollerState::CheckingFifo, STATUS_READ),
+            (PollerState::CheckingFifo, Input::Done(response)) => self.prepared(response),
+            (PollerState::LoadingHead, Input::Done(_)) => {
+                self.state = PollerState::Loaded;
+                self.idle_irqs = 0;
+                Step::Event(PollerEvent::Loaded)
             }
-            (PollerState::Loading, Input::Done(_)) => self.short(PollerState::CheckingLoad, STATUS_READ),
-            (PollerState::CheckingLoad, Input::Done(response)) => self.loaded(response),
             (PollerState::ReadingIrqs { last }, Input::Done(response)) => self.irqs(response, last),
 
             _ => self.fault(Fault::Executor),
@@ -381,23 +430,25 @@ impl Poller {
         Step::Event(PollerEvent::Fault(fault))
     }
 
-    fn loaded(&mut self, response: &[u8]) -> Step<PollerEvent> {
-        let status = match Status::parse(response) {
-            Ok(status) => status,
-            Err(fault) => return self.fault(fault),
-        };
-        if self.config.check_load {
-            if status.flow_error() {
-                return self.fault(Fault::FifoFlow);
+    fn prepared(&mut self, response: &[u8]) -> Step<PollerEvent> {
+        match Status::parse(response) {
+            Ok(Status { count: 0, .. }) => {
+                self.state = PollerState::Prepared;
+                Step::Event(PollerEvent::Prepared)
             }
-            let expected = u16::from(self.len);
-            if status.count != expected {
-                return self.fault(Fault::FifoCount { expected, found: status.count });
-            }
+            Ok(Status { count, .. }) => self.fault(Fault::FifoCount { expected: 0, found: count }),
+            Err(fault) => self.fault(fault),
         }
-        self.state = PollerState::Loaded;
-        self.idle_irqs = 0;
-        Step::Event(PollerEvent::Loaded)
+    }
+
+    fn load(&mut self, state: PollerState, offset: usize, len: usize) -> Step<PollerEvent> {
+        self.state = state;
+        Step::Transfer(Transfer::Load { offset, len })
+    }
+
+    fn on_air(&mut self) -> Step<PollerEvent> {
+        self.state = PollerState::OnAir;
+        self.wait()
     }
 
     fn wait(&self) -> Step<PollerEvent> {
@@ -414,9 +465,13 @@ impl Poller {
             Err(fault) => return self.fault(fault),
         };
         if status.flow_error() {
+            self.counters.flow = self.counters.flow.wrapping_add(1);
             return self.fault(Fault::FifoFlow);
         }
         if status.is_set(reg::IRQ_TXE) {
+            if self.config.check_left_over && status.count != 0 {
+                return self.fault(Fault::FifoCount { expected: 0, found: status.count });
+            }
             self.state = PollerState::Sent;
             self.lost = 0;
             self.bring_up.works();

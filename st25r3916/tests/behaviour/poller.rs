@@ -1,5 +1,6 @@
 //! The poller against the stand-in.
 
+use st25r3916::poller::rest_within_us;
 use st25r3916::{Fault, Input, Poller, PollerConfig, PollerEvent, PollerState, Receiver, SendError, Step, Variant};
 
 use crate::stand_in::{Chip, Happening, Miso, Rig};
@@ -268,11 +269,17 @@ fn a_poller_tells_its_state() {
     assert_eq!(rig.poller(&mut poller, step), PollerEvent::Ready);
     assert_eq!(poller.state(), PollerState::Ready);
     rig.payload = vec![1; 20];
-    let step = poller.send(20).unwrap();
+    let step = poller.prepare(20).unwrap();
     assert_eq!(poller.state(), PollerState::PreparingClear);
-    assert_eq!(rig.poller(&mut poller, step), PollerEvent::Loaded);
+    assert_eq!(rig.poller(&mut poller, step), PollerEvent::Prepared);
+    assert_eq!(poller.state(), PollerState::Prepared);
+    let _ = poller.step(Input::Start);
+    assert_eq!(poller.state(), PollerState::LoadingHead);
+    let _ = poller.step(Input::Done(&[]));
     assert_eq!(poller.state(), PollerState::Loaded);
     let _ = poller.step(Input::Done(&[0]));
+    assert_eq!(poller.state(), PollerState::LoadingRest);
+    let _ = poller.step(Input::Done(&[]));
     assert_eq!(poller.state(), PollerState::OnAir);
     let _ = poller.step(Input::Irq);
     assert_eq!(poller.state(), PollerState::ReadingIrqs { last: false });
@@ -291,7 +298,7 @@ fn the_receiver_can_be_left_on_and_masked() {
 }
 
 #[test]
-fn a_frame_is_loaded_then_started_by_one_byte() {
+fn a_frame_is_started_by_one_byte_when_its_head_is_loaded_and_the_rest_follows() {
     let (mut rig, mut poller) = ready(Chip::new(Variant::B));
     let payload: Vec<u8> = (0..244).collect();
     assert_eq!(rig.send(&mut poller, &payload), PollerEvent::Sent);
@@ -299,12 +306,13 @@ fn a_frame_is_loaded_then_started_by_one_byte() {
 
     let log = rig.log();
     assert_eq!(log[..2], ["DB", "22 07 A0"]);
-    assert!(log[2].starts_with("80 00 01 02"), "{}", log[2]);
+    assert_eq!(log[2], "59 00 00 00 00 00 00 00"); // interrupts of before, FIFO level
+    assert_eq!(log[3], "80 00 01 02 03 04 05 06 07 08 09 0A 0B 0C 0D 0E 0F");
+    assert_eq!(log[4], "C4");
+    assert!(log[5].starts_with("80 10 11 12") && log[5].len() == 3 * (1 + 228) - 1, "{}", log[5]);
     assert_eq!(
-        log[3..],
+        log[6..],
         [
-            "59 00 00 00 00 00 00 00", // FIFO level
-            "C4",
             "59 00 00 00 00 00 00 00", // I_txe
             "42 00 00 00",
             "71 00",
@@ -331,22 +339,21 @@ fn every_length_from_1_to_254_is_sent_whole() {
 #[test]
 fn a_frame_can_be_sent_only_when_ready_and_only_with_a_length_that_fits() {
     let mut fresh = Poller::new(PollerConfig::new());
-    assert_eq!(fresh.send(10), Err(SendError::NotReady));
+    assert_eq!(fresh.prepare(10), Err(SendError::NotReady));
     let (mut rig, mut poller) = ready(Chip::new(Variant::B));
-    assert_eq!(poller.send(0), Err(SendError::Length));
-    assert_eq!(poller.send(255), Err(SendError::Length));
-    assert_eq!(poller.send(usize::MAX), Err(SendError::Length));
+    assert_eq!(poller.prepare(0), Err(SendError::Length));
+    assert_eq!(poller.prepare(255), Err(SendError::Length));
+    assert_eq!(poller.prepare(usize::MAX), Err(SendError::Length));
     // None of the refusals disturbed it.
     assert_eq!(rig.send(&mut poller, &[1; 254]), PollerEvent::Sent);
-    assert_eq!(poller.send(10), Err(SendError::NotReady));
+    assert_eq!(poller.prepare(10), Err(SendError::NotReady));
 }
 
 #[test]
 fn a_loaded_frame_can_be_given_up() {
     let (mut rig, mut poller) = ready(Chip::new(Variant::B));
     rig.payload = vec![1; 20];
-    let step = poller.send(20).unwrap();
-    assert_eq!(rig.poller(&mut poller, step), PollerEvent::Loaded);
+    assert_eq!(rig.load(&mut poller, 20), PollerEvent::Loaded);
     assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
     assert_eq!(rig.send(&mut poller, &[2; 30]), PollerEvent::Sent);
     assert_eq!(rig.chip.sent.len(), 1);
@@ -357,10 +364,10 @@ fn a_loaded_frame_can_be_given_up() {
 fn the_wait_for_the_end_is_the_air_time_and_a_margin() {
     let (mut rig, mut poller) = ready(Chip::new(Variant::B));
     rig.payload = vec![0; 244];
-    let step = poller.send(244).unwrap();
-    assert_eq!(rig.poller(&mut poller, step), PollerEvent::Loaded);
+    assert_eq!(rig.load(&mut poller, 244), PollerEvent::Loaded);
+    let _ = poller.step(Input::Done(&[0]));
     // 2040 bits · 32 / 13.56 MHz = 4814.2 µs, rounded up, and 500 µs.
-    assert_eq!(poller.step(Input::Done(&[0])), Step::Wait { us: 4_815 + 500 });
+    assert_eq!(poller.step(Input::Done(&[])), Step::Wait { us: 4_815 + 500 });
 }
 
 #[test]
@@ -479,9 +486,21 @@ fn a_second_lost_frame_in_a_row_costs_a_bring_up() {
 }
 
 #[test]
-fn a_fifo_that_took_the_wrong_number_of_bytes_is_not_sent() {
-    let (mut rig, mut poller) = ready(Chip { level_error: -1, ..Chip::new(Variant::B) });
-    assert_eq!(rig.send(&mut poller, &[1; 244]), PollerEvent::Fault(Fault::FifoCount { expected: 244, found: 243 }));
+fn a_frame_is_prepared_again_for_another_length() {
+    let (mut rig, mut poller) = ready(Chip::new(Variant::B));
+    let step = poller.prepare(244).unwrap();
+    assert_eq!(rig.poller(&mut poller, step), PollerEvent::Prepared);
+    rig.log();
+    assert_eq!(rig.send(&mut poller, &[2; 16]), PollerEvent::Sent);
+    assert_eq!(rig.log()[3..5], ["80 02 02 02 02 02 02 02 02 02 02 02 02 02 02 02 02", "C4"]);
+    assert_eq!(rig.chip.sent[0].1, [2; 16]);
+}
+
+#[test]
+fn a_fifo_that_is_not_empty_before_a_frame_is_a_fault() {
+    let (mut rig, mut poller) = ready(Chip { level_error: 3, ..Chip::new(Variant::B) });
+    let step = poller.prepare(244).unwrap();
+    assert_eq!(rig.poller(&mut poller, step), PollerEvent::Fault(Fault::FifoCount { expected: 0, found: 3 }));
     assert_eq!(rig.chip.sent.len(), 0);
     rig.chip.level_error = 0;
     assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
@@ -489,20 +508,44 @@ fn a_fifo_that_took_the_wrong_number_of_bytes_is_not_sent() {
 }
 
 #[test]
-fn the_load_check_can_be_switched_off_and_an_underflow_is_still_seen() {
-    let mut rig = Rig::new(Chip { level_error: -1, ..Chip::new(Variant::B) });
-    let mut poller = Poller::new(PollerConfig { check_load: false, ..PollerConfig::new() });
-    assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
-    assert_eq!(rig.send(&mut poller, &[1; 244]), PollerEvent::Sent);
-    assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
-
+fn a_fifo_that_runs_dry_is_counted_and_the_next_frame_is_sent() {
+    let (mut rig, mut poller) = ready(Chip::new(Variant::B));
     rig.payload = vec![1; 244];
-    let step = poller.send(244).unwrap();
-    assert_eq!(rig.poller(&mut poller, step), PollerEvent::Loaded);
+    assert_eq!(rig.load(&mut poller, 244), PollerEvent::Loaded);
     rig.chip.fifo.pop_back();
     let transmit = Step::Transfer(st25r3916::Transfer::Short(Poller::transmit()));
     assert_eq!(rig.poller(&mut poller, transmit), PollerEvent::Fault(Fault::FifoFlow));
+    assert_eq!(poller.counters().flow, 1);
     assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
+    assert_eq!(rig.send(&mut poller, &[1; 244]), PollerEvent::Sent);
+    assert_eq!(poller.counters().bring_ups, 1);
+}
+
+#[test]
+fn bytes_left_over_after_a_frame_are_a_fault_unless_that_check_is_off() {
+    for check_left_over in [true, false] {
+        let mut rig = Rig::new(Chip::new(Variant::B));
+        let mut poller = Poller::new(PollerConfig { check_left_over, ..PollerConfig::new() });
+        assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
+        rig.payload = vec![1; 244];
+        assert_eq!(rig.load(&mut poller, 244), PollerEvent::Loaded);
+        rig.chip.fifo.push_back(1);
+        let left_over = PollerEvent::Fault(Fault::FifoCount { expected: 0, found: 1 });
+        let expected = if check_left_over { left_over } else { PollerEvent::Sent };
+        let transmit = Step::Transfer(st25r3916::Transfer::Short(Poller::transmit()));
+        assert_eq!(rig.poller(&mut poller, transmit), expected);
+        assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
+        assert_eq!(rig.send(&mut poller, &[1; 244]), PollerEvent::Sent);
+        assert_eq!(poller.counters().bring_ups, 1);
+    }
+}
+
+#[test]
+fn the_time_for_the_rest_is_when_the_air_needs_its_first_byte_less_two_bytes_on_the_spi() {
+    // 64 + 8 · 17 bits at 423.75 kbit/s are 471.98 µs; two bytes at 9 MHz are 1.78 µs, at 1 MHz 16 µs.
+    assert_eq!(rest_within_us(9_000_000), Some(471 - 2));
+    assert_eq!(rest_within_us(1_000_000), Some(471 - 16));
+    assert_eq!((rest_within_us(423_750), rest_within_us(423_751).is_some()), (None, true));
 }
 
 #[test]
@@ -573,7 +616,7 @@ fn a_failed_transfer_is_a_bus_fault_wherever_it_happens() {
         for _ in 0..transfers {
             let given = rig.carry_out(step);
             step = match poller.step(rig.input(given)) {
-                Step::Event(PollerEvent::Ready) => poller.send(50).unwrap(),
+                Step::Event(PollerEvent::Ready) => poller.prepare(50).unwrap(),
                 Step::Event(PollerEvent::Loaded) => Step::Transfer(st25r3916::Transfer::Short(Poller::transmit())),
                 other => other,
             };
@@ -619,7 +662,7 @@ fn interrupts_without_a_cause_are_counted_anew_for_each_wait() {
             given
         };
         step = match poller.step(rig.input(given)) {
-            Step::Event(PollerEvent::Ready) => poller.send(50).unwrap(),
+            Step::Event(PollerEvent::Ready) => poller.prepare(50).unwrap(),
             Step::Event(PollerEvent::Loaded) => Step::Transfer(st25r3916::Transfer::Short(Poller::transmit())),
             Step::Event(PollerEvent::Fault(fault)) => panic!("{fault:?}"),
             other => other,

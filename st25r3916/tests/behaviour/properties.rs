@@ -4,6 +4,7 @@
 use proptest::collection::vec;
 use proptest::prelude::*;
 use st25r3916::listener::BUFFER;
+use st25r3916::poller::HEAD;
 use st25r3916::{
     Input, Listener, ListenerConfig, ListenerEvent, Poller, PollerConfig, PollerEvent, ReadMode, Receiver, Step,
     Transfer, Variant,
@@ -62,14 +63,16 @@ fn listener_config() -> impl Strategy<Value = ListenerConfig> {
 
 fn poller_config() -> impl Strategy<Value = PollerConfig> {
     (prop_oneof![Just(Receiver::Off), Just(Receiver::OnMasked)], any::<bool>(), any::<bool>())
-        .prop_map(|(receiver, check_load, check_field)| PollerConfig { receiver, check_load, check_field })
+        .prop_map(|(receiver, check_left_over, check_field)| PollerConfig { receiver, check_left_over, check_field })
 }
 
 /// Every step is within what the documentation promises an executor.
 fn check<E>(step: &Step<E>) {
     match *step {
         Step::Transfer(Transfer::Short(short)) => assert!((1..=8).contains(&short.bytes().len())),
-        Step::Transfer(Transfer::Load { offset, len }) => assert!(offset == 0 && (1..=254).contains(&len)),
+        Step::Transfer(Transfer::Load { offset, len }) => {
+            assert!((offset == 0 || offset == HEAD) && len >= 1 && offset + len <= 254);
+        }
         Step::Transfer(Transfer::Read { offset, len }) => assert!(len >= 1 && offset + len <= BUFFER),
         Step::Wait { us } | Step::Delay { us } => assert!((1..=100_000).contains(&us)),
         Step::Event(_) => {}
@@ -110,7 +113,7 @@ fn feed_poller(machine: &mut Poller, said: &[Said]) -> Step<PollerEvent> {
         check(&step);
         step = match input {
             Said::Start => machine.step(Input::Start),
-            Said::Send(len) => machine.send(*len).unwrap_or(step),
+            Said::Send(len) => machine.prepare(*len).unwrap_or(step),
             Said::Done(bytes) => machine.step(Input::Done(bytes)),
             Said::Answer(bytes) => machine.step(Input::Done(&answer(&step, *bytes))),
             Said::Irq => machine.step(Input::Irq),
@@ -153,8 +156,7 @@ fn sends_again(rig: &mut Rig, machine: &mut Poller, mut step: Step<PollerEvent>)
         let given = match step {
             // A frame of before may be loaded: it is given up.
             Step::Event(PollerEvent::Ready) => {
-                let first = machine.send(254).unwrap();
-                if rig.poller(machine, first) != PollerEvent::Loaded {
+                if rig.load(machine, 254) != PollerEvent::Loaded {
                     return false;
                 }
                 let transmit = Step::Transfer(Transfer::Short(Poller::transmit()));

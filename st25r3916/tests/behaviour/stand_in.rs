@@ -30,7 +30,9 @@ pub(crate) enum Happening {
     Byte(u8),
     /// The end of the frame whose sync was accepted, with these error bits.
     End(u8),
-    /// The transmitter has drained the FIFO.
+    /// The transmitter takes a byte out of the FIFO.
+    Taken,
+    /// The frame on the air is over.
     TransmitEnd,
     PowerUpReset,
 }
@@ -154,8 +156,9 @@ impl Chip {
     /// Nothing planned is on air any more, nor the frame that is.
     pub(crate) fn clear_air(&mut self) {
         self.receiving = false;
-        self.schedule
-            .retain(|_, what| matches!(what, Happening::Irq(..) | Happening::Measured(_) | Happening::TransmitEnd));
+        self.schedule.retain(|_, what| {
+            matches!(what, Happening::Irq(..) | Happening::Measured(_) | Happening::Taken | Happening::TransmitEnd)
+        });
     }
 
     pub(crate) fn pin(&self) -> bool {
@@ -203,7 +206,8 @@ impl Chip {
         self.schedule.retain(|_, what| {
             !matches!(
                 what,
-                Happening::TransmitEnd
+                Happening::Taken
+                    | Happening::TransmitEnd
                     | Happening::Measured(_)
                     | Happening::Irq(MAIN, 0x80)
                     | Happening::Irq(TIMER, 0x80)
@@ -256,10 +260,11 @@ impl Chip {
                 self.irqs[ERROR] |= errors;
             }
             Happening::End(_) => {}
-            Happening::TransmitEnd => {
-                self.fifo.clear();
-                self.irqs[MAIN] |= TXE;
-            }
+            Happening::Taken => match (self.fifo.pop_front(), self.sent.last_mut()) {
+                (Some(byte), Some((_, frame))) => frame.push(byte),
+                _ => self.fifo_flags |= 0x20,
+            },
+            Happening::TransmitEnd => self.irqs[MAIN] |= TXE,
             Happening::PowerUpReset => {
                 self.reset();
                 self.irqs = [0; 4];
@@ -387,18 +392,17 @@ impl Chip {
         match command {
             // Interrupts stay, so that the driver has to cope with an IRQ pin that is high already.
             0xC1 => self.reset(),
-            0xC2 => self.schedule.retain(|_, what| !matches!(what, Happening::TransmitEnd)),
+            0xC2 => self.schedule.retain(|_, what| !matches!(what, Happening::Taken | Happening::TransmitEnd)),
             0xC4 => {
                 let ntx = usize::from(self.a[0x22]) << 5 | usize::from(self.a[0x23]) >> 3;
-                if self.fifo.len() < ntx {
-                    self.fifo_flags |= 0x20;
+                self.sent.push((self.now, vec![]));
+                // Preamble, sync, LEN, payload and CRC-16, a bit being 32 periods of 13.56 MHz; µs.
+                let after = |bytes: usize| (48 + 16 + 8 * bytes as u64) * 3_200 / 1_356;
+                for byte in 0..ntx {
+                    self.at(self.now + after(1 + byte), Happening::Taken);
                 }
-                let frame = self.fifo.iter().copied().take(ntx).collect();
-                self.sent.push((self.now, frame));
                 if self.transmit_ends {
-                    // Preamble, sync, LEN, payload and CRC-16, a bit being 32 periods of 13.56 MHz; µs.
-                    let bits = 48 + 16 + 8 * (ntx as u64 + 3);
-                    self.at(self.now + (bits * 3_200).div_ceil(1_356), Happening::TransmitEnd);
+                    self.at(self.now + after(ntx + 3) + 1, Happening::TransmitEnd);
                 }
             }
             0xD0 => self.unmasked = false,
@@ -551,12 +555,19 @@ impl Rig {
     /// Loads, transmits and checks one frame.
     pub(crate) fn send(&mut self, machine: &mut Poller, payload: &[u8]) -> PollerEvent {
         self.payload = payload.to_vec();
-        let step = machine.send(payload.len()).expect("the poller is ready");
-        match self.poller(machine, step) {
-            PollerEvent::Loaded => {}
-            other => return other,
+        match self.load(machine, payload.len()) {
+            PollerEvent::Loaded => self.poller(machine, Step::Transfer(Transfer::Short(Poller::transmit()))),
+            other => other,
         }
-        self.poller(machine, Step::Transfer(Transfer::Short(Poller::transmit())))
+    }
+
+    /// Prepares a frame of `len` bytes and loads its head.
+    pub(crate) fn load(&mut self, machine: &mut Poller, len: usize) -> PollerEvent {
+        let step = machine.prepare(len).expect("the poller is ready");
+        match self.poller(machine, step) {
+            PollerEvent::Prepared => self.poller(machine, Step::Event(PollerEvent::Prepared)),
+            other => other,
+        }
     }
 
     /// Runs a listener to its next event, over at most `steps` steps; the next call goes on from there.
