@@ -1,11 +1,13 @@
-//! Puts the linker script of the image's CRC where the firmwares' linker finds it.
+//! Puts the linker scripts of the image's CRC and of the guard words where the firmwares' linker finds them.
 
 use std::{env, error::Error, fs, path::PathBuf};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let out = PathBuf::from(env::var("OUT_DIR")?);
-    fs::copy("image_crc.x", out.join("image_crc.x"))?;
+    for script in ["image_crc.x", "guards.x"] {
+        fs::copy(script, out.join(script))?;
+        println!("cargo::rerun-if-changed={script}");
+    }
     println!("cargo::rustc-link-search={}", out.display());
-    println!("cargo::rerun-if-changed=image_crc.x");
     Ok(())
 }

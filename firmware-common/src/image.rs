@@ -10,9 +10,9 @@
 //! case in 2^32.
 //!
 //! An image on which the build did not do that carries 0xFFFFFFFF and does not pass.
-//!
-//! The words are read by a load instruction in assembly, not through a reference: on the nRF52840 flash begins at
-//! address 0, to which no Rust reference may point.
+
+#[cfg(target_os = "none")]
+use crate::memory;
 
 /// The word that the build fills in. Here, once, so that every firmware that links this crate has it.
 #[cfg(target_os = "none")]
@@ -44,32 +44,12 @@ impl Comparison {
     }
 }
 
-/// Compares the running image. Takes about 14 processor cycles a byte.
+/// Compares the running image. Takes about 14 processor cycles a byte. To be called before the memory protection unit
+/// shuts the vector table.
 #[cfg(target_os = "none")]
-#[allow(unsafe_code)]
 #[must_use]
 pub fn compare() -> Comparison {
-    extern "C" {
-        static __vector_table: u32;
-        static __image_crc: u32;
-    }
-    /// The word at `address`, which must be one of the image.
-    fn load(address: u32) -> u32 {
-        let word: u32;
-        // SAFETY: a load from flash inside the image changes nothing, and every word of it may be read.
-        unsafe {
-            core::arch::asm!(
-                "ldr {0}, [{1}]",
-                out(reg) word,
-                in(reg) address,
-                options(pure, readonly, nostack, preserves_flags),
-            );
-        }
-        word
-    }
-    let first = &raw const __vector_table as u32;
-    let end = &raw const __image_crc as u32;
-    Comparison::of((first..end).step_by(4).map(load), load(end))
+    Comparison::of(memory::image().step_by(4).map(memory::load), memory::stored_crc())
 }
 
 #[cfg(test)]

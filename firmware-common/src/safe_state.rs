@@ -1,59 +1,175 @@
 //! What a panic, a fault or an interrupt without a task does on either board.
 //!
 //! Interrupts are masked, the board enters its own safe state (HORUS switches the field off, the DPR stops answering
-//! the flight controller), the reason is logged once, and nothing feeds the watchdog any more, which resets the part.
+//! the flight controller), the cause is recorded for the time after the restart ([`last_stop`](crate::last_stop)) and
+//! logged once, and nothing feeds the watchdog any more, which resets the part.
 //!
-//! A firmware installs all handlers with [`install_safe_state!`](crate::install_safe_state).
+//! A firmware installs all handlers with [`install_safe_state!`](crate::install_safe_state), and calls
+//! [`name_faults`] at its start.
+//!
+//! # Faults
+//!
+//! MemManage, BusFault, UsageFault and HardFault have one handler. It begins in assembly: it notes where the processor
+//! has stacked the frame, and sets the stack pointer to the stack's start before it calls anything. A stack that has
+//! overflown is the very thing that may have to be reported, and nothing of what was interrupted is used again.
+//!
+//! The memory protection unit is switched off: the safe state reaches for peripherals that are shut to the tasks, and
+//! its table may be what is wrong. A fault inside the safe state is a HardFault, since the faults of lower priority are
+//! masked; it begins the safe state anew. A fault inside that one locks the core up, and the watchdog ends it.
 
 #[cfg(target_os = "none")]
-use core::sync::atomic::{compiler_fence, AtomicBool, Ordering};
+#[allow(unsafe_code)]
+mod imp {
+    use core::sync::atomic::{compiler_fence, AtomicBool, Ordering};
 
-/// The reason has been logged, or is being logged: a fault inside the logger must not log again.
-#[cfg(target_os = "none")]
-static LOGGED: AtomicBool = AtomicBool::new(false);
+    use cortex_m::peripheral::{scb::Exception, NVIC, SCB};
 
-/// Masks all interrupts, calls `enter`, then `log` unless a reason was logged already, and waits for the watchdog.
-#[cfg(target_os = "none")]
-pub fn enter(enter: fn(), log: impl FnOnce()) -> ! {
-    cortex_m::interrupt::disable();
-    enter();
-    if !LOGGED.swap(true, Ordering::Relaxed) {
-        log();
+    use crate::{
+        last_stop::{self, FaultStatus, Stop},
+        memory, mpu,
+    };
+
+    /// The cause has been logged, or is being logged: a fault inside the logger must not log again.
+    static LOGGED: AtomicBool = AtomicBool::new(false);
+
+    /// Masks all interrupts, calls `enter`, records what `stop` finds out, calls `log` with it unless a cause was
+    /// logged already, and waits for the watchdog. `enter` comes first: to find out may take a while.
+    pub fn enter(enter: fn(), stop: impl FnOnce() -> Stop, log: impl FnOnce(&Stop)) -> ! {
+        cortex_m::interrupt::disable();
+        mpu::off();
+        enter();
+        let stop = stop();
+        last_stop::note(&stop);
+        if !LOGGED.swap(true, Ordering::Relaxed) {
+            log(&stop);
+        }
+        loop {
+            compiler_fence(Ordering::SeqCst);
+        }
     }
-    loop {
-        compiler_fence(Ordering::SeqCst);
+
+    /// Gives MemManage, BusFault and UsageFault handlers of their own, so that each is told from the others and a fault
+    /// in the safe state is a HardFault. To be called once, before the memory protection unit is switched on.
+    pub fn name_faults(scb: &mut SCB) {
+        for exception in [Exception::MemoryManagement, Exception::BusFault, Exception::UsageFault] {
+            scb.enable(exception);
+        }
+    }
+
+    /// The exception whose handler runs, or was interrupted by a fault: of the interrupts that are active the most
+    /// urgent, otherwise 0, the start or the idle loop.
+    ///
+    /// Asked of the interrupt controller and not of the stacked frame, which may not be there.
+    #[must_use]
+    pub fn active_exception() -> u16 {
+        /// Words of interrupts that the larger part has (91, RM0090 "vector table").
+        const WORDS: usize = 3;
+        // SAFETY: the register block is always there; registers without side effect are read.
+        let nvic = unsafe { &*NVIC::PTR };
+        let mut found = (u8::MAX, 0);
+        for interrupt in 0..32 * WORDS {
+            let active = nvic.iabr.get(interrupt / 32).is_some_and(|word| word.read() >> (interrupt % 32) & 1 != 0);
+            let Some(priority) = nvic.ipr.get(interrupt) else { break };
+            let urgency = priority.read();
+            if active && urgency < found.0 {
+                found = (urgency, interrupt as u16 + 16);
+            }
+        }
+        found.1
+    }
+
+    /// The fault whose frame the processor has stacked at `frame`, unless it could not.
+    #[must_use]
+    pub fn fault(frame: u32) -> Stop {
+        /// Where link register and program counter are in the frame, words (ARMv7-M ARM B1.5.6).
+        const LR: u32 = 5;
+        const PC: u32 = 6;
+        // SAFETY: the register block is always there; registers without side effect are read.
+        let scb = unsafe { &*SCB::PTR };
+        let status = FaultStatus { cfsr: scb.cfsr.read(), mmfar: scb.mmfar.read(), bfar: scb.bfar.read() };
+        let stacked = status.has_frame() && memory::is_stack(frame, 4 * (PC + 2));
+        let frame = stacked.then(|| (memory::load(frame + 4 * LR), memory::load(frame + 4 * PC)));
+        Stop::of_fault(status, frame, active_exception())
     }
 }
 
-/// Installs the handlers of panics, of failed `defmt` assertions, of HardFault and of every exception or interrupt
-/// without a handler of its own. `$enter` is the `fn()` that puts the board into its safe state with all interrupts
-/// masked; it must not panic and must not wait without a bound.
+#[cfg(target_os = "none")]
+pub use imp::{active_exception, enter, fault, name_faults};
+
+/// Installs the handlers of panics, of failed `defmt` assertions, of the four faults and of every exception or
+/// interrupt without a handler of its own.
+///
+/// `$enter` is the `fn()` that puts the board into its safe state with all interrupts masked; it must not panic and
+/// must not wait without a bound. `$area` is a `fn(u32) -> &'static str` that says in words what is at an address, and
+/// `$task` a `fn(u16) -> &'static str` that names the task whose exception has a number.
 #[macro_export]
 macro_rules! install_safe_state {
-    ($enter:path) => {
+    ($enter:path, $area:path, $task:path) => {
         #[panic_handler]
         fn panic(info: &core::panic::PanicInfo<'_>) -> ! {
-            $crate::safe_state::enter($enter, || defmt::error!("{}", defmt::Display2Format(info)))
+            let stop = || {
+                let (path, line) = info.location().map_or(("", 0), |place| (place.file(), place.line()));
+                $crate::last_stop::Stop::of_panic(path, line, $crate::safe_state::active_exception())
+            };
+            $crate::safe_state::enter($enter, stop, |_| defmt::error!("{}", defmt::Display2Format(info)))
         }
 
         /// `defmt::panic!` and its kin have logged the reason themselves.
         #[defmt::panic_handler]
         fn defmt_panic() -> ! {
-            $crate::safe_state::enter($enter, || {})
+            let stop = || $crate::last_stop::Stop::of_panic("", 0, $crate::safe_state::active_exception());
+            $crate::safe_state::enter($enter, stop, |_| {})
+        }
+
+        /// Logs `stop` in words; `$before` comes first.
+        fn log_stop(before: &str, stop: &$crate::last_stop::Stop) {
+            defmt::error!(
+                "{=str}: {}; {=str}; task {=str}; code {=u32:#010x}",
+                before,
+                defmt::Display2Format(stop),
+                stop.address.map_or("no address", $area),
+                $task(stop.exception),
+                stop.code()
+            );
+        }
+
+        // One handler for the four faults: where the frame is, then a stack that is sound (see `safe_state`).
+        core::arch::global_asm!(
+            ".section .text.fault_entry, \"ax\", %progbits",
+            ".global MemoryManagement",
+            ".global BusFault",
+            ".global UsageFault",
+            ".global HardFault",
+            ".type MemoryManagement, %function",
+            ".type BusFault, %function",
+            ".type UsageFault, %function",
+            ".type HardFault, %function",
+            ".thumb_func",
+            "MemoryManagement:",
+            ".thumb_func",
+            "BusFault:",
+            ".thumb_func",
+            "UsageFault:",
+            ".thumb_func",
+            "HardFault:",
+            "mrs r0, msp",
+            "ldr r1, =_stack_start",
+            "msr msp, r1",
+            "b {fault}",
+            ".ltorg",
+            fault = sym fault,
+        );
+
+        extern "C" fn fault(frame: u32) -> ! {
+            $crate::safe_state::enter($enter, || $crate::safe_state::fault(frame), |stop| log_stop("fault", stop))
         }
 
         // SAFETY: nothing of what was interrupted is used again, since the handler does not return.
         #[cortex_m_rt::exception]
-        unsafe fn HardFault(frame: &cortex_m_rt::ExceptionFrame) -> ! {
-            $crate::safe_state::enter($enter, || {
-                defmt::error!("hard fault at {=u32:#010x}, called from {=u32:#010x}", frame.pc(), frame.lr())
-            })
-        }
-
-        // SAFETY: as for `HardFault`.
-        #[cortex_m_rt::exception]
         unsafe fn DefaultHandler(number: i16) -> ! {
-            $crate::safe_state::enter($enter, || defmt::error!("interrupt {=i16} has no task", number))
+            let exception = (number + 16) as u16;
+            let stop = || $crate::last_stop::Stop::new($crate::last_stop::Cause::NoTask, exception, number as u32);
+            $crate::safe_state::enter($enter, stop, |_| defmt::error!("interrupt {=i16} has no task", number))
         }
     };
 }

@@ -1,0 +1,356 @@
+//! Why the firmware last stopped itself: written when a board enters its safe state, read after the restart.
+//!
+//! # Design
+//!
+//! The log of a board in flight is read by nobody, and its watchdog restarts it 100 ms later. So the cause of the stop
+//! is kept in memory that the start-up code leaves as it is (section `.uninit`), with the frame CRC behind it: what
+//! stands there after power-on, or after a stop that did not get as far as writing it, is no record. The first stop
+//! since a start is the one that is kept; what fails in the safe state itself does not overwrite it.
+//!
+//! After the restart the firmware [takes](take) the record once: it logs it, counts it in its telemetry, and keeps its
+//! [`code`] for as long as it runs. A restart that no record explains (the supply, the reset pin, a task that hung) has
+//! code 0.
+//!
+//! # Code
+//!
+//! | bits | what |
+//! |---|---|
+//! | 31..24 | the [`Cause`], never 0 |
+//! | 23..16 | the exception whose handler was interrupted: its number, 0 for start and idle loop, 255 if above |
+//! | 15..0 | fault: the half word of CFSR that belongs to the cause; panic: the line; otherwise the detail's low half |
+
+use core::{
+    fmt,
+    sync::atomic::{AtomicBool, AtomicU32, Ordering},
+};
+
+/// What made the firmware stop itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Cause {
+    /// The memory protection unit has refused an access ([`mpu`](crate::mpu)).
+    MemoryProtection = 1,
+    /// The bus has refused an access: nothing is there, or its clock is off.
+    BusFault = 2,
+    /// An instruction that cannot be executed: undefined, unaligned, a division by zero, a wrong state.
+    UsageFault = 3,
+    /// A HardFault that none of the three explains: a vector that could not be read, a debug event.
+    HardFault = 4,
+    /// A panic. The detail is its line.
+    Panic = 5,
+    /// An exception or interrupt that has no task. The detail is its interrupt number.
+    NoTask = 6,
+    /// The image in flash is no longer the one that was built. The detail is the CRC found.
+    Flash = 7,
+    /// Code that runs in RAM differs from its load image in flash. The detail is the address.
+    CodeInRam = 8,
+    /// A guard word around the statics or at the end of the stack has changed. The detail is the guard's number.
+    GuardWord = 9,
+    /// The external clock has failed (HORUS).
+    Clock = 10,
+}
+
+impl Cause {
+    const ALL: [Self; 10] = [
+        Self::MemoryProtection,
+        Self::BusFault,
+        Self::UsageFault,
+        Self::HardFault,
+        Self::Panic,
+        Self::NoTask,
+        Self::Flash,
+        Self::CodeInRam,
+        Self::GuardWord,
+        Self::Clock,
+    ];
+
+    /// The cause in words.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::MemoryProtection => "memory protection",
+            Self::BusFault => "bus fault",
+            Self::UsageFault => "usage fault",
+            Self::HardFault => "hard fault",
+            Self::Panic => "panic",
+            Self::NoTask => "interrupt without a task",
+            Self::Flash => "flash changed",
+            Self::CodeInRam => "code in RAM changed",
+            Self::GuardWord => "guard word changed",
+            Self::Clock => "external clock failed",
+        }
+    }
+
+    const fn is_fault(self) -> bool {
+        matches!(self, Self::MemoryProtection | Self::BusFault | Self::UsageFault | Self::HardFault)
+    }
+}
+
+/// The last bytes of the path of a source file, as many as fit, padded with zeros.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Place([u8; Self::LEN]);
+
+impl Place {
+    /// Bytes of a path that are kept.
+    pub const LEN: usize = 24;
+
+    /// The end of `path`.
+    #[must_use]
+    pub fn of(path: &str) -> Self {
+        let mut bytes = [0; Self::LEN];
+        let kept = path.len().min(Self::LEN);
+        for (to, from) in bytes.iter_mut().zip(path.bytes().skip(path.len() - kept)) {
+            *to = from;
+        }
+        Self(bytes)
+    }
+
+    /// The text, up to the first byte that is none.
+    #[must_use]
+    pub fn text(&self) -> &str {
+        let len = self.0.iter().position(|byte| !byte.is_ascii_graphic()).unwrap_or(Self::LEN);
+        self.0.get(..len).and_then(|text| core::str::from_utf8(text).ok()).unwrap_or("")
+    }
+}
+
+/// One stop.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stop {
+    /// What made the firmware stop.
+    pub cause: Cause,
+    /// The number of the exception whose handler ran, 0 for the start and the idle loop (ARMv7-M ARM B1.5.2: interrupt
+    /// n is exception n + 16).
+    pub exception: u16,
+    /// CFSR of a fault, otherwise what [`Cause`] says.
+    pub detail: u32,
+    /// The address that a fault was about, if the processor knows it.
+    pub address: Option<u32>,
+    /// The instruction that was interrupted; 0 if it is not known.
+    pub pc: u32,
+    /// The return address of the function that it is in, or nearly so; 0 if it is not known.
+    pub lr: u32,
+    /// Where a panic was called.
+    pub place: Place,
+}
+
+/// Words of a record, its CRC included.
+pub const WORDS: usize = 5 + Place::LEN / 4 + 1;
+
+/// What the processor says of a fault (ARMv7-M ARM B3.2.15 to B3.2.19).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FaultStatus {
+    /// Configurable Fault Status Register.
+    pub cfsr: u32,
+    /// MemManage Fault Address Register.
+    pub mmfar: u32,
+    /// BusFault Address Register.
+    pub bfar: u32,
+}
+
+impl FaultStatus {
+    /// MMFSR, without its valid bit.
+    const MEMORY: u32 = 0x0000_007F;
+    /// BFSR, without its valid bit.
+    const BUS: u32 = 0x0000_7F00;
+    const USAGE: u32 = 0xFFFF_0000;
+    const MMARVALID: u32 = 1 << 7;
+    const BFARVALID: u32 = 1 << 15;
+    /// The frame of the exception could not be written: MSTKERR, STKERR.
+    const NO_FRAME: u32 = 1 << 4 | 1 << 12;
+
+    /// Whether the processor has written the frame of the exception.
+    #[must_use]
+    pub const fn has_frame(self) -> bool {
+        self.cfsr & Self::NO_FRAME == 0
+    }
+
+    /// Memory protection first: what the unit refuses often makes the stacking fail as well.
+    const fn cause(self) -> Cause {
+        if self.cfsr & Self::MEMORY != 0 {
+            Cause::MemoryProtection
+        } else if self.cfsr & Self::BUS != 0 {
+            Cause::BusFault
+        } else if self.cfsr & Self::USAGE != 0 {
+            Cause::UsageFault
+        } else {
+            Cause::HardFault
+        }
+    }
+
+    const fn address(self) -> Option<u32> {
+        if self.cfsr & Self::MMARVALID != 0 {
+            Some(self.mmfar)
+        } else if self.cfsr & Self::BFARVALID != 0 {
+            Some(self.bfar)
+        } else {
+            None
+        }
+    }
+}
+
+impl Stop {
+    /// A stop for `cause`, of which no more is known than `detail`.
+    #[must_use]
+    pub const fn new(cause: Cause, exception: u16, detail: u32) -> Self {
+        Self { cause, exception, detail, address: None, pc: 0, lr: 0, place: Place([0; Place::LEN]) }
+    }
+
+    /// A fault in the handler of `exception`. `frame` are link register and program counter as the processor has
+    /// stacked them, if it has.
+    #[must_use]
+    pub fn of_fault(status: FaultStatus, frame: Option<(u32, u32)>, exception: u16) -> Self {
+        let (lr, pc) = frame.unwrap_or((0, 0));
+        Self { address: status.address(), pc, lr, ..Self::new(status.cause(), exception, status.cfsr) }
+    }
+
+    /// A panic that was called at `line` of the file at `path`.
+    #[must_use]
+    pub fn of_panic(path: &str, line: u32, exception: u16) -> Self {
+        Self { place: Place::of(path), ..Self::new(Cause::Panic, exception, line) }
+    }
+
+    /// The stop in one word; see the module's table.
+    #[must_use]
+    pub const fn code(&self) -> u32 {
+        let detail = match self.cause {
+            Cause::BusFault => (self.detail & FaultStatus::BUS) >> 8,
+            Cause::UsageFault => self.detail >> 16,
+            Cause::MemoryProtection => self.detail & FaultStatus::MEMORY,
+            _ => self.detail & 0xFFFF,
+        };
+        let exception = if self.exception > 0xFF { 0xFF } else { self.exception as u32 };
+        (self.cause as u32) << 24 | exception << 16 | detail
+    }
+
+    /// The record, its CRC last.
+    #[must_use]
+    pub fn to_words(&self) -> [u32; WORDS] {
+        let mut words = [0; WORDS];
+        let known = u32::from(self.address.is_some());
+        let head = [
+            self.cause as u32 | known << 8 | u32::from(self.exception) << 16,
+            self.detail,
+            self.address.unwrap_or(0),
+            self.pc,
+            self.lr,
+        ];
+        let text = self.place.0.as_chunks::<4>().0.iter().map(|bytes| u32::from_le_bytes(*bytes));
+        for (to, from) in words.iter_mut().zip(head.into_iter().chain(text)) {
+            *to = from;
+        }
+        words[WORDS - 1] = check_word(&words);
+        words
+    }
+
+    /// The stop that `words` record; `None` if they do not have their CRC, or tell of no cause.
+    #[must_use]
+    pub fn from_words(words: &[u32; WORDS]) -> Option<Self> {
+        let [head, detail, address, pc, lr, text @ .., check] = words;
+        let cause = Cause::ALL.into_iter().find(|cause| *cause as u32 == head & 0xFF)?;
+        if *check != check_word(words) {
+            return None;
+        }
+        let mut place = Place::default();
+        for (to, from) in place.0.as_chunks_mut::<4>().0.iter_mut().zip(text) {
+            *to = from.to_le_bytes();
+        }
+        let address = (head >> 8 & 1 != 0).then_some(*address);
+        Some(Self { cause, exception: (head >> 16) as u16, detail: *detail, address, pc: *pc, lr: *lr, place })
+    }
+}
+
+/// The frame CRC of all words but the last.
+fn check_word(words: &[u32; WORDS]) -> u32 {
+    profile::crc::frame_of_words(words.iter().take(WORDS - 1).copied())
+}
+
+/// What a fault's status register tells, in words.
+fn told(cause: Cause, cfsr: u32) -> &'static str {
+    let bits: &[(u32, &str)] = match cause {
+        // Why the frame could not be written is told by the access before it, if there was one.
+        Cause::MemoryProtection => {
+            &[(0, "execution"), (1, "data access"), (4, "exception entry"), (3, "exception return"), (5, "FPU state")]
+        }
+        Cause::BusFault => &[
+            (9, "data access"),
+            (10, "write some instructions before"),
+            (8, "execution"),
+            (12, "exception entry"),
+            (11, "exception return"),
+            (13, "FPU state"),
+        ],
+        Cause::UsageFault => &[
+            (16, "undefined instruction"),
+            (17, "wrong state"),
+            (18, "wrong exception return"),
+            (19, "no coprocessor"),
+            (24, "unaligned access"),
+            (25, "division by zero"),
+        ],
+        _ => &[],
+    };
+    bits.iter().find(|(bit, _)| cfsr >> bit & 1 != 0).map_or("no more is known", |(_, name)| name)
+}
+
+/// For example "memory protection, data access at 0x08000400, pc 0x08001234".
+impl fmt::Display for Stop {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.cause.name())?;
+        if self.cause == Cause::Panic {
+            return write!(f, " at {}:{}", self.place.text(), self.detail);
+        }
+        if !self.cause.is_fault() {
+            return write!(f, " ({:#x})", self.detail);
+        }
+        write!(f, ", {}", told(self.cause, self.detail))?;
+        if let Some(address) = self.address {
+            write!(f, " at {address:#010x}")?;
+        }
+        if self.pc != 0 {
+            write!(f, ", pc {:#010x}", self.pc)?;
+        }
+        Ok(())
+    }
+}
+
+/// The record. What stands here after power-on has, but for one case in 2^32, not its CRC.
+#[cfg_attr(target_os = "none", allow(unsafe_code))] // The attribute names a section, which the compiler cannot check.
+#[cfg_attr(target_os = "none", link_section = ".uninit.LAST_STOP")]
+static RECORD: [AtomicU32; WORDS] = [const { AtomicU32::new(0) }; WORDS];
+
+/// A stop was recorded since the start.
+static NOTED: AtomicBool = AtomicBool::new(false);
+
+/// The code of the stop before this start.
+static CODE: AtomicU32 = AtomicU32::new(0);
+
+/// Records `stop`, if it is the first since the start.
+pub fn note(stop: &Stop) {
+    if NOTED.swap(true, Ordering::Relaxed) {
+        return;
+    }
+    for (to, from) in RECORD.iter().zip(stop.to_words()) {
+        to.store(from, Ordering::Relaxed);
+    }
+}
+
+/// The stop before this start, if the firmware had stopped itself; from then on there is no record until the next one.
+/// To be called once, at start.
+pub fn take() -> Option<Stop> {
+    let mut words = [0; WORDS];
+    for (to, from) in words.iter_mut().zip(&RECORD) {
+        *to = from.swap(0, Ordering::Relaxed);
+    }
+    let stop = Stop::from_words(&words);
+    CODE.store(stop.map_or(0, |stop| stop.code()), Ordering::Relaxed);
+    stop
+}
+
+/// The code of the stop before this start, 0 if the firmware had not stopped itself.
+#[must_use]
+pub fn code() -> u32 {
+    CODE.load(Ordering::Relaxed)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,104 @@
+//! Memory as the linker has laid it out, word by word: the image in flash, code in RAM, guard words, free RAM.
+//!
+//! Everything here is a load or a store of one word at an address between two symbols of the linker script. Loads are
+//! instructions in assembly, not reads through a reference: on the nRF52840 flash begins at address 0, to which no Rust
+//! reference may point, and what other tasks or a bit flip change meanwhile must not be undefined behaviour.
+#![allow(unsafe_code)]
+
+use core::{arch::asm, ops::Range};
+
+use crate::patrol::Layout;
+
+/// The address of a linker symbol.
+macro_rules! address {
+    ($symbol:ident) => {{
+        extern "C" {
+            static $symbol: u32;
+        }
+        &raw const $symbol as u32
+    }};
+}
+
+/// The word at `address`, which must be one of the part's memory and open to loads.
+#[must_use]
+pub fn load(address: u32) -> u32 {
+    let word: u32;
+    // SAFETY: a load from memory changes nothing, and every word of it may be read. It is not `pure`: what is read may
+    // have changed since the last time.
+    unsafe {
+        asm!("ldr {0}, [{1}]", out(reg) word, in(reg) address, options(readonly, nostack, preserves_flags));
+    }
+    word
+}
+
+/// The word at `address` of flash, past the memory protection unit, which may have it shut.
+///
+/// Under FAULTMASK the unit does not apply (MPU_CTRL.HFNMIENA = 0, ARMv7-M ARM B3.5.5), and nothing runs but NMI; it
+/// lasts for one load. The barrier makes sure that the load is judged at the raised priority (B5.2.1).
+#[must_use]
+pub fn load_shut(address: u32) -> u32 {
+    let word: u32;
+    // SAFETY: as `load`; FAULTMASK was clear before, since the callers are tasks, and is clear after it.
+    unsafe {
+        asm!(
+            "cpsid f",
+            "isb",
+            "ldr {0}, [{1}]",
+            "cpsie f",
+            out(reg) word,
+            in(reg) address,
+            options(readonly, nostack, preserves_flags)
+        );
+    }
+    word
+}
+
+/// Stores `word` at `address`, which must be free RAM or a guard.
+pub(crate) fn store(address: u32, word: u32) {
+    // SAFETY: the caller, the patrol, stores into memory alone that the linker gave to no object of the program.
+    unsafe { (address as *mut u32).write_volatile(word) };
+}
+
+/// The image in flash: from the vector table up to its CRC.
+#[must_use]
+pub fn image() -> Range<u32> {
+    address!(__vector_table)..address!(__image_crc)
+}
+
+/// The word behind the image, which holds its CRC.
+#[must_use]
+pub fn stored_crc() -> u32 {
+    load(address!(__image_crc))
+}
+
+/// Whether `len` bytes from `address` on are whole words of the stack.
+#[must_use]
+pub fn is_stack(address: u32, len: u32) -> bool {
+    let end = address!(_stack_end);
+    let (offset, size) = (address.wrapping_sub(end), address!(_stack_start) - end);
+    address.is_multiple_of(4) && offset < size && size - offset >= len
+}
+
+/// Where everything is that is re-verified round the clock. `shut_end` is the end of the part of the image that the
+/// memory protection unit has shut.
+#[must_use]
+pub fn layout(shut_end: u32) -> Layout {
+    #[cfg(feature = "hot")]
+    let (code, code_load) = (address!(__shot)..address!(__ehot), address!(__sihot));
+    #[cfg(not(feature = "hot"))]
+    let (code, code_load) = (0..0, 0);
+    Layout {
+        image: image(),
+        shut_end,
+        code,
+        code_load,
+        guards: [
+            address!(_stack_end),
+            address!(__guard_data),
+            address!(__guard_bss),
+            address!(__guard_uninit),
+            address!(__guard_end),
+        ],
+        free: address!(__free_start)..address!(__free_end),
+    }
+}

@@ -1,0 +1,315 @@
+//! The memory protection unit: which memory the firmware may read, write and execute, and that it may do nothing else.
+//!
+//! # Design
+//!
+//! Each board has two [`Table`]s of [`Region`]s, one for the start and one for the tasks. A table is a constant and is
+//! checked when it is compiled. [`apply`] is the only function that writes the unit.
+//!
+//! - *Everything that no region opens is shut* (MPU_CTRL.PRIVDEFENA = 0, ARMv7-M ARM B3.5.5), for privileged code too,
+//!   which all of the firmware is. The private peripheral bus at 0xE000_0000 is exempt by the architecture (B3.5.1).
+//! - *A region of a higher number wins where two overlap* (B3.5.3). A subregion that is shut leaves its eighth to the
+//!   regions of lower numbers, or to none.
+//! - *The unit does not apply* at the priority of HardFault, of NMI and under FAULTMASK (MPU_CTRL.HFNMIENA = 0): the
+//!   handler of a fault that the table itself has caused must be able to run.
+//! - *Exception vectors are fetched past the unit* (B3.5.1), so the vector table may be shut.
+//! - *DMA is not seen by the unit*: it stands between the core and the bus.
+//!
+//! A violation is the exception MemManage, which ends in the board's safe state
+//! ([`safe_state`](crate::safe_state)). It is named after the restart ([`last_stop`](crate::last_stop)).
+
+/// What may be done with a region.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Allowed {
+    /// Nothing.
+    Nothing,
+    /// Data are read.
+    Read,
+    /// Data are read, code is executed.
+    ReadExecute,
+    /// Data are read and written.
+    ReadWrite,
+}
+
+/// What an access wants.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Access {
+    /// To read data.
+    Read,
+    /// To write data.
+    Write,
+    /// To execute an instruction.
+    Execute,
+}
+
+/// What kind of memory there is: the memory attributes that the ARMv7-M ARM, table B3-14, and PM0214, section 4.2.5,
+/// give for a part without caches of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Memory {
+    /// Normal, write-through.
+    Flash,
+    /// Normal, write-back, shared with DMA.
+    Ram,
+    /// Device, shared: accesses stay in their order and are neither merged nor repeated.
+    Peripheral,
+}
+
+/// A stretch of the address space.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Region {
+    name: &'static str,
+    base: u32,
+    size: u32,
+    shut: u8,
+    memory: Memory,
+    allowed: Allowed,
+}
+
+impl Region {
+    /// The smallest region, bytes (ARMv7-M ARM B3.5.8).
+    const SMALLEST: u32 = 32;
+    /// The smallest region that has subregions, bytes (B3.5.3).
+    const SMALLEST_OF_EIGHTHS: u32 = 256;
+
+    /// `size` bytes from `base` on, all of them open. `name` tells in words what is there.
+    ///
+    /// # Panics
+    ///
+    /// At compile time, if `size` is not a power of two of at least 32, or `base` not a multiple of it.
+    #[must_use]
+    pub const fn new(name: &'static str, base: u32, size: u32, memory: Memory, allowed: Allowed) -> Self {
+        assert!(size.is_power_of_two() && size >= Self::SMALLEST, "a region's size is a power of two, at least 32");
+        assert!(base.is_multiple_of(size), "a region begins at a multiple of its size");
+        Self { name, base, size, shut: 0, memory, allowed }
+    }
+
+    /// The same with only these eighths open: `open[n]` is from `base + n * size / 8` on.
+    ///
+    /// # Panics
+    ///
+    /// At compile time, if the region is too small to have eighths, or none is open.
+    #[must_use]
+    pub const fn only(mut self, open: [bool; 8]) -> Self {
+        assert!(self.size >= Self::SMALLEST_OF_EIGHTHS, "a region of less than 256 bytes has no subregions");
+        self.shut = 0;
+        let mut eighth = 0;
+        while eighth < 8 {
+            if !open[eighth] {
+                self.shut |= 1 << eighth;
+            }
+            eighth += 1;
+        }
+        assert!(self.shut != u8::MAX, "a region of which nothing is open");
+        self
+    }
+
+    /// What is there, in words.
+    #[must_use]
+    pub const fn name(&self) -> &'static str {
+        self.name
+    }
+
+    /// Whether `address` is between the region's ends.
+    const fn spans(&self, address: u32) -> bool {
+        address.wrapping_sub(self.base) < self.size
+    }
+
+    /// Whether the region decides about `address`.
+    const fn has(&self, address: u32) -> bool {
+        // A region of less than 256 bytes has no bit of `shut` set.
+        self.spans(address) && (self.size < 8 || self.shut >> ((address - self.base) / (self.size / 8)) & 1 == 0)
+    }
+
+    /// MPU_RBAR for region `number`, its bit VALID set so that the region is the one named here (B3.5.8).
+    #[cfg(any(test, target_os = "none"))]
+    const fn rbar(&self, number: u32) -> u32 {
+        self.base | 1 << 4 | number
+    }
+
+    /// MPU_RASR (B3.5.9), enabled.
+    #[cfg(any(test, target_os = "none"))]
+    const fn rasr(&self) -> u32 {
+        // Access permission of privileged and unprivileged code, table B3-15.
+        let permission = match self.allowed {
+            Allowed::Nothing => 0b000,
+            Allowed::ReadWrite => 0b001,
+            Allowed::Read | Allowed::ReadExecute => 0b101,
+        };
+        let execute_never = !matches!(self.allowed, Allowed::ReadExecute);
+        // TEX (three bits), S, C, B.
+        let attributes = match self.memory {
+            Memory::Flash => 0b00_0010,
+            Memory::Ram => 0b00_0111,
+            Memory::Peripheral => 0b00_0101,
+        };
+        (execute_never as u32) << 28
+            | permission << 24
+            | attributes << 16
+            | (self.shut as u32) << 8
+            | (self.size.trailing_zeros() - 1) << 1
+            | 1
+    }
+}
+
+/// The regions that are in force together, at most eight.
+#[derive(Clone, Copy, Debug)]
+pub struct Table<const N: usize>([Region; N]);
+
+impl<const N: usize> Table<N> {
+    /// Regions of the Cortex-M4's unit (TRM, chapter 5).
+    const MOST: usize = 8;
+
+    /// Of regions that overlap the later one decides.
+    ///
+    /// # Panics
+    ///
+    /// At compile time, if there are more than eight.
+    #[must_use]
+    pub const fn new(regions: [Region; N]) -> Self {
+        assert!(N <= Self::MOST, "the unit has eight regions");
+        Self(regions)
+    }
+
+    /// The regions.
+    #[must_use]
+    pub const fn regions(&self) -> &[Region] {
+        &self.0
+    }
+
+    /// Whether code of the firmware may access `address` so.
+    #[must_use]
+    pub fn allows(&self, address: u32, access: Access) -> bool {
+        let decides = self.0.iter().rev().find(|region| region.has(address));
+        decides.is_some_and(|region| match access {
+            Access::Read => region.allowed != Allowed::Nothing,
+            Access::Write => region.allowed == Allowed::ReadWrite,
+            Access::Execute => region.allowed == Allowed::ReadExecute,
+        })
+    }
+
+    /// What is at `address`, in words: the name of the region that decides, else of one that spans it and has it shut,
+    /// else "an address where nothing is".
+    #[must_use]
+    pub fn name_of(&self, address: u32) -> &'static str {
+        let mut regions = self.0.iter().rev();
+        let found = regions.find(|region| region.has(address));
+        let found = found.or_else(|| self.0.iter().rev().find(|region| region.spans(address)));
+        found.map_or("an address where nothing is", Region::name)
+    }
+}
+
+/// Puts `table` into force.
+#[cfg(target_os = "none")]
+#[allow(unsafe_code)]
+pub fn apply<const N: usize>(unit: &mut cortex_m::peripheral::MPU, table: &Table<N>) {
+    /// MPU_CTRL: on, not in HardFault and NMI, nothing open that no region opens (B3.5.5).
+    const ENABLE: u32 = 1;
+    off();
+    for number in 0..Table::<N>::MOST as u32 {
+        let region = table.0.get(number as usize);
+        // A region that is off has no base; RBAR's bit VALID chooses the region.
+        let (base, attributes) = region.map_or((1 << 4 | number, 0), |region| (region.rbar(number), region.rasr()));
+        // SAFETY: the unit is off meanwhile; with it on, what the table shuts faults, which is its purpose. The tables
+        // are constants whose regions were checked when they were compiled.
+        unsafe { unit.rbar.write(base) };
+        // SAFETY: as above.
+        unsafe { unit.rasr.write(attributes) };
+    }
+    // SAFETY: as above.
+    unsafe { unit.ctrl.write(ENABLE) };
+    // What follows is fetched and accessed under the new table (B3.5.4).
+    cortex_m::asm::dsb();
+    cortex_m::asm::isb();
+}
+
+/// Switches the unit off: for the safe state, which runs no task any more and needs peripherals that are shut to them.
+#[cfg(target_os = "none")]
+#[allow(unsafe_code)]
+pub fn off() {
+    cortex_m::asm::dmb();
+    // SAFETY: the register block is always there; without the unit every access is allowed.
+    unsafe { (*cortex_m::peripheral::MPU::PTR).ctrl.write(0) };
+    cortex_m::asm::dsb();
+    cortex_m::asm::isb();
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FLASH: Region = Region::new("flash", 0x0800_0000, 0x2_0000, Memory::Flash, Allowed::ReadExecute);
+    const RAM: Region = Region::new("RAM", 0x2000_0000, 0x4_0000, Memory::Ram, Allowed::ReadWrite);
+    const UARTS: Region = Region::new("UARTs", 0x4000_4000, 0x4000, Memory::Peripheral, Allowed::ReadWrite)
+        .only([true, true, false, false, false, false, false, true]);
+
+    #[test]
+    fn a_region_is_written_as_the_architecture_lays_its_registers_out() {
+        // SIZE is the exponent less one, AP 0b101 is read-only for privileged code, XN is bit 28.
+        assert_eq!(FLASH.rbar(0), 0x0800_0010);
+        assert_eq!(FLASH.rasr(), 0x0502_0021);
+        assert_eq!(RAM.rbar(2), 0x2000_0012);
+        assert_eq!(RAM.rasr(), 0x1107_0023);
+        assert_eq!(UARTS.rbar(7), 0x4000_4017);
+        assert_eq!(UARTS.rasr(), 0x1105_7C1B);
+        let null = Region::new("null", 0, 32, Memory::Flash, Allowed::Nothing);
+        assert_eq!(null.rasr(), 0x1002_0009);
+        assert_eq!(Region::new("data", 0, 64, Memory::Flash, Allowed::Read).rasr(), 0x1502_000B);
+    }
+
+    #[test]
+    fn what_no_region_opens_is_shut() {
+        let table = Table::new([FLASH, RAM]);
+        for access in [Access::Read, Access::Write, Access::Execute] {
+            for address in [0, 0x07FF_FFFF, 0x0802_0000, 0x1FFF_FFFF, 0x2004_0000, 0x4000_0000, u32::MAX] {
+                assert!(!table.allows(address, access), "{access:?} {address:#x}");
+            }
+        }
+        assert_eq!(table.name_of(0x1FFF_FFFF), "an address where nothing is");
+    }
+
+    #[test]
+    fn each_kind_of_region_allows_what_it_says_and_nothing_else() {
+        let kinds = [
+            (Allowed::Nothing, [false, false, false]),
+            (Allowed::Read, [true, false, false]),
+            (Allowed::ReadExecute, [true, false, true]),
+            (Allowed::ReadWrite, [true, true, false]),
+        ];
+        for (allowed, expected) in kinds {
+            let table = Table::new([Region::new("any", 0x100, 0x100, Memory::Ram, allowed)]);
+            for address in [0x100, 0x17F, 0x1FF] {
+                let found = [Access::Read, Access::Write, Access::Execute].map(|access| table.allows(address, access));
+                assert_eq!(found, expected, "{allowed:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn an_eighth_that_is_shut_is_left_to_the_regions_of_lower_numbers() {
+        let alone = Table::new([UARTS]);
+        let open: Vec<bool> = (0..8).map(|eighth| alone.allows(0x4000_4000 + 0x800 * eighth, Access::Write)).collect();
+        assert_eq!(open, [true, true, false, false, false, false, false, true]);
+        assert!(alone.allows(0x4000_4FFF, Access::Read) && !alone.allows(0x4000_5000, Access::Read));
+        assert_eq!(alone.name_of(0x4000_5000), "UARTs");
+        let below = Region::new("all", 0x4000_0000, 0x1_0000, Memory::Peripheral, Allowed::Read);
+        let both = Table::new([below, UARTS]);
+        assert!(both.allows(0x4000_5000, Access::Read) && !both.allows(0x4000_5000, Access::Write));
+        assert_eq!((both.name_of(0x4000_5000), both.name_of(0x4000_4800)), ("all", "UARTs"));
+    }
+
+    #[test]
+    fn of_two_regions_at_one_address_the_later_decides() {
+        let null = Region::new("null page", 0x0800_0000, 0x100, Memory::Flash, Allowed::Nothing);
+        let table = Table::new([FLASH, null]);
+        assert!(!table.allows(0x0800_00FF, Access::Read) && table.allows(0x0800_0100, Access::Execute));
+        assert!(Table::new([null, FLASH]).allows(0x0800_0000, Access::Read));
+        assert_eq!(table.name_of(0x0800_0000), "null page");
+    }
+
+    #[test]
+    fn a_region_of_half_the_address_space_ends_with_it() {
+        let half = Region::new("half", 0x8000_0000, 0x8000_0000, Memory::Ram, Allowed::ReadWrite);
+        let table = Table::new([half]);
+        assert!(table.allows(u32::MAX, Access::Write) && !table.allows(0x7FFF_FFFF, Access::Write));
+        assert_eq!(half.rasr() >> 1 & 0x1F, 30);
+    }
+}

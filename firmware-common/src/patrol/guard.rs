@@ -1,0 +1,48 @@
+//! Guard words: what a write beyond the end of a static, or a stack that is full, changes first.
+//!
+//! Two words each stand before `.data`, between `.data` and `.bss`, between `.bss` and `.uninit`, behind `.uninit`
+//! (`guards.x`), and at the end of the stack. Their value follows from their address, so a block of memory that is
+//! copied over another does not restore them, and is neither 0 nor erased flash.
+
+use super::Memory;
+
+/// How many guards there are.
+pub const COUNT: usize = 5;
+
+/// Words of a guard.
+pub const WORDS: u32 = 2;
+
+/// What the word at `address` has to hold.
+const fn value(address: u32) -> u32 {
+    // A constant with as many ones as zeros, and different bytes.
+    !address ^ 0x9E37_79B9
+}
+
+/// The guards of a board.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Guards([u32; COUNT]);
+
+impl Guards {
+    /// Writes the guards at these addresses.
+    pub(super) fn set(addresses: [u32; COUNT], memory: &mut impl Memory) -> Self {
+        for address in words(&addresses) {
+            memory.store(address, value(address));
+        }
+        Self(addresses)
+    }
+
+    /// The number of a guard that has changed. All are read, whatever is found.
+    pub(super) fn changed(&self, memory: &impl Memory) -> Option<u32> {
+        let mut changed = None;
+        for (index, address) in words(&self.0).enumerate() {
+            if memory.load(address) != value(address) {
+                changed = Some(index as u32 / WORDS);
+            }
+        }
+        changed
+    }
+}
+
+fn words(addresses: &[u32; COUNT]) -> impl Iterator<Item = u32> + '_ {
+    addresses.iter().flat_map(|address| (0..WORDS).map(move |word| address + 4 * word))
+}
