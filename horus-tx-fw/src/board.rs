@@ -20,12 +20,41 @@
 //! the receiver's two tasks in `main.rs`; each of those looks its row up by the vector, and a vector that is in no row
 //! does not compile. Nothing else names a receiver's hardware.
 
-use horus_tx_fw::timing;
+use horus_tx_fw::{task::TASKS, timing};
 use profile::MAX_RECEIVERS;
 use stm32f4xx_hal::{
     pac::{self, uart4, Interrupt},
     rcc::Enable,
 };
+
+/// The vectors of the tasks, in the order of [`TASKS`].
+const TASK_VECTORS: [Interrupt; TASKS.len()] = [
+    Interrupt::TIM2,
+    Interrupt::DMA2_STREAM0,
+    Interrupt::DMA2_STREAM3,
+    Interrupt::EXTI3,
+    Interrupt::TIM5,
+    Interrupt::CAN1_TX,
+    Interrupt::CAN1_RX0,
+    Interrupt::USART2,
+    Interrupt::USART6,
+    Interrupt::UART4,
+    Interrupt::UART5,
+    Interrupt::UART7,
+    Interrupt::DMA1_STREAM5,
+    Interrupt::DMA2_STREAM1,
+    Interrupt::DMA1_STREAM2,
+    Interrupt::DMA1_STREAM0,
+    Interrupt::DMA1_STREAM3,
+    Interrupt::CAN1_RX1,
+];
+
+/// The name of the task whose exception has this number: that of its interrupt and 16 (ARMv7-M ARM B1.5.2).
+pub(crate) fn task_of(exception: u16) -> &'static str {
+    let is_its = |vector: &Interrupt| *vector as u16 + 16 == exception;
+    let task = TASK_VECTORS.iter().position(is_its).and_then(|index| TASKS.get(index));
+    task.map_or(if exception == 0 { "idle" } else { "none" }, |(name, _)| name)
+}
 
 /// A GPIO port.
 #[derive(Clone, Copy, PartialEq, Eq)]

@@ -19,6 +19,8 @@
 //! | [`ring`] | how many bytes a circular DMA transfer has delivered, and whether it lapped its reader |
 //! | [`timing`] | the slots of a cycle, each with its derivation, checked at compile time |
 //! | [`clock`] | whether to run on the external clock or, without it, on the internal oscillator |
+//! | [`integrity`] | what a change of memory leads to, and when it is found |
+//! | [`protection`] | what the memory protection unit opens |
 //! | [`reset`] | why the processor started |
 //! | [`task`] | which tasks have to check in before the watchdog is fed |
 //! | [`telemetry`] | the counters that a debugger, or the bench, reads from RAM |
@@ -33,6 +35,8 @@
 
 pub mod clock;
 pub mod cycle;
+pub mod integrity;
+pub mod protection;
 pub mod receiver;
 pub mod reset;
 pub mod ring;

@@ -58,16 +58,24 @@ fn main() -> std::process::ExitCode {
 }
 
 #[cfg(target_os = "none")]
-firmware_common::install_safe_state!(hw::safe_state);
+firmware_common::install_safe_state!(hw::safe_state, hw::area, board::task_of);
 
 #[cfg(target_os = "none")]
 #[rtic::app(device = stm32f4xx_hal::pac, peripherals = true)]
 mod app {
     use cortex_m::{asm, peripheral::DWT};
     use defmt_rtt as _;
-    use firmware_common::{check_in::CheckIn, image, safe_state};
+    use firmware_common::{
+        check_in::CheckIn,
+        image,
+        last_stop::{self, Cause, Stop},
+        memory, mpu,
+        patrol::{Pace, PartMemory, Patrol, MOST_SLICES},
+        safe_state,
+    };
     use horus_tx_fw::{
         cycle::Cycle,
+        integrity, protection,
         receiver::{Receiver, Solution, BYTES_PER_CALL},
         reset,
         ring::Reader,
@@ -111,6 +119,8 @@ mod app {
         receivers: [Receiver; RECEIVERS],
         readers: [Reader; RECEIVERS],
         watchdog: IndependentWatchdog,
+        patrol: Patrol,
+        memory: PartMemory,
     }
 
     #[init]
@@ -136,14 +146,21 @@ mod app {
 
         let found = image::compare();
         if !found.is_intact() {
-            safe_state::enter(hw::safe_state, || {
-                defmt::error!(
-                    "the image in flash has the CRC {=u32:#010x}, but was built with {=u32:#010x}",
-                    found.computed,
-                    found.expected
-                );
-            });
+            safe_state::enter(
+                hw::safe_state,
+                || Stop::new(Cause::Flash, 0, found.computed),
+                |_| {
+                    defmt::error!(
+                        "the image in flash has the CRC {=u32:#010x}, but was built with {=u32:#010x}",
+                        found.computed,
+                        found.expected
+                    );
+                },
+            );
         }
+
+        safe_state::name_faults(&mut cx.core.SCB);
+        mpu::apply(&mut cx.core.MPU, &protection::START);
 
         // All of its time for the rest of the start and the first cycles, after which the tasks decide.
         watchdog.feed();
@@ -161,9 +178,18 @@ mod app {
             HORUS_TELEMETRY.watchdog_resets.get(),
             reset::name(reason)
         );
+        if let Some(stop) = last_stop::take() {
+            crate::log_stop("the last stop", &stop);
+        }
+        HORUS_TELEMETRY.last_stop.set(last_stop::code());
         if HORUS_TELEMETRY.without_crystal.get() != 0 {
             defmt::warn!("the external clock is missing: running on the internal oscillator");
         }
+        let mut memory = PartMemory::take();
+        // Nothing of the image is shut: what is null on this part is not where flash is.
+        let layout = memory::layout(0);
+        let patrol = Patrol::new(layout, integrity::RATE, &mut memory);
+        mpu::apply(&mut cx.core.MPU, &protection::TASKS);
         (
             Shared { transmitter, radio, solutions: [Solution::default(); RECEIVERS], lines },
             Local {
@@ -172,18 +198,32 @@ mod app {
                 receivers: core::array::from_fn(|_| Receiver::new()),
                 readers: [Reader::new(); RECEIVERS],
                 watchdog,
+                patrol,
+                memory,
             },
             init::Monotonics(),
         )
     }
 
-    #[idle(local = [watchdog], shared = [transmitter])]
+    #[idle(local = [watchdog, patrol, memory], shared = [transmitter])]
     fn idle(mut cx: idle::Context) -> ! {
         let mut reported = 0;
         let mut fault = None;
+        let now_us = || cycle_timer::now_ms().wrapping_mul(1_000);
+        let mut pace = Pace::new(now_us());
+        let mut due = 0;
         loop {
             if CHECK_IN.complete() {
                 cx.local.watchdog.feed();
+            }
+            due = (due + pace.due(now_us())).min(MOST_SLICES);
+            while due > 0 && cycle_timer::is_quiet() {
+                due -= 1;
+                let slice = cx.local.patrol.slice(cx.local.memory);
+                if let Some((cause, detail)) = integrity::judge(&slice, &HORUS_TELEMETRY) {
+                    let stop = Stop::new(cause, 0, detail);
+                    safe_state::enter(hw::safe_state, || stop, |stop| crate::log_stop("memory", stop));
+                }
             }
             fault = fault.or_else(|| cx.shared.transmitter.lock(Transmitter::take_fault));
             if let Some(what) = fault {

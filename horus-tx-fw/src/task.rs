@@ -83,4 +83,14 @@ mod tests {
         }
         assert_eq!(bound, TASKS);
     }
+
+    #[test]
+    fn the_vectors_by_which_a_stop_is_named_are_those_of_the_table() {
+        let source = include_str!("board.rs");
+        let (_, list) = source.split_once("const TASK_VECTORS").expect("the list");
+        let (list, _) = list.split_once("];").expect("its end");
+        let vectors: Vec<&str> = list.split("Interrupt::").skip(1).filter_map(|rest| rest.split(',').next()).collect();
+        let bound: Vec<&str> = TASKS.iter().map(|(_, vector)| *vector).collect();
+        assert_eq!(vectors, bound);
+    }
 }

@@ -71,6 +71,16 @@ pub struct Telemetry {
     pub reset_reason: Counter,
     /// 1 if HORUS runs on its internal oscillator since the external clock is missing, else 0.
     pub without_crystal: Counter,
+    /// Why the firmware stopped itself before this start: a code of `firmware_common::last_stop`, 0 if it did not.
+    pub last_stop: Counter,
+    /// Passes over flash.
+    pub flash_passes: Counter,
+    /// Passes of the march test over free RAM.
+    pub ram_passes: Counter,
+    /// Bits of free RAM that did not read as they were written.
+    pub ram_errors: Counter,
+    /// Frames during which the front end's FIFO ran dry or over.
+    pub fifo_errors: Counter,
 }
 
 impl Telemetry {
@@ -91,6 +101,11 @@ impl Telemetry {
             lines: [const { Line::new() }; MAX_RECEIVERS],
             reset_reason: Counter::new(),
             without_crystal: Counter::new(),
+            last_stop: Counter::new(),
+            flash_passes: Counter::new(),
+            ram_passes: Counter::new(),
+            ram_errors: Counter::new(),
+            fifo_errors: Counter::new(),
         }
     }
 
@@ -101,6 +116,6 @@ impl Telemetry {
     }
 }
 
-const _: () = assert!(size_of::<Telemetry>() == 4 * (10 + 7 * MAX_RECEIVERS + 2));
+const _: () = assert!(size_of::<Telemetry>() == 4 * (10 + 7 * MAX_RECEIVERS + 7));
 // The bench and debuggers know the counters by these places.
 const _: () = assert!(core::mem::offset_of!(Telemetry, lines) == 40);

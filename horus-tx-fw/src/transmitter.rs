@@ -8,11 +8,14 @@
 //! that ends it calls [`Transmitter::done`], [`Transmitter::edge`] or [`Transmitter::elapsed`]. No task ever waits
 //! for the SPI.
 //!
-//! The one transfer that must happen at its exact instant is the command that starts a frame. When the FIFO is
-//! loaded the transmitter *arms* a [`Ticket`], which says for which cycle and frame it was loaded, and starts no
-//! other transfer. The slot's interrupt, above everything else, asks [`Ticket::due`], writes the
-//! command's byte, and reports back through [`Transmitter::slot`]. A slot that finds no ticket, or that of another
-//! cycle or frame, sends nothing: a frame never goes out late, and never with data older than its cycle's.
+//! As soon as a frame was sent the chip is prepared for the next one, long before there is anything to send. So what is
+//! left between the tick and the slot is to load the frame's head.
+//!
+//! The one transfer that must happen at its exact instant is the command that starts a frame. When the head is loaded
+//! the transmitter *arms* a [`Ticket`], which says for which cycle and frame it was loaded, and starts no other
+//! transfer. The slot's interrupt, above everything else, asks [`Ticket::due`], writes the command's byte, and reports
+//! back through [`Transmitter::slot`], which starts the load of the rest. A slot that finds no ticket, or that of
+//! another cycle or frame, sends nothing: a frame never goes out late, and never with data older than its cycle's.
 //!
 //! A fault of the chip is the machine's business to recover from; here it costs the frames of the
 //! meantime, each counted, and nothing else. The cycle goes on.
@@ -102,14 +105,14 @@ enum Phase {
     Wait,
     /// For the timer alone.
     Delay,
-    /// The chip is ready and has nothing to send.
-    Ready,
-    /// A loaded frame waits for its slot.
+    /// The chip is prepared for a frame, and there is nothing to send.
+    Prepared,
+    /// A frame whose head is loaded waits for its slot.
     Armed,
 }
 
-/// The most steps carried out in one call. The longest run without a transfer or a wait in between is
-/// sent, start, ready, send; the rest is margin. A machine that asks for more is told to wait a millisecond.
+/// The most steps carried out in one call. The longest run without a transfer or a wait in between is of three steps;
+/// the rest is margin. A machine that asks for more is told to wait a millisecond.
 const STEPS_PER_CALL: usize = 12;
 
 /// Executes the poller machine for one cycle after the other.
@@ -121,7 +124,9 @@ pub struct Transmitter<'a> {
     tick: u32,
     /// The frame to load next; [`FRAMES`] if there is none.
     next: usize,
-    /// The tick and frame that the machine was last given.
+    /// The frame that the chip is prepared for.
+    prepared: usize,
+    /// The tick and frame whose head was loaded last.
     sending: (u32, usize),
     /// Transfers started so far (wraps), and how many there were at the last offer: one that is still
     /// under way a cycle later will not end by itself.
@@ -141,6 +146,7 @@ impl<'a> Transmitter<'a> {
             phase: Phase::Off,
             tick: 0,
             next: FRAMES,
+            prepared: 0,
             sending: (0, FRAMES),
             transfers: 0,
             transfers_at_offer: 0,
@@ -158,17 +164,23 @@ impl<'a> Transmitter<'a> {
     }
 
     /// Offers the profile of tick `tick`. It replaces what was not sent of the one before; if the chip is
-    /// not ready, its frames are loaded as soon as it is, if that is in time for their slots.
+    /// not prepared, its frames are loaded as soon as it is, if that is in time for their slots.
     ///
-    /// Gives false, and takes nothing, if a load is still under way (so late that its slot is lost
-    /// anyway): the bytes under it must not change.
+    /// Gives false, and takes nothing, if a frame of an earlier cycle is being loaded or was fired just now (so late
+    /// that this cycle's slot is lost anyway): the bytes under it must not change.
     pub fn offer(&mut self, tick: u32, profile: &Profile<RECEIVERS>, port: &mut impl Port) -> bool {
         let started = core::mem::replace(&mut self.transfers_at_offer, self.transfers);
         if matches!(self.phase, Phase::Transfer { .. }) && started == self.transfers {
             port.abort();
             self.failed(port);
         }
-        if self.phase == (Phase::Transfer { loading: true }) {
+        let kept = match self.phase {
+            Phase::Transfer { loading } => loading,
+            // Without its ticket it was fired.
+            Phase::Armed => !port.disarm(),
+            _ => false,
+        };
+        if kept {
             self.next = FRAMES;
             return false;
         }
@@ -176,9 +188,12 @@ impl<'a> Transmitter<'a> {
         self.tick = tick;
         self.next = 0;
         match self.phase {
-            Phase::Ready => self.begin(port),
+            Phase::Prepared => {
+                let step = self.prepared();
+                self.run(step, port);
+            }
             // A frame of an earlier cycle that missed its slot: give it up.
-            Phase::Armed if port.disarm() => {
+            Phase::Armed => {
                 let step = self.poller.step(Input::Start);
                 self.run(step, port);
             }
@@ -247,20 +262,21 @@ impl<'a> Transmitter<'a> {
         self.fault.take()
     }
 
-    /// Gives the machine the next frame of the cycle, if there is one. To be called when it is ready.
-    fn begin(&mut self, port: &mut impl Port) {
-        if let Some(step) = self.send() {
-            self.run(step, port);
-        }
+    /// Has the chip prepared for the frame that is due next: of this cycle, or the first of the next one.
+    fn prepare(&mut self) -> Step<PollerEvent> {
+        self.prepared = if self.next < FRAMES { self.next } else { 0 };
+        // A machine that refuses is told of a failure, which it reports and recovers from.
+        self.poller.prepare(payload(self.prepared)).unwrap_or_else(|_| self.poller.step(Input::Failed))
     }
 
-    fn send(&mut self) -> Option<Step<PollerEvent>> {
-        if self.next >= FRAMES {
-            return None;
+    /// What comes next when the chip is prepared for a frame and there is one to send.
+    fn prepared(&mut self) -> Step<PollerEvent> {
+        if self.prepared == self.next {
+            self.sending = (self.tick, self.next);
+            self.poller.step(Input::Start)
+        } else {
+            self.prepare()
         }
-        let step = self.poller.send(payload(self.next)).ok()?;
-        self.sending = (self.tick, self.next);
-        Some(step)
     }
 
     fn run(&mut self, mut step: Step<PollerEvent>, port: &mut impl Port) {
@@ -276,12 +292,6 @@ impl<'a> Transmitter<'a> {
                     let (_, frame) = self.sending;
                     match Place::of_frame::<RECEIVERS>(frame) {
                         Some(place) if offset + len <= place.length() => {
-                            // A newer profile may have been deposited since the frame was begun: it is
-                            // that one's bytes that are loaded. If it is that one's other frame that is
-                            // due, this one is given up when it is loaded.
-                            if frame == self.next {
-                                self.sending = (self.tick, frame);
-                            }
                             self.phase = Phase::Transfer { loading: true };
                             self.transfers = self.transfers.wrapping_add(1);
                             port.start_load(place.offset() + offset, len);
@@ -308,12 +318,13 @@ impl<'a> Transmitter<'a> {
                         self.faulty = false;
                         self.telemetry.rf_recoveries.add(1);
                     }
-                    self.phase = Phase::Ready;
-                    match self.send() {
-                        Some(step) => step,
-                        None => return,
-                    }
+                    self.prepare()
                 }
+                Step::Event(PollerEvent::Prepared) if self.next >= FRAMES => {
+                    self.phase = Phase::Prepared;
+                    return;
+                }
+                Step::Event(PollerEvent::Prepared) => self.prepared(),
                 Step::Event(PollerEvent::Loaded) if self.sending == (self.tick, self.next) => {
                     self.phase = Phase::Armed;
                     let (tick, frame) = self.sending;
@@ -329,6 +340,7 @@ impl<'a> Transmitter<'a> {
                 }
                 Step::Event(PollerEvent::Fault(fault)) => {
                     self.telemetry.rf_faults.add(1);
+                    self.telemetry.fifo_errors.set(self.poller.counters().flow);
                     self.faulty = true;
                     self.fault = Some(fault);
                     self.poller.step(Input::Start)

@@ -10,7 +10,10 @@ use horus_tx_fw::{
     FRAMES, RECEIVERS,
 };
 use profile::{air, Object, Profile};
-use st25r3916::PollerConfig;
+use st25r3916::{
+    poller::{rest_within_us, HEAD},
+    PollerConfig,
+};
 use st25r3916_model::{AirEvent, Chip, Config};
 
 /// One byte at 9 MHz, ns, rounded up.
@@ -38,6 +41,8 @@ struct Bench {
     /// Swallows the end of the transfer under way.
     hang: bool,
     aborted: u32,
+    /// How much later than asked for the rest of a frame begins to be loaded, ns.
+    rest_late_ns: u64,
 }
 
 impl Bench {
@@ -51,6 +56,7 @@ impl Bench {
             profile: Vec::new(),
             hang: false,
             aborted: 0,
+            rest_late_ns: 0,
         }
     }
 
@@ -74,6 +80,9 @@ impl Port for Bench {
         let mut out = vec![0x80];
         out.extend(&self.profile[start..start + len]);
         self.begin(out, false);
+        if let (Some(transfer), true) = (&mut self.transfer, len > HEAD) {
+            transfer.next_at += self.rest_late_ns;
+        }
     }
     fn abort(&mut self) {
         self.transfer = None;
@@ -199,6 +208,12 @@ fn run(cycles: u32, telemetry: &Telemetry, mut before: impl FnMut(u32, &mut Benc
     (sent, bench)
 }
 
+/// Whether `frame` has the length of one and every object of it is intact.
+fn is_whole(frame: &Sent) -> bool {
+    let objects = air::objects::<RECEIVERS>(&frame.payload);
+    objects.is_ok_and(|mut objects| objects.all(|(index, bytes)| Object::verify(index, bytes).is_ok()))
+}
+
 /// Every object of `frame` is intact and of the cycle that it was sent in; gives the cycle and the frame's place.
 fn check(frame: &Sent) -> (u32, usize) {
     let tick = (frame.at / CYCLE_NS) as u32;
@@ -245,8 +260,8 @@ fn every_cycle_after_bring_up_sends_its_own_profile_at_its_slots() {
 #[test]
 fn a_profile_offered_too_late_for_its_slot_is_never_sent() {
     let telemetry = Telemetry::new();
-    // Late by half the time a load takes: under way when its slot passes.
-    let late = u64::from(SLOT_US[0]) * 1_000 - 60_000;
+    // Late by half the time that loading the head takes: under way when its slot passes.
+    let late = u64::from(SLOT_US[0]) * 1_000 - HEAD as u64 * BYTE_NS / 2;
     let (sent, _) = run(40, &telemetry, |tick, _| if tick == 20 || tick == 30 { late } else { PUNCTUAL });
     let places: Vec<_> = sent.iter().map(check).collect();
     for tick in 3..=40 {
@@ -257,6 +272,24 @@ fn a_profile_offered_too_late_for_its_slot_is_never_sent() {
         }
     }
     assert_eq!(telemetry.rf_faults.get(), 0, "being late is no fault of the chip's");
+}
+
+#[test]
+fn the_rest_of_a_frame_may_be_as_late_as_the_driver_says_and_later_the_fifo_runs_dry_which_is_counted() {
+    let within_ns = u64::from(rest_within_us(9_000_000).expect("the SPI is the faster one")) * 1_000;
+    // The model's air begins a few µs after the command; the driver counts on none of them.
+    for (late_ns, dry) in [(within_ns - OVERHEAD_NS, false), (within_ns + 20_000, true)] {
+        let telemetry = Telemetry::new();
+        let (sent, bench) = run(40, &telemetry, |tick, bench| {
+            bench.rest_late_ns = if tick == 20 { late_ns } else { 0 };
+            PUNCTUAL
+        });
+        let whole = |tick: u32| sent.iter().any(|frame| (frame.at / CYCLE_NS) as u32 == tick && is_whole(frame));
+        assert_eq!((whole(20), telemetry.fifo_errors.get() > 0), (!dry, dry), "{late_ns} ns late");
+        assert!(whole(19) && (22..=40).all(whole), "only the frame that ran dry is lost");
+        assert!((u32::from(dry)..=FRAMES as u32 * u32::from(dry)).contains(&telemetry.rf_recoveries.get()));
+        assert!(!dry || !bench.chip.reports().is_empty(), "the model has seen it too");
+    }
 }
 
 #[test]

@@ -21,6 +21,10 @@
 
 use cortex_m::asm;
 use cortex_m_rt::exception;
+use firmware_common::{
+    last_stop::{Cause, Stop},
+    safe_state,
+};
 use horus_tx_fw::{
     clock::{self, Source},
     timing,
@@ -86,7 +90,8 @@ unsafe fn NonMaskableInt() -> ! {
     // The exception comes again and again until its flag is cleared (RM0090, clock security system).
     let failed = rcc.cir().read().cssf().bit_is_set();
     rcc.cir().write(|w| w.cssc().set_bit());
-    firmware_common::safe_state::enter(super::safe_state, || {
+    let stop = || Stop::new(Cause::Clock, safe_state::active_exception(), u32::from(failed));
+    safe_state::enter(super::safe_state, stop, |_| {
         if failed {
             defmt::error!("the external clock has failed");
         } else {

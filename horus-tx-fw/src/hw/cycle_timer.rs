@@ -185,11 +185,16 @@ pub fn now_ms() -> u32 {
     timestamp(after).wrapping_add(within)
 }
 
+/// Whether the rest of the cycle has no slot and no tick left that a few microseconds of work could delay.
+pub fn is_quiet() -> bool {
+    timing::quiet(tim2().cnt().read().cnt().bits())
+}
+
 /// Runs `log` if the rest of the cycle has no slot and no tick left that it could delay, and tells whether it did. A
 /// log message masks all interrupts while it is written; the check and the message are one such section.
 pub fn when_quiet(log: impl FnOnce()) -> bool {
     cortex_m::interrupt::free(|_| {
-        let quiet = timing::quiet(tim2().cnt().read().cnt().bits());
+        let quiet = is_quiet();
         if quiet {
             log();
         }

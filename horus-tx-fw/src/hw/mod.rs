@@ -22,7 +22,7 @@
 //!
 //! # Errata (ES0206 rev 24, STM32F42x and F43x) that concern all of it; each module lists its own
 //!
-//! - 2.2.6: a buffered write to the watchdog under an MPU attribute. Here: no MPU region is configured.
+//! - 2.2.6: a write to the watchdog may be buffered whatever the MPU says, if APB has no prescaler. Here: APB1 has one.
 //! - 2.8.3, 2.8.4: PVU, RVU not cleared when APB is too slow. Here: APB1 runs at 36 MHz; nothing waits for them.
 //! - Cortex-M4 776924: VDIV/VSQRT may be wrong if interrupted by a very short handler. Here: every handler does more
 //!   than the 14 cycles it names.
@@ -35,7 +35,7 @@
 #![allow(unreachable_pub)]
 
 use cortex_m::asm;
-use horus_tx_fw::telemetry::Telemetry;
+use horus_tx_fw::{protection, telemetry::Telemetry};
 
 pub mod clock;
 pub mod cycle_timer;
@@ -53,6 +53,11 @@ pub static HORUS_TELEMETRY: Telemetry = Telemetry::new();
 /// controller would call it again, and erratum 838869.
 pub fn settle() {
     asm::dsb();
+}
+
+/// What is at `address`, in words.
+pub fn area(address: u32) -> &'static str {
+    protection::area(address)
 }
 
 /// Puts the board into its safe state: the RF field is off. All interrupts must be masked, for ever.

@@ -1,0 +1,145 @@
+//! What HORUS's memory protection unit opens ([`firmware_common::mpu`])
+//!
+//! | addresses | what | start | tasks |
+//! |---|---|---|---|
+//! | 0x0000_0000 | null page, where flash is mirrored | – | – |
+//! | 0x0800_0000 to 96 KiB | flash: the image and its budget | read, execute | read, execute |
+//! | 0x1000_0000 | CCM RAM, not used | – | – |
+//! | 0x2000_0000 to 192 KiB | SRAM: stack, statics, and what is left free | read, write | read, write |
+//! | 0x4000_0000 to 0x5FFF_FFFF | peripherals and their bit-band alias | all | those of `board.rs` that tasks use |
+//!
+//! *Stack*: it grows down from the statics (flip-link) to 0x2000_0000, below which nothing is open: an overflow is a
+//! violation.
+//!
+//! *Peripherals*: what is shut to the tasks is what only the start needs: reset and clock control, the flash interface
+//! (so that nothing can erase or write flash), power control, and everything that the board does not use. A region's
+//! eighth is 2 KiB, two peripherals; so these are open beside those of the board: TIM3, TIM4, I2S2 and I2S3's
+//! extensions, USART1, USART3, GPIO F, all without a clock.
+
+use firmware_common::mpu::{Access, Allowed, Memory, Region, Table};
+
+const KIB: u32 = 1024;
+
+/// 96 KiB of 128, as `memory.x` has it.
+const FLASH: Region = Region::new("flash", 0x0800_0000, 128 * KIB, Memory::Flash, Allowed::ReadExecute)
+    .only([true, true, true, true, true, true, false, false]);
+
+/// SRAM1 to SRAM3 (RM0090, "Memory organization"): 192 KiB of 256.
+const RAM: Region = Region::new("RAM", 0x2000_0000, 256 * KIB, Memory::Ram, Allowed::ReadWrite)
+    .only([true, true, true, true, true, true, false, false]);
+
+/// While the firmware starts.
+pub const START: Table<3> = Table::new([
+    FLASH,
+    RAM,
+    Region::new("peripherals", 0x4000_0000, 0x2000_0000, Memory::Peripheral, Allowed::ReadWrite),
+]);
+
+/// While tasks run.
+pub const TASKS: Table<7> = Table::new([
+    FLASH,
+    RAM,
+    // TIM2 and TIM5; IWDG.
+    Region::new("timers and watchdog", 0x4000_0000, 16 * KIB, Memory::Peripheral, Allowed::ReadWrite)
+        .only([true, true, false, false, false, false, true, false]),
+    // USART2, UART4, UART5; UART7.
+    Region::new("UARTs", 0x4000_4000, 16 * KIB, Memory::Peripheral, Allowed::ReadWrite)
+        .only([true, true, true, false, false, false, false, true]),
+    // USART6; SPI1; SYSCFG and EXTI.
+    Region::new("SPI1, USART6 and EXTI", 0x4001_0000, 16 * KIB, Memory::Peripheral, Allowed::ReadWrite)
+        .only([false, false, true, false, false, false, true, true]),
+    // Ports A to E.
+    Region::new("GPIO ports", 0x4002_0000, 16 * KIB, Memory::Peripheral, Allowed::ReadWrite)
+        .only([true, true, true, false, false, false, false, false]),
+    Region::new("DMA controllers", 0x4002_6000, 2 * KIB, Memory::Peripheral, Allowed::ReadWrite),
+]);
+
+/// What is at `address`, in words.
+#[must_use]
+pub fn area(address: u32) -> &'static str {
+    match address {
+        0..0x0800_0000 => "null page",
+        0x1800_0000..0x2000_0000 => "below the stack",
+        0x4000_0000..0x6000_0000 if !TASKS.allows(address, Access::Write) => "a peripheral that is shut",
+        _ => TASKS.name_of(address),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use firmware_common::mpu::Access::{Execute, Read, Write};
+
+    #[test]
+    fn the_null_page_is_shut_and_the_image_can_be_read_and_executed_but_not_written() {
+        for access in [Read, Write, Execute] {
+            for shut in [0, 0xFF, 0x07FF_FFFF, 0x0800_0000 + 96 * KIB, 0x1000_0000] {
+                assert!(!TASKS.allows(shut, access) && !START.allows(shut, access), "{access:?} {shut:#x}");
+            }
+        }
+        for address in [0x0800_0000, 0x0800_0000 + 96 * KIB - 1] {
+            assert!(TASKS.allows(address, Read) && TASKS.allows(address, Execute) && !TASKS.allows(address, Write));
+            assert!(START.allows(address, Execute) && !START.allows(address, Write));
+        }
+    }
+
+    #[test]
+    fn all_ram_is_data_and_none_of_it_can_be_executed() {
+        for table in [START.regions(), TASKS.regions()] {
+            assert!(table.contains(&RAM));
+        }
+        for address in [0x2000_0000, 0x2000_0000 + 192 * KIB - 1] {
+            assert!(TASKS.allows(address, Read) && TASKS.allows(address, Write) && !TASKS.allows(address, Execute));
+        }
+        assert!(!TASKS.allows(0x1FFF_FFFC, Write) && !TASKS.allows(0x2000_0000 + 192 * KIB, Read));
+    }
+
+    #[test]
+    fn tasks_reach_the_peripherals_of_the_board_and_those_beside_them_in_an_eighth() {
+        // RM0090, table 1.
+        let used = [
+            0x4000_0000,
+            0x4000_0C00,
+            0x4000_3000,
+            0x4000_4400,
+            0x4000_4C00,
+            0x4000_5000,
+            0x4000_7800,
+            0x4001_1400,
+            0x4001_3000,
+            0x4001_3800,
+            0x4001_3C00,
+            0x4002_0000,
+            0x4002_0400,
+            0x4002_0800,
+            0x4002_0C00,
+            0x4002_1000,
+            0x4002_6000,
+            0x4002_6400,
+        ];
+        let beside = [
+            0x4000_0400,
+            0x4000_0800,
+            0x4000_3400,
+            0x4000_4000,
+            0x4000_4800,
+            0x4000_5400,
+            0x4000_7C00,
+            0x4001_1000,
+            0x4001_3400,
+            0x4002_1400,
+        ];
+        for address in (0x4000_0000..0x4008_0000).step_by(0x400) {
+            let open = used.contains(&address) || beside.contains(&address);
+            assert_eq!(TASKS.allows(address, Write), open, "{address:#x}");
+            assert!(START.allows(address, Write) && !START.allows(address, Execute));
+        }
+        assert!(!TASKS.allows(0x4002_3800, Write), "reset and clock control");
+        assert!(!TASKS.allows(0x4002_3C00, Write), "the flash interface");
+        let areas = [0, 0x0800_0400, 0x1FFF_FFFC, 0x2000_0000, 0x4002_3800, 0x4000_0024].map(area);
+        let named =
+            ["null page", "flash", "below the stack", "RAM", "a peripheral that is shut", "timers and watchdog"];
+        assert_eq!(areas, named);
+        assert!(!TASKS.allows(0x4247_0000, Write), "the bit-band alias");
+    }
+}
