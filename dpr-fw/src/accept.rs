@@ -27,6 +27,7 @@ use core::hint::black_box;
 
 use profile::{
     air::{self, Place},
+    crc::Begun,
     sequence::{self, Judgement, Sequence},
     Object, Profile, Rejection, MAX_RECEIVERS,
 };
@@ -143,33 +144,44 @@ const fn frame_number(place: Place) -> usize {
 
 /// The objects of a frame that were verified while it was still arriving.
 ///
-/// Verifying is most of what a frame costs, and all but the last object are complete half a millisecond before the
-/// frame ends.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+/// Verifying is most of what a frame costs, and all but the last bytes of the last object are there before the frame
+/// ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Early {
-    /// The payload length that LEN announced; 0 if nothing has arrived.
-    length: usize,
-    /// Objects verified, from the front.
-    done: usize,
-    intact: Objects,
     timestamps: [u32; MAX_OBJECTS],
+    /// The frame CRC of the object that follows, as far as it is there.
+    begun: Begun,
+    /// The payload length that LEN announced; 0 if nothing has arrived. Bytes, as this goes from task to task.
+    length: u8,
+    /// Objects verified, from the front.
+    done: u8,
+    intact: Objects,
+}
+
+impl Default for Early {
+    fn default() -> Self {
+        Self::of(0)
+    }
 }
 
 impl Early {
-    const fn of(length: usize) -> Self {
-        Self { length, done: 0, intact: Objects::NONE, timestamps: [0; MAX_OBJECTS] }
+    const fn of(length: u8) -> Self {
+        Self { length, done: 0, intact: Objects::NONE, timestamps: [0; MAX_OBJECTS], begun: Begun::NOTHING }
+    }
+
+    /// Objects verified so far.
+    #[must_use]
+    pub const fn done(&self) -> usize {
+        self.done as usize
     }
 
     /// `arrived` is what has arrived of the frame so far, beginning with LEN, in a buffer that only grows until the
-    /// frame is over; empty if another frame begins. Verifies the objects that are complete and were not verified yet.
+    /// frame is over. Verifies the objects that are complete and were not verified yet.
     pub fn follow<const N: usize>(&mut self, arrived: &[u8]) {
-        let Some((&len, payload)) = arrived.split_first() else {
-            *self = Self::default();
-            return;
-        };
+        let Some((&len, payload)) = arrived.split_first() else { return };
         if self.length == 0 {
             // LEN counts itself.
-            *self = Self::of(usize::from(len).saturating_sub(1));
+            *self = Self::of(len.saturating_sub(1));
         }
         self.advance::<N>(payload);
     }
@@ -177,17 +189,22 @@ impl Early {
     /// `payload` is what there is of it.
     fn advance<const N: usize>(&mut self, payload: &[u8]) {
         let places = (0..air::frames(N)).filter_map(Place::of_frame::<N>);
-        let Some(place) = places.into_iter().find(|place| place.length() == self.length) else { return };
-        while self.done < place.count() {
-            let index = place.first() + self.done;
-            let Some(bytes) = Profile::<N>::place(index).and_then(|range| {
+        let Some(place) = places.into_iter().find(|place| place.length() == usize::from(self.length)) else { return };
+        while self.done() < place.count() {
+            let index = place.first() + self.done();
+            let Some((there, size)) = Profile::<N>::place(index).and_then(|range| {
                 let start = range.start.checked_sub(place.offset())?;
-                payload.get(start..start + range.len())
+                Some((payload.get(start..)?, range.len()))
             }) else {
                 return;
             };
+            let Some(bytes) = there.get(..size) else {
+                self.begun.follow(there);
+                return;
+            };
+            let begun = core::mem::replace(&mut self.begun, Begun::NOTHING);
             // The barrier keeps the compiler from going separate ways with intact and damaged objects.
-            self.intact = self.intact.with(index, black_box(Object::verify(index, bytes).is_ok()));
+            self.intact = self.intact.with(index, black_box(Object::verify_begun(index, bytes, begun).is_ok()));
             // Every object begins with its timestamp; that of a damaged one is not used.
             if let (Some(timestamp), Some(bytes)) = (self.timestamps.get_mut(index), bytes.first_chunk()) {
                 *timestamp = u32::from_le_bytes(*bytes);
@@ -228,11 +245,13 @@ impl<const N: usize> Acceptance<N> {
     /// # Errors
     ///
     /// [`Rejection::Length`] if no frame of this profile is that long; then nothing has changed.
-    pub fn judge(&mut self, payload: &[u8], early: Early, ended_us: u64) -> Result<Verdict, Rejection> {
+    pub fn judge(&mut self, payload: &[u8], early: &Early, ended_us: u64) -> Result<Verdict, Rejection> {
         let place = air::place::<N>(payload)?;
         let sampled_us = ended_us.wrapping_sub(u64::from(Self::AGE_AT_END_US[frame_number(place)]));
         // What was verified under another length than the frame turned out to have was not verified.
-        let mut early = if early.length == payload.len() { early } else { Early::of(payload.len()) };
+        // A payload that has a place is shorter than 256 bytes.
+        let length = payload.len() as u8;
+        let mut early = if early.length == length { *early } else { Early::of(length) };
         early.advance::<N>(payload);
         let Early { intact, timestamps, .. } = early;
         let mut of_frame = None;
@@ -287,7 +306,7 @@ mod tests {
     fn judge<const N: usize>(acceptance: &mut Acceptance<N>, timestamp: u32, frame: usize, sampled_us: u64) -> Verdict {
         let sent = profile::<N>(timestamp);
         let payload = air::split(&sent).nth(frame).expect("a frame of the cycle");
-        acceptance.judge(payload, Early::default(), end::<N>(sampled_us, frame)).expect("the length is right")
+        acceptance.judge(payload, &Early::default(), end::<N>(sampled_us, frame)).expect("the length is right")
     }
 
     /// In sequence: the last cycle was 40, sampled at 40 ms.
@@ -430,7 +449,7 @@ mod tests {
     fn objects_of_another_cycle_in_one_frame_are_rejected_by_themselves() {
         let mut payload = profile::<3>(50).as_bytes().to_vec();
         payload[124..184].copy_from_slice(&profile::<3>(40).as_bytes()[124..184]);
-        let verdict = in_sequence::<3>().judge(&payload, Early::default(), end::<3>(50_000, 0));
+        let verdict = in_sequence::<3>().judge(&payload, &Early::default(), end::<3>(50_000, 0));
         assert_eq!(verdict.expect("the length is right").rejected(), Objects(1 << 2));
     }
 
@@ -439,7 +458,7 @@ mod tests {
         for fill in [0x00, 0xFF] {
             let mut acceptance = in_sequence::<3>();
             let before = *acceptance.sequence();
-            let verdict = acceptance.judge(&[fill; 244], Early::default(), end::<3>(50_000, 0)).expect("the length");
+            let verdict = acceptance.judge(&[fill; 244], &Early::default(), end::<3>(50_000, 0)).expect("the length");
             assert_eq!((verdict.cycle, verdict.accepted), (Cycle::Unknown, Objects::NONE));
             assert_eq!(*acceptance.sequence(), before);
             assert_eq!(judge(&mut acceptance, 60, 0, 60_000).accepted, Objects::all(3));
@@ -452,14 +471,14 @@ mod tests {
             let mut payload = profile::<3>(50).as_bytes().to_vec();
             payload[byte] ^= flip;
             let hit = if byte < 64 { 0 } else { 1 + (byte - 64) / 60 };
-            let verdict = in_sequence::<3>().judge(&payload, Early::default(), end::<3>(50_000, 0));
+            let verdict = in_sequence::<3>().judge(&payload, &Early::default(), end::<3>(50_000, 0));
             prop_assert_eq!(verdict.expect("the length is right").rejected(), Objects(1 << hit));
         }
 
         #[test]
         fn no_other_length_is_judged(length in 0_usize..300) {
             let payload = vec![0; length];
-            let early = Early::default();
+            let early = &Early::default();
             prop_assert_eq!(Acceptance::<1>::new().judge(&payload, early, 0).is_ok(), length == 124);
             prop_assert_eq!(Acceptance::<2>::new().judge(&payload, early, 0).is_ok(), length == 184);
             prop_assert_eq!(Acceptance::<3>::new().judge(&payload, early, 0).is_ok(), length == 244);
@@ -479,17 +498,14 @@ mod tests {
                 let mut arrived = vec![announced.unwrap_or(payload.len() as u8 + 1)];
                 arrived.extend(&payload);
                 let mut early = Early::default();
-                // The read of another frame, given up.
-                early.follow::<5>(&[185; 100]);
-                early.follow::<5>(&[]);
                 let mut reads = reads.clone();
                 reads.sort_unstable();
                 for read in reads {
                     early.follow::<5>(&arrived[..read.min(arrived.len())]);
                 }
                 let ended_us = end::<5>(50_000, frame);
-                let verdict = in_sequence::<5>().judge(&payload, early, ended_us);
-                prop_assert_eq!(verdict, in_sequence::<5>().judge(&payload, Early::default(), ended_us));
+                let verdict = in_sequence::<5>().judge(&payload, &early, ended_us);
+                prop_assert_eq!(verdict, in_sequence::<5>().judge(&payload, &Early::default(), ended_us));
             }
         }
     }
@@ -543,7 +559,7 @@ mod tests {
         // What follows is judged by what was there when it was verified.
         let mut payload = sent.as_bytes().to_vec();
         payload[63] ^= 1;
-        let verdict = in_sequence::<3>().judge(&payload, early, end::<3>(50_000, 0)).expect("the length is right");
+        let verdict = in_sequence::<3>().judge(&payload, &early, end::<3>(50_000, 0)).expect("the length is right");
         assert_eq!(verdict.accepted, Objects::all(3));
     }
 }

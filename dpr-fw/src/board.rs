@@ -25,7 +25,7 @@
 //! | TIMER0 | µs counter; compare 0: a wait of the driver; capture 1: IRQ edge, 3: now | `TIMER0`, `rf_timer` |
 //! | TIMER1 | the deadline of the next frame | `TIMER1`, `deadline` |
 //! | TIMER2 | time since FRESH, µs. Compare 0 and 1: expiry of the image. Compare 2: end of the FRESH pulse | – |
-//! | SWI0, SWI1 | calls of `commit` and `scrub` | `SWI0_EGU0`, `SWI1_EGU1` |
+//! | SWI0, SWI1, SWI2 | calls of `commit`, `scrub` and `port` | `SWI0_EGU0`, `SWI1_EGU1`, `SWI2_EGU2` |
 //! | WDT | watchdog | – |
 //!
 //! | PPI channel | event | task |
@@ -35,12 +35,32 @@
 //! | 2 | TIMER2 COMPARE\[1\] | SPIS1 ACQUIRE |
 //! | 3 | TIMER2 COMPARE\[2\] | GPIOTE CLR\[1\] |
 
+use dpr_fw::task::TASKS;
 use nrf52840_hal::{
     gpio::{p0, p1, Disconnected, Floating, Input, Level, Output, Pin, PullDown, PullUp, PushPull},
     gpiote::{Gpiote, TaskOutPolarity},
-    pac,
+    pac::{self, Interrupt},
     ppi::{self, ConfigurablePpi, Ppi},
 };
+
+/// The vectors of the tasks, in the order of [`TASKS`].
+const TASK_VECTORS: [Interrupt; TASKS.len()] = [
+    Interrupt::SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1,
+    Interrupt::SPIM0_SPIS0_TWIM0_TWIS0_SPI0_TWI0,
+    Interrupt::GPIOTE,
+    Interrupt::TIMER0,
+    Interrupt::SWI0_EGU0,
+    Interrupt::TIMER1,
+    Interrupt::SWI1_EGU1,
+    Interrupt::SWI2_EGU2,
+];
+
+/// The name of the task whose exception has this number: that of its interrupt and 16 (ARMv7-M ARM B1.5.2).
+pub(crate) fn task_of(exception: u16) -> &'static str {
+    let is_its = |vector: &Interrupt| *vector as u16 + 16 == exception;
+    let task = TASK_VECTORS.iter().position(is_its).and_then(|index| TASKS.get(index));
+    task.map_or(if exception == 0 { "idle" } else { "none" }, |(name, _)| name)
+}
 
 /// GPIOTE channel of FRESH.
 pub(crate) const FRESH_CHANNEL: usize = 1;

@@ -26,7 +26,11 @@
 
 use core::hint::black_box;
 
-use profile::{air, image::Image, GpsObject, Rejection, ReportedPosition};
+use profile::{
+    air,
+    criticality::{Dpr, Horus, Writer},
+    map, GpsObject, Rejection, ReportedPosition,
+};
 
 use crate::{
     accept::{same_sample, Acceptance, Cycle, Early, Objects, Verdict},
@@ -34,10 +38,18 @@ use crate::{
     ImageMemory,
 };
 
+/// What comes over the air was written by HORUS.
+const HORUS: Writer<Horus> = Writer::claim();
+/// Link-Status is the DPR's own.
+const DPR: Writer<Dpr> = Writer::claim();
+
 /// Where images go.
 pub trait Images {
     /// The image being filled: the same one until it is published, scrubbed when it is first asked for.
     fn filling(&mut self) -> &mut ImageMemory;
+    /// Copies Port-Status and the uplinks, which are sealed already, to their place in the image being filled, which is
+    /// that of a map for `N` receivers.
+    fn place_port<const N: usize>(&mut self);
     /// Makes what was filled the newest image.
     fn publish(&mut self);
 }
@@ -50,7 +62,7 @@ pub struct Frame<'a> {
     /// The counter, µs, when the front end reported its end: not after the frame is handed to [`Commit::frame`].
     pub ended_us: u32,
     /// What of it was verified while it arrived.
-    pub early: Early,
+    pub early: &'a Early,
 }
 
 /// The commit task's state, for a profile of `N` receivers.
@@ -63,6 +75,25 @@ pub struct Commit<const N: usize> {
     shown: Objects,
     /// If the image being filled waits for its cycle's second frame: when the cycle was sampled, µs since start.
     open: Option<u64>,
+    /// Port-Status and the uplinks are in the image being filled.
+    port_placed: bool,
+}
+
+/// Copies the bits of `from` that are set in `mask`, word by word, five words a turn.
+fn copy_masked(to: &mut [u8], from: &[u8], mask: u32) {
+    const TURN: usize = 20;
+    let copy = |to: &mut [u8], from: &[u8]| {
+        for (to, from) in to.as_chunks_mut().0.iter_mut().zip(from.as_chunks().0) {
+            *to = (u32::from_ne_bytes(*from) & mask).to_ne_bytes();
+        }
+    };
+    let (turns, rest) = to.as_chunks_mut::<TURN>();
+    let (from_turns, from_rest) = from.as_chunks::<TURN>();
+    for (to, from) in turns.iter_mut().zip(from_turns) {
+        copy(to, from);
+    }
+    // Both object sizes are multiples of four.
+    copy(rest, from_rest);
 }
 
 impl<const N: usize> Default for Commit<N> {
@@ -84,6 +115,7 @@ impl<const N: usize> Commit<N> {
             link: Link::new(),
             shown: Objects::NONE,
             open: None,
+            port_placed: false,
         }
     }
 
@@ -113,7 +145,11 @@ impl<const N: usize> Commit<N> {
     ) -> Result<u32, Rejection> {
         self.link.advance(now_us);
         let ended_us = self.link.clock().instant_us(frame.ended_us);
-        let verdict = self.acceptance.judge(frame.payload, frame.early, ended_us)?;
+        let mut verdict = self.acceptance.judge(frame.payload, frame.early, ended_us)?;
+        if health.flash_fault {
+            // What judges them is not the program that was built.
+            verdict.accepted = Objects::NONE;
+        }
 
         let mut published = u32::from(self.lapse(frame.ended_us, health, images));
         self.link.missed(self.monitor.frame(verdict.frame(), verdict.sampled_us, frame.ended_us));
@@ -148,6 +184,27 @@ impl<const N: usize> Commit<N> {
         self.lapse(now_us, health, images)
     }
 
+    /// Puts Port-Status and the uplinks, as they are ready now, into the image being filled. To be called while a frame
+    /// arrives; what was not done then is done when the image is published.
+    pub fn prepare(&mut self, images: &mut impl Images) {
+        if !self.port_placed {
+            images.place_port::<N>();
+            self.port_placed = true;
+        }
+    }
+
+    /// What is shown must not be: publishes an image without objects at once. Not while the image being filled holds
+    /// objects of a newer cycle, which goes out within [`link::SECOND_FRAME_US`](crate::link::SECOND_FRAME_US). Whether
+    /// one was published.
+    pub fn withdraw(&mut self, now_us: u32, health: &Health, images: &mut impl Images) -> bool {
+        self.link.advance(now_us);
+        if self.open.is_some() || self.shown != Objects::NONE {
+            return false;
+        }
+        self.publish(health, images);
+        true
+    }
+
     /// The next deadline: a value of the DPR's µs counter, to be compared wrapping. It moves with each frame and with
     /// each deadline that passes.
     #[must_use]
@@ -169,6 +226,7 @@ impl<const N: usize> Commit<N> {
         if lapse.silent {
             // What waits for a second frame is too old by now.
             images.filling().fill(0);
+            self.port_placed = false;
             self.shown = Objects::NONE;
         }
         self.publish(health, images);
@@ -183,13 +241,8 @@ impl<const N: usize> Commit<N> {
             // Behind the barrier the compiler cannot tell the two masks apart, or it would copy or clear, at different
             // costs.
             let mask = black_box(if verdict.accepted.has(index) { u32::MAX } else { 0 });
-            let Some(place) = Image::<N>::place(index).and_then(|place| image.get_mut(place)) else { return };
-            // Both object sizes are multiples of four.
-            let (to, _) = place.as_chunks_mut();
-            let (from, _) = object.as_chunks();
-            for (to, from) in to.iter_mut().zip(from) {
-                *to = (u32::from_ne_bytes(*from) & mask).to_ne_bytes();
-            }
+            let Some(place) = map::profile_object_mut::<_, N>(HORUS, image, index) else { return };
+            copy_masked(place, object, mask);
         }
         self.shown = self.shown.union(verdict.accepted);
     }
@@ -198,12 +251,14 @@ impl<const N: usize> Commit<N> {
     fn publish(&mut self, health: &Health, images: &mut impl Images) {
         let status = self.link.seal(self.shown, Objects::all(N), health);
         let image: &mut [u8] = bytemuck::cast_slice_mut(images.filling());
-        if let Some((place, _)) = image.split_first_chunk_mut() {
+        if let Some(place) = map::link_status_mut(DPR, image) {
             *place = *status.as_bytes();
         }
+        self.prepare(images);
         images.publish();
         self.shown = Objects::NONE;
         self.open = None;
+        self.port_placed = false;
     }
 }
 
@@ -258,8 +313,15 @@ mod tests {
     use super::*;
     use crate::link::{FRAME_DEADLINE_US, SECOND_FRAME_US, SILENCE_US};
     use crate::IMAGE_WORDS;
-    use profile::{image::ImageReading, LinkStatusBits, LinkValues, Object};
+    use profile::{
+        image::{Image, ImageReading},
+        map::{Map, PortArea},
+        LinkStatusBits, LinkValues, Object,
+    };
     use proptest::prelude::*;
+
+    /// What the port task has ready: the commit task does not look at it.
+    const PORT: [u8; PortArea::SIZE] = [0x5A; PortArea::SIZE];
 
     /// Keeps every image that was published.
     struct Album {
@@ -301,6 +363,10 @@ mod tests {
         fn filling(&mut self) -> &mut ImageMemory {
             &mut self.filling
         }
+        fn place_port<const N: usize>(&mut self) {
+            let image: &mut [u8] = bytemuck::cast_slice_mut(&mut self.filling);
+            image[Map::<N>::port_area()].copy_from_slice(&PORT);
+        }
         fn publish(&mut self) {
             self.published.push(self.filling);
             self.filling = [0; IMAGE_WORDS];
@@ -338,7 +404,7 @@ mod tests {
             bench
         }
         fn take(&mut self, payload: &[u8], ended_us: u32, now_us: u32) -> Result<u32, Rejection> {
-            let frame = Frame { payload, ended_us, early: Early::default() };
+            let frame = Frame { payload, ended_us, early: &Early::default() };
             self.commit.frame(frame, now_us, &self.health, &mut self.album)
         }
         /// Frame number `frame` of the cycle `timestamp` that is sampled at `sampled_us`; all its objects hit if it is
@@ -372,11 +438,12 @@ mod tests {
         assert_eq!(bench.commit.deadline_us(), end::<3>(50_000, 0) + FRAME_DEADLINE_US);
         let image: &[u8] = bytemuck::cast_slice(&bench.album.published[0]);
         assert_eq!(&image[32..276], profile::<3>(50).as_bytes());
-        assert!(image[276..].iter().all(|&byte| byte == 0));
+        assert_eq!(image[276..468], PORT);
+        assert!(image[468..].iter().all(|&byte| byte == 0));
         let link = bench.album.link::<3>();
         assert_eq!(link.status, LinkStatusBits::new().with_link_up(true).with_all_accepted(true));
-        // Sampled at 50 ms, 5.115 ms to the last bit, 0.09 ms to the commit.
-        assert_eq!((link.timestamp, link.age_100us), (55, 52));
+        // Sampled at 50 ms, 4.915 ms to the last bit, 0.09 ms to the commit.
+        assert_eq!((link.timestamp, link.age_100us), (55, 50));
         // Three cycles of four objects found the sequence.
         let counters = [link.objects_accepted, link.objects_rejected, link.frames_received, link.frames_missed];
         assert_eq!(counters, [8, 12, 5, 0]);
@@ -407,10 +474,52 @@ mod tests {
         let link = bench.album.link::<2>();
         assert!(!link.status.link_up() && !link.status.all_accepted() && !link.status.out_of_sequence());
         // 3.922 ms from sample to last bit, then 22.5 ms.
-        assert_eq!((link.frames_missed, link.age_100us), (2, 264));
+        assert_eq!((link.frames_missed, link.age_100us), (2, 262));
         bench.frame(70, 0, 70_000, false);
         assert_eq!(bench.album.shown::<2>(), [0, 1, 2]);
         assert_eq!(bench.missed(), 2);
+    }
+
+    #[test]
+    fn what_must_not_be_shown_is_replaced_at_once_by_an_image_without_objects() {
+        let mut bench = Bench::<3>::in_sequence();
+        let deadline_us = bench.commit.deadline_us();
+        let now_us = end::<3>(40_000, 0) + 4_000;
+        let faulty = Health { ram_fault: true, ..Health::default() };
+        assert!(bench.commit.withdraw(now_us, &faulty, &mut bench.album));
+        assert_eq!((bench.album.published.len(), bench.album.shown::<3>()), (1, vec![]));
+        let link = bench.album.link::<3>();
+        assert!(link.status.ram_fault() && !link.status.link_up());
+        assert_eq!((bench.commit.deadline_us(), bench.missed()), (deadline_us, 0));
+        // The next cycle is shown as if nothing had been.
+        bench.frame(50, 0, 50_000, false);
+        assert_eq!(bench.album.shown::<3>(), [0, 1, 2, 3]);
+    }
+
+    #[test]
+    fn an_image_that_already_holds_objects_of_a_newer_cycle_is_not_withdrawn_with_the_one_that_is_shown() {
+        let mut bench = Bench::<5>::in_sequence();
+        bench.frame(50, 0, 50_000, false);
+        let before = bench.album.published.len();
+        assert!(!bench.commit.withdraw(end::<5>(50_000, 0) + 100, &Health::default(), &mut bench.album));
+        assert_eq!(bench.album.published.len(), before);
+        bench.frame(50, 1, 50_000, false);
+        assert_eq!(bench.album.shown::<5>(), [0, 1, 2, 3, 4, 5]);
+    }
+
+    #[test]
+    fn while_flash_is_changed_every_object_is_rejected_and_none_is_shown() {
+        let mut bench = Bench::<3>::in_sequence();
+        bench.health.flash_fault = true;
+        let [accepted, rejected, ..] = bench.commit.link().counters();
+        bench.frame(50, 0, 50_000, false);
+        assert_eq!(bench.album.shown::<3>(), []);
+        assert!(bench.album.link::<3>().status.flash_fault());
+        let [accepted_after, rejected_after, ..] = bench.commit.link().counters();
+        assert_eq!((accepted_after, rejected_after), (accepted, rejected + 4));
+        bench.health.flash_fault = false;
+        bench.frame(60, 0, 60_000, false);
+        assert_eq!(bench.album.shown::<3>(), [0, 1, 2, 3]);
     }
 
     #[test]
@@ -614,7 +723,7 @@ mod tests {
         let mut late = Bench { commit: bench.commit, album: Album::new(), health: bench.health };
         late.album.filling = bench.album.filling;
         assert!(late.check(too_late_us));
-        assert!(late.album.published[0][8..].iter().all(|&word| word == 0));
+        assert!(late.album.published[0][8..99].iter().all(|&word| word == 0));
         assert_eq!(late.album.shown::<5>(), []);
         assert!(bench.check(too_late_us - 1));
         assert_eq!(bench.album.shown::<5>(), [0, 1, 2]);

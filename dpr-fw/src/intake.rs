@@ -3,9 +3,10 @@
 //! # Design
 //!
 //! Both tasks run the same function at the same priority: first every frame that waits is taken in, then the deadline
-//! is looked at. So it does not matter which of the two was called. A frame that came in time has moved the deadline
-//! before it is looked at, even if the timer's interrupt was first, and a frame of a wrong length, which moves nothing,
-//! cannot keep the deadline from being noticed.
+//! is looked at. If neither gave cause for an image, the one that will be published next is prepared: the RFID side
+//! calls for that while a frame arrives. So it does not matter which of the two was called. A frame that came in time
+//! has moved the deadline before it is looked at, even if the timer's interrupt was first, and a frame of a wrong
+//! length, which moves nothing, cannot keep the deadline from being noticed.
 
 use core::borrow::BorrowMut;
 
@@ -21,7 +22,8 @@ use crate::{
 };
 
 /// Takes in every frame that waits in `rotation`, then publishes an image without objects if the deadline has passed.
-/// `now_us` reads the counter, µs. The next deadline is [`Commit::deadline_us`].
+/// If there was no frame and it has not, prepares the next image. `now_us` reads the counter, µs. The next deadline is
+/// [`Commit::deadline_us`]. Whether there was a frame or the deadline had passed.
 pub fn take_in<const N: usize, B: Memory + BorrowMut<ReceiveMemory>>(
     commit: &mut Commit<N>,
     mut rotation: impl Mutex<T = Rotation<B, FrameInfo>>,
@@ -29,12 +31,13 @@ pub fn take_in<const N: usize, B: Memory + BorrowMut<ReceiveMemory>>(
     health: &Health,
     images: &mut impl Images,
     telemetry: &Telemetry,
-) {
+) -> bool {
+    let mut called_for = false;
     while let Some(received) = rotation.lock(Rotation::read) {
-        let info = *received.about();
+        let info = received.about();
         let memory: &ReceiveMemory = received.memory().borrow();
         let payload = info.payload(bytemuck::cast_slice(memory.as_slice()));
-        let frame = Frame { payload, ended_us: info.ended_us, early: info.early };
+        let frame = Frame { payload, ended_us: info.ended_us, early: &info.early };
         match commit.frame(frame, now_us(), health, images) {
             Ok(0) => {}
             Ok(_) => {
@@ -45,11 +48,16 @@ pub fn take_in<const N: usize, B: Memory + BorrowMut<ReceiveMemory>>(
             Err(_) => telemetry.wrong_length.add(1),
         }
         rotation.lock(|rotation| rotation.done(received));
+        called_for = true;
     }
-    commit.check_deadline(now_us(), health, images);
+    called_for |= commit.check_deadline(now_us(), health, images);
+    if !called_for {
+        commit.prepare(images);
+    }
     let [accepted, rejected, received, missed] = commit.link().counters();
     telemetry.objects_accepted.set(accepted);
     telemetry.objects_rejected.set(rejected);
     telemetry.frames_received.set(received);
     telemetry.frames_missed.set(missed);
+    called_for
 }

@@ -12,9 +12,12 @@
 //! | [`intake`] | takes in the frames that wait, then looks at the deadline | commit |
 //! | [`accept`] | verifies the objects of a frame, each by itself, and the sequence of its cycle | commit |
 //! | [`commit`] | deposits accepted objects in an image built from scratch, decides when it is published | commit |
+//! | [`integrity`] | re-verifies the published image; what a change of memory leads to | idle |
 //! | [`link`] | Link-Status, counters, ages, and the deadline that notices a missed frame | commit |
+//! | [`protection`] | what the memory protection unit opens | start |
 //! | [`publish`] | hands images to the SSI, FRESH, expiry | commit, SSI interrupt |
 //! | [`ssi`] | what the flight controller asked for, and how much it may ask | SSI interrupt |
+//! | [`port`] | what the flight controller wrote: uplinks, commands, Port-Status | port |
 //! | [`task`] | the tasks that have to check in, so that the watchdog may be fed | every task |
 //! | [`reset`] | why the part last started | start |
 //! | [`debug_port`] | whether the debug port stays open | start |
@@ -29,7 +32,10 @@ pub mod accept;
 pub mod commit;
 pub mod debug_port;
 pub mod intake;
+pub mod integrity;
 pub mod link;
+pub mod port;
+pub mod protection;
 pub mod publish;
 pub mod reset;
 pub mod rf;
@@ -63,8 +69,8 @@ pub const RECEIVERS: usize = if cfg!(feature = "gps-1") {
 
 /// Words of a receive buffer: [`rf::LEAD`] bytes, then LEN, payload and CRC-16 of the longest NFC-F frame.
 pub const RECEIVE_WORDS: usize = (rf::LEAD + st25r3916::listener::BUFFER).div_ceil(4);
-/// Words of an image buffer: the image for five receivers, the longest.
-pub const IMAGE_WORDS: usize = profile::image::Image::<5>::LEN.div_ceil(4);
+/// Words of an image buffer: the map for five receivers, the longest.
+pub const IMAGE_WORDS: usize = profile::map::Map::<5>::LEN.div_ceil(4);
 
 /// Memory for one air frame.
 pub type ReceiveMemory = [u32; RECEIVE_WORDS];

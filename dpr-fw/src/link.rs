@@ -217,6 +217,8 @@ pub struct Health {
     pub reset_reason: ResetReason,
     /// Accesses over SSI that were refused since start.
     pub access_violations: u32,
+    /// The last uplink or command that came in was refused.
+    pub uplink_rejected: bool,
 }
 
 /// What Link-Status tells, kept from publication to publication.
@@ -305,6 +307,7 @@ impl Link {
             .with_horus_restarted(self.since_us(self.restarted_us) < RESTART_SHOWN_US)
             .with_ram_fault(health.ram_fault)
             .with_front_end_fault(health.front_end_fault)
+            .with_uplink_rejected(health.uplink_rejected)
             .with_out_of_sequence(!held)
             .with_horus_clock_implausible(held && self.sequence.is_clock_implausible())
             .with_flash_fault(health.flash_fault)

@@ -7,6 +7,7 @@
 //! | 4 | `rf_spi`, `rf_irq`, `rf_timer` | a transfer has ended, the front end's IRQ rises, a wait is over | 40 µs |
 //! | 3 | `commit`, `deadline` | a frame is in its buffer; 12.5 ms without one | 0.1 ms |
 //! | 2 | `scrub` | a buffer was read | 10 ms |
+//! | 1 | `port` | a transaction has brought something; an image was published | 10 ms |
 //! | 0 | `idle` | nothing else wants to run | 100 ms |
 //!
 //! Where the bounds come from: after 10 µs the flight controller may select again; 40 µs are two bytes on air, and a
@@ -14,8 +15,8 @@
 //! what the design allows from the last bit to a readable image; after 10 ms the next frame needs the buffer; after 100
 //! ms the watchdog bites.
 //!
-//! SSI above RFID above commit above scrub above idle. A flight controller that never stops cannot keep the others from
-//! running: how often the highest task runs is bounded by what it grants ([`dpr_fw::ssi::Budget`]).
+//! SSI above RFID above commit above scrub above port above idle. A flight controller that never stops cannot keep the
+//! others from running: how often the highest task runs is bounded by what it grants ([`dpr_fw::ssi::Budget`]).
 //!
 //! Only `idle` writes to the log, and no task masks interrupts for that ([`firmware_common::log_section`]).
 #![cfg_attr(target_os = "none", no_std, no_main)]
@@ -35,7 +36,7 @@ fn main() -> std::process::ExitCode {
 }
 
 #[cfg(target_os = "none")]
-firmware_common::install_safe_state!(hw::safe_state);
+firmware_common::install_safe_state!(hw::safe_state, hw::area, board::task_of);
 
 #[cfg(target_os = "none")]
 #[rtic::app(device = nrf52840_hal::pac, peripherals = true)]
@@ -45,25 +46,41 @@ mod app {
     use dpr_fw::{
         commit::Commit,
         intake,
+        integrity::{self, Consequence, ImageCheck, Integrity, Judge, Shown},
         link::Health,
+        port::{
+            areas::{Areas, PortEnd, AREAS},
+            Health as PortHealth, Port, Prepared,
+        },
+        protection,
         publish::{Mailbox, Outbox, Server},
-        rf::{FrameInfo, FrontEnd, Receiver},
-        ssi::RECEIVE_BYTES,
+        rf::{Call, FrameInfo, FrontEnd, Receiver},
+        ssi::{ReceiveArea, RECEIVE_BYTES},
         task::Task,
-        triple::{self, Filling, Rotation, IMAGES},
+        triple::{self, Filling, Rotation, IMAGES, RECEIVE_BUFFERS},
         ImageMemory, ReceiveMemory, IMAGE_WORDS, RECEIVERS, RECEIVE_WORDS,
     };
-    use firmware_common::check_in::CheckIn;
+    use firmware_common::{
+        check_in::CheckIn,
+        last_stop::{self, Stop},
+        memory, mpu,
+        patrol::{Pace, PartMemory, Patrol},
+        safe_state,
+    };
     use nrf52840_hal::{
         pac::Interrupt,
         wdt::{handles::Hdl0, WatchdogHandle},
     };
-    use profile::{image::Image, ResetReason};
+    use profile::{
+        map::{Map, PortArea},
+        ResetReason,
+    };
     use rtic::Mutex;
     use st25r3916::{Listener, ListenerConfig, ReadMode, Short};
 
     use crate::hw::{
-        self, Deadline, ImageBuffer, ReceiveBuffer, RfEdge, RfPort, SsiDoorbell, SsiPort, DPR_TELEMETRY as TELEMETRY,
+        self, AreaBuffer, Deadline, ImageBuffer, ReceiveBuffer, RfEdge, RfPort, SsiDoorbell, SsiPort,
+        DPR_TELEMETRY as TELEMETRY,
     };
 
     const LISTENER: ListenerConfig = ListenerConfig {
@@ -72,6 +89,8 @@ mod app {
     };
 
     static CHECK_IN: CheckIn<Task> = CheckIn::new();
+
+    static INTEGRITY: Integrity = Integrity::new();
 
     /// What `commit` and `deadline`, of the same priority, share.
     pub struct Committing {
@@ -86,6 +105,7 @@ mod app {
     struct Shared {
         rotation: Rotation<ReceiveBuffer, FrameInfo>,
         mailbox: Mailbox<ImageBuffer>,
+        prepared: Prepared<&'static mut PortArea>,
         front_end: FrontEnd,
         #[lock_free]
         receiver: Receiver<RfPort>,
@@ -96,24 +116,36 @@ mod app {
     #[local]
     struct Local {
         ssi: SsiPort,
-        server: Server<{ Image::<RECEIVERS>::LEN }>,
+        server: Server<{ Map::<RECEIVERS>::LEN }>,
+        port: Port,
+        areas: PortEnd<'static, AreaBuffer>,
+        spare: &'static mut PortArea,
         rf_edge: RfEdge,
         watchdog: Option<WatchdogHandle<Hdl0>>,
+        patrol: Patrol,
+        memory: PartMemory,
     }
 
     #[init(local = [
-        receive: [ReceiveMemory; 3] = [[0; RECEIVE_WORDS]; 3],
+        receive: [ReceiveMemory; RECEIVE_BUFFERS] = [[0; RECEIVE_WORDS]; RECEIVE_BUFFERS],
         images: [ImageMemory; IMAGES] = [[0; IMAGE_WORDS]; IMAGES],
         spi_tx: [u8; Short::MAX] = [0; Short::MAX],
         spi_rx: [u8; Short::MAX] = [0; Short::MAX],
-        ssi_rx: [u8; RECEIVE_BYTES] = [0; RECEIVE_BYTES],
+        ssi_rx: [ReceiveArea; AREAS] = [[0; RECEIVE_BYTES / 4]; AREAS],
+        ssi_areas: Areas<AreaBuffer> = Areas::new(),
+        port_areas: [PortArea; 2] = [PortArea::EMPTY; 2],
     ])]
     fn init(cx: init::Context) -> (Shared, Local, init::Monotonics) {
         let mut core = cx.core;
         let (filling, rotation, found) = Rotation::new(cx.local.receive.each_mut());
-        TELEMETRY.scrubbed(3, found.stuck_bits);
+        TELEMETRY.scrubbed(found);
         let mailbox = Mailbox::new(cx.local.images.each_mut());
-        let memory = hw::DmaMemory { spi_tx: cx.local.spi_tx, spi_rx: cx.local.spi_rx, ssi_rx: cx.local.ssi_rx };
+        let (area, ssi_end, areas, found_in_areas) = cx.local.ssi_areas.split(cx.local.ssi_rx.each_mut());
+        TELEMETRY.scrubbed(found_in_areas);
+        let [ready, spare] = cx.local.port_areas.each_mut();
+        let mut port = Port::new();
+        port.prepare(&PortHealth::default(), 0, ready);
+        let memory = hw::DmaMemory { spi_tx: cx.local.spi_tx, spi_rx: cx.local.spi_rx, ssi_rx: (area, ssi_end) };
         let board = hw::init(&mut core, cx.device, memory, filling);
         defmt::info!(
             "DPR for {=usize} receivers; last reset: {}; debug port: {}",
@@ -121,6 +153,10 @@ mod app {
             defmt::Debug2Format(&board.reset_reason),
             defmt::Debug2Format(&board.debug_port)
         );
+        if let Some(stop) = last_stop::take() {
+            crate::log_stop("the last stop", &stop);
+        }
+        TELEMETRY.last_stop.set(last_stop::code());
         let receiver = Receiver::start(Listener::new(LISTENER), board.rf);
         let committing = Committing {
             commit: Commit::new(),
@@ -129,24 +165,63 @@ mod app {
             started: false,
             reset_reason: board.reset_reason,
         };
+        let mut memory = PartMemory::take();
+        let patrol = Patrol::new(memory::layout(integrity::SHUT_END), integrity::RATE, &mut memory);
+        mpu::apply(&mut core.MPU, &protection::TASKS);
         // The first image, before anything is heard.
         rtic::pend(Interrupt::SWI0_EGU0);
         (
-            Shared { rotation, mailbox, front_end: FrontEnd::Starting, receiver, committing },
-            Local { ssi: board.ssi, server: Server::new(), rf_edge: board.rf_edge, watchdog: board.watchdog },
+            Shared {
+                rotation,
+                mailbox,
+                prepared: Prepared::new(ready),
+                front_end: FrontEnd::Starting,
+                receiver,
+                committing,
+            },
+            Local {
+                ssi: board.ssi,
+                server: Server::new(),
+                port,
+                areas,
+                spare,
+                rf_edge: board.rf_edge,
+                watchdog: board.watchdog,
+                patrol,
+                memory,
+            },
             init::Monotonics(),
         )
     }
 
-    /// The lowest priority: logs changes and a summary each second, feeds the watchdog, sleeps.
-    #[idle(local = [watchdog], shared = [front_end])]
+    /// The lowest priority: re-verifies what is stored, logs changes and a summary each second, feeds the watchdog,
+    /// sleeps.
+    #[idle(local = [watchdog, patrol, memory], shared = [front_end])]
     fn idle(mut cx: idle::Context) -> ! {
         let mut shown = FrontEnd::Starting;
         let mut last_us = hw::now_us();
+        let mut pace = Pace::new(last_us);
+        let mut judge = Judge::new();
+        let mut image = ImageCheck::<RECEIVERS>::new();
         loop {
             if CHECK_IN.complete() {
                 if let Some(watchdog) = cx.local.watchdog.as_mut() {
                     watchdog.pet();
+                }
+            }
+            if judge.begin_self_test(&INTEGRITY) {
+                cx.local.patrol.restart();
+            }
+            let each = if INTEGRITY.is_self_test_running() { integrity::SELF_TEST_SLICES } else { 1 };
+            for _ in 0..pace.due(hw::now_us()) * each {
+                let slice = cx.local.patrol.slice(cx.local.memory);
+                match judge.judge(&slice, image.slice(&hw::ShownImage), &INTEGRITY, &TELEMETRY) {
+                    Consequence::None => {}
+                    Consequence::Withdraw => rtic::pend(Interrupt::SWI0_EGU0),
+                    Consequence::Stop(cause, detail) => {
+                        let stop = Stop::new(cause, 0, detail);
+                        safe_state::enter(hw::safe_state, || stop, |stop| crate::log_stop("memory", stop));
+                    }
                 }
             }
             let front_end = cx.shared.front_end.lock(|state| *state);
@@ -204,45 +279,67 @@ mod app {
         rotation: impl Mutex<T = Rotation<ReceiveBuffer, FrameInfo>>,
         front_end: impl Mutex<T = FrontEnd>,
     ) {
-        if receiver.serve::<RECEIVERS>(rotation, front_end, &TELEMETRY) {
-            rtic::pend(Interrupt::SWI0_EGU0);
+        match receiver.serve::<RECEIVERS>(rotation, front_end, &TELEMETRY) {
+            Call::None => {}
+            Call::Prepare => rtic::pend(Interrupt::SWI0_EGU0),
+            Call::Handed => {
+                rtic::pend(Interrupt::SWI0_EGU0);
+                rtic::pend(Interrupt::SWI1_EGU1);
+            }
         }
     }
 
     /// A frame is in its buffer: verified, deposited, published.
-    #[task(binds = SWI0_EGU0, priority = 3, shared = [committing, rotation, mailbox, front_end])]
+    #[task(binds = SWI0_EGU0, priority = 3, shared = [committing, rotation, mailbox, prepared, front_end])]
     fn commit(cx: commit::Context) {
-        publish(cx.shared.committing, cx.shared.rotation, cx.shared.mailbox, cx.shared.front_end);
+        let commit::SharedResources { committing, rotation, mailbox, mut prepared, front_end } = cx.shared;
+        prepared.lock(|prepared| publish(committing, rotation, mailbox, prepared.newest(), front_end));
     }
 
     /// No frame came in time: what was valid must not stay readable.
-    #[task(binds = TIMER1, priority = 3, shared = [committing, rotation, mailbox, front_end])]
+    #[task(binds = TIMER1, priority = 3, shared = [committing, rotation, mailbox, prepared, front_end])]
     fn deadline(cx: deadline::Context) {
         cx.shared.committing.deadline.clear();
-        publish(cx.shared.committing, cx.shared.rotation, cx.shared.mailbox, cx.shared.front_end);
+        let deadline::SharedResources { committing, rotation, mailbox, mut prepared, front_end } = cx.shared;
+        prepared.lock(|prepared| publish(committing, rotation, mailbox, prepared.newest(), front_end));
     }
 
     fn publish(
         committing: &mut Committing,
         rotation: impl Mutex<T = Rotation<ReceiveBuffer, FrameInfo>>,
         mailbox: impl Mutex<T = Mailbox<ImageBuffer>>,
+        port: &PortArea,
         mut front_end: impl Mutex<T = FrontEnd>,
     ) {
         let start = DWT::cycle_count();
         let Committing { commit, filling, deadline, started, reset_reason } = committing;
         let health = Health {
-            ram_fault: TELEMETRY.scrub_faults.get() > 0,
+            ram_fault: [&TELEMETRY.scrub_faults, &TELEMETRY.image_faults, &TELEMETRY.ram_errors]
+                .iter()
+                .any(|faults| faults.get() > 0),
             front_end_fault: front_end.lock(|state| matches!(state, FrontEnd::Lost(_))),
-            flash_fault: false,
+            flash_fault: INTEGRITY.flash_fault(),
             reset_reason: *reset_reason,
             access_violations: TELEMETRY.access_violations.get(),
+            uplink_rejected: TELEMETRY.uplink_rejected.get() != 0,
         };
-        let mut outbox = Outbox { mailbox, filling, doorbell: SsiDoorbell, telemetry: &TELEMETRY };
-        if !core::mem::replace(started, true) {
+        let mut outbox = Outbox { mailbox, filling, doorbell: SsiDoorbell, port, telemetry: &TELEMETRY };
+        let mut called_for = !core::mem::replace(started, true);
+        if called_for {
             commit.begin(hw::now_us(), &health, &mut outbox);
         }
-        intake::take_in(commit, rotation, hw::now_us, &health, &mut outbox, &TELEMETRY);
+        let before = TELEMETRY.publications.get();
+        called_for |= intake::take_in(commit, rotation, hw::now_us, &health, &mut outbox, &TELEMETRY);
+        // What was just published replaces what is shown.
+        let replaced = TELEMETRY.publications.get() != before;
+        if INTEGRITY.take_withdrawal(hw::ShownImage.generation()) && !replaced {
+            called_for |= commit.withdraw(hw::now_us(), &health, &mut outbox);
+        }
+        if !called_for {
+            return;
+        }
         deadline.set(commit.deadline_us());
+        outbox.prepare();
         TELEMETRY.commit_worst_cycles.record_max(DWT::cycle_count().wrapping_sub(start));
         CHECK_IN.check_in(Task::Commit);
         rtic::pend(Interrupt::SWI1_EGU1);
@@ -251,13 +348,48 @@ mod app {
     /// Buffers were read or replaced: scrubs them, then asks the interrupts for their signs of life.
     #[task(binds = SWI1_EGU1, priority = 2, shared = [rotation, mailbox])]
     fn scrub(cx: scrub::Context) {
-        for (buffers, stuck_bits) in
-            [triple::scrub_waiting(cx.shared.rotation), triple::scrub_waiting(cx.shared.mailbox)]
-        {
-            TELEMETRY.scrubbed(buffers, stuck_bits);
-        }
+        TELEMETRY.scrubbed(triple::scrub_waiting(cx.shared.rotation));
+        TELEMETRY.scrubbed(triple::scrub_waiting(cx.shared.mailbox));
         CHECK_IN.check_in(Task::Scrub);
         rtic::pend(Interrupt::GPIOTE);
         rtic::pend(Interrupt::SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1);
+        rtic::pend(Interrupt::SWI2_EGU2);
+    }
+
+    /// A transaction has brought something, or an image was published: judges what came in and prepares what the next
+    /// image shows of it.
+    #[task(binds = SWI2_EGU2, priority = 1, local = [port, areas, spare, prepared_for: u32 = 0], shared = [prepared])]
+    fn port(mut cx: port::Context) {
+        let start = DWT::cycle_count();
+        let port::LocalResources { port, areas, spare, prepared_for } = cx.local;
+        // As many as the SSI task grants between two images, at most.
+        let mut changed = false;
+        while let Some(brought) = areas.take() {
+            changed |= port.transaction(*brought.about(), brought.memory(), hw::now_us());
+            TELEMETRY.scrubbed(areas.done(brought));
+        }
+        let publications = TELEMETRY.publications.get();
+        changed |= core::mem::replace(prepared_for, publications) != publications;
+        let health = PortHealth {
+            too_many: TELEMETRY.ssi_budgets_spent.get().wrapping_add(TELEMETRY.ssi_objects_dropped.get()),
+            integrity_faults: TELEMETRY.image_faults.get(),
+            flash_passes: TELEMETRY.flash_passes.get(),
+            stuck_bits: TELEMETRY.scrub_faults.get(),
+            buffers_out_of_use: TELEMETRY.buffers_out_of_use.get(),
+            last_stop: last_stop::code(),
+        };
+        if let Some(passed) = INTEGRITY.serve_self_test(port.self_test_requested()) {
+            port.self_test_done(passed);
+            changed = true;
+        }
+        if changed {
+            port.prepare(&health, hw::now_us(), spare);
+            cx.shared.prepared.lock(|prepared| prepared.exchange(spare));
+        }
+        TELEMETRY.access_violations.set(port.access_violations());
+        TELEMETRY.uplink_rejected.set(u32::from(port.last_refused()));
+        TELEMETRY.uplinks_accepted.set(port.uplinks_accepted());
+        CHECK_IN.check_in(Task::Port);
+        TELEMETRY.port_worst_cycles.record_max(DWT::cycle_count().wrapping_sub(start));
     }
 }

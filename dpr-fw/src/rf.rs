@@ -127,6 +127,17 @@ impl FrameInfo {
     }
 }
 
+/// Whom the RFID tasks have to call.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Call {
+    /// Nobody.
+    None,
+    /// The commit task: most of a frame is there, time to prepare the image for it.
+    Prepare,
+    /// The commit task and the scrub task: a buffer was handed on, to be read or to be scrubbed.
+    Handed,
+}
+
 /// What the RFID tasks do.
 #[derive(Debug)]
 pub struct Receiver<P> {
@@ -146,13 +157,13 @@ impl<P: Port> Receiver<P> {
 
     /// Carries the driver on as far as it goes, for a profile of `N` receivers. A frame goes into `rotation`, and the
     /// driver on with a clean buffer. While a frame arrives, the objects that are complete are verified here, so that
-    /// this is not left for after its last bit. Tells whether a buffer was handed on: to be read, or to be scrubbed.
+    /// this is not left for after its last bit. Tells whom to call.
     pub fn serve<const N: usize>(
         &mut self,
         mut rotation: impl Mutex<T = Rotation<P::Buffer, FrameInfo>>,
         mut front_end: impl Mutex<T = FrontEnd>,
         telemetry: &Telemetry,
-    ) -> bool {
+    ) -> Call {
         let Self { executor, early } = self;
         let mut handed = false;
         let mut event = executor.poll();
@@ -160,12 +171,13 @@ impl<P: Port> Receiver<P> {
             match happened {
                 ListenerEvent::Frame { len, flags } => {
                     telemetry.chip_crc_flags.add(u32::from(!flags.is_clean()));
-                    let info = FrameInfo { len, ended_us: executor.port().irq_edge_us(), early: *early };
+                    let info =
+                        FrameInfo { len, ended_us: executor.port().irq_edge_us(), early: core::mem::take(early) };
                     executor.port().exchange(|filled| {
                         let (next, rotated) = rotation.lock(|rotation| rotation.rotate(filled, info));
                         if let Rotated::Overrun(found) = rotated {
                             telemetry.overruns.add(1);
-                            telemetry.scrubbed(1, found.stuck_bits);
+                            telemetry.scrubbed(found);
                         }
                         next
                     });
@@ -179,26 +191,35 @@ impl<P: Port> Receiver<P> {
                     telemetry.rf_faults.add(1);
                     front_end.lock(|state| *state = FrontEnd::Lost(fault));
                     replace_buffer(executor, &mut rotation, telemetry);
+                    *early = Early::default();
                     handed = true;
                 }
                 ListenerEvent::Dropped(_) => {
                     telemetry.rf_faults.add(1);
                     replace_buffer(executor, &mut rotation, telemetry);
+                    *early = Early::default();
                     handed = true;
                 }
                 ListenerEvent::FieldOn | ListenerEvent::FieldOff => {}
             }
-            event = if matches!(happened, ListenerEvent::Frame { .. }) {
+            if matches!(happened, ListenerEvent::Frame { .. }) {
                 executor.resume_later();
-                None
-            } else {
-                executor.resume()
-            };
+                return Call::Handed;
+            }
+            event = executor.resume();
         }
-        if let Some(arrived) = executor.arrived() {
+        if let Some(arrived) = executor.take_arrived() {
+            let before = early.done();
             early.follow::<N>(executor.port().arrived(arrived));
+            if early.done() > before && !handed {
+                return Call::Prepare;
+            }
         }
-        handed
+        if handed {
+            Call::Handed
+        } else {
+            Call::None
+        }
     }
 
     /// The port, for a test to look at.
@@ -215,7 +236,7 @@ fn replace_buffer<P: Port>(
 ) {
     executor.port().exchange(|begun| {
         let (next, found) = rotation.lock(|rotation| rotation.replace(begun));
-        telemetry.scrub_faults.add(found.stuck_bits);
+        telemetry.scrubbed(found);
         next
     });
 }
@@ -241,15 +262,16 @@ pub struct Executor<P> {
     listener: Listener,
     port: P,
     waiting: Waiting,
-    /// Where the read that runs or ran last starts, and its length.
-    read: (usize, usize),
-    arrived: usize,
+    /// Where the read that runs ends in the frame, if one runs.
+    reading_to: Option<usize>,
+    /// How many bytes of the frame the read that has just ended has completed, if one has.
+    arrived: Option<usize>,
 }
 
 impl<P: Port> Executor<P> {
     /// Nothing has happened yet; [`Executor::resume`] begins the bring-up.
     pub fn new(listener: Listener, port: P) -> Self {
-        Self { listener, port, waiting: Waiting::Owner, read: (0, 0), arrived: 0 }
+        Self { listener, port, waiting: Waiting::Owner, reading_to: None, arrived: None }
     }
 
     /// The port, to swap its buffer while an event is in hand.
@@ -257,11 +279,10 @@ impl<P: Port> Executor<P> {
         &mut self.port
     }
 
-    /// How many bytes of the frame that is being received are in the buffer, LEN included; 0 as soon as another begins
-    /// or none is there. `None` while more are read: then the buffer must not be looked at.
-    pub fn arrived(&self) -> Option<usize> {
-        let reading = self.arrived < self.read.0 + self.read.1;
-        (!reading || self.arrived == 0).then_some(self.arrived)
+    /// How many bytes of the frame that is being received are in the buffer, LEN included: once for each read, when it
+    /// has ended. `None` while more are read, since the buffer must not be looked at then.
+    pub fn take_arrived(&mut self) -> Option<usize> {
+        self.arrived.take().filter(|_| self.reading_to.is_none())
     }
 
     /// Takes note of what has happened and goes on as far as possible; with an event if there is one, after which
@@ -269,7 +290,7 @@ impl<P: Port> Executor<P> {
     pub fn poll(&mut self) -> Option<ListenerEvent> {
         let step = match self.waiting {
             Waiting::Transfer if self.port.ended() => {
-                self.arrived = self.read.0 + self.read.1;
+                self.arrived = self.reading_to.take();
                 let input = self.port.response().map_or(Input::Failed, Input::Done);
                 self.listener.step(input)
             }
@@ -301,16 +322,15 @@ impl<P: Port> Executor<P> {
         for _ in 0..STEPS {
             match step {
                 Step::Transfer(Transfer::Short(short)) => {
-                    self.wait(Waiting::Transfer, TRANSFER_US);
+                    // The transfer first: its bound can be set while it runs.
                     self.port.start_short(short.bytes());
+                    self.wait(Waiting::Transfer, TRANSFER_US);
                     return None;
                 }
                 Step::Transfer(Transfer::Read { offset, len }) => {
-                    self.wait(Waiting::Transfer, TRANSFER_US);
-                    self.read = (offset, len);
-                    // The first read of a frame starts at its beginning.
-                    self.arrived = offset;
                     self.port.start_read(offset, len);
+                    self.wait(Waiting::Transfer, TRANSFER_US);
+                    self.reading_to = Some(offset + len);
                     return None;
                 }
                 // A listener sends nothing.
@@ -329,8 +349,8 @@ impl<P: Port> Executor<P> {
                 }
                 Step::Event(event) => {
                     self.waiting = Waiting::Owner;
-                    self.read = (0, 0);
-                    self.arrived = 0;
+                    self.reading_to = None;
+                    self.arrived = None;
                     return Some(event);
                 }
             }

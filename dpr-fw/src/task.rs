@@ -2,7 +2,8 @@
 //! ([`firmware_common::check_in`]).
 //!
 //! None of them needs the outside world for that: the deadline comes round every 12.5 ms without any frame, the commit
-//! tasks call the scrub, and the scrub pends the RFID and SSI tasks, which check in although they have nothing to do.
+//! tasks call the scrub, and the scrub pends the RFID, SSI and port tasks, which check in although they have nothing to
+//! do.
 
 /// Every task of the firmware with its interrupt vector, the most urgent first: what a trace of the bench shows, by
 /// name.
@@ -14,6 +15,7 @@ pub const TASKS: &[(&str, &str)] = &[
     ("commit", "SWI0_EGU0"),
     ("deadline", "TIMER1"),
     ("scrub", "SWI1_EGU1"),
+    ("port", "SWI2_EGU2"),
 ];
 
 /// A task that has to check in.
@@ -27,10 +29,12 @@ pub enum Task {
     Commit,
     /// Scrub.
     Scrub,
+    /// Port.
+    Port,
 }
 
 impl firmware_common::check_in::Task for Task {
-    const COUNT: u32 = 4;
+    const COUNT: u32 = 5;
 
     fn number(self) -> u32 {
         self as u32
@@ -43,8 +47,8 @@ mod tests {
     use firmware_common::check_in::CheckIn;
 
     #[test]
-    fn each_of_the_four_tasks_is_waited_for() {
-        let tasks = [Task::Ssi, Task::Rf, Task::Commit, Task::Scrub];
+    fn each_of_the_five_tasks_is_waited_for() {
+        let tasks = [Task::Ssi, Task::Rf, Task::Commit, Task::Scrub, Task::Port];
         for missing in tasks {
             let list = CheckIn::new();
             tasks.into_iter().filter(|&task| task != missing).for_each(|task| list.check_in(task));
@@ -67,5 +71,15 @@ mod tests {
             }
         }
         assert_eq!(bound, TASKS);
+    }
+
+    #[test]
+    fn the_vectors_by_which_a_stop_is_named_are_those_of_the_table() {
+        let source = include_str!("board.rs");
+        let (_, list) = source.split_once("const TASK_VECTORS").expect("the list");
+        let (list, _) = list.split_once("];").expect("its end");
+        let vectors: Vec<&str> = list.split("Interrupt::").skip(1).filter_map(|rest| rest.split(',').next()).collect();
+        let bound: Vec<&str> = TASKS.iter().map(|(_, vector)| *vector).collect();
+        assert_eq!(vectors, bound);
     }
 }

@@ -2,6 +2,8 @@
 
 use firmware_common::counter::Counter;
 
+use crate::triple::Scrubbed;
+
 macro_rules! telemetry {
     ($($(#[$doc:meta])* $name:ident,)*) => {
         /// The static `DPR_TELEMETRY` in the image: 32-bit counters in this order, all zero at start. Totals wrap.
@@ -41,6 +43,8 @@ telemetry! {
     scrubs,
     /// Stuck bits found by scrubs.
     scrub_faults,
+    /// Receive buffers and images taken out of use because of stuck bits.
+    buffers_out_of_use,
     /// Faults of the RFID front end, and frames that began but were not delivered.
     rf_faults,
     /// Times the front end was brought up again after a fault.
@@ -49,7 +53,7 @@ telemetry! {
     overruns,
     /// SSI transactions in which the image was shown.
     ssi_transactions,
-    /// Requests that were refused, and times the transaction budget was used up.
+    /// What a flight controller did and may not do, of all kinds ([`profile::port_status`]); stays at `u32::MAX`.
     access_violations,
     /// Images published.
     publications,
@@ -66,18 +70,41 @@ telemetry! {
     rxe_to_publish_worst_us,
     /// SSI transactions that clocked more bytes out than their window had; those read 0xFF.
     ssi_over_reads,
-    /// SSI transactions that clocked more bytes in than a request and an uplink object have; those were dropped. A
-    /// transaction that reads more than 72 bytes does so always.
+    /// SSI transactions that clocked more bytes in than fit into a receive area; those were dropped. A transaction
+    /// that reads more than 80 bytes does so always.
     ssi_overflows,
     /// Times an image expired in hardware because none replaced it in time.
     images_expired,
+    /// Why the firmware stopped itself before this start: a code of `firmware_common::last_stop`, 0 if it did not.
+    last_stop,
+    /// Passes over flash.
+    flash_passes,
+    /// Those of them that found it changed.
+    flash_faults,
+    /// Objects of published images that were found changed.
+    image_faults,
+    /// Passes of the march test over free RAM.
+    ram_passes,
+    /// Bits of free RAM that did not read as they were written.
+    ram_errors,
+    /// Times the transactions that are granted between two images were used up.
+    ssi_budgets_spent,
+    /// Transactions whose object was dropped because two before it still waited to be judged.
+    ssi_objects_dropped,
+    /// Uplinks stored since start or since they were cleared.
+    uplinks_accepted,
+    /// 1 if the last uplink or command that came in was refused, else 0.
+    uplink_rejected,
+    /// Longest run of the port task, processor cycles, with what preempted it.
+    port_worst_cycles,
 }
 
 impl Telemetry {
-    /// Counts `buffers` scrubbed and the stuck bits found in them.
-    pub fn scrubbed(&self, buffers: u32, stuck_bits: u32) {
-        self.scrubs.add(buffers);
-        self.scrub_faults.add(stuck_bits);
+    /// Counts what scrubs did and found.
+    pub fn scrubbed(&self, found: Scrubbed) {
+        self.scrubs.add(found.buffers);
+        self.scrub_faults.add(found.stuck_bits);
+        self.buffers_out_of_use.add(found.out_of_use);
     }
 }
 
@@ -88,10 +115,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn scrubbed_buffers_and_stuck_bits_add_up_each_in_its_counter() {
+    fn scrubbed_buffers_stuck_bits_and_buffers_out_of_use_add_up_each_in_its_counter() {
         let telemetry = Telemetry::new();
-        telemetry.scrubbed(2, 0);
-        telemetry.scrubbed(3, 7);
-        assert_eq!((telemetry.scrubs.get(), telemetry.scrub_faults.get()), (5, 7));
+        telemetry.scrubbed(Scrubbed { buffers: 2, stuck_bits: 0, out_of_use: 0 });
+        telemetry.scrubbed(Scrubbed { buffers: 3, stuck_bits: 7, out_of_use: 1 });
+        let counted = [&telemetry.scrubs, &telemetry.scrub_faults, &telemetry.buffers_out_of_use].map(Counter::get);
+        assert_eq!(counted, [5, 7, 1]);
     }
 }

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `mod.rs` | start-up: watchdog, debug port, image check, clocks, everything below; the safe state |
 //! | `time.rs` | the µs counter, the deadline of the next frame |
+//! | `integrity.rs` | the image that the SSI streams, as the idle loop looks at it |
 //! | `rf.rs` | the front end's SPI, interrupt pin and timer |
 //! | `ssi.rs` | the SSI, FRESH and the expiry of the image |
 //!
@@ -36,6 +37,7 @@
 //! 58 (SPIM, one byte too many) and 156 (GPIOTE CLR tasks) are of Engineering A only.
 #![allow(unsafe_code)]
 
+mod integrity;
 mod rf;
 mod ssi;
 mod time;
@@ -44,14 +46,20 @@ use core::sync::atomic::{AtomicU32, Ordering};
 
 use dpr_fw::{
     debug_port::{self, DebugPort},
+    port::areas::SsiEnd,
+    protection,
     publish::Doorbell,
     reset,
-    ssi::RECEIVE_BYTES,
+    ssi::ReceiveArea,
     telemetry::Telemetry,
     triple::Filling,
 };
 use dpr_fw::{ImageMemory, ReceiveMemory};
-use firmware_common::image;
+use firmware_common::{
+    image,
+    last_stop::{Cause, Stop},
+    mpu, safe_state,
+};
 use nrf52840_hal::{
     pac,
     wdt::{count::One, handles::Hdl0, Watchdog, WatchdogHandle},
@@ -59,6 +67,7 @@ use nrf52840_hal::{
 use profile::ResetReason;
 use st25r3916::Short;
 
+pub(crate) use integrity::ShownImage;
 pub(crate) use rf::{RfEdge, RfPort};
 pub(crate) use ssi::{SsiDoorbell, SsiPort};
 pub(crate) use time::{now_us, Deadline};
@@ -73,6 +82,8 @@ pub(crate) static DPR_TELEMETRY: Telemetry = Telemetry::new();
 pub(crate) type ReceiveBuffer = &'static mut ReceiveMemory;
 /// An image buffer.
 pub(crate) type ImageBuffer = &'static mut ImageMemory;
+/// A receive area of the SSI.
+pub(crate) type AreaBuffer = &'static mut ReceiveArea;
 
 /// The watchdog bites after 100 ms: eight deadlines without a sign of life. The image expires long before.
 const WATCHDOG_TICKS: u32 = 32_768 / 10;
@@ -116,8 +127,8 @@ pub(crate) struct DmaMemory {
     pub(crate) spi_tx: &'static mut [u8; Short::MAX],
     /// What is received in a short transfer.
     pub(crate) spi_rx: &'static mut [u8; Short::MAX],
-    /// What comes in over SSI.
-    pub(crate) ssi_rx: &'static mut [u8; RECEIVE_BYTES],
+    /// What comes in over SSI, and where it goes from there.
+    pub(crate) ssi_rx: (Filling<AreaBuffer>, SsiEnd<'static, AreaBuffer>),
 }
 
 /// What decides about the debug port (PS v1.7, "Debug and trace").
@@ -181,12 +192,21 @@ pub(crate) fn init(
 
     p.NVMC.icachecnf.write(|w| w.cacheen().enabled());
     let flash = image::compare();
-    assert!(
-        flash.is_intact(),
-        "flash holds CRC {:#010x}, the build wrote {:#010x}: build with `cargo xtask build`, or flash again",
-        flash.computed,
-        flash.expected
-    );
+    if !flash.is_intact() {
+        safe_state::enter(
+            safe_state,
+            || Stop::new(Cause::Flash, 0, flash.computed),
+            |_| {
+                defmt::error!(
+                    "flash holds CRC {=u32:#010x}, not {=u32:#010x}: build with `cargo xtask build`, or flash again",
+                    flash.computed,
+                    flash.expected
+                );
+            },
+        );
+    }
+    safe_state::name_faults(&mut core.SCB);
+    mpu::apply(&mut core.MPU, &protection::START);
 
     p.CLOCK.events_hfclkstarted.reset();
     let _clocks = nrf52840_hal::Clocks::new(p.CLOCK).enable_ext_hfosc();
@@ -206,6 +226,11 @@ pub(crate) fn init(
 /// under way ends with the image with which it began.
 pub(crate) fn safe_state() {
     let _ = SsiDoorbell.request();
+}
+
+/// What is at `address`, in words.
+pub(crate) fn area(address: u32) -> &'static str {
+    protection::area(address)
 }
 
 defmt::timestamp!("{=u32:us}", now_us());

@@ -1,4 +1,7 @@
 //! The SSI: SPIS1 with the image that it streams, the FRESH pin, and the expiry of the image in hardware.
+//!
+//! `tests/interleavings/board/port.rs` does the same accesses in the same order, on a model, and is explored in every
+//! order. A change here has to be made there.
 
 use core::{
     ops::Range,
@@ -6,13 +9,14 @@ use core::{
 };
 
 use dpr_fw::{
+    port::areas::{HandedOver, SsiEnd, Transaction},
     publish::{Doorbell, Events, Ssi, EXPIRY_AGAIN_US, EXPIRY_US},
-    ssi::RECEIVE_BYTES,
-    triple::Received,
+    ssi::{Asked, RECEIVE_BYTES},
+    triple::{Filling, Received},
 };
 use nrf52840_hal::pac::{self, Interrupt};
 
-use super::{take_event, time::PRESCALER, ImageBuffer};
+use super::{take_event, time::PRESCALER, AreaBuffer, ImageBuffer};
 use crate::board::{SsiPins, EXPIRY_COMPARES, FRESH_CHANNEL, PULSE_COMPARE};
 
 /// The FRESH pulse lasts one to two µs: long enough for a pin interrupt of the flight controller and for an
@@ -59,7 +63,11 @@ pub(crate) struct SsiPort {
     timer: pac::TIMER2,
     /// Held so that nothing else configures them.
     _pins: SsiPins,
-    receive: &'static mut [u8; RECEIVE_BYTES],
+    /// `None` only within `hand_over`.
+    area: Option<Filling<AreaBuffer>>,
+    areas: SsiEnd<'static, AreaBuffer>,
+    /// Bytes that the transaction that ended last brought.
+    received: usize,
     image: Option<Received<ImageBuffer, ()>>,
     granted: bool,
 }
@@ -70,7 +78,7 @@ impl SsiPort {
         spis: pac::SPIS1,
         timer: pac::TIMER2,
         pins: SsiPins,
-        receive: &'static mut [u8; RECEIVE_BYTES],
+        (area, areas): (Filling<AreaBuffer>, SsiEnd<'static, AreaBuffer>),
     ) -> Self {
         timer.bitmode.write(|w| w.bitmode()._32bit());
         // SAFETY: the field has four bits and takes 0..=9 (PS v1.7, 6.30).
@@ -99,7 +107,7 @@ impl SsiPort {
         spis.shorts.write(|w| w.end_acquire().enabled());
         spis.intenset.write(|w| w.end().set().acquired().set());
         spis.enable.write(|w| w.enable().enabled());
-        Self { spis, timer, _pins: pins, receive, image: None, granted: false }
+        Self { spis, timer, _pins: pins, area: Some(area), areas, received: 0, image: None, granted: false }
     }
 }
 
@@ -128,8 +136,19 @@ impl Ssi for SsiPort {
         let status = self.spis.status.read();
         let (over_read, overflow) = (status.overread().is_present(), status.overflow().is_present());
         self.spis.status.write(|w| w.overread().clear().overflow().clear());
-        let amount = usize::from(self.spis.rxd.amount.read().amount().bits());
-        Events { ours, received: Some(&self.receive[..amount.min(RECEIVE_BYTES)]), over_read, overflow }
+        self.received = usize::from(self.spis.rxd.amount.read().amount().bits()).min(RECEIVE_BYTES);
+        let area = self.area.as_ref().map_or(&[][..], |area| bytemuck::cast_slice(area.peek().as_slice()));
+        Events { ours, received: area.get(..self.received), over_read, overflow }
+    }
+
+    fn hand_over(&mut self, asked: Asked) -> HandedOver {
+        let Some(area) = self.area.take() else { return HandedOver::Empty };
+        let (next, handed_over) = self.areas.hand_over(area, Transaction { asked, bytes: self.received });
+        self.area = Some(next);
+        if handed_over == HandedOver::Waits {
+            rtic::pend(Interrupt::SWI2_EGU2);
+        }
+        handed_over
     }
 
     fn is_expired(&mut self) -> bool {
@@ -141,13 +160,17 @@ impl Ssi for SsiPort {
         with: impl FnOnce(Option<Received<ImageBuffer, ()>>) -> (Option<Received<ImageBuffer, ()>>, R),
     ) -> R {
         assert!(!self.granted, "the image is being streamed");
+        let before = self.image.as_ref().map(|image| image.memory().as_ptr());
         let (image, result) = with(self.image.take());
+        if let Some(image) = image.as_ref().filter(|image| Some(image.memory().as_ptr()) != before) {
+            super::integrity::shown(image.memory());
+        }
         self.image = image;
         result
     }
 
     fn load(&mut self, window: Range<usize>) -> bool {
-        let Some(image) = &self.image else { return false };
+        let (Some(image), Some(area)) = (&self.image, &mut self.area) else { return false };
         let bytes: &[u8] = bytemuck::cast_slice(image.memory().as_slice());
         let window = &bytes[window];
         // SAFETY: (pointers and counts) both buffers are in RAM for ever and in `self` until the semaphore is ours
@@ -158,7 +181,7 @@ impl Ssi for SsiPort {
         // SAFETY: as above.
         self.spis.txd.maxcnt.write(|w| unsafe { w.maxcnt().bits(window.len() as u16) });
         // SAFETY: as above.
-        self.spis.rxd.ptr.write(|w| unsafe { w.ptr().bits(self.receive.as_mut_ptr() as u32) });
+        self.spis.rxd.ptr.write(|w| unsafe { w.ptr().bits(area.memory().as_mut_ptr() as u32) });
         // SAFETY: as above.
         self.spis.rxd.maxcnt.write(|w| unsafe { w.maxcnt().bits(RECEIVE_BYTES as u16) });
         true

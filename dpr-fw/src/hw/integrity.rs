@@ -1,0 +1,39 @@
+//! The image that the SSI streams, as the idle loop looks at it.
+
+use core::sync::atomic::{AtomicU32, Ordering};
+
+use dpr_fw::{integrity::Shown, ImageMemory, IMAGE_WORDS};
+use firmware_common::memory;
+
+/// Address of the image's buffer; 0 before the first image.
+static ADDRESS: AtomicU32 = AtomicU32::new(0);
+/// Counts the images.
+static GENERATION: AtomicU32 = AtomicU32::new(0);
+
+/// The SSI task has taken another image. It is told before the buffer of the one before can be scrubbed, so a reader
+/// that finds the same generation before and after has read that generation alone.
+#[inline]
+pub(super) fn shown(image: &ImageMemory) {
+    ADDRESS.store(image.as_ptr() as u32, Ordering::Relaxed);
+    // Never 0 again.
+    let next = GENERATION.load(Ordering::Relaxed).wrapping_add(1).max(1);
+    GENERATION.store(next, Ordering::Release);
+}
+
+/// The image that the flight controller reads at present.
+#[derive(Clone, Copy)]
+pub(crate) struct ShownImage;
+
+impl Shown for ShownImage {
+    fn generation(&self) -> u32 {
+        GENERATION.load(Ordering::SeqCst)
+    }
+
+    /// Loads in assembly, not through a reference: other tasks may scrub or fill the buffer at any time.
+    fn copy(&self, first: usize, words: &mut [u32]) {
+        let image = ADDRESS.load(Ordering::Relaxed);
+        for (word, index) in words.iter_mut().zip(first..IMAGE_WORDS) {
+            *word = memory::load(image + 4 * index as u32);
+        }
+    }
+}

@@ -1,0 +1,374 @@
+//! Integrity of what the DPR stores: the image that the flight controller reads, and the memory behind everything.
+//!
+//! # Design
+//!
+//! The idle loop does the work, a [slice](firmware_common::patrol) every 2.5 ms:
+//!
+//! - *The published image*, object by object ([`ImageCheck`]): an object must have its CRC, or be zero throughout where
+//!   nothing was accepted. The words are copied first, and the verdict is taken only if the image is the same
+//!   *generation* before and after: the SSI task counts the generation up whenever it exchanges the image. So the idle
+//!   loop holds no lock, and neither the SSI nor the commit is ever delayed. A wrong object is read a second time
+//!   before it is believed, so that a wrong copy is not taken for a wrong image.
+//! - *Flash, code in RAM, guard words, free RAM*: [`firmware_common::patrol`].
+//!
+//! What a finding leads to:
+//!
+//! | finding | what follows |
+//! |---|---|
+//! | an object of the published image | the commit task publishes an image without objects, "RAM fault" set |
+//! | flash | the same with "flash fault" set; no object is shown until a pass over flash finds it intact |
+//! | code in RAM | safe state, [`Cause::CodeInRam`] |
+//! | a guard word | safe state, [`Cause::GuardWord`] |
+//! | free RAM | "RAM fault" |
+//!
+//! *Why the image without the damaged object shows no other one either:* it would have to be built from the damaged
+//! image or from a copy of it. But each image is built from scratch out of objects that were just accepted, and nothing
+//! is ever carried over from the image before ([`commit`](crate::commit)); FRESH would announce objects of an older
+//! cycle a second time, and they would stay readable for longer than one image may. The loss is what is left of one
+//! cycle, 10 ms at most; then the next frame brings all objects into another buffer.
+//!
+//! # Time to detect
+//!
+//! [`IMAGE_DETECT_US`], [`FLASH_DETECT_US`], [`CODE_DETECT_US`], [`RAM_PASS_US`], each with its derivation. They hold
+//! as long as the idle loop gets its slices; if it does not for 100 ms, the watchdog resets the part.
+
+use core::{
+    ops::Range,
+    sync::atomic::{AtomicBool, AtomicU32, Ordering},
+};
+
+use firmware_common::{
+    last_stop::Cause,
+    patrol::{Rate, Slice, SLICE_US},
+};
+use profile::{
+    criticality::{BaseStation, FlightController},
+    image::Image,
+    map::Map,
+    LinkStatus,
+};
+
+use crate::{link::FRAME_DEADLINE_US, protection::NULL_PAGE_END, telemetry::Telemetry};
+
+/// Words that a slice verifies: together with an object of the image about 1 % of the processor on the pessimistic
+/// clock.
+pub const RATE: Rate = Rate { flash_words: 8, code_words: 4, march_words: 12 };
+
+/// A self-test does so many slices in place of one.
+pub const SELF_TEST_SLICES: u32 = 3;
+
+/// Where the part of flash ends that the memory protection unit has shut.
+pub const SHUT_END: u32 = NULL_PAGE_END;
+
+/// Bytes of flash, of RAM that holds code, and of free RAM, at most: those of `memory.x`.
+const FLASH_BYTES: u32 = 96 * 1024;
+const CODE_BYTES: u32 = 64 * 1024;
+const FREE_BYTES: u32 = 160 * 1024;
+
+/// Objects of the published image that are verified in a slice. With three receivers all eight are in four slices,
+/// which is as long as an image is shown while frames come.
+pub const OBJECTS_PER_SLICE: u32 = 2;
+
+/// From a flip in the published image to the image without it, µs, for a profile of five receivers: two of the ten
+/// objects have their turn in each slice, and the idle loop may have slept until the next deadline.
+pub const IMAGE_DETECT_US: u32 =
+    (ImageCheck::<5>::OBJECTS as u32).div_ceil(OBJECTS_PER_SLICE) * SLICE_US + FRAME_DEADLINE_US;
+
+/// From a flip in flash to Link-Status, µs, at most: two passes over the image's whole budget.
+pub const FLASH_DETECT_US: u32 = RATE.flash_detect_us(FLASH_BYTES) + FRAME_DEADLINE_US;
+
+/// From a flip in code in RAM to the safe state, µs, at most: one pass over all the RAM that code may have.
+pub const CODE_DETECT_US: u32 = RATE.code_detect_us(CODE_BYTES) + FRAME_DEADLINE_US;
+
+/// One pass over free RAM, µs: a stuck bit is found within it.
+pub const RAM_PASS_US: u32 = RATE.ram_pass_us(FREE_BYTES);
+
+/// A self-test lasts no longer than this, µs.
+pub const SELF_TEST_US: u32 = RAM_PASS_US / SELF_TEST_SLICES + FRAME_DEADLINE_US;
+
+const _: () = {
+    assert!(IMAGE_DETECT_US <= 25_000);
+    assert!(FLASH_DETECT_US <= 15_400_000);
+    assert!(CODE_DETECT_US <= 10_300_000);
+    assert!(RAM_PASS_US <= 51_200_000);
+};
+
+/// The image that the flight controller reads at present, for a task that may be interrupted by the one that exchanges
+/// it.
+pub trait Shown {
+    /// Counts the images that were shown; 0 before the first. As long as it stays the same, so does the image.
+    fn generation(&self) -> u32;
+
+    /// Copies words of the image from word `first` on; anything if the image was exchanged meanwhile.
+    fn copy(&self, first: usize, words: &mut [u32]);
+}
+
+/// Longest object of an image, words.
+const OBJECT_WORDS: usize = 16;
+
+/// Re-verifies the map for `N` receivers, one object at a call.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ImageCheck<const N: usize> {
+    next: usize,
+}
+
+/// What an object of an image came to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Found {
+    Intact,
+    Damaged,
+    /// The image was exchanged meanwhile, or there is none.
+    Unknown,
+}
+
+impl<const N: usize> ImageCheck<N> {
+    /// Objects of the map: Link-Status, Reported-Position, GPS1 to GPSn, Port-Status, two uplinks.
+    pub const OBJECTS: usize = N + 5;
+
+    /// The number of Port-Status among them.
+    const PORT_STATUS: usize = N + 2;
+
+    /// Begins with Link-Status.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { next: 0 }
+    }
+
+    /// Verifies the next [`OBJECTS_PER_SLICE`] objects; the generation of the image if one is damaged.
+    pub fn slice(&mut self, shown: &impl Shown) -> Option<u32> {
+        (0..OBJECTS_PER_SLICE).fold(None, |damaged, _| damaged.or_else(|| self.step(shown)))
+    }
+
+    /// Verifies the next object; the generation of the image if it is damaged.
+    pub fn step(&mut self, shown: &impl Shown) -> Option<u32> {
+        let generation = shown.generation();
+        let object = self.next;
+        let found = Self::look(object, generation, shown);
+        if found != Found::Unknown {
+            self.next = (object + 1) % Self::OBJECTS;
+        }
+        // Once more, before it is believed.
+        let damaged = found == Found::Damaged && Self::look(object, generation, shown) == Found::Damaged;
+        damaged.then_some(generation)
+    }
+
+    /// Where an object is, bytes.
+    fn place(object: usize) -> Option<Range<usize>> {
+        if object == 0 {
+            return Some(0..LinkStatus::SIZE);
+        }
+        match object.checked_sub(Self::PORT_STATUS) {
+            None => Image::<N>::place(object - 1),
+            Some(0) => Some(Map::<N>::port_status()),
+            Some(1) => Some(Map::<N>::uplink::<BaseStation>()),
+            Some(_) => Some(Map::<N>::uplink::<FlightController>()),
+        }
+    }
+
+    fn look(object: usize, generation: u32, shown: &impl Shown) -> Found {
+        let Some(place) = Self::place(object) else { return Found::Unknown };
+        if generation == 0 {
+            return Found::Unknown;
+        }
+        let mut words = [0; OBJECT_WORDS];
+        let words = words.get_mut(..place.len() / 4).unwrap_or_default();
+        shown.copy(place.start / 4, words);
+        if shown.generation() != generation {
+            return Found::Unknown;
+        }
+        // Link-Status and Port-Status are always there.
+        let vacant = object != 0 && object != Self::PORT_STATUS && words.iter().all(|word| *word == 0);
+        if vacant || profile::crc::frame_intact(bytemuck::cast_slice(words)) {
+            Found::Intact
+        } else {
+            Found::Damaged
+        }
+    }
+}
+
+/// What the idle loop and the commit task tell each other.
+#[derive(Debug)]
+pub struct Integrity {
+    /// The generation of the image that was found damaged; 0 for none.
+    damaged: AtomicU32,
+    flash_fault: AtomicBool,
+    /// Flash was found changed, and no image without objects was published since.
+    withdraw: AtomicBool,
+    self_test: AtomicU32,
+}
+
+/// States of a self-test; from [`PASSED`] on there is a result.
+const NONE: u32 = 0;
+const REQUESTED: u32 = 1;
+const RUNNING: u32 = 2;
+const PASSED: u32 = 3;
+const FAILED: u32 = 4;
+
+impl Default for Integrity {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Integrity {
+    /// Nothing was found.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            damaged: AtomicU32::new(0),
+            flash_fault: AtomicBool::new(false),
+            withdraw: AtomicBool::new(false),
+            self_test: AtomicU32::new(NONE),
+        }
+    }
+
+    /// Whether flash was found changed and was not found intact since: no object may be shown.
+    #[must_use]
+    pub fn flash_fault(&self) -> bool {
+        self.flash_fault.load(Ordering::Relaxed)
+    }
+
+    /// Whether the image of `generation`, which the flight controller reads now, has to be withdrawn. To be asked by
+    /// the commit task; told once.
+    pub fn take_withdrawal(&self, generation: u32) -> bool {
+        let damaged = self.damaged.swap(0, Ordering::Relaxed);
+        self.withdraw.swap(false, Ordering::Relaxed) || damaged != 0 && damaged == generation
+    }
+
+    /// Asks for a self-test: one whole pass over flash and one over free RAM. One that is under way begins anew.
+    pub fn request_self_test(&self) {
+        self.self_test.store(REQUESTED, Ordering::Relaxed);
+    }
+
+    /// Whether a self-test was asked for and has not ended.
+    #[must_use]
+    pub fn is_self_test_running(&self) -> bool {
+        matches!(self.self_test.load(Ordering::Relaxed), REQUESTED | RUNNING)
+    }
+
+    /// Whether the self-test that has ended has found everything in order; told once, `None` if none has ended since.
+    pub fn take_result(&self) -> Option<bool> {
+        let state = self.self_test.load(Ordering::Relaxed);
+        let ended = state == PASSED || state == FAILED;
+        // A request that comes in between is not lost.
+        let taken = ended && self.self_test.compare_exchange(state, NONE, Ordering::Relaxed, Ordering::Relaxed).is_ok();
+        taken.then_some(state == PASSED)
+    }
+
+    /// Serves whoever asks for self-tests: `wanted` as long as one was asked for and is not done. The result, once.
+    pub fn serve_self_test(&self, wanted: bool) -> Option<bool> {
+        if !wanted || self.is_self_test_running() {
+            return None;
+        }
+        let result = self.take_result();
+        if result.is_none() {
+            self.request_self_test();
+        }
+        result
+    }
+
+    /// The image of `generation` was found damaged.
+    fn image_damaged(&self, generation: u32) {
+        self.damaged.store(generation, Ordering::Relaxed);
+    }
+
+    /// A pass over flash is complete.
+    fn flash_pass(&self, intact: bool) {
+        if !intact && !self.flash_fault.load(Ordering::Relaxed) {
+            self.withdraw.store(true, Ordering::Relaxed);
+        }
+        self.flash_fault.store(!intact, Ordering::Relaxed);
+    }
+}
+
+/// What the idle loop has to do about a slice.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Consequence {
+    /// Nothing.
+    None,
+    /// Call the commit task: there is something that it must withdraw.
+    Withdraw,
+    /// Enter the safe state for this cause, with this detail.
+    Stop(Cause, u32),
+}
+
+/// What the idle loop remembers of a self-test.
+#[derive(Clone, Copy, Debug, Default)]
+struct SelfTest {
+    flash: Option<bool>,
+    ram: Option<bool>,
+}
+
+/// Judges what the idle loop's slices find.
+#[derive(Debug, Default)]
+pub struct Judge {
+    self_test: SelfTest,
+}
+
+impl Judge {
+    /// No self-test is under way.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { self_test: SelfTest { flash: None, ram: None } }
+    }
+
+    /// Whether a self-test was asked for: the passes then have to begin anew.
+    pub fn begin_self_test(&mut self, integrity: &Integrity) -> bool {
+        let state = &integrity.self_test;
+        let begins = state.compare_exchange(REQUESTED, RUNNING, Ordering::Relaxed, Ordering::Relaxed).is_ok();
+        if begins {
+            self.self_test = SelfTest::default();
+        }
+        begins
+    }
+
+    /// Judges a slice: `damaged` is what [`ImageCheck::step`] said in it.
+    pub fn judge(
+        &mut self,
+        slice: &Slice,
+        damaged: Option<u32>,
+        integrity: &Integrity,
+        telemetry: &Telemetry,
+    ) -> Consequence {
+        telemetry.ram_errors.add(slice.ram_errors);
+        telemetry.image_faults.add(u32::from(damaged.is_some()));
+        if let Some(errors) = slice.ram_pass {
+            telemetry.ram_passes.add(1);
+            self.self_test.ram = self.self_test.ram.or(Some(errors == 0));
+        }
+        let mut consequence = Consequence::None;
+        if let Some(generation) = damaged {
+            integrity.image_damaged(generation);
+            consequence = Consequence::Withdraw;
+        }
+        if let Some(flash) = slice.flash {
+            let intact = flash.is_intact();
+            telemetry.flash_passes.add(1);
+            telemetry.flash_faults.add(u32::from(!intact));
+            integrity.flash_pass(intact);
+            self.self_test.flash = self.self_test.flash.or(Some(intact));
+            if !intact {
+                consequence = Consequence::Withdraw;
+            }
+        }
+        self.end_self_test(integrity);
+        // The worst last.
+        if let Some(address) = slice.code {
+            consequence = Consequence::Stop(Cause::CodeInRam, address);
+        }
+        if let Some(guard) = slice.guard {
+            consequence = Consequence::Stop(Cause::GuardWord, guard);
+        }
+        consequence
+    }
+
+    fn end_self_test(&mut self, integrity: &Integrity) {
+        let SelfTest { flash: Some(flash), ram: Some(ram) } = self.self_test else { return };
+        let result = if flash && ram { PASSED } else { FAILED };
+        // A request that came meanwhile stands.
+        let _ = integrity.self_test.compare_exchange(RUNNING, result, Ordering::Relaxed, Ordering::Relaxed);
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,315 @@
+//! What the flight controller writes: uplinks and commands, what is stored of them, and what Port-Status says.
+//!
+//! # Design
+//!
+//! The SSI task hands over what a transaction brought ([`areas`]); a task of the lowest priority but idle judges it
+//! here, [part](profile::port_status) by part. Nothing of the RFID side and nothing of the next transaction waits for
+//! that.
+//!
+//! | what came in | what becomes of it |
+//! |---|---|
+//! | nothing (0x00 or 0xFF throughout) | nothing |
+//! | an intact uplink of a writer, [newer](Uplink) than its last | it is stored in the writer's place |
+//! | an intact [command](profile::Command), newer than the last | it is carried out |
+//! | anything else | it is counted by its [kind](profile::Violation), and changes nothing |
+//!
+//! Port-Status and both uplinks are one [`PortArea`] of 192 bytes, which is sealed here, before the commit task needs
+//! it ([`Prepared`]). That task only copies it into the image that it publishes.
+//!
+//! A command acts on [`Port`] alone. Whatever is written, no object of HORUS changes, and Link-Status changes in its
+//! total of access violations and in its bit 7 (the last uplink was rejected) only.
+
+pub mod areas;
+pub mod newer;
+mod prepared;
+#[cfg(test)]
+mod tests;
+
+use core::marker::PhantomData;
+
+use profile::{
+    criticality::{BaseStation, Dpr, FlightController, Writer, WritesUplink},
+    map::PortArea,
+    ssi::REQUEST_SIZE,
+    uplink::Written,
+    Command, PortStatus, PortStatusBits, PortValues, Uplink, Violation, Violations,
+};
+
+pub use prepared::Prepared;
+
+use crate::{
+    link::Clock,
+    ssi::{Asked, ReceiveArea},
+};
+use areas::Transaction;
+use newer::Timestamps;
+
+/// What an idle line brings, word by word.
+pub const IDLE: [u32; 2] = [0, u32::MAX];
+
+/// Whether all of `bytes` is what an idle line brings.
+fn is_idle(bytes: &[u8]) -> bool {
+    let (words, rest) = bytes.as_chunks();
+    let words = words.iter().map(|word| u32::from_le_bytes(*word));
+    // A byte four times says as much as once.
+    let rest = rest.iter().map(|byte| u32::from(*byte) * 0x0101_0101);
+    let (any, all) = words.chain(rest).fold((0, u32::MAX), |(any, all), word| (any | word, all & word));
+    any == 0 || all == u32::MAX
+}
+
+/// What other tasks know and Port-Status shows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Health {
+    /// Times the SSI task used its transactions up or dropped an object, since start, wrapping.
+    pub too_many: u32,
+    /// Faults that the round-the-clock check found in images.
+    pub integrity_faults: u32,
+    /// Its passes over the flash.
+    pub flash_passes: u32,
+    /// Stuck bits that scrubs found.
+    pub stuck_bits: u32,
+    /// Receive buffers and images that were taken out of use.
+    pub buffers_out_of_use: u32,
+    /// Why the DPR was last in its safe state; 0 if it was not.
+    pub last_stop: u32,
+}
+
+/// The place of one writer's uplink.
+#[derive(Clone, Copy, Debug)]
+struct Slot<W> {
+    timestamps: Timestamps,
+    stored: Uplink,
+    /// When it was stored, µs since start; `None` before the first.
+    stored_us: Option<u64>,
+    writer: PhantomData<W>,
+}
+
+impl<W: WritesUplink> Slot<W> {
+    const fn new() -> Self {
+        Self { timestamps: Timestamps::new(), stored: Uplink::EMPTY, stored_us: None, writer: PhantomData }
+    }
+
+    /// Stores an uplink that has come in at `now_us`, if it is newer.
+    fn store(&mut self, uplink: &Uplink, now_us: u64) -> Result<(), Violation> {
+        if !self.timestamps.accept(uplink.timestamp()) {
+            return Err(Violation::UplinkNotNewer);
+        }
+        self.stored = *uplink;
+        self.stored_us = Some(now_us);
+        Ok(())
+    }
+
+    /// Since the last one was stored, ms; saturates, as it does if there was none.
+    fn age_ms(&self, now_us: u64) -> u32 {
+        let age_ms = self.stored_us.map_or(u64::MAX, |stored| now_us.wrapping_sub(stored) / 1000);
+        u32::try_from(age_ms).unwrap_or(u32::MAX)
+    }
+
+    /// Puts what may be shown at `now_us` into its place. Whether there is something.
+    fn show(&mut self, now_us: u64, area: &mut PortArea) -> bool {
+        let fresh = self.age_ms(now_us) < Uplink::EXPIRY_MS;
+        if !fresh {
+            self.stored = Uplink::EMPTY;
+        }
+        area.set_uplink(Writer::<W>::claim(), self.stored);
+        fresh
+    }
+}
+
+/// The self-test, which is carried out elsewhere.
+#[derive(Clone, Copy, Debug, Default)]
+struct SelfTest {
+    running: bool,
+    passed: Option<bool>,
+}
+
+/// The port task's state.
+#[derive(Clone, Copy, Debug)]
+pub struct Port {
+    clock: Clock,
+    base_station: Slot<BaseStation>,
+    flight_controller: Slot<FlightController>,
+    commands: Timestamps,
+    self_test: SelfTest,
+    uplinks_accepted: u32,
+    commands_carried_out: u32,
+    last_command: Option<(u32, Command)>,
+    last_refused: bool,
+    violations: Violations,
+    /// Of all kinds, since start.
+    total: u32,
+    /// What of [`Health::too_many`] is counted.
+    too_many: u32,
+}
+
+impl Default for Port {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Port {
+    /// Nothing has come in.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            clock: Clock::new(),
+            base_station: Slot::new(),
+            flight_controller: Slot::new(),
+            commands: Timestamps::new(),
+            self_test: SelfTest { running: false, passed: None },
+            uplinks_accepted: 0,
+            commands_carried_out: 0,
+            last_command: None,
+            last_refused: false,
+            violations: Violations::new(),
+            total: 0,
+            too_many: 0,
+        }
+    }
+
+    /// Judges what a transaction brought, of which the first bytes of `area` came in, at `now_us` on the DPR's µs
+    /// counter. That must not go back from one call to the next, here and in [`Port::prepare`], and one of the two must
+    /// be called every 71 minutes. Whether it changed what Port-Status says.
+    pub fn transaction(&mut self, transaction: Transaction, area: &ReceiveArea, now_us: u32) -> bool {
+        self.clock.advance(now_us);
+        let total = self.total;
+        // What did not come in is zero, since areas are scrubbed. So this is an idle line, and the usual transaction:
+        // one that only reads.
+        if *area == ReceiveArea::default() {
+            return false;
+        }
+        let area: &[u8] = bytemuck::cast_slice(area);
+        let came_in = area.get(..transaction.bytes).unwrap_or(area);
+        let (request, behind) = came_in.split_at(came_in.len().min(REQUEST_SIZE));
+        let (object, beyond) = behind.split_at(behind.len().min(Uplink::SIZE));
+
+        match transaction.asked {
+            Asked::Refused(violation) => self.refuse(violation, 1),
+            Asked::Short if !is_idle(request) => self.refuse(Violation::TooShort, 1),
+            Asked::Short | Asked::Nothing | Asked::Window => {}
+        }
+        if !is_idle(object) {
+            let judged = Written::verify(object).map_err(Violation::of_object);
+            let done = judged.and_then(|written| self.written(written));
+            self.last_refused = done.is_err();
+            if let Err(violation) = done {
+                self.refuse(violation, 1);
+            }
+        }
+        if !is_idle(beyond) {
+            self.refuse(Violation::TooLong, 1);
+        }
+        !is_idle(object) || self.total != total
+    }
+
+    /// Stores or carries out what is intact and known.
+    fn written(&mut self, written: Written<'_>) -> Result<(), Violation> {
+        match written {
+            Written::BaseStation(uplink) => self.base_station.store(uplink, self.clock.us())?,
+            Written::FlightController(uplink) => self.flight_controller.store(uplink, self.clock.us())?,
+            Written::Command(command, object) => return self.carry_out(command, object.timestamp()),
+        }
+        self.uplinks_accepted = self.uplinks_accepted.wrapping_add(1);
+        Ok(())
+    }
+
+    fn carry_out(&mut self, command: Command, timestamp: u32) -> Result<(), Violation> {
+        if !self.commands.accept(timestamp) {
+            return Err(Violation::UplinkNotNewer);
+        }
+        match command {
+            Command::ClearCounters => {
+                self.violations = Violations::new();
+                self.uplinks_accepted = 0;
+                self.commands_carried_out = 0;
+            }
+            Command::SelfTest if self.self_test.running => return Err(Violation::CommandBusy),
+            Command::SelfTest => self.self_test.running = true,
+            _ => return Err(Violation::CommandUnknown),
+        }
+        self.commands_carried_out = self.commands_carried_out.wrapping_add(1);
+        self.last_command = Some((timestamp, command));
+        Ok(())
+    }
+
+    fn refuse(&mut self, violation: Violation, times: u32) {
+        self.total = self.total.saturating_add(times);
+        self.violations.count(violation, saturated(times));
+    }
+
+    /// Access violations of all kinds since start, for Link-Status; stays at `u32::MAX`.
+    #[must_use]
+    pub const fn access_violations(&self) -> u32 {
+        self.total
+    }
+
+    /// Whether the last uplink or command that came in was refused, for Link-Status.
+    #[must_use]
+    pub const fn last_refused(&self) -> bool {
+        self.last_refused
+    }
+
+    /// Uplinks stored since start or since they were cleared.
+    #[must_use]
+    pub const fn uplinks_accepted(&self) -> u32 {
+        self.uplinks_accepted
+    }
+
+    /// A self-test was asked for, and is not done.
+    #[must_use]
+    pub const fn self_test_requested(&self) -> bool {
+        self.self_test.running
+    }
+
+    /// The self-test that was asked for is done. Without one that was asked for this changes nothing.
+    pub fn self_test_done(&mut self, passed: bool) {
+        if core::mem::take(&mut self.self_test.running) {
+            self.self_test.passed = Some(passed);
+        }
+    }
+
+    /// Seals Port-Status, and puts it and the uplinks that are fresh at `now_us` into `area`.
+    pub fn prepare(&mut self, health: &Health, now_us: u32, area: &mut PortArea) {
+        self.clock.advance(now_us);
+        let more = health.too_many.wrapping_sub(self.too_many);
+        self.too_many = health.too_many;
+        self.refuse(Violation::TooMany, more);
+
+        let now_us = self.clock.us();
+        let status = PortStatusBits::new()
+            .with_base_station_fresh(self.base_station.show(now_us, area))
+            .with_flight_controller_fresh(self.flight_controller.show(now_us, area))
+            .with_last_refused(self.last_refused)
+            .with_self_test_running(self.self_test.running)
+            .with_self_test_passed(self.self_test.passed == Some(true))
+            .with_self_test_failed(self.self_test.passed == Some(false))
+            .with_buffers_out_of_use(health.buffers_out_of_use > 0);
+        let (last_command_timestamp, last_command) =
+            self.last_command.map_or((0, 0), |(timestamp, command)| (timestamp, command.word()));
+        let status = PortStatus::seal(
+            Writer::<Dpr>::claim(),
+            &PortValues {
+                timestamp: self.clock.ms(),
+                status,
+                uplinks_accepted: self.uplinks_accepted,
+                commands_carried_out: self.commands_carried_out,
+                last_command_timestamp,
+                last_command,
+                base_station_age_ms: saturated(self.base_station.age_ms(now_us)),
+                flight_controller_age_ms: saturated(self.flight_controller.age_ms(now_us)),
+                violations: self.violations,
+                integrity_faults: saturated(health.integrity_faults),
+                flash_passes: saturated(health.flash_passes),
+                stuck_bits: saturated(health.stuck_bits),
+                buffers_out_of_use: saturated(health.buffers_out_of_use),
+                last_stop: health.last_stop,
+            },
+        );
+        area.set_status(Writer::<Dpr>::claim(), status);
+    }
+}
+
+fn saturated(count: u32) -> u16 {
+    u16::try_from(count).unwrap_or(u16::MAX)
+}

@@ -1,0 +1,103 @@
+//! Which timestamps of a writer are newer than what is known of it ([`profile::Uplink`] has the rule).
+
+/// After a restart the writer is believed with its third timestamp in a row of which each is newer than the one before.
+pub const ROW: u8 = 3;
+
+/// What is known of the timestamps of one writer's objects of one kind.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Timestamps {
+    /// The last one that was accepted.
+    last: Option<u32>,
+    /// The last of those that were refused since, and how many of them are a row.
+    row: Option<(u32, u8)>,
+}
+
+/// Forward by less than half of what a timestamp can count; the rest is back.
+const fn is_newer(timestamp: u32, than: u32) -> bool {
+    let step = timestamp.wrapping_sub(than);
+    step != 0 && step <= u32::MAX / 2
+}
+
+impl Timestamps {
+    /// Nothing is known.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { last: None, row: None }
+    }
+
+    /// Whether an intact object with this timestamp, ms, is accepted.
+    pub fn accept(&mut self, timestamp: u32) -> bool {
+        let row = match self.row {
+            Some((before, row)) if is_newer(timestamp, before) => row + 1,
+            _ => 1,
+        };
+        let accepted = self.last.is_none_or(|last| is_newer(timestamp, last)) || row == ROW;
+        if accepted {
+            *self = Self { last: Some(timestamp), row: None };
+        } else {
+            self.row = Some((timestamp, row));
+        }
+        accepted
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn accepted(timestamps: &[u32]) -> Vec<bool> {
+        let mut known = Timestamps::new();
+        timestamps.iter().map(|&timestamp| known.accept(timestamp)).collect()
+    }
+
+    #[test]
+    fn the_first_and_each_later_one_is_accepted_and_a_repeated_or_earlier_one_is_not() {
+        assert_eq!(accepted(&[700, 701, 701, 700, 690, 9_000]), [true, true, false, false, false, true]);
+    }
+
+    #[test]
+    fn timestamps_wrap_and_half_of_their_range_and_more_ahead_is_back() {
+        assert_eq!(accepted(&[u32::MAX, 0, 1]), [true; 3]);
+        assert_eq!(accepted(&[5, 5 + (1 << 31) - 1]), [true, true]);
+        assert_eq!(accepted(&[5, 5 + (1 << 31)]), [true, false]);
+    }
+
+    #[test]
+    fn a_writer_that_has_restarted_is_believed_with_its_third_in_a_row() {
+        assert_eq!(accepted(&[9_000, 10, 20, 30, 40, 30]), [true, false, false, true, true, false]);
+    }
+
+    #[test]
+    fn a_row_begins_anew_with_one_that_is_not_newer_than_the_one_before_and_ends_with_an_accepted_one() {
+        assert_eq!(accepted(&[9_000, 10, 20, 20, 30, 40]), [true, false, false, false, false, true]);
+        assert_eq!(accepted(&[9_000, 10, 20, 9_001, 30, 40]), [true, false, false, true, false, false]);
+        assert_eq!(accepted(&[9_000, 30, 20, 10, 5, 4]), [true, false, false, false, false, false]);
+    }
+
+    proptest! {
+        #[test]
+        fn what_was_accepted_is_never_accepted_again_at_once_and_a_replay_of_one_never_is(
+            timestamps in prop::collection::vec(any::<u32>(), 1..30), replayed: prop::sample::Index,
+        ) {
+            let mut known = Timestamps::new();
+            for &timestamp in &timestamps {
+                if known.accept(timestamp) {
+                    let mut replay = known;
+                    prop_assert!(!replay.accept(timestamp));
+                }
+            }
+            // One that was seen is sent over and over.
+            let mut known = Timestamps::new();
+            let mut last = 0;
+            for (number, _) in (0_u32..).zip(&timestamps) {
+                last = 1_000 + 10 * number;
+                prop_assert!(known.accept(last));
+            }
+            let old = 1_000 + 10 * u32::try_from(replayed.index(timestamps.len())).expect("at most 30");
+            for _ in 0..10 {
+                prop_assert!(!known.accept(old), "{} after {}", old, last);
+            }
+        }
+    }
+}

@@ -1,0 +1,136 @@
+//! What the DPR's memory protection unit opens ([`firmware_common::mpu`]).
+//!
+//! | addresses | what | start | tasks |
+//! |---|---|---|---|
+//! | 0x0000_0000, 256 B | vector table, and so the null page | – | – |
+//! | 0x0000_0100 to 96 KiB | flash: the image and its budget | read, execute | read, execute |
+//! | 0x0080_0000, 64 KiB | RAM that holds code, seen as code RAM | read, execute | read, execute |
+//! | 0x2000_0000, 64 KiB | the same, seen as data RAM | – | – |
+//! | 0x2001_0000 to 256 KiB | RAM: stack, statics, and what is left free | read, write | read, write |
+//! | 0x4000_0000, 0x5000_0000 | peripherals | all | those of `board.rs` that tasks use |
+//!
+//! *Null page*: the processor fetches vectors past the unit, and nothing else has to do with the table. What
+//! re-verifies flash reads it past the unit as well (`firmware_common::memory::load_shut`).
+//!
+//! *Stack*: it grows down from the statics (flip-link) to 0x2001_0000, below which RAM is shut: an overflow is a
+//! violation, whatever lies below.
+//!
+//! *Code in RAM* is copied there before the unit is switched on. Afterwards nothing can change it but a fault of the
+//! memory, which the comparison with flash finds ([`integrity`](crate::integrity)).
+//!
+//! *Peripherals*: what is shut to the tasks is what only the start needs: clock and power, the flash controller (so
+//! that nothing can erase or write flash), the PPI (so that nothing can undo the expiry of the image), and everything
+//! that the board does not use. Two halves of the address space have eighths of 4 KiB, a peripheral each.
+
+use firmware_common::mpu::{Access, Allowed, Memory, Region, Table};
+
+const KIB: u32 = 1024;
+
+/// 96 KiB of 128, as `memory.x` has it.
+const FLASH: Region = Region::new("flash", 0, 128 * KIB, Memory::Flash, Allowed::ReadExecute)
+    .only([true, true, true, true, true, true, false, false]);
+
+/// Where the null page ends.
+pub const NULL_PAGE_END: u32 = 256;
+
+/// The vector table: 16 exceptions and 48 interrupts (PS v1.7, chapter 4.2.4).
+const NULL_PAGE: Region = Region::new("null page", 0, NULL_PAGE_END, Memory::Flash, Allowed::Nothing);
+
+/// 256 KiB but the first 64.
+const RAM: Region = Region::new("RAM", 0x2000_0000, 256 * KIB, Memory::Ram, Allowed::ReadWrite)
+    .only([false, false, true, true, true, true, true, true]);
+
+/// The first 64 KiB of RAM as code RAM (PS v1.7, chapter 4.2.3).
+const CODE_RAM: Region = Region::new("code in RAM", 0x0080_0000, 64 * KIB, Memory::Ram, Allowed::ReadExecute);
+
+/// While the firmware starts.
+pub const START: Table<5> = Table::new([
+    FLASH,
+    NULL_PAGE,
+    RAM,
+    CODE_RAM,
+    Region::new("peripherals", 0x4000_0000, 0x2000_0000, Memory::Peripheral, Allowed::ReadWrite),
+]);
+
+/// While tasks run.
+pub const TASKS: Table<8> = Table::new([
+    FLASH,
+    NULL_PAGE,
+    RAM,
+    CODE_RAM,
+    // SPIM0, SPIS1, GPIOTE.
+    Region::new("serial interfaces and GPIOTE", 0x4000_0000, 32 * KIB, Memory::Peripheral, Allowed::ReadWrite)
+        .only([false, false, false, true, true, false, true, false]),
+    // TIMER0 to TIMER2.
+    Region::new("timers", 0x4000_8000, 32 * KIB, Memory::Peripheral, Allowed::ReadWrite)
+        .only([true, true, true, false, false, false, false, false]),
+    Region::new("watchdog", 0x4001_0000, 4 * KIB, Memory::Peripheral, Allowed::ReadWrite),
+    Region::new("GPIO ports", 0x5000_0000, 4 * KIB, Memory::Peripheral, Allowed::ReadWrite),
+]);
+
+/// What is at `address`, in words.
+#[must_use]
+pub fn area(address: u32) -> &'static str {
+    match address {
+        0x2000_0000..0x2001_0000 => "below the stack",
+        0x4000_0000..0x6000_0000 if !TASKS.allows(address, Access::Write) => "a peripheral that is shut",
+        _ => TASKS.name_of(address),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use firmware_common::mpu::Access::{Execute, Read, Write};
+
+    #[test]
+    fn the_null_page_is_shut_and_the_image_behind_it_can_be_read_and_executed_but_not_written() {
+        for access in [Read, Write, Execute] {
+            assert!(!TASKS.allows(0, access) && !TASKS.allows(255, access), "{access:?}");
+            assert!(!TASKS.allows(96 * KIB, access), "{access:?} behind the image's budget");
+        }
+        for address in [256, 96 * KIB - 1] {
+            assert!(TASKS.allows(address, Read) && TASKS.allows(address, Execute) && !TASKS.allows(address, Write));
+        }
+        assert_eq!((area(4), area(0x400)), ("null page", "flash"));
+    }
+
+    #[test]
+    fn all_ram_but_that_of_the_code_is_data_and_nothing_of_it_can_be_executed() {
+        for address in [0x2001_0000, 0x2003_FFFF] {
+            assert!(TASKS.allows(address, Read) && TASKS.allows(address, Write) && !TASKS.allows(address, Execute));
+        }
+        for access in [Read, Write, Execute] {
+            for below_or_above in [0x1FFF_FFFF, 0x2000_0000, 0x2000_FFFF, 0x2004_0000] {
+                assert!(!TASKS.allows(below_or_above, access), "{access:?} {below_or_above:#x}");
+            }
+        }
+        assert_eq!(area(0x2000_FFFC), "below the stack");
+        assert_eq!((area(0x2001_0000), area(0x0080_0000)), ("RAM", "code in RAM"));
+        assert!(TASKS.allows(0x0080_0000, Execute) && TASKS.allows(0x0080_FFFF, Read));
+        assert!(!TASKS.allows(0x0080_0000, Write) && !TASKS.allows(0x0081_0000, Execute));
+    }
+
+    #[test]
+    fn tasks_reach_the_peripherals_of_the_board_and_no_others() {
+        let open = [0x3000, 0x4000, 0x6000, 0x8000, 0x9000, 0xA000, 0x1_0000];
+        for offset in (0..0x3_0000).step_by(0x1000) {
+            let address = 0x4000_0000 + offset;
+            assert_eq!(TASKS.allows(address, Write), open.contains(&offset), "{address:#x}");
+            assert!(START.allows(address, Write) && !START.allows(address, Execute));
+        }
+        // P0.OUT and P1.OUT; nothing behind both ports.
+        assert!(TASKS.allows(0x5000_0504, Write) && TASKS.allows(0x5000_0804, Write));
+        assert_eq!((area(0x4001_E504), area(0x4000_A540)), ("a peripheral that is shut", "timers"));
+        assert!(!TASKS.allows(0x5000_1000, Write) && !TASKS.allows(0x4001_E504, Write), "the flash controller");
+    }
+
+    #[test]
+    fn while_it_starts_memory_is_protected_as_later() {
+        for address in [0, 0x100, 0x0080_0000, 0x1000_0000, 0x2000_0000, 0x2001_0000, 0x2004_0000] {
+            for access in [Read, Write, Execute] {
+                assert_eq!(START.allows(address, access), TASKS.allows(address, access), "{access:?} {address:#x}");
+            }
+        }
+    }
+}

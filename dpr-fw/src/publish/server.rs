@@ -1,0 +1,125 @@
+//! The SSI task's side: what a transaction gets.
+
+use core::ops::Range;
+
+use rtic_core::Mutex;
+
+use super::{mailbox::Taken, ImageBuffer, Mailbox};
+use crate::{
+    port::areas::HandedOver,
+    ssi::{Asked, Budget, Windows},
+    telemetry::Telemetry,
+    triple::Received,
+};
+
+/// What the SSI task finds when it is called.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Events<'a> {
+    /// The semaphore is the processor's.
+    pub ours: bool,
+    /// What the transaction that has ended clocked in, as far as it fits; `None` if none has ended.
+    pub received: Option<&'a [u8]>,
+    /// It clocked more out than its window had.
+    pub over_read: bool,
+    /// It clocked more in than fits.
+    pub overflow: bool,
+}
+
+/// What the SSI task needs of the SSI.
+pub trait Ssi {
+    /// An image buffer.
+    type Buffer: ImageBuffer;
+
+    /// Returns what has happened since the last call, and clears it. `ours` must be asked for before the end of a
+    /// transaction is: if one ends in between, its end is told now and its buffers next time, never the other way
+    /// round.
+    fn take_events(&mut self) -> Events<'_>;
+    /// Hands what the transaction that has ended brought to the port task, with what it asked for. Called before the
+    /// next release.
+    fn hand_over(&mut self, asked: Asked) -> HandedOver;
+    /// Whether the image's time is over. Asked for only while the semaphore is the processor's.
+    fn is_expired(&mut self) -> bool;
+    /// Exchanges the image; called only while the semaphore is the processor's.
+    fn exchange<R>(
+        &mut self,
+        with: impl FnOnce(Option<Received<Self::Buffer, ()>>) -> (Option<Received<Self::Buffer, ()>>, R),
+    ) -> R;
+    /// Points the peripheral to `window` of the image; `false` if there is no image.
+    fn load(&mut self, window: Range<usize>) -> bool;
+    /// FRESH rises, and the image's time begins anew.
+    fn announce(&mut self);
+    /// Gives the semaphore to the SPIS: the next transaction shows what was loaded.
+    fn release(&mut self);
+}
+
+/// What the SSI task remembers, for an image of `LEN` bytes.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Server<const LEN: usize> {
+    windows: Windows<LEN>,
+    budget: Budget,
+}
+
+impl<const LEN: usize> Server<LEN> {
+    /// The next transaction shows the whole image.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { windows: Windows::new(), budget: Budget::new() }
+    }
+
+    /// A transaction has ended, or the semaphore has come because there is a newer image or because time is over, or
+    /// the task was called to check in.
+    pub fn serve<S: Ssi>(
+        &mut self,
+        ssi: &mut S,
+        mut mailbox: impl Mutex<T = Mailbox<S::Buffer>>,
+        telemetry: &Telemetry,
+    ) {
+        let events = ssi.take_events();
+        let (ours, over_read, overflow) = (events.ours, events.over_read, events.overflow);
+        let ended = events
+            .received
+            .map(|mosi| self.windows.transaction(mosi))
+            .map(|asked| Ended { spent: self.budget.spend(), handed_over: ssi.hand_over(asked) });
+        if ours {
+            self.offer(ssi, &mut mailbox, telemetry);
+        }
+        // The flight controller may select again: what is counted can wait until then.
+        if let Some(Ended { spent, handed_over }) = ended {
+            telemetry.ssi_transactions.add(1);
+            telemetry.ssi_over_reads.add(u32::from(over_read));
+            telemetry.ssi_overflows.add(u32::from(overflow));
+            telemetry.ssi_budgets_spent.add(u32::from(spent));
+            telemetry.ssi_objects_dropped.add(u32::from(handed_over == HandedOver::Dropped));
+        }
+    }
+
+    /// The semaphore is the processor's: offers the newest image to the next transaction, if there is one that may be
+    /// read.
+    fn offer<S: Ssi>(&mut self, ssi: &mut S, mailbox: &mut impl Mutex<T = Mailbox<S::Buffer>>, telemetry: &Telemetry) {
+        let Taken { newer, announced } = mailbox.lock(|mailbox| ssi.exchange(|streamed| mailbox.take(streamed)));
+        if newer {
+            self.budget = Budget::new();
+        }
+        // An image that was announced during a transaction may have expired before that transaction ended.
+        let announce = newer && !announced;
+        if !announce && ssi.is_expired() {
+            telemetry.images_expired.add(1);
+            return;
+        }
+        if !self.budget.is_left() || !ssi.load(self.windows.window()) {
+            return;
+        }
+        if announce {
+            ssi.announce();
+        }
+        ssi.release();
+        telemetry.images_readable.add(u32::from(newer));
+    }
+}
+
+/// What became of a transaction that has ended.
+struct Ended {
+    /// It was the last that is granted between two images.
+    spent: bool,
+    handed_over: HandedOver,
+}

@@ -1,0 +1,189 @@
+//! The states of a buffer, and the scrub.
+
+use core::{
+    hint::black_box,
+    ops::AddAssign,
+    sync::atomic::{compiler_fence, Ordering},
+};
+
+/// Words of memory, as a scrub sees them. The tests put faulty memory behind it.
+pub trait Memory {
+    /// Number of 32-bit words.
+    fn words(&self) -> usize;
+    /// Sets every word to `pattern`.
+    fn fill(&mut self, pattern: u32);
+    /// The number of bits that differ from `pattern`, as they are read back from the memory itself.
+    fn differing_bits(&self, pattern: u32) -> u32;
+}
+
+impl<M: Memory + ?Sized> Memory for &mut M {
+    fn words(&self) -> usize {
+        (**self).words()
+    }
+    fn fill(&mut self, pattern: u32) {
+        (**self).fill(pattern);
+    }
+    fn differing_bits(&self, pattern: u32) -> u32 {
+        (**self).differing_bits(pattern)
+    }
+}
+
+/// RAM. Both halves pass through an optimisation barrier and a compiler fence: the fill must be in memory before it is
+/// read back, and the read back must load it from there, since the compiler may assume nothing about a value that went
+/// through [`black_box`]. The on-target tests bound the cycles of a scrub from below, so a dropped one would show.
+impl<const WORDS: usize> Memory for [u32; WORDS] {
+    fn words(&self) -> usize {
+        WORDS
+    }
+
+    fn fill(&mut self, pattern: u32) {
+        let words = black_box(self);
+        for word in words.iter_mut() {
+            *word = pattern;
+        }
+        compiler_fence(Ordering::SeqCst);
+        black_box(words);
+    }
+
+    fn differing_bits(&self, pattern: u32) -> u32 {
+        compiler_fence(Ordering::SeqCst);
+        let words = black_box(self);
+        // Whatever the memory has held, this is all of the work; only bits that are stuck are counted one by one.
+        let differing = words.iter().fold(0, |differing, word| differing | (word ^ pattern));
+        if differing == 0 {
+            0
+        } else {
+            words.iter().map(|word| (word ^ pattern).count_ones()).sum()
+        }
+    }
+}
+
+/// A buffer whose every bit was scrubbed since it was last written.
+#[derive(Debug)]
+pub struct Clean<B>(B);
+
+/// The buffer that is being written.
+#[derive(Debug)]
+pub struct Filling<B>(B);
+
+/// A buffer that holds a frame which nobody has read yet, with what is known of it.
+#[derive(Debug)]
+pub struct Received<B, I> {
+    buffer: B,
+    about: I,
+}
+
+/// A buffer of which nothing may be read any more. New buffers begin here, so that none is used unscrubbed.
+#[derive(Debug)]
+pub struct Dirty<B>(B);
+
+/// A scrubbed buffer in which the scrub found stuck bits. Only the set to which it belongs can go on using it; whoever
+/// drops it takes it out of use until the next start.
+#[derive(Debug)]
+pub struct Faulty<B> {
+    buffer: B,
+    stuck_bits: u32,
+}
+
+/// What scrubs did and found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Scrubbed {
+    /// Buffers scrubbed.
+    pub buffers: u32,
+    /// Bits that did not take a 1 or did not take a 0; 0 for sound memory.
+    pub stuck_bits: u32,
+    /// Buffers taken out of use because of such bits.
+    pub out_of_use: u32,
+}
+
+impl AddAssign for Scrubbed {
+    fn add_assign(&mut self, other: Self) {
+        self.buffers += other.buffers;
+        self.stuck_bits += other.stuck_bits;
+        self.out_of_use += other.out_of_use;
+    }
+}
+
+impl<B> Clean<B> {
+    /// Begins to write the buffer.
+    pub fn receive(self) -> Filling<B> {
+        Filling(self.0)
+    }
+}
+
+impl<B> Filling<B> {
+    /// The memory to write.
+    pub fn memory(&mut self) -> &mut B {
+        &mut self.0
+    }
+
+    /// What has been written so far, for the writer itself to look at.
+    pub fn peek(&self) -> &B {
+        &self.0
+    }
+
+    /// What was written is whole: it may be read, once. `about` goes with it.
+    pub fn received<I>(self, about: I) -> Received<B, I> {
+        Received { buffer: self.0, about }
+    }
+
+    /// What was written is given up: the buffer must be scrubbed before it is written again.
+    pub fn discard(self) -> Dirty<B> {
+        Dirty(self.0)
+    }
+}
+
+impl<B, I> Received<B, I> {
+    /// The memory, to be read.
+    pub fn memory(&self) -> &B {
+        &self.buffer
+    }
+
+    /// What was told of the frame when it was received.
+    pub fn about(&self) -> &I {
+        &self.about
+    }
+
+    /// Reading is over.
+    pub fn done(self) -> Dirty<B> {
+        Dirty(self.buffer)
+    }
+}
+
+impl<B: Memory> Dirty<B> {
+    /// A buffer with unknown content.
+    pub fn new(buffer: B) -> Self {
+        Self(buffer)
+    }
+
+    /// Fills with 0xFF and with 0x00, reading each back.
+    ///
+    /// # Errors
+    ///
+    /// [`Faulty`] if any bit read back differs. Its content is 0x00 but for the bits that are stuck.
+    pub fn scrub(mut self) -> Result<Clean<B>, Faulty<B>> {
+        let mut stuck_bits = 0;
+        for pattern in [u32::MAX, 0] {
+            self.0.fill(pattern);
+            stuck_bits += self.0.differing_bits(pattern);
+        }
+        if stuck_bits == 0 {
+            Ok(Clean(self.0))
+        } else {
+            Err(Faulty { buffer: self.0, stuck_bits })
+        }
+    }
+}
+
+impl<B> Faulty<B> {
+    /// Bits that did not take a 1 or did not take a 0.
+    #[must_use]
+    pub fn stuck_bits(&self) -> u32 {
+        self.stuck_bits
+    }
+
+    /// Goes on using it.
+    pub(super) fn keep(self) -> Clean<B> {
+        Clean(self.buffer)
+    }
+}

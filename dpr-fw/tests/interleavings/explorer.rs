@@ -1,0 +1,192 @@
+//! Depth-first search over everything that can happen next, by running the same deterministic program again and again.
+//!
+//! A run asks [`Explorer::choose`] wherever more than one thing can happen next. The first run always takes the first;
+//! each later run repeats the choices of the run before it up to the last one that has an alternative left, and takes
+//! that. Code that is interrupted cannot be copied, so a run is repeated from its start instead (as loom does). A run
+//! ends early where it meets a state that an earlier run has met, since everything that follows from it is known.
+//! States are known by digests of 64 bits; that any two of half a million share one has a probability of 1 in 10^8.
+
+use std::{
+    any::Any,
+    cell::RefCell,
+    collections::HashSet,
+    fmt,
+    hash::{DefaultHasher, Hash, Hasher},
+    panic::{catch_unwind, resume_unwind, AssertUnwindSafe},
+};
+
+/// Longest path from start to end. No model here comes near it; one that does not end is a fault of the model.
+const DEPTH: usize = 10_000;
+/// Bounds under which there are more states are too wide for a test.
+const STATES: usize = 1_500_000;
+
+/// What was explored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Explored {
+    /// Different states in which more than one thing could happen next.
+    pub(crate) states: usize,
+    /// Runs, complete ones and those that met a known state.
+    pub(crate) runs: usize,
+}
+
+/// A run in which a rule was broken.
+pub(crate) struct Counterexample {
+    /// The rule.
+    pub(crate) broken: String,
+    /// Everything that happened, in order.
+    pub(crate) trace: Vec<String>,
+}
+
+impl fmt::Debug for Counterexample {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}, after:\n  {}", self.broken, self.trace.join("\n  "))
+    }
+}
+
+/// Ends a run that met a known state.
+struct Known;
+/// Ends a run in which a rule was broken.
+struct Broken(String);
+
+/// The search.
+#[derive(Default)]
+pub(crate) struct Explorer {
+    search: RefCell<Search>,
+}
+
+#[derive(Default)]
+struct Search {
+    /// The choices of this run: what was taken, and of how many.
+    path: Vec<(usize, usize)>,
+    /// How many of them this run has made again so far.
+    made: usize,
+    seen: HashSet<u64>,
+    /// Digests of this run in their order, and how many it has asked for.
+    digests: Vec<u64>,
+    asked: usize,
+    trace: Vec<&'static str>,
+}
+
+impl Explorer {
+    /// Chooses one of `of` continuations; the first is 0. `state` gives a digest of everything on which the future
+    /// depends.
+    pub(crate) fn choose(&self, of: usize, state: impl FnOnce() -> u64) -> usize {
+        if of == 1 {
+            return 0;
+        }
+        let mut search = self.search.borrow_mut();
+        let made = search.made;
+        search.made += 1;
+        if let Some(&(taken, before)) = search.path.get(made) {
+            assert_eq!(of, before, "the model is not deterministic");
+            return taken;
+        }
+        assert!(made < DEPTH, "the model does not end");
+        assert!(search.seen.len() < STATES, "more states than the bounds allow for");
+        if !search.seen.insert(state()) {
+            drop(search);
+            resume_unwind(Box::new(Known));
+        }
+        search.path.push((0, of));
+        0
+    }
+
+    /// The digest that `compute` gives. While a run repeats the one before it, that one's are taken: to compute them is
+    /// most of the work.
+    pub(crate) fn remember(&self, compute: impl FnOnce() -> u64) -> u64 {
+        let mut search = self.search.borrow_mut();
+        let asked = search.asked;
+        search.asked += 1;
+        // The last choice of the path is the first that differs.
+        if search.made < search.path.len() {
+            if let Some(&known) = search.digests.get(asked) {
+                return known;
+            }
+        }
+        let digest = compute();
+        search.digests.truncate(asked);
+        search.digests.push(digest);
+        digest
+    }
+
+    /// Writes into the trace of this run.
+    pub(crate) fn note(&self, what: &'static str) {
+        self.search.borrow_mut().trace.push(what);
+    }
+
+    /// Explores every run of `model`.
+    pub(crate) fn explore(model: impl Fn(std::rc::Rc<Self>)) -> Result<Explored, Counterexample> {
+        let explorer = std::rc::Rc::new(Self::default());
+        let mut runs = 0;
+        loop {
+            runs += 1;
+            let ended = catch_unwind(AssertUnwindSafe(|| model(explorer.clone())));
+            let mut search = explorer.search.borrow_mut();
+            if let Err(why) = ended {
+                if !why.is::<Known>() {
+                    let trace = search.trace.iter().map(ToString::to_string).collect();
+                    return Err(Counterexample { broken: what_broke(why), trace });
+                }
+            }
+            search.made = 0;
+            search.asked = 0;
+            search.trace.clear();
+            loop {
+                match search.path.last_mut() {
+                    None => return Ok(Explored { states: search.seen.len(), runs }),
+                    Some((taken, of)) if *taken + 1 < *of => {
+                        *taken += 1;
+                        break;
+                    }
+                    Some(_) => {
+                        search.path.pop();
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// A rule is broken: ends the run, and the search.
+pub(crate) fn broken(rule: impl Into<String>) -> ! {
+    resume_unwind(Box::new(Broken(rule.into())))
+}
+
+/// Breaks `rule` unless it holds.
+pub(crate) fn holds(condition: bool, rule: &str) {
+    if !condition {
+        broken(rule);
+    }
+}
+
+/// The rule, or the text of a panic in the code under test.
+fn what_broke(why: Box<dyn Any + Send>) -> String {
+    match why.downcast::<Broken>() {
+        Ok(broken) => broken.0,
+        Err(panic) => match panic.downcast::<String>() {
+            Ok(text) => *text,
+            Err(panic) => panic.downcast_ref::<&str>().map_or("a panic without a text", |text| text).to_string(),
+        },
+    }
+}
+
+/// A digest of what can be hashed.
+pub(crate) fn digest(of: impl Hash) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    of.hash(&mut hasher);
+    hasher.finish()
+}
+
+/// A digest of what can only be shown: of private state, by its derived `Debug`.
+pub(crate) fn digest_shown(of: &impl fmt::Debug) -> u64 {
+    struct Into(DefaultHasher);
+    impl fmt::Write for Into {
+        fn write_str(&mut self, text: &str) -> fmt::Result {
+            self.0.write(text.as_bytes());
+            Ok(())
+        }
+    }
+    let mut into = Into(DefaultHasher::new());
+    fmt::Write::write_fmt(&mut into, format_args!("{of:?}")).expect("hashing does not fail");
+    into.0.finish()
+}

@@ -1,0 +1,231 @@
+//! The rotation of the receive buffers and the hand-over to the SSI, in every order in which tasks, DMA, the flight
+//! controller, the air and the timers can meet.
+//!
+//! # What is explored
+//!
+//! The real types of the library ([`dpr_fw::triple`], [`dpr_fw::publish`]) run on a model of the hardware
+//! ([`hardware`]), in tasks with the firmware's priorities ([`board`]). [`explorer`] tries every continuation wherever
+//! more than one is possible, and knows a state again by a digest of everything on which the future depends. Every half
+//! of a buffer carries the number of its frame or of its generation, so a byte that is torn, stale, scrubbed or not
+//! scrubbed is seen by who reads it, be it the commit task or the SPIS's EasyDMA.
+//!
+//! | who | steps |
+//! |---|---|
+//! | tasks | each critical section, each access to a register; a higher task runs where it is called and not masked |
+//! | flight controller | selects, deselects at any time, also before it has clocked a request in whole |
+//! | EasyDMA | each half of a transaction, out and in, and each half of a frame, at any time in between |
+//! | air | a frame ends or is lost |
+//! | timers | deadline of the next frame; both compares of the expiry |
+//! | RAM | a bit gets stuck; a store that no fence holds comes late |
+//!
+//! Two halves of a buffer stand for all of its words: the processor writes it from its start to its end and EasyDMA
+//! reads it so, and where these two meet, one half is before that place and one behind it.
+//!
+//! loom explores threads on the memory model of C11. What meets here are interrupts of one core, which have priorities
+//! and run to their end, and hardware, which has no program: neither is a thread. So the search is of the same kind,
+//! and what it drives is our own.
+//!
+//! # What is not shown
+//!
+//! Instants: an order that cannot happen on silicon, because something takes longer than something else, is explored
+//! all the same, but for two: a compare does not come in the moment in which its timer is cleared, and the second
+//! compare comes later than the SSI task takes. Registers: that `hw/ssi.rs` does what [`board`]'s port does, in this
+//! order, is seen in review and on the bench, which runs the image. The compiler: a fence cannot be executed, so one
+//! that is missing is explored as what it would allow. The budget of transactions, which is longer than a search can
+//! be.
+
+mod board;
+mod explorer;
+mod hardware;
+
+use board::OneRun;
+use explorer::{Counterexample, Explored, Explorer};
+
+/// Bytes of an image here, and of its lower half.
+const LEN: usize = 4 * dpr_fw::IMAGE_WORDS;
+const HALF_BYTES: usize = 4 * (dpr_fw::IMAGE_WORDS / 2);
+
+/// What may happen, and what is done wrong on purpose.
+#[derive(Clone, Copy, Debug)]
+struct Bounds {
+    /// Frames that begin to arrive.
+    frames: u8,
+    /// Deadlines that pass: images without objects.
+    deadlines: u8,
+    /// Transactions that begin.
+    transactions: u8,
+    /// Times that the expiry timer runs out.
+    expiries: u8,
+    /// Bits that get stuck, in any buffer from `stick_from` on.
+    sticks: u8,
+    stick_from: usize,
+    /// Whether the commit task publishes images: one at start, and one for each frame and each deadline.
+    publishes: bool,
+    mutation: Mutation,
+}
+
+/// A rule that is broken on purpose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Mutation {
+    None,
+    /// Of two frames that wait the newer is read first.
+    RotationOrder,
+    /// Nothing is scrubbed.
+    NoScrub,
+    /// A scrub does not tell of the stuck bit that it found, so the buffer stays in use.
+    FaultyUsedAgain,
+    /// A store to the image may come after the release.
+    NoFenceBeforeRelease,
+    /// What was received may be loaded before the end of the transaction is asked for.
+    NoFenceAfterEnd,
+    /// FRESH rises when the image is published, before the SPIS was asked for the one it has.
+    FreshBeforeTaken,
+    /// FRESH rises after the release.
+    FreshAfterRelease,
+    /// The end of a transaction is asked for before the semaphore is.
+    EndBeforeSemaphore,
+    /// An image that was announced during a transaction is released without asking whether it has expired.
+    ExpiryNotAskedAgain,
+    /// An image is released whether it has expired or not.
+    ReleasedAfterExpiry,
+    /// The timer has no second compare.
+    NoSecondCompare,
+    /// The compare's event is cleared before the timer is.
+    EventClearedBeforeTimer,
+}
+
+/// Images, transactions and expiry: three generations.
+const HAND_OVER: Bounds = Bounds {
+    frames: 0,
+    deadlines: 2,
+    transactions: 2,
+    expiries: 1,
+    sticks: 0,
+    stick_from: hardware::RECEIVE,
+    publishes: true,
+    mutation: Mutation::None,
+};
+
+/// Receive buffers alone: one frame more than there are buffers, and another.
+const ROTATION: Bounds = Bounds {
+    frames: 5,
+    deadlines: 0,
+    transactions: 0,
+    expiries: 0,
+    sticks: 0,
+    stick_from: 0,
+    publishes: false,
+    mutation: Mutation::None,
+};
+
+fn explore(bounds: Bounds) -> Result<Explored, Counterexample> {
+    Explorer::explore(|explorer| OneRun::new(explorer, bounds).run())
+}
+
+/// Explores all of it, and compares the number of states with the one that the documentation gives.
+fn has_no_counterexample(bounds: Bounds, states: usize) {
+    let explored = explore(bounds).expect("no rule is broken");
+    assert_eq!(explored.states, states, "docs/decisions/0012-exhaustive-interleavings.md gives this number, too");
+}
+
+/// With this mutation the search ends at a run in which `rule` is broken.
+fn breaks(mutation: Mutation, bounds: Bounds, rule: &str) {
+    let counterexample = explore(Bounds { mutation, ..bounds }).expect_err("a rule is broken");
+    assert_eq!(counterexample.broken, rule, "{counterexample:?}");
+}
+
+#[test]
+fn a_transaction_reads_the_announced_image_whole_and_in_time_or_nothing() {
+    has_no_counterexample(HAND_OVER, 408_658);
+}
+
+#[test]
+fn three_transactions_each_show_what_the_one_before_has_asked_for() {
+    has_no_counterexample(Bounds { deadlines: 1, transactions: 3, expiries: 2, ..HAND_OVER }, 216_830);
+}
+
+#[test]
+fn an_image_in_which_a_bit_gets_stuck_is_not_filled_again_and_the_other_three_do() {
+    has_no_counterexample(Bounds { transactions: 1, expiries: 0, sticks: 1, ..HAND_OVER }, 53_310);
+}
+
+#[test]
+fn every_frame_is_received_into_zeros_and_read_once_in_order() {
+    has_no_counterexample(ROTATION, 9_641);
+}
+
+#[test]
+fn a_receive_buffer_in_which_a_bit_gets_stuck_is_not_written_again_and_the_other_two_do() {
+    has_no_counterexample(Bounds { frames: 4, sticks: 1, stick_from: 0, ..ROTATION }, 33_992);
+}
+
+#[test]
+fn what_arrives_is_what_the_flight_controller_reads_or_nothing() {
+    has_no_counterexample(Bounds { frames: 2, deadlines: 0, transactions: 1, expiries: 0, ..HAND_OVER }, 137_493);
+}
+
+#[test]
+fn frames_read_in_another_order_are_found() {
+    breaks(Mutation::RotationOrder, ROTATION, "frames are not read once each, in their order");
+}
+
+#[test]
+fn a_missing_scrub_is_found_in_either_set() {
+    breaks(Mutation::NoScrub, ROTATION, "a frame is received over old data");
+    breaks(Mutation::NoScrub, HAND_OVER, "an image is filled over old data");
+}
+
+#[test]
+fn a_faulty_buffer_that_is_used_again_is_found_in_either_set() {
+    let rule = "a buffer with a stuck bit stays in use";
+    breaks(Mutation::FaultyUsedAgain, Bounds { sticks: 1, ..ROTATION }, rule);
+    breaks(Mutation::FaultyUsedAgain, Bounds { sticks: 1, expiries: 0, ..HAND_OVER }, rule);
+}
+
+#[test]
+fn a_missing_fence_before_the_release_is_found() {
+    breaks(Mutation::NoFenceBeforeRelease, HAND_OVER, "a transaction reads bytes that are not written");
+}
+
+#[test]
+fn a_missing_fence_after_the_end_is_found() {
+    let rule = "a transaction shows another window than the one before it asked for";
+    breaks(Mutation::NoFenceAfterEnd, HAND_OVER, rule);
+}
+
+#[test]
+fn fresh_before_the_old_image_is_taken_is_found() {
+    let rule = "a transaction reads an older image than FRESH has told of";
+    breaks(Mutation::FreshBeforeTaken, HAND_OVER, rule);
+}
+
+#[test]
+fn fresh_after_the_release_is_found() {
+    breaks(Mutation::FreshAfterRelease, HAND_OVER, "a transaction reads an image that FRESH has not told of");
+}
+
+#[test]
+fn to_ask_for_the_end_before_the_semaphore_is_found() {
+    let rule = "a transaction shows another window than the one before it asked for";
+    breaks(Mutation::EndBeforeSemaphore, HAND_OVER, rule);
+}
+
+#[test]
+fn an_image_announced_during_a_transaction_whose_expiry_is_not_asked_for_is_found() {
+    breaks(Mutation::ExpiryNotAskedAgain, HAND_OVER, "an expired image is readable");
+}
+
+#[test]
+fn a_release_after_expiry_is_found() {
+    breaks(Mutation::ReleasedAfterExpiry, HAND_OVER, "an expired image is readable");
+}
+
+#[test]
+fn a_missing_second_compare_is_found() {
+    breaks(Mutation::NoSecondCompare, HAND_OVER, "an expired image is readable");
+}
+
+#[test]
+fn a_compare_event_that_is_cleared_before_its_timer_is_found() {
+    breaks(Mutation::EventClearedBeforeTimer, HAND_OVER, "the newest image is not readable");
+}
