@@ -163,7 +163,7 @@ fn transactions_that_clock_too_many_bytes_out_or_in_are_counted() {
         )
     };
     assert_eq!(counts(&node), (0, 0));
-    let image = layout().image_len();
+    let image = layout().map_len();
     // Bytes of the transaction, and whether it reads and writes too many.
     let mut expected = (0, 0);
     for (bytes, reads, writes) in [

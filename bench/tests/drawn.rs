@@ -10,13 +10,18 @@ const MS: u64 = 1_000_000;
 
 /// The report of six seconds with these kinds of faults; `None` where the images were not built.
 fn report(gps: usize, kinds: &[Kind], seed: u64) -> Option<bench::report::Report> {
+    report_of(6_000 * MS, gps, kinds, seed)
+}
+
+/// The same of a run of another length, ns.
+fn report_of(duration: u64, gps: usize, kinds: &[Kind], seed: u64) -> Option<bench::report::Report> {
     let images = Images { horus: image(gps, "horus-tx-fw.elf")?, dpr: image(gps, "dpr-fw.elf")? };
-    let mut setup = Setup { seed, ..Setup::new(images, gps, 6_000 * MS) };
+    let mut setup = Setup { seed, ..Setup::new(images, gps, duration) };
     setup.faults = Faults::drawn(kinds, gps, seed, setup.duration_ns);
     Some(run(&setup, &mut ()).unwrap_or_else(|error| panic!("{error}")).report)
 }
 
-const ALL: [Kind; 4] = [Kind::Air, Kind::Receivers, Kind::FlightController, Kind::Power];
+const ALL: [Kind; 5] = [Kind::Air, Kind::Receivers, Kind::FlightController, Kind::Power, Kind::Buffers];
 
 #[test]
 fn faults_of_every_kind_at_once_violate_nothing_and_the_link_recovers() {
@@ -25,24 +30,45 @@ fn faults_of_every_kind_at_once_violate_nothing_and_the_link_recovers() {
         assert_eq!(report.violations, [""; 0], "{gps} receivers, seed {seed}");
         assert_eq!(report.faults.invalid_shown_valid, 0);
         // Of each kind some faults were there, and each is in the log by its name.
-        for kind in ["air", "receiver", "flight controller", "power"] {
+        for kind in ["air", "receiver", "flight controller", "power", "buffer"] {
             let injected = report.faults.injected.keys().any(|name| name.starts_with(kind));
             assert!(injected, "{kind} of {:?}", report.faults.injected);
         }
         // Within 15 cycles where a front end had to be brought up again.
         let recovery = report.faults.max_recovery_cycles.unwrap_or_else(|| panic!("seed {seed}: nothing was measured"));
         assert!((1..=15).contains(&recovery), "{gps} receivers, seed {seed}: {recovery} cycles");
+        let plain = report.faults.max_recovery_cycles_without_bring_up;
+        assert!(plain.is_none_or(|cycles| cycles <= 5), "{gps} receivers, seed {seed}: {plain:?} cycles");
     }
 }
 
 #[test]
 fn a_kind_of_fault_alone_is_injected_alone() {
-    for (kind, name) in [(Kind::Air, "air"), (Kind::Receivers, "receiver"), (Kind::Power, "power")] {
+    for (kind, names) in [
+        (Kind::Air, &["air", "horus front end", "dpr front end"][..]),
+        (Kind::Receivers, &["receiver"]),
+        (Kind::Power, &["power"]),
+        (Kind::Buffers, &["buffer"]),
+    ] {
         let Some(report) = report(3, &[kind], 9) else { return };
         assert_eq!(report.violations, [""; 0], "{kind}");
         assert!(!report.faults.injected.is_empty());
         for injected in report.faults.injected.keys() {
-            assert!(injected.starts_with(name), "{injected}");
+            assert!(names.iter().any(|name| injected.starts_with(name)), "{injected}");
         }
     }
+}
+
+/// The short form of `cargo xtask sim --seconds 1000 --faults air,fc,power,buffers --seed 7`: every fault of these
+/// kinds has its turn.
+#[test]
+fn thirty_seconds_of_all_that_disturbs_the_dpr_violate_nothing() {
+    let kinds = [Kind::Air, Kind::FlightController, Kind::Power, Kind::Buffers];
+    let Some(report) = report_of(30_000 * MS, 3, &kinds, 7) else { return };
+    assert_eq!(report.violations, [""; 0]);
+    assert_eq!(report.faults.invalid_shown_valid, 0);
+    assert!(report.faults.injected.len() > 40, "{:?}", report.faults.injected);
+    assert!(report.faults.max_recovery_cycles.is_some_and(|cycles| cycles <= 15), "{:?}", report.faults);
+    let plain = report.faults.max_recovery_cycles_without_bring_up;
+    assert!(plain.is_some_and(|cycles| cycles <= 5), "{:?}", report.faults);
 }

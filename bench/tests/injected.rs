@@ -176,7 +176,8 @@ fn causes<B: Board>(node: &Node<B>) -> Vec<Reset> {
 #[test]
 fn horus_without_supply_is_off_the_air_and_starts_again_when_it_is_back() {
     let Some(mut node) = boards::horus() else { return };
-    assert!(frames(&emitted(&mut node, 55 * MS)) >= 4);
+    // In the middle of a frame.
+    assert!(frames(&emitted(&mut node, 58 * MS)) >= 3);
     PowerFault::Off(1).begin(&mut node);
     assert!(!node.is_powered());
     let without = emitted(&mut node, 100 * MS);
@@ -241,7 +242,7 @@ fn a_pin_and_a_brown_out_restart_a_board_at_once_and_leave_ram_and_front_end_as_
 #[test]
 fn horus_finds_its_front_end_again_after_that_was_without_supply() {
     let Some(mut node) = boards::horus() else { return };
-    emitted(&mut node, 55 * MS);
+    emitted(&mut node, 58 * MS);
     PowerFault::FrontEndOff.begin(&mut node);
     let without = emitted(&mut node, 100 * MS);
     assert!(breaks_off(&without), "{without:?}");
@@ -318,7 +319,7 @@ fn targets_of<B: Powered>(mut node: Node<B>, flash: u32) {
     let targets = Targets::of(&node).unwrap();
     let ram: u32 = targets.ram.iter().map(|range| range.end - range.start).sum();
     assert!((2_000..32_768).contains(&ram), "{targets:x?}");
-    assert!(targets.ram.iter().all(|range| (0x2000_0000..=0x2000_8000).contains(&range.end)), "{targets:x?}");
+    assert!(targets.ram.iter().all(|range| (0x2000_0000..=0x2001_8000).contains(&range.end)), "{targets:x?}");
     assert!(targets.ram.iter().any(|range| range.start == node.register(13)), "the stack in use: {targets:x?}");
     let [image] = &targets.flash[..] else { panic!("{targets:x?}") };
     assert!(image.start == flash && image.end > flash + 20_000, "{targets:x?}");

@@ -5,7 +5,7 @@ mod boards;
 mod elf;
 mod thumb;
 
-use bench::node::{Bare, Clock, Finding, FindingKind, Firmware, Limits, Node, Outcome, Target};
+use bench::node::{Bare, Clock, FindingKind, Firmware, Limits, Node, Outcome, Target};
 use elf::{EM_ARM, ET_EXEC, elf};
 use stm32f429::{Oscillators, Stm32f429};
 use thumb::{COUNTER, FLASH, MAIN, STACK, Thumb, firmware, firmware_at};
@@ -218,12 +218,10 @@ fn a_finding_has_the_instant_of_its_access_and_the_peripherals_name_also_over_a_
 #[test]
 fn a_finding_in_a_release_image_names_the_firmwares_own_function_and_line() {
     let Some(path) = boards::image(3, "dpr-fw.elf") else { return };
-    // The other board's image: its register accesses, all of them inside inlined `core::ptr` functions, meet the
-    // wrong peripherals.
+    // The other board's image: what it copies to RAM cannot be fetched where it is linked to.
     let outcome = on_horus(&Firmware::read(&path).unwrap());
-    let written: Vec<&Finding> = outcome.findings.iter().filter(|found| found.kind == FindingKind::Refused).collect();
-    assert!(written.len() >= 3, "{:?}", outcome.findings);
-    for finding in written {
+    assert!(!outcome.findings.is_empty());
+    for finding in &outcome.findings {
         let place = finding.symbol.as_deref().unwrap();
         assert!(!place.contains("core/src") && !place.contains("/registry/"), "{finding}");
         assert!(place.contains("dpr-fw/src/") || place.contains("firmware-common/src/"), "{finding}");

@@ -14,7 +14,7 @@ use crate::op::{Do, Op};
 use crate::{Bus, Fault, decode};
 
 /// Address bits within a page.
-const BITS: u32 = 10;
+pub(crate) const BITS: u32 = 10;
 /// Instructions of a page, one for each halfword.
 const SLOTS: usize = 1 << (BITS - 1);
 /// Entries of the index, a power of two.

@@ -89,6 +89,7 @@ impl<C: Cost> Core<C> {
         privileged: bool,
     ) -> Result<u32, Fault> {
         if self.takes_short_way()
+            && self.mpu_opens(address, width.bytes(), false, privileged)
             && let Some(value) = bus.read_memory(address, width)
         {
             return Ok(value);
@@ -110,7 +111,10 @@ impl<C: Cost> Core<C> {
         purpose: Purpose,
         privileged: bool,
     ) -> Result<(), Fault> {
-        if self.takes_short_way() && bus.write_memory(address, width, value) {
+        if self.takes_short_way()
+            && self.mpu_opens(address, width.bytes(), true, privileged)
+            && bus.write_memory(address, width, value)
+        {
             return Ok(());
         }
         if address & (width.bytes() - 1) != 0 || is_special(address) {
@@ -119,11 +123,11 @@ impl<C: Cost> Core<C> {
         self.store_plain(bus, address, width, value, purpose, privileged)
     }
 
-    /// Whether an access to memory concerns memory alone: no wait states are counted, and neither the MPU nor the DWT
-    /// wants to know.
+    /// Whether an access to memory concerns memory and the MPU alone: no wait states are counted, and the DWT does not
+    /// want to know.
     #[inline(always)]
     fn takes_short_way(&self) -> bool {
-        C::BOUND.is_none() && !self.mpu_enabled() && !self.watching()
+        C::BOUND.is_none() && !self.watching()
     }
 
     #[inline(always)]

@@ -10,7 +10,7 @@
 //! An instruction is executed as a whole: the cycle of an access is that of its instruction's beginning, with the
 //! cycles of the accesses before it where the clock counts wait states.
 
-use crate::code::{Code, Page};
+use crate::code::{BITS as PAGE_BITS, Code, Page};
 use crate::op::{Block, Do, Op};
 use crate::{Access, Bound, Bus, Core, Cost, Exit, Fault, Purpose, Width, decode};
 
@@ -139,7 +139,7 @@ impl<C: Cost> Core<C> {
     /// Executes instructions until the limit, page by page.
     #[inline(always)]
     fn execute_until_limit<B: Bus>(&mut self, bus: &mut B, code: &mut Code, single: bool) {
-        let careful = single || self.passed.is_some() || self.refused_call.is_some() || self.mpu_enabled();
+        let careful = single || self.passed.is_some() || self.refused_call.is_some();
         let careful = careful || self.ici != 0;
         loop {
             let pc = self.r[15];
@@ -148,7 +148,7 @@ impl<C: Cost> Core<C> {
             let constant = page.is_constant();
             let limit = self.limit;
             let mark = self.cycle;
-            if careful || !constant || never_executable(pc) {
+            if careful || !constant || never_executable(pc) || !self.mpu_opens_page(pc, PAGE_BITS) {
                 // The burst ends after one instruction. A limit that is then another asks to look around.
                 self.limit = mark;
                 let op = *page.op(pc);

@@ -15,6 +15,8 @@ pub const SSI_READY: u64 = 10_000;
 pub const SAMPLE_TO_READABLE: u64 = 10_000_000;
 /// The cycle: design section 6.
 pub const CYCLE: u64 = 10_000_000;
+/// A board's start takes 11 ms of its processor, which is more than a tenth of a run shorter than this.
+pub const LOAD_FROM: u64 = 300_000_000;
 /// Processor load, ten thousandths: design section 6.
 pub const LOAD_PER_10_000: u32 = 1_000;
 /// Missed-frame deadline after a frame's end: design section 4.
@@ -51,8 +53,9 @@ pub const FIELD_RECOVERY: u64 = 2 * CYCLE + CYCLE / 2;
 pub const FIELD_READY: u64 = CYCLE;
 /// The longest that HORUS's watchdog takes to bite: 100 ms by an oscillator of 32 kHz that may run at 17 kHz (DS9405).
 pub const WATCHDOG_LONGEST: u64 = 190_000_000;
-/// HORUS takes what its objects say after the tick and before the first slot, 0.34 ms after it at the latest (design
-/// section 6 and `profile::air::send_slot_us`): a message that arrived later is not in them.
+/// HORUS takes what its objects say after the tick and before the first slot, 0.12 ms after it at the latest (design
+/// section 6 and `profile::air::send_slot_us`): a message that arrived later is not in them. With a margin, since what
+/// arrives in between may be in them or not.
 pub const SAMPLED_AFTER_TICK: u64 = 350_000;
 /// A message whose last byte crossed its line so long before a tick is in that tick's objects. HORUS looks how far a
 /// line's ring has come when the line falls idle (22 µs), at every half of the ring (5.5 ms) and, if it overlooks both,
@@ -76,9 +79,12 @@ pub const SILENCE_MAY_END: u64 = 45_000_000;
 pub const SILENCE_ENDS: u64 = 110_000_000;
 /// The flight controller reads in every one of its control cycles, which are much shorter.
 pub const NO_TRANSACTION: u64 = 100_000_000;
+/// HORUS loads a frame while its beginning is on the air: one that restarts then leaves it to run out of bytes, within
+/// the air time of the longest frame.
+pub const CUT_SHORT: u64 = 6_000_000;
 /// Transactions that the DPR serves between two images: a flight controller that runs away gets no more
 /// (`dpr_fw::ssi`).
-pub const SSI_BUDGET: u32 = 32;
+pub const SSI_BUDGET: u32 = 16;
 /// The DPR's clock counts [`EXPIRY`]; it is off by no more than 2 % (design section 4), so no image expires earlier.
 pub const EXPIRY_EARLIEST: u64 = EXPIRY - EXPIRY / 50;
 /// A frame that is heard so much earlier or later than it was sent was delayed or repeated on its way.
@@ -127,6 +133,18 @@ pub const CLOCK_SHARE: u64 = 50;
 pub const CLOCK_WINDOW: u64 = 1_000_000_000;
 /// What two crystals may be apart, parts per million: twice 50, and as much again for the temperature.
 pub const CRYSTALS_PPM: u64 = 200;
+/// So long after a bit of a buffer of the DPR was hit, or was stuck last, that buffer may be in use: three receive
+/// buffers and four images take turns, one in each cycle.
+pub const BUFFER_REPLACED: u64 = 5 * CYCLE;
+/// From the end of a cause to the first valid object of a cycle that HORUS sent after it, where no front end has to be
+/// brought up again: a frame, the three that find the sequence (design section 4), and the flight controller's reading.
+pub const RECOVERY_CYCLES: u64 = 5;
+/// The same where a front end has to be brought up: after a restart of either board, and after a fault of either front
+/// end, whose firmware backs off up to 64 ms between two attempts.
+pub const BRING_UP_CYCLES: u64 = 15;
+/// So long after a front end has ceased to answer the DPR's Link-Status says so at the latest: it looks at a chip that
+/// is silent every 20 ms, and publishes after a missed frame every 10 ms.
+pub const FRONT_END_TOLD: u64 = 4 * CYCLE;
 /// From the return of a front end that was out of order to its firmware having brought it up again: within 15
 /// cycles.
 pub const FRONT_END_RECOVERY: u64 = 15 * CYCLE;

@@ -79,6 +79,8 @@ pub struct Faults {
     /// The longest from the end of a cause to the first valid object of a cycle that HORUS sent after it, in cycles of
     /// 10 ms begun; `None` without causes.
     pub max_recovery_cycles: Option<u64>,
+    /// The same over the causes after which no front end had to be brought up again.
+    pub max_recovery_cycles_without_bring_up: Option<u64>,
 }
 
 /// Figures of a run, ns unless said otherwise.

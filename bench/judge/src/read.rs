@@ -153,6 +153,13 @@ impl Reading {
         }
     }
 
+    /// Whether every object that was read whole, and Link-Status, is intact or vacant.
+    #[must_use]
+    pub fn is_sound(&self) -> bool {
+        let unsound = |placed: &Placed| matches!(placed.state, State::Unsound(_));
+        !self.objects.iter().any(unsound) && !matches!(self.link, Some(Err(_)))
+    }
+
     /// The timestamp of its first valid object, ms.
     #[must_use]
     pub fn timestamp(&self) -> Option<u32> {
@@ -180,7 +187,7 @@ impl Window {
             return;
         }
         let request = mosi.first_chunk::<REQUEST_SIZE>();
-        self.offset = match request.map(|request| ssi::parse(request, layout.image_len())) {
+        self.offset = match request.map(|request| ssi::parse(request, layout.map_len())) {
             Some(Ok(Parsed::Window(request))) => usize::from(request.offset),
             _ => 0,
         };

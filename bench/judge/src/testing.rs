@@ -9,7 +9,7 @@ pub(crate) const MS: u64 = 1_000_000;
 /// When the first tick comes, ns.
 pub(crate) const FIRST_TICK: u64 = 20 * MS;
 /// From a tick to the transmit command of the cycle's first and second frame.
-pub(crate) const COMMAND: [u64; 2] = [340_000, 4_340_000];
+pub(crate) const COMMAND: [u64; 2] = [100_000, 4_130_000];
 /// From a command to its frame's first bit.
 pub(crate) const LATENCY: u64 = 3_650;
 /// What a byte takes on a receiver's line, ns.
@@ -170,7 +170,12 @@ macro_rules! rules {
     };
 }
 
-rules!(crate::rules::cycle::Cycle, crate::rules::content::Content, crate::rules::boards::Boards);
+rules!(
+    crate::rules::cycle::Cycle,
+    crate::rules::content::Content,
+    crate::rules::boards::Boards,
+    crate::rules::port::Port
+);
 
 /// What one rule finds in a log, and the figures.
 pub(crate) fn broken(mut rule: impl Rule, log: &Log) -> (Vec<Broken>, Figures) {

@@ -114,6 +114,9 @@ violations! {
     LateReadable = "a frame was readable too late after its last bit",
     /// A sample was readable too late.
     LateSample = "a sample was readable too late",
+    /// The link recovers too late. After a cause has gone away, no valid object that HORUS sent after it was read
+    /// within the cycles that a recovery may take.
+    RecoversLate = "the link recovers too late",
     /// Link-Status tells a wrong age. Against the instant of the sample as it was on the wires.
     LinkAge = "Link-Status tells a wrong age",
     /// Link-Status tells wrong counters. Against the frames that reached the antenna.
@@ -122,6 +125,10 @@ violations! {
     LinkFlags = "Link-Status tells wrong flags",
     /// Link-Status tells a wrong time. Its timestamp against the time since the DPR's start.
     LinkTime = "Link-Status tells a wrong time",
+    /// Port-Status tells what is not so. Uplinks, commands and violations of each kind against what was written.
+    PortStatusWrong = "Port-Status tells what is not so",
+    /// An uplink is read otherwise than it was written. Its bytes, its age, whether it is fresh.
+    UplinkWrong = "an uplink is read otherwise than it was written",
     // ---- Base station
 
     /// The base station missed a profile. It was forwarded and did not arrive.

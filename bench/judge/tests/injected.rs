@@ -151,24 +151,29 @@ fn a_frame_that_broke_off_has_its_objects_if_all_that_len_announces_arrived() {
 }
 
 #[test]
-fn a_front_end_without_supply_is_used_on_and_its_field_drops_and_neither_is_held_against_horus() {
-    let text = || "SPI access without supply (3 times)".to_owned();
-    let misuse = |board| What::Misuse { board, text: text() };
+fn a_front_end_that_is_out_of_order_is_used_on_and_its_field_drops_and_neither_is_held_against_its_firmware() {
     let kinds = |log: &Log| judge(log).kinds().collect::<Vec<_>>();
-    for (kind, excused) in [
-        ("power horus front end off", true),
-        ("power dpr front end off", true),
-        ("power horus off", true),
-        ("power horus reset pin", false),
-        ("air lost", false),
+    const ENDS: u64 = 100 * MS;
+    for (kind, horus, dpr) in [
+        ("power horus front end off", true, false),
+        ("horus front end reads ones", true, false),
+        ("power dpr front end off", false, true),
+        ("dpr front end interrupt line high", false, true),
+        ("power horus off", true, false),
+        ("power horus reset pin", false, false),
+        ("air lost", false, false),
     ] {
-        let mut log = Plan::new(3, 40).log();
-        insert(&mut log, 100 * MS, injected(kind, 100 * MS));
-        insert(&mut log, 400 * MS, misuse(Board::Dpr));
-        assert_eq!(!kinds(&log).contains(&Violation::FrontEndMisuse), excused, "{kind}");
-        // Another misuse is one in any case.
-        insert(&mut log, 400 * MS, What::Misuse { board: Board::Dpr, text: "SPI clock too fast".into() });
-        assert!(kinds(&log).contains(&Violation::FrontEndMisuse), "{kind}");
+        for (board, excused) in [(Board::Horus, horus), (Board::Dpr, dpr)] {
+            for (at, excused) in
+                [(ENDS + bounds::FRONT_END_RECOVERY, excused), (ENDS + bounds::FRONT_END_RECOVERY + 1, false)]
+            {
+                let mut log = Plan::new(3, 40).log();
+                insert(&mut log, ENDS, injected(kind, ENDS));
+                insert(&mut log, at, What::Misuse { board, text: "SPI access without supply".into() });
+                let found = kinds(&log).contains(&Violation::FrontEndMisuse);
+                assert_eq!(!found, excused, "{kind}: {board:?} at {at}");
+            }
+        }
     }
     let dropped = |kind: &str, until| {
         let mut log = Plan::new(3, 40).log();

@@ -102,7 +102,7 @@ fn a_request_chooses_the_window_of_the_next_transaction_that_is_served() {
     // A busy DPR has not heard the request of a transaction, and has not shown the window of the one before.
     window.transaction(layout, &request(32, 64), true);
     assert_eq!(window.offset(), 96);
-    for nothing in [&[0; 8][..], &[0xFF; 8], &[], &request(96, 180)[..7], &request(96, 181), &[7; 8]] {
+    for nothing in [&[0; 8][..], &[0xFF; 8], &[], &request(96, 180)[..7], &request(96, 400), &[7; 8]] {
         window.transaction(layout, &request(96, 180), false);
         window.transaction(layout, nothing, false);
         assert_eq!(window.offset(), 0, "{nothing:?}");

@@ -60,7 +60,7 @@ mod twis;
 mod uarte;
 mod wdt;
 
-use bench_seam::{Clock, Cycle, Finding, I2cAnswer, I2cEvent, Outside, Part, Pin, Reset, SpiMode, UartFrame};
+use bench_seam::{Clock, Cycle, Finding, I2cAnswer, I2cEvent, Outside, Part, Pin, Reset, SpiMode, StuckBit, UartFrame};
 use cortex_m4::{Access, Bound, BusError, Config, Signals, Width};
 use memory::{CODE_RAM_BASE, FLASH_BYTES, RAM_BASE, RAM_BYTES};
 use soc::Soc;
@@ -406,6 +406,14 @@ impl Part for Nrf52840 {
 
     fn memory(&self, address: u32, size: usize) -> Option<&[u8]> {
         self.soc.memory.slice(address, size)
+    }
+
+    fn stick(&mut self, stuck: Option<StuckBit>) -> bool {
+        let ram = |stuck: StuckBit| StuckBit { address: stuck.address.wrapping_sub(RAM_BASE), ..stuck };
+        let stuck = stuck.map(ram);
+        let there = stuck.is_none_or(|stuck| stuck.address < RAM_BYTES);
+        self.soc.memory.ram.stick(stuck.filter(|_| there));
+        there
     }
 
     fn memory_mut(&mut self, address: u32, size: usize) -> Option<&mut [u8]> {

@@ -18,6 +18,7 @@
 //! [`crate::Nrf52840::debug_port_open`].
 use crate::Settings;
 use bench_seam::{Flash, Ram};
+use cortex_m4::Width;
 
 /// Flash: 1 MiB in 256 pages of 4 KiB (PS 4.3).
 pub(crate) const FLASH_BYTES: u32 = 1 << 20;
@@ -41,6 +42,15 @@ pub(crate) struct Memory {
     pub(crate) ram: Ram,
     /// Flash was programmed or erased since the core was last told.
     pub(crate) code_changed: bool,
+    /// The AHB slaves of the RAM that EasyDMA has reached, a bit each (see [`slave`]).
+    dma_slaves: u16,
+}
+
+/// The AHB slave that the RAM at `offset` belongs to: RAM0 to RAM7 have two sections of 4 KiB each, RAM8 has the rest
+/// (PS 4.2, memory layout).
+#[inline]
+const fn slave(offset: u32) -> u16 {
+    if offset < 0x1_0000 { 1 << (offset >> 13) } else { 1 << 8 }
 }
 
 /// Where an address is.
@@ -81,6 +91,7 @@ impl Memory {
             ficr: ficr(settings),
             ram: Ram::new(RAM_BYTES as usize),
             code_changed: false,
+            dma_slaves: 0,
         }
     }
 
@@ -130,13 +141,23 @@ impl Memory {
     }
 
     #[inline]
-    pub(crate) fn dma_read(&self, address: u32) -> Option<u8> {
-        Some(self.ram.bytes()[Self::dma(address)?])
+    pub(crate) fn dma_read(&mut self, address: u32) -> Option<u8> {
+        let offset = Self::dma(address)?;
+        self.dma_slaves |= slave(offset as u32);
+        Some(self.ram.bytes()[offset])
     }
 
     #[inline]
     pub(crate) fn dma_write(&mut self, address: u32, value: u8) -> bool {
-        Self::dma(address).map(|offset| self.ram.bytes_mut()[offset] = value).is_some()
+        let Some(offset) = Self::dma(address) else { return false };
+        self.dma_slaves |= slave(offset as u32);
+        self.ram.write(offset as u32, Width::Byte, u32::from(value))
+    }
+
+    /// Whether EasyDMA has ever reached the AHB slave of the RAM at `address`, so that the processor may meet it there.
+    #[inline]
+    pub(crate) fn may_meet_dma(&self, address: u32) -> bool {
+        matches!(place(address), Some(Place::Ram(offset)) if self.dma_slaves & slave(offset) != 0)
     }
 }
 

@@ -44,17 +44,49 @@ impl Flash {
     }
 }
 
+/// A bit of memory that keeps its value whatever is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StuckBit {
+    /// Of its byte.
+    pub address: u32,
+    /// 0 to 7.
+    pub bit: u8,
+    /// What it reads.
+    pub value: bool,
+}
+
 /// Memory that the core and bus controllers write.
 #[derive(Clone, Debug)]
 pub struct Ram {
     bytes: Vec<u8>,
+    /// The byte of which a bit is stuck; [`usize::MAX`] if none is.
+    stuck_at: usize,
+    /// The stuck bits of that byte, and what they read.
+    stuck: (u8, u8),
 }
 
 impl Ram {
     /// `size` bytes of zero.
     #[must_use]
     pub fn new(size: usize) -> Self {
-        Self { bytes: vec![0; size] }
+        Self { bytes: vec![0; size], stuck_at: usize::MAX, stuck: (0, 0) }
+    }
+
+    /// A bit is stuck from now on, and no other; `address` counts from this memory's start. `None`: every bit takes
+    /// what is written to it.
+    pub fn stick(&mut self, stuck: Option<StuckBit>) {
+        self.stuck_at = stuck.map_or(usize::MAX, |stuck| stuck.address as usize);
+        self.stuck = stuck.map_or((0, 0), |stuck| (1 << (stuck.bit & 7), u8::from(stuck.value) << (stuck.bit & 7)));
+        self.keep_stuck();
+    }
+
+    /// The stuck bit reads what it reads.
+    #[cold]
+    fn keep_stuck(&mut self) {
+        let (mask, value) = self.stuck;
+        if let Some(byte) = self.bytes.get_mut(self.stuck_at) {
+            *byte = *byte & !mask | value;
+        }
     }
 
     /// All of it.
@@ -64,7 +96,7 @@ impl Ram {
         &self.bytes
     }
 
-    /// All of it, to change.
+    /// All of it, to change. What is written so a stuck bit takes until the next [`Ram::write`] there.
     #[inline]
     pub fn bytes_mut(&mut self) -> &mut [u8] {
         &mut self.bytes
@@ -96,12 +128,15 @@ impl Ram {
     #[inline(always)]
     pub fn write(&mut self, offset: u32, width: Width, value: u32) -> bool {
         let at = offset as usize;
-        match width {
+        let written = match width {
             Width::Byte => self.bytes.get_mut(at).map(|to| *to = value as u8),
             Width::Half => self.bytes.get_mut(at..at + 2).map(|to| to.copy_from_slice(&(value as u16).to_le_bytes())),
             Width::Word => self.bytes.get_mut(at..at + 4).map(|to| to.copy_from_slice(&value.to_le_bytes())),
+        };
+        if self.stuck_at.wrapping_sub(at) < 4 {
+            self.keep_stuck();
         }
-        .is_some()
+        written.is_some()
     }
 }
 

@@ -2,7 +2,7 @@
 
 use cortex_m4::{Access, Bound, BusError, Config, Signals, Width};
 
-use crate::{Cycle, Finding, I2cAnswer, I2cEvent, Pad, Pin, SpiFrame, UartFrame};
+use crate::{Cycle, Finding, I2cAnswer, I2cEvent, Pad, Pin, SpiFrame, StuckBit, UartFrame};
 
 /// What the core runs at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -179,6 +179,12 @@ pub trait Part: Clone + std::fmt::Debug + Send + 'static {
 
     /// The same to change, flash included, as a loader does. The core forgets what it decoded.
     fn memory_mut(&mut self, address: u32, size: usize) -> Option<&mut [u8]>;
+
+    /// A bit of RAM is stuck from now on, and no other; `None`: none is. Answers whether the part has RAM there and can
+    /// do that.
+    fn stick(&mut self, _stuck: Option<StuckBit>) -> bool {
+        false
+    }
 
     /// What the models found wrong so far, in the order it first came.
     fn findings(&self) -> &[Finding];

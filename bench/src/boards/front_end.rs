@@ -7,6 +7,7 @@
 use bench_seam::{Pad, Pin, SpiFrame, SpiMode};
 use st25r3916_model::{AirEvent, Chip};
 
+use crate::faults::chip::{ChipFault, ChipFaults};
 use crate::faults::{Emission, FrontEndFault};
 use crate::node::Input;
 
@@ -43,6 +44,10 @@ pub struct FrontEnd {
     wires: Wires,
     /// What leaves the antenna.
     emission: Emission,
+    /// What is wrong with the chip and with the lines to it.
+    faults: ChipFaults,
+    /// The level that the chip drives on its interrupt output, and the one that the board was told last.
+    irq: (bool, Option<bool>),
     /// What crossed, while somebody wants to know.
     crossings: Option<Vec<(u64, Crossing)>>,
 }
@@ -53,7 +58,8 @@ impl FrontEnd {
     #[must_use]
     pub fn new(chip: Chip, wires: Wires, watched: bool) -> Self {
         let emission = Emission::new(chip.config().seed);
-        Self { chip, wires, emission, crossings: watched.then(Vec::new) }
+        let faults = ChipFaults::default();
+        Self { chip, wires, emission, faults, irq: (false, None), crossings: watched.then(Vec::new) }
     }
 
     /// The chip has come to `at`, and `act` looks at it or acts on it there.
@@ -88,6 +94,18 @@ impl FrontEnd {
         self.emission.end(now, fault, carrier);
     }
 
+    /// This is wrong with the chip, or a line to it, from now on.
+    pub fn begin_chip_fault(&mut self, fault: ChipFault) {
+        self.faults.begin(fault);
+        self.chip.withhold(self.faults.withheld());
+    }
+
+    /// This is wrong no longer.
+    pub fn end_chip_fault(&mut self, fault: ChipFault) {
+        self.faults.end(fault);
+        self.chip.withhold(self.faults.withheld());
+    }
+
     /// Whether the antenna has emitted something that was not taken.
     #[must_use]
     pub fn has_air(&self) -> bool {
@@ -117,8 +135,12 @@ impl FrontEnd {
 
     /// The chip acts up to `at`, and its interrupt output is driven.
     pub fn settle(&mut self, at: u64, inputs: &mut Vec<Input>) {
-        if let Some(irq) = self.call(at, |chip, _| chip.take_irq_change()) {
-            inputs.push(Input::Level(self.wires.irq, Some(irq)));
+        if let Some(driven) = self.call(at, |chip, _| chip.take_irq_change()) {
+            self.irq.0 = driven;
+        }
+        let level = self.faults.irq(self.irq.0);
+        if self.irq.1.replace(level) != Some(level) {
+            inputs.push(Input::Level(self.wires.irq, Some(level)));
         }
     }
 
@@ -138,7 +160,7 @@ impl FrontEnd {
     pub fn spi(&mut self, begins: u64, ends: u64, frame: &SpiFrame) -> Option<u32> {
         let Wires { sck, mosi, miso, .. } = self.wires;
         if !self.chip.is_selected() || !frame.sck.contains(&Some(sck)) {
-            return None;
+            return self.faults.miso(None);
         }
         let mode = match frame.mode {
             SpiMode::Mode0 => st25r3916_model::SpiMode::Mode0,
@@ -155,7 +177,8 @@ impl FrontEnd {
             note(crossings, at, Crossing::Byte(taken, given));
         });
         note_irq(&mut self.chip, &mut self.crossings);
-        (frame.miso == Some(miso)).then_some(answer)
+        let answer = (frame.miso == Some(miso)).then_some(answer);
+        self.faults.miso(answer)
     }
 
     /// The transfers since the last call that held a command to transmit: each the instant chip select rose, ns. The

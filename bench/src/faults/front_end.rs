@@ -51,6 +51,13 @@ impl FrontEndFault {
     }
 }
 
+/// A frame of `whole` bytes, of which the first tells a length less by one already, loses its last byte of payload.
+fn shorten(data: &mut Vec<u8>, whole: usize) {
+    data.truncate(whole - 3);
+    let crc = nfc_f(data);
+    data.extend(crc);
+}
+
 /// The frame that the chip is sending.
 #[derive(Clone, Debug)]
 struct Sending {
@@ -61,6 +68,8 @@ struct Sending {
     ended: bool,
     /// Nothing of it leaves the antenna.
     lost: bool,
+    /// It is to be sent without its last byte of payload, when all of its so many bytes are there.
+    shortened: Option<usize>,
 }
 
 /// What leaves the antenna of what a chip emits. See the [module](self).
@@ -132,14 +141,21 @@ impl Emission {
             AirEvent::FrameStart(start) => self.frame_started(at, start),
             AirEvent::Bytes(chunk) => {
                 let Some(sending) = &mut self.sending else { return };
-                sending.start.chunk.data.extend_from_slice(&chunk.data);
-                let Sending { late, ended, lost, .. } = *sending;
-                if !lost && !ended {
+                let mut chunk = chunk;
+                let data = &mut sending.start.chunk.data;
+                let before = data.len();
+                data.extend_from_slice(&chunk.data);
+                if let Some(whole) = sending.shortened.filter(|whole| data.len() >= *whole) {
+                    shorten(data, whole);
+                    chunk.data = data.get(before..).unwrap_or(&[]).to_vec();
+                }
+                let Sending { late, ended, lost, shortened, .. } = *sending;
+                if !lost && (!ended || shortened.is_some()) {
                     self.leave(at + late, AirEvent::Bytes(chunk));
                 }
             }
             AirEvent::FrameEnd { bits } => {
-                let Some(Sending { start, late, ended, lost }) = self.sending.take() else { return };
+                let Some(Sending { start, late, ended, lost, .. }) = self.sending.take() else { return };
                 if lost {
                     return;
                 }
@@ -161,12 +177,17 @@ impl Emission {
         let data = &mut start.chunk.data;
         let mut bits = None;
         // LEN, of which it is one of two bytes at least, payload and CRC.
-        if self.faults.contains(&FrontEndFault::Shortened) && data.len() > 4 {
-            data.truncate(data.len() - 3);
+        let whole = data.first().map_or(0, |len| usize::from(*len) + 2);
+        let mut shortened = None;
+        if self.faults.contains(&FrontEndFault::Shortened) && whole > 4 {
             data[0] -= 1;
-            let crc = nfc_f(data);
-            data.extend(crc);
-            bits = Some(8 * data.len() as u64);
+            bits = Some(8 * (whole as u64 - 1));
+            // What the chip loads while it sends comes later.
+            if data.len() >= whole {
+                shorten(data, whole);
+            } else {
+                shortened = Some(whole);
+            }
         }
         if self.faults.contains(&FrontEndFault::BreaksOff) {
             bits = Some(4 * data.len() as u64);
@@ -180,7 +201,7 @@ impl Emission {
         if !lost {
             self.leave(at + late, AirEvent::FrameStart(start.clone()));
         }
-        self.sending = Some(Sending { start, late, ended: bits.is_some(), lost });
+        self.sending = Some(Sending { start, late, ended: bits.is_some(), lost, shortened });
     }
 
     /// A frame of so many `bits` ended at `at`.

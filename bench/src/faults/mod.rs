@@ -9,9 +9,11 @@
 //! | `st25r3916_model::AirFaults` | frames between the antennas | the air |
 //! | [`receivers`] | what a GNSS receiver sends, and its line | HORUS's UART pins |
 //! | [`front_end`] | HORUS's front end | its antenna, its chip select |
+//! | [`chip`] | either front end's chip | its interrupts, its SPI |
 //! | [`flight_controller`] | how the flight controller uses the SSI | the SSI's pins |
 //! | [`wires`] | what the wires between boards and world carry | FRESH, TICK, MISO, the radio |
 //! | [`base`] | which objects the base station shows | what it tells of a profile |
+//! | [`buffer`] | a bit of the DPR's receive or image buffers, once or for a while | the part's RAM |
 //! | [`power`] | supply and reset of a board | the part and its front end |
 //! | [`upset`] | a bit of RAM, flash or a register | the part's memory |
 //! | [`image`] | instructions of a firmware in flash, or its variables | the image, before the run or in mid-run |
@@ -24,7 +26,9 @@
 //! A variant of [`Fault`], its effect in one of the files above, a line in [`Kind`] so that `--faults` can draw it.
 
 pub mod base;
+pub mod buffer;
 pub mod campaign;
+pub mod chip;
 pub mod flight_controller;
 pub mod front_end;
 pub mod image;
@@ -39,7 +43,9 @@ use std::collections::VecDeque;
 
 pub use base::BaseFault;
 pub use bench_judge::Board;
+pub use buffer::{BufferFault, Buffers};
 pub use campaign::{Campaign, Class, Options, RunOutcome, Subject, Trial};
+pub use chip::ChipFault;
 pub use flight_controller::Conduct;
 pub use front_end::{Emission, FrontEndFault};
 pub use image::ImageFault;
@@ -60,6 +66,8 @@ pub enum Fault {
     Receiver(usize, ReceiverFault),
     /// HORUS's front end.
     FrontEnd(FrontEndFault),
+    /// A board's front-end chip, or a line to it.
+    Chip(Board, ChipFault),
     /// The flight controller behaves so.
     FlightController(Conduct),
     /// A wire.
@@ -70,6 +78,8 @@ pub enum Fault {
     Power(Board, PowerFault),
     /// A bit of a board.
     Upset(Board, Upset),
+    /// A bit of the DPR's buffers.
+    Buffer(BufferFault),
     /// Code of a board's image; it is mended at the episode's end.
     Image(Board, ImageFault),
 }
@@ -82,11 +92,13 @@ impl Fault {
             Self::Air(_) => "air".into(),
             Self::Receiver(receiver, fault) => format!("receiver {} {}", receiver + 1, fault.name()),
             Self::FrontEnd(fault) => format!("poller {}", fault.name()),
+            Self::Chip(board, fault) => format!("{} front end {}", name_of(*board), fault.name()),
             Self::FlightController(conduct) => format!("flight controller {}", conduct.name()),
             Self::Wire(fault) => format!("wire {}", fault.name()),
             Self::Base(fault) => format!("base station {}", fault.name()),
             Self::Power(board, fault) => format!("power {} {}", name_of(*board), fault.name()),
             Self::Upset(board, upset) => format!("{} {}", upset.name(), name_of(*board)),
+            Self::Buffer(fault) => format!("buffer dpr {}", fault.name()),
             Self::Image(board, fault) => format!("image {} {}", name_of(*board), fault.name()),
         }
     }
@@ -96,9 +108,11 @@ impl Fault {
     pub fn is_upstream(&self) -> bool {
         match self {
             Self::Receiver(..) | Self::FrontEnd(_) => true,
-            Self::Air(_) | Self::FlightController(_) | Self::Base(_) => false,
+            Self::Air(_) | Self::FlightController(_) | Self::Base(_) | Self::Buffer(_) => false,
             Self::Wire(fault) => fault.is_upstream(),
-            Self::Power(board, _) | Self::Upset(board, _) | Self::Image(board, _) => *board == Board::Horus,
+            Self::Chip(board, _) | Self::Power(board, _) | Self::Upset(board, _) | Self::Image(board, _) => {
+                *board == Board::Horus
+            }
         }
     }
 }

@@ -6,7 +6,9 @@
 use std::fmt;
 use std::str::FromStr;
 
-use super::{AirFaults, Board, Conduct, Episode, Fault, Faults, PowerFault, ReceiverFault, Rng};
+use super::{
+    AirFaults, Board, BufferFault, Buffers, ChipFault, Conduct, Episode, Fault, Faults, PowerFault, ReceiverFault, Rng,
+};
 
 /// No episode begins before this instant, ns: both boards start in peace.
 pub const FIRST_AT: u64 = 300_000_000;
@@ -29,7 +31,7 @@ pub const BETWEEN_BOARDS: u64 = 20_000_000;
 /// What `--faults` can draw.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Kind {
-    /// The air.
+    /// The air, and the front ends on either side of it.
     Air,
     /// The receivers and their lines.
     Receivers,
@@ -43,12 +45,22 @@ pub enum Kind {
     Flash,
     /// Bits of registers.
     Registers,
+    /// Bits of the DPR's receive and image buffers, in the run itself.
+    Buffers,
 }
 
 impl Kind {
     /// All kinds.
-    pub const ALL: [Self; 7] =
-        [Self::Air, Self::Receivers, Self::FlightController, Self::Power, Self::Ram, Self::Flash, Self::Registers];
+    pub const ALL: [Self; 8] = [
+        Self::Air,
+        Self::Receivers,
+        Self::FlightController,
+        Self::Power,
+        Self::Ram,
+        Self::Flash,
+        Self::Registers,
+        Self::Buffers,
+    ];
 
     /// What `--faults` calls it.
     #[must_use]
@@ -61,6 +73,7 @@ impl Kind {
             Self::Ram => "ram",
             Self::Flash => "flash",
             Self::Registers => "registers",
+            Self::Buffers => "buffers",
         }
     }
 
@@ -137,6 +150,7 @@ impl Faults {
 fn lasts(fault: &Fault) -> bool {
     match fault {
         Fault::Power(_, fault) => fault.lasts(),
+        Fault::Buffer(fault) => fault.lasts(),
         _ => true,
     }
 }
@@ -144,7 +158,10 @@ fn lasts(fault: &Fault) -> bool {
 /// One round of `kind`: every fault of it once.
 fn all_of(kind: Kind, gps: usize, rng: &mut Rng) -> Vec<Draw> {
     match kind {
-        Kind::Air => air().into_iter().map(|faults| vec![(0, Fault::Air(faults))]).collect(),
+        Kind::Air => {
+            let air = air().into_iter().map(|faults| vec![(0, Fault::Air(faults))]);
+            air.chain(front_ends().map(|fault| vec![(0, fault)])).collect()
+        }
         Kind::Receivers if gps == 0 => vec![],
         Kind::Receivers => {
             let mut one = |fault| vec![(0, Fault::Receiver(rng.below(gps as u64) as usize, fault))];
@@ -154,6 +171,7 @@ fn all_of(kind: Kind, gps: usize, rng: &mut Rng) -> Vec<Draw> {
             Conduct::ALL.into_iter().map(|conduct| vec![(0, Fault::FlightController(conduct))]).collect()
         }
         Kind::Power => power(rng),
+        Kind::Buffers => buffers(rng),
         Kind::Ram | Kind::Flash | Kind::Registers => vec![],
     }
 }
@@ -165,6 +183,10 @@ fn air() -> Vec<AirFaults> {
         // A frame has about 2000 bits: of three, one passes.
         AirFaults { bit_error: 5e-4, ..none },
         AirFaults { lost: 0.4, ..none },
+        // A carrier, and no frame: HORUS is silent.
+        AirFaults { lost: 1.0, ..none },
+        // HORUS is frozen, as far as the DPR can tell.
+        AirFaults { frozen: true, ..none },
         AirFaults { truncated: 0.4, ..none },
         // Up to twice what the objects' CRCs detect without exception.
         AirFaults { burst: 0.4, burst_bits: 64, ..none },
@@ -175,6 +197,12 @@ fn air() -> Vec<AirFaults> {
         AirFaults { field_off: true, ..none },
         AirFaults { scatter_ns: 3 * MS, ..none },
     ]
+}
+
+/// Each way in which either front end's chip, or a line to it, fails.
+fn front_ends() -> impl Iterator<Item = Fault> {
+    let of = |board| ChipFault::ALL.into_iter().map(move |fault| Fault::Chip(board, fault));
+    [Board::Horus, Board::Dpr].into_iter().flat_map(of)
 }
 
 /// Each way in which a receiver or its line fails.
@@ -198,11 +226,28 @@ fn receivers() -> Vec<ReceiverFault> {
     ]
 }
 
-/// Each way in which supply and reset of either board fail, and both supplies together, in either order.
+/// Bits of the DPR's buffers that flip, as many of either kind as there are buffers, and one of either kind that is
+/// stuck at zero, and one at one, for a while.
+fn buffers(rng: &mut Rng) -> Vec<Draw> {
+    let mut draws = vec![];
+    for (buffers, count) in [(Buffers::Receive, 3), (Buffers::Image, 4)] {
+        for _ in 0..count {
+            draws.push(vec![(0, Fault::Buffer(BufferFault::Flips(buffers, rng.word())))]);
+        }
+        for value in [false, true] {
+            draws.push(vec![(0, Fault::Buffer(BufferFault::Stuck(buffers, value, rng.word())))]);
+        }
+    }
+    draws
+}
+
+/// Each way in which supply and reset of either board fail, and both boards together, in either order: without their
+/// supplies, and restarted for any two reasons.
 fn power(rng: &mut Rng) -> Vec<Draw> {
+    const RESTARTS: [PowerFault; 3] = [PowerFault::Pin, PowerFault::BrownOut, PowerFault::Watchdog];
     let mut draws = vec![];
     for board in [Board::Horus, Board::Dpr] {
-        for fault in [PowerFault::Off(rng.word()), PowerFault::Pin, PowerFault::BrownOut, PowerFault::FrontEndOff] {
+        for fault in [PowerFault::Off(rng.word()), PowerFault::FrontEndOff].into_iter().chain(RESTARTS) {
             draws.push(vec![(0, Fault::Power(board, fault))]);
         }
     }
@@ -210,6 +255,9 @@ fn power(rng: &mut Rng) -> Vec<Draw> {
         let after = rng.between(0, BETWEEN_BOARDS);
         let mut off = |board| Fault::Power(board, PowerFault::Off(rng.word()));
         draws.push(vec![(0, off(first)), (after, off(second))]);
+        let after = rng.between(0, BETWEEN_BOARDS);
+        let mut restart = |board| Fault::Power(board, RESTARTS[rng.below(RESTARTS.len() as u64) as usize]);
+        draws.push(vec![(0, restart(first)), (after, restart(second))]);
     }
     draws
 }
@@ -239,7 +287,8 @@ mod tests {
         let error = "radio".parse::<Kind>().unwrap_err().to_string();
         assert_eq!(
             error,
-            "\"radio\" is no kind of fault: give one or several of air, receivers, fc, power, ram, flash, registers"
+            "\"radio\" is no kind of fault: give one or several of air, receivers, fc, power, ram, flash, registers, \
+             buffers"
         );
     }
 
@@ -284,12 +333,12 @@ mod tests {
     }
 
     #[test]
-    fn episodes_of_one_kind_do_not_overlap_but_for_both_supplies() {
+    fn episodes_of_one_kind_do_not_overlap_but_for_both_boards() {
         for kind in Kind::ALL {
             for pair in of(kind).windows(2) {
                 let both = matches!(
                     (&pair[0].fault, &pair[1].fault),
-                    (Fault::Power(one, PowerFault::Off(_)), Fault::Power(other, PowerFault::Off(_))) if one != other
+                    (Fault::Power(one, _), Fault::Power(other, _)) if one != other
                 ) && pair[1].at - pair[0].at <= BETWEEN_BOARDS;
                 assert!(both || pair[1].at >= pair[0].until + GAP.0, "{pair:?}");
             }
@@ -317,14 +366,19 @@ mod tests {
         assert_eq!(faults.len(), receivers().len());
         let shows = |wanted: AirFaults| of(Kind::Air).iter().any(|episode| episode.fault == Fault::Air(wanted));
         assert!(air().into_iter().all(shows));
+        let drawn = |wanted: Fault| of(Kind::Air).iter().any(|episode| episode.fault == wanted);
+        assert!(front_ends().all(drawn));
         assert_eq!(
             names(Kind::FlightController).len(),
             Conduct::ALL.map(Conduct::name).into_iter().collect::<BTreeSet<_>>().len()
         );
         for board in ["horus", "dpr"] {
-            for name in ["off", "reset pin", "brown-out", "front end off"] {
+            for name in ["off", "reset pin", "brown-out", "watchdog", "front end off"] {
                 assert!(names(Kind::Power).contains(&format!("power {board} {name}")), "{board} {name}");
             }
+        }
+        for name in ["receive bit flips", "receive bit stuck", "image bit flips", "image bit stuck"] {
+            assert!(names(Kind::Buffers).contains(&format!("buffer dpr {name}")), "{name}");
         }
         for kind in [Kind::Ram, Kind::Flash, Kind::Registers] {
             assert!(of(kind).is_empty());

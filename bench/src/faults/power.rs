@@ -1,6 +1,7 @@
 //! Supply and reset of a board.
 
 use cortex_m4::Cost;
+use st25r3916_model::Chip;
 
 use crate::boards::front_end::FrontEnd;
 use crate::boards::{Dpr, Horus};
@@ -16,6 +17,8 @@ pub enum PowerFault {
     /// The supply dips below the part's brown-out threshold for a moment. RAM keeps its contents, and the front end,
     /// which works from a lower supply, its registers.
     BrownOut,
+    /// The watchdog bites, whatever the firmware did. RAM keeps its contents, and the front end its registers.
+    Watchdog,
     /// The front end alone is without supply from the episode's beginning to its end; its registers are lost.
     FrontEndOff,
 }
@@ -28,6 +31,7 @@ impl PowerFault {
             Self::Off(_) => "off",
             Self::Pin => "reset pin",
             Self::BrownOut => "brown-out",
+            Self::Watchdog => "watchdog",
             Self::FrontEndOff => "front end off",
         }
     }
@@ -48,6 +52,7 @@ impl PowerFault {
             Self::FrontEndOff => supply_front_end(node, false),
             Self::Pin => node.restart(FromOutside::Pin),
             Self::BrownOut => node.restart(FromOutside::BrownOut),
+            Self::Watchdog => node.restart(FromOutside::Watchdog),
         }
     }
 
@@ -60,7 +65,7 @@ impl PowerFault {
             }
             // Without the board's supply the front end has none either.
             Self::FrontEndOff if node.is_powered() => supply_front_end(node, true),
-            Self::FrontEndOff | Self::Pin | Self::BrownOut => {}
+            Self::FrontEndOff | Self::Pin | Self::BrownOut | Self::Watchdog => {}
         }
     }
 }
@@ -69,17 +74,28 @@ impl PowerFault {
 pub trait Powered: Board {
     /// The front end.
     fn front_end(&mut self) -> &mut FrontEnd;
+
+    /// Its front end's chip, to look at.
+    fn chip(&self) -> &Chip;
 }
 
 impl Powered for Horus {
     fn front_end(&mut self) -> &mut FrontEnd {
         &mut self.front_end
     }
+
+    fn chip(&self) -> &Chip {
+        self.front_end.chip()
+    }
 }
 
 impl Powered for Dpr {
     fn front_end(&mut self) -> &mut FrontEnd {
         &mut self.front_end
+    }
+
+    fn chip(&self) -> &Chip {
+        self.front_end.chip()
     }
 }
 

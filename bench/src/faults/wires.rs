@@ -5,8 +5,9 @@
 //! they are logged, the radio before the base station hears it. Of the antenna it says only whether it answers.
 
 use std::collections::VecDeque;
+use std::ops::Range;
 
-use profile::{Layout, LinkStatus, crc};
+use profile::{Layout, LinkStatus, Uplink, crc};
 
 use super::Rng;
 
@@ -61,6 +62,15 @@ pub enum WireFault {
         /// Which bits.
         bits: u8,
     },
+    /// As [`WireFault::MisoForged`], for what stands behind the image in the map.
+    MisoForgedPort {
+        /// Which: 0 for Port-Status, 1 for the uplink of the base station, 2 for that of the flight controller.
+        object: usize,
+        /// In which of its bytes, from 0, before its CRC.
+        byte: usize,
+        /// Which bits.
+        bits: u8,
+    },
     /// Every byte reads 0xFF.
     MisoOnes,
     /// The listener's antenna answers each frame that it hears, although nobody told its front end to: its load
@@ -103,6 +113,7 @@ impl WireFault {
             Self::MisoVacant { .. } => "MISO vacant",
             Self::MisoFrozen => "MISO frozen",
             Self::MisoForged { .. } => "MISO forged",
+            Self::MisoForgedPort { .. } => "MISO forged port",
             Self::MisoOnes => "MISO ones",
             Self::AntennaAnswers => "antenna answers",
             Self::RadioDrop => "radio drop",
@@ -203,7 +214,15 @@ impl Wires {
                     }
                 }
                 WireFault::MisoFrozen => overwrite(miso, 0, self.frozen.as_ref()),
-                WireFault::MisoForged { object, byte, bits } => self.forge(offset, miso, object, (byte, bits)),
+                WireFault::MisoForged { object, byte, bits } => {
+                    // Link-Status stands at the image's start.
+                    let place = object.map_or(Some(0..LinkStatus::SIZE), |object| self.layout.in_image(object));
+                    forge(offset, miso, place, (byte, bits));
+                }
+                WireFault::MisoForgedPort { object, byte, bits } => {
+                    let start = self.layout.port_status().start + object * Uplink::SIZE;
+                    forge(offset, miso, Some(start..start + Uplink::SIZE), (byte, bits));
+                }
                 WireFault::MisoOnes => miso.fill(0xFF),
                 _ => {}
             }
@@ -220,18 +239,6 @@ impl Wires {
         let Some(start) = one.start.checked_sub(offset) else { return };
         if let Some(both) = miso.get_mut(start..start + one.len() + two.len()) {
             both.rotate_left(one.len());
-        }
-    }
-
-    /// Inverts bits of an object, or of Link-Status, and makes its CRC fit.
-    fn forge(&self, offset: usize, miso: &mut [u8], object: Option<usize>, (byte, bits): (usize, u8)) {
-        // Link-Status stands at the image's start.
-        let place = object.map_or(Some(0..LinkStatus::SIZE), |object| self.layout.in_image(object));
-        let place = place.and_then(|place| Some(place.start.checked_sub(offset)?..place.end - offset));
-        let Some((covered, seal)) = place.and_then(|place| miso.get_mut(place)?.split_last_chunk_mut()) else { return };
-        if let Some(byte) = covered.get_mut(byte) {
-            *byte ^= bits;
-            *seal = crc::frame(covered).to_be_bytes();
         }
     }
 
@@ -300,6 +307,17 @@ impl Wires {
 fn overwrite(miso: &mut [u8], from: usize, old: Option<&Sent>) {
     let old = old.map_or(&[][..], |old| &old.miso);
     miso.iter_mut().zip(old).skip(from).for_each(|(byte, old)| *byte = *old);
+}
+
+/// Inverts `bits` of a byte of the object at `place`, and makes its CRC fit, where `miso`, which begins with the map's
+/// byte `offset`, has all of it.
+fn forge(offset: usize, miso: &mut [u8], place: Option<Range<usize>>, (byte, bits): (usize, u8)) {
+    let place = place.and_then(|place| Some(place.start.checked_sub(offset)?..place.end - offset));
+    let Some((covered, seal)) = place.and_then(|place| miso.get_mut(place)?.split_last_chunk_mut()) else { return };
+    if let Some(byte) = covered.get_mut(byte) {
+        *byte ^= bits;
+        *seal = crc::frame(covered).to_be_bytes();
+    }
 }
 
 #[cfg(test)]

@@ -162,13 +162,18 @@ impl Firmware {
     /// The address of a variable or function whose demangled name, without the number that the compiler put behind it,
     /// ends in `name` as whole path segments.
     pub(crate) fn symbol_called(&self, name: &str) -> Option<u64> {
+        self.variable_called(name).map(|symbol| symbol.address)
+    }
+
+    /// As [`Firmware::symbol_called`], with its size.
+    pub(crate) fn variable_called(&self, name: &str) -> Option<Symbol> {
         let mut symbols = self.0.symbols.iter();
         let called = |symbol: &str| {
             let path = symbol.trim_end_matches(|end: char| end.is_ascii_digit()).strip_suffix('.').unwrap_or(symbol);
             let path = format!("{:#}", rustc_demangle::demangle(path));
             path.strip_suffix(name).is_some_and(|path| path.is_empty() || path.ends_with("::"))
         };
-        symbols.find(|(symbol, _)| called(symbol)).map(|(_, symbol)| symbol.address)
+        symbols.find(|(symbol, _)| called(symbol)).map(|(_, symbol)| *symbol)
     }
 
     /// The bytes of the function that begins at `address`; 0 where none does.

@@ -24,6 +24,8 @@ pub enum FromOutside {
     /// Its supply dipped below the brown-out threshold. RAM keeps its contents, which is the harder case for a
     /// firmware.
     BrownOut,
+    /// Its watchdog bit, whatever the firmware did. RAM keeps its contents.
+    Watchdog,
 }
 
 impl<B: Board, C: Cost> Node<B, C> {
@@ -34,7 +36,8 @@ impl<B: Board, C: Cost> Node<B, C> {
             FromOutside::PowerOn(seed) => self.power_on(seed),
             FromOutside::Pin if self.powered => self.reset_by(Reset::Pin),
             FromOutside::BrownOut if self.powered => self.reset_by(Reset::BrownOut),
-            FromOutside::Pin | FromOutside::BrownOut => {}
+            FromOutside::Watchdog if self.powered => self.reset_by(Reset::Watchdog("of the board")),
+            FromOutside::Pin | FromOutside::BrownOut | FromOutside::Watchdog => {}
         }
     }
 

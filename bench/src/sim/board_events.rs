@@ -2,6 +2,7 @@
 
 use bench_judge::{Board as Side, Event, What};
 use cortex_m4::Cost;
+use st25r3916_model::Chip;
 
 use crate::faults::image::Repair;
 use crate::faults::power::Powered;
@@ -43,8 +44,14 @@ impl BoardEvents {
     }
 
     /// Restarts that nobody asked for, and findings, since the last look.
-    pub(super) fn watch<B: Powered, C: Cost>(&mut self, node: &Node<B, C>) {
+    pub(super) fn watch<B: Powered, C: Cost>(&mut self, node: &mut Node<B, C>) {
         self.note_restarts(node, false);
+        if !node.board().chip().reports().is_empty() {
+            for misuse in node.board_mut(|board| board.front_end().with(Chip::take_reports)) {
+                let what = What::Misuse { board: self.side, text: misuse.to_string() };
+                self.events.push(Event { at: misuse.first_ns, what });
+            }
+        }
         for finding in &node.findings()[self.findings..] {
             let board = self.side;
             let what = match finding.kind {
@@ -79,6 +86,8 @@ impl BoardEvents {
                         }
                         power.begin(node);
                     }
+                    Fault::Chip(_, chip) => node.board_mut(|board| board.front_end().begin_chip_fault(*chip)),
+                    Fault::Buffer(buffer) => self.apply(node, now, |node| buffer.begin(node)),
                     Fault::Upset(_, upset) => self.apply(node, now, |node| upset.apply(node)),
                     Fault::Image(_, image) => match image.apply(node) {
                         Ok(repair) => self.repairs.push((episode.fault.clone(), repair)),
@@ -99,6 +108,8 @@ impl BoardEvents {
                     }
                     power.end(node);
                 }
+                Fault::Chip(_, chip) => node.board_mut(|board| board.front_end().end_chip_fault(*chip)),
+                Fault::Buffer(buffer) => buffer.end(node),
                 Fault::Image(..) => {
                     if let Some(place) = self.repairs.iter().position(|(of, _)| of == fault) {
                         let (_, repair) = self.repairs.remove(place);

@@ -55,6 +55,8 @@ pub(super) struct Link {
     restarts: usize,
     /// A transaction is under way.
     selected: bool,
+    /// When the last one ended, ns.
+    deselected: u64,
     /// What goes into a trace, while there is one.
     trace: Option<Vec<Mark>>,
     /// The DPR's tasks, while there is a trace.
@@ -93,6 +95,7 @@ impl Link {
             offer: None,
             restarts: 0,
             selected: false,
+            deselected: 0,
             trace: with.traced.then(Vec::new),
             tasks: None,
             sweeping: with.sweeping,
@@ -346,7 +349,8 @@ impl Link {
         if high {
             self.offered(None);
             self.announced = Some(at);
-            if self.selected {
+            // What rises with the end of a transaction was settled during it.
+            if self.selected || at <= self.deselected {
                 self.offered(None);
             } else if self.offer.is_some() {
                 // The DPR raises FRESH while it has the buffers. A rise while the SPIS has them announces what it
@@ -391,7 +395,11 @@ impl Link {
         let now = node.now();
         let (Turn::Begins(Episode { at, until, fault }) | Turn::Ends(Episode { at, until, fault })) = turn;
         let begins = matches!(turn, Turn::Begins(_));
-        if begins && !matches!(fault, Fault::Power(..) | Fault::Upset(..) | Fault::Image(..)) {
+        let of_the_board = matches!(
+            fault,
+            Fault::Power(..) | Fault::Chip(..) | Fault::Buffer(_) | Fault::Upset(..) | Fault::Image(..)
+        );
+        if begins && !of_the_board {
             self.recorder.note(now, What::Injected { kind: fault.name(), until: (*until).max(now) });
         }
         match fault {
@@ -504,6 +512,7 @@ impl<C: Cost> Downstream<Dpr, C> for Link {
             }
             Some(Progress::Over(transaction)) => {
                 self.selected = false;
+                self.deselected = transaction.deselected_ns;
                 self.mark(at, Wire::SsiCsn, true);
                 self.note_phase(transaction.deselected_ns, PhaseEvent::Deselected);
                 if let Some(link) = self.flight_controller.last().and_then(|last| last.link) {
@@ -516,13 +525,9 @@ impl<C: Cost> Downstream<Dpr, C> for Link {
     }
 }
 
-/// What a run leaves at its end: findings of chips, counters, loads.
+/// What a run leaves at its end: counters, loads.
 pub(super) fn evidence<C: Cost>(horus: &Node<Horus, C>, dpr: &Node<Dpr, C>, receivers: usize) -> Vec<What> {
     let mut evidence = vec![];
-    let chips = [(Side::Horus, horus.board().front_end.chip()), (Side::Dpr, dpr.board().front_end.chip())];
-    for (board, chip) in chips {
-        evidence.extend(chip.reports().iter().map(|misuse| What::Misuse { board, text: misuse.to_string() }));
-    }
     evidence.extend(super::telemetry::counters(horus, dpr, receivers));
     let load = |load: f64| (load * 1e4).round() as u32;
     evidence.push(What::Load { board: Side::Horus, per_10_000: load(horus.usage().load()) });

@@ -83,6 +83,9 @@ pub struct Setup {
     pub crystals: Crystals,
     /// What goes wrong on purpose.
     pub faults: Faults,
+    /// The flight controller writes uplinks and commands and reads the whole map now and then, where it keeps its own
+    /// cycle. Otherwise it reads images alone and writes nothing.
+    pub writes: bool,
     /// Instead of the flight controller's own cycle: transactions in every phase to a frame's end.
     pub sweep: Option<Sweep>,
     /// Where to write the wires and the tasks: a name in `.vcd` or `.fst`.
@@ -106,6 +109,7 @@ impl Setup {
             recordings: vec![],
             crystals: Crystals { horus_ppb: 8_000, dpr_ppb: -12_000, flight_controller_ppb: 25_000 },
             faults: Faults::none(),
+            writes: false,
             sweep: None,
             trace: None,
             log: None,
@@ -206,6 +210,7 @@ impl<C: Cost> Bench<C> {
         let dpr = Dpr::new(chip(dpr_ppb, !setup.seed), traced);
         let mut config = flight_controller::Config {
             crystal_ppb: flight_controller_ppb,
+            writes: setup.writes && setup.sweep.is_none(),
             ..flight_controller::Config::new(setup.gps)
         };
         let sweeping = setup.sweep.clone().map(|sweep| {

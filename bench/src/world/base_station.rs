@@ -6,9 +6,12 @@
 use core::fmt;
 use std::collections::VecDeque;
 
-use profile::{Freshness, GpsValues, HorusState, Layout, MAX_RECEIVERS, Object, Rejection, ReportedValues, freshness};
+use profile::ssi::Request;
+use profile::ssi::client::{Shown, View};
+use profile::{
+    Freshness, GpsValues, HorusState, Layout, MAX_RECEIVERS, Object, Rejection, ReportedValues, freshness, image,
+};
 
-use super::flight_controller::is_vacant;
 use super::framing::Deframer;
 
 /// How many profiles the history holds; older ones are dropped. Eleven minutes.
@@ -165,21 +168,22 @@ impl BaseStation {
         let mut timestamp = None;
         let mut mixed = false;
         let layout = self.layout;
-        let places = (0..layout.objects()).filter_map(|index| Some((index, layout.in_profile(index)?)));
-        for (index, place) in places {
-            // The length was checked.
-            let bytes = &bytes[place];
-            let object = match Object::verify(index, bytes) {
-                Ok(object) => object,
-                Err(_) if is_vacant(bytes) => {
+        // What was forwarded is the profile's part of the image; its length was checked.
+        let offset = u16::try_from(image::REPORTED_POSITION).expect("a small offset");
+        let length = u16::try_from(bytes.len()).expect("a profile has at most 364 bytes");
+        let view = View::new(layout, Request { offset, length }, bytes);
+        for index in 0..layout.objects() {
+            let object = match view.object(index) {
+                Some(Shown::Intact(object)) => object,
+                Some(Shown::Vacant) => {
                     self.counts.vacant += 1;
                     continue;
                 }
-                Err(Rejection::Identifier) => {
+                Some(Shown::Damaged(Rejection::Identifier)) => {
                     self.counts.misplaced += 1;
                     continue;
                 }
-                Err(_) => {
+                Some(Shown::Damaged(_)) | None => {
                     self.counts.bad_crc += 1;
                     continue;
                 }

@@ -37,6 +37,8 @@ pub(crate) struct Core {
     oscillator: bool,
     registers: Registers,
     interrupts: Interrupts,
+    /// Interrupt bits that a fault keeps from being set.
+    withheld: u32,
     schedule: Schedule,
     /// Scatters what scatters on silicon.
     rng: SplitMix,
@@ -57,6 +59,7 @@ impl Core {
             oscillator: false,
             registers: Registers::new(),
             interrupts: Interrupts::new(),
+            withheld: 0,
             schedule: Schedule::new(),
             reports: Reports::default(),
             outbox: Vec::new(),
@@ -214,13 +217,18 @@ impl Core {
 
     pub(crate) fn raise(&mut self, bits: u32) {
         let unmasked = self.unmasked();
-        self.interrupts.raise(bits, unmasked, self.now);
+        self.interrupts.raise(bits & !self.withheld, unmasked, self.now);
     }
 
     /// These bits were read at `at`, perhaps a little in the past.
     pub(crate) fn interrupts_were_read(&mut self, bits: u32, at: u64) {
         let unmasked = self.unmasked();
         self.interrupts.were_read(bits, unmasked, at);
+    }
+
+    /// These bits, and no others, are not set from now on whatever happens; those that are set stay.
+    pub(crate) fn withhold(&mut self, bits: u32) {
+        self.withheld = bits;
     }
 
     /// Every interrupt bit is cleared.
@@ -243,6 +251,10 @@ impl Core {
 
     pub(crate) fn reports(&self) -> &[Report] {
         self.reports.all()
+    }
+
+    pub(crate) fn take_reports(&mut self) -> Vec<Report> {
+        self.reports.take()
     }
 
     pub(crate) fn emit(&mut self, event: AirEvent) {

@@ -41,6 +41,28 @@ pub(crate) mod irq {
     pub(crate) const WU_F: u32 = 0x08 << 24;
 }
 
+/// Interrupts that a fault of the chip keeps from being raised.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Withheld {
+    /// None: the chip is sound.
+    #[default]
+    None,
+    /// The end of a frame, received (I_rxe) or sent (I_txe).
+    FrameEnds,
+    /// Every one.
+    All,
+}
+
+impl Withheld {
+    pub(crate) const fn bits(self) -> u32 {
+        match self {
+            Self::None => 0,
+            Self::FrameEnds => irq::RXE | irq::TXE,
+            Self::All => u32::MAX,
+        }
+    }
+}
+
 /// Changes of the pin that are kept until somebody takes them; older ones are dropped.
 const KEPT: usize = 64;
 

@@ -82,5 +82,5 @@ pub use chip::{Chip, SpiFrame, SpiMode};
 pub use config::{BrokenFrame, Config, Variant};
 pub use crc::nfc_f;
 pub use event::{AirEvent, Chunk, FrameStart, Technology};
-pub use interrupts::IrqEdge;
+pub use interrupts::{IrqEdge, Withheld};
 pub use report::{Kind, Report, Space};

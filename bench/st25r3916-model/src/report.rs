@@ -187,4 +187,8 @@ impl Reports {
     pub(crate) fn all(&self) -> &[Report] {
         &self.0
     }
+
+    pub(crate) fn take(&mut self) -> Vec<Report> {
+        std::mem::take(&mut self.0)
+    }
 }

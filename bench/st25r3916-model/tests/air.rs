@@ -328,3 +328,26 @@ fn only_nfc_f_has_a_sync_to_lose() {
         assert_eq!(antenna.heard().len(), heard, "{technology:?}");
     }
 }
+
+#[test]
+fn frozen_air_repeats_the_last_frame_of_the_same_length_and_clean_air_goes_on_with_what_is_sent() {
+    let mut antenna = Antenna::new(1, clean());
+    let (long, short) = (|seed| frame(20, seed), |seed| frame(12, seed));
+    for (nth, bytes) in [long(1), short(2), long(3)].into_iter().enumerate() {
+        antenna.send((1 + 2 * nth as u64) * MS, &bytes);
+    }
+    antenna.set(8 * MS, AirFaults { frozen: true, ..clean() });
+    let end = antenna.send(10 * MS, &long(4));
+    antenna.send(12 * MS, &short(5));
+    // Nothing of this length came before: it is heard as it is sent.
+    antenna.send(14 * MS, &frame(16, 6));
+    antenna.set(16 * MS, clean());
+    antenna.send(17 * MS, &long(7));
+    let heard: Vec<_> = antenna.heard().into_iter().map(|heard| heard.bytes).collect();
+    assert_eq!(heard, [long(1), short(2), long(3), long(3), short(2), frame(16, 6), long(7)]);
+    assert_eq!(antenna.injected("frozen"), [10 * MS, 12 * MS]);
+    // The poller's own frame is what it sent, and of the same duration.
+    let sent = antenna.air.take_sent();
+    assert_eq!((&sent[3].bytes, sent[3].ended_ns), (&long(4), end));
+    assert_eq!(antenna.ended(), (5, 2, 0));
+}

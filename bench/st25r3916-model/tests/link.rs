@@ -3,7 +3,7 @@
 mod common;
 
 use common::{Pair, Side, exact, payload};
-use st25r3916_model::{Air, AirFaults, BrokenFrame, Config, Kind};
+use st25r3916_model::{Air, AirFaults, BrokenFrame, Config, Kind, Withheld};
 
 fn clean() -> Air {
     Air::new(1, AirFaults::default())
@@ -436,4 +436,43 @@ fn lock_step_with_a_microsecond_of_skew_changes_nothing() {
     pair.now = now + 1_000;
     assert_eq!(pair.irqs(Side::Listener), [0x30, 0, 0, 0]);
     assert_eq!(pair.read_fifo(Side::Listener, 247)[1..245], payload(244, 1));
+}
+
+#[test]
+fn interrupts_that_are_withheld_are_not_raised_and_come_again_when_they_are_not() {
+    let mut pair = pair();
+    pair.run_for(1_000_000);
+    pair.irqs(Side::Listener);
+    pair.irqs(Side::Poller);
+    let frame = |pair: &mut Pair| {
+        pair.load(&payload(20, 1));
+        pair.fire();
+        pair.run_for(1_000_000);
+        let seen = (pair.irqs(Side::Listener)[0], pair.irqs(Side::Poller)[0] & 0x08);
+        let (n, _) = pair.fifo(Side::Listener);
+        pair.read_fifo(Side::Listener, n);
+        pair.arm();
+        pair.run_for(100_000);
+        (seen, n)
+    };
+    for (withheld, seen) in [(Withheld::FrameEnds, (0x20, 0)), (Withheld::All, (0, 0)), (Withheld::None, (0x30, 0x08))]
+    {
+        pair.listener.withhold(withheld);
+        pair.poller.withhold(withheld);
+        // Its bytes are in the FIFO all the same.
+        assert_eq!(frame(&mut pair), (seen, 23), "{withheld:?}");
+    }
+}
+
+#[test]
+fn reports_that_were_taken_are_reported_again_when_they_occur_again() {
+    let mut chip = st25r3916_model::Chip::new(Config::default());
+    for at in [1_000, 2_000] {
+        chip.select(at);
+        chip.select(at);
+        chip.deselect(at);
+        let reports = chip.take_reports();
+        assert_eq!((reports.len(), reports[0].kind, reports[0].first_ns), (1, Kind::SelectedTwice, at));
+        assert!(chip.reports().is_empty());
+    }
 }

@@ -37,11 +37,14 @@ table! {
         duration: 1_000 * MS,
         ..Row::new(Violation::HorusRestarted, Faults::none)
     };
-    // With a stack in no memory the next interrupt locks the core up, and this part resets then.
-    a_dpr_whose_stack_pointer_lost_a_bit => Row::new(Violation::DprRestarted, || {
-        let upset = Fault::Upset(Board::Dpr, Upset::Register { number: 13, bit: 30 });
-        Faults::none().with(BREAKS, BREAKS, upset)
-    });
+    // With a stack in no memory the next interrupt is a fault, and the watchdog ends the safe state.
+    a_dpr_whose_stack_pointer_lost_a_bit => Row {
+        duration: 3_000 * MS,
+        ..Row::new(Violation::DprRestarted, || {
+            let upset = Fault::Upset(Board::Dpr, Upset::Register { number: 13, bit: 30 });
+            Faults::none().with(BREAKS, BREAKS, upset)
+        })
+    };
     a_front_end_of_horus_that_is_clocked_too_fast => Row {
         setup: |setup| stores(setup, Board::Horus, ALWAYS, bits(SPI1_CR1, 0x38, 0x08)),
         ..Row::new(Violation::FrontEndMisuse, Faults::none)

@@ -91,7 +91,7 @@ pub(super) fn awake(setup: &mut Setup, board: Board, at: u64) {
     let firmware = image(setup, board);
     let idle = firmware.functions_called("idle").next().expect("the task idle");
     let read = |node: &dyn Fn(u64, &mut [u8])| {
-        let mut code = vec![0; 0x400];
+        let mut code = vec![0; 0x800];
         node(idle & !1, &mut code);
         let place = code.as_chunks::<2>().0.iter().position(|half| *half == WAIT).expect("idle waits for an interrupt");
         (idle & !1) + 2 * place as u64
@@ -102,7 +102,11 @@ pub(super) fn awake(setup: &mut Setup, board: Board, at: u64) {
             read(&|address, bytes| node.read(address, bytes).unwrap())
         }
         Board::Dpr => {
-            let node = dpr(setup);
+            let mut node = dpr(setup);
+            // Until its code is in RAM.
+            while node.now() < RECORDED {
+                node.advance(RECORDED);
+            }
             read(&|address, bytes| node.read(address, bytes).unwrap())
         }
     };

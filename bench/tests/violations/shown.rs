@@ -2,11 +2,11 @@
 
 use std::mem::offset_of;
 
-use bench::faults::{AirFaults, Board, Fault, Faults, ImageFault, WireFault};
+use bench::faults::{AirFaults, Board, ChipFault, Fault, Faults, ImageFault, WireFault};
 use bench_judge::{Event, Violation, What};
 use dpr_fw::telemetry::Telemetry;
 
-use super::{BREAKS, MS, Row, run, table};
+use super::{BREAKS, MS, Row, US, run, table};
 
 /// The control cycle of the flight controller: between two instants so far apart exactly one transaction ends.
 const CONTROL_CYCLE: u64 = 4 * MS;
@@ -41,7 +41,9 @@ fn link_status(byte: usize, bits: u8) -> Faults {
 }
 
 fn regressed() -> Faults {
-    of_wire(BREAKS, BREAKS + CONTROL_CYCLE, WireFault::MisoReplay { age_ns: CYCLE })
+    // The second transaction of those that show one image.
+    let begins = 307 * MS;
+    of_wire(begins, begins + CONTROL_CYCLE, WireFault::MisoReplay { age_ns: CYCLE })
 }
 
 table! {
@@ -53,6 +55,31 @@ table! {
         };
         (0..=3).fold(Faults::none(), vacant)
     });
+    // The DPR's front end is out of order for a while, so that no cycle must be shown for as long as a bring-up may
+    // take; and then an object of none is shown, though all that reaches the antenna is well again.
+    recovers_late => Row {
+        duration: 780 * MS,
+        ..Row::new(Violation::RecoversLate, || {
+            let ends = BREAKS + 20 * MS;
+            let vacant = |faults: Faults, object| {
+                faults.with(ends + 5 * MS, u64::MAX, Fault::Wire(WireFault::MisoVacant { object }))
+            };
+            let chip = Fault::Chip(Board::Dpr, ChipFault::IrqLow);
+            (0..=3).fold(Faults::none().with(BREAKS, ends, chip), vacant)
+        })
+    };
+    uplinks_that_nobody_counted => Row {
+        setup: |setup| setup.writes = true,
+        ..Row::new(Violation::PortStatusWrong, || {
+            of_wire(BREAKS, BREAKS + 45 * MS, WireFault::MisoForgedPort { object: 0, byte: 8, bits: 0x10 })
+        })
+    };
+    an_uplink_of_other_bytes => Row {
+        setup: |setup| setup.writes = true,
+        ..Row::new(Violation::UplinkWrong, || {
+            of_wire(BREAKS, BREAKS + 45 * MS, WireFault::MisoForgedPort { object: 2, byte: 20, bits: 0x10 })
+        })
+    };
     shown_never_sent => Row::new(Violation::ShownNeverSent, || {
         of_wire(BREAKS, u64::MAX, WireFault::MisoForged { object: Some(2), byte: 30, bits: 0x10 })
     });
@@ -62,7 +89,9 @@ table! {
         duration: BREAKS + 2 * CYCLE,
         ..Row::new(Violation::ShownOutOfSequence, || {
             let repeated = AirFaults { repeated: 1.0, repeat_after_ns: (2 * MS, 2 * MS), ..AirFaults::default() };
-            hangs(Faults::none().with(BREAKS, BREAKS + CYCLE, Fault::Air(repeated)), BREAKS + CYCLE)
+            // So that the flight controller reads between the repetition and the frame after it.
+            let begins = BREAKS + 750 * US;
+            hangs(Faults::none().with(begins, begins + CYCLE, Fault::Air(repeated)), begins + CYCLE)
         })
     };
     // It has not expired when the run ends.
@@ -109,11 +138,11 @@ fn the_recovery_is_the_time_from_a_causes_end_to_what_was_sent_after_it_being_re
     // After that the sequence is searched for: the fourth frame is shown.
     let (long, _) = figures(1_200 * MS, || lost(BREAKS, BREAKS + 30 * CYCLE)).unwrap();
     assert!((4..=5).contains(&long.max_recovery_cycles.unwrap()), "{long:?}");
-    // A cause that ended less than half a second before the run does is not counted, and one that never ends neither.
+    // A cause that ended less than 400 ms before the run does is not counted, and one that never ends neither.
     for until in [BREAKS + 10 * CYCLE, u64::MAX] {
         let faults: fn() -> Faults =
             if until == u64::MAX { || lost(BREAKS, u64::MAX) } else { || lost(BREAKS, BREAKS + 10 * CYCLE) };
-        let (recent, _) = figures(800 * MS, faults).unwrap();
+        let (recent, _) = figures(790 * MS, faults).unwrap();
         assert_eq!(recent.max_recovery_cycles, None, "{until}");
     }
 }

@@ -14,7 +14,7 @@ const COMMIT: &str = "SWI0_EGU0";
 /// What a tick of HORUS's timer takes, in which its slots are counted: 72 MHz.
 const TICKS_PER_US: u32 = 72;
 /// When HORUS sends the second frame of five receivers, µs after its tick.
-const SECOND_SLOT_US: u32 = 4_340;
+const SECOND_SLOT_US: u32 = 4_130;
 
 /// A broken wire from `at` on for `ns`.
 fn wire(at: u64, ns: u64, fault: WireFault) -> Faults {
@@ -69,16 +69,19 @@ table! {
     a_fresh_that_comes_late_makes_its_frame_late =>
         Row::new(Violation::LateReadable, || wire(BREAKS, 100 * MS, WireFault::FreshLate(40 * US)));
     an_image_whose_link_status_has_a_wrong_identifier_is_announced_all_the_same =>
-        Row::new(Violation::FreshUnreadable, || {
-            dpr(BREAKS, 100 * MS, ImageFault::Constant { of: 0x4400, value: 0x4401 })
-        });
+        Row {
+            duration: BREAKS + 15 * MS,
+            ..Row::new(Violation::FreshUnreadable, || {
+                dpr(BREAKS, 100 * MS, ImageFault::Constant { of: 0x4400, value: 0x4401 })
+            })
+        };
     // Its last bit comes just before the next tick, and its image after that.
     a_second_frame_in_a_late_slot_makes_its_sample_late => Row {
         gps: 5,
         ..Row::new(Violation::LateSample, || {
             let late = ImageFault::Constant {
                 of: SECOND_SLOT_US * TICKS_PER_US,
-                value: (SECOND_SLOT_US + 2_020) * TICKS_PER_US,
+                value: (SECOND_SLOT_US + 2_230) * TICKS_PER_US,
             };
             Faults::none().with(0, u64::MAX, Fault::Image(Board::Horus, late))
         })

@@ -201,7 +201,7 @@ const DPR_ROWS: &[Row<Shows>] = &[
         shows_as_ever(seen) && (24 * MS..30 * MS).contains(&seen.stale)
     }),
     row("TIMER2: prescaler 2^9", &[bits(TIMER2 + 0x510, 0xF, 9)], Told::Nothing, |seen| {
-        shows_as_ever(seen) && seen.stale > 50 * MS && seen.expired == 0
+        shows_as_ever(seen) && seen.stale > 35 * MS && seen.expired == 0
     }),
     // ---- the interrupt of the front end, and time
     row("PPI 0: the edge is not captured", &[instead(PPI_CHENSET, 1, 0)], Told::Nothing, |seen| {
@@ -221,7 +221,8 @@ const DPR_ROWS: &[Row<Shows>] = &[
     row("TIMER0: no prescaler", &[bits(TIMER0 + 0x510, 0xF, 0)], Told::Nothing, |seen| {
         deaf_for(seen, "Oscillator") && seen.log.contains("2.0")
     }),
-    row("TIMER0: not started", &[never(TIMER0)], Told::Nothing, |seen| seen.valid == 0 && seen.silent > 50),
+    // Without time no front end is brought up, and a transfer with it is cut off: the bench notices that.
+    row("TIMER0: not started", &[never(TIMER0)], Told::Finding(""), |seen| seen.valid == 0 && seen.silent > 50),
     row("TIMER1: no interrupt", &[bits(TIMER1 + 0x304, !0, 0)], Told::Nothing, |seen| {
         // No image while no frame comes: what was there expires.
         seen.silent > 30 && seen.fresh.0 < 12 && seen.received == 8

@@ -281,12 +281,6 @@ impl<C: Cost> Core<C> {
         self.system.scb.ccr & CCR_DIV_0_TRP != 0
     }
 
-    /// MPU_CTRL.ENABLE.
-    #[inline]
-    pub(crate) fn mpu_enabled(&self) -> bool {
-        self.system.mpu.enabled()
-    }
-
     /// Whether the core steps, debugged by halting or by the monitor.
     #[cfg(test)]
     pub(crate) fn debug_stepping(&self) -> bool {
@@ -295,14 +289,31 @@ impl<C: Cost> Core<C> {
 
     /// Whether the MPU allows a data access.
     #[inline]
-    pub(crate) fn mpu_data(&self, address: u32, write: bool, privileged: bool) -> bool {
-        !self.system.mpu.enabled() || self.system.mpu.data(address, write, privileged, self.execution_priority())
+    pub(crate) fn mpu_data(&mut self, address: u32, write: bool, privileged: bool) -> bool {
+        if !self.system.mpu.enabled() {
+            return true;
+        }
+        let priority = self.execution_priority();
+        self.system.mpu.data(address, write, privileged, priority)
+    }
+
+    /// Whether an access to memory needs no further look at the MPU: it is off, or open to privileged code there.
+    #[inline]
+    pub(crate) fn mpu_opens(&mut self, address: u32, bytes: u32, write: bool, privileged: bool) -> bool {
+        !self.system.mpu.enabled() || privileged && self.system.mpu.opens(address, bytes, write)
+    }
+
+    /// Whether no instruction of the page of `1 << bits` bytes that has `address` needs a look at the MPU.
+    #[inline]
+    pub(crate) fn mpu_opens_page(&mut self, address: u32, bits: u32) -> bool {
+        !self.system.mpu.enabled() || self.is_privileged() && self.system.mpu.opens_page(address, bits)
     }
 
     /// Whether the MPU and the default memory map allow the core to execute at `address`.
     #[inline]
-    pub(crate) fn mpu_fetch(&self, address: u32) -> bool {
-        self.system.mpu.fetch(address, self.is_privileged(), self.execution_priority())
+    pub(crate) fn mpu_fetch(&mut self, address: u32) -> bool {
+        let (privileged, priority) = (self.is_privileged(), self.execution_priority());
+        self.system.mpu.fetch(address, privileged, priority)
     }
 
     /// The next cycle at which SysTick reaches zero or the DWT matches, `u64::MAX` for never.

@@ -69,8 +69,8 @@ pub struct Boards {
     faulted: Vec<(Board, u64, String)>,
     /// Which board last restarted unasked, and when.
     restarted: Option<(Board, u64)>,
-    /// A front end was without supply at some time.
-    unsupplied: bool,
+    /// Until when each board's front end may be used against its data sheet, ns: it is, or was just, out of order.
+    out_of_order: [u64; 2],
     /// HORUS's carrier is on.
     field: bool,
     /// The last frame that HORUS sent whole, until it has reached the antenna.
@@ -87,7 +87,7 @@ impl Boards {
             explained: false,
             faulted: vec![],
             restarted: None,
-            unsupplied: false,
+            out_of_order: [0; 2],
             field: false,
             on_the_way: None,
             complaints: vec![],
@@ -101,6 +101,8 @@ impl Boards {
             What::Power { .. } => self.explained = true,
             What::Reset { board, cause, asked } => {
                 self.explained = true;
+                let over = &mut self.out_of_order[*board as usize];
+                *over = (*over).max(at.saturating_add(bounds::CUT_SHORT));
                 if !asked {
                     self.restarted = Some((*board, at));
                     // The fault that ended in this restart is told by it.
@@ -111,10 +113,16 @@ impl Boards {
                     findings.add(Of::RESTARTED.board(*board), at, || cause.clone());
                 }
             }
-            What::Injected { kind, .. } => {
+            What::Injected { kind, until } => {
                 // A firmware whose code is broken answers for what it counts.
                 self.explained |= !kind.starts_with("image");
-                self.unsupplied |= kind.contains("front end off") || kind.starts_with("power") && kind.ends_with("off");
+                for (board, word) in [(Board::Horus, "horus"), (Board::Dpr, "dpr")] {
+                    let its = kind.contains(word);
+                    if its && (kind.contains("front end") || kind.starts_with("power") && kind.ends_with("off")) {
+                        let over = &mut self.out_of_order[board as usize];
+                        *over = (*over).max(until.saturating_add(bounds::FRONT_END_RECOVERY));
+                    }
+                }
                 match self.injected.get_mut(kind) {
                     Some(count) => *count += 1,
                     None => _ = self.injected.insert(kind.clone(), 1),
@@ -136,13 +144,13 @@ impl Boards {
                 }
             }
             What::Finding { board, text } => findings.add(Of::FINDING.board(*board), at, || text.clone()),
-            // A firmware that does not know that its front end has no supply goes on using it.
-            What::Misuse { text, .. } if self.unsupplied && text.contains("without supply") => {}
+            // A firmware that does not know, or cannot read, what its front end is doing goes on using it.
+            What::Misuse { board, .. } if at <= self.out_of_order[*board as usize] => {}
             What::Misuse { board, text } => {
                 findings.add(Violation::FrontEndMisuse, at, || format!("{board:?}: {text}"));
             }
             What::Load { board, per_10_000 } => {
-                if *per_10_000 > bounds::LOAD_PER_10_000 {
+                if *per_10_000 > bounds::LOAD_PER_10_000 && at >= bounds::LOAD_FROM {
                     findings.add(Of::OVERLOADED.board(*board), at, || {
                         format!("{per_10_000} of 10000, the bound is {}", bounds::LOAD_PER_10_000)
                     });
@@ -256,8 +264,8 @@ mod tests {
         for (board, violations) in [(Board::Horus, horus), (Board::Dpr, dpr)] {
             for (what, violation) in all(board).into_iter().zip(violations) {
                 let mut events = run();
-                events.add(50 * MS, what.clone()).add(60 * MS, what);
-                assert_eq!(broken(&events), [(violation, 2, 50 * MS)]);
+                events.add(400 * MS, what.clone()).add(410 * MS, what);
+                assert_eq!(broken(&events), [(violation, 2, 400 * MS)]);
             }
         }
     }

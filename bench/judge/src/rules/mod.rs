@@ -8,6 +8,7 @@
 //! | [`ssi`] | transactions, readiness, FRESH, what is torn or damaged |
 //! | [`shown`] | what is shown against what reached the DPR's antenna: absence, sequence, age |
 //! | [`link_status`] | Link-Status against the wires |
+//! | [`port`] | Port-Status and uplinks against what the flight controller wrote |
 //! | [`base`] | what the base station shows against what was forwarded |
 
 pub mod base;
@@ -15,6 +16,7 @@ pub mod boards;
 pub mod content;
 pub mod cycle;
 pub mod link_status;
+pub mod port;
 pub mod shown;
 pub mod ssi;
 
@@ -54,6 +56,7 @@ rules! {
     ssi: ssi::Ssi,
     shown: shown::Shown,
     link_status: link_status::LinkStatus,
+    port: port::Port,
     base: base::Base,
     boards: boards::Boards,
 }

@@ -2,6 +2,9 @@
 
 use super::*;
 
+/// The instance that is faster than the others.
+const SPIM3: u32 = 0x2F;
+
 /// What is said of a block that is not modelled.
 const NOT_MODELLED: &str = "is not modelled, first used at offset";
 
@@ -185,8 +188,24 @@ impl Soc {
         }
     }
 
-    pub(crate) fn worst_wait_states(&self, access: &Access) -> u32 {
-        let contention = u32::from(self.moving != 0);
+    /// How many cycles are at least between two accesses of EasyDMA: what works with it moves at most 8 Mbit/s in each
+    /// direction (PS 6.25, 6.26; SPIM3 alone 32 Mbit/s), a byte each in 64 cycles.
+    fn dma_interval(&self) -> Cycle {
+        if self.moving >> SPIM3 & 1 == 1 { 1 } else { 32 / Cycle::from(self.moving.count_ones().max(1)) }
+    }
+
+    /// The most wait states of an access.
+    pub(crate) fn worst_wait_states(&mut self, access: &Access) -> u32 {
+        // The processor has the highest priority on the AHB multilayer; what it may have to wait for is an access that
+        // EasyDMA has begun to the same slave (PS 4.7).
+        let contention = u32::from(
+            self.moving != 0
+                && self.memory.may_meet_dma(access.address)
+                && access.cycle.wrapping_sub(self.met_dma) >= self.dma_interval(),
+        );
+        if contention != 0 {
+            self.met_dma = access.cycle;
+        }
         match access.address {
             0..FLASH_BYTES if self.parts.nvmc.is_cached() => 3,
             0..FLASH_BYTES => 2,

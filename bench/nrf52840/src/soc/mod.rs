@@ -73,6 +73,8 @@ pub(crate) struct Soc {
     pub(crate) next: Cycle,
     /// Instances that EasyDMA works for.
     pub(crate) moving: u64,
+    /// When the core last had to wait for EasyDMA.
+    met_dma: Cycle,
     pub(crate) spis_events: Vec<(Cycle, usize, SpisEvent)>,
     /// At each [`SpisEvent::Ready`], what a transaction would read.
     pub(crate) spis_offers: Vec<(Cycle, Vec<u8>)>,
@@ -100,6 +102,7 @@ impl Soc {
             nexts: [NEVER; 64],
             next: NEVER,
             moving: 0,
+            met_dma: 0,
             spis_events: Vec::new(),
             spis_offers: Vec::new(),
             watchdog_resets: Vec::new(),

@@ -229,7 +229,8 @@ fn wait_states_depend_on_the_cache_and_on_who_else_moves_data() {
     assert_eq!(waits(&mut rig, 0, Bound::Worst), 2);
     assert_eq!((waits(&mut rig, 0, Bound::Best), waits(&mut rig, RAM, Bound::Worst)), (0, 0));
     rig.write_all(&[(NVMC + 0x540, 1), (SPIM0 + 0x500, 7), (SPIM0 + 0x548, 4), (SPIM0 + 0x10, 1)]);
-    assert_eq!((waits(&mut rig, 0, Bound::Worst), waits(&mut rig, RAM, Bound::Worst)), (3, 1));
+    // EasyDMA has not reached that RAM yet.
+    assert_eq!((waits(&mut rig, 0, Bound::Worst), waits(&mut rig, RAM, Bound::Worst)), (3, 0));
     assert_eq!(waits(&mut rig, RAM, Bound::Best), 0);
 }
 

@@ -126,11 +126,17 @@ pub struct Repair(Vec<(u64, Vec<u8>)>);
 
 impl Repair {
     /// Writes `bytes` to memory at `address`.
+    ///
+    /// Code that the firmware copies to RAM is damaged in both places: where it is loaded from and where it runs.
     fn after_writing<B: Board, C: Cost>(node: &mut Node<B, C>, address: u64, bytes: &[u8]) -> Result<Self, Error> {
-        let mut was = vec![0; bytes.len()];
-        node.read(address, &mut was)?;
-        node.write(address, bytes)?;
-        Ok(Self(vec![(address, was)]))
+        let mut repair = Self::default();
+        for address in std::iter::once(address).chain(twin(node, address)) {
+            let mut was = vec![0; bytes.len()];
+            node.read(address, &mut was)?;
+            node.write(address, bytes)?;
+            repair.0.push((address, was));
+        }
+        Ok(repair)
     }
 
     /// Mends the damage: what was overwritten is there again.
@@ -143,6 +149,21 @@ impl Repair {
     }
 }
 
+/// Of code that the firmware copies to RAM: where it is loaded from if `address` is where it runs, and the other way
+/// round.
+fn twin<B: Board, C: Cost>(node: &Node<B, C>, address: u64) -> Option<u64> {
+    let [start, end, load] = ["__shot", "__ehot", "__sihot"].map(|symbol| node.address_of(symbol).ok());
+    let (start, end, load) = (start?, end?, load?);
+    let from = |place: u64| address.checked_sub(place).filter(|offset| *offset < end - start);
+    from(start).map(|offset| load + offset).or_else(|| from(load).map(|offset| start + offset))
+}
+
+/// Where the bytes at `address` are from the beginning: in flash, if they are code that is copied to RAM.
+fn stored<B: Board, C: Cost>(node: &Node<B, C>, address: u64) -> u64 {
+    let runs = node.address_of("__shot").is_ok_and(|start| address >= start);
+    twin(node, address).filter(|_| runs).unwrap_or(address)
+}
+
 /// The first instruction of the handler or function called `name`: a symbol, or else a function whose path ends so.
 fn entry<B: Board, C: Cost>(node: &Node<B, C>, name: &str) -> Result<u64, Error> {
     let called = node.firmware().functions_called(name).next();
@@ -153,7 +174,7 @@ fn entry<B: Board, C: Cost>(node: &Node<B, C>, name: &str) -> Result<u64, Error>
 fn place_of<B: Board, C: Cost>(node: &Node<B, C>, name: &str, bytes: &[u8]) -> Result<u64, Error> {
     let first = entry(node, name)?;
     let mut code = vec![0; node.firmware().size_at(first)];
-    node.read(first, &mut code)?;
+    node.read(stored(node, first), &mut code)?;
     let mut places = (0..code.len()).step_by(2).filter(|place| code[*place..].starts_with(bytes));
     match (places.next(), places.next()) {
         (Some(place), None) => Ok(first + place as u64),

@@ -158,9 +158,10 @@ impl Recording {
 /// The two halfwords at `address`.
 pub(super) fn halves<B: Board, C: Cost>(node: &Node<B, C>, address: u32) -> (u16, u16) {
     let mut bytes = [0; 4];
-    if node.read(u64::from(address), &mut bytes).is_err() {
+    let address = super::stored(node, u64::from(address));
+    if node.read(address, &mut bytes).is_err() {
         // The last halfword of a memory.
-        let _ = node.read(u64::from(address), &mut bytes[..2]);
+        let _ = node.read(address, &mut bytes[..2]);
     }
     (u16::from_le_bytes([bytes[0], bytes[1]]), u16::from_le_bytes([bytes[2], bytes[3]]))
 }

@@ -21,7 +21,7 @@ use super::seal;
 use crate::node::{Board, Error, Node};
 
 /// The stubs' distance from the vector table: behind every image, in flash of either part.
-const STUBS: u32 = 0x4_0000;
+const STUBS: u32 = 0x1_7000;
 
 /// What a patch makes of the stores to one register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -134,7 +134,7 @@ impl Code {
 
     fn write_to<B: Board, C: Cost>(&self, node: &mut Node<B, C>) -> Result<(), Error> {
         let bytes: Vec<u8> = self.halves.iter().flat_map(|half| half.to_le_bytes()).collect();
-        node.write(u64::from(self.base), &bytes)
+        node.write(super::stored(node, u64::from(self.base)), &bytes)
     }
 
     /// Leaves room for a branch.
@@ -356,7 +356,7 @@ pub fn rewrite<B: Board, C: Cost>(
                 (Some(store), Some(changes)) => stubs.store(store, &encoding, changes),
                 _ => stubs.moved(pc, &encoding, |at| {
                     let mut word = [0; 4];
-                    node.read(u64::from(at), &mut word).map(|()| u32::from_le_bytes(word))
+                    node.read(super::stored(node, u64::from(at)), &mut word).map(|()| u32::from_le_bytes(word))
                 })?,
             }
             pc += length;

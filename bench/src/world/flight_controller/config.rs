@@ -1,7 +1,6 @@
 //! How the flight controller reads, and when.
 
 use profile::Layout;
-use profile::ssi::Request;
 
 use crate::world::ssi::Pace;
 
@@ -39,6 +38,9 @@ pub struct Config {
     pub crystal_ppb: i64,
     /// How fast a transaction goes.
     pub pace: Pace,
+    /// It writes uplinks and commands, and reads the whole map now and then ([`super::uplinks`]); otherwise it reads
+    /// the image alone and writes nothing.
+    pub writes: bool,
     /// What is random while it misuses the SSI follows from this.
     pub seed: u64,
 }
@@ -55,6 +57,7 @@ impl Config {
             first_ns: 4_000_000,
             crystal_ppb: 0,
             pace: Pace::FASTEST,
+            writes: false,
             seed: 1,
         }
     }
@@ -79,11 +82,5 @@ impl Config {
     #[must_use]
     pub const fn transaction_ns(&self, bytes: usize) -> u64 {
         self.pace.transaction_ns(bytes)
-    }
-
-    /// The window that a transaction reads unless another was asked for.
-    pub(super) fn whole(&self) -> Request {
-        let length = u16::try_from(self.image_len()).expect("an image has at most 396 bytes");
-        Request { offset: 0, length }
     }
 }

@@ -7,27 +7,32 @@
 //! meets it in every phase. [`SsiMaster`] carries its transactions: [`FlightController::next_at`] says when it next
 //! does something on the wires, and [`FlightController::act`] does it.
 //!
-//! What it has read it verifies: see [`Outcome`]. A whole profile that it has not seen before goes to the base station,
-//! its bytes untouched ([`framing`]). Nothing else does.
+//! It uses the client that a flight controller is meant to use, [`profile::ssi::client`]: that says what each
+//! transaction sends, finds the objects in what comes back, and says whether there is a position to fly by
+//! ([`Reading::report`]). See [`Outcome`] for what the bench makes of it. A whole profile that it has not seen before
+//! goes to the base station, its bytes untouched ([`framing`]). Nothing else does.
 //!
 //! While a [`Conduct`] is set, it misuses the SSI in that way. It verifies what it reads all the same.
 //!
 //! | file | what |
 //! |---|---|
 //! | `config` | how it reads, and when |
+//! | [`uplinks`] | what it writes, if it does |
 //! | `reading` | what it makes of the bytes that one transaction brought |
 
 mod config;
 mod reading;
 #[cfg(test)]
 mod tests;
+pub mod uplinks;
 
 use std::collections::VecDeque;
 
-use profile::ssi::{self, REQUEST_SIZE, Request};
+use profile::ssi::client::{self, Client};
+use profile::ssi::{self, Request};
+use profile::uplink::Written;
 
 pub use config::{Config, Placed, Schedule};
-pub(super) use reading::is_vacant;
 pub use reading::{Outcome, Reading};
 
 use super::framing;
@@ -70,12 +75,11 @@ pub struct FlightController {
     episodes: u64,
     /// No transaction begins before this instant, ns.
     not_before: u64,
-    /// What the transaction under way reads of the image.
-    window: Request,
-    /// What the next transaction reads of the image, unless that is all of it.
-    next: Option<Request>,
+    client: Client,
     /// What shall be asked for in the coming transactions.
     requests: VecDeque<Request>,
+    /// What the transaction under way asks for.
+    asked: Option<Request>,
     last: Option<Reading>,
     /// Timestamp of the last fresh profile.
     previous: Option<u32>,
@@ -96,8 +100,10 @@ impl FlightController {
         let longest = config.transaction_ns(config.image_len()) + config.pace.gap_ns;
         assert!(longest <= config.cycle_ns, "a transaction of {longest} ns does not fit into the control cycle");
         let crystal = Crystal { ppb: config.crystal_ppb };
+        let read_bytes = u16::try_from(config.image_len()).expect("an image has at most 396 bytes");
+        let client = Client::new(client::Config { read_bytes, ..client::Config::new(config.layout()) });
         let mut controller = Self {
-            window: config.whole(),
+            client: client.expect("a transaction reads the image"),
             config,
             crystal,
             master: SsiMaster::new(crystal),
@@ -107,8 +113,8 @@ impl FlightController {
             misconduct: None,
             episodes: 0,
             not_before: 0,
-            next: None,
             requests: VecDeque::new(),
+            asked: None,
             last: None,
             previous: None,
             downlink: Vec::new(),
@@ -133,6 +139,11 @@ impl FlightController {
             window.length
         );
         self.requests.push_back(window);
+    }
+
+    /// Writes an object in the next transaction of its own, and again as long as the DPR is busy.
+    pub fn write(&mut self, object: Written<'_>) {
+        self.client.write(object);
     }
 
     /// Has a transaction begin at an instant of the bench's choice, [`Schedule::Placed`] alone.
@@ -200,13 +211,12 @@ impl FlightController {
     pub fn act(&mut self, port: &mut impl SsiPort, wires: &mut Wires) -> Option<Progress> {
         if self.master.is_idle() {
             let start = self.start().expect("a transaction is due");
-            self.window = self.next.take().unwrap_or(self.config.whole());
             let order = self.order();
             self.master.begin(start, order);
         }
         let mut told = self.master.act(port);
         if let Some(Progress::Over(transaction)) = &mut told {
-            wires.miso(transaction.deselected_ns, usize::from(self.window.offset), &mut transaction.miso);
+            wires.miso(transaction.deselected_ns, usize::from(self.client.window().offset), &mut transaction.miso);
             self.conclude(transaction);
         }
         self.plan();
@@ -268,22 +278,38 @@ impl FlightController {
 
     /// What the transaction that begins now is to be.
     fn order(&mut self) -> Order {
+        self.asked = None;
         if let Some(misconduct) = &mut self.misconduct {
             return misconduct.order();
         }
-        // What it reads, but no fewer bytes than a request takes.
-        let bytes = match self.placed.pop_front() {
-            Some(placed) => placed.bytes,
-            None => usize::from(self.window.length).max(REQUEST_SIZE),
-        };
-        self.next = self.requests.pop_front();
-        let mosi = self.next.map_or(vec![], |asked| ssi::encode(asked).to_vec());
+        self.asked = self.requests.pop_front();
+        let refused = self.asked.filter(|window| self.client.ask(*window).is_err());
+        let mut mosi = vec![0; self.client.capacity()];
+        let bytes = self.client.begin(&mut mosi).expect("room for any transaction");
+        if let Some(window) = refused {
+            // The client does not ask for what lies outside of the map: the bench does.
+            mosi[..ssi::REQUEST_SIZE].copy_from_slice(&ssi::encode(window));
+        }
+        mosi.truncate(bytes);
+        let own_ns = self.config.first_ns + self.cycle * self.config.cycle_ns;
+        if let Some(object) = self.config.writes.then(|| uplinks::written(self.cycle, own_ns)).flatten() {
+            uplinks::put(&object, &mut mosi);
+        }
+        let bytes = self.placed.pop_front().map_or(bytes, |placed| placed.bytes);
+        // The client reads the image; what is behind it in the map, the judge looks at.
+        let reads_map = self.config.writes && bytes == self.config.image_len() && uplinks::reads_map(self.cycle);
+        let bytes = if reads_map { self.config.layout().map_len() } else { bytes };
         Order { mosi, pace: self.config.pace, ..Order::read(bytes) }
     }
 
     /// A transaction is over.
     fn conclude(&mut self, transaction: &Transaction) {
-        let reading = Reading::of(transaction, self.window, self.config.layout(), self.previous);
+        let own_us = self.crystal.own_ns(transaction.selected_ns) / 1_000;
+        let image = transaction.miso.get(..self.config.image_len()).unwrap_or(&transaction.miso);
+        let report = self.client.end(image, own_us, None);
+        let view = self.client.view(image);
+        let layout = self.config.layout();
+        let reading = Reading::of(transaction.selected_ns, &view, layout, report, self.previous);
         self.stats.transactions += 1;
         *match reading.outcome {
             Outcome::Fresh => &mut self.stats.fresh,
@@ -297,8 +323,8 @@ impl FlightController {
             framing::encode(profile, &mut self.downlink);
         }
         if reading.outcome == Outcome::Busy {
-            // A busy DPR has not heard what it was asked for, and goes on showing what it was asked for before.
-            if let Some(unheard) = self.next.replace(self.window) {
+            // A busy DPR has not heard what it was asked for.
+            if let Some(unheard) = self.asked.take() {
                 self.requests.push_front(unheard);
             }
         }

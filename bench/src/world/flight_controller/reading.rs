@@ -1,12 +1,8 @@
 //! What the flight controller makes of the bytes that one transaction brought.
 
-use std::ops::Range;
-
 use profile::image;
-use profile::ssi::Request;
-use profile::{Layout, LinkStatus, LinkValues, Object, Rejection};
-
-use crate::world::ssi::Transaction;
+use profile::ssi::client::{Report, Shown, View};
+use profile::{Layout, LinkValues, Rejection};
 
 /// What a transaction amounted to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -42,69 +38,61 @@ pub struct Reading {
     pub damage: Option<(usize, Rejection)>,
     /// The profile that was forwarded to the base station, if it was: [`Outcome::Fresh`] alone.
     pub forwarded: Option<Vec<u8>>,
+    /// What the client says: whether there is a position to fly by, and how old it is.
+    pub report: Report,
 }
 
 impl Reading {
-    /// What `transaction`, which was to read `window` of the image, brought. `previous` is the timestamp of the profile
-    /// that was forwarded last.
-    pub(super) fn of(transaction: &Transaction, window: Request, layout: Layout, previous: Option<u32>) -> Self {
-        let miso = transaction.miso.as_slice();
+    /// What a transaction brought that began at `selected_ns`: `view` shows it, and the client's report is `report`.
+    /// `previous` is the timestamp of the profile that was forwarded last.
+    pub(super) fn of(selected_ns: u64, view: &View<'_>, layout: Layout, report: Report, previous: Option<u32>) -> Self {
         let mut reading = Self {
-            selected_ns: transaction.selected_ns,
+            selected_ns,
             outcome: Outcome::Repeated,
-            offset: usize::from(window.offset),
+            offset: usize::from(view.window().offset),
             link: None,
             timestamp: None,
             valid: 0,
             vacant: 0,
             damage: None,
             forwarded: None,
+            report,
         };
-        if !miso.is_empty() && miso.iter().all(|byte| *byte == 0xff) {
+        if !view.bytes().is_empty() && view.is_busy() {
             reading.outcome = Outcome::Busy;
             return reading;
         }
-        // These bytes of the image, if the transaction read all of them.
-        let shown = miso.get(..usize::from(window.length)).unwrap_or(miso);
-        let read = |place: Range<usize>| {
-            let start = place.start.checked_sub(reading.offset)?;
-            shown.get(start..start + place.len())
-        };
-        let link = read(image::LINK_STATUS..image::LINK_STATUS + LinkStatus::SIZE).map(LinkStatus::verify);
-        let objects = (0..layout.objects()).filter_map(|index| {
-            let place = layout.in_image(index)?;
-            Some((place.start, index, read(place)?))
-        });
-        let objects: Vec<_> = objects.collect();
-        match link {
-            Some(Ok(link)) => reading.link = Some(link.values()),
-            Some(Err(why)) => reading.damage = Some((image::LINK_STATUS, why)),
+        match view.link() {
+            Some(Shown::Intact(link)) => reading.link = Some(link.values()),
+            Some(Shown::Damaged(why)) => reading.damage = Some((image::LINK_STATUS, why)),
+            // Each image has Link-Status.
+            Some(Shown::Vacant) => reading.damage = Some((image::LINK_STATUS, Rejection::Crc)),
             None => {}
         }
-        for (offset, index, bytes) in objects {
-            match Object::verify(index, bytes) {
-                Ok(object) => {
+        for index in 0..layout.objects() {
+            match view.object(index) {
+                Some(Shown::Intact(object)) => {
                     reading.valid += 1;
                     reading.timestamp.get_or_insert(object.timestamp());
                 }
-                Err(_) if is_vacant(bytes) => reading.vacant += 1,
-                Err(why) => {
-                    reading.damage.get_or_insert((offset, why));
+                Some(Shown::Vacant) => reading.vacant += 1,
+                Some(Shown::Damaged(why)) => {
+                    let place = layout.in_image(index).expect("it is in the view");
+                    reading.damage.get_or_insert((place.start, why));
                 }
+                None => {}
             }
         }
-        let is_whole = reading.offset == 0 && shown.len() == layout.image_len();
+        let whole = view.find(image::REPORTED_POSITION..layout.image_len());
         if reading.damage.is_some() {
             reading.outcome = Outcome::BadCrc;
-        } else if is_whole && reading.timestamp.is_some_and(|now| previous != Some(now)) {
+        } else if reading.timestamp.is_some_and(|now| previous != Some(now))
+            && let Some(profile) = whole
+            && reading.offset == 0
+        {
             reading.outcome = Outcome::Fresh;
-            reading.forwarded = Some(shown[image::REPORTED_POSITION..].to_vec());
+            reading.forwarded = Some(profile.to_vec());
         }
         reading
     }
-}
-
-/// Whether the place of an object is as a scrub leaves it.
-pub(in crate::world) fn is_vacant(bytes: &[u8]) -> bool {
-    bytes.iter().all(|byte| *byte == 0) || bytes.iter().all(|byte| *byte == 0xff)
 }

@@ -4,7 +4,7 @@ use bench_seam::SpiMode;
 use profile::image::Image;
 use profile::{
     GpsObject, GpsStatus, GpsValues, Identifier, LinkStatus, LinkStatusBits, LinkValues, Profile, Rejection,
-    ReportedValues,
+    ReportedPosition, ReportedStatus, ReportedValues,
 };
 
 use super::super::BaseStation;
@@ -189,6 +189,35 @@ fn a_profile_is_fresh_once_then_repeated_and_forwarded_once_as_it_is() {
     let frames: Vec<_> = line.iter().filter_map(|byte| deframer.push(*byte)).collect();
     let sent: Vec<_> = [10, 20, 50].iter().map(|t| Ok(profile(*t).as_bytes().to_vec())).collect();
     assert_eq!(frames, sent);
+}
+
+#[test]
+fn its_client_shows_a_position_from_the_fourth_cycle_on_until_it_is_too_old() {
+    let mut rig = Rig::new(Config { cycle_ns: 10 * MS, ..Config::new(3) });
+    let shown: Vec<_> = (1..=5)
+        .map(|cycle| {
+            let mut valid = *profile(10 * cycle).reported();
+            let status = ReportedStatus::new().with_position_valid(true);
+            valid = ReportedPosition::seal(&ReportedValues { status, ..valid.values() });
+            let mut image = image_of(&profile(10 * cycle));
+            image[32..96].copy_from_slice(valid.as_bytes());
+            rig.transact(&image);
+            rig.last().report
+        })
+        .collect();
+    let positions: Vec<_> = shown.iter().map(|report| report.position.map(|position| position.timestamp)).collect();
+    assert_eq!(positions, [None, None, None, Some(40), Some(50)]);
+    // 6.1 ms of Link-Status, and up to the 25 ms for which an image can be read: its time in the DPR never changes
+    // here.
+    assert_eq!(shown[4].age_us, 31_100);
+    let ages: Vec<_> = (0..8)
+        .map(|_| {
+            rig.transact(&[0xFF; 276]);
+            let report = rig.last().report;
+            report.position.map(|_| report.age_us)
+        })
+        .collect();
+    assert_eq!(ages[5..], [Some(91_100), None, None], "100 ms are the limit");
 }
 
 #[test]

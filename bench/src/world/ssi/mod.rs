@@ -89,6 +89,14 @@ impl Crystal {
         // own_ns * BILLION / rate to the nearest, whole turns of `rate` apart so that it fits 64 bits.
         own_ns / rate * BILLION + (own_ns % rate * BILLION + rate / 2) / rate
     }
+
+    /// How long `bench_ns` by the bench's clock take by this one, ns: more with a fast crystal.
+    #[must_use]
+    pub const fn own_ns(self, bench_ns: u64) -> u64 {
+        const BILLION: i64 = 1_000_000_000;
+        let drift = bench_ns as i64 / BILLION * self.ppb + bench_ns as i64 % BILLION * self.ppb / BILLION;
+        bench_ns.saturating_add_signed(drift)
+    }
 }
 
 /// An instant that is partly known by the bench's clock and partly by the flight controller's own.

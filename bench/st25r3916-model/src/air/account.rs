@@ -27,6 +27,8 @@ pub struct Counters {
     pub delayed: u64,
     /// Frames whose start [`AirFaults::scatter_ns`] moved.
     pub scattered: u64,
+    /// Frames that [`AirFaults::frozen`] replaced by one of before.
+    pub frozen: u64,
     /// Times a frame began while another was on the air: both are damaged.
     pub collisions: u64,
     /// Times [`AirFaults::field_off`] took the field away.
@@ -101,6 +103,7 @@ pub(super) enum Fault {
     Delayed,
     FieldOff,
     Scatter,
+    Frozen,
 }
 
 impl Fault {
@@ -114,6 +117,7 @@ impl Fault {
             Self::Delayed => "delayed",
             Self::FieldOff => "field off",
             Self::Scatter => "scatter",
+            Self::Frozen => "frozen",
         }
     }
 }
@@ -150,6 +154,7 @@ impl Account {
             Fault::Delayed => &mut counters.delayed,
             Fault::FieldOff => &mut counters.field_off,
             Fault::Scatter => &mut counters.scattered,
+            Fault::Frozen => &mut counters.frozen,
         };
         *count += 1;
     }

@@ -39,6 +39,9 @@ pub struct AirFaults {
     pub delayed: f64,
     /// How much later a delayed frame is heard, first bit to first bit, ns.
     pub delay_ns: (u64, u64),
+    /// Each frame is heard with the bytes of the last one of its length that ended whole before this fault was there: a
+    /// repeater that hangs stands between the antennas.
+    pub frozen: bool,
     /// Nothing reaches the listener, and it sees no carrier.
     pub field_off: bool,
     /// The start of a frame that is not delayed comes 0 to this much later, ns, each instant equally likely; its bits

@@ -101,6 +101,8 @@ pub(super) struct Flight {
     pub(super) burst: Vec<u64>,
     /// What comes after its start, in order; nothing counts behind its end.
     pub(super) later: VecDeque<(u64, Later)>,
+    /// It carries the bytes of a frame of before: what the poller sends of it counts for nothing.
+    pub(super) frozen: bool,
     /// The air has changed a bit of it.
     pub(super) changed: bool,
     /// Faults in it, each with the first bit it concerns.
@@ -118,6 +120,7 @@ impl Flight {
             start,
             burst: vec![],
             later: VecDeque::new(),
+            frozen: false,
             changed: false,
             marks: VecDeque::new(),
         }

@@ -61,6 +61,8 @@ pub struct Air {
     on_air: Option<(u64, Flight)>,
     /// Frames that have not begun there, in the order they were planned.
     waiting: Vec<Flight>,
+    /// The last frame of each length that the poller sent whole while nothing froze the air: at most one per LEN.
+    whole: Vec<Vec<u8>>,
     next_id: u64,
     account: Account,
 }
@@ -75,6 +77,7 @@ impl Air {
             sending: None,
             on_air: None,
             waiting: vec![],
+            whole: vec![],
             next_id: 0,
             account: Account::default(),
         };
@@ -193,7 +196,7 @@ impl Air {
     }
 
     /// The faults since the last call, in order of time: the instant (virtual ns) and the kind, one of "bit error" (one
-    /// entry a bit), "burst", "lost", "cut", "repeated", "delayed", "scatter", "field off".
+    /// entry a bit), "burst", "lost", "cut", "repeated", "delayed", "scatter", "field off", "frozen".
     ///
     /// The instant of an error is that of its first bit at the listener, of a cut the frame's end there, of a
     /// repetition its first bit; of what is lost, delayed or scattered, and of an error in the sync, it is the first
@@ -211,8 +214,15 @@ impl Air {
         if self.faults.field_off || self.is_lost(at, &frame) {
             return self.account.over(Origin::Poller, Outcome::Lost);
         }
-        let Self { faults, rng, account, .. } = self;
+        let Self { faults, rng, account, whole, .. } = self;
         let mut flight = Flight::new(id, *faults, at, frame);
+        if faults.frozen
+            && let Some(old) = whole.iter().find(|old| old.first() == flight.start.chunk.data.first())
+        {
+            flight.start.chunk.data.clone_from(old);
+            (flight.frozen, flight.changed) = (true, true);
+            account.inject(at, Fault::Frozen);
+        }
         flight.burst = burst(rng, faults, expected_bits(&flight.start));
         if let Some(&first) = flight.burst.first() {
             flight.mark(flight.start.until_bit(first), Fault::Burst);
@@ -244,7 +254,7 @@ impl Air {
         let Some(sending) = sending else { return };
         let (first, after) = (sending.len(), at.saturating_sub(sending.started_ns));
         sending.more(&chunk);
-        if let Some(flight) = flight_of(on_air, waiting, sending.id) {
+        if let Some(flight) = flight_of(on_air, waiting, sending.id).filter(|flight| !flight.frozen) {
             damage(rng, flight, first, &mut chunk);
             flight.later.push_back((after, Later::Bytes(chunk)));
         }
@@ -258,6 +268,12 @@ impl Air {
         self.account.last = Some(LastFrame { start_ns, end_ns: at, bits_per_second, data_bits: bits });
         if let Some(flight) = flight_of(&mut self.on_air, &mut self.waiting, id) {
             flight.later.push_back((at.saturating_sub(start_ns), Later::End { bits, whole: sent.whole }));
+        }
+        if sent.whole && !self.faults.frozen {
+            match self.whole.iter_mut().find(|old| old.first() == sent.bytes.first()) {
+                Some(old) => old.clone_from(&sent.bytes),
+                None => self.whole.push(sent.bytes.clone()),
+            }
         }
         self.account.sent.push(sent);
     }

@@ -22,7 +22,7 @@ use crate::core::{Core, Statistics};
 use crate::event::AirEvent;
 use crate::field::{self, Field};
 use crate::fifo::{CAPACITY, Fifo};
-use crate::interrupts::{IrqEdge, irq};
+use crate::interrupts::{IrqEdge, Withheld, irq};
 use crate::outgoing::Outgoing;
 use crate::receiver::Receiver;
 use crate::registers::{RX_EN, TX_EN, reg};
@@ -183,6 +183,17 @@ impl Chip {
     /// What must not be passed over in silence.
     pub fn reports(&self) -> &[Report] {
         self.core.reports()
+    }
+
+    /// As [`Chip::reports`], of the time since the last call: a kind that occurs again afterwards is reported again.
+    pub fn take_reports(&mut self) -> Vec<Report> {
+        self.core.take_reports()
+    }
+
+    /// A fault of the chip keeps these interrupts, and no others, from being raised from now on. Those that wait to be
+    /// read stay, and whatever else the chip does it does as before.
+    pub fn withhold(&mut self, interrupts: Withheld) {
+        self.core.withhold(interrupts.bits());
     }
 
     /// What the chip has done.

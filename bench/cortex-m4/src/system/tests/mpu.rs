@@ -15,7 +15,7 @@ fn region(core: &mut Core<Fast>, board: &mut Board, number: u32, base: u32, size
 
 #[test]
 fn code_runs_only_where_the_default_map_allows_it() {
-    let (core, _) = machine();
+    let (mut core, _) = machine();
     for address in [0, 0x1FFF_FFFF, 0x2000_0000, 0x6000_0000, 0x8000_0000, 0x9FFF_FFFF] {
         assert!(core.mpu_fetch(address), "{address:#x}");
     }

@@ -17,6 +17,9 @@
 //! - While the field is off after it dropped, and in the cycle in which it comes back, no frame is asked for, and a
 //!   frame that it cuts off is not blamed. A field that HORUS takes down within [`bounds::FIELD_RECOVERY`] after a lost
 //!   frame is how it brings its front end up again: the lost frame is told.
+//! - While HORUS's front end is out of order through no fault of HORUS's, and [`bounds::FRONT_END_RECOVERY`] after
+//!   that, commands without frames, frames that break off or are missing and a field that drops are not blamed. What is
+//!   sent is judged all the same, and how soon the link recovers (rule `shown`).
 //! - A cycle that its tick does not end in time is not asked for frames. Where a tick was missing or irregular, the
 //!   timestamps may or may not count it: the next one decides, and binds those after it.
 //! - A frame that begins more than a cycle after a tick without another is that of a tick that is missing or late,
@@ -203,14 +206,17 @@ impl Cycle {
                 let powered = context.running(Board::Horus).powered;
                 self.restart(event.at, powered, *asked, context, findings);
             }
+            What::Injected { kind, until } if kind.contains("horus front end") => {
+                if let Some(tick) = &mut self.run.tick {
+                    tick.field_lost = true;
+                }
+                self.front_end_gone = self.front_end_gone.max(until.saturating_add(bounds::FRONT_END_RECOVERY));
+            }
             _ if !self.run.powered => {}
             What::Tick => self.tick(event.at, findings),
             What::Command => {
                 let field_lost = self.run.dropped;
                 self.run.commands.push(Command { at: event.at, field_lost });
-            }
-            What::Injected { kind, until } if kind.contains("horus front end") => {
-                self.front_end_gone = self.front_end_gone.max(until.saturating_add(bounds::FRONT_END_RECOVERY));
             }
             What::Field { on } => self.field(event.at, *on, findings),
             What::Sent { started, bit_rate, whole, .. } => {
@@ -271,7 +277,7 @@ impl Cycle {
     }
 
     fn without_frame(&mut self, command: Command, findings: &mut Findings) {
-        if !command.field_lost {
+        if !command.field_lost && command.at >= self.front_end_gone {
             findings.add(Violation::CommandWithoutFrame, command.at, || format!("the one given at {}", ms(command.at)));
             self.run.lost = self.run.lost.max(Some(command.at));
             if let Some(tick) = self.run.tick_of(command.at) {
@@ -309,7 +315,9 @@ impl Cycle {
             at,
             number,
             blamed: !regular,
-            field_lost: run.dropped || run.back.is_some_and(|back| at < back + bounds::FIELD_READY),
+            field_lost: run.dropped
+                || run.back.is_some_and(|back| at < back + bounds::FIELD_READY)
+                || at < self.front_end_gone,
             frames: [None; 2],
             others: 0,
         });
@@ -400,6 +408,9 @@ impl Cycle {
                 tick.blamed = true;
             }
         };
+        if !whole && at < self.front_end_gone {
+            return others(run);
+        }
         if !whole {
             findings.add(Violation::BrokenOff, at, || format!("after {} bytes, at {}", frame.payload.len(), ms(at)));
             run.lost = Some(at);
@@ -418,7 +429,7 @@ impl Cycle {
             return others(run);
         };
         match run.tick_of(started) {
-            Some(tick) if started > tick.at + bounds::CYCLE + bounds::TICK_TOLERANCE => {
+            Some(tick) if started > tick.at + bounds::CYCLE - bounds::TICK_TOLERANCE => {
                 let Number { least, most } = tick.number;
                 let mut number = Number { least, most: most + (started - tick.at) / bounds::CYCLE };
                 objects_are_right(at, frame, &mut number, findings);

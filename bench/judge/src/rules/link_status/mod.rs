@@ -19,7 +19,9 @@
 //! than FRESH says (rule `ssi`), or that does not show what it must (rule `shown`). An image that lacks an object and
 //! one whose flag is wrong are told apart by the antenna: bits 0 and 1 are wrong only if they contradict both the image
 //! and what reached the antenna. Nothing is asked either while the DPR's front end is without supply; after
-//! it counters and time are compared from image to image alone, and bits 4, 5 and 10 may be set.
+//! it counters and time are compared from image to image alone, and bits 4, 5 and 10 may be set. One thing is asked
+//! meanwhile: from [`bounds::FRONT_END_TOLD`] after a chip has ceased to answer until it answers again, Link-Status
+//! says that the front end is at fault, that the link is not up, and that not all objects were accepted.
 
 mod clocks;
 mod counters;
@@ -34,7 +36,7 @@ use counters::{Baseline, Counters};
 use profile::{Layout, LinkStatusBits, LinkValues};
 use start::{Reasons, Time};
 
-use super::shown::expectation::{Certainty, Delivery, Expectation};
+use super::shown::expectation::{Certainty, Delivery, Expectation, disturbs_the_dpr, hits_a_buffer};
 use super::shown::publication;
 use super::shown::truth::Truth;
 use crate::read::{Reading, State};
@@ -106,6 +108,8 @@ pub struct LinkStatus {
     broken: bool,
     /// Since the DPR's last start.
     broken_since_start: bool,
+    /// From when on, and until when, the DPR's front end does not answer, ns.
+    dead: (u64, u64),
     /// The bytes that were judged last. Where they are read again, a rise of FRESH in between announced no image.
     last: Vec<u8>,
     /// What FRESH announced last.
@@ -134,6 +138,7 @@ impl LinkStatus {
             reasons: Reasons::power_on(),
             broken: false,
             broken_since_start: false,
+            dead: (0, 0),
             last: vec![],
             offered: vec![],
         }
@@ -171,7 +176,12 @@ impl LinkStatus {
                 self.offered.clear();
                 self.broken_since_start = disturbed;
             }
-            What::Injected { .. } if disturbed => {
+            // What it counts it counts elsewhere.
+            What::Injected { kind, .. } if hits_a_buffer(kind) => self.broken = true,
+            What::Injected { kind, until } if disturbs_the_dpr(kind).is_some() => {
+                if is_dead(kind) {
+                    self.dead = (event.at + bounds::FRONT_END_TOLD, *until);
+                }
                 self.broken = true;
                 self.broken_since_start = true;
                 self.time = Time::default();
@@ -253,6 +263,7 @@ impl LinkStatus {
         if !dpr.powered || published < dpr.since || !announced {
             return;
         }
+        self.tells_of_a_dead_front_end(values.status, published, dpr.since, reading.selected, findings);
         if self.expectation.is_disturbed(published) || self.last == reading.miso {
             return;
         }
@@ -281,6 +292,25 @@ impl LinkStatus {
         }
         if let Some(words) = self.time.wrong(values.timestamp, published, dpr.since, self.broken_since_start) {
             findings.add(Violation::LinkTime, reading.selected, || words);
+        }
+    }
+
+    /// Whether an image of `published` says of a front end that does not answer what is the case.
+    fn tells_of_a_dead_front_end(
+        &self,
+        status: LinkStatusBits,
+        published: u64,
+        dpr_since: u64,
+        selected: u64,
+        findings: &mut Findings,
+    ) {
+        let (from, until) = self.dead;
+        let from = from.max(dpr_since + bounds::START + bounds::FRONT_END_TOLD);
+        let told = status.front_end_fault() && !status.link_up() && !status.all_accepted();
+        if (from..until).contains(&published) && !told {
+            findings.add(Violation::LinkFlags, selected, || {
+                format!("a front end that does not answer: status {:#06x}", status.bits())
+            });
         }
     }
 
@@ -433,6 +463,12 @@ impl LinkStatus {
 
     /// The run is over.
     pub fn finish(&mut self, _context: &Context, _findings: &mut Findings, _figures: &mut Figures) {}
+}
+
+/// Whether a fault of this kind is one of the DPR's front end after which it does not answer.
+fn is_dead(kind: &str) -> bool {
+    let words = ["front end off", "front end reads ones", "front end reads zeros", "front end interrupt line high"];
+    kind.contains("dpr") && words.iter().any(|word| kind.ends_with(word))
 }
 
 /// Whether a transaction shows an object that a frame brought.

@@ -201,7 +201,7 @@ pub struct Expectation {
     states: Vec<State>,
     /// Until when frames may escape the listener, since the carrier came, ns.
     armed: u64,
-    /// Until when the DPR's front end may be without supply, or not be brought up again, ns.
+    /// Until when the DPR's front end may be out of order, or not be brought up again, or a buffer hit, ns.
     disturbed: u64,
     /// The end of the last frame of whatever length, ns.
     last_end: Option<u64>,
@@ -223,8 +223,10 @@ impl Expectation {
             What::FieldHeard { on } => {
                 self.armed = if *on { event.at + bounds::ARMED } else { u64::MAX };
             }
-            What::Injected { kind, until } if disturbs_the_dpr(kind) => {
-                self.disturbed = self.disturbed.max(until.saturating_add(bounds::RECOVERY));
+            What::Injected { kind, until } => {
+                if let Some(after) = disturbs_the_dpr(kind) {
+                    self.disturbed = self.disturbed.max(until.saturating_add(after));
+                }
             }
             What::Heard { started, whole, bytes } => {
                 // A listener may believe LEN rather than what arrives.
@@ -294,6 +296,8 @@ impl Expectation {
                 frozen: false,
             };
             self.states.extend((0..=bounds::SEARCH_CYCLES).map(of));
+            // What it was held to be the same as may be what the DPR has not heard.
+            self.states.push(State { frozen: true, ..of(0) });
             self.states.push(State::default());
             return (Certainty::May, Certainty::May);
         }
@@ -342,11 +346,30 @@ impl Expectation {
     }
 }
 
-/// Whether a fault of this kind keeps the DPR from hearing: its front end. What is wrong with its memory or its code is
-/// not excused.
+/// For how long after its end a fault of this kind keeps the DPR from hearing, or from handing on what it heard, ns:
+/// one of its front end, or of a bit of its buffers. What is wrong with the rest of its memory or its code is not
+/// excused.
 #[must_use]
-pub fn disturbs_the_dpr(kind: &str) -> bool {
+pub fn disturbs_the_dpr(kind: &str) -> Option<u64> {
+    if breaks_the_dprs_front_end(kind) {
+        Some(bounds::RECOVERY)
+    } else if hits_a_buffer(kind) {
+        Some(bounds::BUFFER_REPLACED)
+    } else {
+        None
+    }
+}
+
+/// Whether a fault of this kind is one of the DPR's front end.
+#[must_use]
+pub fn breaks_the_dprs_front_end(kind: &str) -> bool {
     kind.contains("front end") && !kind.contains("horus")
+}
+
+/// Whether a fault of this kind is one of a bit of the DPR's buffers.
+#[must_use]
+pub fn hits_a_buffer(kind: &str) -> bool {
+    kind.starts_with("buffer dpr")
 }
 
 /// The age of a cycle's sample at the last bit of its frame number `number`, ns.

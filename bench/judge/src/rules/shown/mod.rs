@@ -28,8 +28,9 @@
 //! - An image that stays although the next frame was received and brought nothing that may be shown is found when its
 //!   deadline or its 25 ms have passed, not before.
 //! - A transaction that takes longer than a second is not judged: what it could have read is not remembered.
-//! - While the DPR's front end is without supply, and [`bounds::RECOVERY`] after that, no cycle must
-//!   be shown, and any cycle that was heard may be.
+//! - While the DPR's front end is out of order, and [`bounds::RECOVERY`] after that, no cycle must be shown, and any
+//!   cycle that was heard may be. So it is while a bit of the DPR's buffers is stuck, or after one was hit, and
+//!   [`bounds::BUFFER_REPLACED`] after that.
 
 pub mod expectation;
 mod recovery;
@@ -154,7 +155,7 @@ impl Shown {
     /// Takes the next event.
     pub fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
         self.truth.take(event, context);
-        self.recovery.take(event);
+        self.recovery.take(event, findings);
         match &event.what {
             What::Selected => self.selected = Some(event.at),
             What::Power { board: Board::Dpr, .. } | What::Reset { board: Board::Dpr, .. } => {
@@ -164,7 +165,7 @@ impl Shown {
                 self.known.fill(None);
             }
             // What its front end had not handed over by then is lost with it.
-            What::Injected { kind, .. } if expectation::disturbs_the_dpr(kind) => {
+            What::Injected { kind, .. } if expectation::disturbs_the_dpr(kind).is_some() => {
                 self.due.retain(|due| due.frame.ended + bounds::STORE_AND_FORWARD <= event.at);
             }
             What::Transaction { .. } => {
@@ -382,7 +383,9 @@ impl Shown {
         figures.valid_cycles = self.valid_cycles;
         figures.invalid_since_ns = self.invalid_since;
         figures.faults.invalid_shown_valid = self.invalid_shown_valid;
-        figures.faults.max_recovery_cycles = self.recovery.finish(context.now());
+        let longest = self.recovery.finish(context.now(), findings);
+        figures.faults.max_recovery_cycles = longest.all;
+        figures.faults.max_recovery_cycles_without_bring_up = longest.without_bring_up;
     }
 }
 

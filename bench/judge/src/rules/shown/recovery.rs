@@ -1,42 +1,95 @@
 //! How long it takes from the end of a cause until the flight controller reads what HORUS sends after it.
+//!
+//! A cause is what the bench injects and takes away again, a restart of either board, a supply that goes off or comes
+//! back, and a frame that reaches the DPR's antenna otherwise than HORUS sent it. Each may take so many cycles from its
+//! end: [`bounds::RECOVERY_CYCLES`], or [`bounds::BRING_UP_CYCLES`] where a front end has to be brought up again. Of
+//! causes that overlap, or follow each other before the link has recovered, the last end counts, and the latest of the
+//! instants at which each of them has to be over.
+//!
+//! A recovery that is late is a violation only if nothing else was violated since its cause: a cause is told once.
 
-use crate::{Event, What, bounds};
+use crate::{Event, Findings, Violation, What, bounds};
 
-/// Nothing is measured of a cause whose end is nearer to the end of the run than this, ns.
-const TAIL: u64 = 500_000_000;
+/// Nothing is measured of a cause whose end is nearer to the end of the run than this, ns: longer than any recovery may
+/// take, and than a watchdog takes to bite.
+const TAIL: u64 = 400_000_000;
+
+/// Causes from which the link has not recovered, or had to recover.
+#[derive(Clone, Copy, Debug)]
+struct Causes {
+    /// The last end, ns.
+    since: u64,
+    /// When the link must have recovered, ns.
+    due: u64,
+    /// One of them takes a front end's bring-up.
+    bring_up: bool,
+    /// How much was violated when the first of them was told.
+    told: u64,
+}
+
+/// The most cycles that a recovery took, of 10 ms begun.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Longest {
+    /// Of all recoveries.
+    pub(super) all: Option<u64>,
+    /// Of those for which no front end had to be brought up.
+    pub(super) without_bring_up: Option<u64>,
+}
 
 /// See the [module](self).
 #[derive(Clone, Debug, Default)]
 pub(super) struct Recovery {
-    /// The end of the last cause, ns, if nothing that was sent after it has been read yet.
-    since: Option<u64>,
+    /// What nothing that was sent after it has been read since.
+    causes: Option<Causes>,
+    /// Those have been told to be late.
+    late: bool,
     /// Whether a board has no supply: its cause has no end yet.
     off: [bool; 2],
-    /// Ends of causes of the last [`TAIL`], and how many cycles each took.
-    recent: Vec<(u64, u64)>,
-    longest: Option<u64>,
+    /// Causes of the last [`TAIL`], and when what was sent after them was read, ns.
+    recent: Vec<(Causes, u64)>,
+    /// The last frame that HORUS sent: its first bit, ns, and its bytes.
+    sent: Option<(u64, Vec<u8>)>,
+    longest: Longest,
 }
 
 impl Recovery {
     /// Takes the next event.
-    pub(super) fn take(&mut self, event: &Event) {
-        self.settle(event.at);
+    pub(super) fn take(&mut self, event: &Event, findings: &mut Findings) {
+        self.settle(event.at, findings);
         match &event.what {
             // What never goes away is no cause that anything could recover from.
-            What::Injected { until, .. } if *until < u64::MAX => self.cause((*until).max(event.at)),
-            What::Reset { .. } => self.cause(event.at),
+            What::Injected { kind, until } if *until < u64::MAX => {
+                let bring_up = kind.contains("front end") || kind.starts_with("power");
+                self.cause((*until).max(event.at), bring_up, findings);
+            }
+            What::Reset { .. } => self.cause(event.at, true, findings),
             // The run begins with the power-on of both boards: that is no cause.
             What::Power { board, on } if event.at > 0 => {
                 self.off[*board as usize] = !on;
-                self.cause(event.at);
+                self.cause(event.at, true, findings);
+            }
+            What::Sent { started, bytes, .. } => self.sent = Some((*started, bytes.to_vec())),
+            What::Heard { started, bytes, .. } => {
+                let as_sent =
+                    |(sent, was): &(u64, Vec<u8>)| started.abs_diff(*sent) <= bounds::AIR_DELAY && was[..] == bytes[..];
+                if !self.sent.as_ref().is_some_and(as_sent) {
+                    self.cause(event.at, false, findings);
+                }
             }
             _ => {}
         }
     }
 
-    /// Of causes that overlap, or follow each other before the link has recovered, the last end counts.
-    fn cause(&mut self, end: u64) {
-        self.since = Some(self.since.map_or(end, |since| since.max(end)));
+    fn cause(&mut self, end: u64, bring_up: bool, findings: &Findings) {
+        let cycles = if bring_up { bounds::BRING_UP_CYCLES } else { bounds::RECOVERY_CYCLES };
+        let due = end.saturating_add(cycles * bounds::CYCLE);
+        let causes = self.causes.get_or_insert_with(|| {
+            self.late = false;
+            Causes { since: end, due, bring_up, told: told(findings) }
+        });
+        causes.since = causes.since.max(end);
+        causes.due = causes.due.max(due);
+        causes.bring_up |= bring_up;
     }
 
     /// A transaction that began at `selected` showed an object of a frame that was `started` then, ns.
@@ -44,35 +97,174 @@ impl Recovery {
         if self.off.contains(&true) {
             return;
         }
-        if let Some(since) = self.since.take_if(|since| started > *since) {
-            self.recent.push((since, cycles(since, selected)));
+        if let Some(causes) = self.causes.take_if(|causes| started > causes.since) {
+            self.recent.push((causes, selected));
         }
     }
 
     /// Causes that the run has left far enough behind count.
-    fn settle(&mut self, now: u64) {
+    fn settle(&mut self, now: u64, findings: &mut Findings) {
+        let is_over = |causes: &Causes| now >= causes.since.saturating_add(TAIL);
+        if let Some(causes) = self.causes
+            && !self.late
+            && !self.off.contains(&true)
+            && is_over(&causes)
+        {
+            self.late = true;
+            tell(&causes, None, findings);
+        }
         let longest = &mut self.longest;
-        self.recent.retain(|(since, cycles)| {
-            let counts = now >= since.saturating_add(TAIL);
+        self.recent.retain(|(causes, read)| {
+            let counts = is_over(causes);
             if counts {
-                *longest = (*longest).max(Some(*cycles));
+                longest.take(causes, *read);
+                if *read > causes.due {
+                    tell(causes, Some(*read), findings);
+                }
             }
             !counts
         });
     }
 
-    /// The most cycles of 10 ms begun from a cause's end on. What had not recovered by `end` has taken all the time
-    /// until then.
-    pub(super) fn finish(&mut self, end: u64) -> Option<u64> {
-        if let Some(since) = self.since.take().filter(|_| !self.off.contains(&true)) {
-            self.recent.push((since, cycles(since, end)));
+    /// The most cycles from a cause's end on. What had not recovered by `end` has taken all the time until then.
+    pub(super) fn finish(&mut self, end: u64, findings: &mut Findings) -> Longest {
+        self.settle(end, findings);
+        if let Some(causes) = self.causes.take().filter(|_| !self.off.contains(&true))
+            && end >= causes.since.saturating_add(TAIL)
+        {
+            self.longest.take(&causes, end);
         }
-        self.settle(end);
         self.longest
     }
+}
+
+impl Longest {
+    fn take(&mut self, causes: &Causes, read: u64) {
+        let cycles = Some(cycles(causes.since, read));
+        self.all = self.all.max(cycles);
+        if !causes.bring_up {
+            self.without_bring_up = self.without_bring_up.max(cycles);
+        }
+    }
+}
+
+/// How much was violated so far.
+fn told(findings: &Findings) -> u64 {
+    findings.counts().map(|(_, count)| count).sum()
+}
+
+/// The link was late in recovering, and nothing that was violated since explains it.
+fn tell(causes: &Causes, read: Option<u64>, findings: &mut Findings) {
+    if told(findings) > causes.told {
+        return;
+    }
+    let Causes { since, due, .. } = *causes;
+    findings.add(Violation::RecoversLate, due, || {
+        let allowed = cycles(since, due);
+        let since = since as f64 / 1e6;
+        match read {
+            Some(read) => format!("{} cycles after {since:.6} ms instead of {allowed}", cycles(causes.since, read)),
+            None => format!("not yet {} cycles after {since:.6} ms", TAIL / bounds::CYCLE),
+        }
+    });
 }
 
 /// Cycles begun in `from..to`: at least one.
 fn cycles(from: u64, to: u64) -> u64 {
     to.saturating_sub(from).div_ceil(bounds::CYCLE).max(1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: u64 = 1_000_000;
+
+    fn injected(at: u64, kind: &str, until: u64) -> Event {
+        Event { at, what: What::Injected { kind: kind.into(), until } }
+    }
+
+    /// What is found if these happen and a frame that was sent just before is read at `read`, after all of them.
+    fn judged(events: &[Event], read: u64, others: u64) -> (Vec<Violation>, Longest) {
+        let (mut recovery, mut findings) = (Recovery::default(), Findings::default());
+        events.iter().for_each(|event| recovery.take(event, &mut findings));
+        for at in 0..others {
+            findings.add(Violation::NotShown, at, String::new);
+        }
+        recovery.shown(read - 1, read);
+        recovery.take(&injected(read + TAIL, "air lost", u64::MAX), &mut findings);
+        let longest = recovery.finish(read + TAIL, &mut findings);
+        (findings.counts().map(|(violation, _)| violation).collect(), longest)
+    }
+
+    #[test]
+    fn five_cycles_are_enough_and_fifteen_where_a_front_end_has_to_be_brought_up() {
+        let ends = 100 * MS;
+        for (kind, cycles) in [
+            ("air lost", 5),
+            ("flight controller hangs", 5),
+            ("buffer dpr image bit stuck", 5),
+            ("dpr front end reads ones", 15),
+            ("horus front end without interrupts", 15),
+            ("power dpr watchdog", 15),
+        ] {
+            let cause = [injected(50 * MS, kind, ends)];
+            let due = ends + cycles * bounds::CYCLE;
+            let (found, longest) = judged(&cause, due, 0);
+            let without_bring_up = (cycles == 5).then_some(5);
+            assert_eq!((found, longest), (vec![], Longest { all: Some(cycles), without_bring_up }), "{kind}");
+            assert_eq!(judged(&cause, due + 1, 0).0, [Violation::RecoversLate], "{kind}");
+            // What else was violated since is told, and this is its consequence.
+            assert_eq!(judged(&cause, due + 1, 1).0, [Violation::NotShown], "{kind}");
+        }
+    }
+
+    #[test]
+    fn of_causes_that_overlap_each_has_its_own_bound() {
+        let front_end = injected(50 * MS, "dpr front end reads ones", 100 * MS);
+        let air = |until| injected(60 * MS, "air", until);
+        // The front end's 15 cycles end at 250 ms, the air's 5 at 170 ms or 260 ms.
+        let judged = |until, read| judged(&[front_end.clone(), air(until)], read, 0).0;
+        assert_eq!(judged(120 * MS, 250 * MS), []);
+        assert_eq!(judged(120 * MS, 250 * MS + 1), [Violation::RecoversLate]);
+        assert_eq!(judged(210 * MS, 260 * MS), []);
+        assert_eq!(judged(210 * MS, 260 * MS + 1), [Violation::RecoversLate]);
+    }
+
+    #[test]
+    fn what_never_recovers_is_late_once_and_a_board_without_a_supply_is_not() {
+        let found = |off: bool| {
+            let (mut recovery, mut findings) = (Recovery::default(), Findings::default());
+            recovery.take(&injected(50 * MS, "air", 100 * MS), &mut findings);
+            if off {
+                let power = What::Power { board: crate::Board::Horus, on: false };
+                recovery.take(&Event { at: 60 * MS, what: power }, &mut findings);
+            }
+            for at in [100 * MS + TAIL - 1, 100 * MS + TAIL, 2 * TAIL, 3 * TAIL] {
+                recovery.take(&Event { at, what: What::Tick }, &mut findings);
+                assert_eq!(findings.count(Violation::RecoversLate), u64::from(!off && at >= 100 * MS + TAIL));
+            }
+            recovery.finish(3 * TAIL, &mut findings).all
+        };
+        assert_eq!(found(false), Some(cycles(100 * MS, 3 * TAIL)));
+        assert_eq!(found(true), None);
+    }
+
+    #[test]
+    fn a_frame_that_arrives_otherwise_than_it_was_sent_is_a_cause() {
+        let frame = |started: u64, byte: u8| (started, crate::Bytes(vec![byte]));
+        let recovered = |heard: (u64, crate::Bytes)| {
+            let (mut recovery, mut findings) = (Recovery::default(), Findings::default());
+            let (started, bytes) = frame(50 * MS, 1);
+            let sent = What::Sent { started, bit_rate: 424_000, bytes, whole: true };
+            recovery.take(&Event { at: 55 * MS, what: sent }, &mut findings);
+            let what = What::Heard { started: heard.0, bytes: heard.1, whole: true };
+            recovery.take(&Event { at: 55 * MS, what }, &mut findings);
+            recovery.shown(61 * MS, 62 * MS);
+            recovery.finish(55 * MS + TAIL, &mut findings).all
+        };
+        assert_eq!(recovered(frame(50 * MS, 1)), None);
+        assert_eq!(recovered(frame(50 * MS, 2)), Some(1));
+        assert_eq!(recovered(frame(50 * MS + bounds::AIR_DELAY + 1, 1)), Some(1));
+    }
 }

@@ -150,7 +150,7 @@ fn a_cycle_is_asked_for_from_its_readiness_to_the_next_frame_or_the_deadline() {
         assert_eq!(run.broken(hide(200)), expected, "{after} ns");
     }
     // Of two frames the second may be missing.
-    let ready = 4_012_000 + 3_000 + 7_000_000 + 100_000;
+    let ready = 3_802_000 + 3_000 + 7_000_000 + 100_000;
     for (after, expected) in [(ready - 1, false), (ready, true)] {
         let mut run = Run { cycles: 25, ..Run::new(5) }.hit(20, 1, Air::Lost);
         run.only = Some(run.tick(20) + after);
@@ -394,10 +394,10 @@ fn recovery_is_measured_from_the_end_of_the_last_cause_to_what_was_sent_after_it
     // Overlapping, and one after the other.
     assert_eq!(with(vec![fault(200 * MS, 270 * MS), fault(220 * MS, 230 * MS)], 20..25), Some(1));
     assert_eq!(with(vec![fault(220 * MS, 220 * MS), fault(260 * MS, 260 * MS)], 20..25), Some(2));
-    // What ends in the last 500 ms of the run is not measured, nor what never ends.
+    // What ends in the last 400 ms of the run is not measured, nor what never ends.
     let end = Run { cycles: 120, ..Run::new(3) }.tick(121) + 300 * MS;
-    assert_eq!(with(vec![fault(end - 500 * MS, end - 500 * MS)], 0..0), Some(1));
-    assert_eq!(with(vec![fault(end - 500 * MS + 1, end - 500 * MS + 1)], 0..0), None);
+    assert_eq!(with(vec![fault(end - 400 * MS, end - 400 * MS)], 0..0), Some(1));
+    assert_eq!(with(vec![fault(end - 400 * MS + 1, end - 400 * MS + 1)], 0..0), None);
     assert_eq!(with(vec![fault(200 * MS, u64::MAX)], 0..0), None);
     // What does not recover has not by the end.
     assert_eq!(with(vec![fault(250 * MS, 250 * MS)], 20..121), Some((end - 250 * MS).div_ceil(10 * MS)));

@@ -21,8 +21,12 @@
 //! - A flight controller that misuses the SSI (an injected fault of it, and [`bounds::MISUSE_OVER`] more) is owed no
 //!   service, and what it reads by the wrong clocks is not looked at here: what it reads as valid still has to be,
 //!   which is the rule of [`super::shown`].
+//! - What is unsound while a bit of the DPR's buffers is stuck, or after one was hit, until the buffer is replaced, is
+//!   not looked at here: a check that finds it is all that is asked. That it is not valid is for [`super::shown`] to
+//!   ask.
 //! - A transaction that brings an older image than the one announced is [`Violation::FreshNotNew`], but for one whose
 //!   objects are older than what was read before: that is [`Violation::Regression`], of another rule.
+//! - How soon a frame is readable that began while the DPR's front end was out of order is not asked.
 //! - A cycle that is readable too late after its last bit is not also a sample that is readable too late. One that is
 //!   read before FRESH has risen for it is [`Violation::FreshMissing`] or [`Violation::LateReadable`], whichever is
 //!   seen first.
@@ -32,6 +36,7 @@ mod fresh;
 mod latency;
 mod service;
 
+use super::shown::expectation::{breaks_the_dprs_front_end, hits_a_buffer};
 use crate::bounds;
 use crate::read::Reading;
 use crate::{Board, Context, Event, Figures, Findings, Header, SsiEvent, Violation, What};
@@ -52,6 +57,10 @@ pub struct Ssi {
     cycles: Cycles,
     /// Until when the flight controller misuses the SSI, ns.
     misused: u64,
+    /// Until when an image may hold a bit that was hit, ns.
+    hit: u64,
+    /// Until when the DPR's front end is out of order, ns.
+    out_of_order: u64,
 }
 
 impl Ssi {
@@ -64,6 +73,8 @@ impl Ssi {
             damage: Damage::default(),
             cycles: Cycles::default(),
             misused: 0,
+            hit: 0,
+            out_of_order: 0,
         }
     }
 
@@ -87,6 +98,12 @@ impl Ssi {
                 self.service.excuse(*until);
                 self.misused = self.misused.max(until.saturating_add(bounds::MISUSE_OVER));
             }
+            What::Injected { kind, until } if breaks_the_dprs_front_end(kind) => {
+                self.out_of_order = self.out_of_order.max(*until);
+            }
+            What::Injected { kind, until } if hits_a_buffer(kind) => {
+                self.hit = self.hit.max(until.saturating_add(bounds::BUFFER_REPLACED));
+            }
             What::Answer => findings.add(Violation::Answered, at, || "the DPR's front end sent".into()),
             What::Tick => self.cycles.tick(at),
             What::Sent { started, .. } => {
@@ -94,7 +111,7 @@ impl Ssi {
                     self.cycles.sent(context.layout(), frame, *started);
                 }
             }
-            What::Heard { started, whole: true, bytes } => {
+            What::Heard { started, whole: true, bytes } if *started > self.out_of_order => {
                 if let Some(frame) = context.frame() {
                     self.cycles.heard(context.layout(), frame, bytes.first().copied(), *started, at);
                 }
@@ -113,11 +130,13 @@ impl Ssi {
                     let offset = context.window().offset();
                     Reading::of(context.layout(), at, at, offset, bytes)
                 });
-                offered.iter().for_each(|offered| self.damage.remember(offered));
+                // Of an image of which a bit was hit it cannot be told which it is.
+                let hit = offered.as_ref().is_some_and(|offered| at < self.hit && !offered.is_sound());
                 if *high {
-                    let excused = self.service.rise(at, offered.is_some());
-                    self.claims.rise(at, offered.as_ref(), excused, &mut self.cycles, findings);
-                } else {
+                    let excused = self.service.rise(at, offered.is_some()) || hit;
+                    let known = offered.as_ref().filter(|_| !hit);
+                    self.claims.rise(at, known, excused, &mut self.cycles, findings);
+                } else if !hit {
                     self.claims.fall(offered.as_ref(), &mut self.cycles, findings);
                 }
             }
@@ -140,6 +159,9 @@ impl Ssi {
         self.service.transaction(reading, whole, findings);
         // A transaction that began before the DPR's last start is not judged.
         if !whole || Read::of(reading, false) != Read::Image || reading.selected < self.misused {
+            return;
+        }
+        if reading.selected < self.hit && !reading.is_sound() {
             return;
         }
         if self.claims.has_condemned(&reading.miso) {

@@ -1,0 +1,143 @@
+//! What a front-end chip, or a line between it and its board, does wrong.
+//!
+//! [`crate::boards::front_end::FrontEnd`] carries it out. The chip itself stays in order but for what is named here: it
+//! takes what the board writes to it, it has its field and its frames, and it is as it was left when the fault is over.
+
+use st25r3916_model::Withheld;
+
+/// A fault of either board's front end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ChipFault {
+    /// The interrupt line rests low; the interrupt bits can be read.
+    IrqLow,
+    /// The interrupt line rests high, whatever is read.
+    IrqHigh,
+    /// The chip's interrupt logic is hung: no interrupt bit is set.
+    NoInterrupts,
+    /// The chip never says that a frame has ended: I_rxs without I_rxe at the listener, no I_txe at the poller.
+    NoFrameEnds,
+    /// Every bit that the board reads from the chip is one.
+    ReadsOnes,
+    /// Every bit that the board reads from the chip is zero.
+    ReadsZeros,
+}
+
+impl ChipFault {
+    /// Each of them.
+    pub const ALL: [Self; 6] =
+        [Self::IrqLow, Self::IrqHigh, Self::NoInterrupts, Self::NoFrameEnds, Self::ReadsOnes, Self::ReadsZeros];
+
+    /// What the event log calls it, after the board and the words "front end".
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::IrqLow => "interrupt line low",
+            Self::IrqHigh => "interrupt line high",
+            Self::NoInterrupts => "without interrupts",
+            Self::NoFrameEnds => "without frame ends",
+            Self::ReadsOnes => "reads ones",
+            Self::ReadsZeros => "reads zeros",
+        }
+    }
+}
+
+/// The faults of one front end that are there at present.
+#[derive(Clone, Debug, Default)]
+pub struct ChipFaults {
+    present: Vec<ChipFault>,
+}
+
+impl ChipFaults {
+    /// This is wrong as well from now on.
+    pub fn begin(&mut self, fault: ChipFault) {
+        self.present.push(fault);
+    }
+
+    /// This is wrong no longer. Nothing happens if it was not.
+    pub fn end(&mut self, fault: ChipFault) {
+        if let Some(place) = self.present.iter().position(|other| *other == fault) {
+            self.present.remove(place);
+        }
+    }
+
+    /// The last that began of those which `of` picks.
+    fn last<T>(&self, of: impl Fn(ChipFault) -> Option<T>) -> Option<T> {
+        self.present.iter().rev().find_map(|fault| of(*fault))
+    }
+
+    /// The interrupt line's level, where the chip drives `level`.
+    #[must_use]
+    pub fn irq(&self, level: bool) -> bool {
+        let stuck = self.last(|fault| match fault {
+            ChipFault::IrqLow => Some(false),
+            ChipFault::IrqHigh => Some(true),
+            _ => None,
+        });
+        stuck.unwrap_or(level)
+    }
+
+    /// What the board reads, where the chip drives `answer`; `None`: nobody drives the line.
+    #[must_use]
+    pub fn miso(&self, answer: Option<u32>) -> Option<u32> {
+        let stuck = self.last(|fault| match fault {
+            ChipFault::ReadsOnes => Some(u32::MAX),
+            ChipFault::ReadsZeros => Some(0),
+            _ => None,
+        });
+        stuck.or(answer)
+    }
+
+    /// The interrupts that the chip does not raise.
+    #[must_use]
+    pub fn withheld(&self) -> Withheld {
+        let withheld = |fault| match fault {
+            ChipFault::NoInterrupts => Some(Withheld::All),
+            ChipFault::NoFrameEnds => Some(Withheld::FrameEnds),
+            _ => None,
+        };
+        self.last(withheld).unwrap_or_default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_fault_breaks_what_its_name_says_and_nothing_else() {
+        for fault in ChipFault::ALL {
+            let mut faults = ChipFaults::default();
+            faults.begin(fault);
+            let irq = match fault {
+                ChipFault::IrqLow => [false, false],
+                ChipFault::IrqHigh => [true, true],
+                _ => [false, true],
+            };
+            assert_eq!([faults.irq(false), faults.irq(true)], irq, "{fault:?}");
+            let miso = match fault {
+                ChipFault::ReadsOnes => [Some(u32::MAX); 2],
+                ChipFault::ReadsZeros => [Some(0); 2],
+                _ => [None, Some(0x5A)],
+            };
+            assert_eq!([faults.miso(None), faults.miso(Some(0x5A))], miso, "{fault:?}");
+            let withheld = match fault {
+                ChipFault::NoInterrupts => Withheld::All,
+                ChipFault::NoFrameEnds => Withheld::FrameEnds,
+                _ => Withheld::None,
+            };
+            assert_eq!(faults.withheld(), withheld, "{fault:?}");
+            faults.end(fault);
+            assert_eq!((faults.irq(true), faults.miso(None), faults.withheld()), (true, None, Withheld::None));
+        }
+    }
+
+    #[test]
+    fn of_two_faults_of_one_line_the_last_counts_until_it_is_over() {
+        let mut faults = ChipFaults::default();
+        faults.begin(ChipFault::ReadsOnes);
+        faults.begin(ChipFault::ReadsZeros);
+        assert_eq!(faults.miso(Some(1)), Some(0));
+        faults.end(ChipFault::ReadsZeros);
+        assert_eq!(faults.miso(Some(1)), Some(u32::MAX));
+    }
+}

@@ -1,0 +1,82 @@
+//! What the flight controller writes as it goes about its business: uplinks of the base station and of its own, and now
+//! and then a command.
+
+use profile::criticality::{BaseStation, FlightController, Writer, WritesUplink};
+use profile::ssi::REQUEST_SIZE;
+use profile::{Command, CommandObject, Uplink, UplinkValues};
+
+/// Control cycles from one uplink to the next, of the base station and of the flight controller in turn: each writer's
+/// comes every 80 ms, and in between there are images that show all that was written.
+const UPLINK_EVERY: u64 = 10;
+
+/// Control cycles from one command to the next: one second.
+const COMMAND_EVERY: u64 = 250;
+
+/// In this one of [`UPLINK_EVERY`] cycles nothing is written and the whole map is read, Port-Status and uplinks with
+/// it.
+const MAP_READ: u64 = 8;
+
+/// A millisecond, ns.
+const MS: u64 = 1_000_000;
+
+/// Whether the transaction of control cycle number `cycle` reads the whole map.
+#[must_use]
+pub fn reads_map(cycle: u64) -> bool {
+    cycle % UPLINK_EVERY == MAP_READ
+}
+
+/// What is sent behind the request in control cycle number `cycle`, which begins at `own_ns` by the flight controller's
+/// clock; nothing in most.
+#[must_use]
+pub fn written(cycle: u64, own_ns: u64) -> Option<[u8; Uplink::SIZE]> {
+    let timestamp = u32::try_from(own_ns / MS % (1 << 32)).unwrap_or(u32::MAX);
+    if cycle % COMMAND_EVERY == COMMAND_EVERY / 2 + 1 {
+        let command = Command::ALL[(cycle / COMMAND_EVERY % Command::ALL.len() as u64) as usize];
+        return Some(*CommandObject::seal(Writer::<FlightController>::claim(), timestamp, command).as_bytes());
+    }
+    match cycle % (2 * UPLINK_EVERY) {
+        0 => Some(uplink::<BaseStation>(timestamp)),
+        UPLINK_EVERY => Some(uplink::<FlightController>(timestamp)),
+        _ => None,
+    }
+}
+
+/// Puts an object behind the request on MOSI.
+pub fn put(object: &[u8; Uplink::SIZE], mosi: &mut Vec<u8>) {
+    let end = REQUEST_SIZE + object.len();
+    mosi.resize(mosi.len().max(end), 0);
+    mosi[REQUEST_SIZE..end].copy_from_slice(object);
+}
+
+/// An uplink whose payload differs from one to the next.
+fn uplink<W: WritesUplink>(timestamp: u32) -> [u8; Uplink::SIZE] {
+    let bytes = timestamp.to_le_bytes();
+    let payload = std::array::from_fn(|place| bytes[place % bytes.len()] ^ place as u8);
+    *Uplink::seal(Writer::<W>::claim(), &UplinkValues { timestamp, payload, ..UplinkValues::default() }).as_bytes()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use profile::uplink::Written;
+
+    #[test]
+    fn in_two_seconds_both_writers_and_both_commands_have_their_turn_and_nothing_is_written_where_the_map_is_read() {
+        let (mut base, mut own, mut commands) = (0, 0, vec![]);
+        for cycle in 0..2 * COMMAND_EVERY {
+            let Some(object) = written(cycle, cycle * 4 * MS) else { continue };
+            assert!(!reads_map(cycle), "{cycle}");
+            match Written::verify(&object).unwrap() {
+                Written::BaseStation(uplink) => {
+                    assert_eq!(uplink.timestamp(), cycle as u32 * 4);
+                    base += 1;
+                }
+                Written::FlightController(_) => own += 1,
+                Written::Command(command, _) => commands.push(command),
+            }
+        }
+        assert_eq!((base, own), (25, 25));
+        assert_eq!(commands, Command::ALL);
+        assert!((0..10).any(reads_map));
+    }
+}

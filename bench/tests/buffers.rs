@@ -1,0 +1,58 @@
+//! Bits of the DPR's receive and image buffers that flip or are stuck: nothing wrong is shown as valid, and a stuck bit
+//! is found by a scrub and told.
+
+mod boards;
+
+use bench::faults::{BufferFault, Buffers, Fault, Faults, Kind};
+use bench::sim::{Images, Outcome, Setup, run};
+use boards::image;
+
+const MS: u64 = 1_000_000;
+
+/// What came of a run with these faults; `None` where the images were not built.
+fn outcome(faults: Faults, duration: u64) -> Option<Outcome> {
+    let images = Images { horus: image(3, "horus-tx-fw.elf")?, dpr: image(3, "dpr-fw.elf")? };
+    let setup = Setup { faults, ..Setup::new(images, 3, duration) };
+    Some(run(&setup, &mut ()).unwrap_or_else(|error| panic!("{error}")))
+}
+
+#[test]
+fn bits_that_flip_in_any_cycle_are_never_shown_as_valid() {
+    let mut faults = Faults::none();
+    for (nth, at) in (300..900).step_by(7).enumerate() {
+        // A bit of another place each time: the word picks the bit, and is spread by a multiplication.
+        let word = (nth as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 20;
+        let buffers = if nth % 2 == 0 { Buffers::Receive } else { Buffers::Image };
+        faults = faults.with(at * MS, at * MS, Fault::Buffer(BufferFault::Flips(buffers, word)));
+    }
+    let Some(outcome) = outcome(faults, 1_200 * MS) else { return };
+    assert_eq!(outcome.report.violations, [""; 0]);
+    assert_eq!(outcome.report.faults.invalid_shown_valid, 0);
+    // Some were in an object that was read, and its CRC told.
+    assert!(outcome.report.ssi.bad_crc > 0, "{:?}", outcome.report.ssi);
+}
+
+#[test]
+fn a_bit_that_is_stuck_at_either_value_is_found_by_a_scrub_and_no_other_bit_is() {
+    for buffers in [Buffers::Receive, Buffers::Image] {
+        for value in [false, true] {
+            let stuck = Fault::Buffer(BufferFault::Stuck(buffers, value, 1_234));
+            let Some(outcome) = outcome(Faults::none().with(300 * MS, 500 * MS, stuck), 950 * MS) else { return };
+            assert_eq!(outcome.report.violations, [""; 0], "{buffers:?}, {value}");
+            assert!(outcome.report.dpr.scrub_faults > 0, "{buffers:?}, {value}");
+        }
+    }
+    let Some(sound) = outcome(Faults::none(), 600 * MS) else { return };
+    assert_eq!(sound.report.dpr.scrub_faults, 0);
+}
+
+#[test]
+fn drawn_faults_of_the_buffers_violate_nothing() {
+    for seed in [1, 2] {
+        let drawn = Faults::drawn(&[Kind::Buffers], 3, seed, 6_000 * MS);
+        let Some(outcome) = outcome(drawn, 6_000 * MS) else { return };
+        assert_eq!(outcome.report.violations, [""; 0], "seed {seed}");
+        assert_eq!(outcome.report.faults.invalid_shown_valid, 0);
+        assert!(outcome.report.faults.injected.keys().all(|name| name.starts_with("buffer dpr")));
+    }
+}

@@ -1,0 +1,237 @@
+//! How long a bit that flips in memory goes unnoticed, on both boards with the release images.
+//!
+//! A debugger flips one bit of what is stored while the image runs. The test waits until the board says so as its
+//! flight controller, its antenna or its log would notice, and holds the time against what the firmwares' modules
+//! `integrity` state.
+
+mod boards;
+mod reader;
+
+use bench::boards::{Dpr, Horus};
+use bench::faults::Upset;
+use bench::node::{Board, Node};
+use dpr_fw::integrity as dpr;
+use firmware_common::last_stop::Cause;
+use horus_tx_fw::integrity as horus;
+use profile::LinkStatus;
+use reader::{MS, US, field_on, frame_ns, payload, send, transact, view};
+use st25r3916_model::AirEvent;
+
+fn run<B: Board>(node: &mut Node<B>, ns: u64) {
+    let end = node.now() + ns;
+    while node.now() < end {
+        node.advance(end);
+    }
+}
+
+/// Steps of `step` ns until `done`; how long that was, ns.
+fn until<B: Board>(node: &mut Node<B>, step: u64, within: u64, mut done: impl FnMut(&mut Node<B>) -> bool) -> u64 {
+    let from = node.now();
+    while node.now() < from + within {
+        if done(node) {
+            return node.now() - from;
+        }
+        run(node, step);
+    }
+    panic!("not noticed within {} ms", within / MS);
+}
+
+fn address<B: Board>(node: &Node<B>, symbol: &str) -> u32 {
+    u32::try_from(node.address_of(symbol).unwrap()).unwrap()
+}
+
+fn dpr_counter(node: &Node<Dpr>, name: &str) -> u32 {
+    let place = dpr_fw::telemetry::Telemetry::NAMES.iter().position(|it| *it == name).unwrap();
+    boards::counter(node, "DPR_TELEMETRY", 4 * place)
+}
+
+/// What Link-Status says. A transaction may meet the DPR busy, but not two in a row.
+fn link(node: &mut Node<Dpr>) -> profile::LinkStatusBits {
+    let read = (0..2).find_map(|_| {
+        let read = transact(node, LinkStatus::SIZE, 0);
+        LinkStatus::verify(&read).ok().map(LinkStatus::status)
+    });
+    read.expect("Link-Status is readable")
+}
+
+/// What is said of the stop before this start.
+fn last_stop<B: Board>(node: &mut Node<B>) -> String {
+    node.take_log().iter().map(ToString::to_string).find(|line| line.contains("the last stop: ")).unwrap_or_default()
+}
+
+// ---- DPR
+
+/// Where the image is that the flight controller reads: the place in the statics that holds the Link-Status that it
+/// has just read, which no other image has.
+fn shown(node: &mut Node<Dpr>) -> u32 {
+    let read = transact(node, LinkStatus::SIZE, 0);
+    let start = address(node, "__sbss");
+    let mut statics = vec![0; (address(node, "__ebss") - start) as usize];
+    node.read(u64::from(start), &mut statics).unwrap();
+    let found = statics.windows(read.len()).position(|window| window == read).expect("the image that was read");
+    start + u32::try_from(found).unwrap()
+}
+
+/// Sends the frames of the cycles `from..to`, one every 10 ms, the first one now.
+fn cycles(node: &mut Node<Dpr>, from: u32, to: u32) {
+    let begin = node.now();
+    for cycle in from..to {
+        let at = begin + u64::from(cycle - from) * 10 * MS;
+        run(node, at - node.now());
+        send(node, at, &payload(10 * cycle));
+    }
+    run(node, frame_ns() + 300 * US);
+}
+
+#[test]
+fn a_bit_that_flips_in_the_image_shown_is_noticed_in_time_and_no_object_of_that_image_is_shown_after_it() {
+    for (byte, bit) in [(3, 0), (40, 7), (100, 3), (170, 1), (275, 5)] {
+        let Some(mut node) = boards::dpr() else { return };
+        field_on(&mut node);
+        run(&mut node, 40 * MS);
+        cycles(&mut node, 1, 8);
+        assert_eq!(view(&mut node).valid.len(), 4, "byte {byte}");
+        let faults = dpr_counter(&node, "image_faults");
+        assert_eq!(faults, 0);
+        // Until the next frame's deadline this image is the one that is shown: 12.5 ms after the frame's end.
+        let address = shown(&mut node) + byte;
+        Upset::Ram { address, bit }.apply(&mut node).unwrap();
+        let (mut silent, began) = (false, node.now());
+        let within = u64::from(dpr::IMAGE_DETECT_US) * US;
+        let took = until(&mut node, 500 * US, within, |node| {
+            let read = view(node);
+            silent |= read.valid.is_empty();
+            read.link.is_some_and(|link| link.status.ram_fault())
+        });
+        assert!(silent || view(&mut node).valid.is_empty());
+        eprintln!("byte {byte}: RAM fault shown after {took} ns from {began}");
+        assert!(dpr_counter(&node, "image_faults") >= 1);
+    }
+}
+
+#[test]
+fn while_nothing_flips_nothing_is_found_and_the_passes_go_on() {
+    let Some(mut node) = boards::dpr() else { return };
+    run(&mut node, 9_000 * MS);
+    let faults = ["flash_faults", "image_faults", "ram_errors", "last_stop"].map(|name| dpr_counter(&node, name));
+    assert_eq!(faults, [0; 4]);
+    assert!(dpr_counter(&node, "flash_passes") >= 1);
+    let status = link(&mut node);
+    assert!(!status.ram_fault() && !status.flash_fault());
+}
+
+#[test]
+fn a_bit_that_flips_in_the_dprs_flash_withholds_all_objects_until_it_is_as_it_was() {
+    let Some(mut node) = boards::dpr() else { return };
+    field_on(&mut node);
+    run(&mut node, 40 * MS);
+    // The vector table, which the memory protection unit shuts: a vector that no interrupt uses.
+    let table = Upset::Flash { address: 0xFC, bit: 2 };
+    let last = Upset::Flash { address: address(&node, "__image_crc") - 4, bit: 30 };
+    let within = u64::from(dpr::FLASH_DETECT_US) * US;
+    let mut cycle = 1;
+    for upset in [table, last] {
+        upset.apply(&mut node).unwrap();
+        let took = until(&mut node, 50 * MS, within, |node| link(node).flash_fault());
+        eprintln!("{upset}: flash fault shown after {} ms", took / MS);
+        cycles(&mut node, cycle, cycle + 8);
+        let read = view(&mut node);
+        assert!(read.valid.is_empty() && read.link.unwrap().status.flash_fault(), "{upset}");
+        upset.apply(&mut node).unwrap();
+        until(&mut node, 50 * MS, within, |node| !link(node).flash_fault());
+        cycles(&mut node, cycle + 1_000, cycle + 1_008);
+        assert_eq!(view(&mut node).valid.len(), 4, "{upset}");
+        cycle += 2_000;
+    }
+}
+
+#[test]
+fn a_bit_that_flips_in_the_dprs_code_in_ram_or_in_a_guard_word_stops_it() {
+    let guards = ["_stack_end", "__guard_data", "__guard_bss", "__guard_uninit", "__guard_end"];
+    for symbol in ["__ehot"].into_iter().chain(guards) {
+        let Some(mut node) = boards::dpr() else { return };
+        run(&mut node, 40 * MS);
+        let (cause, within, at) = match symbol {
+            // What is there is the end of a CRC's table: the firmware goes on.
+            "__ehot" => (Cause::CodeInRam, dpr::CODE_DETECT_US, address(&node, symbol) - 4),
+            _ => (Cause::GuardWord, 2 * firmware_common::patrol::SLICE_US + 12_500, address(&node, symbol)),
+        };
+        Upset::Ram { address: at, bit: 4 }.apply(&mut node).unwrap();
+        let silent = |node: &mut Node<Dpr>| transact(node, 8, 0).iter().all(|byte| *byte == 0xFF);
+        // A transaction may meet the DPR busy once.
+        let took = until(&mut node, MS, u64::from(within) * US, |node| silent(node) && silent(node));
+        eprintln!("{symbol}: silent after {} us", took / US);
+        let restarts = node.now() + 200 * MS;
+        assert!(node.advance_to_restart(restarts), "{symbol}");
+        node.take_log();
+        run(&mut node, 60 * MS);
+        let line = last_stop(&mut node);
+        assert!(line.contains(cause.name()), "{symbol}: {line:?}");
+        assert_eq!(dpr_counter(&node, "last_stop") >> 24, cause as u32, "{symbol}");
+    }
+}
+
+#[test]
+fn a_bit_of_free_ram_that_flips_is_counted_and_shown() {
+    let Some(mut node) = boards::dpr() else { return };
+    run(&mut node, 40 * MS);
+    let at = address(&node, "__free_end") - 4;
+    // Whatever the pass is at, the last word is visited before two elements have passed.
+    Upset::Ram { address: at, bit: 9 }.apply(&mut node).unwrap();
+    // What stood there before the first write of the first element is not judged.
+    let first = u64::from(dpr::RAM_PASS_US) * US / 6;
+    run(&mut node, first);
+    assert_eq!(dpr_counter(&node, "ram_errors"), 0);
+    Upset::Ram { address: at, bit: 9 }.apply(&mut node).unwrap();
+    let took = until(&mut node, 50 * MS, u64::from(dpr::RAM_PASS_US) * US, |node| link(node).ram_fault());
+    eprintln!("free RAM: shown after {} ms", took / MS);
+    assert_eq!(dpr_counter(&node, "ram_errors"), 1);
+}
+
+// ---- HORUS
+
+/// What left HORUS's antenna meanwhile.
+fn run_horus(node: &mut Node<Horus>, ns: u64) -> Vec<(u64, AirEvent)> {
+    let end = node.now() + ns;
+    let mut air = vec![];
+    while node.now() < end {
+        node.advance(end);
+        air.extend(node.board_mut(|board| board.front_end.take_air()));
+    }
+    air
+}
+
+#[test]
+fn a_bit_that_flips_in_horuss_flash_or_in_a_guard_word_switches_the_field_off_and_is_named() {
+    let guards = ["_stack_end", "__guard_data", "__guard_bss", "__guard_uninit", "__guard_end"];
+    for symbol in ["__image_crc"].into_iter().chain(guards) {
+        let Some(mut node) = boards::horus() else { return };
+        run_horus(&mut node, 55 * MS);
+        let at = address(&node, symbol);
+        let (upset, cause, within) = match symbol {
+            "__image_crc" => {
+                (Upset::Flash { address: at - 4, bit: 1 }, Cause::Flash, u64::from(horus::FLASH_DETECT_US) * US)
+            }
+            _ => (Upset::Ram { address: at + 4, bit: 31 }, Cause::GuardWord, u64::from(horus::GUARD_DETECT_US) * US),
+        };
+        upset.apply(&mut node).unwrap();
+        let (from, mut off) = (node.now(), None);
+        while off.is_none() {
+            assert!(node.now() < from + within, "{symbol}: not noticed within {} ms", within / MS);
+            let air = run_horus(&mut node, MS);
+            off = air.iter().find(|(_, event)| matches!(event, AirEvent::FieldOff)).map(|(at, _)| at - from);
+        }
+        let took = off.expect("just seen");
+        eprintln!("{symbol}: field off after {} us", took / US);
+        upset.apply(&mut node).unwrap();
+        let restarts = node.now() + 250 * MS;
+        while !node.advance_to_restart(restarts) {
+            assert!(node.now() < restarts, "{symbol}");
+            node.board_mut(|board| board.front_end.take_air());
+        }
+        node.take_log();
+        run_horus(&mut node, 60 * MS);
+        let line = last_stop(&mut node);
+        assert!(line.contains(cause.name()), "{symbol}: {line:?}");
+    }
+}

@@ -1,0 +1,136 @@
+//! Every cause, one at a time: while it lasts nothing wrong is shown and Link-Status tells the truth, and when it has
+//! gone away the link is well again within 5 cycles, or within 15 where a front end has to be brought up again. The
+//! judge says both.
+
+mod boards;
+
+use bench::faults::{AirFaults, Board, ChipFault, Conduct, Fault, Faults, PowerFault};
+use bench::sim::{Images, Outcome, Setup, run};
+use boards::image;
+
+const MS: u64 = 1_000_000;
+/// Both boards have started, and the link has been up for 200 ms.
+const BEGINS: u64 = 303 * MS;
+/// From a cause's end to the end of the run: longer than the judge waits for a recovery.
+const AFTER: u64 = 450 * MS;
+
+const BOARDS: [Board; 2] = [Board::Horus, Board::Dpr];
+const RESTARTS: [PowerFault; 3] = [PowerFault::Pin, PowerFault::BrownOut, PowerFault::Watchdog];
+
+/// What came of a run with these faults, of which the last ends `length` after [`BEGINS`]; `None` where the images were
+/// not built.
+fn outcome(faults: Faults, length: u64) -> Option<Outcome> {
+    let images = Images { horus: image(3, "horus-tx-fw.elf")?, dpr: image(3, "dpr-fw.elf")? };
+    let setup = Setup { faults, ..Setup::new(images, 3, BEGINS + length + AFTER) };
+    Some(run(&setup, &mut ()).unwrap_or_else(|error| panic!("{error}")))
+}
+
+/// Nothing is violated, and the link recovers within so many cycles; `false` where the images were not built.
+fn recovers(faults: Faults, length: u64, cycles: u64) -> bool {
+    let words = format!("{faults:?}");
+    let Some(outcome) = outcome(faults, length) else { return false };
+    let faults = &outcome.report.faults;
+    assert_eq!(outcome.report.violations, [""; 0], "{words}");
+    assert_eq!(faults.invalid_shown_valid, 0, "{words}");
+    let took = faults.max_recovery_cycles.unwrap_or_else(|| panic!("{words}: no recovery was measured"));
+    assert!((1..=cycles).contains(&took), "{words}: {took} cycles");
+    assert_eq!(faults.max_recovery_cycles_without_bring_up.is_some(), cycles == 5, "{words}");
+    true
+}
+
+fn one(fault: Fault, length: u64) -> Faults {
+    Faults::none().with(BEGINS, BEGINS + length, fault)
+}
+
+#[test]
+fn after_silence_a_frozen_horus_and_a_field_that_was_lost_the_link_is_well_again_within_5_cycles() {
+    let none = AirFaults::default();
+    let frozen = AirFaults { frozen: true, ..none };
+    for fault in [AirFaults { lost: 1.0, ..none }, frozen, AirFaults { field_off: true, ..none }] {
+        // Within the hold of 26 cycles, and beyond it.
+        for length in [5 * MS, 57 * MS, 241 * MS, 400 * MS] {
+            if !recovers(one(Fault::Air(fault), length), length, 5) {
+                return;
+            }
+        }
+    }
+}
+
+#[test]
+fn after_a_flight_controller_that_misuses_the_ssi_the_link_is_well_again_within_5_cycles() {
+    for conduct in Conduct::ALL {
+        if !recovers(one(Fault::FlightController(conduct), 200 * MS), 200 * MS, 5) {
+            return;
+        }
+    }
+}
+
+#[test]
+fn after_each_fault_of_either_front_end_the_link_is_well_again_within_15_cycles() {
+    for board in BOARDS {
+        for fault in ChipFault::ALL {
+            // Shorter than a cycle, so long that the back-off has just doubled, and so long that it is at its longest.
+            for length in [4 * MS, 140 * MS, 390 * MS] {
+                if !recovers(one(Fault::Chip(board, fault), length), length, 15) {
+                    return;
+                }
+            }
+        }
+        for length in [4 * MS, 390 * MS] {
+            if !recovers(one(Fault::Power(board, PowerFault::FrontEndOff), length), length, 15) {
+                return;
+            }
+        }
+    }
+}
+
+#[test]
+fn after_a_restart_of_either_board_for_any_reason_the_link_is_well_again_within_15_cycles() {
+    for board in BOARDS {
+        for fault in RESTARTS {
+            if !recovers(one(Fault::Power(board, fault), 0), 0, 15) {
+                return;
+            }
+        }
+        for length in [4 * MS, 300 * MS] {
+            if !recovers(one(Fault::Power(board, PowerFault::Off(5)), length), length, 15) {
+                return;
+            }
+        }
+    }
+}
+
+#[test]
+fn after_a_restart_of_both_boards_in_any_order_the_link_is_well_again_within_15_cycles() {
+    for [first, second] in [[Board::Horus, Board::Dpr], [Board::Dpr, Board::Horus]] {
+        for (nth, of_first) in RESTARTS.into_iter().enumerate() {
+            let of_second = RESTARTS[(nth + 1) % RESTARTS.len()];
+            for after in [0, 3 * MS, 12 * MS, 35 * MS] {
+                let faults = one(Fault::Power(first, of_first), 0).with(
+                    BEGINS + after,
+                    BEGINS + after,
+                    Fault::Power(second, of_second),
+                );
+                if !recovers(faults, after, 15) {
+                    return;
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_front_end_that_fails_while_the_other_board_restarts_is_brought_up_within_15_cycles() {
+    for (of_chip, other) in [(Board::Horus, Board::Dpr), (Board::Dpr, Board::Horus)] {
+        for chip in ChipFault::ALL {
+            let faults = one(Fault::Chip(of_chip, chip), 100 * MS).with(
+                BEGINS + 60 * MS,
+                BEGINS + 60 * MS,
+                Fault::Power(other, PowerFault::Pin),
+            );
+            if !recovers(faults, 100 * MS, 15) {
+                return;
+            }
+        }
+    }
+}
