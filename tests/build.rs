@@ -1,19 +1,38 @@
-//! Gives each suite its board's memory layout: the firmware's own `memory.x`.
+//! Gives each suite its board's memory layout: the firmware's own `memory.x`, and what that includes.
 
 use std::path::PathBuf;
 use std::{env, fs};
 
+/// What is different in the DPR's suite: script, what stands there, what takes its place. What is generic or small is
+/// made in the suite's own crates, not in the firmware's library, and has to run from RAM too, as it does in the image.
+/// So the suite needs more room than the image has.
+const CHANGES: [(&str, &str, &str); 4] = [
+    ("hot.x", "__shot = .;", "__shot = .;\n    *(.text.*3dpr* .text.*15on_target_tests*);"),
+    ("memory.x", "FLASH : ORIGIN = 0x00000000, LENGTH = 96K", "FLASH : ORIGIN = 0x00000000, LENGTH = 256K"),
+    ("memory.x", "HOT   : ORIGIN = 0x00800000, LENGTH = 64K", "HOT   : ORIGIN = 0x00800000, LENGTH = 128K"),
+    ("memory.x", "RAM   : ORIGIN = 0x20010000, LENGTH = 32K", "RAM   : ORIGIN = 0x20020000, LENGTH = 64K"),
+];
+
 fn main() {
     let board = |feature: &str| env::var_os(format!("CARGO_FEATURE_{feature}")).is_some();
-    let firmware = match (board("DPR"), board("HORUS")) {
-        (true, false) => "dpr-fw",
-        (false, true) => "horus-tx-fw",
+    let (firmware, scripts): (_, &[_]) = match (board("DPR"), board("HORUS")) {
+        (true, false) => ("dpr-fw", &["memory.x", "hot.x"]),
+        (false, true) => ("horus-tx-fw", &["memory.x"]),
         // On the host no suite is built; two boards at once have no common layout.
         _ => return,
     };
-    let layout = PathBuf::from("..").join(firmware).join("memory.x");
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
-    fs::copy(&layout, out.join("memory.x")).unwrap_or_else(|error| panic!("{}: {error}", layout.display()));
+    for script in scripts {
+        let from = PathBuf::from("..").join(firmware).join(script);
+        let mut text = fs::read_to_string(&from).unwrap_or_else(|error| panic!("{}: {error}", from.display()));
+        for (there, here) in
+            CHANGES.iter().filter(|(of, _, _)| board("DPR") && of == script).map(|(_, there, here)| (there, here))
+        {
+            assert!(text.contains(there), "{}: no `{there}`", from.display());
+            text = text.replacen(there, here, 1);
+        }
+        fs::write(out.join(script), text).expect("cargo's folder can be written");
+        println!("cargo::rerun-if-changed={}", from.display());
+    }
     println!("cargo::rustc-link-search={}", out.display());
-    println!("cargo::rerun-if-changed={}", layout.display());
 }

@@ -2,13 +2,10 @@
 
 use profile::{crc, GpsObject, GpsStatus, GpsValues, Identifier, Profile, Rejection, ReportedPosition, ReportedValues};
 
-use crate::cycles::Cycles;
+use crate::cycles::{Bounds, Cycles};
 
 /// Receivers in the profile of the suites.
 pub const RECEIVERS: usize = 3;
-
-/// Cycles of spread between data that a board's flash prefetch may cause; the bench has none.
-const SPREAD: u32 = 32;
 
 /// The catalogue's check input.
 const CHECK: &[u8] = b"123456789";
@@ -83,12 +80,12 @@ pub fn nothing_but_the_object_in_its_place() {
 }
 
 /// The cycles of sealing and verifying a whole profile, whatever the data.
-pub fn bounds(cycles: &Cycles, seal: u32, verify: u32) {
+pub fn bounds(cycles: &Cycles, seal: Bounds, verify: Bounds) {
     let zeros = (ReportedValues::absent(0), [GpsValues::absent(0); RECEIVERS]);
     let ones = inputs(u32::MAX);
     cycles
         .over([zeros, inputs(10), inputs(1230), ones], |(reported, gps)| Profile::<RECEIVERS>::seal(reported, gps))
-        .assert("seal of a profile", seal, SPREAD);
+        .assert("Profile::seal", seal);
 
     let good = Profile::<RECEIVERS>::seal(&inputs(10).0, &inputs(10).1);
     let mut bytes = [[0; Profile::<RECEIVERS>::SIZE]; 4];
@@ -99,5 +96,5 @@ pub fn bounds(cycles: &Cycles, seal: u32, verify: u32) {
     // bytes[3] is scrubbed
     cycles
         .over(bytes, |bytes| Profile::<RECEIVERS>::read(bytes).map(|reading| reading.complete()).unwrap_or(false))
-        .assert("verification of a profile", verify, SPREAD);
+        .assert("Profile::verify", verify);
 }

@@ -3,18 +3,23 @@
 #![no_std]
 #![no_main]
 
+#[path = "horus/gnss.rs"]
+mod gnss;
+#[path = "horus/transmitter.rs"]
+mod transmitter;
+
 use defmt_rtt as _;
 use panic_probe as _;
 use stm32f4xx_hal as _; // the interrupt vectors
 
 #[defmt_test::tests]
 mod tests {
-    use horus_tx_fw::{
-        cycle::Cycle,
-        receiver::{Attitude, Position, Solution},
-        timing,
+    use super::{gnss, transmitter};
+    use horus_tx_fw::timing;
+    use on_target_tests::{
+        cycles::{bounds, Cycles},
+        profile_suite as profile,
     };
-    use on_target_tests::{cycles::Cycles, profile_suite as profile};
     use stm32f4xx_hal::{pac, prelude::*, rcc::Config};
 
     #[init]
@@ -55,22 +60,26 @@ mod tests {
 
     #[test]
     fn sealing_and_verifying_take_bounded_and_constant_cycles(cycles: &mut Cycles) {
-        profile::bounds(cycles, 6_000, 5_000);
+        profile::bounds(cycles, bounds(3_500, 2_700, 7_600, 0), bounds(2_900, 1_600, 6_200, 16));
     }
 
     #[test]
     fn a_cycle_is_filled_and_sealed_in_bounded_and_constant_cycles(cycles: &mut Cycles) {
-        let silent = [Solution::default(); profile::RECEIVERS];
-        let mut heard = silent;
-        for solution in &mut heard {
-            solution.position =
-                Position { valid: true, latitude: 47.4979, longitude: 8.7289, altitude: 470.0, ..Position::default() };
-            solution.attitude = Attitude { valid: true, pitch: 0.1, roll: -0.2, yaw: 3.0, ..Attitude::default() };
-        }
-        let taken = cycles.over([(1, silent), (2, heard), (u32::MAX, heard), (0, silent)], |(tick, solutions)| {
-            Cycle::new().fill(*tick, solutions)
-        });
-        // The tick-to-air slot leaves 43 200 cycles to fill, seal and load; loading takes 32 000 of them.
-        taken.assert("fill and seal of a cycle", 8_000, 64);
+        gnss::fill(cycles);
+    }
+
+    #[test]
+    fn what_a_receiver_says_is_parsed_in_bounded_cycles(cycles: &mut Cycles) {
+        gnss::receive(cycles);
+    }
+
+    #[test]
+    fn a_profile_is_offered_and_fired_in_bounded_and_constant_cycles(cycles: &mut Cycles) {
+        transmitter::cycle(cycles);
+    }
+
+    #[test]
+    fn a_function_whose_work_depends_on_the_data_is_found_out(cycles: &mut Cycles) {
+        on_target_tests::cycles::a_dependence_is_seen(cycles);
     }
 }

@@ -15,7 +15,10 @@ const COLUMNS: usize = 120;
 /// generated files are not.
 fn is_checked(path: &str) -> bool {
     let data = path.split('/').any(|folder| matches!(folder, "data" | "corpus"));
-    let source = matches!(Path::new(path).extension().and_then(|end| end.to_str()), Some("rs" | "toml" | "sh" | "x"));
+    let source = matches!(
+        Path::new(path).extension().and_then(|end| end.to_str()),
+        Some("rs" | "toml" | "sh" | "x" | "c" | "h" | "hpp")
+    );
     (source || path == ".ci/run") && !data
 }
 

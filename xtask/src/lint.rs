@@ -1,4 +1,4 @@
-//! Line length and formatting, then clippy with warnings as errors, for the host and for the target.
+//! Line length, the C header and formatting, then clippy with warnings as errors, for the host and for the target.
 
 use std::process::{Command, ExitCode};
 
@@ -52,11 +52,15 @@ pub(crate) fn lint() -> Result<ExitCode> {
     if let Err(error) = line_length::check() {
         failed.push(format!("line length: {error:#}"));
     }
+    eprintln!("-- C header");
+    if let Err(error) = crate::header::check() {
+        failed.push(format!("C header: {error:#}"));
+    }
     for (what, command) in &mut steps {
         eprintln!("-- {what}");
         if let Err(error) = check(what, command) {
             failed.push(error.to_string());
         }
     }
-    Ok(crate::test::verdict("lint", steps.len() + 1, &failed))
+    Ok(crate::test::verdict("lint", steps.len() + 2, &failed))
 }

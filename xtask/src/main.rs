@@ -9,6 +9,7 @@
 mod access;
 mod firmware;
 mod fuzz;
+mod header;
 mod judge;
 mod line_length;
 mod lint;
@@ -56,10 +57,12 @@ enum Command {
     Test(test::TestArgs),
     /// Print each image's flash and RAM against its budget; over budget fails.
     Size(SizeArgs),
-    /// Line length, formatting, then clippy with warnings as errors, for host and target.
+    /// Line length, the C header, formatting, then clippy with warnings as errors, for host and target.
     Lint,
     /// Residual error of the profile's two CRCs: exact weights, probabilities, claims; writes docs/safety.
     Residual(residual::ResidualArgs),
+    /// Write the C header of the flight controller's client from the profile's layouts, or check that it is current.
+    Header(header::HeaderArgs),
     /// Fuzz the profile's parsers with cargo-fuzz.
     Fuzz(fuzz::FuzzArgs),
     /// Compare the bench's core with QEMU (qemu-system-arm) and with LLVM's disassembler (llvm-tools), case by case.
@@ -205,6 +208,7 @@ fn dispatch(command: Command) -> Result<ExitCode> {
         Command::Size(args) => size::size(args.gps),
         Command::Lint => lint::lint(),
         Command::Residual(args) => residual::residual(&args),
+        Command::Header(args) => header::header(&args),
         Command::Fuzz(args) => fuzz::fuzz(&args),
         Command::Oracle(args) => oracle::oracle(&args),
     }

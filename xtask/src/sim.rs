@@ -47,8 +47,8 @@ pub(crate) struct SimArgs {
     /// Store the event log, which `cargo xtask judge` judges again.
     #[arg(long, value_name = "FILE")]
     events: Option<PathBuf>,
-    /// What goes wrong on purpose: a list of air, receivers, fc, power (drawn into the run from the seed), and of ram,
-    /// flash, registers (each upset on a copy of the bench, see --upsets).
+    /// What goes wrong on purpose: a list of air, receivers, fc, power, buffers (drawn into the run from the seed), and
+    /// of ram, flash, registers (each upset on a copy of the bench, see --upsets).
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     faults: Vec<Kind>,
     /// How many upsets of RAM, flash and registers are tried.
@@ -135,6 +135,7 @@ pub(crate) fn sim(args: &SimArgs) -> Result<ExitCode> {
             flight_controller_ppb: to_ppb(args.fc_ppm),
         },
         faults: Faults::drawn(&args.faults, args.gps.0, args.seed, duration_ns),
+        writes: false,
         sweep: None,
         trace: args.trace.clone(),
         log: args.events.clone(),
@@ -243,9 +244,11 @@ fn faults_in_words(faults: &bench::report::Faults) -> String {
         return "none injected".to_owned();
     }
     let count: u64 = faults.injected.values().sum();
-    let recovery = faults.max_recovery_cycles.map_or("none measured".to_owned(), |cycles| format!("{cycles} cycles"));
+    let cycles = |cycles: Option<u64>| cycles.map_or("none measured".to_owned(), |cycles| format!("{cycles} cycles"));
+    let (all, plain) = (cycles(faults.max_recovery_cycles), cycles(faults.max_recovery_cycles_without_bring_up));
     format!(
-        "{count} injected of {} kinds; {} invalid shown as valid; longest recovery {recovery}",
+        "{count} injected of {} kinds; {} invalid shown as valid; longest recovery {all}, {plain} where no front \
+         end had to be brought up again",
         faults.injected.len(),
         faults.invalid_shown_valid
     )

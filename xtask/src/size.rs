@@ -2,6 +2,7 @@
 //!
 //! Flash is what the image occupies there: code, constants and the initial values of statics. RAM is every static,
 //! initialised or not; what remains below the budget is the stack's, which flip-link puts where an overflow faults.
+//! Code that is copied to RAM has a region of its own there, which the linker bounds, and counts in flash.
 
 use std::path::Path;
 use std::process::ExitCode;

@@ -15,12 +15,16 @@ pub(crate) struct TestArgs {
     /// Where the on-target suites run.
     #[arg(long, value_enum, default_value_t = Place::Bench)]
     on: Place,
-    /// What processor time costs in the on-target suites on the bench: fast, optimistic or pessimistic.
-    #[arg(long, default_value_t)]
-    clock: Clock,
+    /// What processor time costs in the on-target suites on the bench: fast, optimistic or pessimistic. Fast and
+    /// pessimistic, one after the other, unless one is named.
+    #[arg(long)]
+    clock: Option<Clock>,
     /// Run the on-target suite of this board only, and no host test.
     #[arg(long, value_enum)]
     board: Option<Board>,
+    /// Run the on-target suites only, and no host test.
+    #[arg(long)]
+    on_target: bool,
     #[command(flatten)]
     probe: ProbeArgs,
 }
@@ -39,7 +43,7 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
             failed.push(format!("{what}: {error:#}"));
         }
     };
-    if args.on == Place::Bench && args.board.is_none() {
+    if args.on == Place::Bench && args.board.is_none() && !args.on_target {
         for gps in Receivers::ALL {
             step(&format!("both images build with {gps} receivers"), &mut || firmware::build_pair(gps).map(drop));
         }
@@ -55,27 +59,38 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
         });
     }
     for board in args.board.map_or(Board::ALL.to_vec(), |board| vec![board]) {
-        let what = format!("on-target suite of {}", board.name());
-        step(&what, &mut || on_target(board, args.on, args.clock, &args.probe));
+        if args.on == Place::Hardware {
+            let what = format!("on-target suite of {}", board.name());
+            step(&what, &mut || on_target(board, None, &args.probe));
+            continue;
+        }
+        for clock in args.clock.map_or(vec![Clock::Fast, Clock::Pessimistic], |clock| vec![clock]) {
+            let what = format!("on-target suite of {}, {clock} clock", board.name());
+            step(&what, &mut || on_target(board, Some(clock), &args.probe));
+        }
     }
     Ok(verdict("test", ran, &failed))
 }
 
-/// One board's defmt-test suite: the same ELF on the bench and on the board.
-fn on_target(board: Board, place: Place, clock: Clock, probe: &ProbeArgs) -> Result<()> {
+/// One board's defmt-test suite: the same code on the bench and on the board. It is built for the clock of the bench on
+/// which it runs, since its bounds depend on that; without one, for the board.
+fn on_target(board: Board, clock: Option<Clock>, probe: &ProbeArgs) -> Result<()> {
     crate::workspace::install(&crate::workspace::FLIP_LINK)?;
     let this = std::env::current_exe()?;
-    let mut runner = format!("{} run --board {} --clock {clock}", this.display(), board.name());
-    if place == Place::Hardware {
-        runner.push_str(" --on hardware");
-        if let Some(probe) = &probe.probe {
-            runner.push_str(&format!(" --probe {probe}"));
-        }
-        if let Some(speed) = probe.speed {
-            runner.push_str(&format!(" --speed {speed}"));
-        }
-        if probe.erase_all {
-            runner.push_str(" --erase-all");
+    let mut runner = format!("{} run --board {}", this.display(), board.name());
+    match clock {
+        Some(clock) => runner.push_str(&format!(" --clock {clock}")),
+        None => {
+            runner.push_str(" --on hardware");
+            if let Some(probe) = &probe.probe {
+                runner.push_str(&format!(" --probe {probe}"));
+            }
+            if let Some(speed) = probe.speed {
+                runner.push_str(&format!(" --speed {speed}"));
+            }
+            if probe.erase_all {
+                runner.push_str(" --erase-all");
+            }
         }
     }
     let mut command: Command = cargo();
@@ -95,6 +110,10 @@ fn on_target(board: Board, place: Place, clock: Clock, probe: &ProbeArgs) -> Res
         ])
         .env("DEFMT_LOG", "info")
         .env("CARGO_TARGET_THUMBV7EM_NONE_EABIHF_RUNNER", runner);
+    match clock {
+        Some(clock) => command.env("ON_TARGET_CLOCK", clock.to_string()),
+        None => command.env_remove("ON_TARGET_CLOCK"),
+    };
     check("the suite", &mut command)
 }
 

@@ -1,0 +1,133 @@
+//! Frames for the DPR's deadline path: good ones, damaged ones, and ones that were made to be taken for good.
+
+use dpr_fw::RECEIVERS;
+use on_target_tests::profile_suite as suite;
+use profile::{crc, Profile};
+
+/// Bytes of a payload.
+pub(crate) const SIZE: usize = Profile::<RECEIVERS>::SIZE;
+/// Objects of a profile.
+pub(crate) const OBJECTS: usize = RECEIVERS + 1;
+/// Bytes of an object's CRC, which is its end.
+const CRC: usize = 4;
+/// Where the first byte of the latitude is in every object.
+const LATITUDE: usize = 8;
+
+/// What is wrong with a frame.
+#[derive(Clone, Copy, Debug, defmt::Format)]
+pub(crate) enum Case {
+    /// Nothing.
+    Good,
+    /// A bit in the first byte of this object.
+    FirstByte(usize),
+    /// A bit in the last byte of this object.
+    LastByte(usize),
+    /// A bit in each object.
+    EveryObject,
+    /// GPS1 and GPS2 stand in each other's place, with valid CRCs.
+    Swapped,
+    /// This object is of the cycle before, with valid CRCs.
+    OfTheCycleBefore(usize),
+    /// The latitude of Reported-Position was changed and its frame CRC computed anew; its position CRC is wrong.
+    Position,
+    /// Zeros throughout.
+    Zeros,
+    /// Ones throughout.
+    Ones,
+    /// Nothing, but the timestamp is the one before.
+    Repeated,
+    /// Nothing, but the timestamp is 500 ms ahead.
+    Ahead,
+    /// Nothing, but the timestamp is 0.
+    Restarted,
+}
+
+/// All of them.
+pub(crate) const CASES: [Case; 20] = [
+    Case::Good,
+    Case::FirstByte(0),
+    Case::FirstByte(1),
+    Case::FirstByte(2),
+    Case::FirstByte(3),
+    Case::LastByte(0),
+    Case::LastByte(1),
+    Case::LastByte(2),
+    Case::LastByte(3),
+    Case::EveryObject,
+    Case::Swapped,
+    Case::OfTheCycleBefore(1),
+    Case::OfTheCycleBefore(2),
+    Case::OfTheCycleBefore(3),
+    Case::Position,
+    Case::Zeros,
+    Case::Ones,
+    Case::Repeated,
+    Case::Ahead,
+    Case::Restarted,
+];
+
+/// What the sequence says of a frame.
+pub(crate) const CLASSES: [&str; 3] = ["in sequence", "out of sequence", "no object intact"];
+
+impl Case {
+    /// How many objects of the frame are accepted if it follows a cycle that is in sequence.
+    pub(crate) const fn accepted(self) -> u32 {
+        let all = OBJECTS as u32;
+        match self {
+            Self::Good => all,
+            Self::FirstByte(_) | Self::LastByte(_) | Self::OfTheCycleBefore(_) | Self::Position => all - 1,
+            Self::Swapped => all - 2,
+            Self::EveryObject | Self::Zeros | Self::Ones | Self::Repeated | Self::Ahead | Self::Restarted => 0,
+        }
+    }
+
+    /// Which of [`CLASSES`] it is of. Whether a timestamp is known, and what the sequence says of it, decides what is
+    /// done; the frame's bytes decide nothing beyond that.
+    pub(crate) const fn class(self) -> usize {
+        match self {
+            Self::Repeated | Self::Ahead | Self::Restarted => 1,
+            Self::EveryObject | Self::Zeros | Self::Ones => 2,
+            _ => 0,
+        }
+    }
+
+    /// The payload of the cycle with `timestamp`.
+    pub(crate) fn payload(self, timestamp: u32) -> [u8; SIZE] {
+        let good = |timestamp| {
+            let (reported, gps) = suite::inputs(timestamp);
+            let mut bytes = [0; SIZE];
+            bytes.copy_from_slice(Profile::<RECEIVERS>::seal(&reported, &gps).as_bytes());
+            bytes
+        };
+        let place = |index| defmt::unwrap!(Profile::<RECEIVERS>::place(index));
+        let mut bytes = good(match self {
+            Self::Repeated => timestamp - profile::CYCLE_MS,
+            Self::Ahead => timestamp + 500,
+            Self::Restarted => 0,
+            _ => timestamp,
+        });
+        match self {
+            Self::FirstByte(index) => bytes[place(index).start] ^= 0x80,
+            Self::LastByte(index) => bytes[place(index).end - 1] ^= 1,
+            Self::EveryObject => (0..OBJECTS).for_each(|index| bytes[place(index).start + LATITUDE] ^= 1),
+            Self::Swapped => {
+                let (one, other) = (place(1), place(2));
+                let (front, back) = bytes.split_at_mut(other.start);
+                front[one.clone()].swap_with_slice(&mut back[..one.len()]);
+            }
+            Self::OfTheCycleBefore(index) => {
+                bytes[place(index)].copy_from_slice(&good(timestamp - profile::CYCLE_MS)[place(index)]);
+            }
+            Self::Position => {
+                let object = &mut bytes[place(0)];
+                object[LATITUDE] ^= 1;
+                let (covered, crc) = object.split_at_mut(object.len() - CRC);
+                crc.copy_from_slice(&crc::frame(covered).to_be_bytes());
+            }
+            Self::Zeros => bytes.fill(0x00),
+            Self::Ones => bytes.fill(0xFF),
+            Self::Good | Self::Repeated | Self::Ahead | Self::Restarted => {}
+        }
+        bytes
+    }
+}

@@ -1,0 +1,156 @@
+//! `st25r3916::Listener::step` for a whole frame, as the executor calls it.
+
+use core::hint::black_box;
+
+use on_target_tests::{
+    chip::{Chip, Status},
+    cycles::{bounds, Cycles, Taken},
+};
+use st25r3916::{Input, Listener, ListenerConfig, ListenerEvent, Step, Transfer};
+
+use super::frames::{Case, SIZE};
+
+/// LEN, payload and CRC-16.
+const FRAME: usize = SIZE + 3;
+/// I_rxs and I_rxe, sync seen and end of a frame, in the main interrupts.
+const RXS: u8 = 0x20;
+const RXE: u8 = 0x10;
+/// Steps from the sync of a frame to the receiver armed again: five waits with a status read after each, four reads of
+/// the FIFO, the event, and three transfers that arm.
+const STEPS: usize = 18;
+
+/// What the chip says of a frame besides its bytes.
+#[derive(Clone, Copy)]
+struct Flags {
+    error: u8,
+    fifo: u8,
+}
+
+/// The chip has found nothing wrong.
+const CLEAN: Flags = Flags { error: 0, fifo: 0 };
+/// The main interrupts with which each wait ends (without one: its time is over), and the bytes in the FIFO then, of a
+/// frame that is read while it arrives.
+const WHILE_FILLING: [(u8, u8); 5] = [(RXS, 0), (0, 17), (0, 182), (0, 44), (RXE, 7)];
+/// The same of a frame whose LEN is wrong: its end comes first.
+const AT_THE_END: [(u8, u8); 3] = [(RXS, 0), (0, 17), (RXE, 231)];
+
+/// One step; in a function of its own, so that every call runs the same copy of the machine.
+#[inline(never)]
+fn step(listener: &mut Listener, input: Input<'_>) -> Step<ListenerEvent> {
+    listener.step(input)
+}
+
+/// A listener that has been brought up and waits for a frame.
+fn listening(chip: &mut Chip) -> Listener {
+    let mut listener = Listener::new(ListenerConfig::new());
+    let mut next = listener.step(Input::Start);
+    for _ in 0..200 {
+        next = match next {
+            Step::Transfer(Transfer::Short(short)) => {
+                let response = chip.respond(short.bytes());
+                listener.step(Input::Done(&response[..short.bytes().len()]))
+            }
+            Step::Wait { .. } => listener.step(Input::Irq),
+            Step::Delay { .. } => listener.step(Input::Timeout),
+            Step::Event(ListenerEvent::Listening) => {
+                let waits = listener.step(Input::Start);
+                defmt::assert!(matches!(waits, Step::Wait { .. }));
+                return listener;
+            }
+            _ => defmt::panic!("the listener does not come up: {}", next),
+        };
+    }
+    defmt::panic!("the listener does not come up")
+}
+
+/// Takes in one frame; what each step took goes to its place of `taken`. How many steps there were.
+fn frame(
+    cycles: &Cycles,
+    chip: &mut Chip,
+    before: &Listener,
+    bytes: &[u8; FRAME],
+    flags: Flags,
+    waits: &[(u8, u8)],
+    taken: &mut [Taken; STEPS],
+) -> usize {
+    let mut listener = before.clone();
+    let mut waits = waits.iter();
+    let mut arm = |chip: &mut Chip| {
+        // At re-arming nothing has happened.
+        let &(main, count) = waits.next().unwrap_or(&(0, 0));
+        let Flags { error, fifo } = if main == RXS || (main, count) == (0, 0) { CLEAN } else { flags };
+        chip.set_status(Status { main, error, count, fifo });
+        main
+    };
+    let mut next = Step::Wait { us: 0 };
+    let mut steps = 0;
+    let mut delivered = false;
+    let mut response;
+    for taken in taken {
+        let input = match next {
+            Step::Wait { .. } if delivered => break,
+            Step::Wait { .. } => {
+                if arm(chip) == 0 {
+                    Input::Timeout
+                } else {
+                    Input::Irq
+                }
+            }
+            Step::Transfer(Transfer::Short(short)) => {
+                response = chip.respond(short.bytes());
+                Input::Done(&response[..short.bytes().len()])
+            }
+            Step::Transfer(Transfer::Read { offset, len }) => Input::Done(&bytes[offset..offset + len]),
+            Step::Event(ListenerEvent::Frame { len, .. }) => {
+                defmt::assert_eq!(len, SIZE);
+                delivered = true;
+                arm(chip);
+                Input::Start
+            }
+            _ => defmt::panic!("not a step of a frame: {}", next),
+        };
+        let (took, then) = cycles.timed(|| step(black_box(&mut listener), black_box(input)));
+        taken.note(took);
+        next = then;
+        steps += 1;
+    }
+    defmt::assert!(delivered);
+    steps
+}
+
+/// Every step of frames whose bytes and flags differ; then of frames whose LEN is wrong, which are read at other
+/// instants.
+pub(crate) fn steps(cycles: &Cycles) {
+    let mut chip = Chip::new();
+    let before = listening(&mut chip);
+    let mut taken = [Taken::NONE; STEPS];
+    let mut bytes = [0; FRAME];
+    for case in [Case::Good, Case::EveryObject, Case::Zeros, Case::Ones] {
+        bytes[0] = SIZE as u8 + 1;
+        bytes[1..=SIZE].copy_from_slice(&case.payload(10));
+        for flags in [CLEAN, Flags { error: 0x80, fifo: 0 }, Flags { error: 0xF0, fifo: 0x3F }] {
+            defmt::assert_eq!(frame(cycles, &mut chip, &before, &bytes, flags, &WHILE_FILLING, &mut taken), STEPS);
+        }
+    }
+    let mut worst = Taken::NONE;
+    let mut spread = 0;
+    for taken in taken {
+        worst.note(taken.max);
+        worst.note(taken.min);
+        spread = spread.max(taken.spread());
+    }
+    // Steps differ from each other; one step does not depend on what the frame says.
+    worst.assert("Listener::step, any step of a frame", bounds(340, 370, 500, u32::MAX));
+    Taken { min: 1_000, max: 1_000 + spread }
+        .assert("Listener::step, spread of one step", bounds(1_016, 1_016, 1_016, 16));
+
+    let mut wrong = [Taken::NONE; STEPS];
+    for len in [0, 1, 3, 40, 255] {
+        bytes[0] = len;
+        frame(cycles, &mut chip, &before, &bytes, CLEAN, &AT_THE_END, &mut wrong);
+    }
+    for taken in wrong.iter().filter(|taken| taken.max > 0) {
+        worst.note(taken.max);
+    }
+    worst.assert("Listener::step, LEN damaged", bounds(340, 370, 500, u32::MAX));
+}

@@ -1,0 +1,288 @@
+//! The SSI's end of a transaction, the hand-over of images and receive areas, and the port task.
+
+use core::{hint::black_box, ops::Range};
+
+use dpr_fw::{
+    port::{
+        areas::{Areas, HandedOver, SsiEnd, Transaction, AREAS},
+        Health, Port,
+    },
+    publish::{Events, Mailbox, Server, Ssi},
+    ssi::{Asked, ReceiveArea, Windows, RECEIVE_BYTES},
+    telemetry::Telemetry,
+    triple::{self, Exchange, Filling, Received, Rotated, Rotation, Scrubbable, IMAGES},
+    ImageMemory, ReceiveMemory, IMAGE_WORDS, RECEIVERS, RECEIVE_WORDS,
+};
+use on_target_tests::cycles::{bounds, Cycles, Taken};
+use profile::{
+    criticality::{BaseStation, FlightController, Writer},
+    map::{Map, PortArea},
+    ssi::{encode, Request},
+    Command, CommandObject, Uplink, UplinkValues,
+};
+
+use super::commit::Own;
+
+/// Bytes of the map that is shown.
+const LEN: usize = Map::<RECEIVERS>::LEN;
+
+/// What a transaction brings in.
+type Mosi = [u8; RECEIVE_BYTES];
+
+/// A request, an object, and what is driven behind it.
+fn mosi(request: [u8; 8], object: &[u8; Uplink::SIZE], beyond: u8) -> Mosi {
+    let mut bytes = [beyond; RECEIVE_BYTES];
+    bytes[..8].copy_from_slice(&request);
+    bytes[8..8 + Uplink::SIZE].copy_from_slice(object);
+    bytes
+}
+
+const NOTHING: [u8; 8] = [0; 8];
+const IDLE: [u8; Uplink::SIZE] = [0; Uplink::SIZE];
+
+/// Requests: nothing, windows, damaged ones, windows that lie outside, and chance (a fixed seed).
+fn requests() -> [[u8; 8]; 16] {
+    let window = |offset, length| encode(Request { offset, length });
+    let mut damaged = window(96, 60);
+    damaged[0] ^= 1;
+    let mut crc = window(96, 60);
+    crc[7] ^= 0x80;
+    let mut all = [NOTHING; 16];
+    let named = [
+        NOTHING,
+        [0xFF; 8],
+        window(0, 1),
+        window(0, LEN as u16),
+        window(LEN as u16 - 1, 1),
+        damaged,
+        crc,
+        window(0, 0),
+        window(0, LEN as u16 + 1),
+        window(u16::MAX, u16::MAX),
+    ];
+    all[..named.len()].copy_from_slice(&named);
+    let mut state = 0x1234_5678_u32;
+    for byte in all[named.len()..].as_flattened_mut() {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        *byte = (state >> 24) as u8;
+    }
+    all
+}
+
+/// `Windows::transaction` with the window that follows from it.
+pub(crate) fn windows(cycles: &Cycles) {
+    let mut taken = Taken::NONE;
+    let mut asked_for = 0;
+    for request in requests() {
+        let bytes = mosi(request, &IDLE, 0);
+        let mut windows = Windows::<LEN>::new();
+        let (took, asked) = cycles.timed(|| {
+            let asked = windows.transaction(black_box(&bytes));
+            black_box(windows.window());
+            asked
+        });
+        asked_for += u32::from(asked == Asked::Window);
+        taken.note(took);
+    }
+    defmt::assert_eq!(asked_for, 3);
+    taken.assert("ssi::Windows::transaction", bounds(250, 180, 240, 16));
+}
+
+/// The SSI's hardware, of which everything is at hand at once, with the receive areas that it lends.
+struct Wires<'m, 'a, 'q> {
+    mosi: &'m [u8],
+    image: Option<Received<&'a mut ImageMemory, ()>>,
+    area: Option<Filling<&'a mut ReceiveArea>>,
+    areas: SsiEnd<'q, &'a mut ReceiveArea>,
+    released: u32,
+    handed_over: Option<HandedOver>,
+}
+
+impl<'a> Ssi for Wires<'_, 'a, '_> {
+    type Buffer = &'a mut ImageMemory;
+
+    fn take_events(&mut self) -> Events<'_> {
+        Events { ours: true, received: Some(self.mosi), over_read: black_box(false), overflow: black_box(false) }
+    }
+    fn hand_over(&mut self, asked: Asked) -> HandedOver {
+        let Some(mut area) = self.area.take() else { return HandedOver::Empty };
+        // What an area is judged by when it is dropped: the object's identifier and status.
+        area.memory()[3] = 0x5A5A_5A5A;
+        let (next, handed_over) = self.areas.hand_over(area, Transaction { asked, bytes: self.mosi.len() });
+        self.area = Some(next);
+        self.handed_over = Some(handed_over);
+        handed_over
+    }
+    fn is_expired(&mut self) -> bool {
+        black_box(false)
+    }
+    fn exchange<R>(
+        &mut self,
+        with: impl FnOnce(Option<Received<Self::Buffer, ()>>) -> (Option<Received<Self::Buffer, ()>>, R),
+    ) -> R {
+        let (image, result) = with(self.image.take());
+        self.image = image;
+        result
+    }
+    fn load(&mut self, window: Range<usize>) -> bool {
+        black_box(window);
+        black_box(true)
+    }
+    fn announce(&mut self) {}
+    fn release(&mut self) {
+        self.released += 1;
+    }
+}
+
+/// `Server::serve` after each kind of transaction, with its area handed over, and with the areas used up.
+pub(crate) fn serve(cycles: &Cycles) {
+    let requests = requests().map(|request| mosi(request, &[0x5A; Uplink::SIZE], 0));
+    let mut images: [ImageMemory; IMAGES] = [[0; IMAGE_WORDS]; IMAGES];
+    let mut memory: [ReceiveArea; AREAS] = [[0; RECEIVE_BYTES / 4]; AREAS];
+    let mut queues = Areas::new();
+    let (area, ssi_end, mut port_end, _) = queues.split(memory.each_mut());
+    let mut mailbox = Mailbox::new(images.each_mut());
+    let telemetry = Telemetry::new();
+    let mut port = Wires { mosi: &[], image: None, area: Some(area), areas: ssi_end, released: 0, handed_over: None };
+    let (mut waits, mut dropped) = (Taken::NONE, Taken::NONE);
+    let mut granted = 0;
+    for bytes in &requests {
+        for judged in [true, true, false, false, false] {
+            let mut server = Server::<LEN>::new();
+            port.mosi = black_box(bytes);
+            waits_or_dropped(
+                cycles.of(|| server.serve(&mut port, Own(&mut mailbox), &telemetry)),
+                port.handed_over,
+                &mut waits,
+                &mut dropped,
+            );
+            granted += 1;
+            if judged {
+                if let Some(brought) = port_end.take() {
+                    port_end.done(brought);
+                }
+            }
+        }
+        while let Some(brought) = port_end.take() {
+            port_end.done(brought);
+        }
+    }
+    defmt::assert_eq!(port.released, granted);
+    waits.assert("Server::serve", bounds(400, 300, 430, 16));
+    dropped.assert("Server::serve, areas used up", bounds(450, 380, 520, 16));
+}
+
+fn waits_or_dropped(took: u32, handed_over: Option<HandedOver>, waits: &mut Taken, dropped: &mut Taken) {
+    match handed_over {
+        Some(HandedOver::Waits) => waits.note(took),
+        Some(HandedOver::Dropped) => dropped.note(took),
+        _ => defmt::panic!("an object that is not idle was not handed over"),
+    }
+}
+
+/// `Exchange`: an image is begun, published and taken.
+pub(crate) fn exchange(cycles: &Cycles) {
+    let mut images: [ImageMemory; IMAGES] = [[0; IMAGE_WORDS]; IMAGES];
+    let mut exchange = Exchange::new(images.each_mut());
+    let mut streamed = None;
+    let (mut begin, mut publish, mut take) = (Taken::NONE, Taken::NONE, Taken::NONE);
+    for round in 0..12 {
+        triple::scrub_waiting(Own(&mut exchange));
+        let (took, blank) = cycles.timed(|| exchange.begin());
+        begin.note(took);
+        let (mut filling, _) = defmt::unwrap!(blank).fill();
+        filling.memory().fill(round);
+        publish.note(cycles.of(|| exchange.publish(filling)));
+        let before = streamed.take();
+        let (took, (image, newer)) = cycles.timed(|| exchange.take(before));
+        defmt::assert!(newer);
+        // The first image that is taken has no other before it.
+        if round > 0 {
+            take.note(took);
+        }
+        let image: Received<&mut ImageMemory, ()> = defmt::unwrap!(image);
+        defmt::assert!(image.memory().iter().all(|word| *word == round));
+        streamed = Some(image);
+    }
+    begin.assert("Exchange::begin", bounds(40, 35, 45, 8));
+    publish.assert("Exchange::publish", bounds(25, 25, 35, 8));
+    take.assert("Exchange::take", bounds(65, 55, 75, 8));
+}
+
+/// `Rotation`: a frame is handed on, read and done with.
+pub(crate) fn rotation(cycles: &Cycles) {
+    let mut memory: [ReceiveMemory; 3] = [[0; RECEIVE_WORDS]; 3];
+    let (mut filling, mut rotation, _) = Rotation::<_, u32>::new(memory.each_mut());
+    let (mut rotate, mut read, mut done) = (Taken::NONE, Taken::NONE, Taken::NONE);
+    for frame in 1..=9 {
+        let (took, (next, rotated)) = cycles.timed(|| rotation.rotate(filling, frame));
+        filling = next;
+        defmt::assert!(rotated == Rotated::Handed);
+        rotate.note(took);
+        let (took, received) = cycles.timed(|| rotation.read());
+        read.note(took);
+        let received = defmt::unwrap!(received);
+        defmt::assert_eq!(*received.about(), frame);
+        done.note(cycles.of(|| rotation.done(received)));
+        let outcome = defmt::unwrap!(rotation.take_dirty()).scrub();
+        rotation.scrubbed(outcome);
+    }
+    rotate.assert("Rotation::rotate", bounds(75, 65, 90, 8));
+    read.assert("Rotation::read", bounds(55, 45, 65, 8));
+    done.assert("Rotation::done", bounds(35, 30, 45, 8));
+}
+
+/// `Port::transaction` and `Port::prepare`. They run below everything but idle: their bound counts, not their spread.
+pub(crate) fn port(cycles: &Cycles) {
+    let (base, own) = (Writer::<BaseStation>::claim(), Writer::<FlightController>::claim());
+    let values = |timestamp| UplinkValues { timestamp, payload: [0xA5; Uplink::PAYLOAD], ..UplinkValues::default() };
+    let mut damaged = *Uplink::seal(own, &values(8)).as_bytes();
+    damaged[63] ^= 1;
+    let sealed = |place: usize, value: u8| {
+        let mut bytes = *CommandObject::seal(own, 9, Command::SelfTest).as_bytes();
+        bytes[place] = value;
+        let crc = profile::crc::frame(&bytes[..60]);
+        bytes[60..].copy_from_slice(&crc.to_be_bytes());
+        bytes
+    };
+    let outside = encode(Request { offset: LEN as u16, length: 1 });
+    let mut chance = NOTHING;
+    chance[3] = 7;
+    let transactions = [
+        mosi(NOTHING, &IDLE, 0),
+        mosi([0xFF; 8], &[0xFF; Uplink::SIZE], 0xFF),
+        mosi(NOTHING, Uplink::seal(base, &values(5)).as_bytes(), 0),
+        mosi(NOTHING, Uplink::seal(own, &values(5)).as_bytes(), 0),
+        mosi(NOTHING, Uplink::seal(own, &values(5)).as_bytes(), 0), // not newer
+        mosi(NOTHING, CommandObject::seal(own, 6, Command::ClearCounters).as_bytes(), 0),
+        mosi(NOTHING, CommandObject::seal(own, 7, Command::SelfTest).as_bytes(), 0),
+        mosi(NOTHING, CommandObject::seal(own, 8, Command::SelfTest).as_bytes(), 0), // busy
+        mosi(NOTHING, &sealed(8, 0), 0),                                             // unknown word
+        mosi(NOTHING, &sealed(40, 1), 0),                                            // reserved bytes
+        mosi(NOTHING, &sealed(5, 0x77), 0),                                          // identifier
+        mosi(NOTHING, &damaged, 0),
+        mosi(chance, &damaged, 1), // request, object and rest are wrong
+        mosi(outside, &IDLE, 0),
+    ];
+    let mut port = Port::new();
+    let mut area = PortArea::EMPTY;
+    let (mut transaction, mut prepare) = (Taken::NONE, Taken::NONE);
+    let mut now_us = 1_000;
+    for bytes in &transactions {
+        for length in [0, 5, 8, 40, RECEIVE_BYTES] {
+            let mut brought: ReceiveArea = [0; RECEIVE_BYTES / 4];
+            for (word, bytes) in brought.iter_mut().zip(bytes.as_chunks().0) {
+                *word = u32::from_ne_bytes(*bytes);
+            }
+            let asked = Windows::<LEN>::new().transaction(&bytes[..length]);
+            let what = Transaction { asked, bytes: length };
+            now_us += 1_000;
+            transaction.note(cycles.of(|| port.transaction(black_box(what), black_box(&brought), now_us)));
+            prepare.note(cycles.of(|| port.prepare(black_box(&Health::default()), now_us, &mut area)));
+        }
+    }
+    defmt::assert!(port.uplinks_accepted() == 0 && port.self_test_requested());
+    defmt::assert!(port.access_violations() >= 10);
+    transaction.assert("Port::transaction", bounds(1_700, 1_300, 2_400, u32::MAX));
+    prepare.assert("Port::prepare", bounds(400, 400, 650, u32::MAX));
+}

@@ -1,0 +1,155 @@
+//! The transmitter's calls of a cycle, with a port that only notes what it was asked for.
+
+use core::{cell::Cell, hint::black_box};
+
+use horus_tx_fw::{
+    telemetry::Telemetry,
+    transmitter::{Port, Slot, Ticket, Transmitter},
+    RECEIVERS,
+};
+use on_target_tests::{
+    chip::{Chip, Status},
+    cycles::{bounds, Cycles, Taken},
+    profile_suite as suite,
+};
+use profile::{GpsValues, Profile, ReportedValues};
+use st25r3916::{PollerConfig, Short};
+
+/// The address byte of the driver's status read.
+const STATUS_READ: u8 = 0x59;
+/// I_txe, end of transmission, in the main interrupts.
+const TXE: u8 = 0x08;
+
+/// What the transmitter has started.
+#[derive(Clone, Copy)]
+enum Started {
+    Short([u8; Short::MAX], usize),
+    Load,
+}
+
+/// The port.
+struct Wires {
+    started: Option<Started>,
+    timer: bool,
+    /// The pin reads high once.
+    irq: Cell<bool>,
+    ticket: Ticket,
+    loads: u32,
+}
+
+impl Port for Wires {
+    fn deposit(&mut self, profile: &Profile<RECEIVERS>) {
+        black_box(profile);
+    }
+    fn start_short(&mut self, bytes: &[u8]) {
+        let mut short = [0; Short::MAX];
+        short[..bytes.len()].copy_from_slice(bytes);
+        self.started = Some(Started::Short(short, bytes.len()));
+    }
+    fn start_load(&mut self, start: usize, len: usize) {
+        black_box((start, len));
+        self.loads += 1;
+        self.started = Some(Started::Load);
+    }
+    fn abort(&mut self) {
+        self.started = None;
+    }
+    fn irq_is_high(&self) -> bool {
+        self.irq.replace(false)
+    }
+    fn start_timer(&mut self, us: u32) {
+        black_box(us);
+        self.timer = true;
+    }
+    fn stop_timer(&mut self) {
+        self.timer = false;
+    }
+    fn arm(&mut self, ticket: Ticket) {
+        self.ticket = ticket;
+    }
+    fn disarm(&mut self) -> bool {
+        core::mem::replace(&mut self.ticket, Ticket::NONE) != Ticket::NONE
+    }
+}
+
+/// Answers what was started, until the transmitter waits for nothing but an offer. `main` is what the first status
+/// read shows.
+fn settle(transmitter: &mut Transmitter<'_>, wires: &mut Wires, chip: &mut Chip, mut main: u8) {
+    for _ in 0..200 {
+        match wires.started.take() {
+            Some(Started::Short(bytes, len)) => {
+                if bytes[0] == STATUS_READ {
+                    chip.set_status(Status { main: core::mem::take(&mut main), ..Status::default() });
+                }
+                let response = chip.respond(&bytes[..len]);
+                transmitter.done(&response[..len], wires);
+            }
+            Some(Started::Load) => transmitter.done(&[], wires),
+            None if wires.timer => {
+                wires.timer = false;
+                wires.irq.set(true);
+                transmitter.elapsed(wires);
+            }
+            None => return,
+        }
+    }
+    defmt::panic!("the transmitter does not settle");
+}
+
+/// `Transmitter::offer`, `done` and `slot`, and `Ticket::due`, over profiles whose every byte differs.
+pub(crate) fn cycle(cycles: &Cycles) {
+    let telemetry = Telemetry::new();
+    let mut transmitter = Transmitter::new(PollerConfig::new(), &telemetry);
+    let mut wires = Wires { started: None, timer: false, irq: Cell::new(false), ticket: Ticket::NONE, loads: 0 };
+    let mut chip = Chip::new();
+    transmitter.start(&mut wires);
+    settle(&mut transmitter, &mut wires, &mut chip, 0);
+    defmt::assert!(transmitter.take_fault().is_none());
+
+    let [mut offer, mut loaded, mut slot, mut skipped, mut due] = [Taken::NONE; 5];
+    let absent = (ReportedValues::absent(0), [GpsValues::absent(0); RECEIVERS]);
+    for (tick, (reported, gps)) in
+        [absent, suite::inputs(10), suite::inputs(1230), suite::inputs(u32::MAX), absent].into_iter().enumerate()
+    {
+        let tick = tick as u32 + 1;
+        let profile = Profile::<RECEIVERS>::seal(&reported, &gps);
+        // The first turn is not timed: the flash cache is warm for all the others.
+        let timed = tick > 1;
+        let note = |taken: &mut Taken, took| {
+            if timed {
+                taken.note(took);
+            }
+        };
+        let (took, taken) = cycles.timed(|| transmitter.offer(black_box(tick), black_box(&profile), &mut wires));
+        defmt::assert!(taken);
+        note(&mut offer, took);
+        defmt::assert!(matches!(wires.started.take(), Some(Started::Load)));
+        note(&mut loaded, cycles.of(|| transmitter.done(&[], &mut wires)));
+        let ticket = wires.ticket;
+        defmt::assert!(ticket != Ticket::NONE);
+        for (ticket, tick, frame, right) in [
+            (ticket, tick, 0, true),
+            (ticket, tick + 1, 0, false),
+            (ticket, tick, 1, false),
+            (Ticket::NONE, tick, 0, false),
+            (Ticket::from_word(u32::MAX), tick, 0, false),
+        ] {
+            let (took, command) = cycles.timed(|| black_box(ticket).due(black_box(tick), black_box(frame)));
+            defmt::assert_eq!(command.is_some(), right);
+            note(&mut due, took);
+        }
+        wires.ticket = Ticket::NONE;
+        note(&mut slot, cycles.of(|| transmitter.slot(black_box(Slot { frame: 0, fired: Some(0) }), &mut wires)));
+        defmt::assert_eq!(wires.loads, 2 * tick);
+        settle(&mut transmitter, &mut wires, &mut chip, TXE);
+        // A slot without a ticket.
+        note(&mut skipped, cycles.of(|| transmitter.slot(black_box(Slot { frame: 0, fired: None }), &mut wires)));
+        defmt::assert!(transmitter.take_fault().is_none());
+        defmt::assert_eq!(telemetry.frames_sent.get(), tick);
+    }
+    offer.assert("Transmitter::offer", bounds(250, 250, 550, 8));
+    loaded.assert("Transmitter::done, head loaded", bounds(190, 200, 430, 8));
+    slot.assert("Transmitter::slot, fired", bounds(220, 250, 520, 8));
+    skipped.assert("Transmitter::slot, nothing fired", bounds(60, 65, 140, 8));
+    due.assert("Ticket::due", bounds(65, 50, 110, 32));
+}

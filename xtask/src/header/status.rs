@@ -1,0 +1,206 @@
+//! The status words' bits and codes, and the client's verdicts, as C has them.
+
+use std::fmt::Write as _;
+
+use anyhow::{Result, ensure};
+use profile::ssi::client::Verdict;
+use profile::{
+    Command, FixType, GpsStatus, HorusState, LinkStatusBits, PortStatusBits, ReportedStatus, ResetReason, Violation,
+};
+
+use super::defines;
+
+/// A bit, or the bits of a code: its name, its mask, what it says.
+type Bits = (&'static str, u16, &'static str);
+
+/// Every status word.
+pub(super) fn words() -> Result<String> {
+    let reported = ReportedStatus::new();
+    let gps = GpsStatus::new();
+    let link = LinkStatusBits::new();
+    let port = PortStatusBits::new();
+    let text = [
+        word(
+            "REPORTED",
+            "Reported-Position",
+            ReportedStatus::USED,
+            &[
+                ("AGREEING_MASK", reported.with_receivers_agreeing(7).bits(), "receivers that agree, 0 to 7"),
+                ("POSITION_VALID", reported.with_position_valid(true).bits(), "latitude and longitude are valid"),
+                ("ATTITUDE_VALID", reported.with_attitude_valid(true).bits(), "pitch, yaw and roll are valid"),
+                ("ACCELERATION_VALID", reported.with_acceleration_valid(true).bits(), "the accelerations are valid"),
+                ("DEGRADED", reported.with_degraded(true).bits(), "fewer receivers agree than are configured"),
+                ("WITHOUT_CRYSTAL", reported.with_without_crystal(true).bits(), "HORUS runs without its crystal"),
+                ("STATE_MASK", 0x0F00, "what HORUS is doing: horus_dpr_state_t"),
+            ],
+        )?,
+        word(
+            "GPS",
+            "GPS1 to GPS5",
+            GpsStatus::USED,
+            &[
+                ("FIX_MASK", 0x000F, "UBX fixType: horus_dpr_fix_t"),
+                ("POSITION_VALID", gps.with_position_valid(true).bits(), "latitude and longitude are valid"),
+                ("ATTITUDE_VALID", gps.with_attitude_valid(true).bits(), "pitch, yaw and roll are valid"),
+                ("ACCELERATION_VALID", gps.with_acceleration_valid(true).bits(), "the accelerations are valid"),
+                ("HEARD", gps.with_heard(true).bits(), "heard in the last 250 ms"),
+                ("STALE", gps.with_stale(true).bits(), "the solution is older than its period allows"),
+                ("EXCLUDED", gps.with_excluded(true).bits(), "the voter excluded this receiver"),
+            ],
+        )?,
+        word(
+            "LINK",
+            "Link-Status",
+            LinkStatusBits::USED,
+            &[
+                ("UP", link.with_link_up(true).bits(), "frames arrive within their deadline"),
+                ("ALL_ACCEPTED", link.with_all_accepted(true).bits(), "every object of the last cycle was accepted"),
+                ("HORUS_FROZEN", link.with_horus_frozen(true).bits(), "HORUS repeats its timestamp"),
+                ("HORUS_RESTARTED", link.with_horus_restarted(true).bits(), "HORUS started again"),
+                ("RAM_FAULT", link.with_ram_fault(true).bits(), "a scrub found a RAM fault"),
+                ("FRONT_END_FAULT", link.with_front_end_fault(true).bits(), "the RFID front end has a fault"),
+                ("UNASKED_RESET", link.with_unasked_reset(true).bits(), "nobody asked for the DPR's last reset"),
+                ("UPLINK_REJECTED", link.with_uplink_rejected(true).bits(), "the last uplink was rejected"),
+                ("OUT_OF_SEQUENCE", link.with_out_of_sequence(true).bits(), "nothing is shown until it is found again"),
+                ("CLOCK_IMPLAUSIBLE", link.with_horus_clock_implausible(true).bits(), "HORUS's clock is off by > 2 %"),
+                ("FLASH_FAULT", link.with_flash_fault(true).bits(), "the DPR's program memory is damaged"),
+                ("RESET_MASK", 0x7000, "why the DPR last started: horus_dpr_reset_t"),
+            ],
+        )?,
+        word(
+            "PORT",
+            "Port-Status",
+            PortStatusBits::USED,
+            &[
+                ("BASE_STATION_FRESH", port.with_base_station_fresh(true).bits(), "its uplink is shown"),
+                ("FLIGHT_CONTROLLER_FRESH", port.with_flight_controller_fresh(true).bits(), "its uplink is shown"),
+                ("LAST_REFUSED", port.with_last_refused(true).bits(), "the last uplink or command was refused"),
+                ("SELF_TEST_RUNNING", port.with_self_test_running(true).bits(), "a self-test is under way"),
+                ("SELF_TEST_PASSED", port.with_self_test_passed(true).bits(), "the last one found nothing"),
+                ("SELF_TEST_FAILED", port.with_self_test_failed(true).bits(), "the last one found a fault"),
+                ("BUFFERS_OUT_OF_USE", port.with_buffers_out_of_use(true).bits(), "a buffer or image is out of use"),
+            ],
+        )?,
+    ];
+    Ok(text.concat() + &codes())
+}
+
+fn word(prefix: &str, title: &str, used: u16, bits: &[Bits]) -> Result<String> {
+    let mut seen = 0;
+    for (name, mask, _) in bits {
+        ensure!(*mask != 0 && seen & mask == 0, "{prefix}_{name} is {mask:#06X}, of which some is another's");
+        seen |= mask;
+    }
+    ensure!(seen == used, "the bits of {title} are {used:#06X}, those named here {seen:#06X}");
+    let mut lines: Vec<_> = bits
+        .iter()
+        .map(|(name, mask, what)| (format!("HORUS_DPR_{prefix}_{name}"), format!("0x{mask:04X}U"), *what))
+        .collect();
+    lines.push((format!("HORUS_DPR_{prefix}_USED"), format!("0x{used:04X}U"), "the bits that have a meaning"));
+    for (name, mask, _) in bits.iter().filter(|(name, ..)| name.ends_with("_MASK")) {
+        let name = name.trim_end_matches("_MASK");
+        let shift = format!("{}U", mask.trailing_zeros());
+        lines.push((format!("HORUS_DPR_{prefix}_{name}_SHIFT"), shift, "how far to shift that code down"));
+    }
+    Ok(format!("/* {title}. */\n{}\n", defines(&lines)))
+}
+
+/// A C enumeration: name, number and meaning of each.
+fn enumeration(name: &str, title: &str, prefix: &str, values: &[(&str, u8, &str)]) -> String {
+    let width = values.iter().map(|(value, ..)| value.len()).max().unwrap_or(0) + prefix.len() + 16;
+    let mut text = format!("/* {title} */\ntypedef enum {{\n");
+    for (index, (value, number, what)) in values.iter().enumerate() {
+        let comma = if index + 1 == values.len() { "" } else { "," };
+        let line = format!("HORUS_DPR_{prefix}{value} = {number}{comma}");
+        let _ = writeln!(text, "    {line:width$} /* {what} */");
+    }
+    let _ = writeln!(text, "}} horus_dpr_{name}_t;\n");
+    text
+}
+
+fn codes() -> String {
+    use {FixType as F, HorusState as S, ResetReason as R};
+    let states = [S::Starting, S::Monitoring, S::OutsideRange, S::SwitchedToRedundant, S::MotorsCut, S::EmergencyFired];
+    let states = states.map(|state| {
+        let (name, what) = match state {
+            S::Starting => ("STARTING", "not yet monitoring"),
+            S::Monitoring => ("MONITORING", "monitoring the flight range"),
+            S::OutsideRange => ("OUTSIDE_RANGE", "the position is outside the flight range"),
+            S::SwitchedToRedundant => ("SWITCHED", "switched to the redundant flight controller"),
+            S::MotorsCut => ("MOTORS_CUT", "motors cut"),
+            S::EmergencyFired => ("EMERGENCY_FIRED", "emergency measure fired"),
+        };
+        (name, state as u8, what)
+    });
+    let fixes = [F::NoFix, F::DeadReckoning, F::Fix2D, F::Fix3D, F::GnssDeadReckoning, F::TimeOnly].map(|fix| {
+        let (name, what) = match fix {
+            F::NoFix => ("NONE", "no fix"),
+            F::DeadReckoning => ("DEAD_RECKONING", "dead reckoning only"),
+            F::Fix2D => ("2D", "two-dimensional fix"),
+            F::Fix3D => ("3D", "three-dimensional fix"),
+            F::GnssDeadReckoning => ("COMBINED", "GNSS and dead reckoning combined"),
+            F::TimeOnly => ("TIME_ONLY", "time only"),
+        };
+        (name, fix as u8, what)
+    });
+    let resets = [R::PowerOn, R::Pin, R::Watchdog, R::Lockup, R::Software, R::BrownOutOrOther].map(|reason| {
+        let (name, what) = match reason {
+            R::PowerOn => ("POWER_ON", "its supply came on"),
+            R::Pin => ("PIN", "its reset pin was low"),
+            R::Watchdog => ("WATCHDOG", "its watchdog was not fed"),
+            R::Lockup => ("LOCKUP", "a fault while it handled a fault"),
+            R::Software => ("SOFTWARE", "software or a debugger asked for it"),
+            R::BrownOutOrOther => ("OTHER", "its supply dipped, or something else"),
+        };
+        (name, reason as u8, what)
+    });
+    enumeration("state", "What HORUS is doing. Other codes are reserved.", "STATE_", &states)
+        + &enumeration("fix", "A receiver's fix. Other codes are reserved.", "FIX_", &fixes)
+        + &enumeration("reset", "Why the DPR last started. Other codes are reserved.", "RESET_", &resets)
+}
+
+/// The client's verdicts.
+pub(super) fn verdicts() -> String {
+    let verdicts = Verdict::ALL.map(|verdict| {
+        let (name, what) = match verdict {
+            Verdict::Fresh => ("FRESH", "a new sample, in sequence, valid, not too old: its position is shown"),
+            Verdict::Same => ("SAME", "the same sample again, intact: not new, only older"),
+            Verdict::Searching => ("SEARCHING", "a new sample; the sequence is not found yet. Not shown"),
+            Verdict::OutOfSequence => ("OUT_OF_SEQUENCE", "a sample that does not continue the others. Not shown"),
+            Verdict::Empty => ("EMPTY", "Link-Status is intact; there is no Reported-Position"),
+            Verdict::Invalid => ("INVALID", "a new sample whose position is not valid. Not shown"),
+            Verdict::Stale => ("STALE", "an intact sample that is older than the limit. Not shown"),
+            Verdict::Busy => ("BUSY", "0xFF throughout, or nothing: not heard; what was sent is sent again"),
+            Verdict::Damaged => ("DAMAGED", "damaged, or not read whole: nothing of it is used"),
+            Verdict::Silent => ("SILENT", "busy or damaged, and nothing intact for too long"),
+            Verdict::Window => ("OTHER_WINDOW", "the window that was asked for: see horus_dpr_view_..."),
+        };
+        (name, verdict as u8, what)
+    });
+    enumeration("verdict", "What a transaction brought.", "", &verdicts)
+}
+
+/// A command's name and what it does.
+pub(super) fn command(command: Command) -> (&'static str, &'static str) {
+    match command {
+        Command::ClearCounters => ("CLEAR_COUNTERS", "sets Port-Status's counters to 0"),
+        Command::SelfTest => ("SELF_TEST", "one whole pass over flash and free RAM"),
+        _ => unreachable!("a command that C has no name for"),
+    }
+}
+
+/// The name of a kind of access violation, and what it means.
+pub(super) fn violation(kind: Violation) -> (&'static str, &'static str) {
+    match kind {
+        Violation::RequestDamaged => ("REQUEST_DAMAGED", "a request whose CRC is wrong"),
+        Violation::WindowOutside => ("WINDOW_OUTSIDE", "a window that is empty or not in the map"),
+        Violation::TooShort => ("TOO_SHORT", "a request or an object that ended in the middle"),
+        Violation::UplinkDamaged => ("UPLINK_DAMAGED", "an object whose CRC is wrong"),
+        Violation::UplinkIdentifier => ("UPLINK_IDENTIFIER", "an object that nobody may write"),
+        Violation::UplinkNotNewer => ("UPLINK_NOT_NEWER", "an uplink or a command that is repeated or old"),
+        Violation::CommandUnknown => ("COMMAND_UNKNOWN", "an unknown command, or reserved bytes that are not zero"),
+        Violation::CommandBusy => ("COMMAND_BUSY", "a self-test while one is under way"),
+        Violation::TooMany => ("TOO_MANY", "more transactions or objects than the DPR grants"),
+        Violation::TooLong => ("TOO_LONG", "something was driven behind the object"),
+    }
+}

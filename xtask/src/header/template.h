@@ -1,0 +1,235 @@
+/* The flight controller's end of the SSI: what to send to the DPR, and what to make of what comes back.
+ *
+ * Generated from the Rust crate `profile` by `cargo xtask header`, from xtask/src/header/template.h and the layouts as
+ * that crate has them. Do not edit: `cargo xtask lint` fails if this file is not what is generated.
+ *
+ * C11, or C++11 and later. docs/flight-controller.md shows how to wire and use it; this is the short form:
+ *
+ *     static horus_dpr_t dpr;
+ *     horus_dpr_config_t config = horus_dpr_config(3);
+ *     horus_dpr_init(&dpr, &config);
+ *
+ *     in each control cycle:
+ *         uint8_t buffer[HORUS_DPR_MAX_MAP_BYTES];
+ *         horus_dpr_report_t report;
+ *         uint64_t began_us = now in us;
+ *         size_t bytes = horus_dpr_begin(&dpr, buffer, sizeof buffer);
+ *         transfer `bytes` bytes of `buffer` by SPI, in place; bytes = 0 if that failed
+ *         horus_dpr_end(&dpr, buffer, bytes, began_us, HORUS_DPR_NO_FRESH, &report);
+ *         if (report.has_position) { fly by report.position } else { fly by your own receiver }
+ *
+ * Nothing here allocates, blocks or calls back. A client is plain memory of its caller's; two clients are independent;
+ * one client is used by one thread at a time. No pointer may be NULL, but `miso` if there are no bytes.
+ */
+#ifndef HORUS_DPR_H
+#define HORUS_DPR_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+#define HORUS_DPR_ASSERT(condition, text) static_assert(condition, text)
+extern "C" {
+#else
+#define HORUS_DPR_ASSERT(condition, text) _Static_assert(condition, text)
+#endif
+
+/* ---- numbers ---- */
+
+@constants@
+/* The image for 1, 2, 3 or 5 receivers, bytes: Link-Status, Reported-Position, GPS1 to GPSn. */
+#define HORUS_DPR_IMAGE_BYTES(receivers) (HORUS_DPR_GPS_OFFSET + (HORUS_DPR_GPS_BYTES * (receivers)))
+/* The memory map, bytes: the image, Port-Status, both uplinks. */
+#define HORUS_DPR_MAP_BYTES(receivers) (HORUS_DPR_IMAGE_BYTES(receivers) + HORUS_DPR_PORT_BYTES)
+/* Offset of GPS1 to GPS5 in the map. */
+#define HORUS_DPR_GPS_AT(receiver) (HORUS_DPR_GPS_OFFSET + (HORUS_DPR_GPS_BYTES * ((receiver) - 1U)))
+/* Offset of Port-Status in the map. */
+#define HORUS_DPR_PORT_STATUS_AT(receivers) (HORUS_DPR_IMAGE_BYTES(receivers) + HORUS_DPR_PORT_STATUS_OFFSET)
+
+@layouts@
+/* ---- objects as they lie on the wire: everything little-endian, but the CRCs, which are big-endian ---- */
+
+@wire@
+/* ---- bits and codes of the status words ---- */
+
+@status@
+/* ---- what the client says ---- */
+
+@verdicts@
+/* What is in the place of an object, or why an argument was refused. */
+typedef enum {
+    HORUS_DPR_OK = 0,           /* the object, intact; the argument was accepted */
+    HORUS_DPR_VACANT = 1,       /* nothing: 0x00 or 0xFF throughout */
+    HORUS_DPR_LENGTH = 2,       /* it was not read, or not whole; there is no such object */
+    HORUS_DPR_CRC = 3,          /* damaged: the frame CRC does not match */
+    HORUS_DPR_POSITION_CRC = 4, /* the frame CRC matches, that over latitude and longitude does not */
+    HORUS_DPR_IDENTIFIER = 5,   /* intact, but another object than the one that belongs here */
+    HORUS_DPR_WINDOW = 6,       /* a window that is empty or not in the map */
+    HORUS_DPR_COMMAND = 7       /* a command that the DPR does not know, or whose reserved bytes are not zero */
+} horus_dpr_result_t;
+
+/* Values of Reported-Position, or of a receiver. What is not known is NaN. */
+typedef struct {
+    uint32_t timestamp;    /* ms since HORUS start, wraps; +10 in each cycle */
+    uint16_t status;       /* HORUS_DPR_REPORTED_..., or HORUS_DPR_GPS_... for a receiver's */
+    double latitude;       /* degrees, WGS-84, north positive */
+    double longitude;      /* degrees, WGS-84, east positive */
+    double altitude;       /* m above the WGS-84 ellipsoid, not above mean sea level */
+    float pitch;           /* rad, nose up positive */
+    float yaw;             /* rad, clockwise from true north */
+    float roll;            /* rad, right side down positive */
+    float acceleration[3]; /* m/s2 along front, right, down; gravity removed */
+} horus_dpr_sample_t;
+
+/* Values of Link-Status. Counters count since DPR start and wrap unless they say otherwise. */
+typedef struct {
+    uint32_t timestamp;         /* ms since DPR start, wraps */
+    uint16_t status;            /* HORUS_DPR_LINK_... */
+    uint32_t objects_accepted;  /* objects accepted */
+    uint32_t objects_rejected;  /* objects rejected */
+    uint32_t frames_received;   /* frames received, accepted or not */
+    uint32_t frames_missed;     /* frames that should have come and did not */
+    uint16_t age_100us;         /* age of Reported-Position when the image was made, 100 us; stays at 65535 */
+    uint16_t access_violations; /* accesses over SSI that were refused; stays at 65535 */
+} horus_dpr_link_t;
+
+/* Values of Port-Status. Counters of 16 bits stay at 65535, those of 32 wrap. */
+typedef struct {
+    uint32_t timestamp;                        /* ms since DPR start, wraps */
+    uint16_t status;                           /* HORUS_DPR_PORT_... */
+    uint32_t uplinks_accepted;                 /* uplinks that were stored, of both writers */
+    uint32_t commands_carried_out;             /* commands that were carried out */
+    uint32_t last_command_timestamp;           /* timestamp of the last of them, ms; 0 if there was none */
+    uint32_t last_command;                     /* its word; 0 if there was none */
+    uint16_t base_station_age_ms;              /* since the base station's last uplink, ms; 65535: long ago or never */
+    uint16_t flight_controller_age_ms;         /* since the flight controller's last uplink, likewise */
+    uint16_t violations[HORUS_DPR_VIOLATIONS]; /* access violations by kind: HORUS_DPR_VIOLATION_... */
+    uint16_t integrity_faults;                 /* faults that the round-the-clock check found in images */
+    uint16_t flash_passes;                     /* passes of that check over the flash */
+    uint16_t stuck_bits;                       /* stuck bits that scrubs found */
+    uint16_t buffers_out_of_use;               /* receive buffers and images taken out of use */
+    uint32_t last_stop;                        /* why the DPR was last in its safe state; 0 if it was not */
+} horus_dpr_port_t;
+
+/* Values of an uplink as the DPR has stored it. */
+typedef struct {
+    uint32_t timestamp;                       /* ms on the writer's clock, wraps */
+    uint16_t status;                          /* as writer and reader have agreed */
+    uint8_t payload[HORUS_DPR_PAYLOAD_BYTES]; /* what the writer says */
+} horus_dpr_uplink_t;
+
+/* Bytes of the map. */
+typedef struct {
+    uint16_t offset; /* the first of them */
+    uint16_t length; /* how many */
+} horus_dpr_window_t;
+
+/* How a client reads, and what it accepts. Fill it with horus_dpr_config, then change what you like. */
+typedef struct {
+    uint8_t receivers;     /* receivers of the profile: 1, 2, 3 or 5 */
+    uint16_t read_bytes;   /* bytes that a transaction reads from the map's start: HORUS_DPR_PREFIX_BYTES or more */
+    uint32_t age_limit_us; /* a position older than this is not shown, us */
+    uint32_t silence_us;   /* so long without anything intact is HORUS_DPR_SILENT, us */
+} horus_dpr_config_t;
+
+/* What the client says after a transaction. */
+typedef struct {
+    horus_dpr_verdict_t verdict; /* what the transaction brought */
+    bool has_position;           /* whether there is a position to fly by; if not, fall back on your own receiver */
+    horus_dpr_sample_t position; /* that position; what is not valid in it is NaN, and its status bit clear */
+    uint32_t age_us;             /* age of the last intact sample when the transaction began, us; not less than true */
+    bool has_link;               /* whether this transaction brought Link-Status */
+    horus_dpr_link_t link;       /* Link-Status, if so */
+} horus_dpr_report_t;
+
+/* A client. Its members are its own: read reports instead. */
+typedef struct {
+    horus_dpr_config_t config;
+    horus_dpr_window_t shown;               /* what the transaction that ended last showed */
+    horus_dpr_window_t window;              /* what the next one shows, if it was asked for */
+    horus_dpr_window_t asked;               /* to be asked for in the next one */
+    horus_dpr_window_t sent;                /* asked for, until it is known that the DPR has heard it */
+    uint8_t object[HORUS_DPR_OBJECT_BYTES]; /* to be written, until it is known that the DPR has heard it */
+    horus_dpr_sample_t position;            /* the last sample's values, if they may be shown */
+    uint64_t last_due_us;                   /* the last sample: the earliest instant at which it could be read */
+    uint64_t last_read_us;                  /* when it was read first */
+    uint32_t last_timestamp;
+    uint32_t last_age_us; /* how old it was then */
+    uint64_t image_us;    /* when an intact Link-Status was last read */
+    uint64_t intact_us;   /* when anything intact was last read, or else when the first transaction began */
+    uint32_t image_timestamp;
+    uint8_t found; /* samples in a row that were in sequence */
+    bool has_window;
+    bool has_asked;
+    bool has_sent;
+    bool has_object;
+    bool object_under_way;
+    bool has_position;
+    bool has_last;
+    bool has_image;
+    bool has_intact;
+} horus_dpr_t;
+
+/* ---- the client ---- */
+
+/* 96 bytes in each transaction, a position of at most HORUS_DPR_AGE_LIMIT_US. */
+horus_dpr_config_t horus_dpr_config(uint8_t receivers);
+
+/* A client that has read nothing yet. HORUS_DPR_WINDOW, and nothing changed, if there is no profile for so many
+ * receivers, or if read_bytes are fewer than HORUS_DPR_PREFIX_BYTES or more than the map has. */
+horus_dpr_result_t horus_dpr_init(horus_dpr_t *client, const horus_dpr_config_t *config);
+
+/* Asks for bytes of the map: the next transaction asks, the one after it shows them. A request that met a busy DPR is
+ * repeated. HORUS_DPR_WINDOW, and nothing is asked for, if it is empty or does not lie in the map. */
+horus_dpr_result_t horus_dpr_ask(horus_dpr_t *client, uint16_t offset, uint16_t length);
+
+/* Writes an object in the next transaction: one that was sealed here, or one of the base station's, as it is. One that
+ * met a busy DPR is written again. HORUS_DPR_CRC, HORUS_DPR_IDENTIFIER or HORUS_DPR_COMMAND, and nothing is written,
+ * if it is damaged or the DPR would refuse it. */
+horus_dpr_result_t horus_dpr_write(horus_dpr_t *client, const uint8_t object[HORUS_DPR_OBJECT_BYTES]);
+
+/* Fills `object` with an uplink of the flight controller. Each must have a later timestamp than the one before, ms. */
+void horus_dpr_seal_uplink(uint8_t object[HORUS_DPR_OBJECT_BYTES], uint32_t timestamp, uint16_t status,
+    const uint8_t payload[HORUS_DPR_PAYLOAD_BYTES]);
+
+/* Fills `object` with a command, HORUS_DPR_COMMAND_..., whose timestamp must be later than that of the one before. */
+void horus_dpr_seal_command(uint8_t object[HORUS_DPR_OBJECT_BYTES], uint32_t timestamp, uint32_t word);
+
+/* Fills the first bytes of `mosi` with what the next transaction sends, and says how many bytes are to be clocked. 0,
+ * and nothing changed, if `capacity` is too small; HORUS_DPR_MAX_MAP_BYTES always suffice. */
+size_t horus_dpr_begin(horus_dpr_t *client, uint8_t *mosi, size_t capacity);
+
+/* The transaction is over. `miso` is what came back, `bytes` as many as were clocked; none if the bus failed.
+ * `began_us` is when chip select fell, `fresh_us` when the last edge of FRESH before that came, or HORUS_DPR_NO_FRESH
+ * if the line is not wired: both us on one clock that never goes back. */
+void horus_dpr_end(horus_dpr_t *client, const uint8_t *miso, size_t bytes, uint64_t began_us, uint64_t fresh_us,
+    horus_dpr_report_t *report);
+
+/* ---- what the transaction that ended last brought, object by object; `miso` and `bytes` as for horus_dpr_end ---- */
+
+/* Bytes of the map, NULL if they were not all read. */
+const uint8_t *horus_dpr_find(
+    const horus_dpr_t *client, const uint8_t *miso, size_t bytes, size_t offset, size_t length);
+
+/* Link-Status. The values are written with HORUS_DPR_OK only; so below. */
+horus_dpr_result_t horus_dpr_view_link(
+    const horus_dpr_t *client, const uint8_t *miso, size_t bytes, horus_dpr_link_t *link);
+
+/* Object number `index` of the profile as HORUS sent it: 0 is Reported-Position, 1 to 5 are GPS1 to GPS5. */
+horus_dpr_result_t horus_dpr_view_object(
+    const horus_dpr_t *client, const uint8_t *miso, size_t bytes, uint8_t index, horus_dpr_sample_t *sample);
+
+/* Port-Status. */
+horus_dpr_result_t horus_dpr_view_port(
+    const horus_dpr_t *client, const uint8_t *miso, size_t bytes, horus_dpr_port_t *port);
+
+/* An uplink as stored: HORUS_DPR_ID_UPLINK_BASE_STATION or HORUS_DPR_ID_UPLINK_FLIGHT_CONTROLLER. */
+horus_dpr_result_t horus_dpr_view_uplink(const horus_dpr_t *client, const uint8_t *miso, size_t bytes,
+    uint16_t identifier, horus_dpr_uplink_t *uplink);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif
