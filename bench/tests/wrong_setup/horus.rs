@@ -278,6 +278,9 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     row("TIM2: prescaler 2", &[bits(TIM2 + 0x28, 0xFFFF, 1)], Told::Nothing, |seen| {
         seen.period() == 20 * MS && seen.frames.len() == seen.ticks.len() && seen.restarts.is_empty()
     }),
+    // CC1IF comes with the overflow where the compare value is beyond it (RM0090 18.4.5).
+    row("TIM2: slot beyond the period", &[bits(TIM2 + 0x34, !0, 0xF_FFFF)], Told::Nothing, fires_at_every_second_tick),
+    row("TIM2: no compare interrupt", &[bits(TIM2 + 0xC, 2, 0)], Told::Nothing, fires_at_every_second_tick),
     row("TIM2: no clock", &[gate(0x40, 0)], Told::Finding(REFUSED), |seen| {
         seen.ticks.is_empty() && seen.frames.is_empty() && seen.watchdog()
     }),
@@ -310,6 +313,11 @@ const HORUS_ROWS: &[Row<Sends>] = &[
         // Receiver 2 is on APB2.
         seen.period() == 20 * MS && seen.messages == [0, 12, 0]
     }),
+    row("APB1: divided by 2", &[bits(RCC + 8, 0x1C00, 0x1000)], Told::Finding("PCLK1 is faster"), |seen| {
+        // TIM5 runs twice as fast, too: the wait for a frame's end is over before the frame is.
+        let cut_off = !seen.frames.is_empty() && seen.faults as usize == seen.frames.len();
+        seen.period() == 5 * MS && seen.messages == [0, 12, 0] && cut_off && seen.log.contains("radio: NoTransmitEnd")
+    }),
     row("IWDG: never reloaded", &[instead(IWDG, 0xAAAA, 0)], Told::Nothing, |seen| {
         seen.watchdog() && !seen.frames.is_empty() && seen.log.contains("reset: watchdog")
     }),
@@ -332,10 +340,13 @@ fn late_on_air(seen: &Sends) -> bool {
     seen.frames.len() + 2 == seen.ticks.len() && seen.skipped == 2 && seen.faults == 0 && seen.messages == [12; 3]
 }
 
-/// Frames leave at the tick instead of the slot 300 us after it.
-fn fires_at_the_tick(seen: &Sends) -> bool {
+/// Frames leave at the tick instead of the slot 100 us after it. The cycle that begins with it is refused, since the rest
+/// of the frame before is still to be loaded: so every second cycle sends.
+fn fires_at_every_second_tick(seen: &Sends) -> bool {
     let after = |frame: &u64| seen.ticks.iter().filter(|tick| *tick <= frame).map(|tick| frame - tick).min();
-    seen.frames.len() >= 22 && seen.frames.iter().all(|frame| after(frame).is_some_and(|after| after < 50 * US))
+    seen.frames.len() == 12
+        && seen.frames.len() + seen.skipped as usize + 1 == seen.ticks.len()
+        && seen.frames.iter().all(|frame| after(frame).is_some_and(|after| after < 10 * US))
 }
 
 #[test]

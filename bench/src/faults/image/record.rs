@@ -24,8 +24,12 @@ pub(super) struct Store {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Offset {
-    Immediate(u16),
-    Register { rm: u8, shift: u8 },
+    /// -255 to 4095.
+    Immediate(i16),
+    Register {
+        rm: u8,
+        shift: u8,
+    },
 }
 
 impl Store {
@@ -33,7 +37,7 @@ impl Store {
     pub(super) fn decode(first: u16, second: u16) -> Option<Self> {
         let low = |at: u16| (first >> at & 7) as u8;
         let narrow = |size: u8, offset| Some(Self { rt: low(0), rn: low(3), offset, size, wide: false });
-        let immediate = first >> 6 & 0x1F;
+        let immediate = (first >> 6 & 0x1F).cast_signed();
         match first >> 11 {
             0b01100 => return narrow(4, Offset::Immediate(immediate * 4)),
             0b01110 => return narrow(1, Offset::Immediate(immediate)),
@@ -57,7 +61,10 @@ impl Store {
             _ => return None,
         };
         let offset = if long {
-            Offset::Immediate(second & 0xFFF)
+            Offset::Immediate((second & 0xFFF).cast_signed())
+        } else if second & 0x0F00 == 0x0C00 {
+            // Encoding T4 of STR, T3 of STRB and STRH, without write-back: the offset is subtracted.
+            Offset::Immediate(-(second & 0xFF).cast_signed())
         } else if second & 0x0FC0 == 0 {
             Offset::Register { rm: (second & 0xF) as u8, shift: (second >> 4 & 3) as u8 }
         } else {
@@ -69,7 +76,7 @@ impl Store {
     fn address<B: Board, C: Cost>(self, node: &Node<B, C>) -> u32 {
         let register = |number: u8| node.register(usize::from(number));
         let offset = match self.offset {
-            Offset::Immediate(value) => u32::from(value),
+            Offset::Immediate(value) => i32::from(value).cast_unsigned(),
             Offset::Register { rm, shift } => register(rm) << shift,
         };
         register(self.rn).wrapping_add(offset)

@@ -8,7 +8,7 @@
 //!
 //! | covered | not covered, and how that shows |
 //! |---|---|
-//! | STR, STRB, STRH, immediate or register offset | STRD, STM, write-back: nothing is stored there, an error |
+//! | STR, STRB, STRH, any offset without write-back | STRD, STM, write-back: nothing is stored there, an error |
 //! | a 16-bit store: the instruction after it moves into the stub | one that begins an IT block: an error |
 //! | a 16-bit store alone in an IT block | a longer IT block: an error |
 
@@ -154,10 +154,14 @@ impl Code {
             // PUSH {a, b, c}; b = APSR; a = the store's address; c = the register's.
             self.raw(&[0xB400 | saved, 0xF3EF, 0x8000 | half(b) << 8]);
             match store.offset {
-                Offset::Immediate(value) => self.raw(&[
-                    0xF200 | (value >> 11 & 1) << 10 | half(store.rn),
-                    (value >> 8 & 7) << 12 | half(a) << 8 | value & 0xFF,
-                ]),
+                Offset::Immediate(value) => {
+                    // ADDW, or SUBW for a negative offset.
+                    let (opcode, value) = (if value < 0 { 0xF2A0 } else { 0xF200 }, value.unsigned_abs());
+                    self.raw(&[
+                        opcode | (value >> 11 & 1) << 10 | half(store.rn),
+                        (value >> 8 & 7) << 12 | half(a) << 8 | value & 0xFF,
+                    ]);
+                }
                 Offset::Register { rm, shift } => {
                     self.raw(&[0xEB00 | half(store.rn), half(a) << 8 | half(shift) << 6 | half(rm)]);
                 }
