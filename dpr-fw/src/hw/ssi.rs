@@ -28,6 +28,15 @@ const FRESH_US: u32 = 2;
 #[derive(Clone, Copy)]
 pub(crate) struct SsiDoorbell;
 
+impl SsiDoorbell {
+    /// Whether the SSI is set up. Before that it offers nothing, and its tasks must not be triggered.
+    pub(crate) fn is_enabled() -> bool {
+        // SAFETY: the pointer is the peripheral's, valid for ever; a register is read, which races with nothing.
+        let spis = unsafe { &*pac::SPIS1::ptr() };
+        spis.enable.read().enable().is_enabled()
+    }
+}
+
 impl Doorbell for SsiDoorbell {
     fn request(&mut self) -> bool {
         // SAFETY: the pointer is the peripheral's, valid for ever; a task register and a read-only one are accessed,
