@@ -6,6 +6,9 @@ use bench_judge::{Board, Max, Quantiles, SsiEvent, Violation::*, What, bounds};
 use common::*;
 
 const MS: u64 = 1_000_000;
+const CYCLE: u64 = 10 * MS;
+/// Between the flight controller's last transaction before an image is published, and FRESH for that image.
+const BACK: u64 = 344_950_000;
 
 #[test]
 fn a_flawless_run_has_its_figures_and_no_violation() {
@@ -120,18 +123,18 @@ fn a_dpr_that_is_not_ready_in_time_after_a_restart_is_a_violation_and_starts_ane
     let power = |on| What::Power { board: Board::Dpr, on };
     let power_cycle = [power(false), power(true)];
     for what in [&[dpr_reset(true)][..], &[dpr_reset(false)], &power_cycle] {
-        assert_eq!(found(&restarted(250 * MS, 344 * MS, what)), [], "{what:?}");
-        let log = restarted(250 * MS, 354 * MS, what);
+        assert_eq!(found(&restarted(250 * MS, BACK, what)), [], "{what:?}");
+        let log = restarted(250 * MS, BACK + CYCLE, what);
         let verdict = judged(&log);
         assert_eq!(found(&log), [(NeverReady, 1)], "{what:?}");
         assert_eq!(verdict.violations[0].first_at, 350 * MS);
     }
     // Without a supply it is asked for nothing.
-    let mut log = restarted(250 * MS, 444 * MS, &[power(false)]);
+    let mut log = restarted(250 * MS, BACK + 10 * CYCLE, &[power(false)]);
     insert(&mut log, 440 * MS, power(true));
     assert_eq!(found(&log), []);
     // Without a restart it is a silence.
-    assert_eq!(found(&restarted(250 * MS, 344 * MS, &[])), [(Silent, 1)]);
+    assert_eq!(found(&restarted(250 * MS, BACK, &[])), [(Silent, 1)]);
 }
 
 #[test]
@@ -412,7 +415,7 @@ fn a_silence_is_longer_than_an_image_lives() {
 fn a_restart_forgets_neither_the_supply_nor_what_was_told_nor_the_figures() {
     // A reset without a supply changes nothing.
     let power = |on| What::Power { board: Board::Dpr, on };
-    let mut log = restarted(250 * MS, 444 * MS, &[power(false)]);
+    let mut log = restarted(250 * MS, BACK + 10 * CYCLE, &[power(false)]);
     insert(&mut log, 260 * MS, dpr_reset(true));
     insert(&mut log, 440 * MS, power(true));
     assert_eq!(found(&log), []);
@@ -421,7 +424,7 @@ fn a_restart_forgets_neither_the_supply_nor_what_was_told_nor_the_figures() {
     insert(&mut log, 400 * MS, dpr_reset(true));
     assert_eq!(found(&log), [(NoTransaction, 1)]);
     // The longest time to readiness may have been before.
-    let log = restarted(250 * MS, 344 * MS, &[dpr_reset(true)]);
+    let log = restarted(250 * MS, BACK, &[dpr_reset(true)]);
     let place = repeats(&log)[10];
     let ended = log.events[place].at;
     assert!(ended < 250 * MS);

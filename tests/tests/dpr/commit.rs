@@ -127,7 +127,7 @@ pub(crate) fn follow(cycles: &Cycles) {
     }
     let [first, second, third] = taken;
     first.assert("Early::follow, first read", bounds(350, 260, 350, 0));
-    second.assert("Early::follow, second read", bounds(2_800, 1_850, 2_600, 16));
+    second.assert("Early::follow, second read", bounds(2_800, 1_850, 2_600, 24));
     third.assert("Early::follow, third read", bounds(650, 450, 600, 8));
 }
 
