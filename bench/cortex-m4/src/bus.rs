@@ -128,6 +128,14 @@ pub trait Bus {
     /// [`BusError`] where nothing can be executed.
     fn fetch(&mut self, address: u32) -> Result<u16, BusError>;
 
+    /// What [`Bus::fetch`] would answer for `address`, and above it for the halfword behind: a shorter way to the same
+    /// values. `None` where it is none.
+    #[inline(always)]
+    fn fetch_both(&self, address: u32) -> Option<u32> {
+        let _ = address;
+        None
+    }
+
     /// Whether what [`Bus::fetch`] reads at `address` stays the same until [`Signals::code_changed`]: flash. Of RAM,
     /// the core compares each decoded instruction with memory before it executes it.
     fn is_constant(&self, address: u32) -> bool;

@@ -46,6 +46,17 @@ impl Page {
     pub(crate) fn is_constant(&self) -> bool {
         self.constant
     }
+
+    /// Whether the instruction at `pc` of a page that is not constant was decoded, and from what memory holds now.
+    #[inline(always)]
+    pub(crate) fn is_current<B: Bus>(&self, bus: &B, pc: u32) -> bool {
+        let slot = (pc >> 1) as usize % SLOTS;
+        let (Some(&from), Some(now)) = (self.halfwords.get(slot), bus.fetch_both(pc)) else {
+            return false;
+        };
+        let mask = if decode::is_wide(from as u16) { u32::MAX } else { 0xFFFF };
+        now & mask == from && !matches!(self.ops[slot].what, Do::Unknown)
+    }
 }
 
 /// All pages of a core.

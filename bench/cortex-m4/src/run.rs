@@ -148,17 +148,20 @@ impl<C: Cost> Core<C> {
             let constant = page.is_constant();
             let limit = self.limit;
             let mark = self.cycle;
-            if careful || !constant || never_executable(pc) || !self.mpu_opens_page(pc, PAGE_BITS) {
+            let plain = !careful && !never_executable(pc) && self.mpu_opens_page(pc, PAGE_BITS);
+            if plain && constant {
+                self.burst::<B, false>(bus, page, page.op(pc));
+            } else if plain && page.is_current(bus, pc) {
+                self.burst::<B, true>(bus, page, page.op(pc));
+            } else {
                 // The burst ends after one instruction. A limit that is then another asks to look around.
                 self.limit = mark;
                 let op = *page.op(pc);
                 let op = self.careful_op(bus, code, pc, op, constant);
-                self.burst(bus, code.at(place), &op);
-            } else {
-                self.burst(bus, page, page.op(pc));
-            }
-            if !constant && !careful && self.limit == mark && mark != 0 {
-                self.limit = limit;
+                self.burst::<B, false>(bus, code.at(place), &op);
+                if !constant && !careful && self.limit == mark && mark != 0 {
+                    self.limit = limit;
+                }
             }
             if self.cycle >= self.limit {
                 return;
@@ -183,9 +186,10 @@ impl<C: Cost> Core<C> {
         if refused && matches!(op.what, Do::HostCall) { Op { what: Do::Bkpt, ..op } } else { op }
     }
 
-    /// Executes `first`, and what follows on `page` while the cycle is below the limit.
+    /// Executes `first`, and what follows on `page` while the cycle is below the limit and, where the page `CHANGES`,
+    /// while memory holds what was decoded.
     #[inline(never)]
-    fn burst<B: Bus>(&mut self, bus: &mut B, page: &Page, first: &Op) {
+    fn burst<B: Bus, const CHANGES: bool>(&mut self, bus: &mut B, page: &Page, first: &Op) {
         let mut op = first;
         let mut pc = self.r[15];
         loop {
@@ -212,7 +216,7 @@ impl<C: Cost> Core<C> {
             } else {
                 pc = self.r[15];
             }
-            if self.cycle >= self.limit || !page.holds(pc) {
+            if self.cycle >= self.limit || !page.holds(pc) || CHANGES && !page.is_current(bus, pc) {
                 return;
             }
             op = page.op(pc);

@@ -81,18 +81,60 @@ fn a_semihosting_call_is_answered_by_the_caller() {
     assert_eq!((rig.r(0), rig.core.pc()), (41, CODE + 6));
 }
 
+/// Code in RAM, from its byte 0x200 on, at which a branch by r4 arrives: with and without the shorter way to fetch it.
+fn in_ram(code: &[u16]) -> [Rig<cortex_m4::Fast>; 2] {
+    [true, false].map(|fetches_both| {
+        let mut rig = Rig::new(&[0x4720]);
+        rig.board.fetches_both = fetches_both;
+        for (index, half) in code.iter().enumerate() {
+            rig.board.ram[0x200 + 2 * index..][..2].copy_from_slice(&half.to_le_bytes());
+        }
+        rig.set(4, RAM + 0x201);
+        rig
+    })
+}
+
 #[test]
 fn code_in_ram_is_executed_as_memory_holds_it_now() {
-    // bx r4 to RAM: movs r0, #1; strh r1, [r2]; bx r3 (back to its beginning); r1 is movs r0, #2
-    let mut rig = Rig::new(&[0x4720]);
-    for (index, half) in [0x2001_u16, 0x8011, 0x4718].iter().enumerate() {
-        rig.board.ram[0x200 + 2 * index..][..2].copy_from_slice(&half.to_le_bytes());
+    // movs r0, #1; strh r1, [r2]; bx r3 (back to its beginning); r1 is movs r0, #2
+    for mut rig in in_ram(&[0x2001, 0x8011, 0x4718]) {
+        rig.set(1, 0x2002).set(2, RAM + 0x200).set(3, RAM + 0x201);
+        assert_eq!(rig.core.run(&mut rig.board, 4), Exit::Until);
+        assert_eq!(rig.r(0), 1);
+        assert_eq!(rig.core.run(&mut rig.board, 5), Exit::Until);
+        assert_eq!(rig.r(0), 2);
     }
-    rig.set(1, 0x2002).set(2, RAM + 0x200).set(3, RAM + 0x201).set(4, RAM + 0x201);
-    assert_eq!(rig.core.run(&mut rig.board, 4), Exit::Until);
-    assert_eq!(rig.r(0), 1);
-    assert_eq!(rig.core.run(&mut rig.board, 5), Exit::Until);
-    assert_eq!(rig.r(0), 2);
+}
+
+#[test]
+fn code_in_ram_that_rewrites_itself_in_a_loop_is_executed_as_memory_holds_it_now() {
+    // loop: movw r0, #1; add r5, r0; adds r1, #1; strh r1, [r2]; adds r6, #1; cmp r6, #8; bne loop; b .
+    // r2 is the second halfword of movw: each pass adds one more than the one before.
+    for mut rig in in_ram(&[0xF240, 0x0001, 0x4405, 0x3101, 0x8011, 0x3601, 0x2E08, 0xD1F7, 0xE7FE]) {
+        rig.set(1, 1).set(2, RAM + 0x202).set(5, 0).set(6, 0);
+        assert_eq!(rig.core.run(&mut rig.board, 200), Exit::Until);
+        assert_eq!((rig.r(5), rig.r(6)), ((1..=8).sum(), 8));
+        // Two loops over the same code, the second with what a bus controller wrote meanwhile.
+        rig.board.ram[0x202] = 100;
+        rig.board.ram[0x204..][..2].copy_from_slice(&0x1A2D_u16.to_le_bytes());
+        rig.set(15, RAM + 0x200).set(5, 1000).set(6, 7);
+        assert_eq!(rig.core.run(&mut rig.board, 240), Exit::Until);
+        assert_eq!(rig.r(5), 900, "subs r5, r5, r0");
+    }
+}
+
+#[test]
+fn a_breakpoint_in_ram_is_met_in_a_loop_that_ran_before() {
+    // loop: adds r0, #1; adds r1, #1; b loop
+    for mut rig in in_ram(&[0x3001, 0x3101, 0xE7FC]) {
+        rig.set(0, 0).set(1, 0);
+        assert_eq!(rig.core.run(&mut rig.board, 100), Exit::Until);
+        rig.core.set_breakpoint(RAM + 0x202);
+        assert_eq!(rig.core.run(&mut rig.board, 200), Exit::Breakpoint);
+        assert_eq!((rig.core.pc(), rig.r(0)), (RAM + 0x202, rig.r(1) + 1));
+        rig.core.clear_breakpoint(RAM + 0x202);
+        assert_eq!(rig.core.run(&mut rig.board, 200), Exit::Until);
+    }
 }
 
 #[test]

@@ -339,6 +339,13 @@ impl Part for Nrf52840 {
         read.map(|half| half as u16).ok_or(BusError)
     }
 
+    #[inline(always)]
+    fn fetch_both(&self, address: u32) -> Option<u32> {
+        let ram = &self.soc.memory.ram;
+        let at_alias = |base| ram.read(address.wrapping_sub(base), Width::Word);
+        at_alias(CODE_RAM_BASE).or_else(|| at_alias(RAM_BASE))
+    }
+
     #[inline]
     fn is_constant(&self, address: u32) -> bool {
         address < FLASH_BYTES

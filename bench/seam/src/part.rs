@@ -127,6 +127,13 @@ pub trait Part: Clone + std::fmt::Debug + Send + 'static {
     /// [`BusError`] where nothing can be executed.
     fn fetch(&self, address: u32) -> Result<u16, BusError>;
 
+    /// See [`cortex_m4::Bus::fetch_both`].
+    #[inline(always)]
+    fn fetch_both(&self, address: u32) -> Option<u32> {
+        let _ = address;
+        None
+    }
+
     /// See [`cortex_m4::Bus::is_constant`].
     fn is_constant(&self, address: u32) -> bool;
 

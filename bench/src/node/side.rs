@@ -236,6 +236,11 @@ impl<B: Board> Bus for Side<B> {
         self.part.fetch(address)
     }
 
+    #[inline(always)]
+    fn fetch_both(&self, address: u32) -> Option<u32> {
+        self.part.fetch_both(address)
+    }
+
     #[inline]
     fn is_constant(&self, address: u32) -> bool {
         self.part.is_constant(address)

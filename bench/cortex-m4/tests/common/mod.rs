@@ -28,6 +28,8 @@ pub(crate) struct Board {
     pub(crate) waits: u32,
     pub(crate) fetches: Vec<u32>,
     pub(crate) bit_banding: bool,
+    /// Whether RAM has the shorter way to fetch.
+    pub(crate) fetches_both: bool,
     /// Until when, and by which device address, an access asks the core to stop.
     pub(crate) stop_at: Option<u32>,
 }
@@ -54,6 +56,7 @@ impl Board {
             waits: 0,
             fetches: Vec::new(),
             bit_banding: false,
+            fetches_both: true,
             stop_at: None,
         }
     }
@@ -141,6 +144,12 @@ impl Bus for Board {
             Some(&mut [a, b]) => Ok(u16::from_le_bytes([a, b])),
             _ => Err(BusError),
         }
+    }
+
+    fn fetch_both(&self, address: u32) -> Option<u32> {
+        let at = address.checked_sub(RAM)? as usize;
+        let bytes = self.ram.get(at..at + 4).filter(|_| self.fetches_both)?;
+        Some(u32::from_le_bytes(bytes.try_into().unwrap()))
     }
 
     fn is_constant(&self, address: u32) -> bool {
