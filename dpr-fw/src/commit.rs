@@ -193,12 +193,16 @@ impl<const N: usize> Commit<N> {
         }
     }
 
-    /// What is shown must not be: publishes an image without objects at once. Not while the image being filled holds
-    /// objects of a newer cycle, which goes out within [`link::SECOND_FRAME_US`](crate::link::SECOND_FRAME_US). Whether
-    /// one was published.
+    /// What is shown must not be: publishes an image without objects at once. Whether one was published: not if another
+    /// replaces what is shown soon,
+    ///
+    /// - while the image being filled holds objects of a newer cycle, which goes out within
+    ///   [`link::SECOND_FRAME_US`](crate::link::SECOND_FRAME_US);
+    /// - while a frame's end is due, which would have to wait: that frame brings the next image, or else its deadline,
+    ///   2.7 ms later.
     pub fn withdraw(&mut self, now_us: u32, health: &Health, images: &mut impl Images) -> bool {
         self.link.advance(now_us);
-        if self.open.is_some() || self.shown != Objects::NONE {
+        if self.open.is_some() || self.shown != Objects::NONE || self.monitor.is_frame_due(now_us) {
             return false;
         }
         self.publish(health, images);
@@ -311,7 +315,7 @@ pub(crate) mod testing {
 mod tests {
     use super::testing::{frames, profile};
     use super::*;
-    use crate::link::{FRAME_DEADLINE_US, SECOND_FRAME_US, SILENCE_US};
+    use crate::link::{FRAME_DEADLINE_US, FRAME_DUE_US, SECOND_FRAME_US, SILENCE_US};
     use crate::IMAGE_WORDS;
     use profile::{
         image::{Image, ImageReading},
@@ -494,6 +498,38 @@ mod tests {
         // The next cycle is shown as if nothing had been.
         bench.frame(50, 0, 50_000, false);
         assert_eq!(bench.album.shown::<3>(), [0, 1, 2, 3]);
+    }
+
+    fn is_not_withdrawn_while_a_frame_is_due<const N: usize>() {
+        let due_us = end::<N>(50_000, 0);
+        for (at_us, withdrawn) in [
+            (due_us - FRAME_DUE_US - 1, true),
+            (due_us - FRAME_DUE_US, false),
+            (due_us, false),
+            (due_us + FRAME_DUE_US, false),
+            (due_us + FRAME_DUE_US + 1, true),
+        ] {
+            let mut bench = Bench::<N>::in_sequence();
+            assert_eq!(bench.commit.withdraw(at_us, &Health::default(), &mut bench.album), withdrawn, "{at_us}");
+            assert_eq!(bench.album.published.len(), usize::from(withdrawn));
+            // What replaces it then, if no frame does.
+            assert!(bench.check(due_us + 2_500 + end::<N>(0, air::frames(N) - 1) - end::<N>(0, 0)));
+            assert_eq!(bench.album.shown::<N>(), []);
+        }
+    }
+
+    #[test]
+    fn an_image_is_not_withdrawn_while_a_frame_is_due_that_would_have_to_wait() {
+        is_not_withdrawn_while_a_frame_is_due::<1>();
+        is_not_withdrawn_while_a_frame_is_due::<3>();
+        is_not_withdrawn_while_a_frame_is_due::<5>();
+        // Where no cycle was heard yet, or its second frame is missed, no frame is due.
+        let mut bench = Bench::<5>::new();
+        assert!(bench.commit.withdraw(FRAME_DEADLINE_US - 2_500, &Health::default(), &mut bench.album));
+        let mut bench = Bench::<5>::in_sequence();
+        bench.frame(50, 0, 50_000, false);
+        assert!(bench.check(end::<5>(50_000, 0) + SECOND_FRAME_US));
+        assert!(bench.commit.withdraw(end::<5>(60_000, 0), &Health::default(), &mut bench.album));
     }
 
     #[test]

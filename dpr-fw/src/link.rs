@@ -12,6 +12,9 @@ use crate::accept::{Cycle, Objects, Verdict, SAME_SAMPLE_US};
 /// crystals and the jitter of a start-up; measured from each frame anew, not by a local tick, so that drift never adds
 /// up.
 pub const FRAME_DEADLINE_US: u32 = 12_500;
+/// So long before and after the instant at which a frame should end, µs, nothing is published that can wait for it: more
+/// than an image takes (`commit_worst_cycles`, 100 µs on the pessimistic clock) and two crystals are apart in a cycle.
+pub const FRAME_DUE_US: u32 = 200;
 /// While HORUS is silent a frame counts as missed this often, µs: the cycle.
 pub const SILENCE_US: u32 = 1_000 * CYCLE_MS;
 /// From the end of a cycle's first frame to the latest end of its second, µs (five receivers): the second ends 3.935 ms
@@ -166,6 +169,22 @@ impl<const N: usize> Monitor<N> {
             counted: 0,
         };
         missed
+    }
+
+    /// Whether a cycle's first frame ends within [`FRAME_DUE_US`] of the counter value `now_us`, or has ended, if HORUS
+    /// keeps its cycle. Later than a cycle after the last frame it may be said of an instant at which none is due.
+    #[must_use]
+    pub const fn is_frame_due(&self, now_us: u32) -> bool {
+        if !matches!(self.due, Due::Cycle) {
+            return false;
+        }
+        // From the end of a cycle's first frame to that of its last.
+        let frames_us = match (air::age_at_end_us::<N>(0), air::age_at_end_us::<N>(air::frames(N) - 1)) {
+            (Some(first), Some(last)) => last - first,
+            _ => 0,
+        };
+        let due_us = self.deadline_us.wrapping_sub(FRAME_DEADLINE_US - Self::CYCLE_US + frames_us);
+        now_us.wrapping_sub(due_us).cast_signed().unsigned_abs() <= FRAME_DUE_US
     }
 
     /// Whether the deadline has passed at counter value `now_us`, itself included: it is less than 35 minutes ago.

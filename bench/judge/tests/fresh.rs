@@ -4,6 +4,7 @@ mod common;
 
 use bench_judge::{Log, Violation::*, What, bounds};
 use common::*;
+use profile::{LinkStatus, LinkValues};
 
 const MS: u64 = 1_000_000;
 
@@ -140,6 +141,31 @@ fn fresh_that_offers_the_image_of_before_is_a_violation() {
     assert_eq!(found(&plan.log()), [(FreshNotNew, 1)]);
     plan.publications[2].image = plan.publications[0].image.clone();
     assert_eq!(found(&plan.log()), [(FreshNotNew, 1)]);
+    // While a bit of an image may be hit, one that says the same may replace it, but no older one.
+    for (shows, violations) in [(1, vec![]), (0, vec![(FreshNotNew, 1)])] {
+        plan.publications[2].image = plan.publications[shows].image.clone();
+        let mut log = plan.log();
+        let kind = "buffer dpr image bit flips".to_owned();
+        insert(&mut log, plan.publications[2].at - 1_000, What::Injected { kind, until: plan.publications[2].at });
+        assert_eq!(found(&log), violations, "{shows}");
+    }
+    // An image of the same time and counts that tells another status is another image.
+    let values = LinkStatus::verify(&first.image[..LinkStatus::SIZE]).unwrap().values();
+    let known = LinkValues { age_100us: 300, ..values };
+    let old = LinkValues { age_100us: 299, ..values };
+    for (before, now, violation) in [
+        (values, LinkValues { status: values.status.with_ram_fault(true), ..values }, false),
+        (old, known, false),
+        (known, old, true),
+        (known, known, true),
+    ] {
+        for (number, values) in [(1, before), (2, now)] {
+            plan.publications[number].image = first.image.clone();
+            plan.publications[number].image[..LinkStatus::SIZE].copy_from_slice(LinkStatus::seal(&values).as_bytes());
+        }
+        let found = found(&plan.log());
+        assert_eq!(found.iter().any(|(violation, _)| *violation == FreshNotNew), violation, "{before:?} {now:?}");
+    }
 }
 
 #[test]

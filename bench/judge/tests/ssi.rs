@@ -108,6 +108,38 @@ fn a_dpr_that_never_gets_ready_is_a_violation_and_no_other() {
     assert_eq!(found(&plan.log()), []);
 }
 
+#[test]
+fn a_dpr_that_is_kept_selected_from_its_restart_on_is_ready_when_it_is_let_go() {
+    let mut plan = Plan::new(3, 60);
+    let held = plan.selects.iter().copied().find(|selected| *selected > 260 * MS).unwrap();
+    plan.selects.retain(|selected| *selected <= held || *selected > 450 * MS);
+    let mut log = plan.log();
+    let injected = What::Injected { kind: "flight controller runs away".into(), until: 450 * MS };
+    insert(&mut log, held - 1, injected);
+    insert(&mut log, 258 * MS, dpr_reset(true));
+    let let_go = 450 * MS;
+    blind(&mut log, 258 * MS, let_go);
+    log.events.retain(|event| {
+        !(258 * MS..let_go).contains(&event.at) || !matches!(event.what, What::Fresh { .. } | What::Ssi(_))
+    });
+    for event in &mut log.events {
+        if matches!(event.what, What::Transaction { selected, .. } if selected == held) {
+            event.at = let_go;
+        }
+    }
+    insert(&mut log, let_go + bounds::SSI_READY, What::Ssi(SsiEvent::Ready));
+    let never = |log: &bench_judge::Log| found(log).contains(&(NeverReady, 1));
+    assert!(!never(&log), "it is selected until {let_go}");
+    // Let go earlier, it has to be ready.
+    for event in &mut log.events {
+        if matches!(event.what, What::Transaction { selected, .. } if selected == held) {
+            event.at = 300 * MS;
+        }
+    }
+    sort(&mut log);
+    assert!(never(&log));
+}
+
 /// The DPR restarts at `at`, and publishes nothing until `back`: the log, in which nothing of it is seen meanwhile.
 fn restarted(at: u64, back: u64, what: &[What]) -> bench_judge::Log {
     let mut log = Plan::new(3, 60).log();

@@ -47,14 +47,17 @@ impl Mark {
         (mark != Self { link: None, stamp: None }).then_some(mark)
     }
 
-    /// Whether it is an image that was made after the one of `before`.
+    /// Whether it is an image that was made after the one of `before`. Of two that tell the same time and the same
+    /// counts the one of greater age is newer; of two that tell another status it cannot be told which is.
     fn is_newer_than(&self, before: &Self) -> bool {
         let Some((now, then)) = self.link.zip(before.link) else { return self.stamp != before.stamp };
         let counters = |link: LinkValues| {
             [link.timestamp, link.frames_received, link.frames_missed, link.objects_accepted, link.objects_rejected]
         };
         let stamps = self.stamp.zip(before.stamp);
-        stamps.is_some_and(|(now, then)| is_later(now, then))
+        let alike = counters(now) == counters(then) && self.stamp == before.stamp;
+        alike && (now.status != then.status || now.age_100us > then.age_100us)
+            || stamps.is_some_and(|(now, then)| is_later(now, then))
             || counters(now).into_iter().zip(counters(then)).any(|(now, then)| is_later(now, then))
     }
 
@@ -104,9 +107,16 @@ pub(super) struct Claims {
     condemned: Vec<u8>,
     /// The newest timestamp that was read, ms.
     newest: Option<u32>,
+    /// Until when an image may hold a bit that was hit, ns: then one that says the same may replace it.
+    hit: u64,
 }
 
 impl Claims {
+    /// A bit of a buffer was hit: until `until`, ns, an image may hold it.
+    pub(super) fn hit(&mut self, until: u64) {
+        self.hit = self.hit.max(until);
+    }
+
     /// FRESH rose. `excused` if there is a reason for nothing being offered.
     pub(super) fn rise(
         &mut self,
@@ -151,7 +161,8 @@ impl Claims {
         let Some(mark) = claim.mark else { return };
         // FRESH may come late for an image that was read without it.
         let previous = before.last().filter(|before| !before.unannounced).and_then(|before| before.mark);
-        if previous.is_some_and(|previous| !mark.is_newer_than(&previous)) {
+        let replaces = |previous| claim.rose < self.hit && mark == previous;
+        if previous.is_some_and(|previous| !mark.is_newer_than(&previous) && !replaces(previous)) {
             claim.told = true;
             findings.add(Violation::FreshNotNew, claim.rose, || "the image of before was offered".into());
         } else if let Some(stamp) = mark.stamp {

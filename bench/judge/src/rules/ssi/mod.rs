@@ -23,7 +23,7 @@
 //!   which is the rule of [`super::shown`].
 //! - What is unsound while a bit of the DPR's buffers is stuck, or after one was hit, until the buffer is replaced, is
 //!   not looked at here: a check that finds it is all that is asked. That it is not valid is for [`super::shown`] to
-//!   ask.
+//!   ask. Nor is it held against the DPR that it replaces such an image by one that tells the same.
 //! - A transaction that brings an older image than the one announced is [`Violation::FreshNotNew`], but for one whose
 //!   objects are older than what was read before: that is [`Violation::Regression`], of another rule.
 //! - How soon a frame is readable that began while the DPR's front end was out of order is not asked.
@@ -103,6 +103,7 @@ impl Ssi {
             }
             What::Injected { kind, until } if hits_a_buffer(kind) => {
                 self.hit = self.hit.max(until.saturating_add(bounds::BUFFER_REPLACED));
+                self.claims.hit(self.hit);
             }
             What::Answer => findings.add(Violation::Answered, at, || "the DPR's front end sent".into()),
             What::Tick => self.cycles.tick(at),
@@ -176,6 +177,7 @@ impl Ssi {
 
     fn restart(&mut self) {
         self.claims = Claims::default();
+        self.claims.hit(self.hit);
         self.damage = Damage::default();
     }
 

@@ -87,6 +87,8 @@ pub(super) struct Service {
     quiet_since: u64,
     quiet_told: bool,
     under_way: bool,
+    /// When the last transaction ended, ns.
+    ended: u64,
     /// The transaction under way is not served.
     busy: bool,
     hold: Option<Hold>,
@@ -112,6 +114,7 @@ impl Service {
             quiet_since: 0,
             quiet_told: false,
             under_way: false,
+            ended: 0,
             busy: false,
             hold: None,
             pending: None,
@@ -126,8 +129,10 @@ impl Service {
 
     /// Starts anew: what was under way is not judged, since the restart is.
     fn restart(&mut self, since: u64) {
-        let Self { powered, quiet_since, quiet_told, longest, .. } = *self;
-        *self = Self { powered, since, quiet_since, quiet_told, longest, ..Self::new() };
+        let Self { powered, quiet_since, quiet_told, longest, under_way, ended, .. } = *self;
+        // A transaction that is under way is none that the DPR's SPI peripheral knows of.
+        let busy = under_way;
+        *self = Self { powered, since, quiet_since, quiet_told, longest, under_way, ended, busy, ..Self::new() };
     }
 
     pub(super) fn power(&mut self, at: u64, on: bool) {
@@ -155,8 +160,10 @@ impl Service {
         if !self.powered {
             return;
         }
+        // While a flight controller keeps the DPR selected, no transaction can be got ready for.
         let due = self.since + bounds::START;
-        if self.started.is_none() && !self.never_told && now > due {
+        let free = self.ended.saturating_add(bounds::SSI_READY);
+        if self.started.is_none() && !self.never_told && !self.under_way && now > due.max(free) {
             self.never_told = true;
             findings.add(Violation::NeverReady, due, || format!("{} ns after its start", bounds::START));
         }
@@ -217,7 +224,7 @@ impl Service {
     pub(super) fn transaction(&mut self, reading: &Reading, whole: bool, findings: &mut Findings) {
         let at = reading.deselected;
         let busy = std::mem::take(&mut self.busy);
-        self.under_way = false;
+        (self.under_way, self.ended) = (false, at);
         self.quiet_told = false;
         self.quiet_since = self.quiet_since.max(at);
         // One that began before the DPR was ready for any is none that its SPI peripheral knows of.
