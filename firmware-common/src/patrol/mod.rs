@@ -169,7 +169,7 @@ impl Patrol {
         self.march.restart();
     }
 
-    /// One slice. Its work is the same whatever it finds.
+    /// One slice. Its work is the same as long as memory holds what it should.
     pub fn slice(&mut self, memory: &mut impl Memory) -> Slice {
         let guard = self.guards.changed(memory);
         let flash = self.flash(memory);
