@@ -135,7 +135,7 @@ pub(crate) fn sim(args: &SimArgs) -> Result<ExitCode> {
             flight_controller_ppb: to_ppb(args.fc_ppm),
         },
         faults: Faults::drawn(&args.faults, args.gps.0, args.seed, duration_ns),
-        writes: false,
+        writes: true,
         sweep: None,
         trace: args.trace.clone(),
         log: args.events.clone(),
