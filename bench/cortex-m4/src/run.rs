@@ -14,6 +14,11 @@ use crate::code::{BITS as PAGE_BITS, Code, Page};
 use crate::op::{Block, Do, Op};
 use crate::{Access, Bound, Bus, Core, Cost, Exit, Fault, Purpose, Width, decode};
 
+/// How a burst goes: on through a constant page, on while a page that may change holds what was decoded, or not on.
+const ON: u8 = 0;
+const WHILE_CURRENT: u8 = 1;
+const ONCE: u8 = 2;
+
 impl<C: Cost> Core<C> {
     /// Executes until the cycle `until`, or until something else wants the caller. While the core sleeps, is halted or
     /// locked up, time passes and the bus is advanced. After [`Exit::Breakpoint`] it goes on with the instruction
@@ -146,21 +151,17 @@ impl<C: Cost> Core<C> {
             let place = code.page(bus, pc);
             let page = code.at(place);
             let constant = page.is_constant();
-            let limit = self.limit;
-            let mark = self.cycle;
             let plain = !careful && !never_executable(pc) && self.mpu_opens_page(pc, PAGE_BITS);
             if plain && constant {
-                self.burst::<B, false>(bus, page, page.op(pc));
+                self.burst::<B, ON>(bus, page, page.op(pc));
             } else if plain && page.is_current(bus, pc) {
-                self.burst::<B, true>(bus, page, page.op(pc));
+                self.burst::<B, WHILE_CURRENT>(bus, page, page.op(pc));
             } else {
-                // The burst ends after one instruction. A limit that is then another asks to look around.
-                self.limit = mark;
                 let op = *page.op(pc);
                 let op = self.careful_op(bus, code, pc, op, constant);
-                self.burst::<B, false>(bus, code.at(place), &op);
-                if !constant && !careful && self.limit == mark && mark != 0 {
-                    self.limit = limit;
+                self.burst::<B, ONCE>(bus, code.at(place), &op);
+                if careful {
+                    return;
                 }
             }
             if self.cycle >= self.limit {
@@ -186,10 +187,10 @@ impl<C: Cost> Core<C> {
         if refused && matches!(op.what, Do::HostCall) { Op { what: Do::Bkpt, ..op } } else { op }
     }
 
-    /// Executes `first`, and what follows on `page` while the cycle is below the limit and, where the page `CHANGES`,
-    /// while memory holds what was decoded.
+    /// Executes `first`; unless `GOES` is [`ONCE`], what follows on `page`, too, while the cycle is below the limit and, if
+    /// it is [`WHILE_CURRENT`], while memory holds what was decoded.
     #[inline(never)]
-    fn burst<B: Bus, const CHANGES: bool>(&mut self, bus: &mut B, page: &Page, first: &Op) {
+    fn burst<B: Bus, const GOES: u8>(&mut self, bus: &mut B, page: &Page, first: &Op) {
         let mut op = first;
         let mut pc = self.r[15];
         loop {
@@ -216,7 +217,10 @@ impl<C: Cost> Core<C> {
             } else {
                 pc = self.r[15];
             }
-            if self.cycle >= self.limit || !page.holds(pc) || CHANGES && !page.is_current(bus, pc) {
+            if GOES == ONCE || self.cycle >= self.limit || !page.holds(pc) {
+                return;
+            }
+            if GOES == WHILE_CURRENT && !page.is_current(bus, pc) {
                 return;
             }
             op = page.op(pc);

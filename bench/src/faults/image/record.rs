@@ -117,7 +117,7 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Runs `node` to `until` (ns), and calls `drain` after every instruction.
+    /// Runs `node` to `until` (ns), and calls `drain` after every step of it, which takes what left the board.
     #[must_use]
     pub fn of<B: Board, C: Cost>(node: &mut Node<B, C>, until: u64, mut drain: impl FnMut(&mut Node<B, C>)) -> Self {
         let mut recording = Self::default();
@@ -138,6 +138,8 @@ impl Recording {
                 .filter(|(address, ..)| *address >= PERIPHERALS);
             while node.instructions() == retired && node.now() < until && !node.is_asleep() {
                 node.advance(node.now() + 1);
+                // What left the board between two instructions keeps it where it is until it is taken.
+                drain(node);
             }
             let next = node.register(15);
             if next != pc + length {
@@ -151,7 +153,6 @@ impl Recording {
                 }
             }
             before = pc;
-            drain(node);
         }
         recording
     }

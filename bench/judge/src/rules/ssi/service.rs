@@ -87,8 +87,9 @@ pub(super) struct Service {
     quiet_since: u64,
     quiet_told: bool,
     under_way: bool,
-    /// When the last transaction ended, ns.
-    ended: u64,
+    /// When the last transaction began, and when the last that was longer than a cycle ended, ns.
+    began: u64,
+    long_ended: u64,
     /// The transaction under way is not served.
     busy: bool,
     hold: Option<Hold>,
@@ -114,7 +115,8 @@ impl Service {
             quiet_since: 0,
             quiet_told: false,
             under_way: false,
-            ended: 0,
+            began: 0,
+            long_ended: 0,
             busy: false,
             hold: None,
             pending: None,
@@ -129,10 +131,11 @@ impl Service {
 
     /// Starts anew: what was under way is not judged, since the restart is.
     fn restart(&mut self, since: u64) {
-        let Self { powered, quiet_since, quiet_told, longest, under_way, ended, .. } = *self;
+        let Self { powered, quiet_since, quiet_told, longest, under_way, began, long_ended, .. } = *self;
         // A transaction that is under way is none that the DPR's SPI peripheral knows of.
         let busy = under_way;
-        *self = Self { powered, since, quiet_since, quiet_told, longest, under_way, ended, busy, ..Self::new() };
+        let own = Self { powered, since, quiet_since, quiet_told, longest, ..Self::new() };
+        *self = Self { under_way, began, long_ended, busy, ..own };
     }
 
     pub(super) fn power(&mut self, at: u64, on: bool) {
@@ -160,10 +163,11 @@ impl Service {
         if !self.powered {
             return;
         }
-        // While a flight controller keeps the DPR selected, no transaction can be got ready for.
+        // While a flight controller keeps the DPR selected for longer than a cycle, no transaction can be got ready for.
         let due = self.since + bounds::START;
-        let free = self.ended.saturating_add(bounds::SSI_READY);
-        if self.started.is_none() && !self.never_told && !self.under_way && now > due.max(free) {
+        let free = self.long_ended.saturating_add(bounds::SSI_READY);
+        let kept = self.under_way && now > self.began + bounds::CYCLE;
+        if self.started.is_none() && !self.never_told && !kept && now > due.max(free) {
             self.never_told = true;
             findings.add(Violation::NeverReady, due, || format!("{} ns after its start", bounds::START));
         }
@@ -215,7 +219,7 @@ impl Service {
     }
 
     pub(super) fn selected(&mut self, at: u64) {
-        self.under_way = true;
+        (self.under_way, self.began) = (true, at);
         // A flight controller that does not wait for the DPR as long as it has to is no evidence.
         self.pending = self.pending.filter(|pending| at - pending.since > bounds::SSI_READY);
     }
@@ -224,7 +228,10 @@ impl Service {
     pub(super) fn transaction(&mut self, reading: &Reading, whole: bool, findings: &mut Findings) {
         let at = reading.deselected;
         let busy = std::mem::take(&mut self.busy);
-        (self.under_way, self.ended) = (false, at);
+        self.under_way = false;
+        if at > self.began + bounds::CYCLE {
+            self.long_ended = at;
+        }
         self.quiet_told = false;
         self.quiet_since = self.quiet_since.max(at);
         // One that began before the DPR was ready for any is none that its SPI peripheral knows of.
