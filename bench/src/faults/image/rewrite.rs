@@ -12,7 +12,7 @@
 //! | a 16-bit store: the instruction after it moves into the stub | one that begins an IT block: an error |
 //! | a 16-bit store alone in an IT block | a longer IT block: an error |
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use cortex_m4::Cost;
 
@@ -22,6 +22,8 @@ use crate::node::{Board, Error, Node};
 
 /// The stubs' distance from the vector table: behind every image, in flash of either part.
 const STUBS: u32 = 0x1_7000;
+/// Branches are looked for so far before and behind a store, bytes: a task is not longer.
+const NEAR: u32 = 0x2000;
 
 /// What a patch makes of the stores to one register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -245,7 +247,6 @@ impl Code {
             self.raw(encoding);
             return Ok(());
         }
-        let signed = |value: u16, bits: u32| i32::from(value) << (32 - bits) >> (32 - bits);
         match first >> 12 {
             // B<cond>
             0xD if first >> 8 & 0xF < 0xE => {
@@ -283,6 +284,11 @@ impl Code {
     }
 }
 
+/// The low `bits` of `value` as a signed number.
+fn signed(value: u16, bits: u32) -> i32 {
+    i32::from(value) << (32 - bits) >> (32 - bits)
+}
+
 /// How far a B.W or BL leads.
 fn bl_distance(first: u16, second: u16) -> i32 {
     let s = u32::from(first >> 10 & 1);
@@ -290,6 +296,34 @@ fn bl_distance(first: u16, second: u16) -> i32 {
     let i2 = !(u32::from(second >> 11) ^ s) & 1;
     let value = s << 24 | i1 << 23 | i2 << 22 | u32::from(first & 0x3FF) << 12 | u32::from(second & 0x7FF) << 1;
     (value << 7).cast_signed() >> 7
+}
+
+/// Where the branches within [`NEAR`] bytes of `site` lead that say so themselves: those that a recording has not seen
+/// taken may be taken in another run. What is no instruction, but data, is taken for one.
+fn near_targets<B: Board, C: Cost>(node: &Node<B, C>, site: u32) -> BTreeSet<u32> {
+    let mut targets = BTreeSet::new();
+    let mut pc = site.saturating_sub(NEAR) & !3;
+    while pc < site + NEAR {
+        let (first, second) = halves(node, pc);
+        let after = pc.wrapping_add(4);
+        let target = match first >> 12 {
+            0xD if first >> 8 & 0xF < 0xE => Some(after.wrapping_add_signed(2 * signed(first & 0xFF, 8))),
+            0xE if first & 0xF800 == 0xE000 => Some(after.wrapping_add_signed(2 * signed(first & 0x7FF, 11))),
+            0xB if first & 0xF500 == 0xB100 => {
+                Some(after + u32::from((first >> 9 & 1) << 6 | (first >> 3 & 0x1F) << 1))
+            }
+            0xF if first & 0xF800 == 0xF000 && second & 0xD000 == 0x9000 => {
+                Some(after.wrapping_add_signed(bl_distance(first, second)))
+            }
+            0xF if first & 0xF800 == 0xF000 && second & 0xD000 == 0x8000 && first >> 7 & 7 != 7 => {
+                Some(after.wrapping_add_signed(conditional_distance(first, second)))
+            }
+            _ => None,
+        };
+        targets.extend(target);
+        pc += if is_wide(first) { 4 } else { 2 };
+    }
+    targets
 }
 
 /// How far a conditional B.W leads: encoding T3, ARMv7-M ARM A7.7.12.
@@ -327,6 +361,7 @@ pub fn rewrite<B: Board, C: Cost>(
             continue;
         }
         let stub = stubs.here();
+        let targets = &near_targets(node, site) | &recording.targets;
         let narrow = !is_wide(halves(node, site).0);
         let mut skip = None;
         let start = if recording.conditional.contains(&site) {
@@ -338,7 +373,7 @@ pub fn rewrite<B: Board, C: Cost>(
             stubs.raw(&[0xD001 | (it & 0xF0) << 4]);
             skip = Some(stubs.hole());
             site - 2
-        } else if narrow && recording.targets.contains(&(site + 2)) {
+        } else if narrow && targets.contains(&(site + 2)) {
             // Where the instruction after a 16-bit store is branched to, the one before the store moves with it.
             recording.before[&site]
         } else {
@@ -350,7 +385,7 @@ pub fn rewrite<B: Board, C: Cost>(
         let mut pc = if skip.is_some() { site } else { start };
         while pc < start + 4 || pc <= site {
             let entry = pc == start || skip.is_some() && pc == site;
-            if !entry && recording.targets.contains(&pc) {
+            if !entry && targets.contains(&pc) {
                 return refuse(pc, "an instruction that is branched to cannot be moved");
             }
             let (one, two) = halves(node, pc);
