@@ -323,6 +323,8 @@ mod app {
         for port in board::RECEIVER_PORTS.iter().take(RECEIVERS) {
             rtic::pend(port.stream_vector);
         }
+        // Nothing waits for the next tick's vote, so it comes when the frame is on its way.
+        cx.shared.solutions.lock(|solutions| cx.local.cycle.vote(tick.wrapping_add(1), solutions));
         cycle_timer::cycle_ended(tick);
         CHECK_IN.check_in(Task::Cycle);
         settle();

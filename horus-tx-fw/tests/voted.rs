@@ -285,11 +285,15 @@ fn run(seed: u64, failures: &mut [(usize, Failure)]) -> Outcome {
         }
         let solutions = receivers.each_ref().map(|receiver| *receiver.solution());
         if let ([one, .., other], true) = (right.as_slice(), now >= SETTLED_MS) {
-            let alone = Cycle::new().fill(tick, &[solutions[*one], solutions[*other]]);
+            let mut alone = Cycle::new();
+            let solutions = [solutions[*one], solutions[*other]];
+            alone.vote(tick + 1, &solutions);
+            let alone = alone.fill(tick + 1, &solutions);
             let reported = alone.verify().reported.map(ReportedPosition::values).expect("sealed");
             outcome.apart += u32::from(reported.status.receivers_agreeing() != 2);
         }
         let profile = cycle.fill(tick, &solutions);
+        cycle.vote(tick + 1, &solutions);
         let reading = profile.verify();
         let reported = reading.reported.map(ReportedPosition::values).expect("sealed");
         let gps = reading.gps.map(|object| object.map(GpsObject::values).expect("sealed"));

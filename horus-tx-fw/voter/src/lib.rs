@@ -113,8 +113,8 @@ pub struct Position {
     pub altitude: Option<f64>,
 }
 
-/// What a vote came to. A mask has bit 0 for the first receiver.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// What a vote came to. A mask has bit 0 for the first receiver. The default is that of no vote.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Verdict {
     /// The members of the result; none without one.
     pub members: u8,
@@ -129,6 +129,9 @@ pub struct Verdict {
 }
 
 impl Verdict {
+    /// That of no vote.
+    pub const NONE: Self = Self { members: 0, excluded: 0, position: None, attitude: None, acceleration: None };
+
     /// How many receivers agree: the members.
     #[must_use]
     pub const fn agreeing(&self) -> u8 {

@@ -76,11 +76,22 @@ pub(crate) fn fill(cycles: &Cycles) {
     inputs[23] = (123, [Solution::default(), winterthur, beside]);
     let taken = cycles.over_prepared(
         &inputs,
-        |_| Cycle::new(),
+        |(tick, solutions)| {
+            let mut cycle = Cycle::new();
+            cycle.vote(*tick, solutions);
+            cycle
+        },
         |(tick, solutions), cycle| cycle.fill(black_box(*tick), black_box(solutions)),
     );
     // The slot leaves 24 µs of the tick and 14 µs an object (`timing`): 9504 cycles.
     taken.assert("Cycle::fill", bounds(4_800, 3_800, 9_504, 16));
+    let taken = cycles.over_prepared(
+        &inputs,
+        |_| Cycle::new(),
+        |(tick, solutions), cycle| cycle.vote(black_box(*tick), black_box(solutions)),
+    );
+    // It comes after the frame was offered and has no deadline but the next tick.
+    taken.assert("Cycle::vote", bounds(10_000, 10_000, 16_000, u32::MAX));
 }
 
 /// `Receiver::receive` of one call's bytes: bounded, not constant, since a message that is complete is converted and a
