@@ -69,6 +69,12 @@ impl<const N: usize> Cycle<N> {
         self.voted = Some(tick);
     }
 
+    /// The last vote.
+    #[must_use]
+    pub const fn verdict(&self) -> &Verdict {
+        &self.verdict
+    }
+
     /// The sealed profile of tick `tick`, from what each receiver has said until then, and from the vote of that tick.
     pub fn fill(&mut self, tick: u32, solutions: &[Solution; N]) -> Profile<N> {
         let now = timestamp(tick);

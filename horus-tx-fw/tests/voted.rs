@@ -286,11 +286,8 @@ fn run(seed: u64, failures: &mut [(usize, Failure)]) -> Outcome {
         let solutions = receivers.each_ref().map(|receiver| *receiver.solution());
         if let ([one, .., other], true) = (right.as_slice(), now >= SETTLED_MS) {
             let mut alone = Cycle::new();
-            let solutions = [solutions[*one], solutions[*other]];
-            alone.vote(tick + 1, &solutions);
-            let alone = alone.fill(tick + 1, &solutions);
-            let reported = alone.verify().reported.map(ReportedPosition::values).expect("sealed");
-            outcome.apart += u32::from(reported.status.receivers_agreeing() != 2);
+            alone.vote(tick + 1, &[solutions[*one], solutions[*other]]);
+            outcome.apart += u32::from(alone.verdict().agreeing() != 2);
         }
         let profile = cycle.fill(tick, &solutions);
         cycle.vote(tick + 1, &solutions);
@@ -362,11 +359,13 @@ fn one_of_three(runs: u64) {
                 Kind::Silence | Kind::Frozen | Kind::Checksum => {
                     // One period and 150 ms after its last message, which may be a period old.
                     assert!(outcome.left_after_ms.is_some_and(|ms| ms <= 650), "{said}");
-                    assert!(outcome.worst_m <= RIGHT_M, "two right ones are left: {said}");
+                    assert!(outcome.worst_m <= RIGHT_M, "right ones are left: {said}");
                 }
                 // A right position at a wrong time of week is a right position.
                 Kind::Time => assert!(outcome.worst_m <= RIGHT_M, "{said}"),
-                Kind::Jump => assert!(outcome.excluded_after_ms.is_some_and(|ms| ms <= 300), "{said}"),
+                Kind::Jump if outcome.apart == 0 => {
+                    assert!(outcome.excluded_after_ms.is_some_and(|ms| ms <= 300), "{said}");
+                }
                 _ => {}
             }
             count += 1;
@@ -405,17 +404,17 @@ fn two_of_three(runs: u64) {
 
 #[test]
 fn whatever_one_of_three_receivers_does_reported_position_stays_valid_and_right() {
-    one_of_three(180);
+    one_of_three(360);
 }
 
 #[test]
 fn two_of_three_failing_show_no_wrong_position_unless_they_agree() {
-    two_of_three(60);
+    two_of_three(120);
 }
 
 #[test]
 fn without_a_failure_all_three_agree_and_the_result_is_as_good_as_they_are() {
-    for seed in 0..20 {
+    for seed in 0..40 {
         let outcome = run(seed, &mut []);
         assert_eq!(outcome.undegraded, 0, "{outcome:?}");
         assert!(outcome.apart > 0 || (outcome.without, outcome.wronged) == (0, 0), "{outcome:?}");

@@ -195,7 +195,7 @@ impl<const N: usize> Voter<N> {
         let outvoted = outside & mask_of(&friends, |friends| is_result & (friends & members == 0));
 
         let excluded = self.excluded | outvoted;
-        self.remember(members, outvoted, if is_result { members } else { eligible }, &friends, now_ms);
+        self.remember(members, outvoted, eligible, &friends, now_ms);
 
         let position = position(inputs, &brought, &places, members);
         let oriented = members & mask_of(inputs, |input| are_within(input.attitude, ANGLE_MAX));
@@ -214,13 +214,15 @@ impl<const N: usize> Voter<N> {
         }
     }
 
-    /// Who is excluded at the next tick: those who were and the `outvoted`, but for those who by now have agreed with
-    /// all of `reference` for long enough.
-    fn remember(&mut self, members: u8, outvoted: u8, reference: u8, friends: &[u8; N], now_ms: u32) {
+    /// Who is excluded at the next tick: those who were and the `outvoted`, but for those who by now have agreed for long
+    /// enough with all `members` or, without a result, with one of those who are `eligible`, if there are any.
+    fn remember(&mut self, members: u8, outvoted: u8, eligible: u8, friends: &[u8; N], now_ms: u32) {
         let mut returned = 0;
         for (index, (since, friends)) in self.agreeing_since.iter_mut().zip(friends).enumerate() {
             // Its own friend is only who is a candidate.
-            let agrees = has(self.excluded & friends, index) & (friends & reference == reference);
+            let with_members = friends & members == members;
+            let with_one = (friends & eligible != 0) | (eligible == 0);
+            let agrees = has(self.excluded & friends, index) & with_members & ((members != 0) | with_one);
             let from = since.unwrap_or(now_ms);
             let long_enough = agrees & (now_ms.wrapping_sub(from) >= RETURNS_AFTER_MS);
             *since = (agrees & !long_enough).then_some(from);

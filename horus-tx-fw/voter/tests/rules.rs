@@ -285,7 +285,7 @@ fn an_excluded_receiver_returns_when_it_has_agreed_for_1000_ms_to_the_millisecon
 }
 
 #[test]
-fn without_a_result_an_excluded_receiver_must_agree_with_every_eligible_candidate() {
+fn without_a_result_an_excluded_receiver_must_agree_with_an_eligible_candidate() {
     let mut voter = Voter::new();
     let far = GOOD.moved(200.0, 0.0);
     let mut vote = |said: [Said; 3], now| voter.vote(&said.map(|said| said.input()), now);
@@ -297,14 +297,24 @@ fn without_a_result_an_excluded_receiver_must_agree_with_every_eligible_candidat
     let verdict = vote([GOOD, SILENT, GOOD], 1_020);
     assert_eq!((verdict.members, verdict.excluded), (0b101, 0));
 
-    // Two eligible ones that disagree: agreeing with one of them is not enough.
-    let mut voter = Voter::new();
-    let mut vote = |said: [Said; 5], now| voter.vote(&said.map(|said| said.input()), now);
-    assert_eq!(vote([GOOD, GOOD, GOOD, far, SILENT], 0).excluded, 0b01000);
-    for now in (10..3_000).step_by(10) {
-        let verdict = vote([GOOD, far, SILENT, far, SILENT], now);
-        assert_eq!((verdict.position, verdict.excluded), (None, 0b01000));
+    // Two eligible ones that disagree: agreeing with one of them is enough, with none it is not.
+    for (third, returns) in [(GOOD, true), (far, true), (GOOD.moved(0.0, 900.0), false)] {
+        let mut voter = Voter::new();
+        let mut vote = |said: [Said; 3], now| voter.vote(&said.map(|said| said.input()), now);
+        assert_eq!(vote([GOOD, GOOD, GOOD.moved(0.0, 900.0)], 0).excluded, 0b100);
+        for now in (10..=1_010).step_by(10) {
+            let verdict = vote([GOOD, far, third], now);
+            assert_eq!((verdict.position, verdict.excluded), (None, 0b100));
+        }
+        assert_eq!(vote([GOOD, far, third], 1_020).position.is_some(), returns);
     }
+    // With nobody left it is enough to be a candidate.
+    let mut voter = Voter::new();
+    let mut vote = |said: [Said; 3], now| voter.vote(&said.map(|said| said.input()), now);
+    assert_eq!(vote([GOOD, GOOD, far], 0).excluded, 0b100);
+    assert_eq!(vote([SILENT, SILENT, far], 10).excluded, 0b100);
+    assert_eq!(vote([SILENT, SILENT, far], 1_010).excluded, 0b100);
+    assert_eq!(vote([SILENT, SILENT, far], 1_020).excluded, 0);
 }
 
 #[test]

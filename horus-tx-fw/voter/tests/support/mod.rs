@@ -250,11 +250,15 @@ impl Oracle {
         let members = if best.len() >= least && best.len() > outside.len() { best } else { Vec::new() };
 
         // What this tick says of those who were excluded.
-        let reference = if members.is_empty() { &eligible } else { &members };
         let mut shown: Vec<usize> = self.excluded.iter().map(|(who, _)| *who).collect();
         let mut next = Vec::new();
         for (who, since) in &self.excluded {
-            let agrees = candidates.contains(who) && reference.iter().all(|other| agree[*who][*other]);
+            let fits = if !members.is_empty() {
+                members.iter().all(|other| agree[*who][*other])
+            } else {
+                eligible.is_empty() || eligible.iter().any(|other| agree[*who][*other])
+            };
+            let agrees = candidates.contains(who) && fits;
             let since = agrees.then(|| since.unwrap_or(now));
             if since.is_none_or(|since| now.wrapping_sub(since) < 1_000) {
                 next.push((*who, since));
