@@ -23,7 +23,8 @@
 //! - `rf_irq` notes the end of a frame before the next tick.
 //! - `rf_timer` has none: late is harmless.
 //! - `rf_slot` runs before the frame's end, 1.9 ms after the slot at the earliest.
-//! - `cycle` fills, seals and offers the profile so early that its load ends before the slot (see `timing`).
+//! - `cycle` fills, seals and offers the profile so early that its load ends before the slot (see `timing`). The
+//!   vote of the next tick comes after that and ends within the cycle.
 //! - `gnss*` notes a ring's position within half a ring, 5.5 ms.
 //! - `parse` parses what there is within one cycle.
 //! - `idle` feeds the watchdog when all have checked in, and logs when that delays nothing.

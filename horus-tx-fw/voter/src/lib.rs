@@ -10,8 +10,8 @@
 //! - **Nothing is infinite or not a number.** Positions, velocities and accuracies are integers until they were found
 //!   plausible ([`Stated`]); attitude and acceleration take part only if they are finite.
 //! - **The work does not depend on the data.** All pairs, all 2ᴺ - 1 sets, all medians by a fixed sorting network, and
-//!   what does not count is selected away, not skipped. What remains is the software's division of float64, six of
-//!   which make the result, whose time varies by a few cycles.
+//!   what does not count is selected away, not skipped. What remains is float64 and square roots by software, and moves
+//!   that a compiler makes of a choice: a sixth of the time.
 //! - **The work is small.** What only depends on a receiver's message is worked out when it arrives ([`Fix::new`]), all
 //!   metres are float32 (see `geometry`), no distance needs a root, and float64 appears in the result alone.
 //! - **Pure.** No clock, no input or output, no allocation: [`Voter::vote`] is told the time, and a voter that is a
@@ -214,8 +214,8 @@ impl<const N: usize> Voter<N> {
         }
     }
 
-    /// Who is excluded at the next tick: those who were and the `outvoted`, but for those who by now have agreed for long
-    /// enough with all `members` or, without a result, with one of those who are `eligible`, if there are any.
+    /// Who is excluded at the next tick: those who were and the `outvoted`, but for those who by now have agreed for
+    /// long enough with all `members` or, without a result, with one of those who are `eligible`, if there are any.
     fn remember(&mut self, members: u8, outvoted: u8, eligible: u8, friends: &[u8; N], now_ms: u32) {
         let mut returned = 0;
         for (index, (since, friends)) in self.agreeing_since.iter_mut().zip(friends).enumerate() {

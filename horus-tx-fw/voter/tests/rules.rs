@@ -501,7 +501,9 @@ proptest! {
     }
 
     #[test]
-    fn whatever_is_said_the_verdict_is_sound(ticks in prop::collection::vec([wrong(), wrong(), wrong(), wrong(), wrong()], 1..8)) {
+    fn whatever_is_said_the_verdict_is_sound(
+        ticks in prop::collection::vec([wrong(), wrong(), wrong(), wrong(), wrong()], 1..8),
+    ) {
         let mut voter = Voter::<5>::new();
         for (now, said) in (0..).step_by(10).zip(ticks) {
             let verdict = voter.vote(&said.map(|said| said.input()), now);
