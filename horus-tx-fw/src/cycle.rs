@@ -6,8 +6,8 @@
 //! object is written and sealed in full, the same bytes pass through the same CRCs, and a value that is
 //! not valid is replaced by the NaN of the design by selection, not by skipping. There is no early return.
 //!
-//! [`Cycle::vote`] comes before it, at the end of the cycle before: comparing the receivers takes longer than the slot
-//! leaves between the tick and the frame. So a vote knows what the receivers have said until 10 ms before its tick, and
+//! [`Cycle::vote`] comes before it, at the end of the cycle before, and seals Reported-Position: comparing the receivers
+//! takes longer than the slot leaves between the tick and the frame. So a vote knows what the receivers have said until 10 ms before its tick, and
 //! brings that to the tick. A vote of another tick is not shown.
 //!
 //! Reported-Position is what a majority of the receivers says ([`horus_voter`]): the position of those that agree,
@@ -18,7 +18,8 @@
 
 use horus_voter::{Input, Verdict, Voter};
 use profile::{
-    GpsStatus, GpsValues, HorusState, Profile, ReportedStatus, ReportedValues, ABSENT_F32, ABSENT_F64, CYCLE_MS,
+    GpsObject, GpsStatus, GpsValues, HorusState, Identifier, Profile, ReportedPosition, ReportedStatus, ReportedValues,
+    ABSENT_F32, ABSENT_F64, CYCLE_MS,
 };
 
 use crate::{
@@ -40,9 +41,9 @@ pub struct Cycle<const N: usize> {
     located: bool,
     clock: Source,
     voter: Voter<N>,
-    /// The last vote, and the tick that it is for.
+    /// The last vote, and Reported-Position as sealed for the tick that it is for.
     verdict: Verdict,
-    voted: Option<u32>,
+    voted: Option<(u32, ReportedPosition)>,
 }
 
 impl<const N: usize> Cycle<N> {
@@ -66,7 +67,8 @@ impl<const N: usize> Cycle<N> {
             *input = input_of(solution, now);
         }
         self.verdict = self.voter.vote(&inputs, now);
-        self.voted = Some(tick);
+        self.located |= self.verdict.position.is_some();
+        self.voted = Some((tick, ReportedPosition::seal(&self.reported_values(&self.verdict, now))));
     }
 
     /// The last vote.
@@ -76,16 +78,19 @@ impl<const N: usize> Cycle<N> {
     }
 
     /// The sealed profile of tick `tick`, from what each receiver has said until then, and from the vote of that tick.
-    pub fn fill(&mut self, tick: u32, solutions: &[Solution; N]) -> Profile<N> {
+    pub fn fill(&self, tick: u32, solutions: &[Solution; N]) -> Profile<N> {
         let now = timestamp(tick);
-        let verdict = if self.voted == Some(tick) { self.verdict } else { Verdict::NONE };
-        self.located |= verdict.position.is_some();
-
-        let mut gps = [GpsValues::absent(now); N];
-        for (index, (values, solution)) in gps.iter_mut().zip(solutions).enumerate() {
-            *values = gps_values(solution, verdict.is_excluded(index), now);
-        }
-        Profile::seal(&self.reported_values(&verdict, now), &gps)
+        let (reported, voted) = match self.voted {
+            Some((of, reported)) if of == tick => (reported, true),
+            _ => (ReportedPosition::seal(&self.reported_values(&Verdict::NONE, now)), false),
+        };
+        let mut receiver = 0;
+        let gps = solutions.each_ref().map(|solution| {
+            let excluded = voted & self.verdict.is_excluded(receiver);
+            receiver += 1;
+            GpsObject::seal(Identifier::gps(receiver), &gps_values(solution, excluded, now))
+        });
+        Profile::new(reported, gps)
     }
 
     /// Reported-Position as the receivers agree on it.
