@@ -6,12 +6,13 @@
 //! object is written and sealed in full, the same bytes pass through the same CRCs, and a value that is
 //! not valid is replaced by the NaN of the design by selection, not by skipping. There is no early return.
 //!
-//! Reported-Position is GPS1's values: no voter compares the receivers yet, and the status says so. It claims one
-//! receiver that agrees (GPS1 with itself) or none, and is *degraded* whenever that is fewer than are fitted. Its
-//! validity is GPS1's at every tick: a receiver that falls silent takes Reported-Position's validity along, one period
-//! and 150 ms after its last message (see [`receiver`](crate::receiver)). HORUS is *starting* until GPS1 has had its
-//! first valid position, and *monitoring* from then on.
+//! Reported-Position is what a majority of the receivers says ([`horus_voter`]): the position of those that agree,
+//! brought to the tick, and how many they are. It is *degraded* while those are fewer than are fitted. Which receivers
+//! may take part is decided by each one's own object: a receiver that falls silent stops taking part one period and
+//! 150 ms after its last message (see [`receiver`](crate::receiver)), and one that was outvoted says *excluded*. HORUS
+//! is *starting* until the first result, and *monitoring* from then on.
 
+use horus_voter::{Input, Verdict, Voter};
 use profile::{
     GpsStatus, GpsValues, HorusState, Profile, ReportedStatus, ReportedValues, ABSENT_F32, ABSENT_F64, CYCLE_MS,
 };
@@ -28,15 +29,16 @@ pub const fn timestamp(tick: u32) -> u32 {
     tick.wrapping_mul(CYCLE_MS)
 }
 
-/// What is remembered from tick to tick.
+/// What is remembered from tick to tick of `N` receivers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Cycle {
-    /// GPS1 has had a valid position since the start.
+pub struct Cycle<const N: usize> {
+    /// There has been a result since the start.
     located: bool,
     clock: Source,
+    voter: Voter<N>,
 }
 
-impl Cycle {
+impl<const N: usize> Cycle<N> {
     /// The first cycle of a HORUS that runs on the external clock.
     #[must_use]
     pub const fn new() -> Self {
@@ -46,44 +48,65 @@ impl Cycle {
     /// The first cycle of a HORUS that runs on `clock`, which Reported-Position's status tells.
     #[must_use]
     pub const fn on(clock: Source) -> Self {
-        Self { located: false, clock }
+        Self { located: false, clock, voter: Voter::new() }
     }
 
     /// The sealed profile of tick `tick`, from what each receiver has said until then.
-    pub fn fill<const N: usize>(&mut self, tick: u32, solutions: &[Solution; N]) -> Profile<N> {
+    pub fn fill(&mut self, tick: u32, solutions: &[Solution; N]) -> Profile<N> {
         let now = timestamp(tick);
-        let mut gps = [GpsValues::absent(now); N];
-        for (values, solution) in gps.iter_mut().zip(solutions) {
-            *values = gps_values(solution, now);
+        let mut inputs = [Input::default(); N];
+        for (input, solution) in inputs.iter_mut().zip(solutions) {
+            *input = input_of(solution, now);
         }
-        // A profile has at least one receiver.
-        let first = &gps[0];
-        self.located |= first.status.position_valid();
-        Profile::seal(&self.reported_values(first, N), &gps)
+        let verdict = self.voter.vote(&inputs, now);
+        self.located |= verdict.position.is_some();
+
+        let mut gps = [GpsValues::absent(now); N];
+        for (index, ((values, solution), input)) in gps.iter_mut().zip(solutions).zip(&inputs).enumerate() {
+            *values = gps_values(solution, input, verdict.is_excluded(index), now);
+        }
+        Profile::seal(&self.reported_values(&verdict, now), &gps)
     }
 
-    /// Reported-Position as GPS1 alone has it.
-    fn reported_values(&self, first: &GpsValues, receivers: usize) -> ReportedValues {
-        let valid = first.status.position_valid();
-        let agreeing = u8::from(valid);
+    /// Reported-Position as the receivers agree on it.
+    fn reported_values(&self, verdict: &Verdict, now: u32) -> ReportedValues {
+        let Verdict { position, attitude, acceleration, .. } = verdict;
+        let agreeing = verdict.agreeing();
+        let [pitch, yaw, roll] = attitude.unwrap_or([ABSENT_F32; 3]);
         ReportedValues {
-            timestamp: first.timestamp,
+            timestamp: now,
             status: ReportedStatus::new()
                 .with_receivers_agreeing(agreeing)
-                .with_position_valid(valid)
-                .with_attitude_valid(first.status.attitude_valid())
-                .with_acceleration_valid(first.status.acceleration_valid())
-                .with_degraded(usize::from(agreeing) < receivers)
+                .with_position_valid(position.is_some())
+                .with_attitude_valid(attitude.is_some())
+                .with_acceleration_valid(acceleration.is_some())
+                .with_degraded(usize::from(agreeing) < N)
                 .with_without_crystal(self.clock == Source::Internal)
                 .with_state(if self.located { HorusState::Monitoring } else { HorusState::Starting }),
-            latitude: first.latitude,
-            longitude: first.longitude,
-            altitude: first.altitude,
-            pitch: first.pitch,
-            yaw: first.yaw,
-            roll: first.roll,
-            acceleration: first.acceleration,
+            latitude: position.map_or(ABSENT_F64, |position| position.latitude),
+            longitude: position.map_or(ABSENT_F64, |position| position.longitude),
+            altitude: position.and_then(|position| position.altitude).unwrap_or(ABSENT_F64),
+            pitch,
+            yaw,
+            roll,
+            acceleration: acceleration.unwrap_or([ABSENT_F32; 3]),
         }
+    }
+}
+
+/// What one receiver puts to the vote at `now` ms.
+fn input_of(solution: &Solution, now: u32) -> Input {
+    let Solution { position, attitude, acceleration, .. } = solution;
+    Input {
+        valid: position.valid & position.pace.is_current(now),
+        fix: position.voted,
+        since_arrival_ms: position.pace.since_arrival_ms(now),
+        attitude: (attitude.valid & attitude.pace.is_current(now)).then_some([
+            attitude.pitch,
+            attitude.yaw,
+            attitude.roll,
+        ]),
+        acceleration: (acceleration.valid & acceleration.pace.is_current(now)).then_some(acceleration.axes),
     }
 }
 
@@ -105,28 +128,28 @@ fn shown_f32(shown: bool, value: f32) -> f32 {
 }
 
 /// One receiver's object at `now` ms.
-fn gps_values(solution: &Solution, now: u32) -> GpsValues {
+fn gps_values(solution: &Solution, input: &Input, excluded: bool, now: u32) -> GpsValues {
     let Solution { heard, position, attitude, acceleration } = solution;
     let current = position.pace.is_current(now);
-    let located = position.valid & current;
     let oriented = attitude.pace.is_current(now);
     let moved = acceleration.pace.is_current(now);
 
     let mut status = GpsStatus::new()
-        .with_position_valid(located)
-        .with_attitude_valid(attitude.valid & oriented)
-        .with_acceleration_valid(acceleration.valid & moved)
+        .with_position_valid(input.valid)
+        .with_attitude_valid(input.attitude.is_some())
+        .with_acceleration_valid(input.acceleration.is_some())
         .with_heard(heard.within(now, HEARD_MS))
-        .with_stale(!position.pace.is_fresh(now));
+        .with_stale(!position.pace.is_fresh(now))
+        .with_excluded(excluded);
     if let (Some(fix), true) = (position.fix, current) {
         status = status.with_fix_type(fix);
     }
     GpsValues {
         timestamp: now,
         status,
-        latitude: shown_f64(located, position.latitude),
-        longitude: shown_f64(located, position.longitude),
-        altitude: shown_f64(located, position.altitude),
+        latitude: shown_f64(input.valid, position.latitude),
+        longitude: shown_f64(input.valid, position.longitude),
+        altitude: shown_f64(input.valid, position.altitude),
         pitch: shown_f32(oriented, attitude.pitch),
         yaw: shown_f32(oriented, attitude.yaw),
         roll: shown_f32(oriented, attitude.roll),

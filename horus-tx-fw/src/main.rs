@@ -115,7 +115,7 @@ mod app {
     #[local]
     struct Local {
         timer: CycleTimer,
-        cycle: Cycle,
+        cycle: Cycle<RECEIVERS>,
         receivers: [Receiver; RECEIVERS],
         readers: [Reader; RECEIVERS],
         watchdog: IndependentWatchdog,

@@ -10,6 +10,9 @@
 //! **To the last bit.** A latitude is `raw / 1e7`, one division of two exactly represented numbers, so
 //! it is the float64 nearest to what the receiver said. Multiplying by `1e-7`, itself rounded, is not.
 //!
+//! **Plausible.** A position is only valid with a stated accuracy that is good enough, and with values in range: what the
+//! voter asks of a candidate ([`horus_voter::Stated::is_plausible`]).
+//!
 //! **Age.** A value is worth something only for a while. It is *valid* until it is older than one period of its message
 //! and [`VALID_SLACK_MS`], and *stale* from one period and [`STALE_SLACK_MS`] on (design, section 2). The age counts
 //! from the arrival of the message, that is from the moment at which its last byte was parsed. The epoch for which it
@@ -31,6 +34,7 @@
 
 use core::f64::consts::PI;
 
+use horus_voter::{Fix, Stated};
 use ublox::{proto27::PacketRef, proto27::Proto27, FixedBuffer, Parser, ParserError, UbxPacket};
 
 use profile::{FixType, ABSENT_F32, ABSENT_F64};
@@ -131,6 +135,13 @@ impl Pace {
         self.arrived.within(now, self.period_ms + VALID_SLACK_MS)
     }
 
+    /// From the arrival of the last message to `now`, ms: below 0 for one that came since, and the longest there is
+    /// without any.
+    #[must_use]
+    pub fn since_arrival_ms(&self, now: u32) -> i32 {
+        self.arrived.0.map_or(i32::MAX, |at| now.wrapping_sub(at) as i32)
+    }
+
     /// Notes a message of `time_of_week_ms` that arrived at `now`, ms.
     fn arrive(&mut self, time_of_week_ms: u32, now: u32) {
         if self.time_of_week_ms == Some(time_of_week_ms) {
@@ -172,6 +183,7 @@ pub struct Position {
     pub fix: Option<FixType>,
     /// Whether the receiver vouches for latitude and longitude: `gnssFixOK`, not `invalidLlh`, and a 2D, 3D or combined
     /// fix. Dead reckoning without satellites is none: its error grows without a bound that the receiver would state.
+    /// And whether what it states is plausible.
     pub valid: bool,
     /// Degrees, WGS-84.
     pub latitude: f64,
@@ -179,6 +191,14 @@ pub struct Position {
     pub longitude: f64,
     /// m above the WGS-84 ellipsoid; NaN for a 2D fix, which rests on an assumed altitude.
     pub altitude: f64,
+    /// m/s north, east, down.
+    pub velocity: [f64; 3],
+    /// Standard deviation of the horizontal position, m.
+    pub horizontal_accuracy: f64,
+    /// Standard deviation of the altitude, m.
+    pub vertical_accuracy: f64,
+    /// What the voter makes of all that.
+    pub voted: Fix,
 }
 
 /// Attitude, from NAV-ATT. An angle that the receiver does not give is NaN.
@@ -336,18 +356,28 @@ impl Solution {
                 let position = &mut self.position;
                 position.pace.arrive(pvt.itow(), now);
                 position.fix = FixType::from_ubx(pvt.fix_type_raw());
-                let (latitude, longitude) = (pvt.latitude_raw(), pvt.longitude_raw());
+                let stated = Stated {
+                    latitude_e7: pvt.latitude_raw(),
+                    longitude_e7: pvt.longitude_raw(),
+                    altitude_mm: match position.fix {
+                        Some(FixType::Fix2D) => None,
+                        _ => Some(pvt.height_above_ellipsoid_raw()),
+                    },
+                    velocity_mm_s: [pvt.vel_north_raw(), pvt.vel_east_raw(), pvt.vel_down_raw()],
+                    horizontal_accuracy_mm: pvt.horizontal_accuracy_raw(),
+                    vertical_accuracy_mm: pvt.vertical_accuracy_raw(),
+                };
+                position.voted = Fix::new(&stated);
                 position.valid = pvt.flags_raw() & GNSS_FIX_OK != 0
                     && pvt.flags3_raw() & INVALID_LLH == 0
                     && matches!(position.fix, Some(FixType::Fix2D | FixType::Fix3D | FixType::GnssDeadReckoning))
-                    && latitude.unsigned_abs() <= 90 * DEGREE_E7
-                    && longitude.unsigned_abs() <= 180 * DEGREE_E7;
-                position.latitude = f64::from(latitude) / 1e7;
-                position.longitude = f64::from(longitude) / 1e7;
-                position.altitude = match position.fix {
-                    Some(FixType::Fix2D) => ABSENT_F64,
-                    _ => f64::from(pvt.height_above_ellipsoid_raw()) / 1e3,
-                };
+                    && position.voted.is_plausible();
+                position.latitude = f64::from(stated.latitude_e7) / 1e7;
+                position.longitude = f64::from(stated.longitude_e7) / 1e7;
+                position.altitude = stated.altitude_mm.map_or(ABSENT_F64, |mm| f64::from(mm) / 1e3);
+                position.velocity = stated.velocity_mm_s.map(|mm_s| f64::from(mm_s) / 1e3);
+                position.horizontal_accuracy = f64::from(stated.horizontal_accuracy_mm) / 1e3;
+                position.vertical_accuracy = f64::from(stated.vertical_accuracy_mm) / 1e3;
                 pvt.payload_len() + UBX_OVERHEAD
             }
             UbxPacket::Proto27(PacketRef::NavAtt(att)) => {
@@ -380,8 +410,6 @@ impl Solution {
 const GNSS_FIX_OK: u8 = 0x01;
 /// NAV-PVT `flags3` bit 0: longitude, latitude and height are invalid.
 const INVALID_LLH: u8 = 0x01;
-/// NAV-PVT's longitude and latitude are in 1e-7 degrees.
-const DEGREE_E7: u32 = 10_000_000;
 /// ESF-INS `bitfield0` bits 11 to 13.
 const X_ACCEL_VALID: u32 = 1 << 11;
 const Y_ACCEL_VALID: u32 = 1 << 12;

@@ -1,0 +1,111 @@
+//! What a receiver states of its position, and what of that does not change from tick to tick.
+
+use crate::{
+    HIGHEST_MM, LATITUDE_MAX_E7, LONGITUDE_MAX_E7, LOWEST_MM, MOST_HORIZONTAL_ACCURACY_MM, MOST_VERTICAL_ACCURACY_MM,
+    SPEED_MAX_MM_S, geometry::Place,
+};
+
+/// What a receiver states of one epoch, in the units of UBX NAV-PVT.
+///
+/// Integers, so that no value is lost on the way, every difference of two positions is exact, and nothing can be
+/// infinite or not a number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stated {
+    /// 1e-7 degrees north, WGS-84.
+    pub latitude_e7: i32,
+    /// 1e-7 degrees east, WGS-84.
+    pub longitude_e7: i32,
+    /// mm above the ellipsoid; `None` for a 2D fix, whose altitude is assumed.
+    pub altitude_mm: Option<i32>,
+    /// mm/s north, east, down.
+    pub velocity_mm_s: [i32; 3],
+    /// Standard deviation of the horizontal position, mm (hAcc).
+    pub horizontal_accuracy_mm: u32,
+    /// Standard deviation of the altitude, mm (vAcc).
+    pub vertical_accuracy_mm: u32,
+}
+
+impl Stated {
+    /// Stands in for what is not plausible: in range everywhere, and never used.
+    const NOTHING: Self = Self {
+        latitude_e7: 0,
+        longitude_e7: 0,
+        altitude_mm: None,
+        velocity_mm_s: [0; 3],
+        horizontal_accuracy_mm: 0,
+        vertical_accuracy_mm: 0,
+    };
+
+    /// Whether each value is in range, and the accuracies are stated and good enough.
+    ///
+    /// Of a 2D fix the altitude and its accuracy are not asked: the receiver did not measure it.
+    #[must_use]
+    pub fn is_plausible(&self) -> bool {
+        let speed_squared =
+            self.velocity_mm_s.iter().fold(0_u64, |sum, axis| sum + u64::from(axis.unsigned_abs()).pow(2));
+        let vertical = self.altitude_mm.is_none_or(|altitude| {
+            (LOWEST_MM..=HIGHEST_MM).contains(&altitude)
+                & (1..=MOST_VERTICAL_ACCURACY_MM).contains(&self.vertical_accuracy_mm)
+        });
+        (self.latitude_e7.unsigned_abs() <= LATITUDE_MAX_E7)
+            & (self.longitude_e7.unsigned_abs() <= LONGITUDE_MAX_E7)
+            & (speed_squared <= SPEED_MAX_MM_S.pow(2))
+            & (1..=MOST_HORIZONTAL_ACCURACY_MM).contains(&self.horizontal_accuracy_mm)
+            & vertical
+    }
+}
+
+/// A position as it was stated, with what the voter needs of it at every tick: made once, when it arrives.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fix {
+    pub(crate) plausible: bool,
+    pub(crate) place: Place,
+    /// mm above the ellipsoid, 0 without one.
+    pub(crate) altitude_mm: i32,
+    pub(crate) has_altitude: bool,
+    /// m/s north, east, down.
+    pub(crate) velocity: [f32; 3],
+    /// Horizontal and vertical, m/s.
+    pub(crate) speed: [f32; 2],
+    /// Horizontal and vertical, m.
+    pub(crate) accuracy: [f32; 2],
+}
+
+impl Fix {
+    /// Of what a receiver states. Nothing that is not plausible is taken over.
+    #[must_use]
+    pub fn new(stated: &Stated) -> Self {
+        let plausible = stated.is_plausible();
+        let stated = if plausible { stated } else { &Stated::NOTHING };
+        let altitude_mm = stated.altitude_mm.unwrap_or(0);
+        let velocity = stated.velocity_mm_s.map(metres);
+        let [north, east, down] = velocity;
+        Self {
+            plausible,
+            place: Place::new(stated.latitude_e7, stated.longitude_e7, metres(altitude_mm)),
+            altitude_mm,
+            has_altitude: stated.altitude_mm.is_some(),
+            velocity,
+            speed: [libm::sqrtf(north * north + east * east), if down < 0.0 { -down } else { down }],
+            accuracy: [stated.horizontal_accuracy_mm, stated.vertical_accuracy_mm].map(|mm| mm as f32 / 1e3),
+        }
+    }
+
+    /// Whether what was stated is plausible ([`Stated::is_plausible`]).
+    #[must_use]
+    pub const fn is_plausible(&self) -> bool {
+        self.plausible
+    }
+}
+
+impl Default for Fix {
+    /// Of a receiver that has said nothing: not plausible.
+    fn default() -> Self {
+        Self::new(&Stated::NOTHING)
+    }
+}
+
+/// m, of mm.
+pub(crate) fn metres(mm: i32) -> f32 {
+    mm as f32 / 1e3
+}

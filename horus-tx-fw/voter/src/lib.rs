@@ -1,0 +1,338 @@
+//! One position, attitude and acceleration from what several GNSS receivers say
+//!
+//! # Design
+//!
+//! A majority decides (`docs/decisions/0015-one-voted-position.md`). At each tick of 10 ms every candidate is brought
+//! to the tick, every pair is compared, every set of receivers in which each pair agrees is ranked, and the median of
+//! the set that wins is the result. What a receiver must say to be a candidate, when two agree, and when one that was
+//! outvoted returns are the constants below; nothing else is a number to choose.
+//!
+//! - **Nothing is infinite or not a number.** Positions, velocities and accuracies are integers until they were found
+//!   plausible ([`Stated`]); attitude and acceleration take part only if they are finite.
+//! - **The work does not depend on the data.** All pairs, all 2ᴺ - 1 sets, all medians by a fixed sorting network, and
+//!   what does not count is selected away, not skipped. What remains is the software's division of float64, six of
+//!   which make the result, whose time varies by a few cycles.
+//! - **The work is small.** What only depends on a receiver's message is worked out when it arrives ([`Fix::new`]), all
+//!   metres are float32 (see `geometry`), no distance needs a root, and float64 appears in the result alone.
+//! - **Pure.** No clock, no input or output, no allocation: [`Voter::vote`] is told the time, and a voter that is a
+//!   copy of another says the same.
+//!
+//! # What it cannot do
+//!
+//! A majority that agrees on a wrong place is believed. A receiver that moves away slowly takes the result along by
+//! less than the agreement distance, until it is excluded.
+#![no_std]
+#![forbid(unsafe_code)]
+
+mod fix;
+mod geometry;
+mod median;
+mod set;
+
+pub use fix::{Fix, Stated};
+
+use fix::metres;
+use geometry::Place;
+use median::{circular_median, median};
+
+/// The most receivers that a voter can have: what HORUS carries.
+pub const MOST_RECEIVERS: usize = 5;
+
+/// The largest latitude, north or south, 1e-7 degrees (decision 15, candidates).
+pub const LATITUDE_MAX_E7: u32 = 900_000_000;
+/// The largest longitude, east or west, 1e-7 degrees (decision 15, candidates).
+pub const LONGITUDE_MAX_E7: u32 = 1_800_000_000;
+/// The lowest altitude, mm above the ellipsoid: -1000 m (decision 15, candidates).
+pub const LOWEST_MM: i32 = -1_000_000;
+/// The highest altitude, mm above the ellipsoid: 20 000 m (decision 15, candidates).
+pub const HIGHEST_MM: i32 = 20_000_000;
+/// The highest speed over all three axes, mm/s: 200 m/s (decision 15, candidates).
+pub const SPEED_MAX_MM_S: u64 = 200_000;
+/// The largest horizontal accuracy, mm: 30 m (decision 15, candidates).
+pub const MOST_HORIZONTAL_ACCURACY_MM: u32 = 30_000;
+/// The largest vertical accuracy, mm: 50 m (decision 15, candidates).
+pub const MOST_VERTICAL_ACCURACY_MM: u32 = 50_000;
+
+/// From the epoch of a position to its arrival, ms: what a receiver computes and sends (decision 15, brought to the
+/// tick; u-blox data sheets and recordings: 40 to 80 ms).
+pub const LATENCY_MS: i32 = 50;
+/// How much the latency may differ from [`LATENCY_MS`], s: an accuracy grows by this times the speed (decision 15).
+pub const LATENCY_UNCERTAINTY_S: f32 = 0.05;
+/// Half of the greatest acceleration, m/s²: an accuracy grows by this times the square of the age (decision 15: half of
+/// 4 m/s²).
+pub const HALF_ACCELERATION_M_S2: f32 = 2.0;
+
+/// Two agree within so many times the root of the sum of the squares of their accuracies (decision 15, agreement).
+pub const DEVIATIONS: f32 = 3.0;
+/// The least and the greatest distance within which two agree, horizontally, m (decision 15, agreement).
+pub const HORIZONTAL_LIMITS_M: [f32; 2] = [5.0, 30.0];
+/// The same, vertically, m (decision 15, agreement).
+pub const VERTICAL_LIMITS_M: [f32; 2] = [8.0, 50.0];
+
+/// How long a receiver that was excluded must agree without a break before it is eligible again, ms (decision 15,
+/// exclusion).
+pub const RETURNS_AFTER_MS: u32 = 1_000;
+
+/// How many members a result of `receivers` has at least: more than half of them, of two one (decision 15, the set:
+/// 1oo1, 1oo2, 2oo3, 3oo5).
+#[must_use]
+pub const fn quorum(receivers: usize) -> u32 {
+    receivers.div_ceil(2) as u32
+}
+
+/// What one receiver has said by the tick.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Input {
+    /// Whether its position is valid by its kind of fix and by its age.
+    pub valid: bool,
+    /// Its position.
+    pub fix: Fix,
+    /// From the arrival of its position to the tick, ms; below 0 if it arrived since the tick.
+    pub since_arrival_ms: i32,
+    /// Pitch, yaw and roll, rad, where they are valid.
+    pub attitude: Option<[f32; 3]>,
+    /// Acceleration front, right and down, m/s², where it is valid.
+    pub acceleration: Option<[f32; 3]>,
+}
+
+/// The position of a result.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Position {
+    /// Degrees north, WGS-84.
+    pub latitude: f64,
+    /// Degrees east, WGS-84.
+    pub longitude: f64,
+    /// m above the ellipsoid; `None` if no member has one.
+    pub altitude: Option<f64>,
+}
+
+/// What a vote came to. A mask has bit 0 for the first receiver.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Verdict {
+    /// The members of the result; none without one.
+    pub members: u8,
+    /// The receivers that were not eligible, or are not from now on.
+    pub excluded: u8,
+    /// Where the result is; `None` without one.
+    pub position: Option<Position>,
+    /// Pitch and roll within ±π and yaw from 0 to 2π, rad, if a member has an attitude.
+    pub attitude: Option<[f32; 3]>,
+    /// Acceleration front, right and down, m/s², if a member has one.
+    pub acceleration: Option<[f32; 3]>,
+}
+
+impl Verdict {
+    /// How many receivers agree: the members.
+    #[must_use]
+    pub const fn agreeing(&self) -> u8 {
+        self.members.count_ones() as u8
+    }
+
+    /// Whether receiver `index`, from 0, is excluded.
+    #[must_use]
+    pub const fn is_excluded(&self, index: usize) -> bool {
+        has(self.excluded, index)
+    }
+}
+
+/// What a voter over `N` receivers remembers from tick to tick. `N` is 1 to [`MOST_RECEIVERS`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Voter<const N: usize> {
+    /// The members of the last result.
+    last: u8,
+    excluded: u8,
+    /// Since when each excluded receiver has agreed at every tick, ms.
+    agreeing_since: [Option<u32>; N],
+}
+
+impl<const N: usize> Default for Voter<N> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// A candidate brought to the tick.
+#[derive(Clone, Copy)]
+struct Brought {
+    /// How far it has moved since its epoch, m north and east.
+    step: [f32; 2],
+    /// The same, upwards.
+    climb: f32,
+    /// Accuracies that the error of that has entered, m.
+    horizontal: f32,
+    vertical: f32,
+}
+
+impl<const N: usize> Voter<N> {
+    /// A voter that has not voted: nobody is excluded.
+    #[must_use]
+    pub const fn new() -> Self {
+        const { assert!(N >= 1 && N <= MOST_RECEIVERS, "HORUS carries one to five receivers") }
+        Self { last: 0, excluded: 0, agreeing_since: [None; N] }
+    }
+
+    /// The vote of one tick at `now_ms`, a clock of milliseconds that wraps.
+    pub fn vote(&mut self, inputs: &[Input; N], now_ms: u32) -> Verdict {
+        let candidates = mask(inputs, |input| input.valid & input.fix.plausible);
+        let brought = inputs.each_ref().map(bring);
+        let (friends, places) = compare(inputs, &brought, candidates);
+
+        let eligible = candidates & !self.excluded;
+        let set = set::winner(&friends, eligible, self.last, &brought.each_ref().map(|brought| brought.horizontal));
+        let outside = eligible & !set;
+        let is_result = (set.count_ones() >= quorum(N)) & (set.count_ones() > outside.count_ones());
+        let members = if is_result { set } else { 0 };
+        let outvoted = if is_result { outside } else { 0 };
+
+        let excluded = self.excluded | outvoted;
+        self.remember(members, outvoted, if is_result { members } else { eligible }, &friends, now_ms);
+
+        let position = position(inputs, &brought, &places, members);
+        let oriented = members & mask(inputs, |input| is_finite(input.attitude));
+        let moved = members & mask(inputs, |input| is_finite(input.acceleration));
+        let angle = |axis: usize, from| circular_median(axis_of(inputs, |input| input.attitude, axis), oriented, from);
+        let attitude = [angle(0, -PI), angle(1, 0.0), angle(2, -PI)];
+        let acceleration = [0, 1, 2].map(|axis| median(axis_of(inputs, |input| input.acceleration, axis), moved));
+        Verdict {
+            members,
+            excluded,
+            position: is_result.then_some(position),
+            attitude: (oriented != 0).then_some(attitude),
+            acceleration: (moved != 0).then_some(acceleration),
+        }
+    }
+
+    /// Who is excluded at the next tick: those who were and the `outvoted`, but for those who by now have agreed with
+    /// all of `reference` for long enough.
+    fn remember(&mut self, members: u8, outvoted: u8, reference: u8, friends: &[u8; N], now_ms: u32) {
+        let mut returned = 0;
+        for (index, (since, friends)) in self.agreeing_since.iter_mut().zip(friends).enumerate() {
+            // Its own friend is only who is a candidate.
+            let agrees = has(self.excluded & friends, index) & (friends & reference == reference);
+            let from = since.unwrap_or(now_ms);
+            let long_enough = agrees & (now_ms.wrapping_sub(from) >= RETURNS_AFTER_MS);
+            *since = (agrees & !long_enough).then_some(from);
+            returned |= u8::from(long_enough) << index;
+        }
+        self.excluded = (self.excluded | outvoted) & !returned;
+        self.last = if members == 0 { self.last } else { members };
+    }
+}
+
+const PI: f32 = core::f32::consts::PI;
+
+/// Whether receiver `index`, from 0, is in `mask`.
+const fn has(mask: u8, index: usize) -> bool {
+    mask >> index & 1 == 1
+}
+
+/// The inputs of which `is` is true.
+fn mask<const N: usize>(inputs: &[Input; N], is: impl Fn(&Input) -> bool) -> u8 {
+    inputs.iter().enumerate().fold(0, |mask, (index, input)| mask | u8::from(is(input)) << index)
+}
+
+/// The first of `items` whose bit is set in `mask`; without one the first of all.
+fn first<T: Copy, const N: usize>(mask: u8, items: &[T; N]) -> T {
+    (0..N).rev().fold(items[0], |found, index| if has(mask, index) { items[index] } else { found })
+}
+
+/// Whether there are three numbers.
+fn is_finite(values: Option<[f32; 3]>) -> bool {
+    values.is_some_and(|[a, b, c]| a.is_finite() & b.is_finite() & c.is_finite())
+}
+
+/// One of three numbers of each input; 0 where they are not given, or none.
+fn axis_of<const N: usize>(inputs: &[Input; N], of: impl Fn(&Input) -> Option<[f32; 3]>, axis: usize) -> [f32; N] {
+    inputs.each_ref().map(|input| {
+        let values = of(input);
+        if is_finite(values) { values.unwrap_or_default()[axis] } else { 0.0 }
+    })
+}
+
+/// A position moved by its velocity from its epoch to the tick, and accuracies that allow for what that leaves.
+fn bring(input: &Input) -> Brought {
+    let Input { fix, since_arrival_ms, .. } = input;
+    let age = since_arrival_ms.saturating_add(LATENCY_MS).max(0) as f32 / 1e3;
+    let [north, east, down] = fix.velocity.map(|velocity| velocity * age);
+    let inflated =
+        |accuracy: f32, speed: f32| accuracy + LATENCY_UNCERTAINTY_S * speed + HALF_ACCELERATION_M_S2 * age * age;
+    Brought {
+        step: [north, east],
+        climb: -down,
+        horizontal: inflated(fix.accuracy[0], fix.speed[0]),
+        vertical: inflated(fix.accuracy[1], fix.speed[1]),
+    }
+}
+
+/// Who agrees with whom, each candidate with itself; and in row `i` where those after `i` are, and `i` itself, m north
+/// and east of where `i` was at its epoch.
+fn compare<const N: usize>(
+    inputs: &[Input; N],
+    brought: &[Brought; N],
+    candidates: u8,
+) -> ([u8; N], [[[f32; 2]; N]; N]) {
+    let mut friends = [0; N];
+    let mut places = [[[0.0; 2]; N]; N];
+    for one in 0..N {
+        let (fix, moved) = (&inputs[one].fix, &brought[one]);
+        friends[one] |= candidates & 1 << one;
+        places[one][one] = moved.step;
+        for other in one + 1..N {
+            let (other_fix, other_moved) = (&inputs[other].fix, &brought[other]);
+            let [north, east, up] = fix.place.to(&other_fix.place, other_moved.step);
+            places[one][other] = [north, east];
+
+            let (north, east) = (north - moved.step[0], east - moved.step[1]);
+            let distance_squared = north * north + east * east + up * up;
+            let level =
+                distance_squared <= limit_squared(moved.horizontal, other_moved.horizontal, HORIZONTAL_LIMITS_M);
+
+            let height = metres(other_fix.altitude_mm - fix.altitude_mm) + (other_moved.climb - moved.climb);
+            let high = height * height <= limit_squared(moved.vertical, other_moved.vertical, VERTICAL_LIMITS_M);
+
+            let both = has(candidates, one) & has(candidates, other);
+            let agree = both & level & (high | !(fix.has_altitude & other_fix.has_altitude));
+            friends[one] |= u8::from(agree) << other;
+            friends[other] |= u8::from(agree) << one;
+        }
+    }
+    (friends, places)
+}
+
+/// The square of the distance within which two agree, from their accuracies.
+fn limit_squared(one: f32, other: f32, [least, most]: [f32; 2]) -> f32 {
+    let limit = DEVIATIONS * DEVIATIONS * (one * one + other * other);
+    let limit = if limit < least * least { least * least } else { limit };
+    if limit > most * most { most * most } else { limit }
+}
+
+/// Median of the members, each axis by itself.
+fn position<const N: usize>(
+    inputs: &[Input; N],
+    brought: &[Brought; N],
+    places: &[[[f32; 2]; N]; N],
+    members: u8,
+) -> Position {
+    // Metres of the first member's place; its row knows all members, since none is before it.
+    let origin: Place = first(members, &inputs.each_ref().map(|input| input.fix.place));
+    let row = first(members, places);
+    let step = [0, 1].map(|axis| median(row.map(|place| place[axis]), members));
+    let [latitude, longitude] = origin.degrees(step);
+
+    let with_altitude = members & mask(inputs, |input| input.fix.has_altitude);
+    let ground_mm = first(with_altitude, &inputs.each_ref().map(|input| input.fix.altitude_mm));
+    let mut heights = [0.0; N];
+    for (height, (input, brought)) in heights.iter_mut().zip(inputs.iter().zip(brought)) {
+        *height = metres(input.fix.altitude_mm - ground_mm) + brought.climb;
+    }
+    let altitude = altitude(ground_mm, median(heights, with_altitude));
+    Position { latitude, longitude, altitude: (with_altitude != 0).then_some(altitude) }
+}
+
+/// `above` m above `ground_mm`, m: without a step exactly what was stated.
+fn altitude(ground_mm: i32, above: f32) -> f64 {
+    /// Parts of a mm in which the sum is counted.
+    const PARTS: i32 = 256;
+    (i64::from(ground_mm) * i64::from(PARTS) + i64::from((above * (1e3 * PARTS as f32)) as i32)) as f64
+        / (1e3 * f64::from(PARTS))
+}

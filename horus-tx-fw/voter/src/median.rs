@@ -1,0 +1,47 @@
+//! Medians of those values that count, with the same work whichever they are.
+
+use crate::{first, has};
+
+/// The median of `values` among those in the mask; of an even number the mean of the middle two. Of none it says
+/// nothing.
+pub(crate) fn median<const N: usize>(values: [f32; N], among: u8) -> f32 {
+    let mut sorted = values;
+    let mut count = 0;
+    for (index, value) in sorted.iter_mut().enumerate() {
+        let counts = has(among, index);
+        *value = if counts { *value } else { f32::INFINITY };
+        count += usize::from(counts);
+    }
+    // Odd-even transposition: N rounds of neighbours put N values in order.
+    for round in 0..N {
+        for low in (round % 2..N - 1).step_by(2) {
+            let (a, b) = (sorted[low], sorted[low + 1]);
+            let swap = b < a;
+            sorted[low] = if swap { b } else { a };
+            sorted[low + 1] = if swap { a } else { b };
+        }
+    }
+    let (low, high) = (count.saturating_sub(1) / 2, count / 2);
+    // Halves, not their sum: that of two large ones would be infinite.
+    let half_of = |index: usize, wanted: usize| if index == wanted { 0.5 } else { 0.0 };
+    sorted.iter().enumerate().fold(0.0, |sum, (index, value)| {
+        let share = half_of(index, low) + half_of(index, high);
+        sum + if share > 0.0 { share * value } else { 0.0 }
+    })
+}
+
+/// The median of angles, rad, about the first of those in the mask, in the turn that begins at `from`.
+pub(crate) fn circular_median<const N: usize>(angles: [f32; N], among: u8, from: f32) -> f32 {
+    let reference = first(among, &angles);
+    let differences = angles.map(|angle| turned(angle - reference, -core::f32::consts::PI));
+    turned(reference + median(differences, among), from)
+}
+
+/// `angle`, rad, by whole turns into the turn that begins at `from`. What lies in it, both ends included, stays as it is,
+/// to the bit.
+fn turned(angle: f32, from: f32) -> f32 {
+    let turns = (angle - from) * (1.0 / core::f32::consts::TAU);
+    let whole = turns as i32;
+    let beyond = if turns > 0.0 { whole as f32 >= turns } else { whole as f32 > turns };
+    angle - (whole - i32::from(beyond)) as f32 * core::f32::consts::TAU
+}
