@@ -6,6 +6,10 @@
 //! object is written and sealed in full, the same bytes pass through the same CRCs, and a value that is
 //! not valid is replaced by the NaN of the design by selection, not by skipping. There is no early return.
 //!
+//! [`Cycle::vote`] comes before it, at the end of the cycle before: comparing the receivers takes longer than the slot
+//! leaves between the tick and the frame. So a vote knows what the receivers have said until 10 ms before its tick, and
+//! brings that to the tick. A vote of another tick is not shown.
+//!
 //! Reported-Position is what a majority of the receivers says ([`horus_voter`]): the position of those that agree,
 //! brought to the tick, and how many they are. It is *degraded* while those are fewer than are fitted. Which receivers
 //! may take part is decided by each one's own object: a receiver that falls silent stops taking part one period and
@@ -30,12 +34,15 @@ pub const fn timestamp(tick: u32) -> u32 {
 }
 
 /// What is remembered from tick to tick of `N` receivers.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Cycle<const N: usize> {
     /// There has been a result since the start.
     located: bool,
     clock: Source,
     voter: Voter<N>,
+    /// The last vote, and the tick that it is for.
+    verdict: Verdict,
+    voted: Option<u32>,
 }
 
 impl<const N: usize> Cycle<N> {
@@ -48,22 +55,35 @@ impl<const N: usize> Cycle<N> {
     /// The first cycle of a HORUS that runs on `clock`, which Reported-Position's status tells.
     #[must_use]
     pub const fn on(clock: Source) -> Self {
-        Self { located: false, clock, voter: Voter::new() }
+        Self { located: false, clock, voter: Voter::new(), verdict: Verdict::NONE, voted: None }
     }
 
-    /// The sealed profile of tick `tick`, from what each receiver has said until then.
-    pub fn fill(&mut self, tick: u32, solutions: &[Solution; N]) -> Profile<N> {
+    /// The vote of tick `tick`, from what each receiver has said until now.
+    pub fn vote(&mut self, tick: u32, solutions: &[Solution; N]) {
         let now = timestamp(tick);
         let mut inputs = [Input::default(); N];
         for (input, solution) in inputs.iter_mut().zip(solutions) {
             *input = input_of(solution, now);
         }
-        let verdict = self.voter.vote(&inputs, now);
+        self.verdict = self.voter.vote(&inputs, now);
+        self.voted = Some(tick);
+    }
+
+    /// The last vote.
+    #[must_use]
+    pub const fn verdict(&self) -> &Verdict {
+        &self.verdict
+    }
+
+    /// The sealed profile of tick `tick`, from what each receiver has said until then, and from the vote of that tick.
+    pub fn fill(&mut self, tick: u32, solutions: &[Solution; N]) -> Profile<N> {
+        let now = timestamp(tick);
+        let verdict = if self.voted == Some(tick) { self.verdict } else { Verdict::NONE };
         self.located |= verdict.position.is_some();
 
         let mut gps = [GpsValues::absent(now); N];
-        for (index, ((values, solution), input)) in gps.iter_mut().zip(solutions).zip(&inputs).enumerate() {
-            *values = gps_values(solution, input, verdict.is_excluded(index), now);
+        for (index, (values, solution)) in gps.iter_mut().zip(solutions).enumerate() {
+            *values = gps_values(solution, verdict.is_excluded(index), now);
         }
         Profile::seal(&self.reported_values(&verdict, now), &gps)
     }
@@ -128,16 +148,17 @@ fn shown_f32(shown: bool, value: f32) -> f32 {
 }
 
 /// One receiver's object at `now` ms.
-fn gps_values(solution: &Solution, input: &Input, excluded: bool, now: u32) -> GpsValues {
+fn gps_values(solution: &Solution, excluded: bool, now: u32) -> GpsValues {
     let Solution { heard, position, attitude, acceleration } = solution;
     let current = position.pace.is_current(now);
+    let located = position.valid & current;
     let oriented = attitude.pace.is_current(now);
     let moved = acceleration.pace.is_current(now);
 
     let mut status = GpsStatus::new()
-        .with_position_valid(input.valid)
-        .with_attitude_valid(input.attitude.is_some())
-        .with_acceleration_valid(input.acceleration.is_some())
+        .with_position_valid(located)
+        .with_attitude_valid(attitude.valid & oriented)
+        .with_acceleration_valid(acceleration.valid & moved)
         .with_heard(heard.within(now, HEARD_MS))
         .with_stale(!position.pace.is_fresh(now))
         .with_excluded(excluded);
@@ -147,9 +168,9 @@ fn gps_values(solution: &Solution, input: &Input, excluded: bool, now: u32) -> G
     GpsValues {
         timestamp: now,
         status,
-        latitude: shown_f64(input.valid, position.latitude),
-        longitude: shown_f64(input.valid, position.longitude),
-        altitude: shown_f64(input.valid, position.altitude),
+        latitude: shown_f64(located, position.latitude),
+        longitude: shown_f64(located, position.longitude),
+        altitude: shown_f64(located, position.altitude),
         pitch: shown_f32(oriented, attitude.pitch),
         yaw: shown_f32(oriented, attitude.yaw),
         roll: shown_f32(oriented, attitude.roll),

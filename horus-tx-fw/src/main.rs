@@ -23,7 +23,8 @@
 //! - `rf_irq` notes the end of a frame before the next tick.
 //! - `rf_timer` has none: late is harmless.
 //! - `rf_slot` runs before the frame's end, 1.9 ms after the slot at the earliest.
-//! - `cycle` fills, seals and offers the profile so early that its load ends before the slot (see `timing`).
+//! - `cycle` fills, seals and offers the profile so early that its load ends before the slot (see `timing`). The
+//!   vote of the next tick comes after that and ends within the cycle.
 //! - `gnss*` notes a ring's position within half a ring, 5.5 ms.
 //! - `parse` parses what there is within one cycle.
 //! - `idle` feeds the watchdog when all have checked in, and logs when that delays nothing.
@@ -323,6 +324,8 @@ mod app {
         for port in board::RECEIVER_PORTS.iter().take(RECEIVERS) {
             rtic::pend(port.stream_vector);
         }
+        // Nothing waits for the next tick's vote, so it comes when the frame is on its way.
+        cx.shared.solutions.lock(|solutions| cx.local.cycle.vote(tick.wrapping_add(1), solutions));
         cycle_timer::cycle_ended(tick);
         CHECK_IN.check_in(Task::Cycle);
         settle();

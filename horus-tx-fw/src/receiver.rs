@@ -10,8 +10,8 @@
 //! **To the last bit.** A latitude is `raw / 1e7`, one division of two exactly represented numbers, so
 //! it is the float64 nearest to what the receiver said. Multiplying by `1e-7`, itself rounded, is not.
 //!
-//! **Plausible.** A position is only valid with a stated accuracy that is good enough, and with values in range: what the
-//! voter asks of a candidate ([`horus_voter::Stated::is_plausible`]).
+//! **Plausible.** A position is only valid with a stated accuracy that is good enough, and with values in range: what
+//! the voter asks of a candidate ([`horus_voter::Stated::is_plausible`]).
 //!
 //! **Age.** A value is worth something only for a while. It is *valid* until it is older than one period of its message
 //! and [`VALID_SLACK_MS`], and *stale* from one period and [`STALE_SLACK_MS`] on (design, section 2). The age counts

@@ -15,6 +15,18 @@ use profile::{
 use proptest::prelude::*;
 use ubx::{esf_ins, nav_att, NavPvt};
 
+trait Tick<const N: usize> {
+    /// A tick at whose vote the receivers had said all that they have at the tick.
+    fn voted_and_filled(&mut self, tick: u32, solutions: &[Solution; N]) -> Profile<N>;
+}
+
+impl<const N: usize> Tick<N> for Cycle<N> {
+    fn voted_and_filled(&mut self, tick: u32, solutions: &[Solution; N]) -> Profile<N> {
+        self.vote(tick, solutions);
+        self.fill(tick, solutions)
+    }
+}
+
 fn heard(messages: &[Vec<u8>], now: u32) -> Solution {
     let mut receiver = Receiver::new();
     for byte in messages.concat() {
@@ -64,7 +76,7 @@ fn every_tick_is_ten_milliseconds_after_the_one_before_it() {
 
 #[test]
 fn a_silent_receiver_is_absent_from_its_object() {
-    let (reported, [gps]) = read(&Cycle::new().fill(7, &[Solution::default()]));
+    let (reported, [gps]) = read(&Cycle::new().voted_and_filled(7, &[Solution::default()]));
     assert_absent(&gps, 70);
     assert_eq!(gps.status.bits(), 1 << 8, "nothing but: older than its period allows");
     assert_eq!(reported.status.state(), Some(HorusState::Starting));
@@ -73,25 +85,76 @@ fn a_silent_receiver_is_absent_from_its_object() {
 }
 
 #[test]
-fn reported_position_is_gps1_and_says_that_it_stands_alone() {
-    let other = heard(&[NavPvt { latitude: 1, longitude: 2, ..NavPvt::GOOD }.bytes()], 70);
-    let (reported, gps) = read(&Cycle::new().fill(7, &[all(70), other, other]));
+fn reported_position_is_what_the_majority_says_and_who_is_outvoted_says_so() {
+    let elsewhere = heard(&[NavPvt { latitude: 1, longitude: 2, ..NavPvt::GOOD }.bytes()], 70);
+    let (reported, gps) = read(&Cycle::new().voted_and_filled(7, &[elsewhere, all(70), all(70)]));
     assert_eq!(reported.timestamp, 70);
     assert!(gps.iter().all(|gps| gps.timestamp == 70));
-    assert_eq!(reported.latitude.to_bits(), gps[0].latitude.to_bits());
+    assert_eq!(reported.latitude.to_bits(), 47.498_765_4f64.to_bits());
     assert_eq!(reported.longitude.to_bits(), 8.729_123_4f64.to_bits());
     assert_eq!(reported.altitude, 512.345);
     assert_eq!(reported.acceleration, [0.01, 0.02, 0.03]);
-    // One agrees, position, attitude and acceleration valid, degraded, monitoring.
-    assert_eq!(reported.status.bits(), 0b001_0111_1001 & 0x7F | 1 << 8);
+    assert_eq!([reported.pitch, reported.yaw, reported.roll], [gps[1].pitch, gps[1].yaw, gps[1].roll]);
+    // Two agree, position, attitude and acceleration valid, degraded, monitoring.
+    assert_eq!(reported.status.bits(), 0b0111_1010 | 1 << 8);
+    // 3D fix, position, heard, excluded; its own object still shows what it says.
+    assert_eq!(gps[0].status.bits(), 0x0293);
+    assert_eq!(gps[0].latitude, 1e-7);
     // 3D fix, position, attitude, acceleration, heard.
-    assert_eq!(gps[0].status.bits(), 0xF3);
-    assert_eq!(gps[1].status.bits(), 0x93);
+    assert_eq!(gps[1].status.bits(), 0xF3);
+}
+
+#[test]
+fn three_that_agree_are_not_degraded_and_one_of_three_is_no_result() {
+    let other = heard(&[NavPvt { longitude: 87_291_334, ..NavPvt::GOOD }.bytes()], 70);
+    let (reported, gps) = read(&Cycle::new().voted_and_filled(7, &[all(70), other, other]));
+    assert_eq!(reported.status.receivers_agreeing(), 3);
+    assert!(!reported.status.degraded());
+    assert!((reported.longitude - 8.729_133_4).abs() < 1e-9);
+    assert!(gps.iter().all(|gps| !gps.status.excluded()));
+
+    let (reported, gps) = read(&Cycle::new().voted_and_filled(7, &[all(70), Solution::default(), Solution::default()]));
+    assert!(gps[0].status.position_valid() && !gps[0].status.excluded());
+    assert_eq!(reported.status.bits(), 1 << 6, "degraded, starting, nothing valid");
+    let absent = ReportedValues { status: reported.status, ..ReportedValues::absent(70) };
+    assert_eq!(ReportedPosition::seal(&reported).as_bytes(), ReportedPosition::seal(&absent).as_bytes());
+}
+
+#[test]
+fn a_position_is_brought_to_the_tick_by_its_velocity() {
+    let moving = NavPvt { velocity: [10_000, 0, -2_000], ..NavPvt::GOOD };
+    // 60 ms and the latency of 50 ms before the tick: 1.1 m north, 0.22 m up.
+    let (reported, [gps]) = read(&Cycle::new().voted_and_filled(7, &[heard(&[moving.bytes()], 10)]));
+    assert_eq!(gps.latitude, 47.498_765_4);
+    assert!(((reported.latitude - gps.latitude) * 111_180.0 - 1.1).abs() < 1e-3);
+    assert!((reported.altitude - 512.565).abs() < 1e-3);
+    assert_eq!(reported.longitude, gps.longitude);
+}
+
+#[test]
+fn a_vote_is_shown_at_its_own_tick_alone() {
+    let mut cycle = Cycle::new();
+    let shown = |profile: Profile<1>| read(&profile).0.status;
+    assert!(!shown(cycle.fill(6, &[all(60)])).position_valid(), "before the first vote");
+    cycle.vote(7, &[all(60)]);
+    let silent = [Solution::default()];
+    assert!(shown(cycle.fill(7, &silent)).position_valid(), "of what was said until the vote");
+    assert!(!shown(cycle.fill(8, &[all(60)])).position_valid(), "a tick later");
+    assert_eq!(shown(cycle.fill(8, &silent)).state(), Some(HorusState::Monitoring));
+}
+
+#[test]
+fn an_attitude_that_lacks_an_angle_is_absent_from_reported_position() {
+    let partial = heard(&[NavPvt::GOOD.bytes(), nav_att(1_000, [100, 200, 300], [1, 0, 1])], 70);
+    let (reported, [gps]) = read(&Cycle::new().voted_and_filled(7, &[partial]));
+    assert!(gps.roll.is_finite() && gps.pitch.is_nan());
+    assert!(!reported.status.attitude_valid());
+    assert!([reported.pitch, reported.yaw, reported.roll].iter().all(|angle| angle.is_nan()));
 }
 
 #[test]
 fn one_receiver_of_one_is_not_degraded() {
-    let (reported, _) = read(&Cycle::new().fill(7, &[all(70)]));
+    let (reported, _) = read(&Cycle::new().voted_and_filled(7, &[all(70)]));
     assert!(!reported.status.degraded());
     assert_eq!(reported.status.receivers_agreeing(), 1);
 }
@@ -99,7 +162,7 @@ fn one_receiver_of_one_is_not_degraded() {
 #[test]
 fn horus_goes_on_monitoring_when_its_position_is_lost() {
     let mut cycle = Cycle::new();
-    let state = |cycle: &mut Cycle, tick, solution| read(&cycle.fill(tick, &[solution])).0.status;
+    let state = |cycle: &mut Cycle<1>, tick, solution| read(&cycle.voted_and_filled(tick, &[solution])).0.status;
     assert_eq!(state(&mut cycle, 1, Solution::default()).state(), Some(HorusState::Starting));
     assert_eq!(state(&mut cycle, 2, all(20)).state(), Some(HorusState::Monitoring));
     let lost = state(&mut cycle, 3, Solution::default());
@@ -112,7 +175,7 @@ fn horus_goes_on_monitoring_when_its_position_is_lost() {
 fn status_at(arrived: impl Fn(u32) -> Solution, age: u32) -> (ReportedStatus, GpsStatus) {
     // The tick is fixed, so that every age in ms can be had.
     let tick = 1_000;
-    let (reported, [gps]) = read(&Cycle::new().fill(tick, &[arrived(timestamp(tick) - age)]));
+    let (reported, [gps]) = read(&Cycle::new().voted_and_filled(tick, &[arrived(timestamp(tick) - age)]));
     (reported.status, gps.status)
 }
 
@@ -171,15 +234,17 @@ fn each_kind_of_message_ages_by_its_own_period() {
             .last()
     };
     assert_eq!(valid_until(|gps, reported| gps.position_valid() && reported.position_valid()), Some(250));
-    assert_eq!(valid_until(|gps, reported| gps.attitude_valid() && reported.attitude_valid()), Some(650));
-    assert_eq!(valid_until(|gps, reported| gps.acceleration_valid() && reported.acceleration_valid()), Some(350));
+    assert_eq!(valid_until(|gps, _| gps.attitude_valid()), Some(650));
+    assert_eq!(valid_until(|gps, _| gps.acceleration_valid()), Some(350));
+    // Only who agrees on the position is asked for attitude and acceleration.
+    assert_eq!(valid_until(|_, reported| reported.attitude_valid() && reported.acceleration_valid()), Some(250));
     assert_eq!(valid_until(|gps, _| !gps.stale()), Some(149));
 }
 
 #[test]
 fn what_is_not_valid_any_more_is_absent_from_both_objects() {
     let solution = all(0);
-    let (reported, [gps]) = read(&Cycle::new().fill(116, &[solution]));
+    let (reported, [gps]) = read(&Cycle::new().voted_and_filled(116, &[solution]));
     assert_absent(&gps, 1_160);
     assert_eq!(gps.status.bits(), 1 << 8);
     let absent = ReportedValues { status: reported.status, ..ReportedValues::absent(1_160) };
@@ -205,7 +270,7 @@ fn valid_after_the_end(period: u32, solutions: u32, repeats_its_last: bool) -> u
             receiver.receive(bytes, now);
         }
         receiver.receive(&[], now);
-        let (reported, [gps]) = read(&cycle.fill(tick, &[*receiver.solution()]));
+        let (reported, [gps]) = read(&cycle.voted_and_filled(tick, &[*receiver.solution()]));
         assert_eq!(reported.status.position_valid(), gps.status.position_valid());
         assert_eq!(reported.status.position_valid(), reported.latitude.is_finite());
         if reported.status.position_valid() {
@@ -233,13 +298,13 @@ fn reported_position_turns_invalid_when_gps1_goes_on_sending_but_says_nothing_ne
 #[test]
 fn a_2d_fix_gives_latitude_and_longitude_but_no_altitude() {
     let solution = heard(&[NavPvt { fix: 2, ..NavPvt::GOOD }.bytes()], 70);
-    let (reported, [gps]) = read(&Cycle::new().fill(7, &[solution]));
+    let (reported, [gps]) = read(&Cycle::new().voted_and_filled(7, &[solution]));
     assert!(gps.status.position_valid() && reported.status.position_valid());
     assert_eq!(gps.latitude, 47.498_765_4);
     assert_eq!(reported.longitude, 8.729_123_4);
     assert_eq!(gps.altitude.to_bits(), profile::ABSENT_F64.to_bits());
     assert_eq!(reported.altitude.to_bits(), profile::ABSENT_F64.to_bits());
-    let (_, [three_d]) = read(&Cycle::new().fill(7, &[heard(&[NavPvt::GOOD.bytes()], 70)]));
+    let (_, [three_d]) = read(&Cycle::new().voted_and_filled(7, &[heard(&[NavPvt::GOOD.bytes()], 70)]));
     assert_eq!(three_d.altitude, 512.345);
 }
 
@@ -247,20 +312,20 @@ fn a_2d_fix_gives_latitude_and_longitude_but_no_altitude() {
 fn without_a_crystal_reported_position_says_so_in_every_cycle_and_nothing_else_changes() {
     let (mut with, mut without) = (Cycle::on(Source::External), Cycle::on(Source::Internal));
     for (tick, solution) in [(1, Solution::default()), (2, all(20)), (3, all(20)), (4_000, all(20))] {
-        let (expected, expected_gps) = read(&with.fill(tick, &[solution]));
-        let (reported, gps) = read(&without.fill(tick, &[solution]));
+        let (expected, expected_gps) = read(&with.voted_and_filled(tick, &[solution]));
+        let (reported, gps) = read(&without.voted_and_filled(tick, &[solution]));
         assert!(!expected.status.without_crystal() && reported.status.without_crystal());
         let same = ReportedValues { status: reported.status.with_without_crystal(false), ..reported };
         assert_eq!(ReportedPosition::seal(&same).as_bytes(), ReportedPosition::seal(&expected).as_bytes());
         let sealed = |values| *GpsObject::seal(Identifier::gps(1), values).as_bytes();
         assert_eq!(sealed(&gps[0]), sealed(&expected_gps[0]));
     }
-    assert_eq!(Cycle::new(), Cycle::on(Source::External));
+    assert_eq!(Cycle::<1>::new(), Cycle::on(Source::External));
 }
 
 #[test]
 fn a_message_that_came_between_the_tick_and_its_cycle_is_not_old() {
-    let (_, [gps]) = read(&Cycle::new().fill(7, &[all(75)]));
+    let (_, [gps]) = read(&Cycle::new().voted_and_filled(7, &[all(75)]));
     assert!(gps.status.heard() && gps.status.position_valid() && !gps.status.stale());
 }
 
@@ -282,7 +347,7 @@ proptest! {
             ],
             0,
         );
-        let (reported, gps) = read(&Cycle::new().fill(age, &[solution; 5]));
+        let (reported, gps) = read(&Cycle::new().voted_and_filled(age, &[solution; 5]));
         for gps in gps {
             prop_assert_eq!(gps.status.position_valid(), gps.latitude.is_finite());
             prop_assert_eq!(gps.status.position_valid(), gps.longitude.is_finite());
@@ -291,8 +356,14 @@ proptest! {
             prop_assert_eq!(gps.status.attitude_valid(), angles.iter().all(|angle| angle.is_finite()));
             prop_assert_eq!(gps.status.acceleration_valid(), gps.acceleration.iter().all(|axis| axis.is_finite()));
         }
+        // Five that say the same agree.
         prop_assert_eq!(reported.status.position_valid(), gps[0].status.position_valid());
-        prop_assert_eq!(reported.status.receivers_agreeing(), u8::from(gps[0].status.position_valid()));
+        prop_assert_eq!(reported.status.receivers_agreeing(), 5 * u8::from(gps[0].status.position_valid()));
+        prop_assert_eq!(reported.status.position_valid(), reported.latitude.is_finite());
+        prop_assert_eq!(reported.status.position_valid() && fix != 2, reported.altitude.is_finite());
+        let angles = [reported.pitch, reported.yaw, reported.roll];
+        prop_assert!(angles.iter().all(|angle| angle.is_finite() == reported.status.attitude_valid()));
+        prop_assert!(reported.acceleration.iter().all(|a| a.is_finite() == reported.status.acceleration_valid()));
     }
 
     #[test]

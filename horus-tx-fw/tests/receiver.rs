@@ -42,10 +42,24 @@ proptest! {
     ) {
         let receiver = fed(&NavPvt { latitude, longitude, height, ..NavPvt::GOOD }.bytes());
         let position = &receiver.solution().position;
-        prop_assert!(position.valid);
+        prop_assert_eq!(position.valid, (-1_000_000..=20_000_000).contains(&height));
         prop_assert_eq!(position.latitude.to_bits(), (decimal(latitude, 7) + 0.0).to_bits());
         prop_assert_eq!(position.longitude.to_bits(), (decimal(longitude, 7) + 0.0).to_bits());
         prop_assert_eq!(position.altitude.to_bits(), (decimal(height, 3) + 0.0).to_bits());
+    }
+
+    #[test]
+    fn velocity_and_accuracies_are_the_nearest_float64_to_what_the_receiver_said(
+        velocity in any::<[i32; 3]>(),
+        accuracies in [0..=i32::MAX as u32, 0..=i32::MAX as u32],
+    ) {
+        let receiver = fed(&NavPvt { velocity, accuracies, ..NavPvt::GOOD }.bytes());
+        let position = &receiver.solution().position;
+        for (given, said) in position.velocity.into_iter().zip(velocity) {
+            prop_assert_eq!(given.to_bits(), (decimal(said, 3) + 0.0).to_bits());
+        }
+        let given = [position.horizontal_accuracy, position.vertical_accuracy];
+        prop_assert_eq!(given, accuracies.map(|said| decimal(said as i32, 3)));
     }
 
     /// Of every four messages in a row at least one follows the one before it without a loss.
@@ -198,6 +212,23 @@ fn only_a_fix_that_the_receiver_vouches_for_is_a_position() {
     let reserved = NavPvt { fix: 9, ..NavPvt::GOOD };
     assert_eq!(fed(&reserved.bytes()).solution().position.fix, None);
     assert_eq!(fed(&NavPvt::GOOD.bytes()).solution().position.fix, Some(FixType::Fix3D));
+}
+
+#[test]
+fn only_a_plausible_position_is_valid_to_the_last_unit() {
+    let valid = |message: NavPvt| fed(&message.bytes()).solution().position.valid;
+    let accuracies = |horizontal, vertical| valid(NavPvt { accuracies: [horizontal, vertical], ..NavPvt::GOOD });
+    assert!(accuracies(1, 1) && accuracies(30_000, 50_000));
+    assert!(!accuracies(0, 1) && !accuracies(1, 0) && !accuracies(30_001, 1) && !accuracies(1, 50_001));
+    assert!(!accuracies(u32::MAX, u32::MAX));
+    let flat = |vertical| valid(NavPvt { fix: 2, accuracies: [30_000, vertical], ..NavPvt::GOOD });
+    assert!(flat(0) && flat(u32::MAX), "the altitude of a 2D fix is not measured");
+    let at = |height| valid(NavPvt { height, ..NavPvt::GOOD });
+    assert!(at(-1_000_000) && at(20_000_000) && !at(-1_000_001) && !at(20_000_001));
+    assert!(valid(NavPvt { fix: 2, height: i32::MAX, ..NavPvt::GOOD }));
+    let moving = |velocity| valid(NavPvt { velocity, ..NavPvt::GOOD });
+    assert!(moving([0, 0, -200_000]) && moving([-120_000, 160_000, 0]));
+    assert!(!moving([0, 0, -200_001]) && !moving([-120_000, 160_000, 1_000]) && !moving([i32::MIN; 3]));
 }
 
 #[test]

@@ -27,6 +27,10 @@ pub struct NavPvt {
     pub longitude: i32,
     pub latitude: i32,
     pub height: i32,
+    /// mm/s north, east, down.
+    pub velocity: [i32; 3],
+    /// mm, horizontal and vertical.
+    pub accuracies: [u32; 2],
 }
 
 impl NavPvt {
@@ -39,6 +43,8 @@ impl NavPvt {
         longitude: 87_291_234,
         latitude: 474_987_654,
         height: 512_345,
+        velocity: [0; 3],
+        accuracies: [1_500, 2_500],
     };
 
     pub fn at(itow: u32) -> Self {
@@ -55,6 +61,12 @@ impl NavPvt {
         payload[32..36].copy_from_slice(&self.height.to_le_bytes());
         // Height above mean sea level: a different number, so that a mix-up shows.
         payload[36..40].copy_from_slice(&(self.height.wrapping_sub(48_000)).to_le_bytes());
+        for (at, accuracy) in (40..).step_by(4).zip(self.accuracies) {
+            payload[at..at + 4].copy_from_slice(&accuracy.to_le_bytes());
+        }
+        for (at, velocity) in (48..).step_by(4).zip(self.velocity) {
+            payload[at..at + 4].copy_from_slice(&velocity.to_le_bytes());
+        }
         payload[78] = self.flags3;
         message(0x01, 0x07, &payload)
     }

@@ -10,12 +10,16 @@
 //! - **Nothing is infinite or not a number.** Positions, velocities and accuracies are integers until they were found
 //!   plausible ([`Stated`]); attitude and acceleration take part only if they are finite.
 //! - **The work does not depend on the data.** All pairs, all 2ᴺ - 1 sets, all medians by a fixed sorting network, and
-//!   what does not count is selected away, not skipped. What remains is the software's division of float64, six of
-//!   which make the result, whose time varies by a few cycles.
+//!   what does not count is selected away, not skipped. What remains is float64 and square roots by software, and moves
+//!   that a compiler makes of a choice: a sixth of the time.
 //! - **The work is small.** What only depends on a receiver's message is worked out when it arrives ([`Fix::new`]), all
 //!   metres are float32 (see `geometry`), no distance needs a root, and float64 appears in the result alone.
 //! - **Pure.** No clock, no input or output, no allocation: [`Voter::vote`] is told the time, and a voter that is a
 //!   copy of another says the same.
+//!
+//! - **A majority of right receivers always has a result.** A result of more than half of them has one of every
+//!   majority among its members. So none of a majority that agrees is ever excluded, since it agrees with a member, and
+//!   the majority itself is a set that can win. Whatever the others say, also after each other, costs no result.
 //!
 //! # What it cannot do
 //!
@@ -69,6 +73,9 @@ pub const HORIZONTAL_LIMITS_M: [f32; 2] = [5.0, 30.0];
 /// The same, vertically, m (decision 15, agreement).
 pub const VERTICAL_LIMITS_M: [f32; 2] = [8.0, 50.0];
 
+/// The largest angle, rad either way, that takes part: beyond what the fields of UBX NAV-ATT can hold, 375 rad.
+pub const ANGLE_MAX: f32 = 400.0;
+
 /// How long a receiver that was excluded must agree without a break before it is eligible again, ms (decision 15,
 /// exclusion).
 pub const RETURNS_AFTER_MS: u32 = 1_000;
@@ -106,8 +113,8 @@ pub struct Position {
     pub altitude: Option<f64>,
 }
 
-/// What a vote came to. A mask has bit 0 for the first receiver.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// What a vote came to. A mask has bit 0 for the first receiver. The default is that of no vote.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Verdict {
     /// The members of the result; none without one.
     pub members: u8,
@@ -122,6 +129,9 @@ pub struct Verdict {
 }
 
 impl Verdict {
+    /// That of no vote.
+    pub const NONE: Self = Self { members: 0, excluded: 0, position: None, attitude: None, acceleration: None };
+
     /// How many receivers agree: the members.
     #[must_use]
     pub const fn agreeing(&self) -> u8 {
@@ -173,7 +183,7 @@ impl<const N: usize> Voter<N> {
 
     /// The vote of one tick at `now_ms`, a clock of milliseconds that wraps.
     pub fn vote(&mut self, inputs: &[Input; N], now_ms: u32) -> Verdict {
-        let candidates = mask(inputs, |input| input.valid & input.fix.plausible);
+        let candidates = mask_of(inputs, |input| input.valid & input.fix.plausible);
         let brought = inputs.each_ref().map(bring);
         let (friends, places) = compare(inputs, &brought, candidates);
 
@@ -182,17 +192,19 @@ impl<const N: usize> Voter<N> {
         let outside = eligible & !set;
         let is_result = (set.count_ones() >= quorum(N)) & (set.count_ones() > outside.count_ones());
         let members = if is_result { set } else { 0 };
-        let outvoted = if is_result { outside } else { 0 };
+        let outvoted = outside & mask_of(&friends, |friends| is_result & (friends & members == 0));
 
         let excluded = self.excluded | outvoted;
-        self.remember(members, outvoted, if is_result { members } else { eligible }, &friends, now_ms);
+        self.remember(members, outvoted, eligible, &friends, now_ms);
 
         let position = position(inputs, &brought, &places, members);
-        let oriented = members & mask(inputs, |input| is_finite(input.attitude));
-        let moved = members & mask(inputs, |input| is_finite(input.acceleration));
-        let angle = |axis: usize, from| circular_median(axis_of(inputs, |input| input.attitude, axis), oriented, from);
+        let oriented = members & mask_of(inputs, |input| are_within(input.attitude, ANGLE_MAX));
+        let moved = members & mask_of(inputs, |input| are_within(input.acceleration, f32::MAX));
+        let angle =
+            |axis, from| circular_median(axis_of(inputs, |input| input.attitude, axis, ANGLE_MAX), oriented, from);
         let attitude = [angle(0, -PI), angle(1, 0.0), angle(2, -PI)];
-        let acceleration = [0, 1, 2].map(|axis| median(axis_of(inputs, |input| input.acceleration, axis), moved));
+        let acceleration =
+            [0, 1, 2].map(|axis| median(axis_of(inputs, |input| input.acceleration, axis, f32::MAX), moved));
         Verdict {
             members,
             excluded,
@@ -202,13 +214,15 @@ impl<const N: usize> Voter<N> {
         }
     }
 
-    /// Who is excluded at the next tick: those who were and the `outvoted`, but for those who by now have agreed with
-    /// all of `reference` for long enough.
-    fn remember(&mut self, members: u8, outvoted: u8, reference: u8, friends: &[u8; N], now_ms: u32) {
+    /// Who is excluded at the next tick: those who were and the `outvoted`, but for those who by now have agreed for
+    /// long enough with all `members` or, without a result, with one of those who are `eligible`, if there are any.
+    fn remember(&mut self, members: u8, outvoted: u8, eligible: u8, friends: &[u8; N], now_ms: u32) {
         let mut returned = 0;
         for (index, (since, friends)) in self.agreeing_since.iter_mut().zip(friends).enumerate() {
             // Its own friend is only who is a candidate.
-            let agrees = has(self.excluded & friends, index) & (friends & reference == reference);
+            let with_members = friends & members == members;
+            let with_one = (friends & eligible != 0) | (eligible == 0);
+            let agrees = has(self.excluded & friends, index) & with_members & ((members != 0) | with_one);
             let from = since.unwrap_or(now_ms);
             let long_enough = agrees & (now_ms.wrapping_sub(from) >= RETURNS_AFTER_MS);
             *since = (agrees & !long_enough).then_some(from);
@@ -226,9 +240,9 @@ const fn has(mask: u8, index: usize) -> bool {
     mask >> index & 1 == 1
 }
 
-/// The inputs of which `is` is true.
-fn mask<const N: usize>(inputs: &[Input; N], is: impl Fn(&Input) -> bool) -> u8 {
-    inputs.iter().enumerate().fold(0, |mask, (index, input)| mask | u8::from(is(input)) << index)
+/// Those of whom `is` is true.
+fn mask_of<T, const N: usize>(items: &[T; N], is: impl Fn(&T) -> bool) -> u8 {
+    items.iter().enumerate().fold(0, |mask, (index, item)| mask | u8::from(is(item)) << index)
 }
 
 /// The first of `items` whose bit is set in `mask`; without one the first of all.
@@ -236,16 +250,21 @@ fn first<T: Copy, const N: usize>(mask: u8, items: &[T; N]) -> T {
     (0..N).rev().fold(items[0], |found, index| if has(mask, index) { items[index] } else { found })
 }
 
-/// Whether there are three numbers.
-fn is_finite(values: Option<[f32; 3]>) -> bool {
-    values.is_some_and(|[a, b, c]| a.is_finite() & b.is_finite() & c.is_finite())
+/// Whether there are three numbers, each at most `most` either way. A value that is not a number is not.
+fn are_within(values: Option<[f32; 3]>, most: f32) -> bool {
+    values.is_some_and(|values| values.iter().fold(true, |all, value| all & (value.abs() <= most)))
 }
 
-/// One of three numbers of each input; 0 where they are not given, or none.
-fn axis_of<const N: usize>(inputs: &[Input; N], of: impl Fn(&Input) -> Option<[f32; 3]>, axis: usize) -> [f32; N] {
+/// One of three numbers of each input; 0 where they are not given or not within `most`.
+fn axis_of<const N: usize>(
+    inputs: &[Input; N],
+    of: impl Fn(&Input) -> Option<[f32; 3]>,
+    axis: usize,
+    most: f32,
+) -> [f32; N] {
     inputs.each_ref().map(|input| {
         let values = of(input);
-        if is_finite(values) { values.unwrap_or_default()[axis] } else { 0.0 }
+        if are_within(values, most) { values.unwrap_or_default()[axis] } else { 0.0 }
     })
 }
 
@@ -319,7 +338,7 @@ fn position<const N: usize>(
     let step = [0, 1].map(|axis| median(row.map(|place| place[axis]), members));
     let [latitude, longitude] = origin.degrees(step);
 
-    let with_altitude = members & mask(inputs, |input| input.fix.has_altitude);
+    let with_altitude = members & mask_of(inputs, |input| input.fix.has_altitude);
     let ground_mm = first(with_altitude, &inputs.each_ref().map(|input| input.fix.altitude_mm));
     let mut heights = [0.0; N];
     for (height, (input, brought)) in heights.iter_mut().zip(inputs.iter().zip(brought)) {

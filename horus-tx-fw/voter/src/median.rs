@@ -37,8 +37,8 @@ pub(crate) fn circular_median<const N: usize>(angles: [f32; N], among: u8, from:
     turned(reference + median(differences, among), from)
 }
 
-/// `angle`, rad, by whole turns into the turn that begins at `from`. What lies in it, both ends included, stays as it is,
-/// to the bit.
+/// `angle`, rad, by whole turns into the turn that begins at `from`. What lies in it, both ends included, stays as
+/// it is, to the bit.
 fn turned(angle: f32, from: f32) -> f32 {
     let turns = (angle - from) * (1.0 / core::f32::consts::TAU);
     let whole = turns as i32;

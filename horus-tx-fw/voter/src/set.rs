@@ -26,7 +26,7 @@ pub(crate) fn winner<const N: usize>(friends: &[u8; N], eligible: u8, last: u8, 
     let mut weights = [0; N];
     let mut parts = [0; N];
     for index in 0..N {
-        weights[index] = MEMBER | u32::from(has(last, index)) * KEPT | 1 << (MOST_RECEIVERS - 1 - index);
+        weights[index] = MEMBER + u32::from(has(last, index)) * KEPT + (1 << (MOST_RECEIVERS - 1 - index));
         parts[index] = ((accuracies[index] * PARTS_PER_METRE) as u32).min(MOST_PARTS);
     }
     // Of each set: its common friends, its weight, its sum.

@@ -1,0 +1,435 @@
+//! The whole chain without boards: simulated receivers that watch one flight, one or two of them failing, their bytes
+//! through parser and voter at every tick, and Reported-Position against where the aircraft is.
+//!
+//! # Bounds
+//!
+//! A right receiver of these models is off by up to [`RIGHT_M`] over ground (a bias that wanders with 0.8 to 1.1 m in
+//! each axis, of which five deviations in two axes are 7.8 m, white noise, and 30 ms of latency more or less at 16
+//! m/s). A result of three with one wrong one has a right one among its members, with which each member agrees. The
+//! result is at most as far from it as two may be that agree: [`AGREE_M`]. So no result is farther from the truth than the
+//! sum, whatever the one wrong receiver does, whose stated accuracy could take the agreement to its ceiling. Three
+//! members have two right ones on either side of the median: the result is then off by no more than they are.
+//!
+//! There is a result at every tick as long as the two right receivers agree with each other, which they are asked apart
+//! from the failed one. Two right ones do disagree, rarely; then nobody can tell who is right, and a run in which that
+//! happens is only held against the bound.
+
+use std::sync::Arc;
+
+use gnss_sim::{ubx, Flight, Geodetic, TangentPlane};
+use horus_tx_fw::{
+    cycle::{timestamp, Cycle},
+    receiver::Receiver,
+};
+use profile::{GpsObject, ReportedPosition};
+
+/// How far off a right receiver is at most over ground, m; see above.
+const RIGHT_M: f64 = 9.0;
+/// How far apart two may be that agree, m: the ceiling of decision 15.
+const AGREE_M: f64 = 30.0;
+
+/// What goes wrong with a receiver.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Kind {
+    /// It says nothing more.
+    Silence,
+    /// It repeats its last solution, time of week included.
+    Frozen,
+    /// It repeats its last solution at new times of week.
+    Stuck,
+    /// It is suddenly 20 m to 5 km off.
+    Jump,
+    /// It moves away with 0.2 to 2 m/s.
+    Drift,
+    /// It is 1 to 30 m off.
+    Offset,
+    /// Fields in which nothing is in range, or anything.
+    Garbage,
+    /// It states a hundredth of its accuracy, and drifts.
+    Understated,
+    /// It states a hundred times its accuracy, and drifts.
+    Overstated,
+    /// Every checksum is wrong.
+    Checksum,
+    /// Its time of week jumps.
+    Time,
+    /// Its velocity is wrong by up to 50 m/s.
+    Velocity,
+}
+
+const KINDS: [Kind; 12] = [
+    Kind::Silence,
+    Kind::Frozen,
+    Kind::Stuck,
+    Kind::Jump,
+    Kind::Drift,
+    Kind::Offset,
+    Kind::Garbage,
+    Kind::Understated,
+    Kind::Overstated,
+    Kind::Checksum,
+    Kind::Time,
+    Kind::Velocity,
+];
+
+/// A sequence of numbers from a seed (SplitMix64).
+struct Draw(u64);
+
+impl Draw {
+    fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        z ^ (z >> 31)
+    }
+
+    fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * (self.bits() >> 11) as f64 / (1_u64 << 53) as f64
+    }
+}
+
+/// One failure, with all that was drawn for it.
+struct Failure {
+    kind: Kind,
+    from_ns: u64,
+    /// m north and east, up to 1.
+    direction: [f64; 2],
+    metres: f64,
+    metres_per_s: f64,
+    velocity_mm_s: [i32; 2],
+    draw: Draw,
+    last: Option<Vec<u8>>,
+}
+
+impl Failure {
+    fn new(kind: Kind, from_ns: u64, mut draw: Draw) -> Self {
+        let angle = draw.between(0.0, std::f64::consts::TAU);
+        let metres = match kind {
+            Kind::Jump => 20.0 * 250_f64.powf(draw.between(0.0, 1.0)),
+            _ => draw.between(1.0, 30.0),
+        };
+        let metres_per_s = draw.between(0.2, 2.0);
+        let velocity_mm_s = [0; 2].map(|_| draw.between(-50_000.0, 50_000.0) as i32);
+        let direction = [angle.cos(), angle.sin()];
+        Self { kind, from_ns, direction, metres, metres_per_s, velocity_mm_s, draw, last: None }
+    }
+
+    /// What the receiver sends at `at_ns` in place of `bytes`.
+    fn spoil(&mut self, bytes: Vec<u8>, at_ns: u64, plane: &TangentPlane) -> Vec<u8> {
+        if at_ns < self.from_ns {
+            self.last = Some(bytes.clone());
+            return bytes;
+        }
+        let last = self.last.clone().unwrap_or_else(|| bytes.clone());
+        let drifted = self.metres_per_s * (at_ns - self.from_ns) as f64 / 1e9;
+        match self.kind {
+            Kind::Silence => Vec::new(),
+            Kind::Frozen => last,
+            Kind::Stuck => {
+                let now = itow(&bytes);
+                each(last, |payload, at| payload[at..at + 4].copy_from_slice(&now), |_| ())
+            }
+            Kind::Jump | Kind::Offset => self.shifted(bytes, self.metres, plane),
+            Kind::Drift => self.shifted(bytes, drifted, plane),
+            Kind::Garbage => {
+                let draw = &mut self.draw;
+                each(
+                    bytes,
+                    |_, _| (),
+                    |pvt| {
+                        for at in [24, 28, 32, 40, 44, 48, 52, 56] {
+                            let word = [[0xFF; 4], [0, 0, 0, 0x80], [0; 4], (draw.bits() as u32).to_le_bytes()];
+                            let word = word[(draw.bits() % 4) as usize];
+                            pvt[at..at + 4].copy_from_slice(&word);
+                        }
+                    },
+                )
+            }
+            Kind::Understated | Kind::Overstated => {
+                let overstated = self.kind == Kind::Overstated;
+                each(
+                    self.shifted(bytes, drifted, plane),
+                    |_, _| (),
+                    |pvt| {
+                        for at in [40, 44] {
+                            let accuracy = u32::from_le_bytes(pvt[at..at + 4].try_into().expect("four bytes"));
+                            let told = if overstated { accuracy * 100 } else { accuracy / 100 };
+                            pvt[at..at + 4].copy_from_slice(&told.to_le_bytes());
+                        }
+                    },
+                )
+            }
+            Kind::Checksum => {
+                let mut bytes = bytes;
+                // In each message's payload, so that no message of the burst is intact.
+                let mut start = 0;
+                while start < bytes.len() {
+                    let length = usize::from(u16::from_le_bytes([bytes[start + 4], bytes[start + 5]]));
+                    bytes[start + 10] ^= 0x10;
+                    start += length + 8;
+                }
+                bytes
+            }
+            Kind::Time => {
+                let jump = (self.draw.bits() % 604_800_000) as u32;
+                each(bytes, |payload, at| payload[at..at + 4].copy_from_slice(&jump.to_le_bytes()), |_| ())
+            }
+            Kind::Velocity => {
+                let velocity = self.velocity_mm_s;
+                each(
+                    bytes,
+                    |_, _| (),
+                    |pvt| {
+                        for (at, velocity) in [48, 52].into_iter().zip(velocity) {
+                            pvt[at..at + 4].copy_from_slice(&velocity.to_le_bytes());
+                        }
+                    },
+                )
+            }
+        }
+    }
+
+    fn shifted(&self, bytes: Vec<u8>, metres: f64, plane: &TangentPlane) -> Vec<u8> {
+        let [north, east] = self.direction.map(|part| part * metres);
+        each(
+            bytes,
+            |_, _| (),
+            |pvt| {
+                let field = |at: usize| f64::from(i32::from_le_bytes(pvt[at..at + 4].try_into().expect("four bytes")));
+                let place = Geodetic { latitude: field(28) / 1e7, longitude: field(24) / 1e7, height: field(32) / 1e3 };
+                let [n, e, d] = plane.to_ned(place);
+                let place = plane.to_geodetic([n + north, e + east, d]);
+                pvt[24..28].copy_from_slice(&((place.longitude * 1e7).round() as i32).to_le_bytes());
+                pvt[28..32].copy_from_slice(&((place.latitude * 1e7).round() as i32).to_le_bytes());
+            },
+        )
+    }
+}
+
+/// A burst with each message's payload changed, `all` of them where their time of week is, NAV-PVT's by `pvt`, and
+/// right checksums.
+fn each(bytes: Vec<u8>, all: impl Fn(&mut [u8], usize), mut pvt: impl FnMut(&mut [u8])) -> Vec<u8> {
+    let mut changed = Vec::new();
+    let mut rest = bytes.as_slice();
+    while let Some(frame) = ubx::Frame::at_start_of(rest) {
+        let mut payload = frame.payload.to_vec();
+        all(&mut payload, if frame.class == ubx::CLASS_ESF { 8 } else { 0 });
+        if (frame.class, frame.id) == (ubx::CLASS_NAV, ubx::NavPvt::ID) {
+            pvt(&mut payload);
+        }
+        changed.extend(ubx::frame(frame.class, frame.id, &payload));
+        rest = &rest[frame.wire_len()..];
+    }
+    changed
+}
+
+/// The time of week of a burst, which begins with NAV-PVT.
+fn itow(burst: &[u8]) -> [u8; 4] {
+    burst[6..10].try_into().expect("four bytes")
+}
+
+/// What a run came to.
+#[derive(Clone, Copy, Debug, Default)]
+struct Outcome {
+    /// Of ticks with a result, over ground, m.
+    worst_m: f64,
+    /// From the failure to the first tick at which the failed receiver is excluded, ms.
+    excluded_after_ms: Option<u32>,
+    /// From the failure to the first tick from which it was no member any more to the end, ms.
+    left_after_ms: Option<u32>,
+    /// Ticks without a result after [`SETTLED_MS`].
+    without: u32,
+    /// Ticks after that at which two right receivers, asked alone, did not agree.
+    apart: u32,
+    /// Ticks that showed a right receiver as excluded.
+    wronged: u32,
+    /// Ticks at which fewer receivers agreed than are fitted but no degraded was shown.
+    undegraded: u32,
+    /// Ticks with a result farther off than the bound that is not of two failed receivers that agree.
+    unexplained: u32,
+}
+
+const SECONDS: f64 = 20.0;
+const RECEIVERS: usize = 3;
+
+/// The first result must be there by then, ms: every receiver has sent its first solution after 300 ms.
+const SETTLED_MS: u32 = 500;
+
+fn run(seed: u64, failures: &mut [(usize, Failure)]) -> Outcome {
+    let flight = Arc::new(Flight::new(seed, SECONDS));
+    let mut sources: Vec<_> = (1..=RECEIVERS)
+        .map(|index| gnss_sim::Receiver::generated(index, seed, Arc::clone(&flight)).peekable())
+        .collect();
+    let mut receivers: [Receiver; RECEIVERS] = std::array::from_fn(|_| Receiver::new());
+    let mut cycle = Cycle::<RECEIVERS>::new();
+    let right: Vec<usize> = (0..RECEIVERS).filter(|index| failures.iter().all(|(who, _)| who != index)).collect();
+    let mut outcome = Outcome::default();
+    let failed_from = failures.iter().map(|(_, failure)| failure.from_ns).min().unwrap_or(u64::MAX);
+    let failed_ms = (failed_from / 1_000_000) as u32;
+    for tick in 0..(SECONDS * 100.0) as u32 {
+        let now = timestamp(tick);
+        for (index, (source, receiver)) in sources.iter_mut().zip(&mut receivers).enumerate() {
+            // A burst takes at most 4 ms on the line; it is here when its last byte is.
+            while let Some(burst) = source.next_if(|burst| burst.at_ns + 4_000_000 <= u64::from(now) * 1_000_000) {
+                let arrived = ((burst.at_ns + 4_000_000) / 1_000_000) as u32;
+                let mut bytes = burst.bytes;
+                for (_, failure) in failures.iter_mut().filter(|(who, _)| *who == index) {
+                    bytes = failure.spoil(bytes, burst.at_ns, flight.plane());
+                }
+                for bytes in bytes.chunks(64) {
+                    receiver.receive(bytes, arrived);
+                }
+            }
+            receiver.receive(&[], now);
+        }
+        let solutions = receivers.each_ref().map(|receiver| *receiver.solution());
+        if let ([one, .., other], true) = (right.as_slice(), now >= SETTLED_MS) {
+            let mut alone = Cycle::new();
+            alone.vote(tick + 1, &[solutions[*one], solutions[*other]]);
+            outcome.apart += u32::from(alone.verdict().agreeing() != 2);
+        }
+        let profile = cycle.fill(tick, &solutions);
+        cycle.vote(tick + 1, &solutions);
+        let reading = profile.verify();
+        let reported = reading.reported.map(ReportedPosition::values).expect("sealed");
+        let gps = reading.gps.map(|object| object.map(GpsObject::values).expect("sealed"));
+
+        let is_wrong = |index: usize| failures.iter().any(|(who, _)| *who == index);
+        let excluded = |index: usize| gps[index].status.excluded();
+        outcome.wronged += u32::from((0..RECEIVERS).any(|index| !is_wrong(index) && excluded(index)));
+        let agreeing = reported.status.receivers_agreeing();
+        outcome.undegraded += u32::from((usize::from(agreeing) < RECEIVERS) != reported.status.degraded());
+        if let ([(who, _)], true) = (&*failures, now >= failed_ms) {
+            if excluded(*who) && outcome.excluded_after_ms.is_none() {
+                outcome.excluded_after_ms = Some(now - failed_ms);
+            }
+            outcome.left_after_ms = match agreeing {
+                3 => None,
+                _ => outcome.left_after_ms.or(Some(now - failed_ms)),
+            };
+        }
+        if reported.status.position_valid() {
+            let truth = flight.state(f64::from(now) / 1e3).position;
+            let plane = TangentPlane::new(truth);
+            let off = |latitude, longitude| {
+                let [north, east, _] = plane.to_ned(Geodetic { latitude, longitude, height: truth.height });
+                north.hypot(east)
+            };
+            let error = off(reported.latitude, reported.longitude);
+            outcome.worst_m = outcome.worst_m.max(error);
+            // Which can only be of two wrong ones that agree with each other and not with the right one.
+            let of_two_wrong = failures.len() == 2 && agreeing == 2 && {
+                let wrong: Vec<_> = failures.iter().map(|(who, _)| &gps[*who]).collect();
+                wrong.iter().all(|gps| gps.status.position_valid() && !gps.status.excluded())
+            };
+            outcome.unexplained += u32::from(error > RIGHT_M + AGREE_M && !of_two_wrong);
+        } else if now >= SETTLED_MS {
+            outcome.without += 1;
+        }
+    }
+    outcome
+}
+
+fn failure(kind: Kind, seed: u64, number: u64) -> Failure {
+    let mut draw = Draw(seed.wrapping_mul(1_000_003).wrapping_add(number));
+    draw.bits();
+    let from_ns = (draw.between(1.0, 8.0) * 1e9) as u64;
+    Failure::new(kind, from_ns, draw)
+}
+
+/// One of three fails, in every way in turn.
+fn one_of_three(runs: u64) {
+    println!(
+        "kind          runs  excluded  left   worst m  excluded s  left s  not excluded  right ones apart"
+    );
+    for (place, kind) in (0..).zip(KINDS) {
+        let (mut count, mut excluded, mut left, mut apart) = (0, 0, 0, 0);
+        let (mut worst, mut latest, mut latest_left) = (0.0_f64, 0, 0);
+        for seed in (place..runs).step_by(KINDS.len()) {
+            let who = Draw(seed).bits() as usize % RECEIVERS;
+            let outcome = run(seed, &mut [(who, failure(kind, seed, 0))]);
+            let said = format!("{kind:?} of GPS{}, seed {seed}: {outcome:?}", who + 1);
+            assert_eq!(outcome.undegraded, 0, "{said}");
+            assert!(outcome.worst_m <= RIGHT_M + AGREE_M, "{said}");
+            // Where the right ones disagree nobody can tell who is right.
+            if outcome.apart == 0 {
+                assert_eq!((outcome.without, outcome.wronged), (0, 0), "{said}");
+            }
+            apart += u32::from(outcome.apart > 0);
+            match kind {
+                Kind::Silence | Kind::Frozen | Kind::Checksum => {
+                    // One period and 150 ms after its last message, which may be a period old.
+                    assert!(outcome.left_after_ms.is_some_and(|ms| ms <= 650), "{said}");
+                    assert!(outcome.worst_m <= RIGHT_M, "right ones are left: {said}");
+                }
+                // A right position at a wrong time of week is a right position.
+                Kind::Time => assert!(outcome.worst_m <= RIGHT_M, "{said}"),
+                Kind::Jump if outcome.apart == 0 => {
+                    assert!(outcome.excluded_after_ms.is_some_and(|ms| ms <= 300), "{said}");
+                }
+                _ => {}
+            }
+            count += 1;
+            excluded += u32::from(outcome.excluded_after_ms.is_some());
+            left += u32::from(outcome.left_after_ms.is_some());
+            worst = worst.max(outcome.worst_m);
+            latest = latest.max(outcome.excluded_after_ms.unwrap_or(0));
+            latest_left = latest_left.max(outcome.left_after_ms.unwrap_or(0));
+        }
+        let name = format!("{kind:?}");
+        let (latest, left_s) = (f64::from(latest) / 1e3, f64::from(latest_left) / 1e3);
+        let not = count - excluded;
+        println!(
+            "{name:12} {count:5} {excluded:9} {left:5} {worst:9.2} {latest:11.2} {left_s:7.2} {not:13} {apart:17}"
+        );
+    }
+}
+
+/// Two of three fail, each in a way and at a time of its own.
+fn two_of_three(runs: u64) {
+    let (mut valid_far, mut worst, mut without) = (0, 0.0_f64, 0_u64);
+    for seed in 0..runs {
+        let mut draw = Draw(seed ^ 0x5EED);
+        let right = draw.bits() as usize % RECEIVERS;
+        let mut failures: Vec<_> = (0..RECEIVERS)
+            .filter(|who| *who != right)
+            .map(|who| (who, failure(KINDS[draw.bits() as usize % KINDS.len()], seed, who as u64 + 1)))
+            .collect();
+        let kinds: Vec<_> = failures.iter().map(|(_, failure)| failure.kind).collect();
+        let outcome = run(seed, &mut failures);
+        assert_eq!((outcome.unexplained, outcome.undegraded), (0, 0), "{kinds:?}, seed {seed}: {outcome:?}");
+        valid_far += u32::from(outcome.worst_m > RIGHT_M + AGREE_M);
+        worst = worst.max(outcome.worst_m);
+        without += u64::from(outcome.without);
+    }
+    println!("two of three: {runs} runs, {without} ticks without a result, worst {worst:.2} m, {valid_far} beyond");
+}
+
+#[test]
+fn whatever_one_of_three_receivers_does_reported_position_stays_valid_and_right() {
+    one_of_three(360);
+}
+
+#[test]
+fn two_of_three_failing_show_no_wrong_position_unless_they_agree() {
+    two_of_three(120);
+}
+
+#[test]
+fn without_a_failure_all_three_agree_and_the_result_is_as_good_as_they_are() {
+    for seed in 0..40 {
+        let outcome = run(seed, &mut []);
+        assert_eq!(outcome.undegraded, 0, "{outcome:?}");
+        assert!(outcome.apart > 0 || (outcome.without, outcome.wronged) == (0, 0), "{outcome:?}");
+        assert!(outcome.worst_m <= RIGHT_M, "{outcome:?}");
+    }
+}
+
+/// The same ten thousand times, with the table: `cargo test -p horus-tx-fw --test voted -- --ignored --nocapture`.
+#[test]
+#[ignore = "minutes"]
+fn ten_thousand_failures() {
+    one_of_three(10_000);
+    two_of_three(3_000);
+}

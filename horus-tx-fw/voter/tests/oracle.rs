@@ -1,0 +1,158 @@
+//! The voter against decision 15 written a second time.
+
+mod support;
+
+use horus_voter::{Input, Stated, Verdict, Voter};
+use proptest::prelude::*;
+use proptest::test_runner::{Config, RngSeed};
+
+use support::{Oracle, Place, Said, distance, geodetic, listed};
+
+fn seeded(cases: u32) -> Config {
+    Config { cases, rng_seed: RngSeed::Fixed(15), failure_persistence: None, ..Config::default() }
+}
+
+/// Anywhere on earth, the poles and both sides of ±180° more often than they deserve.
+fn somewhere() -> impl Strategy<Value = (f64, f64)> {
+    let latitude = prop_oneof![
+        4 => -89.0..89.0,
+        1 => (0.0..0.02).prop_map(|missing| 90.0 - missing),
+        1 => (0.0..0.02).prop_map(|missing| missing - 90.0),
+        1 => Just(0.0),
+        1 => Just(90.0),
+    ];
+    let longitude = prop_oneof![
+        4 => -180.0..180.0,
+        1 => (-2e-4..2e-4).prop_map(|off: f64| if off < 0.0 { -180.0 - off } else { 180.0 - off }),
+        1 => Just(0.0),
+        1 => Just(180.0),
+    ];
+    (latitude, longitude)
+}
+
+/// A receiver near a place: how far off in m, how high, how fast, how good, how old.
+fn receiver() -> impl Strategy<Value = (bool, [f64; 3], [i32; 3], [u32; 2], i32, bool)> {
+    let metres = || prop_oneof![3 => -3.0..3.0, 2 => -40.0..40.0, 1 => -900.0..900.0];
+    let speed = || prop_oneof![Just(0), -20_000..20_000, -150_000..150_000];
+    let accuracy = || prop_oneof![4 => 1..4_000_u32, 2 => 1..16_000_u32, 1 => 25_000..55_000_u32];
+    (
+        prop::bool::weighted(0.93),
+        [metres(), metres(), metres()],
+        [speed(), speed(), speed()],
+        [accuracy(), accuracy()],
+        -20..1_200_i32,
+        prop::bool::weighted(0.15),
+    )
+}
+
+fn said(place: (f64, f64), drawn: (bool, [f64; 3], [i32; 3], [u32; 2], i32, bool)) -> Said {
+    let (valid, [north, east, up], velocity_mm_s, [horizontal, vertical], since_arrival_ms, flat) = drawn;
+    let (latitude, longitude) = geodetic(Place::new(place.0, place.1, 400.0).at(north, east));
+    Said {
+        valid,
+        stated: Stated {
+            latitude_e7: (latitude * 1e7).round() as i32,
+            longitude_e7: (longitude * 1e7).round() as i32,
+            altitude_mm: (!flat).then_some(400_000 + (up * 1e3) as i32),
+            velocity_mm_s,
+            horizontal_accuracy_mm: horizontal,
+            vertical_accuracy_mm: vertical,
+        },
+        since_arrival_ms,
+        attitude: None,
+        acceleration: None,
+    }
+}
+
+/// Ticks of several receivers, told to both voters.
+fn compare<const N: usize>(ticks: &[(Vec<Said>, u32)]) -> Result<(), TestCaseError> {
+    let (mut voter, mut oracle) = (Voter::<N>::new(), Oracle::default());
+    let mut now = u32::MAX - 2_000;
+    for (said, later) in ticks {
+        let inputs: [Input; N] = std::array::from_fn(|i| said[i].input());
+        let (verdict, opinion) = (voter.vote(&inputs, now), oracle.vote(&said[..N], now));
+        // A decision that rounding may turn is none to compare, and what follows hangs on it.
+        if opinion.narrow {
+            return Ok(());
+        }
+        prop_assert_eq!(listed(verdict.members), opinion.members);
+        prop_assert_eq!(listed(verdict.excluded), opinion.excluded);
+        prop_assert_eq!(verdict.position.is_some(), opinion.position.is_some());
+        if let (Some(position), Some((at, altitude))) = (verdict.position, opinion.position) {
+            let (latitude, longitude) = geodetic(at);
+            let off = distance((position.latitude, position.longitude), (latitude, longitude));
+            prop_assert!(off < 0.01, "{} m off: {:?}", off, position);
+            prop_assert_eq!(position.altitude.is_some(), altitude.is_some());
+            let off = position.altitude.unwrap_or(0.0) - altitude.unwrap_or(0.0);
+            prop_assert!(off.abs() < 0.002, "{} m too high", off);
+            prop_assert!(position.latitude.abs() <= 90.0 && position.longitude.abs() <= 180.0);
+        }
+        now = now.wrapping_add(*later);
+    }
+    Ok(())
+}
+
+/// Ticks in which each receiver keeps its place and only now and then changes it.
+fn ticks() -> impl Strategy<Value = Vec<(Vec<Said>, u32)>> {
+    let change = prop::collection::vec((prop::bool::weighted(0.3), receiver()), 5);
+    let later = prop_oneof![Just(10_u32), Just(500), Just(999), Just(1_000)];
+    (somewhere(), prop::collection::vec(receiver(), 5), prop::collection::vec((change, later), 1..10)).prop_map(
+        |(place, mut current, changes)| {
+            changes
+                .into_iter()
+                .map(|(change, later)| {
+                    for (current, (changes, to)) in current.iter_mut().zip(change) {
+                        *current = if changes { to } else { *current };
+                    }
+                    (current.iter().map(|drawn| said(place, *drawn)).collect(), later)
+                })
+                .collect()
+        },
+    )
+}
+
+proptest! {
+    #![proptest_config(seeded(1_000))]
+
+    #[test]
+    fn one_receiver(ticks in ticks()) { compare::<1>(&ticks)?; }
+
+    #[test]
+    fn two_receivers(ticks in ticks()) { compare::<2>(&ticks)?; }
+
+    #[test]
+    fn three_receivers(ticks in ticks()) { compare::<3>(&ticks)?; }
+
+    #[test]
+    fn five_receivers(ticks in ticks()) { compare::<5>(&ticks)?; }
+
+    /// But for ties, which the lower numbers win, nothing depends on the order of the receivers: accuracies drawn
+    /// like these have no equal sums.
+    #[test]
+    fn the_order_of_the_receivers_is_the_order_of_the_verdict_and_nothing_else(
+        ticks in ticks(),
+        order in Just([0_usize, 1, 2, 3, 4]).prop_shuffle(),
+    ) {
+        let (mut one, mut other) = (Voter::<5>::new(), Voter::<5>::new());
+        let mut oracle = Oracle::default();
+        for (now, (said, _)) in (0..).step_by(300).zip(&ticks) {
+            if oracle.vote(said, now).narrow {
+                break;
+            }
+            let inputs: [Input; 5] = std::array::from_fn(|i| said[i].input());
+            let shuffled = order.map(|i| inputs[i]);
+            let (a, b): (Verdict, Verdict) = (one.vote(&inputs, now), other.vote(&shuffled, now));
+            let back = |mask: u8| (0..5).fold(0, |m, i| m | (mask >> i & 1) << order[i]);
+            prop_assert_eq!((a.members, a.excluded), (back(b.members), back(b.excluded)));
+            prop_assert_eq!(a.position.is_some(), b.position.is_some());
+            if let (Some(a), Some(b)) = (a.position, b.position) {
+                // The axes north and east are the first member's: beside a pole another's point elsewhere.
+                if a.latitude.abs() < 89.0 {
+                    let off = distance((a.latitude, a.longitude), (b.latitude, b.longitude));
+                    prop_assert!(off < 0.01, "{} m", off);
+                }
+                prop_assert!((a.altitude.unwrap_or(0.0) - b.altitude.unwrap_or(0.0)).abs() < 0.002);
+            }
+        }
+    }
+}

@@ -1,0 +1,523 @@
+//! Each rule of decision 15 by itself, to its last unit.
+
+mod support;
+
+use core::f32::consts::{PI, TAU};
+
+use horus_voter::{Fix, Input, Stated, Verdict, Voter, quorum};
+use proptest::prelude::*;
+use proptest::test_runner::{Config, RngSeed};
+
+use support::{Said, distance, listed};
+
+fn seeded(cases: u32) -> Config {
+    Config { cases, rng_seed: RngSeed::Fixed(15), failure_persistence: None, ..Config::default() }
+}
+
+fn once<const N: usize>(said: [Said; N]) -> Verdict {
+    Voter::new().vote(&said.map(|said| said.input()), 0)
+}
+
+fn agree(one: Said, other: Said) -> bool {
+    once([one, other]).members == 0b11
+}
+
+const GOOD: Said = Said::GOOD;
+const SILENT: Said = Said { valid: false, ..Said::GOOD };
+
+fn place(verdict: &Verdict) -> (f64, f64) {
+    let position = verdict.position.expect("a result");
+    (position.latitude, position.longitude)
+}
+
+fn degrees(said: &Said) -> (f64, f64) {
+    (f64::from(said.stated.latitude_e7) / 1e7, f64::from(said.stated.longitude_e7) / 1e7)
+}
+
+#[test]
+fn quorums_are_1oo1_1oo2_2oo3_3oo5() {
+    assert_eq!([1, 2, 3, 5].map(quorum), [1, 1, 2, 3]);
+    for count in 0..=5_usize {
+        let of_three = once(std::array::from_fn::<_, 3, _>(|i| if i < count { GOOD } else { SILENT }));
+        assert_eq!(of_three.position.is_some(), count >= 2, "{count} of three");
+        let of_five = once(std::array::from_fn::<_, 5, _>(|i| if i < count { GOOD } else { SILENT }));
+        assert_eq!(of_five.position.is_some(), count >= 3, "{count} of five");
+        assert_eq!(usize::from(of_five.agreeing()), if count >= 3 { count } else { 0 });
+    }
+    assert!(once([GOOD]).position.is_some() && once([SILENT]).position.is_none());
+    assert!(once([SILENT, GOOD]).position.is_some() && once([SILENT, SILENT]).position.is_none());
+}
+
+#[test]
+fn a_candidate_keeps_every_range_to_its_last_unit() {
+    let ok = |change: fn(&mut Stated)| {
+        let mut said = GOOD;
+        change(&mut said.stated);
+        let is = Fix::new(&said.stated).is_plausible();
+        assert_eq!(once([said]).members, u8::from(is), "{said:?}");
+        is
+    };
+    assert!(ok(|s| s.latitude_e7 = 900_000_000) && !ok(|s| s.latitude_e7 = 900_000_001));
+    assert!(ok(|s| s.latitude_e7 = -900_000_000) && !ok(|s| s.latitude_e7 = -900_000_001));
+    assert!(ok(|s| s.longitude_e7 = 1_800_000_000) && !ok(|s| s.longitude_e7 = 1_800_000_001));
+    assert!(ok(|s| s.longitude_e7 = -1_800_000_000) && !ok(|s| s.longitude_e7 = -1_800_000_001));
+    assert!(!ok(|s| s.latitude_e7 = i32::MIN) && !ok(|s| s.longitude_e7 = i32::MIN));
+    assert!(ok(|s| s.altitude_mm = Some(20_000_000)) && !ok(|s| s.altitude_mm = Some(20_000_001)));
+    assert!(ok(|s| s.altitude_mm = Some(-1_000_000)) && !ok(|s| s.altitude_mm = Some(-1_000_001)));
+    assert!(ok(|s| s.velocity_mm_s = [0, -200_000, 0]) && !ok(|s| s.velocity_mm_s = [0, 200_001, 0]));
+    assert!(ok(|s| s.velocity_mm_s = [120_000, 0, -160_000]) && !ok(|s| s.velocity_mm_s = [120_000, 1_000, 160_000]));
+    assert!(!ok(|s| s.velocity_mm_s = [i32::MIN; 3]));
+    assert!(ok(|s| s.horizontal_accuracy_mm = 30_000) && !ok(|s| s.horizontal_accuracy_mm = 30_001));
+    assert!(ok(|s| s.horizontal_accuracy_mm = 1) && !ok(|s| s.horizontal_accuracy_mm = 0));
+    assert!(ok(|s| s.vertical_accuracy_mm = 50_000) && !ok(|s| s.vertical_accuracy_mm = 50_001));
+    assert!(ok(|s| s.vertical_accuracy_mm = 1) && !ok(|s| s.vertical_accuracy_mm = 0));
+    assert!(ok(|s| (s.altitude_mm, s.vertical_accuracy_mm) = (None, 0)), "a 2D fix has no altitude to be good");
+    assert!(!Fix::default().is_plausible() && Voter::new().vote(&[Input::default()], 0).members == 0);
+}
+
+#[test]
+fn one_member_at_rest_is_the_result_to_the_bit_however_old() {
+    for (latitude_e7, longitude_e7, altitude_mm) in [
+        (474_987_654, 87_291_234, 512_345),
+        (-1, 1, -1),
+        (900_000_000, 1_800_000_000, 20_000_000),
+        (-900_000_000, -1_800_000_000, -1_000_000),
+        (900_000_000, -456, 0),
+        (123_456_789, -1_799_999_999, 7),
+    ] {
+        let mut said = Said { since_arrival_ms: 1_150, ..GOOD };
+        said.stated = Stated { latitude_e7, longitude_e7, altitude_mm: Some(altitude_mm), ..said.stated };
+        for said in [[said, SILENT], [SILENT, said]] {
+            let position = once(said).position.expect("a result");
+            assert_eq!(position.latitude.to_bits(), (f64::from(latitude_e7) / 1e7).to_bits());
+            assert_eq!(position.longitude.to_bits(), (f64::from(longitude_e7) / 1e7).to_bits());
+            assert_eq!(position.altitude.map(f64::to_bits), Some((f64::from(altitude_mm) / 1e3).to_bits()));
+        }
+    }
+}
+
+#[test]
+fn a_position_moves_by_its_velocity_for_its_age_and_50_ms() {
+    for (since_arrival_ms, age) in [(0, 0.05), (100, 0.15), (1_150, 1.2), (-5, 0.045), (-50, 0.0), (-60, 0.0)] {
+        let said = Said { since_arrival_ms, ..GOOD }.flying([30_000, -40_000, 5_000]);
+        let verdict = once([said]);
+        let expected = degrees(&said.moved(30.0 * age, -40.0 * age));
+        assert!(distance(place(&verdict), expected) < 0.015, "at {since_arrival_ms} ms");
+        let altitude = verdict.position.and_then(|position| position.altitude).expect("3D");
+        assert!((altitude - (512.345 - 5.0 * age)).abs() < 1e-4, "{altitude} at {since_arrival_ms} ms");
+    }
+}
+
+/// The farthest at which two agree, m north, to the millimetre that the search has; positions have 11 mm.
+fn reach(one: Said, other: Said) -> f64 {
+    let (mut near, mut far) = (0.0, 60.0);
+    while far - near > 1e-3 {
+        let middle = f64::midpoint(near, far);
+        if agree(one, other.moved(middle, 0.0)) { near = middle } else { far = middle }
+    }
+    near
+}
+
+/// The same upwards.
+fn climb(one: Said, other: Said) -> f64 {
+    let (mut near, mut far) = (0.0, 90.0);
+    while far - near > 1e-4 {
+        let middle = f64::midpoint(near, far);
+        if agree(one, other.raised(middle)) { near = middle } else { far = middle }
+    }
+    near
+}
+
+#[test]
+fn two_agree_within_three_standard_deviations_at_least_5_and_8_m_and_at_most_30_and_50_m() {
+    // The age of 50 ms alone adds 5 mm to an accuracy.
+    for (one, other, expected) in [
+        (1_000, 1_000, 5.0),
+        (1_650, 100, 5.0),
+        (1_995, 2_995, 10.816_6),
+        (5_995, 7_995, 30.0),
+        (6_995, 6_995, 29.698_5),
+        (100, 9_995, 30.0),
+        (30_000, 30_000, 30.0),
+    ] {
+        let reach = reach(GOOD.stating(one, 1), GOOD.stating(other, 1));
+        assert!((reach - expected).abs() < 0.012, "{one} {other}: {reach}");
+        let reach = self::reach(GOOD.stating(other, 1), GOOD.stating(one, 1));
+        assert!((reach - expected).abs() < 0.012, "{other} {one}: {reach}");
+    }
+    for (one, other, expected) in
+        [(1_000, 1_000, 8.0), (2_995, 3_995, 15.0), (11_995, 10_995, 48.836_5), (50_000, 1, 50.0)]
+    {
+        let climb = climb(GOOD.stating(1, one), GOOD.stating(1, other));
+        assert!((climb - expected).abs() < 2e-3, "{one} {other}: {climb}");
+    }
+}
+
+#[test]
+fn accuracies_grow_with_speed_and_with_the_square_of_the_age() {
+    // 4 m, 0.05 s of 50 m/s, and 2 m/s² over 0.55 s: 7.105 m, against 1.005 m.
+    let fast = |velocity| Said { since_arrival_ms: 500, ..GOOD }.stating(4_000, 4_000).flying(velocity);
+    let still = GOOD.stating(1_000, 1_000);
+    let horizontal = reach(still, fast([30_000, 40_000, 0]).moved(-0.55 * 30.0, -0.55 * 40.0));
+    assert!((horizontal - 21.53).abs() < 0.03, "{horizontal}");
+    // Vertically the same accuracy from 50 m/s downwards.
+    let vertical = climb(still, fast([0, 0, 50_000]).raised(0.55 * 50.0));
+    assert!((vertical - 21.527).abs() < 0.01, "{vertical}");
+    let upwards = climb(still, fast([0, 0, -50_000]).raised(-0.55 * 50.0));
+    assert!((upwards - 21.527).abs() < 0.01, "{upwards}");
+}
+
+#[test]
+fn without_an_altitude_a_receiver_agrees_horizontally() {
+    let mut flat = GOOD;
+    (flat.stated.altitude_mm, flat.stated.vertical_accuracy_mm) = (None, u32::MAX);
+    assert!(agree(flat, GOOD.raised(5_000.0)) && agree(GOOD, flat) && agree(flat, flat));
+    assert!(!agree(flat, GOOD.moved(7.0, 0.0)));
+    assert_eq!(once([flat, GOOD]).position.and_then(|position| position.altitude), Some(512.345));
+    assert_eq!(once([flat, flat]).position.expect("a result").altitude, None);
+    let mixed = once([flat, GOOD.raised(1.0), GOOD.raised(4.0)]);
+    assert!((mixed.position.and_then(|position| position.altitude).expect("two have one") - 514.845).abs() < 1e-4);
+}
+
+#[test]
+fn two_of_two_that_disagree_and_two_pairs_of_five_are_no_result_and_nobody_is_excluded() {
+    let far = GOOD.moved(500.0, 0.0);
+    let verdict = once([GOOD, far]);
+    assert_eq!((verdict.members, verdict.excluded, verdict.position), (0, 0, None));
+    let verdict = once([GOOD, far, GOOD, far, SILENT]);
+    assert_eq!((verdict.members, verdict.excluded, verdict.position), (0, 0, None));
+    let verdict = once([GOOD, far, GOOD, far, GOOD]);
+    assert_eq!((verdict.members, verdict.excluded), (0b10101, 0b01010));
+    let all_apart = [0.0, 100.0, 200.0].map(|north| GOOD.moved(north, 0.0));
+    assert_eq!(once(all_apart).position, None);
+}
+
+/// What the rule of exclusion is for: 3 drifts out of the reach of 2, which states less, and then out of that of 1.
+#[test]
+fn a_receiver_that_drifts_away_never_takes_a_right_one_along() {
+    let mut voter = Voter::new();
+    let (one, two) = (GOOD, GOOD.moved(-3.0, 0.0).stating(1_500, 2_500));
+    for tick in 0..1_000 {
+        let north = f64::from(tick) * 0.02;
+        let three = GOOD.stating(500, 500).moved(north, 0.0);
+        let verdict = voter.vote(&[one, two, three].map(|said| said.input()), tick * 10);
+        assert!(distance(place(&verdict), degrees(&one)) < 5.0);
+        assert_eq!(verdict.excluded & 0b011, 0, "at {north} m");
+        assert_eq!(verdict.members == 0b011, verdict.is_excluded(2), "at {north} m");
+    }
+    assert_eq!(voter.vote(&[one, two, two].map(|said| said.input()), 10_000).excluded, 0b100);
+}
+
+/// The limit that the decision states.
+#[test]
+fn two_that_agree_on_a_wrong_place_are_believed() {
+    let wrong = GOOD.moved(10_000.0, 0.0);
+    let verdict = once([wrong, GOOD, wrong]);
+    assert_eq!((verdict.members, verdict.excluded), (0b101, 0b010));
+    assert!(distance(place(&verdict), degrees(&wrong)) < 0.001);
+}
+
+#[test]
+fn of_two_pairs_that_share_a_receiver_the_last_then_the_more_accurate_then_the_lower_numbers_win() {
+    // 2 agrees with both others, they not with each other.
+    let row = |accuracies: [u32; 3]| {
+        let mut north = -4.0;
+        accuracies.map(|mm| {
+            north += 4.0;
+            GOOD.stating(mm, 1_000).moved(north, 0.0).input()
+        })
+    };
+    assert_eq!(Voter::new().vote(&row([900, 1_000, 900]), 0).members, 0b011, "the lower numbers");
+    assert_eq!(Voter::new().vote(&row([901, 1_000, 900]), 0).members, 0b110, "the more accurate");
+    let mut voter = Voter::new();
+    assert_eq!(voter.vote(&row([900, 1_000, 901]), 0).members, 0b011);
+    // 3 agrees with a member, so it stays eligible; but the last result is kept.
+    let verdict = voter.vote(&row([901, 1_000, 900]), 10);
+    assert_eq!((verdict.members, verdict.excluded), (0b011, 0));
+
+    // The last result was of 2 and 3, since 1 was silent.
+    let mut voter = Voter::new();
+    let mut silent = row([900, 1_000, 901]);
+    silent[0].valid = false;
+    assert_eq!(voter.vote(&silent, 0).members, 0b110);
+    let verdict = voter.vote(&row([900, 1_000, 901]), 10);
+    assert_eq!((verdict.members, verdict.excluded), (0b110, 0), "the set that won last");
+}
+
+#[test]
+fn of_equal_triples_of_five_the_lowest_numbers_win() {
+    // Places in a row of which any three neighbours agree: 1 4 2 5 3 and mirrored.
+    let at = |norths: [f64; 5]| norths.map(|north| GOOD.stating(1_000, 1_000).moved(north, 0.0));
+    assert_eq!(once(at([0.0, 4.8, 9.6, 2.4, 7.2])).members, 0b01011, "1, 2 and 4, not 2, 4 and 5 or 2, 3 and 5");
+    assert_eq!(once(at([9.6, 4.8, 0.0, 7.2, 2.4])).members, 0b01011, "1, 2 and 4 again");
+    assert_eq!(once(at([4.8, 0.0, 9.6, 2.4, 7.2])).members, 0b01011, "1, 2 and 4 before 1, 3 and 5");
+}
+
+/// Three receivers, the third of which is wrong until `wrong_until`; at which tick it is no longer excluded.
+fn returns(step: u32, wrong_until: u32, third: impl Fn(u32) -> Said, start: u32) -> Option<u32> {
+    let mut voter = Voter::new();
+    for at in (0..5_000).step_by(step as usize) {
+        let third = if at < wrong_until { GOOD.moved(200.0, 0.0) } else { third(at) };
+        let verdict = voter.vote(&[GOOD, GOOD, third].map(|said| said.input()), start.wrapping_add(at));
+        assert!(verdict.position.is_some() && verdict.members & 0b011 == 0b011);
+        assert_ne!(verdict.is_excluded(2), verdict.members & 0b100 != 0, "excluded, or a member");
+        if !verdict.is_excluded(2) {
+            return Some(at);
+        }
+    }
+    None
+}
+
+#[test]
+fn an_excluded_receiver_returns_when_it_has_agreed_for_1000_ms_to_the_millisecond() {
+    // It agrees from 10 ms on; at 1010 ms it has for 1000 ms, so it takes part at the tick after.
+    assert_eq!(returns(10, 10, |_| GOOD, 0), Some(1_020));
+    assert_eq!(returns(10, 10, |_| GOOD, u32::MAX - 700), Some(1_020), "over the clock's wrap");
+    assert_eq!(returns(1, 1, |_| GOOD, 0), Some(1_002), "not at 1000 ms, when it has agreed for 999");
+    assert_eq!(returns(999, 1, |_| GOOD, 0), Some(4 * 999), "999 ms are not enough, 1998 are");
+    assert_eq!(returns(1_000, 1, |_| GOOD, 0), Some(3_000), "1000 ms are");
+    let breaks = |at: u32| if at == 600 { GOOD.moved(200.0, 0.0) } else { GOOD };
+    assert_eq!(returns(10, 10, breaks, 0), Some(1_620), "from the start, once it has disagreed");
+    let silent_once = |at: u32| if at == 600 { SILENT } else { GOOD };
+    assert_eq!(returns(10, 10, silent_once, 0), Some(1_620), "or was no candidate");
+    assert_eq!(returns(10, 10, |_| SILENT, 0), None, "silent it stays excluded");
+    assert_eq!(returns(10, 10, |at| if at % 500 == 0 { SILENT } else { GOOD }, 0), None);
+}
+
+#[test]
+fn without_a_result_an_excluded_receiver_must_agree_with_an_eligible_candidate() {
+    let mut voter = Voter::new();
+    let far = GOOD.moved(200.0, 0.0);
+    let mut vote = |said: [Said; 3], now| voter.vote(&said.map(|said| said.input()), now);
+    assert_eq!(vote([GOOD, GOOD, far], 0).excluded, 0b100);
+    // 2 falls silent; 1 alone is no result. The third comes back to it, and after a second both are one.
+    for now in (10..=1_010).step_by(10) {
+        assert_eq!(vote([GOOD, SILENT, GOOD], now).position, None);
+    }
+    let verdict = vote([GOOD, SILENT, GOOD], 1_020);
+    assert_eq!((verdict.members, verdict.excluded), (0b101, 0));
+
+    // Two eligible ones that disagree: agreeing with one of them is enough, with none it is not.
+    for (third, returns) in [(GOOD, true), (far, true), (GOOD.moved(0.0, 900.0), false)] {
+        let mut voter = Voter::new();
+        let mut vote = |said: [Said; 3], now| voter.vote(&said.map(|said| said.input()), now);
+        assert_eq!(vote([GOOD, GOOD, GOOD.moved(0.0, 900.0)], 0).excluded, 0b100);
+        for now in (10..=1_010).step_by(10) {
+            let verdict = vote([GOOD, far, third], now);
+            assert_eq!((verdict.position, verdict.excluded), (None, 0b100));
+        }
+        assert_eq!(vote([GOOD, far, third], 1_020).position.is_some(), returns);
+    }
+    // With nobody left it is enough to be a candidate.
+    let mut voter = Voter::new();
+    let mut vote = |said: [Said; 3], now| voter.vote(&said.map(|said| said.input()), now);
+    assert_eq!(vote([GOOD, GOOD, far], 0).excluded, 0b100);
+    assert_eq!(vote([SILENT, SILENT, far], 10).excluded, 0b100);
+    assert_eq!(vote([SILENT, SILENT, far], 1_010).excluded, 0b100);
+    assert_eq!(vote([SILENT, SILENT, far], 1_020).excluded, 0);
+}
+
+#[test]
+fn who_is_no_candidate_is_neither_excluded_nor_forgiven() {
+    let mut voter = Voter::new();
+    let mut vote = |said: [Said; 3], now| voter.vote(&said.map(|said| said.input()), now).excluded;
+    assert_eq!(vote([GOOD, GOOD, SILENT], 0), 0);
+    assert_eq!(vote([GOOD, GOOD, GOOD.moved(200.0, 0.0)], 10), 0b100);
+    assert_eq!(vote([GOOD, GOOD, SILENT], 20), 0b100);
+    assert_eq!(vote([SILENT, SILENT, SILENT], 100_000), 0b100);
+}
+
+#[test]
+fn the_median_follows_no_single_outlier_and_of_an_even_number_is_the_mean_of_the_middle_two() {
+    let at = |north: f64, east: f64, up: f64| GOOD.stating(4_000, 4_000).moved(north, east).raised(up);
+    let check = |verdict: Verdict, north, east, up: f64| {
+        assert!(distance(place(&verdict), degrees(&GOOD.moved(north, east))) < 0.02);
+        let altitude = verdict.position.and_then(|position| position.altitude).expect("3D");
+        assert!((altitude - 512.345 - up).abs() < 2e-3, "{altitude}");
+    };
+    check(once([at(0.0, 5.0, 9.0), at(1.0, 0.0, 0.0), at(9.0, 1.0, 1.0)]), 1.0, 1.0, 1.0);
+    check(once([at(0.0, 5.0, 9.0), at(1.0, 0.0, 0.0)]), 0.5, 2.5, 4.5);
+    check(once([at(0.0, 0.0, 0.0), at(1.0, 1.0, 1.0), at(3.0, 3.0, 3.0), at(9.0, 9.0, 9.0), SILENT]), 2.0, 2.0, 2.0);
+    let five = [at(9.0, 0.0, 5.0), at(0.0, 9.0, 4.0), at(1.0, 1.0, 3.0), at(3.0, 2.0, 2.0), at(2.0, 3.0, 1.0)];
+    check(once(five), 2.0, 2.0, 3.0);
+}
+
+#[test]
+fn attitude_is_the_median_on_the_circle_of_the_members_that_have_one() {
+    let with = |angles: [f32; 3]| Said { attitude: Some(angles), ..GOOD };
+    let attitude = |said: [Said; 3]| once(said).attitude.expect("an attitude");
+    assert_eq!(attitude([with([0.1, 6.2, 3.0]), SILENT, GOOD]), [0.1, 6.2, 3.0], "one member's to the bit");
+    assert_eq!(attitude([with([-PI, 0.0, PI]), GOOD, GOOD]), [-PI, 0.0, PI]);
+    assert_eq!(attitude([with([PI, TAU, -PI]), GOOD, GOOD]), [PI, TAU, -PI]);
+    // Across ±π, and across north.
+    let [pitch, yaw, roll] = attitude([with([0.2, 6.2, 3.1]), with([0.1, 0.1, -3.1]), with([0.3, 6.25, -3.05])]);
+    assert!((pitch - 0.2).abs() < 1e-6 && (yaw - 6.25).abs() < 1e-6 && (roll + 3.1).abs() < 1e-6);
+    let [_, yaw, roll] = attitude([GOOD, with([0.0, 6.2, 3.1]), with([0.0, 0.1, -3.1])]);
+    assert!((yaw - (6.2 + 0.1 + TAU) / 2.0).abs() < 1e-5 || (yaw - ((6.2 + 0.1 + TAU) / 2.0 - TAU)).abs() < 1e-5);
+    assert!((0.0..=TAU).contains(&yaw) && (roll.abs() - PI).abs() < 1e-5 && roll.abs() <= PI + 1e-6);
+    // By whole turns into range.
+    let [pitch, yaw, roll] = attitude([with([7.0, -0.5, 300.0]), GOOD, GOOD]);
+    assert!((pitch - (7.0 - TAU)).abs() < 1e-5 && (yaw - (TAU - 0.5)).abs() < 1e-5);
+    assert!((roll - (300.0 - 48.0 * TAU)).abs() < 1e-3);
+    // Not a member, not finite, not there.
+    assert_eq!(once([GOOD, GOOD, with([1.0; 3]).moved(200.0, 0.0)]).attitude, None);
+    assert_eq!(once([with([f32::NAN, 0.0, 0.0]), with([0.0, f32::INFINITY, 0.0]), GOOD]).attitude, None);
+    assert_eq!(attitude([with([0.0, 0.0, f32::NAN]), with([0.5, 1.0, 1.5]), GOOD]), [0.5, 1.0, 1.5]);
+}
+
+#[test]
+fn acceleration_is_the_median_of_the_members_that_have_one() {
+    let with = |axes: [f32; 3]| Said { acceleration: Some(axes), ..GOOD };
+    let acceleration = |said: [Said; 3]| once(said).acceleration;
+    assert_eq!(acceleration([with([1.0, -2.0, 3.0]), GOOD, GOOD]), Some([1.0, -2.0, 3.0]));
+    assert_eq!(
+        acceleration([with([1.0, 5.0, 9.0]), with([2.0, 4.0, 7.0]), with([9.0, 3.0, 8.0])]),
+        Some([2.0, 4.0, 8.0])
+    );
+    assert_eq!(
+        acceleration([GOOD, with([1.0, 5.0, f32::MAX]), with([2.0, 4.0, f32::MAX])]),
+        Some([1.5, 4.5, f32::MAX])
+    );
+    assert_eq!(acceleration([GOOD, with([f32::NAN, 0.0, 0.0]), SILENT]), None);
+    assert_eq!(acceleration([GOOD, GOOD, with([1.0; 3]).moved(200.0, 0.0)]), None);
+    assert_eq!(acceleration([GOOD, GOOD, GOOD]), None);
+}
+
+#[test]
+fn places_far_apart_never_agree_not_even_opposite_ones() {
+    let at = |latitude: i32, longitude: i32| {
+        let mut said = GOOD;
+        (said.stated.latitude_e7, said.stated.longitude_e7) = (latitude * 10_000_000, longitude * 10_000_000);
+        said.stating(30_000, 50_000)
+    };
+    for (one, other) in [
+        (at(0, 0), at(0, 180)),
+        (at(0, 90), at(0, -90)),
+        (at(90, 0), at(-90, 0)),
+        (at(90, 0), at(-90, 180)),
+        (at(45, 10), at(-45, -170)),
+        (at(0, 0), at(0, 90)),
+        (at(0, 0), at(90, 0)),
+        (at(47, 8), at(47, 9)),
+        (at(47, 8), at(48, 8)),
+    ] {
+        assert!(!agree(one, other), "{:?} {:?}", one.stated, other.stated);
+    }
+    assert!(agree(at(0, 180), at(0, -180)) && agree(at(90, 17), at(90, -120)) && agree(at(-90, 0), at(-90, 180)));
+}
+
+#[test]
+fn a_flight_over_the_pole_and_over_180_degrees_comes_out_on_the_other_side() {
+    let mut said = GOOD;
+    // 11.2 m before the pole at 8.7°, 100 m/s north for 0.55 s: 43.8 m beyond it at -171.3°.
+    (said.stated.latitude_e7, said.stated.altitude_mm) = (899_999_000, None);
+    let said = Said { since_arrival_ms: 500, ..said }.flying([100_000, 0, 0]);
+    let (latitude, longitude) = place(&once([said]));
+    assert!((latitude - (90.0 - (55.0 - 11.17) / 111_694.0)).abs() < 2e-7, "{latitude}");
+    assert!((longitude - (8.729_123_4 - 180.0)).abs() < 1e-4, "{longitude}");
+    let mut said = GOOD;
+    (said.stated.latitude_e7, said.stated.longitude_e7) = (0, -1_800_000_000);
+    let west = Said { since_arrival_ms: 500, ..said }.flying([0, -100_000, 0]);
+    let (_, longitude) = place(&once([west]));
+    assert!((longitude - (180.0 - 55.0 / 111_328.0)).abs() < 1e-6, "{longitude}");
+    said.stated.longitude_e7 = 1_800_000_000;
+    let east = Said { since_arrival_ms: 500, ..said }.flying([0, 100_000, 0]);
+    let (_, longitude) = place(&once([east]));
+    assert!((longitude + 180.0 - 55.0 / 111_328.0).abs() < 1e-6, "{longitude}");
+}
+
+/// Whatever 32 bits a field can have.
+fn anything() -> impl Strategy<Value = Said> {
+    let floats = || prop::option::of(any::<[u32; 3]>().prop_map(|bits| bits.map(f32::from_bits)));
+    (any::<bool>(), any::<[i32; 6]>(), any::<[u32; 2]>(), any::<i32>(), floats(), floats(), any::<bool>()).prop_map(
+        |(valid, ints, [horizontal, vertical], since_arrival_ms, attitude, acceleration, flat)| Said {
+            valid,
+            stated: Stated {
+                latitude_e7: ints[0],
+                longitude_e7: ints[1],
+                altitude_mm: (!flat).then_some(ints[2]),
+                velocity_mm_s: [ints[3], ints[4], ints[5]],
+                horizontal_accuracy_mm: horizontal,
+                vertical_accuracy_mm: vertical,
+            },
+            since_arrival_ms,
+            attitude,
+            acceleration,
+        },
+    )
+}
+
+/// Wrong in one field or in all of them, near or far.
+fn wrong() -> impl Strategy<Value = Said> {
+    prop_oneof![
+        anything(),
+        (anything(), -60.0..60.0, -60.0..60.0, -90.0..90.0, 0_u8..8).prop_map(|(any, north, east, up, keep)| {
+            let mut said = GOOD.moved(north, east).raised(up);
+            if keep & 1 == 0 {
+                said.stated.horizontal_accuracy_mm = any.stated.horizontal_accuracy_mm % 32_000;
+            }
+            if keep & 2 == 0 {
+                said.stated.velocity_mm_s = any.stated.velocity_mm_s.map(|v| v % 150_000);
+            }
+            if keep & 4 == 0 {
+                said.since_arrival_ms = any.since_arrival_ms;
+            }
+            Said { attitude: any.attitude, acceleration: any.acceleration, ..said }
+        }),
+    ]
+}
+
+proptest! {
+    #![proptest_config(seeded(4_000))]
+
+    /// The result lies between the two right ones, or as far from one of them as two that agree can be.
+    #[test]
+    fn one_receiver_of_three_moves_the_result_by_less_than_two_can_differ(
+        wrongs in prop::collection::vec(wrong(), 1..6),
+        north in 0.0..4.0,
+        which in 0_usize..3,
+    ) {
+        let mut voter = Voter::<3>::new();
+        let right = [GOOD, GOOD.moved(north, 0.0)];
+        for (now, wrong) in (0..).step_by(10).zip(wrongs) {
+            let mut said = vec![right[0], right[1]];
+            said.insert(which, wrong);
+            let verdict = voter.vote(&[0, 1, 2].map(|i: usize| said[i].input()), now);
+            let position = verdict.position.expect("two agree");
+            let off = right.map(|right| distance((position.latitude, position.longitude), degrees(&right)));
+            prop_assert!(off[0].min(off[1]) <= 30.01, "{:?} m off", off);
+            let altitude = position.altitude.expect("two have one");
+            prop_assert!((altitude - 512.345).abs() <= 50.01);
+            // While both right ones are members it is between them.
+            let others = 0b111 & !(1 << which);
+            if verdict.members & others == others {
+                prop_assert!(off[0].max(off[1]) <= north + 0.02, "{:?} m off", off);
+                prop_assert!((altitude - 512.345).abs() < 1e-3);
+            }
+            for value in verdict.attitude.into_iter().chain(verdict.acceleration).flatten() {
+                prop_assert!(value.is_finite());
+            }
+        }
+    }
+
+    #[test]
+    fn whatever_is_said_the_verdict_is_sound(
+        ticks in prop::collection::vec([wrong(), wrong(), wrong(), wrong(), wrong()], 1..8),
+    ) {
+        let mut voter = Voter::<5>::new();
+        for (now, said) in (0..).step_by(10).zip(ticks) {
+            let verdict = voter.vote(&said.map(|said| said.input()), now);
+            prop_assert_eq!(verdict.members & verdict.excluded, 0);
+            prop_assert_eq!(verdict.position.is_some(), verdict.members != 0);
+            prop_assert!(verdict.members == 0 || verdict.agreeing() >= 3);
+            prop_assert!(listed(verdict.members).iter().all(|i| said[*i].valid));
+            if let Some(position) = verdict.position {
+                prop_assert!(position.latitude.abs() <= 90.0 && position.longitude.abs() <= 180.0);
+                prop_assert!(position.altitude.is_none_or(f64::is_finite));
+            }
+            for value in verdict.attitude.into_iter().chain(verdict.acceleration).flatten() {
+                prop_assert!(value.is_finite());
+            }
+        }
+    }
+}

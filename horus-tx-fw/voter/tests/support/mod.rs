@@ -1,0 +1,313 @@
+//! Decision 15 a second time, written to be read and not to be fast: float64, positions in space, lists of receivers,
+//! and the numbers as the decision has them.
+#![allow(dead_code, reason = "each test file uses its part of this")]
+
+use std::cmp::Ordering;
+
+use horus_voter::{Fix, Input, Stated};
+
+/// What a receiver says, before the voter's own type.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Said {
+    pub(crate) valid: bool,
+    pub(crate) stated: Stated,
+    pub(crate) since_arrival_ms: i32,
+    pub(crate) attitude: Option<[f32; 3]>,
+    pub(crate) acceleration: Option<[f32; 3]>,
+}
+
+impl Said {
+    /// At rest over Winterthur, good to 1.5 m and 2.5 m, arrived at the tick.
+    pub(crate) const GOOD: Self = Self {
+        valid: true,
+        stated: Stated {
+            latitude_e7: 474_987_654,
+            longitude_e7: 87_291_234,
+            altitude_mm: Some(512_345),
+            velocity_mm_s: [0; 3],
+            horizontal_accuracy_mm: 1_500,
+            vertical_accuracy_mm: 2_500,
+        },
+        since_arrival_ms: 0,
+        attitude: None,
+        acceleration: None,
+    };
+
+    pub(crate) fn input(&self) -> Input {
+        Input {
+            valid: self.valid,
+            fix: Fix::new(&self.stated),
+            since_arrival_ms: self.since_arrival_ms,
+            attitude: self.attitude,
+            acceleration: self.acceleration,
+        }
+    }
+
+    /// The same, `north` and `east` metres away.
+    pub(crate) fn moved(self, north: f64, east: f64) -> Self {
+        let here = Place::of(&self.stated, self.stated.altitude_mm.map_or(0.0, |mm| f64::from(mm) / 1e3));
+        let (latitude, longitude) = geodetic(here.at(north, east));
+        let stated = Stated {
+            latitude_e7: (latitude * 1e7).round() as i32,
+            longitude_e7: (longitude * 1e7).round() as i32,
+            ..self.stated
+        };
+        Self { stated, ..self }
+    }
+
+    /// The same, with an altitude `metres` higher.
+    pub(crate) fn raised(mut self, metres: f64) -> Self {
+        self.stated.altitude_mm = self.stated.altitude_mm.map(|mm| mm + (metres * 1e3) as i32);
+        self
+    }
+
+    pub(crate) fn stating(mut self, horizontal_mm: u32, vertical_mm: u32) -> Self {
+        self.stated.horizontal_accuracy_mm = horizontal_mm;
+        self.stated.vertical_accuracy_mm = vertical_mm;
+        self
+    }
+
+    pub(crate) fn flying(mut self, velocity_mm_s: [i32; 3]) -> Self {
+        self.stated.velocity_mm_s = velocity_mm_s;
+        self
+    }
+
+    fn is_candidate(&self) -> bool {
+        let s = &self.stated;
+        let speed = s.velocity_mm_s.iter().map(|axis| (f64::from(*axis) / 1e3).powi(2)).sum::<f64>().sqrt();
+        let mut good = self.valid;
+        good &= f64::from(s.latitude_e7).abs() / 1e7 <= 90.0 && f64::from(s.longitude_e7).abs() / 1e7 <= 180.0;
+        good &= speed <= 200.0;
+        good &= s.horizontal_accuracy_mm > 0 && s.horizontal_accuracy_mm <= 30_000;
+        if let Some(mm) = s.altitude_mm {
+            good &= (-1_000.0..=20_000.0).contains(&(f64::from(mm) / 1e3));
+            good &= s.vertical_accuracy_mm > 0 && s.vertical_accuracy_mm <= 50_000;
+        }
+        good
+    }
+
+    fn age(&self) -> f64 {
+        (f64::from(self.since_arrival_ms) / 1e3 + 0.050).max(0.0)
+    }
+
+    fn velocity(&self) -> [f64; 3] {
+        self.stated.velocity_mm_s.map(|axis| f64::from(axis) / 1e3)
+    }
+
+    fn horizontal(&self) -> f64 {
+        let [north, east, _] = self.velocity();
+        f64::from(self.stated.horizontal_accuracy_mm) / 1e3 + 0.05 * north.hypot(east) + 2.0 * self.age().powi(2)
+    }
+
+    fn vertical(&self) -> f64 {
+        f64::from(self.stated.vertical_accuracy_mm) / 1e3 + 0.05 * self.velocity()[2].abs() + 2.0 * self.age().powi(2)
+    }
+
+    fn height(&self) -> Option<f64> {
+        self.stated.altitude_mm.map(|mm| f64::from(mm) / 1e3 - self.velocity()[2] * self.age())
+    }
+}
+
+type Vector = [f64; 3];
+
+fn dot(a: Vector, b: Vector) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn minus(a: Vector, b: Vector) -> Vector {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+/// A place in space, with its directions.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Place {
+    pub(crate) at: Vector,
+    north: Vector,
+    east: Vector,
+}
+
+const A: f64 = 6_378_137.0;
+const B: f64 = 6_356_752.314_245_179;
+
+impl Place {
+    pub(crate) fn new(latitude: f64, longitude: f64, height: f64) -> Self {
+        let ((sp, cp), (sl, cl)) = (latitude.to_radians().sin_cos(), longitude.to_radians().sin_cos());
+        // From both axes, not from the eccentricity.
+        let root = (A * A * cp * cp + B * B * sp * sp).sqrt();
+        let (equator, axis) = (A * A / root + height, B * B / root + height);
+        Self {
+            at: [equator * cp * cl, equator * cp * sl, axis * sp],
+            north: [-sp * cl, -sp * sl, cp],
+            east: [-sl, cl, 0.0],
+        }
+    }
+
+    pub(crate) fn of(stated: &Stated, height: f64) -> Self {
+        Self::new(f64::from(stated.latitude_e7) / 1e7, f64::from(stated.longitude_e7) / 1e7, height)
+    }
+
+    /// So many metres north and east.
+    pub(crate) fn at(&self, north: f64, east: f64) -> Vector {
+        [0, 1, 2].map(|i| self.at[i] + north * self.north[i] + east * self.east[i])
+    }
+
+    /// Metres north and east to a point, and how far it is.
+    pub(crate) fn to(&self, point: Vector) -> (f64, f64, f64) {
+        let d = minus(point, self.at);
+        (dot(d, self.north), dot(d, self.east), dot(d, d).sqrt())
+    }
+}
+
+/// Latitude and longitude, degrees: the latitude by bisection on the direction of the ellipsoid's normal.
+pub(crate) fn geodetic([x, y, z]: Vector) -> (f64, f64) {
+    let p = x.hypot(y);
+    let (mut low, mut high) = (-90.0_f64, 90.0_f64);
+    for _ in 0..70 {
+        let middle = (low + high) / 2.0;
+        let (s, c) = middle.to_radians().sin_cos();
+        let root = (A * A * c * c + B * B * s * s).sqrt();
+        // The point lies north of the normal at `middle` if it is beyond it.
+        let (foot_p, foot_z) = (A * A / root * c, B * B / root * s);
+        if (z - foot_z) * c - (p - foot_p) * s > 0.0 { low = middle } else { high = middle }
+    }
+    ((low + high) / 2.0, y.atan2(x).to_degrees())
+}
+
+/// What the second voter says.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Opinion {
+    pub(crate) members: Vec<usize>,
+    pub(crate) excluded: Vec<usize>,
+    /// Where, in space at height 0, and how high.
+    pub(crate) position: Option<(Vector, Option<f64>)>,
+    /// Some decision was so narrow that rounding may turn it.
+    pub(crate) narrow: bool,
+}
+
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Oracle {
+    last: Vec<usize>,
+    excluded: Vec<(usize, Option<u32>)>,
+}
+
+impl Oracle {
+    pub(crate) fn vote(&mut self, said: &[Said], now: u32) -> Opinion {
+        let n = said.len();
+        let candidates: Vec<usize> = (0..n).filter(|i| said[*i].is_candidate()).collect();
+        let was_excluded = |i: &usize| self.excluded.iter().any(|(who, _)| who == i);
+        let eligible: Vec<usize> = candidates.iter().copied().filter(|i| !was_excluded(i)).collect();
+        let mut narrow = false;
+        let mut agree = vec![vec![false; n]; n];
+        for &i in &candidates {
+            for &j in &candidates {
+                let (a, b) = (&said[i], &said[j]);
+                let height = a.stated.altitude_mm.map_or(0.0, |mm| f64::from(mm) / 1e3);
+                let point = |s: &Said| {
+                    let [north, east, _] = s.velocity();
+                    Place::of(&s.stated, height).at(north * s.age(), east * s.age())
+                };
+                let distance = {
+                    let d = minus(point(a), point(b));
+                    dot(d, d).sqrt()
+                };
+                let limit = (3.0 * a.horizontal().hypot(b.horizontal())).clamp(5.0, 30.0);
+                narrow |= i != j && (distance - limit).abs() < 0.002;
+                agree[i][j] = distance <= limit;
+                if let (Some(x), Some(y)) = (a.height(), b.height()) {
+                    let limit = (3.0 * a.vertical().hypot(b.vertical())).clamp(8.0, 50.0);
+                    narrow |= i != j && ((x - y).abs() - limit).abs() < 0.002;
+                    agree[i][j] &= (x - y).abs() <= limit;
+                }
+            }
+        }
+        let mut sets = vec![Vec::new()];
+        for &i in &eligible {
+            let larger: Vec<Vec<usize>> = sets.iter().map(|set| [set.as_slice(), &[i]].concat()).collect();
+            sets.extend(larger);
+        }
+        sets.retain(|set| set.iter().all(|i| set.iter().all(|j| agree[*i][*j])));
+        let sum = |set: &[usize]| set.iter().map(|i| said[*i].horizontal()).sum::<f64>();
+        let kept = |set: &[usize]| set.iter().filter(|i| self.last.contains(i)).count();
+        let order = |a: &Vec<usize>, b: &Vec<usize>| {
+            (b.len().cmp(&a.len()))
+                .then(kept(b).cmp(&kept(a)))
+                .then(sum(a).partial_cmp(&sum(b)).expect("numbers"))
+                .then(a.cmp(b))
+        };
+        sets.sort_by(order);
+        if let [first, second, ..] = sets.as_slice() {
+            let close = (sum(first) - sum(second)).abs();
+            narrow |= first.len() == second.len() && kept(first) == kept(second) && close > 0.0 && close < 1e-4;
+        }
+        let best = sets[0].clone();
+        let outside: Vec<usize> = eligible.iter().copied().filter(|i| !best.contains(i)).collect();
+        let least = match n {
+            1 | 2 => 1,
+            3 => 2,
+            5 => 3,
+            _ => unreachable!("{n} receivers"),
+        };
+        let members = if best.len() >= least && best.len() > outside.len() { best } else { Vec::new() };
+
+        // What this tick says of those who were excluded.
+        let mut shown: Vec<usize> = self.excluded.iter().map(|(who, _)| *who).collect();
+        let mut next = Vec::new();
+        for (who, since) in &self.excluded {
+            let fits = if !members.is_empty() {
+                members.iter().all(|other| agree[*who][*other])
+            } else {
+                eligible.is_empty() || eligible.iter().any(|other| agree[*who][*other])
+            };
+            let agrees = candidates.contains(who) && fits;
+            let since = agrees.then(|| since.unwrap_or(now));
+            if since.is_none_or(|since| now.wrapping_sub(since) < 1_000) {
+                next.push((*who, since));
+            }
+        }
+        if !members.is_empty() {
+            let strangers = outside.iter().filter(|who| members.iter().all(|member| !agree[**who][*member]));
+            for who in strangers {
+                shown.push(*who);
+                next.push((*who, None));
+            }
+            self.last = members.clone();
+        }
+        shown.sort_unstable();
+        self.excluded = next;
+
+        let position = members.first().map(|first| {
+            let origin =
+                Place::of(&said[*first].stated, said[*first].stated.altitude_mm.map_or(0.0, |mm| f64::from(mm) / 1e3));
+            let height = said[*first].stated.altitude_mm.map_or(0.0, |mm| f64::from(mm) / 1e3);
+            let (mut north, mut east, mut up) = (Vec::new(), Vec::new(), Vec::new());
+            for &i in &members {
+                let [vn, ve, _] = said[i].velocity();
+                let point = Place::of(&said[i].stated, height).at(vn * said[i].age(), ve * said[i].age());
+                let (n, e, _) = origin.to(point);
+                north.push(n);
+                east.push(e);
+                up.extend(said[i].height());
+            }
+            let (latitude, longitude) = geodetic(origin.at(middle(&mut north), middle(&mut east)));
+            let altitude = (!up.is_empty()).then(|| middle(&mut up));
+            (Place::new(latitude, longitude, 0.0).at, altitude)
+        });
+        Opinion { members, excluded: shown, position, narrow }
+    }
+}
+
+fn middle(values: &mut [f64]) -> f64 {
+    values.sort_by(|a, b| a.partial_cmp(b).unwrap_or(Ordering::Equal));
+    let half = values.len() / 2;
+    if values.len() % 2 == 1 { values[half] } else { f64::midpoint(values[half - 1], values[half]) }
+}
+
+/// The receivers of a mask.
+pub(crate) fn listed(mask: u8) -> Vec<usize> {
+    (0..8).filter(|i| mask >> i & 1 == 1).collect()
+}
+
+/// How far apart two results are over ground, m, each in degrees.
+pub(crate) fn distance(a: (f64, f64), b: (f64, f64)) -> f64 {
+    Place::new(a.0, a.1, 0.0).to(Place::new(b.0, b.1, 0.0).at).2
+}
