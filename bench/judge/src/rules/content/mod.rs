@@ -101,6 +101,17 @@ impl Line {
         self.may_have_heard = None;
     }
 
+    /// Whether two messages of a kind may have come between one cycle's objects and the next one's.
+    fn hurried(&self, tick: u64) -> bool {
+        let by = tick + bounds::SAMPLED_AFTER_TICK;
+        let newest = |kind: Kind| {
+            let of_kind = |message: &&Message| message.said.is_some_and(|(its, ..)| its == kind);
+            self.arriving.iter().filter(of_kind).filter(|message| message.arrived <= by).count()
+                + usize::from(self.tracks[kind as usize].newest() + 3 * bounds::CYCLE > tick)
+        };
+        Kind::ALL.into_iter().any(|kind| newest(kind) > 1)
+    }
+
     /// What had arrived by `by` HORUS has taken, or missed for good. Its lines are up since before `first_tick`.
     fn settle(&mut self, by: u64, first_tick: Option<u64>) {
         while let Some(message) = self.arriving.pop_front_if(|message| message.arrived <= by) {
@@ -312,7 +323,8 @@ impl Content {
                     let Some(line) = lines.get_mut(object.index - 1) else { continue };
                     line.settle(tick.saturating_sub(bounds::MESSAGE_TAKEN), first);
                     let held = if tick >= untimed { line.held(tick, values) } else { vec![] };
-                    sent.gps[object.index - 1] = Some(Seen { values: *values, held });
+                    let hurried = line.hurried(tick);
+                    sent.gps[object.index - 1] = Some(Seen { values: *values, held, hurried });
                     let status = u16::from_le_bytes([object.bytes[6], object.bytes[7]]) & !EXCLUDED;
                     let (content, wrong_status) = line.faults(tick, tick >= untimed, status, values);
                     let words = |what: &str| format!("GPS{} at {:.6} ms: {what}", object.index, at as f64 / 1e6);

@@ -109,6 +109,11 @@ impl Age {
         Self { least: least.saturating_sub(off(least)), most: most + off(most) }
     }
 
+    /// The age so much later, ns.
+    pub(super) fn later(self, by: u64) -> Self {
+        Self { least: self.least + by, most: self.most + by }
+    }
+
     /// Whether it may be within a limit that is itself from `least` to `most`, and whether it may be beyond it.
     pub(super) fn within(self, least: u64, most: u64) -> [bool; 2] {
         [self.least <= most, self.most > least]
@@ -193,6 +198,11 @@ impl Track {
             .chain(others.then_some(arrived))
             .reduce(|one, other| (one.0.min(other.0), one.1.max(other.1)))
             .unwrap_or(arrived)
+    }
+
+    /// When the newest message may have arrived that HORUS may have taken, ns; 0 for none.
+    pub(super) fn newest(&self) -> u64 {
+        self.candidates.iter().map(|candidate| candidate.arrived.1).max().unwrap_or(0)
     }
 
     /// How the position that a GPS object of `tick` shows may move, and how old it may be: of each message that shows

@@ -37,12 +37,17 @@ pub(super) struct Motion {
 
 impl Motion {
     /// Whether HORUS may use a position that moves so and is so good: up to 200 m/s, and an accuracy that is stated, of
-    /// at most 30 m horizontally and 50 m vertically (decision 15).
-    fn is_credible(self) -> bool {
+    /// at most 30 m horizontally and, unless it is a 2D fix, 50 m vertically (decision 15).
+    fn is_credible(self, fix: u8) -> bool {
         let squares: i64 = self.velocity.iter().map(|axis| i64::from(*axis).pow(2)).sum();
         let limits = bounds::WORST_ACCURACY_MM;
         squares <= i64::from(bounds::FASTEST_MM_S).pow(2)
-            && self.accuracy.iter().zip(limits).all(|(stated, limit)| (1..=limit).contains(stated))
+            && self
+                .accuracy
+                .iter()
+                .zip(limits)
+                .take(if fix == 2 { 1 } else { 2 })
+                .all(|(stated, limit)| (1..=limit).contains(stated))
     }
 }
 
@@ -236,7 +241,7 @@ fn said(message: &[u8]) -> Option<(Kind, u32, Said)> {
                 && longitude.unsigned_abs() <= 1_800_000_000
                 // A 2D fix has no altitude.
                 && (fix == 2 || bounds::ALTITUDE_MM.contains(&height))
-                && motion.is_credible();
+                && motion.is_credible(fix);
             // The float64 nearest to the decimal number: one division of two exact ones.
             let altitude = if fix == 2 { ABSENT_F64 } else { f64::from(height) / 1e3 };
             let raw = [f64::from(latitude) / 1e7, f64::from(longitude) / 1e7, altitude].map(f64::to_bits);

@@ -43,13 +43,34 @@ fn excluded(scene: &Scene, cycles: std::ops::Range<u64>) -> Vec<(Violation, u64)
     scene.said(|cycle, _, gps| gps[1].status = gps[1].status.with_excluded(cycles.contains(&cycle)))
 }
 
-/// What is found if these receivers are excluded from the first result on.
+/// What is found if these receivers are excluded, from the second cycle on in which all are valid; in the first there
+/// is no result yet.
 fn without(scene: &Scene, receivers: &[usize]) -> Vec<Violation> {
-    let said = scene.said(|_, _, gps| {
+    let mut before = false;
+    let said = scene.said(|_, reported, gps| {
         let valid = gps.iter().all(|gps| gps.status.position_valid());
-        for receiver in receivers {
-            gps[*receiver].status = gps[*receiver].status.with_excluded(valid);
+        if !before {
+            *reported = ReportedValues::absent(reported.timestamp);
+            reported.status = reported.status.with_degraded(true);
         }
+        for receiver in receivers {
+            gps[*receiver].status = gps[*receiver].status.with_excluded(before);
+        }
+        before = valid;
+    });
+    said.into_iter().map(|(violation, _)| violation).collect()
+}
+
+/// What is found if these receivers are the members of the result, and nobody is excluded.
+fn of_members(scene: &Scene, members: &[usize]) -> Vec<Violation> {
+    let mut before = false;
+    let said = scene.said(|_, reported, gps| {
+        let state = reported.status.state();
+        let voters: Vec<_> = members.iter().map(|member| gps[*member]).collect();
+        *reported = if before { voted(&voters) } else { ReportedValues::absent(reported.timestamp) };
+        reported.status =
+            reported.status.with_degraded(!before || members.len() < gps.len()).with_state(state.unwrap());
+        before = gps.iter().all(|gps| gps.status.position_valid());
     });
     said.into_iter().map(|(violation, _)| violation).collect()
 }
@@ -82,8 +103,9 @@ fn a_receiver_that_strays_is_excluded_and_returns_after_a_second_of_agreement() 
         assert_eq!(ends(95), [], "its clock may be fast");
         assert_eq!(ends(93), EXCLUSION);
         assert_eq!(ends(110), [], "or slow");
-        assert_eq!(ends(111), EXCLUSION);
-        assert_eq!(ends(115)[0], (Violation::ExclusionWrong, 5));
+        assert_eq!(ends(111), []);
+        assert_eq!(ends(112), EXCLUSION);
+        assert_eq!(ends(115)[0], (Violation::ExclusionWrong, 4));
     }
 }
 
@@ -108,10 +130,11 @@ fn who_was_excluded_is_in_the_figures() {
 #[test]
 fn a_receiver_that_strays_has_no_vote() {
     let scene = strayed(3, 5..9);
-    let voted = excluded(&scene, 0..0);
-    assert_eq!(voted, [(Violation::VoteWrong, shows(&scene, 9) - shows(&scene, 5))]);
-    let late = excluded(&scene, shows(&scene, 5) + 1..shows(&scene, 9) + 100);
-    assert_eq!(late, VOTE);
+    let (from, until) = (shows(&scene, 5), shows(&scene, 9));
+    // The voter may follow a cycle later.
+    assert_eq!(excluded(&scene, 0..0), [(Violation::VoteWrong, until - from - 1)]);
+    assert_eq!(excluded(&scene, from + 1..until + 100), []);
+    assert_eq!(excluded(&scene, from + 2..until + 100), VOTE);
 }
 
 #[test]
@@ -183,16 +206,25 @@ fn a_result_has_at_least_m_receivers_and_more_than_are_against_it() {
 }
 
 #[test]
-fn no_larger_set_of_receivers_that_agree_is_passed_over() {
+fn no_larger_set_of_receivers_that_agree_is_passed_over_and_who_agrees_with_a_member_is_not_excluded() {
     // With 4 m each they agree up to 17 m.
     let scene = standing(&[(0.0, 0.0), (9.0, 0.0), (9.0, 0.0), (22.0, 0.0), (22.0, 0.0)]);
-    assert_eq!(without(&scene, &[0]), []);
-    assert_eq!(without(&scene, &[3, 4]), [Violation::VoteWrong]);
+    assert_eq!(of_members(&scene, &[1, 2, 3, 4]), []);
+    assert_eq!(of_members(&scene, &[0, 1, 2]), [Violation::VoteWrong]);
+    assert_eq!(without(&scene, &[0]), [Violation::ExclusionWrong]);
     // Of two sets of one size the judge does not say which.
     let scene = standing(&[(0.0, 0.0), (9.0, 0.0), (22.0, 0.0)]);
-    assert_eq!(without(&scene, &[0]), []);
-    assert_eq!(without(&scene, &[2]), []);
-    assert_eq!(without(&scene, &[]), [Violation::VoteWrong]);
+    assert_eq!(of_members(&scene, &[1, 2]), []);
+    assert_eq!(of_members(&scene, &[0, 1]), []);
+    assert_eq!(
+        of_members(&scene, &[0, 2]),
+        [Violation::ReportedWrong],
+        "they do not agree, and the others are elsewhere"
+    );
+    assert_eq!(of_members(&scene, &[0, 1, 2]), [Violation::VoteWrong]);
+    // One that agrees with nobody has to be excluded.
+    let scene = standing(&[(0.0, 0.0), (0.0, 0.0), (100.0, 0.0)]);
+    assert_eq!(of_members(&scene, &[0, 1]), [Violation::ExclusionWrong]);
 }
 
 /// What is found if three receivers, of which the third is so far north and above, have all a vote.
@@ -403,7 +435,7 @@ fn the_status_follows_from_the_vote() {
         |of: fn(ReportedStatus) -> ReportedStatus| changed(3, move |reported| reported.status = of(reported.status));
     assert_eq!(status(|status| status), []);
     assert_eq!(status(|status| status.with_without_crystal(true)), [], "that bit is another's");
-    assert_eq!(status(|status| status.with_receivers_agreeing(2)), REPORTED);
+    assert_eq!(status(|status| status.with_receivers_agreeing(2)), VOTE, "all three agree");
     assert_eq!(status(|status| status.with_receivers_agreeing(4)), REPORTED);
     assert_eq!(status(|status| status.with_degraded(true)), REPORTED);
     assert_eq!(status(|status| status.with_state(HorusState::OutsideRange)), REPORTED);

@@ -4,19 +4,23 @@
 //!
 //! # How it is judged
 //!
-//! A GPS object with a valid position is a candidate's; the receiver is eligible if it was not excluded in the cycle
-//! before. Position, velocity and accuracy of each candidate are those of the messages that show what its object shows;
-//! its age is known to what [`Age`](super::track::Age) says. From that follows for each two of them that they agree,
-//! that they do not, or that they may do either ([`places`]).
+//! HORUS votes for a tick in the cycle before it, so of each receiver it has what the object of this cycle shows, or
+//! that of the cycle before. Who has a valid position in both is a candidate, who has one in either may be one. Who is
+//! excluded in this cycle and was in the one before is not eligible. Position, velocity and accuracy are those of the
+//! messages that show what an object shows; their age is known to what [`Age`] says. From that follows for each two of
+//! them that they agree, that they do not, or that they may do either ([`places`]).
+//!
+//! Who of the eligible are the members of a result is not told, only how many they are. So every set of so many of them
+//! is tried: a violation is what no set is without.
 //!
 //! | violation | when |
 //! |---|---|
-//! | `ExclusionWrong` | excluded without a position, without a result, or though it agrees with every member; no longer excluded before it can have agreed for a second; still excluded 1.1 s after it began to agree with all |
 //! | `VoteWrong` | a result of fewer than M, of no majority of the eligible, of receivers that do not agree, or of fewer than another set of eligible receivers that agree |
 //! | `VoteMissing` | no result, though a majority of the eligible, at least M, agree |
+//! | `ExclusionWrong` | excluded without a position, without a result, or though it agrees with a member; not excluded though it agrees with none; no longer excluded before it can have agreed for a second; still excluded 1.1 s after it began to agree with all |
 //! | `ReportedWrong` | position, attitude or acceleration are not the members' medians; or a bit of the status, or what is not valid, is not as it has to be |
 //!
-//! A cycle has one of them at most, the first of this table. M is 1, 1, 2, 3 for 1, 2, 3, 5 receivers.
+//! A cycle has one of them at most. M is 1, 1, 2, 3 for 1, 2, 3, 5 receivers.
 //!
 //! # What is not judged
 //!
@@ -49,6 +53,8 @@ type Set = u8;
 pub(super) struct Seen {
     pub(super) values: GpsValues,
     pub(super) held: Vec<(Motion, Age)>,
+    /// The receiver said so much within a cycle that the voter may have something of it that no object shows.
+    pub(super) hurried: bool,
 }
 
 /// What is remembered of a receiver that is excluded, ns.
@@ -66,6 +72,8 @@ pub(super) struct Vote {
     receivers: usize,
     /// The cycle that was seen last, counted from HORUS's start, and who was excluded in it.
     last: (u64, Set),
+    /// What was seen in it.
+    earlier: Vec<Seen>,
     returning: [Returning; MAX_RECEIVERS],
     /// There was a result since HORUS's start; there may have been one.
     located: bool,
@@ -83,11 +91,14 @@ pub(super) struct Judged {
 
 /// A cycle as the voter has to see it.
 struct Cycle<'a> {
+    /// What each receiver's object says, and what it said in the cycle before.
     seen: &'a [Seen],
-    places: Vec<Option<Place>>,
+    earlier: &'a [Seen],
+    places: Vec<Place>,
     relations: [[Relation; MAX_RECEIVERS]; MAX_RECEIVERS],
-    /// Who has a valid position.
-    valid: Set,
+    /// Who is a candidate for sure, and who may be.
+    sure: Set,
+    may: Set,
     /// Who is excluded, and who was in the cycle before.
     now: Set,
     before: Set,
@@ -117,7 +128,14 @@ impl Cycle<'_> {
 
 impl Vote {
     pub(super) fn new(receivers: usize) -> Self {
-        Self { receivers, last: (0, 0), returning: Default::default(), located: false, may_be_located: false }
+        Self {
+            receivers,
+            last: (0, 0),
+            earlier: vec![],
+            returning: Default::default(),
+            located: false,
+            may_be_located: false,
+        }
     }
 
     /// HORUS forgets everything.
@@ -143,63 +161,61 @@ impl Vote {
         let excluded = set(seen, |seen| seen.values.status.excluded());
         let follows = self.follows(number);
         let before = if follows { self.last.1 } else { excluded };
-        let cycle = Cycle::new(seen, before);
+        let earlier = std::mem::replace(&mut self.earlier, seen.to_vec());
+        let cycle = Cycle::new(seen, if follows { &earlier } else { &[] }, before);
         self.may_be_located |= !follows;
         let result = reported.status.position_valid();
         let mut judged = Judged { wrong: None, away: cycle.away() };
+        let mut members = vec![];
         if follows {
-            judged.wrong = self
-                .exclusion(tick, result, &cycle)
-                .map(|what| (Violation::ExclusionWrong, what))
-                .or_else(|| self.vote(bits, reported, &cycle));
+            let vote = self.vote(bits, reported, &cycle, &mut members);
+            let exclusion = self.exclusion(tick, result, &cycle).map(|what| (Violation::ExclusionWrong, what));
+            judged.wrong = exclusion.or(vote);
         }
-        self.remember(tick, follows, &cycle);
+        self.remember(tick, follows, &cycle, &members);
         self.last = (number, excluded);
         self.located |= result;
         judged
     }
 
-    /// What each excluded receiver's return hangs on.
-    fn remember(&mut self, tick: u64, follows: bool, cycle: &Cycle) {
-        // One that has just returned may have a vote or not.
-        let may_vote = cycle.valid & !cycle.now;
-        let votes = may_vote & !cycle.before;
+    /// What each excluded receiver's return hangs on: who the members may be, and without a result the eligible.
+    fn remember(&mut self, tick: u64, follows: bool, cycle: &Cycle, members: &[Set]) {
+        let may_vote = cycle.may & !(cycle.now & cycle.before);
+        let eligible = cycle.sure & !(cycle.now | cycle.before);
+        let members = if members.is_empty() { &[eligible][..] } else { members };
         for (receiver, returning) in self.returning.iter_mut().enumerate().take(self.receivers) {
             let (own, was) = (bit(receiver), cycle.before & bit(receiver) != 0);
-            let did_not =
-                cycle.valid & own == 0 || cycle.related(receiver, votes, Relation::Disagree) != 0 || follows && !was;
+            let disagrees = |set: &Set| cycle.related(receiver, *set, Relation::Disagree) != 0;
+            let did_not = cycle.may & own == 0 || members.iter().all(disagrees) || follows && !was;
             if did_not {
                 returning.did_not = Some(tick);
             }
-            if did_not || !follows || !cycle.agrees_with_all(receiver, may_vote) {
+            if did_not || !follows || cycle.sure & own == 0 || !cycle.agrees_with_all(receiver, may_vote) {
                 returning.may_not = tick;
             }
         }
     }
 
-    /// What is wrong with who is excluded.
+    /// What is wrong with who is excluded, whoever the members are.
     fn exclusion(&self, tick: u64, result: bool, cycle: &Cycle) -> Option<String> {
-        let Cycle { valid, now, before, .. } = *cycle;
-        let members = valid & !now;
+        let Cycle { sure, may, now, before, .. } = *cycle;
+        let others = may & !(now & before);
         (0..self.receivers).find_map(|receiver| {
             let own = bit(receiver);
             let name = format!("GPS{}", receiver + 1);
             let ms = |ns: u64| format!("{:.0} ms", ns as f64 / 1e6);
             let Returning { may_not, did_not } = self.returning[receiver];
             match (before & own != 0, now & own != 0) {
-                (false, true) if valid & own == 0 => Some(format!("{name} is excluded, and has no valid position")),
+                (false, true) if may & own == 0 => Some(format!("{name} is excluded, and has no valid position")),
                 (false, true) if !result => Some(format!("{name} is excluded, and there is no result")),
-                (false, true) if cycle.agrees_with_all(receiver, members) => {
-                    Some(format!("{name} is excluded, and agrees with every receiver that is not"))
-                }
                 (true, false) if did_not.is_some_and(|at| tick - at < bounds::NOT_RETURNED) => {
                     let since = tick - did_not.unwrap_or(tick);
                     Some(format!("{name} is no longer excluded, {} after it was no candidate or disagreed", ms(since)))
                 }
                 (true, true)
-                    if valid & own != 0
+                    if sure & own != 0
                         && tick - may_not > bounds::RETURNED
-                        && cycle.agrees_with_all(receiver, members) =>
+                        && cycle.agrees_with_all(receiver, others) =>
                 {
                     Some(format!("{name} is still excluded, and has agreed with all others for {}", ms(tick - may_not)))
                 }
@@ -208,9 +224,15 @@ impl Vote {
         })
     }
 
-    /// What is wrong with the result, or its absence.
-    fn vote(&self, bits: u16, reported: &ReportedValues, cycle: &Cycle) -> Option<(Violation, String)> {
-        let Cycle { valid, now, before, .. } = *cycle;
+    /// What is wrong with the result, or its absence. `members` gets every set that may be the result's.
+    fn vote(
+        &self,
+        bits: u16,
+        reported: &ReportedValues,
+        cycle: &Cycle,
+        members: &mut Vec<Set>,
+    ) -> Option<(Violation, String)> {
+        let Cycle { sure, may, now, before, .. } = *cycle;
         let least = match self.receivers {
             0..=2 => 1,
             3 => 2,
@@ -221,9 +243,9 @@ impl Vote {
         if bits & !ReportedStatus::USED != 0 {
             return wrong(format!("its status is {bits:#06x}, which has bits without a meaning"));
         }
-        // Who is eligible for sure; one that has just returned may be.
-        let eligible = valid & !before;
-        let returned = valid & before & !now;
+        // Who is eligible for sure, and who may be.
+        let eligible = sure & !(now & before);
+        let may_vote = may & !(now & before);
         let states: &[HorusState] = if reported.status.position_valid() || self.located {
             &[HorusState::Monitoring]
         } else if self.may_be_located {
@@ -231,79 +253,106 @@ impl Vote {
         } else {
             &[HorusState::Starting]
         };
+        let largest = cycle.largest(eligible);
         if !reported.status.position_valid() {
-            let agree = cycle.largest(eligible);
-            let outside = (eligible | returned) & !agree;
-            if count(agree) >= least && count(agree) > count(outside) {
-                return Some((Violation::VoteMissing, format!("there is no result, and {} agree", names(agree))));
+            if count(largest) >= least && count(largest) > count(may_vote & !largest) {
+                return Some((Violation::VoteMissing, format!("there is no result, and {} agree", names(largest))));
             }
             return absent(reported, states).and_then(wrong);
         }
-        let all = valid & !now;
-        let members = [all, all & !returned].into_iter().find(|members| count(*members) == agreeing);
-        let Some(members) = members else {
-            return wrong(format!("it claims {agreeing} receivers that agree, and {} have a vote", count(all)));
-        };
         let bad = |what: String| Some((Violation::VoteWrong, what));
-        let outside = eligible & !members;
-        if count(members) < least {
-            return bad(format!("a result of {} receiver(s), where {least} have to agree", count(members)));
+        let excluded = |what: String| Some((Violation::ExclusionWrong, what));
+        let can = may & !now;
+        members.extend((0..1 << self.receivers).filter(|set: &Set| set & !can == 0 && count(*set) == agreeing));
+        if members.is_empty() {
+            return wrong(format!("it claims {agreeing} receivers that agree, and {} may have a vote", count(can)));
         }
-        if count(members) <= count(outside) {
-            return bad(format!("a result of {} against {}", names(members), names(outside)));
+        members.retain(|set| count(*set) >= least && count(*set) > count(eligible & !set));
+        if members.is_empty() {
+            return bad(format!(
+                "a result of {agreeing}, where {least} have to agree and {} are eligible",
+                names(eligible)
+            ));
         }
-        for one in each(members) {
-            let apart = cycle.related(one, members, Relation::Disagree);
-            if apart != 0 {
-                return bad(format!(
-                    "a result of {}, of whom {} and GPS{} do not agree",
-                    names(members),
-                    names(apart),
-                    one + 1
-                ));
-            }
+        members.retain(|set| each(*set).all(|one| cycle.related(one, *set, Relation::Disagree) == 0));
+        if members.is_empty() {
+            return bad(format!("a result of {agreeing}, and so many of {} do not agree", names(can)));
         }
-        let larger = cycle.largest(eligible);
-        if count(larger) > count(members) {
-            return bad(format!("a result of {}, while {} agree", names(members), names(larger)));
+        let anew = now & !before;
+        members.retain(|set| each(anew).all(|one| cycle.related(one, *set, Relation::Agree) == 0));
+        if members.is_empty() {
+            return excluded(format!("{} are excluded, and agree with some that are not", names(anew)));
+        }
+        if count(largest) > agreeing {
+            return bad(format!("a result of {agreeing}, while {} agree", names(largest)));
+        }
+        let spared = eligible & !now;
+        members.retain(|set| each(spared & !set).all(|one| cycle.related(one, *set, Relation::Disagree) != *set));
+        if members.is_empty() {
+            return excluded(format!("of {} not all are excluded that agree with no member", names(spared)));
         }
         if !reported.status.state().is_some_and(|state| states.contains(&state)) {
             return wrong(format!("HORUS's state is {:?}", reported.status.state()));
         }
-        if reported.status.degraded() != (count(members) < self.receivers) {
+        if reported.status.degraded() != (agreeing < self.receivers) {
             return wrong(format!("degraded is {}, with {agreeing} receivers that agree", reported.status.degraded()));
         }
-        position(reported, members, cycle).or_else(|| motion(reported, members, cycle)).and_then(wrong)
+        for judge in [position, motion] {
+            let mut what = None;
+            members.retain(|set| {
+                let found = judge(reported, *set, cycle);
+                let right = found.is_none();
+                what = found.or(what.take());
+                right
+            });
+            if members.is_empty() {
+                return what.and_then(wrong);
+            }
+        }
+        None
     }
 }
 
 impl<'a> Cycle<'a> {
-    fn new(seen: &'a [Seen], before: Set) -> Self {
-        let place = |Seen { values, held }: &Seen| {
-            let GpsValues { latitude, longitude, altitude, status, .. } = *values;
-            status.position_valid().then(|| Place::new(latitude, longitude, altitude, held.iter().copied()))
-        };
-        let places: Vec<_> = seen.iter().map(place).collect();
+    fn new(seen: &'a [Seen], earlier: &'a [Seen], before: Set) -> Self {
+        let mut places = vec![Place::default(); seen.len()];
+        for (receiver, place) in places.iter_mut().enumerate() {
+            let own = |seen: &'a [Seen]| seen.get(receiver).filter(|seen| seen.values.status.position_valid());
+            let (was, is) = (own(earlier), own(seen));
+            let shown =
+                |seen: &Seen| [seen.values.latitude, seen.values.longitude, seen.values.altitude].map(f64::to_bits);
+            let known = |seen: &Seen| !seen.hurried;
+            if let Some(was) = was.filter(|was| is.is_none_or(|is| shown(is) != shown(was))) {
+                let older = |(motion, age): &(Motion, Age)| (*motion, age.later(bounds::CYCLE));
+                let held = was.held.iter().map(older).filter(|_| known(was));
+                place.add(was.values.latitude, was.values.longitude, was.values.altitude, held);
+            }
+            if let Some(is) = is {
+                let older = was.into_iter().filter(|was| shown(was) == shown(is)).flat_map(|was| &was.held);
+                let held =
+                    is.held.iter().copied().chain(older.map(|(motion, age)| (*motion, age.later(bounds::CYCLE))));
+                place.add(is.values.latitude, is.values.longitude, is.values.altitude, held.filter(|_| known(is)));
+            }
+        }
         let mut relations = [[Relation::Doubtful; MAX_RECEIVERS]; MAX_RECEIVERS];
         for (one, place) in places.iter().enumerate() {
             for (other, its) in places.iter().enumerate().skip(one + 1) {
-                if let (Some(place), Some(its)) = (place, its) {
-                    let relation = place.relation(its);
-                    (relations[one][other], relations[other][one]) = (relation, relation);
-                }
+                let relation = place.relation(its);
+                (relations[one][other], relations[other][one]) = (relation, relation);
             }
         }
-        let valid = set(seen, |seen| seen.values.status.position_valid());
+        let valid = |seen: &[Seen]| set(seen, |seen| seen.values.status.position_valid());
         let now = set(seen, |seen| seen.values.status.excluded());
-        Self { seen, places, relations, valid, now, before }
+        let (was, is) = (valid(earlier), valid(seen));
+        Self { seen, earlier, places, relations, sure: was & is, may: was | is, now, before }
     }
 
     /// How far each excluded receiver is from those that have a vote: the farthest.
     fn away(&self) -> [Option<(f64, Option<f64>)>; MAX_RECEIVERS] {
         let mut away = [None; MAX_RECEIVERS];
-        for receiver in each(self.now & self.valid) {
-            let others = each(self.valid & !self.now).filter_map(|other| {
-                let (along, height) = self.places[receiver].as_ref()?.apart(self.places[other].as_ref()?)?;
+        for receiver in each(self.now & self.may) {
+            let others = each(self.may & !self.now).filter_map(|other| {
+                let (along, height) = self.places[receiver].apart(&self.places[other])?;
                 Some((along.middle(), height.map(places::Range::middle)))
             });
             away[receiver] = others.max_by(|(one, _), (other, _)| one.total_cmp(other));
@@ -344,7 +393,7 @@ fn position(reported: &ReportedValues, members: Set, cycle: &Cycle) -> Option<St
     if !(-90.0..=90.0).contains(&latitude) || !(-180.0..=180.0).contains(&longitude) {
         return Some(format!("it is at {latitude}, {longitude}"));
     }
-    let places: Vec<&Place> = each(members).filter_map(|member| cycle.places[member].as_ref()).collect();
+    let places: Vec<&Place> = each(members).map(|member| &cycle.places[member]).collect();
     let origin = *places.first()?;
     if places.iter().any(|place| !place.is_known()) {
         return None;
@@ -356,7 +405,7 @@ fn position(reported: &ReportedValues, members: Set, cycle: &Cycle) -> Option<St
         let by = if value < median.least { value - median.least } else { value - median.most };
         (!inside).then(|| format!("its {name} is {by:.3} m off the median of {}", names(members)))
     };
-    let shown = origin.plane_of(latitude, longitude);
+    let shown = origin.plane_of(latitude, longitude)?;
     let there: Vec<_> = places.iter().filter_map(|place| place.north_east(origin)).collect();
     for (axis, name) in ["latitude", "longitude"].into_iter().enumerate() {
         let along: Vec<_> = there.iter().map(|place| place[axis]).collect();
@@ -364,7 +413,10 @@ fn position(reported: &ReportedValues, members: Set, cycle: &Cycle) -> Option<St
             return Some(what);
         }
     }
-    let high: Vec<_> = places.iter().filter_map(|place| place.altitude()).collect();
+    if places.iter().any(|place| place.altitude().1) {
+        return None;
+    }
+    let high: Vec<_> = places.iter().filter_map(|place| place.altitude().0).collect();
     if high.is_empty() {
         return (altitude.to_bits() != ABSENT_F64.to_bits())
             .then(|| format!("its altitude is {altitude}, and no member has one"));
@@ -372,28 +424,39 @@ fn position(reported: &ReportedValues, members: Set, cycle: &Cycle) -> Option<St
     outside("altitude", altitude, &high)
 }
 
-/// What is wrong with attitude or acceleration.
+/// What is wrong with attitude or acceleration: of each member the voter had those of this cycle's object, or those of
+/// the one before.
 fn motion(reported: &ReportedValues, members: Set, cycle: &Cycle) -> Option<String> {
-    let values = || each(members).map(|member| &cycle.seen[member].values);
-    let attitudes: Vec<_> = values()
-        .filter(|values| values.status.attitude_valid())
-        .map(|values| [values.pitch, values.yaw, values.roll])
-        .collect();
-    let accelerations: Vec<_> =
-        values().filter(|values| values.status.acceleration_valid()).map(|values| values.acceleration).collect();
-    let angles = [reported.pitch, reported.yaw, reported.roll];
+    if each(members).any(|member| cycle.seen[member].hurried || cycle.earlier[member].hurried) {
+        return None;
+    }
     let status = reported.status;
-    let is = |name: &str, valid: bool, shown: [f32; 3], of: &[[f32; 3]], circle: bool| {
-        if valid == of.is_empty() {
-            return Some(format!("its {name} is valid: {valid}, and {} members have one", of.len()));
-        }
-        let right =
-            (0..3).all(|axis| is_median(shown[axis], &of.iter().map(|of| of[axis]).collect::<Vec<_>>(), circle));
-        (!right).then(|| format!("its {name} is {shown:?}, the members' {of:?}"))
-    };
-    is("attitude", status.attitude_valid(), angles, &attitudes, true)
-        .or_else(|| is("acceleration", status.acceleration_valid(), reported.acceleration, &accelerations, false))
+    let attitude: Part = |values| (values.status.attitude_valid(), [values.pitch, values.yaw, values.roll]);
+    let acceleration: Part = |values| (values.status.acceleration_valid(), values.acceleration);
+    let shown = [
+        ("attitude", attitude, status.attitude_valid(), [reported.pitch, reported.yaw, reported.roll], true),
+        ("acceleration", acceleration, status.acceleration_valid(), reported.acceleration, false),
+    ];
+    shown.into_iter().find_map(|(name, part, valid, shown, circle)| {
+        let of = |earlier: Set| -> Vec<[f32; 3]> {
+            let values = |member| if earlier & bit(member) == 0 { &cycle.seen[member] } else { &cycle.earlier[member] };
+            each(members)
+                .map(|member| part(&values(member).values))
+                .filter(|(valid, _)| *valid)
+                .map(|(_, it)| it)
+                .collect()
+        };
+        let right = (0..1 << MAX_RECEIVERS).filter(|earlier: &Set| earlier & !members == 0).any(|earlier| {
+            let of = of(earlier);
+            let axis = |axis: usize| of.iter().map(|of| of[axis]).collect::<Vec<_>>();
+            valid != of.is_empty() && (0..3).all(|number| is_median(shown[number], &axis(number), circle))
+        });
+        (!right).then(|| format!("its {name} is {shown:?} (valid: {valid}), the members' {:?}", of(0)))
+    })
 }
+
+/// What of an object a median is made of, and whether it is valid.
+type Part = fn(&GpsValues) -> (bool, [f32; 3]);
 
 /// Whether `shown` is the median: bit by bit of one value and of none; of several, on a circle, about the first.
 fn is_median(shown: f32, of: &[f32], circle: bool) -> bool {

@@ -64,13 +64,16 @@ pub(super) enum Relation {
     Doubtful,
 }
 
-/// A receiver with a valid position at a tick.
+/// A receiver with a position at a tick: each that HORUS's voter may have of it.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Place(Vec<Version>);
+
 #[derive(Clone, Debug)]
-pub(super) struct Place {
-    /// Below what its object shows, on the ellipsoid: in its own plane, and the plane itself.
+struct Version {
+    /// Below what an object shows, on the ellipsoid, and the plane there.
     ground: Geodetic,
     plane: TangentPlane,
-    /// As its object shows it; a 2D fix has none.
+    /// As the object shows it; a 2D fix has none.
     altitude: Option<f64>,
     /// What is known of its movement and accuracy; nothing while it is not certain what HORUS holds.
     held: Option<Held>,
@@ -85,43 +88,69 @@ struct Held {
 }
 
 impl Place {
-    /// A position that a GPS object shows, and the messages by which HORUS may have come to it.
-    pub(super) fn new(
+    /// Adds a position that a GPS object shows, and the messages by which HORUS may have come to it.
+    pub(super) fn add(
+        &mut self,
         latitude: f64,
         longitude: f64,
         altitude: f64,
         held: impl IntoIterator<Item = (Motion, Age)>,
-    ) -> Self {
+    ) {
         let ground = Geodetic { latitude, longitude, height: 0.0 };
         let held = held.into_iter().map(|(motion, age)| Held::new(motion, age)).reduce(Held::or);
-        Self { ground, plane: TangentPlane::new(ground), altitude: (!altitude.is_nan()).then_some(altitude), held }
+        let altitude = (!altitude.is_nan()).then_some(altitude);
+        self.0.push(Version { ground, plane: TangentPlane::new(ground), altitude, held });
     }
 
     /// Whether it is known how it moves.
     pub(super) fn is_known(&self) -> bool {
-        self.held.is_some()
+        !self.0.is_empty() && self.0.iter().all(|version| version.held.is_some())
     }
 
     /// Where it is at the tick, m north and east in the plane of `origin`.
     pub(super) fn north_east(&self, origin: &Self) -> Option<[Range; 2]> {
+        let origin = origin.0.first()?;
+        let all: Option<Vec<_>> = self.0.iter().map(|version| version.north_east(origin)).collect();
+        all?.into_iter().reduce(|one, other| [one[0].hull(other[0]), one[1].hull(other[1])])
+    }
+
+    /// Where another position is in this one's plane, m north and east.
+    pub(super) fn plane_of(&self, latitude: f64, longitude: f64) -> Option<[f64; 2]> {
+        let [north, east, _] = self.0.first()?.plane.to_ned(Geodetic { latitude, longitude, height: 0.0 });
+        Some([north, east])
+    }
+
+    /// How high it is at the tick, m; nothing for a 2D fix. And whether it may be such a fix or not.
+    pub(super) fn altitude(&self) -> (Option<Range>, bool) {
+        let all: Vec<_> = self.0.iter().map(Version::altitude).collect();
+        let some = all.iter().filter(|altitude| altitude.is_some()).count();
+        (all.iter().flatten().copied().reduce(Range::hull), some != 0 && some != all.len())
+    }
+
+    /// How far it is from `other` at the tick, m: along the ground, and in height where both have one.
+    pub(super) fn apart(&self, other: &Self) -> Option<(Range, Option<Range>)> {
+        self.0.last()?.apart(other.0.last()?)
+    }
+
+    /// Whether they agree.
+    pub(super) fn relation(&self, other: &Self) -> Relation {
+        let relations = self.0.iter().flat_map(|one| other.0.iter().map(|its| one.relation(its)));
+        relations.reduce(|one, other| if one == other { one } else { Relation::Doubtful }).unwrap_or(Relation::Doubtful)
+    }
+}
+
+impl Version {
+    fn north_east(&self, origin: &Self) -> Option<[Range; 2]> {
         let [north, east, _] = origin.plane.to_ned(self.ground);
         let [by_north, by_east, _] = self.held?.moved;
         Some([by_north.moved(north), by_east.moved(east)])
     }
 
-    /// Where another position is in this one's plane, m north and east.
-    pub(super) fn plane_of(&self, latitude: f64, longitude: f64) -> [f64; 2] {
-        let [north, east, _] = self.plane.to_ned(Geodetic { latitude, longitude, height: 0.0 });
-        [north, east]
-    }
-
-    /// How high it is at the tick, m; nothing for a 2D fix.
-    pub(super) fn altitude(&self) -> Option<Range> {
+    fn altitude(&self) -> Option<Range> {
         Some(self.held?.moved[2].moved(self.altitude?))
     }
 
-    /// How far it is from `other` at the tick, m: along the ground, and in height where both have one.
-    pub(super) fn apart(&self, other: &Self) -> Option<(Range, Option<Range>)> {
+    fn apart(&self, other: &Self) -> Option<(Range, Option<Range>)> {
         let height = || Some(self.altitude()?.minus(other.altitude()?).magnitude());
         let (one, its) = (self.ground.to_ecef(), other.ground.to_ecef());
         let chord = one.iter().zip(its).map(|(one, its)| (one - its).powi(2)).sum::<f64>().sqrt();
@@ -135,8 +164,7 @@ impl Place {
         Some((along, height()))
     }
 
-    /// Whether they agree.
-    pub(super) fn relation(&self, other: &Self) -> Relation {
+    fn relation(&self, other: &Self) -> Relation {
         let (Some((along, height)), Some(one), Some(its)) = (self.apart(other), self.held, other.held) else {
             return Relation::Doubtful;
         };
