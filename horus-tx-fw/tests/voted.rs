@@ -6,8 +6,8 @@
 //! A right receiver of these models is off by up to [`RIGHT_M`] over ground (a bias that wanders with 0.8 to 1.1 m in
 //! each axis, of which five deviations in two axes are 7.8 m, white noise, and 30 ms of latency more or less at 16
 //! m/s). A result of three with one wrong one has a right one among its members, with which each member agrees. The
-//! result is at most as far from it as two may be that agree: [`AGREE_M`]. So no result is farther from the truth than the
-//! sum, whatever the one wrong receiver does, whose stated accuracy could take the agreement to its ceiling. Three
+//! result is at most as far from it as two may be that agree: [`AGREE_M`]. So no result is farther from the truth than
+//! the sum, whatever the one wrong receiver does, whose stated accuracy could take the agreement to its ceiling. Three
 //! members have two right ones on either side of the median: the result is then off by no more than they are.
 //!
 //! There is a result at every tick as long as the two right receivers agree with each other, which they are asked apart
@@ -340,9 +340,7 @@ fn failure(kind: Kind, seed: u64, number: u64) -> Failure {
 
 /// One of three fails, in every way in turn.
 fn one_of_three(runs: u64) {
-    println!(
-        "kind          runs  excluded  left   worst m  excluded s  left s  not excluded  right ones apart"
-    );
+    println!("kind          runs  excluded  left   worst m  excluded s  left s  not excluded  right ones apart");
     for (place, kind) in (0..).zip(KINDS) {
         let (mut count, mut excluded, mut left, mut apart) = (0, 0, 0, 0);
         let (mut worst, mut latest, mut latest_left) = (0.0_f64, 0, 0);
