@@ -194,6 +194,7 @@ impl<const N: usize> Voter<N> {
         let members = if is_result { set } else { 0 };
         let outvoted = outside & mask_of(&friends, |friends| is_result & (friends & members == 0));
 
+        // The two have nobody in common.
         let excluded = self.excluded | outvoted;
         self.remember(members, outvoted, eligible, &friends, now_ms);
 
