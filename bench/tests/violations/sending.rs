@@ -53,10 +53,10 @@ fn voter(constants: &[(u32, u32)]) -> Faults {
     constants.fold(Faults::none(), |faults, fault| faults.with(BREAKS, u64::MAX / 2, Fault::Image(Board::Horus, fault)))
 }
 
-/// And GPS2 is so far off, north and up (m).
-fn with_offset(faults: Faults, north: i32, up: i32) -> Faults {
-    let fault = ReceiverFault::Offset { north, east: 0, up };
-    faults.with(BREAKS, u64::MAX / 2, Fault::Receiver(1, fault))
+/// And GPS2 is so far off to the north (m), from before on: that is in its objects when the voter changes.
+fn with_offset(faults: Faults, north: i32) -> Faults {
+    let fault = ReceiverFault::Offset { north, east: 0, up: 0 };
+    faults.with(BREAKS - 200 * MS, u64::MAX / 2, Fault::Receiver(1, fault))
 }
 
 table! {
@@ -119,9 +119,9 @@ table! {
     a_voter_to_whom_nobody_agrees => Row::new(Violation::VoteMissing, || voter(&[(CEILING, MINUS_ONE)]));
     a_voter_that_does_not_look_at_heights => Row::new(Violation::VoteWrong, || {
         let blind = voter(&[(FLOOR_HEIGHT, MILLION_MILLIONS), (CEILING_HEIGHT, MILLION_MILLIONS)]);
-        with_offset(blind, 0, 120)
+        blind.with(BREAKS + 50 * MS, u64::MAX / 2, Fault::Receiver(1, ReceiverFault::Offset { north: 0, east: 0, up: 120 }))
     });
     a_voter_that_is_too_strict => {
-        Row::new(Violation::ExclusionWrong, || with_offset(voter(&[(CEILING, TWO)]), 3, 0))
+        Row::new(Violation::ExclusionWrong, || with_offset(voter(&[(CEILING, TWO)]), 3))
     };
 }

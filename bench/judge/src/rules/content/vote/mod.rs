@@ -172,25 +172,32 @@ impl Vote {
             let exclusion = self.exclusion(tick, result, &cycle).map(|what| (Violation::ExclusionWrong, what));
             judged.wrong = exclusion.or(vote);
         }
-        self.remember(tick, follows, &cycle, &members);
+        self.remember(tick, follows, result, &cycle, &members);
         self.last = (number, excluded);
         self.located |= result;
         judged
     }
 
-    /// What each excluded receiver's return hangs on: who the members may be, and without a result the eligible.
-    fn remember(&mut self, tick: u64, follows: bool, cycle: &Cycle, members: &[Set]) {
+    /// What each excluded receiver's return hangs on: on every member, and without a result on one of the eligible.
+    fn remember(&mut self, tick: u64, follows: bool, result: bool, cycle: &Cycle, members: &[Set]) {
         let may_vote = cycle.may & !(cycle.now & cycle.before);
-        let eligible = cycle.sure & !(cycle.now | cycle.before);
-        let members = if members.is_empty() { &[eligible][..] } else { members };
+        let eligible = cycle.sure & !(cycle.now & cycle.before);
         for (receiver, returning) in self.returning.iter_mut().enumerate().take(self.receivers) {
             let (own, was) = (bit(receiver), cycle.before & bit(receiver) != 0);
-            let disagrees = |set: &Set| cycle.related(receiver, *set, Relation::Disagree) != 0;
-            let did_not = cycle.may & own == 0 || members.iter().all(disagrees) || follows && !was;
+            let disagrees = |set: &Set| cycle.related(receiver, *set, Relation::Disagree);
+            let others = may_vote & !own;
+            let (disagreed, agreed) = if result {
+                let disagreed = !members.is_empty() && members.iter().all(|set| disagrees(set) != 0);
+                (disagreed, cycle.agrees_with_all(receiver, others))
+            } else {
+                let agreed = others == 0 || cycle.related(receiver, eligible, Relation::Agree) != 0;
+                (eligible & !own != 0 && disagrees(&others) == others, agreed)
+            };
+            let did_not = cycle.may & own == 0 || disagreed || follows && !was;
             if did_not {
                 returning.did_not = Some(tick);
             }
-            if did_not || !follows || cycle.sure & own == 0 || !cycle.agrees_with_all(receiver, may_vote) {
+            if did_not || !follows || cycle.sure & own == 0 || !agreed {
                 returning.may_not = tick;
             }
         }
