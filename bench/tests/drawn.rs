@@ -21,7 +21,7 @@ fn report_of(duration: u64, gps: usize, kinds: &[Kind], seed: u64) -> Option<ben
     Some(run(&setup, &mut ()).unwrap_or_else(|error| panic!("{error}")).report)
 }
 
-const ALL: [Kind; 5] = [Kind::Air, Kind::Receivers, Kind::FlightController, Kind::Power, Kind::Buffers];
+const ALL: [Kind; 5] = [Kind::Air, Kind::Gnss, Kind::FlightController, Kind::Power, Kind::Buffers];
 
 #[test]
 fn faults_of_every_kind_at_once_violate_nothing_and_the_link_recovers() {
@@ -46,7 +46,7 @@ fn faults_of_every_kind_at_once_violate_nothing_and_the_link_recovers() {
 fn a_kind_of_fault_alone_is_injected_alone() {
     for (kind, names) in [
         (Kind::Air, &["air", "horus front end", "dpr front end"][..]),
-        (Kind::Receivers, &["receiver"]),
+        (Kind::Gnss, &["receiver"]),
         (Kind::Power, &["power"]),
         (Kind::Buffers, &["buffer"]),
     ] {

@@ -8,7 +8,7 @@ use std::time::Instant;
 use anyhow::{Context, Result, bail};
 use bench::faults::{Board, Campaign, Faults, Kind, Options};
 use bench::node::{Clock, Threads};
-use bench::report::{Report, Reported};
+use bench::report::{Exclusion, Report, Reported, Voter};
 use bench::sim::{Crystals, Images, Observer, Setup};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -47,7 +47,7 @@ pub(crate) struct SimArgs {
     /// Store the event log, which `cargo xtask judge` judges again.
     #[arg(long, value_name = "FILE")]
     events: Option<PathBuf>,
-    /// What goes wrong on purpose: a list of air, receivers, fc, power, buffers (drawn into the run from the seed), and
+    /// What goes wrong on purpose: a list of air, gnss, fc, power, buffers (drawn into the run from the seed), and
     /// of ram, flash, registers (each upset on a copy of the bench, see --upsets).
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     faults: Vec<Kind>,
@@ -238,6 +238,43 @@ fn reported_position(reported: &Reported) -> String {
     format!("invalid since {} ({}), valid in {cycles} cycles read", seconds(since), silent.join(", "))
 }
 
+/// How many receivers agreed, for how long, and how far off their vote was.
+fn vote(voter: &Voter) -> String {
+    let agree = voter.agree.iter().rev().filter(|(agree, cycles)| **agree > 0 && **cycles > 0);
+    let agree: Vec<String> = agree
+        .enumerate()
+        .map(|(nth, (agree, cycles))| {
+            format!("{agree}{} in {cycles}{}", [" agree", ""][nth.min(1)], [" cycles", ""][nth.min(1)])
+        })
+        .collect();
+    let agree = if agree.is_empty() { "none ever agreed".to_owned() } else { agree.join(", ") };
+    let error = voter.max_error_m.map(|metres| format!("; worst error {metres:.1} m")).unwrap_or_default();
+    format!("{agree}; none in {}{error}", voter.none)
+}
+
+/// So many exclusions are told.
+const MOST_EXCLUSIONS: usize = 5;
+
+/// Who was excluded, from when to when, and how far it was off then: a few lines.
+fn exclusions(voter: &Voter) -> String {
+    let seconds = |ns: u64| format!("{:.2} s", ns as f64 / 1e9);
+    let mut text = String::new();
+    for exclusion in voter.exclusions.iter().take(MOST_EXCLUSIONS) {
+        let until = exclusion.until_ns.map_or("the end".to_owned(), seconds);
+        let away = match (exclusion.away_m, exclusion.height_m) {
+            (Some(along), Some(height)) => format!(": {along:.0} m off, {height:.0} m in height"),
+            (Some(along), None) => format!(": {along:.0} m off"),
+            (None, _) => String::new(),
+        };
+        let Exclusion { receiver, from_ns, .. } = exclusion;
+        text.push_str(&format!("  GPS{receiver} excluded       {} to {until}{away}\n", seconds(*from_ns)));
+    }
+    if let more @ 1.. = voter.exclusions.len().saturating_sub(MOST_EXCLUSIONS) {
+        text.push_str(&format!("  and {more} more exclusions\n"));
+    }
+    text
+}
+
 /// What was done wrong on purpose, and what came of it.
 fn faults_in_words(faults: &bench::report::Faults) -> String {
     if faults.injected.is_empty() {
@@ -332,12 +369,16 @@ fn table(report: &Report) -> String {
             ),
         ),
         ("Reported-Position", reported_position(reported)),
+        ("voter", vote(&report.voter)),
         ("faults", faults_in_words(&report.faults)),
         ("base station", format!("{} profiles, {} bad CRC", base.profiles, base.bad_crc)),
     ];
     let mut text = String::new();
     for (name, value) in rows {
         text.push_str(&format!("{name:<21} {value}\n"));
+        if name == "voter" {
+            text.push_str(&exclusions(&report.voter));
+        }
     }
     match report.violations.as_slice() {
         [] => text.push_str("violations            none\n"),
@@ -374,6 +415,34 @@ mod tests {
                     GPS2 never had a solution), \
                     valid in 500 cycles read\n";
         assert!(table(&report).contains(line), "{}", table(&report));
+    }
+
+    #[test]
+    fn the_table_tells_how_many_receivers_agreed_and_who_was_excluded() {
+        let mut report = Report::default();
+        assert!(table(&report).contains("voter                 none ever agreed; none in 0\n"), "{}", table(&report));
+        let exclusion = Exclusion {
+            receiver: 2,
+            from_ns: 3_210_000_000,
+            until_ns: Some(5_000_000_000),
+            away_m: Some(51.4),
+            height_m: Some(2.4),
+        };
+        report.voter = Voter {
+            agree: [(0, 14), (1, 0), (2, 4), (3, 980)].into(),
+            degraded: 18,
+            none: 14,
+            max_error_m: Some(1.94),
+            exclusions: vec![exclusion],
+        };
+        let lines = "voter                 3 agree in 980 cycles, 2 in 4; none in 14; worst error 1.9 m\n  \
+                     GPS2 excluded       3.21 s to 5.00 s: 51 m off, 2 m in height\n";
+        assert!(table(&report).contains(lines), "{}", table(&report));
+        let last = Exclusion { until_ns: None, away_m: None, height_m: None, ..exclusion };
+        report.voter.exclusions = vec![last; 7];
+        let text = table(&report);
+        assert_eq!(text.matches("GPS2 excluded       3.21 s to the end\n").count(), 5, "{text}");
+        assert!(text.contains("  and 2 more exclusions\n"), "{text}");
     }
 
     #[test]

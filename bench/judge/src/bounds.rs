@@ -72,6 +72,42 @@ pub const HEARD: u64 = 250_000_000;
 pub const LONGEST_PERIOD_MS: u32 = 1_000;
 /// The shortest, ms: 50 Hz, twice what the fastest receivers do.
 pub const SHORTEST_PERIOD_MS: u32 = 20;
+
+// ---- The voted position: decision 15
+
+/// The worst accuracies, horizontal and vertical, with which a position is valid, mm.
+pub const WORST_ACCURACY_MM: [u32; 2] = [30_000, 50_000];
+/// The greatest speed with which a position is valid, mm/s.
+pub const FASTEST_MM_S: u32 = 200_000;
+/// Where a valid position may lie above the ellipsoid, mm.
+pub const ALTITUDE_MM: std::ops::RangeInclusive<i32> = -1_000_000..=20_000_000;
+/// A position is older than its message by what a receiver computes and sends.
+pub const BEFORE_ARRIVAL: u64 = 50_000_000;
+/// The least and the greatest distance, horizontal and vertical, within which two receivers agree whatever accuracies
+/// they state, m.
+pub const AGREEMENT_M: [(f64, f64); 2] = [(5.0, 30.0), (8.0, 50.0)];
+/// Between these limits two receivers agree within so many times the root of the sum of the squares of their
+/// accuracies.
+pub const AGREEMENT_SIGMAS: f64 = 3.0;
+/// What a position's age adds to its accuracy: so many seconds of its speed, and half of so many m/s².
+pub const UNCERTAIN_SPEED_S: f64 = 0.05;
+/// See [`UNCERTAIN_SPEED_S`].
+pub const UNCERTAIN_ACCELERATION: f64 = 4.0;
+/// An excluded receiver that was a candidate and agreed for one second returns; so long after it last may not have, it
+/// has returned. HORUS's clock may be off by 2 %, and what it had taken at a tick may be in doubt.
+pub const RETURNED: u64 = 1_100_000_000;
+/// And before that, by the same tolerances, it has not.
+pub const NOT_RETURNED: u64 = 950_000_000;
+/// How far apart two ways to turn degrees into metres may be, as a share of the distance: decision 15 names none, and a
+/// sphere in place of the ellipsoid is off by up to 1 %.
+pub const GEODESY_SHARE: f64 = 0.01;
+/// What HORUS's arithmetic may be off, m.
+pub const ARITHMETIC_M: f64 = 0.05;
+/// The same of an angle (rad) or an acceleration (m/s²) that is the mean of two.
+pub const ARITHMETIC_F32: f32 = 1e-5;
+
+// ---- Receivers' lines
+
 /// A line that was silent for this long may have ended the message that it had begun: HORUS does that after 50 ms.
 pub const SILENCE_MAY_END: u64 = 45_000_000;
 /// A line that was silent for this long has: after 50 ms HORUS notices at its next look (10 ms) and gives the parser 64

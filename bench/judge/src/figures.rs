@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use profile::ReportedStatus;
 use serde::Serialize;
 
 /// The least and the greatest of a series.
@@ -83,8 +84,64 @@ pub struct Faults {
     pub max_recovery_cycles_without_bring_up: Option<u64>,
 }
 
+/// A receiver was excluded.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Exclusion {
+    /// Which, from 1.
+    pub receiver: usize,
+    /// The tick with whose objects it began, ns.
+    pub from_ns: u64,
+    /// The tick with whose objects it was over, or the restart that ended it, ns; `None` if it lasted to the run's end.
+    pub until_ns: Option<u64>,
+    /// How far it was from the farthest of the others when it began, along the ground, m; `None` if that is not known.
+    pub away_m: Option<f64>,
+    /// The same in height.
+    pub height_m: Option<f64>,
+}
+
+/// What HORUS's voter did, over the profiles that HORUS sent.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Voter {
+    /// Cycles in which so many receivers agree.
+    pub agree: BTreeMap<u64, u64>,
+    /// Cycles with fewer than are fitted.
+    pub degraded: u64,
+    /// Cycles without a position.
+    pub none: u64,
+    /// Who was excluded, in order of their beginnings: the first [`Voter::MOST_EXCLUSIONS`].
+    pub exclusions: Vec<Exclusion>,
+}
+
+impl Voter {
+    /// So many exclusions are kept.
+    pub const MOST_EXCLUSIONS: usize = 1_000;
+
+    /// HORUS sent a Reported-Position with this status.
+    pub(crate) fn reported(&mut self, status: ReportedStatus) {
+        *self.agree.entry(status.receivers_agreeing().into()).or_default() += 1;
+        self.degraded += u64::from(status.degraded());
+        self.none += u64::from(!status.position_valid());
+    }
+
+    /// Receiver (from 0) is `excluded` at the tick `at`, or not, and so far away from the others.
+    pub(crate) fn excluded(&mut self, receiver: usize, at: u64, excluded: bool, away: Option<(f64, Option<f64>)>) {
+        let of_this = |exclusion: &Exclusion| exclusion.receiver == receiver + 1 && exclusion.until_ns.is_none();
+        match self.exclusions.iter().rposition(of_this) {
+            Some(last) if !excluded => self.exclusions[last].until_ns = Some(at),
+            None if excluded && self.exclusions.len() < Self::MOST_EXCLUSIONS => self.exclusions.push(Exclusion {
+                receiver: receiver + 1,
+                from_ns: at,
+                until_ns: None,
+                away_m: away.map(|(along, _)| along),
+                height_m: away.and_then(|(_, height)| height),
+            }),
+            _ => {}
+        }
+    }
+}
+
 /// Figures of a run, ns unless said otherwise.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Figures {
     /// Frames whose last bit was on the air.
     pub frames_sent: u64,
@@ -111,6 +168,8 @@ pub struct Figures {
     pub invalid_since_ns: Option<u64>,
     /// For each receiver, when the last byte of its last valid position had crossed its line, ns.
     pub last_solution_ns: Vec<Option<u64>>,
+    /// The voter.
+    pub voter: Voter,
     /// Faults.
     pub faults: Faults,
 }

@@ -34,7 +34,7 @@ mod violation;
 
 pub use context::Context;
 pub use event::{Board, Bytes, Event, Header, SsiEvent, What};
-pub use figures::{Faults, Figures, Max, Quantiles, Span};
+pub use figures::{Exclusion, Faults, Figures, Max, Quantiles, Span, Voter};
 pub use log::{Log, LogError, LogWriter};
 pub use verdict::{Broken, Findings, Verdict};
 pub use violation::Violation;

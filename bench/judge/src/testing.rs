@@ -128,7 +128,8 @@ impl Events {
 
 /// What Reported-Position says before any receiver has said anything.
 pub(crate) fn silent_reported(timestamp: u32) -> ReportedValues {
-    ReportedValues::absent(timestamp)
+    let absent = ReportedValues::absent(timestamp);
+    ReportedValues { status: absent.status.with_degraded(true), ..absent }
 }
 
 /// What a GPS object says of a receiver that has not said anything.

@@ -59,9 +59,17 @@ violations! {
     ContentWrong = "a GPS object differs from what its receiver said",
     /// A GPS object's status differs from what its receiver sent. A bit of the status: fix, valid, heard, stale.
     StatusWrong = "a GPS object's status differs from what its receiver sent",
-    /// Reported-Position does not follow from the GPS objects. It lies outside of them, is valid without any, or
-    /// claims more receivers than agree.
-    ReportedWrong = "Reported-Position does not follow from the GPS objects",
+    /// Reported-Position is not what the receivers that agree say. Its position, attitude or acceleration is not their
+    /// median, it claims more or fewer of them, or its status is not what follows.
+    ReportedWrong = "Reported-Position is not what the receivers that agree say",
+    /// A voted position without a majority. Too few receivers, or no more than are against them, or receivers that do
+    /// not agree.
+    VoteWrong = "a voted position without a majority",
+    /// No voted position although a majority agrees.
+    VoteMissing = "no voted position although a majority agrees",
+    /// A receiver is excluded without a cause, or returns too early. Or it is still excluded although it has agreed for
+    /// a second.
+    ExclusionWrong = "a receiver is excluded without a cause, or returns too early",
     // ---- DPR and SSI
 
     /// The listener answered. The DPR's front end sent something.

@@ -111,6 +111,8 @@ pub const fn is_dangerous(violation: Violation) -> bool {
         Violation::ContentWrong
             | Violation::StatusWrong
             | Violation::ReportedWrong
+            | Violation::VoteWrong
+            | Violation::ExclusionWrong
             | Violation::ShownNeverSent
             | Violation::ShownOutOfSequence
             | Violation::ShownStale

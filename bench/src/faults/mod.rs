@@ -51,7 +51,7 @@ pub use front_end::{Emission, FrontEndFault};
 pub use image::ImageFault;
 pub use plan::{Kind, UnknownKind};
 pub use power::{PowerFault, Powered};
-pub use receivers::{LineFaults, OnLine, ReceiverFault};
+pub use receivers::{Absurd, LineFaults, OnLine, ReceiverFault};
 pub use rng::Rng;
 pub use st25r3916_model::AirFaults;
 pub use upset::{Targets, Upset};

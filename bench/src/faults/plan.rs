@@ -7,7 +7,8 @@ use std::fmt;
 use std::str::FromStr;
 
 use super::{
-    AirFaults, Board, BufferFault, Buffers, ChipFault, Conduct, Episode, Fault, Faults, PowerFault, ReceiverFault, Rng,
+    Absurd, AirFaults, Board, BufferFault, Buffers, ChipFault, Conduct, Episode, Fault, Faults, PowerFault,
+    ReceiverFault, Rng,
 };
 
 /// No episode begins before this instant, ns: both boards start in peace.
@@ -25,6 +26,9 @@ const MS: u64 = 1_000_000;
 /// How long an episode lasts, ns.
 pub const LENGTH: (u64, u64) = (20_000_000, 400_000_000);
 
+/// How long a receiver drifts away, ns: until it is a few tens of metres off.
+pub const DRIFT_LENGTH: (u64, u64) = (1_000_000_000, 3_000_000_000);
+
 /// Where both boards lose their supply, the second does so much later at most, ns.
 pub const BETWEEN_BOARDS: u64 = 20_000_000;
 
@@ -33,8 +37,8 @@ pub const BETWEEN_BOARDS: u64 = 20_000_000;
 pub enum Kind {
     /// The air, and the front ends on either side of it.
     Air,
-    /// The receivers and their lines.
-    Receivers,
+    /// The GNSS receivers and their lines.
+    Gnss,
     /// The flight controller.
     FlightController,
     /// Supply and reset of either board.
@@ -53,7 +57,7 @@ impl Kind {
     /// All kinds.
     pub const ALL: [Self; 8] = [
         Self::Air,
-        Self::Receivers,
+        Self::Gnss,
         Self::FlightController,
         Self::Power,
         Self::Ram,
@@ -67,7 +71,7 @@ impl Kind {
     pub const fn word(self) -> &'static str {
         match self {
             Self::Air => "air",
-            Self::Receivers => "receivers",
+            Self::Gnss => "gnss",
             Self::FlightController => "fc",
             Self::Power => "power",
             Self::Ram => "ram",
@@ -109,7 +113,8 @@ type Draw = Vec<(u64, Fault)>;
 
 impl Faults {
     /// Faults of these kinds in a run of `duration_ns` with `gps` receivers, drawn from `seed`. Of each kind at most
-    /// one episode is there at a time, but for the supplies of both boards that fail together. Upsets of RAM, flash and
+    /// one episode is there at a time, but for the supplies of both boards that fail together: so one receiver at most is
+    /// at fault, though another may still be excluded for what it did before. Upsets of RAM, flash and
     /// registers are not drawn into a run: each is tried on a copy of the bench ([`super::Campaign`]).
     #[must_use]
     pub fn drawn(kinds: &[Kind], gps: usize, seed: u64, duration_ns: u64) -> Self {
@@ -129,7 +134,8 @@ impl Faults {
                 let Some(draw) = round.pop() else { break };
                 let begins = free_at + rng.between(gap.0, gap.1);
                 gap = GAP;
-                let length = rng.between(LENGTH.0, LENGTH.1);
+                let (least, most) = draw.first().map_or(LENGTH, |(_, fault)| length_of(fault));
+                let length = rng.between(least, most);
                 let after = draw.iter().map(|(after, _)| *after).max().unwrap_or(0);
                 free_at = begins + after + length;
                 if free_at > last {
@@ -155,6 +161,14 @@ fn lasts(fault: &Fault) -> bool {
     }
 }
 
+/// How long `fault` may last, ns.
+fn length_of(fault: &Fault) -> (u64, u64) {
+    match fault {
+        Fault::Receiver(_, ReceiverFault::Drifts { .. }) => DRIFT_LENGTH,
+        _ => LENGTH,
+    }
+}
+
 /// One round of `kind`: every fault of it once.
 fn all_of(kind: Kind, gps: usize, rng: &mut Rng) -> Vec<Draw> {
     match kind {
@@ -162,8 +176,8 @@ fn all_of(kind: Kind, gps: usize, rng: &mut Rng) -> Vec<Draw> {
             let air = air().into_iter().map(|faults| vec![(0, Fault::Air(faults))]);
             air.chain(front_ends().map(|fault| vec![(0, fault)])).collect()
         }
-        Kind::Receivers if gps == 0 => vec![],
-        Kind::Receivers => {
+        Kind::Gnss if gps == 0 => vec![],
+        Kind::Gnss => {
             let mut one = |fault| vec![(0, Fault::Receiver(rng.below(gps as u64) as usize, fault))];
             receivers().into_iter().map(&mut one).collect()
         }
@@ -207,7 +221,8 @@ fn front_ends() -> impl Iterator<Item = Fault> {
 
 /// Each way in which a receiver or its line fails.
 fn receivers() -> Vec<ReceiverFault> {
-    vec![
+    let absurd = Absurd::ALL.map(ReceiverFault::Absurd);
+    let mut faults = vec![
         ReceiverFault::Silent,
         ReceiverFault::Babbles,
         ReceiverFault::Beginnings,
@@ -223,7 +238,20 @@ fn receivers() -> Vec<ReceiverFault> {
         ReceiverFault::NoFix,
         ReceiverFault::LateBursts(60_000_000),
         ReceiverFault::BadChecksums,
-    ]
+        // Beyond the 30 m, and the 50 m, within which receivers may agree.
+        ReceiverFault::Offset { north: 40, east: -30, up: 0 },
+        ReceiverFault::Offset { north: 0, east: 0, up: 120 },
+        ReceiverFault::Drifts { mm_s: 20_000 },
+        ReceiverFault::FrozenPosition,
+        ReceiverFault::Understates,
+        ReceiverFault::TimeJumps(5_000),
+        ReceiverFault::TimeJumps(-5_000),
+        // NAV-PVT of protocols before version 15 has 84 bytes.
+        ReceiverFault::OtherLength(-8),
+        ReceiverFault::OtherLength(4),
+    ];
+    faults.extend(absurd);
+    faults
 }
 
 /// Bits of the DPR's buffers that flip, as many of either kind as there are buffers, and one of either kind that is
@@ -287,7 +315,7 @@ mod tests {
         let error = "radio".parse::<Kind>().unwrap_err().to_string();
         assert_eq!(
             error,
-            "\"radio\" is no kind of fault: give one or several of air, receivers, fc, power, ram, flash, registers, \
+            "\"radio\" is no kind of fault: give one or several of air, gnss, fc, power, ram, flash, registers, \
              buffers"
         );
     }
@@ -302,7 +330,7 @@ mod tests {
     #[test]
     fn a_kind_more_leaves_the_episodes_of_the_others_as_they_were() {
         let all = Faults::drawn(&Kind::ALL, 3, 5, MINUTE);
-        let alone = of(Kind::Receivers);
+        let alone = of(Kind::Gnss);
         let among: Vec<Episode> =
             all.episodes().iter().filter(|episode| matches!(episode.fault, Fault::Receiver(..))).cloned().collect();
         assert_eq!(alone, among);
@@ -324,7 +352,10 @@ mod tests {
                 assert!(episode.until <= MINUTE - LAST_BEFORE_END, "{episode:?}");
                 if lasts(&episode.fault) {
                     let length = episode.until - episode.at;
-                    assert!((LENGTH.0..=LENGTH.1).contains(&length), "{episode:?}");
+                    assert!(
+                        (length_of(&episode.fault).0..=length_of(&episode.fault).1).contains(&length),
+                        "{episode:?}"
+                    );
                 } else {
                     assert_eq!(episode.until, episode.at, "{episode:?}");
                 }
@@ -347,7 +378,7 @@ mod tests {
 
     #[test]
     fn gaps_are_half_a_second_on_average() {
-        let episodes = of(Kind::Receivers);
+        let episodes = of(Kind::Gnss);
         let gaps: Vec<u64> = episodes.windows(2).map(|pair| pair[1].at - pair[0].until).collect();
         let mean = gaps.iter().sum::<u64>() / gaps.len() as u64;
         assert!((450_000_000..=550_000_000).contains(&mean), "{mean}");
@@ -356,7 +387,7 @@ mod tests {
     #[test]
     fn a_minute_has_every_fault_of_every_kind_that_is_drawn() {
         let names = |kind| of(kind).iter().map(|episode| episode.fault.name()).collect::<BTreeSet<_>>();
-        let faults: BTreeSet<_> = of(Kind::Receivers)
+        let faults: BTreeSet<_> = of(Kind::Gnss)
             .into_iter()
             .filter_map(|episode| match episode.fault {
                 Fault::Receiver(_, fault) => Some(fault.name()),
@@ -401,8 +432,8 @@ mod tests {
 
     #[test]
     fn receivers_that_are_not_there_have_no_faults() {
-        assert_eq!(Faults::drawn(&[Kind::Receivers], 0, 5, MINUTE), Faults::none());
-        let hit: BTreeSet<usize> = of(Kind::Receivers)
+        assert_eq!(Faults::drawn(&[Kind::Gnss], 0, 5, MINUTE), Faults::none());
+        let hit: BTreeSet<usize> = of(Kind::Gnss)
             .into_iter()
             .filter_map(|episode| if let Fault::Receiver(receiver, _) = episode.fault { Some(receiver) } else { None })
             .collect();

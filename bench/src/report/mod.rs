@@ -6,7 +6,7 @@
 
 use std::collections::BTreeMap;
 
-pub use bench_judge::{Faults, Max, Quantiles, Span};
+pub use bench_judge::{Exclusion, Faults, Max, Quantiles, Span};
 use serde::Serialize;
 
 use crate::faults::{Campaign, Class, name_of};
@@ -106,6 +106,28 @@ pub struct Reported {
     pub last_solution_ns: Vec<Option<u64>>,
 }
 
+/// What HORUS's voter did, over the profiles that HORUS sent.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Voter {
+    /// Cycles in which so many receivers agree.
+    pub agree: BTreeMap<u64, u64>,
+    /// Cycles with fewer than are fitted.
+    pub degraded: u64,
+    /// Cycles without a position.
+    pub none: u64,
+    /// How far Reported-Position was from the flight at worst, along the ground, m; `None` if there was no position, or
+    /// a recording was played.
+    pub max_error_m: Option<f64>,
+    /// Who was excluded, in order of their beginnings: the first thousand.
+    pub exclusions: Vec<Exclusion>,
+}
+
+impl From<bench_judge::Voter> for Voter {
+    fn from(bench_judge::Voter { agree, degraded, none, exclusions }: bench_judge::Voter) -> Self {
+        Self { agree, degraded, none, max_error_m: None, exclusions }
+    }
+}
+
 /// The far end of the radio.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Base {
@@ -177,6 +199,8 @@ pub struct Report {
     pub ssi: Ssi,
     /// Reported-Position as the flight controller read it.
     pub reported: Reported,
+    /// HORUS's voter.
+    pub voter: Voter,
     /// The far end of the radio.
     pub base: Base,
     /// What was done wrong on purpose, and what came of it.

@@ -12,6 +12,7 @@ use super::board_events::BoardEvents;
 use super::marks::{DPR_SPI_HZ, HORUS_SPI_HZ, SSI_HZ, bus};
 use super::phases::{Edge, Phase, PhaseEvent, Sweeping};
 use super::recorder::Recorder;
+use super::truth::Truth;
 use super::upstream::Notes;
 use crate::boards::{Dpr, Horus};
 use crate::faults::wires::Wires;
@@ -69,11 +70,22 @@ pub(super) struct Link {
 /// What a [`Link`] begins with.
 pub(super) struct Surroundings {
     pub(super) header: Header,
+    pub(super) truth: Option<Truth>,
     pub(super) flight_controller: FlightController,
     pub(super) base: BaseStation,
     pub(super) traced: bool,
     pub(super) logged: bool,
     pub(super) sweeping: Option<Sweeping>,
+}
+
+/// What a [`Link`] ends with.
+pub(super) struct Ended {
+    pub(super) verdict: Verdict,
+    pub(super) log: Log,
+    /// How far Reported-Position was off at worst, m.
+    pub(super) worst_error_m: Option<f64>,
+    pub(super) base: BaseStation,
+    pub(super) phases: Vec<Phase>,
 }
 
 impl Link {
@@ -90,7 +102,7 @@ impl Link {
             faults: faults.timeline(false),
             air_faults: vec![],
             dpr_events: BoardEvents::new(Side::Dpr),
-            recorder: Recorder::new(with.header, with.logged),
+            recorder: Recorder::new(with.header, with.truth, with.logged),
             announced: None,
             offer: None,
             restarts: 0,
@@ -168,19 +180,15 @@ impl Link {
     }
 
     /// The run is over at `end` (ns).
-    pub(super) fn finish<C: Cost>(
-        mut self,
-        end: u64,
-        evidence: Vec<What>,
-        dpr: &mut Node<Dpr, C>,
-    ) -> (Verdict, Log, BaseStation, Vec<Phase>) {
+    pub(super) fn finish<C: Cost>(mut self, end: u64, evidence: Vec<What>, dpr: &mut Node<Dpr, C>) -> Ended {
         self.come_to(end, dpr);
         self.offered(None);
         for what in evidence {
             self.recorder.note(end, what);
         }
-        let (verdict, log) = self.recorder.finish(end);
-        (verdict, log, self.base, self.sweeping.map(Sweeping::into_phases).unwrap_or_default())
+        let (verdict, log, worst_error_m) = self.recorder.finish(end);
+        let phases = self.sweeping.map(Sweeping::into_phases).unwrap_or_default();
+        Ended { verdict, log, worst_error_m, base: self.base, phases }
     }
 
     fn mark(&mut self, at: u64, wire: Wire, level: bool) {

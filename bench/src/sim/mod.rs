@@ -14,6 +14,7 @@ mod marks;
 pub mod phases;
 mod recorder;
 pub mod telemetry;
+mod truth;
 mod upstream;
 
 use std::fs::File;
@@ -35,8 +36,9 @@ use crate::report::{self, Report};
 use crate::trace::{self, TaskWatch, Trace};
 use crate::world::flight_controller::{self, Schedule};
 use crate::world::{BaseStation, FlightController};
-use downstream::{Link, Surroundings};
+use downstream::{Ended, Link, Surroundings};
 use phases::{Phase, Sweep, Sweeping};
+use truth::Truth;
 use upstream::Receivers;
 
 /// How often the caller hears of progress and gets the log, in virtual nanoseconds.
@@ -198,7 +200,9 @@ impl<C: Cost> Bench<C> {
     ///
     /// An image that cannot be loaded, or a recording that cannot be played.
     pub fn new(setup: &Setup) -> Result<Self, Error> {
-        let receivers = receivers(setup)?;
+        let flight = Arc::new(Flight::new(setup.seed, setup.duration_ns as f64 / 1e9));
+        let receivers = receivers(setup, &flight)?;
+        let recorded = setup.recordings.iter().any(Option::is_some);
         let traced = setup.trace.is_some();
         let Crystals { horus_ppb, dpr_ppb, flight_controller_ppb } = setup.crystals;
         // The expansion boards run the chip from the 5 V of their header.
@@ -221,6 +225,7 @@ impl<C: Cost> Bench<C> {
         let header = Header { version: Header::VERSION, gps: setup.gps, seed: setup.seed, clock };
         let surroundings = Surroundings {
             header,
+            truth: (!recorded).then(|| Truth::new(flight)),
             flight_controller: FlightController::new(config),
             base: BaseStation::new(setup.gps),
             traced,
@@ -317,8 +322,10 @@ impl<C: Cost> Bench<C> {
         let header = downstream.header().clone();
         let around = (downstream.air(), downstream.stats());
         let evidence = downstream::evidence(&a, &b, header.gps);
-        let (verdict, log, base, phases) = downstream.finish(reached, evidence, &mut b);
-        let report = report(&header, reached, &verdict, (&a, &b), around, &base);
+        let Ended { verdict, log, worst_error_m, base, phases } = downstream.finish(reached, evidence, &mut b);
+        let mut report = report(&header, reached, &verdict, (&a, &b), around, &base);
+        // What differs beyond a millimetre is no information.
+        report.voter.max_error_m = worst_error_m.map(|metres| (metres * 1e3).round() / 1e3);
         Finished { report, verdict, log, base, phases }
     }
 }
@@ -381,6 +388,7 @@ fn report<C: Cost>(
             invalid_since_ns: figures.invalid_since_ns,
             last_solution_ns: figures.last_solution_ns,
         },
+        voter: figures.voter.into(),
         base: report::Base { profiles: base.counts().profiles, bad_crc: base.counts().bad_crc },
         faults: figures.faults,
         upsets: None,
@@ -461,8 +469,7 @@ pub fn campaign(setup: &Setup, options: &Options) -> Result<Campaign, Error> {
 }
 
 /// What each receiver will send.
-fn receivers(setup: &Setup) -> Result<Vec<Receiver>, LogError> {
-    let flight = Arc::new(Flight::new(setup.seed, setup.duration_ns as f64 / 1e9));
+fn receivers(setup: &Setup, flight: &Arc<Flight>) -> Result<Vec<Receiver>, LogError> {
     (1..=setup.gps)
         .map(|index| match setup.recordings.get(index - 1) {
             Some(Some(path)) => Ok(Receiver::recorded(Arc::new(gnss_sim::Log::open(path)?))),

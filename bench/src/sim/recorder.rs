@@ -6,6 +6,8 @@
 
 use bench_judge::{Event, Findings, Header, Judge, Log, Verdict, What};
 
+use super::truth::Truth;
+
 /// Events on their way into the log.
 #[derive(Clone, Debug)]
 pub(super) struct Recorder {
@@ -14,15 +16,17 @@ pub(super) struct Recorder {
     /// Everything before this instant is in the log.
     released: u64,
     judge: Judge,
+    /// Where the aircraft is, unless a recording is played.
+    truth: Option<Truth>,
     /// What was released since it was last taken, where the log is kept.
     kept: Option<Vec<Event>>,
 }
 
 impl Recorder {
     /// An empty log. `keep` hands released events on through [`Recorder::take_kept`].
-    pub(super) fn new(header: Header, keep: bool) -> Self {
+    pub(super) fn new(header: Header, truth: Option<Truth>, keep: bool) -> Self {
         let judge = Judge::new(&header);
-        Self { header, waiting: vec![], released: 0, judge, kept: keep.then(Vec::new) }
+        Self { header, waiting: vec![], released: 0, judge, truth, kept: keep.then(Vec::new) }
     }
 
     /// What the run is known by.
@@ -58,6 +62,9 @@ impl Recorder {
         let later = self.waiting.split_off(self.waiting.partition_point(|event| event.at < before));
         for event in std::mem::replace(&mut self.waiting, later) {
             self.judge.take(&event);
+            if let Some(truth) = &mut self.truth {
+                truth.take(&event);
+            }
             if let Some(kept) = &mut self.kept {
                 kept.push(event);
             }
@@ -79,13 +86,13 @@ impl Recorder {
         self.judge.findings()
     }
 
-    /// The run is over at `end` (ns): what came of it, and what was kept of the log since it was last taken. What
-    /// happened after `end`, since a board stops at its first instruction boundary after it, is not part of the run.
-    pub(super) fn finish(mut self, end: u64) -> (Verdict, Log) {
+    /// The run is over at `end` (ns): what came of it, what was kept of the log since it was last taken, and how far
+    /// Reported-Position was off at worst, m. What happened after `end`, since a board stops at its first instruction boundary after it, is not part of the run.
+    pub(super) fn finish(mut self, end: u64) -> (Verdict, Log, Option<f64>) {
         self.waiting.retain(|event| event.at <= end);
         self.note(end.max(self.released), What::End);
         self.release(u64::MAX);
         let log = Log { header: self.header, events: self.kept.unwrap_or_default() };
-        (self.judge.finish(), log)
+        (self.judge.finish(), log, self.truth.and_then(|truth| truth.worst_m()))
     }
 }

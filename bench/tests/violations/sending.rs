@@ -1,6 +1,6 @@
 //! Rows of the sending side: HORUS's ticks, commands and frames, and what its objects say.
 
-use bench::faults::{Board, Fault, Faults, FrontEndFault, ImageFault, WireFault};
+use bench::faults::{Board, Fault, Faults, FrontEndFault, ImageFault, ReceiverFault, WireFault};
 use bench_judge::Violation;
 
 use super::{BREAKS, MS, Row, US, table};
@@ -36,9 +36,28 @@ const DIVISOR: (u32, u32) = (0x4163_12D0, 0x4173_12D0);
 /// `CMP r2, #251` with which HORUS decides whether a receiver was heard within 250 ms, and `CMP r2, #1`.
 const HEARD: ([u8; 2], [u8; 2]) = ([0xFB, 0x2A], [0x01, 0x2A]);
 
-/// `ADDS r0, #64; STRH.W r0`: Reported-Position's status gets the bit *degraded* and goes into the object. And `#70`,
-/// which adds 6 receivers that agree.
-const STATUS: ([u8; 4], [u8; 4]) = ([0x40, 0x30, 0xAD, 0xF8], [0x46, 0x30, 0xAD, 0xF8]);
+/// Constants of the voter, as float32: the squares of the horizontal limits, 30 m, and of the vertical ones, 8 m and
+/// 50 m; and 1/256 of 1e-7 degrees in a radian. And what is there instead.
+const CEILING: u32 = 0x4461_0000;
+const CEILING_HEIGHT: u32 = 0x451C_4000;
+const FLOOR_HEIGHT: u32 = 0x4280_0000;
+const PARTS_PER_RAD: u32 = 0x5208_9A92;
+const TWICE_PARTS_PER_RAD: u32 = 0x5288_9A92;
+const MINUS_ONE: u32 = 0xBF80_0000;
+const TWO: u32 = 0x4000_0000;
+const MILLION_MILLIONS: u32 = 0x5368_D4A5;
+
+/// The voter has other constants.
+fn voter(constants: &[(u32, u32)]) -> Faults {
+    let constants = constants.iter().map(|(of, value)| ImageFault::Constant { of: *of, value: *value });
+    constants.fold(Faults::none(), |faults, fault| faults.with(BREAKS, u64::MAX / 2, Fault::Image(Board::Horus, fault)))
+}
+
+/// And GPS2 is so far off to the north (m), from before on: that is in its objects when the voter changes.
+fn with_offset(faults: Faults, north: i32) -> Faults {
+    let fault = ReceiverFault::Offset { north, east: 0, up: 0 };
+    faults.with(BREAKS - 200 * MS, u64::MAX / 2, Fault::Receiver(1, fault))
+}
 
 table! {
     // The wire TICK.
@@ -94,7 +113,15 @@ table! {
     a_receiver_that_counts_as_not_heard => {
         Row::new(Violation::StatusWrong, || image(replaced("cycle::gps_values", &HEARD.0, &HEARD.1), 45 * MS))
     };
-    more_receivers_that_agree_than_there_are => {
-        Row::new(Violation::ReportedWrong, || image(replaced("CAN1_RX0", &STATUS.0, &STATUS.1), 45 * MS))
+    a_vote_that_is_moved_twice_as_far => {
+        Row::new(Violation::ReportedWrong, || voter(&[(PARTS_PER_RAD, TWICE_PARTS_PER_RAD)]))
+    };
+    a_voter_to_whom_nobody_agrees => Row::new(Violation::VoteMissing, || voter(&[(CEILING, MINUS_ONE)]));
+    a_voter_that_does_not_look_at_heights => Row::new(Violation::VoteWrong, || {
+        let blind = voter(&[(FLOOR_HEIGHT, MILLION_MILLIONS), (CEILING_HEIGHT, MILLION_MILLIONS)]);
+        blind.with(BREAKS + 50 * MS, u64::MAX / 2, Fault::Receiver(1, ReceiverFault::Offset { north: 0, east: 0, up: 120 }))
+    });
+    a_voter_that_is_too_strict => {
+        Row::new(Violation::ExclusionWrong, || with_offset(voter(&[(CEILING, TWO)]), 3))
     };
 }

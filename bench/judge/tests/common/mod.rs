@@ -6,7 +6,8 @@
 
 use bench_judge::{Board, Event, Header, Log, SsiEvent, Verdict, Violation, What, bounds, judge};
 use profile::{
-    GpsStatus, GpsValues, Layout, LinkStatus, LinkStatusBits, LinkValues, Profile, ReportedValues, ResetReason, air,
+    GpsStatus, GpsValues, Layout, LinkStatus, LinkStatusBits, LinkValues, Profile, ReportedStatus, ReportedValues,
+    ResetReason, air,
 };
 
 /// The first tick of HORUS, ns.
@@ -54,7 +55,9 @@ pub(crate) fn profile(gps: usize, stamp: u32) -> Vec<u8> {
     fn of<const N: usize>(stamp: u32) -> Vec<u8> {
         // What HORUS says of receivers that have said nothing.
         let silent = GpsValues { status: GpsStatus::new().with_stale(true), ..GpsValues::absent(stamp) };
-        Profile::<N>::seal(&ReportedValues::absent(stamp), &[silent; N]).as_bytes().to_vec()
+        let status = ReportedStatus::new().with_degraded(true);
+        let reported = ReportedValues { status, ..ReportedValues::absent(stamp) };
+        Profile::<N>::seal(&reported, &[silent; N]).as_bytes().to_vec()
     }
     match gps {
         1 => of::<1>(stamp),

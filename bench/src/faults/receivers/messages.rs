@@ -4,6 +4,16 @@ use gnss_sim::ubx::{self, EsfIns, Frame, NavPvt};
 
 /// A degree of latitude is about 111.2 km: so many 10⁻⁷ degrees are a hundred metres.
 const LATITUDE_1E7_PER_100_M: i64 = 8_993;
+/// And of longitude at the latitude of the simulated flights, 47.5 degrees.
+const LONGITUDE_1E7_PER_100_M: i64 = 13_310;
+
+/// Where NAV-PVT has longitude, latitude and height: UBX-NAV-PVT in the receiver description (UBX-13003221).
+pub(super) const LONGITUDE: usize = 24;
+pub(super) const LATITUDE: usize = 28;
+pub(super) const HEIGHT: usize = 32;
+/// Where it has the accuracies, horizontal and vertical, and the velocity north.
+pub(super) const ACCURACIES: [usize; 2] = [40, 44];
+pub(super) const VELOCITY_NORTH: usize = 48;
 
 /// The time of week of the last message that has one, ms.
 pub(super) fn last_itow(bytes: &[u8]) -> Option<u32> {
@@ -13,7 +23,7 @@ pub(super) fn last_itow(bytes: &[u8]) -> Option<u32> {
 }
 
 /// `bytes` with `change` made to the payload of every whole UBX message (class, identifier, payload).
-pub(super) fn each_message(bytes: &[u8], mut change: impl FnMut(u8, u8, &mut [u8])) -> Vec<u8> {
+pub(super) fn each_message(bytes: &[u8], mut change: impl FnMut(u8, u8, &mut Vec<u8>)) -> Vec<u8> {
     let mut changed = Vec::with_capacity(bytes.len());
     let mut rest = bytes;
     while let Some((&first, after)) = rest.split_first() {
@@ -79,15 +89,48 @@ pub(super) fn without_fix(class: u8, id: u8, payload: &mut [u8], started: bool) 
     payload[78] |= NavPvt::FLAG3_INVALID_LLH;
 }
 
-/// A NAV-PVT message has its latitude so far too far north.
-pub(super) fn move_north(class: u8, id: u8, payload: &mut [u8], metres: u32) {
-    const LATITUDE: std::ops::Range<usize> = 28..32;
+/// Whether it is a NAV-PVT message.
+fn is_position(class: u8, id: u8, payload: &[u8]) -> bool {
+    (class, id) == (ubx::CLASS_NAV, NavPvt::ID) && payload.len() >= NavPvt::PAYLOAD
+}
+
+/// A NAV-PVT message has its position so many millimetres too far north, east and up. North ends at the pole.
+pub(super) fn move_by(class: u8, id: u8, payload: &mut [u8], [north, east, up]: [i64; 3]) {
     const POLE_1E7: i64 = 900_000_000;
-    if (class, id) != (ubx::CLASS_NAV, NavPvt::ID) {
+    if !is_position(class, id, payload) {
         return;
     }
-    let Some(field) = payload.get_mut(LATITUDE) else { return };
-    let latitude = i64::from(i32::from_le_bytes([field[0], field[1], field[2], field[3]]));
-    let moved = (latitude + i64::from(metres) * LATITUDE_1E7_PER_100_M / 100).clamp(-POLE_1E7, POLE_1E7);
-    field.copy_from_slice(&i32::try_from(moved).unwrap_or(i32::MAX).to_le_bytes());
+    let mut add = |at: usize, by: i64, limit: i64| {
+        let moved = (i64::from(signed(payload, at)) + by).clamp(-limit, limit);
+        set(payload, at, i32::try_from(moved).unwrap_or(i32::MAX).cast_unsigned());
+    };
+    add(LATITUDE, north * LATITUDE_1E7_PER_100_M / 100_000, POLE_1E7);
+    add(LONGITUDE, east * LONGITUDE_1E7_PER_100_M / 100_000, 2 * POLE_1E7);
+    add(HEIGHT, up, i32::MAX.into());
+}
+
+/// Longitude, latitude and height of the last NAV-PVT message, as they are on the wire.
+pub(super) fn last_position(bytes: &[u8]) -> Option<[i32; 3]> {
+    let mut last = None;
+    each_message(bytes, |class, id, payload| {
+        if is_position(class, id, payload) {
+            last = Some([LONGITUDE, LATITUDE, HEIGHT].map(|at| signed(payload, at)));
+        }
+    });
+    last
+}
+
+/// Fields of a NAV-PVT message (where, what) have these values.
+pub(super) fn set_fields(class: u8, id: u8, payload: &mut [u8], fields: &[(usize, u32)]) {
+    if is_position(class, id, payload) {
+        fields.iter().for_each(|(at, value)| set(payload, *at, *value));
+    }
+}
+
+fn signed(payload: &[u8], at: usize) -> i32 {
+    i32::from_le_bytes([payload[at], payload[at + 1], payload[at + 2], payload[at + 3]])
+}
+
+fn set(payload: &mut [u8], at: usize, value: u32) {
+    payload[at..at + 4].copy_from_slice(&value.to_le_bytes());
 }

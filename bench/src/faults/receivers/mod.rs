@@ -8,6 +8,8 @@
 //! | `Silent` | nothing |
 //! | `Babbles`, `Beginnings`, `Unasked` | bytes without a pause, and nothing of what the receiver has to say |
 //! | `Frozen`, `Jumps`, `NoFix`, `BadChecksums` | the receiver's messages, with other contents |
+//! | `Offset`, `Drifts`, `FrozenPosition`, `Understates`, `Absurd` | NAV-PVT with another position, accuracy or velocity |
+//! | `TimeJumps`, `OtherLength` | the receiver's messages of another time, or of another length |
 //! | `Restarts` | nothing, then messages of a receiver that knows neither time nor place |
 //! | `LateBursts` | the receiver's messages, later |
 //! | `WrongBaud`, `Noise`, `FramingErrors` | the receiver's messages, damaged frame by frame |
@@ -24,7 +26,9 @@ use gnss_sim::ubx;
 use horus_tx_fw::timing::GNSS_BAUD;
 
 use super::Rng;
-use messages::{each_message, last_itow, move_north, set_itow, with_bad_checksums, without_fix};
+use messages::{
+    each_message, last_itow, last_position, move_by, set_fields, set_itow, with_bad_checksums, without_fix,
+};
 
 /// A fault of one receiver, or of its line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -55,6 +59,30 @@ pub enum ReceiverFault {
         /// How far.
         metres: u32,
     },
+    /// Its position is this far off, m.
+    Offset {
+        /// Too far north.
+        north: i32,
+        /// Too far east.
+        east: i32,
+        /// Too high.
+        up: i32,
+    },
+    /// Its position moves away to the north at this speed, mm/s, and its velocity says nothing of it: a slow spoofing.
+    Drifts {
+        /// How fast.
+        mm_s: u32,
+    },
+    /// Its position stays where it was, and its time and its velocity go on.
+    FrozenPosition,
+    /// It states an accuracy of [`UNDERSTATED_MM`], whatever it has.
+    Understates,
+    /// A field of its NAV-PVT messages has a value that it cannot have.
+    Absurd(Absurd),
+    /// Its time of week is so much ahead, ms, or behind.
+    TimeJumps(i32),
+    /// The payloads of its messages are so many bytes longer, or shorter.
+    OtherLength(i8),
     /// Has no fix: its position is marked invalid.
     NoFix,
     /// Every burst comes so much later, ns.
@@ -62,6 +90,55 @@ pub enum ReceiverFault {
     /// The checksum of every message is wrong.
     BadChecksums,
 }
+
+/// A field that has a value which it cannot have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Absurd {
+    /// 91 degrees north.
+    Latitude,
+    /// 181 degrees east.
+    Longitude,
+    /// 2147 km above the ellipsoid.
+    Height,
+    /// 2147 km/s to the south.
+    Speed,
+    /// No accuracy: 0.
+    NoAccuracy,
+    /// The greatest accuracy there is, 4295 km.
+    HugeAccuracy,
+}
+
+impl Absurd {
+    /// All of them.
+    pub const ALL: [Self; 6] =
+        [Self::Latitude, Self::Longitude, Self::Height, Self::Speed, Self::NoAccuracy, Self::HugeAccuracy];
+
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Latitude => "latitude beyond the pole",
+            Self::Longitude => "longitude beyond 180 degrees",
+            Self::Height => "height beyond the atmosphere",
+            Self::Speed => "speed beyond any",
+            Self::NoAccuracy => "accuracy of 0",
+            Self::HugeAccuracy => "accuracy beyond any",
+        }
+    }
+
+    /// Which bytes of NAV-PVT have which values.
+    fn fields(self) -> Vec<(usize, u32)> {
+        match self {
+            Self::Latitude => vec![(messages::LATITUDE, 910_000_000)],
+            Self::Longitude => vec![(messages::LONGITUDE, 1_810_000_000)],
+            Self::Height => vec![(messages::HEIGHT, i32::MAX.cast_unsigned())],
+            Self::Speed => vec![(messages::VELOCITY_NORTH, i32::MIN.cast_unsigned())],
+            Self::NoAccuracy => messages::ACCURACIES.map(|at| (at, 0)).into(),
+            Self::HugeAccuracy => messages::ACCURACIES.map(|at| (at, u32::MAX)).into(),
+        }
+    }
+}
+
+/// The accuracy that [`ReceiverFault::Understates`] states, mm.
+pub const UNDERSTATED_MM: u32 = 10;
 
 /// [`ReceiverFault::Noise`] inverts one bit in so many: about one NAV-PVT message in six arrives whole.
 pub const NOISE_ONE_IN: u64 = 500;
@@ -97,6 +174,16 @@ impl ReceiverFault {
             Self::FramingErrors => "line with framing errors",
             Self::Restarts => "restarts",
             Self::Jumps { .. } => "jumps",
+            Self::Offset { north: 0, east: 0, .. } => "is off in height",
+            Self::Offset { .. } => "is off",
+            Self::Drifts { .. } => "drifts away",
+            Self::FrozenPosition => "repeats a position",
+            Self::Understates => "understates its accuracy",
+            Self::Absurd(field) => field.name(),
+            Self::TimeJumps(0..) => "is ahead of its time of week",
+            Self::TimeJumps(_) => "is behind its time of week",
+            Self::OtherLength(0..) => "sends messages that are too long",
+            Self::OtherLength(_) => "sends messages that are too short",
             Self::NoFix => "without a fix",
             Self::LateBursts(_) => "sends late",
             Self::BadChecksums => "sends wrong checksums",
@@ -156,6 +243,8 @@ struct Line {
     faults: Vec<Active>,
     /// The time of week of the receiver's last burst without a fault, ms.
     last_itow: Option<u32>,
+    /// Longitude, latitude and height of its last burst without a fault, as they are on the wire.
+    last_position: Option<[i32; 3]>,
     /// What comes later than it was sent, in order.
     waiting: VecDeque<OnLine>,
 }
@@ -214,6 +303,7 @@ impl LineFaults {
         let line = self.line(receiver);
         let Some(active) = line.faults.last().copied() else {
             line.last_itow = last_itow(bytes).or(line.last_itow);
+            line.last_position = last_position(bytes).or(line.last_position);
             let on_line = OnLine::clean(at, receiver, bytes);
             return self.in_order(on_line);
         };
@@ -239,8 +329,43 @@ impl LineFaults {
                 })
             }
             ReceiverFault::Jumps { metres } => {
-                each_message(bytes, |class, id, payload| move_north(class, id, payload, metres))
+                each_message(bytes, |class, id, payload| move_by(class, id, payload, [i64::from(metres) * 1_000, 0, 0]))
             }
+            ReceiverFault::Offset { north, east, up } => {
+                let by = [north, east, up].map(|metres| i64::from(metres) * 1_000);
+                each_message(bytes, |class, id, payload| move_by(class, id, payload, by))
+            }
+            ReceiverFault::Drifts { mm_s } => {
+                let ms = i64::try_from(at.saturating_sub(active.at) / 1_000_000).unwrap_or(i64::MAX);
+                let north = (ms / 10).saturating_mul(mm_s.into()) / 100;
+                each_message(bytes, |class, id, payload| move_by(class, id, payload, [north, 0, 0]))
+            }
+            ReceiverFault::FrozenPosition => {
+                let Some(frozen) = line.last_position.or(last_position(bytes)) else {
+                    let on_line = OnLine::clean(at, receiver, bytes);
+                    return self.in_order(on_line);
+                };
+                line.last_position = Some(frozen);
+                let [longitude, latitude, height] = frozen.map(i32::cast_unsigned);
+                let fields =
+                    [(messages::LONGITUDE, longitude), (messages::LATITUDE, latitude), (messages::HEIGHT, height)];
+                each_message(bytes, |class, id, payload| set_fields(class, id, payload, &fields))
+            }
+            ReceiverFault::Understates => {
+                let fields = messages::ACCURACIES.map(|at| (at, UNDERSTATED_MM));
+                each_message(bytes, |class, id, payload| set_fields(class, id, payload, &fields))
+            }
+            ReceiverFault::Absurd(field) => {
+                each_message(bytes, |class, id, payload| set_fields(class, id, payload, &field.fields()))
+            }
+            ReceiverFault::TimeJumps(ms) => {
+                let itow = i64::from(last_itow(bytes).unwrap_or(0)) + i64::from(ms);
+                let itow = u32::try_from(itow.rem_euclid(ubx::WEEK_MS.into())).unwrap_or(0);
+                each_message(bytes, |class, id, payload| set_itow(class, id, payload, itow))
+            }
+            ReceiverFault::OtherLength(more) => each_message(bytes, |_, _, payload| {
+                payload.resize(payload.len().saturating_add_signed(more.into()), 0);
+            }),
             ReceiverFault::NoFix => each_message(bytes, |class, id, payload| without_fix(class, id, payload, false)),
             ReceiverFault::BadChecksums => with_bad_checksums(bytes),
             ReceiverFault::LateBursts(ns) => {

@@ -163,6 +163,95 @@ fn a_jump_past_the_pole_ends_at_the_pole() {
     assert_eq!(word(&moved[0], 28), 900_000_000);
 }
 
+/// What differs of the NAV-PVT message of a burst, and nothing else does: the words at these places.
+fn differs(fault: ReceiverFault, at: u64, places: &[usize]) -> Vec<i32> {
+    let mut faults = with(fault);
+    let (changed, was) = (payloads(&bytes(&faults.burst(at, 0, &burst(100)))), payloads(&burst(100)));
+    assert_eq!(changed[1..], was[1..], "{fault:?}");
+    let mut restored = changed[0].clone();
+    for place in places {
+        restored[*place..place + 4].copy_from_slice(&was[0][*place..place + 4]);
+    }
+    assert_eq!(restored, was[0], "{fault:?}");
+    places.iter().map(|place| word(&changed[0], *place).cast_signed()).collect()
+}
+
+#[test]
+fn a_receiver_that_is_off_is_so_in_all_three_directions() {
+    let off = |north, east, up| differs(ReceiverFault::Offset { north, east, up }, MS, &[28, 24, 32]);
+    assert_eq!(off(40, -30, 0), [475_003_597, -3_993, 0]);
+    assert_eq!(off(0, 0, 120), [475_000_000, 0, 120_000]);
+    assert_eq!(off(0, 0, -120), [475_000_000, 0, -120_000]);
+}
+
+#[test]
+fn a_receiver_that_drifts_is_farther_off_from_burst_to_burst() {
+    let north = |at| differs(ReceiverFault::Drifts { mm_s: 20_000 }, at, &[28])[0] - 475_000_000;
+    assert_eq!(north(0), 0);
+    // 20 m in a second.
+    assert_eq!(north(100 * MS), 179);
+    assert_eq!(north(1_000 * MS), 1_798);
+    assert_eq!(north(3_000 * MS), 5_395);
+}
+
+#[test]
+fn a_frozen_position_repeats_the_last_one_and_the_time_goes_on() {
+    let mut faults = LineFaults::new(1);
+    faults.burst(0, 0, &burst(100));
+    faults.begin(MS, 900 * MS, 0, ReceiverFault::FrozenPosition);
+    let moved = each_message(&burst(200), |class, id, payload| move_by(class, id, payload, [7_000, 8_000, 9_000]));
+    let frozen = bytes(&faults.burst(2 * MS, 0, &moved));
+    assert_eq!(frozen, burst(200));
+    assert_eq!(itows(&frozen), [200; 3]);
+    faults.end(0, ReceiverFault::FrozenPosition);
+    assert_eq!(bytes(&faults.burst(3 * MS, 0, &moved)), moved);
+}
+
+#[test]
+fn a_position_that_freezes_before_the_first_message_is_that_of_the_first() {
+    let mut faults = with(ReceiverFault::FrozenPosition);
+    let moved = each_message(&burst(200), |class, id, payload| move_by(class, id, payload, [7_000, 8_000, 9_000]));
+    assert_eq!(bytes(&faults.burst(MS, 0, &burst(100))), burst(100));
+    assert_eq!(bytes(&faults.burst(2 * MS, 0, &moved)), burst(200));
+    let mut faults = with(ReceiverFault::FrozenPosition);
+    assert_eq!(bytes(&faults.burst(MS, 0, b"$GPGGA")), b"$GPGGA");
+}
+
+#[test]
+fn an_understated_accuracy_is_one_centimetre() {
+    assert_eq!(differs(ReceiverFault::Understates, MS, &[40, 44]), [10, 10]);
+}
+
+#[test]
+fn absurd_fields_have_values_that_they_cannot_have() {
+    let absurd = |field, places: &[usize]| differs(ReceiverFault::Absurd(field), MS, places);
+    assert_eq!(absurd(Absurd::Latitude, &[28]), [910_000_000]);
+    assert_eq!(absurd(Absurd::Longitude, &[24]), [1_810_000_000]);
+    assert_eq!(absurd(Absurd::Height, &[32]), [i32::MAX]);
+    assert_eq!(absurd(Absurd::Speed, &[48]), [i32::MIN]);
+    assert_eq!(absurd(Absurd::NoAccuracy, &[40, 44]), [0, 0]);
+    assert_eq!(absurd(Absurd::HugeAccuracy, &[40, 44]), [-1, -1]);
+}
+
+#[test]
+fn a_time_of_week_that_jumps_is_ahead_or_behind_in_every_message() {
+    let jumped = |ms| itows(&bytes(&with(ReceiverFault::TimeJumps(ms)).burst(MS, 0, &burst(100))));
+    assert_eq!(jumped(5_000), [5_100; 3]);
+    assert_eq!(jumped(-40), [60; 3]);
+    assert_eq!(jumped(-5_000), [ubx::WEEK_MS - 4_900; 3], "the week before");
+}
+
+#[test]
+fn messages_of_another_length_are_whole_and_longer_or_shorter() {
+    let was: Vec<usize> = payloads(&burst(100)).iter().map(Vec::len).collect();
+    for more in [4, -8] {
+        let sent = payloads(&bytes(&with(ReceiverFault::OtherLength(more)).burst(MS, 0, &burst(100))));
+        let lengths: Vec<isize> =
+            sent.iter().zip(&was).map(|(sent, was)| sent.len() as isize - *was as isize).collect();
+        assert_eq!(lengths, [isize::from(more); 3]);
+    }
+}
+
 #[test]
 fn without_a_fix_the_position_is_marked_invalid_and_the_time_goes_on() {
     let mut faults = with(ReceiverFault::NoFix);

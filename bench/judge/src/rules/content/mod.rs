@@ -12,34 +12,35 @@
 //!
 //! # What is not judged
 //!
-//! - The bits *excluded* and *degraded*: there is no voter yet.
 //! - An object whose timestamp does not follow from the one of the cycle before: `cycle` tells that.
 //! - Ages for two seconds after a tick that was missing or irregular, or a timestamp that jumped: HORUS counts its time
 //!   in ticks.
-//! - Reported-Position in a cycle of which a GPS object was blamed, or is missing.
+//! - Reported-Position in a cycle of which a GPS object was blamed, or is missing, and in the one after it. Else
+//!   [`vote`] says what it and the bits *excluded* must be.
 //!
 //! One object is told at most once for its values and once for its status. If both disagree with every message, it is
 //! the status if the values are those of a message that the status calls valid, or none where it calls none valid; else
 //! the content.
 
-mod reported;
 #[cfg(test)]
 mod tests;
 mod track;
 mod ubx;
+mod vote;
 
 use std::collections::VecDeque;
 
 use profile::{CYCLE_MS, GpsStatus, GpsValues, Layout, MAX_RECEIVERS, ReportedValues};
 
 use crate::read::{Frame, Placed, State, Values};
-use crate::{Board, Context, Event, Figures, Findings, Header, Violation, What, bounds};
+use crate::{Board, Context, Event, Figures, Findings, Header, Violation, Voter, What, bounds};
 use track::{Age, FOUND_LATE, Track};
-use ubx::{Kind, Message, Reader};
+use ubx::{Kind, Message, Motion, Reader};
+use vote::{Seen, Vote};
 
 /// The status bit that says that the receiver was heard.
 const HEARD: u16 = 1 << 7;
-/// The voter's bit, which is not judged.
+/// The voter's bit, which [`vote`] judges.
 const EXCLUDED: u16 = 1 << 9;
 /// For so long after an irregular tick nothing is known of ages, ns: the longest that a solution stays valid, and more.
 const UNTIMED: u64 = 2_000_000_000;
@@ -100,6 +101,17 @@ impl Line {
         self.may_have_heard = None;
     }
 
+    /// Whether two messages of a kind may have come between one cycle's objects and the next one's.
+    fn hurried(&self, tick: u64) -> bool {
+        let by = tick + bounds::SAMPLED_AFTER_TICK;
+        let newest = |kind: Kind| {
+            let of_kind = |message: &&Message| message.said.is_some_and(|(its, ..)| its == kind);
+            self.arriving.iter().filter(of_kind).filter(|message| message.arrived <= by).count()
+                + usize::from(self.tracks[kind as usize].newest() + 3 * bounds::CYCLE > tick)
+        };
+        Kind::ALL.into_iter().any(|kind| newest(kind) > 1)
+    }
+
     /// What had arrived by `by` HORUS has taken, or missed for good. Its lines are up since before `first_tick`.
     fn settle(&mut self, by: u64, first_tick: Option<u64>) {
         while let Some(message) = self.arriving.pop_front_if(|message| message.arrived <= by) {
@@ -114,6 +126,17 @@ impl Line {
                 track.doubted(time_of_week, said, arrived);
             }
         }
+    }
+
+    /// The messages by which HORUS may have come to the position of a GPS object of `tick`.
+    fn held(&self, tick: u64, values: &GpsValues) -> Vec<(Motion, Age)> {
+        let mut track = self.tracks[Kind::Position as usize].clone();
+        for message in self.arriving.iter().take_while(|message| message.arrived <= tick + bounds::SAMPLED_AFTER_TICK) {
+            if let Some((Kind::Position, time_of_week, said)) = message.said {
+                track.arriving(time_of_week, said, message.arrived);
+            }
+        }
+        track.held(tick, numbers(Kind::Position, values)).collect()
     }
 
     /// What is wrong with a GPS object of `tick`.
@@ -192,8 +215,9 @@ struct Ticks {
 #[derive(Clone, Debug, Default)]
 struct Sent {
     tick: u64,
-    reported: Option<ReportedValues>,
-    gps: [Option<GpsValues>; MAX_RECEIVERS],
+    /// With the bits of its status, those without a meaning included.
+    reported: Option<(ReportedValues, u16)>,
+    gps: [Option<Seen>; MAX_RECEIVERS],
     /// A GPS object was wrong.
     blamed: bool,
     /// The timestamps do not follow from those of the cycle before.
@@ -207,6 +231,8 @@ pub struct Content {
     lines: Vec<Line>,
     ticks: Ticks,
     sent: Sent,
+    vote: Vote,
+    voter: Voter,
 }
 
 impl Content {
@@ -222,6 +248,8 @@ impl Content {
             lines: vec![Line::new(); header.gps],
             ticks: Ticks::default(),
             sent: Sent::default(),
+            vote: Vote::new(header.gps),
+            voter: Voter { agree: (0..=header.gps as u64).map(|agree| (agree, 0)).collect(), ..Voter::default() },
         }
     }
 
@@ -232,6 +260,8 @@ impl Content {
             What::Power { board: Board::Horus, .. } | What::Reset { board: Board::Horus, .. } => {
                 self.ticks = Ticks { since: at, ..Ticks::default() };
                 self.lines.iter_mut().for_each(|line| line.forget(at));
+                self.vote.forget();
+                (0..self.lines.len()).for_each(|receiver| self.voter.excluded(receiver, at, false, None));
             }
             What::Tick => {
                 let ticks = &mut self.ticks;
@@ -271,7 +301,7 @@ impl Content {
         if self.sent.tick != tick {
             self.sent = Sent { tick, ..Sent::default() };
         }
-        let Self { lines, ticks, sent, layout } = self;
+        let Self { lines, ticks, sent, layout, vote, voter } = self;
         let stamp = (number * u64::from(CYCLE_MS)) as u32;
         let gps = || frame.objects.iter().filter(|object| object.index > 0);
         let mut ahead = gps().filter_map(Placed::timestamp).map(|timestamp| timestamp.wrapping_sub(stamp));
@@ -285,11 +315,16 @@ impl Content {
         }
         for object in &frame.objects {
             match &object.state {
-                State::Valid { values: Values::Reported(values), .. } => sent.reported = Some(*values),
+                State::Valid { values: Values::Reported(values), .. } => {
+                    voter.reported(values.status);
+                    sent.reported = Some((*values, u16::from_le_bytes([object.bytes[6], object.bytes[7]])));
+                }
                 State::Valid { values: Values::Gps(values), .. } => {
                     let Some(line) = lines.get_mut(object.index - 1) else { continue };
-                    sent.gps[object.index - 1] = Some(*values);
                     line.settle(tick.saturating_sub(bounds::MESSAGE_TAKEN), first);
+                    let held = if tick >= untimed { line.held(tick, values) } else { vec![] };
+                    let hurried = line.hurried(tick);
+                    sent.gps[object.index - 1] = Some(Seen { values: *values, held, hurried });
                     let status = u16::from_le_bytes([object.bytes[6], object.bytes[7]]) & !EXCLUDED;
                     let (content, wrong_status) = line.faults(tick, tick >= untimed, status, values);
                     let words = |what: &str| format!("GPS{} at {:.6} ms: {what}", object.index, at as f64 / 1e6);
@@ -306,20 +341,27 @@ impl Content {
             }
         }
         let complete = sent.gps.iter().flatten().count() == layout.receivers();
-        let Some(reported) = sent.reported.filter(|_| complete && !sent.blamed) else { return };
+        let Some((reported, bits)) = sent.reported.filter(|_| complete && !sent.blamed) else { return };
         let stamp = stamp.wrapping_add(ticks.ahead);
-        let fault = if reported.timestamp == stamp {
-            reported::fault(&reported, sent.gps.iter().flatten())
+        let seen: Vec<Seen> = sent.gps.iter().flatten().cloned().collect();
+        let judged = vote.cycle(tick, number, bits, &reported, &seen);
+        for (receiver, (seen, away)) in seen.iter().zip(judged.away).enumerate() {
+            voter.excluded(receiver, tick, seen.values.status.excluded(), away);
+        }
+        let wrong = if reported.timestamp == stamp {
+            judged.wrong
         } else {
-            Some(format!("it is stamped {} ms, the GPS objects {stamp} ms", reported.timestamp))
+            let what = format!("it is stamped {} ms, the GPS objects {stamp} ms", reported.timestamp);
+            Some((Violation::ReportedWrong, what))
         };
-        if let Some(what) = fault {
-            findings.add(Violation::ReportedWrong, at, || format!("{what}, at {:.6} ms", at as f64 / 1e6));
+        if let Some((violation, what)) = wrong {
+            findings.add(violation, at, || format!("{what}, at {:.6} ms", at as f64 / 1e6));
         }
     }
 
     /// The run is over.
     pub fn finish(&mut self, context: &Context, _findings: &mut Findings, figures: &mut Figures) {
+        figures.voter = self.voter.clone();
         figures.last_solution_ns = self
             .lines
             .iter_mut()

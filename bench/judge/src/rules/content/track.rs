@@ -2,7 +2,7 @@
 
 use gnss_sim::ubx::WEEK_MS;
 
-use super::ubx::{Kind, STALE, Said};
+use super::ubx::{Kind, Motion, STALE, Said};
 use crate::bounds;
 
 /// So many longer steps of the time of week in a row make a period longer: HORUS then takes the shortest of them.
@@ -89,6 +89,8 @@ struct Candidate {
     time_of_week: u32,
     /// Between these instants it began to be new, ns: what repeats a time of week is as old as the first with that.
     born: (u64, u64),
+    /// Between these instants it had arrived itself, ns.
+    arrived: (u64, u64),
 }
 
 /// How old something can be by HORUS's clock, ns.
@@ -105,6 +107,11 @@ impl Age {
         let (least, most) = (tick.saturating_sub(born.1 + bounds::MESSAGE_TAKEN), tick.saturating_sub(born.0));
         let off = |age: u64| age / (bounds::CYCLE / bounds::TICK_TOLERANCE) + 1_000_000;
         Self { least: least.saturating_sub(off(least)), most: most + off(most) }
+    }
+
+    /// The age so much later, ns.
+    pub(super) fn later(self, by: u64) -> Self {
+        Self { least: self.least + by, most: self.most + by }
     }
 
     /// Whether it may be within a limit that is itself from `least` to `most`, and whether it may be beyond it.
@@ -152,7 +159,7 @@ impl Track {
     pub(super) fn taken(&mut self, time_of_week: u32, said: Said, arrived: u64) {
         let born = self.born(time_of_week, (arrived, arrived));
         self.candidates.clear();
-        self.candidates.push(Candidate { said, time_of_week, born });
+        self.candidates.push(Candidate { said, time_of_week, born, arrived: (arrived, arrived) });
         self.none = false;
         self.pace.taken(time_of_week);
     }
@@ -173,13 +180,14 @@ impl Track {
         let same = |candidate: &&mut Candidate| candidate.said == said && candidate.time_of_week == time_of_week;
         if let Some(same) = self.candidates.iter_mut().find(same) {
             same.born = (same.born.0.min(born.0), same.born.1.max(born.1));
+            same.arrived = (same.arrived.0.min(arrived.0), same.arrived.1.max(arrived.1));
             return;
         }
         if self.candidates.len() == MOST_CANDIDATES {
             self.candidates.remove(0);
             self.none = true;
         }
-        self.candidates.push(Candidate { said, time_of_week, born });
+        self.candidates.push(Candidate { said, time_of_week, born, arrived });
     }
 
     /// Since when a message is new that arrived between the two instants of `arrived`.
@@ -190,6 +198,20 @@ impl Track {
             .chain(others.then_some(arrived))
             .reduce(|one, other| (one.0.min(other.0), one.1.max(other.1)))
             .unwrap_or(arrived)
+    }
+
+    /// When the newest message may have arrived that HORUS may have taken, ns; 0 for none.
+    pub(super) fn newest(&self) -> u64 {
+        self.candidates.iter().map(|candidate| candidate.arrived.1).max().unwrap_or(0)
+    }
+
+    /// How the position that a GPS object of `tick` shows may move, and how old it may be: of each message that shows
+    /// these values. HORUS may count the age of a message that repeats a time of week from either.
+    pub(super) fn held(&self, tick: u64, values: [u64; 3]) -> impl Iterator<Item = (Motion, Age)> {
+        let shows = move |candidate: &&Candidate| candidate.said.motion.is_some() && candidate.said.values == values;
+        self.candidates.iter().filter(shows).filter_map(move |Candidate { said, born, arrived, .. }| {
+            Some((said.motion?, Age::at(tick, (born.0.min(arrived.0), born.1.max(arrived.1)))))
+        })
     }
 
     /// Holds the values and the status of a GPS object of `tick` against what they may be. Unless HORUS's ticks were

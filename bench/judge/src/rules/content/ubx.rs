@@ -1,6 +1,7 @@
 //! Finds what a receiver said in the bytes of its line.
 //!
-//! Written from the u-blox 8 / M8 receiver description (UBX-13003221), chapter UBX Protocol, and design section 2.
+//! Written from the u-blox 8 / M8 receiver description (UBX-13003221), chapter UBX Protocol, from design
+//! section 2, and from decision 15, which says what a receiver must state for its position to be valid.
 
 use std::f64::consts::PI;
 
@@ -21,6 +22,33 @@ pub(super) struct Said {
     pub(super) values: [u64; 3],
     /// The numbers as the message has them, valid or not.
     pub(super) raw: [u64; 3],
+    /// Of a valid position: how it moves, and how good it is.
+    pub(super) motion: Option<Motion>,
+}
+
+/// What a NAV-PVT message with a valid position says beside the position.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Motion {
+    /// North, east, down, mm/s.
+    pub(super) velocity: [i32; 3],
+    /// The accuracies that it states, horizontal and vertical, mm.
+    pub(super) accuracy: [u32; 2],
+}
+
+impl Motion {
+    /// Whether HORUS may use a position that moves so and is so good: up to 200 m/s, and an accuracy that is stated, of
+    /// at most 30 m horizontally and, unless it is a 2D fix, 50 m vertically (decision 15).
+    fn is_credible(self, fix: u8) -> bool {
+        let squares: i64 = self.velocity.iter().map(|axis| i64::from(*axis).pow(2)).sum();
+        let limits = bounds::WORST_ACCURACY_MM;
+        squares <= i64::from(bounds::FASTEST_MM_S).pow(2)
+            && self
+                .accuracy
+                .iter()
+                .zip(limits)
+                .take(if fix == 2 { 1 } else { 2 })
+                .all(|(stated, limit)| (1..=limit).contains(stated))
+    }
 }
 
 /// Which kind of message.
@@ -204,17 +232,22 @@ fn said(message: &[u8]) -> Option<(Kind, u32, Said)> {
                 fix @ 0..=5 => fix,
                 _ => 0,
             };
+            let motion =
+                Motion { velocity: [signed(48), signed(52), signed(56)], accuracy: [unsigned(40), unsigned(44)] };
             let valid = payload[21] & NavPvt::FLAG_FIX_OK != 0
                 && payload[78] & NavPvt::FLAG3_INVALID_LLH == 0
                 && matches!(fix, 2..=4)
                 && latitude.unsigned_abs() <= 900_000_000
-                && longitude.unsigned_abs() <= 1_800_000_000;
+                && longitude.unsigned_abs() <= 1_800_000_000
+                // A 2D fix has no altitude.
+                && (fix == 2 || bounds::ALTITUDE_MM.contains(&height))
+                && motion.is_credible(fix);
             // The float64 nearest to the decimal number: one division of two exact ones.
             let altitude = if fix == 2 { ABSENT_F64 } else { f64::from(height) / 1e3 };
             let raw = [f64::from(latitude) / 1e7, f64::from(longitude) / 1e7, altitude].map(f64::to_bits);
             let values = if valid { raw } else { [ABSENT_F64.to_bits(); 3] };
             let status = u16::from(fix) | u16::from(valid) << 4;
-            Some((Kind::Position, unsigned(0), Said { status, values, raw }))
+            Some((Kind::Position, unsigned(0), Said { status, values, raw, motion: valid.then_some(motion) }))
         }
         (CLASS_NAV, NavAtt::ID, NavAtt::PAYLOAD) => {
             // An accuracy of 0 says that the angle is not known.
@@ -240,12 +273,12 @@ impl Said {
     /// Nothing.
     pub(super) const fn nothing(kind: Kind) -> Self {
         let absent = [kind.absent(); 3];
-        Self { status: 0, values: absent, raw: absent }
+        Self { status: 0, values: absent, raw: absent, motion: None }
     }
 
     fn of_f32(values: [f32; 3], kind: Kind) -> Self {
         let status = if values.iter().any(|value| value.is_nan()) { 0 } else { kind.valid() };
         let raw = values.map(|value| u64::from(value.to_bits()));
-        Self { status, values: raw, raw }
+        Self { status, values: raw, raw, motion: None }
     }
 }

@@ -2,12 +2,12 @@
 
 mod doubt;
 mod reader;
-mod reported;
 mod status;
 mod values;
+mod vote;
 
 use gnss_sim::ubx::{EsfIns, NavAtt, NavPvt};
-use profile::{ABSENT_F32, ABSENT_F64, FixType, GpsStatus, GpsValues, ReportedStatus, ReportedValues};
+use profile::{ABSENT_F32, ABSENT_F64, FixType, GpsStatus, GpsValues, HorusState, ReportedPosition, ReportedValues};
 
 use super::*;
 use crate::testing::{BYTE_NS, Events, FIRST_TICK, MS, found, header, silent_gps};
@@ -37,6 +37,8 @@ impl Burst {
                 latitude_1e7: 474_979_123 + step,
                 longitude_1e7: 87_296_456 - step,
                 height_mm: 493_217 + step,
+                horizontal_accuracy_mm: 4_000,
+                vertical_accuracy_mm: 6_000,
                 ..NavPvt::default()
             }),
             att: Some(NavAtt {
@@ -91,6 +93,8 @@ struct Scene {
     cycles: u64,
 }
 
+/// A receiver's numbers are ahead of those of the one before by so many: 2.2 m north and 1.5 m west of it.
+const APART: u32 = 200;
 /// The receivers' first burst; every 100 ms comes another.
 const FIRST_BURST: u64 = 45 * MS;
 /// Ticks that are far from the arrival of a message, and by which the period is known.
@@ -102,11 +106,14 @@ impl Scene {
     }
 
     fn with_period(gps: usize, period_ms: u32) -> Self {
-        let cycles = 120;
+        Self::of_cycles(gps, period_ms, 120)
+    }
+
+    fn of_cycles(gps: usize, period_ms: u32, cycles: u64) -> Self {
         let count = (cycles * u64::from(CYCLE_MS) / u64::from(period_ms)) as u32;
         let receiver = |receiver: u32| {
             let at = |number: u32| FIRST_BURST + u64::from(number * period_ms) * MS;
-            (0..count).map(|number| Burst::new(at(number), number + 1_000 * receiver, period_ms)).collect()
+            (0..count).map(|number| Burst::new(at(number), number + APART * receiver, period_ms)).collect()
         };
         Self { receivers: (0..gps as u32).map(receiver).collect(), period_ms, cycles }
     }
@@ -124,15 +131,26 @@ impl Scene {
         GpsValues { status, ..values }
     }
 
-    /// The run, of which `change` may change what is said in a cycle (from 1).
+    /// The run, of which `change` may change what is said in a cycle (from 1). Where it leaves Reported-Position as it is,
+    /// that is the vote over the objects as they are then. HORUS monitors from its first result on.
     fn events(&self, mut change: impl FnMut(u64, &mut ReportedValues, &mut [GpsValues])) -> Events {
         let gps = self.receivers.len();
         let mut events = Events::new(gps);
+        let bytes = |reported: &ReportedValues| ReportedPosition::seal(reported).as_bytes().to_vec();
+        let mut located = false;
         for number in 1..=self.cycles {
             let (tick, timestamp) = (tick(number), number as u32 * CYCLE_MS);
             let mut values: Vec<_> = (0..gps).map(|receiver| self.shown(receiver, tick, timestamp)).collect();
-            let mut reported = reported(&values[0]);
+            let untouched = voted(&values);
+            let mut reported = untouched;
             change(number, &mut reported, &mut values);
+            if bytes(&reported) == bytes(&untouched) {
+                reported = voted(&values);
+            }
+            located |= reported.status.position_valid();
+            if located && reported.status.state() == Some(HorusState::Starting) {
+                reported.status = reported.status.with_state(HorusState::Monitoring);
+            }
             events.cycle_of(tick, &reported, &values);
         }
         for (receiver, bursts) in self.receivers.iter().enumerate() {
@@ -171,12 +189,49 @@ fn cycle_after(burst: &Burst, age: u64) -> u64 {
     (burst.arrived() + age - FIRST_TICK).div_ceil(bounds::CYCLE) + 1
 }
 
-/// GPS1 as Reported-Position.
+/// The vote of a single receiver.
 fn reported(gps: &GpsValues) -> ReportedValues {
-    let GpsValues { timestamp, latitude, longitude, altitude, pitch, yaw, roll, acceleration, .. } = *gps;
-    let valid = gps.status.position_valid();
-    let status = ReportedStatus::new().with_position_valid(valid).with_receivers_agreeing(u8::from(valid));
-    ReportedValues { timestamp, status, latitude, longitude, altitude, pitch, yaw, roll, acceleration }
+    voted(std::slice::from_ref(gps))
+}
+
+/// The vote of receivers that do not move: the median of those that are valid and not excluded.
+fn voted(gps: &[GpsValues]) -> ReportedValues {
+    let members: Vec<_> =
+        gps.iter().filter(|gps| gps.status.position_valid() && !gps.status.excluded()).copied().collect();
+    let absent = ReportedValues::absent(gps[0].timestamp);
+    let degraded = members.len() < gps.len();
+    let status = absent.status.with_degraded(degraded).with_receivers_agreeing(members.len() as u8);
+    if members.is_empty() {
+        return ReportedValues { status, ..absent };
+    }
+    let f64_of = |of: fn(&GpsValues) -> f64| middle(members.iter().map(of).filter(|value| !value.is_nan()).collect());
+    let f32_of = |valid: fn(&GpsValues) -> bool, of: &dyn Fn(&GpsValues) -> f32| {
+        middle(members.iter().filter(|gps| valid(gps)).map(|gps| f64::from(of(gps))).collect())
+            .map_or(ABSENT_F32, |value| value as f32)
+    };
+    let oriented = |gps: &GpsValues| gps.status.attitude_valid();
+    let moved = |gps: &GpsValues| gps.status.acceleration_valid();
+    ReportedValues {
+        status: status
+            .with_position_valid(true)
+            .with_attitude_valid(members.iter().any(oriented))
+            .with_acceleration_valid(members.iter().any(moved)),
+        latitude: f64_of(|gps| gps.latitude).unwrap_or(ABSENT_F64),
+        longitude: f64_of(|gps| gps.longitude).unwrap_or(ABSENT_F64),
+        altitude: f64_of(|gps| gps.altitude).unwrap_or(ABSENT_F64),
+        pitch: f32_of(oriented, &|gps| gps.pitch),
+        yaw: f32_of(oriented, &|gps| gps.yaw),
+        roll: f32_of(oriented, &|gps| gps.roll),
+        acceleration: [0, 1, 2].map(|axis| f32_of(moved, &|gps| gps.acceleration[axis])),
+        ..absent
+    }
+}
+
+/// The median, of an even number the mean of the middle two; nothing of nothing.
+fn middle(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    let (low, high) = (values.len().checked_sub(1)? / 2, values.len() / 2);
+    Some(if low == high { values[low] } else { (values[low] + values[high]) / 2.0 })
 }
 
 fn kinds(events: &Events) -> Vec<(Violation, u64)> {

@@ -201,6 +201,36 @@ fn a_position_that_is_not_on_earth_is_not_valid() {
 }
 
 #[test]
+fn a_position_is_valid_only_in_the_ranges_of_decision_15() {
+    type Change = fn(&mut NavPvt, i32);
+    let north: Change = |pvt, value| pvt.velocity_mm_s = [value, 0, 0];
+    let diagonal: Change = |pvt, value| pvt.velocity_mm_s = [120_000, -value, 0];
+    let height: Change = |pvt, value| pvt.height_mm = value;
+    let horizontal: Change = |pvt, value| pvt.horizontal_accuracy_mm = value.cast_unsigned();
+    let vertical: Change = |pvt, value| pvt.vertical_accuracy_mm = value.cast_unsigned();
+    for (change, right, wrong) in [
+        (height, -1_000_000, -1_000_001),
+        (height, 20_000_000, 20_000_001),
+        (north, -200_000, -200_001),
+        (diagonal, 160_000, 160_001),
+        (horizontal, 30_000, 30_001),
+        (horizontal, 1, 0),
+        (horizontal, 30_000, -1),
+        (vertical, 50_000, 50_001),
+        (vertical, 1, 0),
+    ] {
+        assert_eq!(position(|pvt| change(pvt, wrong), None, 3), [], "{wrong}");
+        let mut scene = Scene::new(1);
+        scene.receivers[0].iter_mut().for_each(|burst| burst.pvt.iter_mut().for_each(|pvt| change(pvt, wrong)));
+        // HORUS shows it all the same.
+        assert_eq!(scene.said(unchanged)[0].0, Violation::StatusWrong, "{wrong}");
+        scene.receivers[0].iter_mut().for_each(|burst| burst.pvt.iter_mut().for_each(|pvt| change(pvt, right)));
+        let kinds: Vec<_> = scene.said(unchanged).into_iter().map(|(violation, _)| violation).collect();
+        assert!(!kinds.contains(&Violation::StatusWrong) && !kinds.contains(&Violation::ContentWrong), "{right}");
+    }
+}
+
+#[test]
 fn an_angle_or_axis_that_is_not_given_is_absent_and_the_others_are_shown() {
     for number in 0..3 {
         let mut scene = Scene::new(1);

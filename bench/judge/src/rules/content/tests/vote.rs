@@ -1,0 +1,573 @@
+use profile::ReportedStatus;
+
+use super::*;
+use crate::Figures;
+
+const VOTE: [(Violation, u64); 1] = [(Violation::VoteWrong, 1)];
+const MISSING: [(Violation, u64); 1] = [(Violation::VoteMissing, 1)];
+const EXCLUSION: [(Violation, u64); 1] = [(Violation::ExclusionWrong, 1)];
+
+/// So many 10⁻⁷ degrees of latitude are a metre at 47.5 degrees.
+const PER_METRE: f64 = 89.94;
+
+/// Receivers that stand this far north and above, m.
+fn standing(places: &[(f64, f64)]) -> Scene {
+    let mut scene = Scene::of_cycles(places.len(), 100, 120);
+    for (receiver, (north, up)) in places.iter().enumerate() {
+        for pvt in scene.receivers[receiver].iter_mut().filter_map(|burst| burst.pvt.as_mut()) {
+            pvt.latitude_1e7 = 474_979_123 + (north * PER_METRE) as i32;
+            pvt.longitude_1e7 = 87_296_456;
+            pvt.height_mm = 493_217 + (up * 1e3) as i32;
+        }
+    }
+    scene
+}
+
+/// Receivers that stand together, of which GPS2 is 100 m off in these of its bursts.
+fn strayed(gps: usize, bursts: std::ops::Range<usize>) -> Scene {
+    let mut scene = Scene::of_cycles(gps, 100, 260);
+    for burst in &mut scene.receivers[1][bursts] {
+        burst.pvt.as_mut().unwrap().latitude_1e7 += (100.0 * PER_METRE) as i32;
+    }
+    scene
+}
+
+/// The first cycle that shows burst `number` of GPS2.
+fn shows(scene: &Scene, number: usize) -> u64 {
+    let burst = &scene.receivers[1][number];
+    cycle_after(&Burst { att: None, ins: None, ..burst.clone() }, 0).max(cycle_after(burst, MS))
+}
+
+/// What is found if GPS2 is excluded in these cycles.
+fn excluded(scene: &Scene, cycles: std::ops::Range<u64>) -> Vec<(Violation, u64)> {
+    scene.said(|cycle, _, gps| gps[1].status = gps[1].status.with_excluded(cycles.contains(&cycle)))
+}
+
+/// What is found if these receivers are excluded, from the second cycle on in which all are valid; in the first there
+/// is no result yet.
+fn without(scene: &Scene, receivers: &[usize]) -> Vec<Violation> {
+    let mut before = false;
+    let said = scene.said(|_, reported, gps| {
+        let valid = gps.iter().all(|gps| gps.status.position_valid());
+        if !before {
+            *reported = ReportedValues::absent(reported.timestamp);
+            reported.status = reported.status.with_degraded(true);
+        }
+        for receiver in receivers {
+            gps[*receiver].status = gps[*receiver].status.with_excluded(before);
+        }
+        before = valid;
+    });
+    said.into_iter().map(|(violation, _)| violation).collect()
+}
+
+/// What is found if these receivers are the members of the result, and nobody is excluded.
+fn of_members(scene: &Scene, members: &[usize]) -> Vec<Violation> {
+    let mut before = false;
+    let said = scene.said(|_, reported, gps| {
+        let state = reported.status.state();
+        let voters: Vec<_> = members.iter().map(|member| gps[*member]).collect();
+        *reported = if before { voted(&voters) } else { ReportedValues::absent(reported.timestamp) };
+        reported.status =
+            reported.status.with_degraded(!before || members.len() < gps.len()).with_state(state.unwrap());
+        before = gps.iter().all(|gps| gps.status.position_valid());
+    });
+    said.into_iter().map(|(violation, _)| violation).collect()
+}
+
+/// What is found if there is no result.
+fn none(scene: &Scene) -> Vec<Violation> {
+    let said = scene.said(|_, reported, gps| {
+        *reported = ReportedValues { status: reported.status, ..ReportedValues::absent(gps[0].timestamp) };
+        reported.status = ReportedValues::absent(0).status.with_degraded(true);
+    });
+    said.into_iter().map(|(violation, _)| violation).collect()
+}
+
+/// What is found if Reported-Position is changed in one cycle.
+fn changed(gps: usize, change: impl Fn(&mut ReportedValues)) -> Vec<(Violation, u64)> {
+    Scene::new(gps).said(|cycle, reported, _| {
+        if cycle == STEADY {
+            change(reported);
+        }
+    })
+}
+
+#[test]
+fn a_receiver_that_strays_is_excluded_and_returns_after_a_second_of_agreement() {
+    for gps in [3, 5] {
+        let scene = strayed(gps, 5..9);
+        let (from, agrees) = (shows(&scene, 5), shows(&scene, 9));
+        let ends = |after: u64| excluded(&scene, from..agrees + after);
+        assert_eq!(ends(100), []);
+        assert_eq!(ends(95), [], "its clock may be fast");
+        assert_eq!(ends(93), EXCLUSION);
+        assert_eq!(ends(110), [], "or slow");
+        assert_eq!(ends(111), []);
+        assert_eq!(ends(112), EXCLUSION);
+        assert_eq!(ends(115)[0], (Violation::ExclusionWrong, 4));
+    }
+}
+
+#[test]
+fn who_was_excluded_is_in_the_figures() {
+    let scene = strayed(3, 5..9);
+    let (from, until) = (shows(&scene, 5), shows(&scene, 9) + 100);
+    let events =
+        scene.events(|cycle, _, gps| gps[1].status = gps[1].status.with_excluded((from..until).contains(&cycle)));
+    let figures: Figures = found(Content::new(&header(3)), &events.log()).1;
+    let [exclusion] = figures.voter.exclusions[..] else { panic!("{:?}", figures.voter) };
+    assert_eq!((exclusion.receiver, exclusion.from_ns, exclusion.until_ns), (2, tick(from), Some(tick(until))));
+    // From GPS3, which is 2.2 m north and 1.5 m west of it.
+    assert!((exclusion.away_m.unwrap() - 102.2).abs() < 0.2, "{exclusion:?}");
+    assert!((exclusion.height_m.unwrap() - 0.2).abs() < 0.01, "{exclusion:?}");
+    let before = figures.voter.none;
+    let agree: Vec<u64> = figures.voter.agree.into_values().collect();
+    assert_eq!(agree, [before, 0, until - from, 260 - before - (until - from)]);
+    assert_eq!(figures.voter.degraded, before + until - from);
+}
+
+#[test]
+fn a_receiver_that_strays_has_no_vote() {
+    let scene = strayed(3, 5..9);
+    let (from, until) = (shows(&scene, 5), shows(&scene, 9));
+    // The voter may follow a cycle later.
+    assert_eq!(excluded(&scene, 0..0), [(Violation::VoteWrong, until - from - 1)]);
+    assert_eq!(excluded(&scene, from + 1..until + 100), []);
+    assert_eq!(excluded(&scene, from + 2..until + 100), VOTE);
+}
+
+#[test]
+fn a_receiver_is_not_excluded_without_a_cause() {
+    let scene = Scene::new(3);
+    assert_eq!(excluded(&scene, 0..0), []);
+    // It begins, and it ends too early.
+    assert_eq!(excluded(&scene, STEADY..STEADY + 10), [(Violation::ExclusionWrong, 2)]);
+    assert_eq!(excluded(&scene, STEADY..121), EXCLUSION);
+    let mut scene = Scene::new(3);
+    scene.receivers[1].clear();
+    assert_eq!(excluded(&scene, STEADY..121), EXCLUSION, "one that says nothing is no candidate");
+}
+
+#[test]
+fn an_excluded_receiver_that_falls_silent_stays_excluded() {
+    let mut scene = strayed(3, 5..9);
+    scene.receivers[1].truncate(9);
+    let from = shows(&scene, 5);
+    assert_eq!(excluded(&scene, from..261), []);
+    assert_eq!(excluded(&scene, from..230), EXCLUSION);
+}
+
+#[test]
+fn without_a_result_nobody_is_excluded_anew_and_two_that_disagree_are_none() {
+    let scene = standing(&[(0.0, 0.0), (100.0, 0.0)]);
+    assert_eq!(none(&scene), []);
+    assert_eq!(without(&scene, &[1]), [Violation::VoteWrong], "it is one against one");
+    assert_eq!(without(&scene, &[]), [Violation::VoteWrong], "they do not agree");
+    let said = scene.said(|cycle, reported, gps| {
+        *reported = ReportedValues::absent(gps[0].timestamp);
+        reported.status = reported.status.with_degraded(true);
+        gps[1].status = gps[1].status.with_excluded(cycle >= STEADY);
+    });
+    assert!(said.contains(&(Violation::ExclusionWrong, 1)), "{said:?}");
+}
+
+#[test]
+fn a_result_has_at_least_m_receivers_and_more_than_are_against_it() {
+    let far = |count: usize| (0..count).map(|number| (100.0 * number as f64, 0.0)).collect::<Vec<_>>();
+    let with_far = |agree: usize, gps: usize| {
+        let mut places = vec![(0.0, 0.0); agree];
+        places.extend(&far(gps - agree + 1)[1..]);
+        standing(&places)
+    };
+    for (gps, least) in [(1, 1), (2, 2), (3, 2), (5, 3)] {
+        for agree in 1..=gps {
+            let scene = with_far(agree, gps);
+            let others: Vec<usize> = (agree..gps).collect();
+            let (result, nothing) = (without(&scene, &others), none(&scene));
+            if agree >= least {
+                assert_eq!((result, nothing), (vec![], vec![Violation::VoteMissing]), "{agree} of {gps}");
+            } else {
+                assert_eq!((result, nothing), (vec![Violation::VoteWrong], vec![]), "{agree} of {gps}");
+            }
+        }
+    }
+    // Two of five are too few even if the others are silent; one of two is enough then.
+    for (speak, gps, least) in [(1, 2, 1), (1, 3, 2), (2, 3, 2), (2, 5, 3), (3, 5, 3)] {
+        let mut scene = standing(&vec![(0.0, 0.0); gps]);
+        scene.receivers[speak..].iter_mut().for_each(Vec::clear);
+        let (result, nothing) = (kinds(&scene.events(unchanged)), none(&scene));
+        if speak >= least {
+            assert_eq!((result, nothing), (vec![], vec![Violation::VoteMissing]), "{speak} of {gps}");
+        } else {
+            assert_eq!((result[0].0, nothing), (Violation::VoteWrong, vec![]), "{speak} of {gps}");
+        }
+    }
+}
+
+#[test]
+fn no_larger_set_of_receivers_that_agree_is_passed_over_and_who_agrees_with_a_member_is_not_excluded() {
+    // With 4 m each they agree up to 17 m.
+    let scene = standing(&[(0.0, 0.0), (9.0, 0.0), (9.0, 0.0), (22.0, 0.0), (22.0, 0.0)]);
+    assert_eq!(of_members(&scene, &[1, 2, 3, 4]), []);
+    assert_eq!(of_members(&scene, &[0, 1, 2]), [Violation::VoteWrong]);
+    assert_eq!(without(&scene, &[0]), [Violation::ExclusionWrong]);
+    // Of two sets of one size the judge does not say which.
+    let scene = standing(&[(0.0, 0.0), (9.0, 0.0), (22.0, 0.0)]);
+    assert_eq!(of_members(&scene, &[1, 2]), []);
+    assert_eq!(of_members(&scene, &[0, 1]), []);
+    assert_eq!(
+        of_members(&scene, &[0, 2]),
+        [Violation::ReportedWrong],
+        "they do not agree, and the others are elsewhere"
+    );
+    assert_eq!(of_members(&scene, &[0, 1, 2]), [Violation::VoteWrong]);
+    // One that agrees with nobody has to be excluded.
+    let scene = standing(&[(0.0, 0.0), (0.0, 0.0), (100.0, 0.0)]);
+    assert_eq!(of_members(&scene, &[0, 1]), [Violation::ExclusionWrong]);
+}
+
+/// What is found if three receivers, of which the third is so far north and above, have all a vote.
+fn together(accuracy: [u32; 2], north: f64, up: f64) -> (Vec<Violation>, Vec<Violation>) {
+    let mut scene = standing(&[(0.0, 0.0), (0.0, 0.0), (north, up)]);
+    for pvt in scene.receivers.iter_mut().flatten().filter_map(|burst| burst.pvt.as_mut()) {
+        [pvt.horizontal_accuracy_mm, pvt.vertical_accuracy_mm] = accuracy;
+    }
+    (without(&scene, &[]), without(&scene, &[2]))
+}
+
+#[test]
+fn two_receivers_agree_within_three_times_the_root_of_the_sum_of_the_squares() {
+    let agree = (vec![], vec![Violation::ExclusionWrong]);
+    let disagree = (vec![Violation::VoteWrong], vec![]);
+    // The age of up to 160 ms adds 5 cm at most, and 1 % and 5 cm more are in doubt.
+    for (accuracy, along, high) in [
+        ([100, 100], 5.0, 8.0),
+        ([3_000, 3_000], 12.73, 12.73),
+        ([6_000, 10_000], 25.46, 42.43),
+        ([30_000, 50_000], 30.0, 50.0),
+    ] {
+        assert_eq!(together(accuracy, along * 0.98 - 0.06, 0.0), agree, "{accuracy:?}");
+        assert_eq!(together(accuracy, along * 1.02 + 0.25, 0.0), disagree, "{accuracy:?}");
+        assert_eq!(together(accuracy, 0.0, high * 0.98 - 0.06), agree, "{accuracy:?}");
+        assert_eq!(together(accuracy, 0.0, -high * 1.02 - 0.25), disagree, "{accuracy:?}");
+    }
+    // At the limit either is right.
+    assert_eq!(together([3_000, 3_000], 12.75, 0.0), (vec![], vec![]));
+}
+
+#[test]
+fn a_2d_fix_has_a_vote_whatever_its_height() {
+    let mut scene = standing(&[(0.0, 0.0), (0.0, 4_000.0), (1.0, 0.0)]);
+    scene.receivers[1].iter_mut().for_each(|burst| burst.pvt.as_mut().unwrap().fix_type = 2);
+    let said = scene.said(|_, _, gps| {
+        if gps[1].status.position_valid() {
+            gps[1].status = gps[1].status.with_fix_type(FixType::Fix2D);
+            gps[1].altitude = ABSENT_F64;
+        }
+    });
+    assert_eq!(said, []);
+}
+
+#[test]
+fn receivers_that_are_half_the_earth_apart_do_not_agree() {
+    let mut scene = standing(&[(0.0, 0.0), (0.0, 0.0), (0.0, 0.0)]);
+    for pvt in scene.receivers[2].iter_mut().filter_map(|burst| burst.pvt.as_mut()) {
+        (pvt.latitude_1e7, pvt.longitude_1e7) = (-pvt.latitude_1e7, pvt.longitude_1e7 - 1_800_000_000);
+    }
+    assert_eq!(without(&scene, &[2]), []);
+    assert_eq!(without(&scene, &[]), [Violation::VoteWrong]);
+}
+
+#[test]
+fn the_date_line_and_the_pole_do_not_part_receivers() {
+    for (latitude, longitudes, middle) in
+        [(0, [1_799_999_900, -1_799_999_900], 180.0), (899_999_900, [0, -1_800_000_000], f64::NAN)]
+    {
+        let mut scene = standing(&[(0.0, 0.0), (0.0, 0.0)]);
+        for (bursts, longitude) in scene.receivers.iter_mut().zip(longitudes) {
+            for pvt in bursts.iter_mut().filter_map(|burst| burst.pvt.as_mut()) {
+                (pvt.latitude_1e7, pvt.longitude_1e7) = (latitude, longitude);
+            }
+        }
+        let said = |middle: f64| {
+            scene.said(|_, reported, gps| {
+                if gps.iter().all(|gps| gps.status.position_valid()) {
+                    (reported.latitude, reported.longitude) = if middle.is_nan() { (90.0, 7.0) } else { (0.0, middle) };
+                }
+            })
+        };
+        assert_eq!(said(middle), []);
+        if !middle.is_nan() {
+            assert_eq!(said(-middle), []);
+            assert_eq!(said(0.0)[0].0, Violation::ReportedWrong);
+        }
+    }
+}
+
+#[test]
+fn every_coordinate_is_the_median_to_some_centimetres() {
+    for gps in [1, 2, 3, 5] {
+        let moved = |north: f64, east: f64, up: f64| {
+            changed(gps, |reported| {
+                reported.latitude += north / 111_200.0;
+                reported.longitude += east / 75_200.0;
+                reported.altitude += up;
+            })
+        };
+        assert_eq!(moved(0.02, -0.02, 0.04), []);
+        for off in [0.2, -0.2] {
+            assert_eq!(moved(off, 0.0, 0.0), REPORTED, "{gps}");
+            assert_eq!(moved(0.0, off, 0.0), REPORTED);
+            assert_eq!(moved(0.0, 0.0, off), REPORTED);
+        }
+        assert_eq!(changed(gps, |reported| reported.latitude = ABSENT_F64), REPORTED);
+        assert_eq!(changed(gps, |reported| reported.longitude = ABSENT_F64), REPORTED);
+        assert_eq!(changed(gps, |reported| reported.altitude = ABSENT_F64), REPORTED);
+    }
+}
+
+#[test]
+fn a_position_is_brought_to_the_tick() {
+    let mut scene = Scene::of_cycles(3, 100, 120);
+    for pvt in scene.receivers.iter_mut().flatten().filter_map(|burst| burst.pvt.as_mut()) {
+        pvt.velocity_mm_s = [16_000, -12_000, 4_000];
+    }
+    let arrived: Vec<u64> = scene.receivers[0].iter().map(Burst::arrived).collect();
+    let said = |off: f64| {
+        scene.said(|cycle, reported, gps| {
+            let Some(arrived) = arrived.iter().rfind(|arrived| **arrived + MS <= tick(cycle)) else { return };
+            if gps.iter().all(|gps| gps.status.position_valid()) {
+                let age = ((tick(cycle) - arrived) as f64 / 1e9 + off).max(0.0) + 0.05;
+                reported.latitude += 16.0 * age / 111_185.0;
+                reported.longitude -= 12.0 * age / 75_350.0;
+                reported.altitude -= 4.0 * age;
+            }
+        })
+    };
+    assert_eq!(said(0.0), []);
+    assert_eq!(said(-0.01), [], "HORUS may have taken it up to 12 ms after its arrival");
+    assert_eq!(said(0.02)[0].0, Violation::ReportedWrong);
+    assert_eq!(said(-0.05)[0].0, Violation::ReportedWrong);
+}
+
+#[test]
+fn an_altitude_that_no_receiver_gives_is_none() {
+    let mut scene = Scene::new(1);
+    scene.receivers[0].iter_mut().for_each(|burst| burst.pvt.as_mut().unwrap().fix_type = 2);
+    let said = |altitude: f64| {
+        scene.said(|cycle, reported, gps| {
+            if gps[0].status.position_valid() {
+                gps[0].status = gps[0].status.with_fix_type(FixType::Fix2D);
+                gps[0].altitude = ABSENT_F64;
+            }
+            reported.altitude = if cycle == STEADY { altitude } else { ABSENT_F64 };
+        })
+    };
+    assert_eq!(said(ABSENT_F64), []);
+    assert_eq!(said(493.0), REPORTED);
+}
+
+#[test]
+fn attitude_and_acceleration_are_medians_bit_by_bit_of_one_member() {
+    let changes: [fn(&mut ReportedValues, f32); 6] = [
+        |reported, by| reported.pitch += by,
+        |reported, by| reported.yaw += by,
+        |reported, by| reported.roll += by,
+        |reported, by| reported.acceleration[0] += by,
+        |reported, by| reported.acceleration[1] += by,
+        |reported, by| reported.acceleration[2] += by,
+    ];
+    for change in changes {
+        assert_eq!(changed(1, |reported| change(reported, 2e-6)), REPORTED);
+        for gps in [2, 3, 5] {
+            assert_eq!(changed(gps, |reported| change(reported, 2e-6)), []);
+            assert_eq!(changed(gps, |reported| change(reported, 2e-4)), REPORTED);
+        }
+    }
+    for gps in [1, 3] {
+        let unsaid = |reported: &mut ReportedValues| reported.status = reported.status.with_attitude_valid(false);
+        assert_eq!(changed(gps, unsaid), REPORTED);
+        let unsaid = |reported: &mut ReportedValues| reported.status = reported.status.with_acceleration_valid(false);
+        assert_eq!(changed(gps, unsaid), REPORTED);
+        assert_eq!(changed(gps, |reported| reported.yaw = ABSENT_F32), REPORTED);
+    }
+}
+
+#[test]
+fn a_yaw_is_a_median_on_the_circle() {
+    let mut scene = Scene::new(3);
+    for (bursts, heading) in scene.receivers.iter_mut().zip([35_900_000, 100_000, 300_000]) {
+        bursts.iter_mut().for_each(|burst| burst.att.as_mut().unwrap().heading_1e5 = heading);
+    }
+    let said = |degrees: f32| {
+        scene.said(|_, reported, _| {
+            if reported.status.attitude_valid() {
+                reported.yaw = degrees.to_radians();
+            }
+        })
+    };
+    assert_eq!(said(1.0), []);
+    assert_eq!(said(361.0), []);
+    assert_eq!(said(3.0)[0].0, Violation::ReportedWrong);
+}
+
+#[test]
+fn attitude_and_acceleration_are_those_of_the_members_that_have_one() {
+    let mut scene = Scene::new(3);
+    for receiver in [0, 2] {
+        scene.receivers[receiver].iter_mut().for_each(|burst| (burst.att, burst.ins) = (None, None));
+    }
+    assert_eq!(scene.said(unchanged), []);
+    scene.receivers[1].iter_mut().for_each(|burst| (burst.att, burst.ins) = (None, None));
+    assert_eq!(scene.said(unchanged), []);
+    let said = scene.said(|cycle, reported, _| {
+        if cycle == STEADY {
+            reported.roll = 0.0;
+        }
+    });
+    assert_eq!(said, REPORTED);
+}
+
+#[test]
+fn the_status_follows_from_the_vote() {
+    let status =
+        |of: fn(ReportedStatus) -> ReportedStatus| changed(3, move |reported| reported.status = of(reported.status));
+    assert_eq!(status(|status| status), []);
+    assert_eq!(status(|status| status.with_without_crystal(true)), [], "that bit is another's");
+    assert_eq!(status(|status| status.with_receivers_agreeing(2)), VOTE, "all three agree");
+    assert_eq!(status(|status| status.with_receivers_agreeing(4)), REPORTED);
+    assert_eq!(status(|status| status.with_degraded(true)), REPORTED);
+    assert_eq!(status(|status| status.with_state(HorusState::OutsideRange)), REPORTED);
+    let mut scene = Scene::new(3);
+    scene.receivers[2].clear();
+    assert_eq!(scene.said(unchanged), []);
+    let said = scene.said(|cycle, reported, _| {
+        if cycle == STEADY {
+            reported.status = reported.status.with_degraded(false);
+        }
+    });
+    assert_eq!(said, REPORTED);
+}
+
+#[test]
+fn horus_is_starting_until_its_first_result() {
+    let mut scene = Scene::new(1);
+    scene.receivers[0].clear();
+    let monitoring = |cycle: u64, reported: &mut ReportedValues, _: &mut [GpsValues]| {
+        if cycle == STEADY {
+            reported.status = reported.status.with_state(HorusState::Monitoring);
+        }
+    };
+    assert_eq!(scene.said(unchanged), []);
+    assert_eq!(scene.said(monitoring), REPORTED);
+    // After a cycle that nobody saw there may have been one.
+    let mut events = scene.events(monitoring);
+    let unseen = tick(STEADY - 5);
+    events.without(
+        |event| matches!(event.what, What::Sent { started, .. } if (unseen..unseen + 9 * MS).contains(&started)),
+    );
+    assert_eq!(kinds(&events), []);
+}
+
+#[test]
+fn a_reported_position_without_a_result_says_nothing() {
+    let mut scene = Scene::new(2);
+    scene.receivers.iter_mut().for_each(Vec::clear);
+    let said = |change: fn(&mut ReportedValues)| {
+        scene.said(|cycle, reported, _| {
+            if cycle == STEADY {
+                change(reported);
+            }
+        })
+    };
+    assert_eq!(said(|_| {}), []);
+    for change in [
+        (|reported| reported.status = reported.status.with_receivers_agreeing(1)) as fn(&mut ReportedValues),
+        |reported| reported.status = reported.status.with_attitude_valid(true),
+        |reported| reported.status = reported.status.with_acceleration_valid(true),
+        |reported| reported.status = reported.status.with_degraded(false),
+        |reported| reported.status = reported.status.with_state(HorusState::MotorsCut),
+        |reported| reported.latitude = 1.0,
+        |reported| reported.longitude = 1.0,
+        |reported| reported.altitude = 1.0,
+        |reported| reported.pitch = 1.0,
+        |reported| reported.yaw = 1.0,
+        |reported| reported.roll = 1.0,
+        |reported| reported.acceleration[2] = 1.0,
+    ] {
+        assert_eq!(said(change), REPORTED);
+    }
+    assert_eq!(said(|reported| reported.status = reported.status.with_position_valid(true)), VOTE);
+    let mut scene = Scene::new(2);
+    scene.receivers[1].clear();
+    assert_eq!(scene.said(unchanged), []);
+    let said = scene.said(|cycle, reported, gps| {
+        if cycle == STEADY {
+            *reported = ReportedValues::absent(gps[0].timestamp);
+            reported.status = reported.status.with_degraded(true);
+        }
+    });
+    assert_eq!(said, MISSING);
+}
+
+#[test]
+fn a_bit_without_a_meaning_is_sent_zero() {
+    for bit in 12..16 {
+        let mut events = Scene::new(1).events(unchanged);
+        let mut sent = events.events.iter_mut().filter(|event| matches!(event.what, What::Sent { .. }));
+        let What::Sent { bytes, .. } = &mut sent.nth(50).unwrap().what else { unreachable!() };
+        let object = &mut bytes.0[1..=64];
+        object[7] |= 1 << (bit - 8);
+        let crc = profile::crc::frame(&object[..60]);
+        object[60..].copy_from_slice(&crc.to_be_bytes());
+        assert_eq!(kinds(&events), REPORTED);
+    }
+}
+
+#[test]
+fn reported_position_has_the_timestamp_of_the_gps_objects() {
+    for gps in [3, 5] {
+        assert_eq!(changed(gps, |reported| reported.timestamp += 10), REPORTED);
+        assert_eq!(changed(gps, |reported| reported.timestamp -= 1), REPORTED);
+    }
+}
+
+#[test]
+fn beside_a_gps_object_that_is_wrong_or_missing_and_after_it_nothing_is_judged() {
+    let said = |wrong: u64| {
+        Scene::new(3).said(|cycle, reported, gps| {
+            if cycle == STEADY {
+                gps[2].latitude = 0.0;
+            }
+            if cycle == wrong {
+                reported.latitude = 0.0;
+            }
+        })
+    };
+    assert_eq!(said(STEADY), CONTENT);
+    assert_eq!(said(STEADY + 1), CONTENT);
+    assert_eq!(said(STEADY + 2), [CONTENT, REPORTED].concat());
+    let mut events = Scene::new(5).events(|cycle, reported, _| {
+        if cycle == STEADY {
+            reported.latitude = 0.0;
+        }
+    });
+    assert_eq!(kinds(&events), REPORTED);
+    let second = tick(STEADY) + 4 * MS;
+    events
+        .without(|event| matches!(event.what, What::Sent { started, .. } if started > second && started < second + MS));
+    assert_eq!(kinds(&events), []);
+}
+
+#[test]
+fn while_ticks_are_not_regular_no_place_is_judged() {
+    let scene = strayed(3, 5..9);
+    let mut events = scene.events(unchanged);
+    let last = tick(shows(&scene, 9));
+    for event in events.events.iter_mut().filter(|event| event.at == tick(20) && event.what == What::Tick) {
+        event.at += bounds::TICK_TOLERANCE + 1;
+    }
+    events.without(|event| event.at > last && !matches!(event.what, What::Fed { .. }));
+    assert_eq!(kinds(&events), []);
+}
