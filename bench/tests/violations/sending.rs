@@ -33,8 +33,8 @@ fn replaced(function: &str, was: &[u8], is: &[u8]) -> ImageFault {
 /// The upper word of the float64 1e7, by which HORUS divides latitude and longitude, and that of 2e7.
 const DIVISOR: (u32, u32) = (0x4163_12D0, 0x4173_12D0);
 
-/// `CMP r2, #251` with which HORUS decides whether a receiver was heard within 250 ms, and `CMP r2, #1`.
-const HEARD: ([u8; 2], [u8; 2]) = ([0xFB, 0x2A], [0x01, 0x2A]);
+/// `CMP r3, #251` with which HORUS decides whether a receiver was heard within 250 ms, and `CMP r3, #1`.
+const HEARD: ([u8; 2], [u8; 2]) = ([0xFB, 0x2B], [0x01, 0x2B]);
 
 /// Constants of the voter, as float32: the squares of the horizontal limits, 30 m, and of the vertical ones, 8 m and
 /// 50 m; and 1/256 of 1e-7 degrees in a radian. And what is there instead.
@@ -61,9 +61,9 @@ fn with_offset(faults: Faults, north: i32) -> Faults {
 
 table! {
     // The wire TICK.
-    a_tick_that_is_not_seen => Row::new(Violation::NoTick, || wire(WireFault::TickStuck, 5 * MS));
+    a_tick_that_is_not_seen => Row::new(Violation::NoTick, || wire(WireFault::TickStuck, 6 * MS));
     ticks_that_are_not_seen => Row::new(Violation::NoTick, || wire(WireFault::TickStuck, 45 * MS));
-    a_tick_too_many => Row::new(Violation::TickIrregular, || wire(WireFault::TickGlitch, 5 * MS));
+    a_tick_too_many => Row::new(Violation::TickIrregular, || wire(WireFault::TickGlitch, 6 * MS));
     an_oscillator_that_is_off_by_more_than_any_may_be => Row {
         setup: |setup| setup.crystals.horus_ppb = 25_000_000,
         ..Row::new(Violation::TickIrregular, Faults::none)
