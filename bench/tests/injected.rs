@@ -71,7 +71,15 @@ impl Fed {
             let mut on_lines = self.faults.take(now);
             if now >= self.at {
                 let itow_ms = u32::try_from(self.at / MS).unwrap();
-                let pvt = NavPvt { itow_ms, valid: 7, fix_type: 3, flags: NavPvt::FLAG_FIX_OK, ..NavPvt::default() };
+                let pvt = NavPvt {
+                    itow_ms,
+                    valid: 7,
+                    fix_type: 3,
+                    flags: NavPvt::FLAG_FIX_OK,
+                    horizontal_accuracy_mm: 1_200,
+                    vertical_accuracy_mm: 2_000,
+                    ..NavPvt::default()
+                };
                 for receiver in 0..3 {
                     on_lines.extend(self.faults.burst(self.at, receiver, &pvt.encode()));
                 }

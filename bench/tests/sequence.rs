@@ -229,7 +229,7 @@ fn first_shown(reader: &Reader, restarted: u64) -> usize {
 fn a_horus_that_really_restarts_is_shown_again_within_five_cycles_of_its_first_frame() {
     for why in [FromOutside::Pin, FromOutside::BrownOut, FromOutside::PowerOn(7)] {
         let Some(mut relay) = both(Oscillators::default()) else { return };
-        go(&mut relay, 207 * MS);
+        go(&mut relay, 208 * MS);
         let restarted = relay.a.now();
         relay.a.restart(why);
         go(&mut relay, 400 * MS);

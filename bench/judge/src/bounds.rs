@@ -8,6 +8,9 @@ pub const TICK_TO_COMMAND_JITTER_PESSIMISTIC: u64 = 1_000;
 pub const TICK_TO_AIR_JITTER: u64 = 3_000;
 /// Last bit to image readable, with a listener that reads its FIFO while it fills.
 pub const LAST_BIT_TO_READABLE: u64 = 100_000;
+/// So much later an image may be readable while the flight controller misuses the SSI: less than 1 % of the time from
+/// sample to readable. The DPR serves up to [`SSI_BUDGET`] transactions while a frame comes to its end, 4 µs each.
+pub const MISUSE_DELAYS: u64 = 50_000;
 /// End of an SSI transaction to ready for the next: design section 6. The DPR may put a new image in for no longer
 /// either.
 pub const SSI_READY: u64 = 10_000;

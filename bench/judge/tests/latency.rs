@@ -97,6 +97,20 @@ fn frames_that_were_delayed_or_lost_on_the_air_and_cycles_without_a_tick_are_not
 }
 
 #[test]
+fn a_flight_controller_that_misuses_the_ssi_may_delay_an_image_by_less_than_a_hundredth_of_its_way() {
+    for (by, violations) in [(0, vec![]), (1, vec![(LateReadable, 1)])] {
+        let mut plan = Plan::new(3, 40);
+        let number = plan.showing(200);
+        let ended = plan.publications[number].at - TO_FRESH;
+        plan.publications[number].at = ended + bounds::LAST_BIT_TO_READABLE + bounds::MISUSE_DELAYS + by;
+        let mut log = plan.log();
+        let kind = "flight controller zero bytes".to_owned();
+        insert(&mut log, ended - MS, What::Injected { kind, until: ended + MS });
+        assert_eq!(found(&log), violations, "{by}");
+    }
+}
+
+#[test]
 fn a_cycle_whose_second_frame_is_lost_is_shown_late_and_is_not_late() {
     let mut plan = Plan::new(5, 40);
     let number = plan.showing(200);

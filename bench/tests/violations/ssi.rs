@@ -93,7 +93,7 @@ table! {
         ..Row::new(Violation::HeldBack, || {
             let lost = AirFaults { lost: 1.0, ..AirFaults::default() };
             let hung = ImageFault::Hung(SSI_END.into());
-            dpr(BREAKS + 10 * MS, 3 * MS, hung).with(BREAKS, BREAKS + 9 * MS, Fault::Air(lost))
+            dpr(BREAKS + 11 * MS, 3 * MS, hung).with(BREAKS, BREAKS + 9 * MS, Fault::Air(lost))
         })
     };
 }

@@ -95,6 +95,8 @@ fn run_horus(changes: &[Change]) -> (Sends, Vec<String>) {
                     fix_type: 3,
                     flags: NavPvt::FLAG_FIX_OK,
                     satellites: 9,
+                    horizontal_accuracy_mm: 1_200,
+                    vertical_accuracy_mm: 2_000,
                     ..NavPvt::default()
                 };
                 node.board_mut(|board| board.send_bytes(feed, index, &pvt.encode()));

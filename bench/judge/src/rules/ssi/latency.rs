@@ -44,6 +44,8 @@ pub(super) struct Cycles {
     ticks: VecDeque<u64>,
     samples: Series,
     last_bit: Option<u64>,
+    /// Until when the flight controller misuses the SSI, ns.
+    misused: u64,
 }
 
 impl Cycles {
@@ -83,6 +85,11 @@ impl Cycles {
         }
     }
 
+    /// The flight controller misuses the SSI until `until`, ns.
+    pub(super) fn misused(&mut self, until: u64) {
+        self.misused = self.misused.max(until);
+    }
+
     /// A whole frame with this LEN reached the DPR's antenna; its last bit at `ended`.
     pub(super) fn heard(&mut self, layout: Layout, frame: &Frame, len: Option<u8>, started: u64, ended: u64) {
         let fits = len.is_some_and(|len| usize::from(len) == frame.payload.len() + LEN_BYTES);
@@ -103,12 +110,14 @@ impl Cycles {
 
     /// FRESH, which rose at `rose`, announced the cycle of `stamp`.
     pub(super) fn readable(&mut self, stamp: u32, rose: u64, findings: &mut Findings) {
+        let misused = self.misused;
         let Some(cycle) = self.cycle(stamp).filter(|cycle| !cycle.readable) else { return };
         cycle.readable = true;
         let tick = cycle.tick;
         let Some(after_bit) = cycle.last_bit.and_then(|last_bit| rose.checked_sub(last_bit)) else { return };
         let damaged_len = cycle.damaged_len;
-        let late = after_bit > damaged_len.unwrap_or(bounds::LAST_BIT_TO_READABLE);
+        let delays = if rose - after_bit < misused { bounds::MISUSE_DELAYS } else { 0 };
+        let late = after_bit > damaged_len.unwrap_or(bounds::LAST_BIT_TO_READABLE) + delays;
         cycle.late = late;
         if damaged_len.is_none() {
             self.last_bit = self.last_bit.max(Some(after_bit));

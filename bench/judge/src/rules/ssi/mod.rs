@@ -19,8 +19,9 @@
 //!   FRESH rose while nothing could be read yet, it is what the transaction found: torn, misplaced, or damaged, in this
 //!   order, and one of them for each transaction.
 //! - A flight controller that misuses the SSI (an injected fault of it, and [`bounds::MISUSE_OVER`] more) is owed no
-//!   service, and what it reads by the wrong clocks is not looked at here: what it reads as valid still has to be,
-//!   which is the rule of [`super::shown`].
+//!   service, may delay an image by up to [`bounds::MISUSE_DELAYS`](crate::bounds::MISUSE_DELAYS), and what it reads by
+//!   the wrong clocks is not looked at here: what it reads as valid still has to be, which is the rule of
+//!   [`super::shown`].
 //! - What is unsound while a bit of the DPR's buffers is stuck, or after one was hit, until the buffer is replaced, is
 //!   not looked at here: a check that finds it is all that is asked. That it is not valid is for [`super::shown`] to
 //!   ask. Nor is it held against the DPR that it replaces such an image by one that tells the same.
@@ -97,6 +98,7 @@ impl Ssi {
             What::Injected { kind, until } if kind.starts_with(FLIGHT_CONTROLLER) => {
                 self.service.excuse(*until);
                 self.misused = self.misused.max(until.saturating_add(bounds::MISUSE_OVER));
+                self.cycles.misused(self.misused);
             }
             What::Injected { kind, until } if breaks_the_dprs_front_end(kind) => {
                 self.out_of_order = self.out_of_order.max(*until);
