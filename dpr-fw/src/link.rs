@@ -12,8 +12,9 @@ use crate::accept::{Cycle, Objects, Verdict, SAME_SAMPLE_US};
 /// crystals and the jitter of a start-up; measured from each frame anew, not by a local tick, so that drift never adds
 /// up.
 pub const FRAME_DEADLINE_US: u32 = 12_500;
-/// So long before and after the instant at which a frame should end, µs, nothing is published that can wait for it: more
-/// than an image takes (`commit_worst_cycles`, 100 µs on the pessimistic clock) and two crystals are apart in a cycle.
+/// So long before and after the instant at which a frame should end, µs, nothing is published that can wait for it:
+/// more than an image takes (`commit_worst_cycles`, 100 µs on the pessimistic clock) and two crystals are apart in a
+/// cycle.
 pub const FRAME_DUE_US: u32 = 200;
 /// While HORUS is silent a frame counts as missed this often, µs: the cycle.
 pub const SILENCE_US: u32 = 1_000 * CYCLE_MS;

@@ -119,7 +119,7 @@ struct Sent {
 fn run(cycles: u32, telemetry: &Telemetry, mut before: impl FnMut(u32, &mut Bench) -> u64) -> (Vec<Sent>, Bench) {
     let mut bench = Bench::new();
     let mut transmitter = Transmitter::new(PollerConfig::new(), telemetry);
-    let mut cycle = Cycle::new();
+    let cycle = Cycle::new();
     let mut sent: Vec<Sent> = Vec::new();
     transmitter.start(&mut bench);
     // What is due at an instant of its own: slots and offers of the tick under way.

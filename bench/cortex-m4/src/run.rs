@@ -187,8 +187,8 @@ impl<C: Cost> Core<C> {
         if refused && matches!(op.what, Do::HostCall) { Op { what: Do::Bkpt, ..op } } else { op }
     }
 
-    /// Executes `first`; unless `GOES` is [`ONCE`], what follows on `page`, too, while the cycle is below the limit and, if
-    /// it is [`WHILE_CURRENT`], while memory holds what was decoded.
+    /// Executes `first`; unless `GOES` is [`ONCE`], what follows on `page`, too, while the cycle is below the limit
+    /// and, if it is [`WHILE_CURRENT`], while memory holds what was decoded.
     #[inline(never)]
     fn burst<B: Bus, const GOES: u8>(&mut self, bus: &mut B, page: &Page, first: &Op) {
         let mut op = first;

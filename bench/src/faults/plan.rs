@@ -113,9 +113,9 @@ type Draw = Vec<(u64, Fault)>;
 
 impl Faults {
     /// Faults of these kinds in a run of `duration_ns` with `gps` receivers, drawn from `seed`. Of each kind at most
-    /// one episode is there at a time, but for the supplies of both boards that fail together: so one receiver at most is
-    /// at fault, though another may still be excluded for what it did before. Upsets of RAM, flash and
-    /// registers are not drawn into a run: each is tried on a copy of the bench ([`super::Campaign`]).
+    /// one episode is there at a time, but for the supplies of both boards that fail together: so one receiver at most
+    /// is at fault, though another may still be excluded for what it did before. Upsets of RAM, flash and registers are
+    /// not drawn into a run: each is tried on a copy of the bench ([`super::Campaign`]).
     #[must_use]
     pub fn drawn(kinds: &[Kind], gps: usize, seed: u64, duration_ns: u64) -> Self {
         let mut faults = Self::none();

@@ -87,7 +87,8 @@ impl Recorder {
     }
 
     /// The run is over at `end` (ns): what came of it, what was kept of the log since it was last taken, and how far
-    /// Reported-Position was off at worst, m. What happened after `end`, since a board stops at its first instruction boundary after it, is not part of the run.
+    /// Reported-Position was off at worst, m. What happened after `end`, since a board stops at its first instruction
+    /// boundary after it, is not part of the run.
     pub(super) fn finish(mut self, end: u64) -> (Verdict, Log, Option<f64>) {
         self.waiting.retain(|event| event.at <= end);
         self.note(end.max(self.released), What::End);

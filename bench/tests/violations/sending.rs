@@ -119,7 +119,8 @@ table! {
     a_voter_to_whom_nobody_agrees => Row::new(Violation::VoteMissing, || voter(&[(CEILING, MINUS_ONE)]));
     a_voter_that_does_not_look_at_heights => Row::new(Violation::VoteWrong, || {
         let blind = voter(&[(FLOOR_HEIGHT, MILLION_MILLIONS), (CEILING_HEIGHT, MILLION_MILLIONS)]);
-        blind.with(BREAKS + 50 * MS, u64::MAX / 2, Fault::Receiver(1, ReceiverFault::Offset { north: 0, east: 0, up: 120 }))
+        let offset = ReceiverFault::Offset { north: 0, east: 0, up: 120 };
+        blind.with(BREAKS + 50 * MS, u64::MAX / 2, Fault::Receiver(1, offset))
     });
     a_voter_that_is_too_strict => {
         Row::new(Violation::ExclusionWrong, || with_offset(voter(&[(CEILING, TWO)]), 3))

@@ -342,8 +342,8 @@ fn late_on_air(seen: &Sends) -> bool {
     seen.frames.len() + 2 == seen.ticks.len() && seen.skipped == 2 && seen.faults == 0 && seen.messages == [12; 3]
 }
 
-/// Frames leave at the tick instead of the slot 100 us after it. The cycle that begins with it is refused, since the rest
-/// of the frame before is still to be loaded: so every second cycle sends.
+/// Frames leave at the tick instead of the slot 100 us after it. The cycle that begins with it is refused, since the
+/// rest of the frame before is still to be loaded: so every second cycle sends.
 fn fires_at_every_second_tick(seen: &Sends) -> bool {
     let after = |frame: &u64| seen.ticks.iter().filter(|tick| *tick <= frame).map(|tick| frame - tick).min();
     seen.frames.len() == 12

@@ -127,8 +127,8 @@ pub(crate) fn follow(cycles: &Cycles) {
     }
     let [first, second, third] = taken;
     first.assert("Early::follow, first read", bounds(350, 260, 350, 0));
-    // The spread is the reason of a rejection, which is told: 14 cycles less than of a good frame where two objects have a
-    // wrong identifier, 8 more where the position CRC is wrong.
+    // The spread is the reason of a rejection, which is told: 14 cycles less than of a good frame where two objects
+    // have a wrong identifier, 8 more where the position CRC is wrong.
     second.assert("Early::follow, second read", bounds(2_800, 1_850, 2_600, 24));
     third.assert("Early::follow, third read", bounds(650, 450, 600, 8));
 }

@@ -8,7 +8,7 @@
 //! | `Silent` | nothing |
 //! | `Babbles`, `Beginnings`, `Unasked` | bytes without a pause, and nothing of what the receiver has to say |
 //! | `Frozen`, `Jumps`, `NoFix`, `BadChecksums` | the receiver's messages, with other contents |
-//! | `Offset`, `Drifts`, `FrozenPosition`, `Understates`, `Absurd` | NAV-PVT with another position, accuracy or velocity |
+//! | `Offset`, `Drifts`, `FrozenPosition`, `Understates`, `Absurd` | NAV-PVT with another position or accuracy |
 //! | `TimeJumps`, `OtherLength` | the receiver's messages of another time, or of another length |
 //! | `Restarts` | nothing, then messages of a receiver that knows neither time nor place |
 //! | `LateBursts` | the receiver's messages, later |

@@ -163,7 +163,8 @@ impl Service {
         if !self.powered {
             return;
         }
-        // While a flight controller keeps the DPR selected for longer than a cycle, no transaction can be got ready for.
+        // While a flight controller keeps the DPR selected for longer than a cycle, no transaction can be got ready
+        // for.
         let due = self.since + bounds::START;
         let free = self.long_ended.saturating_add(bounds::SSI_READY);
         let kept = self.under_way && now > self.began + bounds::CYCLE;

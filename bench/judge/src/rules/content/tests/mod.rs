@@ -131,8 +131,8 @@ impl Scene {
         GpsValues { status, ..values }
     }
 
-    /// The run, of which `change` may change what is said in a cycle (from 1). Where it leaves Reported-Position as it is,
-    /// that is the vote over the objects as they are then. HORUS monitors from its first result on.
+    /// The run, of which `change` may change what is said in a cycle (from 1). Where it leaves Reported-Position as it
+    /// is, that is the vote over the objects as they are then. HORUS monitors from its first result on.
     fn events(&self, mut change: impl FnMut(u64, &mut ReportedValues, &mut [GpsValues])) -> Events {
         let gps = self.receivers.len();
         let mut events = Events::new(gps);

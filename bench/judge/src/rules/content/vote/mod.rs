@@ -15,10 +15,14 @@
 //!
 //! | violation | when |
 //! |---|---|
-//! | `VoteWrong` | a result of fewer than M, of no majority of the eligible, of receivers that do not agree, or of fewer than another set of eligible receivers that agree |
+//! | `VoteWrong` | a result of fewer than M, of no majority, of receivers that do not agree, or not the largest set |
 //! | `VoteMissing` | no result, though a majority of the eligible, at least M, agree |
-//! | `ExclusionWrong` | excluded without a position, without a result, or though it agrees with a member; not excluded though it agrees with none; no longer excluded before it can have agreed for a second; still excluded 1.1 s after it began to agree with all |
-//! | `ReportedWrong` | position, attitude or acceleration are not the members' medians; or a bit of the status, or what is not valid, is not as it has to be |
+//! | `ExclusionWrong` | a receiver is excluded, or is not, against the rules below |
+//! | `ReportedWrong` | what is shown is not the members' medians; or a status bit, or what is not valid, is wrong |
+//!
+//! Excluded against the rules: without a position, without a result, though it agrees with a member, or still 1.1 s
+//! after it began to agree with all. Not excluded against them: it agrees with no member, or it cannot have agreed for
+//! a second since it was.
 //!
 //! A cycle has one of them at most. M is 1, 1, 2, 3 for 1, 2, 3, 5 receivers.
 //!
