@@ -73,9 +73,9 @@ impl Mark {
     }
 
     /// Whether both are certainly of one image: two may be made within one millisecond, but then they differ in what
-    /// they count.
+    /// they count. Without Link-Status it is not certain, since timestamps come again after a restart of HORUS.
     fn is_the_same_as(&self, other: &Self) -> bool {
-        let links = self.link.zip(other.link).is_none_or(|(a, b)| a == b);
+        let links = self.link.zip(other.link).is_some_and(|(a, b)| a == b);
         self.is_of(other) == Some(true) && links
     }
 }
@@ -237,5 +237,23 @@ impl Claims {
 fn missing(selected: u64, mark: Mark, cycles: &mut Cycles, findings: &mut Findings) {
     if !mark.stamp.is_some_and(|stamp| cycles.unannounced(stamp)) {
         findings.add(Violation::FreshMissing, selected, || "FRESH had not announced it".into());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_timestamp_alone_does_not_tell_an_image_from_one_before_a_restart_of_horus() {
+        let link = LinkValues { timestamp: 1342, ..LinkValues::default() };
+        let whole = Mark { link: Some(link), stamp: Some(90) };
+        let objects = Mark { link: None, ..whole };
+        let later = Mark { link: Some(LinkValues { frames_received: 1, ..link }), ..whole };
+        for (one, other, same) in
+            [(whole, whole, true), (whole, later, false), (whole, objects, false), (objects, objects, false)]
+        {
+            assert_eq!(one.is_the_same_as(&other), same, "{one:?} {other:?}");
+        }
     }
 }
