@@ -541,6 +541,9 @@ mod tests {
         assert_eq!(bench.album.published.len(), before);
         bench.frame(50, 1, 50_000, false);
         assert_eq!(bench.album.shown::<5>(), [0, 1, 2, 3, 4, 5]);
+        // Nor one that waits for its second frame with no object yet.
+        bench.frame(60, 0, 60_000, true);
+        assert!(!bench.commit.withdraw(end::<5>(60_000, 0) + 300, &Health::default(), &mut bench.album));
     }
 
     #[test]

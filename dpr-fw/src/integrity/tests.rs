@@ -111,6 +111,24 @@ fn an_image_is_in_order_with_all_objects_and_with_none() {
     }
 }
 
+#[test]
+fn a_slice_verifies_two_objects_and_four_slices_all_of_three_receivers() {
+    for object in 0..ImageCheck::<N>::OBJECTS {
+        let mut image = image(5);
+        image[ImageCheck::<N>::place(object).expect("an object").start / 4] ^= 1;
+        let (board, mut check) = (board(image), ImageCheck::<N>::new());
+        let found: Vec<_> = (0..4).map(|_| check.slice(&board)).collect();
+        let expected: Vec<_> = (0..4).map(|slice| (slice == object / 2).then_some(7)).collect();
+        assert_eq!(found, expected, "object {object}");
+    }
+}
+
+#[test]
+fn the_times_to_detect_are_those_that_are_stated() {
+    assert_eq!((IMAGE_DETECT_US, FLASH_DETECT_US), (25_000, 15_377_500));
+    assert_eq!((CODE_DETECT_US, RAM_PASS_US), (10_255_000, 51_200_000));
+}
+
 proptest! {
     #[test]
     fn a_flip_of_any_bit_of_the_image_is_found_within_one_round_and_names_the_generation(
