@@ -67,8 +67,8 @@ violations! {
     VoteWrong = "a voted position without a majority",
     /// No voted position although a majority agrees.
     VoteMissing = "no voted position although a majority agrees",
-    /// A receiver is excluded without a cause, or is not excluded although it agrees with no member. Or it returns before
-    /// it has agreed for a second, or not after that.
+    /// A receiver is excluded without a cause, or is not excluded although it agrees with no member. Or it returns
+    /// before it has agreed for a second, or not after that.
     ExclusionWrong = "a receiver is wrongly excluded, or wrongly not",
     // ---- DPR and SSI
 
