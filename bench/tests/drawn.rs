@@ -21,7 +21,7 @@ fn report_of(duration: u64, gps: usize, kinds: &[Kind], seed: u64) -> Option<ben
     Some(run(&setup, &mut ()).unwrap_or_else(|error| panic!("{error}")).report)
 }
 
-const ALL: [Kind; 5] = [Kind::Air, Kind::Gnss, Kind::FlightController, Kind::Power, Kind::Buffers];
+const ALL: [Kind; 6] = [Kind::Air, Kind::Gnss, Kind::FlightController, Kind::Power, Kind::Buffers, Kind::Inputs];
 
 #[test]
 fn faults_of_every_kind_at_once_violate_nothing_and_the_link_recovers() {
@@ -30,7 +30,7 @@ fn faults_of_every_kind_at_once_violate_nothing_and_the_link_recovers() {
         assert_eq!(report.violations, [""; 0], "{gps} receivers, seed {seed}");
         assert_eq!(report.faults.invalid_shown_valid, 0);
         // Of each kind some faults were there, and each is in the log by its name.
-        for kind in ["air", "receiver", "flight controller", "power", "buffer"] {
+        for kind in ["air", "receiver", "flight controller", "power", "buffer", "input"] {
             let injected = report.faults.injected.keys().any(|name| name.starts_with(kind));
             assert!(injected, "{kind} of {:?}", report.faults.injected);
         }
@@ -49,6 +49,7 @@ fn a_kind_of_fault_alone_is_injected_alone() {
         (Kind::Gnss, &["receiver"]),
         (Kind::Power, &["power"]),
         (Kind::Buffers, &["buffer"]),
+        (Kind::Inputs, &["input"]),
     ] {
         let Some(report) = report(3, &[kind], 9) else { return };
         assert_eq!(report.violations, [""; 0], "{kind}");

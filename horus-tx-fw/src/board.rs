@@ -8,6 +8,7 @@
 //! | front end, clocked out | SPI1 | MOSI PA7, SCK PA5, chip select PD14 | DMA2 stream 3 channel 3 | DMA2_STREAM3 |
 //! | front end's interrupt request | EXTI line 3 | IRQ PA3 | – | EXTI3 |
 //! | front end's waits | TIM5 | – | – | TIM5 |
+//! | inputs of the state | – | relay PE2, PE4; motor cut PE5, PE6; emergency measure PD3, PD4 | – | – |
 //! | cycle and slots | TIM2 | TICK PB10 (channel 3) | – | TIM2 |
 //! | calls of tasks of lower priority | CAN1, which stays off | – | – | CAN1_TX, CAN1_RX0, CAN1_RX1 |
 //! | receivers | see [`RECEIVER_PORTS`] | | | |
@@ -20,7 +21,7 @@
 //! the receiver's two tasks in `main.rs`; each of those looks its row up by the vector, and a vector that is in no row
 //! does not compile. Nothing else names a receiver's hardware.
 
-use horus_tx_fw::{task::TASKS, timing};
+use horus_tx_fw::{state_inputs::INPUTS, task::TASKS, timing};
 use profile::MAX_RECEIVERS;
 use stm32f4xx_hal::{
     pac::{self, uart4, Interrupt},
@@ -103,6 +104,24 @@ pub(crate) struct Stream {
 /// Where the cycle timer shows each tick to a logic analyser: TIM2 channel 3, CN10 pin 32 of the NUCLEO (D36). High for
 /// the last [`timing::TICK_PULSE_TICKS`] of each cycle; it falls with the tick.
 pub(crate) const TICK: AlternatePin = AlternatePin { pin: Pin { port: Port::B, number: 10 }, function: 1 };
+
+// ---- State
+
+/// An input of two pins whose levels are opposite while it is sound (decision 18).
+pub(crate) struct InputPair {
+    /// High while the input is active.
+    pub(crate) active: Pin,
+    /// High while it is not.
+    pub(crate) inactive: Pin,
+}
+
+/// What tells HORUS's state, the least severe first: relay (D56, D57), motor cut (D58, D59), emergency measure (D55,
+/// D54).
+pub(crate) const STATE_INPUTS: [InputPair; INPUTS] = [
+    InputPair { active: Pin { port: Port::E, number: 2 }, inactive: Pin { port: Port::E, number: 4 } },
+    InputPair { active: Pin { port: Port::E, number: 5 }, inactive: Pin { port: Port::E, number: 6 } },
+    InputPair { active: Pin { port: Port::D, number: 3 }, inactive: Pin { port: Port::D, number: 4 } },
+];
 
 // ---- Front end
 

@@ -14,17 +14,19 @@
 //! brought to the tick, and how many they are. It is *degraded* while those are fewer than are fitted. Which receivers
 //! may take part is decided by each one's own object: a receiver that falls silent stops taking part one period and
 //! 150 ms after its last message (see [`receiver`](crate::receiver)), and one that was outvoted says *excluded*. HORUS
-//! is *starting* until the first result, and *monitoring* from then on.
+//! is *starting* until the first result, and *monitoring* from then on, unless the inputs of its safety function say
+//! something else ([`state_inputs`](crate::state_inputs)).
 
 use horus_voter::{Input, Verdict, Voter};
 use profile::{
-    GpsObject, GpsStatus, GpsValues, HorusState, Identifier, Profile, ReportedPosition, ReportedStatus, ReportedValues,
-    ABSENT_F32, ABSENT_F64, CYCLE_MS,
+    GpsObject, GpsStatus, GpsValues, Identifier, Profile, ReportedPosition, ReportedStatus, ReportedValues, ABSENT_F32,
+    ABSENT_F64, CYCLE_MS,
 };
 
 use crate::{
     clock::Source,
     receiver::{Solution, HEARD_MS},
+    state_inputs::{Levels, StateInputs, INPUTS},
 };
 
 /// The time of tick `tick`, ms since the start: every tick is 10 ms after the one before it. The
@@ -40,6 +42,7 @@ pub struct Cycle<const N: usize> {
     /// There has been a result since the start.
     located: bool,
     clock: Source,
+    inputs: StateInputs,
     voter: Voter<N>,
     /// The last vote, and Reported-Position as sealed for the tick that it is for.
     verdict: Verdict,
@@ -56,7 +59,19 @@ impl<const N: usize> Cycle<N> {
     /// The first cycle of a HORUS that runs on `clock`, which Reported-Position's status tells.
     #[must_use]
     pub const fn on(clock: Source) -> Self {
-        Self { located: false, clock, voter: Voter::new(), verdict: Verdict::NONE, voted: None }
+        Self {
+            located: false,
+            clock,
+            inputs: StateInputs::new(),
+            voter: Voter::new(),
+            verdict: Verdict::NONE,
+            voted: None,
+        }
+    }
+
+    /// Takes the levels of the inputs that tell HORUS's state, once in a cycle and before the vote.
+    pub fn sample(&mut self, levels: [Levels; INPUTS]) {
+        self.inputs.sample(levels);
     }
 
     /// The vote of tick `tick`, from what each receiver has said until now.
@@ -107,7 +122,7 @@ impl<const N: usize> Cycle<N> {
                 .with_acceleration_valid(acceleration.is_some())
                 .with_degraded(usize::from(agreeing) < N)
                 .with_without_crystal(self.clock == Source::Internal)
-                .with_state(if self.located { HorusState::Monitoring } else { HorusState::Starting }),
+                .with_state(self.inputs.state(self.located)),
             latitude: position.map_or(ABSENT_F64, |position| position.latitude),
             longitude: position.map_or(ABSENT_F64, |position| position.longitude),
             altitude: position.and_then(|position| position.altitude).unwrap_or(ABSENT_F64),

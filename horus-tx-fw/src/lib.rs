@@ -40,6 +40,7 @@ pub mod protection;
 pub mod receiver;
 pub mod reset;
 pub mod ring;
+pub mod state_inputs;
 pub mod task;
 pub mod telemetry;
 pub mod timing;

@@ -95,7 +95,7 @@ mod app {
             cycle_timer::{self, CycleEvent, CycleTimer},
             gnss::{self, GnssLine, RING},
             radio::{Ended, Radio},
-            settle, HORUS_TELEMETRY,
+            settle, state_inputs, HORUS_TELEMETRY,
         },
     };
 
@@ -167,6 +167,7 @@ mod app {
         watchdog.feed();
 
         let mut radio = Radio::new(&mut rcc, device.SPI1, device.TIM5, device.SYSCFG, &device.EXTI);
+        state_inputs::set_up();
         let lines = GnssLine::all(&mut rcc);
         let mut transmitter = Transmitter::new(PollerConfig::new(), &HORUS_TELEMETRY);
         transmitter.start(&mut radio);
@@ -317,6 +318,7 @@ mod app {
     fn cycle(mut cx: cycle::Context) {
         let begun = DWT::cycle_count();
         let tick = cycle_timer::tick();
+        cx.local.cycle.sample(state_inputs::levels());
         let profile = cx.shared.solutions.lock(|solutions| cx.local.cycle.fill(tick, solutions));
         HORUS_TELEMETRY.worst_fill_cycles.record_max(DWT::cycle_count().wrapping_sub(begun));
         (cx.shared.transmitter, cx.shared.radio).lock(|transmitter, radio| transmitter.offer(tick, &profile, radio));

@@ -6,6 +6,7 @@ use horus_tx_fw::{
     clock::Source,
     cycle::{timestamp, Cycle},
     receiver::{Receiver, Solution},
+    state_inputs::{Levels, INPUTS, SAMPLES_TO_TAKE},
     transmitter::Ticket,
 };
 use profile::{
@@ -15,13 +16,17 @@ use profile::{
 use proptest::prelude::*;
 use ubx::{esf_ins, nav_att, NavPvt};
 
+const INACTIVE: Levels = Levels { active: false, inactive: true };
+
 trait Tick<const N: usize> {
-    /// A tick at whose vote the receivers had said all that they have at the tick.
+    /// A tick at whose vote the receivers had said all that they have at the tick, and the inputs of the state had
+    /// settled as inactive.
     fn voted_and_filled(&mut self, tick: u32, solutions: &[Solution; N]) -> Profile<N>;
 }
 
 impl<const N: usize> Tick<N> for Cycle<N> {
     fn voted_and_filled(&mut self, tick: u32, solutions: &[Solution; N]) -> Profile<N> {
+        (0..SAMPLES_TO_TAKE).for_each(|_| self.sample([INACTIVE; INPUTS]));
         self.vote(tick, solutions);
         self.fill(tick, solutions)
     }
@@ -136,6 +141,7 @@ fn a_vote_is_shown_at_its_own_tick_alone() {
     let mut cycle = Cycle::new();
     let shown = |profile: Profile<1>| read(&profile).0.status;
     assert!(!shown(cycle.fill(6, &[all(60)])).position_valid(), "before the first vote");
+    (0..SAMPLES_TO_TAKE).for_each(|_| cycle.sample([INACTIVE; INPUTS]));
     cycle.vote(7, &[all(60)]);
     let silent = [Solution::default()];
     assert!(shown(cycle.fill(7, &silent)).position_valid(), "of what was said until the vote");
@@ -168,6 +174,24 @@ fn horus_goes_on_monitoring_when_its_position_is_lost() {
     let lost = state(&mut cycle, 3, Solution::default());
     assert_eq!(lost.state(), Some(HorusState::Monitoring));
     assert!(!lost.position_valid());
+}
+
+#[test]
+fn an_active_input_is_the_state_with_a_position_and_without() {
+    let motors_cut = Levels { active: true, inactive: false };
+    for (solution, before) in [(all(70), HorusState::Monitoring), (Solution::default(), HorusState::Starting)] {
+        let mut cycle = Cycle::new();
+        let state = |cycle: &mut Cycle<1>| read(&cycle.fill(7, &[solution])).0.status.state();
+        (0..SAMPLES_TO_TAKE).for_each(|_| cycle.sample([INACTIVE; INPUTS]));
+        cycle.vote(7, &[solution]);
+        assert_eq!(state(&mut cycle), Some(before));
+        (1..SAMPLES_TO_TAKE).for_each(|_| cycle.sample([INACTIVE, motors_cut, INACTIVE]));
+        cycle.vote(7, &[solution]);
+        assert_eq!(state(&mut cycle), Some(before), "two samples are not taken");
+        cycle.sample([INACTIVE, motors_cut, INACTIVE]);
+        cycle.vote(7, &[solution]);
+        assert_eq!(state(&mut cycle), Some(HorusState::MotorsCut));
+    }
 }
 
 /// What is said of `solution` at `age` ms, an age that is between two ticks too: Reported-Position's status, and

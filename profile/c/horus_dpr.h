@@ -339,12 +339,13 @@ HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_command_t, crc) == 60U, "crc");
 
 /* What HORUS is doing. Other codes are reserved. */
 typedef enum {
-    HORUS_DPR_STATE_STARTING = 0,         /* not yet monitoring */
-    HORUS_DPR_STATE_MONITORING = 1,       /* monitoring the flight range */
-    HORUS_DPR_STATE_OUTSIDE_RANGE = 2,    /* the position is outside the flight range */
-    HORUS_DPR_STATE_SWITCHED = 3,         /* switched to the redundant flight controller */
-    HORUS_DPR_STATE_MOTORS_CUT = 4,       /* motors cut */
-    HORUS_DPR_STATE_EMERGENCY_FIRED = 5   /* emergency measure fired */
+    HORUS_DPR_STATE_STARTING = 0,           /* not yet monitoring */
+    HORUS_DPR_STATE_MONITORING = 1,         /* monitoring the flight range */
+    HORUS_DPR_STATE_OUTSIDE_RANGE = 2,      /* the position is outside the flight range */
+    HORUS_DPR_STATE_SWITCHED = 3,           /* switched to the redundant flight controller */
+    HORUS_DPR_STATE_MOTORS_CUT = 4,         /* motors cut */
+    HORUS_DPR_STATE_EMERGENCY_FIRED = 5,    /* emergency measure fired */
+    HORUS_DPR_STATE_INPUTS_CONTRADICT = 6   /* an input that tells the state contradicts itself */
 } horus_dpr_state_t;
 
 /* A receiver's fix. Other codes are reserved. */

@@ -64,6 +64,8 @@ pub enum HorusState {
     MotorsCut = 4,
     /// Emergency measure fired.
     EmergencyFired = 5,
+    /// An input that tells the state contradicts itself, and nothing more severe is known.
+    InputsContradict = 6,
 }
 
 impl HorusState {
@@ -75,6 +77,7 @@ impl HorusState {
             3 => Some(Self::SwitchedToRedundant),
             4 => Some(Self::MotorsCut),
             5 => Some(Self::EmergencyFired),
+            6 => Some(Self::InputsContradict),
             _ => None,
         }
     }
@@ -87,6 +90,7 @@ impl HorusState {
             Self::SwitchedToRedundant => 3,
             Self::MotorsCut => 4,
             Self::EmergencyFired => 5,
+            Self::InputsContradict => 6,
         }
     }
 }
@@ -349,10 +353,10 @@ mod tests {
             assert_eq!(written.bits(), if code <= 5 { 0x03F0 | code } else { 0 });
         }
         for (code, state) in (0..).zip(states) {
-            assert_eq!(state.map(HorusState::bits), (code <= 5).then_some(code));
+            assert_eq!(state.map(HorusState::bits), (code <= 6).then_some(code));
             let written =
                 state.map_or(ReportedStatus::new(), |state| ReportedStatus::from_bits(0x0FFF).with_state(state));
-            assert_eq!(written.bits(), if code <= 5 { 0x00FF | code << 8 } else { 0 });
+            assert_eq!(written.bits(), if code <= 6 { 0x00FF | code << 8 } else { 0 });
         }
         for (code, reason) in (0..).zip(reasons) {
             assert_eq!(reason.map(ResetReason::bits), (code <= 5).then_some(code));

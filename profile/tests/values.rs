@@ -317,7 +317,7 @@ fn codes_read_as_they_were_written_and_reserved_ones_as_none() {
             assert_eq!(GpsStatus::new().with_fix_type(fix), status);
         }
         let status = ReportedStatus::from_bits(u16::from(code) << 8);
-        assert_eq!(status.state().is_some(), code <= 5);
+        assert_eq!(status.state().is_some(), code <= 6);
         if let Some(state) = status.state() {
             assert_eq!(ReportedStatus::new().with_state(state), status);
         }

@@ -47,8 +47,8 @@ pub(crate) struct SimArgs {
     /// Store the event log, which `cargo xtask judge` judges again.
     #[arg(long, value_name = "FILE")]
     events: Option<PathBuf>,
-    /// What goes wrong on purpose: a list of air, gnss, fc, power, buffers (drawn into the run from the seed), and
-    /// of ram, flash, registers (each upset on a copy of the bench, see --upsets).
+    /// What goes wrong on purpose: a list of air, gnss, fc, power, buffers, inputs (drawn into the run from the seed),
+    /// and of ram, flash, registers (each upset on a copy of the bench, see --upsets).
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     faults: Vec<Kind>,
     /// How many upsets of RAM, flash and registers are tried.

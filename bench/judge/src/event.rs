@@ -117,6 +117,15 @@ pub enum What {
         /// When its cause goes away, ns; the event's instant for what has no duration.
         until: u64,
     },
+    /// The levels of a pair of pins that tells HORUS's state are others; before the first of these no input is active.
+    StateInput {
+        /// 0 the relay, 1 the motor cut, 2 the emergency measure.
+        input: usize,
+        /// The pin that is high while the input is active.
+        active: bool,
+        /// The pin that is high while it is not.
+        inactive: bool,
+    },
     /// HORUS's TICK pin rose: its 10 ms timer began the next cycle.
     Tick,
     /// Chip select of HORUS's front end rose after the byte of a transmit command.
@@ -256,26 +265,27 @@ impl What {
             Self::Power { .. } => 0,
             Self::Reset { .. } => 1,
             Self::Injected { .. } => 2,
-            Self::Tick => 3,
-            Self::Command => 4,
-            Self::Field { .. } => 5,
-            Self::Sent { .. } => 6,
-            Self::FieldHeard { .. } => 7,
-            Self::Heard { .. } => 8,
-            Self::Answer => 9,
-            Self::Fed { .. } => 10,
-            Self::Fresh { .. } => 11,
-            Self::Ssi(_) => 12,
-            Self::Selected => 13,
-            Self::Transaction { .. } => 14,
-            Self::Forwarded { .. } => 15,
-            Self::Arrived { .. } => 16,
-            Self::Finding { .. } => 17,
-            Self::Misuse { .. } => 18,
-            Self::Late { .. } => 19,
-            Self::Counter { .. } => 20,
-            Self::Load { .. } => 21,
-            Self::End => 22,
+            Self::StateInput { .. } => 3,
+            Self::Tick => 4,
+            Self::Command => 5,
+            Self::Field { .. } => 6,
+            Self::Sent { .. } => 7,
+            Self::FieldHeard { .. } => 8,
+            Self::Heard { .. } => 9,
+            Self::Answer => 10,
+            Self::Fed { .. } => 11,
+            Self::Fresh { .. } => 12,
+            Self::Ssi(_) => 13,
+            Self::Selected => 14,
+            Self::Transaction { .. } => 15,
+            Self::Forwarded { .. } => 16,
+            Self::Arrived { .. } => 17,
+            Self::Finding { .. } => 18,
+            Self::Misuse { .. } => 19,
+            Self::Late { .. } => 20,
+            Self::Counter { .. } => 21,
+            Self::Load { .. } => 22,
+            Self::End => 23,
         }
     }
 }

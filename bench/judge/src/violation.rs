@@ -70,6 +70,10 @@ violations! {
     /// A receiver is excluded without a cause, or is not excluded although it agrees with no member. Or it returns
     /// before it has agreed for a second, or not after that.
     ExclusionWrong = "a receiver is wrongly excluded, or wrongly not",
+    /// HORUS's state is not what its inputs say. The relay, the motor cut or the emergency measure is active or
+    /// contradicts itself for longer than the debounce time, and the state shows something else, or the other way
+    /// round.
+    StateWrong = "HORUS's state is not what its inputs say",
     // ---- DPR and SSI
 
     /// The listener answered. The DPR's front end sent something.

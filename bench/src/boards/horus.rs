@@ -8,6 +8,7 @@ use st25r3916_model::Chip;
 use stm32f429::{Stm32f429, pin};
 
 use super::front_end::{FrontEnd, Wires};
+use crate::faults::{InputFault, state_inputs::INPUTS};
 use crate::node::{Board, Input};
 
 /// The front end's wires on the HORUS side.
@@ -17,6 +18,33 @@ const HORUS_FRONT_END: Wires =
 const RECEIVER_PINS: [Pin; 5] = [pin('D', 6), pin('C', 7), pin('C', 11), pin('D', 2), pin('E', 7)];
 /// Where the 10 ms timer shows its ticks: the pin falls with each.
 const TICK: Pin = pin('B', 10);
+
+/// The pairs of pins that tell HORUS's state: that which is high while relay, motor cut or emergency measure is active,
+/// and that which is high while it is not.
+const INPUT_PINS: [[Pin; 2]; INPUTS] =
+    [[pin('E', 2), pin('E', 4)], [pin('E', 5), pin('E', 6)], [pin('D', 3), pin('D', 4)]];
+
+/// One of these inputs.
+#[derive(Clone, Copy, Debug)]
+struct StateInput {
+    /// The levels of its two pins.
+    levels: (bool, bool),
+    /// When they change over, ns, and after what time again.
+    chatters: Option<(u64, u64)>,
+}
+
+/// The pins of an input have other levels.
+#[derive(Clone, Copy, Debug)]
+pub struct InputChange {
+    /// Since when, ns.
+    pub at: u64,
+    /// Which, from 0.
+    pub input: usize,
+    /// The pin that is high while the input is active.
+    pub active: bool,
+    /// The other one.
+    pub inactive: bool,
+}
 
 /// The wire from a receiver: frames wait here until the line takes them, back to back.
 #[derive(Clone, Debug)]
@@ -40,6 +68,10 @@ pub struct Horus {
     /// The level of the pin TICK.
     tick: bool,
     ticks: Vec<u64>,
+    inputs: [StateInput; INPUTS],
+    input_changes: Vec<InputChange>,
+    /// Inputs whose pins the part has not been told of.
+    untold: Vec<usize>,
 }
 
 impl Horus {
@@ -54,6 +86,9 @@ impl Horus {
             powered: false,
             tick: false,
             ticks: vec![],
+            inputs: [StateInput { levels: (false, true), chatters: None }; INPUTS],
+            input_changes: vec![],
+            untold: vec![],
         }
     }
 
@@ -74,6 +109,27 @@ impl Horus {
     /// As [`Horus::send`], for bytes at the receivers' bit rate, 8N1.
     pub fn send_bytes(&mut self, at: u64, index: usize, bytes: &[u8]) -> u64 {
         self.send(at, index, bytes.iter().map(|&byte| UartFrame::eight_n_one(byte, GNSS_BAUD)))
+    }
+
+    /// Input `input` says this from `at` (ns) on; nothing: it is inactive.
+    pub fn set_input(&mut self, at: u64, input: usize, says: Option<InputFault>) {
+        let Some(state) = self.inputs.get_mut(input) else { return };
+        state.chatters = match says {
+            Some(InputFault::Chatters(after)) => Some((at + after, after)),
+            _ => None,
+        };
+        self.drive_input(at, input, says.map_or((false, true), InputFault::levels));
+    }
+
+    fn drive_input(&mut self, at: u64, input: usize, levels: (bool, bool)) {
+        self.inputs[input].levels = levels;
+        self.input_changes.push(InputChange { at, input, active: levels.0, inactive: levels.1 });
+        self.untold.push(input);
+    }
+
+    /// What the inputs' pins did since the last call.
+    pub fn take_input_changes(&mut self) -> Vec<InputChange> {
+        std::mem::take(&mut self.input_changes)
     }
 
     fn plan(&mut self) {
@@ -106,13 +162,29 @@ impl Board for Horus {
     }
 
     fn next_event(&self) -> u64 {
-        self.front_end.next_event().min(self.next_byte)
+        let chatter = self.inputs.iter().filter_map(|input| input.chatters).map(|(at, _)| at);
+        self.front_end.next_event().min(self.next_byte).min(chatter.min().unwrap_or(u64::MAX))
     }
 
     fn settle(&mut self, at: u64, inputs: &mut Vec<Input>) {
         if !self.powered {
             self.powered = true;
             inputs.extend(self.lines.iter().map(|line| Input::Level(line.pin, Some(true))));
+            self.untold = (0..INPUTS).collect();
+        }
+        for input in 0..INPUTS {
+            while let Some((due, after)) = self.inputs[input].chatters
+                && due <= at
+            {
+                let (active, inactive) = self.inputs[input].levels;
+                self.inputs[input].chatters = Some((due + after, after));
+                self.drive_input(due, input, (inactive, active));
+            }
+        }
+        for input in std::mem::take(&mut self.untold) {
+            let (active, inactive) = self.inputs[input].levels;
+            let levels = INPUT_PINS[input].into_iter().zip([active, inactive]);
+            inputs.extend(levels.map(|(pin, level)| Input::Level(pin, Some(level))));
         }
         self.front_end.settle(at, inputs);
         if at >= self.next_byte {

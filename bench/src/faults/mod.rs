@@ -8,6 +8,7 @@
 //! |---|---|---|
 //! | `st25r3916_model::AirFaults` | frames between the antennas | the air |
 //! | [`receivers`] | what a GNSS receiver sends, and its line | HORUS's UART pins |
+//! | [`state_inputs`] | the inputs that tell HORUS's state | HORUS's pins |
 //! | [`front_end`] | HORUS's front end | its antenna, its chip select |
 //! | [`chip`] | either front end's chip | its interrupts, its SPI |
 //! | [`flight_controller`] | how the flight controller uses the SSI | the SSI's pins |
@@ -36,6 +37,7 @@ pub mod plan;
 pub mod power;
 pub mod receivers;
 pub mod rng;
+pub mod state_inputs;
 pub mod upset;
 pub mod wires;
 
@@ -54,6 +56,7 @@ pub use power::{PowerFault, Powered};
 pub use receivers::{Absurd, LineFaults, OnLine, ReceiverFault};
 pub use rng::Rng;
 pub use st25r3916_model::AirFaults;
+pub use state_inputs::InputFault;
 pub use upset::{Targets, Upset};
 pub use wires::{WireFault, Wires};
 
@@ -64,6 +67,8 @@ pub enum Fault {
     Air(AirFaults),
     /// A receiver, from 0, or its line.
     Receiver(usize, ReceiverFault),
+    /// An input that tells HORUS's state: 0 the relay, 1 the motor cut, 2 the emergency measure.
+    Input(usize, InputFault),
     /// HORUS's front end.
     FrontEnd(FrontEndFault),
     /// A board's front-end chip, or a line to it.
@@ -91,6 +96,7 @@ impl Fault {
         match self {
             Self::Air(_) => "air".into(),
             Self::Receiver(receiver, fault) => format!("receiver {} {}", receiver + 1, fault.name()),
+            Self::Input(input, fault) => format!("input {}", fault.name(*input)),
             Self::FrontEnd(fault) => format!("poller {}", fault.name()),
             Self::Chip(board, fault) => format!("{} front end {}", name_of(*board), fault.name()),
             Self::FlightController(conduct) => format!("flight controller {}", conduct.name()),
@@ -107,7 +113,7 @@ impl Fault {
     #[must_use]
     pub fn is_upstream(&self) -> bool {
         match self {
-            Self::Receiver(..) | Self::FrontEnd(_) => true,
+            Self::Receiver(..) | Self::Input(..) | Self::FrontEnd(_) => true,
             Self::Air(_) | Self::FlightController(_) | Self::Base(_) | Self::Buffer(_) => false,
             Self::Wire(fault) => fault.is_upstream(),
             Self::Chip(board, _) | Self::Power(board, _) | Self::Upset(board, _) | Self::Image(board, _) => {

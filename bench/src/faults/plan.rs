@@ -7,8 +7,8 @@ use std::fmt;
 use std::str::FromStr;
 
 use super::{
-    Absurd, AirFaults, Board, BufferFault, Buffers, ChipFault, Conduct, Episode, Fault, Faults, PowerFault,
-    ReceiverFault, Rng,
+    Absurd, AirFaults, Board, BufferFault, Buffers, ChipFault, Conduct, Episode, Fault, Faults, InputFault, PowerFault,
+    ReceiverFault, Rng, state_inputs::INPUTS,
 };
 
 /// No episode begins before this instant, ns: both boards start in peace.
@@ -51,11 +51,13 @@ pub enum Kind {
     Registers,
     /// Bits of the DPR's receive and image buffers, in the run itself.
     Buffers,
+    /// The inputs that tell HORUS's state.
+    Inputs,
 }
 
 impl Kind {
     /// All kinds.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Air,
         Self::Gnss,
         Self::FlightController,
@@ -64,6 +66,7 @@ impl Kind {
         Self::Flash,
         Self::Registers,
         Self::Buffers,
+        Self::Inputs,
     ];
 
     /// What `--faults` calls it.
@@ -78,6 +81,7 @@ impl Kind {
             Self::Flash => "flash",
             Self::Registers => "registers",
             Self::Buffers => "buffers",
+            Self::Inputs => "inputs",
         }
     }
 
@@ -186,6 +190,7 @@ fn all_of(kind: Kind, gps: usize, rng: &mut Rng) -> Vec<Draw> {
         }
         Kind::Power => power(rng),
         Kind::Buffers => buffers(rng),
+        Kind::Inputs => inputs().map(|(input, fault)| vec![(0, Fault::Input(input, fault))]).collect(),
         Kind::Ram | Kind::Flash | Kind::Registers => vec![],
     }
 }
@@ -254,6 +259,11 @@ fn receivers() -> Vec<ReceiverFault> {
     faults
 }
 
+/// Each input that tells HORUS's state, and each thing that it says.
+fn inputs() -> impl Iterator<Item = (usize, InputFault)> {
+    (0..INPUTS).flat_map(|input| InputFault::ALL.map(|fault| (input, fault)))
+}
+
 /// Bits of the DPR's buffers that flip, as many of either kind as there are buffers, and one of either kind that is
 /// stuck at zero, and one at one, for a while.
 fn buffers(rng: &mut Rng) -> Vec<Draw> {
@@ -316,7 +326,7 @@ mod tests {
         assert_eq!(
             error,
             "\"radio\" is no kind of fault: give one or several of air, gnss, fc, power, ram, flash, registers, \
-             buffers"
+             buffers, inputs"
         );
     }
 
@@ -402,6 +412,10 @@ mod tests {
         assert_eq!(
             names(Kind::FlightController).len(),
             Conduct::ALL.map(Conduct::name).into_iter().collect::<BTreeSet<_>>().len()
+        );
+        assert_eq!(
+            of(Kind::Inputs).iter().map(|episode| format!("{:?}", episode.fault)).collect::<BTreeSet<_>>().len(),
+            INPUTS * InputFault::ALL.len()
         );
         for board in ["horus", "dpr"] {
             for name in ["off", "reset pin", "brown-out", "watchdog", "front end off"] {

@@ -24,6 +24,8 @@ pub enum WireFault {
     TickStuck,
     /// TICK shows another tick, [`GLITCH_AFTER_NS`] after each tick of HORUS's.
     TickGlitch,
+    /// The log is told nothing of the pins that tell HORUS's state.
+    InputsUnseen,
     /// One bit of each transaction's MISO is inverted.
     MisoBit {
         /// In which byte of the transaction, from 0; shorter transactions are left alone.
@@ -106,6 +108,7 @@ impl WireFault {
             Self::FreshLate(_) => "FRESH late",
             Self::TickStuck => "TICK stuck",
             Self::TickGlitch => "TICK glitch",
+            Self::InputsUnseen => "inputs unseen",
             Self::MisoBit { .. } => "MISO bit",
             Self::MisoReplay { .. } => "MISO replay",
             Self::MisoSplice { .. } => "MISO splice",
@@ -125,7 +128,7 @@ impl WireFault {
     /// Whether the wire is on HORUS's side.
     #[must_use]
     pub const fn is_upstream(self) -> bool {
-        matches!(self, Self::TickStuck | Self::TickGlitch)
+        matches!(self, Self::TickStuck | Self::TickGlitch | Self::InputsUnseen)
     }
 }
 
@@ -267,6 +270,12 @@ impl Wires {
         let seen = (!self.faults.contains(&WireFault::TickStuck)).then_some(at);
         let glitch = seen.filter(|_| self.faults.contains(&WireFault::TickGlitch)).map(|at| at + GLITCH_AFTER_NS);
         seen.into_iter().chain(glitch)
+    }
+
+    /// Whether what the pins do that tell HORUS's state is seen.
+    #[must_use]
+    pub fn shows_inputs(&self) -> bool {
+        !self.faults.contains(&WireFault::InputsUnseen)
     }
 
     /// Whether the listener's antenna answers what it hears.
@@ -497,6 +506,7 @@ mod tests {
         let mut late = broken(WireFault::FreshLate(70));
         assert_eq!(late.fresh(MS, true).collect::<Vec<_>>(), [(MS + 70, true)]);
         assert_eq!(broken(WireFault::TickStuck).tick(MS).count(), 0);
+        assert!(broken(WireFault::TickStuck).shows_inputs() && !broken(WireFault::InputsUnseen).shows_inputs());
         assert_eq!(broken(WireFault::TickGlitch).tick(MS).collect::<Vec<_>>(), [MS, MS + GLITCH_AFTER_NS]);
     }
 

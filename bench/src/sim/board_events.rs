@@ -95,6 +95,7 @@ impl BoardEvents {
                     },
                     Fault::Air(_)
                     | Fault::Receiver(..)
+                    | Fault::Input(..)
                     | Fault::FrontEnd(_)
                     | Fault::FlightController(_)
                     | Fault::Wire(_)

@@ -9,8 +9,8 @@ use profile::Layout;
 use st25r3916_model::AirEvent;
 
 use super::board_events::BoardEvents;
-use crate::boards::Horus;
 use crate::boards::front_end::Crossing;
+use crate::boards::{Horus, InputChange};
 use crate::faults::receivers::{LineFaults, OnLine};
 use crate::faults::{Fault, Faults, Timeline, Turn, Wires};
 use crate::node::{LogLine, Node, Upstream};
@@ -88,6 +88,15 @@ impl Receivers {
         }
     }
 
+    /// What the pins did that tell HORUS's state is in the log, as far as it is seen.
+    fn watch_inputs<C: Cost>(&mut self, node: &mut Node<Horus, C>) {
+        for InputChange { at, input, active, inactive } in node.board_mut(Horus::take_input_changes) {
+            if self.wires.shows_inputs() {
+                self.events.note(at, What::StateInput { input, active, inactive });
+            }
+        }
+    }
+
     /// What is on a line goes to the board and into the log.
     fn feed<C: Cost>(&mut self, node: &mut Node<Horus, C>, lines: Vec<OnLine>) {
         for OnLine { at_ns, receiver, frames, clean } in lines {
@@ -125,6 +134,7 @@ impl<C: Cost> Upstream<Horus, C> for Receivers {
             self.events.note(at, What::Command);
         }
         self.watch_ticks(node);
+        self.watch_inputs(node);
         let mut marks = std::mem::take(&mut self.marks);
         self.events.watch(node);
         if let Some(tasks) = &mut self.tasks {
@@ -148,9 +158,17 @@ impl<C: Cost> Upstream<Horus, C> for Receivers {
                     self.lines.begin(node.now(), episode.until, receiver, fault);
                 }
                 Fault::Receiver(receiver, fault) => self.lines.end(receiver, fault),
+                Fault::Input(input, says) => {
+                    if begins {
+                        self.events.injected(node.now(), episode);
+                    }
+                    let now = node.now();
+                    node.board_mut(|board| board.set_input(now, input, begins.then_some(says)));
+                }
                 Fault::Wire(fault) => {
-                    // Ticks of before have crossed the wire as it was.
+                    // What was before has crossed the wire as it was.
                     self.watch_ticks(node);
+                    self.watch_inputs(node);
                     if begins {
                         self.events.injected(node.now(), episode);
                         self.wires.begin(fault);

@@ -268,6 +268,7 @@ impl fmt::Display for BaseStation {
                     Some(HorusState::SwitchedToRedundant) => "SWITCHED TO REDUNDANT FLIGHT CONTROLLER",
                     Some(HorusState::MotorsCut) => "MOTORS CUT",
                     Some(HorusState::EmergencyFired) => "EMERGENCY MEASURE FIRED",
+                    Some(HorusState::InputsContradict) => "STATE UNKNOWN: INPUTS CONTRADICT",
                     None => "in an unknown state",
                 };
                 let degraded = if v.status.degraded() { ", degraded" } else { "" };

@@ -1,6 +1,6 @@
 //! Rows of the sending side: HORUS's ticks, commands and frames, and what its objects say.
 
-use bench::faults::{Board, Fault, Faults, FrontEndFault, ImageFault, ReceiverFault, WireFault};
+use bench::faults::{Board, Fault, Faults, FrontEndFault, ImageFault, InputFault, ReceiverFault, WireFault};
 use bench_judge::Violation;
 
 use super::{BREAKS, MS, Row, US, table};
@@ -121,6 +121,9 @@ table! {
         let blind = voter(&[(FLOOR_HEIGHT, MILLION_MILLIONS), (CEILING_HEIGHT, MILLION_MILLIONS)]);
         let offset = ReceiverFault::Offset { north: 0, east: 0, up: 120 };
         blind.with(BREAKS + 50 * MS, u64::MAX / 2, Fault::Receiver(1, offset))
+    });
+    a_relay_that_switches_unseen => Row::new(Violation::StateWrong, || {
+        wire(WireFault::InputsUnseen, 300 * MS).with(BREAKS + MS, BREAKS + 61 * MS, Fault::Input(0, InputFault::Active))
     });
     a_voter_that_is_too_strict => {
         Row::new(Violation::ExclusionWrong, || with_offset(voter(&[(CEILING, TWO)]), 3))

@@ -14,6 +14,7 @@
 //! | [`gnss`] | the receivers' UARTs and rings |
 //! | [`dma`] | DMA streams |
 //! | [`gpio`] | pins |
+//! | [`state_inputs`] | the pairs of pins that tell HORUS's state |
 //! | [`reset`] | the reason of the last reset, and how many the watchdog has made |
 //!
 //! `main.rs` denies `unsafe` code; each file in this folder allows it for itself, and says in its heading what for. All
@@ -44,6 +45,7 @@ pub mod gnss;
 mod gpio;
 pub mod radio;
 pub mod reset;
+pub mod state_inputs;
 
 /// What the debugger or the bench reads.
 #[no_mangle]

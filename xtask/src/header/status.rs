@@ -120,7 +120,15 @@ fn enumeration(name: &str, title: &str, prefix: &str, values: &[(&str, u8, &str)
 
 fn codes() -> String {
     use {FixType as F, HorusState as S, ResetReason as R};
-    let states = [S::Starting, S::Monitoring, S::OutsideRange, S::SwitchedToRedundant, S::MotorsCut, S::EmergencyFired];
+    let states = [
+        S::Starting,
+        S::Monitoring,
+        S::OutsideRange,
+        S::SwitchedToRedundant,
+        S::MotorsCut,
+        S::EmergencyFired,
+        S::InputsContradict,
+    ];
     let states = states.map(|state| {
         let (name, what) = match state {
             S::Starting => ("STARTING", "not yet monitoring"),
@@ -129,6 +137,7 @@ fn codes() -> String {
             S::SwitchedToRedundant => ("SWITCHED", "switched to the redundant flight controller"),
             S::MotorsCut => ("MOTORS_CUT", "motors cut"),
             S::EmergencyFired => ("EMERGENCY_FIRED", "emergency measure fired"),
+            S::InputsContradict => ("INPUTS_CONTRADICT", "an input that tells the state contradicts itself"),
         };
         (name, state as u8, what)
     });

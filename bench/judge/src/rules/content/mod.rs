@@ -16,12 +16,13 @@
 //! - Ages for two seconds after a tick that was missing or irregular, or a timestamp that jumped: HORUS counts its time
 //!   in ticks.
 //! - Reported-Position in a cycle of which a GPS object was blamed, or is missing, and in the one after it. Else
-//!   [`vote`] says what it and the bits *excluded* must be.
+//!   [`vote`] says what it and the bits *excluded* must be. HORUS's state in it is judged in every cycle ([`inputs`]).
 //!
 //! One object is told at most once for its values and once for its status. If both disagree with every message, it is
 //! the status if the values are those of a message that the status calls valid, or none where it calls none valid; else
 //! the content.
 
+mod inputs;
 #[cfg(test)]
 mod tests;
 mod track;
@@ -34,6 +35,7 @@ use profile::{CYCLE_MS, GpsStatus, GpsValues, Layout, MAX_RECEIVERS, ReportedVal
 
 use crate::read::{Frame, Placed, State, Values};
 use crate::{Board, Context, Event, Figures, Findings, Header, Violation, Voter, What, bounds};
+use inputs::Inputs;
 use track::{Age, FOUND_LATE, Track};
 use ubx::{Kind, Message, Motion, Reader};
 use vote::{Seen, Vote};
@@ -231,6 +233,7 @@ pub struct Content {
     lines: Vec<Line>,
     ticks: Ticks,
     sent: Sent,
+    inputs: Inputs,
     vote: Vote,
     voter: Voter,
 }
@@ -248,6 +251,7 @@ impl Content {
             lines: vec![Line::new(); header.gps],
             ticks: Ticks::default(),
             sent: Sent::default(),
+            inputs: Inputs::new(),
             vote: Vote::new(header.gps),
             voter: Voter { agree: (0..=header.gps as u64).map(|agree| (agree, 0)).collect(), ..Voter::default() },
         }
@@ -260,18 +264,23 @@ impl Content {
             What::Power { board: Board::Horus, .. } | What::Reset { board: Board::Horus, .. } => {
                 self.ticks = Ticks { since: at, ..Ticks::default() };
                 self.lines.iter_mut().for_each(|line| line.forget(at));
+                self.inputs.forget();
                 self.vote.forget();
                 (0..self.lines.len()).for_each(|receiver| self.voter.excluded(receiver, at, false, None));
             }
             What::Tick => {
                 let ticks = &mut self.ticks;
-                if ticks.last.is_some_and(|last| (at - last).abs_diff(bounds::CYCLE) > bounds::TICK_TOLERANCE) {
+                let is_irregular =
+                    ticks.last.is_some_and(|last| (at - last).abs_diff(bounds::CYCLE) > bounds::TICK_TOLERANCE);
+                if is_irregular {
                     ticks.untimed = at + UNTIMED;
                 }
+                self.inputs.tick(at, is_irregular);
                 ticks.count += 1;
                 ticks.first.get_or_insert(at);
                 ticks.before = ticks.last.replace(at);
             }
+            What::StateInput { input, active, inactive } => self.inputs.levels(at, *input, *active, *inactive),
             What::Fed { receiver, byte_ns, bytes, clean } => {
                 let Some(line) = self.lines.get_mut(*receiver) else { return };
                 line.pass(at);
@@ -301,7 +310,7 @@ impl Content {
         if self.sent.tick != tick {
             self.sent = Sent { tick, ..Sent::default() };
         }
-        let Self { lines, ticks, sent, layout, vote, voter } = self;
+        let Self { lines, ticks, sent, layout, inputs, vote, voter } = self;
         let stamp = (number * u64::from(CYCLE_MS)) as u32;
         let gps = || frame.objects.iter().filter(|object| object.index > 0);
         let mut ahead = gps().filter_map(Placed::timestamp).map(|timestamp| timestamp.wrapping_sub(stamp));
@@ -317,6 +326,12 @@ impl Content {
             match &object.state {
                 State::Valid { values: Values::Reported(values), .. } => {
                     voter.reported(values.status);
+                    // The samples of the tick before are what the profile of the last tick shows.
+                    if last == Some(tick)
+                        && let Some(what) = inputs.wrong(values.status.state())
+                    {
+                        findings.add(Violation::StateWrong, at, || format!("{what}, at {:.6} ms", at as f64 / 1e6));
+                    }
                     sent.reported = Some((*values, u16::from_le_bytes([object.bytes[6], object.bytes[7]])));
                 }
                 State::Valid { values: Values::Gps(values), .. } => {
@@ -344,7 +359,7 @@ impl Content {
         let Some((reported, bits)) = sent.reported.filter(|_| complete && !sent.blamed) else { return };
         let stamp = stamp.wrapping_add(ticks.ahead);
         let seen: Vec<Seen> = sent.gps.iter().flatten().cloned().collect();
-        let judged = vote.cycle(tick, number, bits, &reported, &seen);
+        let judged = vote.cycle(tick, number, inputs.is_known(), (bits, &reported), &seen);
         for (receiver, (seen, away)) in seen.iter().zip(judged.away).enumerate() {
             voter.excluded(receiver, tick, seen.values.status.excluded(), away);
         }

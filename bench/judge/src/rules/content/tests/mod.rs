@@ -95,6 +95,8 @@ struct Scene {
 
 /// A receiver's numbers are ahead of those of the one before by so many: 2.2 m north and 1.5 m west of it.
 const APART: u32 = 200;
+/// The first cycle that shows what the inputs of HORUS's state say: three samples come before it.
+const INPUTS_KNOWN: u64 = 4;
 /// The receivers' first burst; every 100 ms comes another.
 const FIRST_BURST: u64 = 45 * MS;
 /// Ticks that are far from the arrival of a message, and by which the period is known.
@@ -132,7 +134,8 @@ impl Scene {
     }
 
     /// The run, of which `change` may change what is said in a cycle (from 1). Where it leaves Reported-Position as it
-    /// is, that is the vote over the objects as they are then. HORUS monitors from its first result on.
+    /// is, that is the vote over the objects as they are then. HORUS monitors from its first result on, and from when
+    /// the inputs of its state are known.
     fn events(&self, mut change: impl FnMut(u64, &mut ReportedValues, &mut [GpsValues])) -> Events {
         let gps = self.receivers.len();
         let mut events = Events::new(gps);
@@ -148,7 +151,10 @@ impl Scene {
                 reported = voted(&values);
             }
             located |= reported.status.position_valid();
-            if located && reported.status.state() == Some(HorusState::Starting) {
+            if reported.status.state() == Some(HorusState::Monitoring) && number < INPUTS_KNOWN {
+                reported.status = reported.status.with_state(HorusState::Starting);
+            }
+            if located && number >= INPUTS_KNOWN && reported.status.state() == Some(HorusState::Starting) {
                 reported.status = reported.status.with_state(HorusState::Monitoring);
             }
             events.cycle_of(tick, &reported, &values);
@@ -244,3 +250,4 @@ fn unchanged(_: u64, _: &mut ReportedValues, _: &mut [GpsValues]) {}
 const CONTENT: [(Violation, u64); 1] = [(Violation::ContentWrong, 1)];
 const STATUS: [(Violation, u64); 1] = [(Violation::StatusWrong, 1)];
 const REPORTED: [(Violation, u64); 1] = [(Violation::ReportedWrong, 1)];
+const STATE: [(Violation, u64); 1] = [(Violation::StateWrong, 1)];

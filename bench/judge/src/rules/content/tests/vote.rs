@@ -438,7 +438,7 @@ fn the_status_follows_from_the_vote() {
     assert_eq!(status(|status| status.with_receivers_agreeing(2)), VOTE, "all three agree");
     assert_eq!(status(|status| status.with_receivers_agreeing(4)), REPORTED);
     assert_eq!(status(|status| status.with_degraded(true)), REPORTED);
-    assert_eq!(status(|status| status.with_state(HorusState::OutsideRange)), REPORTED);
+    assert_eq!(status(|status| status.with_state(HorusState::OutsideRange)), STATE, "no input says that");
     let mut scene = Scene::new(3);
     scene.receivers[2].clear();
     assert_eq!(scene.said(unchanged), []);
@@ -482,12 +482,12 @@ fn a_reported_position_without_a_result_says_nothing() {
         })
     };
     assert_eq!(said(|_| {}), []);
+    assert_eq!(said(|reported| reported.status = reported.status.with_state(HorusState::MotorsCut)), STATE);
     for change in [
         (|reported| reported.status = reported.status.with_receivers_agreeing(1)) as fn(&mut ReportedValues),
         |reported| reported.status = reported.status.with_attitude_valid(true),
         |reported| reported.status = reported.status.with_acceleration_valid(true),
         |reported| reported.status = reported.status.with_degraded(false),
-        |reported| reported.status = reported.status.with_state(HorusState::MotorsCut),
         |reported| reported.latitude = 1.0,
         |reported| reported.longitude = 1.0,
         |reported| reported.altitude = 1.0,

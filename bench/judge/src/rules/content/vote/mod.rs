@@ -82,6 +82,8 @@ pub(super) struct Vote {
     /// There was a result since HORUS's start; there may have been one.
     located: bool,
     may_be_located: bool,
+    /// Whether it is known what the inputs of HORUS's state say.
+    inputs_known: bool,
 }
 
 /// What a cycle has come to.
@@ -139,6 +141,7 @@ impl Vote {
             returning: Default::default(),
             located: false,
             may_be_located: false,
+            inputs_known: false,
         }
     }
 
@@ -152,16 +155,18 @@ impl Vote {
         self.last.0 + 1 == number
     }
 
-    /// Judges a cycle, the one of `number` since HORUS's start, whose GPS objects are sound. `bits` are those of
-    /// Reported-Position's status.
+    /// Judges a cycle, the one of `number` since HORUS's start, whose GPS objects are sound, from Reported-Position's
+    /// status bits and its values. Whether HORUS is starting or monitoring is asked where the inputs of its state are
+    /// known.
     pub(super) fn cycle(
         &mut self,
         tick: u64,
         number: u64,
-        bits: u16,
-        reported: &ReportedValues,
+        inputs_known: bool,
+        (bits, reported): (u16, &ReportedValues),
         seen: &[Seen],
     ) -> Judged {
+        self.inputs_known = inputs_known;
         let excluded = set(seen, |seen| seen.values.status.excluded());
         let follows = self.follows(number);
         let before = if follows { self.last.1 } else { excluded };
@@ -257,19 +262,19 @@ impl Vote {
         // Who is eligible for sure, and who may be.
         let eligible = sure & !(now & before);
         let may_vote = may & !(now & before);
-        let states: &[HorusState] = if reported.status.position_valid() || self.located {
-            &[HorusState::Monitoring]
-        } else if self.may_be_located {
-            &[HorusState::Monitoring, HorusState::Starting]
-        } else {
-            &[HorusState::Starting]
+        // Any other state is the inputs' matter.
+        let is_located = reported.status.position_valid() || self.located;
+        let wrong_state = match reported.status.state() {
+            Some(HorusState::Starting) => is_located && self.inputs_known,
+            Some(HorusState::Monitoring) => !is_located && !self.may_be_located,
+            _ => false,
         };
         let largest = cycle.largest(eligible);
         if !reported.status.position_valid() {
             if count(largest) >= least && count(largest) > count(may_vote & !largest) {
                 return Some((Violation::VoteMissing, format!("there is no result, and {} agree", names(largest))));
             }
-            return absent(reported, states).and_then(wrong);
+            return absent(reported, wrong_state).and_then(wrong);
         }
         let bad = |what: String| Some((Violation::VoteWrong, what));
         let excluded = |what: String| Some((Violation::ExclusionWrong, what));
@@ -302,7 +307,7 @@ impl Vote {
         if members.is_empty() {
             return excluded(format!("of {} not all are excluded that agree with no member", names(spared)));
         }
-        if !reported.status.state().is_some_and(|state| states.contains(&state)) {
+        if wrong_state {
             return wrong(format!("HORUS's state is {:?}", reported.status.state()));
         }
         if reported.status.degraded() != (agreeing < self.receivers) {
@@ -373,7 +378,7 @@ impl<'a> Cycle<'a> {
 }
 
 /// What is wrong with a Reported-Position that is not valid.
-fn absent(reported: &ReportedValues, states: &[HorusState]) -> Option<String> {
+fn absent(reported: &ReportedValues, wrong_state: bool) -> Option<String> {
     let ReportedValues { status, latitude, longitude, altitude, pitch, yaw, roll, acceleration: [x, y, z], .. } =
         *reported;
     let there = |valid: bool, what: &str| {
@@ -394,8 +399,7 @@ fn absent(reported: &ReportedValues, states: &[HorusState]) -> Option<String> {
     if !status.degraded() {
         return there(true, "is not degraded");
     }
-    (!status.state().is_some_and(|state| states.contains(&state)))
-        .then(|| format!("there is no result, and HORUS's state is {:?}", status.state()))
+    wrong_state.then(|| format!("there is no result, and HORUS's state is {:?}", status.state()))
 }
 
 /// What is wrong with the position.

@@ -1,0 +1,278 @@
+//! Whether HORUS's state is what its inputs say.
+//!
+//! Written from decision 18. Each of three inputs is a pair of pins, sampled once per cycle within
+//! [`bounds::SAMPLED_AFTER_TICK`] after the tick; the samples of a cycle show in the next cycle's Reported-Position. What
+//! three samples in a row say is taken; ten without that are a contradiction. The most severe input that is not inactive
+//! is the state.
+//!
+//! Where a pair changes while it may be sampled, every outcome is allowed. After an irregular tick it is not known how
+//! often HORUS sampled: then nothing is asked of a pair until it has settled.
+
+use std::collections::VecDeque;
+
+use profile::HorusState;
+
+use crate::bounds;
+
+/// Inputs: relay, motor cut, emergency measure.
+const INPUTS: usize = 3;
+/// So many samples decide: ten, the last of which may end what the two before them began.
+const SAMPLES: usize = 12;
+/// More samples than this of which it is not known what they say make too many outcomes to be asked for.
+const MOST_UNSURE: usize = 6;
+
+/// What a pair says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Says {
+    Inactive,
+    Active,
+    Contradiction,
+}
+
+#[derive(Clone, Debug)]
+struct Pair {
+    /// What it says now.
+    now: Says,
+    /// What it said at the last tick and what it has said since, each from when.
+    since_tick: Vec<(u64, Says)>,
+    /// What each sample may have said, the last [`SAMPLES`].
+    samples: VecDeque<Vec<Says>>,
+}
+
+/// The inputs of HORUS's state.
+#[derive(Clone, Debug)]
+pub(super) struct Inputs {
+    pairs: [Pair; INPUTS],
+    /// HORUS's last tick, ns.
+    tick: Option<u64>,
+    /// The samples are all that there were since HORUS's start.
+    from_start: bool,
+}
+
+impl Inputs {
+    /// The pairs say that no input is active.
+    pub(super) fn new() -> Self {
+        let pair = |_| Pair { now: Says::Inactive, since_tick: vec![], samples: VecDeque::new() };
+        Self { pairs: std::array::from_fn(pair), tick: None, from_start: true }
+    }
+
+    /// The levels of an input's pins are others from `at` on: that which is high while the input is active, and the
+    /// other one.
+    pub(super) fn levels(&mut self, at: u64, input: usize, active: bool, inactive: bool) {
+        let Some(pair) = self.pairs.get_mut(input) else { return };
+        pair.now = match (active, inactive) {
+            (false, true) => Says::Inactive,
+            (true, false) => Says::Active,
+            _ => Says::Contradiction,
+        };
+        pair.since_tick.push((at, pair.now));
+    }
+
+    /// HORUS forgets everything.
+    pub(super) fn forget(&mut self) {
+        for pair in &mut self.pairs {
+            pair.since_tick.clear();
+            pair.samples.clear();
+        }
+        (self.tick, self.from_start) = (None, true);
+    }
+
+    /// HORUS ticks; the tick before it was one cycle ago, or there was none, unless it is irregular.
+    pub(super) fn tick(&mut self, at: u64, irregular: bool) {
+        for pair in &mut self.pairs {
+            if irregular {
+                pair.samples.clear();
+            } else if let Some(tick) = self.tick {
+                let sampled = pair.since_tick.iter().filter(|(from, _)| *from <= tick + bounds::SAMPLED_AFTER_TICK);
+                let mut says: Vec<Says> = vec![];
+                for (_, one) in sampled {
+                    if !says.contains(one) {
+                        says.push(*one);
+                    }
+                }
+                pair.samples.push_back(says);
+                if pair.samples.len() > SAMPLES {
+                    pair.samples.pop_front();
+                }
+            }
+            pair.since_tick = vec![(at, pair.now)];
+        }
+        self.from_start &= !irregular;
+        self.tick = Some(at);
+    }
+
+    /// Whether each pair has been taken for sure at the tick, so that HORUS monitors once it is located.
+    pub(super) fn is_known(&self) -> bool {
+        self.pairs.iter().all(|pair| pair.taken(self.from_start).is_some_and(|taken| !taken.contains(&None)))
+    }
+
+    /// Why `state` cannot be what HORUS shows at the tick.
+    pub(super) fn wrong(&self, state: Option<HorusState>) -> Option<String> {
+        let mut taken = [const { vec![] }; INPUTS];
+        for (pair, taken) in self.pairs.iter().zip(&mut taken) {
+            *taken = pair.taken(self.from_start)?;
+        }
+        let mut allowed = vec![];
+        for relay in &taken[0] {
+            for motors in &taken[1] {
+                for emergency in &taken[2] {
+                    allowed.extend(shown([*emergency, *motors, *relay]));
+                }
+            }
+        }
+        let right = state.is_some_and(|state| allowed.contains(&state));
+        (!right).then(|| format!("HORUS's state is {state:?}, and its inputs say {taken:?}"))
+    }
+}
+
+/// What HORUS may show while its inputs, the most severe first, are taken as these.
+fn shown(taken: [Option<Says>; INPUTS]) -> Vec<HorusState> {
+    let active = [HorusState::EmergencyFired, HorusState::MotorsCut, HorusState::SwitchedToRedundant];
+    for (taken, active) in taken.into_iter().zip(active) {
+        match taken {
+            Some(Says::Active) => return vec![active],
+            Some(Says::Contradiction) => return vec![HorusState::InputsContradict],
+            Some(Says::Inactive) | None => {}
+        }
+    }
+    if taken.contains(&None) { vec![HorusState::Starting] } else { vec![HorusState::Starting, HorusState::Monitoring] }
+}
+
+impl Pair {
+    /// What may be taken of the pair, `None` as one of them if it may not have been taken yet; nothing if that is not
+    /// known.
+    fn taken(&self, from_start: bool) -> Option<Vec<Option<Says>>> {
+        if self.samples.iter().filter(|says| says.len() > 1).count() > MOST_UNSURE {
+            return None;
+        }
+        let mut sequences: Vec<Vec<Says>> = vec![vec![]];
+        for says in &self.samples {
+            sequences = sequences
+                .iter()
+                .flat_map(|sequence| says.iter().map(move |one| [sequence.as_slice(), &[*one]].concat()))
+                .collect();
+        }
+        let mut taken = vec![];
+        for sequence in sequences {
+            // The last three in a row that say the same, and how many samples came after them.
+            let three = sequence.windows(3).rposition(|three| three.iter().all(|one| *one == three[0]));
+            let one = match three {
+                Some(at) if sequence.len() - (at + 3) < 10 => Some(sequence[at]),
+                None if from_start && sequence.len() < 10 => None,
+                None if !from_start && sequence.len() < SAMPLES => return None,
+                _ => Some(Says::Contradiction),
+            };
+            if !taken.contains(&one) {
+                taken.push(one);
+            }
+        }
+        Some(taken)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use HorusState::{EmergencyFired, InputsContradict, Monitoring, MotorsCut, Starting, SwitchedToRedundant};
+
+    const MS: u64 = 1_000_000;
+    const ALL: [HorusState; 7] = [
+        Starting,
+        Monitoring,
+        HorusState::OutsideRange,
+        SwitchedToRedundant,
+        MotorsCut,
+        EmergencyFired,
+        InputsContradict,
+    ];
+
+    /// What HORUS may show at each of `ticks` ticks from 100 ms on, while input `input` has these levels from these
+    /// instants (ms) on.
+    fn allowed(input: usize, levels: &[(f64, bool, bool)], ticks: u64) -> Vec<Vec<HorusState>> {
+        let mut state = Inputs::new();
+        let mut levels = levels.iter().peekable();
+        let mut after = |tick: u64| {
+            while let Some((at, active, inactive)) = levels.next_if(|(at, ..)| *at < (tick / MS) as f64) {
+                state.levels((at * 1e6) as u64, input, *active, *inactive);
+            }
+            state.tick(tick, false);
+            ALL.into_iter().filter(|one| state.wrong(Some(*one)).is_none()).collect()
+        };
+        (0..ticks).map(|number| after(100 * MS + number * bounds::CYCLE)).collect()
+    }
+
+    const SOUND: [HorusState; 2] = [Starting, Monitoring];
+
+    #[test]
+    fn without_an_active_input_horus_is_starting_until_three_samples_and_then_may_monitor() {
+        assert_eq!(allowed(0, &[], 5), [vec![Starting], vec![Starting], vec![Starting], SOUND.into(), SOUND.into()]);
+        let mut state = Inputs::new();
+        let known = (0..5).map(|number| {
+            state.tick(number * bounds::CYCLE, false);
+            state.is_known()
+        });
+        assert_eq!(known.collect::<Vec<_>>(), [false, false, false, true, true]);
+        assert!(state.wrong(None).is_some(), "a state without a meaning");
+    }
+
+    #[test]
+    fn an_active_input_shows_three_samples_later() {
+        for (input, of) in [(0, SwitchedToRedundant), (1, MotorsCut), (2, EmergencyFired)] {
+            // It changes between the ticks of 140 and 150 ms; 150, 160 and 170 sample it, and 180 shows it.
+            let shown = allowed(input, &[(145.0, true, false)], 10);
+            assert_eq!(shown[7], SOUND);
+            assert_eq!(shown[8..], [[of], [of]]);
+            // Between the tick and the end of the time in which it is sampled, it may or may not be seen.
+            let shown = allowed(input, &[(150.1, true, false)], 10);
+            assert_eq!(shown[7], SOUND);
+            assert_eq!(shown[8], [Starting, Monitoring, of]);
+            assert_eq!(shown[9], [of]);
+        }
+    }
+
+    #[test]
+    fn a_contradiction_shows_as_one_and_what_is_short_does_not() {
+        assert_eq!(allowed(1, &[(145.0, true, true)], 9)[8], [InputsContradict]);
+        assert_eq!(allowed(1, &[(145.0, false, false)], 9)[8], [InputsContradict]);
+        let short = allowed(1, &[(145.0, true, false), (165.0, false, true)], 20);
+        assert!(short[3..].iter().all(|shown| *shown == SOUND), "{short:?}");
+    }
+
+    #[test]
+    fn a_pair_that_does_not_settle_is_a_contradiction_after_ten_samples() {
+        // From the start, ticks 0 to 9 sample it; at tick 10 it is one.
+        let chatter: Vec<(f64, bool, bool)> =
+            (0..20).map(|n| (95.0 + 10.0 * f64::from(n), n % 2 == 0, n % 2 != 0)).collect();
+        let shown = allowed(1, &chatter, 15);
+        assert_eq!(shown[9], [Starting]);
+        assert_eq!(shown[10..14], [[InputsContradict], [InputsContradict], [InputsContradict], [InputsContradict]]);
+    }
+
+    #[test]
+    fn after_an_irregular_tick_nothing_is_asked_until_the_pair_has_settled() {
+        let mut state = Inputs::new();
+        for number in 0..5 {
+            state.tick(number * bounds::CYCLE, false);
+        }
+        state.tick(47 * MS, true);
+        for number in 0..4 {
+            assert_eq!(state.wrong(Some(MotorsCut)).is_none(), number < 3, "{number}");
+            state.tick((57 + 10 * number) * MS, false);
+        }
+        state.forget();
+        state.tick(200 * MS, false);
+        assert!(state.wrong(Some(Starting)).is_none() && state.wrong(Some(Monitoring)).is_some());
+    }
+
+    #[test]
+    fn the_most_severe_input_that_is_not_inactive_is_shown() {
+        let [i, a, c] = [Says::Inactive, Says::Active, Says::Contradiction].map(Some);
+        assert_eq!(shown([a, c, c]), [EmergencyFired]);
+        assert_eq!(shown([i, a, c]), [MotorsCut]);
+        assert_eq!(shown([i, i, a]), [SwitchedToRedundant]);
+        assert_eq!(shown([c, a, a]), [InputsContradict]);
+        assert_eq!(shown([None, i, a]), [SwitchedToRedundant]);
+        assert_eq!(shown([None, i, i]), [Starting]);
+        assert_eq!(shown([i, i, i]), SOUND);
+    }
+}

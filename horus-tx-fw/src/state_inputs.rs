@@ -1,0 +1,258 @@
+//! HORUS's state, as the inputs of its safety function tell it
+//!
+//! # Design
+//!
+//! Three inputs tell whether the relay has switched to the redundant flight controller, whether the motors are cut, and
+//! whether the emergency measure has fired. Each is an antivalent pair of pins: one is high and the other low while the
+//! input is active, the other way round while it is not, and equal levels are a contradiction (a broken wire, a short).
+//! Decision 18 has the rules and their reasons.
+//!
+//! [`StateInputs::sample`] is called once per cycle. What a pair says is taken when [`SAMPLES_TO_TAKE`] samples in a row
+//! say the same; a pair that has not settled for [`SAMPLES_UNSETTLED`] samples is a contradiction.
+
+use profile::HorusState;
+
+/// How many inputs there are.
+pub const INPUTS: usize = 3;
+
+/// So many samples in a row that say the same are taken: 20 ms from the first to the last.
+pub const SAMPLES_TO_TAKE: u8 = 3;
+
+/// After so many samples without [`SAMPLES_TO_TAKE`] in a row that say the same, a pair is a contradiction: 100 ms.
+pub const SAMPLES_UNSETTLED: u8 = 10;
+
+/// The levels of a pair's two pins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Levels {
+    /// The pin that is high while the input is active.
+    pub active: bool,
+    /// The pin that is high while it is not.
+    pub inactive: bool,
+}
+
+/// What a pair says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Says {
+    /// The input is not active.
+    Inactive,
+    /// It is.
+    Active,
+    /// The pair contradicts itself.
+    Contradiction,
+}
+
+impl From<Levels> for Says {
+    fn from(levels: Levels) -> Self {
+        match (levels.active, levels.inactive) {
+            (false, true) => Self::Inactive,
+            (true, false) => Self::Active,
+            (true, true) | (false, false) => Self::Contradiction,
+        }
+    }
+}
+
+/// One input, debounced.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Pair {
+    /// What is taken as true; nothing until the pair has settled for the first time.
+    taken: Option<Says>,
+    /// What the last sample said.
+    last: Option<Says>,
+    /// How many samples in a row have said that, at most [`SAMPLES_TO_TAKE`].
+    same: u8,
+    /// How many samples there were since the last that could be taken, at most [`SAMPLES_UNSETTLED`].
+    unsettled: u8,
+}
+
+impl Pair {
+    fn sample(&mut self, says: Says) {
+        self.same = if self.last == Some(says) { self.same + 1 } else { 1 }.min(SAMPLES_TO_TAKE);
+        self.last = Some(says);
+        if self.same == SAMPLES_TO_TAKE {
+            self.taken = Some(says);
+            self.unsettled = 0;
+        } else {
+            self.unsettled = (self.unsettled + 1).min(SAMPLES_UNSETTLED);
+            if self.unsettled == SAMPLES_UNSETTLED {
+                self.taken = Some(Says::Contradiction);
+            }
+        }
+    }
+}
+
+/// All inputs, the least severe first: relay, motor cut, emergency measure.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct StateInputs {
+    pairs: [Pair; INPUTS],
+}
+
+/// The state that an active input means, in the order of the inputs.
+const STATES: [HorusState; INPUTS] =
+    [HorusState::SwitchedToRedundant, HorusState::MotorsCut, HorusState::EmergencyFired];
+
+impl StateInputs {
+    /// Nothing is known yet.
+    #[must_use]
+    pub const fn new() -> Self {
+        const UNKNOWN: Pair = Pair { taken: None, last: None, same: 0, unsettled: 0 };
+        Self { pairs: [UNKNOWN; INPUTS] }
+    }
+
+    /// Takes the levels of a cycle.
+    pub fn sample(&mut self, levels: [Levels; INPUTS]) {
+        for (pair, levels) in self.pairs.iter_mut().zip(levels) {
+            pair.sample(levels.into());
+        }
+    }
+
+    /// What HORUS does: what the most severe input says that is not inactive. If all are, it is monitoring if it is
+    /// `located` (there was a voted position), else starting; and starting until each has said something.
+    #[must_use]
+    pub fn state(&self, located: bool) -> HorusState {
+        let is_known = self.pairs.iter().all(|pair| pair.taken.is_some());
+        let mut state = if located & is_known { HorusState::Monitoring } else { HorusState::Starting };
+        for (pair, active) in self.pairs.iter().zip(STATES) {
+            match pair.taken {
+                Some(Says::Active) => state = active,
+                Some(Says::Contradiction) => state = HorusState::InputsContradict,
+                Some(Says::Inactive) | None => {}
+            }
+        }
+        state
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use std::vec::Vec;
+
+    use super::*;
+    use proptest::prelude::*;
+    use HorusState::{EmergencyFired, InputsContradict, Monitoring, MotorsCut, Starting, SwitchedToRedundant};
+    use Says::{Active, Contradiction, Inactive};
+
+    fn levels(says: Says) -> Levels {
+        let (active, inactive) = match says {
+            Inactive => (false, true),
+            Active => (true, false),
+            Contradiction => (true, true),
+        };
+        Levels { active, inactive }
+    }
+
+    /// The state after each of these samples of the motor cut, with the others inactive.
+    fn of_motor_cut(samples: &[Says]) -> Vec<HorusState> {
+        let mut inputs = StateInputs::new();
+        let step = |says: &Says| {
+            inputs.sample([Inactive, *says, Inactive].map(levels));
+            inputs.state(true)
+        };
+        samples.iter().map(step).collect()
+    }
+
+    fn settled(says: [Says; INPUTS]) -> StateInputs {
+        let mut inputs = StateInputs::new();
+        (0..SAMPLES_TO_TAKE).for_each(|_| inputs.sample(says.map(levels)));
+        inputs
+    }
+
+    #[test]
+    fn a_pair_says_what_its_levels_say() {
+        let says = |active, inactive| Says::from(Levels { active, inactive });
+        assert_eq!(says(false, true), Inactive);
+        assert_eq!(says(true, false), Active);
+        assert_eq!(says(true, true), Contradiction, "not connected: both pull-ups");
+        assert_eq!(says(false, false), Contradiction);
+    }
+
+    #[test]
+    fn what_three_samples_in_a_row_say_is_taken() {
+        let [i, a, c] = [Inactive, Active, Contradiction];
+        assert_eq!(of_motor_cut(&[i, i, i]), [Starting, Starting, Monitoring]);
+        assert_eq!(of_motor_cut(&[a, a, a]), [Starting, Starting, MotorsCut]);
+        assert_eq!(
+            of_motor_cut(&[i, i, i, a, a, i, a, a, a])[3..],
+            [Monitoring, Monitoring, Monitoring, Monitoring, Monitoring, MotorsCut]
+        );
+        assert_eq!(of_motor_cut(&[i, i, i, c, c, c])[2..], [Monitoring, Monitoring, Monitoring, InputsContradict]);
+        assert_eq!(of_motor_cut(&[a, a, a, c, i, i, i])[2..], [MotorsCut, MotorsCut, MotorsCut, MotorsCut, Monitoring]);
+    }
+
+    #[test]
+    fn a_pair_that_does_not_settle_is_a_contradiction_after_ten_samples() {
+        let [i, a] = [Inactive, Active];
+        // From the start: nine samples, then the tenth.
+        let chatter = [i, a, i, a, i, a, i, a, i, a];
+        assert_eq!(of_motor_cut(&chatter)[8..], [Starting, InputsContradict]);
+        // After it had settled, with two of a kind at most; it stays so until it settles again.
+        let samples: Vec<Says> = [i, i, i].into_iter().chain([a, a, i, i, a, a, i, i, a, a, i, i, i]).collect();
+        let states = of_motor_cut(&samples);
+        assert_eq!(states[11], Monitoring, "the ninth");
+        assert_eq!(states[12..], [InputsContradict, InputsContradict, InputsContradict, Monitoring]);
+    }
+
+    #[test]
+    fn the_most_severe_input_that_is_not_inactive_decides() {
+        let [i, a, c] = [Inactive, Active, Contradiction];
+        for (says, state) in [
+            ([i, i, i], Monitoring),
+            ([a, i, i], SwitchedToRedundant),
+            ([i, a, i], MotorsCut),
+            ([i, i, a], EmergencyFired),
+            ([a, a, i], MotorsCut),
+            ([a, a, a], EmergencyFired),
+            ([c, i, i], InputsContradict),
+            ([c, a, i], MotorsCut),
+            ([a, c, i], InputsContradict),
+            ([c, c, a], EmergencyFired),
+            ([a, a, c], InputsContradict),
+        ] {
+            assert_eq!(settled(says).state(true), state, "{says:?}");
+            let unlocated = if state == Monitoring { Starting } else { state };
+            assert_eq!(settled(says).state(false), unlocated, "{says:?}");
+        }
+    }
+
+    #[test]
+    fn until_each_pair_has_settled_the_state_is_starting_unless_a_severe_one_is_known() {
+        assert_eq!(StateInputs::new().state(true), Starting);
+        let mut inputs = StateInputs::new();
+        for _ in 0..2 {
+            inputs.sample([Active, Inactive, Inactive].map(levels));
+        }
+        inputs.sample([Active, Inactive, Active].map(levels));
+        assert_eq!(inputs.state(true), SwitchedToRedundant, "the emergency measure's pair has not settled");
+        let mut inputs = StateInputs::new();
+        for _ in 0..2 {
+            inputs.sample([Inactive; INPUTS].map(levels));
+        }
+        inputs.sample([Inactive, Inactive, Active].map(levels));
+        assert_eq!(inputs.state(true), Starting);
+    }
+
+    fn says() -> impl Strategy<Value = Says> {
+        prop_oneof![Just(Inactive), Just(Active), Just(Contradiction)]
+    }
+
+    proptest! {
+        /// The rule in other words, over all samples so far: three in a row decide; without them for ten it is a
+        /// contradiction.
+        #[test]
+        fn a_pair_follows_the_rule(samples in proptest::collection::vec(says(), 1..60)) {
+            let mut pair = Pair::default();
+            for (index, one) in samples.iter().enumerate() {
+                pair.sample(*one);
+                let so_far = &samples[..=index];
+                let settled = so_far.windows(3).rposition(|three| three.iter().all(|one| *one == three[0]));
+                let expected = match settled {
+                    Some(at) if index - (at + 2) < 10 => Some(so_far[at]),
+                    None if index + 1 < 10 => None,
+                    _ => Some(Contradiction),
+                };
+                prop_assert_eq!(pair.taken, expected);
+            }
+        }
+    }
+}
