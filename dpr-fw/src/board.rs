@@ -62,6 +62,8 @@ pub(crate) fn task_of(exception: u16) -> &'static str {
     task.map_or(if exception == 0 { "idle" } else { "none" }, |(name, _)| name)
 }
 
+/// The SSI's chip select in port 1: P1.04.
+pub(crate) const SSI_SELECT_PIN: u8 = 4;
 /// GPIOTE channel of FRESH.
 pub(crate) const FRESH_CHANNEL: usize = 1;
 /// Compare register of TIMER0 for the waits of the front end's driver.

@@ -55,7 +55,7 @@ mod app {
         protection,
         publish::{Mailbox, Outbox, Server},
         rf::{Call, FrameInfo, FrontEnd, Receiver},
-        ssi::{ReceiveArea, RECEIVE_BYTES},
+        ssi::{ReceiveArea, SignOfLife, RECEIVE_BYTES},
         task::Task,
         triple::{self, Filling, Rotation, IMAGES, RECEIVE_BUFFERS},
         ImageMemory, ReceiveMemory, IMAGE_WORDS, RECEIVERS, RECEIVE_WORDS,
@@ -121,6 +121,7 @@ mod app {
         areas: PortEnd<'static, AreaBuffer>,
         spare: &'static mut PortArea,
         rf_edge: RfEdge,
+        sign_of_life: SignOfLife,
         watchdog: Option<WatchdogHandle<Hdl0>>,
         patrol: Patrol,
         memory: PartMemory,
@@ -186,6 +187,7 @@ mod app {
                 areas,
                 spare,
                 rf_edge: board.rf_edge,
+                sign_of_life: SignOfLife::new(),
                 watchdog: board.watchdog,
                 patrol,
                 memory,
@@ -353,13 +355,13 @@ mod app {
     }
 
     /// Buffers were read or replaced: scrubs them, then asks the interrupts for their signs of life.
-    #[task(binds = SWI1_EGU1, priority = 2, shared = [rotation, mailbox])]
+    #[task(binds = SWI1_EGU1, priority = 2, local = [sign_of_life], shared = [rotation, mailbox])]
     fn scrub(cx: scrub::Context) {
         TELEMETRY.scrubbed(triple::scrub_waiting(cx.shared.rotation));
         TELEMETRY.scrubbed(triple::scrub_waiting(cx.shared.mailbox));
         CHECK_IN.check_in(Task::Scrub);
         rtic::pend(Interrupt::GPIOTE);
-        rtic::pend(Interrupt::SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1);
+        SsiDoorbell::ask_for_sign_of_life(cx.local.sign_of_life);
         rtic::pend(Interrupt::SWI2_EGU2);
     }
 

@@ -118,6 +118,37 @@ impl Budget {
     }
 }
 
+/// When the SSI task is called only to check in: if no transaction has called it for a cycle. A transaction that is
+/// under way will, and its end should not meet such a call, which would delay it; so that is waited for, but not for
+/// more than [`SignOfLife::MOST`] cycles: a flight controller that never deselects the DPR must not reset it.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct SignOfLife {
+    transactions: u32,
+    waited: u32,
+}
+
+impl SignOfLife {
+    /// So many cycles, of 12.5 ms at most, a transaction may last before the task is called during it: with the call's
+    /// own cycle half of the watchdog's 100 ms.
+    pub const MOST: u32 = 3;
+
+    /// No transaction has been seen.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { transactions: 0, waited: 0 }
+    }
+
+    /// Whether the task is to be called, after so many transactions in all, and while the DPR is selected or not. Asked
+    /// once a cycle.
+    pub fn is_due(&mut self, transactions: u32, is_selected: bool) -> bool {
+        let has_come = transactions != self.transactions;
+        self.transactions = transactions;
+        let waits = has_come || is_selected && self.waited < Self::MOST;
+        self.waited = if waits && !has_come { self.waited + 1 } else { 0 };
+        !waits
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -211,6 +242,21 @@ mod tests {
                 prop_assert_eq!(asked, expected);
             }
         }
+    }
+
+    #[test]
+    fn the_task_is_called_to_check_in_when_no_transaction_calls_it() {
+        let mut sign = SignOfLife::new();
+        assert!(sign.is_due(0, false) && sign.is_due(0, false), "nobody reads");
+        assert!(!sign.is_due(1, false) && !sign.is_due(2, true), "transactions came");
+        assert!(sign.is_due(2, false), "and then none");
+        for _ in 0..2 {
+            assert!((0..SignOfLife::MOST).all(|_| !sign.is_due(2, true)), "one is under way");
+            assert!(sign.is_due(2, true), "for too long");
+        }
+        assert!(!sign.is_due(2, true) && !sign.is_due(3, true));
+        assert!((0..SignOfLife::MOST).all(|_| !sign.is_due(3, true)), "another one");
+        assert!(sign.is_due(3, true));
     }
 
     #[test]

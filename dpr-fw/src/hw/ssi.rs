@@ -11,13 +11,13 @@ use core::{
 use dpr_fw::{
     port::areas::{HandedOver, SsiEnd, Transaction},
     publish::{Doorbell, Events, Ssi, EXPIRY_AGAIN_US, EXPIRY_US},
-    ssi::{Asked, RECEIVE_BYTES},
+    ssi::{Asked, SignOfLife, RECEIVE_BYTES},
     triple::{Filling, Received},
 };
 use nrf52840_hal::pac::{self, Interrupt};
 
-use super::{take_event, time::PRESCALER, AreaBuffer, ImageBuffer};
-use crate::board::{SsiPins, EXPIRY_COMPARES, FRESH_CHANNEL, PULSE_COMPARE};
+use super::{take_event, time::PRESCALER, AreaBuffer, ImageBuffer, DPR_TELEMETRY};
+use crate::board::{SsiPins, EXPIRY_COMPARES, FRESH_CHANNEL, PULSE_COMPARE, SSI_SELECT_PIN};
 
 /// The FRESH pulse lasts one to two µs: long enough for a pin interrupt of the flight controller and for an
 /// optocoupler of 1 Mbit/s.
@@ -35,6 +35,28 @@ impl SsiDoorbell {
         let spis = unsafe { &*pac::SPIS1::ptr() };
         spis.enable.read().enable().is_enabled()
     }
+
+    /// Whether the SPIS has the buffers: a transaction is under way, if the semaphore was asked for before.
+    fn is_under_way() -> bool {
+        // SAFETY: the pointer is the peripheral's, valid for ever; a read-only register is read, which races with
+        // nothing.
+        let holder = unsafe { &*pac::SPIS1::ptr() }.semstat.read().semstat();
+        holder.is_spis() || holder.is_cpupending()
+    }
+
+    fn call() {
+        rtic::pend(Interrupt::SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1);
+    }
+
+    /// Calls the SSI task so that it checks in, if it has to be.
+    pub(crate) fn ask_for_sign_of_life(sign: &mut SignOfLife) {
+        // SAFETY: the pointer is the port's, valid for ever; its input register is read, which races with nothing.
+        let levels = unsafe { &*pac::P1::ptr() }.in_.read().bits();
+        let is_selected = levels & 1 << SSI_SELECT_PIN == 0;
+        if sign.is_due(DPR_TELEMETRY.ssi_transactions.get(), is_selected) {
+            Self::call();
+        }
+    }
 }
 
 impl Doorbell for SsiDoorbell {
@@ -44,10 +66,13 @@ impl Doorbell for SsiDoorbell {
         let spis = unsafe { &*pac::SPIS1::ptr() };
         // SAFETY: task registers take 1.
         spis.tasks_acquire.write(|w| unsafe { w.bits(1) });
-        // With the semaphore in the processor's hands already no event comes that would call the task.
-        rtic::pend(Interrupt::SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1);
-        let holder = spis.semstat.read().semstat();
-        holder.is_spis() || holder.is_cpupending()
+        let is_under_way = Self::is_under_way();
+        // The end of a transaction calls the task by its event; a call before that would only stand in the way of it.
+        // With the semaphore in the processor's hands already no event comes.
+        if !is_under_way {
+            Self::call();
+        }
+        is_under_way
     }
 
     fn announce(&mut self) {
@@ -113,6 +138,8 @@ impl SsiPort {
         spis.def.write(|w| unsafe { w.def().bits(0xFF) });
         // SAFETY: as above.
         spis.orc.write(|w| unsafe { w.orc().bits(0xFF) });
+        // SAFETY: the length of every area (`ReceiveArea`); it fits 16 bits.
+        spis.rxd.maxcnt.write(|w| unsafe { w.maxcnt().bits(RECEIVE_BYTES as u16) });
         spis.shorts.write(|w| w.end_acquire().enabled());
         spis.intenset.write(|w| w.end().set().acquired().set());
         spis.enable.write(|w| w.enable().enabled());
@@ -154,10 +181,13 @@ impl Ssi for SsiPort {
         let Some(area) = self.area.take() else { return HandedOver::Empty };
         let (next, handed_over) = self.areas.hand_over(area, Transaction { asked, bytes: self.received });
         self.area = Some(next);
-        if handed_over == HandedOver::Waits {
+        handed_over
+    }
+
+    fn pass_on(&mut self) {
+        if self.areas.pass_on() {
             rtic::pend(Interrupt::SWI2_EGU2);
         }
-        handed_over
     }
 
     fn is_expired(&mut self) -> bool {
@@ -182,7 +212,7 @@ impl Ssi for SsiPort {
         let (Some(image), Some(area)) = (&self.image, &mut self.area) else { return false };
         let bytes: &[u8] = bytemuck::cast_slice(image.memory().as_slice());
         let window = &bytes[window];
-        // SAFETY: (pointers and counts) both buffers are in RAM for ever and in `self` until the semaphore is ours
+        // SAFETY: (pointers and count) both buffers are in RAM for ever and in `self` until the semaphore is ours
         // again, which `exchange` and `take_events` see to; both slices were checked for their length, which fits 16
         // bits. The peripheral reads the one and writes the other, and only between a release and the end of a
         // transaction.
@@ -191,8 +221,6 @@ impl Ssi for SsiPort {
         self.spis.txd.maxcnt.write(|w| unsafe { w.maxcnt().bits(window.len() as u16) });
         // SAFETY: as above.
         self.spis.rxd.ptr.write(|w| unsafe { w.ptr().bits(area.memory().as_mut_ptr() as u32) });
-        // SAFETY: as above.
-        self.spis.rxd.maxcnt.write(|w| unsafe { w.maxcnt().bits(RECEIVE_BYTES as u16) });
         true
     }
 

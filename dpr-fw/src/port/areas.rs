@@ -8,7 +8,8 @@
 //! says has come in.
 //!
 //! The SSI task has the highest priority, and a flight controller waits for it. So it moves an area by two queues that
-//! need no lock, and never scrubs. If no clean area is at hand, because two transactions wait to be judged, the one
+//! need no lock, has the next area at hand before a transaction ends, uses the queues when the flight controller waits
+//! no more, and never scrubs. If no clean area is at hand, because two transactions wait to be judged, the one
 //! that has just ended is dropped and its area is wiped and lent again: a flight controller that writes faster than the
 //! port task runs loses what it writes, and delays nobody.
 
@@ -76,7 +77,7 @@ impl<B: Memory> Areas<B> {
         }
         (
             first.receive(),
-            SsiEnd { brought: to_port, clean },
+            SsiEnd { brought: to_port, clean, next: None, waits: None },
             PortEnd { brought, clean: to_ssi, in_use: InUse::ALL },
             found,
         )
@@ -87,6 +88,10 @@ impl<B: Memory> Areas<B> {
 pub struct SsiEnd<'q, B> {
     brought: Producer<'q, Brought<B>>,
     clean: Consumer<'q, Clean<B>>,
+    /// The area for the next transaction.
+    next: Option<Clean<B>>,
+    /// What is to be passed on.
+    waits: Option<Brought<B>>,
 }
 
 /// What became of a transaction at [`SsiEnd::hand_over`].
@@ -103,13 +108,14 @@ pub enum HandedOver {
 }
 
 impl<B: Memory + core::borrow::BorrowMut<ReceiveArea>> SsiEnd<'_, B> {
-    /// A transaction is over, and what it brought is in `area`. Gives the area for the next one.
+    /// A transaction is over, and what it brought is in `area`. Gives the area for the next one. [`SsiEnd::pass_on`]
+    /// comes before the next call.
     pub fn hand_over(&mut self, mut area: Filling<B>, transaction: Transaction) -> (Filling<B>, HandedOver) {
         if transaction.bytes == 0 {
             return (area, HandedOver::Empty);
         }
-        if let Some(clean) = self.clean.dequeue() {
-            put(&mut self.brought, area.received(transaction));
+        if let Some(clean) = self.next.take().or_else(|| self.clean.dequeue()) {
+            self.waits = Some(area.received(transaction));
             return (clean.receive(), HandedOver::Waits);
         }
         let memory: &mut ReceiveArea = area.memory().borrow_mut();
@@ -117,6 +123,16 @@ impl<B: Memory + core::borrow::BorrowMut<ReceiveArea>> SsiEnd<'_, B> {
         let idle = transaction.bytes < HEADER_END || IDLE.contains(&memory[HEADER_END / 4 - 1]);
         memory.fill(0);
         (area, if idle { HandedOver::DroppedIdle } else { HandedOver::Dropped })
+    }
+
+    /// Passes on what was handed over, and gets the next area ready. Tells whether the port task has to be called.
+    pub fn pass_on(&mut self) -> bool {
+        if self.next.is_none() {
+            self.next = self.clean.dequeue();
+        }
+        let Some(waits) = self.waits.take() else { return false };
+        put(&mut self.brought, waits);
+        true
     }
 }
 

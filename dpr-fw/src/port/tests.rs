@@ -476,6 +476,7 @@ proptest! {
                     _ => HandedOver::DroppedIdle,
                 };
                 prop_assert_eq!(handed_over, expected);
+                prop_assert_eq!(ssi.pass_on(), expected == HandedOver::Waits);
                 if expected == HandedOver::Waits {
                     waiting.push_back((number, bytes));
                 }
@@ -506,7 +507,7 @@ fn an_object_that_is_dropped_is_told_by_its_identifier_and_status() {
         for _ in 0..2 {
             let (next, handed_over) = ssi.hand_over(area, transaction);
             area = next;
-            assert_eq!(handed_over, HandedOver::Waits);
+            assert_eq!((handed_over, ssi.pass_on()), (HandedOver::Waits, true));
         }
         area.memory()[3] = header;
         let (area, handed_over) = ssi.hand_over(area, transaction);
@@ -554,7 +555,7 @@ fn an_area_with_a_stuck_bit_is_taken_out_of_use_while_two_are_left_and_the_other
     let mut out_of_use = 0;
     for _ in 0..6 {
         let (next, handed_over) = ssi.hand_over(area, transaction);
-        assert_eq!(handed_over, HandedOver::Waits);
+        assert_eq!((handed_over, ssi.pass_on()), (HandedOver::Waits, true));
         area = next;
         let brought = port.take().expect("it waits");
         out_of_use += port.done(brought).out_of_use;

@@ -34,9 +34,12 @@ pub trait Ssi {
     /// transaction is: if one ends in between, its end is told now and its buffers next time, never the other way
     /// round.
     fn take_events(&mut self) -> Events<'_>;
-    /// Hands what the transaction that has ended brought to the port task, with what it asked for. Called before the
+    /// Takes what the transaction that has ended brought for the port task, with what it asked for. Called before the
     /// next release.
     fn hand_over(&mut self, asked: Asked) -> HandedOver;
+    /// Passes what was taken on to the port task, and calls it. Called after the next release, if there is one, for
+    /// which the flight controller waits.
+    fn pass_on(&mut self);
     /// Whether the image's time is over. Asked for only while the semaphore is the processor's.
     fn is_expired(&mut self) -> bool;
     /// Exchanges the image; called only while the semaphore is the processor's.
@@ -85,6 +88,7 @@ impl<const LEN: usize> Server<LEN> {
         }
         // The flight controller may select again: what is counted can wait until then.
         if let Some(Ended { spent, handed_over }) = ended {
+            ssi.pass_on();
             telemetry.ssi_transactions.add(1);
             telemetry.ssi_over_reads.add(u32::from(over_read));
             telemetry.ssi_overflows.add(u32::from(overflow));

@@ -91,6 +91,7 @@ struct Port {
     received: Vec<u8>,
     /// What the transactions asked for, and what becomes of them.
     asked: Vec<Asked>,
+    passed_on: usize,
     handed_over: HandedOver,
     /// To let something happen before and after each access.
     board: Option<Board>,
@@ -171,6 +172,7 @@ impl Board {
             image: None,
             received: vec![],
             asked: vec![],
+            passed_on: 0,
             handed_over: HandedOver::Waits,
             board: None,
         };
@@ -307,6 +309,11 @@ impl Ssi for Port {
     fn hand_over(&mut self, asked: Asked) -> HandedOver {
         self.asked.push(asked);
         self.handed_over
+    }
+
+    fn pass_on(&mut self) {
+        self.passed_on += 1;
+        assert_eq!(self.passed_on, self.asked.len(), "each transaction once, and after it was taken");
     }
 
     fn is_expired(&mut self) -> bool {

@@ -47,11 +47,14 @@ impl Doorbell for At {
         }
         self.point("ACQUIRE");
         hw.borrow_mut().acquire();
-        self.call(|called| called.ssi = true);
         self.point("reads SEMSTAT");
         let semaphore = hw.borrow().semaphore;
         self.see(semaphore);
-        matches!(semaphore, Semaphore::Spis | Semaphore::CpuPending)
+        let is_under_way = matches!(semaphore, Semaphore::Spis | Semaphore::CpuPending);
+        if !is_under_way {
+            self.call(|called| called.ssi = true);
+        }
+        is_under_way
     }
 
     fn announce(&mut self) {
@@ -138,6 +141,8 @@ impl Ssi for Port {
     fn hand_over(&mut self, _: Asked) -> HandedOver {
         HandedOver::Empty
     }
+
+    fn pass_on(&mut self) {}
 
     fn is_expired(&mut self) -> bool {
         let Board { hw, bounds, .. } = &*self.at.0;
