@@ -47,6 +47,9 @@ pub(crate) struct SimArgs {
     /// Store the event log, which `cargo xtask judge` judges again.
     #[arg(long, value_name = "FILE")]
     events: Option<PathBuf>,
+    /// Draw the flight: ground track, height, each receiver, the voted position, exclusions, time to readable.
+    #[arg(long, value_name = "FILE.svg")]
+    plot: Option<PathBuf>,
     /// What goes wrong on purpose: a list of air, gnss, fc, power, buffers, inputs (drawn into the run from the seed),
     /// and of ram, flash, registers (each upset on a copy of the bench, see --upsets).
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
@@ -139,6 +142,7 @@ pub(crate) fn sim(args: &SimArgs) -> Result<ExitCode> {
         sweep: None,
         trace: args.trace.clone(),
         log: args.events.clone(),
+        plot: args.plot.clone(),
     };
     let style = ProgressStyle::with_template("{bar:40} {pos}/{len} ms of virtual time, {eta} left")
         .expect("a constant template");
@@ -205,7 +209,7 @@ const AFTER_UPSET: u64 = 400_000_000;
 
 /// Tries upsets on copies of the bench.
 fn upsets(args: &SimArgs, setup: &Setup) -> Result<Campaign> {
-    let setup = Setup { trace: None, log: None, faults: Faults::none(), ..setup.clone() };
+    let setup = Setup { trace: None, log: None, plot: None, faults: Faults::none(), ..setup.clone() };
     let options = Options {
         kinds: args.faults.clone(),
         boards: vec![Board::Horus, Board::Dpr],

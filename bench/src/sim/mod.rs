@@ -18,7 +18,7 @@ mod truth;
 mod upstream;
 
 use std::fs::File;
-use std::io::BufWriter;
+use std::io::{BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -26,12 +26,14 @@ use bench_judge::{Findings, Header, Log, LogWriter, Verdict};
 use cortex_m4::{Cost, Fast, Optimistic, Pessimistic};
 use gnss_sim::{Flight, LogError, Receiver};
 use nrf52840::{Nrf52840, Settings};
+use profile::Layout;
 use st25r3916_model::{Chip, Config};
 use stm32f429::{Oscillators, Stm32f429};
 
 use crate::boards::{self, Dpr, Horus};
 use crate::faults::{Campaign, Faults, Options};
 use crate::node::{self, Clock, Firmware, Node, Relay, Threads};
+use crate::plot::History;
 use crate::report::{self, Report};
 use crate::trace::{self, TaskWatch, Trace};
 use crate::world::flight_controller::{self, Schedule};
@@ -94,6 +96,8 @@ pub struct Setup {
     pub trace: Option<PathBuf>,
     /// Where to store the event log.
     pub log: Option<PathBuf>,
+    /// Where to draw the flight, as an SVG.
+    pub plot: Option<PathBuf>,
 }
 
 impl Setup {
@@ -115,6 +119,7 @@ impl Setup {
             sweep: None,
             trace: None,
             log: None,
+            plot: None,
         }
     }
 }
@@ -168,6 +173,14 @@ pub enum Error {
         path: PathBuf,
         /// What the operating system says.
         source: std::io::Error,
+    },
+    /// The file that the flight is drawn into.
+    #[error("the flight cannot be drawn into {}", path.display())]
+    Plot {
+        /// The file.
+        path: PathBuf,
+        /// What the operating system or the drawing library says.
+        source: Box<dyn std::error::Error + Send + Sync>,
     },
 }
 
@@ -229,7 +242,7 @@ impl<C: Cost> Bench<C> {
             flight_controller: FlightController::new(config),
             base: BaseStation::new(setup.gps),
             traced,
-            logged: setup.log.is_some(),
+            logged: setup.log.is_some() || setup.plot.is_some(),
             sweeping,
         };
         let a = Node::new(stm32, horus, &Firmware::read(&setup.images.horus)?)?;
@@ -421,6 +434,7 @@ fn run_on<C: Cost>(setup: &Setup, observer: &mut dyn Observer) -> Result<Outcome
         }
         None => None,
     };
+    let mut plotted = setup.plot.as_deref().map(|path| Plot::create(path, setup)).transpose()?;
     let mut logs = vec![];
     bench.run(setup.duration_ns, setup.threads, |reached, dpr, link| {
         let lines = link.horus_lines(reached).map(|line| ("horus", line)).collect::<Vec<_>>().into_iter();
@@ -434,9 +448,12 @@ fn run_on<C: Cost>(setup: &Setup, observer: &mut dyn Observer) -> Result<Outcome
             trace.take(marks);
             trace.flush_before(reached)?;
         }
-        if let Some(stored) = &mut stored {
-            for event in link.take_log() {
+        for event in link.take_log() {
+            if let Some(stored) = &mut stored {
                 stored.take(&event).map_err(unwritten)?;
+            }
+            if let Some(plotted) = &mut plotted {
+                plotted.history.take(&event);
             }
         }
         observer.progress(reached);
@@ -452,7 +469,37 @@ fn run_on<C: Cost>(setup: &Setup, observer: &mut dyn Observer) -> Result<Outcome
         }
         stored.finish().map_err(unwritten)?;
     }
+    if let Some(mut plotted) = plotted {
+        log.events.iter().for_each(|event| plotted.history.take(event));
+        plotted.write(setup)?;
+    }
     Ok(Outcome { report, verdict, base, logs, phases })
+}
+
+/// The picture of a run's flight, whose file was there before the run began.
+struct Plot {
+    path: PathBuf,
+    file: File,
+    history: History,
+}
+
+impl Plot {
+    fn create(path: &Path, setup: &Setup) -> Result<Self, Error> {
+        let unwritten = |source: std::io::Error| Error::Plot { path: path.to_owned(), source: source.into() };
+        let title = format!("{} receivers, seed {}, {} clock", setup.gps, setup.seed, setup.clock);
+        let layout = Layout::for_receivers(setup.gps).ok_or_else(|| unwritten(ErrorKind::InvalidInput.into()))?;
+        let file = File::create(path).map_err(unwritten)?;
+        Ok(Self { path: path.to_owned(), file, history: History::new(layout, title) })
+    }
+
+    fn write(mut self, setup: &Setup) -> Result<(), Error> {
+        let recorded = setup.recordings.iter().any(Option::is_some);
+        let flight = (!recorded).then(|| Flight::new(setup.seed, setup.duration_ns as f64 / 1e9));
+        let drawn = self.history.svg(flight.as_ref()).map_err(|error| error.to_string().into());
+        drawn
+            .and_then(|svg: String| Ok(self.file.write_all(svg.as_bytes())?))
+            .map_err(|source| Error::Plot { path: self.path, source })
+    }
 }
 
 /// Tries upsets on copies of the bench.
