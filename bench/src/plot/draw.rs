@@ -208,9 +208,9 @@ fn over_time(
         y = -1.0..y.end - y.start - 1.0;
     }
     let mut chart = chart(area, title, (x, "s"), (y.clone(), "m"))?;
-    for receiver in 1..=receivers {
+    for (receiver, colour) in COLOURS.iter().enumerate().take(receivers + 1).skip(1) {
         for span in excluded(cycles, receiver) {
-            let style = COLOURS[receiver].mix(0.2).filled();
+            let style = colour.mix(0.2).filled();
             chart.draw_series([Rectangle::new([(span.start, y.start), (span.end, y.end)], style)])?;
         }
     }
