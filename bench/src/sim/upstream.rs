@@ -11,6 +11,7 @@ use st25r3916_model::AirEvent;
 use super::board_events::BoardEvents;
 use crate::boards::Horus;
 use crate::boards::front_end::Crossing;
+use crate::boards::receivers::{Given, Interface};
 use crate::faults::receivers::{LineFaults, OnLine};
 use crate::faults::{Fault, Faults, Timeline, Turn, Wires};
 use crate::node::{LogLine, Node, Upstream};
@@ -88,11 +89,29 @@ impl Receivers {
         }
     }
 
+    /// What crossed the buses goes into the log.
+    fn watch_buses<C: Cost>(&mut self, node: &mut Node<Horus, C>) {
+        let now = node.now();
+        let (given, misuses) =
+            node.board_mut(|board| (board.receivers.take_given(now), board.receivers.take_misuses()));
+        for Given { receiver, at, byte_ns, bytes, clean } in given {
+            self.events.note(at, What::Fed { receiver, byte_ns, bytes: Bytes(bytes), clean });
+        }
+        for (at, text) in misuses {
+            self.events.note(at, What::Misuse { board: Side::Horus, text });
+        }
+    }
+
     /// What is on a line goes to the board and into the log.
     fn feed<C: Cost>(&mut self, node: &mut Node<Horus, C>, lines: Vec<OnLine>) {
         for OnLine { at_ns, receiver, frames, clean } in lines {
             let bytes: Vec<u8> = frames.iter().map(|frame| frame.data as u8).collect();
-            let begins = node.board_mut(|board| board.send(at_ns, receiver, frames));
+            if Interface::OF[receiver] != Interface::Uart {
+                // What is read of it, and when, the board tells.
+                node.board_mut(|board| board.receivers.offer(at_ns, receiver, &bytes));
+                continue;
+            }
+            let begins = node.board_mut(|board| board.receivers.send(at_ns, receiver, frames));
             let byte_ns = UartFrame::eight_n_one(0, GNSS_BAUD).ns();
             self.events.note(begins, What::Fed { receiver, byte_ns, bytes: Bytes(bytes), clean });
         }
@@ -108,6 +127,9 @@ pub(super) struct Notes {
     pub(super) crossings: Vec<(u64, Crossing)>,
     /// What else goes into a trace: the pin TICK and the tasks.
     pub(super) marks: Vec<Mark>,
+    /// Since when a transaction with a receiver is under way, ns: its bytes are told when it is over. `u64::MAX` where
+    /// none is.
+    pub(super) untold_since: u64,
 }
 
 impl<C: Cost> Upstream<Horus, C> for Receivers {
@@ -115,7 +137,10 @@ impl<C: Cost> Upstream<Horus, C> for Receivers {
     type Notes = Notes;
 
     fn leave(&mut self, node: &mut Node<Horus, C>, sent: &mut Vec<(u64, AirEvent)>) {
-        node.board_mut(|board| sent.extend(board.front_end.take_air()));
+        node.board_mut(|board| {
+            sent.extend(board.front_end.take_air());
+            board.receivers.take_heard();
+        });
     }
 
     fn notes(&mut self, node: &mut Node<Horus, C>) -> Notes {
@@ -125,12 +150,14 @@ impl<C: Cost> Upstream<Horus, C> for Receivers {
             self.events.note(at, What::Command);
         }
         self.watch_ticks(node);
+        self.watch_buses(node);
+        let untold_since = node.board().receivers.untold_since();
         let mut marks = std::mem::take(&mut self.marks);
         self.events.watch(node);
         if let Some(tasks) = &mut self.tasks {
             marks.extend(tasks.take(node));
         }
-        Notes { lines: node.take_log(), events: self.events.take(), crossings, marks }
+        Notes { lines: node.take_log(), events: self.events.take(), crossings, marks, untold_since }
     }
 
     fn next_at(&self) -> u64 {
