@@ -20,10 +20,10 @@
 //! receiver's tasks in `main.rs`; each of those looks its row up by the vector, and a vector that is in no row does not
 //! compile. Nothing else names a receiver's hardware.
 //!
-//! A new kind of interface is a variant of [`ReceiverPort`] and a type in `hw/` behind `horus_tx_fw::source::Source`,
+//! A new kind of interface is a variant of [`Hardware`] and a type in `hw/` behind `horus_tx_fw::source::Source`,
 //! which `hw/gnss.rs` joins.
 
-use horus_tx_fw::{source::Vector, task::TASKS, timing};
+use horus_tx_fw::{configuration::Interface, source::Vector, task::TASKS, timing};
 use profile::MAX_RECEIVERS;
 use stm32f4xx_hal::{
     pac::{self, i2c1, spi1, tim3, uart4, Interrupt},
@@ -192,8 +192,8 @@ pub(crate) struct SpiPort {
     pub(crate) out_vector: Interrupt,
 }
 
-/// Where one GNSS receiver is connected.
-pub(crate) enum ReceiverPort {
+/// The hardware of one GNSS receiver's interface.
+pub(crate) enum Hardware {
     Uart(UartPort),
     Ddc(DdcPort),
     Spi(SpiPort),
@@ -203,66 +203,97 @@ const fn pin(port: Port, number: u8, function: u8) -> AlternatePin {
     AlternatePin { pin: Pin { port, number }, function }
 }
 
+/// Where one GNSS receiver is connected, and what is asked of it.
+pub(crate) struct ReceiverPort {
+    /// From one solution to the next, ms: 25 to 1000 (u-blox, CFG-RATE-MEAS).
+    pub(crate) period_ms: u16,
+    pub(crate) hardware: Hardware,
+}
+
 /// GPS1 to GPS5. The first [`horus_tx_fw::RECEIVERS`] are in use.
 pub(crate) const RECEIVER_PORTS: [ReceiverPort; MAX_RECEIVERS] = [
-    ReceiverPort::Uart(UartPort {
-        uart: Registers::at(pac::USART2::ptr().cast()),
-        enable: pac::USART2::enable,
-        bus_hz: timing::APB1_HZ,
-        rx: pin(Port::D, 6, 7),
-        tx: pin(Port::D, 5, 7),
-        stream: Stream { dma: Dma::One, number: 5, channel: 4 },
-        uart_vector: Interrupt::USART2,
-        stream_vector: Interrupt::DMA1_STREAM5,
-    }),
-    ReceiverPort::Ddc(DdcPort {
-        i2c: Registers::at(pac::I2C2::ptr()),
-        enable: pac::I2C2::enable,
-        bus_hz: timing::APB1_HZ,
-        scl: pin(Port::F, 1, 4),
-        sda: pin(Port::F, 0, 4),
-        stream: Stream { dma: Dma::One, number: 2, channel: 7 },
-        timer: Timer { timer: Registers::at(pac::TIM4::ptr()), enable: pac::TIM4::enable, vector: Interrupt::TIM4 },
-        event_vector: Interrupt::I2C2_EV,
-        error_vector: Interrupt::I2C2_ER,
-        stream_vector: Interrupt::DMA1_STREAM2,
-    }),
-    ReceiverPort::Spi(SpiPort {
-        spi: Registers::at(pac::SPI5::ptr()),
-        enable: pac::SPI5::enable,
-        sck: pin(Port::F, 7, 5),
-        miso: pin(Port::F, 8, 5),
-        mosi: pin(Port::F, 9, 5),
-        chip_select: Pin { port: Port::E, number: 3 },
-        stream_in: Stream { dma: Dma::Two, number: 5, channel: 7 },
-        stream_out: Stream { dma: Dma::Two, number: 6, channel: 7 },
-        timer: Timer { timer: Registers::at(pac::TIM3::ptr()), enable: pac::TIM3::enable, vector: Interrupt::TIM3 },
-        in_vector: Interrupt::DMA2_STREAM5,
-        out_vector: Interrupt::DMA2_STREAM6,
-    }),
-    ReceiverPort::Uart(UartPort {
-        uart: Registers::at(pac::UART5::ptr().cast()),
-        enable: pac::UART5::enable,
-        bus_hz: timing::APB1_HZ,
-        rx: pin(Port::D, 2, 8),
-        tx: pin(Port::C, 12, 8),
-        stream: Stream { dma: Dma::One, number: 0, channel: 4 },
-        uart_vector: Interrupt::UART5,
-        stream_vector: Interrupt::DMA1_STREAM0,
-    }),
-    ReceiverPort::Uart(UartPort {
-        uart: Registers::at(pac::UART7::ptr().cast()),
-        enable: pac::UART7::enable,
-        bus_hz: timing::APB1_HZ,
-        rx: pin(Port::E, 7, 8),
-        tx: pin(Port::E, 8, 8),
-        stream: Stream { dma: Dma::One, number: 3, channel: 5 },
-        uart_vector: Interrupt::UART7,
-        stream_vector: Interrupt::DMA1_STREAM3,
-    }),
+    ReceiverPort {
+        period_ms: 100,
+        hardware: Hardware::Uart(UartPort {
+            uart: Registers::at(pac::USART2::ptr().cast()),
+            enable: pac::USART2::enable,
+            bus_hz: timing::APB1_HZ,
+            rx: pin(Port::D, 6, 7),
+            tx: pin(Port::D, 5, 7),
+            stream: Stream { dma: Dma::One, number: 5, channel: 4 },
+            uart_vector: Interrupt::USART2,
+            stream_vector: Interrupt::DMA1_STREAM5,
+        }),
+    },
+    ReceiverPort {
+        period_ms: 125,
+        hardware: Hardware::Ddc(DdcPort {
+            i2c: Registers::at(pac::I2C2::ptr()),
+            enable: pac::I2C2::enable,
+            bus_hz: timing::APB1_HZ,
+            scl: pin(Port::F, 1, 4),
+            sda: pin(Port::F, 0, 4),
+            stream: Stream { dma: Dma::One, number: 2, channel: 7 },
+            timer: Timer { timer: Registers::at(pac::TIM4::ptr()), enable: pac::TIM4::enable, vector: Interrupt::TIM4 },
+            event_vector: Interrupt::I2C2_EV,
+            error_vector: Interrupt::I2C2_ER,
+            stream_vector: Interrupt::DMA1_STREAM2,
+        }),
+    },
+    ReceiverPort {
+        period_ms: 200,
+        hardware: Hardware::Spi(SpiPort {
+            spi: Registers::at(pac::SPI5::ptr()),
+            enable: pac::SPI5::enable,
+            sck: pin(Port::F, 7, 5),
+            miso: pin(Port::F, 8, 5),
+            mosi: pin(Port::F, 9, 5),
+            chip_select: Pin { port: Port::E, number: 3 },
+            stream_in: Stream { dma: Dma::Two, number: 5, channel: 7 },
+            stream_out: Stream { dma: Dma::Two, number: 6, channel: 7 },
+            timer: Timer { timer: Registers::at(pac::TIM3::ptr()), enable: pac::TIM3::enable, vector: Interrupt::TIM3 },
+            in_vector: Interrupt::DMA2_STREAM5,
+            out_vector: Interrupt::DMA2_STREAM6,
+        }),
+    },
+    ReceiverPort {
+        period_ms: 40,
+        hardware: Hardware::Uart(UartPort {
+            uart: Registers::at(pac::UART5::ptr().cast()),
+            enable: pac::UART5::enable,
+            bus_hz: timing::APB1_HZ,
+            rx: pin(Port::D, 2, 8),
+            tx: pin(Port::C, 12, 8),
+            stream: Stream { dma: Dma::One, number: 0, channel: 4 },
+            uart_vector: Interrupt::UART5,
+            stream_vector: Interrupt::DMA1_STREAM0,
+        }),
+    },
+    ReceiverPort {
+        period_ms: 100,
+        hardware: Hardware::Uart(UartPort {
+            uart: Registers::at(pac::UART7::ptr().cast()),
+            enable: pac::UART7::enable,
+            bus_hz: timing::APB1_HZ,
+            rx: pin(Port::E, 7, 8),
+            tx: pin(Port::E, 8, 8),
+            stream: Stream { dma: Dma::One, number: 3, channel: 5 },
+            uart_vector: Interrupt::UART7,
+            stream_vector: Interrupt::DMA1_STREAM3,
+        }),
+    },
 ];
 
-impl ReceiverPort {
+impl Hardware {
+    /// What it is to the receiver.
+    pub(crate) const fn interface(&self) -> Interface {
+        match self {
+            Self::Uart(_) => Interface::Uart,
+            Self::Ddc(_) => Interface::Ddc,
+            Self::Spi(_) => Interface::Spi,
+        }
+    }
+
     /// What `vector` means to this receiver; `None` if it is not its own.
     const fn meaning_of(&self, vector: Interrupt) -> Option<Vector> {
         const fn is(vector: Interrupt, other: Interrupt) -> bool {
@@ -306,7 +337,7 @@ pub(crate) const fn source_of(vector: Interrupt) -> (usize, Vector) {
     let mut found = None;
     let mut receiver = 0;
     while receiver < MAX_RECEIVERS {
-        if let Some(meaning) = RECEIVER_PORTS[receiver].meaning_of(vector) {
+        if let Some(meaning) = RECEIVER_PORTS[receiver].hardware.meaning_of(vector) {
             assert!(found.is_none(), "two receivers with one vector");
             found = Some((receiver, meaning));
         }
@@ -332,14 +363,14 @@ const _: () = {
     assert!(!is_same(SPI_IN, SPI_OUT));
     let mut receiver = 0;
     while receiver < MAX_RECEIVERS {
-        let streams = RECEIVER_PORTS[receiver].streams();
+        let streams = RECEIVER_PORTS[receiver].hardware.streams();
         assert!(!meet(streams, [SPI_IN, SPI_OUT]), "a stream of the front end's");
-        if let ReceiverPort::Spi(port) = &RECEIVER_PORTS[receiver] {
+        if let Hardware::Spi(port) = &RECEIVER_PORTS[receiver].hardware {
             assert!(!is_same(port.stream_in, port.stream_out));
         }
         let mut other = 0;
         while other < receiver {
-            assert!(!meet(streams, RECEIVER_PORTS[other].streams()), "two receivers on one stream");
+            assert!(!meet(streams, RECEIVER_PORTS[other].hardware.streams()), "two receivers on one stream");
             other += 1;
         }
         receiver += 1;

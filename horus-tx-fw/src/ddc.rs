@@ -17,7 +17,9 @@
 //!
 //! *Bounds*: what has not ended by the next tick has failed. The peripheral is then reset, the pins are taken from it, nine
 //! clocks and a STOP free a receiver that holds SDA (UM10204, "Bus clear"), one level each [`STEP_US`], and the pins go
-//! back. If the bus is not free after that it is left alone for [`HOLD_TICKS`], then the same again. Nothing ever waits.
+//! back. If the bus looks as it did before, it is left alone for [`HOLD_TICKS`], then the same again. Nothing ever waits.
+//! A receiver may hold the clock for as long as 20 ms (ZED-F9R data sheet, "DDC"): to HORUS that is a failed transaction,
+//! of which the bytes that have come are kept ([`Ddc::stream_under_way`]), and the bus is free afterwards.
 //!
 //! Events that nobody asked for are bounded too: BTF stays set until the repeated START that follows is on the bus (RM0090,
 //! "I2C", status register 1), and so calls the handler again meanwhile. After [`MOST_SPURIOUS`] calls without progress the
@@ -173,6 +175,8 @@ pub struct Ddc {
     message: Option<Message>,
     spurious: u8,
     hold: u8,
+    /// What the bus looked like when it was last found not to be free.
+    stuck: Option<Bus>,
     counts: Counts,
 }
 
@@ -191,6 +195,7 @@ impl Ddc {
             message: None,
             spurious: 0,
             hold: 0,
+            stuck: None,
             counts: Counts { timed_out: 0, recoveries: 0, refused: 0 },
         }
     }
@@ -214,17 +219,30 @@ impl Ddc {
         Ok(())
     }
 
+    /// How many bytes of the receiver's stream are being read. If [`Ddc::poll`] then gives the transaction up, those that
+    /// have come belong to the stream nevertheless: the receiver does not send them again.
+    #[must_use]
+    pub const fn stream_under_way(&self) -> Option<usize> {
+        match self.state {
+            State::Receiving(Phase::Stream(len)) => Some(len),
+            _ => None,
+        }
+    }
+
     /// Serves the tick.
     pub fn poll(&mut self, bus: Bus) -> Order {
         match self.state {
             State::Idle if bus.is_free() => {
                 self.start(if self.message.is_some() { Phase::Message } else { Phase::Select(2) })
             }
-            State::Idle if self.hold > 0 => {
+            State::Idle if self.hold > 0 && self.stuck == Some(bus) => {
                 self.hold -= 1;
                 Order::Nothing
             }
-            State::Idle => self.recover(),
+            State::Idle => {
+                self.stuck = Some(bus);
+                self.recover()
+            }
             _ => {
                 self.counts.timed_out = self.counts.timed_out.wrapping_add(1);
                 self.recover()
@@ -339,6 +357,7 @@ impl Ddc {
     fn end(&mut self) -> Order {
         self.state = State::Idle;
         self.hold = 0;
+        self.stuck = None;
         Order::Stop
     }
 

@@ -18,6 +18,7 @@
 //! | [`transmitter`] | when the poller machine is given what, which slot a loaded frame belongs to |
 //! | [`source`] | what UART, I2C and SPI have alike: rings, messages to a receiver, the trait |
 //! | [`ddc`], [`spi`] | the order of events of a receiver on I2C and of one on SPI, their bounds and recoveries |
+//! | [`configuration`] | what is sent to a receiver, when, and what its answers amount to |
 //! | [`ring`] | how many bytes a circular DMA transfer has delivered, and whether it lapped its reader |
 //! | [`timing`] | the slots of a cycle, each with its derivation, checked at compile time |
 //! | [`clock`] | whether to run on the external clock or, without it, on the internal oscillator |
@@ -36,6 +37,7 @@
 #![forbid(unsafe_code)]
 
 pub mod clock;
+pub mod configuration;
 pub mod cycle;
 pub mod ddc;
 pub mod integrity;

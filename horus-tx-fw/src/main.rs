@@ -77,6 +77,7 @@ mod app {
         safe_state,
     };
     use horus_tx_fw::{
+        configuration::{self, Configuration},
         cycle::Cycle,
         integrity, protection,
         receiver::{Receiver, Solution, BYTES_PER_CALL},
@@ -122,6 +123,7 @@ mod app {
         cycle: Cycle<RECEIVERS>,
         receivers: [Receiver; RECEIVERS],
         readers: [Reader; RECEIVERS],
+        configurations: [Configuration; RECEIVERS],
         watchdog: IndependentWatchdog,
         patrol: Patrol,
         memory: PartMemory,
@@ -201,6 +203,7 @@ mod app {
                 cycle: Cycle::on(clock),
                 receivers: core::array::from_fn(|_| Receiver::new()),
                 readers: [Reader::new(); RECEIVERS],
+                configurations: core::array::from_fn(gnss::configuration),
                 watchdog,
                 patrol,
                 memory,
@@ -213,6 +216,7 @@ mod app {
     fn idle(mut cx: idle::Context) -> ! {
         let mut reported = 0;
         let mut fault = None;
+        let mut told = [(0, 0, 0); RECEIVERS];
         let now_us = || cycle_timer::now_ms().wrapping_mul(1_000);
         let mut pace = Pace::new(now_us());
         let mut due = 0;
@@ -235,6 +239,17 @@ mod app {
                     fault = None;
                 }
             }
+            for (index, told) in told.iter_mut().enumerate() {
+                let source = &HORUS_TELEMETRY.sources[index];
+                let standing = source.configuration.get();
+                if told.0 != standing
+                    && cycle_timer::when_quiet(|| {
+                        defmt::info!("GPS{=usize}: {=str}", index + 1, configuration::name(standing));
+                    })
+                {
+                    told.0 = standing;
+                }
+            }
             let seconds = cycle_timer::tick() / 100;
             if seconds != reported {
                 let t = &HORUS_TELEMETRY;
@@ -248,6 +263,22 @@ mod app {
                     );
                 }) {
                     reported = seconds;
+                }
+                for (index, told) in told.iter_mut().enumerate() {
+                    let source = &HORUS_TELEMETRY.sources[index];
+                    let (recoveries, timed_out) = (source.recoveries.get(), source.timed_out.get());
+                    if (told.1, told.2) != (recoveries, timed_out)
+                        && cycle_timer::when_quiet(|| {
+                            defmt::warn!(
+                                "GPS{=usize}: {=u32} recoveries, {=u32} timed out",
+                                index + 1,
+                                recoveries,
+                                timed_out
+                            );
+                        })
+                    {
+                        (told.1, told.2) = (recoveries, timed_out);
+                    }
                 }
             }
             rtic::export::wfi();
@@ -404,7 +435,7 @@ mod app {
         serve(cx.shared.lines, const { board::source_of(Interrupt::DMA1_STREAM3) });
     }
 
-    #[task(binds = CAN1_RX1, priority = 1, local = [receivers, readers], shared = [solutions])]
+    #[task(binds = CAN1_RX1, priority = 1, local = [receivers, readers, configurations], shared = [solutions])]
     fn parse(mut cx: parse::Context) {
         let mut more = false;
         let now = cycle_timer::now_ms();
@@ -428,6 +459,13 @@ mod app {
             line.damaged.set(counts.damaged);
             line.unusable.set(counts.unusable);
             line.skipped.set(counts.skipped());
+
+            let configuration = &mut cx.local.configurations[index];
+            if let Some(message) = configuration.poll(now, counts.messages, receiver.take_answer()) {
+                // One that finds no room goes unanswered, and is sent again.
+                gnss::outbox(index).put(&message);
+            }
+            HORUS_TELEMETRY.sources[index].configuration.set(configuration.standing() as u32);
         }
         if more {
             rtic::pend(Interrupt::CAN1_RX1);

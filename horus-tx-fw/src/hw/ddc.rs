@@ -24,7 +24,10 @@
 //! start.
 #![allow(unsafe_code)]
 
-use core::sync::atomic::{compiler_fence, AtomicU8, Ordering};
+use core::{
+    ops::Range,
+    sync::atomic::{compiler_fence, AtomicU8, Ordering},
+};
 
 use horus_tx_fw::{
     ddc::{Bus, Ddc, Events, Order, Received, MOST, STEP_US},
@@ -37,6 +40,7 @@ use super::{
     dma::{self, Direction, Transfer},
     gnss, gpio,
     steps::Steps,
+    HORUS_TELEMETRY,
 };
 use crate::board::DdcPort;
 
@@ -205,17 +209,32 @@ impl DdcSource {
             compiler_fence(Ordering::Acquire);
             let first = [&BYTES[0], &BYTES[1], &BYTES[2]].map(|byte| byte.load(Ordering::Relaxed));
             let Received { stream, then } = self.ddc.received(first);
-            let bytes = BYTES.iter().skip(stream.start).take(stream.len());
-            gnss::ring(self.index).push(bytes.map(|byte| byte.load(Ordering::Relaxed)));
+            self.push(stream);
             self.carry_out(then);
         }
+    }
+
+    /// Puts those of the bytes that came in into the ring.
+    fn push(&self, bytes: Range<usize>) {
+        let bytes = BYTES.iter().skip(bytes.start).take(bytes.len());
+        gnss::ring(self.index).push(bytes.map(|byte| byte.load(Ordering::Relaxed)));
     }
 }
 
 impl Source for DdcSource {
     fn poll(&mut self) {
+        let under_way = self.ddc.stream_under_way();
         let order = self.ddc.poll(self.bus());
         self.carry_out(order);
+        if let Some(len) = under_way {
+            // The transaction was given up, and its stream has been stopped.
+            let come = len.saturating_sub(dma::left(self.port.stream));
+            self.push(0..come);
+        }
+        let (counts, line) = (self.ddc.counts(), &HORUS_TELEMETRY.sources[self.index]);
+        line.recoveries.set(counts.recoveries);
+        line.timed_out.set(counts.timed_out);
+        line.refused.set(counts.refused);
     }
 
     fn interrupt(&mut self, vector: Vector) {

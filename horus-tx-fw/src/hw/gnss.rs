@@ -10,13 +10,16 @@
 #![forbid(unsafe_code)]
 
 use horus_tx_fw::{
+    configuration::Configuration,
     source::{Busy, Outbox, Ring, Source, Vector},
     RECEIVERS,
 };
 use stm32f4xx_hal::pac;
 
 use super::{ddc::DdcSource, dma, gpio, spi::SpiSource, uart::UartSource};
-use crate::board::{ReceiverPort, RECEIVER_PORTS};
+use crate::board::{Hardware, ReceiverPort, RECEIVER_PORTS};
+
+const PORTS: &[ReceiverPort; profile::MAX_RECEIVERS] = &RECEIVER_PORTS;
 
 static RINGS: [Ring; RECEIVERS] = [const { Ring::new() }; RECEIVERS];
 static OUTBOXES: [Outbox; RECEIVERS] = [const { Outbox::new() }; RECEIVERS];
@@ -29,6 +32,12 @@ pub fn ring(index: usize) -> &'static Ring {
 /// What is to be sent to receiver `index`.
 pub fn outbox(index: usize) -> &'static Outbox {
     &OUTBOXES[index]
+}
+
+/// Receiver `index`'s configuration, of which nothing has been sent.
+pub fn configuration(index: usize) -> Configuration {
+    let port = &PORTS[index];
+    Configuration::new(port.hardware.interface(), port.period_ms)
 }
 
 enum Kind {
@@ -46,15 +55,14 @@ pub struct GnssLine {
 impl GnssLine {
     /// Sets up the receivers that are fitted, clocks and pins included, and starts them.
     pub fn all(rcc: &mut pac::RCC) -> [Self; RECEIVERS] {
-        const PORTS: &[ReceiverPort; profile::MAX_RECEIVERS] = &RECEIVER_PORTS;
         gpio::enable_ports();
         dma::enable();
         core::array::from_fn(|index| Self {
             index,
-            kind: match &PORTS[index] {
-                ReceiverPort::Uart(port) => Kind::Uart(UartSource::new(index, port, rcc)),
-                ReceiverPort::Ddc(port) => Kind::Ddc(DdcSource::new(index, port, rcc)),
-                ReceiverPort::Spi(port) => Kind::Spi(SpiSource::new(index, port, rcc)),
+            kind: match &PORTS[index].hardware {
+                Hardware::Uart(port) => Kind::Uart(UartSource::new(index, port, rcc)),
+                Hardware::Ddc(port) => Kind::Ddc(DdcSource::new(index, port, rcc)),
+                Hardware::Spi(port) => Kind::Spi(SpiSource::new(index, port, rcc)),
             },
         })
     }

@@ -30,6 +30,7 @@ use super::{
     gnss,
     gpio::{self, Pull, Speed},
     steps::Steps,
+    HORUS_TELEMETRY,
 };
 use crate::board::SpiPort;
 
@@ -191,6 +192,9 @@ impl Source for SpiSource {
     fn poll(&mut self) {
         let order = self.polling.poll();
         self.carry_out(order);
+        let line = &HORUS_TELEMETRY.sources[self.index];
+        line.recoveries.set(self.polling.recoveries());
+        line.timed_out.set(self.polling.timed_out());
     }
 
     fn interrupt(&mut self, vector: Vector) {
