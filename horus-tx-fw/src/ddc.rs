@@ -1,0 +1,364 @@
+//! A receiver on I2C: u-blox' DDC port, one event at a time, without the registers
+//!
+//! # Design
+//!
+//! The port has registers: 0xFD and 0xFE hold how many bytes wait (the high byte first), 0xFF is the stream. The address
+//! counts up with each byte read and stays at 0xFF. So a cycle is: write 0xFD, restart, read two bytes; restart, read as
+//! many bytes as wait, at most [`MOST`]; stop. A cycle in which there is a message to send writes that instead.
+//!
+//! ```text
+//! tick ── START ─ 0x84 0xFD ─ RESTART ─ 0x85 high low ─ RESTART ─ 0x85 byte … byte ─ STOP ── … ── tick
+//! ```
+//!
+//! *One byte alone* is never read by itself: the STM32F4's I2C wants the acknowledge switched off and the STOP requested
+//! within the time of that byte (RM0090, "I2C", master receiver), which no task of our priority can promise. If one byte
+//! waits, registers 0xFD, 0xFE and 0xFF are read together. From two bytes on the DMA controller's end of transfer makes
+//! the peripheral refuse the last byte (LAST), and it then waits for STOP or START as long as it takes.
+//!
+//! *Bounds*: what has not ended by the next tick has failed. The peripheral is then reset, the pins are taken from it, nine
+//! clocks and a STOP free a receiver that holds SDA (UM10204, "Bus clear"), one level each [`STEP_US`], and the pins go
+//! back. If the bus is not free after that it is left alone for [`HOLD_TICKS`], then the same again. Nothing ever waits.
+//!
+//! Events that nobody asked for are bounded too: BTF stays set until the repeated START that follows is on the bus (RM0090,
+//! "I2C", status register 1), and so calls the handler again meanwhile. After [`MOST_SPURIOUS`] calls without progress the
+//! event interrupts are switched off until the tick, so that a bus that is held does not cost the processor's time.
+//!
+//! # Sources
+//!
+//! - Registers, and that they count up: u-blox, *u-blox M9/F9 integration manuals*, "I2C interface", read access; in use in
+//!   sparkfun/SparkFun_u-blox_GNSS_Arduino_Library (`checkUbloxI2C`), ArduPilot and gpsd. A count of 0xFFFF is taken for
+//!   none: it is what a line that nobody drives reads.
+//! - Events: RM0090, "I2C", transfer sequence diagrams for master transmitter and receiver, and "DMA requests".
+
+use core::ops::Range;
+
+use crate::source::{Busy, Message};
+
+/// The port's address, 7 bits.
+pub const ADDRESS: u8 = 0x42;
+const WRITE: u8 = ADDRESS << 1;
+const READ: u8 = ADDRESS << 1 | 1;
+/// The first of the two registers that say how many bytes wait.
+const WAITING: u8 = 0xFD;
+
+/// The most bytes of the stream that are read in one cycle: at 27 µs each 6.9 ms, which leaves 2.7 ms for a receiver that
+/// stretches the clock, and 25.6 kB/s in all. A receiver with all three messages at 25 Hz sends 4.6 kB/s.
+pub const MOST: usize = 256;
+
+/// How long each level of a recovery lasts, µs: so 50 kHz, for which every I2C device is fast enough.
+pub const STEP_US: u16 = 10;
+
+/// Clocks of a recovery: a receiver that is sending a byte has let go of SDA after the eight bits and the acknowledge.
+const CLOCKS: u8 = 9;
+
+/// Ticks from a recovery that did not free the bus to the next.
+pub const HOLD_TICKS: u8 = 10;
+
+/// The most events without progress before the event interrupts are switched off. A repeated START is on the bus within
+/// 5 µs, a handler takes 1 µs at least.
+pub const MOST_SPURIOUS: u8 = 16;
+
+/// What the bus looks like at the tick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Bus {
+    /// SCL's level.
+    pub scl: bool,
+    /// SDA's level.
+    pub sda: bool,
+    /// The peripheral says that the bus is busy, or has not yet carried out a START or STOP.
+    pub busy: bool,
+}
+
+impl Bus {
+    const fn is_free(self) -> bool {
+        self.scl && self.sda && !self.busy
+    }
+}
+
+/// What the peripheral's status register says.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Events {
+    /// SB: the START is on the bus.
+    pub started: bool,
+    /// ADDR: the receiver has acknowledged its address.
+    pub addressed: bool,
+    /// BTF: the byte is out and acknowledged, and the next one is wanted.
+    pub byte_sent: bool,
+    /// AF: no acknowledge.
+    pub refused: bool,
+    /// ARLO: somebody else drives the bus.
+    pub arbitration_lost: bool,
+    /// BERR: a START or STOP in the middle of a byte.
+    pub bus_error: bool,
+}
+
+/// What the registers have to do next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Order {
+    /// Nothing.
+    Nothing,
+    /// Request a START, with the event interrupts on.
+    Start,
+    /// Write the data register.
+    Put(u8),
+    /// Clear ADDR, then write the data register.
+    PutAddressed(u8),
+    /// Give the DMA stream so many bytes to receive, at least 2, switch the event interrupts off, then clear ADDR.
+    Receive(usize),
+    /// Switch the event interrupts off and request a STOP.
+    Stop,
+    /// Switch the event interrupts off.
+    Mute,
+    /// Stop the stream, hold the peripheral in reset, take both pins from it and release them; [`Ddc::step`] in
+    /// [`STEP_US`].
+    Release,
+    /// Drive the pins (false: low; true: released); [`Ddc::step`] in [`STEP_US`].
+    Drive {
+        /// SCL.
+        scl: bool,
+        /// SDA.
+        sda: bool,
+    },
+    /// Set the peripheral up anew and give the pins back to it.
+    Rejoin,
+}
+
+/// What came in, and what to do next.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Received {
+    /// Which of the bytes that were received belong to the receiver's stream.
+    pub stream: Range<usize>,
+    /// What next.
+    pub then: Order,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Phase {
+    /// Write the register's address, then read so many bytes from there.
+    Select(usize),
+    /// Read the two registers, or these and one byte of the stream.
+    Waiting(usize),
+    /// Read the stream.
+    Stream(usize),
+    /// Write a message.
+    Message,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    Idle,
+    Starting(Phase),
+    Addressing(Phase),
+    Writing(Phase, usize),
+    Receiving(Phase),
+    /// So many levels have been driven.
+    Recovering(u8),
+}
+
+/// What has gone wrong so far. All counts wrap.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Transactions that had not ended by the next tick.
+    pub timed_out: u32,
+    /// Recoveries of the bus.
+    pub recoveries: u32,
+    /// Transactions that ended early: no acknowledge, or arbitration lost.
+    pub refused: u32,
+}
+
+/// One receiver's port.
+#[derive(Clone, Debug)]
+pub struct Ddc {
+    state: State,
+    message: Option<Message>,
+    spurious: u8,
+    hold: u8,
+    counts: Counts,
+}
+
+impl Default for Ddc {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Ddc {
+    /// A port whose bus nobody has looked at yet.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            state: State::Idle,
+            message: None,
+            spurious: 0,
+            hold: 0,
+            counts: Counts { timed_out: 0, recoveries: 0, refused: 0 },
+        }
+    }
+
+    /// What has gone wrong so far.
+    #[must_use]
+    pub const fn counts(&self) -> &Counts {
+        &self.counts
+    }
+
+    /// Sends `message` in the next cycle.
+    ///
+    /// # Errors
+    ///
+    /// [`Busy`] while another one waits.
+    pub fn transmit(&mut self, message: &Message) -> Result<(), Busy> {
+        if self.message.is_some() {
+            return Err(Busy);
+        }
+        self.message = Some(*message);
+        Ok(())
+    }
+
+    /// Serves the tick.
+    pub fn poll(&mut self, bus: Bus) -> Order {
+        match self.state {
+            State::Idle if bus.is_free() => {
+                self.start(if self.message.is_some() { Phase::Message } else { Phase::Select(2) })
+            }
+            State::Idle if self.hold > 0 => {
+                self.hold -= 1;
+                Order::Nothing
+            }
+            State::Idle => self.recover(),
+            _ => {
+                self.counts.timed_out = self.counts.timed_out.wrapping_add(1);
+                self.recover()
+            }
+        }
+    }
+
+    /// Serves the peripheral's interrupt.
+    pub fn event(&mut self, events: Events) -> Order {
+        if events.arbitration_lost {
+            // The peripheral is no controller any more, so there is nothing to stop.
+            return self.give_up(Order::Mute);
+        }
+        if events.refused {
+            return self.give_up(Order::Stop);
+        }
+        // A bus error needs no answer: erratum "spurious bus error detection in controller mode"; a true one ends at the
+        // tick.
+        self.spurious += 1;
+        let order = match self.state {
+            State::Starting(phase) if events.started => {
+                self.state = State::Addressing(phase);
+                Order::Put(if matches!(phase, Phase::Select(_) | Phase::Message) { WRITE } else { READ })
+            }
+            State::Addressing(phase) if events.addressed => match phase {
+                Phase::Waiting(len) | Phase::Stream(len) => {
+                    self.state = State::Receiving(phase);
+                    Order::Receive(len)
+                }
+                Phase::Select(_) => {
+                    self.state = State::Writing(phase, 1);
+                    Order::PutAddressed(WAITING)
+                }
+                Phase::Message => {
+                    self.state = State::Writing(phase, 1);
+                    Order::PutAddressed(self.message_byte(0).unwrap_or(WAITING))
+                }
+            },
+            State::Writing(Phase::Select(len), _) if events.byte_sent => self.start(Phase::Waiting(len)),
+            State::Writing(Phase::Message, sent) if events.byte_sent => match self.message_byte(sent) {
+                Some(byte) => {
+                    self.state = State::Writing(Phase::Message, sent + 1);
+                    Order::Put(byte)
+                }
+                None => {
+                    self.message = None;
+                    self.end()
+                }
+            },
+            _ if self.spurious >= MOST_SPURIOUS => return Order::Mute,
+            _ => return Order::Nothing,
+        };
+        self.spurious = 0;
+        order
+    }
+
+    /// The stream has ended: all bytes are there, `first` are the first three of them.
+    pub fn received(&mut self, first: [u8; 3]) -> Received {
+        let waiting = match u16::from_be_bytes([first[0], first[1]]) {
+            u16::MAX => 0,
+            count => usize::from(count),
+        };
+        let (stream, then) = match self.state {
+            State::Receiving(Phase::Waiting(2)) => match waiting {
+                0 => (0..0, self.end()),
+                1 => (0..0, self.start(Phase::Select(3))),
+                count => (0..0, self.start(Phase::Stream(count.min(MOST)))),
+            },
+            State::Receiving(Phase::Waiting(len)) => (2..if waiting > 0 { len } else { 2 }, self.end()),
+            State::Receiving(Phase::Stream(len)) => (0..len, self.end()),
+            _ => (0..0, Order::Nothing),
+        };
+        Received { stream, then }
+    }
+
+    /// The stream has failed.
+    pub fn stream_failed(&mut self) -> Order {
+        match self.state {
+            State::Receiving(_) => self.recover(),
+            _ => Order::Nothing,
+        }
+    }
+
+    /// The time of a level is over.
+    pub fn step(&mut self) -> Order {
+        let State::Recovering(step) = self.state else { return Order::Nothing };
+        self.state = State::Recovering(step.saturating_add(1));
+        // The STOP: SDA rises while SCL is high.
+        const LAST: u8 = 2 * CLOCKS;
+        match step {
+            0..LAST => Order::Drive { scl: step % 2 == 1, sda: true },
+            LAST => Order::Drive { scl: false, sda: true },
+            19 => Order::Drive { scl: false, sda: false },
+            20 => Order::Drive { scl: true, sda: false },
+            21 => Order::Drive { scl: true, sda: true },
+            _ => {
+                self.state = State::Idle;
+                Order::Rejoin
+            }
+        }
+    }
+
+    fn message_byte(&self, index: usize) -> Option<u8> {
+        self.message.as_ref().and_then(|message| message.bytes().get(index)).copied()
+    }
+
+    fn start(&mut self, phase: Phase) -> Order {
+        self.state = State::Starting(phase);
+        Order::Start
+    }
+
+    fn end(&mut self) -> Order {
+        self.state = State::Idle;
+        self.hold = 0;
+        Order::Stop
+    }
+
+    fn give_up(&mut self, order: Order) -> Order {
+        if self.state == State::Idle || matches!(self.state, State::Recovering(_)) {
+            return Order::Mute;
+        }
+        self.state = State::Idle;
+        // A message that is not taken is gone: whoever sent it notices that no answer comes.
+        self.message = None;
+        self.counts.refused = self.counts.refused.wrapping_add(1);
+        order
+    }
+
+    fn recover(&mut self) -> Order {
+        self.counts.recoveries = self.counts.recoveries.wrapping_add(1);
+        self.message = None;
+        self.spurious = 0;
+        self.hold = HOLD_TICKS;
+        self.state = State::Recovering(0);
+        Order::Release
+    }
+}
