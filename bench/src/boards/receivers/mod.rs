@@ -120,6 +120,8 @@ enum Port {
 #[derive(Clone, Debug)]
 pub struct Receivers {
     ports: Vec<Port>,
+    /// Somebody takes what the part sends: see [`Receivers::attend`].
+    attended: bool,
     heard: Vec<Heard>,
     given: Vec<Given>,
     /// What was done to a receiver against its data sheet: the first time of each kind, with its instant (ns).
@@ -142,6 +144,7 @@ impl Receivers {
         ];
         Self {
             ports: ports.into_iter().take(receivers).collect(),
+            attended: false,
             heard: vec![],
             given: vec![],
             misuses: vec![],
@@ -175,7 +178,12 @@ impl Receivers {
         }
     }
 
-    /// What the part has sent to receivers since the last call.
+    /// From now on what the part sends is kept for [`Receivers::take_heard`], and stops the node that it may be taken.
+    pub fn attend(&mut self) {
+        self.attended = true;
+    }
+
+    /// What the part has sent to receivers since the last call; nothing unless somebody attends.
     pub fn take_heard(&mut self) -> Vec<Heard> {
         std::mem::take(&mut self.heard)
     }
@@ -267,22 +275,20 @@ impl Receivers {
             Port::Spi(spi) if spi.is_clocked_by(frame) => Some((receiver, spi)),
             _ => None,
         })?;
-        let heard = &mut self.heard;
+        let mut heard = vec![];
         let (answer, misuse) = spi.clock(begins, ends, frame, |at, byte| heard.push(Heard { at, receiver, byte }));
+        self.hears(heard);
         self.misused(begins, receiver, misuse);
         answer
     }
 
     /// The part has sent a UART frame on `pin`, which ended at `at` (ns).
     pub(super) fn uart(&mut self, at: u64, pin: Pin, frame: &UartFrame) {
-        for (receiver, port) in self.ports.iter_mut().enumerate() {
-            if let Port::Uart(uart) = port
-                && uart.from_part == pin
-                && let Some(byte) = uart.hears(at, frame)
-            {
-                self.heard.push(Heard { at, receiver, byte });
-            }
-        }
+        let found = self.ports.iter_mut().enumerate().find_map(|(receiver, port)| match port {
+            Port::Uart(uart) if uart.from_part == pin => Some(Heard { at, receiver, byte: uart.hears(at, frame)? }),
+            _ => None,
+        });
+        self.hears(found);
     }
 
     /// The part's I2C with these pins has done something, which ended at `at` (ns).
@@ -292,12 +298,19 @@ impl Receivers {
             _ => None,
         });
         let Some((receiver, ddc)) = found else { return I2cAnswer::NOBODY };
-        let heard = &mut self.heard;
+        let mut heard = vec![];
         let (answer, misuse) = ddc.act(at, event, |byte| heard.push(Heard { at, receiver, byte: Some(byte) }));
         self.given.extend(ddc.crossings.take(receiver));
+        self.hears(heard);
         self.misused(at, receiver, misuse);
         self.plan();
         answer
+    }
+
+    fn hears(&mut self, heard: impl IntoIterator<Item = Heard>) {
+        if self.attended {
+            self.heard.extend(heard);
+        }
     }
 
     /// When a receiver next acts on the part's pins by itself, ns.

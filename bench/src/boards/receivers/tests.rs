@@ -21,7 +21,8 @@ struct Script {
 
 impl Script {
     fn new() -> Self {
-        let script = Self { receivers: Receivers::new(3), now: 10 * MS };
+        let mut script = Self { receivers: Receivers::new(3), now: 10 * MS };
+        script.receivers.attend();
         let mut inputs = vec![];
         script.receivers.powered(&mut inputs);
         assert!(inputs.contains(&Input::Level(SCL, Some(true))) && inputs.contains(&Input::Level(SDA, Some(true))));

@@ -11,6 +11,7 @@
 //! | `Offset`, `Drifts`, `FrozenPosition`, `Understates`, `Absurd` | NAV-PVT with another position or accuracy |
 //! | `TimeJumps`, `OtherLength` | the receiver's messages of another time, or of another length |
 //! | `Restarts` | nothing, then messages of a receiver that knows neither time nor place |
+//! | `LosesSettings` | what the receiver says with factory settings, until it is configured: `gnss_sim` |
 //! | `LateBursts` | the receiver's messages, later |
 //! | `WrongBaud`, `Noise`, `FramingErrors` | the receiver's messages, damaged frame by frame |
 //! | `Break` | a low level |
@@ -89,6 +90,9 @@ pub enum ReceiverFault {
     LateBursts(u64),
     /// The checksum of every message is wrong.
     BadChecksums,
+    /// Restarts with its factory settings: on a UART at 38 400 bit/s, NMEA alone, a solution a second. It stays so until
+    /// HORUS configures it.
+    LosesSettings,
 }
 
 /// A field that has a value which it cannot have.
@@ -187,6 +191,7 @@ impl ReceiverFault {
             Self::NoFix => "without a fix",
             Self::LateBursts(_) => "sends late",
             Self::BadChecksums => "sends wrong checksums",
+            Self::LosesSettings => "loses its settings",
         }
     }
 
@@ -368,6 +373,7 @@ impl LineFaults {
             }),
             ReceiverFault::NoFix => each_message(bytes, |class, id, payload| without_fix(class, id, payload, false)),
             ReceiverFault::BadChecksums => with_bad_checksums(bytes),
+            ReceiverFault::LosesSettings => bytes.to_vec(),
             ReceiverFault::LateBursts(ns) => {
                 let mut late = OnLine::clean(at.saturating_add(ns), receiver, bytes);
                 late.at_ns = late.at_ns.max(line.waiting.back().map_or(0, |before| before.at_ns));
