@@ -226,3 +226,99 @@ impl Filter {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use super::*;
+    use proptest::prelude::*;
+    use std::vec::Vec;
+
+    #[test]
+    fn a_cycle_selects_transfers_holds_and_takes() {
+        let mut polling = Polling::new();
+        for _ in 0..3 {
+            assert!(polling.is_idle());
+            assert_eq!(polling.poll(), Order::Select);
+            assert_eq!(polling.transferred(), Order::Nothing, "of a transfer that has not begun");
+            assert_eq!(polling.elapsed(), Order::Transfer);
+            assert_eq!(polling.elapsed(), Order::Nothing);
+            assert_eq!(polling.transferred(), Order::Hold);
+            assert_eq!(polling.transferred(), Order::Nothing);
+            assert!(!polling.is_idle(), "chip select is still low");
+            assert_eq!(polling.elapsed(), Order::Finish);
+        }
+        assert_eq!((polling.timed_out(), polling.recoveries()), (0, 0));
+    }
+
+    #[test]
+    fn wherever_it_hangs_the_next_tick_ends_it_and_the_one_after_begins_anew() {
+        for calls in 0..3 {
+            let mut polling = Polling::new();
+            polling.poll();
+            if calls > 0 {
+                polling.elapsed();
+            }
+            if calls > 1 {
+                polling.transferred();
+            }
+            assert_eq!(polling.poll(), Order::Abort);
+            assert_eq!((polling.timed_out(), polling.recoveries()), (1, 1));
+            assert_eq!(polling.poll(), Order::Select);
+        }
+    }
+
+    #[test]
+    fn a_stream_that_fails_ends_its_transfer_at_once_and_no_other() {
+        let mut polling = Polling::new();
+        assert_eq!(polling.failed(), Order::Nothing);
+        polling.poll();
+        polling.elapsed();
+        assert_eq!(polling.failed(), Order::Abort);
+        assert_eq!(polling.failed(), Order::Nothing);
+        assert_eq!((polling.timed_out(), polling.recoveries()), (0, 1));
+    }
+
+    fn message() -> impl Strategy<Value = Vec<u8>> {
+        let ubx = (any::<[u8; 2]>(), proptest::collection::vec(prop_oneof![any::<u8>(), Just(0xFF)], 0..=248));
+        let ubx = ubx.prop_map(|(kind, payload)| {
+            let mut bytes = Vec::from([0xB5, 0x62, kind[0], kind[1]]);
+            bytes.extend((payload.len() as u16).to_le_bytes());
+            bytes.extend(payload);
+            bytes.extend([0xFF, 0xFF]);
+            bytes
+        });
+        let nmea = "[ -~]{0,80}".prop_map(|text| std::format!("${text}\r\n").into_bytes());
+        prop_oneof![ubx, nmea]
+    }
+
+    proptest! {
+        #[test]
+        fn filler_between_messages_goes_and_every_byte_of_a_message_stays(
+            parts in proptest::collection::vec((message(), 0..300_usize), 1..20),
+        ) {
+            let mut filter = Filter::new();
+            let (mut wanted, mut kept) = (Vec::new(), Vec::new());
+            for (message, filler) in parts {
+                for byte in message.iter().copied().chain(std::iter::repeat_n(FILLER, filler)) {
+                    if filter.keeps(byte) {
+                        kept.push(byte);
+                    }
+                }
+                wanted.extend(message);
+            }
+            prop_assert_eq!(kept, wanted);
+        }
+
+        #[test]
+        fn after_any_bytes_at_most_a_message_of_filler_passes(bytes in proptest::collection::vec(any::<u8>(), 0..600)) {
+            let mut filter = Filter::new();
+            for byte in bytes {
+                filter.keeps(byte);
+            }
+            let passed = (0..2_000).filter(|_| filter.keeps(FILLER)).count();
+            prop_assert!(passed <= BUFFER);
+            prop_assert!(filter.is_outside());
+        }
+    }
+}
