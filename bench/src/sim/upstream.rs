@@ -99,6 +99,7 @@ pub(super) struct Receivers {
     faults: Timeline,
     events: BoardEvents,
     wires: Wires,
+    seed: u64,
     /// What the pin TICK did, while there is a trace.
     marks: Vec<Mark>,
     /// HORUS's tasks, while there is a trace.
@@ -113,6 +114,7 @@ impl Receivers {
             faults: faults.timeline(true),
             events: BoardEvents::new(Side::Horus),
             wires: Wires::new(layout, seed),
+            seed,
             marks: vec![],
             tasks: None,
         }
@@ -245,6 +247,17 @@ impl<C: Cost> Upstream<Horus, C> for Receivers {
                         feed.lose_settings(node.now());
                         let baud = feed.receiver.bit_rate();
                         node.board_mut(|board| board.receivers.listen_at(receiver, baud));
+                    }
+                }
+                Fault::Receiver(receiver, ReceiverFault::Bus(fault)) => {
+                    let now = node.now();
+                    if begins {
+                        self.events.injected(now, episode);
+                        // Episodes that begin at other instants have other random numbers.
+                        let seed = self.seed ^ episode.at;
+                        node.board_mut(|board| board.receivers.begin_fault(now, receiver, fault, seed));
+                    } else {
+                        node.board_mut(|board| board.receivers.end_fault(receiver, fault));
                     }
                 }
                 Fault::Receiver(receiver, fault) if begins => {

@@ -15,6 +15,9 @@
 use bench_seam::{I2cAnswer, I2cEvent, Pad, Pin};
 
 use super::{Crossings, Outbox};
+use crate::faults::Rng;
+use crate::faults::receivers::NOISE_ONE_IN;
+use crate::faults::receivers::bus::{BusFault, CLOCKS, GLITCH, GLITCHES, STRETCHED};
 use crate::node::Input;
 
 /// The receiver's address, with the direction bit clear.
@@ -35,6 +38,17 @@ enum State {
     Read,
 }
 
+/// What is wrong with the bus.
+#[derive(Clone, Debug)]
+struct Failing {
+    fault: BusFault,
+    rng: Rng,
+    /// Clocks that the controller has made since.
+    clocks: u32,
+    /// When the next glitch begins, ns.
+    glitch_at: u64,
+}
+
 /// A receiver on I2C.
 #[derive(Clone, Debug)]
 pub(super) struct Ddc {
@@ -51,6 +65,14 @@ pub(super) struct Ddc {
     last: Option<u64>,
     /// The last byte was not acknowledged: the controller will end the transfer.
     closing: bool,
+    failing: Option<Failing>,
+    /// SCL and SDA as the part makes them: high where it lets go.
+    made: [bool; 2],
+    /// SCL and SDA as they are held low here, and as the part was told.
+    low: [bool; 2],
+    told: [bool; 2],
+    /// When the glitch under way is over, ns.
+    glitch_over: u64,
 }
 
 impl Ddc {
@@ -65,6 +87,52 @@ impl Ddc {
             available: 0,
             last: None,
             closing: false,
+            failing: None,
+            made: [true; 2],
+            low: [false; 2],
+            told: [false; 2],
+            glitch_over: u64::MAX,
+        }
+    }
+
+    /// The bus fails in this way from `now` (ns) on.
+    pub(super) fn begin_fault(&mut self, now: u64, fault: BusFault, mut rng: Rng) {
+        self.crossings.spoil_open();
+        let glitch_at = if fault == BusFault::Glitches { now + rng.between(GLITCHES.0, GLITCHES.1) } else { u64::MAX };
+        match fault {
+            BusFault::SdaUntilClocked | BusFault::SdaStuck => self.low[1] = true,
+            BusFault::SclStuck => self.low[0] = true,
+            _ => {}
+        }
+        if self.low != [false; 2] {
+            // What was under way comes to nothing.
+            self.state = State::Idle;
+            self.crossings.end();
+        }
+        self.failing = Some(Failing { fault, rng, clocks: 0, glitch_at });
+    }
+
+    /// It fails no longer.
+    pub(super) fn end_fault(&mut self, fault: BusFault) {
+        if self.failing.as_ref().is_some_and(|failing| failing.fault == fault) {
+            self.failing = None;
+            self.low = [false; 2];
+            self.glitch_over = u64::MAX;
+            self.crossings.spoil_open();
+        }
+    }
+
+    fn fails(&self, fault: BusFault) -> bool {
+        self.failing.as_ref().is_some_and(|failing| failing.fault == fault)
+    }
+
+    /// Bits of a byte that are inverted on their way.
+    fn flips(&mut self) -> u8 {
+        match &mut self.failing {
+            Some(Failing { fault: BusFault::Noise, rng, .. }) => {
+                (0..8).fold(0, |flips, bit| flips | u8::from(rng.one_in(NOISE_ONE_IN)) << bit)
+            }
+            _ => 0,
         }
     }
 
@@ -83,10 +151,16 @@ impl Ddc {
         let answer = match event {
             I2cEvent::Start(address) => {
                 self.finish(&mut heard);
-                if address & !1 == ADDRESS {
+                if address & !1 == ADDRESS && !self.fails(BusFault::NoAnswer) && !self.low[0] {
                     self.outbox.read_at = at;
                     self.state = if address & 1 == 0 { State::Written(vec![]) } else { State::Read };
-                    yes
+                    if self.fails(BusFault::Stretches) {
+                        // The next byte begins that much later.
+                        self.last = Some(at + STRETCHED);
+                        I2cAnswer { stretched_ns: STRETCHED, ..yes }
+                    } else {
+                        yes
+                    }
                 } else {
                     I2cAnswer::NOBODY
                 }
@@ -99,9 +173,11 @@ impl Ddc {
                 _ => I2cAnswer::NOBODY,
             },
             I2cEvent::Read(acknowledged) if self.state == State::Read && !self.closing => {
-                let data = self.next(at, before.unwrap_or(at));
+                let flips = self.flips();
+                let data = self.next(at, before.unwrap_or(at), flips) ^ flips;
                 self.closing = !acknowledged;
-                if fast {
+                // In what a failing bus carries nothing is sure.
+                if fast || self.failing.is_some() {
                     self.crossings.spoil();
                 }
                 I2cAnswer { data: if fast { data >> 1 | 0x80 } else { data }, ..yes }
@@ -116,7 +192,7 @@ impl Ddc {
     }
 
     /// The byte of the register that is read, which ends at `at`; the one before ended at `before` (ns).
-    fn next(&mut self, at: u64, before: u64) -> u8 {
+    fn next(&mut self, at: u64, before: u64, flips: u8) -> u8 {
         let register = self.register;
         self.register = register.saturating_add(1);
         match register {
@@ -126,7 +202,7 @@ impl Ddc {
             }
             0xFE => self.available as u8,
             0xFF => self.outbox.bytes.pop_front().map_or(0xFF, |byte| {
-                self.crossings.byte(before, at, byte);
+                self.crossings.byte(before, at, byte ^ flips);
                 byte
             }),
             _ => 0xFF,
@@ -153,15 +229,49 @@ impl Ddc {
         self.closing = false;
     }
 
-    /// The part does something to `pin` at `at` (ns).
-    pub(super) fn pin(&mut self, _at: u64, _pin: Pin, _pad: Pad) {}
-
-    pub(super) fn next_at(&self) -> u64 {
-        u64::MAX
+    /// The part does something to `pin`: software, while the pin is a general purpose one.
+    pub(super) fn pin(&mut self, pin: Pin, pad: Pad) {
+        let Some(line) = [self.scl, self.sda].iter().position(|line| *line == pin) else { return };
+        let high = pad != Pad::Driven(false);
+        let was = std::mem::replace(&mut self.made[line], high);
+        let rose = high && !was;
+        if let (0, true, Some(failing)) = (line, rose, &mut self.failing) {
+            failing.clocks += 1;
+            if failing.fault == BusFault::SdaUntilClocked && failing.clocks >= CLOCKS {
+                self.low[1] = false;
+            }
+        }
     }
 
-    /// Whether it moved.
-    pub(super) fn settle(&mut self, _at: u64, _inputs: &mut Vec<Input>) -> bool {
-        false
+    /// When a line is next moved, ns.
+    pub(super) fn next_at(&self) -> u64 {
+        let glitch = self.failing.as_ref().map_or(u64::MAX, |failing| failing.glitch_at);
+        let changed = if self.low == self.told { u64::MAX } else { 0 };
+        glitch.min(self.glitch_over).min(changed)
+    }
+
+    /// The lines are moved up to `at` (ns): whether any was.
+    pub(super) fn settle(&mut self, at: u64, inputs: &mut Vec<Input>) -> bool {
+        let mut moved = false;
+        if at >= self.glitch_over {
+            self.glitch_over = u64::MAX;
+            self.low[1] = false;
+            moved = true;
+        }
+        if let Some(failing) = self.failing.as_mut().filter(|failing| at >= failing.glitch_at) {
+            failing.glitch_at = at + failing.rng.between(GLITCHES.0, GLITCHES.1);
+            // An idle bus has its glitches too.
+            self.glitch_over = at + GLITCH;
+            self.low[1] = true;
+            moved = true;
+        }
+        for (line, pin) in [self.scl, self.sda].into_iter().enumerate() {
+            if self.low[line] != self.told[line] {
+                self.told[line] = self.low[line];
+                inputs.push(Input::Level(pin, Some(!self.low[line])));
+                moved = true;
+            }
+        }
+        moved
     }
 }

@@ -41,6 +41,11 @@ impl Crossings {
         self.spoilt = true;
     }
 
+    /// The same, if there is one of which something has crossed.
+    pub(super) fn spoil_open(&mut self) {
+        self.spoilt |= !self.open.is_empty();
+    }
+
     /// The transaction is over.
     pub(super) fn end(&mut self) {
         let clean = !std::mem::take(&mut self.spoilt);

@@ -32,6 +32,7 @@ use bench_seam::{I2cAnswer, I2cEvent, Pad, Pin, SpiFrame, UartFrame};
 use gnss_sim::ubx;
 use stm32f429::pin;
 
+use crate::faults::{BusFault, Rng};
 use crate::node::Input;
 use ddc::Ddc;
 use given::Crossings;
@@ -171,6 +172,26 @@ impl Receivers {
         }
     }
 
+    /// The bus of a receiver fails in this way from `now` (ns) on; what is random about it follows from `seed`.
+    pub fn begin_fault(&mut self, now: u64, receiver: usize, fault: BusFault, seed: u64) {
+        match self.ports.get_mut(receiver) {
+            Some(Port::I2c(ddc)) => ddc.begin_fault(now, fault, Rng::new(seed)),
+            Some(Port::Spi(spi)) => spi.begin_fault(fault, Rng::new(seed)),
+            Some(Port::Uart(_)) | None => {}
+        }
+        self.plan();
+    }
+
+    /// It fails no longer.
+    pub fn end_fault(&mut self, receiver: usize, fault: BusFault) {
+        match self.ports.get_mut(receiver) {
+            Some(Port::I2c(ddc)) => ddc.end_fault(fault),
+            Some(Port::Spi(spi)) => spi.end_fault(fault),
+            Some(Port::Uart(_)) | None => {}
+        }
+        self.plan();
+    }
+
     /// A receiver on a UART listens at `baud` from now on.
     pub fn listen_at(&mut self, receiver: usize, baud: u32) {
         if let Some(Port::Uart(uart)) = self.ports.get_mut(receiver) {
@@ -202,8 +223,8 @@ impl Receivers {
             if crossings.since().saturating_add(ABANDONED) <= now {
                 crossings.spoil();
                 crossings.end();
-                self.given.extend(crossings.take(receiver));
             }
+            self.given.extend(crossings.take(receiver));
         }
         std::mem::take(&mut self.given)
     }
@@ -257,7 +278,7 @@ impl Receivers {
         for (receiver, port) in self.ports.iter_mut().enumerate() {
             match port {
                 Port::Uart(_) => {}
-                Port::I2c(ddc) => ddc.pin(at, pin, pad),
+                Port::I2c(ddc) => ddc.pin(pin, pad),
                 Port::Spi(spi) => {
                     if pin == spi.wires.cs {
                         spi.select(at, pad == Pad::Driven(false));

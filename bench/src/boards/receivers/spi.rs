@@ -17,6 +17,7 @@
 use bench_seam::{Pin, SpiFrame, SpiMode};
 
 use super::{Crossings, Outbox};
+use crate::faults::{BusFault, Rng};
 
 /// A bit of 5.5 MHz, ps.
 const SHORTEST_BIT_PS: u64 = 181_818;
@@ -52,6 +53,8 @@ pub(super) struct Spi {
     filler: u32,
     /// The last bit that was clocked out.
     last_bit: bool,
+    /// What is wrong with MISO.
+    failing: Option<(BusFault, Rng)>,
 }
 
 impl Spi {
@@ -64,6 +67,21 @@ impl Spi {
             last: None,
             filler: MOST_FILLER,
             last_bit: true,
+            failing: None,
+        }
+    }
+
+    /// MISO is wrong in this way from now on.
+    pub(super) fn begin_fault(&mut self, fault: BusFault, rng: Rng) {
+        self.crossings.spoil_open();
+        self.failing = Some((fault, rng));
+    }
+
+    /// It is wrong no longer.
+    pub(super) fn end_fault(&mut self, fault: BusFault) {
+        if self.failing.as_ref().is_some_and(|(of, _)| *of == fault) {
+            self.failing = None;
+            self.crossings.spoil_open();
         }
     }
 
@@ -117,12 +135,20 @@ impl Spi {
             }
             self.last = Some(from);
             let said = self.outbox.bytes.pop_front();
-            let given = if misuse.is_some() { self.late(said.unwrap_or(0xFF)) } else { said.unwrap_or(0xFF) };
+            let byte = said.unwrap_or(0xFF);
+            let given = match &mut self.failing {
+                _ if misuse.is_some() => self.late(byte),
+                None => byte,
+                Some((BusFault::Ones, _)) => 0xFF,
+                Some((BusFault::Zeros, _)) => 0,
+                Some((BusFault::Random, rng)) => rng.byte(),
+                Some(_) => self.late(byte),
+            };
             answer = answer << 8 | u32::from(given);
-            if misuse.is_some() || frame.miso != Some(self.wires.miso) {
+            if misuse.is_some() || self.failing.is_some() || frame.miso != Some(self.wires.miso) {
                 self.crossings.spoil();
             }
-            if said.is_some() {
+            if said.is_some() || given != 0xFF {
                 self.crossings.byte(from, to, given);
             }
             if misuse.is_none() {

@@ -320,3 +320,144 @@ fn a_byte_at_another_rate_is_nothing_that_the_receiver_can_read() {
     script.now += 1_000 * MS;
     assert_eq!(send(&mut script, 38_400), [Some(0xB5)]);
 }
+
+// ---- faults
+
+/// What the receivers do to the pins by `now`.
+fn levels(script: &mut Script) -> Vec<(Pin, bool)> {
+    let mut inputs = vec![];
+    script.receivers.settle(script.now, &mut inputs);
+    inputs
+        .into_iter()
+        .map(|input| match input {
+            Input::Level(pin, Some(level)) => (pin, level),
+            other => panic!("{other:?}"),
+        })
+        .collect()
+}
+
+fn failing(fault: BusFault) -> Script {
+    let mut script = Script::new();
+    let receiver = if fault.interface() == Interface::I2c { 1 } else { 2 };
+    script.receivers.offer(script.now, receiver, &message().repeat(10));
+    script.receivers.begin_fault(script.now, receiver, fault, 7);
+    script
+}
+
+/// Software makes so many clocks.
+fn clocks(script: &mut Script, number: u32) {
+    for _ in 0..number {
+        script.receivers.pin(script.now, SCL, Pad::Driven(false));
+        script.receivers.pin(script.now, SCL, Pad::Floating);
+    }
+}
+
+#[test]
+fn a_receiver_that_holds_sda_lets_go_after_nine_clocks_and_not_before() {
+    let mut script = failing(BusFault::SdaUntilClocked);
+    assert_eq!(levels(&mut script), [(SDA, false)]);
+    clocks(&mut script, 8);
+    assert_eq!(levels(&mut script), []);
+    clocks(&mut script, 1);
+    assert_eq!(levels(&mut script), [(SDA, true)]);
+    assert_eq!(script.read(Some(0xFD), 2), [(1_000 >> 8) as u8, 1_000_u16 as u8], "nothing is lost");
+}
+
+#[test]
+fn a_stuck_line_stays_low_whatever_is_clocked_until_the_fault_ends() {
+    for (fault, pin) in [(BusFault::SdaStuck, SDA), (BusFault::SclStuck, SCL)] {
+        let mut script = failing(fault);
+        assert_eq!(levels(&mut script), [(pin, false)]);
+        clocks(&mut script, 20);
+        assert_eq!(levels(&mut script), []);
+        script.receivers.end_fault(1, fault);
+        assert_eq!(levels(&mut script), [(pin, true)]);
+        assert_eq!(script.read(Some(0xFF), 1), [0xB5]);
+    }
+}
+
+#[test]
+fn a_line_that_sticks_in_a_transfer_makes_what_had_crossed_unsure() {
+    let mut script = Script::new();
+    script.receivers.offer(script.now, 1, &message());
+    script.i2c(I2cEvent::Start(0x85));
+    script.i2c(I2cEvent::Read(true));
+    script.receivers.begin_fault(script.now, 1, BusFault::SdaStuck, 7);
+    let given = script.given();
+    assert_eq!((given.len(), given[0].clean), (1, false));
+    assert_eq!(script.i2c(I2cEvent::Read(true)).data, 0xFF, "it has left the transfer");
+}
+
+#[test]
+fn a_receiver_that_acknowledges_nothing_keeps_its_stream() {
+    let mut script = failing(BusFault::NoAnswer);
+    assert_eq!(script.i2c(I2cEvent::Start(0x84)), I2cAnswer::NOBODY);
+    assert_eq!(script.i2c(I2cEvent::Start(0x85)), I2cAnswer::NOBODY);
+    script.i2c(I2cEvent::Stop);
+    script.receivers.end_fault(1, BusFault::NoAnswer);
+    assert_eq!(script.read(Some(0xFD), 2), [3, 0xE8]);
+}
+
+#[test]
+fn a_receiver_that_stretches_the_clock_does_so_for_as_long_as_its_data_sheet_says() {
+    let mut script = failing(BusFault::Stretches);
+    let answer = script.i2c(I2cEvent::Start(0x85));
+    assert_eq!((answer.acknowledged, answer.stretched_ns), (true, 20 * MS));
+    script.now += 20 * MS;
+    assert_eq!(script.i2c(I2cEvent::Read(false)).data, 0xB5);
+    script.i2c(I2cEvent::Stop);
+    assert!(script.receivers.take_misuses().is_empty());
+}
+
+#[test]
+fn glitches_are_short_and_come_as_often_as_they_should() {
+    let mut script = failing(BusFault::Glitches);
+    let (begun, mut falls, mut rises) = (script.now, vec![], vec![]);
+    while script.now < begun + 100 * MS {
+        script.now = script.receivers.next_event();
+        for (pin, high) in levels(&mut script) {
+            assert_eq!(pin, SDA);
+            if high { rises.push(script.now) } else { falls.push(script.now) }
+        }
+    }
+    assert!((400..600).contains(&falls.len()), "{}", falls.len());
+    assert!(falls.iter().zip(&rises).all(|(fell, rose)| rose - fell == 1_000));
+    script.receivers.end_fault(1, BusFault::Glitches);
+    levels(&mut script);
+    assert_eq!(script.receivers.next_event(), u64::MAX);
+}
+
+#[test]
+fn bit_errors_on_i2c_are_told_as_they_are_read_and_as_unsure() {
+    let mut script = failing(BusFault::Noise);
+    let read = script.read(Some(0xFF), 1_000);
+    let given = script.given();
+    assert!(given.iter().all(|given| !given.clean));
+    assert_eq!(given.iter().flat_map(|given| given.bytes.clone()).collect::<Vec<_>>(), read);
+    let wrong: u32 = read.iter().zip(message().repeat(10)).map(|(read, said)| (read ^ said).count_ones()).sum();
+    assert!((6..30).contains(&wrong), "{wrong} of 8000 bits");
+}
+
+#[test]
+fn each_fault_of_miso_makes_of_the_stream_what_it_says() {
+    let said = message();
+    let seen = |fault| {
+        let mut script = failing(fault);
+        let miso = script.transaction(&[0xFF; 100]);
+        let given = script.given();
+        assert!(given.iter().all(|given| !given.clean), "{fault:?}");
+        script.receivers.end_fault(2, fault);
+        script.now += MS;
+        assert_eq!(script.transaction(&[0xFF; 2]), said[..2], "{fault:?}: the stream has gone on");
+        assert!(script.given()[0].clean);
+        miso
+    };
+    assert_eq!(seen(BusFault::Ones), [0xFF; 100]);
+    assert_eq!(seen(BusFault::Zeros), [0; 100]);
+    let random = seen(BusFault::Random);
+    assert!(random.iter().collect::<std::collections::BTreeSet<_>>().len() > 60);
+    let shifted = seen(BusFault::Shifted);
+    let bits = |bytes: &[u8]| bytes.iter().flat_map(|byte| (0..8).rev().map(move |bit| byte >> bit & 1)).collect();
+    let (shifted, said): (Vec<u8>, Vec<u8>) = (bits(&shifted), bits(&said));
+    assert_eq!(shifted[1..], said[..799]);
+}

@@ -15,7 +15,12 @@
 //! | `LateBursts` | the receiver's messages, later |
 //! | `WrongBaud`, `Noise`, `FramingErrors` | the receiver's messages, damaged frame by frame |
 //! | `Break` | a low level |
+//! | `Bus` | what [`bus`] says: the board does that |
+//!
+//! A receiver on I2C or SPI has no line of its own: what would be on it waits in the receiver until it is read. Faults of
+//! a UART fit receivers on a UART alone, faults of a bus those on that bus ([`ReceiverFault::fits`]).
 
+pub mod bus;
 mod messages;
 #[cfg(test)]
 mod tests;
@@ -27,6 +32,8 @@ use gnss_sim::ubx;
 use horus_tx_fw::timing::GNSS_BAUD;
 
 use super::Rng;
+use crate::boards::receivers::Interface;
+pub use bus::BusFault;
 use messages::{
     each_message, last_itow, last_position, move_by, set_fields, set_itow, with_bad_checksums, without_fix,
 };
@@ -93,6 +100,8 @@ pub enum ReceiverFault {
     /// Restarts with its factory settings: on a UART at 38 400 bit/s, NMEA alone, a solution a second. It stays so until
     /// HORUS configures it.
     LosesSettings,
+    /// Its bus fails.
+    Bus(BusFault),
 }
 
 /// A field that has a value which it cannot have.
@@ -192,6 +201,17 @@ impl ReceiverFault {
             Self::LateBursts(_) => "sends late",
             Self::BadChecksums => "sends wrong checksums",
             Self::LosesSettings => "loses its settings",
+            Self::Bus(fault) => fault.name(),
+        }
+    }
+
+    /// Whether a receiver with this interface can have it.
+    #[must_use]
+    pub fn fits(self, interface: Interface) -> bool {
+        match self {
+            Self::WrongBaud(_) | Self::Break | Self::Noise | Self::FramingErrors => interface == Interface::Uart,
+            Self::Bus(fault) => interface == fault.interface(),
+            _ => true,
         }
     }
 
@@ -373,7 +393,7 @@ impl LineFaults {
             }),
             ReceiverFault::NoFix => each_message(bytes, |class, id, payload| without_fix(class, id, payload, false)),
             ReceiverFault::BadChecksums => with_bad_checksums(bytes),
-            ReceiverFault::LosesSettings => bytes.to_vec(),
+            ReceiverFault::LosesSettings | ReceiverFault::Bus(_) => bytes.to_vec(),
             ReceiverFault::LateBursts(ns) => {
                 let mut late = OnLine::clean(at.saturating_add(ns), receiver, bytes);
                 late.at_ns = late.at_ns.max(line.waiting.back().map_or(0, |before| before.at_ns));
