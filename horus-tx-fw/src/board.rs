@@ -10,23 +10,28 @@
 //! | front end's waits | TIM5 | – | – | TIM5 |
 //! | inputs of the state | – | relay PE2, PE4; motor cut PE5, PE6; emergency measure PD3, PD4 | – | – |
 //! | cycle and slots | TIM2 | TICK PB10 (channel 3) | – | TIM2 |
-//! | calls of tasks of lower priority | CAN1, which stays off | – | – | CAN1_TX, CAN1_RX0, CAN1_RX1 |
+//! | calls of tasks of lower priority | CAN1 and CAN2, which stay off | – | – | CAN1_TX, CAN1_RX0, CAN1_RX1, CAN2_TX |
 //! | receivers | see [`RECEIVER_PORTS`] | | | |
 //!
-//! Streams and channels are those of RM0090 "DMA controller", DMA1 and DMA2 request mapping.
+//! Streams and channels are those of RM0090 "DMA controller", DMA1 and DMA2 request mapping (tables 42 and 43).
 //!
-//! # To add or move a receiver interface
+//! # To add or move a receiver
 //!
-//! Change its row in [`RECEIVER_PORTS`]. RTIC binds vectors by name, so the row's two vectors also have to be those of
-//! the receiver's two tasks in `main.rs`; each of those looks its row up by the vector, and a vector that is in no row
-//! does not compile. Nothing else names a receiver's hardware.
+//! Change its row in [`RECEIVER_PORTS`]. RTIC binds vectors by name, so the row's vectors also have to be those of the
+//! receiver's tasks in `main.rs`; each of those looks its row up by the vector, and a vector that is in no row does not
+//! compile. Nothing else names a receiver's hardware.
+//!
+//! A new kind of interface is a variant of [`Hardware`] and a type in `hw/` behind `horus_tx_fw::source::Source`,
+//! which `hw/gnss.rs` joins.
 
-use horus_tx_fw::{state_inputs::INPUTS, task::TASKS, timing};
+use horus_tx_fw::{configuration::Interface, source::Vector, state_inputs::INPUTS, task::TASKS, timing};
 use profile::MAX_RECEIVERS;
 use stm32f4xx_hal::{
-    pac::{self, uart4, Interrupt},
+    pac::{self, i2c1, spi1, tim3, uart4, Interrupt},
     rcc::Enable,
 };
+
+use crate::hw::registers::Registers;
 
 /// The vectors of the tasks, in the order of [`TASKS`].
 const TASK_VECTORS: [Interrupt; TASKS.len()] = [
@@ -37,15 +42,19 @@ const TASK_VECTORS: [Interrupt; TASKS.len()] = [
     Interrupt::TIM5,
     Interrupt::CAN1_TX,
     Interrupt::CAN1_RX0,
+    Interrupt::CAN2_TX,
     Interrupt::USART2,
-    Interrupt::USART6,
-    Interrupt::UART4,
-    Interrupt::UART5,
-    Interrupt::UART7,
     Interrupt::DMA1_STREAM5,
-    Interrupt::DMA2_STREAM1,
+    Interrupt::I2C2_EV,
+    Interrupt::I2C2_ER,
     Interrupt::DMA1_STREAM2,
+    Interrupt::TIM4,
+    Interrupt::DMA2_STREAM5,
+    Interrupt::DMA2_STREAM6,
+    Interrupt::TIM3,
+    Interrupt::UART5,
     Interrupt::DMA1_STREAM0,
+    Interrupt::UART7,
     Interrupt::DMA1_STREAM3,
     Interrupt::CAN1_RX1,
 ];
@@ -65,6 +74,7 @@ pub(crate) enum Port {
     C,
     D,
     E,
+    F,
 }
 
 /// A pin, from 0 to 15 of its port.
@@ -139,106 +149,247 @@ pub(crate) const SPI_OUT: Stream = Stream { dma: Dma::Two, number: 3, channel: 3
 
 // ---- Receivers
 
-/// Where one GNSS receiver is connected. All run at [`timing::GNSS_BAUD`], 8N1; only the line towards HORUS is used.
-pub(crate) struct ReceiverPort {
+/// A one-shot timer of 16 bits, of those that count at [`timing::TIMER_HZ`] (APB1's).
+#[derive(Clone, Copy)]
+pub(crate) struct Timer {
+    pub(crate) timer: Registers<tim3::RegisterBlock>,
+    pub(crate) enable: fn(&mut pac::RCC),
+    pub(crate) vector: Interrupt,
+}
+
+/// A receiver on a UART, 8N1 at [`timing::GNSS_BAUD`].
+pub(crate) struct UartPort {
     /// The UART's registers. A USART's begin with the same ones and have one more at the end, which is not used.
-    pub(crate) uart: *const uart4::RegisterBlock,
+    pub(crate) uart: Registers<uart4::RegisterBlock>,
     /// Switches the UART's clock on.
     pub(crate) enable: fn(&mut pac::RCC),
     /// The frequency of the bus the UART is on, from which its baud rate is derived, Hz.
     pub(crate) bus_hz: u32,
     /// The UART's input.
     pub(crate) rx: AlternatePin,
+    /// The UART's output.
+    pub(crate) tx: AlternatePin,
     /// The DMA stream of the UART's input.
     pub(crate) stream: Stream,
-    /// The vector of the UART: the line is idle, or has an error.
+    /// The vector of the UART: the line is idle, has an error, or a byte is out.
     pub(crate) uart_vector: Interrupt,
     /// The vector of the DMA stream: half a ring is full.
     pub(crate) stream_vector: Interrupt,
 }
 
+/// A receiver on I2C (u-blox' DDC). Pull-ups are outside.
+pub(crate) struct DdcPort {
+    pub(crate) i2c: Registers<i2c1::RegisterBlock>,
+    pub(crate) enable: fn(&mut pac::RCC),
+    /// The frequency of the bus the peripheral is on, Hz: a whole number of MHz.
+    pub(crate) bus_hz: u32,
+    pub(crate) scl: AlternatePin,
+    pub(crate) sda: AlternatePin,
+    /// What comes in. What goes out is written byte by byte.
+    pub(crate) stream: Stream,
+    /// For the levels of a recovery.
+    pub(crate) timer: Timer,
+    pub(crate) event_vector: Interrupt,
+    pub(crate) error_vector: Interrupt,
+    pub(crate) stream_vector: Interrupt,
+}
+
+/// A receiver on SPI, mode 0 at [`timing::GNSS_SPI_HZ`].
+pub(crate) struct SpiPort {
+    pub(crate) spi: Registers<spi1::RegisterBlock>,
+    pub(crate) enable: fn(&mut pac::RCC),
+    pub(crate) sck: AlternatePin,
+    pub(crate) miso: AlternatePin,
+    pub(crate) mosi: AlternatePin,
+    /// Active low.
+    pub(crate) chip_select: Pin,
+    pub(crate) stream_in: Stream,
+    pub(crate) stream_out: Stream,
+    /// For chip select's set-up and hold time.
+    pub(crate) timer: Timer,
+    pub(crate) in_vector: Interrupt,
+    pub(crate) out_vector: Interrupt,
+}
+
+/// The hardware of one GNSS receiver's interface.
+pub(crate) enum Hardware {
+    Uart(UartPort),
+    Ddc(DdcPort),
+    Spi(SpiPort),
+}
+
+const fn pin(port: Port, number: u8, function: u8) -> AlternatePin {
+    AlternatePin { pin: Pin { port, number }, function }
+}
+
+/// Where one GNSS receiver is connected, and what is asked of it.
+pub(crate) struct ReceiverPort {
+    /// From one solution to the next, ms: 25 to 1000 (u-blox, CFG-RATE-MEAS).
+    pub(crate) period_ms: u16,
+    pub(crate) hardware: Hardware,
+}
+
 /// GPS1 to GPS5. The first [`horus_tx_fw::RECEIVERS`] are in use.
 pub(crate) const RECEIVER_PORTS: [ReceiverPort; MAX_RECEIVERS] = [
     ReceiverPort {
-        uart: pac::USART2::ptr().cast(),
-        enable: pac::USART2::enable,
-        bus_hz: timing::APB1_HZ,
-        rx: AlternatePin { pin: Pin { port: Port::D, number: 6 }, function: 7 },
-        stream: Stream { dma: Dma::One, number: 5, channel: 4 },
-        uart_vector: Interrupt::USART2,
-        stream_vector: Interrupt::DMA1_STREAM5,
+        period_ms: 100,
+        hardware: Hardware::Uart(UartPort {
+            uart: Registers::at(pac::USART2::ptr().cast()),
+            enable: pac::USART2::enable,
+            bus_hz: timing::APB1_HZ,
+            rx: pin(Port::D, 6, 7),
+            tx: pin(Port::D, 5, 7),
+            stream: Stream { dma: Dma::One, number: 5, channel: 4 },
+            uart_vector: Interrupt::USART2,
+            stream_vector: Interrupt::DMA1_STREAM5,
+        }),
     },
     ReceiverPort {
-        uart: pac::USART6::ptr().cast(),
-        enable: pac::USART6::enable,
-        bus_hz: timing::APB2_HZ,
-        rx: AlternatePin { pin: Pin { port: Port::C, number: 7 }, function: 8 },
-        stream: Stream { dma: Dma::Two, number: 1, channel: 5 },
-        uart_vector: Interrupt::USART6,
-        stream_vector: Interrupt::DMA2_STREAM1,
+        period_ms: 125,
+        hardware: Hardware::Ddc(DdcPort {
+            i2c: Registers::at(pac::I2C2::ptr()),
+            enable: pac::I2C2::enable,
+            bus_hz: timing::APB1_HZ,
+            scl: pin(Port::F, 1, 4),
+            sda: pin(Port::F, 0, 4),
+            stream: Stream { dma: Dma::One, number: 2, channel: 7 },
+            timer: Timer { timer: Registers::at(pac::TIM4::ptr()), enable: pac::TIM4::enable, vector: Interrupt::TIM4 },
+            event_vector: Interrupt::I2C2_EV,
+            error_vector: Interrupt::I2C2_ER,
+            stream_vector: Interrupt::DMA1_STREAM2,
+        }),
     },
     ReceiverPort {
-        uart: pac::UART4::ptr(),
-        enable: pac::UART4::enable,
-        bus_hz: timing::APB1_HZ,
-        rx: AlternatePin { pin: Pin { port: Port::C, number: 11 }, function: 8 },
-        stream: Stream { dma: Dma::One, number: 2, channel: 4 },
-        uart_vector: Interrupt::UART4,
-        stream_vector: Interrupt::DMA1_STREAM2,
+        period_ms: 200,
+        hardware: Hardware::Spi(SpiPort {
+            spi: Registers::at(pac::SPI5::ptr()),
+            enable: pac::SPI5::enable,
+            sck: pin(Port::F, 7, 5),
+            miso: pin(Port::F, 8, 5),
+            mosi: pin(Port::F, 9, 5),
+            chip_select: Pin { port: Port::E, number: 3 },
+            stream_in: Stream { dma: Dma::Two, number: 5, channel: 7 },
+            stream_out: Stream { dma: Dma::Two, number: 6, channel: 7 },
+            timer: Timer { timer: Registers::at(pac::TIM3::ptr()), enable: pac::TIM3::enable, vector: Interrupt::TIM3 },
+            in_vector: Interrupt::DMA2_STREAM5,
+            out_vector: Interrupt::DMA2_STREAM6,
+        }),
     },
     ReceiverPort {
-        uart: pac::UART5::ptr().cast(),
-        enable: pac::UART5::enable,
-        bus_hz: timing::APB1_HZ,
-        rx: AlternatePin { pin: Pin { port: Port::D, number: 2 }, function: 8 },
-        stream: Stream { dma: Dma::One, number: 0, channel: 4 },
-        uart_vector: Interrupt::UART5,
-        stream_vector: Interrupt::DMA1_STREAM0,
+        period_ms: 40,
+        hardware: Hardware::Uart(UartPort {
+            uart: Registers::at(pac::UART5::ptr().cast()),
+            enable: pac::UART5::enable,
+            bus_hz: timing::APB1_HZ,
+            rx: pin(Port::D, 2, 8),
+            tx: pin(Port::C, 12, 8),
+            stream: Stream { dma: Dma::One, number: 0, channel: 4 },
+            uart_vector: Interrupt::UART5,
+            stream_vector: Interrupt::DMA1_STREAM0,
+        }),
     },
     ReceiverPort {
-        uart: pac::UART7::ptr().cast(),
-        enable: pac::UART7::enable,
-        bus_hz: timing::APB1_HZ,
-        rx: AlternatePin { pin: Pin { port: Port::E, number: 7 }, function: 8 },
-        stream: Stream { dma: Dma::One, number: 3, channel: 5 },
-        uart_vector: Interrupt::UART7,
-        stream_vector: Interrupt::DMA1_STREAM3,
+        period_ms: 100,
+        hardware: Hardware::Uart(UartPort {
+            uart: Registers::at(pac::UART7::ptr().cast()),
+            enable: pac::UART7::enable,
+            bus_hz: timing::APB1_HZ,
+            rx: pin(Port::E, 7, 8),
+            tx: pin(Port::E, 8, 8),
+            stream: Stream { dma: Dma::One, number: 3, channel: 5 },
+            uart_vector: Interrupt::UART7,
+            stream_vector: Interrupt::DMA1_STREAM3,
+        }),
     },
 ];
 
-/// The receiver, from 0, one of whose two vectors `vector` is. To be evaluated at compile time.
+impl Hardware {
+    /// What it is to the receiver.
+    pub(crate) const fn interface(&self) -> Interface {
+        match self {
+            Self::Uart(_) => Interface::Uart,
+            Self::Ddc(_) => Interface::Ddc,
+            Self::Spi(_) => Interface::Spi,
+        }
+    }
+
+    /// What `vector` means to this receiver; `None` if it is not its own.
+    const fn meaning_of(&self, vector: Interrupt) -> Option<Vector> {
+        const fn is(vector: Interrupt, other: Interrupt) -> bool {
+            vector as u16 == other as u16
+        }
+        let [peripheral, stream, timer] = match self {
+            Self::Uart(port) => [is(vector, port.uart_vector), is(vector, port.stream_vector), false],
+            Self::Ddc(port) => [
+                is(vector, port.event_vector) || is(vector, port.error_vector),
+                is(vector, port.stream_vector),
+                is(vector, port.timer.vector),
+            ],
+            Self::Spi(port) => {
+                [false, is(vector, port.in_vector) || is(vector, port.out_vector), is(vector, port.timer.vector)]
+            }
+        };
+        match (peripheral, stream, timer) {
+            (true, false, false) => Some(Vector::Peripheral),
+            (false, true, false) => Some(Vector::Stream),
+            (false, false, true) => Some(Vector::Timer),
+            _ => None,
+        }
+    }
+
+    /// The streams in use; one that is used alone is named twice.
+    const fn streams(&self) -> [Stream; 2] {
+        match self {
+            Self::Uart(port) => [port.stream, port.stream],
+            Self::Ddc(port) => [port.stream, port.stream],
+            Self::Spi(port) => [port.stream_in, port.stream_out],
+        }
+    }
+}
+
+/// The receiver, from 0, one of whose vectors `vector` is, and what it means. To be evaluated at compile time.
 ///
 /// # Panics
 ///
-/// If it is no receiver's.
-pub(crate) const fn receiver_of(vector: Interrupt) -> usize {
+/// If it is no receiver's, or more than one's.
+pub(crate) const fn source_of(vector: Interrupt) -> (usize, Vector) {
+    let mut found = None;
     let mut receiver = 0;
     while receiver < MAX_RECEIVERS {
-        let port = &RECEIVER_PORTS[receiver];
-        if port.uart_vector as u16 == vector as u16 || port.stream_vector as u16 == vector as u16 {
-            return receiver;
+        if let Some(meaning) = RECEIVER_PORTS[receiver].hardware.meaning_of(vector) {
+            assert!(found.is_none(), "two receivers with one vector");
+            found = Some((receiver, meaning));
         }
         receiver += 1;
     }
-    panic!("this vector is in no row of RECEIVER_PORTS")
+    match found {
+        Some(found) => found,
+        None => panic!("this vector is in no row of RECEIVER_PORTS"),
+    }
 }
 
 const fn is_same(one: Stream, other: Stream) -> bool {
     matches!((one.dma, other.dma), (Dma::One, Dma::One) | (Dma::Two, Dma::Two)) && one.number == other.number
 }
 
-// No stream has two users, and each receiver has vectors of its own.
+const fn meet(one: [Stream; 2], other: [Stream; 2]) -> bool {
+    is_same(one[0], other[0]) || is_same(one[0], other[1]) || is_same(one[1], other[0]) || is_same(one[1], other[1])
+}
+
+// No stream has two users.
 const _: () = {
     assert!(IRQ.number == 3, "the vector of the task `rf_irq` is that of EXTI line 3");
     assert!(!is_same(SPI_IN, SPI_OUT));
     let mut receiver = 0;
     while receiver < MAX_RECEIVERS {
-        let port = &RECEIVER_PORTS[receiver];
-        assert!(!is_same(port.stream, SPI_IN) && !is_same(port.stream, SPI_OUT), "a stream of the front end's");
-        assert!(receiver_of(port.uart_vector) == receiver && receiver_of(port.stream_vector) == receiver);
+        let streams = RECEIVER_PORTS[receiver].hardware.streams();
+        assert!(!meet(streams, [SPI_IN, SPI_OUT]), "a stream of the front end's");
+        if let Hardware::Spi(port) = &RECEIVER_PORTS[receiver].hardware {
+            assert!(!is_same(port.stream_in, port.stream_out));
+        }
         let mut other = 0;
         while other < receiver {
-            assert!(!is_same(port.stream, RECEIVER_PORTS[other].stream), "two receivers on one stream");
+            assert!(!meet(streams, RECEIVER_PORTS[other].hardware.streams()), "two receivers on one stream");
             other += 1;
         }
         receiver += 1;

@@ -16,6 +16,9 @@
 //! | [`receiver`] | bytes of one GNSS receiver → its latest solution, and how old each part of it may get |
 //! | [`cycle`] | solutions → the objects of one tick, their timestamps and their status bits |
 //! | [`transmitter`] | when the poller machine is given what, which slot a loaded frame belongs to |
+//! | [`source`] | what UART, I2C and SPI have alike: rings, messages to a receiver, the trait |
+//! | [`ddc`], [`spi`] | the order of events of a receiver on I2C and of one on SPI, their bounds and recoveries |
+//! | [`configuration`] | what is sent to a receiver, when, and what its answers amount to |
 //! | [`ring`] | how many bytes a circular DMA transfer has delivered, and whether it lapped its reader |
 //! | [`timing`] | the slots of a cycle, each with its derivation, checked at compile time |
 //! | [`clock`] | whether to run on the external clock or, without it, on the internal oscillator |
@@ -34,12 +37,16 @@
 #![forbid(unsafe_code)]
 
 pub mod clock;
+pub mod configuration;
 pub mod cycle;
+pub mod ddc;
 pub mod integrity;
 pub mod protection;
 pub mod receiver;
 pub mod reset;
 pub mod ring;
+pub mod source;
+pub mod spi;
 pub mod state_inputs;
 pub mod task;
 pub mod telemetry;

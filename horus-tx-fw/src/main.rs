@@ -11,7 +11,8 @@
 //! | 4 | `rf_timer` | TIM5 | a wait of the poller machine is over |
 //! | 4 | `rf_slot` | CAN1_TX | a slot has passed (from `slot`) |
 //! | 3 | `cycle` | CAN1_RX0 | the tick (from `slot`) |
-//! | 2 | `gnss*` | UARTs, their DMA | a line is idle, or half a ring is full |
+//! | 2 | `gnss_tick` | CAN2_TX | the tick (from `cycle`): every receiver's source is served |
+//! | 2 | `gnss*` | UARTs, I2C2, their DMA and SPI5's, TIM3, TIM4 | an event of a source: see `hw::gnss` |
 //! | 1 | `parse` | CAN1_RX1 | bytes (from `gnss*`) |
 //! | 0 | `idle` | – | – |
 //!
@@ -25,11 +26,12 @@
 //! - `rf_slot` runs before the frame's end, 1.9 ms after the slot at the earliest.
 //! - `cycle` fills, seals and offers the profile so early that its load ends before the slot (see `timing`). The
 //!   vote of the next tick comes after that and ends within the cycle.
-//! - `gnss*` notes a ring's position within half a ring, 5.5 ms.
+//! - `gnss*` notes the position of a UART's ring within half a ring, 5.5 ms. I2C and SPI have none: the one stretches
+//!   its clock, the other has its bytes in memory; what has not ended by the next tick is given up.
 //! - `parse` parses what there is within one cycle.
 //! - `idle` feeds the watchdog when all have checked in, and logs when that delays nothing.
 //!
-//! The vectors of CAN1 belong to a peripheral that stays off; they are how a task of higher priority
+//! The vectors of CAN1 and CAN2 belong to peripherals that stay off; they are how a task of higher priority
 //! calls one of lower priority without a queue, and so without a lock.
 //!
 //! No task waits for the SPI but for the end of one byte, and none allocates. A panic, a fault, a failing clock and an
@@ -75,11 +77,13 @@ mod app {
         safe_state,
     };
     use horus_tx_fw::{
+        configuration::{self, Configuration},
         cycle::Cycle,
         integrity, protection,
         receiver::{Receiver, Solution, BYTES_PER_CALL},
         reset,
         ring::Reader,
+        source::{Vector, RING},
         task::Task,
         timing,
         transmitter::Transmitter,
@@ -93,7 +97,7 @@ mod app {
         hw::{
             self,
             cycle_timer::{self, CycleEvent, CycleTimer},
-            gnss::{self, GnssLine, RING},
+            gnss::{self, GnssLine},
             radio::{Ended, Radio},
             settle, state_inputs, HORUS_TELEMETRY,
         },
@@ -119,6 +123,7 @@ mod app {
         cycle: Cycle<RECEIVERS>,
         receivers: [Receiver; RECEIVERS],
         readers: [Reader; RECEIVERS],
+        configurations: [Configuration; RECEIVERS],
         watchdog: IndependentWatchdog,
         patrol: Patrol,
         memory: PartMemory,
@@ -199,6 +204,7 @@ mod app {
                 cycle: Cycle::on(clock),
                 receivers: core::array::from_fn(|_| Receiver::new()),
                 readers: [Reader::new(); RECEIVERS],
+                configurations: core::array::from_fn(gnss::configuration),
                 watchdog,
                 patrol,
                 memory,
@@ -211,6 +217,7 @@ mod app {
     fn idle(mut cx: idle::Context) -> ! {
         let mut reported = 0;
         let mut fault = None;
+        let mut told = [(0, 0, 0); RECEIVERS];
         let now_us = || cycle_timer::now_ms().wrapping_mul(1_000);
         let mut pace = Pace::new(now_us());
         let mut due = 0;
@@ -233,6 +240,17 @@ mod app {
                     fault = None;
                 }
             }
+            for (index, told) in told.iter_mut().enumerate() {
+                let source = &HORUS_TELEMETRY.sources[index];
+                let standing = source.configuration.get();
+                if told.0 != standing
+                    && cycle_timer::when_quiet(|| {
+                        defmt::info!("GPS{=usize}: {=str}", index + 1, configuration::name(standing));
+                    })
+                {
+                    told.0 = standing;
+                }
+            }
             let seconds = cycle_timer::tick() / 100;
             if seconds != reported {
                 let t = &HORUS_TELEMETRY;
@@ -246,6 +264,22 @@ mod app {
                     );
                 }) {
                     reported = seconds;
+                }
+                for (index, told) in told.iter_mut().enumerate() {
+                    let source = &HORUS_TELEMETRY.sources[index];
+                    let (recoveries, timed_out) = (source.recoveries.get(), source.timed_out.get());
+                    if (told.1, told.2) != (recoveries, timed_out)
+                        && cycle_timer::when_quiet(|| {
+                            defmt::warn!(
+                                "GPS{=usize}: {=u32} recoveries, {=u32} timed out",
+                                index + 1,
+                                recoveries,
+                                timed_out
+                            );
+                        })
+                    {
+                        (told.1, told.2) = (recoveries, timed_out);
+                    }
                 }
             }
             rtic::export::wfi();
@@ -322,10 +356,7 @@ mod app {
         let profile = cx.shared.solutions.lock(|solutions| cx.local.cycle.fill(tick, solutions));
         HORUS_TELEMETRY.worst_fill_cycles.record_max(DWT::cycle_count().wrapping_sub(begun));
         (cx.shared.transmitter, cx.shared.radio).lock(|transmitter, radio| transmitter.offer(tick, &profile, radio));
-        // Every line is served once a tick, so that an idle line that went unseen costs 10 ms at most.
-        for port in board::RECEIVER_PORTS.iter().take(RECEIVERS) {
-            rtic::pend(port.stream_vector);
-        }
+        rtic::pend(Interrupt::CAN2_TX);
         // Nothing waits for the next tick's vote, so it comes when the frame is on its way.
         cx.shared.solutions.lock(|solutions| cx.local.cycle.vote(tick.wrapping_add(1), solutions));
         cycle_timer::cycle_ended(tick);
@@ -333,74 +364,89 @@ mod app {
         settle();
     }
 
-    fn uart(lines: &mut [GnssLine; RECEIVERS], index: usize) {
-        if let Some(line) = lines.get_mut(index) {
-            line.uart_interrupt();
+    #[task(binds = CAN2_TX, priority = 2, shared = [lines])]
+    fn gnss_tick(cx: gnss_tick::Context) {
+        for line in cx.shared.lines {
+            line.poll();
         }
         rtic::pend(Interrupt::CAN1_RX1);
         settle();
     }
 
-    fn stream(lines: &mut [GnssLine; RECEIVERS], index: usize) {
+    fn serve(lines: &mut [GnssLine; RECEIVERS], (index, vector): (usize, Vector)) {
         if let Some(line) = lines.get_mut(index) {
-            line.stream_interrupt();
+            if line.interrupt(vector) {
+                rtic::pend(Interrupt::CAN1_RX1);
+            }
         }
-        rtic::pend(Interrupt::CAN1_RX1);
         settle();
     }
 
-    // Two tasks for each row of `board::RECEIVER_PORTS`; a vector that is in no row does not compile.
+    // A task for each vector of each row of `board::RECEIVER_PORTS`; a vector that is in no row does not compile.
 
     #[task(binds = USART2, priority = 2, shared = [lines])]
     fn gnss1(cx: gnss1::Context) {
-        uart(cx.shared.lines, const { board::receiver_of(Interrupt::USART2) });
-    }
-    #[task(binds = USART6, priority = 2, shared = [lines])]
-    fn gnss2(cx: gnss2::Context) {
-        uart(cx.shared.lines, const { board::receiver_of(Interrupt::USART6) });
-    }
-    #[task(binds = UART4, priority = 2, shared = [lines])]
-    fn gnss3(cx: gnss3::Context) {
-        uart(cx.shared.lines, const { board::receiver_of(Interrupt::UART4) });
-    }
-    #[task(binds = UART5, priority = 2, shared = [lines])]
-    fn gnss4(cx: gnss4::Context) {
-        uart(cx.shared.lines, const { board::receiver_of(Interrupt::UART5) });
-    }
-    #[task(binds = UART7, priority = 2, shared = [lines])]
-    fn gnss5(cx: gnss5::Context) {
-        uart(cx.shared.lines, const { board::receiver_of(Interrupt::UART7) });
+        serve(cx.shared.lines, const { board::source_of(Interrupt::USART2) });
     }
     #[task(binds = DMA1_STREAM5, priority = 2, shared = [lines])]
     fn gnss1_ring(cx: gnss1_ring::Context) {
-        stream(cx.shared.lines, const { board::receiver_of(Interrupt::DMA1_STREAM5) });
+        serve(cx.shared.lines, const { board::source_of(Interrupt::DMA1_STREAM5) });
     }
-    #[task(binds = DMA2_STREAM1, priority = 2, shared = [lines])]
-    fn gnss2_ring(cx: gnss2_ring::Context) {
-        stream(cx.shared.lines, const { board::receiver_of(Interrupt::DMA2_STREAM1) });
+    #[task(binds = I2C2_EV, priority = 2, shared = [lines])]
+    fn gnss2(cx: gnss2::Context) {
+        serve(cx.shared.lines, const { board::source_of(Interrupt::I2C2_EV) });
+    }
+    #[task(binds = I2C2_ER, priority = 2, shared = [lines])]
+    fn gnss2_error(cx: gnss2_error::Context) {
+        serve(cx.shared.lines, const { board::source_of(Interrupt::I2C2_ER) });
     }
     #[task(binds = DMA1_STREAM2, priority = 2, shared = [lines])]
-    fn gnss3_ring(cx: gnss3_ring::Context) {
-        stream(cx.shared.lines, const { board::receiver_of(Interrupt::DMA1_STREAM2) });
+    fn gnss2_read(cx: gnss2_read::Context) {
+        serve(cx.shared.lines, const { board::source_of(Interrupt::DMA1_STREAM2) });
+    }
+    #[task(binds = TIM4, priority = 2, shared = [lines])]
+    fn gnss2_step(cx: gnss2_step::Context) {
+        serve(cx.shared.lines, const { board::source_of(Interrupt::TIM4) });
+    }
+    #[task(binds = DMA2_STREAM5, priority = 2, shared = [lines])]
+    fn gnss3(cx: gnss3::Context) {
+        serve(cx.shared.lines, const { board::source_of(Interrupt::DMA2_STREAM5) });
+    }
+    #[task(binds = DMA2_STREAM6, priority = 2, shared = [lines])]
+    fn gnss3_error(cx: gnss3_error::Context) {
+        serve(cx.shared.lines, const { board::source_of(Interrupt::DMA2_STREAM6) });
+    }
+    #[task(binds = TIM3, priority = 2, shared = [lines])]
+    fn gnss3_step(cx: gnss3_step::Context) {
+        serve(cx.shared.lines, const { board::source_of(Interrupt::TIM3) });
+    }
+    #[task(binds = UART5, priority = 2, shared = [lines])]
+    fn gnss4(cx: gnss4::Context) {
+        serve(cx.shared.lines, const { board::source_of(Interrupt::UART5) });
     }
     #[task(binds = DMA1_STREAM0, priority = 2, shared = [lines])]
     fn gnss4_ring(cx: gnss4_ring::Context) {
-        stream(cx.shared.lines, const { board::receiver_of(Interrupt::DMA1_STREAM0) });
+        serve(cx.shared.lines, const { board::source_of(Interrupt::DMA1_STREAM0) });
+    }
+    #[task(binds = UART7, priority = 2, shared = [lines])]
+    fn gnss5(cx: gnss5::Context) {
+        serve(cx.shared.lines, const { board::source_of(Interrupt::UART7) });
     }
     #[task(binds = DMA1_STREAM3, priority = 2, shared = [lines])]
     fn gnss5_ring(cx: gnss5_ring::Context) {
-        stream(cx.shared.lines, const { board::receiver_of(Interrupt::DMA1_STREAM3) });
+        serve(cx.shared.lines, const { board::source_of(Interrupt::DMA1_STREAM3) });
     }
 
-    #[task(binds = CAN1_RX1, priority = 1, local = [receivers, readers], shared = [solutions])]
+    #[task(binds = CAN1_RX1, priority = 1, local = [receivers, readers, configurations], shared = [solutions])]
     fn parse(mut cx: parse::Context) {
         let mut more = false;
         let now = cycle_timer::now_ms();
         for (index, (receiver, reader)) in cx.local.receivers.iter_mut().zip(cx.local.readers.iter_mut()).enumerate() {
-            let written = gnss::written(index);
+            let ring = gnss::ring(index);
+            let written = ring.written();
             let span = reader.take(written, RING, BYTES_PER_CALL);
             let mut bytes = [0; BYTES_PER_CALL];
-            receiver.receive(gnss::copy_out(index, span, &mut bytes), now);
+            receiver.receive(ring.copy_out(span, &mut bytes), now);
             cx.shared.solutions.lock(|solutions| {
                 if let Some(solution) = solutions.get_mut(index) {
                     *solution = *receiver.solution();
@@ -415,6 +461,13 @@ mod app {
             line.damaged.set(counts.damaged);
             line.unusable.set(counts.unusable);
             line.skipped.set(counts.skipped());
+
+            let configuration = &mut cx.local.configurations[index];
+            if let Some(message) = configuration.poll(now, counts.messages, receiver.take_answer()) {
+                // One that finds no room goes unanswered, and is sent again.
+                gnss::outbox(index).put(&message);
+            }
+            HORUS_TELEMETRY.sources[index].configuration.set(configuration.standing() as u32);
         }
         if more {
             rtic::pend(Interrupt::CAN1_RX1);

@@ -13,8 +13,8 @@
 //!
 //! *Peripherals*: what is shut to the tasks is what only the start needs: reset and clock control, the flash interface
 //! (so that nothing can erase or write flash), power control, and everything that the board does not use. A region's
-//! eighth is 2 KiB, two peripherals; so these are open beside those of the board: TIM3, TIM4, I2S2 and I2S3's
-//! extensions, USART1, USART3, GPIO F, all without a clock.
+//! eighth is 2 KiB, two peripherals; so these are open beside those of the board: I2S2 and I2S3's extensions, I2C1,
+//! I2C3, UART8, SPI4, SPI6, all without a clock.
 
 use firmware_common::mpu::{Access, Allowed, Memory, Region, Table};
 
@@ -36,19 +36,20 @@ pub const START: Table<3> = Table::new([
 ]);
 
 /// While tasks run.
-pub const TASKS: Table<7> = Table::new([
+pub const TASKS: Table<8> = Table::new([
     FLASH,
     RAM,
-    // TIM2 and TIM5; IWDG.
+    // TIM2 and TIM3; TIM4 and TIM5; IWDG.
     Region::new("timers and watchdog", 0x4000_0000, 16 * KIB, Memory::Peripheral, Allowed::ReadWrite)
         .only([true, true, false, false, false, false, true, false]),
-    // USART2, UART4, UART5; UART7.
-    Region::new("UARTs", 0x4000_4000, 16 * KIB, Memory::Peripheral, Allowed::ReadWrite)
-        .only([true, true, true, false, false, false, false, true]),
-    // USART6; SPI1; SYSCFG and EXTI.
-    Region::new("SPI1, USART6 and EXTI", 0x4001_0000, 16 * KIB, Memory::Peripheral, Allowed::ReadWrite)
-        .only([false, false, true, false, false, false, true, true]),
-    // Ports A to E.
+    // USART2; UART5; I2C2; UART7.
+    Region::new("UARTs and I2C2", 0x4000_4000, 16 * KIB, Memory::Peripheral, Allowed::ReadWrite)
+        .only([true, false, true, true, false, false, false, true]),
+    // SPI1; SYSCFG and EXTI.
+    Region::new("SPI1 and EXTI", 0x4001_0000, 16 * KIB, Memory::Peripheral, Allowed::ReadWrite)
+        .only([false, false, false, false, false, false, true, true]),
+    Region::new("SPI5", 0x4001_5000, 2 * KIB, Memory::Peripheral, Allowed::ReadWrite),
+    // Ports A to F.
     Region::new("GPIO ports", 0x4002_0000, 16 * KIB, Memory::Peripheral, Allowed::ReadWrite)
         .only([true, true, true, false, false, false, false, false]),
     Region::new("DMA controllers", 0x4002_6000, 2 * KIB, Memory::Peripheral, Allowed::ReadWrite),
@@ -99,36 +100,28 @@ mod tests {
         // RM0090, table 1.
         let used = [
             0x4000_0000,
+            0x4000_0400,
+            0x4000_0800,
             0x4000_0C00,
             0x4000_3000,
             0x4000_4400,
-            0x4000_4C00,
             0x4000_5000,
+            0x4000_5800,
             0x4000_7800,
-            0x4001_1400,
             0x4001_3000,
             0x4001_3800,
             0x4001_3C00,
+            0x4001_5000,
             0x4002_0000,
             0x4002_0400,
             0x4002_0800,
             0x4002_0C00,
             0x4002_1000,
+            0x4002_1400,
             0x4002_6000,
             0x4002_6400,
         ];
-        let beside = [
-            0x4000_0400,
-            0x4000_0800,
-            0x4000_3400,
-            0x4000_4000,
-            0x4000_4800,
-            0x4000_5400,
-            0x4000_7C00,
-            0x4001_1000,
-            0x4001_3400,
-            0x4002_1400,
-        ];
+        let beside = [0x4000_3400, 0x4000_4000, 0x4000_5400, 0x4000_5C00, 0x4000_7C00, 0x4001_3400, 0x4001_5400];
         for address in (0x4000_0000..0x4008_0000).step_by(0x400) {
             let open = used.contains(&address) || beside.contains(&address);
             assert_eq!(TASKS.allows(address, Write), open, "{address:#x}");

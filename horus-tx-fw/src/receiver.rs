@@ -5,6 +5,7 @@
 //! A receiver sends three UBX messages that matter here: NAV-PVT (position and fix), NAV-ATT (attitude)
 //! and ESF-INS (accelerations). The [`ublox`] crate finds and checks them in the byte stream; NMEA
 //! sentences, damaged messages and messages of other kinds on the same line are passed over and counted.
+//! Answers to configuration messages are kept for [`crate::configuration`].
 //! What is kept is the latest of each, converted once, on arrival, so that the 10 ms cycle only copies.
 //!
 //! **To the last bit.** A latitude is `raw / 1e7`, one division of two exactly represented numbers, so
@@ -38,6 +39,8 @@ use horus_voter::{Fix, Stated};
 use ublox::{proto27::PacketRef, proto27::Proto27, FixedBuffer, Parser, ParserError, UbxPacket};
 
 use profile::{FixType, ABSENT_F32, ABSENT_F64};
+
+use crate::configuration::{Answer, VALSET};
 
 /// The longest UBX message that can be taken in, bytes. NAV-PVT has 100; satellite lists are longer
 /// and not needed.
@@ -270,6 +273,7 @@ pub struct Receiver {
     counts: Counts,
     /// When the last bytes came.
     spoke: Stamp,
+    answer: Option<Answer>,
 }
 
 impl Default for Receiver {
@@ -287,6 +291,7 @@ impl Receiver {
             solution: Solution::default(),
             counts: Counts::default(),
             spoke: Stamp::default(),
+            answer: None,
         }
     }
 
@@ -314,7 +319,9 @@ impl Receiver {
                 Ok(message) => {
                     self.counts.messages = self.counts.messages.wrapping_add(1);
                     self.solution.heard.set(arrived);
-                    let used = self.solution.take(&message, arrived);
+                    let answer = answer_of(&message);
+                    let used = if answer.is_some() { ANSWER_LEN } else { self.solution.take(&message, arrived) };
+                    self.answer = answer.or(self.answer);
                     self.counts.useful = self.counts.useful.wrapping_add(used as u32);
                 }
                 Err(ParserError::InvalidChecksum { .. }) => {
@@ -329,6 +336,11 @@ impl Receiver {
     #[must_use]
     pub const fn solution(&self) -> &Solution {
         &self.solution
+    }
+
+    /// Its answer to a configuration message, if one has come since the last call.
+    pub fn take_answer(&mut self) -> Option<Answer> {
+        self.answer.take()
     }
 
     /// What its line has carried.
@@ -403,6 +415,19 @@ impl Solution {
             }
             _ => 0,
         }
+    }
+}
+
+/// UBX-ACK-ACK and -NAK: class and identifier of what is answered.
+const ANSWER_LEN: usize = 2 + UBX_OVERHEAD;
+
+/// The answer to a configuration message, if this is one.
+fn answer_of(message: &UbxPacket<'_>) -> Option<Answer> {
+    #[allow(unreachable_patterns)]
+    match message {
+        UbxPacket::Proto27(PacketRef::AckAck(ack)) if (ack.class(), ack.msg_id()) == VALSET => Some(Answer::Taken),
+        UbxPacket::Proto27(PacketRef::AckNak(nak)) if (nak.class(), nak.msg_id()) == VALSET => Some(Answer::Refused),
+        _ => None,
     }
 }
 

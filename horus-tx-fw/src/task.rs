@@ -2,7 +2,7 @@
 //!
 //! What makes each of them run is the cycle timer alone, so that neither a missing receiver nor a missing front end
 //! keeps a task from checking in: the timer's interrupt calls `rf_slot` after every slot and `cycle` at every tick, and
-//! `cycle` calls every receiver's line, each of which calls `parse`.
+//! `cycle` calls `gnss_tick`, which serves every receiver's source and calls `parse`.
 
 use firmware_common::check_in;
 
@@ -16,15 +16,19 @@ pub const TASKS: &[(&str, &str)] = &[
     ("rf_timer", "TIM5"),
     ("rf_slot", "CAN1_TX"),
     ("cycle", "CAN1_RX0"),
+    ("gnss_tick", "CAN2_TX"),
     ("gnss1", "USART2"),
-    ("gnss2", "USART6"),
-    ("gnss3", "UART4"),
-    ("gnss4", "UART5"),
-    ("gnss5", "UART7"),
     ("gnss1_ring", "DMA1_STREAM5"),
-    ("gnss2_ring", "DMA2_STREAM1"),
-    ("gnss3_ring", "DMA1_STREAM2"),
+    ("gnss2", "I2C2_EV"),
+    ("gnss2_error", "I2C2_ER"),
+    ("gnss2_read", "DMA1_STREAM2"),
+    ("gnss2_step", "TIM4"),
+    ("gnss3", "DMA2_STREAM5"),
+    ("gnss3_error", "DMA2_STREAM6"),
+    ("gnss3_step", "TIM3"),
+    ("gnss4", "UART5"),
     ("gnss4_ring", "DMA1_STREAM0"),
+    ("gnss5", "UART7"),
     ("gnss5_ring", "DMA1_STREAM3"),
     ("parse", "CAN1_RX1"),
 ];

@@ -40,6 +40,31 @@ impl Line {
     }
 }
 
+/// How one receiver's source does, and what the receiver has made of its configuration.
+#[derive(Debug, Default)]
+#[repr(C)]
+pub struct Source {
+    /// A [`Standing`](crate::configuration::Standing) as a number: not yet, taken, refused, unanswered. No count.
+    pub configuration: Counter,
+    /// Recoveries of an I2C bus, and times an SPI was set up anew.
+    pub recoveries: Counter,
+    /// Transactions that had not ended by the next tick.
+    pub timed_out: Counter,
+    /// Transactions that a receiver on I2C did not acknowledge, or that lost the bus.
+    pub refused: Counter,
+}
+
+impl Source {
+    const fn new() -> Self {
+        Self {
+            configuration: Counter::new(),
+            recoveries: Counter::new(),
+            timed_out: Counter::new(),
+            refused: Counter::new(),
+        }
+    }
+}
+
 /// Everything that is counted. Plain 32-bit words in this order, whatever the number of receivers.
 #[derive(Debug, Default)]
 #[repr(C)]
@@ -81,6 +106,8 @@ pub struct Telemetry {
     pub ram_errors: Counter,
     /// Frames during which the front end's FIFO ran dry or over.
     pub fifo_errors: Counter,
+    /// GPS1 to GPS5; those that are not fitted stay zero.
+    pub sources: [Source; MAX_RECEIVERS],
 }
 
 impl Telemetry {
@@ -106,6 +133,7 @@ impl Telemetry {
             ram_passes: Counter::new(),
             ram_errors: Counter::new(),
             fifo_errors: Counter::new(),
+            sources: [const { Source::new() }; MAX_RECEIVERS],
         }
     }
 
@@ -116,6 +144,6 @@ impl Telemetry {
     }
 }
 
-const _: () = assert!(size_of::<Telemetry>() == 4 * (10 + 7 * MAX_RECEIVERS + 7));
+const _: () = assert!(size_of::<Telemetry>() == 4 * (10 + 7 * MAX_RECEIVERS + 7 + 4 * MAX_RECEIVERS));
 // The bench and debuggers know the counters by these places.
 const _: () = assert!(core::mem::offset_of!(Telemetry, lines) == 40);

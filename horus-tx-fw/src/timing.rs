@@ -34,8 +34,16 @@ pub const APB2_HZ: u32 = 72_000_000;
 pub const TIMER_HZ: u32 = 2 * APB1_HZ;
 /// SPI clock, Hz: APB2 / 8. The ST25R3916 allows 10 MHz (DS13541, SPI interface).
 pub const SPI_HZ: u32 = APB2_HZ / 8;
-/// Baud rate of every GNSS receiver, 8N1.
+/// Baud rate of every GNSS receiver on a UART, 8N1.
 pub const GNSS_BAUD: u32 = 460_800;
+/// Baud rate of a receiver with factory settings (u-blox, generation 9), 8N1.
+pub const FACTORY_BAUD: u32 = 38_400;
+/// SPI clock of a GNSS receiver, Hz: APB2 / 128. A byte then takes 14.2 µs, of which a receiver wants at least 8 (see
+/// [`crate::spi`]).
+pub const GNSS_SPI_HZ: u32 = APB2_HZ / 128;
+/// SCL is low for at least this, ns: 2 µs (u-blox, NEO-M9N and ZED-F9T data sheets, I2C specifications; the bus's own
+/// standard asks for 1.3).
+pub const GNSS_I2C_LOW_NS: u32 = 2_000;
 
 /// Timer ticks in a microsecond.
 pub const TICKS_PER_US: u32 = TIMER_HZ / 1_000_000;

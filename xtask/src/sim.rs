@@ -38,6 +38,13 @@ pub(crate) struct SimArgs {
     /// What the third receiver sends.
     #[arg(long, value_name = "FILE")]
     ubx3: Option<PathBuf>,
+    /// Every generated receiver has so many solutions a second, and refuses to be configured to another rate: 1 to 40,
+    /// a whole number of milliseconds apart.
+    #[arg(long, value_name = "HZ", value_parser = receiver_hz)]
+    receiver_hz: Option<u32>,
+    /// Every generated receiver starts with its factory settings: 38 400 bit/s where it has a UART, NMEA alone, 1 Hz.
+    #[arg(long)]
+    factory_settings: bool,
     /// Write the report as JSON to a file, or to standard output with `-`.
     #[arg(long, value_name = "FILE|-")]
     json: Option<PathBuf>,
@@ -82,6 +89,14 @@ pub(crate) fn positive_seconds(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(seconds) if seconds > 0.0 && seconds <= 86_400.0 => Ok(seconds),
         _ => Err("expected seconds above 0 and up to 86400".to_owned()),
+    }
+}
+
+/// Parses a receiver's rate.
+fn receiver_hz(text: &str) -> Result<u32, String> {
+    match text.parse::<u32>() {
+        Ok(hz @ 1..=40) if 1_000 % hz == 0 => Ok(hz),
+        _ => Err("expected 1, 2, 4, 5, 8, 10, 20, 25 or 40 solutions a second".to_owned()),
     }
 }
 
@@ -132,6 +147,8 @@ pub(crate) fn sim(args: &SimArgs) -> Result<ExitCode> {
         threads: if args.threads == 1 { Threads::One } else { Threads::Two },
         seed: args.seed,
         recordings,
+        receiver_hz: args.receiver_hz,
+        factory_settings: args.factory_settings,
         crystals: Crystals {
             horus_ppb: to_ppb(args.horus_ppm),
             dpr_ppb: to_ppb(args.dpr_ppm),

@@ -1,13 +1,13 @@
 //! Simulated delivery flights and the u-blox receivers that see them.
 //!
-//! HORUS takes its positions from u-blox receivers that talk to it over a UART. On the bench those receivers are
-//! byte sources: each yields, ordered in time, the bursts of bytes that its UART would carry. Two kinds exist, and
-//! the firmware cannot tell them apart:
+//! HORUS takes its positions from u-blox receivers that talk to it over a UART, I2C or SPI. On the bench those receivers
+//! are byte sources: each yields, ordered in time, the bursts of bytes that it has to say. Two kinds exist, and the
+//! firmware cannot tell them apart as long as it does not configure them:
 //!
 //! - [`Receiver::generated`]: a receiver that watches a [`Flight`], with a navigation rate, noise, solution delay and
-//!   clock of its own, encoded as UBX ([`ubx`]);
+//!   clock of its own, encoded as UBX ([`ubx`]); it takes its configuration and answers it ([`config`]);
 //! - [`Receiver::recorded`]: a [`Log`] that a real receiver sent, byte for byte, with whatever NMEA, RTCM and
-//!   damaged messages it holds, at the pace of its own epochs.
+//!   damaged messages it holds, at the pace of its own epochs. It answers nothing.
 //!
 //! # Design
 //!
@@ -17,15 +17,18 @@
 //! seed gives the same bytes on every host.
 //!
 //! Time is bench time, nanoseconds from the moment both boards leave reset. This crate decides when a burst starts; the
-//! bench's UART model times the bytes within it.
+//! bench's UART model times the bytes within it, or whoever reads the receiver over a bus.
 #![forbid(unsafe_code)]
 
+pub mod config;
 pub mod flight;
 pub mod geodesy;
 pub mod log;
+mod nmea;
 pub mod receiver;
 pub mod ubx;
 
+pub use config::{Output, Port};
 pub use flight::{Flight, State};
 pub use geodesy::{Geodetic, TangentPlane};
 pub use log::{Log, LogCounts, LogError, RecordedPosition};

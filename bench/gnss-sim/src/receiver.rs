@@ -1,11 +1,14 @@
-//! A u-blox receiver as a source of bytes on a UART.
+//! A u-blox receiver as a source of bytes.
 //!
 //! # Design
 //!
 //! A receiver is an iterator of [`Burst`]s, ordered in time: the bytes that it puts on its line without a gap, and when
-//! the first start bit falls. It computes a burst when asked for it and keeps nothing of the past, so a run of any
-//! length needs no memory. It knows its bit rate only to keep a burst from starting while the one before is still on
-//! the line.
+//! the first start bit falls. It computes a burst when asked for it and keeps nothing of the past but the state in
+//! front of the one that is due, so a run of any length needs no memory. It knows its bit rate only to keep a burst from
+//! starting while the one before is still on the line.
+//!
+//! A generated receiver starts as HORUS had configured it before, with that saved ([`Receiver::with_factory_settings`]:
+//! without). What it is sent ([`Receiver::hear`]) may change what it puts out: the burst that was due is then made anew.
 //!
 //! # What a generated receiver gets wrong, as real ones do
 //!
@@ -29,8 +32,10 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal, Uniform};
 
+use crate::config::{Abilities, Configuration, Output, Port};
 use crate::flight::{Flight, State};
 use crate::log::{Log, RecordedPosition};
+use crate::nmea;
 use crate::ubx::{EsfIns, Frame, NavAtt, NavPvt, WEEK_MS};
 
 /// Bit rate of a receiver's UART, unless told otherwise.
@@ -55,7 +60,7 @@ const BIAS_TIME: f64 = 60.0;
 pub struct Burst {
     /// When the start bit of the first byte falls, ns after reset.
     pub at_ns: u64,
-    /// Never empty.
+    /// Empty where a receiver has a solution and is configured to say nothing of it.
     pub bytes: Vec<u8>,
 }
 
@@ -137,12 +142,16 @@ impl Model {
 }
 
 /// A receiver: an iterator of its bursts, in order. A generated one never ends; a recorded one ends with its log.
+///
+/// A clone that is asked and told the same says the same.
 #[derive(Debug, Clone)]
 pub struct Receiver {
     source: Source,
     bit_rate: u32,
     /// When the line is idle again, ns.
     idle_ns: u64,
+    /// The burst that is due, once it was asked for.
+    due: Option<Burst>,
 }
 
 #[derive(Debug, Clone)]
@@ -166,6 +175,112 @@ impl Receiver {
         Self::from_source(Source::Generated(Box::new(Generated::new(model, index, seed, flight))))
     }
 
+    /// The same receiver, connected by `port`: what it takes for its own output of what it is configured to.
+    #[must_use]
+    pub fn connected_by(mut self, port: Port) -> Self {
+        self.rebuild(|generated| generated.port = port);
+        self
+    }
+
+    /// The same receiver as it comes from the factory, or after it has lost what it had saved: 38 400 bit/s, NMEA alone,
+    /// one solution a second.
+    #[must_use]
+    pub fn with_factory_settings(mut self) -> Self {
+        self.restart(0, true);
+        self
+    }
+
+    /// The same receiver, but it has a solution every `period_ms` and refuses every configuration of that.
+    ///
+    /// # Panics
+    ///
+    /// If the period is 0.
+    #[must_use]
+    pub fn with_fixed_period(mut self, period_ms: u32) -> Self {
+        assert!(period_ms > 0, "a solution takes time");
+        self.rebuild(|generated| {
+            generated.model.period_ms = period_ms;
+            generated.fixed_period = true;
+        });
+        self
+    }
+
+    /// Another beginning of a generated receiver.
+    fn rebuild(&mut self, change: impl FnOnce(&mut Generated)) {
+        if let Source::Generated(generated) = &mut self.source {
+            change(generated);
+            generated.configure_anew();
+            generated.follow_configuration(0);
+            self.bit_rate = generated.output.bit_rate;
+        }
+    }
+
+    /// The receiver is sent a byte, or something that it cannot read, at `at` (ns after reset). The answer, if that ends
+    /// a message which has one: UBX, to be sent with what the receiver puts out, at the bit rate that it has from now
+    /// on. A recorded receiver answers nothing.
+    pub fn hear(&mut self, at_ns: u64, byte: Option<u8>) -> Option<Vec<u8>> {
+        let Source::Generated(generated) = &mut self.source else { return None };
+        let answer = generated.configuration.hear(byte)?;
+        self.reconfigured(at_ns);
+        Some(answer)
+    }
+
+    /// The receiver restarts at `at` (ns after reset): what it was told and had not saved is lost, and with `factory`
+    /// what it had saved, too. A recorded receiver goes on.
+    pub fn restart(&mut self, at_ns: u64, factory: bool) {
+        if let Source::Generated(generated) = &mut self.source {
+            generated.configuration.restart(factory);
+            self.reconfigured(at_ns);
+        }
+    }
+
+    /// The configuration may be another from `at` on.
+    fn reconfigured(&mut self, at_ns: u64) {
+        let Source::Generated(generated) = &mut self.source else { return };
+        if generated.configuration.output() == generated.output {
+            return;
+        }
+        if self.due.take().is_some()
+            && let Some(before) = generated.before.take()
+        {
+            let configuration = generated.configuration.clone();
+            **generated = *before;
+            generated.configuration = configuration;
+        }
+        generated.follow_configuration(at_ns);
+        self.bit_rate = generated.output.bit_rate;
+    }
+
+    /// What the receiver puts out; nothing of a recorded one.
+    #[must_use]
+    pub fn output(&self) -> Option<Output> {
+        match &self.source {
+            Source::Generated(generated) => Some(generated.output),
+            Source::Recorded { .. } => None,
+        }
+    }
+
+    /// When its next burst begins, ns after reset; `None` if none comes any more.
+    pub fn next_at(&mut self) -> Option<u64> {
+        if self.due.is_none() {
+            let mut burst = match &mut self.source {
+                Source::Generated(generated) => {
+                    generated.before = None;
+                    generated.before = Some(generated.clone());
+                    generated.next()
+                }
+                Source::Recorded { log, next } => {
+                    let (at_ns, bytes) = log.burst(*next)?;
+                    *next += 1;
+                    Burst { at_ns, bytes: bytes.to_vec() }
+                }
+            };
+            burst.at_ns = burst.at_ns.max(self.idle_ns);
+            self.due = Some(burst);
+        }
+        self.due.as_ref().map(|burst| burst.at_ns)
+    }
+
     /// A receiver that says what `log` says.
     #[must_use]
     pub fn recorded(log: Arc<Log>) -> Self {
@@ -173,7 +288,7 @@ impl Receiver {
     }
 
     fn from_source(source: Source) -> Self {
-        Self { source, bit_rate: BIT_RATE, idle_ns: 0 }
+        Self { source, bit_rate: BIT_RATE, idle_ns: 0, due: None }
     }
 
     /// The same receiver at another bit rate (8N1).
@@ -226,15 +341,8 @@ impl Iterator for Receiver {
     type Item = Burst;
 
     fn next(&mut self) -> Option<Burst> {
-        let mut burst = match &mut self.source {
-            Source::Generated(generated) => generated.next(),
-            Source::Recorded { log, next } => {
-                let (at_ns, bytes) = log.burst(*next)?;
-                *next += 1;
-                Burst { at_ns, bytes: bytes.to_vec() }
-            }
-        };
-        burst.at_ns = burst.at_ns.max(self.idle_ns);
+        self.next_at()?;
+        let burst = self.due.take()?;
         self.idle_ns = burst.at_ns + self.line_time_ns(burst.bytes.len());
         Some(burst)
     }
@@ -244,6 +352,15 @@ impl Iterator for Receiver {
 #[derive(Debug, Clone)]
 struct Generated {
     model: Model,
+    port: Port,
+    fixed_period: bool,
+    configuration: Configuration,
+    /// What follows from it.
+    output: Output,
+    /// Solutions so far.
+    solutions: u32,
+    /// The state in front of the burst that is due.
+    before: Option<Box<Generated>>,
     flight: Arc<Flight>,
     noise: ChaCha8Rng,
     /// GPS time of week of the reset, ns.
@@ -272,7 +389,6 @@ impl Generated {
         noise.set_stream(index as u64 + 1);
 
         let reset_ns = START_OF_RUN_MS * 1_000_000 + uniform(&mut shared, 0.0, 1e9) as u64;
-        let period_ns = u64::from(model.period_ms) * 1_000_000;
         let clock_ns = uniform(&mut noise, -0.5e6, 0.5e6);
         let clock_ppb = uniform(&mut noise, -500.0, 500.0);
         let mut three = |deviation: f64| [(); 3].map(|()| deviation * normal(&mut noise));
@@ -281,24 +397,45 @@ impl Generated {
         let mounting = three(0.3_f64.to_radians());
         let offset = three(0.02);
         let satellites = 12 + uniform(&mut noise, 0.0, 7.0) as u8;
-        Self {
+        let configuration = configuration(&model, Port::Uart1, false);
+        let output = configuration.output();
+        let mut generated = Self {
             model,
+            port: Port::Uart1,
+            fixed_period: false,
+            configuration,
+            output,
+            solutions: 0,
+            before: None,
             flight,
             noise,
             reset_ns,
-            // The first epoch after reset whose clock error cannot put it before.
-            epoch: (reset_ns + 1_000_000).div_ceil(period_ns),
+            epoch: 0,
             clock_ns,
             clock_ppb,
             bias: [horizontal * north, horizontal * east, vertical * down],
             mounting,
             offset,
             satellites,
-        }
+        };
+        generated.follow_configuration(0);
+        generated
+    }
+
+    fn configure_anew(&mut self) {
+        self.configuration = configuration(&self.model, self.port, self.fixed_period);
+    }
+
+    /// What is put out from `at` (ns after reset) on is what the configuration says.
+    fn follow_configuration(&mut self, at_ns: u64) {
+        self.output = self.configuration.output();
+        // The first epoch after that whose clock error cannot put it before.
+        let period_ns = u64::from(self.output.period_ms) * 1_000_000;
+        self.epoch = (self.reset_ns + at_ns + 1_000_000).div_ceil(period_ns);
     }
 
     fn next(&mut self) -> Burst {
-        let period_ms = u64::from(self.model.period_ms);
+        let period_ms = u64::from(self.output.period_ms);
         let epoch_ms = self.epoch * period_ms;
         self.epoch += 1;
         let nominal_ns = epoch_ms * 1_000_000 - self.reset_ns;
@@ -311,7 +448,9 @@ impl Generated {
         // Three standard deviations at most, so that no solution overtakes the one before.
         let jitter = normal(&mut self.noise).clamp(-3.0, 3.0) * self.model.delay_jitter_ms;
         let sent_ns = measured_ns + (self.model.delay_ms + jitter) * 1e6;
-        Burst { at_ns: libm::round(sent_ns) as u64, bytes: self.messages(epoch_ms, clock_ns, &seen) }
+        let bytes = self.messages(epoch_ms, clock_ns, &seen);
+        self.solutions = self.solutions.wrapping_add(1);
+        Burst { at_ns: libm::round(sent_ns) as u64, bytes }
     }
 
     /// Error of the receiver's clock: it drifts, and is stepped by 1 ms when it leaves ±0.5 ms.
@@ -323,7 +462,7 @@ impl Generated {
     /// The aircraft as this receiver sees it.
     fn observe(&mut self, truth: &State) -> State {
         let mut normal = || normal(&mut self.noise);
-        let keep = libm::exp(-f64::from(self.model.period_ms) / 1e3 / BIAS_TIME);
+        let keep = libm::exp(-f64::from(self.output.period_ms) / 1e3 / BIAS_TIME);
         let fresh = libm::sqrt(1.0 - keep * keep);
         let (horizontal, vertical) = (self.model.horizontal_m, self.model.vertical_m);
         let mut ned = truth.ned;
@@ -345,11 +484,16 @@ impl Generated {
         }
     }
 
-    /// The solution in UBX: what the model sends in one burst.
+    /// The solution in what the receiver is configured to send: one burst.
     fn messages(&self, epoch_ms: u64, clock_ns: f64, seen: &State) -> Vec<u8> {
         let itow_ms = u32::try_from(epoch_ms % u64::from(WEEK_MS)).expect("a week is shorter than 2^32 ms");
-        let mut bytes = self.nav_pvt(epoch_ms, itow_ms, clock_ns, seen).encode();
-        if self.model.attitude {
+        let pvt = self.nav_pvt(epoch_ms, itow_ms, clock_ns, seen);
+        let due = |every: u32| every != 0 && self.solutions % every == 0;
+        let mut bytes = if self.output.nmea { nmea::sentences(&pvt) } else { vec![] };
+        if due(self.output.position) {
+            bytes.extend(pvt.encode());
+        }
+        if due(self.output.attitude) {
             let heading = seen.yaw.to_degrees();
             let att = NavAtt {
                 itow_ms,
@@ -360,7 +504,7 @@ impl Generated {
             };
             bytes.extend(att.encode());
         }
-        if self.model.inertial {
+        if due(self.output.inertial) {
             let ins = EsfIns {
                 itow_ms,
                 rates_1e3: seen.rates.map(|rate| rounded(rate.to_degrees() * 1e3)),
@@ -421,6 +565,12 @@ impl Generated {
             }),
         }
     }
+}
+
+/// How a receiver of this model is configured when HORUS has done that before.
+fn configuration(model: &Model, port: Port, fixed_period: bool) -> Configuration {
+    let abilities = Abilities { attitude: model.attitude, inertial: model.inertial, fixed_period };
+    Configuration::new(port, abilities, model.period_ms).configured(model.period_ms, BIT_RATE)
 }
 
 /// To the nearest integer that a field of 32 bits holds.

@@ -1,21 +1,17 @@
 //! The HORUS side: NUCLEO-F429ZI with its front end and its receivers.
 
-use std::collections::VecDeque;
-
-use bench_seam::{Pad, Pin, SpiFrame, UartFrame};
-use horus_tx_fw::timing::GNSS_BAUD;
+use bench_seam::{I2cAnswer, I2cEvent, Pad, Pin, SpiFrame, UartFrame};
 use st25r3916_model::Chip;
 use stm32f429::{Stm32f429, pin};
 
 use super::front_end::{FrontEnd, Wires};
+use super::receivers::Receivers;
 use crate::faults::{InputFault, state_inputs::INPUTS};
 use crate::node::{Board, Input};
 
 /// The front end's wires on the HORUS side.
 const HORUS_FRONT_END: Wires =
     Wires { sck: pin('A', 5), mosi: pin('A', 7), miso: pin('A', 6), cs: pin('D', 14), irq: pin('A', 3) };
-/// Where the lines of receivers 1 to 5 arrive.
-const RECEIVER_PINS: [Pin; 5] = [pin('D', 6), pin('C', 7), pin('C', 11), pin('D', 2), pin('E', 7)];
 /// Where the 10 ms timer shows its ticks: the pin falls with each.
 const TICK: Pin = pin('B', 10);
 
@@ -46,23 +42,13 @@ pub struct InputChange {
     pub inactive: bool,
 }
 
-/// The wire from a receiver: frames wait here until the line takes them, back to back.
-#[derive(Clone, Debug)]
-struct Line {
-    pin: Pin,
-    waiting: VecDeque<UartFrame>,
-    /// When the line is free again, ns.
-    free_at: u64,
-}
-
 /// The HORUS side.
 #[derive(Clone, Debug)]
 pub struct Horus {
     /// The front end.
     pub front_end: FrontEnd,
-    lines: Vec<Line>,
-    /// The least of the lines' next instants.
-    next_byte: u64,
+    /// The receivers' interfaces.
+    pub receivers: Receivers,
     /// The lines rest high, which the part was told.
     powered: bool,
     /// The level of the pin TICK.
@@ -78,11 +64,9 @@ impl Horus {
     /// The board with so many receivers, of which none sends yet.
     #[must_use]
     pub fn new(chip: Chip, receivers: usize, watched: bool) -> Self {
-        let line = |&pin| Line { pin, waiting: VecDeque::new(), free_at: 0 };
         Self {
             front_end: FrontEnd::new(chip, HORUS_FRONT_END, watched),
-            lines: RECEIVER_PINS.iter().take(receivers).map(line).collect(),
-            next_byte: u64::MAX,
+            receivers: Receivers::new(receivers),
             powered: false,
             tick: false,
             ticks: vec![],
@@ -90,25 +74,6 @@ impl Horus {
             input_changes: vec![],
             untold: vec![],
         }
-    }
-
-    /// Receiver `index` (from 0) begins to send these frames at `at` (ns), or when it has sent what it sends then: that
-    /// instant is the answer.
-    pub fn send(&mut self, at: u64, index: usize, frames: impl IntoIterator<Item = UartFrame>) -> u64 {
-        let Some(line) = self.lines.get_mut(index) else { return at };
-        if line.waiting.is_empty() {
-            line.free_at = line.free_at.max(at);
-        }
-        let before: u64 = line.waiting.iter().map(UartFrame::ns).sum();
-        let begins = line.free_at + before;
-        line.waiting.extend(frames);
-        self.plan();
-        begins
-    }
-
-    /// As [`Horus::send`], for bytes at the receivers' bit rate, 8N1.
-    pub fn send_bytes(&mut self, at: u64, index: usize, bytes: &[u8]) -> u64 {
-        self.send(at, index, bytes.iter().map(|&byte| UartFrame::eight_n_one(byte, GNSS_BAUD)))
     }
 
     /// Input `input` says this from `at` (ns) on; nothing: it is inactive.
@@ -132,11 +97,6 @@ impl Horus {
         std::mem::take(&mut self.input_changes)
     }
 
-    fn plan(&mut self) {
-        let sending = self.lines.iter().filter(|line| !line.waiting.is_empty());
-        self.next_byte = sending.map(|line| line.free_at).min().unwrap_or(u64::MAX);
-    }
-
     /// The 10 ms timer's ticks since the last call: each the instant at which the pin TICK was driven low, in ns.
     pub fn take_ticks(&mut self) -> Vec<u64> {
         std::mem::take(&mut self.ticks)
@@ -155,21 +115,31 @@ impl Board for Horus {
             }
         }
         self.front_end.pin(at, pin, pad);
+        self.receivers.pin(at, pin, pad);
     }
 
     fn spi(&mut self, begins: u64, ends: u64, frame: &SpiFrame) -> Option<u32> {
-        self.front_end.spi(begins, ends, frame)
+        self.receivers.spi(begins, ends, frame).or_else(|| self.front_end.spi(begins, ends, frame))
+    }
+
+    fn uart(&mut self, at: u64, pin: Pin, frame: &UartFrame) {
+        self.receivers.uart(at, pin, frame);
+    }
+
+    fn i2c(&mut self, at: u64, scl: Pin, sda: Pin, event: I2cEvent) -> I2cAnswer {
+        self.receivers.i2c(at, scl, sda, event)
     }
 
     fn next_event(&self) -> u64 {
         let chatter = self.inputs.iter().filter_map(|input| input.chatters).map(|(at, _)| at);
-        self.front_end.next_event().min(self.next_byte).min(chatter.min().unwrap_or(u64::MAX))
+        let receivers = self.receivers.next_event();
+        self.front_end.next_event().min(receivers).min(chatter.min().unwrap_or(u64::MAX))
     }
 
     fn settle(&mut self, at: u64, inputs: &mut Vec<Input>) {
         if !self.powered {
             self.powered = true;
-            inputs.extend(self.lines.iter().map(|line| Input::Level(line.pin, Some(true))));
+            self.receivers.powered(inputs);
             self.untold = (0..INPUTS).collect();
         }
         for input in 0..INPUTS {
@@ -187,20 +157,10 @@ impl Board for Horus {
             inputs.extend(levels.map(|(pin, level)| Input::Level(pin, Some(level))));
         }
         self.front_end.settle(at, inputs);
-        if at >= self.next_byte {
-            for line in &mut self.lines {
-                while line.free_at <= at
-                    && let Some(frame) = line.waiting.pop_front()
-                {
-                    inputs.push(Input::Frame(line.pin, line.free_at, frame));
-                    line.free_at += frame.ns();
-                }
-            }
-            self.plan();
-        }
+        self.receivers.settle(at, inputs);
     }
 
     fn outgoing(&self) -> bool {
-        self.front_end.has_air()
+        self.front_end.has_air() || self.receivers.has_heard()
     }
 }

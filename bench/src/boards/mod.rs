@@ -4,7 +4,11 @@
 //! |---|---|---|
 //! | front end: SCK, MISO, MOSI | PA5, PA6, PA7 (SPI1) | P1.15, P1.14, P1.13 |
 //! | front end: chip select, IRQ | PD14, PA3 | P1.12, P0.03 |
-//! | receivers 1 to 5 | PD6, PC7, PC11, PD2, PE7 | – |
+//! | receiver 1: UART to HORUS, from HORUS | PD6, PD5 (USART2) | – |
+//! | receiver 2: SCL, SDA, both with pull-ups | PF1, PF0 (I2C2) | – |
+//! | receiver 3: SCK, MISO, MOSI, chip select | PF7, PF8, PF9 (SPI5), PE3 | – |
+//! | receiver 4: UART to HORUS, from HORUS | PD2, PC12 (UART5) | – |
+//! | receiver 5: UART to HORUS, from HORUS | PE7, PE8 (UART7) | – |
 //! | inputs of the state: relay, motor cut, emergency measure | PE2 and PE4, PE5 and PE6, PD3 and PD4 | – |
 //! | TICK, which falls with each tick | PB10 | – |
 //! | SSI: SCK, MOSI, MISO, CSN, FRESH | – | P1.01, P1.02, P1.03, P1.04, P1.05 |
@@ -12,6 +16,7 @@
 mod dpr;
 pub mod front_end;
 mod horus;
+pub mod receivers;
 
 pub use dpr::{Dpr, FRESH, SSI};
 pub use horus::{Horus, InputChange};

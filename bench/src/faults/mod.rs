@@ -7,7 +7,7 @@
 //! | file | what it breaks | where it acts |
 //! |---|---|---|
 //! | `st25r3916_model::AirFaults` | frames between the antennas | the air |
-//! | [`receivers`] | what a GNSS receiver sends, and its line | HORUS's UART pins |
+//! | [`receivers`] | what a GNSS receiver sends, its line, its bus | the receivers' interfaces on HORUS's board |
 //! | [`state_inputs`] | the inputs that tell HORUS's state | HORUS's pins |
 //! | [`front_end`] | HORUS's front end | its antenna, its chip select |
 //! | [`chip`] | either front end's chip | its interrupts, its SPI |
@@ -53,7 +53,7 @@ pub use front_end::{Emission, FrontEndFault};
 pub use image::ImageFault;
 pub use plan::{Kind, UnknownKind};
 pub use power::{PowerFault, Powered};
-pub use receivers::{Absurd, LineFaults, OnLine, ReceiverFault};
+pub use receivers::{Absurd, BusFault, LineFaults, OnLine, ReceiverFault};
 pub use rng::Rng;
 pub use st25r3916_model::AirFaults;
 pub use state_inputs::InputFault;

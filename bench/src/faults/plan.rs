@@ -7,9 +7,10 @@ use std::fmt;
 use std::str::FromStr;
 
 use super::{
-    Absurd, AirFaults, Board, BufferFault, Buffers, ChipFault, Conduct, Episode, Fault, Faults, InputFault, PowerFault,
-    ReceiverFault, Rng, state_inputs::INPUTS,
+    Absurd, AirFaults, Board, BufferFault, Buffers, BusFault, ChipFault, Conduct, Episode, Fault, Faults, InputFault,
+    PowerFault, ReceiverFault, Rng, state_inputs::INPUTS,
 };
+use crate::boards::receivers::Interface;
 
 /// No episode begins before this instant, ns: both boards start in peace.
 pub const FIRST_AT: u64 = 300_000_000;
@@ -182,8 +183,12 @@ fn all_of(kind: Kind, gps: usize, rng: &mut Rng) -> Vec<Draw> {
         }
         Kind::Gnss if gps == 0 => vec![],
         Kind::Gnss => {
-            let mut one = |fault| vec![(0, Fault::Receiver(rng.below(gps as u64) as usize, fault))];
-            receivers().into_iter().map(&mut one).collect()
+            let mut one = |fault: ReceiverFault| {
+                let fitting: Vec<usize> = (0..gps).filter(|receiver| fault.fits(Interface::OF[*receiver])).collect();
+                let drawn = rng.below(fitting.len().max(1) as u64) as usize;
+                fitting.get(drawn).map(|receiver| vec![(0, Fault::Receiver(*receiver, fault))])
+            };
+            receivers().into_iter().filter_map(&mut one).collect()
         }
         Kind::FlightController => {
             Conduct::ALL.into_iter().map(|conduct| vec![(0, Fault::FlightController(conduct))]).collect()
@@ -254,8 +259,10 @@ fn receivers() -> Vec<ReceiverFault> {
         // NAV-PVT of protocols before version 15 has 84 bytes.
         ReceiverFault::OtherLength(-8),
         ReceiverFault::OtherLength(4),
+        ReceiverFault::LosesSettings,
     ];
     faults.extend(absurd);
+    faults.extend(BusFault::ALL.map(ReceiverFault::Bus));
     faults
 }
 

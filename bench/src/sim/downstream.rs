@@ -50,6 +50,8 @@ pub(super) struct Link {
     recorder: Recorder,
     /// When FRESH rose, while it is not known yet what a transaction would read.
     announced: Option<u64>,
+    /// Since when HORUS has a transaction with a receiver under way, ns: what crosses in it is told when it is over.
+    untold_since: u64,
     /// What a transaction would read now, while the SPIS has the buffers and none is under way.
     offer: Option<Vec<u8>>,
     /// How many of the DPR's restarts were seen.
@@ -104,6 +106,7 @@ impl Link {
             dpr_events: BoardEvents::new(Side::Dpr),
             recorder: Recorder::new(with.header, with.truth, with.logged),
             announced: None,
+            untold_since: u64::MAX,
             offer: None,
             restarts: 0,
             selected: false,
@@ -145,7 +148,7 @@ impl Link {
         self.watch_dpr(dpr);
         self.advance_air(reached, dpr);
         self.recorder.extend(self.dpr_events.take());
-        self.recorder.release(reached.min(self.announced.unwrap_or(u64::MAX)));
+        self.recorder.release(reached.min(self.announced.unwrap_or(u64::MAX)).min(self.untold_since));
     }
 
     /// Keeps the event log from now on.
@@ -470,6 +473,7 @@ impl<C: Cost> Downstream<Dpr, C> for Link {
 
     fn noted(&mut self, notes: Notes) {
         self.recorder.extend(notes.events);
+        self.untold_since = notes.untold_since;
         self.horus_lines.extend(notes.lines);
         if let Some(trace) = &mut self.trace {
             bus(trace, notes.crossings, trace::HORUS, [Wire::HorusCs, Wire::HorusIrq], HORUS_SPI_HZ);

@@ -24,12 +24,13 @@ use std::sync::Arc;
 
 use bench_judge::{Findings, Header, Log, LogWriter, Verdict};
 use cortex_m4::{Cost, Fast, Optimistic, Pessimistic};
-use gnss_sim::{Flight, LogError, Receiver};
+use gnss_sim::{Flight, LogError, Port, Receiver};
 use nrf52840::{Nrf52840, Settings};
 use profile::Layout;
 use st25r3916_model::{Chip, Config};
 use stm32f429::{Oscillators, Stm32f429};
 
+use crate::boards::receivers::Interface;
 use crate::boards::{self, Dpr, Horus};
 use crate::faults::{Campaign, Faults, Options};
 use crate::node::{self, Clock, Firmware, Node, Relay, Threads};
@@ -83,6 +84,10 @@ pub struct Setup {
     pub seed: u64,
     /// For each receiver in turn, a recorded log to play instead of the generated flight.
     pub recordings: Vec<Option<PathBuf>>,
+    /// Every generated receiver has so many solutions a second and refuses to be configured to another period.
+    pub receiver_hz: Option<u32>,
+    /// Every generated receiver starts with its factory settings.
+    pub factory_settings: bool,
     /// The crystals' errors.
     pub crystals: Crystals,
     /// What goes wrong on purpose.
@@ -113,6 +118,8 @@ impl Setup {
             threads: Threads::Two,
             seed: 1,
             recordings: vec![],
+            receiver_hz: None,
+            factory_settings: false,
             crystals: Crystals { horus_ppb: 8_000, dpr_ppb: -12_000, flight_controller_ppb: 25_000 },
             faults: Faults::none(),
             writes: false,
@@ -223,7 +230,11 @@ impl<C: Cost> Bench<C> {
         let stm32 = Stm32f429::new(Oscillators { hse_ppb: horus_ppb, ..Oscillators::default() });
         let nrf =
             Nrf52840::new(Settings { hfxo_ppb: dpr_ppb, lfxo_ppb: dpr_ppb, seed: setup.seed, ..Settings::default() });
-        let horus = Horus::new(chip(horus_ppb, setup.seed), setup.gps, traced);
+        let mut horus = Horus::new(chip(horus_ppb, setup.seed), setup.gps, traced);
+        horus.receivers.attend();
+        for (index, receiver) in receivers.iter().enumerate() {
+            horus.receivers.listen_at(index, receiver.bit_rate());
+        }
         let dpr = Dpr::new(chip(dpr_ppb, !setup.seed), traced);
         let mut config = flight_controller::Config {
             crystal_ppb: flight_controller_ppb,
@@ -520,7 +531,19 @@ fn receivers(setup: &Setup, flight: &Arc<Flight>) -> Result<Vec<Receiver>, LogEr
     (1..=setup.gps)
         .map(|index| match setup.recordings.get(index - 1) {
             Some(Some(path)) => Ok(Receiver::recorded(Arc::new(gnss_sim::Log::open(path)?))),
-            _ => Ok(Receiver::generated(index, setup.seed, flight.clone())),
+            _ => {
+                let port = match Interface::OF[index - 1] {
+                    Interface::Uart => Port::Uart1,
+                    Interface::I2c => Port::I2c,
+                    Interface::Spi => Port::Spi,
+                };
+                let receiver = Receiver::generated(index, setup.seed, flight.clone()).connected_by(port);
+                let receiver = match setup.receiver_hz {
+                    Some(hz) => receiver.with_fixed_period(1_000 / hz),
+                    None => receiver,
+                };
+                Ok(if setup.factory_settings { receiver.with_factory_settings() } else { receiver })
+            }
         })
         .collect()
 }

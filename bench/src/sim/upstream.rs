@@ -1,5 +1,7 @@
 //! What stands beside HORUS: its receivers, the antenna that takes what its front end emits, and what goes wrong there.
 
+use std::collections::VecDeque;
+
 use bench_judge::{Board as Side, Bytes, Event, What};
 use bench_seam::UartFrame;
 use cortex_m4::Cost;
@@ -10,8 +12,9 @@ use st25r3916_model::AirEvent;
 
 use super::board_events::BoardEvents;
 use crate::boards::front_end::Crossing;
+use crate::boards::receivers::{Given, Heard, Interface};
 use crate::boards::{Horus, InputChange};
-use crate::faults::receivers::{LineFaults, OnLine};
+use crate::faults::receivers::{LineFaults, OnLine, ReceiverFault};
 use crate::faults::{Fault, Faults, Timeline, Turn, Wires};
 use crate::node::{LogLine, Node, Upstream};
 use crate::trace::{Mark, TaskWatch, Wire};
@@ -19,22 +22,72 @@ use crate::trace::{Mark, TaskWatch, Wire};
 /// How long the pin TICK is high before each tick, ns.
 const TICK_PULSE_NS: u64 = TICK_PULSE_TICKS as u64 * 1_000 / TICKS_PER_US as u64;
 
-/// A receiver and what it sends next.
+/// From the end of a message that a receiver answers to the answer, ns. Interface descriptions promise one second;
+/// receivers take some tens of milliseconds.
+const ANSWERS_AFTER: u64 = 20_000_000;
+/// After a change of its bit rate a receiver may ignore what it is sent for so long, ns: u-blox integration manuals,
+/// "UART interfaces", "a short time delay of typically 100 ms".
+const DEAF_AFTER_BAUD: u64 = 100_000_000;
+/// A receiver that restarts says and hears nothing for so long, ns.
+const STARTS: u64 = 300_000_000;
+
+/// A receiver, and what it says next.
 #[derive(Clone, Debug)]
 struct Feed {
     receiver: Receiver,
-    upcoming: Option<Burst>,
+    /// When its next burst begins, ns; `u64::MAX` for never.
+    burst_at: u64,
+    /// Answers to what it was sent, each with its instant (ns).
+    answers: VecDeque<(u64, Vec<u8>)>,
+    /// It hears nothing before this, ns.
+    deaf_until: u64,
 }
 
 impl Feed {
     fn new(mut receiver: Receiver) -> Self {
-        let upcoming = receiver.next();
-        Self { receiver, upcoming }
+        let burst_at = receiver.next_at().unwrap_or(u64::MAX);
+        Self { receiver, burst_at, answers: VecDeque::new(), deaf_until: 0 }
     }
 
-    /// When its next burst begins, ns.
+    /// When it next says something, ns.
     fn next_at(&self) -> u64 {
-        self.upcoming.as_ref().map_or(u64::MAX, |burst| burst.at_ns)
+        self.burst_at.min(self.answers.front().map_or(u64::MAX, |(at, _)| *at))
+    }
+
+    /// What it says at `at` (ns) or before, next.
+    fn take(&mut self, at: u64) -> Option<Burst> {
+        if self.next_at() > at {
+            return None;
+        }
+        if let Some((at_ns, bytes)) = self.answers.pop_front_if(|(answered, _)| *answered <= self.burst_at) {
+            return Some(Burst { at_ns, bytes });
+        }
+        let burst = self.receiver.next();
+        self.burst_at = self.receiver.next_at().unwrap_or(u64::MAX);
+        burst
+    }
+
+    /// HORUS has sent it a byte, or something that it cannot read, by `at` (ns).
+    fn hear(&mut self, at: u64, byte: Option<u8>) {
+        if at < self.deaf_until {
+            return;
+        }
+        let rate = self.receiver.bit_rate();
+        if let Some(answer) = self.receiver.hear(at, byte) {
+            self.answers.push_back((at + ANSWERS_AFTER, answer));
+            self.burst_at = self.receiver.next_at().unwrap_or(u64::MAX);
+            if self.receiver.bit_rate() != rate {
+                self.deaf_until = at + DEAF_AFTER_BAUD;
+            }
+        }
+    }
+
+    /// It restarts at `at` (ns), and has lost what it had saved.
+    fn lose_settings(&mut self, at: u64) {
+        self.answers.clear();
+        self.deaf_until = at + STARTS;
+        self.receiver.restart(at + STARTS, true);
+        self.burst_at = self.receiver.next_at().unwrap_or(u64::MAX);
     }
 }
 
@@ -46,6 +99,7 @@ pub(super) struct Receivers {
     faults: Timeline,
     events: BoardEvents,
     wires: Wires,
+    seed: u64,
     /// What the pin TICK did, while there is a trace.
     marks: Vec<Mark>,
     /// HORUS's tasks, while there is a trace.
@@ -60,6 +114,7 @@ impl Receivers {
             faults: faults.timeline(true),
             events: BoardEvents::new(Side::Horus),
             wires: Wires::new(layout, seed),
+            seed,
             marks: vec![],
             tasks: None,
         }
@@ -97,15 +152,45 @@ impl Receivers {
         }
     }
 
+    /// What crossed the buses goes into the log.
+    fn watch_buses<C: Cost>(&mut self, node: &mut Node<Horus, C>) {
+        let now = node.now();
+        let (given, misuses) =
+            node.board_mut(|board| (board.receivers.take_given(now), board.receivers.take_misuses()));
+        for Given { receiver, at, byte_ns, bytes, clean } in given {
+            self.events.note(at, What::Fed { receiver, byte_ns, bytes: Bytes(bytes), clean });
+        }
+        for (at, text) in misuses {
+            self.events.note(at, What::Misuse { board: Side::Horus, text });
+        }
+    }
+
     /// What is on a line goes to the board and into the log.
     fn feed<C: Cost>(&mut self, node: &mut Node<Horus, C>, lines: Vec<OnLine>) {
         for OnLine { at_ns, receiver, frames, clean } in lines {
             let bytes: Vec<u8> = frames.iter().map(|frame| frame.data as u8).collect();
-            let begins = node.board_mut(|board| board.send(at_ns, receiver, frames));
-            let byte_ns = UartFrame::eight_n_one(0, GNSS_BAUD).ns();
+            if Interface::OF[receiver] != Interface::Uart {
+                // What is read of it, and when, the board tells.
+                node.board_mut(|board| board.receivers.offer(at_ns, receiver, &bytes));
+                continue;
+            }
+            // What was made for a line at the usual rate is on this one at the receiver's.
+            let baud = self.feeds[receiver].receiver.bit_rate();
+            let (frames, clean) = if baud == GNSS_BAUD { (frames, clean) } else { (at_rate(frames, baud), false) };
+            let begins = node.board_mut(|board| board.receivers.send(at_ns, receiver, frames));
+            let byte_ns = UartFrame::eight_n_one(0, baud).ns();
             self.events.note(begins, What::Fed { receiver, byte_ns, bytes: Bytes(bytes), clean });
         }
     }
+}
+
+/// `frames` with those that are ordinary ones at the usual rate at `baud`.
+fn at_rate(frames: Vec<UartFrame>, baud: u32) -> Vec<UartFrame> {
+    let at = |frame: UartFrame| {
+        let byte = frame.data as u8;
+        if frame == UartFrame::eight_n_one(byte, GNSS_BAUD) { UartFrame::eight_n_one(byte, baud) } else { frame }
+    };
+    frames.into_iter().map(at).collect()
 }
 
 /// What is told of the HORUS board as it runs ahead.
@@ -117,6 +202,9 @@ pub(super) struct Notes {
     pub(super) crossings: Vec<(u64, Crossing)>,
     /// What else goes into a trace: the pin TICK and the tasks.
     pub(super) marks: Vec<Mark>,
+    /// Since when a transaction with a receiver is under way, ns: its bytes are told when it is over. `u64::MAX` where
+    /// none is.
+    pub(super) untold_since: u64,
 }
 
 impl<C: Cost> Upstream<Horus, C> for Receivers {
@@ -124,7 +212,15 @@ impl<C: Cost> Upstream<Horus, C> for Receivers {
     type Notes = Notes;
 
     fn leave(&mut self, node: &mut Node<Horus, C>, sent: &mut Vec<(u64, AirEvent)>) {
-        node.board_mut(|board| sent.extend(board.front_end.take_air()));
+        let Self { feeds, .. } = self;
+        node.board_mut(|board| {
+            sent.extend(board.front_end.take_air());
+            for Heard { at, receiver, byte } in board.receivers.take_heard() {
+                let Some(feed) = feeds.get_mut(receiver) else { continue };
+                feed.hear(at, byte);
+                board.receivers.listen_at(receiver, feed.receiver.bit_rate());
+            }
+        });
     }
 
     fn notes(&mut self, node: &mut Node<Horus, C>) -> Notes {
@@ -135,12 +231,14 @@ impl<C: Cost> Upstream<Horus, C> for Receivers {
         }
         self.watch_ticks(node);
         self.watch_inputs(node);
+        self.watch_buses(node);
+        let untold_since = node.board().receivers.untold_since();
         let mut marks = std::mem::take(&mut self.marks);
         self.events.watch(node);
         if let Some(tasks) = &mut self.tasks {
             marks.extend(tasks.take(node));
         }
-        Notes { lines: node.take_log(), events: self.events.take(), crossings, marks }
+        Notes { lines: node.take_log(), events: self.events.take(), crossings, marks, untold_since }
     }
 
     fn next_at(&self) -> u64 {
@@ -153,6 +251,25 @@ impl<C: Cost> Upstream<Horus, C> for Receivers {
             let (Turn::Begins(episode) | Turn::Ends(episode)) = &turn;
             let begins = matches!(turn, Turn::Begins(_));
             match episode.fault {
+                Fault::Receiver(receiver, ReceiverFault::LosesSettings) => {
+                    if begins && let Some(feed) = self.feeds.get_mut(receiver) {
+                        self.events.injected(node.now(), episode);
+                        feed.lose_settings(node.now());
+                        let baud = feed.receiver.bit_rate();
+                        node.board_mut(|board| board.receivers.listen_at(receiver, baud));
+                    }
+                }
+                Fault::Receiver(receiver, ReceiverFault::Bus(fault)) => {
+                    let now = node.now();
+                    if begins {
+                        self.events.injected(now, episode);
+                        // Episodes that begin at other instants have other random numbers.
+                        let seed = self.seed ^ episode.at;
+                        node.board_mut(|board| board.receivers.begin_fault(now, receiver, fault, seed));
+                    } else {
+                        node.board_mut(|board| board.receivers.end_fault(receiver, fault));
+                    }
+                }
                 Fault::Receiver(receiver, fault) if begins => {
                     self.events.injected(node.now(), episode);
                     self.lines.begin(node.now(), episode.until, receiver, fault);
@@ -189,13 +306,11 @@ impl<C: Cost> Upstream<Horus, C> for Receivers {
             }
         }
         for index in 0..self.feeds.len() {
-            let feed = &mut self.feeds[index];
-            if feed.next_at() > at {
-                continue;
-            }
-            if let Some(burst) = std::mem::replace(&mut feed.upcoming, feed.receiver.next()) {
-                let lines = self.lines.burst(burst.at_ns, index, &burst.bytes);
-                self.feed(node, lines);
+            while let Some(burst) = self.feeds[index].take(at) {
+                if !burst.bytes.is_empty() {
+                    let lines = self.lines.burst(burst.at_ns, index, &burst.bytes);
+                    self.feed(node, lines);
+                }
             }
         }
         let lines = self.lines.take(at);

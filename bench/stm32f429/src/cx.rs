@@ -239,13 +239,16 @@ pub(crate) struct Pads {
     pub(crate) routes: [[Option<Pin>; 2]; SIGNALS],
     /// The levels on the pins of each port.
     pub(crate) levels: [u16; 11],
+    /// Pins of each port whose output is an open drain.
+    pub(crate) open_drain: [u16; 11],
     /// What the DAC drives PA4 and PA5 to, in microvolts.
     pub(crate) dac: [Option<i32>; 2],
 }
 
 impl Pads {
     /// Nothing connected, everything low.
-    pub(crate) const OPEN: Self = Self { routes: [[None; 2]; SIGNALS], levels: [0; 11], dac: [None; 2] };
+    pub(crate) const OPEN: Self =
+        Self { routes: [[None; 2]; SIGNALS], levels: [0; 11], open_drain: [0; 11], dac: [None; 2] };
 
     /// The pins in alternate function mode whose selected function is `signal`: the lowest two by port and number.
     pub(crate) fn pins(&self, signal: Signal) -> [Option<Pin>; 2] {
@@ -255,6 +258,11 @@ impl Pads {
     /// The level on `pin`, whoever drives it; a floating one is low.
     pub(crate) fn level(&self, pin: Pin) -> bool {
         self.levels[usize::from(pin.port)] >> pin.number & 1 != 0
+    }
+
+    /// Whether `pin` is an open drain.
+    pub(crate) fn is_open_drain(&self, pin: Pin) -> bool {
+        self.open_drain[usize::from(pin.port)] >> pin.number & 1 != 0
     }
 
     /// The level of the first pin connected to `signal`, `None` where none is: the instance states what it makes of it.
@@ -398,9 +406,10 @@ pub(crate) trait Peripheral: Clone {
     }
 
     /// The DMA has served request `bit` (it has read or written where its stream points, which may be another register
-    /// than the data register). `last`: NDTR became 0, the end-of-transfer signal that the I2C's LAST bit uses.
-    fn dma_served(&mut self, bit: u8, last: bool, cx: &mut Cx) {
-        let _ = (bit, last, cx);
+    /// than the data register). `left` is NDTR after that: 0 is the end of the transfer, 1 the signal EOT_1 that the
+    /// I2C's LAST bit uses.
+    fn dma_served(&mut self, bit: u8, left: u32, cx: &mut Cx) {
+        let _ = (bit, left, cx);
     }
 
     /// The clock tree is another from `cx.now` on: what is pending is timed anew, from `old` to `cx.clocks`.

@@ -262,6 +262,11 @@ impl Stream {
         self.left == 0
     }
 
+    /// Items that are left of the lap.
+    pub(crate) const fn left(&self) -> u32 {
+        self.left
+    }
+
     /// The lap is over and its data is where it belongs.
     pub(crate) fn end_of_lap(&mut self) {
         self.flags |= TCIF;

@@ -87,7 +87,8 @@ impl Stm32f429 {
         let stream = &mut self.dma[nth].streams[number];
         stream.step_peripheral();
         let last = stream.count();
-        with!(self, instance, p => p.dma_served(request, last, cx!(self, instance, now, None)));
+        let left = stream.left();
+        with!(self, instance, p => p.dma_served(request, left, cx!(self, instance, now, None)));
         self.dirty |= 1 << instance;
         if direction == Direction::FromPeripheral {
             while self.dma[nth].streams[number].drains() {

@@ -14,7 +14,7 @@
 //! # Errata (ES0206 rev 24, and AN4031) of what is used here
 //!
 //! - AN4031, DMA2: DMA2 may corrupt data when it serves AHB and APB peripherals at once. Here: DMA2 serves APB2 alone:
-//!   SPI1 and USART6.
+//!   SPI1 and SPI5.
 //!
 //! `unsafe` here: shared access to the controllers' register blocks, addresses that a stream is given, and flag
 //! registers that are written as words.

@@ -40,6 +40,7 @@ pub(super) fn enable_ports() {
         pac::GPIOC::enable_unchecked();
         pac::GPIOD::enable_unchecked();
         pac::GPIOE::enable_unchecked();
+        pac::GPIOF::enable_unchecked();
     }
 }
 
@@ -51,10 +52,12 @@ fn block(port: Port) -> &'static gpioa::RegisterBlock {
         Port::C => pac::GPIOC::ptr().cast(),
         Port::D => pac::GPIOD::ptr().cast(),
         Port::E => pac::GPIOE::ptr().cast(),
+        Port::F => pac::GPIOF::ptr().cast(),
     };
     // SAFETY: a register block is always there, and every access through it is volatile. All ports have the same
     // registers (RM0090 "GPIO register map"); they differ in reset values alone. Configuration registers are changed
-    // only where nothing interrupts: in `init`, before interrupts are enabled, and in the safe state, after they are
+    // only where no other change can come in between: in `init`, before interrupts are enabled; by the tasks of the
+    // receivers' sources, which have one priority ([`drive`], [`connect`]); and in the safe state, after interrupts are
     // disabled for ever.
     unsafe { &*block }
 }
@@ -96,6 +99,32 @@ pub(super) fn alternate(alternate: AlternatePin, speed: Speed, pull: Pull) {
 pub(super) fn output(pin: Pin, speed: Speed, high: bool) {
     write(pin, high);
     configure(pin, OUTPUT, speed, Pull::None);
+}
+
+/// Connects a pin to its peripheral as an output that only ever pulls low, and whose level can be read. Its latch is
+/// high, so that [`drive`] releases it at first.
+pub(super) fn open_drain(alternate_pin: AlternatePin) {
+    let AlternatePin { pin, .. } = alternate_pin;
+    write(pin, true);
+    // SAFETY: one bit a pin; it is this pin's alone that changes.
+    block(pin.port).otyper().modify(|r, w| unsafe { w.bits(with_field(r.bits(), pin.number, 1, 1)) });
+    alternate(alternate_pin, Speed::Low, Pull::None);
+}
+
+/// Takes a pin that was set up by [`open_drain`] from its peripheral: [`write`] drives it. For the tasks of the
+/// receivers' sources alone.
+pub(super) fn drive(pin: Pin) {
+    set_mode(pin, OUTPUT);
+}
+
+/// Gives a pin back to its peripheral. For the tasks of the receivers' sources alone.
+pub(super) fn connect(pin: Pin) {
+    set_mode(pin, ALTERNATE);
+}
+
+fn set_mode(pin: Pin, mode: u32) {
+    // SAFETY: every two-bit value is a mode, and it is this pin's field alone that changes.
+    block(pin.port).moder().modify(|r, w| unsafe { w.bits(with_field(r.bits(), pin.number, 2, mode)) });
 }
 
 /// Makes a pin an input.

@@ -11,10 +11,13 @@
 //! | [`clock`] | the choice of the oscillator, and what happens when it fails |
 //! | [`cycle_timer`] | TIM2: ticks, slots, and the command that fires a frame |
 //! | [`radio`] | the front end: SPI1, chip select, IRQ pin, TIM5; the field off |
-//! | [`gnss`] | the receivers' UARTs and rings |
+//! | [`gnss`] | the receivers' sources, and what comes from and goes to them |
+//! | [`uart`], [`ddc`], [`spi`] | a receiver on a UART, on I2C, on SPI |
+//! | [`steps`] | one-shot timers of those |
 //! | [`dma`] | DMA streams |
 //! | [`gpio`] | pins |
 //! | [`state_inputs`] | the pairs of pins that tell HORUS's state |
+//! | [`registers`] | addresses of register blocks, for the board's table |
 //! | [`reset`] | the reason of the last reset, and how many the watchdog has made |
 //!
 //! `main.rs` denies `unsafe` code; each file in this folder allows it for itself, and says in its heading what for. All
@@ -40,12 +43,17 @@ use horus_tx_fw::{protection, telemetry::Telemetry};
 
 pub mod clock;
 pub mod cycle_timer;
+mod ddc;
 mod dma;
 pub mod gnss;
 mod gpio;
 pub mod radio;
+pub mod registers;
 pub mod reset;
+mod spi;
 pub mod state_inputs;
+mod steps;
+mod uart;
 
 /// What the debugger or the bench reads.
 #[no_mangle]

@@ -11,10 +11,16 @@
 //! | `Offset`, `Drifts`, `FrozenPosition`, `Understates`, `Absurd` | NAV-PVT with another position or accuracy |
 //! | `TimeJumps`, `OtherLength` | the receiver's messages of another time, or of another length |
 //! | `Restarts` | nothing, then messages of a receiver that knows neither time nor place |
+//! | `LosesSettings` | what the receiver says with factory settings, until it is configured: `gnss_sim` |
 //! | `LateBursts` | the receiver's messages, later |
 //! | `WrongBaud`, `Noise`, `FramingErrors` | the receiver's messages, damaged frame by frame |
 //! | `Break` | a low level |
+//! | `Bus` | what [`bus`] says: the board does that |
+//!
+//! A receiver on I2C or SPI has no line of its own: what would be on it waits in the receiver until it is read. Faults of
+//! a UART fit receivers on a UART alone, faults of a bus those on that bus ([`ReceiverFault::fits`]).
 
+pub mod bus;
 mod messages;
 #[cfg(test)]
 mod tests;
@@ -26,6 +32,8 @@ use gnss_sim::ubx;
 use horus_tx_fw::timing::GNSS_BAUD;
 
 use super::Rng;
+use crate::boards::receivers::Interface;
+pub use bus::BusFault;
 use messages::{
     each_message, last_itow, last_position, move_by, set_fields, set_itow, with_bad_checksums, without_fix,
 };
@@ -89,6 +97,11 @@ pub enum ReceiverFault {
     LateBursts(u64),
     /// The checksum of every message is wrong.
     BadChecksums,
+    /// Restarts with its factory settings: on a UART at 38 400 bit/s, NMEA alone, a solution a second. It stays so until
+    /// HORUS configures it.
+    LosesSettings,
+    /// Its bus fails.
+    Bus(BusFault),
 }
 
 /// A field that has a value which it cannot have.
@@ -187,6 +200,18 @@ impl ReceiverFault {
             Self::NoFix => "without a fix",
             Self::LateBursts(_) => "sends late",
             Self::BadChecksums => "sends wrong checksums",
+            Self::LosesSettings => "loses its settings",
+            Self::Bus(fault) => fault.name(),
+        }
+    }
+
+    /// Whether a receiver with this interface can have it.
+    #[must_use]
+    pub fn fits(self, interface: Interface) -> bool {
+        match self {
+            Self::WrongBaud(_) | Self::Break | Self::Noise | Self::FramingErrors => interface == Interface::Uart,
+            Self::Bus(fault) => interface == fault.interface(),
+            _ => true,
         }
     }
 
@@ -368,6 +393,7 @@ impl LineFaults {
             }),
             ReceiverFault::NoFix => each_message(bytes, |class, id, payload| without_fix(class, id, payload, false)),
             ReceiverFault::BadChecksums => with_bad_checksums(bytes),
+            ReceiverFault::LosesSettings | ReceiverFault::Bus(_) => bytes.to_vec(),
             ReceiverFault::LateBursts(ns) => {
                 let mut late = OnLine::clean(at.saturating_add(ns), receiver, bytes);
                 late.at_ns = late.at_ns.max(line.waiting.back().map_or(0, |before| before.at_ns));

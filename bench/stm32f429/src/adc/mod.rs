@@ -322,10 +322,10 @@ impl Peripheral for Adc {
         (0..3).map(|index| u32::from(self.converters[index].request) << index).sum()
     }
 
-    fn dma_served(&mut self, bit: u8, last: bool, _: &mut Cx) {
+    fn dma_served(&mut self, bit: u8, left: u32, _: &mut Cx) {
         if let Some(converter) = self.converters.get_mut(usize::from(bit)) {
             converter.request = false;
-            converter.dma_ended = last && converter.cr2 & DDS == 0;
+            converter.dma_ended = left == 0 && converter.cr2 & DDS == 0;
         }
     }
 

@@ -44,7 +44,7 @@ fn a_scan_asks_the_dma_for_each_channel_and_overruns_where_it_does_not_come() {
     rig.write(CR2, ADON | DMA | SWSTART);
     rig.run(30);
     assert_eq!((rig.instance.dma(), rig.read(0) & EOC), (1, 0));
-    rig.call(|adc, cx| adc.dma_served(0, false, cx));
+    rig.call(|adc, cx| adc.dma_served(0, 7, cx));
     rig.run(60);
     assert_eq!((rig.instance.dma(), rig.read(0) & EOC), (1, EOC));
     rig.write(CR2, ADON | DMA | SWSTART);

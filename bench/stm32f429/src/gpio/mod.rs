@@ -216,6 +216,7 @@ impl Gpio {
         p.output = fields(p.moder, 1);
         p.analog = fields(p.moder, 3);
         p.open_drain = p.otyper as u16;
+        self.pads.open_drain[port] = p.open_drain;
         // Pulls are off in analog mode, 8.3.12; 11 is reserved: neither.
         p.pull_up = fields(p.pupdr, 1) & !p.analog;
         p.pull_down = fields(p.pupdr, 2) & !p.analog;

@@ -6,17 +6,30 @@
 //! | `SB`, `ADDR`, `TXE`, `RXNE`, `BTF`, `AF` and what clears them; the clock held low until software acts | 27.6.6 |
 //! | `ACK`, `POS`, `SWRST`, `PE`; a bit's length from `CCR`, `DUTY`, `F/S` | 27.6.1, 27.6.8 |
 //! | A clock that a peripheral stretches, DMA requests, both interrupts | 27.3.7, 27.4 |
+//! | `LAST`: the byte after the one that leaves one to the DMA (EOT_1) is not acknowledged | 27.3.7 |
+//! | `BUSY` from the lines, also with `PE` clear; a start waits until the bus is free | 27.6.7 |
+//! | A clock that somebody else holds low: the step goes on when it is let go of, if ever | 27.3.3 |
+//! | `ARLO`: a one that somebody else makes a zero ends the transfer at that bit | 27.3.4 |
+//! | `BERR`: an edge of SDA while SCL is high within a byte; the transfer goes on | 27.3.4, ES0206 2.9.6 |
+//! | A start that was asked for when a stop came from nowhere is never generated | ES0206 2.9.2 |
 //!
-//! **Left out, each a finding when it is used:** slave mode, ten-bit addresses, SMBus, PEC, the general call. There is
-//! no other master, so `ARLO` and `BERR` never rise. `TRISE` does not lengthen a bit.
+//! **Left out, each a finding when it is used:** slave mode, ten-bit addresses, SMBus, PEC, the general call. `TRISE`
+//! does not lengthen a bit. The filters (`FLTR`, 50 ns) let every pulse through. A spurious `BERR` without any cause
+//! (ES0206 2.9.6) does not happen.
 //!
-//! `LAST`: the DMA says that it has served the last byte, not that one is left, so the last byte is acknowledged on the
-//! bus where silicon does not; no further byte is clocked in.
+//! `steps` has what happens on the wires, this module the registers, `lines` what others do to the wires.
 //!
-//! `steps` has what happens on the wires, this module the registers.
+//! # Lines
+//!
+//! What this I2C drives it does not see on its pads: a transfer is told to the board in steps ([`I2cEvent`]). The pads
+//! have what the board drives and, while they are general purpose pins, what software drives; a pull-up is the board's.
+//! So a line that is low while this I2C drives nothing is held by somebody else, and `BUSY` follows: set by either line
+//! low, cleared by a stop (SDA rises while SCL is high) and by `SWRST`. A clock that was held and is let go of is no
+//! stop, and neither is a transfer that `PE` or `ARLO` cut short: `BUSY` stays until software resets the I2C.
 //!
 //! Every step (start, address or data byte with its acknowledge, stop) is one event at its end.
 
+mod lines;
 mod steps;
 #[cfg(test)]
 mod tests;
@@ -47,6 +60,8 @@ const ADDR: u32 = 1 << 1;
 const BTF: u32 = 1 << 2;
 const RXNE: u32 = 1 << 6;
 const TXE: u32 = 1 << 7;
+const BERR: u32 = 1 << 8;
+const ARLO: u32 = 1 << 9;
 const AF: u32 = 1 << 10;
 
 const MSL: u32 = 1 << 0;
@@ -85,7 +100,20 @@ pub(crate) struct I2c {
     shifted: u8,
     /// The step under way, and what the bus answered where it stretches the clock.
     step: Option<(Step, Option<I2cAnswer>)>,
+    /// When the step under way began, and since when SDA is held low in it.
+    began: Cycle,
+    low_since: Option<Cycle>,
+    /// The bits of the step, from its first, at whose sample SDA was held low.
+    low: u16,
+    /// The bit under way is lost to somebody else at [`I2c::due`].
+    loses: bool,
+    /// What is left of the step while somebody else holds its clock or, for a stop, SDA.
+    held: Option<u64>,
     due: Cycle,
+    /// The next byte is not acknowledged, since the DMA has said EOT_1.
+    is_last: bool,
+    /// A start was asked for when a stop came from nowhere: it is never generated.
+    start_lost: bool,
     /// SR1 was read since: the first step of the clearing sequences.
     status_read: bool,
     /// The acknowledge that POS holds back for a byte.
@@ -112,7 +140,14 @@ impl I2c {
             data: 0,
             shifted: 0,
             step: None,
+            began: 0,
+            low_since: None,
+            low: 0,
+            loses: false,
+            held: None,
             due: NEVER,
+            is_last: false,
+            start_lost: false,
             status_read: false,
             held_ack: false,
             goes_on: false,
@@ -127,7 +162,7 @@ impl I2c {
                 if value & 0xF8 == 0xF0 {
                     cx.find(FindingKind::Unmodelled, "a ten-bit address");
                 }
-                self.begin(Step::Address(value), cx.now);
+                self.begin(Step::Address(value), cx.now, cx);
             }
             return;
         }
@@ -166,6 +201,9 @@ impl I2c {
             *self = Self { pclk: self.pclk, cr1: SWRST, ..Self::new(self.number) };
             return;
         }
+        if self.cr1 & SWRST != 0 {
+            self.look_at_lines(cx);
+        }
         if value & (SMBUS | ENPEC | ENGC) != 0 {
             cx.find(FindingKind::Unmodelled, "SMBus, PEC or the general call");
         }
@@ -174,9 +212,10 @@ impl I2c {
             // START and STOP need PE.
             self.cr1 &= !(START | STOP | ACK);
             self.sr1 = 0;
-            self.sr2 = 0;
-            self.step = None;
-            self.due = NEVER;
+            // Nobody has ended what was under way.
+            self.sr2 &= BUSY;
+            self.abandon();
+            self.start_lost = false;
             return;
         }
         if value & START != 0 {
@@ -215,6 +254,10 @@ impl Peripheral for I2c {
 
     fn write(&mut self, offset: u32, width: Width, value: u32, cx: &mut Cx) {
         let value = crate::lanes(width, value) & 0xFFFF;
+        if self.cr1 & SWRST != 0 && offset & !3 != 0 {
+            cx.find_value(FindingKind::Misuse, "written while CR1.SWRST is set: nothing is kept, offset", offset);
+            return;
+        }
         match offset & !3 {
             0x00 => self.write_cr1(value, cx),
             0x04 => self.cr2 = value & 0x1F3F,
@@ -265,7 +308,7 @@ impl Peripheral for I2c {
     fn irq(&self) -> u32 {
         let buffer = if self.cr2 & ITBUFEN != 0 { TXE | RXNE } else { 0 };
         let event = self.cr2 & ITEVTEN != 0 && self.sr1 & (SB | ADDR | BTF | buffer) != 0;
-        let error = self.cr2 & ITERREN != 0 && self.sr1 & AF != 0;
+        let error = self.cr2 & ITERREN != 0 && self.sr1 & (BERR | ARLO | AF) != 0;
         u32::from(event) | u32::from(error) << 1
     }
 
@@ -276,25 +319,31 @@ impl Peripheral for I2c {
         u32::from(self.sr1 & RXNE != 0) | u32::from(self.sr1 & TXE != 0) << 1
     }
 
-    fn dma_served(&mut self, bit: u8, last: bool, _: &mut Cx) {
-        if bit == 0 && last && self.cr2 & LAST != 0 {
-            self.goes_on = false;
-            if matches!(self.step, Some((Step::Read, None))) {
-                self.step = None;
-                self.due = NEVER;
-            }
+    fn dma_served(&mut self, bit: u8, left: u32, _: &mut Cx) {
+        if bit == 0 && left == 1 && self.cr2 & LAST != 0 {
+            self.is_last = true;
         }
     }
 
     fn clocks_changed(&mut self, old: &Clocks, cx: &mut Cx) {
         self.pclk = cx.clocks.pclk1;
+        let scaled = |cycles: u64| cycles * u64::from(self.pclk) / u64::from(old.pclk1.max(1));
         if self.due != NEVER {
-            let left = self.due.saturating_sub(cx.now);
-            self.due = cx.now + left * u64::from(self.pclk) / u64::from(old.pclk1.max(1));
+            self.due = cx.now + scaled(self.due.saturating_sub(cx.now));
         }
+        self.began = cx.now.saturating_sub(scaled(cx.now.saturating_sub(self.began)));
+        self.held = self.held.map(scaled);
     }
 
     fn reset(&mut self) {
         *self = Self { pclk: self.pclk, ..Self::new(self.number) };
+    }
+
+    fn input(&mut self, signal: Signal, level: bool, cx: &mut Cx) {
+        match signal {
+            Signal::I2c(_, I2cPin::Scl) => self.clock_changed(level, cx),
+            Signal::I2c(_, I2cPin::Sda) => self.data_changed(level, cx),
+            _ => {}
+        }
     }
 }

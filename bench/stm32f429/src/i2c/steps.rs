@@ -5,7 +5,7 @@ use super::*;
 
 impl I2c {
     /// Core cycles of a bit.
-    fn bit(&self) -> u64 {
+    pub(super) fn bit(&self) -> u64 {
         let count = u64::from(self.ccr & 0xFFF).max(1);
         let periods = match self.ccr & (FAST | DUTY) {
             bits if bits & FAST == 0 => 2 * count,
@@ -15,13 +15,15 @@ impl I2c {
         periods * u64::from(self.pclk)
     }
 
-    pub(super) fn begin(&mut self, step: Step, from: Cycle) {
+    pub(super) fn begin(&mut self, step: Step, from: Cycle, cx: &Cx) {
         let bits = match step {
             Step::Start | Step::Stop => 1,
             _ => 9,
         };
         self.step = Some((step, None));
+        self.began = from;
         self.due = from + bits * self.bit();
+        self.begun(cx);
     }
 
     /// Begins what is asked for and possible while nothing is under way.
@@ -33,26 +35,35 @@ impl I2c {
         // The clock is held low until these are cleared.
         if self.sr1 & (SB | ADDR) != 0 {
             if self.sr1 & SB != 0 && self.cr1 & STOP != 0 {
-                self.begin(Step::Stop, from);
+                self.begin(Step::Stop, from, cx);
             }
             return;
         }
         if is_master && self.cr1 & STOP != 0 {
-            self.begin(Step::Stop, from);
+            self.begin(Step::Stop, from, cx);
         } else if self.cr1 & START != 0 && (is_master || self.sr2 & BUSY == 0) {
-            if self.pins(cx).is_none() {
+            let Some((scl, sda)) = self.pins(cx) else {
                 cx.find(FindingKind::Misuse, "a start without both pins connected: the bus is never free");
                 return;
+            };
+            if !cx.pads.is_open_drain(scl) || !cx.pads.is_open_drain(sda) {
+                cx.find(
+                    FindingKind::Misuse,
+                    "a start with a pin that is no open drain: peripherals cannot pull it low",
+                );
             }
-            self.begin(Step::Start, from);
+            if self.start_lost {
+                return;
+            }
+            self.begin(Step::Start, from, cx);
         } else if is_master && self.sr1 & AF == 0 {
             if self.sr2 & TRA != 0 {
                 if self.sr1 & TXE == 0 && self.goes_on {
                     self.sr1 |= TXE;
-                    self.begin(Step::Write(self.data), from);
+                    self.begin(Step::Write(self.data), from, cx);
                 }
             } else if self.goes_on && self.sr1 & BTF == 0 {
-                self.begin(Step::Read, from);
+                self.begin(Step::Read, from, cx);
             }
         }
     }
@@ -64,12 +75,17 @@ impl I2c {
     }
 
     fn acknowledges(&self) -> bool {
-        if self.cr1 & POS != 0 { self.held_ack } else { self.cr1 & ACK != 0 }
+        !self.is_last && if self.cr1 & POS != 0 { self.held_ack } else { self.cr1 & ACK != 0 }
     }
 
     pub(super) fn finish<W: Wires>(&mut self, cx: &mut Cx, wires: &mut W) {
-        let Some((step, answered)) = self.step.take() else { return };
         let at = self.due;
+        if self.loses {
+            self.lose();
+            return;
+        }
+        self.mark_low(at);
+        let Some((step, answered)) = self.step.take() else { return };
         self.due = NEVER;
         let event = match step {
             Step::Start => None,
@@ -91,11 +107,21 @@ impl I2c {
             }
             _ => I2cAnswer::NOBODY,
         };
+        let (_, sda) = self.lines(cx);
+        if step == Step::Start && !sda {
+            // There is no falling edge to make.
+            self.lose();
+            return;
+        }
         self.done(step, answer);
         self.go_on(at, cx);
     }
 
-    fn done(&mut self, step: Step, answer: I2cAnswer) {
+    fn done(&mut self, step: Step, mut answer: I2cAnswer) {
+        // A zero that somebody else makes: in the ninth bit it is an acknowledge.
+        answer.acknowledged |= self.low & 1 << 8 != 0;
+        let zeros = (0..8).fold(0_u8, |zeros, bit| zeros << 1 | u8::from(self.low >> bit & 1 != 0));
+        answer.data &= !zeros;
         match step {
             Step::Start => {
                 self.cr1 &= !START;
@@ -103,6 +129,7 @@ impl I2c {
                 self.sr2 = self.sr2 & !TRA | MSL | BUSY;
                 self.status_read = false;
                 self.goes_on = false;
+                self.is_last = false;
             }
             Step::Address(byte) => {
                 if answer.acknowledged {
@@ -125,6 +152,7 @@ impl I2c {
             }
             Step::Read => {
                 self.goes_on = self.acknowledges();
+                self.is_last = false;
                 self.held_ack = self.cr1 & ACK != 0;
                 if self.sr1 & RXNE != 0 {
                     self.shifted = answer.data;

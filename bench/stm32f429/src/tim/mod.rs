@@ -332,7 +332,7 @@ impl Peripheral for Tim {
         self.requests
     }
 
-    fn dma_served(&mut self, bit: u8, _: bool, _: &mut Cx) {
+    fn dma_served(&mut self, bit: u8, _: u32, _: &mut Cx) {
         if self.burst_left == 0 {
             self.requests &= !(1 << bit);
         } else {

@@ -319,7 +319,7 @@ fn an_update_request_stays_until_the_dma_has_served_it_and_a_burst_as_often_as_i
     for value in [7, 8] {
         assert_eq!(rig.instance.dma(), DMA_UPDATE);
         rig.write(DMAR, value);
-        rig.call(|timer, cx| timer.dma_served(0, false, cx));
+        rig.call(|timer, cx| timer.dma_served(0, 7, cx));
     }
     assert_eq!(rig.instance.dma(), 0);
     assert_eq!((rig.read(CCR1), rig.read(CCR2)), (7, 8));

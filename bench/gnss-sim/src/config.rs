@@ -1,0 +1,284 @@
+//! A receiver's configuration: UBX-CFG-VALSET, its keys, and what the receiver answers.
+//!
+//! # Sources
+//!
+//! u-blox F9 and M9 interface descriptions, "Configuration interface" and UBX-CFG-VALSET, UBX-ACK-ACK, UBX-ACK-NAK. The
+//! keys agree in the public key lists of pyubx2 and of SparkFun's u-blox library. Factory settings: ZED-F9R data sheet
+//! (UBX-22024085), "Default interface settings".
+//!
+//! # What is kept
+//!
+//! - A message is applied whole or refused whole: a key that the receiver does not know, a value that it cannot have, a
+//!   layer that does not exist, an item that is cut off, more than 64 items.
+//! - Layers: RAM, which a restart clears; battery-backed RAM and flash, which are one here and survive it.
+//! - Keys of all of the receiver's ports are known, whatever the receiver is connected by; those of this port act.
+//! - A receiver without inertial sensors does not know the keys of NAV-ATT and ESF-INS, as its firmware does not.
+//! - A message with a wrong checksum, and noise between messages, are ignored without an answer.
+//!
+//! # Left out
+//!
+//! Transactions, UBX-CFG-VALGET and UBX-CFG-VALDEL, the configuration messages of generation 8, and input over NMEA or
+//! RTCM. A message of class CFG that is none of these is refused, any other is ignored.
+
+use std::collections::BTreeMap;
+
+use crate::ubx::{self, Frame};
+
+/// Message class CFG, configuration.
+pub const CLASS_CFG: u8 = 0x06;
+/// UBX-CFG-VALSET.
+pub const VALSET: u8 = 0x8A;
+/// Message class ACK.
+pub const CLASS_ACK: u8 = 0x05;
+/// UBX-ACK-ACK.
+pub const ACK: u8 = 0x01;
+/// UBX-ACK-NAK.
+pub const NAK: u8 = 0x00;
+
+/// Items in one UBX-CFG-VALSET at most.
+const MOST_ITEMS: usize = 64;
+/// The longest message that a receiver takes here: 64 items of eight bytes fit.
+const LONGEST: usize = 1024;
+
+/// CFG-RATE-MEAS: the measurement period, ms.
+pub const RATE_MEAS: u32 = 0x3021_0001;
+/// CFG-RATE-NAV: measurements of one navigation solution.
+pub const RATE_NAV: u32 = 0x3021_0002;
+/// CFG-UART1-BAUDRATE, bit/s.
+pub const UART1_BAUDRATE: u32 = 0x4052_0001;
+/// CFG-MSGOUT-UBX_NAV_PVT_I2C; see [`Port::output_key`].
+pub const MSGOUT_NAV_PVT: u32 = 0x2091_0006;
+/// CFG-MSGOUT-UBX_NAV_ATT_I2C.
+pub const MSGOUT_NAV_ATT: u32 = 0x2091_001F;
+/// CFG-MSGOUT-UBX_ESF_INS_I2C.
+pub const MSGOUT_ESF_INS: u32 = 0x2091_0114;
+/// In a group of output protocols: UBX.
+pub const OUTPROT_UBX: u32 = 1;
+/// NMEA.
+pub const OUTPROT_NMEA: u32 = 2;
+
+/// The bit rates that a receiver's UART has: data sheet, UART specifications, and interface description.
+const BAUD_RATES: [u64; 8] = [9_600, 19_200, 38_400, 57_600, 115_200, 230_400, 460_800, 921_600];
+
+/// What a receiver is connected by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Port {
+    /// UART1.
+    Uart1,
+    /// I2C, which u-blox calls DDC.
+    I2c,
+    /// SPI.
+    Spi,
+}
+
+impl Port {
+    /// The ports whose keys a receiver knows, with USB and UART2, by their place in a group of CFG-MSGOUT keys.
+    const PLACES: u32 = 5;
+
+    /// The key of a message's output rate on this port: `group` is its key on I2C.
+    #[must_use]
+    pub const fn output_key(self, group: u32) -> u32 {
+        group
+            + match self {
+                Self::I2c => 0,
+                Self::Uart1 => 1,
+                Self::Spi => 4,
+            }
+    }
+
+    /// The key of an output protocol on this port.
+    #[must_use]
+    pub const fn protocol_key(self, protocol: u32) -> u32 {
+        protocol
+            | match self {
+                Self::I2c => 0x1072_0000,
+                Self::Uart1 => 0x1074_0000,
+                Self::Spi => 0x107A_0000,
+            }
+    }
+}
+
+/// What a receiver puts out, and how: what follows from its configuration.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Output {
+    /// From one solution to the next, ms.
+    pub period_ms: u32,
+    /// NAV-PVT with every so many solutions; 0: never.
+    pub position: u32,
+    /// The same of NAV-ATT.
+    pub attitude: u32,
+    /// The same of ESF-INS.
+    pub inertial: u32,
+    /// The NMEA sentences that a receiver sends from the factory, with every solution.
+    pub nmea: bool,
+    /// Bit rate of UART1, bit/s.
+    pub bit_rate: u32,
+}
+
+/// What a receiver's hardware and firmware have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Abilities {
+    pub(crate) attitude: bool,
+    pub(crate) inertial: bool,
+    /// The period cannot be set.
+    pub(crate) fixed_period: bool,
+}
+
+/// A receiver's configuration, and the message that it is being sent.
+#[derive(Debug, Clone)]
+pub(crate) struct Configuration {
+    port: Port,
+    abilities: Abilities,
+    factory: BTreeMap<u32, u64>,
+    saved: BTreeMap<u32, u64>,
+    ram: BTreeMap<u32, u64>,
+    /// From the first byte on that may begin a message.
+    input: Vec<u8>,
+}
+
+impl Configuration {
+    /// Factory settings; of a receiver whose period cannot be set, with that period.
+    pub(crate) fn new(port: Port, abilities: Abilities, period_ms: u32) -> Self {
+        let mut factory = BTreeMap::new();
+        for protocols in [0x1072_0000, 0x1074_0000, 0x107A_0000] {
+            factory.insert(protocols | OUTPROT_UBX, 1);
+            factory.insert(protocols | OUTPROT_NMEA, 1);
+        }
+        let groups =
+            [(MSGOUT_NAV_PVT, true), (MSGOUT_NAV_ATT, abilities.attitude), (MSGOUT_ESF_INS, abilities.inertial)];
+        for (group, _) in groups.into_iter().filter(|(_, known)| *known) {
+            factory.extend((0..Port::PLACES).map(|place| (group + place, 0)));
+        }
+        factory.insert(RATE_MEAS, if abilities.fixed_period { u64::from(period_ms) } else { 1_000 });
+        factory.insert(RATE_NAV, 1);
+        factory.insert(UART1_BAUDRATE, 38_400);
+        Self { port, abilities, factory, saved: BTreeMap::new(), ram: BTreeMap::new(), input: vec![] }
+    }
+
+    /// What HORUS would set was set before, and saved.
+    pub(crate) fn configured(mut self, period_ms: u32, bit_rate: u32) -> Self {
+        let port = self.port;
+        let items = [
+            (port.protocol_key(OUTPROT_UBX), 1),
+            (port.protocol_key(OUTPROT_NMEA), 0),
+            (port.output_key(MSGOUT_NAV_PVT), 1),
+            (port.output_key(MSGOUT_NAV_ATT), 1),
+            (port.output_key(MSGOUT_ESF_INS), 1),
+            (RATE_MEAS, period_ms.into()),
+            (UART1_BAUDRATE, bit_rate.into()),
+        ];
+        self.saved.extend(items.into_iter().filter(|(key, _)| self.factory.contains_key(key)));
+        self
+    }
+
+    /// The receiver restarts: RAM is lost, and with `factory` everything that was saved.
+    pub(crate) fn restart(&mut self, factory: bool) {
+        self.ram.clear();
+        self.input.clear();
+        if factory {
+            self.saved.clear();
+        }
+    }
+
+    fn value(&self, key: u32) -> u64 {
+        let layers = [&self.ram, &self.saved, &self.factory];
+        layers.into_iter().find_map(|layer| layer.get(&key)).copied().unwrap_or(0)
+    }
+
+    pub(crate) fn output(&self) -> Output {
+        let small = |key| u32::try_from(self.value(key)).unwrap_or(u32::MAX);
+        let ubx = self.value(self.port.protocol_key(OUTPROT_UBX)) != 0;
+        let every = |group| if ubx { small(self.port.output_key(group)) } else { 0 };
+        Output {
+            period_ms: small(RATE_MEAS).saturating_mul(small(RATE_NAV)),
+            position: every(MSGOUT_NAV_PVT),
+            attitude: every(MSGOUT_NAV_ATT),
+            inertial: every(MSGOUT_ESF_INS),
+            nmea: self.value(self.port.protocol_key(OUTPROT_NMEA)) != 0,
+            bit_rate: small(UART1_BAUDRATE),
+        }
+    }
+
+    /// A byte has arrived, or something that could not be read. The answer to the message that it ends.
+    pub(crate) fn hear(&mut self, byte: Option<u8>) -> Option<Vec<u8>> {
+        let Some(byte) = byte else {
+            self.input.clear();
+            return None;
+        };
+        self.input.push(byte);
+        loop {
+            let length = match self.input[..] {
+                [] => return None,
+                [first, ..] if first != ubx::SYNC[0] => 0,
+                [_, second, ..] if second != ubx::SYNC[1] => 0,
+                [_, _, _, _, low, high, ..] => usize::from(u16::from_le_bytes([low, high])) + ubx::OVERHEAD,
+                _ => return None,
+            };
+            if length == 0 || length > LONGEST {
+                self.input.remove(0);
+                continue;
+            }
+            if self.input.len() < length {
+                return None;
+            }
+            let Some(message) = Frame::at_start_of(&self.input) else {
+                self.input.remove(0);
+                continue;
+            };
+            let (class, id, payload) = (message.class, message.id, message.payload.to_vec());
+            self.input.drain(..length);
+            if class != CLASS_CFG {
+                continue;
+            }
+            let taken = id == VALSET && self.set(&payload).is_some();
+            return Some(ubx::frame(CLASS_ACK, if taken { ACK } else { NAK }, &[class, id]));
+        }
+    }
+
+    /// UBX-CFG-VALSET: nothing where it is refused.
+    fn set(&mut self, payload: &[u8]) -> Option<()> {
+        // Version 0; layers RAM, battery-backed RAM, flash; reserved.
+        let ([0, layers @ 1..=7, _, _], mut rest) = payload.split_first_chunk::<4>()? else { return None };
+        let mut items = vec![];
+        while !rest.is_empty() {
+            let (key, after) = rest.split_first_chunk::<4>()?;
+            let key = u32::from_le_bytes(*key);
+            // The size in bits 28 to 30: a bit (in a byte), 1, 2, 4 and 8 bytes.
+            let size = match key >> 28 & 7 {
+                1 | 2 => 1,
+                3 => 2,
+                4 => 4,
+                5 => 8,
+                _ => return None,
+            };
+            let (value, after) = after.split_at_checked(size)?;
+            let value = value.iter().rev().fold(0, |value, byte| value << 8 | u64::from(*byte));
+            if !self.factory.contains_key(&key) || !self.can_be(key, value) {
+                return None;
+            }
+            items.push((key, value));
+            rest = after;
+        }
+        if items.is_empty() || items.len() > MOST_ITEMS {
+            return None;
+        }
+        if layers & 1 != 0 {
+            self.ram.extend(items.iter().copied());
+        }
+        if layers & 6 != 0 {
+            self.saved.extend(items);
+        }
+        Some(())
+    }
+
+    fn can_be(&self, key: u32, value: u64) -> bool {
+        match key {
+            // 25 ms, 40 Hz, is the fastest of the generation (NEO-M9N: 25 Hz with several constellations).
+            RATE_MEAS => !self.abilities.fixed_period && (25..=65_535).contains(&value),
+            RATE_NAV => !self.abilities.fixed_period && (1..=127).contains(&value),
+            UART1_BAUDRATE => BAUD_RATES.contains(&value),
+            _ if key >> 28 == 1 => value <= 1,
+            _ => true,
+        }
+    }
+}

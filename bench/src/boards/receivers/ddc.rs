@@ -1,0 +1,277 @@
+//! A receiver on I2C, which u-blox calls DDC.
+//!
+//! | rule | source |
+//! |---|---|
+//! | Address 0x42, fast mode, at most 400 kHz, the clock is stretched for 20 ms at most | ZED-F9R data sheet 5.3 |
+//! | Registers 0xFD, 0xFE: bytes available, high byte first; 0xFF: the stream, 0xFF when empty | see below |
+//! | The register address counts up with each byte read and stays at 0xFF; at start it is 0xFF | see below |
+//! | One byte written sets the register address, two or more are data for the receiver | see below |
+//!
+//! Registers and access forms: u-blox integration manuals, "I2C register layout", "Read access types", "Write access"
+//! (ZED-F9P UBX-18010802, NEO-D9S UBX-19026111, SAM-M10Q UBX-22020019 say the same). Reading any other register is
+//! "undefined" there: it reads 0xFF here. That the number of available bytes is taken when its high byte is read is an
+//! assumption: else a message that comes between the two bytes would make it wrong by 256.
+
+use bench_seam::{I2cAnswer, I2cEvent, Pad, Pin};
+
+use super::{Crossings, Outbox};
+use crate::faults::Rng;
+use crate::faults::receivers::NOISE_ONE_IN;
+use crate::faults::receivers::bus::{BusFault, CLOCKS, GLITCH, GLITCHES, STRETCHED};
+use crate::node::Input;
+
+/// The receiver's address, with the direction bit clear.
+const ADDRESS: u8 = 0x42 << 1;
+/// Nine bits at 400 kHz take 22.5 µs; a controller's clock may be off by 1 % and is counted in whole nanoseconds.
+const SHORTEST_BYTE: u64 = 22_270;
+
+const TOO_FAST: &str = "I2C: more than 400 kHz (ZED-F9R data sheet 5.3)";
+
+/// What the receiver is doing.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum State {
+    /// It is not addressed.
+    Idle,
+    /// It takes these bytes.
+    Written(Vec<u8>),
+    /// It gives bytes.
+    Read,
+}
+
+/// What is wrong with the bus.
+#[derive(Clone, Debug)]
+struct Failing {
+    fault: BusFault,
+    rng: Rng,
+    /// Clocks that the controller has made since.
+    clocks: u32,
+    /// When the next glitch begins, ns.
+    glitch_at: u64,
+}
+
+/// A receiver on I2C.
+#[derive(Clone, Debug)]
+pub(super) struct Ddc {
+    pub(super) scl: Pin,
+    pub(super) sda: Pin,
+    pub(super) outbox: Outbox,
+    pub(super) crossings: Crossings,
+    state: State,
+    /// The register that is read next.
+    register: u8,
+    /// Bytes that were available when the high byte of their number was read.
+    available: u16,
+    /// When the controller's last byte ended, ns: none where it held the clock since.
+    last: Option<u64>,
+    /// The last byte was not acknowledged: the controller will end the transfer.
+    closing: bool,
+    failing: Option<Failing>,
+    /// SCL and SDA as the part makes them: high where it lets go.
+    made: [bool; 2],
+    /// SCL and SDA as they are held low here, and as the part was told.
+    low: [bool; 2],
+    told: [bool; 2],
+    /// When the glitch under way is over, ns.
+    glitch_over: u64,
+}
+
+impl Ddc {
+    pub(super) fn new(scl: Pin, sda: Pin) -> Self {
+        Self {
+            scl,
+            sda,
+            outbox: Outbox::default(),
+            crossings: Crossings::default(),
+            state: State::Idle,
+            register: 0xFF,
+            available: 0,
+            last: None,
+            closing: false,
+            failing: None,
+            made: [true; 2],
+            low: [false; 2],
+            told: [false; 2],
+            glitch_over: u64::MAX,
+        }
+    }
+
+    /// The bus fails in this way from `now` (ns) on.
+    pub(super) fn begin_fault(&mut self, now: u64, fault: BusFault, mut rng: Rng) {
+        self.crossings.spoil_open();
+        let glitch_at = if fault == BusFault::Glitches { now + rng.between(GLITCHES.0, GLITCHES.1) } else { u64::MAX };
+        match fault {
+            BusFault::SdaUntilClocked | BusFault::SdaStuck => self.low[1] = true,
+            BusFault::SclStuck => self.low[0] = true,
+            _ => {}
+        }
+        if self.low != [false; 2] {
+            // What was under way comes to nothing.
+            self.state = State::Idle;
+            self.crossings.end();
+        }
+        self.failing = Some(Failing { fault, rng, clocks: 0, glitch_at });
+    }
+
+    /// It fails no longer.
+    pub(super) fn end_fault(&mut self, fault: BusFault) {
+        if self.failing.as_ref().is_some_and(|failing| failing.fault == fault) {
+            self.failing = None;
+            self.low = [false; 2];
+            self.glitch_over = u64::MAX;
+            self.crossings.spoil_open();
+        }
+    }
+
+    fn fails(&self, fault: BusFault) -> bool {
+        self.failing.as_ref().is_some_and(|failing| failing.fault == fault)
+    }
+
+    /// Bits of a byte that are inverted on their way.
+    fn flips(&mut self) -> u8 {
+        match &mut self.failing {
+            Some(Failing { fault: BusFault::Noise, rng, .. }) => {
+                (0..8).fold(0, |flips, bit| flips | u8::from(rng.one_in(NOISE_ONE_IN)) << bit)
+            }
+            _ => 0,
+        }
+    }
+
+    /// The controller has acted; what it did ended at `at` (ns). `heard` gets each byte that is for the receiver.
+    pub(super) fn act(
+        &mut self,
+        at: u64,
+        event: I2cEvent,
+        mut heard: impl FnMut(u8),
+    ) -> (I2cAnswer, Option<&'static str>) {
+        let yes = I2cAnswer { acknowledged: true, ..I2cAnswer::NOBODY };
+        let before = self.last.replace(at);
+        let fast = matches!(event, I2cEvent::Write(_) | I2cEvent::Read(_))
+            && before.is_some_and(|before| at.saturating_sub(before) < SHORTEST_BYTE);
+        let misuse = fast.then_some(TOO_FAST);
+        let answer = match event {
+            I2cEvent::Start(address) => {
+                self.finish(&mut heard);
+                if address & !1 == ADDRESS && !self.fails(BusFault::NoAnswer) && !self.low[0] {
+                    self.outbox.read_at = at;
+                    self.state = if address & 1 == 0 { State::Written(vec![]) } else { State::Read };
+                    if self.fails(BusFault::Stretches) {
+                        // The next byte begins that much later.
+                        self.last = Some(at + STRETCHED);
+                        I2cAnswer { stretched_ns: STRETCHED, ..yes }
+                    } else {
+                        yes
+                    }
+                } else {
+                    I2cAnswer::NOBODY
+                }
+            }
+            I2cEvent::Write(byte) => match &mut self.state {
+                State::Written(bytes) if !fast => {
+                    bytes.push(byte);
+                    yes
+                }
+                _ => I2cAnswer::NOBODY,
+            },
+            I2cEvent::Read(acknowledged) if self.state == State::Read && !self.closing => {
+                let flips = self.flips();
+                let data = self.next(at, before.unwrap_or(at), flips) ^ flips;
+                self.closing = !acknowledged;
+                // In what a failing bus carries nothing is sure.
+                if fast || self.failing.is_some() {
+                    self.crossings.spoil();
+                }
+                I2cAnswer { data: if fast { data >> 1 | 0x80 } else { data }, ..yes }
+            }
+            I2cEvent::Read(_) => I2cAnswer::NOBODY,
+            I2cEvent::Stop => {
+                self.finish(&mut heard);
+                I2cAnswer::NOBODY
+            }
+        };
+        (answer, misuse)
+    }
+
+    /// The byte of the register that is read, which ends at `at`; the one before ended at `before` (ns).
+    fn next(&mut self, at: u64, before: u64, flips: u8) -> u8 {
+        let register = self.register;
+        self.register = register.saturating_add(1);
+        match register {
+            0xFD => {
+                self.available = u16::try_from(self.outbox.bytes.len()).unwrap_or(u16::MAX);
+                (self.available >> 8) as u8
+            }
+            0xFE => self.available as u8,
+            0xFF => self.outbox.bytes.pop_front().map_or(0xFF, |byte| {
+                self.crossings.byte(before, at, byte ^ flips);
+                byte
+            }),
+            _ => 0xFF,
+        }
+    }
+
+    /// A transfer ends, by a stop or by another start.
+    fn finish(&mut self, heard: &mut impl FnMut(u8)) {
+        match std::mem::replace(&mut self.state, State::Idle) {
+            State::Written(bytes) => match bytes[..] {
+                [] => {}
+                [register] => self.register = register,
+                _ => bytes.into_iter().for_each(heard),
+            },
+            State::Read => {
+                // A controller that ends without having refused a byte has lost count.
+                if !std::mem::take(&mut self.closing) {
+                    self.crossings.spoil();
+                }
+                self.crossings.end();
+            }
+            State::Idle => {}
+        }
+        self.closing = false;
+    }
+
+    /// The part does something to `pin`: software, while the pin is a general purpose one.
+    pub(super) fn pin(&mut self, pin: Pin, pad: Pad) {
+        let Some(line) = [self.scl, self.sda].iter().position(|line| *line == pin) else { return };
+        let high = pad != Pad::Driven(false);
+        let was = std::mem::replace(&mut self.made[line], high);
+        let rose = high && !was;
+        if let (0, true, Some(failing)) = (line, rose, &mut self.failing) {
+            failing.clocks += 1;
+            if failing.fault == BusFault::SdaUntilClocked && failing.clocks >= CLOCKS {
+                self.low[1] = false;
+            }
+        }
+    }
+
+    /// When a line is next moved, ns.
+    pub(super) fn next_at(&self) -> u64 {
+        let glitch = self.failing.as_ref().map_or(u64::MAX, |failing| failing.glitch_at);
+        let changed = if self.low == self.told { u64::MAX } else { 0 };
+        glitch.min(self.glitch_over).min(changed)
+    }
+
+    /// The lines are moved up to `at` (ns): whether any was.
+    pub(super) fn settle(&mut self, at: u64, inputs: &mut Vec<Input>) -> bool {
+        let mut moved = false;
+        if at >= self.glitch_over {
+            self.glitch_over = u64::MAX;
+            self.low[1] = false;
+            moved = true;
+        }
+        if let Some(failing) = self.failing.as_mut().filter(|failing| at >= failing.glitch_at) {
+            failing.glitch_at = at + failing.rng.between(GLITCHES.0, GLITCHES.1);
+            // An idle bus has its glitches too.
+            self.glitch_over = at + GLITCH;
+            self.low[1] = true;
+            moved = true;
+        }
+        for (line, pin) in [self.scl, self.sda].into_iter().enumerate() {
+            if self.low[line] != self.told[line] {
+                self.told[line] = self.low[line];
+                inputs.push(Input::Level(pin, Some(!self.low[line])));
+                moved = true;
+            }
+        }
+        moved
+    }
+}

@@ -1,0 +1,357 @@
+//! The receivers' interfaces on the HORUS board: what is between a receiver's stream of messages and the part's pins.
+//!
+//! | file | interface | receivers | source |
+//! |---|---|---|---|
+//! | `uart` | UART, both ways | GPS1, GPS4, GPS5 | ZED-F9R data sheet (UBX-22024085) 5.1 |
+//! | [`ddc`] | DDC: an I2C peripheral at address 0x42 with a stream in register 0xFF | GPS2 | 5.3, and see [`ddc`] |
+//! | [`spi`] | SPI: a stream in either direction, without registers | GPS3 | 5.2, and see [`spi`] |
+//! | `given` | what crossed a bus, in the words of the event log | | |
+//!
+//! What a receiver says and what it makes of its configuration is not known here: `gnss_sim` decides that. A port takes
+//! whole messages ([`Receivers::offer`]), gives their bytes to the part when the part asks for them, and collects what
+//! the part sends ([`Receivers::take_heard`]).
+//!
+//! # The output buffer
+//!
+//! On I2C and SPI a receiver keeps its messages until they are read. The buffer holds 4 kB; a message that does not fit
+//! is dropped whole (u-blox integration manuals, "If the amount of data configured is too much for a certain port's
+//! bandwidth"). After 2 s without any communication no more messages are put in until there is communication again
+//! ("Extended TX timeout"; the M10 generation says 1.5 s). What is in the buffer stays, so a host that comes back reads
+//! messages that are up to 2 s old first.
+
+pub mod ddc;
+mod given;
+pub mod spi;
+#[cfg(test)]
+mod tests;
+mod uart;
+
+use std::collections::VecDeque;
+
+use bench_seam::{I2cAnswer, I2cEvent, Pad, Pin, SpiFrame, UartFrame};
+use gnss_sim::ubx;
+use stm32f429::pin;
+
+use crate::faults::{BusFault, Rng};
+use crate::node::Input;
+use ddc::Ddc;
+use given::Crossings;
+pub use given::Given;
+use spi::Spi;
+use uart::Uart;
+
+/// What a receiver is connected by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Interface {
+    /// UART, 8N1.
+    Uart,
+    /// I2C, which u-blox calls DDC.
+    I2c,
+    /// SPI.
+    Spi,
+}
+
+impl Interface {
+    /// What receivers 1 to 5 are connected by.
+    pub const OF: [Self; 5] = [Self::Uart, Self::I2c, Self::Spi, Self::Uart, Self::Uart];
+}
+
+/// Bytes that a receiver keeps for a bus: u-blox integration manuals, "Extended TX timeout".
+pub const BUFFER: usize = 4096;
+/// After so long without communication a receiver puts no more messages into a bus's buffer, ns.
+pub const FORSAKEN: u64 = 2_000_000_000;
+
+/// A transaction that is not ended so long after its first byte has been given up, ns.
+pub const ABANDONED: u64 = 50_000_000;
+
+/// Messages that wait to be read over a bus.
+#[derive(Clone, Debug, Default)]
+struct Outbox {
+    bytes: VecDeque<u8>,
+    /// When the part last communicated, ns.
+    read_at: u64,
+}
+
+impl Outbox {
+    /// Whole messages are put in at `at` (ns): those that fit, and none if nobody has read for long.
+    fn put(&mut self, at: u64, mut messages: &[u8]) {
+        if at.saturating_sub(self.read_at) > FORSAKEN {
+            return;
+        }
+        while !messages.is_empty() {
+            let (message, rest) = messages.split_at(message_at_start_of(messages));
+            if self.bytes.len() + message.len() <= BUFFER {
+                self.bytes.extend(message);
+            }
+            messages = rest;
+        }
+    }
+}
+
+/// The length of what `bytes` begin with: a UBX message, or what precedes the next one.
+fn message_at_start_of(bytes: &[u8]) -> usize {
+    match ubx::Frame::at_start_of(bytes) {
+        Some(frame) => frame.wire_len(),
+        None => (1..bytes.len())
+            .find(|&at| bytes[at - 1] == b'\n' || ubx::Frame::at_start_of(&bytes[at..]).is_some())
+            .unwrap_or(bytes.len()),
+    }
+}
+
+/// A byte that the part sent to a receiver.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Heard {
+    /// When it had arrived, ns.
+    pub at: u64,
+    /// Which receiver, from 0.
+    pub receiver: usize,
+    /// The byte; nothing for what the receiver could not read, which ends the message that it is part of.
+    pub byte: Option<u8>,
+}
+
+/// One receiver's interface.
+#[derive(Clone, Debug)]
+enum Port {
+    Uart(Uart),
+    I2c(Ddc),
+    Spi(Spi),
+}
+
+/// All receivers' interfaces.
+#[derive(Clone, Debug)]
+pub struct Receivers {
+    ports: Vec<Port>,
+    /// Somebody takes what the part sends: see [`Receivers::attend`].
+    attended: bool,
+    heard: Vec<Heard>,
+    given: Vec<Given>,
+    /// What was done to a receiver against its data sheet: the first time of each kind, with its instant (ns).
+    misuses: Vec<(u64, String)>,
+    told: Vec<(usize, &'static str)>,
+    /// The least of the ports' next instants, ns.
+    next: u64,
+}
+
+impl Receivers {
+    /// So many receivers, of which none has said anything.
+    #[must_use]
+    pub fn new(receivers: usize) -> Self {
+        let ports = [
+            Port::Uart(Uart::new(pin('D', 6), pin('D', 5))),
+            Port::I2c(Ddc::new(pin('F', 1), pin('F', 0))),
+            Port::Spi(Spi::new(spi::Wires { sck: pin('F', 7), miso: pin('F', 8), mosi: pin('F', 9), cs: pin('E', 3) })),
+            Port::Uart(Uart::new(pin('D', 2), pin('C', 12))),
+            Port::Uart(Uart::new(pin('E', 7), pin('E', 8))),
+        ];
+        Self {
+            ports: ports.into_iter().take(receivers).collect(),
+            attended: false,
+            heard: vec![],
+            given: vec![],
+            misuses: vec![],
+            told: vec![],
+            next: u64::MAX,
+        }
+    }
+
+    /// A receiver on a UART begins to send these frames at `at` (ns), or when it has sent what it sends then: that
+    /// instant is the answer.
+    pub fn send(&mut self, at: u64, receiver: usize, frames: impl IntoIterator<Item = UartFrame>) -> u64 {
+        let Some(Port::Uart(uart)) = self.ports.get_mut(receiver) else { return at };
+        let begins = uart.send(at, frames);
+        self.plan();
+        begins
+    }
+
+    /// A receiver on a bus has `messages` to be read from `at` (ns) on.
+    pub fn offer(&mut self, at: u64, receiver: usize, messages: &[u8]) {
+        match self.ports.get_mut(receiver) {
+            Some(Port::I2c(ddc)) => ddc.outbox.put(at, messages),
+            Some(Port::Spi(spi)) => spi.outbox.put(at, messages),
+            Some(Port::Uart(_)) | None => {}
+        }
+    }
+
+    /// The bus of a receiver fails in this way from `now` (ns) on; what is random about it follows from `seed`.
+    pub fn begin_fault(&mut self, now: u64, receiver: usize, fault: BusFault, seed: u64) {
+        match self.ports.get_mut(receiver) {
+            Some(Port::I2c(ddc)) => ddc.begin_fault(now, fault, Rng::new(seed)),
+            Some(Port::Spi(spi)) => spi.begin_fault(fault, Rng::new(seed)),
+            Some(Port::Uart(_)) | None => {}
+        }
+        self.plan();
+    }
+
+    /// It fails no longer.
+    pub fn end_fault(&mut self, receiver: usize, fault: BusFault) {
+        match self.ports.get_mut(receiver) {
+            Some(Port::I2c(ddc)) => ddc.end_fault(fault),
+            Some(Port::Spi(spi)) => spi.end_fault(fault),
+            Some(Port::Uart(_)) | None => {}
+        }
+        self.plan();
+    }
+
+    /// A receiver on a UART listens at `baud` from now on.
+    pub fn listen_at(&mut self, receiver: usize, baud: u32) {
+        if let Some(Port::Uart(uart)) = self.ports.get_mut(receiver) {
+            uart.listen_at(baud);
+        }
+    }
+
+    /// From now on what the part sends is kept for [`Receivers::take_heard`], and stops the node that it may be taken.
+    pub fn attend(&mut self) {
+        self.attended = true;
+    }
+
+    /// What the part has sent to receivers since the last call; nothing unless somebody attends.
+    pub fn take_heard(&mut self) -> Vec<Heard> {
+        std::mem::take(&mut self.heard)
+    }
+
+    /// Whether the part has sent something that was not taken.
+    #[must_use]
+    pub fn has_heard(&self) -> bool {
+        !self.heard.is_empty()
+    }
+
+    /// What crossed the buses since the last call: of transactions that are over, and of those that were not ended for
+    /// [`ABANDONED`]. It is `now` (ns).
+    pub fn take_given(&mut self, now: u64) -> Vec<Given> {
+        for (receiver, port) in self.ports.iter_mut().enumerate() {
+            let (Port::I2c(Ddc { crossings, .. }) | Port::Spi(Spi { crossings, .. })) = port else { continue };
+            if crossings.since().saturating_add(ABANDONED) <= now {
+                crossings.spoil();
+                crossings.end();
+            }
+            self.given.extend(crossings.take(receiver));
+        }
+        std::mem::take(&mut self.given)
+    }
+
+    /// Since when a transaction is under way of which nothing was told yet, ns; `u64::MAX` where none is.
+    #[must_use]
+    pub fn untold_since(&self) -> u64 {
+        let of = |port: &Port| match port {
+            Port::Uart(_) => u64::MAX,
+            Port::I2c(ddc) => ddc.crossings.since(),
+            Port::Spi(spi) => spi.crossings.since(),
+        };
+        self.ports.iter().map(of).min().unwrap_or(u64::MAX)
+    }
+
+    /// What was done against data sheets since the last call: each kind once in a run.
+    pub fn take_misuses(&mut self) -> Vec<(u64, String)> {
+        std::mem::take(&mut self.misuses)
+    }
+
+    fn misused(&mut self, at: u64, receiver: usize, what: Option<&'static str>) {
+        if let Some(what) = what.filter(|what| !self.told.contains(&(receiver, what))) {
+            self.told.push((receiver, what));
+            self.misuses.push((at, format!("receiver {}: {what}", receiver + 1)));
+        }
+    }
+
+    fn plan(&mut self) {
+        let of = |port: &Port| match port {
+            Port::Uart(uart) => uart.next_at(),
+            Port::I2c(ddc) => ddc.next_at(),
+            Port::Spi(_) => u64::MAX,
+        };
+        self.next = self.ports.iter().map(of).min().unwrap_or(u64::MAX);
+    }
+
+    /// The lines rest: what the board drives from power-on.
+    pub(super) fn powered(&self, inputs: &mut Vec<Input>) {
+        for port in &self.ports {
+            match port {
+                Port::Uart(uart) => inputs.push(Input::Level(uart.to_part, Some(true))),
+                // The pull-ups.
+                Port::I2c(ddc) => inputs.extend([ddc.scl, ddc.sda].map(|pin| Input::Level(pin, Some(true)))),
+                Port::Spi(_) => {}
+            }
+        }
+    }
+
+    /// The part does something to `pin` at `at` (ns).
+    pub(super) fn pin(&mut self, at: u64, pin: Pin, pad: Pad) {
+        for (receiver, port) in self.ports.iter_mut().enumerate() {
+            match port {
+                Port::Uart(_) => {}
+                Port::I2c(ddc) => ddc.pin(pin, pad),
+                Port::Spi(spi) => {
+                    if pin == spi.wires.cs {
+                        spi.select(at, pad == Pad::Driven(false));
+                        self.given.extend(spi.crossings.take(receiver));
+                    }
+                }
+            }
+        }
+        self.plan();
+    }
+
+    /// The part clocks a frame of an SPI from `begins` to `ends` (ns). `None` where no receiver drives MISO.
+    pub(super) fn spi(&mut self, begins: u64, ends: u64, frame: &SpiFrame) -> Option<u32> {
+        let (receiver, spi) = self.ports.iter_mut().enumerate().find_map(|(receiver, port)| match port {
+            Port::Spi(spi) if spi.is_clocked_by(frame) => Some((receiver, spi)),
+            _ => None,
+        })?;
+        let mut heard = vec![];
+        let (answer, misuse) = spi.clock(begins, ends, frame, |at, byte| heard.push(Heard { at, receiver, byte }));
+        self.hears(heard);
+        self.misused(begins, receiver, misuse);
+        answer
+    }
+
+    /// The part has sent a UART frame on `pin`, which ended at `at` (ns).
+    pub(super) fn uart(&mut self, at: u64, pin: Pin, frame: &UartFrame) {
+        let found = self.ports.iter_mut().enumerate().find_map(|(receiver, port)| match port {
+            Port::Uart(uart) if uart.from_part == pin => Some(Heard { at, receiver, byte: uart.hears(at, frame)? }),
+            _ => None,
+        });
+        self.hears(found);
+    }
+
+    /// The part's I2C with these pins has done something, which ended at `at` (ns).
+    pub(super) fn i2c(&mut self, at: u64, scl: Pin, sda: Pin, event: I2cEvent) -> I2cAnswer {
+        let found = self.ports.iter_mut().enumerate().find_map(|(receiver, port)| match port {
+            Port::I2c(ddc) if (ddc.scl, ddc.sda) == (scl, sda) => Some((receiver, ddc)),
+            _ => None,
+        });
+        let Some((receiver, ddc)) = found else { return I2cAnswer::NOBODY };
+        let mut heard = vec![];
+        let (answer, misuse) = ddc.act(at, event, |byte| heard.push(Heard { at, receiver, byte: Some(byte) }));
+        self.given.extend(ddc.crossings.take(receiver));
+        self.hears(heard);
+        self.misused(at, receiver, misuse);
+        self.plan();
+        answer
+    }
+
+    fn hears(&mut self, heard: impl IntoIterator<Item = Heard>) {
+        if self.attended {
+            self.heard.extend(heard);
+        }
+    }
+
+    /// When a receiver next acts on the part's pins by itself, ns.
+    #[must_use]
+    pub(super) fn next_event(&self) -> u64 {
+        self.next
+    }
+
+    /// The receivers act up to `at` (ns).
+    pub(super) fn settle(&mut self, at: u64, inputs: &mut Vec<Input>) {
+        let mut moved = at >= self.next;
+        for port in &mut self.ports {
+            match port {
+                Port::Uart(uart) if moved => uart.settle(at, inputs),
+                Port::I2c(ddc) => moved |= ddc.settle(at, inputs),
+                Port::Uart(_) | Port::Spi(_) => {}
+            }
+        }
+        if moved {
+            self.plan();
+        }
+    }
+}

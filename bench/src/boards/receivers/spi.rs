@@ -1,0 +1,179 @@
+//! A receiver on SPI.
+//!
+//! | rule | source |
+//! |---|---|
+//! | Mode 0, most significant bit first, at most 5.5 MHz | ZED-F9R data sheet 5.2, NEO-D9S data sheet 5.2 |
+//! | At most 125 kB/s: a byte every 8 µs | the same; NEO-M8P data sheet 4.4.1, "minimum byte period" |
+//! | No registers: what is clocked in is for the receiver, what is clocked out is its stream, 0xFF when empty | below |
+//! | After 50 bytes of 0xFF in a row the receiver reads no input until a byte that is not 0xFF | below |
+//!
+//! Streams and filler: u-blox integration manuals, "SPI interface", "Read access" and "Back-to-back read and write
+//! access" (ZED-F9K UBX-20046189, ZED-F9T UBX-18053713, NEO-D9S UBX-19026111 say the same).
+//!
+//! The data sheets do not say what a receiver does whose bytes are clocked faster than it can load them. Here it has
+//! loaded none: MISO carries 0xFF, its stream waits, and what is clocked in is lost. At more than 5.5 MHz its output
+//! comes too late: each bit is read in the next one's place.
+
+use bench_seam::{Pin, SpiFrame, SpiMode};
+
+use super::{Crossings, Outbox};
+use crate::faults::{BusFault, Rng};
+
+/// A bit of 5.5 MHz, ps.
+const SHORTEST_BIT_PS: u64 = 181_818;
+/// A byte of 125 kB/s, ns.
+pub const SHORTEST_BYTE: u64 = 8_000;
+/// CFG-SPI-MAXFF, as it comes from the factory.
+const MOST_FILLER: u32 = 50;
+
+const WRONG_MODE: &str = "SPI: not mode 0, or not whole bytes (ZED-F9R data sheet 5.2)";
+const FAST_CLOCK: &str = "SPI: more than 5.5 MHz (ZED-F9R data sheet 5.2)";
+const FAST_BYTES: &str = "SPI: more than 125 kB/s, a byte every 8 µs (ZED-F9R data sheet 5.2, NEO-M8P 4.4.1)";
+
+/// The part's pins that a receiver is wired to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Wires {
+    pub(super) sck: Pin,
+    pub(super) miso: Pin,
+    pub(super) mosi: Pin,
+    /// Chip select, active low, with a pull-up.
+    pub(super) cs: Pin,
+}
+
+/// A receiver on SPI.
+#[derive(Clone, Debug)]
+pub(super) struct Spi {
+    pub(super) wires: Wires,
+    pub(super) outbox: Outbox,
+    pub(super) crossings: Crossings,
+    selected: bool,
+    /// When the last byte that was loaded in time began, ns; nothing since the chip was selected.
+    last: Option<u64>,
+    /// Bytes of 0xFF in a row that were clocked in.
+    filler: u32,
+    /// The last bit that was clocked out.
+    last_bit: bool,
+    /// What is wrong with MISO.
+    failing: Option<(BusFault, Rng)>,
+}
+
+impl Spi {
+    pub(super) fn new(wires: Wires) -> Self {
+        Self {
+            wires,
+            outbox: Outbox::default(),
+            crossings: Crossings::default(),
+            selected: false,
+            last: None,
+            filler: MOST_FILLER,
+            last_bit: true,
+            failing: None,
+        }
+    }
+
+    /// MISO is wrong in this way from now on.
+    pub(super) fn begin_fault(&mut self, fault: BusFault, rng: Rng) {
+        self.crossings.spoil_open();
+        self.failing = Some((fault, rng));
+    }
+
+    /// It is wrong no longer.
+    pub(super) fn end_fault(&mut self, fault: BusFault) {
+        if self.failing.as_ref().is_some_and(|(of, _)| *of == fault) {
+            self.failing = None;
+            self.crossings.spoil_open();
+        }
+    }
+
+    pub(super) fn select(&mut self, at: u64, selected: bool) {
+        if std::mem::replace(&mut self.selected, selected) == selected {
+            return;
+        }
+        if selected {
+            self.outbox.read_at = at;
+        } else {
+            self.crossings.end();
+        }
+    }
+
+    pub(super) fn is_clocked_by(&self, frame: &SpiFrame) -> bool {
+        frame.sck.contains(&Some(self.wires.sck))
+    }
+
+    /// The part clocks a frame from `begins` to `ends` (ns). `heard` gets what the receiver takes, with the instant at
+    /// which it had arrived.
+    pub(super) fn clock(
+        &mut self,
+        begins: u64,
+        ends: u64,
+        frame: &SpiFrame,
+        mut heard: impl FnMut(u64, Option<u8>),
+    ) -> (Option<u32>, Option<&'static str>) {
+        if !self.selected {
+            return (None, None);
+        }
+        let bits = u64::from(frame.bits);
+        let bytes = bits / 8;
+        let mut misuse = None;
+        if frame.mode != SpiMode::Mode0 || bits % 8 != 0 {
+            misuse = Some(WRONG_MODE);
+        } else if (ends - begins) * 1_000 < bits * SHORTEST_BIT_PS - 1_000 {
+            misuse = Some(FAST_CLOCK);
+        }
+        // A line that the part does not drive rests high, by the receiver's own pull-up.
+        let mosi = if frame.mosi.contains(&Some(self.wires.mosi)) { frame.data } else { u32::MAX };
+        let mut answer = 0_u32;
+        for number in 0..bytes.max(1) {
+            let from = begins + (ends - begins) * number / bytes.max(1);
+            let to = begins + (ends - begins) * (number + 1) / bytes.max(1);
+            let loaded = self.last.is_none_or(|last| from >= last + SHORTEST_BYTE);
+            if !loaded {
+                misuse = misuse.or(Some(FAST_BYTES));
+                answer = answer << 8 | 0xFF;
+                self.crossings.spoil();
+                continue;
+            }
+            self.last = Some(from);
+            let said = self.outbox.bytes.pop_front();
+            let byte = said.unwrap_or(0xFF);
+            let given = match &mut self.failing {
+                _ if misuse.is_some() => self.late(byte),
+                None => byte,
+                Some((BusFault::Ones, _)) => 0xFF,
+                Some((BusFault::Zeros, _)) => 0,
+                Some((BusFault::Random, rng)) => rng.byte(),
+                Some(_) => self.late(byte),
+            };
+            answer = answer << 8 | u32::from(given);
+            if misuse.is_some() || self.failing.is_some() || frame.miso != Some(self.wires.miso) {
+                self.crossings.spoil();
+            }
+            if said.is_some() || given != 0xFF {
+                self.crossings.byte(from, to, given);
+            }
+            if misuse.is_none() {
+                let shift = 8 * (bytes - 1 - number);
+                self.hear(to, (mosi >> shift) as u8, &mut heard);
+            }
+        }
+        ((frame.miso == Some(self.wires.miso)).then_some(answer), misuse)
+    }
+
+    /// `byte` with each bit in the next one's place.
+    fn late(&mut self, byte: u8) -> u8 {
+        let shifted = byte >> 1 | u8::from(self.last_bit) << 7;
+        self.last_bit = byte & 1 != 0;
+        shifted
+    }
+
+    fn hear(&mut self, at: u64, byte: u8, heard: &mut impl FnMut(u64, Option<u8>)) {
+        if byte != 0xFF {
+            self.filler = 0;
+        } else if self.filler >= MOST_FILLER {
+            return;
+        } else {
+            self.filler += 1;
+        }
+        heard(at, Some(byte));
+    }
+}

@@ -1,0 +1,88 @@
+//! A receiver's UART.
+//!
+//! The receiver's own input tolerates a sender that is off by 2.5 % (ZED-F9R data sheet, UART specifications). After
+//! more than 100 frames in a second that it cannot read, it hears nothing until that second is over (u-blox F9
+//! integration manuals, "UART interfaces").
+
+use std::collections::VecDeque;
+
+use bench_seam::{Pin, UartFrame, UartParity};
+use horus_tx_fw::timing::GNSS_BAUD;
+
+use crate::node::Input;
+
+/// A bit may be one part in so many longer or shorter: 2.5 %.
+const TOLERANCE: u64 = 40;
+/// More unreadable frames in [`ERROR_WINDOW`] switch the receiver's input off until that is over.
+const MOST_ERRORS: u32 = 100;
+/// See [`MOST_ERRORS`], ns.
+const ERROR_WINDOW: u64 = 1_000_000_000;
+
+/// A receiver's UART and the two lines to it.
+#[derive(Clone, Debug)]
+pub(super) struct Uart {
+    /// The part's pins: its input, its output.
+    pub(super) to_part: Pin,
+    pub(super) from_part: Pin,
+    /// Frames wait here until the line takes them, back to back.
+    waiting: VecDeque<UartFrame>,
+    /// When the line is free again, ns.
+    free_at: u64,
+    /// What the receiver listens at, ps a bit.
+    bit_ps: u64,
+    /// The beginning of the second in which errors are counted, ns, and how many there were.
+    errors: (u64, u32),
+}
+
+impl Uart {
+    pub(super) fn new(to_part: Pin, from_part: Pin) -> Self {
+        let bit_ps = UartFrame::eight_n_one(0, GNSS_BAUD).bit_ps;
+        Self { to_part, from_part, waiting: VecDeque::new(), free_at: 0, bit_ps, errors: (0, 0) }
+    }
+
+    /// The receiver begins to send at `at` (ns), or when it has sent what it sends then: the answer.
+    pub(super) fn send(&mut self, at: u64, frames: impl IntoIterator<Item = UartFrame>) -> u64 {
+        if self.waiting.is_empty() {
+            self.free_at = self.free_at.max(at);
+        }
+        let before: u64 = self.waiting.iter().map(UartFrame::ns).sum();
+        self.waiting.extend(frames);
+        self.free_at + before
+    }
+
+    pub(super) fn listen_at(&mut self, baud: u32) {
+        self.bit_ps = UartFrame::eight_n_one(0, baud.max(1)).bit_ps;
+    }
+
+    /// The part has sent a frame that ended at `at` (ns): the byte that the receiver read, `Some(None)` for something
+    /// that it could not read, nothing where it does not listen.
+    pub(super) fn hears(&mut self, at: u64, frame: &UartFrame) -> Option<Option<u8>> {
+        if at >= self.errors.0 + ERROR_WINDOW {
+            self.errors = (at, 0);
+        }
+        if self.errors.1 > MOST_ERRORS {
+            return None;
+        }
+        let readable = frame.bits == 8
+            && frame.parity == UartParity::None
+            && frame.stop_halves >= 2
+            && frame.bit_ps.abs_diff(self.bit_ps) * TOLERANCE <= self.bit_ps;
+        if !readable {
+            self.errors.1 += 1;
+        }
+        Some(readable.then_some(frame.data as u8))
+    }
+
+    pub(super) fn next_at(&self) -> u64 {
+        if self.waiting.is_empty() { u64::MAX } else { self.free_at }
+    }
+
+    pub(super) fn settle(&mut self, at: u64, inputs: &mut Vec<Input>) {
+        while self.free_at <= at
+            && let Some(frame) = self.waiting.pop_front()
+        {
+            inputs.push(Input::Frame(self.to_part, self.free_at, frame));
+            self.free_at += frame.ns();
+        }
+    }
+}

@@ -1,0 +1,93 @@
+//! What goes wrong on a receiver's bus: what the board does to the lines, and to the bytes on them.
+//!
+//! | fault | what happens | it is over |
+//! |---|---|---|
+//! | `SdaUntilClocked` | the receiver holds SDA low, as after a transfer that was cut off in a zero | after nine clocks, or at the end |
+//! | `SdaStuck`, `SclStuck` | the line is low, whatever the controller does | at the end of the episode |
+//! | `NoAnswer` | no address is acknowledged | at the end |
+//! | `Stretches` | the clock is held for 20 ms after each address, which the data sheet allows | at the end |
+//! | `Glitches` | SDA is pulled low for 1 µs every now and then | at the end |
+//! | `Noise` | one bit in [`super::NOISE_ONE_IN`] that is read is another: of the stream and of its length | at the end |
+//! | `Ones`, `Zeros`, `Random`, `Shifted` | MISO is high, low, random, or a bit late | at the end |
+
+use crate::boards::receivers::Interface;
+
+/// A fault of a receiver's bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BusFault {
+    /// The receiver holds SDA low until it has seen nine clocks.
+    SdaUntilClocked,
+    /// SDA is low.
+    SdaStuck,
+    /// SCL is low.
+    SclStuck,
+    /// The receiver acknowledges no address.
+    NoAnswer,
+    /// The receiver holds the clock for [`STRETCHED`] after each address.
+    Stretches,
+    /// SDA is pulled low for [`GLITCH`], in intervals of [`GLITCHES`].
+    Glitches,
+    /// Bits that are read over I2C are inverted.
+    Noise,
+    /// MISO is high.
+    Ones,
+    /// MISO is low.
+    Zeros,
+    /// MISO is random.
+    Random,
+    /// MISO is a bit late.
+    Shifted,
+}
+
+/// The longest that a receiver holds the clock, ns: ZED-F9R data sheet 5.3.
+pub const STRETCHED: u64 = 20_000_000;
+/// How long SDA is low in a glitch, ns: less than half a bit of 400 kHz.
+pub const GLITCH: u64 = 1_000;
+/// From one glitch to the next, ns, at least and at most.
+pub const GLITCHES: (u64, u64) = (5_000, 400_000);
+/// So many clocks free a receiver that holds SDA: UM10204 (I2C specification) 3.1.16.
+pub const CLOCKS: u32 = 9;
+
+impl BusFault {
+    /// All of them.
+    pub const ALL: [Self; 11] = [
+        Self::SdaUntilClocked,
+        Self::SdaStuck,
+        Self::SclStuck,
+        Self::NoAnswer,
+        Self::Stretches,
+        Self::Glitches,
+        Self::Noise,
+        Self::Ones,
+        Self::Zeros,
+        Self::Random,
+        Self::Shifted,
+    ];
+
+    /// The bus that can have it.
+    #[must_use]
+    pub const fn interface(self) -> Interface {
+        match self {
+            Self::Ones | Self::Zeros | Self::Random | Self::Shifted => Interface::Spi,
+            _ => Interface::I2c,
+        }
+    }
+
+    /// What the event log calls it.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::SdaUntilClocked => "holds SDA until it is clocked",
+            Self::SdaStuck => "SDA stuck low",
+            Self::SclStuck => "SCL stuck low",
+            Self::NoAnswer => "acknowledges no address",
+            Self::Stretches => "stretches the clock",
+            Self::Glitches => "glitches on SDA",
+            Self::Noise => "I2C with bit errors",
+            Self::Ones => "MISO stuck high",
+            Self::Zeros => "MISO stuck low",
+            Self::Random => "MISO random",
+            Self::Shifted => "MISO a bit late",
+        }
+    }
+}

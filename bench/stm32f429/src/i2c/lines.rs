@@ -1,0 +1,159 @@
+//! What somebody else does to the lines, and what the I2C makes of it (RM0090 27.3.4 and 27.6.7).
+
+use super::*;
+
+/// A bit is sampled in the middle of its high phase, the second half of it: after so many quarters.
+const SAMPLED: u64 = 3;
+
+impl I2c {
+    /// The levels of SCL and SDA as others make them; of pins that are not connected, high.
+    pub(super) fn lines(&self, cx: &Cx) -> (bool, bool) {
+        let level = |pin| cx.pads.input(Signal::I2c(self.number, pin)).unwrap_or(true);
+        (level(I2cPin::Scl), level(I2cPin::Sda))
+    }
+
+    /// A line that is low says that the bus is busy.
+    pub(super) fn look_at_lines(&mut self, cx: &Cx) {
+        if self.lines(cx) != (true, true) {
+            self.sr2 |= BUSY;
+        }
+    }
+
+    /// Whether a byte is on the wires, and its clock is high at `at`.
+    fn is_clock_high(&self, at: Cycle) -> bool {
+        let in_byte = matches!(self.step, Some((Step::Address(_) | Step::Write(_) | Step::Read, None)));
+        in_byte && self.held.is_none() && (at - self.began) % self.bit() * 2 >= self.bit()
+    }
+
+    /// When bit `number` of the step under way is sampled.
+    fn sampled_at(&self, number: u64) -> Cycle {
+        self.began + number * self.bit() + self.bit() * SAMPLED / 4
+    }
+
+    /// Somebody holds SCL, or lets go of it.
+    pub(super) fn clock_changed(&mut self, high: bool, cx: &mut Cx) {
+        if self.cr1 & SWRST != 0 {
+            return;
+        }
+        self.look_at_lines(cx);
+        if !high {
+            if self.step.is_some() && self.due != NEVER {
+                self.hold(cx.now);
+            }
+        } else if self.step.is_some() {
+            self.resume(cx);
+        }
+    }
+
+    /// What was held goes on, if nothing holds it any more.
+    fn resume(&mut self, cx: &mut Cx) {
+        let (scl, sda) = self.lines(cx);
+        if !scl || !sda && matches!(self.step, Some((Step::Stop, _))) {
+            return;
+        }
+        if let Some(left) = self.held.take() {
+            self.due = cx.now + left;
+            self.began = cx.now.saturating_sub(self.began);
+            self.low_since = self.low_since.map(|_| cx.now);
+            self.expect_loss(cx.now);
+        }
+    }
+
+    /// Somebody pulls SDA low, or lets go of it.
+    pub(super) fn data_changed(&mut self, high: bool, cx: &mut Cx) {
+        if self.cr1 & SWRST != 0 {
+            return;
+        }
+        let (scl, _) = self.lines(cx);
+        if self.is_clock_high(cx.now) {
+            self.sr1 |= BERR;
+        }
+        if high {
+            self.mark_low(cx.now);
+            self.low_since = None;
+            let is_master = self.sr2 & MSL != 0;
+            if scl && !is_master && self.sr2 & BUSY != 0 {
+                // A stop.
+                self.sr2 &= !BUSY;
+                self.start_lost |= self.cr1 & START != 0;
+            }
+            if self.loses {
+                self.loses = false;
+                self.due = self.began + 9 * self.bit();
+            }
+            self.resume(cx);
+            self.go_on(cx.now, cx);
+        } else {
+            self.look_at_lines(cx);
+            self.low_since = Some(cx.now);
+            if self.held.is_none() {
+                self.expect_loss(cx.now);
+            }
+            if matches!(self.step, Some((Step::Stop, _))) && self.held.is_none() {
+                self.hold(cx.now);
+            }
+        }
+    }
+
+    /// The step under way waits: no bit is sampled meanwhile. [`I2c::began`] is how long it has lasted until then.
+    fn hold(&mut self, now: Cycle) {
+        self.mark_low(now);
+        self.held = Some(self.due.saturating_sub(now));
+        self.due = NEVER;
+        self.began = now.saturating_sub(self.began);
+    }
+
+    /// The bits that were sampled while SDA was held low, up to `now`.
+    pub(super) fn mark_low(&mut self, now: Cycle) {
+        let (Some(since), Some(_), None) = (self.low_since, self.step, self.held) else { return };
+        for number in 0..9 {
+            if (since..now).contains(&self.sampled_at(number)) {
+                self.low |= 1 << number;
+            }
+        }
+    }
+
+    /// SDA is low from `now` on, or was: at the first one that is still to be sent this I2C notices.
+    pub(super) fn expect_loss(&mut self, now: Cycle) {
+        if self.low_since.is_none() {
+            return;
+        }
+        let (Some((Step::Address(byte) | Step::Write(byte), None)), None) = (self.step, self.held) else { return };
+        let is_one = |number: &u64| byte >> (7 - number) & 1 != 0;
+        if let Some(number) = (0..8).filter(is_one).find(|number| self.sampled_at(*number) >= now) {
+            self.loses = true;
+            self.due = self.sampled_at(number);
+        }
+    }
+
+    /// What is under way ends without a word on the wires.
+    pub(super) fn abandon(&mut self) {
+        self.step = None;
+        self.held = None;
+        self.loses = false;
+        self.is_last = false;
+        self.due = NEVER;
+    }
+
+    /// Somebody else has the bus.
+    pub(super) fn lose(&mut self) {
+        self.abandon();
+        self.sr1 = self.sr1 & !(TXE | BTF) | ARLO;
+        self.sr2 &= !(MSL | TRA);
+        self.cr1 &= !STOP;
+        self.goes_on = false;
+    }
+
+    /// A step begins: who holds a line holds it too.
+    pub(super) fn begun(&mut self, cx: &Cx) {
+        let (scl, sda) = self.lines(cx);
+        self.low = 0;
+        self.loses = false;
+        self.low_since = (!sda).then_some(self.began);
+        if !scl || !sda && matches!(self.step, Some((Step::Stop, _))) {
+            self.hold(self.began);
+        } else {
+            self.expect_loss(self.began);
+        }
+    }
+}

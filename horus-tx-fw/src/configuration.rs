@@ -1,0 +1,566 @@
+//! How a receiver is made to send what HORUS needs
+//!
+//! # Design
+//!
+//! Three messages, each acknowledged by itself (UBX-CFG-VALSET, answered by UBX-ACK-ACK or UBX-ACK-NAK):
+//!
+//! | step | message | if it is refused | if it is not answered |
+//! |---|---|---|---|
+//! | basic | UBX on, NMEA off, NAV-PVT with every solution, the period | the receiver is used as it is | likewise |
+//! | attitude | NAV-ATT with every solution | the receiver has no inertial sensors: normal | likewise |
+//! | inertial | ESF-INS with every solution | likewise | likewise |
+//!
+//! They go into the receiver's RAM, so a receiver that was without supply has forgotten them. It is noticed by its
+//! silence, upon which all of them are sent until one is answered; so also to a receiver that is not there yet.
+//!
+//! **UART.** A receiver with factory settings speaks 38 400 baud. If nothing intelligible, that is no intact UBX
+//! message and no answer, has come for [`LISTEN_MS`] after the first message was sent at the usual rate, its baud rate
+//! is set at the factory's rate, and the first message follows at the usual one. A receiver that talks is never
+//! disturbed by another rate: to it that would be noise, and u-blox' receivers close their input for up to a second
+//! after 100 framing errors ("More than 100 frame errors, UART RX was disabled").
+//!
+//! **Bounds.** An answer is waited for, for [`ANSWER_MS`] each; a receiver that talks and does not answer is left alone
+//! after [`ATTEMPTS`], until it has been silent.
+//!
+//! ```text
+//!            answer                   answer or 3 x none            answer or 3 x none
+//! basic ───────────────> attitude ───────────────────> inertial ───────────────────> done
+//!  │ ^ │ nothing heard                                                                 │
+//!  │ │ └───────────────> baud (UART)                                                   │
+//!  │ └───── 200 ms ────────┘   <────────────────────── silent ─────────────────────────┘
+//!  └── 3 x none, but it talks ──> done
+//! ```
+//!
+//! # Sources
+//!
+//! - Keys: semuconsulting/pyubx2 (`ubxtypes_configdb.py`), aortner/ubloxcfg and the `ublox` crate (`cfg_val.rs`), which
+//!   agree where they name the same; the crate has neither NAV-ATT's keys nor a way to leave the thousand others out of
+//!   flash, hence the few here.
+//! - Form of the message, and that one unknown key refuses all of it: u-blox, *F9 interface descriptions*,
+//!   UBX-CFG-VALSET.
+
+use crate::{
+    source::{Message, Rate, MESSAGE},
+    timing,
+};
+
+/// How long an answer is waited for, ms. u-blox answers a configuration message within a second.
+pub const ANSWER_MS: u32 = 1_000;
+/// How often a message is sent to a receiver that talks but does not answer.
+pub const ATTEMPTS: u8 = 3;
+/// A UART on which nothing intelligible comes for this long, ms, is tried at the factory's rate: longer than any period
+/// that is asked for, and than a receiver takes to answer while it computes.
+pub const LISTEN_MS: u32 = 500;
+/// From the message that sets the baud rate to the next, ms: it takes 5.2 ms by itself, and the receiver has to follow.
+pub const BAUD_MS: u32 = 200;
+/// A receiver that took its configuration has been silent after this, ms: more than two of the longest period that is
+/// asked for.
+pub const SILENT_MS: u32 = 500;
+/// One that is used as it is, ms: more than the longest period that is believed.
+pub const SILENT_AS_IT_IS_MS: u32 = 1_500;
+
+/// How a receiver is connected.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Interface {
+    /// UART1 of the receiver.
+    Uart,
+    /// I2C, which u-blox calls DDC.
+    Ddc,
+    /// SPI.
+    Spi,
+}
+
+/// What a receiver has made of the basic message.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Standing {
+    /// It has not been heard since it was last silent, or its answer is awaited.
+    #[default]
+    NotYet = 0,
+    /// It has acknowledged.
+    Taken = 1,
+    /// It has refused, and is used as it is.
+    Refused = 2,
+    /// It talks but did not answer, and is used as it is.
+    Unanswered = 3,
+}
+
+/// The standing of telemetry's number, in words.
+#[must_use]
+pub const fn name(standing: u32) -> &'static str {
+    match standing {
+        0 => "not configured yet",
+        1 => "configured",
+        2 => "refuses its configuration: used as it is",
+        _ => "does not answer: used as it is",
+    }
+}
+
+/// A receiver's answer to UBX-CFG-VALSET.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Answer {
+    /// UBX-ACK-ACK.
+    Taken,
+    /// UBX-ACK-NAK.
+    Refused,
+}
+
+/// Class and identifier of UBX-CFG-VALSET.
+pub const VALSET: (u8, u8) = (0x06, 0x8A);
+
+/// UBX-CFG-VALSET, `layers`: RAM.
+const RAM: u8 = 1;
+
+/// Keys of the configuration. Bits 28 to 30 say how long the value is.
+mod key {
+    use super::Interface;
+
+    pub(super) const RATE_MEAS: u32 = 0x3021_0001;
+    pub(super) const RATE_NAV: u32 = 0x3021_0002;
+    pub(super) const UART1_BAUDRATE: u32 = 0x4052_0001;
+
+    /// CFG-UART1OUTPROT-UBX, -I2COUTPROT-, -SPIOUTPROT-.
+    pub(super) const fn out_ubx(interface: Interface) -> u32 {
+        match interface {
+            Interface::Uart => 0x1074_0001,
+            Interface::Ddc => 0x1072_0001,
+            Interface::Spi => 0x107A_0001,
+        }
+    }
+
+    pub(super) const fn out_nmea(interface: Interface) -> u32 {
+        out_ubx(interface) + 1
+    }
+
+    /// The ports of CFG-MSGOUT follow each other: I2C, UART1, UART2, USB, SPI.
+    const fn msgout(i2c: u32, interface: Interface) -> u32 {
+        match interface {
+            Interface::Ddc => i2c,
+            Interface::Uart => i2c + 1,
+            Interface::Spi => i2c + 4,
+        }
+    }
+
+    pub(super) const fn nav_pvt(interface: Interface) -> u32 {
+        msgout(0x2091_0006, interface)
+    }
+
+    pub(super) const fn nav_att(interface: Interface) -> u32 {
+        msgout(0x2091_001F, interface)
+    }
+
+    pub(super) const fn esf_ins(interface: Interface) -> u32 {
+        msgout(0x2091_0114, interface)
+    }
+}
+
+/// UBX-CFG-VALSET of these keys and values.
+fn valset(items: &[(u32, u32)], rate: Rate) -> Message {
+    let mut bytes = [0; MESSAGE];
+    let mut len = 0;
+    let mut put = |some: &[u8]| {
+        if let Some(room) = bytes.get_mut(len..len + some.len()) {
+            room.copy_from_slice(some);
+        }
+        len += some.len();
+    };
+    // The length comes when it is known. Version 0, layers, two reserved bytes.
+    put(&[0xB5, 0x62, VALSET.0, VALSET.1, 0, 0, 0, RAM, 0, 0]);
+    for (key, value) in items {
+        put(&key.to_le_bytes());
+        let size = match key >> 28 & 0b111 {
+            1 | 2 => 1,
+            3 => 2,
+            _ => 4,
+        };
+        put(&value.to_le_bytes()[..size]);
+    }
+    let end = len.min(MESSAGE - 2);
+    // Between the header and the checksum; at most a message.
+    bytes[4] = (end - 6) as u8;
+    let (mut a, mut b) = (0_u8, 0_u8);
+    for byte in &bytes[2..end] {
+        a = a.wrapping_add(*byte);
+        b = b.wrapping_add(a);
+    }
+    bytes[end] = a;
+    bytes[end + 1] = b;
+    Message::new(&bytes[..end + 2], rate)
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Step {
+    Baud,
+    Basic,
+    Attitude,
+    Inertial,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    /// To be sent now.
+    Due(Step),
+    /// Sent then, ms.
+    Awaiting(Step, u32),
+    Done,
+}
+
+/// One receiver's configuration.
+#[derive(Clone, Debug)]
+pub struct Configuration {
+    interface: Interface,
+    period_ms: u16,
+    state: State,
+    /// Messages without an answer so far, of this step.
+    unanswered: u8,
+    standing: Standing,
+    /// Intact messages so far, and when the last of them came, ms.
+    messages: u32,
+    heard: Option<u32>,
+}
+
+impl Configuration {
+    /// Of a receiver on `interface` that is to give a solution every `period_ms` ms.
+    #[must_use]
+    pub const fn new(interface: Interface, period_ms: u16) -> Self {
+        Self {
+            interface,
+            period_ms,
+            state: State::Due(Step::Basic),
+            unanswered: 0,
+            standing: Standing::NotYet,
+            messages: 0,
+            heard: None,
+        }
+    }
+
+    /// What the receiver has made of it.
+    #[must_use]
+    pub const fn standing(&self) -> Standing {
+        self.standing
+    }
+
+    /// To be called every cycle. At `now` (ms, wraps) the receiver has sent `messages` intact UBX messages (wraps), and
+    /// this answer since the last call. Gives what is to be sent to it.
+    pub fn poll(&mut self, now: u32, messages: u32, answer: Option<Answer>) -> Option<Message> {
+        if messages != self.messages {
+            self.messages = messages;
+            self.heard = Some(now);
+        } else if self.silent_for(now) > SILENT_AS_IT_IS_MS {
+            // Forgotten, lest the clock's wrap make it look young.
+            self.heard = None;
+        }
+        match self.state {
+            State::Awaiting(step, sent) => self.await_answer(step, sent, now, answer),
+            State::Done => {
+                let limit = if self.standing == Standing::Taken { SILENT_MS } else { SILENT_AS_IT_IS_MS };
+                if self.silent_for(now) > limit {
+                    self.standing = Standing::NotYet;
+                    self.go_to(Step::Basic);
+                }
+            }
+            State::Due(_) => {}
+        }
+        let State::Due(step) = self.state else { return None };
+        self.state = State::Awaiting(step, now);
+        Some(self.message(step))
+    }
+
+    /// For how long nothing intact has come, ms.
+    fn silent_for(&self, now: u32) -> u32 {
+        self.heard.map_or(u32::MAX, |at| now.wrapping_sub(at))
+    }
+
+    fn await_answer(&mut self, step: Step, sent: u32, now: u32, answer: Option<Answer>) {
+        let passed = now.wrapping_sub(sent);
+        // Nothing intact since it was sent.
+        let is_silent = self.silent_for(now) >= passed;
+        match (step, answer) {
+            (Step::Baud, Some(_)) => self.go_to(Step::Basic),
+            (Step::Baud, None) if passed >= BAUD_MS => self.go_to(Step::Basic),
+            (Step::Basic, Some(answer)) => {
+                self.standing = match answer {
+                    Answer::Taken => Standing::Taken,
+                    Answer::Refused => Standing::Refused,
+                };
+                self.go_to(Step::Attitude);
+            }
+            (Step::Attitude, Some(_)) => self.go_to(Step::Inertial),
+            (Step::Inertial, Some(_)) => self.state = State::Done,
+            (Step::Basic, None) if is_silent && self.interface == Interface::Uart && passed >= LISTEN_MS => {
+                self.go_to(Step::Baud);
+            }
+            (Step::Basic, None) if is_silent && passed >= ANSWER_MS => self.go_to(Step::Basic),
+            (_, None) if passed >= ANSWER_MS => self.repeat(step),
+            _ => {}
+        }
+    }
+
+    fn repeat(&mut self, step: Step) {
+        self.unanswered += 1;
+        if self.unanswered < ATTEMPTS {
+            self.state = State::Due(step);
+            return;
+        }
+        match step {
+            Step::Baud | Step::Inertial => self.state = State::Done,
+            Step::Basic => {
+                self.standing = Standing::Unanswered;
+                self.state = State::Done;
+            }
+            Step::Attitude => self.go_to(Step::Inertial),
+        }
+    }
+
+    fn go_to(&mut self, step: Step) {
+        self.unanswered = 0;
+        self.state = State::Due(step);
+    }
+
+    fn message(&self, step: Step) -> Message {
+        let interface = self.interface;
+        match step {
+            Step::Baud => valset(&[(key::UART1_BAUDRATE, timing::GNSS_BAUD)], Rate::Factory),
+            Step::Basic => valset(
+                &[
+                    (key::out_ubx(interface), 1),
+                    (key::out_nmea(interface), 0),
+                    (key::nav_pvt(interface), 1),
+                    (key::RATE_MEAS, u32::from(self.period_ms)),
+                    (key::RATE_NAV, 1),
+                ],
+                Rate::Usual,
+            ),
+            Step::Attitude => valset(&[(key::nav_att(interface), 1)], Rate::Usual),
+            Step::Inertial => valset(&[(key::esf_ins(interface), 1)], Rate::Usual),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use super::*;
+    use proptest::prelude::*;
+    use std::{vec, vec::Vec};
+    use ublox::{
+        cfg_val::CfgVal::{self, *},
+        packets::cfg_val::{CfgLayerSet, CfgValSetBuilder},
+    };
+
+    const NOW: u32 = u32::MAX - 1_000;
+
+    /// A receiver's conversation with its configuration, in steps of 10 ms across the clock's wrap.
+    struct Talk {
+        configuration: Configuration,
+        now: u32,
+        messages: u32,
+        sent: Vec<(u32, Message)>,
+    }
+
+    impl Talk {
+        fn new(interface: Interface) -> Self {
+            Self { configuration: Configuration::new(interface, 125), now: NOW, messages: 0, sent: Vec::new() }
+        }
+
+        fn step(&mut self, heard: bool, answer: Option<Answer>) -> Option<Message> {
+            self.now = self.now.wrapping_add(10);
+            self.messages = self.messages.wrapping_add(u32::from(heard || answer.is_some()));
+            let message = self.configuration.poll(self.now, self.messages, answer);
+            if let Some(message) = message {
+                self.sent.push((self.now.wrapping_sub(NOW), message));
+            }
+            message
+        }
+
+        /// So many ms, with a message every 100 ms if it talks; nothing is answered.
+        fn pass(&mut self, ms: u32, talks: bool) {
+            for step in 0..ms / 10 {
+                self.step(talks && step % 10 == 9, None);
+            }
+        }
+
+        /// Answers until nothing more is sent for a second, `limit` messages at most.
+        fn answer_all(&mut self, mut answer: impl FnMut(usize) -> Answer) -> usize {
+            let mut answered = 0;
+            let mut quiet = 0;
+            while quiet < 40 {
+                match self.step(false, None) {
+                    Some(_) => {
+                        self.step(true, None);
+                        self.step(false, Some(answer(answered)));
+                        // An answer may bring the next message at once.
+                        while self.sent.len() > answered + 1 && quiet == 0 && answered < 2 {
+                            answered += 1;
+                            self.step(false, Some(answer(answered)));
+                        }
+                        answered += 1;
+                    }
+                    None => quiet += 1,
+                }
+            }
+            answered
+        }
+    }
+
+    fn keys(message: &Message) -> Vec<u32> {
+        let mut keys = Vec::new();
+        let mut rest = &message.bytes()[10..message.bytes().len() - 2];
+        while let Some((key, after)) = rest.split_first_chunk::<4>() {
+            let key = u32::from_le_bytes(*key);
+            keys.push(key);
+            rest = &after[[0, 1, 1, 2, 4][(key >> 28) as usize]..];
+        }
+        keys
+    }
+
+    fn built(values: &[CfgVal]) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        CfgValSetBuilder { version: 0, layers: CfgLayerSet::RAM, reserved1: 0, cfg_data: values }.extend_to(&mut bytes);
+        bytes
+    }
+
+    #[test]
+    fn the_messages_are_those_that_the_ublox_crate_builds() {
+        let of = |interface| Configuration::new(interface, 200);
+        let cases = [
+            (
+                Interface::Uart,
+                vec![
+                    Uart1OutProtUbx(true),
+                    Uart1OutProtNmea(false),
+                    MsgOutUbxNavPvtUart1(1),
+                    RateMeas(200),
+                    RateNav(1),
+                ],
+                vec![MsgOutUbxEsfInsUart1(1)],
+            ),
+            (
+                Interface::Ddc,
+                vec![I2cOutProtUbx(true), I2cOutProtNmea(false), MsgOutUbxNavPvtI2c(1), RateMeas(200), RateNav(1)],
+                vec![MsgOutUbxEsfInsI2c(1)],
+            ),
+            (
+                Interface::Spi,
+                vec![SpiOutProtUbx(true), SpiOutProtNmea(false), MsgOutUbxNavPvtSpi(1), RateMeas(200), RateNav(1)],
+                vec![MsgOutUbxEsfInsSpi(1)],
+            ),
+        ];
+        for (interface, basic, inertial) in cases {
+            assert_eq!(of(interface).message(Step::Basic).bytes(), built(&basic));
+            assert_eq!(of(interface).message(Step::Inertial).bytes(), built(&inertial));
+        }
+        let baud = of(Interface::Uart).message(Step::Baud);
+        assert_eq!(baud.bytes(), built(&[Uart1Baudrate(460_800)]));
+        assert_eq!(baud.rate(), Rate::Factory);
+        // The crate does not know NAV-ATT's keys.
+        let attitude =
+            [Interface::Ddc, Interface::Uart, Interface::Spi].map(|it| keys(&of(it).message(Step::Attitude)));
+        assert_eq!(attitude, [[0x2091_001F], [0x2091_0020], [0x2091_0023]]);
+    }
+
+    #[test]
+    fn each_message_is_sent_once_to_a_receiver_that_takes_them() {
+        for interface in [Interface::Uart, Interface::Ddc, Interface::Spi] {
+            let mut talk = Talk::new(interface);
+            assert!(talk.step(false, None).is_some());
+            for _ in 0..2 {
+                assert!(talk.step(false, Some(Answer::Taken)).is_some());
+            }
+            assert!(talk.step(false, Some(Answer::Taken)).is_none());
+            talk.pass(60_000, true);
+            assert_eq!(talk.sent.len(), 3);
+            assert_eq!(talk.configuration.standing(), Standing::Taken);
+        }
+    }
+
+    #[test]
+    fn a_receiver_without_inertial_sensors_is_configured_all_the_same() {
+        let mut talk = Talk::new(Interface::Spi);
+        let answered = talk.answer_all(|index| if index == 0 { Answer::Taken } else { Answer::Refused });
+        assert_eq!((answered, talk.sent.len()), (3, 3));
+        assert_eq!(talk.configuration.standing(), Standing::Taken);
+    }
+
+    #[test]
+    fn one_that_refuses_is_used_as_it_is_and_not_asked_again() {
+        let mut talk = Talk::new(Interface::Ddc);
+        assert_eq!(talk.answer_all(|_| Answer::Refused), 3);
+        talk.pass(60_000, true);
+        assert_eq!((talk.sent.len(), talk.configuration.standing()), (3, Standing::Refused));
+    }
+
+    #[test]
+    fn one_that_talks_and_does_not_answer_is_asked_three_times_and_at_the_usual_rate_alone() {
+        for interface in [Interface::Uart, Interface::Ddc, Interface::Spi] {
+            let mut talk = Talk::new(interface);
+            talk.pass(60_000, true);
+            assert_eq!(talk.sent.len(), usize::from(ATTEMPTS));
+            assert!(talk.sent.iter().all(|(_, message)| message.rate() == Rate::Usual));
+            assert_eq!(talk.configuration.standing(), Standing::Unanswered);
+        }
+    }
+
+    #[test]
+    fn one_that_is_not_there_is_asked_until_it_comes() {
+        let mut talk = Talk::new(Interface::Spi);
+        talk.pass(60_000, false);
+        assert_eq!(talk.sent.len(), 60);
+        assert_eq!(talk.configuration.standing(), Standing::NotYet);
+        assert_eq!(talk.answer_all(|_| Answer::Taken), 3);
+        assert_eq!(talk.configuration.standing(), Standing::Taken);
+    }
+
+    #[test]
+    fn a_uart_without_a_word_is_tried_at_the_factorys_rate_after_its_own_and_in_turn() {
+        let mut talk = Talk::new(Interface::Uart);
+        talk.pass(3_000, false);
+        let rates: Vec<Rate> = talk.sent.iter().map(|(_, message)| message.rate()).collect();
+        assert_eq!(rates[..4], [Rate::Usual, Rate::Factory, Rate::Usual, Rate::Factory]);
+        assert_eq!(keys(&talk.sent[1].1), [0x4052_0001]);
+        let times: Vec<u32> = talk.sent.iter().map(|(at, _)| *at).collect();
+        assert_eq!(times[..4], [10, 10 + LISTEN_MS, 10 + LISTEN_MS + BAUD_MS, 10 + 2 * LISTEN_MS + BAUD_MS]);
+    }
+
+    #[test]
+    fn after_silence_everything_is_sent_again_and_not_sooner() {
+        let mut talk = Talk::new(Interface::Ddc);
+        assert_eq!(talk.answer_all(|_| Answer::Taken), 3);
+        // `answer_all` has waited for 400 ms.
+        talk.pass(90, false);
+        assert_eq!(talk.sent.len(), 3);
+        talk.step(true, None);
+        talk.pass(SILENT_MS, false);
+        assert_eq!((talk.sent.len(), talk.configuration.standing()), (3, Standing::Taken));
+        talk.pass(20, false);
+        assert_eq!((talk.sent.len(), talk.configuration.standing()), (4, Standing::NotYet));
+        assert_eq!(keys(&talk.sent[3].1), keys(&talk.sent[0].1));
+    }
+
+    proptest! {
+        #[test]
+        fn whatever_a_receiver_does_messages_are_bounded_and_a_talking_one_hears_the_usual_rate_alone(
+            interface in prop_oneof![Just(Interface::Uart), Just(Interface::Ddc), Just(Interface::Spi)],
+            steps in proptest::collection::vec((any::<bool>(), proptest::option::of(any::<bool>())), 1..2_000),
+        ) {
+            let mut talk = Talk::new(interface);
+            let mut answers = 0;
+            let mut heard_at = None;
+            for (heard, answer) in steps {
+                let answer = answer.map(|taken| if taken { Answer::Taken } else { Answer::Refused });
+                answers += usize::from(answer.is_some());
+                if heard || answer.is_some() {
+                    heard_at = Some(talk.now.wrapping_add(10));
+                }
+                if let Some(message) = talk.step(heard, answer) {
+                    prop_assert!(message.bytes().len() <= MESSAGE);
+                    let recently = heard_at.is_some_and(|at| talk.now.wrapping_sub(at) < LISTEN_MS);
+                    prop_assert!(!recently || message.rate() == Rate::Usual);
+                    prop_assert!(interface == Interface::Uart || message.rate() == Rate::Usual);
+                }
+            }
+            // One for each answer, and at the most one each 200 ms without any.
+            prop_assert!(talk.sent.len() <= 1 + answers + (talk.now.wrapping_sub(NOW) / BAUD_MS) as usize);
+        }
+    }
+}

@@ -1,0 +1,259 @@
+//! A receiver on I2C: events by interrupt, bytes in by DMA
+//!
+//! # Design
+//!
+//! The order of events is [`horus_tx_fw::ddc`]'s; here are the registers. Interrupts are events and errors without
+//! those of the buffer (ITEVTEN, ITERREN; not ITBUFEN), so a message goes out byte by byte on BTF, with the clock held
+//! in between. Reads are the DMA stream's, with LAST, so that the last byte is refused; the stream's end calls.
+//!
+//! After a START or STOP was requested CR1 is not written before the peripheral has carried it out, lest it be
+//! requested twice (RM0090, "I2C", control register 1).
+//!
+//! A recovery holds SWRST from the moment the pins are taken until they are given back, when the bus is free.
+//!
+//! # Errata (ES0206 rev 24, section "I2C") of what is used here
+//!
+//! - Spurious bus error in controller mode: BERR is cleared and not answered; what is really broken ends at the tick.
+//! - Start cannot be generated after a misplaced Stop: only SWRST helps; a START that does not come is a transaction
+//!   that has not ended by the tick, which resets.
+//! - Mismatch on the set-up time of a repeated Start: in standard mode from 88 kHz on; this is fast mode.
+//! - Data valid time violated without OVR: concerns a target that transmits; this is a controller.
+//! - Rise times of SDA and SCL when the bus's supply is above that of the part: pull-ups go to the part's 3.3 V.
+//!
+//! `unsafe` here: shared access to the peripheral's register block, values without an enumeration, and the DMA stream's
+//! start.
+#![allow(unsafe_code)]
+
+use core::{
+    ops::Range,
+    sync::atomic::{compiler_fence, AtomicU8, Ordering},
+};
+
+use horus_tx_fw::{
+    ddc::{Bus, Ddc, Events, Order, Received, MOST, STEP_US},
+    source::{Busy, Message, Source, Vector},
+    timing,
+};
+use stm32f4xx_hal::pac::{self, i2c1};
+
+use super::{
+    dma::{self, Direction, Transfer},
+    gnss, gpio,
+    steps::Steps,
+    HORUS_TELEMETRY,
+};
+use crate::board::DdcPort;
+
+/// What the stream writes. There is one receiver on I2C at most; [`DdcSource::new`] is told of each.
+static BYTES: [AtomicU8; MOST] = [const { AtomicU8::new(0) }; MOST];
+
+/// A receiver on I2C.
+pub struct DdcSource {
+    index: usize,
+    port: &'static DdcPort,
+    ddc: Ddc,
+    steps: Steps,
+}
+
+impl DdcSource {
+    /// Sets up receiver `index`.
+    pub fn new(index: usize, port: &'static DdcPort, rcc: &mut pac::RCC) -> Self {
+        (port.enable)(rcc);
+        gpio::open_drain(port.scl);
+        gpio::open_drain(port.sda);
+        let source = Self { index, port, ddc: Ddc::new(), steps: Steps::new(&port.timer, rcc) };
+        source.set_up();
+        source
+    }
+
+    fn i2c(&self) -> &'static i2c1::RegisterBlock {
+        // SAFETY: the table holds the address of an I2C peripheral's register block, which is always there; every
+        // access is volatile, and it is used by this source alone.
+        unsafe { self.port.i2c.get() }
+    }
+
+    /// Sets the peripheral up after a reset: fast mode with a low time of 2 µs and a high time of 1 µs, so 333 kHz.
+    fn set_up(&self) {
+        let i2c = self.i2c();
+        let mhz = self.port.bus_hz / 1_000_000;
+        i2c.cr1().write(|w| w);
+        // SAFETY: the bus's frequency in MHz, 2 to 50 (RM0090 "I2C", control register 2): 36.
+        i2c.cr2().write(|w| unsafe { w.freq().bits(mhz as u8).iterren().set_bit() });
+        // Low for twice CCR (DUTY 0), high for CCR.
+        let ccr = (timing::GNSS_I2C_LOW_NS / 2 * mhz).div_ceil(1_000);
+        // SAFETY: 1 to 4095 in fast mode with DUTY 0: 36.
+        i2c.ccr().write(|w| unsafe { w.f_s().set_bit().ccr().bits(ccr as u16) });
+        // 300 ns of rise time in fast mode (RM0090 "I2C", TRISE).
+        // SAFETY: at most 63: 11.
+        i2c.trise().write(|w| unsafe { w.bits((mhz * 300 / 1_000 + 1) as u16) });
+        i2c.cr1().write(|w| w.pe().set_bit().ack().set_bit());
+    }
+
+    fn bus(&self) -> Bus {
+        let pending = self.i2c().cr1().read();
+        Bus {
+            scl: gpio::is_high(self.port.scl.pin),
+            sda: gpio::is_high(self.port.sda.pin),
+            busy: self.i2c().sr2().read().busy().bit_is_set()
+                || pending.start().bit_is_set()
+                || pending.stop().bit_is_set(),
+        }
+    }
+
+    /// The status, whose error flags this clears.
+    fn take_events(&self) -> Events {
+        let sr1 = self.i2c().sr1().read();
+        let events = Events {
+            started: sr1.sb().bit_is_set(),
+            addressed: sr1.addr().bit_is_set(),
+            byte_sent: sr1.btf().bit_is_set(),
+            refused: sr1.af().bit_is_set(),
+            arbitration_lost: sr1.arlo().bit_is_set(),
+            bus_error: sr1.berr().bit_is_set(),
+        };
+        // Zeros clear the error flags, bits 8 to 15; all others are read-only.
+        const ERRORS: u16 = 0xDF00;
+        if sr1.bits() & ERRORS != 0 {
+            // SAFETY: clears what was seen; reserved bit 13 is written as 0.
+            self.i2c().sr1().write(|w| unsafe { w.bits(!sr1.bits() & ERRORS) });
+        }
+        events
+    }
+
+    fn carry_out(&mut self, order: Order) {
+        let i2c = self.i2c();
+        match order {
+            Order::Nothing => {}
+            Order::Start => {
+                i2c.cr2().modify(|_, w| w.dmaen().clear_bit().last().clear_bit().itevten().set_bit());
+                i2c.cr1().modify(|_, w| w.start().set_bit());
+            }
+            Order::Put(byte) => self.put(byte),
+            Order::PutAddressed(byte) => {
+                self.clear_addressed();
+                self.put(byte);
+            }
+            Order::Receive(len) => {
+                i2c.cr2().modify(|_, w| w.itevten().clear_bit().dmaen().set_bit().last().set_bit());
+                self.receive(len.min(MOST));
+                self.clear_addressed();
+            }
+            Order::Stop => {
+                self.mute();
+                i2c.cr1().modify(|_, w| w.stop().set_bit());
+            }
+            Order::Mute => self.mute(),
+            Order::Release => {
+                self.mute();
+                // If it does not stop, the next recovery tries again; nothing relies on what it writes.
+                let _ = dma::stop(self.port.stream);
+                dma::clear_flags(self.port.stream);
+                i2c.cr1().write(|w| w.swrst().set_bit());
+                for pin in [self.port.scl.pin, self.port.sda.pin] {
+                    gpio::write(pin, true);
+                    gpio::drive(pin);
+                }
+                self.steps.start(STEP_US);
+            }
+            Order::Drive { scl, sda } => {
+                gpio::write(self.port.scl.pin, scl);
+                gpio::write(self.port.sda.pin, sda);
+                self.steps.start(STEP_US);
+            }
+            Order::Rejoin => {
+                self.steps.stop();
+                gpio::connect(self.port.scl.pin);
+                gpio::connect(self.port.sda.pin);
+                self.set_up();
+            }
+        }
+    }
+
+    fn put(&self, byte: u8) {
+        self.i2c().dr().write(|w| w.dr().set(byte));
+    }
+
+    /// Clears ADDR: SR1 has been read, reading SR2 is the rest of it.
+    fn clear_addressed(&self) {
+        let _ = self.i2c().sr2().read();
+    }
+
+    fn mute(&self) {
+        self.i2c().cr2().modify(|_, w| w.itevten().clear_bit().dmaen().clear_bit().last().clear_bit());
+    }
+
+    fn receive(&self, len: usize) {
+        if dma::is_on(self.port.stream) {
+            // It did not stop when it was told to: this transaction ends at the tick.
+            return;
+        }
+        dma::clear_flags(self.port.stream);
+        let transfer = Transfer {
+            peripheral: self.i2c().dr().as_ptr() as u32,
+            memory: BYTES.as_ptr() as u32,
+            len,
+            direction: Direction::In { circular: false, advance: true },
+        };
+        // SAFETY: the data register is that of the peripheral to which the table's stream and channel belong; `BYTES`
+        // is a static of `MOST` atomic bytes, which `len` does not exceed; the stream is off, and its flags are clear.
+        unsafe { dma::start(self.port.stream, &transfer) };
+    }
+
+    fn stream_interrupt(&mut self) {
+        let flags = dma::flags(self.port.stream);
+        dma::clear_flags(self.port.stream);
+        if flags.has_error() {
+            let order = self.ddc.stream_failed();
+            self.carry_out(order);
+        } else if flags.is_complete() {
+            compiler_fence(Ordering::Acquire);
+            let first = [&BYTES[0], &BYTES[1], &BYTES[2]].map(|byte| byte.load(Ordering::Relaxed));
+            let Received { stream, then } = self.ddc.received(first);
+            self.push(stream);
+            self.carry_out(then);
+        }
+    }
+
+    /// Puts those of the bytes that came in into the ring.
+    fn push(&self, bytes: Range<usize>) {
+        let bytes = BYTES.iter().skip(bytes.start).take(bytes.len());
+        gnss::ring(self.index).push(bytes.map(|byte| byte.load(Ordering::Relaxed)));
+    }
+}
+
+impl Source for DdcSource {
+    fn poll(&mut self) {
+        let under_way = self.ddc.stream_under_way();
+        let order = self.ddc.poll(self.bus());
+        self.carry_out(order);
+        if let Some(len) = under_way {
+            // The transaction was given up, and its stream has been stopped.
+            let come = len.saturating_sub(dma::left(self.port.stream));
+            self.push(0..come);
+        }
+        let (counts, line) = (self.ddc.counts(), &HORUS_TELEMETRY.sources[self.index]);
+        line.recoveries.set(counts.recoveries);
+        line.timed_out.set(counts.timed_out);
+        line.refused.set(counts.refused);
+    }
+
+    fn interrupt(&mut self, vector: Vector) {
+        match vector {
+            Vector::Peripheral => {
+                let order = self.ddc.event(self.take_events());
+                self.carry_out(order);
+            }
+            Vector::Stream => self.stream_interrupt(),
+            Vector::Timer => {
+                if self.steps.is_over() {
+                    let order = self.ddc.step();
+                    self.carry_out(order);
+                }
+            }
+        }
+    }
+
+    fn transmit(&mut self, message: &Message) -> Result<(), Busy> {
+        self.ddc.transmit(message)
+    }
+}

@@ -1,0 +1,37 @@
+//! Where a peripheral's registers are, as the board's table says it
+//!
+//! `unsafe` here: that an address may be shared.
+#![allow(unsafe_code)]
+
+/// The address of a register block.
+pub struct Registers<T>(*const T);
+
+// SAFETY: it is an address alone. Whoever makes a reference of it has to vouch for that ([`Registers::get`]).
+unsafe impl<T> Send for Registers<T> {}
+// SAFETY: as above.
+unsafe impl<T> Sync for Registers<T> {}
+
+impl<T> Clone for Registers<T> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+impl<T> Copy for Registers<T> {}
+
+impl<T> Registers<T> {
+    /// The block at `address`.
+    pub const fn at(address: *const T) -> Self {
+        Self(address)
+    }
+
+    /// The block.
+    ///
+    /// # Safety
+    ///
+    /// The address is that of a block of registers that are laid out like `T`, and nothing that this caller does
+    /// through it disturbs another user of the peripheral.
+    pub(super) const unsafe fn get(self) -> &'static T {
+        // SAFETY: a register block is always there, and every access through it is volatile; the rest is the caller's.
+        unsafe { &*self.0 }
+    }
+}

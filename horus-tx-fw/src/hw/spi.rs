@@ -1,0 +1,225 @@
+//! A receiver on SPI: one transfer a cycle by DMA, both ways at once
+//!
+//! # Design
+//!
+//! What comes when is [`horus_tx_fw::spi`]'s; here are the registers. Chip select's set-up and hold times are a
+//! timer's, so nothing waits: chip select rises one hold time after the last byte has come in, when the SPI has long
+//! ended its last bit (RM0090 "SPI", disabling).
+//!
+//! # Errata (ES0206 rev 24) of what is used here
+//!
+//! - 2.12.1, 2.12.5: BSY may stay high when the SPI is disabled, or after a transfer in other modes than ours. Here:
+//!   the SPI stays enabled; nothing waits for BSY.
+//! - 2.12.4: last bit corrupted in controller mode with delayed SCK feedback. Here: SCK at very high pad speed, and
+//!   0.56 MHz of the 45 MHz it may have.
+//!
+//! `unsafe` here: shared access to the peripheral's register block, and the DMA streams' starts.
+#![allow(unsafe_code)]
+
+use core::sync::atomic::{compiler_fence, AtomicU32, Ordering};
+
+use horus_tx_fw::{
+    source::{Busy, Message, Source, Vector},
+    spi::{Filter, Order, Polling, FILLER, HOLD_US, SETUP_US, TRANSFER},
+    timing,
+};
+use stm32f4xx_hal::pac::{self, spi1};
+
+use super::{
+    dma::{self, Direction, Transfer},
+    gnss,
+    gpio::{self, Pull, Speed},
+    steps::Steps,
+    HORUS_TELEMETRY,
+};
+use crate::board::SpiPort;
+
+const WORDS: usize = TRANSFER / 4;
+const FILLER_WORD: u32 = u32::from_ne_bytes([FILLER; 4]);
+
+/// What the streams write and read. There is one receiver on SPI at most.
+static IN: [AtomicU32; WORDS] = [const { AtomicU32::new(FILLER_WORD) }; WORDS];
+static OUT: [AtomicU32; WORDS] = [const { AtomicU32::new(FILLER_WORD) }; WORDS];
+
+// The divider below.
+const _: () = assert!(timing::GNSS_SPI_HZ * 128 == timing::APB2_HZ);
+
+/// A receiver on SPI.
+pub struct SpiSource {
+    index: usize,
+    port: &'static SpiPort,
+    polling: Polling,
+    filter: Filter,
+    steps: Steps,
+    /// `OUT` holds a message, which the next transfer sends.
+    has_message: bool,
+}
+
+impl SpiSource {
+    /// Sets up receiver `index`.
+    pub fn new(index: usize, port: &'static SpiPort, rcc: &mut pac::RCC) -> Self {
+        (port.enable)(rcc);
+        gpio::output(port.chip_select, Speed::Low, true);
+        gpio::alternate(port.sck, Speed::VeryHigh, Pull::None);
+        // A receiver that is not there has nothing to say.
+        gpio::alternate(port.miso, Speed::Low, Pull::Up);
+        gpio::alternate(port.mosi, Speed::Low, Pull::None);
+        let steps = Steps::new(&port.timer, rcc);
+        let source = Self { index, port, polling: Polling::new(), filter: Filter::new(), steps, has_message: false };
+        source.set_up();
+        source
+    }
+
+    fn spi(&self) -> &'static spi1::RegisterBlock {
+        // SAFETY: the table holds the address of an SPI's register block, which is always there; every access is
+        // volatile, and it is used by this source alone.
+        unsafe { self.port.spi.get() }
+    }
+
+    fn set_up(&self) {
+        self.spi().cr1().write(|w| {
+            w.cpol().idle_low();
+            w.cpha().first_edge();
+            w.mstr().master();
+            w.br().div128();
+            w.ssm().enabled();
+            w.ssi().slave_not_selected();
+            w.spe().enabled()
+        });
+    }
+
+    fn carry_out(&mut self, order: Order) {
+        match order {
+            Order::Nothing => {}
+            Order::Select => {
+                gpio::write(self.port.chip_select, false);
+                self.steps.start(SETUP_US);
+            }
+            Order::Transfer => self.transfer(),
+            Order::Hold => {
+                self.finish();
+                self.steps.start(HOLD_US);
+            }
+            Order::Finish => {
+                gpio::write(self.port.chip_select, true);
+                self.take();
+                self.clear_out();
+            }
+            Order::Abort => {
+                self.steps.stop();
+                // If one does not stop, `transfer` does not start it, and the next tick tries again.
+                let _ = (dma::stop(self.port.stream_out), dma::stop(self.port.stream_in));
+                self.finish();
+                gpio::write(self.port.chip_select, true);
+                self.spi().cr1().modify(|_, w| w.spe().disabled());
+                let _ = self.spi().dr8().read();
+                let _ = self.spi().sr().read();
+                self.set_up();
+                self.filter = Filter::new();
+                self.clear_out();
+            }
+        }
+    }
+
+    /// Takes the SPI's requests from streams that are off, and clears the streams' flags.
+    fn finish(&self) {
+        self.spi().cr2().write(|w| w);
+        dma::clear_flags(self.port.stream_in);
+        dma::clear_flags(self.port.stream_out);
+    }
+
+    fn transfer(&self) {
+        let (stream_in, stream_out) = (self.port.stream_in, self.port.stream_out);
+        if dma::is_on(stream_in) || dma::is_on(stream_out) {
+            return;
+        }
+        self.finish();
+        let peripheral = self.spi().dr().as_ptr() as u32;
+        let incoming = Transfer {
+            peripheral,
+            memory: IN.as_ptr() as u32,
+            len: TRANSFER,
+            direction: Direction::In { circular: false, advance: true },
+        };
+        let outgoing = Transfer { peripheral, memory: OUT.as_ptr() as u32, len: TRANSFER, direction: Direction::Out };
+        self.spi().cr2().write(|w| w.rxdmaen().set_bit());
+        // SAFETY: the data register is that of the peripheral to which the table's streams and channels belong; both
+        // memories are statics of `TRANSFER` bytes of atomics; the streams are off, and their flags are clear.
+        unsafe {
+            dma::start(stream_in, &incoming);
+            dma::start(stream_out, &outgoing);
+        }
+        self.spi().cr2().write(|w| w.rxdmaen().set_bit().txdmaen().set_bit());
+    }
+
+    /// Takes what has come in, without filler: four bytes of it at a time, since most of a transfer is.
+    fn take(&mut self) {
+        compiler_fence(Ordering::Acquire);
+        let filter = &mut self.filter;
+        let bytes = IN.iter().flat_map(|word| {
+            let word = word.load(Ordering::Relaxed);
+            let is_filler = word == FILLER_WORD && filter.is_outside();
+            let kept = word.to_ne_bytes().map(|byte| (!is_filler && filter.keeps(byte)).then_some(byte));
+            kept.into_iter().flatten()
+        });
+        gnss::ring(self.index).push(bytes);
+    }
+
+    fn clear_out(&mut self) {
+        if core::mem::take(&mut self.has_message) {
+            OUT.iter().for_each(|word| word.store(FILLER_WORD, Ordering::Relaxed));
+        }
+    }
+
+    fn stream_interrupt(&mut self) {
+        let incoming = dma::flags(self.port.stream_in);
+        let has_error = incoming.has_error() || dma::flags(self.port.stream_out).has_error();
+        dma::clear_flags(self.port.stream_in);
+        dma::clear_flags(self.port.stream_out);
+        let order = if has_error {
+            self.polling.failed()
+        } else if incoming.is_complete() {
+            // The last byte comes in after the last one has gone out, so the stream out has ended too.
+            self.polling.transferred()
+        } else {
+            Order::Nothing
+        };
+        self.carry_out(order);
+    }
+}
+
+impl Source for SpiSource {
+    fn poll(&mut self) {
+        let order = self.polling.poll();
+        self.carry_out(order);
+        let line = &HORUS_TELEMETRY.sources[self.index];
+        line.recoveries.set(self.polling.recoveries());
+        line.timed_out.set(self.polling.timed_out());
+    }
+
+    fn interrupt(&mut self, vector: Vector) {
+        match vector {
+            Vector::Peripheral => {}
+            Vector::Stream => self.stream_interrupt(),
+            Vector::Timer => {
+                if self.steps.is_over() {
+                    let order = self.polling.elapsed();
+                    self.carry_out(order);
+                }
+            }
+        }
+    }
+
+    fn transmit(&mut self, message: &Message) -> Result<(), Busy> {
+        if !self.polling.is_idle() || self.has_message {
+            return Err(Busy);
+        }
+        for (word, bytes) in OUT.iter().zip(message.bytes().chunks(4)) {
+            let mut four = [FILLER; 4];
+            four[..bytes.len()].copy_from_slice(bytes);
+            word.store(u32::from_ne_bytes(four), Ordering::Relaxed);
+        }
+        self.has_message = true;
+        Ok(())
+    }
+}

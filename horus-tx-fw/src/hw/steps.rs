@@ -1,0 +1,62 @@
+//! A one-shot timer: one interrupt so many microseconds from now
+//!
+//! # Errata (ES0206 rev 24) of what is used here
+//!
+//! - 2.7.3 concerns compare channels, which are not used.
+//!
+//! `unsafe` here: shared access to the timers' register blocks.
+#![allow(unsafe_code)]
+
+use horus_tx_fw::timing;
+use stm32f4xx_hal::pac::{self, tim3};
+
+use crate::board::Timer;
+
+/// A timer of one source.
+pub(super) struct Steps(&'static Timer);
+
+impl Steps {
+    /// Sets it up, stopped. It counts microseconds.
+    pub(super) fn new(timer: &'static Timer, rcc: &mut pac::RCC) -> Self {
+        (timer.enable)(rcc);
+        let steps = Self(timer);
+        let registers = steps.registers();
+        registers.psc().write(|w| w.psc().set((timing::TICKS_PER_US - 1) as u16));
+        registers.cr1().write(|w| w.urs().set_bit());
+        // Load the prescaler now, without an interrupt.
+        registers.egr().write(|w| w.ug().set_bit());
+        registers.sr().write(|w| w.uif().clear());
+        registers.dier().write(|w| w.uie().set_bit());
+        steps
+    }
+
+    fn registers(&self) -> &'static tim3::RegisterBlock {
+        // SAFETY: the table holds the address of a timer's register block, which is always there; every access is
+        // volatile, and each timer is used by one source alone.
+        unsafe { self.0.timer.get() }
+    }
+
+    /// Calls in `us` microseconds, never earlier.
+    pub(super) fn start(&self, us: u16) {
+        let timer = self.registers();
+        timer.cr1().write(|w| w.urs().set_bit());
+        timer.cnt().write(|w| w.cnt().set(0));
+        // An update comes ARR + 1 counts on.
+        timer.arr().write(|w| w.arr().set(us.max(1)));
+        timer.sr().write(|w| w.uif().clear());
+        timer.cr1().write(|w| w.urs().set_bit().opm().set_bit().cen().set_bit());
+    }
+
+    /// Calls no more.
+    pub(super) fn stop(&self) {
+        self.registers().cr1().write(|w| w.urs().set_bit());
+        self.registers().sr().write(|w| w.uif().clear());
+    }
+
+    /// Whether the time is over; asks once.
+    pub(super) fn is_over(&self) -> bool {
+        let over = self.registers().sr().read().uif().bit_is_set();
+        self.registers().sr().write(|w| w.uif().clear());
+        over
+    }
+}

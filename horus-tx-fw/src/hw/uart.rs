@@ -1,0 +1,201 @@
+//! A receiver on a UART: in by DMA into a ring, for ever; out byte by byte
+//!
+//! # Design
+//!
+//! The receiver's bytes are written into its ring by a circular DMA stream. Three things make the firmware look how far
+//! it has come: the line is idle, half or all of the ring is full, and every tick.
+//!
+//! A message goes out by the interrupt that asks for the next byte, one every 22 µs: messages are rare and short. One
+//! to a receiver with factory settings goes out at their rate; until its last bit is out nothing is heard, and then the
+//! usual rate is set again.
+//!
+//! # Errata (ES0206 rev 24) of what is used here
+//!
+//! - 2.11.1: an idle frame may go unseen if the receiver's clock deviates. Here: idle only makes it faster: half and
+//!   whole laps of the ring, and every tick, look too.
+//!
+//! `unsafe` here: shared access to the UARTs' register blocks, the baud rate, and the DMA stream's start.
+#![allow(unsafe_code)]
+
+use horus_tx_fw::{
+    ring::Writer,
+    source::{Busy, Message, Rate, Source, Vector, RING},
+    telemetry::Line,
+    timing,
+};
+use stm32f4xx_hal::pac::{self, uart4};
+
+use super::{
+    dma::{self, Direction, Transfer},
+    gnss,
+    gpio::{self, Pull, Speed},
+    HORUS_TELEMETRY,
+};
+use crate::board::UartPort;
+
+/// A receiver on a UART.
+pub struct UartSource {
+    index: usize,
+    port: &'static UartPort,
+    writer: Writer,
+    /// What is being sent, and how many bytes of it have gone.
+    outgoing: Option<(Message, usize)>,
+}
+
+impl UartSource {
+    /// Sets up receiver `index` and starts to listen.
+    pub fn new(index: usize, port: &'static UartPort, rcc: &mut pac::RCC) -> Self {
+        let source = Self { index, port, writer: Writer::new(), outgoing: None };
+        // A line that is not connected reads idle.
+        gpio::alternate(port.rx, Speed::Low, Pull::Up);
+        gpio::alternate(port.tx, Speed::Low, Pull::Up);
+        (port.enable)(rcc);
+        // SAFETY: the stream has not been used since the reset, which leaves it off.
+        unsafe { source.start_ring() };
+        source.set_rate(Rate::Usual);
+        let uart = source.uart();
+        uart.cr3().write(|w| w.dmar().set_bit().eie().set_bit());
+        uart.cr1().write(|w| w.ue().set_bit().re().set_bit().te().set_bit().idleie().set_bit());
+        source
+    }
+
+    fn uart(&self) -> &'static uart4::RegisterBlock {
+        // SAFETY: the table holds addresses of register blocks of UARTs, or of USARTs, which begin with the same
+        // registers; those are always there, every access is volatile, and each is used by one source alone.
+        unsafe { self.port.uart.get() }
+    }
+
+    /// Sets the rate. The UART is not in use meanwhile: it is off, or switched off for it.
+    fn set_rate(&self, rate: Rate) {
+        let baud = match rate {
+            Rate::Usual => timing::GNSS_BAUD,
+            Rate::Factory => timing::FACTORY_BAUD,
+        };
+        // 16 times oversampling: BRR is the divider itself, nearest (36 MHz: 78, 0.16 % fast; 938, 0.05 % slow).
+        let divider = (self.port.bus_hz + baud / 2) / baud;
+        // SAFETY: any 16-bit value is a divider; this one is within 1 % of the baud rate wanted.
+        self.uart().brr().write(|w| unsafe { w.bits(divider as u16) });
+    }
+
+    /// Sets the rate of a UART that is on.
+    fn change_rate(&self, rate: Rate) {
+        // The rate must not change under a byte (RM0090 "USART", fractional baud rate generation).
+        self.uart().cr1().modify(|_, w| w.ue().clear_bit());
+        self.set_rate(rate);
+        self.uart().cr1().modify(|_, w| w.ue().set_bit());
+    }
+
+    /// Starts the stream at the ring's start.
+    ///
+    /// # Safety
+    ///
+    /// The stream is off.
+    unsafe fn start_ring(&self) {
+        let stream = self.port.stream;
+        dma::clear_flags(stream);
+        let transfer = Transfer {
+            peripheral: self.uart().dr().as_ptr() as u32,
+            memory: gnss::ring(self.index).memory().as_ptr() as u32,
+            len: RING,
+            direction: Direction::In { circular: true, advance: true },
+        };
+        // SAFETY: `peripheral` is the data register of the UART to which the table's stream and channel belong; the
+        // ring is a static of `RING` atomic bytes, whose reader takes any content (a checksum decides); the stream is
+        // off, as the caller vouches, and its flags are clear.
+        unsafe { dma::start(stream, &transfer) };
+    }
+
+    fn telemetry(&self) -> &'static Line {
+        &HORUS_TELEMETRY.lines[self.index]
+    }
+
+    /// Idle line, an error, or a byte is out.
+    fn uart_interrupt(&mut self) {
+        let uart = self.uart();
+        let flags = uart.sr().read();
+        let is_bad = flags.fe().bit_is_set() || flags.nf().bit_is_set() || flags.ore().bit_is_set();
+        if is_bad {
+            self.telemetry().uart_errors.add(1);
+        }
+        if is_bad || flags.idle().bit_is_set() {
+            // Reading SR, then DR, clears all of these (RM0090 "USART", status register). The line has been idle for a
+            // whole frame, or its byte was bad, so the byte read here is not one the DMA wants.
+            let _ = uart.dr().read();
+        }
+        self.send(flags.txe().bit_is_set(), flags.tc().bit_is_set());
+    }
+
+    /// Sends the next byte if the last one has left the data register; ends when the last bit is out.
+    fn send(&mut self, is_empty: bool, is_complete: bool) {
+        let uart = self.uart();
+        let Some((message, sent)) = &mut self.outgoing else { return };
+        match message.bytes().get(*sent) {
+            Some(byte) if is_empty => {
+                *sent += 1;
+                // SAFETY: every byte may be sent.
+                uart.dr().write(|w| unsafe { w.bits(u16::from(*byte)) });
+            }
+            Some(_) => {}
+            // Only now: the flag says so of the byte before until the next one is written.
+            None if is_complete => {
+                let rate = message.rate();
+                self.outgoing = None;
+                uart.cr1().modify(|_, w| w.tcie().clear_bit());
+                if rate != Rate::Usual {
+                    self.change_rate(Rate::Usual);
+                }
+            }
+            None => {
+                uart.cr1().modify(|_, w| w.txeie().clear_bit().tcie().set_bit());
+            }
+        }
+    }
+
+    /// Half or whole lap, or the tick.
+    fn look(&mut self) {
+        let stream = self.port.stream;
+        dma::clear_flags(stream);
+        if !dma::is_on(stream) {
+            // A transfer error stops a circular stream. It begins at the ring's start again, as the writer must; what
+            // was in between does not pass a checksum.
+            self.telemetry().uart_errors.add(1);
+            self.writer.advance(RING, RING);
+            // SAFETY: the stream is off.
+            unsafe { self.start_ring() };
+        }
+    }
+
+    /// Publishes how many bytes the stream has written by now.
+    fn count_written(&mut self) {
+        let written = self.writer.advance(dma::left(self.port.stream), RING);
+        gnss::ring(self.index).set_written(written);
+    }
+}
+
+impl Source for UartSource {
+    fn poll(&mut self) {
+        self.look();
+        self.count_written();
+    }
+
+    fn interrupt(&mut self, vector: Vector) {
+        match vector {
+            Vector::Peripheral => self.uart_interrupt(),
+            Vector::Stream => self.look(),
+            Vector::Timer => {}
+        }
+        self.count_written();
+    }
+
+    fn transmit(&mut self, message: &Message) -> Result<(), Busy> {
+        if self.outgoing.is_some() {
+            return Err(Busy);
+        }
+        if message.rate() != Rate::Usual {
+            self.change_rate(message.rate());
+        }
+        self.outgoing = Some((*message, 0));
+        self.uart().cr1().modify(|_, w| w.txeie().set_bit());
+        Ok(())
+    }
+}

@@ -1,0 +1,266 @@
+//! What all sources of a receiver's bytes have alike: the ring, what is to be sent, and the trait
+//!
+//! # Design
+//!
+//! A receiver is connected by a UART, by I2C (u-blox calls it DDC) or by SPI. What differs is how its bytes come in and
+//! go out; that is behind [`Source`]. All of them end in a [`Ring`] of one size, which the parser reads at its own
+//! pace, and all take what is to be sent from an [`Outbox`] of one message. Both are made of atomics, so that the
+//! parser (of low priority) and the source (of higher priority, or a DMA stream) need no lock.
+
+use core::sync::atomic::{AtomicU32, AtomicU8, Ordering};
+
+use crate::ring::Span;
+
+/// Bytes of each receiver's ring: 11 ms of a UART at 460 800 baud, so half of it lasts for more than the 5 ms that the
+/// slowest of the tasks in between takes; and twice what I2C and SPI bring in a cycle ([`crate::ddc::MOST`],
+/// [`crate::spi::TRANSFER`]).
+pub const RING: usize = 512;
+
+const _: () = assert!(RING.is_power_of_two());
+const _: () = assert!(RING >= 2 * crate::ddc::MOST && RING >= 2 * crate::spi::TRANSFER);
+
+/// The longest message that is sent to a receiver, bytes. The longest of [`crate::configuration`] has 41.
+pub const MESSAGE: usize = 48;
+
+/// A receiver's bytes. One writer: a circular DMA stream and [`Ring::set_written`], or [`Ring::push`].
+#[derive(Debug)]
+pub struct Ring {
+    bytes: [AtomicU8; RING],
+    written: AtomicU32,
+}
+
+impl Default for Ring {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Ring {
+    /// A ring into which nothing has been written.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { bytes: [const { AtomicU8::new(0) }; RING], written: AtomicU32::new(0) }
+    }
+
+    /// Where a DMA stream is to write its [`RING`] bytes.
+    #[must_use]
+    pub fn memory(&self) -> &[AtomicU8; RING] {
+        &self.bytes
+    }
+
+    /// Publishes how many bytes a DMA stream has ever written (wraps).
+    pub fn set_written(&self, written: u32) {
+        self.written.store(written, Ordering::Release);
+    }
+
+    /// Appends bytes and publishes them.
+    pub fn push(&self, bytes: impl IntoIterator<Item = u8>) {
+        let mut written = self.written.load(Ordering::Relaxed);
+        for byte in bytes {
+            self.bytes[written as usize % RING].store(byte, Ordering::Relaxed);
+            written = written.wrapping_add(1);
+        }
+        self.written.store(written, Ordering::Release);
+    }
+
+    /// Bytes ever written, wraps.
+    #[must_use]
+    pub fn written(&self) -> u32 {
+        self.written.load(Ordering::Acquire)
+    }
+
+    /// Copies `span` out, as far as `into` has room.
+    pub fn copy_out<'a>(&self, span: Span, into: &'a mut [u8]) -> &'a [u8] {
+        let len = span.len.min(into.len());
+        let (into, _) = into.split_at_mut(len);
+        for (to, from) in into.iter_mut().zip(self.bytes.iter().skip(span.start)) {
+            *to = from.load(Ordering::Relaxed);
+        }
+        into
+    }
+}
+
+/// At which rate a UART sends a message. I2C and SPI do not care.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rate {
+    /// The one at which HORUS listens, [`crate::timing::GNSS_BAUD`].
+    Usual,
+    /// That of a receiver with factory settings, [`crate::timing::FACTORY_BAUD`]. Nothing is heard meanwhile.
+    Factory,
+}
+
+/// What is to be sent to a receiver.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Message {
+    bytes: [u8; MESSAGE],
+    len: usize,
+    rate: Rate,
+}
+
+impl Message {
+    /// A message of `bytes`, cut after [`MESSAGE`].
+    #[must_use]
+    pub fn new(bytes: &[u8], rate: Rate) -> Self {
+        let len = bytes.len().min(MESSAGE);
+        let mut message = Self { bytes: [0; MESSAGE], len, rate };
+        message.bytes[..len].copy_from_slice(&bytes[..len]);
+        message
+    }
+
+    /// Its bytes.
+    #[must_use]
+    pub fn bytes(&self) -> &[u8] {
+        &self.bytes[..self.len]
+    }
+
+    /// At which rate.
+    #[must_use]
+    pub const fn rate(&self) -> Rate {
+        self.rate
+    }
+}
+
+/// One message on its way from the parser's task to that of the sources.
+#[derive(Debug)]
+pub struct Outbox {
+    bytes: [AtomicU8; MESSAGE],
+    /// 0: none waits. Else the length, and [`FACTORY`].
+    state: AtomicU32,
+}
+
+const FACTORY: u32 = 1 << 31;
+
+impl Default for Outbox {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Outbox {
+    /// No message waits.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { bytes: [const { AtomicU8::new(0) }; MESSAGE], state: AtomicU32::new(0) }
+    }
+
+    /// Puts a message in, and tells whether there was room. One task alone may put.
+    pub fn put(&self, message: &Message) -> bool {
+        if self.state.load(Ordering::Acquire) != 0 {
+            return false;
+        }
+        for (to, from) in self.bytes.iter().zip(message.bytes()) {
+            to.store(*from, Ordering::Relaxed);
+        }
+        let rate = if message.rate == Rate::Factory { FACTORY } else { 0 };
+        self.state.store(message.len as u32 | rate, Ordering::Release);
+        true
+    }
+
+    /// The message that waits; it goes on waiting until [`Outbox::clear`].
+    #[must_use]
+    pub fn peek(&self) -> Option<Message> {
+        let state = self.state.load(Ordering::Acquire);
+        if state == 0 {
+            return None;
+        }
+        let mut bytes = [0; MESSAGE];
+        for (to, from) in bytes.iter_mut().zip(&self.bytes) {
+            *to = from.load(Ordering::Relaxed);
+        }
+        let rate = if state & FACTORY != 0 { Rate::Factory } else { Rate::Usual };
+        Some(Message { bytes, len: ((state & !FACTORY) as usize).min(MESSAGE), rate })
+    }
+
+    /// The message has been taken. One task alone may peek and clear.
+    pub fn clear(&self) {
+        self.state.store(0, Ordering::Release);
+    }
+}
+
+/// Which of a source's interrupts has come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Vector {
+    /// The peripheral itself: an event, a byte, an idle line, an error.
+    Peripheral,
+    /// One of its DMA streams.
+    Stream,
+    /// Its timer.
+    Timer,
+}
+
+/// The source is still sending the message before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Busy;
+
+/// A source of a receiver's bytes. All calls come from tasks of one priority; none waits.
+pub trait Source {
+    /// Serves the tick: starts what is due, and ends what should have ended by now.
+    fn poll(&mut self);
+
+    /// Serves one of its interrupts.
+    fn interrupt(&mut self, vector: Vector);
+
+    /// Sends a message, now or in the next cycle.
+    ///
+    /// # Errors
+    ///
+    /// [`Busy`] while the one before it is under way: to be tried again at the next tick.
+    fn transmit(&mut self, message: &Message) -> Result<(), Busy>;
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use super::*;
+    use crate::ring::Reader;
+    use std::vec::Vec;
+
+    #[test]
+    fn what_is_pushed_is_read_once_and_in_order_across_the_rings_end() {
+        let (ring, mut reader) = (Ring::new(), Reader::new());
+        let mut expected = 0_u8;
+        for round in 0..40_u32 {
+            let count = 1 + round * 37 % 256;
+            let first = ring.written() as u8;
+            ring.push((0..count).map(|step| first.wrapping_add(step as u8)));
+            let mut seen = Vec::new();
+            while reader.waiting(ring.written()) > 0 {
+                let mut bytes = [0; 64];
+                let span = reader.take(ring.written(), RING, 64);
+                seen.extend_from_slice(ring.copy_out(span, &mut bytes));
+            }
+            assert_eq!(seen.len(), count as usize);
+            for byte in seen {
+                assert_eq!(byte, expected);
+                expected = expected.wrapping_add(1);
+            }
+        }
+        assert_eq!(reader.lost(), 0);
+    }
+
+    #[test]
+    fn an_outbox_holds_one_message_until_it_is_cleared() {
+        let outbox = Outbox::new();
+        assert_eq!(outbox.peek(), None);
+        let first = Message::new(&[1, 2, 3], Rate::Factory);
+        assert!(outbox.put(&first));
+        assert!(!outbox.put(&Message::new(&[9], Rate::Usual)), "there is no room for a second one");
+        for _ in 0..2 {
+            let waiting = outbox.peek().expect("it waits");
+            assert_eq!((waiting.bytes(), waiting.rate()), (&[1, 2, 3][..], Rate::Factory));
+        }
+        outbox.clear();
+        assert_eq!(outbox.peek(), None);
+        assert!(outbox.put(&Message::new(&[9], Rate::Usual)));
+        assert_eq!(
+            outbox.peek().map(|message| (message.bytes().to_vec(), message.rate())),
+            Some((Vec::from([9]), Rate::Usual))
+        );
+    }
+
+    #[test]
+    fn a_message_that_is_too_long_is_cut_and_never_overruns() {
+        let message = Message::new(&[7; MESSAGE + 1], Rate::Usual);
+        assert_eq!(message.bytes(), [7; MESSAGE]);
+    }
+}

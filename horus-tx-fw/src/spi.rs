@@ -1,0 +1,325 @@
+//! A receiver on SPI: one transfer of constant length a cycle, and what of it is filler
+//!
+//! # Design
+//!
+//! u-blox' SPI has no registers and no count: whatever is clocked out is the receiver's stream, and 0xFF when it has
+//! nothing; whatever is clocked in is data for it, and 0xFF is filler. So each cycle clocks [`TRANSFER`] bytes,
+//! whatever they are, which takes the same time always: chip select, [`SETUP_US`], the transfer by DMA, [`HOLD_US`],
+//! chip select.
+//!
+//! *Filler* is taken out before the ring by [`Filter`], which follows the messages, since 0xFF is legal inside one. A
+//! message that is longer than what the parser takes is not followed, so that one damaged length does not let 64 KiB of
+//! filler pass.
+//!
+//! *A message to the receiver* is at the start of a transfer: after more than CFG-SPI-MAXFF (factory: 50) filler bytes
+//! in a row the receiver stops to look at its input, until chip select rises or a byte is no filler (the documents
+//! differ; both hold here).
+//!
+//! # Sources
+//!
+//! - Timing: u-blox, *NEO-M8P data sheet* (UBX-15016656), "SPI timing diagrams", recommendations: > 10 µs from chip
+//!   select to the first clock, 1 ms between two selections, at most 5.5 MHz, **at least 8 µs from byte to byte** (125
+//!   kB/s, which the F9 data sheets name as the maximum transfer rate too). A DMA transfer has no gaps between bytes,
+//!   so it is the bit rate that keeps the byte period: 562.5 kHz ([`crate::timing::GNSS_SPI_HZ`]), 14.2 µs a byte.
+//! - Filler: u-blox, *ZED-F9T and ZED-F9K integration manuals*, "SPI interface", read access.
+
+use crate::receiver::BUFFER;
+
+/// Bytes of a transfer, at most 2^16 - 1 and a multiple of 4: 3.6 ms of a cycle, and 25.6 kB/s. A receiver with all
+/// three messages at 25 Hz sends 4.6 kB/s.
+pub const TRANSFER: usize = 256;
+
+/// From chip select to the first clock, µs, at least 10.
+pub const SETUP_US: u16 = 20;
+
+/// From the last byte's arrival to chip select's rise, µs: longer than the half bit that is left of it.
+pub const HOLD_US: u16 = 20;
+
+/// What is clocked when there is nothing to say.
+pub const FILLER: u8 = 0xFF;
+
+const _: () = assert!(TRANSFER.is_multiple_of(4));
+// At least 1 ms between two selections.
+const _: () = assert!(
+    SETUP_US as u64 + HOLD_US as u64 + TRANSFER as u64 * 8 * 1_000_000 / crate::timing::GNSS_SPI_HZ as u64
+        <= 1_000 * profile::CYCLE_MS as u64 - 1_000 - 1_000
+);
+// At least 8 µs a byte, at most 5.5 MHz.
+const _: () = assert!(crate::timing::GNSS_SPI_HZ / 8 <= 125_000 && crate::timing::GNSS_SPI_HZ <= 5_500_000);
+
+/// What the registers have to do next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Order {
+    /// Nothing.
+    Nothing,
+    /// Lower chip select; [`Polling::elapsed`] in [`SETUP_US`].
+    Select,
+    /// Start both streams.
+    Transfer,
+    /// [`Polling::elapsed`] in [`HOLD_US`].
+    Hold,
+    /// Raise chip select, and take the bytes.
+    Finish,
+    /// Stop both streams, raise chip select, and set the peripheral up anew. There are no bytes.
+    Abort,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    Idle,
+    Selected,
+    Transferring,
+    Holding,
+}
+
+/// One receiver's transfers.
+#[derive(Clone, Debug)]
+pub struct Polling {
+    state: State,
+    timed_out: u32,
+    recoveries: u32,
+}
+
+impl Default for Polling {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Polling {
+    /// Nothing has been transferred.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { state: State::Idle, timed_out: 0, recoveries: 0 }
+    }
+
+    /// Transfers that had not ended by the next tick, wraps.
+    #[must_use]
+    pub const fn timed_out(&self) -> u32 {
+        self.timed_out
+    }
+
+    /// How often the peripheral was set up anew, wraps.
+    #[must_use]
+    pub const fn recoveries(&self) -> u32 {
+        self.recoveries
+    }
+
+    /// Whether no transfer is under way: what is to be sent may change.
+    #[must_use]
+    pub fn is_idle(&self) -> bool {
+        self.state == State::Idle
+    }
+
+    /// Serves the tick.
+    pub fn poll(&mut self) -> Order {
+        if self.state == State::Idle {
+            self.state = State::Selected;
+            Order::Select
+        } else {
+            self.timed_out = self.timed_out.wrapping_add(1);
+            self.abort()
+        }
+    }
+
+    /// The time that was asked for is over.
+    pub fn elapsed(&mut self) -> Order {
+        match self.state {
+            State::Selected => {
+                self.state = State::Transferring;
+                Order::Transfer
+            }
+            State::Holding => {
+                self.state = State::Idle;
+                Order::Finish
+            }
+            State::Idle | State::Transferring => Order::Nothing,
+        }
+    }
+
+    /// All bytes have come in.
+    pub fn transferred(&mut self) -> Order {
+        if self.state != State::Transferring {
+            return Order::Nothing;
+        }
+        self.state = State::Holding;
+        Order::Hold
+    }
+
+    /// A stream has failed.
+    pub fn failed(&mut self) -> Order {
+        if self.state != State::Transferring {
+            return Order::Nothing;
+        }
+        self.abort()
+    }
+
+    fn abort(&mut self) -> Order {
+        self.recoveries = self.recoveries.wrapping_add(1);
+        self.state = State::Idle;
+        Order::Abort
+    }
+}
+
+/// Tells a receiver's bytes from its filler.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Filter(Place);
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Place {
+    #[default]
+    Outside,
+    /// After the first byte of sync.
+    Sync,
+    /// So many bytes of class, identifier and length have come; the length so far.
+    Header(u8, u16),
+    /// So many bytes of payload and checksum are left.
+    Body(u16),
+}
+
+impl Filter {
+    /// Outside of any message.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self(Place::Outside)
+    }
+
+    /// Whether the next bytes are filler if they are [`FILLER`].
+    #[must_use]
+    pub fn is_outside(self) -> bool {
+        self.0 == Place::Outside
+    }
+
+    /// Whether `byte` is the receiver's.
+    pub fn keeps(&mut self, byte: u8) -> bool {
+        /// The longest payload that the parser takes, and the checksum behind it.
+        const LONGEST: u16 = BUFFER as u16 - 8;
+        match self.0 {
+            Place::Outside | Place::Sync if byte == FILLER => {
+                self.0 = Place::Outside;
+                false
+            }
+            Place::Sync if byte == 0x62 => {
+                self.0 = Place::Header(0, 0);
+                true
+            }
+            Place::Outside | Place::Sync => {
+                self.0 = if byte == 0xB5 { Place::Sync } else { Place::Outside };
+                true
+            }
+            Place::Header(count, length) => {
+                let length = match count {
+                    2 => u16::from(byte),
+                    3 => length | u16::from(byte) << 8,
+                    _ => 0,
+                };
+                self.0 = match count {
+                    0..=2 => Place::Header(count + 1, length),
+                    _ if length <= LONGEST => Place::Body(length + 2),
+                    _ => Place::Outside,
+                };
+                true
+            }
+            Place::Body(left) => {
+                self.0 = if left > 1 { Place::Body(left - 1) } else { Place::Outside };
+                true
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use super::*;
+    use proptest::prelude::*;
+    use std::vec::Vec;
+
+    #[test]
+    fn a_cycle_selects_transfers_holds_and_takes() {
+        let mut polling = Polling::new();
+        for _ in 0..3 {
+            assert!(polling.is_idle());
+            assert_eq!(polling.poll(), Order::Select);
+            assert_eq!(polling.transferred(), Order::Nothing, "of a transfer that has not begun");
+            assert_eq!(polling.elapsed(), Order::Transfer);
+            assert_eq!(polling.elapsed(), Order::Nothing);
+            assert_eq!(polling.transferred(), Order::Hold);
+            assert_eq!(polling.transferred(), Order::Nothing);
+            assert!(!polling.is_idle(), "chip select is still low");
+            assert_eq!(polling.elapsed(), Order::Finish);
+        }
+        assert_eq!((polling.timed_out(), polling.recoveries()), (0, 0));
+    }
+
+    #[test]
+    fn wherever_it_hangs_the_next_tick_ends_it_and_the_one_after_begins_anew() {
+        for calls in 0..3 {
+            let mut polling = Polling::new();
+            polling.poll();
+            if calls > 0 {
+                polling.elapsed();
+            }
+            if calls > 1 {
+                polling.transferred();
+            }
+            assert_eq!(polling.poll(), Order::Abort);
+            assert_eq!((polling.timed_out(), polling.recoveries()), (1, 1));
+            assert_eq!(polling.poll(), Order::Select);
+        }
+    }
+
+    #[test]
+    fn a_stream_that_fails_ends_its_transfer_at_once_and_no_other() {
+        let mut polling = Polling::new();
+        assert_eq!(polling.failed(), Order::Nothing);
+        polling.poll();
+        polling.elapsed();
+        assert_eq!(polling.failed(), Order::Abort);
+        assert_eq!(polling.failed(), Order::Nothing);
+        assert_eq!((polling.timed_out(), polling.recoveries()), (0, 1));
+    }
+
+    fn message() -> impl Strategy<Value = Vec<u8>> {
+        let ubx = (any::<[u8; 2]>(), proptest::collection::vec(prop_oneof![any::<u8>(), Just(0xFF)], 0..=248));
+        let ubx = ubx.prop_map(|(kind, payload)| {
+            let mut bytes = Vec::from([0xB5, 0x62, kind[0], kind[1]]);
+            bytes.extend((payload.len() as u16).to_le_bytes());
+            bytes.extend(payload);
+            bytes.extend([0xFF, 0xFF]);
+            bytes
+        });
+        let nmea = "[ -~]{0,80}".prop_map(|text| std::format!("${text}\r\n").into_bytes());
+        prop_oneof![ubx, nmea]
+    }
+
+    proptest! {
+        #[test]
+        fn filler_between_messages_goes_and_every_byte_of_a_message_stays(
+            parts in proptest::collection::vec((message(), 0..300_usize), 1..20),
+        ) {
+            let mut filter = Filter::new();
+            let (mut wanted, mut kept) = (Vec::new(), Vec::new());
+            for (message, filler) in parts {
+                for byte in message.iter().copied().chain(std::iter::repeat_n(FILLER, filler)) {
+                    if filter.keeps(byte) {
+                        kept.push(byte);
+                    }
+                }
+                wanted.extend(message);
+            }
+            prop_assert_eq!(kept, wanted);
+        }
+
+        #[test]
+        fn after_any_bytes_at_most_a_message_of_filler_passes(bytes in proptest::collection::vec(any::<u8>(), 0..600)) {
+            let mut filter = Filter::new();
+            for byte in bytes {
+                filter.keeps(byte);
+            }
+            let passed = (0..2_000).filter(|_| filter.keeps(FILLER)).count();
+            prop_assert!(passed <= BUFFER);
+            prop_assert!(filter.is_outside());
+        }
+    }
+}
