@@ -214,8 +214,8 @@ impl Track {
         })
     }
 
-    /// Whether the position that a GPS object of `tick` shows is still valid at the next tick for sure, if nothing newer
-    /// comes.
+    /// Whether the position that a GPS object of `tick` shows is still valid at the next tick for sure, if nothing
+    /// newer comes.
     pub(super) fn lasts(&self, tick: u64, values: [u64; 3]) -> bool {
         let (least, most) = self.pace.range();
         let slack = bounds::VALID_BEYOND_PERIOD;
