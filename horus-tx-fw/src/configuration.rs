@@ -13,11 +13,11 @@
 //! They go into the receiver's RAM, so a receiver that was without supply has forgotten them. It is noticed by its
 //! silence, upon which all of them are sent until one is answered; so also to a receiver that is not there yet.
 //!
-//! **UART.** A receiver with factory settings speaks 38 400 baud. If nothing intelligible, that is no intact UBX message
-//! and no answer, has come for [`LISTEN_MS`] after the first message was sent at the usual rate, its baud rate is set at
-//! the factory's rate, and the first message follows at the usual one. A receiver that talks is never disturbed by
-//! another rate: to it that would be noise, and u-blox' receivers close their input for up to a second after 100 framing
-//! errors ("More than 100 frame errors, UART RX was disabled").
+//! **UART.** A receiver with factory settings speaks 38 400 baud. If nothing intelligible, that is no intact UBX
+//! message and no answer, has come for [`LISTEN_MS`] after the first message was sent at the usual rate, its baud rate
+//! is set at the factory's rate, and the first message follows at the usual one. A receiver that talks is never
+//! disturbed by another rate: to it that would be noise, and u-blox' receivers close their input for up to a second
+//! after 100 framing errors ("More than 100 frame errors, UART RX was disabled").
 //!
 //! **Bounds.** An answer is waited for, for [`ANSWER_MS`] each; a receiver that talks and does not answer is left alone
 //! after [`ATTEMPTS`], until it has been silent.
@@ -36,7 +36,8 @@
 //! - Keys: semuconsulting/pyubx2 (`ubxtypes_configdb.py`), aortner/ubloxcfg and the `ublox` crate (`cfg_val.rs`), which
 //!   agree where they name the same; the crate has neither NAV-ATT's keys nor a way to leave the thousand others out of
 //!   flash, hence the few here.
-//! - Form of the message, and that one unknown key refuses all of it: u-blox, *F9 interface descriptions*, UBX-CFG-VALSET.
+//! - Form of the message, and that one unknown key refuses all of it: u-blox, *F9 interface descriptions*,
+//!   UBX-CFG-VALSET.
 
 use crate::{
     source::{Message, Rate, MESSAGE},

@@ -2,34 +2,37 @@
 //!
 //! # Design
 //!
-//! The port has registers: 0xFD and 0xFE hold how many bytes wait (the high byte first), 0xFF is the stream. The address
-//! counts up with each byte read and stays at 0xFF. So a cycle is: write 0xFD, restart, read two bytes; restart, read as
-//! many bytes as wait, at most [`MOST`]; stop. A cycle in which there is a message to send writes that instead.
+//! The port has registers: 0xFD and 0xFE hold how many bytes wait (the high byte first), 0xFF is the stream. The
+//! address counts up with each byte read and stays at 0xFF. So a cycle is: write 0xFD, restart, read two bytes;
+//! restart, read as many bytes as wait, at most [`MOST`]; stop. A cycle in which there is a message to send writes that
+//! instead.
 //!
 //! ```text
 //! tick ── START ─ 0x84 0xFD ─ RESTART ─ 0x85 high low ─ RESTART ─ 0x85 byte … byte ─ STOP ── … ── tick
 //! ```
 //!
-//! *One byte alone* is never read by itself: the STM32F4's I2C wants the acknowledge switched off and the STOP requested
-//! within the time of that byte (RM0090, "I2C", master receiver), which no task of our priority can promise. If one byte
-//! waits, registers 0xFD, 0xFE and 0xFF are read together. From two bytes on the DMA controller's end of transfer makes
-//! the peripheral refuse the last byte (LAST), and it then waits for STOP or START as long as it takes.
+//! *One byte alone* is never read by itself: the STM32F4's I2C wants the acknowledge switched off and the STOP
+//! requested within the time of that byte (RM0090, "I2C", master receiver), which no task of our priority can promise.
+//! If one byte waits, registers 0xFD, 0xFE and 0xFF are read together. From two bytes on the DMA controller's end of
+//! transfer makes the peripheral refuse the last byte (LAST), and it then waits for STOP or START as long as it takes.
 //!
-//! *Bounds*: what has not ended by the next tick has failed. The peripheral is then reset, the pins are taken from it, nine
-//! clocks and a STOP free a receiver that holds SDA (UM10204, "Bus clear"), one level each [`STEP_US`], and the pins go
-//! back. If the bus looks as it did before, it is left alone for [`HOLD_TICKS`], then the same again. Nothing ever waits.
-//! A receiver may hold the clock for as long as 20 ms (ZED-F9R data sheet, "DDC"): to HORUS that is a failed transaction,
-//! of which the bytes that have come are kept ([`Ddc::stream_under_way`]), and the bus is free afterwards.
+//! *Bounds*: what has not ended by the next tick has failed. The peripheral is then reset, the pins are taken from it,
+//! nine clocks and a STOP free a receiver that holds SDA (UM10204, "Bus clear"), one level each [`STEP_US`], and the
+//! pins go back. If the bus looks as it did before, it is left alone for [`HOLD_TICKS`], then the same again. Nothing
+//! ever waits. A receiver may hold the clock for as long as 20 ms (ZED-F9R data sheet, "DDC"): to HORUS that is a
+//! failed transaction, of which the bytes that have come are kept ([`Ddc::stream_under_way`]), and the bus is free
+//! afterwards.
 //!
-//! Events that nobody asked for are bounded too: BTF stays set until the repeated START that follows is on the bus (RM0090,
-//! "I2C", status register 1), and so calls the handler again meanwhile. After [`MOST_SPURIOUS`] calls without progress the
-//! event interrupts are switched off until the tick, so that a bus that is held does not cost the processor's time.
+//! Events that nobody asked for are bounded too: BTF stays set until the repeated START that follows is on the bus
+//! (RM0090, "I2C", status register 1), and so calls the handler again meanwhile. After [`MOST_SPURIOUS`] calls without
+//! progress the event interrupts are switched off until the tick, so that a bus that is held does not cost the
+//! processor's time.
 //!
 //! # Sources
 //!
-//! - Registers, and that they count up: u-blox, *u-blox M9/F9 integration manuals*, "I2C interface", read access; in use in
-//!   sparkfun/SparkFun_u-blox_GNSS_Arduino_Library (`checkUbloxI2C`), ArduPilot and gpsd. A count of 0xFFFF is taken for
-//!   none: it is what a line that nobody drives reads.
+//! - Registers, and that they count up: u-blox, *u-blox M9/F9 integration manuals*, "I2C interface", read access; in
+//!   use in sparkfun/SparkFun_u-blox_GNSS_Arduino_Library (`checkUbloxI2C`), ArduPilot and gpsd. A count of 0xFFFF is
+//!   taken for none: it is what a line that nobody drives reads.
 //! - Events: RM0090, "I2C", transfer sequence diagrams for master transmitter and receiver, and "DMA requests".
 
 use core::ops::Range;
@@ -43,8 +46,8 @@ const READ: u8 = ADDRESS << 1 | 1;
 /// The first of the two registers that say how many bytes wait.
 const WAITING: u8 = 0xFD;
 
-/// The most bytes of the stream that are read in one cycle: at 27 µs each 6.9 ms, which leaves 2.7 ms for a receiver that
-/// stretches the clock, and 25.6 kB/s in all. A receiver with all three messages at 25 Hz sends 4.6 kB/s.
+/// The most bytes of the stream that are read in one cycle: at 27 µs each 6.9 ms, which leaves 2.7 ms for a receiver
+/// that stretches the clock, and 25.6 kB/s in all. A receiver with all three messages at 25 Hz sends 4.6 kB/s.
 pub const MOST: usize = 256;
 
 /// How long each level of a recovery lasts, µs: so 50 kHz, for which every I2C device is fast enough.
@@ -219,8 +222,8 @@ impl Ddc {
         Ok(())
     }
 
-    /// How many bytes of the receiver's stream are being read. If [`Ddc::poll`] then gives the transaction up, those that
-    /// have come belong to the stream nevertheless: the receiver does not send them again.
+    /// How many bytes of the receiver's stream are being read. If [`Ddc::poll`] then gives the transaction up, those
+    /// that have come belong to the stream nevertheless: the receiver does not send them again.
     #[must_use]
     pub const fn stream_under_way(&self) -> Option<usize> {
         match self.state {
@@ -259,8 +262,8 @@ impl Ddc {
         if events.refused {
             return self.give_up(Order::Stop);
         }
-        // A bus error needs no answer: erratum "spurious bus error detection in controller mode"; a true one ends at the
-        // tick.
+        // A bus error needs no answer: erratum "spurious bus error detection in controller mode"; a true one ends at
+        // the tick.
         self.spurious += 1;
         let order = match self.state {
             State::Starting(phase) if events.started => {

@@ -3,9 +3,9 @@
 //! # Design
 //!
 //! A receiver is connected by a UART, by I2C (u-blox calls it DDC) or by SPI. What differs is how its bytes come in and
-//! go out; that is behind [`Source`]. All of them end in a [`Ring`] of one size, which the parser reads at its own pace,
-//! and all take what is to be sent from an [`Outbox`] of one message. Both are made of atomics, so that the parser (of
-//! low priority) and the source (of higher priority, or a DMA stream) need no lock.
+//! go out; that is behind [`Source`]. All of them end in a [`Ring`] of one size, which the parser reads at its own
+//! pace, and all take what is to be sent from an [`Outbox`] of one message. Both are made of atomics, so that the
+//! parser (of low priority) and the source (of higher priority, or a DMA stream) need no lock.
 
 use core::sync::atomic::{AtomicU32, AtomicU8, Ordering};
 

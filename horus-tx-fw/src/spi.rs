@@ -3,29 +3,30 @@
 //! # Design
 //!
 //! u-blox' SPI has no registers and no count: whatever is clocked out is the receiver's stream, and 0xFF when it has
-//! nothing; whatever is clocked in is data for it, and 0xFF is filler. So each cycle clocks [`TRANSFER`] bytes, whatever
-//! they are, which takes the same time always: chip select, [`SETUP_US`], the transfer by DMA, [`HOLD_US`], chip select.
+//! nothing; whatever is clocked in is data for it, and 0xFF is filler. So each cycle clocks [`TRANSFER`] bytes,
+//! whatever they are, which takes the same time always: chip select, [`SETUP_US`], the transfer by DMA, [`HOLD_US`],
+//! chip select.
 //!
 //! *Filler* is taken out before the ring by [`Filter`], which follows the messages, since 0xFF is legal inside one. A
 //! message that is longer than what the parser takes is not followed, so that one damaged length does not let 64 KiB of
 //! filler pass.
 //!
-//! *A message to the receiver* is at the start of a transfer: after more than CFG-SPI-MAXFF (factory: 50) filler bytes in
-//! a row the receiver stops to look at its input, until chip select rises or a byte is no filler (the documents differ;
-//! both hold here).
+//! *A message to the receiver* is at the start of a transfer: after more than CFG-SPI-MAXFF (factory: 50) filler bytes
+//! in a row the receiver stops to look at its input, until chip select rises or a byte is no filler (the documents
+//! differ; both hold here).
 //!
 //! # Sources
 //!
-//! - Timing: u-blox, *NEO-M8P data sheet* (UBX-15016656), "SPI timing diagrams", recommendations: > 10 µs from chip select
-//!   to the first clock, 1 ms between two selections, at most 5.5 MHz, **at least 8 µs from byte to byte** (125 kB/s, which
-//!   the F9 data sheets name as the maximum transfer rate too). A DMA transfer has no gaps between bytes, so it is the bit
-//!   rate that keeps the byte period: 562.5 kHz ([`crate::timing::GNSS_SPI_HZ`]), 14.2 µs a byte.
+//! - Timing: u-blox, *NEO-M8P data sheet* (UBX-15016656), "SPI timing diagrams", recommendations: > 10 µs from chip
+//!   select to the first clock, 1 ms between two selections, at most 5.5 MHz, **at least 8 µs from byte to byte** (125
+//!   kB/s, which the F9 data sheets name as the maximum transfer rate too). A DMA transfer has no gaps between bytes,
+//!   so it is the bit rate that keeps the byte period: 562.5 kHz ([`crate::timing::GNSS_SPI_HZ`]), 14.2 µs a byte.
 //! - Filler: u-blox, *ZED-F9T and ZED-F9K integration manuals*, "SPI interface", read access.
 
 use crate::receiver::BUFFER;
 
-/// Bytes of a transfer, at most 2^16 - 1 and a multiple of 4: 3.6 ms of a cycle, and 25.6 kB/s. A receiver with all three
-/// messages at 25 Hz sends 4.6 kB/s.
+/// Bytes of a transfer, at most 2^16 - 1 and a multiple of 4: 3.6 ms of a cycle, and 25.6 kB/s. A receiver with all
+/// three messages at 25 Hz sends 4.6 kB/s.
 pub const TRANSFER: usize = 256;
 
 /// From chip select to the first clock, µs, at least 10.

@@ -2,20 +2,20 @@
 //!
 //! # Design
 //!
-//! The order of events is [`horus_tx_fw::ddc`]'s; here are the registers. Interrupts are events and errors without those of
-//! the buffer (ITEVTEN, ITERREN; not ITBUFEN), so a message goes out byte by byte on BTF, with the clock held in between.
-//! Reads are the DMA stream's, with LAST, so that the last byte is refused; the stream's end calls.
+//! The order of events is [`horus_tx_fw::ddc`]'s; here are the registers. Interrupts are events and errors without
+//! those of the buffer (ITEVTEN, ITERREN; not ITBUFEN), so a message goes out byte by byte on BTF, with the clock held
+//! in between. Reads are the DMA stream's, with LAST, so that the last byte is refused; the stream's end calls.
 //!
-//! After a START or STOP was requested CR1 is not written before the peripheral has carried it out, lest it be requested
-//! twice (RM0090, "I2C", control register 1).
+//! After a START or STOP was requested CR1 is not written before the peripheral has carried it out, lest it be
+//! requested twice (RM0090, "I2C", control register 1).
 //!
 //! A recovery holds SWRST from the moment the pins are taken until they are given back, when the bus is free.
 //!
 //! # Errata (ES0206 rev 24, section "I2C") of what is used here
 //!
 //! - Spurious bus error in controller mode: BERR is cleared and not answered; what is really broken ends at the tick.
-//! - Start cannot be generated after a misplaced Stop: only SWRST helps; a START that does not come is a transaction that
-//!   has not ended by the tick, which resets.
+//! - Start cannot be generated after a misplaced Stop: only SWRST helps; a START that does not come is a transaction
+//!   that has not ended by the tick, which resets.
 //! - Mismatch on the set-up time of a repeated Start: in standard mode from 88 kHz on; this is fast mode.
 //! - Data valid time violated without OVR: concerns a target that transmits; this is a controller.
 //! - Rise times of SDA and SCL when the bus's supply is above that of the part: pull-ups go to the part's 3.3 V.
@@ -67,8 +67,8 @@ impl DdcSource {
     }
 
     fn i2c(&self) -> &'static i2c1::RegisterBlock {
-        // SAFETY: the table holds the address of an I2C peripheral's register block, which is always there; every access
-        // is volatile, and it is used by this source alone.
+        // SAFETY: the table holds the address of an I2C peripheral's register block, which is always there; every
+        // access is volatile, and it is used by this source alone.
         unsafe { self.port.i2c.get() }
     }
 
@@ -194,8 +194,8 @@ impl DdcSource {
             len,
             direction: Direction::In { circular: false, advance: true },
         };
-        // SAFETY: the data register is that of the peripheral to which the table's stream and channel belong; `BYTES` is
-        // a static of `MOST` atomic bytes, which `len` does not exceed; the stream is off, and its flags are clear.
+        // SAFETY: the data register is that of the peripheral to which the table's stream and channel belong; `BYTES`
+        // is a static of `MOST` atomic bytes, which `len` does not exceed; the stream is off, and its flags are clear.
         unsafe { dma::start(self.port.stream, &transfer) };
     }
 

@@ -2,9 +2,9 @@
 //!
 //! # Design
 //!
-//! Where a receiver is connected is the board's table's matter ([`crate::board::RECEIVER_PORTS`]). Each kind of interface
-//! has a file of its own ([`super::uart`], [`super::ddc`], [`super::spi`]) and is a [`Source`]: it is served at every tick
-//! and by interrupts, all of one priority, and leaves what has come in a ring.
+//! Where a receiver is connected is the board's table's matter ([`crate::board::RECEIVER_PORTS`]). Each kind of
+//! interface has a file of its own ([`super::uart`], [`super::ddc`], [`super::spi`]) and is a [`Source`]: it is served
+//! at every tick and by interrupts, all of one priority, and leaves what has come in a ring.
 //!
 //! `unsafe` here: none.
 #![forbid(unsafe_code)]

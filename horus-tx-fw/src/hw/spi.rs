@@ -2,16 +2,16 @@
 //!
 //! # Design
 //!
-//! What comes when is [`horus_tx_fw::spi`]'s; here are the registers. Chip select's set-up and hold times are a timer's, so
-//! nothing waits: chip select rises one hold time after the last byte has come in, when the SPI has long ended its last
-//! bit (RM0090 "SPI", disabling).
+//! What comes when is [`horus_tx_fw::spi`]'s; here are the registers. Chip select's set-up and hold times are a
+//! timer's, so nothing waits: chip select rises one hold time after the last byte has come in, when the SPI has long
+//! ended its last bit (RM0090 "SPI", disabling).
 //!
 //! # Errata (ES0206 rev 24) of what is used here
 //!
-//! - 2.12.1, 2.12.5: BSY may stay high when the SPI is disabled, or after a transfer in other modes than ours. Here: the
-//!   SPI stays enabled; nothing waits for BSY.
-//! - 2.12.4: last bit corrupted in controller mode with delayed SCK feedback. Here: SCK at very high pad speed, and 0.56
-//!   MHz of the 45 MHz it may have.
+//! - 2.12.1, 2.12.5: BSY may stay high when the SPI is disabled, or after a transfer in other modes than ours. Here:
+//!   the SPI stays enabled; nothing waits for BSY.
+//! - 2.12.4: last bit corrupted in controller mode with delayed SCK feedback. Here: SCK at very high pad speed, and
+//!   0.56 MHz of the 45 MHz it may have.
 //!
 //! `unsafe` here: shared access to the peripheral's register block, and the DMA streams' starts.
 #![allow(unsafe_code)]

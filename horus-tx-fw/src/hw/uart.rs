@@ -2,12 +2,12 @@
 //!
 //! # Design
 //!
-//! The receiver's bytes are written into its ring by a circular DMA stream. Three things make the firmware look how far it
-//! has come: the line is idle, half or all of the ring is full, and every tick.
+//! The receiver's bytes are written into its ring by a circular DMA stream. Three things make the firmware look how far
+//! it has come: the line is idle, half or all of the ring is full, and every tick.
 //!
-//! A message goes out by the interrupt that asks for the next byte, one every 22 µs: messages are rare and short. One to a
-//! receiver with factory settings goes out at their rate; until its last bit is out nothing is heard, and then the usual
-//! rate is set again.
+//! A message goes out by the interrupt that asks for the next byte, one every 22 µs: messages are rare and short. One
+//! to a receiver with factory settings goes out at their rate; until its last bit is out nothing is heard, and then the
+//! usual rate is set again.
 //!
 //! # Errata (ES0206 rev 24) of what is used here
 //!
