@@ -62,7 +62,7 @@ fn receivers_that_never_stop_talking_do_not_move_a_frame() {
                     Babble::Unasked => ubx::frame(0x0A, 0x04, &[noise.byte(); A_MILLISECOND - 8]),
                 };
                 let now = node.now();
-                node.board_mut(|board| board.send_bytes(now, line, &bytes));
+                node.board_mut(|board| board.say(now, line, &bytes));
             }
             let end = node.now() / MS * MS + MS;
             while node.now() < end {

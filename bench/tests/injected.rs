@@ -86,7 +86,11 @@ impl Fed {
                 self.at += 20 * MS;
             }
             for OnLine { at_ns, receiver, frames, .. } in on_lines {
-                self.node.board_mut(|board| board.send(at_ns, receiver, frames));
+                let bytes: Vec<u8> = frames.iter().map(|frame| frame.data as u8).collect();
+                self.node.board_mut(|board| {
+                    board.receivers.offer(at_ns, receiver, &bytes);
+                    board.receivers.send(at_ns, receiver, frames);
+                });
             }
         }
     }

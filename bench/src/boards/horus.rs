@@ -1,6 +1,7 @@
 //! The HORUS side: NUCLEO-F429ZI with its front end and its receivers.
 
 use bench_seam::{I2cAnswer, I2cEvent, Pad, Pin, SpiFrame, UartFrame};
+use horus_tx_fw::timing::GNSS_BAUD;
 use st25r3916_model::Chip;
 use stm32f429::{Stm32f429, pin};
 
@@ -95,6 +96,14 @@ impl Horus {
     /// What the inputs' pins did since the last call.
     pub fn take_input_changes(&mut self) -> Vec<InputChange> {
         std::mem::take(&mut self.input_changes)
+    }
+
+    /// Receiver `index` (from 0) says `bytes` at `at` (ns): on a UART they begin then, or when it has sent what it sends
+    /// then, which is the answer; over a bus they can be read from then on.
+    pub fn say(&mut self, at: u64, index: usize, bytes: &[u8]) -> u64 {
+        let frames = bytes.iter().map(|&byte| UartFrame::eight_n_one(byte, GNSS_BAUD));
+        self.receivers.offer(at, index, bytes);
+        self.receivers.send(at, index, frames)
     }
 
     /// The 10 ms timer's ticks since the last call: each the instant at which the pin TICK was driven low, in ns.

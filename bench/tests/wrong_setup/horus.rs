@@ -99,7 +99,7 @@ fn run_horus(changes: &[Change]) -> (Sends, Vec<String>) {
                     vertical_accuracy_mm: 2_000,
                     ..NavPvt::default()
                 };
-                node.board_mut(|board| board.send_bytes(feed, index, &pvt.encode()));
+                node.board_mut(|board| board.say(feed, index, &pvt.encode()));
             }
             epoch += 1;
             feed += 20 * MS;

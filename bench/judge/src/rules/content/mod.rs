@@ -130,15 +130,17 @@ impl Line {
         }
     }
 
-    /// The messages by which HORUS may have come to the position of a GPS object of `tick`.
-    fn held(&self, tick: u64, values: &GpsValues) -> Vec<(Motion, Age)> {
+    /// The messages by which HORUS may have come to the position of a GPS object of `tick`, and whether that is still
+    /// valid at the next tick for sure.
+    fn held(&self, tick: u64, values: &GpsValues) -> (Vec<(Motion, Age)>, bool) {
         let mut track = self.tracks[Kind::Position as usize].clone();
         for message in self.arriving.iter().take_while(|message| message.arrived <= tick + bounds::SAMPLED_AFTER_TICK) {
             if let Some((Kind::Position, time_of_week, said)) = message.said {
                 track.arriving(time_of_week, said, message.arrived);
             }
         }
-        track.held(tick, numbers(Kind::Position, values)).collect()
+        let numbers = numbers(Kind::Position, values);
+        (track.held(tick, numbers).collect(), track.lasts(tick, numbers))
     }
 
     /// What is wrong with a GPS object of `tick`.
@@ -337,9 +339,9 @@ impl Content {
                 State::Valid { values: Values::Gps(values), .. } => {
                     let Some(line) = lines.get_mut(object.index - 1) else { continue };
                     line.settle(tick.saturating_sub(bounds::MESSAGE_TAKEN), first);
-                    let held = if tick >= untimed { line.held(tick, values) } else { vec![] };
+                    let (held, lasts) = if tick >= untimed { line.held(tick, values) } else { (vec![], false) };
                     let hurried = line.hurried(tick);
-                    sent.gps[object.index - 1] = Some(Seen { values: *values, held, hurried });
+                    sent.gps[object.index - 1] = Some(Seen { values: *values, held, lasts, hurried });
                     let status = u16::from_le_bytes([object.bytes[6], object.bytes[7]]) & !EXCLUDED;
                     let (content, wrong_status) = line.faults(tick, tick >= untimed, status, values);
                     let words = |what: &str| format!("GPS{} at {:.6} ms: {what}", object.index, at as f64 / 1e6);

@@ -214,6 +214,19 @@ impl Track {
         })
     }
 
+    /// Whether the position that a GPS object of `tick` shows is still valid at the next tick for sure, if nothing
+    /// newer comes.
+    pub(super) fn lasts(&self, tick: u64, values: [u64; 3]) -> bool {
+        let (least, most) = self.pace.range();
+        let slack = bounds::VALID_BEYOND_PERIOD;
+        let shows = |candidate: &&Candidate| candidate.said.values == values;
+        self.candidates.iter().filter(shows).all(|candidate| {
+            let [_, may_be_outdated] =
+                Age::at(tick + bounds::CYCLE, candidate.born).within(least + slack, most + slack);
+            !may_be_outdated
+        })
+    }
+
     /// Holds the values and the status of a GPS object of `tick` against what they may be. Unless HORUS's ticks were
     /// regular (`timed`), nothing is known of ages.
     pub(super) fn agreement(&self, tick: u64, timed: bool, status: u16, values: [u64; 3]) -> Agreement {

@@ -571,3 +571,29 @@ fn while_ticks_are_not_regular_no_place_is_judged() {
     events.without(|event| event.at > last && !matches!(event.what, What::Fed { .. }));
     assert_eq!(kinds(&events), []);
 }
+
+/// The vote for a tick is taken in the cycle before, at the age of its tick: a position that grows too old in between
+/// has none, though the tick's object shows a newer one.
+#[test]
+fn a_position_that_expires_before_its_successor_comes_may_miss_one_vote() {
+    let without_gps2 = |scene: &Scene, missed: u64| {
+        scene.said(|cycle, reported, gps| {
+            if cycle == missed {
+                let state = reported.status.state().unwrap();
+                *reported = voted(&[gps[0], gps[2]]);
+                reported.status = reported.status.with_degraded(true).with_state(state);
+            }
+        })
+    };
+    // Valid for 250 ms.
+    for (silence, found) in [(246, &[][..]), (226, &VOTE)] {
+        let mut scene = Scene::new(3);
+        let bursts = &mut scene.receivers[1];
+        bursts.drain(6..8);
+        bursts[6].at = bursts[5].at + silence * MS;
+        let missed = shows(&scene, 6);
+        assert_eq!(without_gps2(&scene, missed), found, "{silence} ms");
+        assert_eq!(without_gps2(&scene, missed + 1), VOTE);
+        assert_eq!(scene.said(|_, _, _| {}), []);
+    }
+}

@@ -5,7 +5,8 @@
 //! # How it is judged
 //!
 //! HORUS votes for a tick in the cycle before it, so of each receiver it has what the object of this cycle shows, or
-//! that of the cycle before. Who has a valid position in both is a candidate, who has one in either may be one. Who is
+//! that of the cycle before. Who has a valid position in both is a candidate, unless the one of the cycle before may
+//! have grown too old for this tick and the newer came after the vote; who has one in either may be one. Who is
 //! excluded in this cycle and was in the one before is not eligible. Position, velocity and accuracy are those of the
 //! messages that show what an object shows; their age is known to what [`Age`] says. From that follows for each two of
 //! them that they agree, that they do not, or that they may do either ([`places`]).
@@ -57,6 +58,8 @@ type Set = u8;
 pub(super) struct Seen {
     pub(super) values: GpsValues,
     pub(super) held: Vec<(Motion, Age)>,
+    /// Its position is still valid at the next tick for sure, if nothing newer comes.
+    pub(super) lasts: bool,
     /// The receiver said so much within a cycle that the voter may have something of it that no object shows.
     pub(super) hurried: bool,
 }
@@ -360,7 +363,13 @@ impl<'a> Cycle<'a> {
         let valid = |seen: &[Seen]| set(seen, |seen| seen.values.status.position_valid());
         let now = set(seen, |seen| seen.values.status.excluded());
         let (was, is) = (valid(earlier), valid(seen));
-        Self { seen, earlier, places, relations, sure: was & is, may: was | is, now, before }
+        // What the vote had: the position of the cycle before, at the age of this one, or this cycle's.
+        let position = |seen: &Seen| [seen.values.latitude, seen.values.longitude, seen.values.altitude];
+        let same = |(was, is): (&Seen, &Seen)| position(was).map(f64::to_bits) == position(is).map(f64::to_bits);
+        let had = |pair: (&Seen, &Seen)| pair.0.lasts || same(pair);
+        let lasting = earlier.iter().zip(seen).enumerate().filter(|(_, pair)| had(*pair));
+        let lasting = lasting.fold(0, |set, (receiver, _)| set | bit(receiver));
+        Self { seen, earlier, places, relations, sure: was & is & lasting, may: was | is, now, before }
     }
 
     /// How far each excluded receiver is from those that have a vote: the farthest.
