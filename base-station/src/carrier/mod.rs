@@ -6,6 +6,9 @@
 //! | carrier | how objects travel |
 //! |---|---|
 //! | datagrams | a profile or an image as it is ([`Bundle::datagram`](crate::Bundle::datagram)) |
+//! | MAVLink 2 | in TUNNEL messages (`mavlink`, decision 17) |
 //! | a byte stream | the same, in frames that end with a zero byte ([`stream`]) |
 
+#[cfg(feature = "mavlink")]
+pub mod mavlink;
 pub mod stream;
