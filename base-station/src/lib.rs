@@ -13,8 +13,8 @@
 //! **Age first.** A position that is 0.4 s old is stale, and says so. Nothing that arrived is ever shown without how
 //! old it is now ([`age`]).
 //!
-//! **No clock, no I/O.** Time is an argument, in µs of the caller's clock, which must not go back. So all of it runs on
-//! the bench in virtual time as it runs at a base station.
+//! **No clock, no I/O**, but in `live`, for the command. Time is an argument, in µs of the caller's clock, which must
+//! not go back. So all of it runs on the bench in virtual time as it runs at a base station.
 //!
 //! | module | what |
 //! |---|---|
@@ -25,6 +25,10 @@
 //! | [`alarm`] | what a person must be told |
 //! | [`fleet`] | all drones |
 //! | [`carrier`] | what brings objects here |
+//! | `intake` | from what a carrier brought to what is known of all drones |
+//! | `recorder` | every byte that a carrier brought, in a file |
+//! | `live` | the lines of a real base station, their threads, and the recorder's |
+//! | `export` | a recording as CSV, GPX, KML |
 #![forbid(unsafe_code)]
 
 pub mod age;
@@ -32,8 +36,16 @@ pub mod alarm;
 pub mod bundle;
 pub mod carrier;
 pub mod drone;
+#[cfg(feature = "recorder")]
+pub mod export;
 pub mod fleet;
+#[cfg(feature = "mavlink")]
+pub mod intake;
+#[cfg(feature = "command")]
+pub mod live;
 pub mod place;
+#[cfg(feature = "recorder")]
+pub mod recorder;
 
 pub use alarm::{Alarm, Change, Raised, Severity};
 pub use bundle::Bundle;
