@@ -63,6 +63,7 @@ pub fn router(station: Station, player: Option<Arc<Player>>, address: SocketAddr
         .route("/", get(|| file("text/html; charset=utf-8", include_str!("index.html"))))
         .route("/page.css", get(|| file("text/css; charset=utf-8", include_str!("page.css"))))
         .route("/page.js", get(|| file("text/javascript; charset=utf-8", include_str!("page.js"))))
+        .route("/icon.svg", get(|| file("image/svg+xml", include_str!("icon.svg"))))
         .route("/state", get(state_once))
         .route("/events", get(events));
     if page.player.is_some() {

@@ -3,7 +3,7 @@
 // without how old it is now, whether the drone, the base station or the way between is silent.
 
 const STALE_MS = 400;          // as base_station::drone::STALE_US
-const LOST_MS = 500;           // without a state for so long the base station is not heard
+const LOST_MS = 350;           // without a state for so long the base station is not heard
 const KEPT_MS = 10 * 60 * 1000;
 const SAMPLE_MS = 100;         // history is kept at this rate
 const MAP_POINTS = 6000;
@@ -226,7 +226,7 @@ function drawNumbers() {
     ["Vacant", String(counts.vacant)],
     ["Duplicates, older", `${counts.duplicate}, ${counts.older}`],
     ["Out of sequence", String(counts.out_of_sequence)],
-    ["Cycles that did not arrive", String(counts.missed)],
+    ["Cycles not forwarded, or lost", String(counts.missed)],
     ["Restarts of HORUS", String(counts.restarts)],
   ] : []);
 }
@@ -332,13 +332,33 @@ function drawMap() {
     }
     to.fill();
   }
+  // Where it was last known to be, if that is not now.
+  const known = last.voted ? null : points.findLast((point) => point.voted);
+  if (known) {
+    const [px, py] = at(known.voted);
+    to.strokeStyle = colour("--bad");
+    to.lineWidth = 3;
+    to.strokeRect(px - 8, py - 8, 16, 16);
+  }
   to.fillStyle = colour("--ink");
   to.fillRect(12, height - 16, step / span, 3);
   to.fillText(`${step} m`, 12, height - 22);
   to.fillText("N ↑", width - 32, 20);
-  const legend = ["— voted", ...receivers.map((gps, index) =>
-    `${index + 1}: GPS${index + 1}${gps && gps.excluded ? " (excluded)" : ""}`)];
-  put("legend", legend.join("   "));
+  drawLegend([["voted", colour("--voted")], ...receivers.map((gps, index) =>
+    [`${index + 1}: GPS${index + 1}${gps && gps.excluded ? " (excluded)" : ""}`, receiverColour(index)])]);
+}
+
+function drawLegend(entries) {
+  const legend = element("legend");
+  const key = JSON.stringify(entries);
+  if (legend.dataset.key === key) return;
+  legend.dataset.key = key;
+  legend.replaceChildren(...entries.map(([words, stroke]) => {
+    const entry = document.createElement("span");
+    entry.textContent = "━ " + words;
+    entry.style.color = stroke;
+    return entry;
+  }));
 }
 
 function drawPlot(id, title, unit, pick, atLeast) {
@@ -421,5 +441,5 @@ element("playback").addEventListener("submit", (event) => event.preventDefault()
 addEventListener("resize", () => { if (state) requestDraw(); });
 
 // A page that is not looked at gets no frames; its age goes on all the same.
-setInterval(drawAge, 100);
+setInterval(drawAge, 50);
 connect();
