@@ -413,7 +413,7 @@ fn report<C: Cost>(
             last_solution_ns: figures.last_solution_ns,
         },
         voter: figures.voter.into(),
-        base: report::Base { profiles: base.counts().profiles, bad_crc: base.counts().bad_crc },
+        base: report::Base { profiles: base.drone().counts().messages, bad_crc: base.drone().counts().bad_crc },
         faults: figures.faults,
         upsets: None,
         violations: verdict.violations.iter().map(ToString::to_string).collect(),

@@ -10,12 +10,10 @@
 //! |---|---|
 //! | [`ssi`] | the SSI's pins, and the state machine that carries a transaction on them |
 //! | [`flight_controller`] | when transactions begin, what they ask for, what is made of what they bring |
-//! | [`framing`] | the radio's framing |
-//! | [`base_station`] | what is shown of what arrives |
+//! | [`base_station`] | the end of the radio link; what is shown of what arrives is for the crate of that name to say |
 
 pub mod base_station;
 pub mod flight_controller;
-pub mod framing;
 pub mod ssi;
 
 pub use base_station::BaseStation;

@@ -10,7 +10,7 @@
 //! It uses the client that a flight controller is meant to use, [`profile::ssi::client`]: that says what each
 //! transaction sends, finds the objects in what comes back, and says whether there is a position to fly by
 //! ([`Reading::report`]). See [`Outcome`] for what the bench makes of it. A whole profile that it has not seen before
-//! goes to the base station, its bytes untouched ([`framing`]). Nothing else does.
+//! goes to the base station, its bytes untouched ([`stream`]). Nothing else does.
 //!
 //! While a [`Conduct`] is set, it misuses the SSI in that way. It verifies what it reads all the same.
 //!
@@ -28,6 +28,7 @@ pub mod uplinks;
 
 use std::collections::VecDeque;
 
+use base_station::carrier::stream;
 use profile::ssi::client::{self, Client};
 use profile::ssi::{self, Request};
 use profile::uplink::Written;
@@ -35,7 +36,6 @@ use profile::uplink::Written;
 pub use config::{Config, Placed, Schedule};
 pub use reading::{Outcome, Reading};
 
-use super::framing;
 use super::ssi::{Crystal, Order, Progress, SsiMaster, SsiPort, Start, Transaction};
 use crate::faults::flight_controller::{Conduct, Misconduct, Rhythm};
 use crate::faults::wires::Wires;
@@ -320,7 +320,7 @@ impl FlightController {
         if let Some(profile) = &reading.forwarded {
             self.previous = reading.timestamp;
             self.stats.forwarded += 1;
-            framing::encode(profile, &mut self.downlink);
+            stream::encode(profile, &mut self.downlink);
         }
         if reading.outcome == Outcome::Busy {
             // A busy DPR has not heard what it was asked for.

@@ -1,4 +1,4 @@
-//! Framing of the radio link from the flight controller to the base station.
+//! Framing of a byte stream from a flight controller to a base station, for who has no MAVLink.
 //!
 //! The link is a byte stream that may lose and damage bytes. A profile travels as it is, in consistent overhead byte
 //! stuffing (COBS: Cheshire and Baker, *Consistent Overhead Byte Stuffing*, IEEE/ACM Transactions on Networking 7(2),

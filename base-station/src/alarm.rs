@@ -1,0 +1,208 @@
+//! What a person must be told.
+
+use core::fmt;
+
+/// How bad it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Severity {
+    /// Something is not as it should be; what is shown holds.
+    Warning,
+    /// What is shown does not hold, or HORUS has acted.
+    Critical,
+}
+
+macro_rules! alarms {
+    ($($(#[$doc:meta])* $name:ident, $code:literal, $severity:ident, $words:literal;)*) => {
+        /// A reason to alarm.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        pub enum Alarm {
+            $($(#[$doc])* $name,)*
+        }
+
+        impl Alarm {
+            /// All of them, the gravest first.
+            pub const ALL: &[Self] = &[$(Self::$name,)*];
+
+            /// A name for programs: lower case and dashes. It stays the same in later versions.
+            #[must_use]
+            pub const fn code(self) -> &'static str {
+                match self { $(Self::$name => $code,)* }
+            }
+
+            /// How bad it is.
+            #[must_use]
+            pub const fn severity(self) -> Severity {
+                match self { $(Self::$name => Severity::$severity,)* }
+            }
+
+            /// What it is, in words for a person.
+            #[must_use]
+            pub const fn words(self) -> &'static str {
+                match self { $(Self::$name => $words,)* }
+            }
+        }
+    };
+}
+
+alarms! {
+    /// HORUS says that it fired the emergency measure.
+    EmergencyFired, "emergency-fired", Critical, "HORUS has fired the emergency measure";
+    /// HORUS says that it cut the motors.
+    MotorsCut, "motors-cut", Critical, "HORUS has cut the motors";
+    /// HORUS says that it switched to the redundant flight controller.
+    SwitchedToRedundant, "switched-to-redundant", Critical, "HORUS has switched to the redundant flight controller";
+    /// HORUS says that the position is outside of the flight range.
+    OutsideRange, "outside-range", Critical, "the drone is outside of its flight range";
+    /// An input that tells HORUS's state contradicts itself, and nothing graver is known.
+    InputsContradict, "inputs-contradict", Critical, "HORUS cannot tell its state: its inputs contradict";
+    /// Nothing intact has arrived of this drone for [`SILENT_US`](crate::drone::SILENT_US).
+    Silent, "silent", Critical, "nothing arrives from this drone";
+    /// Reported-Position is older than [`STALE_US`](crate::drone::STALE_US), or was never received.
+    Stale, "stale", Critical, "the position shown is old";
+    /// The DPR says that frames of HORUS do not arrive within their deadline.
+    LinkDown, "link-down", Critical, "the radio link from HORUS to the DPR is down";
+    /// HORUS repeats its timestamp: the DPR says so, or the same sample keeps arriving.
+    Frozen, "frozen", Critical, "HORUS repeats the same sample";
+    /// The DPR does not find HORUS's sequence, or what arrives here does not continue what was shown.
+    OutOfSequence, "out-of-sequence", Critical, "what arrives does not continue what was shown";
+    /// Reported-Position says that its position is not valid.
+    NoAgreement, "no-agreement", Critical, "no position: too few receivers agree";
+    /// The DPR or this station finds HORUS's clock wrong by more than 2 %.
+    ClockImplausible, "clock-implausible", Critical, "HORUS's clock is wrong by more than 2 %";
+    /// The DPR found a fault of its RAM.
+    RamFault, "ram-fault", Critical, "the DPR has found a fault of its RAM";
+    /// The DPR's program memory is not what was written.
+    FlashFault, "flash-fault", Critical, "the DPR's program memory is damaged";
+    /// The DPR's RFID front end has a fault.
+    FrontEndFault, "front-end-fault", Critical, "the DPR's RFID front end has a fault";
+    /// HORUS started again within the last [`RECENT_US`](crate::drone::RECENT_US).
+    Restarted, "restarted", Warning, "HORUS has started again";
+    /// The DPR's last reset was asked for by nobody.
+    UnaskedReset, "unasked-reset", Warning, "the DPR was reset by a fault";
+    /// Fewer receivers agree than are configured.
+    Degraded, "degraded", Warning, "fewer receivers agree than the drone has";
+    /// HORUS runs on its internal oscillator.
+    NoCrystal, "no-crystal", Warning, "HORUS runs without its crystal";
+    /// An object that was damaged, or in another's place, arrived within the last
+    /// [`RECENT_US`](crate::drone::RECENT_US).
+    Damaged, "damaged", Warning, "damaged data arrived and were rejected";
+}
+
+impl fmt::Display for Alarm {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.words())
+    }
+}
+
+/// Alarms that hold together.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Alarms(u32);
+
+const _: () = assert!(Alarm::ALL.len() <= 32, "a bit for each alarm");
+
+impl Alarms {
+    /// None.
+    #[must_use]
+    pub const fn none() -> Self {
+        Self(0)
+    }
+
+    /// These, and `alarm` if it `holds`.
+    #[must_use]
+    pub const fn with(self, alarm: Alarm, holds: bool) -> Self {
+        if holds { Self(self.0 | 1 << alarm as u32) } else { self }
+    }
+
+    /// Whether `alarm` is one of them.
+    #[must_use]
+    pub const fn has(self, alarm: Alarm) -> bool {
+        self.0 & 1 << alarm as u32 != 0
+    }
+
+    /// Each of them, the gravest first.
+    pub fn iter(self) -> impl Iterator<Item = Alarm> {
+        Alarm::ALL.iter().copied().filter(move |alarm| self.has(*alarm))
+    }
+}
+
+/// An alarm that holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Raised {
+    /// Which.
+    pub alarm: Alarm,
+    /// Since when, µs.
+    pub since_us: u64,
+}
+
+/// An alarm came or went.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Change {
+    /// Which.
+    pub alarm: Alarm,
+    /// It came.
+    pub raised: bool,
+    /// When that was noticed, µs.
+    pub at_us: u64,
+}
+
+/// The alarms that hold, each with since when.
+#[derive(Clone, Debug, Default)]
+pub struct Board {
+    held: Alarms,
+    since_us: [u64; Alarm::ALL.len()],
+}
+
+impl Board {
+    /// At `at_us` the alarms `now` hold and no others. Answers what changed.
+    pub fn set(&mut self, at_us: u64, now: Alarms) -> Vec<Change> {
+        let before = core::mem::replace(&mut self.held, now);
+        let changed = Alarm::ALL.iter().copied().filter(|alarm| before.has(*alarm) != now.has(*alarm));
+        let changes: Vec<_> = changed.map(|alarm| Change { alarm, raised: now.has(alarm), at_us }).collect();
+        for change in changes.iter().filter(|change| change.raised) {
+            self.since_us[change.alarm as usize] = at_us;
+        }
+        changes
+    }
+
+    /// The alarms that hold.
+    #[must_use]
+    pub const fn held(&self) -> Alarms {
+        self.held
+    }
+
+    /// The alarms that hold, the gravest first.
+    pub fn raised(&self) -> impl Iterator<Item = Raised> {
+        self.held.iter().map(|alarm| Raised { alarm, since_us: self.since_us[alarm as usize] })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_board_tells_what_came_what_went_and_since_when() {
+        let mut board = Board::default();
+        let two = Alarms::none().with(Alarm::Stale, true).with(Alarm::Degraded, true).with(Alarm::Silent, false);
+        let came = board.set(5, two);
+        assert_eq!(
+            came.iter().map(|change| (change.alarm, change.raised)).collect::<Vec<_>>(),
+            [(Alarm::Stale, true), (Alarm::Degraded, true)]
+        );
+        assert_eq!(board.set(7, two), []);
+        let one = Alarms::none().with(Alarm::Degraded, true);
+        assert_eq!(board.set(9, one), [Change { alarm: Alarm::Stale, raised: false, at_us: 9 }]);
+        assert_eq!(board.raised().collect::<Vec<_>>(), [Raised { alarm: Alarm::Degraded, since_us: 5 }]);
+        board.set(11, two);
+        assert_eq!(board.raised().map(|raised| raised.since_us).collect::<Vec<_>>(), [11, 5]);
+    }
+
+    #[test]
+    fn codes_and_words_are_different_for_each_alarm_and_the_gravest_come_first() {
+        let codes: std::collections::BTreeSet<_> = Alarm::ALL.iter().map(|alarm| alarm.code()).collect();
+        let words: std::collections::BTreeSet<_> = Alarm::ALL.iter().map(|alarm| alarm.words()).collect();
+        assert_eq!((codes.len(), words.len()), (Alarm::ALL.len(), Alarm::ALL.len()));
+        assert!(Alarm::ALL.is_sorted_by_key(|alarm| std::cmp::Reverse(alarm.severity())));
+        assert!(codes.iter().all(|code| code.bytes().all(|byte| byte.is_ascii_lowercase() || byte == b'-')));
+    }
+}

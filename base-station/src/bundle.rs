@@ -1,0 +1,108 @@
+//! Several objects in one message: which bytes are which.
+//!
+//! Objects travel whole and unchanged. Which of them a message brings, and where, is told by its length (and, over
+//! MAVLink, by its payload type), never by the objects' own bytes: so a damaged identifier costs its object and no
+//! other.
+
+use core::ops::Range;
+
+use profile::{Layout, image};
+
+use crate::Place;
+
+/// The objects of one message.
+#[derive(Clone, Copy, Debug)]
+pub struct Bundle<'a> {
+    bytes: &'a [u8],
+    /// The first object, by its number in the image.
+    first: usize,
+    /// How many objects follow one another from there.
+    count: usize,
+}
+
+impl<'a> Bundle<'a> {
+    /// The `count` objects from `first` on, in the order of the image, if `bytes` are as long as they are together.
+    #[must_use]
+    pub fn new(first: Place, count: usize, bytes: &'a [u8]) -> Option<Self> {
+        let first = first.index();
+        let places = Place::ALL.get(first..first.checked_add(count)?)?;
+        let length: usize = places.iter().map(|place| place.size()).sum();
+        (count > 0 && length == bytes.len()).then_some(Self { bytes, first, count })
+    }
+
+    /// As many objects from `first` on, in the order of the image, as make up `bytes`, if there is such a number.
+    #[must_use]
+    pub fn from_first(first: Place, bytes: &'a [u8]) -> Option<Self> {
+        (1..=Place::COUNT).find_map(|count| Self::new(first, count, bytes))
+    }
+
+    /// A profile: 124, 184, 244 or 364 bytes.
+    #[must_use]
+    pub fn profile(layout: Layout, bytes: &'a [u8]) -> Option<Self> {
+        Self::new(Place::Reported, layout.objects(), bytes)
+    }
+
+    /// A datagram: a profile, or an image, which is Link-Status and a profile. Their eight lengths all differ.
+    #[must_use]
+    pub fn datagram(bytes: &'a [u8]) -> Option<Self> {
+        Layout::ALL.into_iter().find_map(|layout| {
+            let image = (bytes.len() == layout.image_len()).then(|| Self::from_first(Place::LinkStatus, bytes));
+            image.unwrap_or_else(|| Self::profile(layout, bytes))
+        })
+    }
+
+    /// The bytes of all objects.
+    #[must_use]
+    pub const fn bytes(&self) -> &'a [u8] {
+        self.bytes
+    }
+
+    /// Each object's place, and its bytes.
+    pub fn objects(&self) -> impl Iterator<Item = (Place, &'a [u8])> + use<'a> {
+        let bytes = self.bytes;
+        let mut end = 0;
+        Place::ALL.into_iter().skip(self.first).take(self.count).map(move |place| {
+            let range = Range { start: end, end: end + place.size() };
+            end = range.end;
+            // The length was checked when the bundle was made.
+            (place, bytes.get(range).unwrap_or_default())
+        })
+    }
+}
+
+const _: () = assert!(image::LINK_STATUS == 0, "Link-Status is the image's first object");
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_length_of_a_datagram_tells_its_objects() {
+        for layout in Layout::ALL {
+            let bytes: Vec<u8> = (0..layout.image_len()).map(|index| index as u8).collect();
+            let image: Vec<_> = Bundle::datagram(&bytes).unwrap().objects().collect();
+            assert_eq!(image.len(), 1 + layout.objects());
+            assert_eq!(image[0], (Place::LinkStatus, &bytes[..32]));
+            let profile: Vec<_> = Bundle::datagram(&bytes[32..]).unwrap().objects().collect();
+            assert_eq!(profile, image[1..]);
+            for (index, (place, object)) in profile.iter().enumerate() {
+                assert_eq!(*object, &bytes[layout.in_image(index).unwrap()]);
+                assert_eq!(place.index(), index + 1);
+            }
+        }
+        let known: Vec<_> = (0..2_000).filter(|length| Bundle::datagram(&vec![0; *length]).is_some()).collect();
+        assert_eq!(known, [124, 156, 184, 216, 244, 276, 364, 396]);
+    }
+
+    #[test]
+    fn a_run_of_objects_must_be_whole() {
+        let lengths = |first| {
+            (0..500).filter(|length| Bundle::from_first(first, &vec![0; *length]).is_some()).collect::<Vec<_>>()
+        };
+        assert_eq!(lengths(Place::Gps(4)), [60, 120]);
+        assert_eq!(lengths(Place::LinkStatus), [32, 96, 156, 216, 276, 336, 396]);
+        assert!(Bundle::new(Place::Gps(5), 2, &[0; 120]).is_none());
+        assert!(Bundle::new(Place::Gps(5), usize::MAX, &[0; 120]).is_none());
+        assert!(Bundle::new(Place::Gps(5), 0, &[]).is_none());
+    }
+}

@@ -1,0 +1,147 @@
+//! MAVLink 2's message signing, with the time as an argument.
+//!
+//! A signature is the first 48 bits of SHA-256 over a secret key, the message, a link's number and a timestamp in units
+//! of 10 µs since 2015-01-01 (mavlink.io, *Message Signing*). It says that who sent the message has the key, and by its
+//! timestamp that the message was not recorded and sent again. What objects say of themselves it does not replace.
+
+use core::fmt;
+use std::collections::BTreeMap;
+
+use mavlink::MAVLinkV2MessageRaw;
+use mavlink::consts::v2::{IFLAG_SIGNED, SIGNATURE_VALUE_SIZE};
+
+/// 2015-01-01T00:00:00Z, s since 1970.
+const EPOCH_S: u64 = 1_420_070_400;
+
+/// A stream that was not heard before may be so much behind, in units of 10 µs: one minute.
+const NEW_STREAM: u64 = 6_000_000;
+
+/// The most streams that are known.
+const MAX_STREAMS: usize = 4_096;
+
+/// The time of signatures of an instant in µs since 1970.
+#[must_use]
+pub const fn timestamp(unix_us: u64) -> u64 {
+    unix_us.saturating_sub(EPOCH_S * 1_000_000) / 10
+}
+
+/// A secret key.
+#[derive(Clone)]
+pub struct Key([u8; 32]);
+
+impl Key {
+    /// From its 32 bytes.
+    #[must_use]
+    pub const fn new(bytes: [u8; 32]) -> Self {
+        Self(bytes)
+    }
+
+    /// From 64 hexadecimal digits; `None` if it is anything else.
+    #[must_use]
+    pub fn from_hex(digits: &str) -> Option<Self> {
+        let digit = |digit: char| digit.to_digit(16).and_then(|digit| u8::try_from(digit).ok());
+        let digits: Vec<u8> = digits.trim().chars().map(digit).collect::<Option<_>>()?;
+        let bytes = digits.chunks(2).map(|pair| pair.iter().fold(0, |byte, digit| byte << 4 | digit));
+        let bytes: Vec<u8> = bytes.collect();
+        Some(Self(bytes.try_into().ok().filter(|_| digits.len() == 64)?))
+    }
+}
+
+/// The key stays out of logs.
+impl fmt::Debug for Key {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Key(..)")
+    }
+}
+
+/// Signs what is sent over one link.
+#[derive(Clone, Debug)]
+pub struct Signer {
+    key: Key,
+    link: u8,
+    last: u64,
+}
+
+impl Signer {
+    /// A signer for the link of this number.
+    #[must_use]
+    pub const fn new(key: Key, link: u8) -> Self {
+        Self { key, link, last: 0 }
+    }
+
+    /// Signs a message that was serialised with the flag for it, at `now` ([`timestamp`]). No two have one timestamp.
+    pub fn sign(&mut self, now: u64, message: &mut MAVLinkV2MessageRaw) {
+        self.last = now.max(self.last + 1);
+        *message.signature_link_id_mut() = self.link;
+        let bytes = self.last.to_le_bytes();
+        message.signature_timestamp_bytes_mut().copy_from_slice(&bytes[..6]);
+        let mut value = [0; SIGNATURE_VALUE_SIZE];
+        message.calculate_signature(&self.key.0, &mut value);
+        message.signature_value_mut().copy_from_slice(&value);
+    }
+}
+
+/// Believes what is signed with a key, once.
+#[derive(Clone, Debug)]
+pub struct Verifier {
+    key: Key,
+    /// The newest time that was seen.
+    newest: u64,
+    /// The last timestamp of each link, system and component.
+    streams: BTreeMap<(u8, u32, u8), u64>,
+}
+
+impl Verifier {
+    /// A verifier for this key.
+    #[must_use]
+    pub const fn new(key: Key) -> Self {
+        Self { key, newest: 0, streams: BTreeMap::new() }
+    }
+
+    /// Whether the message is signed with the key, and newer than all of its stream before it.
+    pub fn verify(&mut self, now: u64, message: &MAVLinkV2MessageRaw) -> bool {
+        if message.incompatibility_flags() & IFLAG_SIGNED == 0 {
+            return false;
+        }
+        self.newest = self.newest.max(now);
+        let stream = (message.signature_link_id(), message.system_id(), message.component_id());
+        let timestamp = message.signature_timestamp();
+        let is_new = match self.streams.get(&stream) {
+            Some(last) => timestamp > *last,
+            None => timestamp.saturating_add(NEW_STREAM) >= self.newest && self.streams.len() < MAX_STREAMS,
+        };
+        let mut value = [0; SIGNATURE_VALUE_SIZE];
+        message.calculate_signature(&self.key.0, &mut value);
+        let difference = value.iter().zip(message.signature_value()).fold(0, |all, (a, b)| all | (a ^ b));
+        let good = is_new && difference == 0;
+        if good {
+            self.streams.insert(stream, timestamp);
+            self.newest = self.newest.max(timestamp);
+        }
+        good
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_key_is_64_hexadecimal_digits() {
+        let digits = "00ff102030405060708090a0b0c0d0e0f0112233445566778899aabbccddeeff";
+        let key = Key::from_hex(&format!("{digits}\n")).unwrap();
+        assert_eq!((key.0[0], key.0[1], key.0[31]), (0x00, 0xFF, 0xFF));
+        assert_eq!(format!("{key:?}"), "Key(..)");
+        let (long, odd, foreign) = (format!("{digits}0"), digits.replace('f', "g"), digits.replace('f', "é"));
+        for bad in ["", "0", &digits[1..], &long, &odd, &foreign] {
+            assert!(Key::from_hex(bad).is_none(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn time_begins_in_2015() {
+        assert_eq!(timestamp(1_420_070_400_000_000), 0);
+        assert_eq!(timestamp(1_420_070_401_000_000), 100_000);
+        assert_eq!(timestamp(0), 0);
+    }
+}

@@ -1,0 +1,149 @@
+//! The message that carries objects: TUNNEL, with a payload type of the private range.
+//!
+//! The `mavlink` crate's own TUNNEL has the registered payload types as an enumeration, and refuses all others, so the
+//! message is laid out here once more; framing, CRC and signature are that crate's. Layout, identifier 385 and
+//! CRC_EXTRA 147 are those of `common.xml`, and a test compares both.
+
+use mavlink::dialects::common::MavMessage;
+use mavlink::error::ParserError;
+use mavlink::{MavlinkVersion, MessageData};
+use profile::Identifier;
+
+use crate::{Bundle, Place};
+
+/// Bit 15 of a payload type: 32768 and above are for private use (`common.xml`, TUNNEL).
+pub const PRIVATE: u16 = 0x8000;
+
+/// The most bytes that one message carries.
+pub const MAX_PAYLOAD: usize = 128;
+
+/// The payload type of a message whose first object is this one: its identifier, with [`PRIVATE`] set.
+#[must_use]
+pub fn payload_type(first: Place) -> Option<u16> {
+    first.identifier().map(|identifier| PRIVATE | identifier.0)
+}
+
+/// A TUNNEL message.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Tunnel {
+    /// What the payload is.
+    pub payload_type: u16,
+    /// 0 for everybody.
+    pub target_system: u8,
+    /// 0 for everybody.
+    pub target_component: u8,
+    /// As many bytes of `payload` are used.
+    pub length: u8,
+    /// The payload, and zeros behind it.
+    pub payload: [u8; MAX_PAYLOAD],
+}
+
+impl Tunnel {
+    /// The message to everybody that carries these objects; `None` if they are more than [`MAX_PAYLOAD`] bytes.
+    #[must_use]
+    pub fn of(bundle: &Bundle<'_>) -> Option<Self> {
+        let (first, _) = bundle.objects().next()?;
+        let bytes = bundle.bytes();
+        let mut payload = [0; MAX_PAYLOAD];
+        payload.get_mut(..bytes.len())?.copy_from_slice(bytes);
+        let length = u8::try_from(bytes.len()).ok()?;
+        let payload_type = payload_type(first)?;
+        Some(Self { payload_type, target_system: 0, target_component: 0, length, payload })
+    }
+
+    /// The objects it carries; `None` if it is not of ours. Whether they are intact is not for the carrier to say.
+    #[must_use]
+    pub fn bundle(&self) -> Option<Bundle<'_>> {
+        let identifier = Identifier(self.payload_type & !PRIVATE);
+        let first = Place::of(identifier).filter(|_| self.payload_type & PRIVATE != 0)?;
+        Bundle::from_first(first, self.payload.get(..usize::from(self.length))?)
+    }
+}
+
+impl MessageData for Tunnel {
+    type Message = MavMessage;
+    const ID: u32 = 385;
+    const NAME: &'static str = "TUNNEL";
+    const EXTRA_CRC: u8 = 147;
+    const ENCODED_LEN: usize = 5 + MAX_PAYLOAD;
+
+    fn ser(&self, _version: MavlinkVersion, payload: &mut [u8]) -> usize {
+        let [low, high] = self.payload_type.to_le_bytes();
+        let head = [low, high, self.target_system, self.target_component, self.length];
+        let (to_head, to_payload) = payload[..Self::ENCODED_LEN].split_at_mut(head.len());
+        to_head.copy_from_slice(&head);
+        to_payload.copy_from_slice(&self.payload);
+        // MAVLink 2 does not send trailing zeros, but always the first byte.
+        let used = payload[..Self::ENCODED_LEN].iter().rposition(|byte| *byte != 0);
+        used.map_or(1, |last| last + 1)
+    }
+
+    fn deser(_version: MavlinkVersion, input: &[u8]) -> Result<Self, ParserError> {
+        let mut whole = [0; Self::ENCODED_LEN];
+        // What a later version may have added behind is not looked at.
+        let given = input.len().min(whole.len());
+        whole[..given].copy_from_slice(&input[..given]);
+        let [low, high, target_system, target_component, length, payload @ ..] = whole;
+        let payload_type = u16::from_le_bytes([low, high]);
+        Ok(Self { payload_type, target_system, target_component, length, payload })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use mavlink::Message;
+    use mavlink::dialects::common::{MavTunnelPayloadType, TUNNEL_DATA};
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn the_layout_is_that_of_the_dialect() {
+        assert_eq!((Tunnel::ID, Tunnel::EXTRA_CRC), (TUNNEL_DATA::ID, TUNNEL_DATA::EXTRA_CRC));
+        assert_eq!((Tunnel::NAME, Tunnel::ENCODED_LEN), (TUNNEL_DATA::NAME, TUNNEL_DATA::ENCODED_LEN));
+        assert_eq!(MavMessage::extra_crc(Tunnel::ID), Tunnel::EXTRA_CRC);
+        let mut payload = [0; 128];
+        payload[..3].copy_from_slice(&[7, 8, 9]);
+        let theirs = TUNNEL_DATA {
+            payload_type: MavTunnelPayloadType::MAV_TUNNEL_PAYLOAD_TYPE_STORM32_RESERVED1,
+            target_system: 3,
+            target_component: 4,
+            payload_length: 3,
+            payload,
+        };
+        let ours = Tunnel { payload_type: 201, target_system: 3, target_component: 4, length: 3, payload };
+        let (mut a, mut b) = ([0xAA; 255], [0xAA; 255]);
+        let lengths = (theirs.ser(MavlinkVersion::V2, &mut a), ours.ser(MavlinkVersion::V2, &mut b));
+        assert_eq!((lengths, &a[..8]), ((8, 8), &b[..8]));
+        assert_eq!(Tunnel::deser(MavlinkVersion::V2, &a[..8]).unwrap(), ours);
+    }
+
+    #[test]
+    fn payload_types_are_private_and_tell_the_first_object() {
+        let types: Vec<_> = Place::ALL.iter().filter_map(|place| payload_type(*place)).collect();
+        assert_eq!(types, [0xC400, 0xC800, 0xC801, 0xC802, 0xC803, 0xC804, 0xC805]);
+        assert!(types.iter().all(|code| *code >= 32_768));
+    }
+
+    #[test]
+    fn a_registered_payload_type_is_not_ours() {
+        let mut tunnel = Tunnel::of(&Bundle::from_first(Place::Reported, &[1; 124]).unwrap()).unwrap();
+        assert_eq!(tunnel.bundle().unwrap().objects().count(), 2);
+        tunnel.payload_type &= !PRIVATE;
+        assert!(tunnel.bundle().is_none());
+        assert!(Tunnel::of(&Bundle::from_first(Place::LinkStatus, &[1; 156]).unwrap()).is_none(), "too long");
+    }
+
+    proptest! {
+        #[test]
+        fn any_payload_is_read(input in prop::collection::vec(any::<u8>(), 0..255)) {
+            let tunnel = Tunnel::deser(MavlinkVersion::V2, &input).unwrap();
+            if let Some(bundle) = tunnel.bundle() {
+                prop_assert_eq!(Tunnel::of(&bundle).map(|again| again.payload_type), Some(tunnel.payload_type));
+            }
+            let mut bytes = [0; 255];
+            let length = tunnel.ser(MavlinkVersion::V2, &mut bytes);
+            prop_assert_eq!(Tunnel::deser(MavlinkVersion::V2, &bytes[..length]).unwrap(), tunnel);
+        }
+    }
+}

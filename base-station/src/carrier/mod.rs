@@ -1,0 +1,14 @@
+//! What brings objects here, and how they are packed for it.
+//!
+//! A carrier is trusted in nothing: what it brings is a [`Bundle`](crate::Bundle) of bytes, which
+//! [`Drone::take`](crate::Drone::take) judges.
+//!
+//! | carrier | how objects travel |
+//! |---|---|
+//! | datagrams | a profile or an image as it is ([`Bundle::datagram`](crate::Bundle::datagram)) |
+//! | MAVLink 2 | in TUNNEL messages (`mavlink`, decision 17) |
+//! | a byte stream | the same, in frames that end with a zero byte ([`stream`]) |
+
+#[cfg(feature = "mavlink")]
+pub mod mavlink;
+pub mod stream;

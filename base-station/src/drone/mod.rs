@@ -1,0 +1,388 @@
+//! What is known of one drone: the newest of each of its objects, how old each is, and what is wrong.
+//!
+//! # Design
+//!
+//! **Each object by itself.** Its CRCs and its identifier say whether it is intact ([`Place::judge`]). It is shown if
+//! it is newer than the one of its kind that is shown. So of two messages that arrive in the wrong order the older one
+//! brings nothing, unless the newer one lost just what the older one has: that is then shown, with its age.
+//!
+//! **A HORUS that has restarted** counts from 0 again, so all that it sends is older than what is shown. It is believed
+//! after three cycles in a row that each advance, if none of them is older than the time for which nothing newer came:
+//! a HORUS that was heard two seconds ago cannot have been running for an hour since. What was shown is then forgotten.
+//! No single message that was repeated, delayed, reordered or inserted is ever taken for a restart. In HORUS's first
+//! [`RESTART_SLACK_US`](order::RESTART_SLACK_US) three delayed messages in a row can be; the next newer one ends that.
+//! The DPR's Link-Status has a clock of its own, and is judged in the same way.
+//!
+//! **Alarms** follow from what is held and from the time; [`Drone::tick`] says which came and went. Where the DPR's
+//! Link-Status arrives too, its bits are alarms as well.
+
+pub mod order;
+pub mod words;
+
+use profile::ssi::client::Shown;
+use profile::{GpsValues, HorusState, LinkStatus, LinkValues, MAX_RECEIVERS, Object, Rejection, ReportedValues};
+
+use crate::age::Ages;
+use crate::alarm::{Alarms, Board};
+use crate::{Alarm, Bundle, Change, Intact, Place, Raised};
+use order::{Order, Step};
+
+/// A position that is older than this is stale, µs. What the page is to say within half a second, less what pushing and
+/// drawing take.
+pub const STALE_US: u64 = 400_000;
+
+/// If nothing intact arrives for so long, µs, the drone is silent.
+pub const SILENT_US: u64 = 1_000_000;
+
+/// What happened once is an alarm for so long, µs.
+pub const RECENT_US: u64 = 10_000_000;
+
+/// A sample that still arrives so long after it came first, µs, and more often than [`FROZEN_REPEATS`], is frozen.
+pub const FROZEN_US: u64 = 300_000;
+
+/// As often duplicates of one sample may come, [`FROZEN_US`] after it and later.
+pub const FROZEN_REPEATS: u32 = 2;
+
+/// What was found of an object that arrived.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Verdict {
+    /// Intact, and newer than what was shown: it is shown now.
+    New,
+    /// Intact, and what is shown already.
+    Duplicate,
+    /// Intact, and older than what is shown.
+    Older,
+    /// Intact, but it continues nothing that was shown; not believed yet.
+    OutOfSequence,
+    /// Nothing was in its place: HORUS sent it, the DPR did not accept it.
+    Vacant,
+    /// Not intact, or another object's.
+    Rejected(Rejection),
+}
+
+impl Verdict {
+    /// Whether it was intact and in its place.
+    #[must_use]
+    pub const fn is_intact(self) -> bool {
+        matches!(self, Self::New | Self::Duplicate | Self::Older | Self::OutOfSequence)
+    }
+
+    /// A name for programs.
+    #[must_use]
+    pub const fn code(self) -> &'static str {
+        match self {
+            Self::New => "new",
+            Self::Duplicate => "duplicate",
+            Self::Older => "older",
+            Self::OutOfSequence => "out-of-sequence",
+            Self::Vacant => "vacant",
+            Self::Rejected(Rejection::Length) => "length",
+            Self::Rejected(Rejection::Crc) => "crc",
+            Self::Rejected(Rejection::PositionCrc) => "position-crc",
+            Self::Rejected(Rejection::Identifier) => "identifier",
+            Self::Rejected(_) => "rejected",
+        }
+    }
+}
+
+/// The newest object of its kind.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Held<T> {
+    /// What it carries.
+    pub values: T,
+    /// ms, of the clock that it was sealed by.
+    pub timestamp: u32,
+    /// When it arrived first, µs.
+    pub arrived_us: u64,
+    /// How much longer it took than the fastest way, µs ([`age`](crate::age)).
+    pub late_us: u64,
+    /// How often it arrived again, [`FROZEN_US`] and later.
+    repeats: u32,
+}
+
+impl<T> Held<T> {
+    /// How old it is at least at `now_us`, µs: to this comes the fastest way's own delay.
+    #[must_use]
+    pub fn age_us(&self, now_us: u64) -> u64 {
+        now_us.saturating_sub(self.arrived_us).saturating_add(self.late_us)
+    }
+
+    fn repeated(&mut self, at_us: u64) {
+        if at_us.saturating_sub(self.arrived_us) > FROZEN_US {
+            self.repeats = self.repeats.saturating_add(1);
+        }
+    }
+}
+
+/// Totals since the drone was heard first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct Counts {
+    /// Messages with objects of this drone.
+    pub messages: u64,
+    /// Objects that are shown, or were.
+    pub new: u64,
+    /// Intact objects that were shown already.
+    pub duplicate: u64,
+    /// Intact objects that were older than what was shown.
+    pub older: u64,
+    /// Intact objects that continued nothing and were not believed.
+    pub out_of_sequence: u64,
+    /// Places of objects with nothing in them.
+    pub vacant: u64,
+    /// Objects whose frame or position CRC did not fit.
+    pub bad_crc: u64,
+    /// Intact objects in another object's place, or of another length.
+    pub misplaced: u64,
+    /// Messages whose intact objects of the profile are of different cycles.
+    pub mixed: u64,
+    /// Cycles of HORUS that did not arrive, or did only after a newer one.
+    pub missed: u64,
+    /// Times that HORUS, or its time, began anew.
+    pub restarts: u64,
+}
+
+/// What is known of one drone. See the [module](self).
+#[derive(Clone, Debug)]
+pub struct Drone {
+    horus: Order,
+    dpr: Order,
+    ages: Ages,
+    dpr_ages: Ages,
+    reported: Option<Held<ReportedValues>>,
+    gps: [Option<Held<GpsValues>>; MAX_RECEIVERS],
+    link: Option<Held<LinkValues>>,
+    /// The highest receiver of which an intact object arrived.
+    receivers: usize,
+    counts: Counts,
+    board: Board,
+    /// When anything intact arrived last, or else since when it is waited for, µs.
+    heard_us: u64,
+    restarted_us: Option<u64>,
+    damaged_us: Option<u64>,
+    strange_us: Option<u64>,
+}
+
+impl Drone {
+    /// Nothing is known; it is waited for since `now_us`.
+    #[must_use]
+    pub fn new(now_us: u64) -> Self {
+        Self {
+            horus: Order::default(),
+            dpr: Order::default(),
+            ages: Ages::default(),
+            dpr_ages: Ages::default(),
+            reported: None,
+            gps: [None; MAX_RECEIVERS],
+            link: None,
+            receivers: 0,
+            counts: Counts::default(),
+            board: Board::default(),
+            heard_us: now_us,
+            restarted_us: None,
+            damaged_us: None,
+            strange_us: None,
+        }
+    }
+
+    /// Takes a message's objects, which arrived at `at_us`. Answers what was found of each, in their order.
+    pub fn take_bundle(&mut self, at_us: u64, bundle: &Bundle<'_>) -> Vec<Verdict> {
+        self.counts.messages += 1;
+        let mut cycle = None;
+        let mut mixed = false;
+        let verdicts = bundle.objects().map(|(place, bytes)| {
+            if let (Shown::Intact(object), Place::Reported | Place::Gps(_)) = (place.judge(bytes), place) {
+                mixed |= *cycle.get_or_insert(object.timestamp()) != object.timestamp();
+            }
+            self.take(place, at_us, bytes)
+        });
+        let verdicts = verdicts.collect();
+        self.counts.mixed += u64::from(mixed);
+        verdicts
+    }
+
+    /// Takes the bytes that arrived at `at_us`, µs, in the place of an object.
+    pub fn take(&mut self, place: Place, at_us: u64, bytes: &[u8]) -> Verdict {
+        let verdict = match place.judge(bytes) {
+            Shown::Vacant => Verdict::Vacant,
+            Shown::Damaged(why) => Verdict::Rejected(why),
+            Shown::Intact(object) => {
+                self.heard_us = self.heard_us.max(at_us);
+                match object {
+                    Intact::LinkStatus(link) => self.take_link(at_us, link),
+                    Intact::Object(object) => self.take_object(place, at_us, object),
+                }
+            }
+        };
+        let Counts { new, duplicate, older, out_of_sequence, vacant, bad_crc, misplaced, .. } = &mut self.counts;
+        *match verdict {
+            Verdict::New => new,
+            Verdict::Duplicate => duplicate,
+            Verdict::Older => older,
+            Verdict::OutOfSequence => out_of_sequence,
+            Verdict::Vacant => vacant,
+            Verdict::Rejected(Rejection::Crc | Rejection::PositionCrc) => bad_crc,
+            Verdict::Rejected(_) => misplaced,
+        } += 1;
+        match verdict {
+            Verdict::OutOfSequence => self.strange_us = Some(at_us),
+            Verdict::Rejected(_) => self.damaged_us = Some(at_us),
+            _ => {}
+        }
+        verdict
+    }
+
+    fn take_link(&mut self, at_us: u64, link: &LinkStatus) -> Verdict {
+        let timestamp = link.timestamp();
+        match self.dpr.judge(timestamp, at_us, false) {
+            Step::Newest { .. } => {}
+            Step::Restarted => self.dpr_ages = Ages::default(),
+            Step::Same => return Verdict::Duplicate,
+            Step::Older => return Verdict::Older,
+            Step::Search => return Verdict::OutOfSequence,
+        }
+        let late_us = self.dpr_ages.take(timestamp, at_us, true);
+        self.link = Some(Held { values: link.values(), timestamp, arrived_us: at_us, late_us, repeats: 0 });
+        Verdict::New
+    }
+
+    fn take_object(&mut self, place: Place, at_us: u64, object: Object<'_>) -> Verdict {
+        let timestamp = object.timestamp();
+        // Which receiver, from 0; Reported-Position is none.
+        let receiver = match place {
+            Place::Gps(receiver) => usize::from(receiver).checked_sub(1),
+            Place::Reported | Place::LinkStatus => None,
+        };
+        let own = match receiver {
+            None => self.reported.as_ref().map(|held| held.timestamp),
+            Some(receiver) => self.gps.get(receiver).and_then(Option::as_ref).map(|held| held.timestamp),
+        };
+        let newer_than_own = || profile::freshness(own, timestamp).is_fresh();
+        match self.horus.judge(timestamp, at_us, true) {
+            Step::Newest { missed } => self.counts.missed += u64::from(missed),
+            Step::Restarted => {
+                self.counts.restarts += 1;
+                self.restarted_us = Some(at_us);
+                self.ages = Ages::default();
+                self.reported = None;
+                self.gps = [None; MAX_RECEIVERS];
+            }
+            Step::Same | Step::Older if newer_than_own() => {}
+            Step::Same | Step::Older if own == Some(timestamp) => {
+                match receiver {
+                    None => self.reported.iter_mut().for_each(|held| held.repeated(at_us)),
+                    Some(receiver) => self.gps[receiver].iter_mut().for_each(|held| held.repeated(at_us)),
+                }
+                return Verdict::Duplicate;
+            }
+            Step::Same | Step::Older => return Verdict::Older,
+            Step::Search => return Verdict::OutOfSequence,
+        }
+        let crystal = self.reported.as_ref().is_none_or(|held| !held.values.status.without_crystal());
+        let late_us = self.ages.take(timestamp, at_us, crystal);
+        let arrived_us = at_us;
+        match (object, receiver) {
+            (Object::Reported(object), _) => {
+                let values = object.values();
+                self.reported = Some(Held { values, timestamp, arrived_us, late_us, repeats: 0 });
+            }
+            (Object::Gps(object), Some(receiver)) => {
+                let values = object.values();
+                self.receivers = self.receivers.max(receiver + 1);
+                self.gps[receiver] = Some(Held { values, timestamp, arrived_us, late_us, repeats: 0 });
+            }
+            // An object that is intact in its place is of that place's kind.
+            (Object::Gps(_), None) => {}
+        }
+        Verdict::New
+    }
+
+    /// Brings the alarms up to `now_us`. Answers which came and which went.
+    pub fn tick(&mut self, now_us: u64) -> Vec<Change> {
+        let alarms = self.alarms_at(now_us);
+        self.board.set(now_us, alarms)
+    }
+
+    /// The alarms that held at the last [`tick`](Self::tick), the gravest first.
+    pub fn raised(&self) -> impl Iterator<Item = Raised> {
+        self.board.raised()
+    }
+
+    /// The alarms that hold at `now_us`.
+    #[must_use]
+    pub fn alarms_at(&self, now_us: u64) -> Alarms {
+        let within = |what: Option<u64>, span_us: u64| what.is_some_and(|at| now_us.saturating_sub(at) <= span_us);
+        let link = self.link.as_ref().map(|held| held.values.status).unwrap_or_default();
+        let reported = self.reported.as_ref();
+        let status = reported.map(|held| held.values.status).unwrap_or_default();
+        let is_in = |state| status.state() == Some(state);
+        let stale = reported.is_none_or(|held| held.age_us(now_us) > STALE_US);
+        let frozen = reported.is_some_and(|held| held.repeats > FROZEN_REPEATS);
+        let clock = link.horus_clock_implausible() || self.ages.is_clock_implausible();
+        Alarms::none()
+            .with(Alarm::EmergencyFired, is_in(HorusState::EmergencyFired))
+            .with(Alarm::MotorsCut, is_in(HorusState::MotorsCut))
+            .with(Alarm::SwitchedToRedundant, is_in(HorusState::SwitchedToRedundant))
+            .with(Alarm::OutsideRange, is_in(HorusState::OutsideRange))
+            .with(Alarm::InputsContradict, is_in(HorusState::InputsContradict))
+            .with(Alarm::Silent, now_us.saturating_sub(self.heard_us) > SILENT_US)
+            .with(Alarm::Stale, stale)
+            .with(Alarm::LinkDown, self.link.is_some() && !link.link_up())
+            .with(Alarm::Frozen, frozen || link.horus_frozen())
+            .with(Alarm::OutOfSequence, link.out_of_sequence() || within(self.strange_us, SILENT_US))
+            .with(Alarm::NoAgreement, reported.is_some() && !status.position_valid())
+            .with(Alarm::ClockImplausible, clock)
+            .with(Alarm::RamFault, link.ram_fault())
+            .with(Alarm::FlashFault, link.flash_fault())
+            .with(Alarm::FrontEndFault, link.front_end_fault())
+            .with(Alarm::Restarted, link.horus_restarted() || within(self.restarted_us, RECENT_US))
+            .with(Alarm::UnaskedReset, link.unasked_reset())
+            .with(Alarm::Degraded, status.degraded())
+            .with(Alarm::NoCrystal, status.without_crystal())
+            .with(Alarm::Damaged, within(self.damaged_us, RECENT_US))
+    }
+
+    /// The newest Reported-Position.
+    #[must_use]
+    pub const fn reported(&self) -> Option<&Held<ReportedValues>> {
+        self.reported.as_ref()
+    }
+
+    /// The newest that receiver `receiver`, counted from 1, said.
+    #[must_use]
+    pub fn gps(&self, receiver: usize) -> Option<&Held<GpsValues>> {
+        self.gps.get(receiver.checked_sub(1)?)?.as_ref()
+    }
+
+    /// The newest Link-Status.
+    #[must_use]
+    pub const fn link(&self) -> Option<&Held<LinkValues>> {
+        self.link.as_ref()
+    }
+
+    /// The highest receiver of which anything intact arrived: 0 to 5.
+    #[must_use]
+    pub const fn receivers(&self) -> usize {
+        self.receivers
+    }
+
+    /// HORUS's newest time, ms since its start.
+    #[must_use]
+    pub fn timestamp(&self) -> Option<u32> {
+        self.horus.newest()
+    }
+
+    /// When anything intact arrived last, µs.
+    #[must_use]
+    pub const fn heard_us(&self) -> u64 {
+        self.heard_us
+    }
+
+    /// Totals.
+    #[must_use]
+    pub const fn counts(&self) -> Counts {
+        self.counts
+    }
+}
+
+#[cfg(test)]
+mod tests;

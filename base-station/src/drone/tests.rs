@@ -1,0 +1,328 @@
+use profile::{FixType, GpsObject, GpsStatus, Identifier, LinkStatusBits, Profile, ReportedStatus, ResetReason};
+use proptest::prelude::*;
+
+use super::*;
+
+/// 10 ms, µs.
+const CYCLE: u64 = 10_000;
+
+fn gps(timestamp: u32, longitude: f64) -> GpsValues {
+    GpsValues {
+        status: GpsStatus::new().with_fix_type(FixType::Fix3D).with_position_valid(true).with_heard(true),
+        latitude: -47.497_9,
+        longitude,
+        altitude: 470.125,
+        ..GpsValues::absent(timestamp)
+    }
+}
+
+fn status() -> ReportedStatus {
+    ReportedStatus::new()
+        .with_position_valid(true)
+        .with_attitude_valid(true)
+        .with_receivers_agreeing(3)
+        .with_state(HorusState::Monitoring)
+}
+
+fn profile_with(timestamp: u32, status: ReportedStatus) -> Profile<3> {
+    let reported = ReportedValues {
+        status,
+        latitude: -47.497_9,
+        longitude: 8.728_9,
+        altitude: 470.125,
+        pitch: -0.1,
+        roll: 0.05,
+        yaw: -1.0,
+        ..ReportedValues::absent(timestamp)
+    };
+    let silent = GpsValues::absent(timestamp);
+    Profile::seal(&reported, &[gps(timestamp, 8.728_9), gps(timestamp, f64::from(87_289_001) / 1e7), silent])
+}
+
+fn profile(timestamp: u32) -> Profile<3> {
+    profile_with(timestamp, status())
+}
+
+fn take(drone: &mut Drone, at_us: u64, bytes: &[u8]) -> Vec<Verdict> {
+    drone.take_bundle(at_us, &Bundle::datagram(bytes).unwrap())
+}
+
+fn codes(drone: &mut Drone, now_us: u64) -> Vec<&'static str> {
+    drone.tick(now_us);
+    drone.raised().map(|raised| raised.alarm.code()).collect()
+}
+
+fn link(timestamp: u32, status: LinkStatusBits) -> LinkStatus {
+    LinkStatus::seal(&LinkValues { timestamp, status, ..LinkValues::default() })
+}
+
+#[test]
+fn what_was_sealed_is_held_to_the_last_bit() {
+    let mut drone = Drone::new(0);
+    for cycle in 0..3_u32 {
+        let verdicts = take(&mut drone, u64::from(cycle) * CYCLE, profile(cycle * 10).as_bytes());
+        assert_eq!(verdicts, [Verdict::New; 4]);
+    }
+    let held = drone.gps(2).unwrap();
+    assert_eq!((held.timestamp, held.arrived_us, held.age_us(25_000)), (20, 20_000, 5_000));
+    assert_eq!(held.values.longitude.to_bits(), 8.728_900_1_f64.to_bits());
+    assert_eq!(held.values.latitude.to_bits(), (-47.497_9_f64).to_bits());
+    assert!(drone.gps(3).unwrap().values.latitude.is_nan());
+    assert_eq!(drone.reported().unwrap().values.altitude.to_bits(), 470.125_f64.to_bits());
+    assert!(drone.gps(0).is_none() && drone.gps(4).is_none() && drone.gps(9).is_none());
+    assert_eq!(drone.counts(), Counts { messages: 3, new: 12, ..Counts::default() });
+}
+
+#[test]
+fn any_damaged_bit_costs_its_object_and_no_other() {
+    let good = profile(10);
+    for bit in 0..Profile::<3>::SIZE * 8 {
+        let mut drone = Drone::new(0);
+        let mut bytes = good.as_bytes().to_vec();
+        bytes[bit / 8] ^= 0x80 >> (bit % 8);
+        let verdicts = take(&mut drone, 0, &bytes);
+        let hit = [64, 124, 184, 244].iter().position(|end| bit / 8 < *end);
+        for (object, verdict) in verdicts.into_iter().enumerate() {
+            let expected = if Some(object) == hit { Verdict::Rejected(Rejection::Crc) } else { Verdict::New };
+            assert_eq!(verdict, expected, "bit {bit}");
+        }
+        assert_eq!(drone.counts().bad_crc, 1);
+        assert!(codes(&mut drone, 0).contains(&"damaged"));
+    }
+}
+
+#[test]
+fn vacant_misplaced_and_mixed_objects_are_told_apart() {
+    let mut drone = Drone::new(0);
+    let mut bytes = profile(10).as_bytes().to_vec();
+    bytes[64..124].fill(0xff);
+    assert_eq!(take(&mut drone, 0, &bytes)[..2], [Verdict::New, Verdict::Vacant]);
+
+    let mut bytes = profile(20).as_bytes().to_vec();
+    bytes.copy_within(124..184, 64);
+    assert_eq!(take(&mut drone, 0, &bytes)[1], Verdict::Rejected(Rejection::Identifier));
+    assert_eq!((drone.counts().misplaced, drone.counts().bad_crc, drone.counts().mixed), (1, 0, 0));
+
+    let mut bytes = profile(30).as_bytes().to_vec();
+    bytes[184..].copy_from_slice(GpsObject::seal(Identifier::GPS[2], &gps(20, 1.0)).as_bytes());
+    take(&mut drone, 0, &bytes);
+    assert_eq!(drone.counts().mixed, 1);
+
+    // Nothing at all is a message, but none to show, and no sign of life.
+    take(&mut drone, 5_000_000, &[0; 244]);
+    assert_eq!((drone.counts().messages, drone.counts().vacant, drone.heard_us()), (4, 5, 0));
+}
+
+#[test]
+fn an_older_object_fills_a_gap_and_replaces_nothing() {
+    let mut drone = Drone::new(0);
+    take(&mut drone, 0, profile(5_000).as_bytes());
+    let mut without = profile(5_020).as_bytes().to_vec();
+    without[64..124].fill(0);
+    take(&mut drone, 2 * CYCLE, &without);
+    let late = take(&mut drone, 5 * CYCLE, profile(5_010).as_bytes());
+    assert_eq!(late, [Verdict::Older, Verdict::New, Verdict::Older, Verdict::Older]);
+    assert_eq!((drone.reported().unwrap().timestamp, drone.gps(1).unwrap().timestamp), (5_020, 5_010));
+    assert_eq!(drone.gps(1).unwrap().age_us(5 * CYCLE), 40_000 - 6, "it is as old as it is");
+    assert_eq!(take(&mut drone, 6 * CYCLE, profile(5_010).as_bytes())[1], Verdict::Duplicate);
+    assert_eq!(drone.gps(1).unwrap().arrived_us, 5 * CYCLE);
+}
+
+#[test]
+fn a_sample_that_the_carrier_held_back_is_old_when_it_arrives() {
+    let mut drone = Drone::new(0);
+    take(&mut drone, 0, profile(5_000).as_bytes());
+    take(&mut drone, 1_500_000, profile(5_100).as_bytes());
+    assert!((1_399_000..=1_400_000).contains(&drone.reported().unwrap().age_us(1_500_000)));
+    assert_eq!(codes(&mut drone, 1_500_000), ["stale"]);
+}
+
+#[test]
+fn a_restarted_horus_is_shown_from_its_third_cycle_on_and_what_was_before_is_forgotten() {
+    let mut drone = Drone::new(0);
+    take(&mut drone, 0, profile(100_000).as_bytes());
+    for (cycle, expected) in [Verdict::OutOfSequence, Verdict::OutOfSequence, Verdict::New].into_iter().enumerate() {
+        let at = 500_000 + cycle as u64 * CYCLE;
+        let mut bytes = profile(30 + 10 * cycle as u32).as_bytes().to_vec();
+        bytes[184..].fill(0);
+        assert_eq!(take(&mut drone, at, &bytes)[..3], [expected; 3]);
+        assert!(codes(&mut drone, at).contains(&"out-of-sequence"));
+    }
+    assert_eq!((drone.timestamp(), drone.counts().restarts), (Some(50), 1));
+    assert!(drone.gps(3).is_none(), "of the HORUS that does not run any more");
+    assert_eq!(codes(&mut drone, 900_000), ["out-of-sequence", "restarted"]);
+    assert!(!codes(&mut drone, 520_000 + RECENT_US + 1).contains(&"restarted"));
+}
+
+#[test]
+fn alarms_come_with_the_time_and_go_with_newer_data() {
+    let mut drone = Drone::new(0);
+    assert_eq!(codes(&mut drone, 0), ["stale"], "nothing was received yet");
+    take(&mut drone, 1_000, profile(10).as_bytes());
+    assert_eq!(codes(&mut drone, 1_000), [""; 0]);
+    assert_eq!(codes(&mut drone, 1_000 + STALE_US), [""; 0]);
+    assert_eq!(codes(&mut drone, 1_001 + STALE_US), ["stale"]);
+    assert_eq!(codes(&mut drone, 1_001 + SILENT_US), ["silent", "stale"]);
+    let since: Vec<_> = drone.raised().map(|raised| raised.since_us).collect();
+    assert_eq!(since, [1_001 + SILENT_US, 1_001 + STALE_US]);
+    take(&mut drone, 2_001_000, profile(2_010).as_bytes());
+    let went = drone.tick(2_001_000);
+    assert_eq!(
+        went.iter().map(|change| (change.alarm, change.raised)).collect::<Vec<_>>(),
+        [(Alarm::Silent, false), (Alarm::Stale, false)]
+    );
+}
+
+#[test]
+fn what_horus_says_of_itself_is_an_alarm() {
+    let says = |status: ReportedStatus| {
+        let mut drone = Drone::new(0);
+        take(&mut drone, 0, profile_with(10, status).as_bytes());
+        codes(&mut drone, 0)
+    };
+    assert_eq!(says(status().with_state(HorusState::OutsideRange)), ["outside-range"]);
+    assert_eq!(says(status().with_state(HorusState::SwitchedToRedundant)), ["switched-to-redundant"]);
+    assert_eq!(says(status().with_state(HorusState::MotorsCut)), ["motors-cut"]);
+    assert_eq!(says(status().with_state(HorusState::EmergencyFired)), ["emergency-fired"]);
+    assert_eq!(says(status().with_state(HorusState::InputsContradict)), ["inputs-contradict"]);
+    assert_eq!(says(status().with_degraded(true)), ["degraded"]);
+    assert_eq!(says(status().with_position_valid(false)), ["no-agreement"]);
+    assert_eq!(says(status().with_without_crystal(true)), ["no-crystal"]);
+}
+
+#[test]
+fn what_the_dpr_says_is_an_alarm() {
+    let says = |bits: LinkStatusBits| {
+        let mut drone = Drone::new(0);
+        let bytes = [link(7, bits).as_bytes().as_slice(), profile(10).as_bytes()].concat();
+        take(&mut drone, 0, &bytes);
+        codes(&mut drone, 0)
+    };
+    let up = LinkStatusBits::new().with_link_up(true).with_all_accepted(true);
+    assert_eq!(says(up), [""; 0]);
+    assert_eq!(says(up.with_link_up(false)), ["link-down"]);
+    assert_eq!(says(up.with_horus_frozen(true)), ["frozen"]);
+    assert_eq!(says(up.with_horus_restarted(true)), ["restarted"]);
+    assert_eq!(says(up.with_ram_fault(true)), ["ram-fault"]);
+    assert_eq!(says(up.with_front_end_fault(true)), ["front-end-fault"]);
+    assert_eq!(says(up.with_reset_reason(ResetReason::Watchdog)), ["unasked-reset"]);
+    assert_eq!(says(up.with_out_of_sequence(true)), ["out-of-sequence"]);
+    assert_eq!(says(up.with_horus_clock_implausible(true)), ["clock-implausible"]);
+    assert_eq!(says(up.with_flash_fault(true)), ["flash-fault"]);
+}
+
+#[test]
+fn a_sample_that_keeps_arriving_is_frozen_and_a_duplicate_is_not() {
+    let mut drone = Drone::new(0);
+    for repeat in 0..100_u64 {
+        take(&mut drone, repeat * CYCLE, profile(10).as_bytes());
+        let frozen = codes(&mut drone, repeat * CYCLE).contains(&"frozen");
+        assert_eq!(frozen, repeat * CYCLE >= FROZEN_US + 3 * CYCLE, "{repeat}");
+    }
+    take(&mut drone, 100 * CYCLE, profile(20).as_bytes());
+    assert!(!codes(&mut drone, 100 * CYCLE).contains(&"frozen"));
+}
+
+#[test]
+fn link_status_has_a_clock_of_its_own() {
+    let mut drone = Drone::new(0);
+    let up = LinkStatusBits::new().with_link_up(true);
+    let mut take = |at, timestamp, bits| drone.take(Place::LinkStatus, at, link(timestamp, bits).as_bytes());
+    assert_eq!(take(0, 70_003, up), Verdict::New);
+    assert_eq!(take(1_000, 70_003, up), Verdict::Duplicate);
+    assert_eq!(take(2_000, 69_999, LinkStatusBits::new()), Verdict::Older);
+    assert_eq!(take(7_000, 70_011, up), Verdict::New);
+    let restart = [10, 21, 29].map(|timestamp| take(300_000, timestamp, up));
+    assert_eq!(restart, [Verdict::OutOfSequence, Verdict::OutOfSequence, Verdict::New]);
+    assert_eq!(drone.link().unwrap().timestamp, 29);
+}
+
+#[test]
+fn a_person_can_read_it() {
+    let mut drone = Drone::new(0);
+    assert!(drone.words(0).starts_with("no profile received\n  Reported  not received\n"));
+    take(&mut drone, 0, profile_with(0, status().with_receivers_agreeing(2).with_degraded(true)).as_bytes());
+    let mut bytes = profile_with(1_230, status().with_receivers_agreeing(2).with_degraded(true)).as_bytes().to_vec();
+    bytes[130] ^= 1;
+    take(&mut drone, 1_230_000, &bytes);
+    let expected = "\
+1.23 s after HORUS start
+  Reported   47.4979000° S    8.7289000° E   470.125 m  pitch  -5.7° roll   2.9° yaw 302.7°  \
+monitoring, 2 of 3 agree, degraded  0.01 s ago
+  GPS1       47.4979000° S    8.7289000° E   470.125 m  0.01 s ago
+  GPS2       47.4979000° S    8.7289001° E   470.125 m  1.24 s ago
+  GPS3      no position  silent  0.01 s ago
+  ALARM     fewer receivers agree than the drone has
+  ALARM     damaged data arrived and were rejected
+  2 profiles, 122 cycles missed, 1 bad CRC, 0 misplaced, 0 vacant";
+    assert_eq!(drone.words(1_240_000), expected);
+}
+
+/// What happens to one message on the way.
+#[derive(Clone, Debug)]
+struct Fate {
+    /// How often it arrives.
+    copies: u8,
+    /// How much later each copy arrives, in cycles.
+    delays: [u8; 3],
+    /// A bit of it that flips.
+    flips: Option<u16>,
+}
+
+fn fate() -> impl Strategy<Value = Fate> {
+    let flips = prop_oneof![3 => Just(None), 1 => (0..8 * 244_u16).prop_map(Some)];
+    (0..4_u8, [0..90_u8, 0..90, 0..90], flips).prop_map(|(copies, delays, flips)| Fate { copies, delays, flips })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 60, ..ProptestConfig::default() })]
+
+    /// The drone at every instant shows of each object the newest that has arrived intact, whatever the way did.
+    #[test]
+    fn loss_duplicates_reordering_and_damage_change_nothing(fates in prop::collection::vec(fate(), 1..150)) {
+        // HORUS has been running for a while, so nothing delayed can be mistaken for a restart.
+        let start = 600_000;
+        let mut arrivals = vec![];
+        for (cycle, fate) in fates.iter().enumerate() {
+            let timestamp = start + 10 * cycle as u32;
+            let mut bytes = profile(timestamp).as_bytes().to_vec();
+            if let Some(bit) = fate.flips {
+                bytes[usize::from(bit / 8)] ^= 1 << (bit % 8);
+            }
+            for delay in fate.delays.iter().take(usize::from(fate.copies)) {
+                arrivals.push((CYCLE * (cycle as u64 + u64::from(*delay)), timestamp, fate.flips, bytes.clone()));
+            }
+        }
+        arrivals.sort_by_key(|arrival| arrival.0);
+        let mut drone = Drone::new(0);
+        let mut newest = [None; 4];
+        for (at, timestamp, flips, bytes) in arrivals {
+            take(&mut drone, at, &bytes);
+            let hit = flips.map(|bit| [64, 124, 184, 244].iter().position(|end| bit / 8 < *end).unwrap());
+            for (_, newest) in newest.iter_mut().enumerate().filter(|(object, _)| Some(*object) != hit) {
+                *newest = (*newest).max(Some(timestamp));
+            }
+            let shown = [
+                drone.reported().map(|held| held.timestamp),
+                drone.gps(1).map(|held| held.timestamp),
+                drone.gps(2).map(|held| held.timestamp),
+                drone.gps(3).map(|held| held.timestamp),
+            ];
+            prop_assert_eq!(shown, newest);
+            prop_assert_eq!(drone.counts().out_of_sequence, 0);
+        }
+    }
+
+    /// Bytes that nobody sealed are never shown.
+    #[test]
+    fn anything_may_arrive(messages in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..400), 0..20)) {
+        let mut drone = Drone::new(0);
+        for (at, bytes) in messages.iter().enumerate() {
+            for place in Place::ALL {
+                let verdict = drone.take(place, at as u64, bytes);
+                prop_assert!(!verdict.is_intact());
+            }
+        }
+        prop_assert!(drone.words(0).starts_with("no profile received"));
+    }
+}

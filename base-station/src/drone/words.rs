@@ -1,0 +1,93 @@
+//! What is known of a drone, for a person.
+
+use core::fmt::{self, Write as _};
+
+use profile::HorusState;
+
+use super::{Counts, Drone, Held};
+
+/// What HORUS is doing, in words; a state that has no name is one of a later version.
+#[must_use]
+pub const fn state(state: Option<HorusState>) -> &'static str {
+    match state {
+        Some(HorusState::Starting) => "starting",
+        Some(HorusState::Monitoring) => "monitoring",
+        Some(HorusState::OutsideRange) => "OUTSIDE THE RANGE",
+        Some(HorusState::SwitchedToRedundant) => "SWITCHED TO REDUNDANT FLIGHT CONTROLLER",
+        Some(HorusState::MotorsCut) => "MOTORS CUT",
+        Some(HorusState::EmergencyFired) => "EMERGENCY MEASURE FIRED",
+        Some(HorusState::InputsContradict) => "STATE UNKNOWN: INPUTS CONTRADICT",
+        None => "in an unknown state",
+    }
+}
+
+impl Drone {
+    /// The state at `now_us`: a line per object, each with its age, the alarms, and what came of the link.
+    #[must_use]
+    pub fn words(&self, now_us: u64) -> String {
+        let mut words = String::new();
+        // Writing to a String does not fail.
+        let _ = self.write(&mut words, now_us);
+        words
+    }
+
+    fn write(&self, f: &mut String, now_us: u64) -> fmt::Result {
+        match self.timestamp() {
+            None => writeln!(f, "no profile received")?,
+            Some(ms) => writeln!(f, "{} s after HORUS start", f64::from(ms) / 1e3)?,
+        }
+        write!(f, "  Reported  ")?;
+        match &self.reported {
+            None => writeln!(f, "not received")?,
+            Some(held) => {
+                let v = &held.values;
+                row(f, v.status.position_valid(), [v.latitude, v.longitude, v.altitude], [v.pitch, v.roll, v.yaw])?;
+                let degraded = if v.status.degraded() { ", degraded" } else { "" };
+                let (doing, agreeing) = (state(v.status.state()), v.status.receivers_agreeing());
+                write!(f, "  {doing}, {agreeing} of {} agree{degraded}", self.receivers)?;
+                age(f, held, now_us)?;
+            }
+        }
+        for (place, held) in self.gps.iter().take(self.receivers).enumerate() {
+            write!(f, "  GPS{}      ", place + 1)?;
+            let Some(held) = held else {
+                writeln!(f, "not received")?;
+                continue;
+            };
+            let v = &held.values;
+            row(f, v.status.position_valid(), [v.latitude, v.longitude, v.altitude], [v.pitch, v.roll, v.yaw])?;
+            let notes = [(!v.status.heard(), "silent"), (v.status.stale(), "stale"), (v.status.excluded(), "excluded")];
+            for (_, note) in notes.into_iter().filter(|(applies, _)| *applies) {
+                write!(f, "  {note}")?;
+            }
+            age(f, held, now_us)?;
+        }
+        for alarm in self.alarms_at(now_us).iter() {
+            writeln!(f, "  ALARM     {alarm}")?;
+        }
+        let Counts { messages, missed, bad_crc, misplaced, vacant, .. } = self.counts;
+        write!(
+            f,
+            "  {messages} profiles, {missed} cycles missed, {bad_crc} bad CRC, {misplaced} misplaced, {vacant} vacant"
+        )
+    }
+}
+
+/// The age, and the end of the line.
+fn age<T>(f: &mut String, held: &Held<T>, now_us: u64) -> fmt::Result {
+    writeln!(f, "  {:.2} s ago", held.age_us(now_us) as f64 / 1e6)
+}
+
+/// Position and attitude of one object, in degrees and metres, without the end of the line.
+fn row(f: &mut String, valid: bool, [latitude, longitude, altitude]: [f64; 3], attitude: [f32; 3]) -> fmt::Result {
+    if !valid {
+        return write!(f, "no position");
+    }
+    let (north, east) = (if latitude < 0.0 { 'S' } else { 'N' }, if longitude < 0.0 { 'W' } else { 'E' });
+    write!(f, "{:11.7}° {north} {:12.7}° {east} {altitude:9.3} m", latitude.abs(), longitude.abs())?;
+    let [pitch, roll, yaw] = attitude.map(f32::to_degrees);
+    if pitch.is_nan() {
+        return Ok(());
+    }
+    write!(f, "  pitch {pitch:5.1}° roll {roll:5.1}° yaw {:5.1}°", yaw.rem_euclid(360.0))
+}

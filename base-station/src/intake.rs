@@ -1,0 +1,214 @@
+//! From bytes as a carrier brought them to what is known of all drones: the one path for what arrives and for what is
+//! played back.
+
+use std::collections::BTreeMap;
+
+use profile::{Layout, MAX_SIZE};
+
+use crate::carrier::mavlink::{Receiver, Verifier};
+use crate::carrier::stream::Deframer;
+use crate::{Bundle, Change, DroneId, Fleet, Place, Verdict};
+
+/// How a line brings objects.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u8)]
+pub enum Kind {
+    /// MAVLink in datagrams.
+    MavlinkDatagrams = 1,
+    /// MAVLink in a byte stream.
+    MavlinkStream = 2,
+    /// Profiles or images in datagrams.
+    Datagrams = 3,
+    /// Profiles or images in a byte stream, in frames that end with a zero byte.
+    Stream = 4,
+}
+
+impl Kind {
+    /// The kind of this number.
+    #[must_use]
+    pub const fn of(number: u8) -> Option<Self> {
+        match number {
+            1 => Some(Self::MavlinkDatagrams),
+            2 => Some(Self::MavlinkStream),
+            3 => Some(Self::Datagrams),
+            4 => Some(Self::Stream),
+            _ => None,
+        }
+    }
+}
+
+/// Bytes that arrived together.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Carried {
+    /// When, µs since 1970; it does not go back.
+    pub at_us: u64,
+    /// How its line brings objects.
+    pub kind: Kind,
+    /// The line's number: which socket or port.
+    pub line: u16,
+    /// Where a datagram came from, or nothing.
+    pub from: String,
+    /// The bytes.
+    pub bytes: Vec<u8>,
+}
+
+/// What was found of one object.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Judged {
+    /// Of which drone.
+    pub drone: DroneId,
+    /// Which object.
+    pub place: Place,
+    /// What was found.
+    pub verdict: Verdict,
+}
+
+/// What a line needs to know of what came before.
+#[derive(Debug)]
+enum Line {
+    Mavlink(Box<Receiver>),
+    Stream(Deframer),
+    Datagrams,
+}
+
+/// All lines, and all drones behind them. See the [module](self).
+#[derive(Debug, Default)]
+pub struct Intake {
+    fleet: Fleet,
+    verifier: Option<Verifier>,
+    lines: BTreeMap<(u16, u8), Line>,
+    damaged: u64,
+}
+
+impl Intake {
+    /// An intake; with a verifier it takes no MAVLink message that is not signed.
+    #[must_use]
+    pub fn new(verifier: Option<Verifier>) -> Self {
+        Self { verifier, ..Self::default() }
+    }
+
+    /// Takes what arrived. Answers what was found of each object in it.
+    pub fn take(&mut self, carried: &Carried) -> Vec<Judged> {
+        self.take_if(carried, |_, _| true)
+    }
+
+    /// As [`take`](Self::take), but of those objects alone that are `wanted`: of a recording, those that were judged.
+    pub fn take_if(&mut self, carried: &Carried, wanted: impl Fn(DroneId, Place) -> bool) -> Vec<Judged> {
+        let Self { fleet, verifier, lines, damaged } = self;
+        let Carried { at_us, kind, line, from, bytes } = carried;
+        let mut judged = vec![];
+        let mut judge = |drone: DroneId, bundle: &Bundle<'_>| {
+            if bundle.objects().all(|(place, _)| wanted(drone, place)) {
+                let verdicts = fleet.take(drone, *at_us, bundle);
+                let found = bundle.objects().zip(verdicts);
+                judged.extend(found.map(|((place, _), verdict)| Judged { drone, place, verdict }));
+            }
+        };
+        let of_kind = || match kind {
+            Kind::MavlinkDatagrams | Kind::MavlinkStream => Line::Mavlink(Box::new(Receiver::new(verifier.clone()))),
+            Kind::Datagrams => Line::Datagrams,
+            // Link-Status before the largest profile.
+            Kind::Stream => Line::Stream(Deframer::new(MAX_SIZE + Place::LinkStatus.size())),
+        };
+        match lines.entry((*line, *kind as u8)).or_insert_with(of_kind) {
+            Line::Mavlink(receiver) => {
+                let received = match kind {
+                    Kind::MavlinkDatagrams => receiver.datagram(*at_us, bytes),
+                    _ => receiver.stream(*at_us, bytes),
+                };
+                for received in received {
+                    if let Some(bundle) = received.bundle() {
+                        judge(received.id(), &bundle);
+                    }
+                }
+            }
+            Line::Datagrams => match (Bundle::datagram(bytes), from.parse()) {
+                (Some(bundle), Ok(address)) => judge(DroneId::Address(address), &bundle),
+                _ => *damaged += 1,
+            },
+            Line::Stream(deframer) => {
+                for frame in bytes.iter().filter_map(|byte| deframer.push(*byte)) {
+                    match frame.as_deref().ok().and_then(Bundle::datagram) {
+                        Some(bundle) => judge(DroneId::Line(*line), &bundle),
+                        None => *damaged += 1,
+                    }
+                }
+            }
+        }
+        judged
+    }
+
+    /// Brings every drone's alarms up to `now_us`. Answers what changed.
+    pub fn tick(&mut self, now_us: u64) -> Vec<(DroneId, Change)> {
+        self.fleet.tick(now_us)
+    }
+
+    /// All drones.
+    #[must_use]
+    pub const fn fleet(&self) -> &Fleet {
+        &self.fleet
+    }
+
+    /// Datagrams and frames, without MAVLink, that were none of ours.
+    #[must_use]
+    pub const fn damaged(&self) -> u64 {
+        self.damaged
+    }
+}
+
+const _: () = assert!(Layout::ALL.len() == 4);
+
+#[cfg(test)]
+mod tests {
+    use profile::{GpsValues, Profile, ReportedValues};
+
+    use super::*;
+    use crate::carrier::mavlink::{Forwarder, Rates};
+    use crate::carrier::stream;
+
+    fn profile(timestamp: u32) -> Profile<3> {
+        Profile::seal(&ReportedValues::absent(timestamp), &[GpsValues::absent(timestamp); 3])
+    }
+
+    fn carried(kind: Kind, from: &str, bytes: &[u8]) -> Carried {
+        Carried { at_us: 1_790_000_000_000_000, kind, line: 2, from: from.into(), bytes: bytes.to_vec() }
+    }
+
+    #[test]
+    fn every_kind_of_line_brings_the_same_objects() {
+        let sent = profile(70_000);
+        let mut forwarder = Forwarder::new(9, 1, Rates { bytes_per_s: 100_000, period_us: 0, standard_us: 0 });
+        forwarder.offer(&Bundle::datagram(sent.as_bytes()).unwrap());
+        let mavlink: Vec<u8> = std::iter::from_fn(|| forwarder.poll(1_000_000, 0)).flatten().collect();
+        let mut framed = vec![];
+        stream::encode(sent.as_bytes(), &mut framed);
+        let lines = [
+            (carried(Kind::MavlinkDatagrams, "", &mavlink), "9"),
+            (carried(Kind::MavlinkStream, "", &mavlink), "9"),
+            (carried(Kind::Datagrams, "127.0.0.1:5000", sent.as_bytes()), "127.0.0.1:5000"),
+            (carried(Kind::Stream, "", &framed), "line2"),
+        ];
+        for (carried, name) in lines {
+            let mut intake = Intake::default();
+            let judged = intake.take(&carried);
+            let mut places: Vec<_> = judged.iter().map(|judged| judged.place).collect();
+            places.sort_unstable();
+            assert_eq!(places, Place::ALL[1..5], "{:?}", carried.kind);
+            assert!(judged.iter().all(|judged| judged.verdict == Verdict::New && judged.drone.to_string() == name));
+            assert_eq!(intake.take_if(&carried, |_, _| false), []);
+            assert!(intake.take(&carried).iter().all(|judged| judged.verdict == Verdict::Duplicate));
+        }
+    }
+
+    #[test]
+    fn foreign_bytes_are_counted_and_change_nothing() {
+        let mut intake = Intake::default();
+        for bytes in [&b"hello"[..], &[0xFD; 300], &[0; 40], &[]] {
+            for kind in [Kind::MavlinkDatagrams, Kind::MavlinkStream, Kind::Datagrams, Kind::Stream] {
+                assert_eq!(intake.take(&carried(kind, "127.0.0.1:5000", bytes)), []);
+                assert_eq!(Kind::of(kind as u8), Some(kind));
+            }
+        }
+        assert_eq!((intake.fleet().iter().len(), intake.damaged()), (0, 4 + 1));
+    }
+}

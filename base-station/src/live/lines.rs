@@ -1,0 +1,86 @@
+//! Lines of a real base station: sockets and serial ports. They are listened to and never written to.
+
+use std::io::{self, Read};
+use std::net::{SocketAddr, UdpSocket};
+use std::thread;
+use std::time::Duration;
+
+use super::{Clock, Event, Inlet};
+use crate::intake::{Carried, Kind};
+
+/// What a serial port is read with at the longest.
+const SERIAL_TIMEOUT: Duration = Duration::from_millis(5);
+
+/// A serial port that failed is tried again after so long.
+const RETRY: Duration = Duration::from_secs(1);
+
+/// Whether there is still somebody to hand on to is looked at least so often.
+const LOOK: Duration = Duration::from_millis(200);
+
+/// Listens to a UDP port. Answers where.
+///
+/// # Errors
+///
+/// If the address cannot be bound.
+pub fn udp(address: SocketAddr, kind: Kind, line: u16, clock: Clock, inlet: Inlet) -> io::Result<SocketAddr> {
+    let socket = UdpSocket::bind(address)?;
+    socket.set_read_timeout(Some(LOOK))?;
+    let bound = socket.local_addr()?;
+    thread::spawn(move || {
+        let mut buffer = vec![0; 65_536];
+        loop {
+            let event = match socket.recv_from(&mut buffer) {
+                Ok((length, from)) => {
+                    let bytes = buffer[..length].to_vec();
+                    Event::Carried(Carried { at_us: clock.now_us(), kind, line, from: from.to_string(), bytes })
+                }
+                // Nothing came, so the line works; and whether there is still a station shows.
+                Err(error) if matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut) => {
+                    Event::Line { name: bound.to_string(), why: None }
+                }
+                Err(error) => {
+                    thread::sleep(RETRY);
+                    Event::Line { name: bound.to_string(), why: Some(error.to_string()) }
+                }
+            };
+            if !inlet.offer(event) {
+                return;
+            }
+        }
+    });
+    Ok(bound)
+}
+
+/// Listens to a serial port, and opens it again whenever it fails: who unplugs a radio plugs it in again.
+pub fn serial(path: String, baud: u32, kind: Kind, line: u16, clock: Clock, inlet: Inlet) {
+    thread::spawn(move || {
+        let mut buffer = vec![0; 4_096];
+        loop {
+            let opened = serialport::new(&path, baud).timeout(SERIAL_TIMEOUT).open();
+            let mut why = opened.as_ref().err().map(ToString::to_string);
+            if !inlet.offer(Event::Line { name: path.clone(), why: why.clone() }) {
+                return;
+            }
+            if let Ok(mut port) = opened {
+                while why.is_none() {
+                    match port.read(&mut buffer) {
+                        Ok(0) => why = Some("the port is closed".into()),
+                        Ok(length) => {
+                            let bytes = buffer[..length].to_vec();
+                            let carried = Carried { at_us: clock.now_us(), kind, line, from: String::new(), bytes };
+                            if !inlet.offer(Event::Carried(carried)) {
+                                return;
+                            }
+                        }
+                        Err(error) if matches!(error.kind(), io::ErrorKind::TimedOut | io::ErrorKind::Interrupted) => {}
+                        Err(error) => why = Some(error.to_string()),
+                    }
+                }
+                if !inlet.offer(Event::Line { name: path.clone(), why }) {
+                    return;
+                }
+            }
+            thread::sleep(RETRY);
+        }
+    });
+}

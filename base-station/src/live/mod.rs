@@ -1,0 +1,255 @@
+//! A base station that runs: lines, the clock, the recorder's thread, and what a page is told of.
+//!
+//! # Threads
+//!
+//! | thread | what |
+//! |---|---|
+//! | one for each line | waits for bytes, notes when they came, hands them on |
+//! | station | judges what came, keeps it, looks for alarms every [`TICK`] |
+//! | recorder | writes, so that a slow disk holds nothing up |
+//!
+//! A playback has a thread that reads in place of the lines.
+//!
+//! Between them are queues with a bound. Where one is full, the newest is dropped and counted, which a person is told.
+
+pub mod lines;
+pub mod page;
+pub mod playback;
+mod recording;
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread;
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use tokio::sync::watch;
+
+use crate::carrier::mavlink::Verifier;
+use crate::intake::{Carried, Intake};
+use crate::recorder::{Files, Fix, Record, Trouble};
+use crate::{Change, DroneId, export};
+pub use recording::Recording;
+
+/// Alarms are looked for at least so often.
+pub const TICK: Duration = Duration::from_millis(20);
+
+/// How many arrivals may wait for the station: six seconds of a thousand drones at 10 Hz.
+const WAITING: usize = 65_536;
+
+/// µs since 1970, of a clock that does not go back: what the system said at the start, and what passed since.
+#[derive(Clone, Copy, Debug)]
+pub struct Clock {
+    unix_us: u64,
+    began: Instant,
+}
+
+impl Clock {
+    /// A clock that begins now.
+    #[must_use]
+    pub fn begin() -> Self {
+        let unix = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        Self { unix_us: u64::try_from(unix.as_micros()).unwrap_or_default(), began: Instant::now() }
+    }
+
+    /// The time now.
+    #[must_use]
+    pub fn now_us(&self) -> u64 {
+        self.unix_us.saturating_add(u64::try_from(self.began.elapsed().as_micros()).unwrap_or(u64::MAX))
+    }
+}
+
+/// What happens at a line.
+#[derive(Debug)]
+pub enum Event {
+    /// Bytes arrived.
+    Carried(Carried),
+    /// A line failed, or works again.
+    Line {
+        /// Its name.
+        name: String,
+        /// What went wrong, in words; nothing if it works.
+        why: Option<String>,
+    },
+    /// A recording says that bytes arrived.
+    Played(Record),
+    /// A playback begins anew at this time, µs: all that is known is forgotten.
+    Restart(u64),
+    /// Nothing is to be taken any more.
+    End,
+}
+
+/// Where lines hand on what arrives.
+#[derive(Clone, Debug)]
+pub struct Inlet {
+    to: SyncSender<Event>,
+    dropped: Arc<AtomicU64>,
+}
+
+impl Inlet {
+    /// Hands it on, or counts it if too much waits. Answers whether there is still a station.
+    #[must_use]
+    pub fn offer(&self, event: Event) -> bool {
+        match self.to.try_send(event) {
+            Ok(()) => true,
+            Err(TrySendError::Full(_)) => {
+                self.dropped.fetch_add(1, Ordering::Relaxed);
+                true
+            }
+            Err(TrySendError::Disconnected(_)) => false,
+        }
+    }
+
+    /// Ends the station, once it has taken what waits.
+    pub fn close(&self) {
+        // If there is no station any more, there is nothing to end.
+        let _ = self.to.send(Event::End);
+    }
+
+    /// Hands it on, and waits for room: for a playback. Answers whether there is still a station.
+    #[must_use]
+    pub fn push(&self, event: Event) -> bool {
+        self.to.send(event).is_ok()
+    }
+}
+
+/// What a station knows.
+#[derive(Debug, Default)]
+pub struct Known {
+    /// All drones.
+    pub intake: Intake,
+    /// Lines that do not work, and why.
+    pub lines: Vec<(String, String)>,
+    /// Why nothing is recorded, if it should be.
+    pub recorder: Option<Trouble>,
+    /// The time up to which all is known, µs.
+    pub now_us: u64,
+}
+
+/// A station, for those who look at it.
+#[derive(Clone, Debug)]
+pub struct Station {
+    known: Arc<Mutex<Known>>,
+    changes: watch::Receiver<u64>,
+    dropped: Arc<AtomicU64>,
+}
+
+impl Station {
+    /// What it knows now. What holds it up holds the station up.
+    pub fn known(&self) -> MutexGuard<'_, Known> {
+        // Whoever panicked while looking has changed nothing.
+        self.known.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Counts up with everything that arrives, and with every [`TICK`].
+    #[must_use]
+    pub fn changes(&self) -> watch::Receiver<u64> {
+        self.changes.clone()
+    }
+
+    /// Arrivals that were dropped because too many waited.
+    #[must_use]
+    pub fn dropped(&self) -> u64 {
+        self.dropped.load(Ordering::Relaxed)
+    }
+}
+
+/// How a station tells the time.
+#[derive(Clone, Debug)]
+pub enum Time {
+    /// By a clock.
+    Clock(Clock),
+    /// By a playback.
+    Playback(Arc<playback::Player>),
+}
+
+impl Time {
+    fn now_us(&self) -> u64 {
+        match self {
+            Self::Clock(clock) => clock.now_us(),
+            Self::Playback(player) => player.now_us(),
+        }
+    }
+}
+
+/// Starts a station. It ends when an inlet is closed, or all of them are gone; the handle then says when all is
+/// written. `told` hears of every alarm that comes or goes.
+#[must_use]
+pub fn start(
+    verifier: Option<Verifier>,
+    files: Option<Files>,
+    time: Time,
+    told: impl FnMut(DroneId, Change) + Send + 'static,
+) -> (Inlet, Station, thread::JoinHandle<Result<(), String>>) {
+    let (to, from) = sync_channel(WAITING);
+    let dropped = Arc::new(AtomicU64::new(0));
+    let known = Known { intake: Intake::new(verifier), ..Known::default() };
+    let known = Arc::new(Mutex::new(known));
+    let (changed, changes) = watch::channel(0);
+    let station = Station { known, changes, dropped: Arc::clone(&dropped) };
+    let inside = station.clone();
+    let handle = thread::spawn(move || {
+        let recording = files.map(Recording::start);
+        run(&from, &inside, &changed, &time, recording.as_ref(), told);
+        recording.map_or(Ok(()), Recording::finish)
+    });
+    (Inlet { to, dropped }, station, handle)
+}
+
+fn run(
+    from: &Receiver<Event>,
+    station: &Station,
+    changed: &watch::Sender<u64>,
+    time: &Time,
+    recording: Option<&Recording>,
+    mut told: impl FnMut(DroneId, Change),
+) {
+    let mut ticked = Instant::now();
+    loop {
+        let event = from.recv_timeout(TICK.saturating_sub(ticked.elapsed()));
+        if matches!(event, Err(RecvTimeoutError::Disconnected)) {
+            return;
+        }
+        let mut known = station.known();
+        // What waits is taken together, so that whoever looks is not asked to for each of a thousand drones.
+        for event in event.into_iter().chain(from.try_iter().take(256)) {
+            match event {
+                Event::Carried(carried) => {
+                    let judged = known.intake.take(&carried);
+                    known.now_us = known.now_us.max(carried.at_us);
+                    if let Some(recording) = recording {
+                        let fixes = Fix::of(&judged, known.intake.fleet());
+                        recording.carried(carried, judged, fixes);
+                    }
+                }
+                Event::Played(record) => {
+                    export::judge(&mut known.intake, &record);
+                    known.now_us = known.now_us.max(record.carried.at_us);
+                }
+                Event::Line { name, why } => {
+                    known.lines.retain(|(other, _)| *other != name);
+                    known.lines.extend(why.map(|why| (name, why)));
+                }
+                Event::End => return,
+                Event::Restart(at_us) => {
+                    known.intake = Intake::default();
+                    known.now_us = at_us;
+                }
+            }
+        }
+        if ticked.elapsed() >= TICK {
+            ticked = Instant::now();
+            let now_us = time.now_us().max(known.now_us);
+            known.now_us = now_us;
+            for (drone, change) in known.intake.tick(now_us) {
+                told(drone, change);
+                if let Some(recording) = recording {
+                    recording.alarm(drone, change);
+                }
+            }
+            known.recorder = recording.and_then(Recording::trouble);
+        }
+        drop(known);
+        changed.send_modify(|count| *count = count.wrapping_add(1));
+    }
+}

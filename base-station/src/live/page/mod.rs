@@ -1,0 +1,152 @@
+//! The page: what the station knows, in a browser.
+//!
+//! # Design
+//!
+//! **Read-only.** There is nothing to write but the pace of a playback, and that only where one is played back.
+//! Whoever may open the page may see every drone; by default that is this machine alone.
+//!
+//! **Pushed.** Server-sent events, at most every [`PUSH`], each a whole state: a slow reader gets fewer, never old
+//! ones, since a state is made when the connection can take it. So a connection holds one state, and no queue grows.
+//!
+//! **Nothing from elsewhere.** HTML, style and script are in the binary; the content security policy allows no others.
+//! While the station listens on this machine alone, requests whose Host is another are refused, so that no foreign page
+//! reaches it through a name that it lets point here.
+
+mod state;
+#[cfg(test)]
+mod tests;
+
+use std::convert::Infallible;
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::Router;
+use axum::extract::{RawQuery, Request, State};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
+use axum::middleware::{self, Next};
+use axum::response::sse::{Event, Sse};
+use axum::response::{IntoResponse, Response};
+use axum::routing::{get, post};
+use futures_util::stream;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::time::sleep;
+
+use super::Station;
+use super::playback::Player;
+
+/// From one state to the next at least.
+pub const PUSH: Duration = Duration::from_millis(40);
+
+/// So many browsers may watch at once; further ones are told to come later.
+pub const MAX_WATCHERS: usize = 256;
+
+/// What the browser may load: what comes from here, and nothing else.
+const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; \
+                      base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+
+/// What every request needs.
+#[derive(Clone)]
+struct Page {
+    station: Station,
+    player: Option<Arc<Player>>,
+    watchers: Arc<Semaphore>,
+    /// The page is for this machine alone.
+    local: bool,
+}
+
+/// The page of a station, to be served at `address`; with a player its pace can be set.
+pub fn router(station: Station, player: Option<Arc<Player>>, address: SocketAddr) -> Router {
+    let local = address.ip().is_loopback();
+    let page = Page { station, player, watchers: Arc::new(Semaphore::new(MAX_WATCHERS)), local };
+    let mut router = Router::new()
+        .route("/", get(|| file("text/html; charset=utf-8", include_str!("index.html"))))
+        .route("/page.css", get(|| file("text/css; charset=utf-8", include_str!("page.css"))))
+        .route("/page.js", get(|| file("text/javascript; charset=utf-8", include_str!("page.js"))))
+        .route("/icon.svg", get(|| file("image/svg+xml", include_str!("icon.svg"))))
+        .route("/state", get(state_once))
+        .route("/events", get(events));
+    if page.player.is_some() {
+        router = router.route("/playback", post(playback));
+    }
+    router.layer(middleware::from_fn_with_state(page.clone(), guard)).with_state(page)
+}
+
+async fn file(kind: &'static str, text: &'static str) -> impl IntoResponse {
+    ([(header::CONTENT_TYPE, kind)], text)
+}
+
+/// Refuses other hosts' names, and sets the headers that every answer has.
+async fn guard(State(page): State<Page>, request: Request, next: Next) -> Response {
+    if page.local && !is_this_machine(request.headers()) {
+        return (StatusCode::FORBIDDEN, "this page is served to this machine alone").into_response();
+    }
+    let mut response = next.run(request).await;
+    let fixed = [
+        (header::CONTENT_SECURITY_POLICY, POLICY),
+        (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+        (header::REFERRER_POLICY, "no-referrer"),
+        (header::CACHE_CONTROL, "no-store"),
+        (HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
+    ];
+    for (name, value) in fixed {
+        response.headers_mut().insert(name, HeaderValue::from_static(value));
+    }
+    response
+}
+
+fn is_this_machine(headers: &HeaderMap) -> bool {
+    let host = headers.get(header::HOST).and_then(|host| host.to_str().ok()).unwrap_or_default();
+    let name = host.rsplit_once(':').filter(|(_, port)| port.bytes().all(|byte| byte.is_ascii_digit()));
+    let name = name.map_or(host, |(name, _)| name);
+    matches!(name, "localhost" | "127.0.0.1" | "[::1]")
+}
+
+/// Which drone the query asks for: `drone=ID`.
+fn asked(query: Option<&str>) -> Option<&str> {
+    query?.split('&').find_map(|part| part.strip_prefix("drone="))
+}
+
+async fn state_once(State(page): State<Page>, RawQuery(query): RawQuery) -> impl IntoResponse {
+    let state = state::json(&page.station, page.player.as_deref(), asked(query.as_deref()));
+    ([(header::CONTENT_TYPE, "application/json")], state)
+}
+
+async fn events(State(page): State<Page>, RawQuery(query): RawQuery) -> Response {
+    let Ok(permit) = Arc::clone(&page.watchers).try_acquire_owned() else {
+        return (StatusCode::SERVICE_UNAVAILABLE, [(header::RETRY_AFTER, "5")], "too many watch already")
+            .into_response();
+    };
+    let changes = page.station.changes();
+    let drone = asked(query.as_deref()).map(str::to_owned);
+    let begin = (page, changes, drone, false, permit);
+    let states = stream::unfold(begin, |(page, mut changes, drone, again, permit)| async move {
+        if again {
+            sleep(PUSH).await;
+            // The station is gone: so is the page's reason.
+            changes.changed().await.ok()?;
+        }
+        changes.mark_unchanged();
+        let state = state::json(&page.station, page.player.as_deref(), drone.as_deref());
+        let event = Ok::<_, Infallible>(Event::default().data(state));
+        let permit: OwnedSemaphorePermit = permit;
+        Some((event, (page, changes, drone, true, permit)))
+    });
+    Sse::new(states).into_response()
+}
+
+/// Sets the pace (`speed=2`) or the place (`at=SECONDS` from the start) of a playback.
+async fn playback(State(page): State<Page>, RawQuery(query): RawQuery) -> StatusCode {
+    let (Some(player), Some(query)) = (&page.player, query) else { return StatusCode::BAD_REQUEST };
+    for part in query.split('&') {
+        match part.split_once('=').map(|(name, value)| (name, value.parse::<f64>())) {
+            Some(("speed", Ok(speed))) if speed.is_finite() => player.set_speed(speed),
+            Some(("at", Ok(seconds))) if seconds.is_finite() => {
+                let (first_us, _) = player.span_us();
+                player.jump(first_us.saturating_add((seconds.max(0.0) * 1e6) as u64));
+            }
+            _ => return StatusCode::BAD_REQUEST,
+        }
+    }
+    StatusCode::NO_CONTENT
+}

@@ -1,0 +1,445 @@
+"use strict";
+// What the base station pushes, shown. A state that is not followed by another ages here: nothing stays on the screen
+// without how old it is now, whether the drone, the base station or the way between is silent.
+
+const STALE_MS = 400;          // as base_station::drone::STALE_US
+const LOST_MS = 350;           // without a state for so long the base station is not heard
+const KEPT_MS = 10 * 60 * 1000;
+const SAMPLE_MS = 100;         // history is kept at this rate
+const MAP_POINTS = 6000;
+
+const element = (id) => document.getElementById(id);
+const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+
+let state = null;              // the last state
+let heard = -Infinity;         // when it came, ms
+let source = null;
+let wanted = null;             // the drone that is looked at
+let shown = null;              // of which drone the history is
+let origin = null;             // of the map: degrees, and metres per degree
+let history = [];
+let clock = -Infinity;         // the station's time of the last state, to see a playback jump
+
+function connect() {
+  if (source) source.close();
+  source = new EventSource("/events" + (wanted === null ? "" : "?drone=" + wanted));
+  source.onmessage = (event) => {
+    state = JSON.parse(event.data);
+    heard = performance.now();
+    keep();
+    requestDraw();
+  };
+  source.onerror = () => {
+    // The browser tries again by itself, unless it was refused.
+    if (source.readyState === EventSource.CLOSED) setTimeout(connect, 1000);
+  };
+}
+
+// ---- history
+
+function metres(latitude) {
+  const a = 6378137, e2 = 0.00669437999014;
+  const s = Math.sin(latitude * Math.PI / 180);
+  const w = Math.sqrt(1 - e2 * s * s);
+  const perDegree = Math.PI / 180;
+  return {
+    north: a * (1 - e2) / (w * w * w) * perDegree,
+    east: a / w * Math.cos(latitude * Math.PI / 180) * perDegree,
+  };
+}
+
+function local(position) {
+  if (!position || position[0] === null || position[1] === null) return null;
+  if (!origin) origin = { latitude: position[0], longitude: position[1], ...metres(position[0]) };
+  let east = position[1] - origin.longitude;
+  if (east > 180) east -= 360;
+  if (east < -180) east += 360;
+  return [east * origin.east, (position[0] - origin.latitude) * origin.north];
+}
+
+function keep() {
+  const drone = state.drone;
+  const id = drone ? drone.id : null;
+  const now = state.now_us / 1000;
+  if (id !== shown || now < clock - 1) {
+    shown = id;
+    history = [];
+    origin = null;
+  }
+  clock = now;
+  const reported = drone && drone.reported;
+  if (!reported) return;
+  const last = history[history.length - 1];
+  if (last && now - last.at < SAMPLE_MS) return;
+  const old = reported.age_ms > STALE_MS;
+  history.push({
+    at: now,
+    voted: !old && reported.valid ? local(reported.position) : null,
+    gps: drone.gps.map((gps) => (gps && gps.valid && gps.age_ms <= 1000 ? local(gps.position) : null)),
+    height: !old && reported.valid ? reported.position[2] : null,
+    age: reported.age_ms / 1000,
+    agree: old ? null : reported.agree,
+  });
+  while (history.length && history[0].at < now - KEPT_MS) history.shift();
+}
+
+// ---- words and numbers
+
+const number = (value, digits, unit) => (value === null || value === undefined ? "–" : value.toFixed(digits) + unit);
+const seconds = (ms) => (ms / 1000).toFixed(ms < 10000 ? 2 : 0) + " s";
+const degrees = (value, positive, negative) =>
+  value === null ? "–" : Math.abs(value).toFixed(7) + "° " + (value < 0 ? negative : positive);
+
+function put(id, text) {
+  const target = element(id);
+  if (target.textContent !== text) target.textContent = text;
+}
+
+function rows(id, lines) {
+  const body = element(id);
+  while (body.rows.length > lines.length) body.deleteRow(-1);
+  lines.forEach(([name, text, bad], index) => {
+    const row = body.rows[index] || body.insertRow();
+    if (!row.cells.length) {
+      const head = document.createElement("th");
+      head.scope = "row";
+      row.append(head, document.createElement("td"));
+    }
+    if (row.cells[0].textContent !== name) row.cells[0].textContent = name;
+    if (row.cells[1].textContent !== text) row.cells[1].textContent = text;
+    row.cells[1].className = bad ? "bad" : "";
+  });
+}
+
+function drawAge() {
+  const silent = performance.now() - heard;
+  const drone = state && state.drone;
+  const reported = drone && drone.reported;
+  const still = state && state.playback && state.playback.speed === 0;
+  const age = reported ? reported.age_ms + (still ? 0 : silent) : null;
+  let kind = "fresh", words = "live";
+  if (silent > LOST_MS) {
+    kind = state ? "lost" : "waiting";
+    words = state ? "NO CONNECTION TO THE BASE STATION" : "waiting for the base station";
+  } else if (!reported) {
+    kind = "waiting";
+    words = state.drones.length ? "NO POSITION RECEIVED" : "no drone heard yet";
+  } else if (age > STALE_MS) {
+    kind = "old";
+    words = "OLD DATA";
+  } else if (!reported.valid) {
+    words = "live, but the position is not valid";
+  } else if (state.playback) {
+    words = "playback";
+  }
+  if (document.body.className !== kind) document.body.className = kind;
+  put("verdict", words);
+  put("age-value", age === null ? "–" : seconds(age));
+  const place = reported && origin && local(reported.position);
+  document.title = (kind === "fresh" ? "" : "! ") + "HORUS " + (drone ? drone.id : "");
+  put("doing", reported ? reported.state + (place ? `, ${Math.hypot(...place).toFixed(0)} m from the start` : "") : "");
+}
+
+function drawList() {
+  const select = element("drone");
+  const ids = state.drones.map((drone) => drone.id);
+  const same = select.options.length === ids.length && ids.every((id, index) => select.options[index].value === id);
+  if (!same) {
+    select.replaceChildren(...ids.map((id) => new Option(id, id)));
+  }
+  if (state.drone) select.value = state.drone.id;
+  const others = state.drones.filter((drone) => drone.critical && (!state.drone || drone.id !== state.drone.id));
+  put("others", others.length ? `${others.length} other drone(s) with critical alarms: ` +
+    others.slice(0, 5).map((drone) => drone.id).join(", ") : "");
+}
+
+function drawAlarms() {
+  const station = state.station;
+  const lines = [];
+  if (station.recorder) lines.push([true, "nothing is recorded: " + station.recorder]);
+  for (const [name, why] of station.lines) lines.push([true, `${name}: ${why}`]);
+  if (station.dropped) lines.push([true, `${station.dropped} arrivals dropped: this machine is too slow`]);
+  if (station.refused) lines.push([false, `${station.refused} messages of further drones not shown`]);
+  for (const alarm of state.drone ? state.drone.alarms : []) {
+    lines.push([alarm.critical, `${alarm.words}, for ${Math.floor(alarm.since_ms / 1000)} s`]);
+  }
+  const list = element("alarms");
+  const key = JSON.stringify(lines);
+  if (list.dataset.key === key) return;
+  list.dataset.key = key;
+  list.replaceChildren(...(lines.length ? lines : [[null, "none"]]).map(([critical, words]) => {
+    const line = document.createElement("li");
+    line.className = critical === null ? "none" : critical ? "critical" : "warning";
+    line.textContent = words;
+    return line;
+  }));
+}
+
+function drawNumbers() {
+  const drone = state.drone;
+  const reported = drone && drone.reported;
+  const valid = reported && reported.valid;
+  put("latitude", valid ? degrees(reported.position[0], "N", "S") : "–");
+  put("longitude", valid ? degrees(reported.position[1], "E", "W") : "–");
+  put("height", valid ? number(reported.position[2], 1, " m") : "–");
+  const turned = reported && reported.attitude;
+  put("attitude", turned
+    ? `${turned[0].toFixed(1)}°, ${turned[2].toFixed(1)}°, ${((turned[1] % 360 + 360) % 360).toFixed(1)}°` : "–");
+  put("agree", reported ? `${reported.agree} of ${drone.receivers}${reported.degraded ? ", degraded" : ""}` : "–");
+  put("time", drone && drone.time_ms !== null ? (drone.time_ms / 1000).toFixed(1) + " s" : "–");
+
+  const body = element("receivers");
+  const receivers = drone ? drone.gps : [];
+  while (body.rows.length > receivers.length) body.deleteRow(-1);
+  receivers.forEach((gps, index) => {
+    const row = body.rows[index] || body.insertRow();
+    while (row.cells.length < 5) row.insertCell();
+    const here = gps && gps.valid ? local(gps.position) : null;
+    const there = valid ? local(reported.position) : null;
+    const notes = gps ? [gps.fix, !gps.valid && "no position", !gps.heard && "silent", gps.stale && "stale",
+      gps.excluded && "EXCLUDED"].filter(Boolean).join(", ") : "not received";
+    const texts = ["GPS" + (index + 1), notes,
+      here && there ? Math.hypot(here[0] - there[0], here[1] - there[1]).toFixed(1) + " m" : "–",
+      gps && gps.valid ? number(gps.position[2], 1, " m") : "–", gps ? seconds(gps.age_ms) : "–"];
+    texts.forEach((text, cell) => {
+      if (row.cells[cell].textContent !== text) row.cells[cell].textContent = text;
+    });
+    row.cells[1].className = !gps || gps.excluded || !gps.valid || !gps.heard ? "bad" : "";
+  });
+
+  const link = drone && drone.link;
+  rows("link", link ? [
+    ["State", link.up ? "up" : "DOWN", !link.up],
+    ["Age of the sample at the DPR", link.sample_age_ms.toFixed(1) + " ms"],
+    ["Frames received, missed", `${link.received}, ${link.missed}`],
+    ["Objects accepted, rejected", `${link.accepted}, ${link.rejected}`],
+    ["Access violations", String(link.violations), link.violations > 0],
+    ["DPR's last reset", link.reset],
+    ["Age of this", seconds(link.age_ms)],
+  ] : [["Link-Status", "not received"]]);
+  const counts = drone && drone.counts;
+  rows("counts", counts ? [
+    ["Messages", String(counts.messages)],
+    ["Objects shown", String(counts.shown)],
+    ["Bad CRC", String(counts.bad_crc), counts.bad_crc > 0],
+    ["In another's place", String(counts.misplaced), counts.misplaced > 0],
+    ["Vacant", String(counts.vacant)],
+    ["Duplicates, older", `${counts.duplicate}, ${counts.older}`],
+    ["Out of sequence", String(counts.out_of_sequence)],
+    ["Cycles not forwarded, or lost", String(counts.missed)],
+    ["Restarts of HORUS", String(counts.restarts)],
+  ] : []);
+}
+
+// ---- pictures
+
+function prepare(canvas) {
+  const scale = window.devicePixelRatio || 1;
+  const { width, height } = canvas.getBoundingClientRect();
+  if (canvas.width !== Math.round(width * scale) || canvas.height !== Math.round(height * scale)) {
+    canvas.width = Math.round(width * scale);
+    canvas.height = Math.round(height * scale);
+  }
+  const to = canvas.getContext("2d");
+  to.setTransform(scale, 0, 0, scale, 0, 0);
+  to.clearRect(0, 0, width, height);
+  to.font = "13px system-ui, sans-serif";
+  return [to, width, height];
+}
+
+// The largest of 1, 2, 5 times a power of ten that is not above `most`.
+function round(most) {
+  const power = 10 ** Math.floor(Math.log10(most));
+  return [5, 2, 1].map((factor) => factor * power).find((step) => step <= most);
+}
+
+const receiverColour = (index) => colour("--r" + (index + 1));
+
+function drawMap() {
+  const [to, width, height] = prepare(element("map"));
+  const points = history.slice(-MAP_POINTS);
+  const all = points.flatMap((point) => [point.voted, ...point.gps.slice(0)]).filter(Boolean);
+  if (!all.length) {
+    to.fillStyle = colour("--soft");
+    to.fillText("no position yet", 12, 24);
+    return;
+  }
+  let [left, right, low, high] = [Infinity, -Infinity, Infinity, -Infinity];
+  for (const [x, y] of all) {
+    left = Math.min(left, x); right = Math.max(right, x);
+    low = Math.min(low, y); high = Math.max(high, y);
+  }
+  const span = Math.max((right - left) / width, (high - low) / height, 20 / Math.min(width, height)) * 1.15;
+  const [middleX, middleY] = [(left + right) / 2, (low + high) / 2];
+  const at = ([x, y]) => [width / 2 + (x - middleX) / span, height / 2 - (y - middleY) / span];
+
+  const step = round(span * 120);
+  to.strokeStyle = colour("--line");
+  to.lineWidth = 1;
+  to.beginPath();
+  for (let x = Math.ceil((middleX - span * width / 2) / step) * step; x < middleX + span * width / 2; x += step) {
+    const [px] = at([x, 0]);
+    to.moveTo(px, 0); to.lineTo(px, height);
+  }
+  for (let y = Math.ceil((middleY - span * height / 2) / step) * step; y < middleY + span * height / 2; y += step) {
+    const [, py] = at([0, y]);
+    to.moveTo(0, py); to.lineTo(width, py);
+  }
+  to.stroke();
+
+  const line = (pick, stroke, thick) => {
+    to.strokeStyle = stroke;
+    to.lineWidth = thick;
+    to.beginPath();
+    let on = false;
+    for (const point of points) {
+      const place = pick(point);
+      if (!place) { on = false; continue; }
+      const [px, py] = at(place);
+      if (on) to.lineTo(px, py); else to.moveTo(px, py);
+      on = true;
+    }
+    to.stroke();
+  };
+  const receivers = state.drone ? state.drone.gps : [];
+  receivers.forEach((_, index) => line((point) => point.gps[index] || null, receiverColour(index), 1));
+  line((point) => point.voted, colour("--voted"), 2.5);
+
+  const last = points[points.length - 1];
+  receivers.forEach((gps, index) => {
+    if (!last.gps[index]) return;
+    const [px, py] = at(last.gps[index]);
+    to.strokeStyle = receiverColour(index);
+    to.lineWidth = 2;
+    to.beginPath();
+    to.arc(px, py, 6, 0, 2 * Math.PI);
+    if (gps && gps.excluded) { to.moveTo(px - 6, py - 6); to.lineTo(px + 6, py + 6); }
+    to.stroke();
+    to.fillStyle = receiverColour(index);
+    to.fillText(String(index + 1), px + 8, py - 6);
+  });
+  if (last.voted) {
+    const [px, py] = at(last.voted);
+    const turned = state.drone.reported.attitude;
+    to.fillStyle = colour("--voted");
+    to.beginPath();
+    if (turned) {
+      const yaw = turned[1] * Math.PI / 180;
+      const tip = (angle, far) => [px + far * Math.sin(yaw + angle), py - far * Math.cos(yaw + angle)];
+      to.moveTo(...tip(0, 13)); to.lineTo(...tip(2.5, 9)); to.lineTo(...tip(Math.PI, 4)); to.lineTo(...tip(-2.5, 9));
+    } else {
+      to.arc(px, py, 5, 0, 2 * Math.PI);
+    }
+    to.fill();
+  }
+  // Where it was last known to be, if that is not now.
+  const known = last.voted ? null : points.findLast((point) => point.voted);
+  if (known) {
+    const [px, py] = at(known.voted);
+    to.strokeStyle = colour("--bad");
+    to.lineWidth = 3;
+    to.strokeRect(px - 8, py - 8, 16, 16);
+  }
+  to.fillStyle = colour("--ink");
+  to.fillRect(12, height - 16, step / span, 3);
+  to.fillText(`${step} m`, 12, height - 22);
+  to.fillText("N ↑", width - 32, 20);
+  drawLegend([["voted", colour("--voted")], ...receivers.map((gps, index) =>
+    [`${index + 1}: GPS${index + 1}${gps && gps.excluded ? " (excluded)" : ""}`, receiverColour(index)])]);
+}
+
+function drawLegend(entries) {
+  const legend = element("legend");
+  const key = JSON.stringify(entries);
+  if (legend.dataset.key === key) return;
+  legend.dataset.key = key;
+  legend.replaceChildren(...entries.map(([words, stroke]) => {
+    const entry = document.createElement("span");
+    entry.textContent = "━ " + words;
+    entry.style.color = stroke;
+    return entry;
+  }));
+}
+
+function drawPlot(id, title, unit, pick, atLeast) {
+  const [to, width, height] = prepare(element(id));
+  const values = history.map(pick).filter((value) => value !== null);
+  to.fillStyle = colour("--soft");
+  if (!values.length) { to.fillText(title, 8, 16); return; }
+  let low = Math.min(...values), high = Math.max(...values);
+  if (high - low < atLeast) { const middle = (high + low) / 2; low = middle - atLeast / 2; high = middle + atLeast / 2; }
+  // What cannot be negative has no axis that is.
+  if (low < 0 && values.every((value) => value >= 0)) { high -= low; low = 0; }
+  const end = history[history.length - 1].at;
+  const long = Math.max(60000, end - history[0].at);
+  const x = (at) => width - 8 - (end - at) / long * (width - 16);
+  const y = (value) => height - 8 - (value - low) / (high - low) * (height - 34);
+  to.fillText(`${title}: ${low.toFixed(1)} to ${high.toFixed(1)}${unit}, last ${Math.round(long / 1000)} s`, 8, 16);
+  to.strokeStyle = colour("--r1");
+  to.lineWidth = 1.5;
+  to.beginPath();
+  let on = false;
+  for (const point of history) {
+    const value = pick(point);
+    if (value === null) { on = false; continue; }
+    if (on) to.lineTo(x(point.at), y(value)); else to.moveTo(x(point.at), y(value));
+    on = true;
+  }
+  to.stroke();
+}
+
+// ---- when
+
+let asked = false;
+let drawn = 0;
+
+function requestDraw() {
+  if (asked) return;
+  asked = true;
+  requestAnimationFrame(() => {
+    asked = false;
+    drawAge();
+    drawList();
+    drawAlarms();
+    drawNumbers();
+    drawPlayback();
+    // Pictures cost more than words: ten a second are enough.
+    if (performance.now() - drawn > 95) {
+      drawn = performance.now();
+      drawMap();
+      drawPlot("plot-height", "Height", " m", (point) => point.height, 2);
+      drawPlot("plot-age", "Age", " s", (point) => point.age, 0.5);
+      drawPlot("plot-agree", "Receivers that agree", "", (point) => point.agree, 1);
+    }
+  });
+}
+
+let moving = false;
+
+function drawPlayback() {
+  const playback = state.playback;
+  element("playback").hidden = !playback;
+  if (!playback) return;
+  put("pause", playback.speed === 0 ? "Play" : "Pause");
+  const at = element("at");
+  at.max = playback.length_s;
+  if (!moving) at.value = playback.at_s;
+  put("at-value", `${playback.at_s.toFixed(1)} of ${playback.length_s.toFixed(1)} s`);
+}
+
+const command = (what) => fetch("/playback?" + what, { method: "POST" });
+
+element("drone").addEventListener("change", (event) => { wanted = event.target.value; connect(); });
+element("pause").addEventListener("click", () => {
+  const stands = state && state.playback && state.playback.speed === 0;
+  command("speed=" + (stands ? element("speed").value : 0));
+});
+element("speed").addEventListener("change", (event) => command("speed=" + event.target.value));
+element("at").addEventListener("input", () => { moving = true; });
+element("at").addEventListener("change", (event) => { moving = false; command("at=" + event.target.value); });
+element("playback").addEventListener("submit", (event) => event.preventDefault());
+addEventListener("resize", () => { if (state) requestDraw(); });
+
+// A page that is not looked at gets no frames; its age goes on all the same.
+setInterval(drawAge, 50);
+connect();

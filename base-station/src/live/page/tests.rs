@@ -1,0 +1,222 @@
+use std::sync::Mutex;
+use std::sync::atomic::AtomicU64;
+
+use axum::body::{Body, to_bytes};
+use axum::http::Method;
+use futures_util::StreamExt;
+use profile::{GpsStatus, GpsValues, HorusState, Profile, ReportedStatus, ReportedValues};
+use serde_json::Value;
+use tokio::sync::watch;
+use tower::ServiceExt;
+
+use super::super::Known;
+use super::super::playback::Contents;
+use super::*;
+use crate::Bundle;
+use crate::carrier::mavlink::{Forwarder, Rates};
+use crate::intake::{Carried, Kind};
+
+const START: u64 = 1_790_000_000_000_000;
+
+fn local() -> SocketAddr {
+    SocketAddr::from(([127, 0, 0, 1], 8480))
+}
+
+fn profile() -> Profile<3> {
+    let status = ReportedStatus::new()
+        .with_position_valid(true)
+        .with_attitude_valid(true)
+        .with_receivers_agreeing(2)
+        .with_degraded(true)
+        .with_state(HorusState::Monitoring);
+    let (latitude, longitude, altitude) = (47.497_912_345_678_9, -8.728_9, 470.125);
+    let reported =
+        ReportedValues { status, latitude, longitude, altitude, pitch: 0.5, yaw: 1.0, roll: -0.25, ..absent() };
+    let status = GpsStatus::new().with_position_valid(true).with_heard(true);
+    let known = GpsValues { status, latitude, longitude, altitude, ..GpsValues::absent(70_000) };
+    Profile::seal(
+        &reported,
+        &[known, GpsValues { status: status.with_excluded(true), ..known }, GpsValues::absent(70_000)],
+    )
+}
+
+fn absent() -> ReportedValues {
+    ReportedValues::absent(70_000)
+}
+
+/// A station that knows what drones 3 and 9 sent, and what tells it of a change.
+fn station() -> (Station, watch::Sender<u64>) {
+    let mut known = Known::default();
+    for system in [3, 9] {
+        let mut forwarder = Forwarder::new(system, 1, Rates { bytes_per_s: 100_000, period_us: 0, standard_us: 0 });
+        forwarder.offer(&Bundle::datagram(profile().as_bytes()).unwrap());
+        while let Some(bytes) = forwarder.poll(1_000_000, 0) {
+            let carried = Carried { at_us: START, kind: Kind::MavlinkDatagrams, line: 0, from: String::new(), bytes };
+            known.intake.take(&carried);
+        }
+    }
+    known.now_us = START + 120_000;
+    known.lines.push(("/dev/ttyUSB0".into(), "unplugged".into()));
+    let (changed, changes) = watch::channel(0);
+    let dropped = Arc::new(AtomicU64::new(4));
+    (Station { known: Arc::new(Mutex::new(known)), changes, dropped }, changed)
+}
+
+fn run<T>(test: impl Future<Output = T>) -> T {
+    // Time stands still until all wait for it, so nothing here depends on the pace of the machine.
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_time().start_paused(true).build().unwrap();
+    runtime.block_on(test)
+}
+
+async fn ask(router: &Router, method: Method, path: &str, host: &str) -> Response {
+    let request = Request::builder().method(method).uri(path).header(header::HOST, host).body(Body::empty()).unwrap();
+    router.clone().oneshot(request).await.unwrap()
+}
+
+async fn text(response: Response) -> String {
+    String::from_utf8(to_bytes(response.into_body(), 1 << 20).await.unwrap().to_vec()).unwrap()
+}
+
+#[test]
+fn every_answer_has_the_policy_and_nothing_is_fetched_from_elsewhere() {
+    run(async {
+        let router = router(station().0, None, local());
+        let paths = ["/", "/page.css", "/page.js", "/state", "/events", "/nowhere", "/playback"];
+        for path in paths {
+            let answer = ask(&router, Method::GET, path, "127.0.0.1:8480").await;
+            assert_eq!(answer.headers()[header::CONTENT_SECURITY_POLICY], POLICY, "{path}");
+            assert_eq!(answer.headers()[header::X_CONTENT_TYPE_OPTIONS], "nosniff", "{path}");
+            let expected = if paths[..5].contains(&path) { StatusCode::OK } else { StatusCode::NOT_FOUND };
+            assert_eq!(answer.status(), expected, "{path}");
+        }
+        for path in &paths[..3] {
+            let text = text(ask(&router, Method::GET, path, "localhost").await).await;
+            assert!(text.len() > 500 && !text.contains("http://") && !text.contains("https://"), "{path}");
+            // What the policy would refuse.
+            assert!(!text.contains("style=") && !text.contains("onclick=") && !text.contains("innerHTML"), "{path}");
+        }
+    });
+}
+
+#[test]
+fn a_page_for_this_machine_answers_to_no_other_name() {
+    run(async {
+        let page = router(station().0, None, local());
+        for host in ["127.0.0.1:8480", "localhost:8480", "localhost", "[::1]:8480", "[::1]"] {
+            assert_eq!(ask(&page, Method::GET, "/state", host).await.status(), StatusCode::OK, "{host}");
+        }
+        for host in ["example.org", "127.0.0.1.example.org:8480", "", "localhost:8480:80", "[::1"] {
+            let refused = ask(&page, Method::GET, "/state", host).await;
+            assert_eq!(refused.status(), StatusCode::FORBIDDEN, "{host}");
+        }
+        let open = router(station().0, None, SocketAddr::from(([0, 0, 0, 0], 8480)));
+        assert_eq!(ask(&open, Method::GET, "/state", "base.example.org").await.status(), StatusCode::OK);
+    });
+}
+
+#[test]
+fn the_state_is_what_was_sent() {
+    run(async {
+        let page = router(station().0, None, local());
+        let state: Value =
+            serde_json::from_str(&text(ask(&page, Method::GET, "/state?drone=9", "localhost").await).await).unwrap();
+        let drone = &state["drone"];
+        assert_eq!(drone["id"], "9");
+        let reported = &drone["reported"];
+        let position: Vec<f64> = reported["position"].as_array().unwrap().iter().filter_map(Value::as_f64).collect();
+        assert_eq!(position, [47.497_912_345_678_9, -8.728_9, 470.125]);
+        assert_eq!((&reported["age_ms"], &reported["agree"]), (&Value::from(120), &Value::from(2)));
+        assert_eq!(reported["state"], "monitoring");
+        let pitch = reported["attitude"][0].as_f64().unwrap();
+        assert!((pitch - 0.5_f64.to_degrees()).abs() < 1e-5, "{pitch}");
+        assert_eq!(reported["acceleration"], Value::Null);
+        assert_eq!((&drone["gps"][1]["excluded"], &drone["gps"][2]["valid"]), (&true.into(), &false.into()));
+        assert_eq!(drone["gps"][2]["position"][0], Value::Null, "not a number");
+        assert_eq!(drone["link"], Value::Null);
+        assert_eq!(drone["alarms"][0]["words"], "fewer receivers agree than the drone has");
+        assert_eq!(drone["alarms"].as_array().unwrap().len(), 1);
+        assert_eq!(state["drones"].as_array().unwrap().len(), 2);
+        assert_eq!((&state["station"]["dropped"], &state["station"]["lines"][0][1]), (&4.into(), &"unplugged".into()));
+        assert_eq!(state["playback"], Value::Null);
+    });
+}
+
+#[test]
+fn a_state_is_pushed_at_once_and_then_with_every_change() {
+    run(async {
+        let (station, changed) = station();
+        let page = router(station.clone(), None, local());
+        let mut events = ask(&page, Method::GET, "/events?drone=3", "localhost").await.into_body().into_data_stream();
+        let state = |bytes: &[u8]| -> Value {
+            let text = std::str::from_utf8(bytes).unwrap();
+            serde_json::from_str(text.strip_prefix("data: ").unwrap().trim_end()).unwrap()
+        };
+        let first = state(&events.next().await.unwrap().unwrap());
+        assert_eq!((&first["drone"]["id"], &first["drone"]["reported"]["age_ms"]), (&"3".into(), &120.into()));
+        station.known().now_us += 1_000_000;
+        changed.send_modify(|count| *count += 1);
+        let second = state(&events.next().await.unwrap().unwrap());
+        assert_eq!((&second["drone"]["reported"]["age_ms"], &second["drone"]["stale"]), (&1_120.into(), &true.into()));
+        // The station ends, and the stream with it; the browser tries again.
+        drop(changed);
+        assert!(events.next().await.is_none());
+    });
+}
+
+#[test]
+fn too_many_watchers_are_told_to_come_later_and_a_place_that_is_left_is_free() {
+    run(async {
+        let (station, _changed) = station();
+        let page = router(station, None, local());
+        let mut watching = vec![];
+        for _ in 0..MAX_WATCHERS {
+            watching.push(ask(&page, Method::GET, "/events", "localhost").await);
+        }
+        assert!(watching.iter().all(|answer| answer.status() == StatusCode::OK));
+        let refused = ask(&page, Method::GET, "/events", "localhost").await;
+        assert_eq!(
+            (refused.status(), &refused.headers()[header::RETRY_AFTER]),
+            (StatusCode::SERVICE_UNAVAILABLE, &HeaderValue::from_static("5"))
+        );
+        watching.pop();
+        assert_eq!(ask(&page, Method::GET, "/events", "localhost").await.status(), StatusCode::OK);
+    });
+}
+
+#[test]
+fn nothing_can_be_written_but_the_pace_of_a_playback() {
+    run(async {
+        let live = router(station().0, None, local());
+        for path in ["/", "/state", "/events", "/playback?speed=2"] {
+            let answer = ask(&live, Method::POST, path, "localhost").await;
+            assert!(matches!(answer.status(), StatusCode::METHOD_NOT_ALLOWED | StatusCode::NOT_FOUND), "{path}");
+        }
+        let contents = Contents { records: 1, first_us: START, last_us: START + 60_000_000, torn: vec![] };
+        let player = Arc::new(Player::new(&contents, START, 0.0));
+        let page = router(station().0, Some(Arc::clone(&player)), local());
+        assert_eq!(ask(&page, Method::POST, "/playback?at=12.5", "localhost").await.status(), StatusCode::NO_CONTENT);
+        assert_eq!(player.now_us(), START + 12_500_000, "it stands still");
+        assert_eq!(ask(&page, Method::POST, "/playback?at=1e9", "localhost").await.status(), StatusCode::NO_CONTENT);
+        assert_eq!(player.now_us(), START + 60_000_000, "at most its end");
+        for bad in ["", "?", "?speed", "?speed=NaN", "?at=inf", "?speed=x", "?volume=2", "?at=%00"] {
+            let answer = ask(&page, Method::POST, &format!("/playback{bad}"), "localhost").await;
+            assert_eq!(answer.status(), StatusCode::BAD_REQUEST, "{bad}");
+        }
+        assert_eq!(ask(&page, Method::POST, "/playback?speed=5", "localhost").await.status(), StatusCode::NO_CONTENT);
+        assert!((player.speed() - 5.0).abs() < 1e-9);
+        assert_eq!(ask(&page, Method::POST, "/playback?speed=2", "example.org").await.status(), StatusCode::FORBIDDEN);
+    });
+}
+
+#[test]
+fn a_drone_that_is_not_known_is_none() {
+    run(async {
+        let page = router(station().0, None, local());
+        for query in ["?drone=77", "?drone=", "?drone=%FF%00", "?drone=3&drone=9&x"] {
+            let state = text(ask(&page, Method::GET, &format!("/state{query}"), "localhost").await).await;
+            let state: Value = serde_json::from_str(&state).unwrap();
+            let expected = if query.contains("3&") { Value::from("3") } else { Value::Null };
+            assert_eq!(state["drone"]["id"], expected, "{query}");
+        }
+    });
+}

@@ -1,0 +1,216 @@
+//! Playing a recording back, at any pace, from any place.
+
+use std::fs::File;
+use std::io::{self, BufReader};
+use std::path::PathBuf;
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use super::{Event, Inlet};
+use crate::recorder::{Reader, Record};
+
+/// A recording: its parts, in their order.
+#[derive(Clone, Debug)]
+pub struct Recording {
+    parts: Vec<PathBuf>,
+}
+
+/// What is in a recording.
+#[derive(Clone, Debug, PartialEq, Eq, Default)]
+pub struct Contents {
+    /// Arrivals.
+    pub records: u64,
+    /// The first one's time, µs since 1970.
+    pub first_us: u64,
+    /// The last one's time, µs since 1970.
+    pub last_us: u64,
+    /// Parts that are cut off, and where, in words.
+    pub torn: Vec<String>,
+}
+
+impl Recording {
+    /// Of these files.
+    #[must_use]
+    pub const fn new(parts: Vec<PathBuf>) -> Self {
+        Self { parts }
+    }
+
+    /// Bytes of all files.
+    ///
+    /// # Errors
+    ///
+    /// If one of them cannot be looked at.
+    pub fn bytes(&self) -> io::Result<u64> {
+        self.parts.iter().map(|part| Ok(part.metadata()?.len())).sum()
+    }
+
+    /// Gives each record to `each` until that says no; `progress` is told how many bytes were read. Answers the parts
+    /// that are cut off.
+    ///
+    /// # Errors
+    ///
+    /// If a file cannot be read.
+    pub fn read(&self, mut each: impl FnMut(Record) -> bool, mut progress: impl FnMut(u64)) -> io::Result<Vec<String>> {
+        let (mut torn, mut before) = (vec![], 0);
+        for part in &self.parts {
+            let mut reader = Reader::new(BufReader::new(File::open(part)?));
+            while let Some(record) = reader.next_record()? {
+                if !each(record) {
+                    return Ok(torn);
+                }
+                progress(before + reader.bytes_read());
+            }
+            before += reader.bytes_read();
+            torn.extend(reader.torn().map(|why| format!("{}: {why}", part.display())));
+        }
+        Ok(torn)
+    }
+
+    /// Looks through all of it.
+    ///
+    /// # Errors
+    ///
+    /// If a file cannot be read.
+    pub fn contents(&self, progress: impl FnMut(u64)) -> io::Result<Contents> {
+        let mut contents = Contents::default();
+        let count = |record: Record| {
+            let at_us = record.carried.at_us;
+            if contents.records == 0 {
+                contents.first_us = at_us;
+            }
+            contents.records += 1;
+            contents.last_us = contents.last_us.max(at_us);
+            true
+        };
+        let torn = self.read(count, progress)?;
+        Ok(Contents { torn, ..contents })
+    }
+}
+
+/// Where a playback is, and how fast it goes.
+#[derive(Clone, Copy, Debug)]
+struct Pace {
+    /// The recording's time at `since`, µs.
+    at_us: u64,
+    since: Instant,
+    /// Times real time; 0 while it stands still.
+    speed: f64,
+    /// To go there, µs.
+    jump_us: Option<u64>,
+}
+
+/// A playback's time, which can be stopped, sped up and moved.
+#[derive(Debug)]
+pub struct Player {
+    first_us: u64,
+    last_us: u64,
+    pace: Mutex<Pace>,
+    changed: Condvar,
+}
+
+/// The fastest pace.
+pub const MAX_SPEED: f64 = 100.0;
+
+impl Player {
+    /// A player of a recording with these contents, that begins at `from_us`.
+    #[must_use]
+    pub fn new(contents: &Contents, from_us: u64, speed: f64) -> Self {
+        let from_us = from_us.clamp(contents.first_us, contents.last_us);
+        let pace = Pace { at_us: from_us, since: Instant::now(), speed: fit(speed), jump_us: Some(from_us) };
+        let Contents { first_us, last_us, .. } = *contents;
+        Self { first_us, last_us, pace: Mutex::new(pace), changed: Condvar::new() }
+    }
+
+    /// The recording's time now, µs since 1970; at most its end.
+    #[must_use]
+    pub fn now_us(&self) -> u64 {
+        self.at(&self.pace())
+    }
+
+    /// From when to when the recording goes, µs since 1970.
+    #[must_use]
+    pub const fn span_us(&self) -> (u64, u64) {
+        (self.first_us, self.last_us)
+    }
+
+    /// How many times faster than real time; 0 while it stands still.
+    #[must_use]
+    pub fn speed(&self) -> f64 {
+        self.pace().speed
+    }
+
+    /// Sets the pace: 0 to [`MAX_SPEED`].
+    pub fn set_speed(&self, speed: f64) {
+        let mut pace = self.pace();
+        *pace = Pace { at_us: self.at(&pace), since: Instant::now(), speed: fit(speed), ..*pace };
+        self.changed.notify_all();
+    }
+
+    /// Goes to this time, µs since 1970.
+    pub fn jump(&self, to_us: u64) {
+        let mut pace = self.pace();
+        let to_us = to_us.clamp(self.first_us, self.last_us);
+        *pace = Pace { at_us: to_us, since: Instant::now(), jump_us: Some(to_us), ..*pace };
+        self.changed.notify_all();
+    }
+
+    fn pace(&self) -> MutexGuard<'_, Pace> {
+        self.pace.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn at(&self, pace: &Pace) -> u64 {
+        // A recording that is played for a century at a hundredfold pace is still exact to a µs here.
+        let passed = pace.since.elapsed().as_secs_f64() * pace.speed * 1e6;
+        pace.at_us.saturating_add(passed as u64).min(self.last_us)
+    }
+
+    /// Waits until the recording's time is `at_us`. Answers whether it came; not if somebody jumped.
+    fn wait(&self, at_us: u64) -> bool {
+        let mut pace = self.pace();
+        loop {
+            if pace.jump_us.is_some() {
+                return false;
+            }
+            let now_us = self.at(&pace);
+            if now_us >= at_us {
+                return true;
+            }
+            let left = (at_us - now_us) as f64 / 1e6 / pace.speed.max(1e-3);
+            let left = Duration::try_from_secs_f64(left).unwrap_or(Duration::MAX).min(Duration::from_secs(3_600));
+            let waited = self.changed.wait_timeout(pace, left);
+            pace = waited.unwrap_or_else(PoisonError::into_inner).0;
+        }
+    }
+
+    /// Feeds a station with the recording until there is none any more.
+    ///
+    /// # Errors
+    ///
+    /// If a file cannot be read.
+    pub fn play(&self, recording: &Recording, inlet: &Inlet) -> io::Result<()> {
+        loop {
+            // Everything before the place is judged as well, without waiting: what is shown there depends on it.
+            let target_us = self.pace().jump_us.take().unwrap_or(self.first_us);
+            if !inlet.push(Event::Restart(self.first_us)) {
+                return Ok(());
+            }
+            let mut there = true;
+            let mut hold = |record: Record| {
+                let at_us = record.carried.at_us;
+                let due = if at_us <= target_us { self.pace().jump_us.is_none() } else { self.wait(at_us) };
+                there = due && inlet.push(Event::Played(record));
+                there
+            };
+            recording.read(&mut hold, |_| {})?;
+            // At the end, and after a jump, it waits for where to go next.
+            if !self.wait(u64::MAX) {
+                continue;
+            }
+            return Ok(());
+        }
+    }
+}
+
+fn fit(speed: f64) -> f64 {
+    if speed.is_finite() { speed.clamp(0.0, MAX_SPEED) } else { 1.0 }
+}

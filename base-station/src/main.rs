@@ -1,0 +1,335 @@
+//! `horus-base`: a base station's command line.
+
+use std::fs::File;
+use std::io::{BufReader, BufWriter};
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::thread;
+
+use anyhow::{Context, Result, anyhow, bail};
+use base_station::carrier::mavlink::{Key, Verifier};
+use base_station::export::{self, Form};
+use base_station::intake::{Intake, Kind};
+use base_station::live::{self, Clock, Inlet, Station, Time, lines, page, playback};
+use base_station::recorder::{Files, Fix, Reader, Recorder};
+use base_station::{Change, DroneId};
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use indicatif::{ProgressBar, ProgressStyle};
+
+/// Judges, shows and records what drones' flight controllers forward of HORUS.
+#[derive(Parser)]
+#[command(name = "horus-base", version)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Show what arrives on a page, and record it if asked to
+    Serve {
+        #[command(flatten)]
+        listen: Listen,
+        #[command(flatten)]
+        page: Page,
+        /// Record into this file as well (MCAP); one that exists is not overwritten, the next free number is taken
+        #[arg(long, value_name = "FILE")]
+        record: Option<PathBuf>,
+    },
+    /// Record what arrives, without a page
+    Record {
+        /// The file (MCAP); one that exists is not overwritten, the next free number is taken
+        file: PathBuf,
+        #[command(flatten)]
+        listen: Listen,
+    },
+    /// Play a recording back on the page
+    Replay {
+        /// The recording's parts, in their order
+        #[arg(required = true)]
+        files: Vec<PathBuf>,
+        #[command(flatten)]
+        page: Page,
+        /// How many times faster than it was, up to 100; 0 stands still
+        #[arg(long, default_value_t = 1.0)]
+        speed: f64,
+        /// Begin so many seconds after the recording's start
+        #[arg(long, value_name = "SECONDS", default_value_t = 0.0)]
+        from: f64,
+    },
+    /// Write a recording in a form that other programs read
+    Export {
+        /// The recording
+        file: PathBuf,
+        /// What to write; by default what the output's name ends with
+        #[arg(long)]
+        form: Option<Forms>,
+        /// Where to
+        #[arg(long, short, value_name = "FILE")]
+        output: PathBuf,
+    },
+    /// Copy what can be read of a recording that was cut off into a whole one
+    Repair {
+        /// The recording
+        file: PathBuf,
+        /// Where to
+        #[arg(long, short, value_name = "FILE")]
+        output: PathBuf,
+    },
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Forms {
+    Csv,
+    Gpx,
+    Kml,
+}
+
+/// Where to listen. Without any of these: MAVLink on UDP port 14550.
+#[derive(Args)]
+struct Listen {
+    /// MAVLink on this UDP address
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    udp: Vec<SocketAddr>,
+    /// Profiles or images as they are, one in a datagram, on this UDP address
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    datagrams: Vec<SocketAddr>,
+    /// MAVLink on this serial port, 57600 baud unless told otherwise
+    #[arg(long, value_name = "PORT[,BAUD]")]
+    serial: Vec<String>,
+    /// Profiles or images in frames that end with a zero byte (COBS), on this serial port
+    #[arg(long, value_name = "PORT[,BAUD]")]
+    plain_serial: Vec<String>,
+    /// Take no MAVLink that is not signed with the key in this file, 64 hexadecimal digits
+    #[arg(long, value_name = "FILE")]
+    key: Option<PathBuf>,
+}
+
+#[derive(Args)]
+struct Page {
+    /// Where the page is; on another address than 127.0.0.1 whoever reaches it sees every drone
+    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:8480")]
+    http: SocketAddr,
+    /// End after so many seconds
+    #[arg(long, value_name = "SECONDS")]
+    seconds: Option<u64>,
+}
+
+fn main() -> ExitCode {
+    let done = match Cli::parse().command {
+        Command::Serve { listen, page, record } => serve(&listen, &page, record),
+        Command::Record { file, listen } => record(&listen, file),
+        Command::Replay { files, page, speed, from } => replay(files, &page, speed, from),
+        Command::Export { file, form, output } => export(&file, form, &output),
+        Command::Repair { file, output } => repair(&file, output),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn serve(listen: &Listen, page: &Page, record: Option<PathBuf>) -> Result<()> {
+    let clock = Clock::begin();
+    let (inlet, station, ended) = live::start(verifier(listen)?, files(record)?, Time::Clock(clock), tell);
+    open(listen, clock, &inlet)?;
+    // The lines have inlets of their own, and end when the station does.
+    show(station, None, page)?;
+    finish(inlet, ended)
+}
+
+fn record(listen: &Listen, file: PathBuf) -> Result<()> {
+    let clock = Clock::begin();
+    let (inlet, station, ended) = live::start(verifier(listen)?, files(Some(file))?, Time::Clock(clock), tell);
+    open(listen, clock, &inlet)?;
+    runtime()?.block_on(interrupted(None))?;
+    eprintln!("{} drones, {} arrivals dropped", station.known().intake.fleet().iter().len(), station.dropped());
+    finish(inlet, ended)
+}
+
+fn replay(files: Vec<PathBuf>, page: &Page, speed: f64, from: f64) -> Result<()> {
+    let recording = playback::Recording::new(files);
+    let bar = progress(recording.bytes().context("cannot look at the recording")?);
+    let contents = recording.contents(|bytes| bar.set_position(bytes)).context("cannot read the recording")?;
+    bar.finish_and_clear();
+    for torn in &contents.torn {
+        eprintln!("cut off: {torn}");
+    }
+    if contents.records == 0 {
+        bail!("there is nothing in the recording");
+    }
+    let from_us = contents.first_us.saturating_add((from.max(0.0) * 1e6) as u64);
+    let player = Arc::new(playback::Player::new(&contents, from_us, speed));
+    let (inlet, station, _) = live::start(None, None, Time::Playback(Arc::clone(&player)), |_, _| {});
+    let fed = Arc::clone(&player);
+    thread::spawn(move || {
+        if let Err(error) = fed.play(&recording, &inlet) {
+            eprintln!("error: the recording cannot be read any more: {error}");
+        }
+    });
+    show(station, Some(player), page)
+}
+
+fn export(file: &Path, form: Option<Forms>, output: &Path) -> Result<()> {
+    let ending = output.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
+    let form = match (form, ending) {
+        (Some(Forms::Csv), _) | (None, "csv") => Form::Csv,
+        (Some(Forms::Gpx), _) | (None, "gpx") => Form::Gpx,
+        (Some(Forms::Kml), _) | (None, "kml") => Form::Kml,
+        (None, _) => bail!("--form says what to write, where the output does not end with .csv, .gpx or .kml"),
+    };
+    let (mut reader, bar) = reader(file)?;
+    let to = File::create_new(output).with_context(|| format!("cannot make {}", output.display()))?;
+    let written = export::export(&mut reader, form, &mut BufWriter::new(to), |bytes| bar.set_position(bytes));
+    bar.finish_and_clear();
+    eprintln!("{} {}", written?, if form == Form::Csv { "objects" } else { "points" });
+    told_torn(&reader);
+    Ok(())
+}
+
+fn repair(file: &Path, output: PathBuf) -> Result<()> {
+    let (mut reader, bar) = reader(file)?;
+    if output.exists() {
+        bail!("{} exists already", output.display());
+    }
+    let mut recorder = Recorder::new(Files::new(output));
+    let mut intake = Intake::default();
+    let mut records = 0_u64;
+    while let Some(record) = reader.next_record()? {
+        let judged = export::judge(&mut intake, &record);
+        recorder.carried(&record.carried, &judged, &Fix::of(&judged, intake.fleet()));
+        for (drone, change) in intake.tick(record.carried.at_us) {
+            recorder.alarm(drone, change);
+        }
+        recorder.tick(record.carried.at_us);
+        if let Some(trouble) = recorder.trouble() {
+            bail!("cannot write: {}", trouble.why);
+        }
+        records += 1;
+        bar.set_position(reader.bytes_read());
+    }
+    bar.finish_and_clear();
+    recorder.finish().map_err(|why| anyhow!("cannot write: {why}"))?;
+    eprintln!("{records} arrivals");
+    told_torn(&reader);
+    Ok(())
+}
+
+fn reader(file: &Path) -> Result<(Reader<BufReader<File>>, ProgressBar)> {
+    let from = File::open(file).with_context(|| format!("cannot open {}", file.display()))?;
+    let bar = progress(from.metadata()?.len());
+    Ok((Reader::new(BufReader::new(from)), bar))
+}
+
+fn told_torn<R: std::io::Read>(reader: &Reader<R>) {
+    if let Some(why) = reader.torn() {
+        eprintln!("the recording is cut off ({why}); all before that is there");
+    }
+}
+
+fn progress(bytes: u64) -> ProgressBar {
+    let style = ProgressStyle::with_template("{bar:40} {bytes} of {total_bytes}, {eta} left");
+    ProgressBar::new(bytes).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+}
+
+fn verifier(listen: &Listen) -> Result<Option<Verifier>> {
+    let Some(file) = &listen.key else { return Ok(None) };
+    let digits = std::fs::read_to_string(file).with_context(|| format!("cannot read the key {}", file.display()))?;
+    let key = Key::from_hex(&digits).context("a key is 64 hexadecimal digits")?;
+    Ok(Some(Verifier::new(key)))
+}
+
+fn files(file: Option<PathBuf>) -> Result<Option<Files>> {
+    let Some(file) = file else { return Ok(None) };
+    let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
+    if let Some(folder) = folder.filter(|folder| !folder.is_dir()) {
+        bail!("there is no folder {} to record in", folder.display());
+    }
+    Ok(Some(Files::new(file)))
+}
+
+/// Opens every line. Each has a number, in the order of the arguments.
+fn open(listen: &Listen, clock: Clock, inlet: &Inlet) -> Result<()> {
+    let mut number = 0_u16;
+    let default = [SocketAddr::from(([0, 0, 0, 0], 14_550))];
+    let lines = listen.udp.len() + listen.datagrams.len() + listen.serial.len() + listen.plain_serial.len();
+    let udp = if lines == 0 { &default[..] } else { &listen.udp };
+    let sockets = udp.iter().map(|address| (address, Kind::MavlinkDatagrams));
+    for (address, kind) in sockets.chain(listen.datagrams.iter().map(|address| (address, Kind::Datagrams))) {
+        let bound = lines::udp(*address, kind, number, clock, inlet.clone());
+        let bound = bound.with_context(|| format!("cannot listen on UDP {address}"))?;
+        eprintln!("listening on UDP {bound}, {}", words(kind));
+        number += 1;
+    }
+    let ports = listen.serial.iter().map(|port| (port, Kind::MavlinkStream));
+    for (port, kind) in ports.chain(listen.plain_serial.iter().map(|port| (port, Kind::Stream))) {
+        let (path, baud) = match port.rsplit_once(',') {
+            Some((path, baud)) => (path, baud.parse().with_context(|| format!("{baud} is no baud rate"))?),
+            None => (port.as_str(), 57_600),
+        };
+        lines::serial(path.to_owned(), baud, kind, number, clock, inlet.clone());
+        eprintln!("listening on {path}, {baud} baud, {}", words(kind));
+        number += 1;
+    }
+    Ok(())
+}
+
+const fn words(kind: Kind) -> &'static str {
+    match kind {
+        Kind::MavlinkDatagrams | Kind::MavlinkStream => "MAVLink",
+        Kind::Datagrams => "profiles as they are",
+        Kind::Stream => "profiles in frames",
+    }
+}
+
+/// Tells an alarm that came or went.
+fn tell(drone: DroneId, change: Change) {
+    let what = if change.raised { "ALARM" } else { "over " };
+    eprintln!("drone {drone}: {what} {}", change.alarm);
+}
+
+fn runtime() -> Result<tokio::runtime::Runtime> {
+    Ok(tokio::runtime::Builder::new_current_thread().enable_all().build()?)
+}
+
+/// Waits until somebody ends it, or for so many seconds.
+async fn interrupted(seconds: Option<u64>) -> Result<()> {
+    let time = async {
+        match seconds {
+            Some(seconds) => tokio::time::sleep(std::time::Duration::from_secs(seconds)).await,
+            None => std::future::pending().await,
+        }
+    };
+    tokio::select! {
+        signal = tokio::signal::ctrl_c() => signal.context("cannot wait for a signal"),
+        () = time => Ok(()),
+    }
+}
+
+/// Serves the page until somebody ends it.
+fn show(station: Station, player: Option<Arc<playback::Player>>, page: &Page) -> Result<()> {
+    runtime()?.block_on(async {
+        let listener = tokio::net::TcpListener::bind(page.http).await;
+        let listener = listener.with_context(|| format!("cannot serve a page on {}", page.http))?;
+        let address = listener.local_addr()?;
+        println!("http://{address}/");
+        let router = page::router(station, player, address);
+        // Open event streams would hold a graceful end up.
+        tokio::select! {
+            served = async { axum::serve(listener, router).await } => served.context("the page ended"),
+            ended = interrupted(page.seconds) => ended,
+        }
+    })
+}
+
+/// Ends the station once the lines have noticed, and waits until all is written.
+fn finish(inlet: Inlet, ended: thread::JoinHandle<Result<(), String>>) -> Result<()> {
+    inlet.close();
+    drop(inlet);
+    ended.join().map_err(|_| anyhow!("the station's thread died"))?.map_err(|why| anyhow!("recording: {why}"))
+}

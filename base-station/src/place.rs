@@ -1,0 +1,192 @@
+//! Which object it is, and whether bytes are that object, intact.
+
+use core::fmt;
+
+use profile::ssi::Request;
+use profile::ssi::client::{Shown, View};
+use profile::{Identifier, Layout, LinkStatus, MAX_RECEIVERS, Object, image};
+
+/// An object that a base station knows, by its place in the DPR's image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Place {
+    /// Link-Status, which the DPR writes: 32 bytes.
+    LinkStatus,
+    /// Reported-Position: 64 bytes.
+    Reported,
+    /// GPS1 to GPS5, counted from 1: 60 bytes.
+    Gps(u8),
+}
+
+impl Place {
+    /// How many there are.
+    pub const COUNT: usize = 2 + MAX_RECEIVERS;
+
+    /// All of them, in the order of the image.
+    pub const ALL: [Self; Self::COUNT] =
+        [Self::LinkStatus, Self::Reported, Self::Gps(1), Self::Gps(2), Self::Gps(3), Self::Gps(4), Self::Gps(5)];
+
+    /// The profile's object number `index`: 0 is Reported-Position, 1 to 5 are GPS1 to GPS5. `None` for any other.
+    #[must_use]
+    pub fn of_object(index: usize) -> Option<Self> {
+        Self::ALL.get(index.checked_add(1)?).copied()
+    }
+
+    /// Its number in the order of the image: 0 for Link-Status, 1 for Reported-Position, then the receivers.
+    #[must_use]
+    pub const fn index(self) -> usize {
+        match self {
+            Self::LinkStatus => 0,
+            Self::Reported => 1,
+            Self::Gps(receiver) => 1 + receiver as usize,
+        }
+    }
+
+    /// Its bytes on the wire.
+    #[must_use]
+    pub const fn size(self) -> usize {
+        match self {
+            Self::LinkStatus => LinkStatus::SIZE,
+            Self::Reported => profile::ReportedPosition::SIZE,
+            Self::Gps(_) => profile::GpsObject::SIZE,
+        }
+    }
+
+    /// The identifier that belongs here; `None` for a receiver that does not exist.
+    #[must_use]
+    pub fn identifier(self) -> Option<Identifier> {
+        match self {
+            Self::LinkStatus => Some(Identifier::LINK_STATUS),
+            Self::Reported => Some(Identifier::REPORTED_POSITION),
+            Self::Gps(receiver) => Identifier::GPS.get(usize::from(receiver).checked_sub(1)?).copied(),
+        }
+    }
+
+    /// The place that an object with this identifier belongs to; `None` if a base station does not know it.
+    #[must_use]
+    pub fn of(identifier: Identifier) -> Option<Self> {
+        Self::ALL.into_iter().find(|place| place.identifier() == Some(identifier))
+    }
+
+    /// What `bytes` are in this place; [`profile`] decides. Bytes of another length are damaged.
+    #[must_use]
+    pub fn judge(self, bytes: &[u8]) -> Shown<Intact<'_>> {
+        let damaged = Shown::Damaged(profile::Rejection::Length);
+        // The layout of most receivers has every place; only the place's own bytes are looked at.
+        let [.., layout] = Layout::ALL;
+        let offset = match self {
+            Self::LinkStatus => Some(image::LINK_STATUS),
+            Self::Reported | Self::Gps(_) => layout.in_image(self.index() - 1).map(|place| place.start),
+        };
+        let (Some(Ok(offset)), Ok(length)) = (offset.map(u16::try_from), u16::try_from(bytes.len())) else {
+            return damaged;
+        };
+        if bytes.len() != self.size() {
+            return damaged;
+        }
+        let view = View::new(layout, Request { offset, length }, bytes);
+        match self {
+            Self::LinkStatus => view.link().map(|shown| map(shown, Intact::LinkStatus)),
+            Self::Reported | Self::Gps(_) => view.object(self.index() - 1).map(|shown| map(shown, Intact::Object)),
+        }
+        .unwrap_or(damaged)
+    }
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::LinkStatus => f.write_str("Link-Status"),
+            Self::Reported => f.write_str("Reported-Position"),
+            Self::Gps(receiver) => write!(f, "GPS{receiver}"),
+        }
+    }
+}
+
+/// An object that [`Place::judge`] found intact and in its place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Intact<'a> {
+    /// Link-Status.
+    LinkStatus(&'a LinkStatus),
+    /// An object of the profile.
+    Object(Object<'a>),
+}
+
+impl Intact<'_> {
+    /// ms: of Link-Status since the DPR's start, of the others since HORUS's. Both wrap.
+    #[must_use]
+    pub const fn timestamp(self) -> u32 {
+        match self {
+            Self::LinkStatus(object) => object.timestamp(),
+            Self::Object(object) => object.timestamp(),
+        }
+    }
+}
+
+fn map<T, U>(shown: Shown<T>, with: impl FnOnce(T) -> U) -> Shown<U> {
+    match shown {
+        Shown::Intact(object) => Shown::Intact(with(object)),
+        Shown::Vacant => Shown::Vacant,
+        Shown::Damaged(why) => Shown::Damaged(why),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use profile::{GpsObject, GpsValues, LinkValues, Rejection, ReportedPosition, ReportedValues};
+
+    use super::*;
+
+    fn sealed(place: Place) -> Vec<u8> {
+        match place {
+            Place::LinkStatus => LinkStatus::seal(&LinkValues::default()).as_bytes().to_vec(),
+            Place::Reported => ReportedPosition::seal(&ReportedValues::absent(10)).as_bytes().to_vec(),
+            Place::Gps(_) => GpsObject::seal(place.identifier().unwrap(), &GpsValues::absent(10)).as_bytes().to_vec(),
+        }
+    }
+
+    #[test]
+    fn an_object_is_intact_in_its_own_place_and_in_no_other() {
+        for own in Place::ALL {
+            let bytes = sealed(own);
+            assert_eq!(bytes.len(), own.size());
+            for place in Place::ALL {
+                match place.judge(&bytes) {
+                    Shown::Intact(_) => assert_eq!(place, own),
+                    Shown::Damaged(Rejection::Identifier) => assert!(place != own && place.size() == own.size()),
+                    Shown::Damaged(Rejection::Length) => assert_ne!(place.size(), own.size()),
+                    other => panic!("{own} in place of {place}: {other:?}"),
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn every_flipped_bit_of_every_object_is_found() {
+        for place in Place::ALL {
+            let good = sealed(place);
+            for bit in 0..good.len() * 8 {
+                let mut bytes = good.clone();
+                bytes[bit / 8] ^= 0x80 >> (bit % 8);
+                assert!(matches!(place.judge(&bytes), Shown::Damaged(_)), "{place}, bit {bit}");
+            }
+            assert_eq!(place.judge(&vec![0; good.len()]), Shown::Vacant);
+            assert_eq!(place.judge(&vec![0xFF; good.len()]), Shown::Vacant);
+            assert_eq!(place.judge(&good[1..]), Shown::Damaged(Rejection::Length));
+            assert_eq!(place.judge(&[]), Shown::Damaged(Rejection::Length));
+        }
+    }
+
+    #[test]
+    fn a_receiver_that_does_not_exist_has_no_place() {
+        for none in [0, 6, u8::MAX] {
+            assert_eq!(Place::Gps(none).identifier(), None);
+            assert_eq!(Place::Gps(none).judge(&sealed(Place::Gps(1))).intact(), None);
+        }
+        assert_eq!(Place::of(Identifier::COMMAND), None);
+        for (index, place) in Place::ALL.into_iter().enumerate() {
+            assert_eq!((place.index(), Place::of(place.identifier().unwrap())), (index, Some(place)));
+        }
+        assert_eq!((Place::of_object(5), Place::of_object(6)), (Some(Place::Gps(5)), None));
+        assert_eq!(Place::of_object(usize::MAX), None);
+    }
+}

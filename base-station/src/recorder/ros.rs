@@ -1,0 +1,227 @@
+//! The messages of a recording, in the serialisation of ROS 1, which every MCAP tool reads with the schema beside it:
+//! numbers little-endian without padding, strings and arrays after their length as a u32.
+
+use crate::intake::{Carried, Judged, Kind};
+use crate::{Alarm, DroneId, Place, Verdict};
+
+/// A schema: its name and its text in the language of ROS 1.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Schema {
+    pub(super) name: &'static str,
+    pub(super) text: &'static str,
+}
+
+/// Bytes that arrived, and what was found of each object in them.
+pub(super) const CARRIED: Schema = Schema {
+    name: "horus_msgs/Carried",
+    text: "# Bytes as they arrived at the base station, and what was found of each object in them.
+uint8 MAVLINK_DATAGRAMS=1
+uint8 MAVLINK_STREAM=2
+uint8 DATAGRAMS=3
+uint8 STREAM=4
+uint64 at_us        # since 1970
+uint8 kind          # how the line brings objects
+uint16 line         # which socket or port
+string from         # the datagram's sender
+uint8[] bytes       # unchanged
+string[] drones     # of each object: which drone
+uint8[] places      # 0 Link-Status, 1 Reported-Position, 2 to 6 GPS1 to GPS5
+string[] verdicts   # new, duplicate, older, out-of-sequence, vacant, or why it was rejected
+",
+};
+
+/// An alarm came or went.
+pub(super) const ALARM: Schema = Schema {
+    name: "horus_msgs/Alarm",
+    text: "# An alarm came or went.
+string drone
+string alarm
+bool raised
+string words
+",
+};
+
+/// A position, as ROS has it, for maps.
+pub(super) const FIX: Schema = Schema {
+    name: "sensor_msgs/NavSatFix",
+    text: "std_msgs/Header header
+sensor_msgs/NavSatStatus status
+float64 latitude    # degrees, north positive
+float64 longitude   # degrees, east positive
+float64 altitude    # m above the WGS-84 ellipsoid
+float64[9] position_covariance
+uint8 position_covariance_type
+================================================================================
+MSG: std_msgs/Header
+uint32 seq
+time stamp
+string frame_id
+================================================================================
+MSG: sensor_msgs/NavSatStatus
+int8 status
+uint16 service
+",
+};
+
+fn put(out: &mut Vec<u8>, bytes: &[u8]) {
+    // Nothing here comes near 4 GiB; a length that does not fit would be a shorter array, not a wrong one.
+    let length = u32::try_from(bytes.len()).unwrap_or(u32::MAX);
+    out.extend(length.to_le_bytes());
+    out.extend(bytes.iter().take(length as usize));
+}
+
+fn put_all<'a>(out: &mut Vec<u8>, items: impl ExactSizeIterator<Item = &'a str>) {
+    out.extend(u32::try_from(items.len()).unwrap_or(u32::MAX).to_le_bytes());
+    for item in items {
+        put(out, item.as_bytes());
+    }
+}
+
+pub(super) fn carried(carried: &Carried, judged: &[Judged]) -> Vec<u8> {
+    let mut out = vec![];
+    out.extend(carried.at_us.to_le_bytes());
+    out.push(carried.kind as u8);
+    out.extend(carried.line.to_le_bytes());
+    put(&mut out, carried.from.as_bytes());
+    put(&mut out, &carried.bytes);
+    let drones: Vec<String> = judged.iter().map(|judged| judged.drone.to_string()).collect();
+    put_all(&mut out, drones.iter().map(String::as_str));
+    let places: Vec<u8> = judged.iter().filter_map(|judged| u8::try_from(judged.place.index()).ok()).collect();
+    put(&mut out, &places);
+    put_all(&mut out, judged.iter().map(|judged| judged.verdict.code()));
+    out
+}
+
+pub(super) fn alarm(drone: DroneId, alarm: Alarm, raised: bool) -> Vec<u8> {
+    let mut out = vec![];
+    put(&mut out, drone.to_string().as_bytes());
+    put(&mut out, alarm.code().as_bytes());
+    out.push(u8::from(raised));
+    put(&mut out, alarm.words().as_bytes());
+    out
+}
+
+pub(super) fn fix(at_us: u64, [latitude, longitude, altitude]: [f64; 3]) -> Vec<u8> {
+    let mut out = vec![];
+    out.extend(0_u32.to_le_bytes());
+    let (seconds, rest_us) = (at_us / 1_000_000, at_us % 1_000_000);
+    out.extend(u32::try_from(seconds).unwrap_or(u32::MAX).to_le_bytes());
+    out.extend(u32::try_from(rest_us * 1_000).unwrap_or_default().to_le_bytes());
+    put(&mut out, b"wgs84");
+    // A fix of unknown service.
+    out.push(0);
+    out.extend(0_u16.to_le_bytes());
+    for value in [latitude, longitude, altitude] {
+        out.extend(value.to_le_bytes());
+    }
+    out.extend([0; 9 * 8]);
+    // Covariance unknown.
+    out.push(0);
+    out
+}
+
+/// An object of a recording: of which drone, where, and what was found then.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Found {
+    /// The drone's id in words.
+    pub drone: String,
+    /// Which object.
+    pub place: Place,
+    /// The verdict's [code](Verdict::code).
+    pub verdict: String,
+}
+
+/// Reads a [`CARRIED`] message; `None` if it is none.
+pub(super) fn read_carried(data: &[u8]) -> Option<(Carried, Vec<Found>)> {
+    let mut rest = data;
+    let at_us = u64::from_le_bytes(*take::<8>(&mut rest)?);
+    let [kind] = *take::<1>(&mut rest)?;
+    let line = u16::from_le_bytes(*take::<2>(&mut rest)?);
+    let from = string(&mut rest)?;
+    let bytes = array(&mut rest)?.to_vec();
+    let drones = strings(&mut rest)?;
+    let places = array(&mut rest)?;
+    let verdicts = strings(&mut rest)?;
+    let known = rest.is_empty() && drones.len() == places.len() && drones.len() == verdicts.len();
+    let found = drones.into_iter().zip(places).zip(verdicts).map(|((drone, place), verdict)| {
+        let place = Place::ALL.get(usize::from(*place)).copied()?;
+        Some(Found { drone, place, verdict })
+    });
+    let found = found.collect::<Option<Vec<_>>>().filter(|_| known)?;
+    Some((Carried { at_us, kind: Kind::of(kind)?, line, from, bytes }, found))
+}
+
+fn take<'a, const N: usize>(rest: &mut &'a [u8]) -> Option<&'a [u8; N]> {
+    let (taken, after) = rest.split_first_chunk()?;
+    *rest = after;
+    Some(taken)
+}
+
+fn array<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8]> {
+    let length = u32::from_le_bytes(*take::<4>(rest)?);
+    let (taken, after) = rest.split_at_checked(usize::try_from(length).ok()?)?;
+    *rest = after;
+    Some(taken)
+}
+
+fn string(rest: &mut &[u8]) -> Option<String> {
+    String::from_utf8(array(rest)?.to_vec()).ok()
+}
+
+fn strings(rest: &mut &[u8]) -> Option<Vec<String>> {
+    let count = u32::from_le_bytes(*take::<4>(rest)?);
+    // Each takes four bytes at least, so no count makes more work than there are bytes.
+    (0..count).map(|_| string(rest)).collect()
+}
+
+/// Whether a verdict in words is of an object that is shown then.
+impl Found {
+    /// Whether it was shown.
+    #[must_use]
+    pub fn is_new(&self) -> bool {
+        self.verdict == Verdict::New.code()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use profile::Rejection;
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn what_is_written_is_read(
+            at_us in any::<u64>(), kind in 1..5_u8, line in any::<u16>(), from in ".{0,20}",
+            bytes in prop::collection::vec(any::<u8>(), 0..400), objects in prop::collection::vec(0..7_usize, 0..7),
+        ) {
+            let arrived = Carried { at_us, kind: Kind::of(kind).unwrap(), line, from, bytes };
+            let verdict = Verdict::Rejected(Rejection::Crc);
+            let judged: Vec<_> = objects
+                .iter()
+                .map(|index| Judged { drone: DroneId::System(7), place: Place::ALL[*index], verdict })
+                .collect();
+            let written = carried(&arrived, &judged);
+            let (read, found) = read_carried(&written).unwrap();
+            prop_assert_eq!(read, arrived);
+            prop_assert_eq!(found.len(), judged.len());
+            prop_assert!(found.iter().all(|found| found.drone == "7" && found.verdict == "crc" && !found.is_new()));
+            for end in 0..written.len() {
+                prop_assert!(read_carried(&written[..end]).is_none());
+            }
+        }
+
+        #[test]
+        fn anything_may_be_in_a_file(data in prop::collection::vec(any::<u8>(), 0..200)) {
+            let _ = read_carried(&data);
+        }
+    }
+
+    #[test]
+    fn a_fix_has_the_length_that_its_schema_gives() {
+        // Header 4 + 8 + (4 + 5), status 1 + 2, three and nine numbers, one byte.
+        assert_eq!(fix(1_500_000, [1.0, 2.0, 3.0]).len(), 21 + 3 + 12 * 8 + 1);
+        assert_eq!(fix(1_500_000, [1.0, 2.0, 3.0])[4..12], [1, 0, 0, 0, 0x00, 0x65, 0xCD, 0x1D]);
+    }
+}

@@ -1,0 +1,248 @@
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use profile::{GpsStatus, GpsValues, Profile, ReportedStatus, ReportedValues};
+
+use super::*;
+use crate::intake::{Intake, Kind};
+
+const START: u64 = 1_790_000_000_000_000;
+
+/// Parts in memory, on a disk of a certain size.
+#[derive(Clone, Default)]
+struct Disk {
+    parts: Rc<RefCell<Vec<Vec<u8>>>>,
+    free: Rc<RefCell<Option<usize>>>,
+}
+
+struct Part {
+    disk: Disk,
+    number: usize,
+}
+
+impl Write for Part {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let mut free = self.disk.free.borrow_mut();
+        let fits = free.map_or(bytes.len(), |free| free.min(bytes.len()));
+        if fits == 0 && !bytes.is_empty() {
+            return Err(io::ErrorKind::StorageFull.into());
+        }
+        *free = free.map(|free| free - fits);
+        self.disk.parts.borrow_mut()[self.number].extend(&bytes[..fits]);
+        Ok(fits)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Parts for Disk {
+    type Part = Part;
+
+    fn make(&mut self, _number: u32) -> io::Result<Part> {
+        self.parts.borrow_mut().push(vec![]);
+        Ok(Part { disk: self.clone(), number: self.parts.borrow().len() - 1 })
+    }
+
+    fn sync(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+fn profile(timestamp: u32) -> Profile<1> {
+    let (latitude, longitude) = (47.497_9, 8.728_9);
+    let status = ReportedStatus::new().with_position_valid(true);
+    let reported = ReportedValues { status, latitude, longitude, ..ReportedValues::absent(timestamp) };
+    let status = GpsStatus::new().with_position_valid(true);
+    Profile::seal(&reported, &[GpsValues { status, latitude, longitude, ..GpsValues::absent(timestamp) }])
+}
+
+/// What arrives at 10 Hz, with a duplicate, a damaged one and a foreign one now and then.
+fn arrival(cycle: u32) -> Carried {
+    let mut bytes = profile(70_000 + 100 * (cycle - u32::from(cycle % 7 == 1))).as_bytes().to_vec();
+    match cycle % 11 {
+        3 => bytes[70] ^= 4,
+        5 => bytes = b"somebody else".to_vec(),
+        _ => {}
+    }
+    let from = "127.0.0.1:4000".to_owned();
+    Carried { at_us: START + 100_000 * u64::from(cycle), kind: Kind::Datagrams, line: 0, from, bytes }
+}
+
+/// Records so many arrivals; answers what was found of each.
+fn record(recorder: &mut Recorder<Disk>, cycles: std::ops::Range<u32>) -> Vec<(Carried, Vec<Judged>)> {
+    let mut intake = Intake::default();
+    let recorded = cycles.map(|cycle| {
+        let carried = arrival(cycle);
+        let judged = intake.take(&carried);
+        recorder.carried(&carried, &judged, &Fix::of(&judged, intake.fleet()));
+        for (drone, change) in intake.tick(carried.at_us) {
+            recorder.alarm(drone, change);
+        }
+        recorder.tick(carried.at_us);
+        (carried, judged)
+    });
+    recorded.collect()
+}
+
+fn read(bytes: &[u8]) -> (Vec<Record>, Option<String>) {
+    let mut reader = Reader::new(bytes);
+    let mut records = vec![];
+    while let Some(record) = reader.next_record().unwrap() {
+        records.push(record);
+    }
+    (records, reader.torn().map(str::to_owned))
+}
+
+fn is_same(read: &Record, (carried, judged): &(Carried, Vec<Judged>)) -> bool {
+    let found = judged.iter().map(|judged| Found {
+        drone: judged.drone.to_string(),
+        place: judged.place,
+        verdict: judged.verdict.code().to_owned(),
+    });
+    read.carried == *carried && read.found.iter().cloned().eq(found)
+}
+
+#[test]
+fn what_arrived_is_in_the_file_with_its_verdict_and_judging_it_again_finds_the_same() {
+    let disk = Disk::default();
+    let mut recorder = Recorder::new(disk.clone());
+    let recorded = record(&mut recorder, 0..200);
+    recorder.finish().unwrap();
+    let parts = disk.parts.borrow();
+    let (records, torn) = read(&parts[0]);
+    assert_eq!((parts.len(), records.len(), torn), (1, recorded.len(), None));
+    let mut intake = Intake::default();
+    for (read, recorded) in records.iter().zip(&recorded) {
+        assert!(is_same(read, recorded));
+        assert_eq!(intake.take(&read.carried), recorded.1);
+    }
+}
+
+#[test]
+fn the_file_is_what_mcap_expects_of_one() {
+    let disk = Disk::default();
+    let mut recorder = Recorder::new(disk.clone());
+    let recorded = record(&mut recorder, 0..200);
+    recorder.finish().unwrap();
+    let parts = disk.parts.borrow();
+    let summary = mcap::Summary::read(&parts[0]).unwrap().unwrap();
+    let mut topics: Vec<_> = summary.channels.values().map(|channel| channel.topic.clone()).collect();
+    topics.sort();
+    let of = |place| format!("/drone/127.0.0.1:4000/{place}");
+    assert_eq!(topics, ["/alarms".into(), "/carried".into(), of("GPS1"), of("Reported-Position")]);
+    for channel in summary.channels.values() {
+        let schema = channel.schema.as_ref().unwrap();
+        assert_eq!((&*channel.message_encoding, &*schema.encoding), ("ros1", "ros1msg"));
+    }
+    let messages: Vec<_> = mcap::MessageStream::new(&parts[0]).unwrap().map(Result::unwrap).collect();
+    let carried = messages.iter().filter(|message| message.channel.topic == "/carried").count();
+    assert_eq!(carried, recorded.len());
+    assert!(messages.iter().all(|message| message.log_time % 1_000 == 0 && message.log_time >= START * 1_000));
+}
+
+#[test]
+fn a_file_that_is_cut_anywhere_keeps_all_but_the_last_half_second() {
+    let disk = Disk::default();
+    let mut recorder = Recorder::new(disk.clone());
+    let mut recorded = vec![];
+    let mut intake = Intake::default();
+    // How long the file was when each arrival had been taken: what a process leaves that is killed then.
+    let mut left = vec![];
+    for cycle in 0..60 {
+        let carried = arrival(cycle);
+        let judged = intake.take(&carried);
+        recorder.carried(&carried, &judged, &Fix::of(&judged, intake.fleet()));
+        recorder.tick(carried.at_us);
+        recorded.push((carried, judged));
+        left.push(disk.parts.borrow()[0].len());
+    }
+    let file = disk.parts.borrow()[0].clone();
+    for (cycle, length) in left.into_iter().enumerate() {
+        let (records, _) = read(&file[..length]);
+        assert!(records.len() + 5 > cycle, "{} of {cycle}", records.len());
+        assert!(records.iter().zip(&recorded).all(|(read, recorded)| is_same(read, recorded)));
+    }
+    // A power loss may leave any part of what was being written.
+    let mut before = 0;
+    for length in 0..file.len() {
+        let (records, _) = read(&file[..length]);
+        assert!(records.len() >= before && records.len() <= recorded.len());
+        assert!(records.iter().zip(&recorded).all(|(read, recorded)| is_same(read, recorded)), "cut at {length}");
+        before = records.len();
+    }
+    assert!(before >= 50);
+}
+
+#[test]
+fn a_damaged_byte_costs_what_comes_after_it_at_most_and_is_never_taken_for_data() {
+    let disk = Disk::default();
+    let mut recorder = Recorder::new(disk.clone());
+    let recorded = record(&mut recorder, 0..60);
+    recorder.finish().unwrap();
+    let file = disk.parts.borrow()[0].clone();
+    for at in (0..file.len()).step_by(7) {
+        let mut damaged = file.clone();
+        damaged[at] ^= 0x10;
+        let (records, _) = read(&damaged);
+        for read in &records {
+            assert!(recorded.iter().any(|recorded| is_same(read, recorded)), "byte {at}");
+        }
+    }
+}
+
+#[test]
+fn a_full_disk_is_told_and_ends_nothing() {
+    let disk = Disk::default();
+    *disk.free.borrow_mut() = Some(6_000);
+    let mut recorder = Recorder::new(disk.clone());
+    record(&mut recorder, 0..100);
+    let trouble = recorder.trouble().unwrap().clone();
+    let lost = recorder.lost();
+    assert!(lost > 50 && trouble.since_us > START && trouble.since_us < START + 10_000_000, "{lost} {trouble:?}");
+    let (before, _) = read(&disk.parts.borrow()[0]);
+    assert!(!before.is_empty());
+
+    // There is room again: it goes on, in another part.
+    *disk.free.borrow_mut() = None;
+    let recorded = record(&mut recorder, 200..300);
+    assert_eq!((recorder.trouble(), recorder.lost()), (None, lost));
+    recorder.finish().unwrap();
+    let (after, torn) = read(disk.parts.borrow().last().unwrap());
+    assert_eq!((after.len(), torn), (recorded.len(), None));
+}
+
+#[test]
+fn a_part_that_is_large_is_followed_by_another() {
+    let disk = Disk::default();
+    let mut recorder = Recorder::new(disk.clone());
+    recorder.part_bytes = 20_000;
+    let recorded = record(&mut recorder, 0..500);
+    recorder.finish().unwrap();
+    let parts = disk.parts.borrow();
+    assert!(parts.len() > 3, "{}", parts.len());
+    let all: Vec<_> = parts.iter().flat_map(|part| read(part).0).collect();
+    assert_eq!(all.len(), recorded.len());
+    assert!(parts.iter().all(|part| mcap::Summary::read(part).unwrap().is_some()));
+}
+
+#[test]
+fn files_are_never_overwritten() {
+    let folder = std::env::temp_dir().join(format!("horus-base-recorder-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let path = folder.join("flight.mcap");
+    assert_eq!(Files::name(&path, 2), folder.join("flight.2.mcap"));
+    assert_eq!(Files::name(Path::new("flight"), 1), Path::new("flight.1"));
+    for _ in 0..2 {
+        let mut recorder = Recorder::new(Files::new(path.clone()));
+        let carried = arrival(0);
+        let mut intake = Intake::default();
+        let judged = intake.take(&carried);
+        recorder.carried(&carried, &judged, &Fix::of(&judged, intake.fleet()));
+        recorder.finish().unwrap();
+    }
+    let found: Vec<_> = (0..3).map(|number| Files::name(&path, number).exists()).collect();
+    std::fs::remove_dir_all(&folder).unwrap();
+    assert_eq!(found, [true, true, false]);
+}
