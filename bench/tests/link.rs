@@ -34,14 +34,14 @@ fn outcome(setup: &Setup) -> Outcome {
 #[test]
 fn with_any_number_of_receivers_every_object_arrives_in_time_and_nothing_is_violated() {
     for gps in [1, 2, 3, 5] {
-        let Some(setup) = setup(gps, 806) else { return };
+        let Some(setup) = setup(gps, 809) else { return };
         let report = outcome(&setup).report;
         assert_eq!(report.violations, [""; 0], "{gps} receivers");
         let frames_per_cycle = if gps == 5 { 2 } else { 1 };
         let cycles = report.air.frames_delivered / frames_per_cycle;
-        // HORUS compares its flash with the CRC and sets up for 6 to 8 ms, the longer the image, and the first tick
-        // comes 10 ms after that: the 79th at 796 to 798 ms, whose last frame with five receivers is through before
-        // 806.
+        // HORUS compares its flash with the CRC and sets up for 8 to 9 ms, the longer the image, and the first tick
+        // comes 10 ms after that: the 79th at 798 to 799 ms, whose last frame with five receivers is through before
+        // 809, and the 80th's first is not.
         assert_eq!(cycles, 79, "{gps} receivers");
         assert_eq!(report.horus.frames_sent, report.air.frames_delivered);
         // The cycles with which the DPR finds the sequence are rejected, each object of them, and no other.
