@@ -86,11 +86,13 @@ fn receivers_that_never_stop_talking_do_not_move_a_frame() {
         let count = |offset| counter(&node, "HORUS_TELEMETRY", offset);
         assert_eq!(count(std::mem::offset_of!(HorusTelemetry, cycle_overruns)), 0, "{babble:?}");
         assert_eq!(count(std::mem::offset_of!(HorusTelemetry, frames_skipped)), 0, "{babble:?}");
-        for line in 0..3 {
-            let line = std::mem::offset_of!(HorusTelemetry, lines) + line * size_of::<LineTelemetry>();
+        for line_number in 0..3 {
+            let line = std::mem::offset_of!(HorusTelemetry, lines) + line_number * size_of::<LineTelemetry>();
             let bytes = count(line + std::mem::offset_of!(LineTelemetry, bytes));
-            // Half a ring may still be on its way.
-            assert!((20_000..=23_500).contains(&bytes), "{babble:?}: {bytes} bytes taken");
+            // A UART's all, but for half a ring that may still be on its way; of a bus 256 a cycle, with the two of
+            // the number on I2C, since 48 cycles.
+            let taken = if line_number == 0 { 20_000..=23_500 } else { 11_500..=12_600 };
+            assert!(taken.contains(&bytes), "{babble:?}, receiver {line_number}: {bytes} bytes taken");
             assert_eq!(count(line + std::mem::offset_of!(LineTelemetry, overruns)), 0, "{babble:?}");
         }
         assert_eq!(node.take_findings(), [], "{babble:?}");

@@ -189,7 +189,7 @@ fn causes<B: Board>(node: &Node<B>) -> Vec<Reset> {
 fn horus_without_supply_is_off_the_air_and_starts_again_when_it_is_back() {
     let Some(mut node) = boards::horus() else { return };
     // In the middle of a frame.
-    assert!(frames(&emitted(&mut node, 58 * MS)) >= 3);
+    assert!(frames(&emitted(&mut node, 60 * MS)) >= 3);
     PowerFault::Off(1).begin(&mut node);
     assert!(!node.is_powered());
     let without = emitted(&mut node, 100 * MS);
@@ -254,7 +254,7 @@ fn a_pin_and_a_brown_out_restart_a_board_at_once_and_leave_ram_and_front_end_as_
 #[test]
 fn horus_finds_its_front_end_again_after_that_was_without_supply() {
     let Some(mut node) = boards::horus() else { return };
-    emitted(&mut node, 58 * MS);
+    emitted(&mut node, 60 * MS);
     PowerFault::FrontEndOff.begin(&mut node);
     let without = emitted(&mut node, 100 * MS);
     assert!(breaks_off(&without), "{without:?}");

@@ -34,14 +34,14 @@ fn outcome(setup: &Setup) -> Outcome {
 #[test]
 fn with_any_number_of_receivers_every_object_arrives_in_time_and_nothing_is_violated() {
     for gps in [1, 2, 3, 5] {
-        let Some(setup) = setup(gps, 806) else { return };
+        let Some(setup) = setup(gps, 809) else { return };
         let report = outcome(&setup).report;
         assert_eq!(report.violations, [""; 0], "{gps} receivers");
         let frames_per_cycle = if gps == 5 { 2 } else { 1 };
         let cycles = report.air.frames_delivered / frames_per_cycle;
-        // HORUS compares its flash with the CRC and sets up for 6 to 8 ms, the longer the image, and the first tick
-        // comes 10 ms after that: the 79th at 796 to 798 ms, whose last frame with five receivers is through before
-        // 806.
+        // HORUS compares its flash with the CRC and sets up for 8 to 9 ms, the longer the image, and the first tick
+        // comes 10 ms after that: the 79th at 798 to 799 ms, whose last frame with five receivers is through before
+        // 809, and the 80th's first is not.
         assert_eq!(cycles, 79, "{gps} receivers");
         assert_eq!(report.horus.frames_sent, report.air.frames_delivered);
         // The cycles with which the DPR finds the sequence are rejected, each object of them, and no other.
@@ -120,8 +120,8 @@ fn every_wire_of_the_trace_moves_and_no_instant_comes_before_another() {
         assert!(falls.len() >= 5, "{board}: {falls:?}");
         assert!(falls.iter().all(|after| (29..=33).contains(after)), "{board}: {falls:?}");
     }
-    // This flight controller asks for no window: MOSI stays low. No transfer of HORUS fails, nothing of its poller waits
-    // for the timer, no bus of a receiver has to be recovered, none has sent half a ring yet, two of five are not
+    // This flight controller asks for no window: MOSI stays low. No transfer of HORUS fails, nothing of its poller
+    // waits for the timer, no bus of a receiver has to be recovered, none has sent half a ring yet, two of five are not
     // fitted, and every exception is a task's. The DPR's deadline passes once, before HORUS's first frame.
     let still = [
         "dpr.tasks.dpr_other",
