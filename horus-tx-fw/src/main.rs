@@ -11,6 +11,7 @@
 //! | 4 | `rf_timer` | TIM5 | a wait of the poller machine is over |
 //! | 4 | `rf_slot` | CAN1_TX | a slot has passed (from `slot`) |
 //! | 3 | `cycle` | CAN1_RX0 | the tick (from `slot`) |
+//! | 3 | `vote` | CAN2_RX0 | a cycle's first slot (from `rf_slot`) |
 //! | 2 | `gnss_tick` | CAN2_TX | a cycle's first slot (from `rf_slot`): every receiver's source is served |
 //! | 2 | `gnss*` | UARTs, I2C2, their DMA and SPI5's, TIM3, TIM4 | an event of a source: see `hw::gnss` |
 //! | 1 | `parse` | CAN1_RX1 | bytes (from `gnss*`) |
@@ -24,8 +25,9 @@
 //! - `rf_irq` notes the end of a frame before the next tick.
 //! - `rf_timer` has none: late is harmless.
 //! - `rf_slot` runs before the frame's end, 1.9 ms after the slot at the earliest.
-//! - `cycle` fills, seals and offers the profile so early that its load ends before the slot (see `timing`). The
-//!   vote of the next tick comes after that and ends within the cycle.
+//! - `cycle` fills, seals and offers the profile so early that its load ends before the slot (see `timing`).
+//! - `vote` votes for the next tick and ends within the cycle. It begins after the slot, so that the slot's interrupt
+//!   never waits for a division of it.
 //! - `gnss*` notes the position of a UART's ring within half a ring, 5.5 ms. I2C and SPI have none: the one stretches
 //!   its clock, the other has its bytes in memory; what has not ended by the next tick is given up.
 //! - `parse` parses what there is within one cycle.
@@ -114,13 +116,14 @@ mod app {
         radio: Radio,
         solutions: [Solution; RECEIVERS],
         #[lock_free]
+        cycle: Cycle<RECEIVERS>,
+        #[lock_free]
         lines: [GnssLine; RECEIVERS],
     }
 
     #[local]
     struct Local {
         timer: CycleTimer,
-        cycle: Cycle<RECEIVERS>,
         receivers: [Receiver; RECEIVERS],
         readers: [Reader; RECEIVERS],
         configurations: [Configuration; RECEIVERS],
@@ -198,10 +201,9 @@ mod app {
         let patrol = Patrol::new(layout, integrity::RATE, &mut memory);
         mpu::apply(&mut cx.core.MPU, &protection::TASKS);
         (
-            Shared { transmitter, radio, solutions: [Solution::default(); RECEIVERS], lines },
+            Shared { transmitter, radio, solutions: [Solution::default(); RECEIVERS], cycle: Cycle::on(clock), lines },
             Local {
                 timer,
-                cycle: Cycle::on(clock),
                 receivers: core::array::from_fn(|_| Receiver::new()),
                 readers: [Reader::new(); RECEIVERS],
                 configurations: core::array::from_fn(gnss::configuration),
@@ -343,7 +345,8 @@ mod app {
     fn rf_slot(cx: rf_slot::Context) {
         if let Some(slot) = cycle_timer::take_slot() {
             if slot.frame == 0 {
-                // Not at the tick: an access to a slow bus would hold the slot's interrupt up.
+                // Not at the tick: a division, or an access to a slow bus, would hold the slot's interrupt up.
+                rtic::pend(Interrupt::CAN2_RX0);
                 rtic::pend(Interrupt::CAN2_TX);
             }
             (cx.shared.transmitter, cx.shared.radio).lock(|transmitter, radio| transmitter.slot(slot, radio));
@@ -352,18 +355,24 @@ mod app {
         settle();
     }
 
-    #[task(binds = CAN1_RX0, priority = 3, local = [cycle], shared = [transmitter, radio, solutions])]
+    #[task(binds = CAN1_RX0, priority = 3, shared = [cycle, transmitter, radio, solutions])]
     fn cycle(mut cx: cycle::Context) {
         let begun = DWT::cycle_count();
         let tick = cycle_timer::tick();
-        cx.local.cycle.sample(state_inputs::levels());
-        let profile = cx.shared.solutions.lock(|solutions| cx.local.cycle.fill(tick, solutions));
+        cx.shared.cycle.sample(state_inputs::levels());
+        let profile = cx.shared.solutions.lock(|solutions| cx.shared.cycle.fill(tick, solutions));
         HORUS_TELEMETRY.worst_fill_cycles.record_max(DWT::cycle_count().wrapping_sub(begun));
         (cx.shared.transmitter, cx.shared.radio).lock(|transmitter, radio| transmitter.offer(tick, &profile, radio));
-        // Nothing waits for the next tick's vote, so it comes when the frame is on its way.
-        cx.shared.solutions.lock(|solutions| cx.local.cycle.vote(tick.wrapping_add(1), solutions));
-        cycle_timer::cycle_ended(tick);
         CHECK_IN.check_in(Task::Cycle);
+        settle();
+    }
+
+    #[task(binds = CAN2_RX0, priority = 3, shared = [cycle, solutions])]
+    fn vote(mut cx: vote::Context) {
+        let tick = cycle_timer::tick();
+        cx.shared.solutions.lock(|solutions| cx.shared.cycle.vote(tick.wrapping_add(1), solutions));
+        cycle_timer::cycle_ended(tick);
+        CHECK_IN.check_in(Task::Vote);
         settle();
     }
 

@@ -2,7 +2,7 @@
 //!
 //! What makes each of them run is the cycle timer alone, so that neither a missing receiver nor a missing front end
 //! keeps a task from checking in: the timer's interrupt calls `cycle` at every tick and `rf_slot` after every slot, and
-//! after the first slot of a cycle `rf_slot` calls `gnss_tick`, which serves every receiver's source and calls `parse`.
+//! after the first slot of a cycle `rf_slot` calls `vote`, and `gnss_tick`, which serves every receiver's source and calls `parse`.
 
 use firmware_common::check_in;
 
@@ -16,6 +16,7 @@ pub const TASKS: &[(&str, &str)] = &[
     ("rf_timer", "TIM5"),
     ("rf_slot", "CAN1_TX"),
     ("cycle", "CAN1_RX0"),
+    ("vote", "CAN2_RX0"),
     ("gnss_tick", "CAN2_TX"),
     ("gnss1", "USART2"),
     ("gnss1_ring", "DMA1_STREAM5"),
@@ -38,6 +39,8 @@ pub const TASKS: &[(&str, &str)] = &[
 pub enum Task {
     /// The 10 ms cycle has filled and offered a profile.
     Cycle,
+    /// The vote for the next tick has taken place.
+    Vote,
     /// The front end's executor has been told of a slot.
     Rf,
     /// The parser of the receivers' bytes has been through all of them.
@@ -45,7 +48,7 @@ pub enum Task {
 }
 
 impl check_in::Task for Task {
-    const COUNT: u32 = 3;
+    const COUNT: u32 = 4;
 
     fn number(self) -> u32 {
         self as u32
@@ -63,7 +66,7 @@ mod tests {
 
     #[test]
     fn one_missing_task_keeps_the_watchdog_unfed() {
-        let tasks = [Task::Cycle, Task::Rf, Task::Gnss];
+        let tasks = [Task::Cycle, Task::Vote, Task::Rf, Task::Gnss];
         for missing in tasks {
             let list = CheckIn::new();
             tasks.into_iter().filter(|&task| task != missing).for_each(|task| list.check_in(task));
