@@ -5,11 +5,16 @@ use std::net::{SocketAddr, UdpSocket};
 use std::thread;
 use std::time::Duration;
 
+use socket2::SockRef;
+
 use super::{Clock, Event, Inlet};
 use crate::intake::{Carried, Kind};
 
 /// What a serial port is read with at the longest.
 const SERIAL_TIMEOUT: Duration = Duration::from_millis(5);
+
+/// What may wait in the system until this process runs again, bytes: a second of a thousand drones.
+const RECEIVE_BUFFER: usize = 8 << 20;
 
 /// A serial port that failed is tried again after so long.
 const RETRY: Duration = Duration::from_secs(1);
@@ -24,6 +29,8 @@ const LOOK: Duration = Duration::from_millis(200);
 /// If the address cannot be bound.
 pub fn udp(address: SocketAddr, kind: Kind, line: u16, clock: Clock, inlet: Inlet) -> io::Result<SocketAddr> {
     let socket = UdpSocket::bind(address)?;
+    // As much as the system allows; what it does not is no fault.
+    let _ = SockRef::from(&socket).set_recv_buffer_size(RECEIVE_BUFFER);
     socket.set_read_timeout(Some(LOOK))?;
     let bound = socket.local_addr()?;
     thread::spawn(move || {

@@ -214,3 +214,74 @@ impl Player {
 fn fit(speed: f64) -> f64 {
     if speed.is_finite() { speed.clamp(0.0, MAX_SPEED) } else { 1.0 }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+    use std::thread;
+
+    use profile::{GpsValues, Profile, ReportedValues};
+
+    use super::*;
+    use crate::intake::{Carried, Intake, Kind};
+    use crate::live::{self, Time};
+    use crate::recorder::{Files, Recorder};
+
+    const START: u64 = 1_790_000_000_000_000;
+
+    fn arrival(cycle: u32) -> Carried {
+        let timestamp = 70_000 + 100 * cycle;
+        let values = ReportedValues::absent(timestamp);
+        let bytes = Profile::seal(&values, &[GpsValues::absent(timestamp)]).as_bytes().to_vec();
+        let at_us = START + 100_000 * u64::from(cycle);
+        Carried { at_us, kind: Kind::Datagrams, line: 0, from: "127.0.0.1:4000".into(), bytes }
+    }
+
+    /// Records these cycles into a file; a recorder that is forgotten is one that was killed.
+    fn record(path: PathBuf, cycles: std::ops::Range<u32>, killed: bool) {
+        let mut recorder = Recorder::new(Files::new(path));
+        let mut intake = Intake::default();
+        for carried in cycles.map(arrival) {
+            let judged = intake.take(&carried);
+            recorder.carried(&carried, &judged, &[]);
+            recorder.tick(carried.at_us);
+        }
+        if killed { std::mem::forget(recorder) } else { recorder.finish().unwrap() }
+    }
+
+    #[test]
+    fn a_recording_of_two_parts_is_played_to_where_it_is_asked_to_and_again_from_its_start() {
+        let folder = std::env::temp_dir().join(format!("horus-base-playback-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let parts = [folder.join("a.mcap"), folder.join("b.mcap")];
+        record(parts[0].clone(), 0..100, true);
+        record(parts[1].clone(), 100..200, false);
+        let recording = Recording::new(parts.to_vec());
+        let contents = recording.contents(|_| {}).unwrap();
+        assert_eq!((contents.first_us, contents.last_us), (START, START + 19_900_000));
+        assert!((195..=200).contains(&contents.records), "{} records", contents.records);
+
+        // It stands still at 15 s: everything until then is fed, and nothing after.
+        let player = Arc::new(Player::new(&contents, START + 15_000_000, 0.0));
+        let (inlet, station, _) = live::start(None, None, Time::Playback(Arc::clone(&player)), |_, _| {});
+        let feeding = Arc::clone(&player);
+        let feeder = thread::spawn(move || feeding.play(&recording, &inlet));
+        let mut changes = station.changes();
+        let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
+        let mut until = |timestamp| {
+            runtime.block_on(async {
+                while station.known().intake.fleet().iter().next().and_then(|(_, drone)| drone.timestamp())
+                    != Some(timestamp)
+                {
+                    changes.changed().await.unwrap();
+                }
+            });
+        };
+        until(70_000 + 15_000);
+        player.jump(START + 5_000_000);
+        until(70_000 + 5_000);
+        assert_eq!(player.now_us(), START + 5_000_000);
+        assert!(!feeder.is_finished());
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
+}

@@ -333,3 +333,42 @@ fn every_layout_is_forwarded_in_whole_objects() {
         }
     }
 }
+
+/// What pymavlink 2.4.50 sends (`common.tunnel_send` of system 42, component 1, link 5, key 0, 1, … 31) of the objects
+/// that this crate sealed, plain and signed; it read TUNNEL and the standard messages of [`Forwarder`] as they are.
+const PYMAVLINK: [&str; 2] = [
+    "fd650000002a0181010000c40000608517000000440300a802000000000000aa0000000000000032000000ca41fd64a4\
+     06000000481b016036cd9de4bf47406416fd9e9a752140a91a7e7dec2e166455ac8040cdcc4cbdcfa2f63fcdcc4c3e00\
+     00c07f0000c07f0000c07f669b1b2d920d",
+    "fd650100002a0181010000c40000608517000000440300a802000000000000aa0000000000000032000000ca41fd64a4\
+     06000000481b016036cd9de4bf47406416fd9e9a752140a91a7e7dec2e166455ac8040cdcc4cbdcfa2f63fcdcc4c3e00\
+     00c07f0000c07f0000c07f669b1b2d25420500b8251aa5217b6ad87b095f",
+];
+
+/// The time of that signature, µs since 1970.
+const PYMAVLINK_US: u64 = 1_790_000_320_000_000;
+
+fn bytes_of(digits: &str) -> Vec<u8> {
+    let digits: Vec<u8> = digits.bytes().map(|digit| (digit as char).to_digit(16).unwrap() as u8).collect();
+    digits.chunks(2).map(|pair| pair[0] << 4 | pair[1]).collect()
+}
+
+#[test]
+fn pymavlink_sends_what_is_received_here_and_the_same_bytes_that_are_sent_here() {
+    let key = Key::new(std::array::from_fn(|index| index as u8));
+    for (recorded, signed) in PYMAVLINK.map(bytes_of).iter().zip([false, true]) {
+        let verifier = signed.then(|| Verifier::new(key.clone()));
+        let received = Receiver::new(verifier).datagram(PYMAVLINK_US, recorded);
+        let bundle = received[0].bundle().unwrap();
+        let mut fleet = Fleet::default();
+        assert_eq!(fleet.take(received[0].id(), 0, &bundle), [Verdict::New; 2]);
+        assert_eq!(received[0].id().to_string(), "42");
+
+        let mut forwarder = Forwarder::new(42, 1, free());
+        if signed {
+            forwarder = forwarder.signed(Signer::new(key.clone(), 5));
+        }
+        forwarder.offer(&bundle);
+        assert_eq!(forwarder.poll(SECOND, PYMAVLINK_US).as_ref(), Some(recorded));
+    }
+}

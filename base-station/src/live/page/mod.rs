@@ -30,13 +30,16 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use futures_util::stream;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
-use tokio::time::sleep;
+use tokio::time::{Instant, sleep};
 
 use super::Station;
 use super::playback::Player;
 
-/// From one state to the next at least.
-pub const PUSH: Duration = Duration::from_millis(40);
+/// From one state to the next at least: a screen's refresh.
+pub const PUSH: Duration = Duration::from_millis(16);
+
+/// The list of all drones goes with a state at most so often.
+pub const LIST: Duration = Duration::from_millis(500);
 
 /// So many browsers may watch at once; further ones are told to come later.
 pub const MAX_WATCHERS: usize = 256;
@@ -108,7 +111,7 @@ fn asked(query: Option<&str>) -> Option<&str> {
 }
 
 async fn state_once(State(page): State<Page>, RawQuery(query): RawQuery) -> impl IntoResponse {
-    let state = state::json(&page.station, page.player.as_deref(), asked(query.as_deref()));
+    let state = state::json(&page.station, page.player.as_deref(), asked(query.as_deref()), true);
     ([(header::CONTENT_TYPE, "application/json")], state)
 }
 
@@ -119,18 +122,24 @@ async fn events(State(page): State<Page>, RawQuery(query): RawQuery) -> Response
     };
     let changes = page.station.changes();
     let drone = asked(query.as_deref()).map(str::to_owned);
-    let begin = (page, changes, drone, false, permit);
-    let states = stream::unfold(begin, |(page, mut changes, drone, again, permit)| async move {
-        if again {
+    // When the list went last.
+    let listed: Option<Instant> = None;
+    let begin = (page, changes, drone, listed, permit);
+    let states = stream::unfold(begin, |(page, mut changes, drone, mut listed, permit)| async move {
+        if listed.is_some() {
             sleep(PUSH).await;
             // The station is gone: so is the page's reason.
             changes.changed().await.ok()?;
         }
         changes.mark_unchanged();
-        let state = state::json(&page.station, page.player.as_deref(), drone.as_deref());
+        let lists = listed.is_none_or(|listed| listed.elapsed() >= LIST);
+        if lists {
+            listed = Some(Instant::now());
+        }
+        let state = state::json(&page.station, page.player.as_deref(), drone.as_deref(), lists);
         let event = Ok::<_, Infallible>(Event::default().data(state));
         let permit: OwnedSemaphorePermit = permit;
-        Some((event, (page, changes, drone, true, permit)))
+        Some((event, (page, changes, drone, listed, permit)))
     });
     Sse::new(states).into_response()
 }

@@ -24,7 +24,10 @@ function connect() {
   if (source) source.close();
   source = new EventSource("/events" + (wanted === null ? "" : "?drone=" + wanted));
   source.onmessage = (event) => {
-    state = JSON.parse(event.data);
+    const next = JSON.parse(event.data);
+    // The list of all drones comes less often.
+    next.drones = next.drones || (state ? state.drones : []);
+    state = next;
     heard = performance.now();
     keep();
     requestDraw();

@@ -14,7 +14,8 @@ struct State {
     now_us: u64,
     playback: Option<Playback>,
     station: About,
-    drones: Vec<Line>,
+    /// Of all drones, each half second.
+    drones: Option<Vec<Line>>,
     drone: Option<Detail>,
 }
 
@@ -119,15 +120,16 @@ struct Counts {
     restarts: u64,
 }
 
-/// The state, with the details of `drone`, or of the first one if none is asked for.
-pub(super) fn json(station: &Station, player: Option<&Player>, drone: Option<&str>) -> String {
+/// The state, with the details of `drone`, or of the first one if none is asked for, and with all drones if it `lists`
+/// them.
+pub(super) fn json(station: &Station, player: Option<&Player>, drone: Option<&str>, lists: bool) -> String {
     let known = station.known();
-    let state = state(&known, station.dropped(), player, drone);
+    let state = state(&known, station.dropped(), player, drone, lists);
     drop(known);
     serde_json::to_string(&state).unwrap_or_default()
 }
 
-fn state(known: &Known, dropped: u64, player: Option<&Player>, drone: Option<&str>) -> State {
+fn state(known: &Known, dropped: u64, player: Option<&Player>, drone: Option<&str>, lists: bool) -> State {
     let now_us = player.map_or(known.now_us, |player| player.now_us().max(known.now_us));
     let fleet = known.intake.fleet();
     let line = |(id, drone): (DroneId, &Drone)| {
@@ -153,7 +155,7 @@ fn state(known: &Known, dropped: u64, player: Option<&Player>, drone: Option<&st
             dropped,
             refused: fleet.refused(),
         },
-        drones: fleet.iter().map(line).collect(),
+        drones: lists.then(|| fleet.iter().map(line).collect()),
         drone: shown.map(|(id, drone)| detail(id, drone, now_us)),
     }
 }

@@ -153,10 +153,16 @@ fn a_state_is_pushed_at_once_and_then_with_every_change() {
         };
         let first = state(&events.next().await.unwrap().unwrap());
         assert_eq!((&first["drone"]["id"], &first["drone"]["reported"]["age_ms"]), (&"3".into(), &120.into()));
+        assert_eq!(first["drones"].as_array().map(Vec::len), Some(2));
         station.known().now_us += 1_000_000;
         changed.send_modify(|count| *count += 1);
         let second = state(&events.next().await.unwrap().unwrap());
         assert_eq!((&second["drone"]["reported"]["age_ms"], &second["drone"]["stale"]), (&1_120.into(), &true.into()));
+        assert_eq!(second["drones"], Value::Null, "the list comes each half second");
+        sleep(LIST).await;
+        changed.send_modify(|count| *count += 1);
+        let third = state(&events.next().await.unwrap().unwrap());
+        assert_eq!(third["drones"].as_array().map(Vec::len), Some(2));
         // The station ends, and the stream with it; the browser tries again.
         drop(changed);
         assert!(events.next().await.is_none());
