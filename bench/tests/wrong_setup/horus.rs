@@ -119,10 +119,13 @@ fn run_horus(changes: &[Change]) -> (Sends, Vec<String>) {
     seen.log = node.take_log().iter().map(|line| format!("{line}\n")).collect();
     seen.restarts = node.resets().iter().map(|reset| reset.cause).collect();
     let mut told = words(node.take_findings());
+    told.extend(node.board_mut(|board| board.receivers.take_misuses()).into_iter().map(|(_, words)| words));
     told.extend(node.board().front_end.chip().reports().iter().map(|report| format!("chip: {report}")));
     (seen, told)
 }
 
+const I2C2: u32 = 0x4000_5800;
+const SPI5: u32 = 0x4001_5000;
 const USART2: u32 = 0x4000_4400;
 const SPI1: u32 = 0x4001_3000;
 const SYSCFG: u32 = 0x4001_3800;
@@ -208,8 +211,18 @@ const HORUS_ROWS: &[Row<Sends>] = &[
         |seen| seen.errors == [1, 0, 0] && seen.messages == [11, 12, 12] && on_time(seen),
     ),
     row("DMA1: no clock", &[gate(0x30, 21)], Told::Finding(REFUSED), |seen| {
-        // Receivers 1 and 3 are DMA1's.
-        seen.valid[0] == 0 && seen.valid[2] == 0 && seen.valid[1] >= 20 && on_time(seen)
+        // Receivers 1 and 2 are DMA1's.
+        seen.valid[0] == 0 && seen.valid[1] == 0 && seen.valid[2] >= 20 && on_time(seen)
+    }),
+    // ---- the buses of receivers 2 and 3
+    row("I2C2: 667 kHz", &[bits(I2C2 + 0x1C, 0xFFF, 18)], Told::Finding("more than 400 kHz"), |seen| {
+        seen.valid[1] == 0 && seen.messages == [12, 0, 12] && on_time(seen)
+    }),
+    row("SPI5: clock divided by 16", &[bits(SPI5, 0x38, 0x18)], Told::Finding("more than 125 kB/s"), |seen| {
+        seen.valid[2] == 0 && seen.messages == [12, 12, 0] && on_time(seen)
+    }),
+    row("SPI5: mode 3", &[bits(SPI5, 3, 3)], Told::Finding("not mode 0"), |seen| {
+        seen.valid[2] == 0 && seen.messages == [12, 12, 0] && on_time(seen)
     }),
     // ---- the front end's SPI
     row("SPI1: mode 0", &[bits(SPI1, 3, 0)], Told::Finding("SPI mode 0"), |seen| off_air_for(seen, "Identity")),
@@ -261,7 +274,9 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     ),
     // DMA2 serves the second receiver, too.
     row("DMA2: no clock", &[gate(0x30, 22)], Told::Finding(REFUSED), |seen| {
-        off_air_for(seen, "Bus") && seen.messages == [12, 0, 12]
+        // Receiver 3 is DMA2's, too.
+        let off_air = seen.frames.is_empty() && !seen.field && seen.faults >= 5 && seen.log.contains("radio: Bus");
+        off_air && seen.messages == [12, 12, 0] && seen.period() == 10 * MS && seen.restarts.is_empty()
     }),
     row("DMA2 stream 0: interrupt not enabled", &[never_iser(1, 0x0100_0000)], Told::Nothing, |seen| {
         off_air_for(seen, "Bus")
@@ -299,41 +314,45 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     row("FLASH: three wait states", &[bits(FLASH, 0xF, 3)], Told::Finding("too few wait states"), |seen| {
         seen.log.is_empty() && seen.ticks.is_empty() && !seen.field && seen.watchdog()
     }),
-    row("PLL: 100 MHz", &[bits(RCC + 4, 0x7FC0, 100 << 6)], Told::Nothing, |seen| {
-        seen.period() == 14_400_000 && seen.messages == [0; 3] && seen.errors.iter().all(|&errors| errors > 100)
+    // The buses have a clock of their own: slower, and right.
+    row("PLL: 100 MHz", &[bits(RCC + 4, 0x7FC0, 100 << 6)], Told::Finding("I2C2: CR2.FREQ"), |seen| {
+        seen.period() == 14_400_000 && seen.messages == [0, 12, 12] && seen.errors[0] > 100
     }),
     row("PLL: input above 2 MHz", &[bits(RCC + 4, 0x3F, 3)], Told::Finding("never locks"), |seen| {
         seen.log.is_empty() && seen.ticks.is_empty() && !seen.field && seen.watchdog()
     }),
-    row("system clock left on HSI", &[bits(RCC + 8, 3, 0)], Told::Nothing, |seen| {
-        seen.period() == 90 * MS && seen.messages == [0; 3]
+    row("system clock left on HSI", &[bits(RCC + 8, 3, 0)], Told::Finding("I2C2: CR2.FREQ"), |seen| {
+        // Of two ticks the first one's look at receiver 3 is over.
+        seen.period() == 90 * MS && seen.messages == [0, 0, 2]
     }),
     row("HSE: not switched on", &[bits(RCC, 1 << 16, 0)], Told::Nothing, |seen| {
         seen.without_crystal && seen.log.contains("the external clock is missing") && seen.period() == 10 * MS
     }),
-    row("APB1: divided by 8", &[bits(RCC + 8, 0x1C00, 0x1800)], Told::Nothing, |seen| {
-        // Receiver 2 is on APB2.
-        seen.period() == 20 * MS && seen.messages == [0, 12, 0]
+    row("APB1: divided by 8", &[bits(RCC + 8, 0x1C00, 0x1800)], Told::Finding("I2C2: CR2.FREQ"), |seen| {
+        // A message every 20 ms, and a look at receivers 2 and 3 every 20 ms: the last is still to come.
+        seen.period() == 20 * MS && seen.messages == [0, 11, 11]
     }),
     row("APB1: divided by 2", &[bits(RCC + 8, 0x1C00, 0x1000)], Told::Finding("PCLK1 is faster"), |seen| {
         // TIM5 runs twice as fast, too: the wait for a frame's end is over before the frame is.
         let cut_off = !seen.frames.is_empty() && seen.faults as usize == seen.frames.len();
-        seen.period() == 5 * MS && seen.messages == [0, 12, 0] && cut_off && seen.log.contains("radio: NoTransmitEnd")
+        // Receiver 2 hears twice the 400 kHz that it may.
+        seen.period() == 5 * MS && seen.messages == [0, 0, 12] && cut_off && seen.log.contains("radio: NoTransmitEnd")
     }),
     row("IWDG: never reloaded", &[instead(IWDG, 0xAAAA, 0)], Told::Nothing, |seen| {
         seen.watchdog() && !seen.frames.is_empty() && seen.log.contains("reset: watchdog")
     }),
+    // Without ticks nobody looks at receivers 2 and 3.
     row(
         "IWDG: prescaler and reload stay locked, and TIM2's interrupt is not enabled",
         &[instead(IWDG, 0x5555, 0), never_iser(0, 0x1000_0000)],
         Told::Finding("without the key 0x5555"),
-        |seen| seen.frames.is_empty() && seen.restarts.is_empty() && seen.messages == [12; 3],
+        |seen| seen.frames.is_empty() && seen.restarts.is_empty() && seen.messages == [12, 0, 0],
     ),
     row(
         "IWDG: not started, and TIM2's interrupt is not enabled",
         &[instead(IWDG, 0xCCCC, 0), never_iser(0, 0x1000_0000)],
         Told::Nothing,
-        |seen| seen.frames.is_empty() && seen.restarts.is_empty() && seen.messages == [12; 3],
+        |seen| seen.frames.is_empty() && seen.restarts.is_empty() && seen.messages == [12, 0, 0],
     ),
 ];
 
@@ -366,7 +385,7 @@ fn the_horus_image_set_up_wrongly_fails_as_silicon_would() {
 fn the_horus_image_patched_to_store_what_it_stores_anyway_works() {
     let Some((_, recording)) = horus() else { return };
     for (seen, row) in control(HORUS_ROWS, recording, run_horus).iter().zip(HORUS_ROWS) {
-        let well = on_time(seen) && seen.valid.iter().all(|&frames| frames >= 22) && seen.errors == [0; 3];
+        let well = on_time(seen) && seen.valid.iter().all(|&frames| frames >= 21) && seen.errors == [0; 3];
         assert!(well && seen.faults == 0 && seen.skipped == 0, "{}: {seen:?}", row.what);
     }
 }
