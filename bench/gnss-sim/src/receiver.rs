@@ -488,7 +488,7 @@ impl Generated {
     fn messages(&self, epoch_ms: u64, clock_ns: f64, seen: &State) -> Vec<u8> {
         let itow_ms = u32::try_from(epoch_ms % u64::from(WEEK_MS)).expect("a week is shorter than 2^32 ms");
         let pvt = self.nav_pvt(epoch_ms, itow_ms, clock_ns, seen);
-        let due = |every: u32| every != 0 && self.solutions % every == 0;
+        let due = |every: u32| every != 0 && self.solutions.is_multiple_of(every);
         let mut bytes = if self.output.nmea { nmea::sentences(&pvt) } else { vec![] };
         if due(self.output.position) {
             bytes.extend(pvt.encode());
