@@ -120,8 +120,8 @@ fn every_wire_of_the_trace_moves_and_no_instant_comes_before_another() {
         assert!(falls.len() >= 5, "{board}: {falls:?}");
         assert!(falls.iter().all(|after| (29..=33).contains(after)), "{board}: {falls:?}");
     }
-    // This flight controller asks for no window: MOSI stays low. No transfer of HORUS fails, nothing of its poller waits
-    // for the timer, no bus of a receiver has to be recovered, none has sent half a ring yet, two of five are not
+    // This flight controller asks for no window: MOSI stays low. No transfer of HORUS fails, nothing of its poller
+    // waits for the timer, no bus of a receiver has to be recovered, none has sent half a ring yet, two of five are not
     // fitted, and every exception is a task's. The DPR's deadline passes once, before HORUS's first frame.
     let still = [
         "dpr.tasks.dpr_other",

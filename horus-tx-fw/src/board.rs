@@ -357,6 +357,21 @@ const fn meet(one: [Stream; 2], other: [Stream; 2]) -> bool {
     is_same(one[0], other[0]) || is_same(one[0], other[1]) || is_same(one[1], other[0]) || is_same(one[1], other[1])
 }
 
+// One receiver on I2C and one on SPI: each has one static buffer, in `hw/ddc.rs` and `hw/spi.rs`.
+const _: () = {
+    let (mut ddc, mut spi) = (0, 0);
+    let mut receiver = 0;
+    while receiver < MAX_RECEIVERS {
+        match RECEIVER_PORTS[receiver].hardware {
+            Hardware::Uart(_) => {}
+            Hardware::Ddc(_) => ddc += 1,
+            Hardware::Spi(_) => spi += 1,
+        }
+        receiver += 1;
+    }
+    assert!(ddc <= 1 && spi <= 1, "the buffer of this kind has one user");
+};
+
 // No stream has two users.
 const _: () = {
     assert!(IRQ.number == 3, "the vector of the task `rf_irq` is that of EXTI line 3");

@@ -11,7 +11,7 @@
 //! | 4 | `rf_timer` | TIM5 | a wait of the poller machine is over |
 //! | 4 | `rf_slot` | CAN1_TX | a slot has passed (from `slot`) |
 //! | 3 | `cycle` | CAN1_RX0 | the tick (from `slot`) |
-//! | 2 | `gnss_tick` | CAN2_TX | the tick (from `cycle`): every receiver's source is served |
+//! | 2 | `gnss_tick` | CAN2_TX | a cycle's first slot (from `rf_slot`): every receiver's source is served |
 //! | 2 | `gnss*` | UARTs, I2C2, their DMA and SPI5's, TIM3, TIM4 | an event of a source: see `hw::gnss` |
 //! | 1 | `parse` | CAN1_RX1 | bytes (from `gnss*`) |
 //! | 0 | `idle` | – | – |
@@ -341,6 +341,10 @@ mod app {
     #[task(binds = CAN1_TX, priority = 4, shared = [transmitter, radio])]
     fn rf_slot(cx: rf_slot::Context) {
         if let Some(slot) = cycle_timer::take_slot() {
+            if slot.frame == 0 {
+                // Not at the tick: an access to a slow bus would hold the slot's interrupt up.
+                rtic::pend(Interrupt::CAN2_TX);
+            }
             (cx.shared.transmitter, cx.shared.radio).lock(|transmitter, radio| transmitter.slot(slot, radio));
         }
         CHECK_IN.check_in(Task::Rf);
@@ -354,7 +358,6 @@ mod app {
         let profile = cx.shared.solutions.lock(|solutions| cx.local.cycle.fill(tick, solutions));
         HORUS_TELEMETRY.worst_fill_cycles.record_max(DWT::cycle_count().wrapping_sub(begun));
         (cx.shared.transmitter, cx.shared.radio).lock(|transmitter, radio| transmitter.offer(tick, &profile, radio));
-        rtic::pend(Interrupt::CAN2_TX);
         // Nothing waits for the next tick's vote, so it comes when the frame is on its way.
         cx.shared.solutions.lock(|solutions| cx.local.cycle.vote(tick.wrapping_add(1), solutions));
         cycle_timer::cycle_ended(tick);

@@ -1,8 +1,8 @@
 //! The firmware's tasks, and those of them that have to check in before the watchdog is fed.
 //!
 //! What makes each of them run is the cycle timer alone, so that neither a missing receiver nor a missing front end
-//! keeps a task from checking in: the timer's interrupt calls `rf_slot` after every slot and `cycle` at every tick, and
-//! `cycle` calls `gnss_tick`, which serves every receiver's source and calls `parse`.
+//! keeps a task from checking in: the timer's interrupt calls `cycle` at every tick and `rf_slot` after every slot, and
+//! after the first slot of a cycle `rf_slot` calls `gnss_tick`, which serves every receiver's source and calls `parse`.
 
 use firmware_common::check_in;
 

@@ -440,3 +440,20 @@ fn recordings_of_real_receivers_are_read_in_full() {
     assert!(positions > 0, "the recordings hold positions");
     println!("{positions} positions");
 }
+
+#[test]
+fn an_answer_to_a_configuration_message_is_given_once_and_one_to_another_message_is_none() {
+    use horus_tx_fw::configuration::Answer;
+    let mut receiver = Receiver::new();
+    for (kind, answered, answer) in [
+        (0x01, [0x06, 0x8A], Some(Answer::Taken)),
+        (0x00, [0x06, 0x8A], Some(Answer::Refused)),
+        (0x01, [0x06, 0x01], None),
+        (0x00, [0x0A, 0x04], None),
+    ] {
+        feed(&mut receiver, &message(0x05, kind, &answered), 0);
+        assert_eq!(receiver.take_answer(), answer);
+        assert_eq!(receiver.take_answer(), None);
+    }
+    assert_eq!((receiver.counts().messages, receiver.counts().skipped()), (4, 20), "only answers are of use");
+}

@@ -44,7 +44,7 @@ use super::{
 };
 use crate::board::DdcPort;
 
-/// What the stream writes. There is one receiver on I2C at most; [`DdcSource::new`] is told of each.
+/// What the stream writes. There is one receiver on I2C at most (the board's table asserts it).
 static BYTES: [AtomicU8; MOST] = [const { AtomicU8::new(0) }; MOST];
 
 /// A receiver on I2C.

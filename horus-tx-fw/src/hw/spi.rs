@@ -37,7 +37,7 @@ use crate::board::SpiPort;
 const WORDS: usize = TRANSFER / 4;
 const FILLER_WORD: u32 = u32::from_ne_bytes([FILLER; 4]);
 
-/// What the streams write and read. There is one receiver on SPI at most.
+/// What the streams write and read. There is one receiver on SPI at most (the board's table asserts it).
 static IN: [AtomicU32; WORDS] = [const { AtomicU32::new(FILLER_WORD) }; WORDS];
 static OUT: [AtomicU32; WORDS] = [const { AtomicU32::new(FILLER_WORD) }; WORDS];
 
