@@ -218,8 +218,7 @@ impl Receiver {
 
     /// The receiver is sent a byte, or something that it cannot read, at `at` (ns after reset). The answer, if that
     /// ends a message which has one: UBX, to be sent with what the receiver puts out, at the bit rate that it has
-    /// from now
-    /// on. A recorded receiver answers nothing.
+    /// from now on. A recorded receiver answers nothing.
     pub fn hear(&mut self, at_ns: u64, byte: Option<u8>) -> Option<Vec<u8>> {
         let Source::Generated(generated) = &mut self.source else { return None };
         let answer = generated.configuration.hear(byte)?;
