@@ -1,8 +1,8 @@
 //! Simulated delivery flights and the u-blox receivers that see them.
 //!
-//! HORUS takes its positions from u-blox receivers that talk to it over a UART, I2C or SPI. On the bench those receivers
-//! are byte sources: each yields, ordered in time, the bursts of bytes that it has to say. Two kinds exist, and the
-//! firmware cannot tell them apart as long as it does not configure them:
+//! HORUS takes its positions from u-blox receivers that talk to it over a UART, I2C or SPI. On the bench those are byte
+//! sources: each yields, ordered in time, the bursts of bytes that it has to say. Two kinds exist, and the firmware
+//! cannot tell them apart as long as it does not configure them:
 //!
 //! - [`Receiver::generated`]: a receiver that watches a [`Flight`], with a navigation rate, noise, solution delay and
 //!   clock of its own, encoded as UBX ([`ubx`]); it takes its configuration and answers it ([`config`]);

@@ -4,11 +4,12 @@
 //!
 //! A receiver is an iterator of [`Burst`]s, ordered in time: the bytes that it puts on its line without a gap, and when
 //! the first start bit falls. It computes a burst when asked for it and keeps nothing of the past but the state in
-//! front of the one that is due, so a run of any length needs no memory. It knows its bit rate only to keep a burst from
-//! starting while the one before is still on the line.
+//! front of the one that is due, so a run of any length needs no memory. It knows its bit rate only to keep a burst
+//! from starting while the one before is still on the line.
 //!
 //! A generated receiver starts as HORUS had configured it before, with that saved ([`Receiver::with_factory_settings`]:
-//! without). What it is sent ([`Receiver::hear`]) may change what it puts out: the burst that was due is then made anew.
+//! without). What it is sent ([`Receiver::hear`]) may change what it puts out: the burst that was due is then made
+//! anew.
 //!
 //! # What a generated receiver gets wrong, as real ones do
 //!
@@ -182,8 +183,8 @@ impl Receiver {
         self
     }
 
-    /// The same receiver as it comes from the factory, or after it has lost what it had saved: 38 400 bit/s, NMEA alone,
-    /// one solution a second.
+    /// The same receiver as it comes from the factory, or after it has lost what it had saved: 38 400 bit/s, NMEA
+    /// alone, one solution a second.
     #[must_use]
     pub fn with_factory_settings(mut self) -> Self {
         self.restart(0, true);
@@ -215,9 +216,9 @@ impl Receiver {
         }
     }
 
-    /// The receiver is sent a byte, or something that it cannot read, at `at` (ns after reset). The answer, if that ends
-    /// a message which has one: UBX, to be sent with what the receiver puts out, at the bit rate that it has from now
-    /// on. A recorded receiver answers nothing.
+    /// The receiver is sent a byte, or something that it cannot read, at `at` (ns after reset). The answer, if that
+    /// ends a message which has one: UBX, to be sent with what the receiver puts out, at the bit rate that it has
+    /// from now on. A recorded receiver answers nothing.
     pub fn hear(&mut self, at_ns: u64, byte: Option<u8>) -> Option<Vec<u8>> {
         let Source::Generated(generated) = &mut self.source else { return None };
         let answer = generated.configuration.hear(byte)?;
@@ -488,7 +489,7 @@ impl Generated {
     fn messages(&self, epoch_ms: u64, clock_ns: f64, seen: &State) -> Vec<u8> {
         let itow_ms = u32::try_from(epoch_ms % u64::from(WEEK_MS)).expect("a week is shorter than 2^32 ms");
         let pvt = self.nav_pvt(epoch_ms, itow_ms, clock_ns, seen);
-        let due = |every: u32| every != 0 && self.solutions % every == 0;
+        let due = |every: u32| every != 0 && self.solutions.is_multiple_of(every);
         let mut bytes = if self.output.nmea { nmea::sentences(&pvt) } else { vec![] };
         if due(self.output.position) {
             bytes.extend(pvt.encode());

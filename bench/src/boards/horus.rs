@@ -98,8 +98,8 @@ impl Horus {
         std::mem::take(&mut self.input_changes)
     }
 
-    /// Receiver `index` (from 0) says `bytes` at `at` (ns): on a UART they begin then, or when it has sent what it sends
-    /// then, which is the answer; over a bus they can be read from then on.
+    /// Receiver `index` (from 0) says `bytes` at `at` (ns): on a UART they begin then, or when it has sent what it
+    /// sends then, which is the answer; over a bus they can be read from then on.
     pub fn say(&mut self, at: u64, index: usize, bytes: &[u8]) -> u64 {
         let frames = bytes.iter().map(|&byte| UartFrame::eight_n_one(byte, GNSS_BAUD));
         self.receivers.offer(at, index, bytes);

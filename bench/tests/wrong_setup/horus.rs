@@ -119,10 +119,13 @@ fn run_horus(changes: &[Change]) -> (Sends, Vec<String>) {
     seen.log = node.take_log().iter().map(|line| format!("{line}\n")).collect();
     seen.restarts = node.resets().iter().map(|reset| reset.cause).collect();
     let mut told = words(node.take_findings());
+    told.extend(node.board_mut(|board| board.receivers.take_misuses()).into_iter().map(|(_, words)| words));
     told.extend(node.board().front_end.chip().reports().iter().map(|report| format!("chip: {report}")));
     (seen, told)
 }
 
+const I2C2: u32 = 0x4000_5800;
+const SPI5: u32 = 0x4001_5000;
 const USART2: u32 = 0x4000_4400;
 const SPI1: u32 = 0x4001_3000;
 const SYSCFG: u32 = 0x4001_3800;
@@ -212,8 +215,18 @@ const HORUS_ROWS: &[Row<Sends>] = &[
         |seen| seen.errors == [1, 0, 0] && seen.messages == [11, 12, 12] && on_time(seen),
     ),
     row("DMA1: no clock", &[gate(0x30, 21)], Told::Finding(REFUSED), |seen| {
-        // The UART and I2C are DMA1's.
+        // Receivers 1 and 2 are DMA1's.
         seen.valid[0] == 0 && seen.valid[1] == 0 && seen.valid[2] >= 20 && on_time(seen)
+    }),
+    // ---- the buses of receivers 2 and 3
+    row("I2C2: 667 kHz", &[bits(I2C2 + 0x1C, 0xFFF, 18)], Told::Finding("more than 400 kHz"), |seen| {
+        seen.valid[1] == 0 && seen.messages == [12, 0, 12] && on_time(seen)
+    }),
+    row("SPI5: clock divided by 16", &[bits(SPI5, 0x38, 0x18)], Told::Finding("more than 125 kB/s"), |seen| {
+        seen.valid[2] == 0 && seen.messages == [12, 12, 0] && on_time(seen)
+    }),
+    row("SPI5: mode 3", &[bits(SPI5, 3, 3)], Told::Finding("not mode 0"), |seen| {
+        seen.valid[2] == 0 && seen.messages == [12, 12, 0] && on_time(seen)
     }),
     // ---- the front end's SPI
     row("SPI1: mode 0", &[bits(SPI1, 3, 0)], Told::Finding("SPI mode 0"), |seen| off_air_for(seen, "Identity")),
@@ -328,6 +341,7 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     row("IWDG: never reloaded", &[instead(IWDG, 0xAAAA, 0)], Told::Nothing, |seen| {
         seen.watchdog() && !seen.frames.is_empty() && seen.log.contains("reset: watchdog")
     }),
+    // Without ticks nobody looks at receivers 2 and 3.
     row(
         "IWDG: prescaler and reload stay locked, and TIM2's interrupt is not enabled",
         &[instead(IWDG, 0x5555, 0), never_iser(0, 0x1000_0000)],

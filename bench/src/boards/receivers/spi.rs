@@ -11,8 +11,8 @@
 //! access" (ZED-F9K UBX-20046189, ZED-F9T UBX-18053713, NEO-D9S UBX-19026111 say the same).
 //!
 //! The data sheets do not say what a receiver does whose bytes are clocked faster than it can load them. Here it has
-//! loaded none: MISO carries 0xFF, its stream waits, and what is clocked in is lost. At more than 5.5 MHz its output
-//! comes too late: each bit is read in the next one's place.
+//! loaded none: MISO carries the byte before once more, its stream waits, and what is clocked in is lost. At more than
+//! 5.5 MHz its output comes too late: each bit is read in the next one's place.
 
 use bench_seam::{Pin, SpiFrame, SpiMode};
 
@@ -51,8 +51,9 @@ pub(super) struct Spi {
     last: Option<u64>,
     /// Bytes of 0xFF in a row that were clocked in.
     filler: u32,
-    /// The last bit that was clocked out.
+    /// The last bit that was clocked out, and the last byte.
     last_bit: bool,
+    last_byte: u8,
     /// What is wrong with MISO.
     failing: Option<(BusFault, Rng)>,
 }
@@ -67,6 +68,7 @@ impl Spi {
             last: None,
             filler: MOST_FILLER,
             last_bit: true,
+            last_byte: 0xFF,
             failing: None,
         }
     }
@@ -129,7 +131,10 @@ impl Spi {
             let loaded = self.last.is_none_or(|last| from >= last + SHORTEST_BYTE);
             if !loaded {
                 misuse = misuse.or(Some(FAST_BYTES));
-                answer = answer << 8 | 0xFF;
+                answer = answer << 8 | u32::from(self.last_byte);
+                if self.last_byte != 0xFF {
+                    self.crossings.byte(from, to, self.last_byte);
+                }
                 self.crossings.spoil();
                 continue;
             }
@@ -145,6 +150,7 @@ impl Spi {
                 Some(_) => self.late(byte),
             };
             answer = answer << 8 | u32::from(given);
+            self.last_byte = given;
             if misuse.is_some() || self.failing.is_some() || frame.miso != Some(self.wires.miso) {
                 self.crossings.spoil();
             }

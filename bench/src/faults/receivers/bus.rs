@@ -2,12 +2,12 @@
 //!
 //! | fault | what happens | it is over |
 //! |---|---|---|
-//! | `SdaUntilClocked` | the receiver holds SDA low, as after a transfer that was cut off in a zero | after nine clocks, or at the end |
+//! | `SdaUntilClocked` | the receiver holds SDA low, as if cut off in a zero | after nine clocks, or at the end |
 //! | `SdaStuck`, `SclStuck` | the line is low, whatever the controller does | at the end of the episode |
 //! | `NoAnswer` | no address is acknowledged | at the end |
 //! | `Stretches` | the clock is held for 20 ms after each address, which the data sheet allows | at the end |
 //! | `Glitches` | SDA is pulled low for 1 µs every now and then | at the end |
-//! | `Noise` | one bit in [`super::NOISE_ONE_IN`] that is read is another: of the stream and of its length | at the end |
+//! | `Noise` | one bit in [`super::NOISE_ONE_IN`] that is read is another, of the length too | at the end |
 //! | `Ones`, `Zeros`, `Random`, `Shifted` | MISO is high, low, random, or a bit late | at the end |
 
 use crate::boards::receivers::Interface;

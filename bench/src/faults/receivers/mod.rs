@@ -17,8 +17,8 @@
 //! | `Break` | a low level |
 //! | `Bus` | what [`bus`] says: the board does that |
 //!
-//! A receiver on I2C or SPI has no line of its own: what would be on it waits in the receiver until it is read. Faults of
-//! a UART fit receivers on a UART alone, faults of a bus those on that bus ([`ReceiverFault::fits`]).
+//! A receiver on I2C or SPI has no line of its own: what would be on it waits in the receiver until it is read. Faults
+//! of a UART fit receivers on a UART alone, faults of a bus those on that bus ([`ReceiverFault::fits`]).
 
 pub mod bus;
 mod messages;
@@ -97,8 +97,8 @@ pub enum ReceiverFault {
     LateBursts(u64),
     /// The checksum of every message is wrong.
     BadChecksums,
-    /// Restarts with its factory settings: on a UART at 38 400 bit/s, NMEA alone, a solution a second. It stays so until
-    /// HORUS configures it.
+    /// Restarts with its factory settings: on a UART at 38 400 bit/s, NMEA alone, a solution a second. It stays so
+    /// until HORUS configures it.
     LosesSettings,
     /// Its bus fails.
     Bus(BusFault),
