@@ -19,6 +19,63 @@ pub const RING: usize = 512;
 const _: () = assert!(RING.is_power_of_two());
 const _: () = assert!(RING >= 2 * crate::ddc::MOST && RING >= 2 * crate::spi::TRANSFER);
 
+/// Whether what a polled receiver gives is as new as its arrival says.
+///
+/// A receiver on I2C or SPI keeps what it has to say until it is read. A solution that has waited there (while its bus
+/// was stuck, or HORUS started) would count as new when it arrives, since its age counts from then. So what comes after
+/// such a pause is dropped until the receiver has been read empty once; what comes after that is younger than two
+/// ticks and a transfer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Backlog {
+    is_old: bool,
+    /// Ticks since a read ended.
+    ticks: u8,
+    /// Reads in a row that left something behind.
+    behind: u8,
+}
+
+impl Default for Backlog {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Backlog {
+    /// So many ticks may lie between two reads: one read may fail, or give way to a message.
+    pub const TICKS: u8 = 2;
+    /// So many reads in a row may leave something behind, less one.
+    pub const BEHIND: u8 = 2;
+
+    /// The receiver has never been read.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { is_old: true, ticks: 0, behind: 0 }
+    }
+
+    /// A tick, before the read that it begins.
+    pub fn tick(&mut self) {
+        self.ticks = self.ticks.saturating_add(1);
+        self.is_old |= self.ticks > Self::TICKS;
+    }
+
+    /// Whether what is being read is to be dropped.
+    #[must_use]
+    pub const fn is_old(&self) -> bool {
+        self.is_old
+    }
+
+    /// A read has ended. `is_empty`: the receiver has nothing more that had waited when the read began. Tells whether
+    /// what was read is to be kept.
+    pub fn read(&mut self, is_empty: bool) -> bool {
+        self.ticks = 0;
+        self.behind = if is_empty { 0 } else { (self.behind + 1).min(Self::BEHIND) };
+        self.is_old |= self.behind == Self::BEHIND;
+        let keeps = !self.is_old;
+        self.is_old &= !is_empty;
+        keeps
+    }
+}
+
 /// The longest message that is sent to a receiver, bytes. The longest of [`crate::configuration`] has 41.
 pub const MESSAGE: usize = 48;
 
@@ -214,6 +271,34 @@ mod tests {
     use super::*;
     use crate::ring::Reader;
     use std::vec::Vec;
+
+    #[test]
+    fn a_receiver_is_believed_when_it_has_been_read_empty_once() {
+        let mut backlog = Backlog::new();
+        assert!(backlog.is_old());
+        assert!(!backlog.read(false) && !backlog.read(true), "never read before");
+        assert!(!backlog.is_old() && backlog.read(true) && backlog.read(false) && backlog.read(true));
+    }
+
+    #[test]
+    fn two_ticks_may_pass_without_a_read_and_not_three() {
+        for (ticks, kept) in [(1, true), (2, true), (3, false), (200, false)] {
+            let mut backlog = Backlog::new();
+            backlog.read(true);
+            (0..ticks).for_each(|_| backlog.tick());
+            assert_eq!(backlog.read(true), kept, "{ticks}");
+            backlog.tick();
+            assert!(backlog.read(true), "and empty since");
+        }
+    }
+
+    #[test]
+    fn one_read_may_leave_something_behind_and_not_two() {
+        let mut backlog = Backlog::new();
+        backlog.read(true);
+        assert!(backlog.read(false) && !backlog.read(false) && !backlog.read(false) && !backlog.read(true));
+        assert!(backlog.read(true));
+    }
 
     #[test]
     fn what_is_pushed_is_read_once_and_in_order_across_the_rings_end() {

@@ -23,7 +23,7 @@
 //!   so it is the bit rate that keeps the byte period: 562.5 kHz ([`crate::timing::GNSS_SPI_HZ`]), 14.2 µs a byte.
 //! - Filler: u-blox, *ZED-F9T and ZED-F9K integration manuals*, "SPI interface", read access.
 
-use crate::receiver::BUFFER;
+use crate::{receiver::BUFFER, source::Backlog};
 
 /// Bytes of a transfer, at most 2^16 - 1 and a multiple of 4: 3.6 ms of a cycle, and 25.6 kB/s. A receiver with all
 /// three messages at 25 Hz sends 4.6 kB/s.
@@ -76,6 +76,7 @@ enum State {
 #[derive(Clone, Debug)]
 pub struct Polling {
     state: State,
+    backlog: Backlog,
     timed_out: u32,
     recoveries: u32,
 }
@@ -90,7 +91,7 @@ impl Polling {
     /// Nothing has been transferred.
     #[must_use]
     pub const fn new() -> Self {
-        Self { state: State::Idle, timed_out: 0, recoveries: 0 }
+        Self { state: State::Idle, backlog: Backlog::new(), timed_out: 0, recoveries: 0 }
     }
 
     /// Transfers that had not ended by the next tick, wraps.
@@ -113,6 +114,7 @@ impl Polling {
 
     /// Serves the tick.
     pub fn poll(&mut self) -> Order {
+        self.backlog.tick();
         if self.state == State::Idle {
             self.state = State::Selected;
             Order::Select
@@ -144,6 +146,18 @@ impl Polling {
         }
         self.state = State::Holding;
         Order::Hold
+    }
+
+    /// Whether the bytes of the transfer that has ended are to be dropped ([`Backlog`]).
+    #[must_use]
+    pub const fn is_old(&self) -> bool {
+        self.backlog.is_old()
+    }
+
+    /// The bytes of a transfer have been looked at; `is_empty`: it ended with filler outside of a message, so the
+    /// receiver has no more.
+    pub fn read(&mut self, is_empty: bool) {
+        self.backlog.read(is_empty);
     }
 
     /// A stream has failed.

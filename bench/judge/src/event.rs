@@ -171,8 +171,12 @@ pub enum What {
         byte_ns: u64,
         /// The bytes.
         bytes: Bytes,
-        /// The line carried them so that a UART reads every one of them as it is: no noise, break, or other rate.
+        /// The line carried them so that a UART reads every one of them as it is: no noise, break, or other rate; on a
+        /// bus, in a transaction of which HORUS may drop nothing for its age.
         clean: bool,
+        /// They had waited in the receiver for so long that what they say is not of now: they must not be taken.
+        #[serde(default)]
+        old: bool,
     },
     /// The DPR's FRESH pin rose or fell.
     Fresh {

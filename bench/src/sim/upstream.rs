@@ -157,8 +157,8 @@ impl Receivers {
         let now = node.now();
         let (given, misuses) =
             node.board_mut(|board| (board.receivers.take_given(now), board.receivers.take_misuses()));
-        for Given { receiver, at, byte_ns, bytes, clean } in given {
-            self.events.note(at, What::Fed { receiver, byte_ns, bytes: Bytes(bytes), clean });
+        for Given { receiver, at, byte_ns, bytes, clean, old } in given {
+            self.events.note(at, What::Fed { receiver, byte_ns, bytes: Bytes(bytes), clean, old });
         }
         for (at, text) in misuses {
             self.events.note(at, What::Misuse { board: Side::Horus, text });
@@ -179,7 +179,7 @@ impl Receivers {
             let (frames, clean) = if baud == GNSS_BAUD { (frames, clean) } else { (at_rate(frames, baud), false) };
             let begins = node.board_mut(|board| board.receivers.send(at_ns, receiver, frames));
             let byte_ns = UartFrame::eight_n_one(0, baud).ns();
-            self.events.note(begins, What::Fed { receiver, byte_ns, bytes: Bytes(bytes), clean });
+            self.events.note(begins, What::Fed { receiver, byte_ns, bytes: Bytes(bytes), clean, old: false });
         }
     }
 }

@@ -155,6 +155,7 @@ impl SpiSource {
     /// Takes what has come in, without filler: four bytes of it at a time, since most of a transfer is.
     fn take(&mut self) {
         compiler_fence(Ordering::Acquire);
+        let is_old = self.polling.is_old();
         let filter = &mut self.filter;
         let bytes = IN.iter().flat_map(|word| {
             let word = word.load(Ordering::Relaxed);
@@ -162,7 +163,13 @@ impl SpiSource {
             let kept = word.to_ne_bytes().map(|byte| (!is_filler && filter.keeps(byte)).then_some(byte));
             kept.into_iter().flatten()
         });
-        gnss::ring(self.index).push(bytes);
+        if is_old {
+            bytes.for_each(drop);
+        } else {
+            gnss::ring(self.index).push(bytes);
+        }
+        let [.., last] = IN[TRANSFER / 4 - 1].load(Ordering::Relaxed).to_ne_bytes();
+        self.polling.read(last == FILLER && self.filter.is_outside());
     }
 
     fn clear_out(&mut self) {

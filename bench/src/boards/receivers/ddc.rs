@@ -14,6 +14,7 @@
 
 use bench_seam::{I2cAnswer, I2cEvent, Pad, Pin};
 
+use super::given::{DOUBTFUL, NEW};
 use super::{Crossings, Outbox};
 use crate::faults::Rng;
 use crate::faults::receivers::NOISE_ONE_IN;
@@ -24,6 +25,9 @@ use crate::node::Input;
 const ADDRESS: u8 = 0x42 << 1;
 /// Nine bits at 400 kHz take 22.5 µs; a controller's clock may be off by 1 % and is counted in whole nanoseconds.
 const SHORTEST_BYTE: u64 = 22_270;
+
+/// If more is available than this, HORUS leaves some of it for the next cycle (decision 16).
+const A_CYCLES: u16 = 256;
 
 const TOO_FAST: &str = "I2C: more than 400 kHz (ZED-F9R data sheet 5.3)";
 
@@ -61,6 +65,12 @@ pub(super) struct Ddc {
     register: u8,
     /// Bytes that were available when the high byte of their number was read.
     available: u16,
+    /// When that was, ns.
+    counted_at: Option<u64>,
+    /// The controller may drop what it reads, since it may be old.
+    may_drop: bool,
+    /// So many reads to come it may.
+    doubtful: u8,
     /// When the controller's last byte ended, ns: none where it held the clock since.
     last: Option<u64>,
     /// The last byte was not acknowledged: the controller will end the transfer.
@@ -85,6 +95,9 @@ impl Ddc {
             state: State::Idle,
             register: 0xFF,
             available: 0,
+            counted_at: None,
+            may_drop: true,
+            doubtful: DOUBTFUL,
             last: None,
             closing: false,
             failing: None,
@@ -93,6 +106,11 @@ impl Ddc {
             told: [false; 2],
             glitch_over: u64::MAX,
         }
+    }
+
+    #[cfg(test)]
+    pub(super) fn read_lately(&mut self, now: u64) {
+        (self.counted_at, self.doubtful, self.may_drop) = (Some(now), 0, false);
     }
 
     /// The bus fails in this way from `now` (ns) on.
@@ -197,12 +215,22 @@ impl Ddc {
         self.register = register.saturating_add(1);
         match register {
             0xFD => {
+                let was_behind = self.available > A_CYCLES;
                 self.available = u16::try_from(self.outbox.bytes.len()).unwrap_or(u16::MAX);
+                let pause = self.counted_at.replace(at).is_none_or(|before| at - before > NEW);
+                if pause || was_behind || self.available > A_CYCLES || self.failing.is_some() {
+                    self.doubtful = DOUBTFUL;
+                }
+                self.may_drop = self.doubtful > 0;
+                self.doubtful = self.doubtful.saturating_sub(1);
                 (self.available >> 8) as u8
             }
             0xFE => self.available as u8,
-            0xFF => self.outbox.bytes.pop_front().map_or(0xFF, |byte| {
-                self.crossings.byte(before, at, byte ^ flips);
+            0xFF => self.outbox.take().map_or(0xFF, |(byte, since)| {
+                self.crossings.byte(before, at, byte ^ flips, at - since);
+                if self.may_drop {
+                    self.crossings.spoil();
+                }
                 byte
             }),
             _ => 0xFF,

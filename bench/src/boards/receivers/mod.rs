@@ -68,6 +68,8 @@ pub const ABANDONED: u64 = 50_000_000;
 #[derive(Clone, Debug, Default)]
 struct Outbox {
     bytes: VecDeque<u8>,
+    /// Since when they have waited: instants (ns), and how many bytes each is of.
+    since: VecDeque<(u64, usize)>,
     /// When the part last communicated, ns.
     read_at: u64,
 }
@@ -82,9 +84,22 @@ impl Outbox {
             let (message, rest) = messages.split_at(message_at_start_of(messages));
             if self.bytes.len() + message.len() <= BUFFER {
                 self.bytes.extend(message);
+                self.since.push_back((at, message.len()));
             }
             messages = rest;
         }
+    }
+
+    /// The part reads a byte: the byte, and since when it has waited (ns).
+    fn take(&mut self) -> Option<(u8, u64)> {
+        let byte = self.bytes.pop_front()?;
+        let (since, left) = self.since.front_mut()?;
+        let since = *since;
+        *left -= 1;
+        if *left == 0 {
+            self.since.pop_front();
+        }
+        Some((byte, since))
     }
 }
 
@@ -190,6 +205,18 @@ impl Receivers {
             Some(Port::Uart(_)) | None => {}
         }
         self.plan();
+    }
+
+    /// Each receiver on a bus was read regularly until `now` (ns).
+    #[cfg(test)]
+    fn read_lately(&mut self, now: u64) {
+        for port in &mut self.ports {
+            match port {
+                Port::I2c(ddc) => ddc.read_lately(now),
+                Port::Spi(spi) => spi.read_lately(now),
+                Port::Uart(_) => {}
+            }
+        }
     }
 
     /// A receiver on a UART listens at `baud` from now on.

@@ -16,6 +16,7 @@
 
 use bench_seam::{Pin, SpiFrame, SpiMode};
 
+use super::given::{DOUBTFUL, NEW};
 use super::{Crossings, Outbox};
 use crate::faults::{BusFault, Rng};
 
@@ -54,6 +55,10 @@ pub(super) struct Spi {
     /// The last bit that was clocked out, and the last byte.
     last_bit: bool,
     last_byte: u8,
+    /// The last transfer left something behind.
+    has_left: bool,
+    /// So many transfers to come the controller may drop.
+    doubtful: u8,
     /// What is wrong with MISO.
     failing: Option<(BusFault, Rng)>,
 }
@@ -69,8 +74,15 @@ impl Spi {
             filler: MOST_FILLER,
             last_bit: true,
             last_byte: 0xFF,
+            has_left: false,
+            doubtful: DOUBTFUL,
             failing: None,
         }
+    }
+
+    #[cfg(test)]
+    pub(super) fn read_lately(&mut self, now: u64) {
+        (self.outbox.read_at, self.doubtful, self.has_left) = (now, 0, false);
     }
 
     /// MISO is wrong in this way from now on.
@@ -92,9 +104,18 @@ impl Spi {
             return;
         }
         if selected {
+            // After a pause, a failure, or where something was left, the controller may drop what it reads as old.
+            if at.saturating_sub(self.outbox.read_at) > NEW || self.failing.is_some() || self.has_left {
+                self.doubtful = DOUBTFUL;
+            }
+            if self.doubtful > 0 {
+                self.doubtful -= 1;
+                self.crossings.spoil();
+            }
             self.outbox.read_at = at;
         } else {
             self.crossings.end();
+            self.has_left = !self.outbox.bytes.is_empty();
         }
     }
 
@@ -133,14 +154,14 @@ impl Spi {
                 misuse = misuse.or(Some(FAST_BYTES));
                 answer = answer << 8 | u32::from(self.last_byte);
                 if self.last_byte != 0xFF {
-                    self.crossings.byte(from, to, self.last_byte);
+                    self.crossings.byte(from, to, self.last_byte, 0);
                 }
                 self.crossings.spoil();
                 continue;
             }
             self.last = Some(from);
-            let said = self.outbox.bytes.pop_front();
-            let byte = said.unwrap_or(0xFF);
+            let said = self.outbox.take();
+            let byte = said.map_or(0xFF, |(byte, _)| byte);
             let given = match &mut self.failing {
                 _ if misuse.is_some() => self.late(byte),
                 None => byte,
@@ -155,7 +176,7 @@ impl Spi {
                 self.crossings.spoil();
             }
             if said.is_some() || given != 0xFF {
-                self.crossings.byte(from, to, given);
+                self.crossings.byte(from, to, given, said.map_or(0, |(_, since)| to - since));
             }
             if misuse.is_none() {
                 let shift = 8 * (bytes - 1 - number);

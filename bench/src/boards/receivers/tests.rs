@@ -23,6 +23,7 @@ impl Script {
     fn new() -> Self {
         let mut script = Self { receivers: Receivers::new(3), now: 10 * MS };
         script.receivers.attend();
+        script.receivers.read_lately(script.now);
         let mut inputs = vec![];
         script.receivers.powered(&mut inputs);
         assert!(inputs.contains(&Input::Level(SCL, Some(true))) && inputs.contains(&Input::Level(SDA, Some(true))));
@@ -169,6 +170,41 @@ fn i2c_that_is_too_fast_gives_no_right_bytes_and_is_told_once() {
     assert!(misuses[0].1.starts_with("receiver 2: I2C: more than 400 kHz"), "{misuses:?}");
 }
 
+/// Reads all that waits, after `pause` (ns): what is given, as runs of how many bytes, clean or not, too old or not.
+fn after_a_pause(receiver: usize, pause: u64) -> Vec<(usize, bool, bool)> {
+    let mut script = Script::new();
+    script.receivers.offer(script.now, receiver, &message());
+    script.now += pause;
+    script.receivers.offer(script.now, receiver, &message());
+    let read = |script: &mut Script| {
+        if receiver == 1 {
+            script.read(Some(0xFD), 2 + 200);
+        } else {
+            script.transaction(&[0xFF; 220]);
+        }
+        script.given().iter().map(|given| (given.bytes.len(), given.clean, given.old)).collect::<Vec<_>>()
+    };
+    let first = read(&mut script);
+    // Two reads later nothing is doubtful any more.
+    for _ in 0..2 {
+        script.now += 10 * MS;
+        read(&mut script);
+    }
+    script.now += 10 * MS;
+    script.receivers.offer(script.now, receiver, &message());
+    assert_eq!(read(&mut script), [(100, true, false)]);
+    first
+}
+
+#[test]
+fn what_waited_in_a_receiver_may_be_dropped_and_then_must_not_be_taken() {
+    for receiver in [1, 2] {
+        assert_eq!(after_a_pause(receiver, 10 * MS), [(200, true, false)]);
+        assert_eq!(after_a_pause(receiver, 30 * MS), [(200, false, false)]);
+        assert_eq!(after_a_pause(receiver, 60 * MS), [(100, false, true), (100, false, false)]);
+    }
+}
+
 #[test]
 fn over_spi_the_stream_is_clocked_out_and_filler_when_it_is_empty() {
     let mut script = Script::new();
@@ -178,7 +214,7 @@ fn over_spi_the_stream_is_clocked_out_and_filler_when_it_is_empty() {
     assert_eq!(miso, [&message()[..], &[0xFF; 20]].concat());
     assert_eq!(
         script.given(),
-        [Given { receiver: 2, at: begins, byte_ns: 14_222, bytes: message(), clean: true }],
+        [Given { receiver: 2, at: begins, byte_ns: 14_222, bytes: message(), clean: true, old: false }],
         "and no filler"
     );
     assert!(!script.receivers.has_heard());
@@ -242,6 +278,7 @@ fn bytes_faster_than_125_kb_a_second_are_not_loaded_and_the_stream_waits() {
     assert!(script.receivers.take_misuses()[0].1.contains("125 kB/s"));
     // The same clock with a byte every 8 µs is right.
     script.now += MS;
+    script.receivers.read_lately(script.now);
     script.select(true);
     assert_eq!(script.clock(&[0xFF; 98], 1_778, 8_000), message()[2..]);
     script.select(false);
@@ -448,6 +485,7 @@ fn each_fault_of_miso_makes_of_the_stream_what_it_says() {
         assert!(given.iter().all(|given| !given.clean), "{fault:?}");
         script.receivers.end_fault(2, fault);
         script.now += MS;
+        script.receivers.read_lately(script.now);
         assert_eq!(script.transaction(&[0xFF; 2]), said[..2], "{fault:?}: the stream has gone on");
         assert!(script.given()[0].clean);
         miso

@@ -283,7 +283,9 @@ impl Content {
                 ticks.before = ticks.last.replace(at);
             }
             What::StateInput { input, active, inactive } => self.inputs.levels(at, *input, *active, *inactive),
-            What::Fed { receiver, byte_ns, bytes, clean } => {
+            // What has waited for so long is no news: it must not be shown as if it were.
+            What::Fed { old: true, .. } => {}
+            What::Fed { receiver, byte_ns, bytes, clean, .. } => {
                 let Some(line) = self.lines.get_mut(*receiver) else { return };
                 line.pass(at);
                 // Frames of a tick end before the tick after its successor.

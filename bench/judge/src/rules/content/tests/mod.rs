@@ -21,6 +21,7 @@ struct Burst {
     att: Option<NavAtt>,
     ins: Option<EsfIns>,
     clean: bool,
+    old: bool,
 }
 
 impl Burst {
@@ -50,6 +51,7 @@ impl Burst {
             }),
             ins: Some(EsfIns { itow_ms, rates_1e3: [0; 3], accelerations_1e2: [17 + step, -981 + step, 333 + step] }),
             clean: true,
+            old: false,
         }
     }
 
@@ -162,7 +164,8 @@ impl Scene {
         for (receiver, bursts) in self.receivers.iter().enumerate() {
             for burst in bursts {
                 let bytes = burst.bytes().into();
-                events.add(burst.at, What::Fed { receiver, byte_ns: BYTE_NS, bytes, clean: burst.clean });
+                events
+                    .add(burst.at, What::Fed { receiver, byte_ns: BYTE_NS, bytes, clean: burst.clean, old: burst.old });
             }
         }
         events.end(tick(self.cycles + 1) - MS);
