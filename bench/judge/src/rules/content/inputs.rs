@@ -249,6 +249,26 @@ mod tests {
     }
 
     #[test]
+    fn a_settled_pair_that_chatters_is_a_contradiction_ten_samples_after_it_had_settled_last() {
+        // Ticks 0 to 4 (100 to 140 ms) sample it as inactive; from tick 5 on two of a kind at most.
+        let chatter: Vec<(f64, bool, bool)> =
+            (0..12).map(|n| (145.0 + 20.0 * f64::from(n), n % 2 == 0, n % 2 != 0)).collect();
+        let shown = allowed(1, &chatter, 17);
+        assert_eq!(shown[14], SOUND, "nine samples after");
+        assert_eq!(shown[15..], [[InputsContradict], [InputsContradict]]);
+    }
+
+    #[test]
+    fn of_a_pair_that_may_have_been_sampled_in_too_many_ways_nothing_is_asked() {
+        // From tick 5 on each change may be seen at its tick or not: six of them make 64 outcomes, seven are too many.
+        let changes = |count: u32| -> Vec<(f64, bool, bool)> {
+            (0..count).map(|n| (150.2 + 10.0 * f64::from(n), n % 2 == 0, n % 2 != 0)).collect()
+        };
+        assert!(allowed(1, &changes(6), 12)[11].len() < ALL.len());
+        assert_eq!(allowed(1, &changes(7), 13)[12], ALL);
+    }
+
+    #[test]
     fn after_an_irregular_tick_nothing_is_asked_until_the_pair_has_settled() {
         let mut state = Inputs::new();
         for number in 0..5 {
