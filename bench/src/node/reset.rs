@@ -91,6 +91,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         // What the last start did, the next may do again.
         self.reported.retain(|(kind, _)| *kind != FindingKind::HardFault && *kind != FindingKind::UnhandledInterrupt);
         self.arm();
+        self.hold_after_reset();
     }
 
     /// Fills all RAM with noise that follows from `seed` (SplitMix64), as RAM comes up.
