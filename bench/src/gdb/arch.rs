@@ -2,8 +2,8 @@
 //!
 //! `gdbstub_arch` has no M-profile core, so the description is given here: the features that gdb knows by name
 //! ("Debugging with GDB", appendix G.5.3, ARM Features): `org.gnu.gdb.arm.m-profile` (r0 to pc, xPSR),
-//! `org.gnu.gdb.arm.m-system` (MSP and PSP; the masks and CONTROL ride along, as in OpenOCD's `src/target/armv7m.c`) and `org.gnu.gdb.arm.vfp`
-//! (d0 to d15 and FPSCR, of which gdb makes s0 to s31 itself).
+//! `org.gnu.gdb.arm.m-system` (MSP and PSP; the masks and CONTROL ride along, as in OpenOCD's
+//! `src/target/armv7m.c`) and `org.gnu.gdb.arm.vfp` (d0 to d15 and FPSCR, of which gdb makes s0 to s31 itself).
 
 use std::num::NonZeroUsize;
 

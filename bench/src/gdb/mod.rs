@@ -2,8 +2,8 @@
 //!
 //! [`serve`] runs the whole link ([`crate::sim`]) with a debugger at one board, which speaks gdb's remote protocol
 //! over any connection (`gdbstub` reads and writes it). What a debugger does to a board on a desk, it does here without
-//! being noticed: a halted board halts the world ([`crate::node::Halt`]), so no frame, no transaction and no watchdog passes
-//! meanwhile, and what is only looked at leaves the run's report as it would have been, byte for byte.
+//! being noticed: a halted board halts the world ([`crate::node::Halt`]), so no frame, no transaction and no
+//! watchdog passes meanwhile, and what is only looked at leaves the run's report as it would have been, byte for byte.
 //!
 //! | gdb | here |
 //! |---|---|
