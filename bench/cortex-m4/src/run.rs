@@ -166,6 +166,9 @@ impl<C: Cost> Core<C> {
                     self.passed = None;
                     self.attention = true;
                 }
+            } else if pace == Pace::OneOrEntry {
+                // What the instruction set off is the next call's.
+                return Exit::Until;
             }
         }
     }

@@ -3,9 +3,9 @@
 //! They stand beside the comparators of the DWT, which belong to the firmware and to whoever writes its registers. Like
 //! those (ARM ARM C1.8), they see the loads and stores of instructions, and neither what exception entry and return
 //! move, nor vector fetches, nor what other bus controllers (DMA) do. The instruction completes; [`Core::run`] comes
-//! back behind it with [`crate::Exit::Watchpoint`] before anything else happens.
+//! back behind it with [`Exit::Watchpoint`] before anything else happens.
 
-use crate::{Core, Cost, Width};
+use crate::{Bus, Core, Cost, Exit, Width};
 
 /// Addresses to stop at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,6 +46,8 @@ pub(crate) struct Watchpoints {
     list: Vec<Watchpoint>,
     /// The first access that one of them saw since it was last taken.
     seen: Option<Watched>,
+    /// What `Core::limit` was before it asked to come back behind this instruction.
+    limit: u64,
 }
 
 impl<C: Cost> Core<C> {
@@ -65,7 +67,7 @@ impl<C: Cost> Core<C> {
         self.watchpoints.list.len() < before
     }
 
-    /// After [`crate::Exit::Watchpoint`]: the access. Of an instruction that made several, the first that counts.
+    /// After [`Exit::Watchpoint`]: the access. Of an instruction that made several, the first that counts.
     pub fn take_watched(&mut self) -> Option<Watched> {
         self.watchpoints.seen.take()
     }
@@ -73,9 +75,22 @@ impl<C: Cost> Core<C> {
     /// A data access took place while something is watched.
     pub(crate) fn watch_for_caller(&mut self, address: u32, write: bool, width: Width) {
         let seen = self.watchpoints.list.iter().find(|watchpoint| watchpoint.sees(address, width.bytes(), write));
-        if let Some(&watchpoint) = seen {
-            self.watchpoints.seen.get_or_insert(Watched { watchpoint, address, write });
-            self.paused = Some(crate::Exit::Watchpoint);
+        if let Some(&watchpoint) = seen
+            && self.watchpoints.seen.is_none()
+        {
+            self.watchpoints.seen = Some(Watched { watchpoint, address, write });
+            self.watchpoints.limit = self.limit;
+            self.paused = Some(Exit::Watchpoint);
+            self.limit = 0;
+        }
+    }
+
+    /// [`Core::limit`] as it is to a load/store multiple under way: a watchpoint stops behind the instruction and must
+    /// not leave it in the middle, which would take time. What an access set off meanwhile does.
+    pub(crate) fn limit_of_multiple<B: Bus>(&self, bus: &mut B) -> u64 {
+        match self.paused {
+            Some(Exit::Watchpoint) if !bus.signals().changed => self.watchpoints.limit,
+            _ => self.limit,
         }
     }
 }

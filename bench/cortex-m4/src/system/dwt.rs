@@ -45,7 +45,9 @@ pub(crate) struct Dwt {
     due: u64,
     /// A comparator watches data accesses, or the caller does.
     pub(crate) watching: bool,
-    /// The caller watches data accesses, see `Core::set_watchpoint`.
+    /// A comparator does.
+    watches: bool,
+    /// The caller does, see `Core::set_watchpoint`.
     caller_watches: bool,
 }
 
@@ -69,7 +71,13 @@ impl Dwt {
     fn settle_watching(&mut self) {
         let watches =
             |comparator: &Comparator| matches!(comparator.function & 0xF, 5..=7) && comparator.function & CYCMATCH == 0;
-        self.watching = self.caller_watches || self.on && self.comparators.iter().any(watches);
+        self.watches = self.on && self.comparators.iter().any(watches);
+        self.watching = self.watches || self.caller_watches;
+    }
+
+    /// Whether a comparator watches data accesses.
+    pub(crate) fn watches(&self) -> bool {
+        self.watches
     }
 
     /// The caller wants to be told of data accesses, or no longer. Nothing that the firmware could see changes.

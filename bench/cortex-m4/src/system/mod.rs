@@ -350,8 +350,11 @@ impl<C: Cost> Core<C> {
 
     /// A data access took place while [`Self::watching`]: whether a DWT comparator makes a debug event of it.
     pub(crate) fn watch(&mut self, address: u32, write: bool, width: Width, value: u32) {
-        if self.system.dwt.watch(address, write, width.bytes(), value) {
-            self.debug_event(DFSR_DWTTRAP);
+        if self.system.dwt.watches() {
+            if self.system.dwt.watch(address, write, width.bytes(), value) {
+                self.debug_event(DFSR_DWTTRAP);
+            }
+            self.limit = 0;
         }
         self.watch_for_caller(address, write, width);
     }
