@@ -19,7 +19,8 @@ monitor pins                    every pin that is high
 monitor pin NAME                the level of a pin: P1.05 (DPR), PA5 (HORUS)
 monitor pin NAME high|low       drives it from outside from now on
 monitor pin NAME release        lets go of it
-monitor reset                   pulls the reset pin; halts before the first instruction
+monitor halt                    as monitor time: who can ask this has halted the board already
+monitor reset [halt]            pulls the reset pin; halts before the first instruction
 monitor faults LIST             what goes wrong from now on, drawn from the seed as --faults does:
                                 of air, gnss, fc, power, buffers, inputs
 monitor help                    this
@@ -35,7 +36,10 @@ impl<C: Cost> Debuggee<'_, C> {
             ["pins"] => self.pins(),
             ["pin", name] => self.pin(name),
             ["pin", name, level] => self.drive(name, level),
-            ["reset"] => self.reset()?,
+            // What OpenOCD understands, and editors therefore say to any server (cortex-debug's src/external.ts). The
+            // debugger can only ask while the board is halted.
+            ["halt"] => self.time(),
+            ["reset"] | ["reset", "halt"] => self.reset()?,
             ["faults", list] => self.faults(list),
             _ => format!("no monitor command \"{command}\"; these are:\n{HELP}"),
         })
