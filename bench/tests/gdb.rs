@@ -5,7 +5,7 @@ mod boards;
 use std::fmt::Write as _;
 use std::fs::File;
 use std::os::unix::net::{UnixListener, UnixStream};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::mpsc::{self, Receiver, Sender};
 
@@ -217,7 +217,7 @@ fn breakpoints_watchpoints_steps_and_reads_leave_the_run_as_it_is_on_every_clock
             (0..40).for_each(|number| assert!(gdb.ask(&format!("p{number:x}")).len() >= 8));
             // A store to any of the images, then any access: behind the instruction.
             assert_eq!(gdb.ask(&format!("z1,{commit:x},2")), "OK");
-            let watched = format!("{:x},{:x}", images, size);
+            let watched = format!("{images:x},{size:x}");
             for (kind, name) in [(2, "watch:"), (4, "awatch:"), (3, "rwatch:")] {
                 assert_eq!(gdb.ask(&format!("Z{kind},{watched}")), "OK");
                 for _ in 0..20 {
@@ -313,7 +313,7 @@ fn kill_ends_the_run_and_a_lost_connection_does_not() {
 
 /// gdb with this script at the DPR over a socket of this machine's file system; what it wrote.
 fn real_gdb(setup: &Setup, script: &[String]) -> (Ended, String) {
-    let folder = PathBuf::from(std::env::temp_dir()).join(format!("bench-gdb-{}", std::process::id()));
+    let folder = std::env::temp_dir().join(format!("bench-gdb-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     let (socket, written) = (folder.join("socket"), folder.join("written"));
     let listener = UnixListener::bind(&socket).unwrap();
