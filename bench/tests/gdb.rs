@@ -363,9 +363,9 @@ fn a_session_of_the_real_gdb_leaves_the_run_as_it_is() {
         // What cortex-debug says when it attaches.
         "monitor halt",
         // The image, and the flash that it came from.
-        &format!("x/4xw {:#x}", images),
+        &format!("x/4xw {images:#x}"),
         "x/2xw 0",
-        &format!("watch *(unsigned *)({:#x} + 8)", images),
+        &format!("watch *(unsigned *)({images:#x} + 8)"),
         "delete 1",
         "continue",
         "stepi",
