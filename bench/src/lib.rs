@@ -3,11 +3,12 @@
 //! [`node`] runs real ELF files in virtual time, on the core of `cortex-m4` and the parts of `stm32f429` and
 //! `nrf52840`. [`boards`] is what is wired to each part, [`world`] what stands beside the boards, [`faults`] what goes
 //! wrong on purpose. [`sim`] puts all of it together and writes one event log, which `bench-judge` judges; [`report`]
-//! is what a run showed, [`plot`] its flight as a picture, and [`trace`] its wires.
+//! is what a run showed, [`plot`] its flight as a picture, and [`trace`] its wires. [`gdb`] lets a debugger attach.
 #![forbid(unsafe_code)]
 
 pub mod boards;
 pub mod faults;
+pub mod gdb;
 pub mod node;
 pub mod plot;
 pub mod report;

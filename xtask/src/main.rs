@@ -9,6 +9,7 @@
 mod access;
 mod firmware;
 mod fuzz;
+mod gdb;
 mod header;
 mod judge;
 mod line_length;
@@ -47,6 +48,8 @@ enum Command {
     Flash(FlashArgs),
     /// Run both firmware images against each other on the bench.
     Sim(sim::SimArgs),
+    /// Run the link with gdb, or an editor that speaks its protocol, at one of the boards.
+    Gdb(gdb::GdbArgs),
     /// Judge an event log again that `sim --events` stored.
     Judge(judge::JudgeArgs),
     /// Instructions per second of the core alone, and where the time of `sim` goes.
@@ -200,7 +203,7 @@ fn dispatch(command: Command) -> Result<ExitCode> {
         }
         Command::Flash(args) => flash(&args),
         Command::Sim(args) => sim::sim(&args),
-
+        Command::Gdb(args) => gdb::gdb(&args),
         Command::Judge(args) => judge::run(&args),
         Command::Speed(args) => speed::speed(&args),
         Command::Run(args) => run::run(&args),

@@ -9,7 +9,7 @@ use anyhow::{Context, Result, bail};
 use bench::faults::{Board, Campaign, Faults, Kind, Options};
 use bench::node::{Clock, Threads};
 use bench::report::{Exclusion, Report, Reported, Voter};
-use bench::sim::{Crystals, Images, Observer, Setup};
+use bench::sim::{Crystals, Images, Observer, Outcome, Setup};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -107,9 +107,21 @@ fn ppm(text: &str) -> Result<f64, String> {
     }
 }
 
-struct Screen {
+/// Progress and, if asked for, logs on a terminal.
+pub(crate) struct Screen {
     bar: ProgressBar,
     log: bool,
+}
+
+impl Screen {
+    /// Says something beside the progress.
+    pub(crate) fn say(&self, text: &str) {
+        if self.bar.is_hidden() {
+            eprintln!("{text}");
+        } else {
+            self.bar.println(text);
+        }
+    }
 }
 
 impl Observer for Screen {
@@ -119,17 +131,18 @@ impl Observer for Screen {
 
     fn log(&mut self, board: &str, line: &str) {
         if self.log {
-            let line = format!("{board:>5} {line}");
-            if self.bar.is_hidden() {
-                eprintln!("{line}");
-            } else {
-                self.bar.println(line);
-            }
+            self.say(&format!("{board:>5} {line}"));
         }
     }
 }
 
 pub(crate) fn sim(args: &SimArgs) -> Result<ExitCode> {
+    run(args, |setup, screen| Ok(Some(bench::sim::run(setup, screen)?)))
+}
+
+/// Builds both images, has `go` run the link with them, and shows what came of it. `go` answers nothing where the run
+/// was ended before its time, which fails.
+pub(crate) fn run(args: &SimArgs, go: impl FnOnce(&Setup, &mut Screen) -> Result<Option<Outcome>>) -> Result<ExitCode> {
     let recordings = vec![args.ubx1.clone(), args.ubx2.clone(), args.ubx3.clone()];
     if let Some(beyond) = recordings.iter().skip(args.gps.0).position(Option::is_some) {
         bail!("--ubx{}: this profile has {} receiver(s) only (--gps {})", args.gps.0 + beyond + 1, args.gps, args.gps);
@@ -137,37 +150,15 @@ pub(crate) fn sim(args: &SimArgs) -> Result<ExitCode> {
     // Before anything is built or run: a result that cannot be kept is known here.
     let json = args.json.as_deref().map(Json::create).transpose()?;
     let (horus, dpr) = firmware::build_pair(args.gps)?;
-    let duration_ns = (args.seconds * 1e9).round() as u64;
-    let to_ppb = |ppm: f64| (ppm * 1000.0).round() as i64;
-    let setup = Setup {
-        images: Images { horus, dpr },
-        gps: args.gps.0,
-        duration_ns,
-        clock: args.clock,
-        threads: if args.threads == 1 { Threads::One } else { Threads::Two },
-        seed: args.seed,
-        recordings,
-        receiver_hz: args.receiver_hz,
-        factory_settings: args.factory_settings,
-        crystals: Crystals {
-            horus_ppb: to_ppb(args.horus_ppm),
-            dpr_ppb: to_ppb(args.dpr_ppm),
-            flight_controller_ppb: to_ppb(args.fc_ppm),
-        },
-        faults: Faults::drawn(&args.faults, args.gps.0, args.seed, duration_ns),
-        writes: true,
-        sweep: None,
-        trace: args.trace.clone(),
-        log: args.events.clone(),
-        plot: args.plot.clone(),
-    };
+    let setup = setup(args, recordings, Images { horus, dpr });
     let style = ProgressStyle::with_template("{bar:40} {pos}/{len} ms of virtual time, {eta} left")
         .expect("a constant template");
     let mut screen = Screen { bar: ProgressBar::new(setup.duration_ns / 1_000_000).with_style(style), log: args.log };
     let began = Instant::now();
-    let mut outcome = bench::sim::run(&setup, &mut screen)?;
+    let outcome = go(&setup, &mut screen)?;
     let wall = began.elapsed().as_secs_f64();
     screen.bar.finish_and_clear();
+    let Some(mut outcome) = outcome else { return Ok(ExitCode::FAILURE) };
     outcome.report.speed.times_real_time = outcome.report.virtual_seconds / wall;
 
     if args.faults.iter().any(|kind| kind.is_upset()) {
@@ -190,6 +181,34 @@ pub(crate) fn sim(args: &SimArgs) -> Result<ExitCode> {
     }
     eprintln!("error: {} violation(s)", outcome.report.violations.len());
     Ok(ExitCode::FAILURE)
+}
+
+/// What the arguments ask for.
+fn setup(args: &SimArgs, recordings: Vec<Option<PathBuf>>, images: Images) -> Setup {
+    let duration_ns = (args.seconds * 1e9).round() as u64;
+    let to_ppb = |ppm: f64| (ppm * 1000.0).round() as i64;
+    Setup {
+        images,
+        gps: args.gps.0,
+        duration_ns,
+        clock: args.clock,
+        threads: if args.threads == 1 { Threads::One } else { Threads::Two },
+        seed: args.seed,
+        recordings,
+        receiver_hz: args.receiver_hz,
+        factory_settings: args.factory_settings,
+        crystals: Crystals {
+            horus_ppb: to_ppb(args.horus_ppm),
+            dpr_ppb: to_ppb(args.dpr_ppm),
+            flight_controller_ppb: to_ppb(args.fc_ppm),
+        },
+        faults: Faults::drawn(&args.faults, args.gps.0, args.seed, duration_ns),
+        writes: true,
+        sweep: None,
+        trace: args.trace.clone(),
+        log: args.events.clone(),
+        plot: args.plot.clone(),
+    }
 }
 
 /// Where the report goes as JSON.

@@ -6,6 +6,7 @@ use crate::Cost;
 use crate::code::Code;
 use crate::system::System;
 use crate::watch::Watch;
+use crate::watchpoint::Watchpoints;
 
 /// How the part configures its core.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,6 +34,9 @@ pub enum Exit {
     Stopped,
     /// The next instruction is at a breakpoint of the caller's, see [`Core::set_breakpoint`]. It was not executed.
     Breakpoint,
+    /// The instruction before this boundary accessed what the caller watches, see [`Core::set_watchpoint`] and
+    /// [`Core::take_watched`].
+    Watchpoint,
     /// The next instruction is `BKPT 0xAB`, a semihosting call; see [`Core::finish_host_call`]. It was not executed.
     HostCall,
     /// The core locked up just now (`locked_up`): it executes nothing until it is reset. Told once, as time goes on.
@@ -119,6 +123,8 @@ pub struct Core<C: Cost> {
     pub(crate) told_halt: bool,
     /// Changes of the active exception.
     pub(crate) watch: Watch,
+    /// What the caller watches of the data accesses.
+    pub(crate) watchpoints: Watchpoints,
     pub(crate) cost: PhantomData<C>,
 }
 
@@ -192,6 +198,7 @@ impl<C: Cost> Core<C> {
             told_lockup: false,
             told_halt: false,
             watch: Watch::default(),
+            watchpoints: Watchpoints::default(),
             cost: PhantomData,
         }
     }

@@ -24,9 +24,11 @@ mod run;
 mod special;
 mod system;
 mod watch;
+mod watchpoint;
 
 pub use self::core::{Config, Core, Exit, Register};
 pub use bus::{Access, Bound, Bus, BusError, Purpose, Signals, Width};
 pub use cost::{Cost, Fast, Optimistic, Pessimistic};
 pub use describe::describe;
 pub use fault::Fault;
+pub use watchpoint::{Watched, Watchpoint};

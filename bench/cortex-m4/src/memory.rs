@@ -178,7 +178,6 @@ impl<C: Cost> Core<C> {
         self.notice(bus);
         if self.watching() && matches!(purpose, Purpose::Data | Purpose::Literal) {
             self.watch(address, false, width, value);
-            self.limit = 0;
         }
         Ok(value)
     }
@@ -225,7 +224,6 @@ impl<C: Cost> Core<C> {
         self.notice(bus);
         if self.watching() && purpose == Purpose::Data {
             self.watch(address, true, width, value);
-            self.limit = 0;
         }
         Ok(())
     }

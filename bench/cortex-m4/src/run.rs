@@ -19,13 +19,35 @@ const ON: u8 = 0;
 const WHILE_CURRENT: u8 = 1;
 const ONCE: u8 = 2;
 
+/// How far the run loop goes.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Pace {
+    /// On and on.
+    Free,
+    /// One instruction, after any exception that is due.
+    One,
+    /// One instruction or one exception entry.
+    OneOrEntry,
+}
+
 impl<C: Cost> Core<C> {
     /// Executes until the cycle `until`, or until something else wants the caller. While the core sleeps, is halted or
     /// locked up, time passes and the bus is advanced. After [`Exit::Breakpoint`] it goes on with the instruction
     /// there.
     pub fn run<B: Bus>(&mut self, bus: &mut B, until: u64) -> Exit {
         let mut code = std::mem::take(&mut self.code);
-        let exit = self.run_with(bus, &mut code, until, false);
+        let exit = self.run_with(bus, &mut code, until, Pace::Free);
+        self.code = code;
+        exit
+    }
+
+    /// As [`Core::run`], but it comes back with [`Exit::Until`] after one instruction at the latest, and as soon as an
+    /// exception was entered, before its handler's first instruction. [`Core::retired`] and [`Core::exception_changes`]
+    /// tell which of the two it was; where neither moved, time passed for a core that sleeps. A run that is made of
+    /// nothing else does what one [`Core::run`] does.
+    pub fn run_one<B: Bus>(&mut self, bus: &mut B, until: u64) -> Exit {
+        let mut code = std::mem::take(&mut self.code);
+        let exit = self.run_with(bus, &mut code, until, Pace::OneOrEntry);
         self.code = code;
         exit
     }
@@ -35,12 +57,13 @@ impl<C: Cost> Core<C> {
     pub fn step<B: Bus>(&mut self, bus: &mut B) -> Exit {
         let mut code = std::mem::take(&mut self.code);
         self.passed = Some(self.r[15]);
-        let exit = self.run_with(bus, &mut code, u64::MAX, true);
+        let exit = self.run_with(bus, &mut code, u64::MAX, Pace::One);
         self.code = code;
         exit
     }
 
-    fn run_with<B: Bus>(&mut self, bus: &mut B, code: &mut Code, until: u64, single: bool) -> Exit {
+    fn run_with<B: Bus>(&mut self, bus: &mut B, code: &mut Code, until: u64, pace: Pace) -> Exit {
+        let single = pace != Pace::Free;
         let mut stepped = false;
         loop {
             let mut due = bus.due().min(self.system_due());
@@ -69,6 +92,9 @@ impl<C: Cost> Core<C> {
             }
             if self.attention && !stalled {
                 if self.look_at_exceptions(bus) {
+                    if pace == Pace::OneOrEntry {
+                        return Exit::Until;
+                    }
                     continue;
                 }
                 due = bus.due().min(self.system_due());
@@ -124,6 +150,9 @@ impl<C: Cost> Core<C> {
             self.execute_until_limit(bus, code, single);
             self.watch.complete(recorded, self.cycle);
             if let Some(exit) = self.paused.take() {
+                if exit == Exit::Watchpoint {
+                    return exit;
+                }
                 self.retired -= 1;
                 let pc = self.r[15];
                 if exit != Exit::Breakpoint {
@@ -137,6 +166,9 @@ impl<C: Cost> Core<C> {
                     self.passed = None;
                     self.attention = true;
                 }
+            } else if pace == Pace::OneOrEntry {
+                // What the instruction set off is the next call's.
+                return Exit::Until;
             }
         }
     }
@@ -195,7 +227,8 @@ impl<C: Cost> Core<C> {
         let mut pc = self.r[15];
         loop {
             let it = self.it;
-            if C::BOUND.is_some() {
+            // At a breakpoint nothing is fetched yet: time stands still until the instruction there is executed.
+            if C::BOUND.is_some() && !matches!(op.what, Do::Breakpoint) {
                 self.fetch_waits(bus, pc, u32::from(op.size));
             }
             if it == 0 || self.begins_in_block(bus, op) {

@@ -1,6 +1,6 @@
 //! What a debugger sees and changes of a node.
 
-use bench_seam::Part;
+use bench_seam::{Part, Pin};
 use cortex_m4::{Cost, Register};
 
 use super::{Board, Digest, Error, Firmware, Node, memory};
@@ -26,6 +26,72 @@ impl<B: Board, C: Cost> Node<B, C> {
         if let Ok(number @ 0..=15) = u8::try_from(number) {
             self.core.set_register(Register::R(number), value);
         }
+    }
+
+    /// The value of any register of the core.
+    #[must_use]
+    pub fn core_register(&self, register: Register) -> u32 {
+        self.core.register(register)
+    }
+
+    /// Gives any register of the core another value, between two instructions.
+    pub fn set_core_register(&mut self, register: Register, value: u32) {
+        self.core.set_register(register, value);
+    }
+
+    /// The level of `pin` now, whoever drives it; a floating pin is low.
+    #[must_use]
+    pub fn pin(&self, pin: Pin) -> bool {
+        self.side.part.pin(pin)
+    }
+
+    /// Fills `to` from `address` on, up to the first byte that nothing answers, and answers how many bytes those are.
+    /// Memory is read as it is. Every other word, of a peripheral or of the core's own space, is read on a copy of core
+    /// and board that is thrown away: nothing is found, cleared or set off, whatever a read does there.
+    #[must_use]
+    pub fn peek(&self, address: u32, to: &mut [u8]) -> usize {
+        if memory::read(&self.side.part, u64::from(address), to) {
+            return to.len();
+        }
+        let mut filled = 0;
+        while filled < to.len() {
+            let Some(at) = u32::try_from(filled).ok().and_then(|filled| address.checked_add(filled)) else { break };
+            let offset = (at & 3) as usize;
+            let length = (4 - offset).min(to.len() - filled);
+            let bytes = &mut to[filled..filled + length];
+            if !memory::read(&self.side.part, u64::from(at), bytes) {
+                let (mut core, mut side) = (self.core.clone(), self.side.clone());
+                let Ok(word) = core.debug_read(&mut side, at & !3) else { break };
+                bytes.copy_from_slice(&word.to_le_bytes()[offset..offset + length]);
+            }
+            filled += length;
+        }
+        filled
+    }
+
+    /// Writes `from` at `address` as a debugger does: memory, flash included, or whole words of peripherals and of the
+    /// core's own space, with all that such a write does.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::NotMemory`] where nothing takes it, or where a part of a word would be written that is not memory.
+    pub fn poke(&mut self, address: u32, from: &[u8]) -> Result<(), Error> {
+        let refused = Error::NotMemory { address: u64::from(address), length: from.len() };
+        if self.write(u64::from(address), from).is_ok() {
+            return Ok(());
+        }
+        let (words, rest) = from.as_chunks::<4>();
+        if address & 3 != 0 || !rest.is_empty() {
+            return Err(refused);
+        }
+        for (word, at) in words.iter().zip((address..).step_by(4)) {
+            if self.core.debug_write(&mut self.side, at, u32::from_le_bytes(*word)).is_err() {
+                return Err(refused);
+            }
+        }
+        self.side.part.signals().changed = true;
+        self.side.stirred = true;
+        Ok(())
     }
 
     /// The word at `address` as a debugger reads it: memory, or the processor's own registers.

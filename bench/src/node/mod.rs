@@ -24,6 +24,7 @@ mod digest;
 mod error;
 mod finding;
 mod firmware;
+mod hold;
 mod input;
 mod memory;
 mod pair;
@@ -49,9 +50,11 @@ pub(crate) use digest::Digest;
 pub use error::Error;
 pub use finding::{Finding, FindingKind};
 pub use firmware::{Firmware, Symbol};
+use hold::Hold;
+pub use hold::{Halt, Resume};
 pub use pair::{Between, Lookahead, Nothing, Pair, Sent};
 pub use probe::PROBE_PERIOD;
-pub use relay::{Downstream, Relay, Threads, Upstream};
+pub use relay::{Course, Downstream, Relay, Threads, Upstream, Way};
 pub use reset::{FromOutside, ResetAt};
 pub use rtt::{LogLevel, LogLine};
 pub use run::{Clock, Event, Limits, Outcome, Target, run};
@@ -72,6 +75,8 @@ pub struct Node<B: Board, C: Cost = Fast> {
     semihosting: bool,
     exit: Option<u32>,
     traps: Traps,
+    /// What a debugger wants of the core.
+    hold: Hold,
     /// The part has its supply.
     powered: bool,
     /// Which exception was active from when (ns) on; nothing unless watched.

@@ -122,7 +122,8 @@ where
 {
     /// Runs both boards to `end` (virtual ns), or to the first instruction boundary after it. Whenever the second board
     /// has come another `step` of virtual time, and at the end, `each` is called with the instant, it and its
-    /// surroundings. What comes of it does not depend on where runs end and `threads`.
+    /// surroundings. What comes of it does not depend on where runs end and `threads`. A board with breakpoints is run
+    /// by [`Relay::run_course`] instead: halted, it would end this run with messages on their way.
     ///
     /// # Errors
     ///
@@ -135,15 +136,14 @@ where
         each: impl FnMut(u64, &mut Node<B, C>, &mut D) -> Result<(), E>,
     ) -> Result<(), E> {
         let Self { a, b, upstream, downstream } = self;
-        let mut lead = Lead { sent: Vec::new() };
+        let mut lead = Lead { sent: Vec::new(), to: None };
         match threads {
-            Threads::One => follow(b, downstream, end, step, || Some(lead.piece(a, upstream, end)), each),
+            Threads::One => follow(b, downstream, end, step, || lead.piece(a, upstream, end), each),
             Threads::Two => {
                 let (tell, told) = mpsc::sync_channel(LEAD);
                 std::thread::scope(|threads| {
                     threads.spawn(move || {
-                        loop {
-                            let told = lead.piece(a, upstream, end);
+                        while let Some(told) = lead.piece(a, upstream, end) {
                             let ended = told.ended;
                             if tell.send(told).is_err() || ended {
                                 return;
@@ -156,23 +156,70 @@ where
             }
         }
     }
+
+    /// Runs both boards on along `course`, on the caller's thread, to the end of its next step or to where a board's
+    /// debugger halts it ([`Node::halted`]). Both boards then stand still, and go on by the next call once the halted
+    /// one is resumed. What comes of it is what [`Relay::run`] makes of the same boards without debuggers.
+    pub fn run_course(&mut self, course: &mut Course<U::Message>) -> Way {
+        let Self { a, b, upstream, downstream } = self;
+        let Course { lead, follower, end, step } = course;
+        follower.step(b, downstream, *end, *step, || lead.piece(a, upstream, *end))
+    }
+}
+
+/// A [`Relay`]'s way through time that can be interrupted anywhere: what is on its way between the boards.
+#[derive(Clone, Debug)]
+pub struct Course<M> {
+    lead: Lead<M>,
+    follower: Follower<M>,
+    end: u64,
+    step: u64,
+}
+
+impl<M> Course<M> {
+    /// From `from` to `end` in steps of `step`, all virtual ns.
+    #[must_use]
+    pub fn new(from: u64, end: u64, step: u64) -> Self {
+        Self { lead: Lead { sent: Vec::new(), to: None }, follower: Follower::new(from), end, step }
+    }
+
+    /// Whether its end is reached.
+    #[must_use]
+    pub fn is_over(&self) -> bool {
+        self.follower.at >= self.end
+    }
+}
+
+/// How far a relay came, see [`Relay::run_course`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Way {
+    /// The second board reached the end of a step, this instant (virtual ns).
+    Reached(u64),
+    /// A board is halted.
+    Halted,
 }
 
 /// The first board's way through time.
+#[derive(Clone, Debug)]
 struct Lead<M> {
     sent: Vec<(u64, M)>,
+    /// The end of the piece that it is in.
+    to: Option<u64>,
 }
 
 impl<M> Lead<M> {
-    /// Runs the first board through its next piece of time.
+    /// Runs the first board through its next piece of time; `None` where its debugger halted it in it.
     fn piece<A: Board, C: Cost, U: Upstream<A, C, Message = M>>(
         &mut self,
         node: &mut Node<A, C>,
         upstream: &mut U,
         end: u64,
-    ) -> Told<M, U::Notes> {
-        let to = ((node.now() / PIECE + 1) * PIECE).min(end);
+    ) -> Option<Told<M, U::Notes>> {
+        let to = *self.to.get_or_insert(((node.now() / PIECE + 1) * PIECE).min(end));
         loop {
+            if node.halted().is_some() {
+                return None;
+            }
             if node.board().outgoing() {
                 upstream.leave(node, &mut self.sent);
             }
@@ -181,8 +228,9 @@ impl<M> Lead<M> {
                 node.note_late(next, "an actor");
                 upstream.act(next, node);
             } else if now >= to {
+                self.to = None;
                 let sent = std::mem::take(&mut self.sent);
-                return Told { sent, notes: upstream.notes(node), reached: now, ended: now >= end };
+                return Some(Told { sent, notes: upstream.notes(node), reached: now, ended: now >= end });
             } else {
                 node.advance(to.min(next));
             }
@@ -190,7 +238,7 @@ impl<M> Lead<M> {
     }
 }
 
-/// Runs the second board to `end`.
+/// Runs the second board to `end`, or to where its debugger or the first board's halts.
 fn follow<B: Board, C: Cost, D: Downstream<B, C>, E>(
     node: &mut Node<B, C>,
     downstream: &mut D,
@@ -199,18 +247,46 @@ fn follow<B: Board, C: Cost, D: Downstream<B, C>, E>(
     mut tell: impl FnMut() -> Option<Told<D::Message, D::Notes>>,
     mut each: impl FnMut(u64, &mut Node<B, C>, &mut D) -> Result<(), E>,
 ) -> Result<(), E> {
-    let mut on_the_way = VecDeque::new();
-    let (mut reached, mut ended) = (0, false);
-    let mut hear = |downstream: &mut D, on_the_way: &mut VecDeque<_>| {
-        let Some(told) = tell() else { return (u64::MAX, true) };
-        on_the_way.extend(told.sent);
-        downstream.noted(told.notes);
-        (told.reached, told.ended)
-    };
-    let mut to = node.now();
-    while to < end {
-        to = (to + step).min(end);
+    let mut follower = Follower::new(node.now());
+    while follower.at < end {
+        let Way::Reached(at) = follower.step(node, downstream, end, step, &mut tell) else { break };
+        each(at, node, downstream)?;
+    }
+    Ok(())
+}
+
+/// The second board's way through time.
+#[derive(Clone, Debug)]
+struct Follower<M> {
+    /// What left the first board and is not heard yet.
+    on_the_way: VecDeque<(u64, M)>,
+    /// How far the first board is known to have come, and whether it has ended.
+    reached: u64,
+    ended: bool,
+    /// The end of the last step that is complete.
+    at: u64,
+}
+
+impl<M> Follower<M> {
+    fn new(at: u64) -> Self {
+        Self { on_the_way: VecDeque::new(), reached: 0, ended: false, at }
+    }
+
+    /// Runs the second board to the end of its next step. `tell` answers what the first board says next, or `None`
+    /// where that is halted; the step then goes on with the next call, as it does where the second board is halted.
+    fn step<B: Board, C: Cost, D: Downstream<B, C, Message = M>>(
+        &mut self,
+        node: &mut Node<B, C>,
+        downstream: &mut D,
+        end: u64,
+        step: u64,
+        mut tell: impl FnMut() -> Option<Told<M, D::Notes>>,
+    ) -> Way {
+        let to = (self.at + step).min(end);
         loop {
+            if node.halted().is_some() {
+                return Way::Halted;
+            }
             if node.board().outgoing() {
                 downstream.leave(node);
             }
@@ -225,27 +301,40 @@ fn follow<B: Board, C: Cost, D: Downstream<B, C>, E>(
             }
             let piece = (now / PIECE + 1) * PIECE;
             let left = (piece + HEARD_AHEAD).min(end);
-            while reached < left && !ended {
-                (reached, ended) = hear(downstream, &mut on_the_way);
+            while self.reached < left && !self.ended {
+                let Some(told) = tell() else { return Way::Halted };
+                self.hear(told, downstream);
             }
-            while let Some((at, message)) = on_the_way.pop_front_if(|(at, _)| *at <= now + HEARD_AHEAD) {
+            while let Some((at, message)) = self.on_the_way.pop_front_if(|(at, _)| *at <= now + HEARD_AHEAD) {
                 node.note_late(at, "a message");
                 downstream.hear(at, message, node);
             }
-            let unheard = on_the_way.front().map_or(u64::MAX, |(at, _)| at - HEARD_AHEAD);
+            let unheard = self.on_the_way.front().map_or(u64::MAX, |(at, _)| at - HEARD_AHEAD);
             node.advance(to.min(next).min(piece).min(unheard));
         }
         if to == end {
             // What the first board said after the last that the second had to wait for, and what comes after the end.
-            while !ended {
-                (_, ended) = hear(downstream, &mut on_the_way);
+            while !self.ended {
+                let Some(told) = tell() else { return Way::Halted };
+                self.hear(told, downstream);
             }
-            for (at, message) in on_the_way.drain(..) {
+            for (at, message) in self.on_the_way.drain(..) {
                 node.note_late(at, "a message");
                 downstream.hear(at, message, node);
             }
         }
-        each(to, node, downstream)?;
+        self.at = to;
+        Way::Reached(to)
     }
-    Ok(())
+
+    /// The first board says this.
+    fn hear<B: Board, C: Cost, D: Downstream<B, C, Message = M>>(
+        &mut self,
+        told: Told<M, D::Notes>,
+        downstream: &mut D,
+    ) {
+        self.on_the_way.extend(told.sent);
+        downstream.noted(told.notes);
+        (self.reached, self.ended) = (told.reached, told.ended);
+    }
 }

@@ -14,6 +14,20 @@ pub struct ResetAt {
     pub cause: Reset,
 }
 
+impl ResetAt {
+    /// Why, in words that follow "restarted".
+    #[must_use]
+    pub fn why(&self) -> String {
+        match self.cause {
+            Reset::Software => "by software".to_owned(),
+            Reset::Watchdog(name) => format!("by its watchdog {name}"),
+            Reset::Lockup => "from a lock-up".to_owned(),
+            Reset::Wakeup(name) => format!("waking up by {name}"),
+            cause @ (Reset::PowerOn | Reset::BrownOut | Reset::Pin) => format!("{cause:?}"),
+        }
+    }
+}
+
 /// What restarts a part from outside, see [`Node::restart`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FromOutside {
@@ -91,6 +105,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         // What the last start did, the next may do again.
         self.reported.retain(|(kind, _)| *kind != FindingKind::HardFault && *kind != FindingKind::UnhandledInterrupt);
         self.arm();
+        self.hold_after_reset();
     }
 
     /// Fills all RAM with noise that follows from `seed` (SplitMix64), as RAM comes up.

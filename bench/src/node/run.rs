@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 use std::str::FromStr;
 
-use bench_seam::{Part, Reset};
+use bench_seam::Part;
 use cortex_m4::{Cost, Fast, Optimistic, Pessimistic};
 use nrf52840::{Nrf52840, Settings};
 use stm32f429::{Oscillators, Stm32f429};
@@ -130,10 +130,12 @@ pub enum Event<'a> {
     Line(&'a LogLine),
     /// Something went wrong.
     Finding(&'a Finding),
+    /// The part restarted.
+    Reset(&'a ResetAt),
 }
 
 /// How a run ended.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Outcome {
     /// The status the firmware exited with, or `None` where it did not exit.
     pub exit: Option<u32>,
@@ -147,6 +149,8 @@ pub struct Outcome {
     pub findings: Vec<Finding>,
     /// How often the part restarted.
     pub resets: usize,
+    /// The share of the time in which the core was awake, 0 to 1.
+    pub load: f64,
     /// What the core was doing at the end, in words.
     pub doing: String,
 }
@@ -184,6 +188,7 @@ pub fn run<P: Part, C: Cost>(
     let mut node = Node::<_, C>::new(part, Bare::new(), firmware)?.with_semihosting();
     let (mut lines, mut findings) = (Vec::new(), Vec::new());
     let mut died = false;
+    let mut told = 0;
     loop {
         // It stops at every restart, before a firmware that only restarts has done so for a whole step.
         node.advance_to_restart((node.now() + limits.step).min(limits.virtual_time));
@@ -198,6 +203,9 @@ pub fn run<P: Part, C: Cost>(
             event(Event::Line(&line));
             lines.push(line);
         }
+        // Behind the lines: it stops at every restart, and those were logged before.
+        node.resets()[told..].iter().for_each(|reset| event(Event::Reset(reset)));
+        told = node.resets().len();
         for finding in found.into_iter().chain(if over { node.take_findings() } else { Vec::new() }) {
             event(Event::Finding(&finding));
             findings.push(finding);
@@ -213,6 +221,7 @@ pub fn run<P: Part, C: Cost>(
         lines,
         findings,
         resets: node.resets().len(),
+        load: node.usage().load(),
         doing: node.doing(),
     })
 }
@@ -221,14 +230,7 @@ pub fn run<P: Part, C: Cost>(
 fn restart_loop(resets: &[ResetAt]) -> String {
     let mut causes = BTreeMap::<String, usize>::new();
     for reset in resets {
-        let cause = match reset.cause {
-            Reset::Software => "by software".to_owned(),
-            Reset::Watchdog(name) => format!("by its watchdog {name}"),
-            Reset::Lockup => "from a lock-up".to_owned(),
-            Reset::Wakeup(name) => format!("waking up by {name}"),
-            cause @ (Reset::PowerOn | Reset::BrownOut | Reset::Pin) => format!("{cause:?}"),
-        };
-        *causes.entry(cause).or_default() += 1;
+        *causes.entry(reset.why()).or_default() += 1;
     }
     let causes: Vec<String> = causes.iter().map(|(cause, times)| format!("{times} times {cause}")).collect();
     let count = resets.len();

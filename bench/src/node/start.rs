@@ -8,7 +8,7 @@ use cortex_m4::{Core, Cost};
 use super::probe::PROBE_PERIOD;
 use super::rtt::{Channels, Text};
 use super::side::Side;
-use super::{Board, Error, Firmware, Node, Traps, memory};
+use super::{Board, Error, Firmware, Hold, Node, Traps, memory};
 
 /// HardFault's place in the vector table, ARMv7-M ARM table B1-4.
 const HARD_FAULT: u64 = 3;
@@ -69,6 +69,7 @@ impl<B: Board, C: Cost> Node<B, C> {
             reported: BTreeSet::new(),
             firmware: firmware.clone(),
             traps,
+            hold: Hold::default(),
         };
         node.arm();
         // A part that was made leaves its pins as at power-on, which the board hears of here.

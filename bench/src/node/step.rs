@@ -78,11 +78,15 @@ impl<B: Board, C: Cost> Node<B, C> {
 
     fn advance_or_restart(&mut self, to: u64, stops: bool) -> bool {
         loop {
+            if self.halted().is_some() {
+                return false;
+            }
             if let Some(reset) = self.side.reset.take() {
                 self.reset_by(reset);
                 if stops {
                     return true;
                 }
+                continue;
             }
             let now = self.now();
             if now >= self.probe_at {
@@ -101,9 +105,13 @@ impl<B: Board, C: Cost> Node<B, C> {
                 continue;
             }
             self.side.stirred = false;
-            match self.core.run(&mut self.side, horizon) {
+            match self.run_held(horizon) {
                 Exit::Until | Exit::Stopped | Exit::Halted => {}
-                Exit::Breakpoint => self.trapped(),
+                Exit::Breakpoint => {
+                    self.trapped();
+                    self.met_breakpoint();
+                }
+                Exit::Watchpoint => self.met_watchpoint(),
                 Exit::HostCall => self.host_call(),
                 Exit::Lockup => self.locked_up(),
                 Exit::ResetRequest => self.side.reset = Some(Reset::Software),

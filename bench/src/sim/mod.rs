@@ -9,6 +9,7 @@
 
 mod board_events;
 mod campaign;
+mod debugged;
 mod downstream;
 mod marks;
 pub mod phases;
@@ -39,6 +40,7 @@ use crate::report::{self, Report};
 use crate::trace::{self, TaskWatch, Trace};
 use crate::world::flight_controller::{self, Schedule};
 use crate::world::{BaseStation, FlightController};
+pub use debugged::Debugged;
 use downstream::{Ended, Link, Surroundings};
 use phases::{Phase, Sweep, Sweeping};
 use truth::Truth;
@@ -435,56 +437,93 @@ pub fn run(setup: &Setup, observer: &mut dyn Observer) -> Result<Outcome, Error>
 
 fn run_on<C: Cost>(setup: &Setup, observer: &mut dyn Observer) -> Result<Outcome, Error> {
     let mut bench = Bench::<C>::new(setup)?;
-    let mut trace = setup.trace.as_deref().map(|path| bench.trace(path)).transpose()?;
-    let unwritten = |source| Error::Log { path: setup.log.clone().unwrap_or_default(), source };
-    let mut stored = match &setup.log {
-        Some(path) => {
-            let file = File::create(path).map_err(unwritten)?;
-            let header = bench.relay.downstream.header();
-            Some(LogWriter::new(BufWriter::new(file), header).map_err(unwritten)?)
-        }
-        None => None,
-    };
-    let mut plotted = setup.plot.as_deref().map(|path| Plot::create(path, setup)).transpose()?;
-    let mut logs = vec![];
-    bench.run(setup.duration_ns, setup.threads, |reached, dpr, link| {
+    let mut kept = Kept::begin(setup, &mut bench)?;
+    bench.run(setup.duration_ns, setup.threads, |reached, dpr, link| kept.take(reached, dpr, link, observer))?;
+    kept.finish(bench, setup.duration_ns)
+}
+
+/// What is kept of a run as it goes: logs, trace, event log, picture.
+struct Kept {
+    setup: Setup,
+    trace: Option<Trace>,
+    stored: Option<LogWriter<BufWriter<File>>>,
+    plotted: Option<Plot>,
+    logs: Vec<(&'static str, String)>,
+}
+
+impl Kept {
+    /// What `setup` asks for, of a bench at power-on.
+    fn begin<C: Cost>(setup: &Setup, bench: &mut Bench<C>) -> Result<Self, Error> {
+        let trace = setup.trace.as_deref().map(|path| bench.trace(path)).transpose()?;
+        let unwritten = |source| unwritten(setup, source);
+        let stored = match &setup.log {
+            Some(path) => {
+                let file = File::create(path).map_err(unwritten)?;
+                let header = bench.relay.downstream.header();
+                Some(LogWriter::new(BufWriter::new(file), header).map_err(unwritten)?)
+            }
+            None => None,
+        };
+        let plotted = setup.plot.as_deref().map(|path| Plot::create(path, setup)).transpose()?;
+        Ok(Self { setup: setup.clone(), trace, stored, plotted, logs: vec![] })
+    }
+
+    /// The run has come to `reached` (ns).
+    fn take<C: Cost>(
+        &mut self,
+        reached: u64,
+        dpr: &mut Node<Dpr, C>,
+        link: &mut Link,
+        observer: &mut dyn Observer,
+    ) -> Result<(), Error> {
         let lines = link.horus_lines(reached).map(|line| ("horus", line)).collect::<Vec<_>>().into_iter();
         for (board, line) in lines.chain(dpr.take_log().into_iter().map(|line| ("dpr", line))) {
             let line = line.to_string();
             observer.log(board, &line);
-            logs.push((board, line));
+            self.logs.push((board, line));
         }
         let marks = link.take_marks(dpr);
-        if let Some(trace) = &mut trace {
+        if let Some(trace) = &mut self.trace {
             trace.take(marks);
             trace.flush_before(reached)?;
         }
         for event in link.take_log() {
-            if let Some(stored) = &mut stored {
-                stored.take(&event).map_err(unwritten)?;
+            if let Some(stored) = &mut self.stored {
+                stored.take(&event).map_err(|source| unwritten(&self.setup, source))?;
             }
-            if let Some(plotted) = &mut plotted {
+            if let Some(plotted) = &mut self.plotted {
                 plotted.history.take(&event);
             }
         }
         observer.progress(reached);
-        Ok::<_, Error>(())
-    })?;
-    let Finished { report, verdict, log, base, phases } = bench.finish(setup.duration_ns);
-    if let Some(trace) = trace {
-        trace.finish()?;
+        Ok(())
     }
-    if let Some(mut stored) = stored {
-        for event in &log.events {
-            stored.take(event).map_err(unwritten)?;
+
+    /// The run ended at `reached` (ns).
+    fn finish<C: Cost>(self, bench: Bench<C>, reached: u64) -> Result<Outcome, Error> {
+        let Self { setup, trace, stored, plotted, logs } = self;
+        let Finished { report, verdict, log, base, phases } = bench.finish(reached);
+        if let Some(trace) = trace {
+            trace.finish()?;
         }
-        stored.finish().map_err(unwritten)?;
+        let unwritten = |source| unwritten(&setup, source);
+        if let Some(mut stored) = stored {
+            for event in &log.events {
+                stored.take(event).map_err(unwritten)?;
+            }
+            stored.finish().map_err(unwritten)?;
+        }
+        if let Some(mut plotted) = plotted {
+            log.events.iter().for_each(|event| plotted.history.take(event));
+            plotted.write(&setup)?;
+        }
+        Ok(Outcome { report, verdict, base, logs, phases })
     }
-    if let Some(mut plotted) = plotted {
-        log.events.iter().for_each(|event| plotted.history.take(event));
-        plotted.write(setup)?;
-    }
-    Ok(Outcome { report, verdict, base, logs, phases })
+}
+
+/// The event log of this run could not be written.
+fn unwritten(setup: &Setup, source: std::io::Error) -> Error {
+    Error::Log { path: setup.log.clone().unwrap_or_default(), source }
 }
 
 /// The picture of a run's flight, whose file was there before the run began.

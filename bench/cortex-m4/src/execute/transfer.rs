@@ -153,14 +153,14 @@ impl<C: Cost> Core<C> {
 
     /// Whether a load/store multiple is to be left before its register number `done` (counted from 0): the next thing
     /// due falls there, and the instruction can be continued.
-    fn is_interrupted(&self, list: u16, n: u8, down: bool, done: u32) -> bool {
+    fn is_interrupted<B: Bus>(&self, bus: &mut B, list: u16, n: u8, down: bool, done: u32) -> bool {
         let continuable = self.it == 0 && list & (1 << n) == 0 && !(down && n == 13);
         C::BOUND.is_some()
             && done > 0
             && continuable
             && self.retired > 0
             && self.cycle > 16
-            && self.cycle + u64::from(1 + done) >= self.limit
+            && self.cycle + u64::from(1 + done) >= self.limit_of_multiple(bus)
     }
 
     /// Leaves a load/store multiple before `register`, with `left` registers to go: the run loop looks around and comes
@@ -202,7 +202,7 @@ impl<C: Cost> Core<C> {
         let moved = rest;
         while rest != 0 {
             let register = rest.trailing_zeros() as usize & 15;
-            if self.is_interrupted(list, n, down, done) {
+            if self.is_interrupted(bus, list, n, down, done) {
                 self.put_list(&values, moved & !rest);
                 return Ok(self.interrupt_multiple(register, rest.count_ones()));
             }
@@ -243,7 +243,7 @@ impl<C: Cost> Core<C> {
         let mut done = 0;
         while rest != 0 {
             let register = rest.trailing_zeros() as u8;
-            if self.is_interrupted(list, n, down, done) {
+            if self.is_interrupted(bus, list, n, down, done) {
                 return Ok(self.interrupt_multiple(usize::from(register), rest.count_ones()));
             }
             self.store(bus, address, Width::Word, self.get(register), Purpose::Data)?;

@@ -43,8 +43,12 @@ pub(crate) struct Dwt {
     comparators: [Comparator; 4],
     /// When comparator 0 matches CYCCNT next.
     due: u64,
-    /// A comparator watches data accesses.
+    /// A comparator watches data accesses, or the caller does.
     pub(crate) watching: bool,
+    /// A comparator does.
+    watches: bool,
+    /// The caller does, see `Core::set_watchpoint`.
+    caller_watches: bool,
 }
 
 impl Dwt {
@@ -61,11 +65,29 @@ impl Dwt {
         let now = self.cycle_count(cycle);
         let counting = self.on && self.control & CYCCNTENA != 0 && !self.paused;
         self.set_count(now, counting, cycle);
-        self.watching = self.on
-            && self
-                .comparators
-                .iter()
-                .any(|comparator| matches!(comparator.function & 0xF, 5..=7) && comparator.function & CYCMATCH == 0);
+        self.settle_watching();
+    }
+
+    fn settle_watching(&mut self) {
+        let watches =
+            |comparator: &Comparator| matches!(comparator.function & 0xF, 5..=7) && comparator.function & CYCMATCH == 0;
+        self.watches = self.on && self.comparators.iter().any(watches);
+        self.watching = self.watches || self.caller_watches;
+    }
+
+    /// Whether a comparator watches data accesses.
+    pub(crate) fn watches(&self) -> bool {
+        self.watches
+    }
+
+    /// The caller wants to be told of data accesses, or no longer. Nothing that the firmware could see changes.
+    pub(crate) fn set_caller_watches(&mut self, on: bool) {
+        self.caller_watches = on;
+        self.settle_watching();
+    }
+
+    pub(crate) fn caller_watches(&self) -> bool {
+        self.caller_watches
     }
 
     fn set_count(&mut self, now: u32, counting: bool, cycle: u64) {

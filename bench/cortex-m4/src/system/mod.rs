@@ -95,7 +95,14 @@ impl System {
     pub(crate) fn power_on(&mut self) {
         let unmodelled = std::mem::take(&mut self.unmodelled);
         let known = std::mem::take(&mut self.known);
+        let watched = self.dwt.caller_watches();
         *self = Self { unmodelled, known, breakpoints_changed: true, ..Self::new(&self.config) };
+        self.set_watching(watched);
+    }
+
+    /// Data accesses are to be told for the caller's watchpoints too, or no longer.
+    pub(crate) fn set_watching(&mut self, on: bool) {
+        self.dwt.set_caller_watches(on);
     }
 
     /// Works out again what is due, after a timer changed.
@@ -343,9 +350,13 @@ impl<C: Cost> Core<C> {
 
     /// A data access took place while [`Self::watching`]: whether a DWT comparator makes a debug event of it.
     pub(crate) fn watch(&mut self, address: u32, write: bool, width: Width, value: u32) {
-        if self.system.dwt.watch(address, write, width.bytes(), value) {
-            self.debug_event(DFSR_DWTTRAP);
+        if self.system.dwt.watches() {
+            if self.system.dwt.watch(address, write, width.bytes(), value) {
+                self.debug_event(DFSR_DWTTRAP);
+            }
+            self.limit = 0;
         }
+        self.watch_for_caller(address, write, width);
     }
 
     /// Whether data accesses are to be told to [`Self::watch`].

@@ -1,0 +1,144 @@
+//! The registers of a Cortex-M4 with FPU as gdb sees them.
+//!
+//! `gdbstub_arch` has no M-profile core, so the description is given here: the features that gdb knows by name
+//! ("Debugging with GDB", appendix G.5.3, ARM Features): `org.gnu.gdb.arm.m-profile` (r0 to pc, xPSR),
+//! `org.gnu.gdb.arm.m-system` (MSP and PSP; the masks and CONTROL ride along, as in OpenOCD's
+//! `src/target/armv7m.c`) and `org.gnu.gdb.arm.vfp` (d0 to d15 and FPSCR, of which gdb makes s0 to s31 itself).
+
+use std::num::NonZeroUsize;
+
+use cortex_m4::Register;
+use gdbstub::arch::{Arch, RegId, Registers};
+use gdbstub_arch::arm::ArmBreakpointKind;
+
+/// How many registers of 32 bits come before the first double: 0 to 15, xPSR, and six of the system.
+const FIRST_DOUBLE: usize = 23;
+/// d0 to d15.
+const DOUBLES: usize = 16;
+/// FPSCR comes last.
+const FPSCR: usize = FIRST_DOUBLE + DOUBLES;
+
+/// Armv7E-M with FPv4-SP.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum CortexM4 {}
+
+impl Arch for CortexM4 {
+    type Usize = u32;
+    type Registers = CoreRegisters;
+    type BreakpointKind = ArmBreakpointKind;
+    type RegId = Number;
+
+    fn target_description_xml() -> Option<&'static str> {
+        Some(include_str!("target.xml"))
+    }
+}
+
+/// A register by its place in the description.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Number(usize);
+
+impl RegId for Number {
+    fn from_raw_id(id: usize) -> Option<(Self, Option<NonZeroUsize>)> {
+        (id <= FPSCR).then_some((Self(id), NonZeroUsize::new(if is_double(id) { 8 } else { 4 })))
+    }
+
+    fn to_raw_id(&self) -> Option<usize> {
+        Some(self.0)
+    }
+}
+
+impl Number {
+    /// All registers, in the description's order.
+    pub(super) fn all() -> impl Iterator<Item = Self> {
+        (0..=FPSCR).map(Self)
+    }
+
+    /// The core's registers that it consists of, the lower half of a double first.
+    pub(super) fn of_core(self) -> (Register, Option<Register>) {
+        let small = |number: usize| u8::try_from(number).unwrap_or(0);
+        let single = match self.0 {
+            0..=15 => Register::R(small(self.0)),
+            16 => Register::Xpsr,
+            17 => Register::Msp,
+            18 => Register::Psp,
+            19 => Register::Primask,
+            20 => Register::Basepri,
+            21 => Register::Faultmask,
+            22 => Register::Control,
+            FPSCR => Register::Fpscr,
+            double => {
+                let single = 2 * small(double - FIRST_DOUBLE);
+                return (Register::S(single), Some(Register::S(single + 1)));
+            }
+        };
+        (single, None)
+    }
+}
+
+/// Whether register `id` has 64 bits.
+const fn is_double(id: usize) -> bool {
+    id >= FIRST_DOUBLE && id < FPSCR
+}
+
+/// All registers. A word each, and two of a double, in the description's order.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct CoreRegisters {
+    /// The words.
+    pub(super) words: Vec<u32>,
+}
+
+impl Registers for CoreRegisters {
+    type ProgramCounter = u32;
+
+    fn pc(&self) -> u32 {
+        self.words.get(15).copied().unwrap_or(0)
+    }
+
+    fn gdb_serialize(&self, mut write_byte: impl FnMut(Option<u8>)) {
+        self.words.iter().flat_map(|word| word.to_le_bytes()).for_each(|byte| write_byte(Some(byte)));
+    }
+
+    fn gdb_deserialize(&mut self, bytes: &[u8]) -> Result<(), ()> {
+        let (words, rest) = bytes.as_chunks::<4>();
+        if words.len() != FPSCR + 1 + DOUBLES || !rest.is_empty() {
+            return Err(());
+        }
+        self.words = words.iter().map(|word| u32::from_le_bytes(*word)).collect();
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_description_has_the_registers_in_the_order_and_with_the_widths_of_the_numbers() {
+        let text = CortexM4::target_description_xml().unwrap();
+        let described: Vec<(&str, usize)> = text
+            .lines()
+            .filter_map(|line| line.trim().strip_prefix("<reg name=\""))
+            .map(|rest| {
+                let (name, rest) = rest.split_once('"').unwrap();
+                let bits = rest.split_once("bitsize=\"").unwrap().1.split_once('"').unwrap().0;
+                (name, bits.parse::<usize>().unwrap() / 8)
+            })
+            .collect();
+        let ours: Vec<(String, usize)> = Number::all()
+            .map(|number| {
+                let name = match number.of_core() {
+                    (Register::R(13), None) => "sp".to_owned(),
+                    (Register::R(14), None) => "lr".to_owned(),
+                    (Register::R(15), None) => "pc".to_owned(),
+                    (Register::R(n), None) => format!("r{n}"),
+                    (Register::S(n), Some(_)) => format!("d{}", n / 2),
+                    (other, _) => format!("{other:?}").to_lowercase(),
+                };
+                (name, Number::from_raw_id(number.0).unwrap().1.unwrap().get())
+            })
+            .collect();
+        let ours: Vec<(&str, usize)> = ours.iter().map(|(name, size)| (name.as_str(), *size)).collect();
+        assert_eq!(described, ours);
+        assert!(Number::from_raw_id(described.len()).is_none());
+    }
+}

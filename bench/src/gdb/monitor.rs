@@ -1,0 +1,161 @@
+//! gdb's `monitor` commands: what a person at the bench has beside the debugger.
+
+use std::fmt::Write as _;
+
+use bench_judge::Board as Side;
+use bench_seam::Pin;
+use cortex_m4::Cost;
+
+use super::target::Debuggee;
+use crate::faults::plan::LAST_BEFORE_END;
+use crate::faults::{Episode, Fault, Faults, Kind, PowerFault};
+use crate::node::Resume;
+use crate::sim::Error;
+
+/// What `monitor help` says.
+const HELP: &str = "\
+monitor time                    virtual time, instructions, what the core does
+monitor pins                    every pin that is high
+monitor pin NAME                the level of a pin: P1.05 (DPR), PA5 (HORUS)
+monitor pin NAME high|low       drives it from outside from now on
+monitor pin NAME release        lets go of it
+monitor halt                    as monitor time: who can ask this has halted the board already
+monitor reset [halt]            pulls the reset pin; halts before the first instruction
+monitor faults LIST             what goes wrong from now on, drawn from the seed as --faults does:
+                                of air, gnss, fc, power, buffers, inputs
+monitor help                    this
+";
+
+impl<C: Cost> Debuggee<'_, C> {
+    /// Carries out `command` and answers what to say.
+    pub(super) fn monitor(&mut self, command: &str) -> Result<String, Error> {
+        let words: Vec<&str> = command.split_whitespace().collect();
+        Ok(match words.as_slice() {
+            [] | ["help"] => HELP.to_owned(),
+            ["time"] => self.time(),
+            ["pins"] => self.pins(),
+            ["pin", name] => self.pin(name),
+            ["pin", name, level] => self.drive(name, level),
+            // What OpenOCD understands, and editors therefore say to any server (cortex-debug's src/external.ts). The
+            // debugger can only ask while the board is halted.
+            ["halt"] => self.time(),
+            ["reset"] | ["reset", "halt"] => self.reset()?,
+            ["faults", list] => self.faults(list),
+            _ => format!("no monitor command \"{command}\"; these are:\n{HELP}"),
+        })
+    }
+
+    fn time(&mut self) -> String {
+        let end = self.run.end() as f64 / 1e6;
+        let node = self.node();
+        let (ms, instructions, doing) = (node.now() as f64 / 1e6, node.instructions(), node.doing());
+        format!("{ms:.6} ms of {end:.0} ms, {instructions} instructions; {doing}\n")
+    }
+
+    /// The pins of the board's part, with their names.
+    fn names(&self) -> Vec<(String, Pin)> {
+        let pins = |ports: u8, numbers: u8| {
+            (0..ports).flat_map(move |port| (0..numbers).map(move |number| Pin::new(port, number)))
+        };
+        match self.side {
+            // P0.00 to P0.31 and P1.00 to P1.15.
+            Side::Dpr => pins(2, 32)
+                .filter(|pin| pin.port == 0 || pin.number < 16)
+                .map(|pin| (format!("P{}.{:02}", pin.port, pin.number), pin))
+                .collect(),
+            // PA0 to PH1, as far as the NUCLEO's package of 144 pins brings them out.
+            Side::Horus => pins(8, 16)
+                .filter(|pin| pin.port < 7 || pin.number < 2)
+                .map(|pin| (format!("P{}{}", char::from(b'A' + pin.port), pin.number), pin))
+                .collect(),
+        }
+    }
+
+    fn named(&self, name: &str) -> Result<Pin, String> {
+        let found = self.names().into_iter().find(|(other, _)| other.eq_ignore_ascii_case(name));
+        found.map(|(_, pin)| pin).ok_or_else(|| {
+            let example = match self.side {
+                Side::Dpr => "P0.00 to P0.31 and P1.00 to P1.15",
+                Side::Horus => "PA0 to PG15, PH0 and PH1",
+            };
+            format!("this board has no pin \"{name}\": it has {example}\n")
+        })
+    }
+
+    fn pins(&mut self) -> String {
+        let names = self.names();
+        let node = self.node();
+        let high: Vec<&str> = names.iter().filter(|(_, pin)| node.pin(*pin)).map(|(name, _)| name.as_str()).collect();
+        format!("high: {}\nlow or floating: all others\n", high.join(" "))
+    }
+
+    fn pin(&mut self, name: &str) -> String {
+        match self.named(name) {
+            Ok(pin) => format!("{name} is {}\n", if self.node().pin(pin) { "high" } else { "low" }),
+            Err(text) => text,
+        }
+    }
+
+    fn drive(&mut self, name: &str, level: &str) -> String {
+        let pin = match self.named(name) {
+            Ok(pin) => pin,
+            Err(text) => return text,
+        };
+        let driven = match level {
+            "high" => Some(true),
+            "low" => Some(false),
+            "release" => None,
+            _ => return format!("\"{level}\" is no level: high, low or release\n"),
+        };
+        self.node().drive(pin, driven);
+        self.pin(name)
+    }
+
+    /// Pulls the reset pin, as a fault that the log names, and runs on to the halt behind it.
+    fn reset(&mut self) -> Result<String, Error> {
+        let now = self.node().now();
+        let fault = Fault::Power(self.side, PowerFault::Pin);
+        self.run.add_faults(&Faults::none().with(now, now, fault));
+        self.node().halt_after_reset(true);
+        self.node().resume(Resume::Continue);
+        while self.go()?.is_none() {}
+        self.node().halt_after_reset(false);
+        let mut text = self.time();
+        text.push_str("gdb has old registers: \"maintenance flush register-cache\", or go on\n");
+        Ok(text)
+    }
+
+    /// Draws what goes wrong in the rest of the run.
+    fn faults(&mut self, list: &str) -> String {
+        let kinds: Result<Vec<Kind>, _> = list.split(',').map(str::parse).collect();
+        let kinds = match kinds {
+            Ok(kinds) => kinds,
+            Err(error) => return format!("{error}\n"),
+        };
+        if let Some(upset) = kinds.iter().find(|kind| kind.is_upset()) {
+            return format!(
+                "{upset}: upsets are tried on copies of the bench, by `cargo xtask sim --faults {upset}`\n"
+            );
+        }
+        let now = self.run.now();
+        let left = self.run.end().saturating_sub(now);
+        let drawn = Faults::drawn(&kinds, self.gps, self.seed, left);
+        let mut faults = Faults::none();
+        for Episode { at, until, fault } in drawn.episodes().iter().cloned() {
+            faults.add(Episode { at: now + at, until: until.saturating_add(now), fault });
+        }
+        self.run.add_faults(&faults);
+        let mut text = format!("{} episodes from now to the end\n", faults.episodes().len());
+        for Episode { at, fault, .. } in faults.episodes() {
+            let _ = writeln!(text, "{:>12.3} ms  {}", *at as f64 / 1e6, fault.name());
+        }
+        if faults.episodes().is_empty() {
+            let _ = writeln!(
+                text,
+                "too little of the run is left: none lasts into its last {} ms",
+                LAST_BEFORE_END / 1_000_000
+            );
+        }
+        text
+    }
+}

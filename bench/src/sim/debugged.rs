@@ -1,0 +1,93 @@
+//! The whole link with a debugger at one board: the same run as [`super::run`], which stands still where the board does.
+
+use cortex_m4::Cost;
+use st25r3916_model::AirEvent;
+
+use super::{Bench, Error, Kept, Observer, Outcome, STEP, Setup};
+use crate::boards::{Dpr, Horus};
+use crate::faults::Faults;
+use crate::node::{Course, Node, Way};
+
+/// A run of the link whose boards may be halted. Its outcome is that of [`super::run`] with the same setup, byte for
+/// byte, however often it was halted, unless somebody changed a register or memory meanwhile.
+pub struct Debugged<C: Cost> {
+    bench: Bench<C>,
+    course: Course<AirEvent>,
+    kept: Kept,
+    end: u64,
+}
+
+impl<C: Cost> Debugged<C> {
+    /// The bench at power-on. It runs on one thread whatever the setup says: where a board is halted, the other is too.
+    ///
+    /// # Errors
+    ///
+    /// As [`super::run`].
+    pub fn new(setup: &Setup) -> Result<Self, Error> {
+        let mut bench = Bench::new(setup)?;
+        let kept = Kept::begin(setup, &mut bench)?;
+        let course = Course::new(bench.relay.b.now(), setup.duration_ns, STEP);
+        Ok(Self { bench, course, kept, end: setup.duration_ns })
+    }
+
+    /// Runs on to where a board is halted, or for another 10 ms of virtual time, or to the end.
+    ///
+    /// # Errors
+    ///
+    /// What was to be kept of the run cannot be written.
+    pub fn run(&mut self, observer: &mut dyn Observer) -> Result<Way, Error> {
+        if self.course.is_over() {
+            return Ok(Way::Reached(self.end));
+        }
+        let way = self.bench.relay.run_course(&mut self.course);
+        if let Way::Reached(reached) = way {
+            let (dpr, link) = (&mut self.bench.relay.b, &mut self.bench.relay.downstream);
+            link.come_to(reached, dpr);
+            self.kept.take(reached, dpr, link, observer)?;
+        }
+        Ok(way)
+    }
+
+    /// Whether the run has come to its end.
+    #[must_use]
+    pub fn is_over(&self) -> bool {
+        self.course.is_over()
+    }
+
+    /// When the run ends, virtual ns.
+    #[must_use]
+    pub fn end(&self) -> u64 {
+        self.end
+    }
+
+    /// The HORUS board.
+    pub fn horus(&mut self) -> &mut Node<Horus, C> {
+        &mut self.bench.relay.a
+    }
+
+    /// The DPR.
+    pub fn dpr(&mut self) -> &mut Node<Dpr, C> {
+        &mut self.bench.relay.b
+    }
+
+    /// The instant that both boards have reached, ns. HORUS may be up to 2 ms ahead of the DPR, which hears nothing of
+    /// it before its time.
+    #[must_use]
+    pub fn now(&self) -> u64 {
+        self.bench.now()
+    }
+
+    /// What goes wrong from now on beside what was set up, see [`Bench::add_faults`].
+    pub fn add_faults(&mut self, faults: &Faults) {
+        self.bench.add_faults(faults);
+    }
+
+    /// What came of the run, which must be over.
+    ///
+    /// # Errors
+    ///
+    /// What was to be kept of the run cannot be written.
+    pub fn finish(self) -> Result<Outcome, Error> {
+        self.kept.finish(self.bench, self.end)
+    }
+}
