@@ -10,7 +10,7 @@
 //! | front end's waits | TIM5 | – | – | TIM5 |
 //! | inputs of the state | – | relay PE2, PE4; motor cut PE5, PE6; emergency measure PD3, PD4 | – | – |
 //! | cycle and slots | TIM2 | TICK PB10 (channel 3) | – | TIM2 |
-//! | calls of tasks of lower priority | CAN1 and CAN2, which stay off | – | – | CAN1_TX, CAN1_RX0, CAN1_RX1, CAN2_TX, CAN2_RX0 |
+//! | calls of tasks of lower priority | CAN1 and CAN2, which stay off | – | – | CAN1 TX, RX0, RX1; CAN2 TX, RX0 |
 //! | receivers | see [`RECEIVER_PORTS`] | | | |
 //!
 //! Streams and channels are those of RM0090 "DMA controller", DMA1 and DMA2 request mapping (tables 42 and 43).

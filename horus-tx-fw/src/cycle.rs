@@ -6,9 +6,9 @@
 //! object is written and sealed in full, the same bytes pass through the same CRCs, and a value that is
 //! not valid is replaced by the NaN of the design by selection, not by skipping. There is no early return.
 //!
-//! [`Cycle::vote`] comes before it, in the cycle before, and seals Reported-Position: comparing the
-//! receivers takes longer than the slot leaves between the tick and the frame. It comes after the slot. So a vote knows what the receivers have
-//! said until 10 ms before its tick, and brings that to the tick. A vote of another tick is not shown.
+//! [`Cycle::vote`] comes before it, in the cycle before and after that one's slot, and seals Reported-Position:
+//! comparing the receivers takes longer than the slot leaves between the tick and the frame. So a vote knows what the
+//! receivers have said until 10 ms before its tick, and brings that to the tick. A vote of another tick is not shown.
 //!
 //! Reported-Position is what a majority of the receivers says ([`horus_voter`]): the position of those that agree,
 //! brought to the tick, and how many they are. It is *degraded* while those are fewer than are fitted. Which receivers

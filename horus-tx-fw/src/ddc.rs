@@ -228,8 +228,8 @@ impl Ddc {
     }
 
     /// How many bytes of the receiver's stream are being read, unless they are to be dropped ([`Backlog`]). If
-    /// [`Ddc::poll`] then gives the transaction up, those that have come belong to the stream nevertheless: the receiver
-    /// does not send them again.
+    /// [`Ddc::poll`] then gives the transaction up, those that have come belong to the stream nevertheless: the
+    /// receiver does not send them again.
     #[must_use]
     pub const fn stream_under_way(&self) -> Option<usize> {
         match self.state {

@@ -7,8 +7,8 @@
 //! input is active, the other way round while it is not, and equal levels are a contradiction (a broken wire, a short).
 //! Decision 18 has the rules and their reasons.
 //!
-//! [`StateInputs::sample`] is called once per cycle. What a pair says is taken when [`SAMPLES_TO_TAKE`] samples in a row
-//! say the same; a pair that has not settled for [`SAMPLES_UNSETTLED`] samples is a contradiction.
+//! [`StateInputs::sample`] is called once per cycle. What a pair says is taken when [`SAMPLES_TO_TAKE`] samples in a
+//! row say the same; a pair that has not settled for [`SAMPLES_UNSETTLED`] samples is a contradiction.
 
 use profile::HorusState;
 

@@ -2,7 +2,8 @@
 //!
 //! What makes each of them run is the cycle timer alone, so that neither a missing receiver nor a missing front end
 //! keeps a task from checking in: the timer's interrupt calls `cycle` at every tick and `rf_slot` after every slot, and
-//! after the first slot of a cycle `rf_slot` calls `vote`, and `gnss_tick`, which serves every receiver's source and calls `parse`.
+//! after the first slot of a cycle `rf_slot` calls `vote`, and `gnss_tick`, which serves every receiver's source and
+//! calls `parse`.
 
 use firmware_common::check_in;
 

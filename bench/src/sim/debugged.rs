@@ -1,4 +1,4 @@
-//! The whole link with a debugger at one board: the same run as [`super::run`], which stands still where the board does.
+//! The whole link with a debugger at one board: the same run as [`super::run`], which halts where the board does.
 
 use cortex_m4::Cost;
 use st25r3916_model::AirEvent;

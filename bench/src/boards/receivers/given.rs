@@ -4,8 +4,8 @@
 /// whose period is none.
 const ROUNDING: u64 = 40;
 
-/// A part that reads a receiver in every cycle of 10 ms, and may leave one out, reads what has waited for so long, ns. If
-/// anything has waited for longer, or nothing was read for longer, it may drop what it reads.
+/// A part that reads a receiver in every cycle of 10 ms, and may leave one out, reads what has waited for so long, ns.
+/// If anything has waited for longer, or nothing was read for longer, it may drop what it reads.
 pub(super) const NEW: u64 = 25_000_000;
 
 /// So many reads after one that failed, came late or left something behind may be dropped as old.

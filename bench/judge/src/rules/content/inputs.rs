@@ -1,9 +1,9 @@
 //! Whether HORUS's state is what its inputs say.
 //!
 //! Written from decision 18. Each of three inputs is a pair of pins, sampled once per cycle within
-//! [`bounds::SAMPLED_AFTER_TICK`] after the tick; the samples of a cycle show in the next cycle's Reported-Position. What
-//! three samples in a row say is taken; ten without that are a contradiction. The most severe input that is not inactive
-//! is the state.
+//! [`bounds::SAMPLED_AFTER_TICK`] after the tick; the samples of a cycle show in the next cycle's Reported-Position.
+//! What three samples in a row say is taken; ten without that are a contradiction. The most severe input that is not
+//! inactive is the state.
 //!
 //! Where a pair changes while it may be sampled, every outcome is allowed. After an irregular tick it is not known how
 //! often HORUS sampled: then nothing is asked of a pair until it has settled.
