@@ -131,13 +131,30 @@ impl Setup {
     }
 }
 
-/// Who watches a run.
+/// Who watches a run. It may take its time in each of these, and end the run early; what the run does until then
+/// depends on neither.
 pub trait Observer {
     /// The run has come this far, in virtual nanoseconds.
     fn progress(&mut self, virtual_ns: u64);
 
     /// A board logged a line.
     fn log(&mut self, board: &str, line: &str);
+
+    /// The flight controller has read a whole image of which nothing is damaged, in a transaction that was over at
+    /// `virtual_ns`. Told before the [`progress`](Self::progress) that has come to that instant, in order of time.
+    fn image(&mut self, virtual_ns: u64, image: &[u8]) {
+        let _ = (virtual_ns, image);
+    }
+
+    /// How often the run can end early, in virtual nanoseconds: a multiple of 10 ms. Never, unless told otherwise.
+    fn piece_ns(&self) -> u64 {
+        u64::MAX
+    }
+
+    /// Whether the run is to end here, asked after each piece.
+    fn ends(&mut self) -> bool {
+        false
+    }
 }
 
 /// Nobody watches.
@@ -303,6 +320,7 @@ impl<C: Cost> Bench<C> {
         let run = self.run(end, threads, |_, dpr, link| {
             dpr.take_log();
             link.take_marks(dpr);
+            link.take_images();
             Ok::<_, std::convert::Infallible>(())
         });
         let Ok(()) = run;
@@ -447,7 +465,7 @@ fn run_on<C: Cost>(setup: &Setup, observer: &mut dyn Observer) -> Result<Outcome
     };
     let mut plotted = setup.plot.as_deref().map(|path| Plot::create(path, setup)).transpose()?;
     let mut logs = vec![];
-    bench.run(setup.duration_ns, setup.threads, |reached, dpr, link| {
+    let mut each = |reached, dpr: &mut Node<Dpr, C>, link: &mut Link, observer: &mut dyn Observer| {
         let lines = link.horus_lines(reached).map(|line| ("horus", line)).collect::<Vec<_>>().into_iter();
         for (board, line) in lines.chain(dpr.take_log().into_iter().map(|line| ("dpr", line))) {
             let line = line.to_string();
@@ -467,10 +485,21 @@ fn run_on<C: Cost>(setup: &Setup, observer: &mut dyn Observer) -> Result<Outcome
                 plotted.history.take(&event);
             }
         }
+        for (at, image) in link.take_images() {
+            observer.image(at, &image);
+        }
         observer.progress(reached);
         Ok::<_, Error>(())
-    })?;
-    let Finished { report, verdict, log, base, phases } = bench.finish(setup.duration_ns);
+    };
+    let mut end = 0;
+    while end < setup.duration_ns {
+        end = end.saturating_add(observer.piece_ns().max(STEP)).min(setup.duration_ns);
+        bench.run(end, setup.threads, |reached, dpr, link| each(reached, dpr, link, observer))?;
+        if observer.ends() {
+            break;
+        }
+    }
+    let Finished { report, verdict, log, base, phases } = bench.finish(end);
     if let Some(trace) = trace {
         trace.finish()?;
     }
