@@ -126,8 +126,8 @@ struct Page {
     pace: f64,
     /// How much virtual time has passed, µs, for a station that does not read the system's clock.
     passed_us: Arc<AtomicU64>,
-    /// When the run began, on the wall.
-    began: Instant,
+    /// When the run began on the wall: as if its first step had taken no time, for before that the images are loaded.
+    began: Option<Instant>,
     /// How far behind the clock on the wall it was at worst.
     behind: Duration,
     /// Messages with objects that were sent.
@@ -149,13 +149,12 @@ impl Page {
         let server = server.with_context(|| format!("cannot serve a page on {LOCAL}:{port}; --port takes another"))?;
         let socket = UdpSocket::bind((LOCAL, 0)).context("cannot send on UDP")?;
         let forwarder = Forwarder::new(SYSTEM, COMPONENT, RATES);
-        let (began, behind) = (Instant::now(), Duration::ZERO);
+        let (began, behind) = (None, Duration::ZERO);
         Ok(Self { server, station, forwarder, socket, to, pace, passed_us, began, behind, sent: 0, unsent: None })
     }
 
     /// Runs the link, and sends what its flight controller forwards.
     fn run(&mut self, setup: &Setup) -> Result<Outcome> {
-        self.began = Instant::now();
         let outcome = bench::sim::run(setup, self)?;
         match self.unsent.take() {
             None => Ok(outcome),
@@ -195,8 +194,9 @@ impl Page {
         if self.pace == 0.0 {
             return;
         }
-        let due = self.began + Duration::from_nanos(virtual_ns).div_f64(self.pace);
         let now = Instant::now();
+        let passed = Duration::from_nanos(virtual_ns).div_f64(self.pace);
+        let due = *self.began.get_or_insert_with(|| now.checked_sub(passed).unwrap_or(now)) + passed;
         self.behind = self.behind.max(now.saturating_duration_since(due));
         sleep(due.saturating_duration_since(now));
     }
