@@ -136,8 +136,8 @@ fn main() -> ExitCode {
 
 fn serve(listen: &Listen, page: &Page, record: Option<PathBuf>) -> Result<()> {
     let clock = Clock::begin();
-    let (inlet, station, ended) = live::start(verifier(listen)?, files(record)?, Time::Clock(clock), tell);
-    open(listen, clock, &inlet)?;
+    let (inlet, station, ended) = live::start(verifier(listen)?, files(record)?, Time::Clock(clock.clone()), tell);
+    open(listen, &clock, &inlet)?;
     // The lines have inlets of their own, and end when the station does.
     show(station, None, page)?;
     finish(inlet, ended)
@@ -145,8 +145,8 @@ fn serve(listen: &Listen, page: &Page, record: Option<PathBuf>) -> Result<()> {
 
 fn record(listen: &Listen, file: PathBuf) -> Result<()> {
     let clock = Clock::begin();
-    let (inlet, station, ended) = live::start(verifier(listen)?, files(Some(file))?, Time::Clock(clock), tell);
-    open(listen, clock, &inlet)?;
+    let (inlet, station, ended) = live::start(verifier(listen)?, files(Some(file))?, Time::Clock(clock.clone()), tell);
+    open(listen, &clock, &inlet)?;
     runtime()?.block_on(interrupted(None))?;
     eprintln!("{} drones, {} arrivals dropped", station.known().intake.fleet().iter().len(), station.dropped());
     finish(inlet, ended)
@@ -254,14 +254,14 @@ fn files(file: Option<PathBuf>) -> Result<Option<Files>> {
 }
 
 /// Opens every line. Each has a number, in the order of the arguments.
-fn open(listen: &Listen, clock: Clock, inlet: &Inlet) -> Result<()> {
+fn open(listen: &Listen, clock: &Clock, inlet: &Inlet) -> Result<()> {
     let mut number = 0_u16;
     let default = [SocketAddr::from(([0, 0, 0, 0], 14_550))];
     let lines = listen.udp.len() + listen.datagrams.len() + listen.serial.len() + listen.plain_serial.len();
     let udp = if lines == 0 { &default[..] } else { &listen.udp };
     let sockets = udp.iter().map(|address| (address, Kind::MavlinkDatagrams));
     for (address, kind) in sockets.chain(listen.datagrams.iter().map(|address| (address, Kind::Datagrams))) {
-        let bound = lines::udp(*address, kind, number, clock, inlet.clone());
+        let bound = lines::udp(*address, kind, number, clock.clone(), inlet.clone());
         let bound = bound.with_context(|| format!("cannot listen on UDP {address}"))?;
         eprintln!("listening on UDP {bound}, {}", words(kind));
         number += 1;
@@ -272,7 +272,7 @@ fn open(listen: &Listen, clock: Clock, inlet: &Inlet) -> Result<()> {
             Some((path, baud)) => (path, baud.parse().with_context(|| format!("{baud} is no baud rate"))?),
             None => (port.as_str(), 57_600),
         };
-        lines::serial(path.to_owned(), baud, kind, number, clock, inlet.clone());
+        lines::serial(path.to_owned(), baud, kind, number, clock.clone(), inlet.clone());
         eprintln!("listening on {path}, {baud} baud, {}", words(kind));
         number += 1;
     }

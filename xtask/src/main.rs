@@ -14,6 +14,8 @@ mod header;
 mod judge;
 mod line_length;
 mod lint;
+#[cfg(feature = "live")]
+mod live;
 mod oracle;
 #[cfg(feature = "probe")]
 mod probe;
@@ -29,6 +31,7 @@ mod workspace;
 use std::process::ExitCode;
 
 use anyhow::Result;
+use bench::faults::Kind;
 use bench::node::Target;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
@@ -50,6 +53,8 @@ enum Command {
     Sim(sim::SimArgs),
     /// Run the link with gdb, or an editor that speaks its protocol, at one of the boards.
     Gdb(gdb::GdbArgs),
+    /// Run the link at the pace of the clock on the wall, and show on a page what its base station sees.
+    Live(LiveArgs),
     /// Judge an event log again that `sim --events` stored.
     Judge(judge::JudgeArgs),
     /// Instructions per second of the core alone, and where the time of `sim` goes.
@@ -183,6 +188,37 @@ pub(crate) struct ProbeArgs {
     pub(crate) erase_all: bool,
 }
 
+/// The link beside a person.
+#[derive(Args, Clone)]
+pub(crate) struct LiveArgs {
+    /// Virtual time to run, in seconds; without it, until it is interrupted (Ctrl-C), a day at most.
+    #[arg(long, value_parser = sim::positive_seconds)]
+    pub(crate) seconds: Option<f64>,
+    /// GNSS receivers in the profile: 1, 2, 3 or 5.
+    #[arg(long, default_value_t = Receivers::DEFAULT)]
+    pub(crate) gps: Receivers,
+    /// Seed of everything random: flight, receivers' noise, faults.
+    #[arg(long, default_value_t = 1)]
+    pub(crate) seed: u64,
+    /// What goes wrong on purpose, drawn from the seed: a list of air, gnss, fc, power, buffers, inputs.
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub(crate) faults: Vec<Kind>,
+    /// TCP port of the page on 127.0.0.1; 0 takes a free one.
+    #[arg(long, default_value_t = 8480)]
+    pub(crate) port: u16,
+    /// Virtual time per time on the wall, up to 100; 0 goes as fast as it can.
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = pace)]
+    pub(crate) pace: f64,
+}
+
+/// Parses a pace.
+fn pace(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(pace) if pace == 0.0 || (0.01..=100.0).contains(&pace) => Ok(pace),
+        _ => Err("expected a factor from 0.01 to 100, or 0".to_owned()),
+    }
+}
+
 fn main() -> ExitCode {
     match dispatch(Cli::parse().command) {
         Ok(code) => code,
@@ -204,6 +240,7 @@ fn dispatch(command: Command) -> Result<ExitCode> {
         Command::Flash(args) => flash(&args),
         Command::Sim(args) => sim::sim(&args),
         Command::Gdb(args) => gdb::gdb(&args),
+        Command::Live(args) => live(&args),
         Command::Judge(args) => judge::run(&args),
         Command::Speed(args) => speed::speed(&args),
         Command::Run(args) => run::run(&args),
@@ -225,7 +262,18 @@ fn flash(args: &FlashArgs) -> Result<ExitCode> {
 /// Without the probe library in this binary: the same command again, with it.
 #[cfg(not(feature = "probe"))]
 fn flash(_args: &FlashArgs) -> Result<ExitCode> {
-    workspace::again_with_probe()
+    workspace::again_with("probe")
+}
+
+#[cfg(feature = "live")]
+fn live(args: &LiveArgs) -> Result<ExitCode> {
+    live::live(args)
+}
+
+/// Without the page in this binary: the same command again, with it.
+#[cfg(not(feature = "live"))]
+fn live(_args: &LiveArgs) -> Result<ExitCode> {
+    workspace::again_with("live")
 }
 
 #[cfg(test)]
@@ -236,6 +284,14 @@ mod tests {
     #[test]
     fn the_command_line_is_consistent() {
         Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn a_pace_is_a_factor_or_as_fast_as_it_goes() {
+        for text in ["-1", "0.001", "101", "nan", "inf", "fast"] {
+            assert!(pace(text).is_err(), "{text}");
+        }
+        assert_eq!((pace("0"), pace("0.5"), pace("100")), (Ok(0.0), Ok(0.5), Ok(100.0)));
     }
 
     #[test]

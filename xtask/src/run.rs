@@ -117,7 +117,7 @@ fn on_hardware(args: &RunArgs) -> Result<ExitCode> {
 
 #[cfg(not(feature = "probe"))]
 fn on_hardware(_args: &RunArgs) -> Result<ExitCode> {
-    crate::workspace::again_with_probe()
+    crate::workspace::again_with("probe")
 }
 
 #[cfg(test)]

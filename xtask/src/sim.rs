@@ -332,7 +332,7 @@ fn faults_in_words(faults: &bench::report::Faults) -> String {
 }
 
 /// One screen for a person.
-fn table(report: &Report) -> String {
+pub(crate) fn table(report: &Report) -> String {
     let ms = |ns: u64| format!("{:.3} ms", ns as f64 / 1e6);
     let us = |ns: u64| format!("{:.3} us", ns as f64 / 1e3);
     // What was never measured has no figure.

@@ -32,7 +32,7 @@ pub(crate) struct TestArgs {
 pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
     #[cfg(not(feature = "probe"))]
     if args.on == Place::Hardware {
-        return crate::workspace::again_with_probe();
+        return crate::workspace::again_with("probe");
     }
     let mut ran = 0;
     let mut failed = vec![];
@@ -55,7 +55,8 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
         // where CI is set.
         let images = firmware::folder();
         step("host tests", &mut || {
-            check("cargo test", cargo().args(["test", "--quiet", "--workspace"]).env("LINK_IMAGES", &images))
+            let args = ["test", "--quiet", "--workspace", "--features", "xtask/live"];
+            check("cargo test", cargo().args(args).env("LINK_IMAGES", &images))
         });
     }
     for board in args.board.map_or(Board::ALL.to_vec(), |board| vec![board]) {

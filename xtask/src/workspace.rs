@@ -3,7 +3,7 @@
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-#[cfg(not(feature = "probe"))]
+#[cfg(not(all(feature = "probe", feature = "live")))]
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail};
@@ -77,15 +77,23 @@ pub(crate) fn install(tool: &Tool) -> Result<()> {
     std::fs::write(&stamp, "").with_context(|| format!("could not write {}", stamp.display()))
 }
 
-/// Runs this same command line again with the probe library compiled in.
-#[cfg(not(feature = "probe"))]
-pub(crate) fn again_with_probe() -> Result<ExitCode> {
-    let status = cargo()
-        .args(["run", "--quiet", "--package", "xtask", "--features", "probe", "--"])
-        .args(std::env::args_os().skip(1))
-        .status()
-        .context("could not start cargo")?;
-    Ok(status.code().and_then(|code| u8::try_from(code).ok()).map_or(ExitCode::FAILURE, ExitCode::from))
+/// Runs this same command line again with a feature of xtask's compiled in. On Unix that process takes the place of
+/// this one, so that an interrupt from the keyboard reaches one alone.
+#[cfg(not(all(feature = "probe", feature = "live")))]
+pub(crate) fn again_with(feature: &str) -> Result<ExitCode> {
+    let mut command = cargo();
+    command.args(["run", "--quiet", "--package", "xtask", "--features", feature, "--"]);
+    command.args(std::env::args_os().skip(1));
+    #[cfg(unix)]
+    {
+        use std::os::unix::process::CommandExt;
+        Err(command.exec()).context("could not start cargo")
+    }
+    #[cfg(not(unix))]
+    {
+        let status = command.status().context("could not start cargo")?;
+        Ok(status.code().and_then(|code| u8::try_from(code).ok()).map_or(ExitCode::FAILURE, ExitCode::from))
+    }
 }
 
 fn tools_dir() -> PathBuf {

@@ -7,6 +7,7 @@
 //! | one for each line | waits for bytes, notes when they came, hands them on |
 //! | station | judges what came, keeps it, looks for alarms every [`TICK`] |
 //! | recorder | writes, so that a slow disk holds nothing up |
+//! | page | serves it, where the program has other things to do ([`server`]) |
 //!
 //! A playback has a thread that reads in place of the lines.
 //!
@@ -16,6 +17,7 @@ pub mod lines;
 pub mod page;
 pub mod playback;
 mod recording;
+pub mod server;
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
@@ -38,25 +40,50 @@ pub const TICK: Duration = Duration::from_millis(20);
 const WAITING: usize = 65_536;
 
 /// µs since 1970, of a clock that does not go back: what the system said at the start, and what passed since.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Clock {
     unix_us: u64,
-    began: Instant,
+    passed: Passed,
+}
+
+/// What passed since a clock began.
+#[derive(Clone, Debug)]
+enum Passed {
+    /// On the wall, since then.
+    Since(Instant),
+    /// As somebody says, µs.
+    Told(Arc<AtomicU64>),
 }
 
 impl Clock {
     /// A clock that begins now.
     #[must_use]
     pub fn begin() -> Self {
-        let unix = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-        Self { unix_us: u64::try_from(unix.as_micros()).unwrap_or_default(), began: Instant::now() }
+        Self { unix_us: unix_us(), passed: Passed::Since(Instant::now()) }
+    }
+
+    /// A clock of which somebody says how much has passed, in µs: for what arrives by another time than that of the
+    /// clock on the wall. It stands still until told otherwise, and must not be told less than before.
+    #[must_use]
+    pub fn told(passed_us: Arc<AtomicU64>) -> Self {
+        Self { unix_us: unix_us(), passed: Passed::Told(passed_us) }
     }
 
     /// The time now.
     #[must_use]
     pub fn now_us(&self) -> u64 {
-        self.unix_us.saturating_add(u64::try_from(self.began.elapsed().as_micros()).unwrap_or(u64::MAX))
+        let passed_us = match &self.passed {
+            Passed::Since(began) => u64::try_from(began.elapsed().as_micros()).unwrap_or(u64::MAX),
+            Passed::Told(passed_us) => passed_us.load(Ordering::Relaxed),
+        };
+        self.unix_us.saturating_add(passed_us)
     }
+}
+
+/// What the system says.
+fn unix_us() -> u64 {
+    let unix = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    u64::try_from(unix.as_micros()).unwrap_or_default()
 }
 
 /// What happens at a line.

@@ -149,10 +149,12 @@ impl Faults {
                 for (after, fault) in draw {
                     let at = begins + after;
                     let until = if lasts(&fault) { at + length } else { at };
-                    faults.add(Episode { at, until, fault });
+                    faults.episodes.push(Episode { at, until, fault });
                 }
             }
         }
+        // Together at the end: a day has tens of thousands of each kind. Those of one instant stay as they were drawn.
+        faults.episodes.sort_by_key(|episode| episode.at);
         faults
     }
 }

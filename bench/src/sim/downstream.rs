@@ -166,6 +166,11 @@ impl Link {
         self.recorder.take_kept()
     }
 
+    /// The images that the flight controller has read since the last call.
+    pub(super) fn take_images(&mut self) -> Vec<(u64, Vec<u8>)> {
+        self.flight_controller.take_images()
+    }
+
     /// The DPR's tasks go into a trace.
     pub(super) fn watch_tasks(&mut self, tasks: TaskWatch) {
         self.tasks = Some(tasks);

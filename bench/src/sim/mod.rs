@@ -133,13 +133,30 @@ impl Setup {
     }
 }
 
-/// Who watches a run.
+/// Who watches a run. It may take its time in each of these, and end the run early; what the run does until then
+/// depends on neither.
 pub trait Observer {
     /// The run has come this far, in virtual nanoseconds.
     fn progress(&mut self, virtual_ns: u64);
 
     /// A board logged a line.
     fn log(&mut self, board: &str, line: &str);
+
+    /// The flight controller has read a whole image of which nothing is damaged, in a transaction that was over at
+    /// `virtual_ns`. Told before the [`progress`](Self::progress) that has come to that instant, in order of time.
+    fn image(&mut self, virtual_ns: u64, image: &[u8]) {
+        let _ = (virtual_ns, image);
+    }
+
+    /// How often the run can end early, in virtual nanoseconds: a multiple of 10 ms. Never, unless told otherwise.
+    fn piece_ns(&self) -> u64 {
+        u64::MAX
+    }
+
+    /// Whether the run is to end here, asked after each piece.
+    fn ends(&mut self) -> bool {
+        false
+    }
 }
 
 /// Nobody watches.
@@ -305,6 +322,7 @@ impl<C: Cost> Bench<C> {
         let run = self.run(end, threads, |_, dpr, link| {
             dpr.take_log();
             link.take_marks(dpr);
+            link.take_images();
             Ok::<_, std::convert::Infallible>(())
         });
         let Ok(()) = run;
@@ -438,8 +456,15 @@ pub fn run(setup: &Setup, observer: &mut dyn Observer) -> Result<Outcome, Error>
 fn run_on<C: Cost>(setup: &Setup, observer: &mut dyn Observer) -> Result<Outcome, Error> {
     let mut bench = Bench::<C>::new(setup)?;
     let mut kept = Kept::begin(setup, &mut bench)?;
-    bench.run(setup.duration_ns, setup.threads, |reached, dpr, link| kept.take(reached, dpr, link, observer))?;
-    kept.finish(bench, setup.duration_ns)
+    let mut end = 0;
+    while end < setup.duration_ns {
+        end = end.saturating_add(observer.piece_ns().max(STEP)).min(setup.duration_ns);
+        bench.run(end, setup.threads, |reached, dpr, link| kept.take(reached, dpr, link, observer))?;
+        if observer.ends() {
+            break;
+        }
+    }
+    kept.finish(bench, end)
 }
 
 /// What is kept of a run as it goes: logs, trace, event log, picture.
@@ -494,6 +519,9 @@ impl Kept {
             if let Some(plotted) = &mut self.plotted {
                 plotted.history.take(&event);
             }
+        }
+        for (at, image) in link.take_images() {
+            observer.image(at, &image);
         }
         observer.progress(reached);
         Ok(())

@@ -84,6 +84,8 @@ pub struct FlightController {
     /// Timestamp of the last fresh profile.
     previous: Option<u32>,
     downlink: Vec<u8>,
+    /// Intact images that it has read, each with the instant (ns) at which its transaction was over.
+    images: Vec<(u64, Vec<u8>)>,
     stats: Stats,
 }
 
@@ -118,6 +120,7 @@ impl FlightController {
             last: None,
             previous: None,
             downlink: Vec::new(),
+            images: Vec::new(),
             stats: Stats::default(),
         };
         controller.plan();
@@ -235,6 +238,14 @@ impl FlightController {
         core::mem::take(&mut self.downlink)
     }
 
+    /// The whole images that it has read since this was last called, each with the instant (ns) at which its
+    /// transaction was over: Link-Status and the profile's objects, each of them intact or vacant. They are what a
+    /// forwarder of Link-Status has to offer, whether or not the profile is new.
+    #[must_use]
+    pub fn take_images(&mut self) -> Vec<(u64, Vec<u8>)> {
+        core::mem::take(&mut self.images)
+    }
+
     /// Totals.
     #[must_use]
     pub fn stats(&self) -> Stats {
@@ -321,6 +332,11 @@ impl FlightController {
             self.previous = reading.timestamp;
             self.stats.forwarded += 1;
             stream::encode(profile, &mut self.downlink);
+        }
+        if matches!(reading.outcome, Outcome::Fresh | Outcome::Repeated)
+            && let Some(whole) = view.find(0..self.config.image_len())
+        {
+            self.images.push((transaction.deselected_ns, whole.to_vec()));
         }
         if reading.outcome == Outcome::Busy {
             // A busy DPR has not heard what it was asked for.

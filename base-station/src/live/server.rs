@@ -1,0 +1,82 @@
+//! The page on a thread of its own, for a program that has other things to do.
+
+use std::io;
+use std::net::{SocketAddr, TcpListener};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{self, JoinHandle};
+
+use tokio::sync::oneshot;
+
+use super::{Station, page};
+
+/// A page that is served until this is dropped.
+#[derive(Debug)]
+pub struct Server {
+    address: SocketAddr,
+    interrupted: Arc<AtomicBool>,
+    end: Option<oneshot::Sender<()>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Server {
+    /// Serves the page of `station` at `address`; with port 0 the system chooses one. From now on an interrupt from the
+    /// keyboard does not end the process: [`interrupted`](Self::interrupted) tells of it.
+    ///
+    /// # Errors
+    ///
+    /// If the address cannot be bound, or the system gives no event loop.
+    pub fn start(station: Station, address: SocketAddr) -> io::Result<Self> {
+        let listener = TcpListener::bind(address)?;
+        listener.set_nonblocking(true)?;
+        let address = listener.local_addr()?;
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+        let (end, ended) = oneshot::channel::<()>();
+        let interrupted = Arc::new(AtomicBool::new(false));
+        let told = Arc::clone(&interrupted);
+        let thread = thread::spawn(move || {
+            runtime.block_on(async {
+                let router = page::router(station, None, address);
+                let served = async {
+                    let listener = tokio::net::TcpListener::from_std(listener)?;
+                    axum::serve(listener, router).await
+                };
+                let interrupts = async {
+                    while tokio::signal::ctrl_c().await.is_ok() {
+                        told.store(true, Ordering::Relaxed);
+                    }
+                };
+                // Open event streams would hold a graceful end up.
+                tokio::select! {
+                    _ = ended => {}
+                    served = async { tokio::join!(served, interrupts).0 } => {
+                        if let Err(error) = served {
+                            eprintln!("error: the page ended: {error}");
+                        }
+                    }
+                }
+            });
+        });
+        Ok(Self { address, interrupted, end: Some(end), thread: Some(thread) })
+    }
+
+    /// Where the page is.
+    #[must_use]
+    pub const fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Whether somebody has asked from the keyboard that the process ends.
+    #[must_use]
+    pub fn interrupted(&self) -> bool {
+        self.interrupted.load(Ordering::Relaxed)
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        // Either of them may be over already.
+        let _ = self.end.take().map(|end| end.send(()));
+        let _ = self.thread.take().map(JoinHandle::join);
+    }
+}

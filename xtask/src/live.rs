@@ -1,0 +1,300 @@
+//! The whole link at the pace of the clock on the wall, and the base station's page of it.
+//!
+//! # Design
+//!
+//! All of it is the real thing but for the wires' other ends. Both images run on the bench, and its flight controller
+//! reads the DPR. Each image that it has read undamaged, Link-Status included, is offered to the forwarder of
+//! [`base_station::carrier::mavlink`], which has the budget of a fast telemetry radio. What the forwarder sends goes
+//! through a UDP socket of this machine to the station and the page of `horus-base serve`, in this process.
+//!
+//! **Pace.** The bench reads no clock. It is held up here, every 10 ms of virtual time, until the clock on the wall
+//! has come as far. What it has forwarded meanwhile goes out then, so nothing is shown before its time, and all that is
+//! shown is 10 ms late at most by this. If the machine is too slow, the run falls behind, and says how much.
+//!
+//! **Whose clock.** At the pace of 1 the station reads the system's clock, so ages on the page are true, and grow when
+//! the bench falls behind. At any other pace that clock would take HORUS's for wrong, and the bench tells the station
+//! its own.
+//!
+//! | left out | why |
+//! |---|---|
+//! | faults of the radio | the carrier is a socket of this machine; the bench breaks its own, beside this |
+//! | Port-Status, uplinks | the base station's messages have no place for them |
+
+use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::thread::sleep;
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use anyhow::{Context, Result, anyhow, bail};
+use base_station::carrier::mavlink::{Forwarder, Rates, Receiver};
+use base_station::intake::Kind;
+use base_station::live::server::Server;
+use base_station::live::{self, Clock, Station, Time, lines};
+use base_station::{Bundle, Change, DroneId};
+use bench::faults::Faults;
+use bench::sim::{Images, Observer, Outcome, Setup};
+
+use crate::sim::table;
+use crate::{LiveArgs, firmware};
+
+/// MAVLink's system id of the drone.
+const SYSTEM: u8 = 1;
+
+/// MAVLink's component id of the flight controller: MAV_COMP_ID_AUTOPILOT1.
+const COMPONENT: u8 = 1;
+
+/// What a fast telemetry radio carries: all objects at 10 Hz, and a standard position each second.
+const RATES: Rates = Rates { bytes_per_s: 6_000, period_us: 100_000, standard_us: 1_000_000 };
+
+/// The run can be ended so often, virtual ns.
+const PIECE: u64 = 100_000_000;
+
+/// A run that was never further behind the clock on the wall than this has held real time: one period of the
+/// forwarder's, a quarter of the age at which the page calls a position old.
+const HELD: Duration = Duration::from_millis(100);
+
+/// What was sent last has arrived after so long, or it never will.
+const ARRIVES_WITHIN: Duration = Duration::from_secs(2);
+
+/// Where everything is: this machine.
+const LOCAL: Ipv4Addr = Ipv4Addr::LOCALHOST;
+
+/// A day, which is as long as a flight is planned at most, s.
+const LONGEST: f64 = 86_400.0;
+
+pub(crate) fn live(args: &LiveArgs) -> Result<ExitCode> {
+    if let Some(kind) = args.faults.iter().find(|kind| kind.is_upset()) {
+        bail!("--faults {kind}: upsets are tried on copies of the bench, which `cargo xtask sim` has and this has not");
+    }
+    let mut page = Page::start(args.port, args.pace, tell)?;
+    println!("http://{}/", page.server.address());
+    let (horus, dpr) = firmware::build_pair(args.gps)?;
+    let duration_ns = (args.seconds.unwrap_or(LONGEST) * 1e9).round() as u64;
+    let faults = Faults::drawn(&args.faults, args.gps.0, args.seed, duration_ns);
+    let setup =
+        Setup { seed: args.seed, faults, writes: true, ..Setup::new(Images { horus, dpr }, args.gps.0, duration_ns) };
+    let began = Instant::now();
+    let mut outcome = page.run(&setup)?;
+    let wall = began.elapsed().as_secs_f64();
+    outcome.report.speed.times_real_time = outcome.report.virtual_seconds / wall;
+    let shown = page.settle();
+    print!("{}{}\n{shown}{}", table(&outcome.report), outcome.base, page.pace());
+    match outcome.report.violations.len() {
+        0 if shown.is_whole() => Ok(ExitCode::SUCCESS),
+        0 => bail!("the page has not got what was sent"),
+        violations => bail!("{violations} violation(s)"),
+    }
+}
+
+/// Tells an alarm that came or went.
+fn tell(_: DroneId, change: Change) {
+    eprintln!("{} {}", if change.raised { "ALARM" } else { "over " }, change.alarm);
+}
+
+/// What became of the messages with objects.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Shown {
+    sent: u64,
+    arrived: u64,
+    bad_crc: u64,
+}
+
+impl Shown {
+    /// Whether all that was sent arrived, and intact.
+    const fn is_whole(self) -> bool {
+        self.arrived == self.sent && self.bad_crc == 0
+    }
+}
+
+impl std::fmt::Display for Shown {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { sent, arrived, bad_crc } = self;
+        writeln!(f, "page                  {sent} messages with objects sent, {arrived} arrived, {bad_crc} bad CRC")
+    }
+}
+
+/// A base station with its page, and a flight controller's forwarder that sends to it.
+struct Page {
+    server: Server,
+    station: Station,
+    forwarder: Forwarder,
+    socket: UdpSocket,
+    to: SocketAddr,
+    /// Virtual time per time on the wall; 0 for as fast as it goes.
+    pace: f64,
+    /// How much virtual time has passed, µs, for a station that does not read the system's clock.
+    passed_us: Arc<AtomicU64>,
+    /// When the run began on the wall: as if its first step had taken no time, for before that the images are loaded.
+    began: Option<Instant>,
+    /// How far behind the clock on the wall it was at worst.
+    behind: Duration,
+    /// Messages with objects that were sent.
+    sent: u64,
+    /// Why one could not be.
+    unsent: Option<std::io::Error>,
+}
+
+impl Page {
+    /// Opens the page on this port; `told` hears of every alarm that comes or goes.
+    fn start(port: u16, pace: f64, told: impl FnMut(DroneId, Change) + Send + 'static) -> Result<Self> {
+        let passed_us = Arc::new(AtomicU64::new(0));
+        let clock = if pace == 1.0 { Clock::begin() } else { Clock::told(Arc::clone(&passed_us)) };
+        // The station ends when the line does, and the line with this process.
+        let (inlet, station, _) = live::start(None, None, Time::Clock(clock.clone()), told);
+        let to = lines::udp((LOCAL, 0).into(), Kind::MavlinkDatagrams, 0, clock, inlet);
+        let to = to.context("cannot listen on UDP")?;
+        let server = Server::start(station.clone(), (LOCAL, port).into());
+        let server = server.with_context(|| format!("cannot serve a page on {LOCAL}:{port}; --port takes another"))?;
+        let socket = UdpSocket::bind((LOCAL, 0)).context("cannot send on UDP")?;
+        let forwarder = Forwarder::new(SYSTEM, COMPONENT, RATES);
+        let (began, behind) = (None, Duration::ZERO);
+        Ok(Self { server, station, forwarder, socket, to, pace, passed_us, began, behind, sent: 0, unsent: None })
+    }
+
+    /// Runs the link, and sends what its flight controller forwards.
+    fn run(&mut self, setup: &Setup) -> Result<Outcome> {
+        let outcome = bench::sim::run(setup, self)?;
+        match self.unsent.take() {
+            None => Ok(outcome),
+            Some(error) => Err(anyhow!(error).context(format!("cannot send to UDP {}", self.to))),
+        }
+    }
+
+    /// Waits until the station has taken what was sent, or it is clear that it will not.
+    fn settle(&self) -> Shown {
+        let began = Instant::now();
+        loop {
+            let known = self.station.known();
+            let counts = known.intake.fleet().iter().map(|(_, drone)| drone.counts());
+            let (arrived, bad_crc) =
+                counts.fold((0, 0), |(arrived, bad), counts| (arrived + counts.messages, bad + counts.bad_crc));
+            drop(known);
+            if arrived >= self.sent || began.elapsed() > ARRIVES_WITHIN {
+                return Shown { sent: self.sent, arrived, bad_crc };
+            }
+            sleep(Duration::from_millis(1));
+        }
+    }
+
+    /// Whether the pace was held, in a line.
+    fn pace(&self) -> String {
+        let behind = self.behind.as_secs_f64() * 1e3;
+        let held = match self.pace {
+            0.0 => return "pace                  as fast as it goes\n".to_owned(),
+            _ if self.behind <= HELD => "held",
+            _ => "NOT held",
+        };
+        format!("pace                  {} x real time, {held}: {behind:.1} ms late at worst\n", self.pace)
+    }
+
+    /// Waits until the clock on the wall has come as far as the run.
+    fn wait(&mut self, virtual_ns: u64) {
+        if self.pace == 0.0 {
+            return;
+        }
+        let now = Instant::now();
+        let passed = Duration::from_nanos(virtual_ns).div_f64(self.pace);
+        let due = *self.began.get_or_insert_with(|| now.checked_sub(passed).unwrap_or(now)) + passed;
+        self.behind = self.behind.max(now.saturating_duration_since(due));
+        sleep(due.saturating_duration_since(now));
+    }
+}
+
+impl Observer for Page {
+    fn image(&mut self, _: u64, image: &[u8]) {
+        if let Some(bundle) = Bundle::datagram(image) {
+            self.forwarder.offer(&bundle);
+        }
+    }
+
+    fn progress(&mut self, virtual_ns: u64) {
+        self.wait(virtual_ns);
+        let now_us = virtual_ns / 1_000;
+        self.passed_us.store(now_us, Ordering::Relaxed);
+        let unix_us = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_micros();
+        while let Some(message) = self.forwarder.poll(now_us, u64::try_from(unix_us).unwrap_or_default()) {
+            match self.socket.send_to(&message, self.to) {
+                // What a receiver finds in it is what will arrive.
+                Ok(_) => self.sent += Receiver::default().datagram(0, &message).len() as u64,
+                Err(error) => self.unsent = Some(error),
+            }
+        }
+    }
+
+    fn log(&mut self, _: &str, _: &str) {}
+
+    fn piece_ns(&self) -> u64 {
+        PIECE
+    }
+
+    fn ends(&mut self) -> bool {
+        self.unsent.is_some() || self.server.interrupted()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::{Read, Write};
+    use std::net::TcpStream;
+    use std::path::PathBuf;
+
+    use gnss_sim::{Flight, Geodetic, TangentPlane};
+    use serde_json::Value;
+
+    use super::*;
+
+    /// When HORUS's clock begins, s after power-on: it compares its flash with the CRC and sets up for 8 to 9 ms.
+    const HORUS_STARTS: f64 = 0.008_5;
+
+    /// Both images for three receivers; nothing, said, where `cargo xtask test` has not built them, and a failure of
+    /// the test where the environment has `CI`.
+    fn images() -> Option<Images> {
+        let folder = std::env::var_os("LINK_IMAGES").map(|folder| PathBuf::from(folder).join("gps-3"));
+        if let Some(folder) = folder.filter(|folder| folder.is_dir()) {
+            return Some(Images { horus: folder.join("horus-tx-fw.elf"), dpr: folder.join("dpr-fw.elf") });
+        }
+        assert!(std::env::var_os("CI").is_none(), "LINK_IMAGES does not say where `cargo xtask test` built the images");
+        eprintln!("not run: LINK_IMAGES does not say where `cargo xtask test` built the images");
+        None
+    }
+
+    /// What the page is told, over HTTP.
+    fn state(address: SocketAddr) -> Value {
+        let mut stream = TcpStream::connect(address).unwrap();
+        write!(stream, "GET /state HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n").unwrap();
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).unwrap();
+        let (head, body) = answer.split_once("\r\n\r\n").unwrap();
+        assert!(head.starts_with("HTTP/1.1 200 OK"), "{head}");
+        serde_json::from_str(body).unwrap()
+    }
+
+    #[test]
+    fn the_page_shows_where_the_aircraft_is_and_link_status_and_nothing_is_damaged() {
+        let Some(images) = images() else { return };
+        let setup = Setup::new(images, 3, 2_000_000_000);
+        let mut page = Page::start(0, 0.0, |_, _| {}).unwrap();
+        let outcome = page.run(&setup).unwrap();
+        assert_eq!(outcome.report.violations, [""; 0]);
+        let shown = page.settle();
+        // Three messages of three receivers, each at most at the start and every 100 ms from then on.
+        assert!(shown.is_whole() && (57..=63).contains(&shown.sent), "{shown:?}");
+
+        let drone = &state(page.server.address())["drone"];
+        assert_eq!(drone["id"], SYSTEM.to_string());
+        assert_eq!((&drone["counts"]["bad_crc"], &drone["stale"]), (&0.into(), &false.into()), "{drone}");
+        assert_eq!((&drone["link"]["up"], &drone["link"]["rejected"]), (&true.into(), &12.into()), "{drone}");
+        let reported = &drone["reported"];
+        assert_eq!((&reported["valid"], &reported["agree"]), (&true.into(), &3.into()), "{drone}");
+        let time = drone["time_ms"].as_f64().unwrap() / 1e3;
+        assert!((1.8..=2.0).contains(&time), "{drone}");
+        let flight = Flight::new(setup.seed, setup.duration_ns as f64 / 1e9);
+        let was = flight.state(time + HORUS_STARTS).position;
+        let place = |index: usize| reported["position"][index].as_f64().unwrap();
+        let shown = Geodetic { latitude: place(0), longitude: place(1), height: was.height };
+        let [north, east, _] = TangentPlane::new(was).to_ned(shown);
+        assert!(north.hypot(east) <= 1.0, "{north} m north, {east} m east of the truth at {time} s");
+    }
+}
