@@ -70,7 +70,7 @@ table! {
         Row::new(Violation::LateReadable, || wire(BREAKS, 100 * MS, WireFault::FreshLate(40 * US)));
     an_image_whose_link_status_has_a_wrong_identifier_is_announced_all_the_same =>
         Row {
-            duration: BREAKS + 15 * MS,
+            duration: BREAKS + 2 * MS,
             ..Row::new(Violation::FreshUnreadable, || {
                 dpr(BREAKS, 100 * MS, ImageFault::Constant { of: 0x4400, value: 0x4401 })
             })

@@ -161,7 +161,11 @@ impl Claims {
         let Some(mark) = claim.mark else { return };
         // FRESH may come late for an image that was read without it.
         let previous = before.last().filter(|before| !before.unannounced).and_then(|before| before.mark);
-        let replaces = |previous| claim.rose < self.hit && mark == previous;
+        // Within a millisecond of the DPR's clock its Link-Status is no newer.
+        let replaces = |previous: Mark| {
+            let tells_no_more = mark.stamp.is_none() || mark.stamp == previous.stamp;
+            claim.rose < self.hit && tells_no_more
+        };
         if previous.is_some_and(|previous| !mark.is_newer_than(&previous) && !replaces(previous)) {
             claim.told = true;
             findings.add(Violation::FreshNotNew, claim.rose, || "the image of before was offered".into());
