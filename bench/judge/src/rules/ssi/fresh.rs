@@ -48,14 +48,16 @@ impl Mark {
     }
 
     /// Whether it is an image that was made after the one of `before`. Of two that tell the same time and the same
-    /// counts the one of greater age is newer; of two that tell another status it cannot be told which is.
+    /// counts the one of greater age is newer; of two that tell another status it cannot be told which is. Such a one
+    /// without objects withdraws those of the other, within a millisecond.
     fn is_newer_than(&self, before: &Self) -> bool {
         let Some((now, then)) = self.link.zip(before.link) else { return self.stamp != before.stamp };
         let counters = |link: LinkValues| {
             [link.timestamp, link.frames_received, link.frames_missed, link.objects_accepted, link.objects_rejected]
         };
         let stamps = self.stamp.zip(before.stamp);
-        let alike = counters(now) == counters(then) && self.stamp == before.stamp;
+        let withdraws = self.stamp.is_none();
+        let alike = counters(now) == counters(then) && (self.stamp == before.stamp || withdraws);
         alike && (now.status != then.status || now.age_100us > then.age_100us)
             || stamps.is_some_and(|(now, then)| is_later(now, then))
             || counters(now).into_iter().zip(counters(then)).any(|(now, then)| is_later(now, then))
@@ -161,11 +163,7 @@ impl Claims {
         let Some(mark) = claim.mark else { return };
         // FRESH may come late for an image that was read without it.
         let previous = before.last().filter(|before| !before.unannounced).and_then(|before| before.mark);
-        // Within a millisecond of the DPR's clock its Link-Status is no newer.
-        let replaces = |previous: Mark| {
-            let tells_no_more = mark.stamp.is_none() || mark.stamp == previous.stamp;
-            claim.rose < self.hit && tells_no_more
-        };
+        let replaces = |previous| claim.rose < self.hit && mark == previous;
         if previous.is_some_and(|previous| !mark.is_newer_than(&previous) && !replaces(previous)) {
             claim.told = true;
             findings.add(Violation::FreshNotNew, claim.rose, || "the image of before was offered".into());
@@ -246,7 +244,24 @@ fn missing(selected: u64, mark: Mark, cycles: &mut Cycles, findings: &mut Findin
 
 #[cfg(test)]
 mod tests {
+    use profile::LinkStatusBits;
+
     use super::*;
+
+    #[test]
+    fn an_image_without_objects_is_newer_than_one_of_the_same_millisecond_that_it_withdraws() {
+        let status = LinkStatusBits::new().with_link_up(true);
+        let link = LinkValues { timestamp: 772, status, age_100us: 49, ..LinkValues::default() };
+        let shown = Mark { link: Some(link), stamp: Some(770) };
+        let without = |link| Mark { link: Some(link), stamp: None };
+        assert!(without(LinkValues { age_100us: 51, ..link }).is_newer_than(&shown));
+        assert!(without(LinkValues { status: LinkStatusBits::new(), ..link }).is_newer_than(&shown));
+        assert!(!without(link).is_newer_than(&shown), "nothing tells that it was made later");
+        assert!(!without(LinkValues { age_100us: 48, ..link }).is_newer_than(&shown));
+        assert!(!shown.is_newer_than(&without(LinkValues { age_100us: 48, ..link })), "objects do not come back");
+        let other = Mark { stamp: Some(760), ..without(LinkValues { age_100us: 51, ..link }) };
+        assert!(!other.is_newer_than(&shown), "nor do those of an older cycle");
+    }
 
     #[test]
     fn a_timestamp_alone_does_not_tell_an_image_from_one_before_a_restart_of_horus() {

@@ -24,7 +24,7 @@
 //!   [`super::shown`].
 //! - What is unsound while a bit of the DPR's buffers is stuck, or after one was hit, until the buffer is replaced, is
 //!   not looked at here: a check that finds it is all that is asked. That it is not valid is for [`super::shown`] to
-//!   ask. Nor is it held against the DPR that it replaces such an image by one that tells the same, or less.
+//!   ask. Nor is it held against the DPR that it replaces such an image by one that tells the same.
 //! - A transaction that brings an older image than the one announced is [`Violation::FreshNotNew`], but for one whose
 //!   objects are older than what was read before: that is [`Violation::Regression`], of another rule.
 //! - How soon a frame is readable that began while the DPR's front end was out of order is not asked.
