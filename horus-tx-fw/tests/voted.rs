@@ -426,7 +426,7 @@ fn without_a_failure_all_three_agree_and_the_result_is_as_good_as_they_are() {
 
 /// The same ten thousand times, with the table: `cargo test -p horus-tx-fw --test voted -- --ignored --nocapture`.
 #[test]
-#[ignore = "minutes"]
+#[ignore = "takes four minutes: cargo test -p horus-tx-fw --test voted -- --ignored --nocapture"]
 fn ten_thousand_failures() {
     one_of_three(10_000);
     two_of_three(3_000);
