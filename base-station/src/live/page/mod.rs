@@ -7,6 +7,7 @@
 //!
 //! **Pushed.** Server-sent events, at most every [`PUSH`], each a whole state: a slow reader gets fewer, never old
 //! ones, since a state is made when the connection can take it. So a connection holds one state, and no queue grows.
+//! The first state of a connection brings the drone's last ten minutes ([`history`](super::history)), at most 150 kB.
 //!
 //! **Nothing from elsewhere.** HTML, style and script are in the binary; the content security policy allows no others.
 //! While the station listens on this machine alone, requests whose Host is another are refused, so that no foreign page
@@ -34,12 +35,16 @@ use tokio::time::{Instant, sleep};
 
 use super::Station;
 use super::playback::Player;
+use state::With;
 
 /// From one state to the next at least: a screen's refresh.
 pub const PUSH: Duration = Duration::from_millis(16);
 
 /// The list of all drones goes with a state at most so often.
 pub const LIST: Duration = Duration::from_millis(500);
+
+/// A browser that has lost the station tries again after so long.
+const RETRY: Duration = Duration::from_millis(500);
 
 /// So many browsers may watch at once; further ones are told to come later.
 pub const MAX_WATCHERS: usize = 256;
@@ -111,7 +116,12 @@ fn asked(query: Option<&str>) -> Option<&str> {
 }
 
 async fn state_once(State(page): State<Page>, RawQuery(query): RawQuery) -> impl IntoResponse {
-    let state = state::json(&page.station, page.player.as_deref(), asked(query.as_deref()), true);
+    let state = state::json(
+        &page.station,
+        page.player.as_deref(),
+        asked(query.as_deref()),
+        With { list: true, history: false },
+    );
     ([(header::CONTENT_TYPE, "application/json")], state)
 }
 
@@ -132,12 +142,12 @@ async fn events(State(page): State<Page>, RawQuery(query): RawQuery) -> Response
             changes.changed().await.ok()?;
         }
         changes.mark_unchanged();
-        let lists = listed.is_none_or(|listed| listed.elapsed() >= LIST);
-        if lists {
+        let with = With { list: listed.is_none_or(|listed| listed.elapsed() >= LIST), history: listed.is_none() };
+        if with.list {
             listed = Some(Instant::now());
         }
-        let state = state::json(&page.station, page.player.as_deref(), drone.as_deref(), lists);
-        let event = Ok::<_, Infallible>(Event::default().data(state));
+        let state = state::json(&page.station, page.player.as_deref(), drone.as_deref(), with);
+        let event = Ok::<_, Infallible>(Event::default().retry(RETRY).data(state));
         let permit: OwnedSemaphorePermit = permit;
         Some((event, (page, changes, drone, listed, permit)))
     });
