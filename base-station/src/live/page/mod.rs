@@ -59,14 +59,11 @@ struct Page {
     station: Station,
     player: Option<Arc<Player>>,
     watchers: Arc<Semaphore>,
-    /// The page is for this machine alone.
-    local: bool,
 }
 
 /// The page of a station, to be served at `address`; with a player its pace can be set.
 pub fn router(station: Station, player: Option<Arc<Player>>, address: SocketAddr) -> Router {
-    let local = address.ip().is_loopback();
-    let page = Page { station, player, watchers: Arc::new(Semaphore::new(MAX_WATCHERS)), local };
+    let page = Page { station, player, watchers: Arc::new(Semaphore::new(MAX_WATCHERS)) };
     let mut router = Router::new()
         .route("/", get(|| file("text/html; charset=utf-8", include_str!("index.html"))))
         .route("/page.css", get(|| file("text/css; charset=utf-8", include_str!("page.css"))))
@@ -77,7 +74,13 @@ pub fn router(station: Station, player: Option<Arc<Player>>, address: SocketAddr
     if page.player.is_some() {
         router = router.route("/playback", post(playback));
     }
-    router.layer(middleware::from_fn_with_state(page.clone(), guard)).with_state(page)
+    guarded(router.with_state(page), address)
+}
+
+/// These pages, to be served at `address`, with what every page here has: other hosts' names are refused where that is
+/// this machine alone, and every answer has the content security policy.
+pub fn guarded(router: Router, address: SocketAddr) -> Router {
+    router.layer(middleware::from_fn_with_state(address.ip().is_loopback(), guard))
 }
 
 async fn file(kind: &'static str, text: &'static str) -> impl IntoResponse {
@@ -85,8 +88,8 @@ async fn file(kind: &'static str, text: &'static str) -> impl IntoResponse {
 }
 
 /// Refuses other hosts' names, and sets the headers that every answer has.
-async fn guard(State(page): State<Page>, request: Request, next: Next) -> Response {
-    if page.local && !is_this_machine(request.headers()) {
+async fn guard(State(local): State<bool>, request: Request, next: Next) -> Response {
+    if local && !is_this_machine(request.headers()) {
         return (StatusCode::FORBIDDEN, "this page is served to this machine alone").into_response();
     }
     let mut response = next.run(request).await;
