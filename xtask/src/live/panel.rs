@@ -327,6 +327,16 @@ impl Panel {
         self.inner().over
     }
 
+    /// Breaks things as somebody does who presses one button after the other, so many of them together as there are.
+    #[cfg(test)]
+    pub(super) fn press(&self, button: usize, ns: Option<u64>) {
+        let mut inner = self.inner();
+        let all = Thing::all(inner.receivers);
+        let thing = all[button % all.len()];
+        let ns = ns.or((thing.how() == How::Lasting).then_some(u64::MAX)).unwrap_or(LINK_NS);
+        inner.asked.push((thing, ns));
+    }
+
     /// The run is to end.
     #[cfg(test)]
     pub(super) fn end(&self) {

@@ -3,6 +3,7 @@ use std::net::TcpStream;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::PathBuf;
 
+use bench::faults::Rng;
 use gnss_sim::{Flight, Geodetic, TangentPlane};
 use serde_json::Value;
 
@@ -295,4 +296,46 @@ fn the_track_in_the_browser_is_within_a_metre_of_the_truth() {
     println!("the track is within {worst:.2} m, the numbers within {off:.2} m");
     assert!(worst <= 1.0, "{worst} m");
     assert_eq!(tab.troubles(), Vec::<String>::new());
+}
+
+/// Somebody who presses buttons of the panel at random.
+struct Storm {
+    panel: Panel,
+    rng: Rng,
+    next: u64,
+}
+
+impl Observer for Storm {
+    fn progress(&mut self, virtual_ns: u64) {
+        self.panel.progress(virtual_ns);
+    }
+
+    fn log(&mut self, _: &str, _: &str) {}
+
+    fn piece_ns(&self) -> u64 {
+        PIECE
+    }
+
+    fn faults(&mut self, virtual_ns: u64) -> Faults {
+        if virtual_ns >= self.next {
+            self.next = virtual_ns + self.rng.below(2_000_000_000);
+            let button = usize::try_from(self.rng.below(100)).unwrap();
+            self.panel.press(button, Some(200_000_000 + self.rng.below(4_000_000_000)));
+        }
+        self.panel.faults(virtual_ns)
+    }
+}
+
+#[test]
+fn many_things_broken_together_violate_nothing() {
+    let Some(images) = images() else { return };
+    for seed in 1..=3 {
+        let setup = Setup { seed, writes: true, ..Setup::new(images.clone(), 3, 40_000_000_000) };
+        let panel = Panel::default();
+        panel.begin(setup.gps, setup.duration_ns);
+        let mut storm = Storm { panel, rng: Rng::new(seed), next: 0 };
+        let outcome = bench::sim::run(&setup, &mut storm).unwrap();
+        assert_eq!(outcome.report.violations, [""; 0], "seed {seed}: {:?}", outcome.report.faults.injected);
+        assert!(outcome.report.faults.injected.len() >= 6, "{:?}", outcome.report.faults.injected);
+    }
 }
