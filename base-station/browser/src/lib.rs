@@ -4,9 +4,9 @@
 //!
 //! Chromium speaks the DevTools protocol over two pipes (`--remote-debugging-pipe`): JSON, each message ended by a zero
 //! byte. There is no port, nothing listens, and Chromium ends when the pipes do, so no test leaves one behind. The
-//! protocol is that of <https://chromedevtools.github.io/devtools-protocol/>. A library for it would be `headless_chrome`
-//! or `chromiumoxide`: 141 and 150 crates, the former a minute of a processor to build, most of it code generated for a
-//! protocol of which this needs a dozen commands.
+//! protocol is that of <https://chromedevtools.github.io/devtools-protocol/>. A library for it would be
+//! `headless_chrome` or `chromiumoxide`: 141 and 150 crates, the former a minute of a processor to build, most of it
+//! code generated for a protocol of which this needs a dozen commands.
 //!
 //! Nothing but this machine is reached: every other host name resolves to nothing, which a page that asks for one shows
 //! as a failed request ([`Tab::requests`]).
@@ -33,8 +33,8 @@ const PATIENCE: Duration = Duration::from_secs(60);
 /// How often [`Tab::until`] looks.
 const LOOK: Duration = Duration::from_millis(10);
 
-/// The browser's program: what the environment's `CHROMIUM` says, or the first that is found. Nothing, said, where there
-/// is none, and a panic where the environment has `CI`: there it is to be installed.
+/// The browser's program: what the environment's `CHROMIUM` says, or the first that is found. Nothing, said, where
+/// there is none, and a panic where the environment has `CI`: there it is to be installed.
 ///
 /// # Panics
 ///
@@ -247,13 +247,9 @@ impl Tab {
         self.command("Emulation.setDeviceMetricsOverride", metrics);
     }
 
-    /// The person prefers this colour scheme from now on, `light` or `dark`, and no motion: a colour that is about to
-    /// change is neither.
+    /// The person prefers this colour scheme from now on: `light` or `dark`.
     pub fn scheme(&mut self, scheme: &str) {
-        let features = json!([
-            { "name": "prefers-color-scheme", "value": scheme },
-            { "name": "prefers-reduced-motion", "value": "reduce" },
-        ]);
+        let features = json!([{ "name": "prefers-color-scheme", "value": scheme }]);
         self.command("Emulation.setEmulatedMedia", json!({ "features": features }));
     }
 
@@ -302,7 +298,7 @@ impl Tab {
         std::mem::take(&mut self.requests)
     }
 
-    /// What went wrong in the page since the last call: exceptions, and what is in the console as an error or a warning.
+    /// What went wrong in the page since the last call: exceptions, and errors and warnings of the console.
     pub fn troubles(&mut self) -> Vec<String> {
         self.listen();
         std::mem::take(&mut self.troubles)

@@ -49,8 +49,8 @@ use upstream::Receivers;
 /// How often the caller hears of progress and gets the log, in virtual nanoseconds.
 const STEP: u64 = 10_000_000;
 
-/// What an [`Observer`] breaks begins so long after the end of a piece at the earliest, ns: a board ends a piece with an
-/// instruction, which may be behind its end.
+/// What an [`Observer`] breaks begins so long after the end of a piece at the earliest, ns: a board ends a piece with
+/// an instruction, which may be behind its end.
 pub const AHEAD_NS: u64 = 100_000;
 
 /// The two images.

@@ -17,7 +17,7 @@
 //!
 //! | left out | why |
 //! |---|---|
-//! | a board that hangs | its watchdog's bite is here, which is how that ends; the judge calls it a violation if a firmware hangs by itself |
+//! | a board that hangs | how that ends is here, its watchdog's bite; to the judge a firmware that hangs is at fault |
 //! | what `--faults` can draw beyond this | whoever wants one of them among forty buttons would not find it |
 
 use std::collections::VecDeque;

@@ -22,8 +22,8 @@ struct State {
     history: Option<Vec<Sample>>,
 }
 
-/// A drone at an instant: when (ms since 1970), the reported place, those of the receivers (degrees), the height (m), the
-/// worst age (s) and the fewest receivers that agreed in the time before.
+/// A drone at an instant: when (ms since 1970), the reported place, those of the receivers (degrees), the height (m),
+/// the worst age (s) and the fewest receivers that agreed in the time before.
 #[derive(Serialize)]
 struct Sample(u64, Option<[f64; 2]>, Vec<Option<[f64; 2]>>, Option<f32>, Option<f32>, Option<u8>);
 
