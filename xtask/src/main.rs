@@ -206,6 +206,9 @@ pub(crate) struct LiveArgs {
     /// TCP port of the page on 127.0.0.1; 0 takes a free one.
     #[arg(long, default_value_t = 8480)]
     pub(crate) port: u16,
+    /// TCP port on 127.0.0.1 of the panel that breaks things; 0 takes a free one.
+    #[arg(long, default_value_t = 8481)]
+    pub(crate) panel_port: u16,
     /// Virtual time per time on the wall, up to 100; 0 goes as fast as it can.
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = pace)]
     pub(crate) pace: f64,

@@ -13,6 +13,7 @@
 //!
 //! Between them are queues with a bound. Where one is full, the newest is dropped and counted, which a person is told.
 
+pub mod history;
 pub mod lines;
 pub mod page;
 pub mod playback;
@@ -31,6 +32,7 @@ use crate::carrier::mavlink::Verifier;
 use crate::intake::{Carried, Intake};
 use crate::recorder::{Files, Fix, Record, Trouble};
 use crate::{Change, DroneId, export};
+use history::History;
 pub use recording::Recording;
 
 /// Alarms are looked for at least so often.
@@ -145,12 +147,21 @@ impl Inlet {
 pub struct Known {
     /// All drones.
     pub intake: Intake,
+    /// Their last minutes.
+    pub history: History,
     /// Lines that do not work, and why.
     pub lines: Vec<(String, String)>,
     /// Why nothing is recorded, if it should be.
     pub recorder: Option<Trouble>,
     /// The time up to which all is known, µs.
     pub now_us: u64,
+}
+
+impl Known {
+    /// Notes in the history what is known now.
+    fn look(&mut self) {
+        self.history.look(self.now_us, self.intake.fleet());
+    }
 }
 
 /// A station, for those who look at it.
@@ -244,6 +255,7 @@ fn run(
                 Event::Carried(carried) => {
                     let judged = known.intake.take(&carried);
                     known.now_us = known.now_us.max(carried.at_us);
+                    known.look();
                     if let Some(recording) = recording {
                         let fixes = Fix::of(&judged, known.intake.fleet());
                         recording.carried(carried, judged, fixes);
@@ -252,6 +264,9 @@ fn run(
                 Event::Played(record) => {
                     export::judge(&mut known.intake, &record);
                     known.now_us = known.now_us.max(record.carried.at_us);
+                    // By the recording's time: the playback's own is ahead of it while it goes to a place.
+                    let Known { history, intake, .. } = &mut *known;
+                    history.look(record.carried.at_us, intake.fleet());
                 }
                 Event::Line { name, why } => {
                     known.lines.retain(|(other, _)| *other != name);
@@ -260,6 +275,7 @@ fn run(
                 Event::End => return,
                 Event::Restart(at_us) => {
                     known.intake = Intake::default();
+                    known.history = History::default();
                     known.now_us = at_us;
                 }
             }
@@ -273,6 +289,9 @@ fn run(
                 if let Some(recording) = recording {
                     recording.alarm(drone, change);
                 }
+            }
+            if matches!(time, Time::Clock(_)) {
+                known.look();
             }
             known.recorder = recording.and_then(Recording::trouble);
         }

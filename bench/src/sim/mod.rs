@@ -49,6 +49,10 @@ use upstream::Receivers;
 /// How often the caller hears of progress and gets the log, in virtual nanoseconds.
 const STEP: u64 = 10_000_000;
 
+/// What an [`Observer`] breaks begins so long after the end of a piece at the earliest, ns: a board ends a piece with
+/// an instruction, which may be behind its end.
+pub const AHEAD_NS: u64 = 100_000;
+
 /// The two images.
 #[derive(Clone, Debug)]
 pub struct Images {
@@ -156,6 +160,13 @@ pub trait Observer {
     /// Whether the run is to end here, asked after each piece.
     fn ends(&mut self) -> bool {
         false
+    }
+
+    /// What goes wrong from now on beside what was set up, asked after each piece, which ended at `virtual_ns`. No
+    /// episode may begin before [`AHEAD_NS`] after that. The judge learns of it as of what was set up.
+    fn faults(&mut self, virtual_ns: u64) -> Faults {
+        let _ = virtual_ns;
+        Faults::none()
     }
 }
 
@@ -463,6 +474,7 @@ fn run_on<C: Cost>(setup: &Setup, observer: &mut dyn Observer) -> Result<Outcome
         if observer.ends() {
             break;
         }
+        bench.add_faults(&observer.faults(end));
     }
     kept.finish(bench, end)
 }
