@@ -1,5 +1,6 @@
 //! `horus-base`: a base station's command line.
 
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufReader, BufWriter};
 use std::net::SocketAddr;
@@ -7,6 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::thread;
+use std::time::Duration;
 
 use anyhow::{Context, Result, anyhow, bail};
 use base_station::carrier::mavlink::{Key, Verifier};
@@ -14,6 +16,7 @@ use base_station::carrier::published::is_station;
 use base_station::export::{self, Form};
 use base_station::intake::{Intake, Kind};
 use base_station::live::broker::{self, Broker};
+use base_station::live::serve::{self, Limits};
 use base_station::live::{self, Clock, Inlet, Station, Time, lines, page, playback};
 use base_station::recorder::{Files, Fix, Reader, Recorder};
 use base_station::{Change, DroneId};
@@ -159,6 +162,9 @@ struct Page {
     seconds: Option<u64>,
 }
 
+/// What fails is looked for so often; the recorder tries again after twice that.
+const COMPLAIN: Duration = Duration::from_millis(500);
+
 fn main() -> ExitCode {
     let done = match Cli::parse().command {
         Command::Serve { listen, page, record } => serve(&listen, &page, record),
@@ -193,6 +199,7 @@ fn record(listen: &Listen, file: PathBuf) -> Result<()> {
     let clock = Clock::begin();
     let (inlet, station, ended) = live::start(verifier(listen)?, files(Some(file))?, Time::Clock(clock.clone()), tell);
     open(listen, &clock, &inlet)?;
+    complain(station.clone());
     runtime()?.block_on(interrupted(None))?;
     eprintln!("{} drones, {} arrivals dropped", station.known().intake.fleet().iter().len(), station.dropped());
     finish(inlet, ended)
@@ -398,7 +405,7 @@ fn runtime() -> Result<tokio::runtime::Runtime> {
 async fn interrupted(seconds: Option<u64>) -> Result<()> {
     let time = async {
         match seconds {
-            Some(seconds) => tokio::time::sleep(std::time::Duration::from_secs(seconds)).await,
+            Some(seconds) => tokio::time::sleep(Duration::from_secs(seconds)).await,
             None => std::future::pending().await,
         }
     };
@@ -408,8 +415,32 @@ async fn interrupted(seconds: Option<u64>) -> Result<()> {
     }
 }
 
+/// Tells, for as long as this process runs, when the recorder or a line begins to fail, and when it works again: who
+/// records has no page to look at, and who serves one may not look.
+fn complain(station: Station) {
+    thread::spawn(move || {
+        let mut told = BTreeMap::<String, String>::new();
+        loop {
+            let mut troubles: BTreeMap<_, _> = {
+                let known = station.known();
+                let recorder = known.recorder.as_ref().map(|trouble| ("recording".to_owned(), trouble.why.clone()));
+                known.lines.iter().cloned().chain(recorder).collect()
+            };
+            for (name, why) in troubles.iter().filter(|(name, _)| !told.contains_key(*name)) {
+                eprintln!("{name} fails: {why}");
+            }
+            for name in told.keys().filter(|name| !troubles.contains_key(*name)) {
+                eprintln!("{name} works again");
+            }
+            std::mem::swap(&mut told, &mut troubles);
+            thread::sleep(COMPLAIN);
+        }
+    });
+}
+
 /// Serves the page until somebody ends it.
 fn show(station: Station, player: Option<Arc<playback::Player>>, page: &Page) -> Result<()> {
+    complain(station.clone());
     runtime()?.block_on(async {
         let listener = tokio::net::TcpListener::bind(page.http).await;
         let listener = listener.with_context(|| format!("cannot serve a page on {}", page.http))?;
@@ -418,7 +449,7 @@ fn show(station: Station, player: Option<Arc<playback::Player>>, page: &Page) ->
         let router = page::router(station, player, address);
         // Open event streams would hold a graceful end up.
         tokio::select! {
-            served = async { axum::serve(listener, router).await } => served.context("the page ended"),
+            served = async { serve::serve(listener, router, Limits::default()).await } => served.context("the page ended"),
             ended = interrupted(page.seconds) => ended,
         }
     })

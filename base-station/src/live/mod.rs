@@ -19,6 +19,7 @@ pub mod lines;
 pub mod page;
 pub mod playback;
 mod recording;
+pub mod serve;
 pub mod server;
 
 use std::sync::atomic::{AtomicU64, Ordering};

@@ -8,6 +8,7 @@ use std::thread::{self, JoinHandle};
 
 use tokio::sync::oneshot;
 
+use super::serve::{self, Limits};
 use super::{Station, page};
 
 /// A page that is served until this is dropped.
@@ -39,7 +40,7 @@ impl Server {
                 let router = page::router(station, None, address);
                 let served = async {
                     let listener = tokio::net::TcpListener::from_std(listener)?;
-                    axum::serve(listener, router).await
+                    serve::serve(listener, router, Limits::default()).await
                 };
                 let interrupts = async {
                     while tokio::signal::ctrl_c().await.is_ok() {
