@@ -449,7 +449,7 @@ fn show(station: Station, player: Option<Arc<playback::Player>>, page: &Page) ->
         let router = page::router(station, player, address);
         // Open event streams would hold a graceful end up.
         tokio::select! {
-            served = async { serve::serve(listener, router, Limits::default()).await } => served.context("the page ended"),
+            served = serve::serve(listener, router, Limits::default()) => served.context("the page ended"),
             ended = interrupted(page.seconds) => ended,
         }
     })
