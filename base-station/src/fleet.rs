@@ -4,6 +4,7 @@ use core::fmt;
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
 
+use crate::carrier::published::Name;
 use crate::{Bundle, Change, Drone, Verdict};
 
 /// How many drones are kept. Further ones are counted and not shown, so that strangers cannot fill the memory.
@@ -18,6 +19,8 @@ pub enum DroneId {
     Address(SocketAddr),
     /// By the name of the line that it is at the other end of: the number of a serial port without MAVLink.
     Line(u16),
+    /// By its name, since another base station hears it.
+    Named(Name),
 }
 
 impl fmt::Display for DroneId {
@@ -26,6 +29,7 @@ impl fmt::Display for DroneId {
             Self::System(id) => write!(f, "{id}"),
             Self::Address(address) => write!(f, "{address}"),
             Self::Line(number) => write!(f, "line{number}"),
+            Self::Named(name) => f.write_str(name.as_str()),
         }
     }
 }

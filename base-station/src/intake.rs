@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use profile::{Layout, MAX_SIZE};
 
 use crate::carrier::mavlink::{Receiver, Verifier};
+use crate::carrier::published::{Name, Published};
 use crate::carrier::stream::Deframer;
 use crate::{Bundle, Change, DroneId, Fleet, Place, Verdict};
 
@@ -21,6 +22,8 @@ pub enum Kind {
     Datagrams = 3,
     /// Profiles or images in a byte stream, in frames that end with a zero byte.
     Stream = 4,
+    /// What another base station published, one message at a time.
+    Published = 5,
 }
 
 impl Kind {
@@ -32,6 +35,7 @@ impl Kind {
             2 => Some(Self::MavlinkStream),
             3 => Some(Self::Datagrams),
             4 => Some(Self::Stream),
+            5 => Some(Self::Published),
             _ => None,
         }
     }
@@ -46,7 +50,7 @@ pub struct Carried {
     pub kind: Kind,
     /// The line's number: which socket or port.
     pub line: u16,
-    /// Where a datagram came from, or nothing.
+    /// Where a datagram came from, or what a message is about: `STATION/DRONE`. Otherwise nothing.
     pub from: String,
     /// The bytes.
     pub bytes: Vec<u8>,
@@ -68,7 +72,8 @@ pub struct Judged {
 enum Line {
     Mavlink(Box<Receiver>),
     Stream(Deframer),
-    Datagrams,
+    /// Each message stands alone.
+    Messages,
 }
 
 /// All lines, and all drones behind them. See the [module](self).
@@ -94,19 +99,33 @@ impl Intake {
 
     /// As [`take`](Self::take), but of those objects alone that are `wanted`: of a recording, those that were judged.
     pub fn take_if(&mut self, carried: &Carried, wanted: impl Fn(DroneId, Place) -> bool) -> Vec<Judged> {
+        self.take_each(carried, wanted, |_, _, _| {})
+    }
+
+    /// As [`take_if`](Self::take_if); `told` is given the objects of each message of a drone that is known, and what
+    /// was found of each.
+    pub fn take_each(
+        &mut self,
+        carried: &Carried,
+        wanted: impl Fn(DroneId, Place) -> bool,
+        mut told: impl FnMut(DroneId, &Bundle<'_>, &[Verdict]),
+    ) -> Vec<Judged> {
         let Self { fleet, verifier, lines, damaged } = self;
         let Carried { at_us, kind, line, from, bytes } = carried;
         let mut judged = vec![];
         let mut judge = |drone: DroneId, bundle: &Bundle<'_>| {
             if bundle.objects().all(|(place, _)| wanted(drone, place)) {
                 let verdicts = fleet.take(drone, *at_us, bundle);
+                if fleet.get(drone).is_some() {
+                    told(drone, bundle, &verdicts);
+                }
                 let found = bundle.objects().zip(verdicts);
                 judged.extend(found.map(|((place, _), verdict)| Judged { drone, place, verdict }));
             }
         };
         let of_kind = || match kind {
             Kind::MavlinkDatagrams | Kind::MavlinkStream => Line::Mavlink(Box::new(Receiver::new(verifier.clone()))),
-            Kind::Datagrams => Line::Datagrams,
+            Kind::Datagrams | Kind::Published => Line::Messages,
             // Link-Status before the largest profile.
             Kind::Stream => Line::Stream(Deframer::new(MAX_SIZE + Place::LinkStatus.size())),
         };
@@ -122,10 +141,18 @@ impl Intake {
                     }
                 }
             }
-            Line::Datagrams => match (Bundle::datagram(bytes), from.parse()) {
-                (Some(bundle), Ok(address)) => judge(DroneId::Address(address), &bundle),
-                _ => *damaged += 1,
-            },
+            Line::Messages => {
+                let message = match kind {
+                    Kind::Published => Name::new(from)
+                        .zip(Published::read(bytes))
+                        .map(|(name, published)| (DroneId::Named(name), published.bundle)),
+                    _ => from.parse().ok().map(DroneId::Address).zip(Bundle::datagram(bytes)),
+                };
+                match message {
+                    Some((drone, bundle)) => judge(drone, &bundle),
+                    None => *damaged += 1,
+                }
+            }
             Line::Stream(deframer) => {
                 for frame in bytes.iter().filter_map(|byte| deframer.push(*byte)) {
                     match frame.as_deref().ok().and_then(Bundle::datagram) {
@@ -149,7 +176,7 @@ impl Intake {
         &self.fleet
     }
 
-    /// Datagrams and frames, without MAVLink, that were none of ours.
+    /// Messages, datagrams and frames, without MAVLink, that were none of ours.
     #[must_use]
     pub const fn damaged(&self) -> u64 {
         self.damaged
@@ -164,7 +191,7 @@ mod tests {
 
     use super::*;
     use crate::carrier::mavlink::{Forwarder, Rates};
-    use crate::carrier::stream;
+    use crate::carrier::{published, stream};
 
     fn profile(timestamp: u32) -> Profile<3> {
         Profile::seal(&ReportedValues::absent(timestamp), &[GpsValues::absent(timestamp); 3])
@@ -182,11 +209,13 @@ mod tests {
         let mavlink: Vec<u8> = std::iter::from_fn(|| forwarder.poll(1_000_000, 0)).flatten().collect();
         let mut framed = vec![];
         stream::encode(sent.as_bytes(), &mut framed);
+        let published = published::message(5, &Bundle::datagram(sent.as_bytes()).unwrap(), &[Verdict::New; 4]);
         let lines = [
             (carried(Kind::MavlinkDatagrams, "", &mavlink), "9"),
             (carried(Kind::MavlinkStream, "", &mavlink), "9"),
             (carried(Kind::Datagrams, "127.0.0.1:5000", sent.as_bytes()), "127.0.0.1:5000"),
             (carried(Kind::Stream, "", &framed), "line2"),
+            (carried(Kind::Published, "north/7", &published), "north/7"),
         ];
         for (carried, name) in lines {
             let mut intake = Intake::default();
@@ -204,11 +233,11 @@ mod tests {
     fn foreign_bytes_are_counted_and_change_nothing() {
         let mut intake = Intake::default();
         for bytes in [&b"hello"[..], &[0xFD; 300], &[0; 40], &[]] {
-            for kind in [Kind::MavlinkDatagrams, Kind::MavlinkStream, Kind::Datagrams, Kind::Stream] {
+            for kind in (1..).map_while(Kind::of) {
                 assert_eq!(intake.take(&carried(kind, "127.0.0.1:5000", bytes)), []);
                 assert_eq!(Kind::of(kind as u8), Some(kind));
             }
         }
-        assert_eq!((intake.fleet().iter().len(), intake.damaged()), (0, 4 + 1));
+        assert_eq!((intake.fleet().iter().len(), intake.damaged()), (0, 4 + 1 + 4));
     }
 }

@@ -1,5 +1,6 @@
 //! `horus-base`: a base station's command line.
 
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufReader, BufWriter};
 use std::net::SocketAddr;
@@ -7,11 +8,15 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::thread;
+use std::time::Duration;
 
 use anyhow::{Context, Result, anyhow, bail};
 use base_station::carrier::mavlink::{Key, Verifier};
+use base_station::carrier::published::is_station;
 use base_station::export::{self, Form};
 use base_station::intake::{Intake, Kind};
+use base_station::live::broker::{self, Broker};
+use base_station::live::serve::{self, Limits};
 use base_station::live::{self, Clock, Inlet, Station, Time, lines, page, playback};
 use base_station::recorder::{Files, Fix, Reader, Recorder};
 use base_station::{Change, DroneId};
@@ -44,6 +49,35 @@ enum Command {
         file: PathBuf,
         #[command(flatten)]
         listen: Listen,
+    },
+    /// Serve, and hand all that was judged on to a broker (MQTT 5), for `subscribe` elsewhere
+    Publish {
+        #[command(flatten)]
+        broker: BrokerArgs,
+        /// What this station is called: letters, digits, dots, hyphens, underscores, at most 32. The drones it hears
+        /// are `NAME/DRONE` to others, so no two stations at a broker may have one name
+        #[arg(long, value_name = "NAME")]
+        station: String,
+        #[command(flatten)]
+        listen: Listen,
+        #[command(flatten)]
+        page: Page,
+        /// Record what arrives here as well (MCAP): it has what the broker did not take
+        #[arg(long, value_name = "FILE")]
+        record: Option<PathBuf>,
+    },
+    /// Show what other stations publish on a page, and record it if asked to
+    Subscribe {
+        #[command(flatten)]
+        broker: BrokerArgs,
+        /// Only what this station publishes
+        #[arg(long, value_name = "NAME")]
+        station: Option<String>,
+        #[command(flatten)]
+        page: Page,
+        /// Record into this file as well (MCAP); one that exists is not overwritten, the next free number is taken
+        #[arg(long, value_name = "FILE")]
+        record: Option<PathBuf>,
     },
     /// Play a recording back on the page
     Replay {
@@ -107,6 +141,17 @@ struct Listen {
     key: Option<PathBuf>,
 }
 
+/// Which broker.
+#[derive(Args)]
+struct BrokerArgs {
+    /// The broker; port 1883 if none is given. What goes there is not encrypted
+    #[arg(long, value_name = "HOST[:PORT]")]
+    broker: String,
+    /// User and password for the broker, one a line, are in this file
+    #[arg(long, value_name = "FILE")]
+    login: Option<PathBuf>,
+}
+
 #[derive(Args)]
 struct Page {
     /// Where the page is; on another address than 127.0.0.1 whoever reaches it sees every drone
@@ -117,10 +162,17 @@ struct Page {
     seconds: Option<u64>,
 }
 
+/// What fails is looked for so often; the recorder tries again after twice that.
+const COMPLAIN: Duration = Duration::from_millis(500);
+
 fn main() -> ExitCode {
     let done = match Cli::parse().command {
         Command::Serve { listen, page, record } => serve(&listen, &page, record),
         Command::Record { file, listen } => record(&listen, file),
+        Command::Publish { broker, station, listen, page, record } => {
+            publish(&broker, &station, &listen, &page, record)
+        }
+        Command::Subscribe { broker, station, page, record } => subscribe(&broker, station.as_deref(), &page, record),
         Command::Replay { files, page, speed, from } => replay(files, &page, speed, from),
         Command::Export { file, form, output } => export(&file, form, &output),
         Command::Repair { file, output } => repair(&file, output),
@@ -147,9 +199,60 @@ fn record(listen: &Listen, file: PathBuf) -> Result<()> {
     let clock = Clock::begin();
     let (inlet, station, ended) = live::start(verifier(listen)?, files(Some(file))?, Time::Clock(clock.clone()), tell);
     open(listen, &clock, &inlet)?;
+    complain(station.clone());
     runtime()?.block_on(interrupted(None))?;
     eprintln!("{} drones, {} arrivals dropped", station.known().intake.fleet().iter().len(), station.dropped());
     finish(inlet, ended)
+}
+
+fn publish(to: &BrokerArgs, name: &str, listen: &Listen, page: &Page, record: Option<PathBuf>) -> Result<()> {
+    let clock = Clock::begin();
+    let broker = broker(to)?;
+    let (outlet, unconnected) = broker::outlet(broker.clone(), station(name)?);
+    let (verifier, files, time) = (verifier(listen)?, files(record)?, Time::Clock(clock.clone()));
+    let (inlet, station, ended) = live::start_publishing(verifier, files, time, Some(outlet.clone()), tell);
+    unconnected.connect(inlet.clone()).with_context(|| format!("cannot begin with {broker}"))?;
+    open(listen, &clock, &inlet)?;
+    eprintln!("publishing to {broker} as {name}");
+    show(station, None, page)?;
+    if outlet.unpublished() > 0 {
+        eprintln!("{} messages were not published", outlet.unpublished());
+    }
+    finish(inlet, ended)
+}
+
+fn subscribe(to: &BrokerArgs, only: Option<&str>, page: &Page, record: Option<PathBuf>) -> Result<()> {
+    let clock = Clock::begin();
+    let broker = broker(to)?;
+    let only = only.map(station).transpose()?;
+    let (inlet, station, ended) = live::start(None, files(record)?, Time::Clock(clock.clone()), tell);
+    broker::subscribe(broker.clone(), only, 0, clock, inlet.clone())
+        .with_context(|| format!("cannot begin with {broker}"))?;
+    eprintln!("subscribed to {} at {broker}", only.unwrap_or("all stations"));
+    show(station, None, page)?;
+    finish(inlet, ended)
+}
+
+/// The broker of these arguments.
+fn broker(args: &BrokerArgs) -> Result<Broker> {
+    let port = |digits: &str| digits.parse().with_context(|| format!("{digits} is no port"));
+    let (host, port) = match args.broker.rsplit_once(':') {
+        // An IPv6 address without a port ends with a bracket.
+        Some((host, digits)) if !digits.ends_with(']') => (host, port(digits)?),
+        _ => (args.broker.as_str(), 1883),
+    };
+    let login = args.login.as_ref().map(|file| -> Result<_> {
+        let text = std::fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
+        let mut lines = text.lines().map(str::to_owned);
+        lines.next().zip(lines.next()).with_context(|| format!("{} has not two lines", file.display()))
+    });
+    Ok(Broker { host: host.to_owned(), port, login: login.transpose()? })
+}
+
+/// A station's name, if it may be one.
+fn station(name: &str) -> Result<&str> {
+    let words = "is no station's name: 1 to 32 letters, digits, dots, hyphens, underscores";
+    if is_station(name) { Ok(name) } else { bail!("{name:?} {words}") }
 }
 
 fn replay(files: Vec<PathBuf>, page: &Page, speed: f64, from: f64) -> Result<()> {
@@ -284,6 +387,7 @@ const fn words(kind: Kind) -> &'static str {
         Kind::MavlinkDatagrams | Kind::MavlinkStream => "MAVLink",
         Kind::Datagrams => "profiles as they are",
         Kind::Stream => "profiles in frames",
+        Kind::Published => "what other stations publish",
     }
 }
 
@@ -301,7 +405,7 @@ fn runtime() -> Result<tokio::runtime::Runtime> {
 async fn interrupted(seconds: Option<u64>) -> Result<()> {
     let time = async {
         match seconds {
-            Some(seconds) => tokio::time::sleep(std::time::Duration::from_secs(seconds)).await,
+            Some(seconds) => tokio::time::sleep(Duration::from_secs(seconds)).await,
             None => std::future::pending().await,
         }
     };
@@ -311,8 +415,32 @@ async fn interrupted(seconds: Option<u64>) -> Result<()> {
     }
 }
 
+/// Tells, for as long as this process runs, when the recorder or a line begins to fail, and when it works again: who
+/// records has no page to look at, and who serves one may not look.
+fn complain(station: Station) {
+    thread::spawn(move || {
+        let mut told = BTreeMap::<String, String>::new();
+        loop {
+            let mut troubles: BTreeMap<_, _> = {
+                let known = station.known();
+                let recorder = known.recorder.as_ref().map(|trouble| ("recording".to_owned(), trouble.why.clone()));
+                known.lines.iter().cloned().chain(recorder).collect()
+            };
+            for (name, why) in troubles.iter().filter(|(name, _)| !told.contains_key(*name)) {
+                eprintln!("{name} fails: {why}");
+            }
+            for name in told.keys().filter(|name| !troubles.contains_key(*name)) {
+                eprintln!("{name} works again");
+            }
+            std::mem::swap(&mut told, &mut troubles);
+            thread::sleep(COMPLAIN);
+        }
+    });
+}
+
 /// Serves the page until somebody ends it.
 fn show(station: Station, player: Option<Arc<playback::Player>>, page: &Page) -> Result<()> {
+    complain(station.clone());
     runtime()?.block_on(async {
         let listener = tokio::net::TcpListener::bind(page.http).await;
         let listener = listener.with_context(|| format!("cannot serve a page on {}", page.http))?;
@@ -321,7 +449,7 @@ fn show(station: Station, player: Option<Arc<playback::Player>>, page: &Page) ->
         let router = page::router(station, player, address);
         // Open event streams would hold a graceful end up.
         tokio::select! {
-            served = async { axum::serve(listener, router).await } => served.context("the page ended"),
+            served = serve::serve(listener, router, Limits::default()) => served.context("the page ended"),
             ended = interrupted(page.seconds) => ended,
         }
     })

@@ -1,8 +1,8 @@
-//! Fuzzes the profile's parsers.
+//! Fuzzes the parsers of the profile and of the base station.
 //!
-//! cargo-fuzz on the pinned toolchain: `profile` forbids unsafe code, so no sanitizer is wanted, and without one no
+//! cargo-fuzz on the pinned toolchain: both crates forbid unsafe code, so no sanitizer is wanted, and without one no
 //! nightly compiler is needed. The committed corpus seeds each run and is replayed by the ordinary tests; what a run
-//! adds stays below `target/`, and a crash is written to `profile/fuzz/artifacts`, to be minimised into the corpus.
+//! adds stays below `target/`, and a crash is written to the folder's `artifacts`, to be minimised into the corpus.
 
 use std::process::ExitCode;
 
@@ -10,6 +10,9 @@ use anyhow::{Context, Result, bail};
 use clap::Args;
 
 use crate::workspace::{CARGO_FUZZ, cargo, check, install, root, target_dir};
+
+/// Folders that hold fuzz targets.
+const FOLDERS: [&str; 2] = ["profile/fuzz", "base-station/fuzz"];
 
 #[derive(Args)]
 pub(crate) struct FuzzArgs {
@@ -28,19 +31,24 @@ pub(crate) fn fuzz(args: &FuzzArgs) -> Result<ExitCode> {
     let known = targets()?;
     let chosen = match &args.target {
         None => known,
-        Some(name) if known.contains(name) => vec![name.clone()],
-        Some(name) => bail!("there is no fuzz target {name}; there are: {}", known.join(", ")),
+        Some(name) if known.iter().any(|(_, target)| target == name) => {
+            known.into_iter().filter(|(_, target)| target == name).collect()
+        }
+        Some(name) => {
+            let names: Vec<_> = known.iter().map(|(_, target)| target.as_str()).collect();
+            bail!("there is no fuzz target {name}; there are: {}", names.join(", "))
+        }
     };
-    for target in chosen {
+    for (folder, target) in chosen {
         eprintln!("-- fuzzing {target} for {} s", args.seconds);
         // The first folder is the one that libFuzzer adds to.
         let found = target_dir().join("fuzz-corpus").join(&target);
         std::fs::create_dir_all(&found).with_context(|| format!("could not make {}", found.display()))?;
         let mut command = cargo();
         command
-            .args(["fuzz", "run", "--fuzz-dir", "profile/fuzz", "--sanitizer", "none", &target])
+            .args(["fuzz", "run", "--fuzz-dir", folder, "--sanitizer", "none", &target])
             .arg(&found)
-            .arg(format!("profile/fuzz/corpus/{target}"))
+            .arg(format!("{folder}/corpus/{target}"))
             .arg("--")
             .arg(format!("-max_total_time={}", args.seconds))
             .arg(format!("-seed={}", args.seed));
@@ -49,16 +57,21 @@ pub(crate) fn fuzz(args: &FuzzArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn targets() -> Result<Vec<String>> {
-    let folder = root().join("profile/fuzz/fuzz_targets");
-    let entries = std::fs::read_dir(&folder).with_context(|| format!("could not read {}", folder.display()))?;
-    let mut names = vec![];
-    for entry in entries {
-        let path = entry?.path();
-        if path.extension().is_some_and(|extension| extension == "rs") {
-            names.extend(path.file_stem().map(|stem| stem.to_string_lossy().into_owned()));
+/// Every target, with the folder that it is in.
+fn targets() -> Result<Vec<(&'static str, String)>> {
+    let mut targets = vec![];
+    for folder in FOLDERS {
+        let sources = root().join(folder).join("fuzz_targets");
+        let entries = std::fs::read_dir(&sources).with_context(|| format!("could not read {}", sources.display()))?;
+        let mut names = vec![];
+        for entry in entries {
+            let path = entry?.path();
+            if path.extension().is_some_and(|extension| extension == "rs") {
+                names.extend(path.file_stem().map(|stem| stem.to_string_lossy().into_owned()));
+            }
         }
+        names.sort();
+        targets.extend(names.into_iter().map(|name| (folder, name)));
     }
-    names.sort();
-    Ok(names)
+    Ok(targets)
 }

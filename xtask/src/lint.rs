@@ -16,7 +16,9 @@ pub(crate) fn lint() -> Result<ExitCode> {
         steps.push((what, command));
     };
     step("formatting".into(), &["fmt", "--all", "--check"]);
-    step("formatting of the fuzz targets".into(), &["fmt", "--manifest-path", "profile/fuzz/Cargo.toml", "--check"]);
+    for manifest in ["profile/fuzz/Cargo.toml", "base-station/fuzz/Cargo.toml"] {
+        step("formatting of the fuzz targets".into(), &["fmt", "--manifest-path", manifest, "--check"]);
+    }
     let host =
         ["clippy", "--quiet", "--workspace", "--all-targets", "--features", "xtask/live", "--", "-D", "warnings"];
     step("clippy (host)".into(), &host);

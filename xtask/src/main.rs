@@ -71,7 +71,7 @@ enum Command {
     Residual(residual::ResidualArgs),
     /// Write the C header of the flight controller's client from the profile's layouts, or check that it is current.
     Header(header::HeaderArgs),
-    /// Fuzz the profile's parsers with cargo-fuzz.
+    /// Fuzz the parsers of the profile and of the base station with cargo-fuzz.
     Fuzz(fuzz::FuzzArgs),
     /// Compare the bench's core with QEMU (qemu-system-arm) and with LLVM's disassembler (llvm-tools), case by case.
     Oracle(oracle::OracleArgs),

@@ -8,7 +8,9 @@
 //! | datagrams | a profile or an image as it is ([`Bundle::datagram`](crate::Bundle::datagram)) |
 //! | MAVLink 2 | in TUNNEL messages (`mavlink`, decision 17) |
 //! | a byte stream | the same, in frames that end with a zero byte ([`stream`]) |
+//! | a broker | in messages that another base station publishes ([`published`], decision 19) |
 
 #[cfg(feature = "mavlink")]
 pub mod mavlink;
+pub mod published;
 pub mod stream;

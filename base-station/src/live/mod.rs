@@ -7,17 +7,20 @@
 //! | one for each line | waits for bytes, notes when they came, hands them on |
 //! | station | judges what came, keeps it, looks for alarms every [`TICK`] |
 //! | recorder | writes, so that a slow disk holds nothing up |
+//! | one for each broker | hands on to it, or takes from it ([`broker`]) |
 //! | page | serves it, where the program has other things to do ([`server`]) |
 //!
 //! A playback has a thread that reads in place of the lines.
 //!
 //! Between them are queues with a bound. Where one is full, the newest is dropped and counted, which a person is told.
 
+pub mod broker;
 pub mod history;
 pub mod lines;
 pub mod page;
 pub mod playback;
 mod recording;
+pub mod serve;
 pub mod server;
 
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -31,7 +34,7 @@ use tokio::sync::watch;
 use crate::carrier::mavlink::Verifier;
 use crate::intake::{Carried, Intake};
 use crate::recorder::{Files, Fix, Record, Trouble};
-use crate::{Change, DroneId, export};
+use crate::{Bundle, Change, DroneId, Verdict, export};
 use history::History;
 pub use recording::Recording;
 
@@ -40,6 +43,9 @@ pub const TICK: Duration = Duration::from_millis(20);
 
 /// How many arrivals may wait for the station: six seconds of a thousand drones at 10 Hz.
 const WAITING: usize = 65_536;
+
+/// What was not handed on to a broker is told for so long, µs.
+const UNPUBLISHED_US: u64 = 5_000_000;
 
 /// µs since 1970, of a clock that does not go back: what the system said at the start, and what passed since.
 #[derive(Clone, Debug)]
@@ -219,6 +225,18 @@ pub fn start(
     time: Time,
     told: impl FnMut(DroneId, Change) + Send + 'static,
 ) -> (Inlet, Station, thread::JoinHandle<Result<(), String>>) {
+    start_publishing(verifier, files, time, None, told)
+}
+
+/// As [`start`]; what is judged is handed on to a broker too, if there is an `outlet`.
+#[must_use]
+pub fn start_publishing(
+    verifier: Option<Verifier>,
+    files: Option<Files>,
+    time: Time,
+    outlet: Option<broker::Outlet>,
+    told: impl FnMut(DroneId, Change) + Send + 'static,
+) -> (Inlet, Station, thread::JoinHandle<Result<(), String>>) {
     let (to, from) = sync_channel(WAITING);
     let dropped = Arc::new(AtomicU64::new(0));
     let known = Known { intake: Intake::new(verifier), ..Known::default() };
@@ -228,10 +246,30 @@ pub fn start(
     let inside = station.clone();
     let handle = thread::spawn(move || {
         let recording = files.map(Recording::start);
-        run(&from, &inside, &changed, &time, recording.as_ref(), told);
+        run(&from, &inside, &changed, &time, recording.as_ref(), outlet.as_ref(), told);
         recording.map_or(Ok(()), Recording::finish)
     });
     (Inlet { to, dropped }, station, handle)
+}
+
+/// What is not handed on to a broker is told as long as it goes on.
+#[derive(Default)]
+struct Unpublished {
+    count: u64,
+    since_us: u64,
+}
+
+impl Unpublished {
+    fn tell(&mut self, known: &mut Known, count: u64) {
+        const NAME: &str = "publishing";
+        if count > self.count {
+            *self = Self { count, since_us: known.now_us };
+            known.lines.retain(|(name, _)| name != NAME);
+            known.lines.push((NAME.into(), format!("{count} messages were not handed on to the broker")));
+        } else if known.now_us.saturating_sub(self.since_us) > UNPUBLISHED_US {
+            known.lines.retain(|(name, _)| name != NAME);
+        }
+    }
 }
 
 fn run(
@@ -240,9 +278,11 @@ fn run(
     changed: &watch::Sender<u64>,
     time: &Time,
     recording: Option<&Recording>,
+    outlet: Option<&broker::Outlet>,
     mut told: impl FnMut(DroneId, Change),
 ) {
     let mut ticked = Instant::now();
+    let mut unpublished = Unpublished::default();
     loop {
         let event = from.recv_timeout(TICK.saturating_sub(ticked.elapsed()));
         if matches!(event, Err(RecvTimeoutError::Disconnected)) {
@@ -253,7 +293,12 @@ fn run(
         for event in event.into_iter().chain(from.try_iter().take(256)) {
             match event {
                 Event::Carried(carried) => {
-                    let judged = known.intake.take(&carried);
+                    let hand_on = |drone, bundle: &Bundle<'_>, verdicts: &[Verdict]| {
+                        if let Some(outlet) = outlet {
+                            outlet.offer(drone, carried.at_us, bundle, verdicts);
+                        }
+                    };
+                    let judged = known.intake.take_each(&carried, |_, _| true, hand_on);
                     known.now_us = known.now_us.max(carried.at_us);
                     known.look();
                     if let Some(recording) = recording {
@@ -294,6 +339,9 @@ fn run(
                 known.look();
             }
             known.recorder = recording.and_then(Recording::trouble);
+            if let Some(outlet) = outlet {
+                unpublished.tell(&mut known, outlet.unpublished());
+            }
         }
         drop(known);
         changed.send_modify(|count| *count = count.wrapping_add(1));

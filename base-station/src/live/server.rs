@@ -9,6 +9,7 @@ use std::thread::{self, JoinHandle};
 use axum::Router;
 use tokio::sync::oneshot;
 
+use super::serve::{self, Limits};
 use super::{Station, page};
 
 /// A page that is served until this is dropped.
@@ -49,7 +50,7 @@ impl Server {
             runtime.block_on(async {
                 let served = async {
                     let listener = tokio::net::TcpListener::from_std(listener)?;
-                    axum::serve(listener, router).await
+                    serve::serve(listener, router, Limits::default()).await
                 };
                 let interrupts = async {
                     while tokio::signal::ctrl_c().await.is_ok() {

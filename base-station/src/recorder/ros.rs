@@ -19,10 +19,11 @@ uint8 MAVLINK_DATAGRAMS=1
 uint8 MAVLINK_STREAM=2
 uint8 DATAGRAMS=3
 uint8 STREAM=4
+uint8 PUBLISHED=5
 uint64 at_us        # since 1970
 uint8 kind          # how the line brings objects
 uint16 line         # which socket or port
-string from         # the datagram's sender
+string from         # the datagram's sender, or STATION/DRONE of what another station published
 uint8[] bytes       # unchanged
 string[] drones     # of each object: which drone
 uint8[] places      # 0 Link-Status, 1 Reported-Position, 2 to 6 GPS1 to GPS5
@@ -193,7 +194,7 @@ mod tests {
     proptest! {
         #[test]
         fn what_is_written_is_read(
-            at_us in any::<u64>(), kind in 1..5_u8, line in any::<u16>(), from in ".{0,20}",
+            at_us in any::<u64>(), kind in 1..6_u8, line in any::<u16>(), from in ".{0,20}",
             bytes in prop::collection::vec(any::<u8>(), 0..400), objects in prop::collection::vec(0..7_usize, 0..7),
         ) {
             let arrived = Carried { at_us, kind: Kind::of(kind).unwrap(), line, from, bytes };

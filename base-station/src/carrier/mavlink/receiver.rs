@@ -1,14 +1,19 @@
 //! The base station's side: which objects came.
 //!
 //! Whatever else is on the link changes nothing: other messages, other payload types, MAVLink 1, bytes that are no
-//! MAVLink at all. A frame whose checksum does not fit is searched for another one from its second byte on.
+//! MAVLink at all. A frame whose checksum does not fit is searched for another one from its second byte on; one whose
+//! signature is not known to be good, from its signature on: a message that was cut off there took the beginning of the
+//! next one for its own end, and its checksum, which comes before, does not tell.
 
-use std::collections::VecDeque;
 use std::fmt;
-use std::io::{self, Read};
 
+use mavlink::consts::v2::{
+    IFLAG_SIGNED, IFLAG_SYSID32, INCOMPAT_FLAGS_OFFSET, MIN_HEADER_SIZE, SIGNATURE_SIZE, SUPPORTED_IFLAGS,
+    SYSID32_EXTRA_HEADER_SIZE,
+};
+use mavlink::consts::{CHECKSUM_SIZE, MAX_FRAME_SIZE, PAYLOAD_LEN_OFFSET, STX_SIZE};
 use mavlink::dialects::common::MavMessage;
-use mavlink::{MAVLinkMessageRaw, MAVLinkV2MessageRaw, MavlinkReader, MavlinkVersion, MessageData};
+use mavlink::{MAV_STX_V2, MAVLinkV2MessageRaw, MavlinkVersion, MessageData};
 
 use super::signing::{self, Verifier};
 use super::tunnel::Tunnel;
@@ -49,22 +54,11 @@ pub struct Counts {
     pub unsigned: u64,
 }
 
-/// Bytes that came and were not read yet.
-#[derive(Debug, Default)]
-struct Pending(VecDeque<u8>);
-
-impl Read for Pending {
-    fn read(&mut self, to: &mut [u8]) -> io::Result<usize> {
-        match self.0.read(to)? {
-            0 => Err(io::ErrorKind::WouldBlock.into()),
-            read => Ok(read),
-        }
-    }
-}
-
 /// A receiver of one link. See the [module](self).
+#[derive(Default)]
 pub struct Receiver {
-    stream: MavlinkReader<Pending>,
+    /// What a stream brought that is no whole message yet: less than the longest one.
+    held: Vec<u8>,
     verifier: Option<Verifier>,
     counts: Counts,
 }
@@ -75,38 +69,53 @@ impl fmt::Debug for Receiver {
     }
 }
 
-impl Default for Receiver {
-    fn default() -> Self {
-        Self::new(None)
-    }
-}
-
 impl Receiver {
     /// A receiver; with a verifier it takes nothing that is not signed.
     #[must_use]
     pub fn new(verifier: Option<Verifier>) -> Self {
-        Self { stream: MavlinkReader::new(Pending::default()), verifier, counts: Counts::default() }
+        Self { verifier, ..Self::default() }
     }
 
     /// Takes a datagram, which holds whole messages. `unix_us`, µs since 1970, is for signatures alone.
     pub fn datagram(&mut self, unix_us: u64, bytes: &[u8]) -> Vec<Received> {
-        // It holds whatever is longest, and no more than the datagram.
-        let mut reader = MavlinkReader::with_capacity(0, bytes);
-        let mut received = vec![];
-        while let Ok(message) = reader.read_raw_message::<MavMessage>(MavlinkVersion::V2) {
-            received.extend(self.message(unix_us, &message));
+        let (mut received, mut at) = (vec![], 0);
+        while at < bytes.len() {
+            at = self.all(unix_us, bytes, at, &mut received);
+            // Nothing more will come, so what seems to begin here is no message.
+            at += 1;
         }
         received
     }
 
     /// Takes the next bytes of a stream: whole messages, or parts of them.
     pub fn stream(&mut self, unix_us: u64, bytes: &[u8]) -> Vec<Received> {
-        self.stream.get_mut().0.extend(bytes);
+        let mut held = std::mem::take(&mut self.held);
+        held.extend(bytes);
         let mut received = vec![];
-        while let Ok(message) = self.stream.read_raw_message::<MavMessage>(MavlinkVersion::V2) {
-            received.extend(self.message(unix_us, &message));
-        }
+        let read = self.all(unix_us, &held, 0, &mut received);
+        held.drain(..read);
+        self.held = held;
         received
+    }
+
+    /// Takes every whole message of `bytes` from `at` on. Answers from where on more bytes are needed.
+    fn all(&mut self, unix_us: u64, bytes: &[u8], mut at: usize, received: &mut Vec<Received>) -> usize {
+        while let Some(candidate) = bytes.get(at..) {
+            let Some(skipped) = candidate.iter().position(|byte| *byte == MAV_STX_V2) else { break };
+            at += skipped;
+            match begin(&candidate[skipped..]) {
+                Begin::Short => return at,
+                Begin::None => at += 1,
+                Begin::Message(raw) => {
+                    let (taken, is_verified) = self.message(unix_us, &raw);
+                    received.extend(taken);
+                    let signed = raw.incompatibility_flags() & IFLAG_SIGNED != 0;
+                    let again = if signed && !is_verified { SIGNATURE_SIZE } else { 0 };
+                    at += raw.raw_bytes().len() - again;
+                }
+            }
+        }
+        bytes.len()
     }
 
     /// Totals.
@@ -115,22 +124,48 @@ impl Receiver {
         self.counts
     }
 
-    fn message(&mut self, unix_us: u64, message: &MAVLinkMessageRaw) -> Option<Received> {
-        let MAVLinkMessageRaw::V2(raw) = message else { return None };
-        let received = received(raw);
-        if received.is_none() {
+    /// The objects in a message, if they are taken; and whether its signature is known to be good.
+    fn message(&mut self, unix_us: u64, raw: &MAVLinkV2MessageRaw) -> (Option<Received>, bool) {
+        let Some(received) = received(raw) else {
             self.counts.foreign += 1;
-            return None;
-        }
-        if let Some(verifier) = &mut self.verifier
-            && !verifier.verify(signing::timestamp(unix_us), raw)
-        {
+            return (None, false);
+        };
+        let is_verified = self.verifier.as_mut().map(|verifier| verifier.verify(signing::timestamp(unix_us), raw));
+        if is_verified == Some(false) {
             self.counts.unsigned += 1;
-            return None;
+            return (None, false);
         }
         self.counts.tunnels += 1;
-        received
+        (Some(received), is_verified.is_some())
     }
+}
+
+/// What begins at a marker.
+enum Begin {
+    /// More bytes are needed to tell.
+    Short,
+    /// No message.
+    None,
+    /// A message whose checksum fits.
+    Message(Box<MAVLinkV2MessageRaw>),
+}
+
+/// What begins with these bytes, the first of which is a marker.
+fn begin(candidate: &[u8]) -> Begin {
+    let (Some(payload), Some(flags)) = (candidate.get(PAYLOAD_LEN_OFFSET), candidate.get(INCOMPAT_FLAGS_OFFSET)) else {
+        return Begin::Short;
+    };
+    if flags & !SUPPORTED_IFLAGS != 0 {
+        return Begin::None;
+    }
+    let long_id = if flags & IFLAG_SYSID32 != 0 { SYSID32_EXTRA_HEADER_SIZE } else { 0 };
+    let signature = if flags & IFLAG_SIGNED != 0 { SIGNATURE_SIZE } else { 0 };
+    let length = STX_SIZE + MIN_HEADER_SIZE + long_id + usize::from(*payload) + CHECKSUM_SIZE + signature;
+    let Some(frame) = candidate.get(..length) else { return Begin::Short };
+    let mut bytes = [0; MAX_FRAME_SIZE];
+    bytes[..length].copy_from_slice(frame);
+    let raw = MAVLinkV2MessageRaw::from_bytes_unparsed(bytes);
+    if raw.has_valid_crc::<MavMessage>() { Begin::Message(Box::new(raw)) } else { Begin::None }
 }
 
 /// The objects in a message, if it is one of ours.

@@ -1,0 +1,208 @@
+//! What base stations hand to one another through a broker (decision 19).
+//!
+//! One message is what arrived of one drone at one instant: the objects as they are, and what the publishing station
+//! found of each. Who subscribes judges them again (black channel): a broker is one more carrier. All numbers are
+//! little-endian.
+//!
+//! | offset | what |
+//! |---|---|
+//! | 0 | u8 number of the first object in the order of the image: 0 Link-Status to 6 GPS5 |
+//! | 1 | u8 how many objects follow one another from there, n |
+//! | 2 | u64 when they arrived at the publishing station, µs since 1970 by its clock |
+//! | 10 | n × u8 what was found of each ([`VERDICTS`]) |
+//! | 10 + n | the objects |
+//!
+//! The topic is `horus/1/STATION/DRONE`: 1 is the version of all this, STATION the publishing station's name, DRONE
+//! what that station calls the drone. Two stations may hear two drones that have one MAVLink system id, so a subscriber
+//! calls a drone by both: `STATION/DRONE`.
+
+use core::fmt;
+
+use profile::Rejection;
+
+use crate::{Bundle, DroneId, Place, Verdict};
+
+/// What all topics begin with.
+pub const TOPICS: &str = "horus/1";
+
+/// The verdicts, by their numbers; 255 is any other rejection.
+pub const VERDICTS: [Verdict; 9] = [
+    Verdict::New,
+    Verdict::Duplicate,
+    Verdict::Older,
+    Verdict::OutOfSequence,
+    Verdict::Vacant,
+    Verdict::Rejected(Rejection::Length),
+    Verdict::Rejected(Rejection::Crc),
+    Verdict::Rejected(Rejection::PositionCrc),
+    Verdict::Rejected(Rejection::Identifier),
+];
+
+/// Bytes before the verdicts.
+const HEAD: usize = 10;
+
+/// The longest message, bytes: every object.
+pub const MAX_MESSAGE: usize = HEAD + Place::COUNT + 32 + 64 + 5 * 60;
+
+/// A station's name has so many characters at most.
+pub const MAX_STATION: usize = 32;
+
+/// A name has so many characters at most: the station's, a slash, and an IPv6 address with its port.
+const MAX_NAME: usize = 96;
+
+/// What a drone is called that another station hears: `STATION/DRONE`.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Name {
+    /// Zeros behind it.
+    text: [u8; MAX_NAME],
+}
+
+impl Name {
+    /// A name, if it is a station's and a drone's with a slash between them, and not too long.
+    #[must_use]
+    pub fn new(name: &str) -> Option<Self> {
+        let (station, drone) = name.split_once('/')?;
+        let is_drone = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | ':' | '-' | '[' | ']');
+        if !is_station(station) || drone.is_empty() || !drone.chars().all(is_drone) {
+            return None;
+        }
+        let mut text = [0; MAX_NAME];
+        text.get_mut(..name.len())?.copy_from_slice(name.as_bytes());
+        Some(Self { text })
+    }
+
+    /// The name that a message of this topic is about.
+    #[must_use]
+    pub fn of_topic(topic: &str) -> Option<Self> {
+        Self::new(topic.strip_prefix(TOPICS)?.strip_prefix('/')?)
+    }
+
+    /// It in characters.
+    #[must_use]
+    pub fn as_str(&self) -> &str {
+        let end = self.text.iter().position(|byte| *byte == 0).unwrap_or(MAX_NAME);
+        // It was made of ASCII characters alone.
+        core::str::from_utf8(&self.text[..end]).unwrap_or_default()
+    }
+}
+
+impl fmt::Debug for Name {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:?}", self.as_str())
+    }
+}
+
+/// Whether a station may be called so: 1 to [`MAX_STATION`] letters, digits, dots, hyphens and underscores. What has a
+/// meaning in topics is not among them.
+#[must_use]
+pub fn is_station(name: &str) -> bool {
+    let is_known = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '-' | '_');
+    (1..=MAX_STATION).contains(&name.len()) && name.chars().all(is_known)
+}
+
+/// The topic of a drone that the station of this name hears.
+#[must_use]
+pub fn topic(station: &str, drone: DroneId) -> String {
+    format!("{TOPICS}/{station}/{drone}")
+}
+
+/// What arrived of one drone at one instant.
+#[derive(Clone, Copy, Debug)]
+pub struct Published<'a> {
+    /// When it arrived at the station that published it, µs since 1970 by that one's clock.
+    pub at_us: u64,
+    /// The objects.
+    pub bundle: Bundle<'a>,
+    verdicts: &'a [u8],
+}
+
+impl<'a> Published<'a> {
+    /// Reads a message; `None` if it is none.
+    #[must_use]
+    pub fn read(message: &'a [u8]) -> Option<Self> {
+        let ([first, count], rest) = message.split_first_chunk()?;
+        let (at_us, rest) = rest.split_first_chunk()?;
+        let (verdicts, objects) = rest.split_at_checked(usize::from(*count))?;
+        let first = *Place::ALL.get(usize::from(*first))?;
+        let bundle = Bundle::new(first, usize::from(*count), objects)?;
+        Some(Self { at_us: u64::from_le_bytes(*at_us), bundle, verdicts })
+    }
+
+    /// What the station that published them found of each; `None` for a rejection that has no number.
+    pub fn verdicts(&self) -> impl Iterator<Item = Option<Verdict>> + use<'a> {
+        self.verdicts.iter().map(|number| VERDICTS.get(usize::from(*number)).copied())
+    }
+}
+
+/// The message of what arrived of a drone at `at_us`, µs since 1970, with what was found of each object.
+#[must_use]
+pub fn message(at_us: u64, bundle: &Bundle<'_>, verdicts: &[Verdict]) -> Vec<u8> {
+    let first = bundle.objects().next().map_or(0, |(place, _)| place.index());
+    let number = |verdict: &Verdict| VERDICTS.iter().position(|known| known == verdict).unwrap_or(255) as u8;
+    // There are seven places.
+    let mut message = vec![first as u8, verdicts.len() as u8];
+    message.extend(at_us.to_le_bytes());
+    message.extend(verdicts.iter().map(number));
+    message.extend(bundle.bytes());
+    message
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn the_longest_message_holds_every_object() {
+        let bytes: Vec<u8> = (0..396_u32).map(|index| index as u8).collect();
+        let bundle = Bundle::from_first(Place::LinkStatus, &bytes).unwrap();
+        assert_eq!(message(0, &bundle, &VERDICTS[..7]).len(), MAX_MESSAGE);
+    }
+
+    #[test]
+    fn a_name_is_a_station_and_a_drone() {
+        for name in ["north/7", "a.b-c_9/127.0.0.1:5000", "n/[fe80::1]:65535", "n/line2"] {
+            let read = Name::of_topic(&format!("{TOPICS}/{name}")).unwrap();
+            assert_eq!((read.as_str(), read), (name, Name::new(name).unwrap()));
+        }
+        let long = format!("{}/7", "n".repeat(MAX_STATION + 1));
+        let longer = format!("n/{}", "7".repeat(MAX_NAME));
+        for name in
+            ["", "/", "n/", "/7", "n", "n/7/8", "n/#", "+/7", "n /7", "n/\0", "n/é", "n/north/7", &long, &longer]
+        {
+            assert!(Name::new(name).is_none(), "{name}");
+        }
+        for topic in ["", "horus/1", "horus/1/", "horus/2/n/7", "horus/1n/7", "horus/1/n/7/8"] {
+            assert!(Name::of_topic(topic).is_none(), "{topic}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_published_is_read(
+            at_us in any::<u64>(), first in 0..7_usize, count in 1..8_usize, seed in any::<u8>(),
+            found in prop::collection::vec(0..VERDICTS.len(), 7),
+        ) {
+            let places = Place::ALL.iter().skip(first).take(count);
+            let bytes: Vec<u8> = (0..places.map(|place| place.size()).sum()).map(|at| at as u8 ^ seed).collect();
+            let bundle = Bundle::from_first(Place::ALL[first], &bytes).unwrap();
+            let verdicts: Vec<_> = found.iter().take(bundle.objects().count()).map(|at| VERDICTS[*at]).collect();
+            let sent = message(at_us, &bundle, &verdicts);
+            let read = Published::read(&sent).unwrap();
+            prop_assert_eq!(read.at_us, at_us);
+            prop_assert_eq!(read.bundle.objects().collect::<Vec<_>>(), bundle.objects().collect::<Vec<_>>());
+            prop_assert_eq!(read.verdicts().collect::<Option<Vec<_>>>(), Some(verdicts));
+            for end in 0..sent.len() {
+                prop_assert!(Published::read(&sent[..end]).is_none(), "cut off");
+            }
+            prop_assert!(Published::read(&[&sent[..], &[0]].concat()).is_none(), "a byte too many");
+        }
+
+        #[test]
+        fn anything_may_be_published(bytes in prop::collection::vec(any::<u8>(), 0..500), topic in ".{0,60}") {
+            let _ = Published::read(&bytes).map(|published| published.verdicts().count());
+            let _ = Name::of_topic(&topic);
+        }
+    }
+}

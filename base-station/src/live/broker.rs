@@ -1,0 +1,239 @@
+//! A broker between base stations: MQTT 5, by the `rumqttc` crate (decision 19).
+//!
+//! # Design
+//!
+//! **A carrier like the others.** What is published is objects and verdicts ([`published`]); what is subscribed to is
+//! judged, recorded and shown as if it had come over a line. The broker is trusted in nothing.
+//!
+//! **Live, not kept.** Quality of service 0, nothing retained, no session that outlives its connection: a successor
+//! comes a tenth of a second later, and a message that was kept would only arrive when it is old. What is not published
+//! because there is no connection, or because the broker is too slow, is counted and told; it is in the publishing
+//! station's recording.
+//!
+//! **Again and again.** A connection that ends is made anew after [`RETRY`], and one that says nothing for [`SILENCE`]
+//! is ended: a broker answers a ping every [`KEEP_ALIVE`].
+
+use std::io;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::thread;
+use std::time::Duration;
+
+use rumqttc::v5::mqttbytes::QoS;
+use rumqttc::v5::mqttbytes::v5::{Packet, Publish, SubAck, SubscribeReasonCode};
+use rumqttc::v5::{AsyncClient, Event as Mqtt, EventLoop, MqttOptions};
+use tokio::runtime::{Builder, Runtime};
+use tokio::time::{sleep, timeout};
+
+use super::{Clock, Event, Inlet};
+use crate::carrier::published::{self, MAX_MESSAGE, Name, TOPICS};
+use crate::intake::{Carried, Kind};
+use crate::{Bundle, DroneId, Verdict};
+
+/// After a failure it is tried again after so long.
+pub const RETRY: Duration = Duration::from_millis(500);
+
+/// The broker is asked whether it is there so often; the shortest that `rumqttc` allows.
+pub const KEEP_ALIVE: Duration = Duration::from_secs(5);
+
+/// A connection on which nothing happens for so long is ended.
+pub const SILENCE: Duration = Duration::from_secs(12);
+
+/// How many messages may wait for the broker: three tenths of a second of a thousand drones at 10 Hz.
+const WAITING: usize = 3_000;
+
+/// The longest packet that is taken: a message, its topic, and room for what a broker may add.
+const MAX_PACKET: u32 = MAX_MESSAGE as u32 + 1_024;
+
+/// Where a broker is, and as whom to speak to it.
+#[derive(Clone, PartialEq, Eq)]
+pub struct Broker {
+    /// Its name or address.
+    pub host: String,
+    /// Its port; 1883 by custom.
+    pub port: u16,
+    /// User and password, if it asks for them. They are not encrypted on the way.
+    pub login: Option<(String, String)>,
+}
+
+/// The password stays out of logs.
+impl std::fmt::Debug for Broker {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{self}")
+    }
+}
+
+impl std::fmt::Display for Broker {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "broker {}:{}", self.host, self.port)
+    }
+}
+
+impl Broker {
+    fn options(&self) -> MqttOptions {
+        // Without a client id the broker gives one, so that no two stations put each other out.
+        let mut options = MqttOptions::new("", &self.host, self.port);
+        options.set_keep_alive(KEEP_ALIVE).set_clean_start(true).set_max_packet_size(Some(MAX_PACKET));
+        if let Some((user, password)) = &self.login {
+            options.set_credentials(user, password);
+        }
+        options
+    }
+}
+
+/// Where a station hands on what it has judged.
+#[derive(Clone, Debug)]
+pub struct Outlet {
+    station: Arc<str>,
+    client: AsyncClient,
+    connected: Arc<AtomicBool>,
+    unpublished: Arc<AtomicU64>,
+}
+
+impl Outlet {
+    /// Hands on what arrived of a drone at `at_us`, µs since 1970, and what was found of each object; counts it if
+    /// there is no connection, or too much waits. It never waits.
+    pub fn offer(&self, drone: DroneId, at_us: u64, bundle: &Bundle<'_>, verdicts: &[Verdict]) {
+        // Who subscribed to a drone does not publish it: two brokers that feed each other would not end.
+        if matches!(drone, DroneId::Named(_)) {
+            return;
+        }
+        let topic = || published::topic(&self.station, drone);
+        let message = || published::message(at_us, bundle, verdicts);
+        let published = self.connected.load(Ordering::Relaxed)
+            && self.client.try_publish(topic(), QoS::AtMostOnce, false, message()).is_ok();
+        if !published {
+            self.unpublished.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    /// Messages that were not handed on.
+    #[must_use]
+    pub fn unpublished(&self) -> u64 {
+        self.unpublished.load(Ordering::Relaxed)
+    }
+}
+
+/// The other end of an [`Outlet`], which has no connection yet.
+pub struct Unconnected {
+    broker: Broker,
+    events: EventLoop,
+    outlet: Outlet,
+}
+
+/// An outlet to a broker for the station of this name ([`is_station`](published::is_station)). Nothing is published
+/// before [`connect`](Unconnected::connect).
+#[must_use]
+pub fn outlet(broker: Broker, station: &str) -> (Outlet, Unconnected) {
+    let (client, events) = AsyncClient::new(broker.options(), WAITING);
+    let outlet = Outlet {
+        station: station.into(),
+        client,
+        connected: Arc::new(AtomicBool::new(false)),
+        unpublished: Arc::new(AtomicU64::new(0)),
+    };
+    (outlet.clone(), Unconnected { broker, events, outlet })
+}
+
+impl Unconnected {
+    /// Connects, on a thread of its own, for as long as there is a station. Trouble is told through `inlet`.
+    ///
+    /// # Errors
+    ///
+    /// If the system gives no event loop.
+    pub fn connect(self, inlet: Inlet) -> io::Result<()> {
+        let Self { broker, events, outlet } = self;
+        spawn(broker, events, inlet, move |event| {
+            match event {
+                Happened::Connected => outlet.connected.store(true, Ordering::Relaxed),
+                Happened::Lost => outlet.connected.store(false, Ordering::Relaxed),
+                Happened::Came(_) => {}
+            }
+            true
+        })
+    }
+}
+
+/// Takes what all stations publish, or the one of this name, on a thread of its own for as long as there is a station
+/// here. `line` is the number that this line has in recordings.
+///
+/// # Errors
+///
+/// If the system gives no event loop.
+pub fn subscribe(broker: Broker, station: Option<&str>, line: u16, clock: Clock, inlet: Inlet) -> io::Result<()> {
+    let (client, events) = AsyncClient::new(broker.options(), 16);
+    let filter = format!("{TOPICS}/{}/+", station.unwrap_or("+"));
+    let to = inlet.clone();
+    spawn(broker, events, inlet, move |event| match event {
+        // The request waits for the connection; there is room, since there was none in the last one.
+        Happened::Connected => client.try_subscribe(filter.clone(), QoS::AtMostOnce).is_ok(),
+        Happened::Lost => true,
+        Happened::Came(published) => {
+            let topic = std::str::from_utf8(&published.topic).ok();
+            // What a broker has kept may be of any age, and nothing in it tells.
+            match topic.and_then(Name::of_topic).filter(|_| !published.retain) {
+                Some(name) => {
+                    let (from, bytes) = (name.as_str().to_owned(), published.payload.to_vec());
+                    let carried = Carried { at_us: clock.now_us(), kind: Kind::Published, line, from, bytes };
+                    to.offer(Event::Carried(carried))
+                }
+                None => true,
+            }
+        }
+    })
+}
+
+/// What happens on a connection.
+enum Happened<'a> {
+    Connected,
+    Lost,
+    Came(&'a Publish),
+}
+
+fn is_granted(answer: &SubAck) -> bool {
+    answer.return_codes.iter().all(|code| matches!(code, SubscribeReasonCode::Success(_)))
+}
+
+/// Keeps a connection going until there is no station any more, or `each` says no.
+fn spawn(
+    broker: Broker,
+    mut events: EventLoop,
+    inlet: Inlet,
+    mut each: impl FnMut(Happened<'_>) -> bool + Send + 'static,
+) -> io::Result<()> {
+    let runtime: Runtime = Builder::new_current_thread().enable_all().build()?;
+    thread::spawn(move || {
+        runtime.block_on(async {
+            loop {
+                let why = match timeout(SILENCE, events.poll()).await {
+                    Ok(Ok(Mqtt::Incoming(Packet::ConnAck(_)))) => {
+                        let told = inlet.offer(Event::Line { name: broker.to_string(), why: None });
+                        if told && each(Happened::Connected) {
+                            continue;
+                        }
+                        return;
+                    }
+                    Ok(Ok(Mqtt::Incoming(Packet::Publish(published)))) => match each(Happened::Came(&published)) {
+                        true => continue,
+                        false => return,
+                    },
+                    Ok(Ok(Mqtt::Incoming(Packet::SubAck(answer)))) if !is_granted(&answer) => {
+                        "it refuses the subscription".into()
+                    }
+                    Ok(Ok(_)) => continue,
+                    Ok(Err(error)) => error.to_string(),
+                    Err(_) => "it says nothing any more".into(),
+                };
+                // What waited is old by the time there is a connection again.
+                events.clean();
+                events.pending.clear();
+                let told = inlet.offer(Event::Line { name: broker.to_string(), why: Some(why) });
+                if !told || !each(Happened::Lost) {
+                    return;
+                }
+                sleep(RETRY).await;
+            }
+        });
+    });
+    Ok(())
+}

@@ -1,0 +1,287 @@
+//! Fleets over the real broker: mosquitto, on a port that the system chooses, and `horus-base` in processes of their
+//! own.
+
+mod common;
+
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{SocketAddr, TcpListener, TcpStream, UdpSocket};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use base_station::carrier::mavlink::{Forwarder, Rates};
+use base_station::intake::Kind;
+use base_station::live::playback::Recording;
+use base_station::{Bundle, carrier::published::Published};
+use common::{image, not_run};
+use serde_json::Value;
+
+/// Nothing here takes longer; on a machine that is not busy all of it takes a few seconds.
+const BOUND: Duration = Duration::from_secs(60);
+
+/// Waits until it is so.
+fn until(what: &str, mut is_so: impl FnMut() -> bool) {
+    let began = Instant::now();
+    while !is_so() {
+        assert!(began.elapsed() < BOUND, "not within {BOUND:?}: {what}");
+        thread::sleep(Duration::from_millis(10));
+    }
+}
+
+/// A process that ends with the test.
+struct Running(Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+impl Running {
+    /// Asks it to end as Ctrl-C does, and waits.
+    fn interrupt(mut self) {
+        let kill = Command::new("kill").args(["-INT", &self.0.id().to_string()]).status().unwrap();
+        assert!(kill.success());
+        until("horus-base ends", || self.0.try_wait().unwrap().is_some());
+    }
+}
+
+fn mosquitto(port: u16, folder: &Path) -> Option<Running> {
+    let config = folder.join("mosquitto.conf");
+    std::fs::write(&config, format!("listener {port} 127.0.0.1\nallow_anonymous true\n")).unwrap();
+    let child = ["mosquitto", "/usr/sbin/mosquitto"].into_iter().find_map(|program| {
+        let mut command = Command::new(program);
+        command.arg("-c").arg(&config).stdout(Stdio::null()).stderr(Stdio::null());
+        command.spawn().ok()
+    });
+    let Some(child) = child else {
+        not_run("there is no mosquitto", "apt-get install mosquitto");
+        return None;
+    };
+    let broker = Running(child);
+    until("mosquitto listens", || TcpStream::connect(("127.0.0.1", port)).is_ok());
+    Some(broker)
+}
+
+/// A TCP port that is free now.
+fn free_port() -> u16 {
+    TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port()
+}
+
+/// `horus-base` with these arguments; its page's address, and the UDP address that it says it listens to.
+fn horus_base(arguments: &[&str]) -> (Running, SocketAddr, Option<SocketAddr>) {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_horus-base"));
+    command.args(arguments).args(["--http", "127.0.0.1:0"]).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut running = Running(command.spawn().unwrap());
+    let mut errors = BufReader::new(running.0.stderr.take().unwrap());
+    let mut line = String::new();
+    BufReader::new(running.0.stdout.take().unwrap()).read_line(&mut line).unwrap();
+    let page = line.trim().trim_start_matches("http://").trim_end_matches('/').parse();
+    let page = page.unwrap_or_else(|_| {
+        let mut said = String::new();
+        let _ = errors.read_to_string(&mut said);
+        panic!("{line:?} {said}")
+    });
+    // What it says before the page is there is there by now.
+    let mut first = String::new();
+    errors.read_line(&mut first).unwrap();
+    let udp = first.strip_prefix("listening on UDP ").and_then(|rest| rest.split(',').next()?.parse().ok());
+    thread::spawn(move || errors.lines().for_each(drop));
+    (running, page, udp)
+}
+
+/// What a page knows.
+fn state(page: SocketAddr) -> Value {
+    let mut stream = TcpStream::connect(page).unwrap();
+    stream.set_read_timeout(Some(BOUND)).unwrap();
+    write!(stream, "GET /state HTTP/1.1\r\nHost: {page}\r\nConnection: close\r\n\r\n").unwrap();
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).unwrap();
+    let (_, body) = answer.split_once("\r\n\r\n").unwrap();
+    let (begin, end) = (body.find('{').unwrap(), body.rfind('}').unwrap());
+    serde_json::from_str(&body[begin..=end]).unwrap()
+}
+
+/// The drones of a page that are not stale, in their order.
+fn fresh(page: SocketAddr) -> Vec<String> {
+    let state = state(page);
+    let drones = state["drones"].as_array().unwrap();
+    let fresh = drones.iter().filter(|drone| drone["age_ms"].as_u64().is_some_and(|age| age < 400));
+    fresh.map(|drone| drone["id"].as_str().unwrap().to_owned()).collect()
+}
+
+/// Drones that fly until this is dropped: these system ids, each ten times a second, to one port.
+struct Flying(Arc<AtomicBool>, Option<thread::JoinHandle<()>>);
+
+impl Flying {
+    fn start(systems: std::ops::RangeInclusive<u8>, to: SocketAddr) -> Self {
+        let landed = Arc::new(AtomicBool::new(false));
+        let told = Arc::clone(&landed);
+        let thread = thread::spawn(move || {
+            let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+            let rates = Rates { bytes_per_s: 1_000_000, period_us: 0, standard_us: 0 };
+            let mut forwarders: Vec<_> = systems.map(|system| Forwarder::new(system, 1, rates)).collect();
+            let began = Instant::now();
+            while !told.load(Ordering::Relaxed) {
+                // HORUS's time goes as the wall's, whatever this thread is held up by.
+                let ms = u32::try_from(began.elapsed().as_millis()).unwrap() / 10 * 10;
+                for forwarder in &mut forwarders {
+                    forwarder.offer(&Bundle::datagram(&image(ms)).unwrap());
+                    while let Some(message) = forwarder.poll(u64::from(ms) * 1_000 + 1_000_000, 0) {
+                        socket.send_to(&message, to).unwrap();
+                    }
+                }
+                thread::sleep(Duration::from_millis(100));
+            }
+        });
+        Self(landed, Some(thread))
+    }
+}
+
+impl Drop for Flying {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+        let _ = self.1.take().map(thread::JoinHandle::join);
+    }
+}
+
+/// Every object of a recording, with what was found of it: drone, place, verdict, bytes.
+fn objects(file: PathBuf, station: &str) -> Vec<(String, String, String, Vec<u8>)> {
+    let mut objects = vec![];
+    let mut intake = base_station::intake::Intake::default();
+    let each = |record: base_station::recorder::Record| {
+        let carried = &record.carried;
+        let mut bytes = vec![];
+        let all = |_: base_station::DroneId, bundle: &Bundle<'_>, _: &[base_station::Verdict]| {
+            bytes.extend(bundle.objects().map(|(_, bytes)| bytes.to_vec()));
+        };
+        intake.take_each(carried, |_, _| true, all);
+        assert_eq!(bytes.len(), record.found.len());
+        // What a publisher found of it travels with it.
+        let told: Option<Vec<String>> = (carried.kind == Kind::Published).then(|| {
+            let published = Published::read(&carried.bytes).unwrap();
+            published.verdicts().map(|verdict| verdict.unwrap().code().to_owned()).collect()
+        });
+        for (nth, (found, bytes)) in record.found.iter().zip(bytes).enumerate() {
+            let verdict = told.as_ref().map_or(&found.verdict, |told| &told[nth]);
+            let drone = found.drone.strip_prefix(&format!("{station}/")).unwrap_or(&found.drone);
+            objects.push((drone.to_owned(), found.place.to_string(), verdict.clone(), bytes));
+        }
+        true
+    };
+    let torn = Recording::new(vec![file]).read(each, |_| {}).unwrap();
+    assert_eq!(torn, Vec::<String>::new());
+    objects
+}
+
+#[test]
+fn a_page_fed_by_the_broker_alone_shows_both_stations_drones_and_does_again_after_the_broker_restarts() {
+    let folder = std::env::temp_dir().join(format!("horus-base-broker-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let port = free_port();
+    let Some(broker) = mosquitto(port, &folder) else { return };
+    let at = format!("127.0.0.1:{port}");
+    let files = ["north", "south", "all"].map(|name| folder.join(format!("{name}.mcap")));
+    let names = files.each_ref().map(|file| file.to_str().unwrap());
+    let publish = |station: &str, file: &str| {
+        let udp = ["--udp", "127.0.0.1:0"];
+        horus_base(&[&["publish", "--broker", &at, "--station", station, "--record", file][..], &udp].concat())
+    };
+    let (north, north_page, north_udp) = publish("north", names[0]);
+    let (south, _, south_udp) = publish("south", names[1]);
+    let (all, page, _) = horus_base(&["subscribe", "--broker", &at, "--record", names[2]]);
+
+    // One system id twice: they are two drones.
+    let flying = [Flying::start(1..=3, north_udp.unwrap()), Flying::start(3..=4, south_udp.unwrap())];
+    let drones = ["north/1", "north/2", "north/3", "south/3", "south/4"];
+    until("all drones are shown", || fresh(page) == drones);
+    assert_eq!(state(page)["drone"]["id"], "north/1");
+
+    // While there is no broker, each station says so and goes on by itself; what was shown grows old.
+    drop(broker);
+    let complains = |page| state(page)["station"]["lines"].to_string().contains("broker 127.0.0.1");
+    until("the loss is told", || complains(page) && complains(north_page) && fresh(page).is_empty());
+    assert_eq!(fresh(north_page), ["1", "2", "3"]);
+    let _broker = mosquitto(port, &folder).unwrap();
+    until("all drones are shown again", || fresh(page) == drones && !complains(page) && !complains(north_page));
+
+    drop(flying);
+    north.interrupt();
+    south.interrupt();
+    all.interrupt();
+    let [north, south, all] = files;
+    let recorded = objects(all.clone(), "");
+    assert!(recorded.len() >= 2 * 5 * 5, "before and after the restart, five drones, five objects each");
+    for (station, file) in [("north", north), ("south", south)] {
+        // In their order, each that came through the broker is one that its station recorded, bytes and verdict.
+        let here = objects(file, station);
+        let through = objects(all.clone(), station);
+        let through: Vec<_> = through.iter().filter(|(drone, ..)| !drone.contains('/')).collect();
+        let mut rest = here.iter();
+        assert!(through.iter().all(|object| rest.any(|other| other == *object)), "{station}");
+        assert!(through.len() < here.len(), "some were lost while there was no broker");
+        assert!(through.iter().all(|(_, _, verdict, _)| verdict == "new"));
+    }
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+#[test]
+fn what_somebody_else_publishes_there_changes_nothing() {
+    let folder = std::env::temp_dir().join(format!("horus-base-foreign-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let port = free_port();
+    let Some(_broker) = mosquitto(port, &folder) else { return };
+    let at = format!("127.0.0.1:{port}");
+    let (_all, page, _) = horus_base(&["subscribe", "--broker", &at]);
+    let (_north, _, udp) = horus_base(&["publish", "--broker", &at, "--station", "north", "--udp", "127.0.0.1:0"]);
+
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+    let _flying = Flying::start(7..=7, udp.unwrap());
+    until("the drone is shown", || fresh(page) == ["north/7"]);
+    runtime.block_on(async {
+        use rumqttc::v5::mqttbytes::QoS;
+        let mut options = rumqttc::v5::MqttOptions::new("somebody", "127.0.0.1", port);
+        options.set_keep_alive(Duration::from_secs(5));
+        let (client, mut events) = rumqttc::v5::AsyncClient::new(options, 100);
+        let whole = image(50_000);
+        let bundle = Bundle::datagram(&whole).unwrap();
+        let message = base_station::carrier::published::message(5, &bundle, &[base_station::Verdict::New; 5]);
+        let mut damaged = message.clone();
+        damaged.iter_mut().skip(20).step_by(50).for_each(|byte| *byte ^= 0x55);
+        let foreign: [(&str, bool, &[u8]); 7] = [
+            ("horus/1/north/8", true, &message), // kept by the broker: its age is not known
+            ("horus/1/north/9", false, &damaged),
+            ("horus/1/north/10", false, &message[..100]),
+            ("horus/1/no rth/11", false, &message),
+            ("horus/1/north", false, &message),
+            ("horus/1/north/7", false, b"hello"),
+            ("horus/1/north/12", false, &[0; 5_000]),
+        ];
+        for (topic, retain, bytes) in foreign {
+            client.publish(topic, QoS::AtLeastOnce, retain, bytes.to_vec()).await.unwrap();
+        }
+        let mut acknowledged = 0;
+        while acknowledged < foreign.len() {
+            if let rumqttc::v5::Event::Incoming(rumqttc::v5::mqttbytes::v5::Packet::PubAck(_)) =
+                events.poll().await.unwrap()
+            {
+                acknowledged += 1;
+            }
+        }
+    });
+    // Who subscribes only now gets what the broker keeps.
+    let (_late, late, _) = horus_base(&["subscribe", "--broker", &at, "--station", "north"]);
+    until("both show the drone, and no other", || fresh(late) == ["north/7"] && fresh(page) == ["north/7"]);
+    for page in [page, late] {
+        let drones = state(page)["drones"].as_array().unwrap().len();
+        // A message that is not retained for those who are there already is the first one's: it came while it was.
+        let ids: Vec<_> = (0..drones).map(|nth| state(page)["drones"][nth]["id"].clone()).collect();
+        assert!(ids.iter().all(|id| id == "north/7" || id == "north/8"), "{ids:?}");
+        assert!(page != late || ids.len() == 1, "{ids:?}");
+    }
+    std::fs::remove_dir_all(&folder).unwrap();
+}
