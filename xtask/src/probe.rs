@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::ExitCode;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use defmt_decoder::{DecodeError, StreamDecoder, Table};
@@ -23,6 +23,8 @@ use probe_rs::semihosting::SemihostingCommand;
 use probe_rs::{BreakpointCause, Core, CoreStatus, HaltReason, MemoryInterface, Permissions, Session};
 
 use crate::access::{Approtect, HW_DISABLED, Refusal, UICR_APPROTECT, VARIANT, chip, connection, explain};
+use crate::bench_flash;
+use crate::bench_probe::BenchBoard;
 use crate::{Board, FlashArgs, ProbeArgs, firmware};
 
 /// How long a core gets to do what a debugger asks.
@@ -34,15 +36,86 @@ const LOG_POLL: Duration = Duration::from_millis(10);
 /// How long an image gets to set up its log after reset.
 const LOG_START: Duration = Duration::from_secs(3);
 
-/// Builds, writes, verifies, resets, then shows the log until interrupted.
+/// How long the log of a board on the bench is shown if nothing else is said: nobody is there to interrupt it.
+const BENCH_LOG: f64 = 1.0;
+
+/// A probe that was found.
+#[derive(Debug)]
+enum Found {
+    /// On USB.
+    Usb(DebugProbeInfo),
+    /// That of a board on the bench.
+    Bench(BenchBoard),
+}
+
+impl std::fmt::Display for Found {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Usb(info) => info.fmt(f),
+            Self::Bench(_) => f.write_str("the bench's probe"),
+        }
+    }
+}
+
+/// How long a log is shown: until it ends or is interrupted, or for a time of the board's.
+#[derive(Debug)]
+enum Span<'a> {
+    Endless,
+    Wall(Instant, Duration),
+    Virtual(&'a BenchBoard, u64),
+}
+
+impl<'a> Span<'a> {
+    /// Begins now.
+    fn of(found: &'a Found, seconds: Option<f64>) -> Self {
+        match (found, seconds) {
+            (Found::Usb(_), None) => Self::Endless,
+            (Found::Usb(_), Some(seconds)) => Self::Wall(Instant::now(), Duration::from_secs_f64(seconds)),
+            (Found::Bench(board), seconds) => {
+                Self::Virtual(board, board.now() + (seconds.unwrap_or(BENCH_LOG) * 1e9) as u64)
+            }
+        }
+    }
+
+    fn is_over(&self) -> bool {
+        match self {
+            Self::Endless => false,
+            Self::Wall(since, length) => since.elapsed() >= *length,
+            Self::Virtual(board, end) => board.now() >= *end,
+        }
+    }
+}
+
+/// Builds, writes, verifies, resets, then shows the log.
 pub(crate) fn flash(args: &FlashArgs) -> Result<ExitCode> {
     // The probe first: a missing one should not cost a build.
     let probe = choose(args.board, &args.probe)?;
     let elf = firmware::build(args.board, args.gps)?;
-    let mut session = attach(args.board, &probe, &args.probe)?;
-    write(&mut session, &elf)?;
-    eprintln!("{} written and verified; its log follows (Ctrl-C ends it)", elf.display());
-    follow(&mut session, &elf)
+    flash_elf(args, &probe, &elf)
+}
+
+fn flash_elf(args: &FlashArgs, probe: &Found, elf: &Path) -> Result<ExitCode> {
+    let mut session = attach(args.board, probe, &args.probe)?;
+    write(&mut session, elf)?;
+    let how_long = match (probe, args.seconds) {
+        (Found::Usb(_), None) => "its log follows (Ctrl-C ends it)".to_owned(),
+        (_, seconds) => format!("{} s of its log follow", seconds.unwrap_or(BENCH_LOG)),
+    };
+    eprintln!("{} written and verified; {how_long}", elf.display());
+    if let Found::Bench(board) = probe {
+        board.save()?;
+    }
+    let code = follow(&mut session, elf, &Span::of(probe, args.seconds))?;
+    drop(session);
+    Ok(if say_findings(probe) { ExitCode::FAILURE } else { code })
+}
+
+/// Shows what the bench found wrong on its board. Answers whether there is anything.
+fn say_findings(probe: &Found) -> bool {
+    let Found::Bench(board) = probe else { return false };
+    let found = board.take_findings();
+    found.iter().for_each(|finding| eprintln!("{finding}"));
+    !found.is_empty()
 }
 
 /// Writes an ELF, runs it, shows its log and ends as it does: a semihosting exit gives the code.
@@ -50,16 +123,31 @@ pub(crate) fn run(board: Board, elf: &Path, args: &ProbeArgs) -> Result<ExitCode
     let probe = choose(board, args)?;
     let mut session = attach(board, &probe, args)?;
     write(&mut session, elf)?;
-    follow(&mut session, elf)
+    let code = follow(&mut session, elf, &Span::Endless)?;
+    drop(session);
+    Ok(if say_findings(&probe) { ExitCode::FAILURE } else { code })
 }
 
-fn choose(board: Board, args: &ProbeArgs) -> Result<DebugProbeInfo> {
-    let lister = Lister::new();
+fn choose(board: Board, args: &ProbeArgs) -> Result<Found> {
+    let on_bench = match args.probe.as_deref() {
+        Some("bench") => Some(board),
+        Some("bench:dpr") => Some(Board::Dpr),
+        Some("bench:horus") => Some(Board::Horus),
+        _ => None,
+    };
+    match on_bench {
+        Some(board) => Ok(Found::Bench(BenchBoard::switch_on(board, bench_flash::file(board))?)),
+        None => choose_usb(board, args, &Lister::new()).map(Found::Usb),
+    }
+}
+
+fn choose_usb(board: Board, args: &ProbeArgs, lister: &Lister) -> Result<DebugProbeInfo> {
     let (mut found, wanted) = match &args.probe {
         None => (lister.list_all(), None),
         Some(text) => {
-            let selector: DebugProbeSelector =
-                text.parse().with_context(|| format!("--probe {text}: expected VID:PID or VID:PID:SERIAL, in hex"))?;
+            let selector: DebugProbeSelector = text
+                .parse()
+                .with_context(|| format!("--probe {text}: expected VID:PID or VID:PID:SERIAL, in hex, or bench"))?;
             (lister.list(Some(&selector)), Some(text))
         }
     };
@@ -75,8 +163,13 @@ fn listing(probes: &[DebugProbeInfo]) -> String {
     probes.iter().map(|probe| format!("\n  {probe}")).collect()
 }
 
-fn attach(board: Board, probe: &DebugProbeInfo, args: &ProbeArgs) -> Result<Session> {
-    let mut opened = probe.open().with_context(|| format!("could not open {probe}: is another debugger using it?"))?;
+fn attach(board: Board, probe: &Found, args: &ProbeArgs) -> Result<Session> {
+    let mut opened = match probe {
+        Found::Usb(info) => {
+            info.open().with_context(|| format!("could not open {probe}: is another debugger using it?"))?
+        }
+        Found::Bench(board) => board.probe(),
+    };
     opened.select_protocol(WireProtocol::Swd).context("the probe does not speak SWD")?;
     if let Some(khz) = args.speed {
         let actual = opened.set_speed(khz).with_context(|| format!("the probe does not do {khz} kHz"))?;
@@ -183,8 +276,9 @@ const fn verb(operation: &ProgressOperation) -> &'static str {
     }
 }
 
-/// Resets the core and shows its defmt log until it exits through semihosting (its code is ours) or is interrupted.
-fn follow(session: &mut Session, elf: &Path) -> Result<ExitCode> {
+/// Resets the core and shows its defmt log until it exits through semihosting (its code is ours), its time is over or
+/// it is interrupted.
+fn follow(session: &mut Session, elf: &Path, span: &Span<'_>) -> Result<ExitCode> {
     let data = std::fs::read(elf).with_context(|| format!("could not read {}", elf.display()))?;
     let table = Table::parse(&data)?.with_context(|| format!("{} carries no defmt log", elf.display()))?;
     let block = rtt_block(&data).with_context(|| format!("{} has no RTT control block", elf.display()))?;
@@ -210,6 +304,9 @@ fn follow(session: &mut Session, elf: &Path) -> Result<ExitCode> {
             },
             CoreStatus::Halted(reason) => bail!("the core stopped: {reason:?}"),
             CoreStatus::LockedUp => bail!("the core locked up"),
+            _ if span.is_over() => return Ok(ExitCode::SUCCESS),
+            // A board on the bench goes on with each look at it.
+            _ if matches!(span, Span::Virtual(..)) => {}
             _ => std::thread::sleep(LOG_POLL),
         }
     }

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use addr2line::gimli;
-use object::elf::{ELFMAG, EM_ARM, ET_DYN, ET_EXEC, ET_REL, PT_LOAD};
+use object::elf::{ELFMAG, EM_ARM, ET_DYN, ET_EXEC, ET_REL, PT_LOAD, SHF_ALLOC};
 use object::read::elf::{ElfFile32, FileHeader, ProgramHeader};
 use object::{Architecture, LittleEndian, Object, ObjectSection, ObjectSymbol, SymbolKind};
 
@@ -180,6 +180,23 @@ impl Firmware {
     pub(crate) fn size_at(&self, address: u64) -> usize {
         let sizes = self.0.functions.iter().filter(|function| function.start == address).map(|function| function.size);
         sizes.max().and_then(|size| usize::try_from(size).ok()).unwrap_or(0)
+    }
+
+    /// The end of what the image places in RAM, from `from` on and below `top`: `from` where that is nothing, `None` in
+    /// an image without sections.
+    pub(crate) fn placed_below(&self, from: u32, top: u32) -> Option<u32> {
+        let file = object::File::parse(&*self.0.elf).ok()?;
+        let mut any = false;
+        let mut end = u64::from(from);
+        for section in file.sections() {
+            any = true;
+            let object::SectionFlags::Elf { sh_flags } = section.flags() else { continue };
+            let (first, behind) = (section.address(), section.address() + section.size());
+            if sh_flags & u64::from(SHF_ALLOC) != 0 && first >= u64::from(from) && behind <= u64::from(top) {
+                end = end.max(behind);
+            }
+        }
+        u32::try_from(end).ok().filter(|_| any)
     }
 
     /// The addresses of every function whose demangled name ends in `name` as a whole path segment.
