@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use addr2line::gimli;
-use object::elf::{ELFMAG, EM_ARM, ET_DYN, ET_EXEC, ET_REL, PT_LOAD, SHF_ALLOC};
+use object::elf::{ELFMAG, EM_ARM, ET_DYN, ET_EXEC, ET_REL, PT_LOAD};
 use object::read::elf::{ElfFile32, FileHeader, ProgramHeader};
 use object::{Architecture, LittleEndian, Object, ObjectSection, ObjectSymbol, SymbolKind};
 
@@ -190,9 +190,9 @@ impl Firmware {
         let mut end = u64::from(from);
         for section in file.sections() {
             any = true;
-            let object::SectionFlags::Elf { sh_flags } = section.flags() else { continue };
             let (first, behind) = (section.address(), section.address() + section.size());
-            if sh_flags & u64::from(SHF_ALLOC) != 0 && first >= u64::from(from) && behind <= u64::from(top) {
+            // What is not loaded is at address 0.
+            if first >= u64::from(from) && behind <= u64::from(top) {
                 end = end.max(behind);
             }
         }
