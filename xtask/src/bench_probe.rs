@@ -100,7 +100,25 @@ impl BenchBoard {
         self.with(|on| on.unplugged_after = Some(on.commands + commands));
     }
 
+    /// The cable is back.
+    pub(crate) fn plug_in(&self) {
+        self.with(|on| on.unplugged_after = None);
+    }
+
     /// The board's supply goes off and comes on: all that its part does not keep is gone.
+    pub(crate) fn switch_off_and_on(&self) {
+        self.with(|on| {
+            let board = if on.wire.part_name().starts_with("nRF") { Board::Dpr } else { Board::Horus };
+            on.wire = switch_on(desk(board), Some(&on.wire.kept())).unwrap();
+        });
+    }
+
+    /// So many nanoseconds pass on the board.
+    pub(crate) fn run(&self, ns: u64) {
+        self.with(|on| on.wire.pass(ns));
+    }
+
+    /// What the part keeps.
     pub(crate) fn kept(&self) -> Vec<u8> {
         self.with(|on| on.wire.kept())
     }

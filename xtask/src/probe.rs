@@ -12,17 +12,22 @@ use anyhow::{Context, Result, bail};
 use defmt_decoder::{DecodeError, StreamDecoder, Table};
 use indicatif::{ProgressBar, ProgressStyle};
 use object::{Object, ObjectSymbol};
-use probe_rs::architecture::arm::ArmError;
+use probe_rs::architecture::arm::dp::DpAddress;
+use probe_rs::architecture::arm::sequences::DefaultArmSequence;
+use probe_rs::architecture::arm::{ArmError, FullyQualifiedApAddress};
 use probe_rs::flashing::{
-    DownloadOptions, FlashProgress, ProgressEvent, ProgressOperation, download_file_with_options, image_format,
+    DownloadOptions, FileDownloadError, FlashError, FlashProgress, ProgressEvent, ProgressOperation,
+    download_file_with_options, image_format,
 };
 use probe_rs::probe::list::Lister;
-use probe_rs::probe::{DebugProbeInfo, DebugProbeSelector, WireProtocol};
+use probe_rs::probe::{DebugProbeInfo, DebugProbeSelector, Probe, WireProtocol};
 use probe_rs::rtt::Rtt;
 use probe_rs::semihosting::SemihostingCommand;
 use probe_rs::{BreakpointCause, Core, CoreStatus, HaltReason, MemoryInterface, Permissions, Session};
 
-use crate::access::{Approtect, HW_DISABLED, Refusal, UICR_APPROTECT, VARIANT, chip, connection, explain};
+use crate::access::{
+    Approtect, HW_DISABLED, Refusal, Seen, UICR_APPROTECT, VARIANT, chip, connection, explain, wrong_chip,
+};
 use crate::bench_flash;
 use crate::bench_probe::BenchBoard;
 use crate::{Board, FlashArgs, ProbeArgs, firmware};
@@ -164,16 +169,13 @@ fn listing(probes: &[DebugProbeInfo]) -> String {
 }
 
 fn attach(board: Board, probe: &Found, args: &ProbeArgs) -> Result<Session> {
-    let mut opened = match probe {
-        Found::Usb(info) => {
-            info.open().with_context(|| format!("could not open {probe}: is another debugger using it?"))?
-        }
-        Found::Bench(board) => board.probe(),
-    };
-    opened.select_protocol(WireProtocol::Swd).context("the probe does not speak SWD")?;
-    if let Some(khz) = args.speed {
-        let actual = opened.set_speed(khz).with_context(|| format!("the probe does not do {khz} kHz"))?;
-        eprintln!("SWD at {actual} kHz");
+    // The library takes a part's name on trust: an STM32's absent access port 1 would read like a locked nRF52840's.
+    if let Some(wrong) = look(probe, args)?.and_then(|seen| wrong_chip(board, seen, &probe.to_string())) {
+        bail!(wrong);
+    }
+    let (opened, khz) = open(probe, args)?;
+    if let Some(khz) = khz {
+        eprintln!("SWD at {khz} kHz");
     }
     eprintln!("{} through {probe}", chip(board));
     let permissions = if args.erase_all { Permissions::new().allow_erase_all() } else { Permissions::new() };
@@ -185,6 +187,47 @@ fn attach(board: Board, probe: &Found, args: &ProbeArgs) -> Result<Session> {
         keep_debug_port_open(&mut session).context("could not see to UICR.APPROTECT")?;
     }
     Ok(session)
+}
+
+/// Opens the probe. Answers the SWD clock in kHz, if one was asked for.
+fn open(probe: &Found, args: &ProbeArgs) -> Result<(Probe, Option<u32>)> {
+    let mut opened = match probe {
+        Found::Usb(info) => {
+            info.open().with_context(|| format!("could not open {probe}: is another debugger using it?"))?
+        }
+        Found::Bench(board) => board.probe(),
+    };
+    opened.select_protocol(WireProtocol::Swd).context("the probe does not speak SWD")?;
+    let khz = args.speed.map(|khz| opened.set_speed(khz).with_context(|| format!("the probe does not do {khz} kHz")));
+    Ok((opened, khz.transpose()?))
+}
+
+/// What the probe is connected to; `None` where no debug port answers, which attaching will say. Only identification
+/// registers are read, and the part goes on as it was.
+fn look(probe: &Found, args: &ProbeArgs) -> Result<Option<Seen>> {
+    /// IDR of an access port: Nordic's JEP106 number, 0x44 in bank 2 (PS v1.7, 4.8.1; ADIv5.2, C1.3).
+    const IDR: u64 = 0xFC;
+    const DESIGNER: u32 = 0x0FFE_0000;
+    const NORDIC: u32 = 0x0288_0000;
+    const DBGMCU_IDCODE: u64 = 0xE004_2000;
+    const INFO_PART: u64 = 0x1000_0100;
+
+    let (mut opened, _) = open(probe, args)?;
+    if opened.attach_to_unspecified().is_err() {
+        return Ok(None);
+    }
+    let Ok(mut port) = opened.try_into_arm_debug_interface(DefaultArmSequence::create()) else { return Ok(None) };
+    if port.select_debug_port(DpAddress::Default).is_err() {
+        return Ok(None);
+    }
+    let ap = FullyQualifiedApAddress::v1_with_default_dp;
+    let control = port.read_raw_ap_register(&ap(1), IDR).unwrap_or(0);
+    let mut word = |address| port.memory_interface(&ap(0)).and_then(|mut memory| memory.read_word_32(address)).ok();
+    Ok(Some(if control & DESIGNER == NORDIC {
+        Seen::Nordic(word(INFO_PART))
+    } else {
+        word(DBGMCU_IDCODE).map_or(Seen::Other, |code| Seen::St(code & 0xFFF))
+    }))
 }
 
 /// What an error of the library's `attach` means, which was or was not allowed to erase everything.
@@ -263,7 +306,25 @@ fn write(session: &mut Session, elf: &Path) -> Result<()> {
     let loader = image_format("elf").context("the probe library reads no ELF")?.create_loader(None);
     let outcome = download_file_with_options(session, elf, loader, options);
     bar.finish_and_clear();
-    outcome.with_context(|| format!("could not write {}", elf.display()))
+    outcome.map_err(|error| {
+        let text = not_written(&error, elf);
+        anyhow::Error::new(error).context(text)
+    })
+}
+
+/// What to say of an image that was not written.
+fn not_written(error: &FileDownloadError, elf: &Path) -> String {
+    let elf = elf.display();
+    match error {
+        FileDownloadError::Flash(FlashError::Verify) => format!(
+            "{elf} was written, but flash does not hold it: the board must not be used like this\n\
+             If that happens again, the part's flash is damaged or worn."
+        ),
+        _ => format!(
+            "{elf} was not written to its end: the board must not be used before the same command has succeeded\n\
+             If the probe was unplugged or the board lost its supply, connect them and repeat it."
+        ),
+    }
 }
 
 /// What a step of writing is called on the screen.
@@ -349,6 +410,9 @@ fn drain(rtt: &mut Rtt, core: &mut Core<'_>, decoder: &mut (dyn StreamDecoder + 
         }
     }
 }
+
+#[cfg(test)]
+mod on_bench;
 
 #[cfg(test)]
 mod tests {
