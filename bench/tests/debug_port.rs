@@ -323,3 +323,35 @@ fn the_reset_pin_holds_the_part_and_its_debug_registers_answer_meanwhile() {
     tool.0.pass(MS);
     assert_eq!(tool.read(DHCSR) >> 17 & 1, 1, "caught at its reset");
 }
+
+#[test]
+fn an_nrf52840s_watchdog_goes_on_through_a_soft_reset_pauses_with_the_halted_core_and_bites_when_it_runs() {
+    const WDT: u32 = 0x4001_0000;
+    let mut tool = Tool::connected(Desk::Dpr);
+    tool.write_access(1, 0x04, 1);
+    tool.0.pass(170 * MS);
+    assert_eq!(tool.access(1, 0x0C), 1);
+    tool.halt();
+    // A loop in RAM: b .
+    tool.write(0x2000_0100, 0xE7FE_E7FE);
+    // 100 ms; running while the core sleeps, pausing while it is halted.
+    tool.write(WDT + 0x504, 3276);
+    tool.write(WDT + 0x50C, 1);
+    tool.write(WDT, 1);
+    tool.0.pass(300 * MS);
+    assert_eq!(tool.0.resets().last().unwrap().why(), "from a lock-up", "of the time before the debugger came");
+    tool.write(DEMCR, 1);
+    tool.soft_reset();
+    assert_eq!(tool.read(WDT + 0x400), 1, "RUNSTATUS");
+    tool.0.pass(300 * MS);
+    assert_eq!(tool.0.resets().last().unwrap().why(), "by software");
+    for part in [15, 0x2000_0100, 13, 0x2000_1000, 16, 1 << 24].chunks(2) {
+        tool.set_register(part[0], part[1]);
+    }
+    tool.write(DHCSR, DEBUG_KEY | 1);
+    tool.0.pass(90 * MS);
+    assert_eq!(tool.0.resets().last().unwrap().why(), "by software");
+    tool.0.pass(20 * MS);
+    assert_eq!(tool.0.resets().last().unwrap().why(), "by its watchdog WDT");
+    assert_eq!(tool.access(1, 0x0C), 0, "and it is locked again");
+}

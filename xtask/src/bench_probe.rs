@@ -10,6 +10,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use anyhow::{Context, Result};
 use bench::debug_port::{Ack, Request, Wire, switch_on};
+use bench::node::{Finding, FindingKind};
 use probe_rs::CoreStatus;
 use probe_rs::architecture::arm::sequences::ArmDebugSequence;
 use probe_rs::architecture::arm::{
@@ -33,6 +34,9 @@ const MOST_KHZ: u32 = 8_000;
 
 /// nRESET among the pins of [`RawDapAccess::swj_pins`].
 const RESET_PIN: u32 = 1 << 7;
+
+/// Where both parts' RAM begins, in which nothing of the images is but what the DPR copies to code RAM's address.
+const RAM: u64 = 0x2000_0000;
 
 /// RDBUFF of the debug port.
 const READ_BUFFER: u8 = 0xC;
@@ -80,11 +84,12 @@ impl BenchBoard {
         self.with(|on| on.wire.now())
     }
 
-    /// What went wrong on the board since last asked, a line each. That a new part finds no program is not among it.
+    /// What the probe, or code that it put into RAM, did wrong since last asked, a line each. What the image does, which
+    /// a debugger stops in the middle of anything, is not among it: without one, `run` and `sim` tell that.
     pub(crate) fn take_findings(&self) -> Vec<String> {
         let found = self.with(|on| on.wire.take_findings());
-        let counts = |finding: &&bench::node::Finding| finding.kind != bench::node::FindingKind::Lockup;
-        found.iter().filter(counts).map(ToString::to_string).collect()
+        let is_ours = |finding: &&Finding| finding.kind != FindingKind::Lockup && finding.pc.is_none_or(|pc| pc >= RAM);
+        found.iter().filter(is_ours).map(ToString::to_string).collect()
     }
 }
 
@@ -111,6 +116,16 @@ impl BenchBoard {
             let board = if on.wire.part_name().starts_with("nRF") { Board::Dpr } else { Board::Horus };
             on.wire = switch_on(desk(board), Some(&on.wire.kept())).unwrap();
         });
+    }
+
+    /// Commands that the probe got so far.
+    pub(crate) fn commands(&self) -> u64 {
+        self.with(|on| on.commands)
+    }
+
+    /// Why the part restarted, each time since it was switched on.
+    pub(crate) fn restarts(&self) -> Vec<String> {
+        self.with(|on| on.wire.resets().iter().map(|reset| format!("{} {}", reset.at, reset.why())).collect())
     }
 
     /// So many nanoseconds pass on the board.

@@ -82,11 +82,14 @@ impl Wdt {
         self.pause(cx);
     }
 
+    const fn pauses(&self) -> bool {
+        self.asleep && self.config & SLEEP_RUN == 0 || self.halted && self.config & HALT_RUN == 0
+    }
+
     /// The counter stands still while the core does what CONFIG says that it shall stand still for.
     fn pause(&mut self, cx: &mut Cx<'_>) {
         let tick = cx.clocks.lf.map_or(0, |lf| lf.ticks(cx.now));
-        let pauses = self.asleep && self.config & SLEEP_RUN == 0 || self.halted && self.config & HALT_RUN == 0;
-        if pauses && self.running() {
+        if self.pauses() && self.running() {
             self.paused.get_or_insert(tick);
         } else if let Some(since) = self.paused.take() {
             self.loaded = self.loaded.map(|loaded| loaded + tick.saturating_sub(since));
@@ -97,7 +100,7 @@ impl Wdt {
     fn load(&mut self, cx: &Cx<'_>) {
         self.loaded = Some(cx.clocks.lf.map_or(0, |lf| lf.ticks(cx.now)));
         self.requests = self.rren;
-        self.paused = self.paused.and(self.loaded);
+        self.paused = self.loaded.filter(|_| self.pauses());
         self.arm(cx);
     }
 }

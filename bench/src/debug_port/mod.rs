@@ -30,7 +30,7 @@ mod part;
 use bench_seam::Part;
 use cortex_m4::{Cost, Width};
 
-use crate::node::{Board, Finding, FromOutside, Node};
+use crate::node::{Board, Finding, FromOutside, Node, ResetAt};
 use access_port::MemoryAp;
 pub(crate) use desk::restore;
 pub use desk::{Desk, kept_bytes, switch_on};
@@ -83,6 +83,9 @@ pub trait Wire: Send + std::fmt::Debug {
 
     /// What went wrong on the board since last asked.
     fn take_findings(&mut self) -> Vec<Finding>;
+
+    /// Every restart of the part since the board was switched on.
+    fn resets(&self) -> &[ResetAt];
 
     /// What the part keeps without its supply, one stretch after the other as [`Debugged::KEPT`] lists them.
     fn kept(&self) -> Vec<u8>;
@@ -427,6 +430,10 @@ where
 
     fn take_findings(&mut self) -> Vec<Finding> {
         self.node.take_findings()
+    }
+
+    fn resets(&self) -> &[ResetAt] {
+        self.node.resets()
     }
 
     fn kept(&self) -> Vec<u8> {
