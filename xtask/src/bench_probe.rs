@@ -76,7 +76,7 @@ impl BenchBoard {
 
     /// Writes what the part keeps to its file.
     pub(crate) fn save(&self) -> Result<()> {
-        self.with(|on| on.save())
+        self.with(Switched::save)
     }
 
     /// Virtual time since the board was switched on, in nanoseconds.

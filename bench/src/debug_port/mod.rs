@@ -420,7 +420,7 @@ where
             self.node.advance(to);
             self.node.board_mut(B::forget_outgoing);
         }
-        self.node.with_part(|part, at| part.port_advances(at));
+        self.node.with_part(Debugged::port_advances);
         self.keep_stuck();
     }
 

@@ -72,6 +72,9 @@ fn a_dpr_board_that_runs_its_firmware_is_written_again_without_erasing_all_of_it
     on.switch_off_and_on();
     on.run(500_000_000);
     assert_eq!(flash(&on, Board::Dpr, &elf, false), Ok(()));
+    // The library's flash algorithm feeds a watchdog that outlives the soft reset before it.
+    let restarts = on.restarts();
+    assert!(restarts.len() >= 2 && restarts.iter().all(|why| why.ends_with("by software")), "{restarts:?}");
     assert!(holds(&on, &elf, 0));
 }
 
