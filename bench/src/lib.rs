@@ -3,10 +3,12 @@
 //! [`node`] runs real ELF files in virtual time, on the core of `cortex-m4` and the parts of `stm32f429` and
 //! `nrf52840`. [`boards`] is what is wired to each part, [`world`] what stands beside the boards, [`faults`] what goes
 //! wrong on purpose. [`sim`] puts all of it together and writes one event log, which `bench-judge` judges; [`report`]
-//! is what a run showed, [`plot`] its flight as a picture, and [`trace`] its wires. [`gdb`] lets a debugger attach.
+//! is what a run showed, [`plot`] its flight as a picture, and [`trace`] its wires. [`gdb`] lets a debugger attach, and
+//! [`debug_port`] a debug probe.
 #![forbid(unsafe_code)]
 
 pub mod boards;
+pub mod debug_port;
 pub mod faults;
 pub mod gdb;
 pub mod node;
@@ -15,3 +17,8 @@ pub mod report;
 pub mod sim;
 pub mod trace;
 pub mod world;
+
+/// Pins, and what a part does to them.
+pub mod wiring {
+    pub use bench_seam::{Pad, Pin};
+}

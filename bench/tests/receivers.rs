@@ -5,10 +5,12 @@ mod boards;
 
 use std::sync::Arc;
 
+use bench::boards::receivers::Interface;
 use bench::faults::receivers::bus::BusFault;
-use bench::faults::{Fault, Faults, ReceiverFault};
+use bench::faults::{Fault, Faults, ReceiverFault, Rng};
 use bench::node::Clock;
 use bench::sim::{Images, Outcome, Setup, run};
+use bench::world::base_station::{Entry, Position};
 use boards::image;
 use gnss_sim::{Log, ubx};
 
@@ -34,7 +36,7 @@ fn sound(setup: &Setup) -> Outcome {
 
 /// When each receiver's position was shown as valid (`true`) or not, ns.
 fn validity(outcome: &Outcome, receiver: usize) -> Vec<(u64, bool)> {
-    let of = |gps: [Option<bench::world::base_station::Position>; 5]| gps[receiver].is_some_and(|it| it.valid);
+    let of = |gps: [Option<Position>; 5]| gps[receiver].is_some_and(|it| it.valid);
     outcome.base.history().map(|entry| (entry.at_ns, of(entry.gps))).collect()
 }
 
@@ -103,7 +105,7 @@ const BACK: u64 = 360 * MS;
 fn of_bus(clock: Clock) {
     for fault in BusFault::ALL {
         let Some(mut setup) = setup(1_600) else { return };
-        let receiver = if fault.interface() == bench::boards::receivers::Interface::I2c { 1 } else { 2 };
+        let receiver = if fault.interface() == Interface::I2c { 1 } else { 2 };
         setup.clock = clock;
         let injected = Fault::Receiver(receiver, ReceiverFault::Bus(fault));
         setup.faults = Faults::none().with(FAILS.start, FAILS.end, injected);
@@ -135,6 +137,125 @@ fn no_fault_of_a_bus_costs_a_cycle_or_another_receiver_and_each_is_over_soon_on_
 #[test]
 fn no_fault_of_a_bus_costs_a_cycle_or_another_receiver_and_each_is_over_soon_on_the_pessimistic_clock() {
     of_bus(Clock::Pessimistic);
+}
+
+/// What became of the failures of one kind.
+#[derive(Clone, Copy, Debug, Default)]
+struct Table {
+    failures: u64,
+    /// In how many of them the receiver's position was not valid for a while.
+    silenced: u64,
+    /// How long it was not at most, and how long after the failure's end it was valid again at most, ns.
+    longest: u64,
+    latest: u64,
+    /// Profiles in which the two other receivers may not have agreed.
+    apart: u64,
+}
+
+/// Whether these two receivers, which are right, may not agree, though they state little: farther apart than the least
+/// distances of decision 15, less what they may move within a message.
+fn may_disagree(one: Position, other: Position) -> bool {
+    let north = (one.latitude - other.latitude).to_radians() * 6_371_000.0;
+    let east = (one.longitude - other.longitude).to_radians() * 6_371_000.0 * one.latitude.to_radians().cos();
+    north.hypot(east) > 5.0 - 1.0 || (one.altitude - other.altitude).abs() > 8.0 - 0.5
+}
+
+/// `failures` of buses, one a second, each of a drawn kind at a drawn instant for a drawn time: nothing is violated, no
+/// cycle is lost, every other receiver stays valid, and so does Reported-Position where those agree. How far that was from the
+/// flight's truth at worst, m.
+fn drawn_failures(clock: Clock, seed: u64, failures: u64, table: &mut [Table; BusFault::ALL.len()]) -> Option<f64> {
+    const SECOND: u64 = 1_000 * MS;
+    const SETTLED: u64 = SECOND;
+    let mut setup = setup((failures + 1) * 1_000 + 500)?;
+    (setup.clock, setup.seed) = (clock, seed);
+    let mut rng = Rng::stream(seed, 11);
+    let mut drawn = vec![];
+    for number in 0..failures {
+        let kind = rng.below(BusFault::ALL.len() as u64) as usize;
+        let from = SETTLED + number * SECOND + rng.below(240 * MS);
+        let until = from + rng.between(MS, 400 * MS);
+        let receiver = if BusFault::ALL[kind].interface() == Interface::I2c { 1 } else { 2 };
+        let fault = Fault::Receiver(receiver, ReceiverFault::Bus(BusFault::ALL[kind]));
+        setup.faults = setup.faults.with(from, until, fault);
+        drawn.push((kind, receiver, from, until));
+    }
+    let outcome = sound(&setup);
+    let history: Vec<_> = outcome.base.history().filter(|entry| entry.at_ns > SETTLED).collect();
+    let of = |entry: &Entry, receiver: usize| entry.gps[receiver].is_some_and(|position| position.valid);
+    for (kind, receiver, from, until) in drawn {
+        let end = from - from % SECOND + SECOND;
+        let during = history.iter().filter(|entry| (from..end).contains(&entry.at_ns));
+        let what = || format!("{:?} from {from} to {until}, seed {seed}, {clock}", BusFault::ALL[kind]);
+        let (mut first, mut last) = (None, None);
+        let row = &mut table[kind];
+        row.failures += 1;
+        for entry in during {
+            let others: Vec<usize> = (0..3).filter(|other| *other != receiver).collect();
+            for other in &others {
+                assert!(of(entry, *other), "{}: GPS{} at {}", what(), other + 1, entry.at_ns);
+            }
+            // Where the two others disagree nobody can tell who is right.
+            let apart = may_disagree(entry.gps[others[0]].unwrap(), entry.gps[others[1]].unwrap());
+            row.apart += u64::from(apart);
+            assert!(apart || entry.reported.is_some_and(|reported| reported.valid), "{}: at {}", what(), entry.at_ns);
+            if !of(entry, receiver) {
+                first.get_or_insert(entry.at_ns);
+                last = Some(entry.at_ns);
+            }
+        }
+        if let (Some(first), Some(last)) = (first, last) {
+            assert!(last <= until + BACK, "{}: not back at {last}", what());
+            row.silenced += 1;
+            row.longest = row.longest.max(last - first);
+            row.latest = row.latest.max(last.saturating_sub(until));
+        }
+    }
+    outcome.report.voter.max_error_m
+}
+
+fn tell(table: &[Table; BusFault::ALL.len()]) {
+    println!(
+        "{:16} failures  not valid for a while  for ms at most  ms after its end at most  profiles with the others apart",
+        "kind"
+    );
+    for (kind, row) in BusFault::ALL.iter().zip(table) {
+        let Table { failures, silenced, longest, latest, apart } = row;
+        let kind = format!("{kind:?}");
+        println!("{kind:16} {failures:8} {silenced:22} {:15} {:24} {apart:30}", longest / MS, latest / MS);
+    }
+}
+
+/// As far as the result is from the flight's truth at worst, m: the receivers' own errors, and what two of them may
+/// differ while a third is silent (`horus-tx-fw/tests/voted.rs`).
+const RIGHT_M: f64 = 9.0;
+
+#[test]
+fn whatever_bus_fails_at_whatever_instant_the_position_stays_valid_and_right() {
+    let mut table = [Table::default(); BusFault::ALL.len()];
+    for (clock, seed) in [(Clock::Fast, 1), (Clock::Optimistic, 2), (Clock::Pessimistic, 3)] {
+        let Some(worst) = drawn_failures(clock, seed, 12, &mut table) else { return };
+        assert!(worst <= RIGHT_M, "{worst} m");
+    }
+    tell(&table);
+    assert!(table.iter().any(|row| row.silenced > 0), "some last long enough to be seen");
+    assert_eq!(table.iter().map(|row| row.apart).sum::<u64>(), 0, "the others agree all the time in these");
+}
+
+/// The same a thousand times: `cargo test -p bench --test receivers -- --ignored --nocapture`, with the images of
+/// `cargo xtask build` in `LINK_IMAGES`.
+#[test]
+#[ignore = "takes minutes: see its comment"]
+fn a_thousand_failures_of_buses() {
+    let mut table = [Table::default(); BusFault::ALL.len()];
+    let mut worst: f64 = 0.0;
+    for seed in 0..12 {
+        let clock = [Clock::Fast, Clock::Optimistic, Clock::Pessimistic][seed as usize % 3];
+        let Some(of_run) = drawn_failures(clock, seed, 84, &mut table) else { return };
+        worst = worst.max(of_run);
+    }
+    tell(&table);
+    println!("greatest error {worst:.2} m");
+    assert!(worst <= RIGHT_M, "{worst} m");
 }
 
 /// So long after a receiver on a UART has lost its settings it is back: it starts (0.3 s), HORUS hears nothing it can

@@ -141,6 +141,7 @@ fn input_of(solution: &Solution, now: u32) -> Input {
         valid: position.valid & position.pace.is_current(now),
         fix: position.voted,
         since_arrival_ms: position.pace.since_arrival_ms(now),
+        lag_ms: position.pace.lag_ms(),
         attitude: (attitude.valid & attitude.pace.is_current(now)).then_some([
             attitude.pitch,
             attitude.yaw,

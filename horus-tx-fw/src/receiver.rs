@@ -35,7 +35,7 @@
 
 use core::f64::consts::PI;
 
-use horus_voter::{Fix, Stated};
+use horus_voter::{Fix, Stated, WEEK_MS};
 use ublox::{proto27::PacketRef, proto27::Proto27, FixedBuffer, Parser, ParserError, UbxPacket};
 
 use profile::{FixType, ABSENT_F32, ABSENT_F64};
@@ -63,8 +63,6 @@ pub const VALID_SLACK_MS: u32 = 150;
 pub const STALE_SLACK_MS: u32 = 50;
 /// Older than this, ms, a stamp is forgotten, long before the clock's wrap could make it look young.
 const FORGOTTEN_MS: u32 = 60_000;
-/// The time of week starts again here, ms.
-const WEEK_MS: u32 = 7 * 24 * 3_600 * 1_000;
 
 /// A line silent for this long, ms, has ended whatever message it had begun: a receiver sends a message in
 /// one go, and a byte takes 22 µs.
@@ -101,6 +99,8 @@ impl Stamp {
 pub struct Pace {
     arrived: Stamp,
     time_of_week_ms: Option<u32>,
+    /// From the last message's time of week to its arrival, ms, modulo a week.
+    lag_ms: u32,
     period_ms: u32,
     /// How many steps in a row were longer than the period, and the shortest of them.
     longer_steps: u32,
@@ -112,6 +112,7 @@ impl Default for Pace {
         Self {
             arrived: Stamp::default(),
             time_of_week_ms: None,
+            lag_ms: 0,
             period_ms: LONGEST_PERIOD_MS,
             longer_steps: 0,
             shortest_longer_ms: LONGEST_PERIOD_MS,
@@ -145,6 +146,13 @@ impl Pace {
         self.arrived.0.map_or(i32::MAX, |at| now.wrapping_sub(at) as i32)
     }
 
+    /// From the last message's time of week to its arrival, by the clock that began with HORUS, ms, modulo a week. Where
+    /// that clock wraps, after 49 days, this steps once.
+    #[must_use]
+    pub const fn lag_ms(&self) -> u32 {
+        self.lag_ms
+    }
+
     /// Notes a message of `time_of_week_ms` that arrived at `now`, ms.
     fn arrive(&mut self, time_of_week_ms: u32, now: u32) {
         if self.time_of_week_ms == Some(time_of_week_ms) {
@@ -158,6 +166,7 @@ impl Pace {
             }
         }
         self.time_of_week_ms = Some(time_of_week_ms);
+        self.lag_ms = (now % WEEK_MS + WEEK_MS - time_of_week_ms % WEEK_MS) % WEEK_MS;
         self.arrived.set(now);
     }
 

@@ -372,6 +372,26 @@ fn the_period_survives_the_end_of_the_week() {
 }
 
 #[test]
+fn the_lag_is_from_the_time_of_week_to_the_arrival_over_the_ends_of_weeks_and_stays_while_nothing_is_new() {
+    let week = 604_800_000;
+    let mut receiver = Receiver::new();
+    for (now, itow, lag) in [
+        (0, week - 200, 200),
+        (160, week - 100, 260),
+        (300, 0, 300),
+        // A repeated time of week brings nothing new.
+        (900, 0, 300),
+        (week + 1_050, 1_000, 50),
+        // A time of week that no receiver has.
+        (week + 2_000, 2 * week + 300, 1_700),
+        (u32::MAX, 0, u32::MAX % week),
+    ] {
+        feed(&mut receiver, &NavPvt::at(itow).bytes(), now);
+        assert_eq!(receiver.solution().position.pace.lag_ms(), lag, "at {now} ms, {itow}");
+    }
+}
+
+#[test]
 fn the_step_over_the_end_of_the_week_tells_the_period_like_any_other() {
     let mut receiver = Receiver::new();
     for (now, itow) in [(0, 604_800_000 - 60), (100, 40)] {

@@ -30,6 +30,40 @@ pub(crate) enum Refusal {
     NoAnswer,
 }
 
+/// What a probe is connected to, as far as its part says so before anything is done to it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Seen {
+    /// A Nordic part, by its CTRL-AP; FICR.INFO.PART if it is not locked.
+    Nordic(Option<u32>),
+    /// A part with ST's DBGMCU, by the device number in its IDCODE (RM0090 38.6.1).
+    St(u32),
+    /// A part that is neither.
+    Other,
+}
+
+/// The nRF52840's FICR.INFO.PART, and the device number of STM32F42x and F43x.
+const NRF52840: u32 = 0x52840;
+const STM32F42X: u32 = 0x419;
+
+/// Why a part is not this board's; `None` where it may be.
+pub(crate) fn wrong_chip(board: Board, seen: Seen, probe: &str) -> Option<String> {
+    let what = match (board, seen) {
+        (Board::Dpr, Seen::Nordic(None | Some(NRF52840))) | (Board::Horus, Seen::St(STM32F42X)) => return None,
+        (_, Seen::Nordic(Some(part))) => format!("an nRF{part:x}"),
+        (_, Seen::Nordic(None)) => "a Nordic part whose debug port is locked".to_owned(),
+        (_, Seen::St(STM32F42X)) => "an STM32F42x or F43x".to_owned(),
+        (_, Seen::St(device)) => format!("an STM32 of device number {device:#x}"),
+        (_, Seen::Other) => "another part".to_owned(),
+    };
+    let name = board.name();
+    Some(format!(
+        "{probe} is connected to {what}, and the {name} board has an {}: nothing was written\n\
+         If it is the other board's probe, name this board's with --probe; {}.",
+        chip(board),
+        connection(board)
+    ))
+}
+
 /// What to tell the user, who called this board's command through a probe of this name.
 pub(crate) fn explain(refusal: Refusal, board: Board, probe: &str) -> String {
     let (chip, connection) = (chip(board), connection(board));
@@ -106,6 +140,30 @@ mod tests {
             assert!(text.contains(part), "{part}: {text}");
         }
         assert!(!text.contains("connect"), "the board is connected: {text}");
+    }
+
+    #[test]
+    fn the_other_boards_part_is_told_by_name_and_a_locked_part_may_be_the_right_one() {
+        for (board, right) in [
+            (Board::Dpr, Seen::Nordic(None)),
+            (Board::Dpr, Seen::Nordic(Some(0x52840))),
+            (Board::Horus, Seen::St(0x419)),
+        ] {
+            assert_eq!(wrong_chip(board, right, PROBE), None, "{right:?}");
+        }
+        for (board, wrong, words) in [
+            (Board::Dpr, Seen::St(0x419), "an STM32F42x or F43x"),
+            (Board::Dpr, Seen::Nordic(Some(0x52832)), "an nRF52832"),
+            (Board::Dpr, Seen::Other, "another part"),
+            (Board::Horus, Seen::Nordic(None), "a Nordic part whose debug port is locked"),
+            (Board::Horus, Seen::St(0x413), "an STM32 of device number 0x413"),
+        ] {
+            let text = wrong_chip(board, wrong, PROBE).unwrap();
+            assert!(
+                text.contains(words) && text.contains("nothing was written") && text.contains(chip(board)),
+                "{text}"
+            );
+        }
     }
 
     #[test]

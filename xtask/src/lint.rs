@@ -20,7 +20,7 @@ pub(crate) fn lint() -> Result<ExitCode> {
         step("formatting of the fuzz targets".into(), &["fmt", "--manifest-path", manifest, "--check"]);
     }
     let host =
-        ["clippy", "--quiet", "--workspace", "--all-targets", "--features", "xtask/live", "--", "-D", "warnings"];
+        ["clippy", "--quiet", "--workspace", "--all-targets", "--features", "xtask/live,xtask/probe", "--", "-D", "warnings"];
     step("clippy (host)".into(), &host);
     step(
         "clippy (xtask with the probe library)".into(),

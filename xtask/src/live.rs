@@ -15,10 +15,17 @@
 //! the bench falls behind. At any other pace that clock would take HORUS's for wrong, and the bench tells the station
 //! its own.
 //!
+//! **Panel.** A second address is on the bench's side of the wire: it breaks things in the running flight, and shows
+//! both boards' logs ([`panel`]). The base station knows nothing of it, and its own page stays read-only.
+//!
 //! | left out | why |
 //! |---|---|
 //! | faults of the radio | the carrier is a socket of this machine; the bench breaks its own, beside this |
 //! | Port-Status, uplinks | the base station's messages have no place for them |
+
+mod panel;
+#[cfg(test)]
+mod tests;
 
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 use std::process::ExitCode;
@@ -38,6 +45,7 @@ use bench::sim::{Images, Observer, Outcome, Setup};
 
 use crate::sim::table;
 use crate::{LiveArgs, firmware};
+use panel::Panel;
 
 /// MAVLink's system id of the drone.
 const SYSTEM: u8 = 1;
@@ -70,6 +78,10 @@ pub(crate) fn live(args: &LiveArgs) -> Result<ExitCode> {
     }
     let mut page = Page::start(args.port, args.pace, tell)?;
     println!("http://{}/", page.server.address());
+    let panel = page.panel.serve((LOCAL, args.panel_port).into(), page.server.address());
+    let panel =
+        panel.with_context(|| format!("no panel on {LOCAL}:{}; --panel-port takes another", args.panel_port))?;
+    println!("http://{}/  breaks things, on the bench's side of the wire", panel.address());
     let (horus, dpr) = firmware::build_pair(args.gps)?;
     let duration_ns = (args.seconds.unwrap_or(LONGEST) * 1e9).round() as u64;
     let faults = Faults::drawn(&args.faults, args.gps.0, args.seed, duration_ns);
@@ -134,6 +146,8 @@ struct Page {
     sent: u64,
     /// Why one could not be.
     unsent: Option<std::io::Error>,
+    /// What somebody breaks meanwhile.
+    panel: Panel,
 }
 
 impl Page {
@@ -150,11 +164,26 @@ impl Page {
         let socket = UdpSocket::bind((LOCAL, 0)).context("cannot send on UDP")?;
         let forwarder = Forwarder::new(SYSTEM, COMPONENT, RATES);
         let (began, behind) = (None, Duration::ZERO);
-        Ok(Self { server, station, forwarder, socket, to, pace, passed_us, began, behind, sent: 0, unsent: None })
+        let panel = Panel::default();
+        Ok(Self {
+            server,
+            station,
+            forwarder,
+            socket,
+            to,
+            pace,
+            passed_us,
+            began,
+            behind,
+            sent: 0,
+            unsent: None,
+            panel,
+        })
     }
 
     /// Runs the link, and sends what its flight controller forwards.
     fn run(&mut self, setup: &Setup) -> Result<Outcome> {
+        self.panel.begin(setup.gps, setup.duration_ns);
         let outcome = bench::sim::run(setup, self)?;
         match self.unsent.take() {
             None => Ok(outcome),
@@ -210,6 +239,7 @@ impl Observer for Page {
     }
 
     fn progress(&mut self, virtual_ns: u64) {
+        self.panel.progress(virtual_ns);
         self.wait(virtual_ns);
         let now_us = virtual_ns / 1_000;
         self.passed_us.store(now_us, Ordering::Relaxed);
@@ -223,78 +253,19 @@ impl Observer for Page {
         }
     }
 
-    fn log(&mut self, _: &str, _: &str) {}
+    fn log(&mut self, board: &str, line: &str) {
+        self.panel.log(board, line);
+    }
 
     fn piece_ns(&self) -> u64 {
         PIECE
     }
 
     fn ends(&mut self) -> bool {
-        self.unsent.is_some() || self.server.interrupted()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use std::io::{Read, Write};
-    use std::net::TcpStream;
-    use std::path::PathBuf;
-
-    use gnss_sim::{Flight, Geodetic, TangentPlane};
-    use serde_json::Value;
-
-    use super::*;
-
-    /// When HORUS's clock begins, s after power-on: it compares its flash with the CRC and sets up for 8 to 9 ms.
-    const HORUS_STARTS: f64 = 0.008_5;
-
-    /// Both images for three receivers; nothing, said, where `cargo xtask test` has not built them, and a failure of
-    /// the test where the environment has `CI`.
-    fn images() -> Option<Images> {
-        let folder = std::env::var_os("LINK_IMAGES").map(|folder| PathBuf::from(folder).join("gps-3"));
-        if let Some(folder) = folder.filter(|folder| folder.is_dir()) {
-            return Some(Images { horus: folder.join("horus-tx-fw.elf"), dpr: folder.join("dpr-fw.elf") });
-        }
-        assert!(std::env::var_os("CI").is_none(), "LINK_IMAGES does not say where `cargo xtask test` built the images");
-        eprintln!("not run: LINK_IMAGES does not say where `cargo xtask test` built the images");
-        None
+        self.unsent.is_some() || self.server.interrupted() || self.panel.is_over()
     }
 
-    /// What the page is told, over HTTP.
-    fn state(address: SocketAddr) -> Value {
-        let mut stream = TcpStream::connect(address).unwrap();
-        write!(stream, "GET /state HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n").unwrap();
-        let mut answer = String::new();
-        stream.read_to_string(&mut answer).unwrap();
-        let (head, body) = answer.split_once("\r\n\r\n").unwrap();
-        assert!(head.starts_with("HTTP/1.1 200 OK"), "{head}");
-        serde_json::from_str(body).unwrap()
-    }
-
-    #[test]
-    fn the_page_shows_where_the_aircraft_is_and_link_status_and_nothing_is_damaged() {
-        let Some(images) = images() else { return };
-        let setup = Setup::new(images, 3, 2_000_000_000);
-        let mut page = Page::start(0, 0.0, |_, _| {}).unwrap();
-        let outcome = page.run(&setup).unwrap();
-        assert_eq!(outcome.report.violations, [""; 0]);
-        let shown = page.settle();
-        // Three messages of three receivers, each at most at the start and every 100 ms from then on.
-        assert!(shown.is_whole() && (57..=63).contains(&shown.sent), "{shown:?}");
-
-        let drone = &state(page.server.address())["drone"];
-        assert_eq!(drone["id"], SYSTEM.to_string());
-        assert_eq!((&drone["counts"]["bad_crc"], &drone["stale"]), (&0.into(), &false.into()), "{drone}");
-        assert_eq!((&drone["link"]["up"], &drone["link"]["rejected"]), (&true.into(), &12.into()), "{drone}");
-        let reported = &drone["reported"];
-        assert_eq!((&reported["valid"], &reported["agree"]), (&true.into(), &3.into()), "{drone}");
-        let time = drone["time_ms"].as_f64().unwrap() / 1e3;
-        assert!((1.8..=2.0).contains(&time), "{drone}");
-        let flight = Flight::new(setup.seed, setup.duration_ns as f64 / 1e9);
-        let was = flight.state(time + HORUS_STARTS).position;
-        let place = |index: usize| reported["position"][index].as_f64().unwrap();
-        let shown = Geodetic { latitude: place(0), longitude: place(1), height: was.height };
-        let [north, east, _] = TangentPlane::new(was).to_ned(shown);
-        assert!(north.hypot(east) <= 1.0, "{north} m north, {east} m east of the truth at {time} s");
+    fn faults(&mut self, virtual_ns: u64) -> Faults {
+        self.panel.faults(virtual_ns)
     }
 }

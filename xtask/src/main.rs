@@ -7,6 +7,9 @@
 
 #[cfg(any(feature = "probe", test))]
 mod access;
+mod bench_flash;
+#[cfg(feature = "probe")]
+mod bench_probe;
 mod firmware;
 mod fuzz;
 mod gdb;
@@ -170,6 +173,10 @@ pub(crate) struct FlashArgs {
     /// GNSS receivers in the profile: 1, 2, 3 or 5.
     #[arg(long, default_value_t = Receivers::DEFAULT)]
     pub(crate) gps: Receivers,
+    /// End after showing the log for so many seconds: of virtual time on the bench, where it is 1 if absent. A real
+    /// board's log is shown until it is interrupted (Ctrl-C) if absent.
+    #[arg(long, value_parser = sim::positive_seconds)]
+    pub(crate) seconds: Option<f64>,
     #[command(flatten)]
     pub(crate) probe: ProbeArgs,
 }
@@ -177,8 +184,9 @@ pub(crate) struct FlashArgs {
 /// Which debug probe, and how fast.
 #[derive(Args, Clone)]
 pub(crate) struct ProbeArgs {
-    /// The probe, as VID:PID or VID:PID:SERIAL. Needed when more than one is connected.
-    #[arg(long, value_name = "VID:PID[:SERIAL]")]
+    /// The probe, as VID:PID or VID:PID:SERIAL; needed when more than one is connected. Or `bench`: that of the board
+    /// on the bench, which keeps its flash below target/bench (`bench:dpr`, `bench:horus`: of that board's).
+    #[arg(long, value_name = "VID:PID[:SERIAL]|bench")]
     pub(crate) probe: Option<String>,
     /// SWD clock in kHz; the probe's own default if absent.
     #[arg(long, value_name = "KHZ", value_parser = clap::value_parser!(u32).range(1..))]
@@ -206,6 +214,9 @@ pub(crate) struct LiveArgs {
     /// TCP port of the page on 127.0.0.1; 0 takes a free one.
     #[arg(long, default_value_t = 8480)]
     pub(crate) port: u16,
+    /// TCP port on 127.0.0.1 of the panel that breaks things; 0 takes a free one.
+    #[arg(long, default_value_t = 8481)]
+    pub(crate) panel_port: u16,
     /// Virtual time per time on the wall, up to 100; 0 goes as fast as it can.
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = pace)]
     pub(crate) pace: f64,

@@ -6,23 +6,30 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::ExitCode;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use defmt_decoder::{DecodeError, StreamDecoder, Table};
 use indicatif::{ProgressBar, ProgressStyle};
 use object::{Object, ObjectSymbol};
-use probe_rs::architecture::arm::ArmError;
+use probe_rs::architecture::arm::dp::DpAddress;
+use probe_rs::architecture::arm::sequences::DefaultArmSequence;
+use probe_rs::architecture::arm::{ArmError, FullyQualifiedApAddress};
 use probe_rs::flashing::{
-    DownloadOptions, FlashProgress, ProgressEvent, ProgressOperation, download_file_with_options, image_format,
+    DownloadOptions, FileDownloadError, FlashError, FlashProgress, ProgressEvent, ProgressOperation,
+    download_file_with_options, image_format,
 };
 use probe_rs::probe::list::Lister;
-use probe_rs::probe::{DebugProbeInfo, DebugProbeSelector, WireProtocol};
+use probe_rs::probe::{DebugProbeInfo, DebugProbeSelector, Probe, WireProtocol};
 use probe_rs::rtt::Rtt;
 use probe_rs::semihosting::SemihostingCommand;
 use probe_rs::{BreakpointCause, Core, CoreStatus, HaltReason, MemoryInterface, Permissions, Session};
 
-use crate::access::{Approtect, HW_DISABLED, Refusal, UICR_APPROTECT, VARIANT, chip, connection, explain};
+use crate::access::{
+    Approtect, HW_DISABLED, Refusal, Seen, UICR_APPROTECT, VARIANT, chip, connection, explain, wrong_chip,
+};
+use crate::bench_flash;
+use crate::bench_probe::BenchBoard;
 use crate::{Board, FlashArgs, ProbeArgs, firmware};
 
 /// How long a core gets to do what a debugger asks.
@@ -34,15 +41,86 @@ const LOG_POLL: Duration = Duration::from_millis(10);
 /// How long an image gets to set up its log after reset.
 const LOG_START: Duration = Duration::from_secs(3);
 
-/// Builds, writes, verifies, resets, then shows the log until interrupted.
+/// How long the log of a board on the bench is shown if nothing else is said: nobody is there to interrupt it.
+const BENCH_LOG: f64 = 1.0;
+
+/// A probe that was found.
+#[derive(Debug)]
+enum Found {
+    /// On USB.
+    Usb(DebugProbeInfo),
+    /// That of a board on the bench.
+    Bench(BenchBoard),
+}
+
+impl std::fmt::Display for Found {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Usb(info) => info.fmt(f),
+            Self::Bench(_) => f.write_str("the bench's probe"),
+        }
+    }
+}
+
+/// How long a log is shown: until it ends or is interrupted, or for a time of the board's.
+#[derive(Debug)]
+enum Span<'a> {
+    Endless,
+    Wall(Instant, Duration),
+    Virtual(&'a BenchBoard, u64),
+}
+
+impl<'a> Span<'a> {
+    /// Begins now.
+    fn of(found: &'a Found, seconds: Option<f64>) -> Self {
+        match (found, seconds) {
+            (Found::Usb(_), None) => Self::Endless,
+            (Found::Usb(_), Some(seconds)) => Self::Wall(Instant::now(), Duration::from_secs_f64(seconds)),
+            (Found::Bench(board), seconds) => {
+                Self::Virtual(board, board.now() + (seconds.unwrap_or(BENCH_LOG) * 1e9) as u64)
+            }
+        }
+    }
+
+    fn is_over(&self) -> bool {
+        match self {
+            Self::Endless => false,
+            Self::Wall(since, length) => since.elapsed() >= *length,
+            Self::Virtual(board, end) => board.now() >= *end,
+        }
+    }
+}
+
+/// Builds, writes, verifies, resets, then shows the log.
 pub(crate) fn flash(args: &FlashArgs) -> Result<ExitCode> {
     // The probe first: a missing one should not cost a build.
     let probe = choose(args.board, &args.probe)?;
     let elf = firmware::build(args.board, args.gps)?;
-    let mut session = attach(args.board, &probe, &args.probe)?;
-    write(&mut session, &elf)?;
-    eprintln!("{} written and verified; its log follows (Ctrl-C ends it)", elf.display());
-    follow(&mut session, &elf)
+    flash_elf(args, &probe, &elf)
+}
+
+fn flash_elf(args: &FlashArgs, probe: &Found, elf: &Path) -> Result<ExitCode> {
+    let mut session = attach(args.board, probe, &args.probe)?;
+    write(&mut session, elf)?;
+    let how_long = match (probe, args.seconds) {
+        (Found::Usb(_), None) => "its log follows (Ctrl-C ends it)".to_owned(),
+        (_, seconds) => format!("{} s of its log follow", seconds.unwrap_or(BENCH_LOG)),
+    };
+    eprintln!("{} written and verified; {how_long}", elf.display());
+    if let Found::Bench(board) = probe {
+        board.save()?;
+    }
+    let code = follow(&mut session, elf, &Span::of(probe, args.seconds))?;
+    drop(session);
+    Ok(if say_findings(probe) { ExitCode::FAILURE } else { code })
+}
+
+/// Shows what the bench found wrong on its board. Answers whether there is anything.
+fn say_findings(probe: &Found) -> bool {
+    let Found::Bench(board) = probe else { return false };
+    let found = board.take_findings();
+    found.iter().for_each(|finding| eprintln!("{finding}"));
+    !found.is_empty()
 }
 
 /// Writes an ELF, runs it, shows its log and ends as it does: a semihosting exit gives the code.
@@ -50,16 +128,31 @@ pub(crate) fn run(board: Board, elf: &Path, args: &ProbeArgs) -> Result<ExitCode
     let probe = choose(board, args)?;
     let mut session = attach(board, &probe, args)?;
     write(&mut session, elf)?;
-    follow(&mut session, elf)
+    let code = follow(&mut session, elf, &Span::Endless)?;
+    drop(session);
+    Ok(if say_findings(&probe) { ExitCode::FAILURE } else { code })
 }
 
-fn choose(board: Board, args: &ProbeArgs) -> Result<DebugProbeInfo> {
-    let lister = Lister::new();
+fn choose(board: Board, args: &ProbeArgs) -> Result<Found> {
+    let on_bench = match args.probe.as_deref() {
+        Some("bench") => Some(board),
+        Some("bench:dpr") => Some(Board::Dpr),
+        Some("bench:horus") => Some(Board::Horus),
+        _ => None,
+    };
+    match on_bench {
+        Some(board) => Ok(Found::Bench(BenchBoard::switch_on(board, bench_flash::file(board))?)),
+        None => choose_usb(board, args, &Lister::new()).map(Found::Usb),
+    }
+}
+
+fn choose_usb(board: Board, args: &ProbeArgs, lister: &Lister) -> Result<DebugProbeInfo> {
     let (mut found, wanted) = match &args.probe {
         None => (lister.list_all(), None),
         Some(text) => {
-            let selector: DebugProbeSelector =
-                text.parse().with_context(|| format!("--probe {text}: expected VID:PID or VID:PID:SERIAL, in hex"))?;
+            let selector: DebugProbeSelector = text
+                .parse()
+                .with_context(|| format!("--probe {text}: expected VID:PID or VID:PID:SERIAL, in hex, or bench"))?;
             (lister.list(Some(&selector)), Some(text))
         }
     };
@@ -75,12 +168,14 @@ fn listing(probes: &[DebugProbeInfo]) -> String {
     probes.iter().map(|probe| format!("\n  {probe}")).collect()
 }
 
-fn attach(board: Board, probe: &DebugProbeInfo, args: &ProbeArgs) -> Result<Session> {
-    let mut opened = probe.open().with_context(|| format!("could not open {probe}: is another debugger using it?"))?;
-    opened.select_protocol(WireProtocol::Swd).context("the probe does not speak SWD")?;
-    if let Some(khz) = args.speed {
-        let actual = opened.set_speed(khz).with_context(|| format!("the probe does not do {khz} kHz"))?;
-        eprintln!("SWD at {actual} kHz");
+fn attach(board: Board, probe: &Found, args: &ProbeArgs) -> Result<Session> {
+    // The library takes a part's name on trust: an STM32's absent access port 1 would read like a locked nRF52840's.
+    if let Some(wrong) = look(probe, args)?.and_then(|seen| wrong_chip(board, seen, &probe.to_string())) {
+        bail!(wrong);
+    }
+    let (opened, khz) = open(probe, args)?;
+    if let Some(khz) = khz {
+        eprintln!("SWD at {khz} kHz");
     }
     eprintln!("{} through {probe}", chip(board));
     let permissions = if args.erase_all { Permissions::new().allow_erase_all() } else { Permissions::new() };
@@ -92,6 +187,47 @@ fn attach(board: Board, probe: &DebugProbeInfo, args: &ProbeArgs) -> Result<Sess
         keep_debug_port_open(&mut session).context("could not see to UICR.APPROTECT")?;
     }
     Ok(session)
+}
+
+/// Opens the probe. Answers the SWD clock in kHz, if one was asked for.
+fn open(probe: &Found, args: &ProbeArgs) -> Result<(Probe, Option<u32>)> {
+    let mut opened = match probe {
+        Found::Usb(info) => {
+            info.open().with_context(|| format!("could not open {probe}: is another debugger using it?"))?
+        }
+        Found::Bench(board) => board.probe(),
+    };
+    opened.select_protocol(WireProtocol::Swd).context("the probe does not speak SWD")?;
+    let khz = args.speed.map(|khz| opened.set_speed(khz).with_context(|| format!("the probe does not do {khz} kHz")));
+    Ok((opened, khz.transpose()?))
+}
+
+/// What the probe is connected to; `None` where no debug port answers, which attaching will say. Only identification
+/// registers are read, and the part goes on as it was.
+fn look(probe: &Found, args: &ProbeArgs) -> Result<Option<Seen>> {
+    /// IDR of an access port: Nordic's JEP106 number, 0x44 in bank 2 (PS v1.7, 4.8.1; ADIv5.2, C1.3).
+    const IDR: u64 = 0xFC;
+    const DESIGNER: u32 = 0x0FFE_0000;
+    const NORDIC: u32 = 0x0288_0000;
+    const DBGMCU_IDCODE: u64 = 0xE004_2000;
+    const INFO_PART: u64 = 0x1000_0100;
+
+    let (mut opened, _) = open(probe, args)?;
+    if opened.attach_to_unspecified().is_err() {
+        return Ok(None);
+    }
+    let Ok(mut port) = opened.try_into_arm_debug_interface(DefaultArmSequence::create()) else { return Ok(None) };
+    if port.select_debug_port(DpAddress::Default).is_err() {
+        return Ok(None);
+    }
+    let ap = FullyQualifiedApAddress::v1_with_default_dp;
+    let control = port.read_raw_ap_register(&ap(1), IDR).unwrap_or(0);
+    let mut word = |address| port.memory_interface(&ap(0)).and_then(|mut memory| memory.read_word_32(address)).ok();
+    Ok(Some(if control & DESIGNER == NORDIC {
+        Seen::Nordic(word(INFO_PART))
+    } else {
+        word(DBGMCU_IDCODE).map_or(Seen::Other, |code| Seen::St(code & 0xFFF))
+    }))
 }
 
 /// What an error of the library's `attach` means, which was or was not allowed to erase everything.
@@ -170,7 +306,25 @@ fn write(session: &mut Session, elf: &Path) -> Result<()> {
     let loader = image_format("elf").context("the probe library reads no ELF")?.create_loader(None);
     let outcome = download_file_with_options(session, elf, loader, options);
     bar.finish_and_clear();
-    outcome.with_context(|| format!("could not write {}", elf.display()))
+    outcome.map_err(|error| {
+        let text = not_written(&error, elf);
+        anyhow::Error::new(error).context(text)
+    })
+}
+
+/// What to say of an image that was not written.
+fn not_written(error: &FileDownloadError, elf: &Path) -> String {
+    let elf = elf.display();
+    match error {
+        FileDownloadError::Flash(FlashError::Verify) => format!(
+            "{elf} was written, but flash does not hold it: the board must not be used like this\n\
+             If that happens again, the part's flash is damaged or worn."
+        ),
+        _ => format!(
+            "{elf} was not written to its end: the board must not be used before the same command has succeeded\n\
+             If the probe was unplugged or the board lost its supply, connect them and repeat it."
+        ),
+    }
 }
 
 /// What a step of writing is called on the screen.
@@ -183,8 +337,9 @@ const fn verb(operation: &ProgressOperation) -> &'static str {
     }
 }
 
-/// Resets the core and shows its defmt log until it exits through semihosting (its code is ours) or is interrupted.
-fn follow(session: &mut Session, elf: &Path) -> Result<ExitCode> {
+/// Resets the core and shows its defmt log until it exits through semihosting (its code is ours), its time is over or
+/// it is interrupted.
+fn follow(session: &mut Session, elf: &Path, span: &Span<'_>) -> Result<ExitCode> {
     let data = std::fs::read(elf).with_context(|| format!("could not read {}", elf.display()))?;
     let table = Table::parse(&data)?.with_context(|| format!("{} carries no defmt log", elf.display()))?;
     let block = rtt_block(&data).with_context(|| format!("{} has no RTT control block", elf.display()))?;
@@ -210,6 +365,9 @@ fn follow(session: &mut Session, elf: &Path) -> Result<ExitCode> {
             },
             CoreStatus::Halted(reason) => bail!("the core stopped: {reason:?}"),
             CoreStatus::LockedUp => bail!("the core locked up"),
+            _ if span.is_over() => return Ok(ExitCode::SUCCESS),
+            // A board on the bench goes on with each look at it.
+            _ if matches!(span, Span::Virtual(..)) => {}
             _ => std::thread::sleep(LOG_POLL),
         }
     }
@@ -252,6 +410,9 @@ fn drain(rtt: &mut Rtt, core: &mut Core<'_>, decoder: &mut (dyn StreamDecoder + 
         }
     }
 }
+
+#[cfg(test)]
+mod on_bench;
 
 #[cfg(test)]
 mod tests {

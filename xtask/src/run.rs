@@ -1,11 +1,14 @@
-//! Any ELF alone on one board: the cargo runner of the on-target tests.
+//! Any ELF alone on one board: a cargo runner, for the on-target tests and for projects of other people.
 
-use std::io::Write;
-use std::path::PathBuf;
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::Result;
-use bench::node::{Clock, Event, Firmware, Limits, LogLine, Outcome};
+use anyhow::{Context, Result, bail};
+use bench::node::{Clock, Connected, Drive, Event, Firmware, Limits, LogLine, Outcome, Sending};
+use bench::wiring::{Pad, Pin};
 use clap::{Args, ValueEnum};
 
 use crate::{Board, ProbeArgs};
@@ -19,8 +22,26 @@ pub(crate) struct RunArgs {
     #[arg(value_name = "FILE.elf")]
     elf: PathBuf,
     /// Stop after this much virtual time, in seconds; an image that is still running then fails. Bench only.
-    #[arg(long, default_value_t = 60.0, value_parser = crate::sim::positive_seconds)]
+    #[arg(long, default_value_t = 60.0, value_parser = crate::sim::positive_seconds, conflicts_with = "seconds")]
     limit: f64,
+    /// The image is meant to run on for ever: end after this much virtual time, in seconds, as a success. Bench only.
+    #[arg(long, value_parser = crate::sim::positive_seconds)]
+    seconds: Option<f64>,
+    /// Print each change of a pin with its virtual time: P0.13 on the dpr board, PB7 on horus. Any number. Bench only.
+    #[arg(long, value_name = "PIN")]
+    pin: Vec<String>,
+    /// Drive a pin from outside, from power-on or from so many milliseconds on: P0.11=0, PC13=1@250. Any number. Bench
+    /// only.
+    #[arg(long, value_name = "PIN=0|1[@MS]")]
+    drive: Vec<String>,
+    /// Write what the firmware sends from a UART's pin to a file, or to standard output with `-`: P0.06=out.bin. Any
+    /// number. Bench only.
+    #[arg(long, value_name = "PIN=FILE|-")]
+    uart: Vec<String>,
+    /// Send a file to a UART's pin, 8N1, so many bits a second, from 100 ms on: P0.08@115200=in.bin. Any number. Bench
+    /// only.
+    #[arg(long, value_name = "PIN@BAUD=FILE")]
+    uart_in: Vec<String>,
     /// What processor time costs: fast, optimistic or pessimistic. The last two bound what silicon takes. Bench only.
     #[arg(long, default_value_t)]
     clock: Clock,
@@ -49,25 +70,157 @@ pub(crate) fn run(args: &RunArgs) -> Result<ExitCode> {
 
 fn on_bench(args: &RunArgs) -> Result<ExitCode> {
     let firmware = Firmware::read(&args.elf)?;
-    let limits = Limits { virtual_time: (args.limit * 1e9) as u64, ..Limits::default() };
+    let (connected, mut files) = leads(args)?;
+    let seconds = args.seconds.unwrap_or(args.limit);
+    let limits = Limits { virtual_time: (seconds * 1e9) as u64, ..Limits::default() };
     let mut output = Output { stdout: std::io::stdout(), closed: false };
-    let outcome = args.board.on_bench().run(args.clock, &firmware, limits, |event| match event {
+    let mut unwritten = None;
+    let event = |event: Event<'_>| match event {
         Event::Line(line) => output.line(line),
         Event::Finding(finding) => eprintln!("{finding}"),
         Event::Reset(reset) => eprintln!("{:>14.6} ms  the part restarted {}", milliseconds(reset.at), reset.why()),
-    })?;
+        Event::Pin(edge) => {
+            let (name, does) = (pin_name(args.board, edge.pin), pad_text(edge.pad));
+            output.text(format_args!("{:>14.6} ms  {name} {does}", milliseconds(edge.at)));
+        }
+        Event::Byte(pin, byte) => {
+            if let Some((path, file)) = files.get_mut(&pin)
+                && let Err(error) = file.write_all(&[byte])
+            {
+                unwritten.get_or_insert_with(|| anyhow::Error::new(error).context(format!("--uart: {path}")));
+            }
+        }
+    };
+    let outcome = args.board.on_bench().run_connected(args.clock, &firmware, connected, limits, event)?;
+    for (path, file) in files.values_mut() {
+        file.flush().with_context(|| format!("--uart: {path}"))?;
+    }
+    if let Some(error) = unwritten {
+        return Err(error);
+    }
     eprintln!("{}", summary(&outcome));
+    Ok(ending(args, &outcome))
+}
+
+/// What the run came to, as an exit code; said where it is not plain.
+fn ending(args: &RunArgs, outcome: &Outcome) -> ExitCode {
     if outcome.exit.is_none() && !outcome.died {
         let restarts = match outcome.resets {
             0 => String::new(),
             1 => ", after a restart".to_owned(),
             count => format!(", after {count} restarts"),
         };
-        eprintln!("error: still running after {} s of virtual time (--limit){restarts}: {}", args.limit, outcome.doing);
+        if let Some(seconds) = args.seconds {
+            eprintln!(
+                "still running after {seconds} s of virtual time, as it should (--seconds){restarts}: {}",
+                outcome.doing
+            );
+            return if outcome.findings.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE };
+        }
+        eprintln!(
+            "error: still running after {} s of virtual time (--limit){restarts}: {}\n\
+             If it is meant to run on for ever, say --seconds instead.",
+            args.limit, outcome.doing
+        );
     }
     // A firmware that says it is well while the bench saw it do wrong is not well.
     let status = if outcome.status() == 0 && !outcome.passed() { 1 } else { outcome.status() };
-    Ok(u8::try_from(status).map_or(ExitCode::FAILURE, ExitCode::from))
+    u8::try_from(status).map_or(ExitCode::FAILURE, ExitCode::from)
+}
+
+/// When what is sent to a UART begins, ns: by then an ordinary firmware listens.
+const SENDING_BEGINS: u64 = 100_000_000;
+
+/// Where the bytes of a pin go, and what that is called.
+type Files = BTreeMap<Pin, (String, Box<dyn Write>)>;
+
+/// What the arguments clip to the board.
+fn leads(args: &RunArgs) -> Result<(Connected, Files)> {
+    let pin = |option: &str, name: &str| {
+        pin_called(args.board, name).with_context(|| {
+            let example = match args.board {
+                Board::Dpr => "P0.13",
+                Board::Horus => "PB7",
+            };
+            format!("--{option}: {name} is no pin of the {} board; one is called like {example}", args.board.name())
+        })
+    };
+    let mut connected = Connected::default();
+    let mut files = Files::new();
+    for name in &args.pin {
+        connected.watched.push(pin("pin", name)?);
+    }
+    for text in &args.drive {
+        let (name, level) = text.split_once('=').with_context(|| format!("--drive {text}: expected PIN=0 or PIN=1"))?;
+        let (level, ms) = level.split_once('@').unwrap_or((level, "0"));
+        let level = match level {
+            "0" => false,
+            "1" => true,
+            _ => bail!("--drive {text}: expected PIN=0 or PIN=1"),
+        };
+        let ms: f64 = ms
+            .parse()
+            .ok()
+            .filter(|ms| (0.0..1e9).contains(ms))
+            .with_context(|| format!("--drive {text}: expected a number of milliseconds behind the @"))?;
+        connected.driven.push(Drive { at: (ms * 1e6) as u64, pin: pin("drive", name)?, level });
+    }
+    for text in &args.uart {
+        let (name, path) = text.split_once('=').with_context(|| format!("--uart {text}: expected PIN=FILE"))?;
+        let pin = pin("uart", name)?;
+        let file: Box<dyn Write> = if path == "-" {
+            Box::new(std::io::stdout())
+        } else {
+            Box::new(BufWriter::new(File::create(path).with_context(|| format!("--uart: could not write {path}"))?))
+        };
+        connected.heard.push(pin);
+        files.insert(pin, (path.to_owned(), file));
+    }
+    for text in &args.uart_in {
+        let parts = text.split_once('=').and_then(|(lead, path)| Some((lead.split_once('@')?, path)));
+        let ((name, baud), path) = parts.with_context(|| format!("--uart-in {text}: expected PIN@BAUD=FILE"))?;
+        let baud = baud.parse().ok().filter(|baud| (1..=10_000_000).contains(baud));
+        let baud = baud.with_context(|| format!("--uart-in {text}: expected 1 to 10000000 bits a second"))?;
+        let bytes = std::fs::read(Path::new(path)).with_context(|| format!("--uart-in: could not read {path}"))?;
+        connected.sent.push(Sending { at: SENDING_BEGINS, pin: pin("uart-in", name)?, baud, bytes });
+    }
+    Ok((connected, files))
+}
+
+/// The pin that a board's maker calls so: P0.13, P1.02 on the nRF52840; PB7, PC13 on the STM32.
+fn pin_called(board: Board, name: &str) -> Option<Pin> {
+    let rest = name.strip_prefix(['P', 'p'])?;
+    let (port, number) = match board {
+        Board::Dpr => {
+            let (port, number) = rest.split_once('.')?;
+            (port.parse().ok().filter(|port| *port < 2)?, number.parse().ok()?)
+        }
+        Board::Horus => {
+            let port = rest.chars().next()?.to_ascii_uppercase();
+            let number = rest.get(1..)?.parse().ok()?;
+            (u8::try_from(u32::from(port).checked_sub(u32::from('A'))?).ok().filter(|port| *port < 11)?, number)
+        }
+    };
+    // P1 ends at P1.15, PK at PK7; the ports of the STM32 in this package are 16 pins wide.
+    let pins = if board == Board::Dpr && port == 0 { 32 } else { 16 };
+    (number < pins).then(|| Pin::new(port, number))
+}
+
+fn pin_name(board: Board, pin: Pin) -> String {
+    match board {
+        Board::Dpr => format!("P{}.{:02}", pin.port, pin.number),
+        Board::Horus => format!("P{}{}", char::from(b'A' + pin.port), pin.number),
+    }
+}
+
+const fn pad_text(pad: Pad) -> &'static str {
+    match pad {
+        Pad::Driven(true) => "high",
+        Pad::Driven(false) => "low",
+        Pad::Pulled(true) => "pulled high",
+        Pad::Pulled(false) => "pulled low",
+        Pad::Floating => "floats",
+    }
 }
 
 /// Where the firmware's log goes.
@@ -81,15 +234,15 @@ impl<W: Write> Output<W> {
     /// Shows a line. One without a time stamp of the firmware's gets virtual time: when the probe took it, up to 1 ms
     /// after it was written.
     fn line(&mut self, line: &LogLine) {
-        if self.closed {
-            return;
-        }
-        let written = if line.timestamp.is_empty() {
-            writeln!(self.stdout, "{:>14.6} ms  {line}", milliseconds(line.at))
+        if line.timestamp.is_empty() {
+            self.text(format_args!("{:>14.6} ms  {line}", milliseconds(line.at)));
         } else {
-            writeln!(self.stdout, "{line}")
-        };
-        self.closed = written.is_err();
+            self.text(format_args!("{line}"));
+        }
+    }
+
+    fn text(&mut self, text: std::fmt::Arguments<'_>) {
+        self.closed = self.closed || writeln!(self.stdout, "{text}").is_err();
     }
 }
 
@@ -101,8 +254,9 @@ fn milliseconds(ns: u64) -> f64 {
 fn summary(outcome: &Outcome) -> String {
     let findings = outcome.findings.len();
     let resets = outcome.resets;
+    let stack = outcome.stack.map_or(String::new(), |(used, size)| format!(", stack {used} of {size} bytes at worst"));
     format!(
-        "{:.3} ms of virtual time, load {:.1} %, {findings} finding{}, {resets} restart{}",
+        "{:.3} ms of virtual time, load {:.1} %{stack}, {findings} finding{}, {resets} restart{}",
         milliseconds(outcome.virtual_time),
         outcome.load * 100.0,
         if findings == 1 { "" } else { "s" },
@@ -140,6 +294,28 @@ mod tests {
 
         fn flush(&mut self) -> std::io::Result<()> {
             Ok(())
+        }
+    }
+
+    #[test]
+    fn a_pin_is_called_as_its_maker_calls_it() {
+        for (board, name, pin) in [
+            (Board::Dpr, "P0.13", Some(Pin::new(0, 13))),
+            (Board::Dpr, "P1.05", Some(Pin::new(1, 5))),
+            (Board::Dpr, "P1.16", None),
+            (Board::Dpr, "P2.00", None),
+            (Board::Dpr, "PA5", None),
+            (Board::Horus, "PA5", Some(Pin::new(0, 5))),
+            (Board::Horus, "pc13", Some(Pin::new(2, 13))),
+            (Board::Horus, "PA16", None),
+            (Board::Horus, "PZ1", None),
+            (Board::Horus, "P0.13", None),
+            (Board::Horus, "P", None),
+        ] {
+            assert_eq!(pin_called(board, name), pin, "{board:?} {name}");
+            if let Some(pin) = pin {
+                assert_eq!(pin_name(board, pin), name.to_uppercase());
+            }
         }
     }
 

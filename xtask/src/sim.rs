@@ -9,11 +9,11 @@ use anyhow::{Context, Result, bail};
 use bench::faults::{Board, Campaign, Faults, Kind, Options};
 use bench::node::{Clock, Threads};
 use bench::report::{Exclusion, Report, Reported, Voter};
-use bench::sim::{Crystals, Images, Observer, Outcome, Setup};
+use bench::sim::{Crystals, Flashed, Images, Observer, Outcome, Setup};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::{Receivers, firmware};
+use crate::{Receivers, bench_flash, firmware};
 
 /// Crystals are sold to tens of ppm; far more than that is a mistyped number.
 const MAX_PPM: f64 = 1000.0;
@@ -64,6 +64,9 @@ pub(crate) struct SimArgs {
     /// How many upsets of RAM, flash and registers are tried.
     #[arg(long, value_name = "COUNT", default_value_t = 120)]
     upsets: usize,
+    /// Run what `flash --probe bench` wrote to both boards of the bench. It has to be the images as they are built now.
+    #[arg(long)]
+    from_flash: bool,
     /// Show both boards' defmt logs as they run.
     #[arg(long)]
     log: bool,
@@ -150,7 +153,10 @@ pub(crate) fn run(args: &SimArgs, go: impl FnOnce(&Setup, &mut Screen) -> Result
     // Before anything is built or run: a result that cannot be kept is known here.
     let json = args.json.as_deref().map(Json::create).transpose()?;
     let (horus, dpr) = firmware::build_pair(args.gps)?;
-    let setup = setup(args, recordings, Images { horus, dpr });
+    let mut setup = setup(args, recordings, Images { horus, dpr });
+    if args.from_flash {
+        setup.flashed = Some(Flashed { horus: flashed(crate::Board::Horus)?, dpr: flashed(crate::Board::Dpr)? });
+    }
     let style = ProgressStyle::with_template("{bar:40} {pos}/{len} ms of virtual time, {eta} left")
         .expect("a constant template");
     let mut screen = Screen { bar: ProgressBar::new(setup.duration_ns / 1_000_000).with_style(style), log: args.log };
@@ -183,12 +189,21 @@ pub(crate) fn run(args: &SimArgs, go: impl FnOnce(&Setup, &mut Screen) -> Result
     Ok(ExitCode::FAILURE)
 }
 
+/// What is in the flash of a board of the bench.
+fn flashed(board: crate::Board) -> Result<Vec<u8>> {
+    let name = board.name();
+    bench_flash::read(board, &bench_flash::file(board))?.with_context(|| {
+        format!("nothing was ever flashed to the bench's {name} board: cargo xtask flash {name} --probe bench")
+    })
+}
+
 /// What the arguments ask for.
 fn setup(args: &SimArgs, recordings: Vec<Option<PathBuf>>, images: Images) -> Setup {
     let duration_ns = (args.seconds * 1e9).round() as u64;
     let to_ppb = |ppm: f64| (ppm * 1000.0).round() as i64;
     Setup {
         images,
+        flashed: None,
         gps: args.gps.0,
         duration_ns,
         clock: args.clock,

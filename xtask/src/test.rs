@@ -55,7 +55,7 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
         // where CI is set.
         let images = firmware::folder();
         step("host tests", &mut || {
-            let args = ["test", "--quiet", "--no-fail-fast", "--workspace", "--features", "xtask/live"];
+            let args = ["test", "--quiet", "--no-fail-fast", "--workspace", "--features", "xtask/live,xtask/probe"];
             check("cargo test", cargo().args(args).env("LINK_IMAGES", &images))
         });
     }

@@ -15,6 +15,7 @@
 //! Between them are queues with a bound. Where one is full, the newest is dropped and counted, which a person is told.
 
 pub mod broker;
+pub mod history;
 pub mod lines;
 pub mod page;
 pub mod playback;
@@ -34,6 +35,7 @@ use crate::carrier::mavlink::Verifier;
 use crate::intake::{Carried, Intake};
 use crate::recorder::{Files, Fix, Record, Trouble};
 use crate::{Bundle, Change, DroneId, Verdict, export};
+use history::History;
 pub use recording::Recording;
 
 /// Alarms are looked for at least so often.
@@ -151,12 +153,21 @@ impl Inlet {
 pub struct Known {
     /// All drones.
     pub intake: Intake,
+    /// Their last minutes.
+    pub history: History,
     /// Lines that do not work, and why.
     pub lines: Vec<(String, String)>,
     /// Why nothing is recorded, if it should be.
     pub recorder: Option<Trouble>,
     /// The time up to which all is known, µs.
     pub now_us: u64,
+}
+
+impl Known {
+    /// Notes in the history what is known now.
+    fn look(&mut self) {
+        self.history.look(self.now_us, self.intake.fleet());
+    }
 }
 
 /// A station, for those who look at it.
@@ -289,6 +300,7 @@ fn run(
                     };
                     let judged = known.intake.take_each(&carried, |_, _| true, hand_on);
                     known.now_us = known.now_us.max(carried.at_us);
+                    known.look();
                     if let Some(recording) = recording {
                         let fixes = Fix::of(&judged, known.intake.fleet());
                         recording.carried(carried, judged, fixes);
@@ -297,6 +309,9 @@ fn run(
                 Event::Played(record) => {
                     export::judge(&mut known.intake, &record);
                     known.now_us = known.now_us.max(record.carried.at_us);
+                    // By the recording's time: the playback's own is ahead of it while it goes to a place.
+                    let Known { history, intake, .. } = &mut *known;
+                    history.look(record.carried.at_us, intake.fleet());
                 }
                 Event::Line { name, why } => {
                     known.lines.retain(|(other, _)| *other != name);
@@ -305,6 +320,7 @@ fn run(
                 Event::End => return,
                 Event::Restart(at_us) => {
                     known.intake = Intake::default();
+                    known.history = History::default();
                     known.now_us = at_us;
                 }
             }
@@ -318,6 +334,9 @@ fn run(
                 if let Some(recording) = recording {
                     recording.alarm(drone, change);
                 }
+            }
+            if matches!(time, Time::Clock(_)) {
+                known.look();
             }
             known.recorder = recording.and_then(Recording::trouble);
             if let Some(outlet) = outlet {

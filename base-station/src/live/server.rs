@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 
+use axum::Router;
 use tokio::sync::oneshot;
 
 use super::serve::{self, Limits};
@@ -28,6 +29,15 @@ impl Server {
     ///
     /// If the address cannot be bound, or the system gives no event loop.
     pub fn start(station: Station, address: SocketAddr) -> io::Result<Self> {
+        Self::of(address, |address| page::router(station, None, address))
+    }
+
+    /// As [`start`](Self::start), for any pages: `router` makes them, once the address is known.
+    ///
+    /// # Errors
+    ///
+    /// As [`start`](Self::start).
+    pub fn of(address: SocketAddr, router: impl FnOnce(SocketAddr) -> Router) -> io::Result<Self> {
         let listener = TcpListener::bind(address)?;
         listener.set_nonblocking(true)?;
         let address = listener.local_addr()?;
@@ -35,9 +45,9 @@ impl Server {
         let (end, ended) = oneshot::channel::<()>();
         let interrupted = Arc::new(AtomicBool::new(false));
         let told = Arc::clone(&interrupted);
+        let router = router(address);
         let thread = thread::spawn(move || {
             runtime.block_on(async {
-                let router = page::router(station, None, address);
                 let served = async {
                     let listener = tokio::net::TcpListener::from_std(listener)?;
                     serve::serve(listener, router, Limits::default()).await

@@ -34,6 +34,8 @@ pub enum Purpose {
     Stack,
     /// A debugger reads or writes; nothing may change that only a real access changes.
     Debugger,
+    /// The AHB-AP of the debug port reads or writes: a real access with all that it sets off, made by no instruction.
+    AccessPort,
 }
 
 /// One access of the core.

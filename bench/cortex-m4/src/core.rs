@@ -299,7 +299,13 @@ impl<C: Cost> Core<C> {
         self.waiting.is_some()
     }
 
-    /// Locked up: only a reset, or an NMI, gets it on.
+    /// Halted for debug (DHCSR.S_HALT).
+    #[must_use]
+    pub const fn is_halted(&self) -> bool {
+        self.halted
+    }
+
+    /// Locked up: only a reset, an NMI or a halting debugger gets it on.
     #[must_use]
     pub const fn locked_up(&self) -> bool {
         self.locked_up

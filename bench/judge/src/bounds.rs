@@ -84,8 +84,10 @@ pub const WORST_ACCURACY_MM: [u32; 2] = [30_000, 50_000];
 pub const FASTEST_MM_S: u32 = 200_000;
 /// Where a valid position may lie above the ellipsoid, mm.
 pub const ALTITUDE_MM: std::ops::RangeInclusive<i32> = -1_000_000..=20_000_000;
-/// A position is older than its message by what a receiver computes and sends.
+/// A position is older than its message by what a receiver computes and sends: by this at the candidate in the middle.
 pub const BEFORE_ARRIVAL: u64 = 50_000_000;
+/// And another's by so much more or less at most, or by as much.
+pub const BEFORE_ARRIVAL_SPREAD: u64 = 50_000_000;
 /// The least and the greatest distance, horizontal and vertical, within which two receivers agree whatever accuracies
 /// they state, m.
 pub const AGREEMENT_M: [(f64, f64); 2] = [(5.0, 30.0), (8.0, 50.0)];

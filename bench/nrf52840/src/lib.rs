@@ -37,6 +37,7 @@ mod analog;
 mod ccm;
 mod clock_power;
 mod clocks;
+mod ctrl_ap;
 mod ecb;
 mod egu;
 mod gpio;
@@ -62,6 +63,7 @@ mod wdt;
 
 use bench_seam::{Clock, Cycle, Finding, I2cAnswer, I2cEvent, Outside, Part, Pin, Reset, SpiMode, StuckBit, UartFrame};
 use cortex_m4::{Access, Bound, BusError, Config, Signals, Width};
+pub use ctrl_ap::CtrlRequest;
 use memory::{CODE_RAM_BASE, FLASH_BYTES, RAM_BASE, RAM_BYTES};
 use soc::Soc;
 
@@ -264,6 +266,30 @@ impl Nrf52840 {
         uicr_approtect & 0xFF == 0x5A && self.soc.debug_port_enabled()
     }
 
+    /// Whether a debugger that is there now reaches memory and core through the AHB-AP: access port protection, as
+    /// UICR, the firmware and CTRL-AP have made it since the last reset that took UICR up (PS 4.8).
+    #[must_use]
+    pub fn access_port_open(&self) -> bool {
+        self.soc.access_port_open()
+    }
+
+    /// A register of CTRL-AP, by its address. The word of one that is not there is 0.
+    #[must_use]
+    pub fn ctrl_ap_read(&self, register: u8) -> u32 {
+        self.soc.ctrl_ap_read(register)
+    }
+
+    /// Writes a register of CTRL-AP at `at`.
+    pub fn ctrl_ap_write(&mut self, register: u8, value: u32, at: Cycle) -> CtrlRequest {
+        self.soc.ctrl_ap_write(register, value, at)
+    }
+
+    /// CTRL-AP goes on to `to`: what it was told to erase is erased when its time has come. To be called as time
+    /// passes, whenever a debugger is there.
+    pub fn ctrl_ap_advance(&mut self, to: Cycle) {
+        self.soc.ctrl_ap_advance(to);
+    }
+
     /// RESETREAS, as the firmware has left it.
     #[must_use]
     pub fn reset_reason(&self) -> u32 {
@@ -393,6 +419,10 @@ impl Part for Nrf52840 {
 
     fn sleeps<O: Outside>(&mut self, at: Cycle, asleep: bool, _deep: bool, outside: &mut O) {
         self.soc.sleeps(at, asleep, outside);
+    }
+
+    fn halts<O: Outside>(&mut self, at: Cycle, halted: bool, outside: &mut O) {
+        self.soc.halts(at, halted, outside);
     }
 
     fn drive<O: Outside>(&mut self, at: Cycle, pin: Pin, level: Option<bool>, outside: &mut O) {

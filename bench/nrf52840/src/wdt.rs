@@ -5,12 +5,8 @@
 //! | START once and for all; CRV, RREN and CONFIG locked by it | 6.36 |
 //! | RR[0..8] with 0x6E524635, REQSTATUS, a reload when every enabled one has been written | 6.36 |
 //! | time-out after (CRV + 1) LFCLK ticks; TIMEOUT; the reset, two ticks later if its interrupt is enabled | 6.36 |
-//! | CONFIG.SLEEP: running on or pausing while the core sleeps | 6.36 |
+//! | CONFIG.SLEEP, CONFIG.HALT: running on or pausing while the core sleeps, or is halted by a debugger | 6.36 |
 //! | running on through a soft reset and a lockup | 5.3 |
-//!
-//! | left out | why |
-//! |---|---|
-//! | CONFIG.HALT = Run | nothing halts the core |
 use crate::clocks::Clocks;
 use crate::instance::{Act, Block, Cx, Instance, index};
 
@@ -18,6 +14,9 @@ use crate::instance::{Act, Block, Cx, Instance, index};
 const RELOAD: u32 = 0x6E52_4635;
 /// LFCLK ticks from TIMEOUT to the reset.
 const GRACE: u64 = 2;
+/// CONFIG: the counter runs on while the core sleeps, while a debugger halts it.
+const SLEEP_RUN: u32 = 1;
+const HALT_RUN: u32 = 1 << 3;
 
 /// The peripheral.
 #[derive(Clone, Debug)]
@@ -33,6 +32,8 @@ pub(crate) struct Wdt {
     timed_out: bool,
     /// The LFCLK tick at which it was paused.
     paused: Option<u64>,
+    asleep: bool,
+    halted: bool,
     next: Option<u64>,
 }
 
@@ -47,6 +48,8 @@ impl Default for Wdt {
             requests: 1,
             timed_out: false,
             paused: None,
+            asleep: false,
+            halted: false,
             next: None,
         }
     }
@@ -69,9 +72,25 @@ impl Wdt {
 
     /// The core sleeps or woke.
     pub(crate) fn sleeps(&mut self, asleep: bool, cx: &mut Cx<'_>) {
+        self.asleep = asleep;
+        self.pause(cx);
+    }
+
+    /// A debugger halted the core, or lets it go on.
+    pub(crate) fn halts(&mut self, halted: bool, cx: &mut Cx<'_>) {
+        self.halted = halted;
+        self.pause(cx);
+    }
+
+    const fn pauses(&self) -> bool {
+        self.asleep && self.config & SLEEP_RUN == 0 || self.halted && self.config & HALT_RUN == 0
+    }
+
+    /// The counter stands still while the core does what CONFIG says that it shall stand still for.
+    fn pause(&mut self, cx: &mut Cx<'_>) {
         let tick = cx.clocks.lf.map_or(0, |lf| lf.ticks(cx.now));
-        if asleep && self.config & 1 == 0 && self.running() {
-            self.paused = Some(tick);
+        if self.pauses() && self.running() {
+            self.paused.get_or_insert(tick);
         } else if let Some(since) = self.paused.take() {
             self.loaded = self.loaded.map(|loaded| loaded + tick.saturating_sub(since));
         }
@@ -81,6 +100,7 @@ impl Wdt {
     fn load(&mut self, cx: &Cx<'_>) {
         self.loaded = Some(cx.clocks.lf.map_or(0, |lf| lf.ticks(cx.now)));
         self.requests = self.rren;
+        self.paused = self.loaded.filter(|_| self.pauses());
         self.arm(cx);
     }
 }

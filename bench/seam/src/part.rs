@@ -170,6 +170,11 @@ pub trait Part: Clone + std::fmt::Debug + Send + 'static {
         let _ = (at, asleep, deep, outside);
     }
 
+    /// The core was halted for debug (`true`), or goes on.
+    fn halts<O: Outside>(&mut self, at: Cycle, halted: bool, outside: &mut O) {
+        let _ = (at, halted, outside);
+    }
+
     /// Something outside drives `pin` (`Some`) or lets go of it, from `at` on.
     fn drive<O: Outside>(&mut self, at: Cycle, pin: Pin, level: Option<bool>, outside: &mut O);
 

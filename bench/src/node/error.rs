@@ -22,6 +22,24 @@ pub enum Error {
         /// Its length in bytes.
         length: usize,
     },
+    /// What a part is said to have kept is not of its size.
+    #[error("{length} bytes are not what the {part} keeps")]
+    OtherFlash {
+        /// The part.
+        part: &'static str,
+        /// How many bytes.
+        length: usize,
+    },
+    /// The part's memory does not hold this image.
+    #[error("the {part} does not hold {firmware}: its memory differs at {address:#010x}")]
+    Differs {
+        /// The image.
+        firmware: String,
+        /// The part.
+        part: &'static str,
+        /// Where the first byte differs.
+        address: u64,
+    },
     /// The image has no such symbol.
     #[error("{firmware} has no symbol {symbol}: is it the right image, and is the symbol `#[no_mangle]` and used?")]
     NoSymbol {

@@ -182,6 +182,23 @@ impl Firmware {
         sizes.max().and_then(|size| usize::try_from(size).ok()).unwrap_or(0)
     }
 
+    /// The end of what the image places in RAM, from `from` on and below `top`: `from` where that is nothing, `None` in
+    /// an image without sections.
+    pub(crate) fn placed_below(&self, from: u32, top: u32) -> Option<u32> {
+        let file = object::File::parse(&*self.0.elf).ok()?;
+        let mut any = false;
+        let mut end = u64::from(from);
+        for section in file.sections() {
+            any = true;
+            let (first, behind) = (section.address(), section.address() + section.size());
+            // What is not loaded is at address 0.
+            if first >= u64::from(from) && behind <= u64::from(top) {
+                end = end.max(behind);
+            }
+        }
+        u32::try_from(end).ok().filter(|_| any)
+    }
+
     /// The addresses of every function whose demangled name ends in `name` as a whole path segment.
     pub fn functions_called(&self, name: &str) -> impl Iterator<Item = u64> {
         self.0

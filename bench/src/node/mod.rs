@@ -18,6 +18,7 @@
 //! whose clock is off, or to a state the manual forbids is a [`Finding`] with the instruction that did it. A run with
 //! findings is not a passed run.
 
+mod access_port;
 mod board;
 mod debugger;
 mod digest;
@@ -26,6 +27,7 @@ mod finding;
 mod firmware;
 mod hold;
 mod input;
+mod leads;
 mod memory;
 mod pair;
 mod probe;
@@ -36,6 +38,7 @@ mod rtt;
 mod run;
 mod semihosting;
 mod side;
+mod stack;
 mod start;
 mod step;
 mod tasks;
@@ -52,13 +55,15 @@ pub use finding::{Finding, FindingKind};
 pub use firmware::{Firmware, Symbol};
 use hold::Hold;
 pub use hold::{Halt, Resume};
+pub use leads::{Connected, Drive, Leads, PinEdge, Sending};
 pub use pair::{Between, Lookahead, Nothing, Pair, Sent};
 pub use probe::PROBE_PERIOD;
 pub use relay::{Course, Downstream, Relay, Threads, Upstream, Way};
 pub use reset::{FromOutside, ResetAt};
 pub use rtt::{LogLevel, LogLine};
-pub use run::{Clock, Event, Limits, Outcome, Target, run};
+pub use run::{Clock, Event, Limits, Outcome, Target, run, run_connected};
 use side::Side;
+pub use stack::Stack;
 pub use usage::{LineEdge, Usage};
 
 /// One board, running one firmware: a core, its part, the chips around it, and the clock between them.
@@ -79,6 +84,10 @@ pub struct Node<B: Board, C: Cost = Fast> {
     hold: Hold,
     /// The part has its supply.
     powered: bool,
+    /// A debugger has the debug domain powered.
+    debugged: bool,
+    /// The part was told that the core is halted for debug.
+    told_halt: bool,
     /// Which exception was active from when (ns) on; nothing unless watched.
     tasks: Option<Vec<(u64, u16)>>,
     resets: Vec<ResetAt>,

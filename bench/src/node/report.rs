@@ -102,7 +102,7 @@ impl<B: Board, C: Cost> Node<B, C> {
             text += "; it has not run one instruction: does the reset vector lead into the image?";
         }
         self.find(FindingKind::Lockup, Some(pc), text);
-        if B::Part::RESETS_ON_LOCKUP {
+        if B::Part::RESETS_ON_LOCKUP && !self.debugged {
             self.side.reset = Some(Reset::Lockup);
         }
     }

@@ -40,6 +40,8 @@ pub enum FromOutside {
     BrownOut,
     /// Its watchdog bit, whatever the firmware did. RAM keeps its contents.
     Watchdog,
+    /// A debugger resets it through the part's own access port, as by AIRCR.SYSRESETREQ.
+    SoftReset,
 }
 
 impl<B: Board, C: Cost> Node<B, C> {
@@ -51,7 +53,8 @@ impl<B: Board, C: Cost> Node<B, C> {
             FromOutside::Pin if self.powered => self.reset_by(Reset::Pin),
             FromOutside::BrownOut if self.powered => self.reset_by(Reset::BrownOut),
             FromOutside::Watchdog if self.powered => self.reset_by(Reset::Watchdog("of the board")),
-            FromOutside::Pin | FromOutside::BrownOut | FromOutside::Watchdog => {}
+            FromOutside::SoftReset if self.powered => self.reset_by(Reset::Software),
+            FromOutside::Pin | FromOutside::BrownOut | FromOutside::Watchdog | FromOutside::SoftReset => {}
         }
     }
 
@@ -100,6 +103,9 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.side.reset = None;
         self.side.settle(at);
         self.core.reset(&mut self.side);
+        // Some of the part's models are new and take the core for running, others are as they were.
+        self.told_halt = self.told_halt && !self.core.is_halted();
+        self.tell_halt();
         let unfinished = self.log.finish(self.now());
         self.lines.extend(unfinished);
         // What the last start did, the next may do again.

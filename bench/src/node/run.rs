@@ -7,14 +7,14 @@
 use std::collections::BTreeMap;
 use std::str::FromStr;
 
-use bench_seam::Part;
+use bench_seam::{Part, Pin};
 use cortex_m4::{Cost, Fast, Optimistic, Pessimistic};
 use nrf52840::{Nrf52840, Settings};
 use stm32f429::{Oscillators, Stm32f429};
 
 use super::finding::{Finding, FindingKind};
 use super::rtt::LogLine;
-use super::{Bare, Error, Firmware, Node, ResetAt};
+use super::{Connected, Error, Firmware, Leads, Node, PinEdge, ResetAt, Stack};
 
 /// What a core's instructions and exceptions cost, see [`cortex_m4::Cost`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -85,22 +85,41 @@ impl Target {
         limits: Limits,
         event: impl FnMut(Event<'_>),
     ) -> Result<Outcome, Error> {
+        self.run_connected(clock, firmware, Connected::default(), limits, event)
+    }
+
+    /// Runs `firmware` on this board with leads clipped to it. See [`run_connected`].
+    ///
+    /// # Errors
+    ///
+    /// As [`run`].
+    pub fn run_connected(
+        self,
+        clock: Clock,
+        firmware: &Firmware,
+        connected: Connected,
+        limits: Limits,
+        event: impl FnMut(Event<'_>),
+    ) -> Result<Outcome, Error> {
         match clock {
-            Clock::Fast => self.run_on::<Fast>(firmware, limits, event),
-            Clock::Optimistic => self.run_on::<Optimistic>(firmware, limits, event),
-            Clock::Pessimistic => self.run_on::<Pessimistic>(firmware, limits, event),
+            Clock::Fast => self.run_on::<Fast>(firmware, connected, limits, event),
+            Clock::Optimistic => self.run_on::<Optimistic>(firmware, connected, limits, event),
+            Clock::Pessimistic => self.run_on::<Pessimistic>(firmware, connected, limits, event),
         }
     }
 
     fn run_on<C: Cost>(
         self,
         firmware: &Firmware,
+        connected: Connected,
         limits: Limits,
         event: impl FnMut(Event<'_>),
     ) -> Result<Outcome, Error> {
         match self {
-            Self::Dpr => run::<_, C>(Nrf52840::new(Settings::default()), firmware, limits, event),
-            Self::Horus => run::<_, C>(Stm32f429::new(Oscillators::default()), firmware, limits, event),
+            Self::Dpr => run_connected::<_, C>(Nrf52840::new(Settings::default()), firmware, connected, limits, event),
+            Self::Horus => {
+                run_connected::<_, C>(Stm32f429::new(Oscillators::default()), firmware, connected, limits, event)
+            }
         }
     }
 }
@@ -132,6 +151,10 @@ pub enum Event<'a> {
     Finding(&'a Finding),
     /// The part restarted.
     Reset(&'a ResetAt),
+    /// A watched pin did something else.
+    Pin(&'a PinEdge),
+    /// The part sent a byte from this pin.
+    Byte(Pin, u8),
 }
 
 /// How a run ended.
@@ -151,6 +174,8 @@ pub struct Outcome {
     pub resets: usize,
     /// The share of the time in which the core was awake, 0 to 1.
     pub load: f64,
+    /// How deep the stack went, and its size, in bytes; `None` where the image does not say where it is.
+    pub stack: Option<(usize, usize)>,
     /// What the core was doing at the end, in words.
     pub doing: String,
 }
@@ -183,9 +208,28 @@ pub fn run<P: Part, C: Cost>(
     part: P,
     firmware: &Firmware,
     limits: Limits,
+    event: impl FnMut(Event<'_>),
+) -> Result<Outcome, Error> {
+    run_connected::<P, C>(part, firmware, Connected::default(), limits, event)
+}
+
+/// As [`run`], with leads clipped to the part.
+///
+/// # Errors
+///
+/// What [`Node::new`] refuses.
+pub fn run_connected<P: Part, C: Cost>(
+    part: P,
+    firmware: &Firmware,
+    connected: Connected,
+    limits: Limits,
     mut event: impl FnMut(Event<'_>),
 ) -> Result<Outcome, Error> {
-    let mut node = Node::<_, C>::new(part, Bare::new(), firmware)?.with_semihosting();
+    let mut node = Node::<_, C>::new(part, Leads::new(connected), firmware)?.with_semihosting();
+    let stack = Stack::of(firmware, node.part());
+    if let Some(stack) = stack {
+        node.input(|part, _, _| stack.paint(part));
+    }
     let (mut lines, mut findings) = (Vec::new(), Vec::new());
     let mut died = false;
     let mut told = 0;
@@ -199,10 +243,17 @@ pub fn run<P: Part, C: Cost>(
         let found = node.take_findings();
         died = found.iter().any(|finding| finding.kind.ends_run());
         let over = died || node.exit_status().is_some() || node.now() >= limits.virtual_time;
+        let (edges, heard) = node.board_mut(|board| (board.take_edges(), board.take_heard()));
+        heard.into_iter().for_each(|(pin, byte)| event(Event::Byte(pin, byte)));
+        let mut edges = edges.into_iter().peekable();
         for line in if over { node.finish_log() } else { node.take_log() } {
+            while let Some(edge) = edges.next_if(|edge| edge.at <= line.at) {
+                event(Event::Pin(&edge));
+            }
             event(Event::Line(&line));
             lines.push(line);
         }
+        edges.for_each(|edge| event(Event::Pin(&edge)));
         // Behind the lines: it stops at every restart, and those were logged before.
         node.resets()[told..].iter().for_each(|reset| event(Event::Reset(reset)));
         told = node.resets().len();
@@ -222,6 +273,7 @@ pub fn run<P: Part, C: Cost>(
         findings,
         resets: node.resets().len(),
         load: node.usage().load(),
+        stack: stack.map(|stack| (stack.used(node.part()), stack.size())),
         doing: node.doing(),
     })
 }

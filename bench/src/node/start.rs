@@ -40,6 +40,14 @@ impl<B: Board, C: Cost> Node<B, C> {
             let firmware = firmware.name().to_owned();
             return Err(Error::NoVectors { firmware, part: B::Part::NAME, address: boot, begins });
         }
+        Ok(Self::begin(part, board, firmware))
+    }
+
+    /// The part at power-on, with `firmware` in its memory.
+    pub(super) fn begin(part: B::Part, board: B, firmware: &Firmware) -> Self {
+        let config = part.core();
+        let boot = u64::from(config.vector_table);
+        let vector = |number: u64| memory::value(&part, boot + 4 * number, 4);
         let traps = Traps {
             hard_fault: vector(HARD_FAULT)
                 .filter(|&handler| handler & 1 != 0 && memory::value(&part, handler & !1, 2).is_some())
@@ -58,6 +66,8 @@ impl<B: Board, C: Cost> Node<B, C> {
             semihosting: false,
             exit: None,
             powered: true,
+            debugged: false,
+            told_halt: false,
             tasks: None,
             resets: Vec::new(),
             probe_at: PROBE_PERIOD,
@@ -77,7 +87,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         node.side.reset = None;
         node.side.settle(0);
         node.core.reset(&mut node.side);
-        Ok(node)
+        node
     }
 
     /// Has the core stop at every trap.

@@ -106,7 +106,8 @@ impl<B: Board, C: Cost> Node<B, C> {
             }
             self.side.stirred = false;
             match self.run_held(horizon) {
-                Exit::Until | Exit::Stopped | Exit::Halted => {}
+                Exit::Until | Exit::Stopped => {}
+                Exit::Halted => self.tell_halt(),
                 Exit::Breakpoint => {
                     self.trapped();
                     self.met_breakpoint();

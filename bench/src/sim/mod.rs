@@ -24,6 +24,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use bench_judge::{Findings, Header, Log, LogWriter, Verdict};
+use bench_seam::Part;
 use cortex_m4::{Cost, Fast, Optimistic, Pessimistic};
 use gnss_sim::{Flight, LogError, Port, Receiver};
 use nrf52840::{Nrf52840, Settings};
@@ -33,8 +34,9 @@ use stm32f429::{Oscillators, Stm32f429};
 
 use crate::boards::receivers::Interface;
 use crate::boards::{self, Dpr, Horus};
+use crate::debug_port::{self, Debugged as HasDebugPort};
 use crate::faults::{Campaign, Faults, Options};
-use crate::node::{self, Clock, Firmware, Node, Relay, Threads};
+use crate::node::{self, Board, Clock, Firmware, Node, Relay, Threads};
 use crate::plot::History;
 use crate::report::{self, Report};
 use crate::trace::{self, TaskWatch, Trace};
@@ -49,6 +51,10 @@ use upstream::Receivers;
 /// How often the caller hears of progress and gets the log, in virtual nanoseconds.
 const STEP: u64 = 10_000_000;
 
+/// What an [`Observer`] breaks begins so long after the end of a piece at the earliest, ns: a board ends a piece with
+/// an instruction, which may be behind its end.
+pub const AHEAD_NS: u64 = 100_000;
+
 /// The two images.
 #[derive(Clone, Debug)]
 pub struct Images {
@@ -56,6 +62,15 @@ pub struct Images {
     pub horus: PathBuf,
     /// The DPR's ELF file.
     pub dpr: PathBuf,
+}
+
+/// What both boards' parts kept from before they were switched on, as [`crate::debug_port::Wire::kept`] has it.
+#[derive(Clone, Debug)]
+pub struct Flashed {
+    /// The HORUS side's.
+    pub horus: Vec<u8>,
+    /// The DPR's.
+    pub dpr: Vec<u8>,
 }
 
 /// Errors of the crystals, parts per billion, positive is fast.
@@ -74,6 +89,8 @@ pub struct Crystals {
 pub struct Setup {
     /// The two images, built for this number of receivers.
     pub images: Images,
+    /// What is in the boards' flash, which has to hold these images: they then name what runs, and are not loaded.
+    pub flashed: Option<Flashed>,
     /// Receivers in the profile: 1, 2, 3 or 5.
     pub gps: usize,
     /// How long, in virtual nanoseconds.
@@ -114,6 +131,7 @@ impl Setup {
     pub fn new(images: Images, gps: usize, duration_ns: u64) -> Self {
         Self {
             images,
+            flashed: None,
             gps,
             duration_ns,
             clock: Clock::Fast,
@@ -156,6 +174,13 @@ pub trait Observer {
     /// Whether the run is to end here, asked after each piece.
     fn ends(&mut self) -> bool {
         false
+    }
+
+    /// What goes wrong from now on beside what was set up, asked after each piece, which ended at `virtual_ns`. No
+    /// episode may begin before [`AHEAD_NS`] after that. The judge learns of it as of what was set up.
+    fn faults(&mut self, virtual_ns: u64) -> Faults {
+        let _ = virtual_ns;
+        Faults::none()
     }
 }
 
@@ -232,6 +257,23 @@ pub struct Finished {
     pub phases: Vec<Phase>,
 }
 
+/// A board with this image: loaded, or found in what the part kept.
+fn switched_on<B: Board, C: Cost>(
+    mut part: B::Part,
+    board: B,
+    image: &Path,
+    kept: Option<&Vec<u8>>,
+) -> Result<Node<B, C>, Error>
+where
+    B::Part: HasDebugPort,
+{
+    let firmware = Firmware::read(image)?;
+    let Some(kept) = kept else { return Ok(Node::new(part, board, &firmware)?) };
+    debug_port::restore(&mut part, kept)
+        .ok_or(node::Error::OtherFlash { part: <B::Part as Part>::NAME, length: kept.len() })?;
+    Ok(Node::programmed_with(part, board, &firmware)?)
+}
+
 impl<C: Cost> Bench<C> {
     /// The bench at power-on.
     ///
@@ -275,8 +317,9 @@ impl<C: Cost> Bench<C> {
             logged: setup.log.is_some() || setup.plot.is_some(),
             sweeping,
         };
-        let a = Node::new(stm32, horus, &Firmware::read(&setup.images.horus)?)?;
-        let mut b = Node::new(nrf, dpr, &Firmware::read(&setup.images.dpr)?)?;
+        let flashed = |part: fn(&Flashed) -> &Vec<u8>| setup.flashed.as_ref().map(part);
+        let a = switched_on(stm32, horus, &setup.images.horus, flashed(|flashed| &flashed.horus))?;
+        let mut b = switched_on(nrf, dpr, &setup.images.dpr, flashed(|flashed| &flashed.dpr))?;
         b.input(|part, _, _| part.wire_ssi(boards::SSI));
         let upstream = Receivers::new(receivers, config.layout(), &setup.faults, setup.seed);
         let relay = Relay { a, b, upstream, downstream: Link::new(surroundings, &setup.faults) };
@@ -463,6 +506,7 @@ fn run_on<C: Cost>(setup: &Setup, observer: &mut dyn Observer) -> Result<Outcome
         if observer.ends() {
             break;
         }
+        bench.add_faults(&observer.faults(end));
     }
     kept.finish(bench, end)
 }

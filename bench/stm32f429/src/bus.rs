@@ -232,12 +232,13 @@ impl Stm32f429 {
     pub(crate) fn read_other<O: Outside>(&mut self, access: &Access, outside: &mut O) -> Result<u32, BusError> {
         let Access { address, width, purpose, .. } = *access;
         let debug = purpose == Purpose::Debugger;
+        let by_port = purpose == Purpose::AccessPort;
         if let Some(offset) = self.flash_offset(address) {
             if debug {
                 return self.flash.memory.read(offset, width).ok_or(BusError);
             }
             let busy = self.flash.busy(offset, access.cycle);
-            if busy != 0 {
+            if busy != 0 && !by_port {
                 self.stall(busy);
             }
             if !self.flash.is_readable() {
@@ -247,7 +248,8 @@ impl Stm32f429 {
         }
         if let Some(value) = self.ccm.read(address.wrapping_sub(CCM_BASE), width) {
             if !self.rcc.is_on(CCM_GATE) && !debug {
-                self.find(FindingKind::Refused, Some(access.pc), "CCM", "read without its clock at", address);
+                let pc = (!by_port).then_some(access.pc);
+                self.find(FindingKind::Refused, pc, "CCM", "read without its clock at", address);
                 return Ok(0);
             }
             return Ok(value);
@@ -259,12 +261,13 @@ impl Stm32f429 {
                 // The option bytes of bank 2 (0x1FFE_C000): unprotected.
                 _ if matches!(address, 0x1FFE_C000..0x1FFE_C010) => Ok(u32::MAX),
                 _ => {
-                    self.find(FindingKind::Unmapped, Some(access.pc), "bus", "nothing is at", address);
+                    let pc = (!by_port).then_some(access.pc);
+                    self.find(FindingKind::Unmapped, pc, "bus", "nothing is at", address);
                     Err(BusError)
                 }
             };
         }
-        let pc = Some(access.pc);
+        let pc = (!by_port).then_some(access.pc);
         self.now = self.now.max(access.cycle);
         if address >= dbgmcu::BASE {
             return self.dbgmcu.read(address).ok_or(BusError);
@@ -285,7 +288,7 @@ impl Stm32f429 {
         outside: &mut O,
     ) -> Result<(), BusError> {
         let Access { address, width, purpose, .. } = *access;
-        let pc = Some(access.pc);
+        let pc = (purpose != Purpose::AccessPort).then_some(access.pc);
         self.now = self.now.max(access.cycle);
         if address.wrapping_sub(CCM_BASE) < CCM_SIZE {
             if !self.rcc.is_on(CCM_GATE) && purpose != Purpose::Debugger {
@@ -297,7 +300,7 @@ impl Stm32f429 {
         }
         if let Some(offset) = self.flash_offset(address) {
             let busy = self.flash.busy(offset, access.cycle);
-            if busy != 0 {
+            if busy != 0 && purpose != Purpose::AccessPort {
                 self.stall(busy);
             }
             let outcome = self.flash.store(offset, width, value, self.now.max(busy), self.clocks.hclk_hz);

@@ -37,7 +37,7 @@ pub use fix::{Fix, Stated};
 
 use fix::metres;
 use geometry::Place;
-use median::{circular_median, median};
+use median::{circular_median, median, middle_two};
 
 /// The most receivers that a voter can have: what HORUS carries.
 pub const MOST_RECEIVERS: usize = 5;
@@ -57,9 +57,13 @@ pub const MOST_HORIZONTAL_ACCURACY_MM: u32 = 30_000;
 /// The largest vertical accuracy, mm: 50 m (decision 15, candidates).
 pub const MOST_VERTICAL_ACCURACY_MM: u32 = 50_000;
 
-/// From the epoch of a position to its arrival, ms: what a receiver computes and sends (decision 15, brought to the
-/// tick; u-blox data sheets and recordings: 40 to 80 ms).
+/// From the epoch of a position to its arrival, ms, at the candidate in the middle: what a receiver computes and sends
+/// (decision 15, brought to the tick; u-blox data sheets and recordings: 40 to 80 ms).
 pub const LATENCY_MS: i32 = 50;
+/// How much another candidate's latency may differ from that, ms, to be believed (decision 15, brought to the tick).
+pub const LATENCY_SPREAD_MS: i32 = 50;
+/// The time of week begins anew after so many ms.
+pub const WEEK_MS: u32 = 7 * 24 * 3_600 * 1_000;
 /// How much the latency may differ from [`LATENCY_MS`], s: an accuracy grows by this times the speed (decision 15).
 pub const LATENCY_UNCERTAINTY_S: f32 = 0.05;
 /// Half of the greatest acceleration, m/s²: an accuracy grows by this times the square of the age (decision 15: half of
@@ -96,6 +100,9 @@ pub struct Input {
     pub fix: Fix,
     /// From the arrival of its position to the tick, ms; below 0 if it arrived since the tick.
     pub since_arrival_ms: i32,
+    /// From the time of week that its position is for to the arrival, by a clock of ours that began anywhere, ms, modulo
+    /// [`WEEK_MS`] and below it: only differences between receivers count.
+    pub lag_ms: u32,
     /// Pitch, yaw and roll, rad, where they are valid.
     pub attitude: Option<[f32; 3]>,
     /// Acceleration front, right and down, m/s², where it is valid.
@@ -162,7 +169,7 @@ impl<const N: usize> Default for Voter<N> {
 }
 
 /// A candidate brought to the tick.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 struct Brought {
     /// How far it has moved since its epoch, m north and east.
     step: [f32; 2],
@@ -184,7 +191,11 @@ impl<const N: usize> Voter<N> {
     /// The vote of one tick at `now_ms`, a clock of milliseconds that wraps.
     pub fn vote(&mut self, inputs: &[Input; N], now_ms: u32) -> Verdict {
         let candidates = mask_of(inputs, |input| input.valid & input.fix.plausible);
-        let brought = inputs.each_ref().map(bring);
+        let latencies = latencies(inputs, candidates);
+        let mut brought = [Brought::default(); N];
+        for ((brought, input), latency) in brought.iter_mut().zip(inputs).zip(latencies) {
+            *brought = bring(input, latency);
+        }
         let (friends, places) = compare(inputs, &brought, candidates);
 
         let eligible = candidates & !self.excluded;
@@ -269,10 +280,33 @@ fn axis_of<const N: usize>(
     })
 }
 
+/// From the epoch of each position to its arrival, half ms.
+///
+/// All receivers tell the time of week of the same system, so how much later than another's a receiver's message comes
+/// after the time of week that it is for is how much longer it took. The candidate in the middle has the latency that
+/// the decision assumes, and one that is farther from it than is believed has so, too: its time is wrong.
+fn latencies<const N: usize>(inputs: &[Input; N], candidates: u8) -> [i32; N] {
+    const HALF_A_WEEK_MS: i32 = WEEK_MS as i32 / 2;
+    let lags = inputs.each_ref().map(|input| input.lag_ms as i32);
+    let reference = first(candidates, &lags);
+    let lags = lags.map(|lag| {
+        let off = lag.wrapping_sub(reference);
+        let off = if off > HALF_A_WEEK_MS { off - WEEK_MS as i32 } else { off };
+        let off = if off < -HALF_A_WEEK_MS { off + WEEK_MS as i32 } else { off };
+        off.clamp(-HALF_A_WEEK_MS, HALF_A_WEEK_MS)
+    });
+    let [low, high] = middle_two(lags, candidates, HALF_A_WEEK_MS);
+    lags.map(|lag| {
+        let off = (lag - low) + (lag - high);
+        let believed = (-2 * LATENCY_SPREAD_MS..=2 * LATENCY_SPREAD_MS).contains(&off);
+        2 * LATENCY_MS + if believed { off } else { 0 }
+    })
+}
+
 /// A position moved by its velocity from its epoch to the tick, and accuracies that allow for what that leaves.
-fn bring(input: &Input) -> Brought {
+fn bring(input: &Input, half_ms_before_arrival: i32) -> Brought {
     let Input { fix, since_arrival_ms, .. } = input;
-    let age = since_arrival_ms.saturating_add(LATENCY_MS).max(0) as f32 / 1e3;
+    let age = since_arrival_ms.saturating_mul(2).saturating_add(half_ms_before_arrival).max(0) as f32 / 2e3;
     let [north, east, down] = fix.velocity.map(|velocity| velocity * age);
     let inflated =
         |accuracy: f32, speed: f32| accuracy + LATENCY_UNCERTAINTY_S * speed + HALF_ACCELERATION_M_S2 * age * age;

@@ -5,11 +5,19 @@ use crate::{first, has};
 /// The median of `values` among those in the mask; of an even number the mean of the middle two. Of none it says
 /// nothing.
 pub(crate) fn median<const N: usize>(values: [f32; N], among: u8) -> f32 {
+    let [low, high] = middle_two(values, among, f32::INFINITY);
+    // Halves, not their sum: that of two large ones would be infinite.
+    0.5 * low + 0.5 * high
+}
+
+/// The middle two of `values` among those in the mask, twice the same of an odd number; of none it says nothing. No
+/// value is above `greatest`.
+pub(crate) fn middle_two<T: Copy + PartialOrd, const N: usize>(values: [T; N], among: u8, greatest: T) -> [T; 2] {
     let mut sorted = values;
     let mut count = 0;
     for (index, value) in sorted.iter_mut().enumerate() {
         let counts = has(among, index);
-        *value = if counts { *value } else { f32::INFINITY };
+        *value = if counts { *value } else { greatest };
         count += usize::from(counts);
     }
     // Odd-even transposition: N rounds of neighbours put N values in order.
@@ -21,13 +29,10 @@ pub(crate) fn median<const N: usize>(values: [f32; N], among: u8) -> f32 {
             sorted[low + 1] = if swap { a } else { b };
         }
     }
-    let (low, high) = (count.saturating_sub(1) / 2, count / 2);
-    // Halves, not their sum: that of two large ones would be infinite.
-    let half_of = |index: usize, wanted: usize| if index == wanted { 0.5 } else { 0.0 };
-    sorted.iter().enumerate().fold(0.0, |sum, (index, value)| {
-        let share = half_of(index, low) + half_of(index, high);
-        sum + if share > 0.0 { share * value } else { 0.0 }
-    })
+    let at = |wanted: usize| {
+        sorted.iter().enumerate().fold(greatest, |found, (index, value)| if index == wanted { *value } else { found })
+    };
+    [at(count.saturating_sub(1) / 2), at(count / 2)]
 }
 
 /// The median of angles, rad, about the first of those in the mask, in the turn that begins at `from`.

@@ -2,7 +2,7 @@
 
 mod support;
 
-use horus_voter::{Input, Stated, Verdict, Voter};
+use horus_voter::{Input, Stated, Verdict, Voter, WEEK_MS};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngSeed};
 
@@ -30,8 +30,12 @@ fn somewhere() -> impl Strategy<Value = (f64, f64)> {
     (latitude, longitude)
 }
 
-/// A receiver near a place: how far off in m, how high, how fast, how good, how old.
-fn receiver() -> impl Strategy<Value = (bool, [f64; 3], [i32; 3], [u32; 2], i32, bool)> {
+/// How far off a receiver is, m, how fast, mm/s, how good, mm, how old, ms, how late by its time of week, ms, and
+/// whether it is flat.
+type Drawn = (bool, [f64; 3], [i32; 3], [u32; 2], i32, u32, bool);
+
+/// A receiver near a place.
+fn receiver() -> impl Strategy<Value = Drawn> {
     let metres = || prop_oneof![3 => -3.0..3.0, 2 => -40.0..40.0, 1 => -900.0..900.0];
     let speed = || prop_oneof![Just(0), -20_000..20_000, -150_000..150_000];
     let accuracy = || prop_oneof![4 => 1..4_000_u32, 2 => 1..16_000_u32, 1 => 25_000..55_000_u32];
@@ -41,12 +45,13 @@ fn receiver() -> impl Strategy<Value = (bool, [f64; 3], [i32; 3], [u32; 2], i32,
         [speed(), speed(), speed()],
         [accuracy(), accuracy()],
         -20..1_200_i32,
+        prop_oneof![6 => 300..360_u32, 2 => 200..500_u32, 1 => 0..WEEK_MS, 1 => WEEK_MS - 40..WEEK_MS, 1 => 0..40_u32],
         prop::bool::weighted(0.15),
     )
 }
 
-fn said(place: (f64, f64), drawn: (bool, [f64; 3], [i32; 3], [u32; 2], i32, bool)) -> Said {
-    let (valid, [north, east, up], velocity_mm_s, [horizontal, vertical], since_arrival_ms, flat) = drawn;
+fn said(place: (f64, f64), drawn: Drawn) -> Said {
+    let (valid, [north, east, up], velocity_mm_s, [horizontal, vertical], since_arrival_ms, lag_ms, flat) = drawn;
     let (latitude, longitude) = geodetic(Place::new(place.0, place.1, 400.0).at(north, east));
     Said {
         valid,
@@ -59,6 +64,7 @@ fn said(place: (f64, f64), drawn: (bool, [f64; 3], [i32; 3], [u32; 2], i32, bool
             vertical_accuracy_mm: vertical,
         },
         since_arrival_ms,
+        lag_ms,
         attitude: None,
         acceleration: None,
     }

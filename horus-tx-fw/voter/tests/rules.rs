@@ -4,7 +4,7 @@ mod support;
 
 use core::f32::consts::{PI, TAU};
 
-use horus_voter::{Fix, Input, Stated, Verdict, Voter, quorum};
+use horus_voter::{Fix, Input, Stated, Verdict, Voter, WEEK_MS, quorum};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngSeed};
 
@@ -106,6 +106,64 @@ fn a_position_moves_by_its_velocity_for_its_age_and_50_ms() {
         let altitude = verdict.position.and_then(|position| position.altitude).expect("3D");
         assert!((altitude - (512.345 - 5.0 * age)).abs() < 1e-4, "{altitude} at {since_arrival_ms} ms");
     }
+}
+
+/// How far each of three receivers is brought, m, which fly east at 40 m/s one at a time: the other two stand at its place
+/// and 4.9 m east of it, so that the median is the one that flies.
+fn brought(lags: [u32; 3]) -> [f64; 3] {
+    [0, 1, 2].map(|of: usize| {
+        let mut said = [0, 1, 2].map(|i: usize| Said { lag_ms: lags[i], ..GOOD });
+        said[of] = said[of].flying([0, 40_000, 0]);
+        let others: Vec<usize> = (0..3).filter(|i| *i != of).collect();
+        said[others[1]] = said[others[1]].moved(0.0, 4.9);
+        let verdict = once(said);
+        assert_eq!(verdict.members, 0b111, "{lags:?}");
+        let east = distance(place(&verdict), degrees(&GOOD));
+        assert!((0.0..4.8).contains(&east), "{lags:?}: the median is the one that flies");
+        east
+    })
+}
+
+#[test]
+fn a_message_that_came_later_after_its_time_of_week_is_older_and_one_in_the_middle_is_50_ms_old() {
+    const LAST: u32 = WEEK_MS - 1;
+    for (lags, latencies) in [
+        ([100, 100, 100], [50, 50, 50]),
+        ([90, 100, 130], [40, 50, 80]),
+        ([130, 90, 100], [80, 40, 50]),
+        ([100, 150, 50], [50, 100, 0]),
+        // Farther off than is believed.
+        ([100, 151, 49], [50, 50, 50]),
+        ([100, 400_000, 110], [40, 50, 50]),
+        ([400_000, 100, 110], [50, 40, 50]),
+        ([0, WEEK_MS / 2 - 9, WEEK_MS / 2], [50, 50, 59]),
+        // Just before and after half a week from the first, whose time is wrong: nothing can be compared.
+        ([0, WEEK_MS / 2, WEEK_MS / 2 + 9], [50, 50, 50]),
+        // Beyond the week's end.
+        ([5, LAST, LAST - 20], [56, 50, 30]),
+        ([LAST, 5, 15], [44, 50, 60]),
+        ([LAST, LAST - 30, 9], [50, 20, 60]),
+    ] {
+        for (east, latency) in brought(lags).into_iter().zip(latencies) {
+            let expected = 0.040 * f64::from(latency);
+            assert!((east - expected).abs() < 0.012, "{lags:?}: {east} m, not {expected} m");
+        }
+    }
+}
+
+#[test]
+fn of_two_receivers_the_middle_lies_between_them() {
+    let [one, other] = [100, 105].map(|lag_ms| Said { lag_ms, ..GOOD }.flying([0, 40_000, 0]));
+    for (said, latency) in [([one, other], 50.0), ([one, Said { valid: false, ..other }], 50.0)] {
+        let east = distance(place(&once(said)), degrees(&GOOD));
+        assert!((east - 0.040 * latency).abs() < 0.012, "{east} m");
+    }
+    // 2.5 ms each: 10 cm, of which 11 mm are the resolution of a position.
+    let still = GOOD.moved(0.0, 2.0);
+    let one = once([one, Said { lag_ms: 105, ..still }]);
+    let other = once([Said { lag_ms: 100, ..still }, other]);
+    let apart = distance(place(&one), place(&other));
+    assert!((apart - 0.040 * 5.0 / 2.0).abs() < 0.02, "{apart} m");
 }
 
 /// The farthest at which two agree, m north, to the millimetre that the search has; positions have 11 mm.
@@ -324,7 +382,10 @@ fn who_is_no_candidate_is_neither_excluded_nor_forgiven() {
     assert_eq!(vote([GOOD, GOOD, SILENT], 0), 0);
     assert_eq!(vote([GOOD, GOOD, GOOD.moved(200.0, 0.0)], 10), 0b100);
     assert_eq!(vote([GOOD, GOOD, SILENT], 20), 0b100);
-    assert_eq!(vote([SILENT, SILENT, SILENT], 100_000), 0b100);
+    for now in (100_000..103_000).step_by(500) {
+        assert_eq!(vote([SILENT, SILENT, SILENT], now), 0b100, "silence is no agreement, at {now} ms");
+    }
+    assert_eq!(vote([GOOD, GOOD, GOOD], 103_000), 0b100);
 }
 
 #[test]
@@ -429,8 +490,8 @@ fn a_flight_over_the_pole_and_over_180_degrees_comes_out_on_the_other_side() {
 /// Whatever 32 bits a field can have.
 fn anything() -> impl Strategy<Value = Said> {
     let floats = || prop::option::of(any::<[u32; 3]>().prop_map(|bits| bits.map(f32::from_bits)));
-    (any::<bool>(), any::<[i32; 6]>(), any::<[u32; 2]>(), any::<i32>(), floats(), floats(), any::<bool>()).prop_map(
-        |(valid, ints, [horizontal, vertical], since_arrival_ms, attitude, acceleration, flat)| Said {
+    (any::<bool>(), any::<[i32; 6]>(), any::<[u32; 3]>(), any::<i32>(), floats(), floats(), any::<bool>()).prop_map(
+        |(valid, ints, [horizontal, vertical, lag_ms], since_arrival_ms, attitude, acceleration, flat)| Said {
             valid,
             stated: Stated {
                 latitude_e7: ints[0],
@@ -441,6 +502,7 @@ fn anything() -> impl Strategy<Value = Said> {
                 vertical_accuracy_mm: vertical,
             },
             since_arrival_ms,
+            lag_ms,
             attitude,
             acceleration,
         },
@@ -461,6 +523,7 @@ fn wrong() -> impl Strategy<Value = Said> {
             }
             if keep & 4 == 0 {
                 said.since_arrival_ms = any.since_arrival_ms;
+                said.lag_ms = any.lag_ms % WEEK_MS;
             }
             Said { attitude: any.attitude, acceleration: any.acceleration, ..said }
         }),

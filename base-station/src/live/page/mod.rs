@@ -7,6 +7,7 @@
 //!
 //! **Pushed.** Server-sent events, at most every [`PUSH`], each a whole state: a slow reader gets fewer, never old
 //! ones, since a state is made when the connection can take it. So a connection holds one state, and no queue grows.
+//! The first state of a connection brings the drone's last ten minutes ([`history`](super::history)), at most 150 kB.
 //!
 //! **Nothing from elsewhere.** HTML, style and script are in the binary; the content security policy allows no others.
 //! While the station listens on this machine alone, requests whose Host is another are refused, so that no foreign page
@@ -34,12 +35,16 @@ use tokio::time::{Instant, sleep};
 
 use super::Station;
 use super::playback::Player;
+use state::With;
 
 /// From one state to the next at least: a screen's refresh.
 pub const PUSH: Duration = Duration::from_millis(16);
 
 /// The list of all drones goes with a state at most so often.
 pub const LIST: Duration = Duration::from_millis(500);
+
+/// A browser that has lost the station tries again after so long.
+const RETRY: Duration = Duration::from_millis(500);
 
 /// So many browsers may watch at once; further ones are told to come later.
 pub const MAX_WATCHERS: usize = 256;
@@ -54,14 +59,11 @@ struct Page {
     station: Station,
     player: Option<Arc<Player>>,
     watchers: Arc<Semaphore>,
-    /// The page is for this machine alone.
-    local: bool,
 }
 
 /// The page of a station, to be served at `address`; with a player its pace can be set.
 pub fn router(station: Station, player: Option<Arc<Player>>, address: SocketAddr) -> Router {
-    let local = address.ip().is_loopback();
-    let page = Page { station, player, watchers: Arc::new(Semaphore::new(MAX_WATCHERS)), local };
+    let page = Page { station, player, watchers: Arc::new(Semaphore::new(MAX_WATCHERS)) };
     let mut router = Router::new()
         .route("/", get(|| file("text/html; charset=utf-8", include_str!("index.html"))))
         .route("/page.css", get(|| file("text/css; charset=utf-8", include_str!("page.css"))))
@@ -72,7 +74,13 @@ pub fn router(station: Station, player: Option<Arc<Player>>, address: SocketAddr
     if page.player.is_some() {
         router = router.route("/playback", post(playback));
     }
-    router.layer(middleware::from_fn_with_state(page.clone(), guard)).with_state(page)
+    guarded(router.with_state(page), address)
+}
+
+/// These pages, to be served at `address`, with what every page here has: other hosts' names are refused where that is
+/// this machine alone, and every answer has the content security policy.
+pub fn guarded(router: Router, address: SocketAddr) -> Router {
+    router.layer(middleware::from_fn_with_state(address.ip().is_loopback(), guard))
 }
 
 async fn file(kind: &'static str, text: &'static str) -> impl IntoResponse {
@@ -80,8 +88,8 @@ async fn file(kind: &'static str, text: &'static str) -> impl IntoResponse {
 }
 
 /// Refuses other hosts' names, and sets the headers that every answer has.
-async fn guard(State(page): State<Page>, request: Request, next: Next) -> Response {
-    if page.local && !is_this_machine(request.headers()) {
+async fn guard(State(local): State<bool>, request: Request, next: Next) -> Response {
+    if local && !is_this_machine(request.headers()) {
         return (StatusCode::FORBIDDEN, "this page is served to this machine alone").into_response();
     }
     let mut response = next.run(request).await;
@@ -111,7 +119,12 @@ fn asked(query: Option<&str>) -> Option<&str> {
 }
 
 async fn state_once(State(page): State<Page>, RawQuery(query): RawQuery) -> impl IntoResponse {
-    let state = state::json(&page.station, page.player.as_deref(), asked(query.as_deref()), true);
+    let state = state::json(
+        &page.station,
+        page.player.as_deref(),
+        asked(query.as_deref()),
+        With { list: true, history: false },
+    );
     ([(header::CONTENT_TYPE, "application/json")], state)
 }
 
@@ -132,12 +145,12 @@ async fn events(State(page): State<Page>, RawQuery(query): RawQuery) -> Response
             changes.changed().await.ok()?;
         }
         changes.mark_unchanged();
-        let lists = listed.is_none_or(|listed| listed.elapsed() >= LIST);
-        if lists {
+        let with = With { list: listed.is_none_or(|listed| listed.elapsed() >= LIST), history: listed.is_none() };
+        if with.list {
             listed = Some(Instant::now());
         }
-        let state = state::json(&page.station, page.player.as_deref(), drone.as_deref(), lists);
-        let event = Ok::<_, Infallible>(Event::default().data(state));
+        let state = state::json(&page.station, page.player.as_deref(), drone.as_deref(), with);
+        let event = Ok::<_, Infallible>(Event::default().retry(RETRY).data(state));
         let permit: OwnedSemaphorePermit = permit;
         Some((event, (page, changes, drone, listed, permit)))
     });

@@ -13,6 +13,7 @@ const colour = (name) => getComputedStyle(document.documentElement).getPropertyV
 
 let state = null;              // the last state
 let heard = -Infinity;         // when it came, ms
+let staling = 0;               // the timer of the instant at which it will be old
 let source = null;
 let wanted = null;             // the drone that is looked at
 let shown = null;              // of which drone the history is
@@ -31,6 +32,10 @@ function connect() {
     heard = performance.now();
     keep();
     requestDraw();
+    // Not a moment later than it is old, whatever comes.
+    clearTimeout(staling);
+    const reported = state.drone && state.drone.reported;
+    if (reported) staling = setTimeout(drawAge, Math.max(0, STALE_MS - reported.age_ms) + 1);
   };
   source.onerror = () => {
     // The browser tries again by itself, unless it was refused.
@@ -60,6 +65,8 @@ function local(position) {
   return [east * origin.east, (position[0] - origin.latitude) * origin.north];
 }
 
+const apart = (one, other) => Math.hypot(one[0] - other[0], one[1] - other[1]);
+
 function keep() {
   const drone = state.drone;
   const id = drone ? drone.id : null;
@@ -70,6 +77,8 @@ function keep() {
     origin = null;
   }
   clock = now;
+  if (state.history) merge(state.history);
+  state.history = null;
   const reported = drone && drone.reported;
   if (!reported) return;
   const last = history[history.length - 1];
@@ -86,12 +95,40 @@ function keep() {
   while (history.length && history[0].at < now - KEPT_MS) history.shift();
 }
 
+// The station's samples, of which there is one a second, where this page has none of its own: before it was opened, and
+// while it was not connected.
+function merge(samples) {
+  const own = history;
+  const merged = [];
+  let next = 0;
+  for (const [at, voted, gps, height, age, agree] of samples) {
+    while (next < own.length && own[next].at <= at) merged.push(own[next++]);
+    const near = (sample) => sample && Math.abs(sample.at - at) < 1000;
+    if (near(own[next - 1]) || near(own[next])) continue;
+    merged.push({ at, voted: local(voted), gps: gps.map(local), height, age, agree });
+  }
+  history = merged.concat(own.slice(next));
+}
+
 // ---- words and numbers
 
 const number = (value, digits, unit) => (value === null || value === undefined ? "–" : value.toFixed(digits) + unit);
 const seconds = (ms) => (ms / 1000).toFixed(ms < 10000 ? 2 : 0) + " s";
 const degrees = (value, positive, negative) =>
   value === null ? "–" : Math.abs(value).toFixed(7) + "° " + (value < 0 ? negative : positive);
+
+// What can be said of the accuracy: the objects have no figure of it, so it is how far the receivers are apart.
+function accuracy(drone, voted) {
+  if (!drone || !voted) return "–";
+  const inside = [], outside = [];
+  drone.gps.forEach((gps, index) => {
+    const place = gps && gps.valid ? local(gps.position) : null;
+    if (gps && gps.excluded) outside.push("GPS" + (index + 1));
+    else if (place) inside.push(apart(place, voted));
+  });
+  const within = inside.length ? `${inside.length} within ${Math.max(...inside).toFixed(1)} m of it` : "none counts";
+  return within + (outside.length ? `, ${outside.join(", ")} excluded` : "");
+}
 
 function put(id, text) {
   const target = element(id);
@@ -189,6 +226,7 @@ function drawNumbers() {
   put("attitude", turned
     ? `${turned[0].toFixed(1)}°, ${turned[2].toFixed(1)}°, ${((turned[1] % 360 + 360) % 360).toFixed(1)}°` : "–");
   put("agree", reported ? `${reported.agree} of ${drone.receivers}${reported.degraded ? ", degraded" : ""}` : "–");
+  put("accuracy", accuracy(drone, valid ? local(reported.position) : null));
   put("time", drone && drone.time_ms !== null ? (drone.time_ms / 1000).toFixed(1) + " s" : "–");
 
   const body = element("receivers");
@@ -202,7 +240,7 @@ function drawNumbers() {
     const notes = gps ? [gps.fix, !gps.valid && "no position", !gps.heard && "silent", gps.stale && "stale",
       gps.excluded && "EXCLUDED"].filter(Boolean).join(", ") : "not received";
     const texts = ["GPS" + (index + 1), notes,
-      here && there ? Math.hypot(here[0] - there[0], here[1] - there[1]).toFixed(1) + " m" : "–",
+      here && there ? apart(here, there).toFixed(1) + " m" : "–",
       gps && gps.valid ? number(gps.position[2], 1, " m") : "–", gps ? seconds(gps.age_ms) : "–"];
     texts.forEach((text, cell) => {
       if (row.cells[cell].textContent !== text) row.cells[cell].textContent = text;
@@ -261,7 +299,8 @@ const receiverColour = (index) => colour("--r" + (index + 1));
 function drawMap() {
   const [to, width, height] = prepare(element("map"));
   const points = history.slice(-MAP_POINTS);
-  const all = points.flatMap((point) => [point.voted, ...point.gps.slice(0)]).filter(Boolean);
+  // What is voted, and the receivers now: one that was a kilometre off a while ago does not shrink the map.
+  const all = [...points.map((point) => point.voted), ...points[points.length - 1]?.gps || []].filter(Boolean);
   if (!all.length) {
     to.fillStyle = colour("--soft");
     to.fillText("no position yet", 12, 24);
@@ -319,8 +358,22 @@ function drawMap() {
     if (gps && gps.excluded) { to.moveTo(px - 6, py - 6); to.lineTo(px + 6, py + 6); }
     to.stroke();
     to.fillStyle = receiverColour(index);
-    to.fillText(String(index + 1), px + 8, py - 6);
+    const off = gps && gps.excluded && last.voted ? ` excluded, ${apart(last.gps[index], last.voted).toFixed(0)} m off` : "";
+    to.fillText((index + 1) + off, px + 8, py - 6 - 13 * (off ? 0 : index % 2));
   });
+  // How far those that are not excluded are from what they agree on.
+  const spread = last.voted ? Math.max(...receivers.map((gps, index) =>
+    (gps && !gps.excluded && last.gps[index] ? apart(last.gps[index], last.voted) : 0))) : 0;
+  if (spread / span > 3) {
+    const [px, py] = at(last.voted);
+    to.strokeStyle = colour("--soft");
+    to.lineWidth = 1;
+    to.setLineDash([4, 3]);
+    to.beginPath();
+    to.arc(px, py, spread / span, 0, 2 * Math.PI);
+    to.stroke();
+    to.setLineDash([]);
+  }
   if (last.voted) {
     const [px, py] = at(last.voted);
     const turned = state.drone.reported.attitude;
@@ -347,6 +400,13 @@ function drawMap() {
   to.fillRect(12, height - 16, step / span, 3);
   to.fillText(`${step} m`, 12, height - 22);
   to.fillText("N ↑", width - 32, 20);
+  const voted = points.map((point) => point.voted).filter(Boolean);
+  const range = (axis) => {
+    const values = voted.map((place) => place[axis]);
+    return `${(Math.max(...values) - Math.min(...values)).toFixed(0)} m`;
+  };
+  const flown = voted.length ? `${range(0)} from west to east, ${range(1)} from south to north` : "nothing voted";
+  describe("map", `The track: ${flown}; the tables have the numbers`);
   drawLegend([["voted", colour("--voted")], ...receivers.map((gps, index) =>
     [`${index + 1}: GPS${index + 1}${gps && gps.excluded ? " (excluded)" : ""}`, receiverColour(index)])]);
 }
@@ -364,6 +424,12 @@ function drawLegend(entries) {
   }));
 }
 
+// What a picture shows, for a screen reader.
+function describe(id, words) {
+  const canvas = element(id);
+  if (canvas.getAttribute("aria-label") !== words) canvas.setAttribute("aria-label", words);
+}
+
 function drawPlot(id, title, unit, pick, atLeast) {
   const [to, width, height] = prepare(element(id));
   const values = history.map(pick).filter((value) => value !== null);
@@ -377,7 +443,9 @@ function drawPlot(id, title, unit, pick, atLeast) {
   const long = Math.max(60000, end - history[0].at);
   const x = (at) => width - 8 - (end - at) / long * (width - 16);
   const y = (value) => height - 8 - (value - low) / (high - low) * (height - 34);
-  to.fillText(`${title}: ${low.toFixed(1)} to ${high.toFixed(1)}${unit}, last ${Math.round(long / 1000)} s`, 8, 16);
+  const span = `last ${Math.round(long / 1000)} s`;
+  to.fillText(`${title}: ${low.toFixed(1)} to ${high.toFixed(1)}${unit}, ${span}`, 8, 16);
+  describe(id, `${title}: ${Math.min(...values).toFixed(1)} to ${Math.max(...values).toFixed(1)}${unit}, ${span}`);
   to.strokeStyle = colour("--r1");
   to.lineWidth = 1.5;
   to.beginPath();
@@ -442,6 +510,7 @@ element("at").addEventListener("input", () => { moving = true; });
 element("at").addEventListener("change", (event) => { moving = false; command("at=" + event.target.value); });
 element("playback").addEventListener("submit", (event) => event.preventDefault());
 addEventListener("resize", () => { if (state) requestDraw(); });
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { if (state) requestDraw(); });
 
 // A page that is not looked at gets no frames; its age goes on all the same.
 setInterval(drawAge, 50);

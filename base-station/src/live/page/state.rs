@@ -4,7 +4,7 @@ use profile::{FixType, ResetReason};
 use serde::Serialize;
 
 use super::super::playback::Player;
-use super::super::{Known, Station};
+use super::super::{Known, Station, history};
 use crate::drone::words;
 use crate::{Alarm, Drone, DroneId, Severity};
 
@@ -17,7 +17,15 @@ struct State {
     /// Of all drones, each half second.
     drones: Option<Vec<Line>>,
     drone: Option<Detail>,
+    /// Of the drone, with the first state of a connection.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    history: Option<Vec<Sample>>,
 }
+
+/// A drone at an instant: when (ms since 1970), the reported place, those of the receivers (degrees), the height (m),
+/// the worst age (s) and the fewest receivers that agreed in the time before.
+#[derive(Serialize)]
+struct Sample(u64, Option<[f64; 2]>, Vec<Option<[f64; 2]>>, Option<f32>, Option<f32>, Option<u8>);
 
 #[derive(Serialize)]
 struct Playback {
@@ -120,16 +128,24 @@ struct Counts {
     restarts: u64,
 }
 
-/// The state, with the details of `drone`, or of the first one if none is asked for, and with all drones if it `lists`
-/// them.
-pub(super) fn json(station: &Station, player: Option<&Player>, drone: Option<&str>, lists: bool) -> String {
+/// What goes with a state beside the details of one drone.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct With {
+    /// All drones.
+    pub(super) list: bool,
+    /// The drone's last minutes.
+    pub(super) history: bool,
+}
+
+/// The state, with the details of `drone`, or of the first one if none is asked for.
+pub(super) fn json(station: &Station, player: Option<&Player>, drone: Option<&str>, with: With) -> String {
     let known = station.known();
-    let state = state(&known, station.dropped(), player, drone, lists);
+    let state = state(&known, station.dropped(), player, drone, with);
     drop(known);
     serde_json::to_string(&state).unwrap_or_default()
 }
 
-fn state(known: &Known, dropped: u64, player: Option<&Player>, drone: Option<&str>, lists: bool) -> State {
+fn state(known: &Known, dropped: u64, player: Option<&Player>, drone: Option<&str>, with: With) -> State {
     let now_us = player.map_or(known.now_us, |player| player.now_us().max(known.now_us));
     let fleet = known.intake.fleet();
     let line = |(id, drone): (DroneId, &Drone)| {
@@ -155,8 +171,15 @@ fn state(known: &Known, dropped: u64, player: Option<&Player>, drone: Option<&st
             dropped,
             refused: fleet.refused(),
         },
-        drones: lists.then(|| fleet.iter().map(line).collect()),
+        drones: with.list.then(|| fleet.iter().map(line).collect()),
         drone: shown.map(|(id, drone)| detail(id, drone, now_us)),
+        history: shown.filter(|_| with.history).map(|(id, drone)| {
+            let sample = |sample: &history::Sample| {
+                let gps = sample.gps(drone.receivers()).collect();
+                Sample(sample.at_us / 1_000, sample.voted(), gps, sample.height(), sample.age(), sample.agree())
+            };
+            known.history.of(id).map(sample).collect()
+        }),
     }
 }
 

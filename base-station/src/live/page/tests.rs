@@ -5,7 +5,7 @@ use axum::body::{Body, to_bytes};
 use axum::http::Method;
 use futures_util::StreamExt;
 use profile::{GpsStatus, GpsValues, HorusState, Profile, ReportedStatus, ReportedValues};
-use serde_json::Value;
+use serde_json::{Value, json};
 use tokio::sync::watch;
 use tower::ServiceExt;
 
@@ -55,6 +55,8 @@ fn station() -> (Station, watch::Sender<u64>) {
             known.intake.take(&carried);
         }
     }
+    known.now_us = START;
+    known.look();
     known.now_us = START + 120_000;
     known.lines.push(("/dev/ttyUSB0".into(), "unplugged".into()));
     let (changed, changes) = watch::channel(0);
@@ -149,16 +151,27 @@ fn a_state_is_pushed_at_once_and_then_with_every_change() {
         let mut events = ask(&page, Method::GET, "/events?drone=3", "localhost").await.into_body().into_data_stream();
         let state = |bytes: &[u8]| -> Value {
             let text = std::str::from_utf8(bytes).unwrap();
-            serde_json::from_str(text.strip_prefix("data: ").unwrap().trim_end()).unwrap()
+            let data = text.lines().find_map(|line| line.strip_prefix("data: "));
+            serde_json::from_str(data.unwrap()).unwrap()
         };
         let first = state(&events.next().await.unwrap().unwrap());
         assert_eq!((&first["drone"]["id"], &first["drone"]["reported"]["age_ms"]), (&"3".into(), &120.into()));
         assert_eq!(first["drones"].as_array().map(Vec::len), Some(2));
+        let sample = json!([
+            START / 1_000,
+            [47.497_912_3, -8.728_9],
+            [[47.497_912_3, -8.728_9], [47.497_912_3, -8.728_9], null],
+            470.125,
+            0.0,
+            2
+        ]);
+        assert_eq!(first["history"], json!([sample]));
         station.known().now_us += 1_000_000;
         changed.send_modify(|count| *count += 1);
         let second = state(&events.next().await.unwrap().unwrap());
         assert_eq!((&second["drone"]["reported"]["age_ms"], &second["drone"]["stale"]), (&1_120.into(), &true.into()));
         assert_eq!(second["drones"], Value::Null, "the list comes each half second");
+        assert_eq!(second.get("history"), None, "the history comes once");
         sleep(LIST).await;
         changed.send_modify(|count| *count += 1);
         let third = state(&events.next().await.unwrap().unwrap());

@@ -9,6 +9,9 @@ const C_HALT: u32 = 1 << 1;
 const C_STEP: u32 = 1 << 2;
 const C_MASKINTS: u32 = 1 << 3;
 
+/// What the program counter reads in a lockup (ARM ARM B1.5.15).
+const LOCKUP_ADDRESS: u32 = 0xFFFF_FFFE;
+
 const MON_EN: u32 = 1 << 16;
 const MON_PEND: u32 = 1 << 17;
 const MON_STEP: u32 = 1 << 18;
@@ -146,6 +149,11 @@ impl<C: Cost> Core<C> {
         self.system.debug.halt_wanted = 0;
         self.system.debug.stepping = None;
         self.system.debug.control |= C_HALT;
+        // Entering Debug state ends WFI and WFE, and leaves a lockup (ARM ARM B1.5.18, B1.5.19, B1.5.15).
+        self.waiting = None;
+        if std::mem::take(&mut self.locked_up) {
+            self.r[15] = LOCKUP_ADDRESS;
+        }
         if !self.halted {
             self.advance_timers();
             self.halted = true;

@@ -165,6 +165,52 @@ impl<C: Cost> Core<C> {
         }
     }
 
+    /// Reads as the AHB-AP of the debug port does, an address that is aligned to `width`: a real access, which sets off
+    /// what a load there does, but past the MPU, and in the core's own space with a debugger's rights. `cycle` is when.
+    ///
+    /// # Errors
+    ///
+    /// [`Fault::BusData`] where nothing answers.
+    pub fn access_port_read<B: Bus>(
+        &mut self,
+        bus: &mut B,
+        address: u32,
+        width: Width,
+        cycle: u64,
+    ) -> Result<u32, Fault> {
+        if address >> 20 == 0xE00 {
+            let access = Access { address, width, ..self.debugger_access(address) };
+            return self.system_read(bus, &access);
+        }
+        let access = self.port_access(address, width, cycle);
+        bus.read(&access).map_err(|BusError| Fault::BusData(address))
+    }
+
+    /// Writes as [`Core::access_port_read`] reads.
+    ///
+    /// # Errors
+    ///
+    /// [`Fault::BusData`] where nothing answers, or what is there refuses.
+    pub fn access_port_write<B: Bus>(
+        &mut self,
+        bus: &mut B,
+        address: u32,
+        width: Width,
+        value: u32,
+        cycle: u64,
+    ) -> Result<(), Fault> {
+        if address >> 20 == 0xE00 {
+            let access = Access { address, width, ..self.debugger_access(address) };
+            return self.system_write(bus, &access, value);
+        }
+        let access = self.port_access(address, width, cycle);
+        bus.write(&access, value).map_err(|BusError| Fault::BusData(address))
+    }
+
+    fn port_access(&self, address: u32, width: Width, cycle: u64) -> Access {
+        Access { address, width, purpose: Purpose::AccessPort, privileged: true, cycle, pc: self.r[15] }
+    }
+
     fn debugger_access(&self, address: u32) -> Access {
         Access {
             address: address & !3,

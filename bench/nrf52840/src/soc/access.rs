@@ -93,7 +93,7 @@ impl Soc {
             self.advance(access.cycle, outside);
         }
         self.now = self.now.max(access.cycle);
-        self.out.pc = Some(access.pc);
+        self.out.pc = (access.purpose != Purpose::AccessPort).then_some(access.pc);
     }
 
     fn read_word<O: Outside>(&mut self, address: u32, access: &Access, outside: &mut O) -> Option<u32> {

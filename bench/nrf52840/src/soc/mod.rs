@@ -84,6 +84,7 @@ pub(crate) struct Soc {
     /// The part waits for its restart, or is in System OFF: nothing happens in it.
     halted: bool,
     off: bool,
+    pub(crate) access: crate::ctrl_ap::Access,
 }
 
 impl Soc {
@@ -110,6 +111,7 @@ impl Soc {
             restarting: None,
             halted: false,
             off: false,
+            access: crate::ctrl_ap::Access::default(),
             settings,
         };
         soc.look_at_touched();

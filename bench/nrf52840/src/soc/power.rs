@@ -57,10 +57,21 @@ impl Soc {
         self.carry(outside);
     }
 
+    /// A debugger halted the core, or lets it go on.
+    pub(crate) fn halts<O: Outside>(&mut self, at: Cycle, halted: bool, outside: &mut O) {
+        self.come(at, outside);
+        let Soc { parts, clocks, out, now, touched, memory, gpio, .. } = self;
+        *touched |= 1 << WDT;
+        let mut cx = Cx { now: *now, clocks, memory, pins: gpio, out, id: WDT, name: "WDT" };
+        parts.wdt.halts(halted, &mut cx);
+        self.carry(outside);
+    }
+
     /// The part restarts (PS 5.3, *Reset behavior*). Pins driven from outside and what the cause leaves alone stay.
     pub(crate) fn restart<O: Outside>(&mut self, at: Cycle, cause: Reset, outside: &mut O) {
         self.now = self.now.max(at);
         self.out.pc = None;
+        self.protection_restarts(cause);
         let mut parts = Parts::new(&self.settings);
         // RESETREAS accumulates until it is cleared (PS 5.3); power-on and brown-out start it at 0.
         let reason = match cause {

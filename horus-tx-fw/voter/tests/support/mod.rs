@@ -12,6 +12,7 @@ pub(crate) struct Said {
     pub(crate) valid: bool,
     pub(crate) stated: Stated,
     pub(crate) since_arrival_ms: i32,
+    pub(crate) lag_ms: u32,
     pub(crate) attitude: Option<[f32; 3]>,
     pub(crate) acceleration: Option<[f32; 3]>,
 }
@@ -29,6 +30,7 @@ impl Said {
             vertical_accuracy_mm: 2_500,
         },
         since_arrival_ms: 0,
+        lag_ms: 0,
         attitude: None,
         acceleration: None,
     };
@@ -38,6 +40,7 @@ impl Said {
             valid: self.valid,
             fix: Fix::new(&self.stated),
             since_arrival_ms: self.since_arrival_ms,
+            lag_ms: self.lag_ms,
             attitude: self.attitude,
             acceleration: self.acceleration,
         }
@@ -86,25 +89,21 @@ impl Said {
         good
     }
 
-    fn age(&self) -> f64 {
-        (f64::from(self.since_arrival_ms) / 1e3 + 0.050).max(0.0)
-    }
-
     fn velocity(&self) -> [f64; 3] {
         self.stated.velocity_mm_s.map(|axis| f64::from(axis) / 1e3)
     }
 
-    fn horizontal(&self) -> f64 {
+    fn horizontal(&self, age: f64) -> f64 {
         let [north, east, _] = self.velocity();
-        f64::from(self.stated.horizontal_accuracy_mm) / 1e3 + 0.05 * north.hypot(east) + 2.0 * self.age().powi(2)
+        f64::from(self.stated.horizontal_accuracy_mm) / 1e3 + 0.05 * north.hypot(east) + 2.0 * age.powi(2)
     }
 
-    fn vertical(&self) -> f64 {
-        f64::from(self.stated.vertical_accuracy_mm) / 1e3 + 0.05 * self.velocity()[2].abs() + 2.0 * self.age().powi(2)
+    fn vertical(&self, age: f64) -> f64 {
+        f64::from(self.stated.vertical_accuracy_mm) / 1e3 + 0.05 * self.velocity()[2].abs() + 2.0 * age.powi(2)
     }
 
-    fn height(&self) -> Option<f64> {
-        self.stated.altitude_mm.map(|mm| f64::from(mm) / 1e3 - self.velocity()[2] * self.age())
+    fn height(&self, age: f64) -> Option<f64> {
+        self.stated.altitude_mm.map(|mm| f64::from(mm) / 1e3 - self.velocity()[2] * age)
     }
 }
 
@@ -196,25 +195,26 @@ impl Oracle {
         let candidates: Vec<usize> = (0..n).filter(|i| said[*i].is_candidate()).collect();
         let was_excluded = |i: &usize| self.excluded.iter().any(|(who, _)| who == i);
         let eligible: Vec<usize> = candidates.iter().copied().filter(|i| !was_excluded(i)).collect();
+        let ages = ages(said, &candidates);
         let mut narrow = false;
         let mut agree = vec![vec![false; n]; n];
         for &i in &candidates {
             for &j in &candidates {
                 let (a, b) = (&said[i], &said[j]);
                 let height = a.stated.altitude_mm.map_or(0.0, |mm| f64::from(mm) / 1e3);
-                let point = |s: &Said| {
+                let point = |s: &Said, age: f64| {
                     let [north, east, _] = s.velocity();
-                    Place::of(&s.stated, height).at(north * s.age(), east * s.age())
+                    Place::of(&s.stated, height).at(north * age, east * age)
                 };
                 let distance = {
-                    let d = minus(point(a), point(b));
+                    let d = minus(point(a, ages[i]), point(b, ages[j]));
                     dot(d, d).sqrt()
                 };
-                let limit = (3.0 * a.horizontal().hypot(b.horizontal())).clamp(5.0, 30.0);
+                let limit = (3.0 * a.horizontal(ages[i]).hypot(b.horizontal(ages[j]))).clamp(5.0, 30.0);
                 narrow |= i != j && (distance - limit).abs() < 0.002;
                 agree[i][j] = distance <= limit;
-                if let (Some(x), Some(y)) = (a.height(), b.height()) {
-                    let limit = (3.0 * a.vertical().hypot(b.vertical())).clamp(8.0, 50.0);
+                if let (Some(x), Some(y)) = (a.height(ages[i]), b.height(ages[j])) {
+                    let limit = (3.0 * a.vertical(ages[i]).hypot(b.vertical(ages[j]))).clamp(8.0, 50.0);
                     narrow |= i != j && ((x - y).abs() - limit).abs() < 0.002;
                     agree[i][j] &= (x - y).abs() <= limit;
                 }
@@ -226,7 +226,7 @@ impl Oracle {
             sets.extend(larger);
         }
         sets.retain(|set| set.iter().all(|i| set.iter().all(|j| agree[*i][*j])));
-        let sum = |set: &[usize]| set.iter().map(|i| said[*i].horizontal()).sum::<f64>();
+        let sum = |set: &[usize]| set.iter().map(|i| said[*i].horizontal(ages[*i])).sum::<f64>();
         let kept = |set: &[usize]| set.iter().filter(|i| self.last.contains(i)).count();
         let order = |a: &Vec<usize>, b: &Vec<usize>| {
             (b.len().cmp(&a.len()))
@@ -282,11 +282,11 @@ impl Oracle {
             let (mut north, mut east, mut up) = (Vec::new(), Vec::new(), Vec::new());
             for &i in &members {
                 let [vn, ve, _] = said[i].velocity();
-                let point = Place::of(&said[i].stated, height).at(vn * said[i].age(), ve * said[i].age());
+                let point = Place::of(&said[i].stated, height).at(vn * ages[i], ve * ages[i]);
                 let (n, e, _) = origin.to(point);
                 north.push(n);
                 east.push(e);
-                up.extend(said[i].height());
+                up.extend(said[i].height(ages[i]));
             }
             let (latitude, longitude) = geodetic(origin.at(middle(&mut north), middle(&mut east)));
             let altitude = (!up.is_empty()).then(|| middle(&mut up));
@@ -294,6 +294,23 @@ impl Oracle {
         });
         Opinion { members, excluded: shown, position, narrow }
     }
+}
+
+/// How old each position is at the tick, s: 50 ms at the candidate whose message came in the middle after its time of
+/// week, as much more or less at another as it came later or sooner, and 50 ms again where that is more than 50 ms.
+fn ages(said: &[Said], candidates: &[usize]) -> Vec<f64> {
+    const WEEK: f64 = 604_800.0;
+    let lag = |i: usize| {
+        let off = f64::from(said[i].lag_ms) / 1e3 - f64::from(said[candidates[0]].lag_ms) / 1e3;
+        if off.abs() > WEEK / 2.0 { off - WEEK.copysign(off) } else { off }
+    };
+    let middle = (!candidates.is_empty()).then(|| middle(&mut candidates.iter().map(|i| lag(*i)).collect::<Vec<_>>()));
+    let latency = |i: usize| {
+        let off = middle.map_or(0.0, |middle| lag(i) - middle);
+        // Half milliseconds, to which float64 is exact enough.
+        0.050 + if off.abs() < 0.0502 { off } else { 0.0 }
+    };
+    said.iter().enumerate().map(|(i, said)| (f64::from(said.since_arrival_ms) / 1e3 + latency(i)).max(0.0)).collect()
 }
 
 fn middle(values: &mut [f64]) -> f64 {

@@ -36,8 +36,8 @@ use profile::{CYCLE_MS, GpsStatus, GpsValues, Layout, MAX_RECEIVERS, ReportedVal
 use crate::read::{Frame, Placed, State, Values};
 use crate::{Board, Context, Event, Figures, Findings, Header, Violation, Voter, What, bounds};
 use inputs::Inputs;
-use track::{Age, FOUND_LATE, Track};
-use ubx::{Kind, Message, Motion, Reader};
+use track::{Age, FOUND_LATE, Held, Track};
+use ubx::{Kind, Message, Reader};
 use vote::{Seen, Vote};
 
 /// The status bit that says that the receiver was heard.
@@ -132,7 +132,7 @@ impl Line {
 
     /// The messages by which HORUS may have come to the position of a GPS object of `tick`, and whether that is still
     /// valid at the next tick for sure.
-    fn held(&self, tick: u64, values: &GpsValues) -> (Vec<(Motion, Age)>, bool) {
+    fn held(&self, tick: u64, values: &GpsValues) -> (Vec<Held>, bool) {
         let mut track = self.tracks[Kind::Position as usize].clone();
         for message in self.arriving.iter().take_while(|message| message.arrived <= tick + bounds::SAMPLED_AFTER_TICK) {
             if let Some((Kind::Position, time_of_week, said)) = message.said {

@@ -120,6 +120,27 @@ impl Age {
     }
 }
 
+/// A message whose position a GPS object shows, at a tick.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Held {
+    pub(super) motion: Motion,
+    /// From its arrival to the tick.
+    pub(super) age: Age,
+    /// From its time of week to the tick, modulo a week, ns: the judge's clock began anywhere, so only differences
+    /// between receivers count.
+    pub(super) since_epoch: i64,
+}
+
+/// A week, ns.
+pub(super) const WEEK: i64 = WEEK_MS as i64 * 1_000_000;
+
+impl Held {
+    /// The same at a tick so much later, ns.
+    pub(super) fn later(self, by: u64) -> Self {
+        Self { age: self.age.later(by), since_epoch: (self.since_epoch + by as i64) % WEEK, ..self }
+    }
+}
+
 /// What agrees of an object's values and status bits with what they may be.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Agreement {
@@ -207,10 +228,14 @@ impl Track {
 
     /// How the position that a GPS object of `tick` shows may move, and how old it may be: of each message that shows
     /// these values. HORUS may count the age of a message that repeats a time of week from either.
-    pub(super) fn held(&self, tick: u64, values: [u64; 3]) -> impl Iterator<Item = (Motion, Age)> {
+    pub(super) fn held(&self, tick: u64, values: [u64; 3]) -> impl Iterator<Item = Held> {
         let shows = move |candidate: &&Candidate| candidate.said.motion.is_some() && candidate.said.values == values;
-        self.candidates.iter().filter(shows).filter_map(move |Candidate { said, born, arrived, .. }| {
-            Some((said.motion?, Age::at(tick, (born.0.min(arrived.0), born.1.max(arrived.1)))))
+        self.candidates.iter().filter(shows).filter_map(move |Candidate { said, time_of_week, born, arrived }| {
+            Some(Held {
+                motion: said.motion?,
+                age: Age::at(tick, (born.0.min(arrived.0), born.1.max(arrived.1))),
+                since_epoch: (tick as i64 % WEEK - i64::from(time_of_week % WEEK_MS) * 1_000_000).rem_euclid(WEEK),
+            })
         })
     }
 

@@ -1,3 +1,4 @@
+use gnss_sim::ubx::WEEK_MS;
 use profile::ReportedStatus;
 
 use super::*;
@@ -349,6 +350,59 @@ fn a_position_is_brought_to_the_tick() {
     assert_eq!(said(-0.01), [], "HORUS may have taken it up to 12 ms after its arrival");
     assert_eq!(said(0.02)[0].0, Violation::ReportedWrong);
     assert_eq!(said(-0.05)[0].0, Violation::ReportedWrong);
+}
+
+#[test]
+fn a_position_whose_message_came_later_after_its_time_of_week_is_older() {
+    // Of these three GPS2 flies north, between the others; how many ms later than at first each says it, and how old
+    // GPS2's position then is when it arrives.
+    for (late, before_arrival) in [
+        ([0, 0, 0], 0.050),
+        ([0, 40, 20], 0.070),
+        ([20, 0, 40], 0.030),
+        ([0, 40, 0], 0.090),
+        // Farther off than is believed.
+        ([0, 70, 0], 0.050),
+        ([70, 0, 65], 0.050),
+        // In doubt: HORUS takes a message up to 12 ms after its arrival.
+        ([0, 50, 0], 0.050),
+        ([0, 50, 0], 0.100),
+    ] {
+        let mut scene = Scene::of_cycles(3, 100, 120);
+        for (bursts, late) in scene.receivers.iter_mut().zip(late) {
+            for (number, burst) in (0..).zip(bursts) {
+                burst.at += late * MS;
+                let pvt = burst.pvt.as_mut().unwrap();
+                // A week ends in between.
+                pvt.itow_ms = (WEEK_MS - 500 + 100 * number) % WEEK_MS;
+            }
+        }
+        // Once all have spoken.
+        scene.receivers[1][3..].iter_mut().for_each(|burst| burst.pvt.as_mut().unwrap().velocity_mm_s = [6_000, 0, 0]);
+        let arrived: Vec<u64> = scene.receivers[1].iter().map(Burst::arrived).collect();
+        let said = |off: f64| {
+            let mut before = [false; 3];
+            scene.said(|cycle, reported, gps| {
+                let voters: Vec<_> = gps.iter().zip(before).filter(|(_, voted)| *voted).map(|(gps, _)| *gps).collect();
+                *reported = match voters.len() {
+                    0 | 1 => ReportedValues::absent(reported.timestamp),
+                    _ => voted(&voters),
+                };
+                reported.status = reported.status.with_degraded(voters.len() < 3);
+                let last = arrived.iter().rposition(|arrived| arrived + MS <= tick(cycle));
+                if let Some(last) = last.filter(|last| *last >= 3) {
+                    let since_arrival = (tick(cycle) - arrived[last]) as f64 / 1e9;
+                    reported.latitude += 6.0 * (since_arrival + before_arrival + off) / 111_185.0;
+                }
+                before = [0, 1, 2].map(|receiver| gps[receiver].status.position_valid());
+            })
+        };
+        assert_eq!(said(0.0), [], "{late:?}");
+        let in_doubt = late == [0, 50, 0];
+        for off in [-0.04, 0.03].into_iter().filter(|_| !in_doubt) {
+            assert_eq!(said(off)[0].0, Violation::ReportedWrong, "{late:?}: {off} s");
+        }
+    }
 }
 
 #[test]

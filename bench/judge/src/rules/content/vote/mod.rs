@@ -45,8 +45,7 @@ use std::f64::consts::PI;
 
 use profile::{ABSENT_F32, ABSENT_F64, GpsValues, HorusState, MAX_RECEIVERS, ReportedStatus, ReportedValues};
 
-use super::track::Age;
-use super::ubx::Motion;
+use super::track::Held;
 use crate::{Violation, bounds};
 use places::{Place, Relation, median, median_of, spread};
 
@@ -57,7 +56,7 @@ type Set = u8;
 #[derive(Clone, Debug)]
 pub(super) struct Seen {
     pub(super) values: GpsValues,
-    pub(super) held: Vec<(Motion, Age)>,
+    pub(super) held: Vec<Held>,
     /// Its position is still valid at the next tick for sure, if nothing newer comes.
     pub(super) lasts: bool,
     /// The receiver said so much within a cycle that the voter may have something of it that no object shows.
@@ -342,22 +341,13 @@ impl<'a> Cycle<'a> {
                 |seen: &Seen| [seen.values.latitude, seen.values.longitude, seen.values.altitude].map(f64::to_bits);
             let known = |seen: &Seen| !seen.hurried;
             if let Some(was) = was.filter(|was| is.is_none_or(|is| shown(is) != shown(was))) {
-                let older = |(motion, age): &(Motion, Age)| (*motion, age.later(bounds::CYCLE));
-                let held = was.held.iter().map(older).filter(|_| known(was));
+                let held = was.held.iter().map(|held| held.later(bounds::CYCLE)).filter(|_| known(was));
                 place.add(was.values.latitude, was.values.longitude, was.values.altitude, held);
             }
             if let Some(is) = is {
                 let older = was.into_iter().filter(|was| shown(was) == shown(is)).flat_map(|was| &was.held);
-                let held =
-                    is.held.iter().copied().chain(older.map(|(motion, age)| (*motion, age.later(bounds::CYCLE))));
+                let held = is.held.iter().copied().chain(older.map(|held| held.later(bounds::CYCLE)));
                 place.add(is.values.latitude, is.values.longitude, is.values.altitude, held.filter(|_| known(is)));
-            }
-        }
-        let mut relations = [[Relation::Doubtful; MAX_RECEIVERS]; MAX_RECEIVERS];
-        for (one, place) in places.iter().enumerate() {
-            for (other, its) in places.iter().enumerate().skip(one + 1) {
-                let relation = place.relation(its);
-                (relations[one][other], relations[other][one]) = (relation, relation);
             }
         }
         let valid = |seen: &[Seen]| set(seen, |seen| seen.values.status.position_valid());
@@ -369,7 +359,16 @@ impl<'a> Cycle<'a> {
         let had = |pair: (&Seen, &Seen)| pair.0.lasts || same(pair);
         let lasting = earlier.iter().zip(seen).enumerate().filter(|(_, pair)| had(*pair));
         let lasting = lasting.fold(0, |set, (receiver, _)| set | bit(receiver));
-        Self { seen, earlier, places, relations, sure: was & is & lasting, may: was | is, now, before }
+        let (sure, may) = (was & is & lasting, was | is);
+        places::bring(&mut places, sure, may);
+        let mut relations = [[Relation::Doubtful; MAX_RECEIVERS]; MAX_RECEIVERS];
+        for (one, place) in places.iter().enumerate() {
+            for (other, its) in places.iter().enumerate().skip(one + 1) {
+                let relation = place.relation(its);
+                (relations[one][other], relations[other][one]) = (relation, relation);
+            }
+        }
+        Self { seen, earlier, places, relations, sure, may, now, before }
     }
 
     /// How far each excluded receiver is from those that have a vote: the farthest.

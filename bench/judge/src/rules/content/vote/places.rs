@@ -1,13 +1,17 @@
 //! Where the receivers are at a tick, how far apart, and whether they agree, each as far as the log tells.
 //!
+//! How much older a position is than its message follows from when the messages came after the times of week that they
+//! are for: 50 ms at the candidate in the middle, and at another as much more or less as its message came later or
+//! sooner, if that is at most 50 ms (decision 15, brought to the tick).
+//!
 //! When HORUS took a message is known to some milliseconds, and where two messages show the same position it is not
 //! known which of them HORUS holds. So a place, an accuracy and a distance are spans here, and two receivers agree, do
 //! not agree, or may do either.
 
 use gnss_sim::{Geodetic, TangentPlane};
 
-use super::super::track::Age;
-use super::super::ubx::Motion;
+use super::super::track::{Held, WEEK};
+use super::{Set, bit};
 use crate::bounds;
 
 /// Farther apart than this, two receivers are not compared in a plane, m.
@@ -75,12 +79,14 @@ struct Version {
     plane: TangentPlane,
     /// As the object shows it; a 2D fix has none.
     altitude: Option<f64>,
-    /// What is known of its movement and accuracy; nothing while it is not certain what HORUS holds.
-    held: Option<Held>,
+    /// The messages by which HORUS may have come to it; none while it is not certain what HORUS holds.
+    messages: Vec<Held>,
+    /// What is known of its movement and accuracy, once it is known how old it is.
+    held: Option<Brought>,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Held {
+struct Brought {
     /// How far north, east and up it has moved since its epoch, m.
     moved: [Range; 3],
     /// Its inflated accuracies, horizontal and vertical, m.
@@ -94,12 +100,19 @@ impl Place {
         latitude: f64,
         longitude: f64,
         altitude: f64,
-        held: impl IntoIterator<Item = (Motion, Age)>,
+        messages: impl IntoIterator<Item = Held>,
     ) {
         let ground = Geodetic { latitude, longitude, height: 0.0 };
-        let held = held.into_iter().map(|(motion, age)| Held::new(motion, age)).reduce(Held::or);
+        let messages = messages.into_iter().collect();
         let altitude = (!altitude.is_nan()).then_some(altitude);
-        self.0.push(Version { ground, plane: TangentPlane::new(ground), altitude, held });
+        self.0.push(Version { ground, plane: TangentPlane::new(ground), altitude, messages, held: None });
+    }
+
+    /// How long after the time of week its message arrived, as far from `reference` (ns) as half a week at most, s.
+    fn lag(&self, reference: i64) -> Option<Range> {
+        let lags =
+            self.0.iter().map(|version| version.messages.iter().map(|held| lag(held, reference)).reduce(Range::hull));
+        lags.collect::<Option<Vec<_>>>()?.into_iter().reduce(Range::hull)
     }
 
     /// Whether it is known how it moves.
@@ -185,11 +198,64 @@ impl Version {
     }
 }
 
-impl Held {
-    fn new(Motion { velocity, accuracy }: Motion, age: Age) -> Self {
-        let seconds = |ns: u64| (ns + bounds::BEFORE_ARRIVAL) as f64 / 1e9;
-        let ages = Range::of(seconds(age.least), seconds(age.most));
-        let [north, east, down] = velocity.map(|axis| f64::from(axis) / 1e3);
+/// Brings the receivers to the tick, of whom those in `sure` are candidates and those in `may` may be.
+pub(super) fn bring(places: &mut [Place], sure: Set, may: Set) {
+    let some = places.iter().flat_map(|place| &place.0).flat_map(|version| &version.messages).next();
+    let Some(reference) = some.map(|held| held.since_epoch) else { return };
+    let lags: Vec<_> = places.iter().map(|place| place.lag(reference)).collect();
+    let of = |set: Set| {
+        let lags = lags.iter().enumerate().filter(|(receiver, _)| set & bit(*receiver) != 0).map(|(_, lag)| *lag);
+        median(&lags.collect::<Option<Vec<_>>>()?)
+    };
+    // Of each set of candidates that there may be.
+    let sets = (0..1 << places.len()).filter(|set: &Set| set & !may == 0 && set & sure == sure && *set != 0);
+    let middle = sets.map(of).collect::<Option<Vec<_>>>();
+    let middle = middle.and_then(|middle| middle.into_iter().reduce(Range::hull));
+    for version in places.iter_mut().flat_map(|place| &mut place.0) {
+        let brought = version.messages.iter().map(|held| Brought::new(held, age(held, reference, middle)));
+        version.held = brought.reduce(Brought::or);
+    }
+}
+
+/// s, of ns.
+fn seconds(ns: i64) -> f64 {
+    ns as f64 / 1e9
+}
+
+/// From the time of week to the tick, as far from `reference` as half a week at most, s.
+fn since_epoch(held: &Held, reference: i64) -> f64 {
+    seconds((held.since_epoch - reference + WEEK / 2).rem_euclid(WEEK) - WEEK / 2)
+}
+
+/// From the time of week to the arrival, by the same reference, s.
+fn lag(held: &Held, reference: i64) -> Range {
+    let ages = Range::of(seconds(held.age.least as i64), seconds(held.age.most as i64));
+    Range { least: since_epoch(held, reference) - ages.most, most: since_epoch(held, reference) - ages.least }
+}
+
+/// How old the position of a message is at the tick, s, if the middle of the candidates' lags is known to be in
+/// `middle`.
+fn age(held: &Held, reference: i64, middle: Option<Range>) -> Range {
+    let (usual, spread) = (seconds(bounds::BEFORE_ARRIVAL as i64), seconds(bounds::BEFORE_ARRIVAL_SPREAD as i64));
+    let since_arrival = Range::of(seconds(held.age.least as i64), seconds(held.age.most as i64));
+    let as_usual = since_arrival.moved(usual);
+    let widest = Range { least: as_usual.least - spread, most: as_usual.most + spread };
+    let Some(middle) = middle else { return widest };
+    let off = lag(held, reference).minus(middle);
+    if off.least > spread || off.most < -spread {
+        return as_usual;
+    }
+    // The arrival itself makes no difference here: what comes later is younger by then, and took longer.
+    let epoch = since_epoch(held, reference);
+    let by_epoch = Range { least: epoch - middle.most, most: epoch - middle.least }.moved(usual);
+    let by_epoch = Range { least: by_epoch.least.max(widest.least), most: by_epoch.most.min(widest.most) };
+    if off.least >= -spread && off.most <= spread { by_epoch } else { by_epoch.hull(as_usual) }
+}
+
+impl Brought {
+    fn new(held: &Held, ages: Range) -> Self {
+        let ages = Range { least: ages.least.max(0.0), most: ages.most.max(0.0) };
+        let [north, east, down] = held.motion.velocity.map(|axis| f64::from(axis) / 1e3);
         let moved = [north, east, -down].map(|speed| Range::of(speed * ages.least, speed * ages.most));
         let inflated = |stated: u32, speed: f64| {
             let at = |age: f64| {
@@ -198,6 +264,7 @@ impl Held {
             };
             Range::of(at(ages.least), at(ages.most))
         };
+        let accuracy = held.motion.accuracy;
         let accuracy = [inflated(accuracy[0], libm::hypot(north, east)), inflated(accuracy[1], down)];
         Self { moved, accuracy }
     }

@@ -1,0 +1,314 @@
+//! A headless Chromium for tests of a page: opens it, looks at it, types, and says what went wrong in it.
+//!
+//! # Design
+//!
+//! Chromium speaks the DevTools protocol over two pipes (`--remote-debugging-pipe`): JSON, each message ended by a zero
+//! byte. There is no port, nothing listens, and Chromium ends when the pipes do, so no test leaves one behind. The
+//! protocol is that of <https://chromedevtools.github.io/devtools-protocol/>. A library for it would be
+//! `headless_chrome` or `chromiumoxide`: 141 and 150 crates, the former a minute of a processor to build, most of it
+//! code generated for a protocol of which this needs a dozen commands.
+//!
+//! Nothing but this machine is reached: every other host name resolves to nothing, which a page that asks for one shows
+//! as a failed request ([`Tab::requests`]).
+
+#![forbid(unsafe_code)]
+
+use std::collections::VecDeque;
+use std::io::{BufRead, BufReader, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::time::{Duration, Instant};
+
+use base64::Engine;
+use base64::prelude::BASE64_STANDARD;
+use serde_json::{Value, json};
+
+/// What the browser is called, in the order in which it is looked for.
+const NAMES: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
+
+/// Longer than any answer takes on a machine that is busy.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// How often [`Tab::until`] looks.
+const LOOK: Duration = Duration::from_millis(10);
+
+/// The browser's program: what the environment's `CHROMIUM` says, or the first that is found. Nothing, said, where
+/// there is none, and a panic where the environment has `CI`: there it is to be installed.
+///
+/// # Panics
+///
+/// Where there is no browser and the environment has `CI`.
+#[must_use]
+pub fn program() -> Option<PathBuf> {
+    let named = std::env::var_os("CHROMIUM").map(PathBuf::from);
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let folders: Vec<PathBuf> = std::env::split_paths(&path).collect();
+    let found = NAMES.iter().flat_map(|name| folders.iter().map(move |folder| folder.join(name)));
+    let program = named.or_else(|| found.into_iter().find(|program| program.is_file()));
+    if program.is_none() {
+        let text = "there is no browser: install Debian's package chromium, or say where one is in CHROMIUM";
+        assert!(std::env::var_os("CI").is_none(), "{text}");
+        eprintln!("not run: {text}");
+    }
+    program
+}
+
+/// How large the page is seen.
+#[derive(Clone, Copy, Debug)]
+pub struct Screen {
+    /// CSS pixels.
+    pub width: u32,
+    /// CSS pixels.
+    pub height: u32,
+    /// Pixels of the screen for each of CSS, in a row.
+    pub scale: u32,
+    /// It is a phone's.
+    pub phone: bool,
+}
+
+/// A screen on a desk.
+pub const DESK: Screen = Screen { width: 1_280, height: 900, scale: 1, phone: false };
+
+/// A phone's, held upright.
+pub const PHONE: Screen = Screen { width: 390, height: 844, scale: 2, phone: true };
+
+/// A browser with one page.
+#[derive(Debug)]
+pub struct Tab {
+    process: Child,
+    to: ChildStdin,
+    from: Receiver<Value>,
+    /// The session of the page, for every command.
+    session: String,
+    commands: u64,
+    events: VecDeque<Value>,
+    troubles: Vec<String>,
+    requests: Vec<String>,
+}
+
+impl Tab {
+    /// Starts the browser, with an empty page. What it stores goes below `folder`, which is emptied first.
+    ///
+    /// # Panics
+    ///
+    /// If it cannot be started, or does not answer.
+    #[must_use]
+    pub fn start(program: &Path, folder: &Path) -> Self {
+        // What is left of a run before this.
+        let _ = std::fs::remove_dir_all(folder);
+        // The pipes are to be descriptors 3 and 4; the shell makes them of those that std sets up.
+        let mut command = Command::new("/bin/sh");
+        command.args(["-c", "exec \"$@\" 3<&0 4>&1 </dev/null >/dev/null 2>&1", "sh"]).arg(program);
+        command.args(["--headless", "--remote-debugging-pipe", "--disable-gpu", "--no-first-run", "--mute-audio"]);
+        // Containers give a browser less shared memory than it wants, and root no sandbox; the page is ours.
+        command.args(["--disable-dev-shm-usage", "--no-sandbox", "--disable-background-networking"]);
+        command.args(["--disable-component-update", "--disable-default-apps", "--disable-sync"]);
+        command.arg("--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1");
+        command.arg(format!("--user-data-dir={}", folder.display())).arg("about:blank");
+        let mut process = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().expect("the browser starts");
+        let to = process.stdin.take().expect("it was piped");
+        let out = process.stdout.take().expect("it was piped");
+        let (tell, from) = channel();
+        std::thread::spawn(move || {
+            for message in BufReader::new(out).split(0).map_while(Result::ok) {
+                let message = serde_json::from_slice(&message).expect("the browser speaks JSON");
+                if tell.send(message).is_err() {
+                    return;
+                }
+            }
+        });
+        let mut tab = Self {
+            process,
+            to,
+            from,
+            session: String::new(),
+            commands: 0,
+            events: VecDeque::new(),
+            troubles: vec![],
+            requests: vec![],
+        };
+        let target = tab.command("Target.createTarget", json!({ "url": "about:blank" }));
+        let attach = json!({ "targetId": target["targetId"], "flatten": true });
+        let attached = tab.command("Target.attachToTarget", attach);
+        tab.session = attached["sessionId"].as_str().expect("a session").to_owned();
+        for domain in ["Page", "Runtime", "Log", "Network", "Accessibility"] {
+            tab.command(&format!("{domain}.enable"), json!({}));
+        }
+        tab.screen(DESK);
+        tab
+    }
+
+    /// Carries a command out and answers its result.
+    ///
+    /// # Panics
+    ///
+    /// If it fails, or the browser does not answer.
+    pub fn command(&mut self, method: &str, params: Value) -> Value {
+        self.commands += 1;
+        let id = self.commands;
+        let mut message = json!({ "id": id, "method": method, "params": params });
+        if !self.session.is_empty() {
+            message["sessionId"] = self.session.clone().into();
+        }
+        let mut bytes = message.to_string().into_bytes();
+        bytes.push(0);
+        self.to.write_all(&bytes).expect("the browser listens");
+        loop {
+            let message = self.from.recv_timeout(PATIENCE).unwrap_or_else(|error| panic!("{method}: {error}"));
+            if message["id"] == id {
+                assert!(message.get("error").is_none(), "{method}: {}", message["error"]);
+                return message["result"].clone();
+            }
+            self.note(message);
+        }
+    }
+
+    /// The browser tells of something.
+    fn note(&mut self, event: Value) {
+        let params = &event["params"];
+        match event["method"].as_str().unwrap_or_default() {
+            "Runtime.exceptionThrown" => self.troubles.push(params["exceptionDetails"].to_string()),
+            "Runtime.consoleAPICalled" if params["type"] == "error" || params["type"] == "warning" => {
+                self.troubles.push(params["args"].to_string());
+            }
+            "Log.entryAdded" if params["entry"]["level"] == "error" || params["entry"]["level"] == "warning" => {
+                let entry = &params["entry"];
+                let part = |name: &str| entry[name].as_str().unwrap_or_default().to_owned();
+                self.troubles.push(format!("{}: {} {}", part("source"), part("text"), part("url")));
+            }
+            "Network.requestWillBeSent" => {
+                self.requests.extend(params["request"]["url"].as_str().map(str::to_owned));
+            }
+            _ => {}
+        }
+        self.events.push_back(event);
+    }
+
+    /// Takes what the browser has told meanwhile.
+    fn listen(&mut self) {
+        loop {
+            match self.from.recv_timeout(Duration::ZERO) {
+                Ok(message) => self.note(message),
+                Err(RecvTimeoutError::Timeout) => return,
+                Err(RecvTimeoutError::Disconnected) => panic!("the browser has ended"),
+            }
+        }
+    }
+
+    /// Opens a page and waits until it is there.
+    pub fn open(&mut self, address: &str) {
+        self.events.clear();
+        let opened = self.command("Page.navigate", json!({ "url": address }));
+        assert_eq!(opened.get("errorText"), None, "{address}");
+        let began = Instant::now();
+        while !self.events.iter().any(|event| event["method"] == "Page.loadEventFired") {
+            assert!(began.elapsed() < PATIENCE, "{address} is not there");
+            std::thread::sleep(LOOK);
+            self.listen();
+        }
+    }
+
+    /// What a JavaScript expression is, awaited if it is a promise.
+    ///
+    /// # Panics
+    ///
+    /// If it throws.
+    pub fn eval(&mut self, expression: &str) -> Value {
+        let params = json!({ "expression": expression, "returnByValue": true, "awaitPromise": true });
+        let done = self.command("Runtime.evaluate", params);
+        assert!(done.get("exceptionDetails").is_none(), "{expression}: {}", done["exceptionDetails"]);
+        done["result"]["value"].clone()
+    }
+
+    /// The text that is shown in the first element that a CSS selector finds.
+    pub fn text(&mut self, selector: &str) -> String {
+        let text = self.eval(&format!("document.querySelector({}).innerText", Value::from(selector)));
+        text.as_str().unwrap_or_default().trim().to_owned()
+    }
+
+    /// Waits until a JavaScript expression is true.
+    ///
+    /// # Panics
+    ///
+    /// If that takes longer than a minute.
+    pub fn until(&mut self, expression: &str) {
+        let began = Instant::now();
+        while self.eval(expression) != Value::Bool(true) {
+            assert!(began.elapsed() < PATIENCE, "never: {expression}\n{}", self.text("body"));
+            std::thread::sleep(LOOK);
+        }
+    }
+
+    /// The page is seen on this screen from now on.
+    pub fn screen(&mut self, screen: Screen) {
+        let Screen { width, height, scale, phone } = screen;
+        let metrics = json!({ "width": width, "height": height, "deviceScaleFactor": scale, "mobile": phone });
+        self.command("Emulation.setDeviceMetricsOverride", metrics);
+    }
+
+    /// The person prefers this colour scheme from now on: `light` or `dark`.
+    pub fn scheme(&mut self, scheme: &str) {
+        let features = json!([{ "name": "prefers-color-scheme", "value": scheme }]);
+        self.command("Emulation.setEmulatedMedia", json!({ "features": features }));
+    }
+
+    /// Presses a key and lets it go: `Tab`, `Enter`, `ArrowDown`.
+    pub fn press(&mut self, key: &str) {
+        let code = match key {
+            "Tab" => 9,
+            "Enter" => 13,
+            "ArrowDown" => 40,
+            _ => panic!("no key {key} here"),
+        };
+        let text = if key == "Enter" { "\r" } else { "" };
+        for kind in ["keyDown", "keyUp"] {
+            let mut params = json!({ "type": kind, "key": key, "code": key, "windowsVirtualKeyCode": code });
+            if kind == "keyDown" {
+                params["text"] = text.into();
+            }
+            self.command("Input.dispatchKeyEvent", params);
+        }
+    }
+
+    /// What a screen reader is told: role and name of each thing on the page that it does not skip.
+    pub fn spoken(&mut self) -> Vec<(String, String)> {
+        let tree = self.command("Accessibility.getFullAXTree", json!({}));
+        let nodes = tree["nodes"].as_array().cloned().unwrap_or_default();
+        let part = |node: &Value, name: &str| node[name]["value"].as_str().unwrap_or_default().trim().to_owned();
+        let heard = nodes.iter().filter(|node| node["ignored"] != true);
+        heard.map(|node| (part(node, "role"), part(node, "name"))).collect()
+    }
+
+    /// Writes a picture of the whole page, as a PNG.
+    ///
+    /// # Panics
+    ///
+    /// If it cannot be written.
+    pub fn picture(&mut self, path: &Path) {
+        let shot = self.command("Page.captureScreenshot", json!({ "captureBeyondViewport": true }));
+        let bytes = BASE64_STANDARD.decode(shot["data"].as_str().expect("a picture")).expect("base64");
+        let written = path.parent().map_or(Ok(()), std::fs::create_dir_all).and_then(|()| std::fs::write(path, bytes));
+        written.unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    }
+
+    /// What the page asked for since the last call: addresses.
+    pub fn requests(&mut self) -> Vec<String> {
+        self.listen();
+        std::mem::take(&mut self.requests)
+    }
+
+    /// What went wrong in the page since the last call: exceptions, and errors and warnings of the console.
+    pub fn troubles(&mut self) -> Vec<String> {
+        self.listen();
+        std::mem::take(&mut self.troubles)
+    }
+}
+
+impl Drop for Tab {
+    fn drop(&mut self) {
+        // It may have ended already. Its helpers end with it.
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}

@@ -1,0 +1,221 @@
+//! The last minutes of every drone, for a page that is opened late.
+//!
+//! A sample each [`PERIOD_US`] for [`KEPT_US`]: where the drone was then, and of the time since the sample before the
+//! oldest that its data were and the fewest receivers that agreed, so that what went wrong for a moment shows.
+//!
+//! **Bound.** Room for 602 samples of at most [`SAMPLE_BYTES`] bytes for each drone, so 58 kB a drone, 58 MB a
+//! thousand, and 237 MB for the most drones that are kept ([`MAX_DRONES`](crate::fleet::MAX_DRONES)). Positions are kept as 1e-7
+//! degrees (1 cm), as GNSS receivers give them; they are drawn, and the numbers of the page come from elsewhere.
+
+use std::collections::{BTreeMap, VecDeque};
+
+use profile::MAX_RECEIVERS;
+
+use crate::drone::STALE_US;
+use crate::{Drone, DroneId, Fleet};
+
+/// From one sample to the next, µs.
+pub const PERIOD_US: u64 = 1_000_000;
+
+/// Samples are kept for so long, µs.
+pub const KEPT_US: u64 = 600_000_000;
+
+/// So many samples a drone has at most, while one is added.
+const SAMPLES: usize = (KEPT_US / PERIOD_US) as usize + 2;
+
+/// A sample is no larger than this, bytes.
+pub const SAMPLE_BYTES: usize = 96;
+
+const _: () = assert!(size_of::<Sample>() <= SAMPLE_BYTES);
+
+/// All drones are looked at so often at most, µs.
+const LOOK_US: u64 = 20_000;
+
+/// A receiver's position that is older than this is not drawn, µs: receivers take turns on a slow radio.
+const RECEIVER_OLD_US: u64 = 1_000_000;
+
+/// Latitude and longitude, 1e-7 degrees.
+type Place = [i32; 2];
+
+/// What was known of a drone at an instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample {
+    /// When, µs of the station's clock.
+    pub at_us: u64,
+    /// Reported-Position, if it was valid and not stale.
+    voted: Option<Place>,
+    /// The receivers' positions that were valid and not old.
+    gps: [Option<Place>; MAX_RECEIVERS],
+    /// The reported height, m, if it was valid and not stale; else not a number.
+    height: f32,
+    /// How old Reported-Position was at the worst since the sample before, s; not a number before there was one.
+    age: f32,
+    /// How many receivers agreed at the least since the sample before, while there was a position that was not stale.
+    agree: Option<u8>,
+}
+
+impl Sample {
+    fn of(drone: &Drone, now_us: u64) -> Self {
+        let reported = drone.reported();
+        let young = reported.filter(|held| held.age_us(now_us) <= STALE_US);
+        let valid = young.filter(|held| held.values.status.position_valid()).map(|held| &held.values);
+        let gps = |receiver: usize| {
+            let held = drone.gps(receiver + 1).filter(|held| held.age_us(now_us) <= RECEIVER_OLD_US)?;
+            held.values.status.position_valid().then(|| place(held.values.latitude, held.values.longitude))
+        };
+        Self {
+            at_us: now_us,
+            voted: valid.map(|values| place(values.latitude, values.longitude)),
+            gps: std::array::from_fn(gps),
+            height: valid.map_or(f32::NAN, |values| values.altitude as f32),
+            age: reported.map_or(f32::NAN, |held| held.age_us(now_us) as f32 / 1e6),
+            agree: young.map(|held| held.values.status.receivers_agreeing()),
+        }
+    }
+
+    /// The latitude and longitude that were reported, degrees, if they were valid and not stale.
+    #[must_use]
+    pub fn voted(&self) -> Option<[f64; 2]> {
+        self.voted.map(degrees)
+    }
+
+    /// The latitude and longitude of the first `receivers` receivers, degrees, where they were valid and not old.
+    pub fn gps(&self, receivers: usize) -> impl Iterator<Item = Option<[f64; 2]>> {
+        self.gps.into_iter().take(receivers).map(|place| place.map(degrees))
+    }
+
+    /// The reported height, m.
+    #[must_use]
+    pub fn height(&self) -> Option<f32> {
+        Some(self.height).filter(|height| !height.is_nan())
+    }
+
+    /// How old the reported position was at the worst since the sample before, s.
+    #[must_use]
+    pub fn age(&self) -> Option<f32> {
+        Some(self.age).filter(|age| !age.is_nan())
+    }
+
+    /// How many receivers agreed at the least since the sample before.
+    #[must_use]
+    pub const fn agree(&self) -> Option<u8> {
+        self.agree
+    }
+}
+
+/// Degrees are at most 180, so 1e-7 of them fit; what is more, or not a number, is no place of a valid object.
+fn place(latitude: f64, longitude: f64) -> Place {
+    [latitude, longitude].map(|degrees| (degrees * 1e7).round() as i32)
+}
+
+fn degrees(place: Place) -> [f64; 2] {
+    place.map(|part| f64::from(part) / 1e7)
+}
+
+/// One drone's samples.
+#[derive(Clone, Debug)]
+struct Track {
+    samples: VecDeque<Sample>,
+    /// The worst since the last sample.
+    age: f32,
+    agree: Option<u8>,
+}
+
+/// The last minutes of every drone. See the [module](self).
+#[derive(Clone, Debug, Default)]
+pub struct History {
+    tracks: BTreeMap<DroneId, Track>,
+    /// When all drones were looked at last, µs.
+    looked_us: Option<u64>,
+}
+
+impl History {
+    /// Looks at every drone, if it is time for that.
+    pub fn look(&mut self, now_us: u64, fleet: &Fleet) {
+        if self.looked_us.is_some_and(|looked_us| now_us < looked_us + LOOK_US) {
+            return;
+        }
+        self.looked_us = Some(now_us);
+        for (id, drone) in fleet.iter() {
+            let track = self.tracks.entry(id).or_insert(Track {
+                samples: VecDeque::with_capacity(SAMPLES),
+                age: f32::NAN,
+                agree: None,
+            });
+            let sample = Sample::of(drone, now_us);
+            track.age = track.age.max(sample.age);
+            track.agree = [track.agree, sample.agree].into_iter().flatten().min();
+            if track.samples.back().is_none_or(|last| now_us >= last.at_us + PERIOD_US) {
+                track.samples.push_back(Sample { age: track.age, agree: track.agree, ..sample });
+                (track.age, track.agree) = (f32::NAN, None);
+                while track.samples.front().is_some_and(|first| first.at_us + KEPT_US < now_us) {
+                    track.samples.pop_front();
+                }
+            }
+        }
+    }
+
+    /// A drone's samples, the oldest first.
+    pub fn of(&self, id: DroneId) -> impl Iterator<Item = &Sample> {
+        self.tracks.get(&id).into_iter().flat_map(|track| &track.samples)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use profile::{GpsStatus, GpsValues, Profile, ReportedStatus, ReportedValues};
+
+    use super::*;
+    use crate::Bundle;
+
+    const ID: DroneId = DroneId::System(1);
+
+    fn take(fleet: &mut Fleet, ms: u32, agree: u8) {
+        let (latitude, longitude, altitude) = (47.123_456_74 + f64::from(ms) * 1e-9, -8.5, 470.25);
+        let status = ReportedStatus::new().with_position_valid(true).with_receivers_agreeing(agree);
+        let reported = ReportedValues { status, latitude, longitude, altitude, ..ReportedValues::absent(ms) };
+        let status = GpsStatus::new().with_position_valid(true).with_heard(true);
+        let gps = GpsValues { status, latitude, longitude, altitude, ..GpsValues::absent(ms) };
+        let sent = Profile::seal(&reported, &[gps, GpsValues::absent(ms), gps]);
+        fleet.take(ID, u64::from(ms) * 1_000, &Bundle::datagram(sent.as_bytes()).unwrap());
+    }
+
+    /// A drone that is heard every 100 ms, but not from 5 s to 6.5 s, and two receivers of which agree at 3.1 s alone.
+    fn flown(seconds: u32) -> History {
+        let (mut history, mut fleet) = (History::default(), Fleet::default());
+        for ms in (0..=seconds * 1_000).step_by(20) {
+            if ms % 100 == 0 && !(5_000..6_500).contains(&ms) {
+                take(&mut fleet, ms, if ms == 3_100 { 2 } else { 3 });
+            }
+            history.look(u64::from(ms) * 1_000, &fleet);
+        }
+        history
+    }
+
+    #[test]
+    fn each_second_has_a_sample_with_the_worst_of_the_second_before() {
+        let history = flown(8);
+        let samples: Vec<_> = history.of(ID).collect();
+        assert_eq!(
+            samples.iter().map(|sample| sample.at_us / 1_000).collect::<Vec<_>>(),
+            [0, 1_000, 2_000, 3_000, 4_000, 5_000, 6_000, 7_000, 8_000]
+        );
+        let agree: Vec<_> = samples.iter().map(|sample| sample.agree()).collect();
+        assert_eq!(agree, [3, 3, 3, 3, 2, 3, 3, 3, 3].map(Some));
+        let ages: Vec<_> = samples.iter().map(|sample| (sample.age().unwrap() * 100.0).round()).collect();
+        assert_eq!(ages, [0.0, 8.0, 8.0, 8.0, 8.0, 10.0, 110.0, 158.0, 8.0]);
+        assert_eq!(samples[6].voted(), None, "it was stale");
+        assert_eq!((samples[6].height(), samples[7].height()), (None, Some(470.25)));
+        assert_eq!(samples[8].voted(), Some([47.123_464_7, -8.5]), "to 1e-7 degrees");
+        let gps: Vec<_> = samples[8].gps(3).map(|place| place.is_some()).collect();
+        assert_eq!(gps, [true, false, true]);
+    }
+
+    #[test]
+    fn ten_minutes_are_kept_and_no_more() {
+        let history = flown(700);
+        let kept: Vec<_> = history.of(ID).map(|sample| sample.at_us / PERIOD_US).collect();
+        assert_eq!((kept.len(), kept.first(), kept.last()), (601, Some(&100), Some(&700)));
+        assert_eq!(history.of(DroneId::System(2)).count(), 0);
+    }
+}

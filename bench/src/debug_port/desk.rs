@@ -1,0 +1,71 @@
+//! The two boards of the link as they lie on a desk: each with its front end, out of any field, nothing else connected.
+
+use bench_seam::Part;
+use cortex_m4::Fast;
+use nrf52840::{Nrf52840, Settings};
+use st25r3916_model::{Chip, Config};
+use stm32f429::{Oscillators, Stm32f429};
+
+use super::{Alone, DebugPort, Debugged, Wire};
+use crate::boards::{Dpr, Horus, SSI};
+use crate::node::Node;
+
+/// One of the two boards.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Desk {
+    /// nRF52840-DK, with a part of build code AAF0 by default: its debug port is locked when it is new.
+    Dpr,
+    /// NUCLEO-F429ZI.
+    Horus,
+}
+
+/// Switches a board on whose part keeps `kept` from before, or is new, and answers its debug port.
+///
+/// `kept` is what [`Wire::kept`] answered, of [`kept_bytes`] bytes; `None` where it has another length.
+#[must_use]
+pub fn switch_on(desk: Desk, kept: Option<&[u8]>) -> Option<Box<dyn Wire>> {
+    // The expansion boards run the chip from the 5 V of their header.
+    let chip = Chip::new(Config { vdd_mv: 5000, ..Config::default() });
+    Some(match desk {
+        Desk::Dpr => {
+            let mut part = Nrf52840::new(Settings::default());
+            part.wire_ssi(SSI);
+            Box::new(port(part, Dpr::new(chip, false), kept)?)
+        }
+        Desk::Horus => {
+            let part = Stm32f429::new(Oscillators::default());
+            Box::new(port(part, Horus::new(chip, 3, false), kept)?)
+        }
+    })
+}
+
+/// How many bytes a board's part keeps without its supply.
+#[must_use]
+pub fn kept_bytes(desk: Desk) -> usize {
+    let kept = match desk {
+        Desk::Dpr => Nrf52840::KEPT,
+        Desk::Horus => Stm32f429::KEPT,
+    };
+    kept.iter().map(|(_, size)| size).sum()
+}
+
+fn port<B: Alone>(mut part: B::Part, board: B, kept: Option<&[u8]>) -> Option<DebugPort<B, Fast>>
+where
+    B::Part: Debugged,
+{
+    if let Some(kept) = kept {
+        restore(&mut part, kept)?;
+    }
+    Some(DebugPort::new(Node::programmed(part, board)))
+}
+
+/// Puts what a part kept into its memory; `None` where it has another length.
+pub(crate) fn restore<P: Debugged + Part>(part: &mut P, kept: &[u8]) -> Option<()> {
+    let mut rest = kept;
+    for &(address, size) in P::KEPT {
+        let (bytes, behind) = rest.split_at_checked(size)?;
+        part.memory_mut(address, size)?.copy_from_slice(bytes);
+        rest = behind;
+    }
+    rest.is_empty().then_some(())
+}

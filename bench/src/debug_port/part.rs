@@ -1,0 +1,111 @@
+//! What a part adds to the debug port of its core.
+
+use bench_seam::Part;
+use nrf52840::{CtrlRequest, Nrf52840};
+use stm32f429::Stm32f429;
+
+use crate::boards::{Dpr, Horus};
+use crate::node::{Bare, Board};
+
+/// What a write to an access port of the part's own did to its reset.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PinReset {
+    /// Nothing.
+    Unchanged,
+    /// The part is held in reset.
+    Hold,
+    /// It starts, by a soft reset.
+    Release,
+}
+
+/// A part with a debug port.
+pub trait Debugged: Part {
+    /// What it keeps without its supply, flash first: address and size.
+    const KEPT: &'static [(u32, usize)];
+
+    /// Whether a debugger reaches the AHB-AP.
+    fn is_open(&self) -> bool {
+        true
+    }
+
+    /// Whether it has a reset pin now.
+    fn has_reset_pin(&self) -> bool {
+        true
+    }
+
+    /// Reads a register of an access port beside the AHB-AP.
+    fn read_port(&self, ap: u8, register: u8) -> u32 {
+        let _ = (ap, register);
+        0
+    }
+
+    /// Writes one, at the part's cycle `at`.
+    fn write_port(&mut self, ap: u8, register: u8, value: u32, at: u64) -> PinReset {
+        let _ = (ap, register, value, at);
+        PinReset::Unchanged
+    }
+
+    /// The part has come to its cycle `at` with a debugger there.
+    fn port_advances(&mut self, at: u64) {
+        let _ = at;
+    }
+}
+
+impl Debugged for Nrf52840 {
+    const KEPT: &'static [(u32, usize)] = &[(0, 1 << 20), (0x1000_1000, 4096)];
+
+    fn is_open(&self) -> bool {
+        self.access_port_open()
+    }
+
+    /// The pin that UICR.PSELRESET names, in both of its words alike and not disconnected (PS 4.5, 5.3.7).
+    fn has_reset_pin(&self) -> bool {
+        let words = self.memory(0x1000_1200, 8).unwrap_or_default();
+        words.len() == 8 && words[..4] == words[4..] && words[3] & 0x80 == 0
+    }
+
+    /// CTRL-AP is access port 1 (PS 4.8.1).
+    fn read_port(&self, ap: u8, register: u8) -> u32 {
+        if ap == 1 { self.ctrl_ap_read(register) } else { 0 }
+    }
+
+    fn write_port(&mut self, ap: u8, register: u8, value: u32, at: u64) -> PinReset {
+        if ap != 1 {
+            return PinReset::Unchanged;
+        }
+        match self.ctrl_ap_write(register, value, at) {
+            CtrlRequest::Nothing => PinReset::Unchanged,
+            CtrlRequest::HoldReset => PinReset::Hold,
+            CtrlRequest::ReleaseReset => PinReset::Release,
+        }
+    }
+
+    fn port_advances(&mut self, at: u64) {
+        self.ctrl_ap_advance(at);
+    }
+}
+
+impl Debugged for Stm32f429 {
+    const KEPT: &'static [(u32, usize)] = &[(0x0800_0000, 2 << 20)];
+}
+
+/// A board that a debug port can be on with nobody else around.
+pub trait Alone: Board {
+    /// What leaves the board goes nowhere.
+    fn forget_outgoing(&mut self) {}
+}
+
+impl<P: Part> Alone for Bare<P> {}
+
+impl Alone for Dpr {
+    fn forget_outgoing(&mut self) {
+        drop(self.front_end.take_air());
+    }
+}
+
+impl Alone for Horus {
+    fn forget_outgoing(&mut self) {
+        drop(self.front_end.take_air());
+        drop(self.receivers.take_heard());
+    }
+}

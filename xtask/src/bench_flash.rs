@@ -1,0 +1,55 @@
+//! What the bench's boards keep while they are off: a file for each below `target/bench`.
+//!
+//! A file holds what [`bench::debug_port::Wire::kept`] answers: of the DPR 1 MiB of flash and 4 KiB of UICR, of the HORUS
+//! side 2 MiB of flash. To have a new board again, remove its file.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use bench::debug_port::{Desk, kept_bytes};
+
+use crate::{Board, workspace};
+
+pub(crate) const fn desk(board: Board) -> Desk {
+    match board {
+        Board::Dpr => Desk::Dpr,
+        Board::Horus => Desk::Horus,
+    }
+}
+
+/// Where a board of the bench keeps what its part keeps without its supply.
+pub(crate) fn file(board: Board) -> PathBuf {
+    workspace::target_dir().join("bench").join(board.name()).with_extension("flash")
+}
+
+/// What a board of the bench keeps in this file, `None` where there is none: the board is new.
+pub(crate) fn read(board: Board, file: &Path) -> Result<Option<Vec<u8>>> {
+    let bytes = match std::fs::read(file) {
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        bytes => bytes.with_context(|| format!("could not read {}", file.display()))?,
+    };
+    if bytes.len() != kept_bytes(desk(board)) {
+        bail!("{} is no flash of the bench's {} board: remove it, and flash again", file.display(), board.name());
+    }
+    Ok(Some(bytes))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_board_without_a_file_is_new_and_a_file_of_another_size_is_refused() {
+        let folder = std::env::temp_dir().join(format!("bench-flash-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let file = folder.join("dpr.flash");
+        assert_eq!(read(Board::Dpr, &file).unwrap(), None);
+        std::fs::write(&file, [0; 100]).unwrap();
+        let words = read(Board::Dpr, &file).unwrap_err().to_string();
+        assert!(words.contains("dpr.flash is no flash of the bench's dpr board"), "{words}");
+        let whole = vec![0x5A; (1 << 20) + 4096];
+        std::fs::write(&file, &whole).unwrap();
+        assert_eq!(read(Board::Dpr, &file).unwrap(), Some(whole));
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
+}

@@ -1,0 +1,346 @@
+//! A board of the bench behind a debug probe, as the probe-rs library sees probes: `--probe bench`.
+//!
+//! The board, its debug port and its time are the bench's ([`bench::debug_port`]); here is the probe between: an adapter
+//! that makes transfers on the wires of what the library asks for, as a CMSIS-DAP probe does, and that takes time for it.
+//! What the board's part keeps without its supply is in a file, so that one command finds what another wrote. Each
+//! command switches the board on.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use anyhow::{Context, Result};
+use bench::debug_port::{Ack, Request, Wire, switch_on};
+use bench::node::{Finding, FindingKind};
+use probe_rs::CoreStatus;
+use probe_rs::architecture::arm::sequences::ArmDebugSequence;
+use probe_rs::architecture::arm::{
+    ArmCommunicationInterface, ArmDebugInterface, ArmError, DapError, DapProbe, RawDapAccess, RegisterAddress,
+};
+use probe_rs::probe::{DebugProbe, DebugProbeError, WireProtocol};
+
+use crate::Board;
+use crate::bench_flash::{self, desk};
+
+/// What a command takes until its answer is there, ns: the probes on both boards are on full-speed USB, whose frames
+/// are 1 ms apart (USB 2.0, 5.3.3).
+const COMMAND_NS: u64 = 1_000_000;
+
+/// Clocks of a transfer: request 8, turnaround 1, acknowledge 3, data 33, turnaround 1 (ADIv5.2 B4.1), and two idle.
+const TRANSFER_CLOCKS: u64 = 48;
+
+/// SWCLK in kHz: what probes take unless told otherwise, and the most that the nRF52840 has (PS v1.7, 4.8.6).
+const DEFAULT_KHZ: u32 = 4_000;
+const MOST_KHZ: u32 = 8_000;
+
+/// nRESET among the pins of [`RawDapAccess::swj_pins`].
+const RESET_PIN: u32 = 1 << 7;
+
+/// Where both parts' RAM begins, in which nothing of the images is but what the DPR copies to code RAM's address.
+const RAM: u64 = 0x2000_0000;
+
+/// RDBUFF of the debug port.
+const READ_BUFFER: u8 = 0xC;
+
+/// A board on the bench, on which more than one hand is: the library's, through its probe, and ours.
+#[derive(Clone, Debug)]
+pub(crate) struct BenchBoard(Arc<Mutex<Switched>>);
+
+#[derive(Debug)]
+struct Switched {
+    wire: Box<dyn Wire>,
+    file: PathBuf,
+    /// Commands after which the probe is unplugged.
+    unplugged_after: Option<u64>,
+    commands: u64,
+}
+
+impl BenchBoard {
+    /// Switches the board on, with what `file` holds; a new one where there is no file.
+    pub(crate) fn switch_on(board: Board, file: PathBuf) -> Result<Self> {
+        let kept = bench_flash::read(board, &file)?;
+        let wire = switch_on(desk(board), kept.as_deref()).context("the board's flash has another size")?;
+        Ok(Self(Arc::new(Mutex::new(Switched { wire, file, unplugged_after: None, commands: 0 }))))
+    }
+
+    /// Its probe, which is unplugged together with the board's last user.
+    pub(crate) fn probe(&self) -> probe_rs::probe::Probe {
+        let name = format!("bench ({})", self.with(|on| on.wire.part_name()));
+        let probe = BenchProbe { board: self.clone(), name, khz: DEFAULT_KHZ, protocol: None };
+        probe_rs::probe::Probe::from_specific_probe(Box::new(probe))
+    }
+
+    fn with<T>(&self, act: impl FnOnce(&mut Switched) -> T) -> T {
+        // A panic elsewhere leaves the board as it is, which is what a board does.
+        act(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// Writes what the part keeps to its file.
+    pub(crate) fn save(&self) -> Result<()> {
+        self.with(Switched::save)
+    }
+
+    /// Virtual time since the board was switched on, in nanoseconds.
+    pub(crate) fn now(&self) -> u64 {
+        self.with(|on| on.wire.now())
+    }
+
+    /// What the probe, or code that it put into RAM, did wrong since last asked, a line each. What the image does, which
+    /// a debugger stops in the middle of anything, is not among it: without one, `run` and `sim` tell that.
+    pub(crate) fn take_findings(&self) -> Vec<String> {
+        let found = self.with(|on| on.wire.take_findings());
+        let is_ours = |finding: &&Finding| finding.kind != FindingKind::Lockup && finding.pc.is_none_or(|pc| pc >= RAM);
+        found.iter().filter(is_ours).map(ToString::to_string).collect()
+    }
+}
+
+#[cfg(test)]
+impl BenchBoard {
+    /// From now on a bit of flash keeps its value whatever is programmed.
+    pub(crate) fn stick_flash(&self, address: u32, bit: u8, value: bool) {
+        assert!(self.with(|on| on.wire.stick_flash(address, bit, value)), "{address:#x} is flash");
+    }
+
+    /// So many commands from now the probe's cable is pulled.
+    pub(crate) fn unplug_after(&self, commands: u64) {
+        self.with(|on| on.unplugged_after = Some(on.commands + commands));
+    }
+
+    /// The cable is back.
+    pub(crate) fn plug_in(&self) {
+        self.with(|on| on.unplugged_after = None);
+    }
+
+    /// The board's supply goes off and comes on: all that its part does not keep is gone.
+    pub(crate) fn switch_off_and_on(&self) {
+        self.with(|on| {
+            let board = if on.wire.part_name().starts_with("nRF") { Board::Dpr } else { Board::Horus };
+            on.wire = switch_on(desk(board), Some(&on.wire.kept())).unwrap();
+        });
+    }
+
+    /// Commands that the probe got so far.
+    pub(crate) fn commands(&self) -> u64 {
+        self.with(|on| on.commands)
+    }
+
+    /// Why the part restarted, each time since it was switched on.
+    pub(crate) fn restarts(&self) -> Vec<String> {
+        self.with(|on| on.wire.resets().iter().map(|reset| format!("{} {}", reset.at, reset.why())).collect())
+    }
+
+    /// So many nanoseconds pass on the board.
+    pub(crate) fn run(&self, ns: u64) {
+        self.with(|on| on.wire.pass(ns));
+    }
+
+    /// What the part keeps.
+    pub(crate) fn kept(&self) -> Vec<u8> {
+        self.with(|on| on.wire.kept())
+    }
+}
+
+impl Switched {
+    fn save(&mut self) -> Result<()> {
+        let folder = self.file.parent().unwrap_or(Path::new("."));
+        std::fs::create_dir_all(folder).with_context(|| format!("could not make {}", folder.display()))?;
+        std::fs::write(&self.file, self.wire.kept()).with_context(|| format!("could not write {}", self.file.display()))
+    }
+
+    /// A command reaches the probe.
+    fn command(&mut self) -> Result<(), DebugProbeError> {
+        self.commands += 1;
+        if self.unplugged_after.is_some_and(|after| self.commands > after) {
+            let gone = std::io::Error::new(std::io::ErrorKind::NotConnected, "the probe was unplugged");
+            return Err(DebugProbeError::Usb(gone));
+        }
+        self.wire.pass(COMMAND_NS);
+        Ok(())
+    }
+}
+
+impl Drop for Switched {
+    fn drop(&mut self) {
+        if let Err(error) = self.save() {
+            eprintln!("warning: {error:#}");
+        }
+    }
+}
+
+/// The probe.
+#[derive(Debug)]
+struct BenchProbe {
+    board: BenchBoard,
+    name: String,
+    khz: u32,
+    protocol: Option<WireProtocol>,
+}
+
+/// One transfer, with its time.
+fn transfer(on: &mut Switched, khz: u32, request: Request) -> Result<u32, ArmError> {
+    on.wire.pass(TRANSFER_CLOCKS * 1_000_000 / u64::from(khz));
+    match on.wire.transfer(request) {
+        Ack::Ok(word) => Ok(word),
+        Ack::Fault => Err(DapError::FaultResponse.into()),
+        Ack::Nothing => Err(DapError::NoAcknowledge.into()),
+    }
+}
+
+impl BenchProbe {
+    fn command<T>(&mut self, act: impl FnOnce(&mut Switched, u32) -> Result<T, ArmError>) -> Result<T, ArmError> {
+        let khz = self.khz;
+        self.board.with(|on| {
+            on.command()?;
+            act(on, khz)
+        })
+    }
+}
+
+impl RawDapAccess for BenchProbe {
+    fn raw_read_register(&mut self, address: RegisterAddress) -> Result<u32, ArmError> {
+        let mut word = [0];
+        self.raw_read_block(address, &mut word)?;
+        Ok(word[0])
+    }
+
+    /// Reads of an access port are posted: each brings what the one before read, and RDBUFF the last.
+    fn raw_read_block(&mut self, address: RegisterAddress, values: &mut [u32]) -> Result<(), ArmError> {
+        let register = address.a2_and_3();
+        self.command(|on, khz| {
+            if !address.is_ap() {
+                for value in values {
+                    *value = transfer(on, khz, Request::ReadPort(register))?;
+                }
+                return Ok(());
+            }
+            let Some(last) = values.len().checked_sub(1) else { return Ok(()) };
+            transfer(on, khz, Request::ReadAccess(register))?;
+            for value in &mut values[..last] {
+                *value = transfer(on, khz, Request::ReadAccess(register))?;
+            }
+            values[last] = transfer(on, khz, Request::ReadPort(READ_BUFFER))?;
+            Ok(())
+        })
+    }
+
+    fn raw_write_register(&mut self, address: RegisterAddress, value: u32) -> Result<(), ArmError> {
+        self.raw_write_block(address, &[value])
+    }
+
+    /// Whether a write of an access port worked is known with the next transfer: RDBUFF is read for it.
+    fn raw_write_block(&mut self, address: RegisterAddress, values: &[u32]) -> Result<(), ArmError> {
+        let register = address.a2_and_3();
+        self.command(|on, khz| {
+            for &value in values {
+                let write = if address.is_ap() { Request::WriteAccess } else { Request::WritePort };
+                transfer(on, khz, write(register, value))?;
+            }
+            if address.is_ap() {
+                transfer(on, khz, Request::ReadPort(READ_BUFFER))?;
+            }
+            Ok(())
+        })
+    }
+
+    fn jtag_sequence(&mut self, _: u8, _: bool, _: u64) -> Result<(), DebugProbeError> {
+        Err(DebugProbeError::UnsupportedProtocol(WireProtocol::Jtag))
+    }
+
+    fn swj_sequence(&mut self, bit_len: u8, bits: u64) -> Result<(), DebugProbeError> {
+        self.board.with(|on| {
+            on.command()?;
+            on.wire.sequence(bits, bit_len);
+            Ok(())
+        })
+    }
+
+    fn swj_pins(&mut self, pin_out: u32, pin_select: u32, _: u32) -> Result<u32, DebugProbeError> {
+        self.board.with(|on| {
+            on.command()?;
+            if pin_select & RESET_PIN != 0 {
+                on.wire.reset_pin(pin_out & RESET_PIN == 0);
+            }
+            Ok(pin_out & pin_select)
+        })
+    }
+
+    fn into_probe(self: Box<Self>) -> Box<dyn DebugProbe> {
+        self
+    }
+
+    fn core_status_notification(&mut self, _: CoreStatus) -> Result<(), DebugProbeError> {
+        Ok(())
+    }
+}
+
+impl DapProbe for BenchProbe {}
+
+impl DebugProbe for BenchProbe {
+    fn get_name(&self) -> &str {
+        &self.name
+    }
+
+    fn speed_khz(&self) -> u32 {
+        self.khz
+    }
+
+    fn set_speed(&mut self, speed_khz: u32) -> Result<u32, DebugProbeError> {
+        if speed_khz == 0 {
+            return Err(DebugProbeError::UnsupportedSpeed(speed_khz));
+        }
+        self.khz = speed_khz.min(MOST_KHZ);
+        Ok(self.khz)
+    }
+
+    fn attach(&mut self) -> Result<(), DebugProbeError> {
+        self.protocol.get_or_insert(WireProtocol::Swd);
+        Ok(())
+    }
+
+    fn detach(&mut self) -> Result<(), probe_rs::Error> {
+        Ok(())
+    }
+
+    fn target_reset(&mut self) -> Result<(), DebugProbeError> {
+        self.target_reset_assert()?;
+        self.target_reset_deassert()
+    }
+
+    fn target_reset_assert(&mut self) -> Result<(), DebugProbeError> {
+        self.swj_pins(0, RESET_PIN, 0).map(drop)
+    }
+
+    fn target_reset_deassert(&mut self) -> Result<(), DebugProbeError> {
+        self.swj_pins(RESET_PIN, RESET_PIN, 0).map(drop)
+    }
+
+    fn select_protocol(&mut self, protocol: WireProtocol) -> Result<(), DebugProbeError> {
+        if protocol != WireProtocol::Swd {
+            return Err(DebugProbeError::UnsupportedProtocol(protocol));
+        }
+        self.protocol = Some(protocol);
+        Ok(())
+    }
+
+    fn active_protocol(&self) -> Option<WireProtocol> {
+        self.protocol
+    }
+
+    fn has_arm_interface(&self) -> bool {
+        true
+    }
+
+    fn try_get_arm_debug_interface<'probe>(
+        self: Box<Self>,
+        sequence: Arc<dyn ArmDebugSequence>,
+    ) -> Result<Box<dyn ArmDebugInterface + 'probe>, (Box<dyn DebugProbe>, ArmError)> {
+        Ok(ArmCommunicationInterface::create(self, sequence, false))
+    }
+
+    fn into_probe(self: Box<Self>) -> Box<dyn DebugProbe> {
+        self
+    }
+
+    fn try_as_dap_probe(&mut self) -> Option<&mut dyn DapProbe> {
+        Some(self)
+    }
+}

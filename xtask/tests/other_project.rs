@@ -1,0 +1,116 @@
+//! The runner from another project's folder, as the README has it: `cargo run` there builds the project's firmware and
+//! runs it on a board of the bench.
+//!
+//! The project is a real one, made in a folder of its own outside this workspace, of crates that this workspace's lock
+//! file has.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+const MANIFEST: &str = r#"
+[package]
+name = "blinky"
+version = "0.1.0"
+edition = "2024"
+
+[dependencies]
+cortex-m = "0.7"
+cortex-m-rt = "0.7"
+
+[workspace]
+"#;
+
+const MEMORY: &str = "MEMORY { FLASH : ORIGIN = 0, LENGTH = 1M RAM : ORIGIN = 0x20000000, LENGTH = 256K }\n";
+
+/// Says hello through semihosting, makes two pulses on P0.13 where P0.11 is low, and runs on for ever.
+const MAIN: &str = r#"
+#![no_std]
+#![no_main]
+
+use core::arch::asm;
+use core::ptr::{read_volatile, write_volatile};
+
+const P0: usize = 0x5000_0000;
+
+#[cortex_m_rt::entry]
+fn main() -> ! {
+    let text = b"hello from another project\n\0";
+    unsafe {
+        asm!("bkpt 0xAB", inout("r0") 4 => _, in("r1") text.as_ptr());
+        // PIN_CNF[11]: input, connected. DIRSET.
+        write_volatile((P0 + 0x700 + 4 * 11) as *mut u32, 0);
+        write_volatile((P0 + 0x518) as *mut u32, 1 << 13);
+        let low = read_volatile((P0 + 0x510) as *const u32) >> 11 & 1 == 0;
+        for _ in 0..if low { 2 } else { 0 } {
+            write_volatile((P0 + 0x508) as *mut u32, 1 << 13);
+            cortex_m::asm::delay(64_000);
+            write_volatile((P0 + 0x50C) as *mut u32, 1 << 13);
+            cortex_m::asm::delay(64_000);
+        }
+    }
+    loop {
+        cortex_m::asm::wfi();
+    }
+}
+
+#[panic_handler]
+fn panic(_: &core::panic::PanicInfo) -> ! {
+    cortex_m::asm::udf()
+}
+"#;
+
+/// Runs `cargo run` in the project with these arguments of `run` behind the documented line.
+fn cargo_run(folder: &Path, arguments: &str) -> Output {
+    let runner = env!("CARGO_BIN_EXE_xtask");
+    let config = format!(
+        "[build]\ntarget = \"thumbv7em-none-eabihf\"\n\n[target.thumbv7em-none-eabihf]\n\
+         runner = \"{runner} run --board dpr {arguments}\"\nrustflags = [\"-C\", \"link-arg=-Tlink.x\"]\n"
+    );
+    std::fs::create_dir_all(folder.join(".cargo")).unwrap();
+    std::fs::write(folder.join(".cargo/config.toml"), config).unwrap();
+    let mut command = Command::new(env!("CARGO"));
+    // What cargo tells this test about its own package is not the other project's.
+    for (key, _) in std::env::vars_os() {
+        let name = key.to_string_lossy();
+        if name.starts_with("CARGO_") && name != "CARGO_HOME" {
+            command.env_remove(&key);
+        }
+    }
+    command.args(["run", "--quiet", "--offline"]).current_dir(folder).output().unwrap()
+}
+
+#[test]
+fn a_project_elsewhere_runs_its_firmware_on_the_bench_by_cargo_run() {
+    let folder = std::env::temp_dir().join(format!("other-project-{}", std::process::id()));
+    std::fs::create_dir_all(folder.join("src")).unwrap();
+    let write = |name: &str, text: &str| std::fs::write(folder.join(name), text).unwrap();
+    write("Cargo.toml", MANIFEST);
+    write("memory.x", MEMORY);
+    write("src/main.rs", MAIN);
+    let lock = Path::new(env!("CARGO_MANIFEST_DIR")).join("../Cargo.lock");
+    std::fs::copy(lock, folder.join("Cargo.lock")).unwrap();
+
+    let ran = cargo_run(&folder, "--seconds 0.1 --pin P0.13 --drive P0.11=0");
+    let (out, err) = (String::from_utf8_lossy(&ran.stdout), String::from_utf8_lossy(&ran.stderr));
+    assert_eq!(ran.status.code(), Some(0), "{out}{err}");
+    assert!(out.contains("ms  hello from another project"), "{out}{err}");
+    let edges = |level: &str| out.lines().filter(|line| line.ends_with(&format!("P0.13 {level}"))).count();
+    assert_eq!((edges("high"), edges("low")), (2, 3), "low when it becomes an output, then two pulses: {out}");
+    assert!(err.contains("still running after 0.1 s of virtual time, as it should (--seconds)"), "{err}");
+    // The stack is all of RAM that the firmware leaves free, and it used a little of it.
+    let stack = err.split("stack ").nth(1).and_then(|rest| rest.split(" bytes at worst").next()).unwrap();
+    let (used, size) = stack.split_once(" of ").unwrap();
+    let (used, size): (usize, usize) = (used.parse().unwrap(), size.parse().unwrap());
+    assert!((8..512).contains(&used) && (200 << 10..=256 << 10).contains(&size), "{stack}");
+
+    let ran = cargo_run(&folder, "--limit 0.1 --pin P0.13 --drive P0.11=1");
+    let (out, err) = (String::from_utf8_lossy(&ran.stdout), String::from_utf8_lossy(&ran.stderr));
+    assert_eq!(ran.status.code(), Some(124), "{out}{err}");
+    assert!(!out.contains("P0.13 high") && err.contains("say --seconds instead"), "{out}{err}");
+
+    let ran = cargo_run(&folder, "--pin PA5");
+    let err = String::from_utf8_lossy(&ran.stderr);
+    assert_eq!(ran.status.code(), Some(1), "{err}");
+    assert!(err.contains("PA5 is no pin of the dpr board; one is called like P0.13"), "{err}");
+    std::fs::remove_dir_all(&folder).unwrap();
+}
