@@ -19,8 +19,17 @@ pub(crate) fn lint() -> Result<ExitCode> {
     for manifest in ["profile/fuzz/Cargo.toml", "base-station/fuzz/Cargo.toml"] {
         step("formatting of the fuzz targets".into(), &["fmt", "--manifest-path", manifest, "--check"]);
     }
-    let host =
-        ["clippy", "--quiet", "--workspace", "--all-targets", "--features", "xtask/live,xtask/probe", "--", "-D", "warnings"];
+    let host = [
+        "clippy",
+        "--quiet",
+        "--workspace",
+        "--all-targets",
+        "--features",
+        "xtask/live,xtask/probe",
+        "--",
+        "-D",
+        "warnings",
+    ];
     step("clippy (host)".into(), &host);
     step(
         "clippy (xtask with the probe library)".into(),
