@@ -77,7 +77,7 @@ fn every_parser_has_a_fuzz_target_and_the_corpus_holds_its_seeds() {
     for (parser, name, bytes) in bodies::seeds() {
         let path = folder("corpus").join(parser).join(name);
         let written = std::fs::read(&path).is_ok_and(|written| written == bytes);
-        let how = "run `cargo run -p base-station --example corpus`";
+        let how = "run `cargo run -p base-station --example carrier_corpus`";
         assert!(written, "{} is not what its seed is: {how}", path.display());
     }
 }
