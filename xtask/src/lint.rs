@@ -17,8 +17,17 @@ pub(crate) fn lint() -> Result<ExitCode> {
     };
     step("formatting".into(), &["fmt", "--all", "--check"]);
     step("formatting of the fuzz targets".into(), &["fmt", "--manifest-path", "profile/fuzz/Cargo.toml", "--check"]);
-    let host =
-        ["clippy", "--quiet", "--workspace", "--all-targets", "--features", "xtask/live,xtask/probe", "--", "-D", "warnings"];
+    let host = [
+        "clippy",
+        "--quiet",
+        "--workspace",
+        "--all-targets",
+        "--features",
+        "xtask/live,xtask/probe",
+        "--",
+        "-D",
+        "warnings",
+    ];
     step("clippy (host)".into(), &host);
     step(
         "clippy (xtask with the probe library)".into(),
