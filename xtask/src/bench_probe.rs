@@ -1,7 +1,8 @@
 //! A board of the bench behind a debug probe, as the probe-rs library sees probes: `--probe bench`.
 //!
-//! The board, its debug port and its time are the bench's ([`bench::debug_port`]); here is the probe between: an adapter
-//! that makes transfers on the wires of what the library asks for, as a CMSIS-DAP probe does, and that takes time for it.
+//! The board, its debug port and its time are the bench's ([`bench::debug_port`]); here is the probe between: an
+//! adapter that makes transfers on the wires of what the library asks for, as a CMSIS-DAP probe does, and that takes
+//! time for it.
 //! What the board's part keeps without its supply is in a file, so that one command finds what another wrote. Each
 //! command switches the board on.
 
@@ -84,8 +85,8 @@ impl BenchBoard {
         self.with(|on| on.wire.now())
     }
 
-    /// What the probe, or code that it put into RAM, did wrong since last asked, a line each. What the image does, which
-    /// a debugger stops in the middle of anything, is not among it: without one, `run` and `sim` tell that.
+    /// What the probe, or code that it put into RAM, did wrong since last asked, a line each. What the image does,
+    /// which a debugger stops in the middle of anything, is not among it: without one, `run` and `sim` tell that.
     pub(crate) fn take_findings(&self) -> Vec<String> {
         let found = self.with(|on| on.wire.take_findings());
         let is_ours = |finding: &&Finding| finding.kind != FindingKind::Lockup && finding.pc.is_none_or(|pc| pc >= RAM);

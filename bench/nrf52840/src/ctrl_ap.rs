@@ -9,13 +9,14 @@
 //!
 //! | left out | why |
 //! |---|---|
-//! | the AHB-AP of a locked part showing more than zeros | none is documented; tools meet an AP 0 that is no memory AP |
+//! | the AHB-AP of a locked part showing more than zeros | none documented; tools meet an AP 0 that is no memory AP |
 //! | ERASEALL ended half way | a watchdog that bites meanwhile (anomaly 176) leaves all as it was, and locked |
 //!
 //! A soft reset, by AIRCR or by RESET here, does not reset the debug components (PS 5.3.7.8, *Reset behavior*), and
 //! leaves the port as it was, open or locked: so say Nordic's answers
 //! (devzone.nordicsemi.com, "nRF52840 locked with APPROTECT": no *hard* reset between ERASEALL and the first image).
-//! A locked part's AHB-AP is no memory AP to the tools that meet it (ferrous-systems/embedded-trainings-2020, issue 188).
+//! A locked part's AHB-AP is no memory AP to the tools that meet it
+//! (ferrous-systems/embedded-trainings-2020, issue 188).
 use bench_seam::{Cycle, NEVER, Reset};
 
 use crate::clocks::cycles;

@@ -1,7 +1,9 @@
 //! The two boards of the link as they lie on a desk: each with its front end, out of any field, nothing else connected.
+//!
+//! Their cores are on the pessimistic clock: what the on-target suites ask of a board is what holds there.
 
 use bench_seam::Part;
-use cortex_m4::Fast;
+use cortex_m4::Pessimistic;
 use nrf52840::{Nrf52840, Settings};
 use st25r3916_model::{Chip, Config};
 use stm32f429::{Oscillators, Stm32f429};
@@ -49,7 +51,7 @@ pub fn kept_bytes(desk: Desk) -> usize {
     kept.iter().map(|(_, size)| size).sum()
 }
 
-fn port<B: Alone>(mut part: B::Part, board: B, kept: Option<&[u8]>) -> Option<DebugPort<B, Fast>>
+fn port<B: Alone>(mut part: B::Part, board: B, kept: Option<&[u8]>) -> Option<DebugPort<B, Pessimistic>>
 where
     B::Part: Debugged,
 {

@@ -15,8 +15,8 @@
 //!
 //! | left out | why |
 //! |---|---|
-//! | JTAG, dormant state, SWD protocol version 2 | both parts have a DP of version 1; a tool that tries them gets no answer |
-//! | pushed verify and compare, transaction counter (TRNMODE, TRNCNT), overrun detection | no tool for these boards uses them; TRNMODE reads back 0 |
+//! | JTAG, dormant state, SWD protocol version 2 | both parts have a DP of version 1: no answer |
+//! | pushed verify and compare (TRNMODE, TRNCNT), overrun detection | no tool here uses them; TRNMODE reads 0 |
 //! | WAIT | every access is over when the next request can have come: 46 clocks of SWCLK are many of the core's |
 //! | the time of the wires | [`DebugPort::pass`]: who drives the port knows its clock and its own latency |
 //!

@@ -12,7 +12,12 @@ impl<B: Board, C: Cost> Node<B, C> {
     /// `part` on `board` at power-on, running what its memory holds: nothing, on a new part. No symbols are known.
     #[must_use]
     pub fn programmed(part: B::Part, board: B) -> Self {
-        Self::begin(part, board, &Firmware::raw("what is in flash", Vec::new()))
+        let mut node = Self::begin(part, board, &Firmware::raw("what is in flash", Vec::new()));
+        // What is in flash may be written anew: its handlers are then elsewhere.
+        if let Some(handler) = node.traps.hard_fault.take() {
+            node.core.clear_breakpoint(u32::try_from(handler).unwrap_or(u32::MAX));
+        }
+        node
     }
 
     /// As [`Node::programmed`], for a part whose memory holds `firmware`, which names its addresses in reports.

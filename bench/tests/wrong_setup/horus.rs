@@ -318,7 +318,7 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     }),
     // A UART is off its rate; I2C and SPI are slower alone, but I2C is told a frequency that it does not have.
     row("PLL: 100 MHz", &[bits(RCC + 4, 0x7FC0, 100 << 6)], Told::Finding(I2C_FREQUENCY), |seen| {
-        // I2C and SPI have a clock wire, so they still read what the receivers send; the last message may be on its way.
+        // I2C and SPI have a clock wire, so they still read what the receivers send; the last one may be on its way.
         seen.period() == 14_400_000
             && seen.messages[0] == 0
             && seen.messages[1..].iter().all(|&messages| messages >= 11)
