@@ -258,13 +258,87 @@ fn a_transaction_that_lasts_for_longer_than_announcements_are_kept_is_not_judged
     plan.selects.retain(|selected| !(from - 2 * MS..from + 750 * MS).contains(selected));
     let mut log = plan.log();
     let image = plan.publications[plan.showing(200)].image.clone();
-    insert(&mut log, from, What::Injected { kind: "flight controller hangs".into(), until: from + 740 * MS });
     insert(&mut log, from, What::Selected);
     let over = from + 740 * MS;
     insert(&mut log, over, What::Ssi(bench_judge::SsiEvent::Ready));
     let miso = image.into();
     insert(&mut log, over, What::Transaction { selected: from, mosi: vec![].into(), miso });
+    // That it lasts for so long is the flight controller's fault.
+    assert_eq!(found(&log), [(NoTransaction, 1)]);
+    insert(&mut log, from, What::Injected { kind: "flight controller hangs".into(), until: over });
     assert_eq!(found(&log), []);
+}
+
+fn buffer_hit(until: u64) -> What {
+    What::Injected { kind: "buffer dpr image bit flips".into(), until }
+}
+
+#[test]
+fn an_image_may_be_unsound_or_tell_the_same_again_for_as_long_as_it_may_hold_a_bit_that_was_hit_and_no_longer() {
+    for (longer, hit) in [(0, false), (1, true)] {
+        let from = |at: u64| at - bounds::BUFFER_REPLACED + longer;
+        let inject = |log: &mut Log, at: u64| insert(log, from(at), buffer_hit(from(at)));
+        // FRESH offers an unsound image that nobody reads.
+        let mut plan = Plan::new(3, 40);
+        let number = plan.showing(200);
+        let rose = plan.publications[number].at;
+        plan.selects.retain(|selected| !(rose - MS..rose + bounds::CYCLE).contains(selected));
+        plan.publications[number].image[100] ^= 1;
+        let mut log = plan.log();
+        inject(&mut log, rose + 2_000);
+        let violations = if hit { vec![] } else { vec![(FreshUnreadable, 1)] };
+        assert_eq!(found(&log), violations, "offered, {longer}");
+        // One is read.
+        let (_, mut log, place) = run(3);
+        miso(&mut log, place)[100] ^= 1;
+        let What::Transaction { selected, .. } = log.events[place].what else { unreachable!("a transaction") };
+        inject(&mut log, selected);
+        let violations = if hit { vec![] } else { vec![(Damaged, 1)] };
+        assert_eq!(found(&log), violations, "read, {longer}");
+        // One replaces another that says the same.
+        let (_, mut log, place) = run(3);
+        let quiet = log.events[place].at + 600_000;
+        let image = miso(&mut log, place).clone();
+        insert(&mut log, quiet, What::Fresh { high: true, offered: Some(image.into()) });
+        inject(&mut log, quiet);
+        let violations = if hit { vec![] } else { vec![(FreshNotNew, 1)] };
+        assert_eq!(found(&log), violations, "again, {longer}");
+    }
+}
+
+#[test]
+fn an_unsound_image_that_is_offered_as_fresh_rises_and_as_it_falls_is_one_violation() {
+    let (plan, log, _) = run(3);
+    let rise = rises(&log, 200 * MS)[0];
+    let rose = log.events[rise].at;
+    let mut log = log;
+    let image = offered(&mut log, rise).as_mut().unwrap();
+    image.0[100] ^= 1;
+    let spoilt = image.clone();
+    match &mut log.events[rise].what {
+        What::Fresh { offered, .. } => *offered = Some(spoilt.clone()),
+        _ => unreachable!("a rise"),
+    }
+    let image = plan.publications.iter().find(|publication| publication.at == rose).unwrap().image.clone();
+    for (_, miso) in transactions(&mut log).filter(|(_, miso)| **miso == image) {
+        miso.clone_from(&spoilt.0);
+    }
+    log.events.retain(|event| {
+        !matches!(&event.what, What::Forwarded { profile } | What::Arrived { profile, .. } if **profile == image[32..])
+    });
+    assert_eq!(found(&log), [(FreshUnreadable, 1)]);
+}
+
+#[test]
+fn a_link_status_that_was_never_announced_with_objects_that_were_is_an_image_without_fresh_and_no_tear() {
+    let (_, mut log, place) = run(3);
+    let image = miso(&mut log, place);
+    let values = LinkStatus::verify(&image[..LinkStatus::SIZE]).unwrap().values();
+    let other = LinkValues { timestamp: values.timestamp + 1, frames_received: values.frames_received + 1, ..values };
+    image[..LinkStatus::SIZE].copy_from_slice(LinkStatus::seal(&other).as_bytes());
+    let found = found(&log);
+    assert!(found.iter().any(|(violation, _)| *violation == FreshMissing), "{found:?}");
+    assert!(found.iter().all(|(violation, _)| *violation != Torn), "{found:?}");
 }
 
 #[test]

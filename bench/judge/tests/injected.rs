@@ -39,6 +39,19 @@ fn what_a_flight_controller_reads_while_it_misuses_the_ssi_and_shortly_after_it_
     let mut log = read_by_wrong_clocks(from, over + 5 * MS);
     insert(&mut log, from, injected("flight controller mode 1", until));
     assert_eq!(found(&log), [(Violation::Damaged, 1)]);
+    // And so it is from the very instant on.
+    for (sooner, violations) in [(1, vec![]), (0, vec![(Violation::Damaged, 1)])] {
+        let mut plan = Plan::new(3, 60);
+        plan.selects.retain(|selected| selected.abs_diff(over) > 2 * MS);
+        plan.selects.push(over - sooner);
+        plan.selects.sort_unstable();
+        let mut log = plan.log();
+        for (_, miso) in transactions(&mut log).filter(|(selected, _)| *selected == over - sooner) {
+            miso.iter_mut().for_each(|byte| *byte ^= 0x10);
+        }
+        insert(&mut log, from, injected("flight controller mode 1", until));
+        assert_eq!(found(&log), violations, "{sooner}");
+    }
     // And no other fault excuses it.
     let mut log = read_by_wrong_clocks(from, over);
     insert(&mut log, from, injected("air", until));

@@ -108,6 +108,90 @@ fn a_flight_controller_that_misuses_the_ssi_may_delay_an_image_by_less_than_a_hu
         insert(&mut log, ended - MS, What::Injected { kind, until: ended + MS });
         assert_eq!(found(&log), violations, "{by}");
     }
+    // It counts as misused until its last bit at least.
+    for (over_after, violations) in [(1, vec![]), (0, vec![(LateReadable, 1)])] {
+        let mut plan = Plan::new(3, 40);
+        let number = plan.showing(200);
+        let ended = plan.publications[number].at - TO_FRESH;
+        plan.publications[number].at = ended + bounds::LAST_BIT_TO_READABLE + bounds::MISUSE_DELAYS;
+        let mut log = plan.log();
+        let until = ended - bounds::MISUSE_OVER + over_after;
+        let kind = "flight controller zero bytes".to_owned();
+        insert(&mut log, until - MS, What::Injected { kind, until });
+        assert_eq!(found(&log), violations, "{over_after}");
+    }
+}
+
+#[test]
+fn a_frame_that_began_while_the_dprs_front_end_was_out_of_order_may_be_late() {
+    for (kind, sooner, violations) in [
+        ("dpr front end reads ones", 0, vec![]),
+        ("dpr front end reads ones", 1, vec![(LateReadable, 1)]),
+        ("horus front end reads ones", 0, vec![(LateReadable, 1)]),
+    ] {
+        let mut plan = Plan::new(3, 40);
+        let number = plan.showing(200);
+        let ended = plan.publications[number].at - TO_FRESH;
+        plan.publications[number].at += 500_000;
+        let started = plan.upstream.iter().find_map(|event| match event.what {
+            What::Heard { started, .. } if event.at == ended => Some(started),
+            _ => None,
+        });
+        let until = started.unwrap() - sooner;
+        let mut log = plan.log();
+        insert(&mut log, until - MS, What::Injected { kind: kind.to_owned(), until });
+        assert_eq!(found(&log), violations, "{kind} {sooner}");
+    }
+}
+
+#[test]
+fn a_sample_was_taken_at_the_last_tick_before_the_first_frame_of_its_cycle_and_less_than_a_cycle_before_it() {
+    let cycle = FIRST_TICK + 19 * bounds::CYCLE;
+    let started = |plan: &Plan, from: u64| {
+        plan.upstream.iter().find_map(|event| match event.what {
+            What::Sent { started, .. } if event.at > from => Some(started),
+            _ => None,
+        })
+    };
+    let samples = |plan: &Plan| judged(&plan.log()).figures.sample_to_readable;
+    // The next tick comes while the frame is on the air.
+    let mut plan = Plan::new(3, 40);
+    let number = plan.showing(200);
+    let later = 5_200_000;
+    for event in plan.upstream.iter_mut().filter(|event| (cycle + 1..cycle + bounds::CYCLE).contains(&event.at)) {
+        event.at += later;
+        if let What::Sent { started, .. } | What::Heard { started, .. } = &mut event.what {
+            *started += later;
+        }
+    }
+    plan.publications[number].at += later;
+    let after = plan.publications[number].at - cycle;
+    assert!(after > bounds::SAMPLE_TO_READABLE);
+    assert_eq!(samples(&plan).unwrap().max, after);
+    assert!(found(&plan.log()).contains(&(LateSample, 1)));
+    // A single tick, a cycle before the frame or just less.
+    for (less, measured) in [(0, false), (1, true)] {
+        let mut plan = Plan::new(3, 40);
+        let began = started(&plan, cycle).unwrap();
+        plan.upstream.retain(|event| event.what != What::Tick || event.at == cycle);
+        for event in plan.upstream.iter_mut().filter(|event| event.what == What::Tick) {
+            event.at = began - bounds::CYCLE + less;
+        }
+        plan.upstream.sort_by_key(|event| event.at);
+        let longest = samples(&plan).map_or(0, |samples| samples.max);
+        assert_eq!(longest > bounds::CYCLE, measured, "{less}: {longest}");
+    }
+    // A single tick, between the two frames of the last cycle.
+    for (after, measured) in [(0, true), (1, false)] {
+        let mut plan = Plan::new(5, 20);
+        let began = started(&plan, cycle).unwrap();
+        plan.upstream.retain(|event| event.what != What::Tick || event.at == cycle);
+        for event in plan.upstream.iter_mut().filter(|event| event.what == What::Tick) {
+            event.at = began + after;
+        }
+        plan.upstream.sort_by_key(|event| event.at);
+        assert_eq!(samples(&plan).is_some(), measured, "{after}");
+    }
 }
 
 #[test]

@@ -4,6 +4,7 @@ mod common;
 
 use bench_judge::{Board, Max, Quantiles, SsiEvent, Violation::*, What, bounds};
 use common::*;
+use profile::LinkValues;
 
 const MS: u64 = 1_000_000;
 const CYCLE: u64 = 10 * MS;
@@ -110,13 +111,20 @@ fn a_dpr_that_never_gets_ready_is_a_violation_and_no_other() {
 
 #[test]
 fn a_dpr_that_is_kept_selected_from_its_restart_on_is_ready_when_it_is_let_go() {
+    // It restarts before it is selected, or while it is.
+    for restart in [258 * MS, 265 * MS] {
+        kept_selected_at_a_restart(restart);
+    }
+}
+
+fn kept_selected_at_a_restart(restart: u64) {
     let mut plan = Plan::new(3, 60);
     let held = plan.selects.iter().copied().find(|selected| *selected > 260 * MS).unwrap();
     plan.selects.retain(|selected| *selected <= held || *selected > 450 * MS);
     let mut log = plan.log();
     let injected = What::Injected { kind: "flight controller runs away".into(), until: 450 * MS };
     insert(&mut log, held - 1, injected);
-    insert(&mut log, 258 * MS, dpr_reset(true));
+    insert(&mut log, restart, dpr_reset(true));
     let let_go = 450 * MS;
     blind(&mut log, 258 * MS, let_go);
     log.events.retain(|event| {
@@ -127,6 +135,7 @@ fn a_dpr_that_is_kept_selected_from_its_restart_on_is_ready_when_it_is_let_go() 
             event.at = let_go;
         }
     }
+    sort(&mut log);
     insert(&mut log, let_go + bounds::SSI_READY, What::Ssi(SsiEvent::Ready));
     let never = |log: &bench_judge::Log| found(log).contains(&(NeverReady, 1));
     assert!(!never(&log), "it is selected until {let_go}");
@@ -142,7 +151,12 @@ fn a_dpr_that_is_kept_selected_from_its_restart_on_is_ready_when_it_is_let_go() 
 
 /// The DPR restarts at `at`, and publishes nothing until `back`: the log, in which nothing of it is seen meanwhile.
 fn restarted(at: u64, back: u64, what: &[What]) -> bench_judge::Log {
-    let mut log = Plan::new(3, 60).log();
+    restarted_in(&Plan::new(3, 60), at, back, what)
+}
+
+/// [`restarted`] in a run of this plan.
+fn restarted_in(plan: &Plan, at: u64, back: u64, what: &[What]) -> bench_judge::Log {
+    let mut log = plan.log();
     blind(&mut log, at, back);
     let of_dpr = |what: &What| matches!(what, What::Fresh { .. } | What::Ssi(_));
     log.events.retain(|event| !(at..back).contains(&event.at) || !of_dpr(&event.what));
@@ -176,6 +190,48 @@ fn nobody_reads_a_dpr_without_supply() {
     insert(&mut log, 440 * MS, What::Power { board: Board::Dpr, on: true });
     log.events.retain(|event| !(260 * MS..440 * MS).contains(&event.at) || !matches!(event.what, What::Fresh { .. }));
     assert_eq!(found(&log), []);
+}
+
+#[test]
+fn what_is_read_of_a_dpr_without_supply_is_not_judged() {
+    let power = |on| What::Power { board: Board::Dpr, on };
+    let mut log = restarted(250 * MS, BACK + 10 * CYCLE, &[power(false)]);
+    insert(&mut log, 440 * MS, power(true));
+    for (_, miso) in transactions(&mut log).filter(|(selected, _)| (300 * MS..400 * MS).contains(selected)) {
+        miso.fill(0x5A);
+    }
+    assert_eq!(found(&log), []);
+}
+
+#[test]
+fn a_dpr_that_restarts_counts_anew() {
+    let mut plan = Plan::new(3, 60);
+    let first = plan.publications.iter().position(|publication| publication.at >= BACK).unwrap();
+    let at = plan.publications[first].at;
+    // Its first image has no objects, and its clock and counters are those of a start.
+    plan.publications[first].image = plan.image(at - 250 * MS, None, LinkValues::default());
+    assert_eq!(found(&restarted_in(&plan, 250 * MS, BACK, &[dpr_reset(true)])), []);
+    let unasked = found(&restarted_in(&plan, 250 * MS, BACK, &[]));
+    assert!(unasked.contains(&(FreshNotNew, 1)), "{unasked:?}");
+}
+
+#[test]
+fn a_dpr_owes_readiness_again_from_the_instant_at_which_misuse_is_over() {
+    for (sooner, violations) in [(1, vec![]), (0, vec![(NotReady, 1)])] {
+        let mut plan = Plan::new(3, 60);
+        let over = plan.publications[plan.showing(300)].at + 3 * MS;
+        let ended = over - sooner;
+        // The only transaction of the cycle, so that its end is that of the misuse, and what it brought is forwarded.
+        plan.selects.retain(|selected| selected.abs_diff(over) > 5 * MS);
+        plan.selects.push(ended - plan.transaction_ns());
+        plan.selects.sort_unstable();
+        let log = plan.log();
+        let ready = [SsiEvent::Released, SsiEvent::Ready];
+        let mut log = moved(&log, ended + TO_READY, ended + bounds::SSI_READY + 1, &ready);
+        let until = over - bounds::MISUSE_OVER;
+        insert(&mut log, until - MS, What::Injected { kind: "flight controller hammers".into(), until });
+        assert_eq!(found(&log), violations, "{sooner}");
+    }
 }
 
 #[test]
@@ -266,7 +322,7 @@ fn a_dpr_that_is_never_ready_again_is_a_violation_and_one_alone() {
 fn a_flight_controller_that_does_not_keep_the_gap_is_no_evidence_of_the_dpr_being_late() {
     let log = Plan::new(3, 60).log();
     let ended = log.events[repeats(&log)[40]].at;
-    for (gap, violations) in [(9_000, vec![]), (10_001, vec![(NotReady, 1)])] {
+    for (gap, violations) in [(9_000, vec![]), (10_000, vec![]), (10_001, vec![(NotReady, 1)])] {
         let mut log = moved(&log, ended + TO_READY, ended + 200_000, &[SsiEvent::Released, SsiEvent::Ready]);
         insert(&mut log, ended + gap, What::Selected);
         insert(&mut log, ended + gap, What::Ssi(SsiEvent::Busy));
@@ -357,6 +413,21 @@ fn a_dpr_that_stops_publishing_falls_silent_and_that_is_one_violation() {
 }
 
 #[test]
+fn buffers_that_hardware_takes_because_an_images_time_is_over_are_not_held_back() {
+    let mut plan = Plan::new(3, 60);
+    let from = plan.publications[plan.showing(300)].at;
+    plan.publications.retain(|publication| !(from + 1..from + 34 * MS).contains(&publication.at));
+    plan.selects.retain(|selected| !(from + 20 * MS..from + 39 * MS).contains(selected));
+    let log = plan.log();
+    assert_eq!(found(&log), []);
+    // So it is if the DPR's clock is as fast as it may be, and no faster.
+    for (after, violations) in [(bounds::EXPIRY_EARLIEST, vec![]), (bounds::EXPIRY_EARLIEST - 1, vec![(HeldBack, 1)])] {
+        let log = moved(&log, from + bounds::EXPIRY, from + after, &[SsiEvent::Held]);
+        assert_eq!(found(&log), violations, "{after}");
+    }
+}
+
+#[test]
 fn an_spis_that_serves_0xff_throughout_is_silent_too() {
     let mut log = Plan::new(3, 60).log();
     let ended = log.events[repeats(&log)[40]].at;
@@ -440,6 +511,99 @@ fn a_silence_is_longer_than_an_image_lives() {
         let mut log = plan.log();
         blind(&mut log, from, from + bounds::EXPIRY + MS);
         assert_eq!(found(&log), [(violation, 1)], "{longer}");
+        let words = &judged(&log).violations[0].words;
+        assert!(violation == BusyTwice || words.starts_with("3 transactions in 25000001 ns"), "{words}");
+    }
+}
+
+#[test]
+fn a_silence_that_a_restart_ends_may_be_as_long_as_an_image_lives_and_a_start_takes() {
+    for (longer, violations) in [(0, vec![]), (1, vec![(Silent, 1)])] {
+        let mut plan = Plan::new(3, 60);
+        let first = plan.publications[plan.showing(300)].at + MS;
+        let last = first + bounds::EXPIRY + bounds::START + longer;
+        plan.selects.retain(|selected| [first, last].iter().all(|at| selected.abs_diff(*at) > MS));
+        plan.selects.extend([first, last]);
+        plan.selects.sort_unstable();
+        let mut log = plan.log();
+        let over = last + plan.transaction_ns() + 1;
+        blind(&mut log, first, over);
+        log.events.retain(|event| event.at <= over);
+        insert(&mut log, over, dpr_reset(false));
+        insert(&mut log, over, What::End);
+        assert_eq!(found(&log), violations, "{longer}");
+    }
+}
+
+/// A log of a DPR that never gets ready, in which these happen.
+fn never_ready(events: impl IntoIterator<Item = (u64, What)>) -> bool {
+    let mut log = Plan::new(3, 0).log();
+    log.events.clear();
+    events.into_iter().for_each(|(at, what)| insert(&mut log, at, what));
+    found(&log).contains(&(NeverReady, 1))
+}
+
+#[test]
+fn a_dpr_need_not_get_ready_while_it_is_kept_selected_for_longer_than_a_cycle_nor_just_after() {
+    let transaction =
+        |selected: u64| What::Transaction { selected, mosi: vec![0; 96].into(), miso: vec![0xFF; 96].into() };
+    let due = bounds::START;
+    for (longer, blamed) in [(0, true), (1, false)] {
+        // It is still selected when its time is over, and just afterwards.
+        let began = due + 1 - CYCLE - longer;
+        let selected = [(began, What::Selected), (due + 1, What::Tick), (due + MS, What::End)];
+        assert_eq!(never_ready(selected), blamed, "selected, {longer}");
+        // It was let go just before that, and has so long to get ready.
+        let ended = due - 5_000;
+        let began = ended - CYCLE - longer;
+        let let_go = |after: u64| {
+            never_ready([(began, What::Selected), (ended, transaction(began)), (ended + after, What::End)])
+        };
+        assert_eq!(let_go(bounds::SSI_READY), blamed, "let go, {longer}");
+        assert!(let_go(bounds::SSI_READY + 1), "it has to be ready after that");
+    }
+}
+
+#[test]
+fn a_transaction_that_begins_as_the_dpr_is_ready_for_the_first_time_is_followed_by_readiness() {
+    let mut plan = Plan::new(3, 20);
+    let ready = FIRST_IMAGE + RELEASED_AFTER;
+    plan.selects.retain(|selected| *selected > ready + MS);
+    plan.selects.insert(0, ready);
+    let log = plan.log();
+    assert_eq!(found(&log), []);
+    let ended = ready + plan.transaction_ns();
+    let late = ended + bounds::SSI_READY + 1;
+    let log = moved(&log, ended + TO_READY, late, &[SsiEvent::Released, SsiEvent::Ready]);
+    assert_eq!(found(&log), [(NotReady, 1)]);
+}
+
+#[test]
+fn a_dpr_that_restarts_while_it_is_selected_holds_its_buffers_for_itself() {
+    for (longer, violations) in [(0, vec![]), (1, vec![(HeldBack, 1)])] {
+        let mut plan = Plan::new(3, 60);
+        let held = plan.selects.iter().copied().find(|selected| *selected > 260 * MS).unwrap();
+        let let_go = 400 * MS;
+        plan.selects.retain(|selected| *selected <= held || *selected > let_go + MS);
+        let mut log = plan.log();
+        insert(&mut log, held - 1, What::Injected { kind: "flight controller runs away".into(), until: let_go });
+        blind(&mut log, held, let_go);
+        let of_dpr = |what: &What| matches!(what, What::Fresh { .. } | What::Ssi(_));
+        log.events.retain(|event| !(held..let_go).contains(&event.at) || !of_dpr(&event.what));
+        for event in &mut log.events {
+            if matches!(event.what, What::Transaction { selected, .. } if selected == held) {
+                event.at = let_go - MS;
+            }
+        }
+        sort(&mut log);
+        insert(&mut log, held + MS, dpr_reset(true));
+        insert(&mut log, held + 20 * MS, What::Ssi(SsiEvent::Ready));
+        insert(&mut log, held + 30 * MS, What::Ssi(SsiEvent::Held));
+        let released = held + 30 * MS + bounds::SSI_READY + longer;
+        insert(&mut log, released, What::Ssi(SsiEvent::Released));
+        insert(&mut log, released, What::Ssi(SsiEvent::Ready));
+        let found: Vec<_> = found(&log).into_iter().filter(|(violation, _)| *violation == HeldBack).collect();
+        assert_eq!(found, violations, "{longer}");
     }
 }
 

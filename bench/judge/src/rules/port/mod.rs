@@ -272,7 +272,7 @@ fn shows(place: &Place, (fresh, age_ms): (bool, u16), read: Option<&[u8]>, publi
     let expiry = u64::from(Uplink::EXPIRY_MS);
     let told = u64::from(age_ms);
     let age_fits = (least..=most).contains(&told) || age_ms == u16::MAX && most >= u64::from(u16::MAX);
-    let fresh_fits = if fresh { least < expiry } else { most >= expiry };
     let bytes_fit = read.is_none_or(|read| if fresh { read == &stored[..] } else { is_vacant(read) });
-    age_fits && fresh_fits && bytes_fit && fresh == (told < expiry)
+    // The bit follows from the age, so that it is not set or clear at another time than the age allows.
+    age_fits && bytes_fit && fresh == (told < expiry)
 }

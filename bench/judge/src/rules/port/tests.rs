@@ -60,7 +60,7 @@ fn log(written: &[(u64, Vec<u8>)], shown: impl Fn(u64) -> Shown) -> crate::Log {
 }
 
 fn broken(log: &crate::Log) -> Vec<(Violation, u64)> {
-    let found = crate::testing::found(Port::new(&header(3)), log).0;
+    let found = crate::testing::found(Port::new(&log.header), log).0;
     found.into_iter().map(|(violation, count, _)| (violation, count)).collect()
 }
 
@@ -205,4 +205,379 @@ fn after_misconduct_port_status_is_believed_once_and_held_against_what_follows()
     };
     assert_eq!(with(1), []);
     assert_eq!(with(2), [(Violation::PortStatusWrong, 1)]);
+}
+
+/// Puts an event in its place.
+fn insert(log: &mut crate::Log, at: u64, what: What) {
+    let place = log.events.partition_point(|event| (event.at, event.what.rank()) <= (at, what.rank()));
+    log.events.insert(place, Event { at, what });
+}
+
+fn injected(kind: &str, until: u64) -> What {
+    What::Injected { kind: kind.to_owned(), until }
+}
+
+/// What the transaction read whose chip select fell at `at`.
+fn miso(log: &mut crate::Log, at: u64) -> &mut Vec<u8> {
+    let mut read = log.events.iter_mut().filter_map(|event| match &mut event.what {
+        What::Transaction { selected, miso, .. } if *selected == at => Some(&mut miso.0),
+        _ => None,
+    });
+    read.next().expect("a transaction")
+}
+
+/// The log of one uplink at [`AT`], which each image from `from` on shows.
+fn uplink_shown_from(from: u64) -> crate::Log {
+    log(&[(AT, uplink(1_000, 7))], |published| {
+        let mut shown = Shown::default();
+        if published >= from {
+            shown.values.uplinks_accepted = 1;
+            shown.stored = Some((uplink(1_000, 7), ends(AT)));
+        }
+        shown
+    })
+}
+
+/// When chip select falls for a transaction in which nothing is written.
+const READ: u64 = 205 * MS;
+
+#[test]
+fn what_a_dpr_has_taken_in_begins_anew_with_each_of_its_starts() {
+    // At the first, nothing has come in.
+    let counted = |accepted| {
+        broken(&log(&[], |_| {
+            let mut shown = Shown::default();
+            shown.values.uplinks_accepted = accepted;
+            shown
+        }))
+    };
+    assert_eq!(counted(0), []);
+    assert_eq!(counted(5), [(Violation::PortStatusWrong, 1)]);
+    let restart = READ + MS;
+    let forgotten = log(&[(AT, uplink(1_000, 7))], |published| {
+        let mut shown = Shown::default();
+        if (ends(AT)..restart).contains(&published) {
+            shown.values.uplinks_accepted = 1;
+            shown.stored = Some((uplink(1_000, 7), ends(AT)));
+        }
+        shown
+    });
+    assert_eq!(broken(&forgotten), [(Violation::PortStatusWrong, 1)]);
+    for what in [
+        What::Reset { board: Board::Dpr, cause: "pin".into(), asked: true },
+        What::Power { board: Board::Dpr, on: true },
+    ] {
+        let mut log = forgotten.clone();
+        insert(&mut log, restart, what);
+        assert_eq!(broken(&log), []);
+    }
+}
+
+#[test]
+fn what_a_transaction_writes_into_which_the_dpr_restarts_and_what_one_reads_that_is_not_served_counts_for_nothing() {
+    let mut restarted = log(&[(READ, uplink(1_000, 7))], |_| Shown::default());
+    assert_eq!(broken(&restarted), [(Violation::PortStatusWrong, 1)]);
+    let reset = What::Reset { board: Board::Dpr, cause: "pin".into(), asked: true };
+    insert(&mut restarted, READ + MS / 4, reset);
+    assert_eq!(broken(&restarted), []);
+    let mut silent = log(&[], |_| Shown::default());
+    miso(&mut silent, READ).fill(0xFF);
+    assert_eq!(broken(&silent), []);
+    let place = Layout::for_receivers(3).unwrap().port_status();
+    let mut vacant = log(&[], |_| Shown::default());
+    miso(&mut vacant, READ)[place].fill(0xFF);
+    assert_eq!(broken(&vacant), [(Violation::PortStatusWrong, 1)]);
+}
+
+#[test]
+fn only_while_a_buffer_may_hold_a_bit_that_was_hit_may_port_status_and_uplinks_be_damaged() {
+    let layout = Layout::for_receivers(3).unwrap();
+    for (place, violation) in [
+        (layout.port_status().start + 8, Violation::Damaged),
+        (layout.uplink::<FlightController>().start + 20, Violation::UplinkWrong),
+    ] {
+        let mut damaged = uplink_shown_from(ends(AT));
+        miso(&mut damaged, READ)[place] ^= 1;
+        assert_eq!(broken(&damaged), [(violation, 1)]);
+        for (longer, excused) in [(0, false), (1, true)] {
+            let until = READ - bounds::BUFFER_REPLACED + longer;
+            for (kind, excused) in [("buffer dpr image bit flips", excused), ("air lost", false)] {
+                let mut log = damaged.clone();
+                insert(&mut log, until, injected(kind, until));
+                assert_eq!(broken(&log).is_empty(), excused, "{kind}, {longer}");
+            }
+        }
+    }
+}
+
+#[test]
+fn from_the_instant_at_which_misuse_is_over_port_status_is_looked_at_again() {
+    let mut damaged = log(&[], |_| Shown::default());
+    miso(&mut damaged, READ)[Layout::for_receivers(3).unwrap().port_status().start + 8] ^= 1;
+    for (longer, expected) in [(0, vec![(Violation::Damaged, 1)]), (1, vec![])] {
+        let mut log = damaged.clone();
+        let until = READ - bounds::MISUSE_OVER + longer;
+        insert(&mut log, until, injected("flight controller lies", until));
+        assert_eq!(broken(&log), expected, "{longer}");
+    }
+}
+
+#[test]
+fn a_self_test_may_fail_after_memory_was_damaged_and_not_otherwise() {
+    let failed = log(&[], |published| {
+        let mut shown = Shown::default();
+        shown.values.status = PortStatusBits::new().with_self_test_failed(published >= 200 * MS);
+        shown
+    });
+    for (kinds, may) in [
+        (&[][..], false),
+        (&["air lost"], false),
+        (&["receiver 1 silent"], false),
+        (&["ram dpr bit stuck"], true),
+        (&["flash dpr bit flips"], true),
+        (&["image dpr"], true),
+        (&["buffer dpr image bit flips"], true),
+        (&["ram dpr bit stuck", "air lost"], true),
+    ] {
+        let mut log = failed.clone();
+        for (kind, at) in kinds.iter().zip([50 * MS, 60 * MS]) {
+            insert(&mut log, at, injected(kind, at));
+        }
+        assert_eq!(broken(&log).is_empty(), may, "{kinds:?}");
+    }
+}
+
+#[test]
+fn a_map_that_fresh_has_not_announced_in_time_is_not_asked_of() {
+    for (clock, publication) in [("fast", bounds::PUBLICATION), ("pessimistic", bounds::PUBLICATION_PESSIMISTIC)] {
+        for (late, expected) in [(0, vec![(Violation::PortStatusWrong, 1)]), (1, vec![])] {
+            // The last rise is that at 200 ms, and the only transaction after it reads what cannot be.
+            let mut log = log(&[], |published| {
+                let mut shown = Shown::default();
+                shown.values.uplinks_accepted = u32::from(published >= 200 * MS);
+                shown
+            });
+            log.header.clock = clock.to_owned();
+            log.events.retain(|event| match event.what {
+                What::Fresh { .. } => event.at <= 200 * MS,
+                What::Transaction { selected, .. } => selected < 200 * MS || selected == READ,
+                _ => true,
+            });
+            for event in &mut log.events {
+                if let What::Transaction { selected, .. } = &mut event.what
+                    && *selected == READ
+                {
+                    *selected = 200 * MS + bounds::FRAME_DEADLINE + publication + late;
+                    event.at = *selected + MS / 2;
+                }
+            }
+            assert_eq!(broken(&log), expected, "{clock}, {late}");
+        }
+    }
+}
+
+/// [`uplink_shown_from`], in which FRESH rises as the uplink's transaction ends.
+fn ends_as_fresh_rises(from: u64) -> crate::Log {
+    let mut log = uplink_shown_from(from);
+    for event in log.events.iter_mut().filter(|event| event.at == 100 * MS) {
+        event.at = ends(AT);
+    }
+    log.events.sort_by_key(|event| (event.at, event.what.rank()));
+    log
+}
+
+#[test]
+fn what_is_written_as_fresh_rises_shows_in_the_second_image_after_that_one() {
+    assert_eq!(broken(&ends_as_fresh_rises(110 * MS)), []);
+    assert_eq!(broken(&ends_as_fresh_rises(120 * MS)), []);
+    assert_eq!(broken(&ends_as_fresh_rises(130 * MS))[0].0, Violation::PortStatusWrong);
+    // So Port-Status is not believed before that image.
+    let over = ends(AT) - MS / 4;
+    let mut log = ends_as_fresh_rises(120 * MS);
+    insert(&mut log, 20 * MS, injected("flight controller lies", over - bounds::MISUSE_OVER));
+    assert_eq!(broken(&log), []);
+}
+
+#[test]
+fn what_port_status_has_decided_stays_so() {
+    let written = [(AT, command(50, Command::SelfTest)), (AT + 40 * MS, command(60, Command::SelfTest))];
+    // The second finds the first under way, or over: the images that are published in `over` say that it was over.
+    let decided = |over: Range<u64>| {
+        broken(&log(&written, |published| {
+            let mut shown = Shown::default();
+            let (first, second) = (published >= ends(AT), published >= ends(AT + 40 * MS));
+            let last = if second && over.contains(&published) { 60 } else { 50 };
+            if first {
+                shown.values.commands_carried_out = if last == 60 { 2 } else { 1 };
+                shown.values.last_command_timestamp = last;
+                shown.values.last_command = Command::SelfTest.word();
+            }
+            if second && last == 50 {
+                shown.values.violations.count(profile::Violation::CommandBusy, 1);
+                shown.values.status = PortStatusBits::new().with_last_refused(true);
+            }
+            shown
+        }))
+    };
+    assert_eq!(decided(0..u64::MAX), []);
+    assert_eq!(decided(0..0), []);
+    assert_eq!(decided(0..200 * MS), [(Violation::PortStatusWrong, 1)]);
+    assert_eq!(decided(200 * MS..u64::MAX), [(Violation::PortStatusWrong, 1)]);
+}
+
+#[test]
+fn the_limits_of_an_uplinks_age() {
+    const PUBLISHED: u64 = 70_000 * MS;
+    let bytes = uplink(1, 1);
+    let zeros = vec![0; Uplink::SIZE];
+    let expiry = u64::from(Uplink::EXPIRY_MS);
+    // An uplink that ended so long before the publication, ms, is told to be of this age, ms.
+    let may = |ago: u64, age: u64| {
+        let fresh = age < expiry;
+        let read = if fresh { &bytes } else { &zeros };
+        let place = Place::Stored(bytes.clone(), PUBLISHED - ago * MS);
+        let age = u16::try_from(age).unwrap();
+        // A bit that says otherwise, or a place, is wrong whatever the age.
+        assert!(!shows(&place, (!fresh, age), Some(read), PUBLISHED));
+        assert!(!shows(&place, (fresh, age), Some(if fresh { &zeros } else { &bytes }), PUBLISHED));
+        assert_eq!(
+            shows(&place, (fresh, age), None, PUBLISHED),
+            shows(&place, (fresh, age), Some(read), PUBLISHED),
+            "a place that was not read says nothing"
+        );
+        shows(&place, (fresh, age), Some(read), PUBLISHED)
+    };
+    // Made up to four cycles before its publication and judged up to 2 ms after its end: 42 ms younger; and of the
+    // millisecond that has begun.
+    for ago in [100, 300, 499, 540, 541, 542, 700, 60_000] {
+        for (age, allowed) in [(ago - 43, false), (ago - 42, true), (ago, true), (ago + 1, true), (ago + 2, false)] {
+            assert_eq!(may(ago, age), allowed, "{age} ms for {ago} ms");
+        }
+    }
+    assert!(may(10, 0), "it cannot be younger than nothing");
+    // The age saturates.
+    assert!(may(66_000, 65_535));
+    assert!(may(65_534, 65_535));
+    assert!(!may(65_533, 65_535));
+    // Where nothing was stored nothing is, and where nobody knows anything may be.
+    let empty = |told, read| shows(&Place::Empty, told, read, PUBLISHED);
+    assert!(empty((false, u16::MAX), None));
+    assert!(empty((false, u16::MAX), Some(&zeros)));
+    assert!(!empty((false, u16::MAX), Some(&bytes)));
+    assert!(!empty((false, 700), Some(&zeros)));
+    assert!(!empty((true, u16::MAX), Some(&zeros)));
+    assert!(!empty((true, 700), Some(&bytes)));
+    assert!(shows(&Place::Unknown, (true, 7), Some(&bytes), PUBLISHED));
+}
+
+/// Whether Port-Status may say this of a DPR to which this was sent since its start, each in a transaction of its own.
+fn may(sent: &[Vec<u8>], change: impl FnOnce(&mut PortValues)) -> bool {
+    let map_len = Layout::for_receivers(3).unwrap().map_len();
+    let models = sent.iter().fold(vec![Model::at_start()], |models, mosi| step(&models, mosi, 0, map_len));
+    let mut values = PortValues::default();
+    change(&mut values);
+    models.iter().any(|model| model.fits(&values))
+}
+
+/// A transaction that asks for nothing and writes this object.
+fn writing(object: &[u8]) -> Vec<u8> {
+    [&[0; 8], object].concat()
+}
+
+#[test]
+fn an_uplink_is_newer_by_less_than_half_the_range_and_the_third_in_a_row_after_a_restart_of_its_writer() {
+    for (timestamps, accepted, refused) in [
+        (&[10, 20][..], 2, false),
+        (&[10, 20, 20], 2, true),
+        (&[10, 9], 1, true),
+        (&[u32::MAX, 3], 2, false),
+        (&[0, (1 << 31) - 1], 2, false),
+        (&[0, 1 << 31], 1, true),
+        (&[1_000, 1, 2], 1, true),
+        (&[1_000, 1, 2, 3], 2, false),
+        (&[1_000, 1, 2, 3, 4], 3, false),
+        // What is not newer than the one before it begins a row.
+        (&[1_000, 1, 1, 2], 1, true),
+        (&[1_000, 1, 1, 2, 3], 2, false),
+        (&[1_000, 1, 2, 2_000, 3, 4], 2, true),
+    ] {
+        let sent: Vec<_> = timestamps.iter().map(|timestamp| writing(&uplink(*timestamp, 1))).collect();
+        let says = |accepted: u32| {
+            may(&sent, |values| {
+                values.uplinks_accepted = accepted;
+                let not_newer = timestamps.len() as u16 - accepted as u16;
+                values.violations.count(profile::Violation::UplinkNotNewer, not_newer);
+                values.status = PortStatusBits::new().with_last_refused(refused);
+            })
+        };
+        for count in 0..=timestamps.len() as u32 {
+            assert_eq!(says(count), count == accepted, "{timestamps:?}: {count}");
+        }
+    }
+}
+
+#[test]
+fn each_part_of_a_transaction_is_judged_by_itself_and_an_idle_line_writes_nothing() {
+    let kinds = |mosi: Vec<u8>| {
+        let sent = [mosi];
+        let may = |kind: Option<profile::Violation>| {
+            may(&sent, |values| kind.iter().for_each(|kind| values.violations.count(*kind, 1)))
+        };
+        [None].into_iter().chain(profile::Violation::ALL.map(Some)).filter(|kind| may(*kind)).collect::<Vec<_>>()
+    };
+    for idle in [0x00, 0xFF] {
+        for bytes in [0, 1, 7, 8, 9, 72, 80, 300] {
+            assert_eq!(kinds(vec![idle; bytes]), [None], "{bytes} bytes {idle:#x}");
+        }
+    }
+    assert_eq!(kinds(vec![0, 1, 0]), [Some(profile::Violation::TooShort)]);
+    assert_eq!(kinds(vec![0xFF, 0]), [Some(profile::Violation::TooShort)]);
+    assert_eq!(kinds(vec![0, 0, 1, 0, 0, 0, 0, 0]), [Some(profile::Violation::RequestDamaged)]);
+    // Eight bytes behind the object are taken in.
+    for (behind, kind) in [(0, Some(profile::Violation::TooLong)), (7, Some(profile::Violation::TooLong)), (8, None)] {
+        let mut mosi = vec![0; 100];
+        mosi[72 + behind] = 1;
+        assert_eq!(kinds(mosi), [kind], "{behind}");
+    }
+}
+
+#[test]
+fn clearing_the_counters_is_never_refused_as_busy_and_a_self_test_may_be_while_one_is_under_way() {
+    let test = |timestamp| writing(&command(timestamp, Command::SelfTest));
+    let clear = |timestamp| writing(&command(timestamp, Command::ClearCounters));
+    let says = |sent: &[Vec<u8>], carried_out: u32, last: (u32, Command), busy: bool, running: bool| {
+        may(sent, |values| {
+            values.commands_carried_out = carried_out;
+            values.last_command_timestamp = last.0;
+            values.last_command = last.1.word();
+            values.violations.count(profile::Violation::CommandBusy, u16::from(busy));
+            values.status = PortStatusBits::new().with_last_refused(busy).with_self_test_running(running);
+        })
+    };
+    // The first cannot be refused: it either runs or is over.
+    let sent = [test(1)];
+    assert!(says(&sent, 1, (1, Command::SelfTest), false, true));
+    assert!(says(&sent, 1, (1, Command::SelfTest), false, false));
+    assert!(!says(&sent, 0, (0, Command::SelfTest), true, true));
+    assert!(!may(&sent, |values| {
+        values.violations.count(profile::Violation::CommandBusy, 1);
+        values.status = PortStatusBits::new().with_last_refused(true);
+    }));
+    let sent = [test(1), test(2)];
+    assert!(says(&sent, 2, (2, Command::SelfTest), false, true));
+    assert!(says(&sent, 1, (1, Command::SelfTest), true, true));
+    let sent = [test(1), clear(2)];
+    assert!(says(&sent, 1, (2, Command::ClearCounters), false, true));
+    assert!(!says(&sent, 1, (1, Command::SelfTest), true, true));
+    assert!(!says(&sent, 2, (2, Command::ClearCounters), false, true));
+    // It clears uplinks and violations, too, and begins no test.
+    let sent = [writing(&uplink(5, 1)), writing(&uplink(5, 1)), clear(1)];
+    assert!(says(&sent, 1, (1, Command::ClearCounters), false, false));
+    assert!(!says(&sent, 1, (1, Command::ClearCounters), false, true));
+    assert!(!may(&sent, |values| {
+        values.uplinks_accepted = 1;
+        values.commands_carried_out = 1;
+        values.last_command_timestamp = 1;
+        values.last_command = Command::ClearCounters.word();
+    }));
 }

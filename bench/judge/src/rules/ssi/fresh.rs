@@ -274,5 +274,22 @@ mod tests {
         {
             assert_eq!(one.is_the_same_as(&other), same, "{one:?} {other:?}");
         }
+        // Of one image are two if neither its time nor that of its objects says otherwise.
+        let times = Mark { link: Some(link), stamp: None };
+        let again = Mark { link: Some(LinkValues { timestamp: 1343, ..link }), ..whole };
+        let next = Mark { stamp: Some(100), ..whole };
+        for (other, of) in [
+            (whole, Some(true)),
+            (later, Some(true)),
+            (objects, Some(true)),
+            (times, Some(true)),
+            (again, Some(false)),
+            (next, Some(false)),
+            (Mark { link: None, ..next }, Some(false)),
+            (Mark { stamp: None, ..again }, Some(false)),
+        ] {
+            assert_eq!(whole.is_of(&other), of, "{other:?}");
+        }
+        assert_eq!(objects.is_of(&times), None, "nothing is known of both");
     }
 }

@@ -114,9 +114,10 @@ impl Cycles {
         let Some(cycle) = self.cycle(stamp).filter(|cycle| !cycle.readable) else { return };
         cycle.readable = true;
         let tick = cycle.tick;
-        let Some(after_bit) = cycle.last_bit.and_then(|last_bit| rose.checked_sub(last_bit)) else { return };
+        let Some(last_bit) = cycle.last_bit else { return };
+        let Some(after_bit) = rose.checked_sub(last_bit) else { return };
         let damaged_len = cycle.damaged_len;
-        let delays = if rose - after_bit < misused { bounds::MISUSE_DELAYS } else { 0 };
+        let delays = if last_bit < misused { bounds::MISUSE_DELAYS } else { 0 };
         let late = after_bit > damaged_len.unwrap_or(bounds::LAST_BIT_TO_READABLE) + delays;
         cycle.late = late;
         if damaged_len.is_none() {

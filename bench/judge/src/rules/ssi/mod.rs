@@ -44,7 +44,7 @@ use crate::{Board, Context, Event, Figures, Findings, Header, SsiEvent, Violatio
 use damage::Damage;
 use fresh::Claims;
 use latency::Cycles;
-use service::{Read, Service};
+use service::Service;
 
 /// The injected faults that keep the flight controller from reading begin so.
 const FLIGHT_CONTROLLER: &str = "flight controller";
@@ -161,7 +161,7 @@ impl Ssi {
         let whole = reading.selected >= context.running(Board::Dpr).since;
         self.service.transaction(reading, whole, findings);
         // A transaction that began before the DPR's last start is not judged.
-        if !whole || Read::of(reading, false) != Read::Image || reading.selected < self.misused {
+        if !whole || reading.selected < self.misused {
             return;
         }
         if reading.selected < self.hit && !reading.is_sound() {

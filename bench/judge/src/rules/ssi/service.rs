@@ -131,11 +131,12 @@ impl Service {
 
     /// Starts anew: what was under way is not judged, since the restart is.
     fn restart(&mut self, since: u64) {
-        let Self { powered, quiet_since, quiet_told, longest, under_way, began, long_ended, .. } = *self;
-        // A transaction that is under way is none that the DPR's SPI peripheral knows of.
+        let Self { powered, quiet_since, quiet_told, longest, under_way, .. } = *self;
+        // A transaction that is under way is none that the DPR's SPI peripheral knows of. When it began, and when one
+        // before it ended, need not be kept: they are asked for once the time for a start is over, which is longer than
+        // a transaction that is not long.
         let busy = under_way;
-        let own = Self { powered, since, quiet_since, quiet_told, longest, ..Self::new() };
-        *self = Self { under_way, began, long_ended, busy, ..own };
+        *self = Self { powered, since, quiet_since, quiet_told, longest, under_way, busy, ..Self::new() };
     }
 
     pub(super) fn power(&mut self, at: u64, on: bool) {
