@@ -155,7 +155,7 @@ impl Polling {
     }
 
     /// The bytes of a transfer have been looked at; `is_empty`: it ended with filler outside of a message, so the
-    /// receiver has no more.
+    /// receiver has no more ([`Filter::has_nothing_more`]).
     pub fn read(&mut self, is_empty: bool) {
         self.backlog.read(is_empty);
     }
@@ -183,6 +183,8 @@ pub struct Filter(Place);
 enum Place {
     #[default]
     Outside,
+    /// Outside, after so many bytes of filler, counted up to [`Filter::NOTHING_MORE`].
+    Filler(u8),
     /// After the first byte of sync.
     Sync,
     /// So many bytes of class, identifier and length have come; the length so far.
@@ -201,7 +203,26 @@ impl Filter {
     /// Whether the next bytes are filler if they are [`FILLER`].
     #[must_use]
     pub fn is_outside(self) -> bool {
-        self.0 == Place::Outside
+        matches!(self.0, Place::Outside | Place::Filler(_))
+    }
+
+    /// So many bytes of filler in a row say that the receiver has nothing more: one 0xFF may be noise, too.
+    pub const NOTHING_MORE: u8 = 4;
+
+    /// Whether the last [`Self::NOTHING_MORE`] bytes were filler. A message's own 0xFF is none, nor is one that ends a
+    /// length which is not followed.
+    #[must_use]
+    pub fn has_nothing_more(self) -> bool {
+        self.0 == Place::Filler(Self::NOTHING_MORE)
+    }
+
+    /// Takes [`Self::NOTHING_MORE`] bytes of [`FILLER`] at once if they are filler, and tells whether they are.
+    pub fn skips(&mut self) -> bool {
+        let skips = self.is_outside();
+        if skips {
+            self.0 = Place::Filler(Self::NOTHING_MORE);
+        }
+        skips
     }
 
     /// Whether `byte` is the receiver's.
@@ -209,15 +230,16 @@ impl Filter {
         /// The longest payload that the parser takes, and the checksum behind it.
         const LONGEST: u16 = BUFFER as u16 - 8;
         match self.0 {
-            Place::Outside | Place::Sync if byte == FILLER => {
-                self.0 = Place::Outside;
+            Place::Outside | Place::Filler(_) | Place::Sync if byte == FILLER => {
+                let before = if let Place::Filler(count) = self.0 { count } else { 0 };
+                self.0 = Place::Filler((before + 1).min(Self::NOTHING_MORE));
                 false
             }
             Place::Sync if byte == 0x62 => {
                 self.0 = Place::Header(0, 0);
                 true
             }
-            Place::Outside | Place::Sync => {
+            Place::Outside | Place::Filler(_) | Place::Sync => {
                 self.0 = if byte == 0xB5 { Place::Sync } else { Place::Outside };
                 true
             }
@@ -305,6 +327,29 @@ mod tests {
         });
         let nmea = "[ -~]{0,80}".prop_map(|text| std::format!("${text}\r\n").into_bytes());
         prop_oneof![ubx, nmea]
+    }
+
+    #[test]
+    fn four_bytes_of_filler_outside_of_messages_say_that_there_is_no_more() {
+        let ends = |filter: &mut Filter, count: usize| {
+            (0..count).map(|_| (filter.keeps(FILLER), filter.has_nothing_more())).collect::<Vec<_>>()
+        };
+        let [more, no_more] = [(false, false), (false, true)];
+        // What is left of a message whose length is not followed ends with 0xFF and is no filler.
+        let mut filter = Filter::new();
+        for byte in [0xB5, 0x62, 0x01, 0x07, 0xFF, 0xFF].repeat(50) {
+            assert!(filter.keeps(byte) && !filter.has_nothing_more(), "{byte:#04x}");
+        }
+        assert_eq!(ends(&mut filter, 6), [more, more, more, no_more, no_more, no_more]);
+        // Nor do the last bytes of a message.
+        for byte in [0xB5, 0x62, 0x01, 0x07, 3, 0, FILLER, FILLER, FILLER, FILLER, FILLER] {
+            assert!(filter.keeps(byte) && !filter.has_nothing_more());
+        }
+        assert!(filter.skips() && filter.has_nothing_more(), "four at once");
+        assert!(filter.keeps(b'$') && !filter.has_nothing_more());
+        assert_eq!(ends(&mut filter, 3), [more; 3]);
+        assert!(filter.keeps(0xB5) && !filter.skips() && !filter.has_nothing_more(), "a message may begin");
+        assert_eq!(ends(&mut filter, 4), [more, more, more, no_more], "and has not");
     }
 
     proptest! {

@@ -159,7 +159,7 @@ impl SpiSource {
         let filter = &mut self.filter;
         let bytes = IN.iter().flat_map(|word| {
             let word = word.load(Ordering::Relaxed);
-            let is_filler = word == FILLER_WORD && filter.is_outside();
+            let is_filler = word == FILLER_WORD && filter.skips();
             let kept = word.to_ne_bytes().map(|byte| (!is_filler && filter.keeps(byte)).then_some(byte));
             kept.into_iter().flatten()
         });
@@ -168,8 +168,7 @@ impl SpiSource {
         } else {
             gnss::ring(self.index).push(bytes);
         }
-        let [.., last] = IN[TRANSFER / 4 - 1].load(Ordering::Relaxed).to_ne_bytes();
-        self.polling.read(last == FILLER && self.filter.is_outside());
+        self.polling.read(self.filter.has_nothing_more());
     }
 
     fn clear_out(&mut self) {
