@@ -30,8 +30,9 @@
 //! [`BUFFER`] bytes of an unfinished message beyond them.
 //!
 //! **A false start ends with the line's silence.** A damaged length makes the parser wait for bytes that never
-//! come, with good messages among those it already has. After [`GAP_MS`] of silence it is given zeros until it
-//! gives them up, so that they are found now and not with the next epoch.
+//! come, with good messages among those it already has. After [`GAP_MS`] of silence it is given 0xFF until it
+//! gives them up, so that they are found now and not with the next epoch. (Zeros would not do: after the two bytes of
+//! sync, six of them are a whole message, with the right checksum. A length of 0xFF is longer than any message.)
 
 use core::f64::consts::PI;
 
@@ -316,7 +317,7 @@ impl Receiver {
             self.parse(bytes, now);
         } else if !self.parser.is_buffer_empty() && !self.spoke.within(now, GAP_MS) {
             let then = self.spoke.0.unwrap_or(now);
-            self.parse(&[0; BYTES_PER_CALL], then);
+            self.parse(&[0xFF; BYTES_PER_CALL], then);
         }
         bytes.len()
     }

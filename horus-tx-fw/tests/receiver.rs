@@ -180,6 +180,22 @@ fn a_message_of_another_length_than_its_kind_has_is_not_used() {
 }
 
 #[test]
+fn what_was_cut_off_is_no_message_once_the_line_is_silent() {
+    let beginnings = [0xB5, 0x62, 0x01, 0x07, 0xFF, 0xFF].repeat(20);
+    for whole in [NavPvt::at(1_000).bytes(), message(0x01, 0x03, &[]), beginnings] {
+        for cut in 1..whole.len() {
+            let mut receiver = Receiver::new();
+            feed(&mut receiver, &whole[..cut], 1_000);
+            for now in (1_010..1_000 + GAP_MS + 100).step_by(10) {
+                receiver.receive(&[], now);
+            }
+            let (messages, heard) = (receiver.counts().messages, receiver.solution().heard);
+            assert_eq!((messages, heard), (0, Receiver::new().solution().heard), "{cut} of {whole:02x?}");
+        }
+    }
+}
+
+#[test]
 fn a_false_start_hides_a_message_only_until_the_line_is_silent() {
     // A header that promises 200 bytes, and then a whole message.
     let mut receiver = Receiver::new();
@@ -190,7 +206,7 @@ fn a_false_start_hides_a_message_only_until_the_line_is_silent() {
         assert_eq!(receiver.solution().position.valid, now >= 1_000 + GAP_MS + 20, "at {now}");
     }
     assert!(receiver.solution().heard.within(1_250, 250) && !receiver.solution().heard.within(1_251, 250));
-    assert_eq!(receiver.counts().skipped(), 6, "the zeros are nobody's bytes");
+    assert_eq!(receiver.counts().skipped(), 6, "what is filled in is nobody's bytes");
 }
 
 #[test]
