@@ -188,7 +188,7 @@ fn every_value_shown_is_the_one_that_was_sent() {
     assert_eq!(tab.text("#verdict"), "live");
     tab.until("document.getElementById('alarms').textContent.includes('the position shown is old')");
 
-    assert_eq!(tab.text("#drone"), "7");
+    tab.until("document.getElementById('drone').value === '7'");
     assert_eq!(tab.text("#latitude"), "33.4567891° S");
     assert_eq!(tab.text("#longitude"), "70.6482718° W");
     assert_eq!(tab.text("#height"), "1234.6 m");
@@ -276,8 +276,9 @@ fn data_are_called_old_within_half_a_second_of_the_last_datagram_and_not_before_
     }
     println!("old after {took:?} ms; where the machine did not let the browser run, {disturbed:?}");
     assert!(took.iter().all(|took| *took <= SAYS_OLD_WITHIN), "{took:?}");
-    // Date.now() has whole milliseconds.
-    assert!(took.iter().all(|took| *took >= 399.0), "{took:?}");
+    // What was sent last may be 10 ms older than that: a timestamp is that of a cycle. Date.now() has whole
+    // milliseconds.
+    assert!(took.iter().all(|took| *took >= 400.0 - 10.0 - 1.0), "{took:?}");
     screenshot(&mut tab, "stale");
     scene.is_clean(&mut tab);
 }
@@ -365,7 +366,12 @@ fn the_page_is_readable_on_a_desk_and_on_a_phone_in_light_and_in_dark() {
             tab.scheme(scheme);
             let seen = format!("matchMedia('(prefers-color-scheme: {scheme})').matches");
             // The pictures and their legend are drawn ten times a second.
-            scene.fly_until(&mut tab, &format!("{FRESH} && {seen} && contrast('.legend span') >= 4.5"));
+            scene.fly_until(
+                &mut tab,
+                &format!(
+                    "{FRESH} && {seen} && !!document.querySelector('.legend span') && contrast('.legend span') >= 4.5"
+                ),
+            );
             grounds.push(tab.eval("getComputedStyle(document.body).backgroundColor"));
             for selector in
                 ["h1", "h2", "#verdict", "#age-value", "#latitude", "th", "td.bad", "#alarms li", ".legend span"]

@@ -161,8 +161,8 @@ fn may_disagree(one: Position, other: Position) -> bool {
 }
 
 /// `failures` of buses, one a second, each of a drawn kind at a drawn instant for a drawn time: nothing is violated, no
-/// cycle is lost, every other receiver stays valid, and so does Reported-Position where those agree. How far that was from the
-/// flight's truth at worst, m.
+/// cycle is lost, every other receiver stays valid, and so does Reported-Position where those agree. How far that was
+/// from the flight's truth at worst, m.
 fn drawn_failures(clock: Clock, seed: u64, failures: u64, table: &mut [Table; BusFault::ALL.len()]) -> Option<f64> {
     const SECOND: u64 = 1_000 * MS;
     const SETTLED: u64 = SECOND;
@@ -215,7 +215,7 @@ fn drawn_failures(clock: Clock, seed: u64, failures: u64, table: &mut [Table; Bu
 
 fn tell(table: &[Table; BusFault::ALL.len()]) {
     println!(
-        "{:16} failures  not valid for a while  for ms at most  ms after its end at most  profiles with the others apart",
+        "{:16} failures  not valid for a while  for ms at most  ms after its end at most  profiles: others apart",
         "kind"
     );
     for (kind, row) in BusFault::ALL.iter().zip(table) {

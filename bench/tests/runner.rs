@@ -250,6 +250,7 @@ fn logging(channels: &[Up<'_>], then: impl FnOnce(&mut Thumb)) -> Firmware {
         }
     };
     main.store(BLOCK + 16, u32::try_from(channels.len()).unwrap());
+    main.store(BLOCK + 20, 0);
     for (index, Up(name, text, mode)) in (0..).zip(channels) {
         let (entry, buffer) = (BLOCK + 24 + 24 * index, 0x2000_2000 + 0x100 * index);
         names[32 * index as usize..][..name.len()].copy_from_slice(name.as_bytes());
@@ -259,7 +260,8 @@ fn logging(channels: &[Up<'_>], then: impl FnOnce(&mut Thumb)) -> Firmware {
             main.store(entry + at, word);
         }
     }
-    put(&mut main, BLOCK, b"SEGGER RTT");
+    // All sixteen bytes: RAM that nobody has written holds anything.
+    put(&mut main, BLOCK, b"SEGGER RTT\0\0\0\0\0\0");
     then(&mut main);
     main.idle();
     let mut segments = firmware("logging", &main, &[]).segments().to_vec();

@@ -147,8 +147,8 @@ impl Pace {
         self.arrived.0.map_or(i32::MAX, |at| now.wrapping_sub(at) as i32)
     }
 
-    /// From the last message's time of week to its arrival, by the clock that began with HORUS, ms, modulo a week. Where
-    /// that clock wraps, after 49 days, this steps once.
+    /// From the last message's time of week to its arrival, by the clock that began with HORUS, ms, modulo a week.
+    /// Where that clock wraps, after 49 days, this steps once.
     #[must_use]
     pub const fn lag_ms(&self) -> u32 {
         self.lag_ms

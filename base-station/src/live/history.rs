@@ -4,8 +4,8 @@
 //! oldest that its data were and the fewest receivers that agreed, so that what went wrong for a moment shows.
 //!
 //! **Bound.** Room for 602 samples of at most [`SAMPLE_BYTES`] bytes for each drone, so 58 kB a drone, 58 MB a
-//! thousand, and 237 MB for the most drones that are kept ([`MAX_DRONES`](crate::fleet::MAX_DRONES)). Positions are kept as 1e-7
-//! degrees (1 cm), as GNSS receivers give them; they are drawn, and the numbers of the page come from elsewhere.
+//! thousand, and 237 MB for the most drones that are kept ([`MAX_DRONES`](crate::fleet::MAX_DRONES)). Positions are
+//! kept as 1e-7 degrees (1 cm), as GNSS receivers give them: they are drawn. The page's numbers come from elsewhere.
 
 use std::collections::{BTreeMap, VecDeque};
 

@@ -33,8 +33,8 @@ fn replaced(function: &str, was: &[u8], is: &[u8]) -> ImageFault {
 /// The upper word of the float64 1e7, by which HORUS divides latitude and longitude, and that of 2e7.
 const DIVISOR: (u32, u32) = (0x4163_12D0, 0x4173_12D0);
 
-/// `CMP r3, #251` with which HORUS decides whether a receiver was heard within 250 ms, and `CMP r3, #1`.
-const HEARD: ([u8; 2], [u8; 2]) = ([0xFB, 0x2B], [0x01, 0x2B]);
+/// `CMP r4, #251` with which HORUS decides whether a receiver was heard within 250 ms, and `CMP r4, #1`.
+const HEARD: ([u8; 2], [u8; 2]) = ([0xFB, 0x2C], [0x01, 0x2C]);
 
 /// Constants of the voter, as float32: the squares of the horizontal limits, 30 m, and of the vertical ones, 8 m and
 /// 50 m; and 1/256 of 1e-7 degrees in a radian. And what is there instead.

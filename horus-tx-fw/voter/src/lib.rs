@@ -100,8 +100,8 @@ pub struct Input {
     pub fix: Fix,
     /// From the arrival of its position to the tick, ms; below 0 if it arrived since the tick.
     pub since_arrival_ms: i32,
-    /// From the time of week that its position is for to the arrival, by a clock of ours that began anywhere, ms, modulo
-    /// [`WEEK_MS`] and below it: only differences between receivers count.
+    /// From the time of week that its position is for to the arrival, by a clock of ours that began anywhere, ms,
+    /// modulo [`WEEK_MS`] and below it: only differences between receivers count.
     pub lag_ms: u32,
     /// Pitch, yaw and roll, rad, where they are valid.
     pub attitude: Option<[f32; 3]>,

@@ -108,8 +108,8 @@ fn a_position_moves_by_its_velocity_for_its_age_and_50_ms() {
     }
 }
 
-/// How far each of three receivers is brought, m, which fly east at 40 m/s one at a time: the other two stand at its place
-/// and 4.9 m east of it, so that the median is the one that flies.
+/// How far each of three receivers is brought, m, which fly east at 40 m/s one at a time: the other two stand at its
+/// place and 4.9 m east of it, so that the median is the one that flies.
 fn brought(lags: [u32; 3]) -> [f64; 3] {
     [0, 1, 2].map(|of: usize| {
         let mut said = [0, 1, 2].map(|i: usize| Said { lag_ms: lags[i], ..GOOD });
