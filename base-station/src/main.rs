@@ -38,10 +38,7 @@ enum Command {
         #[command(flatten)]
         listen: Listen,
         #[command(flatten)]
-        page: Page,
-        /// Record into this file as well (MCAP); one that exists is not overwritten, the next free number is taken
-        #[arg(long, value_name = "FILE")]
-        record: Option<PathBuf>,
+        output: Output,
     },
     /// Record what arrives, without a page
     Record {
@@ -50,7 +47,8 @@ enum Command {
         #[command(flatten)]
         listen: Listen,
     },
-    /// Serve, and hand all that was judged on to a broker (MQTT 5), for `subscribe` elsewhere
+    /// Serve, and hand all that was judged on to a broker (MQTT 5), for `subscribe` elsewhere; a recording has what the
+    /// broker did not take, too
     Publish {
         #[command(flatten)]
         broker: BrokerArgs,
@@ -61,10 +59,7 @@ enum Command {
         #[command(flatten)]
         listen: Listen,
         #[command(flatten)]
-        page: Page,
-        /// Record what arrives here as well (MCAP): it has what the broker did not take
-        #[arg(long, value_name = "FILE")]
-        record: Option<PathBuf>,
+        output: Output,
     },
     /// Show what other stations publish on a page, and record it if asked to
     Subscribe {
@@ -74,10 +69,7 @@ enum Command {
         #[arg(long, value_name = "NAME")]
         station: Option<String>,
         #[command(flatten)]
-        page: Page,
-        /// Record into this file as well (MCAP); one that exists is not overwritten, the next free number is taken
-        #[arg(long, value_name = "FILE")]
-        record: Option<PathBuf>,
+        output: Output,
     },
     /// Play a recording back on the page
     Replay {
@@ -162,17 +154,25 @@ struct Page {
     seconds: Option<u64>,
 }
 
+/// What becomes of what arrives.
+#[derive(Args)]
+struct Output {
+    #[command(flatten)]
+    page: Page,
+    /// Record into this file as well (MCAP); one that exists is not overwritten, the next free number is taken
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
+}
+
 /// What fails is looked for so often; the recorder tries again after twice that.
 const COMPLAIN: Duration = Duration::from_millis(500);
 
 fn main() -> ExitCode {
     let done = match Cli::parse().command {
-        Command::Serve { listen, page, record } => serve(&listen, &page, record),
+        Command::Serve { listen, output } => serve(&listen, output),
         Command::Record { file, listen } => record(&listen, file),
-        Command::Publish { broker, station, listen, page, record } => {
-            publish(&broker, &station, &listen, &page, record)
-        }
-        Command::Subscribe { broker, station, page, record } => subscribe(&broker, station.as_deref(), &page, record),
+        Command::Publish { broker, station, listen, output } => publish(&broker, &station, &listen, output),
+        Command::Subscribe { broker, station, output } => subscribe(&broker, station.as_deref(), output),
         Command::Replay { files, page, speed, from } => replay(files, &page, speed, from),
         Command::Export { file, form, output } => export(&file, form, &output),
         Command::Repair { file, output } => repair(&file, output),
@@ -186,12 +186,12 @@ fn main() -> ExitCode {
     }
 }
 
-fn serve(listen: &Listen, page: &Page, record: Option<PathBuf>) -> Result<()> {
+fn serve(listen: &Listen, Output { page, record }: Output) -> Result<()> {
     let clock = Clock::begin();
     let (inlet, station, ended) = live::start(verifier(listen)?, files(record)?, Time::Clock(clock.clone()), tell);
     open(listen, &clock, &inlet)?;
     // The lines have inlets of their own, and end when the station does.
-    show(station, None, page)?;
+    show(station, None, &page)?;
     finish(inlet, ended)
 }
 
@@ -205,7 +205,7 @@ fn record(listen: &Listen, file: PathBuf) -> Result<()> {
     finish(inlet, ended)
 }
 
-fn publish(to: &BrokerArgs, name: &str, listen: &Listen, page: &Page, record: Option<PathBuf>) -> Result<()> {
+fn publish(to: &BrokerArgs, name: &str, listen: &Listen, Output { page, record }: Output) -> Result<()> {
     let clock = Clock::begin();
     let broker = broker(to)?;
     let (outlet, unconnected) = broker::outlet(broker.clone(), station(name)?);
@@ -214,14 +214,14 @@ fn publish(to: &BrokerArgs, name: &str, listen: &Listen, page: &Page, record: Op
     unconnected.connect(inlet.clone()).with_context(|| format!("cannot begin with {broker}"))?;
     open(listen, &clock, &inlet)?;
     eprintln!("publishing to {broker} as {name}");
-    show(station, None, page)?;
+    show(station, None, &page)?;
     if outlet.unpublished() > 0 {
         eprintln!("{} messages were not published", outlet.unpublished());
     }
     finish(inlet, ended)
 }
 
-fn subscribe(to: &BrokerArgs, only: Option<&str>, page: &Page, record: Option<PathBuf>) -> Result<()> {
+fn subscribe(to: &BrokerArgs, only: Option<&str>, Output { page, record }: Output) -> Result<()> {
     let clock = Clock::begin();
     let broker = broker(to)?;
     let only = only.map(station).transpose()?;
@@ -229,7 +229,7 @@ fn subscribe(to: &BrokerArgs, only: Option<&str>, page: &Page, record: Option<Pa
     broker::subscribe(broker.clone(), only, 0, clock, inlet.clone())
         .with_context(|| format!("cannot begin with {broker}"))?;
     eprintln!("subscribed to {} at {broker}", only.unwrap_or("all stations"));
-    show(station, None, page)?;
+    show(station, None, &page)?;
     finish(inlet, ended)
 }
 

@@ -241,10 +241,10 @@ fn whatever_bus_fails_at_whatever_instant_the_position_stays_valid_and_right() {
     assert_eq!(table.iter().map(|row| row.apart).sum::<u64>(), 0, "the others agree all the time in these");
 }
 
-/// The same a thousand times: `cargo test -p bench --test receivers -- --ignored --nocapture`, with the images of
-/// `cargo xtask build` in `LINK_IMAGES`.
+/// The same a thousand times.
 #[test]
-#[ignore = "takes minutes: see its comment"]
+#[ignore = "takes two minutes: cargo xtask build && \
+            LINK_IMAGES=$PWD/target/firmware cargo test -p bench --test receivers -- --ignored --nocapture"]
 fn a_thousand_failures_of_buses() {
     let mut table = [Table::default(); BusFault::ALL.len()];
     let mut worst: f64 = 0.0;
