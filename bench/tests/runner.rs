@@ -5,10 +5,11 @@ mod boards;
 mod elf;
 mod thumb;
 
-use bench::node::{Bare, Clock, FindingKind, Firmware, Limits, Node, Outcome, Target};
+use bench::node::{Bare, Clock, Connected, Event, FindingKind, Firmware, Limits, Node, Outcome, Sending, Target};
+use bench_seam::Pin;
 use elf::{EM_ARM, ET_EXEC, elf};
 use stm32f429::{Oscillators, Stm32f429};
-use thumb::{COUNTER, FLASH, MAIN, STACK, Thumb, firmware, firmware_at};
+use thumb::{COUNTER, FLASH, GPIOA, MAIN, RCC, STACK, Thumb, firmware, firmware_at};
 
 const MS: u64 = 1_000_000;
 
@@ -205,7 +206,7 @@ fn a_finding_has_the_instant_of_its_access_and_the_peripherals_name_also_over_a_
     let store = main.here() + 16;
     // A timer without its clock; then the part goes over to its 8 MHz crystal and works on.
     main.store(thumb::TIM2, 1);
-    main.store(thumb::RCC, 1 << 18 | 1 << 16 | 0x83).wait_for(thumb::RCC, 17).store(thumb::RCC + 8, 1).idle();
+    main.store(RCC, 1 << 18 | 1 << 16 | 0x83).wait_for(RCC, 17).store(RCC + 8, 1).idle();
     let outcome = on_horus(&firmware("clocks", &main, &[]));
     assert_eq!(outcome.findings.len(), 1, "{:?}", outcome.findings);
     let finding = &outcome.findings[0];
@@ -339,4 +340,36 @@ fn the_test_images_stack_is_where_the_vector_table_says() {
     assert_eq!(image.segments()[0].1[..4], STACK.to_le_bytes());
     assert_eq!(image.symbol("here").unwrap().address, u64::from(COUNTER));
     assert_eq!(on_horus(&image).status(), 124);
+}
+
+// ---- leads
+
+/// USART2 of the STM32F429, whose pins PA2 and PA3 are.
+const USART2: u32 = 0x4000_4400;
+
+#[test]
+fn what_is_sent_to_a_uart_arrives_and_what_it_sends_is_heard() {
+    let mut main = Thumb::at(MAIN);
+    main.store(RCC + 0x30, 1).store(RCC + 0x40, 1 << 17);
+    // PA2 and PA3 in alternate function 7, beside the debug port's pins as they are after a reset.
+    main.store(GPIOA + 0x20, 0x7700).store(GPIOA, 0xA800_00A0);
+    // 16 MHz by 139 are 115 108 baud; on, with transmitter and receiver.
+    main.store(USART2 + 8, 139).store(USART2 + 0xC, 1 << 13 | 1 << 3 | 1 << 2);
+    // Each byte goes back, one greater.
+    let again = main.here();
+    main.wait_for(USART2, 5).mov(0, USART2).ldr(1, 0, 4).raw(&[0x3101]).str(1, 0, 4).branch(again);
+    let [transmits, receives] = [2, 3].map(|number| Pin::new(0, number));
+    let sent = Sending { at: 5 * MS, pin: receives, baud: 115_200, bytes: b"HAL".to_vec() };
+    let connected = Connected { heard: vec![transmits], sent: vec![sent], ..Connected::default() };
+    let limits = Limits { virtual_time: 10 * MS, ..Limits::default() };
+    let mut heard = vec![];
+    let event = |event: Event<'_>| {
+        if let Event::Byte(pin, byte) = event {
+            heard.push((pin, byte));
+        }
+    };
+    let image = firmware("echo", &main, &[]);
+    let outcome = Target::Horus.run_connected(Clock::Fast, &image, connected, limits, event).unwrap();
+    assert_eq!(outcome.findings, []);
+    assert_eq!(heard, [(transmits, b'I'), (transmits, b'B'), (transmits, b'M')]);
 }
