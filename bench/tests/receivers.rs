@@ -161,8 +161,8 @@ fn may_disagree(one: Position, other: Position) -> bool {
 }
 
 /// `failures` of buses, one a second, each of a drawn kind at a drawn instant for a drawn time: nothing is violated, no
-/// cycle is lost, every other receiver stays valid, and so does Reported-Position where those agree. How far that was
-/// from the flight's truth at worst, m.
+/// cycle is lost, every other receiver stays valid, and so does Reported-Position where those agree. Returns the
+/// greatest distance of Reported-Position from where the drone really was, m; `None` without images.
 fn drawn_failures(clock: Clock, seed: u64, failures: u64, table: &mut [Table; BusFault::ALL.len()]) -> Option<f64> {
     const SECOND: u64 = 1_000 * MS;
     const SETTLED: u64 = SECOND;

@@ -209,8 +209,8 @@ impl Filter {
     /// So many bytes of filler in a row say that the receiver has nothing more: one 0xFF may be noise, too.
     pub const NOTHING_MORE: u8 = 4;
 
-    /// Whether the last [`Self::NOTHING_MORE`] bytes were filler. A message's own 0xFF is none, nor is one that ends a
-    /// length which is not followed.
+    /// Whether the last [`Self::NOTHING_MORE`] bytes were filler. 0xFF inside a message is not filler, nor is the last
+    /// byte of a length that is too great to be followed.
     #[must_use]
     pub fn has_nothing_more(self) -> bool {
         self.0 == Place::Filler(Self::NOTHING_MORE)

@@ -84,9 +84,11 @@ pub const WORST_ACCURACY_MM: [u32; 2] = [30_000, 50_000];
 pub const FASTEST_MM_S: u32 = 200_000;
 /// Where a valid position may lie above the ellipsoid, mm.
 pub const ALTITUDE_MM: std::ops::RangeInclusive<i32> = -1_000_000..=20_000_000;
-/// A position is older than its message by what a receiver computes and sends: by this at the candidate in the middle.
+/// A position is older than its message by what a receiver needs to compute and send: by this, ns, at the candidate
+/// whose message took neither the longest nor the shortest (decision 15, brought to the tick).
 pub const BEFORE_ARRIVAL: u64 = 50_000_000;
-/// And another's by so much more or less at most, or by as much.
+/// Another candidate's latency may differ from that by this at most, ns. If it seems to differ by more, it counts as
+/// [`BEFORE_ARRIVAL`].
 pub const BEFORE_ARRIVAL_SPREAD: u64 = 50_000_000;
 /// The least and the greatest distance, horizontal and vertical, within which two receivers agree whatever accuracies
 /// they state, m.

@@ -282,9 +282,10 @@ fn axis_of<const N: usize>(
 
 /// From the epoch of each position to its arrival, half ms.
 ///
-/// All receivers tell the time of week of the same system, so how much later than another's a receiver's message comes
-/// after the time of week that it is for is how much longer it took. The candidate in the middle has the latency that
-/// the decision assumes, and one that is farther from it than is believed has so, too: its time is wrong.
+/// All receivers tell the time of week of the same system. So if one receiver's message arrives later after its time of
+/// week than another's, it took so much longer. The candidate in the middle gets [`LATENCY_MS`], the others as much
+/// more or less as their messages took. Where that is more than [`LATENCY_SPREAD_MS`], the receiver's time of week is
+/// wrong, and its position gets [`LATENCY_MS`], too.
 fn latencies<const N: usize>(inputs: &[Input; N], candidates: u8) -> [i32; N] {
     const HALF_A_WEEK_MS: i32 = WEEK_MS as i32 / 2;
     let lags = inputs.each_ref().map(|input| input.lag_ms as i32);

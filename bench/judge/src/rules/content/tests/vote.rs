@@ -354,8 +354,8 @@ fn a_position_is_brought_to_the_tick() {
 
 #[test]
 fn a_position_whose_message_came_later_after_its_time_of_week_is_older() {
-    // Of these three GPS2 flies north, between the others; how many ms later than at first each says it, and how old
-    // GPS2's position then is when it arrives.
+    // GPS2 flies north between the two others, which stand. A row has by how many ms each receiver's messages are late,
+    // and how old GPS2's position is when its message arrives, s.
     for (late, before_arrival) in [
         ([0, 0, 0], 0.050),
         ([0, 40, 20], 0.070),

@@ -245,7 +245,7 @@ fn age(held: &Held, reference: i64, middle: Option<Range>) -> Range {
     if off.least > spread || off.most < -spread {
         return as_usual;
     }
-    // The arrival itself makes no difference here: what comes later is younger by then, and took longer.
+    // When the message arrived cancels out: one that arrived later has waited less and took longer by the same time.
     let epoch = since_epoch(held, reference);
     let by_epoch = Range { least: epoch - middle.most, most: epoch - middle.least }.moved(usual);
     let by_epoch = Range { least: by_epoch.least.max(widest.least), most: by_epoch.most.min(widest.most) };
