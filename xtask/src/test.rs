@@ -1,8 +1,9 @@
 //! Every test of the workspace, all of them run, what failed said at the end.
 
+use std::path::Path;
 use std::process::{Command, ExitCode};
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use bench::node::Clock;
 use clap::Args;
 
@@ -34,6 +35,9 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
     if args.on == Place::Hardware {
         return crate::workspace::again_with("probe");
     }
+    // Found out before anything is built: the host tests are built with all features of this program and so put another
+    // file in the place of the one that runs. From then on the system calls the old one deleted.
+    let runner = std::env::current_exe().context("could not find out where this program is")?;
     let mut ran = 0;
     let mut failed = vec![];
     let mut step = |what: &str, result: &mut dyn FnMut() -> Result<()>| {
@@ -62,35 +66,35 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
     for board in args.board.map_or(Board::ALL.to_vec(), |board| vec![board]) {
         if args.on == Place::Hardware {
             let what = format!("on-target suite of {}", board.name());
-            step(&what, &mut || on_target(board, None, &args.probe));
+            step(&what, &mut || on_target(&runner, board, None, &args.probe));
             continue;
         }
         for clock in args.clock.map_or(vec![Clock::Fast, Clock::Pessimistic], |clock| vec![clock]) {
             let what = format!("on-target suite of {}, {clock} clock", board.name());
-            step(&what, &mut || on_target(board, Some(clock), &args.probe));
+            step(&what, &mut || on_target(&runner, board, Some(clock), &args.probe));
         }
     }
     Ok(verdict("test", ran, &failed))
 }
 
 /// One board's defmt-test suite: the same code on the bench and on the board. It is built for the clock of the bench on
-/// which it runs, since its bounds depend on that; without one, for the board.
-fn on_target(board: Board, clock: Option<Clock>, probe: &ProbeArgs) -> Result<()> {
+/// which it runs, since its bounds depend on that; without one, for the board. `runner` is this program's own file.
+fn on_target(runner: &Path, board: Board, clock: Option<Clock>, probe: &ProbeArgs) -> Result<()> {
     crate::workspace::install(&crate::workspace::FLIP_LINK)?;
-    let this = std::env::current_exe()?;
-    let mut runner = format!("{} run --board {}", this.display(), board.name());
+    let runner = runner.to_str().with_context(|| format!("{} is not Unicode", runner.display()))?;
+    let mut runner = vec![runner.to_owned(), "run".into(), "--board".into(), board.name().into()];
     match clock {
-        Some(clock) => runner.push_str(&format!(" --clock {clock}")),
+        Some(clock) => runner.extend(["--clock".into(), clock.to_string()]),
         None => {
-            runner.push_str(" --on hardware");
+            runner.extend(["--on".into(), "hardware".into()]);
             if let Some(probe) = &probe.probe {
-                runner.push_str(&format!(" --probe {probe}"));
+                runner.extend(["--probe".into(), probe.to_string()]);
             }
             if let Some(speed) = probe.speed {
-                runner.push_str(&format!(" --speed {speed}"));
+                runner.extend(["--speed".into(), speed.to_string()]);
             }
             if probe.erase_all {
-                runner.push_str(" --erase-all");
+                runner.push("--erase-all".into());
             }
         }
     }
@@ -109,8 +113,10 @@ fn on_target(board: Board, clock: Option<Clock>, probe: &ProbeArgs) -> Result<()
             "--features",
             board.name(),
         ])
-        .env("DEFMT_LOG", "info")
-        .env("CARGO_TARGET_THUMBV7EM_NONE_EABIHF_RUNNER", runner);
+        // As a list, so that a space in the path divides nothing. A list of strings is the same in JSON and in TOML.
+        .arg("--config")
+        .arg(format!("target.{TARGET}.runner={}", serde_json::to_string(&runner)?))
+        .env("DEFMT_LOG", "info");
     match clock {
         Some(clock) => command.env("ON_TARGET_CLOCK", clock.to_string()),
         None => command.env_remove("ON_TARGET_CLOCK"),
