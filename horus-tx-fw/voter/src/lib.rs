@@ -28,6 +28,9 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+#[cfg(test)]
+extern crate std;
+
 mod fix;
 mod geometry;
 mod median;
