@@ -537,6 +537,57 @@ mod tests {
         assert_eq!(keys(&talk.sent[3].1), keys(&talk.sent[0].1));
     }
 
+    #[test]
+    fn one_that_is_used_as_it_is_may_be_silent_for_so_long_to_the_millisecond() {
+        let mut configuration = Configuration::new(Interface::Spi, 125);
+        let mut last = NOW;
+        // Heard, and never answering.
+        for heard in 1..=60 {
+            last = NOW.wrapping_add(100 * heard);
+            configuration.poll(last, heard, None);
+        }
+        assert_eq!(configuration.standing(), Standing::Unanswered);
+        assert!(configuration.poll(last.wrapping_add(SILENT_AS_IT_IS_MS), 60, None).is_none());
+        assert_eq!(configuration.standing(), Standing::Unanswered);
+        assert!(configuration.poll(last.wrapping_add(SILENT_AS_IT_IS_MS + 1), 60, None).is_some());
+        assert_eq!(configuration.standing(), Standing::NotYet);
+    }
+
+    #[test]
+    fn one_that_fell_silent_a_turn_of_the_clock_ago_is_not_taken_for_one_that_talks() {
+        let mut configuration = Configuration::new(Interface::Spi, 125);
+        configuration.poll(NOW, 1, None);
+        configuration.poll(NOW.wrapping_add(SILENT_AS_IT_IS_MS + 1), 1, None);
+        // The clock has gone round: it shows what it showed when the receiver was last heard, and goes on.
+        for waited in 0..10 {
+            configuration.poll(NOW.wrapping_add(waited * ANSWER_MS), 1, None);
+        }
+        assert_eq!(configuration.standing(), Standing::NotYet, "it is asked on, not used as it is");
+    }
+
+    #[test]
+    fn an_answer_to_the_bit_rate_ends_the_wait_for_it() {
+        let mut configuration = Configuration::new(Interface::Uart, 125);
+        assert!(configuration.poll(NOW, 0, None).is_some());
+        let at = NOW.wrapping_add(LISTEN_MS);
+        assert_eq!(keys(&configuration.poll(at, 0, None).unwrap()), [0x4052_0001]);
+        assert!(configuration.poll(at.wrapping_add(1), 0, None).is_none());
+        let basic = configuration.poll(at.wrapping_add(2), 1, Some(Answer::Taken)).unwrap();
+        assert_eq!(keys(&basic)[0], 0x1074_0001);
+        // The answer was the bit rate's: nothing of the basic message has been taken yet.
+        assert_eq!(configuration.standing(), Standing::NotYet);
+    }
+
+    #[test]
+    fn each_standing_has_words_of_its_own() {
+        let words =
+            [Standing::NotYet, Standing::Taken, Standing::Refused, Standing::Unanswered].map(|it| name(it as u32));
+        let says = [("not", "yet"), ("configured", ""), ("refuses", "as it is"), ("does not answer", "as it is")];
+        for (words, (first, then)) in words.into_iter().zip(says) {
+            assert!(words.starts_with(first) && words.ends_with(then), "{words}");
+        }
+    }
+
     proptest! {
         #[test]
         fn whatever_a_receiver_does_messages_are_bounded_and_a_talking_one_hears_the_usual_rate_alone(

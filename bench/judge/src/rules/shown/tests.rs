@@ -1,5 +1,6 @@
+use super::Shown;
 use super::synthetic::{Air, Image, MS, Run, US, kinds};
-use crate::{Board, Event, Violation, What, judge};
+use crate::{Board, Context, Event, Findings, Violation, What, judge};
 
 /// Each number of receivers that makes a difference.
 const RECEIVERS: [usize; 3] = [1, 3, 5];
@@ -474,5 +475,155 @@ fn whatever_happens_to_any_frames_a_dpr_that_does_right_breaks_nothing() {
         run.control = 1_100 * US + draw(4_000_000);
         println!("seed {seed}");
         run.assert_flawless();
+    }
+}
+
+#[test]
+fn what_the_front_end_had_not_handed_over_when_it_failed_need_not_be_shown() {
+    let fault = |kind: &str, at| Event { at, what: What::Injected { kind: kind.into(), until: at + 3 * MS } };
+    for (kind, after, must) in [
+        ("dpr front end reads ones", 359_999, false),
+        ("dpr front end reads ones", 360_000, true),
+        ("buffer dpr image bit hit", 359_999, false),
+        ("buffer dpr image bit hit", 360_000, true),
+        ("air", 100_000, true),
+        ("horus front end reads ones", 100_000, true),
+    ] {
+        let mut run = Run { cycles: 90, ..Run::new(3) };
+        run.extra.push(fault(kind, run.end(20) + after));
+        run.assert_flawless();
+        assert_eq!(run.broken(hide(200)) == [Violation::NotShown], must, "{kind}, {after} ns after the last bit");
+    }
+}
+
+/// The log of a run with one transaction, which took so long, ns, and read an object that HORUS never sent.
+fn forged_in(took: u64) -> Vec<Violation> {
+    let run = Run { cycles: 200, ..Run::new(3) };
+    let run = Run { only: Some(run.end(20) + MS), ..run };
+    let forged = Run { horus_starts: vec![1], ..run.clone() }.profile(20);
+    let objects = run.layout().in_profile(1).unwrap();
+    let mut log = run.log(|images| {
+        images.iter_mut().find(|image| image.timestamp() == Some(200)).unwrap().places[1] =
+            forged[objects.clone()].to_vec();
+    });
+    let selected = run.only.unwrap();
+    let transaction = log.events.iter_mut().find(|event| matches!(event.what, What::Transaction { .. })).unwrap();
+    transaction.at = selected + took;
+    log.events.sort_by_key(|event| (event.at, event.what.rank()));
+    kinds(&judge(&log))
+}
+
+#[test]
+fn a_transaction_of_a_second_is_judged_and_a_longer_one_is_not() {
+    assert_eq!(forged_in(1_000 * MS), [Violation::ShownNeverSent]);
+    assert_eq!(forged_in(1_000 * MS + 1), []);
+}
+
+#[test]
+fn a_transaction_that_reads_ones_throughout_is_not_asked() {
+    for n in RECEIVERS {
+        let gone = |images: &mut Vec<Image>| {
+            images
+                .iter_mut()
+                .filter(|image| image.timestamp() == Some(200))
+                .for_each(|image| image.expires = image.at - 1);
+        };
+        assert_eq!(Run::new(n).broken(gone), []);
+    }
+}
+
+#[test]
+fn what_was_read_across_a_restart_of_the_dpr_or_without_its_supply_is_not_judged() {
+    let restart = 300 * MS;
+    let mut run = Run { dpr_start: Some((restart, "pin", profile::ResetReason::Pin)), ..Run::new(3) };
+    let forged = Run { horus_starts: vec![1], ..run.clone() }.profile(20);
+    let object = run.layout().in_profile(1).unwrap();
+    let forge = |images: &mut Vec<Image>| {
+        for image in images {
+            image.places[1] = forged[object.clone()].to_vec();
+            (image.at, image.expires) = (image.at.min(restart - 9 * MS), u64::MAX);
+        }
+    };
+    let judged = |run: &Run, selected| Run { only: Some(selected), ..run.clone() }.broken(forge);
+    assert_eq!(judged(&run, restart - MS), [Violation::ShownNeverSent]);
+    // The transaction takes 0.3 ms.
+    assert_eq!(judged(&run, restart - 1), []);
+    assert_eq!(judged(&run, restart), [Violation::ShownNeverSent]);
+    run.dpr_start = None;
+    assert_eq!(judged(&run, restart), [Violation::ShownNeverSent]);
+    run.extra.push(Event { at: restart - MS, what: What::Power { board: Board::Dpr, on: false } });
+    assert_eq!(judged(&run, restart), []);
+}
+
+#[test]
+fn what_reached_the_antenna_is_remembered_for_two_seconds_and_no_longer() {
+    let run = Run { cycles: 600, ..Run::new(3) };
+    let log = run.log(|_| {});
+    let (mut context, mut shown, mut findings) =
+        (Context::new(&log.header), Shown::new(&log.header), Findings::default());
+    for event in &log.events {
+        context.take(event);
+        shown.take(event, &context, &mut findings);
+        assert!(shown.deliveries.len() <= 201);
+    }
+    assert_eq!(shown.deliveries.len(), 201);
+}
+
+#[test]
+fn of_one_transaction_each_kind_of_violation_is_told_once() {
+    let run = Run::new(3).hit_all([20], &Air::Lost);
+    let forged = Run { horus_starts: vec![1], ..run.clone() }.profile(19);
+    let (lost, layout) = (run.profile(20), run.layout());
+    let wrong = |images: &mut Vec<Image>| {
+        let image = images.iter_mut().find(|image| image.at >= run.tick(21)).unwrap();
+        for (index, profile) in [(0, &lost), (1, &forged), (2, &lost), (3, &forged)] {
+            image.places[index] = profile[layout.in_profile(index).unwrap()].to_vec();
+        }
+        image.expires = image.at + 10 * US;
+    };
+    let at = run.log(wrong).events.iter().find_map(|event| match &event.what {
+        What::Fresh { high: true, .. } if event.at >= run.tick(21) => Some(event.at),
+        _ => None,
+    });
+    let verdict = Run { only: at, ..run.clone() }.verdict(wrong);
+    let told = |kind| verdict.violations.iter().find(|it| it.violation == kind).map(|it| it.count);
+    assert_eq!(told(Violation::ShownNeverSent), Some(1));
+    assert_eq!(told(Violation::ShownOutOfSequence), Some(1));
+    assert_eq!(verdict.figures.faults.invalid_shown_valid, 4);
+}
+
+#[test]
+fn what_a_repeated_frame_takes_out_may_be_read_until_that_frame_is_published() {
+    for (after, expected) in [(400_000, None), (400_001, Some(Violation::ShownOutOfSequence))] {
+        let mut run = Run::new(3).hit_all(21..24, &Air::Lost).hit(20, 0, Air::Repeated(12 * MS));
+        let repeated = run.end(20) + 12 * MS;
+        run.only = Some(repeated + after);
+        let profile = run.profile(20);
+        let stays = |images: &mut Vec<Image>| {
+            for image in images.iter_mut().filter(|image| (run.end(20)..run.end(24)).contains(&image.at)) {
+                for index in 0..=3 {
+                    image.places[index] = profile[run.layout().in_profile(index).unwrap()].to_vec();
+                }
+            }
+        };
+        assert_eq!(run.broken(stays), Vec::from_iter(expected), "{after} ns");
+    }
+}
+
+#[test]
+fn a_cycle_that_was_shown_once_need_not_be_shown_again() {
+    for n in RECEIVERS {
+        let run = Run::new(n);
+        let withdraw = |images: &mut Vec<Image>, after: u64| {
+            let place = images.iter().position(|image| image.timestamp() == Some(200)).unwrap();
+            let mut empty = images[place].clone();
+            empty.at += after;
+            empty.places.iter_mut().for_each(|place| place.fill(0));
+            images.insert(place + 1, empty);
+        };
+        // Its Link-Status is that of the image before, which is another rule's.
+        let is_missed = |after| run.broken(|images| withdraw(images, after)).contains(&Violation::NotShown);
+        assert!(!is_missed(4 * MS));
+        assert!(is_missed(0));
     }
 }
