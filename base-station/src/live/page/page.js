@@ -13,6 +13,7 @@ const colour = (name) => getComputedStyle(document.documentElement).getPropertyV
 
 let state = null;              // the last state
 let heard = -Infinity;         // when it came, ms
+let ahead = -Infinity;         // the station's clock less this page's, ms
 let staling = 0;               // the timer of the instant at which it will be old
 let source = null;
 let wanted = null;             // the drone that is looked at
@@ -29,18 +30,30 @@ function connect() {
     // The list of all drones comes less often.
     next.drones = next.drones || (state ? state.drones : []);
     state = next;
-    heard = performance.now();
+    const now = performance.now();
+    // As the state tells that came the quickest: one that was held up on its way does not make anything younger. What
+    // is lost again with time is more than two clocks go apart.
+    ahead = Math.max(state.now_us / 1000 - now, ahead - (now - heard) / 1000);
+    heard = now;
     keep();
     requestDraw();
     // Not a moment later than it is old, whatever comes.
     clearTimeout(staling);
     const reported = state.drone && state.drone.reported;
-    if (reported) staling = setTimeout(drawAge, Math.max(0, STALE_MS - reported.age_ms) + 1);
+    if (reported) staling = setTimeout(drawAge, Math.max(0, STALE_MS - reported.age_ms - since()) + 1);
   };
+  // Another run of the station has another clock.
+  source.onopen = () => { ahead = -Infinity; };
   source.onerror = () => {
     // The browser tries again by itself, unless it was refused.
     if (source.readyState === EventSource.CLOSED) setTimeout(connect, 1000);
   };
+}
+
+// How long ago the station took the last state, ms. Played back, its clock is that of what was recorded.
+function since() {
+  if (state.playback) return state.playback.speed === 0 ? 0 : performance.now() - heard;
+  return performance.now() + ahead - state.now_us / 1000;
 }
 
 // ---- history
@@ -155,8 +168,7 @@ function drawAge() {
   const silent = performance.now() - heard;
   const drone = state && state.drone;
   const reported = drone && drone.reported;
-  const still = state && state.playback && state.playback.speed === 0;
-  const age = reported ? reported.age_ms + (still ? 0 : silent) : null;
+  const age = reported ? reported.age_ms + since() : null;
   let kind = "fresh", words = "live";
   if (silent > LOST_MS) {
     kind = state ? "lost" : "waiting";
