@@ -324,6 +324,19 @@ mod tests {
     }
 
     #[test]
+    fn what_a_dma_stream_has_written_is_read_from_when_it_is_told() {
+        let ring = Ring::new();
+        let mut reader = Reader::new();
+        ring.memory().iter().zip(1..).take(3).for_each(|(byte, value)| byte.store(value, Ordering::Relaxed));
+        assert_eq!(ring.written(), 0);
+        ring.set_written(3);
+        assert_eq!(ring.written(), 3);
+        let mut into = [0; RING];
+        let span = reader.take(ring.written(), RING, RING);
+        assert_eq!(ring.copy_out(span, &mut into), [1, 2, 3]);
+    }
+
+    #[test]
     fn an_outbox_holds_one_message_until_it_is_cleared() {
         let outbox = Outbox::new();
         assert_eq!(outbox.peek(), None);

@@ -352,6 +352,35 @@ mod tests {
         assert_eq!(ends(&mut filter, 4), [more, more, more, no_more], "and has not");
     }
 
+    #[test]
+    fn a_message_is_followed_up_to_the_longest_that_the_parser_takes() {
+        let is_followed = |length: u16| {
+            let mut filter = Filter::new();
+            let [low, high] = length.to_le_bytes();
+            assert!([0xB5, 0x62, 0x01, 0x07, low, high].into_iter().all(|byte| filter.keeps(byte)));
+            filter.keeps(FILLER)
+        };
+        // Sync, class, identifier and length are six bytes, the checksum is two.
+        assert!(is_followed(0) && is_followed(248));
+        assert!(!is_followed(249) && !is_followed(0x0107) && !is_followed(u16::MAX));
+    }
+
+    #[test]
+    fn a_byte_of_sync_without_the_other_begins_no_message() {
+        let mut filter = Filter::new();
+        assert!([0xB5, 0x61, 0x01, 0x07, 20, 0].into_iter().all(|byte| filter.keeps(byte)));
+        assert!(!filter.keeps(FILLER));
+    }
+
+    #[test]
+    fn what_had_waited_before_the_first_transfer_is_old_until_the_receiver_is_empty() {
+        let mut polling = Polling::new();
+        for (is_empty, is_old) in [(false, true), (true, false), (false, false), (false, true), (true, false)] {
+            polling.read(is_empty);
+            assert_eq!(polling.is_old(), is_old);
+        }
+    }
+
     proptest! {
         #[test]
         fn filler_between_messages_goes_and_every_byte_of_a_message_stays(

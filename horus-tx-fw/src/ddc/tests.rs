@@ -335,6 +335,60 @@ fn a_missing_timer_does_not_end_the_recoveries() {
     assert_eq!(*ddc.counts(), Counts { timed_out: 1, recoveries: 2, refused: 0 });
 }
 
+/// A port whose receiver has been asked how many bytes wait, up to the DMA stream, which is to bring so many.
+fn asked(ddc: &mut Ddc) -> usize {
+    let on = |event: fn(&mut Events)| {
+        let mut events = Events::default();
+        event(&mut events);
+        events
+    };
+    let order = match ddc.state {
+        State::Idle => ddc.poll(FREE),
+        _ => Order::Start,
+    };
+    assert_eq!(order, Order::Start);
+    assert_eq!(ddc.event(on(|it| it.started = true)), Order::Put(WRITE));
+    assert_eq!(ddc.event(on(|it| it.addressed = true)), Order::PutAddressed(WAITING));
+    assert_eq!(ddc.event(on(|it| it.byte_sent = true)), Order::Start);
+    assert_eq!(ddc.event(on(|it| it.started = true)), Order::Put(READ));
+    match ddc.event(on(|it| it.addressed = true)) {
+        Order::Receive(len) => len,
+        order => panic!("{order:?}"),
+    }
+}
+
+#[test]
+fn a_single_byte_that_has_gone_when_it_is_read_is_none() {
+    for (waiting, stream) in [(0, 2..2), (1, 2..3)] {
+        let mut ddc = Rig::new().ddc;
+        assert_eq!(asked(&mut ddc), 2);
+        assert_eq!(ddc.received([0, 1, 0]), Received { stream: 0..0, then: Order::Start });
+        assert_eq!(asked(&mut ddc), 3, "the count again, and the byte");
+        assert_eq!(ddc.received([0, waiting, 0xFF]), Received { stream, then: Order::Stop });
+    }
+}
+
+#[test]
+fn a_stream_that_fails_leads_to_a_recovery_and_one_that_is_not_under_way_to_nothing() {
+    let mut ddc = Rig::new().ddc;
+    assert_eq!(ddc.stream_failed(), Order::Nothing);
+    assert_eq!(asked(&mut ddc), 2);
+    assert_eq!(ddc.stream_failed(), Order::Release);
+    assert_eq!(ddc.stream_failed(), Order::Nothing);
+    assert_eq!(ddc.counts().recoveries, 1);
+}
+
+#[test]
+fn a_refusal_that_nobody_asked_for_is_not_counted_and_ends_no_recovery() {
+    let refused = Events { refused: true, ..Events::default() };
+    let mut ddc = Rig::new().ddc;
+    assert_eq!(ddc.event(refused), Order::Mute, "idle");
+    assert_eq!(ddc.poll(Bus { sda: false, ..FREE }), Order::Release);
+    assert_eq!(ddc.event(refused), Order::Mute, "recovering");
+    assert_eq!(ddc.step(), Order::Drive { scl: false, sda: true });
+    assert_eq!(ddc.counts().refused, 0);
+}
+
 fn any_fault() -> impl Strategy<Value = Fault> {
     prop_oneof![
         (0..MOST).prop_map(Fault::Held),
