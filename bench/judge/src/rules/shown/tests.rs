@@ -627,3 +627,41 @@ fn a_cycle_that_was_shown_once_need_not_be_shown_again() {
         assert!(is_missed(0));
     }
 }
+
+#[test]
+fn a_second_frame_is_of_the_same_cycle_within_2_and_a_half_ms_and_nothing_is_asked_at_the_limit() {
+    for (by, must, never) in [(2_199, true, false), (2_201, false, false), (2_799, false, false), (2_801, false, true)]
+    {
+        let run = Run::new(5).hit(20, 1, Air::Delayed(by * US));
+        run.assert_flawless();
+        let without = |images: &mut Vec<Image>| {
+            for image in images.iter_mut().filter(|image| image.timestamp() == Some(200)) {
+                image.places[3..].iter_mut().for_each(|place| place.fill(0));
+            }
+        };
+        assert_eq!(run.broken(without) == [Violation::Vacant], must, "{by}");
+        // An image of what was waiting for it may go out first.
+        let shown = run.broken(show(&run, run.end(20) + (by + 60) * US, 20, 3..=5));
+        assert_eq!(shown == [Violation::ShownOutOfSequence], never, "{by}: {shown:?}");
+    }
+}
+
+#[test]
+fn a_position_that_says_of_itself_that_it_is_not_valid_is_none() {
+    let run = Run::new(3);
+    let absent = |images: &mut Vec<Image>| {
+        let image = images.iter_mut().find(|image| image.timestamp() == Some(200)).unwrap();
+        image.places[0] = profile::ReportedPosition::seal(&profile::ReportedValues::absent(200)).as_bytes().to_vec();
+    };
+    assert_eq!(run.assert_flawless().figures.valid_cycles, 37);
+    assert_eq!(run.verdict(absent).figures.valid_cycles, 36);
+}
+
+#[test]
+fn what_is_told_says_when() {
+    let run = Run::new(3);
+    let verdict = run.verdict(hide(200));
+    let words = verdict.violations.iter().find(|it| it.violation == Violation::NotShown).unwrap().to_string();
+    let ended = format!("{:.6} ms", run.end(20) as f64 / 1e6);
+    assert!(words.contains("200 ms") && words.contains(&ended), "{words}");
+}
