@@ -13,7 +13,8 @@ const colour = (name) => getComputedStyle(document.documentElement).getPropertyV
 
 let state = null;              // the last state
 let heard = -Infinity;         // when it came, ms
-let ahead = -Infinity;         // the station's clock less this page's, ms
+let ahead = 0;                 // the station's clock less this page's, ms
+let opened = true;             // and nothing has come since: it may be another clock
 let staling = 0;               // the timer of the instant at which it will be old
 let source = null;
 let wanted = null;             // the drone that is looked at
@@ -33,7 +34,8 @@ function connect() {
     const now = performance.now();
     // As the state tells that came the quickest: one that was held up on its way does not make anything younger. What
     // is lost again with time is more than two clocks go apart.
-    ahead = Math.max(state.now_us / 1000 - now, ahead - (now - heard) / 1000);
+    ahead = Math.max(state.now_us / 1000 - now, opened ? -Infinity : ahead - (now - heard) / 1000);
+    opened = false;
     heard = now;
     keep();
     requestDraw();
@@ -43,7 +45,7 @@ function connect() {
     if (reported) staling = setTimeout(drawAge, Math.max(0, STALE_MS - reported.age_ms - since()) + 1);
   };
   // Another run of the station has another clock.
-  source.onopen = () => { ahead = -Infinity; };
+  source.onopen = () => { opened = true; };
   source.onerror = () => {
     // The browser tries again by itself, unless it was refused.
     if (source.readyState === EventSource.CLOSED) setTimeout(connect, 1000);
