@@ -383,3 +383,74 @@ pub fn age_at_end(layout: Layout, number: usize) -> u64 {
     };
     1_000 * u64::from(us.unwrap_or(0))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const AT: u64 = 1_000_000_000;
+
+    /// What the step from 1000 ms, sampled at [`AT`], may be taken for.
+    fn steps(timestamp: u32, sampled: u64) -> Vec<Step> {
+        let state = State { last: Some((1_000, AT)), ..State::default() };
+        let mut steps = vec![];
+        state.steps(timestamp, sampled, |step| steps.push(step));
+        steps
+    }
+
+    const EXACT: Step = Step::Regular { exact: true };
+    const INEXACT: Step = Step::Regular { exact: false };
+
+    #[test]
+    fn a_timestamp_advances_by_1_to_26_cycles_stands_still_or_goes_back() {
+        let mut first = vec![];
+        State::default().steps(1_000, AT, |step| first.push(step));
+        assert_eq!(first, [Step::First]);
+        let ms = |ms: u64| AT + ms * 1_000_000;
+        for (timestamp, sampled, expected) in [
+            (1_000, ms(10), Step::Frozen),
+            (1_010, ms(10), EXACT),
+            (1_020, ms(20), INEXACT),
+            (1_260, ms(260), INEXACT),
+            (1_270, ms(270), Step::Irregular),
+            (1_005, ms(5), Step::Irregular),
+            (990, ms(10), Step::Back),
+            (999, ms(10), Step::Back),
+            // Half of all timestamps are ahead.
+            (1_000 + u32::MAX / 2, ms(10), Step::Irregular),
+            (1_000 + u32::MAX / 2 + 1, ms(10), Step::Back),
+        ] {
+            assert_eq!(steps(timestamp, sampled), [expected], "{timestamp}");
+        }
+        // Across the end of all timestamps.
+        let state = State { last: Some((u32::MAX - 5, AT)), ..State::default() };
+        state.steps(4, ms(10), |step| assert_eq!(step, EXACT));
+    }
+
+    /// The limits are design section 4's, and around each lies a band in which either is right.
+    #[test]
+    fn how_punctual_a_step_is_decides_what_it_may_be_taken_for() {
+        let late = Step::TooEarlyOrLate;
+        for (timestamp, off, expected) in [
+            (1_010, 399_999, vec![EXACT]),
+            (1_010, 400_000, vec![EXACT, INEXACT]),
+            (1_010, 600_000, vec![EXACT, INEXACT]),
+            (1_010, 600_001, vec![INEXACT]),
+            // 2.5 ms and 2 % of 10 ms.
+            (1_010, 2_399_999, vec![INEXACT]),
+            (1_010, 2_400_000, vec![late, INEXACT]),
+            (1_010, 3_000_000, vec![late, INEXACT]),
+            (1_010, 3_000_001, vec![late]),
+            // And of 260 ms.
+            (1_260, 0, vec![INEXACT]),
+            (1_260, 7_399_999, vec![INEXACT]),
+            (1_260, 7_400_000, vec![late, INEXACT]),
+            (1_260, 8_000_000, vec![late, INEXACT]),
+            (1_260, 8_000_001, vec![late]),
+        ] {
+            let punctual = AT + u64::from(timestamp - 1_000) * 1_000_000;
+            assert_eq!(steps(timestamp, punctual + off), expected, "{timestamp}, {off} ns late");
+            assert_eq!(steps(timestamp, punctual - off), expected, "{timestamp}, {off} ns early");
+        }
+    }
+}
