@@ -67,13 +67,6 @@ pub struct Delivery {
 }
 
 impl Delivery {
-    /// Whether object number `index` of it may be or must be accepted.
-    #[must_use]
-    pub fn accepted(&self, index: usize) -> Certainty {
-        let of_index = |(number, _, fate): &(usize, Vec<u8>, Certainty)| (*number == index).then_some(*fate);
-        self.objects.iter().find_map(of_index).unwrap_or(Certainty::Never)
-    }
-
     /// Whether it is the second frame of the cycle whose first is `first`, as far as its end and what is intact tell.
     #[must_use]
     pub fn completes(&self, first: &Self) -> bool {

@@ -665,3 +665,57 @@ fn what_is_told_says_when() {
     let ended = format!("{:.6} ms", run.end(20) as f64 / 1e6);
     assert!(words.contains("200 ms") && words.contains(&ended), "{words}");
 }
+
+/// The log of a run, the frame of cycle 20 as it was heard for `edit` to change, and images that hide that cycle.
+fn heard_otherwise(run: &Run, edit: impl Fn(&mut u64, &mut Vec<u8>, &mut bool) -> Option<Event>) -> Vec<Violation> {
+    let mut log = run.log(hide(200));
+    let at = run.end(20);
+    let frame = log.events.iter_mut().find(|event| event.at == at && matches!(event.what, What::Heard { .. }));
+    let What::Heard { started, bytes, whole } = &mut frame.unwrap().what else { unreachable!() };
+    let mut changed = bytes.to_vec();
+    let extra = edit(started, &mut changed, whole);
+    *bytes = changed.into();
+    log.events.extend(extra);
+    log.events.sort_by_key(|event| (event.at, event.what.rank()));
+    kinds(&judge(&log))
+}
+
+#[test]
+fn a_frame_that_is_not_whole_or_whose_len_was_damaged_need_not_be_received() {
+    let run = Run::new(3);
+    let nothing = |_: &mut u64, _: &mut Vec<u8>, _: &mut bool| None;
+    assert_eq!(heard_otherwise(&run, nothing), [Violation::NotShown]);
+    let torn = |_: &mut u64, _: &mut Vec<u8>, whole: &mut bool| {
+        *whole = false;
+        None
+    };
+    assert_eq!(heard_otherwise(&run, torn), []);
+    let damaged = |_: &mut u64, bytes: &mut Vec<u8>, _: &mut bool| {
+        bytes[0] ^= 0x10;
+        None
+    };
+    assert_eq!(heard_otherwise(&run, damaged), []);
+}
+
+#[test]
+fn a_frame_that_follows_another_within_300_us_need_not_be_received() {
+    let run = Run::new(3);
+    for (gap, must) in [(299_999, false), (300_000, true)] {
+        let foreign = |started: &mut u64, _: &mut Vec<u8>, _: &mut bool| {
+            let at = *started - gap;
+            Some(Event { at, what: What::Heard { started: at - MS, bytes: vec![3, 1, 2, 0, 0].into(), whole: true } })
+        };
+        assert_eq!(heard_otherwise(&run, foreign) == [Violation::NotShown], must, "{gap} ns");
+    }
+}
+
+#[test]
+fn a_dpr_that_has_started_must_show_what_follows_100_ms_later() {
+    let mut run = Run { cycles: 80, dpr_start: Some((300 * MS, "pin", profile::ResetReason::Pin)), ..Run::new(3) };
+    run.assert_flawless();
+    // Cycle 38 is sent 400 ms after power-on, and the sequence is found by the three after it at the latest.
+    let first = (30..80).find(|cycle| run.broken(hide(run.timestamp(*cycle))) == [Violation::NotShown]);
+    assert_eq!(first, Some(41));
+    run.dpr_start = None;
+    assert_eq!(run.broken(hide(run.timestamp(30))), [Violation::NotShown]);
+}
