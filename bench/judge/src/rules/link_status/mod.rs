@@ -238,7 +238,7 @@ impl LinkStatus {
             }
         }
         next.held = self.expectation.held_until();
-        next.frozen = self.expectation.frozen(frame.ended);
+        next.frozen = self.expectation.frozen();
         for (at, least) in next.restarted.iter_mut().zip([Certainty::Must, Certainty::May]) {
             if frame.restarted >= least {
                 *at = Some(frame.ended);

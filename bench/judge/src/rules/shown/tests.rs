@@ -719,3 +719,29 @@ fn a_dpr_that_has_started_must_show_what_follows_100_ms_later() {
     run.dpr_start = None;
     assert_eq!(run.broken(hide(run.timestamp(30))), [Violation::NotShown]);
 }
+
+#[test]
+fn a_dpr_whose_front_end_was_disturbed_may_have_heard_a_frozen_horus() {
+    let mut run = Run { cycles: 90, frozen: (20..90).collect(), ..Run::new(5) };
+    // It may be disturbed until 500 ms after the fault: between the two frames of cycle 70.
+    let fault = What::Injected { kind: "power dpr front end off".into(), until: run.tick(70) + 2 * MS - 500 * MS };
+    run.extra.push(Event { at: 200 * MS, what: fault });
+    run.assert_flawless();
+}
+
+#[test]
+fn a_dpr_that_missed_a_frame_that_would_have_ended_the_sequence_goes_on_in_it() {
+    // Its DPR has heard nothing of cycle 20. What was there was torn and came 5 ms late.
+    let missed = Run::new(3).hit_all([20], &Air::Lost);
+    let mut log = missed.log(|_| {});
+    let at = missed.end(20) + 5 * MS;
+    let late = missed.log(|_| {}).events.into_iter().find_map(|event| match event.what {
+        What::Sent { started, bytes, .. } if event.at == missed.end(20) => {
+            Some(Event { at, what: What::Heard { started: started + 5 * MS, bytes, whole: false } })
+        }
+        _ => None,
+    });
+    log.events.extend(late);
+    log.events.sort_by_key(|event| (event.at, event.what.rank()));
+    assert_eq!(kinds(&judge(&log)), []);
+}
