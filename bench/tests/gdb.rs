@@ -10,9 +10,10 @@ use std::process::{Command, Stdio};
 use std::sync::mpsc::{self, Receiver, Sender};
 
 use bench::faults::Board as Side;
-use bench::gdb::{Ended, serve};
-use bench::node::Clock;
+use bench::gdb::{Alone, Ended, serve, serve_alone};
+use bench::node::{Clock, Connected, Drive, Event, FindingKind, Firmware, Limits, Target};
 use bench::sim::{self, Images, Outcome, Setup};
+use bench::wiring::Pin;
 use boards::{image, not_run};
 use gdbstub::conn::{Connection, ConnectionExt};
 use object::{Object as _, ObjectSymbol as _};
@@ -154,15 +155,15 @@ impl Client {
     }
 }
 
-/// Runs the link with a debugger at `side` that does what `script` does.
-fn debugged(setup: &Setup, side: Side, script: impl FnOnce(&Client) + Send) -> Ended {
+/// Has a debugger that does what `script` does at what `serve` serves.
+fn attended<R>(script: impl FnOnce(&Client) + Send, serve: impl FnOnce(InMemory, &mut dyn FnMut(String)) -> R) -> R {
     let (to_stub, from_client) = mpsc::channel();
     let (to_client, from_stub) = mpsc::channel();
     std::thread::scope(|threads| {
         let client = threads.spawn(move || script(&Client { to_stub, from_stub }));
         let connection = InMemory { from_client, to_client, peeked: None };
         let mut lost = vec![];
-        let ended = serve(setup, side, connection, &mut (), &mut |text| lost.push(text)).unwrap();
+        let ended = serve(connection, &mut |text| lost.push(text));
         if let Err(panic) = client.join() {
             std::panic::resume_unwind(panic);
         }
@@ -171,7 +172,12 @@ fn debugged(setup: &Setup, side: Side, script: impl FnOnce(&Client) + Send) -> E
     })
 }
 
-fn finished(ended: Ended) -> Outcome {
+/// Runs the link with a debugger at `side` that does what `script` does.
+fn debugged(setup: &Setup, side: Side, script: impl FnOnce(&Client) + Send) -> Ended {
+    attended(script, |connection, lost| serve(setup, side, connection, &mut (), lost).unwrap())
+}
+
+fn finished<O>(ended: Ended<O>) -> O {
     match ended {
         Ended::Finished(outcome) => *outcome,
         Ended::Killed(at) => panic!("killed at {at} ns"),
@@ -309,6 +315,90 @@ fn kill_ends_the_run_and_a_lost_connection_does_not() {
     let ended = serve(&setup, Side::Dpr, connection, &mut (), &mut |text| lost.push(text)).unwrap();
     assert_eq!(all_of(&finished(ended)), all_of(&sim::run(&setup, &mut ()).unwrap()));
     assert_eq!(lost.len(), 1, "{lost:?}");
+}
+
+/// The DPR's image, and a run of it alone, with leads at FRESH and at what its front end would say.
+fn dpr_alone(clock: Clock, run: impl FnOnce(Alone<'_>, &Path)) {
+    let Some(path) = image(3, "dpr-fw.elf") else { return };
+    let firmware = Firmware::read(&path).unwrap();
+    let connected = Connected {
+        watched: vec![Pin::new(1, 5), Pin::new(1, 12)],
+        driven: vec![Drive { at: 20 * MS, pin: Pin::new(0, 3), level: true }],
+        ..Connected::default()
+    };
+    let limits = Limits { virtual_time: 100 * MS, ..Limits::default() };
+    run(Alone { target: Target::Dpr, clock, firmware: &firmware, connected, limits, runs_on: true }, &path);
+}
+
+/// What of a run appears on a screen in an order that must not hang on a debugger.
+fn shown(to: &mut Vec<String>) -> impl FnMut(Event<'_>) + '_ {
+    |event| {
+        if let Event::Line(_) | Event::Pin(_) = event {
+            to.push(format!("{event:?}"));
+        }
+    }
+}
+
+#[test]
+fn a_debugger_at_a_board_that_is_alone_leaves_its_run_as_it_is_on_every_clock() {
+    for clock in [Clock::Fast, Clock::Optimistic, Clock::Pessimistic] {
+        dpr_alone(clock, |alone, path| {
+            let (mut seen_without, mut seen_with) = (vec![], vec![]);
+            let Alone { target, firmware, limits, .. } = alone;
+            let connected = alone.connected.clone();
+            let without = target.run_connected(clock, firmware, connected, limits, shown(&mut seen_without)).unwrap();
+            assert!(without.lines.len() > 1 && seen_without.len() > without.lines.len(), "lines and edges");
+            let (images, size) = images(path);
+            let script = |gdb: &Client| {
+                assert!(!gdb.ask("qSupported:swbreak+;hwbreak+;vContSupported+").is_empty());
+                assert_eq!(gdb.pc(), gdb.word("m4,4") & !1);
+                assert_eq!(gdb.ask(&format!("Z2,{images:x},{size:x}")), "OK");
+                for _ in 0..20 {
+                    assert!(gdb.ask("c").contains("watch:"));
+                    (0..50).for_each(|_| assert_eq!(&gdb.ask("s")[1..3], "05"));
+                }
+                // Peripherals whose reads clear or pop on silicon, and virtual time.
+                assert_eq!(gdb.ask("m40004400,40").len(), 0x80);
+                assert!(gdb.monitor("time").contains(" ms of 100 ms"));
+                assert!(gdb.monitor("faults air").contains("this board is alone"));
+                assert!(!gdb.monitor("help").contains("faults"));
+                assert_eq!(gdb.ask("D"), "OK");
+            };
+            let with = finished(attended(script, |connection, lost| {
+                serve_alone(alone, connection, &mut shown(&mut seen_with), lost).unwrap()
+            }));
+            assert!(with == without, "{clock} clock:\n{with:#?}\n{without:#?}");
+            assert!(seen_with == seen_without, "{clock} clock:\n{seen_with:#?}\n{seen_without:#?}");
+        });
+    }
+}
+
+#[test]
+fn a_board_that_is_alone_is_reset_halts_where_its_firmware_ends_and_tells_its_status() {
+    dpr_alone(Clock::Fast, |alone, path| {
+        let commit = commit(path);
+        let script = |gdb: &Client| {
+            assert!(!gdb.ask("qSupported:swbreak+;hwbreak+;vContSupported+").is_empty());
+            let start = gdb.pc();
+            (0..20).for_each(|_| assert_eq!(&gdb.ask("s")[1..3], "05"));
+            let said = gdb.monitor("reset");
+            assert!(said.contains("it runs in Reset"), "{said}");
+            assert_eq!(gdb.pc(), start);
+            assert_eq!(gdb.ask(&format!("Z1,{commit:x},2")), "OK");
+            assert!(gdb.ask("c").contains("hwbreak"));
+            // Where nothing is.
+            assert_eq!(gdb.ask("Pf=00000060"), "OK");
+            assert_eq!(&gdb.ask("c")[1..3], "0b", "SIGSEGV");
+            assert_eq!(gdb.pc(), gdb.word("mc,4") & !1, "before the HardFault handler's first instruction");
+            assert_eq!(gdb.ask("c"), "W65", "exited with code 101");
+        };
+        let ended = attended(script, |connection, lost| serve_alone(alone, connection, &mut |_| {}, lost).unwrap());
+        let outcome = finished(ended);
+        assert!(outcome.died && outcome.status() == 101, "{outcome:#?}");
+        assert_eq!(outcome.resets, 1);
+        let ends = outcome.findings.iter().filter(|finding| finding.kind == FindingKind::HardFault).count();
+        assert_eq!(ends, 1, "{:#?}", outcome.findings);
+    });
 }
 
 /// gdb with this script at the DPR over a socket of this machine's file system; what it wrote.

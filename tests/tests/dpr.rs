@@ -8,38 +8,15 @@ mod commit;
 mod frames;
 #[path = "dpr/listener.rs"]
 mod listener;
+#[path = "dpr/protection.rs"]
+mod protection;
 #[path = "dpr/ssi.rs"]
 mod ssi;
 
 use defmt_rtt as _;
-use dpr_fw::{debug_port, triple::Memory};
+use dpr_fw::triple::Memory;
 use nrf52840_hal::pac; // the interrupt vectors too
 use panic_probe as _;
-
-/// What decides about the debug port, as in the flight image.
-struct Protection<'a> {
-    ficr: &'a pac::FICR,
-    uicr: &'a pac::UICR,
-}
-
-/// APPROTECT.DISABLE, which the register description of this PAC does not have.
-const APPROTECT_DISABLE: u32 = 0x4000_0558;
-
-impl debug_port::Registers for Protection<'_> {
-    fn variant(&self) -> u32 {
-        self.ficr.info.variant.read().bits()
-    }
-
-    fn uicr_approtect(&self) -> u32 {
-        self.uicr.approtect.read().bits()
-    }
-
-    fn disable_protection(&mut self) {
-        // SAFETY: the register exists on the parts for which this is called; it opens the debug port and does nothing
-        // else.
-        unsafe { (APPROTECT_DISABLE as *mut u32).write_volatile(debug_port::SW_DISABLE) };
-    }
-}
 
 /// Where code in RAM is fetched, and how much of it the suite has room for (build.rs).
 const HOT: usize = 0x0080_0000;
@@ -59,7 +36,7 @@ fn pass(memory: &mut [u32; WORDS], pattern: u32) {
 
 #[defmt_test::tests]
 mod tests {
-    use super::{commit, debug_port, listener, pac, pass, ssi, Protection, HOT, HOT_SIZE, WORDS};
+    use super::{commit, listener, pac, pass, protection, ssi, HOT, HOT_SIZE, WORDS};
     use ::profile::crc::frame as frame_crc;
     use dpr_fw::triple::{Dirty, Rotated, Rotation, Scrubbable};
     use on_target_tests::{
@@ -71,8 +48,7 @@ mod tests {
     fn init() -> Cycles {
         let core = defmt::unwrap!(cortex_m::Peripherals::take());
         let device = defmt::unwrap!(pac::Peripherals::take());
-        // Without this a part of revision 3 answers no debugger any more after its next power-on.
-        debug_port::open(&mut Protection { ficr: &device.FICR, uicr: &device.UICR });
+        protection::open(&device.FICR, &device.UICR);
         Cycles::start(core.DCB, core.DWT)
     }
 

@@ -1,6 +1,7 @@
-//! gdb at a board of the running link: the socket; `bench::gdb` is the rest.
+//! gdb at a board of the running link, and at one that `run` has alone: the socket; `bench::gdb` is the rest.
 
-use std::net::{Ipv4Addr, TcpListener};
+use std::net::{Ipv4Addr, TcpListener, TcpStream};
+use std::path::Path;
 use std::process::ExitCode;
 
 use anyhow::{Context, Result};
@@ -9,11 +10,11 @@ use bench::gdb::{Ended, serve};
 use bench::sim::Outcome;
 use clap::Args;
 
+use crate::Board;
 use crate::sim::{self, Screen, SimArgs};
-use crate::{Board, workspace};
 
 /// The port that OpenOCD takes, which editors offer by default.
-const PORT: u16 = 3333;
+pub(crate) const PORT: u16 = 3333;
 
 /// Runs the link as `sim` does, with the same options, and waits with it for a debugger.
 #[derive(Args)]
@@ -34,37 +35,53 @@ pub(crate) fn gdb(args: &GdbArgs) -> Result<ExitCode> {
             Board::Dpr => &setup.images.dpr,
             Board::Horus => &setup.images.horus,
         };
-        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, args.port))
-            .with_context(|| format!("--port {}: cannot wait there for a debugger", args.port))?;
-        let address = listener.local_addr().context("the port that was taken is not known")?;
-        let name = args.board.name();
-        let image = image.strip_prefix(workspace::root()).unwrap_or(image);
-        screen.say(&format!(
-            "{name} is halted at power-on and waits at {address}:\n  gdb-multiarch {} -ex 'target remote {address}'",
-            image.display()
-        ));
-        let (connection, _) = listener.accept().context("no debugger came")?;
-        // One debugger for one run.
-        drop(listener);
+        let connection = wait(args.port, args.board, image, &mut |text| screen.say(text))?;
         attached(args.board, setup, connection, screen)
     })
+}
+
+/// Waits at this port of this machine until a debugger comes to `board`, which `image` is for; `say` tells a person
+/// where.
+pub(crate) fn wait(port: u16, board: Board, image: &Path, say: &mut dyn FnMut(&str)) -> Result<TcpStream> {
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port))
+        .with_context(|| format!("--port {port}: cannot wait there for a debugger"))?;
+    let address = listener.local_addr().context("the port that was taken is not known")?;
+    let here = std::env::current_dir().unwrap_or_default();
+    let image = image.strip_prefix(here).unwrap_or(image);
+    say(&format!(
+        "{} is halted at power-on and waits at {address}:\n  gdb-multiarch {} -ex 'target remote {address}'",
+        board.name(),
+        image.display()
+    ));
+    let (connection, _) = listener.accept().context("no debugger came")?;
+    // The listener goes: one debugger for one run.
+    Ok(connection)
+}
+
+/// What is said of a debugger that went away by itself.
+pub(crate) fn say_lost(error: &str) {
+    eprintln!("the debugger is gone ({error}); the run goes on without it");
+}
+
+/// What is said of a run that the debugger ended after so many nanoseconds.
+pub(crate) fn say_killed(at: u64) {
+    eprintln!("the debugger ended the run after {:.3} ms", at as f64 / 1e6);
 }
 
 fn attached(
     board: Board,
     setup: &bench::sim::Setup,
-    connection: std::net::TcpStream,
+    connection: TcpStream,
     screen: &mut Screen,
 ) -> Result<Option<Outcome>> {
     let side = match board {
         Board::Dpr => Side::Dpr,
         Board::Horus => Side::Horus,
     };
-    let mut lost = |error| eprintln!("the debugger is gone ({error}); the run goes on without it");
-    Ok(match serve(setup, side, connection, screen, &mut lost)? {
+    Ok(match serve(setup, side, connection, screen, &mut |error| say_lost(&error))? {
         Ended::Finished(outcome) => Some(*outcome),
         Ended::Killed(at) => {
-            eprintln!("the debugger ended the run after {:.3} ms", at as f64 / 1e6);
+            say_killed(at);
             None
         }
     })

@@ -23,7 +23,10 @@ use probe_rs::probe::list::Lister;
 use probe_rs::probe::{DebugProbeInfo, DebugProbeSelector, Probe, WireProtocol};
 use probe_rs::rtt::Rtt;
 use probe_rs::semihosting::SemihostingCommand;
-use probe_rs::{BreakpointCause, Core, CoreStatus, HaltReason, MemoryInterface, Permissions, Session};
+use probe_rs::{
+    BreakpointCause, Core, CoreStatus, HaltReason, MemoryInterface, Permissions, RegisterId, Session,
+    VectorCatchCondition,
+};
 
 use crate::access::{
     Approtect, HW_DISABLED, Refusal, Seen, UICR_APPROTECT, VARIANT, chip, connection, explain, wrong_chip,
@@ -34,6 +37,12 @@ use crate::{Board, FlashArgs, ProbeArgs, firmware};
 
 /// How long a core gets to do what a debugger asks.
 const CORE_TIMEOUT: Duration = Duration::from_secs(1);
+
+/// Registers by their numbers in DCRSR (ARMv7-M ARM C1.6.3).
+const LR: RegisterId = RegisterId(14);
+const XPSR: RegisterId = RegisterId(16);
+const MSP: RegisterId = RegisterId(17);
+const PSP: RegisterId = RegisterId(18);
 
 /// How often the log is read: far below the time in which a 1 KiB buffer fills at either image's rate.
 const LOG_POLL: Duration = Duration::from_millis(10);
@@ -110,7 +119,7 @@ fn flash_elf(args: &FlashArgs, probe: &Found, elf: &Path) -> Result<ExitCode> {
     if let Found::Bench(board) = probe {
         board.save()?;
     }
-    let code = follow(&mut session, elf, &Span::of(probe, args.seconds))?;
+    let code = follow(&mut session, elf, &Span::of(probe, args.seconds), Follow::Firmware)?;
     drop(session);
     Ok(if say_findings(probe) { ExitCode::FAILURE } else { code })
 }
@@ -128,7 +137,7 @@ pub(crate) fn run(board: Board, elf: &Path, args: &ProbeArgs) -> Result<ExitCode
     let probe = choose(board, args)?;
     let mut session = attach(board, &probe, args)?;
     write(&mut session, elf)?;
-    let code = follow(&mut session, elf, &Span::Endless)?;
+    let code = follow(&mut session, elf, &Span::Endless, Follow::Suite)?;
     drop(session);
     Ok(if say_findings(&probe) { ExitCode::FAILURE } else { code })
 }
@@ -337,9 +346,27 @@ const fn verb(operation: &ProgressOperation) -> &'static str {
     }
 }
 
+/// Whose log is shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Follow {
+    /// An image's that is meant to run on for ever: what it does about a HardFault or a restart is its own affair.
+    Firmware,
+    /// A test suite's, which ends by itself: by a semihosting exit, or by a HardFault if it fails (panic-probe). The
+    /// core halts there, since nothing else would end it: cortex-m-rt's handler is a loop.
+    Suite,
+}
+
+/// Restarts of a suite after which no other ending is to be expected of it.
+const MOST_RESTARTS: usize = 10;
+
+/// Debug Halting Control and Status Register. S_RESET_ST says that the core was reset since this was last read
+/// (ARMv7-M ARM C1.6.2).
+const DHCSR: u64 = 0xE000_EDF0;
+const S_RESET_ST: u32 = 1 << 25;
+
 /// Resets the core and shows its defmt log until it exits through semihosting (its code is ours), its time is over or
-/// it is interrupted.
-fn follow(session: &mut Session, elf: &Path, span: &Span<'_>) -> Result<ExitCode> {
+/// it is interrupted. The log of a part that restarts meanwhile goes on from its new start.
+fn follow(session: &mut Session, elf: &Path, span: &Span<'_>, follow: Follow) -> Result<ExitCode> {
     let data = std::fs::read(elf).with_context(|| format!("could not read {}", elf.display()))?;
     let table = Table::parse(&data)?.with_context(|| format!("{} carries no defmt log", elf.display()))?;
     let block = rtt_block(&data).with_context(|| format!("{} has no RTT control block", elf.display()))?;
@@ -348,12 +375,53 @@ fn follow(session: &mut Session, elf: &Path, span: &Span<'_>) -> Result<ExitCode
     core.reset_and_halt(CORE_TIMEOUT).context("the core does not reset")?;
     // What the last run left in RAM must not be taken for this run's log.
     core.write_8(block, &[0; 16]).context("could not clear the old log")?;
+    // Only a power-on resets it on every part, so another run may have left it.
+    core.disable_vector_catch(VectorCatchCondition::HardFault).context("could not set the vector catch")?;
+    if follow == Follow::Suite {
+        core.enable_vector_catch(VectorCatchCondition::HardFault).context("could not set the vector catch")?;
+    }
+    // The reset just now is ours.
+    was_reset(&mut core)?;
     core.run().context("the core does not run")?;
     let mut rtt = attach_log(&mut core, block)?;
+    let mut restarts = 0;
     loop {
+        let mut restarted = was_reset(&mut core)?;
         let status = core.status().context("lost the core")?;
         // Read after the status: what was logged before a halt is then shown before the run ends.
-        drain(&mut rtt, &mut core, decoder.as_mut())?;
+        if !restarted {
+            match drain(&mut rtt, &mut core, decoder.as_mut()) {
+                Ok(()) => {}
+                // The start-up code has initialised the control block anew, or is about to.
+                Err(probe_rs::rtt::Error::ReadPointerChanged | probe_rs::rtt::Error::ControlBlockCorrupted(_)) => {
+                    restarted = true;
+                }
+                Err(error) => return Err(error).context("could not read the log"),
+            }
+        }
+        if restarted {
+            restarts += 1;
+            eprintln!(
+                "warning: the part restarted; its log goes on from its new start\n\
+                 If the image does not do that itself: a watchdog that the one before it started outlives the reset."
+            );
+            if follow == Follow::Suite && restarts == MOST_RESTARTS {
+                bail!("the part restarted {restarts} times: the suite does not come to its end");
+            }
+            // What was on its way is lost with the buffer.
+            decoder = table.new_stream_decoder();
+            if follow == Follow::Suite && catch_again(&mut core)? {
+                // Before that, with nobody to catch it: what it logged is still there.
+                rtt = attach_log(&mut core, block)?;
+                drain(&mut rtt, &mut core, decoder.as_mut()).context("could not read the log")?;
+                eprintln!("error: the image ended in a HardFault");
+                return Ok(ExitCode::FAILURE);
+            }
+            // The start-up code takes far less than this to initialise the control block.
+            std::thread::sleep(LOG_POLL);
+            rtt = attach_log(&mut core, block)?;
+            continue;
+        }
         match status {
             CoreStatus::Halted(HaltReason::Breakpoint(BreakpointCause::Semihosting(command))) => match command {
                 SemihostingCommand::ExitSuccess => return Ok(ExitCode::SUCCESS),
@@ -363,6 +431,11 @@ fn follow(session: &mut Session, elf: &Path, span: &Span<'_>) -> Result<ExitCode
                 }
                 _ => core.run().context("the core does not go on")?,
             },
+            // The library's reason may be several: what made it halt before is only partly its to clear.
+            CoreStatus::Halted(_) if follow == Follow::Suite && in_hard_fault(&mut core)? => {
+                eprintln!("error: the image ended in a HardFault{}", faulted(&mut core, elf)?);
+                return Ok(ExitCode::FAILURE);
+            }
             CoreStatus::Halted(reason) => bail!("the core stopped: {reason:?}"),
             CoreStatus::LockedUp => bail!("the core locked up"),
             _ if span.is_over() => return Ok(ExitCode::SUCCESS),
@@ -371,6 +444,46 @@ fn follow(session: &mut Session, elf: &Path, span: &Span<'_>) -> Result<ExitCode
             _ => std::thread::sleep(LOG_POLL),
         }
     }
+}
+
+/// Whether the core was reset since this was last asked.
+fn was_reset(core: &mut Core<'_>) -> Result<bool> {
+    Ok(core.read_word_32(DHCSR).context("lost the core")? & S_RESET_ST != 0)
+}
+
+/// Has the core halt at a HardFault again, and at semihosting calls: of the resets of an nRF52840 only the soft ones
+/// leave that as it was (PS v1.7, 5.3.7.8). Answers whether a HardFault came before that.
+fn catch_again(core: &mut Core<'_>) -> Result<bool> {
+    core.halt(CORE_TIMEOUT).context("the core does not halt")?;
+    core.enable_vector_catch(VectorCatchCondition::HardFault).context("could not set the vector catch")?;
+    if in_hard_fault(core)? {
+        return Ok(true);
+    }
+    was_reset(core)?;
+    core.run().context("the core does not go on")?;
+    Ok(false)
+}
+
+/// Whether a halted core is in its HardFault handler (ARMv7-M ARM table B1-4).
+fn in_hard_fault(core: &mut Core<'_>) -> Result<bool> {
+    const EXCEPTION: u32 = 0x1FF;
+    const HARD_FAULT: u32 = 3;
+    let status: u32 = core.read_core_reg(XPSR)?;
+    Ok(status & EXCEPTION == HARD_FAULT)
+}
+
+/// Where the code was that the core left for the first instruction of its HardFault handler, for the end of a sentence.
+fn faulted(core: &mut Core<'_>, elf: &Path) -> Result<String> {
+    /// Bit 2 of EXC_RETURN: the frame is on the process stack (ARMv7-M ARM table B1-8).
+    const PROCESS_STACK: u32 = 1 << 2;
+    /// The return address in the frame.
+    const RETURN_ADDRESS: u64 = 24;
+    let returns: u32 = core.read_core_reg(LR)?;
+    let stack: u32 = core.read_core_reg(if returns & PROCESS_STACK != 0 { PSP } else { MSP })?;
+    // A stack that led into nothing may be why.
+    let Ok(pc) = core.read_word_32(u64::from(stack) + RETURN_ADDRESS) else { return Ok(String::new()) };
+    let place = bench::node::Firmware::read(elf)?.place_of(u64::from(pc));
+    Ok(place.map_or_else(|| format!(" at {pc:#010x}"), |place| format!(" in {place}")))
 }
 
 fn rtt_block(elf: &[u8]) -> Option<u64> {
@@ -392,11 +505,15 @@ fn attach_log(core: &mut Core<'_>, block: u64) -> Result<Rtt> {
     }
 }
 
-fn drain(rtt: &mut Rtt, core: &mut Core<'_>, decoder: &mut (dyn StreamDecoder + Send + Sync + '_)) -> Result<()> {
-    let channel = rtt.up_channel(0).context("the image has no log channel")?;
+fn drain(
+    rtt: &mut Rtt,
+    core: &mut Core<'_>,
+    decoder: &mut (dyn StreamDecoder + Send + Sync + '_),
+) -> Result<(), probe_rs::rtt::Error> {
+    let channel = rtt.up_channel(0).ok_or(probe_rs::rtt::Error::MissingChannel(0))?;
     let mut buffer = [0; 1024];
     loop {
-        let count = channel.read(core, &mut buffer).context("could not read the log")?;
+        let count = channel.read(core, &mut buffer)?;
         if count == 0 {
             return Ok(());
         }

@@ -7,11 +7,12 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail};
+use bench::gdb::{Alone, Ended, serve_alone};
 use bench::node::{Clock, Connected, Drive, Event, Firmware, Limits, LogLine, Outcome, Sending};
 use bench::wiring::{Pad, Pin};
 use clap::{Args, ValueEnum};
 
-use crate::{Board, ProbeArgs};
+use crate::{Board, ProbeArgs, gdb};
 
 #[derive(Args)]
 pub(crate) struct RunArgs {
@@ -45,6 +46,12 @@ pub(crate) struct RunArgs {
     /// What processor time costs: fast, optimistic or pessimistic. The last two bound what silicon takes. Bench only.
     #[arg(long, default_value_t)]
     clock: Clock,
+    /// Halt the board at power-on and wait for gdb, or an editor that speaks its protocol. Bench only.
+    #[arg(long)]
+    gdb: bool,
+    /// The port on 127.0.0.1 to wait for gdb at; 0 takes a free one.
+    #[arg(long, default_value_t = gdb::PORT, requires = "gdb")]
+    port: u16,
     /// Where it runs.
     #[arg(long, value_enum, default_value_t = Place::Bench)]
     on: Place,
@@ -64,6 +71,9 @@ pub(crate) enum Place {
 pub(crate) fn run(args: &RunArgs) -> Result<ExitCode> {
     match args.on {
         Place::Bench => on_bench(args),
+        Place::Hardware if args.gdb => {
+            bail!("--gdb is for the bench: at a board, OpenOCD or `probe-rs gdb` wait for a debugger")
+        }
         Place::Hardware => on_hardware(args),
     }
 }
@@ -75,7 +85,7 @@ fn on_bench(args: &RunArgs) -> Result<ExitCode> {
     let limits = Limits { virtual_time: (seconds * 1e9) as u64, ..Limits::default() };
     let mut output = Output { stdout: std::io::stdout(), closed: false };
     let mut unwritten = None;
-    let event = |event: Event<'_>| match event {
+    let mut event = |event: Event<'_>| match event {
         Event::Line(line) => output.line(line),
         Event::Finding(finding) => eprintln!("{finding}"),
         Event::Reset(reset) => eprintln!("{:>14.6} ms  the part restarted {}", milliseconds(reset.at), reset.why()),
@@ -91,13 +101,31 @@ fn on_bench(args: &RunArgs) -> Result<ExitCode> {
             }
         }
     };
-    let outcome = args.board.on_bench().run_connected(args.clock, &firmware, connected, limits, event)?;
+    let target = args.board.on_bench();
+    let outcome = if args.gdb {
+        let connection = gdb::wait(args.port, args.board, &args.elf, &mut |text| eprintln!("{text}"))?;
+        let runs_on = args.seconds.is_some();
+        let alone = Alone { target, clock: args.clock, firmware: &firmware, connected, limits, runs_on };
+        match serve_alone(alone, connection, &mut event, &mut |error| gdb::say_lost(&error))? {
+            Ended::Finished(outcome) => Ok(*outcome),
+            Ended::Killed(at) => Err(at),
+        }
+    } else {
+        Ok(target.run_connected(args.clock, &firmware, connected, limits, event)?)
+    };
     for (path, file) in files.values_mut() {
         file.flush().with_context(|| format!("--uart: {path}"))?;
     }
     if let Some(error) = unwritten {
         return Err(error);
     }
+    let outcome = match outcome {
+        Ok(outcome) => outcome,
+        Err(killed_at) => {
+            gdb::say_killed(killed_at);
+            return Ok(ExitCode::FAILURE);
+        }
+    };
     eprintln!("{}", summary(&outcome));
     Ok(ending(args, &outcome))
 }

@@ -4,8 +4,9 @@
 //! The project is a real one, made in a folder of its own outside this workspace, of crates that this workspace's lock
 //! file has.
 
+use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 
 const MANIFEST: &str = r#"
 [package]
@@ -59,6 +60,32 @@ fn panic(_: &core::panic::PanicInfo) -> ! {
 }
 "#;
 
+/// Runs the project's firmware, which is built, with the real gdb at it. Answers what the run wrote, standard error
+/// without the lines that lead gdb there, and what gdb wrote.
+fn run_with_gdb(folder: &Path, arguments: &str, script: &[&str]) -> (Output, String) {
+    let elf = folder.join("target/thumbv7em-none-eabihf/debug/blinky");
+    let mut run = Command::new(env!("CARGO_BIN_EXE_xtask"));
+    run.args(["run", "--board", "dpr", "--gdb", "--port", "0"]).args(arguments.split(' ')).arg(&elf);
+    let mut run = run.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut errors = BufReader::new(run.stderr.take().unwrap());
+    let mut line = String::new();
+    errors.read_line(&mut line).unwrap();
+    let address = line.split_once("dpr is halted at power-on and waits at ").expect(&line).1.trim_end_matches(":\n");
+    let mut gdb = Command::new("gdb-multiarch");
+    gdb.args(["-nx", "-batch", "-iex", "set pagination off", "-iex", "set confirm off"]).arg(&elf);
+    gdb.args(["-ex", &format!("target remote {address}")]).args(script.iter().flat_map(|command| ["-ex", command]));
+    let gdb = gdb.stdin(Stdio::null()).output().unwrap();
+    let said = String::from_utf8_lossy(&gdb.stdout).into_owned() + &String::from_utf8_lossy(&gdb.stderr);
+    let mut stderr = vec![];
+    let how = line.clone();
+    line.clear();
+    errors.read_line(&mut line).unwrap();
+    assert!(line.contains("gdb-multiarch ") && line.contains("target remote 127.0.0.1:"), "{how}{line}");
+    errors.read_to_end(&mut stderr).unwrap();
+    let ran = run.wait_with_output().unwrap();
+    (Output { stderr, ..ran }, said)
+}
+
 /// Runs `cargo run` in the project with these arguments of `run` behind the documented line.
 fn cargo_run(folder: &Path, arguments: &str) -> Output {
     let runner = env!("CARGO_BIN_EXE_xtask");
@@ -102,6 +129,31 @@ fn a_project_elsewhere_runs_its_firmware_on_the_bench_by_cargo_run() {
     let (used, size) = stack.split_once(" of ").unwrap();
     let (used, size): (usize, usize) = (used.parse().unwrap(), size.parse().unwrap());
     assert!((8..512).contains(&used) && (200 << 10..=256 << 10).contains(&size), "{stack}");
+
+    if Command::new("gdb-multiarch").arg("--version").stdout(Stdio::null()).status().is_err() {
+        assert!(std::env::var_os("CI").is_none(), "there is no gdb-multiarch: apt-get install gdb-multiarch");
+        eprintln!("not run: there is no gdb-multiarch: apt-get install gdb-multiarch");
+    } else {
+        // Looked at on the way, it is the same run; and gdb hears how it ended.
+        let looks = ["set language c", "tbreak main", "continue", "info registers pc", "monitor pin P0.11"];
+        let watches = ["watch *(unsigned *)0x50000508", "continue", "stepi", "monitor pin P0.13", "delete", "continue"];
+        let script = [&looks[..], &watches].concat();
+        let (with, said) = run_with_gdb(&folder, "--seconds 0.1 --pin P0.13 --drive P0.11=0", &script);
+        let both = |ran: &Output| {
+            let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+            (ran.status.code(), text(&ran.stdout), text(&ran.stderr))
+        };
+        assert_eq!(both(&with), both(&ran), "{said}");
+        for words in
+            ["Temporary breakpoint 1, ", "P0.11 is low", "Hardware watchpoint 2", "P0.13 is ", "exited normally"]
+        {
+            assert!(said.contains(words), "no \"{words}\" in:\n{said}");
+        }
+        let (ended, said) = run_with_gdb(&folder, "--limit 0.1 --pin P0.13", &["tbreak main", "continue", "kill"]);
+        let err = String::from_utf8_lossy(&ended.stderr);
+        assert_eq!(ended.status.code(), Some(1), "{err}{said}");
+        assert!(err.contains("the debugger ended the run after 0.0"), "{err}{said}");
+    }
 
     let ran = cargo_run(&folder, "--limit 0.1 --pin P0.13 --drive P0.11=1");
     let (out, err) = (String::from_utf8_lossy(&ran.stdout), String::from_utf8_lossy(&ran.stderr));

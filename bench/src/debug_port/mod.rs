@@ -11,6 +11,7 @@
 //! | power-up requests of the debug and system domains, without which an AP access is a FAULT | ADI B2.4 |
 //! | the AHB-AP: CSW, TAR with its increment, DRW by bytes, halfwords, words and packed, BD0 to BD3 | ADI C2, TRM 8 |
 //! | core debug, breakpoints, watchpoints, vector catch, reset | `cortex-m4`, ARMv7-M C1 |
+//! | which resets of a part reset its core's debug registers | the parts' manuals |
 //! | a reset pin, and what a part has beside the AHB-AP ([`Debugged`]) | the parts' manuals |
 //!
 //! | left out | why |
@@ -18,6 +19,7 @@
 //! | JTAG, dormant state, SWD protocol version 2 | both parts have a DP of version 1: no answer |
 //! | pushed verify and compare (TRNMODE, TRNCNT), overrun detection | no tool here uses them; TRNMODE reads 0 |
 //! | WAIT | every access is over when the next request can have come: 46 clocks of SWCLK are many of the core's |
+//! | the DWT's comparators and the AHB-AP at a reset that resets debug components | they stay; no tool here sets any |
 //! | the time of the wires | [`DebugPort::pass`]: who drives the port knows its clock and its own latency |
 //!
 //! TAR's increment stays within 1 KiB, which is all that ADI C2.2.2 promises. Cortex-M3 and M4 are said to go up to
@@ -343,6 +345,20 @@ where
     fn release(&mut self, why: FromOutside) {
         self.held = false;
         self.node.restart(why);
+        self.reset_debug();
+    }
+
+    /// The part has just restarted, and its core has not run an instruction: what of its debug registers that reset
+    /// resets is as after a power-on.
+    fn reset_debug(&mut self) {
+        /// DHCSR with its key, FP_CTRL with its key, DEMCR (ARMv7-M C1.6.2, C1.11.3, C1.6.5).
+        const RESET: [(u32, u32); 3] = [(0xE000_EDF0, 0xA05F_0000), (0xE000_2000, 2), (0xE000_EDFC, 0)];
+        if self.node.resets().last().is_some_and(|reset| B::Part::resets_debug(reset.cause)) {
+            for (address, value) in RESET {
+                // They are there.
+                let _ = self.node.access_port_write(address, Width::Word, value);
+            }
+        }
     }
 
     /// A part that is held in reset answers in its private space alone, where its debug registers are.
@@ -417,7 +433,9 @@ where
         }
         let to = self.node.now() + ns;
         while self.node.now() < to {
-            self.node.advance(to);
+            if self.node.advance_to_restart(to) {
+                self.reset_debug();
+            }
             self.node.board_mut(B::forget_outgoing);
         }
         self.node.with_part(Debugged::port_advances);

@@ -1,6 +1,6 @@
 //! What a part adds to the debug port of its core.
 
-use bench_seam::Part;
+use bench_seam::{Part, Reset};
 use nrf52840::{CtrlRequest, Nrf52840};
 use stm32f429::Stm32f429;
 
@@ -33,6 +33,12 @@ pub trait Debugged: Part {
         true
     }
 
+    /// Whether a reset for this cause resets the core's debug registers too. ARMv7-M C1.6.5 promises it of one by power
+    /// alone.
+    fn resets_debug(cause: Reset) -> bool {
+        matches!(cause, Reset::PowerOn | Reset::BrownOut)
+    }
+
     /// Reads a register of an access port beside the AHB-AP.
     fn read_port(&self, ap: u8, register: u8) -> u32 {
         let _ = (ap, register);
@@ -62,6 +68,11 @@ impl Debugged for Nrf52840 {
     fn has_reset_pin(&self) -> bool {
         let words = self.memory(0x1000_1200, 8).unwrap_or_default();
         words.len() == 8 && words[..4] == words[4..] && words[3] & 0x80 == 0
+    }
+
+    /// All but soft resets, a lock-up's among them (PS 5.3.7.8, *Reset behavior*: "Debug").
+    fn resets_debug(cause: Reset) -> bool {
+        !matches!(cause, Reset::Software | Reset::Lockup)
     }
 
     /// CTRL-AP is access port 1 (PS 4.8.1).

@@ -1,7 +1,8 @@
-//! gdb at one board of the running link.
+//! gdb at one board: of the running link, or of one that runs a firmware alone.
 //!
-//! [`serve`] runs the whole link ([`crate::sim`]) with a debugger at one board, which speaks gdb's remote protocol
-//! over any connection (`gdbstub` reads and writes it). What a debugger does to a board on a desk, it does here without
+//! [`serve`] runs the whole link ([`crate::sim`]) with a debugger at one board, and [`serve_alone`] one firmware alone
+//! on one board ([`crate::node::Target::run_connected`]). The debugger speaks gdb's remote protocol over any connection
+//! (`gdbstub` reads and writes it). What a debugger does to a board on a desk, it does here without
 //! being noticed: a halted board halts the world ([`crate::node::Halt`]), so no frame, no transaction and no
 //! watchdog passes meanwhile, and what is only looked at leaves the run's report as it would have been, byte for byte.
 //!
@@ -16,7 +17,11 @@
 //! | Ctrl-C | halts the board within 10 ms of virtual time |
 //! | `detach`, or a lost connection | the run goes on to its end without breakpoints |
 //! | `kill` | ends the run |
-//! | `monitor help` | virtual time, pins, reset, faults |
+//! | `monitor help` | virtual time, pins, reset, and faults of the link |
+//!
+//! A firmware that runs alone halts with SIGSEGV where it ends in a HardFault, in an exception without a handler or in
+//! a lock-up, so that a person sees the place. Then, or when it exits by itself, the run goes on to what would have
+//! been its end, and gdb hears the status that `cargo xtask run` ends with.
 //!
 //! Left out: `load`'s erase (writes change flash as they are, without a flash controller), reverse execution, and more
 //! than one board at a time.
@@ -24,24 +29,29 @@
 mod arch;
 mod monitor;
 mod target;
+mod world;
 
 use std::marker::PhantomData;
 
 use bench_judge::Board as Side;
+use bench_seam::Part;
 use cortex_m4::{Cost, Fast, Optimistic, Pessimistic};
 use gdbstub::conn::ConnectionExt;
-use gdbstub::stub::run_blocking::{BlockingEventLoop, Event, WaitForStopReasonError};
+use gdbstub::stub::run_blocking::{BlockingEventLoop, Event as Incoming, WaitForStopReasonError};
 use gdbstub::stub::{DisconnectReason, GdbStub, SingleThreadStopReason};
+use nrf52840::{Nrf52840, Settings};
+use stm32f429::{Oscillators, Stm32f429};
 
-use crate::node::Clock;
-use crate::sim::{Debugged, Error, Observer, Outcome, Setup};
+use crate::node::{self, Clock, Connected, Event, Firmware, Limits, Running, Target};
+use crate::sim::{self, Debugged, Error, Observer, Setup};
 use target::Debuggee;
+use world::{Link, Solo, World};
 
-/// How a run with a debugger ended.
+/// How a run with a debugger ended, whose outcome is `O`.
 #[derive(Debug)]
-pub enum Ended {
+pub enum Ended<O = sim::Outcome> {
     /// It came to its end.
-    Finished(Box<Outcome>),
+    Finished(Box<O>),
     /// The debugger ended it at this instant, virtual ns.
     Killed(u64),
 }
@@ -81,9 +91,114 @@ where
     T: ConnectionExt,
     T::Error: std::fmt::Display,
 {
-    let mut debuggee = Debuggee::new(Debugged::<C>::new(setup)?, side, observer, (setup.gps, setup.seed));
-    match GdbStub::new(connection).run_blocking::<Loop<'_, C, T>>(&mut debuggee) {
-        Ok(DisconnectReason::Kill) => return Ok(Ended::Killed(debuggee.run.now())),
+    let run = Debugged::<C>::new(setup)?;
+    let link = Link { run, side, observer, gps: setup.gps, seed: setup.seed };
+    Ok(match attended(link, connection, lost)? {
+        Left::Over(link) => Ended::Finished(Box::new(link.run.finish()?)),
+        Left::Killed(at) => Ended::Killed(at),
+    })
+}
+
+/// A firmware alone on one board, as [`Target::run_connected`] takes it.
+#[derive(Debug)]
+pub struct Alone<'a> {
+    /// The board.
+    pub target: Target,
+    /// What processor time costs.
+    pub clock: Clock,
+    /// What runs.
+    pub firmware: &'a Firmware,
+    /// What is clipped to the board.
+    pub connected: Connected,
+    /// How far it runs.
+    pub limits: Limits,
+    /// Whether it is meant to run on for ever: gdb then hears of a success where the limit of virtual time ends it.
+    pub runs_on: bool,
+}
+
+/// Runs one firmware alone on one board, with the debugger on `connection` at it, to its end. It begins halted at
+/// power-on. What it says is handed to `event`, also when it halts; what went wrong with the connection is told to
+/// `lost`, and the run then goes on without a debugger.
+///
+/// The outcome is that of [`Target::run_connected`], however often the board was halted, unless somebody changed a
+/// register, memory or a pin meanwhile.
+///
+/// # Errors
+///
+/// As [`node::run`].
+pub fn serve_alone<T>(
+    alone: Alone<'_>,
+    connection: T,
+    event: &mut dyn FnMut(Event<'_>),
+    lost: &mut dyn FnMut(String),
+) -> Result<Ended<node::Outcome>, node::Error>
+where
+    T: ConnectionExt,
+    T::Error: std::fmt::Display,
+{
+    match alone.clock {
+        Clock::Fast => serve_alone_on::<Fast, T>(alone, connection, event, lost),
+        Clock::Optimistic => serve_alone_on::<Optimistic, T>(alone, connection, event, lost),
+        Clock::Pessimistic => serve_alone_on::<Pessimistic, T>(alone, connection, event, lost),
+    }
+}
+
+fn serve_alone_on<C: Cost, T>(
+    alone: Alone<'_>,
+    connection: T,
+    event: &mut dyn FnMut(Event<'_>),
+    lost: &mut dyn FnMut(String),
+) -> Result<Ended<node::Outcome>, node::Error>
+where
+    T: ConnectionExt,
+    T::Error: std::fmt::Display,
+{
+    let Alone { target, firmware, connected, limits, runs_on, .. } = alone;
+    match target {
+        Target::Dpr => {
+            let run = Running::<_, C>::new(Nrf52840::new(Settings::default()), firmware, connected, limits)?;
+            serve_solo(Solo { run, side: Side::Dpr, runs_on, event }, connection, lost)
+        }
+        Target::Horus => {
+            let run = Running::<_, C>::new(Stm32f429::new(Oscillators::default()), firmware, connected, limits)?;
+            serve_solo(Solo { run, side: Side::Horus, runs_on, event }, connection, lost)
+        }
+    }
+}
+
+fn serve_solo<P: Part, C: Cost, T>(
+    mut solo: Solo<'_, P, C>,
+    connection: T,
+    lost: &mut dyn FnMut(String),
+) -> Result<Ended<node::Outcome>, node::Error>
+where
+    T: ConnectionExt,
+    T::Error: std::fmt::Display,
+{
+    solo.node().halt_at_end(true);
+    Ok(match attended(solo, connection, lost)? {
+        Left::Over(solo) => Ended::Finished(Box::new(solo.run.finish())),
+        Left::Killed(at) => Ended::Killed(at),
+    })
+}
+
+/// What a debugger left of a run.
+enum Left<W> {
+    /// The run, which is over.
+    Over(W),
+    /// The debugger ended it at this instant, virtual ns.
+    Killed(u64),
+}
+
+/// Has the debugger on `connection` at the board of `world` until it leaves, then runs to the end.
+fn attended<W: World, T>(world: W, connection: T, lost: &mut dyn FnMut(String)) -> Result<Left<W>, W::Error>
+where
+    T: ConnectionExt,
+    T::Error: std::fmt::Display,
+{
+    let mut debuggee = Debuggee::new(world);
+    match GdbStub::new(connection).run_blocking::<Loop<W, T>>(&mut debuggee) {
+        Ok(DisconnectReason::Kill) => return Ok(Left::Killed(debuggee.world.now())),
         Ok(_) => {}
         Err(error) => {
             let text = error.to_string();
@@ -94,36 +209,36 @@ where
         }
     }
     debuggee.release();
-    while !debuggee.run.is_over() {
+    while !debuggee.world.is_over() {
         debuggee.go()?;
     }
-    Ok(Ended::Finished(Box::new(debuggee.run.finish()?)))
+    Ok(Left::Over(debuggee.world))
 }
 
 /// What waits for the board and for gdb while the board runs.
-struct Loop<'a, C: Cost, T>(PhantomData<(Debuggee<'a, C>, T)>);
+struct Loop<W, T>(PhantomData<(W, T)>);
 
-impl<'a, C: Cost, T: ConnectionExt> BlockingEventLoop for Loop<'a, C, T> {
-    type Target = Debuggee<'a, C>;
+impl<W: World, T: ConnectionExt> BlockingEventLoop for Loop<W, T> {
+    type Target = Debuggee<W>;
     type Connection = T;
     type StopReason = SingleThreadStopReason<u32>;
 
     fn wait_for_stop_reason(
-        target: &mut Debuggee<'a, C>,
+        target: &mut Debuggee<W>,
         connection: &mut T,
-    ) -> Result<Event<Self::StopReason>, WaitForStopReasonError<Error, T::Error>> {
+    ) -> Result<Incoming<Self::StopReason>, WaitForStopReasonError<W::Error, T::Error>> {
         loop {
             if connection.peek().map_err(WaitForStopReasonError::Connection)?.is_some() {
                 let byte = connection.read().map_err(WaitForStopReasonError::Connection)?;
-                return Ok(Event::IncomingData(byte));
+                return Ok(Incoming::IncomingData(byte));
             }
             if let Some(reason) = target.go().map_err(WaitForStopReasonError::Target)? {
-                return Ok(Event::TargetStopped(reason));
+                return Ok(Incoming::TargetStopped(reason));
             }
         }
     }
 
-    fn on_interrupt(target: &mut Debuggee<'a, C>) -> Result<Option<Self::StopReason>, Error> {
+    fn on_interrupt(target: &mut Debuggee<W>) -> Result<Option<Self::StopReason>, W::Error> {
         Ok(Some(target.interrupt()))
     }
 }

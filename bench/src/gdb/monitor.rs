@@ -1,16 +1,11 @@
 //! gdb's `monitor` commands: what a person at the bench has beside the debugger.
 
-use std::fmt::Write as _;
-
 use bench_judge::Board as Side;
 use bench_seam::Pin;
-use cortex_m4::Cost;
 
 use super::target::Debuggee;
-use crate::faults::plan::LAST_BEFORE_END;
-use crate::faults::{Episode, Fault, Faults, Kind, PowerFault};
+use super::world::World;
 use crate::node::Resume;
-use crate::sim::Error;
 
 /// What `monitor help` says.
 const HELP: &str = "\
@@ -21,17 +16,15 @@ monitor pin NAME high|low       drives it from outside from now on
 monitor pin NAME release        lets go of it
 monitor halt                    as monitor time: who can ask this has halted the board already
 monitor reset [halt]            pulls the reset pin; halts before the first instruction
-monitor faults LIST             what goes wrong from now on, drawn from the seed as --faults does:
-                                of air, gnss, fc, power, buffers, inputs
 monitor help                    this
 ";
 
-impl<C: Cost> Debuggee<'_, C> {
+impl<W: World> Debuggee<W> {
     /// Carries out `command` and answers what to say.
-    pub(super) fn monitor(&mut self, command: &str) -> Result<String, Error> {
+    pub(super) fn monitor(&mut self, command: &str) -> Result<String, W::Error> {
         let words: Vec<&str> = command.split_whitespace().collect();
         Ok(match words.as_slice() {
-            [] | ["help"] => HELP.to_owned(),
+            [] | ["help"] => self.help(),
             ["time"] => self.time(),
             ["pins"] => self.pins(),
             ["pin", name] => self.pin(name),
@@ -40,13 +33,17 @@ impl<C: Cost> Debuggee<'_, C> {
             // debugger can only ask while the board is halted.
             ["halt"] => self.time(),
             ["reset"] | ["reset", "halt"] => self.reset()?,
-            ["faults", list] => self.faults(list),
-            _ => format!("no monitor command \"{command}\"; these are:\n{HELP}"),
+            ["faults", list] => self.world.faults(list),
+            _ => format!("no monitor command \"{command}\"; these are:\n{}", self.help()),
         })
     }
 
+    fn help(&self) -> String {
+        [W::FAULTS_HELP, HELP].concat()
+    }
+
     fn time(&mut self) -> String {
-        let end = self.run.end() as f64 / 1e6;
+        let end = self.world.end() as f64 / 1e6;
         let node = self.node();
         let (ms, instructions, doing) = (node.now() as f64 / 1e6, node.instructions(), node.doing());
         format!("{ms:.6} ms of {end:.0} ms, {instructions} instructions; {doing}\n")
@@ -57,7 +54,7 @@ impl<C: Cost> Debuggee<'_, C> {
         let pins = |ports: u8, numbers: u8| {
             (0..ports).flat_map(move |port| (0..numbers).map(move |number| Pin::new(port, number)))
         };
-        match self.side {
+        match self.world.side() {
             // P0.00 to P0.31 and P1.00 to P1.15.
             Side::Dpr => pins(2, 32)
                 .filter(|pin| pin.port == 0 || pin.number < 16)
@@ -74,7 +71,7 @@ impl<C: Cost> Debuggee<'_, C> {
     fn named(&self, name: &str) -> Result<Pin, String> {
         let found = self.names().into_iter().find(|(other, _)| other.eq_ignore_ascii_case(name));
         found.map(|(_, pin)| pin).ok_or_else(|| {
-            let example = match self.side {
+            let example = match self.world.side() {
                 Side::Dpr => "P0.00 to P0.31 and P1.00 to P1.15",
                 Side::Horus => "PA0 to PG15, PH0 and PH1",
             };
@@ -111,51 +108,15 @@ impl<C: Cost> Debuggee<'_, C> {
         self.pin(name)
     }
 
-    /// Pulls the reset pin, as a fault that the log names, and runs on to the halt behind it.
-    fn reset(&mut self) -> Result<String, Error> {
-        let now = self.node().now();
-        let fault = Fault::Power(self.side, PowerFault::Pin);
-        self.run.add_faults(&Faults::none().with(now, now, fault));
+    /// Pulls the reset pin and runs on to the halt behind it.
+    fn reset(&mut self) -> Result<String, W::Error> {
         self.node().halt_after_reset(true);
         self.node().resume(Resume::Continue);
+        self.world.pull_reset();
         while self.go()?.is_none() {}
         self.node().halt_after_reset(false);
         let mut text = self.time();
         text.push_str("gdb has old registers: \"maintenance flush register-cache\", or go on\n");
         Ok(text)
-    }
-
-    /// Draws what goes wrong in the rest of the run.
-    fn faults(&mut self, list: &str) -> String {
-        let kinds: Result<Vec<Kind>, _> = list.split(',').map(str::parse).collect();
-        let kinds = match kinds {
-            Ok(kinds) => kinds,
-            Err(error) => return format!("{error}\n"),
-        };
-        if let Some(upset) = kinds.iter().find(|kind| kind.is_upset()) {
-            return format!(
-                "{upset}: upsets are tried on copies of the bench, by `cargo xtask sim --faults {upset}`\n"
-            );
-        }
-        let now = self.run.now();
-        let left = self.run.end().saturating_sub(now);
-        let drawn = Faults::drawn(&kinds, self.gps, self.seed, left);
-        let mut faults = Faults::none();
-        for Episode { at, until, fault } in drawn.episodes().iter().cloned() {
-            faults.add(Episode { at: now + at, until: until.saturating_add(now), fault });
-        }
-        self.run.add_faults(&faults);
-        let mut text = format!("{} episodes from now to the end\n", faults.episodes().len());
-        for Episode { at, fault, .. } in faults.episodes() {
-            let _ = writeln!(text, "{:>12.3} ms  {}", *at as f64 / 1e6, fault.name());
-        }
-        if faults.episodes().is_empty() {
-            let _ = writeln!(
-                text,
-                "too little of the run is left: none lasts into its last {} ms",
-                LAST_BEFORE_END / 1_000_000
-            );
-        }
-        text
     }
 }

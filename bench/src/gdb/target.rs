@@ -1,10 +1,8 @@
-//! One board of the running link as gdb's target.
+//! One board of a run as gdb's target.
 
 use std::collections::BTreeSet;
 
-use bench_judge::Board as Side;
-use bench_seam::Pin;
-use cortex_m4::{Cost, Register, Watchpoint};
+use cortex_m4::{Register, Watchpoint};
 use gdbstub::common::Signal;
 use gdbstub::stub::SingleThreadStopReason;
 use gdbstub::target::ext::base::BaseOps;
@@ -22,140 +20,40 @@ use gdbstub::target::{Target, TargetError, TargetResult};
 use gdbstub_arch::arm::ArmBreakpointKind;
 
 use super::arch::{CoreRegisters, CortexM4, Number};
-use crate::node::{self, Halt, Node, Resume};
-use crate::sim::{Debugged, Error, Observer};
+use super::world::{Debuggable, World};
+use crate::node::{Halt, Resume};
 
 /// EFAULT of gdb's remote protocol ("Debugging with GDB", appendix E.13.9, Errno Values).
 const BAD_ADDRESS: u8 = 14;
 
-/// A node of either board.
-pub(super) trait Debuggable {
-    fn register(&self, register: Register) -> u32;
-    fn set_register(&mut self, register: Register, value: u32);
-    fn peek(&self, address: u32, to: &mut [u8]) -> usize;
-    fn poke(&mut self, address: u32, from: &[u8]) -> Result<(), node::Error>;
-    fn halted(&self) -> Option<Halt>;
-    fn halt(&mut self);
-    fn resume(&mut self, how: Resume);
-    fn set_breakpoint(&mut self, address: u32);
-    fn clear_breakpoint(&mut self, address: u32);
-    fn set_watchpoint(&mut self, watchpoint: Watchpoint);
-    fn clear_watchpoint(&mut self, watchpoint: Watchpoint) -> bool;
-    fn halt_after_reset(&mut self, on: bool);
-    fn now(&self) -> u64;
-    fn instructions(&self) -> u64;
-    fn doing(&self) -> String;
-    fn pin(&self, pin: Pin) -> bool;
-    fn drive(&mut self, pin: Pin, level: Option<bool>);
-}
-
-impl<B: node::Board, C: Cost> Debuggable for Node<B, C> {
-    fn register(&self, register: Register) -> u32 {
-        self.core_register(register)
-    }
-
-    fn set_register(&mut self, register: Register, value: u32) {
-        self.set_core_register(register, value);
-    }
-
-    fn peek(&self, address: u32, to: &mut [u8]) -> usize {
-        self.peek(address, to)
-    }
-
-    fn poke(&mut self, address: u32, from: &[u8]) -> Result<(), node::Error> {
-        self.poke(address, from)
-    }
-
-    fn halted(&self) -> Option<Halt> {
-        self.halted()
-    }
-
-    fn halt(&mut self) {
-        self.halt();
-    }
-
-    fn resume(&mut self, how: Resume) {
-        self.resume(how);
-    }
-
-    fn set_breakpoint(&mut self, address: u32) {
-        self.set_breakpoint(address);
-    }
-
-    fn clear_breakpoint(&mut self, address: u32) {
-        self.clear_breakpoint(address);
-    }
-
-    fn set_watchpoint(&mut self, watchpoint: Watchpoint) {
-        self.set_watchpoint(watchpoint);
-    }
-
-    fn clear_watchpoint(&mut self, watchpoint: Watchpoint) -> bool {
-        self.clear_watchpoint(watchpoint)
-    }
-
-    fn halt_after_reset(&mut self, on: bool) {
-        self.halt_after_reset(on);
-    }
-
-    fn now(&self) -> u64 {
-        self.now()
-    }
-
-    fn instructions(&self) -> u64 {
-        self.instructions()
-    }
-
-    fn doing(&self) -> String {
-        self.doing()
-    }
-
-    fn pin(&self, pin: Pin) -> bool {
-        self.pin(pin)
-    }
-
-    fn drive(&mut self, pin: Pin, level: Option<bool>) {
-        self.drive(pin, level);
-    }
-}
-
 /// One board of a run, and the run around it.
-pub(super) struct Debuggee<'a, C: Cost> {
-    pub(super) run: Debugged<C>,
-    pub(super) side: Side,
-    pub(super) observer: &'a mut dyn Observer,
-    /// Receivers in the profile, and the seed: what `monitor faults` draws from.
-    pub(super) gps: usize,
-    pub(super) seed: u64,
+pub(super) struct Debuggee<W> {
+    pub(super) world: W,
     /// Breakpoints that gdb calls software's (`Z0`) and hardware's (`Z1`): both are the core's own here.
     software: BTreeSet<u32>,
     hardware: BTreeSet<u32>,
     watchpoints: Vec<Watchpoint>,
 }
 
-impl<'a, C: Cost> Debuggee<'a, C> {
-    /// The board called `side` of `run`, halted.
-    pub(super) fn new(run: Debugged<C>, side: Side, observer: &'a mut dyn Observer, (gps, seed): (usize, u64)) -> Self {
-        let (software, hardware, watchpoints) = (BTreeSet::new(), BTreeSet::new(), Vec::new());
-        let mut debuggee = Self { run, side, observer, gps, seed, software, hardware, watchpoints };
-        debuggee.node().halt();
-        debuggee
+impl<W: World> Debuggee<W> {
+    /// The board of `world`, halted.
+    pub(super) fn new(mut world: W) -> Self {
+        world.node().halt();
+        Self { world, software: BTreeSet::new(), hardware: BTreeSet::new(), watchpoints: Vec::new() }
     }
 
     /// The board that the debugger is at.
     pub(super) fn node(&mut self) -> &mut dyn Debuggable {
-        match self.side {
-            Side::Horus => self.run.horus(),
-            Side::Dpr => self.run.dpr(),
-        }
+        self.world.node()
     }
 
     /// Runs on for a while. Answers why the board stands still, if it does, or that the run is over.
-    pub(super) fn go(&mut self) -> Result<Option<SingleThreadStopReason<u32>>, Error> {
-        self.run.run(self.observer)?;
+    pub(super) fn go(&mut self) -> Result<Option<SingleThreadStopReason<u32>>, W::Error> {
+        self.world.go()?;
         Ok(match self.node().halted() {
             Some(why) => Some(self.reason(why)),
-            None => self.run.is_over().then_some(SingleThreadStopReason::Exited(0)),
+            None if self.world.is_over() => Some(SingleThreadStopReason::Exited(self.world.status())),
+            None => None,
         })
     }
 
@@ -168,6 +66,7 @@ impl<'a, C: Cost> Debuggee<'a, C> {
 
     /// Forgets the debugger: the board goes on without any breakpoint.
     pub(super) fn release(&mut self) {
+        self.node().halt_at_end(false);
         for address in std::mem::take(&mut self.software).into_iter().chain(std::mem::take(&mut self.hardware)) {
             self.node().clear_breakpoint(address);
         }
@@ -195,6 +94,7 @@ impl<'a, C: Cost> Debuggee<'a, C> {
             },
             Halt::Stepped => SingleThreadStopReason::DoneStep,
             Halt::Reset => SingleThreadStopReason::Signal(Signal::SIGTRAP),
+            Halt::Ended => SingleThreadStopReason::Signal(Signal::SIGSEGV),
         }
     }
 
@@ -217,11 +117,11 @@ impl<'a, C: Cost> Debuggee<'a, C> {
     }
 }
 
-impl<C: Cost> Target for Debuggee<'_, C> {
+impl<W: World> Target for Debuggee<W> {
     type Arch = CortexM4;
-    type Error = Error;
+    type Error = W::Error;
 
-    fn base_ops(&mut self) -> BaseOps<'_, CortexM4, Error> {
+    fn base_ops(&mut self) -> BaseOps<'_, CortexM4, W::Error> {
         BaseOps::SingleThread(self)
     }
 
@@ -234,7 +134,7 @@ impl<C: Cost> Target for Debuggee<'_, C> {
     }
 }
 
-impl<C: Cost> SingleThreadBase for Debuggee<'_, C> {
+impl<W: World> SingleThreadBase for Debuggee<W> {
     fn read_registers(&mut self, registers: &mut CoreRegisters) -> TargetResult<(), Self> {
         registers.words.clear();
         for number in Number::all() {
@@ -276,7 +176,7 @@ impl<C: Cost> SingleThreadBase for Debuggee<'_, C> {
     }
 }
 
-impl<C: Cost> SingleRegisterAccess<()> for Debuggee<'_, C> {
+impl<W: World> SingleRegisterAccess<()> for Debuggee<W> {
     fn read_register(&mut self, (): (), number: Number, to: &mut [u8]) -> TargetResult<usize, Self> {
         let (low, high) = self.read_number(number);
         let mut length = 0;
@@ -299,8 +199,8 @@ impl<C: Cost> SingleRegisterAccess<()> for Debuggee<'_, C> {
     }
 }
 
-impl<C: Cost> SingleThreadResume for Debuggee<'_, C> {
-    fn resume(&mut self, _: Option<Signal>) -> Result<(), Error> {
+impl<W: World> SingleThreadResume for Debuggee<W> {
+    fn resume(&mut self, _: Option<Signal>) -> Result<(), W::Error> {
         self.node().resume(Resume::Continue);
         Ok(())
     }
@@ -314,21 +214,21 @@ impl<C: Cost> SingleThreadResume for Debuggee<'_, C> {
     }
 }
 
-impl<C: Cost> SingleThreadSingleStep for Debuggee<'_, C> {
-    fn step(&mut self, _: Option<Signal>) -> Result<(), Error> {
+impl<W: World> SingleThreadSingleStep for Debuggee<W> {
+    fn step(&mut self, _: Option<Signal>) -> Result<(), W::Error> {
         self.node().resume(Resume::Step);
         Ok(())
     }
 }
 
-impl<C: Cost> SingleThreadRangeStepping for Debuggee<'_, C> {
-    fn resume_range_step(&mut self, start: u32, end: u32) -> Result<(), Error> {
+impl<W: World> SingleThreadRangeStepping for Debuggee<W> {
+    fn resume_range_step(&mut self, start: u32, end: u32) -> Result<(), W::Error> {
         self.node().resume(Resume::StepWithin(start..end));
         Ok(())
     }
 }
 
-impl<C: Cost> Breakpoints for Debuggee<'_, C> {
+impl<W: World> Breakpoints for Debuggee<W> {
     fn support_sw_breakpoint(&mut self) -> Option<SwBreakpointOps<'_, Self>> {
         Some(self)
     }
@@ -342,7 +242,7 @@ impl<C: Cost> Breakpoints for Debuggee<'_, C> {
     }
 }
 
-impl<C: Cost> SwBreakpoint for Debuggee<'_, C> {
+impl<W: World> SwBreakpoint for Debuggee<W> {
     fn add_sw_breakpoint(&mut self, address: u32, _: ArmBreakpointKind) -> TargetResult<bool, Self> {
         self.software.insert(address & !1);
         self.node().set_breakpoint(address);
@@ -358,7 +258,7 @@ impl<C: Cost> SwBreakpoint for Debuggee<'_, C> {
     }
 }
 
-impl<C: Cost> HwBreakpoint for Debuggee<'_, C> {
+impl<W: World> HwBreakpoint for Debuggee<W> {
     fn add_hw_breakpoint(&mut self, address: u32, _: ArmBreakpointKind) -> TargetResult<bool, Self> {
         self.hardware.insert(address & !1);
         self.node().set_breakpoint(address);
@@ -381,7 +281,7 @@ fn watchpoint(address: u32, length: u32, kind: WatchKind) -> Watchpoint {
     Watchpoint { address, length, reads, writes }
 }
 
-impl<C: Cost> HwWatchpoint for Debuggee<'_, C> {
+impl<W: World> HwWatchpoint for Debuggee<W> {
     fn add_hw_watchpoint(&mut self, address: u32, length: u32, kind: WatchKind) -> TargetResult<bool, Self> {
         let watchpoint = watchpoint(address, length, kind);
         if length == 0 {
@@ -399,8 +299,8 @@ impl<C: Cost> HwWatchpoint for Debuggee<'_, C> {
     }
 }
 
-impl<C: Cost> MonitorCmd for Debuggee<'_, C> {
-    fn handle_monitor_cmd(&mut self, command: &[u8], mut out: ConsoleOutput<'_>) -> Result<(), Error> {
+impl<W: World> MonitorCmd for Debuggee<W> {
+    fn handle_monitor_cmd(&mut self, command: &[u8], mut out: ConsoleOutput<'_>) -> Result<(), W::Error> {
         let text = self.monitor(&String::from_utf8_lossy(command))?;
         out.write_raw(text.as_bytes());
         Ok(())

@@ -12,6 +12,7 @@
 //! | step | one instruction; interrupts that come before it are handled on the way, to their ends |
 //! | step into a fault | halts before the handler's first instruction, since a fault handler need not return |
 //! | reset of the part | ends a step; breakpoints and watchpoints stay |
+//! | end of the firmware | halts there where that is asked for: HardFault, an exception without a handler, lock-up |
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -36,6 +37,9 @@ pub enum Halt {
     Stepped,
     /// The part was reset, and the debugger wanted to know.
     Reset,
+    /// The firmware came to its end in a HardFault, in an exception without a handler or in a lock-up, and the debugger
+    /// wanted to know.
+    Ended,
 }
 
 /// How a halted core goes on.
@@ -59,6 +63,7 @@ pub(super) struct Hold {
     resumed: Option<(u32, u64)>,
     step: Option<Step>,
     halts_after_reset: bool,
+    halts_at_end: bool,
 }
 
 /// A step under way.
@@ -126,6 +131,12 @@ impl<B: Board, C: Cost> Node<B, C> {
     /// Halts the core after each reset of the part from now on, before its first instruction, or no longer.
     pub fn halt_after_reset(&mut self, on: bool) {
         self.hold.halts_after_reset = on;
+    }
+
+    /// Halts the core from now on where the firmware comes to its end ([`Halt::Ended`]), or no longer. It halts before
+    /// the first instruction of the handler, or behind the last one before a lock-up.
+    pub fn halt_at_end(&mut self, on: bool) {
+        self.hold.halts_at_end = on;
     }
 
     fn is_trap(&self, address: u64) -> bool {
@@ -197,6 +208,14 @@ impl<B: Board, C: Cost> Node<B, C> {
     pub(super) fn hold_after_reset(&mut self) {
         if self.hold.step.is_some() || self.hold.halts_after_reset {
             self.halt_for(Halt::Reset);
+        }
+    }
+
+    /// The node had this many findings before the core met a trap or locked up.
+    pub(super) fn hold_at_end(&mut self, before: usize) {
+        let ended = self.findings().iter().skip(before).any(|finding| finding.kind.ends_run());
+        if ended && self.hold.halts_at_end {
+            self.halt_for(Halt::Ended);
         }
     }
 }

@@ -61,6 +61,7 @@ pub use probe::PROBE_PERIOD;
 pub use relay::{Course, Downstream, Relay, Threads, Upstream, Way};
 pub use reset::{FromOutside, ResetAt};
 pub use rtt::{LogLevel, LogLine};
+pub(crate) use run::Running;
 pub use run::{Clock, Event, Limits, Outcome, Target, run, run_connected};
 use side::Side;
 pub use stack::Stack;

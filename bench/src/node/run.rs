@@ -14,7 +14,7 @@ use stm32f429::{Oscillators, Stm32f429};
 
 use super::finding::{Finding, FindingKind};
 use super::rtt::LogLine;
-use super::{Connected, Error, Firmware, Leads, Node, PinEdge, ResetAt, Stack};
+use super::{Connected, Error, Firmware, Halt, Leads, Node, PinEdge, ResetAt, Stack};
 
 /// What a core's instructions and exceptions cost, see [`cortex_m4::Cost`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -191,11 +191,15 @@ impl Outcome {
     /// process gives), 124 where it ran into the limit (as `timeout` gives).
     #[must_use]
     pub fn status(&self) -> u32 {
-        match self.exit {
-            Some(status) if !self.died => status,
-            _ if self.died => 101,
-            _ => 124,
-        }
+        status(self.exit, self.died)
+    }
+}
+
+fn status(exit: Option<u32>, died: bool) -> u32 {
+    match exit {
+        _ if died => 101,
+        Some(status) => status,
+        None => 124,
     }
 }
 
@@ -225,57 +229,143 @@ pub fn run_connected<P: Part, C: Cost>(
     limits: Limits,
     mut event: impl FnMut(Event<'_>),
 ) -> Result<Outcome, Error> {
-    let mut node = Node::<_, C>::new(part, Leads::new(connected), firmware)?.with_semihosting();
-    let stack = Stack::of(firmware, node.part());
-    if let Some(stack) = stack {
-        node.input(|part, _, _| stack.paint(part));
+    let mut running = Running::<P, C>::new(part, firmware, connected, limits)?;
+    while !running.is_over() {
+        running.go(&mut event);
     }
-    let (mut lines, mut findings) = (Vec::new(), Vec::new());
-    let mut died = false;
-    let mut told = 0;
-    loop {
-        // It stops at every restart, before a firmware that only restarts has done so for a whole step.
-        node.advance_to_restart((node.now() + limits.step).min(limits.virtual_time));
-        if node.resets().len() >= limits.restarts && !died {
-            let text = restart_loop(node.resets());
-            node.find(FindingKind::RestartLoop, None, text);
+    Ok(running.finish())
+}
+
+/// A run of one firmware alone on one board, a piece at a time. Where a debugger halts the board, a piece is cut off
+/// and goes on afterwards to the same instant, so that the outcome is the one without it.
+pub(crate) struct Running<P: Part, C: Cost> {
+    node: Node<Leads<P>, C>,
+    limits: Limits,
+    stack: Option<Stack>,
+    /// Where the piece ends that the node is in, virtual ns.
+    piece: u64,
+    /// Restarts that were handed over.
+    told: usize,
+    lines: Vec<LogLine>,
+    findings: Vec<Finding>,
+    died: bool,
+    over: bool,
+}
+
+impl<P: Part, C: Cost> Running<P, C> {
+    /// The board at power-on.
+    ///
+    /// # Errors
+    ///
+    /// What [`Node::new`] refuses.
+    pub(crate) fn new(part: P, firmware: &Firmware, connected: Connected, limits: Limits) -> Result<Self, Error> {
+        let mut node = Node::<_, C>::new(part, Leads::new(connected), firmware)?.with_semihosting();
+        let stack = Stack::of(firmware, node.part());
+        if let Some(stack) = stack {
+            node.input(|part, _, _| stack.paint(part));
         }
-        let found = node.take_findings();
-        died = found.iter().any(|finding| finding.kind.ends_run());
-        let over = died || node.exit_status().is_some() || node.now() >= limits.virtual_time;
-        let (edges, heard) = node.board_mut(|board| (board.take_edges(), board.take_heard()));
+        let piece = limits.step.min(limits.virtual_time);
+        let (lines, findings) = (Vec::new(), Vec::new());
+        Ok(Self { node, limits, stack, piece, told: 0, lines, findings, died: false, over: false })
+    }
+
+    /// Runs to the end of the piece, or to where the board is halted before that, and hands over what it said.
+    pub(crate) fn go(&mut self, event: &mut dyn FnMut(Event<'_>)) {
+        // It stops at every restart, before a firmware that only restarts has done so for a whole step.
+        let restarted = self.node.advance_to_restart(self.piece);
+        let halted = self.node.halted().filter(|_| !restarted);
+        if let Some(why) = halted {
+            self.hand_over(event);
+            // Of a firmware that came to its end a person wants to know why before looking at it.
+            if why == Halt::Ended {
+                self.take_findings(event);
+            }
+            return;
+        }
+        if self.node.resets().len() >= self.limits.restarts && !self.died {
+            let text = restart_loop(self.node.resets());
+            self.node.find(FindingKind::RestartLoop, None, text);
+        }
+        let found = self.node.take_findings();
+        self.died |= found.iter().any(|finding| finding.kind.ends_run());
+        self.over = self.died || self.node.exit_status().is_some() || self.node.now() >= self.limits.virtual_time;
+        self.hand_over(event);
+        // Behind the lines: it stops at every restart, and those were logged before.
+        self.node.resets()[self.told..].iter().for_each(|reset| event(Event::Reset(reset)));
+        self.told = self.node.resets().len();
+        for finding in found {
+            event(Event::Finding(&finding));
+            self.findings.push(finding);
+        }
+        if self.over {
+            self.take_findings(event);
+        }
+        self.piece = (self.node.now() + self.limits.step).min(self.limits.virtual_time);
+    }
+
+    /// Hands over what was logged and what the leads saw.
+    fn hand_over(&mut self, event: &mut dyn FnMut(Event<'_>)) {
+        let (edges, heard) = self.node.board_mut(|board| (board.take_edges(), board.take_heard()));
         heard.into_iter().for_each(|(pin, byte)| event(Event::Byte(pin, byte)));
         let mut edges = edges.into_iter().peekable();
-        for line in if over { node.finish_log() } else { node.take_log() } {
+        for line in if self.over { self.node.finish_log() } else { self.node.take_log() } {
             while let Some(edge) = edges.next_if(|edge| edge.at <= line.at) {
                 event(Event::Pin(&edge));
             }
             event(Event::Line(&line));
-            lines.push(line);
+            self.lines.push(line);
         }
         edges.for_each(|edge| event(Event::Pin(&edge)));
-        // Behind the lines: it stops at every restart, and those were logged before.
-        node.resets()[told..].iter().for_each(|reset| event(Event::Reset(reset)));
-        told = node.resets().len();
-        for finding in found.into_iter().chain(if over { node.take_findings() } else { Vec::new() }) {
+    }
+
+    fn take_findings(&mut self, event: &mut dyn FnMut(Event<'_>)) {
+        for finding in self.node.take_findings() {
+            self.died |= finding.kind.ends_run();
             event(Event::Finding(&finding));
-            findings.push(finding);
-        }
-        if over {
-            break;
+            self.findings.push(finding);
         }
     }
-    Ok(Outcome {
-        exit: node.exit_status(),
-        died,
-        virtual_time: node.now(),
-        lines,
-        findings,
-        resets: node.resets().len(),
-        load: node.usage().load(),
-        stack: stack.map(|stack| (stack.used(node.part()), stack.size())),
-        doing: node.doing(),
-    })
+
+    /// Whether the run has come to its end.
+    pub(crate) fn is_over(&self) -> bool {
+        self.over
+    }
+
+    /// The board.
+    pub(crate) fn node(&mut self) -> &mut Node<Leads<P>, C> {
+        &mut self.node
+    }
+
+    /// As [`Outcome::status`], of the run up to where it is, but not zero after findings, and zero for one without that
+    /// is still running where it is meant to run on for ever.
+    pub(crate) fn status(&self, runs_on: bool) -> u32 {
+        let exit = self.node.exit_status().or(runs_on.then_some(0));
+        match status(exit, self.died) {
+            0 if !self.findings.is_empty() => 1,
+            status => status,
+        }
+    }
+
+    /// When the run ends at the latest, virtual ns.
+    pub(crate) fn end(&self) -> u64 {
+        self.limits.virtual_time
+    }
+
+    /// What the run came to, up to where it is.
+    pub(crate) fn finish(self) -> Outcome {
+        let Self { node, stack, lines, findings, died, .. } = self;
+        Outcome {
+            exit: node.exit_status(),
+            died,
+            virtual_time: node.now(),
+            lines,
+            findings,
+            resets: node.resets().len(),
+            load: node.usage().load(),
+            stack: stack.map(|stack| (stack.used(node.part()), stack.size())),
+            doing: node.doing(),
+        }
+    }
 }
 
 /// What a person needs to hear of a firmware that only restarts.

@@ -105,16 +105,21 @@ impl<B: Board, C: Cost> Node<B, C> {
                 continue;
             }
             self.side.stirred = false;
+            let found = self.findings.len();
             match self.run_held(horizon) {
                 Exit::Until | Exit::Stopped => {}
                 Exit::Halted => self.tell_halt(),
                 Exit::Breakpoint => {
                     self.trapped();
                     self.met_breakpoint();
+                    self.hold_at_end(found);
                 }
                 Exit::Watchpoint => self.met_watchpoint(),
                 Exit::HostCall => self.host_call(),
-                Exit::Lockup => self.locked_up(),
+                Exit::Lockup => {
+                    self.locked_up();
+                    self.hold_at_end(found);
+                }
                 Exit::ResetRequest => self.side.reset = Some(Reset::Software),
             }
             self.side.idle = self.core.idle();

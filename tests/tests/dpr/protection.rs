@@ -1,0 +1,35 @@
+//! The debug port's protection: without this a part of revision 3 answers no debugger any more after its next reset
+//! that is not a soft one.
+
+use dpr_fw::debug_port;
+use nrf52840_hal::pac;
+
+/// What decides about the debug port, as in the flight image.
+struct Protection<'a> {
+    ficr: &'a pac::FICR,
+    uicr: &'a pac::UICR,
+}
+
+/// APPROTECT.DISABLE, which the register description of this PAC does not have.
+const APPROTECT_DISABLE: u32 = 0x4000_0558;
+
+impl debug_port::Registers for Protection<'_> {
+    fn variant(&self) -> u32 {
+        self.ficr.info.variant.read().bits()
+    }
+
+    fn uicr_approtect(&self) -> u32 {
+        self.uicr.approtect.read().bits()
+    }
+
+    fn disable_protection(&mut self) {
+        // SAFETY: the register exists on the parts for which this is called; it opens the debug port and does nothing
+        // else.
+        unsafe { (APPROTECT_DISABLE as *mut u32).write_volatile(debug_port::SW_DISABLE) };
+    }
+}
+
+/// Keeps the debug port open, as the flight image does.
+pub(crate) fn open(ficr: &pac::FICR, uicr: &pac::UICR) {
+    debug_port::open(&mut Protection { ficr, uicr });
+}
