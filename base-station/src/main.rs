@@ -140,7 +140,7 @@ struct BrokerArgs {
     /// The broker: `mqtts://` with TLS, port 8883 if none is given; without it nothing is encrypted, and the port 1883
     #[arg(long, value_name = "[mqtts://]HOST[:PORT]")]
     broker: String,
-    /// With TLS: the certificates of the authorities, one of which must have signed the broker's, are in this file (PEM)
+    /// With TLS: the certificates of the authorities, one of which signed the broker's, are in this file (PEM)
     #[arg(long, value_name = "FILE")]
     ca: Option<PathBuf>,
     /// With TLS: this station's own certificate is in this file (PEM), for a broker that asks for one
