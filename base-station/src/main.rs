@@ -17,6 +17,7 @@ use base_station::export::{self, Form};
 use base_station::intake::{Intake, Kind};
 use base_station::live::broker::{self, Broker};
 use base_station::live::serve::{self, Limits};
+use base_station::live::tls::{Tls, Unusable};
 use base_station::live::{self, Clock, Inlet, Station, Time, lines, page, playback};
 use base_station::recorder::{Files, Fix, Reader, Recorder};
 use base_station::{Change, DroneId};
@@ -136,9 +137,18 @@ struct Listen {
 /// Which broker.
 #[derive(Args)]
 struct BrokerArgs {
-    /// The broker; port 1883 if none is given. What goes there is not encrypted
-    #[arg(long, value_name = "HOST[:PORT]")]
+    /// The broker: `mqtts://` with TLS, port 8883 if none is given; without it nothing is encrypted, and the port 1883
+    #[arg(long, value_name = "[mqtts://]HOST[:PORT]")]
     broker: String,
+    /// With TLS: the certificates of the authorities, one of which signed the broker's, are in this file (PEM)
+    #[arg(long, value_name = "FILE")]
+    ca: Option<PathBuf>,
+    /// With TLS: this station's own certificate is in this file (PEM), for a broker that asks for one
+    #[arg(long, value_name = "FILE", requires_all = ["ca", "certificate_key"])]
+    certificate: Option<PathBuf>,
+    /// With TLS: the key of this station's certificate is in this file (PEM), not encrypted
+    #[arg(long, value_name = "FILE", requires = "certificate")]
+    certificate_key: Option<PathBuf>,
     /// User and password for the broker, one a line, are in this file
     #[arg(long, value_name = "FILE")]
     login: Option<PathBuf>,
@@ -235,18 +245,52 @@ fn subscribe(to: &BrokerArgs, only: Option<&str>, Output { page, record }: Outpu
 
 /// The broker of these arguments.
 fn broker(args: &BrokerArgs) -> Result<Broker> {
+    let (scheme, address) = args.broker.split_once("://").unwrap_or(("mqtt", &args.broker));
+    let encrypted = match scheme {
+        "mqtt" => false,
+        "mqtts" => true,
+        _ => bail!("{scheme}:// is no way to a broker: there are mqtt:// and, with TLS, mqtts://"),
+    };
     let port = |digits: &str| digits.parse().with_context(|| format!("{digits} is no port"));
-    let (host, port) = match args.broker.rsplit_once(':') {
+    let (host, port) = match address.rsplit_once(':') {
         // An IPv6 address without a port ends with a bracket.
         Some((host, digits)) if !digits.ends_with(']') => (host, port(digits)?),
-        _ => (args.broker.as_str(), 1883),
+        _ => (address, if encrypted { 8883 } else { 1883 }),
     };
+    let tls = match &args.ca {
+        Some(ca) if encrypted => Some(tls(ca, args)?),
+        Some(_) => bail!("--ca is for TLS, and the broker is called without it: mqtts://{host}"),
+        None if encrypted => bail!(
+            "TLS needs --ca FILE, the authority that signed the broker's certificate; for a public one \
+             that of the system, often /etc/ssl/certs/ca-certificates.crt"
+        ),
+        None => None,
+    };
+    if encrypted && host.starts_with('[') {
+        bail!("with TLS a broker is called by its name or its IPv4 address");
+    }
     let login = args.login.as_ref().map(|file| -> Result<_> {
         let text = std::fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
         let mut lines = text.lines().map(str::to_owned);
         lines.next().zip(lines.next()).with_context(|| format!("{} has not two lines", file.display()))
     });
-    Ok(Broker { host: host.to_owned(), port, login: login.transpose()? })
+    Ok(Broker { host: host.to_owned(), port, login: login.transpose()?, tls })
+}
+
+/// TLS of these arguments, with the authorities in this file.
+fn tls(ca: &Path, args: &BrokerArgs) -> Result<Tls> {
+    let read = |file: &Path| std::fs::read(file).with_context(|| format!("cannot read {}", file.display()));
+    let authorities = read(ca)?;
+    let Some((certificate, key)) = args.certificate.as_deref().zip(args.certificate_key.as_deref()) else {
+        return Tls::new(&authorities, None).with_context(|| ca.display().to_string());
+    };
+    let made = Tls::new(&authorities, Some((&read(certificate)?, &read(key)?)));
+    let file = match &made {
+        Err(Unusable::NoCertificate) => certificate,
+        Err(Unusable::NoKey | Unusable::Refused(_)) => key,
+        _ => ca,
+    };
+    made.with_context(|| file.display().to_string())
 }
 
 /// A station's name, if it may be one.

@@ -1,5 +1,5 @@
 //! Fleets over the real broker: mosquitto, on a port that the system chooses, and `horus-base` in processes of their
-//! own.
+//! own. The certificates for TLS are made by each test.
 
 mod common;
 
@@ -17,6 +17,7 @@ use base_station::intake::Kind;
 use base_station::live::playback::Recording;
 use base_station::{Bundle, carrier::published::Published};
 use common::{image, not_run};
+use rcgen::{BasicConstraints, CertificateParams, CertifiedIssuer, DnType, IsCa, KeyPair, date_time_ymd};
 use serde_json::Value;
 
 /// Nothing here takes longer; on a machine that is not busy all of it takes a few seconds.
@@ -51,8 +52,13 @@ impl Running {
 }
 
 fn mosquitto(port: u16, folder: &Path) -> Option<Running> {
+    mosquitto_with(port, folder, "")
+}
+
+/// With these lines in its configuration as well.
+fn mosquitto_with(port: u16, folder: &Path, lines: &str) -> Option<Running> {
     let config = folder.join("mosquitto.conf");
-    std::fs::write(&config, format!("listener {port} 127.0.0.1\nallow_anonymous true\n")).unwrap();
+    std::fs::write(&config, format!("listener {port} 127.0.0.1\nallow_anonymous true\n{lines}")).unwrap();
     let child = ["mosquitto", "/usr/sbin/mosquitto"].into_iter().find_map(|program| {
         let mut command = Command::new(program);
         command.arg("-c").arg(&config).stdout(Stdio::null()).stderr(Stdio::null());
@@ -283,5 +289,113 @@ fn what_somebody_else_publishes_there_changes_nothing() {
         assert!(ids.iter().all(|id| id == "north/7" || id == "north/8"), "{ids:?}");
         assert!(page != late || ids.len() == 1, "{ids:?}");
     }
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+/// An authority of this name, whose certificate is in `NAME.pem`.
+fn authority(folder: &Path, name: &str) -> CertifiedIssuer<'static, KeyPair> {
+    let mut params = CertificateParams::default();
+    params.distinguished_name.push(DnType::CommonName, name);
+    params.is_ca = IsCa::Ca(BasicConstraints::Unconstrained);
+    let authority = CertifiedIssuer::self_signed(params, KeyPair::generate().unwrap()).unwrap();
+    std::fs::write(folder.join(name).with_extension("pem"), authority.pem()).unwrap();
+    authority
+}
+
+/// A certificate for `host` until this year, in `NAME.pem`, its key in `NAME.key`.
+fn certificate(folder: &Path, authority: &CertifiedIssuer<'_, KeyPair>, name: &str, host: &str, until: i32) {
+    let mut params = CertificateParams::new([host.to_owned()]).unwrap();
+    params.distinguished_name.push(DnType::CommonName, name);
+    params.not_before = date_time_ymd(2000, 1, 1);
+    params.not_after = date_time_ymd(until, 1, 1);
+    let key = KeyPair::generate().unwrap();
+    let signed = params.signed_by(&key, authority).unwrap();
+    std::fs::write(folder.join(name).with_extension("pem"), signed.pem()).unwrap();
+    std::fs::write(folder.join(name).with_extension("key"), key.serialize_pem()).unwrap();
+}
+
+#[test]
+fn over_tls_only_who_is_known_for_certain_is_spoken_to_and_what_is_wrong_is_said() {
+    let folder = std::env::temp_dir().join(format!("horus-base-tls-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let ours = authority(&folder, "ours");
+    certificate(&folder, &ours, "broker", "localhost", 2090);
+    certificate(&folder, &ours, "expired", "localhost", 2001);
+    certificate(&folder, &ours, "station", "north", 2090);
+    certificate(&folder, &authority(&folder, "theirs"), "stranger", "north", 2090);
+    let file = |name: &str| folder.join(name).to_str().unwrap().to_owned();
+
+    // A broker that drops its privileges could not read what is in a folder of another user.
+    let lines = |certificate: &str| {
+        let [ca, certificate, key] = [file("ours.pem"), file(certificate), file(&certificate.replace("pem", "key"))];
+        format!("user root\ncafile {ca}\ncertfile {certificate}\nkeyfile {key}\nrequire_certificate true\n")
+    };
+    let port = free_port();
+    let Some(_broker) = mosquitto_with(port, &folder, &lines("broker.pem")) else { return };
+    let old = free_port();
+    let _old = mosquitto_with(old, &folder, &lines("expired.pem")).unwrap();
+
+    let at = format!("mqtts://localhost:{port}");
+    let [ca, mine, key] = ["ours.pem", "station.pem", "station.key"].map(file);
+    let known = ["--ca", &ca, "--certificate", &mine, "--certificate-key", &key];
+    let publish = ["publish", "--broker", &at, "--station", "north", "--udp", "127.0.0.1:0"];
+    let (_north, north_page, udp) = horus_base(&[&publish[..], &known].concat());
+    let (_all, page, _) = horus_base(&[&["subscribe", "--broker", &at][..], &known].concat());
+    let _flying = Flying::start(7..=7, udp.unwrap());
+    until("the drone is shown", || fresh(page) == ["north/7"]);
+    // What arrived before there was a connection is told for a while.
+    let is_well = |page| state(page)["station"]["lines"].as_array().unwrap().is_empty();
+    until("nothing is wrong", || is_well(page) && is_well(north_page));
+
+    let told = |broker: &str, certificates: &[&str], words: &str| {
+        let (_running, page, _) = horus_base(&[&["subscribe", "--broker", broker][..], certificates].concat());
+        until(words, || {
+            let lines = state(page)["station"]["lines"].to_string();
+            lines.contains(&format!("broker {broker}")) && lines.contains(words)
+        });
+        assert_eq!(fresh(page), Vec::<String>::new());
+    };
+    let [theirs, strangers, their_key] = ["theirs.pem", "stranger.pem", "stranger.key"].map(file);
+    let other = ["--ca", &theirs, "--certificate", &mine, "--certificate-key", &key];
+    told(&at, &other, "its certificate is signed by none of the authorities in --ca");
+    told(&format!("mqtts://127.0.0.1:{port}"), &known, "its certificate is for another name than 127.0.0.1");
+    told(&format!("mqtts://localhost:{old}"), &known, "its certificate has expired");
+    told(&at, &known[..2], "it wants a certificate of this station");
+    let stranger = ["--ca", &ca, "--certificate", &strangers, "--certificate-key", &their_key];
+    told(&at, &stranger, "it does not believe this station's certificate");
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+#[test]
+fn what_cannot_be_used_for_tls_is_refused_before_anything_is_sent() {
+    let folder = std::env::temp_dir().join(format!("horus-base-unusable-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let ours = authority(&folder, "ours");
+    certificate(&folder, &ours, "station", "north", 2090);
+    certificate(&folder, &ours, "other", "north", 2090);
+    std::fs::write(folder.join("nothing"), "nothing\n").unwrap();
+    let file = |name: &str| folder.join(name).to_str().unwrap().to_owned();
+    let [ca, mine, key, other, nothing, missing] =
+        ["ours.pem", "station.pem", "station.key", "other.key", "nothing", "missing"].map(file);
+    let refused = |arguments: &[&str], words: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_horus-base"));
+        let done = command.args(["subscribe", "--http", "127.0.0.1:0"]).args(arguments).output().unwrap();
+        let said = String::from_utf8(done.stderr).unwrap();
+        assert!(!done.status.success() && words.iter().all(|words| said.contains(words)), "{arguments:?}: {said}");
+    };
+    let tls = "mqtts://localhost:1";
+    refused(&["--broker", "https://localhost"], &["https:// is no way to a broker", "mqtts://"]);
+    refused(&["--broker", tls], &["needs --ca"]);
+    refused(&["--broker", "mqtts://[::1]:1", "--ca", &ca], &["by its name or its IPv4 address"]);
+    refused(&["--broker", "localhost:1", "--ca", &ca], &["--ca is for TLS", "mqtts://localhost"]);
+    refused(&["--broker", tls, "--ca", &missing], &["cannot read", &missing]);
+    refused(&["--broker", tls, "--ca", &nothing], &[&nothing, "no certificate of an authority"]);
+    refused(&["--broker", tls, "--ca", &ca, "--certificate", &mine], &["--certificate-key"]);
+    let with = |certificate: &str, key: &str, words: &[&str]| {
+        refused(&["--broker", tls, "--ca", &ca, "--certificate", certificate, "--certificate-key", key], words);
+    };
+    with(&nothing, &key, &[&nothing, "no certificate is in it"]);
+    with(&mine, &nothing, &[&nothing, "no private key is in it"]);
+    with(&mine, &other, &[&other, "certificate and key cannot be used"]);
     std::fs::remove_dir_all(&folder).unwrap();
 }

@@ -12,9 +12,11 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use base_station::Bundle;
 use base_station::carrier::mavlink::{Forwarder, Rates};
-use base_station::intake::Kind;
+use base_station::intake::{Carried, Intake, Kind};
+use base_station::live::playback::{Player, Recording};
 use base_station::live::server::Server;
-use base_station::live::{self, Clock, Station, Time, lines};
+use base_station::live::{self, Clock, Station, Time, lines, page};
+use base_station::recorder::{Files, Recorder};
 use browser::{DESK, PHONE, Tab};
 use profile::{
     FixType, GpsStatus, GpsValues, HorusState, LinkStatus, LinkStatusBits, LinkValues, Profile, ReportedStatus,
@@ -503,4 +505,149 @@ fn the_page_can_be_used_by_keyboard_and_says_what_it_shows() {
     let pictures = spoken.iter().filter(|(role, _)| role == "image" || role == "img");
     assert!(pictures.clone().count() == 4 && pictures.clone().all(|(_, name)| !name.is_empty()), "{spoken:?}");
     scene.is_clean(&mut tab);
+}
+
+/// When the recording of [`record`] begins, µs since 1970.
+const RECORDED: u64 = 1_790_000_000_000_000;
+
+/// Records a drone for this long, at 10 Hz.
+fn record(path: PathBuf, seconds: u32) -> Recording {
+    let mut recorder = Recorder::new(Files::new(path.clone()));
+    let mut intake = Intake::default();
+    for cycle in 0..=seconds * 10 {
+        let at_us = RECORDED + u64::from(cycle) * 100_000;
+        let bytes = image(70_000 + cycle * 100);
+        let carried = Carried { at_us, kind: Kind::Datagrams, line: 0, from: "127.0.0.1:4000".into(), bytes };
+        let judged = intake.take(&carried);
+        recorder.carried(&carried, &judged, &[]);
+    }
+    recorder.finish().unwrap();
+    Recording::new(vec![path])
+}
+
+#[test]
+fn a_playback_can_be_paused_sped_up_and_moved_by_keyboard_and_says_what_it_does() {
+    let _alone = alone();
+    let Some(mut tab) = tab("playback") else { return };
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("playback");
+    // What is left of a run before this.
+    let _ = std::fs::remove_dir_all(&folder);
+    std::fs::create_dir_all(&folder).unwrap();
+    let recording = record(folder.join("flight.mcap"), 600);
+    let contents = recording.contents(|_| {}).unwrap();
+    assert_eq!(contents.last_us, RECORDED + 600_000_000);
+    // It plays from the hundredth second on, at a pace that is not in the list.
+    let player = Arc::new(Player::new(&contents, RECORDED + 100_000_000, 3.0));
+    let (inlet, station, _) = live::start(None, None, Time::Playback(Arc::clone(&player)), |_, _| {});
+    let fed = Arc::clone(&player);
+    std::thread::spawn(move || fed.play(&recording, &inlet).unwrap());
+    let shown = Arc::clone(&player);
+    let local = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
+    let server = Server::of(local, |address| page::router(station, Some(shown), address)).unwrap();
+    let at_s = || (player.now_us() - RECORDED) as f64 / 1e6;
+    let until = |tab: &mut Tab, id: &str, words: &str| {
+        tab.until(&format!("document.getElementById('{id}').textContent === '{words}'"));
+    };
+
+    tab.open(&format!("http://{}/", server.address()));
+    until(&mut tab, "pause", "Pause");
+    tab.until("document.getElementById('speed').value === '3'");
+
+    // Each control in its order, which Tab goes through with the focus seen.
+    tab.eval("document.getElementById('drone').focus()");
+    for id in ["back", "pause", "forward", "speed", "at", "keys"] {
+        tab.press("Tab");
+        assert_eq!(tab.eval("document.activeElement.id"), id);
+        assert_eq!(tab.eval("getComputedStyle(document.activeElement).outlineStyle"), "solid", "{id}");
+    }
+    let spoken = tab.spoken();
+    for (role, name) in [
+        ("form", "Playback"),
+        ("button", "Back 10 s"),
+        ("button", "Pause"),
+        ("button", "Forward 10 s"),
+        ("combobox", "Speed"),
+        ("slider", "Place"),
+        ("checkbox", "Keys"),
+    ] {
+        assert!(spoken.iter().any(|(is, called)| is == role && called == name), "no {role} \"{name}\" in {spoken:?}");
+    }
+    for words in ["P pauses and plays", "J and L go 10 s back and forward", "S and F make it slower and faster"] {
+        assert!(tab.text("#keys-words").contains(words), "{words}");
+    }
+
+    // By the keys, wherever the focus is.
+    tab.press("p");
+    until(&mut tab, "pause", "Play");
+    assert!(player.speed().abs() < f64::EPSILON);
+    assert!(tab.text("#did").starts_with("paused at "), "{}", tab.text("#did"));
+    let stood = at_s();
+    assert!(stood >= 100.0, "{stood}");
+    for key in ["j", "j", "l", "j"] {
+        tab.press(key);
+    }
+    // Two back in all, though no answer was awaited in between.
+    let wanted = stood - 20.0;
+    tab.until(&format!("Math.abs(state.playback.at_s - {wanted}) < 0.001 && settled()"));
+    let whole = wanted as u32;
+    until(&mut tab, "did", &format!("at {}:{:02}", whole / 60, whole % 60));
+    // The pace that is chosen while it stands does not set it going.
+    tab.press("f");
+    until(&mut tab, "did", "5 times, when it plays");
+    tab.press("s");
+    tab.press("s");
+    until(&mut tab, "did", "2 times, when it plays");
+    assert!(player.speed().abs() < f64::EPSILON);
+    tab.press("p");
+    until(&mut tab, "did", "playing, 2 times");
+    assert!((player.speed() - 2.0).abs() < f64::EPSILON);
+    tab.press("s");
+    until(&mut tab, "did", "1 times");
+    assert!((player.speed() - 1.0).abs() < f64::EPSILON);
+
+    // By the controls.
+    tab.eval("document.getElementById('pause').focus()");
+    tab.press("Space");
+    until(&mut tab, "pause", "Play");
+    tab.eval("document.getElementById('at').focus()");
+    tab.press("Home");
+    tab.until("state.playback.at_s === 0");
+    tab.until("document.getElementById('at').getAttribute('aria-valuetext') === '0:00 of 10:00'");
+    for _ in 0..3 {
+        tab.press("ArrowRight");
+    }
+    tab.press("ArrowLeft");
+    tab.until("state.playback.at_s === 2");
+    until(&mut tab, "did", "at 0:02");
+    tab.eval("document.getElementById('forward').focus()");
+    tab.press("Enter");
+    tab.until("state.playback.at_s === 12");
+    tab.eval("document.getElementById('at').focus()");
+    tab.press("End");
+    tab.until("state.playback.at_s === 600");
+    assert_eq!(player.now_us(), contents.last_us);
+    tab.until("document.getElementById('at').getAttribute('aria-valuetext') === '10:00 of 10:00'");
+    // What is shown is what was recorded there, found by going through all of it.
+    until(&mut tab, "time", "670.0 s");
+    screenshot(&mut tab, "playback");
+
+    // With another key it is the browser's, and a key alone does nothing where that was switched off.
+    let alone = "dispatchEvent(new KeyboardEvent('keydown', { key: 'p', ctrlKey: true, cancelable: true }))";
+    assert_eq!(tab.eval(alone), true, "it was not taken");
+    tab.eval("document.getElementById('keys').focus()");
+    tab.press("Space");
+    assert_eq!(tab.eval("document.getElementById('keys').checked"), false);
+    assert_eq!(tab.eval(&alone.replace("ctrlKey: true, ", "")), true, "it was not taken");
+    tab.press("Space");
+    assert_eq!(tab.eval(&alone.replace("ctrlKey: true, ", "")), false, "it was taken");
+    until(&mut tab, "pause", "Pause");
+    assert_eq!(tab.troubles(), Vec::<String>::new());
+
+    // A station that is gone is told of, and nothing is thrown.
+    drop(server);
+    tab.press("p");
+    until(&mut tab, "did", "the base station is not reached");
+    let troubles = tab.troubles();
+    assert!(troubles.iter().all(|trouble| trouble.starts_with("network: ")), "{troubles:?}");
+    std::fs::remove_dir_all(&folder).unwrap();
 }

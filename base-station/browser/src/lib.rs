@@ -253,17 +253,30 @@ impl Tab {
         self.command("Emulation.setEmulatedMedia", json!({ "features": features }));
     }
 
-    /// Presses a key and lets it go: `Tab`, `Enter`, `ArrowDown`.
+    /// Presses a key and lets it go: `Tab`, `Enter`, `Space`, `ArrowDown`, …, or a small letter.
+    ///
+    /// # Panics
+    ///
+    /// If it is a key that has not been needed so far.
     pub fn press(&mut self, key: &str) {
-        let code = match key {
-            "Tab" => 9,
-            "Enter" => 13,
-            "ArrowDown" => 40,
+        // Key, code, Windows' code, text: as https://www.w3.org/TR/uievents-code/ and virtual-key codes have them.
+        let (key, code, number, text) = match (key, key.as_bytes()) {
+            ("Tab", _) => ("Tab", "Tab".to_owned(), 9, ""),
+            ("Enter", _) => ("Enter", "Enter".to_owned(), 13, "\r"),
+            ("Space", _) => (" ", "Space".to_owned(), 32, " "),
+            ("End", _) => ("End", "End".to_owned(), 35, ""),
+            ("Home", _) => ("Home", "Home".to_owned(), 36, ""),
+            ("ArrowLeft", _) => ("ArrowLeft", "ArrowLeft".to_owned(), 37, ""),
+            ("ArrowRight", _) => ("ArrowRight", "ArrowRight".to_owned(), 39, ""),
+            ("ArrowDown", _) => ("ArrowDown", "ArrowDown".to_owned(), 40, ""),
+            (letter, [byte @ b'a'..=b'z']) => {
+                let large = byte.to_ascii_uppercase();
+                (letter, format!("Key{}", char::from(large)), large, letter)
+            }
             _ => panic!("no key {key} here"),
         };
-        let text = if key == "Enter" { "\r" } else { "" };
         for kind in ["keyDown", "keyUp"] {
-            let mut params = json!({ "type": kind, "key": key, "code": key, "windowsVirtualKeyCode": code });
+            let mut params = json!({ "type": kind, "key": key, "code": code, "windowsVirtualKeyCode": number });
             if kind == "keyDown" {
                 params["text"] = text.into();
             }

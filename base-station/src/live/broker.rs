@@ -12,6 +12,8 @@
 //!
 //! **Again and again.** A connection that ends is made anew after [`RETRY`], and one that says nothing for [`SILENCE`]
 //! is ended: a broker answers a ping every [`KEEP_ALIVE`].
+//!
+//! **Encrypted**, and the broker known for certain, if it is asked for ([`tls`](super::tls)).
 
 use std::io;
 use std::sync::Arc;
@@ -21,10 +23,11 @@ use std::time::Duration;
 
 use rumqttc::v5::mqttbytes::QoS;
 use rumqttc::v5::mqttbytes::v5::{Packet, Publish, SubAck, SubscribeReasonCode};
-use rumqttc::v5::{AsyncClient, Event as Mqtt, EventLoop, MqttOptions};
+use rumqttc::v5::{AsyncClient, ConnectionError, Event as Mqtt, EventLoop, MqttOptions};
 use tokio::runtime::{Builder, Runtime};
 use tokio::time::{sleep, timeout};
 
+use super::tls::Tls;
 use super::{Clock, Event, Inlet};
 use crate::carrier::published::{self, MAX_MESSAGE, Name, TOPICS};
 use crate::intake::{Carried, Kind};
@@ -46,14 +49,16 @@ const WAITING: usize = 3_000;
 const MAX_PACKET: u32 = MAX_MESSAGE as u32 + 1_024;
 
 /// Where a broker is, and as whom to speak to it.
-#[derive(Clone, PartialEq, Eq)]
+#[derive(Clone)]
 pub struct Broker {
     /// Its name or address.
     pub host: String,
-    /// Its port; 1883 by custom.
+    /// Its port; by custom 1883, with TLS 8883.
     pub port: u16,
-    /// User and password, if it asks for them. They are not encrypted on the way.
+    /// User and password, if it asks for them. They are encrypted on the way as everything is: by TLS, or not at all.
     pub login: Option<(String, String)>,
+    /// TLS, if it is to be used.
+    pub tls: Option<Tls>,
 }
 
 /// The password stays out of logs.
@@ -65,7 +70,8 @@ impl std::fmt::Debug for Broker {
 
 impl std::fmt::Display for Broker {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "broker {}:{}", self.host, self.port)
+        let scheme = if self.tls.is_some() { "mqtts://" } else { "" };
+        write!(f, "broker {scheme}{}:{}", self.host, self.port)
     }
 }
 
@@ -77,7 +83,16 @@ impl Broker {
         if let Some((user, password)) = &self.login {
             options.set_credentials(user, password);
         }
+        if let Some(tls) = &self.tls {
+            options.set_transport(tls.transport());
+        }
         options
+    }
+
+    /// What went wrong with the connection, in words.
+    fn words(&self, error: &ConnectionError) -> String {
+        let tls = self.tls.as_ref().and_then(|tls| tls.words(error, &self.host));
+        tls.unwrap_or_else(|| error.to_string())
     }
 }
 
@@ -221,7 +236,7 @@ fn spawn(
                         "it refuses the subscription".into()
                     }
                     Ok(Ok(_)) => continue,
-                    Ok(Err(error)) => error.to_string(),
+                    Ok(Err(error)) => broker.words(&error),
                     Err(_) => "it says nothing any more".into(),
                 };
                 // What waited is old by the time there is a connection again.

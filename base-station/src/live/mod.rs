@@ -22,6 +22,7 @@ pub mod playback;
 mod recording;
 pub mod serve;
 pub mod server;
+pub mod tls;
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};

@@ -97,6 +97,8 @@ struct Pace {
     speed: f64,
     /// To go there, µs.
     jump_us: Option<u64>,
+    /// How often somebody has changed it.
+    changes: u64,
 }
 
 /// A playback's time, which can be stopped, sped up and moved.
@@ -116,7 +118,8 @@ impl Player {
     #[must_use]
     pub fn new(contents: &Contents, from_us: u64, speed: f64) -> Self {
         let from_us = from_us.clamp(contents.first_us, contents.last_us);
-        let pace = Pace { at_us: from_us, since: Instant::now(), speed: fit(speed), jump_us: Some(from_us) };
+        let pace =
+            Pace { at_us: from_us, since: Instant::now(), speed: fit(speed), jump_us: Some(from_us), changes: 0 };
         let Contents { first_us, last_us, .. } = *contents;
         Self { first_us, last_us, pace: Mutex::new(pace), changed: Condvar::new() }
     }
@@ -139,18 +142,25 @@ impl Player {
         self.pace().speed
     }
 
+    /// How often the pace or the place was changed: who has changed it knows by that from when on it is so.
+    #[must_use]
+    pub fn changes(&self) -> u64 {
+        self.pace().changes
+    }
+
     /// Sets the pace: 0 to [`MAX_SPEED`].
     pub fn set_speed(&self, speed: f64) {
         let mut pace = self.pace();
-        *pace = Pace { at_us: self.at(&pace), since: Instant::now(), speed: fit(speed), ..*pace };
+        let changes = pace.changes + 1;
+        *pace = Pace { at_us: self.at(&pace), since: Instant::now(), speed: fit(speed), changes, ..*pace };
         self.changed.notify_all();
     }
 
     /// Goes to this time, µs since 1970.
     pub fn jump(&self, to_us: u64) {
         let mut pace = self.pace();
-        let to_us = to_us.clamp(self.first_us, self.last_us);
-        *pace = Pace { at_us: to_us, since: Instant::now(), jump_us: Some(to_us), ..*pace };
+        let (to_us, changes) = (to_us.clamp(self.first_us, self.last_us), pace.changes + 1);
+        *pace = Pace { at_us: to_us, since: Instant::now(), jump_us: Some(to_us), changes, ..*pace };
         self.changed.notify_all();
     }
 

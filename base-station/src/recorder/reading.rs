@@ -1,16 +1,36 @@
 //! Reading a recording, whole or cut off.
+//!
+//! # Design
+//!
+//! What is read may be damaged anywhere, and no length in it is to be believed. The reader of the `mcap` crate (0.26)
+//! believes several: a record's buffer is made as long as the record claims before any of it is read, a string's too
+//! (up to 4 GiB), and a record that is longer than the rest of its chunk, or an attachment that is shorter than its
+//! CRC, is subtracted from without a check. So the frames of a file are taken apart here, by
+//! <https://mcap.dev/spec>: an opcode, a length and so many bytes, in a chunk as outside of one. Of all records three
+//! are looked into: chunks, channels and messages.
+//!
+//! **Memory.** One record outside of chunks is held, by a buffer that grows with the bytes that are really there: at
+//! most twice [`LONGEST`], and at most twice the file. **Time.** Each byte is read once and checked once, and reading
+//! ends at the first damage.
 
 use std::collections::HashSet;
 use std::io::{self, Read};
+use std::ops::Range;
 
-use mcap::records::Record as McapRecord;
-use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use mcap::McapError;
+use mcap::records::op;
 
-use super::ros::{self, Found};
+use super::ros::{self, Found, array, string, take};
 use crate::intake::Carried;
 
 /// No chunk that a [`Recorder`](super::Recorder) writes is longer, bytes: half a second of a thousand drones is 2 MB.
-const LONGEST: usize = 256 << 20;
+pub(super) const LONGEST: u64 = 256 << 20;
+
+/// Opcode and length of a record, bytes.
+const HEAD: usize = 1 + 8;
+
+/// A message's channel, sequence number and two times, bytes.
+const MESSAGE_HEAD: usize = 2 + 4 + 8 + 8;
 
 /// What arrived, and what was found of it then.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -21,10 +41,34 @@ pub struct Record {
     pub found: Vec<Found>,
 }
 
+/// Why nothing more is read.
+enum Stop {
+    /// The file cannot be read.
+    Io(io::Error),
+    /// It was cut or damaged here, in words.
+    Torn(String),
+}
+
+impl From<io::Error> for Stop {
+    fn from(error: io::Error) -> Self {
+        Self::Io(error)
+    }
+}
+
+impl From<McapError> for Stop {
+    fn from(error: McapError) -> Self {
+        Self::Torn(error.to_string())
+    }
+}
+
 /// Reads what arrived out of a recording, in its order, without ever holding more than a chunk.
 pub struct Reader<R> {
     from: R,
-    mcap: LinearReader,
+    begun: bool,
+    /// The record outside of chunks that was read last, without its head.
+    body: Vec<u8>,
+    /// What of it are a chunk's records that were not looked at yet.
+    chunk: Range<usize>,
     /// The channels that hold what arrived.
     channels: HashSet<u16>,
     read: u64,
@@ -35,13 +79,11 @@ pub struct Reader<R> {
 impl<R: Read> Reader<R> {
     /// Reads from the recording's first byte on.
     pub fn new(from: R) -> Self {
-        let options = LinearReaderOptions::default()
-            .with_skip_end_magic(true)
-            .with_prevalidate_chunk_crcs(true)
-            .with_record_length_limit(LONGEST);
         Self {
             from,
-            mcap: LinearReader::new_with_options(options),
+            begun: false,
+            body: vec![],
+            chunk: 0..0,
             channels: HashSet::new(),
             read: 0,
             torn: None,
@@ -59,6 +101,12 @@ impl<R: Read> Reader<R> {
         self.torn.as_deref()
     }
 
+    /// What the reader holds at most so far, bytes.
+    #[cfg(test)]
+    pub(super) const fn held(&self) -> usize {
+        self.body.capacity()
+    }
+
     /// The next that arrived.
     ///
     /// # Errors
@@ -66,33 +114,137 @@ impl<R: Read> Reader<R> {
     /// If the file cannot be read. That it is cut off is none.
     pub fn next_record(&mut self) -> io::Result<Option<Record>> {
         while !self.ended {
-            match self.mcap.next_event() {
-                None => self.ended = true,
-                Some(Ok(LinearReadEvent::ReadRequest(bytes))) => {
-                    let read = self.from.read(self.mcap.insert(bytes))?;
-                    self.mcap.notify_read(read);
-                    self.read += read as u64;
+            match self.step() {
+                Ok(None) => {}
+                Ok(record) => return Ok(record),
+                Err(Stop::Io(error)) => return Err(error),
+                Err(Stop::Torn(why)) => {
+                    self.torn = Some(why);
+                    self.ended = true;
                 }
-                Some(Ok(LinearReadEvent::Record { opcode, data })) => match mcap::parse_record(opcode, data) {
-                    Ok(McapRecord::Channel(channel)) if channel.topic == "/carried" => {
-                        self.channels.insert(channel.id);
-                    }
-                    Ok(McapRecord::Message { header, data }) if self.channels.contains(&header.channel_id) => {
-                        if let Some((carried, found)) = ros::read_carried(&data) {
-                            return Ok(Some(Record { carried, found }));
-                        }
-                    }
-                    Ok(_) => {}
-                    Err(error) => self.tear(&error),
-                },
-                Some(Err(error)) => self.tear(&error),
             }
         }
         Ok(None)
     }
 
-    fn tear(&mut self, error: &mcap::McapError) {
-        self.torn = Some(error.to_string());
-        self.ended = true;
+    /// Looks at one more record, in the chunk or outside.
+    fn step(&mut self) -> Result<Option<Record>, Stop> {
+        if !self.begun {
+            self.begin()?;
+        }
+        if let Some(chunk) = self.body.get(self.chunk.clone()).filter(|chunk| !chunk.is_empty()) {
+            let (opcode, length) = head(chunk).ok_or(McapError::UnexpectedEoc)?;
+            let rest = chunk.get(HEAD..).unwrap_or_default();
+            let body = usize::try_from(length).ok().and_then(|length| rest.get(..length));
+            let body = body.ok_or(McapError::UnexpectedEoc)?;
+            self.chunk.start += HEAD + body.len();
+            return look(&mut self.channels, opcode, body);
+        }
+        let filled = self.fill(HEAD as u64)?;
+        if self.body.is_empty() {
+            self.ended = true;
+            return Ok(None);
+        }
+        let (opcode, length) = head(&self.body).filter(|_| filled).ok_or(McapError::UnexpectedEof)?;
+        if opcode == op::FOOTER {
+            self.ended = true;
+            return Ok(None);
+        }
+        if length > LONGEST {
+            return Err(McapError::RecordTooLarge { opcode, len: length }.into());
+        }
+        if !self.fill(length)? {
+            return Err(McapError::UnexpectedEof.into());
+        }
+        if opcode == op::CHUNK {
+            self.chunk = records(&self.body)?;
+            return Ok(None);
+        }
+        look(&mut self.channels, opcode, &self.body)
     }
+
+    /// The bytes that every file begins with.
+    fn begin(&mut self) -> Result<(), Stop> {
+        if !self.fill(mcap::MAGIC.len() as u64)? {
+            return Err(McapError::UnexpectedEof.into());
+        }
+        if self.body != mcap::MAGIC {
+            return Err(McapError::BadMagic.into());
+        }
+        self.begun = true;
+        Ok(())
+    }
+
+    /// Reads so many bytes in place of what was held. Answers whether there were so many.
+    fn fill(&mut self, length: u64) -> io::Result<bool> {
+        self.chunk = 0..0;
+        self.body.clear();
+        let read = self.from.by_ref().take(length).read_to_end(&mut self.body)? as u64;
+        self.read += read;
+        Ok(read == length)
+    }
+}
+
+/// The opcode and the length that a record begins with.
+fn head(mut bytes: &[u8]) -> Option<(u8, u64)> {
+    let [opcode] = *take::<1>(&mut bytes)?;
+    Some((opcode, u64::from_le_bytes(*take::<8>(&mut bytes)?)))
+}
+
+/// Where in a chunk's body its records are, once they have been found intact.
+fn records(body: &[u8]) -> Result<Range<usize>, Stop> {
+    let (crc, compression, length, rest) = chunk_head(body).ok_or(McapError::UnexpectedEoc)?;
+    if !compression.is_empty() {
+        return Err(McapError::UnsupportedCompression(compression).into());
+    }
+    let short = McapError::BadChunkLength { header: length, available: rest.len() as u64 };
+    let records = usize::try_from(length).ok().and_then(|length| rest.get(..length)).ok_or(short)?;
+    // 0 says that there is none.
+    if crc != 0 {
+        let calculated = crc32fast::hash(records);
+        if calculated != crc {
+            return Err(McapError::BadChunkCrc { saved: crc, calculated }.into());
+        }
+    }
+    let start = body.len() - rest.len();
+    Ok(start..start + records.len())
+}
+
+/// A chunk's CRC, its compression, the length of its records, and what follows.
+fn chunk_head(body: &[u8]) -> Option<(u32, String, u64, &[u8])> {
+    let mut rest = body;
+    // First and last time, and how long it is when it is not compressed.
+    take::<{ 8 + 8 + 8 }>(&mut rest)?;
+    let crc = u32::from_le_bytes(*take::<4>(&mut rest)?);
+    let compression = string(&mut rest)?;
+    Some((crc, compression, u64::from_le_bytes(*take::<8>(&mut rest)?), rest))
+}
+
+/// Looks at a record that is no chunk: notes a channel of what arrived, and answers what arrived.
+fn look(channels: &mut HashSet<u16>, opcode: u8, body: &[u8]) -> Result<Option<Record>, Stop> {
+    let malformed = |what: &str| Stop::Torn(format!("a {what} that is malformed"));
+    match opcode {
+        op::CHANNEL => {
+            let (id, topic) = channel(body).ok_or_else(|| malformed("channel"))?;
+            if topic == b"/carried" {
+                channels.insert(id);
+            }
+            Ok(None)
+        }
+        op::MESSAGE => {
+            let mut data = body;
+            let [low, high, ..] = *take::<MESSAGE_HEAD>(&mut data).ok_or_else(|| malformed("message"))?;
+            let carried = channels.contains(&u16::from_le_bytes([low, high])).then(|| ros::read_carried(data));
+            Ok(carried.flatten().map(|(carried, found)| Record { carried, found }))
+        }
+        _ => Ok(None),
+    }
+}
+
+/// A channel's number and its topic.
+fn channel(mut body: &[u8]) -> Option<(u16, &[u8])> {
+    let id = u16::from_le_bytes(*take::<2>(&mut body)?);
+    // The schema.
+    take::<2>(&mut body)?;
+    Some((id, array(&mut body)?))
 }

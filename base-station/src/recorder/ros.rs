@@ -152,20 +152,23 @@ pub(super) fn read_carried(data: &[u8]) -> Option<(Carried, Vec<Found>)> {
     Some((Carried { at_us, kind: Kind::of(kind)?, line, from, bytes }, found))
 }
 
-fn take<'a, const N: usize>(rest: &mut &'a [u8]) -> Option<&'a [u8; N]> {
+/// The next `N` bytes.
+pub(super) fn take<'a, const N: usize>(rest: &mut &'a [u8]) -> Option<&'a [u8; N]> {
     let (taken, after) = rest.split_first_chunk()?;
     *rest = after;
     Some(taken)
 }
 
-fn array<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8]> {
+/// The next bytes, as many as the number before them says.
+pub(super) fn array<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8]> {
     let length = u32::from_le_bytes(*take::<4>(rest)?);
     let (taken, after) = rest.split_at_checked(usize::try_from(length).ok()?)?;
     *rest = after;
     Some(taken)
 }
 
-fn string(rest: &mut &[u8]) -> Option<String> {
+/// The next text, behind its length.
+pub(super) fn string(rest: &mut &[u8]) -> Option<String> {
     String::from_utf8(array(rest)?.to_vec()).ok()
 }
 

@@ -246,3 +246,89 @@ fn files_are_never_overwritten() {
     std::fs::remove_dir_all(&folder).unwrap();
     assert_eq!(found, [true, true, false]);
 }
+
+/// A record's head: what it is, and how long it says that it is.
+fn head(opcode: u8, length: u64) -> Vec<u8> {
+    [&[opcode][..], &length.to_le_bytes()].concat()
+}
+
+/// A recording without its end, and how much can be read of it.
+fn unfinished() -> (Vec<u8>, usize) {
+    let disk = Disk::default();
+    let mut recorder = Recorder::new(disk.clone());
+    record(&mut recorder, 0..60);
+    std::mem::forget(recorder);
+    let file = disk.parts.borrow()[0].clone();
+    let (records, torn) = read(&file);
+    assert!(records.len() > 50 && torn.is_none());
+    (file, records.len())
+}
+
+/// Reads all, and answers how many arrivals there were, why it ended, and the bytes held and read.
+fn read_through(from: impl io::Read) -> (usize, String, usize, u64) {
+    let mut reader = Reader::new(from);
+    let mut count = 0;
+    while reader.next_record().unwrap().is_some() {
+        count += 1;
+    }
+    (count, reader.torn().unwrap_or_default().to_owned(), reader.held(), reader.bytes_read())
+}
+
+#[test]
+fn a_record_that_claims_to_be_longer_than_the_file_takes_no_more_memory_than_the_file() {
+    use mcap::records::op;
+    let (file, records) = unfinished();
+    for opcode in [op::CHUNK, op::MESSAGE, op::CHANNEL, op::ATTACHMENT, op::DATA_END, 0x80] {
+        for claimed in [1 << 40, u64::MAX, reading::LONGEST + 1, reading::LONGEST, 1 << 20] {
+            let damaged = [&file[..], &head(opcode, claimed), &[0; 100]].concat();
+            let (count, torn, held, bytes) = read_through(&damaged[..]);
+            let told = if claimed > reading::LONGEST { "length exceeds limit" } else { "ended in the middle" };
+            assert!(torn.contains(told), "{opcode:#x}, {claimed}: {torn}");
+            assert_eq!(count, records);
+            assert!(held <= 2 * damaged.len(), "{opcode:#x}, {claimed}: {held} bytes for {}", damaged.len());
+            assert!(bytes <= damaged.len() as u64);
+        }
+    }
+    // From what never ends, no more is read than is held at most.
+    let endless = |claimed| io::Read::chain(io::Cursor::new([&file[..], &head(0x80, claimed)].concat()), io::repeat(0));
+    let (count, torn, _, bytes) = read_through(endless(1 << 40));
+    assert_eq!((count, bytes), (records, (file.len() + 9) as u64));
+    assert!(torn.contains("length exceeds limit: `1099511627776`"), "{torn}");
+}
+
+#[test]
+fn what_is_claimed_within_a_chunk_is_not_believed_either() {
+    use mcap::records::op;
+    let (file, records) = unfinished();
+    let string = |length: u32, text: &[u8]| [&length.to_le_bytes()[..], text].concat();
+    // A chunk without a CRC: everything in it is what it says.
+    let chunk = |compression: Vec<u8>, claimed: u64, inside: &[u8]| {
+        let body = [&[0; 24][..], &[0; 4], &compression, &claimed.to_le_bytes(), inside].concat();
+        [&file[..], &head(op::CHUNK, body.len() as u64), &body, &head(op::MESSAGE, 0)].concat()
+    };
+    let whole = |inside: &[u8]| chunk(string(0, b""), inside.len() as u64, inside);
+    let channel = [&[9, 0, 1, 0][..], &string(u32::MAX, b"/carried")].concat();
+    let channel = [head(op::CHANNEL, channel.len() as u64), channel].concat();
+    let inside = "Chunk ended in the middle of a record";
+    let cases = [
+        (whole(&head(op::MESSAGE, 1 << 40)), inside),
+        (whole(&head(op::MESSAGE, u64::MAX)), inside),
+        // As long as the bytes behind the chunk.
+        (whole(&head(op::MESSAGE, 9)), inside),
+        (whole(&[op::MESSAGE, 1, 0]), inside),
+        (whole(&channel), "a channel that is malformed"),
+        (whole(&[head(op::MESSAGE, 3), vec![0; 3]].concat()), "a message that is malformed"),
+        (chunk(string(0, b""), 1 << 40, &[]), "exceeds space in record"),
+        (chunk(string(u32::MAX, b"zstd"), 0, &[]), inside),
+        (chunk(string(4, b"zstd"), 0, &[]), "Unsupported compression format `zstd`"),
+    ];
+    for (damaged, why) in cases {
+        let (count, torn, held, _) = read_through(&damaged[..]);
+        assert_eq!(count, records, "{torn}");
+        assert!(torn.contains(why), "{why}: {torn}");
+        assert!(held <= 2 * damaged.len(), "{held} bytes for {}", damaged.len());
+    }
+    // An attachment that is too short for its own CRC is somebody else's.
+    let foreign = [&file[..], &head(op::ATTACHMENT, 1), &[0]].concat();
+    assert_eq!(read_through(&foreign[..]).0, records);
+}

@@ -157,9 +157,10 @@ async fn events(State(page): State<Page>, RawQuery(query): RawQuery) -> Response
     Sse::new(states).into_response()
 }
 
-/// Sets the pace (`speed=2`) or the place (`at=SECONDS` from the start) of a playback.
-async fn playback(State(page): State<Page>, RawQuery(query): RawQuery) -> StatusCode {
-    let (Some(player), Some(query)) = (&page.player, query) else { return StatusCode::BAD_REQUEST };
+/// Sets the pace (`speed=2`) or the place (`at=SECONDS` from the start) of a playback. Answers how often that was done:
+/// a state that has counted so far is of after it.
+async fn playback(State(page): State<Page>, RawQuery(query): RawQuery) -> Response {
+    let (Some(player), Some(query)) = (&page.player, query) else { return StatusCode::BAD_REQUEST.into_response() };
     for part in query.split('&') {
         match part.split_once('=').map(|(name, value)| (name, value.parse::<f64>())) {
             Some(("speed", Ok(speed))) if speed.is_finite() => player.set_speed(speed),
@@ -167,8 +168,8 @@ async fn playback(State(page): State<Page>, RawQuery(query): RawQuery) -> Status
                 let (first_us, _) = player.span_us();
                 player.jump(first_us.saturating_add((seconds.max(0.0) * 1e6) as u64));
             }
-            _ => return StatusCode::BAD_REQUEST,
+            _ => return StatusCode::BAD_REQUEST.into_response(),
         }
     }
-    StatusCode::NO_CONTENT
+    player.changes().to_string().into_response()
 }

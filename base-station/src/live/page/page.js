@@ -47,6 +47,8 @@ function connect() {
   // Another run of the station has another clock.
   source.onopen = () => { opened = true; };
   source.onerror = () => {
+    // The next one may count anew.
+    changes = gone = 0;
     // The browser tries again by itself, unless it was refused.
     if (source.readyState === EventSource.CLOSED) setTimeout(connect, 1000);
   };
@@ -499,7 +501,26 @@ function requestDraw() {
   });
 }
 
-let moving = false;
+// ---- playback
+
+const JUMP_S = 10;             // by one key or button
+
+let held = false;              // the slider is held: it stays where the hand is
+let target = 0;                // where to, s
+let going = false;             // there, and not answered yet
+let orders = 0;                // that the station has not answered
+let changes = 0;               // that the station has counted with its last answer
+let gone = 0;                  // with the last of a place
+let answered = Promise.resolve();
+
+// Whether the last state is of after all that was ordered: one that is on its way can be of before.
+const settled = () => !orders && state.playback.changes >= changes;
+
+// Whole seconds are all that a screen reader is told, and no more than one a second.
+function minutes(seconds) {
+  const whole = Math.floor(seconds);
+  return `${Math.floor(whole / 60)}:${String(whole % 60).padStart(2, "0")}`;
+}
 
 function drawPlayback() {
   const playback = state.playback;
@@ -507,21 +528,109 @@ function drawPlayback() {
   if (!playback) return;
   put("pause", playback.speed === 0 ? "Play" : "Pause");
   const at = element("at");
-  at.max = playback.length_s;
-  if (!moving) at.value = playback.at_s;
+  // The slider has whole seconds; what is past the end is the end.
+  const length = String(Math.ceil(playback.length_s));
+  if (at.max !== length) at.max = length;
+  const place = String(Math.floor(playback.at_s));
+  if (!held && settled() && at.value !== place) at.value = place;
+  const words = `${minutes(at.value)} of ${minutes(length)}`;
+  if (at.getAttribute("aria-valuetext") !== words) at.setAttribute("aria-valuetext", words);
   put("at-value", `${playback.at_s.toFixed(1)} of ${playback.length_s.toFixed(1)} s`);
+  // Another page, or the command line, may have chosen it.
+  if (playback.speed !== 0 && settled()) chooseSpeed(playback.speed);
 }
 
-const command = (what) => fetch("/playback?" + what, { method: "POST" });
+function chooseSpeed(speed) {
+  const select = element("speed");
+  if (Number(select.value) === speed) return;
+  const options = [...select.options];
+  if (!options.some((option) => Number(option.value) === speed)) {
+    select.insertBefore(new Option(speed), options.find((option) => Number(option.value) > speed) || null);
+  }
+  select.value = String(speed);
+}
+
+// Has the station do something, and says so when it has. One after the other: requests that are on their way together
+// may arrive in any order.
+function order(what, words) {
+  orders += 1;
+  answered = answered.then(async () => {
+    try {
+      const answer = await fetch("/playback?" + what, { method: "POST" });
+      if (answer.ok) changes = Number(await answer.text());
+      put("did", answer.ok ? words : `refused: ${answer.status}`);
+    } catch {
+      put("did", "the base station is not reached");
+    }
+    orders -= 1;
+  });
+  return answered;
+}
+
+const stands = () => state.playback.speed === 0;
+
+function pause() {
+  const speed = element("speed").value;
+  if (stands()) order("speed=" + speed, `playing, ${speed} times`);
+  else order("speed=0", `paused at ${minutes(state.playback.at_s)}`);
+}
+
+// A key that repeats is faster than the answers: then only the last place is gone to.
+async function go(to) {
+  target = Math.min(Math.max(to, 0), state.playback.length_s);
+  element("at").value = Math.floor(target);
+  if (going) return;
+  going = true;
+  let place = null;
+  while (place !== target) {
+    place = target;
+    await order("at=" + place, `at ${minutes(place)}`);
+  }
+  going = false;
+  gone = changes;
+}
+
+const jump = (by) => go((going || state.playback.changes < gone ? target : state.playback.at_s) + by);
+
+function changeSpeed(speed) {
+  // What stands still is not set going by that.
+  if (stands()) put("did", `${speed} times, when it plays`);
+  else order("speed=" + speed, `${speed} times`);
+}
+
+function shiftSpeed(by) {
+  const select = element("speed");
+  const index = Math.min(Math.max(select.selectedIndex + by, 0), select.options.length - 1);
+  if (index === select.selectedIndex) return;
+  select.selectedIndex = index;
+  changeSpeed(select.value);
+}
+
+const KEYS = {
+  p: pause,
+  j: () => jump(-JUMP_S),
+  l: () => jump(JUMP_S),
+  s: () => shiftSpeed(-1),
+  f: () => shiftSpeed(1),
+};
+
+addEventListener("keydown", (event) => {
+  const act = KEYS[event.key.toLowerCase()];
+  if (!act || !state || !state.playback || !element("keys").checked) return;
+  if (event.ctrlKey || event.altKey || event.metaKey || event.isComposing) return;
+  // A list takes letters itself. A key that is held jumps on and on, but does not pause and play in turn.
+  if (event.target instanceof HTMLSelectElement || (event.repeat && act === pause)) return;
+  event.preventDefault();
+  act();
+});
 
 element("drone").addEventListener("change", (event) => { wanted = event.target.value; connect(); });
-element("pause").addEventListener("click", () => {
-  const stands = state && state.playback && state.playback.speed === 0;
-  command("speed=" + (stands ? element("speed").value : 0));
-});
-element("speed").addEventListener("change", (event) => command("speed=" + event.target.value));
-element("at").addEventListener("input", () => { moving = true; });
-element("at").addEventListener("change", (event) => { moving = false; command("at=" + event.target.value); });
+element("pause").addEventListener("click", pause);
+element("back").addEventListener("click", () => jump(-JUMP_S));
+element("forward").addEventListener("click", () => jump(JUMP_S));
+element("speed").addEventListener("change", (event) => changeSpeed(event.target.value));
+element("at").addEventListener("input", () => { held = true; });
+element("at").addEventListener("change", (event) => { held = false; go(Number(event.target.value)); });
 element("playback").addEventListener("submit", (event) => event.preventDefault());
 addEventListener("resize", () => { if (state) requestDraw(); });
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { if (state) requestDraw(); });

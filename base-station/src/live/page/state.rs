@@ -32,6 +32,8 @@ struct Playback {
     speed: f64,
     at_s: f64,
     length_s: f64,
+    /// As the answer to whoever changes speed or place has it.
+    changes: u64,
 }
 
 /// What is wrong with the station itself.
@@ -163,7 +165,11 @@ fn state(known: &Known, dropped: u64, player: Option<&Player>, drone: Option<&st
         playback: player.map(|player| {
             let (first_us, last_us) = player.span_us();
             let seconds = |us: u64| us.saturating_sub(first_us) as f64 / 1e6;
-            Playback { speed: player.speed(), at_s: seconds(now_us), length_s: seconds(last_us) }
+            // First, so that what it counts is in the others.
+            let changes = player.changes();
+            // The player's place: the station is at the one before for as long as it takes to go back.
+            let at_s = seconds(player.now_us());
+            Playback { speed: player.speed(), at_s, length_s: seconds(last_us), changes }
         }),
         station: About {
             lines: known.lines.clone(),

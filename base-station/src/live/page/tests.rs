@@ -213,15 +213,24 @@ fn nothing_can_be_written_but_the_pace_of_a_playback() {
         let contents = Contents { records: 1, first_us: START, last_us: START + 60_000_000, torn: vec![] };
         let player = Arc::new(Player::new(&contents, START, 0.0));
         let page = router(station().0, Some(Arc::clone(&player)), local());
-        assert_eq!(ask(&page, Method::POST, "/playback?at=12.5", "localhost").await.status(), StatusCode::NO_CONTENT);
+        let set = async |query: &str| {
+            let answer = ask(&page, Method::POST, &format!("/playback?{query}"), "localhost").await;
+            assert_eq!(answer.status(), StatusCode::OK, "{query}");
+            text(answer).await
+        };
+        assert_eq!(set("at=12.5").await, "1");
         assert_eq!(player.now_us(), START + 12_500_000, "it stands still");
-        assert_eq!(ask(&page, Method::POST, "/playback?at=1e9", "localhost").await.status(), StatusCode::NO_CONTENT);
+        let state = text(ask(&page, Method::GET, "/state", "localhost").await).await;
+        let state: Value = serde_json::from_str(&state).unwrap();
+        assert_eq!(state["playback"]["changes"], 1);
+        assert_eq!(state["playback"]["at_s"], 12.5);
+        assert_eq!(set("at=1e9").await, "2");
         assert_eq!(player.now_us(), START + 60_000_000, "at most its end");
         for bad in ["", "?", "?speed", "?speed=NaN", "?at=inf", "?speed=x", "?volume=2", "?at=%00"] {
             let answer = ask(&page, Method::POST, &format!("/playback{bad}"), "localhost").await;
             assert_eq!(answer.status(), StatusCode::BAD_REQUEST, "{bad}");
         }
-        assert_eq!(ask(&page, Method::POST, "/playback?speed=5", "localhost").await.status(), StatusCode::NO_CONTENT);
+        assert_eq!(set("speed=5").await, "3", "what is refused changes nothing");
         assert!((player.speed() - 5.0).abs() < 1e-9);
         assert_eq!(ask(&page, Method::POST, "/playback?speed=2", "example.org").await.status(), StatusCode::FORBIDDEN);
     });
