@@ -291,8 +291,8 @@ fn data_are_called_old_within_half_a_second_of_the_last_datagram_and_not_before_
     tab.open(&scene.address());
     // When its verdict changes, and how regularly it gets the processor at all: a beat that is to come every 10 ms.
     tab.eval(
-        "window.changes = []; window.beats = [];
-        new MutationObserver(() => changes.push([Date.now(), document.body.className]))
+        "window.turns = []; window.beats = [];
+        new MutationObserver(() => turns.push([Date.now(), document.body.className]))
             .observe(document.body, { attributes: true, attributeFilter: ['class'] });
         setInterval(() => beats.push(Date.now()), 10); true",
     );
@@ -302,7 +302,7 @@ fn data_are_called_old_within_half_a_second_of_the_last_datagram_and_not_before_
         let last = scene.fly_until(&mut tab, FRESH);
         tab.until(OLD);
         let verdict = tab.text("#verdict");
-        let at = tab.eval("changes.findLast((change) => change[1] === 'old')[0]").as_f64().unwrap();
+        let at = tab.eval("turns.findLast((change) => change[1] === 'old')[0]").as_f64().unwrap();
         let beats: Vec<f64> = serde_json::from_value(tab.eval("beats.splice(0)")).unwrap();
         let longest = |beats: Vec<f64>| {
             let beats = beats.into_iter().filter(|beat| (last.taken - 50.0..=at).contains(beat)).chain([at]);
@@ -311,8 +311,8 @@ fn data_are_called_old_within_half_a_second_of_the_last_datagram_and_not_before_
         };
         // A machine with other work can stop the browser, or the base station; then nothing is measured of the page.
         if longest(beats) <= UNDISTURBED && longest(own.take()) <= UNDISTURBED {
-            let changes = tab.eval("changes");
-            assert_eq!(verdict, "OLD DATA", "sent {last:?}, old at {at}; {changes}");
+            let turns = tab.eval("turns");
+            assert_eq!(verdict, "OLD DATA", "sent {last:?}, old at {at}; {turns}");
             took.push((at - last.taken, at - last.gone));
         } else {
             disturbed.push(at - last.gone);
@@ -330,10 +330,10 @@ fn data_are_called_old_within_half_a_second_of_the_last_datagram_and_not_before_
             const drone = { ...state.drone, reported: { ...state.drone.reported } };
             drone.reported.age_ms -= 200;
             const late = { ...state, drone, now_us: state.now_us - 200000 };
-            const [changed, age] = [changes.length, drone.reported.age_ms];
+            const [changed, age] = [turns.length, drone.reported.age_ms];
             source.onmessage({ data: JSON.stringify(late) });
             drawAge();
-            return [age, changes.length - changed, document.body.className];
+            return [age, turns.length - changed, document.body.className];
         })()";
     scene.fly_until(&mut tab, FRESH);
     tab.until(OLD);
