@@ -154,10 +154,10 @@ impl Pair {
         }
         let mut taken = vec![];
         for sequence in sequences {
-            // The last three in a row that say the same, and how many samples came after them.
+            // The last three in a row that say the same. Those that ten samples came after are not kept.
             let three = sequence.windows(3).rposition(|three| three.iter().all(|one| *one == three[0]));
             let one = match three {
-                Some(at) if sequence.len() - (at + 3) < 10 => Some(sequence[at]),
+                Some(at) => Some(sequence[at]),
                 None if from_start && sequence.len() < 10 => None,
                 None if !from_start && sequence.len() < SAMPLES => return None,
                 _ => Some(Says::Contradiction),

@@ -399,6 +399,19 @@ mod tests {
         assert!((100..150).contains(&most), "{most}");
     }
 
+    #[test]
+    fn a_sample_is_as_old_at_the_last_bit_as_its_slot_and_its_frame_are_long() {
+        // The slots of the table in `profile::air`, µs.
+        for (receivers, slots) in [(1, vec![70]), (2, vec![80]), (3, vec![100]), (5, vec![120, 4_130])] {
+            let layout = Layout::for_receivers(receivers).unwrap();
+            for (number, slot) in slots.into_iter().enumerate() {
+                let payload = u8::try_from(layout.frame(number).unwrap().length()).unwrap();
+                let air = air::air_time_ns(payload).div_ceil(1_000);
+                assert_eq!(age_at_end(layout, number), 1_000 * (slot + air), "{receivers} receivers, frame {number}");
+            }
+        }
+    }
+
     const AT: u64 = 1_000_000_000;
 
     /// What the step from 1000 ms, sampled at [`AT`], may be taken for.

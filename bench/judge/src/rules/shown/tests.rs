@@ -400,6 +400,7 @@ fn recovery_is_measured_from_the_end_of_the_last_cause_to_what_was_sent_after_it
     assert_eq!(with(vec![fault(end - 400 * MS, end - 400 * MS)], 0..0), Some(1));
     assert_eq!(with(vec![fault(end - 400 * MS + 1, end - 400 * MS + 1)], 0..0), None);
     assert_eq!(with(vec![fault(200 * MS, u64::MAX)], 0..0), None);
+    assert_eq!(with(vec![fault(200 * MS, u64::MAX), fault(210 * MS, 220 * MS)], 0..0), Some(1));
     // What does not recover has not by the end.
     assert_eq!(with(vec![fault(250 * MS, 250 * MS)], 20..121), Some((end - 250 * MS).div_ceil(10 * MS)));
 }
