@@ -361,3 +361,46 @@ fn a_power_cycle_of_the_dpr_is_a_start() {
     }
     assert_eq!(crate::rules::shown::synthetic::kinds(&crate::judge(&log)), []);
 }
+
+/// The images of a run whose last frame is that of cycle 20, of which the first one more than 260 ms after that cycle's
+/// sample is published so long after it, ns, and says of the sequence that it is held, or not.
+fn published_late(after: u64, held: bool) -> bool {
+    let run = Run { cycles: 60, ..Run::new(3) }.hit_all(21..=60, &Air::Lost);
+    let sampled = run.tick(20) + 3 * US;
+    let edit = |images: &mut Vec<Image>| {
+        let image = images.iter_mut().find(|image| image.at > sampled + 260 * MS).unwrap();
+        image.at = sampled + after;
+        image.link.status = image.link.status.with_out_of_sequence(!held);
+    };
+    run.broken(edit).contains(&Violation::LinkFlags)
+}
+
+#[test]
+fn the_sequence_is_held_for_26_cycles_2_and_a_half_ms_and_2_percent_and_nothing_is_asked_at_the_limit() {
+    // 260 + 2.5 + 5.2 ms, with 0.3 ms to either side; values are taken up to 0.2 ms before they can be read.
+    assert!(published_late(267_400_000, false));
+    assert!(!published_late(267_400_001, false));
+    assert!(!published_late(267_400_001, true));
+    assert!(!published_late(268_200_000, true));
+    assert!(published_late(268_200_001, true));
+    assert!(!published_late(268_200_001, false));
+}
+
+#[test]
+fn nothing_is_asked_of_what_is_published_within_500_ms_of_a_fault_of_the_front_end() {
+    for (early, asked) in [(0, true), (1, false)] {
+        let mut run = Run { cycles: 90, ..Run::new(3) };
+        let published = run.log(|_| {}).events.into_iter().find_map(|event| {
+            (event.at > run.end(80) && matches!(event.what, What::Fresh { high: true, .. })).then_some(event.at)
+        });
+        let until = published.unwrap() + early - 500 * MS;
+        let fault = What::Injected { kind: "power dpr front end off".into(), until };
+        run.extra.push(Event { at: until - 3 * MS, what: fault });
+        run.assert_flawless();
+        let wrong = |images: &mut Vec<Image>| {
+            let image = images.iter_mut().find(|image| Some(image.at) == published).unwrap();
+            image.link.age_100us += 10;
+        };
+        assert_eq!(run.broken(wrong).contains(&Violation::LinkAge), asked, "{early} ns");
+    }
+}
