@@ -580,7 +580,7 @@ fn a_playback_can_be_paused_sped_up_and_moved_by_keyboard_and_says_what_it_does(
     tab.press("p");
     until(&mut tab, "pause", "Play");
     assert!(player.speed().abs() < f64::EPSILON);
-    assert!(tab.text("#did").starts_with("paused at "), "{}", tab.text("#did"));
+    tab.until("document.getElementById('did').textContent.startsWith('paused at ')");
     let stood = at_s();
     assert!(stood >= 100.0, "{stood}");
     for key in ["j", "j", "l", "j"] {

@@ -511,6 +511,7 @@ let going = false;             // there, and not answered yet
 let orders = 0;                // that the station has not answered
 let changes = 0;               // that the station has counted with its last answer
 let gone = 0;                  // with the last of a place
+let pace = 1;                  // as it was ordered, or as the station says
 let answered = Promise.resolve();
 
 // Whether the last state is of after all that was ordered: one that is on its way can be of before.
@@ -526,6 +527,7 @@ function drawPlayback() {
   const playback = state.playback;
   element("playback").hidden = !playback;
   if (!playback) return;
+  if (settled()) pace = playback.speed;
   put("pause", playback.speed === 0 ? "Play" : "Pause");
   const at = element("at");
   // The slider has whole seconds; what is past the end is the end.
@@ -567,12 +569,18 @@ function order(what, words) {
   return answered;
 }
 
-const stands = () => state.playback.speed === 0;
+const stands = () => pace === 0;
+
+// What is pressed next is meant for the pace that was ordered, not for the one that was pushed last.
+function setPace(speed, words) {
+  pace = Number(speed);
+  order("speed=" + speed, words);
+}
 
 function pause() {
   const speed = element("speed").value;
-  if (stands()) order("speed=" + speed, `playing, ${speed} times`);
-  else order("speed=0", `paused at ${minutes(state.playback.at_s)}`);
+  if (stands()) setPace(speed, `playing, ${speed} times`);
+  else setPace(0, `paused at ${minutes(state.playback.at_s)}`);
 }
 
 // A key that repeats is faster than the answers: then only the last place is gone to.
@@ -595,7 +603,7 @@ const jump = (by) => go((going || state.playback.changes < gone ? target : state
 function changeSpeed(speed) {
   // What stands still is not set going by that.
   if (stands()) put("did", `${speed} times, when it plays`);
-  else order("speed=" + speed, `${speed} times`);
+  else setPace(speed, `${speed} times`);
 }
 
 function shiftSpeed(by) {
