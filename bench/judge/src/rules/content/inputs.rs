@@ -285,6 +285,21 @@ mod tests {
     }
 
     #[test]
+    fn after_an_irregular_tick_a_pair_that_chatters_is_a_contradiction_after_twelve_samples() {
+        let mut state = Inputs::new();
+        state.tick(0, true);
+        for number in 1..=12_u64 {
+            assert!(state.wrong(Some(MotorsCut)).is_none(), "{number}: nothing is asked yet");
+            // Each sample says something else than the one before.
+            state.levels(number * bounds::CYCLE - MS, 1, number % 2 == 0, number % 2 != 0);
+            state.tick(number * bounds::CYCLE, false);
+            state.levels(number * bounds::CYCLE, 1, number % 2 == 0, number % 2 != 0);
+        }
+        state.tick(13 * bounds::CYCLE, false);
+        assert!(state.wrong(Some(InputsContradict)).is_none() && state.wrong(Some(MotorsCut)).is_some());
+    }
+
+    #[test]
     fn the_most_severe_input_that_is_not_inactive_is_shown() {
         let [i, a, c] = [Says::Inactive, Says::Active, Says::Contradiction].map(Some);
         assert_eq!(shown([a, c, c]), [EmergencyFired]);

@@ -232,6 +232,27 @@ mod tests {
     }
 
     #[test]
+    fn of_causes_that_overlap_one_that_takes_a_bring_up_makes_it_the_recovery_of_a_bring_up() {
+        let front_end = injected(50 * MS, "dpr front end reads ones", 100 * MS);
+        let air = injected(60 * MS, "air", 110 * MS);
+        let (_, longest) = judged(&[front_end, air], 130 * MS, 0);
+        assert_eq!(longest, Longest { all: Some(2), without_bring_up: None });
+    }
+
+    #[test]
+    fn a_frame_that_began_as_the_cause_ended_does_not_tell_that_the_link_has_recovered() {
+        let recovered = |started| {
+            let (mut recovery, mut findings) = (Recovery::default(), Findings::default());
+            recovery.take(&injected(50 * MS, "air", 100 * MS), &mut findings);
+            recovery.shown(started, 105 * MS);
+            recovery.shown(110 * MS, 125 * MS);
+            recovery.finish(100 * MS + TAIL, &mut findings).all
+        };
+        assert_eq!(recovered(100 * MS), Some(3));
+        assert_eq!(recovered(100 * MS + 1), Some(1));
+    }
+
+    #[test]
     fn what_never_recovers_is_late_once_and_a_board_without_a_supply_is_not() {
         let found = |off: bool| {
             let (mut recovery, mut findings) = (Recovery::default(), Findings::default());
