@@ -325,6 +325,39 @@ fn the_reset_pin_holds_the_part_and_its_debug_registers_answer_meanwhile() {
 }
 
 #[test]
+fn an_nrf52840s_pin_reset_resets_its_debug_registers_and_a_soft_reset_does_not() {
+    // A pin reset locks the part, so it is erased again before anybody can look.
+    let erase = |tool: &mut Tool| {
+        tool.write_access(1, 0x04, 1);
+        tool.0.pass(170 * MS);
+        tool.write_access(1, 0x04, 0);
+        assert_eq!(tool.access(1, 0x0C), 1);
+    };
+    const NVMC_CONFIG: u32 = 0x4001_E504;
+    let mut tool = Tool::connected(Desk::Dpr);
+    erase(&mut tool);
+    tool.halt();
+    // P0.18 is the reset pin from the next reset on (UICR.PSELRESET, both words).
+    tool.write(NVMC_CONFIG, 1);
+    for word in [0x1000_1200, 0x1000_1204] {
+        tool.write(word, 18);
+        tool.0.pass(MS);
+    }
+    tool.write(NVMC_CONFIG, 0);
+    tool.write(DEMCR, 1);
+    tool.soft_reset();
+    assert_eq!(tool.read(DEMCR) & 1, 1);
+    assert_eq!(tool.read(DHCSR) & 1, 1, "C_DEBUGEN");
+    tool.0.reset_pin(true);
+    tool.0.reset_pin(false);
+    tool.0.pass(MS);
+    assert_eq!(tool.access(1, 0x0C), 0, "the pin has reset and locked the part");
+    erase(&mut tool);
+    assert_eq!(tool.read(DEMCR) & 1, 0);
+    assert_eq!(tool.read(DHCSR) & 1, 0, "C_DEBUGEN");
+}
+
+#[test]
 fn an_nrf52840s_watchdog_goes_on_through_a_soft_reset_pauses_with_the_halted_core_and_bites_when_it_runs() {
     const WDT: u32 = 0x4001_0000;
     let mut tool = Tool::connected(Desk::Dpr);
