@@ -1,0 +1,274 @@
+//! Where the rule begins to ask and where it ceases to: each limit from both sides.
+
+use super::super::Shown;
+use super::super::synthetic::{Air, Image, MS, Run, US, kinds};
+use super::{RECEIVERS, hide, show};
+use crate::{Board, Context, Event, Findings, Violation, What, judge};
+
+#[test]
+fn what_the_front_end_had_not_handed_over_when_it_failed_need_not_be_shown() {
+    let fault = |kind: &str, at| Event { at, what: What::Injected { kind: kind.into(), until: at + 3 * MS } };
+    for (kind, after, must) in [
+        ("dpr front end reads ones", 359_999, false),
+        ("dpr front end reads ones", 360_000, true),
+        ("buffer dpr image bit hit", 359_999, false),
+        ("buffer dpr image bit hit", 360_000, true),
+        ("air", 100_000, true),
+        ("horus front end reads ones", 100_000, true),
+    ] {
+        let mut run = Run { cycles: 90, ..Run::new(3) };
+        run.extra.push(fault(kind, run.end(20) + after));
+        run.assert_flawless();
+        assert_eq!(run.broken(hide(200)) == [Violation::NotShown], must, "{kind}, {after} ns after the last bit");
+    }
+}
+
+/// The log of a run with one transaction, which took so long, ns, and read an object that HORUS never sent.
+fn forged_in(took: u64) -> Vec<Violation> {
+    let run = Run { cycles: 200, ..Run::new(3) };
+    let run = Run { only: Some(run.end(20) + MS), ..run };
+    let forged = Run { horus_starts: vec![1], ..run.clone() }.profile(20);
+    let objects = run.layout().in_profile(1).unwrap();
+    let mut log = run.log(|images| {
+        images.iter_mut().find(|image| image.timestamp() == Some(200)).unwrap().places[1] =
+            forged[objects.clone()].to_vec();
+    });
+    let selected = run.only.unwrap();
+    let transaction = log.events.iter_mut().find(|event| matches!(event.what, What::Transaction { .. })).unwrap();
+    transaction.at = selected + took;
+    log.events.sort_by_key(|event| (event.at, event.what.rank()));
+    kinds(&judge(&log))
+}
+
+#[test]
+fn a_transaction_of_a_second_is_judged_and_a_longer_one_is_not() {
+    assert_eq!(forged_in(1_000 * MS), [Violation::ShownNeverSent]);
+    assert_eq!(forged_in(1_000 * MS + 1), []);
+}
+
+#[test]
+fn a_transaction_that_reads_ones_throughout_is_not_asked() {
+    for n in RECEIVERS {
+        let gone = |images: &mut Vec<Image>| {
+            images
+                .iter_mut()
+                .filter(|image| image.timestamp() == Some(200))
+                .for_each(|image| image.expires = image.at - 1);
+        };
+        assert_eq!(Run::new(n).broken(gone), []);
+    }
+}
+
+#[test]
+fn what_was_read_across_a_restart_of_the_dpr_or_without_its_supply_is_not_judged() {
+    let restart = 300 * MS;
+    let mut run = Run { dpr_start: Some((restart, "pin", profile::ResetReason::Pin)), ..Run::new(3) };
+    let forged = Run { horus_starts: vec![1], ..run.clone() }.profile(20);
+    let object = run.layout().in_profile(1).unwrap();
+    let forge = |images: &mut Vec<Image>| {
+        for image in images {
+            image.places[1] = forged[object.clone()].to_vec();
+            (image.at, image.expires) = (image.at.min(restart - 9 * MS), u64::MAX);
+        }
+    };
+    let judged = |run: &Run, selected| Run { only: Some(selected), ..run.clone() }.broken(forge);
+    assert_eq!(judged(&run, restart - MS), [Violation::ShownNeverSent]);
+    // The transaction takes 0.3 ms.
+    assert_eq!(judged(&run, restart - 1), []);
+    assert_eq!(judged(&run, restart), [Violation::ShownNeverSent]);
+    run.dpr_start = None;
+    assert_eq!(judged(&run, restart), [Violation::ShownNeverSent]);
+    run.extra.push(Event { at: restart - MS, what: What::Power { board: Board::Dpr, on: false } });
+    assert_eq!(judged(&run, restart), []);
+}
+
+#[test]
+fn what_reached_the_antenna_is_remembered_for_two_seconds_and_no_longer() {
+    let run = Run { cycles: 600, ..Run::new(3) };
+    let log = run.log(|_| {});
+    let (mut context, mut shown, mut findings) =
+        (Context::new(&log.header), Shown::new(&log.header), Findings::default());
+    for event in &log.events {
+        context.take(event);
+        shown.take(event, &context, &mut findings);
+        assert!(shown.deliveries.len() <= 201);
+    }
+    assert_eq!(shown.deliveries.len(), 201);
+}
+
+#[test]
+fn of_one_transaction_each_kind_of_violation_is_told_once() {
+    let run = Run::new(3).hit_all([20], &Air::Lost);
+    let forged = Run { horus_starts: vec![1], ..run.clone() }.profile(19);
+    let (lost, layout) = (run.profile(20), run.layout());
+    let wrong = |images: &mut Vec<Image>| {
+        let image = images.iter_mut().find(|image| image.at >= run.tick(21)).unwrap();
+        for (index, profile) in [(0, &lost), (1, &forged), (2, &lost), (3, &forged)] {
+            image.places[index] = profile[layout.in_profile(index).unwrap()].to_vec();
+        }
+        image.expires = image.at + 10 * US;
+    };
+    let at = run.log(wrong).events.iter().find_map(|event| match &event.what {
+        What::Fresh { high: true, .. } if event.at >= run.tick(21) => Some(event.at),
+        _ => None,
+    });
+    let verdict = Run { only: at, ..run.clone() }.verdict(wrong);
+    let told = |kind| verdict.violations.iter().find(|it| it.violation == kind).map(|it| it.count);
+    assert_eq!(told(Violation::ShownNeverSent), Some(1));
+    assert_eq!(told(Violation::ShownOutOfSequence), Some(1));
+    assert_eq!(verdict.figures.faults.invalid_shown_valid, 4);
+}
+
+#[test]
+fn what_a_repeated_frame_takes_out_may_be_read_until_that_frame_is_published() {
+    for (after, expected) in [(400_000, None), (400_001, Some(Violation::ShownOutOfSequence))] {
+        let mut run = Run::new(3).hit_all(21..24, &Air::Lost).hit(20, 0, Air::Repeated(12 * MS));
+        let repeated = run.end(20) + 12 * MS;
+        run.only = Some(repeated + after);
+        let profile = run.profile(20);
+        let stays = |images: &mut Vec<Image>| {
+            for image in images.iter_mut().filter(|image| (run.end(20)..run.end(24)).contains(&image.at)) {
+                for index in 0..=3 {
+                    image.places[index] = profile[run.layout().in_profile(index).unwrap()].to_vec();
+                }
+            }
+        };
+        assert_eq!(run.broken(stays), Vec::from_iter(expected), "{after} ns");
+    }
+}
+
+#[test]
+fn a_cycle_that_was_shown_once_need_not_be_shown_again() {
+    for n in RECEIVERS {
+        let run = Run::new(n);
+        let withdraw = |images: &mut Vec<Image>, after: u64| {
+            let place = images.iter().position(|image| image.timestamp() == Some(200)).unwrap();
+            let mut empty = images[place].clone();
+            empty.at += after;
+            empty.places.iter_mut().for_each(|place| place.fill(0));
+            images.insert(place + 1, empty);
+        };
+        // Its Link-Status is that of the image before, which is another rule's.
+        let is_missed = |after| run.broken(|images| withdraw(images, after)).contains(&Violation::NotShown);
+        assert!(!is_missed(4 * MS));
+        assert!(is_missed(0));
+    }
+}
+
+#[test]
+fn a_second_frame_is_of_the_same_cycle_within_2_and_a_half_ms_and_nothing_is_asked_at_the_limit() {
+    for (by, must, never) in [(2_199, true, false), (2_201, false, false), (2_799, false, false), (2_801, false, true)]
+    {
+        let run = Run::new(5).hit(20, 1, Air::Delayed(by * US));
+        run.assert_flawless();
+        let without = |images: &mut Vec<Image>| {
+            for image in images.iter_mut().filter(|image| image.timestamp() == Some(200)) {
+                image.places[3..].iter_mut().for_each(|place| place.fill(0));
+            }
+        };
+        assert_eq!(run.broken(without) == [Violation::Vacant], must, "{by}");
+        // An image of what was waiting for it may go out first.
+        let shown = run.broken(show(&run, run.end(20) + (by + 60) * US, 20, 3..=5));
+        assert_eq!(shown == [Violation::ShownOutOfSequence], never, "{by}: {shown:?}");
+    }
+}
+
+#[test]
+fn a_position_that_says_of_itself_that_it_is_not_valid_is_none() {
+    let run = Run::new(3);
+    let absent = |images: &mut Vec<Image>| {
+        let image = images.iter_mut().find(|image| image.timestamp() == Some(200)).unwrap();
+        image.places[0] = profile::ReportedPosition::seal(&profile::ReportedValues::absent(200)).as_bytes().to_vec();
+    };
+    assert_eq!(run.assert_flawless().figures.valid_cycles, 37);
+    assert_eq!(run.verdict(absent).figures.valid_cycles, 36);
+}
+
+#[test]
+fn what_is_told_says_when() {
+    let run = Run::new(3);
+    let verdict = run.verdict(hide(200));
+    let words = verdict.violations.iter().find(|it| it.violation == Violation::NotShown).unwrap().to_string();
+    let ended = format!("{:.6} ms", run.end(20) as f64 / 1e6);
+    assert!(words.contains("200 ms") && words.contains(&ended), "{words}");
+}
+
+/// The log of a run, the frame of cycle 20 as it was heard for `edit` to change, and images that hide that cycle.
+fn heard_otherwise(run: &Run, edit: impl Fn(&mut u64, &mut Vec<u8>, &mut bool) -> Option<Event>) -> Vec<Violation> {
+    let mut log = run.log(hide(200));
+    let at = run.end(20);
+    let frame = log.events.iter_mut().find(|event| event.at == at && matches!(event.what, What::Heard { .. }));
+    let What::Heard { started, bytes, whole } = &mut frame.unwrap().what else { unreachable!() };
+    let mut changed = bytes.to_vec();
+    let extra = edit(started, &mut changed, whole);
+    *bytes = changed.into();
+    log.events.extend(extra);
+    log.events.sort_by_key(|event| (event.at, event.what.rank()));
+    kinds(&judge(&log))
+}
+
+#[test]
+fn a_frame_that_is_not_whole_or_whose_len_was_damaged_need_not_be_received() {
+    let run = Run::new(3);
+    let nothing = |_: &mut u64, _: &mut Vec<u8>, _: &mut bool| None;
+    assert_eq!(heard_otherwise(&run, nothing), [Violation::NotShown]);
+    let torn = |_: &mut u64, _: &mut Vec<u8>, whole: &mut bool| {
+        *whole = false;
+        None
+    };
+    assert_eq!(heard_otherwise(&run, torn), []);
+    let damaged = |_: &mut u64, bytes: &mut Vec<u8>, _: &mut bool| {
+        bytes[0] ^= 0x10;
+        None
+    };
+    assert_eq!(heard_otherwise(&run, damaged), []);
+}
+
+#[test]
+fn a_frame_that_follows_another_within_300_us_need_not_be_received() {
+    let run = Run::new(3);
+    for (gap, must) in [(299_999, false), (300_000, true)] {
+        let foreign = |started: &mut u64, _: &mut Vec<u8>, _: &mut bool| {
+            let at = *started - gap;
+            Some(Event { at, what: What::Heard { started: at - MS, bytes: vec![3, 1, 2, 0, 0].into(), whole: true } })
+        };
+        assert_eq!(heard_otherwise(&run, foreign) == [Violation::NotShown], must, "{gap} ns");
+    }
+}
+
+#[test]
+fn a_dpr_that_has_started_must_show_what_follows_100_ms_later() {
+    let mut run = Run { cycles: 80, dpr_start: Some((300 * MS, "pin", profile::ResetReason::Pin)), ..Run::new(3) };
+    run.assert_flawless();
+    // Cycle 38 is sent 400 ms after power-on, and the sequence is found by the three after it at the latest.
+    let first = (30..80).find(|cycle| run.broken(hide(run.timestamp(*cycle))) == [Violation::NotShown]);
+    assert_eq!(first, Some(41));
+    run.dpr_start = None;
+    assert_eq!(run.broken(hide(run.timestamp(30))), [Violation::NotShown]);
+}
+
+#[test]
+fn a_dpr_whose_front_end_was_disturbed_may_have_heard_a_frozen_horus() {
+    let mut run = Run { cycles: 90, frozen: (20..90).collect(), ..Run::new(5) };
+    // It may be disturbed until 500 ms after the fault: between the two frames of cycle 70.
+    let fault = What::Injected { kind: "power dpr front end off".into(), until: run.tick(70) + 2 * MS - 500 * MS };
+    run.extra.push(Event { at: 200 * MS, what: fault });
+    run.assert_flawless();
+}
+
+#[test]
+fn a_dpr_that_missed_a_frame_that_would_have_ended_the_sequence_goes_on_in_it() {
+    // Its DPR has heard nothing of cycle 20. What was there was torn and came 5 ms late.
+    let missed = Run::new(3).hit_all([20], &Air::Lost);
+    let mut log = missed.log(|_| {});
+    let at = missed.end(20) + 5 * MS;
+    let late = missed.log(|_| {}).events.into_iter().find_map(|event| match event.what {
+        What::Sent { started, bytes, .. } if event.at == missed.end(20) => {
+            Some(Event { at, what: What::Heard { started: started + 5 * MS, bytes, whole: false } })
+        }
+        _ => None,
+    });
+    log.events.extend(late);
+    log.events.sort_by_key(|event| (event.at, event.what.rank()));
+    assert_eq!(kinds(&judge(&log)), []);
+}
