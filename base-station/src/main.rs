@@ -164,7 +164,7 @@ struct Page {
     seconds: Option<u64>,
 }
 
-/// What becomes of what arrives.
+/// Where the data that arrive go: onto the page, and into a recording if one is asked for.
 #[derive(Args)]
 struct Output {
     #[command(flatten)]

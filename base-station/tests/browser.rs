@@ -45,8 +45,8 @@ fn now_ms() -> f64 {
     SystemTime::now().duration_since(UNIX_EPOCH).unwrap().as_secs_f64() * 1e3
 }
 
-/// The instants, ms since 1970, at which a thread of this process ran that wants to every 10 ms, for as long as this
-/// lives: of the base station, which runs in this process too, the test can measure nothing where that did not.
+/// A thread that notes the time every 10 ms for as long as this lives, ms since 1970. Where its notes have a gap, the
+/// machine did not let this process run, and with it the base station: nothing can be measured then.
 struct Beats {
     instants: Arc<Mutex<Vec<f64>>>,
 }

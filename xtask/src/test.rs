@@ -35,8 +35,8 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
     if args.on == Place::Hardware {
         return crate::workspace::again_with("probe");
     }
-    // Found out before anything is built: the host tests are built with all features of this program and so put another
-    // file in the place of the one that runs. From then on the system calls the old one deleted.
+    // Asked for before anything is built: the host tests are built with all features of xtask, which replaces the file of
+    // the running program, and the system then reports its path with " (deleted)" appended.
     let runner = std::env::current_exe().context("could not find out where this program is")?;
     let mut ran = 0;
     let mut failed = vec![];

@@ -13,7 +13,7 @@
 //! **Again and again.** A connection that ends is made anew after [`RETRY`], and one that says nothing for [`SILENCE`]
 //! is ended: a broker answers a ping every [`KEEP_ALIVE`].
 //!
-//! **Encrypted**, and the broker known for certain, if it is asked for ([`tls`](super::tls)).
+//! **TLS**, where it is asked for, encrypts the connection and authenticates the broker ([`tls`](super::tls)).
 
 use std::io;
 use std::sync::Arc;

@@ -62,13 +62,13 @@ mod with {
     /// What stands before an alert's name in the words of `rustls`.
     const ALERT: &str = "received fatal alert: ";
 
-    /// Whom to believe, and as whom to speak.
+    /// Which authorities are trusted, and this station's own certificate if it has one.
     #[derive(Clone)]
     pub struct Tls(Arc<ClientConfig>);
 
     impl Tls {
-        /// Believes who has a certificate that one of the `authorities` signed; shows the `client`'s certificate, with
-        /// those between it and its authority behind it, and proves it by its key. All are PEM.
+        /// Trusts a broker whose certificate one of the `authorities` signed. `client` is this station's certificate,
+        /// followed by the intermediate ones, and its private key, for a broker that asks for them. All are PEM.
         ///
         /// # Errors
         ///

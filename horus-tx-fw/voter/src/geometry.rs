@@ -101,7 +101,8 @@ impl Place {
         // Tangent of half the turn, or beyond the pole of what is missing to half a turn; at the pole itself 0 / tiny.
         let half_turn = east / at_least(away + if ahead { outward } else { -outward }, f32::MIN_POSITIVE);
         let turn = 2.0 * arc_tangent(half_turn);
-        // Beyond the pole westwards the turn is counted eastwards, up to a whole one: `over` takes that away again.
+        // Beyond the pole a turn to the west is written as one to the east of up to 360°; `over` brings the longitude
+        // back into ±180°.
         let (turn, bulge) =
             if ahead { (turn, east * half_turn) } else { (core::f32::consts::PI - turn, away - outward) };
         let rise = (north - self.sine * bulge) / self.along;
@@ -276,7 +277,7 @@ mod tests {
             }
         }
 
-        /// Two places, however far apart, are never taken for near: what is compared is half the way at least.
+        /// The distance that is compared is never less than half of the true one, however far apart two places are.
         #[test]
         fn places_that_are_far_apart_are_far_apart(here in anywhere(), there in anywhere()) {
             let found = length(here.place().to(&there.place(), [0.0; 2]).map(f64::from));
@@ -284,7 +285,7 @@ mod tests {
             prop_assert!(found >= 0.5 * exact, "{found} m for {exact} m");
         }
 
-        /// There and back, also over a pole and over ±180°. What is stated has parts of 11 mm.
+        /// Also over a pole and over ±180°. The places are rounded to 1e-7 degrees, which is 11 mm.
         #[test]
         fn what_lies_a_step_away_is_where_the_step_leads(
             here in anywhere(),

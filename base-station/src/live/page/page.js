@@ -32,8 +32,8 @@ function connect() {
     next.drones = next.drones || (state ? state.drones : []);
     state = next;
     const now = performance.now();
-    // As the state tells that came the quickest: one that was held up on its way does not make anything younger. What
-    // is lost again with time is more than two clocks go apart.
+    // The offset is taken from the state with the shortest delay, so a delayed state cannot make data look younger. It
+    // decays by 1 ms a second, which is more than two clocks drift apart.
     ahead = Math.max(state.now_us / 1000 - now, opened ? -Infinity : ahead - (now - heard) / 1000);
     opened = false;
     heard = now;
@@ -44,7 +44,7 @@ function connect() {
     const reported = state.drone && state.drone.reported;
     if (reported) staling = setTimeout(drawAge, Math.max(0, STALE_MS - reported.age_ms - since()) + 1);
   };
-  // Another run of the station has another clock.
+  // The station may have been restarted, and its clock begins anew then.
   source.onopen = () => { opened = true; };
   source.onerror = () => {
     // The next one may count anew.
@@ -514,7 +514,8 @@ let gone = 0;                  // with the last of a place
 let pace = 1;                  // as it was ordered, or as the station says
 let answered = Promise.resolve();
 
-// Whether the last state is of after all that was ordered: one that is on its way can be of before.
+// Whether the last state was made after everything that was ordered had been done: one that was on its way then shows
+// the pace and the place of before.
 const settled = () => !orders && state.playback.changes >= changes;
 
 // Whole seconds are all that a screen reader is told, and no more than one a second.
@@ -571,7 +572,7 @@ function order(what, words) {
 
 const stands = () => pace === 0;
 
-// What is pressed next is meant for the pace that was ordered, not for the one that was pushed last.
+// The next key refers to the pace that was ordered last: the state that is shown may be older.
 function setPace(speed, words) {
   pace = Number(speed);
   order("speed=" + speed, words);

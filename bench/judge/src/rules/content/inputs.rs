@@ -154,7 +154,8 @@ impl Pair {
         }
         let mut taken = vec![];
         for sequence in sequences {
-            // The last three in a row that say the same. Those that ten samples came after are not kept.
+            // The last three samples in a row that say the same. Only twelve samples are kept, so none that has ten
+            // behind it is found.
             let three = sequence.windows(3).rposition(|three| three.iter().all(|one| *one == three[0]));
             let one = match three {
                 Some(at) => Some(sequence[at]),
