@@ -35,8 +35,8 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
     if args.on == Place::Hardware {
         return crate::workspace::again_with("probe");
     }
-    // Asked for before anything is built: the host tests are built with all features of xtask, which replaces the file of
-    // the running program, and the system then reports its path with " (deleted)" appended.
+    // Asked for before anything is built: the host tests are built with all features of xtask, which replaces the file
+    // of the running program, and the system then reports its path with " (deleted)" appended.
     let runner = std::env::current_exe().context("could not find out where this program is")?;
     let mut ran = 0;
     let mut failed = vec![];

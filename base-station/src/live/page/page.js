@@ -514,8 +514,8 @@ let gone = 0;                  // with the last of a place
 let pace = 1;                  // as it was ordered, or as the station says
 let answered = Promise.resolve();
 
-// Whether the last state was made after everything that was ordered had been done: one that was on its way then shows
-// the pace and the place of before.
+// Whether the last state was made after everything that was ordered had been done: one that was on its way then still
+// shows the old pace and place.
 const settled = () => !orders && state.playback.changes >= changes;
 
 // Whole seconds are all that a screen reader is told, and no more than one a second.
