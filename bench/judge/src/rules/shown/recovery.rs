@@ -265,10 +265,12 @@ mod tests {
                 recovery.take(&Event { at, what: What::Tick }, &mut findings);
                 assert_eq!(findings.count(Violation::RecoversLate), u64::from(!off && at >= 100 * MS + TAIL));
             }
-            recovery.finish(3 * TAIL, &mut findings).all
+            let longest = recovery.finish(3 * TAIL, &mut findings).all;
+            (longest, findings.into_broken().pop().map(|broken| broken.words))
         };
-        assert_eq!(found(false), Some(cycles(100 * MS, 3 * TAIL)));
-        assert_eq!(found(true), None);
+        let words = "not yet 40 cycles after 100.000000 ms".to_owned();
+        assert_eq!(found(false), (Some(cycles(100 * MS, 3 * TAIL)), Some(words)));
+        assert_eq!(found(true), (None, None));
     }
 
     #[test]

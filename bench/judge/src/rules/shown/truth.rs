@@ -78,3 +78,147 @@ impl Truth {
         self.frames.iter().rev().find(carried)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Bytes;
+    use crate::testing::{self, MS};
+
+    const FRAME: u64 = 5 * MS;
+
+    /// The truth of one receiver's profiles, with the context that it needs.
+    struct Rig {
+        context: Context,
+        truth: Truth,
+    }
+
+    impl Rig {
+        fn new() -> Self {
+            Self { context: Context::new(&testing::header(1)), truth: Truth::default() }
+        }
+
+        fn take(&mut self, at: u64, what: What) {
+            let event = Event { at, what };
+            self.context.take(&event);
+            self.truth.take(&event, &self.context);
+        }
+
+        fn tick(&mut self, at: u64) {
+            self.take(at, What::Tick);
+        }
+
+        fn horus_restarts(&mut self, at: u64) {
+            self.take(at, What::Reset { board: Board::Horus, cause: "a test".to_owned(), asked: true });
+        }
+
+        /// A frame whose objects are stamped `timestamp` (ms), the last of them damaged if it is not `intact`.
+        fn send(&mut self, started: u64, timestamp: u32, intact: bool) {
+            let mut payload = objects(timestamp).concat();
+            *payload.last_mut().unwrap() ^= u8::from(!intact);
+            let bytes = [&[payload.len() as u8 + 1], &payload[..], &[0, 0]].concat();
+            self.take(started + FRAME, What::Sent { started, bit_rate: 424_000, bytes: Bytes(bytes), whole: true });
+        }
+
+        /// The serial number and the tick of the frame that is found for an object of this timestamp.
+        fn found(&self, index: usize, timestamp: u32, before: u64) -> Option<(u64, Option<u64>)> {
+            let frame = self.truth.find(index, &objects(timestamp)[index], before)?;
+            Some((frame.serial, frame.tick))
+        }
+    }
+
+    fn objects(timestamp: u32) -> Vec<Vec<u8>> {
+        testing::objects(&testing::silent_reported(timestamp), &[testing::silent_gps(timestamp)])
+    }
+
+    /// The tick of a frame that began at `started` and ended after all of these ticks.
+    fn tick_of(started: u64, ticks: &[u64]) -> Option<u64> {
+        let mut rig = Rig::new();
+        ticks.iter().for_each(|at| rig.tick(*at));
+        rig.send(started, 10, true);
+        let (_, tick) = rig.found(0, 10, u64::MAX).unwrap();
+        tick
+    }
+
+    #[test]
+    fn a_frame_belongs_to_the_last_tick_before_its_first_bit_if_that_is_less_than_a_cycle_ago() {
+        let tick = 50 * MS;
+        assert_eq!(tick_of(tick - 1, &[tick]), None);
+        for after in [0, 1, bounds::CYCLE - 1] {
+            assert_eq!(tick_of(tick + after, &[tick]), Some(tick), "{after} ns");
+        }
+        for after in [bounds::CYCLE, bounds::CYCLE + 1, 4 * bounds::CYCLE] {
+            assert_eq!(tick_of(tick + after, &[tick]), None, "{after} ns");
+        }
+        // A tick during the frame is the next cycle's, and of two before it the nearer one counts.
+        assert_eq!(tick_of(tick + MS, &[tick, tick + 2 * MS]), Some(tick));
+        assert_eq!(tick_of(tick + 3 * MS, &[tick, tick + 2 * MS]), Some(tick + 2 * MS));
+    }
+
+    #[test]
+    fn four_ticks_are_remembered() {
+        let later = |count| (0..=count).map(|number| 50 * MS + number * 2 * MS).collect::<Vec<u64>>();
+        assert_eq!(tick_of(51 * MS, &later(3)), Some(50 * MS));
+        assert_eq!(tick_of(51 * MS, &later(4)), None);
+    }
+
+    #[test]
+    fn the_last_frame_is_found_that_carried_the_object_by_then() {
+        let mut rig = Rig::new();
+        rig.tick(50 * MS);
+        rig.send(50 * MS, 10, true);
+        rig.tick(60 * MS);
+        rig.send(60 * MS, 20, true);
+        rig.tick(70 * MS);
+        rig.send(70 * MS, 10, true);
+        assert_eq!(rig.found(0, 10, u64::MAX), Some((3, Some(70 * MS))));
+        assert_eq!(rig.found(0, 10, 70 * MS), Some((3, Some(70 * MS))));
+        assert_eq!(rig.found(1, 10, 70 * MS - 1), Some((1, Some(50 * MS))));
+        assert_eq!(rig.found(1, 20, 70 * MS - 1), Some((2, Some(60 * MS))));
+        assert_eq!(rig.found(0, 10, 50 * MS - 1), None);
+        assert_eq!(rig.found(0, 30, u64::MAX), None);
+        // Reported-Position's bytes in the place of GPS1, and a part of its own.
+        assert!(rig.truth.find(1, &objects(10)[0], u64::MAX).is_none());
+        assert!(rig.truth.find(0, &objects(10)[0][1..], u64::MAX).is_none());
+    }
+
+    #[test]
+    fn an_object_that_is_not_intact_is_none_that_horus_sent() {
+        let mut rig = Rig::new();
+        rig.send(50 * MS, 10, false);
+        assert_eq!(rig.found(0, 10, u64::MAX), Some((1, None)));
+        let mut damaged = objects(10).pop().unwrap();
+        *damaged.last_mut().unwrap() ^= 1;
+        assert_eq!(rig.found(1, 10, u64::MAX), None);
+        assert!(rig.truth.find(1, &damaged, u64::MAX).is_none());
+    }
+
+    #[test]
+    fn a_thousand_frames_are_remembered() {
+        let mut rig = Rig::new();
+        for number in 1..=1_000 {
+            rig.send(u64::from(number) * 10 * MS, number * 10, true);
+        }
+        assert_eq!(rig.found(0, 10, u64::MAX), Some((1, None)));
+        rig.send(10_010 * MS, 10_010, true);
+        assert_eq!(rig.found(0, 10, u64::MAX), None);
+        assert_eq!(rig.found(0, 20, u64::MAX), Some((2, None)));
+        assert_eq!(rig.truth.frames.len(), 1_000);
+    }
+
+    #[test]
+    fn frames_are_forgotten_at_the_first_of_the_second_start_after_theirs() {
+        let mut rig = Rig::new();
+        rig.send(10 * MS, 10, true);
+        rig.send(20 * MS, 20, true);
+        rig.horus_restarts(30 * MS);
+        rig.send(40 * MS, 30, true);
+        assert_eq!(rig.found(0, 10, u64::MAX), Some((1, None)));
+        rig.horus_restarts(50 * MS);
+        assert_eq!(rig.found(0, 20, u64::MAX), Some((2, None)));
+        rig.send(60 * MS, 40, true);
+        assert_eq!(rig.found(0, 10, u64::MAX), None);
+        assert_eq!(rig.found(0, 20, u64::MAX), None);
+        assert_eq!(rig.found(0, 30, u64::MAX), Some((3, None)));
+    }
+}
