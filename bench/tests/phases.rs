@@ -16,7 +16,7 @@ use profile::ssi::timing;
 
 const US: i64 = 1_000;
 
-/// From a frame's last bit: a publication comes between 70 and 100 us after it, and what follows it (the scrub of three
+/// From a frame's last bit: a publication comes between 60 and 100 us after it, and what follows it (the scrub of three
 /// buffers) is over 240 us after it.
 const FIRST: i64 = -60 * US;
 const LAST: i64 = 240 * US;

@@ -30,7 +30,7 @@
 //! status read that the edge caused or in one that a time-out had caused before it.
 
 use rtic_core::Mutex;
-use st25r3916::{listener::PAYLOAD_OFFSET, Fault, Input, Listener, ListenerEvent, Step, Transfer};
+use st25r3916::{listener::PAYLOAD_OFFSET, Fault, Input, Listener, ListenerEvent, Short, Step, Transfer};
 
 use crate::{
     accept::Early,
@@ -61,9 +61,8 @@ pub trait Port {
     /// A receive buffer.
     type Buffer: Memory;
 
-    /// Starts a transfer of `bytes`, at most [`st25r3916::Short::MAX`], full duplex, chip select low from first to last
-    /// bit.
-    fn start_short(&mut self, bytes: &[u8]);
+    /// Starts this transfer, full duplex, chip select low from first to last bit.
+    fn start_short(&mut self, short: &Short);
     /// Starts a FIFO read of `len` bytes to place `offset` of the receive buffer, counted from LEN.
     fn start_read(&mut self, offset: usize, len: usize);
     /// Whether the transfer has ended. If so chip select is high again, and this is not asked again before the next
@@ -323,7 +322,7 @@ impl<P: Port> Executor<P> {
             match step {
                 Step::Transfer(Transfer::Short(short)) => {
                     // The transfer first: its bound can be set while it runs.
-                    self.port.start_short(short.bytes());
+                    self.port.start_short(&short);
                     self.wait(Waiting::Transfer, TRANSFER_US);
                     return None;
                 }

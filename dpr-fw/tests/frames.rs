@@ -18,7 +18,7 @@ use profile::{
     air, air::air_time_ns, image::Image, GpsStatus, GpsValues, LinkValues, Profile, ReportedStatus, ReportedValues,
 };
 use rtic_core::Mutex;
-use st25r3916::{command, listener::TAIL, Listener, ListenerConfig, ReadMode};
+use st25r3916::{command, listener::TAIL, Listener, ListenerConfig, ReadMode, Short};
 use st25r3916_model::{AirEvent, Chip, Chunk, Config, FrameStart, Technology};
 
 /// One byte at 8 MHz.
@@ -169,9 +169,9 @@ impl Port for SimPort {
         &bytes[LEAD..LEAD + len]
     }
 
-    fn start_short(&mut self, bytes: &[u8]) {
+    fn start_short(&mut self, short: &Short) {
         self.read = None;
-        self.start(bytes.to_vec());
+        self.start(short.bytes().to_vec());
     }
 
     fn start_read(&mut self, offset: usize, len: usize) {

@@ -21,7 +21,7 @@
 //! meantime, each counted, and nothing else. The cycle goes on.
 
 use profile::{air::Place, Profile};
-use st25r3916::{Fault, Input, Poller, PollerConfig, PollerEvent, Step, Transfer};
+use st25r3916::{Fault, Input, Poller, PollerConfig, PollerEvent, Short, Step, Transfer};
 
 use crate::{telemetry::Telemetry, timing::payload, FRAMES, RECEIVERS};
 
@@ -77,8 +77,8 @@ pub struct Slot {
 pub trait Port {
     /// Makes `profile` the one whose frames [`Port::start_load`] sends. Never called while a load is under way.
     fn deposit(&mut self, profile: &Profile<RECEIVERS>);
-    /// Starts an SPI transfer of `bytes` (at most [`st25r3916::Short::MAX`]), full duplex.
-    fn start_short(&mut self, bytes: &[u8]);
+    /// Starts this SPI transfer, full duplex.
+    fn start_short(&mut self, short: &Short);
     /// Starts an SPI transfer of the FIFO load command and the profile's bytes `start..start + len`.
     fn start_load(&mut self, start: usize, len: usize);
     /// Ends a transfer that did not end by itself; chip select is high afterwards.
@@ -285,7 +285,7 @@ impl<'a> Transmitter<'a> {
                 Step::Transfer(Transfer::Short(short)) => {
                     self.phase = Phase::Transfer { loading: false };
                     self.transfers = self.transfers.wrapping_add(1);
-                    port.start_short(short.bytes());
+                    port.start_short(&short);
                     return;
                 }
                 Step::Transfer(Transfer::Load { offset, len }) => {

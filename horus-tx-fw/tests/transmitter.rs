@@ -12,7 +12,7 @@ use horus_tx_fw::{
 use profile::{air, Object, Profile};
 use st25r3916::{
     poller::{rest_within_us, HEAD},
-    PollerConfig,
+    PollerConfig, Short,
 };
 use st25r3916_model::{AirEvent, Chip, Config};
 
@@ -73,8 +73,8 @@ impl Port for Bench {
         assert!(self.transfer.as_ref().is_none_or(|transfer| transfer.keep), "the bytes under a load do not change");
         self.profile = profile.as_bytes().to_vec();
     }
-    fn start_short(&mut self, bytes: &[u8]) {
-        self.begin(bytes.to_vec(), true);
+    fn start_short(&mut self, short: &Short) {
+        self.begin(short.bytes().to_vec(), true);
     }
     fn start_load(&mut self, start: usize, len: usize) {
         let mut out = vec![0x80];

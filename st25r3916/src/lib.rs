@@ -199,11 +199,11 @@
 //! assert_eq!(mosi(listener.step(Input::Irq)), [0x59, 0, 0, 0, 0, 0, 0, 0]);
 //! assert_eq!(listener.step(Input::Done(&[0, 0xFB, 0x20, 0, 0, 0, 0, 0])), Step::Wait { us: 6_000 }); // I_rxs
 //! assert_eq!(mosi(listener.step(Input::Irq)), [0x59, 0, 0, 0, 0, 0, 0, 0]);
-//! let read = Transfer::Read { offset: 0, len: 247 }; // 9F, then into the buffer
+//! let read = Transfer::Read { offset: 0, len: 245 }; // 9F, then into the buffer; the CRC-16 is not read
 //! assert_eq!(listener.step(Input::Done(&[0, 0xFB, 0x10, 0, 0, 0, 247, 0])), Step::Transfer(read)); // I_rxe
 //! buffer[0] = 245; // what the transfer brought: LEN, payload, CRC-16
 //! let frame = ListenerEvent::Frame { len: 244, flags: FrameFlags::empty() };
-//! assert_eq!(listener.step(Input::Done(&buffer[..247])), Step::Event(frame));
+//! assert_eq!(listener.step(Input::Done(&buffer[..245])), Step::Event(frame));
 //! // The payload, buffer[1..245], is the caller's; with `Start` the receiver is armed again.
 //! assert_eq!(mosi(listener.step(Input::Start)), [0x59, 0, 0, 0, 0, 0, 0, 0]); // none begun meanwhile?
 //! assert_eq!(mosi(listener.step(Input::Done(&[0, 0xFB, 0, 0, 0, 0, 0, 0]))), [0xDB]);

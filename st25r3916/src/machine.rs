@@ -20,6 +20,12 @@ impl Short {
         self.bytes.get(..usize::from(self.len)).unwrap_or(&[])
     }
 
+    /// [`Short::bytes`] and zeros behind them: to be copied at a cost that does not depend on their number.
+    #[must_use]
+    pub const fn padded(&self) -> &[u8; Self::MAX] {
+        &self.bytes
+    }
+
     /// `N` bytes to send; checked at compile time to fit.
     pub(crate) const fn new<const N: usize>(from: [u8; N]) -> Self {
         const { assert!(N >= 1 && N <= Self::MAX) };

@@ -156,9 +156,9 @@ impl Port for RfPort {
         }
     }
 
-    fn start_short(&mut self, bytes: &[u8]) {
-        let len = bytes.len().min(Short::MAX);
-        self.tx[..len].copy_from_slice(&bytes[..len]);
+    fn start_short(&mut self, short: &Short) {
+        let len = short.bytes().len();
+        *self.tx = *short.padded();
         self.transfer = Transfer::Short { len };
         let into = self.rx.as_mut_ptr();
         // SAFETY: `rx` is ours for ever and at least `len` bytes long; nobody reads it before `ended`.

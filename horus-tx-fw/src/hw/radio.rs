@@ -256,9 +256,9 @@ impl Port for Radio {
         }
     }
 
-    fn start_short(&mut self, bytes: &[u8]) {
-        self.len = bytes.len().min(Short::MAX);
-        for (to, from) in SHORT_OUT.iter().zip(bytes) {
+    fn start_short(&mut self, short: &Short) {
+        self.len = short.bytes().len();
+        for (to, from) in SHORT_OUT.iter().zip(short.padded()) {
             to.store(*from, Ordering::Relaxed);
         }
         let (out, into) = (SHORT_OUT.as_ptr() as u32, SHORT_IN.as_ptr() as u32);

@@ -1,6 +1,6 @@
 //! The listener against the stand-in.
 
-use st25r3916::listener::TAIL;
+use st25r3916::listener::{BUFFER, TAIL};
 use st25r3916::{
     Dropped, Fault, FrameFlags, Input, Listener, ListenerConfig, ListenerEvent, ListenerState, ReadMode, Step,
     Transfer, Variant,
@@ -224,7 +224,7 @@ fn a_listener_tells_its_state() {
             ListenerState::ReadingStatus { late: false },
             ListenerState::Receiving,
             ListenerState::ReadingStatus { late: false },
-            ListenerState::ReadingFifo { count: 53, end: true },
+            ListenerState::ReadingFifo { count: 51, end: true },
             ListenerState::Delivered,
         ]
     );
@@ -255,9 +255,9 @@ fn a_frame_is_stored_and_forwarded_in_one_status_and_one_read() {
     assert_eq!(rig.listener(&mut listener), ListenerEvent::Frame { len: 244, flags: CLEAN });
     assert_eq!(rig.buffer[0], 245);
     assert_eq!(rig.buffer[1..245], payload(244, 1));
-    assert_eq!(rig.buffer[245..247], [0xC1, 0xC2]);
-    // 10 µs of status and 250 µs of read at the stand-in's 8 MHz.
-    assert_eq!(rig.chip.now - end, 10 + 250);
+    assert_eq!(rig.buffer[245..247], [0, 0], "the CRC-16 is not read");
+    // 10 µs of status and 248 µs of read at the stand-in's 8 MHz.
+    assert_eq!(rig.chip.now - end, 10 + 248);
 
     let log = rig.log();
     assert_eq!(log[..2], ["59 00 00 00 00 00 00 00"; 2]); // I_rxs, I_rxe
@@ -276,8 +276,8 @@ fn a_frame_is_read_while_it_fills_and_few_bytes_are_left_at_its_end() {
         assert_eq!(rig.listener(&mut listener), ListenerEvent::Frame { len, flags: CLEAN });
         assert_eq!(rig.buffer[1..=len], payload(len, len));
         let left = rig.chip.log.iter().rev().find(|mosi| mosi[0] == 0x9F).unwrap().len() - 1;
-        assert!(left <= TAIL + 2, "{left} bytes left after I_rxe for {len}");
-        assert!(rig.chip.now - end <= 32, "{} µs after the last bit for {len}", rig.chip.now - end);
+        assert_eq!(left, TAIL - 1, "bytes read after I_rxe for {len}");
+        assert!(rig.chip.now - end <= 16, "{} µs after the last bit for {len}", rig.chip.now - end);
         let reads = rig.chip.log.iter().filter(|mosi| mosi[0] == 0x9F).count();
         assert_eq!(reads, 4);
         assert_eq!(rig.listener_within(&mut listener, 5), None);
@@ -319,6 +319,51 @@ fn a_busy_executor_gets_the_same_frame_only_later() {
             rig.assert_no_misuse();
         }
     }
+}
+
+/// A status read's response: the main interrupt register and the FIFO's level.
+fn status(main: u8, level: u16) -> [u8; 8] {
+    let [high, low] = level.to_be_bytes();
+    [0, 0xFB, main, 0, 0, 0, low, high << 6]
+}
+
+/// A listener that has seen a frame's sync and whose first wait in it is over.
+fn in_a_frame() -> Listener {
+    let (_, mut listener) = listening(Chip::new(Variant::B), FILLING);
+    let _ = listener.step(Input::Start);
+    let _ = listener.step(Input::Irq);
+    let _ = listener.step(Input::Done(&status(RXS, 0)));
+    let _ = listener.step(Input::Timeout);
+    listener
+}
+
+#[test]
+fn however_much_of_the_crc_16_was_read_on_the_way_the_frame_is_whole() {
+    let frame = [&[61], &payload(60, 1)[..], &[0xC1, 0xC2]].concat();
+    for on_the_way in 1..=63 {
+        let mut listener = in_a_frame();
+        let way = Transfer::Read { offset: 0, len: on_the_way };
+        assert_eq!(listener.step(Input::Done(&status(0, on_the_way as u16 + 1))), Step::Transfer(way));
+        let _ = listener.step(Input::Done(&frame[..on_the_way]));
+        let _ = listener.step(Input::Irq);
+        let mut step = listener.step(Input::Done(&status(RXE, 63 - on_the_way as u16)));
+        if on_the_way < 61 {
+            let rest = Transfer::Read { offset: on_the_way, len: 61 - on_the_way };
+            assert_eq!(step, Step::Transfer(rest));
+            step = listener.step(Input::Done(&frame[on_the_way..61]));
+        }
+        let whole = ListenerEvent::Frame { len: 60, flags: CLEAN };
+        assert_eq!(step, Step::Event(whole), "{on_the_way} bytes were read on the way");
+        assert_eq!(listener.counters().frames, 1);
+    }
+}
+
+#[test]
+fn on_the_way_as_much_is_read_as_the_buffer_takes_and_no_more() {
+    let longest = Transfer::Read { offset: 0, len: BUFFER };
+    assert_eq!(in_a_frame().step(Input::Done(&status(0, BUFFER as u16 + 1))), Step::Transfer(longest));
+    let dropped = ListenerEvent::Dropped(Dropped::TooLong);
+    assert_eq!(in_a_frame().step(Input::Done(&status(0, BUFFER as u16 + 2))), Step::Event(dropped));
 }
 
 #[test]
@@ -792,8 +837,12 @@ fn the_buffer_takes_the_longest_frame_len_can_tell_and_not_a_byte_more() {
         rig.chip.raw_frame(rig.chip.now + 1_000, &frame[..257], Some(0));
         assert_eq!(rig.listener(&mut listener), ListenerEvent::Frame { len: 254, flags: CLEAN });
         rig.chip.advance(rig.chip.now + 5);
-        rig.chip.raw_frame(rig.chip.now + 1_000, &frame, Some(0));
-        assert_eq!(rig.listener(&mut listener), ListenerEvent::Dropped(Dropped::TooLong));
+        // What is not read of a CRC-16 does not make room for more.
+        for more in 1..=3 {
+            frame.resize(257 + more, 0);
+            rig.chip.raw_frame(rig.chip.now + 1_000, &frame, Some(0));
+            assert_eq!(rig.listener(&mut listener), ListenerEvent::Dropped(Dropped::TooLong), "{more} bytes more");
+        }
     }
 }
 
