@@ -88,9 +88,11 @@ pub struct Core<C: Cost> {
     pub(crate) waiting: Option<bool>,
     pub(crate) locked_up: bool,
     pub(crate) halted: bool,
+    /// See [`Core::hang`].
+    pub(crate) hung: bool,
     /// Cycles since the core was made; goes on through resets and sleep.
     pub(crate) cycle: u64,
-    /// Of those, cycles in which it slept, was halted or locked up.
+    /// Of those, cycles in which it slept, was halted or locked up, or hung.
     pub(crate) idle: u64,
     /// Instructions executed.
     pub(crate) retired: u64,
@@ -181,6 +183,7 @@ impl<C: Cost> Core<C> {
             waiting: None,
             locked_up: false,
             halted: false,
+            hung: false,
             cycle: 0,
             idle: 0,
             retired: 0,
@@ -281,7 +284,7 @@ impl<C: Cost> Core<C> {
         self.cycle
     }
 
-    /// Cycles in which the core slept, was halted or locked up.
+    /// Cycles in which the core slept, was halted or locked up, or hung.
     #[must_use]
     pub const fn idle(&self) -> u64 {
         self.idle
@@ -309,6 +312,20 @@ impl<C: Cost> Core<C> {
     #[must_use]
     pub const fn locked_up(&self) -> bool {
         self.locked_up
+    }
+
+    /// The core executes nothing from the next instruction boundary on until it is reset, and takes no exception: as
+    /// one that is stuck in its highest exception with all others masked, NMI among them. One that sleeps does not
+    /// wake. All beside the execution goes on: its timers count, interrupts become pending, a debugger may halt it and
+    /// reset it, and a step that a debugger asks for ends where it began.
+    pub fn hang(&mut self) {
+        self.hung = true;
+    }
+
+    /// Whether it hangs, see [`Core::hang`].
+    #[must_use]
+    pub const fn is_hung(&self) -> bool {
+        self.hung
     }
 
     /// The next cycle at which something happens in the core itself, `u64::MAX` for never: SysTick, a DWT counter.

@@ -32,8 +32,8 @@ enum Pace {
 
 impl<C: Cost> Core<C> {
     /// Executes until the cycle `until`, or until something else wants the caller. While the core sleeps, is halted or
-    /// locked up, time passes and the bus is advanced. After [`Exit::Breakpoint`] it goes on with the instruction
-    /// there.
+    /// locked up, or hangs, time passes and the bus is advanced. After [`Exit::Breakpoint`] it goes on with the
+    /// instruction there.
     pub fn run<B: Bus>(&mut self, bus: &mut B, until: u64) -> Exit {
         let mut code = std::mem::take(&mut self.code);
         let exit = self.run_with(bus, &mut code, until, Pace::Free);
@@ -53,7 +53,7 @@ impl<C: Cost> Core<C> {
     }
 
     /// Executes one instruction, breakpoint or not, after any exception that is due. [`Exit::Until`] where nothing else
-    /// came of it. A core that sleeps, is halted or locked up passes the time to the next thing due.
+    /// came of it. A core that sleeps, is halted or locked up, or hangs, passes the time to the next thing due.
     pub fn step<B: Bus>(&mut self, bus: &mut B) -> Exit {
         let mut code = std::mem::take(&mut self.code);
         self.passed = Some(self.r[15]);
@@ -129,7 +129,7 @@ impl<C: Cost> Core<C> {
                 self.cycle = self.limit.min(self.stalled_until);
                 continue;
             }
-            if self.waiting.is_some() || self.locked_up || self.halted {
+            if self.waiting.is_some() || self.locked_up || self.halted || self.hung {
                 if self.limit == u64::MAX {
                     // Nothing is ever due, and the caller set no end.
                     return Exit::Until;

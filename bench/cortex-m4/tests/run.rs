@@ -44,6 +44,60 @@ fn the_bus_is_advanced_when_it_is_due() {
     assert_eq!(rig.board.advanced, [7]);
 }
 
+/// cpsie i; wfi; b to the wfi
+const SLEEP: &[u16] = &[0xB662, 0xBF30, 0xE7FD];
+
+#[test]
+fn a_core_that_hangs_executes_nothing_while_time_goes_on_until_it_is_reset() {
+    let mut rig = Rig::new(COUNT);
+    rig.core.run(&mut rig.board, 7);
+    rig.core.hang();
+    let (pc, retired) = (rig.core.pc(), rig.core.retired());
+    rig.board.due = 50;
+    assert_eq!(rig.core.run(&mut rig.board, 100), Exit::Until);
+    assert_eq!((rig.core.pc(), rig.core.retired(), rig.core.cycle()), (pc, retired, 100));
+    assert_eq!((rig.board.advanced.as_slice(), rig.core.idle(), rig.core.is_hung()), (&[50][..], 93, true));
+    assert_eq!(rig.core.run_one(&mut rig.board, 120), Exit::Until);
+    assert_eq!(rig.core.step(&mut rig.board), Exit::Until);
+    assert_eq!((rig.core.pc(), rig.core.retired()), (pc, retired));
+    let cycle = rig.core.cycle();
+    rig.core.reset(&mut rig.board);
+    assert!(!rig.core.is_hung());
+    rig.core.run(&mut rig.board, cycle + 7);
+    assert_eq!((rig.core.pc(), rig.core.retired()), (pc, 2 * retired), "it begins anew");
+}
+
+#[test]
+fn a_core_that_hangs_takes_no_interrupt_and_not_even_nmi_and_one_that_sleeps_does_not_wake() {
+    for (code, asleep) in [(COUNT, false), (SLEEP, true)] {
+        for nmi in [false, true] {
+            let run = |hung: bool| {
+                let mut rig = Rig::new(code);
+                // NVIC_ISER0: interrupt 0.
+                rig.core.debug_write(&mut rig.board, 0xE000_E100, 1).unwrap();
+                rig.core.run(&mut rig.board, 7);
+                assert_eq!(rig.core.is_asleep(), asleep);
+                if hung {
+                    rig.core.hang();
+                }
+                let retired = rig.core.retired();
+                rig.board.signals.nmi = nmi;
+                rig.board.signals.lines[0] = u64::from(!nmi);
+                rig.board.signals.changed = true;
+                rig.core.run(&mut rig.board, 40);
+                let pending = rig.core.debug_read(&mut rig.board, 0xE000_ED04).unwrap();
+                (rig.core.exception_changes() > 0, rig.core.retired() > retired, rig.core.is_asleep(), pending)
+            };
+            let (entered, executed, slept, _) = run(false);
+            assert!(entered && executed && !slept, "{asleep} {nmi}");
+            let (entered, executed, slept, pending) = run(true);
+            assert_eq!((entered, executed, slept), (false, false, asleep), "{nmi}");
+            // ICSR: NMIPENDSET, or ISRPENDING.
+            assert_ne!(pending & if nmi { 1 << 31 } else { 1 << 22 }, 0, "what came is pending: {pending:#x}");
+        }
+    }
+}
+
 #[test]
 fn an_access_that_wants_to_stop_ends_the_run_after_its_instruction() {
     // ldr r1, [r0]; movs r2, #1

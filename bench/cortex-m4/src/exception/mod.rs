@@ -92,8 +92,8 @@ impl<C: Cost> Core<C> {
             return false;
         }
         if let Some(before) = self.system.debug.stepping {
-            // else the step is still to come, see `debug_stepping`
-            if self.retired != before {
+            // else the step is still to come, see `debug_stepping`; of a core that hangs it is over
+            if self.retired != before || self.hung {
                 self.system.debug.stepping = None;
                 if self.system.debug.halting() {
                     self.halt(DFSR_HALTED);
@@ -101,6 +101,9 @@ impl<C: Cost> Core<C> {
                 }
                 self.debug_event(DFSR_HALTED);
             }
+        }
+        if self.hung {
+            return false;
         }
         if self.locked_up {
             // only NMI leaves a lockup, and only one at HardFault's priority (ARM ARM B1.5.15)

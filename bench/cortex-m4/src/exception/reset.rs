@@ -9,6 +9,7 @@ impl<C: Cost> Core<C> {
         self.system_advance();
         self.system.reset();
         self.halted = false;
+        self.hung = false;
         self.pause_timers();
         let active = std::mem::take(&mut self.ipsr);
         self.exception_changed_from(active);

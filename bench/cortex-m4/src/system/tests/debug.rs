@@ -53,6 +53,23 @@ fn a_step_executes_one_instruction() {
 }
 
 #[test]
+fn a_debugger_halts_a_core_that_hangs_steps_it_on_the_spot_and_resets_it() {
+    let (mut core, mut board) = debugged();
+    core.hang();
+    core.debug_write(&mut board, DHCSR, KEY | 3).unwrap();
+    assert_eq!((core.halted, core.r[15]), (true, START));
+    let retired = core.retired;
+    core.debug_write(&mut board, DHCSR, KEY | 5).unwrap();
+    look(&mut core, &mut board);
+    assert_eq!((core.halted, core.debug_stepping(), core.r[15], core.retired), (true, false, START, retired));
+    core.debug_write(&mut board, DHCSR, KEY | 1).unwrap();
+    look(&mut core, &mut board);
+    assert!(!core.halted && core.is_hung());
+    core.debug_write(&mut board, AIRCR, 0x05FA_0004).unwrap();
+    assert!(core.take_reset_request());
+}
+
+#[test]
 fn a_step_ends_at_the_first_instruction_of_a_handler() {
     let (mut core, mut board) = debugged();
     enable(&mut core, &mut board, 0, 0);
