@@ -56,6 +56,9 @@ pub const FIELD_RECOVERY: u64 = 2 * CYCLE + CYCLE / 2;
 pub const FIELD_READY: u64 = CYCLE;
 /// The longest that HORUS's watchdog takes to bite: 100 ms by an oscillator of 32 kHz that may run at 17 kHz (DS9405).
 pub const WATCHDOG_LONGEST: u64 = 190_000_000;
+/// The same of the DPR's: 100 ms by an RC oscillator of 32.768 kHz that may be off by 2 % (nRF52840 PS 5.4), and as
+/// much again, since parts were seen that keep that narrowly.
+pub const DPR_WATCHDOG_LONGEST: u64 = 104_000_000;
 /// HORUS takes what its objects say after the tick and before the first slot, 0.12 ms after it at the latest (design
 /// section 6 and `profile::air::send_slot_us`): a message that arrived later is not in them. With a margin, since what
 /// arrives in between may be in them or not.

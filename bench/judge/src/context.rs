@@ -14,6 +14,10 @@ pub struct Running {
     pub since: u64,
     /// How often it has started.
     pub starts: u64,
+    /// Since when it hangs by the bench's hand, ns, until its next start; `None` if it does not.
+    pub hung: Option<u64>,
+    /// Its last start ended such a hang.
+    pub ended_hang: bool,
 }
 
 /// The state of the run at the event that is being judged, that event included.
@@ -38,7 +42,7 @@ impl Context {
     /// If there is no profile for the header's number of receivers.
     #[must_use]
     pub fn new(header: &Header) -> Self {
-        let running = Running { powered: true, since: 0, starts: 1 };
+        let running = Running { powered: true, since: 0, starts: 1, hung: None, ended_hang: false };
         Self {
             layout: Layout::for_receivers(header.gps).expect("a profile has 1, 2, 3 or 5 receivers"),
             worst_case: header.worst_case(),
@@ -63,13 +67,22 @@ impl Context {
                 running.powered = *on;
                 running.since = event.at;
                 running.starts += u64::from(*on);
+                // Without a supply nothing hangs.
+                running.ended_hang = running.hung.take().is_some();
                 self.forget_window(*board);
             }
             What::Reset { board, .. } => {
                 let running = self.running_mut(*board);
                 running.since = event.at;
                 running.starts += 1;
+                running.ended_hang = running.hung.take().is_some();
                 self.forget_window(*board);
+            }
+            What::Hung { board } => {
+                let running = self.running_mut(*board);
+                if running.powered {
+                    running.hung.get_or_insert(event.at);
+                }
             }
             What::Sent { bytes, whole, .. } | What::Heard { bytes, whole, .. } => {
                 self.frame = Some(Frame::of(self.layout, bytes, *whole));

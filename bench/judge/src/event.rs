@@ -117,6 +117,12 @@ pub enum What {
         /// When its cause goes away, ns; the event's instant for what has no duration.
         until: u64,
     },
+    /// A board hangs, because the bench has its core execute nothing more and take no interrupt from now on. What ends
+    /// it is the board's next start, or its supply going off.
+    Hung {
+        /// Which.
+        board: Board,
+    },
     /// The levels of a pair of pins that tells HORUS's state are others; before the first of these no input is active.
     StateInput {
         /// 0 the relay, 1 the motor cut, 2 the emergency measure.
@@ -269,27 +275,28 @@ impl What {
             Self::Power { .. } => 0,
             Self::Reset { .. } => 1,
             Self::Injected { .. } => 2,
-            Self::StateInput { .. } => 3,
-            Self::Tick => 4,
-            Self::Command => 5,
-            Self::Field { .. } => 6,
-            Self::Sent { .. } => 7,
-            Self::FieldHeard { .. } => 8,
-            Self::Heard { .. } => 9,
-            Self::Answer => 10,
-            Self::Fed { .. } => 11,
-            Self::Fresh { .. } => 12,
-            Self::Ssi(_) => 13,
-            Self::Selected => 14,
-            Self::Transaction { .. } => 15,
-            Self::Forwarded { .. } => 16,
-            Self::Arrived { .. } => 17,
-            Self::Finding { .. } => 18,
-            Self::Misuse { .. } => 19,
-            Self::Late { .. } => 20,
-            Self::Counter { .. } => 21,
-            Self::Load { .. } => 22,
-            Self::End => 23,
+            Self::Hung { .. } => 3,
+            Self::StateInput { .. } => 4,
+            Self::Tick => 5,
+            Self::Command => 6,
+            Self::Field { .. } => 7,
+            Self::Sent { .. } => 8,
+            Self::FieldHeard { .. } => 9,
+            Self::Heard { .. } => 10,
+            Self::Answer => 11,
+            Self::Fed { .. } => 12,
+            Self::Fresh { .. } => 13,
+            Self::Ssi(_) => 14,
+            Self::Selected => 15,
+            Self::Transaction { .. } => 16,
+            Self::Forwarded { .. } => 17,
+            Self::Arrived { .. } => 18,
+            Self::Finding { .. } => 19,
+            Self::Misuse { .. } => 20,
+            Self::Late { .. } => 21,
+            Self::Counter { .. } => 22,
+            Self::Load { .. } => 23,
+            Self::End => 24,
         }
     }
 }

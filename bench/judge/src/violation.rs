@@ -159,6 +159,11 @@ violations! {
     HorusRestarted = "HORUS restarted unasked",
     /// The DPR restarted unasked.
     DprRestarted = "the DPR restarted unasked",
+    /// HORUS hangs, and its watchdog does not restart it. The bench had its core stop, and the longest time that the
+    /// watchdog may take has passed.
+    HorusStaysHung = "HORUS hangs, and its watchdog does not restart it",
+    /// The DPR hangs, and its watchdog does not restart it. As with HORUS.
+    DprStaysHung = "the DPR hangs, and its watchdog does not restart it",
     /// HORUS did what its part does not allow.
     HorusFinding = "HORUS did what its part does not allow",
     /// The DPR did what its part does not allow.

@@ -19,6 +19,7 @@ fn one_of_each() -> Vec<What> {
         What::Power { board: Board::Horus, on: true },
         What::Reset { board: Board::Dpr, cause: text(), asked: false },
         What::Injected { kind: "air".into(), until: u64::MAX },
+        What::Hung { board: Board::Dpr },
         What::StateInput { input: 1, active: true, inactive: false },
         What::Tick,
         What::Command,
@@ -46,7 +47,7 @@ fn one_of_each() -> Vec<What> {
 #[test]
 fn events_of_one_instant_stand_in_the_order_of_their_declaration() {
     let ranks: Vec<_> = one_of_each().iter().map(What::rank).collect();
-    assert_eq!(ranks, (0..24).collect::<Vec<_>>());
+    assert_eq!(ranks, (0..25).collect::<Vec<_>>());
     let source = include_str!("../src/event.rs");
     let declared = source.split("pub enum What {").nth(1).unwrap().split("\n}\n").next().unwrap();
     let is_variant = |line: &&str| line.starts_with("    ") && line.as_bytes()[4].is_ascii_uppercase();

@@ -16,6 +16,7 @@
 //! | [`base`] | which objects the base station shows | what it tells of a profile |
 //! | [`buffer`] | a bit of the DPR's receive or image buffers, once or for a while | the part's RAM |
 //! | [`power`] | supply and reset of a board | the part and its front end |
+//! | [`Fault::Hang`] | a board's core, which executes nothing more until its watchdog restarts it | the core |
 //! | [`upset`] | a bit of RAM, flash or a register | the part's memory |
 //! | [`image`] | instructions of a firmware in flash, or its variables | the image, before the run or in mid-run |
 //!
@@ -81,6 +82,10 @@ pub enum Fault {
     Base(BaseFault),
     /// A board's supply or reset pin.
     Power(Board, PowerFault),
+    /// A board hangs from the episode's beginning on: its core executes nothing more and takes no interrupt, whatever
+    /// it was doing, while its peripherals, DMA, timers and the chips beside it go on ([`crate::node::Node::hang`]).
+    /// What ends it is the board's own watchdog, which nobody feeds: the bench restarts nothing.
+    Hang(Board),
     /// A bit of a board.
     Upset(Board, Upset),
     /// A bit of the DPR's buffers.
@@ -103,6 +108,7 @@ impl Fault {
             Self::Wire(fault) => format!("wire {}", fault.name()),
             Self::Base(fault) => format!("base station {}", fault.name()),
             Self::Power(board, fault) => format!("power {} {}", name_of(*board), fault.name()),
+            Self::Hang(board) => format!("hang {}", name_of(*board)),
             Self::Upset(board, upset) => format!("{} {}", upset.name(), name_of(*board)),
             Self::Buffer(fault) => format!("buffer dpr {}", fault.name()),
             Self::Image(board, fault) => format!("image {} {}", name_of(*board), fault.name()),
@@ -116,9 +122,11 @@ impl Fault {
             Self::Receiver(..) | Self::Input(..) | Self::FrontEnd(_) => true,
             Self::Air(_) | Self::FlightController(_) | Self::Base(_) | Self::Buffer(_) => false,
             Self::Wire(fault) => fault.is_upstream(),
-            Self::Chip(board, _) | Self::Power(board, _) | Self::Upset(board, _) | Self::Image(board, _) => {
-                *board == Board::Horus
-            }
+            Self::Chip(board, _)
+            | Self::Power(board, _)
+            | Self::Hang(board)
+            | Self::Upset(board, _)
+            | Self::Image(board, _) => *board == Board::Horus,
         }
     }
 }

@@ -88,6 +88,21 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.note_power();
     }
 
+    /// The core executes nothing and takes no interrupt from now on, as [`cortex_m4::Core::hang`] has it, until
+    /// something resets the part: the watchdog that nobody feeds, if it runs. Everything else goes on. Does nothing to
+    /// a part without its supply.
+    pub fn hang(&mut self) {
+        if self.powered {
+            self.core.hang();
+        }
+    }
+
+    /// Whether the core hangs, see [`Node::hang`].
+    #[must_use]
+    pub fn is_hung(&self) -> bool {
+        self.core.is_hung()
+    }
+
     /// Whether the part has its supply.
     #[must_use]
     pub fn is_powered(&self) -> bool {

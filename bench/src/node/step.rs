@@ -49,7 +49,7 @@ impl<B: Board, C: Cost> Node<B, C> {
     }
 
     fn stopped(&self) -> bool {
-        self.exit.is_some() || self.core.locked_up() || self.side.clock.hz == 0
+        self.exit.is_some() || self.core.locked_up() || self.core.is_hung() || self.side.clock.hz == 0
     }
 
     /// The firmware's exit status, once it ended the run through semihosting.
@@ -136,6 +136,8 @@ impl<B: Board, C: Cost> Node<B, C> {
             "its supply is off".to_owned()
         } else if self.core.locked_up() {
             "it is locked up".to_owned()
+        } else if self.core.is_hung() {
+            format!("it hangs {place}")
         } else if self.side.clock.hz == 0 {
             format!("its core has no clock, {place}")
         } else if !self.core.is_asleep() {

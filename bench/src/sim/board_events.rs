@@ -86,6 +86,12 @@ impl BoardEvents {
                         }
                         power.begin(node);
                     }
+                    // Without a supply nothing hangs, and what hangs already has done so for longer.
+                    Fault::Hang(_) if node.is_powered() && !node.is_hung() => {
+                        node.hang();
+                        self.note(now, What::Hung { board: self.side });
+                    }
+                    Fault::Hang(_) => {}
                     Fault::Chip(_, chip) => node.board_mut(|board| board.front_end().begin_chip_fault(*chip)),
                     Fault::Buffer(buffer) => self.apply(node, now, |node| buffer.begin(node)),
                     Fault::Upset(_, upset) => self.apply(node, now, |node| upset.apply(node)),

@@ -413,7 +413,12 @@ impl Link {
         let begins = matches!(turn, Turn::Begins(_));
         let of_the_board = matches!(
             fault,
-            Fault::Power(..) | Fault::Chip(..) | Fault::Buffer(_) | Fault::Upset(..) | Fault::Image(..)
+            Fault::Power(..)
+                | Fault::Hang(_)
+                | Fault::Chip(..)
+                | Fault::Buffer(_)
+                | Fault::Upset(..)
+                | Fault::Image(..)
         );
         if begins && !of_the_board {
             self.recorder.note(now, What::Injected { kind: fault.name(), until: (*until).max(now) });

@@ -5,7 +5,7 @@ use bench_judge::Violation;
 use dpr_fw::telemetry::Telemetry as DprTelemetry;
 use horus_tx_fw::telemetry::Telemetry as HorusTelemetry;
 
-use super::images::{awake, bits, instead, stores, without_telemetry};
+use super::images::{ALWAYS, awake, bits, instead, never, stores, without_telemetry};
 use super::{BREAKS, MS, Row, table};
 
 /// The STM32's SPI1_CR1, with the prescaler of the front end's clock in bits 5 to 3 (RM0090 28.5.1).
@@ -15,8 +15,10 @@ const IWDG_KR: u32 = 0x4000_3000;
 /// The key that reloads the STM32's watchdog.
 const IWDG_RELOAD: u32 = 0xAAAA;
 
-/// From the start to the end of the run.
-const ALWAYS: (u64, u64) = (0, u64::MAX);
+/// The key that starts it.
+const IWDG_START: u32 = 0xCCCC;
+/// The nRF52840's WDT, whose first register starts it (PS 6.36).
+const WDT: u32 = 0x4001_0000;
 
 /// A word in the telemetry of `board` is not zero from [`BREAKS`] on.
 fn counts(board: Board, symbol: &str, offset: usize) -> Faults {
@@ -31,9 +33,22 @@ fn log_destroyed(board: Board) -> Faults {
     Faults::none().with(BREAKS, u64::MAX, Fault::Image(board, poke))
 }
 
+/// `board` hangs from [`BREAKS`] on.
+fn hangs(board: Board) -> Faults {
+    Faults::none().with(BREAKS, BREAKS, Fault::Hang(board))
+}
+
 table! {
+    a_horus_that_hangs_and_never_started_its_watchdog => Row {
+        setup: |setup| stores(setup, Board::Horus, ALWAYS, &[instead(IWDG_KR, IWDG_START, 0)]),
+        ..Row::new(Violation::HorusStaysHung, || hangs(Board::Horus))
+    };
+    a_dpr_that_hangs_and_never_started_its_watchdog => Row {
+        setup: |setup| stores(setup, Board::Dpr, ALWAYS, &[never(WDT)]),
+        ..Row::new(Violation::DprStaysHung, || hangs(Board::Dpr))
+    };
     a_horus_that_does_not_feed_its_watchdog => Row {
-        setup: |setup| stores(setup, Board::Horus, (BREAKS, BREAKS + 120 * MS), instead(IWDG_KR, IWDG_RELOAD, 0)),
+        setup: |setup| stores(setup, Board::Horus, (BREAKS, BREAKS + 120 * MS), &[instead(IWDG_KR, IWDG_RELOAD, 0)]),
         duration: 1_000 * MS,
         ..Row::new(Violation::HorusRestarted, Faults::none)
     };
@@ -46,7 +61,7 @@ table! {
         })
     };
     a_front_end_of_horus_that_is_clocked_too_fast => Row {
-        setup: |setup| stores(setup, Board::Horus, ALWAYS, bits(SPI1_CR1, 0x38, 0x08)),
+        setup: |setup| stores(setup, Board::Horus, ALWAYS, &[bits(SPI1_CR1, 0x38, 0x08)]),
         ..Row::new(Violation::FrontEndMisuse, Faults::none)
     };
     a_horus_whose_log_is_none => Row::new(Violation::HorusFinding, || log_destroyed(Board::Horus));

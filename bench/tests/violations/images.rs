@@ -18,6 +18,8 @@ use super::MS;
 const RECORDED: u64 = 30 * MS;
 /// How much of flash is compared: an image and the stubs behind it.
 const FLASH: usize = 0x4_4000;
+/// From the start to the end of the run.
+pub(super) const ALWAYS: (u64, u64) = (0, u64::MAX);
 /// `WFI`
 const WAIT: [u8; 2] = 0xBF30_u16.to_le_bytes();
 /// `NOP`
@@ -44,11 +46,11 @@ fn dpr(setup: &Setup) -> Node<Dpr> {
     Node::new(Nrf52840::new(Settings::default()), Dpr::new(chip(), false), &image(setup, Board::Dpr)).unwrap()
 }
 
-/// Between `at` and `until` (ns) the image of `board` stores something else to a register, its CRC made to fit.
-pub(super) fn stores(setup: &mut Setup, board: Board, (at, until): (u64, u64), change: Change) {
+/// Between `at` and `until` (ns) the image of `board` stores something else to registers, its CRC made to fit.
+pub(super) fn stores(setup: &mut Setup, board: Board, (at, until): (u64, u64), changes: &[Change]) {
     let patches = match board {
-        Board::Horus => patches(horus(setup), change),
-        Board::Dpr => patches(dpr(setup), change),
+        Board::Horus => patches(horus(setup), changes),
+        Board::Dpr => patches(dpr(setup), changes),
     };
     for (address, bytes) in patches {
         let fault = Fault::Image(board, ImageFault::Patch { address, bytes, sealed: false });
@@ -57,7 +59,7 @@ pub(super) fn stores(setup: &mut Setup, board: Board, (at, until): (u64, u64), c
 }
 
 /// Where flash differs after [`rewrite`], and what is there then.
-fn patches<B: Powered>(mut node: Node<B>, change: Change) -> Vec<(u32, Vec<u8>)> {
+fn patches<B: Powered>(mut node: Node<B>, changes: &[Change]) -> Vec<(u32, Vec<u8>)> {
     let recording = Recording::of(&mut node.clone(), RECORDED, |node| {
         node.board_mut(|board| board.front_end().take_air());
     });
@@ -68,7 +70,7 @@ fn patches<B: Powered>(mut node: Node<B>, change: Change) -> Vec<(u32, Vec<u8>)>
         flash
     };
     let before = read(&node);
-    rewrite(&mut node, &recording, &[change]).unwrap();
+    rewrite(&mut node, &recording, changes).unwrap();
     let after = read(&node);
     let mut patches: Vec<(u32, Vec<u8>)> = vec![];
     for (offset, (before, after)) in before.iter().zip(after).enumerate() {
@@ -141,4 +143,9 @@ pub(super) const fn bits(address: u32, mask: u32, value: u32) -> Change {
 /// The image stores `value` where it would store `of`.
 pub(super) const fn instead(address: u32, of: u32, value: u32) -> Change {
     Change { address, to: To::Instead { of, value } }
+}
+
+/// The image never stores to `address`.
+pub(super) const fn never(address: u32) -> Change {
+    Change { address, to: To::Nothing }
 }

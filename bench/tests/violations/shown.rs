@@ -2,10 +2,11 @@
 
 use std::mem::offset_of;
 
-use bench::faults::{AirFaults, Board, ChipFault, Fault, Faults, ImageFault, WireFault};
+use bench::faults::{AirFaults, Board, ChipFault, Conduct, Fault, Faults, ImageFault, WireFault};
 use bench_judge::{Event, Violation, What};
 use dpr_fw::telemetry::Telemetry;
 
+use super::images::{ALWAYS, instead, stores};
 use super::{BREAKS, MS, Row, US, run, table};
 
 /// The control cycle of the flight controller: between two instants so far apart exactly one transaction ends.
@@ -44,6 +45,15 @@ fn regressed() -> Faults {
     // The second transaction of those that show one image.
     let begins = 307 * MS;
     of_wire(begins, begins + CONTROL_CYCLE, WireFault::MisoReplay { age_ns: CYCLE })
+}
+
+/// The nRF52840's register that enables PPI channels (PS 6.16).
+const PPI_CHENSET: u32 = 0x4001_F504;
+
+/// The DPR hangs when an image has just been put in, and the flight controller reads that when its time is over.
+fn hangs_with_an_image() -> Faults {
+    let silent = Fault::FlightController(Conduct::Silent);
+    Faults::none().with(BREAKS, BREAKS + 30 * MS, silent).with(BREAKS + MS, BREAKS + MS, Fault::Hang(Board::Dpr))
 }
 
 table! {
@@ -102,6 +112,11 @@ table! {
         lost(BREAKS, BREAKS + 2 * CYCLE).with(BREAKS + 8 * MS, BREAKS + 21 * MS, dead)
     });
     shown_expired => Row::new(Violation::ShownExpired, hangs_in_silence);
+    // Without the expiry in hardware, which is that of two channels.
+    shown_expired_by_a_dpr_that_hangs => Row {
+        setup: |setup| stores(setup, Board::Dpr, ALWAYS, &[instead(PPI_CHENSET, 2, 0), instead(PPI_CHENSET, 4, 0)]),
+        ..Row::new(Violation::ShownExpired, hangs_with_an_image)
+    };
     // One transaction reads what one of the cycle before had read.
     regression => Row::new(Violation::Regression, regressed);
     link_age => Row::new(Violation::LinkAge, || link_status(25, 0x10));
@@ -119,6 +134,13 @@ table! {
         setup: |setup| setup.crystals.dpr_ppb = -6_000_000,
         ..Row::new(Violation::LinkTime, Faults::none)
     };
+}
+
+#[test]
+fn a_dpr_that_hangs_with_its_expiry_in_hardware_shows_no_expired_image() {
+    let Some(finished) = run(&Row::new(Violation::ShownExpired, hangs_with_an_image)) else { return };
+    assert_eq!(finished.verdict.violations, []);
+    assert!(finished.log.events.iter().any(|event| event.what == What::Hung { board: Board::Dpr }));
 }
 
 // ---- the figures that go with them

@@ -23,6 +23,14 @@
 //! | DPR | `overruns` | frames lost because commit and scrub were late by a cycle |
 //! | DPR | `images_expired` | images that none replaced in time |
 //!
+//! # A board that hangs
+//!
+//! Where the bench has a board's core stop, the reset by which the board's watchdog ends that is asked for, and must
+//! come within the longest time that the watchdog may take: by then the board has restarted, for whatever reason, or
+//! has no supply. The watchdog's alone is excused: a core that executes nothing cannot reset its part otherwise. What
+//! its front end reports until then is that of nobody. A board that stays hung is told once, and all else that it does
+//! not do follows from that.
+//!
 //! A line's counter may carry a prefix that ends in a full stop, as in `lines.0.overruns`.
 
 use std::collections::BTreeMap;
@@ -38,6 +46,7 @@ struct Of {
 
 impl Of {
     const RESTARTED: Self = Self { horus: Violation::HorusRestarted, dpr: Violation::DprRestarted };
+    const STAYS_HUNG: Self = Self { horus: Violation::HorusStaysHung, dpr: Violation::DprStaysHung };
     const FINDING: Self = Self { horus: Violation::HorusFinding, dpr: Violation::DprFinding };
     const OVERLOADED: Self = Self { horus: Violation::HorusOverloaded, dpr: Violation::DprOverloaded };
     const COMPLAINS: Self = Self { horus: Violation::HorusComplains, dpr: Violation::DprComplains };
@@ -69,6 +78,8 @@ pub struct Boards {
     faulted: Vec<(Board, u64, String)>,
     /// Which board last restarted unasked, and when.
     restarted: Option<(Board, u64)>,
+    /// By when each board that hangs must have restarted, ns, until it has or that is told.
+    restart_due: [Option<u64>; 2],
     /// Until when each board's front end may be used against its data sheet, ns: it is, or was just, out of order.
     out_of_order: [u64; 2],
     /// HORUS's carrier is on.
@@ -87,6 +98,7 @@ impl Boards {
             explained: false,
             faulted: vec![],
             restarted: None,
+            restart_due: [None; 2],
             out_of_order: [0; 2],
             field: false,
             on_the_way: None,
@@ -95,15 +107,24 @@ impl Boards {
     }
 
     /// Takes the next event.
-    pub fn take(&mut self, event: &Event, _context: &Context, findings: &mut Findings) {
+    pub fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
         let at = event.at;
+        self.pass(at, findings);
         match &event.what {
-            What::Power { .. } => self.explained = true,
+            What::Hung { board } if context.running(*board).hung == Some(at) => {
+                self.restart_due[*board as usize] = Some(at + watchdog_longest(*board));
+            }
+            What::Power { board, .. } => {
+                self.explained = true;
+                self.restart_due[*board as usize] = None;
+            }
             What::Reset { board, cause, asked } => {
                 self.explained = true;
+                self.restart_due[*board as usize] = None;
                 let over = &mut self.out_of_order[*board as usize];
                 *over = (*over).max(at.saturating_add(bounds::CUT_SHORT));
-                if !asked {
+                let ends_hang = context.running(*board).ended_hang && is_of_watchdog(cause);
+                if !asked && !ends_hang {
                     self.restarted = Some((*board, at));
                     // The fault that ended in this restart is told by it.
                     let ended_so = |(of, fault_at, _): &(Board, u64, String)| {
@@ -146,6 +167,7 @@ impl Boards {
             What::Finding { board, text } => findings.add(Of::FINDING.board(*board), at, || text.clone()),
             // A firmware that does not know, or cannot read, what its front end is doing goes on using it.
             What::Misuse { board, .. } if at <= self.out_of_order[*board as usize] => {}
+            What::Misuse { board, .. } if context.running(*board).hung.is_some() => {}
             What::Misuse { board, text } => {
                 findings.add(Violation::FrontEndMisuse, at, || format!("{board:?}: {text}"));
             }
@@ -171,6 +193,17 @@ impl Boards {
         }
     }
 
+    /// It is `now`: a board whose watchdog has not bitten by then stays hung.
+    fn pass(&mut self, now: u64, findings: &mut Findings) {
+        for board in [Board::Horus, Board::Dpr] {
+            if let Some(due) = self.restart_due[board as usize].take_if(|due| now > *due) {
+                findings.add(Of::STAYS_HUNG.board(board), due, || {
+                    format!("{} ns after it began to", watchdog_longest(board))
+                });
+            }
+        }
+    }
+
     /// The run is over.
     pub fn finish(&mut self, _context: &Context, findings: &mut Findings, figures: &mut Figures) {
         figures.faults.injected = std::mem::take(&mut self.injected);
@@ -184,6 +217,19 @@ impl Boards {
             findings.add(Of::COMPLAINS.board(board), at, || format!("{name} = {value}"));
         }
     }
+}
+
+/// The longest that a board's watchdog takes to bite, ns.
+const fn watchdog_longest(board: Board) -> u64 {
+    match board {
+        Board::Horus => bounds::WATCHDOG_LONGEST,
+        Board::Dpr => bounds::DPR_WATCHDOG_LONGEST,
+    }
+}
+
+/// Whether a reset's cause in words is the part's watchdog.
+fn is_of_watchdog(cause: &str) -> bool {
+    cause.to_lowercase().contains("watchdog")
 }
 
 /// Whether the words of a finding are those of a fault of the core, after which the board does nothing but restart.
@@ -295,6 +341,104 @@ mod tests {
             events.reset(50 * MS, board, true);
         }
         assert_eq!(broken(&events), []);
+    }
+
+    const LONGEST: [u64; 2] = [bounds::WATCHDOG_LONGEST, bounds::DPR_WATCHDOG_LONGEST];
+    const STAYS: [Violation; 2] = [Violation::HorusStaysHung, Violation::DprStaysHung];
+    const RESTARTED: [Violation; 2] = [Violation::HorusRestarted, Violation::DprRestarted];
+
+    /// A board hangs at 50 ms, and `after` that something happens; the run ends at 600 ms.
+    fn hung(board: Board, after: u64, what: What) -> Vec<(Violation, u64, u64)> {
+        let mut events = run();
+        events.add(50 * MS, What::Hung { board }).add(50 * MS + after, what).end(600 * MS);
+        broken(&events)
+    }
+
+    fn reset(board: Board, cause: &str) -> What {
+        What::Reset { board, cause: cause.into(), asked: false }
+    }
+
+    #[test]
+    fn the_watchdogs_reset_of_a_board_that_hangs_is_asked_for_and_must_come_in_time() {
+        for (nth, board) in BOARDS.into_iter().enumerate() {
+            let longest = LONGEST[nth];
+            let bites = || reset(board, "Watchdog(\"WDT\")");
+            let stays = (STAYS[nth], 1, 50 * MS + longest);
+            assert_eq!(hung(board, 20 * MS, bites()), []);
+            assert_eq!(hung(board, longest, bites()), []);
+            assert_eq!(hung(board, longest + 1, bites()), [stays], "told once, and it hung until then");
+            assert_eq!(hung(board, 600 * MS, bites()), [stays], "it never comes");
+            // Of a board that does not hang it is unasked, and of the other one as well.
+            let mut events = run();
+            events.add(70 * MS, bites()).end(600 * MS);
+            assert_eq!(broken(&events), [(RESTARTED[nth], 1, 70 * MS)]);
+            let other = BOARDS[1 - nth];
+            let of_other = (RESTARTED[1 - nth], 1, 70 * MS);
+            let mut told = hung(board, 20 * MS, reset(other, "Watchdog(\"WDT\")"));
+            told.sort_by_key(|(violation, ..)| *violation == stays.0);
+            assert_eq!(told, [of_other, stays]);
+        }
+    }
+
+    #[test]
+    fn a_board_that_hangs_is_excused_one_restart_and_that_by_its_watchdog_alone() {
+        for (nth, board) in BOARDS.into_iter().enumerate() {
+            for cause in ["Lockup", "Software"] {
+                assert_eq!(hung(board, 20 * MS, reset(board, cause)), [(RESTARTED[nth], 1, 70 * MS)], "{cause}");
+            }
+            let mut events = run();
+            let bites = reset(board, "Watchdog(\"WDT\")");
+            events.add(50 * MS, What::Hung { board }).add(60 * MS, bites.clone()).add(60 * MS + 1, bites);
+            assert_eq!(broken(events.end(600 * MS)), [(RESTARTED[nth], 1, 60 * MS + 1)]);
+        }
+    }
+
+    #[test]
+    fn a_restart_for_another_reason_and_a_supply_that_goes_off_end_a_hang() {
+        for board in BOARDS {
+            let pin = What::Reset { board, cause: "Pin".into(), asked: true };
+            for what in [pin, What::Power { board, on: false }] {
+                assert_eq!(hung(board, 20 * MS, what), []);
+            }
+        }
+    }
+
+    #[test]
+    fn a_board_without_a_supply_does_not_hang_and_of_two_hangs_the_first_counts() {
+        for (nth, board) in BOARDS.into_iter().enumerate() {
+            let mut events = run();
+            events.add(40 * MS, What::Power { board, on: false });
+            events.add(50 * MS, What::Hung { board }).add(60 * MS, What::Power { board, on: true });
+            events.add(70 * MS, reset(board, "Watchdog(\"WDT\")"));
+            assert_eq!(broken(events.end(600 * MS)), [(RESTARTED[nth], 1, 70 * MS)]);
+            let again = hung(board, 30 * MS, What::Hung { board });
+            assert_eq!(again, [(STAYS[nth], 1, 50 * MS + LONGEST[nth])]);
+        }
+    }
+
+    #[test]
+    fn what_the_front_end_of_a_board_that_hangs_reports_is_nobodys_until_its_restart() {
+        for board in BOARDS {
+            let misuse = |at: u64, of: Board| {
+                let mut events = run();
+                events.add(50 * MS, What::Hung { board });
+                events.add(90 * MS, reset(board, "Watchdog(\"WDT\")"));
+                events.add(at, What::Misuse { board: of, text: "in words".into() });
+                broken(&events).len()
+            };
+            let over = 90 * MS + bounds::CUT_SHORT;
+            for (at, of, told) in [
+                (50 * MS - 1, board, 1),
+                (50 * MS, board, 0),
+                (90 * MS - 1, board, 0),
+                (over, board, 0),
+                (over + 1, board, 1),
+            ] {
+                assert_eq!(misuse(at, of), told, "{at}");
+            }
+            let other = BOARDS[usize::from(board == Board::Horus)];
+            assert_eq!(misuse(60 * MS, other), 1);
+        }
     }
 
     #[test]

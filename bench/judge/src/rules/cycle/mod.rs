@@ -20,6 +20,10 @@
 //! - While HORUS's front end is out of order through no fault of HORUS's, and [`bounds::FRONT_END_RECOVERY`] after
 //!   that, commands without frames, frames that break off or are missing and a field that drops are not blamed. What is
 //!   sent is judged all the same, and how soon the link recovers (rule `shown`).
+//! - From the instant on at which the bench has HORUS hang until its next start no ticks, commands and frames are asked
+//!   for, and a frame that was begun or commanded before it may break off or not come. What is sent is judged all the
+//!   same, and so are the ticks that HORUS's timer goes on making. What was missing before it is told, since the
+//!   watchdog's reset that ends the hang tells nothing.
 //! - A cycle that its tick does not end in time is not asked for frames. Where a tick was missing or irregular, the
 //!   timestamps may or may not count it: the next one decides, and binds those after it.
 //! - A frame that begins more than a cycle after a tick without another is that of a tick that is missing or late,
@@ -48,8 +52,8 @@ fn ms(at: u64) -> String {
 #[derive(Clone, Copy, Debug)]
 struct Command {
     at: u64,
-    /// The field was off, or went off while its frame may have been on the air.
-    field_lost: bool,
+    /// Its frame may not come: the field was off, or went off while that may have been on the air, or HORUS hung then.
+    cut_off: bool,
 }
 
 /// Which numbers a tick may have, counted from 1 since HORUS's start: more than one only after ticks that were missing
@@ -82,8 +86,8 @@ struct Tick {
     number: Number,
     /// Something of it was blamed.
     blamed: bool,
-    /// The field was off for some of it, after it had dropped.
-    field_lost: bool,
+    /// Its frames may not come: the field was off for some of it, after it had dropped, or HORUS hung.
+    cut_off: bool,
     /// Command and first preamble bit of each frame.
     frames: [Option<(u64, u64)>; 2],
     /// Frames that were sent and are not among those, since something was wrong with them.
@@ -110,6 +114,8 @@ enum Missing {
 struct Run {
     since: u64,
     powered: bool,
+    /// It hangs by the bench's hand.
+    hung: bool,
     /// The tick before `tick`.
     before: Option<Tick>,
     tick: Option<Tick>,
@@ -137,6 +143,7 @@ impl Run {
         Self {
             since,
             powered,
+            hung: false,
             before: None,
             tick: None,
             tick_missing: false,
@@ -208,15 +215,20 @@ impl Cycle {
             }
             What::Injected { kind, until } if kind.contains("horus front end") => {
                 if let Some(tick) = &mut self.run.tick {
-                    tick.field_lost = true;
+                    tick.cut_off = true;
                 }
                 self.front_end_gone = self.front_end_gone.max(until.saturating_add(bounds::FRONT_END_RECOVERY));
             }
             _ if !self.run.powered => {}
+            What::Hung { board: Board::Horus } => {
+                self.tell_missing(findings);
+                self.run.hung = true;
+                self.cut_off(event.at);
+            }
             What::Tick => self.tick(event.at, findings),
             What::Command => {
-                let field_lost = self.run.dropped;
-                self.run.commands.push(Command { at: event.at, field_lost });
+                let cut_off = self.run.dropped || self.run.hung;
+                self.run.commands.push(Command { at: event.at, cut_off });
             }
             What::Field { on } => self.field(event.at, *on, findings),
             What::Sent { started, bit_rate, whole, .. } => {
@@ -243,7 +255,7 @@ impl Cycle {
             return;
         }
         let due = run.tick.map_or(run.since + bounds::START, |tick| tick.at + bounds::TICK_MISSING);
-        if now > due && !run.tick_missing {
+        if now > due && !run.tick_missing && !run.hung {
             run.tick_missing = true;
             run.missing.push((due, Missing::Tick { after: run.tick.map(|tick| tick.at) }));
         }
@@ -277,7 +289,7 @@ impl Cycle {
     }
 
     fn without_frame(&mut self, command: Command, findings: &mut Findings) {
-        if !command.field_lost && command.at >= self.front_end_gone {
+        if !command.cut_off && command.at >= self.front_end_gone {
             findings.add(Violation::CommandWithoutFrame, command.at, || format!("the one given at {}", ms(command.at)));
             self.run.lost = self.run.lost.max(Some(command.at));
             if let Some(tick) = self.run.tick_of(command.at) {
@@ -315,7 +327,8 @@ impl Cycle {
             at,
             number,
             blamed: !regular,
-            field_lost: run.dropped
+            cut_off: run.hung
+                || run.dropped
                 || run.back.is_some_and(|back| at < back + bounds::FIELD_READY)
                 || at < self.front_end_gone,
             frames: [None; 2],
@@ -330,7 +343,7 @@ impl Cycle {
         // A frame that is on the air is known when it has ended.
         let under_way = run.commands.iter().filter(|command| command.at >= tick.at).count();
         let (sent, wanted) = (tick.sent(), self.layout.frames());
-        if in_time && !tick.field_lost && sent + tick.others + under_way < wanted {
+        if in_time && !tick.cut_off && sent + tick.others + under_way < wanted {
             run.missing.push((now, Missing::Frames { of: tick.at, sent, wanted }));
             run.lost = run.lost.max(Some(tick.at));
             tick.blamed = true;
@@ -341,7 +354,7 @@ impl Cycle {
     fn measure(&mut self, tick: Option<Tick>) {
         let (run, measured) = (&mut self.run, &mut self.measured);
         let led = run.led.take();
-        let Some(tick) = tick.filter(|tick| !tick.blamed && !tick.field_lost) else { return };
+        let Some(tick) = tick.filter(|tick| !tick.blamed && !tick.cut_off) else { return };
         for (number, frame) in tick.frames.into_iter().enumerate() {
             let Some((command, started)) = frame else { continue };
             let (to_command, to_air) = (command - tick.at, started - tick.at);
@@ -379,17 +392,22 @@ impl Cycle {
             return;
         }
         run.dropped = true;
-        if let Some(tick) = &mut run.tick {
-            tick.field_lost = true;
-        }
-        let whole_by = |command: &Command| command.at + bounds::COMMAND_TO_AIR + bounds::FRAME_LONGEST;
-        let waited_in_vain = run.commands.iter().any(|command| !command.field_lost && at > whole_by(command));
-        for command in run.commands.iter_mut().filter(|command| at <= whole_by(command)) {
-            command.field_lost = true;
-        }
+        let waited_in_vain = run.commands.iter().any(|command| !command.cut_off && at > whole_by(command));
+        self.cut_off(at);
+        let run = &self.run;
         let gone = at < self.front_end_gone;
         if !gone && !waited_in_vain && run.lost.is_none_or(|lost| at > lost + bounds::FIELD_RECOVERY) {
             findings.add(Violation::FieldDropped, at, || format!("at {}", ms(at)));
+        }
+    }
+
+    /// What is under way at `at` may not come to its end.
+    fn cut_off(&mut self, at: u64) {
+        if let Some(tick) = &mut self.run.tick {
+            tick.cut_off = true;
+        }
+        for command in self.run.commands.iter_mut().filter(|command| at <= whole_by(command)) {
+            command.cut_off = true;
         }
     }
 
@@ -408,7 +426,7 @@ impl Cycle {
                 tick.blamed = true;
             }
         };
-        if !whole && at < self.front_end_gone {
+        if !whole && (run.hung || at < self.front_end_gone) {
             return others(run);
         }
         if !whole {
@@ -475,6 +493,11 @@ impl Cycle {
         figures.tick_to_command_ns = self.measured.command.span();
         figures.tick_to_air_ns = self.measured.air.span();
     }
+}
+
+/// When the frame of a command has ended, ns.
+const fn whole_by(command: &Command) -> u64 {
+    command.at + bounds::COMMAND_TO_AIR + bounds::FRAME_LONGEST
 }
 
 /// Judges the objects of a frame of the cycle with this number; whether nothing is wrong with them.

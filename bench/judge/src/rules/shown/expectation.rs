@@ -237,7 +237,8 @@ impl Expectation {
         let frame = context.frame()?;
         let number = frame.number?;
         let dpr = context.running(Board::Dpr);
-        if !dpr.powered {
+        // While it hangs it hands nothing on: what has not reached an image by then reaches none.
+        if !dpr.powered || dpr.hung.is_some() {
             return None;
         }
         let listening = started >= dpr.since + bounds::START && started >= self.armed;

@@ -23,6 +23,12 @@
 //! next could be, and nothing if what stands there is another violation's: an object of the table above, damage (rule
 //! `ssi`). A transaction that reads 0xFF throughout is never asked: whether it may is for `ssi` to say.
 //!
+//! # A DPR that hangs
+//!
+//! From the instant on at which the bench has the DPR hang until its next start nothing new must be shown, and what the
+//! DPR would have taken away with its processor may stay: it is not stale if the deadline had not passed by then. No
+//! expired image may be read: expiry takes no processor.
+//!
 //! # Limits
 //!
 //! - An image that stays although the next frame was received and brought nothing that may be shown is found when its
@@ -164,6 +170,17 @@ impl Shown {
                 self.deliveries.clear();
                 self.known.fill(None);
             }
+            // What had not to be readable by then may never be.
+            What::Hung { board: Board::Dpr } => {
+                self.due.retain(|due| due.from <= event.at);
+                let publication = bounds::LAST_BIT_TO_READABLE.max(self.publication);
+                for delivery in &mut self.deliveries {
+                    let awaits = awaits_second(self.layout, delivery);
+                    if delivery.ended + awaits + publication > event.at {
+                        delivery.received = delivery.received.min(Certainty::May);
+                    }
+                }
+            }
             // What its front end had not handed over by then is lost with it.
             What::Injected { kind, .. } if expectation::disturbs_the_dpr(kind).is_some() => {
                 self.due.retain(|due| due.frame.ended + bounds::STORE_AND_FORWARD <= event.at);
@@ -202,17 +219,12 @@ impl Shown {
             }
         }
         if let (Some(timestamp), true) = (timestamp, objects != 0) {
-            let from = ended + self.awaits_second(&delivery) + bounds::LAST_BIT_TO_READABLE;
+            let from = ended + awaits_second(self.layout, &delivery) + bounds::LAST_BIT_TO_READABLE;
             let until = ended + bounds::FRAME_DEADLINE - bounds::SEQUENCE_BAND;
             let frame = delivery.clone();
             self.due.push_back(Due { frame, timestamp, objects, from, until, asked: None, answered: false });
         }
         self.deliveries.push_back(delivery);
-    }
-
-    /// How long the image waits for the second frame of its cycle, ns.
-    fn awaits_second(&self, frame: &Delivery) -> u64 {
-        if frame.number + 1 < self.layout.frames() { bounds::SECOND_FRAME } else { 0 }
     }
 
     /// Decides the cycles whose time is over at `now`: all of them if it is over for all.
@@ -245,7 +257,7 @@ impl Shown {
         let mut wrong: Vec<(Violation, String)> = vec![];
         let mut was_stale = None;
         for placed in reading.objects.iter().filter(|placed| placed.timestamp().is_some()) {
-            match self.judge(placed, reading.selected) {
+            match self.judge(placed, reading.selected, dpr.hung) {
                 Fate::Right { serial, started } => {
                     self.youngest[placed.index] = serial;
                     self.recovery.shown(started, reading.selected);
@@ -284,8 +296,8 @@ impl Shown {
         }
     }
 
-    /// Whether a valid object may be shown by a transaction that began at `selected`.
-    fn judge(&mut self, placed: &Placed, selected: u64) -> Fate {
+    /// Whether a valid object may be shown by a transaction that began at `selected`, of a DPR that hangs since `hung`.
+    fn judge(&mut self, placed: &Placed, selected: u64, hung: Option<u64>) -> Fate {
         let index = placed.index;
         let what = || format!("object {index} of {} ms, read at {}", placed.timestamp().unwrap_or(0), ms(selected));
         let sent = self.truth.find(index, &placed.bytes, selected);
@@ -300,7 +312,9 @@ impl Shown {
             return Fate::Wrong(Violation::ShownExpired, serial, what());
         }
         let last = self.deliveries.iter().rev().find(|delivery| delivery.ended <= selected);
-        if last.is_none_or(|last| selected > last.ended + bounds::FRAME_DEADLINE + self.publication) {
+        let deadline = last.map(|last| last.ended + bounds::FRAME_DEADLINE + self.publication);
+        let is_past = |at: u64| deadline.is_none_or(|deadline| at > deadline);
+        if is_past(selected) && hung.is_none_or(is_past) {
             return Fate::Wrong(Violation::ShownStale, serial, what());
         }
         if serial < self.youngest[index] {
@@ -316,8 +330,9 @@ impl Shown {
             let same = |(index, bytes, _): &&(usize, Vec<u8>, _)| *index == placed.index && *bytes == placed.bytes;
             let Some((.., fate)) = delivery.objects.iter().find(same) else { continue };
             found = true;
-            let readable =
-                delivery.ended + self.awaits_second(delivery) + bounds::LAST_BIT_TO_READABLE.max(self.publication);
+            let readable = delivery.ended
+                + awaits_second(self.layout, delivery)
+                + bounds::LAST_BIT_TO_READABLE.max(self.publication);
             if *fate > Certainty::Never {
                 return Some(readable + bounds::EXPIRY);
             }
@@ -387,6 +402,11 @@ impl Shown {
         figures.faults.max_recovery_cycles = longest.all;
         figures.faults.max_recovery_cycles_without_bring_up = longest.without_bring_up;
     }
+}
+
+/// How long the image waits for the second frame of its cycle, ns.
+fn awaits_second(layout: Layout, frame: &Delivery) -> u64 {
+    if frame.number + 1 < layout.frames() { bounds::SECOND_FRAME } else { 0 }
 }
 
 /// How long an image may take from its cause to being readable, ns.

@@ -1,7 +1,8 @@
 //! How long it takes from the end of a cause until the flight controller reads what HORUS sends after it.
 //!
 //! A cause is what the bench injects and takes away again, a restart of either board, a supply that goes off or comes
-//! back, and a frame that reaches the DPR's antenna otherwise than HORUS sent it. Each may take so many cycles from its
+//! back, a board that the bench has hang, whose cause goes away when it restarts, by its watchdog's bite or otherwise,
+//! and a frame that reaches the DPR's antenna otherwise than HORUS sent it. Each may take so many cycles from its
 //! end: [`bounds::RECOVERY_CYCLES`], or [`bounds::BRING_UP_CYCLES`] where a front end has to be brought up again. Of
 //! causes that overlap, or follow each other before the link has recovered, the last end counts, and the latest of the
 //! instants at which each of them has to be over.
@@ -45,6 +46,8 @@ pub(super) struct Recovery {
     late: bool,
     /// Whether a board has no supply: its cause has no end yet.
     off: [bool; 2],
+    /// Whether a board hangs: neither has that.
+    hung: [bool; 2],
     /// Causes of the last [`TAIL`], and when what was sent after them was read, ns.
     recent: Vec<(Causes, u64)>,
     /// The last frame that HORUS sent: its first bit, ns, and its bytes.
@@ -62,10 +65,18 @@ impl Recovery {
                 let bring_up = kind.contains("front end") || kind.starts_with("power");
                 self.cause((*until).max(event.at), bring_up, findings);
             }
-            What::Reset { .. } => self.cause(event.at, true, findings),
+            What::Hung { board } => {
+                self.hung[*board as usize] = !self.off[*board as usize];
+                self.cause(event.at, true, findings);
+            }
+            What::Reset { board, .. } => {
+                self.hung[*board as usize] = false;
+                self.cause(event.at, true, findings);
+            }
             // The run begins with the power-on of both boards: that is no cause.
             What::Power { board, on } if event.at > 0 => {
                 self.off[*board as usize] = !on;
+                self.hung[*board as usize] = false;
                 self.cause(event.at, true, findings);
             }
             What::Sent { started, bytes, .. } => self.sent = Some((*started, bytes.to_vec())),
@@ -92,9 +103,14 @@ impl Recovery {
         causes.bring_up |= bring_up;
     }
 
+    /// Whether a cause has no end yet.
+    fn is_open(&self) -> bool {
+        self.off.contains(&true) || self.hung.contains(&true)
+    }
+
     /// A transaction that began at `selected` showed an object of a frame that was `started` then, ns.
     pub(super) fn shown(&mut self, started: u64, selected: u64) {
-        if self.off.contains(&true) {
+        if self.is_open() {
             return;
         }
         if let Some(causes) = self.causes.take_if(|causes| started > causes.since) {
@@ -107,7 +123,7 @@ impl Recovery {
         let is_over = |causes: &Causes| now >= causes.since.saturating_add(TAIL);
         if let Some(causes) = self.causes
             && !self.late
-            && !self.off.contains(&true)
+            && !self.is_open()
             && is_over(&causes)
         {
             self.late = true;
@@ -129,7 +145,8 @@ impl Recovery {
     /// The most cycles from a cause's end on. What had not recovered by `end` has taken all the time until then.
     pub(super) fn finish(&mut self, end: u64, findings: &mut Findings) -> Longest {
         self.settle(end, findings);
-        if let Some(causes) = self.causes.take().filter(|_| !self.off.contains(&true))
+        let open = self.is_open();
+        if let Some(causes) = self.causes.take().filter(|_| !open)
             && end >= causes.since.saturating_add(TAIL)
         {
             self.longest.take(&causes, end);
@@ -271,6 +288,47 @@ mod tests {
         let words = "not yet 40 cycles after 100.000000 ms".to_owned();
         assert_eq!(found(false), (Some(cycles(100 * MS, 3 * TAIL)), Some(words)));
         assert_eq!(found(true), (None, None));
+    }
+
+    #[test]
+    fn the_cause_of_a_hang_ends_with_the_boards_restart_and_takes_a_bring_up() {
+        use crate::Board;
+        let hung = |at, board| Event { at, what: What::Hung { board } };
+        let reset = |at, board| Event { at, what: What::Reset { board, cause: "a test".into(), asked: false } };
+        let power = |at, board, on| Event { at, what: What::Power { board, on } };
+        for board in [Board::Horus, Board::Dpr] {
+            let due = 90 * MS + bounds::BRING_UP_CYCLES * bounds::CYCLE;
+            for ends in [reset(90 * MS, board), power(90 * MS, board, true)] {
+                let cause = [injected(50 * MS, "hang", 50 * MS), hung(50 * MS, board), ends];
+                let (found, longest) = judged(&cause, due, 0);
+                let all = Some(bounds::BRING_UP_CYCLES);
+                assert_eq!((found, longest), (vec![], Longest { all, without_bring_up: None }));
+                assert_eq!(judged(&cause, due + 1, 0).0, [Violation::RecoversLate]);
+            }
+            // Until then nothing is recovered from, whatever is shown, and nothing late.
+            let (mut recovery, mut findings) = (Recovery::default(), Findings::default());
+            recovery.take(&hung(50 * MS, board), &mut findings);
+            recovery.shown(60 * MS, 65 * MS);
+            recovery.take(&Event { at: 50 * MS + 2 * TAIL, what: What::Tick }, &mut findings);
+            assert_eq!(findings.counts().count(), 0);
+            recovery.take(&reset(60 * MS + 2 * TAIL, board), &mut findings);
+            recovery.shown(61 * MS + 2 * TAIL, 75 * MS + 2 * TAIL);
+            assert_eq!(recovery.finish(60 * MS + 3 * TAIL, &mut findings).all, Some(2));
+            // The other board's restart does not end it.
+            let (mut recovery, mut findings) = (Recovery::default(), Findings::default());
+            recovery.take(&hung(50 * MS, board), &mut findings);
+            let other = if board == Board::Dpr { Board::Horus } else { Board::Dpr };
+            recovery.take(&reset(60 * MS, other), &mut findings);
+            recovery.shown(61 * MS, 65 * MS);
+            assert_eq!(recovery.finish(60 * MS + TAIL, &mut findings).all, None);
+            // Without a supply it does not hang.
+            let (mut recovery, mut findings) = (Recovery::default(), Findings::default());
+            recovery.take(&power(40 * MS, board, false), &mut findings);
+            recovery.take(&hung(50 * MS, board), &mut findings);
+            recovery.take(&power(60 * MS, board, true), &mut findings);
+            recovery.shown(61 * MS, 65 * MS);
+            assert_eq!(recovery.finish(60 * MS + TAIL, &mut findings).all, Some(1));
+        }
     }
 
     #[test]

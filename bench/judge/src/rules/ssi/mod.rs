@@ -11,6 +11,9 @@
 //!
 //! - A DPR without supply, or in its start-up time, is asked for nothing. A transaction that began before the DPR's
 //!   last start is not judged.
+//! - A DPR that the bench has hang owes nothing from then on until its next start: what ends, becomes due or is asked
+//!   for while it hangs it cannot serve. What had waited too long by then is told, and what is read meanwhile has to be
+//!   right as ever.
 //! - The time for which the processor keeps the SSI's buffers is [`Violation::NotReady`] if the end of a transaction
 //!   gave them to it, and [`Violation::HeldBack`] otherwise. Transactions that meet the DPR busy because of it are not
 //!   counted again, unless nothing is readable for longer than [`bounds::EXPIRY`](crate::bounds::EXPIRY): then it is
@@ -94,6 +97,9 @@ impl Ssi {
             What::Reset { board: Board::Dpr, .. } => {
                 self.restart();
                 self.service.reset(at);
+            }
+            What::Hung { board: Board::Dpr } if context.running(Board::Dpr).hung == Some(at) => {
+                self.service.hang(at, findings);
             }
             What::Injected { kind, until } if kind.starts_with(FLIGHT_CONTROLLER) => {
                 self.service.excuse(*until);

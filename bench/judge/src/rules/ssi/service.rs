@@ -78,6 +78,8 @@ impl Streak {
 #[derive(Clone, Debug)]
 pub(super) struct Service {
     powered: bool,
+    /// The DPR hangs by the bench's hand.
+    hung: bool,
     /// When the DPR last started, ns.
     since: u64,
     /// When the DPR was first ready after that, ns.
@@ -109,6 +111,7 @@ impl Service {
     pub(super) fn new() -> Self {
         Self {
             powered: true,
+            hung: false,
             since: 0,
             started: None,
             never_told: false,
@@ -149,6 +152,13 @@ impl Service {
         self.restart(at);
     }
 
+    /// The DPR hangs from `at` on: what had waited too long by then is told, and nothing is owed any more.
+    pub(super) fn hang(&mut self, at: u64, findings: &mut Findings) {
+        self.settle(at, findings);
+        self.end_streak(findings);
+        self.hung = true;
+    }
+
     /// The flight controller is kept from reading until then.
     pub(super) fn excuse(&mut self, until: u64) {
         self.quiet_since = self.quiet_since.max(until);
@@ -169,7 +179,7 @@ impl Service {
         let due = self.since + bounds::START;
         let free = self.long_ended.saturating_add(bounds::SSI_READY);
         let kept = self.under_way && now > self.began + bounds::CYCLE;
-        if self.started.is_none() && !self.never_told && !kept && now > due.max(free) {
+        if self.started.is_none() && !self.never_told && !self.hung && !kept && now > due.max(free) {
             self.never_told = true;
             findings.add(Violation::NeverReady, due, || format!("{} ns after its start", bounds::START));
         }
@@ -250,7 +260,7 @@ impl Service {
         }
         match Read::of(reading, busy) {
             Read::Image => self.end_streak(findings),
-            Read::Nothing if !(busy && spent) => self.read_nothing(reading.selected, findings),
+            Read::Nothing if !(busy && spent) && !self.hung => self.read_nothing(reading.selected, findings),
             Read::Nothing | Read::Unknown => {}
         }
     }
@@ -287,7 +297,7 @@ impl Service {
     fn waited(&mut self, violation: Violation, since: u64, now: u64, findings: &mut Findings) {
         let took = now - since;
         let silence = self.streak.is_some_and(Streak::is_silence);
-        if self.started.is_none() || took <= bounds::SSI_READY || silence {
+        if self.started.is_none() || self.hung || took <= bounds::SSI_READY || silence {
             return;
         }
         findings.add(violation, since, || format!("{took} ns, the bound is {} ns", bounds::SSI_READY));

@@ -1,5 +1,6 @@
 mod field;
 mod frames;
+mod hang;
 mod jitter;
 mod restarts;
 mod ticks;

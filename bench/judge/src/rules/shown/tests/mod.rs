@@ -1,3 +1,4 @@
+mod hang;
 mod limits;
 
 use super::synthetic::{Air, Image, MS, Run, US, kinds};

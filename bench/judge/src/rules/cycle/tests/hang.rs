@@ -1,0 +1,140 @@
+use super::*;
+
+/// HORUS's watchdog bites so long after a hang, ns.
+const BITES: u64 = 83 * MS;
+
+/// HORUS stops at `at`, but for its timer, which goes on ticking, and what its front end is sending, which breaks off;
+/// its watchdog restarts it. With `told` the bench says that it had it hang then.
+fn hung(gps: usize, at: u64, told: Option<u64>) -> Events {
+    let mut events = Events::flawless(gps, CYCLES);
+    for event in &mut events.events {
+        let ended = event.at;
+        if let What::Sent { started, whole, .. } = &mut event.what
+            && *started <= at
+            && ended > at
+        {
+            *whole = false;
+        }
+    }
+    events.without(|event| {
+        let begun = matches!(event.what, What::Sent { started, .. } if started <= at);
+        event.at > at && !begun && !is_tick(event)
+    });
+    events.without(|event| event.at >= at + BITES);
+    if let Some(told) = told {
+        events.add(told, What::Hung { board: Board::Horus });
+    }
+    let what = What::Reset { board: Board::Horus, cause: "Watchdog(\"IWDG\")".into(), asked: false };
+    events.add(at + BITES, what).field(at + BITES + 4 * MS, false).field(at + BITES + 6 * MS, true);
+    events.cycles(at + BITES + 20 * MS, 9);
+    events.end(at + BITES + 105 * MS);
+    events
+}
+
+#[test]
+fn what_a_horus_that_hangs_leaves_half_done_or_undone_is_not_blamed_and_otherwise_it_is() {
+    for gps in [3, 5] {
+        for after in
+            [1, 50_000, COMMAND[0], COMMAND[0] + 1_000, COMMAND[0] + LATENCY, 2 * MS, COMMAND[1], 6 * MS, 9 * MS]
+        {
+            let at = tick(5) + after;
+            assert_eq!(broken(&hung(gps, at, Some(at))), [], "{gps} {after}");
+            // The same restart, asked for: nobody says that it hung before that.
+            let mut asked = hung(gps, at, None);
+            for event in &mut asked.events {
+                if let What::Reset { asked, .. } = &mut event.what {
+                    *asked = true;
+                }
+            }
+            assert_ne!(broken(&asked), [], "{gps} {after}");
+        }
+    }
+}
+
+#[test]
+fn a_timer_that_stops_with_a_horus_that_hangs_is_not_blamed_and_one_that_ticks_wrongly_is() {
+    let at = tick(5) + 2 * MS;
+    let mut stopped = hung(3, at, Some(at));
+    stopped.without(|event| is_tick(event) && event.at > at && event.at < at + BITES);
+    assert_eq!(broken(&stopped), []);
+    stopped.without(|event| matches!(event.what, What::Hung { .. } | What::Reset { .. }));
+    assert_eq!(broken(&stopped).first().map(|(violation, ..)| *violation), Some(Violation::NoTick));
+    let mut wrongly = hung(3, at, Some(at));
+    shift(&mut wrongly, 300_000, |event| is_tick(event) && event.at == tick(7));
+    assert_eq!(broken(&wrongly), [(Violation::TickIrregular, 2, tick(7) + 300_000)]);
+}
+
+#[test]
+fn what_was_missing_before_a_hang_is_told_although_a_watchdogs_reset_follows() {
+    let at = tick(7) + MS;
+    let mut events = hung(3, at, Some(at));
+    events.without(|event| of(5)(event) && !is_tick(event));
+    assert_eq!(broken(&events), [(Violation::NoFrame, 1, tick(6))]);
+    // A watchdog's reset that nobody asked for tells it.
+    let mut events = hung(3, at, None);
+    events.without(|event| (of(5)(event) || of(6)(event)) && !is_tick(event));
+    events.without(|event| of(7)(event) && !is_tick(event));
+    assert_eq!(broken(&events), []);
+}
+
+#[test]
+fn a_command_whose_frame_must_have_ended_when_horus_hangs_is_told() {
+    let command = tick(5) + COMMAND[0];
+    let ended = command + bounds::COMMAND_TO_AIR + bounds::FRAME_LONGEST;
+    for (at, told) in [(ended, vec![]), (ended + 1, vec![(Violation::CommandWithoutFrame, 1, command)])] {
+        let mut events = hung(3, at, Some(at));
+        events.without(|event| of(5)(event) && is_sent(event));
+        assert_eq!(broken(&events), told, "{at}");
+    }
+}
+
+#[test]
+fn what_a_horus_that_hangs_sends_is_judged() {
+    let at = tick(5) + COMMAND[0] + LATENCY + 200_000;
+    let sent = |change: fn(&mut Vec<u8>)| {
+        let mut events = hung(3, at, Some(at));
+        for event in &mut events.events {
+            if let What::Sent { started, whole, .. } = &mut event.what
+                && *started == tick(5) + COMMAND[0] + LATENCY
+            {
+                *whole = true;
+            }
+        }
+        payload(&mut events, 5, change);
+        broken(&events).into_iter().map(|(violation, ..)| violation).collect::<Vec<_>>()
+    };
+    assert_eq!(sent(|_| {}), []);
+    assert_eq!(sent(|payload| payload[70] ^= 1), [Violation::SentInvalid]);
+    assert_eq!(sent(|payload| *payload = stamped([60; 4])), [Violation::TimestampWrong]);
+    // A frame that nothing commanded, and a command after which none comes.
+    let mut events = hung(3, at, Some(at));
+    events.frame(tick(7), &stamped([70; 4]));
+    assert_eq!(broken(&events), [(Violation::FrameWithoutCommand, 1, end(3, 7) - COMMAND[0] - LATENCY)]);
+    let mut events = hung(3, at, Some(at));
+    events.add(tick(7), What::Command);
+    assert_eq!(broken(&events), []);
+}
+
+#[test]
+fn a_horus_that_has_restarted_after_a_hang_is_blamed_again() {
+    let at = tick(5) + 2 * MS;
+    let mut events = hung(3, at, Some(at));
+    let first = at + BITES + 20 * MS;
+    events.without(|event| (first + CYCLE..first + 2 * CYCLE).contains(&event.at) && !is_tick(event));
+    assert_eq!(broken(&events), [(Violation::NoFrame, 1, first + 2 * CYCLE)]);
+    // The DPR's hang excuses nothing of HORUS.
+    let mut events = Events::flawless(3, CYCLES);
+    events.add(at, What::Hung { board: Board::Dpr }).without(|event| of(7)(event) && !is_tick(event));
+    assert_eq!(broken(&events), [(Violation::NoFrame, 1, tick(8))]);
+}
+
+#[test]
+fn without_a_supply_nothing_hangs() {
+    let (off, on) = (tick(5) - MS, tick(6));
+    let mut events = Events::flawless(3, 4);
+    events.add(off, What::Power { board: Board::Horus, on: false }).field(off, false);
+    events.add(off + MS, What::Hung { board: Board::Horus });
+    events.add(on, What::Power { board: Board::Horus, on: true }).field(on + 8 * MS, true).cycles(on + 20 * MS, 9);
+    events.without(|event| (on + 30 * MS..on + 40 * MS).contains(&event.at) && !is_tick(event));
+    assert_eq!(broken(events.end(on + 105 * MS)), [(Violation::NoFrame, 1, on + 40 * MS)]);
+}
