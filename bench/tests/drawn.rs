@@ -3,6 +3,7 @@
 mod boards;
 
 use bench::faults::{Faults, Kind};
+use bench::node::Clock;
 use bench::sim::{Images, Setup, run};
 use boards::image;
 
@@ -15,8 +16,20 @@ fn report(gps: usize, kinds: &[Kind], seed: u64) -> Option<bench::report::Report
 
 /// The same of a run of another length, ns.
 fn report_of(duration: u64, gps: usize, kinds: &[Kind], seed: u64) -> Option<bench::report::Report> {
+    report_of_setup(duration, gps, kinds, seed, |_| {})
+}
+
+/// The same with another set-up.
+fn report_of_setup(
+    duration: u64,
+    gps: usize,
+    kinds: &[Kind],
+    seed: u64,
+    change: impl FnOnce(&mut Setup),
+) -> Option<bench::report::Report> {
     let images = Images { horus: image(gps, "horus-tx-fw.elf")?, dpr: image(gps, "dpr-fw.elf")? };
     let mut setup = Setup { seed, ..Setup::new(images, gps, duration) };
+    change(&mut setup);
     setup.faults = Faults::drawn(kinds, gps, seed, setup.duration_ns);
     Some(run(&setup, &mut ()).unwrap_or_else(|error| panic!("{error}")).report)
 }
@@ -50,6 +63,7 @@ fn a_kind_of_fault_alone_is_injected_alone() {
         (Kind::Power, &["power"]),
         (Kind::Buffers, &["buffer"]),
         (Kind::Inputs, &["input"]),
+        (Kind::Hang, &["hang"]),
     ] {
         let Some(report) = report(3, &[kind], 9) else { return };
         assert_eq!(report.violations, [""; 0], "{kind}");
@@ -72,4 +86,28 @@ fn thirty_seconds_of_all_that_disturbs_the_dpr_violate_nothing() {
     assert!(report.faults.max_recovery_cycles.is_some_and(|cycles| cycles <= 15), "{:?}", report.faults);
     let plain = report.faults.max_recovery_cycles_without_bring_up;
     assert!(plain.is_some_and(|cycles| cycles <= 5), "{:?}", report.faults);
+}
+
+/// Boards that hang, alone and among all that disturbs the DPR, with each number of receivers and on each clock.
+#[test]
+fn boards_that_hang_until_their_watchdogs_bite_violate_nothing_and_the_link_recovers() {
+    let among = [Kind::Air, Kind::FlightController, Kind::Power, Kind::Buffers, Kind::Hang];
+    for (clock, gps, kinds, seed) in [
+        (Clock::Fast, 3, &[Kind::Hang][..], 1),
+        (Clock::Optimistic, 1, &[Kind::Hang], 2),
+        (Clock::Pessimistic, 2, &[Kind::Hang], 3),
+        (Clock::Fast, 5, &among, 4),
+        (Clock::Optimistic, 2, &among, 5),
+        (Clock::Pessimistic, 3, &among, 6),
+    ] {
+        let change = |setup: &mut Setup| (setup.clock, setup.writes) = (clock, true);
+        let Some(report) = report_of_setup(7_000 * MS, gps, kinds, seed, change) else { return };
+        let faults = &report.faults;
+        assert_eq!(report.violations, [""; 0], "{clock} clock, {gps} receivers, seed {seed}");
+        assert_eq!(faults.invalid_shown_valid, 0);
+        for board in ["hang horus", "hang dpr"] {
+            assert!(faults.injected.get(board).is_some_and(|count| *count >= 3), "{board}: {:?}", faults.injected);
+        }
+        assert!(faults.max_recovery_cycles.is_some_and(|cycles| cycles <= 15), "{faults:?}");
+    }
 }

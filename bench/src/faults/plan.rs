@@ -21,6 +21,9 @@ pub const LAST_BEFORE_END: u64 = 600_000_000;
 /// From one episode's end to the next one's beginning, of the same kind: 0.5 s on average, ns.
 pub const GAP: (u64, u64) = (100_000_000, 900_000_000);
 
+/// Both boards.
+const BOARDS: [Board; 2] = [Board::Horus, Board::Dpr];
+
 /// A millisecond, ns.
 const MS: u64 = 1_000_000;
 
@@ -30,8 +33,18 @@ pub const LENGTH: (u64, u64) = (20_000_000, 400_000_000);
 /// How long a receiver drifts away, ns: until it is a few tens of metres off.
 pub const DRIFT_LENGTH: (u64, u64) = (1_000_000_000, 3_000_000_000);
 
-/// Where both boards lose their supply, the second does so much later at most, ns.
+/// Where both boards lose their supply, restart or hang, the second does so much later at most, ns.
 pub const BETWEEN_BOARDS: u64 = 20_000_000;
+
+/// So long after the beginning of a hang the next episode may begin after [`GAP`], ns: the longest that a watchdog
+/// takes (190 ms, HORUS's) is over, and the board's start.
+pub const HANG_LENGTH: (u64, u64) = (300_000_000, 400_000_000);
+
+/// Within this after a start, of which is known when it comes, no hang of that board is drawn, ns: its firmware may not
+/// have started its watchdog yet, so that nothing would ever end it, as on silicon. On the pessimistic clock HORUS's
+/// takes up to 3 ms (RAM is cleared at 16 MHz, and the watchdog's own settings take 0.5 ms to reach it), the DPR's up
+/// to 1.8 ms (RAM is cleared, the buffers are scrubbed).
+pub const WATCHDOG_STARTS: u64 = 4_000_000;
 
 /// What `--faults` can draw.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -54,11 +67,13 @@ pub enum Kind {
     Buffers,
     /// The inputs that tell HORUS's state.
     Inputs,
+    /// Boards that hang until their watchdogs restart them.
+    Hang,
 }
 
 impl Kind {
     /// All kinds.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Air,
         Self::Gnss,
         Self::FlightController,
@@ -68,6 +83,7 @@ impl Kind {
         Self::Registers,
         Self::Buffers,
         Self::Inputs,
+        Self::Hang,
     ];
 
     /// What `--faults` calls it.
@@ -83,6 +99,7 @@ impl Kind {
             Self::Registers => "registers",
             Self::Buffers => "buffers",
             Self::Inputs => "inputs",
+            Self::Hang => "hang",
         }
     }
 
@@ -155,8 +172,30 @@ impl Faults {
         }
         // Together at the end: a day has tens of thousands of each kind. Those of one instant stay as they were drawn.
         faults.episodes.sort_by_key(|episode| episode.at);
+        faults.without_hangs_in_starts();
         faults
     }
+}
+
+impl Faults {
+    /// Takes away the hangs that begin before the board's watchdog runs, after a start that an episode makes.
+    fn without_hangs_in_starts(&mut self) {
+        for board in BOARDS {
+            let mut starts: Vec<u64> =
+                self.episodes.iter().filter(|it| starts(&it.fault, board)).map(|it| it.until).collect();
+            starts.sort_unstable();
+            let is_starting = |at: u64| {
+                let before = starts.partition_point(|start| *start <= at);
+                before.checked_sub(1).is_some_and(|last| at < starts[last] + WATCHDOG_STARTS)
+            };
+            self.episodes.retain(|it| it.fault != Fault::Hang(board) || !is_starting(it.at));
+        }
+    }
+}
+
+/// Whether `board` starts at the end of an episode of `fault`.
+fn starts(fault: &Fault, board: Board) -> bool {
+    matches!(fault, Fault::Power(of, power) if *of == board && *power != PowerFault::FrontEndOff)
 }
 
 /// Whether `fault` has a duration.
@@ -164,6 +203,7 @@ fn lasts(fault: &Fault) -> bool {
     match fault {
         Fault::Power(_, fault) => fault.lasts(),
         Fault::Buffer(fault) => fault.lasts(),
+        Fault::Hang(_) => false,
         _ => true,
     }
 }
@@ -172,6 +212,7 @@ fn lasts(fault: &Fault) -> bool {
 fn length_of(fault: &Fault) -> (u64, u64) {
     match fault {
         Fault::Receiver(_, ReceiverFault::Drifts { .. }) => DRIFT_LENGTH,
+        Fault::Hang(_) => HANG_LENGTH,
         _ => LENGTH,
     }
 }
@@ -198,6 +239,7 @@ fn all_of(kind: Kind, gps: usize, rng: &mut Rng) -> Vec<Draw> {
         Kind::Power => power(rng),
         Kind::Buffers => buffers(rng),
         Kind::Inputs => inputs().map(|(input, fault)| vec![(0, Fault::Input(input, fault))]).collect(),
+        Kind::Hang => hangs(rng),
         Kind::Ram | Kind::Flash | Kind::Registers => vec![],
     }
 }
@@ -293,7 +335,7 @@ fn buffers(rng: &mut Rng) -> Vec<Draw> {
 fn power(rng: &mut Rng) -> Vec<Draw> {
     const RESTARTS: [PowerFault; 3] = [PowerFault::Pin, PowerFault::BrownOut, PowerFault::Watchdog];
     let mut draws = vec![];
-    for board in [Board::Horus, Board::Dpr] {
+    for board in BOARDS {
         for fault in [PowerFault::Off(rng.word()), PowerFault::FrontEndOff].into_iter().chain(RESTARTS) {
             draws.push(vec![(0, Fault::Power(board, fault))]);
         }
@@ -305,6 +347,15 @@ fn power(rng: &mut Rng) -> Vec<Draw> {
         let after = rng.between(0, BETWEEN_BOARDS);
         let mut restart = |board| Fault::Power(board, RESTARTS[rng.below(RESTARTS.len() as u64) as usize]);
         draws.push(vec![(0, restart(first)), (after, restart(second))]);
+    }
+    draws
+}
+
+/// Each board that hangs, and both, in either order.
+fn hangs(rng: &mut Rng) -> Vec<Draw> {
+    let mut draws: Vec<Draw> = BOARDS.map(|board| vec![(0, Fault::Hang(board))]).into();
+    for [first, second] in [[Board::Horus, Board::Dpr], [Board::Dpr, Board::Horus]] {
+        draws.push(vec![(0, Fault::Hang(first)), (rng.between(0, BETWEEN_BOARDS), Fault::Hang(second))]);
     }
     draws
 }
@@ -335,7 +386,7 @@ mod tests {
         assert_eq!(
             error,
             "\"radio\" is no kind of fault: give one or several of air, gnss, fc, power, ram, flash, registers, \
-             buffers, inputs"
+             buffers, inputs, hang"
         );
     }
 
@@ -388,7 +439,8 @@ mod tests {
             for pair in of(kind).windows(2) {
                 let both = matches!(
                     (&pair[0].fault, &pair[1].fault),
-                    (Fault::Power(one, _), Fault::Power(other, _)) if one != other
+                    (Fault::Power(one, _), Fault::Power(other, _)) | (Fault::Hang(one), Fault::Hang(other))
+                        if one != other
                 ) && pair[1].at - pair[0].at <= BETWEEN_BOARDS;
                 assert!(both || pair[1].at >= pair[0].until + GAP.0, "{pair:?}");
             }
@@ -434,9 +486,64 @@ mod tests {
         for name in ["receive bit flips", "receive bit stuck", "image bit flips", "image bit stuck"] {
             assert!(names(Kind::Buffers).contains(&format!("buffer dpr {name}")), "{name}");
         }
+        assert_eq!(names(Kind::Hang), BTreeSet::from(["hang dpr".to_owned(), "hang horus".to_owned()]));
         for kind in [Kind::Ram, Kind::Flash, Kind::Registers] {
             assert!(of(kind).is_empty());
         }
+    }
+
+    #[test]
+    fn a_minute_has_each_board_hanging_alone_and_both_together_in_either_order() {
+        let episodes = of(Kind::Hang);
+        let together = |pair: &[Episode]| pair[1].at - pair[0].at <= BETWEEN_BOARDS && pair[0].fault != pair[1].fault;
+        let firsts: Vec<&Fault> =
+            episodes.windows(2).filter(|pair| together(pair)).map(|pair| &pair[0].fault).collect();
+        for board in BOARDS {
+            let fault = Fault::Hang(board);
+            assert!(firsts.contains(&&fault), "{board:?} first");
+            let alone = |at: u64| episodes.iter().filter(|other| other.at.abs_diff(at) <= BETWEEN_BOARDS).count() == 1;
+            assert!(episodes.iter().any(|episode| episode.fault == fault && alone(episode.at)), "{board:?} alone");
+        }
+        // Whoever hangs has restarted before the next hang, and has started its watchdog.
+        for pair in episodes.windows(2).filter(|pair| !together(pair)) {
+            assert!(pair[1].at - pair[0].at >= HANG_LENGTH.0 + GAP.0, "{pair:?}");
+        }
+    }
+
+    #[test]
+    fn a_board_that_starts_does_not_hang_before_its_watchdog_runs() {
+        let hang = |at, board| Episode { at, until: at, fault: Fault::Hang(board) };
+        let left = |power: PowerFault, hang: Episode| {
+            let mut faults = Faults::none().with(500, 900, Fault::Power(Board::Dpr, power));
+            faults.add(hang);
+            faults.without_hangs_in_starts();
+            faults.episodes.len() == 2
+        };
+        for power in [PowerFault::Off(1), PowerFault::Pin, PowerFault::BrownOut, PowerFault::Watchdog] {
+            assert!(left(power, hang(899, Board::Dpr)), "{power:?}");
+            assert!(!left(power, hang(900, Board::Dpr)), "{power:?}");
+            assert!(!left(power, hang(899 + WATCHDOG_STARTS, Board::Dpr)), "{power:?}");
+            assert!(left(power, hang(900 + WATCHDOG_STARTS, Board::Dpr)), "{power:?}");
+            assert!(left(power, hang(900, Board::Horus)), "{power:?}");
+        }
+        assert!(left(PowerFault::FrontEndOff, hang(900, Board::Dpr)));
+        // Of several starts the last counts.
+        let mut faults = Faults::none();
+        for at in [100, 2 * WATCHDOG_STARTS, 9 * WATCHDOG_STARTS] {
+            faults.add(Episode { at, until: at, fault: Fault::Power(Board::Dpr, PowerFault::Pin) });
+        }
+        faults.add(hang(3 * WATCHDOG_STARTS - 1, Board::Dpr));
+        faults.add(hang(3 * WATCHDOG_STARTS, Board::Dpr));
+        faults.without_hangs_in_starts();
+        assert_eq!(faults.episodes.len(), 4);
+    }
+
+    /// What is published was drawn so: a kind more, in its place behind the others, changes nothing of it.
+    #[test]
+    fn what_the_other_kinds_draw_from_a_seed_is_what_they_always_drew() {
+        let numbers = Kind::ALL.map(|kind| kind as u64);
+        assert_eq!(numbers, [0, 1, 2, 3, 4, 5, 6, 7, 8, 9]);
+        assert_eq!(Kind::ALL[9], Kind::Hang);
     }
 
     #[test]

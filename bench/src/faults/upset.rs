@@ -76,7 +76,13 @@ impl Upset {
                 };
                 Some(Self::Register { number, bit: rng.between(least, 31) as u8 })
             }
-            Kind::Air | Kind::Gnss | Kind::FlightController | Kind::Power | Kind::Buffers | Kind::Inputs => None,
+            Kind::Air
+            | Kind::Gnss
+            | Kind::FlightController
+            | Kind::Power
+            | Kind::Buffers
+            | Kind::Inputs
+            | Kind::Hang => None,
         }
     }
 

@@ -7,6 +7,7 @@ use stm32f429::{Oscillators, Stm32f429, pin};
 /// The pin that leaves the board.
 pub(crate) const OUT: Pin = pin('D', 14);
 /// The pin that is driven from outside.
+#[allow(dead_code, reason = "every test binary uses its own part of it")]
 pub(crate) const IN: Pin = pin('A', 3);
 
 /// The board.

@@ -1,0 +1,269 @@
+//! Boards that hang: their cores execute nothing more, and their own watchdogs end it.
+//!
+//! What the judge makes of it is in its own tests; that a watchdog which never started, and an expiry that is disabled,
+//! are found is in the table of violations.
+
+mod boards;
+mod player;
+mod thumb;
+
+use bench::faults::plan::WATCHDOG_STARTS;
+use bench::faults::{Board, Conduct, Fault, Faults, PowerFault, name_of};
+use bench::node::{Bare, Clock, FromOutside, Node, ResetAt, Threads};
+use bench::sim::{Bench, Images, Outcome, Setup, run};
+use bench_judge::{What, bounds};
+use bench_seam::Reset;
+use boards::image;
+use nrf52840::{Nrf52840, Settings};
+use player::Player;
+use profile::{LinkStatus, ResetReason};
+use thumb::{COUNTER, HANDLER, MAIN, RCC, TIM2, Thumb, firmware};
+
+const MS: u64 = 1_000_000;
+const US: u64 = 1_000;
+/// Both boards have started, and the link has been up for 200 ms.
+const BEGINS: u64 = 303 * MS;
+/// From a hang to the end of the run: longer than a watchdog takes and the judge waits for a recovery.
+const AFTER: u64 = 700 * MS;
+
+const BOARDS: [Board; 2] = [Board::Horus, Board::Dpr];
+const CLOCKS: [Clock; 3] = [Clock::Fast, Clock::Optimistic, Clock::Pessimistic];
+
+/// The STM32's watchdog and the register that says why the part was reset, RM0090 21.4 and 6.3.21.
+const IWDG: u32 = 0x4000_3000;
+const RCC_CSR: u32 = RCC + 0x74;
+const IWDGRSTF: u32 = 1 << 29;
+/// The nRF52840's, PS 6.36.
+const WDT: u32 = 0x4001_0000;
+
+// ---- a node
+
+/// Counts updates of TIM2, every 10 ms, and sleeps between; the watchdog bites after 100 ms of 32 kHz.
+fn counting() -> Node<Player> {
+    let mut main = Thumb::at(MAIN);
+    // Reload of 800 ticks of 4 periods each.
+    main.store(IWDG, 0xCCCC).store(IWDG, 0x5555).store(IWDG + 8, 800 - 1).store(IWDG + 4, 0);
+    main.tim2_every(160_000).idle();
+    let mut tick = Thumb::at(HANDLER);
+    tick.store(TIM2 + 0x10, 0).count(COUNTER).store(IWDG, 0xAAAA).ret();
+    Player::with(&firmware("counting", &main, &[(28, &tick)]))
+}
+
+fn run_to(node: &mut Node<Player>, to: u64) {
+    while node.now() < to {
+        node.advance(to);
+        node.board_mut(|board| drop(board.take_edges()));
+    }
+}
+
+#[test]
+fn a_core_that_hangs_executes_nothing_until_the_watchdog_bites_and_is_not_awake_meanwhile() {
+    let mut node = counting();
+    run_to(&mut node, 200 * MS);
+    assert_eq!((node.word(u64::from(COUNTER)), node.resets()), (Some(19), &[][..]), "it feeds its watchdog");
+    let (instructions, awake) = (node.instructions(), node.usage().awake);
+    let fed = 190 * MS;
+    node.hang();
+    assert!(node.is_hung());
+    run_to(&mut node, fed + 99 * MS);
+    assert_eq!((node.instructions(), node.usage().awake, node.resets().len()), (instructions, awake, 0));
+    assert!(node.doing().starts_with("it hangs"), "{}", node.doing());
+    run_to(&mut node, fed + 102 * MS);
+    let [ResetAt { at, cause: Reset::Watchdog("IWDG") }] = *node.resets() else { panic!("{:?}", node.resets()) };
+    assert!((fed + 99 * MS..fed + 102 * MS).contains(&at), "{at}");
+    let mut csr = [0; 4];
+    assert_eq!(node.peek(RCC_CSR, &mut csr), 4);
+    assert_ne!(u32::from_le_bytes(csr) & IWDGRSTF, 0);
+    // It runs as after any reset, and feeds its watchdog again.
+    assert!(!node.is_hung());
+    run_to(&mut node, at + 300 * MS);
+    assert_eq!((node.word(u64::from(COUNTER)), node.resets().len()), (Some(19 + 29), 1));
+    assert_eq!(node.take_findings(), []);
+}
+
+#[test]
+fn a_hang_gives_the_same_state_however_the_time_is_cut() {
+    let hung = |step: u64| {
+        let mut node = counting();
+        let mut reached = 0;
+        for to in [133 * MS, 400 * MS] {
+            while reached < to {
+                reached = (reached + step).min(to);
+                run_to(&mut node, reached);
+            }
+            node.hang();
+        }
+        run_to(&mut node, 450 * MS);
+        node.digest()
+    };
+    assert_eq!(hung(1_000 * MS), hung(MS / 3));
+}
+
+#[test]
+fn a_part_that_is_reset_for_another_reason_or_loses_its_supply_hangs_no_longer() {
+    for why in [FromOutside::Pin, FromOutside::BrownOut, FromOutside::SoftReset, FromOutside::PowerOn(1)] {
+        let mut node = counting();
+        run_to(&mut node, 50 * MS);
+        node.hang();
+        run_to(&mut node, 55 * MS);
+        let instructions = node.instructions();
+        node.restart(why);
+        run_to(&mut node, 60 * MS);
+        assert!(!node.is_hung() && node.instructions() > instructions, "{why:?}");
+    }
+    let mut node = counting();
+    run_to(&mut node, 50 * MS);
+    node.hang();
+    node.power_off();
+    assert!(!node.is_hung());
+    node.hang();
+    node.power_on(1);
+    assert!(!node.is_hung(), "nothing hangs without a supply");
+}
+
+#[test]
+fn an_nrf52840_that_hangs_says_after_its_watchdogs_reset_that_it_was_that() {
+    let mut main = Thumb::at(0x400);
+    // 100 ms of 32768 Hz.
+    main.store(WDT + 0x504, 3_276).store(WDT, 1);
+    let again = main.here();
+    main.store(WDT + 0x600, 0x6E52_4635).branch(again);
+    let image = thumb::firmware_at(0, "fed", &main, &[]);
+    let mut node: Node<Bare<Nrf52840>> = Node::new(Nrf52840::new(Settings::default()), Bare::new(), &image).unwrap();
+    node.advance(250 * MS);
+    node.hang();
+    node.advance(349 * MS);
+    assert_eq!(node.resets(), []);
+    node.advance(351 * MS);
+    assert_eq!(node.resets().iter().map(|reset| reset.cause).collect::<Vec<_>>(), [Reset::Watchdog("WDT")]);
+    assert_eq!(node.part().reset_reason(), 1 << 1);
+    node.advance(800 * MS);
+    assert_eq!(node.resets().len(), 1, "it is fed again");
+}
+
+// ---- the link
+
+fn setup(faults: Faults, duration: u64) -> Option<Setup> {
+    let images = Images { horus: image(3, "horus-tx-fw.elf")?, dpr: image(3, "dpr-fw.elf")? };
+    Some(Setup { faults, writes: true, ..Setup::new(images, 3, duration) })
+}
+
+fn outcome(setup: &Setup) -> Outcome {
+    run(setup, &mut ()).unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn hang(faults: Faults, at: u64, board: Board) -> Faults {
+    faults.with(at, at, Fault::Hang(board))
+}
+
+#[test]
+fn each_board_that_hangs_and_both_are_restarted_by_their_watchdogs_and_the_link_is_well_again_within_15_cycles() {
+    for clock in CLOCKS {
+        for (nth, boards) in [&BOARDS[..1], &BOARDS[1..], &BOARDS].into_iter().enumerate() {
+            let at = BEGINS + 1_300 * US * nth as u64;
+            let faults = boards.iter().fold(Faults::none(), |faults, board| hang(faults, at, *board));
+            let Some(setup) = setup(faults, at + AFTER) else { return };
+            let Outcome { report, verdict, .. } = outcome(&Setup { clock, ..setup });
+            assert_eq!(report.violations, [""; 0], "{boards:?} on the {clock} clock");
+            let faults = verdict.figures.faults;
+            assert_eq!(faults.invalid_shown_valid, 0);
+            let hangs = |board| (format!("hang {}", name_of(board)), 1);
+            assert_eq!(faults.injected, boards.iter().copied().map(hangs).collect());
+            let cycles = faults.max_recovery_cycles.unwrap_or_else(|| panic!("{boards:?}: no recovery was measured"));
+            assert!((1..=15).contains(&cycles), "{boards:?} on the {clock} clock: {cycles} cycles");
+        }
+    }
+}
+
+#[test]
+fn link_status_says_that_the_watchdog_has_restarted_a_dpr_that_hung() {
+    let Some(setup) = setup(hang(Faults::none(), BEGINS, Board::Dpr), BEGINS + AFTER) else { return };
+    let mut bench: Bench = Bench::new(&setup).unwrap();
+    bench.keep_log();
+    bench.run_to(setup.duration_ns, Threads::Two);
+    let [ResetAt { at, cause: Reset::Watchdog("WDT") }] = *bench.dpr().resets() else {
+        panic!("{:?}", bench.dpr().resets())
+    };
+    assert!((BEGINS + 50 * MS..=BEGINS + bounds::DPR_WATCHDOG_LONGEST).contains(&at), "{at}");
+    let log = bench.finish(setup.duration_ns).log;
+    let said = log.events.iter().rev().find_map(|event| match &event.what {
+        What::Transaction { miso, .. } => {
+            LinkStatus::verify(miso.get(..LinkStatus::SIZE)?).ok().map(LinkStatus::values)
+        }
+        _ => None,
+    });
+    assert_eq!(said.and_then(|link| link.status.reset_reason()), Some(ResetReason::Watchdog));
+}
+
+#[test]
+fn a_run_with_hangs_is_the_same_on_one_thread_and_on_two() {
+    let faults = hang(hang(Faults::none(), BEGINS, Board::Horus), BEGINS + 7 * MS, Board::Dpr);
+    let Some(setup) = setup(faults, BEGINS + AFTER) else { return };
+    let on = |threads| {
+        let mut bench: Bench = Bench::new(&setup).unwrap();
+        bench.keep_log();
+        bench.run_to(setup.duration_ns, threads);
+        bench.finish(setup.duration_ns).log
+    };
+    assert!(on(Threads::One) == on(Threads::Two));
+}
+
+#[test]
+fn a_board_that_hangs_is_also_restarted_by_its_pin_and_by_its_supply() {
+    for board in BOARDS {
+        for power in [PowerFault::Pin, PowerFault::BrownOut, PowerFault::Off(3)] {
+            let at = BEGINS + 20 * MS;
+            let until = if power.lasts() { at + 40 * MS } else { at };
+            let faults = hang(Faults::none(), BEGINS, board).with(at, until, Fault::Power(board, power));
+            let Some(setup) = setup(faults, until + AFTER) else { return };
+            let report = outcome(&setup).report;
+            assert_eq!(report.violations, [""; 0], "{board:?} {power:?}");
+        }
+    }
+}
+
+/// What [`WATCHDOG_STARTS`] promises: from then on a hang is ended by the watchdog.
+#[test]
+fn so_long_after_its_start_each_boards_watchdog_runs() {
+    for clock in CLOCKS {
+        for board in BOARDS {
+            let at = BEGINS + WATCHDOG_STARTS;
+            let faults = hang(Faults::none().with(BEGINS, BEGINS, Fault::Power(board, PowerFault::Pin)), at, board);
+            let Some(setup) = setup(faults, at + AFTER) else { return };
+            let report = outcome(&Setup { clock, ..setup }).report;
+            assert_eq!(report.violations, [""; 0], "{board:?} on the {clock} clock");
+        }
+    }
+}
+
+/// Wherever in the publication of an image the DPR hangs, nothing is read from it that has expired: the flight
+/// controller waits, and reads when the time of that image is just over.
+#[test]
+fn wherever_the_dpr_hangs_while_it_puts_an_image_in_nothing_expired_is_read() {
+    let Some(setup) = setup(Faults::none(), BEGINS + 45 * MS) else { return };
+    let mut bench: Bench = Bench::new(&setup).unwrap();
+    bench.keep_log();
+    bench.run_to(BEGINS - 5 * MS, Threads::Two);
+    let log = |bench: Bench| bench.finish(BEGINS + 45 * MS).log;
+    let mut healthy = bench.clone();
+    healthy.run_to(BEGINS + 20 * MS, Threads::Two);
+    let rose = |event: &bench_judge::Event| matches!(event.what, What::Fresh { high: true, .. });
+    let rise = log(healthy).events.iter().find(|event| rose(event) && event.at > BEGINS).unwrap().at;
+    let mut read = 0;
+    for step in 0..240 {
+        let at = rise - 30 * US + step * 200;
+        let mut bench = bench.clone();
+        let silent = Fault::FlightController(Conduct::Silent);
+        let wait = if step % 2 == 0 { 10 * MS } else { 27 * MS };
+        bench.add_faults(&hang(Faults::none().with(BEGINS - 4 * MS, at + wait, silent), at, Board::Dpr));
+        bench.run_to(BEGINS + 45 * MS, Threads::Two);
+        let finished = bench.finish(BEGINS + 45 * MS);
+        assert_eq!(finished.verdict.violations, [], "{step}");
+        let after = |event: &&bench_judge::Event| event.at > at;
+        read += usize::from(finished.log.events.iter().filter(after).any(|event| match &event.what {
+            What::Transaction { miso, .. } => miso.iter().any(|byte| *byte != 0xFF),
+            _ => false,
+        }));
+    }
+    assert!((20..=120).contains(&read), "{read} were readable in time");
+}
