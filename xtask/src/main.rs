@@ -208,7 +208,7 @@ pub(crate) struct LiveArgs {
     /// Seed of everything random: flight, receivers' noise, faults.
     #[arg(long, default_value_t = 1)]
     pub(crate) seed: u64,
-    /// What goes wrong on purpose, drawn from the seed: a list of air, gnss, fc, power, buffers, inputs.
+    /// What goes wrong on purpose, drawn from the seed: a list of air, gnss, fc, power, buffers, inputs, hang.
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub(crate) faults: Vec<Kind>,
     /// TCP port of the page on 127.0.0.1; 0 takes a free one.

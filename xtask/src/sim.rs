@@ -57,8 +57,8 @@ pub(crate) struct SimArgs {
     /// Draw the flight: ground track, height, each receiver, the voted position, exclusions, time to readable.
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
-    /// What goes wrong on purpose: a list of air, gnss, fc, power, buffers, inputs (drawn into the run from the seed),
-    /// and of ram, flash, registers (each upset on a copy of the bench, see --upsets).
+    /// What goes wrong on purpose: a list of air, gnss, fc, power, buffers, inputs, hang (drawn into the run from the
+    /// seed), and of ram, flash, registers (each upset on a copy of the bench, see --upsets).
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     faults: Vec<Kind>,
     /// How many upsets of RAM, flash and registers are tried.

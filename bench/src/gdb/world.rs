@@ -157,7 +157,7 @@ impl<C: Cost> World for Link<'_, C> {
 
     const FAULTS_HELP: &'static str = "\
 monitor faults LIST             what goes wrong from now on, drawn from the seed as --faults does:
-                                of air, gnss, fc, power, buffers, inputs
+                                of air, gnss, fc, power, buffers, inputs, hang
 ";
 
     fn side(&self) -> Side {

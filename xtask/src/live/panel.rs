@@ -11,13 +11,15 @@
 //! link to recover from it; the report counts each. What is to be well again is so within one episode. A supply that is
 //! off comes back when it was said to: two of its episodes would not join without a gap.
 //!
+//! **Hangs.** Neither firmware has started its watchdog yet in its first moments, and what hangs then hangs for ever.
+//! So a board hangs later that has just been restarted from here, or hangs already; one without a supply does not.
+//!
 //! **Who may.** It is a server on this machine, which any page in a browser here can send requests to. So what changes
 //! anything is refused unless the browser says that it comes from this very page (`Origin`, or `Sec-Fetch-Site` where
 //! there is none), and requests by another name of this machine are refused altogether ([`page::guarded`]).
 //!
 //! | left out | why |
 //! |---|---|
-//! | a board that hangs | how that ends is here, its watchdog's bite; to the judge a firmware that hangs is at fault |
 //! | what `--faults` can draw beyond this | whoever wants one of them among forty buttons would not find it |
 
 use std::collections::VecDeque;
@@ -33,7 +35,7 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use base_station::live::page;
 use base_station::live::server::Server;
-use bench::faults::plan::{FIRST_AT, LAST_BEFORE_END};
+use bench::faults::plan::{FIRST_AT, HANG_LENGTH, LAST_BEFORE_END, WATCHDOG_STARTS};
 use bench::faults::{AirFaults, Board, Fault, Faults, PowerFault, ReceiverFault, name_of};
 use bench::sim::AHEAD_NS;
 use serde_json::{Value, json};
@@ -76,8 +78,8 @@ enum Thing {
     Off(Board),
     /// A board's reset pin is pulled.
     Reset(Board),
-    /// A board's watchdog bites.
-    Watchdog(Board),
+    /// A board hangs, and its watchdog restarts it.
+    Hang(Board),
 }
 
 impl Thing {
@@ -86,7 +88,7 @@ impl Thing {
         let boards = [Board::Horus, Board::Dpr];
         let mut all: Vec<Self> = (0..receivers).flat_map(|of| [Self::Silent(of), Self::Jammed(of)]).collect();
         all.extend([Self::Frames, Self::Bits, Self::Field]);
-        all.extend(boards.into_iter().flat_map(|board| [Self::Off(board), Self::Reset(board), Self::Watchdog(board)]));
+        all.extend(boards.into_iter().flat_map(|board| [Self::Off(board), Self::Reset(board), Self::Hang(board)]));
         all
     }
 
@@ -100,14 +102,14 @@ impl Thing {
             Self::Field => "field".into(),
             Self::Off(board) => format!("off-{}", name_of(board)),
             Self::Reset(board) => format!("reset-{}", name_of(board)),
-            Self::Watchdog(board) => format!("watchdog-{}", name_of(board)),
+            Self::Hang(board) => format!("hang-{}", name_of(board)),
         }
     }
 
     /// How long it can be broken.
     const fn how(self) -> How {
         match self {
-            Self::Reset(_) | Self::Watchdog(_) => How::Once,
+            Self::Reset(_) | Self::Hang(_) => How::Once,
             Self::Off(_) => How::ForSeconds,
             _ => How::Lasting,
         }
@@ -128,7 +130,7 @@ impl fmt::Display for Thing {
             Self::Field => write!(f, "the field between the boards is cut"),
             Self::Off(of) => write!(f, "{} has no supply", board(of)),
             Self::Reset(of) => write!(f, "{} is restarted by its reset pin", board(of)),
-            Self::Watchdog(of) => write!(f, "{} is restarted by its watchdog, as after it has hung", board(of)),
+            Self::Hang(of) => write!(f, "{} hangs until its watchdog restarts it", board(of)),
         }
     }
 }
@@ -183,6 +185,8 @@ struct Inner {
     /// What is to be broken from the end of this piece of the run on, and for how many ns.
     asked: Vec<(Thing, u64)>,
     broken: Vec<Broken>,
+    /// From when on HORUS's, and the DPR's, watchdog runs for certain, virtual ns.
+    watched: [u64; 2],
     log: VecDeque<Line>,
     /// Lines that were forgotten.
     forgotten: u64,
@@ -200,19 +204,34 @@ impl Inner {
     fn faults(&mut self, now: u64) -> Faults {
         let (at, last) = ((now + AHEAD_NS).max(FIRST_AT), self.last_ns());
         let mut faults = Faults::none();
-        for (thing, ns) in std::mem::take(&mut self.asked) {
+        // What restarts a board comes before what has it hang.
+        let mut asked = std::mem::take(&mut self.asked);
+        asked.sort_by_key(|(thing, _)| matches!(thing, Thing::Hang(_)));
+        for (thing, ns) in asked {
             if at >= last {
                 continue;
             }
             let until = at.saturating_add(ns);
             match (thing, thing.how()) {
-                (Thing::Reset(board), _) => faults = faults.with(at, at, Fault::Power(board, PowerFault::Pin)),
-                (Thing::Watchdog(board), _) => faults = faults.with(at, at, Fault::Power(board, PowerFault::Watchdog)),
+                (Thing::Reset(board), _) => {
+                    faults = faults.with(at, at, Fault::Power(board, PowerFault::Pin));
+                    self.watched[board as usize] = at + WATCHDOG_STARTS;
+                }
+                (Thing::Hang(board), _) => {
+                    let is_off = |broken: &Broken| broken.thing == Thing::Off(board) && broken.until > at;
+                    let off = self.broken.iter().any(is_off);
+                    let at = at.max(self.watched[board as usize]);
+                    if at < last && !off {
+                        faults = faults.with(at, at, Fault::Hang(board));
+                        self.watched[board as usize] = at + HANG_LENGTH.0;
+                    }
+                }
                 (Thing::Off(board), _) => {
                     let until = until.min(last);
                     if !self.broken.iter().any(|broken| broken.thing == thing) {
                         faults = faults.with(at, until, Fault::Power(board, PowerFault::Off(NOISE)));
                         self.broken.push(Broken { thing, until, told: until });
+                        self.watched[board as usize] = until + WATCHDOG_STARTS;
                     }
                 }
                 _ => match self.broken.iter_mut().find(|broken| broken.thing == thing) {

@@ -3,7 +3,9 @@ use std::net::TcpStream;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::PathBuf;
 
-use bench::faults::Rng;
+use bench::faults::plan::{HANG_LENGTH, WATCHDOG_STARTS};
+use bench::faults::{Episode, Fault, Rng};
+use bench::sim::AHEAD_NS;
 use gnss_sim::{Flight, Geodetic, TangentPlane};
 use serde_json::Value;
 
@@ -158,13 +160,13 @@ fn each_thing_that_the_panel_breaks_shows_on_the_page_and_passes_and_violates_no
         command(panel, "/break?what=off-horus&seconds=1");
         until(page, "without HORUS", |drone| drone["link"]["up"] == false);
         calm(page, panel);
-        for what in ["reset-horus", "watchdog-horus"] {
+        for what in ["reset-horus", "hang-horus"] {
             let before = count(&now(), "counts", "restarts");
             command(panel, &format!("/break?what={what}"));
             until(page, what, |drone| count(drone, "counts", "restarts") > before);
             calm(page, panel);
         }
-        for (what, reset) in [("reset-dpr", "pin"), ("watchdog-dpr", "watchdog"), ("off-dpr&seconds=1", "power on")] {
+        for (what, reset) in [("reset-dpr", "pin"), ("hang-dpr", "watchdog"), ("off-dpr&seconds=1", "power on")] {
             command(panel, &format!("/break?what={what}"));
             until(page, what, |drone| drone["link"]["reset"] == reset && drone["stale"] == false);
             calm(page, panel);
@@ -177,7 +179,9 @@ fn each_thing_that_the_panel_breaks_shows_on_the_page_and_passes_and_violates_no
     });
     assert_eq!(outcome.report.violations, [""; 0]);
     let injected = &outcome.report.faults.injected;
-    for kind in ["receiver 1 silent", "receiver 2 without a fix", "air", "power horus off", "power dpr reset pin"] {
+    let mut kinds = vec!["receiver 1 silent", "receiver 2 without a fix", "air", "power horus off"];
+    kinds.extend(["power dpr reset pin", "hang horus", "hang dpr"]);
+    for kind in kinds {
         assert!(injected.contains_key(kind), "{kind}: {injected:?}");
     }
     assert_eq!(injected["receiver 1 silent"], 3, "a chain of three episodes for 2.5 s: {injected:?}");
@@ -245,6 +249,31 @@ fn what_the_panel_breaks_is_one_chain_of_episodes_without_a_gap_that_ends_when_i
     let (status, _) =
         ask(server.address(), "POST", "/break?what=bits", &format!("Origin: http://{}\r\n", server.address()));
     assert_eq!(status, 409);
+}
+
+#[test]
+fn a_board_hangs_once_its_watchdog_runs_and_not_without_a_supply() {
+    const PIECE: u64 = super::PIECE;
+    let page = Page::start(0, 0.0, |_, _| {}).unwrap();
+    page.panel.begin(3, 60_000_000_000);
+    let server = page.panel.serve((LOCAL, 0).into(), page.server.address()).unwrap();
+    let hangs = |piece: u64, asked: &[&str]| -> Vec<u64> {
+        page.panel.progress(piece * PIECE);
+        asked.iter().for_each(|what| command(server.address(), &format!("/break?what={what}")));
+        let faults = page.panel.faults(piece * PIECE);
+        let of_hang = |episode: &&Episode| matches!(episode.fault, Fault::Hang(_));
+        faults.episodes().iter().filter(of_hang).map(|episode| episode.at - piece * PIECE).collect()
+    };
+    assert_eq!(hangs(10, &["hang-dpr", "hang-horus"]), [AHEAD_NS; 2]);
+    // It hangs, and its watchdog has 190 ms for it.
+    assert_eq!(hangs(11, &["hang-dpr"]), [AHEAD_NS + HANG_LENGTH.0 - PIECE]);
+    // Whoever is restarted with it hangs after that.
+    assert_eq!(hangs(20, &["hang-dpr", "reset-dpr"]), [AHEAD_NS + WATCHDOG_STARTS]);
+    assert!(hangs(30, &["off-dpr&seconds=1"]).is_empty());
+    assert_eq!(hangs(35, &["hang-dpr", "hang-horus"]), [AHEAD_NS], "HORUS alone has a supply");
+    // It comes back just as it is to hang.
+    assert_eq!(hangs(40, &["hang-dpr"]), [AHEAD_NS + WATCHDOG_STARTS]);
+    assert_eq!(hangs(50, &["hang-dpr"]), [AHEAD_NS]);
 }
 
 #[test]
