@@ -44,11 +44,12 @@
 //! 2. [`BODY`] bytes before that end: what is there, most of the frame;
 //! 3. [`TAIL`] bytes before that end: what is there,
 //!
-//! so that [`TAIL`] - 1 bytes of the payload are left after I_rxe (4 µs at 8 MHz with the command). The CRC-16 stays
-//! in the FIFO as far as it has not been read by then: the chip has compared it, and re-arming clears it away. Each
-//! read on the way takes one byte less than the FIFO level gave, which can only have grown since, so the FIFO is never
-//! read empty while the chip fills it. An executor that is late at any of these instants finds more bytes, or the end;
-//! the result is the same, only later. A LEN damaged on air puts the second read at a wrong instant, nothing more.
+//! so that [`TAIL`] - 2 bytes of the payload are left after I_rxe (4 µs at 8 MHz with the command). The CRC-16 stays
+//! in the FIFO as far as it has not been read by then: the chip has compared it, and re-arming clears it away. The FIFO
+//! is never read empty while the chip fills it: a read on the way takes one byte less than the level gave, which can
+//! only have grown since, or takes so long that another byte has come by its end. An executor that is late at any of
+//! these instants finds more bytes, or the end; the result is the same, only later. A LEN damaged on air puts the
+//! second read at a wrong instant, nothing more.
 //!
 //! # Delivery before re-arming
 //!
@@ -82,18 +83,22 @@ use crate::status::{STATUS_READ, Status};
 use crate::{FRAME_US, Variant};
 
 /// With [`ReadMode::WhileFilling`], bytes that are still to come when the second read begins. Until the third there are
-/// 20 bytes, 378 µs on air; the second read, at most 233 bytes, takes 243 µs at 8 MHz with its status, and the rest is
+/// 25 bytes, 472 µs on air; the second read, at most 227 bytes, takes 237 µs at 8 MHz with its status, and the rest is
 /// the executor's to verify what has arrived.
-pub const BODY: usize = 24;
+pub const BODY: usize = 30;
 /// With [`ReadMode::WhileFilling`], bytes that are still to come when the third read begins, the CRC-16 among them. They
-/// take 75 µs to arrive; the third read, at most 22 bytes, takes 32 µs at 8 MHz with its status, and the rest is the
-/// executor's to be late in and to verify what has arrived: with one byte fewer it was not enough on the bench's
-/// pessimistic clock.
-pub const TAIL: usize = 4;
+/// take 94 µs to arrive; the third read, at most 28 bytes, takes 38 µs at 8 MHz with its status, and the rest is the
+/// executor's to be late in and to verify what has arrived.
+pub const TAIL: usize = 5;
 /// With [`ReadMode::WhileFilling`], bytes awaited before the first read.
 const HEAD: u16 = 16;
 /// Bytes a read on the way leaves in the FIFO, so that it never runs dry while the chip writes it.
 const MARGIN: u16 = 1;
+/// While so many bytes are read, at 10 MHz at most, another has arrived, if LEN says that more are to come: the third
+/// read, after which little time is left, then needs no [`MARGIN`].
+const REFILLED: u16 = 24;
+const _: () =
+    assert!((1 + REFILLED as u32) * 800 > 18_879, "ns of the command and the bytes at 10 MHz, and of one on air");
 /// What a read takes beside its bytes, which take 1 µs each at 8 MHz: status and command, 10 bytes.
 const READ_OVERHEAD_US: u16 = 10;
 /// LEN, one byte of payload, CRC-16.
@@ -628,14 +633,17 @@ impl Listener {
         if frame.plan == Plan::End {
             return self.lose(Dropped::NoEnd);
         }
-        frame.advance();
         let got = frame.got;
-        if status.count <= MARGIN {
+        let more_comes = frame.total.is_some_and(|total| total > got + status.count + MARGIN);
+        let refilled = frame.plan == Plan::Tail && status.count >= REFILLED && more_comes;
+        let margin = if refilled { 0 } else { MARGIN };
+        frame.advance();
+        if status.count <= margin {
             self.wait()
-        } else if is_too_long(got + status.count - MARGIN) {
+        } else if is_too_long(got + status.count - margin) {
             self.lose(Dropped::TooLong)
         } else {
-            self.read(got, status.count - MARGIN, false)
+            self.read(got, status.count - margin, false)
         }
     }
 

@@ -276,7 +276,7 @@ fn a_frame_is_read_while_it_fills_and_few_bytes_are_left_at_its_end() {
         assert_eq!(rig.listener(&mut listener), ListenerEvent::Frame { len, flags: CLEAN });
         assert_eq!(rig.buffer[1..=len], payload(len, len));
         let left = rig.chip.log.iter().rev().find(|mosi| mosi[0] == 0x9F).unwrap().len() - 1;
-        assert_eq!(left, TAIL - 1, "bytes read after I_rxe for {len}");
+        assert_eq!(left, TAIL - 2, "bytes read after I_rxe for {len}, without the CRC-16");
         assert!(rig.chip.now - end <= 16, "{} µs after the last bit for {len}", rig.chip.now - end);
         let reads = rig.chip.log.iter().filter(|mosi| mosi[0] == 0x9F).count();
         assert_eq!(reads, 4);
@@ -284,6 +284,22 @@ fn a_frame_is_read_while_it_fills_and_few_bytes_are_left_at_its_end() {
         rig.log();
     }
     rig.assert_no_misuse();
+}
+
+#[test]
+fn the_last_read_on_the_way_leaves_a_byte_unless_another_comes_while_it_is_read() {
+    for (level, len) in [(1, None), (2, Some(1)), (23, Some(22)), (24, Some(24)), (25, Some(25))] {
+        // LEN tells 40 + 2 bytes: behind the first read comes the last one.
+        let mut listener = in_a_frame();
+        let _ = listener.step(Input::Done(&status(0, 16)));
+        let _ = listener.step(Input::Done(&[40; 15]));
+        let _ = listener.step(Input::Timeout);
+        let step = listener.step(Input::Done(&status(0, level)));
+        match len {
+            Some(len) => assert_eq!(step, Step::Transfer(Transfer::Read { offset: 15, len }), "{level}"),
+            None => assert!(matches!(step, Step::Wait { .. }), "{step:?}"),
+        }
+    }
 }
 
 #[test]

@@ -281,13 +281,14 @@ impl Chip {
     pub(crate) fn transfer(&mut self, mosi: &[u8]) -> Vec<u8> {
         self.log.push(mosi.to_vec());
         self.advance(self.now + 2);
+        let start = self.now;
         let mut miso = vec![0; mosi.len()];
         if self.miso == Miso::Driven {
             self.answer(mosi, &mut miso);
         } else if self.miso == Miso::StuckHigh {
             miso.fill(0xFF);
         }
-        self.advance(self.now + mosi.len() as u64);
+        self.advance(start + mosi.len() as u64);
         miso
     }
 
@@ -315,7 +316,10 @@ impl Chip {
             }
             0x9F => {
                 self.needs_oscillator("FIFO read");
+                let mut dry = false;
                 for slot in &mut miso[1..] {
+                    // A byte leaves the FIFO as it is clocked out, behind the command and the bytes before it.
+                    self.advance(self.now + 1);
                     match self.fifo.pop_front() {
                         Some(byte) => *slot = byte,
                         None => {
@@ -323,8 +327,9 @@ impl Chip {
                             self.misuse.push("FIFO read beyond its content".into());
                         }
                     }
+                    dry |= self.receiving && self.fifo.is_empty();
                 }
-                if self.receiving && self.fifo.is_empty() {
+                if dry {
                     self.misuse.push("FIFO read empty while a frame arrives".into());
                 }
             }

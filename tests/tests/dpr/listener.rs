@@ -30,7 +30,7 @@ struct Flags {
 const CLEAN: Flags = Flags { error: 0, fifo: 0 };
 /// The main interrupts with which each wait ends (without one: its time is over), and the bytes in the FIFO then, of a
 /// frame that is read while it arrives.
-const WHILE_FILLING: [(u8, u8); 5] = [(RXS, 0), (0, 17), (0, 182), (0, 44), (RXE, 7)];
+const WHILE_FILLING: [(u8, u8); 5] = [(RXS, 0), (0, 17), (0, 201), (0, 26), (RXE, 5)];
 /// The same of a frame whose LEN is wrong: its end comes first.
 const AT_THE_END: [(u8, u8); 3] = [(RXS, 0), (0, 17), (RXE, 231)];
 
