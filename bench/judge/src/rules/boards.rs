@@ -411,6 +411,9 @@ mod tests {
             events.add(50 * MS, What::Hung { board }).add(60 * MS, What::Power { board, on: true });
             events.add(70 * MS, reset(board, "Watchdog(\"WDT\")"));
             assert_eq!(broken(events.end(600 * MS)), [(RESTARTED[nth], 1, 70 * MS)]);
+            let mut events = run();
+            events.add(40 * MS, What::Power { board, on: false }).add(50 * MS, What::Hung { board });
+            assert_eq!(broken(events.end(600 * MS)), [], "nothing has to restart it");
             let again = hung(board, 30 * MS, What::Hung { board });
             assert_eq!(again, [(STAYS[nth], 1, 50 * MS + LONGEST[nth])]);
         }
