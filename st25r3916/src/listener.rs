@@ -86,9 +86,9 @@ use crate::{FRAME_US, Variant};
 /// 25 bytes, 472 µs on air; the second read, at most 227 bytes, takes 237 µs at 8 MHz with its status, and the rest is
 /// the executor's to verify what has arrived.
 pub const BODY: usize = 30;
-/// With [`ReadMode::WhileFilling`], bytes that are still to come when the third read begins, the CRC-16 among them. They
-/// take 94 µs to arrive; the third read, at most 28 bytes, takes 38 µs at 8 MHz with its status, and the rest is the
-/// executor's to be late in and to verify what has arrived.
+/// With [`ReadMode::WhileFilling`], bytes that are still to come when the third read begins, the CRC-16 among them.
+/// They take 94 µs to arrive; the third read, at most 28 bytes, takes 38 µs at 8 MHz with its status, and the rest is
+/// the executor's to be late in and to verify what has arrived.
 pub const TAIL: usize = 5;
 /// With [`ReadMode::WhileFilling`], bytes awaited before the first read.
 const HEAD: u16 = 16;

@@ -41,10 +41,8 @@ impl Port for Wires {
     fn deposit(&mut self, profile: &Profile<RECEIVERS>) {
         black_box(profile);
     }
-    fn start_short(&mut self, bytes: &[u8]) {
-        let mut short = [0; Short::MAX];
-        short[..bytes.len()].copy_from_slice(bytes);
-        self.started = Some(Started::Short(short, bytes.len()));
+    fn start_short(&mut self, short: &Short) {
+        self.started = Some(Started::Short(*short.padded(), short.bytes().len()));
     }
     fn start_load(&mut self, start: usize, len: usize) {
         black_box((start, len));
