@@ -73,6 +73,12 @@ fn a_core_that_hangs_takes_no_interrupt_and_not_even_nmi_and_one_that_sleeps_doe
         for nmi in [false, true] {
             let run = |hung: bool| {
                 let mut rig = Rig::new(code);
+                // The handler of NMI and of interrupt 0: b .
+                let handler = CODE + 0x100;
+                rig.board.flash[handler as usize..][..2].copy_from_slice(&[0xFE, 0xE7]);
+                for vector in [0x08, 0x40] {
+                    rig.board.flash[vector..vector + 4].copy_from_slice(&(handler | 1).to_le_bytes());
+                }
                 // NVIC_ISER0: interrupt 0.
                 rig.core.debug_write(&mut rig.board, 0xE000_E100, 1).unwrap();
                 rig.core.run(&mut rig.board, 7);
