@@ -47,6 +47,27 @@ fn nothing_that_a_dpr_which_hangs_does_not_serve_is_blamed_and_otherwise_it_is()
     }
 }
 
+#[test]
+fn a_run_that_ends_while_the_dpr_hangs_tells_nothing_that_it_did_not_serve() {
+    let mut plan = Plan::new(3, 60);
+    let first = last_end(&plan.log(), 258 * MS);
+    plan.end = first + 90 * MS;
+    plan.selects.retain(|selected| *selected < plan.end - MS);
+    let mut log = plan.log();
+    // The first transaction is served, and those after it are not.
+    blind(&mut log, first + 1, plan.end);
+    log.events.retain(|event| event.at < first || !matches!(event.what, What::Fresh { .. } | What::Ssi(_)));
+    assert_eq!(judged_at(&log, first - MS), []);
+    let told: Vec<Violation> = found(&log).into_iter().map(|(violation, _)| violation).collect();
+    assert!(told.contains(&Silent), "{told:?}");
+    // With one transaction alone after it, it is that it was not ready.
+    log.events.retain(|event| {
+        event.at <= first || !matches!(event.what, What::Selected | What::Transaction { .. } | What::Ssi(_))
+    });
+    assert_eq!(judged_at(&log, first - MS), []);
+    assert_eq!(found(&log), [(NotReady, 1)]);
+}
+
 /// The transaction that ended last before `before`.
 fn last_end(log: &Log, before: u64) -> u64 {
     let is_end = |event: &&Event| matches!(event.what, What::Transaction { .. }) && event.at < before;

@@ -66,7 +66,7 @@ impl Recovery {
                 self.cause((*until).max(event.at), bring_up, findings);
             }
             What::Hung { board } => {
-                self.hung[*board as usize] = !self.off[*board as usize];
+                self.hung[*board as usize] = true;
                 self.cause(event.at, true, findings);
             }
             What::Reset { board, .. } => {

@@ -57,6 +57,11 @@ fn a_timer_that_stops_with_a_horus_that_hangs_is_not_blamed_and_one_that_ticks_w
     let mut stopped = hung(3, at, Some(at));
     stopped.without(|event| is_tick(event) && event.at > at && event.at < at + BITES);
     assert_eq!(broken(&stopped), []);
+    // Nor is it where the reset pin ends the hang, or the run.
+    let mut by_pin = stopped.clone();
+    by_pin.without(|event| matches!(event.what, What::Reset { .. })).reset(at + BITES, Board::Horus, true);
+    assert_eq!(broken(&by_pin), []);
+    assert_eq!(broken(stopped.clone().end(at + BITES - MS)), []);
     stopped.without(|event| matches!(event.what, What::Hung { .. } | What::Reset { .. }));
     assert_eq!(broken(&stopped).first().map(|(violation, ..)| *violation), Some(Violation::NoTick));
     let mut wrongly = hung(3, at, Some(at));
@@ -70,6 +75,11 @@ fn what_was_missing_before_a_hang_is_told_although_a_watchdogs_reset_follows() {
     let mut events = hung(3, at, Some(at));
     events.without(|event| of(5)(event) && !is_tick(event));
     assert_eq!(broken(&events), [(Violation::NoFrame, 1, tick(6))]);
+    // No frame came in between that would have told it.
+    let at = tick(7) + 50_000;
+    let mut events = hung(3, at, Some(at));
+    events.without(|event| of(6)(event) && !is_tick(event));
+    assert_eq!(broken(&events), [(Violation::NoFrame, 1, tick(7))]);
     // A watchdog's reset that nobody asked for tells it.
     let mut events = hung(3, at, None);
     events.without(|event| (of(5)(event) || of(6)(event)) && !is_tick(event));
