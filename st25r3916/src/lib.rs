@@ -201,7 +201,7 @@
 //! assert_eq!(mosi(listener.step(Input::Irq)), [0x59, 0, 0, 0, 0, 0, 0, 0]);
 //! let read = Transfer::Read { offset: 0, len: 245 }; // 9F, then into the buffer; the CRC-16 is not read
 //! assert_eq!(listener.step(Input::Done(&[0, 0xFB, 0x10, 0, 0, 0, 247, 0])), Step::Transfer(read)); // I_rxe
-//! buffer[0] = 245; // what the transfer brought: LEN, payload, CRC-16
+//! buffer[0] = 245; // what the transfer brought: LEN and the payload
 //! let frame = ListenerEvent::Frame { len: 244, flags: FrameFlags::empty() };
 //! assert_eq!(listener.step(Input::Done(&buffer[..245])), Step::Event(frame));
 //! // The payload, buffer[1..245], is the caller's; with `Start` the receiver is armed again.
