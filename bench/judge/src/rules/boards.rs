@@ -23,15 +23,15 @@
 //! | DPR | `overruns` | frames lost because commit and scrub were late by a cycle |
 //! | DPR | `images_expired` | images that none replaced in time |
 //!
+//! A line's counter may carry a prefix that ends in a full stop, as in `lines.0.overruns`.
+//!
 //! # A board that hangs
 //!
-//! Where the bench has a board's core stop, the reset by which the board's watchdog ends that is asked for, and must
-//! come within the longest time that the watchdog may take: by then the board has restarted, for whatever reason, or
-//! has no supply. The watchdog's alone is excused: a core that executes nothing cannot reset its part otherwise. What
-//! its front end reports until then is that of nobody. A board that stays hung is told once, and all else that it does
-//! not do follows from that.
-//!
-//! A line's counter may carry a prefix that ends in a full stop, as in `lines.0.overruns`.
+//! The bench can stop a board's core. The board's own watchdog must then restart it within the longest time that this
+//! watchdog may take, unless the board restarts for another reason or loses its supply before. That one reset by the
+//! watchdog counts as asked for; any other reset of a hung board is judged as usual, since a core that executes nothing
+//! cannot cause one. Until the restart, misuse of the board's front end is not reported. A board that stays hung is
+//! reported once.
 
 use std::collections::BTreeMap;
 
