@@ -538,9 +538,9 @@ mod tests {
         assert_eq!(faults.episodes.len(), 4);
     }
 
-    /// What is published was drawn so: a kind more, in its place behind the others, changes nothing of it.
+    /// A kind's number seeds its draws: published figures hold as long as the kinds keep their numbers.
     #[test]
-    fn what_the_other_kinds_draw_from_a_seed_is_what_they_always_drew() {
+    fn the_kinds_keep_the_numbers_that_their_draws_are_seeded_by() {
         let numbers = Kind::ALL.map(|kind| kind as u64);
         assert_eq!(numbers, [0, 1, 2, 3, 4, 5, 6, 7, 8, 9]);
         assert_eq!(Kind::ALL[9], Kind::Hang);
