@@ -11,9 +11,9 @@
 //! link to recover from it; the report counts each. What is to be well again is so within one episode. A supply that is
 //! off comes back when it was said to: two of its episodes would not join without a gap.
 //!
-//! **Hangs.** A firmware starts its watchdog a few milliseconds after its own start; a board that hung before that would
-//! hang for ever. So where a board has just been restarted from the panel, or hangs already, its hang is delayed until
-//! the watchdog runs again. A board without a supply is not made to hang.
+//! **Hangs.** A firmware starts its watchdog a few milliseconds after its own start; a board that hung before that
+//! would hang for ever. So where a board has just been restarted from the panel, or hangs already, its hang is delayed
+//! until the watchdog runs again. A board without a supply is not made to hang.
 //!
 //! **Who may.** It is a server on this machine, which any page in a browser here can send requests to. So what changes
 //! anything is refused unless the browser says that it comes from this very page (`Origin`, or `Sec-Fetch-Site` where
