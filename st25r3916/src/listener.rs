@@ -173,7 +173,7 @@ impl FrameFlags {
     pub const UNDERFLOW: Self = Self(0x08);
     /// LEN does not agree with the number of bytes received.
     pub const LENGTH: Self = Self(0x10);
-    /// The last byte is not whole.
+    /// The last byte was not whole: it is not among the frame's.
     pub const PARTIAL: Self = Self(0x20);
 
     /// No flag at all.
@@ -238,7 +238,7 @@ pub enum ListenerEvent {
     /// A frame is in the buffer: `buffer[1..1 + len]` is its payload. Given before the chip is
     /// re-armed: [`Input::Start`] re-arms it.
     Frame {
-        /// Payload length in bytes, 1..=254, from the number of bytes received.
+        /// Payload length in bytes, 1..=254, from the number of whole bytes received.
         len: usize,
         /// What the chip said about it.
         flags: FrameFlags,
@@ -652,11 +652,17 @@ impl Listener {
         let Some(frame) = &mut self.frame else {
             return self.fault(Fault::Executor);
         };
-        frame.unread = status.count.min(CRC);
-        let (got, left) = (frame.got, status.count - frame.unread);
-        if got + status.count < SHORTEST {
+        // Where a frame broke off within a byte, that byte is one of the FIFO's, but not of the frame. The last read on
+        // the way may have taken it, if the frame ended while that read's status was under way.
+        let incomplete = u16::from(frame.flags.contains(FrameFlags::PARTIAL));
+        let received = (frame.got + status.count).saturating_sub(incomplete);
+        frame.got = frame.got.min(received);
+        let got = frame.got;
+        frame.unread = (received - got).min(CRC);
+        let left = received - got - frame.unread;
+        if received < SHORTEST {
             self.lose(Dropped::Runt)
-        } else if is_too_long(got + status.count) {
+        } else if is_too_long(received) {
             self.lose(Dropped::TooLong)
         } else if left == 0 {
             self.deliver()

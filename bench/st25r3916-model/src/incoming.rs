@@ -59,10 +59,20 @@ impl Incoming {
         self.next_byte = 0;
     }
 
-    /// The signal ended at `at`, after `bits` data bits.
+    /// The signal ended at `at`, after `bits` data bits: of the last byte's there may be fewer than eight, and only
+    /// these are known.
     pub(crate) fn ends(&mut self, at: u64, bits: u32) {
         self.ended = Some((at, bits));
-        self.frame.chunk.data.truncate(bits.div_ceil(8) as usize);
+        let data = &mut self.frame.chunk.data;
+        data.truncate(bits.div_ceil(8) as usize);
+        if !bits.is_multiple_of(8)
+            && let Some(last) = data.get_mut(bits as usize / 8)
+        {
+            *last &= match self.frame.technology {
+                Technology::NfcF => !(0xFF >> (bits % 8)),
+                Technology::NfcA => !(0xFF << (bits % 8)),
+            };
+        }
     }
 
     /// The signal stopped at `at`, wherever the frame was. False when that is before the frame could be found.
@@ -106,10 +116,12 @@ impl Incoming {
         }
     }
 
-    /// Bits of an incomplete last byte (NFC-A), 0 when it is whole.
+    /// Bits of an incomplete last byte, 0 when it is whole. The data sheet says so of a frame, whatever its technology
+    /// (fifo_lb), and ST's own driver (RFAL) reads it in the same way for all.
     pub(crate) fn last_bits(&self) -> u8 {
         match self.ended {
-            Some((_, bits)) if self.frame.technology == Technology::NfcA => (bits % 8) as u8,
+            // What comes after the last byte that LEN announces is not looked at.
+            Some((_, bits)) if (bits as usize).div_ceil(8) <= self.available() => (bits % 8) as u8,
             _ => 0,
         }
     }

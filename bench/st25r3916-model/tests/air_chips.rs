@@ -134,6 +134,32 @@ fn a_field_that_is_taken_away_breaks_the_frame_and_raises_the_interrupts_of_a_lo
 }
 
 #[test]
+fn of_a_byte_that_breaks_off_the_fifo_holds_the_bits_that_came_and_tells_how_many() {
+    let sent = payload(60, 1);
+    for bits in 0..24 {
+        let mut pair = pair(clean());
+        send(&mut pair, 60, 1);
+        let start = pair.now + pair.poller.config().transmit_latency_ns;
+        // Preamble, sync, LEN, nine bytes of the payload, and some bits; the middle of a bit, to be clear of its ends.
+        let came = 64 + 80 + bits;
+        pair.run_to(start + (2 * came + 1) * 18_879 / 16);
+        set(&mut pair, AirFaults { field_off: true, ..clean() });
+        pair.run_for(100 * US);
+        assert_eq!(pair.irqs(Side::Listener), [0x30, 0x08, 0x90, 0], "{bits} bits");
+        let (level, flags) = pair.fifo(Side::Listener);
+        let (bytes, last) = (10 + bits as usize / 8, bits % 8);
+        assert_eq!((level, flags), (bytes + usize::from(last != 0), (last as u8) << 1), "{bits} bits");
+        let held = pair.read_fifo(Side::Listener, level);
+        assert_eq!(held[1..bytes], sent[..bytes - 1], "{bits} bits");
+        // NFC-F sends the highest bit first.
+        let of_last = held.get(bytes).copied().unwrap_or(0);
+        assert_eq!(of_last, sent[bytes - 1] & !(0xFF >> last), "{bits} bits");
+        // What the antenna heard are the whole bytes.
+        assert_eq!(pair.air.take_heard().remove(0).bytes, held[..bytes], "{bits} bits");
+    }
+}
+
+#[test]
 fn a_frame_that_meets_a_repetition_is_not_received_and_the_repetition_ends_in_errors() {
     let mut pair = pair(AirFaults { repeated: 1.0, repeat_after_ns: (MS, MS), ..clean() });
     send(&mut pair, 60, 1);

@@ -542,15 +542,47 @@ fn frames_too_short_or_too_long_are_dropped_and_forgotten() {
 
 #[test]
 fn a_fifo_overflow_and_a_partial_last_byte_are_flags() {
-    for (bits, flag) in [(0x10, FrameFlags::OVERFLOW), (0x20, FrameFlags::UNDERFLOW), (0x06, FrameFlags::PARTIAL)] {
+    // A byte of which fewer than eight bits came is not one of the frame's, so LEN does not agree any more.
+    let partial = FrameFlags::PARTIAL.union(FrameFlags::LENGTH);
+    for (bits, len, flags) in [(0x10, 50, FrameFlags::OVERFLOW), (0x20, 50, FrameFlags::UNDERFLOW), (0x06, 49, partial)]
+    {
         let (mut rig, mut listener) = listening(Chip::new(Variant::B), STORE);
         let sync = rig.chip.now + 1_000;
         rig.chip.frame(sync, &payload(50, 1));
         assert_eq!(rig.listener_within(&mut listener, 3), None); // I_rxs read, waiting for I_rxe
         assert!(rig.chip.now < sync + 50);
         rig.chip.fifo_flags = bits;
-        assert_eq!(rig.listener(&mut listener), ListenerEvent::Frame { len: 50, flags: flag });
+        assert_eq!(rig.listener(&mut listener), ListenerEvent::Frame { len, flags });
         hears(&mut rig, &mut listener, 244);
+    }
+}
+
+#[test]
+fn a_frame_that_breaks_off_within_a_byte_has_the_bytes_before_it() {
+    let sent: Vec<u8> = std::iter::once(185).chain(payload(184, 1)).chain([0xCC; 2]).collect();
+    for config in BOTH {
+        let (rig, listener) = listening(Chip::new(Variant::B), config);
+        for whole in 0..sent.len() {
+            // Every µs of the byte: also while the status of a read on the way is under way.
+            for into in 1..19 {
+                let (mut rig, mut listener) = (rig.clone(), listener.clone());
+                let over = rig.chip.raw_frame(rig.chip.now + 1_000, &sent[..whole], None);
+                rig.chip.at(over + into, Happening::BrokenByte(1 + into as u8 / 3));
+                let event = rig.listener(&mut listener);
+                if whole < 4 {
+                    assert_eq!(event, ListenerEvent::Dropped(Dropped::Runt), "{whole} bytes, {into} us");
+                } else {
+                    let ListenerEvent::Frame { len, flags } = event else {
+                        panic!("{whole} bytes, {into} us: {event:?}")
+                    };
+                    let expected =
+                        [FrameFlags::PARTIAL, FrameFlags::LENGTH].into_iter().all(|flag| flags.contains(flag));
+                    assert!(len == whole - 3 && expected, "{whole} bytes, {into} us: {event:?}");
+                    assert_eq!(rig.buffer[1..=len], sent[1..=len], "{whole} bytes, {into} us");
+                }
+                rig.assert_no_misuse();
+            }
+        }
     }
 }
 

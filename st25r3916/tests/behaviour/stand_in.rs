@@ -30,6 +30,8 @@ pub(crate) enum Happening {
     Byte(u8),
     /// The end of the frame whose sync was accepted, with these error bits.
     End(u8),
+    /// The frame whose sync was accepted ends within a byte, of which so many bits came.
+    BrokenByte(u8),
     /// The transmitter takes a byte out of the FIFO.
     Taken,
     /// The frame on the air is over.
@@ -253,13 +255,13 @@ impl Chip {
                 }
             }
             Happening::Byte(_) => {}
-            Happening::End(errors) if self.receiving => {
-                self.receiving = false;
-                self.unmasked = !self.end_masks_receiver;
-                self.irqs[MAIN] |= RXE;
-                self.irqs[ERROR] |= errors;
+            Happening::End(errors) => self.end(errors),
+            Happening::BrokenByte(bits) if self.receiving => {
+                self.fifo.push_back(0);
+                self.fifo_flags |= bits << 1;
+                self.end(CRC | 0x10);
             }
-            Happening::End(_) => {}
+            Happening::BrokenByte(_) => {}
             Happening::Taken => match (self.fifo.pop_front(), self.sent.last_mut()) {
                 (Some(byte), Some((_, frame))) => frame.push(byte),
                 _ => self.fifo_flags |= 0x20,
@@ -269,6 +271,15 @@ impl Chip {
                 self.reset();
                 self.irqs = [0; 4];
             }
+        }
+    }
+
+    fn end(&mut self, errors: u8) {
+        if self.receiving {
+            self.receiving = false;
+            self.unmasked = !self.end_masks_receiver;
+            self.irqs[MAIN] |= RXE;
+            self.irqs[ERROR] |= errors;
         }
     }
 
@@ -306,8 +317,11 @@ impl Chip {
                 }
             }
             0x40..=0x7F => {
+                // The head's bytes, then each register as its own byte begins: a frame may end in between.
+                self.advance(self.now + first as u64);
                 for (offset, slot) in miso[first..].iter_mut().enumerate() {
                     *slot = self.read(space, usize::from(head & 0x3F) + offset);
+                    self.advance(self.now + 1);
                 }
             }
             0x80 => {
