@@ -83,6 +83,13 @@ pub(crate) fn name<P: Part>(part: &P, block: u64, channel: u64) -> String {
     String::from_utf8_lossy(&bytes).chars().filter(|character| !character.is_control()).collect()
 }
 
+/// Write and read offset of up channel `channel`, 0 where they are not in memory.
+fn offsets<P: Part>(part: &P, block: u64, channel: u64) -> (u64, u64) {
+    let entry = block + CHANNELS + CHANNEL_BYTES * channel;
+    let word = |at| memory::value(part, at, 4).unwrap_or(0);
+    (word(entry + 12), word(entry + 16))
+}
+
 /// Empties up channel `channel` of the control block at `block`.
 pub(crate) fn drain<P: Part>(part: &mut P, block: u64, channel: u64) -> Result<Drained, RttFault> {
     if channel >= count(part, block)? {
@@ -91,7 +98,7 @@ pub(crate) fn drain<P: Part>(part: &mut P, block: u64, channel: u64) -> Result<D
     let word = |part: &P, at| memory::value(part, at, 4).unwrap_or(0);
     let entry = block + CHANNELS + CHANNEL_BYTES * channel;
     let (buffer, size) = (word(part, entry + 4), word(part, entry + 8));
-    let (write, read) = (word(part, entry + 12), word(part, entry + 16));
+    let (write, read) = offsets(part, block, channel);
     if size == 0 {
         return Ok(Drained::default());
     }
@@ -274,6 +281,8 @@ struct Channel {
     frames: Frames,
     /// What came, for [`Channels::take_raw`].
     raw: Vec<u8>,
+    /// The firmware starts again, and its start-up code has not yet set the read offset to 0.
+    starting: bool,
     /// What was said already, so that a firmware in a loop does not say it for ever.
     told_corrupt: bool,
     told_overrun: bool,
@@ -310,6 +319,14 @@ impl Channels {
         }
         let mut drained = Vec::new();
         for (number, channel) in (0..).zip(&mut self.list) {
+            let (write, read) = offsets(part, block, number);
+            channel.starting &= read != 0;
+            // The write offset lies before the read offset, and start-up code has set it to 0 alone so far: what seems
+            // to wait up to the buffer's end was read long ago.
+            if channel.starting && write == 0 {
+                drained.push(Drained::default());
+                continue;
+            }
             drained.push(match drain(part, block, number) {
                 Ok(drained) => drained,
                 Err(RttFault::Corrupt(text)) if !std::mem::replace(&mut channel.told_corrupt, true) => {
@@ -359,6 +376,7 @@ impl Channels {
             .iter_mut()
             .filter_map(|channel| {
                 channel.frames = Frames::default();
+                channel.starting = true;
                 channel.text.finish().map(|bytes| text_line(at, &channel.label, &bytes))
             })
             .collect()
@@ -508,6 +526,33 @@ mod tests {
         assert_eq!(text(channels.finish(6)), ["tw"]);
         assert_eq!(channels.take_raw(1), b"one\r\ntw");
         assert_eq!(channels.take_raw(1), b"");
+    }
+
+    #[test]
+    fn offsets_of_which_start_up_code_has_set_one_to_0_hold_nothing_new() {
+        let mut part = part(b"old text\n", 1);
+        let mut channels = Channels::default();
+        let mut texts = |part: &mut Nrf52840, restarts: bool| {
+            if restarts {
+                channels.finish(5);
+            }
+            let (lines, _) = channels.probe(part, BLOCK, &Firmware::raw("text", Vec::new()), 5);
+            lines.into_iter().map(|line| line.text).collect::<Vec<_>>()
+        };
+        assert_eq!(texts(&mut part, false), ["old text"]);
+        let entry = BLOCK + CHANNELS + CHANNEL_BYTES;
+        // A look before the start-up code has come so far, one while it is at it, one after it.
+        assert_eq!(texts(&mut part, true), [""; 0]);
+        put(&mut part, entry + 12, 0);
+        assert_eq!(texts(&mut part, false), [""; 0]);
+        put(&mut part, entry + 16, 0);
+        assert_eq!(texts(&mut part, false), [""; 0]);
+        // From then on an offset of 0 is one like any other.
+        memory::write(&mut part, BUFFER, b"new text\n......\n");
+        put(&mut part, entry + 12, 9);
+        assert_eq!(texts(&mut part, false), ["new text"]);
+        put(&mut part, entry + 12, 0);
+        assert_eq!(texts(&mut part, false), ["......"]);
     }
 
     #[test]
