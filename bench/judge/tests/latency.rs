@@ -145,6 +145,25 @@ fn a_frame_that_began_while_the_dprs_front_end_was_out_of_order_may_be_late() {
 }
 
 #[test]
+fn a_cycle_of_which_the_dprs_front_end_may_not_have_handed_over_the_last_frame_may_be_late() {
+    for gps in [3, 5] {
+        for (kind, after, violations) in [
+            ("dpr front end reads zeros", 359_999, vec![]),
+            ("dpr front end reads zeros", 360_000, vec![(LateReadable, 1)]),
+            ("horus front end reads zeros", 359_999, vec![(LateReadable, 1)]),
+        ] {
+            let mut plan = Plan::new(gps, 40);
+            let number = plan.showing(200);
+            let ended = plan.publications[number].at - TO_FRESH;
+            plan.publications[number].at += 3 * MS;
+            let mut log = plan.log();
+            insert(&mut log, ended + after, What::Injected { kind: kind.to_owned(), until: ended + after });
+            assert_eq!(found(&log), violations, "{gps} receivers, {kind} {after}");
+        }
+    }
+}
+
+#[test]
 fn a_sample_was_taken_at_the_last_tick_before_the_first_frame_of_its_cycle_and_less_than_a_cycle_before_it() {
     let cycle = FIRST_TICK + 19 * bounds::CYCLE;
     let started = |plan: &Plan, from: u64| {

@@ -366,6 +366,12 @@ pub fn hits_a_buffer(kind: &str) -> bool {
     kind.starts_with("buffer dpr")
 }
 
+/// Whether a fault of this kind is one of a bit of the DPR's images.
+#[must_use]
+pub fn hits_an_image(kind: &str) -> bool {
+    kind.starts_with("buffer dpr image")
+}
+
 /// The age of a cycle's sample at the last bit of its frame number `number`, ns.
 #[must_use]
 pub fn age_at_end(layout: Layout, number: usize) -> u64 {

@@ -36,7 +36,8 @@
 //! - A transaction that takes longer than a second is not judged: what it could have read is not remembered.
 //! - While the DPR's front end is out of order, and [`bounds::RECOVERY`] after that, no cycle must be shown, and any
 //!   cycle that was heard may be. So it is while a bit of the DPR's buffers is stuck, or after one was hit, and
-//!   [`bounds::BUFFER_REPLACED`] after that.
+//!   [`bounds::BUFFER_REPLACED`] after that. Nor must a cycle be shown that no transaction had to show before a bit of
+//!   the images was hit: the DPR takes an image away that is damaged.
 
 pub mod expectation;
 mod recovery;
@@ -180,6 +181,10 @@ impl Shown {
                         delivery.received = delivery.received.min(Certainty::May);
                     }
                 }
+            }
+            // An image that holds the bit is taken away when that is found, which may be before anybody has read it.
+            What::Injected { kind, .. } if expectation::hits_an_image(kind) => {
+                self.due.retain(|due| due.asked.is_some());
             }
             // What its front end had not handed over by then is lost with it.
             What::Injected { kind, .. } if expectation::disturbs_the_dpr(kind).is_some() => {

@@ -90,6 +90,15 @@ impl Cycles {
         self.misused = self.misused.max(until);
     }
 
+    /// The DPR's front end fails at `at`, ns: a frame that it has not handed over by then is lost with it, and of two
+    /// the first alone is shown when the second is overdue.
+    pub(super) fn front_end_fails(&mut self, at: u64) {
+        let handed_over = |last_bit: &u64| last_bit + bounds::STORE_AND_FORWARD <= at;
+        for cycle in &mut self.cycles {
+            cycle.last_bit = cycle.last_bit.filter(handed_over);
+        }
+    }
+
     /// A whole frame with this LEN reached the DPR's antenna; its last bit at `ended`.
     pub(super) fn heard(&mut self, layout: Layout, frame: &Frame, len: Option<u8>, started: u64, ended: u64) {
         let fits = len.is_some_and(|len| usize::from(len) == frame.payload.len() + LEN_BYTES);

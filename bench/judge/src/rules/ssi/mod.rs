@@ -108,6 +108,7 @@ impl Ssi {
             }
             What::Injected { kind, until } if breaks_the_dprs_front_end(kind) => {
                 self.out_of_order = self.out_of_order.max(*until);
+                self.cycles.front_end_fails(at);
             }
             What::Injected { kind, until } if hits_a_buffer(kind) => {
                 self.hit = self.hit.max(until.saturating_add(bounds::BUFFER_REPLACED));

@@ -11,8 +11,8 @@ fn what_the_front_end_had_not_handed_over_when_it_failed_need_not_be_shown() {
     for (kind, after, must) in [
         ("dpr front end reads ones", 359_999, false),
         ("dpr front end reads ones", 360_000, true),
-        ("buffer dpr image bit hit", 359_999, false),
-        ("buffer dpr image bit hit", 360_000, true),
+        ("buffer dpr receive bit flips", 359_999, false),
+        ("buffer dpr receive bit flips", 360_000, true),
         ("air", 100_000, true),
         ("horus front end reads ones", 100_000, true),
     ] {
@@ -20,6 +20,27 @@ fn what_the_front_end_had_not_handed_over_when_it_failed_need_not_be_shown() {
         run.extra.push(fault(kind, run.end(20) + after));
         run.assert_flawless();
         assert_eq!(run.broken(hide(200)) == [Violation::NotShown], must, "{kind}, {after} ns after the last bit");
+    }
+}
+
+#[test]
+fn an_image_may_be_taken_away_when_a_bit_of_the_images_was_hit_but_for_what_had_to_be_shown_before() {
+    for n in RECEIVERS {
+        let mut run = Run { cycles: 90, ..Run::new(n) };
+        let log = run.log(|_| {});
+        let from = run.end(20) + crate::bounds::LAST_BIT_TO_READABLE;
+        let asked = log.events.iter().find(|event| match event.what {
+            What::Transaction { selected, .. } => selected >= from,
+            _ => false,
+        });
+        let asked = asked.unwrap().at;
+        for (at, must) in [(asked - 1, false), (asked + 1, true)] {
+            for kind in ["buffer dpr image bit flips", "buffer dpr image bit stuck"] {
+                run.extra = vec![Event { at, what: What::Injected { kind: kind.into(), until: at } }];
+                run.assert_flawless();
+                assert_eq!(run.broken(hide(200)) == [Violation::NotShown], must, "{n} receivers, {kind}, {at}");
+            }
+        }
     }
 }
 
