@@ -78,6 +78,24 @@ fn the_core_follows_its_clock_tree() {
     assert_eq!(node.take_findings(), []);
 }
 
+/// An nRF52840 starts its crystal and sleeps; 0.36 ms later the crystal's rate becomes the core's.
+#[test]
+fn a_core_that_slept_while_its_clock_changed_was_not_awake_and_may_restart_at_once() {
+    let mut main = Thumb::at(0x400);
+    main.store(0x4000_0000, 1).idle();
+    let image = thumb::firmware_at(0, "asleep", &main, &[]);
+    let mut node: Node<Bare<Nrf52840>> = Node::new(Nrf52840::new(Settings::default()), Bare::new(), &image).unwrap();
+    node.advance(900_000);
+    let awake = node.usage().awake;
+    assert!((1..1_000).contains(&awake), "{awake}");
+    // Back to the internal oscillator, after fewer cycles awake than the core has slept.
+    node.hang();
+    node.restart(FromOutside::Pin);
+    node.advance(1_800_000);
+    let again = node.usage().awake;
+    assert!((2 * awake..2 * awake + 500).contains(&again), "{awake}, then {again}");
+}
+
 /// TIM2 on HSE itself, 8 MHz: 10 ms is 80 000 ticks.
 fn ticking_on_hse() -> bench::node::Firmware {
     let mut main = Thumb::at(MAIN);

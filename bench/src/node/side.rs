@@ -37,8 +37,9 @@ pub(super) struct Side<B: Board> {
     /// What the part's models found, with instants.
     pub(super) findings: Vec<Finding>,
     pub(super) noted: usize,
-    /// The core's cycles in which it did not run, as last told: see [`Side::changed`].
-    pub(super) idle: u64,
+    /// The core's cycles in which it did not run, up to `idle_from`, if it has not run since then.
+    idle: u64,
+    idle_from: Option<Cycle>,
     /// Nothing outside the core happens past this cycle yet, which begins at this instant (ns): something may act on
     /// the board there.
     pub(super) horizon: Cycle,
@@ -71,6 +72,7 @@ impl<B: Board> Side<B> {
             findings: Vec::new(),
             noted: 0,
             idle: 0,
+            idle_from: None,
             horizon: 0,
             horizon_ns: 0,
             stirred: true,
@@ -177,7 +179,9 @@ impl<B: Board> Side<B> {
         // Cycles go on being counted at the last rate while the core has no clock: they are the bench's time then.
         self.part.signals().stalled_until = if clock.hz == 0 { NEVER } else { 0 };
         if clock.hz > 0 {
-            let cycles = at - self.idle;
+            let idle = self.idle + self.idle_from.map_or(0, |from| at.saturating_sub(from));
+            // The core may be within an instruction that lasts beyond this.
+            let cycles = (at - idle).max(self.awake.1);
             self.awake = (self.awake.0 + self.scaled(cycles - self.awake.1), cycles);
             (self.before, self.changed_at) = (self.time, at);
             self.time.change(at, clock.hz, clock.ppb);
@@ -186,6 +190,11 @@ impl<B: Board> Side<B> {
             self.horizon = self.time.cycle(self.horizon_ns);
             self.part.signals().stop = true;
         }
+    }
+
+    /// The core, at `cycle`, has not run in `idle` of its cycles so far; and does not run now, if `rests`.
+    pub(super) fn note_idle(&mut self, cycle: Cycle, idle: u64, rests: bool) {
+        (self.idle, self.idle_from) = (idle, rests.then_some(cycle));
     }
 
     /// When `cycle` was, in ns; it lies no further back than the last change of the clock but one.
@@ -274,6 +283,8 @@ impl<B: Board> Bus for Side<B> {
 
     fn sleeps(&mut self, cycle: Cycle, asleep: bool, deep: bool) {
         let at = cycle.min(self.horizon);
+        let slept = self.idle_from.map_or(0, |from| cycle.saturating_sub(from));
+        self.note_idle(cycle, self.idle + slept, asleep);
         if let Some(sleeps) = &mut self.sleeps {
             sleeps.push((self.time.ns(at), asleep));
         }

@@ -101,11 +101,12 @@ impl<B: Board, C: Cost> Node<B, C> {
             if self.exit.is_some() || !self.powered {
                 self.side.advance(horizon);
                 self.core.skip_to(self.side.horizon);
-                self.side.idle = self.core.idle();
+                self.note_idle();
                 continue;
             }
             self.side.stirred = false;
             let found = self.findings.len();
+            self.note_idle();
             match self.run_held(horizon) {
                 Exit::Until | Exit::Stopped => {}
                 Exit::Halted => self.tell_halt(),
@@ -122,9 +123,16 @@ impl<B: Board, C: Cost> Node<B, C> {
                 }
                 Exit::ResetRequest => self.side.reset = Some(Reset::Software),
             }
-            self.side.idle = self.core.idle();
+            self.note_idle();
             self.note_tasks();
         }
+    }
+
+    /// Tells the side what the core has run so far, and whether it rests.
+    fn note_idle(&mut self) {
+        let Self { core, side, powered, exit, .. } = self;
+        let rests = core.is_asleep() || core.is_halted() || core.locked_up() || core.is_hung();
+        side.note_idle(core.cycle(), core.idle(), rests || !*powered || exit.is_some());
     }
 
     /// What the core is doing now, in words.
