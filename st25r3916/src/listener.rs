@@ -24,10 +24,10 @@
 //!  │      │           Delivered                                                             │
 //!  │      │             │ Start                                                             │
 //!  │      │             ▼                                                                   │
-//!  │      └── I_rxs ── RearmStatus                                                          │
-//!  │                    │                                                                   │
-//!  │                    ▼                                                                   │
-//!  └── RearmUnmask ◄── RearmClear ◄─────────────────────────────────────────────────────────┘
+//!  │      └── I_rxs ── RearmStatus ◄────────────────────────────────────────────────────────┘
+//!  │                    │
+//!  │                    ▼
+//!  └── RearmUnmask ◄── RearmClear
 //! ```
 //!
 //! Not drawn: an error outside a frame leads from ReadingStatus to RearmClear; a second sync within a frame is
@@ -484,8 +484,9 @@ impl Listener {
                 self.fifo(count, end, bytes.first().copied())
             }
             (ListenerState::CheckingConfiguration, Input::Done(response)) => {
+                // The status once more: a frame may have begun since the read before.
                 if self.bring_up.role().configuration_stands(response) {
-                    self.short(ListenerState::RearmClear, command::CLEAR_FIFO)
+                    self.short(ListenerState::RearmStatus, STATUS_READ)
                 } else {
                     self.fault(Fault::Reset)
                 }

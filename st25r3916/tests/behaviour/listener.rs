@@ -241,6 +241,8 @@ fn a_listener_tells_its_state() {
     assert_eq!(listener.state(), ListenerState::ReadingStatus { late: true });
     assert_eq!(rig.listener_within(&mut listener, 1), None);
     assert_eq!(listener.state(), ListenerState::CheckingConfiguration);
+    assert_eq!(rig.listener_within(&mut listener, 1), None);
+    assert_eq!(listener.state(), ListenerState::RearmStatus);
     let _ = listener.step(Input::Failed);
     assert_eq!(listener.state(), ListenerState::Faulted);
     let _ = listener.step(Input::Start);
@@ -775,6 +777,33 @@ fn a_receiver_left_masked_is_unmasked_by_supervision() {
     rig.chip.transfer(&[0xD0]);
     assert_eq!(rig.listener_within(&mut listener, 10), None);
     hears(&mut rig, &mut listener, 244);
+}
+
+#[test]
+fn a_frame_that_begins_while_an_idle_chip_is_checked_is_received() {
+    for config in BOTH {
+        for db_clears_irqs in [false, true] {
+            let chip = Chip { db_clears_irqs, ..Chip::new(Variant::B) };
+            let (mut rig, mut listener) = listening(chip, config);
+            hears(&mut rig, &mut listener, 244);
+            // Every µs of the check, and of the re-arming that it ends with, 20 ms later.
+            for sync in 19_950..20_150 {
+                let (mut rig, mut listener) = (rig.clone(), listener.clone());
+                let sent = payload(244, sync);
+                rig.chip.frame(rig.chip.now + sync as u64, &sent);
+                // An executor that needs 4 µs from one step to the next.
+                let event = loop {
+                    if let Some(event) = rig.listener_within(&mut listener, 1) {
+                        break event;
+                    }
+                    rig.chip.advance(rig.chip.now + 4);
+                };
+                let ListenerEvent::Frame { len: 244, .. } = event else { panic!("{config:?}, {sync} us: {event:?}") };
+                assert_eq!(rig.buffer[1..=244], sent, "{config:?}, {sync} us");
+                rig.assert_no_misuse();
+            }
+        }
+    }
 }
 
 #[test]
