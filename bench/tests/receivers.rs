@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use bench::boards::receivers::Interface;
 use bench::faults::receivers::bus::BusFault;
-use bench::faults::{Fault, Faults, ReceiverFault, Rng};
+use bench::faults::{Board, Fault, Faults, PowerFault, ReceiverFault, Rng};
 use bench::node::Clock;
 use bench::sim::{Images, Outcome, Setup, run};
 use bench::world::base_station::{Entry, Position};
@@ -91,7 +91,9 @@ fn a_recorded_log_gives_bit_exact_gps_objects_on_each_interface() {
             .map(|position| [position.latitude, position.longitude, position.altitude].map(f64::to_bits))
             .collect();
         shown.dedup();
-        assert_eq!(shown, held, "GPS{}", receiver + 1);
+        // On SPI the first may have waited behind a line that was stuck, for all that HORUS knows.
+        let told = if receiver == 2 { &held[1..] } else { &held[..] };
+        assert_eq!(shown, told, "GPS{}", receiver + 1);
     }
 }
 
@@ -262,6 +264,27 @@ fn a_thousand_failures_of_buses() {
 /// read, tries the usual rate, waits half a second, sets the rate from 38 400 baud, waits 100 ms and more for the
 /// receiver, and configures it (decision 16).
 const CONFIGURED: u64 = 2_500 * MS;
+
+/// To HORUS, a MISO that is stuck high as it starts reads like a receiver that has nothing to say. What comes when that
+/// ends has waited in the receiver since HORUS was switched off: more than a second, 1.4 kB, of which the reads until
+/// then have lost some.
+#[test]
+fn what_waited_behind_a_line_that_was_stuck_as_horus_started_is_not_taken_for_new() {
+    for reads in 0..6 {
+        let Some(mut setup) = setup(2_600) else { return };
+        let stuck = Fault::Receiver(2, ReceiverFault::Bus(BusFault::Ones));
+        let off = Fault::Power(Board::Horus, PowerFault::Off(1));
+        let ends = (1_825 + 10 * reads) * MS;
+        setup.faults = Faults::none().with(590 * MS, ends, stuck).with(600 * MS, 1_800 * MS, off);
+        let outcome = run(&setup, &mut ()).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(outcome.report.violations, [""; 0], "{reads} reads");
+        let of = validity(&outcome, 2);
+        assert!(
+            of.iter().filter(|(at, _)| *at > ends + BACK).all(|(_, valid)| *valid),
+            "{reads} reads: it is not back"
+        );
+    }
+}
 
 #[test]
 fn a_receiver_that_loses_its_settings_is_configured_again_on_each_interface() {

@@ -24,7 +24,8 @@ const _: () = assert!(RING >= 2 * crate::ddc::MOST && RING >= 2 * crate::spi::TR
 /// A receiver on I2C or SPI keeps what it has to say until it is read. A solution that has waited there (while its bus
 /// was stuck, or HORUS started) would count as new when it arrives, since its age counts from then. So what comes after
 /// such a pause is dropped until the receiver has been read empty once; what comes after that is younger than two
-/// ticks and a transfer.
+/// ticks and a transfer. On SPI, where an idle receiver and a line that is stuck high read alike, it has been read
+/// empty when something came and nothing more: that costs the first message after the pause.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Backlog {
     is_old: bool,

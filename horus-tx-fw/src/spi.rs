@@ -154,10 +154,11 @@ impl Polling {
         self.backlog.is_old()
     }
 
-    /// The bytes of a transfer have been looked at; `is_empty`: it ended with filler outside of a message, so the
-    /// receiver has no more ([`Filter::has_nothing_more`]).
-    pub fn read(&mut self, is_empty: bool) {
-        self.backlog.read(is_empty);
+    /// The bytes of a transfer have been looked at. `brought`: some were the receiver's. `is_empty`: it ended with
+    /// filler outside of a message, so the receiver has no more ([`Filter::has_nothing_more`]). While something may
+    /// have waited, a transfer of nothing but filler proves nothing: a line that is stuck high reads the same.
+    pub fn read(&mut self, brought: bool, is_empty: bool) {
+        self.backlog.read(is_empty && (brought || !self.backlog.is_old()));
     }
 
     /// A stream has failed.
@@ -376,8 +377,31 @@ mod tests {
     fn what_had_waited_before_the_first_transfer_is_old_until_the_receiver_is_empty() {
         let mut polling = Polling::new();
         for (is_empty, is_old) in [(false, true), (true, false), (false, false), (false, true), (true, false)] {
-            polling.read(is_empty);
+            polling.read(true, is_empty);
             assert_eq!(polling.is_old(), is_old);
+        }
+    }
+
+    #[test]
+    fn what_had_waited_stays_old_while_nothing_but_filler_comes_as_from_a_line_that_is_stuck_high() {
+        let mut polling = Polling::new();
+        // A stuck line, which is mended; the backlog in two transfers; silence, a message, silence.
+        for (brought, is_empty, is_old) in [
+            (false, true, true),
+            (false, true, true),
+            (false, true, true),
+            (true, false, true),
+            (true, true, false),
+            (false, true, false),
+            (true, true, false),
+            (false, true, false),
+        ] {
+            polling.poll();
+            polling.elapsed();
+            polling.transferred();
+            polling.elapsed();
+            polling.read(brought, is_empty);
+            assert_eq!(polling.is_old(), is_old, "{brought} {is_empty}");
         }
     }
 

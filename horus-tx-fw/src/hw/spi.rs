@@ -163,12 +163,13 @@ impl SpiSource {
             let kept = word.to_ne_bytes().map(|byte| (!is_filler && filter.keeps(byte)).then_some(byte));
             kept.into_iter().flatten()
         });
-        if is_old {
-            bytes.for_each(drop);
+        let brought = if is_old {
+            bytes.count() > 0
         } else {
             gnss::ring(self.index).push(bytes);
-        }
-        self.polling.read(self.filter.has_nothing_more());
+            true
+        };
+        self.polling.read(brought, self.filter.has_nothing_more());
     }
 
     fn clear_out(&mut self) {

@@ -309,6 +309,9 @@ impl Receivers {
                 Port::Spi(spi) => {
                     if pin == spi.wires.cs {
                         spi.select(at, pad == Pad::Driven(false));
+                        if !matches!(pad, Pad::Driven(_)) {
+                            spi.let_go();
+                        }
                         self.given.extend(spi.crossings.take(receiver));
                     }
                 }

@@ -59,6 +59,10 @@ pub(super) struct Spi {
     has_left: bool,
     /// So many transfers to come the controller may drop.
     doubtful: u8,
+    /// And all until one has brought something and left nothing: to the controller, filler alone may be a stuck line.
+    unproven: bool,
+    /// The transfer under way has brought something.
+    brought: bool,
     /// What is wrong with MISO.
     failing: Option<(BusFault, Rng)>,
 }
@@ -76,13 +80,15 @@ impl Spi {
             last_byte: 0xFF,
             has_left: false,
             doubtful: DOUBTFUL,
+            unproven: true,
+            brought: false,
             failing: None,
         }
     }
 
     #[cfg(test)]
     pub(super) fn read_lately(&mut self, now: u64) {
-        (self.outbox.read_at, self.doubtful, self.has_left) = (now, 0, false);
+        (self.outbox.read_at, self.doubtful, self.unproven, self.has_left) = (now, 0, false, false);
     }
 
     /// MISO is wrong in this way from now on.
@@ -106,17 +112,23 @@ impl Spi {
         if selected {
             // After a pause, a failure, or where something was left, the controller may drop what it reads as old.
             if at.saturating_sub(self.outbox.read_at) > NEW || self.failing.is_some() || self.has_left {
-                self.doubtful = DOUBTFUL;
+                (self.doubtful, self.unproven) = (DOUBTFUL, true);
             }
-            if self.doubtful > 0 {
-                self.doubtful -= 1;
+            if self.doubtful > 0 || self.unproven {
+                self.doubtful = self.doubtful.saturating_sub(1);
                 self.crossings.spoil();
             }
-            self.outbox.read_at = at;
+            (self.outbox.read_at, self.brought) = (at, false);
         } else {
             self.crossings.end();
             self.has_left = !self.outbox.bytes.is_empty();
+            self.unproven &= !self.brought || self.has_left || self.failing.is_some();
         }
+    }
+
+    /// The controller drives chip select no longer: it starts anew, and knows of no transfer.
+    pub(super) fn let_go(&mut self) {
+        (self.doubtful, self.unproven) = (DOUBTFUL, true);
     }
 
     pub(super) fn is_clocked_by(&self, frame: &SpiFrame) -> bool {
@@ -161,6 +173,7 @@ impl Spi {
             }
             self.last = Some(from);
             let said = self.outbox.take();
+            self.brought |= said.is_some();
             let byte = said.map_or(0xFF, |(byte, _)| byte);
             let given = match &mut self.failing {
                 _ if misuse.is_some() => self.late(byte),

@@ -205,6 +205,51 @@ fn what_waited_in_a_receiver_may_be_dropped_and_then_must_not_be_taken() {
     }
 }
 
+/// What is given of two messages of which a read brings one each, after `before`.
+fn two_messages_after(before: impl Fn(&mut Script)) -> Vec<bool> {
+    let mut script = Script::new();
+    before(&mut script);
+    let mut clean = vec![];
+    for _ in 0..2 {
+        for waits in [true, false, false, false, false] {
+            script.now += 10 * MS;
+            if waits {
+                script.receivers.offer(script.now, 2, &message());
+            }
+            script.transaction(&[0xFF; 120]);
+            clean.extend(script.given().iter().map(|given| given.clean));
+        }
+    }
+    clean
+}
+
+#[test]
+fn over_spi_filler_alone_is_no_proof_that_nothing_had_waited() {
+    let reads = |script: &mut Script, count: u64| {
+        for _ in 0..count {
+            script.now += 10 * MS;
+            script.transaction(&[0xFF; 120]);
+        }
+    };
+    assert_eq!(two_messages_after(|_| ()), [true, true]);
+    // A pause, and then nothing but filler for long.
+    assert_eq!(
+        two_messages_after(|script| {
+            script.now += 30 * MS;
+            reads(script, 9);
+        }),
+        [false, true]
+    );
+    // The controller starts anew: its pins float for a moment.
+    assert_eq!(
+        two_messages_after(|script| {
+            script.receivers.pin(script.now, CS, Pad::Floating);
+            reads(script, 9);
+        }),
+        [false, true]
+    );
+}
+
 #[test]
 fn over_spi_the_stream_is_clocked_out_and_filler_when_it_is_empty() {
     let mut script = Script::new();
