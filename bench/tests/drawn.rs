@@ -34,7 +34,8 @@ fn report_of_setup(
     Some(run(&setup, &mut ()).unwrap_or_else(|error| panic!("{error}")).report)
 }
 
-const ALL: [Kind; 6] = [Kind::Air, Kind::Gnss, Kind::FlightController, Kind::Power, Kind::Buffers, Kind::Inputs];
+const ALL: [Kind; 7] =
+    [Kind::Air, Kind::Gnss, Kind::FlightController, Kind::Power, Kind::Buffers, Kind::Inputs, Kind::Hang];
 
 #[test]
 fn faults_of_every_kind_at_once_violate_nothing_and_the_link_recovers() {
@@ -43,7 +44,7 @@ fn faults_of_every_kind_at_once_violate_nothing_and_the_link_recovers() {
         assert_eq!(report.violations, [""; 0], "{gps} receivers, seed {seed}");
         assert_eq!(report.faults.invalid_shown_valid, 0);
         // Of each kind some faults were there, and each is in the log by its name.
-        for kind in ["air", "receiver", "flight controller", "power", "buffer", "input"] {
+        for kind in ["air", "receiver", "flight controller", "power", "buffer", "input", "hang"] {
             let injected = report.faults.injected.keys().any(|name| name.starts_with(kind));
             assert!(injected, "{kind} of {:?}", report.faults.injected);
         }
