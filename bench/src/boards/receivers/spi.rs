@@ -27,6 +27,10 @@ pub const SHORTEST_BYTE: u64 = 8_000;
 /// CFG-SPI-MAXFF, as it comes from the factory.
 const MOST_FILLER: u32 = 50;
 
+/// So many bytes of filler at a transfer's end tell a controller that the receiver has nothing more: fewer may be
+/// noise.
+const PROOF: u32 = 4;
+
 const WRONG_MODE: &str = "SPI: not mode 0, or not whole bytes (ZED-F9R data sheet 5.2)";
 const FAST_CLOCK: &str = "SPI: more than 5.5 MHz (ZED-F9R data sheet 5.2)";
 const FAST_BYTES: &str = "SPI: more than 125 kB/s, a byte every 8 µs (ZED-F9R data sheet 5.2, NEO-M8P 4.4.1)";
@@ -59,10 +63,11 @@ pub(super) struct Spi {
     has_left: bool,
     /// So many transfers to come the controller may drop.
     doubtful: u8,
-    /// And all until one has brought something and left nothing: to the controller, filler alone may be a stuck line.
+    /// And all until one has brought something and then filler: to the controller, filler alone may be a stuck line,
+    /// and something alone may have left more behind.
     unproven: bool,
-    /// The transfer under way has brought something.
-    brought: bool,
+    /// The transfer under way has brought something, and so many bytes of filler since.
+    rest: Option<u32>,
     /// What is wrong with MISO.
     failing: Option<(BusFault, Rng)>,
 }
@@ -81,7 +86,7 @@ impl Spi {
             has_left: false,
             doubtful: DOUBTFUL,
             unproven: true,
-            brought: false,
+            rest: None,
             failing: None,
         }
     }
@@ -118,11 +123,11 @@ impl Spi {
                 self.doubtful = self.doubtful.saturating_sub(1);
                 self.crossings.spoil();
             }
-            (self.outbox.read_at, self.brought) = (at, false);
+            (self.outbox.read_at, self.rest) = (at, None);
         } else {
             self.crossings.end();
             self.has_left = !self.outbox.bytes.is_empty();
-            self.unproven &= !self.brought || self.has_left || self.failing.is_some();
+            self.unproven &= self.rest < Some(PROOF) || self.has_left || self.failing.is_some();
         }
     }
 
@@ -173,7 +178,7 @@ impl Spi {
             }
             self.last = Some(from);
             let said = self.outbox.take();
-            self.brought |= said.is_some();
+            self.rest = if said.is_some() { Some(0) } else { self.rest.map(|rest| rest + 1) };
             let byte = said.map_or(0xFF, |(byte, _)| byte);
             let given = match &mut self.failing {
                 _ if misuse.is_some() => self.late(byte),

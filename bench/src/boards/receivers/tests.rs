@@ -240,6 +240,20 @@ fn over_spi_filler_alone_is_no_proof_that_nothing_had_waited() {
         }),
         [false, true]
     );
+    // Nor does a transfer prove it that a message ends without filler behind it, or with less than four bytes.
+    for (filler, clean) in [(0, false), (3, false), (4, true)] {
+        assert_eq!(
+            two_messages_after(|script| {
+                script.now += 30 * MS;
+                script.receivers.offer(script.now, 2, &message());
+                script.transaction(&vec![0xFF; message().len() + filler]);
+                script.given();
+                reads(script, 9);
+            }),
+            [clean, true],
+            "{filler} bytes of filler"
+        );
+    }
     // The controller starts anew: its pins float for a moment.
     assert_eq!(
         two_messages_after(|script| {
