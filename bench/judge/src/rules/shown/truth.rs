@@ -58,10 +58,11 @@ impl Truth {
                     tick: self.ticks.iter().rev().copied().find(near),
                     objects: frame.objects.iter().filter(valid).map(|it| (it.index, it.bytes.clone())).collect(),
                 });
-                // Of the start of HORUS before the last nothing can be shown any more.
-                while self.frames.len() > REMEMBERED
-                    || self.frames.front().is_some_and(|frame| frame.horus_start + 1 < horus_start)
-                {
+                // Of the start of HORUS before the last nothing can be shown any more, once no transaction that is
+                // judged can have begun then.
+                let gone =
+                    |frame: &SentFrame| frame.horus_start + 1 < horus_start && event.at - frame.started > super::KEPT;
+                while self.frames.len() > REMEMBERED || self.frames.front().is_some_and(gone) {
                     self.frames.pop_front();
                 }
             }
@@ -207,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_are_forgotten_at_the_first_of_the_second_start_after_theirs() {
+    fn frames_are_forgotten_after_the_second_start_after_theirs_and_two_seconds() {
         let mut rig = Rig::new();
         rig.send(10 * MS, 10, true);
         rig.send(20 * MS, 20, true);
@@ -217,8 +218,14 @@ mod tests {
         rig.horus_restarts(50 * MS);
         assert_eq!(rig.found(0, 20, u64::MAX), Some((2, None)));
         rig.send(60 * MS, 40, true);
+        rig.send(10 * MS + super::super::KEPT - FRAME, 50, true);
+        assert_eq!(rig.found(0, 10, u64::MAX), Some((1, None)));
+        rig.send(10 * MS + super::super::KEPT - FRAME + 1, 60, true);
         assert_eq!(rig.found(0, 10, u64::MAX), None);
+        assert_eq!(rig.found(0, 20, u64::MAX), Some((2, None)));
+        // However old they are, those of the start before and of this one stay.
+        rig.send(9_000 * MS, 70, true);
         assert_eq!(rig.found(0, 20, u64::MAX), None);
-        assert_eq!(rig.found(0, 30, u64::MAX), Some((3, None)));
+        assert_eq!([30, 40].map(|timestamp| rig.found(0, timestamp, u64::MAX).map(|it| it.0)), [Some(3), Some(4)]);
     }
 }
