@@ -655,15 +655,18 @@ impl Listener {
         };
         // Where a frame broke off within a byte, that byte is one of the FIFO's, but not of the frame. The last read on
         // the way may have taken it, if the frame ended while that read's status was under way.
-        let incomplete = u16::from(frame.flags.contains(FrameFlags::PARTIAL));
-        let received = (frame.got + status.count).saturating_sub(incomplete);
-        frame.got = frame.got.min(received);
-        let got = frame.got;
-        frame.unread = (received - got).min(CRC);
-        let left = received - got - frame.unread;
-        if received < SHORTEST {
+        let mut count = status.count;
+        if frame.flags.contains(FrameFlags::PARTIAL) {
+            match count.checked_sub(1) {
+                Some(whole) => count = whole,
+                None => frame.got = frame.got.saturating_sub(1),
+            }
+        }
+        frame.unread = count.min(CRC);
+        let (got, left) = (frame.got, count - frame.unread);
+        if got + count < SHORTEST {
             self.lose(Dropped::Runt)
-        } else if is_too_long(received) {
+        } else if is_too_long(got + count) {
             self.lose(Dropped::TooLong)
         } else if left == 0 {
             self.deliver()
