@@ -173,7 +173,7 @@ impl FrameFlags {
     pub const UNDERFLOW: Self = Self(0x08);
     /// LEN does not agree with the number of bytes received.
     pub const LENGTH: Self = Self(0x10);
-    /// The last byte was not whole: it is not among the frame's.
+    /// The last byte was incomplete. It is left out of the frame.
     pub const PARTIAL: Self = Self(0x20);
 
     /// No flag at all.
@@ -653,8 +653,8 @@ impl Listener {
         let Some(frame) = &mut self.frame else {
             return self.fault(Fault::Executor);
         };
-        // Where a frame broke off within a byte, that byte is one of the FIFO's, but not of the frame. The last read on
-        // the way may have taken it, if the frame ended while that read's status was under way.
+        // If a frame broke off within a byte, the FIFO's level counts that byte, but it is left out of the frame. The
+        // last read on the way has taken it already if the frame ended while that read's status was under way.
         let mut count = status.count;
         if frame.flags.contains(FrameFlags::PARTIAL) {
             match count.checked_sub(1) {

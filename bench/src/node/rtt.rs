@@ -321,8 +321,8 @@ impl Channels {
         for (number, channel) in (0..).zip(&mut self.list) {
             let (write, read) = offsets(part, block, number);
             channel.starting &= read != 0;
-            // The write offset lies before the read offset, and start-up code has set it to 0 alone so far: what seems
-            // to wait up to the buffer's end was read long ago.
+            // Start-up code has set the write offset to 0, and not yet the read offset, which lies behind it in memory:
+            // what seems to wait was read before the restart.
             if channel.starting && write == 0 {
                 drained.push(Drained::default());
                 continue;

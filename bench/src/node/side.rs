@@ -37,8 +37,9 @@ pub(super) struct Side<B: Board> {
     /// What the part's models found, with instants.
     pub(super) findings: Vec<Finding>,
     pub(super) noted: usize,
-    /// The core's cycles in which it did not run, up to `idle_from`, if it has not run since then.
+    /// Cycles in which the core did not run, but for those since it last came to rest.
     idle: u64,
+    /// When that was; nothing if the core runs.
     idle_from: Option<Cycle>,
     /// Nothing outside the core happens past this cycle yet, which begins at this instant (ns): something may act on
     /// the board there.
@@ -192,7 +193,7 @@ impl<B: Board> Side<B> {
         }
     }
 
-    /// The core, at `cycle`, has not run in `idle` of its cycles so far; and does not run now, if `rests`.
+    /// At `cycle`, the core has not run in `idle` of its cycles; `rests` tells whether it does not run now either.
     pub(super) fn note_idle(&mut self, cycle: Cycle, idle: u64, rests: bool) {
         (self.idle, self.idle_from) = (idle, rests.then_some(cycle));
     }

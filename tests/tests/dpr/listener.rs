@@ -15,7 +15,7 @@ const FRAME: usize = SIZE + 3;
 /// I_rxs and I_rxe, sync seen and end of a frame, in the main interrupts.
 const RXS: u8 = 0x20;
 const RXE: u8 = 0x10;
-/// Bits of an incomplete last byte (fifo_lb), in the second status of the FIFO.
+/// The last byte is incomplete (fifo_lb), or its parity is missing (np_lb), in the second status of the FIFO.
 const FIFO_LAST_BITS: u8 = 0x0F;
 /// Steps from the sync of a frame to the receiver armed again: five waits with a status read after each, four reads of
 /// the FIFO, the event, and three transfers that arm.

@@ -63,10 +63,10 @@ pub(super) struct Spi {
     has_left: bool,
     /// So many transfers to come the controller may drop.
     doubtful: u8,
-    /// And all until one has brought something and then filler: to the controller, filler alone may be a stuck line,
-    /// and something alone may have left more behind.
+    /// The controller may drop every transfer up to the first that brings something and then filler: filler alone is
+    /// what a stuck line reads as, and where no filler follows, more may wait.
     unproven: bool,
-    /// The transfer under way has brought something, and so many bytes of filler since.
+    /// Bytes of filler since the last byte that the receiver said in this transfer; nothing if it has said none.
     rest: Option<u32>,
     /// What is wrong with MISO.
     failing: Option<(BusFault, Rng)>,
@@ -117,7 +117,7 @@ impl Spi {
         if selected {
             // After a pause, a failure, or where something was left, the controller may drop what it reads as old.
             if at.saturating_sub(self.outbox.read_at) > NEW || self.failing.is_some() || self.has_left {
-                (self.doubtful, self.unproven) = (DOUBTFUL, true);
+                self.doubt();
             }
             if self.doubtful > 0 || self.unproven {
                 self.doubtful = self.doubtful.saturating_sub(1);
@@ -133,6 +133,11 @@ impl Spi {
 
     /// The controller drives chip select no longer: it starts anew, and knows of no transfer.
     pub(super) fn let_go(&mut self) {
+        self.doubt();
+    }
+
+    /// What is read from now on may have waited.
+    fn doubt(&mut self) {
         (self.doubtful, self.unproven) = (DOUBTFUL, true);
     }
 

@@ -36,8 +36,8 @@
 //! - A transaction that takes longer than a second is not judged: what it could have read is not remembered.
 //! - While the DPR's front end is out of order, and [`bounds::RECOVERY`] after that, no cycle must be shown, and any
 //!   cycle that was heard may be. So it is while a bit of the DPR's buffers is stuck, or after one was hit, and
-//!   [`bounds::BUFFER_REPLACED`] after that. Nor must a cycle be shown that no transaction had to show before a bit of
-//!   the images was hit: the DPR takes an image away that is damaged.
+//!   [`bounds::BUFFER_REPLACED`] after that. When a bit of the images is hit, what no transaction had to show until
+//!   then need not be shown any more, since the DPR takes a damaged image away.
 
 pub mod expectation;
 mod recovery;
@@ -182,7 +182,7 @@ impl Shown {
                     }
                 }
             }
-            // An image that holds the bit is taken away when that is found, which may be before anybody has read it.
+            // The DPR takes an image away that holds the bit, and may do so before anybody has read it.
             What::Injected { kind, .. } if expectation::hits_an_image(kind) => {
                 self.due.retain(|due| due.asked.is_some());
             }
