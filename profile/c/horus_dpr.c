@@ -1,4 +1,7 @@
-/* The flight controller's end of the SSI, in C11. See horus_dpr.h, and docs/flight-controller.md for how to use it.
+/* SPDX-License-Identifier: MIT OR Apache-2.0
+ *
+ * The flight controller's end of the SSI, in C11, which is C++11 as well. See horus_dpr.h, and
+ * docs/flight-controller.md for how to use it.
  *
  * The same client as profile::ssi::client in Rust, and held against it transaction by transaction. No allocation, no
  * recursion, no loop whose length the data decide, no pointer cast, no access but by bytes: any input, at any
@@ -14,9 +17,13 @@
 
 #include "horus_dpr_crc.h"
 
+#if HORUS_DPR_VERSION != 1000U
+#error "horus_dpr.c and horus_dpr.h are of different versions"
+#endif
+
 /* A float and a double are IEEE 754 binary32 and binary64, as in the objects. */
-_Static_assert((sizeof(float) == 4U) && (FLT_MANT_DIG == 24) && (FLT_MAX_EXP == 128), "float must be binary32");
-_Static_assert((sizeof(double) == 8U) && (DBL_MANT_DIG == 53) && (DBL_MAX_EXP == 1024), "double must be binary64");
+HORUS_DPR_ASSERT((sizeof(float) == 4U) && (FLT_MANT_DIG == 24) && (FLT_MAX_EXP == 128), "float must be binary32");
+HORUS_DPR_ASSERT((sizeof(double) == 8U) && (DBL_MANT_DIG == 53) && (DBL_MAX_EXP == 1024), "double must be binary64");
 
 #define CRC_BYTES 4U
 #define POSITION_BYTES 20U /* latitude, longitude and the CRC over them */
@@ -27,9 +34,6 @@ _Static_assert((sizeof(double) == 8U) && (DBL_MANT_DIG == 53) && (DBL_MAX_EXP ==
 #define INFINITE_F64 0x7FF0000000000000U
 #define MAGNITUDE_F32 0x7FFFFFFFU
 #define INFINITE_F32 0x7F800000U
-/* The bits of 90.0 and 180.0. Bits of numbers that are not negative are in the numbers' order, and NaN is above. */
-#define MAX_LATITUDE 0x4056800000000000U
-#define MAX_LONGITUDE 0x4066800000000000U
 
 /* ---- numbers */
 
@@ -233,13 +237,19 @@ static void decode_gps(const uint8_t *bytes, horus_dpr_sample_t *sample)
     }
 }
 
-/* The sample's values; what is not valid in it is NaN, and its status bit clear. Whether its position may be shown. */
+/* The sample's values as they may be shown, as in profile::range: what is not valid in it, or cannot be, is NaN, and
+ * its status bit clear. Whether its position is valid. */
 static bool decode_valid(const uint8_t *bytes, horus_dpr_sample_t *sample)
 {
     const uint64_t latitude = get64(&bytes[offsetof(horus_dpr_wire_reported_t, latitude)]) & MAGNITUDE_F64;
     const uint64_t longitude = get64(&bytes[offsetof(horus_dpr_wire_reported_t, longitude)]) & MAGNITUDE_F64;
-    const uint64_t altitude = get64(&bytes[offsetof(horus_dpr_wire_reported_t, altitude)]) & MAGNITUDE_F64;
-    const bool located = (latitude <= MAX_LATITUDE) && (longitude <= MAX_LONGITUDE);
+    const uint64_t signed_altitude = get64(&bytes[offsetof(horus_dpr_wire_reported_t, altitude)]);
+    const uint64_t altitude = signed_altitude & MAGNITUDE_F64;
+    const uint64_t highest =
+        (signed_altitude == altitude) ? HORUS_DPR_MAX_ALTITUDE_BITS : HORUS_DPR_MIN_ALTITUDE_BITS;
+    const bool known = altitude <= INFINITE_F64; /* not NaN */
+    bool located = (latitude <= HORUS_DPR_MAX_LATITUDE_BITS) && (longitude <= HORUS_DPR_MAX_LONGITUDE_BITS) &&
+                   ((altitude <= highest) || (!known));
     bool attitude;
     bool acceleration = true;
 
@@ -254,7 +264,13 @@ static bool decode_valid(const uint8_t *bytes, horus_dpr_sample_t *sample)
     }
     acceleration = acceleration && ((sample->status & HORUS_DPR_REPORTED_ACCELERATION_VALID) != 0U);
 
-    if (altitude >= INFINITE_F64) {
+    located = located && ((sample->status & HORUS_DPR_REPORTED_POSITION_VALID) != 0U);
+    if (!located) {
+        sample->latitude = f64_of(ABSENT_F64);
+        sample->longitude = f64_of(ABSENT_F64);
+        sample->status = (uint16_t)(sample->status & (uint16_t)~HORUS_DPR_REPORTED_POSITION_VALID);
+    }
+    if ((!located) || (!known)) {
         sample->altitude = f64_of(ABSENT_F64);
     }
     if (!attitude) {
@@ -269,7 +285,22 @@ static bool decode_valid(const uint8_t *bytes, horus_dpr_sample_t *sample)
         }
         sample->status = (uint16_t)(sample->status & (uint16_t)~HORUS_DPR_REPORTED_ACCELERATION_VALID);
     }
-    return located && ((sample->status & HORUS_DPR_REPORTED_POSITION_VALID) != 0U);
+    return located;
+}
+
+/* Nothing is known. */
+static void absent(horus_dpr_sample_t *sample)
+{
+    (void)memset(sample, 0, sizeof(*sample));
+    sample->latitude = f64_of(ABSENT_F64);
+    sample->longitude = f64_of(ABSENT_F64);
+    sample->altitude = f64_of(ABSENT_F64);
+    sample->pitch = f32_of(ABSENT_F32);
+    sample->yaw = f32_of(ABSENT_F32);
+    sample->roll = f32_of(ABSENT_F32);
+    for (size_t axis = 0U; axis < 3U; axis++) {
+        sample->acceleration[axis] = f32_of(ABSENT_F32);
+    }
 }
 
 /* ---- map */
@@ -508,6 +539,7 @@ static horus_dpr_verdict_t judge_sample(horus_dpr_t *client, const horus_dpr_lin
             verdict = HORUS_DPR_FRESH;
         }
         client->has_position = (verdict == HORUS_DPR_FRESH);
+        client->has_status = client->has_position || (verdict == HORUS_DPR_INVALID);
         client->position = sample;
     }
     return verdict;
@@ -599,10 +631,15 @@ void horus_dpr_end(horus_dpr_t *client, const uint8_t *miso, size_t bytes, uint6
     report->age_us = last_age_us(client, began_us);
     if (is_too_old(client, report->age_us)) {
         client->has_position = false;
+        client->has_status = false;
     }
     report->has_position = client->has_position;
+    report->has_status = client->has_status;
+    report->status = client->has_status ? client->position.status : 0U;
     if (report->has_position) {
         report->position = client->position;
+    } else {
+        absent(&report->position);
     }
 }
 
@@ -649,6 +686,12 @@ horus_dpr_result_t horus_dpr_view_object(
         result = HORUS_DPR_LENGTH;
     }
     return result;
+}
+
+uint16_t horus_dpr_solution_age_ms(const horus_dpr_sample_t *gps)
+{
+    const uint16_t steps = (uint16_t)((gps->status & HORUS_DPR_GPS_AGE_MASK) >> HORUS_DPR_GPS_AGE_SHIFT);
+    return (steps == HORUS_DPR_GPS_AGE_NEVER) ? HORUS_DPR_NO_SOLUTION : (uint16_t)(steps * HORUS_DPR_GPS_AGE_STEP_MS);
 }
 
 horus_dpr_result_t horus_dpr_view_port(

@@ -1,4 +1,6 @@
-/* The flight controller's end of the SSI: what to send to the DPR, and what to make of what comes back.
+/* SPDX-License-Identifier: MIT OR Apache-2.0
+ *
+ * The flight controller's end of the SSI: what to send to the DPR, and what to make of what comes back.
  *
  * Generated from the Rust crate `profile` by `cargo xtask header`, from xtask/src/header/template.h and the layouts as
  * that crate has them. Do not edit: `cargo xtask lint` fails if this file is not what is generated.
@@ -37,6 +39,8 @@ extern "C" {
 
 /* ---- numbers ---- */
 
+#define HORUS_DPR_VERSION 1000U /* major, minor and patch, three digits each; horus_dpr.c is of the same */
+
 /* Bytes. */
 #define HORUS_DPR_REQUEST_BYTES  8U   /* a request */
 #define HORUS_DPR_OBJECT_BYTES   64U  /* an uplink or a command */
@@ -68,7 +72,7 @@ extern "C" {
 
 /* Commands. */
 #define HORUS_DPR_COMMAND_CLEAR_COUNTERS 0x43524C43U /* sets Port-Status's counters to 0 */
-#define HORUS_DPR_COMMAND_SELF_TEST      0x54534554U /* one whole pass over flash and free RAM */
+#define HORUS_DPR_COMMAND_SELF_TEST      0x54534554U /* one whole pass over flash and RAM in use */
 
 /* Limits of the client, unless its configuration sets others. */
 #define HORUS_DPR_AGE_LIMIT_US 100000U /* a position older than this is not shown */
@@ -84,6 +88,12 @@ extern "C" {
 #define HORUS_DPR_UPLINK_EXPIRY_MS 500U       /* the DPR does not show an uplink for longer than this */
 #define HORUS_DPR_AGE_UNKNOWN      UINT32_MAX /* no sample yet, or its age cannot be told */
 #define HORUS_DPR_NO_FRESH         UINT64_MAX /* the FRESH line is not wired */
+
+/* Limits of a position, as the bits of their doubles, in the numbers' order; NaN is above. */
+#define HORUS_DPR_MAX_LATITUDE_BITS  0x4056800000000000U /* degrees north and south */
+#define HORUS_DPR_MAX_LONGITUDE_BITS 0x4066800000000000U /* degrees east and west */
+#define HORUS_DPR_MIN_ALTITUDE_BITS  0x408F400000000000U /* m below the ellipsoid */
+#define HORUS_DPR_MAX_ALTITUDE_BITS  0x40D3880000000000U /* m above the ellipsoid */
 
 /* The wire, at the DPR's pins; see docs/hardware.md for isolators. */
 #define HORUS_DPR_MAX_CLOCK_HZ 8000000U /* SCK at most */
@@ -293,12 +303,15 @@ HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_command_t, crc) == 60U, "crc");
 #define HORUS_DPR_REPORTED_POSITION_VALID     0x0008U /* latitude and longitude are valid */
 #define HORUS_DPR_REPORTED_ATTITUDE_VALID     0x0010U /* pitch, yaw and roll are valid */
 #define HORUS_DPR_REPORTED_ACCELERATION_VALID 0x0020U /* the accelerations are valid */
-#define HORUS_DPR_REPORTED_DEGRADED           0x0040U /* fewer receivers agree than are configured */
+#define HORUS_DPR_REPORTED_DEGRADED           0x0040U /* fewer receivers agree than configured, or on no altitude */
 #define HORUS_DPR_REPORTED_WITHOUT_CRYSTAL    0x0080U /* HORUS runs without its crystal */
 #define HORUS_DPR_REPORTED_STATE_MASK         0x0F00U /* what HORUS is doing: horus_dpr_state_t */
-#define HORUS_DPR_REPORTED_USED               0x0FFFU /* the bits that have a meaning */
+#define HORUS_DPR_REPORTED_MEMORY_FAULT       0x1000U /* HORUS has found a fault of its memory */
+#define HORUS_DPR_REPORTED_RESET_MASK         0xE000U /* why HORUS last started: horus_dpr_reset_t */
+#define HORUS_DPR_REPORTED_USED               0xFFFFU /* the bits that have a meaning */
 #define HORUS_DPR_REPORTED_AGREEING_SHIFT     0U      /* how far to shift that code down */
 #define HORUS_DPR_REPORTED_STATE_SHIFT        8U      /* how far to shift that code down */
+#define HORUS_DPR_REPORTED_RESET_SHIFT        13U     /* how far to shift that code down */
 
 /* GPS1 to GPS5. */
 #define HORUS_DPR_GPS_FIX_MASK           0x000FU /* UBX fixType: horus_dpr_fix_t */
@@ -308,8 +321,15 @@ HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_command_t, crc) == 60U, "crc");
 #define HORUS_DPR_GPS_HEARD              0x0080U /* heard in the last 250 ms */
 #define HORUS_DPR_GPS_STALE              0x0100U /* the solution is older than its period allows */
 #define HORUS_DPR_GPS_EXCLUDED           0x0200U /* the voter excluded this receiver */
-#define HORUS_DPR_GPS_USED               0x03FFU /* the bits that have a meaning */
+#define HORUS_DPR_GPS_AGE_MASK           0xFC00U /* age of its solution: horus_dpr_solution_age_ms */
+#define HORUS_DPR_GPS_USED               0xFFFFU /* the bits that have a meaning */
 #define HORUS_DPR_GPS_FIX_SHIFT          0U      /* how far to shift that code down */
+#define HORUS_DPR_GPS_AGE_SHIFT          10U     /* how far to shift that code down */
+
+#define HORUS_DPR_GPS_AGE_STEP_MS 25U    /* the step of that age, ms */
+#define HORUS_DPR_GPS_OLDEST_MS   1550U  /* the age that stands for this or more, ms */
+#define HORUS_DPR_GPS_AGE_NEVER   63U    /* the code of an age: there was no solution since HORUS's start */
+#define HORUS_DPR_NO_SOLUTION     65535U /* what horus_dpr_solution_age_ms says to that code */
 
 /* Link-Status. */
 #define HORUS_DPR_LINK_UP                0x0001U /* frames arrive within their deadline */
@@ -324,7 +344,8 @@ HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_command_t, crc) == 60U, "crc");
 #define HORUS_DPR_LINK_CLOCK_IMPLAUSIBLE 0x0200U /* HORUS's clock is off by > 2 % */
 #define HORUS_DPR_LINK_FLASH_FAULT       0x0400U /* the DPR's program memory is damaged */
 #define HORUS_DPR_LINK_RESET_MASK        0x7000U /* why the DPR last started: horus_dpr_reset_t */
-#define HORUS_DPR_LINK_USED              0x77FFU /* the bits that have a meaning */
+#define HORUS_DPR_LINK_NO_FIELD          0x8000U /* the front end works and senses no field of the sender */
+#define HORUS_DPR_LINK_USED              0xF7FFU /* the bits that have a meaning */
 #define HORUS_DPR_LINK_RESET_SHIFT       12U     /* how far to shift that code down */
 
 /* Port-Status. */
@@ -339,13 +360,14 @@ HORUS_DPR_ASSERT(offsetof(horus_dpr_wire_command_t, crc) == 60U, "crc");
 
 /* What HORUS is doing. Other codes are reserved. */
 typedef enum {
-    HORUS_DPR_STATE_STARTING = 0,           /* not yet monitoring */
-    HORUS_DPR_STATE_MONITORING = 1,         /* monitoring the flight range */
+    HORUS_DPR_STATE_STARTING = 0,           /* no position since HORUS's start */
+    HORUS_DPR_STATE_MONITORING = 1,         /* there is a position now */
     HORUS_DPR_STATE_OUTSIDE_RANGE = 2,      /* the position is outside the flight range */
     HORUS_DPR_STATE_SWITCHED = 3,           /* switched to the redundant flight controller */
     HORUS_DPR_STATE_MOTORS_CUT = 4,         /* motors cut */
     HORUS_DPR_STATE_EMERGENCY_FIRED = 5,    /* emergency measure fired */
-    HORUS_DPR_STATE_INPUTS_CONTRADICT = 6   /* an input that tells the state contradicts itself */
+    HORUS_DPR_STATE_INPUTS_CONTRADICT = 6,  /* an input that tells the state contradicts itself */
+    HORUS_DPR_STATE_POSITION_LOST = 7       /* there was a position, and there is none now */
 } horus_dpr_state_t;
 
 /* A receiver's fix. Other codes are reserved. */
@@ -358,7 +380,7 @@ typedef enum {
     HORUS_DPR_FIX_TIME_ONLY = 5        /* time only */
 } horus_dpr_fix_t;
 
-/* Why the DPR last started. Other codes are reserved. */
+/* Why the DPR, or HORUS, last started. Other codes are reserved. */
 typedef enum {
     HORUS_DPR_RESET_POWER_ON = 0,  /* its supply came on */
     HORUS_DPR_RESET_PIN = 1,       /* its reset pin was low */
@@ -372,17 +394,18 @@ typedef enum {
 
 /* What a transaction brought. */
 typedef enum {
-    HORUS_DPR_FRESH = 0,            /* a new sample, in sequence, valid, not too old: its position is shown */
-    HORUS_DPR_SAME = 1,             /* the same sample again, intact: not new, only older */
-    HORUS_DPR_SEARCHING = 2,        /* a new sample; the sequence is not found yet. Not shown */
-    HORUS_DPR_OUT_OF_SEQUENCE = 3,  /* a sample that does not continue the others. Not shown */
-    HORUS_DPR_EMPTY = 4,            /* Link-Status is intact; there is no Reported-Position */
-    HORUS_DPR_INVALID = 5,          /* a new sample whose position is not valid. Not shown */
-    HORUS_DPR_STALE = 6,            /* an intact sample that is older than the limit. Not shown */
-    HORUS_DPR_BUSY = 7,             /* 0xFF throughout, or nothing: not heard; what was sent is sent again */
-    HORUS_DPR_DAMAGED = 8,          /* damaged, or not read whole: nothing of it is used */
-    HORUS_DPR_SILENT = 9,           /* busy or damaged, and nothing intact for too long */
-    HORUS_DPR_OTHER_WINDOW = 10     /* the window that was asked for: see horus_dpr_view_... */
+    HORUS_DPR_NONE = 0,             /* no transaction has ended: nobody filled the report */
+    HORUS_DPR_FRESH = 1,            /* a new sample, in sequence, valid, not too old: its position is shown */
+    HORUS_DPR_SAME = 2,             /* the same sample again, intact: not new, only older */
+    HORUS_DPR_SEARCHING = 3,        /* a new sample; the sequence is not found yet. Not shown */
+    HORUS_DPR_OUT_OF_SEQUENCE = 4,  /* a sample that does not continue the others. Not shown */
+    HORUS_DPR_EMPTY = 5,            /* Link-Status is intact; there is no Reported-Position */
+    HORUS_DPR_INVALID = 6,          /* a new sample whose position is not valid and not shown; its status is */
+    HORUS_DPR_STALE = 7,            /* an intact sample that is older than the limit. Not shown */
+    HORUS_DPR_BUSY = 8,             /* 0xFF throughout, or nothing: not heard; what was sent is sent again */
+    HORUS_DPR_DAMAGED = 9,          /* damaged, or not read whole: nothing of it is used */
+    HORUS_DPR_SILENT = 10,          /* busy or damaged, and nothing intact for too long */
+    HORUS_DPR_OTHER_WINDOW = 11     /* the window that was asked for: see horus_dpr_view_... */
 } horus_dpr_verdict_t;
 
 /* What is in the place of an object, or why an argument was refused. */
@@ -466,6 +489,8 @@ typedef struct {
     horus_dpr_verdict_t verdict; /* what the transaction brought */
     bool has_position;           /* whether there is a position to fly by; if not, fall back on your own receiver */
     horus_dpr_sample_t position; /* that position; what is not valid in it is NaN, and its status bit clear */
+    bool has_status;             /* whether HORUS's status is known, with a valid position or without one */
+    uint16_t status;             /* HORUS_DPR_REPORTED_..., of a sample in sequence and not too old; else 0 */
     uint32_t age_us;             /* age of the last intact sample when the transaction began, us; not less than true */
     bool has_link;               /* whether this transaction brought Link-Status */
     horus_dpr_link_t link;       /* Link-Status, if so */
@@ -479,7 +504,7 @@ typedef struct {
     horus_dpr_window_t asked;               /* to be asked for in the next one */
     horus_dpr_window_t sent;                /* asked for, until it is known that the DPR has heard it */
     uint8_t object[HORUS_DPR_OBJECT_BYTES]; /* to be written, until it is known that the DPR has heard it */
-    horus_dpr_sample_t position;            /* the last sample's values, if they may be shown */
+    horus_dpr_sample_t position;            /* the last sample's values, as far as they may be shown */
     uint64_t last_due_us;                   /* the last sample: the earliest instant at which it could be read */
     uint64_t last_read_us;                  /* when it was read first */
     uint32_t last_timestamp;
@@ -494,6 +519,7 @@ typedef struct {
     bool has_object;
     bool object_under_way;
     bool has_position;
+    bool has_status;
     bool has_last;
     bool has_image;
     bool has_intact;
@@ -547,6 +573,11 @@ horus_dpr_result_t horus_dpr_view_link(
 /* Object number `index` of the profile as HORUS sent it: 0 is Reported-Position, 1 to 5 are GPS1 to GPS5. */
 horus_dpr_result_t horus_dpr_view_object(
     const horus_dpr_t *client, const uint8_t *miso, size_t bytes, uint8_t index, horus_dpr_sample_t *sample);
+
+/* How old the solution of a receiver, GPS1 to GPS5, was at the tick that its timestamp names: ms since it arrived at
+ * HORUS, rounded down to HORUS_DPR_GPS_AGE_STEP_MS, HORUS_DPR_GPS_OLDEST_MS for that or more, HORUS_DPR_NO_SOLUTION if
+ * there was none since HORUS's start. Not for Reported-Position. */
+uint16_t horus_dpr_solution_age_ms(const horus_dpr_sample_t *gps);
 
 /* Port-Status. */
 horus_dpr_result_t horus_dpr_view_port(

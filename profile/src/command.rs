@@ -20,7 +20,7 @@ pub enum Command {
     /// Sets Port-Status's counters of uplinks, commands and access violations to 0; after it one command has been
     /// carried out, this one. Link-Status's total of access violations goes on, and so do the counters of faults.
     ClearCounters,
-    /// Begins one whole pass over the flash and over the RAM that is free, in the time that nothing else needs. One
+    /// Begins one whole pass over the flash and over the RAM in use, in the time that nothing else needs. One
     /// that is under way is finished first: the command is refused meanwhile.
     SelfTest,
 }

@@ -36,12 +36,13 @@ pub struct GpsValues {
 }
 
 impl GpsValues {
-    /// Nothing known at `timestamp`, ms: every value NaN, every status bit clear.
+    /// Nothing known at `timestamp`, ms: every value NaN, every status bit clear but those of a solution's age, which
+    /// say that there never was one.
     #[must_use]
     pub const fn absent(timestamp: u32) -> Self {
         Self {
             timestamp,
-            status: GpsStatus::new(),
+            status: GpsStatus::new().with_solution_age_ms(None),
             latitude: ABSENT_F64,
             longitude: ABSENT_F64,
             altitude: ABSENT_F64,

@@ -96,6 +96,7 @@ pub mod map;
 mod object_macro;
 pub mod port_status;
 mod profile;
+pub mod range;
 mod rejection;
 mod reported;
 pub mod sequence;

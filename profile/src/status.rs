@@ -52,9 +52,9 @@ impl FixType {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum HorusState {
-    /// Starting: not yet monitoring.
+    /// Starting: there has been no position since HORUS's start.
     Starting = 0,
-    /// Monitoring the flight range.
+    /// Monitoring: there is a position now.
     Monitoring = 1,
     /// The position is outside the flight range.
     OutsideRange = 2,
@@ -66,6 +66,8 @@ pub enum HorusState {
     EmergencyFired = 5,
     /// An input that tells the state contradicts itself, and nothing more severe is known.
     InputsContradict = 6,
+    /// There was a position since HORUS's start, and there is none now.
+    PositionLost = 7,
 }
 
 impl HorusState {
@@ -78,6 +80,7 @@ impl HorusState {
             4 => Some(Self::MotorsCut),
             5 => Some(Self::EmergencyFired),
             6 => Some(Self::InputsContradict),
+            7 => Some(Self::PositionLost),
             _ => None,
         }
     }
@@ -91,6 +94,7 @@ impl HorusState {
             Self::MotorsCut => 4,
             Self::EmergencyFired => 5,
             Self::InputsContradict => 6,
+            Self::PositionLost => 7,
         }
     }
 }
@@ -199,7 +203,7 @@ macro_rules! bit_set {
 
 bit_set! {
     /// Status of a GPS object.
-    GpsStatus, used 0x03FF;
+    GpsStatus, used 0xFFFF;
     /// Bit 4: latitude and longitude are valid, and altitude unless it is NaN, as in a 2D fix.
     position_valid, with_position_valid = 4;
     /// Bit 5: pitch, yaw and roll are valid.
@@ -227,22 +231,63 @@ impl GpsStatus {
     pub const fn with_fix_type(self, fix: FixType) -> Self {
         self.with(0x000F, fix.bits())
     }
+
+    /// The step in which [`solution_age_ms`](Self::solution_age_ms) tells an age, ms.
+    pub const AGE_STEP_MS: u16 = 25;
+    /// What [`solution_age_ms`](Self::solution_age_ms) tells of every age that is this or more, ms.
+    pub const OLDEST_MS: u16 = 62 * Self::AGE_STEP_MS;
+    const AGE: u16 = 0xFC00;
+    /// The code of a receiver that never had a solution.
+    const NEVER: u16 = 63;
+
+    /// Bits 10-15: how old the receiver's solution is at the tick, ms; `None` if there was none since HORUS's start.
+    ///
+    /// The age is the time from the arrival at HORUS of the newest NAV-PVT message that brought a new time of week,
+    /// valid or not, to the tick that the timestamp names. It is rounded down to [`AGE_STEP_MS`](Self::AGE_STEP_MS), so
+    /// the true one is less than a step more, and it stays at [`OLDEST_MS`](Self::OLDEST_MS). The epoch that the
+    /// solution is of lies before its arrival by what the receiver took to compute and to send it, 40 to 80 ms.
+    #[must_use]
+    pub const fn solution_age_ms(self) -> Option<u16> {
+        match (self.0 & Self::AGE) >> 10 {
+            Self::NEVER => None,
+            steps => Some(steps * Self::AGE_STEP_MS),
+        }
+    }
+
+    /// This status with bits 10-15 set to an age in ms, `None` for that of no solution; see
+    /// [`solution_age_ms`](Self::solution_age_ms).
+    #[must_use]
+    pub const fn with_solution_age_ms(self, age_ms: Option<u32>) -> Self {
+        const STEP_MS: u32 = 25;
+        const OLDEST_MS: u32 = 62 * STEP_MS;
+        let steps: u32 = match age_ms {
+            None => 63,
+            // The lesser of two words at hand, without a branch: HORUS's time to fill a cycle depends on no age.
+            Some(age_ms) => (if age_ms < OLDEST_MS { age_ms } else { OLDEST_MS }) / STEP_MS,
+        };
+        let [steps, ..] = steps.to_le_bytes();
+        self.with(Self::AGE, u16::from_le_bytes([0, steps << 2]))
+    }
 }
 
 bit_set! {
     /// Status of Reported-Position.
-    ReportedStatus, used 0x0FFF;
+    ReportedStatus, used 0xFFFF;
     /// Bit 3: latitude and longitude are valid, and altitude unless it is NaN, as in a 2D fix.
     position_valid, with_position_valid = 3;
     /// Bit 4: pitch, yaw and roll are valid.
     attitude_valid, with_attitude_valid = 4;
     /// Bit 5: the accelerations are valid.
     acceleration_valid, with_acceleration_valid = 5;
-    /// Bit 6: fewer receivers agree than are configured.
+    /// Bit 6: fewer receivers agree than are configured, or no majority of them states an altitude on which all who
+    /// do agree.
     degraded, with_degraded = 6;
     /// Bit 7: HORUS runs on its internal oscillator, since its crystal's clock is missing. That one is trimmed to 1 %
     /// at 25 °C and is off by more over temperature (DS9405), and the cycle with it; the DPR notices more than 2 %.
     without_crystal, with_without_crystal = 7;
+    /// Bit 12: HORUS has found a fault of its memory since its start, or stopped itself for one before it: flash, code
+    /// or RAM did not hold what was written.
+    memory_fault, with_memory_fault = 12;
 }
 
 impl ReportedStatus {
@@ -275,11 +320,24 @@ impl ReportedStatus {
     pub const fn with_state(self, state: HorusState) -> Self {
         self.with(0x0F00, state.bits() << 8)
     }
+
+    /// Bits 13-15: why HORUS last started; `None` for a reserved code.
+    #[must_use]
+    pub const fn reset_reason(self) -> Option<ResetReason> {
+        let [_, high] = self.0.to_le_bytes();
+        ResetReason::from_bits(high >> 5)
+    }
+
+    /// This status with bits 13-15 set to `reason`.
+    #[must_use]
+    pub const fn with_reset_reason(self, reason: ResetReason) -> Self {
+        self.with(0xE000, reason.bits() << 13)
+    }
 }
 
 bit_set! {
     /// Status of Link-Status.
-    LinkStatusBits, used 0x77FF;
+    LinkStatusBits, used 0xF7FF;
     /// Bit 0: frames arrive within their deadline.
     link_up, with_link_up = 0;
     /// Bit 1: every object of the last cycle was accepted.
@@ -290,7 +348,7 @@ bit_set! {
     horus_restarted, with_horus_restarted = 3;
     /// Bit 4: a scrub found a RAM fault.
     ram_fault, with_ram_fault = 4;
-    /// Bit 5: the RFID front end has a fault.
+    /// Bit 5: the RFID front end has a fault, or hears nothing for 0.5 s although the sender's field is there.
     front_end_fault, with_front_end_fault = 5;
     /// Bit 6: the DPR's last reset was not asked for by anybody; see [`LinkStatusBits::reset_reason`].
     unasked_reset, with_unasked_reset = 6;
@@ -302,6 +360,8 @@ bit_set! {
     horus_clock_implausible, with_horus_clock_implausible = 9;
     /// Bit 10: the DPR's program memory does not have the CRC that the build gave it.
     flash_fault, with_flash_fault = 10;
+    /// Bit 15: the RFID front end works and senses no field of the sender. With bit 5 nothing is known of the field.
+    no_field, with_no_field = 15;
 }
 
 bit_set! {
@@ -344,36 +404,54 @@ mod tests {
 
     #[test]
     fn every_code_reads_back_as_what_it_was_set_to_and_a_reserved_one_as_nothing() {
-        let fixes = (0..=0xF).map(|code| GpsStatus::from_bits(0x03F0 | code).fix_type());
-        let states = (0..=0xF).map(|code| ReportedStatus::from_bits(0x00FF | code << 8).state());
+        let fixes = (0..=0xF).map(|code| GpsStatus::from_bits(0xFFF0 | code).fix_type());
+        let states = (0..=0xF).map(|code| ReportedStatus::from_bits(0xF0FF | code << 8).state());
         let reasons = (0..=7).map(|code| LinkStatusBits::from_bits(0x07FF | code << 12).reset_reason());
         for (code, fix) in (0..).zip(fixes) {
             assert_eq!(fix.map(FixType::bits), (code <= 5).then_some(code));
-            let written = fix.map_or(GpsStatus::new(), |fix| GpsStatus::from_bits(0x03FF).with_fix_type(fix));
-            assert_eq!(written.bits(), if code <= 5 { 0x03F0 | code } else { 0 });
+            let written = fix.map_or(GpsStatus::new(), |fix| GpsStatus::from_bits(0xFFFF).with_fix_type(fix));
+            assert_eq!(written.bits(), if code <= 5 { 0xFFF0 | code } else { 0 });
         }
         for (code, state) in (0..).zip(states) {
-            assert_eq!(state.map(HorusState::bits), (code <= 6).then_some(code));
+            assert_eq!(state.map(HorusState::bits), (code <= 7).then_some(code));
             let written =
-                state.map_or(ReportedStatus::new(), |state| ReportedStatus::from_bits(0x0FFF).with_state(state));
-            assert_eq!(written.bits(), if code <= 6 { 0x00FF | code << 8 } else { 0 });
+                state.map_or(ReportedStatus::new(), |state| ReportedStatus::from_bits(0xFFFF).with_state(state));
+            assert_eq!(written.bits(), if code <= 7 { 0xF0FF | code << 8 } else { 0 });
         }
         for (code, reason) in (0..).zip(reasons) {
             assert_eq!(reason.map(ResetReason::bits), (code <= 5).then_some(code));
             let Some(reason) = reason else { continue };
             let unasked = [2, 3, 5].contains(&code);
             assert_eq!(reason.is_unasked(), unasked);
-            let written = LinkStatusBits::from_bits(0x77FF).with_reset_reason(reason).bits();
-            assert_eq!(written, 0x07BF | u16::from(unasked) << 6 | code << 12);
+            let written = LinkStatusBits::from_bits(0xF7FF).with_reset_reason(reason).bits();
+            assert_eq!(written, 0x87BF | u16::from(unasked) << 6 | code << 12);
+            let horus = ReportedStatus::from_bits(0xFFFF).with_reset_reason(reason);
+            assert_eq!((horus.bits(), horus.reset_reason()), (0x1FFF | code << 13, Some(reason)));
         }
+        assert_eq!(ReportedStatus::from_bits(0xDFFF).reset_reason(), None, "reserved");
+    }
+
+    #[test]
+    fn an_age_is_told_in_steps_up_to_1550_ms() {
+        let told = |age: Option<u32>| {
+            let status = GpsStatus::from_bits(0x03FF).with_solution_age_ms(age);
+            assert_eq!(status.bits() & 0x03FF, 0x03FF, "no other bit changes");
+            (status.bits() >> 10, status.solution_age_ms())
+        };
+        for (age, code, ms) in [(0, 0, 0), (24, 0, 0), (25, 1, 25), (1_549, 61, 1_525), (1_550, 62, 1_550)] {
+            assert_eq!(told(Some(age)), (code, Some(ms)), "{age} ms");
+        }
+        assert_eq!(told(Some(u32::MAX)), (62, Some(1_550)));
+        assert_eq!(told(Some(65_536)), (62, Some(1_550)), "what does not fit 16 bits is old, not young");
+        assert_eq!(told(None), (63, None));
     }
 
     #[test]
     fn more_than_seven_receivers_that_agree_are_shown_as_seven() {
         for receivers in 0..=u8::MAX {
-            let status = ReportedStatus::from_bits(0x0FFF).with_receivers_agreeing(receivers);
+            let status = ReportedStatus::from_bits(0xFFFF).with_receivers_agreeing(receivers);
             assert_eq!(status.receivers_agreeing(), receivers.min(7));
-            assert_eq!(status.bits() & !0x0007, 0x0FF8);
+            assert_eq!(status.bits() & !0x0007, 0xFFF8);
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Bytes written by hand from the layout tables, against the crate and against a CRC computed bit by bit.
 use profile::{
     ABSENT_F32, ABSENT_F64, FixType, GpsObject, GpsStatus, GpsValues, HorusState, Identifier, LinkStatus,
-    LinkStatusBits, LinkValues, Profile, ReportedPosition, ReportedStatus, ReportedValues, crc,
+    LinkStatusBits, LinkValues, Profile, ReportedPosition, ReportedStatus, ReportedValues, ResetReason, crc,
     image::{self, Image},
     ssi::{self, Request},
 };
@@ -14,7 +14,7 @@ use support::reference;
 const GPS1: [u8; 60] = [
     0xCE, 0x04, 0x00, 0x00,                         // 1230 ms
     0x01, 0x48,                                     // 0x4801: GPS1
-    0x93, 0x00,                                     // 3D fix, position valid, heard
+    0x93, 0x08,                                     // 3D fix, position valid, heard, 50 ms old
     0x00, 0x00, 0x00, 0x00, 0x00, 0xC0, 0x47, 0x40, // 47.5°
     0x00, 0x00, 0x00, 0x00, 0x00, 0x80, 0x21, 0x40, // 8.75°
     0x00, 0x00, 0x00, 0x00, 0x00, 0xD4, 0x7E, 0x40, // 493.25 m
@@ -24,14 +24,14 @@ const GPS1: [u8; 60] = [
     0x00, 0x00, 0x80, 0x3F,                         // x 1 m/s²
     0x00, 0x00, 0xC0, 0x7F,                         // y not known
     0x00, 0x00, 0x00, 0xC0,                         // z -2 m/s²
-    0xF4, 0xCB, 0xEF, 0x0E,                         // frame CRC 0xF4CBEF0E
+    0xDC, 0x40, 0xC5, 0xA8,                         // frame CRC 0xDC40C5A8
 ];
 
 #[rustfmt::skip]
 const REPORTED_POSITION: [u8; 64] = [
     0xD8, 0x04, 0x00, 0x00,                         // 1240 ms
     0x00, 0x48,                                     // 0x4800: Reported-Position
-    0x0B, 0x01,                                     // 3 agree, position valid, monitoring
+    0x0B, 0x41,                                     // 3 agree, position valid, monitoring, watchdog reset
     0x00, 0x00, 0x00, 0x00, 0x00, 0xC0, 0x47, 0xC0, // -47.5°
     0x00, 0x00, 0x00, 0x00, 0x00, 0x80, 0x21, 0x40, // 8.75°
     0x3F, 0x14, 0xF6, 0x5D,                         // position CRC 0x3F14F65D
@@ -42,7 +42,7 @@ const REPORTED_POSITION: [u8; 64] = [
     0x00, 0x00, 0x80, 0x3F,                         // x 1 m/s²
     0x00, 0x00, 0xC0, 0x7F,                         // y not known
     0x00, 0x00, 0x00, 0xC0,                         // z -2 m/s²
-    0x82, 0x55, 0xAF, 0xE4,                         // frame CRC 0x8255AFE4
+    0x4E, 0x8E, 0xA9, 0x67,                         // frame CRC 0x4E8EA967
 ];
 
 #[rustfmt::skip]
@@ -64,7 +64,11 @@ const REQUEST: [u8; 8] = [0x20, 0x00, 0x40, 0x00, 0x6E, 0x68, 0x69, 0x5A];
 fn gps_values() -> GpsValues {
     GpsValues {
         timestamp: 1230,
-        status: GpsStatus::new().with_fix_type(FixType::Fix3D).with_position_valid(true).with_heard(true),
+        status: GpsStatus::new()
+            .with_fix_type(FixType::Fix3D)
+            .with_position_valid(true)
+            .with_heard(true)
+            .with_solution_age_ms(Some(74)),
         latitude: 47.5,
         longitude: 8.75,
         altitude: 493.25,
@@ -81,7 +85,8 @@ fn reported_values() -> ReportedValues {
         status: ReportedStatus::new()
             .with_receivers_agreeing(3)
             .with_position_valid(true)
-            .with_state(HorusState::Monitoring),
+            .with_state(HorusState::Monitoring)
+            .with_reset_reason(ResetReason::Watchdog),
         latitude: -47.5,
         longitude: 8.75,
         altitude: 493.25,
@@ -114,7 +119,7 @@ fn a_gps_object_is_these_bytes() {
     let sealed = GpsObject::seal(Identifier::gps(1), &gps_values());
     assert_eq!(sealed.as_bytes(), &GPS1);
     assert_eq!(GpsObject::verify(&GPS1, Identifier::gps(1)), Ok(&sealed));
-    assert_eq!(sealed.crc(), 0xF4CB_EF0E);
+    assert_eq!(sealed.crc(), 0xDC40_C5A8);
 }
 
 #[test]
@@ -138,7 +143,7 @@ fn reported_position_is_these_bytes() {
     let sealed = ReportedPosition::seal(&reported_values());
     assert_eq!(sealed.as_bytes(), &REPORTED_POSITION);
     assert_eq!(ReportedPosition::verify(&REPORTED_POSITION), Ok(&sealed));
-    assert_eq!((sealed.position_crc(), sealed.crc()), (0x3F14_F65D, 0x8255_AFE4));
+    assert_eq!((sealed.position_crc(), sealed.crc()), (0x3F14_F65D, 0x4E8E_A967));
 }
 
 #[test]
@@ -202,7 +207,7 @@ fn what_is_not_known_is_the_canonical_quiet_nan() {
     let gps = GpsObject::seal(Identifier::gps(1), &GpsValues::absent(0));
     let reported = ReportedPosition::seal(&ReportedValues::absent(0));
     let (f64_nan, f32_nan) = ([0, 0, 0, 0, 0, 0, 0xF8, 0x7F], [0, 0, 0xC0, 0x7F]);
-    assert_eq!(gps.as_bytes()[6..32], [&[0, 0][..], &f64_nan, &f64_nan, &f64_nan].concat());
+    assert_eq!(gps.as_bytes()[6..32], [&[0, 0xFC][..], &f64_nan, &f64_nan, &f64_nan].concat());
     assert_eq!(gps.as_bytes()[32..56], f32_nan.repeat(6));
     assert_eq!(reported.as_bytes()[6..24], [&[0, 0][..], &f64_nan, &f64_nan].concat());
     assert_eq!(reported.as_bytes()[28..36], f64_nan);

@@ -134,9 +134,9 @@ proptest! {
 
     #[test]
     fn a_status_keeps_the_bits_that_have_a_meaning_and_no_other(bits: u16) {
-        prop_assert_eq!(GpsStatus::from_bits(bits).bits(), bits & 0x03FF);
-        prop_assert_eq!(ReportedStatus::from_bits(bits).bits(), bits & 0x0FFF);
-        prop_assert_eq!(LinkStatusBits::from_bits(bits).bits(), bits & 0x77FF);
+        prop_assert_eq!(GpsStatus::from_bits(bits).bits(), bits);
+        prop_assert_eq!(ReportedStatus::from_bits(bits).bits(), bits);
+        prop_assert_eq!(LinkStatusBits::from_bits(bits).bits(), bits & 0xF7FF);
     }
 
     #[test]
@@ -228,6 +228,7 @@ fn each_status_flag_is_the_bit_that_the_layout_gives_it() {
         (reported.with_acceleration_valid(true), 5),
         (reported.with_degraded(true), 6),
         (reported.with_without_crystal(true), 7),
+        (reported.with_memory_fault(true), 12),
     ];
     for (status, bit) in flags {
         assert_eq!(status.bits(), 1 << bit);
@@ -237,8 +238,9 @@ fn each_status_flag_is_the_bit_that_the_layout_gives_it() {
             status.acceleration_valid(),
             status.degraded(),
             status.without_crystal(),
+            status.memory_fault(),
         ];
-        assert_eq!(flags, [3, 4, 5, 6, 7].map(|flag| flag == bit));
+        assert_eq!(flags, [3, 4, 5, 6, 7, 12].map(|flag| flag == bit));
     }
 
     let link = LinkStatusBits::new();
@@ -254,6 +256,7 @@ fn each_status_flag_is_the_bit_that_the_layout_gives_it() {
         (link.with_out_of_sequence(true), 8),
         (link.with_horus_clock_implausible(true), 9),
         (link.with_flash_fault(true), 10),
+        (link.with_no_field(true), 15),
     ];
     for (status, bit) in flags {
         assert_eq!(status.bits(), 1 << bit);
@@ -269,8 +272,9 @@ fn each_status_flag_is_the_bit_that_the_layout_gives_it() {
             status.out_of_sequence(),
             status.horus_clock_implausible(),
             status.flash_fault(),
+            status.no_field(),
         ];
-        assert_eq!(flags, [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10].map(|flag| flag == bit));
+        assert_eq!(flags, [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 15].map(|flag| flag == bit));
     }
 }
 
@@ -299,12 +303,14 @@ fn each_reset_reason_has_its_code_and_says_whether_anybody_asked_for_it() {
 #[test]
 fn a_flag_can_be_cleared_and_its_neighbours_stay() {
     let all = GpsStatus::from_bits(0xFFFF);
-    assert_eq!(all.with_heard(false).bits(), 0x03FF & !(1 << 7));
-    assert_eq!(all.with_fix_type(FixType::NoFix).bits(), 0x03F0);
+    assert_eq!(all.with_heard(false).bits(), !(1 << 7));
+    assert_eq!(all.with_fix_type(FixType::NoFix).bits(), 0xFFF0);
+    assert_eq!(all.with_solution_age_ms(Some(0)).bits(), 0x03FF);
     let all = ReportedStatus::from_bits(0xFFFF);
-    assert_eq!(all.with_degraded(false).bits(), 0x0FFF & !(1 << 6));
-    assert_eq!(all.with_state(HorusState::Starting).bits(), 0x00FF);
-    assert_eq!(all.with_receivers_agreeing(0).bits(), 0x0FF8);
+    assert_eq!(all.with_degraded(false).bits(), !(1 << 6));
+    assert_eq!(all.with_state(HorusState::Starting).bits(), 0xF0FF);
+    assert_eq!(all.with_receivers_agreeing(0).bits(), 0xFFF8);
+    assert_eq!(all.with_reset_reason(ResetReason::PowerOn).bits(), 0x1FFF);
 }
 
 #[test]
@@ -317,7 +323,7 @@ fn codes_read_as_they_were_written_and_reserved_ones_as_none() {
             assert_eq!(GpsStatus::new().with_fix_type(fix), status);
         }
         let status = ReportedStatus::from_bits(u16::from(code) << 8);
-        assert_eq!(status.state().is_some(), code <= 6);
+        assert_eq!(status.state().is_some(), code <= 7);
         if let Some(state) = status.state() {
             assert_eq!(ReportedStatus::new().with_state(state), status);
         }

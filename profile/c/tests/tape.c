@@ -95,6 +95,9 @@ static void say_link(const tape_t *tape, const horus_dpr_link_t *link)
 static void say_report(const tape_t *tape, const horus_dpr_report_t *report)
 {
     say(tape, "end %d age=%u", (int)report->verdict, (unsigned)report->age_us);
+    if (report->has_status) {
+        say(tape, " status %04x", (unsigned)report->status);
+    }
     if (report->has_position) {
         say(tape, " position");
         say_sample(tape, &report->position);
@@ -124,6 +127,14 @@ static void say_view(const tape_t *tape, const horus_dpr_t *client, const uint8_
         say(tape, "object %u %d", (unsigned)index, (int)result);
         if (result == HORUS_DPR_OK) {
             say_sample(tape, &sample);
+        }
+        if ((result == HORUS_DPR_OK) && (index > 0U)) {
+            const uint16_t age_ms = horus_dpr_solution_age_ms(&sample);
+            if (age_ms == HORUS_DPR_NO_SOLUTION) {
+                say(tape, " never");
+            } else {
+                say(tape, " %u ms", (unsigned)age_ms);
+            }
         }
         say(tape, "\n");
     }

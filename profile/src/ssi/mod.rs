@@ -68,6 +68,10 @@ pub mod timing {
     pub const CSN_HOLD_NS: u32 = 2_000;
     /// Shortest time from CSN rising to CSN falling after which a transaction is answered, ns.
     pub const GAP_NS: u32 = 10_000;
+    /// Shortest time from CSN rising at the end of one transaction to CSN rising at the end of the next after which the
+    /// transaction behind both is answered, ns. It is what a transaction of 96 bytes takes at [`MAX_CLOCK_HZ`] with the
+    /// gap before it: a flight controller that reads Link-Status and Reported-Position, or more, keeps it in any case.
+    pub const SPACING_NS: u32 = GAP_NS + CSN_SETUP_NS + 96 * 8 * (1_000_000_000 / MAX_CLOCK_HZ) + CSN_HOLD_NS;
     /// Longest time from the SCK edge that shifts a bit out to that bit on MISO, ns.
     pub const MISO_VALID_NS: u32 = 19;
     /// Shortest time for which MOSI must be valid before the SCK edge that samples it, ns.

@@ -66,7 +66,10 @@ impl Drawn {
         let any = f64::from_bits(self.random.next());
         match self.random.below(24) {
             0 => self.pick(&[f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 0.0, -0.0, f64::MIN_POSITIVE, f64::MAX]),
-            1 => self.pick(&[90.0_f64, -90.0, 180.0, -180.0, 90.0_f64.next_up(), 180.0_f64.next_up()]),
+            1 => {
+                let limit = self.pick(&[90.0_f64, -90.0, 180.0, -180.0, -1_000.0, 1_000.0, 20_000.0, -20_000.0]);
+                self.pick(&[limit, limit.next_up(), limit.next_down()])
+            }
             2 => any,
             _ => plausible,
         }
@@ -264,7 +267,7 @@ const TRANSACTIONS: usize = 4_000;
 
 #[test]
 fn two_hundred_thousand_random_transactions_are_the_same_to_both_clients() {
-    let mut seen = [0_u32; Verdict::ALL.len()];
+    let mut seen = [0_u32; Verdict::ALL.len() + 1];
     for seed in 0..TAPES {
         let tape = drawn(seed, TRANSACTIONS);
         let said = play(&tape, |told| {
@@ -276,7 +279,7 @@ fn two_hundred_thousand_random_transactions_are_the_same_to_both_clients() {
     }
     println!("{seen:?}");
     assert_eq!(seen.iter().sum::<u32>(), 200_000);
-    assert!(seen.iter().all(|count| *count > 1_000), "each verdict is met often: {seen:?}");
+    assert!(seen[1..].iter().all(|count| *count > 1_000), "each verdict is met often: {seen:?}");
 }
 
 #[test]

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use profile::Layout;
 use profile::ssi::client::{Config, SEARCH_CYCLES};
-use profile::ssi::timing::{CSN_HOLD_NS, CSN_SETUP_NS, GAP_NS};
+use profile::ssi::timing::{CSN_HOLD_NS, CSN_SETUP_NS, GAP_NS, SPACING_NS};
 
 use super::c::{WARNINGS, compile, folder, scratch};
 
@@ -62,6 +62,7 @@ fn the_numbers_of_the_guide_are_those_of_the_code() {
         format!("first edge of SCK | at least {} µs", CSN_SETUP_NS / 1_000),
         format!("CSN rises | at least {} µs", CSN_HOLD_NS / 1_000),
         format!("CSN rises to CSN falls | at least {} µs", GAP_NS / 1_000),
+        format!("CSN rises to the next CSN rises | at least {} µs", SPACING_NS / 1_000),
         format!("`age_limit_us`, {} ms unless you set it", Config::AGE_LIMIT_US / 1_000),
         format!("nothing intact for {} ms", Config::SILENCE_US / 1_000),
         format!("after four samples, {} ms", (SEARCH_CYCLES + 1) * 10),

@@ -7,8 +7,9 @@ use profile::ssi::client::{Client, Config, MAX_MAP};
 use profile::ssi::{self, Parsed, Request};
 use profile::uplink::Written;
 use profile::{
-    Command, CommandObject, GpsValues, Identifier, Layout, LinkStatus, LinkStatusBits, LinkValues, Object, PortStatus,
-    PortStatusBits, PortValues, Profile, ReportedValues, Uplink, UplinkStatus, UplinkValues, Violation, Violations,
+    Command, CommandObject, GpsValues, HorusState, Identifier, Layout, LinkStatus, LinkStatusBits, LinkValues, Object,
+    PortStatus, PortStatusBits, PortValues, Profile, ReportedValues, Uplink, UplinkStatus, UplinkValues, Violation,
+    Violations,
 };
 
 use super::support::seeds;
@@ -229,6 +230,16 @@ fn invalid(n: u32) -> Option<ReportedValues> {
         21 => ReportedValues { roll: f32::NEG_INFINITY, acceleration: [0.0, 0.0, f32::INFINITY], ..all },
         22 => ReportedValues { latitude: -0.0, longitude: f64::from_bits(1), ..all },
         23 => ReportedValues::absent(10 * n),
+        24 => ReportedValues { altitude: 20_000.0, ..all },
+        25 => ReportedValues { altitude: 20_000.000_000_000_004, ..all },
+        26 => ReportedValues { altitude: -1_000.0, ..all },
+        27 => ReportedValues { altitude: -1_000.000_000_000_000_2, ..all },
+        28 => ReportedValues { altitude: f64::NAN, ..all },
+        29 => ReportedValues { status: status.with_state(HorusState::EmergencyFired), latitude: 1e300, ..all },
+        // The emergency has cost the position; what HORUS says of itself stays.
+        30..33 => {
+            ReportedValues { status: status.with_position_valid(false).with_state(HorusState::EmergencyFired), ..all }
+        }
         _ => all,
     })
 }

@@ -44,7 +44,9 @@ pub(crate) fn report(told: &Told<'_>) {
         assert!(report.age_us != AGE_UNKNOWN, "nor one whose age cannot be told");
         assert!(position.status.position_valid(), "an invalid position is not shown");
         assert!(position.latitude.abs() <= 90.0 && position.longitude.abs() <= 180.0, "it is on the earth");
-        assert!(position.altitude.is_finite() || position.altitude.is_nan());
+        let altitude = position.altitude;
+        assert!((-1_000.0..=20_000.0).contains(&altitude) || altitude.is_nan(), "{altitude} m");
+        assert_eq!(report.status.map(ReportedStatus::position_valid), Some(true), "the status is of the position");
         let attitude = [position.pitch, position.yaw, position.roll];
         let known = |values: [f32; 3], valid: bool| {
             assert!(values.iter().all(|value| value.is_finite() == valid && value.is_nan() != valid), "{values:?}");
@@ -52,6 +54,9 @@ pub(crate) fn report(told: &Told<'_>) {
         known(attitude, position.status.attitude_valid());
         known(position.acceleration, position.status.acceleration_valid());
     }
+    let old = report.age_us > config.age_limit_us || report.age_us == AGE_UNKNOWN;
+    assert!(report.verdict != Verdict::Invalid || report.status.is_some() || old, "without a position the state stays");
+    assert!(report.status.is_none() || !old, "an old state is not shown");
     assert!(!report.must_fall_back() || report.verdict != Verdict::Fresh, "what is fresh is shown");
     let hidden = [Verdict::Searching, Verdict::OutOfSequence, Verdict::Invalid, Verdict::Stale];
     assert!(report.must_fall_back() || !hidden.contains(&report.verdict), "{:?} takes it away", report.verdict);

@@ -3,7 +3,7 @@
 use profile::{
     Command, CommandObject, FixType, GpsObject, GpsStatus, GpsValues, HorusState, Identifier, Layout, LinkStatus,
     LinkStatusBits, LinkValues, PortStatus, PortStatusBits, PortValues, Profile, ReportedPosition, ReportedStatus,
-    ReportedValues, Uplink, UplinkStatus, UplinkValues, Violation, air,
+    ReportedValues, ResetReason, Uplink, UplinkStatus, UplinkValues, Violation, air,
     criticality::{BaseStation, Dpr, FlightController, Writer},
     image::Image,
     map::{Map, PortArea},
@@ -22,7 +22,8 @@ pub(crate) fn gps_values(timestamp: u32) -> GpsValues {
             .with_position_valid(true)
             .with_attitude_valid(true)
             .with_acceleration_valid(true)
-            .with_heard(true),
+            .with_heard(true)
+            .with_solution_age_ms(Some(timestamp)),
         latitude: 47.497_912_3,
         longitude: 8.729_567_8,
         altitude: 493.217,
@@ -43,7 +44,8 @@ pub(crate) fn reported_values(timestamp: u32) -> ReportedValues {
             .with_position_valid(true)
             .with_attitude_valid(true)
             .with_acceleration_valid(true)
-            .with_state(HorusState::Monitoring),
+            .with_state(HorusState::Monitoring)
+            .with_reset_reason(ResetReason::Watchdog),
         latitude: gps.latitude,
         longitude: gps.longitude,
         altitude: gps.altitude,

@@ -147,6 +147,9 @@ fn link(values: &LinkValues) -> String {
 
 fn report(said: &Report) -> String {
     let mut text = format!("end {} age={}", said.verdict as u8, said.age_us);
+    if let Some(status) = &said.status {
+        text += &format!(" status {:04x}", status.bits());
+    }
     if let Some(position) = &said.position {
         text += &format!(" position{}", reported(position));
     }
@@ -167,6 +170,7 @@ fn view(view: &View<'_>) -> String {
                 let v = object.values();
                 let (position, attitude) = ([v.latitude, v.longitude, v.altitude], [v.pitch, v.yaw, v.roll]);
                 sample(v.timestamp, v.status.bits(), position, attitude, v.acceleration)
+                    + &v.status.solution_age_ms().map_or(" never".to_owned(), |ms| format!(" {ms} ms"))
             }
         });
         text += &format!("object {index} {result}{values}\n");

@@ -26,9 +26,11 @@
 //! until [`SEARCH_CYCLES`] samples in a row are in sequence; so it is at the start.
 //!
 //! **What is shown.** [`Report::position`] is the last sample if it is in sequence, if HORUS says that its position is
-//! valid, if latitude and longitude are numbers in their range, and while its age is not above
-//! [`Config::age_limit_us`]. A transaction that brings nothing (busy, damaged, empty) lets it age; a sample that must
-//! not be shown takes it away at once. Values that are not valid by themselves are NaN, and their status bit is clear.
+//! valid, if it can be one at all ([`range`](crate::range)), and while its age is not above
+//! [`Config::age_limit_us`]. [`Report::status`] is what HORUS says of itself in that sample, whether its position is
+//! valid or not: a HORUS that has fired the emergency measure may well have no position any more. A transaction that
+//! brings nothing (busy, damaged, empty) lets both age; a sample that must not be shown takes them away at once. Values
+//! that are not valid by themselves are NaN, and their status bit is clear.
 //!
 //! # Example
 //!

@@ -2,7 +2,7 @@
 use super::view::{Prefix, Shown};
 use super::{AGE_UNKNOWN, Config, Report, Verdict};
 use crate::sequence::{MAX_MISSED, SEARCH_CYCLES, TOLERANCE_SHARE};
-use crate::{ABSENT_F32, ABSENT_F64, CYCLE_MS, Freshness, LinkStatus, ReportedPosition, ReportedValues, freshness};
+use crate::{CYCLE_MS, Freshness, LinkStatus, ReportedPosition, ReportedValues, freshness};
 
 /// The DPR stops to show an image so long after it was published, µs (design, section 4).
 pub const EXPIRY_US: u32 = 25_000;
@@ -49,8 +49,8 @@ pub(super) struct Track {
     last: Option<Sample>,
     /// Samples in a row that were in sequence, at most [`SEARCH_CYCLES`].
     found: u8,
-    /// The last sample's values, if they may be shown.
-    position: Option<ReportedValues>,
+    /// The last sample's values, if they may be shown, whether its position is valid or not.
+    shown: Option<ReportedValues>,
     /// Which image an intact Link-Status was last read of, by the DPR's time in it, and when.
     image: Option<(u32, u64)>,
     /// When anything intact was last read, or else when the first transaction began.
@@ -59,7 +59,7 @@ pub(super) struct Track {
 
 impl Track {
     pub(super) const fn new() -> Self {
-        Self { last: None, found: 0, position: None, image: None, intact_us: None }
+        Self { last: None, found: 0, shown: None, image: None, intact_us: None }
     }
 
     /// What is to be said of a transaction that began at `began_us` after FRESH at `fresh_us`.
@@ -89,11 +89,12 @@ impl Track {
         let silent = quiet_us > u64::from(config.silence_us) && matches!(verdict, Verdict::Busy | Verdict::Damaged);
         let age_us = self.last.map_or(AGE_UNKNOWN, |last| last.age_us(began_us));
         if is_too_old(age_us, config) {
-            self.position = None;
+            self.shown = None;
         }
         Report {
             verdict: if silent { Verdict::Silent } else { verdict },
-            position: self.position,
+            position: self.shown.filter(|values| values.status.position_valid()),
+            status: self.shown.map(|values| values.status),
             age_us,
             link: link.map(LinkStatus::values),
         }
@@ -122,19 +123,19 @@ impl Track {
         let first = self.last.is_none();
         self.last = Some(sample);
         self.found = if due_us.is_some() { SEARCH_CYCLES.min(self.found + 1) } else { 0 };
-        let position = valid(reported);
+        let values = reported.values().checked();
         let verdict = if due_us.is_none() & !first {
             Verdict::OutOfSequence
         } else if self.found < SEARCH_CYCLES {
             Verdict::Searching
-        } else if position.is_none() {
+        } else if !values.status.position_valid() {
             Verdict::Invalid
         } else if is_too_old(sample.age_us, config) {
             Verdict::Stale
         } else {
             Verdict::Fresh
         };
-        self.position = position.filter(|_| verdict == Verdict::Fresh);
+        self.shown = matches!(verdict, Verdict::Fresh | Verdict::Invalid).then_some(values);
         verdict
     }
 
@@ -166,27 +167,6 @@ fn due_us(last: &Sample, timestamp: u32, read_us: u64) -> Option<u64> {
     }
     // A sample that is read early shows that the others were read late. HORUS's clock may be slower by 2 %.
     Some(read_us.min(due_us.saturating_add(drift_us)))
-}
-
-/// The values of a sample with a valid position; what is not valid in it is NaN, and its status bit clear.
-fn valid(reported: &ReportedPosition) -> Option<ReportedValues> {
-    let mut values = reported.values();
-    let status = values.status;
-    let located = (values.latitude.abs() <= 90.0) & (values.longitude.abs() <= 180.0);
-    let attitude =
-        status.attitude_valid() & values.pitch.is_finite() & values.yaw.is_finite() & values.roll.is_finite();
-    let acceleration = status.acceleration_valid() & values.acceleration.iter().all(|axis| axis.is_finite());
-    if !values.altitude.is_finite() {
-        values.altitude = ABSENT_F64;
-    }
-    if !attitude {
-        (values.pitch, values.yaw, values.roll) = (ABSENT_F32, ABSENT_F32, ABSENT_F32);
-    }
-    if !acceleration {
-        values.acceleration = [ABSENT_F32; 3];
-    }
-    values.status = status.with_attitude_valid(attitude).with_acceleration_valid(acceleration);
-    (status.position_valid() & located).then_some(values)
 }
 
 /// Whether a position so old, or of an age that cannot be told, must not be shown.

@@ -1,0 +1,73 @@
+//! Which numbers can be the position of a drone: one rule for everybody who shows one.
+//!
+//! A CRC says that an object is as it was sealed, not that what was sealed makes sense. Whoever shows a position (the
+//! flight controller's clients, the base station) takes the values through [`checked`](crate::ReportedValues::checked)
+//! first, so that a number that no drone can be at is shown by none of them.
+
+/// The northernmost latitude, degrees; the southernmost is as far below 0.
+pub const MAX_LATITUDE: f64 = 90.0;
+
+/// The easternmost longitude, degrees; the westernmost is as far below 0.
+pub const MAX_LONGITUDE: f64 = 180.0;
+
+/// The lowest altitude, m above the ellipsoid. The lowest land, at the Dead Sea, is at -430 m above the sea, and the
+/// sea is at most 107 m below the ellipsoid (EGM2008).
+pub const MIN_ALTITUDE: f64 = -1_000.0;
+
+/// The highest altitude, m above the ellipsoid: far above any delivery drone, and below what receivers are let work at
+/// without a licence (18 km, which the old export rules had, and a margin).
+pub const MAX_ALTITUDE: f64 = 20_000.0;
+
+/// Whether these can be a position: latitude and longitude, degrees, and altitude, m, are numbers in their range. An
+/// altitude that is not a number is one that is not known, which a 2D fix has.
+///
+/// ```
+/// use profile::range::is_position;
+///
+/// assert!(is_position(47.5, -180.0, f64::NAN));
+/// assert!(!is_position(91.0, 8.7, 470.0) && !is_position(47.5, f64::NAN, 470.0));
+/// assert!(!is_position(47.5, 8.7, 20_000.1) && !is_position(47.5, 8.7, f64::NEG_INFINITY));
+/// ```
+#[must_use]
+pub fn is_position(latitude: f64, longitude: f64, altitude: f64) -> bool {
+    let height = altitude.is_nan() | (MIN_ALTITUDE..=MAX_ALTITUDE).contains(&altitude);
+    (latitude.abs() <= MAX_LATITUDE) & (longitude.abs() <= MAX_LONGITUDE) & height
+}
+
+macro_rules! checked {
+    ($values:ident) => {
+        impl crate::$values {
+            /// These values as they may be shown: what their status does not call valid, or what is valid by their
+            /// status and cannot be so ([`range`](crate::range)), is NaN, and its status bit clear.
+            #[must_use]
+            pub fn checked(mut self) -> Self {
+                let status = self.status;
+                let position =
+                    status.position_valid() & crate::range::is_position(self.latitude, self.longitude, self.altitude);
+                let angles = [self.pitch, self.yaw, self.roll];
+                let attitude = status.attitude_valid() & angles.iter().all(|angle| angle.is_finite());
+                let acceleration = status.acceleration_valid() & self.acceleration.iter().all(|axis| axis.is_finite());
+                if !position {
+                    (self.latitude, self.longitude) = (crate::ABSENT_F64, crate::ABSENT_F64);
+                }
+                if !position | self.altitude.is_nan() {
+                    self.altitude = crate::ABSENT_F64;
+                }
+                if !attitude {
+                    (self.pitch, self.yaw, self.roll) = (crate::ABSENT_F32, crate::ABSENT_F32, crate::ABSENT_F32);
+                }
+                if !acceleration {
+                    self.acceleration = [crate::ABSENT_F32; 3];
+                }
+                self.status = status
+                    .with_position_valid(position)
+                    .with_attitude_valid(attitude)
+                    .with_acceleration_valid(acceleration);
+                self
+            }
+        }
+    };
+}
+
+checked!(ReportedValues);
+checked!(GpsValues);
