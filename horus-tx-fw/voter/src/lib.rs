@@ -17,9 +17,14 @@
 //! - **Pure.** No clock, no input or output, no allocation: [`Voter::vote`] is told the time, and a voter that is a
 //!   copy of another says the same.
 //!
+//! - **Each quantity by itself.** Altitude, attitude and acceleration are each stated only if a quorum of the members
+//!   has one and all of those agree in it. No single receiver's word is shown as that of several.
+//! - **No jump at once.** A place or an altitude that the last one shown does not lead to at 200 m/s is held back
+//!   until it has held for a second (see `hold`).
 //! - **A majority of right receivers always has a result.** A result of more than half of them has one of every
 //!   majority among its members. So none of a majority that agrees is ever excluded, since it agrees with a member, and
-//!   the majority itself is a set that can win. Whatever the others say, also after each other, costs no result.
+//!   the majority itself is a set that can win. Whatever the others say, also after each other, costs no result but
+//!   the second for which a jump is held back.
 //!
 //! # What it cannot do
 //!
@@ -33,6 +38,7 @@ extern crate std;
 
 mod fix;
 mod geometry;
+mod hold;
 mod median;
 mod set;
 
@@ -40,7 +46,8 @@ pub use fix::{Fix, Stated};
 
 use fix::metres;
 use geometry::Place;
-use median::{circular_median, median, middle_two};
+use hold::Hold;
+use median::{about_first, median, median_and_spread, middle_two, turned};
 
 /// The most receivers that a voter can have: what HORUS carries.
 pub const MOST_RECEIVERS: usize = 5;
@@ -80,6 +87,17 @@ pub const HORIZONTAL_LIMITS_M: [f32; 2] = [5.0, 30.0];
 /// The same, vertically, m (decision 15, agreement).
 pub const VERTICAL_LIMITS_M: [f32; 2] = [8.0, 50.0];
 
+/// The greatest difference of two attitudes that agree, pitch, yaw and roll, rad: 5, 10 and 5 degrees (decision 15,
+/// attitude and acceleration).
+pub const ATTITUDE_LIMITS_RAD: [f32; 3] = [PI / 36.0, PI / 18.0, PI / 36.0];
+/// The greatest difference of two accelerations that agree, along each axis, m/s² (decision 15, attitude and
+/// acceleration).
+pub const ACCELERATION_LIMIT_M_S2: f32 = 2.0;
+
+/// How long a place or an altitude that the last one does not lead to must hold before it is shown, ms (decision 15,
+/// jumps).
+pub const HELD_BACK_MS: u32 = 1_000;
+
 /// The largest angle, rad either way, that takes part: beyond what the fields of UBX NAV-ATT can hold, 375 rad.
 pub const ANGLE_MAX: f32 = 400.0;
 
@@ -87,8 +105,9 @@ pub const ANGLE_MAX: f32 = 400.0;
 /// exclusion).
 pub const RETURNS_AFTER_MS: u32 = 1_000;
 
-/// How many members a result of `receivers` has at least: more than half of them, of two one (decision 15, the set:
-/// 1oo1, 1oo2, 2oo3, 3oo5).
+/// How many members a result of `receivers` has at least, and how many of them have at least the altitude, the attitude
+/// or the acceleration that is stated: more than half of the receivers, of two one (decision 15, the set: 1oo1, 1oo2,
+/// 2oo3, 3oo5).
 #[must_use]
 pub const fn quorum(receivers: usize) -> u32 {
     receivers.div_ceil(2) as u32
@@ -119,22 +138,23 @@ pub struct Position {
     pub latitude: f64,
     /// Degrees east, WGS-84.
     pub longitude: f64,
-    /// m above the ellipsoid; `None` if no member has one.
+    /// m above the ellipsoid; `None` if fewer than a quorum of the members have one, or while a jump is held back.
     pub altitude: Option<f64>,
 }
 
 /// What a vote came to. A mask has bit 0 for the first receiver. The default is that of no vote.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Verdict {
-    /// The members of the result; none without one.
+    /// The members of the result; none without one, or while a jump is held back.
     pub members: u8,
     /// The receivers that were not eligible, or are not from now on.
     pub excluded: u8,
     /// Where the result is; `None` without one.
     pub position: Option<Position>,
-    /// Pitch and roll within ±π and yaw from 0 to 2π, rad, if a member has an attitude.
+    /// Pitch and roll within ±π and yaw from 0 to 2π, rad, if a quorum of the members has an attitude and all of those
+    /// agree.
     pub attitude: Option<[f32; 3]>,
-    /// Acceleration front, right and down, m/s², if a member has one.
+    /// Acceleration front, right and down, m/s², under the same condition.
     pub acceleration: Option<[f32; 3]>,
 }
 
@@ -156,13 +176,15 @@ impl Verdict {
 }
 
 /// What a voter over `N` receivers remembers from tick to tick. `N` is 1 to [`MOST_RECEIVERS`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Voter<const N: usize> {
     /// The members of the last result.
     last: u8,
     excluded: u8,
     /// Since when each excluded receiver has agreed at every tick, ms.
     agreeing_since: [Option<u32>; N],
+    places: Hold<Spot>,
+    altitudes: Hold<Height>,
 }
 
 impl<const N: usize> Default for Voter<N> {
@@ -187,8 +209,24 @@ impl<const N: usize> Voter<N> {
     /// A voter that has not voted: nobody is excluded.
     #[must_use]
     pub const fn new() -> Self {
+        Self::excluding(0)
+    }
+
+    /// A voter that has not voted since a restart, and before which those of the mask `excluded` were excluded: they
+    /// have to agree for [`RETURNS_AFTER_MS`] from now on. A mask that no voter comes to counts as none: one with a
+    /// receiver that there is not, or with half of the receivers or more, since a majority is never excluded.
+    #[must_use]
+    pub const fn excluding(excluded: u8) -> Self {
         const { assert!(N >= 1 && N <= MOST_RECEIVERS, "HORUS carries one to five receivers") }
-        Self { last: 0, excluded: 0, agreeing_since: [None; N] }
+        let plausible = excluded >> N == 0 && 2 * excluded.count_ones() < N as u32;
+        let excluded = if plausible { excluded } else { 0 };
+        Self { last: 0, excluded, agreeing_since: [None; N], places: Hold::NEW, altitudes: Hold::NEW }
+    }
+
+    /// Who is excluded from the next vote on.
+    #[must_use]
+    pub const fn excluded(&self) -> u8 {
+        self.excluded
     }
 
     /// The vote of one tick at `now_ms`, a clock of milliseconds that wraps.
@@ -204,28 +242,38 @@ impl<const N: usize> Voter<N> {
         let eligible = candidates & !self.excluded;
         let set = set::winner(&friends, eligible, self.last, &brought.each_ref().map(|brought| brought.horizontal));
         let outside = eligible & !set;
-        let is_result = (set.count_ones() >= quorum(N)) & (set.count_ones() > outside.count_ones());
-        let members = if is_result { set } else { 0 };
-        let outvoted = outside & mask_of(&friends, |friends| is_result & (friends & members == 0));
+        let is_agreed = is_quorum::<N>(set) & (set.count_ones() > outside.count_ones());
+        let agreed = if is_agreed { set } else { 0 };
+
+        let spot = spot(inputs, &brought, &places, agreed);
+        let is_result = self.places.take(now_ms, spot, is_agreed, true);
+        let members = if is_result { agreed } else { 0 };
+        let with_altitude = agreed & mask_of(inputs, |input| input.fix.has_altitude);
+        let has_quorum = is_quorum::<N>(with_altitude);
+        let height = height(inputs, &brought, with_altitude);
+        let is_stated = self.altitudes.take(now_ms, height, has_quorum, is_result);
+
+        // Of whom somebody must agree with a candidate: where a quorum has an altitude, those who can contradict it.
+        let peers =
+            inputs.each_ref().map(|input| if has_quorum & input.fix.has_altitude { with_altitude } else { set });
+        let mut with_peer = 0;
+        for (index, (friends, peers)) in friends.iter().zip(peers).enumerate() {
+            with_peer |= u8::from(friends & peers != 0) << index;
+        }
+        let outvoted = if is_result { outside & !with_peer } else { 0 };
 
         // The two have nobody in common.
         let excluded = self.excluded | outvoted;
         self.remember(members, outvoted, eligible, &friends, now_ms);
 
-        let position = position(inputs, &brought, &places, members);
-        let oriented = members & mask_of(inputs, |input| are_within(input.attitude, ANGLE_MAX));
-        let moved = members & mask_of(inputs, |input| are_within(input.acceleration, f32::MAX));
-        let angle =
-            |axis, from| circular_median(axis_of(inputs, |input| input.attitude, axis, ANGLE_MAX), oriented, from);
-        let attitude = [angle(0, -PI), angle(1, 0.0), angle(2, -PI)];
-        let acceleration =
-            [0, 1, 2].map(|axis| median(axis_of(inputs, |input| input.acceleration, axis, f32::MAX), moved));
+        let [latitude, longitude] = spot.place.degrees(spot.step);
+        let position = Position { latitude, longitude, altitude: is_stated.then_some(height.altitude()) };
         Verdict {
             members,
             excluded,
             position: is_result.then_some(position),
-            attitude: (oriented != 0).then_some(attitude),
-            acceleration: (moved != 0).then_some(acceleration),
+            attitude: attitude(inputs, members),
+            acceleration: acceleration(inputs, members),
         }
     }
 
@@ -253,6 +301,11 @@ const PI: f32 = core::f32::consts::PI;
 /// Whether receiver `index`, from 0, is in `mask`.
 const fn has(mask: u8, index: usize) -> bool {
     mask >> index & 1 == 1
+}
+
+/// Whether so many of `N` receivers are a quorum.
+const fn is_quorum<const N: usize>(mask: u8) -> bool {
+    mask.count_ones() >= quorum(N)
 }
 
 /// Those of whom `is` is true.
@@ -337,11 +390,8 @@ fn compare<const N: usize>(
         places[one][one] = moved.step;
         for other in one + 1..N {
             let (other_fix, other_moved) = (&inputs[other].fix, &brought[other]);
-            let [north, east, up] = fix.place.to(&other_fix.place, other_moved.step);
-            places[one][other] = [north, east];
-
-            let (north, east) = (north - moved.step[0], east - moved.step[1]);
-            let distance_squared = north * north + east * east + up * up;
+            let (place, distance_squared) = apart((&fix.place, moved.step), (&other_fix.place, other_moved.step));
+            places[one][other] = place;
             let level =
                 distance_squared <= limit_squared(moved.horizontal, other_moved.horizontal, HORIZONTAL_LIMITS_M);
 
@@ -364,33 +414,111 @@ fn limit_squared(one: f32, other: f32, [least, most]: [f32; 2]) -> f32 {
     if limit > most * most { most * most } else { limit }
 }
 
-/// Median of the members, each axis by itself.
-fn position<const N: usize>(
-    inputs: &[Input; N],
-    brought: &[Brought; N],
-    places: &[[[f32; 2]; N]; N],
-    members: u8,
-) -> Position {
+/// Where another place is, a step from it included, m north and east of this one; and the square of its distance from
+/// this one's step, m².
+fn apart((place, step): (&Place, [f32; 2]), (other, other_step): (&Place, [f32; 2])) -> ([f32; 2], f32) {
+    let [north, east, up] = place.to(other, other_step);
+    let (off_north, off_east) = (north - step[0], east - step[1]);
+    ([north, east], off_north * off_north + off_east * off_east + up * up)
+}
+
+/// Where a result is: a step, m north and east, from a member's place; and the accuracy of its least accurate member,
+/// m.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Spot {
+    place: Place,
+    step: [f32; 2],
+    accuracy: f32,
+}
+
+impl hold::Mark for Spot {
+    fn leads_to(&self, next: &Self, seconds: f32) -> bool {
+        let (_, distance_squared) = apart((&self.place, self.step), (&next.place, next.step));
+        let limit_squared = limit_squared(self.accuracy, next.accuracy, HORIZONTAL_LIMITS_M);
+        hold::is_within_reach(distance_squared, limit_squared, seconds)
+    }
+}
+
+/// Median of the members, north and east by itself.
+fn spot<const N: usize>(inputs: &[Input; N], brought: &[Brought; N], places: &[[[f32; 2]; N]; N], members: u8) -> Spot {
     // Metres of the first member's place; its row knows all members, since none is before it.
-    let origin: Place = first(members, &inputs.each_ref().map(|input| input.fix.place));
+    let place: Place = first(members, &inputs.each_ref().map(|input| input.fix.place));
     let row = first(members, places);
     let step = [0, 1].map(|axis| median(row.map(|place| place[axis]), members));
-    let [latitude, longitude] = origin.degrees(step);
+    Spot { place, step, accuracy: greatest(brought, |brought| brought.horizontal, members) }
+}
 
-    let with_altitude = members & mask_of(inputs, |input| input.fix.has_altitude);
+/// How high a result is: `above` m above `ground_mm`; and the accuracy of its least accurate member, m.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Height {
+    ground_mm: i32,
+    above: f32,
+    accuracy: f32,
+}
+
+impl Height {
+    /// m above the ellipsoid; where nothing is above the ground exactly what was stated.
+    fn altitude(&self) -> f64 {
+        /// Parts of a mm in which the sum is counted.
+        const PARTS: i32 = 256;
+        let above = (self.above * (1e3 * PARTS as f32)) as i32;
+        (i64::from(self.ground_mm) * i64::from(PARTS) + i64::from(above)) as f64 / (1e3 * f64::from(PARTS))
+    }
+}
+
+impl hold::Mark for Height {
+    fn leads_to(&self, next: &Self, seconds: f32) -> bool {
+        let climb = metres(next.ground_mm - self.ground_mm) + (next.above - self.above);
+        let limit_squared = limit_squared(self.accuracy, next.accuracy, VERTICAL_LIMITS_M);
+        hold::is_within_reach(climb * climb, limit_squared, seconds)
+    }
+}
+
+/// Median of the altitudes of those in the mask.
+fn height<const N: usize>(inputs: &[Input; N], brought: &[Brought; N], with_altitude: u8) -> Height {
     let ground_mm = first(with_altitude, &inputs.each_ref().map(|input| input.fix.altitude_mm));
     let mut heights = [0.0; N];
     for (height, (input, brought)) in heights.iter_mut().zip(inputs.iter().zip(brought)) {
         *height = metres(input.fix.altitude_mm - ground_mm) + brought.climb;
     }
-    let altitude = altitude(ground_mm, median(heights, with_altitude));
-    Position { latitude, longitude, altitude: (with_altitude != 0).then_some(altitude) }
+    let accuracy = greatest(brought, |brought| brought.vertical, with_altitude);
+    Height { ground_mm, above: median(heights, with_altitude), accuracy }
 }
 
-/// `above` m above `ground_mm`, m: without a step exactly what was stated.
-fn altitude(ground_mm: i32, above: f32) -> f64 {
-    /// Parts of a mm in which the sum is counted.
-    const PARTS: i32 = 256;
-    (i64::from(ground_mm) * i64::from(PARTS) + i64::from((above * (1e3 * PARTS as f32)) as i32)) as f64
-        / (1e3 * f64::from(PARTS))
+/// The greatest accuracy of those in the mask, m; of none 0.
+fn greatest<const N: usize>(brought: &[Brought; N], of: impl Fn(&Brought) -> f32, among: u8) -> f32 {
+    brought.iter().enumerate().fold(0.0, |greatest, (index, brought)| {
+        let accuracy = if has(among, index) { of(brought) } else { 0.0 };
+        if accuracy > greatest { accuracy } else { greatest }
+    })
+}
+
+/// Median of the members' attitudes, each angle on the circle, if a quorum has one and each two of those agree.
+fn attitude<const N: usize>(inputs: &[Input; N], members: u8) -> Option<[f32; 3]> {
+    let oriented = members & mask_of(inputs, |input| are_within(input.attitude, ANGLE_MAX));
+    let mut agree = is_quorum::<N>(oriented);
+    let mut attitude = [0.0; 3];
+    for (axis, from) in [-PI, 0.0, -PI].into_iter().enumerate() {
+        let angles = axis_of(inputs, |input| input.attitude, axis, ANGLE_MAX);
+        // No limit comes near half a turn: what agrees with the first agrees with another if it does about the first.
+        let (reference, differences) = about_first(angles, oriented);
+        let (middle, spread) = median_and_spread(differences, oriented);
+        agree &= spread <= ATTITUDE_LIMITS_RAD[axis];
+        attitude[axis] = turned(reference + middle, from);
+    }
+    agree.then_some(attitude)
+}
+
+/// Median of the members' accelerations, each axis by itself, if a quorum has one and each two of those agree.
+fn acceleration<const N: usize>(inputs: &[Input; N], members: u8) -> Option<[f32; 3]> {
+    let moved = members & mask_of(inputs, |input| are_within(input.acceleration, f32::MAX));
+    let mut agree = is_quorum::<N>(moved);
+    let mut acceleration = [0.0; 3];
+    for (axis, middle) in acceleration.iter_mut().enumerate() {
+        let values = axis_of(inputs, |input| input.acceleration, axis, f32::MAX);
+        let spread;
+        (*middle, spread) = median_and_spread(values, moved);
+        agree &= spread <= ACCELERATION_LIMIT_M_S2;
+    }
+    agree.then_some(acceleration)
 }

@@ -5,14 +5,25 @@ use crate::{first, has};
 /// The median of `values` among those in the mask; of an even number the mean of the middle two. Of none it says
 /// nothing.
 pub(crate) fn median<const N: usize>(values: [f32; N], among: u8) -> f32 {
-    let [low, high] = middle_two(values, among, f32::INFINITY);
+    median_and_spread(values, among).0
+}
+
+/// The same, and how far apart the least and the greatest of them are.
+pub(crate) fn median_and_spread<const N: usize>(values: [f32; N], among: u8) -> (f32, f32) {
+    let [least, low, high, most] = ordered(values, among, f32::INFINITY);
     // Halves, not their sum: that of two large ones would be infinite.
-    0.5 * low + 0.5 * high
+    (0.5 * low + 0.5 * high, most - least)
 }
 
 /// The middle two of `values` among those in the mask, twice the same of an odd number; of none it says nothing. No
 /// value is above `greatest`.
 pub(crate) fn middle_two<T: Copy + PartialOrd, const N: usize>(values: [T; N], among: u8, greatest: T) -> [T; 2] {
+    let [_, low, high, _] = ordered(values, among, greatest);
+    [low, high]
+}
+
+/// The least, the middle two and the greatest of `values` among those in the mask.
+fn ordered<T: Copy + PartialOrd, const N: usize>(values: [T; N], among: u8, greatest: T) -> [T; 4] {
     let mut sorted = values;
     let mut count = 0;
     for (index, value) in sorted.iter_mut().enumerate() {
@@ -32,19 +43,18 @@ pub(crate) fn middle_two<T: Copy + PartialOrd, const N: usize>(values: [T; N], a
     let at = |wanted: usize| {
         sorted.iter().enumerate().fold(greatest, |found, (index, value)| if index == wanted { *value } else { found })
     };
-    [at(count.saturating_sub(1) / 2), at(count / 2)]
+    [sorted[0], at(count.saturating_sub(1) / 2), at(count / 2), at(count.saturating_sub(1))]
 }
 
-/// The median of angles, rad, about the first of those in the mask, in the turn that begins at `from`.
-pub(crate) fn circular_median<const N: usize>(angles: [f32; N], among: u8, from: f32) -> f32 {
+/// The first of the angles in the mask, rad, and how far each of all is from it, within half a turn.
+pub(crate) fn about_first<const N: usize>(angles: [f32; N], among: u8) -> (f32, [f32; N]) {
     let reference = first(among, &angles);
-    let differences = angles.map(|angle| turned(angle - reference, -core::f32::consts::PI));
-    turned(reference + median(differences, among), from)
+    (reference, angles.map(|angle| turned(angle - reference, -core::f32::consts::PI)))
 }
 
 /// `angle`, rad, by whole turns into the turn that begins at `from`. What lies in it, both ends included, stays as
 /// it is, to the bit.
-fn turned(angle: f32, from: f32) -> f32 {
+pub(crate) fn turned(angle: f32, from: f32) -> f32 {
     let turns = (angle - from) * (1.0 / core::f32::consts::TAU);
     let whole = turns as i32;
     let beyond = if turns > 0.0 { whole as f32 >= turns } else { whole as f32 > turns };

@@ -30,9 +30,16 @@ fn somewhere() -> impl Strategy<Value = (f64, f64)> {
     (latitude, longitude)
 }
 
-/// How far off a receiver is, m, how fast, mm/s, how good, mm, how old, ms, how late by its time of week, ms, and
-/// whether it is flat.
-type Drawn = (bool, [f64; 3], [i32; 3], [u32; 2], i32, u32, bool);
+/// How far off a receiver is, m, how fast, mm/s, how good, mm, how old, ms, how late by its time of week, ms, whether
+/// it is flat, its attitude and its acceleration.
+type Drawn = (bool, [f64; 3], [i32; 3], [u32; 2], i32, u32, bool, Option<[f32; 3]>, Option<[f32; 3]>);
+
+/// Three numbers that mostly lie so close together that two may agree.
+fn numbers(about: [f32; 3], within: f32) -> impl Strategy<Value = Option<[f32; 3]>> {
+    let off = move || prop_oneof![6 => -within..within, 1 => Just(f32::NAN), 1 => -500.0_f32..500.0];
+    let drawn = [off(), off(), off()].prop_map(move |off| [0, 1, 2].map(|axis| about[axis] + off[axis]));
+    prop::option::weighted(0.8, drawn)
+}
 
 /// A receiver near a place.
 fn receiver() -> impl Strategy<Value = Drawn> {
@@ -46,12 +53,17 @@ fn receiver() -> impl Strategy<Value = Drawn> {
         [accuracy(), accuracy()],
         -20..1_200_i32,
         prop_oneof![6 => 300..360_u32, 2 => 200..500_u32, 1 => 0..WEEK_MS, 1 => WEEK_MS - 40..WEEK_MS, 1 => 0..40_u32],
-        prop::bool::weighted(0.15),
+        prop::bool::weighted(0.25),
+        numbers([0.1, 0.0, -3.1], 0.08),
+        numbers([3.0, -4.0, 0.5], 1.3),
     )
 }
 
-fn said(place: (f64, f64), drawn: Drawn) -> Said {
-    let (valid, [north, east, up], velocity_mm_s, [horizontal, vertical], since_arrival_ms, lag_ms, flat) = drawn;
+/// A receiver of which `jump` has moved all north and up, m.
+fn said(place: (f64, f64), jump: [f64; 2], drawn: Drawn) -> Said {
+    let (valid, [north, east, up], velocity_mm_s, accuracies, since_arrival_ms, lag_ms, flat, attitude, acceleration) =
+        drawn;
+    let (north, up, [horizontal, vertical]) = (north + jump[0], up + jump[1], accuracies);
     let (latitude, longitude) = geodetic(Place::new(place.0, place.1, 400.0).at(north, east));
     Said {
         valid,
@@ -65,9 +77,19 @@ fn said(place: (f64, f64), drawn: Drawn) -> Said {
         },
         since_arrival_ms,
         lag_ms,
-        attitude: None,
-        acceleration: None,
+        attitude,
+        acceleration,
     }
+}
+
+/// Whether three numbers are the same but for rounding, on the circle or not.
+fn same(one: Option<[f32; 3]>, other: Option<[f64; 3]>, circle: bool) -> bool {
+    let (Some(one), Some(other)) = (one, other) else { return one.is_none() && other.is_none() };
+    one.into_iter().zip(other).all(|(one, other)| {
+        let off = f64::from(one) - other;
+        let off = if circle { off.sin().atan2(off.cos()) } else { off };
+        off.abs() < 1e-4 * other.abs().max(1.0)
+    })
 }
 
 /// Ticks of several receivers, told to both voters.
@@ -84,6 +106,9 @@ fn compare<const N: usize>(ticks: &[(Vec<Said>, u32)]) -> Result<(), TestCaseErr
         prop_assert_eq!(listed(verdict.members), opinion.members);
         prop_assert_eq!(listed(verdict.excluded), opinion.excluded);
         prop_assert_eq!(verdict.position.is_some(), opinion.position.is_some());
+        prop_assert!(same(verdict.attitude, opinion.attitude, true), "{:?} {:?}", verdict.attitude, opinion.attitude);
+        let (one, other) = (verdict.acceleration, opinion.acceleration);
+        prop_assert!(same(one, other, false), "{:?} {:?}", one, other);
         if let (Some(position), Some((at, altitude))) = (verdict.position, opinion.position) {
             let (latitude, longitude) = geodetic(at);
             let off = distance((position.latitude, position.longitude), (latitude, longitude));
@@ -98,23 +123,26 @@ fn compare<const N: usize>(ticks: &[(Vec<Said>, u32)]) -> Result<(), TestCaseErr
     Ok(())
 }
 
-/// Ticks in which each receiver keeps its place and only now and then changes it.
+/// Ticks in which each receiver keeps its place and only now and then changes it, and in some of which all jump.
 fn ticks() -> impl Strategy<Value = Vec<(Vec<Said>, u32)>> {
-    let change = prop::collection::vec((prop::bool::weighted(0.3), receiver()), 5);
-    let later = prop_oneof![Just(10_u32), Just(500), Just(999), Just(1_000)];
-    (somewhere(), prop::collection::vec(receiver(), 5), prop::collection::vec((change, later), 1..10)).prop_map(
-        |(place, mut current, changes)| {
-            changes
-                .into_iter()
-                .map(|(change, later)| {
-                    for (current, (changes, to)) in current.iter_mut().zip(change) {
-                        *current = if changes { to } else { *current };
-                    }
-                    (current.iter().map(|drawn| said(place, *drawn)).collect(), later)
-                })
-                .collect()
-        },
-    )
+    let change = prop::collection::vec((prop::bool::weighted(0.2), receiver()), 5);
+    let later = prop_oneof![3 => Just(10_u32), 2 => Just(500), 1 => Just(999), 1 => Just(1_000)];
+    let far = || prop_oneof![Just(0.0), -20.0..20.0, -300.0..300.0, -3_000.0..3_000.0];
+    let jump = prop_oneof![4 => Just([0.0; 2]), 1 => [far(), far()]];
+    let changes = prop::collection::vec((change, jump, later), 1..12);
+    (somewhere(), prop::collection::vec(receiver(), 5), changes).prop_map(|(place, mut current, changes)| {
+        let mut moved = [0.0; 2];
+        changes
+            .into_iter()
+            .map(|(change, jump, later)| {
+                for (current, (changes, to)) in current.iter_mut().zip(change) {
+                    *current = if changes { to } else { *current };
+                }
+                moved = [0, 1].map(|axis| moved[axis] + jump[axis]);
+                (current.iter().map(|drawn| said(place, moved, *drawn)).collect(), later)
+            })
+            .collect()
+    })
 }
 
 proptest! {

@@ -4,7 +4,7 @@ mod support;
 
 use core::f32::consts::{PI, TAU};
 
-use horus_voter::{Fix, Input, Stated, Verdict, Voter, WEEK_MS, quorum};
+use horus_voter::{Fix, Input, Position, Stated, Verdict, Voter, WEEK_MS, quorum};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngSeed};
 
@@ -343,6 +343,30 @@ fn an_excluded_receiver_returns_when_it_has_agreed_for_1000_ms_to_the_millisecon
 }
 
 #[test]
+fn who_was_excluded_before_a_restart_returns_after_agreeing_for_1000_ms() {
+    let mut voter = Voter::excluding(0b100);
+    assert_eq!(voter.excluded(), 0b100);
+    let excluded = (0..2_000).step_by(10).map(|at| voter.vote(&[GOOD; 3].map(|said| said.input()), at).excluded);
+    assert_eq!(excluded.take_while(|excluded| *excluded == 0b100).count(), 101);
+    assert_eq!(voter.excluded(), 0);
+    // One that is wrong stays excluded, and has no vote where another is missing.
+    let mut voter = Voter::excluding(0b100);
+    let verdict = voter.vote(&[GOOD, SILENT, GOOD.moved(200.0, 0.0)].map(|said| said.input()), 0);
+    assert_eq!((verdict.members, verdict.excluded, voter.excluded()), (0, 0b100, 0b100));
+}
+
+#[test]
+fn a_mask_of_exclusions_that_no_voter_comes_to_counts_as_none() {
+    fn kept<const N: usize>() -> Vec<u8> {
+        (1..=u8::MAX).filter(|mask| Voter::<N>::excluding(*mask).excluded() == *mask).collect()
+    }
+    assert_eq!((kept::<1>(), kept::<2>()), (vec![], vec![]));
+    assert_eq!(kept::<3>(), [0b001, 0b010, 0b100]);
+    assert_eq!(kept::<5>().len(), 5 + 10, "one or two of five");
+    assert_eq!(Voter::<3>::excluding(0b110), Voter::new());
+}
+
+#[test]
 fn without_a_result_an_excluded_receiver_must_agree_with_an_eligible_candidate() {
     let mut voter = Voter::new();
     let far = GOOD.moved(200.0, 0.0);
@@ -403,45 +427,346 @@ fn the_median_follows_no_single_outlier_and_of_an_even_number_is_the_mean_of_the
     check(once(five), 2.0, 2.0, 3.0);
 }
 
-#[test]
-fn attitude_is_the_median_on_the_circle_of_the_members_that_have_one() {
-    let with = |angles: [f32; 3]| Said { attitude: Some(angles), ..GOOD };
-    let attitude = |said: [Said; 3]| once(said).attitude.expect("an attitude");
-    assert_eq!(attitude([with([0.1, 6.2, 3.0]), SILENT, GOOD]), [0.1, 6.2, 3.0], "one member's to the bit");
-    assert_eq!(attitude([with([-PI, 0.0, PI]), GOOD, GOOD]), [-PI, 0.0, PI]);
-    assert_eq!(attitude([with([PI, TAU, -PI]), GOOD, GOOD]), [PI, TAU, -PI]);
-    // Across ±π, and across north.
-    let [pitch, yaw, roll] = attitude([with([0.2, 6.2, 3.1]), with([0.1, 0.1, -3.1]), with([0.3, 6.25, -3.05])]);
-    assert!((pitch - 0.2).abs() < 1e-6 && (yaw - 6.25).abs() < 1e-6 && (roll + 3.1).abs() < 1e-6);
-    let [_, yaw, roll] = attitude([GOOD, with([0.0, 6.2, 3.1]), with([0.0, 0.1, -3.1])]);
-    assert!((yaw - (6.2 + 0.1 + TAU) / 2.0).abs() < 1e-5 || (yaw - ((6.2 + 0.1 + TAU) / 2.0 - TAU)).abs() < 1e-5);
-    assert!((0.0..=TAU).contains(&yaw) && (roll.abs() - PI).abs() < 1e-5 && roll.abs() <= PI + 1e-6);
-    // By whole turns into range.
-    let [pitch, yaw, roll] = attitude([with([7.0, -0.5, 300.0]), GOOD, GOOD]);
-    assert!((pitch - (7.0 - TAU)).abs() < 1e-5 && (yaw - (TAU - 0.5)).abs() < 1e-5);
-    assert!((roll - (300.0 - 48.0 * TAU)).abs() < 1e-3);
-    // Not a member, not finite, not there.
-    assert_eq!(once([GOOD, GOOD, with([1.0; 3]).moved(200.0, 0.0)]).attitude, None);
-    assert_eq!(once([with([f32::NAN, 0.0, 0.0]), with([0.0, f32::INFINITY, 0.0]), GOOD]).attitude, None);
-    assert_eq!(attitude([with([0.0, 0.0, f32::NAN]), with([0.5, 1.0, 1.5]), GOOD]), [0.5, 1.0, 1.5]);
+fn with_attitude(angles: [f32; 3]) -> Said {
+    Said { attitude: Some(angles), ..GOOD }
 }
 
 #[test]
-fn acceleration_is_the_median_of_the_members_that_have_one() {
+fn one_receivers_attitude_is_the_result_where_one_is_a_quorum() {
+    let attitude = |said: [Said; 2]| once(said).attitude.expect("an attitude");
+    for angles in [[0.1, 6.2, 3.0], [-PI, 0.0, PI], [PI, TAU, -PI]] {
+        assert_eq!(once([with_attitude(angles)]).attitude, Some(angles));
+        assert_eq!(attitude([with_attitude(angles), SILENT]), angles);
+        assert_eq!(attitude([GOOD, with_attitude(angles)]), angles);
+    }
+    // By whole turns into range.
+    let [pitch, yaw, roll] = attitude([with_attitude([7.0, -0.5, 300.0]), GOOD]);
+    assert!((pitch - (7.0 - TAU)).abs() < 1e-5 && (yaw - (TAU - 0.5)).abs() < 1e-5);
+    assert!((roll - (300.0 - 48.0 * TAU)).abs() < 1e-3);
+}
+
+#[test]
+fn attitude_is_the_median_on_the_circle() {
+    let with = with_attitude;
+    let attitude = |said: [Said; 3]| once(said).attitude.expect("an attitude");
+    // Across ±π, and across north.
+    let [pitch, yaw, roll] = attitude([with([0.2, 6.2, 3.12]), with([0.17, 0.08, -3.13]), with([0.24, 6.25, -3.1])]);
+    assert!((pitch - 0.2).abs() < 1e-6 && (yaw - 6.25).abs() < 1e-6 && (roll + 3.13).abs() < 1e-6);
+    let [_, yaw, roll] = attitude([GOOD, with([0.0, 6.22, 3.11]), with([0.0, 0.08, -3.11])]);
+    assert!((yaw - (6.22 + 0.08 + TAU) / 2.0).abs() < 1e-5 || (yaw - (6.22 + 0.08 - TAU) / 2.0).abs() < 1e-5);
+    assert!((0.0..=TAU).contains(&yaw) && (roll.abs() - PI).abs() < 1e-5 && roll.abs() <= PI + 1e-6);
+}
+
+#[test]
+fn attitude_needs_a_quorum_of_members_that_have_one() {
+    let with = with_attitude;
+    let has = |said: &[Said]| match *said {
+        [a] => once([a]).attitude.is_some(),
+        [a, b] => once([a, b]).attitude.is_some(),
+        [a, b, c] => once([a, b, c]).attitude.is_some(),
+        [a, b, c, d, e] => once([a, b, c, d, e]).attitude.is_some(),
+        _ => unreachable!(),
+    };
+    for (receivers, least) in [(1, 1), (2, 1), (3, 2), (5, 3)] {
+        for count in 0..=receivers {
+            let said: Vec<_> = (0..receivers).map(|i| if i < count { with([1.0; 3]) } else { GOOD }).collect();
+            assert_eq!(has(&said), count >= least, "{count} of {receivers}");
+        }
+    }
+    // Not a member, not finite, not there.
+    assert!(!has(&[GOOD, with([1.0; 3]), with([1.0; 3]).moved(200.0, 0.0)]));
+    assert!(!has(&[with([f32::NAN, 0.0, 0.0]), with([0.0; 3]), GOOD]));
+    assert!(!has(&[with([0.0, f32::INFINITY, 0.0]), with([0.0; 3]), GOOD]));
+    assert!(has(&[with([0.0, 0.0, f32::NAN]), with([0.0; 3]), with([0.0; 3])]));
+    assert!(has(&[with([400.0; 3])]) && !has(&[with([400.1, 0.0, 0.0])]));
+    assert!(!has(&[SILENT, SILENT]) && !has(&[with([1.0; 3]), with([1.0; 3]).moved(200.0, 0.0)]));
+}
+
+#[test]
+fn attitudes_agree_within_5_10_and_5_degrees_on_the_circle() {
+    let degrees = |angles: [f64; 3]| with_attitude(angles.map(|angle| angle.to_radians() as f32));
+    let agree = |angles: [f64; 3]| {
+        [[1.0, 2.0, 3.0], [-180.0, 0.0, 180.0], [179.0, 355.0, -178.0]].map(|from| {
+            let to = [0, 1, 2].map(|axis| from[axis] + angles[axis]);
+            let two = once([degrees(from), degrees(to)]).attitude.is_some();
+            let three = once([degrees(from), degrees(from), degrees(to)]).attitude.is_some();
+            assert_eq!(two, three, "each two of all that have one");
+            two
+        })
+    };
+    for (axis, limit) in [5.0, 10.0, 5.0].into_iter().enumerate() {
+        for sign in [1.0, -1.0] {
+            let off = |by: f64| std::array::from_fn(|i| if i == axis { sign * by } else { 0.0 });
+            assert_eq!(agree(off(limit - 1e-3)), [true; 3], "axis {axis}");
+            assert_eq!(agree(off(limit + 1e-3)), [false; 3], "axis {axis}");
+            assert_eq!(agree(off(180.0)), [false; 3], "axis {axis}");
+        }
+    }
+    // The first is in the middle of the others.
+    assert!(once([degrees([0.0; 3]), degrees([0.0, 4.0, 0.0]), degrees([0.0, -4.0, 0.0])]).attitude.is_some());
+    assert!(once([degrees([0.0; 3]), degrees([0.0, 6.0, 0.0]), degrees([0.0, -6.0, 0.0])]).attitude.is_none());
+}
+
+/// The case that the rule is for: the mean would be 100°.
+#[test]
+fn yaw_10_and_190_degrees_of_two_receivers_is_none() {
+    let yaw = |degrees: f32| with_attitude([0.0, degrees.to_radians(), 0.0]);
+    let verdict = once([yaw(10.0), yaw(190.0)]);
+    assert_eq!((verdict.members, verdict.attitude), (0b11, None));
+}
+
+#[test]
+fn acceleration_is_the_median_of_a_quorum_that_agrees() {
     let with = |axes: [f32; 3]| Said { acceleration: Some(axes), ..GOOD };
     let acceleration = |said: [Said; 3]| once(said).acceleration;
-    assert_eq!(acceleration([with([1.0, -2.0, 3.0]), GOOD, GOOD]), Some([1.0, -2.0, 3.0]));
+    assert_eq!(once([with([1.0, -2.0, 3.0])]).acceleration, Some([1.0, -2.0, 3.0]));
+    assert_eq!(once([GOOD, with([1.0, -2.0, 3.0])]).acceleration, Some([1.0, -2.0, 3.0]));
+    assert_eq!(acceleration([with([1.0, -2.0, 3.0]), GOOD, GOOD]), None, "one of three");
     assert_eq!(
-        acceleration([with([1.0, 5.0, 9.0]), with([2.0, 4.0, 7.0]), with([9.0, 3.0, 8.0])]),
+        acceleration([with([1.0, 5.0, 9.0]), with([2.0, 4.0, 7.0]), with([2.5, 3.0, 8.0])]),
         Some([2.0, 4.0, 8.0])
     );
     assert_eq!(
         acceleration([GOOD, with([1.0, 5.0, f32::MAX]), with([2.0, 4.0, f32::MAX])]),
         Some([1.5, 4.5, f32::MAX])
     );
-    assert_eq!(acceleration([GOOD, with([f32::NAN, 0.0, 0.0]), SILENT]), None);
-    assert_eq!(acceleration([GOOD, GOOD, with([1.0; 3]).moved(200.0, 0.0)]), None);
+    assert_eq!(acceleration([GOOD, with([0.0, 0.0, f32::MIN]), with([0.0, 0.0, f32::MAX])]), None);
+    for axis in 0..3 {
+        let off = |by: f32| with(std::array::from_fn(|i| if i == axis { by } else { 0.0 }));
+        assert!(acceleration([with([0.0; 3]), off(2.0), GOOD]).is_some());
+        assert!(acceleration([with([0.0; 3]), off(-2.01), GOOD]).is_none());
+        assert!(acceleration([off(0.0), off(1.1), off(-1.1)]).is_none(), "each two");
+        assert!(once([off(1.1), off(-1.1)]).acceleration.is_none(), "of two as well");
+    }
+    assert_eq!(acceleration([GOOD, with([f32::NAN, 0.0, 0.0]), with([0.0; 3])]), None);
+    assert_eq!(acceleration([GOOD, with([1.0; 3]), with([1.0; 3]).moved(200.0, 0.0)]), None);
     assert_eq!(acceleration([GOOD, GOOD, GOOD]), None);
+}
+
+/// A receiver with a 2D fix, which states no altitude.
+const FLAT: Said = Said { stated: Stated { altitude_mm: None, ..Said::GOOD.stated }, ..Said::GOOD };
+
+fn altitude(verdict: &Verdict) -> Option<f64> {
+    verdict.position.expect("a result").altitude
+}
+
+#[test]
+fn an_altitude_needs_a_quorum_of_members_that_have_one() {
+    let high = GOOD.raised(500.0);
+    // Of one and of two receivers one is a quorum.
+    assert_eq!(altitude(&once([FLAT])), None);
+    assert_eq!(altitude(&once([FLAT, high])), Some(1_012.345));
+    // Two in 2D, the third is 500 m off.
+    let verdict = once([FLAT, FLAT, high]);
+    assert_eq!((verdict.members, altitude(&verdict), verdict.excluded), (0b111, None, 0));
+    // One in 2D, the two others disagree: two pairs, and nobody is known to be wrong.
+    let verdict = once([GOOD, FLAT, high]);
+    assert_eq!((verdict.agreeing(), altitude(&verdict), verdict.excluded), (2, None, 0));
+    let verdict = once([GOOD.stating(1_400, 2_500), FLAT, high]);
+    assert_eq!((verdict.members, altitude(&verdict)), (0b011, None), "whatever accuracies say");
+    // Two agree in height, the third contradicts them.
+    let verdict = once([GOOD, GOOD, high]);
+    assert_eq!((verdict.members, altitude(&verdict), verdict.excluded), (0b011, Some(512.345), 0b100));
+    assert_eq!(altitude(&once([GOOD, FLAT, GOOD])), Some(512.345));
+    assert_eq!(once([GOOD, SILENT, high]).position, None);
+    for count in 0..=5 {
+        let said = std::array::from_fn::<_, 5, _>(|i| if i < count { GOOD } else { FLAT });
+        assert_eq!(altitude(&once(said)).is_some(), count >= 3, "{count} of five");
+    }
+}
+
+#[test]
+fn who_contradicts_a_quorum_of_altitudes_is_excluded_beside_members_without_one() {
+    let high = GOOD.raised(500.0);
+    let verdict = once([FLAT, GOOD, GOOD, GOOD, high]);
+    assert_eq!((verdict.members, altitude(&verdict), verdict.excluded), (0b01111, Some(512.345), 0b10000));
+    // Two altitudes are no quorum of five: nobody can tell.
+    let verdict = once([FLAT, FLAT, GOOD, GOOD, high]);
+    assert_eq!((verdict.members, altitude(&verdict), verdict.excluded), (0b01111, None, 0));
+    // Who has no altitude contradicts none, and who agrees with one member that has one stays.
+    let verdict = once([FLAT.moved(7.0, 0.0), FLAT.moved(4.0, 0.0), GOOD, GOOD, GOOD]);
+    assert_eq!((verdict.members, verdict.excluded), (0b11110, 0));
+    let verdict = once([FLAT, GOOD, GOOD, GOOD.raised(-7.0), GOOD.raised(9.0).stating(1_500, 100)]);
+    assert_eq!((verdict.members, verdict.excluded), (0b01111, 0b10000));
+    let verdict = once([FLAT, GOOD, GOOD.raised(1.5), GOOD.raised(-7.0), GOOD.raised(9.0).stating(1_500, 100)]);
+    assert_eq!((verdict.members, verdict.excluded), (0b01111, 0));
+}
+
+/// Ticks of three receivers, of which each says the same.
+struct Flight {
+    voter: Voter<3>,
+    now: u32,
+}
+
+impl Flight {
+    /// After one tick at the place where all begin.
+    fn begun(now: u32) -> Self {
+        let mut flight = Self { voter: Voter::new(), now };
+        assert!(flight.is_shown(GOOD), "the first is shown");
+        flight
+    }
+
+    fn tick(&mut self, said: Said) -> Verdict {
+        let verdict = self.voter.vote(&[said; 3].map(|said| said.input()), self.now);
+        self.now = self.now.wrapping_add(10);
+        verdict
+    }
+
+    fn is_shown(&mut self, said: Said) -> bool {
+        self.tick(said).position.is_some()
+    }
+
+    /// For how many ms nothing is shown if all say this from now on.
+    fn withheld(&mut self, said: Said) -> u32 {
+        (0..).find(|_| self.is_shown(said)).expect("some time it is") * 10
+    }
+}
+
+#[test]
+fn a_jump_of_all_receivers_is_shown_after_1000_ms() {
+    for start in [0, u32::MAX - 500] {
+        let mut flight = Flight::begun(start);
+        let far = GOOD.moved(1_000.0, 0.0);
+        let verdict = flight.tick(far);
+        assert_eq!(verdict, Verdict::NONE, "nothing is shown, and nobody is excluded");
+        assert_eq!(flight.withheld(far), 990, "with the tick before: 1000 ms");
+        let verdict = flight.tick(far);
+        assert!(distance(place(&verdict), degrees(&far)) < 0.001);
+        assert_eq!(verdict.members, 0b111);
+    }
+}
+
+/// At 10 ms one is 2 m farther than the accuracies allow; at rest those are 1.505 and 2.505 m.
+#[test]
+fn a_step_beyond_speed_and_accuracies_is_a_jump() {
+    let shown = |by: Said| Flight::begun(0).is_shown(by);
+    let reach = 3.0 * 2.0_f64.sqrt() * 1.505 + 2.0;
+    assert!(shown(GOOD.moved(reach - 0.02, 0.0)) && !shown(GOOD.moved(reach + 0.02, 0.0)));
+    assert!(shown(GOOD.moved(0.0, 0.02 - reach)) && !shown(GOOD.moved(0.0, -0.02 - reach)));
+    let (a, b) = (reach * 0.6, reach * 0.8);
+    assert!(shown(GOOD.moved(a - 0.02, b - 0.02)) && !shown(GOOD.moved(a + 0.02, b + 0.02)));
+    // The least and the most that accuracies allow, and those of both count.
+    let between = |one: u32, other: u32, by: f64| {
+        let mut flight = Flight { voter: Voter::new(), now: 0 };
+        assert!(flight.is_shown(GOOD.stating(one, 2_500)));
+        flight.is_shown(GOOD.stating(other, 2_500).moved(by, 0.0))
+    };
+    for (one, other, allowed) in
+        [(1, 1, 5.0), (30_000, 30_000, 30.0), (1, 4_995, 15.0), (4_995, 1, 15.0), (2_995, 3_995, 15.0)]
+    {
+        assert!(between(one, other, allowed + 1.98), "{one} {other}");
+        assert!(!between(one, other, allowed + 2.03), "{one} {other}");
+    }
+    // Time adds to it: after 1000 ms without a position 200 m and 6.4 m.
+    for (by, expected) in [(206.3, true), (206.5, false)] {
+        let mut flight = Flight::begun(0);
+        flight.now = 1_000;
+        assert_eq!(flight.is_shown(GOOD.moved(by, 0.0)), expected, "{by} m");
+    }
+}
+
+#[test]
+fn the_least_accurate_member_counts_for_a_jump() {
+    for worst in 0..3 {
+        let mut flight = Flight::begun(0);
+        let moved = |by: f64| {
+            [0, 1, 2].map(|i| if i == worst { GOOD.stating(4_995, 2_500) } else { GOOD }.moved(by, 0.0).input())
+        };
+        // 3 √(1.505² + 5²) and 2 m.
+        assert!(flight.voter.clone().vote(&moved(17.64), 10).position.is_some());
+        assert!(flight.voter.vote(&moved(17.69), 10).position.is_none());
+    }
+}
+
+#[test]
+fn a_jump_is_shown_once_it_could_have_been_flown() {
+    // 100 m: 6.4 m are allowed, the rest at 200 m/s takes 468 ms, and the first tick comes 10 ms after the last one.
+    assert_eq!(Flight::begun(0).withheld(GOOD.moved(100.0, 0.0)), 460);
+    // Hours after the last position hardly anything is a jump.
+    let mut flight = Flight::begun(0);
+    flight.now = 7_200_000;
+    assert!(flight.is_shown(GOOD.moved(1_000_000.0, 0.0)));
+}
+
+#[test]
+fn what_is_held_back_must_continue_at_every_tick() {
+    let far = GOOD.moved(1_000.0, 0.0);
+    let farther = GOOD.moved(1_020.0, 0.0);
+    let mut flight = Flight::begun(0);
+    (0..50).for_each(|_| assert!(!flight.is_shown(far)));
+    assert!(!flight.is_shown(SILENT));
+    assert_eq!(flight.withheld(far), 1_000, "anew after a tick without one");
+    let mut flight = Flight::begun(0);
+    (0..50).for_each(|_| assert!(!flight.is_shown(far)));
+    assert_eq!(flight.withheld(farther), 1_000, "anew from a place that does not follow");
+    // It may move on meanwhile.
+    let mut flight = Flight::begun(0);
+    let moving = |tick: i32| GOOD.moved(2_000.0 + 1.5 * f64::from(tick), 0.0);
+    assert_eq!((0..).position(|tick| flight.is_shown(moving(tick))), Some(100));
+}
+
+#[test]
+fn who_comes_back_from_a_jump_is_shown_at_once() {
+    let mut flight = Flight::begun(0);
+    (0..99).for_each(|_| assert!(!flight.is_shown(GOOD.moved(1_000.0, 0.0))));
+    assert!(flight.is_shown(GOOD));
+    assert_eq!(flight.withheld(GOOD.moved(1_000.0, 0.0)), 1_000, "what was held back is forgotten");
+    assert_eq!(flight.withheld(GOOD), 1_000, "what was shown last is the far place now");
+}
+
+#[test]
+fn no_receiver_is_excluded_while_a_jump_is_held_back() {
+    let mut voter = Voter::new();
+    let far = GOOD.moved(1_000.0, 0.0);
+    let mut vote = |said: [Said; 3], now| voter.vote(&said.map(|said| said.input()), now);
+    assert_eq!(vote([GOOD, GOOD, GOOD], 0).members, 0b111);
+    for now in (10..1_010).step_by(10) {
+        assert_eq!(vote([GOOD, far, far], now), Verdict::NONE);
+    }
+    let verdict = vote([GOOD, far, far], 1_010);
+    assert_eq!((verdict.members, verdict.excluded), (0b110, 0b001));
+}
+
+#[test]
+fn an_altitude_that_jumps_is_held_back_by_itself() {
+    let high = GOOD.raised(500.0);
+    let mut flight = Flight::begun(0);
+    for _ in 0..100 {
+        let verdict = flight.tick(high);
+        assert_eq!((verdict.members, altitude(&verdict)), (0b111, None));
+    }
+    assert_eq!(altitude(&flight.tick(high)), Some(1_012.345));
+    // 3 √2 of 2.505 m and 2 m.
+    let reach = 3.0 * 2.0_f64.sqrt() * 2.505 + 2.0;
+    for sign in [1.0, -1.0] {
+        for (by, shown) in [(reach - 0.01, true), (reach + 0.01, false)] {
+            assert_eq!(altitude(&Flight::begun(0).tick(GOOD.raised(sign * by))).is_some(), shown, "{by}");
+        }
+    }
+    // In between it may be without one: what was shown last counts, and the way since then.
+    let mut flight = Flight::begun(0);
+    (0..10).for_each(|_| assert_eq!(altitude(&flight.tick(FLAT)), None));
+    assert_eq!(altitude(&flight.tick(GOOD.raised(33.0))), None);
+    assert_eq!(altitude(&flight.tick(FLAT)), None);
+    assert_eq!(altitude(&flight.tick(GOOD.raised(33.0))), Some(545.345), "130 ms: 10.6 m and 26 m");
+}
+
+#[test]
+fn a_place_and_an_altitude_that_jump_together_are_shown_together() {
+    let far = GOOD.moved(1_000.0, 0.0).raised(400.0);
+    let mut flight = Flight::begun(0);
+    (0..100).for_each(|_| assert!(!flight.is_shown(far)));
+    let position = flight.tick(far).position.expect("it has held");
+    assert_eq!(position.altitude, Some(912.345));
+    // One that appears a second after the place jumped has not held.
+    let mut flight = Flight::begun(0);
+    let (flat, high) = (FLAT.moved(3_000.0, 0.0), GOOD.moved(3_000.0, 0.0).raised(900.0));
+    (0..100).for_each(|_| assert!(!flight.is_shown(flat)));
+    for _ in 0..100 {
+        let Position { altitude, .. } = flight.tick(high).position.expect("the place has held");
+        assert_eq!(altitude, None);
+    }
+    assert!(altitude(&flight.tick(high)).is_some());
 }
 
 #[test]

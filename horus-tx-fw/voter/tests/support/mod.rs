@@ -179,6 +179,8 @@ pub(crate) struct Opinion {
     pub(crate) excluded: Vec<usize>,
     /// Where, in space at height 0, and how high.
     pub(crate) position: Option<(Vector, Option<f64>)>,
+    pub(crate) attitude: Option<[f64; 3]>,
+    pub(crate) acceleration: Option<[f64; 3]>,
     /// Some decision was so narrow that rounding may turn it.
     pub(crate) narrow: bool,
 }
@@ -187,6 +189,116 @@ pub(crate) struct Opinion {
 pub(crate) struct Oracle {
     last: Vec<usize>,
     excluded: Vec<(usize, Option<u32>)>,
+    places: Jumps<Spot>,
+    heights: Jumps<Level>,
+}
+
+/// Where a result is, degrees, at the height of its first member; and how good its worst member is, m.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Spot {
+    degrees: (f64, f64),
+    height: f64,
+    accuracy: f64,
+}
+
+/// How high it is, and how good its worst member is, m.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Level {
+    height: f64,
+    accuracy: f64,
+}
+
+trait Moves: Copy {
+    /// How far from here to there, and how far that may be of two receivers that agree, m.
+    fn way(&self, next: &Self) -> (f64, f64);
+}
+
+impl Moves for Spot {
+    fn way(&self, next: &Self) -> (f64, f64) {
+        let [here, there] = [self, next].map(|spot| Place::new(spot.degrees.0, spot.degrees.1, self.height).at);
+        let way = minus(here, there);
+        (dot(way, way).sqrt(), (3.0 * self.accuracy.hypot(next.accuracy)).clamp(5.0, 30.0))
+    }
+}
+
+impl Moves for Level {
+    fn way(&self, next: &Self) -> (f64, f64) {
+        ((self.height - next.height).abs(), (3.0 * self.accuracy.hypot(next.accuracy)).clamp(8.0, 50.0))
+    }
+}
+
+/// What was shown last, and every one since that was held back and led to the next, each with its tick.
+#[derive(Clone, Debug)]
+struct Jumps<T> {
+    shown: Option<(u32, T)>,
+    held: Vec<(u32, T)>,
+}
+
+impl<T> Default for Jumps<T> {
+    fn default() -> Self {
+        Self { shown: None, held: Vec::new() }
+    }
+}
+
+impl<T: Moves> Jumps<T> {
+    /// What of `found` is shown at `now`, while something may be shown.
+    fn judge(&mut self, now: u32, found: Option<T>, may_show: bool, narrow: &mut bool) -> Option<T> {
+        let Some(found) = found else {
+            self.held.clear();
+            return None;
+        };
+        let mut leads = |(at, from): (u32, T)| {
+            let (way, slack) = from.way(&found);
+            let limit = 200.0 * f64::from(now.wrapping_sub(at)) / 1e3 + slack;
+            *narrow |= (way - limit).abs() < 0.02;
+            way <= limit
+        };
+        let near = self.shown.is_none_or(&mut leads);
+        if !self.held.last().copied().is_none_or(leads) {
+            self.held.clear();
+        }
+        self.held.push((now, found));
+        let for_a_second = now.wrapping_sub(self.held[0].0) >= 1_000;
+        if may_show && (near || for_a_second) {
+            self.held.clear();
+            self.shown = Some((now, found));
+            return Some(found);
+        }
+        None
+    }
+}
+
+/// How far one angle is from another on the circle, rad.
+fn turn(from: f64, to: f64) -> f64 {
+    let (sine, cosine) = (to - from).sin_cos();
+    sine.atan2(cosine)
+}
+
+/// The median of three numbers each, if at least `least` have them and no two differ by more than `limits`, each by
+/// itself; `difference` is from one to the other.
+fn agreed(
+    of: &[[f32; 3]],
+    least: usize,
+    limits: [f64; 3],
+    difference: fn(f64, f64) -> f64,
+    narrow: &mut bool,
+) -> Option<[f64; 3]> {
+    let mut agree = of.len() >= least;
+    let axes = [0, 1, 2].map(|axis| of.iter().map(|values| f64::from(values[axis])).collect::<Vec<_>>());
+    for (values, limit) in axes.iter().zip(limits) {
+        for one in values {
+            for other in values {
+                let off = difference(*one, *other).abs();
+                *narrow |= (off - limit).abs() < 1e-4;
+                agree &= off <= limit;
+            }
+        }
+    }
+    agree.then(|| {
+        axes.map(|values| {
+            values[0] + middle(&mut values.iter().map(|value| difference(values[0], *value)).collect::<Vec<_>>())
+        })
+    })
 }
 
 impl Oracle {
@@ -247,7 +359,34 @@ impl Oracle {
             5 => 3,
             _ => unreachable!("{n} receivers"),
         };
-        let members = if best.len() >= least && best.len() > outside.len() { best } else { Vec::new() };
+        let mut members = if best.len() >= least && best.len() > outside.len() { best } else { Vec::new() };
+
+        let height = |i: usize| said[i].stated.altitude_mm.map_or(0.0, |mm| f64::from(mm) / 1e3);
+        let found = members.first().map(|first| {
+            let origin = Place::of(&said[*first].stated, height(*first));
+            let (mut north, mut east) = (Vec::new(), Vec::new());
+            for &i in &members {
+                let [vn, ve, _] = said[i].velocity();
+                let point = Place::of(&said[i].stated, height(*first)).at(vn * ages[i], ve * ages[i]);
+                let (n, e, _) = origin.to(point);
+                north.push(n);
+                east.push(e);
+            }
+            let degrees = geodetic(origin.at(middle(&mut north), middle(&mut east)));
+            let accuracy = members.iter().map(|i| said[*i].horizontal(ages[*i])).fold(0.0, f64::max);
+            Spot { degrees, height: height(*first), accuracy }
+        });
+        let high: Vec<usize> = members.iter().copied().filter(|i| said[*i].stated.altitude_mm.is_some()).collect();
+        let level = (!high.is_empty() && high.len() >= least).then(|| {
+            let accuracy = high.iter().map(|i| said[*i].vertical(ages[*i])).fold(0.0, f64::max);
+            let mut heights: Vec<f64> = high.iter().filter_map(|i| said[*i].height(ages[*i])).collect();
+            Level { height: middle(&mut heights), accuracy }
+        });
+        let shown_place = self.places.judge(now, found, true, &mut narrow);
+        let shown_height = self.heights.judge(now, level, shown_place.is_some(), &mut narrow);
+        if shown_place.is_none() {
+            members.clear();
+        }
 
         // What this tick says of those who were excluded.
         let mut shown: Vec<usize> = self.excluded.iter().map(|(who, _)| *who).collect();
@@ -265,7 +404,11 @@ impl Oracle {
             }
         }
         if !members.is_empty() {
-            let strangers = outside.iter().filter(|who| members.iter().all(|member| !agree[**who][*member]));
+            let peers = |who: usize| {
+                let by_height = level.is_some() && said[who].stated.altitude_mm.is_some();
+                if by_height { high.clone() } else { members.clone() }
+            };
+            let strangers = outside.iter().filter(|who| peers(**who).iter().all(|peer| !agree[**who][*peer]));
             for who in strangers {
                 shown.push(*who);
                 next.push((*who, None));
@@ -275,24 +418,16 @@ impl Oracle {
         shown.sort_unstable();
         self.excluded = next;
 
-        let position = members.first().map(|first| {
-            let origin =
-                Place::of(&said[*first].stated, said[*first].stated.altitude_mm.map_or(0.0, |mm| f64::from(mm) / 1e3));
-            let height = said[*first].stated.altitude_mm.map_or(0.0, |mm| f64::from(mm) / 1e3);
-            let (mut north, mut east, mut up) = (Vec::new(), Vec::new(), Vec::new());
-            for &i in &members {
-                let [vn, ve, _] = said[i].velocity();
-                let point = Place::of(&said[i].stated, height).at(vn * ages[i], ve * ages[i]);
-                let (n, e, _) = origin.to(point);
-                north.push(n);
-                east.push(e);
-                up.extend(said[i].height(ages[i]));
-            }
-            let (latitude, longitude) = geodetic(origin.at(middle(&mut north), middle(&mut east)));
-            let altitude = (!up.is_empty()).then(|| middle(&mut up));
-            (Place::new(latitude, longitude, 0.0).at, altitude)
+        let position = shown_place.map(|Spot { degrees: (latitude, longitude), .. }| {
+            (Place::new(latitude, longitude, 0.0).at, shown_height.map(|level| level.height))
         });
-        Opinion { members, excluded: shown, position, narrow }
+        let usable = |values: Option<[f32; 3]>, most: f32| values.filter(|it| it.iter().all(|v| v.abs() <= most));
+        let attitudes: Vec<_> = members.iter().filter_map(|i| usable(said[*i].attitude, 400.0)).collect();
+        let accelerations: Vec<_> = members.iter().filter_map(|i| usable(said[*i].acceleration, f32::MAX)).collect();
+        let limits = [5.0_f64, 10.0, 5.0].map(f64::to_radians);
+        let attitude = agreed(&attitudes, least, limits, turn, &mut narrow);
+        let acceleration = agreed(&accelerations, least, [2.0; 3], |from, to| to - from, &mut narrow);
+        Opinion { members, excluded: shown, position, attitude, acceleration, narrow }
     }
 }
 
