@@ -1,4 +1,5 @@
-//! The same machines, run to completion on an [`SpiDevice`], an IRQ [`InputPin`] and a [`DelayNs`].
+//! The same machines and the same [`Executor`], polled to the next event on an [`SpiDevice`], an IRQ [`InputPin`] and a
+//! [`DelayNs`].
 //!
 //! For bring-up on a bench, examples and small hosts. The IRQ pin is polled every
 //! [`POLL_US`]; every call returns after a bounded time.
@@ -20,11 +21,11 @@ use embedded_hal::delay::DelayNs;
 use embedded_hal::digital::InputPin;
 use embedded_hal::spi::{Operation, SpiDevice};
 
-use crate::Variant;
-use crate::command;
-use crate::listener::{self, BUFFER, ListenerConfig, ListenerCounters, ListenerEvent};
-use crate::machine::{Fault, Input, Short, Step, Transfer};
+use crate::executor::{Executor, Failed, Machine, Port};
+use crate::listener::{self, BUFFER, ListenerConfig, ListenerCounters, ListenerEvent, PAYLOAD_OFFSET};
+use crate::machine::{Fault, Input, Short};
 use crate::poller::{self, PollerConfig, PollerCounters, PollerEvent, SendError};
+use crate::{Variant, command};
 
 /// How often the IRQ pin is looked at, in microseconds.
 pub const POLL_US: u32 = 10;
@@ -43,121 +44,159 @@ pub enum Error<S, P> {
     Length,
 }
 
-/// What an executor needs: the wires and the step outstanding.
+/// The last transfer, which was over when it was started.
+#[derive(Clone, Copy, Debug)]
+enum Made {
+    Short(usize),
+    Loaded,
+    Read { offset: usize, len: usize },
+    Failed,
+}
+
+/// The wires as a port.
 #[derive(Debug)]
-struct Executor<SPI, IRQ, DELAY> {
+struct Wires<SPI: SpiDevice, IRQ: InputPin, DELAY> {
     spi: SPI,
     irq: IRQ,
     delay: DELAY,
     /// The response to the last short transfer.
     response: [u8; Short::MAX],
+    /// The payload that is sent, or the frame that was received.
+    frame: [u8; BUFFER],
+    made: Made,
+    /// What is left of the timer, in microseconds.
+    left_us: u32,
+    /// What the wires have failed with since it was last asked for.
+    error: Option<Error<SPI::Error, IRQ::Error>>,
 }
 
-/// What carrying out a step came to.
-enum Outcome {
-    Input(Given),
-    /// The caller's time is over before the wait is; so many microseconds of it are left.
-    Unfinished(u32),
-}
-
-/// An [`Input`] without its borrow.
-#[derive(Clone, Copy)]
-enum Given {
-    Start,
-    Short(usize),
-    Loaded,
-    Read { offset: usize, len: usize },
-    Irq,
-    Timeout,
-}
-
-impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Executor<SPI, IRQ, DELAY> {
-    fn carry_out<E>(
-        &mut self,
-        step: &Step<E>,
-        payload: &[u8],
-        buffer: &mut [u8],
-        budget_us: &mut u32,
-    ) -> Result<Outcome, Error<SPI::Error, IRQ::Error>> {
-        Ok(Outcome::Input(match *step {
-            Step::Event(_) => Given::Start,
-            Step::Transfer(transfer) => self.transfer(transfer, payload, buffer).map_err(Error::Spi)?,
-            Step::Wait { us } => {
-                let mut left_us = us;
-                loop {
-                    if self.irq.is_high().map_err(Error::Pin)? {
-                        break Given::Irq;
-                    }
-                    if left_us == 0 {
-                        break Given::Timeout;
-                    }
-                    if *budget_us == 0 {
-                        return Ok(Outcome::Unfinished(left_us));
-                    }
-                    let slice_us = left_us.min(POLL_US);
-                    self.delay.delay_us(slice_us);
-                    left_us -= slice_us;
-                    *budget_us = budget_us.saturating_sub(slice_us);
-                }
-            }
-            Step::Delay { us } => {
-                self.delay.delay_us(us);
-                *budget_us = budget_us.saturating_sub(us);
-                Given::Timeout
-            }
-        }))
+impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Wires<SPI, IRQ, DELAY> {
+    const fn new(spi: SPI, irq: IRQ, delay: DELAY) -> Self {
+        let (response, frame) = ([0; Short::MAX], [0; BUFFER]);
+        Self { spi, irq, delay, response, frame, made: Made::Failed, left_us: 0, error: None }
     }
 
-    fn transfer(&mut self, transfer: Transfer, payload: &[u8], buffer: &mut [u8]) -> Result<Given, SPI::Error> {
-        Ok(match transfer {
-            Transfer::Short(short) => {
-                let bytes = short.bytes();
-                let (used, _) = self.response.split_at_mut(bytes.len());
-                used.copy_from_slice(bytes);
-                self.spi.transfer_in_place(used)?;
-                Given::Short(bytes.len())
-            }
-            Transfer::Load { offset, len } => {
-                let data = payload.get(offset..offset + len).unwrap_or(&[]);
-                self.spi.transaction(&mut [Operation::Write(&[command::FIFO_LOAD]), Operation::Write(data)])?;
-                Given::Loaded
-            }
-            Transfer::Read { offset, len } => {
-                let data = buffer.get_mut(offset..offset + len).unwrap_or(&mut []);
-                self.spi.transaction(&mut [Operation::Write(&[command::FIFO_READ]), Operation::Read(data)])?;
-                Given::Read { offset, len }
-            }
+    /// Takes note of how a transfer ended.
+    fn made(&mut self, result: Result<Made, SPI::Error>) {
+        self.made = result.unwrap_or_else(|error| {
+            self.error = Some(Error::Spi(error));
+            Made::Failed
+        });
+    }
+
+    /// Lets so much of the timer's time pass, at most `most_us`; in microseconds.
+    fn pass(&mut self, most_us: u32) -> u32 {
+        let us = self.left_us.min(most_us);
+        self.delay.delay_us(us);
+        self.left_us -= us;
+        us
+    }
+}
+
+impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Port for Wires<SPI, IRQ, DELAY> {
+    fn start_short(&mut self, short: &Short) {
+        let bytes = short.bytes();
+        let (used, _) = self.response.split_at_mut(bytes.len());
+        used.copy_from_slice(bytes);
+        let result = self.spi.transfer_in_place(used);
+        self.made(result.map(|()| Made::Short(bytes.len())));
+    }
+
+    fn start_load(&mut self, offset: usize, len: usize) -> bool {
+        let Some(data) = self.frame.get(offset..offset + len) else { return false };
+        let load = &mut [Operation::Write(&[command::FIFO_LOAD]), Operation::Write(data)];
+        let result = self.spi.transaction(load);
+        self.made(result.map(|()| Made::Loaded));
+        true
+    }
+
+    fn start_read(&mut self, offset: usize, len: usize) -> bool {
+        let Some(data) = self.frame.get_mut(offset..offset + len) else { return false };
+        let result = self.spi.transaction(&mut [Operation::Write(&[command::FIFO_READ]), Operation::Read(data)]);
+        self.made(result.map(|()| Made::Read { offset, len }));
+        true
+    }
+
+    fn ended(&mut self) -> bool {
+        true
+    }
+
+    fn response(&self) -> Result<&[u8], Failed> {
+        let bytes = match self.made {
+            Made::Short(len) => self.response.get(..len),
+            Made::Loaded => Some(&[][..]),
+            Made::Read { offset, len } => self.frame.get(offset..offset + len),
+            Made::Failed => None,
+        };
+        bytes.ok_or(Failed)
+    }
+
+    fn abort(&mut self) {}
+
+    fn irq_is_high(&mut self) -> bool {
+        self.irq.is_high().unwrap_or_else(|error| {
+            self.error = Some(Error::Pin(error));
+            false
         })
     }
 
-    fn input<'a>(&'a self, given: Given, buffer: &'a [u8]) -> Input<'a> {
-        match given {
-            Given::Start => Input::Start,
-            Given::Short(len) => Input::Done(self.response.get(..len).unwrap_or(&[])),
-            Given::Loaded => Input::Done(&[]),
-            Given::Read { offset, len } => Input::Done(buffer.get(offset..offset + len).unwrap_or(&[])),
-            Given::Irq => Input::Irq,
-            Given::Timeout => Input::Timeout,
+    fn start_timer(&mut self, us: u32) {
+        self.left_us = us;
+    }
+
+    fn elapsed(&mut self) -> bool {
+        self.left_us == 0
+    }
+}
+
+/// The next event `E` of a machine, or `None` when the time for it is over.
+type Next<E, S, P> = Result<Option<E>, Error<S, P>>;
+
+/// A machine on its wires.
+type Blocking<M, SPI, IRQ, DELAY> = Executor<M, Wires<SPI, IRQ, DELAY>>;
+
+/// The next event after `event`, or `None` when `limit_us` microseconds of waiting are over.
+fn next<M: Machine, SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs>(
+    executor: &mut Blocking<M, SPI, IRQ, DELAY>,
+    mut event: Option<M::Event>,
+    limit_us: Option<u32>,
+) -> Next<M::Event, SPI::Error, IRQ::Error> {
+    let mut spent_us = 0_u32;
+    loop {
+        let waits = executor.is_waiting();
+        // A transfer that failed becomes an event: the error says more.
+        if (event.is_some() || waits)
+            && let Some(error) = executor.port().error.take()
+        {
+            return Err(error);
         }
+        if event.is_some() {
+            return Ok(event);
+        }
+        if waits {
+            let left_us = limit_us.map_or(POLL_US, |limit_us| limit_us.saturating_sub(spent_us).min(POLL_US));
+            if left_us == 0 {
+                return Ok(None);
+            }
+            spent_us = spent_us.saturating_add(executor.port().pass(left_us));
+        }
+        event = executor.poll();
     }
 }
 
 /// A poller that blocks.
 #[derive(Debug)]
-pub struct Poller<SPI, IRQ, DELAY> {
-    machine: poller::Poller,
-    executor: Executor<SPI, IRQ, DELAY>,
-}
+pub struct Poller<SPI: SpiDevice, IRQ: InputPin, DELAY>(Blocking<poller::Poller, SPI, IRQ, DELAY>);
 
 impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Poller<SPI, IRQ, DELAY> {
     /// A poller on these wires. Nothing is sent yet.
     pub const fn new(spi: SPI, irq: IRQ, delay: DELAY, config: PollerConfig) -> Self {
-        Self { machine: poller::Poller::new(config), executor: Executor { spi, irq, delay, response: [0; Short::MAX] } }
+        Self(Executor::new(poller::Poller::new(config), Wires::new(spi, irq, delay)))
     }
 
     /// Counts since the poller was made.
     pub const fn counters(&self) -> PollerCounters {
-        self.machine.counters()
+        self.0.machine().counters()
     }
 
     /// Brings the chip up, or, if it is up, checks it: one attempt, at most about 0.3 s.
@@ -165,8 +204,8 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Poller<SPI, IRQ, DELAY> {
     /// # Errors
     /// What stopped it; the next call tries again after a back-off of 1 ms to 64 ms.
     pub fn bring_up(&mut self) -> Result<Variant, Error<SPI::Error, IRQ::Error>> {
-        self.run(Step::Event(PollerEvent::Ready), &[])?;
-        self.machine.variant().ok_or(Error::Fault(Fault::Executor))
+        self.go_on(|machine| machine.step(Input::Start))?;
+        self.0.machine().variant().ok_or(Error::Fault(Fault::Executor))
     }
 
     /// Sends one frame of 1..=254 bytes and returns when the chip has sent it. Brings the chip up
@@ -175,103 +214,78 @@ impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Poller<SPI, IRQ, DELAY> {
     /// # Errors
     /// What stopped it; the frame may or may not have been sent.
     pub fn send(&mut self, payload: &[u8]) -> Result<(), Error<SPI::Error, IRQ::Error>> {
-        if !self.machine.is_ready() {
-            self.run(Step::Event(PollerEvent::Ready), payload)?;
+        if !self.0.machine().is_ready() {
+            self.bring_up()?;
         }
-        let first = match self.machine.prepare(payload.len()) {
-            Ok(step) => step,
-            Err(SendError::Length) => return Err(Error::Length),
-            Err(SendError::NotReady) => return Err(Error::Fault(Fault::Executor)),
-        };
-        self.run(first, payload)?; // to Prepared
-        self.run(Step::Event(PollerEvent::Prepared), payload)?; // to Loaded
-        let transmit = Step::Transfer(Transfer::Short(poller::Poller::transmit()));
-        self.run(transmit, payload)?; // to Sent
-        self.run(Step::Event(PollerEvent::Sent), payload) // checked, Ready again
+        let mut refused = None;
+        if let Some((frame, _)) = self.0.port().frame.split_at_mut_checked(payload.len()) {
+            frame.copy_from_slice(payload);
+        }
+        let prepared = self.go_on(|machine| {
+            machine.prepare(payload.len()).unwrap_or_else(|error| {
+                refused = Some(error);
+                crate::Step::Event(PollerEvent::Ready)
+            })
+        });
+        match refused {
+            Some(SendError::Length) => return Err(Error::Length),
+            Some(SendError::NotReady) => return Err(Error::Fault(Fault::Executor)),
+            None => prepared?,
+        }
+        self.go_on(|machine| machine.step(Input::Start))?; // to Loaded
+        self.0.port().start_short(&poller::Poller::transmit());
+        let sent = if self.0.port().response().is_ok() { Input::Done(&[0]) } else { Input::Failed };
+        self.go_on(|machine| machine.step(sent))?; // to Sent
+        self.go_on(|machine| machine.step(Input::Start)) // checked, Ready again
     }
 
-    /// Carries out `step` and what follows from it, to the next event.
-    fn run(&mut self, mut step: Step<PollerEvent>, payload: &[u8]) -> Result<(), Error<SPI::Error, IRQ::Error>> {
-        loop {
-            let mut unlimited_us = u32::MAX;
-            match self.executor.carry_out(&step, payload, &mut [], &mut unlimited_us) {
-                Ok(Outcome::Input(given)) => {
-                    step = self.machine.step(self.executor.input(given, &[]));
-                }
-                Ok(Outcome::Unfinished(left_us)) => step = Step::Wait { us: left_us },
-                Err(error) => {
-                    let _fault = self.machine.step(Input::Failed);
-                    return Err(error);
-                }
-            }
-            match step {
-                Step::Event(PollerEvent::Fault(fault)) => return Err(Error::Fault(fault)),
-                Step::Event(_) => return Ok(()),
-                _ => {}
-            }
+    /// Takes a step, and what follows from it, to the next event.
+    fn go_on(
+        &mut self,
+        take: impl FnOnce(&mut poller::Poller) -> crate::Step<PollerEvent>,
+    ) -> Result<(), Error<SPI::Error, IRQ::Error>> {
+        let event = self.0.go_on(take);
+        match next(&mut self.0, event, None)? {
+            Some(PollerEvent::Fault(fault)) => Err(Error::Fault(fault)),
+            _ => Ok(()),
         }
     }
 }
 
 /// A listener that blocks.
 #[derive(Debug)]
-pub struct Listener<SPI, IRQ, DELAY> {
-    machine: listener::Listener,
-    executor: Executor<SPI, IRQ, DELAY>,
-    step: Step<ListenerEvent>,
-}
+pub struct Listener<SPI: SpiDevice, IRQ: InputPin, DELAY>(Blocking<listener::Listener, SPI, IRQ, DELAY>);
 
 impl<SPI: SpiDevice, IRQ: InputPin, DELAY: DelayNs> Listener<SPI, IRQ, DELAY> {
     /// A listener on these wires. Nothing is sent yet.
     pub const fn new(spi: SPI, irq: IRQ, delay: DELAY, config: ListenerConfig) -> Self {
-        Self {
-            machine: listener::Listener::new(config),
-            executor: Executor { spi, irq, delay, response: [0; Short::MAX] },
-            // Any event: its carrying out is the first `Start`.
-            step: Step::Event(ListenerEvent::Listening),
-        }
+        Self(Executor::new(listener::Listener::new(config), Wires::new(spi, irq, delay)))
     }
 
     /// Counts since the listener was made.
     pub const fn counters(&self) -> ListenerCounters {
-        self.machine.counters()
+        self.0.machine().counters()
     }
 
     /// Which part answered the last bring-up.
     pub const fn variant(&self) -> Option<Variant> {
-        self.machine.variant()
+        self.0.machine().variant()
     }
 
     /// Goes on to the next event, or for `limit_us` microseconds of waiting, whichever is first
-    /// (`None`: nothing happened). A frame is in `buffer` from its byte
-    /// [`listener::PAYLOAD_OFFSET`] on; give the same buffer until an event comes. Faults are events:
-    /// the call after one recovers.
+    /// (`None`: nothing happened). Faults are events: the call after one recovers.
     ///
     /// # Errors
     /// The bus or the pin failed; the next call recovers.
-    pub fn next(
-        &mut self,
-        buffer: &mut [u8; BUFFER],
-        limit_us: u32,
-    ) -> Result<Option<ListenerEvent>, Error<SPI::Error, IRQ::Error>> {
-        let mut budget_us = limit_us;
-        loop {
-            match self.executor.carry_out(&self.step, &[], buffer, &mut budget_us) {
-                Ok(Outcome::Input(given)) => {
-                    self.step = self.machine.step(self.executor.input(given, buffer));
-                }
-                Ok(Outcome::Unfinished(left_us)) => {
-                    self.step = Step::Wait { us: left_us };
-                    return Ok(None);
-                }
-                Err(error) => {
-                    self.step = self.machine.step(Input::Failed);
-                    return Err(error);
-                }
-            }
-            if let Step::Event(event) = self.step {
-                return Ok(Some(event));
-            }
-        }
+    pub fn next(&mut self, limit_us: u32) -> Result<Option<ListenerEvent>, Error<SPI::Error, IRQ::Error>> {
+        // After an event; if the call before gave none, nothing.
+        let event = self.0.resume();
+        next(&mut self.0, event, Some(limit_us))
+    }
+
+    /// The first `len` bytes of the payload that was received; until [`Listener::next`] is called again they are those
+    /// of the [`ListenerEvent::Frame`] that it gave last.
+    pub fn payload(&mut self, len: usize) -> &[u8] {
+        self.0.port().frame.get(PAYLOAD_OFFSET..PAYLOAD_OFFSET + len).unwrap_or(&[])
     }
 }

@@ -6,7 +6,8 @@
 //!    oscillator on, I_osc; RC calibration (ST25R3916B only), I_dct; `reg_s` set and cleared; supply measured, I_dct,
 //!    its result; IO for that supply; regulators adjusted, I_dct.
 //! 2. Write ([`Part::Write`]): the role's [`Setting`]s, in order.
-//! 3. Read back ([`Part::ReadBack`]): IO, regulator control and the same [`Setting`]s; each must read as written.
+//! 3. Read back ([`Part::ReadBack`]): IO, regulator control and the same [`Setting`]s; each must read as written. While
+//!    the chip runs they are read back again, one after each frame ([`BringUp::read_next`]).
 //! 4. Operate ([`Part::Operate`]): receiver or field on, the role's last commands, operation control, mode and bit
 //!    rate read back.
 //!
@@ -66,8 +67,15 @@ impl Role {
     }
 
     /// Whether a [`CONFIGURATION_READ`] found the registers as they were set.
-    pub(crate) fn configuration_stands(self, response: &[u8]) -> bool {
-        matches!(response, [_, found @ ..] if *found == self.configuration())
+    ///
+    /// # Errors
+    /// [`Fault::Reset`] where the oscillator is not switched on, [`Fault::Register`] where another bit is wrong.
+    pub(crate) fn check_configuration(self, response: &[u8]) -> Result<(), Fault> {
+        match response {
+            [_, operation, ..] if operation & reg::OP_EN == 0 => Err(Fault::Reset),
+            [_, found @ ..] => check(reg::OPERATION_CONTROL, &self.configuration(), found),
+            [] => Err(Fault::Bus),
+        }
     }
 
     /// What the role sets before it goes on air, in order.
@@ -117,9 +125,23 @@ impl Setting {
     }
 
     /// Whether the response to [`Setting::read`] has the values as they were written.
-    fn stands(self, response: &[u8]) -> bool {
-        let head = if self.in_space_b { 2 } else { 1 };
-        response.get(head..) == Some(self.values)
+    ///
+    /// # Errors
+    /// [`Fault::Register`] for the first that is not.
+    fn check(self, response: &[u8]) -> Result<(), Fault> {
+        let (head, space) = if self.in_space_b { (2, reg::SPACE_B) } else { (1, 0) };
+        check(space | self.address, self.values, response.get(head..).unwrap_or(&[]))
+    }
+}
+
+/// Whether the registers from `address` on were found as set.
+fn check(address: u8, set: &[u8], found: &[u8]) -> Result<(), Fault> {
+    if set.len() != found.len() {
+        return Err(Fault::Bus);
+    }
+    match (address..).zip(set.iter().zip(found)).find(|(_, (expected, found))| expected != found) {
+        None => Ok(()),
+        Some((address, (&expected, &found))) => Err(Fault::Register { address, expected, found }),
     }
 }
 
@@ -152,31 +174,52 @@ const RECEIVER: Setting = Setting::a(
 );
 const CORRELATOR: Setting = Setting::b(reg::B_CORRELATOR, &reg::CORRELATOR_NFC_F);
 
-const POLLER_A: [Setting; 8] = poller(&reg::ANTENNA_TUNING_POLLER_A, &[reg::TRANSMIT_DRIVER_12_PERCENT_A]);
-const POLLER_B: [Setting; 8] = poller(&reg::ANTENNA_TUNING_POLLER_B, &[reg::TRANSMIT_DRIVER_12_PERCENT_B]);
-const LISTENER_A: [Setting; 8] = listener(&reg::ANTENNA_TUNING_LISTENER_A);
-const LISTENER_B: [Setting; 8] = listener(&reg::ANTENNA_TUNING_LISTENER_B);
+/// The B's active wave shaping, which shapes and limits its amplitude modulation.
+const WAVE_SHAPING: Setting = Setting::b(reg::B_WAVE_SHAPING, &reg::WAVE_SHAPING_NFC_F);
+const WAVE_SHAPING_TIMES: Setting = Setting::b(reg::B_WAVE_SHAPING_TIMES, &reg::WAVE_SHAPING_TIMES_NFC_F);
+const DRIVER_NON_OVERLAP: Setting = Setting::b(reg::B_DRIVER_NON_OVERLAP, &[reg::DRIVER_NON_OVERLAP_LEAST]);
+const POLLER_MASKS: Setting = Setting::a(reg::IRQ_MASK_MAIN, &reg::POLLER_MASKS);
+const NFC_F_MODE: Setting = Setting::a(reg::MODE, &POLLER_MODE);
+const PREAMBLE: Setting = Setting::a(reg::NFC_F_PREAMBLE, &[reg::PREAMBLE_48]);
+const NO_RESPONSE_TIMER: Setting = Setting::a(reg::NO_RESPONSE_TIMER, &[0, 0]);
 
-const fn poller(antenna: &'static [u8], driver: &'static [u8]) -> [Setting; 8] {
-    [
-        Setting::a(reg::MODE, &POLLER_MODE),
-        Setting::a(reg::NFC_F_PREAMBLE, &[reg::PREAMBLE_48]),
-        RECEIVER,
-        CORRELATOR,
-        Setting::a(reg::NO_RESPONSE_TIMER, &[0, 0]),
-        Setting::a(reg::ANTENNA_TUNING, antenna),
-        Setting::a(reg::TRANSMIT_DRIVER, driver),
-        Setting::a(reg::IRQ_MASK_MAIN, &reg::POLLER_MASKS),
-    ]
-}
+const POLLER_A: [Setting; 10] = [
+    NFC_F_MODE,
+    PREAMBLE,
+    RECEIVER,
+    CORRELATOR,
+    NO_RESPONSE_TIMER,
+    Setting::a(reg::ANTENNA_TUNING, &reg::ANTENNA_TUNING_POLLER_A),
+    Setting::a(reg::TRANSMIT_DRIVER, &[reg::TRANSMIT_DRIVER_12_PERCENT_A]),
+    Setting::b(reg::B_AUXILIARY_MODULATION, &[reg::AM_BY_REGULATOR_A]),
+    DRIVER_NON_OVERLAP,
+    POLLER_MASKS,
+];
+const POLLER_B: [Setting; 12] = [
+    NFC_F_MODE,
+    PREAMBLE,
+    RECEIVER,
+    CORRELATOR,
+    NO_RESPONSE_TIMER,
+    Setting::a(reg::ANTENNA_TUNING, &reg::ANTENNA_TUNING_POLLER_B),
+    Setting::a(reg::TRANSMIT_DRIVER, &[reg::TRANSMIT_DRIVER_12_PERCENT_B]),
+    Setting::b(reg::B_AUXILIARY_MODULATION, &[reg::AM_BY_WAVE_SHAPING_B]),
+    DRIVER_NON_OVERLAP,
+    WAVE_SHAPING,
+    WAVE_SHAPING_TIMES,
+    POLLER_MASKS,
+];
+const LISTENER_A: [Setting; 9] = listener(&reg::ANTENNA_TUNING_LISTENER_A);
+const LISTENER_B: [Setting; 9] = listener(&reg::ANTENNA_TUNING_LISTENER_B);
 
 /// No automatic answer and no load modulation come before the mode.
-const fn listener(antenna: &'static [u8]) -> [Setting; 8] {
+const fn listener(antenna: &'static [u8]) -> [Setting; 9] {
     [
         Setting::a(reg::PASSIVE_TARGET, &[reg::PASSIVE_TARGET_SILENT]),
         Setting::a(reg::PASSIVE_TARGET_MODULATION, &[reg::PASSIVE_TARGET_HIGH_Z]),
         Setting::b(reg::B_AUXILIARY_MODULATION, &[reg::NO_LOAD_MODULATION]),
         Setting::a(reg::ANTENNA_TUNING, antenna),
+        Setting::a(reg::FIELD_THRESHOLDS, &reg::FIELD_THRESHOLDS_WITH_HYSTERESIS),
         RECEIVER,
         CORRELATOR,
         Setting::a(reg::IRQ_MASK_MAIN, &reg::LISTENER_MASKS),
@@ -283,6 +326,8 @@ pub(crate) struct BringUp {
     /// Interrupts in a row that were not the awaited one.
     idle_irqs: u8,
     failures: u8,
+    /// The setting that is read back next while the chip runs.
+    rotation: u8,
 }
 
 impl BringUp {
@@ -296,6 +341,7 @@ impl BringUp {
             phase: Phase::Sent,
             idle_irqs: 0,
             failures: 0,
+            rotation: 0,
         }
     }
 
@@ -332,6 +378,7 @@ impl BringUp {
     pub(crate) fn begin(&mut self) -> Progress {
         self.part = Part::Power;
         self.index = 0;
+        self.rotation = 0;
         self.variant = None;
         self.supply_mv = None;
         self.issue()
@@ -408,11 +455,15 @@ impl BringUp {
                 }
                 self.supply_mv = Some(millivolts);
             }
-            Operation::ReadBack(setting) if !setting.stands(response) => {
-                return Progress::Failed(Fault::Configuration);
+            Operation::ReadBack(setting) => {
+                if let Err(fault) = setting.check(response) {
+                    return Progress::Failed(fault);
+                }
             }
-            Operation::Verify if !self.role.configuration_stands(response) => {
-                return Progress::Failed(Fault::Configuration);
+            Operation::Verify => {
+                if let Err(fault) = self.role.check_configuration(response) {
+                    return Progress::Failed(fault);
+                }
             }
             _ => {}
         }
@@ -470,15 +521,49 @@ impl BringUp {
                 Some(setting) => Operation::Send(setting.write()),
                 None => Operation::End,
             },
-            Part::ReadBack => match self.index {
-                0 => Operation::ReadBack(self.io()),
-                1 => Operation::ReadBack(REGULATOR_ADJUSTED),
-                index => match self.setting(variant, index - 2) {
-                    Some(setting) => Operation::ReadBack(setting),
-                    None => Operation::End,
-                },
+            Part::ReadBack => match self.in_force(self.index) {
+                Some(setting) => Operation::ReadBack(setting),
+                None => Operation::End,
             },
             Part::Operate => self.operate(),
+        }
+    }
+
+    /// Everything that stays set when bring-up is over, in the order in which it is read back; but for operation
+    /// control, which [`CONFIGURATION_READ`] covers.
+    fn in_force(&self, index: u8) -> Option<Setting> {
+        match index {
+            0 => Some(self.io()),
+            1 => Some(REGULATOR_ADJUSTED),
+            index => self.setting(self.variant.unwrap_or(Variant::A), index - 2),
+        }
+    }
+
+    /// The setting whose turn it is; operation control, mode and bit rate have the last.
+    fn turn(&self) -> Option<Setting> {
+        self.in_force(self.rotation)
+    }
+
+    /// Reads back what has its turn. Called once a frame, so that everything has its turn within as many frames as
+    /// there are settings.
+    pub(crate) fn read_next(&self) -> Short {
+        self.turn().map_or(CONFIGURATION_READ, Setting::read)
+    }
+
+    /// Takes the response to [`BringUp::read_next`]; what comes next has its turn.
+    ///
+    /// # Errors
+    /// [`Fault::Register`] if a register is not as it was set, or as [`Role::check_configuration`] says.
+    pub(crate) fn check_next(&mut self, response: &[u8]) -> Result<(), Fault> {
+        match self.turn() {
+            Some(setting) => {
+                self.rotation += 1;
+                setting.check(response)
+            }
+            None => {
+                self.rotation = 0;
+                self.role.check_configuration(response)
+            }
         }
     }
 
@@ -553,13 +638,16 @@ mod tests {
             let end = head + setting.values.len();
             let mut response = [0; Short::MAX];
             response[head..end].copy_from_slice(setting.values);
-            assert!(setting.stands(&response[..end]));
+            assert_eq!(setting.check(&response[..end]), Ok(()));
             for place in head..end {
                 response[place] ^= 0x10;
-                assert!(!setting.stands(&response[..end]), "{setting:?}");
+                let expected = setting.values[place - head];
+                let address = setting.address + (place - head) as u8 + if setting.in_space_b { 0x40 } else { 0 };
+                let fault = Fault::Register { address, expected, found: expected ^ 0x10 };
+                assert_eq!(setting.check(&response[..end]), Err(fault), "{setting:?}");
                 response[place] ^= 0x10;
             }
-            assert!(!setting.stands(&response[..end - 1]));
+            assert_eq!(setting.check(&response[..end - 1]), Err(Fault::Bus));
         }
     }
 

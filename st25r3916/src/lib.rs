@@ -26,9 +26,8 @@
 //! // The other board.
 //! # fn listener<S: SpiDevice, P: InputPin, D: DelayNs>(spi: S, irq: P, delay: D) -> Done<S::Error, P::Error> {
 //! let mut listener = blocking::Listener::new(spi, irq, delay, ListenerConfig::new());
-//! let mut buffer = [0; st25r3916::listener::BUFFER];
-//! if let Some(ListenerEvent::Frame { len, flags }) = listener.next(&mut buffer, 20_000)? {
-//!     let payload = &buffer[1..=len];
+//! if let Some(ListenerEvent::Frame { len, flags }) = listener.next(20_000)? {
+//!     let payload = listener.payload(len);
 //! #   let _ = (payload, flags);
 //! }
 //! # Ok(())
@@ -39,9 +38,9 @@
 //!
 //! Neither machine touches a bus. Each is a value with one method, `step`, which takes what just
 //! happened ([`Input`]) and gives what to do next ([`Step`]): make one SPI transfer, wait for the IRQ
-//! pin with a bound, or tell the caller something. Whoever carries the steps out is the executor: an
-//! interrupt handler that starts a DMA transfer and comes back at its end, or the loop in
-//! [`blocking`]. The logic is the same and is tested without hardware.
+//! pin with a bound, or tell the caller something. Whoever carries the steps out is the executor. The one in
+//! [`executor`] does it through a [`executor::Port`], whose operations only start something: behind it are interrupts
+//! and DMA, or the polled wires of [`blocking`]. The logic is the same and is tested without hardware.
 //!
 //! | step | the executor | then gives |
 //! |---|---|---|
@@ -106,7 +105,11 @@
 //! assert_eq!(mosi(poller.step(Input::Done(&[0; 4]))), [0x10, 0x00, 0x00]); // no-response timer off
 //! assert_eq!(mosi(poller.step(Input::Done(&[0; 3]))), [0x26, 0xC5, 0xE3]); // antenna tuning
 //! assert_eq!(mosi(poller.step(Input::Done(&[0; 3]))), [0x28, 0x40]); // 12 % AM
-//! assert_eq!(mosi(poller.step(Input::Done(&[0; 2]))), [0x16, 0x77, 0x7F, 0xFF, 0xFB]); // masks
+//! assert_eq!(mosi(poller.step(Input::Done(&[0; 2]))), [0xFB, 0x28, 0x84]); // by active wave shaping
+//! assert_eq!(mosi(poller.step(Input::Done(&[0; 3]))), [0xFB, 0x2A, 0x80]); // drivers' non-overlap
+//! assert_eq!(mosi(poller.step(Input::Done(&[0; 3]))), [0xFB, 0x2E, 0x09, 0x28]); // the shape
+//! assert_eq!(mosi(poller.step(Input::Done(&[0; 4]))), [0xFB, 0x34, 0x01, 0x00, 0x79, 0x07]); // and its times
+//! assert_eq!(mosi(poller.step(Input::Done(&[0; 6]))), [0x16, 0x77, 0x7F, 0xFF, 0xFB]); // masks
 //! // Every register that was written is read back before the field goes on.
 //! assert_eq!(mosi(poller.step(Input::Done(&[0; 5]))), [0x40, 0, 0]);
 //! assert_eq!(mosi(poller.step(Input::Done(&[0, 0x07, 0x3C]))), [0x6C, 0]);
@@ -118,7 +121,11 @@
 //! assert_eq!(mosi(poller.step(Input::Done(&[0, 0, 0x54, 0x00]))), [0x50, 0, 0]);
 //! assert_eq!(mosi(poller.step(Input::Done(&[0; 3]))), [0x66, 0, 0]);
 //! assert_eq!(mosi(poller.step(Input::Done(&[0, 0xC5, 0xE3]))), [0x68, 0]);
-//! assert_eq!(mosi(poller.step(Input::Done(&[0, 0x40]))), [0x56, 0, 0, 0, 0]);
+//! assert_eq!(mosi(poller.step(Input::Done(&[0, 0x40]))), [0xFB, 0x68, 0]);
+//! assert_eq!(mosi(poller.step(Input::Done(&[0, 0, 0x84]))), [0xFB, 0x6A, 0]);
+//! assert_eq!(mosi(poller.step(Input::Done(&[0, 0, 0x80]))), [0xFB, 0x6E, 0, 0]);
+//! assert_eq!(mosi(poller.step(Input::Done(&[0, 0, 0x09, 0x28]))), [0xFB, 0x74, 0, 0, 0, 0]);
+//! assert_eq!(mosi(poller.step(Input::Done(&[0, 0, 0x01, 0x00, 0x79, 0x07]))), [0x56, 0, 0, 0, 0]);
 //! let masks = [0, 0x77, 0x7F, 0xFF, 0xFB];
 //! assert_eq!(mosi(poller.step(Input::Done(&masks))), [0x02, 0x88]); // field on, receiver off
 //! assert_eq!(mosi(poller.step(Input::Done(&[0; 2]))), [0x42, 0, 0, 0]); // as written?
@@ -139,13 +146,15 @@
 //! assert_eq!(Poller::transmit().bytes(), [0xC4]);
 //! let rest = Transfer::Load { offset: 16, len: 228 };
 //! assert_eq!(poller.step(Input::Done(&[0])), Step::Transfer(rest));
-//! assert_eq!(poller.step(Input::Done(&[])), Step::Wait { us: 4_815 + 500 });
+//! assert_eq!(poller.step(Input::Done(&[])), Step::Wait { us: 4_815 + 100 - 182 });
 //! assert_eq!(mosi(poller.step(Input::Irq)), [0x59, 0, 0, 0, 0, 0, 0, 0]);
 //! let ended = [0, 0xFB, 0x08, 0, 0, 0, 0, 0]; // I_txe
-//! assert_eq!(poller.step(Input::Done(&ended)), Step::Event(PollerEvent::Sent));
+//! let sent = Step::Event(PollerEvent::Sent { confirmed: true });
+//! assert_eq!(poller.step(Input::Done(&ended)), sent);
 //! assert_eq!(mosi(poller.step(Input::Start)), [0x42, 0, 0, 0]); // still configured?
 //! assert_eq!(mosi(poller.step(Input::Done(&[0, 0x88, 0x1C, 0x22]))), [0x71, 0]); // field still on?
-//! assert_eq!(poller.step(Input::Done(&[0, 0x30])), Step::Event(PollerEvent::Ready));
+//! assert_eq!(mosi(poller.step(Input::Done(&[0, 0x30]))), [0x40, 0, 0]); // one of the settings after each frame
+//! assert_eq!(poller.step(Input::Done(&[0, 0x07, 0x3C])), Step::Event(PollerEvent::Ready));
 //!
 //! // The listener, a 3916, up to its regulators: as above without the RC calibration.
 //! let config = ListenerConfig { read_mode: ReadMode::StoreAndForward, ..ListenerConfig::new() };
@@ -172,6 +181,7 @@
 //! assert_eq!(mosi(listener.step(Input::Done(&[0; 2]))), [0x29, 0xFF]); // no load modulation:
 //! assert_eq!(mosi(listener.step(Input::Done(&[0; 2]))), [0xFB, 0x28, 0x00]); // no driver for it
 //! assert_eq!(mosi(listener.step(Input::Done(&[0; 3]))), [0x26, 0x00, 0xFF]); // antenna tuning
+//! assert_eq!(mosi(listener.step(Input::Done(&[0; 3]))), [0x2A, 0x13, 0x02]); // field detector's thresholds
 //! assert_eq!(mosi(listener.step(Input::Done(&[0; 3]))), [0x0A, 0x00, 0x13, 0x2D, 0x00, 0x00, 0x02]);
 //! assert_eq!(mosi(listener.step(Input::Done(&[0; 7]))), [0xFB, 0x0C, 0x54, 0x00]);
 //! assert_eq!(mosi(listener.step(Input::Done(&[0; 4]))), [0x16, 0xCF, 0xE7, 0x0F, 0xFB]); // masks
@@ -183,6 +193,7 @@
 //! let _ = listener.step(Input::Done(&[0, 0xFF]));
 //! let _ = listener.step(Input::Done(&[0, 0, 0x00]));
 //! let _ = listener.step(Input::Done(&[0, 0x00, 0xFF]));
+//! let _ = listener.step(Input::Done(&[0, 0x13, 0x02]));
 //! let _ = listener.step(Input::Done(&receiver));
 //! let _ = listener.step(Input::Done(&[0, 0, 0x54, 0x00]));
 //! assert_eq!(mosi(listener.step(Input::Done(&[0, 0xCF, 0xE7, 0x0F, 0xFB]))), [0x43, 0, 0]);
@@ -208,7 +219,8 @@
 //! assert_eq!(mosi(listener.step(Input::Start)), [0x59, 0, 0, 0, 0, 0, 0, 0]); // none begun meanwhile?
 //! assert_eq!(mosi(listener.step(Input::Done(&[0, 0xFB, 0, 0, 0, 0, 0, 0]))), [0xDB]);
 //! assert_eq!(mosi(listener.step(Input::Done(&[0]))), [0xD1]);
-//! assert_eq!(listener.step(Input::Done(&[0])), Step::Wait { us: 20_000 });
+//! assert_eq!(mosi(listener.step(Input::Done(&[0]))), [0x40, 0, 0]); // one of the settings at each re-arming
+//! assert_eq!(listener.step(Input::Done(&[0, 0x07, 0xBC])), Step::Wait { us: 20_000 });
 //!
 //! // A chip that lost its supply answers with its masks at their reset value.
 //! let _ = listener.step(Input::Timeout);
@@ -235,6 +247,7 @@
 pub mod blocking;
 mod bring_up;
 pub mod command;
+pub mod executor;
 pub mod listener;
 mod machine;
 pub mod poller;

@@ -27,7 +27,7 @@
 //!  │      └── I_rxs ── RearmStatus ◄────────────────────────────────────────────────────────┘
 //!  │                    │
 //!  │                    ▼
-//!  └── RearmUnmask ◄── RearmClear
+//!  └── CheckingSetting ◄── RearmUnmask ◄── RearmClear
 //! ```
 //!
 //! Not drawn: an error outside a frame leads from ReadingStatus to RearmClear; a second sync within a frame is
@@ -70,10 +70,19 @@
 //! | field lost under a frame | [`Dropped::FieldLost`], [`ListenerEvent::FieldOff`], re-arm |
 //! | errors without a frame (a start in the middle of one) | re-arm |
 //! | nothing for [`ListenerConfig::supervision_us`] | configuration checked, re-arm |
+//! | a register that is not as it was set | [`Fault::Register`] when its turn comes, one setting at each re-arming |
+//! | no frame for [`SILENCE_US`] | [`Fault::Silence`], bring-up; then after twice that, up to [`SILENCE_LONGEST_US`] |
 //! | reset of the chip | [`Fault::Reset`] at the next interrupt or supervision, bring-up |
 //! | dead bus, stuck IRQ pin | [`Fault::Bus`], [`Fault::IrqStuck`], bring-up after a back-off |
 //!
-//! The back-off before a bring-up is 1 ms after the first fault and doubles with each up to 64 ms.
+//! The back-off before a bring-up is 1 ms after the first fault and doubles with each up to 64 ms. Silence is none of
+//! these: the poller may be off, and a listener that backs off hears nothing. What is put off is the next bring-up.
+//!
+//! # What is read back while the chip runs
+//!
+//! At each re-arming, one of the settings that bring-up has made is read back, in turn. With a frame every 10 ms each
+//! has its turn within 0.12 s; an idle listener re-arms every 20 ms. It is the last transfer before the wait, so that a
+//! frame which begins meanwhile is received, and takes at most 8 bytes.
 
 use crate::bring_up::{BringUp, CONFIGURATION_READ, IDLE_IRQS, Progress, Role};
 use crate::command;
@@ -101,6 +110,15 @@ const _: () =
     assert!((1 + REFILLED as u32) * 800 > 18_879, "ns of the command and the bytes at 10 MHz, and of one on air");
 /// What a read takes beside its bytes, which take 1 µs each at 8 MHz: status and command, 10 bytes.
 const READ_OVERHEAD_US: u16 = 10;
+/// A listener to which no frame was delivered for this long is brought up anew, in microseconds: 50 cycles of 10 ms.
+/// The time is that of its waits, so it is a lower bound.
+pub const SILENCE_US: u32 = 500_000;
+/// Each bring-up for silence in a row comes after twice the time of the one before, up to this, in microseconds.
+pub const SILENCE_LONGEST_US: u32 = SILENCE_US << SILENCE_DOUBLINGS;
+const SILENCE_DOUBLINGS: u8 = 4;
+/// What counts as waited, in microseconds, for each wait for a frame's beginning and each frame that another begins
+/// within: interrupts without a frame must not keep a deaf listener from noticing.
+const DISTURBED_US: u32 = 1_000;
 /// LEN, one byte of payload, CRC-16.
 const SHORTEST: u16 = 4;
 /// The CRC-16 at a frame's end.
@@ -320,6 +338,8 @@ pub enum ListenerState {
         /// The time of the wait before is over.
         late: bool,
     },
+    /// Re-armed: one of the settings that bring-up has made is being read back.
+    CheckingSetting,
     /// Nothing came for a while: operation control, mode and bit rate are being read.
     CheckingConfiguration,
     /// Bytes of a frame are being read.
@@ -371,6 +391,10 @@ pub struct Listener {
     field_irqs: u8,
     field_on: bool,
     idle_irqs: u8,
+    /// [`Fault::Silence`]s in a row.
+    silences: u8,
+    /// Waited without a frame being delivered, in microseconds, since one was or since bring-up; a lower bound.
+    silent_us: u32,
     counters: ListenerCounters,
     /// The frame that was delivered last, until the next step counts it: whoever waits for the frame does not wait for
     /// that.
@@ -389,6 +413,8 @@ impl Listener {
             field_irqs: 0,
             field_on: false,
             idle_irqs: 0,
+            silences: 0,
+            silent_us: 0,
             counters: ListenerCounters {
                 frames: 0,
                 crc: 0,
@@ -468,7 +494,13 @@ impl Listener {
             (ListenerState::RearmClear, Input::Done(_)) => {
                 self.short(ListenerState::RearmUnmask, command::UNMASK_RECEIVE_DATA)
             }
-            (ListenerState::RearmUnmask, Input::Done(_)) => self.resume(),
+            (ListenerState::RearmUnmask, Input::Done(_)) => {
+                self.short(ListenerState::CheckingSetting, self.bring_up.read_next())
+            }
+            (ListenerState::CheckingSetting, Input::Done(response)) => match self.bring_up.check_next(response) {
+                Ok(()) => self.resume(),
+                Err(fault) => self.fault(fault),
+            },
 
             (ListenerState::Listening | ListenerState::Receiving, Input::Irq) => {
                 self.short(ListenerState::ReadingStatus { late: false }, STATUS_READ)
@@ -484,11 +516,10 @@ impl Listener {
                 self.fifo(count, end, bytes.first().copied())
             }
             (ListenerState::CheckingConfiguration, Input::Done(response)) => {
-                // The status once more: a frame may have begun since the read before.
-                if self.bring_up.role().configuration_stands(response) {
-                    self.short(ListenerState::RearmStatus, STATUS_READ)
-                } else {
-                    self.fault(Fault::Reset)
+                match self.bring_up.role().check_configuration(response) {
+                    // The status once more: a frame may have begun since the read before.
+                    Ok(()) => self.short(ListenerState::RearmStatus, STATUS_READ),
+                    Err(fault) => self.fault(fault),
                 }
             }
             _ => self.fault(Fault::Executor),
@@ -509,7 +540,10 @@ impl Listener {
         self.frame = None;
         self.field_irqs = 0;
         self.field_on = false;
-        self.bring_up.failed();
+        self.silent_us = 0;
+        if !matches!(fault, Fault::Silence { .. }) {
+            self.bring_up.failed();
+        }
         count(&mut self.counters.faults);
         self.event(ListenerState::Faulted, ListenerEvent::Fault(fault))
     }
@@ -556,8 +590,15 @@ impl Listener {
     }
 
     fn wait(&mut self) -> Step<ListenerEvent> {
+        if self.silent_us >= SILENCE_US << self.silences.min(SILENCE_DOUBLINGS) {
+            self.silences = self.silences.saturating_add(1);
+            return self.fault(Fault::Silence { field: self.field_on });
+        }
         let (state, us) = match &mut self.frame {
-            None => (ListenerState::Listening, self.config.supervision_us),
+            None => {
+                self.silent_us += DISTURBED_US;
+                (ListenerState::Listening, self.config.supervision_us)
+            }
             Some(frame) => {
                 frame.waiting_us = frame.next_wait_us();
                 (ListenerState::Receiving, u32::from(frame.waiting_us))
@@ -589,7 +630,10 @@ impl Listener {
             Some(_) => self.status_in_frame(status, late),
             None if status.is_set(reg::IRQ_RXS | reg::IRQ_RXE) => self.status_begins(status),
             None if status.error != 0 => self.short(ListenerState::RearmClear, command::CLEAR_FIFO),
-            None if late => self.short(ListenerState::CheckingConfiguration, CONFIGURATION_READ),
+            None if late => {
+                self.silent_us = self.silent_us.saturating_add(self.config.supervision_us);
+                self.short(ListenerState::CheckingConfiguration, CONFIGURATION_READ)
+            }
             None => self.resume(),
         }
     }
@@ -616,6 +660,7 @@ impl Listener {
             if status.is_set(reg::IRQ_RXE) {
                 return self.lose(Dropped::Overrun);
             }
+            self.silent_us += DISTURBED_US;
             self.begin_frame(status);
             count(&mut self.counters.dropped);
             return self.event(ListenerState::Reported, ListenerEvent::Dropped(Dropped::Overrun));
@@ -702,6 +747,7 @@ impl Listener {
         }
         self.frame = None;
         self.bring_up.works();
+        (self.silences, self.silent_us) = (0, 0);
         self.uncounted = Some(flags);
         self.event(
             ListenerState::Delivered,
@@ -710,7 +756,9 @@ impl Listener {
     }
 
     fn lose(&mut self, why: Dropped) -> Step<ListenerEvent> {
-        self.frame = None;
+        if let Some(frame) = self.frame.take() {
+            self.silent_us = self.silent_us.saturating_add(u32::from(frame.waited_us));
+        }
         count(match why {
             Dropped::NoEnd => &mut self.counters.no_end,
             _ => &mut self.counters.dropped,

@@ -138,16 +138,29 @@ pub enum Fault {
     },
     /// The regulator adjustment did not end within [`crate::REGULATOR_US`].
     Regulator,
-    /// A register written during bring-up did not read back as written.
-    Configuration,
+    /// A register does not read as this driver has set it, at the end of bring-up or while the chip runs.
+    Register {
+        /// Its address, 0x00..=0x3F; in space B with [`crate::register::SPACE_B`] added.
+        address: u8,
+        /// What it was set to.
+        expected: u8,
+        /// What it reads as.
+        found: u8,
+    },
     /// The chip has lost its configuration since bring-up: a power-up reset or a brown-out.
     Reset,
+    /// Listener: no frame was delivered for [`crate::listener::SILENCE_US`], or, after the first of these in a row, for
+    /// twice as long each time. Whether the poller is silent or this chip is deaf cannot be told from here.
+    Silence {
+        /// The poller's field is there, as far as the chip says.
+        field: bool,
+    },
     /// Poller: the transmitter or the oscillator is off although nothing switched it off.
     FieldDropped,
     /// A response no ST25R3916 gives (all ones, or of the wrong length), or a transfer the executor
     /// reported as failed.
     Bus,
-    /// Poller: no I_txe within the frame's air time and a margin.
+    /// Poller: bytes are left in the FIFO, and there was no I_txe, after the frame's air time and a margin.
     NoTransmitEnd,
     /// Poller: after a frame the FIFO held another number of bytes than it should.
     FifoCount {

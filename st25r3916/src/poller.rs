@@ -30,12 +30,12 @@
 //!  │    LoadingRest                                              │                      │
 //!  │      │                                                      │                      │
 //!  │      ▼                                                      │                      │
-//!  │    OnAir ◄──► ReadingIrqs ─── FAULT: no I_txe, underflow, ──┼──────────────────────┤
-//!  │                 │ I_txe: SENT        bytes left over        │                      ▼
+//!  │    OnAir ◄──► ReadingIrqs ─── FAULT: underflow, bytes left ─┼──────────────────────┤
+//!  │                 │ I_txe, or its time is over: SENT          │                      ▼
 //!  │                 ▼                                           │                  FrameLost
 //!  │               Sent ─ Start ─────────────────────────────────┤                      │ Start
 //!  │                                                             ▼                      ▼
-//!  └── READY ──── CheckingField ◄────────────────── CheckingConfiguration ◄── Clearing ◄── Stopping
+//!  └── READY ── CheckingSetting ◄── CheckingField ◄── CheckingConfiguration ◄── Clearing ◄── Stopping
 //! ```
 //!
 //! A second lost frame in a row leads to Faulted instead of FrameLost.
@@ -49,7 +49,12 @@
 //! it with no code in between). The rest is loaded at once afterwards, while the chip sends preamble and sync. Then the
 //! machine waits for I_txe for as long as the frame's own air time and [`TRANSMIT_MARGIN_US`], then says
 //! [`PollerEvent::Sent`]. The next [`Input::Start`] checks the chip (configuration in place, oscillator and transmitter
-//! on) and comes to [`PollerEvent::Ready`]. The field stays on from bring-up on.
+//! on, and one of the settings that bring-up has made, in turn) and comes to [`PollerEvent::Ready`]. The field stays on
+//! from bring-up on.
+//!
+//! Whether the chip raises I_txe while its receiver is off is what the data sheet implies; no public driver sends so,
+//! and nobody has seen it. So nothing depends on it: if I_txe has not come when its time is over, and the FIFO is
+//! empty, the chip has sent the frame, and [`PollerEvent::Sent`] says that it is unconfirmed.
 //!
 //! The FIFO cannot run dry while the executor begins to load the rest within [`rest_within_us`] of the transmit
 //! command. Should a chip report it all the same, the frame is lost ([`Fault::FifoFlow`], counted), and the next one is
@@ -63,6 +68,8 @@
 //! | [`Fault::NoTransmitEnd`], [`Fault::FifoFlow`], [`Fault::FifoCount`] | stop, clear, check | bring-up |
 //! | every other | bring-up after a back-off of 1 ms, doubled each time up to 64 ms | the same |
 //!
+//! A register that loses a bit while the chip runs is [`Fault::Register`] within 15 frames, when its turn comes.
+//!
 //! A bring-up takes the chip about 6 ms (ST25R3916) or up to 11 ms (ST25R3916B, whose RC calibration takes up to
 //! 5 ms) and drops the field meanwhile, which the listener sees; that is why a single lost frame does not cause one
 //! and leaves the field on.
@@ -74,8 +81,10 @@ use crate::register as reg;
 use crate::status::{STATUS_READ, Status};
 use crate::{Variant, air_time_us};
 
-/// How much longer than its air time a frame may take before it is given up, in microseconds.
-pub const TRANSMIT_MARGIN_US: u32 = 500;
+/// How much longer than its air time a frame may take before its end counts as come, in microseconds. Recordings show
+/// the first bit 3 to 5 µs after the command. Where I_txe never comes, this and the preparation of the next frame have
+/// to fit between two frames.
+pub const TRANSMIT_MARGIN_US: u32 = 100;
 
 /// The longest payload of one frame, in bytes: LEN = payload + 1 is one byte.
 pub const MAX_PAYLOAD: usize = 254;
@@ -108,8 +117,8 @@ pub enum Receiver {
     /// `rx_en` = 0: the receiver is off, so "writes, never listens" holds in the chip itself.
     #[default]
     Off,
-    /// `rx_en` = 1 and the receive data masked (D0), should a chip prove not to raise I_txe with
-    /// its receiver off.
+    /// `rx_en` = 1 and the receive data masked (D0): every frame is confirmed by I_txe, also by a chip that proves not
+    /// to raise it with its receiver off.
     OnMasked,
 }
 
@@ -154,9 +163,11 @@ pub enum PollerEvent {
     /// The FIFO holds the first bytes of the frame: perform [`Poller::transmit`] at the instant wanted, then give
     /// [`Input::Done`]. ([`Input::Start`] instead gives the frame up.)
     Loaded,
-    /// The chip has sent the frame (I_txe). [`Input::Start`] checks the chip and leads to
-    /// [`PollerEvent::Ready`].
-    Sent,
+    /// The chip has sent the frame. [`Input::Start`] checks the chip and leads to [`PollerEvent::Ready`].
+    Sent {
+        /// It said so (I_txe). If not, its time is over and the FIFO empty.
+        confirmed: bool,
+    },
     /// The frame, or the chip, is lost; [`Input::Start`] recovers, to [`PollerEvent::Ready`] or
     /// to the next fault.
     Fault(Fault),
@@ -194,6 +205,8 @@ pub enum PollerState {
     CheckingConfiguration,
     /// Between frames: the auxiliary display is being read.
     CheckingField,
+    /// Between frames: one of the settings that bring-up has made is being read back.
+    CheckingSetting,
     /// [`Poller::prepare`] is possible.
     Ready,
     /// A frame is prepared: the FIFO is being cleared.
@@ -225,8 +238,10 @@ pub enum PollerState {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct PollerCounters {
-    /// Frames the chip said it sent.
+    /// Frames sent.
     pub sent: u32,
+    /// Of these, without I_txe.
+    pub unconfirmed: u32,
     /// Faults reported.
     pub faults: u32,
     /// Bring-ups that ended well.
@@ -260,7 +275,7 @@ impl Poller {
             len: 0,
             lost: 0,
             idle_irqs: 0,
-            counters: PollerCounters { sent: 0, faults: 0, bring_ups: 0, flow: 0 },
+            counters: PollerCounters { sent: 0, unconfirmed: 0, faults: 0, bring_ups: 0, flow: 0 },
         }
     }
 
@@ -355,21 +370,23 @@ impl Poller {
                 self.short(PollerState::CheckingConfiguration, CONFIGURATION_READ)
             }
             (PollerState::CheckingConfiguration, Input::Done(response)) => {
-                if !self.bring_up.role().configuration_stands(response) {
-                    self.fault(Fault::Reset)
-                } else if self.config.check_field {
-                    self.short(PollerState::CheckingField, DISPLAY_READ)
-                } else {
-                    self.ready()
+                match self.bring_up.role().check_configuration(response) {
+                    Ok(()) if self.config.check_field => self.short(PollerState::CheckingField, DISPLAY_READ),
+                    Ok(()) => self.check_setting(),
+                    Err(fault) => self.fault(fault),
                 }
             }
             (PollerState::CheckingField, Input::Done(response)) => {
                 const ON: u8 = reg::DISPLAY_OSC_OK | reg::DISPLAY_TX_ON;
                 match response {
-                    [_, display] if display & ON == ON => self.ready(),
+                    [_, display] if display & ON == ON => self.check_setting(),
                     _ => self.fault(Fault::FieldDropped),
                 }
             }
+            (PollerState::CheckingSetting, Input::Done(response)) => match self.bring_up.check_next(response) {
+                Ok(()) => self.ready(),
+                Err(fault) => self.fault(fault),
+            },
 
             (PollerState::PreparingClear, Input::Done(_)) => {
                 let short = Short::new([command::WRITE | reg::TRANSMIT_LENGTH, self.len >> 5, self.len << 3]);
@@ -409,6 +426,10 @@ impl Poller {
                 self.ready()
             }
         }
+    }
+
+    fn check_setting(&mut self) -> Step<PollerEvent> {
+        self.short(PollerState::CheckingSetting, self.bring_up.read_next())
     }
 
     fn ready(&mut self) -> Step<PollerEvent> {
@@ -451,8 +472,11 @@ impl Poller {
         self.wait()
     }
 
+    /// Waits for the end of the frame, counted from the end of its load, which no SPI makes shorter than that of 10
+    /// MHz.
     fn wait(&self) -> Step<PollerEvent> {
-        Step::Wait { us: air_time_us(self.len) + TRANSMIT_MARGIN_US }
+        let rest = u32::from(self.len).saturating_sub(HEAD as u32);
+        Step::Wait { us: air_time_us(self.len) + TRANSMIT_MARGIN_US - rest * 8 / 10 }
     }
 
     fn read_irqs(&mut self, last: bool) -> Step<PollerEvent> {
@@ -468,15 +492,17 @@ impl Poller {
             self.counters.flow = self.counters.flow.wrapping_add(1);
             return self.fault(Fault::FifoFlow);
         }
-        if status.is_set(reg::IRQ_TXE) {
-            if self.config.check_left_over && status.count != 0 {
-                return self.fault(Fault::FifoCount { expected: 0, found: status.count });
-            }
+        let confirmed = status.is_set(reg::IRQ_TXE);
+        if confirmed && self.config.check_left_over && status.count != 0 {
+            return self.fault(Fault::FifoCount { expected: 0, found: status.count });
+        }
+        if confirmed || last && status.count == 0 {
             self.state = PollerState::Sent;
             self.lost = 0;
             self.bring_up.works();
             self.counters.sent = self.counters.sent.wrapping_add(1);
-            return Step::Event(PollerEvent::Sent);
+            self.counters.unconfirmed = self.counters.unconfirmed.wrapping_add(u32::from(!confirmed));
+            return Step::Event(PollerEvent::Sent { confirmed });
         }
         if last {
             return self.fault(Fault::NoTransmitEnd);

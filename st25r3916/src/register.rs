@@ -14,8 +14,12 @@
 //! | *Guyot* | pguyot/st25r391x, `st25r391x_nfcf.c` (from the ST25R3916's data sheet DS12484) |
 //! | *Delpy* | BdF-LabSec/kst25r3916, `Core/program/st25r` |
 //! | *rnfc* | embassy-rs/rnfc, `rnfc-st25r39/src/lib.rs` |
+//! | *TM* | techmccat/st25r39, `src/registers.rs` (paraphrases the ST25R3916B's data sheet) |
 //!
 //! Where they disagree, `docs/decisions/0008-receive-chain.md` says who is followed, and why.
+
+/// Added to an address of space B where one number has to name a register of either space.
+pub const SPACE_B: u8 = 0x40;
 
 /// IO configuration 1: MCU clock output, I²C thresholds.
 pub const IO_CONFIGURATION_1: u8 = 0x00;
@@ -67,6 +71,9 @@ pub const ANTENNA_TUNING: u8 = 0x26;
 pub const TRANSMIT_DRIVER: u8 = 0x28;
 /// Passive target modulation: driver resistance when modulated and when not.
 pub const PASSIVE_TARGET_MODULATION: u8 = 0x29;
+/// Thresholds of the external field detector, in millivolts at its input: from which on a field is there; below which
+/// it is gone follows at 0x2B. Bits 6:4 of each are for peer detection (trg), bits 3:0 for collision avoidance (rfe).
+pub const FIELD_THRESHOLDS: u8 = 0x2A;
 /// Regulator control: regulated voltage by hand or as adjusted (`reg_s`), and what a supply measurement
 /// measures (`mpsv`, bits 2:0).
 pub const REGULATOR_CONTROL: u8 = 0x2C;
@@ -76,8 +83,14 @@ pub const AUXILIARY_DISPLAY: u8 = 0x31;
 pub const IDENTITY: u8 = 0x3F;
 /// Space B: correlator configuration 1; 2 follows at 0x0D. 0x93 and 0x00 after a reset (*seen*).
 pub const B_CORRELATOR: u8 = 0x0C;
-/// Space B: auxiliary modulation: which drivers do load modulation.
+/// Space B: auxiliary modulation: which drivers do load modulation, and how a poller modulates its amplitude.
 pub const B_AUXILIARY_MODULATION: u8 = 0x28;
+/// Space B: resistive AM modulation (bits 6:0), and the non-overlap of the drivers (`fa3_f`, bit 7).
+pub const B_DRIVER_NON_OVERLAP: u8 = 0x2A;
+/// Space B, ST25R3916B only: active wave shaping, configuration 1; 2 follows at 0x2F.
+pub const B_WAVE_SHAPING: u8 = 0x2E;
+/// Space B, ST25R3916B only: times of the active wave shaping, the first four of six, in carrier periods.
+pub const B_WAVE_SHAPING_TIMES: u8 = 0x34;
 /// Test space, ST25R3916 only: the threshold of the internal overheat protection.
 pub const TEST_OVERHEAT: u8 = 0x04;
 
@@ -151,6 +164,27 @@ pub const PASSIVE_TARGET_HIGH_Z: u8 = 0xFF;
 /// [`B_AUXILIARY_MODULATION`]: no load modulation by the internal (lm_dri) nor by an external
 /// (lm_ext) driver.
 pub const NO_LOAD_MODULATION: u8 = 0x00;
+/// [`FIELD_THRESHOLDS`], two registers. Peer detection, which is what a listener uses: there from 105 mV on, gone below
+/// 75 mV (*RFAL*, *Flipper*, *Delpy*). Collision avoidance, which is not used: 205 mV and 150 mV (*RFAL*, for which the
+/// former is the data sheet's; the others have 105 mV and 75 mV). No source states what a reset leaves here; with 00 00
+/// both thresholds would be 75 mV.
+pub const FIELD_THRESHOLDS_WITH_HYSTERESIS: [u8; 2] = [0x13, 0x02];
+/// [`B_AUXILIARY_MODULATION`] of a poller with an ST25R3916: amplitude modulation by the regulator (`dis_reg_am` = 0,
+/// `res_am` = 0), no load modulation. (*RFAL*, *Flipper*.)
+pub const AM_BY_REGULATOR_A: u8 = 0x00;
+/// [`B_AUXILIARY_MODULATION`] of a poller with an ST25R3916B: `dis_reg_am` = 1, which goes with `act_amsink` = 0 in
+/// [`IO_CONFIGURATION_2`] and a small capacitor at VDD_AM (*TM*), and `rgs_am`: modulation by active wave shaping.
+/// (*RFAL*, *Delpy*: 94, which has the driver's load modulation, `lm_dri`, as well; a poller has no use for that.)
+pub const AM_BY_WAVE_SHAPING_B: u8 = 0x84;
+/// [`B_WAVE_SHAPING`], two registers, for NFC-F: `vddrf_cont`, which must be 1 (*TM*), with `rgs_txonoff`; then
+/// symmetric shape (`am_sym`, for ASK), weak sink, filter constant 8. (*RFAL*; *Delpy* the same but for NFC-A, with 18
+/// for OOK.)
+pub const WAVE_SHAPING_NFC_F: [u8; 2] = [0x09, 0x28];
+/// [`B_WAVE_SHAPING_TIMES`], four registers: `tmodsw1` = 1; nothing; `tentx1` = 7, `tmods2` = 9; `tmodsw2` = 7.
+/// (*RFAL*, which leaves the second at its reset value; *Delpy*, which sets it to 0.)
+pub const WAVE_SHAPING_TIMES_NFC_F: [u8; 4] = [0x01, 0x00, 0x79, 0x07];
+/// [`B_DRIVER_NON_OVERLAP`]: the least there is (`fa3_f`). It is a matter of efficiency. (*RFAL*, *Flipper*.)
+pub const DRIVER_NON_OVERLAP_LEAST: u8 = 0x80;
 /// [`TRANSMIT_DRIVER`] on the ST25R3916B: 12 % AM (am_mod = 4), lowest output resistance.
 pub const TRANSMIT_DRIVER_12_PERCENT_B: u8 = 0x40;
 /// [`TRANSMIT_DRIVER`] on the ST25R3916: 12 % AM (am_mod = 7, its reset value, *seen*). The two

@@ -31,7 +31,8 @@ impl Status {
     ///
     /// # Errors
     /// [`Fault::Bus`] where no chip answers so (wrong length, or a FIFO level beyond the FIFO, as a
-    /// line stuck high shows); [`Fault::Reset`] where the mask register is not as set.
+    /// line stuck high shows); [`Fault::Reset`] where the mask register reads as after a reset, [`Fault::Register`]
+    /// where it is otherwise not as set.
     pub(crate) fn parse(response: &[u8]) -> Result<Self, Fault> {
         let &[_, mask, main, timer, error, target, low, high] = response else {
             return Err(Fault::Bus);
@@ -40,8 +41,13 @@ impl Status {
         if count > reg::FIFO_SIZE {
             return Err(Fault::Bus);
         }
-        if mask != reg::IRQ_MASK_TARGET_ALL {
-            return Err(Fault::Reset);
+        match mask {
+            reg::IRQ_MASK_TARGET_ALL => {}
+            0 => return Err(Fault::Reset),
+            found => {
+                let (address, expected) = (reg::IRQ_MASK_TARGET, reg::IRQ_MASK_TARGET_ALL);
+                return Err(Fault::Register { address, expected, found });
+            }
         }
         Ok(Self { main, timer, error, target, count, fifo: high & 0x3F })
     }
@@ -79,5 +85,11 @@ mod tests {
         assert_eq!(Status::parse(&[0xFF; 8]), Err(Fault::Bus));
         assert_eq!(Status::parse(&[0x00; 8]), Err(Fault::Reset));
         assert_eq!(Status::parse(&[0xFF; 7]), Err(Fault::Bus));
+    }
+
+    #[test]
+    fn a_mask_with_one_wrong_bit_is_no_reset() {
+        let found = Fault::Register { address: 0x19, expected: 0xFB, found: 0xF9 };
+        assert_eq!(Status::parse(&[0, 0xF9, 0, 0, 0, 0, 0, 0]), Err(found));
     }
 }

@@ -8,7 +8,6 @@ use embedded_hal::delay::DelayNs;
 use embedded_hal::digital::{ErrorType as PinErrorType, InputPin};
 use embedded_hal::spi::{ErrorKind, ErrorType, Operation, SpiDevice};
 use st25r3916::blocking::{Error, Listener, Poller};
-use st25r3916::listener::BUFFER;
 use st25r3916::{Fault, FrameFlags, ListenerConfig, ListenerEvent, PollerConfig, Variant};
 
 use crate::stand_in::{Chip, Miso};
@@ -119,12 +118,11 @@ fn a_blocking_poller_tells_what_is_wrong_and_recovers() {
 fn a_blocking_listener_receives_and_returns_when_nothing_comes() {
     let (chip, broken, spi, irq, delay) = wires(Chip::new(Variant::B));
     let mut listener = Listener::new(spi, irq, delay, ListenerConfig::new());
-    let mut buffer = [0; BUFFER];
-    assert_eq!(listener.next(&mut buffer, 100_000), Ok(Some(ListenerEvent::Listening)));
+    assert_eq!(listener.next(100_000), Ok(Some(ListenerEvent::Listening)));
     assert_eq!(listener.variant(), Some(Variant::B));
 
     let start = chip.0.borrow().now;
-    assert_eq!(listener.next(&mut buffer, 7_000), Ok(None));
+    assert_eq!(listener.next(7_000), Ok(None));
     let waited = chip.0.borrow().now - start;
     assert!((7_000..7_100).contains(&waited), "{waited}");
 
@@ -136,19 +134,19 @@ fn a_blocking_listener_receives_and_returns_when_nothing_comes() {
         let mut calls = 0;
         let event = loop {
             calls += 1;
-            if let Some(event) = listener.next(&mut buffer, 500).unwrap() {
+            if let Some(event) = listener.next(500).unwrap() {
                 break event;
             }
         };
         assert!(calls > 3);
         assert_eq!(event, ListenerEvent::Frame { len, flags: FrameFlags::empty() });
-        assert_eq!(buffer[1..=len], payload);
+        assert_eq!(listener.payload(len), payload);
     }
 
     *broken.borrow_mut() = true;
-    assert_eq!(listener.next(&mut buffer, 100_000), Err(Error::Spi(ErrorKind::ModeFault)));
+    assert_eq!(listener.next(100_000), Err(Error::Spi(ErrorKind::ModeFault)));
     *broken.borrow_mut() = false;
-    assert_eq!(listener.next(&mut buffer, 100_000), Ok(Some(ListenerEvent::Listening)));
+    assert_eq!(listener.next(100_000), Ok(Some(ListenerEvent::Listening)));
     assert_eq!(listener.counters().frames, 3);
     assert_eq!(chip.0.borrow().misuse, Vec::<String>::new());
 }

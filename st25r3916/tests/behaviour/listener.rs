@@ -6,7 +6,7 @@ use st25r3916::{
     Transfer, Variant,
 };
 
-use crate::stand_in::{CRC, Chip, EOF, EON, ERROR, Happening, MAIN, Miso, RXE, RXS, Rig, TIMER};
+use crate::stand_in::{CRC, Chip, EOF, EON, ERROR, Happening, MAIN, Miso, RXE, RXS, Rig, TIMER, told};
 
 const STORE: ListenerConfig = ListenerConfig { read_mode: ReadMode::StoreAndForward, ..ListenerConfig::new() };
 const FILLING: ListenerConfig = ListenerConfig::new();
@@ -65,6 +65,7 @@ fn an_st25r3916_is_brought_up_byte_by_byte() {
             "29 FF",
             "FB 28 00",
             "26 00 FF",
+            "2A 13 02",
             "0A 00 13 2D 00 00 02",
             "FB 0C 54 00",
             "16 CF E7 0F FB",
@@ -75,6 +76,7 @@ fn an_st25r3916_is_brought_up_byte_by_byte() {
             "69 00",
             "FB 68 00",
             "66 00 00",
+            "6A 00 00",
             "4A 00 00 00 00 00 00",
             "FB 4C 00 00",
             "56 00 00 00 00",
@@ -112,6 +114,7 @@ fn an_st25r3916b_at_3_3_volts_is_calibrated_and_has_its_own_antenna_tuning() {
             "29 FF",
             "FB 28 00",
             "26 00 00",
+            "2A 13 02",
             "0A 00 13 2D 00 00 02",
             "FB 0C 54 00",
             "16 CF E7 0F FB",
@@ -122,6 +125,7 @@ fn an_st25r3916b_at_3_3_volts_is_calibrated_and_has_its_own_antenna_tuning() {
             "69 00",
             "FB 68 00",
             "66 00 00",
+            "6A 00 00",
             "4A 00 00 00 00 00 00",
             "FB 4C 00 00",
             "56 00 00 00 00",
@@ -169,6 +173,8 @@ fn the_receiver_goes_on_only_after_every_register_was_read_back() {
         (0, 0x26, 0x80),
         (0, 0x27, 0x01),
         (0, 0x29, 0x0F),
+        (0, 0x2A, 0x10),
+        (0, 0x2B, 0x20),
         (1, 0x0C, 0x10),
         (1, 0x0D, 0x01),
         (1, 0x28, 0x10),
@@ -176,7 +182,8 @@ fn the_receiver_goes_on_only_after_every_register_was_read_back() {
     for stuck in registers {
         let mut rig = Rig::new(Chip { stuck: Some(stuck), ..Chip::new(Variant::A) });
         let mut listener = Listener::new(FILLING);
-        assert_eq!(rig.listener(&mut listener), ListenerEvent::Fault(Fault::Configuration), "{stuck:02x?}");
+        let ListenerEvent::Fault(fault) = rig.listener(&mut listener) else { panic!("{stuck:02x?}") };
+        assert_eq!(told(fault), stuck, "{fault:02x?}");
         assert_eq!(rig.chip.a[2] & 0x40, 0, "the receiver is on, {stuck:02x?}");
         rig.chip.stuck = None;
         assert_eq!(rig.listener(&mut listener), ListenerEvent::Listening);
@@ -229,13 +236,20 @@ fn a_listener_tells_its_state() {
         ]
     );
     seen.clear();
-    for _ in 0..4 {
+    for _ in 0..5 {
         assert_eq!(rig.listener_within(&mut listener, 1), None);
         seen.push(listener.state());
     }
-    let rearmed =
-        [ListenerState::RearmStatus, ListenerState::RearmClear, ListenerState::RearmUnmask, ListenerState::Listening];
-    assert_eq!(seen, rearmed);
+    assert_eq!(
+        seen,
+        [
+            ListenerState::RearmStatus,
+            ListenerState::RearmClear,
+            ListenerState::RearmUnmask,
+            ListenerState::CheckingSetting,
+            ListenerState::Listening,
+        ]
+    );
     // Nothing for a while, then a fault.
     assert_eq!(rig.listener_within(&mut listener, 1), None);
     assert_eq!(listener.state(), ListenerState::ReadingStatus { late: true });
@@ -266,7 +280,7 @@ fn a_frame_is_stored_and_forwarded_in_one_status_and_one_read() {
     assert!(log[2].starts_with("9F 00"));
     assert_eq!(log.len(), 3, "nothing is re-armed before the frame is delivered");
     assert_eq!(rig.listener_within(&mut listener, 5), None);
-    assert_eq!(rig.log(), ["59 00 00 00 00 00 00 00", "DB", "D1"]);
+    assert_eq!(rig.log(), ["59 00 00 00 00 00 00 00", "DB", "D1", "40 00 00"]);
     rig.assert_no_misuse();
 }
 
@@ -635,8 +649,9 @@ fn the_field_coming_and_going_is_told() {
         hears(&mut rig, &mut listener, 244);
         rig.chip.at(rig.chip.now + 5_000, Happening::Irq(TIMER, EOF));
         assert_eq!(rig.listener(&mut listener), ListenerEvent::FieldOff);
-        // Off for long: the chip is checked, nothing is reported.
-        assert_eq!(rig.listener_within(&mut listener, 300), None);
+        // Off for 0.4 s: the chip is checked, nothing is reported.
+        assert_eq!(rig.listener_within(&mut listener, 140), None);
+        assert!(rig.chip.now > 400_000);
         assert_eq!(listener.counters().faults, 0);
     }
 }
@@ -762,10 +777,11 @@ fn a_chip_that_resets_is_noticed_at_the_next_interrupt_or_supervision() {
 
 #[test]
 fn a_configuration_lost_behind_the_masks_is_noticed_by_supervision() {
-    for (register, value) in [(2, 0x83), (3, 0x08), (4, 0x00)] {
+    for (register, expected, found) in [(2, 0xC3, 0x83), (3, 0xA0, 0x08), (4, 0x22, 0x00)] {
         let (mut rig, mut listener) = listening(Chip::new(Variant::B), FILLING);
-        rig.chip.a[register] = value;
-        assert_eq!(rig.listener(&mut listener), ListenerEvent::Fault(Fault::Reset));
+        rig.chip.a[register] = found;
+        let fault = Fault::Register { address: register as u8, expected, found };
+        assert_eq!(rig.listener(&mut listener), ListenerEvent::Fault(fault));
         assert_eq!(rig.listener(&mut listener), ListenerEvent::Listening);
         hears(&mut rig, &mut listener, 244);
     }
@@ -813,7 +829,8 @@ fn supervision_costs_nothing_while_frames_come() {
         rig.chip.frame(rig.chip.now + 5_000, &payload(244, cycle));
         assert!(matches!(rig.listener(&mut listener), ListenerEvent::Frame { .. }));
     }
-    assert!(!rig.log().contains(&"42 00 00 00".to_owned()));
+    // It has its turn among the settings that are read back, and no more.
+    assert_eq!(rig.log().iter().filter(|read| *read == "42 00 00 00").count(), 4);
 }
 
 #[test]
@@ -883,7 +900,7 @@ fn an_error_outside_a_frame_re_arms_the_receiver() {
     let (mut rig, mut listener) = listening(Chip::new(Variant::B), FILLING);
     rig.chip.at(rig.chip.now + 100, Happening::Irq(ERROR, 0x20));
     assert_eq!(rig.listener_within(&mut listener, 6), None);
-    assert_eq!(rig.log(), ["59 00 00 00 00 00 00 00", "DB", "D1"]);
+    assert_eq!(rig.log(), ["59 00 00 00 00 00 00 00", "DB", "D1", "40 00 00"]);
 }
 
 #[test]
@@ -935,4 +952,113 @@ fn a_byte_not_whole_on_the_way_is_no_flag() {
     assert_eq!(rig.listener_within(&mut listener, 1), None); // status, 16 bytes after the sync
     rig.chip.fifo_flags = 0;
     assert_eq!(rig.listener(&mut listener), ListenerEvent::Frame { len: 244, flags: CLEAN });
+}
+
+#[test]
+fn every_flipped_setting_is_told_within_one_rotation() {
+    for variant in [Variant::A, Variant::B] {
+        let (mut rig, mut listener) = listening(Chip::new(variant), FILLING);
+        hears(&mut rig, &mut listener, 244);
+        let written = rig.chip.written();
+        assert!(written.len() >= 22, "{written:02x?}");
+        for (space, address) in written {
+            for bit in 0..8 {
+                let (mut rig, mut listener) = (rig.clone(), listener.clone());
+                rig.chip.flip(space, address, bit);
+                let mut frames = 0;
+                let fault = loop {
+                    // A chip that is not deaf has a frame every 10 ms; either way one setting is read in each.
+                    rig.chip.frame(rig.chip.now + 5_000, &payload(244, 1));
+                    match rig.listener(&mut listener) {
+                        ListenerEvent::Fault(fault) => break fault,
+                        ListenerEvent::Frame { .. } => frames += 1,
+                        event => panic!("{space} {address:02x} {bit}: {event:?}"),
+                    }
+                    assert!(frames <= 12, "{space} {address:02x} {bit} was not told");
+                };
+                match fault {
+                    Fault::Reset => assert_eq!((space, address, bit), (0, 0x02, 7)),
+                    fault => assert_eq!(told(fault), (space, address, 1 << bit), "{fault:02x?}"),
+                }
+                rig.chip.clear_air();
+                assert_eq!(rig.listener(&mut listener), ListenerEvent::Listening);
+                hears(&mut rig, &mut listener, 244);
+            }
+        }
+    }
+}
+
+/// The instants, in ms from now, of the next bring-ups for silence. What else is told meanwhile is `other`'s.
+fn silences(rig: &mut Rig, listener: &mut Listener, count: usize, field: bool) -> Vec<u64> {
+    let start = rig.chip.now;
+    let mut instants = vec![];
+    while instants.len() < count {
+        match rig.listener_within(listener, 400) {
+            Some(ListenerEvent::Fault(fault)) => {
+                assert_eq!(fault, Fault::Silence { field });
+                instants.push((rig.chip.now - start) / 1_000);
+            }
+            Some(ListenerEvent::Listening) if field => rig.chip.irqs[TIMER] |= EON,
+            _ => {}
+        }
+    }
+    instants
+}
+
+#[test]
+fn a_listener_that_hears_nothing_is_brought_up_anew_ever_more_rarely() {
+    for field in [true, false] {
+        let (mut rig, mut listener) = listening(Chip::new(Variant::B), FILLING);
+        rig.chip.irqs[TIMER] |= if field { EON } else { 0 };
+        let mut before = 0;
+        for (instant, after) in silences(&mut rig, &mut listener, 7, field).iter().zip([500, 1_000, 2_000, 4_000]) {
+            let waited = instant - before;
+            assert!((after * 9 / 10..=after + 20).contains(&waited), "{waited} ms");
+            before = *instant;
+        }
+        // The last three are as far apart as they get.
+        let instants = silences(&mut rig, &mut listener, 2, field);
+        assert!((7_200..=8_020).contains(&(instants[1] - instants[0])), "{instants:?}");
+        assert_eq!(rig.listener(&mut listener), ListenerEvent::Listening);
+        // A frame, and the first interval is the shortest again; nothing was backed off.
+        hears(&mut rig, &mut listener, 244);
+        rig.chip.irqs[TIMER] |= if field { 0 } else { EOF };
+        let instants = silences(&mut rig, &mut listener, 1, field);
+        assert!((450..=530).contains(&instants[0]), "{instants:?}");
+        let before = rig.chip.now;
+        assert_eq!(rig.listener(&mut listener), ListenerEvent::Listening);
+        assert!(rig.chip.now - before < 8_000, "{} µs", rig.chip.now - before);
+    }
+}
+
+#[test]
+fn a_deaf_listener_notices_whatever_interrupts_come_without_a_frame() {
+    // A field that chatters, errors outside a frame, frames that never end.
+    for disturbance in 0..3 {
+        let (mut rig, mut listener) = listening(Chip::new(Variant::B), FILLING);
+        let start = rig.chip.now;
+        let fault = loop {
+            let now = rig.chip.now;
+            match disturbance {
+                0 => rig.chip.at(now + 700, Happening::Irq(TIMER, EON | EOF)),
+                1 => rig.chip.at(now + 700, Happening::Irq(ERROR, 0x20)),
+                _ => rig.chip.at(now + 700, Happening::Irq(MAIN, RXS)),
+            }
+            if let Some(ListenerEvent::Fault(fault)) = rig.listener_within(&mut listener, 8) {
+                break fault;
+            }
+            assert!(rig.chip.now - start < 2_000_000, "{disturbance}");
+        };
+        assert!(matches!(fault, Fault::Silence { .. }), "{fault:?}");
+    }
+}
+
+#[test]
+fn frames_that_come_keep_a_listener_from_ever_being_brought_up() {
+    let (mut rig, mut listener) = listening(Chip::new(Variant::B), FILLING);
+    for _ in 0..150 {
+        rig.chip.advance(rig.chip.now + 8_000);
+        hears(&mut rig, &mut listener, 244);
+    }
+    assert_eq!((listener.counters().bring_ups, listener.counters().faults), (1, 0));
 }

@@ -3,7 +3,9 @@
 use st25r3916::poller::rest_within_us;
 use st25r3916::{Fault, Input, Poller, PollerConfig, PollerEvent, PollerState, Receiver, SendError, Step, Variant};
 
-use crate::stand_in::{Chip, Happening, Miso, Rig};
+use crate::stand_in::{Chip, Happening, Miso, Rig, told};
+
+const SENT: PollerEvent = PollerEvent::Sent { confirmed: true };
 
 fn ready(chip: Chip) -> (Rig, Poller) {
     let mut rig = Rig::new(chip);
@@ -49,6 +51,8 @@ fn an_st25r3916_is_brought_up_byte_by_byte() {
             "10 00 00",
             "26 82 82",
             "28 70",
+            "FB 28 00",
+            "FB 2A 80",
             "16 77 7F FF FB",
             "40 00 00", // read back, in the same order
             "6C 00",
@@ -59,6 +63,8 @@ fn an_st25r3916_is_brought_up_byte_by_byte() {
             "50 00 00",
             "66 00 00",
             "68 00",
+            "FB 68 00",
+            "FB 6A 00",
             "56 00 00 00 00",
             "02 88",
             "42 00 00 00",
@@ -94,6 +100,10 @@ fn an_st25r3916b_is_calibrated_and_has_its_own_am_depth() {
             "10 00 00",
             "26 C5 E3",
             "28 40",
+            "FB 28 84",
+            "FB 2A 80",
+            "FB 2E 09 28",
+            "FB 34 01 00 79 07",
             "16 77 7F FF FB",
             "40 00 00", // read back, in the same order
             "6C 00",
@@ -104,6 +114,10 @@ fn an_st25r3916b_is_calibrated_and_has_its_own_am_depth() {
             "50 00 00",
             "66 00 00",
             "68 00",
+            "FB 68 00",
+            "FB 6A 00",
+            "FB 6E 00 00",
+            "FB 74 00 00 00 00",
             "56 00 00 00 00",
             "02 88",
             "42 00 00 00",
@@ -239,11 +253,20 @@ fn the_transmitter_goes_on_only_after_every_register_was_read_back() {
         (0, 0x28, 0x10),
         (1, 0x0C, 0x10),
         (1, 0x0D, 0x01),
+        (1, 0x28, 0x80),
+        (1, 0x2A, 0x80),
+        (1, 0x2E, 0x08),
+        (1, 0x2F, 0x20),
+        (1, 0x34, 0x01),
+        (1, 0x35, 0x10),
+        (1, 0x36, 0x40),
+        (1, 0x37, 0x04),
     ];
     for stuck in registers {
         let mut rig = Rig::new(Chip { stuck: Some(stuck), ..Chip::new(Variant::B) });
         let mut poller = Poller::new(PollerConfig::new());
-        assert_eq!(rig.poller_next(&mut poller), PollerEvent::Fault(Fault::Configuration), "{stuck:02x?}");
+        let PollerEvent::Fault(fault) = rig.poller_next(&mut poller) else { panic!("{stuck:02x?}") };
+        assert_eq!(told(fault), stuck, "{fault:02x?}");
         assert_eq!(rig.chip.a[0x31] & 0x20, 0, "the field is on, {stuck:02x?}");
         rig.chip.stuck = None;
         assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
@@ -254,7 +277,8 @@ fn the_transmitter_goes_on_only_after_every_register_was_read_back() {
 fn an_operation_control_that_does_not_take_its_value_fails_bring_up() {
     let mut rig = Rig::new(Chip { stuck: Some((0, 0x02, 0x04)), ..Chip::new(Variant::B) });
     let mut poller = Poller::new(PollerConfig::new());
-    assert_eq!(rig.poller_next(&mut poller), PollerEvent::Fault(Fault::Configuration));
+    let fault = Fault::Register { address: 0x02, expected: 0x88, found: 0x8C };
+    assert_eq!(rig.poller_next(&mut poller), PollerEvent::Fault(fault));
     rig.chip.stuck = None;
     assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
 }
@@ -301,7 +325,7 @@ fn the_receiver_can_be_left_on_and_masked() {
 fn a_frame_is_started_by_one_byte_when_its_head_is_loaded_and_the_rest_follows() {
     let (mut rig, mut poller) = ready(Chip::new(Variant::B));
     let payload: Vec<u8> = (0..244).collect();
-    assert_eq!(rig.send(&mut poller, &payload), PollerEvent::Sent);
+    assert_eq!(rig.send(&mut poller, &payload), SENT);
     assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
 
     let log = rig.log();
@@ -316,6 +340,7 @@ fn a_frame_is_started_by_one_byte_when_its_head_is_loaded_and_the_rest_follows()
             "59 00 00 00 00 00 00 00", // I_txe
             "42 00 00 00",
             "71 00",
+            "40 00 00", // the first of the settings
         ]
     );
     assert_eq!(rig.chip.sent.len(), 1);
@@ -329,7 +354,7 @@ fn every_length_from_1_to_254_is_sent_whole() {
     let (mut rig, mut poller) = ready(Chip::new(Variant::B));
     for len in 1..=254_usize {
         let payload: Vec<u8> = (0..len).map(|index| (index * 7 + len) as u8).collect();
-        assert_eq!(rig.send(&mut poller, &payload), PollerEvent::Sent);
+        assert_eq!(rig.send(&mut poller, &payload), SENT);
         assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
         assert_eq!(rig.chip.sent.last().unwrap().1, payload);
     }
@@ -345,7 +370,7 @@ fn a_frame_can_be_sent_only_when_ready_and_only_with_a_length_that_fits() {
     assert_eq!(poller.prepare(255), Err(SendError::Length));
     assert_eq!(poller.prepare(usize::MAX), Err(SendError::Length));
     // None of the refusals disturbed it.
-    assert_eq!(rig.send(&mut poller, &[1; 254]), PollerEvent::Sent);
+    assert_eq!(rig.send(&mut poller, &[1; 254]), SENT);
     assert_eq!(poller.prepare(10), Err(SendError::NotReady));
 }
 
@@ -355,7 +380,7 @@ fn a_loaded_frame_can_be_given_up() {
     rig.payload = vec![1; 20];
     assert_eq!(rig.load(&mut poller, 20), PollerEvent::Loaded);
     assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
-    assert_eq!(rig.send(&mut poller, &[2; 30]), PollerEvent::Sent);
+    assert_eq!(rig.send(&mut poller, &[2; 30]), SENT);
     assert_eq!(rig.chip.sent.len(), 1);
     assert_eq!(rig.chip.sent[0].1, [2; 30]);
 }
@@ -366,8 +391,8 @@ fn the_wait_for_the_end_is_the_air_time_and_a_margin() {
     rig.payload = vec![0; 244];
     assert_eq!(rig.load(&mut poller, 244), PollerEvent::Loaded);
     let _ = poller.step(Input::Done(&[0]));
-    // 2040 bits · 32 / 13.56 MHz = 4814.2 µs, rounded up, and 500 µs.
-    assert_eq!(poller.step(Input::Done(&[])), Step::Wait { us: 4_815 + 500 });
+    // 2040 bits · 32 / 13.56 MHz = 4814.2 µs, rounded up, and 100 µs, less 228 bytes of the rest at 10 MHz.
+    assert_eq!(poller.step(Input::Done(&[])), Step::Wait { us: 4_815 + 100 - 182 });
 }
 
 #[test]
@@ -378,7 +403,7 @@ fn interrupts_survive_a_clear_that_clears_them_or_not() {
             // A stale I_txe from before must not pass for this frame's.
             rig.chip.irqs[0] |= crate::stand_in::TXE;
             let start = rig.chip.now;
-            assert_eq!(rig.send(&mut poller, &[9; 244]), PollerEvent::Sent);
+            assert_eq!(rig.send(&mut poller, &[9; 244]), SENT);
             assert!(rig.chip.now - start > 4_814, "Sent came before the frame was over");
             assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
         }
@@ -433,7 +458,7 @@ fn back_off_grows_to_64_ms_and_starts_over_after_a_frame() {
 
     rig.chip.miso = Miso::Driven;
     assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
-    assert_eq!(rig.send(&mut poller, &[1; 10]), PollerEvent::Sent);
+    assert_eq!(rig.send(&mut poller, &[1; 10]), SENT);
     rig.chip.miso = Miso::StuckLow;
     assert_eq!(rig.poller_next(&mut poller), PollerEvent::Fault(Fault::Reset));
     before = rig.chip.now;
@@ -460,21 +485,20 @@ fn an_oscillator_or_a_regulator_that_never_settles_is_given_up_in_time() {
 
 #[test]
 fn a_lost_frame_costs_no_bring_up_and_keeps_the_field_on() {
-    let (mut rig, mut poller) = ready(Chip { transmit_ends: false, ..Chip::new(Variant::B) });
-    // I_txe pending from nowhere would hide the failure.
+    let (mut rig, mut poller) = ready(Chip { transmits: false, ..Chip::new(Variant::B) });
     assert_eq!(rig.send(&mut poller, &[3; 100]), PollerEvent::Fault(Fault::NoTransmitEnd));
     rig.log();
-    rig.chip.transmit_ends = true;
+    rig.chip.transmits = true;
     assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
-    assert_eq!(rig.log(), ["C2", "DB", "42 00 00 00", "71 00"]);
+    assert_eq!(rig.log(), ["C2", "DB", "42 00 00 00", "71 00", "40 00 00"]);
     assert_eq!(rig.chip.a[2], 0x88);
-    assert_eq!(rig.send(&mut poller, &[4; 100]), PollerEvent::Sent);
+    assert_eq!(rig.send(&mut poller, &[4; 100]), SENT);
     assert_eq!(rig.chip.sent.last().unwrap().1, [4; 100]);
 }
 
 #[test]
 fn a_second_lost_frame_in_a_row_costs_a_bring_up() {
-    let (mut rig, mut poller) = ready(Chip { transmit_ends: false, ..Chip::new(Variant::B) });
+    let (mut rig, mut poller) = ready(Chip { transmits: false, ..Chip::new(Variant::B) });
     for _ in 0..2 {
         assert_eq!(rig.send(&mut poller, &[3; 100]), PollerEvent::Fault(Fault::NoTransmitEnd));
         assert_eq!(poller.counters().bring_ups, 1);
@@ -491,7 +515,7 @@ fn a_frame_is_prepared_again_for_another_length() {
     let step = poller.prepare(244).unwrap();
     assert_eq!(rig.poller(&mut poller, step), PollerEvent::Prepared);
     rig.log();
-    assert_eq!(rig.send(&mut poller, &[2; 16]), PollerEvent::Sent);
+    assert_eq!(rig.send(&mut poller, &[2; 16]), SENT);
     assert_eq!(rig.log()[3..5], ["80 02 02 02 02 02 02 02 02 02 02 02 02 02 02 02 02", "C4"]);
     assert_eq!(rig.chip.sent[0].1, [2; 16]);
 }
@@ -504,7 +528,7 @@ fn a_fifo_that_is_not_empty_before_a_frame_is_a_fault() {
     assert_eq!(rig.chip.sent.len(), 0);
     rig.chip.level_error = 0;
     assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
-    assert_eq!(rig.send(&mut poller, &[1; 244]), PollerEvent::Sent);
+    assert_eq!(rig.send(&mut poller, &[1; 244]), SENT);
 }
 
 #[test]
@@ -517,7 +541,7 @@ fn a_fifo_that_runs_dry_is_counted_and_the_next_frame_is_sent() {
     assert_eq!(rig.poller(&mut poller, transmit), PollerEvent::Fault(Fault::FifoFlow));
     assert_eq!(poller.counters().flow, 1);
     assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
-    assert_eq!(rig.send(&mut poller, &[1; 244]), PollerEvent::Sent);
+    assert_eq!(rig.send(&mut poller, &[1; 244]), SENT);
     assert_eq!(poller.counters().bring_ups, 1);
 }
 
@@ -531,11 +555,11 @@ fn bytes_left_over_after_a_frame_are_a_fault_unless_that_check_is_off() {
         assert_eq!(rig.load(&mut poller, 244), PollerEvent::Loaded);
         rig.chip.fifo.push_back(1);
         let left_over = PollerEvent::Fault(Fault::FifoCount { expected: 0, found: 1 });
-        let expected = if check_left_over { left_over } else { PollerEvent::Sent };
+        let expected = if check_left_over { left_over } else { SENT };
         let transmit = Step::Transfer(st25r3916::Transfer::Short(Poller::transmit()));
         assert_eq!(rig.poller(&mut poller, transmit), expected);
         assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
-        assert_eq!(rig.send(&mut poller, &[1; 244]), PollerEvent::Sent);
+        assert_eq!(rig.send(&mut poller, &[1; 244]), SENT);
         assert_eq!(poller.counters().bring_ups, 1);
     }
 }
@@ -551,11 +575,11 @@ fn the_time_for_the_rest_is_when_the_air_needs_its_first_byte_less_two_bytes_on_
 #[test]
 fn a_chip_that_resets_between_frames_is_brought_up_again() {
     let (mut rig, mut poller) = ready(Chip::new(Variant::A));
-    assert_eq!(rig.send(&mut poller, &[1; 10]), PollerEvent::Sent);
+    assert_eq!(rig.send(&mut poller, &[1; 10]), SENT);
     rig.chip.at(rig.chip.now, Happening::PowerUpReset);
     assert_eq!(rig.poller_next(&mut poller), PollerEvent::Fault(Fault::Reset));
     assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
-    assert_eq!(rig.send(&mut poller, &[1; 10]), PollerEvent::Sent);
+    assert_eq!(rig.send(&mut poller, &[1; 10]), SENT);
 }
 
 #[test]
@@ -564,7 +588,7 @@ fn a_chip_that_resets_under_a_frame_is_brought_up_again() {
     rig.chip.at(rig.chip.now + 3_000, Happening::PowerUpReset);
     assert_eq!(rig.send(&mut poller, &[1; 244]), PollerEvent::Fault(Fault::Reset));
     assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
-    assert_eq!(rig.send(&mut poller, &[1; 244]), PollerEvent::Sent);
+    assert_eq!(rig.send(&mut poller, &[1; 244]), SENT);
 }
 
 #[test]
@@ -591,7 +615,7 @@ fn a_write_that_does_not_stick_fails_bring_up() {
             break event;
         }
     };
-    assert_eq!(event, PollerEvent::Fault(Fault::Configuration));
+    assert_eq!(event, PollerEvent::Fault(Fault::Register { address: 0x04, expected: 0x22, found: 0x21 }));
     assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
 }
 
@@ -623,7 +647,7 @@ fn a_failed_transfer_is_a_bus_fault_wherever_it_happens() {
         }
         assert_eq!(poller.step(Input::Failed), Step::Event(PollerEvent::Fault(Fault::Bus)));
         assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
-        assert_eq!(rig.send(&mut poller, &[1; 20]), PollerEvent::Sent);
+        assert_eq!(rig.send(&mut poller, &[1; 20]), SENT);
     }
 }
 
@@ -631,11 +655,11 @@ fn a_failed_transfer_is_a_bus_fault_wherever_it_happens() {
 fn a_frame_lost_now_and_then_never_costs_a_bring_up() {
     let (mut rig, mut poller) = ready(Chip::new(Variant::B));
     for _ in 0..5 {
-        rig.chip.transmit_ends = false;
+        rig.chip.transmits = false;
         assert_eq!(rig.send(&mut poller, &[3; 100]), PollerEvent::Fault(Fault::NoTransmitEnd));
-        rig.chip.transmit_ends = true;
+        rig.chip.transmits = true;
         assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
-        assert_eq!(rig.send(&mut poller, &[3; 100]), PollerEvent::Sent);
+        assert_eq!(rig.send(&mut poller, &[3; 100]), SENT);
         assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
     }
     assert_eq!(poller.counters().bring_ups, 1);
@@ -669,4 +693,68 @@ fn interrupts_without_a_cause_are_counted_anew_for_each_wait() {
         };
     }
     assert!(poller.counters().sent > 10);
+}
+
+#[test]
+fn a_chip_that_never_raises_i_txe_sends_every_frame_unconfirmed() {
+    for receiver in [Receiver::Off, Receiver::OnMasked] {
+        let mut rig = Rig::new(Chip { transmit_ends: false, ..Chip::new(Variant::B) });
+        let mut poller = Poller::new(PollerConfig { receiver, ..PollerConfig::new() });
+        assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
+        for len in [1, 16, 17, 124, 184, 244, 254] {
+            let payload = vec![len as u8; len];
+            assert_eq!(rig.send(&mut poller, &payload), PollerEvent::Sent { confirmed: false });
+            let (began, sent) = rig.chip.sent.last().unwrap();
+            assert_eq!(*sent, payload);
+            // Not before its last bit, and not so late that the next frame could not be prepared.
+            let air = (48 + 16 + 8 * (len as u64 + 3)) * 3_200 / 1_356;
+            let late = rig.chip.now - began - air;
+            assert!((50..170).contains(&late), "{len} bytes: {late} µs after the last bit");
+            assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
+        }
+        let counters = poller.counters();
+        assert_eq!((counters.sent, counters.unconfirmed, counters.faults, counters.bring_ups), (7, 7, 0, 1));
+        rig.assert_no_misuse();
+    }
+}
+
+#[test]
+fn a_frame_that_the_chip_did_not_take_is_no_unconfirmed_one() {
+    for check_left_over in [true, false] {
+        let mut rig = Rig::new(Chip { transmits: false, ..Chip::new(Variant::B) });
+        let mut poller = Poller::new(PollerConfig { check_left_over, ..PollerConfig::new() });
+        assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
+        assert_eq!(rig.send(&mut poller, &[3; 1]), PollerEvent::Fault(Fault::NoTransmitEnd));
+        assert_eq!((poller.counters().sent, poller.counters().unconfirmed), (0, 0));
+    }
+}
+
+#[test]
+fn every_flipped_setting_is_told_within_one_rotation() {
+    for (variant, settings) in [(Variant::A, 13), (Variant::B, 15)] {
+        let (rig, poller) = ready(Chip::new(variant));
+        let written = rig.chip.written();
+        assert!(written.len() >= 24, "{written:02x?}");
+        for (space, address) in written {
+            for bit in 0..8 {
+                let (mut rig, mut poller) = (rig.clone(), poller.clone());
+                rig.chip.flip(space, address, bit);
+                let mut frames = 0;
+                let fault = loop {
+                    match rig.poller_next(&mut poller) {
+                        PollerEvent::Fault(fault) => break fault,
+                        event => assert_eq!(event, PollerEvent::Ready, "{space} {address:02x} {bit}"),
+                    }
+                    frames += 1;
+                    assert!(frames <= settings, "{space} {address:02x} {bit} was not told");
+                };
+                match fault {
+                    Fault::Reset => assert_eq!((space, address, bit), (0, 0x02, 7)),
+                    fault => assert_eq!(told(fault), (space, address, 1 << bit), "{fault:02x?}"),
+                }
+                assert_eq!(rig.poller_next(&mut poller), PollerEvent::Ready);
+                assert_eq!(rig.send(&mut poller, &[1; 244]), SENT);
+            }
+        }
+    }
 }

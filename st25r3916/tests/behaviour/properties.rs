@@ -160,7 +160,7 @@ fn sends_again(rig: &mut Rig, machine: &mut Poller, mut step: Step<PollerEvent>)
                     return false;
                 }
                 let transmit = Step::Transfer(Transfer::Short(Poller::transmit()));
-                return rig.poller(machine, transmit) == PollerEvent::Sent
+                return rig.poller(machine, transmit) == PollerEvent::Sent { confirmed: true }
                     && rig.chip.sent.last().is_some_and(|(_, frame)| *frame == rig.payload);
             }
             other => rig.carry_out(other),

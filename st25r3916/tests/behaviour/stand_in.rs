@@ -3,10 +3,10 @@
 //! It knows what the driver's documentation says the chip does, in whole microseconds, and can be told
 //! to do it wrong. It is not a model of the part: no analogue side, no modes but the two used here.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use st25r3916::listener::BUFFER;
-use st25r3916::{Input, Listener, ListenerEvent, Poller, PollerEvent, Step, Transfer, Variant};
+use st25r3916::{Fault, Input, Listener, ListenerEvent, Poller, PollerEvent, Step, Transfer, Variant};
 
 pub(crate) const MAIN: usize = 0;
 pub(crate) const TIMER: usize = 1;
@@ -69,6 +69,9 @@ pub(crate) struct Chip {
     pub(crate) measurement_us: Option<u64>,
     /// VDD, in millivolts.
     pub(crate) supply_mv: u32,
+    /// It sends what it is commanded to send.
+    pub(crate) transmits: bool,
+    /// A frame that was sent raises I_txe.
     pub(crate) transmit_ends: bool,
     /// The IRQ pin is high whatever the registers say.
     pub(crate) pin_stuck: bool,
@@ -78,6 +81,8 @@ pub(crate) struct Chip {
     pub(crate) stuck: Option<(usize, usize, u8)>,
     /// `reg_s` was set and cleared since the last adjustment.
     pub(crate) adjusts: bool,
+    /// Space and address of every register that was written since the last set default.
+    pub(crate) written: BTreeSet<(usize, usize)>,
     /// Every MOSI string, in order.
     pub(crate) log: Vec<Vec<u8>>,
     /// What was sent on air, with its instant in µs.
@@ -112,11 +117,13 @@ impl Chip {
             calibration_us: Some(2_000),
             measurement_us: Some(25),
             supply_mv: 5_000,
+            transmits: true,
             transmit_ends: true,
             pin_stuck: false,
             level_error: 0,
             stuck: None,
             adjusts: false,
+            written: BTreeSet::new(),
             log: Vec::new(),
             sent: Vec::new(),
             misuse: Vec::new(),
@@ -124,6 +131,21 @@ impl Chip {
             receiving: false,
             schedule: BTreeMap::new(),
             order: 0,
+        }
+    }
+
+    /// The registers of spaces A and B that hold what the driver has written last, each by its space and address: those
+    /// that it means to stay so. Not the length, which is another for each frame.
+    pub(crate) fn written(&self) -> BTreeSet<(usize, usize)> {
+        self.written.iter().copied().filter(|(space, address)| *space < 2 && !matches!(address, 0x22 | 0x23)).collect()
+    }
+
+    /// A bit of a register changes by itself.
+    pub(crate) fn flip(&mut self, space: usize, address: usize, bit: u8) {
+        let registers = if space == 0 { &mut self.a } else { &mut self.b };
+        registers[address] ^= 1 << bit;
+        if (space, address, bit) == (0, 0x02, 3) {
+            self.a[0x31] &= !0x20;
         }
     }
 
@@ -195,6 +217,7 @@ impl Chip {
     }
 
     fn reset(&mut self) {
+        self.written.clear();
         self.a = [0; 64];
         self.a[0x0B..=0x0E].copy_from_slice(&[0x08, 0x2D, 0xD8, 0x00]);
         self.a[0x28] = 0x70;
@@ -378,6 +401,7 @@ impl Chip {
             (0, 0x2C) if self.a[0x2C] & 0x80 != 0 && value & 0x80 == 0 => self.adjusts = true,
             _ => {}
         }
+        self.written.insert((space, address));
         let value = match self.stuck {
             Some((stuck_space, stuck_address, bits)) if (stuck_space, stuck_address) == (space, address) => {
                 value ^ bits
@@ -412,6 +436,7 @@ impl Chip {
             // Interrupts stay, so that the driver has to cope with an IRQ pin that is high already.
             0xC1 => self.reset(),
             0xC2 => self.schedule.retain(|_, what| !matches!(what, Happening::Taken | Happening::TransmitEnd)),
+            0xC4 if !self.transmits => {}
             0xC4 => {
                 let ntx = usize::from(self.a[0x22]) << 5 | usize::from(self.a[0x23]) >> 3;
                 self.sent.push((self.now, vec![]));
@@ -460,6 +485,12 @@ impl Chip {
             other => self.misuse.push(format!("command {other:02x}")),
         }
     }
+}
+
+/// Space, address and wrong bits of the register that a fault tells of.
+pub(crate) fn told(fault: Fault) -> (usize, usize, u8) {
+    let Fault::Register { address, expected, found } = fault else { panic!("{fault:02x?}") };
+    (usize::from(address >> 6), usize::from(address & 0x3F), expected ^ found)
 }
 
 /// A chip and the executor's side of it: payload to send, buffer to fill.
