@@ -34,6 +34,11 @@ impl Counter {
         self.0.fetch_add(amount, Ordering::Relaxed);
     }
 
+    /// Adds `amount`; wraps. Only for the one task that ever changes this number: it takes no exclusive access.
+    pub fn add_alone(&self, amount: u32) {
+        self.0.store(self.0.load(Ordering::Relaxed).wrapping_add(amount), Ordering::Relaxed);
+    }
+
     /// Sets the number to that of a counter that is kept elsewhere.
     pub fn set(&self, value: u32) {
         self.0.store(value, Ordering::Relaxed);

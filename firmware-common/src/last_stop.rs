@@ -48,10 +48,19 @@ pub enum Cause {
     GuardWord = 9,
     /// The external clock has failed (HORUS).
     Clock = 10,
+    /// An oscillator or PLL has not become ready in its time at the start.
+    ClockStart = 11,
+    /// RAM that is in use does not hold what is written. The detail is the address, 0 if it was not tested at the
+    /// start.
+    Ram = 12,
+    /// The supply is below what the part needs. The detail is the threshold, mV.
+    Supply = 13,
+    /// The reset below the lowest supply is not set (HORUS). The detail is the level in the option bytes.
+    BrownOutLevel = 14,
 }
 
 impl Cause {
-    const ALL: [Self; 10] = [
+    const ALL: [Self; 14] = [
         Self::MemoryProtection,
         Self::BusFault,
         Self::UsageFault,
@@ -62,6 +71,10 @@ impl Cause {
         Self::CodeInRam,
         Self::GuardWord,
         Self::Clock,
+        Self::ClockStart,
+        Self::Ram,
+        Self::Supply,
+        Self::BrownOutLevel,
     ];
 
     /// The cause in words.
@@ -78,7 +91,17 @@ impl Cause {
             Self::CodeInRam => "code in RAM changed",
             Self::GuardWord => "guard word changed",
             Self::Clock => "external clock failed",
+            Self::ClockStart => "clock did not start",
+            Self::Ram => "RAM faulty",
+            Self::Supply => "supply too low",
+            Self::BrownOutLevel => "brown-out reset not set",
         }
+    }
+
+    /// Whether what was stored in memory did not read as it was written: flash, code in RAM, a guard word, RAM in use.
+    #[must_use]
+    pub const fn is_memory_fault(self) -> bool {
+        matches!(self, Self::Flash | Self::CodeInRam | Self::GuardWord | Self::Ram)
     }
 
     const fn is_fault(self) -> bool {
@@ -329,8 +352,22 @@ pub fn note(stop: &Stop) {
     if NOTED.swap(true, Ordering::Relaxed) {
         return;
     }
-    for (to, from) in RECORD.iter().zip(stop.to_words()) {
-        to.store(from, Ordering::Relaxed);
+    record(&stop.to_words());
+}
+
+/// Runs `wait`, whose end is not in our hands, with `stop` recorded: if it never ends, the watchdog does, and after the
+/// restart the record says what was waited for. What stops the firmware in it replaces the record; otherwise there is
+/// none afterwards. A record of before has to be [taken](take) first.
+pub fn unless_over<T>(stop: &Stop, wait: impl FnOnce() -> T) -> T {
+    record(&stop.to_words());
+    let over = wait();
+    record(&[0; WORDS]);
+    over
+}
+
+fn record(words: &[u32; WORDS]) {
+    for (to, from) in RECORD.iter().zip(words) {
+        to.store(*from, Ordering::Relaxed);
     }
 }
 

@@ -4,20 +4,20 @@
 //! |---|---|
 //! | [`check_in`] | which tasks have checked in since the watchdog was last fed |
 //! | [`counter`] | the counters of which each firmware's telemetry is made |
-//! | [`hot`] | copies the code that runs from RAM there, before anything of it runs |
 //! | [`image`] | whether the program in flash has the CRC that the build gave it |
 //! | [`last_stop`] | why the firmware last stopped itself, kept over the restart |
 //! | [`log_section`] | lets the idle loop write to the log without masking interrupts |
 //! | `memory` | words of flash and RAM by the linker's symbols (target only) |
 //! | [`mpu`] | tables of the memory protection unit |
-//! | [`patrol`] | integrity of flash, code in RAM, guard words and free RAM, round the clock |
+//! | [`patrol`] | integrity of flash, code in RAM, guard words and RAM in use, round the clock |
 //! | [`safe_state`] | what a panic or a fault does: enter the board's safe state, log once, wait for the watchdog |
+//! | [`start`] | the first instructions: reset flags, watchdog, and the code that runs from RAM |
+//! | [`start_test`] | the test of the RAM before anything is stored in it |
 #![cfg_attr(not(test), no_std)]
 #![deny(unsafe_code)]
 
 pub mod check_in;
 pub mod counter;
-pub mod hot;
 pub mod image;
 pub mod last_stop;
 pub mod log_section;
@@ -26,3 +26,5 @@ pub mod memory;
 pub mod mpu;
 pub mod patrol;
 pub mod safe_state;
+pub mod start;
+pub mod start_test;

@@ -1,4 +1,4 @@
-//! Memory as the linker has laid it out, word by word: the image in flash, code in RAM, guard words, free RAM.
+//! Memory as the linker has laid it out, word by word: the image in flash, code in RAM, guard words, RAM in use.
 //!
 //! Everything here is a load or a store of one word at an address between two symbols of the linker script. Loads are
 //! instructions in assembly, not reads through a reference: on the nRF52840 flash begins at address 0, to which no Rust
@@ -7,7 +7,7 @@
 
 use core::{arch::asm, ops::Range};
 
-use crate::patrol::Layout;
+use crate::patrol::{ram::APART, Layout};
 
 /// The address of a linker symbol.
 macro_rules! address {
@@ -53,10 +53,80 @@ pub fn load_shut(address: u32) -> u32 {
     word
 }
 
-/// Stores `word` at `address`, which must be free RAM or a guard.
+/// Stores `word` at `address`, which must be a guard's.
 pub(crate) fn store(address: u32, word: u32) {
     // SAFETY: the caller, the patrol, stores into memory alone that the linker gave to no object of the program.
     unsafe { (address as *mut u32).write_volatile(word) };
+}
+
+/// Inverts the word of RAM at `address` and the one behind it and restores them; the bits that did not read as they
+/// were written. All interrupts are masked meanwhile, which takes [`MASKED_CYCLES`](crate::patrol::ram::MASKED_CYCLES)
+/// at most; see [`patrol::ram`](crate::patrol::ram) for the order of the accesses.
+pub(crate) fn exercise(address: u32) -> u32 {
+    let wrong: u32;
+    // SAFETY: both words are RAM, which the caller's layout says. Nothing sees them inverted: interrupts are masked,
+    // the instructions between use no memory but them, and what DMA reaches is left out by the layout. They are
+    // restored from registers. PRIMASK was clear before, since the caller is a task in thread mode, and is clear after
+    // it.
+    unsafe {
+        asm!(
+            "cpsid i",
+            "ldr {c0}, [{at}]",
+            "ldr {c1}, [{at}, #4]",
+            // Up: read the contents, write the complement.
+            "ldr {wrong}, [{at}]",
+            "eors {wrong}, {c0}",
+            "mvns {c0}, {c0}",
+            "str {c0}, [{at}]",
+            "ldr {read}, [{at}, #4]",
+            "eors {read}, {c1}",
+            "orrs {wrong}, {read}",
+            "mvns {c1}, {c1}",
+            "str {c1}, [{at}, #4]",
+            // Down: read the complement, write the contents.
+            "ldr {read}, [{at}, #4]",
+            "eors {read}, {c1}",
+            "orrs {wrong}, {read}",
+            "mvns {c1}, {c1}",
+            "str {c1}, [{at}, #4]",
+            "ldr {read}, [{at}]",
+            "eors {read}, {c0}",
+            "orrs {wrong}, {read}",
+            "mvns {c0}, {c0}",
+            "str {c0}, [{at}]",
+            "ldr {read}, [{at}]",
+            "eors {read}, {c0}",
+            "orrs {wrong}, {read}",
+            "ldr {read}, [{at}, #4]",
+            "cpsie i",
+            "eors {read}, {c1}",
+            "orrs {wrong}, {read}",
+            at = in(reg) address,
+            c0 = out(reg) _,
+            c1 = out(reg) _,
+            read = out(reg) _,
+            wrong = out(reg) wrong,
+            options(nostack)
+        );
+    }
+    wrong
+}
+
+/// Where `object` is.
+pub fn span<T: ?Sized>(object: &T) -> Range<u32> {
+    let start = (&raw const *object).cast::<u8>() as u32;
+    start..start + size_of_val(object) as u32
+}
+
+/// The log's control block and buffer, which a debug probe reads and writes: `defmt-rtt` has one channel.
+fn log() -> [Range<u32>; 2] {
+    /// SEGGER's layout: 16 bytes of name, two counts, and a channel of six words, of which the second is the buffer's
+    /// address and the third its size.
+    const BLOCK: u32 = 48;
+    const BUFFER: u32 = 28;
+    let block = address!(_SEGGER_RTT);
+    let buffer = load(block + BUFFER);
+    [block..block + BLOCK, buffer..buffer + load(block + BUFFER + 4)]
 }
 
 /// The image in flash: from the vector table up to its CRC.
@@ -80,9 +150,13 @@ pub fn is_stack(address: u32, len: u32) -> bool {
 }
 
 /// Where everything is that is re-verified round the clock. `shut_end` is the end of the part of the image that the
-/// memory protection unit has shut.
+/// memory protection unit has shut; `apart` is RAM that others than the processor read or write, but for the log.
 #[must_use]
-pub fn layout(shut_end: u32) -> Layout {
+pub fn layout(shut_end: u32, apart: [Range<u32>; APART - 2]) -> Layout {
+    let mut all = [const { 0..0 }; APART];
+    for (to, from) in all.iter_mut().zip(apart.into_iter().chain(log())) {
+        *to = from;
+    }
     #[cfg(feature = "hot")]
     let (code, code_load) = (address!(__shot)..address!(__ehot), address!(__sihot));
     #[cfg(not(feature = "hot"))]
@@ -99,6 +173,7 @@ pub fn layout(shut_end: u32) -> Layout {
             address!(__guard_uninit),
             address!(__guard_end),
         ],
-        free: address!(__free_start)..address!(__free_end),
+        used: address!(__ram_start)..address!(__ram_end),
+        apart: all,
     }
 }

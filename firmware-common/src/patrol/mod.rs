@@ -1,4 +1,4 @@
-//! Integrity of what is stored, round the clock: flash, code in RAM, the surroundings of the statics, free RAM.
+//! Integrity of what is stored, round the clock: flash, code in RAM, the surroundings of the statics, RAM in use.
 //!
 //! # Design
 //!
@@ -10,12 +10,13 @@
 //! | flash, from the vector table on | its CRC, some words a slice; a verdict after each pass | [`Slice::flash`] |
 //! | code that runs from RAM | compared with its load image in flash, some words a slice | [`Slice::code`] |
 //! | around the statics, end of the stack | all guard words in each slice ([`guard`]) | [`Slice::guard`] |
-//! | free RAM | March C-, some words a slice ([`march`]) | [`Slice::ram_errors`] |
+//! | RAM in use: stack and statics | inverted and restored, some words a slice ([`ram`]) | [`Slice::ram`] |
 //!
-//! What a mismatch leads to is the board's decision; this module changes nothing but free RAM. CRC tables and
+//! What a mismatch leads to is the board's decision; this module leaves everything as it finds it. CRC tables and
 //! constants lie in flash or in the RAM of the code, and so are covered. Statics change and have no CRC: what other
-//! code could overwrite is behind guard words and the memory protection unit ([`mpu`](crate::mpu)), and what a fault of
-//! the memory could change is the business of the CRCs of the objects and of the watchdog.
+//! code could overwrite is behind guard words and the memory protection unit ([`mpu`](crate::mpu)), what does not hold
+//! its contents any more is found by the test of the RAM, and a bit that flips once is the business of the CRCs of the
+//! objects and of the watchdog.
 //!
 //! # Time to detect
 //!
@@ -24,17 +25,17 @@
 //! - flash: at the end of the first pass that begins after it, so two passes at most ([`Rate::flash_detect_us`]);
 //! - code in RAM: when its word's turn comes, so one pass at most ([`Rate::code_detect_us`]);
 //! - guard words: one slice;
-//! - free RAM: a bit that is stuck or coupled, within the pass that has the background to show it, so one pass for a
-//!   stuck bit, all six for the coupling of two bits of a word ([`Rate::ram_pass_us`]).
+//! - RAM in use: a bit that is stuck or does not change, when its word's turn comes, so one pass at most
+//!   ([`Rate::ram_pass_us`]).
 
 use core::ops::Range;
 
 pub mod guard;
-pub mod march;
+pub mod ram;
 
 use crate::image::Comparison;
 use guard::Guards;
-use march::March;
+use ram::Walk;
 
 /// One slice is due every so many µs.
 pub const SLICE_US: u32 = 2_500;
@@ -48,8 +49,11 @@ pub trait Memory {
     fn load(&self, address: u32) -> u32;
     /// The word at `address` of flash that the memory protection unit has shut.
     fn load_shut(&self, address: u32) -> u32;
-    /// Stores `word` at `address` of free RAM.
+    /// Stores `word` at `address`, which belongs to a guard.
     fn store(&mut self, address: u32, word: u32);
+    /// Inverts the word at `address` of RAM and the one behind it and restores them, with nothing in between; the bits
+    /// that did not read as they were written.
+    fn exercise(&mut self, address: u32) -> u32;
 }
 
 /// Where things are. All addresses are multiples of four.
@@ -65,8 +69,10 @@ pub struct Layout {
     pub code_load: u32,
     /// The guards: two words each.
     pub guards: [u32; guard::COUNT],
-    /// RAM that nothing uses.
-    pub free: Range<u32>,
+    /// RAM with stack and statics.
+    pub used: Range<u32>,
+    /// What of it is left out, since not the processor alone reads and writes it.
+    pub apart: [Range<u32>; ram::APART],
 }
 
 /// How much a slice does.
@@ -76,8 +82,8 @@ pub struct Rate {
     pub flash_words: u32,
     /// Words of code in RAM.
     pub code_words: u32,
-    /// Steps of the march test, each one word.
-    pub march_words: u32,
+    /// Steps of the test of the RAM, each of which moves on by a word.
+    pub ram_words: u32,
 }
 
 impl Rate {
@@ -94,10 +100,10 @@ impl Rate {
         (bytes.div_ceil(4).div_ceil(self.code_words) + 1) * SLICE_US
     }
 
-    /// One pass of the march test over `bytes` of RAM, µs.
+    /// One pass over `bytes` of RAM in use, µs, a slice longer since it begins within one.
     #[must_use]
     pub const fn ram_pass_us(&self, bytes: u32) -> u32 {
-        (march::ELEMENTS * bytes.div_ceil(4)).div_ceil(self.march_words) * SLICE_US
+        (bytes.div_ceil(4).div_ceil(self.ram_words) + 1) * SLICE_US
     }
 }
 
@@ -135,10 +141,10 @@ pub struct Slice {
     pub code: Option<u32>,
     /// The number of a guard that has changed: its place in [`Layout::guards`].
     pub guard: Option<u32>,
-    /// Bits of free RAM that did not read as they were written.
-    pub ram_errors: u32,
-    /// A pass over free RAM is complete: how many wrong bits it has found.
-    pub ram_pass: Option<u32>,
+    /// The address of two words of RAM in use of which one does not hold what is written.
+    pub ram: Option<u32>,
+    /// A pass over RAM in use is complete: whether all of it was sound.
+    pub ram_pass: Option<bool>,
 }
 
 /// The patrol over a board's memory.
@@ -152,21 +158,20 @@ pub struct Patrol {
     /// The next word of code, from its start.
     code_at: u32,
     guards: Guards,
-    march: March,
+    ram: Walk,
 }
 
 impl Patrol {
     /// At the beginning of all passes. Writes the guard words, so to be called before anything can have changed them.
     pub fn new(layout: Layout, rate: Rate, memory: &mut impl Memory) -> Self {
         let guards = Guards::set(layout.guards, memory);
-        let march = March::new(layout.free.clone());
-        Self { flash_at: layout.image.start, crc: 0, code_at: 0, guards, march, layout, rate }
+        Self { flash_at: layout.image.start, crc: 0, code_at: 0, guards, ram: Walk::new(), layout, rate }
     }
 
-    /// Begins the passes over flash and free RAM anew.
+    /// Begins the passes over flash and RAM anew.
     pub fn restart(&mut self) {
         (self.flash_at, self.crc) = (self.layout.image.start, 0);
-        self.march.restart();
+        self.ram.restart();
     }
 
     /// One slice. Its work is the same as long as memory holds what it should.
@@ -174,8 +179,9 @@ impl Patrol {
         let guard = self.guards.changed(memory);
         let flash = self.flash(memory);
         let code = self.code(memory);
-        let march::Found { errors: ram_errors, pass: ram_pass } = self.march.run(self.rate.march_words, memory);
-        Slice { flash, code, guard, ram_errors, ram_pass }
+        let Layout { used, apart, .. } = &self.layout;
+        let ram::Found { fault: ram, pass: ram_pass } = self.ram.run(self.rate.ram_words, used, apart, memory);
+        Slice { flash, code, guard, ram, ram_pass }
     }
 
     fn flash(&mut self, memory: &impl Memory) -> Option<Comparison> {
@@ -221,7 +227,7 @@ pub struct PartMemory(());
 
 #[cfg(target_os = "none")]
 impl PartMemory {
-    /// To be called once: what it stores to belongs to it alone.
+    /// To be called once, by whoever runs in thread mode with no interrupt masked: the words are exercised there.
     #[must_use]
     pub fn take() -> Self {
         Self(())
@@ -240,6 +246,10 @@ impl Memory for PartMemory {
 
     fn store(&mut self, address: u32, word: u32) {
         crate::memory::store(address, word);
+    }
+
+    fn exercise(&mut self, address: u32) -> u32 {
+        crate::memory::exercise(address)
     }
 }
 

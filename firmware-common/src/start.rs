@@ -1,0 +1,93 @@
+//! What runs before anything else: the watchdog, the reset flags, and the code that runs from RAM.
+//!
+//! # Design
+//!
+//! The reset handler of cortex-m-rt calls `__pre_init` before it sets up statics. All of it is assembler, since Rust
+//! code may not run before that. A firmware installs it with [`install_start!`](crate::install_start), whose argument
+//! are the board's own first instructions. They use no stack, so that a memory that is damaged does not stop them, and
+//! do two things in this order:
+//!
+//! 1. The reset flags are read and cleared in the part.
+//! 2. The watchdog is started.
+//!
+//! Both parts collect their reset flags until they are cleared, so a restart by the watchdog that found the flags of
+//! the start before still set could not be told from that start. In this order it can: whatever the watchdog ends came
+//! after the flags were cleared. What was read is then kept in [`RESET_FLAGS`].
+//!
+//! No RAM but that one word is touched before `__prepare_memory`, which is reached by a branch with the reset handler's
+//! return address still in the link register. It [tests](crate::start_test) the RAM. With the feature `hot` it copies
+//! the section `.hot` to where it runs; a firmware's linker script places that section (the DPR's does,
+//! `dpr-fw/hot.x`). On the nRF52840 it is fetched at 0x0080_0000 and written at 0x2000_0000, the data address of the
+//! same bytes (PS v1.7, 4.2). The copy is assembler also because a compiler may call the section's own `memcpy`. The
+//! barriers at the end: what was stored is in memory before an instruction is fetched from there (ARMv7-M ARM, A3.8).
+
+use core::sync::atomic::{AtomicU32, Ordering};
+
+/// From the address at which code in RAM is fetched to the one at which it is written (nRF52840 PS v1.7, 4.2).
+pub const DATA_ADDRESS: usize = 0x2000_0000 - 0x0080_0000;
+
+/// The part's reset flags as the first instructions have read them, before they cleared them in the part.
+#[cfg_attr(target_os = "none", allow(unsafe_code))] // The attribute names a section, which the compiler cannot check.
+#[cfg_attr(target_os = "none", link_section = ".uninit.RESET_FLAGS")]
+pub static RESET_FLAGS: AtomicU32 = AtomicU32::new(0);
+
+/// The part's reset flags at this start. Only with [`install_start!`](crate::install_start) do they mean anything.
+#[must_use]
+pub fn reset_flags() -> u32 {
+    RESET_FLAGS.load(Ordering::Relaxed)
+}
+
+#[cfg(target_os = "none")]
+#[allow(unsafe_code)]
+mod memory {
+    core::arch::global_asm!(
+        ".section .text.__prepare_memory, \"ax\", %progbits",
+        ".global __prepare_memory",
+        ".type __prepare_memory, %function",
+        ".thumb_func",
+        "__prepare_memory:",
+        // No stack: it lies in what is tested.
+        "mov r8, lr",
+        "bl __test_memory",
+        #[cfg(feature = "hot")]
+        "ldr r0, =__sihot
+         ldr r1, =__shot + {data_address}
+         ldr r2, =__ehot + {data_address}
+         2:
+         cmp r1, r2
+         beq 3f
+         ldmia r0!, {{r3, r4, r5, r6}}
+         stmia r1!, {{r3, r4, r5, r6}}
+         b 2b
+         3:
+         dsb
+         isb",
+        "bx r8",
+        ".ltorg",
+        ".size __prepare_memory, . - __prepare_memory",
+        ".text",
+        #[cfg(feature = "hot")]
+        data_address = const super::DATA_ADDRESS,
+    );
+}
+
+/// Installs `__pre_init`: the instructions in brackets, which must leave the link register and the stack alone and end
+/// by falling through, then the preparation of memory. What follows the brackets are operands of `global_asm!`.
+#[macro_export]
+macro_rules! install_start {
+    ([$($instruction:literal),* $(,)?] $($operands:tt)*) => {
+        core::arch::global_asm!(
+            ".section .text.__pre_init, \"ax\", %progbits",
+            ".global __pre_init",
+            ".type __pre_init, %function",
+            ".thumb_func",
+            "__pre_init:",
+            $($instruction,)*
+            "b __prepare_memory",
+            ".ltorg",
+            ".size __pre_init, . - __pre_init",
+            ".text",
+            $($operands)*
+        );
+    };
+}

@@ -1,0 +1,254 @@
+//! The test of the RAM at the start, before anything is stored in it.
+//!
+//! # Design
+//!
+//! [`start`](crate::start) calls `__test_memory`, behind the board's first instructions, before statics are set up and
+//! before code is copied to RAM. It uses registers alone, in assembler, since a stack or a static would lie in what is
+//! tested.
+//!
+//! | RAM | test |
+//! |---|---|
+//! | stack, `.data`, `.bss`; where code will run (`hot`) | March C- with zeros, which it leaves behind |
+//! | `.uninit`, in which some statics outlive a reset, to the end | inverted and restored, two words at a time |
+//!
+//! March C- (A. J. van de Goor, *Testing Semiconductor Memories*, 1991) visits every word six times:
+//!
+//! ```text
+//!   up (write 0); up (read 0, write 1); up (read 1, write 0);
+//!   down (read 0, write 1); down (read 1, write 0); up (read 0)
+//! ```
+//!
+//! It finds all stuck-at, transition and address decoder faults, and all unlinked coupling faults between bits of
+//! different words. Bits of one word always have the same value in it, so it does not find that one of them drags
+//! another along; what the [test at run time](crate::patrol::ram) does with the contents finds that where they differ.
+//!
+//! A reset in the middle of the test costs what was in two words of `.uninit`: what is kept there has a CRC.
+//!
+//! # Time
+//!
+//! [`HORUS_CYCLES`] and [`DPR_CYCLES`] a word at most, on the pessimistic clock. HORUS's 32 KiB take 20.5 ms of its
+//! 16 MHz at most, where its flash has no wait state; the DPR's 32 KiB and 64 KiB of code at most 23.9 ms of its
+//! 64 MHz, where its flash makes it wait. The watchdog, which runs by then, bites later than that: its first period is
+//! 340 ms (HORUS) and 98 ms (DPR) at least.
+//!
+//! # Result
+//!
+//! [`take`] gives it once. A start that has not tested its memory has none, which is not taken for a good one.
+
+use core::sync::atomic::{AtomicU32, Ordering};
+
+/// The test has come to its end. With it comes, by exclusive or, the address of the block of 32 bytes in which a fault
+/// was found; no block begins at 0.
+pub const TESTED: u32 = 0x4D61_7263;
+
+/// What the test has come to.
+#[cfg_attr(target_os = "none", allow(unsafe_code))] // The attributes name symbol and section, which are not checked.
+#[cfg_attr(target_os = "none", no_mangle, link_section = ".uninit.MEMORY_TEST")]
+static MEMORY_TEST: AtomicU32 = AtomicU32::new(0);
+
+/// What the test of the memory at this start has come to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// Every word holds what is written.
+    Sound,
+    /// In the 32 bytes from this address on, a word does not.
+    Faulty(u32),
+    /// There is no result.
+    NotTested,
+}
+
+impl Outcome {
+    const fn of(result: u32) -> Self {
+        match result ^ TESTED {
+            0 => Self::Sound,
+            // All of it is in RAM, whose addresses begin with 2; anything else was not stored by the test.
+            address if address >> 28 == 2 => Self::Faulty(address),
+            _ => Self::NotTested,
+        }
+    }
+
+    /// The address of the fault, 0 if there was no test; nothing if memory is sound.
+    #[must_use]
+    pub const fn fault(self) -> Option<u32> {
+        match self {
+            Self::Sound => None,
+            Self::Faulty(address) => Some(address),
+            Self::NotTested => Some(0),
+        }
+    }
+}
+
+/// The outcome of this start's test, once: nothing of it is left for a start that does not get as far.
+pub fn take() -> Outcome {
+    Outcome::of(MEMORY_TEST.swap(0, Ordering::Relaxed))
+}
+
+/// Cycles for a word of HORUS's memory, and of the DPR's, at most.
+pub const HORUS_CYCLES: u32 = 40;
+/// See [`HORUS_CYCLES`].
+pub const DPR_CYCLES: u32 = 62;
+
+/// The longest that the test of `bytes` takes at `mhz` and so many cycles for each word, µs.
+#[must_use]
+pub const fn longest_us(bytes: u32, cycles: u32, mhz: u32) -> u32 {
+    (bytes / 4 * cycles).div_ceil(mhz)
+}
+
+const _: () = assert!(longest_us(32 * 1024, HORUS_CYCLES, 16) <= 20_500);
+const _: () = assert!(longest_us(96 * 1024, DPR_CYCLES, 64) <= 23_900);
+
+#[cfg(target_os = "none")]
+#[allow(unsafe_code)]
+mod test {
+    // r0 from, r1 to, r2 the block of 32 bytes, r3 zeros, r4 ones, r5 what was read, r6 the block that is faulty.
+    // Ranges are whole blocks (`guards.x`, `hot.x`) but for the last, which is tested in pairs of words.
+    core::arch::global_asm!(
+        ".macro visit offset, expected, written",
+        "ldr r5, [r2, #\\offset]",
+        "cmp r5, \\expected",
+        "bne 9f",
+        "str \\written, [r2, #\\offset]",
+        ".endm",
+        ".macro visit_up expected, written",
+        "2:",
+        ".irp offset, 0, 4, 8, 12, 16, 20, 24, 28",
+        "visit \\offset, \\expected, \\written",
+        ".endr",
+        "adds r2, #32",
+        "cmp r2, r1",
+        "blo 2b",
+        ".endm",
+        ".macro visit_down expected, written",
+        "2:",
+        "subs r2, #32",
+        ".irp offset, 28, 24, 20, 16, 12, 8, 4, 0",
+        "visit \\offset, \\expected, \\written",
+        ".endr",
+        "cmp r2, r0",
+        "bhi 2b",
+        ".endm",
+        ".section .text.__march, \"ax\", %progbits",
+        ".type __march, %function",
+        ".thumb_func",
+        "__march:",
+        "cmp r0, r1",
+        "bhs 3f",
+        "mov r2, r0",
+        "2:",
+        ".irp offset, 0, 4, 8, 12, 16, 20, 24, 28",
+        "str r3, [r2, #\\offset]",
+        ".endr",
+        "adds r2, #32",
+        "cmp r2, r1",
+        "blo 2b",
+        "mov r2, r0",
+        "visit_up r3, r4",
+        "mov r2, r0",
+        "visit_up r4, r3",
+        "visit_down r3, r4",
+        "mov r2, r1",
+        "visit_down r4, r3",
+        // At r0 again: read once more, and write what is there already.
+        "visit_up r3, r3",
+        "3:",
+        "bx lr",
+        "9:",
+        "mov r6, r2",
+        "bx lr",
+        ".size __march, . - __march",
+    );
+    core::arch::global_asm!(
+        ".section .text.__test_memory, \"ax\", %progbits",
+        ".global __test_memory",
+        ".type __test_memory, %function",
+        ".thumb_func",
+        "__test_memory:",
+        "mov r7, lr",
+        "movs r3, #0",
+        "mvns r4, r3",
+        "movs r6, #0",
+        "ldr r0, =__ram_start",
+        "ldr r1, =__suninit",
+        "bl __march",
+    );
+    #[cfg(feature = "hot")]
+    core::arch::global_asm!(
+        ".section .text.__test_memory, \"ax\", %progbits",
+        "ldr r0, =__shot + {data_address}",
+        "ldr r1, =__ehot + {data_address}",
+        "bl __march",
+        data_address = const crate::start::DATA_ADDRESS,
+    );
+    core::arch::global_asm!(
+        ".section .text.__test_memory, \"ax\", %progbits",
+        // Two words, r3 and r4, up and down.
+        "ldr r0, =__suninit",
+        "ldr r1, =__ram_end",
+        "4:",
+        "ldrd r3, r4, [r0]",
+        "ldr r5, [r0]",
+        "cmp r5, r3",
+        "bne 9f",
+        "mvns r3, r3",
+        "str r3, [r0]",
+        "ldr r5, [r0, #4]",
+        "cmp r5, r4",
+        "bne 9f",
+        "mvns r4, r4",
+        "str r4, [r0, #4]",
+        "ldr r5, [r0, #4]",
+        "cmp r5, r4",
+        "bne 9f",
+        "mvns r4, r4",
+        "str r4, [r0, #4]",
+        "ldr r5, [r0]",
+        "cmp r5, r3",
+        "bne 9f",
+        "mvns r3, r3",
+        "str r3, [r0]",
+        "ldr r5, [r0, #4]",
+        "cmp r5, r4",
+        "bne 9f",
+        "ldr r5, [r0]",
+        "cmp r5, r3",
+        "bne 9f",
+        "adds r0, #8",
+        "cmp r0, r1",
+        "blo 4b",
+        "b 5f",
+        "9:",
+        "bic r6, r0, #31",
+        "5:",
+        "ldr r5, ={tested}",
+        "eors r5, r6",
+        "ldr r0, =MEMORY_TEST",
+        "str r5, [r0]",
+        "bx r7",
+        ".ltorg",
+        ".size __test_memory, . - __test_memory",
+        ".text",
+        tested = const super::TESTED,
+    );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_what_the_test_stores_is_an_outcome() {
+        assert_eq!(Outcome::of(TESTED), Outcome::Sound);
+        assert_eq!(Outcome::of(TESTED ^ 0x2000_7FE0), Outcome::Faulty(0x2000_7FE0));
+        for nothing in [0, u32::MAX, !TESTED, TESTED ^ 1, TESTED ^ 0x0800_0000] {
+            assert_eq!(Outcome::of(nothing), Outcome::NotTested, "{nothing:#x}");
+        }
+        let faults = [Outcome::Sound, Outcome::Faulty(0x2000_0020), Outcome::NotTested].map(Outcome::fault);
+        assert_eq!(faults, [None, Some(0x2000_0020), Some(0)]);
+    }
+
+    #[test]
+    fn an_outcome_is_taken_once_and_absence_is_none() {
+        MEMORY_TEST.store(TESTED, Ordering::Relaxed);
+        assert_eq!((take(), take()), (Outcome::Sound, Outcome::NotTested));
+    }
+}
