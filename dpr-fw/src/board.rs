@@ -25,6 +25,7 @@
 //! | TIMER0 | µs counter; compare 0: a wait of the driver; capture 1: IRQ edge, 3: now | `TIMER0`, `rf_timer` |
 //! | TIMER1 | the deadline of the next frame | `TIMER1`, `deadline` |
 //! | TIMER2 | time since FRESH, µs. Compare 0 and 1: expiry of the image. Compare 2: end of the FRESH pulse | – |
+//! | TIMER3 | time since a transaction was served, µs. Compare 0: end of the pause | `TIMER3`, `ssi_pause` |
 //! | SWI0, SWI1, SWI2 | calls of `commit`, `scrub` and `port` | `SWI0_EGU0`, `SWI1_EGU1`, `SWI2_EGU2` |
 //! | WDT | watchdog | – |
 //!
@@ -46,6 +47,7 @@ use nrf52840_hal::{
 /// The vectors of the tasks, in the order of [`TASKS`].
 const TASK_VECTORS: [Interrupt; TASKS.len()] = [
     Interrupt::SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1,
+    Interrupt::TIMER3,
     Interrupt::SPIM0_SPIS0_TWIM0_TWIS0_SPI0_TWI0,
     Interrupt::GPIOTE,
     Interrupt::TIMER0,
@@ -76,6 +78,8 @@ pub(crate) const NOW_CAPTURE: usize = 3;
 pub(crate) const EXPIRY_COMPARES: [usize; 2] = [0, 1];
 /// Compare register of TIMER2 for the end of the FRESH pulse.
 pub(crate) const PULSE_COMPARE: usize = 2;
+/// Compare register of TIMER3 for the end of the pause after a transaction.
+pub(crate) const PAUSE_COMPARE: usize = 0;
 
 /// Pins of the front end.
 pub(crate) struct RfPins {

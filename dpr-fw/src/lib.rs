@@ -21,6 +21,7 @@
 //! | [`task`] | the tasks that have to check in, so that the watchdog may be fed | every task |
 //! | [`reset`] | why the part last started | start |
 //! | [`debug_port`] | whether the debug port stays open | start |
+//! | [`crystal`] | the wait for the 32 MHz crystal | start |
 //! | [`telemetry`] | the counters that a debugger, or the bench, reads from RAM | every task |
 //!
 //! Constant time: what a cycle costs does not depend on what the data say. Every object is verified and copied under a
@@ -30,6 +31,7 @@
 
 pub mod accept;
 pub mod commit;
+pub mod crystal;
 pub mod debug_port;
 pub mod intake;
 pub mod integrity;

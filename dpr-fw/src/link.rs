@@ -231,6 +231,8 @@ pub struct Health {
     pub ram_fault: bool,
     /// The RFID front end is lost at the moment.
     pub front_end_fault: bool,
+    /// The RFID front end works and senses no field of the sender.
+    pub no_field: bool,
     /// The program memory does not have the CRC that the build gave it.
     pub flash_fault: bool,
     /// Why the DPR last started.
@@ -331,7 +333,8 @@ impl Link {
             .with_out_of_sequence(!held)
             .with_horus_clock_implausible(held && self.sequence.is_clock_implausible())
             .with_flash_fault(health.flash_fault)
-            .with_reset_reason(health.reset_reason);
+            .with_reset_reason(health.reset_reason)
+            .with_no_field(health.no_field);
         LinkStatus::seal(&LinkValues {
             timestamp: self.clock.ms(),
             status,
@@ -598,6 +601,7 @@ mod tests {
         assert_eq!(shown(health).status, none);
         assert_eq!(shown(Health { ram_fault: true, ..health }).status, none.with_ram_fault(true));
         assert_eq!(shown(Health { front_end_fault: true, ..health }).status, none.with_front_end_fault(true));
+        assert_eq!(shown(Health { no_field: true, ..health }).status, none.with_no_field(true));
         assert_eq!(shown(Health { flash_fault: true, ..health }).status, none.with_flash_fault(true));
         for (reset_reason, unasked) in [
             (ResetReason::PowerOn, false),

@@ -4,6 +4,7 @@
 //! | priority | task | when | has to be through within |
 //! |---|---|---|---|
 //! | 5 | `ssi_end` | a transaction has ended, a newer image is there, the image has expired | 10 µs |
+//! | 5 | `ssi_pause` | 95 µs after a transaction's end was served: the next may call `ssi_end` | 10 µs |
 //! | 4 | `rf_spi`, `rf_irq`, `rf_timer` | a transfer has ended, the front end's IRQ rises, a wait is over | 40 µs |
 //! | 3 | `commit`, `deadline` | a frame is in its buffer; 12.5 ms without one | 0.1 ms |
 //! | 2 | `scrub` | a buffer was read | 10 ms |
@@ -16,7 +17,8 @@
 //! ms the watchdog bites.
 //!
 //! SSI above RFID above commit above scrub above port above idle. A flight controller that never stops cannot keep the
-//! others from running: how often the highest task runs is bounded by what it grants ([`dpr_fw::ssi::Budget`]).
+//! others from running: how often the highest tasks run is bounded by the pause between two transactions that they
+//! serve and by what they grant ([`dpr_fw::ssi`]).
 //!
 //! Only `idle` writes to the log, and no task masks interrupts for that ([`firmware_common::log_section`]).
 #![cfg_attr(target_os = "none", no_std, no_main)]
@@ -64,8 +66,8 @@ mod app {
         check_in::CheckIn,
         last_stop::{self, Stop},
         memory, mpu,
-        patrol::{Pace, PartMemory, Patrol},
-        safe_state,
+        patrol::{ram::APART, Pace, PartMemory, Patrol},
+        safe_state, start_test,
     };
     use nrf52840_hal::{
         pac::Interrupt,
@@ -138,6 +140,14 @@ mod app {
     ])]
     fn init(cx: init::Context) -> (Shared, Local, init::Monotonics) {
         let mut core = cx.core;
+        // What EasyDMA reaches, and what a debugger reads.
+        let mut shared = [const { 0..0 }; APART - 2];
+        shared[0] = memory::span(cx.local.receive);
+        shared[1] = memory::span(cx.local.images);
+        shared[2] = memory::span(cx.local.ssi_rx);
+        shared[3] = memory::span(cx.local.spi_tx);
+        shared[4] = memory::span(cx.local.spi_rx);
+        shared[5] = memory::span(&TELEMETRY);
         let (filling, rotation, found) = Rotation::new(cx.local.receive.each_mut());
         TELEMETRY.scrubbed(found);
         let mailbox = Mailbox::new(cx.local.images.each_mut());
@@ -146,6 +156,7 @@ mod app {
         let [ready, spare] = cx.local.port_areas.each_mut();
         let mut port = Port::new();
         port.prepare(&PortHealth::default(), 0, ready);
+        TELEMETRY.ram_errors.add(u32::from(start_test::take().fault().is_some()));
         let memory = hw::DmaMemory { spi_tx: cx.local.spi_tx, spi_rx: cx.local.spi_rx, ssi_rx: (area, ssi_end) };
         let board = hw::init(&mut core, cx.device, memory, filling);
         defmt::info!(
@@ -167,7 +178,7 @@ mod app {
             reset_reason: board.reset_reason,
         };
         let mut memory = PartMemory::take();
-        let patrol = Patrol::new(memory::layout(integrity::SHUT_END), integrity::RATE, &mut memory);
+        let patrol = Patrol::new(memory::layout(integrity::SHUT_END, shared), integrity::RATE, &mut memory);
         mpu::apply(&mut core.MPU, &protection::TASKS);
         // The first image, before anything is heard.
         rtic::pend(Interrupt::SWI0_EGU0);
@@ -263,6 +274,12 @@ mod app {
         TELEMETRY.ssi_worst_cycles.record_max(DWT::cycle_count().wrapping_sub(start));
     }
 
+    /// The pause after a transaction is over: the end of the next may call `ssi_end` again, and does if it has come.
+    #[task(binds = TIMER3, priority = 5)]
+    fn ssi_pause(_: ssi_pause::Context) {
+        SsiDoorbell::end_pause();
+    }
+
     /// A transfer with the front end has ended.
     #[task(binds = SPIM0_SPIS0_TWIM0_TWIS0_SPI0_TWI0, priority = 4, shared = [receiver, rotation, front_end])]
     fn rf_spi(cx: rf_spi::Context) {
@@ -322,11 +339,13 @@ mod app {
     ) {
         let start = DWT::cycle_count();
         let Committing { commit, filling, deadline, started, reset_reason } = committing;
+        let front_end = front_end.lock(|state| *state);
         let health = Health {
             ram_fault: [&TELEMETRY.scrub_faults, &TELEMETRY.image_faults, &TELEMETRY.ram_errors]
                 .iter()
                 .any(|faults| faults.get() > 0),
-            front_end_fault: front_end.lock(|state| matches!(state, FrontEnd::Lost(_))),
+            front_end_fault: front_end.is_out_of_order(),
+            no_field: front_end.senses_no_field(),
             flash_fault: INTEGRITY.flash_fault(),
             reset_reason: *reset_reason,
             access_violations: TELEMETRY.access_violations.get(),

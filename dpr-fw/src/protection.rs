@@ -64,7 +64,9 @@ pub const TASKS: Table<8> = Table::new([
     // TIMER0 to TIMER2.
     Region::new("timers", 0x4000_8000, 32 * KIB, Memory::Peripheral, Allowed::ReadWrite)
         .only([true, true, true, false, false, false, false, false]),
-    Region::new("watchdog", 0x4001_0000, 4 * KIB, Memory::Peripheral, Allowed::ReadWrite),
+    // WDT with RTC1, and TIMER3 with TIMER4: an eighth is 8 KiB.
+    Region::new("watchdog and pause", 0x4001_0000, 64 * KIB, Memory::Peripheral, Allowed::ReadWrite)
+        .only([true, false, false, false, false, true, false, false]),
     Region::new("GPIO ports", 0x5000_0000, 4 * KIB, Memory::Peripheral, Allowed::ReadWrite),
 ]);
 

@@ -1,16 +1,11 @@
-//! The RFID side: carries out the steps of the ST25R3916's listener machine, driven by interrupts, and hands frames on.
+//! The RFID side: what comes of the steps of the ST25R3916's listener machine, and where frames go.
 //!
 //! # Design
 //!
 //! The machine ([`st25r3916::Listener`]) decides what to say to the chip; the [`Port`] starts SPI transfers by EasyDMA
-//! and a timer; the [`Executor`] stands between them. Three interrupts drive it: transfer ended, IRQ pin risen, timer
-//! elapsed. All three call [`Executor::poll`], which asks the port what is the case rather than trusting which
-//! interrupt came. So a lost edge of the IRQ pin, an edge that is reported twice (anomaly 155) or an interrupt that
-//! comes late does no harm, and the cyclic check-in that pends the task repairs what a lost edge could have left
-//! waiting.
-//!
-//! No task waits: a poll ends when a transfer or the timer runs. Every transfer has a bound as well, [`TRANSFER_US`];
-//! one that does not end is reported to the machine as failed, and the machine brings the chip up again.
+//! and a timer; the driver's [`Executor`] stands between them. Three interrupts drive it: transfer ended, IRQ pin
+//! risen, timer elapsed. All three call [`Receiver::serve`], and the cyclic check-in that pends the task repairs what a
+//! lost edge of the IRQ pin could have left waiting.
 //!
 //! A FIFO read puts a meaningless byte in front of the data, clocked in under the command. The port receives it into
 //! the byte before the place where the data go: for the first read that is the last of the [`LEAD`] bytes, for later
@@ -30,7 +25,11 @@
 //! status read that the edge caused or in one that a time-out had caused before it.
 
 use rtic_core::Mutex;
-use st25r3916::{listener::PAYLOAD_OFFSET, Fault, Input, Listener, ListenerEvent, Short, Step, Transfer};
+use st25r3916::{
+    executor::{self, Executor},
+    listener::PAYLOAD_OFFSET,
+    Fault, Listener, ListenerEvent,
+};
 
 use crate::{
     accept::Early,
@@ -43,57 +42,26 @@ use crate::{
 pub const LEAD: usize = 3;
 const _: () = assert!((LEAD + PAYLOAD_OFFSET).is_multiple_of(4));
 
-/// The longest transfer, µs: 258 bytes at 8 MHz take 258 µs; with margin.
-pub const TRANSFER_US: u32 = 1_000;
-
 /// How long the chip is left alone after a frame, µs: the commit takes 50. The next sync is at least 0.45 ms after the
 /// end of a frame (0.30 ms between two frames of a cycle, 0.15 ms of preamble and sync), of which reading takes 0.26 ms
-/// at worst (store-and-forward) and re-arming 0.03 ms.
+/// at worst (store-and-forward) and re-arming 0.03 ms; the setting that is read back then may take until after that
+/// sync.
 pub const RESUME_AFTER_US: u32 = 80;
 
-/// Steps without a transfer or a wait before a poll gives the processor back. The machine needs two.
-const STEPS: u32 = 8;
-/// How long a machine that exceeds that is left alone, µs.
-const PAUSE_US: u32 = 1_000;
-
-/// The hardware that the executor needs, with the receive buffer that is being written.
-pub trait Port {
+/// The hardware that the executor needs, with the receive buffer that is being written. A response is without the byte
+/// under a read command.
+pub trait Port: executor::Port {
     /// A receive buffer.
     type Buffer: Memory;
 
-    /// Starts this transfer, full duplex, chip select low from first to last bit.
-    fn start_short(&mut self, short: &Short);
-    /// Starts a FIFO read of `len` bytes to place `offset` of the receive buffer, counted from LEN.
-    fn start_read(&mut self, offset: usize, len: usize);
-    /// Whether the transfer has ended. If so chip select is high again, and this is not asked again before the next
-    /// one.
-    fn ended(&mut self) -> bool;
-    /// What the transfer that ended has clocked in, without the byte under a read command.
-    ///
-    /// # Errors
-    ///
-    /// [`Failed`] if it was shorter than asked for.
-    fn response(&self) -> Result<&[u8], Failed>;
-    /// Stops a transfer that does not end.
-    fn abort(&mut self);
-    /// Whether the IRQ pin is high.
-    fn irq_is_high(&mut self) -> bool;
     /// The counter, µs, at the last rising edge of the IRQ pin, captured by hardware.
     fn irq_edge_us(&mut self) -> u32;
-    /// Starts the timer: `us` µs from now.
-    fn start_timer(&mut self, us: u32);
-    /// Whether that time is over.
-    fn elapsed(&mut self) -> bool;
     /// Exchanges the receive buffer. Called while no transfer runs.
     fn exchange(&mut self, with: impl FnOnce(Filling<Self::Buffer>) -> Filling<Self::Buffer>);
     /// The first `len` bytes of the frame in the receive buffer, beginning with LEN. Called while no read runs, which
     /// would put its own bytes in.
     fn arrived(&self, len: usize) -> &[u8];
 }
-
-/// A transfer that the hardware did not complete.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Failed;
 
 /// State of the RFID front end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -102,9 +70,35 @@ pub enum FrontEnd {
     /// It has never listened yet.
     Starting,
     /// It is configured and listens.
-    Listening,
-    /// It was lost, for that reason, and is being brought up again.
+    Listening {
+        /// It senses the sender's field, or has received a frame, since which the field was not lost.
+        field: bool,
+    },
+    /// It was lost, for that reason, and is being brought up again. After [`Fault::Silence`] it stays so until a frame
+    /// comes: whether it hears is not known before.
     Lost(Fault),
+}
+
+impl FrontEnd {
+    /// Whether it works, as far as is known, and senses no field. One that is lost otherwise says nothing of the field.
+    #[must_use]
+    pub const fn senses_no_field(self) -> bool {
+        matches!(self, Self::Starting | Self::Listening { field: false } | Self::Lost(Fault::Silence { field: false }))
+    }
+
+    /// Whether it is out of order, as far as is known: also if nothing is heard although the sender's field is there.
+    /// Without that field silence says nothing about this side.
+    #[must_use]
+    pub const fn is_out_of_order(self) -> bool {
+        matches!(self, Self::Lost(fault) if !matches!(fault, Fault::Silence { field: false }))
+    }
+
+    /// The front end says that the field is there, or is gone.
+    fn note_field(&mut self, there: bool) {
+        if let Self::Listening { field } | Self::Lost(Fault::Silence { field }) = self {
+            *field = there;
+        }
+    }
 }
 
 /// What is known of a frame beside its bytes.
@@ -140,7 +134,7 @@ pub enum Call {
 /// What the RFID tasks do.
 #[derive(Debug)]
 pub struct Receiver<P> {
-    executor: Executor<P>,
+    executor: Executor<Listener, P>,
     early: Early,
 }
 
@@ -169,6 +163,8 @@ impl<P: Port> Receiver<P> {
         while let Some(happened) = event {
             match happened {
                 ListenerEvent::Frame { len, flags } => {
+                    // A front end that begins to listen in a field need not tell of it.
+                    front_end.lock(|state| *state = FrontEnd::Listening { field: true });
                     telemetry.chip_crc_flags.add(u32::from(!flags.is_clean()));
                     let info =
                         FrameInfo { len, ended_us: executor.port().irq_edge_us(), early: core::mem::take(early) };
@@ -184,10 +180,19 @@ impl<P: Port> Receiver<P> {
                 }
                 ListenerEvent::Listening => front_end.lock(|state| {
                     telemetry.rf_recoveries.add(u32::from(*state != FrontEnd::Starting));
-                    *state = FrontEnd::Listening;
+                    if !matches!(state, FrontEnd::Lost(Fault::Silence { .. })) {
+                        *state = FrontEnd::Listening { field: false };
+                    }
                 }),
                 ListenerEvent::Fault(fault) => {
-                    telemetry.rf_faults.add(1);
+                    match fault {
+                        // The sender may be off: nothing need be wrong here.
+                        Fault::Silence { .. } => telemetry.rf_silences.add(1),
+                        _ => telemetry.rf_faults.add(1),
+                    }
+                    if let Fault::Register { address, expected, found } = fault {
+                        telemetry.rf_register.set(u32::from_be_bytes([0, address, expected, found]));
+                    }
                     front_end.lock(|state| *state = FrontEnd::Lost(fault));
                     replace_buffer(executor, &mut rotation, telemetry);
                     *early = Early::default();
@@ -199,10 +204,14 @@ impl<P: Port> Receiver<P> {
                     *early = Early::default();
                     handed = true;
                 }
-                ListenerEvent::FieldOn | ListenerEvent::FieldOff => {}
+                ListenerEvent::FieldOn => front_end.lock(|state| state.note_field(true)),
+                ListenerEvent::FieldOff => {
+                    telemetry.field_losses.add(1);
+                    front_end.lock(|state| state.note_field(false));
+                }
             }
             if matches!(happened, ListenerEvent::Frame { .. }) {
-                executor.resume_later();
+                executor.resume_later(RESUME_AFTER_US);
                 return Call::Handed;
             }
             event = executor.resume();
@@ -229,7 +238,7 @@ impl<P: Port> Receiver<P> {
 
 /// A frame was begun in the receive buffer that will not be delivered: goes on with a clean one.
 fn replace_buffer<P: Port>(
-    executor: &mut Executor<P>,
+    executor: &mut Executor<Listener, P>,
     rotation: &mut impl Mutex<T = Rotation<P::Buffer, FrameInfo>>,
     telemetry: &Telemetry,
 ) {
@@ -238,128 +247,4 @@ fn replace_buffer<P: Port>(
         telemetry.scrubbed(found);
         next
     });
-}
-
-/// What the executor waits for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Waiting {
-    /// The end of a transfer.
-    Transfer,
-    /// The IRQ pin or the timer, whichever comes first.
-    IrqOrTime,
-    /// The timer.
-    Time,
-    /// The timer, after a frame.
-    Later,
-    /// The owner has been given an event and has not resumed yet.
-    Owner,
-}
-
-/// The executor: machine and port.
-#[derive(Debug)]
-pub struct Executor<P> {
-    listener: Listener,
-    port: P,
-    waiting: Waiting,
-    /// Where the read that runs ends in the frame, if one runs.
-    reading_to: Option<usize>,
-    /// How many bytes of the frame the read that has just ended has completed, if one has.
-    arrived: Option<usize>,
-}
-
-impl<P: Port> Executor<P> {
-    /// Nothing has happened yet; [`Executor::resume`] begins the bring-up.
-    pub fn new(listener: Listener, port: P) -> Self {
-        Self { listener, port, waiting: Waiting::Owner, reading_to: None, arrived: None }
-    }
-
-    /// The port, to swap its buffer while an event is in hand.
-    pub fn port(&mut self) -> &mut P {
-        &mut self.port
-    }
-
-    /// How many bytes of the frame that is being received are in the buffer, LEN included: once for each read, when it
-    /// has ended. `None` while more are read, since the buffer must not be looked at then.
-    pub fn take_arrived(&mut self) -> Option<usize> {
-        self.arrived.take().filter(|_| self.reading_to.is_none())
-    }
-
-    /// Takes note of what has happened and goes on as far as possible; with an event if there is one, after which
-    /// [`Executor::resume`] or [`Executor::resume_later`] has to be called.
-    pub fn poll(&mut self) -> Option<ListenerEvent> {
-        let step = match self.waiting {
-            Waiting::Transfer if self.port.ended() => {
-                self.arrived = self.reading_to.take();
-                let input = self.port.response().map_or(Input::Failed, Input::Done);
-                self.listener.step(input)
-            }
-            Waiting::Transfer if self.port.elapsed() => {
-                self.port.abort();
-                self.listener.step(Input::Failed)
-            }
-            Waiting::IrqOrTime if self.port.irq_is_high() => self.listener.step(Input::Irq),
-            Waiting::IrqOrTime | Waiting::Time if self.port.elapsed() => self.listener.step(Input::Timeout),
-            Waiting::Later if self.port.elapsed() => self.listener.step(Input::Start),
-            Waiting::Later | Waiting::Transfer | Waiting::IrqOrTime | Waiting::Time | Waiting::Owner => return None,
-        };
-        self.carry_out(step)
-    }
-
-    /// Goes on after an event.
-    pub fn resume(&mut self) -> Option<ListenerEvent> {
-        let step = self.listener.step(Input::Start);
-        self.carry_out(step)
-    }
-
-    /// Goes on after a frame, but only [`RESUME_AFTER_US`] later, so that the transfers that re-arm the chip do not
-    /// interrupt the commit of the frame.
-    pub fn resume_later(&mut self) {
-        self.wait(Waiting::Later, RESUME_AFTER_US);
-    }
-
-    fn carry_out(&mut self, mut step: Step<ListenerEvent>) -> Option<ListenerEvent> {
-        for _ in 0..STEPS {
-            match step {
-                Step::Transfer(Transfer::Short(short)) => {
-                    // The transfer first: its bound can be set while it runs.
-                    self.port.start_short(&short);
-                    self.wait(Waiting::Transfer, TRANSFER_US);
-                    return None;
-                }
-                Step::Transfer(Transfer::Read { offset, len }) => {
-                    self.port.start_read(offset, len);
-                    self.wait(Waiting::Transfer, TRANSFER_US);
-                    self.reading_to = Some(offset + len);
-                    return None;
-                }
-                // A listener sends nothing.
-                Step::Transfer(Transfer::Load { .. }) => step = self.listener.step(Input::Failed),
-                Step::Wait { us } => {
-                    self.wait(Waiting::IrqOrTime, us);
-                    // The pin is a level: it may be high already, or again, and then no edge comes.
-                    if !self.port.irq_is_high() {
-                        return None;
-                    }
-                    step = self.listener.step(Input::Irq);
-                }
-                Step::Delay { us } => {
-                    self.wait(Waiting::Time, us);
-                    return None;
-                }
-                Step::Event(event) => {
-                    self.waiting = Waiting::Owner;
-                    self.reading_to = None;
-                    self.arrived = None;
-                    return Some(event);
-                }
-            }
-        }
-        self.wait(Waiting::Time, PAUSE_US);
-        None
-    }
-
-    fn wait(&mut self, waiting: Waiting, us: u32) {
-        self.waiting = waiting;
-        self.port.start_timer(us);
-    }
 }

@@ -11,9 +11,15 @@
 //! a task of low priority ([`port`](crate::port)), which gets the whole receive area.
 //!
 //! The SSI interrupt stands above all others, so a flight controller that selects and deselects the DPR in a loop could
-//! keep the RFID side from running. The peripheral reports the end of granted transactions only: [`Budget`] counts
-//! those, and when they are used up the buffer is not granted again until the next image is published. Meanwhile the
-//! flight controller reads 0xFF.
+//! keep the RFID side from running. The peripheral reports the end of granted transactions only, whether bytes were
+//! clocked in them or not, and two bounds hold for those:
+//!
+//! - [`PAUSE_US`]: after the task has served the end of one, the end of the next does not call it before that time is
+//!   over. The events that call it are masked until a timer lifts the mask; the shortcut from END to ACQUIRE has taken
+//!   the buffers from the peripheral meanwhile, so the flight controller reads 0xFF. So the task comes between the last
+//!   bit of a frame and its image at most once, whatever the flight controller does.
+//! - [`Budget`] counts them, and when it is used up the buffer is not granted again until the next image is published.
+//!   So the load is bounded, that of the port task included.
 
 use core::ops::Range;
 
@@ -82,6 +88,14 @@ impl<const LEN: usize> Windows<LEN> {
         })
     }
 }
+
+/// After the SSI task has served the end of a transaction, the next end does not call it for this time, µs: longer than
+/// the way of a frame from its last bit to its image with the SSI task in it (`ARCHITECTURE.md`, "Bounds"), and shorter
+/// than the least time from end to end of two transactions of 96 bytes ([`ssi::timing::SPACING_NS`]) without the time
+/// in which the first of them is served.
+pub const PAUSE_US: u32 = 95;
+
+const _: () = assert!(PAUSE_US * 1_000 + ssi::timing::GAP_NS < ssi::timing::SPACING_NS);
 
 /// Transactions that are granted between two publications: 10 ms apart, a control cycle of 1 ms needs ten. Each takes 7
 /// µs of interrupt, and the port task 10 to 20 for what it brought; with these the processor stays below a load of a

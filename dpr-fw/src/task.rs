@@ -9,6 +9,7 @@
 /// name.
 pub const TASKS: &[(&str, &str)] = &[
     ("ssi_end", "SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1"),
+    ("ssi_pause", "TIMER3"),
     ("rf_spi", "SPIM0_SPIS0_TWIM0_TWIS0_SPI0_TWI0"),
     ("rf_irq", "GPIOTE"),
     ("rf_timer", "TIMER0"),

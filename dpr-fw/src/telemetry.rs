@@ -83,9 +83,9 @@ telemetry! {
     flash_faults,
     /// Objects of published images that were found changed.
     image_faults,
-    /// Passes of the march test over free RAM.
+    /// Passes over RAM in use.
     ram_passes,
-    /// Bits of free RAM that did not read as they were written.
+    /// Times at which RAM in use did not hold what was written, at the start too.
     ram_errors,
     /// Times the transactions that are granted between two images were used up.
     ssi_budgets_spent,
@@ -97,6 +97,13 @@ telemetry! {
     uplink_rejected,
     /// Longest run of the port task, processor cycles, with what preempted it.
     port_worst_cycles,
+    /// Times the front end lost the sender's field.
+    field_losses,
+    /// Times the front end was brought up anew since nothing had been heard for long.
+    rf_silences,
+    /// The last register of the front end that did not read as it was set: its address (with 0x40 in space B) in bits
+    /// 23 to 16, then what it was set to, then what it read as; 0 if there was none.
+    rf_register,
 }
 
 impl Telemetry {

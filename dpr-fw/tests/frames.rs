@@ -9,7 +9,7 @@ use dpr_fw::{
     commit::{Commit, Images},
     intake,
     link::Health,
-    rf::{Call, Failed, FrameInfo, FrontEnd, Port, Receiver, LEAD, RESUME_AFTER_US},
+    rf::{self, Call, FrameInfo, FrontEnd, Receiver, LEAD, RESUME_AFTER_US},
     telemetry::Telemetry,
     triple::{self, Filling, Rotation},
     ImageMemory, ReceiveMemory, IMAGE_WORDS, RECEIVE_WORDS,
@@ -18,8 +18,13 @@ use profile::{
     air, air::air_time_ns, image::Image, GpsStatus, GpsValues, LinkValues, Profile, ReportedStatus, ReportedValues,
 };
 use rtic_core::Mutex;
-use st25r3916::{command, listener::TAIL, Listener, ListenerConfig, ReadMode, Short};
-use st25r3916_model::{AirEvent, Chip, Chunk, Config, FrameStart, Technology};
+use st25r3916::{
+    command,
+    executor::{Failed, Port},
+    listener::TAIL,
+    Fault, Listener, ListenerConfig, ReadMode, Short,
+};
+use st25r3916_model::{AirEvent, Chip, Chunk, Config, FrameStart, Space, Technology};
 
 /// One byte at 8 MHz.
 const BYTE_NS: u64 = 1_000;
@@ -155,30 +160,17 @@ impl SimPort {
 }
 
 impl Port for SimPort {
-    type Buffer = Buffer;
-
-    fn exchange(&mut self, with: impl FnOnce(Filling<Buffer>) -> Filling<Buffer>) {
-        self.buffer = self.buffer.take().map(with);
-        self.always_clean &= self.buffer.as_ref().is_some_and(|buffer| buffer.peek() == &[0; RECEIVE_WORDS]);
-    }
-
-    fn arrived(&self, len: usize) -> &[u8] {
-        let reading = self.world.borrow().transfer.is_some() && self.read.is_some();
-        assert!(len == 0 || !reading, "the buffer is looked at while the DMA writes into it");
-        let bytes: &[u8] = bytemuck::cast_slice(self.buffer.as_ref().expect("the buffer is here").peek().as_slice());
-        &bytes[LEAD..LEAD + len]
-    }
-
     fn start_short(&mut self, short: &Short) {
         self.read = None;
         self.start(short.bytes().to_vec());
     }
 
-    fn start_read(&mut self, offset: usize, len: usize) {
+    fn start_read(&mut self, offset: usize, len: usize) -> bool {
         self.read = Some((offset, len));
         let mut mosi = vec![0; len + 1];
         mosi[0] = command::FIFO_READ;
         self.start(mosi);
+        true
     }
 
     fn ended(&mut self) -> bool {
@@ -222,6 +214,22 @@ impl Port for SimPort {
     fn elapsed(&mut self) -> bool {
         self.world.borrow().now >= self.timer_ns
     }
+}
+
+impl rf::Port for SimPort {
+    type Buffer = Buffer;
+
+    fn exchange(&mut self, with: impl FnOnce(Filling<Buffer>) -> Filling<Buffer>) {
+        self.buffer = self.buffer.take().map(with);
+        self.always_clean &= self.buffer.as_ref().is_some_and(|buffer| buffer.peek() == &[0; RECEIVE_WORDS]);
+    }
+
+    fn arrived(&self, len: usize) -> &[u8] {
+        let reading = self.world.borrow().transfer.is_some() && self.read.is_some();
+        assert!(len == 0 || !reading, "the buffer is looked at while the DMA writes into it");
+        let bytes: &[u8] = bytemuck::cast_slice(self.buffer.as_ref().expect("the buffer is here").peek().as_slice());
+        &bytes[LEAD..LEAD + len]
+    }
 
     fn irq_edge_us(&mut self) -> u32 {
         (self.world.borrow().irq_rose_ns / 1_000) as u32
@@ -263,7 +271,7 @@ struct Dpr<const N: usize> {
 impl<const N: usize> Dpr<N> {
     fn new(read_mode: ReadMode) -> Self {
         let world = World {
-            chip: Chip::new(Config { vdd_mv: 5_000, ..Config::default() }),
+            chip: Chip::new(Config { vdd_mv: 5_000, unsuited_chain_receives: false, ..Config::default() }),
             now: 0,
             air: VecDeque::from([(20_000_000, AirEvent::FieldOn)]),
             transfer: None,
@@ -600,7 +608,7 @@ fn a_transfer_that_never_ends_costs_a_bring_up_and_no_more() {
     dpr.run_to(tick + 6 * CYCLE_NS);
     let lost = dpr.front_ends.iter().filter(|state| matches!(state, FrontEnd::Lost(_))).count();
     assert_eq!((lost, dpr.telemetry.rf_recoveries.get()), (1, 1), "{:?}", dpr.front_ends);
-    assert_eq!(dpr.front_ends.last(), Some(&FrontEnd::Listening));
+    assert_eq!(dpr.front_ends.last(), Some(&FrontEnd::Listening { field: true }));
     let before = dpr.published();
     for cycle in 10..14 {
         dpr.send_cycle(cycle);
@@ -622,6 +630,25 @@ fn a_lost_field_and_its_return_need_no_help() {
     dpr.run_to(FIRST_TICK_NS + 6 * CYCLE_NS);
     assert_eq!(dpr.profile(dpr.published() - 1), profile_at::<1>(timestamp(5)).as_bytes());
     assert_eq!(dpr.telemetry.rf_faults.get(), 0);
+    assert_eq!(dpr.telemetry.field_losses.get(), 1);
+    assert_eq!(dpr.front_ends.last(), Some(&FrontEnd::Listening { field: true }));
+}
+
+#[test]
+fn a_missing_field_is_told_from_air_that_loses_frames() {
+    for field in [false, true] {
+        let mut dpr = Dpr::<1>::in_sequence(ReadMode::WhileFilling);
+        let tick = FIRST_TICK_NS + 4 * CYCLE_NS;
+        assert_eq!(dpr.front_ends.last(), Some(&FrontEnd::Listening { field: true }));
+        if !field {
+            dpr.world.borrow_mut().air.push_back((tick, AirEvent::FieldOff));
+        }
+        dpr.run_to(tick + 3 * CYCLE_NS);
+        let last = dpr.front_ends.last().copied();
+        assert_eq!(last, Some(FrontEnd::Listening { field }));
+        assert_eq!(last.map(FrontEnd::senses_no_field), Some(!field));
+    }
+    assert!(FrontEnd::Starting.senses_no_field() && !FrontEnd::Lost(Fault::Bus).senses_no_field());
 }
 
 #[test]
@@ -656,4 +683,48 @@ fn the_end_of_a_frame_that_comes_during_a_status_read_is_its_own_instant() {
         assert!(u64::from(dpr.link().age_100us).abs_diff(age_100us) <= 1, "LEN + {more}, {slow}: {:?}", dpr.link());
     }
     assert!(met > 0, "no status read met the end of a frame");
+}
+
+#[test]
+fn a_register_that_loses_a_bit_is_named_before_the_next_bring_up() {
+    let mut dpr = Dpr::<3>::in_sequence(ReadMode::WhileFilling);
+    dpr.world.borrow_mut().chip.flip(Space::B, 0x0C, 6);
+    for cycle in 4..40 {
+        dpr.send_cycle(cycle);
+    }
+    dpr.run_to(FIRST_TICK_NS + CYCLE_NS * 40);
+    let fault = Fault::Register { address: 0x4C, expected: 0x54, found: 0x14 };
+    assert!(dpr.front_ends.contains(&FrontEnd::Lost(fault)), "{:?}", dpr.front_ends);
+    assert!(FrontEnd::Lost(fault).is_out_of_order());
+    assert_eq!(dpr.telemetry.rf_register.get(), 0x004C_5414);
+    assert_eq!(dpr.front_end, FrontEnd::Listening { field: true });
+    assert_eq!(dpr.profile(dpr.published() - 1), profile_at::<3>(timestamp(39)).as_bytes());
+}
+
+#[test]
+fn a_front_end_that_hears_nothing_says_so_until_a_frame_comes() {
+    for field in [true, false] {
+        let mut dpr = Dpr::<1>::in_sequence(ReadMode::WhileFilling);
+        let silent_from = FIRST_TICK_NS + 4 * CYCLE_NS;
+        if !field {
+            dpr.world.borrow_mut().air.push_back((silent_from, AirEvent::FieldOff));
+        }
+        dpr.run_to(silent_from + 450_000_000);
+        assert_eq!((dpr.front_end, dpr.telemetry.rf_silences.get()), (FrontEnd::Listening { field }, 0));
+        // Brought up anew after 0.5 s and after another second; it is lost meanwhile.
+        dpr.run_to(silent_from + 600_000_000);
+        let silence = FrontEnd::Lost(Fault::Silence { field });
+        assert_eq!((dpr.front_end, dpr.telemetry.rf_silences.get()), (silence, 1), "field: {field}");
+        // Without a field it is the sender that is missing.
+        assert_eq!((silence.is_out_of_order(), silence.senses_no_field()), (field, !field));
+        dpr.run_to(silent_from + 1_700_000_000);
+        assert_eq!((dpr.front_end, dpr.telemetry.rf_silences.get()), (silence, 2), "field: {field}");
+        dpr.world.borrow_mut().air.push_back((silent_from + 1_700_000_000, AirEvent::FieldOn));
+        for cycle in 180..184 {
+            dpr.send_cycle(cycle);
+        }
+        dpr.run_to(FIRST_TICK_NS + 185 * CYCLE_NS);
+        assert_eq!((dpr.front_end, dpr.telemetry.rf_silences.get()), (FrontEnd::Listening { field: true }, 2));
+        assert_eq!(dpr.telemetry.rf_faults.get(), 0);
+    }
 }

@@ -2,7 +2,8 @@
 //!
 //! | file | what |
 //! |---|---|
-//! | `mod.rs` | start-up: watchdog, debug port, image check, clocks, everything below; the safe state |
+//! | `mod.rs` | start-up: debug port, image check, supply, clocks, everything below; the safe state |
+//! | `start_up.rs` | the first instructions: reset reasons and watchdog |
 //! | `time.rs` | the µs counter, the deadline of the next frame |
 //! | `integrity.rs` | the image that the SSI streams, as the idle loop looks at it |
 //! | `rf.rs` | the front end's SPI, interrupt pin and timer |
@@ -32,7 +33,13 @@
 //! | 176 | a flash erase through CTRL-AP fails with the watchdog running | a matter for the flashing tool: halt first |
 //! | 195, 198 | SPIM3 draws current when disabled and can corrupt what it sends | SPIM0 and SPIS1 are used |
 //! | 213 | WDT: configuration lost in System OFF | System OFF is not used |
+//! | 241 | SAADC: more current after it was used | the SAADC is not used |
+//! | 242 | NVMC: an erase or write hangs the processor if POFWARN comes in it | the firmware writes no flash |
 //! | 246 | extra current in idle after EasyDMA | current only |
+//!
+//! 241 as embassy-rs/embassy has it (`embassy-nrf`, change log, SAADC), 242 as Zephyr does (`soc_flash_nrf.c`,
+//! `suspend_pofwarn`). Of 259, 266 and 270 no public source at hand has the words; they are to be read in Nordic's
+//! errata sheet of the revision that is fitted before a board flies.
 //!
 //! 58 (SPIM, one byte too many) and 156 (GPIOTE CLR tasks) are of Engineering A only.
 #![allow(unsafe_code)]
@@ -40,11 +47,14 @@
 mod integrity;
 mod rf;
 mod ssi;
+mod start_up;
 mod time;
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
+use cortex_m::asm;
 use dpr_fw::{
+    crystal,
     debug_port::{self, DebugPort},
     port::areas::SsiEnd,
     protection,
@@ -58,10 +68,10 @@ use dpr_fw::{ImageMemory, ReceiveMemory};
 use firmware_common::{
     image,
     last_stop::{Cause, Stop},
-    mpu, safe_state,
+    mpu, safe_state, start,
 };
 use nrf52840_hal::{
-    pac,
+    pac::{self, interrupt},
     wdt::{count::One, handles::Hdl0, Watchdog, WatchdogHandle},
 };
 use profile::ResetReason;
@@ -84,9 +94,6 @@ pub(crate) type ReceiveBuffer = &'static mut ReceiveMemory;
 pub(crate) type ImageBuffer = &'static mut ImageMemory;
 /// A receive area of the SSI.
 pub(crate) type AreaBuffer = &'static mut ReceiveArea;
-
-/// The watchdog bites after 100 ms: eight deadlines without a sign of life. The image expires long before.
-const WATCHDOG_TICKS: u32 = 32_768 / 10;
 
 /// Reads and clears an event, and waits until the write is through the bus bridge, so that the interrupt does not come
 /// again for it (PS v1.7, 6.1.8).
@@ -162,8 +169,8 @@ static RAM_KEPT: AtomicU32 = AtomicU32::new(0);
 /// What it holds once the firmware has run.
 const KEPT: u32 = 0x4450_5221;
 
-/// Configures everything. The watchdog first, since the image is checked and the crystal is waited for. An image that
-/// is not the one that was built ends in the safe state, before any pin is an output.
+/// Configures everything. An image that is not the one that was built ends in the safe state, before any pin is an
+/// output.
 pub(crate) fn init(
     core: &mut cortex_m::Peripherals,
     p: pac::Peripherals,
@@ -173,22 +180,11 @@ pub(crate) fn init(
     // So that a debugger reaches a board whose firmware does not come far.
     let debug_port = debug_port::open(&mut Protection { ficr: &p.FICR, uicr: &p.UICR });
 
-    let watchdog = match Watchdog::try_new(p.WDT) {
-        Ok(mut watchdog) => {
-            watchdog.set_lfosc_ticks(WATCHDOG_TICKS);
-            watchdog.run_during_sleep(true);
-            watchdog.run_during_debug_halt(false);
-            Some(watchdog.activate::<One>().handles.0)
-        }
-        // It runs already: it outlives a soft reset.
-        Err(wdt) => Watchdog::try_recover::<One>(wdt).ok().map(|parts| parts.handles.0),
-    };
+    // It runs since the first instructions (`start_up`), or from before a soft reset or a lockup, which it outlives.
+    let watchdog = Watchdog::try_recover::<One>(p.WDT).ok().map(|parts| parts.handles.0);
 
-    let resetreas = p.POWER.resetreas.read().bits();
-    // SAFETY: bits of RESETREAS are cleared by writing ones; these are the ones just read, so every bit is defined.
-    p.POWER.resetreas.write(|w| unsafe { w.bits(resetreas) });
     let ram_kept = RAM_KEPT.swap(KEPT, Ordering::Relaxed) == KEPT;
-    let reset_reason = reset::reason(resetreas, ram_kept);
+    let reset_reason = reset::reason(start::reset_flags(), ram_kept);
 
     p.NVMC.icachecnf.write(|w| w.cacheen().enabled());
     let flash = image::compare();
@@ -208,8 +204,8 @@ pub(crate) fn init(
     safe_state::name_faults(&mut core.SCB);
     mpu::apply(&mut core.MPU, &protection::START);
 
-    p.CLOCK.events_hfclkstarted.reset();
-    let _clocks = nrf52840_hal::Clocks::new(p.CLOCK).enable_ext_hfosc();
+    watch_supply(&p.POWER);
+    start_crystal(&p.CLOCK);
     core.DCB.enable_trace();
     core.DWT.enable_cycle_counter();
 
@@ -217,9 +213,56 @@ pub(crate) fn init(
     let gpiote = board::connect(p.GPIOTE, p.PPI, &rf_pins.irq, fresh, &p.TIMER0, &p.TIMER2, &p.SPIS1);
     time::start(&p.TIMER0);
     let rf = RfPort::new(p.SPIM0, p.TIMER0, rf_pins, memory.spi_tx, memory.spi_rx, receive);
-    let ssi = SsiPort::new(p.SPIS1, p.TIMER2, ssi_pins, memory.ssi_rx);
+    let ssi = SsiPort::new(p.SPIS1, (p.TIMER2, p.TIMER3), ssi_pins, memory.ssi_rx);
     let deadline = Deadline::new(p.TIMER1);
     Board { rf, rf_edge: RfEdge::new(gpiote), ssi, deadline, watchdog, reset_reason, debug_port }
+}
+
+/// Starts the 32 MHz crystal and waits for it, [`crystal::START_MAX_MS`] at most (the HAL would wait for ever). One
+/// that does not start ends in the safe state: without it the DPR has no time to judge HORUS's by
+/// (docs/decisions/0023-start-and-clocks.md).
+fn start_crystal(clock: &pac::CLOCK) {
+    // Anomaly 36: the event may be set from before.
+    clock.events_hfclkstarted.reset();
+    // SAFETY: task registers take 1.
+    clock.tasks_hfclkstart.write(|w| unsafe { w.bits(1) });
+    let is_started = || clock.events_hfclkstarted.read().bits() != 0;
+    if !crystal::starts(is_started, || asm::delay(crystal::PAUSE_CYCLES)) {
+        safe_state::enter(
+            safe_state,
+            || Stop::new(Cause::ClockStart, 0, 0),
+            |_| defmt::error!("the 32 MHz crystal does not start"),
+        );
+    }
+}
+
+/// The supply at which the board stops, mV. The part itself needs 1.7 V, but its front end 2.4 V (DS13541, operating
+/// conditions), and this threshold is the lowest that is above that in every part: 5 % off at most (PS v1.7, 5.3.8), so
+/// 2.57 to 2.84 V, below the kit's 3.0 V.
+const POWER_FAIL_MV: u32 = 2_700;
+
+/// Switches the power-fail comparator and its interrupt on. A supply that is below the threshold already raises the
+/// event as well (PS v1.7, 5.3.3) and ends the start. The part's own brown-out reset, at 1.6 V, is always on.
+fn watch_supply(power: &pac::POWER) {
+    power.events_pofwarn.reset();
+    power.intenset.write(|w| w.pofwarn().set());
+    power.pofcon.write(|w| w.pof().enabled().threshold().v27());
+    // SAFETY: its handler shares nothing, does not return, and has the highest priority, which no lock masks.
+    unsafe { cortex_m::peripheral::NVIC::unmask(pac::Interrupt::POWER_CLOCK) };
+    if power.events_pofwarn.read().bits() != 0 {
+        stop_for_supply();
+    }
+}
+
+fn stop_for_supply() -> ! {
+    let stop = || Stop::new(Cause::Supply, safe_state::active_exception(), POWER_FAIL_MV);
+    safe_state::enter(safe_state, stop, |stop| crate::log_stop("supply", stop))
+}
+
+/// The supply falls. Nothing else of CLOCK and POWER raises this interrupt.
+#[interrupt]
+fn POWER_CLOCK() -> ! {
+    stop_for_supply()
 }
 
 /// The safe state: the SSI's buffers are taken back, so that the flight controller reads 0xFF. A transaction that is

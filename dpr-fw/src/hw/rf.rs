@@ -3,7 +3,7 @@
 use core::sync::atomic::{compiler_fence, Ordering};
 
 use dpr_fw::{
-    rf::{Failed, Port, LEAD},
+    rf::{self, LEAD},
     triple::Filling,
 };
 use embedded_hal::digital::{InputPin, OutputPin};
@@ -11,7 +11,11 @@ use nrf52840_hal::{
     gpiote::Gpiote,
     pac::{self, Interrupt},
 };
-use st25r3916::{command, Short};
+use st25r3916::{
+    command,
+    executor::{Failed, Port},
+    Short,
+};
 
 use super::{now_us, take_event, time::SHORTEST_US, ReceiveBuffer};
 use crate::board::{RfPins, EDGE_CAPTURE, WAIT_COMPARE};
@@ -139,23 +143,6 @@ impl RfPort {
 }
 
 impl Port for RfPort {
-    type Buffer = ReceiveBuffer;
-
-    fn exchange(&mut self, with: impl FnOnce(Filling<ReceiveBuffer>) -> Filling<ReceiveBuffer>) {
-        assert!(!self.running, "the receive buffer is being written");
-        self.receive = self.receive.take().map(with);
-    }
-
-    fn arrived(&self, len: usize) -> &[u8] {
-        match &self.receive {
-            Some(receive) if !self.running || !matches!(self.transfer, Transfer::Read { .. }) => {
-                let bytes: &[u8] = bytemuck::cast_slice(receive.peek().as_slice());
-                bytes.get(LEAD..LEAD + len).unwrap_or(&[])
-            }
-            _ => &[],
-        }
-    }
-
     fn start_short(&mut self, short: &Short) {
         let len = short.bytes().len();
         *self.tx = *short.padded();
@@ -165,8 +152,8 @@ impl Port for RfPort {
         unsafe { self.start(len, into, len) };
     }
 
-    fn start_read(&mut self, offset: usize, len: usize) {
-        let Some(receive) = &mut self.receive else { return };
+    fn start_read(&mut self, offset: usize, len: usize) -> bool {
+        let Some(receive) = &mut self.receive else { return false };
         let bytes: &mut [u8] = bytemuck::cast_slice_mut(receive.memory().as_mut_slice());
         let place = LEAD + offset - 1;
         // One byte more: the one under the command.
@@ -177,6 +164,7 @@ impl Port for RfPort {
         // SAFETY: the slice was just checked to lie in the receive buffer, which is in `self` until the transfer has
         // ended: `exchange` refuses meanwhile.
         unsafe { self.start(1, into, len + 1) };
+        true
     }
 
     fn ended(&mut self) -> bool {
@@ -233,6 +221,25 @@ impl Port for RfPort {
     fn elapsed(&mut self) -> bool {
         take_event!(self.timer.events_compare[WAIT_COMPARE]);
         now_us().wrapping_sub(self.timer_from) >= self.timer_us
+    }
+}
+
+impl rf::Port for RfPort {
+    type Buffer = ReceiveBuffer;
+
+    fn exchange(&mut self, with: impl FnOnce(Filling<ReceiveBuffer>) -> Filling<ReceiveBuffer>) {
+        assert!(!self.running, "the receive buffer is being written");
+        self.receive = self.receive.take().map(with);
+    }
+
+    fn arrived(&self, len: usize) -> &[u8] {
+        match &self.receive {
+            Some(receive) if !self.running || !matches!(self.transfer, Transfer::Read { .. }) => {
+                let bytes: &[u8] = bytemuck::cast_slice(receive.peek().as_slice());
+                bytes.get(LEAD..LEAD + len).unwrap_or(&[])
+            }
+            _ => &[],
+        }
     }
 
     fn irq_edge_us(&mut self) -> u32 {

@@ -1,4 +1,5 @@
-//! The SSI: SPIS1 with the image that it streams, the FRESH pin, and the expiry of the image in hardware.
+//! The SSI: SPIS1 with the image that it streams, the FRESH pin, the expiry of the image in hardware, and the pause
+//! between two transactions that are served.
 //!
 //! `tests/interleavings/board/port.rs` does the same accesses in the same order, on a model, and is explored in every
 //! order. A change here has to be made there.
@@ -11,13 +12,13 @@ use core::{
 use dpr_fw::{
     port::areas::{HandedOver, SsiEnd, Transaction},
     publish::{Doorbell, Events, Ssi, EXPIRY_AGAIN_US, EXPIRY_US},
-    ssi::{Asked, SignOfLife, RECEIVE_BYTES},
+    ssi::{Asked, SignOfLife, PAUSE_US, RECEIVE_BYTES},
     triple::{Filling, Received},
 };
 use nrf52840_hal::pac::{self, Interrupt};
 
 use super::{take_event, time::PRESCALER, AreaBuffer, ImageBuffer, DPR_TELEMETRY};
-use crate::board::{SsiPins, EXPIRY_COMPARES, FRESH_CHANNEL, PULSE_COMPARE, SSI_SELECT_PIN};
+use crate::board::{SsiPins, EXPIRY_COMPARES, FRESH_CHANNEL, PAUSE_COMPARE, PULSE_COMPARE, SSI_SELECT_PIN};
 
 /// The FRESH pulse lasts one to two µs: long enough for a pin interrupt of the flight controller and for an
 /// optocoupler of 1 Mbit/s.
@@ -46,6 +47,18 @@ impl SsiDoorbell {
 
     fn call() {
         rtic::pend(Interrupt::SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1);
+    }
+
+    /// The pause is over: END and ACQUIRED call the SSI task again, at once if they have come meanwhile. Called by the
+    /// task of TIMER2 alone, which has the SSI task's priority. A compare that the SSI task has seen to by beginning
+    /// the pause anew is none.
+    pub(crate) fn end_pause() {
+        // SAFETY: the pointers are the peripherals', valid for ever. The event is this task's and the SSI task's, which
+        // do not interrupt each other; INTENSET changes the bits that are written alone.
+        let (spis, pause) = unsafe { (&*pac::SPIS1::ptr(), &*pac::TIMER3::ptr()) };
+        if take_event!(pause.events_compare[PAUSE_COMPARE]) {
+            spis.intenset.write(|w| w.end().set().acquired().set());
+        }
     }
 
     /// Calls the SSI task so that it checks in, if it has to be.
@@ -80,12 +93,10 @@ impl Doorbell for SsiDoorbell {
         let gpiote = unsafe { &*pac::GPIOTE::ptr() };
         // SAFETY: as above; TIMER2 is used in this file only.
         let timer = unsafe { &*pac::TIMER2::ptr() };
-        // SAFETY: (all three) task registers take 1.
+        // SAFETY: (both) task registers take 1.
         gpiote.tasks_set[FRESH_CHANNEL].write(|w| unsafe { w.bits(1) });
         // SAFETY: as above.
         timer.tasks_clear.write(|w| unsafe { w.bits(1) });
-        // SAFETY: as above. It runs already but for the first time.
-        timer.tasks_start.write(|w| unsafe { w.bits(1) });
         // After the counter was cleared no compare can come for 25 ms: the event that is cleared here is an old one.
         timer.events_compare[EXPIRY_COMPARES[0]].reset();
     }
@@ -95,6 +106,7 @@ impl Doorbell for SsiDoorbell {
 pub(crate) struct SsiPort {
     spis: pac::SPIS1,
     timer: pac::TIMER2,
+    pause: pac::TIMER3,
     /// Held so that nothing else configures them.
     _pins: SsiPins,
     /// `None` only within `hand_over`.
@@ -110,7 +122,7 @@ impl SsiPort {
     /// Enabled, but with the buffers in the processor's hands: every transaction reads 0xFF.
     pub(super) fn new(
         spis: pac::SPIS1,
-        timer: pac::TIMER2,
+        (timer, pause): (pac::TIMER2, pac::TIMER3),
         pins: SsiPins,
         (area, areas): (Filling<AreaBuffer>, SsiEnd<'static, AreaBuffer>),
     ) -> Self {
@@ -123,6 +135,16 @@ impl SsiPort {
         }
         // SAFETY: as above.
         timer.cc[PULSE_COMPARE].write(|w| unsafe { w.bits(FRESH_US) });
+        // It runs from here on: what it does before the first image takes nothing away that was given.
+        // SAFETY: task registers take 1.
+        timer.tasks_start.write(|w| unsafe { w.bits(1) });
+        pause.bitmode.write(|w| w.bitmode()._32bit());
+        // SAFETY: as above.
+        pause.prescaler.write(|w| unsafe { w.prescaler().bits(PRESCALER) });
+        // SAFETY: any value may be compared with.
+        pause.cc[PAUSE_COMPARE].write(|w| unsafe { w.bits(PAUSE_US) });
+        pause.shorts.write(|w| w.compare0_stop().enabled());
+        pause.intenset.write(|w| w.compare0().set());
         // SAFETY: (all four) the pins' own selectors; the pins are owned by `pins` and configured as inputs (PS v1.7,
         // 6.26.4), MISO by the peripheral.
         spis.psel.sck.write(|w| unsafe { w.bits(pins.clock.psel_bits()) });
@@ -143,7 +165,7 @@ impl SsiPort {
         spis.shorts.write(|w| w.end_acquire().enabled());
         spis.intenset.write(|w| w.end().set().acquired().set());
         spis.enable.write(|w| w.enable().enabled());
-        Self { spis, timer, _pins: pins, area: Some(area), areas, received: 0, image: None, granted: false }
+        Self { spis, timer, pause, _pins: pins, area: Some(area), areas, received: 0, image: None, granted: false }
     }
 }
 
@@ -169,6 +191,7 @@ impl Ssi for SsiPort {
         if !ended {
             return Events { ours, received: None, over_read: false, overflow: false };
         }
+        self.spis.intenclr.write(|w| w.end().clear().acquired().clear());
         let status = self.spis.status.read();
         let (over_read, overflow) = (status.overread().is_present(), status.overflow().is_present());
         self.spis.status.write(|w| w.overread().clear().overflow().clear());
@@ -185,6 +208,13 @@ impl Ssi for SsiPort {
     }
 
     fn pass_on(&mut self) {
+        // The counter is at zero before the event is cleared: what is cleared is the end of a pause that this one takes
+        // the place of.
+        // SAFETY: task registers take 1.
+        self.pause.tasks_clear.write(|w| unsafe { w.bits(1) });
+        self.pause.events_compare[PAUSE_COMPARE].reset();
+        // SAFETY: as above. It has stopped at the end of the pause before, or runs on.
+        self.pause.tasks_start.write(|w| unsafe { w.bits(1) });
         if self.areas.pass_on() {
             rtic::pend(Interrupt::SWI2_EGU2);
         }

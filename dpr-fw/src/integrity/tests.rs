@@ -126,8 +126,8 @@ fn a_slice_verifies_two_objects_and_four_slices_all_of_three_receivers() {
 #[test]
 fn the_times_to_detect_are_those_that_are_stated() {
     assert_eq!((IMAGE_DETECT_US, FLASH_DETECT_US), (25_000, 15_377_500));
-    assert_eq!((CODE_DETECT_US, RAM_PASS_US), (10_255_000, 51_200_000));
-    assert_eq!(SELF_TEST_US, 17_079_166, "a third of a pass, and a deadline");
+    assert_eq!((CODE_DETECT_US, RAM_DETECT_US), (10_255_000, 10_255_000));
+    assert_eq!(SELF_TEST_US, 3_430_833, "a third of a pass, and a deadline");
 }
 
 proptest! {
@@ -212,25 +212,27 @@ fn changed_flash_withdraws_what_is_shown_once_and_stands_until_a_pass_finds_it_i
 }
 
 #[test]
-fn code_in_ram_and_guard_words_that_changed_stop_the_board_and_free_ram_does_not() {
+fn changed_code_and_guard_words_stop_the_board_but_faulty_ram_does_not() {
     let (integrity, telemetry, mut judge) = (Integrity::new(), Telemetry::new(), Judge::new());
     let mut of = |slice| judge.judge(&slice, Some(1), &integrity, &telemetry);
     let code = Slice { code: Some(0x0080_0010), ..Slice::default() };
     assert_eq!(of(code), Consequence::Stop(Cause::CodeInRam, 0x0080_0010));
     let guard = Slice { guard: Some(3), ..code };
     assert_eq!(of(guard), Consequence::Stop(Cause::GuardWord, 3));
-    assert_eq!(of(Slice { ram_errors: 5, ..Slice::default() }), Consequence::Withdraw);
-    assert_eq!(telemetry.ram_errors.get(), 5);
+    assert_eq!(of(Slice { ram: Some(0x2001_0040), ..Slice::default() }), Consequence::Withdraw);
+    assert_eq!(telemetry.ram_errors.get(), 1);
 }
 
 #[test]
 fn a_self_test_ends_with_a_whole_pass_of_both_and_tells_its_result_once() {
-    for (flash, ram, passed) in [(INTACT, 0, true), (CHANGED, 0, false), (INTACT, 1, false), (CHANGED, 2, false)] {
+    for (flash, ram, passed) in
+        [(INTACT, true, true), (CHANGED, true, false), (INTACT, false, false), (CHANGED, false, false)]
+    {
         for ram_first in [false, true] {
             let (integrity, telemetry, mut judge) = (Integrity::new(), Telemetry::new(), Judge::new());
             assert!(!judge.begin_self_test(&integrity) && !integrity.is_self_test_running());
             // Passes before the request do not count.
-            let both = Slice { flash: Some(CHANGED), ram_pass: Some(9), ..Slice::default() };
+            let both = Slice { flash: Some(CHANGED), ram_pass: Some(false), ..Slice::default() };
             judge.judge(&both, None, &integrity, &telemetry);
             assert_eq!(integrity.take_result(), None);
             integrity.request_self_test();
@@ -263,7 +265,7 @@ fn a_self_test_that_is_wanted_is_asked_for_once_and_its_result_is_given_once() {
     assert!(judge.begin_self_test(&integrity));
     assert_eq!(integrity.serve_self_test(true), None);
     assert!(!judge.begin_self_test(&integrity), "it was asked for once");
-    let both = Slice { flash: Some(INTACT), ram_pass: Some(0), ..Slice::default() };
+    let both = Slice { flash: Some(INTACT), ram_pass: Some(true), ..Slice::default() };
     judge.judge(&both, None, &integrity, &telemetry);
     assert_eq!(integrity.serve_self_test(true), Some(true));
     assert_eq!(integrity.serve_self_test(false), None);
@@ -275,7 +277,7 @@ fn a_request_during_a_self_test_begins_it_anew() {
     let (integrity, telemetry, mut judge) = (Integrity::new(), Telemetry::new(), Judge::new());
     integrity.request_self_test();
     assert!(judge.begin_self_test(&integrity));
-    let both = Slice { flash: Some(CHANGED), ram_pass: Some(0), ..Slice::default() };
+    let both = Slice { flash: Some(CHANGED), ram_pass: Some(true), ..Slice::default() };
     integrity.request_self_test();
     judge.judge(&both, None, &integrity, &telemetry);
     assert_eq!(integrity.take_result(), None);

@@ -99,20 +99,18 @@ impl<W: WritesUplink> Slot<W> {
         Ok(())
     }
 
-    /// Since the last one was stored, ms; saturates, as it does if there was none.
-    fn age_ms(&self, now_us: u64) -> u32 {
-        let age_ms = self.stored_us.map_or(u64::MAX, |stored| now_us.wrapping_sub(stored) / 1000);
-        u32::try_from(age_ms).unwrap_or(u32::MAX)
-    }
-
-    /// Puts what may be shown at `now_us` into its place. Whether there is something.
-    fn show(&mut self, now_us: u64, area: &mut PortArea) -> bool {
-        let fresh = self.age_ms(now_us) < Uplink::EXPIRY_MS;
-        if !fresh {
+    /// Puts what may be shown at `now_us` into its place. Since the last one was stored, ms; saturates, as it does if
+    /// there was none. From [`Uplink::EXPIRY_MS`] on nothing is shown.
+    fn show(&mut self, now_us: u64, area: &mut PortArea) -> u32 {
+        let age_us = self.stored_us.map_or(u64::MAX, |stored| now_us.wrapping_sub(stored));
+        // In 32 bits the processor divides in a dozen cycles, in 64 in some hundreds; they last for longer than 16 bits
+        // of milliseconds do.
+        let age_ms = u32::try_from(age_us).unwrap_or(u32::MAX) / 1000;
+        if age_ms >= Uplink::EXPIRY_MS {
             self.stored = Uplink::EMPTY;
         }
         area.set_uplink(Writer::<W>::claim(), self.stored);
-        fresh
+        age_ms
     }
 }
 
@@ -176,7 +174,7 @@ impl Port {
         let total = self.total;
         // What did not come in is zero, since areas are scrubbed. So this is an idle line, and the usual transaction:
         // one that only reads.
-        if *area == ReceiveArea::default() {
+        if area.iter().all(|word| *word == 0) {
             return false;
         }
         let area: &[u8] = bytemuck::cast_slice(area);
@@ -277,9 +275,11 @@ impl Port {
         self.refuse(Violation::TooMany, more);
 
         let now_us = self.clock.us();
+        let base_station_ms = self.base_station.show(now_us, area);
+        let flight_controller_ms = self.flight_controller.show(now_us, area);
         let status = PortStatusBits::new()
-            .with_base_station_fresh(self.base_station.show(now_us, area))
-            .with_flight_controller_fresh(self.flight_controller.show(now_us, area))
+            .with_base_station_fresh(base_station_ms < Uplink::EXPIRY_MS)
+            .with_flight_controller_fresh(flight_controller_ms < Uplink::EXPIRY_MS)
             .with_last_refused(self.last_refused)
             .with_self_test_running(self.self_test.running)
             .with_self_test_passed(self.self_test.passed == Some(true))
@@ -296,8 +296,8 @@ impl Port {
                 commands_carried_out: self.commands_carried_out,
                 last_command_timestamp,
                 last_command,
-                base_station_age_ms: saturated(self.base_station.age_ms(now_us)),
-                flight_controller_age_ms: saturated(self.flight_controller.age_ms(now_us)),
+                base_station_age_ms: saturated(base_station_ms),
+                flight_controller_age_ms: saturated(flight_controller_ms),
                 violations: self.violations,
                 integrity_faults: saturated(health.integrity_faults),
                 flash_passes: saturated(health.flash_passes),

@@ -25,8 +25,10 @@
 //! **Every order.** `tests/interleavings` explores every order in which both tasks, the scrub, DMA, the flight
 //! controller and the timer can meet, with these types (`docs/decisions/0012-exhaustive-interleavings.md`).
 //!
-//! **Bounds.** How often the SSI task runs is bounded by what it grants ([`Budget`]). It waits for the commit task only
-//! while that holds the mailbox, which is for a few pointers to be moved.
+//! **Bounds.** How often the SSI task runs is bounded by the pause that it makes after each transaction, and by what it
+//! grants ([`ssi`](crate::ssi)). A transaction that ends within the pause waits for its end, or for the commit task's
+//! call if that publishes before. The SSI task waits for the commit task only while that holds the mailbox, which is
+//! for a few pointers to be moved.
 
 mod mailbox;
 mod server;

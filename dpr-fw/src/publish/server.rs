@@ -32,13 +32,15 @@ pub trait Ssi {
 
     /// Returns what has happened since the last call, and clears it. `ours` must be asked for before the end of a
     /// transaction is: if one ends in between, its end is told now and its buffers next time, never the other way
-    /// round.
+    /// round. If a transaction has ended, the peripheral's events do not call the task from here on until the pause is
+    /// over that [`Ssi::pass_on`] begins.
     fn take_events(&mut self) -> Events<'_>;
     /// Takes what the transaction that has ended brought for the port task, with what it asked for. Called before the
     /// next release.
     fn hand_over(&mut self, asked: Asked) -> HandedOver;
-    /// Passes what was taken on to the port task, and calls it. Called after the next release, if there is one, for
-    /// which the flight controller waits.
+    /// Passes what was taken on to the port task, and calls it, and begins the pause of
+    /// [`PAUSE_US`](crate::ssi::PAUSE_US) anew. Called after the next release, if there is one, for which the flight
+    /// controller waits.
     fn pass_on(&mut self);
     /// Whether the image's time is over. Asked for only while the semaphore is the processor's.
     fn is_expired(&mut self) -> bool;
@@ -89,11 +91,11 @@ impl<const LEN: usize> Server<LEN> {
         // The flight controller may select again: what is counted can wait until then.
         if let Some(Ended { spent, handed_over }) = ended {
             ssi.pass_on();
-            telemetry.ssi_transactions.add(1);
-            telemetry.ssi_over_reads.add(u32::from(over_read));
-            telemetry.ssi_overflows.add(u32::from(overflow));
-            telemetry.ssi_budgets_spent.add(u32::from(spent));
-            telemetry.ssi_objects_dropped.add(u32::from(handed_over == HandedOver::Dropped));
+            telemetry.ssi_transactions.add_alone(1);
+            telemetry.ssi_over_reads.add_alone(u32::from(over_read));
+            telemetry.ssi_overflows.add_alone(u32::from(overflow));
+            telemetry.ssi_budgets_spent.add_alone(u32::from(spent));
+            telemetry.ssi_objects_dropped.add_alone(u32::from(handed_over == HandedOver::Dropped));
         }
     }
 
@@ -117,7 +119,7 @@ impl<const LEN: usize> Server<LEN> {
             ssi.announce();
         }
         ssi.release();
-        telemetry.images_readable.add(u32::from(newer));
+        telemetry.images_readable.add_alone(u32::from(newer));
     }
 }
 

@@ -44,6 +44,8 @@ enum Happening {
     /// The image's time runs out: both compares, one after the other.
     Expire,
     ExpireAgain,
+    /// The pause after a transaction is over.
+    PauseEnd,
 }
 
 /// What a transaction read.
@@ -58,6 +60,8 @@ struct World {
     end: bool,
     acquired: bool,
     pended: bool,
+    /// END and ACQUIRED do not call the task.
+    paused: bool,
     /// The image that a release gave to the SPIS.
     loaded: Option<u32>,
     /// The transaction under way.
@@ -145,6 +149,7 @@ impl World {
                 self.acquire();
             }
             Happening::ExpireAgain => {}
+            Happening::PauseEnd => self.paused = self.paused && self.in_ssi_task,
         }
     }
 }
@@ -156,6 +161,7 @@ impl Board {
             end: false,
             acquired: false,
             pended: false,
+            paused: false,
             loaded: None,
             selected: None,
             mosi: vec![0; 8],
@@ -198,7 +204,7 @@ impl Board {
         loop {
             {
                 let mut world = self.world.borrow_mut();
-                let called = world.end || world.acquired || world.pended;
+                let called = (world.end || world.acquired) && !world.paused || world.pended;
                 if world.masked || world.in_ssi_task || !called {
                     return;
                 }
@@ -236,10 +242,10 @@ impl Board {
         found.buffers
     }
 
-    /// The flight controller reads a whole transaction while nothing else happens.
+    /// The flight controller reads a whole transaction, and nothing else happens until the pause after it is over.
     fn read(&self, mosi: &[u8]) -> Read {
         self.world.borrow_mut().mosi = mosi.to_vec();
-        for what in [Happening::Select, Happening::Deselect] {
+        for what in [Happening::Select, Happening::Deselect, Happening::PauseEnd] {
             self.world.borrow_mut().happen(what);
             self.interrupt();
         }
@@ -302,6 +308,7 @@ impl Ssi for Port {
         self.point();
         let mut world = self.world.borrow_mut();
         let ended = std::mem::take(&mut world.end);
+        world.paused |= ended;
         self.received.clone_from(&world.mosi);
         Events { ours, received: ended.then_some(&self.received), over_read: false, overflow: ended }
     }
@@ -364,6 +371,7 @@ fn happening() -> impl Strategy<Value = Happening> {
         4 => Just(Happening::Deselect),
         1 => Just(Happening::Expire),
         1 => Just(Happening::ExpireAgain),
+        2 => Just(Happening::PauseEnd),
     ]
 }
 
@@ -386,8 +394,10 @@ proptest! {
             }
         }
         board.world.borrow_mut().happenings.clear();
-        board.world.borrow_mut().happen(Happening::Deselect);
-        board.interrupt();
+        for what in [Happening::Deselect, Happening::PauseEnd] {
+            board.world.borrow_mut().happen(what);
+            board.interrupt();
+        }
         board.scrub();
         board.publish(7, &mut filling);
         prop_assert_eq!(board.read(&[0; 8]), Read::Image(7));
@@ -518,6 +528,35 @@ fn the_same_image_is_released_again_until_the_budget_is_spent_and_the_next_bring
     assert_eq!(board.telemetry.ssi_transactions.get(), 2 * crate::ssi::BUDGET);
     assert_eq!(board.telemetry.ssi_overflows.get(), 2 * crate::ssi::BUDGET);
     assert_eq!(board.telemetry.ssi_over_reads.get(), 0);
+}
+
+#[test]
+fn a_transaction_that_ends_within_the_pause_is_served_after_it() {
+    for publishes in [false, true] {
+        let board = Board::new();
+        let mut filling = None;
+        board.publish(1, &mut filling);
+        let happens = |what| {
+            board.world.borrow_mut().happen(what);
+            board.interrupt();
+            (board.telemetry.ssi_transactions.get(), board.world.borrow().reads.last().copied())
+        };
+        for what in [Happening::Select, Happening::Deselect] {
+            happens(what);
+        }
+        assert_eq!(happens(Happening::Select), (1, Some(Read::Image(1))), "it is granted");
+        assert_eq!(happens(Happening::Deselect).0, 1, "its end waits");
+        assert_eq!(happens(Happening::Select), (1, Some(Read::Busy)), "meanwhile nothing is granted");
+        happens(Happening::Deselect);
+        let newest = if publishes {
+            board.publish(2, &mut filling);
+            2
+        } else {
+            happens(Happening::PauseEnd);
+            1
+        };
+        assert_eq!(happens(Happening::Select), (2, Some(Read::Image(newest))));
+    }
 }
 
 #[test]

@@ -57,6 +57,8 @@ pub(crate) enum Step {
     Expire,
     /// Its second.
     ExpireAgain,
+    /// The compare that ends the pause.
+    PauseEnd,
     /// EasyDMA writes the next half of a frame into the receive buffer.
     Arrive,
     /// The frame has ended.
@@ -80,6 +82,7 @@ impl Step {
             Self::Shortcut => "* shortcut END to ACQUIRE: ACQUIRED",
             Self::Expire => "* first compare: ACQUIRE",
             Self::ExpireAgain => "* second compare: ACQUIRE",
+            Self::PauseEnd => "* the compare that ends the pause",
             Self::Arrive => "* half a frame arrives",
             Self::FrameEnd => "* the frame has ended",
             Self::FrameLost => "* the frame is lost",
@@ -105,6 +108,13 @@ pub(crate) struct Hardware {
     pub(crate) acquired: bool,
     /// END was, the shortcut comes.
     pub(crate) ending: bool,
+    /// END and ACQUIRED do not call the SSI task.
+    pub(crate) masked: bool,
+    /// The compare that ends the pause is ahead of the timer, and its COMPARE event.
+    pub(crate) pause_runs: bool,
+    pub(crate) pause_over: bool,
+    /// The SSI task is about to begin the pause.
+    pub(crate) pause_begins: bool,
     /// TXD: the buffer and the window.
     pub(crate) txd: Option<(usize, Window)>,
     /// What the SPIS has written into the SSI task's memory, and how much.
@@ -154,6 +164,10 @@ impl Hardware {
             end: false,
             acquired: false,
             ending: false,
+            masked: false,
+            pause_runs: false,
+            pause_over: false,
+            pause_begins: false,
             txd: None,
             rxd: [0; 8],
             amount: 0,
@@ -201,6 +215,10 @@ impl Hardware {
             // 20 µs after the first: the SSI task that ran at the first has ended.
             Some(1) if !self.expired_in_task => with(Step::ExpireAgain),
             _ => {}
+        }
+        // While the SSI task runs it matters only whether it comes before that begins the pause anew.
+        if self.pause_runs && (level < Task::Ssi as u8 || self.pause_begins) {
+            with(Step::PauseEnd);
         }
         if !receiver_runs && (self.left.frames > 0 || self.arrived > 0) {
             if self.arrived < 2 {
@@ -254,6 +272,7 @@ impl Hardware {
                     self.acquire();
                 }
             }
+            Step::PauseEnd => (self.pause_runs, self.pause_over) = (false, true),
             Step::Arrive => {
                 if self.arrived == 0 {
                     self.left.frames -= 1;

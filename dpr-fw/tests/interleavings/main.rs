@@ -15,7 +15,7 @@
 //! | flight controller | selects, deselects at any time, also before it has clocked a request in whole |
 //! | EasyDMA | each half of a transaction, out and in, and each half of a frame, at any time in between |
 //! | air | a frame ends or is lost |
-//! | timers | deadline of the next frame; both compares of the expiry |
+//! | timers | deadline of the next frame; both compares of the expiry; the end of the pause after a transaction |
 //! | RAM | a bit gets stuck; a store that no fence holds comes late |
 //!
 //! Two halves of a buffer stand for all of its words: the processor writes it from its start to its end and EasyDMA
@@ -92,6 +92,12 @@ enum Mutation {
     NoSecondCompare,
     /// The compare's event is cleared before the timer is.
     EventClearedBeforeTimer,
+    /// The end of a transaction calls the task at any time.
+    NoPause,
+    /// The pause begins, and its compare is not set.
+    PauseWithoutEnd,
+    /// A pause that begins anew takes the end of the one before for its own.
+    OldPauseEndKept,
 }
 
 /// Images, transactions and expiry: three generations.
@@ -136,17 +142,17 @@ fn breaks(mutation: Mutation, bounds: Bounds, rule: &str) {
 
 #[test]
 fn a_transaction_reads_the_announced_image_whole_and_in_time_or_nothing() {
-    has_no_counterexample(HAND_OVER, 400_590);
+    has_no_counterexample(HAND_OVER, 719_412);
 }
 
 #[test]
 fn three_transactions_each_show_what_the_one_before_has_asked_for() {
-    has_no_counterexample(Bounds { deadlines: 1, transactions: 3, expiries: 2, ..HAND_OVER }, 214_814);
+    has_no_counterexample(Bounds { deadlines: 1, transactions: 3, expiries: 2, ..HAND_OVER }, 404_381);
 }
 
 #[test]
 fn an_image_in_which_a_bit_gets_stuck_is_not_filled_again_and_the_other_three_do() {
-    has_no_counterexample(Bounds { transactions: 1, expiries: 0, sticks: 1, ..HAND_OVER }, 51_098);
+    has_no_counterexample(Bounds { transactions: 1, expiries: 0, sticks: 1, ..HAND_OVER }, 76_398);
 }
 
 #[test]
@@ -161,7 +167,7 @@ fn a_receive_buffer_in_which_a_bit_gets_stuck_is_not_written_again_and_the_other
 
 #[test]
 fn what_arrives_is_what_the_flight_controller_reads_or_nothing() {
-    has_no_counterexample(Bounds { frames: 2, deadlines: 0, transactions: 1, expiries: 0, ..HAND_OVER }, 132_252);
+    has_no_counterexample(Bounds { frames: 2, deadlines: 0, transactions: 1, expiries: 0, ..HAND_OVER }, 204_596);
 }
 
 #[test]
@@ -228,4 +234,16 @@ fn a_missing_second_compare_is_found() {
 #[test]
 fn a_compare_event_that_is_cleared_before_its_timer_is_found() {
     breaks(Mutation::EventClearedBeforeTimer, HAND_OVER, "the newest image is not readable");
+}
+
+#[test]
+fn a_transactions_end_that_calls_the_task_within_the_pause_is_found() {
+    let rule = "the end of a transaction calls the task within the pause";
+    breaks(Mutation::NoPause, HAND_OVER, rule);
+    breaks(Mutation::OldPauseEndKept, HAND_OVER, rule);
+}
+
+#[test]
+fn a_pause_without_an_end_is_found() {
+    breaks(Mutation::PauseWithoutEnd, HAND_OVER, "a pause has no end");
 }

@@ -168,13 +168,17 @@ impl At {
             self.point("idle");
             let called = self.0.called.get();
             let hw = self.0.hw.borrow();
-            let waits = called.ssi || called.receive.is_some() || called.commit || called.scrub || hw.ending;
+            let waits = called.ssi || called.receive.is_some() || called.commit || called.scrub;
+            let comes = match &*hw {
+                hw if hw.ending => Some(Step::Shortcut),
+                hw if hw.pause_runs => Some(Step::PauseEnd),
+                _ => None,
+            };
             drop(hw);
-            if !waits {
-                break;
-            }
-            if self.0.hw.borrow().ending {
-                self.happen(Step::Shortcut);
+            match comes {
+                Some(step) => self.happen(step),
+                None if waits => {}
+                None => break,
             }
         }
         self.at_rest();
@@ -183,6 +187,7 @@ impl At {
     /// What has to hold whenever no task waits: nothing is left behind.
     fn at_rest(&self) {
         let hw = self.0.hw.borrow();
+        holds(!hw.masked, "a pause has no end");
         holds(self.0.handed.borrow().is_empty(), "a frame that was handed on is never read");
         let out_of_use = self.0.telemetry.buffers_out_of_use.get();
         let found = u32::from(hw.found.is_some());
@@ -298,11 +303,19 @@ impl At {
             let level = self.level();
             let called = self.0.called.get();
             let hw = self.0.hw.borrow();
-            let ssi = called.ssi || hw.end || hw.acquired;
+            let by_event = (hw.end || hw.acquired) && !hw.masked;
+            let (pause_runs, pause_over) = (hw.pause_runs, hw.pause_over);
             drop(hw);
-            if ssi && level < Task::Ssi as u8 {
+            if (called.ssi || by_event) && level < Task::Ssi as u8 {
+                holds(called.ssi || !pause_runs, "the end of a transaction calls the task within the pause");
                 self.call(|called| called.ssi = false);
                 self.enter(Task::Ssi, Self::ssi_end);
+            } else if pause_over && level < Task::Ssi as u8 {
+                // The task `ssi_pause`, of the same priority and behind the other in the table of vectors: its two
+                // accesses are one step, since what the hardware does meanwhile might as well have come before it.
+                self.0.explorer.note("ssi_pause: END and ACQUIRED are not masked");
+                let mut hw = self.0.hw.borrow_mut();
+                (hw.pause_over, hw.masked) = (false, false);
             } else if let (Some(whole), true) = (called.receive, level < Task::Receive as u8) {
                 self.call(|called| called.receive = None);
                 self.enter(Task::Receive, |at| at.receive(whole));

@@ -121,6 +121,10 @@ impl Ssi for Port {
         if !ended {
             return Events { ours, received: None, over_read: false, overflow: false };
         }
+        if bounds.mutation != Mutation::NoPause {
+            at.point("masks END and ACQUIRED");
+            hw.borrow_mut().masked = true;
+        }
         at.point("reads AMOUNT and the first half of what came in");
         let amount = hw.borrow().amount;
         if !early {
@@ -142,7 +146,17 @@ impl Ssi for Port {
         HandedOver::Empty
     }
 
-    fn pass_on(&mut self) {}
+    fn pass_on(&mut self) {
+        let Board { hw, bounds, .. } = &*self.at.0;
+        if bounds.mutation == Mutation::PauseWithoutEnd {
+            return;
+        }
+        hw.borrow_mut().pause_begins = true;
+        self.at.point("sets the compare that ends the pause, and clears its event");
+        let mut hw = hw.borrow_mut();
+        (hw.pause_begins, hw.pause_runs) = (false, true);
+        hw.pause_over &= bounds.mutation == Mutation::OldPauseEndKept;
+    }
 
     fn is_expired(&mut self) -> bool {
         let Board { hw, bounds, .. } = &*self.at.0;

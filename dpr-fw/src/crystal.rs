@@ -1,0 +1,58 @@
+//! The wait for the 32 MHz crystal (HFXO), without the registers.
+//!
+//! The DPR starts on the part's internal oscillator (HFINT), which is off by up to 8 % (PS v1.7, 5.4.4, tolerance of
+//! HFINT). It does not run on it: docs/decisions/0023-start-and-clocks.md says why. The crystal takes 0.36 ms typically
+//! (PS v1.7, 5.4.4, start-up time).
+
+/// How often the crystal is asked whether it has started before it is given up.
+const POLLS: u32 = 1_000;
+
+/// The pause between two of those, µs, at least.
+const PAUSE_US: u32 = 10;
+
+/// [`PAUSE_US`] in cycles of the internal oscillator's 64 MHz.
+pub const PAUSE_CYCLES: u32 = 64 * PAUSE_US;
+
+/// The crystal has at least this long to start, ms: 27 times what it takes typically.
+pub const START_MS: u32 = POLLS * PAUSE_US / 1_000;
+
+/// The longest that [`starts`] takes, ms: a delay loop of the processor takes up to twice the cycles that it was asked
+/// for, the internal oscillator may be 8 % slow, and asking takes some cycles too. The watchdog bites after 100 ms.
+pub const START_MAX_MS: u32 = START_MS * 5 / 2;
+
+/// Whether the crystal, which was told to start, does so in time. `is_started` tells whether it has, `pause` waits for
+/// [`PAUSE_CYCLES`] or a little more. Always ends, after [`START_MAX_MS`] at most.
+pub fn starts(mut is_started: impl FnMut() -> bool, mut pause: impl FnMut()) -> bool {
+    for _ in 0..POLLS {
+        if is_started() {
+            return true;
+        }
+        pause();
+    }
+    false
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use core::cell::Cell;
+
+    fn started(after_pauses: u32) -> (bool, u32) {
+        let pauses = Cell::new(0);
+        let starts = starts(|| pauses.get() >= after_pauses, || pauses.set(pauses.get() + 1));
+        (starts, pauses.get())
+    }
+
+    #[test]
+    fn a_crystal_that_starts_in_time_is_waited_for_and_no_longer() {
+        assert_eq!(started(0), (true, 0));
+        assert_eq!(started(36), (true, 36), "0.36 ms, as it takes typically");
+        assert_eq!(started(POLLS - 1), (true, POLLS - 1));
+    }
+
+    #[test]
+    fn an_oscillator_is_given_up_after_ten_milliseconds_of_pauses() {
+        assert_eq!(started(u32::MAX), (false, POLLS));
+        assert_eq!(u64::from(POLLS) * u64::from(PAUSE_CYCLES), u64::from(START_MS) * 64_000);
+    }
+}
