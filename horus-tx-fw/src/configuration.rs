@@ -2,13 +2,23 @@
 //!
 //! # Design
 //!
-//! Three messages, each acknowledged by itself (UBX-CFG-VALSET, answered by UBX-ACK-ACK or UBX-ACK-NAK):
+//! Four messages, each acknowledged by itself (UBX-CFG-VALSET, answered by UBX-ACK-ACK or UBX-ACK-NAK):
 //!
 //! | step | message | if it is refused | if it is not answered |
 //! |---|---|---|---|
 //! | basic | UBX on, NMEA off, NAV-PVT with every solution, the period | the receiver is used as it is | likewise |
+//! | model | the dynamic model [`DYNAMIC_MODEL`] | the receiver is used with its own, which is told | likewise |
 //! | attitude | NAV-ATT with every solution | the receiver has no inertial sensors: normal | likewise |
 //! | inertial | ESF-INS with every solution | likewise | likewise |
+//!
+//! **Dynamic model.** A receiver's filter assumes how its carrier moves. From the factory that is a portable device or
+//! a car: low accelerations, and at most 15 or 50 m/s vertically, beyond which it gives no position. In a hard
+//! manoeuvre all receivers would lag or drop out alike, and no vote sees what all have in common. So each is told that
+//! it flies. u-blox has three airborne models; this is that of less than 2 g, "recommended for typical airborne
+//! environments": a rotorcraft that banks by 45° to turn or to brake from 20 m/s accelerates by 1 g, by 60° by 1.7 g,
+//! which the model of less than 1 g does not cover; that of less than 4 g is "only recommended for extremely dynamic
+//! environments", and each step lets more noise into the position. PX4 has the same default. No airborne model gives 2D
+//! fixes. It is a message of its own, since a receiver that refuses one key refuses the whole message.
 //!
 //! They go into the receiver's RAM, so a receiver that was without supply has forgotten them. It is noticed by its
 //! silence, upon which all of them are sent until one is answered; so also to a receiver that is not there yet.
@@ -23,11 +33,11 @@
 //! after [`ATTEMPTS`], until it has been silent.
 //!
 //! ```text
-//!            answer                   answer or 3 x none            answer or 3 x none
-//! basic ───────────────> attitude ───────────────────> inertial ───────────────────> done
-//!  │ ^ │ nothing heard                                                                 │
-//!  │ │ └───────────────> baud (UART)                                                   │
-//!  │ └───── 200 ms ────────┘   <────────────────────── silent ─────────────────────────┘
+//!            answer           answer or 3 x none           the same             the same
+//! basic ───────────────> model ───────────────────> attitude ──────────> inertial ──────────> done
+//!  │ ^ │ nothing heard                                                                         │
+//!  │ │ └───────────────> baud (UART)                                                           │
+//!  │ └───── 200 ms ────────┘   <────────────────────────── silent ─────────────────────────────┘
 //!  └── 3 x none, but it talks ──> done
 //! ```
 //!
@@ -36,6 +46,10 @@
 //! - Keys: semuconsulting/pyubx2 (`ubxtypes_configdb.py`), aortner/ubloxcfg and the `ublox` crate (`cfg_val.rs`), which
 //!   agree where they name the same; the crate has neither NAV-ATT's keys nor a way to leave the thousand others out of
 //!   flash, hence the few here.
+//! - Dynamic models: u-blox, *ZED-F9R integration manual* (UBX-20039643), "Dynamic platform", tables of the models and
+//!   of their limits; key and values: *M10 interface description* (UBX-21035062), CFG-NAVSPG-DYNMODEL, and pyubx2;
+//!   PX4's `GPS_UBX_DYNMODEL`. Doubt: that manual says that the ZED-F9R's sensor fusion is optimised for cars, scooters
+//!   and lawn mowers only, and not whether it goes on, with NAV-ATT and ESF-INS, under an airborne model.
 //! - Form of the message, and that one unknown key refuses all of it: u-blox, *F9 interface descriptions*,
 //!   UBX-CFG-VALSET.
 
@@ -59,6 +73,9 @@ pub const SILENT_MS: u32 = 500;
 /// One that is used as it is, ms: more than the longest period that is believed.
 pub const SILENT_AS_IT_IS_MS: u32 = 1_500;
 
+/// The dynamic model that a receiver is told: airborne with less than 2 g.
+pub const DYNAMIC_MODEL: u8 = 7;
+
 /// How a receiver is connected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Interface {
@@ -70,19 +87,21 @@ pub enum Interface {
     Spi,
 }
 
-/// What a receiver has made of the basic message.
+/// What a receiver has made of the basic message, and of that of the dynamic model.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Standing {
     /// It has not been heard since it was last silent, or its answer is awaited.
     #[default]
     NotYet = 0,
-    /// It has acknowledged.
+    /// It has acknowledged the basic message, and the dynamic model, unless its answer to that is awaited.
     Taken = 1,
     /// It has refused, and is used as it is.
     Refused = 2,
     /// It talks but did not answer, and is used as it is.
     Unanswered = 3,
+    /// It has acknowledged the basic message, but not the dynamic model: it goes on with its own.
+    OtherModel = 4,
 }
 
 /// The standing of telemetry's number, in words.
@@ -92,6 +111,7 @@ pub const fn name(standing: u32) -> &'static str {
         0 => "not configured yet",
         1 => "configured",
         2 => "refuses its configuration: used as it is",
+        4 => "configured, but keeps its own dynamic model",
         _ => "does not answer: used as it is",
     }
 }
@@ -118,6 +138,7 @@ mod key {
     pub(super) const RATE_MEAS: u32 = 0x3021_0001;
     pub(super) const RATE_NAV: u32 = 0x3021_0002;
     pub(super) const UART1_BAUDRATE: u32 = 0x4052_0001;
+    pub(super) const NAVSPG_DYNMODEL: u32 = 0x2011_0021;
 
     /// CFG-UART1OUTPROT-UBX, -I2COUTPROT-, -SPIOUTPROT-.
     pub(super) const fn out_ubx(interface: Interface) -> u32 {
@@ -192,6 +213,7 @@ fn valset(items: &[(u32, u32)], rate: Rate) -> Message {
 enum Step {
     Baud,
     Basic,
+    Model,
     Attitude,
     Inertial,
 }
@@ -253,7 +275,10 @@ impl Configuration {
         match self.state {
             State::Awaiting(step, sent) => self.await_answer(step, sent, now, answer),
             State::Done => {
-                let limit = if self.standing == Standing::Taken { SILENT_MS } else { SILENT_AS_IT_IS_MS };
+                let limit = match self.standing {
+                    Standing::Taken | Standing::OtherModel => SILENT_MS,
+                    _ => SILENT_AS_IT_IS_MS,
+                };
                 if self.silent_for(now) > limit {
                     self.standing = Standing::NotYet;
                     self.go_to(Step::Basic);
@@ -283,8 +308,10 @@ impl Configuration {
                     Answer::Taken => Standing::Taken,
                     Answer::Refused => Standing::Refused,
                 };
-                self.go_to(Step::Attitude);
+                self.go_to(Step::Model);
             }
+            (Step::Model, Some(Answer::Taken)) => self.go_to(Step::Attitude),
+            (Step::Model, Some(Answer::Refused)) => self.keeps_its_model(),
             (Step::Attitude, Some(_)) => self.go_to(Step::Inertial),
             (Step::Inertial, Some(_)) => self.state = State::Done,
             (Step::Basic, None) if is_silent && self.interface == Interface::Uart && passed >= LISTEN_MS => {
@@ -308,8 +335,16 @@ impl Configuration {
                 self.standing = Standing::Unanswered;
                 self.state = State::Done;
             }
+            Step::Model => self.keeps_its_model(),
             Step::Attitude => self.go_to(Step::Inertial),
         }
+    }
+
+    fn keeps_its_model(&mut self) {
+        if self.standing == Standing::Taken {
+            self.standing = Standing::OtherModel;
+        }
+        self.go_to(Step::Attitude);
     }
 
     fn go_to(&mut self, step: Step) {
@@ -331,6 +366,7 @@ impl Configuration {
                 ],
                 Rate::Usual,
             ),
+            Step::Model => valset(&[(key::NAVSPG_DYNMODEL, u32::from(DYNAMIC_MODEL))], Rate::Usual),
             Step::Attitude => valset(&[(key::nav_att(interface), 1)], Rate::Usual),
             Step::Inertial => valset(&[(key::esf_ins(interface), 1)], Rate::Usual),
         }
@@ -345,7 +381,10 @@ mod tests {
     use std::{vec, vec::Vec};
     use ublox::{
         cfg_val::CfgVal::{self, *},
-        packets::cfg_val::{CfgLayerSet, CfgValSetBuilder},
+        packets::{
+            cfg_nav5::NavDynamicModel,
+            cfg_val::{CfgLayerSet, CfgValSetBuilder},
+        },
     };
 
     const NOW: u32 = u32::MAX - 1_000;
@@ -390,7 +429,7 @@ mod tests {
                         self.step(true, None);
                         self.step(false, Some(answer(answered)));
                         // An answer may bring the next message at once.
-                        while self.sent.len() > answered + 1 && quiet == 0 && answered < 2 {
+                        while self.sent.len() > answered + 1 && quiet == 0 && answered < 3 {
                             answered += 1;
                             self.step(false, Some(answer(answered)));
                         }
@@ -453,6 +492,8 @@ mod tests {
         let baud = of(Interface::Uart).message(Step::Baud);
         assert_eq!(baud.bytes(), built(&[Uart1Baudrate(460_800)]));
         assert_eq!(baud.rate(), Rate::Factory);
+        let model = of(Interface::Spi).message(Step::Model);
+        assert_eq!(model.bytes(), built(&[NavSpgDynModel(NavDynamicModel::AirborneWithLess2gAcceleration)]));
         // The crate does not know NAV-ATT's keys.
         let attitude =
             [Interface::Ddc, Interface::Uart, Interface::Spi].map(|it| keys(&of(it).message(Step::Attitude)));
@@ -464,30 +505,59 @@ mod tests {
         for interface in [Interface::Uart, Interface::Ddc, Interface::Spi] {
             let mut talk = Talk::new(interface);
             assert!(talk.step(false, None).is_some());
-            for _ in 0..2 {
+            for _ in 0..3 {
                 assert!(talk.step(false, Some(Answer::Taken)).is_some());
             }
             assert!(talk.step(false, Some(Answer::Taken)).is_none());
             talk.pass(60_000, true);
-            assert_eq!(talk.sent.len(), 3);
+            assert_eq!(talk.sent.len(), 4);
             assert_eq!(talk.configuration.standing(), Standing::Taken);
         }
     }
 
     #[test]
+    fn each_receiver_is_told_the_airborne_model_of_less_than_2_g() {
+        for interface in [Interface::Uart, Interface::Ddc, Interface::Spi] {
+            let mut talk = Talk::new(interface);
+            talk.answer_all(|_| Answer::Taken);
+            let models = talk.sent.iter().filter(|(_, message)| keys(message) == [0x2011_0021]);
+            let models: Vec<u8> = models.map(|(_, message)| message.bytes()[14]).collect();
+            assert_eq!(models, [7]);
+        }
+    }
+
+    #[test]
+    fn one_that_keeps_its_own_model_is_told_and_otherwise_configured() {
+        let mut talk = Talk::new(Interface::Ddc);
+        assert_eq!(talk.answer_all(|index| if index == 1 { Answer::Refused } else { Answer::Taken }), 4);
+        assert_eq!(talk.configuration.standing(), Standing::OtherModel);
+        // Silence is judged as for one that took everything.
+        talk.step(true, None);
+        talk.pass(SILENT_MS + 20, false);
+        assert_eq!((talk.sent.len(), talk.configuration.standing()), (5, Standing::NotYet));
+
+        // One that never answers to it.
+        let mut talk = Talk::new(Interface::Ddc);
+        talk.step(false, None);
+        talk.step(false, Some(Answer::Taken));
+        talk.pass(10_000, true);
+        assert_eq!(talk.configuration.standing(), Standing::OtherModel);
+    }
+
+    #[test]
     fn a_receiver_without_inertial_sensors_is_configured_all_the_same() {
         let mut talk = Talk::new(Interface::Spi);
-        let answered = talk.answer_all(|index| if index == 0 { Answer::Taken } else { Answer::Refused });
-        assert_eq!((answered, talk.sent.len()), (3, 3));
+        let answered = talk.answer_all(|index| if index < 2 { Answer::Taken } else { Answer::Refused });
+        assert_eq!((answered, talk.sent.len()), (4, 4));
         assert_eq!(talk.configuration.standing(), Standing::Taken);
     }
 
     #[test]
     fn one_that_refuses_is_used_as_it_is_and_not_asked_again() {
         let mut talk = Talk::new(Interface::Ddc);
-        assert_eq!(talk.answer_all(|_| Answer::Refused), 3);
+        assert_eq!(talk.answer_all(|_| Answer::Refused), 4);
         talk.pass(60_000, true);
-        assert_eq!((talk.sent.len(), talk.configuration.standing()), (3, Standing::Refused));
+        assert_eq!((talk.sent.len(), talk.configuration.standing()), (4, Standing::Refused));
     }
 
     #[test]
@@ -507,7 +577,7 @@ mod tests {
         talk.pass(60_000, false);
         assert_eq!(talk.sent.len(), 60);
         assert_eq!(talk.configuration.standing(), Standing::NotYet);
-        assert_eq!(talk.answer_all(|_| Answer::Taken), 3);
+        assert_eq!(talk.answer_all(|_| Answer::Taken), 4);
         assert_eq!(talk.configuration.standing(), Standing::Taken);
     }
 
@@ -525,16 +595,16 @@ mod tests {
     #[test]
     fn after_silence_everything_is_sent_again_and_not_sooner() {
         let mut talk = Talk::new(Interface::Ddc);
-        assert_eq!(talk.answer_all(|_| Answer::Taken), 3);
+        assert_eq!(talk.answer_all(|_| Answer::Taken), 4);
         // `answer_all` has waited for 400 ms.
         talk.pass(90, false);
-        assert_eq!(talk.sent.len(), 3);
+        assert_eq!(talk.sent.len(), 4);
         talk.step(true, None);
         talk.pass(SILENT_MS, false);
-        assert_eq!((talk.sent.len(), talk.configuration.standing()), (3, Standing::Taken));
+        assert_eq!((talk.sent.len(), talk.configuration.standing()), (4, Standing::Taken));
         talk.pass(20, false);
-        assert_eq!((talk.sent.len(), talk.configuration.standing()), (4, Standing::NotYet));
-        assert_eq!(keys(&talk.sent[3].1), keys(&talk.sent[0].1));
+        assert_eq!((talk.sent.len(), talk.configuration.standing()), (5, Standing::NotYet));
+        assert_eq!(keys(&talk.sent[4].1), keys(&talk.sent[0].1));
     }
 
     #[test]
@@ -580,9 +650,15 @@ mod tests {
 
     #[test]
     fn each_standing_has_words_of_its_own() {
-        let words =
-            [Standing::NotYet, Standing::Taken, Standing::Refused, Standing::Unanswered].map(|it| name(it as u32));
-        let says = [("not", "yet"), ("configured", ""), ("refuses", "as it is"), ("does not answer", "as it is")];
+        let words = [Standing::NotYet, Standing::Taken, Standing::Refused, Standing::Unanswered, Standing::OtherModel]
+            .map(|it| name(it as u32));
+        let says = [
+            ("not", "yet"),
+            ("configured", "configured"),
+            ("refuses", "as it is"),
+            ("does not answer", "as it is"),
+            ("configured", "its own dynamic model"),
+        ];
         for (words, (first, then)) in words.into_iter().zip(says) {
             assert!(words.starts_with(first) && words.ends_with(then), "{words}");
         }

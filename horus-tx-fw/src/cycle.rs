@@ -11,16 +11,23 @@
 //! receivers have said until 10 ms before its tick, and brings that to the tick. A vote of another tick is not shown.
 //!
 //! Reported-Position is what a majority of the receivers says ([`horus_voter`]): the position of those that agree,
-//! brought to the tick, and how many they are. It is *degraded* while those are fewer than are fitted. Which receivers
+//! brought to the tick, and how many they are. It is *degraded* while those are fewer than are fitted, or while there
+//! is no altitude, which takes a majority as well. Which receivers
 //! may take part is decided by each one's own object: a receiver that falls silent stops taking part one period and
 //! 150 ms after its last message (see [`receiver`](crate::receiver)), and one that was outvoted says *excluded*. HORUS
-//! is *starting* until the first result, and *monitoring* from then on, unless the inputs of its safety function say
-//! something else ([`state_inputs`](crate::state_inputs)).
+//! is *starting* until the first result, *monitoring* while there is one and in the state *position lost* while there
+//! is none any more, unless the inputs of its safety function say something else
+//! ([`state_inputs`](crate::state_inputs)).
+//!
+//! What HORUS knows of itself goes into every Reported-Position, too: its clock, the reason of its last reset
+//! ([`Start`]), and whether it has found a fault of its memory ([`Cycle::found_memory_fault`]).
+
+use core::hint::select_unpredictable;
 
 use horus_voter::{Input, Verdict, Voter};
 use profile::{
-    GpsObject, GpsStatus, GpsValues, Identifier, Profile, ReportedPosition, ReportedStatus, ReportedValues, ABSENT_F32,
-    ABSENT_F64, CYCLE_MS,
+    GpsObject, GpsStatus, GpsValues, Identifier, Profile, ReportedPosition, ReportedStatus, ReportedValues,
+    ResetReason, ABSENT_F32, ABSENT_F64, CYCLE_MS,
 };
 
 use crate::{
@@ -36,12 +43,25 @@ pub const fn timestamp(tick: u32) -> u32 {
     tick.wrapping_mul(CYCLE_MS)
 }
 
+/// What a start of HORUS was like.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Start {
+    /// The clock that it runs on.
+    pub clock: Source,
+    /// Why the processor started.
+    pub reason: ResetReason,
+    /// The receivers that were excluded before, as [`Verdict::excluded`] has them; see
+    /// [`exclusions`](crate::exclusions).
+    pub excluded: u8,
+}
+
 /// What is remembered from tick to tick of `N` receivers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Cycle<const N: usize> {
     /// There has been a result since the start.
-    located: bool,
-    clock: Source,
+    was_located: bool,
+    start: Start,
+    memory_fault: bool,
     inputs: StateInputs,
     voter: Voter<N>,
     /// The last vote, and Reported-Position as sealed for the tick that it is for.
@@ -50,23 +70,36 @@ pub struct Cycle<const N: usize> {
 }
 
 impl<const N: usize> Cycle<N> {
-    /// The first cycle of a HORUS that runs on the external clock.
+    /// The first cycle of a HORUS whose supply came on and that runs on the external clock.
     #[must_use]
     pub const fn new() -> Self {
-        Self::on(Source::External)
+        Self::after(Start { clock: Source::External, reason: ResetReason::PowerOn, excluded: 0 })
     }
 
-    /// The first cycle of a HORUS that runs on `clock`, which Reported-Position's status tells.
+    /// The first cycle after `start`, which Reported-Position's status tells.
     #[must_use]
-    pub const fn on(clock: Source) -> Self {
+    pub const fn after(start: Start) -> Self {
+        let voter = Voter::excluding(start.excluded);
         Self {
-            located: false,
-            clock,
+            was_located: false,
+            start,
+            memory_fault: false,
             inputs: StateInputs::new(),
-            voter: Voter::new(),
-            verdict: Verdict::NONE,
+            voter,
+            verdict: Verdict { excluded: voter.excluded(), ..Verdict::NONE },
             voted: None,
         }
+    }
+
+    /// HORUS has found a fault of its memory: every vote from now on says so.
+    pub fn found_memory_fault(&mut self) {
+        self.memory_fault = true;
+    }
+
+    /// The receivers that are excluded from the next vote on, one bit for each.
+    #[must_use]
+    pub const fn excluded(&self) -> u8 {
+        self.voter.excluded()
     }
 
     /// Takes the levels of the inputs that tell HORUS's state, once in a cycle and before the vote.
@@ -82,7 +115,7 @@ impl<const N: usize> Cycle<N> {
             *input = input_of(solution, now);
         }
         self.verdict = self.voter.vote(&inputs, now);
-        self.located |= self.verdict.position.is_some();
+        self.was_located |= self.verdict.position.is_some();
         self.voted = Some((tick, ReportedPosition::seal(&self.reported_values(&self.verdict, now))));
     }
 
@@ -95,13 +128,13 @@ impl<const N: usize> Cycle<N> {
     /// The sealed profile of tick `tick`, from what each receiver has said until then, and from the vote of that tick.
     pub fn fill(&self, tick: u32, solutions: &[Solution; N]) -> Profile<N> {
         let now = timestamp(tick);
-        let (reported, voted) = match self.voted {
-            Some((of, reported)) if of == tick => (reported, true),
-            _ => (ReportedPosition::seal(&self.reported_values(&Verdict::NONE, now)), false),
+        let reported = match self.voted {
+            Some((of, reported)) if of == tick => reported,
+            _ => ReportedPosition::seal(&self.reported_values(&Verdict::NONE, now)),
         };
         let mut receiver = 0;
         let gps = solutions.each_ref().map(|solution| {
-            let excluded = voted & self.verdict.is_excluded(receiver);
+            let excluded = self.verdict.is_excluded(receiver);
             receiver += 1;
             GpsObject::seal(Identifier::gps(receiver), &gps_values(solution, excluded, now))
         });
@@ -112,6 +145,7 @@ impl<const N: usize> Cycle<N> {
     fn reported_values(&self, verdict: &Verdict, now: u32) -> ReportedValues {
         let Verdict { position, attitude, acceleration, .. } = verdict;
         let agreeing = verdict.agreeing();
+        let altitude = position.and_then(|position| position.altitude);
         let [pitch, yaw, roll] = attitude.unwrap_or([ABSENT_F32; 3]);
         ReportedValues {
             timestamp: now,
@@ -120,12 +154,14 @@ impl<const N: usize> Cycle<N> {
                 .with_position_valid(position.is_some())
                 .with_attitude_valid(attitude.is_some())
                 .with_acceleration_valid(acceleration.is_some())
-                .with_degraded(usize::from(agreeing) < N)
-                .with_without_crystal(self.clock == Source::Internal)
-                .with_state(self.inputs.state(self.located)),
+                .with_degraded((usize::from(agreeing) < N) | altitude.is_none())
+                .with_without_crystal(self.start.clock == Source::Internal)
+                .with_state(self.inputs.state(self.was_located, position.is_some()))
+                .with_memory_fault(self.memory_fault)
+                .with_reset_reason(self.start.reason),
             latitude: position.map_or(ABSENT_F64, |position| position.latitude),
             longitude: position.map_or(ABSENT_F64, |position| position.longitude),
-            altitude: position.and_then(|position| position.altitude).unwrap_or(ABSENT_F64),
+            altitude: altitude.unwrap_or(ABSENT_F64),
             pitch,
             yaw,
             roll,
@@ -183,6 +219,12 @@ fn gps_values(solution: &Solution, excluded: bool, now: u32) -> GpsValues {
         .with_heard(heard.within(now, HEARD_MS))
         .with_stale(!position.pace.is_fresh(now))
         .with_excluded(excluded);
+    // Both are worked out whichever it is, since a branch would take longer for a receiver that has said something.
+    status = select_unpredictable(
+        position.pace.has_arrived(),
+        status.with_solution_age_ms(Some(position.pace.age_ms(now))),
+        status.with_solution_age_ms(None),
+    );
     if let (Some(fix), true) = (position.fix, current) {
         status = status.with_fix_type(fix);
     }

@@ -25,8 +25,9 @@
 //!
 //! Events that nobody asked for are bounded too: BTF stays set until the repeated START that follows is on the bus
 //! (RM0090, "I2C", status register 1), and so calls the handler again meanwhile. After [`MOST_SPURIOUS`] calls without
-//! progress the event interrupts are switched off until the tick, so that a bus that is held does not cost the
-//! processor's time.
+//! progress, or [`MOST_BUS_ERRORS`] bus errors since the tick, events and errors call no handler until the next tick,
+//! so that a bus that is held or disturbed does not cost the processor's time. The same holds whenever no transaction
+//! is under way: only a START switches these interrupts on.
 //!
 //! # Sources
 //!
@@ -62,6 +63,10 @@ pub const HOLD_TICKS: u8 = 10;
 /// The most events without progress before the event interrupts are switched off. A repeated START is on the bus within
 /// 5 µs, a handler takes 1 µs at least.
 pub const MOST_SPURIOUS: u8 = 16;
+
+/// The most bus errors between two ticks that leave a transaction under way. Each costs a call of 1 to 2 µs, so these
+/// cost 0.1 ms of a cycle; a pulse on SDA every 0.2 ms makes 50.
+pub const MOST_BUS_ERRORS: u8 = 64;
 
 /// What the bus looks like at the tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -102,7 +107,7 @@ pub struct Events {
 pub enum Order {
     /// Nothing.
     Nothing,
-    /// Request a START, with the event interrupts on.
+    /// Request a START, with the interrupts of events and errors on.
     Start,
     /// Write the data register.
     Put(u8),
@@ -110,9 +115,9 @@ pub enum Order {
     PutAddressed(u8),
     /// Give the DMA stream so many bytes to receive, at least 2, switch the event interrupts off, then clear ADDR.
     Receive(usize),
-    /// Switch the event interrupts off and request a STOP.
+    /// Switch the interrupts of events and errors off and request a STOP.
     Stop,
-    /// Switch the event interrupts off.
+    /// Switch the interrupts of events and errors off.
     Mute,
     /// Stop the stream, hold the peripheral in reset, take both pins from it and release them; [`Ddc::step`] in
     /// [`STEP_US`].
@@ -177,6 +182,7 @@ pub struct Ddc {
     state: State,
     message: Option<Message>,
     spurious: u8,
+    bus_errors: u8,
     hold: u8,
     /// What the bus looked like when it was last found not to be free.
     stuck: Option<Bus>,
@@ -200,6 +206,7 @@ impl Ddc {
             state: State::Idle,
             message: None,
             spurious: 0,
+            bus_errors: 0,
             hold: 0,
             stuck: None,
             backlog: Backlog::new(),
@@ -241,6 +248,7 @@ impl Ddc {
     /// Serves the tick.
     pub fn poll(&mut self, bus: Bus) -> Order {
         self.backlog.tick();
+        self.bus_errors = 0;
         match self.state {
             State::Idle if bus.is_free() => {
                 self.start(if self.message.is_some() { Phase::Message } else { Phase::Select(2) })
@@ -271,7 +279,11 @@ impl Ddc {
         }
         // A bus error needs no answer: erratum "spurious bus error detection in controller mode"; a true one ends at
         // the tick.
-        self.spurious += 1;
+        self.bus_errors = self.bus_errors.saturating_add(u8::from(events.bus_error));
+        if self.bus_errors >= MOST_BUS_ERRORS {
+            return Order::Mute;
+        }
+        self.spurious = self.spurious.saturating_add(1);
         let order = match self.state {
             State::Starting(phase) if events.started => {
                 self.state = State::Addressing(phase);

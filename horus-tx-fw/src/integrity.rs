@@ -9,15 +9,16 @@
 //! |---|---|
 //! | flash is not the one that was built | safe state: the field is off, [`Cause::Flash`] |
 //! | a guard word has changed | safe state, [`Cause::GuardWord`] |
-//! | free RAM | counted |
+//! | RAM in use does not hold what is written | safe state, [`Cause::Ram`]; at the start too |
 //!
 //! HORUS has no code in RAM. A profile is sealed from scratch in every cycle and lives for less than one, so there is
-//! nothing of it to re-verify; its objects' CRCs and the listener's own check cover the way from the sealing on.
+//! nothing of it to re-verify; its objects' CRCs and the listener's own check cover the way from the sealing on. What
+//! is computed before the sealing has no CRC, so HORUS sends nothing with RAM that is faulty.
 //!
 //! # Time to detect
 //!
-//! [`FLASH_DETECT_US`], [`GUARD_DETECT_US`], [`RAM_PASS_US`]. They hold as long as the idle loop gets its slices; if it
-//! does not for 100 ms, the watchdog resets the part.
+//! [`FLASH_DETECT_US`], [`GUARD_DETECT_US`], [`RAM_DETECT_US`]. They hold as long as the idle loop gets its slices; if
+//! it does not for 100 ms, the watchdog resets the part.
 
 use firmware_common::{
     last_stop::Cause,
@@ -28,11 +29,11 @@ use profile::CYCLE_MS;
 use crate::telemetry::Telemetry;
 
 /// Words that a slice verifies: about 1 % of the processor on the pessimistic clock.
-pub const RATE: Rate = Rate { flash_words: 16, code_words: 0, march_words: 48 };
+pub const RATE: Rate = Rate { flash_words: 16, code_words: 0, ram_words: 6 };
 
-/// Bytes of flash and of free RAM, at most: those of `memory.x`.
-const FLASH_BYTES: u32 = 96 * 1024;
-const FREE_BYTES: u32 = 160 * 1024;
+/// Bytes of flash and of RAM in use, at most: those of `memory.x`.
+const FLASH_BYTES: u32 = 112 * 1024;
+const RAM_BYTES: u32 = 32 * 1024;
 
 /// A slice may have to wait for the quiet part of the next cycle.
 const WAIT_US: u32 = 1_000 * CYCLE_MS;
@@ -43,19 +44,19 @@ pub const FLASH_DETECT_US: u32 = RATE.flash_detect_us(FLASH_BYTES) + WAIT_US;
 /// From the change of a guard word to the field being off, µs.
 pub const GUARD_DETECT_US: u32 = SLICE_US + WAIT_US;
 
-/// One pass over free RAM, µs: a stuck bit is found within it.
-pub const RAM_PASS_US: u32 = RATE.ram_pass_us(FREE_BYTES);
+/// From a bit of RAM in use that sticks to the field being off, µs, at most: one pass over it.
+pub const RAM_DETECT_US: u32 = RATE.ram_pass_us(RAM_BYTES) + WAIT_US;
 
-const _: () = assert!(FLASH_DETECT_US <= 7_800_000 && RAM_PASS_US <= 12_800_000);
+const _: () = assert!(FLASH_DETECT_US <= 9_100_000 && RAM_DETECT_US <= 3_500_000);
 
 /// Counts what a slice found, and gives the cause and the detail if it is one to stop for.
 pub fn judge(slice: &Slice, telemetry: &Telemetry) -> Option<(Cause, u32)> {
-    telemetry.ram_errors.add(slice.ram_errors);
+    telemetry.ram_errors.add(u32::from(slice.ram.is_some()));
     telemetry.ram_passes.add(u32::from(slice.ram_pass.is_some()));
     telemetry.flash_passes.add(u32::from(slice.flash.is_some()));
     let guard = slice.guard.map(|guard| (Cause::GuardWord, guard));
     let changed = slice.flash.filter(|flash| !flash.is_intact()).map(|flash| (Cause::Flash, flash.computed));
-    guard.or(changed)
+    guard.or(changed).or(slice.ram.map(|address| (Cause::Ram, address)))
 }
 
 #[cfg(test)]
@@ -64,17 +65,19 @@ mod tests {
     use firmware_common::image::Comparison;
 
     #[test]
-    fn changed_flash_and_changed_guard_words_are_causes_to_stop_and_the_rest_is_counted() {
+    fn changed_flash_and_guard_words_and_faulty_ram_are_causes_to_stop() {
         let telemetry = Telemetry::new();
         let of = |slice| judge(&slice, &telemetry);
         assert_eq!(of(Slice::default()), None);
         let intact = Comparison { computed: 5, expected: 5 };
-        assert_eq!(of(Slice { flash: Some(intact), ram_pass: Some(3), ram_errors: 3, ..Slice::default() }), None);
+        assert_eq!(of(Slice { flash: Some(intact), ram_pass: Some(true), ..Slice::default() }), None);
+        let faulty = Slice { ram: Some(0x2000_0040), ram_pass: Some(false), ..Slice::default() };
+        assert_eq!(of(faulty), Some((Cause::Ram, 0x2000_0040)));
         let changed = Slice { flash: Some(Comparison { expected: 6, ..intact }), ..Slice::default() };
-        assert_eq!(of(changed), Some((Cause::Flash, 5)));
+        assert_eq!(of(Slice { ram: Some(4), ..changed }), Some((Cause::Flash, 5)));
         assert_eq!(of(Slice { guard: Some(2), ..changed }), Some((Cause::GuardWord, 2)));
         let counts = [&telemetry.flash_passes, &telemetry.ram_passes, &telemetry.ram_errors]
             .map(firmware_common::counter::Counter::get);
-        assert_eq!(counts, [3, 1, 3]);
+        assert_eq!(counts, [3, 2, 2]);
     }
 }

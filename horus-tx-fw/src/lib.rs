@@ -22,6 +22,7 @@
 //! | [`ring`] | how many bytes a circular DMA transfer has delivered, and whether it lapped its reader |
 //! | [`timing`] | the slots of a cycle, each with its derivation, checked at compile time |
 //! | [`clock`] | whether to run on the external clock or, without it, on the internal oscillator |
+//! | [`exclusions`] | which receivers stay excluded over a reset |
 //! | [`integrity`] | what a change of memory leads to, and when it is found |
 //! | [`protection`] | what the memory protection unit opens |
 //! | [`reset`] | why the processor started |
@@ -40,6 +41,7 @@ pub mod clock;
 pub mod configuration;
 pub mod cycle;
 pub mod ddc;
+pub mod exclusions;
 pub mod integrity;
 pub mod protection;
 pub mod receiver;
@@ -48,6 +50,7 @@ pub mod ring;
 pub mod source;
 pub mod spi;
 pub mod state_inputs;
+pub mod supply;
 pub mod task;
 pub mod telemetry;
 pub mod timing;

@@ -5,6 +5,7 @@
 //! | priority | task | vector | what arrives |
 //! |---|---|---|---|
 //! | NMI | in `hw::clock` | NMI | the external clock has failed |
+//! | 16 | in `hw::supply` | PVD | the supply falls |
 //! | 5 | `slot` | TIM2 | the tick; a frame's slot |
 //! | 4 | `rf_spi`, `rf_spi_error` | DMA2 stream 0, 3 | an SPI transfer has ended, or failed |
 //! | 4 | `rf_irq` | EXTI3 | the ST25R3916's interrupt request |
@@ -42,9 +43,10 @@
 //!
 //! # Start
 //!
-//! Watchdog, reason of the reset, oscillator, comparison of the image with its CRC, then front end, receivers and
-//! cycle. The comparison comes after the clock tree, since it takes 4 to 6 ms at 144 MHz and would take 40 ms at the 16
-//! MHz before, of the watchdog's 68 ms at worst; nothing of the board is touched before it but the clocks.
+//! Reset flags and watchdog (the first instructions, `hw::start_up`), test of the RAM, brown-out level, oscillator,
+//! voltage detector, comparison of the image with its CRC, then front end, receivers and cycle. The comparison comes
+//! after the clock tree, since it takes 4 to 6 ms at 144 MHz and would take 40 ms at the 16 MHz before, of the
+//! watchdog's 68 ms at worst; nothing of the board is touched before it but the clocks.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 #![deny(unsafe_code)]
 
@@ -76,23 +78,24 @@ mod app {
         last_stop::{self, Cause, Stop},
         memory, mpu,
         patrol::{Pace, PartMemory, Patrol, MOST_SLICES},
-        safe_state,
+        safe_state, start_test,
     };
     use horus_tx_fw::{
         configuration::{self, Configuration},
-        cycle::Cycle,
+        cycle::{Cycle, Start},
         integrity, protection,
         receiver::{Receiver, Solution, BYTES_PER_CALL},
         reset,
         ring::Reader,
         source::{Vector, RING},
+        supply,
         task::Task,
         timing,
         transmitter::Transmitter,
         RECEIVERS,
     };
     use st25r3916::PollerConfig;
-    use stm32f4xx_hal::{pac::Interrupt, prelude::*, watchdog::IndependentWatchdog};
+    use stm32f4xx_hal::{pac::Interrupt, watchdog::IndependentWatchdog};
 
     use crate::{
         board,
@@ -100,7 +103,7 @@ mod app {
             self,
             cycle_timer::{self, CycleEvent, CycleTimer},
             gnss::{self, GnssLine},
-            radio::{Ended, Radio},
+            radio::Radio,
             settle, state_inputs, HORUS_TELEMETRY,
         },
     };
@@ -112,8 +115,7 @@ mod app {
 
     #[shared]
     struct Shared {
-        transmitter: Transmitter<'static>,
-        radio: Radio,
+        transmitter: Transmitter<'static, Radio>,
         solutions: [Solution; RECEIVERS],
         #[lock_free]
         cycle: Cycle<RECEIVERS>,
@@ -136,23 +138,43 @@ mod app {
     fn init(mut cx: init::Context) -> (Shared, Local, init::Monotonics) {
         let mut device = cx.device;
 
-        // First of all: a clock that does not start, or anything after it, ends in a reset too.
+        // It runs since the first instructions (`hw::start_up`). DBGMCU keeps its bits over every reset but power-on.
         let mut watchdog = IndependentWatchdog::new(device.IWDG);
-        watchdog.stop_on_debug(&device.DBGMCU, true);
-        watchdog.start(timing::WATCHDOG_MS.millis());
-        // It begins with the longest time there is; fed after its prescaler and reload have arrived, it counts with
-        // them.
+        watchdog.stop_on_debug(&device.DBGMCU, cfg!(feature = "debugger-stops-watchdog"));
+        // Fed after its reload value has arrived, it counts with that.
         asm::delay(timing::WATCHDOG_UPDATE_CYCLES);
         watchdog.feed();
-        let reason = hw::reset::note_reason(&device.RCC);
+        let reason = hw::reset::note_reason();
 
         cx.core.DCB.enable_trace();
         cx.core.DWT.enable_cycle_counter();
 
         // Log messages carry its time, those of a start that fails too.
         cycle_timer::enable_clock(&mut device.RCC);
+        // What the last stop was, before the clocks' own record can replace it.
+        let stopped = last_stop::take();
+        HORUS_TELEMETRY.last_stop.set(last_stop::code());
+        // At 144 MHz nothing but this reset keeps a supply that falls from having instructions read wrongly.
+        let level = hw::supply::brown_out_level();
+        if level != supply::BROWN_OUT_LEVEL {
+            let stop = Stop::new(Cause::BrownOutLevel, 0, level);
+            safe_state::enter(
+                hw::safe_state,
+                || stop,
+                |stop| {
+                    crate::log_stop("flash HORUS by `cargo xtask flash horus`, which sets the brown-out level", stop);
+                },
+            );
+        }
         let (mut rcc, clock) = hw::clock::start(device.RCC);
+        if hw::supply::watch(&mut rcc) {
+            hw::supply::stop();
+        }
 
+        if let Some(address) = start_test::take().fault() {
+            let stop = Stop::new(Cause::Ram, 0, address);
+            safe_state::enter(hw::safe_state, || stop, |stop| crate::log_stop("memory", stop));
+        }
         let found = image::compare();
         if !found.is_intact() {
             safe_state::enter(
@@ -174,11 +196,10 @@ mod app {
         // All of its time for the rest of the start and the first cycles, after which the tasks decide.
         watchdog.feed();
 
-        let mut radio = Radio::new(&mut rcc, device.SPI1, device.TIM5, device.SYSCFG, &device.EXTI);
+        let radio = Radio::new(&mut rcc, device.SPI1, device.TIM5, device.SYSCFG, &device.EXTI);
         state_inputs::set_up();
         let lines = GnssLine::all(&mut rcc);
-        let mut transmitter = Transmitter::new(PollerConfig::new(), &HORUS_TELEMETRY);
-        transmitter.start(&mut radio);
+        let transmitter = Transmitter::start(PollerConfig::new(), &HORUS_TELEMETRY, radio);
         let mut timer = CycleTimer::new(device.TIM2);
         timer.start();
         defmt::info!(
@@ -188,20 +209,24 @@ mod app {
             HORUS_TELEMETRY.watchdog_resets.get(),
             reset::name(reason)
         );
-        if let Some(stop) = last_stop::take() {
+        let excluded = hw::reset::kept_exclusions(reason);
+        let mut cycle = Cycle::after(Start { clock, reason, excluded });
+        if let Some(stop) = stopped {
             crate::log_stop("the last stop", &stop);
+            if stop.cause.is_memory_fault() {
+                cycle.found_memory_fault();
+            }
         }
-        HORUS_TELEMETRY.last_stop.set(last_stop::code());
         if HORUS_TELEMETRY.without_crystal.get() != 0 {
             defmt::warn!("the external clock is missing: running on the internal oscillator");
         }
         let mut memory = PartMemory::take();
         // Nothing of the image is shut: what is null on this part is not where flash is.
-        let layout = memory::layout(0);
+        let layout = memory::layout(0, hw::shared_memory());
         let patrol = Patrol::new(layout, integrity::RATE, &mut memory);
         mpu::apply(&mut cx.core.MPU, &protection::TASKS);
         (
-            Shared { transmitter, radio, solutions: [Solution::default(); RECEIVERS], cycle: Cycle::on(clock), lines },
+            Shared { transmitter, solutions: [Solution::default(); RECEIVERS], cycle, lines },
             Local {
                 timer,
                 receivers: core::array::from_fn(|_| Receiver::new()),
@@ -297,72 +322,58 @@ mod app {
         settle();
     }
 
-    #[task(binds = DMA2_STREAM0, priority = 4, shared = [transmitter, radio])]
-    fn rf_spi(cx: rf_spi::Context) {
-        (cx.shared.transmitter, cx.shared.radio).lock(transfer_ended);
+    #[task(binds = DMA2_STREAM0, priority = 4, shared = [transmitter])]
+    fn rf_spi(mut cx: rf_spi::Context) {
+        cx.shared.transmitter.lock(Transmitter::poll);
         settle();
     }
 
-    #[task(binds = DMA2_STREAM3, priority = 4, shared = [transmitter, radio])]
-    fn rf_spi_error(cx: rf_spi_error::Context) {
-        (cx.shared.transmitter, cx.shared.radio).lock(transfer_ended);
+    #[task(binds = DMA2_STREAM3, priority = 4, shared = [transmitter])]
+    fn rf_spi_error(mut cx: rf_spi_error::Context) {
+        cx.shared.transmitter.lock(Transmitter::poll);
         settle();
     }
 
-    fn transfer_ended(transmitter: &mut Transmitter<'static>, radio: &mut Radio) {
-        let mut response = [0; st25r3916::Short::MAX];
-        match radio.ended() {
-            Some(Ended::Done(bytes)) => {
-                let (response, _) = response.split_at_mut(bytes.len());
-                response.copy_from_slice(bytes);
-                transmitter.done(response, radio);
-            }
-            Some(Ended::Failed) => transmitter.failed(radio),
-            None => {}
-        }
-    }
-
-    #[task(binds = EXTI3, priority = 4, shared = [transmitter, radio])]
-    fn rf_irq(cx: rf_irq::Context) {
-        (cx.shared.transmitter, cx.shared.radio).lock(|transmitter, radio| {
-            radio.clear_pending_irq();
-            transmitter.edge(radio);
+    #[task(binds = EXTI3, priority = 4, shared = [transmitter])]
+    fn rf_irq(mut cx: rf_irq::Context) {
+        cx.shared.transmitter.lock(|transmitter| {
+            transmitter.port().clear_pending_irq();
+            transmitter.poll();
         });
         settle();
     }
 
-    #[task(binds = TIM5, priority = 4, shared = [transmitter, radio])]
-    fn rf_timer(cx: rf_timer::Context) {
-        (cx.shared.transmitter, cx.shared.radio).lock(|transmitter, radio| {
-            if radio.time_is_over() {
-                transmitter.elapsed(radio);
-            }
+    #[task(binds = TIM5, priority = 4, shared = [transmitter])]
+    fn rf_timer(mut cx: rf_timer::Context) {
+        cx.shared.transmitter.lock(|transmitter| {
+            transmitter.port().clear_pending_timer();
+            transmitter.poll();
         });
         settle();
     }
 
-    #[task(binds = CAN1_TX, priority = 4, shared = [transmitter, radio])]
-    fn rf_slot(cx: rf_slot::Context) {
+    #[task(binds = CAN1_TX, priority = 4, shared = [transmitter])]
+    fn rf_slot(mut cx: rf_slot::Context) {
         if let Some(slot) = cycle_timer::take_slot() {
             if slot.frame == 0 {
                 // Not at the tick: a division, or an access to a slow bus, would hold the slot's interrupt up.
                 rtic::pend(Interrupt::CAN2_RX0);
                 rtic::pend(Interrupt::CAN2_TX);
             }
-            (cx.shared.transmitter, cx.shared.radio).lock(|transmitter, radio| transmitter.slot(slot, radio));
+            cx.shared.transmitter.lock(|transmitter| transmitter.slot(slot));
         }
         CHECK_IN.check_in(Task::Rf);
         settle();
     }
 
-    #[task(binds = CAN1_RX0, priority = 3, shared = [cycle, transmitter, radio, solutions])]
+    #[task(binds = CAN1_RX0, priority = 3, shared = [cycle, transmitter, solutions])]
     fn cycle(mut cx: cycle::Context) {
         let begun = DWT::cycle_count();
         let tick = cycle_timer::tick();
         cx.shared.cycle.sample(state_inputs::levels());
         let profile = cx.shared.solutions.lock(|solutions| cx.shared.cycle.fill(tick, solutions));
         HORUS_TELEMETRY.worst_fill_cycles.record_max(DWT::cycle_count().wrapping_sub(begun));
-        (cx.shared.transmitter, cx.shared.radio).lock(|transmitter, radio| transmitter.offer(tick, &profile, radio));
+        cx.shared.transmitter.lock(|transmitter| transmitter.offer(tick, &profile));
         CHECK_IN.check_in(Task::Cycle);
         settle();
     }
@@ -370,7 +381,9 @@ mod app {
     #[task(binds = CAN2_RX0, priority = 3, shared = [cycle, solutions])]
     fn vote(mut cx: vote::Context) {
         let tick = cycle_timer::tick();
-        cx.shared.solutions.lock(|solutions| cx.shared.cycle.vote(tick.wrapping_add(1), solutions));
+        let cycle = cx.shared.cycle;
+        cx.shared.solutions.lock(|solutions| cycle.vote(tick.wrapping_add(1), solutions));
+        hw::reset::keep_exclusions(cycle.excluded());
         cycle_timer::cycle_ended(tick);
         CHECK_IN.check_in(Task::Vote);
         settle();

@@ -3,7 +3,7 @@
 //! | addresses | what | start | tasks |
 //! |---|---|---|---|
 //! | 0x0000_0000 | null page, where flash is mirrored | – | – |
-//! | 0x0800_0000 to 96 KiB | flash: the image and its budget | read, execute | read, execute |
+//! | 0x0800_0000 to 112 KiB | flash: the image and its budget | read, execute | read, execute |
 //! | 0x1000_0000 | CCM RAM, not used | – | – |
 //! | 0x2000_0000 to 192 KiB | SRAM: stack, statics, and what is left free | read, write | read, write |
 //! | 0x4000_0000 to 0x5FFF_FFFF | peripherals and their bit-band alias | all | those of `board.rs` that tasks use |
@@ -20,9 +20,9 @@ use firmware_common::mpu::{Access, Allowed, Memory, Region, Table};
 
 const KIB: u32 = 1024;
 
-/// 96 KiB of 128, as `memory.x` has it.
+/// 112 KiB of 128, as `memory.x` has it.
 const FLASH: Region = Region::new("flash", 0x0800_0000, 128 * KIB, Memory::Flash, Allowed::ReadExecute)
-    .only([true, true, true, true, true, true, false, false]);
+    .only([true, true, true, true, true, true, true, false]);
 
 /// SRAM1 to SRAM3 (RM0090, "Memory organization"): 192 KiB of 256.
 const RAM: Region = Region::new("RAM", 0x2000_0000, 256 * KIB, Memory::Ram, Allowed::ReadWrite)
@@ -74,11 +74,11 @@ mod tests {
     #[test]
     fn the_null_page_is_shut_and_the_image_can_be_read_and_executed_but_not_written() {
         for access in [Read, Write, Execute] {
-            for shut in [0, 0xFF, 0x07FF_FFFF, 0x0800_0000 + 96 * KIB, 0x1000_0000] {
+            for shut in [0, 0xFF, 0x07FF_FFFF, 0x0800_0000 + 112 * KIB, 0x1000_0000] {
                 assert!(!TASKS.allows(shut, access) && !START.allows(shut, access), "{access:?} {shut:#x}");
             }
         }
-        for address in [0x0800_0000, 0x0800_0000 + 96 * KIB - 1] {
+        for address in [0x0800_0000, 0x0800_0000 + 112 * KIB - 1] {
             assert!(TASKS.allows(address, Read) && TASKS.allows(address, Execute) && !TASKS.allows(address, Write));
             assert!(START.allows(address, Execute) && !START.allows(address, Write));
         }

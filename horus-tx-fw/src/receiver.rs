@@ -72,25 +72,29 @@ pub const GAP_MS: u32 = 50;
 /// Bytes of a UBX message around its payload: two sync, class, identifier, two length, two checksum.
 const UBX_OVERHEAD: usize = 8;
 
-/// When something last happened, on a millisecond clock that wraps.
+/// When something last happened, on a millisecond clock that wraps. A tick asks this of every receiver and has to take
+/// as long whether it ever happened or not, so there is an instant in any case, and nothing branches.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Stamp(Option<u32>);
+pub struct Stamp {
+    at: u32,
+    happened: bool,
+}
 
 impl Stamp {
     /// Whether it happened at most `limit` ms (below 2^31) before `now`, or after it: a message may
     /// arrive between a tick and the moment its cycle looks.
     #[must_use]
-    pub fn within(self, now: u32, limit: u32) -> bool {
-        self.0.is_some_and(|at| now.wrapping_sub(at) as i32 <= limit as i32)
+    pub const fn within(self, now: u32, limit: u32) -> bool {
+        self.happened & (now.wrapping_sub(self.at) as i32 <= limit as i32)
     }
 
     fn set(&mut self, now: u32) {
-        self.0 = Some(now);
+        *self = Self { at: now, happened: true };
     }
 
     fn expire(&mut self, now: u32) {
         if !self.within(now, FORGOTTEN_MS) {
-            self.0 = None;
+            *self = Self::default();
         }
     }
 }
@@ -144,7 +148,25 @@ impl Pace {
     /// without any.
     #[must_use]
     pub fn since_arrival_ms(&self, now: u32) -> i32 {
-        self.arrived.0.map_or(i32::MAX, |at| now.wrapping_sub(at) as i32)
+        if self.arrived.happened {
+            now.wrapping_sub(self.arrived.at) as i32
+        } else {
+            i32::MAX
+        }
+    }
+
+    /// Whether this kind of message has ever said anything.
+    #[must_use]
+    pub const fn has_arrived(&self) -> bool {
+        self.time_of_week_ms.is_some()
+    }
+
+    /// The age at `now` (ms) of what this kind of message has said last, ms, as
+    /// [`GpsStatus::solution_age_ms`](profile::GpsStatus::solution_age_ms) tells it: 0 if it came since, and the
+    /// longest there is after more than [`FORGOTTEN_MS`], or if it has never said anything.
+    #[must_use]
+    pub fn age_ms(&self, now: u32) -> u32 {
+        self.since_arrival_ms(now).max(0) as u32
     }
 
     /// From the last message's time of week to its arrival, by the clock that began with HORUS, ms, modulo a week.
@@ -316,7 +338,7 @@ impl Receiver {
             self.counts.bytes = self.counts.bytes.wrapping_add(bytes.len() as u32);
             self.parse(bytes, now);
         } else if !self.parser.is_buffer_empty() && !self.spoke.within(now, GAP_MS) {
-            let then = self.spoke.0.unwrap_or(now);
+            let then = if self.spoke.happened { self.spoke.at } else { now };
             self.parse(&[0xFF; BYTES_PER_CALL], then);
         }
         bytes.len()
@@ -326,6 +348,11 @@ impl Receiver {
         let mut messages = self.parser.consume_ubx(bytes);
         while let Some(message) = messages.next() {
             match message {
+                // Zeros behind a sync are a message of class 0 without a payload, whose checksum is zero: a line that
+                // falls low there, or carries another rate, brings one. UBX has no class 0.
+                Ok(UbxPacket::Proto27(PacketRef::Unknown(unknown))) if unknown.class == 0 => {
+                    self.counts.damaged = self.counts.damaged.wrapping_add(1);
+                }
                 Ok(message) => {
                     self.counts.messages = self.counts.messages.wrapping_add(1);
                     self.solution.heard.set(arrived);

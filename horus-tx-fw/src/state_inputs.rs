@@ -105,12 +105,17 @@ impl StateInputs {
         }
     }
 
-    /// What HORUS does: what the most severe input says that is not inactive. If all are, it is monitoring if it is
-    /// `located` (there was a voted position), else starting; and starting until each has said something.
+    /// What HORUS does: what the most severe input says that is not inactive. If all are, it is what the voted position
+    /// says: monitoring if there is one (`is_located`), position lost if there only was one (`was_located`), else
+    /// starting; and starting until each input has said something.
     #[must_use]
-    pub fn state(&self, located: bool) -> HorusState {
+    pub fn state(&self, was_located: bool, is_located: bool) -> HorusState {
         let is_known = self.pairs.iter().all(|pair| pair.taken.is_some());
-        let mut state = if located & is_known { HorusState::Monitoring } else { HorusState::Starting };
+        let mut state = match (is_known, is_located, was_located) {
+            (true, true, _) => HorusState::Monitoring,
+            (true, false, true) => HorusState::PositionLost,
+            _ => HorusState::Starting,
+        };
         for (pair, active) in self.pairs.iter().zip(STATES) {
             match pair.taken {
                 Some(Says::Active) => state = active,
@@ -130,7 +135,9 @@ mod tests {
 
     use super::*;
     use proptest::prelude::*;
-    use HorusState::{EmergencyFired, InputsContradict, Monitoring, MotorsCut, Starting, SwitchedToRedundant};
+    use HorusState::{
+        EmergencyFired, InputsContradict, Monitoring, MotorsCut, PositionLost, Starting, SwitchedToRedundant,
+    };
     use Says::{Active, Contradiction, Inactive};
 
     fn levels(says: Says) -> Levels {
@@ -147,7 +154,7 @@ mod tests {
         let mut inputs = StateInputs::new();
         let step = |says: &Says| {
             inputs.sample([Inactive, *says, Inactive].map(levels));
-            inputs.state(true)
+            inputs.state(true, true)
         };
         samples.iter().map(step).collect()
     }
@@ -209,27 +216,30 @@ mod tests {
             ([c, c, a], EmergencyFired),
             ([a, a, c], InputsContradict),
         ] {
-            assert_eq!(settled(says).state(true), state, "{says:?}");
-            let unlocated = if state == Monitoring { Starting } else { state };
-            assert_eq!(settled(says).state(false), unlocated, "{says:?}");
+            assert_eq!(settled(says).state(true, true), state, "{says:?}");
+            for (was_located, unlocated) in [(false, Starting), (true, PositionLost)] {
+                let unlocated = if state == Monitoring { unlocated } else { state };
+                assert_eq!(settled(says).state(was_located, false), unlocated, "{says:?}");
+            }
         }
     }
 
     #[test]
     fn until_each_pair_has_settled_the_state_is_starting_unless_a_severe_one_is_known() {
-        assert_eq!(StateInputs::new().state(true), Starting);
+        assert_eq!(StateInputs::new().state(true, true), Starting);
+        assert_eq!(StateInputs::new().state(true, false), Starting);
         let mut inputs = StateInputs::new();
         for _ in 0..2 {
             inputs.sample([Active, Inactive, Inactive].map(levels));
         }
         inputs.sample([Active, Inactive, Active].map(levels));
-        assert_eq!(inputs.state(true), SwitchedToRedundant, "the emergency measure's pair has not settled");
+        assert_eq!(inputs.state(true, true), SwitchedToRedundant, "the emergency measure's pair has not settled");
         let mut inputs = StateInputs::new();
         for _ in 0..2 {
             inputs.sample([Inactive; INPUTS].map(levels));
         }
         inputs.sample([Inactive, Inactive, Active].map(levels));
-        assert_eq!(inputs.state(true), Starting);
+        assert_eq!(inputs.state(true, true), Starting);
     }
 
     fn says() -> impl Strategy<Value = Says> {

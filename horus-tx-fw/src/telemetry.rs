@@ -73,7 +73,7 @@ pub struct Telemetry {
     pub cycles: Counter,
     /// Ticks at which the cycle before had not ended.
     pub cycle_overruns: Counter,
-    /// Frames fired and confirmed by the chip (I_txe).
+    /// Frames fired and sent by the chip.
     pub frames_sent: Counter,
     /// Slots that passed without a frame to fire.
     pub frames_skipped: Counter,
@@ -100,14 +100,19 @@ pub struct Telemetry {
     pub last_stop: Counter,
     /// Passes over flash.
     pub flash_passes: Counter,
-    /// Passes of the march test over free RAM.
+    /// Passes over RAM in use.
     pub ram_passes: Counter,
-    /// Bits of free RAM that did not read as they were written.
+    /// Times at which RAM in use did not hold what was written.
     pub ram_errors: Counter,
     /// Frames during which the front end's FIFO ran dry or over.
     pub fifo_errors: Counter,
     /// GPS1 to GPS5; those that are not fitted stay zero.
     pub sources: [Source; MAX_RECEIVERS],
+    /// Frames sent whose end the chip did not tell (I_txe): their time was over and the FIFO empty.
+    pub frames_unconfirmed: Counter,
+    /// The last register of the front end that did not read as it was set: its address (with 0x40 in space B) in bits
+    /// 23 to 16, then what it was set to, then what it read as; 0 if there was none. No count.
+    pub rf_register: Counter,
 }
 
 impl Telemetry {
@@ -134,6 +139,8 @@ impl Telemetry {
             ram_errors: Counter::new(),
             fifo_errors: Counter::new(),
             sources: [const { Source::new() }; MAX_RECEIVERS],
+            frames_unconfirmed: Counter::new(),
+            rf_register: Counter::new(),
         }
     }
 
@@ -144,6 +151,6 @@ impl Telemetry {
     }
 }
 
-const _: () = assert!(size_of::<Telemetry>() == 4 * (10 + 7 * MAX_RECEIVERS + 7 + 4 * MAX_RECEIVERS));
+const _: () = assert!(size_of::<Telemetry>() == 4 * (10 + 7 * MAX_RECEIVERS + 7 + 4 * MAX_RECEIVERS + 2));
 // The bench and debuggers know the counters by these places.
 const _: () = assert!(core::mem::offset_of!(Telemetry, lines) == 40);

@@ -21,7 +21,7 @@
 use profile::air::{self, Place};
 use st25r3916::poller::{self, HEAD};
 
-use crate::{clock, FRAMES, RECEIVERS};
+use crate::{clock, cycle::timestamp, FRAMES, RECEIVERS};
 
 /// Core clock, Hz. 144 MHz divides into the 72 MHz and 9 MHz below and into whole microseconds, and
 /// stays clear of over-drive.
@@ -47,6 +47,9 @@ pub const GNSS_I2C_LOW_NS: u32 = 2_000;
 
 /// Timer ticks in a microsecond.
 pub const TICKS_PER_US: u32 = TIMER_HZ / 1_000_000;
+/// As [`TICKS_PER_US`], where the internal oscillator times the front end's waits: it is up to 4.5 % fast (DS9405), and
+/// no wait may be over before its time. A wait for the end of a frame that was would break the frame off.
+pub const INTERNAL_TICKS_PER_US: u32 = TICKS_PER_US + TICKS_PER_US.div_ceil(20);
 /// Timer ticks in a cycle: 720 000, exactly 10 ms.
 pub const PERIOD_TICKS: u32 = TIMER_HZ / 1_000 * profile::CYCLE_MS;
 /// How long the pin TICK is high before each tick, timer ticks: 10 µs, for any logic analyser to see.
@@ -154,13 +157,22 @@ pub const QUIET_UNTIL_US: u32 = 1_000 * profile::CYCLE_MS - 200;
 /// The watchdog's time, ms at the nominal 32 kHz of its oscillator (LSI).
 pub const WATCHDOG_MS: u32 = 100;
 
+/// [`WATCHDOG_MS`] in periods of LSI over its prescaler, 4.
+const WATCHDOG_COUNTS: u32 = WATCHDOG_MS * 32 / 4;
+
+/// What the watchdog's reload register is given: it bites one count after it has reached 0 (RM0090 21.3).
+pub const WATCHDOG_RELOAD: u32 = WATCHDOG_COUNTS - 1;
+
+/// The watchdog's time from the reset until it is first fed, ms at the nominal 32 kHz: it starts from the reset value
+/// of its reload register (RM0090 21.3.1). With LSI at 17 to 47 kHz these are 348 to 964 ms.
+pub const FIRST_WATCHDOG_MS: u32 = 4_096 * 4 / 32;
+
 /// The shortest that the watchdog's time can be, ms: LSI runs at 17 to 47 kHz (DS9405), so 68 to 190 ms.
 pub const WATCHDOG_SHORTEST_MS: u32 = WATCHDOG_MS * 32 / 47;
 
-/// How long the watchdog's prescaler and reload take to reach its own clock domain, cycles of the internal oscillator
-/// on which the start begins: up to 5 periods of LSI (RM0090 "IWDG", status register) and its start-up time, 40 µs
-/// (DS9405); at 17 kHz 0.33 ms, with margin 0.5 ms. A watchdog that is not fed after that goes on with the reset
-/// values, seconds.
+/// How long the watchdog's reload value takes to reach its own clock domain, cycles of the internal oscillator on which
+/// the start begins: up to 5 periods of LSI (RM0090 "IWDG", status register) and its start-up time, 40 µs (DS9405); at
+/// 17 kHz 0.33 ms, with margin 0.5 ms. A watchdog that is not fed after that goes on with [`FIRST_WATCHDOG_MS`].
 pub const WATCHDOG_UPDATE_CYCLES: u32 = clock::INTERNAL_HZ / 2_000;
 
 /// The longest that the comparison of the image with its CRC takes, ms, at [`CORE_HZ`]: about 14 cycles a byte, and 20
@@ -176,6 +188,22 @@ const _: () = assert!(3 * (clock::START_MAX_MS + IMAGE_CHECK_MAX_MS) <= 2 * WATC
 #[must_use]
 pub const fn quiet(count: u32) -> bool {
     count >= QUIET_FROM_US * TICKS_PER_US && count < QUIET_UNTIL_US * TICKS_PER_US
+}
+
+/// Milliseconds since the first tick's cycle began, wraps, from what was read in this order: the number of ticks
+/// served, the timer's count, whether a tick is due (the timer's update flag), the number of ticks served once more.
+///
+/// A high count was read before a tick that was served in between: then this is the tick's first moment. A tick that
+/// is due and not served yet, since the reader or something else holds its interrupt up, counts if the count is low,
+/// and so was read after it. That holds while the interrupt is held up for less than half a cycle. Without it the time
+/// would step back by a cycle whenever the counter wraps just before it is read.
+#[must_use]
+pub const fn now_ms(before: u32, count: u32, due: bool, after: u32) -> u32 {
+    let wrapped = count < PERIOD_TICKS / 2;
+    let served = before != after;
+    let tick = if due && wrapped && !served { before.wrapping_add(1) } else { after };
+    let within = if served && !wrapped { 0 } else { count / (TIMER_HZ / 1_000) };
+    timestamp(tick).wrapping_add(within)
 }
 
 // The divisions above are exact: the cycle is 10 ms and not nearly.
@@ -211,6 +239,36 @@ mod tests {
         }
         assert!(SLOT_US[0] >= FILL_US + LOAD_START_US + load_us(HEAD));
         assert_eq!(air::send_slot_us::<RECEIVERS>(FRAMES), None);
+    }
+
+    /// The counter, its flag and the ticks served at an instant, in counts of the timer, where each tick is served
+    /// `late` counts after it. None is served before the first.
+    fn at(instant: u32, late: u32) -> (u32, u32, bool) {
+        let (cycle, count) = (instant / PERIOD_TICKS, instant % PERIOD_TICKS);
+        let served = if cycle > 0 && count < late { cycle - 1 } else { cycle };
+        (served, count, served != cycle)
+    }
+
+    #[test]
+    fn the_time_never_steps_back_however_late_a_tick_is_served() {
+        for late in [1, 2, 5, 40, 1_000, PERIOD_TICKS / 2 - 100] {
+            for apart in [1, 3, 20] {
+                let mut last = 0;
+                for cycle in 1..4 {
+                    let wraps = cycle * PERIOD_TICKS;
+                    let around = [wraps - 100..wraps + 100, wraps + late - 50.min(late)..wraps + late + 100];
+                    for begins in around.into_iter().flatten() {
+                        let [(before, ..), (_, count, _), (.., due), (after, ..)] =
+                            [0, 1, 2, 3].map(|read| at(begins + read * apart, late));
+                        let now = now_ms(before, count, due, after);
+                        assert!(now >= last, "{late} {apart} {begins}: {now} after {last} ms");
+                        assert!(now.abs_diff(begins / (TIMER_HZ / 1_000)) <= 1, "{late} {apart} {begins}: {now} ms");
+                        last = now;
+                    }
+                }
+            }
+        }
+        assert_eq!(now_ms(u32::MAX, 5, true, u32::MAX), 0, "it wraps with the ticks");
     }
 
     #[test]

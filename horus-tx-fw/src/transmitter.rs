@@ -2,11 +2,10 @@
 //!
 //! # Design
 //!
-//! The [`Poller`] machine knows the chip and nothing of time slots; the SPI, the IRQ pin and a one-shot
-//! timer know nothing of the chip. A [`Transmitter`] sits between: it carries out the machine's steps
-//! through a [`Port`], whose every operation only *starts* something, and goes on when the interrupt
-//! that ends it calls [`Transmitter::done`], [`Transmitter::edge`] or [`Transmitter::elapsed`]. No task ever waits
-//! for the SPI.
+//! The [`Poller`] machine knows the chip and nothing of time slots; the SPI, the IRQ pin and a one-shot timer know
+//! nothing of the chip. The driver's [`Executor`] stands between them; [`Transmitter::poll`] is called by each of their
+//! interrupts. The transmitter is the executor's owner: it says which frame the machine prepares and loads, and when.
+//! No task ever waits for the SPI.
 //!
 //! As soon as a frame was sent the chip is prepared for the next one, long before there is anything to send. So what is
 //! left between the tick and the slot is to load the frame's head.
@@ -20,8 +19,13 @@
 //! A fault of the chip is the machine's business to recover from; here it costs the frames of the
 //! meantime, each counted, and nothing else. The cycle goes on.
 
+use core::ops::Range;
+
 use profile::{air::Place, Profile};
-use st25r3916::{Fault, Input, Poller, PollerConfig, PollerEvent, Short, Step, Transfer};
+use st25r3916::{
+    executor::{self, Executor},
+    Fault, Input, Poller, PollerConfig, PollerEvent,
+};
 
 use crate::{telemetry::Telemetry, timing::payload, FRAMES, RECEIVERS};
 
@@ -72,54 +76,34 @@ pub struct Slot {
     pub fired: Option<u8>,
 }
 
-/// The hardware a transmitter works with. Every operation starts something and returns at once. The names are those of
-/// the port of the DPR's executor, which does the same for a listener.
-pub trait Port {
-    /// Makes `profile` the one whose frames [`Port::start_load`] sends. Never called while a load is under way.
+/// The hardware a transmitter works with: the executor's, which loads from a profile, and the slot's ticket.
+pub trait Port: executor::Port {
+    /// Makes `profile` the one that is loaded from. Never called while a load is under way.
     fn deposit(&mut self, profile: &Profile<RECEIVERS>);
-    /// Starts this SPI transfer, full duplex.
-    fn start_short(&mut self, short: &Short);
-    /// Starts an SPI transfer of the FIFO load command and the profile's bytes `start..start + len`.
-    fn start_load(&mut self, start: usize, len: usize);
-    /// Ends a transfer that did not end by itself; chip select is high afterwards.
-    fn abort(&mut self);
-    /// Whether the chip's IRQ pin is high.
-    fn irq_is_high(&self) -> bool;
-    /// Starts the one-shot timer: [`Transmitter::elapsed`] is due after `us` µs or a little more.
-    fn start_timer(&mut self, us: u32);
-    /// Stops the one-shot timer.
-    fn stop_timer(&mut self);
+    /// Makes these bytes of the profile the frame that is loaded.
+    fn point_at(&mut self, frame: Range<usize>);
     /// Hands a ticket to the slots.
     fn arm(&mut self, ticket: Ticket);
     /// Takes an unused ticket back; false if a slot has taken it already.
     fn disarm(&mut self) -> bool;
 }
 
+/// Who has to act before the machine goes on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Phase {
-    /// Not started.
-    Off,
-    /// A short transfer or a FIFO load is under way.
-    Transfer { loading: bool },
-    /// For the IRQ pin or the timer.
-    Wait,
-    /// For the timer alone.
-    Delay,
-    /// The chip is prepared for a frame, and there is nothing to send.
-    Prepared,
-    /// A frame whose head is loaded waits for its slot.
-    Armed,
+enum Turn {
+    /// The executor: something is under way.
+    Executor,
+    /// The cycle: the chip is prepared for a frame, and there is nothing to send.
+    Cycle,
+    /// The slot: a frame whose head is loaded waits for it.
+    Slot,
 }
 
-/// The most steps carried out in one call. The longest run without a transfer or a wait in between is of three steps;
-/// the rest is margin. A machine that asks for more is told to wait a millisecond.
-const STEPS_PER_CALL: usize = 12;
-
-/// Executes the poller machine for one cycle after the other.
-pub struct Transmitter<'a> {
-    poller: Poller,
+/// Has the poller machine send one cycle after the other.
+pub struct Transmitter<'a, P> {
+    executor: Executor<Poller, P>,
     telemetry: &'a Telemetry,
-    phase: Phase,
+    turn: Turn,
     /// The cycle whose profile is deposited.
     tick: u32,
     /// The frame to load next; [`FRAMES`] if there is none.
@@ -128,39 +112,27 @@ pub struct Transmitter<'a> {
     prepared: usize,
     /// The tick and frame whose head was loaded last.
     sending: (u32, usize),
-    /// Transfers started so far (wraps), and how many there were at the last offer: one that is still
-    /// under way a cycle later will not end by itself.
-    transfers: u32,
-    transfers_at_offer: u32,
     faulty: bool,
     fault: Option<Fault>,
 }
 
-impl<'a> Transmitter<'a> {
-    /// A transmitter that has not spoken to its chip.
-    #[must_use]
-    pub fn new(config: PollerConfig, telemetry: &'a Telemetry) -> Self {
-        Self {
-            poller: Poller::new(config),
+impl<'a, P: Port> Transmitter<'a, P> {
+    /// Begins the chip's bring-up.
+    pub fn start(config: PollerConfig, telemetry: &'a Telemetry, port: P) -> Self {
+        let mut transmitter = Self {
+            executor: Executor::new(Poller::new(config), port),
             telemetry,
-            phase: Phase::Off,
+            turn: Turn::Executor,
             tick: 0,
             next: FRAMES,
             prepared: 0,
             sending: (0, FRAMES),
-            transfers: 0,
-            transfers_at_offer: 0,
             faulty: false,
             fault: None,
-        }
-    }
-
-    /// Begins the chip's bring-up.
-    pub fn start(&mut self, port: &mut impl Port) {
-        if self.phase == Phase::Off {
-            let step = self.poller.step(Input::Start);
-            self.run(step, port);
-        }
+        };
+        let event = transmitter.executor.resume();
+        transmitter.serve(event);
+        transmitter
     }
 
     /// Offers the profile of tick `tick`. It replaces what was not sent of the one before; if the chip is
@@ -168,92 +140,52 @@ impl<'a> Transmitter<'a> {
     ///
     /// Gives false, and takes nothing, if a frame of an earlier cycle is being loaded or was fired just now (so late
     /// that this cycle's slot is lost anyway): the bytes under it must not change.
-    pub fn offer(&mut self, tick: u32, profile: &Profile<RECEIVERS>, port: &mut impl Port) -> bool {
-        let started = core::mem::replace(&mut self.transfers_at_offer, self.transfers);
-        if matches!(self.phase, Phase::Transfer { .. }) && started == self.transfers {
-            port.abort();
-            self.failed(port);
-        }
-        let kept = match self.phase {
-            Phase::Transfer { loading } => loading,
+    pub fn offer(&mut self, tick: u32, profile: &Profile<RECEIVERS>) -> bool {
+        let kept = match self.turn {
+            Turn::Executor => self.executor.is_loading(),
             // Without its ticket it was fired.
-            Phase::Armed => !port.disarm(),
-            _ => false,
+            Turn::Slot => !self.executor.port().disarm(),
+            Turn::Cycle => false,
         };
         if kept {
             self.next = FRAMES;
             return false;
         }
-        port.deposit(profile);
+        self.executor.port().deposit(profile);
         self.tick = tick;
         self.next = 0;
-        match self.phase {
-            Phase::Prepared => {
-                let step = self.prepared();
-                self.run(step, port);
-            }
+        let event = match self.turn {
+            Turn::Executor => None,
+            Turn::Cycle => self.prepared(),
             // A frame of an earlier cycle that missed its slot: give it up.
-            Phase::Armed => {
-                let step = self.poller.step(Input::Start);
-                self.run(step, port);
-            }
-            _ => {}
-        }
+            Turn::Slot => self.executor.resume(),
+        };
+        self.serve(event);
         true
     }
 
-    /// The SPI transfer is over; `response` is what a short one clocked in, empty for a load.
-    pub fn done(&mut self, response: &[u8], port: &mut impl Port) {
-        self.finish(Input::Done(response), port);
-    }
-
-    /// The SPI transfer could not be made.
-    pub fn failed(&mut self, port: &mut impl Port) {
-        self.finish(Input::Failed, port);
-    }
-
-    fn finish(&mut self, input: Input<'_>, port: &mut impl Port) {
-        if matches!(self.phase, Phase::Transfer { .. }) {
-            let step = self.poller.step(input);
-            self.run(step, port);
-        }
-    }
-
-    /// The IRQ pin has risen, or may have.
-    pub fn edge(&mut self, port: &mut impl Port) {
-        if self.phase == Phase::Wait && port.irq_is_high() {
-            port.stop_timer();
-            let step = self.poller.step(Input::Irq);
-            self.run(step, port);
-        }
-    }
-
-    /// The one-shot timer has run out.
-    pub fn elapsed(&mut self, port: &mut impl Port) {
-        let input = match self.phase {
-            Phase::Wait if port.irq_is_high() => Input::Irq,
-            Phase::Wait | Phase::Delay => Input::Timeout,
-            _ => return,
-        };
-        let step = self.poller.step(input);
-        self.run(step, port);
+    /// Something may have happened: a transfer has ended, the IRQ pin has risen, the timer has run out.
+    pub fn poll(&mut self) {
+        let event = self.executor.poll();
+        self.serve(event);
     }
 
     /// A slot has passed.
-    pub fn slot(&mut self, slot: Slot, port: &mut impl Port) {
+    pub fn slot(&mut self, slot: Slot) {
         self.next = self.next.max(slot.frame + 1);
-        match (slot.fired, self.phase) {
-            (Some(response), Phase::Armed) => {
-                let step = self.poller.step(Input::Done(&[response]));
-                self.run(step, port);
+        match (slot.fired, self.turn) {
+            (Some(response), Turn::Slot) => {
+                let event = self.executor.go_on(|poller| poller.step(Input::Done(&[response])));
+                self.serve(event);
             }
             // Its ticket was for another slot: give the frame up and go on with the next.
-            (None, Phase::Armed) if self.sending != (self.tick, self.next) => {
-                port.disarm();
-                let step = self.poller.step(Input::Start);
-                self.run(step, port);
+            (None, Turn::Slot) if self.sending != (self.tick, self.next) => {
+                self.executor.port().disarm();
+                let event = self.executor.resume();
+                self.serve(event);
             }
-            _ => {}
+            // Once a cycle without a reason: an edge that was lost is noticed.
+            _ => self.poll(),
         }
     }
 
@@ -262,92 +194,74 @@ impl<'a> Transmitter<'a> {
         self.fault.take()
     }
 
+    /// The port, for its interrupts' flags, and for a test to look at.
+    pub fn port(&mut self) -> &mut P {
+        self.executor.port()
+    }
+
     /// Has the chip prepared for the frame that is due next: of this cycle, or the first of the next one.
-    fn prepare(&mut self) -> Step<PollerEvent> {
+    fn prepare(&mut self) -> Option<PollerEvent> {
         self.prepared = if self.next < FRAMES { self.next } else { 0 };
+        let length = payload(self.prepared);
         // A machine that refuses is told of a failure, which it reports and recovers from.
-        self.poller.prepare(payload(self.prepared)).unwrap_or_else(|_| self.poller.step(Input::Failed))
+        self.executor.go_on(|poller| poller.prepare(length).unwrap_or_else(|_| poller.step(Input::Failed)))
     }
 
     /// What comes next when the chip is prepared for a frame and there is one to send.
-    fn prepared(&mut self) -> Step<PollerEvent> {
-        if self.prepared == self.next {
-            self.sending = (self.tick, self.next);
-            self.poller.step(Input::Start)
-        } else {
-            self.prepare()
+    fn prepared(&mut self) -> Option<PollerEvent> {
+        if self.prepared != self.next {
+            return self.prepare();
         }
+        self.sending = (self.tick, self.next);
+        let place = Place::of_frame::<RECEIVERS>(self.next);
+        let frame = place.map_or(0..0, |place| place.offset()..place.offset() + place.length());
+        self.executor.port().point_at(frame);
+        self.executor.resume()
     }
 
-    fn run(&mut self, mut step: Step<PollerEvent>, port: &mut impl Port) {
-        for _ in 0..STEPS_PER_CALL {
-            step = match step {
-                Step::Transfer(Transfer::Short(short)) => {
-                    self.phase = Phase::Transfer { loading: false };
-                    self.transfers = self.transfers.wrapping_add(1);
-                    port.start_short(&short);
-                    return;
-                }
-                Step::Transfer(Transfer::Load { offset, len }) => {
-                    let (_, frame) = self.sending;
-                    match Place::of_frame::<RECEIVERS>(frame) {
-                        Some(place) if offset + len <= place.length() => {
-                            self.phase = Phase::Transfer { loading: true };
-                            self.transfers = self.transfers.wrapping_add(1);
-                            port.start_load(place.offset() + offset, len);
-                            return;
-                        }
-                        _ => self.poller.step(Input::Failed),
-                    }
-                }
-                // A poller reads no FIFO.
-                Step::Transfer(Transfer::Read { .. }) => self.poller.step(Input::Failed),
-                Step::Wait { .. } if port.irq_is_high() => self.poller.step(Input::Irq),
-                Step::Wait { us } => {
-                    self.phase = Phase::Wait;
-                    port.start_timer(us);
-                    return;
-                }
-                Step::Delay { us } => {
-                    self.phase = Phase::Delay;
-                    port.start_timer(us);
-                    return;
-                }
-                Step::Event(PollerEvent::Ready) => {
+    /// Serves an event and those that follow at once: no more than three, since the machine asks for a transfer or a
+    /// wait after each but a fault.
+    fn serve(&mut self, mut event: Option<PollerEvent>) {
+        while let Some(happened) = event {
+            event = match happened {
+                PollerEvent::Ready => {
                     if self.faulty {
                         self.faulty = false;
                         self.telemetry.rf_recoveries.add(1);
                     }
                     self.prepare()
                 }
-                Step::Event(PollerEvent::Prepared) if self.next >= FRAMES => {
-                    self.phase = Phase::Prepared;
+                PollerEvent::Prepared if self.next >= FRAMES => {
+                    self.turn = Turn::Cycle;
                     return;
                 }
-                Step::Event(PollerEvent::Prepared) => self.prepared(),
-                Step::Event(PollerEvent::Loaded) if self.sending == (self.tick, self.next) => {
-                    self.phase = Phase::Armed;
+                PollerEvent::Prepared => self.prepared(),
+                PollerEvent::Loaded if self.sending == (self.tick, self.next) => {
+                    self.turn = Turn::Slot;
                     let (tick, frame) = self.sending;
                     let command = Poller::transmit().bytes().first().copied().unwrap_or(0);
-                    port.arm(Ticket::new(tick, frame, command));
+                    self.executor.port().arm(Ticket::new(tick, frame, command));
                     return;
                 }
                 // Loaded too late for its slot: give it up.
-                Step::Event(PollerEvent::Loaded) => self.poller.step(Input::Start),
-                Step::Event(PollerEvent::Sent) => {
+                PollerEvent::Loaded => self.executor.resume(),
+                PollerEvent::Sent { confirmed } => {
                     self.telemetry.frames_sent.add(1);
-                    self.poller.step(Input::Start)
+                    self.telemetry.frames_unconfirmed.add(u32::from(!confirmed));
+                    self.executor.resume()
                 }
-                Step::Event(PollerEvent::Fault(fault)) => {
+                PollerEvent::Fault(fault) => {
                     self.telemetry.rf_faults.add(1);
-                    self.telemetry.fifo_errors.set(self.poller.counters().flow);
+                    self.telemetry.fifo_errors.set(self.executor.machine().counters().flow);
+                    if let Fault::Register { address, expected, found } = fault {
+                        self.telemetry.rf_register.set(u32::from_be_bytes([0, address, expected, found]));
+                    }
                     self.faulty = true;
                     self.fault = Some(fault);
-                    self.poller.step(Input::Start)
+                    self.executor.resume()
                 }
             };
+            self.turn = Turn::Executor;
         }
-        self.phase = Phase::Delay;
-        port.start_timer(1_000);
     }
 }

@@ -4,14 +4,14 @@ mod ubx;
 
 use horus_tx_fw::{
     clock::Source,
-    cycle::{timestamp, Cycle},
+    cycle::{timestamp, Cycle, Start},
     receiver::{Receiver, Solution},
     state_inputs::{Levels, INPUTS, SAMPLES_TO_TAKE},
     transmitter::Ticket,
 };
 use profile::{
     Freshness, GpsObject, GpsStatus, GpsValues, HorusState, Identifier, Profile, ReportedPosition, ReportedStatus,
-    ReportedValues,
+    ReportedValues, ResetReason,
 };
 use proptest::prelude::*;
 use ubx::{esf_ins, nav_att, NavPvt};
@@ -83,7 +83,7 @@ fn every_tick_is_ten_milliseconds_after_the_one_before_it() {
 fn a_silent_receiver_is_absent_from_its_object() {
     let (reported, [gps]) = read(&Cycle::new().voted_and_filled(7, &[Solution::default()]));
     assert_absent(&gps, 70);
-    assert_eq!(gps.status.bits(), 1 << 8, "nothing but: older than its period allows");
+    assert_eq!(gps.status.bits(), 63 << 10 | 1 << 8, "nothing but: older than its period allows, and never");
     assert_eq!(reported.status.state(), Some(HorusState::Starting));
     assert!(reported.status.degraded() && !reported.status.position_valid());
     assert_eq!(reported.status.receivers_agreeing(), 0);
@@ -146,7 +146,7 @@ fn a_vote_is_shown_at_its_own_tick_alone() {
     let silent = [Solution::default()];
     assert!(shown(cycle.fill(7, &silent)).position_valid(), "of what was said until the vote");
     assert!(!shown(cycle.fill(8, &[all(60)])).position_valid(), "a tick later");
-    assert_eq!(shown(cycle.fill(8, &silent)).state(), Some(HorusState::Monitoring));
+    assert_eq!(shown(cycle.fill(8, &silent)).state(), Some(HorusState::PositionLost));
 }
 
 #[test]
@@ -159,6 +159,47 @@ fn an_attitude_that_lacks_an_angle_is_absent_from_reported_position() {
 }
 
 #[test]
+fn without_a_majority_of_altitudes_horus_is_degraded() {
+    let fix = |fix| heard(&[NavPvt { fix, ..NavPvt::GOOD }.bytes()], 70);
+    let of = |solutions: &[Solution; 3]| read(&Cycle::new().voted_and_filled(7, solutions)).0;
+    let reported = of(&[fix(2), fix(3), fix(2)]);
+    assert_eq!((reported.status.receivers_agreeing(), reported.status.position_valid()), (3, true));
+    assert!(reported.status.degraded());
+    assert_eq!(reported.altitude.to_bits(), profile::ABSENT_F64.to_bits());
+    let reported = of(&[fix(3), fix(3), fix(2)]);
+    assert!(!reported.status.degraded());
+    assert_eq!(reported.altitude, 512.345);
+    let (alone, _) = read(&Cycle::new().voted_and_filled(7, &[fix(2)]));
+    assert!(alone.status.degraded() && alone.status.position_valid() && alone.altitude.is_nan());
+}
+
+#[test]
+fn an_attitude_of_one_of_three_is_absent_from_reported_position() {
+    let bare = heard(&[NavPvt::GOOD.bytes()], 70);
+    let (reported, _) = read(&Cycle::new().voted_and_filled(7, &[all(70), bare, bare]));
+    assert!(!reported.status.attitude_valid() && !reported.status.acceleration_valid());
+    let values = [[reported.pitch, reported.yaw, reported.roll], reported.acceleration].concat();
+    assert!(values.iter().all(|value| value.to_bits() == profile::ABSENT_F32.to_bits()));
+}
+
+#[test]
+fn a_jump_of_the_position_is_reported_a_second_later() {
+    let mut cycle = Cycle::new();
+    let far = NavPvt { latitude: NavPvt::GOOD.latitude + 100_000, ..NavPvt::GOOD };
+    let mut reported = |tick: u32, message: NavPvt| {
+        let solution = heard(&[message.bytes()], timestamp(tick));
+        read(&cycle.voted_and_filled(tick, &[solution])).0
+    };
+    assert!(reported(1, NavPvt::GOOD).status.position_valid());
+    for tick in 2..102 {
+        let held = reported(tick, far);
+        assert!(!held.status.position_valid() && held.status.degraded(), "tick {tick}");
+        assert_eq!((held.status.receivers_agreeing(), held.latitude.is_nan()), (0, true));
+    }
+    assert!((reported(102, far).latitude - 47.508_765_4).abs() < 1e-9);
+}
+
+#[test]
 fn one_receiver_of_one_is_not_degraded() {
     let (reported, _) = read(&Cycle::new().voted_and_filled(7, &[all(70)]));
     assert!(!reported.status.degraded());
@@ -166,21 +207,28 @@ fn one_receiver_of_one_is_not_degraded() {
 }
 
 #[test]
-fn horus_goes_on_monitoring_when_its_position_is_lost() {
+fn horus_monitors_only_while_it_has_a_position() {
     let mut cycle = Cycle::new();
     let state = |cycle: &mut Cycle<1>, tick, solution| read(&cycle.voted_and_filled(tick, &[solution])).0.status;
     assert_eq!(state(&mut cycle, 1, Solution::default()).state(), Some(HorusState::Starting));
     assert_eq!(state(&mut cycle, 2, all(20)).state(), Some(HorusState::Monitoring));
     let lost = state(&mut cycle, 3, Solution::default());
-    assert_eq!(lost.state(), Some(HorusState::Monitoring));
+    assert_eq!(lost.state(), Some(HorusState::PositionLost));
     assert!(!lost.position_valid());
+    assert_eq!(state(&mut cycle, 4, all(40)).state(), Some(HorusState::Monitoring));
 }
 
 #[test]
 fn an_active_input_is_the_state_with_a_position_and_without() {
     let motors_cut = Levels { active: true, inactive: false };
-    for (solution, before) in [(all(70), HorusState::Monitoring), (Solution::default(), HorusState::Starting)] {
+    let silent = Solution::default();
+    for (earlier, solution, before) in [
+        (silent, all(70), HorusState::Monitoring),
+        (silent, silent, HorusState::Starting),
+        (all(60), silent, HorusState::PositionLost),
+    ] {
         let mut cycle = Cycle::new();
+        cycle.vote(6, &[earlier]);
         let state = |cycle: &mut Cycle<1>| read(&cycle.fill(7, &[solution])).0.status.state();
         (0..SAMPLES_TO_TAKE).for_each(|_| cycle.sample([INACTIVE; INPUTS]));
         cycle.vote(7, &[solution]);
@@ -270,7 +318,7 @@ fn what_is_not_valid_any_more_is_absent_from_both_objects() {
     let solution = all(0);
     let (reported, [gps]) = read(&Cycle::new().voted_and_filled(116, &[solution]));
     assert_absent(&gps, 1_160);
-    assert_eq!(gps.status.bits(), 1 << 8);
+    assert_eq!(gps.status.bits(), 46 << 10 | 1 << 8, "1150 ms old, and stale");
     let absent = ReportedValues { status: reported.status, ..ReportedValues::absent(1_160) };
     assert_eq!(ReportedPosition::seal(&reported).as_bytes(), ReportedPosition::seal(&absent).as_bytes());
 }
@@ -334,7 +382,8 @@ fn a_2d_fix_gives_latitude_and_longitude_but_no_altitude() {
 
 #[test]
 fn without_a_crystal_reported_position_says_so_in_every_cycle_and_nothing_else_changes() {
-    let (mut with, mut without) = (Cycle::on(Source::External), Cycle::on(Source::Internal));
+    let start = Start { clock: Source::Internal, ..Start::default() };
+    let (mut with, mut without) = (Cycle::new(), Cycle::after(start));
     for (tick, solution) in [(1, Solution::default()), (2, all(20)), (3, all(20)), (4_000, all(20))] {
         let (expected, expected_gps) = read(&with.voted_and_filled(tick, &[solution]));
         let (reported, gps) = read(&without.voted_and_filled(tick, &[solution]));
@@ -344,7 +393,89 @@ fn without_a_crystal_reported_position_says_so_in_every_cycle_and_nothing_else_c
         let sealed = |values| *GpsObject::seal(Identifier::gps(1), values).as_bytes();
         assert_eq!(sealed(&gps[0]), sealed(&expected_gps[0]));
     }
-    assert_eq!(Cycle::<1>::new(), Cycle::on(Source::External));
+    assert_eq!(Cycle::<1>::new(), Cycle::after(Start { clock: Source::External, ..start }));
+}
+
+#[test]
+fn every_reported_position_says_why_horus_last_started() {
+    for reason in [ResetReason::PowerOn, ResetReason::Pin, ResetReason::Watchdog, ResetReason::BrownOutOrOther] {
+        let mut cycle = Cycle::<1>::after(Start { reason, ..Start::default() });
+        let unvoted = read(&cycle.fill(0, &[Solution::default()])).0;
+        let voted = read(&cycle.voted_and_filled(1, &[all(10)])).0;
+        assert_eq!([unvoted, voted].map(|reported| reported.status.reset_reason()), [Some(reason); 2]);
+    }
+}
+
+#[test]
+fn a_memory_fault_is_told_from_the_vote_after_it_on() {
+    let mut cycle = Cycle::new();
+    let told = |profile: Profile<1>| read(&profile).0.status.memory_fault();
+    assert!(!told(cycle.voted_and_filled(1, &[all(10)])));
+    cycle.found_memory_fault();
+    assert!(!told(cycle.fill(1, &[all(10)])), "sealed before");
+    for tick in 2..5 {
+        assert!(told(cycle.voted_and_filled(tick, &[all(10)])));
+    }
+    assert!(told(cycle.fill(9, &[all(10)])), "without a vote");
+}
+
+#[test]
+fn who_was_excluded_before_a_restart_is_from_the_first_tick_on() {
+    let mut before = Cycle::new();
+    let elsewhere = |now| heard(&[NavPvt { latitude: 1, ..NavPvt::GOOD }.bytes()], now);
+    before.vote(1, &[all(10), all(10), elsewhere(10)]);
+    assert_eq!(before.excluded(), 0b100);
+    let excluded = |profile: &Profile<3>| read(profile).1.map(|gps| gps.status.excluded());
+
+    let start = Start { excluded: before.excluded(), ..Start::default() };
+    let mut after = Cycle::<3>::after(start);
+    assert_eq!(excluded(&after.fill(0, &[Solution::default(); 3])), [false, false, true]);
+    // It agrees now, and has to do so for a second; in the last tick of that it is still excluded.
+    for tick in 1..=101 {
+        let profile = after.voted_and_filled(tick, &[all(10 * tick), all(10 * tick), all(10 * tick)]);
+        assert_eq!(excluded(&profile), [false, false, true], "tick {tick}");
+    }
+    let profile = after.voted_and_filled(102, &[all(1_020), all(1_020), all(1_020)]);
+    assert_eq!(excluded(&profile), [false; 3]);
+}
+
+#[test]
+fn a_solution_tells_its_age_in_steps_of_25_ms() {
+    let told = |age| status_at(all, age).1.solution_age_ms();
+    for (age, ms) in [(0, 0), (24, 0), (25, 25), (1_549, 1_525), (1_550, 1_550), (9_000, 1_550)] {
+        assert_eq!(told(age), Some(ms), "{age} ms");
+    }
+    let (_, [came_since]) = read(&Cycle::new().voted_and_filled(7, &[all(75)]));
+    assert_eq!(came_since.status.solution_age_ms(), Some(0));
+    let (_, [never]) = read(&Cycle::new().voted_and_filled(7, &[Solution::default()]));
+    assert_eq!(never.status.solution_age_ms(), None);
+    // Attitude and acceleration are no solution.
+    let (_, [no_position]) = read(&Cycle::new().voted_and_filled(7, &[heard(&[nav_att(1, [1; 3], [1; 3])], 70)]));
+    assert_eq!(no_position.status.solution_age_ms(), None);
+}
+
+#[test]
+fn a_very_old_solution_is_told_apart_from_none() {
+    let mut receiver = Receiver::new();
+    for bytes in NavPvt::GOOD.bytes().chunks(60) {
+        receiver.receive(bytes, 0);
+    }
+    // Its stamp is forgotten after a minute.
+    for minute in 1..5 {
+        receiver.receive(&[], 60_010 * minute);
+        let (_, [gps]) = read(&Cycle::new().voted_and_filled(6_001 * minute, &[*receiver.solution()]));
+        assert_eq!(gps.status.solution_age_ms(), Some(GpsStatus::OLDEST_MS));
+    }
+}
+
+#[test]
+fn a_repeated_time_of_week_makes_no_solution_younger() {
+    let mut receiver = Receiver::new();
+    for at in [0, 100, 200] {
+        NavPvt::at(1_000).bytes().chunks(60).for_each(|bytes| _ = receiver.receive(bytes, at));
+    }
+    let (_, [gps]) = read(&Cycle::new().voted_and_filled(20, &[*receiver.solution()]));
+    assert_eq!(gps.status.solution_age_ms(), Some(200));
 }
 
 #[test]

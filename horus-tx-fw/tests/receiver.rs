@@ -4,7 +4,7 @@ mod ubx;
 
 use std::{fs, path::Path};
 
-use horus_tx_fw::receiver::{Position, Receiver, BUFFER, BYTES_PER_CALL, GAP_MS};
+use horus_tx_fw::receiver::{Position, Receiver, BUFFER, BYTES_PER_CALL, GAP_MS, HEARD_MS};
 use profile::FixType;
 use proptest::prelude::*;
 use ubx::{esf_ins, message, nav_att, NavPvt, NMEA};
@@ -159,6 +159,15 @@ fn nmea_and_damage_are_passed_over_and_counted() {
     assert_eq!((counts.messages, counts.damaged, counts.unusable), (1, 1, 0));
     assert_eq!(counts.bytes as usize, stream.len());
     assert_eq!(counts.skipped() as usize, stream.len() - good.len());
+}
+
+#[test]
+fn zeros_behind_a_sync_do_not_tell_that_a_receiver_is_heard() {
+    let receiver = fed(&[0xB5, 0x62, 0, 0, 0, 0, 0, 0, 0, 0]);
+    assert_eq!((receiver.counts().messages, receiver.counts().damaged), (0, 1));
+    assert!(!receiver.solution().heard.within(0, HEARD_MS));
+    // A message of a kind that is not used tells it.
+    assert!(fed(&message(1, 0x35, &[0; 8])).solution().heard.within(0, HEARD_MS));
 }
 
 #[test]

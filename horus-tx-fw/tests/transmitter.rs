@@ -6,15 +6,18 @@ use horus_tx_fw::{
     receiver::Solution,
     telemetry::Telemetry,
     timing::{payload, SLOT_US},
-    transmitter::{Port, Slot, Ticket, Transmitter},
+    transmitter::{self, Slot, Ticket, Transmitter},
     FRAMES, RECEIVERS,
 };
+use std::ops::Range;
+
 use profile::{air, Object, Profile};
 use st25r3916::{
+    executor::{Failed, Port},
     poller::{rest_within_us, HEAD},
     PollerConfig, Short,
 };
-use st25r3916_model::{AirEvent, Chip, Config};
+use st25r3916_model::{AirEvent, Chip, Config, Space};
 
 /// One byte at 9 MHz, ns, rounded up.
 const BYTE_NS: u64 = 889;
@@ -35,9 +38,11 @@ struct Bench {
     now: u64,
     chip: Chip,
     transfer: Option<Transfer>,
-    timer: Option<u64>,
+    response: Vec<u8>,
+    timer: u64,
     ticket: Ticket,
     profile: Vec<u8>,
+    frame: Range<usize>,
     /// Swallows the end of the transfer under way.
     hang: bool,
     aborted: u32,
@@ -46,14 +51,16 @@ struct Bench {
 }
 
 impl Bench {
-    fn new() -> Self {
+    fn new(config: Config) -> Self {
         Self {
             now: 0,
-            chip: Chip::new(Config { transmit_scatter_ns: 0, ..Config::default() }),
+            chip: Chip::new(Config { transmit_scatter_ns: 0, ..config }),
             transfer: None,
-            timer: None,
+            response: Vec::new(),
+            timer: 0,
             ticket: Ticket::NONE,
             profile: Vec::new(),
+            frame: 0..0,
             hang: false,
             aborted: 0,
             rest_late_ns: 0,
@@ -69,20 +76,28 @@ impl Bench {
 }
 
 impl Port for Bench {
-    fn deposit(&mut self, profile: &Profile<RECEIVERS>) {
-        assert!(self.transfer.as_ref().is_none_or(|transfer| transfer.keep), "the bytes under a load do not change");
-        self.profile = profile.as_bytes().to_vec();
-    }
     fn start_short(&mut self, short: &Short) {
         self.begin(short.bytes().to_vec(), true);
     }
-    fn start_load(&mut self, start: usize, len: usize) {
+    fn start_load(&mut self, offset: usize, len: usize) -> bool {
         let mut out = vec![0x80];
-        out.extend(&self.profile[start..start + len]);
+        out.extend(&self.profile[self.frame.clone()][offset..offset + len]);
         self.begin(out, false);
         if let (Some(transfer), true) = (&mut self.transfer, len > HEAD) {
             transfer.next_at += self.rest_late_ns;
         }
+        true
+    }
+    fn ended(&mut self) -> bool {
+        let now = self.now;
+        let is_over = |transfer: &mut Transfer| transfer.into.len() == transfer.out.len() && transfer.next_at <= now;
+        let Some(transfer) = self.transfer.take_if(is_over).filter(|_| !self.hang) else { return false };
+        self.chip.deselect(now);
+        self.response = if transfer.keep { transfer.into } else { Vec::new() };
+        true
+    }
+    fn response(&self) -> Result<&[u8], Failed> {
+        Ok(&self.response)
     }
     fn abort(&mut self) {
         self.transfer = None;
@@ -90,14 +105,24 @@ impl Port for Bench {
         self.aborted += 1;
         self.chip.deselect(self.now);
     }
-    fn irq_is_high(&self) -> bool {
+    fn irq_is_high(&mut self) -> bool {
         self.chip.irq()
     }
     fn start_timer(&mut self, us: u32) {
-        self.timer = Some(self.now + u64::from(us) * 1_000);
+        self.timer = self.now + u64::from(us) * 1_000;
     }
-    fn stop_timer(&mut self) {
-        self.timer = None;
+    fn elapsed(&mut self) -> bool {
+        self.now >= self.timer
+    }
+}
+
+impl transmitter::Port for Bench {
+    fn deposit(&mut self, profile: &Profile<RECEIVERS>) {
+        assert!(self.transfer.as_ref().is_none_or(|transfer| transfer.keep), "the bytes under a load do not change");
+        self.profile = profile.as_bytes().to_vec();
+    }
+    fn point_at(&mut self, frame: Range<usize>) {
+        self.frame = frame;
     }
     fn arm(&mut self, ticket: Ticket) {
         assert!(self.transfer.is_none());
@@ -116,22 +141,31 @@ struct Sent {
 
 /// Runs `cycles` ticks and gives what was on the air. `before` is called before each tick's profile is
 /// offered, and says how late that is, ns after the tick.
-fn run(cycles: u32, telemetry: &Telemetry, mut before: impl FnMut(u32, &mut Bench) -> u64) -> (Vec<Sent>, Bench) {
-    let mut bench = Bench::new();
-    let mut transmitter = Transmitter::new(PollerConfig::new(), telemetry);
+fn run(cycles: u32, telemetry: &Telemetry, before: impl FnMut(u32, &mut Bench) -> u64) -> (Vec<Sent>, Bench) {
+    run_on(Config::default(), cycles, telemetry, before)
+}
+
+/// The same with another chip.
+fn run_on(
+    config: Config,
+    cycles: u32,
+    telemetry: &Telemetry,
+    mut before: impl FnMut(u32, &mut Bench) -> u64,
+) -> (Vec<Sent>, Bench) {
+    let mut transmitter = Transmitter::start(PollerConfig::new(), telemetry, Bench::new(config));
     let cycle = Cycle::new();
     let mut sent: Vec<Sent> = Vec::new();
-    transmitter.start(&mut bench);
     // What is due at an instant of its own: slots and offers of the tick under way.
     let mut due: Vec<(u64, Option<usize>)> = Vec::new();
     let mut tick = 0;
     let mut next_tick = CYCLE_NS;
     let mut irq = false;
-    while tick < cycles || bench.now < u64::from(cycles) * CYCLE_NS + CYCLE_NS - 1 {
+    while tick < cycles || transmitter.port().now < u64::from(cycles) * CYCLE_NS + CYCLE_NS - 1 {
+        let bench = transmitter.port();
         let transfer = bench.transfer.as_ref().filter(|_| !bench.hang).map_or(u64::MAX, |transfer| transfer.next_at);
         let at = [
             transfer,
-            bench.timer.unwrap_or(u64::MAX),
+            Some(bench.timer).filter(|timer| *timer > bench.now).unwrap_or(u64::MAX),
             next_tick,
             due.first().map_or(u64::MAX, |(at, _)| *at),
             bench.chip.next_event().unwrap_or(u64::MAX),
@@ -144,7 +178,7 @@ fn run(cycles: u32, telemetry: &Telemetry, mut before: impl FnMut(u32, &mut Benc
         if next_tick == at {
             tick += 1;
             next_tick += CYCLE_NS;
-            let late = before(tick, &mut bench);
+            let late = before(tick, bench);
             due = SLOT_US.iter().enumerate().map(|(frame, us)| (at + u64::from(*us) * 1_000, Some(frame))).collect();
             due.push((at + late, None));
             due.sort_unstable();
@@ -161,11 +195,11 @@ fn run(cycles: u32, telemetry: &Telemetry, mut before: impl FnMut(u32, &mut Benc
                     if fired.is_none() {
                         telemetry.frames_skipped.add(1);
                     }
-                    transmitter.slot(Slot { frame, fired }, &mut bench);
+                    transmitter.slot(Slot { frame, fired });
                 }
                 (_, None) => {
                     let profile = cycle.fill(tick, &[Solution::default(); RECEIVERS]);
-                    transmitter.offer(tick, &profile, &mut bench);
+                    transmitter.offer(tick, &profile);
                 }
             }
         } else if transfer == at {
@@ -176,18 +210,17 @@ fn run(cycles: u32, telemetry: &Telemetry, mut before: impl FnMut(u32, &mut Benc
                 transfer.next_at =
                     at + if transfer.into.len() < transfer.out.len() { BYTE_NS } else { OVERHEAD_NS / 2 };
             } else {
-                let transfer = bench.transfer.take().expect("it is due");
-                bench.chip.deselect(at);
-                let response: &[u8] = if transfer.keep { &transfer.into } else { &[] };
-                transmitter.done(response, &mut bench);
+                transmitter.poll();
             }
-        } else if bench.timer == Some(at) {
-            bench.timer = None;
-            transmitter.elapsed(&mut bench);
+        } else if bench.timer == at {
+            transmitter.poll();
         }
-        if bench.chip.irq() && !irq {
-            transmitter.edge(&mut bench);
+        let bench = transmitter.port();
+        let rises = bench.chip.irq() && !irq;
+        if rises {
+            transmitter.poll();
         }
+        let bench = transmitter.port();
         irq = bench.chip.irq();
         for (at, event) in bench.chip.take_air().collect::<Vec<_>>() {
             match event {
@@ -205,6 +238,7 @@ fn run(cycles: u32, telemetry: &Telemetry, mut before: impl FnMut(u32, &mut Benc
             }
         }
     }
+    let bench = std::mem::replace(transmitter.port(), Bench::new(Config::default()));
     (sent, bench)
 }
 
@@ -315,7 +349,7 @@ fn a_chip_that_loses_its_supply_costs_the_frames_of_the_meantime_and_comes_back(
 }
 
 #[test]
-fn a_transfer_that_never_ends_is_given_up_after_a_cycle() {
+fn a_transfer_that_never_ends_is_given_up_after_a_millisecond() {
     let telemetry = Telemetry::new();
     let (sent, bench) = run(60, &telemetry, |tick, bench| {
         bench.hang |= tick == 20;
@@ -338,4 +372,34 @@ fn a_cycle_that_offers_nothing_sends_nothing() {
     let places: Vec<_> = sent.iter().map(check).collect();
     assert!(!places.iter().any(|place| place.0 == 20));
     assert!(places.contains(&(19, 0)) && places.contains(&(22, 0)));
+}
+
+#[test]
+fn a_chip_that_never_raises_i_txe_misses_no_slot() {
+    let telemetry = Telemetry::new();
+    let config = Config { txe_with_rx_off: false, ..Config::default() };
+    let (sent, bench) = run_on(config, 50, &telemetry, |_, _| PUNCTUAL);
+    let places: Vec<_> = sent.iter().map(check).collect();
+    for tick in 3..=50 {
+        assert!((0..FRAMES).all(|frame| places.contains(&(tick, frame))), "cycle {tick}: {places:?}");
+    }
+    let counts = [&telemetry.frames_sent, &telemetry.frames_unconfirmed, &telemetry.rf_faults]
+        .map(firmware_common::counter::Counter::get);
+    assert_eq!(counts, [sent.len() as u32, sent.len() as u32, 0]);
+    assert!(bench.chip.reports().is_empty(), "{:?}", bench.chip.reports());
+}
+
+#[test]
+fn a_register_that_loses_a_bit_is_named_and_set_again() {
+    let telemetry = Telemetry::new();
+    let (sent, _) = run(80, &telemetry, |tick, bench| {
+        if tick == 20 {
+            bench.chip.flip(Space::A, 0x28, 6);
+        }
+        PUNCTUAL
+    });
+    let places: Vec<_> = sent.iter().map(check).collect();
+    assert!((36..=80).all(|tick| places.contains(&(tick, 0))), "{places:?}");
+    assert_eq!((telemetry.rf_faults.get(), telemetry.rf_recoveries.get()), (1, 1));
+    assert_eq!(telemetry.rf_register.get(), 0x0028_4000);
 }

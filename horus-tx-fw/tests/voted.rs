@@ -27,6 +27,10 @@ use profile::{GpsObject, ReportedPosition};
 const RIGHT_M: f64 = 9.0;
 /// How far apart two may be that agree, m: the ceiling of decision 15.
 const AGREE_M: f64 = 30.0;
+/// The same in height: of 1.4 to 1.9 m in one axis five deviations.
+const RIGHT_HEIGHT_M: f64 = 10.0;
+/// See [`AGREE_M`].
+const AGREE_HEIGHT_M: f64 = 50.0;
 
 /// What goes wrong with a receiver.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,9 +59,15 @@ enum Kind {
     Time,
     /// Its velocity is wrong by up to 50 m/s.
     Velocity,
+    /// It has a 2D fix.
+    Flat,
+    /// It is 60 m to 5 km too high.
+    Height,
+    /// Its heading is 15 degrees off or more.
+    Heading,
 }
 
-const KINDS: [Kind; 12] = [
+const KINDS: [Kind; 15] = [
     Kind::Silence,
     Kind::Frozen,
     Kind::Stuck,
@@ -70,6 +80,9 @@ const KINDS: [Kind; 12] = [
     Kind::Checksum,
     Kind::Time,
     Kind::Velocity,
+    Kind::Flat,
+    Kind::Height,
+    Kind::Heading,
 ];
 
 /// A sequence of numbers from a seed (SplitMix64).
@@ -107,6 +120,7 @@ impl Failure {
         let angle = draw.between(0.0, std::f64::consts::TAU);
         let metres = match kind {
             Kind::Jump => 20.0 * 250_f64.powf(draw.between(0.0, 1.0)),
+            Kind::Height => 60.0 * 80_f64.powf(draw.between(0.0, 1.0)),
             _ => draw.between(1.0, 30.0),
         };
         let metres_per_s = draw.between(0.2, 2.0);
@@ -174,6 +188,29 @@ impl Failure {
             Kind::Time => {
                 let jump = (self.draw.bits() % 604_800_000) as u32;
                 each(bytes, |payload, at| payload[at..at + 4].copy_from_slice(&jump.to_le_bytes()), |_| ())
+            }
+            Kind::Flat => each(bytes, |_, _| (), |pvt| pvt[20] = 2),
+            Kind::Height => {
+                let up = (self.metres * 1e3) as i32;
+                each(
+                    bytes,
+                    |_, _| (),
+                    |pvt| {
+                        let height = i32::from_le_bytes(pvt[32..36].try_into().expect("four bytes"));
+                        pvt[32..36].copy_from_slice(&(height + up).to_le_bytes());
+                    },
+                )
+            }
+            Kind::Heading => {
+                let off = (15e5 + self.metres * 10e5) as i32;
+                let turn = |payload: &mut [u8], itow: usize| {
+                    // NAV-ATT alone has 32 bytes.
+                    if itow == 0 && payload.len() == ubx::NavAtt::PAYLOAD {
+                        let heading = i32::from_le_bytes(payload[16..20].try_into().expect("four bytes"));
+                        payload[16..20].copy_from_slice(&((heading + off) % 36_000_000).to_le_bytes());
+                    }
+                };
+                each(bytes, turn, |_| ())
             }
             Kind::Velocity => {
                 let velocity = self.velocity_mm_s;
@@ -248,6 +285,13 @@ struct Outcome {
     undegraded: u32,
     /// Ticks with a result farther off than the bound that is not of two failed receivers that agree.
     unexplained: u32,
+    /// Of ticks with an altitude, m.
+    worst_height_m: f64,
+    /// Ticks after [`SETTLED_MS`] with an attitude, and of those the greatest error of a heading, degrees.
+    oriented: u32,
+    worst_heading: f64,
+    /// From the failure to the first tick with a result farther off than the bound, ms.
+    far_after_ms: Option<u32>,
 }
 
 const SECONDS: f64 = 20.0;
@@ -299,7 +343,8 @@ fn run(seed: u64, failures: &mut [(usize, Failure)]) -> Outcome {
         let excluded = |index: usize| gps[index].status.excluded();
         outcome.wronged += u32::from((0..RECEIVERS).any(|index| !is_wrong(index) && excluded(index)));
         let agreeing = reported.status.receivers_agreeing();
-        outcome.undegraded += u32::from((usize::from(agreeing) < RECEIVERS) != reported.status.degraded());
+        let degraded = usize::from(agreeing) < RECEIVERS || reported.altitude.is_nan();
+        outcome.undegraded += u32::from(degraded != reported.status.degraded());
         if let ([(who, _)], true) = (&*failures, now >= failed_ms) {
             if excluded(*who) && outcome.excluded_after_ms.is_none() {
                 outcome.excluded_after_ms = Some(now - failed_ms);
@@ -310,7 +355,8 @@ fn run(seed: u64, failures: &mut [(usize, Failure)]) -> Outcome {
             };
         }
         if reported.status.position_valid() {
-            let truth = flight.state(f64::from(now) / 1e3).position;
+            let state = flight.state(f64::from(now) / 1e3);
+            let truth = state.position;
             let plane = TangentPlane::new(truth);
             let off = |latitude, longitude| {
                 let [north, east, _] = plane.to_ned(Geodetic { latitude, longitude, height: truth.height });
@@ -324,6 +370,20 @@ fn run(seed: u64, failures: &mut [(usize, Failure)]) -> Outcome {
                 wrong.iter().all(|gps| gps.status.position_valid() && !gps.status.excluded())
             };
             outcome.unexplained += u32::from(error > RIGHT_M + AGREE_M && !of_two_wrong);
+            if error > RIGHT_M + AGREE_M && outcome.far_after_ms.is_none() {
+                outcome.far_after_ms = Some(now.saturating_sub(failed_ms));
+            }
+            if !reported.altitude.is_nan() {
+                let error = (reported.altitude - truth.height).abs();
+                outcome.worst_height_m = outcome.worst_height_m.max(error);
+                outcome.unexplained += u32::from(error > RIGHT_HEIGHT_M + AGREE_HEIGHT_M && !of_two_wrong);
+            }
+            if reported.status.attitude_valid() && now >= SETTLED_MS {
+                outcome.oriented += 1;
+                let off = (f64::from(reported.yaw) - state.yaw).rem_euclid(std::f64::consts::TAU);
+                let off = off.min(std::f64::consts::TAU - off).to_degrees();
+                outcome.worst_heading = outcome.worst_heading.max(off);
+            }
         } else if now >= SETTLED_MS {
             outcome.without += 1;
         }
@@ -341,15 +401,19 @@ fn failure(kind: Kind, seed: u64, number: u64) -> Failure {
 /// One of three fails, in every way in turn.
 fn one_of_three(runs: u64) {
     println!("kind          runs  excluded  left   worst m  excluded s  left s  not excluded  right ones apart");
+    let (mut worst_height, mut worst_heading) = (0.0_f64, 0.0_f64);
     for (place, kind) in (0..).zip(KINDS) {
         let (mut count, mut excluded, mut left, mut apart) = (0, 0, 0, 0);
         let (mut worst, mut latest, mut latest_left) = (0.0_f64, 0, 0);
         for seed in (place..runs).step_by(KINDS.len()) {
             let who = Draw(seed).bits() as usize % RECEIVERS;
             let outcome = run(seed, &mut [(who, failure(kind, seed, 0))]);
+            worst_height = worst_height.max(outcome.worst_height_m);
+            worst_heading = worst_heading.max(outcome.worst_heading);
             let said = format!("{kind:?} of GPS{}, seed {seed}: {outcome:?}", who + 1);
             assert_eq!(outcome.undegraded, 0, "{said}");
             assert!(outcome.worst_m <= RIGHT_M + AGREE_M, "{said}");
+            assert!(outcome.worst_height_m <= RIGHT_HEIGHT_M + AGREE_HEIGHT_M, "{said}");
             // Where the right ones disagree nobody can tell who is right.
             if outcome.apart == 0 {
                 assert_eq!((outcome.without, outcome.wronged), (0, 0), "{said}");
@@ -363,7 +427,7 @@ fn one_of_three(runs: u64) {
                 }
                 // A right position at a wrong time of week is a right position.
                 Kind::Time => assert!(outcome.worst_m <= RIGHT_M, "{said}"),
-                Kind::Jump if outcome.apart == 0 => {
+                Kind::Jump | Kind::Height if outcome.apart == 0 => {
                     assert!(outcome.excluded_after_ms.is_some_and(|ms| ms <= 300), "{said}");
                 }
                 _ => {}
@@ -382,6 +446,7 @@ fn one_of_three(runs: u64) {
             "{name:12} {count:5} {excluded:9} {left:5} {worst:9.2} {latest:11.2} {left_s:7.2} {not:13} {apart:17}"
         );
     }
+    println!("altitude off by {worst_height:.2} m, heading by {worst_heading:.1} degrees at worst");
 }
 
 /// Two of three fail, each in a way and at a time of its own.
@@ -416,11 +481,33 @@ fn two_of_three_failing_show_no_wrong_position_unless_they_agree() {
 
 #[test]
 fn without_a_failure_all_three_agree_and_the_result_is_as_good_as_they_are() {
+    let (mut oriented, mut worst_heading) = (0, 0.0_f64);
     for seed in 0..40 {
         let outcome = run(seed, &mut []);
         assert_eq!(outcome.undegraded, 0, "{outcome:?}");
         assert!(outcome.apart > 0 || (outcome.without, outcome.wronged) == (0, 0), "{outcome:?}");
-        assert!(outcome.worst_m <= RIGHT_M, "{outcome:?}");
+        assert!(outcome.worst_m <= RIGHT_M && outcome.worst_height_m <= RIGHT_HEIGHT_M, "{outcome:?}");
+        oriented += outcome.oriented;
+        worst_heading = worst_heading.max(outcome.worst_heading);
+    }
+    let share = f64::from(oriented) / 40.0 / (SECONDS * 100.0 - f64::from(SETTLED_MS) / 10.0);
+    println!(
+        "an attitude in {:.2} % of the ticks, its heading off by {worst_heading:.1} degrees at worst",
+        share * 1e2
+    );
+    assert!(share > 0.97, "{share}");
+}
+
+/// All receivers jump by the same distance, each with its next solution, and stay there.
+#[test]
+fn a_jump_of_all_receivers_is_held_back_for_a_second() {
+    for seed in 0..12 {
+        let jump = |_| Failure { metres: 1_000.0, ..failure(Kind::Jump, seed, 0) };
+        let mut failures: Vec<_> = (0..RECEIVERS).map(|who| (who, jump(who))).collect();
+        let outcome = run(seed, &mut failures);
+        assert_eq!(outcome.undegraded, 0, "{outcome:?}");
+        // The second of them has jumped within 125 ms, or 200 ms, and its latency.
+        assert!(outcome.far_after_ms.is_some_and(|ms| (1_000..1_400).contains(&ms)), "seed {seed}: {outcome:?}");
     }
 }
 

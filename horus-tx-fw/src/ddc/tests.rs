@@ -328,6 +328,29 @@ fn events_without_progress_are_switched_off() {
 }
 
 #[test]
+fn bus_errors_are_bounded_between_two_ticks_whatever_progress_the_bus_makes() {
+    let mut ddc = Ddc::new();
+    ddc.transmit(&Message::new(&[0; MESSAGE], Rate::Usual)).unwrap();
+    ddc.poll(FREE);
+    let error = Events { bus_error: true, ..Events::default() };
+    let start = [Events { started: true, ..Events::default() }, Events { addressed: true, ..Events::default() }];
+    let progress = start.into_iter().chain(std::iter::repeat(Events { byte_sent: true, ..Events::default() }));
+    // Fewer errors without progress than would end it, again and again.
+    let calls = progress.flat_map(|event| [error; MOST_SPURIOUS as usize - 2].into_iter().chain([event]));
+    let mut errors = 0;
+    for events in calls {
+        errors += usize::from(events.bus_error);
+        match ddc.event(events) {
+            Order::Mute => break,
+            order => assert_ne!(order, Order::Stop, "{errors} errors did not end the transaction"),
+        }
+    }
+    assert_eq!(errors, usize::from(MOST_BUS_ERRORS));
+    assert_eq!(ddc.poll(FREE), Order::Release, "what has not ended by the tick has failed");
+    assert_eq!(ddc.event(error), Order::Nothing, "each tick counts anew");
+}
+
+#[test]
 fn a_missing_timer_does_not_end_the_recoveries() {
     let mut ddc = Ddc::new();
     assert_eq!(ddc.poll(Bus { sda: false, ..FREE }), Order::Release);

@@ -22,7 +22,7 @@
 use cortex_m::asm;
 use cortex_m_rt::exception;
 use firmware_common::{
-    last_stop::{Cause, Stop},
+    last_stop::{self, Cause, Stop},
     safe_state,
 };
 use horus_tx_fw::{
@@ -38,7 +38,8 @@ use stm32f4xx_hal::{
 use super::HORUS_TELEMETRY;
 
 /// Sets the clock tree up, from HSE if that is there, else from HSI. Takes [`clock::START_MAX_MS`] and the PLL's lock
-/// time at most, or ends in the watchdog's reset.
+/// time at most, or ends in the watchdog's reset: the HAL waits for the PLL without a bound of its own, and if that is
+/// never ready the record of the last stop says so ([`Cause::ClockStart`], with the PLL's source as its detail).
 ///
 /// # Panics
 ///
@@ -51,13 +52,12 @@ pub fn start(rcc: pac::RCC) -> (Rcc, Source) {
         Source::External => Config::hse(clock::EXTERNAL_HZ.Hz()).bypass_hse_oscillator(),
         Source::Internal => Config::hsi(),
     };
-    let rcc = rcc.freeze(
-        config
-            .sysclk(timing::CORE_HZ.Hz())
-            .hclk(timing::CORE_HZ.Hz())
-            .pclk1(timing::APB1_HZ.Hz())
-            .pclk2(timing::APB2_HZ.Hz()),
-    );
+    let config = config
+        .sysclk(timing::CORE_HZ.Hz())
+        .hclk(timing::CORE_HZ.Hz())
+        .pclk1(timing::APB1_HZ.Hz())
+        .pclk2(timing::APB2_HZ.Hz());
+    let rcc = last_stop::unless_over(&Stop::new(Cause::ClockStart, 0, source as u32), || rcc.freeze(config));
     assert!(
         rcc.clocks.hclk() == timing::CORE_HZ.Hz::<1, 1>()
             && rcc.clocks.timclk1() == timing::TIMER_HZ.Hz::<1, 1>()

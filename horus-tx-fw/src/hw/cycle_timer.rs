@@ -23,7 +23,6 @@
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use horus_tx_fw::{
-    cycle::timestamp,
     timing,
     transmitter::{Slot, Ticket},
     FRAMES,
@@ -175,14 +174,12 @@ pub fn take_slot() -> Option<Slot> {
     })
 }
 
-/// Milliseconds since the first tick's cycle began, wraps.
+/// Milliseconds since the first tick's cycle began, wraps. It never steps back ([`timing::now_ms`]).
 pub fn now_ms() -> u32 {
     let before = tick();
     let count = tim2().cnt().read().cnt().bits();
-    let after = tick();
-    // The tick came in between: then this is its first moment.
-    let within = if before == after { count / (timing::TIMER_HZ / 1_000) } else { 0 };
-    timestamp(after).wrapping_add(within)
+    let due = tim2().sr().read().uif().bit_is_set();
+    timing::now_ms(before, count, due, tick())
 }
 
 /// Whether the rest of the cycle has no slot and no tick left that a few microseconds of work could delay.

@@ -29,6 +29,7 @@ use core::{
     sync::atomic::{compiler_fence, AtomicU8, Ordering},
 };
 
+use firmware_common::memory;
 use horus_tx_fw::{
     ddc::{Bus, Ddc, Events, Order, Received, MOST, STEP_US},
     source::{Busy, Message, Source, Vector},
@@ -46,6 +47,11 @@ use crate::board::DdcPort;
 
 /// What the stream writes. There is one receiver on I2C at most (the board's table asserts it).
 static BYTES: [AtomicU8; MOST] = [const { AtomicU8::new(0) }; MOST];
+
+/// What DMA writes; it reads a ring.
+pub(super) fn memory() -> Range<u32> {
+    memory::span(&BYTES)
+}
 
 /// A receiver on I2C.
 pub struct DdcSource {
@@ -78,7 +84,7 @@ impl DdcSource {
         let mhz = self.port.bus_hz / 1_000_000;
         i2c.cr1().write(|w| w);
         // SAFETY: the bus's frequency in MHz, 2 to 50 (RM0090 "I2C", control register 2): 36.
-        i2c.cr2().write(|w| unsafe { w.freq().bits(mhz as u8).iterren().set_bit() });
+        i2c.cr2().write(|w| unsafe { w.freq().bits(mhz as u8) });
         // Low for twice CCR (DUTY 0), high for CCR.
         let ccr = (timing::GNSS_I2C_LOW_NS / 2 * mhz).div_ceil(1_000);
         // SAFETY: 1 to 4095 in fast mode with DUTY 0: 36.
@@ -125,7 +131,8 @@ impl DdcSource {
         match order {
             Order::Nothing => {}
             Order::Start => {
-                i2c.cr2().modify(|_, w| w.dmaen().clear_bit().last().clear_bit().itevten().set_bit());
+                let cr2 = i2c.cr2();
+                cr2.modify(|_, w| w.dmaen().clear_bit().last().clear_bit().itevten().set_bit().iterren().set_bit());
                 i2c.cr1().modify(|_, w| w.start().set_bit());
             }
             Order::Put(byte) => self.put(byte),
@@ -179,7 +186,8 @@ impl DdcSource {
     }
 
     fn mute(&self) {
-        self.i2c().cr2().modify(|_, w| w.itevten().clear_bit().dmaen().clear_bit().last().clear_bit());
+        let cr2 = self.i2c().cr2();
+        cr2.modify(|_, w| w.itevten().clear_bit().iterren().clear_bit().dmaen().clear_bit().last().clear_bit());
     }
 
     fn receive(&self, len: usize) {
@@ -224,6 +232,8 @@ impl DdcSource {
 impl Source for DdcSource {
     fn poll(&mut self) {
         let under_way = self.ddc.stream_under_way();
+        // Errors of a time in which nothing was under way are nobody's: one of them would end the next transaction.
+        let _ = self.take_events();
         let order = self.ddc.poll(self.bus());
         self.carry_out(order);
         if let Some(len) = under_way {

@@ -9,6 +9,9 @@
 //! `unsafe` here: none.
 #![forbid(unsafe_code)]
 
+use core::ops::Range;
+
+use firmware_common::memory;
 use horus_tx_fw::{
     configuration::Configuration,
     source::{Busy, Outbox, Ring, Source, Vector},
@@ -23,6 +26,11 @@ const PORTS: &[ReceiverPort; profile::MAX_RECEIVERS] = &RECEIVER_PORTS;
 
 static RINGS: [Ring; RECEIVERS] = [const { Ring::new() }; RECEIVERS];
 static OUTBOXES: [Outbox; RECEIVERS] = [const { Outbox::new() }; RECEIVERS];
+
+/// What DMA writes and reads.
+pub(super) fn memory() -> [Range<u32>; 2] {
+    [memory::span(&RINGS), memory::span(&OUTBOXES)]
+}
 
 /// What receiver `index` has sent.
 pub fn ring(index: usize) -> &'static Ring {

@@ -18,7 +18,9 @@
 //! | [`gpio`] | pins |
 //! | [`state_inputs`] | the pairs of pins that tell HORUS's state |
 //! | [`registers`] | addresses of register blocks, for the board's table |
-//! | [`reset`] | the reason of the last reset, and how many the watchdog has made |
+//! | [`supply`] | the brown-out level, and what happens when the supply falls |
+//! | [`reset`] | the reason of the last reset, how many the watchdog has made, who is excluded over them |
+//! | `start_up` | the first instructions: reset flags and watchdog |
 //!
 //! `main.rs` denies `unsafe` code; each file in this folder allows it for itself, and says in its heading what for. All
 //! of them access register blocks through shared references: such a block is always there, and every access is
@@ -38,7 +40,10 @@
 // RTIC's generated resource types are public, and so must be what they hold.
 #![allow(unreachable_pub)]
 
+use core::ops::Range;
+
 use cortex_m::asm;
+use firmware_common::{memory, patrol::ram::APART};
 use horus_tx_fw::{protection, telemetry::Telemetry};
 
 pub mod clock;
@@ -51,8 +56,10 @@ pub mod radio;
 pub mod registers;
 pub mod reset;
 mod spi;
+mod start_up;
 pub mod state_inputs;
 mod steps;
+pub mod supply;
 mod uart;
 
 /// What the debugger or the bench reads.
@@ -63,6 +70,15 @@ pub static HORUS_TELEMETRY: Telemetry = Telemetry::new();
 /// controller would call it again, and erratum 838869.
 pub fn settle() {
     asm::dsb();
+}
+
+/// RAM that not the processor alone reads and writes: what DMA reaches, and the telemetry.
+pub fn shared_memory() -> [Range<u32>; APART - 2] {
+    let [rings, outboxes] = gnss::memory();
+    let [spi_in, spi_out] = spi::memory();
+    let [frame, short_out, short_in, discard] = radio::memory();
+    let telemetry = memory::span(&HORUS_TELEMETRY);
+    [telemetry, rings, outboxes, ddc::memory(), spi_in, spi_out, frame, short_out, short_in, discard]
 }
 
 /// What is at `address`, in words.

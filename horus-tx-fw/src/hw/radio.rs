@@ -2,9 +2,9 @@
 //!
 //! # Design
 //!
-//! Every operation of the [`Port`] starts something and returns; the interrupt that ends it calls the executor. The SPI
-//! has two users that never meet: from [`Port::arm`] to the slot it is the slot's interrupt, else it is the tasks of
-//! the front end, which have one priority.
+//! Every operation of the port starts something and returns; the interrupt that ends it polls the executor. The SPI
+//! has two users that never meet: from [`transmitter::Port::arm`] to the slot it is the slot's interrupt, else it is
+//! the tasks of the front end, which have one priority.
 //!
 //! The SPI runs in mode 1 (CPOL 0, CPHA 1; DS13541, SPI interface) at 72 MHz / 8 = 9 MHz, eight bits, most significant
 //! first.
@@ -25,16 +25,24 @@
 //! port.
 #![allow(unsafe_code)]
 
-use core::sync::atomic::{compiler_fence, AtomicU32, AtomicU8, Ordering};
+use core::{
+    ops::Range,
+    sync::atomic::{compiler_fence, AtomicU32, AtomicU8, Ordering},
+};
 
 use cortex_m::asm;
+use firmware_common::memory;
 use horus_tx_fw::{
     timing,
-    transmitter::{Port, Ticket},
+    transmitter::{self, Ticket},
     RECEIVERS,
 };
 use profile::Profile;
-use st25r3916::{command, Short};
+use st25r3916::{
+    command,
+    executor::{Failed, Port},
+    Short,
+};
 use stm32f4xx_hal::{
     pac::{self, spi1},
     rcc::Enable,
@@ -44,6 +52,7 @@ use super::{
     cycle_timer::ARMED,
     dma::{self, Direction, Transfer},
     gpio::{self, Pull, Speed},
+    HORUS_TELEMETRY,
 };
 use crate::board::{CHIP_SELECT, IRQ, MISO, MOSI, SCK, SPI_IN, SPI_OUT};
 
@@ -139,20 +148,24 @@ static SHORT_IN: [AtomicU8; Short::MAX] = [const { AtomicU8::new(0) }; Short::MA
 /// Where everything goes that comes in during a load.
 static DISCARD: AtomicU8 = AtomicU8::new(0);
 
+/// What DMA writes and reads.
+pub(super) fn memory() -> [Range<u32>; 4] {
+    [memory::span(&FRAME), memory::span(&SHORT_OUT), memory::span(&SHORT_IN), memory::span(&DISCARD)]
+}
+
 const _: () = assert!(Profile::<RECEIVERS>::SIZE.is_multiple_of(4));
 
 /// SPI1 with its two DMA streams, chip select, the IRQ pin's level, and the one-shot timer.
 pub struct Radio {
+    /// Bytes of the response; none after a load.
     len: usize,
     response: [u8; Short::MAX],
-}
-
-/// How a transfer ended.
-pub enum Ended<'a> {
-    /// With this response, empty after a load.
-    Done(&'a [u8]),
-    /// With a DMA error.
-    Failed,
+    /// The transfer that ended last ended with a DMA error.
+    failed: bool,
+    /// The bytes of [`FRAME`] that are loaded.
+    frame: Range<usize>,
+    /// The timer has run out since it was started.
+    over: bool,
 }
 
 impl Radio {
@@ -164,41 +177,23 @@ impl Radio {
         set_up_spi();
         set_up_irq(&syscfg, exti);
         // 1 µs a count.
+        let ticks = match HORUS_TELEMETRY.without_crystal.get() {
+            0 => timing::TICKS_PER_US,
+            _ => timing::INTERNAL_TICKS_PER_US,
+        };
         let timer = tim5();
-        timer.psc().write(|w| w.psc().set((timing::TICKS_PER_US - 1) as u16));
+        timer.psc().write(|w| w.psc().set((ticks - 1) as u16));
         timer.cr1().write(|w| w.urs().set_bit());
         timer.egr().write(|w| w.ug().set_bit());
         timer.sr().write(|w| w.uif().clear());
         timer.dier().write(|w| w.uie().set_bit());
-        Self { len: 0, response: [0; Short::MAX] }
+        Self { len: 0, response: [0; Short::MAX], failed: false, frame: 0..0, over: false }
     }
 
-    /// Serves the interrupt of either stream: how the transfer ended, if it has.
-    pub fn ended(&mut self) -> Option<Ended<'_>> {
-        let incoming = dma::flags(SPI_IN);
-        if incoming.has_error() || dma::flags(SPI_OUT).has_error() {
-            self.abort();
-            return Some(Ended::Failed);
-        }
-        // The last byte comes in after the last one has gone out, so the stream out has ended too.
-        if !incoming.is_complete() {
-            return None;
-        }
-        self.finish();
-        deselect();
-        compiler_fence(Ordering::Acquire);
-        let response = &mut self.response[..self.len];
-        for (to, from) in response.iter_mut().zip(&SHORT_IN) {
-            *to = from.load(Ordering::Relaxed);
-        }
-        Some(Ended::Done(response))
-    }
-
-    /// Serves TIM5's interrupt: whether the time is over (and was not cancelled meanwhile).
-    pub fn time_is_over(&mut self) -> bool {
-        let over = tim5().sr().read().uif().bit_is_set();
+    /// Takes TIM5's interrupt. What counts is whether the time is over.
+    pub fn clear_pending_timer(&mut self) {
+        self.over |= tim5().sr().read().uif().bit_is_set();
         tim5().sr().write(|w| w.uif().clear());
-        over
     }
 
     /// Clears EXTI3's pending edge. What counts is the pin's level.
@@ -249,13 +244,6 @@ impl Radio {
 }
 
 impl Port for Radio {
-    fn deposit(&mut self, profile: &Profile<RECEIVERS>) {
-        let (words, _) = profile.as_bytes().as_chunks::<4>();
-        for (word, bytes) in FRAME.iter().zip(words) {
-            word.store(u32::from_ne_bytes(*bytes), Ordering::Relaxed);
-        }
-    }
-
     fn start_short(&mut self, short: &Short) {
         self.len = short.bytes().len();
         for (to, from) in SHORT_OUT.iter().zip(short.padded()) {
@@ -267,14 +255,45 @@ impl Port for Radio {
         unsafe { self.begin(None, out, into, self.len, true) };
     }
 
-    fn start_load(&mut self, start: usize, len: usize) {
+    fn start_load(&mut self, offset: usize, len: usize) -> bool {
+        let start = self.frame.start + offset;
+        if start + len > self.frame.end {
+            return false;
+        }
         self.len = 0;
-        let start = start.min(Profile::<RECEIVERS>::SIZE);
-        let len = len.min(Profile::<RECEIVERS>::SIZE - start);
         let (out, into) = (FRAME.as_ptr() as u32 + start as u32, DISCARD.as_ptr() as u32);
-        // SAFETY: `FRAME` is a static of atomics as large as a profile, inside which `start` and `len` stay; `DISCARD`
-        // is one atomic byte, and the address does not advance. The streams are off, as for `start_short`.
+        // SAFETY: `FRAME` is a static of atomics as large as a profile, inside which `frame` lies (`point_at`) and so
+        // `start` and `len` stay; `DISCARD` is one atomic byte, and the address does not advance. The streams are off,
+        // as for `start_short`.
         unsafe { self.begin(Some(command::FIFO_LOAD), out, into, len, false) };
+        true
+    }
+
+    fn ended(&mut self) -> bool {
+        let incoming = dma::flags(SPI_IN);
+        self.failed = incoming.has_error() || dma::flags(SPI_OUT).has_error();
+        if self.failed {
+            self.abort();
+            return true;
+        }
+        // The last byte comes in after the last one has gone out, so the stream out has ended too.
+        if !incoming.is_complete() {
+            return false;
+        }
+        self.finish();
+        deselect();
+        compiler_fence(Ordering::Acquire);
+        for (to, from) in self.response[..self.len].iter_mut().zip(&SHORT_IN) {
+            *to = from.load(Ordering::Relaxed);
+        }
+        true
+    }
+
+    fn response(&self) -> Result<&[u8], Failed> {
+        if self.failed {
+            return Err(Failed);
+        }
+        Ok(&self.response[..self.len])
     }
 
     /// # Panics
@@ -291,7 +310,7 @@ impl Port for Radio {
         let _ = spi().sr().read();
     }
 
-    fn irq_is_high(&self) -> bool {
+    fn irq_is_high(&mut self) -> bool {
         gpio::is_high(IRQ)
     }
 
@@ -303,11 +322,25 @@ impl Port for Radio {
         timer.arr().write(|w| w.arr().set(us.max(1)));
         timer.sr().write(|w| w.uif().clear());
         timer.cr1().write(|w| w.urs().set_bit().opm().set_bit().cen().set_bit());
+        self.over = false;
     }
 
-    fn stop_timer(&mut self) {
-        tim5().cr1().write(|w| w.urs().set_bit());
-        tim5().sr().write(|w| w.uif().clear());
+    fn elapsed(&mut self) -> bool {
+        self.over
+    }
+}
+
+impl transmitter::Port for Radio {
+    fn deposit(&mut self, profile: &Profile<RECEIVERS>) {
+        let (words, _) = profile.as_bytes().as_chunks::<4>();
+        for (word, bytes) in FRAME.iter().zip(words) {
+            word.store(u32::from_ne_bytes(*bytes), Ordering::Relaxed);
+        }
+    }
+
+    fn point_at(&mut self, frame: Range<usize>) {
+        let end = frame.end.min(Profile::<RECEIVERS>::SIZE);
+        self.frame = frame.start.min(end)..end;
     }
 
     fn arm(&mut self, ticket: Ticket) {

@@ -1,13 +1,13 @@
-//! Resets: their reason, and how many the watchdog has made
+//! Resets: their reason, how many the watchdog has made, and what is kept over them
 //!
 //! `unsafe` here: the section of memory that the start leaves as it is.
 #![allow(unsafe_code)]
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
-use horus_tx_fw::reset;
+use firmware_common::start::reset_flags;
+use horus_tx_fw::{exclusions, reset};
 use profile::ResetReason;
-use stm32f4xx_hal::pac;
 
 use super::HORUS_TELEMETRY;
 
@@ -16,11 +16,25 @@ use super::HORUS_TELEMETRY;
 static RESETS: [AtomicU32; 2] = [const { AtomicU32::new(0) }; 2];
 const MAGIC: u32 = 0x484F_5255;
 
-/// Reads the reset flags and clears them, counts the watchdog's resets since the supply came on, and gives the reason
-/// of this start. To be called once.
-pub fn note_reason(rcc: &pac::RCC) -> ResetReason {
-    let reason = reset::reason(rcc.csr().read().bits());
-    rcc.csr().modify(|_, w| w.rmvf().set_bit());
+/// Who is excluded, as [`exclusions`] has it.
+#[link_section = ".uninit.EXCLUSIONS"]
+static EXCLUSIONS: [AtomicU32; exclusions::WORDS] = [const { AtomicU32::new(0) }; exclusions::WORDS];
+
+/// Keeps the mask of the receivers that are excluded.
+pub fn keep_exclusions(excluded: u8) {
+    for (to, from) in EXCLUSIONS.iter().zip(exclusions::to_words(excluded)) {
+        to.store(from, Ordering::Relaxed);
+    }
+}
+
+/// The receivers that were excluded before this start, which was for `reason`.
+pub fn kept_exclusions(reason: ResetReason) -> u8 {
+    exclusions::from_words(EXCLUSIONS.each_ref().map(|word| word.load(Ordering::Relaxed)), reason)
+}
+
+/// Counts the watchdog's resets since the supply came on, and gives the reason of this start. To be called once.
+pub fn note_reason() -> ResetReason {
+    let reason = reset::reason(reset_flags());
     let [magic, count] = &RESETS;
     // What the memory holds after the supply came on is arbitrary.
     if magic.load(Ordering::Relaxed) != MAGIC || reason == ResetReason::PowerOn {

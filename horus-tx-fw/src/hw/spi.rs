@@ -16,8 +16,12 @@
 //! `unsafe` here: shared access to the peripheral's register block, and the DMA streams' starts.
 #![allow(unsafe_code)]
 
-use core::sync::atomic::{compiler_fence, AtomicU32, Ordering};
+use core::{
+    ops::Range,
+    sync::atomic::{compiler_fence, AtomicU32, Ordering},
+};
 
+use firmware_common::memory;
 use horus_tx_fw::{
     source::{Busy, Message, Source, Vector},
     spi::{Filter, Order, Polling, FILLER, HOLD_US, SETUP_US, TRANSFER},
@@ -40,6 +44,11 @@ const FILLER_WORD: u32 = u32::from_ne_bytes([FILLER; 4]);
 /// What the streams write and read. There is one receiver on SPI at most (the board's table asserts it).
 static IN: [AtomicU32; WORDS] = [const { AtomicU32::new(FILLER_WORD) }; WORDS];
 static OUT: [AtomicU32; WORDS] = [const { AtomicU32::new(FILLER_WORD) }; WORDS];
+
+/// What DMA writes and reads.
+pub(super) fn memory() -> [Range<u32>; 2] {
+    [memory::span(&IN), memory::span(&OUT)]
+}
 
 // The divider below.
 const _: () = assert!(timing::GNSS_SPI_HZ * 128 == timing::APB2_HZ);

@@ -1,0 +1,75 @@
+//! Who is excluded, kept over a reset
+//!
+//! # Design
+//!
+//! Without this, a receiver that is wrong would have a vote again after every bite of the watchdog, until it is
+//! outvoted anew; and if another one is missing in the first cycles, it is not. So the mask of the receivers that the
+//! voter has excluded is written after each vote into memory that the start-up code leaves as it is (section
+//! `.uninit`), with the number of receivers and the frame CRC behind it.
+//!
+//! A start that follows anything but power-on takes it up again; the receivers of the mask then have to agree for a
+//! second from the start on before they return (decision 15). What is not intact, is of an image with another number of
+//! receivers, or is no mask that the voter comes to ([`Voter::excluding`](horus_voter::Voter::excluding)) counts as
+//! nobody: the voter then begins as after power-on.
+
+use profile::{crc, ResetReason};
+
+use crate::RECEIVERS;
+
+/// Words of a record.
+pub const WORDS: usize = 2;
+
+/// The record of the receivers that `excluded` has a bit for, bit 0 GPS1.
+#[must_use]
+pub fn to_words(excluded: u8) -> [u32; WORDS] {
+    let record = u32::from(excluded) | (RECEIVERS as u32) << 8;
+    [record, crc::frame_of_words([record].into_iter())]
+}
+
+/// The receivers that `words` record as excluded, at a start for this reason; none if the words are no such record.
+#[must_use]
+pub fn from_words(words: [u32; WORDS], reason: ResetReason) -> u8 {
+    let [excluded, ..] = words[0].to_le_bytes();
+    let is_kept = words == to_words(excluded) && reason != ResetReason::PowerOn;
+    if is_kept {
+        excluded
+    } else {
+        0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_written_is_read_after_every_reset_but_power_on() {
+        for excluded in 0..=u8::MAX {
+            let words = to_words(excluded);
+            for reason in [ResetReason::Pin, ResetReason::Watchdog, ResetReason::Lockup, ResetReason::Software] {
+                assert_eq!(from_words(words, reason), excluded);
+            }
+            assert_eq!(from_words(words, ResetReason::BrownOutOrOther), excluded);
+            assert_eq!(from_words(words, ResetReason::PowerOn), 0);
+        }
+    }
+
+    #[test]
+    fn a_record_with_any_bit_changed_is_none() {
+        for bit in 0..64 {
+            let mut words = to_words(0b0000_0100);
+            words[bit / 32] ^= 1 << (bit % 32);
+            assert_eq!(from_words(words, ResetReason::Watchdog), 0, "bit {bit}");
+        }
+        for words in [[0; WORDS], [u32::MAX; WORDS]] {
+            assert_eq!(from_words(words, ResetReason::Watchdog), 0);
+        }
+    }
+
+    #[test]
+    fn a_record_of_another_number_of_receivers_is_none() {
+        let record = 0b0000_0001 | (RECEIVERS as u32 + 1) << 8;
+        let words = [record, crc::frame_of_words([record].into_iter())];
+        assert_eq!(from_words(words, ResetReason::Watchdog), 0);
+    }
+}
