@@ -2,7 +2,7 @@
 //!
 //! | memory | decoded | forgotten |
 //! |---|---|---|
-//! | constant ([`Bus::is_constant`]) | a page at its first instruction | all, on [`crate::Signals::code_changed`] |
+//! | constant ([`Bus::is_constant`]) | a page at its first instruction | all, on [`crate::Signals::forget_code`] |
 //! | other (code in RAM) | each instruction at its first execution | where memory holds other halfwords by then |
 //!
 //! A page has 1 KiB. Pages are shared by clones of the core, so that a clone costs little and what one has decoded is

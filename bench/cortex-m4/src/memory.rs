@@ -6,7 +6,7 @@
 //! | B3.1 | the core's own space, 0xE000_0000 to 0xE00F_FFFF, goes to the system registers |
 //! | B3.5 | the MPU is asked before the bus |
 //! | TRM 3.7 | bit-banding, where the part has it |
-//! | B3.2.8 | CCR.BFHFNMIGN: a load that nothing answers then reads 0 |
+//! | B3.2.8 | CCR.BFHFNMIGN: a load that nothing answers then reads 0, and CFSR and BFAR say so |
 //! | C1.8 | the comparators of the DWT are told of data accesses while they watch |
 //!
 //! An unaligned access becomes aligned ones in rising order, as the TRM says of the bus interface (TRM 3.7.2): a half
@@ -172,7 +172,7 @@ impl<C: Cost> Core<C> {
         }
         let value = match bus.read(&access) {
             Ok(value) => value,
-            Err(_) if self.ignores_bus_faults() => 0,
+            Err(_) if self.ignores_bus_fault(address) => 0,
             Err(_) => return Err(unanswered(address, purpose, false)),
         };
         self.notice(bus);
@@ -218,7 +218,7 @@ impl<C: Cost> Core<C> {
         if let Some(bound) = C::BOUND {
             self.cycle += u64::from(bus.wait_states(&access, bound));
         }
-        if bus.write(&access, value).is_err() && !self.ignores_bus_faults() {
+        if bus.write(&access, value).is_err() && !self.ignores_bus_fault(address) {
             return Err(unanswered(address, purpose, true));
         }
         self.notice(bus);

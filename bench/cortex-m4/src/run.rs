@@ -3,7 +3,7 @@
 //! | what | when it is looked at |
 //! |---|---|
 //! | the caller's `until`, [`Bus::due`], SysTick | each instruction compares the cycle with the nearest of them |
-//! | [`crate::Signals`] | after an access that set `changed`, and after each [`Bus::advance`] |
+//! | [`crate::Signals`] | after an access that announced a change, and after each [`Bus::advance`] |
 //! | exceptions | after each of these, and after an instruction that may have changed a priority |
 //! | the MPU's rights to execute | each instruction while the MPU is on |
 //!

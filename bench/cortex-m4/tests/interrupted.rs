@@ -32,8 +32,7 @@ impl Bus for Storm {
 
     fn write(&mut self, access: &Access, value: u32) -> Result<(), BusError> {
         if access.address == DEVICE {
-            self.board.signals.lines[0] = 0;
-            self.board.signals.changed = true;
+            self.board.signals.drive_line(0, false);
         }
         self.board.write(access, value)
     }
@@ -53,8 +52,7 @@ impl Bus for Storm {
     fn advance(&mut self, cycle: u64) {
         while self.due <= cycle {
             self.due += self.period;
-            self.board.signals.lines[0] = 1;
-            self.board.signals.changed = true;
+            self.board.signals.drive_line(0, true);
         }
     }
 

@@ -87,9 +87,8 @@ fn a_core_that_hangs_takes_no_interrupt_and_not_even_nmi_and_one_that_sleeps_doe
                     rig.core.hang();
                 }
                 let retired = rig.core.retired();
-                rig.board.signals.nmi = nmi;
-                rig.board.signals.lines[0] = u64::from(!nmi);
-                rig.board.signals.changed = true;
+                rig.board.signals.drive_nmi(nmi);
+                rig.board.signals.drive_line(0, !nmi);
                 rig.core.run(&mut rig.board, 40);
                 let pending = rig.core.debug_read(&mut rig.board, 0xE000_ED04).unwrap();
                 (rig.core.exception_changes() > 0, rig.core.retired() > retired, rig.core.is_asleep(), pending)
@@ -203,8 +202,7 @@ fn flash_that_was_programmed_is_decoded_anew() {
     rig.core.run(&mut rig.board, 10);
     assert_eq!(rig.r(0), 1);
     rig.board.flash[CODE as usize] = 7;
-    rig.board.signals.code_changed = true;
-    rig.board.signals.changed = true;
+    rig.board.signals.forget_code();
     rig.core.run(&mut rig.board, 20);
     assert_eq!(rig.r(0), 7);
 }
@@ -212,8 +210,7 @@ fn flash_that_was_programmed_is_decoded_anew() {
 #[test]
 fn a_stalled_core_executes_nothing_and_is_not_idle() {
     let mut rig = Rig::new(COUNT);
-    rig.board.signals.stalled_until = 50;
-    rig.board.signals.changed = true;
+    rig.board.signals.stall_until(50);
     assert_eq!(rig.core.run(&mut rig.board, 40), Exit::Until);
     assert_eq!((rig.core.cycle(), rig.core.retired(), rig.core.idle()), (40, 0, 0));
     assert_eq!(rig.core.run(&mut rig.board, 60), Exit::Until);

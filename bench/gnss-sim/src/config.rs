@@ -4,7 +4,8 @@
 //!
 //! u-blox F9 and M9 interface descriptions, "Configuration interface" and UBX-CFG-VALSET, UBX-ACK-ACK, UBX-ACK-NAK. The
 //! keys agree in the public key lists of pyubx2 and of SparkFun's u-blox library. Factory settings: ZED-F9R data sheet
-//! (UBX-22024085), "Default interface settings".
+//! (UBX-22024085), "Default interface settings". Dynamic models and which is the factory's: ZED-F9R and ZED-F9P
+//! integration manuals (UBX-20039643, UBX-18010802), CFG-NAVSPG-DYNMODEL.
 //!
 //! # What is kept
 //!
@@ -12,6 +13,7 @@
 //!   layer that does not exist, an item that is cut off, more than 64 items.
 //! - Layers: RAM, which a restart clears; battery-backed RAM and flash, which are one here and survive it.
 //! - Keys of all of the receiver's ports are known, whatever the receiver is connected by; those of this port act.
+//! - The dynamic model is kept and told; it changes nothing of what a receiver makes of a flight.
 //! - A receiver without inertial sensors does not know the keys of NAV-ATT and ESF-INS, as its firmware does not.
 //! - A message with a wrong checksum, and noise between messages, are ignored without an answer.
 //!
@@ -44,6 +46,8 @@ const LONGEST: usize = 1024;
 pub const RATE_MEAS: u32 = 0x3021_0001;
 /// CFG-RATE-NAV: measurements of one navigation solution.
 pub const RATE_NAV: u32 = 0x3021_0002;
+/// CFG-NAVSPG-DYNMODEL: how the receiver's filter assumes that it moves.
+pub const NAVSPG_DYNMODEL: u32 = 0x2011_0021;
 /// CFG-UART1-BAUDRATE, bit/s.
 pub const UART1_BAUDRATE: u32 = 0x4052_0001;
 /// CFG-MSGOUT-UBX_NAV_PVT_I2C; see [`Port::output_key`].
@@ -152,10 +156,12 @@ impl Configuration {
         factory.insert(RATE_MEAS, if abilities.fixed_period { u64::from(period_ms) } else { 1_000 });
         factory.insert(RATE_NAV, 1);
         factory.insert(UART1_BAUDRATE, 38_400);
+        // One with inertial sensors is made for cars, others for whatever is portable.
+        factory.insert(NAVSPG_DYNMODEL, if abilities.attitude || abilities.inertial { 4 } else { 0 });
         Self { port, abilities, factory, saved: BTreeMap::new(), ram: BTreeMap::new(), input: vec![] }
     }
 
-    /// What HORUS would set was set before, and saved.
+    /// What HORUS would set was set before, and saved, but for the dynamic model.
     pub(crate) fn configured(mut self, period_ms: u32, bit_rate: u32) -> Self {
         let port = self.port;
         let items = [
@@ -178,6 +184,16 @@ impl Configuration {
         if factory {
             self.saved.clear();
         }
+    }
+
+    /// The receiver goes on with the dynamic model that it had saved, or came with.
+    pub(crate) fn forget_dynamic_model(&mut self) {
+        self.ram.remove(&NAVSPG_DYNMODEL);
+    }
+
+    /// Its dynamic model, as CFG-NAVSPG-DYNMODEL counts them.
+    pub(crate) fn dynamic_model(&self) -> u8 {
+        u8::try_from(self.value(NAVSPG_DYNMODEL)).unwrap_or(u8::MAX)
     }
 
     fn value(&self, key: u32) -> u64 {
@@ -277,6 +293,8 @@ impl Configuration {
             RATE_MEAS => !self.abilities.fixed_period && (25..=65_535).contains(&value),
             RATE_NAV => !self.abilities.fixed_period && (1..=127).contains(&value),
             UART1_BAUDRATE => BAUD_RATES.contains(&value),
+            // Portable; stationary to wrist. Later ones are not in every receiver.
+            NAVSPG_DYNMODEL => matches!(value, 0 | 2..=9),
             _ if key >> 28 == 1 => value <= 1,
             _ => true,
         }

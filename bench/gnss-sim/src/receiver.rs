@@ -23,8 +23,7 @@
 //!   constant (how it is mounted).
 //! - The solution leaves the receiver a delay after its epoch (40 to 80 ms, by model), with jitter.
 //!
-//! Receivers of an odd number carry inertial sensors and send NAV-ATT, the first and fifth also ESF-INS; the others
-//! send NAV-PVT alone.
+//! Receivers of an odd number carry inertial sensors and send NAV-ATT and ESF-INS; the others send NAV-PVT alone.
 
 use std::sync::Arc;
 
@@ -110,7 +109,7 @@ impl Model {
             delay_ms: 74.0,
             delay_jitter_ms: 2.0,
             attitude: true,
-            inertial: false,
+            inertial: true,
             horizontal_m: (1.0, 0.12),
             vertical_m: (1.7, 0.25),
         },
@@ -232,6 +231,22 @@ impl Receiver {
         if let Source::Generated(generated) = &mut self.source {
             generated.configuration.restart(factory);
             self.reconfigured(at_ns);
+        }
+    }
+
+    /// The receiver loses the dynamic model that it was told and had not saved, and nothing else.
+    pub fn forget_dynamic_model(&mut self) {
+        if let Source::Generated(generated) = &mut self.source {
+            generated.configuration.forget_dynamic_model();
+        }
+    }
+
+    /// How its filter assumes that it moves, as CFG-NAVSPG-DYNMODEL counts the models; nothing of a recorded one.
+    #[must_use]
+    pub fn dynamic_model(&self) -> Option<u8> {
+        match &self.source {
+            Source::Generated(generated) => Some(generated.configuration.dynamic_model()),
+            Source::Recorded { .. } => None,
         }
     }
 

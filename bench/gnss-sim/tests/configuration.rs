@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use gnss_sim::config::{
-    ACK, CLASS_ACK, CLASS_CFG, MSGOUT_ESF_INS, MSGOUT_NAV_ATT, MSGOUT_NAV_PVT, NAK, OUTPROT_NMEA, OUTPROT_UBX,
-    RATE_MEAS, UART1_BAUDRATE, VALSET,
+    ACK, CLASS_ACK, CLASS_CFG, MSGOUT_ESF_INS, MSGOUT_NAV_ATT, MSGOUT_NAV_PVT, NAK, NAVSPG_DYNMODEL, OUTPROT_NMEA,
+    OUTPROT_UBX, RATE_MEAS, UART1_BAUDRATE, VALSET,
 };
 use gnss_sim::ubx::{self, Frame, NavPvt};
 use gnss_sim::{Burst, Flight, Log, Port, Receiver};
@@ -83,6 +83,26 @@ fn what_it_is_connected_by_makes_no_difference_to_what_it_says() {
 }
 
 #[test]
+fn it_keeps_the_factorys_dynamic_model_until_it_is_told_another() {
+    for (index, factory) in [(1, 4), (2, 0), (3, 4), (4, 0), (5, 4)] {
+        let mut receiver = receiver(index, Port::Spi);
+        assert_eq!(receiver.dynamic_model(), Some(factory), "{index}: HORUS saves none");
+        let before = sent(&mut receiver.clone(), SECOND);
+        assert_eq!(tell(&mut receiver, 0, &valset(1, &[(NAVSPG_DYNMODEL, 7)])), answer(ACK));
+        assert_eq!(receiver.dynamic_model(), Some(7));
+        assert_eq!(sent(&mut receiver.clone(), SECOND), before, "it goes on with its solutions");
+        for unknown in [1, 10, 255] {
+            assert_eq!(tell(&mut receiver, 0, &valset(1, &[(NAVSPG_DYNMODEL, unknown)])), answer(NAK));
+        }
+        assert_eq!(receiver.dynamic_model(), Some(7));
+        let mut forgetful = receiver.clone();
+        forgetful.forget_dynamic_model();
+        receiver.restart(SECOND, false);
+        assert_eq!([forgetful.dynamic_model(), receiver.dynamic_model()], [Some(factory); 2]);
+    }
+}
+
+#[test]
 fn from_the_factory_it_sends_nmea_alone_once_a_second_at_38400() {
     let mut receiver = receiver(1, Port::Uart1).with_factory_settings();
     assert_eq!(receiver.bit_rate(), 38_400);
@@ -120,10 +140,10 @@ fn what_horus_sets_takes_it_from_the_factory_to_where_it_was() {
         let att = valset(1, &[(port.output_key(MSGOUT_NAV_ATT), 1)]);
         let ins = valset(1, &[(port.output_key(MSGOUT_ESF_INS), 1)]);
         assert_eq!(tell(&mut receiver, SECOND, &att), answer(if index == 2 { NAK } else { ACK }));
-        assert_eq!(tell(&mut receiver, SECOND, &ins), answer(if index == 1 { ACK } else { NAK }));
+        assert_eq!(tell(&mut receiver, SECOND, &ins), answer(if index == 2 { NAK } else { ACK }));
         let sent = sent(&mut receiver, 3 * SECOND);
         assert!(sent.len().abs_diff((2_000 / period) as usize) <= 1, "{index}: {}", sent.len());
-        let expected: &[_] = [&[][..], &[PVT, ATT, INS], &[PVT], &[PVT, ATT]][index];
+        let expected: &[_] = [&[][..], &[PVT, ATT, INS], &[PVT], &[PVT, ATT, INS]][index];
         assert!(sent.iter().all(|burst| messages(burst) == expected), "{index}");
         assert!(sent[0].at_ns > SECOND && sent[0].at_ns < SECOND + (period + 100) * MS, "it begins at once");
         let itow = |burst: &Burst| Frame::at_start_of(&burst.bytes).unwrap().itow_ms().unwrap();

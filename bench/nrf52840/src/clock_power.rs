@@ -7,14 +7,15 @@
 //! | CAL with DONE, the calibration timer CTSTART, CTSTOP, CTIV with CTTO, CTSTARTED, CTSTOPPED | 5.4 |
 //! | SYSTEMOFF: wake-up by DETECT is a reset; RAM that RAM\[n\].POWER does not retain is lost | 5.3 |
 //! | SLEEPENTER, SLEEPEXIT | 5.3 |
-//! | RESETREAS, GPREGRET, GPREGRET2, CONSTLAT, LOWPWR, POFCON, DCDCEN, RAM\[n\].POWER as registers | 5.3, 5.3 |
+//! | RESETREAS, GPREGRET, GPREGRET2, CONSTLAT, LOWPWR, DCDCEN, RAM\[n\].POWER as registers | 5.3, 5.3 |
+//! | POFCON with POFWARN, of VDD | 5.3 |
 //! | APPROTECT.FORCEPROTECT, which only ever closes, and APPROTECT.DISABLE, which share this address space | 4.8 |
 //!
 //! | left out | why |
 //! |---|---|
-//! | POFWARN and brown-out | the supply is constant |
+//! | POFCON.THRESHOLDVDDH, and that POFWARN keeps the NVMC from writing | VDDH is VDD here; nothing here writes flash |
 //! | USB regulator events | USBD is not modelled |
-//! | debounce of HFXO | part of the start-up time, which is a setting |
+//! | debounce of HFXO | part of the start-up time, which is a setting; `None`: it never starts |
 use crate::Settings;
 use crate::clocks::{Clocks, cycles};
 use crate::instance::{Act, Block, Cx, Instance, Source, index};
@@ -22,6 +23,7 @@ use crate::instance::{Act, Block, Cx, Instance, Source, index};
 /// Events by number.
 const HFCLKSTARTED: u32 = 0;
 const LFCLKSTARTED: u32 = 1;
+const POFWARN: u32 = 2;
 const DONE: u32 = 3;
 const CTTO: u32 = 4;
 const CTSTARTED: u32 = 10;
@@ -29,6 +31,8 @@ const CTSTOPPED: u32 = 11;
 const SLEEPENTER: u32 = 5;
 const SLEEPEXIT: u32 = 6;
 
+/// Power-fail comparator.
+const POFCON: u32 = 0x510;
 /// Access port protection: written 0 it closes the debug port until the next reset; nothing written opens it again.
 const APPROTECT_FORCEPROTECT: u32 = 0x550;
 /// Access port protection: [`SW_DISABLE`] opens the software's half.
@@ -59,7 +63,8 @@ enum Low {
 #[derive(Clone, Debug)]
 pub(crate) struct ClockPower {
     block: Block,
-    hfxo_startup: u64,
+    /// Core cycles; `None` where the crystal never starts.
+    hfxo_startup: Option<u64>,
     lfxo_startup: u64,
     /// HFXO was started and not stopped, and since when it is stable.
     hf_run: bool,
@@ -79,13 +84,18 @@ pub(crate) struct ClockPower {
     /// Registers that only hold what is written: offset, value, writable bits.
     plain: [(u32, u32, u32); 8],
     ram: [u32; RAM_BLOCKS as usize],
+    microvolts: u32,
+    /// The power-fail comparator says so.
+    low: bool,
+    /// POFWARN was raised since this was last asked.
+    pub(crate) warned: bool,
 }
 
 impl ClockPower {
     pub(crate) fn new(settings: &Settings) -> Self {
         Self {
             block: Block::default(),
-            hfxo_startup: cycles(settings.hfxo_startup_ns),
+            hfxo_startup: settings.hfxo_startup_ns.map(cycles),
             lfxo_startup: cycles(settings.lfxo_startup_ns),
             hf_run: false,
             hf_stable: false,
@@ -101,7 +111,7 @@ impl ClockPower {
             reset_reason: 0,
             retained: [0; 2],
             plain: [
-                (0x510, 0, 0xF1F),   // POFCON
+                (POFCON, 0, 0xF1F),
                 (0x528, 0x10, 0xFF), // HFXODEBOUNCE
                 (APPROTECT_FORCEPROTECT, u32::MAX, 0xFF),
                 (APPROTECT_DISABLE, 0, 0xFF),
@@ -111,6 +121,9 @@ impl ClockPower {
                 (0x5B4, 0, 1),        // LFRCMODE
             ],
             ram: [RAM_POWER_RESET; RAM_BLOCKS as usize],
+            microvolts: settings.supply_microvolts.unsigned_abs(),
+            low: false,
+            warned: false,
         }
     }
 
@@ -122,8 +135,44 @@ impl ClockPower {
         }
     }
 
+    /// A restart leaves the supply as it was.
+    pub(crate) fn keep_supply(&mut self, before: &Self) {
+        self.microvolts = before.microvolts;
+    }
+
+    /// The supply changes.
+    pub(crate) fn supply(&mut self, microvolts: u32, cx: &mut Cx<'_>) {
+        self.microvolts = microvolts;
+        self.watch_supply(cx);
+    }
+
+    /// The power-fail comparator: POFWARN when the supply falls below the threshold, and when it is below as the
+    /// comparator is switched on or set higher (PS 5.3.3). Accuracy 5 %, hysteresis 50 mV (PS 5.3.8); here it is as
+    /// late as that allows.
+    fn watch_supply(&mut self, cx: &mut Cx<'_>) {
+        const LOWEST: u32 = 4;
+        let pofcon = self.plain(POFCON);
+        let nominal = 1_700_000 + 100_000 * (pofcon >> 1 & 0xF).saturating_sub(LOWEST);
+        let falls = nominal / 100 * 95;
+        let low = pofcon & 1 != 0 && self.microvolts < if self.low { falls + 50_000 } else { falls };
+        if low && !self.low {
+            self.warned = true;
+            self.block.raise(POFWARN, cx);
+        }
+        self.low = low;
+    }
+
     fn plain(&self, offset: u32) -> u32 {
         self.plain.iter().find(|(at, ..)| *at == offset).map_or(0, |(_, value, _)| *value)
+    }
+
+    /// The crystal takes so long to start from its next start on.
+    pub(crate) fn set_hfxo_startup(&mut self, startup_ns: Option<u64>) {
+        self.hfxo_startup = startup_ns.map(cycles);
+    }
+
+    pub(crate) fn is_hfxo_stable(&self) -> bool {
+        self.hf_stable
     }
 
     /// Whether the software's half of the access port protection stands open.
@@ -174,7 +223,8 @@ impl Instance for ClockPower {
             // HFCLKSTART. Started again, it says so again.
             0x000 => {
                 self.hf_run = true;
-                self.hf_due = Some(cx.now + if self.hf_stable { 0 } else { self.hfxo_startup });
+                let startup = if self.hf_stable { Some(0) } else { self.hfxo_startup };
+                self.hf_due = startup.map(|startup| cx.now + startup);
             }
             0x004 => {
                 (self.hf_run, self.hf_stable, self.hf_due) = (false, false, None);
@@ -275,6 +325,9 @@ impl Instance for ClockPower {
                     return false;
                 };
                 plain.1 = value & plain.2;
+                if offset == POFCON {
+                    self.watch_supply(cx);
+                }
             }
         }
         true

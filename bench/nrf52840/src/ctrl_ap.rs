@@ -96,9 +96,8 @@ impl Soc {
         self.memory.erase(UICR_BASE, PAGE);
         self.memory.ram.bytes_mut().fill(0);
         self.access.stays_open = true;
-        self.signals.stalled_until = 0;
-        self.signals.code_changed = true;
-        self.signals.changed = true;
+        self.signals.stall_until(0);
+        self.signals.forget_code();
     }
 
     pub(crate) fn ctrl_ap_read(&self, register: u8) -> u32 {
@@ -121,8 +120,7 @@ impl Soc {
             0x04 if on && self.access.erases_until.is_none() => {
                 self.access.erases_until = Some(now + ERASE_ALL);
                 // The core gets nothing out of memory that is being erased.
-                self.signals.stalled_until = NEVER;
-                self.signals.changed = true;
+                self.signals.stall_until(NEVER);
                 CtrlRequest::Nothing
             }
             _ => CtrlRequest::Nothing,

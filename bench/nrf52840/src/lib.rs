@@ -23,7 +23,7 @@
 //! | ACL, the legacy SPI and TWI | a [`Finding`] |
 //! | an offset inside a block that no register covers | reads 0, drops the write; a [`Finding`] |
 //! | an address no block covers | a bus fault, and a [`Finding`] |
-//! | current, voltage, brown-out | – |
+//! | current; anything that goes wrong between the lowest voltage, 1.7 V, and the brown-out reset | – |
 //!
 //! Inside, the part is one interconnect (`soc`) with one typed instance per block. A write to any block is carried out
 //! with everything it sets off – event, PPI channel, task, pin, EasyDMA – in the order it happens and at the cycle of
@@ -61,7 +61,9 @@ mod twis;
 mod uarte;
 mod wdt;
 
-use bench_seam::{Clock, Cycle, Finding, I2cAnswer, I2cEvent, Outside, Part, Pin, Reset, SpiMode, StuckBit, UartFrame};
+use bench_seam::{
+    Clock, Cycle, Finding, I2cAnswer, I2cEvent, Outside, Part, Pin, Reset, SpiMode, StuckBit, Supplied, UartFrame,
+};
 use cortex_m4::{Access, Bound, BusError, Config, Signals, Width};
 pub use ctrl_ap::CtrlRequest;
 use memory::{CODE_RAM_BASE, FLASH_BYTES, RAM_BASE, RAM_BYTES};
@@ -81,8 +83,8 @@ pub struct Settings {
     pub lfxo_ppb: i64,
     /// Error of the RC oscillator, in ppb (PS 5.4: ±2 % uncalibrated; the default is 0).
     pub lfrc_ppb: i64,
-    /// From HFCLKSTART to HFCLKSTARTED, in ns of a core clock without error.
-    pub hfxo_startup_ns: u64,
+    /// From HFCLKSTART to HFCLKSTARTED, in ns of a core clock without error; `None` where the crystal never starts.
+    pub hfxo_startup_ns: Option<u64>,
     /// From LFCLKSTART to LFCLKSTARTED with the crystal, in ns of a core clock without error (PS 5.4: 0.25 s typical).
     pub lfxo_startup_ns: u64,
     /// What RNG's numbers follow from.
@@ -107,7 +109,7 @@ impl Default for Settings {
             hfint_ppb: 15_000_000,
             lfxo_ppb: 0,
             lfrc_ppb: 0,
-            hfxo_startup_ns: 360_000,
+            hfxo_startup_ns: Some(360_000),
             lfxo_startup_ns: 250_000_000,
             seed: 0,
             device_id: 0x0123_4567_89AB_CDEF,
@@ -290,6 +292,17 @@ impl Nrf52840 {
         self.soc.ctrl_ap_advance(to);
     }
 
+    /// From now on the 32 MHz crystal takes so long to start, ns; `None`: it never starts. One that runs goes on.
+    pub fn set_hfxo_startup(&mut self, startup_ns: Option<u64>) {
+        self.soc.set_hfxo_startup(startup_ns);
+    }
+
+    /// Whether the 32 MHz crystal would start, or runs.
+    #[must_use]
+    pub fn has_hfxo(&self) -> bool {
+        self.soc.has_hfxo()
+    }
+
     /// RESETREAS, as the firmware has left it.
     #[must_use]
     pub fn reset_reason(&self) -> u32 {
@@ -354,7 +367,7 @@ impl Part for Nrf52840 {
     }
 
     #[inline]
-    fn fetch(&self, address: u32) -> Result<u16, BusError> {
+    fn fetch(&mut self, address: u32) -> Result<u16, BusError> {
         let memory = &self.soc.memory;
         let half = Width::Half;
         let read = match memory::place(address) {
@@ -417,6 +430,14 @@ impl Part for Nrf52840 {
         self.soc.take_reset()
     }
 
+    fn supply<O: Outside>(&mut self, at: Cycle, microvolts: u32, _seed: u64, outside: &mut O) -> Supplied {
+        self.soc.supply(at, microvolts, outside)
+    }
+
+    fn take_supply_warning(&mut self) -> bool {
+        self.soc.take_supply_warning()
+    }
+
     fn sleeps<O: Outside>(&mut self, at: Cycle, asleep: bool, _deep: bool, outside: &mut O) {
         self.soc.sleeps(at, asleep, outside);
     }
@@ -455,7 +476,7 @@ impl Part for Nrf52840 {
 
     fn memory_mut(&mut self, address: u32, size: usize) -> Option<&mut [u8]> {
         if address < FLASH_BYTES || (CODE_RAM_BASE..CODE_RAM_BASE + RAM_BYTES).contains(&address) {
-            self.soc.signals.code_changed = true;
+            self.soc.signals.forget_code();
         }
         self.soc.memory.slice_mut(address, size)
     }

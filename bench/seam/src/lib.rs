@@ -17,6 +17,6 @@ mod wire;
 
 pub use finding::{Finding, FindingKind};
 pub use memory::{Flash, Ram, StuckBit};
-pub use part::{Clock, Open, Outside, Part, Reset};
+pub use part::{Clock, Open, Outside, Part, Reset, Supplied};
 pub use time::{Cycle, NEVER, Timebase};
 pub use wire::{I2cAnswer, I2cEvent, Pad, Pin, SpiFrame, SpiMode, UartFrame, UartParity};

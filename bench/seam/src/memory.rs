@@ -24,7 +24,7 @@ impl Flash {
         &self.bytes
     }
 
-    /// All of it, to change: for loaders and flash controllers, which raise [`cortex_m4::Signals::code_changed`].
+    /// All of it, to change: for loaders and flash controllers, which raise [`cortex_m4::Signals::forget_code`].
     pub fn bytes_mut(&mut self) -> &mut [u8] {
         Arc::make_mut(&mut self.bytes).as_mut_slice()
     }

@@ -32,6 +32,17 @@ pub enum Reset {
     Wakeup(&'static str),
 }
 
+/// What a part makes of its supply.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Supplied {
+    /// It is not held in reset.
+    Enough,
+    /// It is held in reset: its core runs nothing.
+    HeldInReset,
+    /// It was, and now it has to restart for this cause.
+    Restarts(Reset),
+}
+
 /// What leaves a part. The bench implements it for what is wired to the part.
 pub trait Outside {
     /// The part does something else to `pin` from `at` on. Only changes are told.
@@ -78,7 +89,7 @@ impl Outside for Open {
 ///
 /// The bench calls [`Part::advance`] whenever the core's cycle reaches [`Part::due`], before the core's next access.
 /// `read` and `write` therefore find everything that was due before them done; what an access itself sets off at once
-/// is done when it returns, and [`Signals::changed`] says if lines or [`Part::due`] moved.
+/// is done when it returns, and [`Signals::is_announced`] says if lines or [`Part::due`] moved.
 pub trait Part: Clone + std::fmt::Debug + Send + 'static {
     /// The part's name, as its maker writes it.
     const NAME: &'static str;
@@ -125,7 +136,7 @@ pub trait Part: Clone + std::fmt::Debug + Send + 'static {
     /// # Errors
     ///
     /// [`BusError`] where nothing can be executed.
-    fn fetch(&self, address: u32) -> Result<u16, BusError>;
+    fn fetch(&mut self, address: u32) -> Result<u16, BusError>;
 
     /// See [`cortex_m4::Bus::fetch_both`].
     #[inline(always)]
@@ -154,8 +165,8 @@ pub trait Part: Clone + std::fmt::Debug + Send + 'static {
         false
     }
 
-    /// What the core runs at now. A change is announced by [`Signals::changed`]; cycles go on being counted, at the new
-    /// rate.
+    /// What the core runs at now. A change is announced by [`Signals::announce`]; cycles go on being counted, at the
+    /// new rate.
     fn clock(&self) -> Clock;
 
     /// The part restarts at `at`. Registers take their reset values as far as the manual says so for this cause, pins
@@ -164,6 +175,18 @@ pub trait Part: Clone + std::fmt::Debug + Send + 'static {
 
     /// A restart the part wants itself (watchdog, wake-up): asked for after every call; answered once.
     fn take_reset(&mut self) -> Option<Reset>;
+
+    /// The supply has `microvolts` from `at` on. What a voltage that is too low for what the part does makes of it
+    /// follows from `seed`. A part that knows no supply always has enough.
+    fn supply<O: Outside>(&mut self, at: Cycle, microvolts: u32, seed: u64, outside: &mut O) -> Supplied {
+        let _ = (at, microvolts, seed, outside);
+        Supplied::Enough
+    }
+
+    /// Whether the part has warned its firmware of a supply that falls, since this was last asked.
+    fn take_supply_warning(&mut self) -> bool {
+        false
+    }
 
     /// The core sleeps (`true`; `deep` is SCR.SLEEPDEEP) or woke.
     fn sleeps<O: Outside>(&mut self, at: Cycle, asleep: bool, deep: bool, outside: &mut O) {

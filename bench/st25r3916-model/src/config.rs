@@ -52,6 +52,17 @@ pub struct Config {
     /// finding only, as some of it may get through. False: the frame is missed as well.
     pub unsuited_chain_receives: bool,
 
+    /// The same of a frame that is sent with settings that cannot modulate NFC-F, or into an antenna that is out of
+    /// tune: true, a finding only; false, nothing of it leaves the antenna but the carrier. An antenna that is out of
+    /// tune hears nothing either.
+    pub unsuited_modulation_reaches: bool,
+    /// The antenna's tuning (26, 27) that suits its matching network in a poller and in a listener.
+    pub tuning: [[u8; 2]; 2],
+    /// How far either of them may be off, steps: assumed, since it is a matter of the antenna's quality.
+    pub tuning_tolerance: u8,
+    /// What another chip's field, where there is one, is at the field detector's input, mV: assumed, some centimetres.
+    pub field_mv: u16,
+
     /// Starts the generator that the start of transmission scatters by: the same seed, the same instants.
     pub seed: u64,
     /// Individual: from the end of the command byte to the start of the frame on the air, mean, ns. Seven NFC-A frames
@@ -103,6 +114,19 @@ pub struct Config {
     pub regulated_mv: [u16; 4],
 }
 
+/// The tuning of the matching networks of ST's expansion boards, poller and listener, by stm32duino/ST25R3916
+/// `src/rfal_rfst25r3916_analogConfigTbl.h`: the board with the B, and the one with the ST25R3916.
+const TUNING_B: [[u8; 2]; 2] = [[0xC5, 0xE3], [0x00, 0x00]];
+const TUNING_A: [[u8; 2]; 2] = [[0x82, 0x82], [0x00, 0xFF]];
+
+impl Config {
+    /// The other part, an ST25R3916, on its own expansion board.
+    #[must_use]
+    pub fn st25r3916() -> Self {
+        Self { variant: Variant::St25r3916, tuning: TUNING_A, ..Self::default() }
+    }
+}
+
 impl Default for Config {
     fn default() -> Self {
         Self {
@@ -116,6 +140,10 @@ impl Default for Config {
             target_rearms_by_command: true,
             broken_frame: BrokenFrame::EndsWithError,
             unsuited_chain_receives: true,
+            unsuited_modulation_reaches: true,
+            tuning: TUNING_B,
+            tuning_tolerance: 0x20,
+            field_mv: 350,
             seed: 0,
             transmit_latency_ns: 3_650,
             transmit_scatter_ns: 2_300,

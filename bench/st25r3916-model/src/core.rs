@@ -226,6 +226,12 @@ impl Core {
         self.interrupts.were_read(bits, unmasked, at);
     }
 
+    /// A fault flips these bits.
+    pub(crate) fn flip_interrupts(&mut self, bits: u32) {
+        let unmasked = self.unmasked();
+        self.interrupts.flip(bits, unmasked, self.now);
+    }
+
     /// These bits, and no others, are not set from now on whatever happens; those that are set stay.
     pub(crate) fn withhold(&mut self, bits: u32) {
         self.withheld = bits;

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | external field detector, own field, NFC initial field on (C8) with its guard time | External field detector, 4.4 |
 //! | | NFC field on |
+//! | its thresholds for peer detection (2A, 2B bits 6:4) against the field that there is | the same; steps: \[1\] |
 //!
 //! | left out | why |
 //! |---|---|
@@ -12,12 +13,18 @@
 //! | whether collision avoidance (C8) ends when it | not documented; it ends, with I_cac, when the detector sees |
 //! | sees a field or when its time is up | a field at any instant of the window |
 
+//!
+//! \[1\] stm32duino/ST25R3916 `src/st25r3916_com.h`: 75, 105, 150, 205, 290, 400, 560 and 800 mV, in either register.
+
 use crate::core::Core;
 use crate::event::AirEvent;
 use crate::interrupts::irq;
 use crate::registers::{EN, EN_FD, TX_EN, reg};
 use crate::report::Kind;
 use crate::schedule::Due;
+
+/// What the detector's input must have, by bits 6:4 of 2A (for a field to be there) and of 2B (for it to stay), mV.
+const THRESHOLDS_MV: [u16; 8] = [75, 105, 150, 205, 290, 400, 560, 800];
 
 /// The carriers, as the chip makes and sees them.
 #[derive(Clone, Debug, Default)]
@@ -74,8 +81,23 @@ impl Field {
     }
 
     fn sees(&self, core: &Core) -> bool {
+        let threshold = |i: usize| THRESHOLDS_MV[usize::from(core.a(i) >> 4 & 7)];
+        let needed =
+            if self.detected { threshold(reg::FIELD_OFF_THRESHOLD) } else { threshold(reg::FIELD_ON_THRESHOLD) };
         // Its own field blinds the detector.
-        core.powered() && self.outside && !self.own && core.a(reg::OPERATION) & EN_FD != 0
+        core.powered()
+            && self.outside
+            && core.config().field_mv >= needed
+            && !self.own
+            && core.a(reg::OPERATION) & EN_FD != 0
+    }
+
+    /// The detector is about to be relied on: does it end below where it begins?
+    pub(crate) fn has_hysteresis(core: &mut Core) {
+        let (on, off) = (core.a(reg::FIELD_ON_THRESHOLD), core.a(reg::FIELD_OFF_THRESHOLD));
+        if core.a(reg::OPERATION) & EN_FD != 0 && on >> 4 & 7 <= off >> 4 & 7 {
+            core.note(Kind::FieldWithoutHysteresis(on, off));
+        }
     }
 
     /// Starts the detector's delay when its output must change.

@@ -116,6 +116,13 @@ impl Interrupts {
         self.pending = 0;
     }
 
+    /// A fault flips these bits at `at`.
+    pub(crate) fn flip(&mut self, bits: u32, enabled: u32, at: u64) {
+        let cleared = bits & self.pending;
+        self.pending &= !cleared;
+        self.raise(bits & !cleared, enabled, at);
+    }
+
     /// Something that moves the pin has happened at `at`.
     pub(crate) fn follows(&mut self, enabled: u32, at: u64) {
         self.becomes(self.pending & enabled != 0, at);

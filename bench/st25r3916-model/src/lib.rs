@@ -48,7 +48,7 @@
 //! - `air`: two chips and what is between them.
 //! - `chip`: the parts of a chip put together; SPI bytes, register accesses and commands.
 //! - `transmitter`, `receiver` (frames, one each at a time), `field` (carriers), `timers`, `fifo`, `spi` (the slave's
-//!   state); `receive_chain` and `supply` (settings that the board or the technology contradicts).
+//!   state); `receive_chain`, `modulation` and `supply` (settings that the board or the technology contradicts).
 //! - `core`: what every part stands on: time and deadlines (`schedule`), `registers` (map, reset values and contents),
 //!   `interrupts` (pending bits and the IRQ pin), findings (`report`).
 #![forbid(unsafe_code)]
@@ -64,6 +64,7 @@ mod field;
 mod fifo;
 mod incoming;
 mod interrupts;
+mod modulation;
 mod outgoing;
 mod receive_chain;
 mod receiver;

@@ -21,7 +21,7 @@ pub(crate) struct Outgoing {
     /// Bits of an incomplete last byte from the FIFO.
     last_bits: u32,
     with_crc: bool,
-    /// An answer without a load modulator: nothing reaches the air.
+    /// An answer without a load modulator, or a frame that is not modulated: nothing of it reaches the air.
     pub(crate) silent: bool,
 
     /// First bit on the air, ns.
@@ -146,6 +146,11 @@ impl Outgoing {
         self.frame.byte_bits = byte_bits;
         self.trailer_bits = 2;
         self
+    }
+
+    /// Its technology.
+    pub(crate) fn technology(&self) -> Technology {
+        self.frame.technology
     }
 
     /// Whether it is an answer: load modulation.

@@ -27,6 +27,7 @@ use crate::field::Field;
 use crate::fifo::Fifo;
 use crate::incoming::Incoming;
 use crate::interrupts::irq;
+use crate::modulation;
 use crate::receive_chain;
 use crate::registers::{RX_EN, reg};
 use crate::report::Kind;
@@ -242,8 +243,9 @@ impl Receiver {
         let Some(mut rx) = self.frame.take() else { return };
         self.is_modelled(core, sending, &rx);
         let takes = self.takes(core, field, sending, &rx);
-        let passes = !takes || receive_chain::suits(core, rx.frame.technology) || core.config().unsuited_chain_receives;
-        if !takes || !passes {
+        let chain = !takes || receive_chain::suits(core, rx.frame.technology) || core.config().unsuited_chain_receives;
+        let tuned = !core.target() || modulation::in_tune(core) || core.config().unsuited_modulation_reaches;
+        if !takes || !chain || !tuned {
             core.statistics_mut().missed += 1;
             return;
         }

@@ -7,7 +7,8 @@
 //! | left out | why |
 //! |---|---|
 //! | what analog registers do to the radio (0B–0E, 26–2B, | the air is digital here; they are stored and read back; |
-//! | B0B–B0D, B0F, B28–B2A, B2E–B38) | `receive_chain` and `supply` find fault with some |
+//! | B0B–B0D, B0F, B28–B2A, B2E–B38), but what the next column names | `receive_chain`, `modulation`, `field`, |
+//! | | `supply` |
 //! | stream mode, EMD suppression, wake-up by amplitude or phase, | the link uses none; a write of another value |
 //! | PPON2, capacitive sensor | than reset is reported |
 //!
@@ -42,6 +43,9 @@ pub(crate) mod reg {
     pub(crate) const AD_RESULT: usize = 0x25;
     pub(crate) const TUNE_A: usize = 0x26;
     pub(crate) const TUNE_B: usize = 0x27;
+    pub(crate) const TX_DRIVER: usize = 0x28;
+    pub(crate) const FIELD_ON_THRESHOLD: usize = 0x2A;
+    pub(crate) const FIELD_OFF_THRESHOLD: usize = 0x2B;
     pub(crate) const REGULATOR: usize = 0x2C;
     pub(crate) const RSSI: usize = 0x2D;
     pub(crate) const GAIN: usize = 0x2E;
@@ -55,6 +59,8 @@ pub(crate) mod reg {
     pub(crate) const B_AUX_MOD: usize = 0x28;
     /// Space B: TX driver timing display.
     pub(crate) const B_DRIVER_TIMING: usize = 0x2B;
+    /// Space B: AWS configuration (ST25R3916B).
+    pub(crate) const B_AWS1: usize = 0x2E;
     /// Space B: regulator display.
     pub(crate) const B_REGULATOR: usize = 0x2C;
     /// Space B: RC calibration display.
@@ -119,6 +125,16 @@ pub(crate) fn reset(space: Space, address: u8) -> u8 {
         Space::A => RESET_A[i],
         Space::B => RESET_B[i],
         Space::Test => 0,
+    }
+}
+
+/// Bits of a register that a fault can flip: those that exist of what is stored, and of the interrupts. 0 where the
+/// part has no register, or shows a result.
+pub(crate) fn flippable(variant: Variant, space: Space, address: u8) -> u8 {
+    match class(variant, space, address) {
+        Class::Stored | Class::Unmodelled => writable(space, address),
+        Class::ReadOnly if space == Space::A && (0x1A..=0x1D).contains(&address) => writable(space, address - 4),
+        Class::ReadOnly | Class::Absent => 0,
     }
 }
 

@@ -110,6 +110,18 @@ pub enum Kind {
         /// Its value.
         value: u8,
     },
+    /// A poller sent a frame of NFC-F while a register had a value with which the part cannot modulate so, or that goes
+    /// with no other as documented.
+    Modulation {
+        /// The register's space.
+        space: Space,
+        /// Its address.
+        address: u8,
+        /// Its value.
+        value: u8,
+    },
+    /// The external field detector (2A, 2B, peer detection) ends at the voltage at which it begins, or above.
+    FieldWithoutHysteresis(u8, u8),
     /// Initial field on (C8) with the external field detector off: collision avoidance sees nothing.
     CollisionAvoidanceBlind,
     /// A target was armed with automatic answers enabled (08) and its load modulator connected.
@@ -154,6 +166,12 @@ impl fmt::Display for Kind {
             Self::AntennaTuningOff => write!(f, "antenna tuning (26, 27) written with aat_en clear"),
             Self::ReceiveChain { technology, space, address, value } => {
                 write!(f, "register {space:?} {address:02X} = {value:02X} does not suit reception of {technology:?}")
+            }
+            Self::Modulation { space, address, value } => {
+                write!(f, "register {space:?} {address:02X} = {value:02X} does not suit modulation in NFC-F")
+            }
+            Self::FieldWithoutHysteresis(on, off) => {
+                write!(f, "field detector without hysteresis: 2A = {on:02X}, 2B = {off:02X}")
             }
             Self::CollisionAvoidanceBlind => write!(f, "collision avoidance with the field detector off"),
             Self::AutomaticAnswersEnabled => write!(f, "target armed with automatic answers enabled"),

@@ -22,10 +22,11 @@
 //! | NFC-A | reported |
 
 use crate::core::Core;
-use crate::event::AirEvent;
+use crate::event::{AirEvent, Technology};
 use crate::field::Field;
 use crate::fifo::Fifo;
 use crate::interrupts::irq;
+use crate::modulation;
 use crate::outgoing::Outgoing;
 use crate::registers::RX_EN;
 use crate::report::Kind;
@@ -78,6 +79,10 @@ impl Transmitter {
         if frame.is_answer() {
             frame.silent = !core.load_modulator();
             core.note(Kind::LoadModulation);
+        } else if frame.technology() == Technology::NfcF {
+            // Both looked at, so that each finding is told.
+            let modulates = modulation::suits(core) & modulation::in_tune(core);
+            frame.silent = !modulates && !core.config().unsuited_modulation_reaches;
         }
         true
     }

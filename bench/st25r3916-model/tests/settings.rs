@@ -3,7 +3,7 @@
 mod common;
 
 use common::{Pair, Side, payload};
-use st25r3916_model::{Air, AirFaults, Chip, Config, Kind, Space, Technology};
+use st25r3916_model::{Air, AirFaults, Chip, Config, Kind, Space, Technology, Variant};
 
 fn clean() -> Air {
     Air::new(0, AirFaults::default())
@@ -245,4 +245,188 @@ fn an_nfc_a_poller_is_told_of_an_nfc_f_chain_and_not_of_its_own() {
         assert_eq!(pair.poller.statistics().received, 1);
         assert_eq!(pair.poller.reports().len(), findings, "{:?}", pair.poller.reports());
     }
+}
+
+/// A link on which a setting that does not suit has its effect.
+fn strict(config: Config) -> Config {
+    Config { unsuited_chain_receives: false, unsuited_modulation_reaches: false, ..config }
+}
+
+/// Both ends set up, the listener's antenna in tune.
+fn strict_pair(config: &Config) -> Pair {
+    let mut pair = Pair::started(strict(config.clone()), strict(config.clone()), clean());
+    let [a, b] = config.tuning[1];
+    pair.spi(Side::Listener, &[0x26, a, b]);
+    pair
+}
+
+/// Whether the listener receives a frame that the poller sends now.
+fn arrives(pair: &mut Pair) -> bool {
+    let before = pair.listener.statistics().received;
+    pair.arm();
+    pair.load(&payload(20, 1));
+    pair.fire();
+    pair.run_for(1_000_000);
+    pair.irqs(Side::Poller);
+    pair.irqs(Side::Listener);
+    pair.listener.statistics().received > before
+}
+
+const BOTH: fn() -> [Config; 2] = || [Config::default(), Config::st25r3916()];
+
+#[test]
+fn a_poller_that_cannot_modulate_nfc_f_is_not_heard() {
+    let b = Variant::St25r3916b;
+    // Which part, what it writes, the register that does not suit.
+    type Written = (Space, u8, u8);
+    let cases: [(Variant, &[u8], Written); 9] = [
+        (b, &[0x03, 0x18], (Space::A, 0x03, 0x18)),
+        (b, &[0x28, 0x00], (Space::A, 0x28, 0x00)),
+        (b, &[0x28, 0xC0], (Space::A, 0x28, 0xC0)),
+        (b, &[0x28, 0x4F], (Space::A, 0x28, 0x4F)),
+        // Neither documented pair of dis_reg_am and act_amsink.
+        (b, &[0xFB, 0x28, 0x04], (Space::B, 0x28, 0x04)),
+        (b, &[0x01, 0x3D], (Space::B, 0x28, 0x84)),
+        (b, &[0xFB, 0x2E, 0x01], (Space::B, 0x2E, 0x01)),
+        (Variant::St25r3916, &[0x28, 0x00], (Space::A, 0x28, 0x00)),
+        (Variant::St25r3916, &[0x28, 0xF0], (Space::A, 0x28, 0xF0)),
+    ];
+    for (variant, write, (space, address, value)) in cases {
+        let config = if variant == b { Config::default() } else { Config::st25r3916() };
+        let kind = Kind::Modulation { space, address, value };
+        for reaches in [true, false] {
+            let mut pair = strict_pair(&Config { unsuited_modulation_reaches: reaches, ..config.clone() });
+            assert!(arrives(&mut pair), "as it is set up");
+            if reaches {
+                pair = Pair::started(config.clone(), config.clone(), clean());
+            }
+            pair.spi(Side::Poller, write);
+            assert_eq!(arrives(&mut pair), reaches, "{write:02X?}");
+            assert_eq!(found(&pair.poller, kind), 1, "{write:02X?}: {:?}", pair.poller.reports());
+        }
+    }
+    assert_eq!(
+        Kind::Modulation { space: Space::B, address: 0x28, value: 0x04 }.to_string(),
+        "register B 28 = 04 does not suit modulation in NFC-F"
+    );
+}
+
+#[test]
+fn a_b_that_leaves_its_am_mode_at_reset_is_found_out() {
+    let mut pair = Pair::new(Config::default(), Config::default(), clean());
+    pair.start(Side::Poller);
+    for write in [&[0x03, 0x1C, 0x22][..], &[0x28, 0x40], &[0x16, 0x77], &[0x02, 0x88]] {
+        pair.spi(Side::Poller, write);
+    }
+    pair.load(&payload(20, 1));
+    pair.fire();
+    pair.run_for(1_000_000);
+    let registers: Vec<_> = pair.poller.reports().iter().map(|report| report.kind).collect();
+    let of = |address, value| Kind::Modulation { space: Space::B, address, value };
+    assert_eq!(registers, [of(0x28, 0x10), of(0x2E, 0x00)]);
+}
+
+#[test]
+fn an_antenna_out_of_tune_neither_sends_nor_hears() {
+    for config in BOTH() {
+        for (role, side) in [Side::Poller, Side::Listener].into_iter().enumerate() {
+            for register in 0..2 {
+                let wanted = config.tuning[role][register];
+                for (off, reaches) in [(0x20, true), (0x21, false), (0x80, false)] {
+                    let mut pair = strict_pair(&config);
+                    pair.spi(
+                        side,
+                        &[0x26 + register as u8, wanted.checked_add(off).unwrap_or(wanted.wrapping_sub(off))],
+                    );
+                    assert_eq!(arrives(&mut pair), reaches, "{side:?}, {register}, {off:02X}");
+                }
+            }
+            let mut pair = strict_pair(&config);
+            pair.spi(side, &[0x01, 0x1C]);
+            assert!(!arrives(&mut pair), "{side:?} without aat_en");
+        }
+    }
+}
+
+#[test]
+fn a_field_detector_without_hysteresis_is_a_finding() {
+    for (on, off, finds) in [(0x13, 0x02, 0), (0x11, 0x00, 0), (0x00, 0x00, 1), (0x13, 0x12, 1), (0x13, 0x20, 1)] {
+        let mut pair = Pair::started(Config::default(), Config::default(), clean());
+        pair.spi(Side::Listener, &[0x2A, on, off]);
+        pair.arm();
+        assert_eq!(found(&pair.listener, Kind::FieldWithoutHysteresis(on, off)), finds, "{on:02X} {off:02X}");
+    }
+}
+
+#[test]
+fn the_field_detector_has_hysteresis() {
+    // 2A's trg for 75 to 800 mV, with 350 mV at the antenna.
+    for (trg, seen) in [(1, true), (4, true), (5, false), (7, false)] {
+        let mut pair = Pair::new(Config::default(), Config::default(), clean());
+        pair.start_listener();
+        pair.spi(Side::Listener, &[0x2A, trg << 4, 0x00]);
+        pair.start_poller();
+        assert_eq!(pair.wait_irq(Side::Listener, 1_000_000), seen, "{trg}");
+    }
+    let mut pair = strict_pair(&Config::default());
+    pair.spi(Side::Listener, &[0x2A, 0x73]);
+    assert!(arrives(&mut pair), "it is there already");
+    pair.spi(Side::Listener, &[0x2B, 0x62]);
+    pair.run_for(100_000);
+    assert_eq!(pair.irqs(Side::Listener)[1], 0x08, "I_eof");
+    assert!(!arrives(&mut pair));
+}
+
+#[test]
+fn a_bit_that_flips_takes_effect_without_a_finding() {
+    for config in BOTH() {
+        let mut pair = strict_pair(&config);
+        for (side, space, address, bit) in [
+            (Side::Listener, Space::A, 0x0B, 3),
+            (Side::Listener, Space::B, 0x0C, 6),
+            (Side::Listener, Space::A, 0x02, 6),
+            (Side::Listener, Space::A, 0x03, 5),
+            (Side::Listener, Space::A, 0x04, 0),
+            (Side::Listener, Space::A, 0x26, 7),
+            (Side::Poller, Space::A, 0x28, 6),
+            (Side::Poller, Space::A, 0x27, 6),
+            (Side::Poller, Space::A, 0x02, 3),
+            (Side::Poller, Space::A, 0x04, 4),
+            (Side::Poller, Space::A, 0x01, 5),
+        ] {
+            assert!(arrives(&mut pair), "before {side:?} {address:02X}.{bit}");
+            pair.chip(side).flip(space, address, bit);
+            pair.run_for(100_000);
+            assert!(!arrives(&mut pair), "{side:?} {address:02X}.{bit}");
+            pair.chip(side).flip(space, address, bit);
+            pair.run_for(1_000_000);
+            pair.irqs(Side::Listener);
+        }
+        assert!(arrives(&mut pair));
+    }
+}
+
+#[test]
+fn a_mask_or_an_interrupt_that_flips_moves_the_pin() {
+    let mut pair = Pair::started(Config::default(), Config::default(), clean());
+    assert!(!pair.listener.irq());
+    pair.listener.flip(Space::A, 0x1A, 5);
+    assert!(pair.listener.irq(), "I_rxs");
+    pair.listener.flip(Space::A, 0x16, 5);
+    assert!(!pair.listener.irq(), "masked");
+    pair.listener.flip(Space::A, 0x16, 5);
+    pair.listener.flip(Space::A, 0x1A, 5);
+    assert!(!pair.listener.irq());
+    // A result, a register of the other part, a reserved bit, and a chip without a supply.
+    for (space, address, bit) in [(Space::A, 0x3F, 0), (Space::A, 0x30, 0), (Space::B, 0x01, 0), (Space::A, 0x19, 2)] {
+        assert_eq!(pair.listener.flippable(space, address) >> bit & 1, 0);
+        let before = pair.listener.peek(space, address);
+        pair.listener.flip(space, address, bit);
+        assert_eq!(pair.listener.peek(space, address), before, "{address:02X}");
+    }
+    pair.listener.power_off(pair.now);
+    pair.listener.flip(Space::A, 0x0B, 0);
+    pair.listener.power_on(pair.now);
+    assert_eq!(pair.listener.peek(Space::A, 0x0B), 0x08);
+    assert_eq!(pair.poller.reports(), []);
 }

@@ -44,7 +44,7 @@ impl Stm32f429 {
             id::EXTI => self.exti.read(offset, width),
             id::RCC => self.rcc.read(offset, width),
             id::FLASH => self.flash.read_register(offset, width),
-            id::PWR => self.pwr.read(offset, width),
+            id::PWR => self.pwr.read(offset, width, self.supply.low),
             id::SYSCFG => self.syscfg.read(offset, width),
             id::DAC => self.dac.read(offset, width),
             id::IWDG => self.iwdg.read(offset, width),
@@ -124,12 +124,19 @@ impl Stm32f429 {
                 let hz = self.clocks.hclk_hz;
                 let outcome = self.flash.write_register(offset, width, value, now, pc, hz, &mut self.out);
                 self.check_flash(now, pc);
+                if let Some(options) = self.flash.take_options() {
+                    let at = (OPTION_BYTES - FACTORY_BASE) as usize;
+                    let bytes = self.factory.bytes_mut();
+                    bytes[at..at + 2].copy_from_slice(&(options as u16 & 0xFFEC).to_le_bytes());
+                    bytes[at + 8..at + 10].copy_from_slice(&((options >> 16) as u16 & 0x0FFF).to_le_bytes());
+                }
                 return self.after_flash(outcome, now, pc);
             }
             id::PWR => {
                 let pll = self.rcc.read(0, Width::Word) & 1 << 24 != 0;
                 self.pwr.write(offset, width, value, pll);
                 self.rcc.check_limits(now, pc, self.pwr.supply(), &mut self.out);
+                self.watch_supply();
             }
             id::SYSCFG => {
                 let mode = self.syscfg.memory_mode();
@@ -137,8 +144,7 @@ impl Stm32f429 {
                     self.note(Note { kind: FindingKind::Unmodelled, at: now, pc, place: "SYSCFG", text, value: None });
                 }
                 if self.syscfg.memory_mode() != mode {
-                    self.signals.code_changed = true;
-                    self.signals.changed = true;
+                    self.signals.forget_code();
                 }
                 for port in 0..gpio::PORTS {
                     self.sample_port(port, 0xFFFF);
@@ -195,8 +201,7 @@ impl Stm32f429 {
     pub(crate) fn want_reset(&mut self, cause: Reset) {
         if self.reset_wanted.is_none() {
             self.reset_wanted = Some(cause);
-            self.signals.stop = true;
-            self.signals.changed = true;
+            self.signals.stop();
         }
     }
 
@@ -207,8 +212,7 @@ impl Stm32f429 {
             Outcome::Done => Ok(()),
             Outcome::BusError => Err(BusError),
             Outcome::Changed => {
-                self.signals.code_changed = true;
-                self.signals.changed = true;
+                self.signals.forget_code();
                 // The next instruction comes from flash as well: if from the same bank, the core waits for it.
                 if let Some(pc) = pc
                     && let Some(offset) = self.flash_offset(pc)
@@ -221,10 +225,7 @@ impl Stm32f429 {
     }
 
     pub(crate) fn stall(&mut self, until: Cycle) {
-        if until > self.signals.stalled_until {
-            self.signals.stalled_until = until;
-            self.signals.changed = true;
-        }
+        self.signals.stall_until(self.signals.stalled_until().max(until));
     }
 
     /// Reads for the core where no RAM is at the system bus.
@@ -244,7 +245,7 @@ impl Stm32f429 {
             if !self.flash.is_readable() {
                 return Ok(FlashControl::GARBAGE);
             }
-            return self.flash.memory.read(offset, width).ok_or(BusError);
+            return self.flash.read(offset, width).ok_or(BusError);
         }
         if let Some(value) = self.ccm.read(address.wrapping_sub(CCM_BASE), width) {
             if !self.rcc.is_on(CCM_GATE) && !debug {

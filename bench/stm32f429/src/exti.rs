@@ -8,9 +8,10 @@
 //! | `SWIER` | A one written sets the pending bit; cleared by `PR`, 12.3.5 |
 //! | `PR` | Cleared by writing one, 12.3.6 |
 //! | Lines 0 to 15 | The pins that SYSCFG selects, 12.2.5 |
+//! | Line 16 | The voltage detector's output, 12.2.5 |
 //! | Lines 17, 21, 22 | The RTC's alarm, tamper and time stamp, wake-up |
 //!
-//! **Left out.** Lines 16, 18, 19 and 20 (voltage detector, USB, Ethernet) have no source: only `SWIER` raises them.
+//! **Left out.** Lines 18, 19 and 20 (USB, Ethernet) have no source: only `SWIER` raises them.
 
 use cortex_m4::Width;
 

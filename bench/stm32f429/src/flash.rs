@@ -4,11 +4,12 @@
 //! |---|---|
 //! | `ACR` | `LATENCY`; cache and prefetch bits count in the wait states |
 //! | Too few wait states for HCLK, table 11 (2.7 to 3.6 V) | Flash answers garbage: [`FlashControl::is_readable`] |
+//! | The same for the supply, table 11 (below 2.7 V) | Bits flip in what is read: [`FlashControl::read`] |
 //! | `KEYR`, `OPTKEYR` | The unlock sequences; a wrong key locks until the next reset and is a bus error |
 //! | Programming, 3.6 | By `PSIZE`, clears bits only; `PGSERR`, `PGPERR`, `PGAERR`, `WRPERR` |
 //! | Erasing, 3.6 | Sector, bank and both banks, with the data sheet's times |
 //! | Reading a bank that works | The bus waits until it is done, 3.5.2 |
-//! | `OPTCR`, `OPTCR1` | Kept through resets; write protection counts |
+//! | `OPTCR`, `OPTCR1` | `OPTSTRT` programs the option bytes, which a reset loads; write protection, `BOR_LEV` count |
 //!
 //! **Left out.** Read protection, PCROP and booting from bank 2 have no effect and make a finding when they are set.
 //! The caches never hold what was programmed or erased since. An erase or a program that a reset interrupts is
@@ -85,6 +86,13 @@ pub(crate) struct FlashControl {
     /// Until when each bank works.
     busy_until: [Cycle; 2],
     readable: bool,
+    /// Wait states that are missing at this supply alone.
+    missing: u32,
+    /// What the wrong bits follow from, and reads that they could have been in.
+    noise: u64,
+    reads: u64,
+    /// OPTCR was programmed into the option bytes.
+    programmed: bool,
     /// The line of 128 bits that the last instruction was fetched from, for the wait states.
     line: u32,
 }
@@ -106,14 +114,58 @@ impl FlashControl {
             optcr1: 0x0FFF_0000,
             busy_until: [0; 2],
             readable: true,
+            missing: 0,
+            noise: 0,
+            reads: 0,
+            programmed: false,
             line: u32::MAX,
         }
     }
 
-    /// A system reset: memory and option bytes stay.
-    pub(crate) fn reset(&mut self) {
+    /// A system reset: memory stays, and `options`, what OPTCR has of the option bytes, is loaded.
+    pub(crate) fn reset(&mut self, options: u32) {
         let memory = std::mem::replace(&mut self.memory, Flash::new(0));
-        *self = Self { memory, optcr: self.optcr | OPTLOCK, optcr1: self.optcr1, ..Self::with(Flash::new(0)) };
+        let optcr1 = self.optcr1;
+        *self = Self { memory, optcr: options | OPTLOCK, optcr1, ..Self::with(Flash::new(0)) };
+    }
+
+    /// What OPTCR has of the option bytes, if it was just programmed into them.
+    pub(crate) fn take_options(&mut self) -> Option<u32> {
+        std::mem::take(&mut self.programmed).then_some(self.optcr & !(OPTLOCK | OPTSTRT))
+    }
+
+    /// `BOR_LEV`: 0 for level 3 to 3 for off.
+    pub(crate) fn brown_out_level(&self) -> u32 {
+        self.optcr >> 2 & 3
+    }
+
+    /// What wrong bits follow from.
+    pub(crate) fn set_noise(&mut self, seed: u64) {
+        self.noise = seed;
+    }
+
+    /// What is read of flash. Where the supply asks for more wait states than there are, the sense amplifiers are too
+    /// slow for some cells: one bit of some reads is wrong. How many reads, no manual says: one in 4 to one in 65536,
+    /// drawn, and twice as many for each wait state that is missing.
+    pub(crate) fn read(&mut self, offset: u32, width: Width) -> Option<u32> {
+        let value = self.memory.read(offset, width)?;
+        if self.missing == 0 {
+            return Some(value);
+        }
+        self.reads = self.reads.wrapping_add(1);
+        // SplitMix64.
+        let mut word = self.noise.wrapping_add(self.reads.wrapping_mul(0x9E37_79B9_7F4A_7C15));
+        word = (word ^ word >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        word = (word ^ word >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
+        word ^= word >> 31;
+        let rare = (3 + self.noise % 15).saturating_sub(u64::from(self.missing));
+        let hit = word & ((1 << rare) - 1) == 0;
+        Some(if hit { value ^ 1 << ((word >> 32) as u32 % (8 * width.bytes())) } else { value })
+    }
+
+    /// Whether two reads of one place always answer the same.
+    pub(crate) fn is_certain(&self) -> bool {
+        self.missing == 0
     }
 
     /// The independent watchdog is started by hardware: option bit `WDG_SW` is 0.
@@ -136,14 +188,30 @@ impl FlashControl {
     /// Whether a read of flash is answered at once, with what is there.
     #[inline]
     pub(crate) fn is_quiet(&self) -> bool {
-        self.readable && self.sr & BSY == 0
+        self.readable && self.missing == 0 && self.sr & BSY == 0
     }
 
     /// What flash reads as while it is not readable.
     pub(crate) const GARBAGE: u32 = 0xDEFF_DEFF;
 
-    /// HCLK or the latency changed. Answers whether what is fetched changed.
-    pub(crate) fn check(&mut self, hclk_hz: u64, now: Cycle, pc: Option<u32>, out: &mut Effects) -> bool {
+    /// HCLK, the latency or the supply changed. Answers whether what is fetched changed.
+    pub(crate) fn check(
+        &mut self,
+        hclk_hz: u64,
+        microvolts: u32,
+        now: Cycle,
+        pc: Option<u32>,
+        out: &mut Effects,
+    ) -> bool {
+        // Table 11: the highest HCLK without a wait state, and with each more.
+        let mhz = match microvolts {
+            2_700_000.. => 30,
+            2_400_000.. => 24,
+            2_100_000.. => 22,
+            _ => 20,
+        };
+        let at_supply = hclk_hz.div_ceil(mhz * 1_000_000).saturating_sub(1) as u32;
+        let certain = self.missing == 0;
         let needed = hclk_hz.div_ceil(30_000_000).saturating_sub(1);
         let readable = u64::from(self.latency()) >= needed;
         if !readable {
@@ -156,7 +224,8 @@ impl FlashControl {
                 value: Some(needed as u32),
             });
         }
-        std::mem::replace(&mut self.readable, readable) != readable
+        self.missing = if readable { at_supply.saturating_sub(self.latency()) } else { 0 };
+        std::mem::replace(&mut self.readable, readable) != readable || certain != (self.missing == 0)
     }
 
     /// FLASH's interrupt.
@@ -290,6 +359,7 @@ impl FlashControl {
                 }
                 self.optcr = new & !OPTSTRT;
                 if new & OPTSTRT != 0 {
+                    self.programmed = true;
                     self.begin(3, now, hz, PROGRAM_NS);
                 }
             }
@@ -439,4 +509,67 @@ fn sector_of(offset: u32) -> (u32, u32) {
         _ => 4 + within / 128,
     };
     (bank, sector)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MHZ: u64 = 1_000_000;
+
+    /// Flash of zeros with so many wait states, at a clock and a supply.
+    fn flash(latency: u32, hz: u64, microvolts: u32, noise: u64) -> FlashControl {
+        let mut flash = FlashControl::new();
+        flash.memory.bytes_mut()[..4096].fill(0);
+        (flash.acr, flash.noise) = (latency, noise);
+        flash.check(hz, microvolts, 0, None, &mut Effects::default());
+        flash
+    }
+
+    fn wrong(mut flash: FlashControl) -> Vec<(u32, u32)> {
+        let read = (0..100_000_u32).map(|nth| (nth, flash.read(nth % 1024 * 4, Width::Word).unwrap()));
+        read.filter(|(_, word)| *word != 0).collect()
+    }
+
+    /// RM0090, table of the wait states: 30, 24, 22 and 20 MHz for each, from 2.7, 2.4, 2.1 and 1.8 V on.
+    #[test]
+    fn four_wait_states_at_144_mhz_need_2700_mv() {
+        assert_eq!(flash(4, 144 * MHZ, 2_700_000, 0).missing, 0);
+        for (microvolts, missing) in [(2_699_999, 1), (2_400_000, 1), (2_399_999, 2), (2_100_000, 2), (2_099_999, 3)] {
+            assert_eq!(flash(4, 144 * MHZ, microvolts, 0).missing, missing, "{microvolts}");
+        }
+        assert_eq!(flash(0, 16 * MHZ, 1_800_000, 0).missing, 0, "the clock of the start");
+    }
+
+    #[test]
+    fn a_missing_wait_state_flips_single_bits_by_the_seed() {
+        for noise in 0..15 {
+            let found = wrong(flash(4, 144 * MHZ, 2_500_000, noise));
+            assert!(!found.is_empty() || noise > 12, "{noise}");
+            assert!(found.iter().all(|(_, word)| word.is_power_of_two()));
+            assert_eq!(found, wrong(flash(4, 144 * MHZ, 2_500_000, noise)));
+            assert!(noise > 10 || found != wrong(flash(4, 144 * MHZ, 2_500_000, noise + 15)), "{noise}");
+            assert!(wrong(flash(4, 144 * MHZ, 2_700_000, noise)).is_empty());
+        }
+        let lower = wrong(flash(4, 144 * MHZ, 1_900_000, 3)).len();
+        assert!(lower > wrong(flash(4, 144 * MHZ, 2_500_000, 3)).len());
+        let unsure = flash(4, 144 * MHZ, 2_500_000, 0);
+        assert!(!unsure.is_quiet() && !unsure.is_certain() && unsure.is_readable());
+    }
+
+    #[test]
+    fn a_reset_loads_only_options_that_were_programmed() {
+        let mut flash = FlashControl::new();
+        let write = |flash: &mut FlashControl, offset, value| {
+            flash.write_register(offset, Width::Word, value, 0, None, 16 * MHZ, &mut Effects::default());
+        };
+        write(&mut flash, 8, 0x0819_2A3B);
+        write(&mut flash, 8, 0x4C5D_6E7F);
+        write(&mut flash, 0x14, 0x0FFF_AAE0);
+        assert_eq!((flash.brown_out_level(), flash.take_options()), (0, None));
+        write(&mut flash, 0x14, 0x0FFF_AAE2);
+        assert_eq!(flash.take_options(), Some(0x0FFF_AAE0));
+        flash.reset(0x0FFF_AAEC);
+        assert_eq!((flash.brown_out_level(), flash.optcr), (3, 0x0FFF_AAED));
+    }
 }

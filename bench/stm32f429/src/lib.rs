@@ -7,6 +7,7 @@
 //! |---|---|
 //! | address map, memories, DMA transfers, interrupt lines, resets, events | this one |
 //! | RCC, PWR, FLASH, GPIO and alternate functions | `rcc`, `pwr`, `flash`, `gpio`, `alternate` |
+//! | power-on, brown-out, voltage detector | `supply` |
 //! | SYSCFG, EXTI, DMA1 and DMA2, IWDG and WWDG | `syscfg`, `exti`, `dma`, `watchdog` |
 //! | SPI, USART and UART, I2C, TIM1 to TIM14, RTC, RNG, ADC, DAC, CRC | a module each |
 //! | CAN1 in loopback | `can` |
@@ -40,6 +41,7 @@ mod rig;
 mod rng;
 mod rtc;
 mod spi;
+mod supply;
 mod syscfg;
 mod tim;
 mod usart;
@@ -47,7 +49,9 @@ mod watchdog;
 
 use std::collections::BTreeMap;
 
-use bench_seam::{Clock, Cycle, Finding, FindingKind, NEVER, Outside, Pad, Part, Pin, Ram, Reset, UartFrame};
+use bench_seam::{
+    Clock, Cycle, Finding, FindingKind, NEVER, Outside, Pad, Part, Pin, Ram, Reset, StuckBit, Supplied, UartFrame,
+};
 use cortex_m4::{Access, Bound, BusError, Config, Purpose, Signals, Width};
 
 use adc::Adc;
@@ -66,6 +70,7 @@ use rcc::Rcc;
 use rng::Rng;
 use rtc::Rtc;
 use spi::Spi;
+use supply::Supervisors;
 use syscfg::Syscfg;
 use tim::Tim;
 use usart::Usart;
@@ -108,6 +113,8 @@ const BACKUP_SIZE: u32 = 4 << 10;
 /// System memory, OTP, factory values, and at its second half the option bytes: table 6.
 const FACTORY_BASE: u32 = 0x1FFF_0000;
 const FACTORY_SIZE: u32 = 0x1_0000;
+/// The option bytes of bank 1: read protection and user options, and 8 bytes on the write protection, 3.9.
+const OPTION_BYTES: u32 = 0x1FFF_C000;
 
 /// What an APB peripheral makes of a narrow write: the bridge copies the value to all lanes (2.1.6).
 pub(crate) fn lanes(width: Width, value: u32) -> u32 {
@@ -161,6 +168,7 @@ pub struct Stm32f429 {
     /// The clocks that the instances know.
     clocks: Clocks,
     pwr: Pwr,
+    supply: Supervisors,
     syscfg: Syscfg,
     exti: Exti,
     dbgmcu: Dbgmcu,
@@ -310,8 +318,8 @@ impl Stm32f429 {
             put(bytes, 0x1FFF_7A2A + 2 * nth as u32, &value.to_le_bytes());
         }
         // Option bytes as delivered: 0x0FFF_AAED without the lock bits, 3.9.10.
-        put(bytes, 0x1FFF_C000, &[0xEC, 0xAA]);
-        put(bytes, 0x1FFF_C008, &[0xFF, 0x0F]);
+        put(bytes, OPTION_BYTES, &[0xEC, 0xAA]);
+        put(bytes, OPTION_BYTES + 8, &[0xFF, 0x0F]);
         let mut part = Self {
             signals: Signals::default(),
             now: 0,
@@ -323,6 +331,7 @@ impl Stm32f429 {
             rcc: Rcc::new(oscillators),
             clocks: Clocks::AFTER_RESET,
             pwr: Pwr::new(),
+            supply: Supervisors::new(),
             syscfg: Syscfg::default(),
             dbgmcu: Dbgmcu::default(),
             exti: Exti::default(),
@@ -369,6 +378,14 @@ impl Stm32f429 {
         self.factory.bytes_mut()[at..at + id.len()].copy_from_slice(&id);
     }
 
+    /// Puts brown-out level 3 (2.7 V) into the option bytes, as `cargo xtask flash horus` does. It counts from the next
+    /// reset on.
+    #[must_use]
+    pub fn with_brown_out_level_3(mut self) -> Self {
+        self.factory.bytes_mut()[(OPTION_BYTES - FACTORY_BASE) as usize] &= !(3 << 2);
+        self
+    }
+
     /// What the random number generator's numbers follow from: parts with different seeds answer different ones.
     pub fn seed_random(&mut self, seed: u64) {
         self.rng.seed(seed);
@@ -393,6 +410,14 @@ impl Stm32f429 {
         self.advance(at, outside);
         self.rcc.restore_hse(at, self.pwr.supply(), &mut self.out);
         self.after_rcc(at, None, outside);
+        self.settle(at, outside);
+    }
+
+    /// I2C`number` says at `at` that it has seen a bus error, without any cause (ES0206 2.9.6).
+    pub fn spurious_bus_error<O: Outside>(&mut self, number: u8, at: Cycle, outside: &mut O) {
+        self.advance(at, outside);
+        self.i2c[usize::from(number - 1)].spurious_bus_error();
+        self.dirty |= 1 << id::i2c(number);
         self.settle(at, outside);
     }
 

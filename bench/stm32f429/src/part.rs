@@ -55,12 +55,12 @@ impl Part for Stm32f429 {
     }
 
     #[inline]
-    fn fetch(&self, address: u32) -> Result<u16, BusError> {
+    fn fetch(&mut self, address: u32) -> Result<u16, BusError> {
         if let Some(offset) = self.flash_offset(address) {
             if !self.flash.is_readable() {
                 return Ok(FlashControl::GARBAGE as u16);
             }
-            return self.flash.memory.read(offset, Width::Half).map(|value| value as u16).ok_or(BusError);
+            return self.flash.read(offset, Width::Half).map(|value| value as u16).ok_or(BusError);
         }
         // The CCM is on the data bus alone, 2.3.1: nothing is executed from it.
         match self.locate(address) {
@@ -74,7 +74,7 @@ impl Part for Stm32f429 {
 
     #[inline]
     fn is_constant(&self, address: u32) -> bool {
-        self.flash_offset(address).is_some()
+        self.flash_offset(address).is_some() && self.flash.is_certain()
     }
 
     #[inline]
@@ -162,7 +162,12 @@ impl Part for Stm32f429 {
         self.pwr = Pwr::new();
         self.syscfg = Syscfg::default();
         self.dac = Dac::default();
-        self.flash.reset();
+        let option = |at: usize| {
+            let at = (OPTION_BYTES - FACTORY_BASE) as usize + at;
+            u32::from(u16::from_le_bytes([self.factory.bytes()[at], self.factory.bytes()[at + 1]]))
+        };
+        let options = (option(8) & 0x0FFF) << 16 | option(0) & 0xFFEC;
+        self.flash.reset(options);
         self.exti.reset();
         self.gpio.reset();
         self.gpio.pads.dac = [None; 2];
@@ -180,7 +185,8 @@ impl Part for Stm32f429 {
         self.out.outputs.clear();
         self.out.triggers.clear();
         self.reset_wanted = None;
-        self.signals = Signals { changed: true, code_changed: true, ..Signals::default() };
+        self.signals = Signals::default();
+        self.signals.forget_code();
         (self.own, self.shared) = ([0; 4], [0; 4]);
         self.dirty = 0;
         self.due = [NEVER; GROUPS * 8];
@@ -193,7 +199,23 @@ impl Part for Stm32f429 {
         }
         self.gpio.settle_all(at, &mut self.out);
         self.refresh_all();
+        self.watch_supply();
+        self.check_flash(at, None);
         self.settle(at, outside);
+    }
+
+    fn supply<O: Outside>(&mut self, at: Cycle, microvolts: u32, seed: u64, outside: &mut O) -> Supplied {
+        self.now = self.now.max(at);
+        let supplied = self.supply.supply(microvolts, self.flash.brown_out_level());
+        self.flash.set_noise(seed);
+        self.check_flash(self.now, None);
+        self.watch_supply();
+        self.settle(self.now, outside);
+        supplied
+    }
+
+    fn take_supply_warning(&mut self) -> bool {
+        std::mem::take(&mut self.supply.warned)
     }
 
     fn take_reset(&mut self) -> Option<Reset> {
@@ -248,13 +270,19 @@ impl Part for Stm32f429 {
         bytes.get(at..at.checked_add(size)?)
     }
 
+    fn stick(&mut self, stuck: Option<StuckBit>) -> bool {
+        let stuck = stuck.map(|stuck| StuckBit { address: stuck.address.wrapping_sub(SRAM_BASE), ..stuck });
+        let there = stuck.is_none_or(|stuck| stuck.address < SRAM_SIZE);
+        self.sram.stick(stuck.filter(|_| there));
+        there
+    }
+
     fn memory_mut(&mut self, address: u32, size: usize) -> Option<&mut [u8]> {
         let (memory, at) = self.locate(address)?;
         let end = at.checked_add(size)?;
         let bytes = match memory {
             Memory::Flash => {
-                self.signals.code_changed = true;
-                self.signals.changed = true;
+                self.signals.forget_code();
                 self.flash.memory.bytes_mut()
             }
             Memory::Sram => self.sram.bytes_mut(),

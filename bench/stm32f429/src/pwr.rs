@@ -5,10 +5,11 @@
 //! | `CR` `VOS` | Written only while the PLL is off; counts while it is on, 5.4.1 |
 //! | `CR` `ODEN`, `ODSWEN`; `CSR` `ODRDY`, `ODSWRDY` | Ready at once (no figure in the data sheet) |
 //! | `CR` `DBP` | Opens the backup domain |
+//! | `CR` `PVDE`, `PLS`; `CSR` `PVDO` | The voltage detector, of which [`crate::supply`] is the comparator, 5.2.3 |
 //! | `CSR` `VOSRDY`, `BRE`, `BRR` | Ready at once |
 //!
 //! **Left out.** Stop and standby are not entered: a deep sleep with `PDDS` or in stop mode makes a finding and is an
-//! ordinary sleep. The voltage detector: the supply is 3.3 V. Flags of standby and wake-up stay 0.
+//! ordinary sleep. Flags of standby and wake-up stay 0.
 
 use cortex_m4::Width;
 
@@ -42,12 +43,17 @@ impl Pwr {
         Supply { scale, over_drive, backup_writable: self.cr & DBP != 0 }
     }
 
-    pub(crate) fn read(&self, offset: u32, width: Width) -> u32 {
+    pub(crate) fn cr(&self) -> u32 {
+        self.cr
+    }
+
+    /// `low` is the voltage detector's output.
+    pub(crate) fn read(&self, offset: u32, width: Width, low: bool) -> u32 {
         let register = match offset >> 2 {
             0 => self.cr,
             1 => {
                 let over_drive = self.cr & (ODEN | ODSWEN);
-                self.csr | 1 << 14 | over_drive | (self.csr & 1 << 9) >> 6
+                self.csr | 1 << 14 | u32::from(low) << 2 | over_drive | (self.csr & 1 << 9) >> 6
             }
             _ => 0,
         };

@@ -35,7 +35,7 @@ impl Stm32f429 {
         let next = earliest(&self.group_due);
         if next != self.next {
             self.next = next;
-            self.signals.changed = true;
+            self.signals.announce();
         }
     }
 
@@ -105,11 +105,7 @@ impl Stm32f429 {
 
     pub(crate) fn show_lines(&mut self) {
         for word in 0..2 {
-            let lines = self.own[word] | self.shared[word];
-            if self.signals.lines[word] != lines {
-                self.signals.lines[word] = lines;
-                self.signals.changed = true;
-            }
+            self.signals.drive_lines(word, self.own[word] | self.shared[word]);
         }
     }
 
@@ -125,8 +121,7 @@ impl Stm32f429 {
             self.set_line(interrupt, live >> line & 1 != 0);
         }
         if std::mem::take(&mut self.exti.events) != 0 {
-            self.signals.event = true;
-            self.signals.changed = true;
+            self.signals.raise_event();
         }
         let edges = std::mem::take(&mut self.exti.edges);
         for line in [11, 15] {
@@ -164,11 +159,7 @@ impl Stm32f429 {
     /// The clock tree may be another.
     pub(crate) fn after_rcc<O: Outside>(&mut self, now: Cycle, pc: Option<u32>, outside: &mut O) {
         self.set_line(5, self.rcc.irq());
-        let nmi = self.rcc.nmi();
-        if self.signals.nmi != nmi {
-            self.signals.nmi = nmi;
-            self.signals.changed = true;
-        }
+        self.signals.drive_nmi(self.rcc.nmi());
         if self.rcc.reset_bits != [0; 5] {
             self.reset_peripherals(now);
         }
@@ -187,7 +178,7 @@ impl Stm32f429 {
             }
             self.dirty |= (1 << id::INSTANCES) - 1;
             self.check_flash(now, pc);
-            self.signals.changed = true;
+            self.signals.announce();
         }
         self.set_due(id::RCC, self.rcc.due());
         self.set_due(id::IWDG, self.iwdg.due());
@@ -197,10 +188,16 @@ impl Stm32f429 {
     }
 
     pub(crate) fn check_flash(&mut self, now: Cycle, pc: Option<u32>) {
-        if self.flash.check(self.rcc.clocks.hclk_hz, now, pc, &mut self.out) {
-            self.signals.code_changed = true;
-            self.signals.changed = true;
+        if self.flash.check(self.rcc.clocks.hclk_hz, self.supply.microvolts(), now, pc, &mut self.out) {
+            self.signals.forget_code();
         }
+    }
+
+    /// The supply or what watches it changed.
+    pub(crate) fn watch_supply(&mut self) {
+        self.supply.detect(self.pwr.cr());
+        self.exti.sample(1 << 16, u32::from(self.supply.low) << 16);
+        self.after_exti();
     }
 
     /// Reset bits of RCC rose.
@@ -230,7 +227,10 @@ impl Stm32f429 {
                     self.after_dma(nth);
                     self.listen();
                 }
-                id::PWR => self.pwr = Pwr::new(),
+                id::PWR => {
+                    self.pwr = Pwr::new();
+                    self.watch_supply();
+                }
                 id::SYSCFG => self.syscfg = Syscfg::default(),
                 id::DAC => {
                     self.dac = Dac::default();

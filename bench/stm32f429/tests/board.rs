@@ -3,7 +3,7 @@
 mod rig;
 
 use bench_seam::{FindingKind, Pad, Part, Pin, Reset, SpiMode, UartFrame};
-use cortex_m4::{BusError, Width};
+use cortex_m4::{BusError, Signals, Width};
 use rig::*;
 use stm32f429::Oscillators;
 
@@ -23,10 +23,10 @@ fn a_board_comes_up_at_144_mhz_without_a_finding() {
 #[test]
 fn too_few_wait_states_make_flash_unreadable() {
     let mut rig = Rig::board();
-    rig.part.signals().code_changed = false;
+    *rig.part.signals() = Signals::default();
     rig.write(FLASH, 3 | 0x700);
     assert_eq!(rig.part.fetch(0x0800_0000), Ok(0xDEFF));
-    assert!(rig.part.signals().code_changed);
+    assert!(rig.part.signals().forgets_code());
     assert!(rig.found(FindingKind::Misuse, "too few wait states"));
     rig.write(FLASH, 4 | 0x700);
     assert_eq!(rig.part.fetch(0x0800_0000), Ok(0xFFFF));
@@ -50,10 +50,10 @@ fn an_hse_that_fails_under_the_security_system_leaves_the_part_on_hsi_with_an_nm
     let mut rig = Rig::board();
     rig.part.fail_hse(rig.now, &mut rig.bench);
     assert_eq!(rig.part.clock().hz, 16_000_000);
-    assert!(rig.part.signals().nmi);
+    assert!(rig.part.signals().nmi());
     assert_eq!(rig.read(RCC) & (1 << 24 | 1 << 16), 0, "PLL and HSE are off");
     rig.write(RCC + 0xC, 1 << 23);
-    assert!(!rig.part.signals().nmi);
+    assert!(!rig.part.signals().nmi());
     assert!(!rig.part.has_hse());
 }
 
@@ -320,7 +320,7 @@ fn flash_is_erased_and_programmed_by_its_interface_alone() {
     assert_eq!(rig.read(FLASH + 0xC) & 1 << 16, 1 << 16, "busy");
     let begun = rig.now;
     let _ = rig.read(0x0810_0000);
-    assert!(rig.part.signals().stalled_until > begun + rig.ms(240), "a read of that bank waits");
+    assert!(rig.part.signals().stalled_until() > begun + rig.ms(240), "a read of that bank waits");
     rig.step(rig.ms(251));
     assert_eq!(rig.read(FLASH + 0xC) & 1 << 16, 0);
     assert_eq!(rig.read(0x0810_0000), u32::MAX);

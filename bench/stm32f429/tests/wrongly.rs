@@ -209,7 +209,7 @@ fn address_zero_is_what_syscfg_maps_there() {
     assert_eq!(rig.read(0), 0x0403_0201);
     rig.write(SYSCFG, 3);
     assert_eq!(rig.read(0), 0x1122_3344);
-    assert!(rig.part.signals().code_changed);
+    assert!(rig.part.signals().forgets_code());
 }
 
 #[test]

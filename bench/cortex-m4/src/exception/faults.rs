@@ -69,16 +69,24 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// Whether data bus faults are ignored now: CCR.BFHFNMIGN in HardFault, NMI or with FAULTMASK (ARM ARM B3.2.8).
-    #[inline]
-    pub(crate) fn ignores_bus_faults(&self) -> bool {
-        self.system.scb.ccr & CCR_BFHFNMIGN != 0 && self.execution_priority() < 0
+    /// Whether a data bus fault at `address` is ignored now: CCR.BFHFNMIGN in HardFault, NMI or with FAULTMASK (ARM ARM
+    /// B3.2.8). Only its exception is: the status says what failed and where (B3.2.15, B3.2.18), which is how firmware
+    /// finds out whether anything answers at an address.
+    pub(crate) fn ignores_bus_fault(&mut self, address: u32) -> bool {
+        let ignores = self.system.scb.ccr & CCR_BFHFNMIGN != 0 && self.execution_priority() < 0;
+        if ignores {
+            self.note_fault_address(address, CFSR_MMARVALID);
+            self.system.scb.cfsr |= CFSR_PRECISERR | CFSR_BFARVALID;
+        }
+        ignores
     }
 
     /// The instruction at r15 faulted: sets the status and enters the handler, or locks up. The IT state is still that
     /// of the instruction.
     pub(crate) fn take_fault<B: Bus>(&mut self, bus: &mut B, fault: Fault) {
-        if matches!(fault, Fault::BusData(_)) && self.ignores_bus_faults() {
+        if let Fault::BusData(address) = fault
+            && self.ignores_bus_fault(address)
+        {
             self.skip_instruction(bus);
             return;
         }

@@ -87,8 +87,7 @@ impl Bus for Board {
                 self.reads.push((access.address, access.width.bytes(), access.cycle));
             }
             if self.stop_at == Some(access.address) {
-                self.signals.stop = true;
-                self.signals.changed = true;
+                self.signals.stop();
             }
             return Ok(self.answer);
         }
@@ -108,8 +107,7 @@ impl Bus for Board {
                 self.writes.push((access.address, access.width.bytes(), value, access.cycle));
             }
             if self.stop_at == Some(access.address) {
-                self.signals.stop = true;
-                self.signals.changed = true;
+                self.signals.stop();
             }
             return Ok(());
         }

@@ -6,7 +6,12 @@
 //! | ACQUIRE at once where it is free or the CPU's; at the end of the transaction where it is not | |
 //! | END and ACQUIRED raised together with END_ACQUIRE | |
 //! | DEF through a transaction that was not granted, ORC and OVERREAD past TXD, OVERFLOW past RXD, ENDRX | |
+//! | CSN that falls and rises without a clock: END with AMOUNT 0 if it was granted, nothing if it was not | 6.26.3 |
 //! | reported: CSN to SCK under 1 µs, bytes faster than 8 MHz, another mode than the controller's | 6.26 |
+//!
+//! The PS names no least number of clocks: the peripheral takes the semaphore when CSN falls, and the transaction that
+//! was granted is completed when it rises. Whether silicon misses a CSN that is low for less than 0.1 µs or so, the PS
+//! does not say; here every edge counts, which is the worse case for the processor.
 //!
 //! A controller that clocks an SPIS in another mode than its own (assumed, the PS has nothing on it): where both
 //! sample on the same edge (modes 0 and 3, 1 and 2), what it sends arrives as it was, and what it reads comes one bit

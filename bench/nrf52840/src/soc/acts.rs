@@ -50,7 +50,7 @@ impl Soc {
         self.look_at_touched();
         if self.memory.code_changed {
             self.memory.code_changed = false;
-            self.signals.code_changed = true;
+            self.signals.forget_code();
         }
     }
 
@@ -87,9 +87,8 @@ impl Soc {
             let bit = 1 << id;
             self.scheduled = if next == NEVER { self.scheduled & !bit } else { self.scheduled | bit };
             self.moving = if moves { self.moving | bit } else { self.moving & !bit };
-            if id < usize::from(INTERRUPT_LINES) && (self.signals.lines[0] & bit != 0) != high {
-                self.signals.lines[0] ^= bit;
-                self.signals.changed = true;
+            if id < usize::from(INTERRUPT_LINES) {
+                self.signals.drive_line(id, high);
             }
         }
         if least_moved {
@@ -100,7 +99,7 @@ impl Soc {
             self.next = if looks { self.nexts[COMP] } else { NEVER };
         }
         if self.next != was_next {
-            self.signals.changed = true;
+            self.signals.announce();
         }
     }
 
@@ -194,13 +193,12 @@ impl Soc {
                 self.off = true;
                 self.halted = true;
                 self.touched |= 1;
-                self.signals.stalled_until = NEVER;
-                self.signals.changed = true;
+                self.signals.stall_until(NEVER);
                 if self.gpio.detects() {
                     self.request(Reset::Wakeup("System OFF"));
                 }
             }
-            Act::Stall(until) => self.signals.stalled_until = self.signals.stalled_until.max(until),
+            Act::Stall(until) => self.signals.stall_until(self.signals.stalled_until().max(until)),
         }
     }
 
@@ -209,7 +207,6 @@ impl Soc {
         self.restarting = Some(cause);
         self.halted = true;
         self.touched |= 1;
-        self.signals.changed = true;
-        self.signals.stop = true;
+        self.signals.stop();
     }
 }

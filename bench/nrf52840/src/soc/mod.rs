@@ -38,7 +38,9 @@ use crate::memory::{Place, place};
 use crate::pin::Pin;
 use crate::serial::Serial;
 use crate::{Settings, SpisEvent, SsiWires, WatchdogReset};
-use bench_seam::{Cycle, FindingKind, I2cAnswer, I2cEvent, NEVER, Outside, Reset, SpiFrame, SpiMode, UartFrame};
+use bench_seam::{
+    Cycle, FindingKind, I2cAnswer, I2cEvent, NEVER, Outside, Reset, SpiFrame, SpiMode, Supplied, UartFrame,
+};
 use cortex_m4::{Access, BusError, Purpose, Signals, Width};
 use instances::*;
 use map::*;
@@ -84,6 +86,8 @@ pub(crate) struct Soc {
     /// The part waits for its restart, or is in System OFF: nothing happens in it.
     halted: bool,
     off: bool,
+    /// The supply holds the part in reset.
+    held: bool,
     pub(crate) access: crate::ctrl_ap::Access,
 }
 
@@ -111,6 +115,7 @@ impl Soc {
             restarting: None,
             halted: false,
             off: false,
+            held: false,
             access: crate::ctrl_ap::Access::default(),
             settings,
         };

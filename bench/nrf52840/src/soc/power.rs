@@ -32,7 +32,7 @@ impl Soc {
             return;
         }
         self.clocks.hf_ppb = ppb;
-        self.signals.changed = true;
+        self.signals.announce();
         if let Some(lf) = &mut self.clocks.lf {
             let lf_ppb = if self.lf_synthesised { ppb } else { lf.ppb() };
             lf.retune(self.now, lf_ppb, ppb);
@@ -55,6 +55,30 @@ impl Soc {
         parts.clock_power.sleeps(asleep, &mut cx);
         parts.wdt.sleeps(asleep, &mut cx);
         self.carry(outside);
+    }
+
+    /// The supply changes: brown-out reset below 1.57 V, from which the part restarts above 1.62 V (PS 5.3.8, V_BOR in
+    /// System ON; here it is as late as that allows), and the power-fail comparator. Below 1.7 V, where the part is not
+    /// specified, it goes on as above.
+    pub(crate) fn supply<O: Outside>(&mut self, at: Cycle, microvolts: u32, outside: &mut O) -> Supplied {
+        let before = self.held;
+        self.held = microvolts < if before { 1_620_000 } else { 1_570_000 };
+        self.come(at, outside);
+        let Soc { parts, clocks, out, now, touched, memory, gpio, .. } = self;
+        *touched |= 1 << CLOCK_POWER;
+        let mut cx = Cx { now: *now, clocks, memory, pins: gpio, out, id: CLOCK_POWER, name: "CLOCK/POWER" };
+        parts.clock_power.supply(microvolts, &mut cx);
+        self.carry(outside);
+        match (before, self.held) {
+            (_, true) => Supplied::HeldInReset,
+            // RESETREAS does not tell it from a power-on.
+            (true, false) => Supplied::Restarts(Reset::BrownOut),
+            (false, false) => Supplied::Enough,
+        }
+    }
+
+    pub(crate) fn take_supply_warning(&mut self) -> bool {
+        std::mem::take(&mut self.parts.clock_power.warned)
     }
 
     /// A debugger halted the core, or lets it go on.
@@ -93,6 +117,7 @@ impl Soc {
             self.lose_ram();
         }
         parts.rng.keep(&self.parts.rng);
+        parts.clock_power.keep_supply(&self.parts.clock_power);
         self.feed_hf(self.settings.hfint_ppb);
         if keeps_watchdog && self.parts.wdt.running() {
             std::mem::swap(&mut parts.wdt, &mut self.parts.wdt);
@@ -106,8 +131,8 @@ impl Soc {
         self.parts = parts;
         self.out.acts.clear();
         (self.restarting, self.halted, self.off) = (None, false, false);
-        self.signals.stalled_until = 0;
-        self.signals.changed = true;
+        self.signals.stall_until(0);
+        self.signals.announce();
         let Self { gpio, out, now, .. } = self;
         if wakes {
             // GPIO keeps its configuration through System OFF and the reset that ends it.
@@ -135,6 +160,15 @@ impl Soc {
                 self.memory.ram.bytes_mut()[from..from + size].fill(LOST);
             }
         }
+    }
+
+    pub(crate) fn set_hfxo_startup(&mut self, startup_ns: Option<u64>) {
+        self.settings.hfxo_startup_ns = startup_ns;
+        self.parts.clock_power.set_hfxo_startup(startup_ns);
+    }
+
+    pub(crate) fn has_hfxo(&self) -> bool {
+        self.settings.hfxo_startup_ns.is_some() || self.parts.clock_power.is_hfxo_stable()
     }
 
     pub(crate) fn reset_reason(&self) -> u32 {

@@ -133,19 +133,19 @@ fn a_supply_that_failed_leaves_no_reason_and_nothing_of_the_time_before() {
 #[test]
 fn system_off_ends_in_a_reset_when_a_pin_is_sensed() {
     let mut rig = Rig::new();
-    let lines = Part::signals(&mut rig.part).stalled_until;
+    let lines = Part::signals(&mut rig.part).stalled_until();
     assert_eq!(lines, 0);
     rig.fill(RAM, &[1; 16]);
     rig.fill(RAM + 0x1000, &[2; 16]);
     rig.write_all(&[(p1_cnf(5), 2 << 16), (p0_cnf(13), OUTPUT), (P0 + 0x508, 1 << 13)]);
     rig.write_all(&[(POWER + 0x904, 1 << 17), (POWER + 0x51C, 0x12), (TIMER0, 1), (POWER + 0x500, 1)]);
-    assert_eq!(rig.part.signals().stalled_until, u64::MAX, "the core has no clock");
+    assert_eq!(rig.part.signals().stalled_until(), u64::MAX, "the core has no clock");
     assert_eq!(rig.deadline(), u64::MAX);
     rig.run_to(10 * MS);
     assert_eq!(rig.restarts(), 0);
     rig.drive(bench_seam::Pin::new(1, 5), true);
     assert_eq!(rig.restarts(), 1);
-    assert_eq!(rig.part.signals().stalled_until, 0);
+    assert_eq!(rig.part.signals().stalled_until(), 0);
     assert_eq!(rig.read(POWER + 0x400), 1 << 16, "RESETREAS.OFF");
     assert_eq!(rig.read(POWER + 0x51C), 0x12, "GPREGRET is retained");
     assert!(rig.part.pin(bench_seam::Pin::new(0, 13)), "GPIO keeps what it drives");
@@ -242,7 +242,7 @@ fn system_off_ends_in_a_reset_when_the_low_power_comparator_detects() {
     rig.world.microvolts.insert(input, 2_000_000);
     rig.run_for(MS);
     assert_eq!(rig.restarts(), 1);
-    assert_eq!(rig.part.signals().stalled_until, 0);
+    assert_eq!(rig.part.signals().stalled_until(), 0);
     assert_eq!(rig.read(POWER + 0x400), 1 << 17, "RESETREAS.LPCOMP");
     rig.assert_clean();
 }

@@ -230,11 +230,11 @@ impl Rig {
     }
 
     pub(crate) fn line(&mut self, number: u16) -> bool {
-        self.part.signals().lines[0] >> number & 1 != 0
+        self.part.signals().lines()[0] >> number & 1 != 0
     }
 
     pub(crate) fn lines(&mut self) -> u32 {
-        self.part.signals().lines[0].count_ones()
+        self.part.signals().lines()[0].count_ones()
     }
 
     pub(crate) fn memory(&self, address: u32, len: usize) -> &[u8] {

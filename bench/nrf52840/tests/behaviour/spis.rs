@@ -419,6 +419,22 @@ fn a_controller_that_keeps_the_timing_but_for_a_few_cycles_is_not_reported() {
 }
 
 #[test]
+fn chip_select_without_a_clock_ends_a_granted_transaction_of_no_bytes() {
+    let mut rig = with_spis();
+    // Shortcut END to ACQUIRE, interrupts of both, and the buffers are the peripheral's.
+    rig.write_all(&[(SPIS1 + 0x200, 1 << 2), (SPIS1 + 0x28, 1)]);
+    for ended in [1, 0, 0] {
+        rig.select(CSN);
+        rig.run_for(10);
+        rig.deselect(CSN);
+        let seen = [0x104, 0x128, 0x400, 0x53C, 0x54C].map(|offset| rig.read(SPIS1 + offset));
+        assert_eq!(seen, [ended, ended, 1, 0, 0], "END, ACQUIRED, SEMSTAT (the CPU), AMOUNT of RXD and TXD");
+        rig.write_all(&[(SPIS1 + 0x104, 0), (SPIS1 + 0x128, 0)]);
+    }
+    rig.assert_clean();
+}
+
+#[test]
 fn another_chip_select_reaches_no_spis() {
     let mut rig = with_spis();
     rig.write(SPIS1 + 0x28, 1);

@@ -1,6 +1,7 @@
 //! TIMER, RTC, PPI, EGU and WDT.
 use crate::rig::*;
 use bench_seam::{Clock, FindingKind, Part, Reset};
+use cortex_m4::Signals;
 use nrf52840::Settings;
 
 /// A TIMER of 32 bits at 16 MHz with CC[0] = `cc`.
@@ -40,9 +41,9 @@ fn an_oscillator_that_is_off_moves_the_core_and_its_timers_alike() {
     assert_eq!(rig.part.clock(), Clock { hz: 64_000_000, ppb: 15_000_000 });
     rig.write_all(&timer(TIMER0, 16_000));
     rig.write_all(&[(TIMER0, 1), (POWER, 1)]);
-    rig.part.signals().changed = false;
+    *rig.part.signals() = Signals::default();
     assert_eq!(rig.run_until_set(POWER + 0x100, MS), 360 * US);
-    assert!(rig.part.signals().changed, "the new rate is announced");
+    assert!(rig.part.signals().is_announced(), "the new rate is announced");
     assert_eq!(rig.part.clock(), Clock { hz: 64_000_000, ppb: 20_000 });
     assert_eq!(rig.read(POWER + 0x40C), 1 << 16 | 1);
     assert_eq!(rig.run_until_set(TIMER0 + 0x140, 2 * MS), MS, "a timer's tick is four cycles whatever feeds both");

@@ -13,6 +13,7 @@
 
 use super::Chip;
 use crate::config::Variant;
+use crate::field::Field;
 use crate::outgoing::Outgoing;
 use crate::registers::reg;
 use crate::report::{Kind, Space};
@@ -39,6 +40,9 @@ impl Chip {
                 self.receiver.unmask(core.now());
                 core.cancel(Due::MaskReceive);
                 self.check_silence();
+                if self.core.target() {
+                    Field::has_hysteresis(&mut self.core);
+                }
                 supply::tuning_suits(&mut self.core, &self.field);
             }
             0xD3 => self.measure(reg::AD_RESULT, self.config().amplitude),

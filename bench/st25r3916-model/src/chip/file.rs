@@ -5,6 +5,7 @@
 //! | interrupt registers (1A to 1D), FIFO status (1E, 1F), timer and rate display (24), | 4.5 Registers |
 //! | auxiliary display (31), identity (3F) | |
 //! | operation control (02), mode (03), bit rate (04), I/O configuration (01), tuning, masks (16 to 19) | as above |
+//! | a bit of any register that flips by itself: the register then does what its new value says | a fault, no section |
 //!
 //! | left out | why |
 //! |---|---|
@@ -101,30 +102,55 @@ impl Chip {
             core.note(Kind::UnmodelledBits(space, address, unmodelled));
         }
         match (space, usize::from(address & 0x3F)) {
-            (Space::A, reg::MODE) => self.write_mode(value),
-            (Space::A, reg::BIT_RATE) => self.write_bit_rate(value),
+            (Space::A, reg::MODE) if !core.oscillator() => return core.note(Kind::ModeWithoutOscillator),
+            (Space::A, i @ (reg::MODE | reg::BIT_RATE)) => self.changes_in_frame(i, value),
+            (Space::A, reg::OPERATION) if value & 0x04 != 0 => {
+                core.note(Kind::UnmodelledRegister(space, address));
+            }
+            _ => {}
+        }
+        self.store(space, address, value);
+        if space == Space::A && matches!(usize::from(address), reg::TUNE_A | reg::TUNE_B) {
+            supply::tuning_suits(&mut self.core, &self.field);
+        }
+    }
+
+    /// The bits of a register that [`Chip::flip`] can flip: those that the part has and keeps.
+    pub fn flippable(&self, space: Space, address: u8) -> u8 {
+        registers::flippable(self.core.config().variant, space, address)
+    }
+
+    /// A fault flips a bit of a register, at the time last advanced to. What the register does, it does with its new
+    /// value from now on. Nothing happens to a bit that is not [`Chip::flippable`], or without a supply.
+    pub fn flip(&mut self, space: Space, address: u8, bit: u8) {
+        let bits = 1 << (bit & 7) & self.flippable(space, address);
+        if bits == 0 || !self.core.powered() {
+            return;
+        }
+        match (space, usize::from(address)) {
+            (Space::A, i @ reg::IRQ..=0x1D) => self.core.flip_interrupts(u32::from(bits) << (8 * (i - reg::IRQ))),
+            _ => self.store(space, address, self.core.registers().get(space, address) ^ bits),
+        }
+    }
+
+    /// A register has a new value: what follows from it.
+    fn store(&mut self, space: Space, address: u8, value: u8) {
+        match (space, usize::from(address & 0x3F)) {
+            (Space::A, reg::MODE) => self.mode_becomes(value),
+            (Space::A, reg::BIT_RATE) => self.bit_rate_becomes(value),
             (_, i) => {
-                core.registers_mut().set(space, address, value);
+                self.core.registers_mut().set(space, address, value);
                 match (space, i) {
-                    (Space::A, reg::OPERATION) => {
-                        if value & 0x04 != 0 {
-                            core.note(Kind::UnmodelledRegister(space, address));
-                        }
-                        self.operation_changed();
-                    }
-                    (Space::A, reg::TUNE_A | reg::TUNE_B) => supply::tuning_suits(core, &self.field),
-                    (Space::A, 0x16..=0x19) => core.pin_follows(),
+                    (Space::A, reg::OPERATION) => self.operation_changed(),
+                    (Space::A, reg::FIELD_ON_THRESHOLD | reg::FIELD_OFF_THRESHOLD) => self.field.look(&mut self.core),
+                    (Space::A, 0x16..=0x19) => self.core.pin_follows(),
                     _ => {}
                 }
             }
         }
     }
 
-    fn write_mode(&mut self, value: u8) {
-        if !self.core.oscillator() {
-            return self.core.note(Kind::ModeWithoutOscillator);
-        }
-        self.changes_in_frame(reg::MODE, value);
+    fn mode_becomes(&mut self, value: u8) {
         let entered = value & TARGET != 0 && !self.core.target();
         self.core.set_a(reg::MODE, value);
         self.let_go();
@@ -133,8 +159,7 @@ impl Chip {
         }
     }
 
-    fn write_bit_rate(&mut self, value: u8) {
-        self.changes_in_frame(reg::BIT_RATE, value);
+    fn bit_rate_becomes(&mut self, value: u8) {
         let receives = (value ^ self.core.a(reg::BIT_RATE)) & 0x03 != 0;
         self.core.set_a(reg::BIT_RATE, value);
         if receives {

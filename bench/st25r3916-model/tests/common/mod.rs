@@ -3,7 +3,7 @@
 
 pub(crate) mod antenna;
 
-use st25r3916_model::{Air, AirEvent, AirFaults, Chip, Chunk, Config, FrameStart, Technology};
+use st25r3916_model::{Air, AirEvent, AirFaults, Chip, Chunk, Config, FrameStart, Technology, Variant};
 
 /// One byte at 8 MHz, ns.
 pub(crate) const BYTE_NS: u64 = 1_000;
@@ -101,9 +101,11 @@ impl Pair {
         self.spi(side, &[0x02, 0x80]);
         assert!(self.wait_irq(side, 10_000_000), "oscillator");
         assert_eq!(self.irqs(side), [0x80, 0, 0, 0]);
-        self.spi(side, &[0xEA]);
-        assert!(self.wait_irq(side, 10_000_000), "RC calibration");
-        assert_eq!(self.irqs(side), [0, 0x80, 0, 0]);
+        if self.chip(side).config().variant == Variant::St25r3916b {
+            self.spi(side, &[0xEA]);
+            assert!(self.wait_irq(side, 10_000_000), "RC calibration");
+            assert_eq!(self.irqs(side), [0, 0x80, 0, 0]);
+        }
         self.spi(side, &[0xD6]);
         assert!(self.wait_irq(side, 5_000_000), "regulators");
         assert_eq!(self.irqs(side), [0, 0x80, 0, 0]);
@@ -113,9 +115,23 @@ impl Pair {
         self.start(Side::Poller);
         self.spi(Side::Poller, &[0x03, 0x1C, 0x22]);
         self.spi(Side::Poller, &[0x07, 0x00]);
-        self.spi(Side::Poller, &[0x28, 0x40]);
+        self.modulate_nfc_f();
         self.spi(Side::Poller, &[0x16, 0x77]);
         self.spi(Side::Poller, &[0x02, 0x88]);
+    }
+
+    /// 12 % AM, by active wave shaping where the part has that; the antenna in tune.
+    pub(crate) fn modulate_nfc_f(&mut self) {
+        let [a, b] = self.poller.config().tuning[0];
+        self.spi(Side::Poller, &[0x26, a, b]);
+        if self.poller.config().variant == Variant::St25r3916b {
+            self.spi(Side::Poller, &[0x28, 0x40]);
+            self.spi(Side::Poller, &[0xFB, 0x28, 0x84]);
+            self.spi(Side::Poller, &[0xFB, 0x2E, 0x09, 0x28]);
+        } else {
+            self.spi(Side::Poller, &[0x28, 0x70]);
+            self.spi(Side::Poller, &[0xFB, 0x28, 0x00]);
+        }
     }
 
     pub(crate) fn start_listener(&mut self) {

@@ -129,7 +129,7 @@ impl Rig {
     }
 
     pub fn line(&mut self, line: usize) -> bool {
-        self.part.signals().lines[line / 64] >> (line % 64) & 1 != 0
+        self.part.signals().lines()[line / 64] >> (line % 64) & 1 != 0
     }
 
     /// SPI1 on PA5 to PA7, mode 1, APB2 / 8, both DMA streams ready to be started.
