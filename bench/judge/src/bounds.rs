@@ -6,11 +6,9 @@ pub const TICK_TO_COMMAND_JITTER: u64 = 100;
 pub const TICK_TO_COMMAND_JITTER_PESSIMISTIC: u64 = 1_000;
 /// HORUS tick to first bit on air, peak to peak; the front end itself scatters by up to 2.3 µs: design section 6.
 pub const TICK_TO_AIR_JITTER: u64 = 3_000;
-/// Last bit to image readable, with a listener that reads its FIFO while it fills.
+/// Last bit to image readable, with a listener that reads its FIFO while it fills, whatever the flight controller does:
+/// design section 6.
 pub const LAST_BIT_TO_READABLE: u64 = 100_000;
-/// So much later an image may be readable while the flight controller misuses the SSI: less than 1 % of the time from
-/// sample to readable. The DPR serves up to [`SSI_BUDGET`] transactions while a frame comes to its end, 4 µs each.
-pub const MISUSE_DELAYS: u64 = 50_000;
 /// End of an SSI transaction to ready for the next: design section 6. The DPR may put a new image in for no longer
 /// either.
 pub const SSI_READY: u64 = 10_000;
@@ -18,8 +16,13 @@ pub const SSI_READY: u64 = 10_000;
 pub const SAMPLE_TO_READABLE: u64 = 10_000_000;
 /// The cycle: design section 6.
 pub const CYCLE: u64 = 10_000_000;
-/// A board's start takes 11 ms of its processor, which is more than a tenth of a run shorter than this.
+/// In a run shorter than this, what a start takes of a processor is most of what it does: its load is not judged.
 pub const LOAD_FROM: u64 = 300_000_000;
+/// What a start takes of HORUS's processor at most, ns: the test of its memory, the comparison of its image and all
+/// that it sets up are 36 ms on the pessimistic clock. The bound of the load is of what a board does then.
+pub const HORUS_START_WORK: u64 = 40_000_000;
+/// The same of the DPR's: 17 ms.
+pub const DPR_START_WORK: u64 = 20_000_000;
 /// Processor load, ten thousandths: design section 6.
 pub const LOAD_PER_10_000: u32 = 1_000;
 /// Missed-frame deadline after a frame's end: design section 4.
@@ -54,8 +57,16 @@ pub const FIELD_RECOVERY: u64 = 2 * CYCLE + CYCLE / 2;
 /// After the field has come back HORUS checks its front end before the next tick's frame: the cycle in which it came
 /// back has none.
 pub const FIELD_READY: u64 = CYCLE;
+/// Link-Status says so long after the field at the antenna has gone or come that it has: two publications without a
+/// frame, 12.5 ms each, and what the front end takes to notice.
+pub const FIELD_TOLD: u64 = 30_000_000;
 /// The longest that HORUS's watchdog takes to bite: 100 ms by an oscillator of 32 kHz that may run at 17 kHz (DS9405).
 pub const WATCHDOG_LONGEST: u64 = 190_000_000;
+/// The same from a start until HORUS feeds it first, which it has done after [`WATCHDOG_FED`]: the watchdog starts with
+/// 4096 periods of 4 of that oscillator (RM0090 21.3), 512 ms at 32 kHz.
+pub const FIRST_WATCHDOG_LONGEST: u64 = 970_000_000;
+/// See [`FIRST_WATCHDOG_LONGEST`].
+pub const WATCHDOG_FED: u64 = 40_000_000;
 /// The same of the DPR's: 100 ms by an RC oscillator of 32.768 kHz that may be off by 2 % (nRF52840 PS 5.4), and as
 /// much again, since parts were seen that keep that narrowly.
 pub const DPR_WATCHDOG_LONGEST: u64 = 104_000_000;
@@ -79,6 +90,24 @@ pub const LONGEST_PERIOD_MS: u32 = 1_000;
 /// The shortest, ms: 50 Hz, twice what the fastest receivers do.
 pub const SHORTEST_PERIOD_MS: u32 = 20;
 
+/// HORUS reads a receiver on a bus in every cycle, and tries anew at once where that fails: so long after it has
+/// offered something, or after its bus has come back, some of that has been read. It is a receiver's longest period,
+/// after which a position that it rests on is not valid any more (design section 2).
+pub const READ_WITHIN: u64 = 1_000_000_000;
+/// The dynamic model by which a receiver has to navigate: airborne with less than 2 g, of u-blox' CFG-NAVSPG-DYNMODEL.
+pub const DYNAMIC_MODEL: u8 = 7;
+/// A receiver whose position is shown has to have been told that within this after HORUS's start, the change to another
+/// model, or the end of a fault of the receiver or its line: 1.5 s until HORUS begins anew, 0.7 s at two
+/// bit rates, and two messages without an answer, 1 s each.
+pub const MODEL_TOLD: u64 = 5_000_000_000;
+/// The step in which a GPS object's status tells the age of its solution, the code of the oldest, and that of none:
+/// design section 2.
+pub const AGE_STEP: u64 = 25_000_000;
+/// See [`AGE_STEP`].
+pub const AGE_OLDEST: u64 = 62;
+/// See [`AGE_STEP`].
+pub const AGE_NEVER: u64 = 63;
+
 // ---- The voted position: decision 15
 
 /// The worst accuracies, horizontal and vertical, with which a position is valid, mm.
@@ -99,6 +128,16 @@ pub const AGREEMENT_M: [(f64, f64); 2] = [(5.0, 30.0), (8.0, 50.0)];
 /// Between these limits two receivers agree within so many times the root of the sum of the squares of their
 /// accuracies.
 pub const AGREEMENT_SIGMAS: f64 = 3.0;
+/// Two attitudes agree within so many degrees of pitch, yaw and roll: design section 2 and decision 15, attitude and
+/// acceleration.
+pub const ATTITUDE_DEGREES: [f64; 3] = [5.0, 10.0, 5.0];
+/// Two accelerations agree within so many m/s² along each axis.
+pub const ACCELERATION_M_S2: f64 = 2.0;
+/// A result that jumps is shown when it has held for one second: design section 2. After so long it has, by the same
+/// tolerances as for [`RETURNED`].
+pub const HELD_BACK: u64 = RETURNED;
+/// And before that it has not.
+pub const NOT_HELD_BACK: u64 = NOT_RETURNED;
 /// What a position's age adds to its accuracy: so many seconds of its speed, and half of so many m/s².
 pub const UNCERTAIN_SPEED_S: f64 = 0.05;
 /// See [`UNCERTAIN_SPEED_S`].
@@ -131,6 +170,9 @@ pub const CUT_SHORT: u64 = 6_000_000;
 /// Transactions that the DPR serves between two images: a flight controller that runs away gets no more
 /// (`dpr_fw::ssi`).
 pub const SSI_BUDGET: u32 = 16;
+/// From when the DPR is ready after a transaction, it need not see the next end for this time (`dpr_fw::ssi`): 95 µs
+/// by a counter of µs, and what it does between the two.
+pub const SSI_PAUSE: u64 = 100_000;
 /// The DPR's clock counts [`EXPIRY`]; it is off by no more than 2 % (design section 4), so no image expires earlier.
 pub const EXPIRY_EARLIEST: u64 = EXPIRY - EXPIRY / 50;
 /// A frame that is heard so much earlier or later than it was sent was delayed or repeated on its way.
@@ -163,14 +205,17 @@ pub const SEARCH_BAND: u64 = 100_000;
 /// From the carrier's return to a listener that hears: it measures the field, and one that was being configured or
 /// backs off starts anew.
 pub const ARMED: u64 = 50_000_000;
+/// A listener that has heard no frame for so long may be bringing its front end up anew: it does that after 0.5 s, and
+/// counts a little more than passes.
+pub const SILENCE: u64 = 450_000_000;
+/// After such a silence, frames that begin within this after the first may escape it, and Link-Status may still say so:
+/// a bring-up takes 12 ms.
+pub const SILENCE_OVER: u64 = 2 * CYCLE;
 /// Between the end of one frame and the beginning of the next a listener needs this to hear both: design section 3.
 pub const FRAME_GAP: u64 = 300_000;
 /// Of five receivers' two frames the second is waited for so long after the end of the first: it ends 3.935 ms after
 /// it, and the image has to be out before the next cycle's first.
 pub const SECOND_FRAME: u64 = 7_000_000;
-/// After the DPR's front end was without supply, for so long nothing is asked of what the DPR shows: its watchdog may
-/// bite meanwhile, 200 ms at most (its oscillator's tolerance), a start takes [`START`], the search four cycles.
-pub const RECOVERY: u64 = 500_000_000;
 /// A restart of HORUS is shown in Link-Status for so long: design section 4, no control cycle may overlook it.
 pub const RESTART_SHOWN: u64 = 1_000_000_000;
 /// HORUS's clock is implausible if it differs by more than one part in so many over a second: design section 4, bit 9.
@@ -194,6 +239,9 @@ pub const FRONT_END_TOLD: u64 = 4 * CYCLE;
 /// From the return of a front end that was out of order to its firmware having brought it up again: within 15
 /// cycles.
 pub const FRONT_END_RECOVERY: u64 = 15 * CYCLE;
+/// A self-test of the DPR takes one pass over its flash and one over its RAM, which it makes while nothing else is to
+/// be done: 10 to 20 s, and longer beside a flight controller that takes the processor's time.
+pub const SELF_TEST: u64 = 60_000_000_000;
 /// After a flight controller has misused the SSI the DPR is asked for nothing for so long: what was under way ends, and
 /// the next image is put in.
 pub const MISUSE_OVER: u64 = 2 * CYCLE;

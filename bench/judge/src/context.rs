@@ -3,7 +3,7 @@
 use profile::Layout;
 
 use crate::read::{Frame, Reading, Window};
-use crate::{Board, Event, Header, What};
+use crate::{Board, Disturbances, Event, Header, What};
 
 /// Since when a board runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,6 +28,7 @@ pub struct Context {
     now: u64,
     horus: Running,
     dpr: Running,
+    disturbances: Disturbances,
     ended: bool,
     window: Window,
     frame: Option<Frame>,
@@ -49,6 +50,7 @@ impl Context {
             now: 0,
             horus: running,
             dpr: running,
+            disturbances: Disturbances::default(),
             ended: false,
             window: Window::default(),
             frame: None,
@@ -61,6 +63,7 @@ impl Context {
         self.now = event.at;
         self.frame = None;
         self.reading = None;
+        self.disturbances.take(event);
         match &event.what {
             What::Power { board, on } => {
                 let running = self.running_mut(*board);
@@ -118,6 +121,12 @@ impl Context {
             Board::Horus => self.horus,
             Board::Dpr => self.dpr,
         }
+    }
+
+    /// What the bench disturbs on purpose, and what is excused because of it.
+    #[must_use]
+    pub fn disturbances(&self) -> &Disturbances {
+        &self.disturbances
     }
 
     /// The instant of the last event, ns.

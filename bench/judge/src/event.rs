@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::Disturbance;
+
 /// What a run is known by before anything happens.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Header {
@@ -17,7 +19,7 @@ pub struct Header {
 
 impl Header {
     /// The format that this crate writes and reads.
-    pub const VERSION: u32 = 1;
+    pub const VERSION: u32 = 2;
 
     /// Whether the cores' time is the longest that silicon may take.
     #[must_use]
@@ -112,12 +114,15 @@ pub enum What {
     },
     /// The bench does something wrong on purpose; what it does to a board's supply or reset pin is told beside it.
     Injected {
-        /// What: the kind of fault, as the faults' list calls it.
+        /// The kind of fault in words, as the faults' list calls it: for whoever reads or counts it. No rule does.
         kind: String,
+        /// What it disturbs.
+        disturbs: Disturbance,
         /// When its cause goes away, ns; the event's instant for what has no duration.
         until: u64,
     },
-    /// A board hangs, because the bench has its core execute nothing more and take no interrupt from now on. What ends
+    /// A board hangs, because the bench has its core execute nothing more and take no interrupt from now on, or because
+    /// its part has warned it of a supply that falls, after which its firmware has to do nothing more either. What ends
     /// it is the board's next start, or its supply going off.
     Hung {
         /// Which.
@@ -169,6 +174,13 @@ pub enum What {
     },
     /// The DPR's front end began to send: an answer.
     Answer,
+    /// A receiver on a bus has something to say: it waits there until HORUS reads it.
+    Offered {
+        /// Which, from 0.
+        receiver: usize,
+        /// The bytes.
+        bytes: Bytes,
+    },
     /// A receiver began to put bytes on its line, without a gap between them.
     Fed {
         /// Which, from 0.
@@ -183,6 +195,14 @@ pub enum What {
         /// They had waited in the receiver for so long that what they say is not of now: they must not be taken.
         #[serde(default)]
         old: bool,
+    },
+    /// A receiver's filter assumes from now on that it moves like this; before the first of these of a receiver nothing
+    /// is known of that.
+    Navigates {
+        /// Which, from 0.
+        receiver: usize,
+        /// Its dynamic model, as u-blox' CFG-NAVSPG-DYNMODEL counts them.
+        model: u8,
     },
     /// The DPR's FRESH pin rose or fell.
     Fresh {
@@ -284,19 +304,21 @@ impl What {
             Self::FieldHeard { .. } => 9,
             Self::Heard { .. } => 10,
             Self::Answer => 11,
-            Self::Fed { .. } => 12,
-            Self::Fresh { .. } => 13,
-            Self::Ssi(_) => 14,
-            Self::Selected => 15,
-            Self::Transaction { .. } => 16,
-            Self::Forwarded { .. } => 17,
-            Self::Arrived { .. } => 18,
-            Self::Finding { .. } => 19,
-            Self::Misuse { .. } => 20,
-            Self::Late { .. } => 21,
-            Self::Counter { .. } => 22,
-            Self::Load { .. } => 23,
-            Self::End => 24,
+            Self::Offered { .. } => 12,
+            Self::Fed { .. } => 13,
+            Self::Navigates { .. } => 14,
+            Self::Fresh { .. } => 15,
+            Self::Ssi(_) => 16,
+            Self::Selected => 17,
+            Self::Transaction { .. } => 18,
+            Self::Forwarded { .. } => 19,
+            Self::Arrived { .. } => 20,
+            Self::Finding { .. } => 21,
+            Self::Misuse { .. } => 22,
+            Self::Late { .. } => 23,
+            Self::Counter { .. } => 24,
+            Self::Load { .. } => 25,
+            Self::End => 26,
         }
     }
 }

@@ -12,6 +12,11 @@
 //! bench's table of violations (`bench/tests/violations/`) provokes it and no other. A violation without a row fails
 //! that table.
 //!
+//! # What is excused
+//!
+//! What the bench does wrong on purpose is in the log with its type, and what each type excuses, from when until when,
+//! is in [`disturbance`] alone.
+//!
 //! # How rules are kept apart
 //!
 //! One cause shall show as one violation. So each rule asks of a stage only what the stage before it has brought: a
@@ -22,6 +27,7 @@
 
 pub mod bounds;
 mod context;
+pub mod disturbance;
 mod event;
 mod figures;
 mod log;
@@ -33,6 +39,7 @@ mod verdict;
 mod violation;
 
 pub use context::Context;
+pub use disturbance::{Disturbance, Disturbances};
 pub use event::{Board, Bytes, Event, Header, SsiEvent, What};
 pub use figures::{Exclusion, Faults, Figures, Max, Quantiles, Span, Voter};
 pub use log::{Log, LogError, LogWriter};

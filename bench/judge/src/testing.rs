@@ -2,7 +2,10 @@
 
 use profile::{GpsValues, Identifier, Layout, ReportedValues};
 
-use crate::{Board, Broken, Bytes, Context, Event, Figures, Findings, Header, Log, Violation, What, bounds};
+use crate::disturbance::{Conduct, Harm, Memory};
+use crate::{
+    Board, Broken, Bytes, Context, Disturbance, Event, Figures, Findings, Header, Log, Violation, What, bounds,
+};
 
 /// ns in a millisecond.
 pub(crate) const MS: u64 = 1_000_000;
@@ -175,7 +178,8 @@ rules!(
     crate::rules::cycle::Cycle,
     crate::rules::content::Content,
     crate::rules::boards::Boards,
-    crate::rules::port::Port
+    crate::rules::port::Port,
+    crate::rules::receivers::Receivers
 );
 
 /// What one rule finds in a log, and the figures.
@@ -193,4 +197,20 @@ pub(crate) fn broken(mut rule: impl Rule, log: &Log) -> (Vec<Broken>, Figures) {
 pub(crate) fn found(rule: impl Rule, log: &Log) -> (Vec<(Violation, u64, u64)>, Figures) {
     let (broken, figures) = broken(rule, log);
     (broken.into_iter().map(|broken| (broken.violation, broken.count, broken.first_at)).collect(), figures)
+}
+
+/// A front end that does not answer.
+pub(crate) const DPR_FRONT_END: Disturbance = Disturbance::FrontEnd { board: Board::Dpr, harm: Harm::Silent };
+/// The same of HORUS.
+pub(crate) const HORUS_FRONT_END: Disturbance = Disturbance::FrontEnd { board: Board::Horus, harm: Harm::Silent };
+/// A flight controller that reads in a way in which it must not.
+pub(crate) const MISUSE: Disturbance = Disturbance::FlightController { conduct: Conduct::Misuse };
+/// A bit of a buffer that frames are received into.
+pub(crate) const RECEIVE_BIT: Disturbance = Disturbance::Memory { board: Board::Dpr, memory: Memory::Receive };
+/// A bit of an image.
+pub(crate) const IMAGE_BIT: Disturbance = Disturbance::Memory { board: Board::Dpr, memory: Memory::Images };
+
+/// The bench disturbs this until then.
+pub(crate) fn injected(disturbs: Disturbance, until: u64) -> What {
+    What::Injected { kind: format!("{disturbs:?}"), disturbs, until }
 }

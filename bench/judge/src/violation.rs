@@ -62,18 +62,25 @@ violations! {
     /// Reported-Position is not what the receivers that agree say. Its position, attitude or acceleration is not their
     /// median, it claims more or fewer of them, or its status is not what follows.
     ReportedWrong = "Reported-Position is not what the receivers that agree say",
-    /// A voted position without a majority. Too few receivers, or no more than are against them, or receivers that do
-    /// not agree.
-    VoteWrong = "a voted position without a majority",
-    /// No voted position although a majority agrees.
+    /// A voted position without a majority, or one that jumps. Too few receivers, or no more than are against them, or
+    /// receivers that do not agree; or a place or an altitude that the last one does not lead to and that has not held
+    /// for a second.
+    VoteWrong = "a voted position without a majority, or one that jumps",
+    /// No voted position although a majority agrees, and it does not jump or has held for a second.
     VoteMissing = "no voted position although a majority agrees",
     /// A receiver is excluded without a cause, or is not excluded although it agrees with no member. Or it returns
     /// before it has agreed for a second, or not after that.
     ExclusionWrong = "a receiver is wrongly excluded, or wrongly not",
+    /// A position of a receiver that does not navigate as airborne. HORUS shows it as valid, long after it should have
+    /// told the receiver its dynamic model.
+    NotAirborne = "a position of a receiver that does not navigate as airborne",
     /// HORUS's state is not what its inputs say. The relay, the motor cut or the emergency measure is active or
     /// contradicts itself for longer than the debounce time, and the state shows something else, or the other way
     /// round.
     StateWrong = "HORUS's state is not what its inputs say",
+    /// HORUS does not read what a receiver offers. What a receiver on a bus has to say waits until HORUS reads it; a
+    /// receiver on a UART does not wait.
+    NotRead = "HORUS does not read what a receiver offers",
     // ---- DPR and SSI
 
     /// The listener answered. The DPR's front end sent something.

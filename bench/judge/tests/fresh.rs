@@ -145,8 +145,7 @@ fn fresh_that_offers_the_image_of_before_is_a_violation() {
     for (shows, violations) in [(1, vec![]), (0, vec![(FreshNotNew, 1)])] {
         plan.publications[2].image = plan.publications[shows].image.clone();
         let mut log = plan.log();
-        let kind = "buffer dpr image bit flips".to_owned();
-        insert(&mut log, plan.publications[2].at - 1_000, What::Injected { kind, until: plan.publications[2].at });
+        insert(&mut log, plan.publications[2].at - 1_000, injected(IMAGE_BIT, plan.publications[2].at));
         assert_eq!(found(&log), violations, "{shows}");
     }
     // An image of the same time and counts that tells another status is another image.
@@ -265,19 +264,15 @@ fn a_transaction_that_lasts_for_longer_than_announcements_are_kept_is_not_judged
     insert(&mut log, over, What::Transaction { selected: from, mosi: vec![].into(), miso });
     // That it lasts for so long is the flight controller's fault.
     assert_eq!(found(&log), [(NoTransaction, 1)]);
-    insert(&mut log, from, What::Injected { kind: "flight controller hangs".into(), until: over });
+    insert(&mut log, from, injected(MISUSE, over));
     assert_eq!(found(&log), []);
-}
-
-fn buffer_hit(until: u64) -> What {
-    What::Injected { kind: "buffer dpr image bit flips".into(), until }
 }
 
 #[test]
 fn an_image_may_be_unsound_or_tell_the_same_again_for_as_long_as_it_may_hold_a_bit_that_was_hit_and_no_longer() {
     for (longer, hit) in [(0, false), (1, true)] {
         let from = |at: u64| at - bounds::BUFFER_REPLACED + longer;
-        let inject = |log: &mut Log, at: u64| insert(log, from(at), buffer_hit(from(at)));
+        let inject = |log: &mut Log, at: u64| insert(log, from(at), injected(IMAGE_BIT, from(at)));
         // FRESH offers an unsound image that nobody reads.
         let mut plan = Plan::new(3, 40);
         let number = plan.showing(200);

@@ -2,16 +2,12 @@
 
 mod common;
 
-use bench_judge::{Board, Context, Event, Header, Log, Violation, What, bounds, judge};
-use common::{Plan, insert, judged, sort, transactions};
+use bench_judge::{Board, Context, Disturbance, Event, Header, Log, Violation, What, bounds, judge};
+use common::{DPR_FRONT_END, HORUS_FRONT_END, MISUSE, Plan, injected, insert, judged, sort, transactions};
 use profile::Layout;
 use profile::air::{CRC_BYTES, LEN_BYTES};
 
 const MS: u64 = 1_000_000;
-
-fn injected(kind: &str, until: u64) -> What {
-    What::Injected { kind: kind.into(), until }
-}
 
 /// What is found at the SSI: what a test changes of what was read is not forwarded so.
 fn found(log: &Log) -> Vec<(Violation, u64)> {
@@ -33,11 +29,11 @@ fn what_a_flight_controller_reads_while_it_misuses_the_ssi_and_shortly_after_it_
     let over = until + bounds::MISUSE_OVER;
     let mut log = read_by_wrong_clocks(from, over);
     assert!(found(&log).contains(&(Violation::Damaged, 30)), "{:?}", found(&log));
-    insert(&mut log, from, injected("flight controller mode 1", until));
+    insert(&mut log, from, injected(MISUSE, until));
     assert_eq!(found(&log), []);
     // A moment later it is.
     let mut log = read_by_wrong_clocks(from, over + 5 * MS);
-    insert(&mut log, from, injected("flight controller mode 1", until));
+    insert(&mut log, from, injected(MISUSE, until));
     assert_eq!(found(&log), [(Violation::Damaged, 1)]);
     // And so it is from the very instant on.
     for (sooner, violations) in [(1, vec![]), (0, vec![(Violation::Damaged, 1)])] {
@@ -49,18 +45,18 @@ fn what_a_flight_controller_reads_while_it_misuses_the_ssi_and_shortly_after_it_
         for (_, miso) in transactions(&mut log).filter(|(selected, _)| *selected == over - sooner) {
             miso.iter_mut().for_each(|byte| *byte ^= 0x10);
         }
-        insert(&mut log, from, injected("flight controller mode 1", until));
+        insert(&mut log, from, injected(MISUSE, until));
         assert_eq!(found(&log), violations, "{sooner}");
     }
     // And no other fault excuses it.
     let mut log = read_by_wrong_clocks(from, over);
-    insert(&mut log, from, injected("air", until));
+    insert(&mut log, from, injected(Disturbance::Air, until));
     assert_eq!(found(&log), [(Violation::Damaged, 30)]);
 }
 
 #[test]
 fn a_flight_controller_that_misuses_the_ssi_is_owed_no_readiness_and_no_image() {
-    let silent = |kind: Option<&str>| {
+    let silent = |kind: Option<Disturbance>| {
         let mut log = Plan::new(3, 60).log();
         for (selected, miso) in transactions(&mut log) {
             if (300 * MS..380 * MS).contains(&selected) {
@@ -73,7 +69,7 @@ fn a_flight_controller_that_misuses_the_ssi_is_owed_no_readiness_and_no_image() 
         found(&log)
     };
     assert_eq!(silent(None), [(Violation::Silent, 1)]);
-    assert_eq!(silent(Some("flight controller hammers")), []);
+    assert_eq!(silent(Some(MISUSE)), []);
 }
 
 #[test]
@@ -144,7 +140,7 @@ fn objects_of(bytes: usize, whole: bool) -> (Option<usize>, usize) {
     let layout = Layout::for_receivers(1).unwrap();
     let frame = common::frame(&common::profile(1, 70));
     assert_eq!(frame.len(), LEN_BYTES + layout.profile_len() + CRC_BYTES);
-    let mut context = Context::new(&Header { version: 1, gps: 1, seed: 0, clock: "fast".into() });
+    let mut context = Context::new(&Header { version: Header::VERSION, gps: 1, seed: 0, clock: "fast".into() });
     let what = What::Heard { started: 0, bytes: frame[..bytes].to_vec().into(), whole };
     context.take(&Event { at: 9, what });
     let frame = context.frame().unwrap();
@@ -168,27 +164,25 @@ fn a_front_end_that_is_out_of_order_is_used_on_and_its_field_drops_and_neither_i
     let kinds = |log: &Log| judge(log).kinds().collect::<Vec<_>>();
     const ENDS: u64 = 100 * MS;
     for (kind, horus, dpr) in [
-        ("power horus front end off", true, false),
-        ("horus front end reads ones", true, false),
-        ("power dpr front end off", false, true),
-        ("dpr front end interrupt line high", false, true),
-        ("power horus off", true, false),
-        ("power horus reset pin", false, false),
-        ("air lost", false, false),
+        (HORUS_FRONT_END, true, false),
+        (DPR_FRONT_END, false, true),
+        (Disturbance::Supply { board: Board::Horus }, true, false),
+        (Disturbance::Restart { board: Board::Horus }, false, false),
+        (Disturbance::Air, false, false),
     ] {
         for (board, excused) in [(Board::Horus, horus), (Board::Dpr, dpr)] {
             for (at, excused) in
-                [(ENDS + bounds::FRONT_END_RECOVERY, excused), (ENDS + bounds::FRONT_END_RECOVERY + 1, false)]
+                [(ENDS + bounds::FRONT_END_RECOVERY - 1, excused), (ENDS + bounds::FRONT_END_RECOVERY, false)]
             {
                 let mut log = Plan::new(3, 40).log();
                 insert(&mut log, ENDS, injected(kind, ENDS));
                 insert(&mut log, at, What::Misuse { board, text: "SPI access without supply".into() });
                 let found = kinds(&log).contains(&Violation::FrontEndMisuse);
-                assert_eq!(!found, excused, "{kind}: {board:?} at {at}");
+                assert_eq!(!found, excused, "{kind:?}: {board:?} at {at}");
             }
         }
     }
-    let dropped = |kind: &str, until| {
+    let dropped = |kind: Disturbance, until| {
         let mut log = Plan::new(3, 40).log();
         insert(&mut log, 299 * MS, injected(kind, until));
         // Between two frames: the next tick is at 300 ms.
@@ -196,18 +190,18 @@ fn a_front_end_that_is_out_of_order_is_used_on_and_its_field_drops_and_neither_i
         insert(&mut log, 299 * MS + 2, What::Field { on: true });
         kinds(&log).contains(&Violation::FieldDropped)
     };
-    assert!(dropped("power dpr front end off", 299 * MS));
-    assert!(!dropped("power horus front end off", 299 * MS));
+    assert!(dropped(DPR_FRONT_END, 299 * MS));
+    assert!(!dropped(HORUS_FRONT_END, 299 * MS));
     // Until the firmware has brought it up again.
     let before = |ns| 299 * MS + 1 - bounds::FRONT_END_RECOVERY - ns;
     let mut log = Plan::new(3, 40).log();
     for (ns, blamed) in [(0, true), (1, true)] {
         let mut log = log.clone();
-        insert(&mut log, before(ns), injected("power horus front end off", before(ns)));
+        insert(&mut log, before(ns), injected(HORUS_FRONT_END, before(ns)));
         insert(&mut log, 299 * MS + 1, What::Field { on: false });
         assert_eq!(kinds(&log).contains(&Violation::FieldDropped), blamed, "{ns}");
     }
-    insert(&mut log, before(0) + 1, injected("power horus front end off", before(0) + 1));
+    insert(&mut log, before(0) + 1, injected(HORUS_FRONT_END, before(0) + 1));
     insert(&mut log, 299 * MS + 1, What::Field { on: false });
     assert!(!kinds(&log).contains(&Violation::FieldDropped));
 }
@@ -215,19 +209,24 @@ fn a_front_end_that_is_out_of_order_is_used_on_and_its_field_drops_and_neither_i
 #[test]
 fn broken_code_of_a_firmware_explains_none_of_its_complaints() {
     let complaint = || What::Counter { board: Board::Horus, name: "rf_faults".into(), value: Some(2) };
-    for (kind, blamed) in [("image horus", true), ("air lost", false), ("receiver 1 silent", false)] {
+    for (kind, blamed) in [
+        (Disturbance::Code { board: Board::Horus }, true),
+        (Disturbance::Air, true),
+        (HORUS_FRONT_END, false),
+        (Disturbance::Receiver { receiver: 0 }, false),
+    ] {
         let mut log = Plan::new(3, 40).log();
         insert(&mut log, 100 * MS, injected(kind, 100 * MS));
         let end = log.events.last().unwrap().at;
         insert(&mut log, end, complaint());
         let complains = judge(&log).kinds().any(|violation| violation == Violation::HorusComplains);
-        assert_eq!(complains, blamed, "{kind}");
+        assert_eq!(complains, blamed, "{kind:?}");
     }
 }
 
 #[test]
 fn what_a_front_end_had_not_handed_over_when_its_supply_failed_need_not_be_shown() {
-    let lost = |after: u64, kind: &str| {
+    let lost = |after: u64, kind: Disturbance| {
         let plan = Plan::new(3, 60);
         let place = plan.showing(300);
         let ended = plan.publications[place].at - common::TO_FRESH;
@@ -241,9 +240,8 @@ fn what_a_front_end_had_not_handed_over_when_its_supply_failed_need_not_be_shown
         insert(&mut log, ended + after, injected(kind, ended + after));
         judge(&log).kinds().any(|violation| violation == Violation::NotShown || violation == Violation::Vacant)
     };
-    let kind = "power dpr front end off";
-    assert!(!lost(10_000, kind));
-    assert!(!lost(bounds::STORE_AND_FORWARD - 1, kind));
-    assert!(lost(bounds::STORE_AND_FORWARD, kind));
-    assert!(lost(10_000, "air lost"));
+    assert!(!lost(10_000, DPR_FRONT_END));
+    assert!(!lost(bounds::STORE_AND_FORWARD - 1, DPR_FRONT_END));
+    assert!(lost(bounds::STORE_AND_FORWARD, DPR_FRONT_END));
+    assert!(lost(10_000, Disturbance::Air));
 }

@@ -97,37 +97,24 @@ fn frames_that_were_delayed_or_lost_on_the_air_and_cycles_without_a_tick_are_not
 }
 
 #[test]
-fn a_flight_controller_that_misuses_the_ssi_may_delay_an_image_by_less_than_a_hundredth_of_its_way() {
+fn a_flight_controller_that_misuses_the_ssi_delays_no_image() {
     for (by, violations) in [(0, vec![]), (1, vec![(LateReadable, 1)])] {
         let mut plan = Plan::new(3, 40);
         let number = plan.showing(200);
         let ended = plan.publications[number].at - TO_FRESH;
-        plan.publications[number].at = ended + bounds::LAST_BIT_TO_READABLE + bounds::MISUSE_DELAYS + by;
+        plan.publications[number].at = ended + bounds::LAST_BIT_TO_READABLE + by;
         let mut log = plan.log();
-        let kind = "flight controller zero bytes".to_owned();
-        insert(&mut log, ended - MS, What::Injected { kind, until: ended + MS });
+        insert(&mut log, ended - MS, injected(MISUSE, ended + MS));
         assert_eq!(found(&log), violations, "{by}");
-    }
-    // It counts as misused until its last bit at least.
-    for (over_after, violations) in [(1, vec![]), (0, vec![(LateReadable, 1)])] {
-        let mut plan = Plan::new(3, 40);
-        let number = plan.showing(200);
-        let ended = plan.publications[number].at - TO_FRESH;
-        plan.publications[number].at = ended + bounds::LAST_BIT_TO_READABLE + bounds::MISUSE_DELAYS;
-        let mut log = plan.log();
-        let until = ended - bounds::MISUSE_OVER + over_after;
-        let kind = "flight controller zero bytes".to_owned();
-        insert(&mut log, until - MS, What::Injected { kind, until });
-        assert_eq!(found(&log), violations, "{over_after}");
     }
 }
 
 #[test]
 fn a_frame_that_began_while_the_dprs_front_end_was_out_of_order_may_be_late() {
     for (kind, sooner, violations) in [
-        ("dpr front end reads ones", 0, vec![]),
-        ("dpr front end reads ones", 1, vec![(LateReadable, 1)]),
-        ("horus front end reads ones", 0, vec![(LateReadable, 1)]),
+        (DPR_FRONT_END, 0, vec![]),
+        (DPR_FRONT_END, 1, vec![(LateReadable, 1)]),
+        (HORUS_FRONT_END, 0, vec![(LateReadable, 1)]),
     ] {
         let mut plan = Plan::new(3, 40);
         let number = plan.showing(200);
@@ -139,8 +126,36 @@ fn a_frame_that_began_while_the_dprs_front_end_was_out_of_order_may_be_late() {
         });
         let until = started.unwrap() - sooner;
         let mut log = plan.log();
-        insert(&mut log, until - MS, What::Injected { kind: kind.to_owned(), until });
-        assert_eq!(found(&log), violations, "{kind} {sooner}");
+        insert(&mut log, until - MS, injected(kind, until));
+        assert_eq!(found(&log), violations, "{kind:?} {sooner}");
+    }
+}
+
+#[test]
+fn a_frame_that_may_be_missed_is_timed_from_its_repetition() {
+    for (fault, late, violations) in [
+        (Some(DPR_FRONT_END), 0, vec![]),
+        (Some(DPR_FRONT_END), 1, vec![(LateReadable, 1)]),
+        (Some(HORUS_FRONT_END), 0, vec![(LateReadable, 1)]),
+        (None, 0, vec![(LateReadable, 1)]),
+    ] {
+        let mut plan = Plan::new(3, 40);
+        let number = plan.showing(200);
+        let ended = plan.publications[number].at - TO_FRESH;
+        let first = plan.upstream.iter().find(|event| event.at == ended && matches!(event.what, What::Heard { .. }));
+        let mut again = first.unwrap().clone();
+        let What::Heard { started, .. } = &mut again.what else { unreachable!("a frame that was heard") };
+        // The fault has gone just before the frame, and the front end is being brought up.
+        let until = *started - 1_000;
+        *started += 850_000;
+        again.at += 850_000;
+        plan.publications[number].at = again.at + bounds::LAST_BIT_TO_READABLE + late;
+        let mut log = plan.log();
+        insert(&mut log, again.at, again.what);
+        if let Some(fault) = fault {
+            insert(&mut log, until - MS, injected(fault, until));
+        }
+        assert_eq!(found(&log), violations, "{fault:?} {late}");
     }
 }
 
@@ -148,17 +163,17 @@ fn a_frame_that_began_while_the_dprs_front_end_was_out_of_order_may_be_late() {
 fn a_cycle_of_which_the_dprs_front_end_may_not_have_handed_over_the_last_frame_may_be_late() {
     for gps in [3, 5] {
         for (kind, after, violations) in [
-            ("dpr front end reads zeros", 359_999, vec![]),
-            ("dpr front end reads zeros", 360_000, vec![(LateReadable, 1)]),
-            ("horus front end reads zeros", 359_999, vec![(LateReadable, 1)]),
+            (DPR_FRONT_END, 359_999, vec![]),
+            (DPR_FRONT_END, 360_000, vec![(LateReadable, 1)]),
+            (HORUS_FRONT_END, 359_999, vec![(LateReadable, 1)]),
         ] {
             let mut plan = Plan::new(gps, 40);
             let number = plan.showing(200);
             let ended = plan.publications[number].at - TO_FRESH;
             plan.publications[number].at += 3 * MS;
             let mut log = plan.log();
-            insert(&mut log, ended + after, What::Injected { kind: kind.to_owned(), until: ended + after });
-            assert_eq!(found(&log), violations, "{gps} receivers, {kind} {after}");
+            insert(&mut log, ended + after, injected(kind, ended + after));
+            assert_eq!(found(&log), violations, "{gps} receivers, {kind:?} {after}");
         }
     }
 }

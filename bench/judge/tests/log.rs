@@ -2,7 +2,7 @@
 
 mod common;
 
-use bench_judge::{Board, Bytes, Event, Header, Judge, Log, LogError, LogWriter, SsiEvent, What, judge};
+use bench_judge::{Board, Bytes, Disturbance, Event, Header, Judge, Log, LogError, LogWriter, SsiEvent, What, judge};
 use common::*;
 use proptest::prelude::*;
 
@@ -18,7 +18,7 @@ fn one_of_each() -> Vec<What> {
     vec![
         What::Power { board: Board::Horus, on: true },
         What::Reset { board: Board::Dpr, cause: text(), asked: false },
-        What::Injected { kind: "air".into(), until: u64::MAX },
+        injected(Disturbance::Air, u64::MAX),
         What::Hung { board: Board::Dpr },
         What::StateInput { input: 1, active: true, inactive: false },
         What::Tick,
@@ -28,7 +28,9 @@ fn one_of_each() -> Vec<What> {
         What::FieldHeard { on: true },
         What::Heard { started: 0, bytes: Bytes::default(), whole: false },
         What::Answer,
+        What::Offered { receiver: 1, bytes: vec![0xB5].into() },
         What::Fed { receiver: 2, byte_ns: 86_806, bytes: vec![0xB5, 0x62].into(), clean: true, old: false },
+        What::Navigates { receiver: 1, model: 7 },
         What::Fresh { high: true, offered: Some(vec![1; 276].into()) },
         What::Ssi(SsiEvent::Held),
         What::Selected,
@@ -47,7 +49,7 @@ fn one_of_each() -> Vec<What> {
 #[test]
 fn events_of_one_instant_stand_in_the_order_of_their_declaration() {
     let ranks: Vec<_> = one_of_each().iter().map(What::rank).collect();
-    assert_eq!(ranks, (0..25).collect::<Vec<_>>());
+    assert_eq!(ranks, (0..27).collect::<Vec<_>>());
     let source = include_str!("../src/event.rs");
     let declared = source.split("pub enum What {").nth(1).unwrap().split("\n}\n").next().unwrap();
     let is_variant = |line: &&str| line.starts_with("    ") && line.as_bytes()[4].is_ascii_uppercase();
@@ -93,7 +95,7 @@ fn error(lines: &[&str]) -> LogError {
     Log::read(lines.join("\n").as_bytes()).unwrap_err()
 }
 
-const HEADER: &str = r#"{"version":1,"gps":3,"seed":7,"clock":"fast"}"#;
+const HEADER: &str = r#"{"version":2,"gps":3,"seed":7,"clock":"fast"}"#;
 const TICK: &str = r#"{"at":10,"what":"tick"}"#;
 
 #[test]
@@ -118,9 +120,9 @@ fn what_is_no_log_is_told_with_its_line() {
         // What is wrong with it comes as the source.
         assert!(std::error::Error::source(&error).is_some());
     }
-    let newer = HEADER.replace("\"version\":1", "\"version\":2");
-    assert!(matches!(error(&[&newer, TICK]), LogError::Version { found: 2 }));
-    assert_eq!(error(&[&newer]).to_string(), "the log has format 2, and this version reads format 1");
+    let newer = HEADER.replace("\"version\":2", "\"version\":3");
+    assert!(matches!(error(&[&newer, TICK]), LogError::Version { found: 3 }));
+    assert_eq!(error(&[&newer]).to_string(), "the log has format 3, and this version reads format 2");
     let backwards = [HEADER, TICK, TICK, r#"{"at":9,"what":"tick"}"#];
     assert!(matches!(error(&backwards), LogError::Order { line: 4, at: 9, before: 10 }));
     assert_eq!(error(&backwards).to_string(), "line 4: an event at 9 ns after one at 10 ns");
@@ -227,11 +229,13 @@ fn what() -> impl Strategy<Value = What> {
     ];
     let frame = prop_oneof![Just(frame(&profile(1, 10))), Just(frame(&profile(1, 20)))];
     let board = || prop_oneof![Just(Board::Horus), Just(Board::Dpr)];
+    let disturbance = prop::sample::select(vec![DPR_FRONT_END, HORUS_FRONT_END, MISUSE, RECEIVE_BIT, IMAGE_BIT]);
     let ssi = prop_oneof![Just(SsiEvent::Held), Just(SsiEvent::Released), Just(SsiEvent::Ready), Just(SsiEvent::Busy)];
     prop_oneof![
         2 => (board(), any::<bool>()).prop_map(|(board, on)| What::Power { board, on }),
         1 => (board(), ".*", any::<bool>()).prop_map(|(board, cause, asked)| What::Reset { board, cause, asked }),
-        1 => (".*", any::<u64>()).prop_map(|(kind, until)| What::Injected { kind, until }),
+        1 => (".*", disturbance, any::<u64>())
+            .prop_map(|(kind, disturbs, until)| What::Injected { kind, disturbs, until }),
         2 => Just(What::Tick),
         2 => (any::<u32>(), frame.clone(), any::<bool>()).prop_map(|(bit_rate, bytes, whole)| What::Sent {
             started: 0,

@@ -2,7 +2,8 @@
 
 mod common;
 
-use bench_judge::{Board, Max, Quantiles, SsiEvent, Violation::*, What, bounds};
+use bench_judge::disturbance::Wire;
+use bench_judge::{Board, Disturbance, Max, Quantiles, SsiEvent, Violation::*, What, bounds};
 use common::*;
 use profile::LinkValues;
 
@@ -84,14 +85,14 @@ fn a_flight_controller_that_never_reads_is_a_violation() {
 #[test]
 fn no_transaction_is_expected_while_the_flight_controller_is_made_to_hang() {
     for (kind, until, violations) in [
-        ("flight controller hangs", 400 * MS, vec![]),
-        ("flight controller hangs", u64::MAX, vec![]),
-        ("flight controller hangs", 349 * MS, vec![(NoTransaction, 1)]),
-        ("wire FRESH stuck", 400 * MS, vec![(NoTransaction, 1)]),
+        (MISUSE, 400 * MS, vec![]),
+        (MISUSE, u64::MAX, vec![]),
+        (MISUSE, 349 * MS, vec![(NoTransaction, 1)]),
+        (Disturbance::Wire { wire: Wire::Fresh }, 400 * MS, vec![(NoTransaction, 1)]),
     ] {
         let mut log = without_transactions(251 * MS, 450 * MS).log();
-        insert(&mut log, 260 * MS, What::Injected { kind: kind.into(), until });
-        assert_eq!(found(&log), violations, "{kind} until {until}");
+        insert(&mut log, 260 * MS, injected(kind, until));
+        assert_eq!(found(&log), violations, "{kind:?} until {until}");
     }
 }
 
@@ -122,7 +123,7 @@ fn kept_selected_at_a_restart(restart: u64) {
     let held = plan.selects.iter().copied().find(|selected| *selected > 260 * MS).unwrap();
     plan.selects.retain(|selected| *selected <= held || *selected > 450 * MS);
     let mut log = plan.log();
-    let injected = What::Injected { kind: "flight controller runs away".into(), until: 450 * MS };
+    let injected = injected(MISUSE, 450 * MS);
     insert(&mut log, held - 1, injected);
     insert(&mut log, restart, dpr_reset(true));
     let let_go = 450 * MS;
@@ -229,7 +230,7 @@ fn a_dpr_owes_readiness_again_from_the_instant_at_which_misuse_is_over() {
         let ready = [SsiEvent::Released, SsiEvent::Ready];
         let mut log = moved(&log, ended + TO_READY, ended + bounds::SSI_READY + 1, &ready);
         let until = over - bounds::MISUSE_OVER;
-        insert(&mut log, until - MS, What::Injected { kind: "flight controller hammers".into(), until });
+        insert(&mut log, until - MS, injected(MISUSE, until));
         assert_eq!(found(&log), violations, "{sooner}");
     }
 }
@@ -462,6 +463,28 @@ fn transactions_of_a_few_bytes_tell_nothing_unless_they_met_the_dpr_busy() {
 }
 
 #[test]
+fn readiness_is_owed_from_the_end_of_the_pause() {
+    let log = Plan::new(3, 60).log();
+    let ready = log.events[repeats(&log)[40]].at + TO_READY;
+    for (ended_after, ready_after, violations) in [
+        (1, bounds::SSI_PAUSE + bounds::SSI_READY, vec![]),
+        (1, bounds::SSI_PAUSE + bounds::SSI_READY + 1, vec![(NotReady, 1)]),
+        (bounds::SSI_PAUSE, bounds::SSI_PAUSE + bounds::SSI_READY, vec![]),
+        (bounds::SSI_PAUSE + 1, bounds::SSI_PAUSE + bounds::SSI_READY + 2, vec![(NotReady, 1)]),
+    ] {
+        let mut log = log.clone();
+        let ended = ready + ended_after;
+        insert(&mut log, ready, What::Selected);
+        insert(&mut log, ended, What::Ssi(SsiEvent::Held));
+        insert(&mut log, ended, What::Transaction { selected: ready, mosi: vec![].into(), miso: vec![].into() });
+        for event in [SsiEvent::Released, SsiEvent::Ready] {
+            insert(&mut log, ready + ready_after, What::Ssi(event));
+        }
+        assert_eq!(found(&log), violations, "{ended_after} {ready_after}");
+    }
+}
+
+#[test]
 fn a_flight_controller_that_runs_away_gets_so_many_transactions_for_each_image_and_no_more() {
     let plan = Plan::new(1, 60);
     let gap = plan.publications[plan.showing(300)].at + 400_000;
@@ -586,7 +609,7 @@ fn a_dpr_that_restarts_while_it_is_selected_holds_its_buffers_for_itself() {
         let let_go = 400 * MS;
         plan.selects.retain(|selected| *selected <= held || *selected > let_go + MS);
         let mut log = plan.log();
-        insert(&mut log, held - 1, What::Injected { kind: "flight controller runs away".into(), until: let_go });
+        insert(&mut log, held - 1, injected(MISUSE, let_go));
         blind(&mut log, held, let_go);
         let of_dpr = |what: &What| matches!(what, What::Fresh { .. } | What::Ssi(_));
         log.events.retain(|event| !(held..let_go).contains(&event.at) || !of_dpr(&event.what));

@@ -7,10 +7,13 @@
 //!
 //! | explained by | since |
 //! |---|---|
-//! | an injected fault, a supply that went off or on, a reset of either board | the bench did it, or it is told |
+//! | an injected fault, as far as [`complaints`](crate::disturbance::complaints) says | the bench did it |
+//! | a start of HORUS: what the DPR counts | a frame was cut off |
 //! | HORUS's field going off while HORUS runs | HORUS brings its front end up again, the DPR loses frames |
-//! | a frame that reached the DPR's antenna changed or not at all | what the air does is no board's fault |
+//! | a frame that reached the DPR's antenna changed or not at all: what the DPR counts | the air is no board's fault |
 //! | any violation found before | it is that one's consequence, and a cause is told once |
+//!
+//! A board's own start ends what explains its complaints of before: it counts from zero then.
 //!
 //! | board | counter | counts |
 //! |---|---|---|
@@ -35,6 +38,7 @@
 
 use std::collections::BTreeMap;
 
+use crate::disturbance::{complaints, front_end_use};
 use crate::{Board, Context, Event, Figures, Findings, Header, Violation, What, bounds};
 
 /// A violation of HORUS, and its like of the DPR.
@@ -72,16 +76,18 @@ struct Complaint {
 #[derive(Clone, Debug)]
 pub struct Boards {
     injected: BTreeMap<String, u64>,
-    /// Something in the log explains that a firmware counts faults.
-    explained: bool,
+    /// Something beside what the bench injects explains that HORUS's firmware, or the DPR's, counts faults since its
+    /// last start.
+    explained: [bool; 2],
     /// Faults of a core that no restart has ended yet: on which board, when, in words.
     faulted: Vec<(Board, u64, String)>,
     /// Which board last restarted unasked, and when.
     restarted: Option<(Board, u64)>,
     /// By when each board that hangs must have restarted, ns, until it has or that is told.
     restart_due: [Option<u64>; 2],
-    /// Until when each board's front end may be used against its data sheet, ns: it is, or was just, out of order.
-    out_of_order: [u64; 2],
+    /// How long each board was stopped until now, and since when it is, ns: what a firmware does that has been stopped
+    /// is no load.
+    stopped: [(u64, Option<u64>); 2],
     /// HORUS's carrier is on.
     field: bool,
     /// The last frame that HORUS sent whole, until it has reached the antenna.
@@ -95,11 +101,11 @@ impl Boards {
     pub fn new(_header: &Header) -> Self {
         Self {
             injected: BTreeMap::new(),
-            explained: false,
+            explained: [false; 2],
             faulted: vec![],
             restarted: None,
             restart_due: [None; 2],
-            out_of_order: [0; 2],
+            stopped: [(0, None); 2],
             field: false,
             on_the_way: None,
             complaints: vec![],
@@ -112,17 +118,17 @@ impl Boards {
         self.pass(at, findings);
         match &event.what {
             What::Hung { board } if context.running(*board).hung == Some(at) => {
-                self.restart_due[*board as usize] = Some(at + watchdog_longest(*board));
+                let longest = watchdog_longest(*board, at - context.running(*board).since);
+                self.restart_due[*board as usize] = Some(at + longest);
+                self.stopped[*board as usize].1 = Some(at);
             }
             What::Power { board, .. } => {
-                self.explained = true;
                 self.restart_due[*board as usize] = None;
+                self.starts(*board, at);
             }
             What::Reset { board, cause, asked } => {
-                self.explained = true;
                 self.restart_due[*board as usize] = None;
-                let over = &mut self.out_of_order[*board as usize];
-                *over = (*over).max(at.saturating_add(bounds::CUT_SHORT));
+                self.starts(*board, at);
                 let ends_hang = context.running(*board).ended_hang && is_of_watchdog(cause);
                 if !asked && !ends_hang {
                     self.restarted = Some((*board, at));
@@ -134,29 +140,23 @@ impl Boards {
                     findings.add(Of::RESTARTED.board(*board), at, || cause.clone());
                 }
             }
-            What::Injected { kind, until } => {
-                // A firmware whose code is broken answers for what it counts.
-                self.explained |= !kind.starts_with("image");
-                for (board, word) in [(Board::Horus, "horus"), (Board::Dpr, "dpr")] {
-                    let its = kind.contains(word);
-                    if its && (kind.contains("front end") || kind.starts_with("power") && kind.ends_with("off")) {
-                        let over = &mut self.out_of_order[board as usize];
-                        *over = (*over).max(until.saturating_add(bounds::FRONT_END_RECOVERY));
-                    }
-                }
-                match self.injected.get_mut(kind) {
-                    Some(count) => *count += 1,
-                    None => _ = self.injected.insert(kind.clone(), 1),
+            What::Injected { kind, .. } => match self.injected.get_mut(kind) {
+                Some(count) => *count += 1,
+                None => _ = self.injected.insert(kind.clone(), 1),
+            },
+            What::Field { on } => {
+                if std::mem::replace(&mut self.field, *on) && !on {
+                    self.explained = [true; 2];
                 }
             }
-            What::Field { on } => self.explained |= std::mem::replace(&mut self.field, *on) && !on,
             What::Sent { bytes, whole, .. } => {
                 // The one before was not heard.
-                self.explained |= self.on_the_way.is_some();
+                self.explained[Board::Dpr as usize] |= self.on_the_way.is_some();
                 self.on_the_way = whole.then(|| bytes.to_vec());
             }
             What::Heard { bytes, whole, .. } => {
-                self.explained |= !whole || self.on_the_way.take().is_none_or(|sent| sent != bytes.0);
+                let as_sent = self.on_the_way.take().is_some_and(|sent| sent == bytes.0);
+                self.explained[Board::Dpr as usize] |= !whole || !as_sent;
             }
             // The restart that a lockup is stands before it.
             What::Finding { board, text } if is_fault(text) => {
@@ -166,15 +166,18 @@ impl Boards {
             }
             What::Finding { board, text } => findings.add(Of::FINDING.board(*board), at, || text.clone()),
             // A firmware that does not know, or cannot read, what its front end is doing goes on using it.
-            What::Misuse { board, .. } if at <= self.out_of_order[*board as usize] => {}
+            What::Misuse { board, .. } if context.disturbances().excuse(front_end_use(*board), at) => {}
             What::Misuse { board, .. } if context.running(*board).hung.is_some() => {}
             What::Misuse { board, text } => {
                 findings.add(Violation::FrontEndMisuse, at, || format!("{board:?}: {text}"));
             }
             What::Load { board, per_10_000 } => {
-                if *per_10_000 > bounds::LOAD_PER_10_000 && at >= bounds::LOAD_FROM {
+                self.goes_on(*board, at);
+                let no_load = self.stopped[*board as usize].0 + context.running(*board).starts * start_work(*board);
+                let bound = u64::from(bounds::LOAD_PER_10_000) + 10_000 * no_load / at.max(1);
+                if u64::from(*per_10_000) > bound && at >= bounds::LOAD_FROM {
                     findings.add(Of::OVERLOADED.board(*board), at, || {
-                        format!("{per_10_000} of 10000, the bound is {}", bounds::LOAD_PER_10_000)
+                        format!("{per_10_000} of 10000, the bound is {bound}")
                     });
                 }
             }
@@ -193,37 +196,60 @@ impl Boards {
         }
     }
 
+    /// A board starts at `at`, or loses its supply: it counts from zero. What HORUS was sending is cut off.
+    fn starts(&mut self, board: Board, at: u64) {
+        self.goes_on(board, at);
+        self.explained[board as usize] = false;
+        self.explained[Board::Dpr as usize] |= board == Board::Horus;
+    }
+
+    /// A board is not stopped any more at `at`.
+    fn goes_on(&mut self, board: Board, at: u64) {
+        let (stopped, since) = &mut self.stopped[board as usize];
+        *stopped += since.take().map_or(0, |since| at.saturating_sub(since));
+    }
+
     /// It is `now`: a board whose watchdog has not bitten by then stays hung.
     fn pass(&mut self, now: u64, findings: &mut Findings) {
         for board in [Board::Horus, Board::Dpr] {
             if let Some(due) = self.restart_due[board as usize].take_if(|due| now > *due) {
-                findings.add(Of::STAYS_HUNG.board(board), due, || {
-                    format!("{} ns after it began to", watchdog_longest(board))
-                });
+                findings.add(Of::STAYS_HUNG.board(board), due, || "its watchdog should have bitten by now".to_owned());
             }
         }
     }
 
     /// The run is over.
-    pub fn finish(&mut self, _context: &Context, findings: &mut Findings, figures: &mut Figures) {
+    pub fn finish(&mut self, context: &Context, findings: &mut Findings, figures: &mut Figures) {
         figures.faults.injected = std::mem::take(&mut self.injected);
         for (board, at, text) in self.faulted.drain(..) {
             findings.add(Of::FINDING.board(board), at, || text);
         }
-        if self.explained || findings.counts().next().is_some() {
+        if findings.counts().next().is_some() {
             return;
         }
         for Complaint { board, at, name, value } in self.complaints.drain(..) {
+            if self.explained[board as usize] || context.disturbances().excuse(complaints(board), at) {
+                continue;
+            }
             findings.add(Of::COMPLAINS.board(board), at, || format!("{name} = {value}"));
         }
     }
 }
 
-/// The longest that a board's watchdog takes to bite, ns.
-const fn watchdog_longest(board: Board) -> u64 {
+/// The longest that the watchdog of a board takes to bite that hangs so long after its start, ns.
+const fn watchdog_longest(board: Board, after_start: u64) -> u64 {
     match board {
+        Board::Horus if after_start < bounds::WATCHDOG_FED => bounds::FIRST_WATCHDOG_LONGEST,
         Board::Horus => bounds::WATCHDOG_LONGEST,
         Board::Dpr => bounds::DPR_WATCHDOG_LONGEST,
+    }
+}
+
+/// What a start takes of a board's processor at most, ns.
+const fn start_work(board: Board) -> u64 {
+    match board {
+        Board::Horus => bounds::HORUS_START_WORK,
+        Board::Dpr => bounds::DPR_START_WORK,
     }
 }
 
@@ -249,7 +275,8 @@ fn counts_faults(board: Board, name: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{Events, MS, found, header};
+    use crate::Disturbance;
+    use crate::testing::{Events, HORUS_FRONT_END, IMAGE_BIT, MS, found, header, injected};
 
     const BOARDS: [Board; 2] = [Board::Horus, Board::Dpr];
 
@@ -301,7 +328,7 @@ mod tests {
                 What::Reset { board, cause: text(), asked: false },
                 What::Finding { board, text: text() },
                 What::Misuse { board, text: text() },
-                What::Load { board, per_10_000: bounds::LOAD_PER_10_000 + 1 },
+                What::Load { board, per_10_000: 2 * bounds::LOAD_PER_10_000 + 1 },
             ]
         };
         let horus =
@@ -313,6 +340,33 @@ mod tests {
                 events.add(400 * MS, what.clone()).add(410 * MS, what);
                 assert_eq!(broken(&events), [(violation, 2, 400 * MS)]);
             }
+        }
+    }
+
+    #[test]
+    fn the_load_leaves_out_starts_and_the_time_of_a_stop() {
+        let overloaded = |board, per_10_000, disturb: &dyn Fn(&mut Events)| {
+            let mut events = run();
+            disturb(&mut events);
+            events.add(1_000 * MS, What::Load { board, per_10_000 });
+            let of_load = [Violation::HorusOverloaded, Violation::DprOverloaded][board as usize];
+            broken(&events).iter().any(|(violation, ..)| *violation == of_load)
+        };
+        let stopped = |events: &mut Events| {
+            events.add(400 * MS, What::Hung { board: Board::Dpr }).reset(500 * MS, Board::Dpr, true);
+        };
+        let restarted = |events: &mut Events| _ = events.reset(500 * MS, Board::Dpr, true);
+        let none = |_: &mut Events| {};
+        for (board, beyond, disturb) in [
+            (Board::Horus, 400, &none as &dyn Fn(&mut Events)),
+            (Board::Horus, 400, &restarted),
+            (Board::Dpr, 200, &none),
+            (Board::Dpr, 400, &restarted),
+            (Board::Dpr, 1_400, &stopped),
+        ] {
+            let bound = bounds::LOAD_PER_10_000 + beyond;
+            assert!(!overloaded(board, bound, disturb), "{board:?} {bound}");
+            assert!(overloaded(board, bound + 1, disturb), "{board:?} {bound}");
         }
     }
 
@@ -429,7 +483,7 @@ mod tests {
                 events.add(at, What::Misuse { board: of, text: "in words".into() });
                 broken(&events).len()
             };
-            let over = 90 * MS + bounds::CUT_SHORT;
+            let over = 90 * MS + bounds::CUT_SHORT - 1;
             for (at, of, told) in [
                 (50 * MS - 1, board, 1),
                 (50 * MS, board, 0),
@@ -495,25 +549,50 @@ mod tests {
 
     #[test]
     fn a_complaint_that_something_in_the_log_explains_is_no_violation() {
-        assert_eq!(complaining(|_| {}), [Violation::HorusComplains, Violation::DprComplains]);
-        assert_eq!(complaining(|events| _ = events.add(9 * MS, What::Power { board: Board::Dpr, on: false })), []);
-        assert_eq!(complaining(|events| _ = events.reset(9 * MS, Board::Dpr, true)), []);
-        let injected = What::Injected { kind: "noise".to_owned(), until: 9 * MS };
-        assert_eq!(complaining(|events| _ = events.add(9 * MS, injected)), []);
+        let both = [Violation::HorusComplains, Violation::DprComplains];
+        let (of_horus, of_dpr) = ([both[0]], [both[1]]);
+        assert_eq!(complaining(|_| {}), both);
         assert_eq!(complaining(|events| _ = events.field(60 * MS, false)), []);
+        // A board that starts counts from zero; what HORUS was sending is cut off.
+        assert_eq!(complaining(|events| _ = events.add(9 * MS, What::Power { board: Board::Dpr, on: false })), both);
+        assert_eq!(complaining(|events| _ = events.reset(9 * MS, Board::Dpr, true)), both);
+        assert_eq!(complaining(|events| _ = events.reset(9 * MS, Board::Horus, true)), of_horus);
+        let disturbed = |disturbs| complaining(|events| _ = events.add(9 * MS, injected(disturbs, 9 * MS)));
+        assert_eq!(disturbed(Disturbance::Air), of_horus);
+        assert_eq!(disturbed(Disturbance::Receiver { receiver: 0 }), of_dpr);
+        assert_eq!(disturbed(Disturbance::Input { input: 0 }), both);
+        assert_eq!(disturbed(HORUS_FRONT_END), []);
         let late = What::Late { board: Board::Dpr, text: "5 ns".into() };
         assert_eq!(complaining(|events| _ = events.add(9 * MS, late)), [Violation::Late]);
     }
 
     #[test]
-    fn a_frame_that_the_air_changed_lost_or_made_up_explains_a_complaint() {
+    fn what_explains_a_complaint_does_so_until_the_boards_next_start() {
+        for (board, expected) in [(Board::Horus, vec![Violation::HorusComplains]), (Board::Dpr, vec![])] {
+            let disturbed = |events: &mut Events| {
+                events.add(9 * MS, injected(HORUS_FRONT_END, 9 * MS)).field(60 * MS, false);
+                events.reset(70 * MS, board, true);
+            };
+            let found: Vec<_> =
+                complaining(disturbed).into_iter().filter(|it| *it != Violation::DprComplains).collect();
+            assert_eq!(found, expected);
+        }
+        let restarted = |events: &mut Events| {
+            events.add(9 * MS, injected(IMAGE_BIT, 9 * MS)).reset(70 * MS, Board::Dpr, true);
+        };
+        assert_eq!(complaining(restarted), [Violation::HorusComplains, Violation::DprComplains]);
+    }
+
+    #[test]
+    fn a_disturbed_frame_explains_the_dprs_complaint() {
+        let of_horus = [Violation::HorusComplains];
         let is_heard = |event: &Event| matches!(event.what, What::Heard { .. });
         let mut heard = 0;
         let second = |event: &Event| {
             heard += usize::from(is_heard(event));
             is_heard(event) && heard == 2
         };
-        assert_eq!(complaining(|events| _ = events.without(second)), [], "lost");
+        assert_eq!(complaining(|events| _ = events.without(second)), of_horus, "lost");
         let changed = |change: fn(&mut What)| {
             complaining(|events| {
                 change(
@@ -525,17 +604,17 @@ mod tests {
             changed(|what| if let What::Heard { bytes, .. } = what {
                 bytes.0[9] ^= 1;
             }),
-            [],
+            of_horus,
             "changed"
         );
         assert_eq!(
             changed(|what| if let What::Heard { whole, .. } = what {
                 *whole = false;
             }),
-            [],
+            of_horus,
             "cut short"
         );
-        assert_eq!(complaining(|events| events.events.push(frame(101 * MS, &[1], true))), [], "made up");
+        assert_eq!(complaining(|events| events.events.push(frame(101 * MS, &[1], true))), of_horus, "made up");
     }
 
     #[test]
@@ -578,7 +657,8 @@ mod tests {
     fn injected_faults_are_counted_by_kind() {
         let mut events = run();
         for kind in ["noise", "upset", "noise"] {
-            events.add(50 * MS, What::Injected { kind: kind.to_owned(), until: 50 * MS });
+            let kind = kind.to_owned();
+            events.add(50 * MS, What::Injected { kind, disturbs: Disturbance::Air, until: 50 * MS });
         }
         let (broken, figures) = found(Boards::new(&header(3)), &events.log());
         assert_eq!(broken, []);

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`cycle`] | ticks, transmit commands, frames, their timestamps and their timing |
 //! | [`content`] | what HORUS sends against the bytes that its receivers were fed |
+//! | [`receivers`] | whether HORUS reads what its receivers offer |
 //! | [`boards`] | restarts, findings, misuse, load, the firmwares' own counters, the bench's own lateness |
 //! | [`ssi`] | transactions, readiness, FRESH, what is torn or damaged |
 //! | [`shown`] | what is shown against what reached the DPR's antenna: absence, sequence, age |
@@ -17,6 +18,7 @@ pub mod content;
 pub mod cycle;
 pub mod link_status;
 pub mod port;
+pub mod receivers;
 pub mod shown;
 pub mod ssi;
 
@@ -53,6 +55,7 @@ macro_rules! rules {
 rules! {
     cycle: cycle::Cycle,
     content: content::Content,
+    receivers: receivers::Receivers,
     ssi: ssi::Ssi,
     shown: shown::Shown,
     link_status: link_status::LinkStatus,

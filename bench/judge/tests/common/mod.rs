@@ -4,10 +4,11 @@
 //! show of it. What is spoilt in the plan has its consequences in the log; what is spoilt in the log has none.
 #![allow(dead_code, reason = "not every test uses all of it")]
 
-use bench_judge::{Board, Event, Header, Log, SsiEvent, Verdict, Violation, What, bounds, judge};
+use bench_judge::disturbance::{Conduct, Harm, Memory};
+use bench_judge::{Board, Disturbance, Event, Header, Log, SsiEvent, Verdict, Violation, What, bounds, judge};
 use profile::{
-    GpsStatus, GpsValues, Layout, LinkStatus, LinkStatusBits, LinkValues, Profile, ReportedStatus, ReportedValues,
-    ResetReason, air,
+    GpsValues, Layout, LinkStatus, LinkStatusBits, LinkValues, Profile, ReportedStatus, ReportedValues, ResetReason,
+    air,
 };
 
 /// The first tick of HORUS, ns.
@@ -54,7 +55,8 @@ pub(crate) struct Plan {
 pub(crate) fn profile(gps: usize, stamp: u32) -> Vec<u8> {
     fn of<const N: usize>(stamp: u32) -> Vec<u8> {
         // What HORUS says of receivers that have said nothing.
-        let silent = GpsValues { status: GpsStatus::new().with_stale(true), ..GpsValues::absent(stamp) };
+        let absent = GpsValues::absent(stamp);
+        let silent = GpsValues { status: absent.status.with_stale(true), ..absent };
         let status = ReportedStatus::new().with_degraded(true);
         let reported = ReportedValues { status, ..ReportedValues::absent(stamp) };
         Profile::<N>::seal(&reported, &[silent; N]).as_bytes().to_vec()
@@ -396,4 +398,20 @@ pub(crate) fn image_before(log: &Log, place: usize) -> Vec<u8> {
         _ => None,
     });
     before.unwrap()
+}
+
+/// A front end that does not answer.
+pub(crate) const DPR_FRONT_END: Disturbance = Disturbance::FrontEnd { board: Board::Dpr, harm: Harm::Silent };
+/// The same of HORUS.
+pub(crate) const HORUS_FRONT_END: Disturbance = Disturbance::FrontEnd { board: Board::Horus, harm: Harm::Silent };
+/// A flight controller that reads in a way in which it must not.
+pub(crate) const MISUSE: Disturbance = Disturbance::FlightController { conduct: Conduct::Misuse };
+/// A bit of a buffer that frames are received into.
+pub(crate) const RECEIVE_BIT: Disturbance = Disturbance::Memory { board: Board::Dpr, memory: Memory::Receive };
+/// A bit of an image.
+pub(crate) const IMAGE_BIT: Disturbance = Disturbance::Memory { board: Board::Dpr, memory: Memory::Images };
+
+/// The bench disturbs this until then.
+pub(crate) fn injected(disturbs: Disturbance, until: u64) -> What {
+    What::Injected { kind: format!("{disturbs:?}"), disturbs, until }
 }

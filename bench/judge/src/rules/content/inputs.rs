@@ -135,7 +135,11 @@ fn shown(taken: [Option<Says>; INPUTS]) -> Vec<HorusState> {
             Some(Says::Inactive) | None => {}
         }
     }
-    if taken.contains(&None) { vec![HorusState::Starting] } else { vec![HorusState::Starting, HorusState::Monitoring] }
+    if taken.contains(&None) {
+        return vec![HorusState::Starting];
+    }
+    // Which of them is the voted position's matter.
+    vec![HorusState::Starting, HorusState::Monitoring, HorusState::PositionLost]
 }
 
 impl Pair {
@@ -177,7 +181,7 @@ mod tests {
     use HorusState::{EmergencyFired, InputsContradict, Monitoring, MotorsCut, Starting, SwitchedToRedundant};
 
     const MS: u64 = 1_000_000;
-    const ALL: [HorusState; 7] = [
+    const ALL: [HorusState; 8] = [
         Starting,
         Monitoring,
         HorusState::OutsideRange,
@@ -185,6 +189,7 @@ mod tests {
         MotorsCut,
         EmergencyFired,
         InputsContradict,
+        HorusState::PositionLost,
     ];
 
     /// What HORUS may show at each of `ticks` ticks from 100 ms on, while input `input` has these levels from these
@@ -202,7 +207,7 @@ mod tests {
         (0..ticks).map(|number| after(100 * MS + number * bounds::CYCLE)).collect()
     }
 
-    const SOUND: [HorusState; 2] = [Starting, Monitoring];
+    const SOUND: [HorusState; 3] = [Starting, Monitoring, HorusState::PositionLost];
 
     #[test]
     fn without_an_active_input_horus_is_starting_until_three_samples_and_then_may_monitor() {
@@ -226,7 +231,7 @@ mod tests {
             // Between the tick and the end of the time in which it is sampled, it may or may not be seen.
             let shown = allowed(input, &[(150.1, true, false)], 10);
             assert_eq!(shown[7], SOUND);
-            assert_eq!(shown[8], [Starting, Monitoring, of]);
+            assert_eq!(shown[8], [Starting, Monitoring, of, HorusState::PositionLost]);
             assert_eq!(shown[9], [of]);
         }
     }

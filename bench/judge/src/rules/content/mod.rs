@@ -16,13 +16,18 @@
 //! - Ages for two seconds after a tick that was missing or irregular, or a timestamp that jumped: HORUS counts its time
 //!   in ticks.
 //! - Reported-Position in a cycle of which a GPS object was blamed, or is missing, and in the one after it. Else
-//!   [`vote`] says what it and the bits *excluded* must be. HORUS's state in it is judged in every cycle ([`inputs`]).
+//!   [`vote`] says what it and the bits *excluded* must be. HORUS's state in it is judged in every cycle ([`inputs`]),
+//!   and so is what HORUS says of its last reset and of its memory ([`itself`]).
+//!
+//! The dynamic model of a receiver is no message: [`models`] judges it by what the receiver itself makes of it.
 //!
 //! One object is told at most once for its values and once for its status. If both disagree with every message, it is
 //! the status if the values are those of a message that the status calls valid, or none where it calls none valid; else
 //! the content.
 
 mod inputs;
+mod itself;
+mod models;
 #[cfg(test)]
 mod tests;
 mod track;
@@ -31,11 +36,13 @@ mod vote;
 
 use std::collections::VecDeque;
 
-use profile::{CYCLE_MS, GpsStatus, GpsValues, Layout, MAX_RECEIVERS, ReportedValues};
+use profile::{CYCLE_MS, GpsValues, Layout, MAX_RECEIVERS, ReportedValues};
 
 use crate::read::{Frame, Placed, State, Values};
 use crate::{Board, Context, Event, Figures, Findings, Header, Violation, Voter, What, bounds};
 use inputs::Inputs;
+use itself::Itself;
+use models::Models;
 use track::{Age, FOUND_LATE, Held, Track};
 use ubx::{Kind, Message, Reader};
 use vote::{Seen, Vote};
@@ -44,6 +51,8 @@ use vote::{Seen, Vote};
 const HEARD: u16 = 1 << 7;
 /// The voter's bit, which [`vote`] judges.
 const EXCLUDED: u16 = 1 << 9;
+/// From this bit on the status tells the age of the solution.
+const AGE_SHIFT: u16 = 10;
 /// For so long after an irregular tick nothing is known of ages, ns: the longest that a solution stays valid, and more.
 const UNTIMED: u64 = 2_000_000_000;
 
@@ -185,8 +194,14 @@ impl Line {
         if (status & HEARD != 0 && !may_be_heard) || (status & HEARD == 0 && !may_be_silent) {
             wrong_status = wrong_status.or(Some("heard"));
         }
-        if status & !GpsStatus::USED != 0 {
-            wrong_status = wrong_status.or(Some("unused"));
+        let mut position = self.tracks[Kind::Position as usize].clone();
+        for message in arriving() {
+            if let Some((Kind::Position, time_of_week, said)) = message.said {
+                position.arriving(time_of_week, said, message.arrived);
+            }
+        }
+        if !position.may_tell_age(tick, timed, u64::from(status >> AGE_SHIFT)) {
+            wrong_status = wrong_status.or(Some("age of the solution"));
         }
         (content, wrong_status)
     }
@@ -219,8 +234,7 @@ struct Ticks {
 #[derive(Clone, Debug, Default)]
 struct Sent {
     tick: u64,
-    /// With the bits of its status, those without a meaning included.
-    reported: Option<(ReportedValues, u16)>,
+    reported: Option<ReportedValues>,
     gps: [Option<Seen>; MAX_RECEIVERS],
     /// A GPS object was wrong.
     blamed: bool,
@@ -236,6 +250,8 @@ pub struct Content {
     ticks: Ticks,
     sent: Sent,
     inputs: Inputs,
+    itself: Itself,
+    models: Models,
     vote: Vote,
     voter: Voter,
 }
@@ -254,6 +270,8 @@ impl Content {
             ticks: Ticks::default(),
             sent: Sent::default(),
             inputs: Inputs::new(),
+            itself: Itself::new(),
+            models: Models::new(header.gps),
             vote: Vote::new(header.gps),
             voter: Voter { agree: (0..=header.gps as u64).map(|agree| (agree, 0)).collect(), ..Voter::default() },
         }
@@ -262,12 +280,14 @@ impl Content {
     /// Takes the next event.
     pub fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
         let at = event.at;
+        self.itself.take(&event.what);
+        self.models.take(event);
         match &event.what {
             What::Power { board: Board::Horus, .. } | What::Reset { board: Board::Horus, .. } => {
+                self.vote.restart(self.itself.keeps_ram(), self.ticks.count);
                 self.ticks = Ticks { since: at, ..Ticks::default() };
                 self.lines.iter_mut().for_each(|line| line.forget(at));
                 self.inputs.forget();
-                self.vote.forget();
                 (0..self.lines.len()).for_each(|receiver| self.voter.excluded(receiver, at, false, None));
             }
             What::Tick => {
@@ -314,7 +334,7 @@ impl Content {
         if self.sent.tick != tick {
             self.sent = Sent { tick, ..Sent::default() };
         }
-        let Self { lines, ticks, sent, layout, inputs, vote, voter } = self;
+        let Self { lines, ticks, sent, layout, inputs, itself, models, vote, voter } = self;
         let stamp = (number * u64::from(CYCLE_MS)) as u32;
         let gps = || frame.objects.iter().filter(|object| object.index > 0);
         let mut ahead = gps().filter_map(Placed::timestamp).map(|timestamp| timestamp.wrapping_sub(stamp));
@@ -336,10 +356,19 @@ impl Content {
                     {
                         findings.add(Violation::StateWrong, at, || format!("{what}, at {:.6} ms", at as f64 / 1e6));
                     }
-                    sent.reported = Some((*values, u16::from_le_bytes([object.bytes[6], object.bytes[7]])));
+                    if let Some(what) = itself.wrong(values.status) {
+                        findings.add(Violation::ReportedWrong, at, || format!("{what}, at {:.6} ms", at as f64 / 1e6));
+                    }
+                    sent.reported = Some(*values);
                 }
                 State::Valid { values: Values::Gps(values), .. } => {
                     let Some(line) = lines.get_mut(object.index - 1) else { continue };
+                    if values.status.position_valid()
+                        && let Some(model) = models.wrong(object.index - 1, at, ticks.since)
+                    {
+                        let name = || format!("GPS{} navigates by model {model}", object.index);
+                        findings.add(Violation::NotAirborne, at, name);
+                    }
                     line.settle(tick.saturating_sub(bounds::MESSAGE_TAKEN), first);
                     let (held, lasts) = if tick >= untimed { line.held(tick, values) } else { (vec![], false) };
                     let hurried = line.hurried(tick);
@@ -360,10 +389,10 @@ impl Content {
             }
         }
         let complete = sent.gps.iter().flatten().count() == layout.receivers();
-        let Some((reported, bits)) = sent.reported.filter(|_| complete && !sent.blamed) else { return };
+        let Some(reported) = sent.reported.filter(|_| complete && !sent.blamed) else { return };
         let stamp = stamp.wrapping_add(ticks.ahead);
         let seen: Vec<Seen> = sent.gps.iter().flatten().cloned().collect();
-        let judged = vote.cycle(tick, number, inputs.is_known(), (bits, &reported), &seen);
+        let judged = vote.cycle(tick, number, inputs.is_known(), &reported, &seen);
         for (receiver, (seen, away)) in seen.iter().zip(judged.away).enumerate() {
             voter.excluded(receiver, tick, seen.values.status.excluded(), away);
         }

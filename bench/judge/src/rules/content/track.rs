@@ -252,6 +252,17 @@ impl Track {
         })
     }
 
+    /// Whether a GPS object of `tick` may tell the age of its solution by `code`. Unless HORUS's ticks were regular
+    /// (`timed`), nothing is known but whether there was a solution.
+    pub(super) fn may_tell_age(&self, tick: u64, timed: bool, code: u64) -> bool {
+        let is_of = |candidate: &Candidate| {
+            let age = Age::at(tick, candidate.born);
+            let told = |age: u64| (age / bounds::AGE_STEP).min(bounds::AGE_OLDEST);
+            code < bounds::AGE_NEVER && (!timed || (told(age.least)..=told(age.most)).contains(&code))
+        };
+        (self.none && code == bounds::AGE_NEVER) || self.candidates.iter().any(is_of)
+    }
+
     /// Holds the values and the status of a GPS object of `tick` against what they may be. Unless HORUS's ticks were
     /// regular (`timed`), nothing is known of ages.
     pub(super) fn agreement(&self, tick: u64, timed: bool, status: u16, values: [u64; 3]) -> Agreement {

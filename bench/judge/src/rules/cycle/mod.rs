@@ -9,21 +9,20 @@
 //!
 //! # One cause, one violation
 //!
-//! - A restart, asked for or not, cuts off whatever is under way and switches the field off: nothing of that is blamed
-//!   here. Ticks and frames that are missing for at most [`bounds::WATCHDOG_LONGEST`] until a reset that nobody asked
-//!   for are a hung HORUS, which that reset tells.
+//! - A restart, asked for or not, cuts off whatever is under way, a transmit command among it, and switches the field
+//!   off: nothing of that is blamed here. Ticks and frames that are missing for at most [`bounds::WATCHDOG_LONGEST`]
+//!   until a reset that nobody asked for are a hung HORUS, which that reset tells.
 //! - A command without its frame, a frame broken off, one that no command began, one that is not whole objects or that
 //!   has no place in its cycle fills a place of the cycle: its frames are not missed again.
 //! - While the field is off after it dropped, and in the cycle in which it comes back, no frame is asked for, and a
 //!   frame that it cuts off is not blamed. A field that HORUS takes down within [`bounds::FIELD_RECOVERY`] after a lost
 //!   frame is how it brings its front end up again: the lost frame is told.
-//! - While HORUS's front end is out of order through no fault of HORUS's, and [`bounds::FRONT_END_RECOVERY`] after
-//!   that, commands without frames, frames that break off or are missing and a field that drops are not blamed. What is
-//!   sent is judged all the same, and how soon the link recovers (rule `shown`).
+//! - While [`Excuse::Sending`] holds, commands without frames, frames that break off or are missing and a field that
+//!   drops are not blamed. What is sent is judged all the same, and how soon the link recovers (rule `shown`).
 //! - From the instant on at which the bench has HORUS hang until its next start no ticks, commands and frames are asked
-//!   for, and a frame that was begun or commanded before it may break off or not come. What is sent is judged all the
-//!   same, and so are the ticks that HORUS's timer goes on making. What was missing before it is told, since the
-//!   watchdog's reset that ends the hang tells nothing.
+//!   for, and a frame that was begun or commanded before it may break off or not come, or the field be switched off.
+//!   What is sent is judged all the same, and so are the ticks that HORUS's timer goes on making. What was missing
+//!   before it is told, since the watchdog's reset that ends the hang tells nothing.
 //! - A cycle that its tick does not end in time is not asked for frames. Where a tick was missing or irregular, the
 //!   timestamps may or may not count it: the next one decides, and binds those after it.
 //! - A frame that begins more than a cycle after a tick without another is that of a tick that is missing or late,
@@ -39,6 +38,7 @@ mod tests;
 
 use profile::{CYCLE_MS, Layout};
 
+use crate::disturbance::{Disturbances, Excuse};
 use crate::read::{Frame, State};
 use crate::{Board, Context, Event, Figures, Findings, Header, Violation, What, bounds};
 use jitter::{Jitter, Series, Worst};
@@ -183,8 +183,6 @@ pub struct Cycle {
     run: Run,
     worst: Worst,
     measured: Measured,
-    /// Until when HORUS's front end may be out of order through no fault of HORUS's, ns.
-    front_end_gone: u64,
 }
 
 impl Cycle {
@@ -200,24 +198,23 @@ impl Cycle {
             run: Run::new(0, true),
             worst: Worst::default(),
             measured: Measured::default(),
-            front_end_gone: 0,
         }
     }
 
     /// Takes the next event.
     pub fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
-        self.pass(event.at, findings);
+        let disturbances = context.disturbances();
+        self.pass(event.at, disturbances, findings);
         match &event.what {
             What::Power { board: Board::Horus, on } => self.restart(event.at, *on, true, context, findings),
             What::Reset { board: Board::Horus, asked, .. } => {
                 let powered = context.running(Board::Horus).powered;
                 self.restart(event.at, powered, *asked, context, findings);
             }
-            What::Injected { kind, until } if kind.contains("horus front end") => {
+            What::Injected { disturbs, .. } if disturbs.may_take(Excuse::Sending) => {
                 if let Some(tick) = &mut self.run.tick {
                     tick.cut_off = true;
                 }
-                self.front_end_gone = self.front_end_gone.max(until.saturating_add(bounds::FRONT_END_RECOVERY));
             }
             _ if !self.run.powered => {}
             What::Hung { board: Board::Horus } => {
@@ -225,12 +222,14 @@ impl Cycle {
                 self.run.hung = true;
                 self.cut_off(event.at);
             }
-            What::Tick => self.tick(event.at, findings),
+            What::Tick => self.tick(event.at, disturbances, findings),
+            // A reset lets go of chip select in whatever HORUS was sending.
+            What::Command if event.at == self.run.since => {}
             What::Command => {
                 let cut_off = self.run.dropped || self.run.hung;
                 self.run.commands.push(Command { at: event.at, cut_off });
             }
-            What::Field { on } => self.field(event.at, *on, findings),
+            What::Field { on } => self.field(event.at, *on, disturbances, findings),
             What::Sent { started, bit_rate, whole, .. } => {
                 if *whole {
                     self.measured.frames_sent += 1;
@@ -241,7 +240,7 @@ impl Cycle {
                 if let Some(frame) = context.frame()
                     && *started >= self.run.since + bounds::COMMAND_TO_AIR
                 {
-                    self.sent(event.at, *started, *whole, frame, findings);
+                    self.sent(event.at, *started, *whole, frame, disturbances, findings);
                 }
             }
             _ => {}
@@ -249,7 +248,7 @@ impl Cycle {
     }
 
     /// It is `now`: what has not come until now is missing.
-    fn pass(&mut self, now: u64, findings: &mut Findings) {
+    fn pass(&mut self, now: u64, disturbances: &Disturbances, findings: &mut Findings) {
         let run = &mut self.run;
         if !run.powered {
             return;
@@ -263,7 +262,7 @@ impl Cycle {
             && now > command.at + bounds::COMMAND_TO_END
         {
             self.run.commands.remove(0);
-            self.without_frame(command, findings);
+            self.without_frame(command, disturbances, findings);
         }
         while let Some(&(at, missing)) = self.run.missing.first()
             && now > at + bounds::WATCHDOG_LONGEST
@@ -288,8 +287,8 @@ impl Cycle {
         }
     }
 
-    fn without_frame(&mut self, command: Command, findings: &mut Findings) {
-        if !command.cut_off && command.at >= self.front_end_gone {
+    fn without_frame(&mut self, command: Command, disturbances: &Disturbances, findings: &mut Findings) {
+        if !command.cut_off && !disturbances.excuse(Excuse::Sending, command.at) {
             findings.add(Violation::CommandWithoutFrame, command.at, || format!("the one given at {}", ms(command.at)));
             self.run.lost = self.run.lost.max(Some(command.at));
             if let Some(tick) = self.run.tick_of(command.at) {
@@ -298,7 +297,7 @@ impl Cycle {
         }
     }
 
-    fn tick(&mut self, at: u64, findings: &mut Findings) {
+    fn tick(&mut self, at: u64, disturbances: &Disturbances, findings: &mut Findings) {
         let (number, regular) = match self.run.tick {
             None => (Number { least: 1, most: 1 }, true),
             Some(Tick { at: before, number: Number { least, most }, .. }) => {
@@ -330,7 +329,7 @@ impl Cycle {
             cut_off: run.hung
                 || run.dropped
                 || run.back.is_some_and(|back| at < back + bounds::FIELD_READY)
-                || at < self.front_end_gone,
+                || disturbances.excuse(Excuse::Sending, at),
             frames: [None; 2],
             others: 0,
         });
@@ -379,7 +378,7 @@ impl Cycle {
         self.worst.start_over(&self.run.jitter, self.layout, context);
     }
 
-    fn field(&mut self, at: u64, on: bool, findings: &mut Findings) {
+    fn field(&mut self, at: u64, on: bool, disturbances: &Disturbances, findings: &mut Findings) {
         let run = &mut self.run;
         if on {
             if std::mem::take(&mut run.dropped) {
@@ -395,7 +394,7 @@ impl Cycle {
         let waited_in_vain = run.commands.iter().any(|command| !command.cut_off && at > whole_by(command));
         self.cut_off(at);
         let run = &self.run;
-        let gone = at < self.front_end_gone;
+        let gone = disturbances.excuse(Excuse::Sending, at) || run.hung;
         if !gone && !waited_in_vain && run.lost.is_none_or(|lost| at > lost + bounds::FIELD_RECOVERY) {
             findings.add(Violation::FieldDropped, at, || format!("at {}", ms(at)));
         }
@@ -412,8 +411,16 @@ impl Cycle {
     }
 
     /// A frame of this start of HORUS has ended on the air.
-    fn sent(&mut self, at: u64, started: u64, whole: bool, frame: &Frame, findings: &mut Findings) {
-        let command = self.command_of(started, findings);
+    fn sent(
+        &mut self,
+        at: u64,
+        started: u64,
+        whole: bool,
+        frame: &Frame,
+        disturbances: &Disturbances,
+        findings: &mut Findings,
+    ) {
+        let command = self.command_of(started, disturbances, findings);
         let run = &mut self.run;
         if !whole && !run.field {
             // The field went off under it.
@@ -426,7 +433,7 @@ impl Cycle {
                 tick.blamed = true;
             }
         };
-        if !whole && (run.hung || at < self.front_end_gone) {
+        if !whole && (run.hung || disturbances.excuse(Excuse::Sending, at)) {
             return others(run);
         }
         if !whole {
@@ -466,7 +473,7 @@ impl Cycle {
     }
 
     /// The command that began the frame which began at `started`; those before it have no frame.
-    fn command_of(&mut self, started: u64, findings: &mut Findings) -> Option<u64> {
+    fn command_of(&mut self, started: u64, disturbances: &Disturbances, findings: &mut Findings) -> Option<u64> {
         let given = self.run.commands.iter().take_while(|command| command.at <= started).count();
         let mut own = None;
         for number in (0..given).rev() {
@@ -474,7 +481,7 @@ impl Cycle {
             if number + 1 == given && started - command.at <= bounds::COMMAND_TO_AIR {
                 own = Some(command.at);
             } else {
-                self.without_frame(command, findings);
+                self.without_frame(command, disturbances, findings);
             }
         }
         own
@@ -482,7 +489,7 @@ impl Cycle {
 
     /// The run is over.
     pub fn finish(&mut self, context: &Context, findings: &mut Findings, figures: &mut Figures) {
-        self.pass(context.now(), findings);
+        self.pass(context.now(), context.disturbances(), findings);
         self.tell_missing(findings);
         self.conclude(context);
         self.worst.tell(findings);

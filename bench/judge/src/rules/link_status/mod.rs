@@ -18,10 +18,10 @@
 //! Nothing is asked of an image that is another violation already: one that FRESH did not announce, or that is older
 //! than FRESH says (rule `ssi`), or that does not show what it must (rule `shown`). An image that lacks an object and
 //! one whose flag is wrong are told apart by the antenna: bits 0 and 1 are wrong only if they contradict both the image
-//! and what reached the antenna. Nothing is asked either while the DPR's front end is without supply; after
-//! it counters and time are compared from image to image alone, and bits 4, 5 and 10 may be set. One thing is asked
-//! meanwhile: from [`bounds::FRONT_END_TOLD`] after a chip has ceased to answer until it answers again, Link-Status
-//! says that the front end is at fault, that the link is not up, and that not all objects were accepted.
+//! and what reached the antenna. While [`Excuse::Hearing`] holds, only the time and the reason of the
+//! last reset are asked for, and one thing more: from [`bounds::FRONT_END_TOLD`] after a front end has ceased to answer
+//! until it answers again, Link-Status says that the front end is at fault, that the link is not up, and that not all
+//! objects were accepted. While [`Excuse::LinkCounters`] holds, counters are compared from image to image alone.
 
 mod clocks;
 mod counters;
@@ -36,9 +36,10 @@ use counters::{Baseline, Counters};
 use profile::{Layout, LinkStatusBits, LinkValues};
 use start::{Reasons, Time};
 
-use super::shown::expectation::{Certainty, Delivery, Expectation, disturbs_the_dpr, hits_a_buffer};
+use super::shown::expectation::{Certainty, Delivery, Expectation};
 use super::shown::publication;
 use super::shown::truth::Truth;
+use crate::disturbance::{Disturbances, Excuse};
 use crate::read::{Reading, State};
 use crate::{Board, Context, Event, Figures, Findings, Header, Violation, What, bounds};
 
@@ -62,6 +63,9 @@ struct Sample {
     at: u64,
     /// What the air added on the way, ns, of which the DPR cannot know.
     delay: u64,
+    /// So much older the DPR may take it for, ns: a front end that does not say when the frame ended makes it assume
+    /// the longest.
+    unsure: u64,
 }
 
 /// What the DPR knows after a frame.
@@ -104,12 +108,8 @@ pub struct LinkStatus {
     baseline: Option<Baseline>,
     time: Time,
     reasons: Reasons,
-    /// The DPR's front end was without supply.
-    broken: bool,
-    /// Since the DPR's last start.
-    broken_since_start: bool,
-    /// From when on, and until when, the DPR's front end does not answer, ns.
-    dead: (u64, u64),
+    /// Whether HORUS's field is at the antenna, and since when it is or is not, ns.
+    field: (bool, u64),
     /// The bytes that were judged last. Where they are read again, a rise of FRESH in between announced no image.
     last: Vec<u8>,
     /// What FRESH announced last.
@@ -136,9 +136,7 @@ impl LinkStatus {
             baseline: None,
             time: Time::default(),
             reasons: Reasons::power_on(),
-            broken: false,
-            broken_since_start: false,
-            dead: (0, 0),
+            field: (false, 0),
             last: vec![],
             offered: vec![],
         }
@@ -163,7 +161,6 @@ impl LinkStatus {
     pub fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
         self.truth.take(event, context);
         let delivery = self.expectation.take(event, context);
-        let disturbed = self.expectation.is_disturbed(event.at);
         match &event.what {
             What::Power { board: Board::Dpr, .. } | What::Reset { board: Board::Dpr, .. } => {
                 self.reasons = Reasons::of(&event.what);
@@ -174,18 +171,8 @@ impl LinkStatus {
                 self.time = Time::default();
                 self.last.clear();
                 self.offered.clear();
-                self.broken_since_start = disturbed;
             }
-            // What it counts it counts elsewhere.
-            What::Injected { kind, .. } if hits_a_buffer(kind) => self.broken = true,
-            What::Injected { kind, until } if disturbs_the_dpr(kind).is_some() => {
-                if is_dead(kind) {
-                    self.dead = (event.at + bounds::FRONT_END_TOLD, *until);
-                }
-                self.broken = true;
-                self.broken_since_start = true;
-                self.time = Time::default();
-            }
+            What::FieldHeard { on } if *on != self.field.0 => self.field = (*on, event.at),
             What::Fresh { high: true, offered } => {
                 // What announces the image of before is no publication: rule `ssi` tells that.
                 let offered = offered.as_ref().map_or(&[][..], |bytes| &bytes.0);
@@ -206,12 +193,13 @@ impl LinkStatus {
             _ => {}
         }
         if let Some(delivery) = delivery {
-            self.heard(delivery);
+            let blind = context.disturbances().excuse(Excuse::Hearing, delivery.started);
+            self.heard(delivery, if blind { bounds::FRAME_DEADLINE } else { 0 });
         }
     }
 
-    /// A frame has reached the antenna.
-    fn heard(&mut self, frame: Delivery) {
+    /// A frame has reached the antenna, of which the DPR may know the end so badly, ns.
+    fn heard(&mut self, frame: Delivery, unsure: u64) {
         let Some(last) = self.snapshots.back() else { return };
         let mut next = last.clone();
         next.counters.frame(&frame);
@@ -231,7 +219,7 @@ impl LinkStatus {
                 next.samples.clear();
                 next.none = false;
             }
-            next.samples.push(Sample { at, delay });
+            next.samples.push(Sample { at, delay, unsure });
             // Of those that are merely possible the oldest are not remembered.
             if next.samples.len() > REMEMBERED {
                 next.samples.remove(0);
@@ -263,13 +251,32 @@ impl LinkStatus {
         if !dpr.powered || published < dpr.since || !announced {
             return;
         }
-        self.tells_of_a_dead_front_end(values.status, published, dpr.since, reading.selected, findings);
-        if self.expectation.is_disturbed(published) || self.last == reading.miso {
+        let disturbances = context.disturbances();
+        tells_of_a_silent_front_end(values.status, published, context, reading.selected, findings);
+        if self.last == reading.miso {
             return;
         }
-        let Some(candidates) = self.candidates(reading, published) else { return };
+        // While the DPR may not hear, it cannot be told which frames an image is of.
+        let candidates = if disturbances.excuse(Excuse::Hearing, published) {
+            None
+        } else {
+            let Some(candidates) = self.candidates(reading, published) else { return };
+            Some(candidates)
+        };
         self.last.clone_from(&reading.miso);
-        if !self.counters_fit(values, published, &candidates) {
+        // An image that replaces a damaged one tells the time of that.
+        let mut of_the_start = None;
+        if !disturbances.excuse(Excuse::UnsoundImage, published) {
+            if let Some(words) = self.time.wrong(values.timestamp, published, dpr.since) {
+                findings.add(Violation::LinkTime, reading.selected, || words);
+            }
+            of_the_start = self.reasons.wrong(values.status);
+        }
+        if let Some(words) = of_the_start.clone() {
+            findings.add(Violation::LinkFlags, reading.selected, || words);
+        }
+        let Some(candidates) = candidates else { return };
+        if !self.counters_fit(values, published, &candidates, disturbances) {
             findings.add(Violation::LinkCounters, reading.selected, || {
                 let LinkValues { objects_accepted, objects_rejected, frames_received, frames_missed, .. } = values;
                 format!(
@@ -282,35 +289,12 @@ impl LinkStatus {
         if !of_candidates.clone().any(|snapshot| age_fits(snapshot, values.age_100us, published)) {
             findings.add(Violation::LinkAge, reading.selected, || format!("{} · 100 µs", values.age_100us));
         }
-        let flags = |snapshot| self.wrong_flags(snapshot, values.status, reading, published);
+        let no_field = self.no_field(published, dpr.since, disturbances);
+        let flags = |snapshot| self.wrong_flags(snapshot, values.status, reading, published, disturbances, no_field);
         // The words are of the last candidate, the one with every frame.
         let wrong = of_candidates.try_fold(String::new(), |_, snapshot| flags(snapshot));
-        let reason = || self.reasons.wrong(values.status).filter(|_| !self.broken_since_start);
-        let wrong = wrong.or_else(reason);
-        if let Some(words) = wrong {
+        if let Some(words) = wrong.filter(|_| of_the_start.is_none()) {
             findings.add(Violation::LinkFlags, reading.selected, || words);
-        }
-        if let Some(words) = self.time.wrong(values.timestamp, published, dpr.since, self.broken_since_start) {
-            findings.add(Violation::LinkTime, reading.selected, || words);
-        }
-    }
-
-    /// Whether an image of `published` says of a front end that does not answer what is the case.
-    fn tells_of_a_dead_front_end(
-        &self,
-        status: LinkStatusBits,
-        published: u64,
-        dpr_since: u64,
-        selected: u64,
-        findings: &mut Findings,
-    ) {
-        let (from, until) = self.dead;
-        let from = from.max(dpr_since + bounds::START + bounds::FRONT_END_TOLD);
-        let told = status.front_end_fault() && !status.link_up() && !status.all_accepted();
-        if (from..until).contains(&published) && !told {
-            findings.add(Violation::LinkFlags, selected, || {
-                format!("a front end that does not answer: status {:#06x}", status.bits())
-            });
         }
     }
 
@@ -354,14 +338,20 @@ impl LinkStatus {
         frame.received == Certainty::Must && is_last(frame) && belongs && in_time
     }
 
-    fn counters_fit(&mut self, values: &LinkValues, published: u64, candidates: &[usize]) -> bool {
-        let Self { snapshots, baseline, publication, broken_since_start, .. } = self;
+    fn counters_fit(
+        &mut self,
+        values: &LinkValues,
+        published: u64,
+        candidates: &[usize],
+        disturbances: &Disturbances,
+    ) -> bool {
+        let Self { snapshots, baseline, publication, .. } = self;
+        let broken = disturbances.excuse(Excuse::LinkCounters, published);
         let mut fits = false;
         for (place, index) in candidates.iter().enumerate() {
             let Some(counters) = snapshots.get(*index).map(|snapshot| &snapshot.counters) else { continue };
             let next = candidates.get(place + 1).and_then(|next| Some(&snapshots.get(*next)?.counters));
-            let absolute =
-                *broken_since_start || counters.add_up(values) && counters.fit(values, published, *publication, next);
+            let absolute = broken || counters.add_up(values) && counters.fit(values, published, *publication, next);
             let relative = |before: &Baseline| counters.follow(before, values, published, *publication, next);
             fits |= absolute && baseline.as_ref().is_none_or(relative);
         }
@@ -381,6 +371,8 @@ impl LinkStatus {
         status: LinkStatusBits,
         reading: &Reading,
         published: u64,
+        disturbances: &Disturbances,
+        no_field: Certainty,
     ) -> Option<String> {
         let sealed = published - bounds::SEALED_BEFORE_FRESH.min(published);
         let expected = self.objects_expected(snapshot, published);
@@ -401,17 +393,23 @@ impl LinkStatus {
             _ => Certainty::Never,
         };
         let implausible = if held == Certainty::Never { held } else { snapshot.implausible.min(held) };
-        let fault = if self.broken { Certainty::May } else { Certainty::Never };
+        let fault = |excuse| match disturbances.excuse(excuse, published) {
+            true => Certainty::May,
+            false => Certainty::Never,
+        };
+        // Nothing heard for long, and a carrier: it cannot tell a silent sender from a deaf front end.
+        let front_end = if self.expectation.is_silent(published) { Certainty::May } else { Certainty::Never };
         let claims = [
             ("the link up", status.link_up(), self.objects_shown(reading, false), expected[0]),
             ("all accepted", status.all_accepted(), self.objects_shown(reading, true), expected[1]),
             ("HORUS frozen", status.horus_frozen(), None, snapshot.frozen),
             ("HORUS restarted", status.horus_restarted(), None, restarted),
-            ("a RAM fault", status.ram_fault(), None, fault),
-            ("a front end fault", status.front_end_fault(), None, fault),
+            ("a RAM fault", status.ram_fault(), None, fault(Excuse::RamFault)),
+            ("a front end fault", status.front_end_fault(), None, front_end),
             ("out of sequence", !status.out_of_sequence(), None, held),
             ("HORUS's clock implausible", status.horus_clock_implausible(), None, implausible),
-            ("a flash fault", status.flash_fault(), None, fault),
+            ("a flash fault", status.flash_fault(), None, fault(Excuse::FlashFault)),
+            ("no field", status.no_field(), None, no_field),
         ];
         let wrong = claims.iter().find(|(_, said, shown, truth)| {
             let against = |truth: bool| truth != *said;
@@ -423,6 +421,23 @@ impl LinkStatus {
             truth && shown.is_none_or(against)
         });
         wrong.map(|(words, ..)| format!("{words}: status {:#06x}", status.bits()))
+    }
+
+    /// Whether an image of `published` must say that there is no field at the antenna, may say so, or must not. A front
+    /// end that comes up in a field learns of it from the first frame; one that was broken may not know.
+    fn no_field(&self, published: u64, dpr_since: u64, disturbances: &Disturbances) -> Certainty {
+        let (on, since) = self.field;
+        let from = since.max(dpr_since + bounds::START);
+        let heard_in_it = |it: &Snapshot| {
+            it.frame.as_ref().is_some_and(|frame| frame.received == Certainty::Must && frame.started > since)
+        };
+        match published {
+            _ if published < from + bounds::FIELD_TOLD => Certainty::May,
+            _ if disturbances.excuse(Excuse::NoField, published) => Certainty::May,
+            _ if !on => Certainty::Must,
+            _ if self.snapshots.iter().any(heard_in_it) => Certainty::Never,
+            _ => Certainty::May,
+        }
     }
 
     /// Whether the image shows any object, or `all` of them, as far as that was read.
@@ -465,10 +480,22 @@ impl LinkStatus {
     pub fn finish(&mut self, _context: &Context, _findings: &mut Findings, _figures: &mut Figures) {}
 }
 
-/// Whether a fault of this kind is one of the DPR's front end after which it does not answer.
-fn is_dead(kind: &str) -> bool {
-    let words = ["front end off", "front end reads ones", "front end reads zeros", "front end interrupt line high"];
-    kind.contains("dpr") && words.iter().any(|word| kind.ends_with(word))
+/// Asks an image of `published` for what it has to say of a front end that does not answer.
+fn tells_of_a_silent_front_end(
+    status: LinkStatusBits,
+    published: u64,
+    context: &Context,
+    selected: u64,
+    findings: &mut Findings,
+) {
+    let (from, until) = context.disturbances().silent_front_end();
+    let from = from.max(context.running(Board::Dpr).since + bounds::START) + bounds::FRONT_END_TOLD;
+    let told = status.front_end_fault() && !status.link_up() && !status.all_accepted();
+    if (from..until).contains(&published) && !told {
+        findings.add(Violation::LinkFlags, selected, || {
+            format!("a front end that does not answer: status {:#06x}", status.bits())
+        });
+    }
 }
 
 /// Whether a transaction shows an object that a frame brought.
@@ -484,7 +511,7 @@ fn age_fits(snapshot: &Snapshot, told: u16, published: u64) -> bool {
         let age = published.saturating_sub(sample.at);
         let crystals = age / 1_000_000 * bounds::CRYSTALS_PPM;
         let least = age.saturating_sub(bounds::SEALED_BEFORE_FRESH + INSTANTS + crystals + sample.delay);
-        (units(least)..=units(age + INSTANTS + crystals)).contains(&told)
+        (units(least)..=units(age + INSTANTS + crystals + sample.unsure)).contains(&told)
     };
     snapshot.none && told == u16::MAX || snapshot.samples.iter().any(fits)
 }

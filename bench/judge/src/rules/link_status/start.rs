@@ -58,15 +58,15 @@ const RESOLUTION: u64 = 2_000_000;
 
 impl Time {
     /// What is wrong with the time told in an image that was `published` then by a DPR that started at `since`, in
-    /// words. Of a DPR in which something was broken on purpose the first time is taken as it is.
-    pub(super) fn wrong(&mut self, told_ms: u32, published: u64, since: u64, broken: bool) -> Option<String> {
+    /// words.
+    pub(super) fn wrong(&mut self, told_ms: u32, published: u64, since: u64) -> Option<String> {
         let back = told_ms < std::mem::replace(&mut self.last_ms, told_ms);
         let passed = published - since;
         let words = |what: &str| Some(format!("{told_ms} ms, {passed} ns after the start: {what}"));
         let ahead = i128::from(passed) - i128::from(told_ms) * 1_000_000;
         let Some((from, was)) = self.first else {
             self.first = Some((published, ahead));
-            let plausible = broken || (0..=i128::from(bounds::START)).contains(&ahead);
+            let plausible = (0..=i128::from(bounds::START)).contains(&ahead);
             return if plausible { None } else { words("not the time since then") };
         };
         if back {

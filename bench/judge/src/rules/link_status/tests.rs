@@ -1,7 +1,9 @@
 use profile::{LinkStatusBits, LinkValues, ResetReason};
 
+use crate::disturbance::{Harm, Memory};
 use crate::rules::shown::synthetic::{Air, Image, MS, Run, US};
-use crate::{Board, Event, Violation, What};
+use crate::testing::{DPR_FRONT_END, HORUS_FRONT_END, IMAGE_BIT, RECEIVE_BIT, injected};
+use crate::{Board, Disturbance, Event, Violation, What, bounds};
 
 const RECEIVERS: [usize; 3] = [1, 3, 5];
 
@@ -143,7 +145,7 @@ fn a_frame_that_nobody_counts_as_missed_is_wrong() {
 fn each_flag_that_contradicts_what_was_heard_and_shown_is_wrong() {
     for n in RECEIVERS {
         let run = Run::new(n);
-        for bit in [0, 1, 2, 3, 4, 5, 8, 9, 10, 6, 12, 13, 14] {
+        for bit in [0, 1, 2, 3, 4, 5, 8, 9, 10, 6, 12, 13, 14, 15] {
             let broken = run.broken(of(&run, 20, |values| flip(values, bit)));
             assert_eq!(broken, [Violation::LinkFlags], "{n} receivers, bit {bit}");
         }
@@ -163,6 +165,19 @@ fn each_flag_that_contradicts_what_was_heard_and_shown_is_wrong() {
             assert_eq!(broken, [Violation::LinkFlags], "{n} receivers, {time}");
         }
     }
+}
+
+#[test]
+fn a_field_that_is_away_must_be_told_soon() {
+    let mut run = Run::new(3).hit_all(20..35, &Air::Lost);
+    run.cycles = 60;
+    let (off, on) = (run.tick(20) - MS, run.tick(34));
+    run.extra = [(off, false), (on, true)].map(|(at, on)| Event { at, what: What::FieldHeard { on } }).into();
+    let tells = |values: &mut LinkValues| values.status = values.status.with_no_field(true);
+    assert_eq!(run.broken(|_| ()), [Violation::LinkFlags], "never told");
+    assert_eq!(run.broken(within(off + 20 * MS..on + 20 * MS, tells)), []);
+    assert_eq!(run.broken(within(off + 45 * MS..on + 20 * MS, tells)), [Violation::LinkFlags], "late");
+    assert_eq!(run.broken(within(off + 20 * MS..on + 75 * MS, tells)), [Violation::LinkFlags], "too long");
 }
 
 #[test]
@@ -244,28 +259,56 @@ fn the_reason_of_the_last_reset_is_what_happened() {
 }
 
 #[test]
-fn a_front_end_without_supply_may_set_the_dprs_flags_and_nothing_else_must() {
-    let fault = |kind: &str| Event { at: 200 * MS, what: What::Injected { kind: kind.into(), until: 200 * MS } };
-    for (kind, may) in
-        [("power dpr front end off", true), ("ram dpr", false), ("power horus front end off", false), ("air", false)]
-    {
+fn a_fault_flag_is_excused_until_the_dprs_next_start() {
+    let memory = |memory| Disturbance::Memory { board: Board::Dpr, memory };
+    for (disturbs, may) in [
+        (DPR_FRONT_END, None),
+        (IMAGE_BIT, Some(4)),
+        (RECEIVE_BIT, Some(4)),
+        (memory(Memory::Ram), Some(4)),
+        (memory(Memory::Flash), Some(10)),
+        (memory(Memory::Registers), None),
+        (HORUS_FRONT_END, None),
+        (Disturbance::Air, None),
+    ] {
         for bit in [4, 5, 10] {
-            let run = Run { cycles: 120, extra: vec![fault(kind)], ..Run::new(3) };
-            let expected: &[Violation] = if may { &[] } else { &[Violation::LinkFlags] };
-            assert_eq!(run.broken(of(&run, 100, |values| flip(values, bit))), expected, "{kind}, bit {bit}");
+            let fault = Event { at: 200 * MS, what: injected(disturbs, 200 * MS) };
+            let run = Run { cycles: 120, extra: vec![fault], ..Run::new(3) };
+            let set = |run: &Run| run.broken(of(run, 100, |values| flip(values, bit)));
+            let expected: &[Violation] = if may == Some(bit) { &[] } else { &[Violation::LinkFlags] };
+            assert_eq!(set(&run), expected, "{disturbs:?}, bit {bit}");
+            let restarted = Run { dpr_start: Some((400 * MS, "pin", ResetReason::Pin)), ..run };
+            restarted.assert_flawless();
+            assert_eq!(set(&restarted), [Violation::LinkFlags], "{disturbs:?}, bit {bit}, restarted");
         }
     }
-    // Afterwards counters and time are compared from image to image, and from wherever they are.
-    let run = Run { cycles: 120, extra: vec![fault("power dpr front end off")], ..Run::new(3) };
-    let upset = |values: &mut LinkValues| {
-        values.objects_accepted ^= 1 << 20;
-        values.timestamp ^= 1 << 20;
-    };
+}
+
+#[test]
+fn after_a_front_end_fault_counters_are_compared_from_image_to_image() {
+    let fault = Event { at: 200 * MS, what: injected(DPR_FRONT_END, 200 * MS) };
+    let run = Run { cycles: 120, extra: vec![fault], ..Run::new(3) };
+    let upset = |values: &mut LinkValues| values.objects_accepted ^= 1 << 20;
     assert_eq!(run.broken(within(200 * MS..u64::MAX, upset)), []);
     let missed = |values: &mut LinkValues| values.frames_missed += 1;
     assert_eq!(run.broken(of(&run, 100, missed)), [Violation::LinkCounters]);
-    let early = |values: &mut LinkValues| values.timestamp -= 10;
-    assert_eq!(run.broken(of(&run, 100, early)), [Violation::LinkTime]);
+    let restarted = Run { dpr_start: Some((400 * MS, "pin", ResetReason::Pin)), ..run };
+    assert_eq!(restarted.broken(within(401 * MS..u64::MAX, upset)), [Violation::LinkCounters]);
+}
+
+#[test]
+fn a_front_end_fault_excuses_neither_time_nor_reset_reason() {
+    let deaf = Disturbance::FrontEnd { board: Board::Dpr, harm: Harm::Deaf };
+    let fault = Event { at: 200 * MS, what: injected(deaf, 300 * MS) };
+    let run = Run { cycles: 120, extra: vec![fault], ..Run::new(3) };
+    for cycle in [25, 35, 100] {
+        let early = |values: &mut LinkValues| values.timestamp -= 10;
+        assert_eq!(run.broken(of(&run, cycle, early)), [Violation::LinkTime], "{cycle}");
+        let pin = |values: &mut LinkValues| values.status = values.status.with_reset_reason(ResetReason::Pin);
+        assert_eq!(run.broken(of(&run, cycle, pin)), [Violation::LinkFlags], "{cycle}");
+    }
+    let upset = |values: &mut LinkValues| values.timestamp ^= 1 << 20;
+    assert_eq!(run.broken(within(201 * MS..u64::MAX, upset)), [Violation::LinkTime]);
 }
 
 #[test]
@@ -387,20 +430,49 @@ fn the_sequence_is_held_for_26_cycles_2_and_a_half_ms_and_2_percent_and_nothing_
 }
 
 #[test]
-fn nothing_is_asked_of_what_is_published_within_500_ms_of_a_fault_of_the_front_end() {
+fn no_age_is_asked_until_a_front_end_is_brought_up_again() {
     for (early, asked) in [(0, true), (1, false)] {
         let mut run = Run { cycles: 90, ..Run::new(3) };
         let published = run.log(|_| {}).events.into_iter().find_map(|event| {
             (event.at > run.end(80) && matches!(event.what, What::Fresh { high: true, .. })).then_some(event.at)
         });
-        let until = published.unwrap() + early - 500 * MS;
-        let fault = What::Injected { kind: "power dpr front end off".into(), until };
+        let until = published.unwrap() + early - bounds::FRONT_END_RECOVERY;
+        let fault = injected(DPR_FRONT_END, until);
         run.extra.push(Event { at: until - 3 * MS, what: fault });
         run.assert_flawless();
         let wrong = |images: &mut Vec<Image>| {
             let image = images.iter_mut().find(|image| Some(image.at) == published).unwrap();
-            image.link.age_100us += 10;
+            image.link.age_100us -= 10;
         };
         assert_eq!(run.broken(wrong).contains(&Violation::LinkAge), asked, "{early} ns");
     }
+}
+
+#[test]
+fn a_sample_whose_end_is_not_known_may_be_told_older() {
+    let layout = Run::new(3).layout();
+    let fits = |unsure, told| {
+        let sample = super::Sample { at: 100 * MS, delay: 0, unsure };
+        let snapshot = super::Snapshot { samples: vec![sample], none: false, ..super::LinkStatus::at_start(layout) };
+        super::age_fits(&snapshot, told, 150 * MS + 50_000)
+    };
+    for (told, known, unknown) in
+        [(497, false, false), (498, true, true), (500, true, true), (501, false, true), (625, false, true)]
+    {
+        assert_eq!((fits(0, told), fits(bounds::FRAME_DEADLINE, told)), (known, unknown), "{told}");
+    }
+    assert!(!fits(bounds::FRAME_DEADLINE, 626));
+}
+
+#[test]
+fn a_front_end_is_called_at_fault_only_after_long_silence() {
+    let run = Run { cycles: 100, ..Run::new(3).hit_all(20..90, &Air::Lost) };
+    run.assert_flawless();
+    let told = |times: std::ops::Range<u64>| run.broken(within(times, |values| flip(values, 5)));
+    let heard = run.end(19);
+    assert_eq!(told(heard + 430 * MS..heard + 450 * MS), [Violation::LinkFlags]);
+    assert_eq!(told(heard + 455 * MS..run.end(89)), []);
+    // Until the image after the first frame that comes is out.
+    assert_eq!(told(run.end(90)..run.end(90) + 15 * MS), []);
+    assert_eq!(told(run.end(93)..run.end(94)), [Violation::LinkFlags]);
 }

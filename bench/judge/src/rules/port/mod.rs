@@ -7,10 +7,10 @@
 //!
 //! # What is not asked
 //!
-//! - While the flight controller misuses the SSI, and [`bounds::MISUSE_OVER`] after that: how much of it the DPR took
-//!   in depends on its budget and on clocks that bits are sampled with. After that Port-Status is believed once, in a
-//!   gap between two objects that are written, and held against what follows.
-//! - While a bit of the DPR's buffers is or was hit: what is not intact then is not valid, which is all that is asked.
+//! - While [`Excuse::Service`] holds: how much of it the DPR took in depends on its budget and on clocks that bits are
+//!   sampled with. After that Port-Status is believed once, in a gap between two objects that are written, if so
+//!   many transactions can have led to it, and held against what follows.
+//! - While [`Excuse::UnsoundImage`] holds: what is not intact then is not valid, which is all that is asked.
 //! - Of a map that FRESH has not announced in time: that is another violation.
 
 mod model;
@@ -23,10 +23,10 @@ use std::ops::Range;
 use profile::criticality::{BaseStation, FlightController};
 use profile::{Layout, PortValues, Uplink};
 
-use super::shown::expectation::hits_a_buffer;
 use super::shown::publication;
+use crate::disturbance::Excuse;
 use crate::read::{Reading, is_vacant};
-use crate::{Board, Context, Event, Figures, Findings, Header, Violation, What, bounds};
+use crate::{Board, Context, Disturbances, Event, Figures, Findings, Header, Violation, What, bounds};
 use model::{Model, Place, status_in, writes};
 
 /// Rises of FRESH that are remembered: a transaction may be long.
@@ -61,14 +61,10 @@ pub struct Port {
     /// The oldest first; never empty while the DPR's state is known, and empty otherwise.
     entries: VecDeque<Entry>,
     fresh: VecDeque<u64>,
-    /// Until when the flight controller misuses the SSI, ns.
-    misused: u64,
-    /// Until when an image may hold a bit that was hit, ns.
-    hit: u64,
-    /// Memory was damaged on purpose: a self-test may fail.
-    damaged: bool,
     /// When the last object was written that was not idle, ns.
     written: u64,
+    /// What Port-Status said when it was last looked at, and how many transactions there were since.
+    known: (PortValues, u32),
 }
 
 impl Port {
@@ -84,20 +80,19 @@ impl Port {
             publication: publication(header.worst_case()),
             entries: VecDeque::new(),
             fresh: VecDeque::new(),
-            misused: 0,
-            hit: 0,
-            damaged: false,
             written: 0,
+            known: (PortValues::default(), 0),
         };
-        port.start(0);
+        port.start(0, true);
         port
     }
 
-    /// The DPR starts: it has taken nothing in.
-    fn start(&mut self, at: u64) {
+    /// The DPR starts: it has taken nothing in, and what it will is `known`.
+    fn start(&mut self, at: u64, known: bool) {
         self.entries.clear();
         self.fresh.clear();
-        if at >= self.misused {
+        self.known = (PortValues::default(), 0);
+        if known {
             self.entries.push_back(Entry { at, mosi: vec![], models: vec![Model::at_start()] });
         }
     }
@@ -105,16 +100,10 @@ impl Port {
     /// Takes the next event.
     pub fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
         match &event.what {
-            What::Power { board: Board::Dpr, .. } | What::Reset { board: Board::Dpr, .. } => self.start(event.at),
-            What::Injected { kind, until } => {
-                if kind.starts_with("flight controller") {
-                    self.misused = self.misused.max(until.saturating_add(bounds::MISUSE_OVER));
-                    self.entries.clear();
-                } else if hits_a_buffer(kind) {
-                    self.hit = self.hit.max(until.saturating_add(bounds::BUFFER_REPLACED));
-                }
-                self.damaged |= ["buffer", "ram", "flash", "image"].iter().any(|memory| kind.starts_with(memory));
+            What::Power { board: Board::Dpr, .. } | What::Reset { board: Board::Dpr, .. } => {
+                self.start(event.at, !context.disturbances().excuse(Excuse::Service, event.at));
             }
+            What::Injected { disturbs, .. } if disturbs.may_take(Excuse::Service) => self.entries.clear(),
             What::Fresh { high: true, .. } => {
                 self.fresh.push_back(event.at);
                 if self.fresh.len() > REMEMBERED {
@@ -131,11 +120,12 @@ impl Port {
     }
 
     fn transaction(&mut self, reading: &Reading, mosi: &[u8], context: &Context, findings: &mut Findings) {
+        self.known.1 = self.known.1.saturating_add(1);
         let dpr = context.running(Board::Dpr);
         if reading.silent || !dpr.powered || reading.selected < dpr.since {
             return;
         }
-        self.read(reading, findings);
+        self.read(reading, context.disturbances(), findings);
         if writes(mosi) {
             self.written = reading.deselected;
             self.write(mosi, reading.deselected);
@@ -152,7 +142,7 @@ impl Port {
         }
     }
 
-    fn read(&mut self, reading: &Reading, findings: &mut Findings) {
+    fn read(&mut self, reading: &Reading, disturbances: &Disturbances, findings: &mut Findings) {
         let within = |place: Range<usize>| {
             let start = place.start.checked_sub(reading.offset)?;
             reading.miso.get(start..start + place.len())
@@ -162,12 +152,13 @@ impl Port {
         let before = self.fresh.partition_point(|rose| *rose <= selected);
         let rise = |back: usize| before.checked_sub(back).and_then(|place| self.fresh.get(place)).copied();
         let (Some(published), previous) = (rise(1), rise(2)) else { return };
-        if selected > published + bounds::FRAME_DEADLINE + self.publication || selected < self.misused {
+        let announced = selected <= published + bounds::FRAME_DEADLINE + self.publication;
+        if !announced || disturbances.excuse(Excuse::Service, selected) {
             return;
         }
         let values = match status {
             Ok(values) => values,
-            Err(_) if selected < self.hit => return,
+            Err(_) if disturbances.excuse(Excuse::UnsoundImage, selected) => return,
             Err(rejection) => {
                 let vacant = within(self.layout.port_status()).is_some_and(is_vacant);
                 let violation = if vacant { Violation::PortStatusWrong } else { Violation::Damaged };
@@ -175,13 +166,21 @@ impl Port {
                 return;
             }
         };
-        if values.status.self_test_failed() && !self.damaged {
+        if values.status.self_test_failed() && !disturbances.excuse(Excuse::SelfTest, published) {
             findings.add(Violation::PortStatusWrong, selected, || "a self-test failed, and nothing is damaged".into());
         }
         if self.entries.is_empty() {
             // In a gap: what was written last shows by now.
             if previous.is_some_and(|previous| self.written < previous) {
-                self.entries.push_back(Entry { at: self.written, mosi: vec![], models: vec![Model::of(&values)] });
+                let (before, transactions) = self.known;
+                if !may_follow(&before, &values, transactions) {
+                    findings.add(Violation::PortStatusWrong, selected, || {
+                        format!("{values:?} after {before:?} and {transactions} transactions")
+                    });
+                }
+                self.known = (values, 0);
+                let models = vec![Model::of(&values, published)];
+                self.entries.push_back(Entry { at: self.written, mosi: vec![], models });
             }
             return;
         }
@@ -189,7 +188,8 @@ impl Port {
         let last = self.entries.partition_point(|entry| entry.at <= published).saturating_sub(1);
         let first = previous.map_or(0, |previous| self.entries.partition_point(|entry| entry.at < previous));
         let first = first.saturating_sub(1).min(last);
-        let fitting = (first..=last).find(|&place| self.entries[place].models.iter().any(|model| model.fits(&values)));
+        let fits = |place: &usize| self.entries[*place].models.iter().any(|model| model.fits(&values, published));
+        let fitting = (first..=last).find(fits);
         let Some(place) = fitting else {
             findings.add(Violation::PortStatusWrong, selected, || {
                 let expected = self.entries[last].models.first();
@@ -197,18 +197,20 @@ impl Port {
             });
             // It is told once, and from here on what the DPR says is what there is.
             self.entries.clear();
+            self.known = (values, 0);
             return;
         };
+        self.known = (values, 0);
         let uplinks = [self.layout.uplink::<BaseStation>(), self.layout.uplink::<FlightController>()].map(within);
-        self.uplinks(place..=last, &values, uplinks, (published, selected), findings);
+        self.uplinks(place..=last, &values, uplinks, (published, selected), disturbances, findings);
         if first == last {
-            self.decided(last, &values);
+            self.decided(last, &values, published);
         }
     }
 
     /// What was written up to entry number `place` shows, and Port-Status says this: nothing else is possible.
-    fn decided(&mut self, place: usize, values: &PortValues) {
-        self.entries[place].models.retain(|model| model.fits(values));
+    fn decided(&mut self, place: usize, values: &PortValues, published: u64) {
+        self.entries[place].models.retain(|model| model.fits(values, published));
         self.entries.drain(..place);
         for next in 1..self.entries.len() {
             let entry = &self.entries[next];
@@ -224,6 +226,7 @@ impl Port {
         values: &PortValues,
         read: [Option<&[u8]>; 2],
         (published, selected): (u64, u64),
+        disturbances: &Disturbances,
         findings: &mut Findings,
     ) {
         let told = [
@@ -234,9 +237,9 @@ impl Port {
             let mut models = places.clone().flat_map(|place| &self.entries[place].models);
             let fits = models
                 .by_ref()
-                .filter(|model| model.fits(values))
+                .filter(|model| model.fits(values, published))
                 .any(|model| shows(&model.places[writer], told, read, published));
-            let hit = selected < self.hit;
+            let hit = disturbances.excuse(Excuse::UnsoundImage, selected);
             if !fits && !hit {
                 findings.add(Violation::UplinkWrong, selected, || {
                     let name = ["the base station's", "the flight controller's"][writer];
@@ -248,6 +251,26 @@ impl Port {
 
     /// The run is over.
     pub fn finish(&mut self, _context: &Context, _findings: &mut Findings, _figures: &mut Figures) {}
+}
+
+/// Whether Port-Status may say `now` after `before` and so many transactions of which it is not known what the DPR took
+/// in: each counts once at most, and twice as one too many. What was written before Port-Status said `before` may show
+/// after that: it is among the transactions of [`bounds::SSI_BUDGET`] for each of two images.
+fn may_follow(before: &PortValues, now: &PortValues, transactions: u32) -> bool {
+    let most = transactions.saturating_add(2 * bounds::SSI_BUDGET);
+    let carried_out = now.commands_carried_out != before.commands_carried_out;
+    // A command may have cleared the counters.
+    let within = |was: u32, is: u32, most: u32| (carried_out || is >= was) && is <= was.saturating_add(most);
+    let last_command = |values: &PortValues| (values.last_command_timestamp, values.last_command);
+    let kinds = profile::Violation::ALL.into_iter().all(|kind| {
+        let times = if kind == profile::Violation::TooMany { 2 } else { 1 };
+        let [was, is] = [before, now].map(|values| u32::from(values.violations.of(kind)));
+        within(was, is, times * most)
+    });
+    kinds
+        && within(before.uplinks_accepted, now.uplinks_accepted, most)
+        && now.commands_carried_out <= before.commands_carried_out.saturating_add(most)
+        && (carried_out || last_command(now) == last_command(before))
 }
 
 fn step(models: &[Model], mosi: &[u8], at: u64, map_len: usize) -> Vec<Model> {

@@ -5,6 +5,8 @@ use profile::ssi::{self, REQUEST_SIZE};
 use profile::uplink::Written;
 use profile::{Command, PortStatus, PortValues, Uplink, Violation, Violations};
 
+use crate::bounds;
+
 /// What the DPR takes in of a transaction: a request, an object, and as many bytes behind it as tell that something is
 /// driven there.
 pub(super) const TAKEN_IN: usize = REQUEST_SIZE + Uplink::SIZE + 8;
@@ -68,8 +70,8 @@ pub(super) struct Model {
     pub(super) places: [Place; 2],
     /// Of the base station, of the flight controller, of commands; nothing where nobody knows.
     timestamps: [Option<Timestamps>; 3],
-    /// A self-test was begun, and may not be over.
-    testing: bool,
+    /// Until when a self-test that was begun may not be over, ns.
+    testing: Option<u64>,
 }
 
 impl Model {
@@ -83,12 +85,12 @@ impl Model {
             violations: Violations::new(),
             places: [Place::Empty, Place::Empty],
             timestamps: [Some(Timestamps::NONE); 3],
-            testing: false,
+            testing: None,
         }
     }
 
-    /// A DPR of which nothing is known but what it says itself.
-    pub(super) fn of(values: &PortValues) -> Self {
+    /// A DPR of which nothing is known but what it says itself, in an image of `at`, ns.
+    pub(super) fn of(values: &PortValues, at: u64) -> Self {
         Self {
             uplinks_accepted: values.uplinks_accepted,
             commands_carried_out: values.commands_carried_out,
@@ -97,18 +99,23 @@ impl Model {
             violations: values.violations,
             places: [Place::Unknown, Place::Unknown],
             timestamps: [None; 3],
-            testing: true,
+            testing: Some(at + bounds::SELF_TEST),
         }
     }
 
-    /// Whether Port-Status may say this.
-    pub(super) fn fits(&self, values: &PortValues) -> bool {
+    /// Whether Port-Status may say this in an image of `at`, ns.
+    pub(super) fn fits(&self, values: &PortValues, at: u64) -> bool {
         self.uplinks_accepted == values.uplinks_accepted
             && self.commands_carried_out == values.commands_carried_out
             && self.last_command == (values.last_command_timestamp, values.last_command)
             && self.last_refused.is_none_or(|refused| refused == values.status.last_refused())
             && self.violations == values.violations
-            && (self.testing || !values.status.self_test_running())
+            && (self.may_test(at) || !values.status.self_test_running())
+    }
+
+    /// Whether a self-test may be under way at `at`, ns.
+    fn may_test(&self, at: u64) -> bool {
+        self.testing.is_some_and(|until| at < until)
     }
 
     /// The states that a transaction which ended at `at` (ns) may lead to, for a map of so many bytes.
@@ -141,9 +148,9 @@ impl Model {
             Ok(Written::FlightController(uplink)) => self.uplink(1, uplink, at),
             Ok(Written::Command(command, object)) => self.in_time(2, object.timestamp(), |state| {
                 let timestamp = object.timestamp();
-                let busy = command == Command::SelfTest && state.testing;
+                let busy = command == Command::SelfTest && state.may_test(at);
                 let refused = busy.then(|| state.clone().refused(Violation::CommandBusy));
-                std::iter::once(state.carried_out(command, timestamp)).chain(refused).collect()
+                std::iter::once(state.carried_out(command, timestamp, at)).chain(refused).collect()
             }),
         }
     }
@@ -177,14 +184,14 @@ impl Model {
         self
     }
 
-    fn carried_out(mut self, command: Command, timestamp: u32) -> Self {
+    fn carried_out(mut self, command: Command, timestamp: u32, at: u64) -> Self {
         match command {
             Command::ClearCounters => {
                 self.violations = Violations::new();
                 self.uplinks_accepted = 0;
                 self.commands_carried_out = 0;
             }
-            _ => self.testing = true,
+            _ => self.testing = Some(at + bounds::SELF_TEST),
         }
         self.commands_carried_out = self.commands_carried_out.wrapping_add(1);
         self.last_command = (timestamp, command.word());

@@ -2,8 +2,9 @@ use profile::criticality::{Dpr, Writer};
 use profile::{Command, CommandObject, PortStatus, PortStatusBits, UplinkValues, Violations};
 
 use super::*;
-use crate::testing::{Events, MS, header};
-use crate::{Bytes, Header};
+use crate::disturbance::Memory;
+use crate::testing::{Events, IMAGE_BIT, MISUSE, MS, header, injected};
+use crate::{Bytes, Disturbance, Header};
 
 /// The flight controller reads every 4 ms, FRESH rises every 10 ms.
 const READS: u64 = 4 * MS;
@@ -197,8 +198,7 @@ fn after_misconduct_port_status_is_believed_once_and_held_against_what_follows()
             }
             shown
         });
-        let kind = "flight controller lies".to_owned();
-        let injected = Event { at: 120 * MS, what: What::Injected { kind, until: 200 * MS } };
+        let injected = Event { at: 120 * MS, what: injected(MISUSE, 200 * MS) };
         let place = log.events.partition_point(|event| event.at < injected.at);
         log.events.insert(place, injected);
         broken(&log)
@@ -207,14 +207,38 @@ fn after_misconduct_port_status_is_believed_once_and_held_against_what_follows()
     assert_eq!(with(2), [(Violation::PortStatusWrong, 1)]);
 }
 
+#[test]
+fn after_misconduct_counters_are_bounded_by_the_transactions() {
+    use profile::Violation::{TooLong, TooMany};
+    let after = |change: &dyn Fn(&mut PortValues)| {
+        let mut log = log(&[], |published| {
+            let mut shown = Shown::default();
+            if published >= 150 * MS {
+                change(&mut shown.values);
+            }
+            shown
+        });
+        insert(&mut log, 120 * MS, injected(MISUSE, 200 * MS));
+        broken(&log)
+    };
+    // Those from 121 ms to 221 ms, the first that is believed, and those of two images.
+    const MOST: u16 = 26 + 2 * bounds::SSI_BUDGET as u16;
+    let wrong = [(Violation::PortStatusWrong, 1)];
+    assert_eq!(after(&|values| values.violations.count(TooMany, 2 * MOST)), []);
+    assert_eq!(after(&|values| values.violations.count(TooMany, 2 * MOST + 1)), wrong);
+    assert_eq!(after(&|values| values.violations.count(TooLong, MOST)), []);
+    assert_eq!(after(&|values| values.violations.count(TooLong, MOST + 1)), wrong);
+    assert_eq!(after(&|values| values.uplinks_accepted = u32::from(MOST)), []);
+    assert_eq!(after(&|values| values.uplinks_accepted = u32::from(MOST) + 1), wrong);
+    assert_eq!(after(&|values| values.commands_carried_out = u32::from(MOST) + 1), wrong);
+    // A last command without any that was carried out.
+    assert_eq!(after(&|values| values.last_command_timestamp = 7), wrong);
+}
+
 /// Puts an event in its place.
 fn insert(log: &mut crate::Log, at: u64, what: What) {
     let place = log.events.partition_point(|event| (event.at, event.what.rank()) <= (at, what.rank()));
     log.events.insert(place, Event { at, what });
-}
-
-fn injected(kind: &str, until: u64) -> What {
-    What::Injected { kind: kind.to_owned(), until }
 }
 
 /// What the transaction read whose chip select fell at `at`.
@@ -301,10 +325,10 @@ fn only_while_a_buffer_may_hold_a_bit_that_was_hit_may_port_status_and_uplinks_b
         assert_eq!(broken(&damaged), [(violation, 1)]);
         for (longer, excused) in [(0, false), (1, true)] {
             let until = READ - bounds::BUFFER_REPLACED + longer;
-            for (kind, excused) in [("buffer dpr image bit flips", excused), ("air lost", false)] {
+            for (kind, excused) in [(IMAGE_BIT, excused), (Disturbance::Air, false)] {
                 let mut log = damaged.clone();
                 insert(&mut log, until, injected(kind, until));
-                assert_eq!(broken(&log).is_empty(), excused, "{kind}, {longer}");
+                assert_eq!(broken(&log).is_empty(), excused, "{kind:?}, {longer}");
             }
         }
     }
@@ -317,7 +341,7 @@ fn from_the_instant_at_which_misuse_is_over_port_status_is_looked_at_again() {
     for (longer, expected) in [(0, vec![(Violation::Damaged, 1)]), (1, vec![])] {
         let mut log = damaged.clone();
         let until = READ - bounds::MISUSE_OVER + longer;
-        insert(&mut log, until, injected("flight controller lies", until));
+        insert(&mut log, until, injected(MISUSE, until));
         assert_eq!(broken(&log), expected, "{longer}");
     }
 }
@@ -331,17 +355,18 @@ fn a_self_test_may_fail_after_memory_was_damaged_and_not_otherwise() {
     });
     for (kinds, may) in [
         (&[][..], false),
-        (&["air lost"], false),
-        (&["receiver 1 silent"], false),
-        (&["ram dpr bit stuck"], true),
-        (&["flash dpr bit flips"], true),
-        (&["image dpr"], true),
-        (&["buffer dpr image bit flips"], true),
-        (&["ram dpr bit stuck", "air lost"], true),
+        (&[Disturbance::Air], false),
+        (&[Disturbance::Receiver { receiver: 0 }], false),
+        (&[Disturbance::Memory { board: Board::Dpr, memory: Memory::Ram }], true),
+        (&[Disturbance::Memory { board: Board::Dpr, memory: Memory::Flash }], true),
+        (&[Disturbance::Memory { board: Board::Horus, memory: Memory::Flash }], false),
+        (&[Disturbance::Code { board: Board::Dpr }], true),
+        (&[IMAGE_BIT], true),
+        (&[IMAGE_BIT, Disturbance::Air], true),
     ] {
         let mut log = failed.clone();
         for (kind, at) in kinds.iter().zip([50 * MS, 60 * MS]) {
-            insert(&mut log, at, injected(kind, at));
+            insert(&mut log, at, injected(*kind, at));
         }
         assert_eq!(broken(&log).is_empty(), may, "{kinds:?}");
     }
@@ -394,7 +419,7 @@ fn what_is_written_as_fresh_rises_shows_in_the_second_image_after_that_one() {
     // So Port-Status is not believed before that image.
     let over = ends(AT) - MS / 4;
     let mut log = ends_as_fresh_rises(120 * MS);
-    insert(&mut log, 20 * MS, injected("flight controller lies", over - bounds::MISUSE_OVER));
+    insert(&mut log, 20 * MS, injected(MISUSE, over - bounds::MISUSE_OVER));
     assert_eq!(broken(&log), []);
 }
 
@@ -476,7 +501,7 @@ fn may(sent: &[Vec<u8>], change: impl FnOnce(&mut PortValues)) -> bool {
     let models = sent.iter().fold(vec![Model::at_start()], |models, mosi| step(&models, mosi, 0, map_len));
     let mut values = PortValues::default();
     change(&mut values);
-    models.iter().any(|model| model.fits(&values))
+    models.iter().any(|model| model.fits(&values, 0))
 }
 
 /// A transaction that asks for nothing and writes this object.
@@ -554,6 +579,15 @@ fn clearing_the_counters_is_never_refused_as_busy_and_a_self_test_may_be_while_o
             values.status = PortStatusBits::new().with_last_refused(busy).with_self_test_running(running);
         })
     };
+    // It does not run for longer than a minute.
+    let runs = |at: u64| {
+        let status = PortStatusBits::new().with_self_test_running(true);
+        let last_command = Command::SelfTest.word();
+        let known = PortValues { commands_carried_out: 1, last_command_timestamp: 1, ..PortValues::default() };
+        let values = PortValues { status, last_command, ..known };
+        Model::at_start().after(&test(1), 0, 500).iter().any(|model| model.fits(&values, at))
+    };
+    assert!(runs(bounds::SELF_TEST - 1) && !runs(bounds::SELF_TEST));
     // The first cannot be refused: it either runs or is over.
     let sent = [test(1)];
     assert!(says(&sent, 1, (1, Command::SelfTest), false, true));

@@ -9,9 +9,12 @@
 //!
 //! This is written from the design and shares no code with `profile::sequence`, which the firmware runs.
 
+use std::ops::Range;
+
 use profile::air::CRC_BYTES;
 use profile::{CYCLE_MS, Layout, air};
 
+use crate::disturbance::Excuse;
 use crate::{Board, Context, Event, What, bounds};
 
 /// What can be said of something that the DPR decides.
@@ -194,17 +197,19 @@ pub struct Expectation {
     states: Vec<State>,
     /// Until when frames may escape the listener, since the carrier came, ns.
     armed: u64,
-    /// Until when the DPR's front end may be out of order, or not be brought up again, or a buffer hit, ns.
-    disturbed: u64,
     /// The end of the last frame of whatever length, ns.
     last_end: Option<u64>,
+    /// The end of the last whole frame, ns.
+    last_whole: u64,
+    /// Between two whole frames so far apart that the DPR may have taken its front end for deaf, ns.
+    silence: Range<u64>,
 }
 
 impl Expectation {
     /// At power-on.
     #[must_use]
     pub fn new(layout: Layout) -> Self {
-        Self { layout, states: vec![State::default()], armed: 0, disturbed: 0, last_end: None }
+        Self { layout, states: vec![State::default()], armed: 0, last_end: None, last_whole: 0, silence: 0..0 }
     }
 
     /// Takes the next event, and answers the frame if it is one that the DPR may have received.
@@ -216,16 +221,18 @@ impl Expectation {
             What::FieldHeard { on } => {
                 self.armed = if *on { event.at + bounds::ARMED } else { u64::MAX };
             }
-            What::Injected { kind, until } => {
-                if let Some(after) = disturbs_the_dpr(kind) {
-                    self.disturbed = self.disturbed.max(until.saturating_add(after));
-                }
-            }
             What::Heard { started, whole, bytes } => {
                 // A listener may believe LEN rather than what arrives.
                 let len = bytes.first().map(|len| usize::from(*len) + CRC_BYTES);
                 let whole = *whole && len == Some(bytes.len());
                 let gap = self.last_end.replace(event.at).is_none_or(|end| *started >= end + bounds::FRAME_GAP);
+                if whole {
+                    let silent_from = std::mem::replace(&mut self.last_whole, event.at) + bounds::SILENCE;
+                    if event.at > silent_from {
+                        self.silence = silent_from..event.at + bounds::SILENCE_OVER;
+                        self.armed = self.armed.max(started + bounds::SILENCE_OVER);
+                    }
+                }
                 return self.heard(event.at, *started, whole && gap, context);
             }
             _ => {}
@@ -242,7 +249,7 @@ impl Expectation {
             return None;
         }
         let listening = started >= dpr.since + bounds::START && started >= self.armed;
-        let hears = started >= self.disturbed;
+        let hears = !context.disturbances().excuse(Excuse::Hearing, started);
         let received = if clear && listening && hears { Certainty::Must } else { Certainty::May };
         let sampled = ended.saturating_sub(age_at_end(self.layout, number));
         let timestamp = frame.timestamp();
@@ -333,43 +340,11 @@ impl Expectation {
         Certainty::of(self.states.iter().map(|state| state.frozen))
     }
 
-    /// Whether the state of its front end leaves open what the DPR shows at `at`, ns.
+    /// Whether nothing had been heard for so long at `at` (ns) that the DPR may have taken its front end for deaf.
     #[must_use]
-    pub fn is_disturbed(&self, at: u64) -> bool {
-        at < self.disturbed
+    pub fn is_silent(&self, at: u64) -> bool {
+        at > self.last_whole + bounds::SILENCE || self.silence.contains(&at)
     }
-}
-
-/// For how long after its end a fault of this kind keeps the DPR from hearing, or from handing on what it heard, ns:
-/// one of its front end, or of a bit of its buffers. What is wrong with the rest of its memory or its code is not
-/// excused.
-#[must_use]
-pub fn disturbs_the_dpr(kind: &str) -> Option<u64> {
-    if breaks_the_dprs_front_end(kind) {
-        Some(bounds::RECOVERY)
-    } else if hits_a_buffer(kind) {
-        Some(bounds::BUFFER_REPLACED)
-    } else {
-        None
-    }
-}
-
-/// Whether a fault of this kind is one of the DPR's front end.
-#[must_use]
-pub fn breaks_the_dprs_front_end(kind: &str) -> bool {
-    kind.contains("front end") && !kind.contains("horus")
-}
-
-/// Whether a fault of this kind is one of a bit of the DPR's buffers.
-#[must_use]
-pub fn hits_a_buffer(kind: &str) -> bool {
-    kind.starts_with("buffer dpr")
-}
-
-/// Whether a fault of this kind is one of a bit of the DPR's images.
-#[must_use]
-pub fn hits_an_image(kind: &str) -> bool {
-    kind.starts_with("buffer dpr image")
 }
 
 /// The age of a cycle's sample at the last bit of its frame number `number`, ns.

@@ -34,10 +34,8 @@
 //! - An image that stays although the next frame was received and brought nothing that may be shown is found when its
 //!   deadline or its 25 ms have passed, not before.
 //! - A transaction that takes longer than a second is not judged: what it could have read is not remembered.
-//! - While the DPR's front end is out of order, and [`bounds::RECOVERY`] after that, no cycle must be shown, and any
-//!   cycle that was heard may be. So it is while a bit of the DPR's buffers is stuck, or after one was hit, and
-//!   [`bounds::BUFFER_REPLACED`] after that. When a bit of the images is hit, what no transaction had to show until
-//!   then need not be shown any more, since the DPR takes a damaged image away.
+//! - While [`Excuse::Hearing`] holds, no cycle must be shown, and any cycle that was heard may be. At an
+//!   [`Excuse::Withdrawal`] what no transaction had to show until then need not be shown any more.
 
 pub mod expectation;
 mod recovery;
@@ -54,6 +52,7 @@ use profile::Layout;
 use recovery::Recovery;
 use truth::Truth;
 
+use crate::disturbance::Excuse;
 use crate::read::{Placed, Reading, State, Values};
 use crate::{Board, Context, Event, Figures, Findings, Header, Violation, What, bounds};
 
@@ -183,11 +182,11 @@ impl Shown {
                 }
             }
             // The DPR takes an image away that holds the bit, and may do so before anybody has read it.
-            What::Injected { kind, .. } if expectation::hits_an_image(kind) => {
+            What::Injected { disturbs, .. } if disturbs.may_take(Excuse::Withdrawal) => {
                 self.due.retain(|due| due.asked.is_some());
             }
             // What its front end had not handed over by then is lost with it.
-            What::Injected { kind, .. } if expectation::disturbs_the_dpr(kind).is_some() => {
+            What::Injected { disturbs, .. } if disturbs.may_take(Excuse::Hearing) => {
                 self.due.retain(|due| due.frame.ended + bounds::STORE_AND_FORWARD <= event.at);
             }
             What::Transaction { .. } => {

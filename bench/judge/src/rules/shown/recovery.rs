@@ -7,7 +7,8 @@
 //! causes that overlap, or follow each other before the link has recovered, the last end counts, and the latest of the
 //! instants at which each of them has to be over.
 //!
-//! A recovery that is late is a violation only if nothing else was violated since its cause: a cause is told once.
+//! A recovery that is late is a violation only if nothing was violated since its cause that keeps what HORUS samples
+//! from being read ([`keeps_from_reading`]): a cause is told once.
 
 use crate::{Event, Findings, Violation, What, bounds};
 
@@ -24,7 +25,7 @@ struct Causes {
     due: u64,
     /// One of them takes a front end's bring-up.
     bring_up: bool,
-    /// How much was violated when the first of them was told.
+    /// How much was violated that explains a late recovery when the first of them was told.
     told: u64,
 }
 
@@ -61,8 +62,8 @@ impl Recovery {
         self.settle(event.at, findings);
         match &event.what {
             // What never goes away is no cause that anything could recover from.
-            What::Injected { kind, until } if *until < u64::MAX => {
-                let bring_up = kind.contains("front end") || kind.starts_with("power");
+            What::Injected { disturbs, until, .. } if *until < u64::MAX => {
+                let bring_up = disturbs.recovery_cycles() == bounds::BRING_UP_CYCLES;
                 self.cause((*until).max(event.at), bring_up, findings);
             }
             What::Hung { board } => {
@@ -165,12 +166,38 @@ impl Longest {
     }
 }
 
-/// How much was violated so far.
+/// How much was violated so far that explains a late recovery.
 fn told(findings: &Findings) -> u64 {
-    findings.counts().map(|(_, count)| count).sum()
+    findings.counts().filter(|(violation, _)| keeps_from_reading(*violation)).map(|(_, count)| count).sum()
 }
 
-/// The link was late in recovering, and nothing that was violated since explains it.
+/// Whether a violation is that something between HORUS's tick and the flight controller's reading is missing.
+const fn keeps_from_reading(violation: Violation) -> bool {
+    matches!(
+        violation,
+        Violation::NoTick
+            | Violation::TickIrregular
+            | Violation::NoFrame
+            | Violation::CommandWithoutFrame
+            | Violation::BrokenOff
+            | Violation::SentNotWhole
+            | Violation::SentInvalid
+            | Violation::TimestampWrong
+            | Violation::FieldDropped
+            | Violation::NoTransaction
+            | Violation::NeverReady
+            | Violation::BusyTwice
+            | Violation::Silent
+            | Violation::Vacant
+            | Violation::NotShown
+            | Violation::HorusRestarted
+            | Violation::DprRestarted
+            | Violation::HorusStaysHung
+            | Violation::DprStaysHung
+    )
+}
+
+/// The link was late in recovering, unless what was violated since explains it.
 fn tell(causes: &Causes, read: Option<u64>, findings: &mut Findings) {
     if told(findings) > causes.told {
         return;
@@ -194,11 +221,13 @@ fn cycles(from: u64, to: u64) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::{self, DPR_FRONT_END, HORUS_FRONT_END, IMAGE_BIT, MISUSE};
+    use crate::{Board, Disturbance};
 
     const MS: u64 = 1_000_000;
 
-    fn injected(at: u64, kind: &str, until: u64) -> Event {
-        Event { at, what: What::Injected { kind: kind.into(), until } }
+    fn injected(at: u64, kind: Disturbance, until: u64) -> Event {
+        Event { at, what: testing::injected(kind, until) }
     }
 
     /// What is found if these happen and a frame that was sent just before is read at `read`, after all of them.
@@ -209,7 +238,7 @@ mod tests {
             findings.add(Violation::NotShown, at, String::new);
         }
         recovery.shown(read - 1, read);
-        recovery.take(&injected(read + TAIL, "air lost", u64::MAX), &mut findings);
+        recovery.take(&injected(read + TAIL, Disturbance::Air, u64::MAX), &mut findings);
         let longest = recovery.finish(read + TAIL, &mut findings);
         (findings.counts().map(|(violation, _)| violation).collect(), longest)
     }
@@ -218,28 +247,48 @@ mod tests {
     fn five_cycles_are_enough_and_fifteen_where_a_front_end_has_to_be_brought_up() {
         let ends = 100 * MS;
         for (kind, cycles) in [
-            ("air lost", 5),
-            ("flight controller hangs", 5),
-            ("buffer dpr image bit stuck", 5),
-            ("dpr front end reads ones", 15),
-            ("horus front end without interrupts", 15),
-            ("power dpr watchdog", 15),
+            (Disturbance::Air, 5),
+            (MISUSE, 5),
+            (IMAGE_BIT, 5),
+            (DPR_FRONT_END, 15),
+            (HORUS_FRONT_END, 15),
+            (Disturbance::Restart { board: Board::Dpr }, 15),
         ] {
             let cause = [injected(50 * MS, kind, ends)];
             let due = ends + cycles * bounds::CYCLE;
             let (found, longest) = judged(&cause, due, 0);
             let without_bring_up = (cycles == 5).then_some(5);
-            assert_eq!((found, longest), (vec![], Longest { all: Some(cycles), without_bring_up }), "{kind}");
-            assert_eq!(judged(&cause, due + 1, 0).0, [Violation::RecoversLate], "{kind}");
-            // What else was violated since is told, and this is its consequence.
-            assert_eq!(judged(&cause, due + 1, 1).0, [Violation::NotShown], "{kind}");
+            assert_eq!((found, longest), (vec![], Longest { all: Some(cycles), without_bring_up }), "{kind:?}");
+            assert_eq!(judged(&cause, due + 1, 0).0, [Violation::RecoversLate], "{kind:?}");
+            // What was violated since and kept it from being read is told, and this is its consequence.
+            assert_eq!(judged(&cause, due + 1, 1).0, [Violation::NotShown], "{kind:?}");
+        }
+    }
+
+    #[test]
+    fn what_keeps_nothing_from_being_read_hides_no_late_recovery() {
+        for (violation, hides) in [
+            (Violation::NoFrame, true),
+            (Violation::Silent, true),
+            (Violation::DprRestarted, true),
+            (Violation::StatusWrong, false),
+            (Violation::LinkFlags, false),
+            (Violation::PortStatusWrong, false),
+            (Violation::FrontEndMisuse, false),
+        ] {
+            let (mut recovery, mut findings) = (Recovery::default(), Findings::default());
+            recovery.take(&injected(50 * MS, Disturbance::Air, 100 * MS), &mut findings);
+            findings.add(violation, 110 * MS, String::new);
+            recovery.shown(300 * MS, 301 * MS);
+            recovery.finish(100 * MS + TAIL, &mut findings);
+            assert_eq!(findings.count(Violation::RecoversLate), u64::from(!hides), "{violation:?}");
         }
     }
 
     #[test]
     fn of_causes_that_overlap_each_has_its_own_bound() {
-        let front_end = injected(50 * MS, "dpr front end reads ones", 100 * MS);
-        let air = |until| injected(60 * MS, "air", until);
+        let front_end = injected(50 * MS, DPR_FRONT_END, 100 * MS);
+        let air = |until| injected(60 * MS, Disturbance::Air, until);
         // The front end's 15 cycles end at 250 ms, the air's 5 at 170 ms or 260 ms.
         let judged = |until, read| judged(&[front_end.clone(), air(until)], read, 0).0;
         assert_eq!(judged(120 * MS, 250 * MS), []);
@@ -250,8 +299,8 @@ mod tests {
 
     #[test]
     fn of_causes_that_overlap_one_that_takes_a_bring_up_makes_it_the_recovery_of_a_bring_up() {
-        let front_end = injected(50 * MS, "dpr front end reads ones", 100 * MS);
-        let air = injected(60 * MS, "air", 110 * MS);
+        let front_end = injected(50 * MS, DPR_FRONT_END, 100 * MS);
+        let air = injected(60 * MS, Disturbance::Air, 110 * MS);
         let (_, longest) = judged(&[front_end, air], 130 * MS, 0);
         assert_eq!(longest, Longest { all: Some(2), without_bring_up: None });
     }
@@ -260,7 +309,7 @@ mod tests {
     fn a_frame_that_began_as_the_cause_ended_does_not_tell_that_the_link_has_recovered() {
         let recovered = |started| {
             let (mut recovery, mut findings) = (Recovery::default(), Findings::default());
-            recovery.take(&injected(50 * MS, "air", 100 * MS), &mut findings);
+            recovery.take(&injected(50 * MS, Disturbance::Air, 100 * MS), &mut findings);
             recovery.shown(started, 105 * MS);
             recovery.shown(110 * MS, 125 * MS);
             recovery.finish(100 * MS + TAIL, &mut findings).all
@@ -273,9 +322,9 @@ mod tests {
     fn what_never_recovers_is_late_once_and_a_board_without_a_supply_is_not() {
         let found = |off: bool| {
             let (mut recovery, mut findings) = (Recovery::default(), Findings::default());
-            recovery.take(&injected(50 * MS, "air", 100 * MS), &mut findings);
+            recovery.take(&injected(50 * MS, Disturbance::Air, 100 * MS), &mut findings);
             if off {
-                let power = What::Power { board: crate::Board::Horus, on: false };
+                let power = What::Power { board: Board::Horus, on: false };
                 recovery.take(&Event { at: 60 * MS, what: power }, &mut findings);
             }
             for at in [100 * MS + TAIL - 1, 100 * MS + TAIL, 2 * TAIL, 3 * TAIL] {
@@ -292,14 +341,13 @@ mod tests {
 
     #[test]
     fn the_cause_of_a_hang_ends_with_the_boards_restart_and_takes_a_bring_up() {
-        use crate::Board;
         let hung = |at, board| Event { at, what: What::Hung { board } };
         let reset = |at, board| Event { at, what: What::Reset { board, cause: "a test".into(), asked: false } };
         let power = |at, board, on| Event { at, what: What::Power { board, on } };
         for board in [Board::Horus, Board::Dpr] {
             let due = 90 * MS + bounds::BRING_UP_CYCLES * bounds::CYCLE;
             for ends in [reset(90 * MS, board), power(90 * MS, board, true)] {
-                let cause = [injected(50 * MS, "hang", 50 * MS), hung(50 * MS, board), ends];
+                let cause = [injected(50 * MS, Disturbance::Hang { board }, 50 * MS), hung(50 * MS, board), ends];
                 let (found, longest) = judged(&cause, due, 0);
                 let all = Some(bounds::BRING_UP_CYCLES);
                 assert_eq!((found, longest), (vec![], Longest { all, without_bring_up: None }));

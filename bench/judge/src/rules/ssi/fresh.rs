@@ -21,6 +21,7 @@ use std::collections::VecDeque;
 use profile::LinkValues;
 
 use super::latency::Cycles;
+use crate::disturbance::{Disturbances, Excuse};
 use crate::read::{Reading, State};
 use crate::{Findings, Violation};
 
@@ -109,16 +110,9 @@ pub(super) struct Claims {
     condemned: Vec<u8>,
     /// The newest timestamp that was read, ms.
     newest: Option<u32>,
-    /// Until when an image may hold a bit that was hit, ns: then one that says the same may replace it.
-    hit: u64,
 }
 
 impl Claims {
-    /// A bit of a buffer was hit: until `until`, ns, an image may hold it.
-    pub(super) fn hit(&mut self, until: u64) {
-        self.hit = self.hit.max(until);
-    }
-
     /// FRESH rose. `excused` if there is a reason for nothing being offered.
     pub(super) fn rise(
         &mut self,
@@ -126,6 +120,7 @@ impl Claims {
         offered: Option<&Reading>,
         excused: bool,
         cycles: &mut Cycles,
+        disturbances: &Disturbances,
         findings: &mut Findings,
     ) {
         if self.claims.len() == REMEMBERED {
@@ -134,7 +129,7 @@ impl Claims {
         self.condemned.clear();
         self.claims.push_back(Claim::new(rose));
         match offered {
-            Some(offered) => self.offer(offered, cycles, findings),
+            Some(offered) => self.offer(offered, cycles, disturbances, findings),
             None if excused => {}
             None => findings.add(Violation::FreshUnreadable, rose, || {
                 "a transaction would have met the DPR busy, for no reason".into()
@@ -143,15 +138,21 @@ impl Claims {
     }
 
     /// FRESH fell.
-    pub(super) fn fall(&mut self, offered: Option<&Reading>, cycles: &mut Cycles, findings: &mut Findings) {
+    pub(super) fn fall(
+        &mut self,
+        offered: Option<&Reading>,
+        cycles: &mut Cycles,
+        disturbances: &Disturbances,
+        findings: &mut Findings,
+    ) {
         let open = self.claims.back().is_some_and(|claim| claim.mark.is_none()) && self.condemned.is_empty();
         if let Some(offered) = offered.filter(|_| open) {
-            self.offer(offered, cycles, findings);
+            self.offer(offered, cycles, disturbances, findings);
         }
     }
 
     /// What the last rise announced is `offered`.
-    fn offer(&mut self, offered: &Reading, cycles: &mut Cycles, findings: &mut Findings) {
+    fn offer(&mut self, offered: &Reading, cycles: &mut Cycles, disturbances: &Disturbances, findings: &mut Findings) {
         let Some((claim, before)) = self.claims.make_contiguous().split_last_mut() else { return };
         let unsound = offered.objects.iter().any(|object| matches!(object.state, State::Unsound(_)));
         if offered.silent || unsound || matches!(offered.link, Some(Err(_))) {
@@ -163,7 +164,7 @@ impl Claims {
         let Some(mark) = claim.mark else { return };
         // FRESH may come late for an image that was read without it.
         let previous = before.last().filter(|before| !before.unannounced).and_then(|before| before.mark);
-        let replaces = |previous| claim.rose < self.hit && mark == previous;
+        let replaces = |previous| disturbances.excuse(Excuse::UnsoundImage, claim.rose) && mark == previous;
         if previous.is_some_and(|previous| !mark.is_newer_than(&previous) && !replaces(previous)) {
             claim.told = true;
             findings.add(Violation::FreshNotNew, claim.rose, || "the image of before was offered".into());

@@ -23,8 +23,11 @@ struct Cycle {
     tick: Option<u64>,
     /// When its frames began, ns.
     started: [Option<u64>; 2],
-    /// When the last bit of its last frame reached the DPR's antenna, ns, if that was neither delayed nor repeated.
+    /// When the last bit of its last frame reached the DPR's antenna, ns, if that was not delayed; where the DPR may
+    /// have missed that frame, and it came once more, when it last did.
     last_bit: Option<u64>,
+    /// The DPR may have missed that frame.
+    may_be_missed: bool,
     /// How long after that it may take to be readable, ns, if the LEN of the frame was damaged on the air: nobody could
     /// read its objects while it arrived, or knows that it is the second one of its cycle.
     damaged_len: Option<u64>,
@@ -44,8 +47,6 @@ pub(super) struct Cycles {
     ticks: VecDeque<u64>,
     samples: Series,
     last_bit: Option<u64>,
-    /// Until when the flight controller misuses the SSI, ns.
-    misused: u64,
 }
 
 impl Cycles {
@@ -85,11 +86,6 @@ impl Cycles {
         }
     }
 
-    /// The flight controller misuses the SSI until `until`, ns.
-    pub(super) fn misused(&mut self, until: u64) {
-        self.misused = self.misused.max(until);
-    }
-
     /// The DPR's front end fails at `at`, ns: a frame that it has not handed over by then is lost with it, and of two
     /// the first alone is shown when the second is overdue.
     pub(super) fn front_end_fails(&mut self, at: u64) {
@@ -99,15 +95,25 @@ impl Cycles {
         }
     }
 
-    /// A whole frame with this LEN reached the DPR's antenna; its last bit at `ended`.
-    pub(super) fn heard(&mut self, layout: Layout, frame: &Frame, len: Option<u8>, started: u64, ended: u64) {
+    /// A whole frame with this LEN reached the DPR's antenna; its last bit at `ended`. The DPR may miss it if
+    /// `may_be_missed`.
+    pub(super) fn heard(
+        &mut self,
+        layout: Layout,
+        frame: &Frame,
+        len: Option<u8>,
+        (started, ended): (u64, u64),
+        may_be_missed: bool,
+    ) {
         let fits = len.is_some_and(|len| usize::from(len) == frame.payload.len() + LEN_BYTES);
         let (Some(stamp), Some(number)) = (frame.timestamp(), frame.number) else { return };
         let Some(cycle) = self.cycle(stamp) else { return };
         let sent = cycle.started.get(number).copied().flatten();
         let undelayed = sent.is_some_and(|sent| sent.abs_diff(started) <= bounds::AIR_DELAY);
-        if undelayed && number + 1 == layout.frames() {
-            cycle.last_bit.get_or_insert(ended);
+        let again = cycle.may_be_missed && cycle.last_bit.is_some();
+        if (undelayed || again) && number + 1 == layout.frames() {
+            cycle.may_be_missed = may_be_missed;
+            cycle.last_bit = cycle.last_bit.filter(|_| !again).or(Some(ended));
             let waits = if layout.frames() > 1 { bounds::SECOND_FRAME } else { 0 };
             cycle.damaged_len = (!fits).then_some(bounds::STORE_AND_FORWARD + waits);
         }
@@ -119,15 +125,13 @@ impl Cycles {
 
     /// FRESH, which rose at `rose`, announced the cycle of `stamp`.
     pub(super) fn readable(&mut self, stamp: u32, rose: u64, findings: &mut Findings) {
-        let misused = self.misused;
         let Some(cycle) = self.cycle(stamp).filter(|cycle| !cycle.readable) else { return };
         cycle.readable = true;
         let tick = cycle.tick;
         let Some(last_bit) = cycle.last_bit else { return };
         let Some(after_bit) = rose.checked_sub(last_bit) else { return };
         let damaged_len = cycle.damaged_len;
-        let delays = if last_bit < misused { bounds::MISUSE_DELAYS } else { 0 };
-        let late = after_bit > damaged_len.unwrap_or(bounds::LAST_BIT_TO_READABLE) + delays;
+        let late = after_bit > damaged_len.unwrap_or(bounds::LAST_BIT_TO_READABLE);
         cycle.late = late;
         if damaged_len.is_none() {
             self.last_bit = self.last_bit.max(Some(after_bit));

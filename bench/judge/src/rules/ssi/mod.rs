@@ -21,16 +21,19 @@
 //! - An unsound image is [`Violation::FreshUnreadable`] if FRESH announced these bytes; if it became unsound later, or
 //!   FRESH rose while nothing could be read yet, it is what the transaction found: torn, misplaced, or damaged, in this
 //!   order, and one of them for each transaction.
-//! - A flight controller that misuses the SSI (an injected fault of it, and [`bounds::MISUSE_OVER`] more) is owed no
-//!   service, may delay an image by up to [`bounds::MISUSE_DELAYS`](crate::bounds::MISUSE_DELAYS), and what it reads by
-//!   the wrong clocks is not looked at here: what it reads as valid still has to be, which is the rule of
-//!   [`super::shown`].
-//! - What is unsound while a bit of the DPR's buffers is stuck, or after one was hit, until the buffer is replaced, is
-//!   not looked at here: a check that finds it is all that is asked. That it is not valid is for [`super::shown`] to
-//!   ask. Nor is it held against the DPR that it replaces such an image by one that tells the same.
+//! - While [`Excuse::Service`] holds the flight controller is owed no service, and what it reads by the wrong clocks is
+//!   not looked at here: what it reads as valid still has to be, which is the rule of [`super::shown`]. No image may be
+//!   later for it.
+//! - A transaction that ends within [`bounds::SSI_PAUSE`] after the DPR was ready again after the one before is owed
+//!   service from the end of that time on.
+//! - What is unsound while [`Excuse::UnsoundImage`] holds is not looked at here: a check that finds it is all that is
+//!   asked. That it is not valid is for [`super::shown`] to ask. Nor is it held against the DPR that it replaces such
+//!   an image by one that tells the same.
 //! - A transaction that brings an older image than the one announced is [`Violation::FreshNotNew`], but for one whose
 //!   objects are older than what was read before: that is [`Violation::Regression`], of another rule.
-//! - How soon a frame is readable that began while the DPR's front end was out of order is not asked.
+//! - How soon a frame is readable that began while [`Excuse::Latency`] holds is not asked. Of one that began while
+//!   [`Excuse::Hearing`] holds and came again it is asked from the last time it came: the DPR may have missed the
+//!   first.
 //! - A cycle that is readable too late after its last bit is not also a sample that is readable too late. One that is
 //!   read before FRESH has risen for it is [`Violation::FreshMissing`] or [`Violation::LateReadable`], whichever is
 //!   seen first.
@@ -40,17 +43,13 @@ mod fresh;
 mod latency;
 mod service;
 
-use super::shown::expectation::{breaks_the_dprs_front_end, hits_a_buffer};
-use crate::bounds;
+use crate::disturbance::Excuse;
 use crate::read::Reading;
 use crate::{Board, Context, Event, Figures, Findings, Header, SsiEvent, Violation, What};
 use damage::Damage;
 use fresh::Claims;
 use latency::Cycles;
 use service::Service;
-
-/// The injected faults that keep the flight controller from reading begin so.
-const FLIGHT_CONTROLLER: &str = "flight controller";
 
 /// See the [module](self).
 #[derive(Clone, Debug)]
@@ -59,12 +58,6 @@ pub struct Ssi {
     claims: Claims,
     damage: Damage,
     cycles: Cycles,
-    /// Until when the flight controller misuses the SSI, ns.
-    misused: u64,
-    /// Until when an image may hold a bit that was hit, ns.
-    hit: u64,
-    /// Until when the DPR's front end is out of order, ns.
-    out_of_order: u64,
 }
 
 impl Ssi {
@@ -76,17 +69,15 @@ impl Ssi {
             claims: Claims::default(),
             damage: Damage::default(),
             cycles: Cycles::default(),
-            misused: 0,
-            hit: 0,
-            out_of_order: 0,
         }
     }
 
     /// Takes the next event.
     pub fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
         let at = event.at;
-        self.service.pass(at, findings);
-        if at < self.misused {
+        let disturbances = context.disturbances();
+        self.service.pass(at, disturbances, findings);
+        if disturbances.excuse(Excuse::Service, at) {
             self.service.misused();
         }
         match &event.what {
@@ -101,19 +92,7 @@ impl Ssi {
             What::Hung { board: Board::Dpr } if context.running(Board::Dpr).hung == Some(at) => {
                 self.service.hang(at, findings);
             }
-            What::Injected { kind, until } if kind.starts_with(FLIGHT_CONTROLLER) => {
-                self.service.excuse(*until);
-                self.misused = self.misused.max(until.saturating_add(bounds::MISUSE_OVER));
-                self.cycles.misused(self.misused);
-            }
-            What::Injected { kind, until } if breaks_the_dprs_front_end(kind) => {
-                self.out_of_order = self.out_of_order.max(*until);
-                self.cycles.front_end_fails(at);
-            }
-            What::Injected { kind, until } if hits_a_buffer(kind) => {
-                self.hit = self.hit.max(until.saturating_add(bounds::BUFFER_REPLACED));
-                self.claims.hit(self.hit);
-            }
+            What::Injected { disturbs, .. } if disturbs.may_take(Excuse::Latency) => self.cycles.front_end_fails(at),
             What::Answer => findings.add(Violation::Answered, at, || "the DPR's front end sent".into()),
             What::Tick => self.cycles.tick(at),
             What::Sent { started, .. } => {
@@ -121,9 +100,11 @@ impl Ssi {
                     self.cycles.sent(context.layout(), frame, *started);
                 }
             }
-            What::Heard { started, whole: true, bytes } if *started > self.out_of_order => {
+            What::Heard { started, whole: true, bytes } if !disturbances.excuse(Excuse::Latency, *started) => {
                 if let Some(frame) = context.frame() {
-                    self.cycles.heard(context.layout(), frame, bytes.first().copied(), *started, at);
+                    let may_be_missed = disturbances.excuse(Excuse::Hearing, *started);
+                    let len = bytes.first().copied();
+                    self.cycles.heard(context.layout(), frame, len, (*started, at), may_be_missed);
                 }
             }
             _ if context.running(Board::Dpr).powered => self.take_ssi(event, context, findings),
@@ -134,6 +115,7 @@ impl Ssi {
     /// Takes an event of the SSI of a DPR that has a supply.
     fn take_ssi(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
         let at = event.at;
+        let unsound = |at| context.disturbances().excuse(Excuse::UnsoundImage, at);
         match &event.what {
             What::Fresh { high, offered } => {
                 let offered = offered.as_ref().map(|bytes| {
@@ -141,13 +123,13 @@ impl Ssi {
                     Reading::of(context.layout(), at, at, offset, bytes)
                 });
                 // Of an image of which a bit was hit it cannot be told which it is.
-                let hit = offered.as_ref().is_some_and(|offered| at < self.hit && !offered.is_sound());
+                let hit = offered.as_ref().is_some_and(|offered| unsound(at) && !offered.is_sound());
                 if *high {
                     let excused = self.service.rise(at, offered.is_some()) || hit;
                     let known = offered.as_ref().filter(|_| !hit);
-                    self.claims.rise(at, known, excused, &mut self.cycles, findings);
+                    self.claims.rise(at, known, excused, &mut self.cycles, context.disturbances(), findings);
                 } else if !hit {
-                    self.claims.fall(offered.as_ref(), &mut self.cycles, findings);
+                    self.claims.fall(offered.as_ref(), &mut self.cycles, context.disturbances(), findings);
                 }
             }
             What::Ssi(SsiEvent::Held) => self.service.held(at),
@@ -168,10 +150,11 @@ impl Ssi {
         let whole = reading.selected >= context.running(Board::Dpr).since;
         self.service.transaction(reading, whole, findings);
         // A transaction that began before the DPR's last start is not judged.
-        if !whole || reading.selected < self.misused {
+        let disturbances = context.disturbances();
+        if !whole || disturbances.excuse(Excuse::Service, reading.selected) {
             return;
         }
-        if reading.selected < self.hit && !reading.is_sound() {
+        if disturbances.excuse(Excuse::UnsoundImage, reading.selected) && !reading.is_sound() {
             return;
         }
         if self.claims.has_condemned(&reading.miso) {
@@ -186,13 +169,12 @@ impl Ssi {
 
     fn restart(&mut self) {
         self.claims = Claims::default();
-        self.claims.hit(self.hit);
         self.damage = Damage::default();
     }
 
     /// The run is over.
     pub fn finish(&mut self, context: &Context, findings: &mut Findings, figures: &mut Figures) {
-        self.service.finish(context.now(), findings);
+        self.service.finish(context.now(), context.disturbances(), findings);
         figures.ready_ns = self.service.figure();
         figures.sample_to_readable = self.cycles.sample_to_readable();
         figures.last_bit_to_readable = self.cycles.last_bit_to_readable();

@@ -3,6 +3,7 @@
 use profile::LinkStatus;
 
 use crate::bounds;
+use crate::disturbance::{Disturbances, Excuse};
 use crate::read::Reading;
 use crate::{Findings, Max, Violation};
 
@@ -49,6 +50,7 @@ struct Hold {
 /// A transaction is over, and the DPR is not ready for the next one yet.
 #[derive(Clone, Copy, Debug)]
 struct Pending {
+    /// Since when readiness is owed: since its end, or since the pause after the one before is over.
     since: u64,
     /// There is an image to be read.
     owed: bool,
@@ -85,7 +87,7 @@ pub(super) struct Service {
     /// When the DPR was first ready after that, ns.
     started: Option<u64>,
     never_told: bool,
-    /// Since when the flight controller has made no transaction, ns; later than now while it is not expected to.
+    /// Since when the flight controller has made no transaction, ns.
     quiet_since: u64,
     quiet_told: bool,
     under_way: bool,
@@ -95,6 +97,8 @@ pub(super) struct Service {
     /// The transaction under way is not served.
     busy: bool,
     hold: Option<Hold>,
+    /// Until when the DPR need not see the end of a transaction, ns.
+    paused_until: u64,
     pending: Option<Pending>,
     /// FRESH rose at this instant while nothing was owed, so that no other bound tells when the image has to be
     /// readable.
@@ -122,6 +126,7 @@ impl Service {
             long_ended: 0,
             busy: false,
             hold: None,
+            paused_until: 0,
             pending: None,
             claimed: None,
             ready_at: None,
@@ -159,18 +164,13 @@ impl Service {
         self.hung = true;
     }
 
-    /// The flight controller is kept from reading until then.
-    pub(super) fn excuse(&mut self, until: u64) {
-        self.quiet_since = self.quiet_since.max(until);
-    }
-
     /// The flight controller misuses the SSI: nothing is owed to it.
     pub(super) fn misused(&mut self) {
         (self.pending, self.claimed, self.streak) = (None, None, None);
     }
 
     /// Time passes: what should have happened before `now`.
-    pub(super) fn pass(&mut self, now: u64, findings: &mut Findings) {
+    pub(super) fn pass(&mut self, now: u64, disturbances: &Disturbances, findings: &mut Findings) {
         if !self.powered {
             return;
         }
@@ -183,7 +183,8 @@ impl Service {
             self.never_told = true;
             findings.add(Violation::NeverReady, due, || format!("{} ns after its start", bounds::START));
         }
-        let due = self.quiet_since.saturating_add(bounds::NO_TRANSACTION);
+        let quiet_since = self.quiet_since.max(disturbances.until(Excuse::Transactions));
+        let due = quiet_since.saturating_add(bounds::NO_TRANSACTION);
         if !self.quiet_told && now > due {
             self.quiet_told = true;
             findings.add(Violation::NoTransaction, due, || format!("none for {} ns", bounds::NO_TRANSACTION));
@@ -213,7 +214,9 @@ impl Service {
     pub(super) fn released(&mut self, at: u64, findings: &mut Findings) {
         self.served_again(at);
         self.settle(at, findings);
-        self.hold = None;
+        if self.hold.take().is_some_and(|hold| hold.why == Why::Transaction) {
+            self.paused_until = at + bounds::SSI_PAUSE;
+        }
     }
 
     pub(super) fn ready(&mut self, at: u64, findings: &mut Findings) {
@@ -233,7 +236,7 @@ impl Service {
     pub(super) fn selected(&mut self, at: u64) {
         (self.under_way, self.began) = (true, at);
         // A flight controller that does not wait for the DPR as long as it has to is no evidence.
-        self.pending = self.pending.filter(|pending| at - pending.since > bounds::SSI_READY);
+        self.pending = self.pending.filter(|pending| at.saturating_sub(pending.since) > bounds::SSI_READY);
     }
 
     /// A transaction is over; `whole` if the DPR ran all the while.
@@ -256,7 +259,7 @@ impl Service {
             self.took(0);
         } else if self.hold.is_none_or(|hold| hold.why == Why::Transaction) {
             let owed = !spent && !self.is_expired(at);
-            self.pending.get_or_insert(Pending { since: at, owed });
+            self.pending.get_or_insert(Pending { since: at.max(self.paused_until), owed });
         }
         match Read::of(reading, busy) {
             Read::Image => self.end_streak(findings),
@@ -277,7 +280,7 @@ impl Service {
     /// The DPR can serve the next transaction.
     fn served_again(&mut self, at: u64) {
         if let Some(Pending { since, owed: true }) = self.pending {
-            self.took(at - since);
+            self.took(at.saturating_sub(since));
         }
     }
 
@@ -295,7 +298,7 @@ impl Service {
     }
 
     fn waited(&mut self, violation: Violation, since: u64, now: u64, findings: &mut Findings) {
-        let took = now - since;
+        let took = now.saturating_sub(since);
         let silence = self.streak.is_some_and(Streak::is_silence);
         if self.started.is_none() || self.hung || took <= bounds::SSI_READY || silence {
             return;
@@ -334,8 +337,8 @@ impl Service {
         self.streak = None;
     }
 
-    pub(super) fn finish(&mut self, now: u64, findings: &mut Findings) {
-        self.pass(now, findings);
+    pub(super) fn finish(&mut self, now: u64, disturbances: &Disturbances, findings: &mut Findings) {
+        self.pass(now, disturbances, findings);
         self.settle(now, findings);
         self.end_streak(findings);
     }

@@ -82,7 +82,7 @@ fn after_doubt(doubtful: usize, age: u64, valid: bool) -> Vec<(Violation, u64)> 
     let mut events = scene.events(|_, reported, gps| {
         let values = if valid { last.values(gps[0].timestamp) } else { GpsValues::absent(gps[0].timestamp) };
         let status = values.status.with_heard(age <= 250).with_stale(age > 90);
-        gps[0] = GpsValues { status, ..values };
+        gps[0] = GpsValues { status: aged(status, &gps[0]), ..values };
         *reported = reported_as(&gps[0]);
     });
     let own = tick(number)..tick(number + 1);
@@ -229,7 +229,7 @@ fn still_valid(moved: i64, silent: bool, last: u64) -> Vec<(Violation, u64)> {
     let mut events = scene.events(|cycle, reported, gps| {
         if cycle >= 65 {
             let values = if silent { silent_gps(gps[0].timestamp) } else { burst.values(gps[0].timestamp) };
-            gps[0] = GpsValues { status: values.status.with_heard(!silent), ..values };
+            gps[0] = GpsValues { status: aged(values.status.with_heard(!silent), &gps[0]), ..values };
         }
         *reported = reported_as(&gps[0]);
     });
@@ -312,7 +312,11 @@ fn a_message_that_repeats_the_time_of_week_of_one_that_is_doubtful_is_as_old_or_
         let number = cycle_after(&last, age * MS);
         let mut events = scene.events(|_, reported, gps| {
             let values = if valid { last.values(gps[0].timestamp) } else { GpsValues::absent(gps[0].timestamp) };
-            gps[0] = GpsValues { status: values.status.with_stale(true).with_heard(true), ..values };
+            let status = values.status.with_stale(true).with_heard(true);
+            let age_ms = u32::from(last.values(gps[0].timestamp).status.solution_age_ms().unwrap());
+            // That of the one before, where it is certain that HORUS has taken that.
+            let age_ms = if scene.receivers[0][5].clean { age_ms + 100 } else { age_ms };
+            gps[0] = GpsValues { status: status.with_solution_age_ms(Some(age_ms)), ..values };
             *reported = reported_as(&gps[0]);
         });
         let own = tick(number)..tick(number + 1);

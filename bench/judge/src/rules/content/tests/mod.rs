@@ -49,7 +49,11 @@ impl Burst {
                 heading_1e5: 34_567_891 + step,
                 accuracy_1e5: [40_000, 40_000, 60_000],
             }),
-            ins: Some(EsfIns { itow_ms, rates_1e3: [0; 3], accelerations_1e2: [17 + step, -981 + step, 333 + step] }),
+            ins: Some(EsfIns {
+                itow_ms,
+                rates_1e3: [0; 3],
+                accelerations_1e2: [17, -981, 333].map(|axis| axis + step % APART as i32 + step / 10),
+            }),
             clean: true,
             old: false,
         }
@@ -65,9 +69,11 @@ impl Burst {
         self.at + self.bytes().len() as u64 * BYTE_NS
     }
 
-    /// What HORUS makes of it while it is young enough.
+    /// What HORUS makes of it while it is young enough, in the cycle of this timestamp.
     fn values(&self, timestamp: u32) -> GpsValues {
         let mut values = GpsValues::absent(timestamp);
+        let age = tick(u64::from(timestamp / CYCLE_MS)).saturating_sub(self.arrived());
+        values.status = values.status.with_solution_age_ms(Some((age / MS) as u32));
         if let Some(pvt) = &self.pvt {
             values.status = values.status.with_position_valid(true).with_fix_type(FixType::Fix3D);
             values.latitude = f64::from(pvt.latitude_1e7) / 1e7;
@@ -95,7 +101,8 @@ struct Scene {
     cycles: u64,
 }
 
-/// A receiver's numbers are ahead of those of the one before by so many: 2.2 m north and 1.5 m west of it.
+/// A receiver's numbers are ahead of those of the one before by so many: 2.2 m north and 1.5 m west of it, and 0.2 m/s²
+/// more along each axis.
 const APART: u32 = 200;
 /// The first cycle that shows what the inputs of HORUS's state say: three samples come before it.
 const INPUTS_KNOWN: u64 = 4;
@@ -132,12 +139,12 @@ impl Scene {
         let age = tick - last.arrived();
         let values = if age <= period + 150 * MS { last.values(timestamp) } else { GpsValues::absent(timestamp) };
         let status = values.status.with_heard(age <= 250 * MS).with_stale(age >= period + 50 * MS);
-        GpsValues { status, ..values }
+        GpsValues { status: aged(status, &last.values(timestamp)), ..values }
     }
 
     /// The run, of which `change` may change what is said in a cycle (from 1). Where it leaves Reported-Position as it
-    /// is, that is the vote over the objects as they are then. HORUS monitors from its first result on, and from when
-    /// the inputs of its state are known.
+    /// is, that is the vote over the objects as they are then. From when the inputs of its state are known, HORUS
+    /// monitors while there is a result, and has lost its position while there was one.
     fn events(&self, mut change: impl FnMut(u64, &mut ReportedValues, &mut [GpsValues])) -> Events {
         let gps = self.receivers.len();
         let mut events = Events::new(gps);
@@ -157,7 +164,11 @@ impl Scene {
                 reported.status = reported.status.with_state(HorusState::Starting);
             }
             if located && number >= INPUTS_KNOWN && reported.status.state() == Some(HorusState::Starting) {
-                reported.status = reported.status.with_state(HorusState::Monitoring);
+                let state = match reported.status.position_valid() {
+                    true => HorusState::Monitoring,
+                    false => HorusState::PositionLost,
+                };
+                reported.status = reported.status.with_state(state);
             }
             events.cycle_of(tick, &reported, &values);
         }
@@ -188,6 +199,11 @@ impl Scene {
     }
 }
 
+/// `status` with the age of the solution of `gps`.
+fn aged(status: GpsStatus, gps: &GpsValues) -> GpsStatus {
+    status.with_solution_age_ms(gps.status.solution_age_ms().map(u32::from))
+}
+
 /// When the tick of a cycle comes.
 fn tick(number: u64) -> u64 {
     FIRST_TICK + (number - 1) * bounds::CYCLE
@@ -208,30 +224,48 @@ fn voted(gps: &[GpsValues]) -> ReportedValues {
     let members: Vec<_> =
         gps.iter().filter(|gps| gps.status.position_valid() && !gps.status.excluded()).copied().collect();
     let absent = ReportedValues::absent(gps[0].timestamp);
-    let degraded = members.len() < gps.len();
-    let status = absent.status.with_degraded(degraded).with_receivers_agreeing(members.len() as u8);
+    let status = absent.status.with_degraded(true).with_receivers_agreeing(members.len() as u8);
     if members.is_empty() {
         return ReportedValues { status, ..absent };
     }
-    let f64_of = |of: fn(&GpsValues) -> f64| middle(members.iter().map(of).filter(|value| !value.is_nan()).collect());
-    let f32_of = |valid: fn(&GpsValues) -> bool, of: &dyn Fn(&GpsValues) -> f32| {
-        middle(members.iter().filter(|gps| valid(gps)).map(|gps| f64::from(of(gps))).collect())
-            .map_or(ABSENT_F32, |value| value as f32)
+    let quorum = [0, 1, 1, 2, 2, 3][gps.len()];
+    let f64_of = |least: usize, of: fn(&GpsValues) -> f64| {
+        let values: Vec<f64> = members.iter().map(of).filter(|value| !value.is_nan()).collect();
+        if values.len() < least { None } else { middle(values) }
     };
-    let oriented = |gps: &GpsValues| gps.status.attitude_valid();
-    let moved = |gps: &GpsValues| gps.status.acceleration_valid();
+    // A quorum has one, and no two are farther apart than the limits; on the circle where that is no more than pi.
+    let are_agreed = |of: &[[f32; 3]], limits: [f64; 3]| {
+        let off = |axis: usize, one: &[f32; 3], its: &[f32; 3]| (f64::from(one[axis]) - f64::from(its[axis])).abs();
+        let turned = |off: f64| if limits[0] < 0.1 { off.min(std::f64::consts::TAU - off) } else { off };
+        let agree = |axis: usize| of.iter().all(|one| of.iter().all(|its| turned(off(axis, one, its)) <= limits[axis]));
+        of.len() >= quorum && (0..3).all(agree)
+    };
+    let medians = |of: &[[f32; 3]], limits: [f64; 3]| {
+        are_agreed(of, limits).then(|| {
+            [0, 1, 2].map(|axis| middle(of.iter().map(|of| f64::from(of[axis])).collect()).unwrap_or(f64::NAN) as f32)
+        })
+    };
+    let of = |valid: fn(&GpsValues) -> bool, values: fn(&GpsValues) -> [f32; 3]| -> Vec<[f32; 3]> {
+        members.iter().filter(|gps| valid(gps)).map(values).collect()
+    };
+    let attitudes = of(|gps| gps.status.attitude_valid(), |gps| [gps.pitch, gps.yaw, gps.roll]);
+    let attitude = medians(&attitudes, [5.0, 10.0, 5.0].map(f64::to_radians));
+    let acceleration = medians(&of(|gps| gps.status.acceleration_valid(), |gps| gps.acceleration), [2.0; 3]);
+    let [pitch, yaw, roll] = attitude.unwrap_or([ABSENT_F32; 3]);
+    let altitude = f64_of(quorum, |gps| gps.altitude).unwrap_or(ABSENT_F64);
     ReportedValues {
         status: status
             .with_position_valid(true)
-            .with_attitude_valid(members.iter().any(oriented))
-            .with_acceleration_valid(members.iter().any(moved)),
-        latitude: f64_of(|gps| gps.latitude).unwrap_or(ABSENT_F64),
-        longitude: f64_of(|gps| gps.longitude).unwrap_or(ABSENT_F64),
-        altitude: f64_of(|gps| gps.altitude).unwrap_or(ABSENT_F64),
-        pitch: f32_of(oriented, &|gps| gps.pitch),
-        yaw: f32_of(oriented, &|gps| gps.yaw),
-        roll: f32_of(oriented, &|gps| gps.roll),
-        acceleration: [0, 1, 2].map(|axis| f32_of(moved, &|gps| gps.acceleration[axis])),
+            .with_attitude_valid(attitude.is_some())
+            .with_acceleration_valid(acceleration.is_some())
+            .with_degraded(members.len() < gps.len() || altitude.is_nan()),
+        latitude: f64_of(1, |gps| gps.latitude).unwrap_or(ABSENT_F64),
+        longitude: f64_of(1, |gps| gps.longitude).unwrap_or(ABSENT_F64),
+        altitude,
+        pitch,
+        yaw,
+        roll,
+        acceleration: acceleration.unwrap_or([ABSENT_F32; 3]),
         ..absent
     }
 }

@@ -43,6 +43,12 @@ fn what_is_no_message_is_passed_over() {
 }
 
 #[test]
+fn zeros_behind_a_sync_are_no_message() {
+    let zeros = [&SYNC[..], &[0; 8]].concat();
+    assert_eq!(read(&[(0, &zeros, true), (1_000, &message(20), true)]), [(1_000, 1_200, true)]);
+}
+
+#[test]
 fn after_a_wrong_checksum_so_many_bytes_are_doubtful_as_the_message_claims() {
     let mut wrong = message(20);
     wrong[19] ^= 1;

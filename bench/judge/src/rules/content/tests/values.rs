@@ -109,7 +109,7 @@ fn the_bands_of_taking_a_message_are_as_stated() {
             let burst = if new { &new_one } else { &old };
             if cycle == 60 {
                 let values = burst.values(gps[0].timestamp);
-                gps[0] = GpsValues { status: values.status.with_heard(true), ..values };
+                gps[0] = GpsValues { status: aged(values.status.with_heard(true), &gps[0]), ..values };
                 *reported = reported_as(&gps[0]);
             }
         })

@@ -1,8 +1,8 @@
 use gnss_sim::ubx::WEEK_MS;
-use profile::ReportedStatus;
+use profile::{ReportedStatus, ResetReason};
 
 use super::*;
-use crate::Figures;
+use crate::{Board, Figures};
 
 const VOTE: [(Violation, u64); 1] = [(Violation::VoteWrong, 1)];
 const MISSING: [(Violation, u64); 1] = [(Violation::VoteMissing, 1)];
@@ -416,6 +416,7 @@ fn an_altitude_that_no_receiver_gives_is_none() {
                 gps[0].altitude = ABSENT_F64;
             }
             reported.altitude = if cycle == STEADY { altitude } else { ABSENT_F64 };
+            reported.status = reported.status.with_degraded(true);
         })
     };
     assert_eq!(said(ABSENT_F64), []);
@@ -483,6 +484,271 @@ fn attitude_and_acceleration_are_those_of_the_members_that_have_one() {
     assert_eq!(said, REPORTED);
 }
 
+/// Three receivers' bursts changed so: what is found if the vote follows the rules, and if it is `changed` in all
+/// cycles in which everybody has spoken.
+fn of_three(
+    gps: usize,
+    bursts: impl Fn(usize, &mut Burst),
+    changed: impl Fn(&mut ReportedValues, &[GpsValues]),
+) -> [Vec<Violation>; 2] {
+    let mut scene = Scene::new(gps);
+    for (receiver, all) in scene.receivers.iter_mut().enumerate() {
+        all.iter_mut().for_each(|burst| bursts(receiver, burst));
+    }
+    let flat = |gps: &mut [GpsValues], scene: &Scene| {
+        for (values, bursts) in gps.iter_mut().zip(&scene.receivers) {
+            if bursts[0].pvt.as_ref().is_some_and(|pvt| pvt.fix_type == 2) && values.status.position_valid() {
+                values.status = values.status.with_fix_type(FixType::Fix2D);
+                values.altitude = ABSENT_F64;
+            }
+        }
+    };
+    let kinds = |said: Vec<(Violation, u64)>| said.into_iter().map(|(violation, _)| violation).collect();
+    let right = scene.said(|_, _, gps| flat(gps, &scene));
+    let wrong = scene.said(|cycle, reported, gps| {
+        flat(gps, &scene);
+        if cycle > STEADY {
+            *reported = voted(gps);
+            changed(reported, gps);
+        }
+    });
+    [kinds(right), kinds(wrong)]
+}
+
+#[test]
+fn an_altitude_takes_a_quorum_of_members_that_have_one() {
+    let flat = |count: usize| {
+        move |receiver: usize, burst: &mut Burst| {
+            let pvt = burst.pvt.as_mut().unwrap();
+            pvt.fix_type = if receiver < count { 2 } else { 3 };
+        }
+    };
+    let shown = |reported: &mut ReportedValues, gps: &[GpsValues]| {
+        reported.altitude = gps.last().unwrap().altitude;
+        reported.status = reported.status.with_degraded(false);
+    };
+    let none = |reported: &mut ReportedValues, _: &[GpsValues]| {
+        reported.altitude = ABSENT_F64;
+        reported.status = reported.status.with_degraded(true);
+    };
+    for (gps, least) in [(1, 1), (2, 1), (3, 2), (5, 3)] {
+        for have in 0..=gps {
+            if have < least {
+                let [right, wrong] = of_three(gps, flat(gps - have), shown);
+                assert_eq!([right, wrong], [vec![], vec![Violation::ReportedWrong]], "{have} of {gps}");
+            } else {
+                let found = of_three(gps, flat(gps - have), none);
+                assert_eq!(found, [vec![], vec![Violation::ReportedWrong]], "{have} of {gps}");
+            }
+        }
+    }
+    let degraded = |reported: &mut ReportedValues, _: &[GpsValues]| {
+        reported.status = reported.status.with_degraded(false);
+    };
+    assert_eq!(of_three(3, flat(2), degraded), [vec![], vec![Violation::ReportedWrong]]);
+}
+
+#[test]
+fn who_contradicts_a_quorum_of_altitudes_has_to_be_excluded() {
+    let mut scene = standing(&[(0.0, 0.0), (0.0, 0.0), (0.0, 0.0), (0.0, 0.0), (0.0, 500.0)]);
+    scene.receivers[0].iter_mut().for_each(|burst| burst.pvt.as_mut().unwrap().fix_type = 2);
+    let found = |from: u64, beside: f64| {
+        scene.said(|cycle, reported, gps| {
+            if gps[0].status.position_valid() {
+                gps[0].status = gps[0].status.with_fix_type(FixType::Fix2D);
+                gps[0].altitude = ABSENT_F64;
+            }
+            gps[4].status = gps[4].status.with_excluded(cycle >= from);
+            if gps[4].status.position_valid() {
+                *reported = voted(&gps[..4]);
+                reported.altitude += beside;
+                reported.status = reported.status.with_degraded(true);
+            }
+        })
+    };
+    let shown = |cycle: u64| scene.shown(4, tick(cycle), cycle as u32 * CYCLE_MS);
+    let first = (1..).find(|cycle| shown(*cycle).status.position_valid()).unwrap();
+    assert_eq!(found(first + 1, 0.0), []);
+    assert_eq!(found(first + 40, 0.0)[0].0, Violation::ExclusionWrong);
+}
+
+#[test]
+fn attitude_and_acceleration_take_a_quorum_that_agrees() {
+    for (gps, off, is_stated) in [
+        (2, [0, 0, 0, 0], true),
+        (2, [499_000, 0, 0, 0], true),
+        (2, [501_000, 0, 0, 0], false),
+        (2, [0, -999_000, 0, 0], true),
+        (2, [0, -1_001_000, 0, 0], false),
+        (2, [0, 18_000_000, 0, 0], false),
+        (3, [0, 0, 499_000, 0], true),
+        (3, [0, 0, -501_000, 0], false),
+        (3, [0, 0, 0, 179], true),
+        (3, [0, 0, 0, 201], false),
+        (5, [0, 1_001_000, 0, 0], false),
+    ] {
+        let bursts = |receiver: usize, burst: &mut Burst| {
+            let [pitch, yaw, roll, front] = if receiver == 1 { off } else { [0; 4] };
+            let att = burst.att.as_mut().unwrap();
+            (att.pitch_1e5, att.heading_1e5, att.roll_1e5) = (1_000 + pitch, 20_000_000 + yaw, roll - 17_900_000);
+            att.heading_1e5 %= 36_000_000;
+            burst.ins.as_mut().unwrap().accelerations_1e2 = [front, 0, 0];
+        };
+        // The other one of the two.
+        let changed = |reported: &mut ReportedValues, gps: &[GpsValues]| {
+            let of_front = off[3] != 0;
+            if of_front {
+                let valid = reported.status.acceleration_valid();
+                assert_eq!(valid, is_stated, "{off:?}");
+                reported.status = reported.status.with_acceleration_valid(!valid);
+                reported.acceleration = if valid { [ABSENT_F32; 3] } else { gps[0].acceleration };
+            } else {
+                let valid = reported.status.attitude_valid();
+                assert_eq!(valid, is_stated, "{off:?}");
+                reported.status = reported.status.with_attitude_valid(!valid);
+                [reported.pitch, reported.yaw, reported.roll] =
+                    if valid { [ABSENT_F32; 3] } else { [gps[0].pitch, gps[0].yaw, gps[0].roll] };
+            }
+        };
+        let found = of_three(gps, bursts, changed);
+        assert_eq!(found, [vec![], vec![Violation::ReportedWrong]], "{gps} {off:?}");
+    }
+}
+
+/// Receivers that all jump so far north and up in these of their bursts, m.
+fn jumping(gps: usize, bursts: std::ops::Range<usize>, north: f64, up: f64) -> Scene {
+    let mut scene = Scene::of_cycles(gps, 100, 300);
+    for receiver in &mut scene.receivers {
+        let until = bursts.end.min(receiver.len());
+        for pvt in receiver[bursts.start..until].iter_mut().filter_map(|burst| burst.pvt.as_mut()) {
+            pvt.latitude_1e7 += (north * PER_METRE) as i32;
+            pvt.height_mm += (up * 1e3) as i32;
+        }
+    }
+    scene
+}
+
+/// No result, in the state that HORUS is in.
+fn withhold(reported: &mut ReportedValues) {
+    let state = reported.status.state().unwrap();
+    *reported = ReportedValues::absent(reported.timestamp);
+    reported.status = reported.status.with_degraded(true).with_state(state);
+}
+
+/// What is found if there is no result in these cycles.
+fn withheld(scene: &Scene, cycles: std::ops::Range<u64>) -> Vec<(Violation, u64)> {
+    scene.said(|cycle, reported, _| {
+        if cycles.contains(&cycle) {
+            withhold(reported);
+        }
+    })
+}
+
+/// The cycle from which on burst `number` of GPS1 is voted on.
+fn voted_from(scene: &Scene, number: usize) -> u64 {
+    cycle_after(&scene.receivers[0][number], MS)
+}
+
+#[test]
+fn a_jump_of_all_receivers_is_shown_after_exactly_a_second() {
+    for gps in [1, 2, 3, 5] {
+        let scene = jumping(gps, 8..99, 1_000.0, 0.0);
+        let from = voted_from(&scene, 8);
+        assert_eq!(scene.said(unchanged), VOTE, "{gps} receivers");
+        for (cycles, found) in [(1, &VOTE[..]), (60, &VOTE), (92, &VOTE), (97, &[]), (100, &[]), (106, &[])] {
+            assert_eq!(withheld(&scene, from..from + cycles), found, "{gps} receivers, {cycles} cycles");
+        }
+        assert_eq!(withheld(&scene, from..from + 115)[0].0, Violation::VoteMissing);
+        assert_eq!(withheld(&scene, from..999)[0].0, Violation::VoteMissing);
+    }
+}
+
+#[test]
+fn who_comes_back_from_a_jump_has_to_be_shown_at_once() {
+    let scene = jumping(3, 8..12, 1_000.0, 0.0);
+    let (from, until) = (voted_from(&scene, 8), voted_from(&scene, 12));
+    assert_eq!(withheld(&scene, from..until), []);
+    // In the first of these cycles HORUS may have had the last burst before.
+    assert_eq!(withheld(&scene, from..until + 4), [(Violation::VoteMissing, 3)]);
+    // The place that was held back for 400 ms has not held for a second afterwards.
+    let mut scene = jumping(3, 8..99, 1_000.0, 0.0);
+    for receiver in &mut scene.receivers {
+        receiver[12].pvt.as_mut().unwrap().latitude_1e7 -= (1_000.0 * PER_METRE) as i32;
+    }
+    let (back, again) = (voted_from(&scene, 12), voted_from(&scene, 13));
+    let found = |last: u64| {
+        scene.said(|cycle, reported, _| {
+            if (from..back).contains(&cycle) || (again..again + last).contains(&cycle) {
+                withhold(reported);
+            }
+        })
+    };
+    assert_eq!(found(100), []);
+    assert_eq!(found(60), VOTE);
+}
+
+#[test]
+fn a_step_within_200_m_s_and_the_accuracies_is_no_jump() {
+    // With 4 m each 17 m, and 2 m a cycle.
+    let missing = |north: f64, cycles: u64| {
+        let scene = jumping(3, 8..99, north, 0.0);
+        let from = voted_from(&scene, 8);
+        withheld(&scene, from..from + cycles)
+    };
+    assert_eq!(missing(17.0, 0), []);
+    assert_eq!(missing(17.0, 2)[0].0, Violation::VoteMissing);
+    assert_eq!(missing(25.0, 0), VOTE);
+    // Once an aircraft could have flown it, it has to be shown: 100 m after 0.42 s.
+    assert_eq!(missing(100.0, 42), []);
+    assert_eq!(missing(100.0, 30), VOTE);
+    assert_eq!(missing(100.0, 60)[0].0, Violation::VoteMissing);
+}
+
+#[test]
+fn what_is_held_back_moves_within_the_same_reach_or_begins_anew() {
+    let mut scene = jumping(3, 8..99, 1_000.0, 0.0);
+    for receiver in &mut scene.receivers {
+        for pvt in receiver[13..].iter_mut().filter_map(|burst| burst.pvt.as_mut()) {
+            pvt.latitude_1e7 += (300.0 * PER_METRE) as i32;
+        }
+    }
+    let (from, anew) = (voted_from(&scene, 8), voted_from(&scene, 13));
+    assert_eq!(withheld(&scene, from..anew + 100), []);
+    assert_eq!(withheld(&scene, from..from + 105), VOTE);
+    // Nothing to show in between.
+    let mut scene = jumping(1, 8..99, 1_000.0, 0.0);
+    scene.receivers[0].drain(10..13);
+    let again = voted_from(&scene, 10);
+    assert_eq!(withheld(&scene, from..again + 100), []);
+    assert_eq!(withheld(&scene, from..again + 60), VOTE);
+}
+
+#[test]
+fn an_altitude_that_jumps_is_held_back_by_itself() {
+    let scene = jumping(3, 8..99, 0.0, 400.0);
+    let from = voted_from(&scene, 8);
+    let held = |cycles: u64| {
+        scene.said(|cycle, reported, _| {
+            if (from..from + cycles).contains(&cycle) {
+                reported.altitude = ABSENT_F64;
+                reported.status = reported.status.with_degraded(true);
+            }
+        })
+    };
+    assert_eq!(held(0), VOTE);
+    assert_eq!(held(60), VOTE);
+    assert_eq!(held(100), []);
+    assert_eq!(held(115)[0].0, Violation::ReportedWrong);
+    assert_eq!(withheld(&scene, from..from + 100)[0].0, Violation::VoteMissing, "the place does not jump");
+}
+
+#[test]
+fn the_first_result_is_shown_wherever_it_is() {
+    let scene = jumping(3, 0..99, 1_000.0, 0.0);
+    assert_eq!(scene.said(unchanged), []);
+    assert_eq!(withheld(&scene, 0..voted_from(&scene, 3))[0].0, Violation::VoteMissing);
+}
+
 #[test]
 fn the_status_follows_from_the_vote() {
     let status =
@@ -513,15 +779,81 @@ fn horus_is_starting_until_its_first_result() {
             reported.status = reported.status.with_state(HorusState::Monitoring);
         }
     };
+    let lost = |cycle: u64, reported: &mut ReportedValues, _: &mut [GpsValues]| {
+        if cycle == STEADY {
+            reported.status = reported.status.with_state(HorusState::PositionLost);
+        }
+    };
     assert_eq!(scene.said(unchanged), []);
     assert_eq!(scene.said(monitoring), REPORTED);
+    assert_eq!(scene.said(lost), REPORTED, "there was none");
     // After a cycle that nobody saw there may have been one.
-    let mut events = scene.events(monitoring);
+    let mut events = scene.events(lost);
     let unseen = tick(STEADY - 5);
     events.without(
         |event| matches!(event.what, What::Sent { started, .. } if (unseen..unseen + 9 * MS).contains(&started)),
     );
     assert_eq!(kinds(&events), []);
+}
+
+#[test]
+fn horus_monitors_only_while_there_is_a_result() {
+    let mut scene = Scene::new(1);
+    scene.receivers[0].truncate(4);
+    let state = |cycle: u64, state: HorusState| {
+        scene.said(|at, reported, _| {
+            if at == cycle {
+                reported.status = reported.status.with_state(state);
+            }
+        })
+    };
+    let (there, gone) = (20, cycle_after(&scene.receivers[0][3], 400 * MS));
+    assert_eq!(state(there, HorusState::Monitoring), []);
+    assert_eq!(state(there, HorusState::PositionLost), REPORTED);
+    assert_eq!(state(gone, HorusState::PositionLost), []);
+    assert_eq!(state(gone, HorusState::Monitoring), REPORTED);
+}
+
+/// What is found if HORUS restarts for `cause` while GPS2 is excluded, and GPS2 and GPS3 are excluded, or not, from the
+/// first cycle of the next start on.
+fn after_restart(cause: &str, reason: ResetReason, excluded: [bool; 2]) -> Vec<(Violation, u64)> {
+    let scene = strayed(3, 5..26);
+    let from = shows(&scene, 5);
+    let mut events = scene.events(|cycle, _, gps| gps[1].status = gps[1].status.with_excluded(cycle >= from));
+    let at = tick(from + 20) + 9 * MS;
+    events.without(|event| event.at > at);
+    events.add(at, What::Reset { board: Board::Horus, cause: cause.into(), asked: false });
+    for number in 1..=20 {
+        let mut gps = [silent_gps(number * CYCLE_MS); 3];
+        for (gps, excluded) in gps[1..].iter_mut().zip(excluded) {
+            gps.status = gps.status.with_excluded(excluded);
+        }
+        let mut reported = voted(&gps);
+        reported.status = reported.status.with_reset_reason(reason);
+        events.cycle_of(at + 41 * MS + u64::from(number) * bounds::CYCLE, &reported, &gps);
+    }
+    events.end(at + 300 * MS);
+    kinds(&events)
+}
+
+#[test]
+fn who_is_excluded_stays_so_over_a_restart_that_keeps_ram() {
+    for (cause, reason) in [
+        ("Watchdog(\"IWDG\")", ResetReason::Watchdog),
+        ("BrownOut", ResetReason::BrownOutOrOther),
+        ("Pin", ResetReason::Pin),
+    ] {
+        assert_eq!(after_restart(cause, reason, [true, false]), [], "{cause}");
+        assert_eq!(after_restart(cause, reason, [false, false]), EXCLUSION, "{cause}");
+        assert_eq!(after_restart(cause, reason, [true, true]), EXCLUSION, "{cause}: GPS3 agreed with GPS1");
+    }
+    assert_eq!(after_restart("PowerOn", ResetReason::PowerOn, [false, false]), []);
+    assert_eq!(after_restart("PowerOn", ResetReason::PowerOn, [true, false]), EXCLUSION);
+}
+
+#[test]
+fn a_wrong_reason_of_the_last_reset_is_told_in_each_cycle() {
+    assert_eq!(after_restart("Pin", ResetReason::Watchdog, [true, false]), [(Violation::ReportedWrong, 20)]);
 }
 
 #[test]
@@ -563,20 +895,6 @@ fn a_reported_position_without_a_result_says_nothing() {
         }
     });
     assert_eq!(said, MISSING);
-}
-
-#[test]
-fn a_bit_without_a_meaning_is_sent_zero() {
-    for bit in 12..16 {
-        let mut events = Scene::new(1).events(unchanged);
-        let mut sent = events.events.iter_mut().filter(|event| matches!(event.what, What::Sent { .. }));
-        let What::Sent { bytes, .. } = &mut sent.nth(50).unwrap().what else { unreachable!() };
-        let object = &mut bytes.0[1..=64];
-        object[7] |= 1 << (bit - 8);
-        let crc = profile::crc::frame(&object[..60]);
-        object[60..].copy_from_slice(&crc.to_be_bytes());
-        assert_eq!(kinds(&events), REPORTED);
-    }
 }
 
 #[test]

@@ -17,13 +17,18 @@
 //! | violation | when |
 //! |---|---|
 //! | `VoteWrong` | a result of fewer than M, of no majority, of receivers that do not agree, or not the largest set |
-//! | `VoteMissing` | no result, though a majority of the eligible, at least M, agree |
+//! | `VoteWrong` | a place or an altitude jumps, and is shown before it has held for a second ([`jumps`]) |
+//! | `VoteMissing` | no result, though a majority of the eligible, at least M, agree, and it does not jump |
 //! | `ExclusionWrong` | a receiver is excluded, or is not, against the rules below |
 //! | `ReportedWrong` | what is shown is not the members' medians; or a status bit, or what is not valid, is wrong |
 //!
 //! Excluded against the rules: without a position, without a result, though it agrees with a member, or still 1.1 s
 //! after it began to agree with all. Not excluded against them: it agrees with no member, or it cannot have agreed for
-//! a second since it was.
+//! a second since it was. Where M members have an altitude, those are the members that one with an altitude has to
+//! agree with. After a restart that leaves RAM as it was: one that was excluded in the last cycle before it and cannot
+//! have returned since is not; or one is that was not, and agreed with all others then.
+//!
+//! An altitude, an attitude and an acceleration take M members that have one, and all of those have to agree.
 //!
 //! A cycle has one of them at most. M is 1, 1, 2, 3 for 1, 2, 3, 5 receivers.
 //!
@@ -39,15 +44,18 @@
 //! Injected faults excuse nothing here: whatever is on a receiver's line, HORUS has to vote as decided over what it
 //! takes from it. What it takes is judged as for every GPS object.
 
+mod jumps;
 mod places;
 
 use std::f64::consts::PI;
 
-use profile::{ABSENT_F32, ABSENT_F64, GpsValues, HorusState, MAX_RECEIVERS, ReportedStatus, ReportedValues};
+use gnss_sim::Geodetic;
+use profile::{ABSENT_F32, ABSENT_F64, GpsValues, HorusState, MAX_RECEIVERS, ReportedValues};
 
 use super::track::Held;
 use crate::{Violation, bounds};
-use places::{Place, Relation, median, median_of, spread};
+use jumps::{Course, Found, Level, Mark, Spot};
+use places::{Place, Range, Relation, median, median_of, spread};
 
 /// Bits of receivers, bit 0 GPS1.
 type Set = u8;
@@ -81,9 +89,17 @@ pub(super) struct Vote {
     /// What was seen in it.
     earlier: Vec<Seen>,
     returning: [Returning; MAX_RECEIVERS],
+    /// Who must be excluded in the first cycle of this start, and who may be, until that was seen.
+    restarted: Option<(Set, Set)>,
+    /// Who may have been outvoted after the cycle that was seen last.
+    doubtful: Set,
+    /// The tick of that cycle, ns.
+    last_tick: u64,
     /// There was a result since HORUS's start; there may have been one.
     located: bool,
     may_be_located: bool,
+    places: Course<Spot>,
+    altitudes: Course<Level>,
     /// Whether it is known what the inputs of HORUS's state say.
     inputs_known: bool,
 }
@@ -107,9 +123,14 @@ struct Cycle<'a> {
     /// Who is a candidate for sure, and who may be.
     sure: Set,
     may: Set,
+    /// Who has an altitude for sure, and who may have one.
+    high: Set,
+    may_be_high: Set,
     /// Who is excluded, and who was in the cycle before.
     now: Set,
     before: Set,
+    /// How many are a quorum.
+    least: usize,
 }
 
 impl Cycle<'_> {
@@ -132,6 +153,77 @@ impl Cycle<'_> {
         let agree = |set: &Set| each(*set).all(|receiver| self.agrees_with_all(receiver, *set));
         sets.filter(agree).max_by_key(|set| set.count_ones()).unwrap_or(0)
     }
+
+    /// Who is eligible for sure, and who may be.
+    fn eligible(&self) -> (Set, Set) {
+        (self.sure & !(self.now & self.before), self.may & !(self.now & self.before))
+    }
+
+    /// Whom of a result's members `receiver` has to agree with, for sure and at most: where a quorum has an altitude,
+    /// and it too, those that have one.
+    fn peers(&self, receiver: usize, members: Set) -> (Set, Set) {
+        let (own, quorum) = (bit(receiver), |set: Set| count(members & set) >= self.least);
+        if self.may_be_high & own == 0 || !quorum(self.may_be_high) {
+            (members, members)
+        } else if self.high & own != 0 && quorum(self.high) {
+            (members & self.high, members & self.may_be_high)
+        } else {
+            (members & self.high, members)
+        }
+    }
+
+    /// Where there is a result and how high, shown or held back.
+    fn found(&self) -> (Found<Spot>, Found<Level>) {
+        let (eligible, may_vote) = self.eligible();
+        let largest = self.largest(eligible);
+        let sure = count(largest) >= self.least && count(largest) > count(may_vote & !largest);
+        let least = self.least.max(count(largest));
+        let is_result = |set: &Set| {
+            count(*set) >= least
+                && count(*set) > count(eligible & !set)
+                && each(*set).all(|one| self.related(one, *set, Relation::Disagree) == 0)
+        };
+        let sets: Vec<Set> =
+            (0..1 << self.seen.len()).filter(|set: &Set| set & !may_vote == 0).filter(is_result).collect();
+        let with = |of: Set| move |set: &&Set| count(**set & of) >= self.least;
+        let place = Found { sure, may: !sets.is_empty(), mark: all(sets.iter().map(|set| self.spot(*set))) };
+        let altitude = Found {
+            sure: sure && sets.iter().all(|set| with(self.high)(&set)),
+            may: sets.iter().any(|set| with(self.may_be_high)(&set)),
+            mark: all(sets.iter().filter(with(self.may_be_high)).map(|set| self.level(*set))),
+        };
+        (place, altitude)
+    }
+
+    /// The greatest accuracy of these.
+    fn accuracy(&self, members: Set, axis: usize) -> Option<Range> {
+        let of: Option<Vec<_>> = each(members).map(|member| Some(self.places[member].accuracy()?[axis])).collect();
+        of?.into_iter().reduce(|one, its| Range { least: one.least.max(its.least), most: one.most.max(its.most) })
+    }
+
+    /// Where these are as a result.
+    fn spot(&self, members: Set) -> Option<Spot> {
+        let origin = &self.places[each(members).next()?];
+        let there: Option<Vec<_>> = each(members).map(|member| self.places[member].north_east(origin)).collect();
+        let there = there?;
+        let axis = |axis: usize| median(&there.iter().map(|place| place[axis]).collect::<Vec<_>>());
+        let (north, east) = (axis(0)?, axis(1)?);
+        let within = libm::hypot(north.most - north.least, east.most - east.least) / 2.0;
+        Some(Spot { at: origin.beside([north.middle(), east.middle()])?, within, accuracy: self.accuracy(members, 0)? })
+    }
+
+    /// How high these are as a result, where it is known who has an altitude.
+    fn level(&self, members: Set) -> Option<Level> {
+        let high = members & self.high;
+        let of: Option<Vec<_>> = each(high).map(|member| self.places[member].altitude().0).collect();
+        (high == members & self.may_be_high)
+            .then_some(Level { height: median(&of?)?, accuracy: self.accuracy(high, 1)? })
+    }
+}
+
+/// What holds whichever of them it is; nothing if one is not known.
+fn all<T: Mark>(marks: impl Iterator<Item = Option<T>>) -> Option<T> {
+    marks.collect::<Option<Vec<_>>>()?.into_iter().reduce(Mark::or)
 }
 
 impl Vote {
@@ -141,15 +233,45 @@ impl Vote {
             last: (0, 0),
             earlier: vec![],
             returning: Default::default(),
+            restarted: None,
+            doubtful: 0,
+            last_tick: 0,
             located: false,
             may_be_located: false,
+            places: Course::new(),
+            altitudes: Course::new(),
             inputs_known: false,
         }
     }
 
-    /// HORUS forgets everything.
-    pub(super) fn forget(&mut self) {
-        *self = Self::new(self.receivers);
+    /// HORUS starts anew after `ticks` ticks and forgets everything but, where its RAM `is_kept`, who is excluded: that
+    /// was so in the cycle seen last, or is the outcome of one of at most three votes after it that no frame shows.
+    pub(super) fn restart(&mut self, is_kept: bool, ticks: u64) {
+        let all = (0..self.receivers).fold(0, |set, receiver| set | bit(receiver));
+        let restarted = match self.restarted {
+            // No cycle was seen since the start before.
+            Some((must, may)) => (must, if ticks == 0 { may } else { all }),
+            None if ticks > self.last.0 + 1 => (0, all),
+            None => {
+                let votes = 3 * bounds::CYCLE;
+                let stays = |receiver: &usize| {
+                    let did_not = self.returning[*receiver].did_not;
+                    did_not.is_some_and(|at| self.last_tick + votes - at < bounds::NOT_RETURNED)
+                };
+                let must = each(self.last.1).filter(stays).fold(0, |set, receiver| set | bit(receiver));
+                (must, self.last.1 | self.doubtful)
+            }
+        };
+        *self = Self { restarted: is_kept.then_some(restarted), ..Self::new(self.receivers) };
+    }
+
+    /// What is wrong with who is excluded in the first cycle that is seen of a start, its `number`.
+    fn after_restart(&self, (must, may): (Set, Set), excluded: Set, number: u64) -> Option<String> {
+        if must & !excluded != 0 && number * bounds::CYCLE < bounds::NOT_RETURNED {
+            return Some(format!("{} not excluded after a restart, and was before it", names(must & !excluded)));
+        }
+        (number == 1 && excluded & !may != 0)
+            .then(|| format!("{} excluded after a restart, and was not before it", names(excluded & !may)))
     }
 
     /// Whether the cycle before the one of `number` (from 1) was seen.
@@ -158,33 +280,55 @@ impl Vote {
     }
 
     /// Judges a cycle, the one of `number` since HORUS's start, whose GPS objects are sound, from Reported-Position's
-    /// status bits and its values. Whether HORUS is starting or monitoring is asked where the inputs of its state are
+    /// values. Whether HORUS is starting or monitoring is asked where the inputs of its state are
     /// known.
     pub(super) fn cycle(
         &mut self,
         tick: u64,
         number: u64,
         inputs_known: bool,
-        (bits, reported): (u16, &ReportedValues),
+        reported: &ReportedValues,
         seen: &[Seen],
     ) -> Judged {
         self.inputs_known = inputs_known;
         let excluded = set(seen, |seen| seen.values.status.excluded());
+        let restarted = self.restarted.take();
         let follows = self.follows(number);
-        let before = if follows { self.last.1 } else { excluded };
+        let before = if follows && restarted.is_none() { self.last.1 } else { excluded };
         let earlier = std::mem::replace(&mut self.earlier, seen.to_vec());
         let cycle = Cycle::new(seen, if follows { &earlier } else { &[] }, before);
         self.may_be_located |= !follows;
+        let found = cycle.found();
+        self.places.advance(tick, &found.0);
+        self.altitudes.advance(tick, &found.1);
         let result = reported.status.position_valid();
         let mut judged = Judged { wrong: None, away: cycle.away() };
         let mut members = vec![];
         if follows {
-            let vote = self.vote(bits, reported, &cycle, &mut members);
+            let vote = self.vote(tick, reported, &cycle, &found, &mut members);
             let exclusion = self.exclusion(tick, result, &cycle).map(|what| (Violation::ExclusionWrong, what));
             judged.wrong = exclusion.or(vote);
         }
+        if let Some(what) = restarted.and_then(|restarted| self.after_restart(restarted, excluded, number)) {
+            judged.wrong = Some((Violation::ExclusionWrong, what));
+        }
         self.remember(tick, follows, result, &cycle, &members);
+        if !follows || result && judged.wrong.is_some() {
+            // Whether HORUS takes this for the last one is not known.
+            self.places.lose();
+            self.altitudes.lose();
+        } else if result {
+            let (spot, level) = shown(reported, &members, &cycle);
+            self.places.show(tick, spot);
+            if let Some(level) = level {
+                self.altitudes.show(tick, level);
+            }
+        }
         self.last = (number, excluded);
+        let others = cycle.may & !excluded;
+        self.doubtful =
+            each(others).filter(|one| !cycle.agrees_with_all(*one, others)).fold(0, |set, one| set | bit(one));
+        self.last_tick = tick;
         self.located |= result;
         judged
     }
@@ -245,35 +389,28 @@ impl Vote {
     /// What is wrong with the result, or its absence. `members` gets every set that may be the result's.
     fn vote(
         &self,
-        bits: u16,
+        tick: u64,
         reported: &ReportedValues,
         cycle: &Cycle,
+        found: &(Found<Spot>, Found<Level>),
         members: &mut Vec<Set>,
     ) -> Option<(Violation, String)> {
-        let Cycle { sure, may, now, before, .. } = *cycle;
-        let least = match self.receivers {
-            0..=2 => 1,
-            3 => 2,
-            _ => 3,
-        };
+        let Cycle { may, now, before, least, .. } = *cycle;
         let agreeing = usize::from(reported.status.receivers_agreeing());
         let wrong = |what: String| Some((Violation::ReportedWrong, what));
-        if bits & !ReportedStatus::USED != 0 {
-            return wrong(format!("its status is {bits:#06x}, which has bits without a meaning"));
-        }
-        // Who is eligible for sure, and who may be.
-        let eligible = sure & !(now & before);
-        let may_vote = may & !(now & before);
+        let (eligible, _) = cycle.eligible();
         // Any other state is the inputs' matter.
-        let is_located = reported.status.position_valid() || self.located;
+        let is_located = reported.status.position_valid();
+        let was_located = self.located || self.may_be_located;
         let wrong_state = match reported.status.state() {
-            Some(HorusState::Starting) => is_located && self.inputs_known,
-            Some(HorusState::Monitoring) => !is_located && !self.may_be_located,
+            Some(HorusState::Starting) => (is_located || self.located) && self.inputs_known,
+            Some(HorusState::Monitoring) => !is_located,
+            Some(HorusState::PositionLost) => is_located || !was_located,
             _ => false,
         };
         let largest = cycle.largest(eligible);
         if !reported.status.position_valid() {
-            if count(largest) >= least && count(largest) > count(may_vote & !largest) {
+            if self.places.must_be_shown(tick, &found.0) {
                 return Some((Violation::VoteMissing, format!("there is no result, and {} agree", names(largest))));
             }
             return absent(reported, wrong_state).and_then(wrong);
@@ -297,7 +434,7 @@ impl Vote {
             return bad(format!("a result of {agreeing}, and so many of {} do not agree", names(can)));
         }
         let anew = now & !before;
-        members.retain(|set| each(anew).all(|one| cycle.related(one, *set, Relation::Agree) == 0));
+        members.retain(|set| each(anew).all(|one| cycle.related(one, cycle.peers(one, *set).0, Relation::Agree) == 0));
         if members.is_empty() {
             return excluded(format!("{} are excluded, and agree with some that are not", names(anew)));
         }
@@ -305,15 +442,21 @@ impl Vote {
             return bad(format!("a result of {agreeing}, while {} agree", names(largest)));
         }
         let spared = eligible & !now;
-        members.retain(|set| each(spared & !set).all(|one| cycle.related(one, *set, Relation::Disagree) != *set));
+        let is_alone = |one: usize, of: Set| cycle.related(one, of, Relation::Disagree) == of;
+        members.retain(|set| each(spared & !set).all(|one| !is_alone(one, cycle.peers(one, *set).1)));
         if members.is_empty() {
             return excluded(format!("of {} not all are excluded that agree with no member", names(spared)));
         }
         if wrong_state {
             return wrong(format!("HORUS's state is {:?}", reported.status.state()));
         }
-        if reported.status.degraded() != (agreeing < self.receivers) {
-            return wrong(format!("degraded is {}, with {agreeing} receivers that agree", reported.status.degraded()));
+        let altitude = reported.altitude;
+        if reported.status.degraded() != (agreeing < self.receivers || altitude.is_nan()) {
+            let degraded = reported.status.degraded();
+            return wrong(format!("degraded is {degraded}, with {agreeing} receivers that agree on {altitude} m"));
+        }
+        if altitude.is_nan() && self.altitudes.must_be_shown(tick, &found.1) {
+            return wrong("it has no altitude, and a quorum agrees on one".to_owned());
         }
         for judge in [position, motion] {
             let mut what = None;
@@ -327,8 +470,26 @@ impl Vote {
                 return what.and_then(wrong);
             }
         }
-        None
+        let (spot, level) = shown(reported, members, cycle);
+        let place = self.places.shown_too_soon(tick, &spot).map(|what| format!("the place {what}"));
+        let height = || self.altitudes.shown_too_soon(tick, &level?).map(|what| format!("the altitude {what}"));
+        place.or_else(height).and_then(bad)
     }
+}
+
+/// Where Reported-Position is and how high, of one of these sets of members.
+fn shown(reported: &ReportedValues, members: &[Set], cycle: &Cycle) -> (Spot, Option<Level>) {
+    let ReportedValues { latitude, longitude, altitude, .. } = *reported;
+    let accuracy = |axis: usize, of: Set| {
+        let any = Range::of(0.0, f64::INFINITY);
+        let known: Option<Vec<_>> = members.iter().map(|set| cycle.accuracy(set & of, axis)).collect();
+        known.and_then(|known| known.into_iter().reduce(Range::hull)).unwrap_or(any)
+    };
+    let spot = Spot { at: Geodetic { latitude, longitude, height: 0.0 }, within: 0.0, accuracy: accuracy(0, Set::MAX) };
+    let is_known = cycle.high == cycle.may_be_high;
+    let high = if is_known { cycle.high } else { 0 };
+    let level = Level { height: Range::of(altitude, altitude), accuracy: accuracy(1, high) };
+    (spot, (!altitude.is_nan()).then_some(level))
 }
 
 impl<'a> Cycle<'a> {
@@ -368,7 +529,21 @@ impl<'a> Cycle<'a> {
                 (relations[one][other], relations[other][one]) = (relation, relation);
             }
         }
-        Self { seen, earlier, places, relations, sure, may, now, before }
+        let with = |which: usize| {
+            places.iter().enumerate().fold(
+                0,
+                |set, (receiver, place)| {
+                    if place.has_altitude()[which] { set | bit(receiver) } else { set }
+                },
+            )
+        };
+        let (high, may_be_high) = (with(0), with(1));
+        let least = match seen.len() {
+            0..=2 => 1,
+            3 => 2,
+            _ => 3,
+        };
+        Self { seen, earlier, places, relations, sure, may, high, may_be_high, now, before, least }
     }
 
     /// How far each excluded receiver is from those that have a vote: the farthest.
@@ -377,7 +552,7 @@ impl<'a> Cycle<'a> {
         for receiver in each(self.now & self.may) {
             let others = each(self.may & !self.now).filter_map(|other| {
                 let (along, height) = self.places[receiver].apart(&self.places[other])?;
-                Some((along.middle(), height.map(places::Range::middle)))
+                Some((along.middle(), height.map(Range::middle)))
             });
             away[receiver] = others.max_by(|(one, _), (other, _)| one.total_cmp(other));
         }
@@ -421,7 +596,7 @@ fn position(reported: &ReportedValues, members: Set, cycle: &Cycle) -> Option<St
     if places.iter().any(|place| !place.is_known()) {
         return None;
     }
-    let outside = |name: &str, value: f64, of: &[places::Range]| {
+    let outside = |name: &str, value: f64, of: &[Range]| {
         let median = median(of)?;
         let off = bounds::ARITHMETIC_M + bounds::GEODESY_SHARE * spread(of);
         let inside = (median.least - off..=median.most + off).contains(&value);
@@ -436,14 +611,18 @@ fn position(reported: &ReportedValues, members: Set, cycle: &Cycle) -> Option<St
             return Some(what);
         }
     }
+    if altitude.is_nan() {
+        let is_absent = altitude.to_bits() == ABSENT_F64.to_bits();
+        return (!is_absent).then(|| format!("its altitude is {:#x}", altitude.to_bits()));
+    }
+    let high = members & cycle.may_be_high;
+    if count(high) < cycle.least {
+        return Some(format!("its altitude is {altitude}, and of the members only {} have one", names(high)));
+    }
     if places.iter().any(|place| place.altitude().1) {
         return None;
     }
     let high: Vec<_> = places.iter().filter_map(|place| place.altitude().0).collect();
-    if high.is_empty() {
-        return (altitude.to_bits() != ABSENT_F64.to_bits())
-            .then(|| format!("its altitude is {altitude}, and no member has one"));
-    }
     outside("altitude", altitude, &high)
 }
 
@@ -456,11 +635,13 @@ fn motion(reported: &ReportedValues, members: Set, cycle: &Cycle) -> Option<Stri
     let status = reported.status;
     let attitude: Part = |values| (values.status.attitude_valid(), [values.pitch, values.yaw, values.roll]);
     let acceleration: Part = |values| (values.status.acceleration_valid(), values.acceleration);
+    let (angles, axes) = ([reported.pitch, reported.yaw, reported.roll], reported.acceleration);
+    let degrees = bounds::ATTITUDE_DEGREES.map(f64::to_radians);
     let shown = [
-        ("attitude", attitude, status.attitude_valid(), [reported.pitch, reported.yaw, reported.roll], true),
-        ("acceleration", acceleration, status.acceleration_valid(), reported.acceleration, false),
+        ("attitude", attitude, status.attitude_valid(), angles, true, degrees),
+        ("acceleration", acceleration, status.acceleration_valid(), axes, false, [bounds::ACCELERATION_M_S2; 3]),
     ];
-    shown.into_iter().find_map(|(name, part, valid, shown, circle)| {
+    shown.into_iter().find_map(|(name, part, valid, shown, circle, limits)| {
         let of = |earlier: Set| -> Vec<[f32; 3]> {
             let values = |member| if earlier & bit(member) == 0 { &cycle.seen[member] } else { &cycle.earlier[member] };
             each(members)
@@ -472,7 +653,15 @@ fn motion(reported: &ReportedValues, members: Set, cycle: &Cycle) -> Option<Stri
         let right = (0..1 << MAX_RECEIVERS).filter(|earlier: &Set| earlier & !members == 0).any(|earlier| {
             let of = of(earlier);
             let axis = |axis: usize| of.iter().map(|of| of[axis]).collect::<Vec<_>>();
-            valid != of.is_empty() && (0..3).all(|number| is_median(shown[number], &axis(number), circle))
+            let beyond = (0..3).map(|number| farthest(&axis(number), circle) - limits[number]).fold(f64::MIN, f64::max);
+            let enough = of.len() >= cycle.least;
+            if valid {
+                let medians = (0..3).all(|number| is_median(shown[number], &axis(number), circle));
+                enough && beyond <= f64::from(bounds::ARITHMETIC_F32) && medians
+            } else {
+                let absent = shown.iter().all(|value| value.to_bits() == ABSENT_F32.to_bits());
+                (!enough || beyond >= -f64::from(bounds::ARITHMETIC_F32)) && absent
+            }
         });
         (!right).then(|| format!("its {name} is {shown:?} (valid: {valid}), the members' {:?}", of(0)))
     })
@@ -481,10 +670,16 @@ fn motion(reported: &ReportedValues, members: Set, cycle: &Cycle) -> Option<Stri
 /// What of an object a median is made of, and whether it is valid.
 type Part = fn(&GpsValues) -> (bool, [f32; 3]);
 
-/// Whether `shown` is the median: bit by bit of one value and of none; of several, on a circle, about the first.
+/// How far apart two of these are at most, on a circle or not.
+fn farthest(of: &[f32], circle: bool) -> f64 {
+    let pairs = of.iter().flat_map(|one| of.iter().map(|other| f64::from(*one) - f64::from(*other)));
+    pairs.map(|off| if circle { ((off + PI).rem_euclid(2.0 * PI) - PI).abs() } else { off }).fold(0.0, f64::max)
+}
+
+/// Whether `shown` is the median: bit by bit of one value; of several, on a circle, about the first.
 fn is_median(shown: f32, of: &[f32], circle: bool) -> bool {
     match *of {
-        [] => shown.to_bits() == ABSENT_F32.to_bits(),
+        [] => false,
         [one] => shown.to_bits() == one.to_bits(),
         [first, ..] => {
             let about = |value: f32| {

@@ -25,11 +25,11 @@ pub(super) struct Range {
 }
 
 impl Range {
-    fn of(one: f64, other: f64) -> Self {
+    pub(super) fn of(one: f64, other: f64) -> Self {
         Self { least: one.min(other), most: one.max(other) }
     }
 
-    fn hull(self, other: Self) -> Self {
+    pub(super) fn hull(self, other: Self) -> Self {
         Self { least: self.least.min(other.least), most: self.most.max(other.most) }
     }
 
@@ -37,12 +37,12 @@ impl Range {
         Self { least: self.least + by, most: self.most + by }
     }
 
-    fn minus(self, other: Self) -> Self {
+    pub(super) fn minus(self, other: Self) -> Self {
         Self { least: self.least - other.most, most: self.most - other.least }
     }
 
     /// Of its values without their signs.
-    fn magnitude(self) -> Self {
+    pub(super) fn magnitude(self) -> Self {
         let (least, most) = (self.least.abs(), self.most.abs());
         let inside = if self.least <= 0.0 && self.most >= 0.0 { 0.0 } else { least.min(most) };
         Self { least: inside, most: least.max(most) }
@@ -138,6 +138,25 @@ impl Place {
         let all: Vec<_> = self.0.iter().map(Version::altitude).collect();
         let some = all.iter().filter(|altitude| altitude.is_some()).count();
         (all.iter().flatten().copied().reduce(Range::hull), some != 0 && some != all.len())
+    }
+
+    /// Whether it has an altitude for sure, and whether it may have one.
+    pub(super) fn has_altitude(&self) -> [bool; 2] {
+        let mut has = self.0.iter().map(|version| version.altitude.is_some());
+        let any = has.clone().any(|has| has);
+        [any && has.all(|has| has), any]
+    }
+
+    /// Its inflated accuracies at the tick, horizontal and vertical, m.
+    pub(super) fn accuracy(&self) -> Option<[Range; 2]> {
+        let all: Option<Vec<_>> = self.0.iter().map(|version| Some(version.held?.accuracy)).collect();
+        all?.into_iter().reduce(|one, other| [one[0].hull(other[0]), one[1].hull(other[1])])
+    }
+
+    /// What lies so many metres north and east in this one's plane, on the ellipsoid.
+    pub(super) fn beside(&self, [north, east]: [f64; 2]) -> Option<Geodetic> {
+        let there = self.0.first()?.plane.to_geodetic([north, east, 0.0]);
+        Some(Geodetic { height: 0.0, ..there })
     }
 
     /// How far it is from `other` at the tick, m: along the ground, and in height where both have one.

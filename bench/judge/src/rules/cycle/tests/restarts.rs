@@ -37,6 +37,17 @@ fn the_frame_of_a_command_that_was_given_just_before_a_restart_is_nobodys() {
 }
 
 #[test]
+fn a_command_that_a_reset_gives_does_not_count() {
+    for (after, expected) in [(0, vec![]), (1, vec![(Violation::CommandWithoutFrame, 1, tick(5) + 1_001)])] {
+        let at = tick(5) + 1_000;
+        let let_go = |events: &mut Events| {
+            events.reset(at, Board::Horus, false).add(at + after, What::Command);
+        };
+        assert_eq!(restarted(3, at, let_go), expected, "{after} ns after it");
+    }
+}
+
+#[test]
 fn without_a_supply_nothing_is_asked_of_horus() {
     let at = tick(5) + 2 * MS;
     let off = |events: &mut Events| {

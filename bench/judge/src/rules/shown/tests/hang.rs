@@ -125,7 +125,7 @@ fn a_dpr_that_has_restarted_after_a_hang_must_show_again() {
     let at = Run::new(3).end(20) + 2 * MS;
     let run = told(stopped(3, at), at);
     let cycle = 60;
-    assert!(run.tick(cycle) > at + 80 * MS + bounds::RECOVERY / 2);
+    assert!(run.tick(cycle) > at + 80 * MS + 250 * MS);
     let hidden = |images: &mut Vec<Image>| {
         silent(at)(images);
         hide(run.timestamp(cycle))(images);

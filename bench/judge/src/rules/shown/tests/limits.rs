@@ -3,23 +3,25 @@
 use super::super::Shown;
 use super::super::synthetic::{Air, Image, MS, Run, US, kinds};
 use super::{RECEIVERS, hide, show};
-use crate::{Board, Context, Event, Findings, Violation, What, judge};
+use crate::disturbance::Harm;
+use crate::testing::{DPR_FRONT_END, HORUS_FRONT_END, IMAGE_BIT, RECEIVE_BIT, injected};
+use crate::{Board, Context, Disturbance, Event, Findings, Violation, What, bounds, judge};
 
 #[test]
 fn what_the_front_end_had_not_handed_over_when_it_failed_need_not_be_shown() {
-    let fault = |kind: &str, at| Event { at, what: What::Injected { kind: kind.into(), until: at + 3 * MS } };
+    let fault = |kind: Disturbance, at| Event { at, what: injected(kind, at + 3 * MS) };
     for (kind, after, must) in [
-        ("dpr front end reads ones", 359_999, false),
-        ("dpr front end reads ones", 360_000, true),
-        ("buffer dpr receive bit flips", 359_999, false),
-        ("buffer dpr receive bit flips", 360_000, true),
-        ("air", 100_000, true),
-        ("horus front end reads ones", 100_000, true),
+        (DPR_FRONT_END, 359_999, false),
+        (DPR_FRONT_END, 360_000, true),
+        (RECEIVE_BIT, 359_999, false),
+        (RECEIVE_BIT, 360_000, true),
+        (Disturbance::Air, 100_000, true),
+        (HORUS_FRONT_END, 100_000, true),
     ] {
         let mut run = Run { cycles: 90, ..Run::new(3) };
         run.extra.push(fault(kind, run.end(20) + after));
         run.assert_flawless();
-        assert_eq!(run.broken(hide(200)) == [Violation::NotShown], must, "{kind}, {after} ns after the last bit");
+        assert_eq!(run.broken(hide(200)) == [Violation::NotShown], must, "{kind:?}, {after} ns after the last bit");
     }
 }
 
@@ -28,18 +30,16 @@ fn an_image_may_be_taken_away_when_a_bit_of_the_images_was_hit_but_for_what_had_
     for n in RECEIVERS {
         let mut run = Run { cycles: 90, ..Run::new(n) };
         let log = run.log(|_| {});
-        let from = run.end(20) + crate::bounds::LAST_BIT_TO_READABLE;
+        let from = run.end(20) + bounds::LAST_BIT_TO_READABLE;
         let asked = log.events.iter().find(|event| match event.what {
             What::Transaction { selected, .. } => selected >= from,
             _ => false,
         });
         let asked = asked.unwrap().at;
         for (at, must) in [(asked - 1, false), (asked + 1, true)] {
-            for kind in ["buffer dpr image bit flips", "buffer dpr image bit stuck"] {
-                run.extra = vec![Event { at, what: What::Injected { kind: kind.into(), until: at } }];
-                run.assert_flawless();
-                assert_eq!(run.broken(hide(200)) == [Violation::NotShown], must, "{n} receivers, {kind}, {at}");
-            }
+            run.extra = vec![Event { at, what: injected(IMAGE_BIT, at) }];
+            run.assert_flawless();
+            assert_eq!(run.broken(hide(200)) == [Violation::NotShown], must, "{n} receivers, {at}");
         }
     }
 }
@@ -271,8 +271,9 @@ fn a_dpr_that_has_started_must_show_what_follows_100_ms_later() {
 #[test]
 fn a_dpr_whose_front_end_was_disturbed_may_have_heard_a_frozen_horus() {
     let mut run = Run { cycles: 90, frozen: (20..90).collect(), ..Run::new(5) };
-    // It may be disturbed until 500 ms after the fault: between the two frames of cycle 70.
-    let fault = What::Injected { kind: "power dpr front end off".into(), until: run.tick(70) + 2 * MS - 500 * MS };
+    // It is brought up again by then: between the two frames of cycle 70.
+    let deaf = Disturbance::FrontEnd { board: Board::Dpr, harm: Harm::Deaf };
+    let fault = injected(deaf, run.tick(70) + 2 * MS - bounds::FRONT_END_RECOVERY);
     run.extra.push(Event { at: 200 * MS, what: fault });
     run.assert_flawless();
 }

@@ -2,7 +2,9 @@ mod hang;
 mod limits;
 
 use super::synthetic::{Air, Image, MS, Run, US, kinds};
-use crate::{Board, Event, Violation, What, judge};
+use crate::disturbance::Memory;
+use crate::testing::{DPR_FRONT_END, HORUS_FRONT_END, injected};
+use crate::{Board, Disturbance, Event, Violation, What, judge};
 
 /// Each number of receivers that makes a difference.
 const RECEIVERS: [usize; 3] = [1, 3, 5];
@@ -344,20 +346,20 @@ fn an_older_image_after_a_younger_one_is_a_regression() {
 
 #[test]
 fn a_front_end_without_supply_leaves_open_what_the_dpr_shows_until_it_has_recovered_and_broken_memory_does_not() {
-    let fault = |kind: &str, at, until| Event { at, what: What::Injected { kind: kind.into(), until } };
+    let fault = |kind: Disturbance, at, until| Event { at, what: injected(kind, until) };
     for (kind, at, asked) in [
-        ("power dpr front end off", 200 * MS, false),
-        ("power horus front end off", 200 * MS, true),
-        ("ram dpr", 200 * MS, true),
-        ("image dpr", 200 * MS, true),
-        ("air", 200 * MS, true),
+        (DPR_FRONT_END, 200 * MS, false),
+        (HORUS_FRONT_END, 200 * MS, true),
+        (Disturbance::Memory { board: Board::Dpr, memory: Memory::Ram }, 200 * MS, true),
+        (Disturbance::Code { board: Board::Dpr }, 200 * MS, true),
+        (Disturbance::Air, 200 * MS, true),
     ] {
-        for (cycle, asked) in [(20, asked), (80, true)] {
+        for (cycle, asked) in [(20, asked), (45, true), (80, true)] {
             let mut run = Run { cycles: 90, ..Run::new(3) };
             run.extra.push(fault(kind, at, at + 3 * MS));
             run.assert_flawless();
             let expected: &[Violation] = if asked { &[Violation::NotShown] } else { &[] };
-            assert_eq!(run.broken(hide(10 * cycle)), expected, "{kind}, {cycle}");
+            assert_eq!(run.broken(hide(10 * cycle)), expected, "{kind:?}, {cycle}");
         }
     }
 }
@@ -381,7 +383,7 @@ fn a_listener_that_has_just_seen_the_carrier_may_miss_frames() {
 
 #[test]
 fn recovery_is_measured_from_the_end_of_the_last_cause_to_what_was_sent_after_it() {
-    let fault = |at, until| Event { at, what: What::Injected { kind: "air".into(), until } };
+    let fault = |at, until| Event { at, what: injected(Disturbance::Air, until) };
     let with = |extra: Vec<Event>, lost: std::ops::Range<u32>| {
         let run = Run { cycles: 120, extra, ..Run::new(3) }.hit_all(lost, &Air::Lost);
         run.verdict(|_| {}).figures.faults.max_recovery_cycles

@@ -1,0 +1,605 @@
+//! What the bench does wrong on purpose, and everything that the judge excuses because of it.
+//!
+//! A [`Disturbance`] says what is disturbed and how; when it begins and when its cause goes away is told beside it in
+//! the log ([`crate::What::Injected`]). `Disturbance::takes` is the one table of what each of them may take away
+//! ([`Excuse`]) and how long after the cause has gone. [`Disturbances`] keeps what is excused at present; the rules ask
+//! it and keep no windows of their own.
+//!
+//! Each excuse has an end. What a firmware keeps until its next start (a counter, a flag) is excused until then, and
+//! anything else for a bounded time after the cause has gone. A start of the board that was disturbed ends what its
+//! disturbances of before excuse, unless their cause is still there.
+//!
+//! # Where to add a disturbance
+//!
+//! Its variant, a line in `Disturbance::takes`, and a test of the rule that it concerns. A disturbance without a line
+//! excuses nothing.
+
+use serde::{Deserialize, Serialize};
+
+use crate::{Board, Event, What, bounds};
+
+/// What the bench disturbs on purpose, and how.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Disturbance {
+    /// What is between the antennas. Which frames it loses, damages or delays, and when it takes the field away, is in
+    /// the log beside it.
+    Air,
+    /// A receiver, its line or its bus. What it says, and how well the line carries it, is in the log beside it.
+    Receiver {
+        /// Which, from 0.
+        receiver: usize,
+    },
+    /// A pair of pins that tells HORUS's state. Its levels are in the log beside it.
+    Input {
+        /// Which: 0 the relay, 1 the motor cut, 2 the emergency measure.
+        input: usize,
+    },
+    /// What HORUS's front end sends, against what HORUS has told it.
+    Emission,
+    /// A board's front end, or a line to it.
+    FrontEnd {
+        /// Whose.
+        board: Board,
+        /// How.
+        harm: Harm,
+    },
+    /// The flight controller does not read as design section 5 wants it.
+    FlightController {
+        /// How.
+        conduct: Conduct,
+    },
+    /// A wire carries something else than was put on it.
+    Wire {
+        /// Which.
+        wire: Wire,
+    },
+    /// The base station tells wrongly what it shows.
+    BaseStation,
+    /// A board's supply is off; when it goes off and on is in the log beside it.
+    Supply {
+        /// Whose.
+        board: Board,
+    },
+    /// A board is restarted, which is in the log beside it.
+    Restart {
+        /// Which.
+        board: Board,
+    },
+    /// A board hangs, which is in the log beside it if it has a supply and does not hang already.
+    Hang {
+        /// Which.
+        board: Board,
+    },
+    /// A bit of a board's memory.
+    Memory {
+        /// Whose.
+        board: Board,
+        /// Which part of it.
+        memory: Memory,
+    },
+    /// Instructions or variables of a board's firmware: it does something else than it was written for.
+    Code {
+        /// Whose.
+        board: Board,
+    },
+}
+
+/// What is wrong with a front end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Harm {
+    /// Its board can tell that it does not answer: it has no supply, every bit that is read from it is the same, or its
+    /// interrupt line rests high.
+    Silent,
+    /// It answers, and does not say what happens on the air.
+    Deaf,
+}
+
+/// How a flight controller misbehaves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Conduct {
+    /// It makes no transaction.
+    Silent,
+    /// It makes transactions that design section 5 forbids, or none that end.
+    Misuse,
+}
+
+/// A wire between the boards and the world.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Wire {
+    /// The DPR's FRESH.
+    Fresh,
+    /// HORUS's TICK.
+    Tick,
+    /// The log's view of the pins that tell HORUS's state.
+    Inputs,
+    /// The SSI's MISO.
+    Miso,
+    /// From the listener's front end to its antenna.
+    Antenna,
+    /// From the flight controller to the base station.
+    Radio,
+}
+
+/// A part of a board's memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Memory {
+    /// The DPR's buffers that frames are received into.
+    Receive,
+    /// The DPR's buffers that the SSI reads images from.
+    Images,
+    /// RAM, wherever.
+    Ram,
+    /// Flash.
+    Flash,
+    /// A register of the core.
+    Registers,
+}
+
+/// What a disturbance may take away, or bring about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Excuse {
+    /// A transmit command of HORUS may have no frame, a frame may break off or be missing, the field may drop.
+    Sending,
+    /// HORUS's front end may be used against its data sheet: a firmware that cannot read what it is doing goes on.
+    HorusFrontEndUse,
+    /// The same of the DPR's.
+    DprFrontEndUse,
+    /// HORUS may not read what a receiver on a bus offers.
+    Polling,
+    /// The DPR may not hear a frame that reaches its antenna, or not hand on what it has heard of it; and any cycle
+    /// that was heard may be shown.
+    Hearing,
+    /// The DPR may take an image away before anybody has read it.
+    Withdrawal,
+    /// An image, or what is behind it in the map, may be unsound, and one that says the same may replace it.
+    UnsoundImage,
+    /// A frame may be readable late after its last bit.
+    Latency,
+    /// The flight controller may make no transaction.
+    Transactions,
+    /// The flight controller is owed no service of the SSI, what it reads is not what the DPR has sent, and what it has
+    /// written is not known.
+    Service,
+    /// Link-Status may tell a RAM fault.
+    RamFault,
+    /// Link-Status may tell wrongly whether there is a field: the front end tells the DPR when it comes and goes, and
+    /// may not have.
+    NoField,
+    /// Link-Status may tell a flash fault.
+    FlashFault,
+    /// What Link-Status has counted since the DPR's start may be off.
+    LinkCounters,
+    /// A self-test may fail.
+    SelfTest,
+    /// HORUS may count faults.
+    HorusComplaints,
+    /// The DPR may count faults.
+    DprComplaints,
+}
+
+/// When an excuse ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum End {
+    /// This time after the cause has gone, ns, or at the next start of the board that was disturbed.
+    After(u64),
+    /// At this board's next start after the cause has gone: what it keeps, it keeps until then.
+    Start(Board),
+}
+
+use End::{After, Start};
+
+impl Disturbance {
+    /// What it may take away, and until when.
+    #[rustfmt::skip]
+    const fn takes(self) -> &'static [(Excuse, End)] {
+        use Board::{Dpr, Horus};
+        const RECOVERY: End = After(bounds::FRONT_END_RECOVERY);
+        const REPLACED: End = After(bounds::BUFFER_REPLACED);
+        match self {
+            Self::FrontEnd { board: Horus, .. } => &[
+                (Excuse::Sending, RECOVERY),
+                (Excuse::HorusFrontEndUse, RECOVERY),
+                (Excuse::HorusComplaints, Start(Horus)),
+                (Excuse::DprComplaints, Start(Dpr)),
+            ],
+            Self::FrontEnd { board: Dpr, .. } => &[
+                (Excuse::Hearing, RECOVERY),
+                (Excuse::Latency, After(1)),
+                (Excuse::DprFrontEndUse, RECOVERY),
+                (Excuse::NoField, Start(Dpr)),
+                (Excuse::LinkCounters, Start(Dpr)),
+                (Excuse::DprComplaints, Start(Dpr)),
+            ],
+            Self::Supply { board: Horus } => &[
+                (Excuse::HorusFrontEndUse, RECOVERY),
+                (Excuse::DprComplaints, Start(Dpr)),
+            ],
+            Self::Supply { board: Dpr } => &[(Excuse::DprFrontEndUse, RECOVERY)],
+            Self::FlightController { conduct: Conduct::Silent } => &[(Excuse::Transactions, After(0))],
+            Self::FlightController { conduct: Conduct::Misuse } => &[
+                (Excuse::Service, After(bounds::MISUSE_OVER)),
+                (Excuse::Transactions, After(0)),
+                (Excuse::DprComplaints, Start(Dpr)),
+            ],
+            // What HORUS sends is cut off, lost or damaged: the DPR counts that.
+            Self::Air | Self::Emission | Self::Restart { board: Horus } => &[(Excuse::DprComplaints, Start(Dpr))],
+            Self::Hang { board: Horus } => &[
+                (Excuse::HorusComplaints, Start(Horus)),
+                (Excuse::DprComplaints, Start(Dpr)),
+            ],
+            Self::Hang { board: Dpr } => &[(Excuse::DprComplaints, Start(Dpr))],
+            // Bytes of its line may be lost.
+            Self::Receiver { .. } => &[
+                (Excuse::Polling, After(bounds::READ_WITHIN)),
+                (Excuse::HorusComplaints, Start(Horus)),
+            ],
+            Self::Memory { board: Dpr, memory: Memory::Receive } => &[
+                (Excuse::Hearing, REPLACED),
+                (Excuse::UnsoundImage, REPLACED),
+                (Excuse::RamFault, Start(Dpr)),
+                (Excuse::SelfTest, Start(Dpr)),
+                (Excuse::DprComplaints, Start(Dpr)),
+            ],
+            Self::Memory { board: Dpr, memory: Memory::Images } => &[
+                (Excuse::Hearing, REPLACED),
+                (Excuse::Withdrawal, After(0)),
+                (Excuse::UnsoundImage, REPLACED),
+                (Excuse::RamFault, Start(Dpr)),
+                (Excuse::SelfTest, Start(Dpr)),
+                (Excuse::DprComplaints, Start(Dpr)),
+            ],
+            Self::Memory { board: Dpr, memory: Memory::Ram } => &[
+                (Excuse::RamFault, Start(Dpr)),
+                (Excuse::SelfTest, Start(Dpr)),
+                (Excuse::DprComplaints, Start(Dpr)),
+            ],
+            Self::Memory { board: Dpr, memory: Memory::Flash } => &[
+                (Excuse::FlashFault, Start(Dpr)),
+                (Excuse::SelfTest, Start(Dpr)),
+                (Excuse::DprComplaints, Start(Dpr)),
+            ],
+            Self::Memory { board: Dpr, memory: Memory::Registers } => &[(Excuse::DprComplaints, Start(Dpr))],
+            Self::Memory { board: Horus, .. } => &[(Excuse::HorusComplaints, Start(Horus))],
+            // A firmware whose code is broken answers for what it counts.
+            Self::Code { board: Dpr } => &[(Excuse::SelfTest, Start(Dpr))],
+            Self::Code { board: Horus }
+            | Self::Restart { board: Dpr }
+            | Self::Input { .. }
+            | Self::Wire { .. }
+            | Self::BaseStation => &[],
+        }
+    }
+
+    /// Whether it may take this away.
+    #[must_use]
+    pub fn may_take(self, excuse: Excuse) -> bool {
+        self.takes().iter().any(|(own, _)| *own == excuse)
+    }
+
+    /// In how many cycles after its cause has gone the link has to have recovered.
+    #[must_use]
+    pub const fn recovery_cycles(self) -> u64 {
+        match self {
+            Self::FrontEnd { .. } | Self::Supply { .. } | Self::Restart { .. } => bounds::BRING_UP_CYCLES,
+            _ => bounds::RECOVERY_CYCLES,
+        }
+    }
+
+    /// The board that is disturbed: its next start ends what is excused, unless the cause is still there.
+    const fn board(self) -> Option<Board> {
+        match self {
+            Self::FrontEnd { board, .. }
+            | Self::Supply { board }
+            | Self::Restart { board }
+            | Self::Hang { board }
+            | Self::Memory { board, .. }
+            | Self::Code { board } => Some(board),
+            Self::Air
+            | Self::Receiver { .. }
+            | Self::Input { .. }
+            | Self::Emission
+            | Self::FlightController { .. }
+            | Self::Wire { .. }
+            | Self::BaseStation => None,
+        }
+    }
+}
+
+/// An excuse that is valid at present.
+#[derive(Clone, Copy, Debug)]
+struct Valid {
+    excuse: Excuse,
+    /// The board whose start ends it.
+    board: Option<Board>,
+    /// Until when its cause is there, ns.
+    until: u64,
+    /// Until when it is valid, ns, if no start ends it before.
+    over: u64,
+}
+
+const EXCUSES: usize = Excuse::DprComplaints as usize + 1;
+
+/// What is excused at present. See the [module](self).
+#[derive(Clone, Debug, Default)]
+pub struct Disturbances {
+    valid: Vec<Valid>,
+    /// For each excuse, until when it is valid, ns.
+    over: [u64; EXCUSES],
+    /// From when on, and until when, the DPR's front end does not answer, ns.
+    silent: (u64, u64),
+}
+
+impl Disturbances {
+    /// Takes the next event.
+    pub(crate) fn take(&mut self, event: &Event) {
+        let at = event.at;
+        match &event.what {
+            What::Injected { disturbs, until, .. } => self.begin(at, *disturbs, at.max(*until)),
+            What::Power { board, .. } => self.start(*board, at),
+            What::Reset { board, .. } => {
+                self.start(*board, at);
+                // An access that the restart has cut off.
+                let excuse = front_end_use(*board);
+                self.add(at, Valid { excuse, board: None, until: at, over: at.saturating_add(bounds::CUT_SHORT) });
+            }
+            _ => {}
+        }
+    }
+
+    fn begin(&mut self, at: u64, disturbs: Disturbance, until: u64) {
+        for (excuse, end) in disturbs.takes() {
+            let (board, over) = match end {
+                After(ns) => (disturbs.board(), until.saturating_add(*ns)),
+                Start(board) => (Some(*board), u64::MAX),
+            };
+            self.add(at, Valid { excuse: *excuse, board, until, over });
+        }
+        if let Disturbance::FrontEnd { board: Board::Dpr, harm: Harm::Silent } = disturbs {
+            self.silent = (at, until);
+        }
+    }
+
+    fn add(&mut self, now: u64, valid: Valid) {
+        self.valid.retain(|valid| now < valid.over);
+        self.valid.push(valid);
+        let over = &mut self.over[valid.excuse as usize];
+        *over = (*over).max(valid.over);
+    }
+
+    /// A board starts, or loses its supply.
+    fn start(&mut self, board: Board, now: u64) {
+        self.valid.retain(|valid| valid.board != Some(board) || now < valid.until);
+        self.over = [0; EXCUSES];
+        for valid in &self.valid {
+            let over = &mut self.over[valid.excuse as usize];
+            *over = (*over).max(valid.over);
+        }
+    }
+
+    /// Whether this is excused at `at`, ns.
+    #[must_use]
+    pub fn excuse(&self, excuse: Excuse, at: u64) -> bool {
+        at < self.until(excuse)
+    }
+
+    /// Until when this is excused as far as is known, ns; an instant of before if it is not.
+    #[must_use]
+    pub fn until(&self, excuse: Excuse) -> u64 {
+        self.over[excuse as usize]
+    }
+
+    /// From when on, and until when, the DPR's front end does not answer, ns: the last time.
+    #[must_use]
+    pub fn silent_front_end(&self) -> (u64, u64) {
+        self.silent
+    }
+}
+
+/// The excuse of what a board counts.
+#[must_use]
+pub const fn complaints(board: Board) -> Excuse {
+    match board {
+        Board::Horus => Excuse::HorusComplaints,
+        Board::Dpr => Excuse::DprComplaints,
+    }
+}
+
+/// The excuse of a board's front end being used against its data sheet.
+#[must_use]
+pub const fn front_end_use(board: Board) -> Excuse {
+    match board {
+        Board::Horus => Excuse::HorusFrontEndUse,
+        Board::Dpr => Excuse::DprFrontEndUse,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{DPR_FRONT_END, HORUS_FRONT_END, IMAGE_BIT, MISUSE, MS, RECEIVE_BIT, injected};
+
+    const BEGINS: u64 = 1_000 * MS;
+    const ENDS: u64 = 1_300 * MS;
+    const EXCUSES: [Excuse; 17] = [
+        Excuse::NoField,
+        Excuse::Polling,
+        Excuse::Sending,
+        Excuse::HorusFrontEndUse,
+        Excuse::DprFrontEndUse,
+        Excuse::Hearing,
+        Excuse::Withdrawal,
+        Excuse::UnsoundImage,
+        Excuse::Latency,
+        Excuse::Transactions,
+        Excuse::Service,
+        Excuse::RamFault,
+        Excuse::FlashFault,
+        Excuse::LinkCounters,
+        Excuse::SelfTest,
+        Excuse::HorusComplaints,
+        Excuse::DprComplaints,
+    ];
+
+    fn of(memory: Memory) -> Disturbance {
+        Disturbance::Memory { board: Board::Dpr, memory }
+    }
+
+    fn after(events: &[(u64, What)]) -> Disturbances {
+        let mut disturbances = Disturbances::default();
+        events.iter().for_each(|(at, what)| disturbances.take(&Event { at: *at, what: what.clone() }));
+        disturbances
+    }
+
+    fn reset(board: Board) -> What {
+        What::Reset { board, cause: "a test".into(), asked: true }
+    }
+
+    /// What is excused, and for how long after the cause has gone, ns; nothing for until the next start.
+    fn excused(disturbances: &Disturbances) -> Vec<(Excuse, Option<u64>)> {
+        let until = |excuse| disturbances.until(excuse);
+        let valid = EXCUSES.into_iter().filter(|excuse| until(*excuse) > 0);
+        valid.map(|excuse| (excuse, (until(excuse) < u64::MAX).then(|| until(excuse) - ENDS))).collect()
+    }
+
+    #[test]
+    fn each_disturbance_excuses_what_is_said_of_it_and_for_so_long() {
+        use Excuse::*;
+        let (recovery, replaced) = (Some(bounds::FRONT_END_RECOVERY), Some(bounds::BUFFER_REPLACED));
+        let horus = Board::Horus;
+        for (disturbs, expected) in [
+            (
+                HORUS_FRONT_END,
+                vec![(Sending, recovery), (HorusFrontEndUse, recovery), (HorusComplaints, None), (DprComplaints, None)],
+            ),
+            (
+                DPR_FRONT_END,
+                vec![
+                    (NoField, None),
+                    (DprFrontEndUse, recovery),
+                    (Hearing, recovery),
+                    (Latency, Some(1)),
+                    (LinkCounters, None),
+                    (DprComplaints, None),
+                ],
+            ),
+            (Disturbance::Supply { board: horus }, vec![(HorusFrontEndUse, recovery), (DprComplaints, None)]),
+            (Disturbance::Supply { board: Board::Dpr }, vec![(DprFrontEndUse, recovery)]),
+            (MISUSE, vec![(Transactions, Some(0)), (Service, Some(bounds::MISUSE_OVER)), (DprComplaints, None)]),
+            (Disturbance::FlightController { conduct: Conduct::Silent }, vec![(Transactions, Some(0))]),
+            (
+                RECEIVE_BIT,
+                vec![
+                    (Hearing, replaced),
+                    (UnsoundImage, replaced),
+                    (RamFault, None),
+                    (SelfTest, None),
+                    (DprComplaints, None),
+                ],
+            ),
+            (
+                IMAGE_BIT,
+                vec![
+                    (Hearing, replaced),
+                    (Withdrawal, Some(0)),
+                    (UnsoundImage, replaced),
+                    (RamFault, None),
+                    (SelfTest, None),
+                    (DprComplaints, None),
+                ],
+            ),
+            (of(Memory::Ram), vec![(RamFault, None), (SelfTest, None), (DprComplaints, None)]),
+            (of(Memory::Flash), vec![(FlashFault, None), (SelfTest, None), (DprComplaints, None)]),
+            (of(Memory::Registers), vec![(DprComplaints, None)]),
+            (Disturbance::Memory { board: horus, memory: Memory::Ram }, vec![(HorusComplaints, None)]),
+            (Disturbance::Air, vec![(DprComplaints, None)]),
+            (Disturbance::Emission, vec![(DprComplaints, None)]),
+            (
+                Disturbance::Receiver { receiver: 0 },
+                vec![(Polling, Some(bounds::READ_WITHIN)), (HorusComplaints, None)],
+            ),
+            (Disturbance::Restart { board: horus }, vec![(DprComplaints, None)]),
+            (Disturbance::Hang { board: horus }, vec![(HorusComplaints, None), (DprComplaints, None)]),
+            (Disturbance::Hang { board: Board::Dpr }, vec![(DprComplaints, None)]),
+            (Disturbance::Code { board: Board::Dpr }, vec![(SelfTest, None)]),
+            (Disturbance::Code { board: horus }, vec![]),
+            (Disturbance::Restart { board: Board::Dpr }, vec![]),
+            (Disturbance::Input { input: 1 }, vec![]),
+            (Disturbance::Wire { wire: Wire::Miso }, vec![]),
+            (Disturbance::BaseStation, vec![]),
+        ] {
+            let disturbances = after(&[(BEGINS, injected(disturbs, ENDS))]);
+            assert_eq!(excused(&disturbances), expected, "{disturbs:?}");
+            for excuse in EXCUSES {
+                let taken = expected.iter().any(|(own, _)| *own == excuse);
+                assert_eq!(disturbs.may_take(excuse), taken, "{disturbs:?} {excuse:?}");
+                let until = disturbances.until(excuse);
+                assert!(until == 0 || disturbances.excuse(excuse, until - 1) && !disturbances.excuse(excuse, until));
+            }
+        }
+    }
+
+    #[test]
+    fn a_start_of_the_disturbed_board_ends_what_is_excused() {
+        let excused = |at: u64, board| {
+            let disturbances = after(&[(BEGINS, injected(DPR_FRONT_END, ENDS)), (at, reset(board))]);
+            [Excuse::Hearing, Excuse::LinkCounters].map(|excuse| disturbances.excuse(excuse, at + 1))
+        };
+        assert_eq!(excused(ENDS, Board::Dpr), [false; 2]);
+        assert_eq!(excused(ENDS - 1, Board::Dpr), [true; 2], "its cause is still there");
+        assert_eq!(excused(ENDS, Board::Horus), [true; 2]);
+        // What the DPR counts because of HORUS it counts until its own start.
+        let of_horus = |board| {
+            let events = [(BEGINS, injected(HORUS_FRONT_END, ENDS)), (ENDS, reset(board))];
+            [Excuse::Sending, Excuse::DprComplaints].map(|excuse| after(&events).excuse(excuse, ENDS + 1))
+        };
+        assert_eq!(of_horus(Board::Horus), [false, true]);
+        assert_eq!(of_horus(Board::Dpr), [true, false]);
+        let off = What::Power { board: Board::Dpr, on: false };
+        let disturbances = after(&[(BEGINS, injected(RECEIVE_BIT, BEGINS)), (ENDS, off)]);
+        assert!(!disturbances.excuse(Excuse::RamFault, ENDS));
+        // Misuse of the SSI is no board's.
+        let disturbances = after(&[(BEGINS, injected(MISUSE, ENDS)), (ENDS, reset(Board::Dpr))]);
+        assert!(disturbances.excuse(Excuse::Service, ENDS));
+    }
+
+    #[test]
+    fn each_of_two_disturbances_that_overlap_excuses_as_it_would_alone() {
+        let longer = [(BEGINS, injected(RECEIVE_BIT, ENDS)), (BEGINS + 1, injected(IMAGE_BIT, BEGINS + 2))];
+        assert_eq!(after(&longer).until(Excuse::UnsoundImage), ENDS + bounds::BUFFER_REPLACED);
+        // A start between them ends the one whose cause has gone.
+        let both = [
+            (BEGINS, injected(DPR_FRONT_END, BEGINS + 1)),
+            (BEGINS, injected(IMAGE_BIT, ENDS)),
+            (BEGINS + 1, reset(Board::Dpr)),
+        ];
+        assert_eq!(after(&both).until(Excuse::Hearing), ENDS + bounds::BUFFER_REPLACED);
+        assert_eq!(after(&both).until(Excuse::LinkCounters), 0);
+    }
+
+    #[test]
+    fn a_reset_may_cut_off_an_access_to_its_front_end() {
+        let disturbances = after(&[(BEGINS, reset(Board::Dpr))]);
+        assert_eq!(disturbances.until(Excuse::DprFrontEndUse), BEGINS + bounds::CUT_SHORT);
+        assert_eq!(disturbances.until(Excuse::HorusFrontEndUse), 0);
+    }
+
+    #[test]
+    fn what_never_goes_away_is_excused_for_ever() {
+        let disturbances = after(&[(BEGINS, injected(MISUSE, u64::MAX)), (ENDS, reset(Board::Dpr))]);
+        assert_eq!(disturbances.until(Excuse::Service), u64::MAX);
+    }
+
+    #[test]
+    fn only_a_silent_front_end_has_to_be_told() {
+        let deaf = Disturbance::FrontEnd { board: Board::Dpr, harm: Harm::Deaf };
+        for (disturbs, told) in [(DPR_FRONT_END, true), (deaf, false), (HORUS_FRONT_END, false)] {
+            let silent = after(&[(BEGINS, injected(disturbs, ENDS))]).silent_front_end();
+            assert_eq!(silent, if told { (BEGINS, ENDS) } else { (0, 0) }, "{disturbs:?}");
+        }
+    }
+}
