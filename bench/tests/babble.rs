@@ -10,7 +10,7 @@ use bench::world::FlightController;
 use bench::world::flight_controller;
 use bench::world::ssi::Progress;
 use bench_judge::bounds::TICK_TO_COMMAND_JITTER;
-use boards::counter;
+use boards::{RAM_TEST, counter};
 use dpr_fw::telemetry::Telemetry as DprTelemetry;
 use gnss_sim::ubx;
 use horus_tx_fw::telemetry::{Line as LineTelemetry, Telemetry as HorusTelemetry};
@@ -52,7 +52,8 @@ fn receivers_that_never_stop_talking_do_not_move_a_frame() {
         let Some(mut node) = boards::horus() else { return };
         let mut noise = Noise(1);
         let mut starts = vec![];
-        while node.now() < 500 * MS {
+        // The start, and 48 cycles from the first frame on.
+        while node.now() < starts.first().map_or(RAM_TEST + 100 * MS, |first| first + 485 * MS) {
             for line in 0..3 {
                 let bytes: Vec<u8> = match babble {
                     Babble::Noise => (0..A_MILLISECOND).map(|_| noise.byte()).collect(),
@@ -103,7 +104,7 @@ fn receivers_that_never_stop_talking_do_not_move_a_frame() {
 // ---- flight controller
 
 /// From when to when the flight controller misuses the SSI, ns.
-const EPISODE: std::ops::Range<u64> = 30 * MS..330 * MS;
+const EPISODE: std::ops::Range<u64> = RAM_TEST + 30 * MS..RAM_TEST + 330 * MS;
 
 /// A flight controller that goes wrong, and the air to the DPR's front end.
 struct Controller {
@@ -190,16 +191,21 @@ fn a_flight_controller_that_misuses_the_ssi_costs_no_frame_and_is_served_again_a
     for conduct in Conduct::ALL {
         let (Some(a), Some(b)) = (boards::horus(), boards::dpr()) else { return };
         let mut relay = Relay { a, b, upstream: Antenna, downstream: Controller::new(conduct) };
-        relay.run(400 * MS, 400 * MS, Threads::Two, |_, _, _| Ok::<_, ()>(())).unwrap();
+        // The start, whose load does not count, and then what is measured.
+        relay.run(EPISODE.start - 5 * MS, 400 * MS, Threads::Two, |_, _, _| Ok::<_, ()>(())).unwrap();
+        let started = relay.b.usage();
+        relay.run(EPISODE.end + 70 * MS, 400 * MS, Threads::Two, |_, _, _| Ok::<_, ()>(())).unwrap();
         let Relay { b: mut dpr, downstream, .. } = relay;
+        let usage = dpr.usage();
+        let load = (usage.awake - started.awake) as f64 / (usage.total - started.total) as f64;
         let count = |dpr: &Node<Dpr>, offset| counter(dpr, "DPR_TELEMETRY", offset);
-        let (wrong, load) = (downstream.wrong, dpr.usage().load());
+        let wrong = downstream.wrong;
         let violations = count(&dpr, std::mem::offset_of!(DprTelemetry, access_violations));
         println!("{}: {wrong} transactions, load {load:.4}, {violations} access violations", conduct.name());
-        // The first frame is that of 16 ms; that of 386 ms is through at 391 ms.
-        assert_eq!(count(&dpr, std::mem::offset_of!(DprTelemetry, frames_received)), 38, "{conduct:?}");
+        // The first frame is that of 31 ms; that of 411 ms is through at 416 ms, and the end comes before 424.
+        assert_eq!(count(&dpr, std::mem::offset_of!(DprTelemetry, frames_received)), 39, "{conduct:?}");
         // The first three cycles find the sequence and are not shown.
-        let shown = 38 - u32::from(SEARCH_CYCLES);
+        let shown = 39 - u32::from(SEARCH_CYCLES);
         assert_eq!(count(&dpr, std::mem::offset_of!(DprTelemetry, objects_accepted)), shown * 4, "{conduct:?}");
         for (name, offset) in [
             ("missed", std::mem::offset_of!(DprTelemetry, frames_missed)),
@@ -228,8 +234,7 @@ fn a_flight_controller_that_misuses_the_ssi_costs_no_frame_and_is_served_again_a
         // The bench finds what the flight controller does in another mode, not what the DPR does.
         let findings = dpr.take_findings();
         assert_eq!(!findings.is_empty(), matches!(conduct, Conduct::OtherMode(_)), "{conduct:?}: {findings:?}");
-        // The start takes 11 ms of these 400.
-        assert!(load - 0.027 < 0.1, "{conduct:?}: load {load}");
+        assert!(load < 0.1, "{conduct:?}: load {load}");
         // Sane, it reads what there is.
         let read = &downstream.read;
         assert_eq!(read.len(), Image::<3>::LEN, "{conduct:?}");

@@ -7,11 +7,12 @@ mod reader;
 use bench::boards::Horus;
 use bench::node::{Node, Relay, Threads};
 use bench_seam::Reset;
-use boards::counter;
+use boards::{RAM_TEST, counter};
 use dpr_fw::telemetry::Telemetry as DprTelemetry;
+use firmware_common::last_stop::Cause;
 use horus_tx_fw::telemetry::Telemetry as HorusTelemetry;
 use profile::sequence::SEARCH_CYCLES;
-use profile::{Object, ReportedPosition};
+use profile::{LinkStatusBits, Object, ReportedPosition};
 use reader::{Antenna, MS, Reader, US};
 use st25r3916_model::AirEvent;
 use stm32f429::Oscillators;
@@ -71,6 +72,64 @@ fn without_a_crystal_horus_sends_every_10_ms_says_so_in_each_object_and_is_accep
     }
 }
 
+#[test]
+fn a_pll_that_never_locks_is_named_after_the_watchdogs_restart() {
+    // An oscillator of another frequency than the board is made for: HSE gets ready, and the PLL is out of its range.
+    let oscillators = Oscillators { hse_hz: Some(25_000_000), ..Oscillators::default() };
+    let Some(mut horus) = boards::horus_on(oscillators) else { return };
+    let mut restarts = 0;
+    while horus.now() < 500 * MS {
+        if horus.advance_to_restart(500 * MS) {
+            restarts += 1;
+            let started = horus.now();
+            while horus.now() < started + 20 * MS {
+                horus.advance(started + 20 * MS);
+            }
+            let stop = counter(&horus, "HORUS_TELEMETRY", std::mem::offset_of!(HorusTelemetry, last_stop));
+            assert_eq!(stop >> 24, Cause::ClockStart as u32, "{stop:#x}");
+        }
+    }
+    assert!((2..=5).contains(&restarts), "{restarts}");
+}
+
+/// What the DPR makes of a HORUS whose oscillator is so much off: whether it shows it, and whether it calls its clock
+/// implausible.
+fn verdict(hsi_ppb: i64) -> Option<(bool, bool)> {
+    let oscillators = Oscillators { hse_hz: None, hsi_ppb, ..Oscillators::default() };
+    let (a, b) = (boards::horus_on(oscillators)?, boards::dpr()?);
+    let mut relay = Relay { a, b, upstream: Antenna::default(), downstream: Reader::new() };
+    relay.run(3_500 * MS, 100 * MS, Threads::Two, |_, _, _| Ok::<_, ()>(())).unwrap();
+    let settled = relay.downstream.views.iter().filter(|view| view.at > 2_500 * MS);
+    let told: Vec<_> = settled.filter_map(|view| Some((view.link?.status, !view.valid.is_empty()))).collect();
+    assert!(told.len() >= 300, "{hsi_ppb} ppb: {}", told.len());
+    let all = |of: fn(&(LinkStatusBits, bool)) -> bool| {
+        let count = told.iter().filter(|it| of(it)).count();
+        assert!(count == 0 || count == told.len(), "{hsi_ppb} ppb: {count} of {}", told.len());
+        count > 0
+    };
+    assert_eq!(all(|(status, _)| status.out_of_sequence()), !all(|(_, shown)| *shown), "{hsi_ppb} ppb");
+    Some((all(|(_, shown)| *shown), all(|(status, _)| status.horus_clock_implausible())))
+}
+
+/// A search takes cycles of 10 ms ± 0.5 ms, and a clock is implausible from 2 % on (docs/hardware.md has the table).
+#[test]
+fn the_dpr_judges_horus_without_a_crystal_by_its_error() {
+    for (percent, expected) in [
+        (1, (true, false)),
+        (-1, (true, false)),
+        (3, (true, true)),
+        (-3, (true, true)),
+        (5, (true, true)),
+        (-5, (false, false)),
+        (8, (false, false)),
+        (-8, (false, false)),
+    ] {
+        let Some(verdict) = verdict(percent * 10_000_000) else { return };
+        println!("{percent} %: shown {}, implausible {}", verdict.0, verdict.1);
+        assert_eq!(verdict, expected, "{percent} %");
+    }
+}
+
 /// What a HORUS board alone put on the air.
 struct Transmitter {
     node: Node<Horus>,
@@ -126,7 +185,7 @@ fn a_clock_that_fails_switches_the_field_off_at_once_and_horus_sends_again_witho
     let mut worst = 0;
     for phase in [20 * US, 90 * US, 250 * US, 2_000 * US, 7_000 * US] {
         let Some(mut horus) = Transmitter::new() else { return };
-        horus.run_to(60 * MS);
+        horus.run_to(RAM_TEST + 60 * MS);
         let tick = *horus.node.board_mut(Horus::take_ticks).last().unwrap();
         assert!(!horus.run_to(tick + 10 * MS + phase));
         assert!(horus.frames(0).len() >= 4);

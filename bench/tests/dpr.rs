@@ -11,6 +11,7 @@ use bench::world::ssi::Order;
 use boards::counter;
 use dpr_fw::ssi::RECEIVE_BYTES;
 use dpr_fw::telemetry::Telemetry;
+use firmware_common::last_stop::Cause;
 use nrf52840::{Settings, SpisEvent};
 use profile::ResetReason;
 use profile::ssi::{Request, encode};
@@ -94,6 +95,35 @@ fn link_status_tells_each_reason_of_the_last_reset_apart() {
         assert_eq!(told(&mut node), (Some(reason), reason.is_unasked()), "{nth}: {reset:?}");
     }
     assert_eq!(node.resets().len(), resets.len());
+}
+
+// ---- the crystal
+
+#[test]
+fn a_dpr_whose_crystal_is_dead_stops_by_name() {
+    let Some(mut node) = boards::dpr() else { return };
+    pass(&mut node, 50 * MS);
+    node.input(|part, _, _| part.set_hfxo_startup(None));
+    pass(&mut node, 20 * MS);
+    assert!(view(&mut node).link.is_some(), "one that runs goes on");
+    node.restart(FromOutside::Pin);
+    let begun = node.now();
+    while node.now() < begun + 450 * MS {
+        pass(&mut node, 5 * MS);
+        assert!(view(&mut node).silent, "{} ms", (node.now() - begun) / MS);
+    }
+    let after: Vec<u64> = node.resets()[1..].iter().map(|reset| (reset.at - begun) / MS).collect();
+    assert_eq!(after, [100, 200, 300, 400], "its watchdog tries again and again");
+    let log: String = node.take_log().iter().map(|line| format!("{line}\n")).collect();
+    assert_eq!(log.matches("the 32 MHz crystal does not start").count(), 5, "{log}");
+
+    node.input(|part, _, _| part.set_hfxo_startup(Some(9_000_000)));
+    pass(&mut node, 150 * MS);
+    let told = view(&mut node).link.expect("Link-Status").status;
+    assert_eq!((told.reset_reason(), told.unasked_reset()), (Some(ResetReason::Watchdog), true));
+    assert_eq!(count(&node, std::mem::offset_of!(Telemetry, last_stop)) >> 24, Cause::ClockStart as u32);
+    assert_eq!(node.resets().len(), 6, "one that starts after 9 ms is waited for");
+    assert_eq!(node.take_findings(), []);
 }
 
 // ---- the SSI

@@ -64,7 +64,9 @@ fn a_kind_of_fault_alone_is_injected_alone() {
         (Kind::Power, &["power"]),
         (Kind::Buffers, &["buffer"]),
         (Kind::Inputs, &["input"]),
-        (Kind::Hang, &["hang"]),
+        // A board that hangs in its start is restarted before.
+        (Kind::Hang, &["hang", "power horus", "power dpr"]),
+        (Kind::Chips, &["horus front end register", "dpr front end register"]),
     ] {
         let Some(report) = report(3, &[kind], 9) else { return };
         assert_eq!(report.violations, [""; 0], "{kind}");
@@ -110,5 +112,20 @@ fn boards_that_hang_until_their_watchdogs_bite_violate_nothing_and_the_link_reco
             assert!(faults.injected.get(board).is_some_and(|count| *count >= 3), "{board}: {:?}", faults.injected);
         }
         assert!(faults.max_recovery_cycles.is_some_and(|cycles| cycles <= 15), "{faults:?}");
+    }
+}
+
+/// Bits of the front ends' registers that flip, alone and among all that disturbs the link.
+#[test]
+fn bits_that_flip_in_either_front_end_violate_nothing() {
+    let among = [Kind::Air, Kind::Power, Kind::Hang, Kind::Chips];
+    for (gps, kinds, seed) in [(3, &[Kind::Chips][..], 1), (5, &[Kind::Chips], 2), (1, &among, 3), (2, &among, 4)] {
+        let Some(report) = report_of(12_000 * MS, gps, kinds, seed) else { return };
+        assert_eq!(report.violations, [""; 0], "{gps} receivers, seed {seed}");
+        assert_eq!(report.faults.invalid_shown_valid, 0);
+        for board in ["horus", "dpr"] {
+            let name = format!("{board} front end register flips");
+            assert!(report.faults.injected.contains_key(&name), "{:?}", report.faults.injected);
+        }
     }
 }

@@ -26,6 +26,9 @@ const MS: u64 = 1_000_000;
 /// ms.
 const BITE: u64 = 200 * MS;
 
+/// In this time HORUS starts and sends four frames at least.
+const STARTS: u64 = boards::RAM_TEST + 55 * MS;
+
 /// After which a task does its work no more.
 const DAMAGES: [(Damage, &str); 2] = [(ImageFault::Dead, "dead"), (ImageFault::Hung, "hung")];
 
@@ -103,14 +106,14 @@ fn horus_restarts_when_a_task_dies_or_hangs_and_sends_again() {
     for (vector, task) in HORUS_TASKS {
         for (damage, name) in DAMAGES {
             let Some(mut horus) = transmitter() else { return };
-            horus.run_for(55 * MS);
-            assert_eq!(horus.frames(0), 4, "{task}");
+            horus.run_for(STARTS);
+            assert_eq!(horus.frames(0), 5, "{task}");
             let repair = break_task(&mut horus.node, vector, damage);
             let restarted = horus.until_restart();
             let causes: Vec<Reset> = horus.node.resets().iter().map(|reset| reset.cause).collect();
             assert_eq!(causes, [Reset::Watchdog("IWDG")], "{task} {name}");
             repair.mend(&mut horus.node).unwrap();
-            horus.run_for(55 * MS);
+            horus.run_for(STARTS);
             assert!(horus.frames(restarted) >= 4, "{task} {name}: {} frames", horus.frames(restarted));
             assert_eq!(horus.node.resets().len(), 1, "{task} {name}");
             let log = logged(&mut horus.node);
@@ -123,7 +126,7 @@ fn horus_restarts_when_a_task_dies_or_hangs_and_sends_again() {
 fn a_fault_in_horus_switches_the_field_off_at_once_and_the_watchdog_brings_it_back() {
     for (vector, task) in HORUS_TASKS {
         let Some(mut horus) = transmitter() else { return };
-        horus.run_for(55 * MS);
+        horus.run_for(STARTS);
         let (broken, repair) = (horus.node.now(), break_task(&mut horus.node, vector, ImageFault::Faulting));
         let restarted = horus.until_restart();
         // Each of them runs in every cycle.
@@ -135,7 +138,7 @@ fn a_fault_in_horus_switches_the_field_off_at_once_and_the_watchdog_brings_it_ba
         let log = logged(&mut horus.node);
         assert!(log.contains("usage fault, undefined instruction"), "{task}: {log}");
         repair.mend(&mut horus.node).unwrap();
-        horus.run_for(55 * MS);
+        horus.run_for(STARTS);
         assert!(horus.frames(restarted) >= 4, "{task}: {} frames", horus.frames(restarted));
     }
 }
@@ -428,7 +431,7 @@ fn a_bit_of_horus_flash_that_is_wrong_at_the_start_keeps_the_field_off_until_it_
     assert!(log.contains("flash"), "{log}");
     flip(&mut horus.node, address);
     let restarted = horus.until_restart();
-    horus.run_for(55 * MS);
+    horus.run_for(STARTS);
     assert!(horus.frames(restarted) >= 4, "{} frames", horus.frames(restarted));
 }
 
@@ -448,6 +451,9 @@ fn a_bit_of_the_dprs_flash_that_is_wrong_at_the_start_leaves_nothing_to_be_read_
     assert_eq!(dpr.resets().len(), bites, "and no other");
     let log = logged(&mut dpr);
     assert!(log.contains("flash"), "{log}");
+    // It has compared its flash when half of the watchdog's time is over, and waits.
+    until_restart(&mut dpr, BITE, |_| {});
+    dpr.advance(dpr.now() + 50 * MS);
     flip(&mut dpr, address);
     until_restart(&mut dpr, BITE, |_| {});
     dpr.advance(dpr.now() + 50 * MS);

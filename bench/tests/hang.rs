@@ -5,18 +5,22 @@
 
 mod boards;
 mod player;
+mod reader;
 mod thumb;
 
 use bench::faults::plan::WATCHDOG_STARTS;
-use bench::faults::{Board, Conduct, Fault, Faults, PowerFault, name_of};
+use bench::faults::{Board, Conduct, Fault, Faults, PowerFault, Powered, ReceiverFault, name_of};
 use bench::node::{Bare, Clock, FromOutside, Node, ResetAt, Threads};
 use bench::sim::{Bench, Images, Outcome, Setup, run};
 use bench_judge::{What, bounds};
 use bench_seam::Reset;
-use boards::image;
+use boards::{counter, image};
+use cortex_m4::{Cost, Fast, Optimistic, Pessimistic};
+use horus_tx_fw::telemetry::Telemetry;
 use nrf52840::{Nrf52840, Settings};
 use player::Player;
-use profile::{LinkStatus, ResetReason};
+use profile::{GpsObject, HorusState, Identifier, LinkStatus, Profile, ReportedPosition, ReportedStatus, ResetReason};
+use stm32f429::Oscillators;
 use thumb::{COUNTER, HANDLER, MAIN, RCC, TIM2, Thumb, firmware};
 
 const MS: u64 = 1_000_000;
@@ -141,6 +145,96 @@ fn an_nrf52840_that_hangs_says_after_its_watchdogs_reset_that_it_was_that() {
     assert_eq!(node.resets().len(), 1, "it is fed again");
 }
 
+// ---- a release image that hangs while it starts
+
+/// Runs `node` to `to`, through everything that leaves the board.
+fn pass<B: Powered, C: Cost>(node: &mut Node<B, C>, to: u64) {
+    while node.now() < to {
+        node.advance(to);
+        drop(node.board_mut(|board| board.front_end().take_air()));
+    }
+}
+
+/// Hangs a copy of `node`, which has just been reset, after `after`, and runs it to the watchdog's reset. `None` if
+/// that does not come within 0.6 s; HORUS's, which is not fed yet, takes 512 ms.
+fn hung_after<B: Powered, C: Cost>(node: &Node<B, C>, after: u64) -> Option<Node<B, C>>
+where
+    Node<B, C>: Clone,
+{
+    let mut node = node.clone();
+    let (at, end) = (node.now() + after, node.now() + 600 * MS);
+    pass(&mut node, at);
+    node.hang();
+    while node.now() < end {
+        if node.advance_to_restart(end) {
+            return Some(node);
+        }
+        drop(node.board_mut(|board| board.front_end().take_air()));
+    }
+    None
+}
+
+/// How long after a reset by the pin a hang is first ended by the watchdog, ns, to 100 ns.
+fn watched_from<B: Powered, C: Cost>(mut node: Node<B, C>) -> u64
+where
+    Node<B, C>: Clone,
+{
+    pass(&mut node, 20 * MS);
+    node.restart(FromOutside::Pin);
+    let (mut before, mut from) = (0, WATCHDOG_STARTS);
+    assert!(hung_after(&node, from).is_some(), "a hang stays");
+    while from - before > 100 {
+        let middle = (before + from) / 2;
+        if hung_after(&node, middle).is_some() {
+            from = middle;
+        } else {
+            before = middle;
+        }
+    }
+    from
+}
+
+/// On both boards.
+fn watched_from_on<C: Cost + Clone>() -> Option<[u64; 2]> {
+    let horus = boards::horus_with::<C>(Oscillators::default())?;
+    Some([watched_from(horus), watched_from(boards::dpr_with::<C>(Settings::default())?)])
+}
+
+#[test]
+fn both_watchdogs_run_two_microseconds_after_a_reset_on_every_clock() {
+    let Some(fast) = watched_from_on::<Fast>() else { return };
+    let clocks = [fast, watched_from_on::<Optimistic>().unwrap(), watched_from_on::<Pessimistic>().unwrap()];
+    println!("HORUS and DPR, ns, fast, optimistic, pessimistic: {clocks:?}");
+    assert!(clocks.into_iter().flatten().all(|from| from <= 1_500), "{clocks:?}");
+}
+
+/// Instants of a start: the first at which both watchdogs run, then later ones.
+const IN_START: [u64; 3] = [WATCHDOG_STARTS, 300 * US, 2_900 * US];
+
+#[test]
+fn a_hang_soon_after_any_reset_is_told_as_the_watchdogs_restart() {
+    for why in [FromOutside::Pin, FromOutside::PowerOn(5)] {
+        let Some(mut horus) = boards::horus() else { return };
+        let mut dpr = boards::dpr().unwrap();
+        pass(&mut horus, 20 * MS);
+        pass(&mut dpr, 20 * MS);
+        horus.restart(why);
+        dpr.restart(why);
+        for after in IN_START {
+            let mut horus = hung_after(&horus, after).unwrap_or_else(|| panic!("{why:?}: HORUS hung {after} stays so"));
+            let started = horus.now();
+            pass(&mut horus, started + 20 * MS);
+            let reason = counter(&horus, "HORUS_TELEMETRY", std::mem::offset_of!(Telemetry, reset_reason));
+            assert_eq!(reason, ResetReason::Watchdog as u32, "{why:?}: HORUS hung {after}");
+            let mut dpr = hung_after(&dpr, after).unwrap_or_else(|| panic!("{why:?}: the DPR hung {after} stays so"));
+            let started = dpr.now();
+            pass(&mut dpr, started + 20 * MS);
+            let told = reader::view(&mut dpr).link.expect("Link-Status").status.reset_reason();
+            assert_eq!(told, Some(ResetReason::Watchdog), "{why:?}: the DPR hung {after}");
+        }
+    }
+}
+
 // ---- the link
 
 fn setup(faults: Faults, duration: u64) -> Option<Setup> {
@@ -195,6 +289,64 @@ fn link_status_says_that_the_watchdog_has_restarted_a_dpr_that_hung() {
     assert_eq!(said.and_then(|link| link.status.reset_reason()), Some(ResetReason::Watchdog));
 }
 
+/// What HORUS sent of GPS3 and of itself, in order: when (ns), whether GPS3 is excluded, and Reported-Position's
+/// status.
+fn sent(log: &bench_judge::Log) -> Vec<(u64, bool, ReportedStatus)> {
+    let of = |payload: &[u8]| {
+        let [reported, gps3] = [0, 3].map(|object| Profile::<3>::place(object).and_then(|place| payload.get(place)));
+        let gps3 = GpsObject::verify(gps3?, Identifier::gps(3)).ok()?;
+        Some((gps3.status().excluded(), ReportedPosition::verify(reported?).ok()?.status()))
+    };
+    let frames = log.events.iter().filter_map(|event| match &event.what {
+        What::Sent { bytes, whole: true, .. } => of(&bytes[1..]).map(|(excluded, status)| (event.at, excluded, status)),
+        _ => None,
+    });
+    frames.collect()
+}
+
+#[test]
+fn a_receiver_excluded_before_the_watchdog_bites_is_still_excluded_after_it() {
+    let off = Fault::Receiver(2, ReceiverFault::Offset { north: 200, east: 0, up: 0 });
+    let faults = hang(Faults::none().with(0, u64::MAX, off), BEGINS + 300 * MS, Board::Horus);
+    let Some(setup) = setup(faults, BEGINS + 300 * MS + AFTER) else { return };
+    let mut bench: Bench = Bench::new(&setup).unwrap();
+    bench.keep_log();
+    bench.run_to(setup.duration_ns, Threads::Two);
+    let [ResetAt { at, cause: Reset::Watchdog("IWDG") }] = *bench.horus().resets() else {
+        panic!("{:?}", bench.horus().resets())
+    };
+    let finished = bench.finish(setup.duration_ns);
+    assert_eq!(finished.verdict.violations, []);
+    let sent = sent(&finished.log);
+    let restarted = sent.partition_point(|(sent, ..)| *sent < at);
+    let (_, excluded, before) = sent[restarted - 1];
+    assert!(excluded && before.state() == Some(HorusState::Monitoring), "{before:?}");
+    assert_eq!(before.reset_reason(), Some(ResetReason::PowerOn));
+    // No receiver has said anything yet that would exclude it anew.
+    let (_, excluded, after) = sent[restarted];
+    assert!(excluded && !after.position_valid(), "{after:?}");
+    assert_eq!((after.state(), after.reset_reason()), (Some(HorusState::Starting), Some(ResetReason::Watchdog)));
+    assert!(sent[restarted..].iter().all(|(_, excluded, _)| *excluded), "it never agrees");
+}
+
+#[test]
+fn after_its_supply_was_off_horus_excludes_nobody_until_it_votes() {
+    let off = Fault::Receiver(2, ReceiverFault::Offset { north: 200, east: 0, up: 0 });
+    let (from, to) = (BEGINS + 300 * MS, BEGINS + 340 * MS);
+    let faults = Faults::none().with(0, u64::MAX, off);
+    let faults = faults.with(from, to, Fault::Power(Board::Horus, PowerFault::Off(3)));
+    let Some(setup) = setup(faults, to + AFTER) else { return };
+    let mut bench: Bench = Bench::new(&setup).unwrap();
+    bench.keep_log();
+    bench.run_to(setup.duration_ns, Threads::Two);
+    let finished = bench.finish(setup.duration_ns);
+    assert_eq!(finished.verdict.violations, []);
+    let sent = sent(&finished.log);
+    let (_, excluded, status) = sent[sent.partition_point(|(sent, ..)| *sent < to)];
+    assert_eq!((excluded, status.reset_reason()), (false, Some(ResetReason::PowerOn)));
+    assert!(sent.last().is_some_and(|(_, excluded, _)| *excluded), "it is outvoted again");
+}
+
 #[test]
 fn a_run_with_hangs_is_the_same_on_one_thread_and_on_two() {
     let faults = hang(hang(Faults::none(), BEGINS, Board::Horus), BEGINS + 7 * MS, Board::Dpr);
@@ -229,7 +381,8 @@ fn so_long_after_its_start_each_boards_watchdog_runs() {
         for board in BOARDS {
             let at = BEGINS + WATCHDOG_STARTS;
             let faults = hang(Faults::none().with(BEGINS, BEGINS, Fault::Power(board, PowerFault::Pin)), at, board);
-            let Some(setup) = setup(faults, at + AFTER) else { return };
+            // HORUS's watchdog takes 0.5 s before it is first fed.
+            let Some(setup) = setup(faults, at + 500 * MS + AFTER) else { return };
             let report = outcome(&Setup { clock, ..setup }).report;
             assert_eq!(report.violations, [""; 0], "{board:?} on the {clock} clock");
         }

@@ -9,7 +9,7 @@ use bench::faults::{Kind, OnLine};
 use bench::faults::{LineFaults, PowerFault, Powered, ReceiverFault, Rng, Targets, Upset};
 use bench::node::{Board, Error, Node};
 use bench_seam::Reset;
-use boards::counter;
+use boards::{RAM_TEST, counter};
 use gnss_sim::ubx::NavPvt;
 use horus_tx_fw::telemetry::{Line, Telemetry};
 use st25r3916_model::AirEvent;
@@ -175,6 +175,15 @@ fn frames(events: &[AirEvent]) -> usize {
     events.iter().filter(|event| matches!(event, AirEvent::FrameStart(_))).count()
 }
 
+/// In this time HORUS starts and sends four frames at least.
+const STARTS: u64 = RAM_TEST + 55 * MS;
+
+/// Runs HORUS from its start into the first millisecond of a frame, which takes nearly five.
+fn into_a_frame(node: &mut Node<Horus>) {
+    assert!(frames(&emitted(node, STARTS)) >= 4);
+    assert!((0..10).any(|_| frames(&emitted(node, MS)) > 0), "a frame in each cycle");
+}
+
 /// The frame that is on the air breaks off, the field goes with it, and nothing comes afterwards.
 fn breaks_off(events: &[AirEvent]) -> bool {
     // A frame of three receivers has 247 bytes.
@@ -188,8 +197,7 @@ fn causes<B: Board>(node: &Node<B>) -> Vec<Reset> {
 #[test]
 fn horus_without_supply_is_off_the_air_and_starts_again_when_it_is_back() {
     let Some(mut node) = boards::horus() else { return };
-    // In the middle of a frame.
-    assert!(frames(&emitted(&mut node, 60 * MS)) >= 3);
+    into_a_frame(&mut node);
     PowerFault::Off(1).begin(&mut node);
     assert!(!node.is_powered());
     let without = emitted(&mut node, 100 * MS);
@@ -197,7 +205,7 @@ fn horus_without_supply_is_off_the_air_and_starts_again_when_it_is_back() {
     assert!(causes(&node).is_empty());
     PowerFault::Off(1).end(&mut node);
     assert_eq!(causes(&node), [Reset::PowerOn]);
-    assert!(frames(&emitted(&mut node, 55 * MS)) >= 4);
+    assert!(frames(&emitted(&mut node, STARTS)) >= 4);
     assert_eq!(node.resets().len(), 1);
 }
 
@@ -254,7 +262,7 @@ fn a_pin_and_a_brown_out_restart_a_board_at_once_and_leave_ram_and_front_end_as_
 #[test]
 fn horus_finds_its_front_end_again_after_that_was_without_supply() {
     let Some(mut node) = boards::horus() else { return };
-    emitted(&mut node, 60 * MS);
+    into_a_frame(&mut node);
     PowerFault::FrontEndOff.begin(&mut node);
     let without = emitted(&mut node, 100 * MS);
     assert!(breaks_off(&without), "{without:?}");
@@ -310,7 +318,7 @@ fn a_patch_that_is_sealed_passes_the_firmwares_check_of_its_flash_and_one_that_i
     let patch = |sealed| ImageFault::Patch { address: 0x0800_0040, bytes: vec![0xAA; 4], sealed };
     let mut sealed = node.clone();
     let repair = patch(true).apply(&mut sealed).unwrap();
-    assert!(frames(&emitted(&mut sealed, 55 * MS)) >= 4);
+    assert!(frames(&emitted(&mut sealed, STARTS)) >= 4);
     assert_eq!(sealed.resets().len(), 0);
     let mut open = node.clone();
     let _ = patch(false).apply(&mut open).unwrap();
@@ -319,7 +327,7 @@ fn a_patch_that_is_sealed_passes_the_firmwares_check_of_its_flash_and_one_that_i
     // Mended, the flash is byte for byte what it was.
     repair.mend(&mut sealed).unwrap();
     let flash = |node: &Node<Horus>| {
-        let mut flash = vec![0; 96 << 10];
+        let mut flash = vec![0; 112 << 10];
         node.read(0x0800_0000, &mut flash).unwrap();
         flash
     };

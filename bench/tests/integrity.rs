@@ -9,13 +9,17 @@ mod reader;
 
 use bench::boards::{Dpr, Horus};
 use bench::faults::Upset;
-use bench::node::{Board, Node};
+use bench::node::{Board, FromOutside, Node};
+use bench_seam::{Part, StuckBit};
+use cortex_m4::{Cost, Pessimistic};
 use dpr_fw::integrity as dpr;
-use firmware_common::last_stop::Cause;
+use firmware_common::{last_stop::Cause, start_test};
 use horus_tx_fw::integrity as horus;
-use profile::LinkStatus;
+use nrf52840::Settings;
+use profile::{LinkStatus, ReportedPosition, ReportedStatus, ResetReason};
 use reader::{MS, US, field_on, frame_ns, payload, send, transact, view};
 use st25r3916_model::AirEvent;
+use stm32f429::Oscillators;
 
 fn run<B: Board>(node: &mut Node<B>, ns: u64) {
     let end = node.now() + ns;
@@ -171,21 +175,59 @@ fn a_bit_that_flips_in_the_dprs_code_in_ram_or_in_a_guard_word_stops_it() {
     }
 }
 
+/// A bit of unused stack sticks at the level that it does not have.
+fn stick<B: Board>(node: &mut Node<B>) {
+    let address = address(node, "_stack_end") + 0x101;
+    let mut byte = [0];
+    node.read(u64::from(address), &mut byte).unwrap();
+    let stuck = StuckBit { address, bit: 4, value: byte[0] >> 4 & 1 == 0 };
+    assert!(node.input(|part, _, _| part.stick(Some(stuck))));
+}
+
 #[test]
-fn a_bit_of_free_ram_that_flips_is_counted_and_shown() {
+fn a_stuck_bit_of_the_dprs_ram_is_shown_in_time() {
     let Some(mut node) = boards::dpr() else { return };
-    run(&mut node, 40 * MS);
-    let at = address(&node, "__free_end") - 4;
-    // Whatever the pass is at, the last word is visited before two elements have passed.
-    Upset::Ram { address: at, bit: 9 }.apply(&mut node).unwrap();
-    // What stood there before the first write of the first element is not judged.
-    let first = u64::from(dpr::RAM_PASS_US) * US / 6;
-    run(&mut node, first);
-    assert_eq!(dpr_counter(&node, "ram_errors"), 0);
-    Upset::Ram { address: at, bit: 9 }.apply(&mut node).unwrap();
-    let took = until(&mut node, 50 * MS, u64::from(dpr::RAM_PASS_US) * US, |node| link(node).ram_fault());
-    eprintln!("free RAM: shown after {} ms", took / MS);
-    assert_eq!(dpr_counter(&node, "ram_errors"), 1);
+    run(&mut node, 3_000 * MS);
+    assert_eq!((dpr_counter(&node, "ram_errors"), link(&mut node).ram_fault()), (0, false));
+    stick(&mut node);
+    let within = u64::from(dpr::RAM_DETECT_US) * US;
+    let took = until(&mut node, 50 * MS, within, |node| link(node).ram_fault());
+    eprintln!("the DPR's RAM: shown after {} ms", took / MS);
+    assert!(dpr_counter(&node, "ram_errors") >= 1);
+    // It is still there at the next start, and shown from the first image on; without it nothing is.
+    for sticks in [true, false] {
+        if !sticks {
+            node.input(|part, _, _| part.stick(None));
+        }
+        node.restart(FromOutside::Pin);
+        run(&mut node, 60 * MS);
+        assert_eq!(link(&mut node).ram_fault(), sticks);
+        assert_eq!(dpr_counter(&node, "ram_errors"), u32::from(sticks));
+    }
+}
+
+/// When the test of the memory at the start has come to its end, µs.
+fn tested_us<B: Board, C: Cost>(node: &mut Node<B, C>) -> u64 {
+    let result = node.address_of("MEMORY_TEST").unwrap();
+    while node.word(result) != Some(start_test::TESTED) {
+        let to = node.now() + 50 * US;
+        assert!(to < 100 * MS, "no result");
+        node.advance(to);
+    }
+    node.now() / US
+}
+
+#[test]
+fn the_memory_test_at_the_start_takes_at_most_its_stated_time() {
+    const KIB: u32 = 1024;
+    let Some(mut node) = boards::dpr_with::<Pessimistic>(Settings::default()) else { return };
+    let took = tested_us(&mut node);
+    eprintln!("the DPR's memory is tested {took} us after its start");
+    assert!(took <= u64::from(start_test::longest_us(96 * KIB, start_test::DPR_CYCLES, 64)));
+    let Some(mut node) = boards::horus_with::<Pessimistic>(Oscillators::default()) else { return };
+    let took = tested_us(&mut node);
+    eprintln!("HORUS's memory is tested {took} us after its start");
+    assert!(took <= u64::from(start_test::longest_us(32 * KIB, start_test::HORUS_CYCLES, 16)));
 }
 
 // ---- HORUS
@@ -201,12 +243,59 @@ fn run_horus(node: &mut Node<Horus>, ns: u64) -> Vec<(u64, AirEvent)> {
     air
 }
 
+/// The status of the last Reported-Position of these.
+fn said(air: &[(u64, AirEvent)]) -> ReportedStatus {
+    let mut frames: Vec<Vec<u8>> = vec![];
+    for (_, event) in air {
+        match event {
+            AirEvent::FrameStart(start) => frames.push(start.chunk.data.clone()),
+            AirEvent::Bytes(chunk) => frames.last_mut().into_iter().for_each(|frame| frame.extend(&chunk.data)),
+            _ => {}
+        }
+    }
+    let status = |frame: &Vec<u8>| Some(ReportedPosition::verify(frame.get(1..65)?).ok()?.status());
+    frames.iter().rev().find_map(status).expect("HORUS has sent a frame")
+}
+
+/// When the field goes off within so long.
+fn field_off(node: &mut Node<Horus>, within: u64) -> Option<u64> {
+    let from = node.now();
+    while node.now() < from + within {
+        let air = run_horus(node, MS);
+        if let Some((at, _)) = air.iter().find(|(_, event)| matches!(event, AirEvent::FieldOff)) {
+            return Some(at - from);
+        }
+    }
+    None
+}
+
+#[test]
+fn a_stuck_bit_of_horuss_ram_switches_the_field_off_for_good() {
+    let Some(mut node) = boards::horus() else { return };
+    let air = run_horus(&mut node, 3_000 * MS);
+    assert!(!air.iter().any(|(_, event)| matches!(event, AirEvent::FieldOff)));
+    stick(&mut node);
+    let took = field_off(&mut node, u64::from(horus::RAM_DETECT_US) * US).expect("the field goes off in time");
+    eprintln!("HORUS's RAM: field off after {} ms", took / MS);
+    // Each start finds it before anything is sent, and says so.
+    node.take_log();
+    let air = run_horus(&mut node, 1_000 * MS);
+    assert!(!air.iter().any(|(_, event)| matches!(event, AirEvent::FieldOn)));
+    let lines: Vec<String> = node.take_log().iter().map(ToString::to_string).collect();
+    assert!(lines.iter().any(|line| line.contains("memory: RAM faulty")), "{lines:?}");
+    node.input(|part, _, _| part.stick(None));
+    let air = run_horus(&mut node, 500 * MS);
+    assert!(air.iter().any(|(_, event)| matches!(event, AirEvent::FieldOn)));
+    assert!(last_stop(&mut node).contains(Cause::Ram.name()));
+}
+
 #[test]
 fn a_bit_that_flips_in_horuss_flash_or_in_a_guard_word_switches_the_field_off_and_is_named() {
     let guards = ["_stack_end", "__guard_data", "__guard_bss", "__guard_uninit", "__guard_end"];
     for symbol in ["__image_crc"].into_iter().chain(guards) {
         let Some(mut node) = boards::horus() else { return };
-        run_horus(&mut node, 55 * MS);
+        let before = said(&run_horus(&mut node, 55 * MS));
+        assert_eq!((before.memory_fault(), before.reset_reason()), (false, Some(ResetReason::PowerOn)), "{symbol}");
         let at = address(&node, symbol);
         let (upset, cause, within) = match symbol {
             "__image_crc" => {
@@ -215,13 +304,7 @@ fn a_bit_that_flips_in_horuss_flash_or_in_a_guard_word_switches_the_field_off_an
             _ => (Upset::Ram { address: at + 4, bit: 31 }, Cause::GuardWord, u64::from(horus::GUARD_DETECT_US) * US),
         };
         upset.apply(&mut node).unwrap();
-        let (from, mut off) = (node.now(), None);
-        while off.is_none() {
-            assert!(node.now() < from + within, "{symbol}: not noticed within {} ms", within / MS);
-            let air = run_horus(&mut node, MS);
-            off = air.iter().find(|(_, event)| matches!(event, AirEvent::FieldOff)).map(|(at, _)| at - from);
-        }
-        let took = off.expect("just seen");
+        let took = field_off(&mut node, within).unwrap_or_else(|| panic!("{symbol}: not noticed in time"));
         eprintln!("{symbol}: field off after {} us", took / US);
         upset.apply(&mut node).unwrap();
         let restarts = node.now() + 250 * MS;
@@ -230,7 +313,8 @@ fn a_bit_that_flips_in_horuss_flash_or_in_a_guard_word_switches_the_field_off_an
             node.board_mut(|board| board.front_end.take_air());
         }
         node.take_log();
-        run_horus(&mut node, 60 * MS);
+        let after = said(&run_horus(&mut node, 60 * MS));
+        assert_eq!((after.memory_fault(), after.reset_reason()), (true, Some(ResetReason::Watchdog)), "{symbol}");
         let line = last_stop(&mut node);
         assert!(line.contains(cause.name()), "{symbol}: {line:?}");
     }

@@ -38,12 +38,12 @@ fn falls(after_ns: i64, bytes: usize) -> Placement {
 fn holds(gps: usize, sweep: Sweep, clock: Clock, (horus_ppb, dpr_ppb): (i64, i64)) {
     let (Some(horus), Some(dpr)) = (image(gps, "horus-tx-fw.elf"), image(gps, "dpr-fw.elf")) else { return };
     let cycles = sweep.cycles();
-    // The sweep begins with the second frame, which comes up to two cycles later on a slower clock.
+    // The sweep begins with the second frame, which comes up to four cycles later on a slower clock.
     let setup = Setup {
         crystals: Crystals { horus_ppb, dpr_ppb, flight_controller_ppb: 0 },
         sweep: Some(sweep.clone()),
         clock,
-        ..Setup::new(Images { horus, dpr }, gps, (cycles + 5) * 10_000_000)
+        ..Setup::new(Images { horus, dpr }, gps, (cycles + 7) * 10_000_000)
     };
     let outcome = run(&setup, &mut ()).unwrap_or_else(|error| panic!("{error}"));
     assert_eq!(outcome.phases.len() as u64, cycles, "every phase was swept");
@@ -99,18 +99,18 @@ fn a_publication_with_five_receivers_may_meet_a_transaction_in_any_phase() {
 }
 
 /// The DPR's idle task wakes with whatever happens, and does then what is due once a second. In the silence between two
-/// frames it is a transaction's end that wakes it, so another transaction that ends 26 to 44 us later meets what it
-/// does. Whole seconds of the DPR move by 400 us a second against HORUS's cycle, so in 25 s half of them fall into that
-/// silence, each with another distance.
+/// frames it is the end of the pause after a transaction that wakes it, 96 to 106 us after the transaction's end, so
+/// another one that ends 109 to 127 us after the first, which is as soon as it may, meets what it does. Whole seconds
+/// of the DPR move by 400 us a second against HORUS's cycle, so in 25 s half of them fall into that silence, each with
+/// another distance.
 #[test]
 fn what_the_dpr_does_once_a_second_holds_no_transaction_up() {
     let pairs = |gap: i64| {
-        // Eight bytes take 11 us: 1 us of set-up, 8 us, 2 us of hold.
-        let pair = |at: i64| [falls(at, 8), falls(at + 15 * US + gap, 8)];
+        let pair = |at: i64| [falls(at, 8), falls(at + i64::from(timing::SPACING_NS) + gap, 8)];
         (0..7).flat_map(|place| pair(place * 650 * US)).collect()
     };
     // A prime number of patterns: 100 cycles later, in the next second, it is another one.
-    let patterns = (0..19).map(|pattern| pairs(GAP + pattern * US)).collect();
+    let patterns = (0..19).map(|pattern| pairs(pattern * US)).collect();
     let sweep = Sweep { frame: 0, from_ns: 300 * US, to_ns: 313_100, step_ns: 100, patterns };
     holds(3, sweep, Clock::Fast, (200_000, -200_000));
 }

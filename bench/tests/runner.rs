@@ -5,7 +5,9 @@ mod boards;
 mod elf;
 mod thumb;
 
-use bench::node::{Bare, Clock, Connected, Event, FindingKind, Firmware, Limits, Node, Outcome, Sending, Target};
+use bench::node::{
+    Bare, Clock, Connected, Event, Finding, FindingKind, Firmware, Limits, Node, Outcome, Sending, Target,
+};
 use bench_seam::Pin;
 use elf::{EM_ARM, ET_EXEC, elf};
 use stm32f429::{Oscillators, Stm32f429};
@@ -221,9 +223,13 @@ fn a_finding_in_a_release_image_names_the_firmwares_own_function_and_line() {
     let Some(path) = boards::image(3, "dpr-fw.elf") else { return };
     // The other board's image: what it copies to RAM cannot be fetched where it is linked to.
     let outcome = on_horus(&Firmware::read(&path).unwrap());
-    assert!(!outcome.findings.is_empty());
-    for finding in &outcome.findings {
-        let place = finding.symbol.as_deref().unwrap();
+    // The first instructions, which store to the nRF52840's registers, are assembler: it has a name and no lines.
+    let place_of = |finding: &Finding| finding.symbol.clone().unwrap_or_default();
+    let (assembler, rust): (Vec<_>, Vec<_>) =
+        outcome.findings.iter().partition(|finding| place_of(finding).starts_with("__pre_init+"));
+    assert!(!assembler.is_empty() && !rust.is_empty(), "{:?}", outcome.findings);
+    for finding in rust {
+        let place = place_of(finding);
         assert!(!place.contains("core/src") && !place.contains("/registry/"), "{finding}");
         assert!(place.contains("dpr-fw/src/") || place.contains("firmware-common/src/"), "{finding}");
         assert!(place.contains("dpr_fw::") || place.contains("firmware_common::"), "{finding}");

@@ -9,7 +9,7 @@ mod reader;
 
 use bench::boards::Dpr;
 use bench::node::{FromOutside, Node, Relay, Threads};
-use boards::counter;
+use boards::{RAM_TEST, counter};
 use dpr_fw::telemetry::Telemetry;
 use profile::sequence::SEARCH_CYCLES;
 use reader::{Antenna, MS, RECEIVERS, Reader, Sent, US, View, field_on, frame_ns, payload, send, views};
@@ -27,6 +27,9 @@ const STALE: u64 = 30 * MS;
 fn dpr() -> Option<Node<Dpr>> {
     let mut node = boards::dpr()?;
     field_on(&mut node);
+    while node.now() < RAM_TEST {
+        node.advance(RAM_TEST);
+    }
     Some(node)
 }
 

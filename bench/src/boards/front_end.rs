@@ -8,7 +8,7 @@ use bench_seam::{Pad, Pin, SpiFrame, SpiMode};
 use st25r3916_model::{AirEvent, Chip};
 
 use crate::faults::chip::{ChipFault, ChipFaults};
-use crate::faults::{Emission, FrontEndFault};
+use crate::faults::{Emission, FrontEndFault, RegisterBit};
 use crate::node::Input;
 
 /// A byte that crossed between the part and the chip.
@@ -104,6 +104,15 @@ impl FrontEnd {
     pub fn end_chip_fault(&mut self, fault: ChipFault) {
         self.faults.end(fault);
         self.chip.withhold(self.faults.withheld());
+    }
+
+    /// A bit of the chip's registers flips: the one at `place` of all that it has, counted round.
+    pub fn flip(&mut self, place: u64) {
+        let bits = RegisterBit::all_of(&self.chip);
+        let place = usize::try_from(place % bits.len() as u64).unwrap_or(0);
+        if let Some(bit) = bits.get(place) {
+            self.with(|chip| bit.flip(chip));
+        }
     }
 
     /// Whether the antenna has emitted something that was not taken.

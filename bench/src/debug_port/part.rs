@@ -97,7 +97,8 @@ impl Debugged for Nrf52840 {
 }
 
 impl Debugged for Stm32f429 {
-    const KEPT: &'static [(u32, usize)] = &[(0x0800_0000, 2 << 20)];
+    /// Flash and the option bytes of its first bank (RM0090 3.9).
+    const KEPT: &'static [(u32, usize)] = &[(0x0800_0000, 2 << 20), (0x1FFF_C000, 16)];
 }
 
 /// A board that a debug port can be on with nobody else around.

@@ -3,6 +3,7 @@
 //! Which bit is drawn from a word of random numbers when the fault begins, over all buffers of a kind, each bit as
 //! likely as the others. Where the buffers are is known from the image's symbols.
 
+use bench_judge::disturbance::Memory;
 use bench_seam::{Part, StuckBit};
 use cortex_m4::Cost;
 
@@ -46,6 +47,15 @@ impl BufferFault {
             Self::Flips(Buffers::Image, _) => "image bit flips",
             Self::Stuck(Buffers::Receive, ..) => "receive bit stuck",
             Self::Stuck(Buffers::Image, ..) => "image bit stuck",
+        }
+    }
+
+    /// Where the bit is.
+    #[must_use]
+    pub const fn memory(self) -> Memory {
+        match self {
+            Self::Flips(Buffers::Receive, _) | Self::Stuck(Buffers::Receive, ..) => Memory::Receive,
+            Self::Flips(Buffers::Image, _) | Self::Stuck(Buffers::Image, ..) => Memory::Images,
         }
     }
 

@@ -104,6 +104,7 @@ impl Class {
 
 /// Whether `violation` means that something invalid was shown as valid: to the flight controller, or at the base
 /// station. The judge does not say whether an object whose contents are wrong was shown, so such an object counts.
+/// Flags of Link-Status, HORUS's state, a timestamp and an uplink are acted on as a position is.
 #[must_use]
 pub const fn is_dangerous(violation: Violation) -> bool {
     matches!(
@@ -120,6 +121,10 @@ pub const fn is_dangerous(violation: Violation) -> bool {
             | Violation::Regression
             | Violation::Torn
             | Violation::LinkAge
+            | Violation::LinkFlags
+            | Violation::StateWrong
+            | Violation::TimestampWrong
+            | Violation::UplinkWrong
             | Violation::BaseInvalid
             | Violation::BaseMixed
     )
@@ -313,7 +318,15 @@ mod tests {
         assert_eq!(class(&[(Violation::NoFrame, 2)], 7), Class::Detected);
         assert_eq!(class(&[], 7), Class::Detected);
         assert_eq!(class(&[(Violation::NoFrame, 1), (Violation::HorusRestarted, 1)], 7), Class::Detected);
-        assert_eq!(class(&[(Violation::NoFrame, 1), (Violation::ShownExpired, 1)], 7), Class::Dangerous);
+        for violation in [
+            Violation::ShownExpired,
+            Violation::LinkFlags,
+            Violation::StateWrong,
+            Violation::TimestampWrong,
+            Violation::UplinkWrong,
+        ] {
+            assert_eq!(class(&[(Violation::NoFrame, 1), (violation, 1)], 7), Class::Dangerous, "{violation:?}");
+        }
     }
 
     #[test]

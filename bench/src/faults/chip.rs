@@ -3,7 +3,8 @@
 //! [`crate::boards::front_end::FrontEnd`] carries it out. The chip itself stays in order but for what is named here: it
 //! takes what the board writes to it, it has its field and its frames, and it is as it was left when the fault is over.
 
-use st25r3916_model::Withheld;
+use bench_judge::disturbance::Harm;
+use st25r3916_model::{Chip, Space, Withheld};
 
 /// A fault of either board's front end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,6 +39,50 @@ impl ChipFault {
             Self::ReadsOnes => "reads ones",
             Self::ReadsZeros => "reads zeros",
         }
+    }
+
+    /// What the board can tell of it: a line that rests high is not that of a chip which has been read, and of a chip
+    /// whose line rests low, or that sets no interrupt, nothing can be told from one that nothing happens to.
+    #[must_use]
+    pub const fn harm(self) -> Harm {
+        match self {
+            Self::IrqHigh | Self::ReadsOnes | Self::ReadsZeros => Harm::Silent,
+            Self::IrqLow | Self::NoInterrupts | Self::NoFrameEnds => Harm::Deaf,
+        }
+    }
+}
+
+/// The longest time from the flip of a register's bit to the link's recovery from it, ns: what was flipped is
+/// told or has no effect. With the bring-up that may follow, valid data are back within 1.5 s.
+pub const FLIP_MENDED: u64 = 1_350_000_000;
+
+/// A bit of a register of a front end's chip.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct RegisterBit {
+    /// Whether the register is in space B.
+    pub in_space_b: bool,
+    /// Its address.
+    pub address: u8,
+    /// 0 to 7.
+    pub bit: u8,
+}
+
+impl RegisterBit {
+    /// Every bit that `chip` has and keeps: spaces A and B, in order.
+    #[must_use]
+    pub fn all_of(chip: &Chip) -> Vec<Self> {
+        let addresses = [false, true].into_iter().flat_map(|in_space_b| (0..64).map(move |it| (in_space_b, it)));
+        let bits = addresses.flat_map(|(in_space_b, address)| {
+            let there = chip.flippable(if in_space_b { Space::B } else { Space::A }, address);
+            let bits = (0..8).filter(move |bit| there >> bit & 1 != 0);
+            bits.map(move |bit| Self { in_space_b, address, bit })
+        });
+        bits.collect()
+    }
+
+    /// Flips it.
+    pub fn flip(self, chip: &mut Chip) {
+        chip.flip(if self.in_space_b { Space::B } else { Space::A }, self.address, self.bit);
     }
 }
 
@@ -101,7 +146,25 @@ impl ChipFaults {
 
 #[cfg(test)]
 mod tests {
+    use st25r3916_model::Config;
+
     use super::*;
+
+    #[test]
+    fn the_bits_that_can_flip_are_those_that_a_chip_keeps() {
+        for config in [Config::default(), Config::st25r3916()] {
+            let mut chip = Chip::new(config);
+            let bits = RegisterBit::all_of(&chip);
+            assert!(bits.is_sorted() && (450..700).contains(&bits.len()), "{}", bits.len());
+            for bit in bits {
+                let space = if bit.in_space_b { Space::B } else { Space::A };
+                let before = chip.peek(space, bit.address);
+                bit.flip(&mut chip);
+                assert_eq!(chip.peek(space, bit.address), before ^ 1 << bit.bit, "{bit:02x?}");
+                bit.flip(&mut chip);
+            }
+        }
+    }
 
     #[test]
     fn each_fault_breaks_what_its_name_says_and_nothing_else() {

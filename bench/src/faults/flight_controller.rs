@@ -5,6 +5,7 @@
 //! the set-up time, the bytes at 8 MHz, the hold time and the gap of design section 5 in SPI mode 0, and MOSI carries
 //! zeros, which ask for nothing.
 
+use bench_judge::disturbance;
 use bench_seam::SpiMode;
 use profile::ssi::{Request, encode};
 use profile::{Identifier, crc};
@@ -45,6 +46,16 @@ pub enum Conduct {
     ReplaysUplink,
     /// No transaction at all.
     Silent,
+    /// Lets chip select fall and rise without a clock, once in so many ns, each for half of them.
+    Edges(u64),
+    /// Reads so many bytes, none or more, with the set-up and hold times: once in so many ns, or where they do not
+    /// suffice as soon as chip select was high for 0.3 µs.
+    Every {
+        /// From the beginning of one transaction to that of the next, ns.
+        period_ns: u64,
+        /// Bytes of each.
+        bytes: usize,
+    },
 }
 
 /// When a flight controller that misuses the SSI begins its transactions.
@@ -59,7 +70,7 @@ pub enum Rhythm {
 }
 
 impl Conduct {
-    /// Each of them.
+    /// Each of them but those that have a rate, [`Self::Edges`] and [`Self::Every`].
     pub const ALL: [Self; 15] = [
         Self::Hammers,
         Self::ZeroBytes,
@@ -98,6 +109,17 @@ impl Conduct {
             Self::Lies => "lies",
             Self::ReplaysUplink => "replays uplink",
             Self::Silent => "silent",
+            Self::Edges(_) => "edges of chip select",
+            Self::Every { .. } => "transactions at a rate",
+        }
+    }
+
+    /// What of it the judge has to know.
+    #[must_use]
+    pub const fn disturbs(self) -> disturbance::Conduct {
+        match self {
+            Self::Silent => disturbance::Conduct::Silent,
+            _ => disturbance::Conduct::Misuse,
         }
     }
 }
@@ -111,8 +133,12 @@ const PART: usize = 96;
 /// Bytes that the DPR takes in: a request and an uplink object (design section 5).
 const TAKEN_IN: usize = 72;
 
-/// How long chip select is low, and how long high, with [`Conduct::TogglesCsn`], ns.
-const TOGGLE: u64 = 1_000;
+/// From one fall of chip select to the next with [`Conduct::TogglesCsn`], ns.
+const TOGGLE: u64 = 2_000;
+
+/// How long chip select is high at least with [`Conduct::Every`], ns: as long as the DPR's peripheral needs (nRF52840
+/// PS v1.7, 6.26.7, t<sub>SPIS,CSNH</sub>).
+const CSN_HIGH: u64 = 300;
 
 /// What [`Conduct::Hammers`] leaves of the gap, ns.
 const HAMMER_GAP: u64 = 1_000;
@@ -142,7 +168,9 @@ impl Misconduct {
             | Conduct::RunsAway
             | Conduct::TogglesCsn
             | Conduct::ClocksWithoutCsn
-            | Conduct::BackToBack => Rhythm::AtOnce,
+            | Conduct::BackToBack
+            | Conduct::Edges(_)
+            | Conduct::Every { .. } => Rhythm::AtOnce,
             Conduct::TenThousand
             | Conduct::OtherMode(_)
             | Conduct::RandomBytes
@@ -163,9 +191,11 @@ impl Misconduct {
             Conduct::Hangs | Conduct::Silent => Order { lets_go: false, ..read(0) },
             Conduct::RunsAway => Order { filler: self.noise(), ..read(Order::ENDLESS) },
             Conduct::TenThousand => read(MANY),
-            Conduct::TogglesCsn => {
-                let pace = Pace { setup_ns: TOGGLE, hold_ns: 0, gap_ns: TOGGLE, ..pace };
-                Order { pace, ..Order::read(0) }
+            Conduct::TogglesCsn => edges(pace, TOGGLE),
+            Conduct::Edges(period_ns) => edges(pace, period_ns),
+            Conduct::Every { period_ns, bytes } => {
+                let gap_ns = period_ns.saturating_sub(pace.transaction_ns(bytes)).max(CSN_HIGH);
+                Order { pace: Pace { gap_ns, ..pace }, ..Order::read(bytes) }
             }
             Conduct::ClocksWithoutCsn => Order { selects: false, filler: self.noise(), ..read(Order::ENDLESS) },
             Conduct::BackToBack => read(whole),
@@ -199,6 +229,12 @@ impl Misconduct {
             _ => (0..TAKEN_IN).map(|_| self.noise.byte()).collect(),
         }
     }
+}
+
+/// Chip select falls and rises, once in `period_ns`.
+fn edges(pace: Pace, period_ns: u64) -> Order {
+    let low = period_ns / 2;
+    Order { pace: Pace { setup_ns: low, hold_ns: 0, gap_ns: period_ns - low, ..pace }, ..Order::read(0) }
 }
 
 /// A request for nothing, and an intact uplink object of the flight controller from the first second.

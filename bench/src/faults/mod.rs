@@ -10,7 +10,7 @@
 //! | [`receivers`] | what a GNSS receiver sends, its line, its bus | the receivers' interfaces on HORUS's board |
 //! | [`state_inputs`] | the inputs that tell HORUS's state | HORUS's pins |
 //! | [`front_end`] | HORUS's front end | its antenna, its chip select |
-//! | [`chip`] | either front end's chip | its interrupts, its SPI |
+//! | [`chip`] | either front end's chip | its interrupts, its SPI, a bit of its registers |
 //! | [`flight_controller`] | how the flight controller uses the SSI | the SSI's pins |
 //! | [`wires`] | what the wires between boards and world carry | FRESH, TICK, MISO, the radio |
 //! | [`base`] | which objects the base station shows | what it tells of a profile |
@@ -25,7 +25,8 @@
 //!
 //! # Where to add a fault
 //!
-//! A variant of [`Fault`], its effect in one of the files above, a line in [`Kind`] so that `--faults` can draw it.
+//! A variant of [`Fault`] and its effect in one of the files above, what it disturbs ([`Fault::disturbs`]), which says
+//! what the judge excuses ([`bench_judge::disturbance`]), and a line in [`plan`] so that `--faults` can draw it.
 
 pub mod base;
 pub mod buffer;
@@ -45,10 +46,11 @@ pub mod wires;
 use std::collections::VecDeque;
 
 pub use base::BaseFault;
-pub use bench_judge::Board;
+use bench_judge::disturbance::Harm;
+pub use bench_judge::{Board, Disturbance};
 pub use buffer::{BufferFault, Buffers};
 pub use campaign::{Campaign, Class, Options, RunOutcome, Subject, Trial};
-pub use chip::ChipFault;
+pub use chip::{ChipFault, RegisterBit};
 pub use flight_controller::Conduct;
 pub use front_end::{Emission, FrontEndFault};
 pub use image::ImageFault;
@@ -74,6 +76,10 @@ pub enum Fault {
     FrontEnd(FrontEndFault),
     /// A board's front-end chip, or a line to it.
     Chip(Board, ChipFault),
+    /// A bit of a register of a board's front-end chip flips at the episode's beginning: of those that the chip has
+    /// ([`RegisterBit::all_of`]), the one at this place, counted round. The episode ends when the firmware has to have
+    /// noticed.
+    Flip(Board, u64),
     /// The flight controller behaves so.
     FlightController(Conduct),
     /// A wire.
@@ -104,6 +110,7 @@ impl Fault {
             Self::Input(input, fault) => format!("input {}", fault.name(*input)),
             Self::FrontEnd(fault) => format!("poller {}", fault.name()),
             Self::Chip(board, fault) => format!("{} front end {}", name_of(*board), fault.name()),
+            Self::Flip(board, _) => format!("{} front end register flips", name_of(*board)),
             Self::FlightController(conduct) => format!("flight controller {}", conduct.name()),
             Self::Wire(fault) => format!("wire {}", fault.name()),
             Self::Base(fault) => format!("base station {}", fault.name()),
@@ -115,6 +122,27 @@ impl Fault {
         }
     }
 
+    /// What it disturbs.
+    #[must_use]
+    pub const fn disturbs(&self) -> Disturbance {
+        match *self {
+            Self::Air(_) => Disturbance::Air,
+            Self::Receiver(receiver, _) => Disturbance::Receiver { receiver },
+            Self::Input(input, _) => Disturbance::Input { input },
+            Self::FrontEnd(_) => Disturbance::Emission,
+            Self::Chip(board, fault) => Disturbance::FrontEnd { board, harm: fault.harm() },
+            Self::Flip(board, _) => Disturbance::FrontEnd { board, harm: Harm::Deaf },
+            Self::FlightController(conduct) => Disturbance::FlightController { conduct: conduct.disturbs() },
+            Self::Wire(fault) => Disturbance::Wire { wire: fault.wire() },
+            Self::Base(_) => Disturbance::BaseStation,
+            Self::Power(board, fault) => fault.disturbs(board),
+            Self::Hang(board) => Disturbance::Hang { board },
+            Self::Upset(board, upset) => Disturbance::Memory { board, memory: upset.memory() },
+            Self::Buffer(fault) => Disturbance::Memory { board: Board::Dpr, memory: fault.memory() },
+            Self::Image(board, _) => Disturbance::Code { board },
+        }
+    }
+
     /// Whether it acts on HORUS's side, which runs ahead of the DPR's.
     #[must_use]
     pub fn is_upstream(&self) -> bool {
@@ -123,6 +151,7 @@ impl Fault {
             Self::Air(_) | Self::FlightController(_) | Self::Base(_) | Self::Buffer(_) => false,
             Self::Wire(fault) => fault.is_upstream(),
             Self::Chip(board, _)
+            | Self::Flip(board, _)
             | Self::Power(board, _)
             | Self::Hang(board)
             | Self::Upset(board, _)
@@ -197,6 +226,10 @@ impl Faults {
         let mut turns: Vec<(u64, Turn)> = vec![];
         for episode in mine {
             turns.push((episode.at, Turn::Begins(episode.clone())));
+            if let Fault::Power(_, PowerFault::Sag(seed)) = episode.fault {
+                let volts = power::shape(seed).into_iter().map(|(after, microvolts)| (episode.at + after, microvolts));
+                turns.extend(volts.map(|(at, microvolts)| (at, Turn::Supply { microvolts, seed })));
+            }
             if episode.until > episode.at && episode.until != u64::MAX {
                 turns.push((episode.until, Turn::Ends(episode.clone())));
             }
@@ -211,6 +244,13 @@ impl Faults {
 pub enum Turn {
     /// It begins.
     Begins(Episode),
+    /// The voltage of the side's supply changes, in an episode in which it sags.
+    Supply {
+        /// To this, µV.
+        microvolts: u32,
+        /// The episode's.
+        seed: u64,
+    },
     /// It ends.
     Ends(Episode),
 }

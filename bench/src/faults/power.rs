@@ -1,11 +1,24 @@
 //! Supply and reset of a board.
 
+use bench_judge::disturbance::{Disturbance, Harm};
 use cortex_m4::Cost;
 use st25r3916_model::Chip;
 
 use crate::boards::front_end::FrontEnd;
 use crate::boards::{Dpr, Horus};
 use crate::node::{Board, FromOutside, Node};
+
+use super::Rng;
+
+/// A millisecond, ns.
+const MS: u64 = 1_000_000;
+
+/// The lowest supply of a front end, µV (DS13541, operating conditions). Below it promises nothing; here it is off.
+const FRONT_END_UV: u32 = 2_400_000;
+
+/// What a sagging supply begins at, one of these, and comes back to: the boards' 3.3 V, and the highest that both parts
+/// take, µV.
+const RAILS_UV: [u32; 2] = [3_300_000, 3_600_000];
 
 /// What happens to a board's supply or reset pin. The front end has the board's supply.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,6 +32,12 @@ pub enum PowerFault {
     BrownOut,
     /// The watchdog bites, whatever the firmware did. RAM keeps its contents, and the front end its registers.
     Watchdog,
+    /// The crystal is dead from the episode's beginning to its end: HORUS's fails, the DPR's, which nothing supervises,
+    /// does not start. A board that was restarted meanwhile and cannot start is reset by its pin at the end.
+    CrystalDead,
+    /// The supply sags and comes back from the episode's beginning to its end, in a [`shape`] that follows from this
+    /// seed. What the voltages do is the parts' business: warnings, resets, bits that are read wrongly.
+    Sag(u64),
     /// The front end alone is without supply from the episode's beginning to its end; its registers are lost.
     FrontEndOff,
 }
@@ -32,14 +51,28 @@ impl PowerFault {
             Self::Pin => "reset pin",
             Self::BrownOut => "brown-out",
             Self::Watchdog => "watchdog",
+            Self::CrystalDead => "crystal dead",
+            Self::Sag(_) => "sag",
             Self::FrontEndOff => "front end off",
+        }
+    }
+
+    /// What it disturbs on this board.
+    #[must_use]
+    pub const fn disturbs(self, board: bench_judge::Board) -> Disturbance {
+        match self {
+            Self::Off(_) | Self::Sag(_) => Disturbance::Supply { board },
+            Self::Pin | Self::BrownOut | Self::Watchdog => Disturbance::Restart { board },
+            // Each start while it is dead is told as a hang.
+            Self::CrystalDead => Disturbance::Hang { board },
+            Self::FrontEndOff => Disturbance::FrontEnd { board, harm: Harm::Silent },
         }
     }
 
     /// Whether it lasts: the others are over as they begin.
     #[must_use]
     pub const fn lasts(self) -> bool {
-        matches!(self, Self::Off(_) | Self::FrontEndOff)
+        matches!(self, Self::Off(_) | Self::CrystalDead | Self::Sag(_) | Self::FrontEndOff)
     }
 
     /// It begins on `node`'s board now.
@@ -49,7 +82,10 @@ impl PowerFault {
                 node.power_off();
                 supply_front_end(node, false);
             }
+            Self::CrystalDead => B::crystal(node, false),
             Self::FrontEndOff => supply_front_end(node, false),
+            // Its voltages come one by one.
+            Self::Sag(_) => {}
             Self::Pin => node.restart(FromOutside::Pin),
             Self::BrownOut => node.restart(FromOutside::BrownOut),
             Self::Watchdog => node.restart(FromOutside::Watchdog),
@@ -63,11 +99,60 @@ impl PowerFault {
                 supply_front_end(node, true);
                 node.power_on(seed);
             }
+            Self::CrystalDead => B::crystal(node, true),
             // Without the board's supply the front end has none either.
             Self::FrontEndOff if node.is_powered() => supply_front_end(node, true),
+            Self::Sag(seed) => supply(node, RAILS_UV[0], seed),
             Self::FrontEndOff | Self::Pin | Self::BrownOut | Self::Watchdog => {}
         }
     }
+}
+
+/// A board's supply has `microvolts` from now on; see [`Node::supply`].
+pub fn supply<B: Powered, C: Cost>(node: &mut Node<B, C>, microvolts: u32, seed: u64) {
+    node.supply(microvolts, seed);
+    supply_front_end(node, microvolts >= FRONT_END_UV);
+}
+
+/// The voltages of a supply that sags, µV, each with its time from the beginning, ns; the last is where it is well
+/// again.
+///
+/// One to four legs lead from the rail to other voltages, and a last one back: to nothing, to between the thresholds of
+/// the parts' supervisors, to anywhere. Each takes 1, 10 or 100 ms, as a ramp in steps of 20 mV at most or as one step.
+#[must_use]
+pub fn shape(seed: u64) -> Vec<(u64, u32)> {
+    const STEP_UV: u32 = 20_000;
+    let mut rng = Rng::new(seed);
+    let mut volts = RAILS_UV[rng.below(2) as usize];
+    let mut shape = vec![(0, volts)];
+    let mut at = 0;
+    let legs = rng.between(1, 4);
+    for leg in 0..=legs {
+        let to = match rng.below(3) {
+            _ if leg == legs => RAILS_UV[0],
+            0 => 0,
+            1 => rng.between(1_500_000, 3_100_000) as u32,
+            _ => rng.between(0, 3_600_000) as u32,
+        };
+        let takes = [MS, 10 * MS, 100 * MS][rng.below(3) as usize];
+        let steps = if rng.one_in(4) { 1 } else { volts.abs_diff(to).div_ceil(STEP_UV).max(1) };
+        for step in 1..=steps {
+            let part = i64::from(step) * (i64::from(to) - i64::from(volts)) / i64::from(steps);
+            let reached = (i64::from(volts) + part) as u32;
+            // One step is at the leg's beginning, and the rest of it is spent there.
+            let after = if steps == 1 { 0 } else { takes * u64::from(step) / u64::from(steps) };
+            shape.push((at + after, reached));
+        }
+        (at, volts) = (at + takes, to);
+    }
+    shape.push((at, RAILS_UV[0]));
+    shape
+}
+
+/// How long a supply sags, ns.
+#[must_use]
+pub fn sag_length(seed: u64) -> u64 {
+    shape(seed).last().map_or(0, |(at, _)| *at)
 }
 
 /// A board whose front end has a supply that can fail.
@@ -77,9 +162,27 @@ pub trait Powered: Board {
 
     /// Its front end's chip, to look at.
     fn chip(&self) -> &Chip;
+
+    /// Its crystal works from now on, or is dead.
+    fn crystal<C: Cost>(node: &mut Node<Self, C>, works: bool);
+
+    /// Whether its firmware can do nothing but wait for the watchdog after a reset.
+    fn cannot_start(part: &Self::Part) -> bool;
 }
 
+/// What the DPR's crystal takes to start, ns.
+const CRYSTAL_STARTS: u64 = 360_000;
+
 impl Powered for Horus {
+    fn crystal<C: Cost>(node: &mut Node<Self, C>, works: bool) {
+        node.input(|part, view, at| if works { part.restore_hse(at, view) } else { part.fail_hse(at, view) });
+    }
+
+    /// Without its crystal it runs on its internal oscillator.
+    fn cannot_start(_: &Self::Part) -> bool {
+        false
+    }
+
     fn front_end(&mut self) -> &mut FrontEnd {
         &mut self.front_end
     }
@@ -90,6 +193,14 @@ impl Powered for Horus {
 }
 
 impl Powered for Dpr {
+    fn crystal<C: Cost>(node: &mut Node<Self, C>, works: bool) {
+        node.input(|part, _, _| part.set_hfxo_startup(works.then_some(CRYSTAL_STARTS)));
+    }
+
+    fn cannot_start(part: &Self::Part) -> bool {
+        !part.has_hfxo()
+    }
+
     fn front_end(&mut self) -> &mut FrontEnd {
         &mut self.front_end
     }
@@ -104,4 +215,39 @@ fn supply_front_end<B: Powered, C: Cost>(node: &mut Node<B, C>, on: bool) {
     node.board_mut(|board| {
         board.front_end().with(|chip| if on { chip.power_on(now) } else { chip.power_off(now) });
     });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_shape_follows_from_its_seed_and_ends_at_the_rail() {
+        for seed in 0..1_000 {
+            let shape = shape(seed);
+            assert_eq!(shape, super::shape(seed));
+            assert!(shape.is_sorted_by_key(|(at, _)| *at), "{seed}");
+            assert_eq!(shape.last(), Some(&(sag_length(seed), RAILS_UV[0])), "{seed}");
+            assert!(shape.iter().all(|(_, volts)| *volts <= RAILS_UV[1]), "{seed}");
+            assert!((2 * MS..=500 * MS).contains(&sag_length(seed)), "{seed}");
+        }
+    }
+
+    #[test]
+    fn shapes_go_to_nothing_and_stay_between_all_thresholds_fast_and_slowly() {
+        let lowest = |seed| shape(seed).iter().map(|(_, volts)| *volts).min().unwrap();
+        let count = |range: std::ops::Range<u32>| (0..1_000).filter(|seed| range.contains(&lowest(*seed))).count();
+        for range in [0..1, 1..1_570_000, 1_570_000..2_400_000, 2_400_000..2_750_000, 2_750_000..2_950_000] {
+            let drawn = count(range.clone());
+            assert!(drawn >= 5, "{range:?}: {drawn}");
+        }
+        for takes in [MS, 10 * MS, 100 * MS] {
+            let ramp = |seed: u64| {
+                let shape = shape(seed);
+                let (zero, _) = shape.iter().find(|(_, volts)| *volts == 0)?;
+                Some(*zero == takes && shape.len() > 150)
+            };
+            assert!((0..1_000).any(|seed| ramp(seed) == Some(true)), "from the rail to nothing in {takes} ns");
+        }
+    }
 }

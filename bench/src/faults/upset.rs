@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use bench_judge::disturbance::Memory;
 use cortex_m4::Cost;
 
 use super::{Kind, Rng};
@@ -44,6 +45,16 @@ impl Upset {
         }
     }
 
+    /// In which memory the bit is.
+    #[must_use]
+    pub const fn memory(&self) -> Memory {
+        match self {
+            Self::Ram { .. } => Memory::Ram,
+            Self::Flash { .. } => Memory::Flash,
+            Self::Register { .. } => Memory::Registers,
+        }
+    }
+
     /// What `--faults` calls it.
     #[must_use]
     pub const fn kind(&self) -> Kind {
@@ -82,7 +93,8 @@ impl Upset {
             | Kind::Power
             | Kind::Buffers
             | Kind::Inputs
-            | Kind::Hang => None,
+            | Kind::Hang
+            | Kind::Chips => None,
         }
     }
 

@@ -7,6 +7,7 @@
 use std::collections::VecDeque;
 use std::ops::Range;
 
+use bench_judge::disturbance::Wire;
 use profile::{Layout, LinkStatus, Uplink, crc};
 
 use super::Rng;
@@ -122,6 +123,27 @@ impl WireFault {
             Self::RadioDrop => "radio drop",
             Self::RadioBit => "radio bit",
             Self::RadioMix => "radio mix",
+        }
+    }
+
+    /// On which wire it is.
+    #[must_use]
+    pub const fn wire(self) -> Wire {
+        match self {
+            Self::FreshStuck | Self::FreshGlitch | Self::FreshLate(_) => Wire::Fresh,
+            Self::TickStuck | Self::TickGlitch => Wire::Tick,
+            Self::InputsUnseen => Wire::Inputs,
+            Self::MisoBit { .. }
+            | Self::MisoReplay { .. }
+            | Self::MisoSplice { .. }
+            | Self::MisoSwap
+            | Self::MisoVacant { .. }
+            | Self::MisoFrozen
+            | Self::MisoForged { .. }
+            | Self::MisoForgedPort { .. }
+            | Self::MisoOnes => Wire::Miso,
+            Self::AntennaAnswers => Wire::Antenna,
+            Self::RadioDrop | Self::RadioBit | Self::RadioMix => Wire::Radio,
         }
     }
 

@@ -160,7 +160,12 @@ where
             serve_solo(Solo { run, side: Side::Dpr, runs_on, event }, connection, lost)
         }
         Target::Horus => {
-            let run = Running::<_, C>::new(Stm32f429::new(Oscillators::default()), firmware, connected, limits)?;
+            let run = Running::<_, C>::new(
+                Stm32f429::new(Oscillators::default()).with_brown_out_level_3(),
+                firmware,
+                connected,
+                limits,
+            )?;
             serve_solo(Solo { run, side: Side::Horus, runs_on, event }, connection, lost)
         }
     }

@@ -76,7 +76,7 @@ impl<B: Board, C: Cost> Node<B, C> {
     }
 
     fn access_ended(&mut self) {
-        self.side.part.signals().changed = true;
+        self.side.part.signals().announce();
         self.side.stirred = true;
         self.tell_halt();
     }

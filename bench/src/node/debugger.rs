@@ -89,7 +89,7 @@ impl<B: Board, C: Cost> Node<B, C> {
                 return Err(refused);
             }
         }
-        self.side.part.signals().changed = true;
+        self.side.part.signals().announce();
         self.side.stirred = true;
         Ok(())
     }
@@ -125,8 +125,7 @@ impl<B: Board, C: Cost> Node<B, C> {
     pub fn write(&mut self, address: u64, from: &[u8]) -> Result<(), Error> {
         let written = memory::write(&mut self.side.part, address, from);
         let signals = self.side.part.signals();
-        signals.code_changed = true;
-        signals.changed = true;
+        signals.forget_code();
         written.then_some(()).ok_or(Error::NotMemory { address, length: from.len() })
     }
 

@@ -34,7 +34,7 @@ impl<B: Board, C: Cost> Node<B, C> {
     pub fn input<T>(&mut self, act: impl FnOnce(&mut B::Part, &mut View<'_, B>, Cycle) -> T) -> T {
         let at = self.present();
         let answer = self.side.with(at, |part, view| act(part, view, at));
-        self.side.part.signals().changed = true;
+        self.side.part.signals().announce();
         self.side.stirred = true;
         answer
     }

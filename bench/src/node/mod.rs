@@ -85,6 +85,8 @@ pub struct Node<B: Board, C: Cost = Fast> {
     hold: Hold,
     /// The part has its supply.
     powered: bool,
+    /// The lowest that the supply was while it held the part in reset, µV.
+    lowest: u32,
     /// A debugger has the debug domain powered.
     debugged: bool,
     /// The part was told that the core is halted for debug.

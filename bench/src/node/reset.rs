@@ -1,6 +1,6 @@
 //! Restarts of a part, and its supply.
 
-use bench_seam::{Part, Reset};
+use bench_seam::{Part, Reset, Supplied};
 use cortex_m4::Cost;
 
 use super::{Board, FindingKind, Node};
@@ -84,8 +84,39 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.powered = true;
         self.side.stirred = true;
         self.reset_by(Reset::PowerOn);
-        self.come_up(seed);
+        self.come_up(seed, 1);
         self.note_power();
+    }
+
+    /// The part's supply has `microvolts` from now on. Where that holds the part in reset its supply counts as off, and
+    /// when it comes back RAM has what is left of it: all above 1.4 V, nothing below 0.4 V, and in between of each
+    /// eight bytes all or nothing (assumed: no data sheet says). What is lost, and what goes wrong at a voltage that is
+    /// too low for what the part does, follows from `seed`.
+    pub fn supply(&mut self, microvolts: u32, seed: u64) {
+        let supplied = self.input(|part, view, at| part.supply(at, microvolts, seed, view));
+        match supplied {
+            Supplied::Enough => {}
+            Supplied::HeldInReset => {
+                self.lowest = if self.powered { microvolts } else { self.lowest.min(microvolts) };
+                self.power_off();
+            }
+            Supplied::Restarts(cause) => {
+                self.powered = true;
+                self.side.stirred = true;
+                self.reset_by(cause);
+                match self.lowest {
+                    1_400_000.. => {}
+                    400_000.. => self.come_up(seed, 2),
+                    _ => self.come_up(seed, 1),
+                }
+                self.note_power();
+            }
+        }
+    }
+
+    /// Whether the part has warned its firmware of a supply that falls, since this was last asked.
+    pub fn take_supply_warning(&mut self) -> bool {
+        self.side.part.take_supply_warning()
     }
 
     /// The core executes nothing and takes no interrupt from now on, as [`cortex_m4::Core::hang`] has it, until
@@ -129,8 +160,9 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.hold_after_reset();
     }
 
-    /// Fills all RAM with noise that follows from `seed` (SplitMix64), as RAM comes up.
-    fn come_up(&mut self, seed: u64) {
+    /// Fills RAM with noise that follows from `seed` (SplitMix64), as RAM comes up: one in so many pieces of eight
+    /// bytes.
+    fn come_up(&mut self, seed: u64, one_in: u64) {
         let mut state = seed;
         for (start, size) in B::Part::RAM {
             let Some(bytes) = self.side.part.memory_mut(*start, *size) else { continue };
@@ -139,7 +171,9 @@ impl<B: Board, C: Cost> Node<B, C> {
                 let mut word = (state ^ state >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
                 word = (word ^ word >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
                 let noise = (word ^ word >> 31).to_le_bytes();
-                chunk.copy_from_slice(&noise[..chunk.len()]);
+                if (word >> 7).is_multiple_of(one_in) {
+                    chunk.copy_from_slice(&noise[..chunk.len()]);
+                }
             }
         }
     }

@@ -117,9 +117,13 @@ impl Target {
     ) -> Result<Outcome, Error> {
         match self {
             Self::Dpr => run_connected::<_, C>(Nrf52840::new(Settings::default()), firmware, connected, limits, event),
-            Self::Horus => {
-                run_connected::<_, C>(Stm32f429::new(Oscillators::default()), firmware, connected, limits, event)
-            }
+            Self::Horus => run_connected::<_, C>(
+                Stm32f429::new(Oscillators::default()).with_brown_out_level_3(),
+                firmware,
+                connected,
+                limits,
+                event,
+            ),
         }
     }
 }

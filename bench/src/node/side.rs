@@ -95,7 +95,7 @@ impl<B: Board> Side<B> {
         if self.touched {
             self.settle(at);
         }
-        if self.part.signals().changed {
+        if self.part.signals().is_announced() {
             self.changed(at);
         }
     }
@@ -126,8 +126,7 @@ impl<B: Board> Side<B> {
         self.replan();
         if self.board.outgoing() {
             let signals = self.part.signals();
-            signals.stop = true;
-            signals.changed = true;
+            signals.stop();
         }
     }
 
@@ -136,7 +135,7 @@ impl<B: Board> Side<B> {
         let due = self.time.cycle(self.board.next_event());
         if due != self.board_due {
             self.board_due = due;
-            self.part.signals().changed = true;
+            self.part.signals().announce();
         }
     }
 
@@ -162,11 +161,11 @@ impl<B: Board> Side<B> {
         }
         if let Some(reset) = self.part.take_reset() {
             self.reset.get_or_insert(reset);
-            self.part.signals().stop = true;
+            self.part.signals().stop();
         }
         for index in 0..self.watched.len() {
             let (line, was) = self.watched[index];
-            let high = self.part.signals().lines[usize::from(line) / 64] >> (line % 64) & 1 != 0;
+            let high = self.part.signals().lines()[usize::from(line) / 64] >> (line % 64) & 1 != 0;
             if high != was {
                 self.watched[index].1 = high;
                 self.edges.push(LineEdge { at: self.time.ns(at), line, high });
@@ -176,9 +175,14 @@ impl<B: Board> Side<B> {
 
     /// The core goes on at another rate from `at` on, or stands still.
     fn follow(&mut self, clock: Clock, at: Cycle) {
-        self.clock = clock;
-        // Cycles go on being counted at the last rate while the core has no clock: they are the bench's time then.
-        self.part.signals().stalled_until = if clock.hz == 0 { NEVER } else { 0 };
+        let stopped = std::mem::replace(&mut self.clock, clock).hz == 0;
+        // Cycles go on being counted at the last rate while the core has no clock: they are the bench's time then. A
+        // rate that is merely another lets no core go that waits for its flash.
+        if clock.hz == 0 {
+            self.part.signals().stall_until(NEVER);
+        } else if stopped {
+            self.part.signals().stall_until(0);
+        }
         if clock.hz > 0 {
             let idle = self.idle + self.idle_from.map_or(0, |from| at.saturating_sub(from));
             // The core may be within an instruction that lasts beyond this.
@@ -189,7 +193,7 @@ impl<B: Board> Side<B> {
             self.board_due = self.time.cycle(self.board.next_event());
             // The same instant is another cycle now: the core must not run on to the old one.
             self.horizon = self.time.cycle(self.horizon_ns);
-            self.part.signals().stop = true;
+            self.part.signals().stop();
         }
     }
 

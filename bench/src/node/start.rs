@@ -66,6 +66,7 @@ impl<B: Board, C: Cost> Node<B, C> {
             semihosting: false,
             exit: None,
             powered: true,
+            lowest: u32::MAX,
             debugged: false,
             told_halt: false,
             tasks: None,

@@ -5,9 +5,15 @@ use cortex_m4::Cost;
 use st25r3916_model::Chip;
 
 use crate::faults::image::Repair;
-use crate::faults::power::Powered;
-use crate::faults::{Episode, Fault, PowerFault, Turn};
-use crate::node::{FindingKind, Node};
+use crate::faults::power::{self, PowerFault, Powered};
+use crate::faults::{Episode, Fault, Turn};
+use crate::node::{FindingKind, FromOutside, Node};
+
+/// What the log is told of an episode that begins at `now` (ns).
+pub(super) fn injected(now: u64, episode: &Episode) -> What {
+    let Episode { until, fault, .. } = episode;
+    What::Injected { kind: fault.name(), disturbs: fault.disturbs(), until: (*until).max(now) }
+}
 
 /// Events of one board since they were last taken.
 #[derive(Clone, Debug)]
@@ -16,6 +22,10 @@ pub(super) struct BoardEvents {
     events: Vec<Event>,
     /// How many of the node's restarts are in the log.
     restarts: usize,
+    /// The part has warned its firmware of its supply since it last started: the firmware has to stop.
+    warned: bool,
+    /// The part has last started without the crystal that its firmware needs.
+    without_crystal: bool,
     /// How many of its findings are.
     findings: usize,
     /// What is to be put back at the end of an episode that damaged the image.
@@ -24,7 +34,7 @@ pub(super) struct BoardEvents {
 
 impl BoardEvents {
     pub(super) fn new(side: Side) -> Self {
-        Self { side, events: vec![], restarts: 0, findings: 0, repairs: vec![] }
+        Self { side, events: vec![], restarts: 0, warned: false, without_crystal: false, findings: 0, repairs: vec![] }
     }
 
     /// Something happened at `at` (ns).
@@ -34,8 +44,7 @@ impl BoardEvents {
 
     /// What the bench does wrong on purpose from `now` (ns) on.
     pub(super) fn injected(&mut self, now: u64, episode: &Episode) {
-        let until = episode.until.max(now);
-        self.note(now, What::Injected { kind: episode.fault.name(), until });
+        self.note(now, injected(now, episode));
     }
 
     /// What is not in the log yet.
@@ -46,6 +55,7 @@ impl BoardEvents {
     /// Restarts that nobody asked for, and findings, since the last look.
     pub(super) fn watch<B: Powered, C: Cost>(&mut self, node: &mut Node<B, C>) {
         self.note_restarts(node, false);
+        self.note_warning(node);
         if !node.board().chip().reports().is_empty() {
             for misuse in node.board_mut(|board| board.front_end().with(Chip::take_reports)) {
                 let what = What::Misuse { board: self.side, text: misuse.to_string() };
@@ -67,8 +77,21 @@ impl BoardEvents {
         for reset in &node.resets()[self.restarts..] {
             let what = What::Reset { board: self.side, cause: format!("{:?}", reset.cause), asked };
             self.events.push(Event { at: reset.at, what });
+            self.warned = false;
+            self.without_crystal = B::cannot_start(node.part());
+            if self.without_crystal {
+                self.events.push(Event { at: reset.at, what: What::Hung { board: self.side } });
+            }
         }
         self.restarts = node.resets().len();
+    }
+
+    /// A firmware that was warned of its supply has to do nothing more until its watchdog, or the supply, restarts it:
+    /// for whoever judges it hangs.
+    fn note_warning<B: Powered, C: Cost>(&mut self, node: &mut Node<B, C>) {
+        if node.take_supply_warning() && node.is_powered() && !std::mem::replace(&mut self.warned, true) {
+            self.note(node.now(), What::Hung { board: self.side });
+        }
     }
 
     /// An episode of this board's supply, bits or image begins or ends.
@@ -76,16 +99,12 @@ impl BoardEvents {
         let now = node.now();
         // Restarts of before were not asked for.
         self.watch(node);
+        let powered = node.is_powered();
         match turn {
             Turn::Begins(episode) => {
                 self.injected(now, episode);
                 match &episode.fault {
-                    Fault::Power(_, power) => {
-                        if matches!(power, PowerFault::Off(_)) {
-                            self.note(now, What::Power { board: self.side, on: false });
-                        }
-                        power.begin(node);
-                    }
+                    Fault::Power(_, power) => power.begin(node),
                     // Without a supply nothing hangs, and what hangs already has done so for longer.
                     Fault::Hang(_) if node.is_powered() && !node.is_hung() => {
                         node.hang();
@@ -93,6 +112,7 @@ impl BoardEvents {
                     }
                     Fault::Hang(_) => {}
                     Fault::Chip(_, chip) => node.board_mut(|board| board.front_end().begin_chip_fault(*chip)),
+                    Fault::Flip(_, place) => node.board_mut(|board| board.front_end().flip(*place)),
                     Fault::Buffer(buffer) => self.apply(node, now, |node| buffer.begin(node)),
                     Fault::Upset(_, upset) => self.apply(node, now, |node| upset.apply(node)),
                     Fault::Image(_, image) => match image.apply(node) {
@@ -108,12 +128,14 @@ impl BoardEvents {
                     | Fault::Base(_) => {}
                 }
             }
+            Turn::Supply { microvolts, seed } => power::supply(node, *microvolts, *seed),
             Turn::Ends(Episode { fault, .. }) => match fault {
                 Fault::Power(_, power) => {
-                    if matches!(power, PowerFault::Off(_)) {
-                        self.note(now, What::Power { board: self.side, on: true });
-                    }
                     power.end(node);
+                    // Who mends a crystal resets the board: the firmware may still be waiting for it, and go on.
+                    if matches!(power, PowerFault::CrystalDead) && self.without_crystal {
+                        node.restart(FromOutside::Pin);
+                    }
                 }
                 Fault::Chip(_, chip) => node.board_mut(|board| board.front_end().end_chip_fault(*chip)),
                 Fault::Buffer(buffer) => buffer.end(node),
@@ -126,7 +148,11 @@ impl BoardEvents {
                 _ => {}
             },
         }
+        if node.is_powered() != powered {
+            self.note(now, What::Power { board: self.side, on: !powered });
+        }
         self.note_restarts(node, true);
+        self.note_warning(node);
     }
 
     fn apply<B: Powered, C: Cost>(

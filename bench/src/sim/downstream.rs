@@ -3,12 +3,12 @@
 
 use std::collections::VecDeque;
 
-use bench_judge::{Board as Side, Bytes, Event, Findings, Header, Log, SsiEvent, Verdict, What};
+use bench_judge::{Board as Side, Bytes, Disturbance, Event, Findings, Header, Log, SsiEvent, Verdict, What};
 use cortex_m4::Cost;
 use nrf52840::SpisEvent;
 use st25r3916_model::{Air, AirEvent, AirFaults, Counters};
 
-use super::board_events::BoardEvents;
+use super::board_events::{BoardEvents, injected};
 use super::marks::{DPR_SPI_HZ, HORUS_SPI_HZ, SSI_HZ, bus};
 use super::phases::{Edge, Phase, PhaseEvent, Sweeping};
 use super::recorder::Recorder;
@@ -284,7 +284,8 @@ impl Link {
             }
         }
         for (at, kind) in self.air.take_injected() {
-            self.recorder.note(at, What::Injected { kind: format!("air {kind}"), until: at });
+            self.recorder
+                .note(at, What::Injected { kind: format!("air {kind}"), disturbs: Disturbance::Air, until: at });
         }
     }
 
@@ -409,7 +410,11 @@ impl Link {
     /// An episode on the DPR's side begins or ends.
     fn turn<C: Cost>(&mut self, turn: &Turn, node: &mut Node<Dpr, C>) {
         let now = node.now();
-        let (Turn::Begins(Episode { at, until, fault }) | Turn::Ends(Episode { at, until, fault })) = turn;
+        let (Turn::Begins(episode) | Turn::Ends(episode)) = turn else {
+            self.turn_board(turn, node);
+            return;
+        };
+        let Episode { at, fault, .. } = episode;
         let begins = matches!(turn, Turn::Begins(_));
         let of_the_board = matches!(
             fault,
@@ -421,7 +426,7 @@ impl Link {
                 | Fault::Image(..)
         );
         if begins && !of_the_board {
-            self.recorder.note(now, What::Injected { kind: fault.name(), until: (*until).max(now) });
+            self.recorder.note(now, injected(now, episode));
         }
         match fault {
             Fault::Air(faults) => {
@@ -453,13 +458,22 @@ impl Link {
                 }
             }
             _ => {
-                self.dpr_events.turn(node, turn);
-                // Without a supply nothing is offered. A restart is seen by itself.
+                self.turn_board(turn, node);
                 if matches!(fault, Fault::Power(..)) {
                     self.offered(None);
                     self.offer = None;
                 }
             }
+        }
+    }
+
+    /// A fault of the board itself begins, changes or ends.
+    fn turn_board<C: Cost>(&mut self, turn: &Turn, node: &mut Node<Dpr, C>) {
+        self.dpr_events.turn(node, turn);
+        // Without a supply nothing is offered. A restart is seen by itself.
+        if !node.is_powered() {
+            self.offered(None);
+            self.offer = None;
         }
     }
 }

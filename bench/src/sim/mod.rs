@@ -11,6 +11,7 @@ mod board_events;
 mod campaign;
 mod debugged;
 mod downstream;
+pub mod flips;
 mod marks;
 pub mod phases;
 mod recorder;
@@ -29,7 +30,9 @@ use cortex_m4::{Cost, Fast, Optimistic, Pessimistic};
 use gnss_sim::{Flight, LogError, Port, Receiver};
 use nrf52840::{Nrf52840, Settings};
 use profile::Layout;
-use st25r3916_model::{Chip, Config};
+use st25r3916_model::Chip;
+/// What is set of a front end's chip.
+pub use st25r3916_model::Config as FrontEndConfig;
 use stm32f429::{Oscillators, Stm32f429};
 
 use crate::boards::receivers::Interface;
@@ -109,6 +112,8 @@ pub struct Setup {
     pub factory_settings: bool,
     /// The crystals' errors.
     pub crystals: Crystals,
+    /// Both boards' front ends, but for their crystals, seeds and supplies.
+    pub front_ends: FrontEndConfig,
     /// What goes wrong on purpose.
     pub faults: Faults,
     /// The flight controller writes uplinks and commands and reads the whole map now and then, where it keeps its own
@@ -141,6 +146,7 @@ impl Setup {
             receiver_hz: None,
             factory_settings: false,
             crystals: Crystals { horus_ppb: 8_000, dpr_ppb: -12_000, flight_controller_ppb: 25_000 },
+            front_ends: on_the_link(FrontEndConfig::default()),
             faults: Faults::none(),
             writes: false,
             sweep: None,
@@ -287,8 +293,11 @@ impl<C: Cost> Bench<C> {
         let traced = setup.trace.is_some();
         let Crystals { horus_ppb, dpr_ppb, flight_controller_ppb } = setup.crystals;
         // The expansion boards run the chip from the 5 V of their header.
-        let chip = |crystal_ppb, seed| Chip::new(Config { crystal_ppb, seed, vdd_mv: 5000, ..Config::default() });
-        let stm32 = Stm32f429::new(Oscillators { hse_ppb: horus_ppb, ..Oscillators::default() });
+        let chip = |crystal_ppb, seed| {
+            Chip::new(FrontEndConfig { crystal_ppb, seed, vdd_mv: 5000, ..setup.front_ends.clone() })
+        };
+        let oscillators = Oscillators { hse_ppb: horus_ppb, ..Oscillators::default() };
+        let stm32 = Stm32f429::new(oscillators).with_brown_out_level_3();
         let nrf =
             Nrf52840::new(Settings { hfxo_ppb: dpr_ppb, lfxo_ppb: dpr_ppb, seed: setup.seed, ..Settings::default() });
         let mut horus = Horus::new(chip(horus_ppb, setup.seed), setup.gps, traced);
@@ -635,6 +644,13 @@ pub fn campaign(setup: &Setup, options: &Options) -> Result<Campaign, Error> {
         Clock::Optimistic => Campaign::run(Bench::<Optimistic>::new(setup)?, options),
         Clock::Pessimistic => Campaign::run(Bench::<Pessimistic>::new(setup)?, options),
     })
+}
+
+/// A front end as it is on the link: what its settings cannot send does not arrive, and what they cannot receive is not
+/// heard.
+#[must_use]
+pub fn on_the_link(config: FrontEndConfig) -> FrontEndConfig {
+    FrontEndConfig { unsuited_chain_receives: false, unsuited_modulation_reaches: false, ..config }
 }
 
 /// What each receiver will send.

@@ -95,6 +95,8 @@ impl Feed {
 #[derive(Clone, Debug)]
 pub(super) struct Receivers {
     feeds: Vec<Feed>,
+    /// The dynamic model of each as the log has it.
+    models: Vec<Option<u8>>,
     lines: LineFaults,
     faults: Timeline,
     events: BoardEvents,
@@ -109,6 +111,7 @@ pub(super) struct Receivers {
 impl Receivers {
     pub(super) fn new(receivers: Vec<Receiver>, layout: Layout, faults: &Faults, seed: u64) -> Self {
         Self {
+            models: vec![None; receivers.len()],
             feeds: receivers.into_iter().map(Feed::new).collect(),
             lines: LineFaults::new(seed),
             faults: faults.timeline(true),
@@ -152,6 +155,17 @@ impl Receivers {
         }
     }
 
+    /// By which dynamic models the receivers navigate goes into the log.
+    fn watch_models(&mut self, now: u64) {
+        for (receiver, (feed, told)) in self.feeds.iter().zip(&mut self.models).enumerate() {
+            let model = feed.receiver.dynamic_model();
+            if let Some(model) = model.filter(|model| *told != Some(*model)) {
+                *told = Some(model);
+                self.events.note(now, What::Navigates { receiver, model });
+            }
+        }
+    }
+
     /// What crossed the buses goes into the log.
     fn watch_buses<C: Cost>(&mut self, node: &mut Node<Horus, C>) {
         let now = node.now();
@@ -172,6 +186,7 @@ impl Receivers {
             if Interface::OF[receiver] != Interface::Uart {
                 // What is read of it, and when, the board tells.
                 node.board_mut(|board| board.receivers.offer(at_ns, receiver, &bytes));
+                self.events.note(at_ns.max(node.now()), What::Offered { receiver, bytes: Bytes(bytes) });
                 continue;
             }
             // What was made for a line at the usual rate is on this one at the receiver's.
@@ -232,6 +247,7 @@ impl<C: Cost> Upstream<Horus, C> for Receivers {
         self.watch_ticks(node);
         self.watch_inputs(node);
         self.watch_buses(node);
+        self.watch_models(node.now());
         let untold_since = node.board().receivers.untold_since();
         let mut marks = std::mem::take(&mut self.marks);
         self.events.watch(node);
@@ -248,7 +264,10 @@ impl<C: Cost> Upstream<Horus, C> for Receivers {
 
     fn act(&mut self, at: u64, node: &mut Node<Horus, C>) {
         while let Some(turn) = self.faults.take(at) {
-            let (Turn::Begins(episode) | Turn::Ends(episode)) = &turn;
+            let (Turn::Begins(episode) | Turn::Ends(episode)) = &turn else {
+                self.events.turn(node, &turn);
+                continue;
+            };
             let begins = matches!(turn, Turn::Begins(_));
             match episode.fault {
                 Fault::Receiver(receiver, ReceiverFault::LosesSettings) => {
@@ -257,6 +276,12 @@ impl<C: Cost> Upstream<Horus, C> for Receivers {
                         feed.lose_settings(node.now());
                         let baud = feed.receiver.bit_rate();
                         node.board_mut(|board| board.receivers.listen_at(receiver, baud));
+                    }
+                }
+                Fault::Receiver(receiver, ReceiverFault::ForgetsModel) => {
+                    if begins && let Some(feed) = self.feeds.get_mut(receiver) {
+                        self.events.injected(node.now(), episode);
+                        feed.receiver.forget_dynamic_model();
                     }
                 }
                 Fault::Receiver(receiver, ReceiverFault::Bus(fault)) => {

@@ -26,6 +26,8 @@ pub struct Position {
     pub altitude: f64,
     /// Whether its object's status says that it is valid.
     pub valid: bool,
+    /// Whether it says so of the attitude.
+    pub oriented: bool,
 }
 
 /// One profile as it was shown.
@@ -134,6 +136,7 @@ impl BaseStation {
                         longitude: values.longitude,
                         altitude: values.altitude,
                         valid: values.status.position_valid(),
+                        oriented: values.status.attitude_valid(),
                     });
                 }
                 Object::Gps(object) => {
@@ -144,6 +147,7 @@ impl BaseStation {
                         longitude: values.longitude,
                         altitude: values.altitude,
                         valid: values.status.position_valid(),
+                        oriented: values.status.attitude_valid(),
                     });
                 }
             }

@@ -5,6 +5,8 @@ use std::path::PathBuf;
 
 use bench::boards::{Dpr, Horus, SSI};
 use bench::node::{Board, Firmware, Node};
+use cortex_m4::Cost;
+use firmware_common::start_test;
 use nrf52840::{Nrf52840, Settings};
 use st25r3916_model::{Chip, Config};
 use stm32f429::{Oscillators, Stm32f429};
@@ -43,6 +45,14 @@ pub(crate) fn image(receivers: usize, name: &str) -> Option<PathBuf> {
     Some(path)
 }
 
+/// The longest that a board tests its RAM before it does anything else, ns: the DPR's 96 KiB on its 64 MHz, which take
+/// longer than HORUS's 32 KiB on 16 MHz (`firmware_common::start_test`).
+pub(crate) const RAM_TEST: u64 = {
+    let horus = start_test::longest_us(32 << 10, start_test::HORUS_CYCLES, 16);
+    let dpr = start_test::longest_us(96 << 10, start_test::DPR_CYCLES, 64);
+    1_000 * if horus > dpr { horus } else { dpr } as u64
+};
+
 fn chip() -> Chip {
     Chip::new(Config { vdd_mv: 5000, ..Config::default() })
 }
@@ -54,8 +64,18 @@ pub(crate) fn horus() -> Option<Node<Horus>> {
 
 /// As [`horus`], with these oscillators.
 pub(crate) fn horus_on(oscillators: Oscillators) -> Option<Node<Horus>> {
+    horus_with(oscillators)
+}
+
+/// As [`horus_on`], whatever the core's time costs.
+pub(crate) fn horus_with<C: Cost>(oscillators: Oscillators) -> Option<Node<Horus, C>> {
+    horus_part(Stm32f429::new(oscillators).with_brown_out_level_3())
+}
+
+/// As [`horus_with`], with this part.
+pub(crate) fn horus_part<C: Cost>(part: Stm32f429) -> Option<Node<Horus, C>> {
     let image = Firmware::read(&image(3, "horus-tx-fw.elf")?).unwrap();
-    Some(Node::new(Stm32f429::new(oscillators), Horus::new(chip(), 3, false), &image).unwrap())
+    Some(Node::new(part, Horus::new(chip(), 3, false), &image).unwrap())
 }
 
 /// The DPR board, out of any field.
@@ -65,6 +85,11 @@ pub(crate) fn dpr() -> Option<Node<Dpr>> {
 
 /// As [`dpr`], with a part like this.
 pub(crate) fn dpr_on(settings: Settings) -> Option<Node<Dpr>> {
+    dpr_with(settings)
+}
+
+/// As [`dpr_on`], whatever the core's time costs.
+pub(crate) fn dpr_with<C: Cost>(settings: Settings) -> Option<Node<Dpr, C>> {
     let image = Firmware::read(&image(3, "dpr-fw.elf")?).unwrap();
     let mut node = Node::new(Nrf52840::new(settings), Dpr::new(chip(), false), &image).unwrap();
     node.input(|part, _, _| part.wire_ssi(SSI));

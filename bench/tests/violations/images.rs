@@ -39,7 +39,8 @@ fn chip() -> Chip {
 
 fn horus(setup: &Setup) -> Node<Horus> {
     let board = Horus::new(chip(), setup.gps, false);
-    Node::new(Stm32f429::new(Oscillators::default()), board, &image(setup, Board::Horus)).unwrap()
+    let part = Stm32f429::new(Oscillators::default()).with_brown_out_level_3();
+    Node::new(part, board, &image(setup, Board::Horus)).unwrap()
 }
 
 fn dpr(setup: &Setup) -> Node<Dpr> {

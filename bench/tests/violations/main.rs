@@ -15,14 +15,15 @@ mod ssi;
 
 use bench::faults::Faults;
 use bench::sim::{Bench, Finished, Images, Setup};
-use bench_judge::{Log, Violation, judge};
+use bench_judge::{Event, Log, Violation, What, judge};
 
 const US: u64 = 1_000;
 const MS: u64 = 1_000_000;
 
 /// From when on the world is broken: both boards have started, and the link has been up for 200 ms. It lies 5 ms after
-/// one of HORUS's ticks, which come as long after the start as the comparison of HORUS's image with its CRC takes.
-const BREAKS: u64 = 303_250_000;
+/// one of HORUS's ticks, which come as long after the start as the test of HORUS's RAM and the comparison of its image
+/// with its CRC take, and less than 2 ms before the flight controller reads, every 4 ms.
+const BREAKS: u64 = 315_900_000;
 
 /// A row of the table.
 struct Row {
@@ -95,6 +96,14 @@ fn every_violation_is_provoked_by_a_row() {
     let provoked = |violation| files.iter().flat_map(|rows| rows.iter()).any(|row| row.violation == violation);
     let missing: Vec<_> = Violation::ALL.iter().filter(|violation| !provoked(**violation)).collect();
     assert!(missing.is_empty(), "no row provokes {missing:?}");
+}
+
+#[test]
+fn the_world_breaks_when_the_image_of_a_cycle_is_readable() {
+    let Some(finished) = run(&Row::new(Violation::NoTick, Faults::none)) else { return };
+    let is_tick = |event: &&Event| event.what == What::Tick && event.at <= BREAKS;
+    let tick = finished.log.events.iter().rfind(is_tick).unwrap().at;
+    assert!((BREAKS - tick).abs_diff(5 * MS) <= 200 * US, "it comes {} ns after the tick", BREAKS - tick);
 }
 
 /// In a sound world nothing is violated, with any number of receivers: what a row shows comes from what it breaks.

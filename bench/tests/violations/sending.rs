@@ -3,7 +3,11 @@
 use bench::faults::{Board, Fault, Faults, FrontEndFault, ImageFault, InputFault, ReceiverFault, WireFault};
 use bench_judge::Violation;
 
+use super::images::{ALWAYS, bits, stores};
 use super::{BREAKS, MS, Row, US, table};
+
+/// RM0090 8.4.1.
+const GPIOE_MODER: u32 = 0x4002_1000;
 
 /// A wire is broken for so long.
 fn wire(fault: WireFault, duration: u64) -> Faults {
@@ -33,14 +37,16 @@ fn replaced(function: &str, was: &[u8], is: &[u8]) -> ImageFault {
 /// The upper word of the float64 1e7, by which HORUS divides latitude and longitude, and that of 2e7.
 const DIVISOR: (u32, u32) = (0x4163_12D0, 0x4173_12D0);
 
-/// `CMP r4, #251` with which HORUS decides whether a receiver was heard within 250 ms, and `CMP r4, #1`.
-const HEARD: ([u8; 2], [u8; 2]) = ([0xFB, 0x2C], [0x01, 0x2C]);
+/// The second half of `CMP.W Rn, #251` with which HORUS decides whether a receiver was heard within 250 ms, and that of
+/// `CMP.W Rn, #1`.
+const HEARD: ([u8; 2], [u8; 2]) = ([0xFB, 0x0F], [0x01, 0x0F]);
 
 /// Constants of the voter, as float32: the squares of the horizontal limits, 30 m, and of the vertical ones, 8 m and
-/// 50 m; and 1/256 of 1e-7 degrees in a radian. And what is there instead.
+/// 50 m; that of 200 m/s; and 1/256 of 1e-7 degrees in a radian. And what is there instead.
 const CEILING: u32 = 0x4461_0000;
 const CEILING_HEIGHT: u32 = 0x451C_4000;
 const FLOOR_HEIGHT: u32 = 0x4280_0000;
+const SPEED: u32 = 0x471C_4000;
 const PARTS_PER_RAD: u32 = 0x5208_9A92;
 const TWICE_PARTS_PER_RAD: u32 = 0x5288_9A92;
 const MINUS_ONE: u32 = 0xBF80_0000;
@@ -122,9 +128,27 @@ table! {
         let offset = ReceiverFault::Offset { north: 0, east: 0, up: 120 };
         blind.with(BREAKS + 50 * MS, u64::MAX / 2, Fault::Receiver(1, offset))
     });
+    a_voter_that_takes_a_jump_at_once => Row::new(Violation::VoteWrong, || {
+        (0..3).fold(voter(&[(SPEED, MILLION_MILLIONS)]), |faults, receiver| {
+            let jump = Fault::Receiver(receiver, ReceiverFault::Jumps { metres: 1_000 });
+            faults.with(BREAKS + 50 * MS, u64::MAX / 2, jump)
+        })
+    });
+    a_receiver_that_takes_itself_for_a_car => Row {
+        duration: 6_000 * MS,
+        ..Row::new(Violation::NotAirborne, || {
+            Faults::none().with(BREAKS, BREAKS, Fault::Receiver(0, ReceiverFault::ForgetsModel))
+        })
+    };
     a_relay_that_switches_unseen => Row::new(Violation::StateWrong, || {
         wire(WireFault::InputsUnseen, 300 * MS).with(BREAKS + MS, BREAKS + 61 * MS, Fault::Input(0, InputFault::Active))
     });
+    // PE3, the SPI receiver's chip select, stays an input.
+    a_receiver_that_is_never_selected => Row {
+        duration: 1_800 * MS,
+        setup: |setup| stores(setup, Board::Horus, ALWAYS, &[bits(GPIOE_MODER, 0xC0, 0)]),
+        ..Row::new(Violation::NotRead, Faults::none)
+    };
     a_voter_that_is_too_strict => {
         Row::new(Violation::ExclusionWrong, || with_offset(voter(&[(CEILING, TWO)]), 3))
     };

@@ -43,7 +43,7 @@ fn link_status(byte: usize, bits: u8) -> Faults {
 
 fn regressed() -> Faults {
     // The second transaction of those that show one image.
-    let begins = 307 * MS;
+    let begins = 319 * MS;
     of_wire(begins, begins + CONTROL_CYCLE, WireFault::MisoReplay { age_ns: CYCLE })
 }
 
@@ -71,11 +71,9 @@ table! {
         duration: 780 * MS,
         ..Row::new(Violation::RecoversLate, || {
             let ends = BREAKS + 20 * MS;
-            let vacant = |faults: Faults, object| {
-                faults.with(ends + 5 * MS, u64::MAX, Fault::Wire(WireFault::MisoVacant { object }))
-            };
             let chip = Fault::Chip(Board::Dpr, ChipFault::IrqLow);
-            (0..=3).fold(Faults::none().with(BREAKS, ends, chip), vacant)
+            let silent = Fault::FlightController(Conduct::Silent);
+            Faults::none().with(BREAKS, ends, chip).with(ends, u64::MAX, silent)
         })
     };
     uplinks_that_nobody_counted => Row {

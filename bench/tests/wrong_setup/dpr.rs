@@ -1,6 +1,6 @@
 //! The DPR image set up wrongly.
 
-use dpr_fw::ssi::BUDGET;
+use dpr_fw::ssi::{BUDGET, PAUSE_US};
 
 use super::*;
 
@@ -39,7 +39,7 @@ fn dpr() -> Option<&'static (Node<Dpr>, Recording)> {
     DPR.get_or_init(|| {
         let mut node = boards::dpr()?;
         field_on(&mut node);
-        let recording = Recording::of(&mut node.clone(), 30 * MS, |_| {});
+        let recording = Recording::of(&mut node.clone(), RAM_TEST + 30 * MS, |_| {});
         Some((node, recording))
     })
     .as_ref()
@@ -204,10 +204,12 @@ const DPR_ROWS: &[Row<Shows>] = &[
     row("PPI 1 and 2: no expiry", &[instead(PPI_CHENSET, 2, 0), instead(PPI_CHENSET, 4, 0)], Told::Nothing, |seen| {
         shows_as_ever(seen) && (24 * MS..30 * MS).contains(&seen.stale)
     }),
-    // The image would expire after 800 ms. Before that the transactions that are granted for one image are used up.
+    // The image would expire after 800 ms. Before that the transactions that are granted for one image are used up. The
+    // pause after each is 32 times as long, so that not every transaction of the flight controller is granted.
     row("TIMER2: prescaler 2^9", &[bits(TIMER2 + 0x510, 0xF, 9)], Told::Nothing, |seen| {
-        let granted = READ_EVERY * u64::from(BUDGET);
-        shows_as_ever(seen) && (granted..granted + 3 * READ_EVERY).contains(&seen.stale) && seen.expired == 0
+        let granted = 32 * US * u64::from(PAUSE_US) * u64::from(BUDGET);
+        let shows = seen.received == 8 && seen.valid >= 25 && seen.intact >= 50 && seen.restarts.is_empty();
+        shows && (granted..granted + 3 * READ_EVERY).contains(&seen.stale) && seen.expired == 0
     }),
     // ---- the interrupt of the front end, and time
     row("PPI 0: the edge is not captured", &[instead(PPI_CHENSET, 1, 0)], Told::Nothing, |seen| {
@@ -224,8 +226,9 @@ const DPR_ROWS: &[Row<Shows>] = &[
     }),
     row("IRQ: interrupt not enabled", &[never_iser(0, 0x40)], Told::Nothing, |seen| seen.valid == 0),
     row("SPIM0: interrupt not enabled", &[never_iser(0, 0x8)], Told::Nothing, publishes_late),
+    // A second of the DPR is over after 63 ms.
     row("TIMER0: no prescaler", &[bits(TIMER0 + 0x510, 0xF, 0)], Told::Nothing, |seen| {
-        deaf_for(seen, "Oscillator") && seen.log.contains("2.0")
+        deaf_for(seen, "Oscillator") && seen.log.contains("\n1.0")
     }),
     // Without time the idle loop has nothing to do and does not feed the watchdog either.
     row("TIMER0: not started", &[never(TIMER0)], Told::Nothing, |seen| seen.valid == 0 && restarts_by_watchdog(seen)),
@@ -236,7 +239,9 @@ const DPR_ROWS: &[Row<Shows>] = &[
     row("commit's interrupt not enabled", &[never_iser(0, 0x10_0000)], Told::Nothing, |seen| seen.valid == 0),
     // ---- clock and watchdog
     row("HFXO: not started", &[never(CLOCK)], Told::Nothing, |seen| {
-        seen.silent == seen.all && seen.log.is_empty() && seen.restarts.contains(&Reset::Watchdog("WDT"))
+        seen.silent == seen.all
+            && seen.log.lines().all(|line| line.ends_with("the 32 MHz crystal does not start"))
+            && seen.restarts.contains(&Reset::Watchdog("WDT"))
     }),
     row("WDT: never reloaded", &[never(WDT + 0x600)], Told::Nothing, |seen| {
         seen.valid > 0 && seen.restarts.contains(&Reset::Watchdog("WDT")) && seen.log.contains("last reset: Watchdog")

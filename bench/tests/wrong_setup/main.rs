@@ -19,7 +19,7 @@ use bench::boards::{Dpr, Horus};
 use bench::faults::image::{Change, ImageFault, Recording, To, rewrite};
 use bench::node::{Finding, Node};
 use bench_seam::Reset;
-use boards::counter;
+use boards::{RAM_TEST, counter};
 use dpr_fw::telemetry::Telemetry as DprTelemetry;
 use gnss_sim::ubx::NavPvt;
 use horus_tx_fw::telemetry::{Line, Telemetry as HorusTelemetry};

@@ -107,6 +107,8 @@ impl Spi {
         if self.failing.as_ref().is_some_and(|(of, _)| *of == fault) {
             self.failing = None;
             self.crossings.spoil_open();
+            // What was said in this transfer so far the controller has not read.
+            self.rest = None;
         }
     }
 

@@ -535,6 +535,29 @@ fn bit_errors_on_i2c_are_told_as_they_are_read_and_as_unsure() {
 }
 
 #[test]
+fn a_transfer_with_a_stuck_line_proves_no_receiver_empty() {
+    let mut script = Script::new();
+    script.receivers.begin_fault(script.now, 2, BusFault::Ones, 7);
+    script.receivers.offer(script.now, 2, &message()[..10]);
+    script.select(true);
+    script.clock(&[0xFF; 10], 14_222, 14_222);
+    script.receivers.end_fault(2, BusFault::Ones);
+    script.clock(&[0xFF; 10], 14_222, 14_222);
+    script.select(false);
+    for _ in 0..given::DOUBTFUL {
+        script.now += 10 * MS;
+        script.transaction(&[0xFF; 10]);
+    }
+    script.given();
+    for clean in [false, true] {
+        script.now += 10 * MS;
+        script.receivers.offer(script.now, 2, &message());
+        script.transaction(&[0xFF; 110]);
+        assert!(script.given().iter().all(|given| given.clean == clean));
+    }
+}
+
+#[test]
 fn each_fault_of_miso_makes_of_the_stream_what_it_says() {
     let said = message();
     let seen = |fault| {

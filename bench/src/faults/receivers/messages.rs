@@ -1,6 +1,6 @@
 //! UBX messages with other contents.
 
-use gnss_sim::ubx::{self, EsfIns, Frame, NavPvt};
+use gnss_sim::ubx::{self, EsfIns, Frame, NavAtt, NavPvt};
 
 /// A degree of latitude is about 111.2 km: so many 10⁻⁷ degrees are a hundred metres.
 const LATITUDE_1E7_PER_100_M: i64 = 8_993;
@@ -87,6 +87,33 @@ pub(super) fn without_fix(class: u8, id: u8, payload: &mut [u8], started: bool) 
     payload[21] &= !NavPvt::FLAG_FIX_OK;
     payload[23] = 0;
     payload[78] |= NavPvt::FLAG3_INVALID_LLH;
+}
+
+/// A NAV-PVT message of a 3D fix says that it is a 2D one. Its height stays: HORUS has to leave it out.
+pub(super) fn flattened(class: u8, id: u8, payload: &mut [u8]) {
+    const FIX_TYPE: usize = 20;
+    if is_position(class, id, payload) && payload[FIX_TYPE] >= 3 {
+        payload[FIX_TYPE] = 2;
+    }
+}
+
+/// A NAV-ATT message has its heading so many degrees too far clockwise.
+pub(super) fn turned(class: u8, id: u8, payload: &mut [u8], degrees: u16) {
+    const HEADING: usize = 16;
+    const TURN_1E5: i32 = 36_000_000;
+    if (class, id) == (ubx::CLASS_NAV, NavAtt::ID) && payload.len() >= NavAtt::PAYLOAD {
+        let heading = signed(payload, HEADING).rem_euclid(TURN_1E5) + i32::from(degrees) * 100_000;
+        set(payload, HEADING, (heading % TURN_1E5).cast_unsigned());
+    }
+}
+
+/// An ESF-INS message has so much more acceleration to the front, cm/s².
+pub(super) fn pushed(class: u8, id: u8, payload: &mut [u8], by: i32) {
+    const FRONT: usize = 24;
+    if (class, id) == (ubx::CLASS_ESF, EsfIns::ID) && payload.len() >= EsfIns::PAYLOAD {
+        let front = signed(payload, FRONT).saturating_add(by);
+        set(payload, FRONT, front.cast_unsigned());
+    }
 }
 
 /// Whether it is a NAV-PVT message.

@@ -9,9 +9,11 @@
 //! | `Babbles`, `Beginnings`, `Unasked` | bytes without a pause, and nothing of what the receiver has to say |
 //! | `Frozen`, `Jumps`, `NoFix`, `BadChecksums` | the receiver's messages, with other contents |
 //! | `Offset`, `Drifts`, `FrozenPosition`, `Understates`, `Absurd` | NAV-PVT with another position or accuracy |
+//! | `Flat`, `Turned`, `Pushed` | a 2D fix in NAV-PVT, another heading in NAV-ATT, another acceleration in ESF-INS |
 //! | `TimeJumps`, `OtherLength` | the receiver's messages of another time, or of another length |
 //! | `Restarts` | nothing, then messages of a receiver that knows neither time nor place |
 //! | `LosesSettings` | what the receiver says with factory settings, until it is configured: `gnss_sim` |
+//! | `ForgetsModel` | the receiver's messages: it only takes itself for something else than an aircraft |
 //! | `LateBursts` | the receiver's messages, later |
 //! | `WrongBaud`, `Noise`, `FramingErrors` | the receiver's messages, damaged frame by frame |
 //! | `Break` | a low level |
@@ -35,7 +37,8 @@ use super::Rng;
 use crate::boards::receivers::Interface;
 pub use bus::BusFault;
 use messages::{
-    each_message, last_itow, last_position, move_by, set_fields, set_itow, with_bad_checksums, without_fix,
+    each_message, flattened, last_itow, last_position, move_by, pushed, set_fields, set_itow, turned,
+    with_bad_checksums, without_fix,
 };
 
 /// A fault of one receiver, or of its line.
@@ -83,6 +86,18 @@ pub enum ReceiverFault {
     },
     /// Its position stays where it was, and its time and its velocity go on.
     FrozenPosition,
+    /// Its fix is a 2D one.
+    Flat,
+    /// Its heading is so many degrees off.
+    Turned {
+        /// Clockwise.
+        degrees: u16,
+    },
+    /// Its acceleration is so much off, cm/s².
+    Pushed {
+        /// To the front.
+        cm_s2: i32,
+    },
     /// It states an accuracy of [`UNDERSTATED_MM`], whatever it has.
     Understates,
     /// A field of its NAV-PVT messages has a value that it cannot have.
@@ -100,6 +115,8 @@ pub enum ReceiverFault {
     /// Restarts with its factory settings: on a UART at 38 400 bit/s, NMEA alone, a solution a second. It stays so
     /// until HORUS configures it.
     LosesSettings,
+    /// Loses the dynamic model that it was told, and goes on as if nothing had happened: HORUS cannot notice.
+    ForgetsModel,
     /// Its bus fails.
     Bus(BusFault),
 }
@@ -191,6 +208,9 @@ impl ReceiverFault {
             Self::Offset { .. } => "is off",
             Self::Drifts { .. } => "drifts away",
             Self::FrozenPosition => "repeats a position",
+            Self::Flat => "has a 2D fix",
+            Self::Turned { .. } => "is off in heading",
+            Self::Pushed { .. } => "is off in acceleration",
             Self::Understates => "understates its accuracy",
             Self::Absurd(field) => field.name(),
             Self::TimeJumps(0..) => "is ahead of its time of week",
@@ -201,6 +221,7 @@ impl ReceiverFault {
             Self::LateBursts(_) => "sends late",
             Self::BadChecksums => "sends wrong checksums",
             Self::LosesSettings => "loses its settings",
+            Self::ForgetsModel => "forgets its dynamic model",
             Self::Bus(fault) => fault.name(),
         }
     }
@@ -376,6 +397,13 @@ impl LineFaults {
                     [(messages::LONGITUDE, longitude), (messages::LATITUDE, latitude), (messages::HEIGHT, height)];
                 each_message(bytes, |class, id, payload| set_fields(class, id, payload, &fields))
             }
+            ReceiverFault::Flat => each_message(bytes, |class, id, payload| flattened(class, id, payload)),
+            ReceiverFault::Turned { degrees } => {
+                each_message(bytes, |class, id, payload| turned(class, id, payload, degrees))
+            }
+            ReceiverFault::Pushed { cm_s2 } => {
+                each_message(bytes, |class, id, payload| pushed(class, id, payload, cm_s2))
+            }
             ReceiverFault::Understates => {
                 let fields = messages::ACCURACIES.map(|at| (at, UNDERSTATED_MM));
                 each_message(bytes, |class, id, payload| set_fields(class, id, payload, &fields))
@@ -393,7 +421,7 @@ impl LineFaults {
             }),
             ReceiverFault::NoFix => each_message(bytes, |class, id, payload| without_fix(class, id, payload, false)),
             ReceiverFault::BadChecksums => with_bad_checksums(bytes),
-            ReceiverFault::LosesSettings | ReceiverFault::Bus(_) => bytes.to_vec(),
+            ReceiverFault::LosesSettings | ReceiverFault::ForgetsModel | ReceiverFault::Bus(_) => bytes.to_vec(),
             ReceiverFault::LateBursts(ns) => {
                 let mut late = OnLine::clean(at.saturating_add(ns), receiver, bytes);
                 late.at_ns = late.at_ns.max(line.waiting.back().map_or(0, |before| before.at_ns));

@@ -176,6 +176,37 @@ fn differs(fault: ReceiverFault, at: u64, places: &[usize]) -> Vec<i32> {
     places.iter().map(|place| word(&changed[0], *place).cast_signed()).collect()
 }
 
+/// What a fault changes of the payload of message `number` of a burst, and it changes nothing else: where, and from
+/// what to what.
+fn changes(fault: ReceiverFault, number: usize) -> Vec<(usize, u8, u8)> {
+    let (changed, was) = (payloads(&bytes(&with(fault).burst(MS, 0, &burst(100)))), payloads(&burst(100)));
+    for other in (0..3).filter(|other| *other != number) {
+        assert_eq!(changed[other], was[other], "{fault:?}");
+    }
+    let pairs = was[number].iter().zip(&changed[number]).enumerate();
+    pairs.filter(|(_, (was, is))| was != is).map(|(at, (was, is))| (at, *was, *is)).collect()
+}
+
+#[test]
+fn a_receiver_with_a_2d_fix_says_so_and_keeps_its_height() {
+    assert_eq!(changes(ReceiverFault::Flat, 0), [(20, 3, 2)]);
+}
+
+#[test]
+fn a_receiver_that_is_turned_has_another_heading_within_a_turn() {
+    let heading =
+        |degrees| word(&payloads(&bytes(&with(ReceiverFault::Turned { degrees }).burst(MS, 0, &burst(1))))[1], 16);
+    assert_eq!([0, 90, 359, 360].map(heading), [0, 9_000_000, 35_900_000, 0]);
+    assert!(changes(ReceiverFault::Turned { degrees: 90 }, 1).iter().all(|(at, ..)| (16..20).contains(at)));
+}
+
+#[test]
+fn a_receiver_that_is_pushed_has_another_acceleration_to_the_front() {
+    // 4 cm/s² and 500, which is 0x01F8.
+    assert_eq!(changes(ReceiverFault::Pushed { cm_s2: 500 }, 2), [(24, 4, 0xF8), (25, 0, 0x01)]);
+    assert_eq!(changes(ReceiverFault::Pushed { cm_s2: -4 }, 2), [(24, 4, 0)]);
+}
+
 #[test]
 fn a_receiver_that_is_off_is_so_in_all_three_directions() {
     let off = |north, east, up| differs(ReceiverFault::Offset { north, east, up }, MS, &[28, 24, 32]);

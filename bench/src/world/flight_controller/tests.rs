@@ -437,6 +437,10 @@ fn each_conduct_keeps_the_rate_that_it_states() {
         (Conduct::Lies, 10, 96),
         (Conduct::ReplaysUplink, 10, 276),
         (Conduct::Silent, 0, 0),
+        (Conduct::Edges(50_000), 800, 0),
+        (Conduct::Every { period_ns: 200_000, bytes: 96 }, 200, 96),
+        // A microsecond of set-up, one for the byte, two of hold, and 0.3 between two transactions.
+        (Conduct::Every { period_ns: 1_000, bytes: 1 }, 9_302, 1),
     ] {
         let (meanwhile, _, rig) = misused(conduct, &image);
         assert!(meanwhile.len().abs_diff(count) <= 1, "{conduct:?}: {} transactions", meanwhile.len());

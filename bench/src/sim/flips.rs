@@ -1,0 +1,209 @@
+//! Every bit of every register of both front ends, flipped once, each on a copy of one running bench.
+//!
+//! A bench runs until the link has been up for a while. For each bit a copy of it goes on for [`FOR_NS`] after the bit
+//! has flipped, and what the flight controller reads is looked at: how long it read nothing valid and new, and what
+//! Link-Status said meanwhile. Both parts are tried, each in a bench of its own.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use bench_judge::{Event, What};
+use cortex_m4::{Cost, Fast, Optimistic, Pessimistic};
+use profile::{LinkStatus, LinkStatusBits, Object};
+use st25r3916_model::Config;
+
+use super::{Bench, Error, Setup, on_the_link};
+use crate::faults::campaign::is_dangerous;
+use crate::faults::chip::FLIP_MENDED;
+use crate::faults::{Board, Fault, Faults, RegisterBit, name_of};
+use crate::node::{Clock, Threads};
+
+/// Valid data are back so long after a flip at the latest, ns.
+pub const VALID_AGAIN: u64 = 1_500_000_000;
+/// The bench has run so long when bits begin to flip, ns.
+const WARM: u64 = 600_000_000;
+/// Each copy runs so long after its flip, ns: a link that comes back and goes again shows.
+pub const FOR_NS: u64 = 2_000_000_000;
+/// Between two readings of new data there is less, ns: two cycles, and the control cycle of the flight controller.
+const GAP: u64 = 35_000_000;
+
+/// What a flip came to.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Flip {
+    /// The part: `ST25R3916` or `ST25R3916B`.
+    pub part: &'static str,
+    /// Whose front end.
+    pub board: Board,
+    /// Which bit.
+    pub bit: RegisterBit,
+    /// From the flip until valid and new data were read again and went on being read, ns: 0 if they never ceased to be;
+    /// `None` if they were not at the end.
+    pub back_after: Option<u64>,
+    /// How many readings said that the link was down, that the front end was at fault, and nothing of either, while
+    /// nothing valid and new was read.
+    pub said: [u32; 3],
+    /// Something invalid was shown as valid: in words.
+    pub dangerous: Vec<String>,
+}
+
+impl Flip {
+    /// Whether the link was back in time, and nothing invalid was shown as valid.
+    #[must_use]
+    pub fn holds(&self) -> bool {
+        self.back_after.is_some_and(|after| after <= VALID_AGAIN) && self.dangerous.is_empty()
+    }
+
+    /// Whether valid and new data ceased to be read, and no reading said why.
+    #[must_use]
+    pub fn unsaid(&self) -> bool {
+        self.back_after != Some(0) && self.said[..2] == [0, 0]
+    }
+}
+
+impl fmt::Display for Flip {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { part, board, bit: RegisterBit { in_space_b, address, bit }, back_after, said, dangerous } = self;
+        let space = if *in_space_b { "B" } else { " " };
+        let back = back_after.map_or("never".to_owned(), |ns| format!("{:.0} ms", ns as f64 / 1e6));
+        write!(f, "{part:<10} {:<5} {space}{address:02X}.{bit}: back after {back}", name_of(*board))?;
+        write!(f, "; link down {}, front end fault {}, neither {}", said[0], said[1], said[2])?;
+        dangerous.iter().try_for_each(|words| write!(f, "; {words}"))
+    }
+}
+
+/// What all flips came to.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Flips(pub Vec<Flip>);
+
+impl fmt::Display for Flips {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut groups: BTreeMap<(&str, &str), Vec<&Flip>> = BTreeMap::new();
+        for flip in &self.0 {
+            groups.entry((flip.part, name_of(flip.board))).or_default().push(flip);
+        }
+        writeln!(
+            f,
+            "{:<10} {:<5} {:>5} {:>10} {:>11} {:>10} {:>13} {:>9}",
+            "part", "board", "bits", "no effect", "back again", "at worst", "said as fault", "not back"
+        )?;
+        for ((part, board), flips) in groups {
+            let count = |of: &dyn Fn(&Flip) -> bool| flips.iter().filter(|flip| of(flip)).count();
+            let worst = flips.iter().filter_map(|flip| flip.back_after).max().unwrap_or(0);
+            writeln!(
+                f,
+                "{part:<10} {board:<5} {:>5} {:>10} {:>11} {:>7.0} ms {:>13} {:>9}",
+                flips.len(),
+                count(&|flip| flip.back_after == Some(0)),
+                count(&|flip| flip.holds() && flip.back_after != Some(0)),
+                worst as f64 / 1e6,
+                count(&|flip| flip.said[1] > 0),
+                count(&|flip| !flip.holds()),
+            )?;
+        }
+        let told = self.0.iter().filter(|flip| flip.back_after != Some(0) || !flip.holds());
+        told.into_iter().try_for_each(|flip| writeln!(f, "{flip}"))
+    }
+}
+
+/// Flips every bit of both parts' registers for which `takes` says so, by its place among all; `each` hears of each.
+///
+/// # Errors
+///
+/// As [`super::run`].
+pub fn flips(
+    setup: &Setup,
+    mut takes: impl FnMut(usize, RegisterBit) -> bool,
+    mut each: impl FnMut(&Flip),
+) -> Result<Flips, Error> {
+    let mut all = vec![];
+    for (part, config) in [("ST25R3916B", Config::default()), ("ST25R3916", Config::st25r3916())] {
+        let setup = Setup {
+            front_ends: on_the_link(config),
+            faults: Faults::none(),
+            duration_ns: WARM + FOR_NS,
+            trace: None,
+            log: None,
+            plot: None,
+            ..setup.clone()
+        };
+        match setup.clock {
+            Clock::Fast => of_part(part, Bench::<Fast>::new(&setup)?, &mut all, &mut takes, &mut each),
+            Clock::Optimistic => of_part(part, Bench::<Optimistic>::new(&setup)?, &mut all, &mut takes, &mut each),
+            Clock::Pessimistic => of_part(part, Bench::<Pessimistic>::new(&setup)?, &mut all, &mut takes, &mut each),
+        }
+    }
+    Ok(Flips(all))
+}
+
+fn of_part<C: Cost>(
+    part: &'static str,
+    mut bench: Bench<C>,
+    all: &mut Vec<Flip>,
+    takes: &mut impl FnMut(usize, RegisterBit) -> bool,
+    each: &mut impl FnMut(&Flip),
+) {
+    bench.run_to(WARM, Threads::Two);
+    for board in [Board::Horus, Board::Dpr] {
+        let chip = match board {
+            Board::Horus => bench.horus().board().front_end.chip(),
+            Board::Dpr => bench.dpr().board().front_end.chip(),
+        };
+        for (place, bit) in RegisterBit::all_of(chip).into_iter().enumerate() {
+            if !takes(place, bit) {
+                continue;
+            }
+            let mut copy = bench.clone();
+            // At another phase of the cycle for each bit, a few of which meet a frame.
+            let at = bench.now() + 1_000_000 + place as u64 * 7_310_000 % 10_000_000;
+            copy.add_faults(&Faults::none().with(at, at + FLIP_MENDED, Fault::Flip(board, place as u64)));
+            copy.keep_log();
+            copy.run_to(at + FOR_NS, Threads::Two);
+            let finished = copy.finish(at + FOR_NS);
+            let (back_after, said) = read(&finished.log.events, at, at + FOR_NS);
+            let invalid = finished.verdict.violations.iter().filter(|broken| is_dangerous(broken.violation));
+            let dangerous = invalid.map(|broken| broken.violation.words().to_owned()).collect();
+            let flip = Flip { part, board, bit, back_after, said, dangerous };
+            each(&flip);
+            all.push(flip);
+        }
+    }
+}
+
+/// What was read from `at` to `end` (ns): how long until valid and new data went on being read, and what Link-Status
+/// said before that.
+fn read(events: &[Event], at: u64, end: u64) -> (Option<u64>, [u32; 3]) {
+    let mut status: Vec<(u64, LinkStatusBits)> = vec![];
+    // New data were read until here; where they ceased to be, and came back.
+    let (mut last, mut back) = (at, Some(0));
+    let mut newest = None;
+    for event in events {
+        let What::Transaction { selected, miso, .. } = &event.what else { continue };
+        if *selected < at {
+            continue;
+        }
+        let Some(Ok(link)) = miso.0.get(..32).map(LinkStatus::verify) else { continue };
+        status.push((*selected, link.values().status));
+        let Some(Ok(object)) = miso.0.get(32..96).map(|bytes| Object::verify(0, bytes)) else { continue };
+        let Object::Reported(reported) = object else { continue };
+        let valid = reported.values().status.position_valid() && link.values().status.link_up();
+        if !valid || newest == Some(object.timestamp()) {
+            continue;
+        }
+        newest = Some(object.timestamp());
+        if selected - last > GAP {
+            back = Some(selected - at);
+        }
+        last = *selected;
+    }
+    if end - last > GAP {
+        back = None;
+    }
+    let until = back.map_or(end, |after| at + after);
+    let mut said = [0; 3];
+    for (_, bits) in status.iter().filter(|(selected, _)| *selected < until) {
+        said[0] += u32::from(!bits.link_up());
+        said[1] += u32::from(bits.front_end_fault());
+        said[2] += u32::from(bits.link_up() && !bits.front_end_fault());
+    }
+    (back, said)
+}

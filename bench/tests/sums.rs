@@ -1,0 +1,200 @@
+//! The two deadlines of the DPR as sums: last bit to readable, and end of a transaction to ready for the next.
+//!
+//! A worst case that was seen is not a bound: what delays a path comes from tasks and instants that have nothing to do
+//! with each other, and to meet all at once can take hours. So each part is measured by itself, at its longest, on each
+//! clock, and the parts are added up. The sums have to keep the design's bounds (section 6), and no run may exceed
+//! them.
+//!
+//! | part | how it is measured |
+//! |---|---|
+//! | the frame's way | from the last bit to FRESH, cut where the running task changes, the longest of each piece |
+//! | the SSI task's way | from the end of a transaction that nothing masks to the release |
+//! | the SSI's share | the longest runs of `ssi_end` and `ssi_pause`, with exception entry and return of both |
+//! | sections that mask | the longest time for which BASEPRI or PRIMASK masks a priority while a task below it runs |
+//!
+//! The processor is looked at after each of its cycles. `cargo test -p bench --test sums -- --nocapture` prints the
+//! table that ARCHITECTURE.md refers to.
+
+mod boards;
+
+use std::collections::BTreeMap;
+use std::marker::PhantomData;
+
+use bench::faults::{Conduct, Fault, Faults};
+use bench::node::Threads;
+use bench::sim::{Bench, Images, Setup};
+use bench_judge::{Log, SsiEvent, What, bounds};
+use boards::image;
+use cortex_m4::{Cost, Fast, Optimistic, Pessimistic, Register};
+
+const MS: u64 = 1_000_000;
+/// From here on the link is up, ns.
+const WARM: u64 = 300 * MS;
+/// A cycle, ns: what is done once in it is seen.
+const LOOKED_AT: u64 = 10 * MS;
+/// What the flight controller is served in is read off the log up to here, ns.
+const END: u64 = WARM + 500 * MS;
+/// A cycle of the DPR's processor at most, ns: 64 MHz.
+const CYCLE: u64 = 15;
+/// With five receivers the sum on the pessimistic clock is above the bound: ARCHITECTURE.md, "Not there yet". It must
+/// not grow.
+const FIVE_RECEIVERS: u64 = 101_500;
+/// Exceptions of the tasks `ssi_end` (SPIS1) and `ssi_pause` (TIMER3).
+const SSI: [u32; 2] = [16 + 4, 16 + 26];
+/// BASEPRI that masks the SSI's priority 5 and the RFID side's priority 4, of eight levels in the three upper bits.
+const MASKS: [u32; 2] = [0x60, 0x80];
+
+/// What the processor did, as one looks at it after each of its cycles.
+struct Watched<C: Cost> {
+    /// For each change of the running exception: when, and which; 0 is the idle loop or sleep.
+    runs: Vec<(u64, u32)>,
+    /// The longest time for which each of [`MASKS`] was masked by a task below it, ns.
+    masked: [u64; 2],
+    log: Log,
+    clock: PhantomData<C>,
+}
+
+/// The link with so many receivers up to [`WARM`], then under the eyes of the test; the flight controller writes and
+/// reads in its cycle, or behaves as told.
+fn watch<C: Cost>(gps: usize, conduct: Option<Conduct>) -> Option<Watched<C>> {
+    let images = Images { horus: image(gps, "horus-tx-fw.elf")?, dpr: image(gps, "dpr-fw.elf")? };
+    let mut setup = Setup { writes: true, ..Setup::new(images, gps, END) };
+    if let Some(conduct) = conduct {
+        setup.faults = Faults::none().with(WARM - 50 * MS, u64::MAX, Fault::FlightController(conduct));
+    }
+    let mut bench: Bench<C> = Bench::new(&setup).unwrap_or_else(|error| panic!("{error}"));
+    bench.run_to(WARM, setup.threads);
+    bench.keep_log();
+    let (mut runs, mut masked, mut since) = (vec![], [0; 2], [None; 2]);
+    let mut at = WARM;
+    while at < WARM + LOOKED_AT {
+        at += CYCLE;
+        bench.run_to(at, Threads::One);
+        let dpr = bench.dpr();
+        let active = dpr.core_register(Register::Xpsr) & 0x1FF;
+        if runs.last().is_none_or(|&(_, last)| last != active) {
+            runs.push((at, active));
+        }
+        let (base, all) = (dpr.core_register(Register::Basepri), dpr.core_register(Register::Primask) != 0);
+        for ((mask, since), longest) in MASKS.into_iter().zip(&mut since).zip(&mut masked) {
+            // A task of that priority or a higher one masks nothing: it runs.
+            let runs = SSI.contains(&active) || mask == MASKS[1] && is_of_the_rfid_side(active);
+            if (all || base != 0 && base <= mask) && !runs {
+                let since = *since.get_or_insert(at - CYCLE);
+                *longest = (at - since).max(*longest);
+            } else {
+                *since = None;
+            }
+        }
+    }
+    bench.run_to(END, setup.threads);
+    Some(Watched { runs, masked, log: bench.finish(END).log, clock: PhantomData })
+}
+
+/// `rf_spi`, `rf_irq`, `rf_timer`: SPIM0, GPIOTE, TIMER0.
+fn is_of_the_rfid_side(exception: u32) -> bool {
+    [16 + 3, 16 + 6, 16 + 8].contains(&exception)
+}
+
+impl<C: Cost> Watched<C> {
+    /// The longest run of each exception, ns: from its entry to the entry of another, or the return.
+    fn longest(&self, exception: u32) -> u64 {
+        let runs = self.runs.windows(2).filter(|pair| pair[0].1 == exception).map(|pair| pair[1].0 - pair[0].0);
+        runs.max().unwrap_or(0)
+    }
+
+    /// What one service of the SSI takes of whatever it preempts: the end of the pause and the end of a transaction.
+    fn share(&self) -> u64 {
+        let around = (C::EXCEPTION_ENTRY + C::EXCEPTION_RETURN) * 1_000 / 64;
+        SSI.iter().map(|&exception| self.longest(exception) + around).sum()
+    }
+
+    /// Frames' last bits and the rises of FRESH after them, ns.
+    fn frames(&self) -> Vec<(u64, u64)> {
+        let mut heard = None;
+        let frames = self.log.events.iter().filter_map(|event| match event.what {
+            What::Heard { .. } => {
+                heard = Some(event.at);
+                None
+            }
+            What::Fresh { high: true, .. } => heard.take().map(|heard| (heard, event.at)),
+            _ => None,
+        });
+        frames.collect()
+    }
+
+    /// The pieces of the frames' ways, cut where the running task changes: the exception, and the longest of each.
+    fn pieces(&self) -> Vec<(u32, u64)> {
+        let mut pieces: BTreeMap<usize, (u32, u64)> = BTreeMap::new();
+        let frames = self.frames();
+        for (last_bit, rose) in frames.into_iter().filter(|(_, rose)| *rose < WARM + LOOKED_AT) {
+            let before = self.runs.iter().rev().find(|(at, _)| *at <= last_bit).map_or(0, |(_, running)| *running);
+            let within = self.runs.iter().filter(|(at, _)| (last_bit + 1..rose).contains(at)).copied();
+            let starts: Vec<(u64, u32)> = std::iter::once((last_bit, before)).chain(within).collect();
+            for (number, (at, running)) in starts.iter().enumerate() {
+                let took = starts.get(number + 1).map_or(rose, |(next, _)| *next) - at;
+                let piece = pieces.entry(number).or_insert((*running, 0));
+                assert_eq!(piece.0, *running, "every frame takes the same way");
+                piece.1 = piece.1.max(took);
+            }
+        }
+        assert!(!pieces.is_empty(), "a frame was announced");
+        pieces.into_values().collect()
+    }
+
+    /// From the end of a transaction to the release, the longest, ns.
+    fn served(&self) -> u64 {
+        let mut ended = None;
+        let served = self.log.events.iter().filter_map(|event| match event.what {
+            What::Transaction { .. } => {
+                ended = Some(event.at);
+                None
+            }
+            What::Ssi(SsiEvent::Released) => ended.take().map(|ended| event.at - ended),
+            _ => None,
+        });
+        served.max().expect("a transaction was served")
+    }
+}
+
+/// Adds both sums up for so many receivers, and holds them against the bounds and against what was seen.
+fn add_up<C: Cost>(gps: usize, readable_bound: u64) {
+    let Some(quiet) = watch::<C>(gps, Some(Conduct::Silent)) else { return };
+    let Some(usual) = watch::<C>(gps, None) else { return };
+    let Some(hostile) = watch::<C>(gps, Some(Conduct::Edges(1_000))) else { return };
+    println!("{} receivers, {} clock, ns", gps, C::NAME);
+    let pieces = quiet.pieces();
+    for (running, longest) in &pieces {
+        println!("  exception {running:2}: {longest}");
+    }
+    let way: u64 = pieces.iter().map(|(_, longest)| longest).sum();
+    let share = usual.share().max(hostile.share());
+    let masked = [0, 1].map(|which| [&quiet, &usual, &hostile].map(|watched| watched.masked[which]).into_iter().max());
+    let [of_ssi, of_rfid] = masked.map(|longest| longest.expect("three runs"));
+    let readable = way + share + of_rfid;
+    println!("  last bit to readable: way {way} + SSI's share {share} + RFID masked {of_rfid} = {readable}");
+    let ready = usual.served() + of_ssi;
+    println!("  SSI ready: way {} + SSI masked {of_ssi} = {ready}", usual.served());
+    assert!(readable <= readable_bound, "{readable}");
+    assert!(ready <= bounds::SSI_READY, "{ready}");
+    assert!(of_ssi > 0 && of_rfid >= of_ssi, "the commit task masks both when it publishes");
+    for seen in [&quiet, &usual, &hostile] {
+        let worst = seen.frames().into_iter().map(|(last_bit, rose)| rose - last_bit).max().expect("a frame");
+        assert!(worst <= readable, "{worst}");
+    }
+    // A run in which nothing met is no sum: the hostile one has the SSI's tasks in some frame's way.
+    assert!(hostile.longest(SSI[0]) > 0 && hostile.longest(SSI[1]) > 0, "both tasks ran");
+}
+
+#[test]
+fn with_three_receivers_both_deadlines_hold_as_sums_on_three_clocks() {
+    add_up::<Fast>(3, bounds::LAST_BIT_TO_READABLE);
+    add_up::<Optimistic>(3, bounds::LAST_BIT_TO_READABLE);
+    add_up::<Pessimistic>(3, bounds::LAST_BIT_TO_READABLE);
+}
+
+#[test]
+fn both_sums_hold_with_one_and_five_receivers_on_the_pessimistic_clock() {
+    add_up::<Pessimistic>(1, bounds::LAST_BIT_TO_READABLE);
+    add_up::<Pessimistic>(5, FIVE_RECEIVERS);
+}
