@@ -47,6 +47,7 @@ fn image(ms: u32) -> Vec<u8> {
     let gps = |offset: f64, excluded: bool| {
         let (latitude, longitude) = place(north + offset, east - offset / 2.0);
         let status = GpsStatus::new().with_fix_type(FixType::Fix3D).with_position_valid(true).with_heard(true);
+        let status = status.with_solution_age_ms(Some(ms % 100));
         let altitude = 470.0 + up + offset / 3.0;
         GpsValues { status: status.with_excluded(excluded), latitude, longitude, altitude, ..GpsValues::absent(ms) }
     };

@@ -24,7 +24,7 @@ use base_station::carrier::mavlink::tunnel::Tunnel;
 use base_station::intake::Kind;
 use base_station::live::server::Server;
 use base_station::live::{self, Clock, Time, lines};
-use base_station::{Bundle, DroneId, Place};
+use base_station::{Bundle, Place, Who};
 use mavlink::{MAVLinkV2MessageRaw, MavHeader};
 use profile::{GpsValues, LinkStatus, LinkValues, Profile, ReportedStatus, ReportedValues};
 use serde_json::Value;
@@ -90,7 +90,7 @@ fn main() -> Result<ExitCode, Box<dyn std::error::Error>> {
 
     let known = station.known();
     let shown: u64 = (1..=drones)
-        .filter_map(|system| known.intake.fleet().get(DroneId::System(system)))
+        .filter_map(|system| known.intake.fleet().get(Who::System(system).first()))
         .map(|drone| drone.counts().new)
         .sum();
     drop(known);

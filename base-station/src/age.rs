@@ -8,6 +8,11 @@
 //! is delay. So a sample that a radio has held back for two seconds is two seconds older than one that it passed on at
 //! once, and is told so when it arrives.
 //!
+//! One sample does not say which way is the fastest: whoever can insert one could make all others look late, for hours.
+//! So a difference that is smaller than all before counts once [`AGREEING`] samples within [`WITHIN_US`] and over at
+//! least [`AGREE_US`] had one; the largest of theirs is it. The first [`AGREEING`] samples count at once, since
+//! there is nothing else to go by.
+//!
 //! What remains unknown is the fastest way's own delay: about 5 ms from sample to readable (README), up to a control
 //! cycle of the flight controller, and the carrier's. Each age here is *at least* so much, and that much more.
 //!
@@ -24,6 +29,23 @@ pub const NO_CRYSTAL_DRIFT: i64 = 1_000_000 / profile::sequence::TOLERANCE_SHARE
 
 /// Over windows so long the two clocks are compared, µs.
 pub const WINDOW_US: u64 = 30_000_000;
+
+/// A smaller difference is believed from this number of samples on.
+pub const AGREEING: u8 = 3;
+
+/// They come over at least so long, µs, so that no burst of messages does.
+pub const AGREE_US: u64 = 1_000_000;
+
+/// And over at most so long, µs.
+pub const WITHIN_US: u64 = 10_000_000;
+
+/// Smaller differences that are not believed yet.
+#[derive(Clone, Copy, Debug)]
+struct Lower {
+    began_us: u64,
+    count: u8,
+    largest_us: i64,
+}
 
 /// The smallest difference that was seen, and since when it may have risen.
 #[derive(Clone, Copy, Debug)]
@@ -48,6 +70,9 @@ pub struct Ages {
     /// The last timestamp, and the same without wrapping, ms since the first.
     last: Option<(u32, i64)>,
     floor: Option<Floor>,
+    lower: Option<Lower>,
+    /// Samples so far, at most [`AGREEING`].
+    taken: u8,
     window: Option<Window>,
     implausible: bool,
 }
@@ -56,25 +81,63 @@ impl Ages {
     /// Takes a sample with this timestamp, ms, that arrived at `at_us`. `crystal` is whether HORUS runs on its crystal.
     /// Answers how much later it came than the fastest one, µs.
     pub fn take(&mut self, timestamp: u32, at_us: u64, crystal: bool) -> u64 {
+        let (unwrapped, difference_us) = self.difference(timestamp, at_us);
+        // Another object of the same cycle is no other sample.
+        let another = self.last.is_none_or(|(last, _)| last != timestamp);
+        self.last = Some((timestamp, unwrapped));
+        let floor_us = self.floor_us(at_us, crystal);
+        let here = Floor { difference_us, at_us };
+        if another && floor_us.is_none_or(|floor_us| difference_us < floor_us) {
+            self.lower(here);
+        }
+        self.taken = AGREEING.min(self.taken + u8::from(another));
+        self.compare(Floor { difference_us: difference_us.max(floor_us.unwrap_or(difference_us)), at_us });
+        floor_us.map_or(0, |floor_us| difference_us.saturating_sub(floor_us).max(0)).unsigned_abs()
+    }
+
+    /// How much earlier than the fastest a sample with this timestamp, ms, would be that arrived at `at_us`, µs; less
+    /// than 0 if it is late.
+    #[must_use]
+    pub fn early_us(&self, timestamp: u32, at_us: u64, crystal: bool) -> i64 {
+        let (_, difference_us) = self.difference(timestamp, at_us);
+        self.floor_us(at_us, crystal).map_or(0, |floor_us| floor_us.saturating_sub(difference_us))
+    }
+
+    /// The timestamp without wrapping, ms since the first, and how much later than it the sample arrived, µs.
+    fn difference(&self, timestamp: u32, at_us: u64) -> (i64, i64) {
         let unwrapped = match self.last {
             None => 0,
             // Less than half of the range either way, as `profile::freshness` has it.
             Some((last, unwrapped)) => unwrapped + i64::from(timestamp.wrapping_sub(last).cast_signed()),
         };
-        self.last = Some((timestamp, unwrapped));
-        let difference_us = at_us.cast_signed().saturating_sub(unwrapped.saturating_mul(1_000));
+        (unwrapped, at_us.cast_signed().saturating_sub(unwrapped.saturating_mul(1_000)))
+    }
+
+    /// The smallest difference, as far as it may have risen by `at_us`.
+    fn floor_us(&self, at_us: u64, crystal: bool) -> Option<i64> {
         let drift = if crystal { CRYSTAL_DRIFT } else { NO_CRYSTAL_DRIFT };
-        let risen = self.floor.map(|floor| {
+        self.floor.map(|floor| {
             let passed = i64::try_from(at_us.saturating_sub(floor.at_us)).unwrap_or(i64::MAX);
             floor.difference_us.saturating_add(passed.saturating_mul(drift) / 1_000_000)
+        })
+    }
+
+    /// Takes a difference that is smaller than all before.
+    fn lower(&mut self, here: Floor) {
+        let since = |lower: &Lower| here.at_us.saturating_sub(lower.began_us);
+        let before = self.lower.filter(|lower| since(lower) <= WITHIN_US);
+        let lower = before.map_or(Lower { began_us: here.at_us, count: 1, largest_us: here.difference_us }, |lower| {
+            let largest_us = lower.largest_us.max(here.difference_us);
+            Lower { count: AGREEING.min(lower.count + 1), largest_us, ..lower }
         });
-        let here = Floor { difference_us, at_us };
-        let late_us = risen.map_or(0, |risen| difference_us.saturating_sub(risen).max(0));
-        if late_us == 0 {
+        self.lower = Some(lower);
+        if self.taken < AGREEING {
             self.floor = Some(here);
+            self.lower = None;
+        } else if lower.count >= AGREEING && since(&lower) >= AGREE_US {
+            self.floor = Some(Floor { difference_us: lower.largest_us, ..here });
+            self.lower = None;
         }
-        self.compare(here);
-        late_us.unsigned_abs()
     }
 
     /// Whether HORUS's clock and the base station's differed by more than 2 % over the last two windows. A delay of the
@@ -115,6 +178,71 @@ mod tests {
         assert_eq!(ages.take(1_030, 5_030_000, true), 4_997);
         // Held back: reordered samples are judged by their own timestamps.
         assert_eq!(ages.take(1_000, 5_995_000, true), 999_804);
+    }
+
+    #[test]
+    fn early_samples_make_others_late_only_if_several_agree() {
+        let mut ages = Ages::default();
+        for cycle in 0..10_u32 {
+            ages.take(100 * cycle, 100_000 * u64::from(cycle), true);
+        }
+        // One, and a burst of three.
+        for (at, timestamps) in [(1_000_000, &[2_900][..]), (1_100_000, &[2_980, 2_990, 3_000])] {
+            for timestamp in timestamps {
+                assert_eq!(ages.take(*timestamp, at, true), 0);
+            }
+            let own = u32::try_from(at / 1_000).unwrap();
+            assert!(ages.take(own, at, true) < 1_000, "the true one is on time");
+        }
+        assert_eq!(ages.early_us(2_900, 1_200_000, true), 1_700_200, "and the drift of a second");
+        // A way that has become faster by 200 ms is believed after a second; by the slowest of its samples.
+        let mut late = vec![];
+        for cycle in 130..150_u32 {
+            let at = 100_000 * u64::from(cycle) - 200_000 - u64::from(cycle % 2) * 10_000;
+            ages.take(100 * cycle, at, true);
+            late.push(-ages.early_us(100 * cycle, at + 200_000, true) / 1_000);
+        }
+        let believed = late.iter().position(|late| *late > 100).unwrap();
+        assert_eq!((believed, late[18]), (10, 199), "{late:?}");
+    }
+
+    #[test]
+    fn smaller_differences_that_are_far_apart_are_no_agreement() {
+        let mut ages = Ages::default();
+        for second in 0..120_u32 {
+            let at = 1_000_000 * u64::from(second) + 500_000;
+            let early = if second % 6 == 5 { 300_000 } else { 0 };
+            assert!(ages.take(1_000 * second, at - early, true) < 25_000, "{second}");
+        }
+    }
+
+    #[test]
+    fn a_clock_without_a_crystal_may_be_off_by_2_percent() {
+        for (crystal, expected) in [(true, 990_000 - 2_000), (false, 990_000 - 200_000)] {
+            let mut ages = Ages::default();
+            ages.take(0, 0, crystal);
+            assert_eq!(ages.take(10, 10_000_000 + 1_000_000 - 1_000_000, crystal), 9_990_000 - (990_000 - expected));
+        }
+    }
+
+    #[test]
+    fn a_window_is_compared_by_its_fastest_sample() {
+        let mut ages = Ages::default();
+        // A quarter of all samples is held back for 0.9 s, first in one window and then in none.
+        for cycle in 0..9_000_u32 {
+            let held = if cycle % 4 == 3 && cycle > 3_000 && cycle < 6_000 { 900_000 } else { 0 };
+            ages.take(10 * cycle, 10_000 * u64::from(cycle) + held, true);
+            assert!(!ages.is_clock_implausible(), "{cycle}");
+        }
+    }
+
+    #[test]
+    fn late_samples_among_the_first_make_none_early() {
+        let mut ages = Ages::default();
+        assert_eq!(ages.take(1_000, 5_000_000, true), 0);
+        assert_eq!(ages.take(1_010, 5_030_000, true), 19_994);
+        assert_eq!(ages.take(1_020, 5_040_000, true), 19_992);
+        assert_eq!(ages.early_us(1_030, 5_030_000, true), 6);
     }
 
     #[test]

@@ -55,16 +55,29 @@ alarms! {
     OutsideRange, "outside-range", Critical, "the drone is outside of its flight range";
     /// An input that tells HORUS's state contradicts itself, and nothing graver is known.
     InputsContradict, "inputs-contradict", Critical, "HORUS cannot tell its state: its inputs contradict";
+    /// HORUS says a state that has no name here: it is one of a later version.
+    UnknownState, "unknown-state", Critical, "HORUS is in a state that this station does not know";
+    /// Another sender was heard under the same id, or the same sample with two contents, within the last
+    /// [`RECENT_US`](crate::drone::RECENT_US).
+    TwoSenders, "two-senders", Critical, "two senders speak as this drone: one of them may be false";
+    /// HORUS says that it had a position and has none any more.
+    PositionLost, "position-lost", Critical, "HORUS has lost its position and does not monitor";
+    /// HORUS says that it has found a fault of its memory.
+    HorusMemoryFault, "horus-memory-fault", Critical, "HORUS has found a fault of its memory";
     /// Nothing intact has arrived of this drone for [`SILENT_US`](crate::drone::SILENT_US).
     Silent, "silent", Critical, "nothing arrives from this drone";
     /// Reported-Position is older than [`STALE_US`](crate::drone::STALE_US), or was never received.
     Stale, "stale", Critical, "the position shown is old";
     /// The DPR says that frames of HORUS do not arrive within their deadline.
     LinkDown, "link-down", Critical, "the radio link from HORUS to the DPR is down";
+    /// The DPR's front end works and senses no field of HORUS's.
+    NoField, "no-field", Critical, "the DPR senses no field of HORUS's transmitter";
     /// HORUS repeats its timestamp: the DPR says so, or the same sample keeps arriving.
     Frozen, "frozen", Critical, "HORUS repeats the same sample";
     /// The DPR does not find HORUS's sequence, or what arrives here does not continue what was shown.
     OutOfSequence, "out-of-sequence", Critical, "what arrives does not continue what was shown";
+    /// HORUS calls a position valid that cannot be one ([`profile::range`]).
+    Implausible, "implausible", Critical, "no position: what HORUS calls valid cannot be one";
     /// Reported-Position says that its position is not valid.
     NoAgreement, "no-agreement", Critical, "no position: too few receivers agree";
     /// The DPR or this station finds HORUS's clock wrong by more than 2 %.
@@ -75,12 +88,20 @@ alarms! {
     FlashFault, "flash-fault", Critical, "the DPR's program memory is damaged";
     /// The DPR's RFID front end has a fault.
     FrontEndFault, "front-end-fault", Critical, "the DPR's RFID front end has a fault";
+    /// What is shown of a receiver is older than [`OLD_US`](crate::drone::OLD_US).
+    ReceiversOld, "receivers-old", Warning, "what is shown of the receivers is old";
+    /// The Link-Status that is shown is older than [`OLD_US`](crate::drone::OLD_US).
+    LinkStatusOld, "link-status-old", Warning, "what is shown of the link from HORUS to the DPR is old";
+    /// A receiver calls a position valid that cannot be one.
+    ReceiverImplausible, "receiver-implausible", Warning, "a receiver calls a position valid that cannot be one";
     /// HORUS started again within the last [`RECENT_US`](crate::drone::RECENT_US).
     Restarted, "restarted", Warning, "HORUS has started again";
+    /// HORUS's last reset was asked for by nobody.
+    HorusUnaskedReset, "horus-unasked-reset", Warning, "HORUS was reset by a fault";
     /// The DPR's last reset was asked for by nobody.
     UnaskedReset, "unasked-reset", Warning, "the DPR was reset by a fault";
     /// Fewer receivers agree than are configured.
-    Degraded, "degraded", Warning, "fewer receivers agree than the drone has";
+    Degraded, "degraded", Warning, "fewer receivers agree than the drone has, or on no altitude";
     /// HORUS runs on its internal oscillator.
     NoCrystal, "no-crystal", Warning, "HORUS runs without its crystal";
     /// An object that was damaged, or in another's place, arrived within the last
@@ -96,9 +117,9 @@ impl fmt::Display for Alarm {
 
 /// Alarms that hold together.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Alarms(u32);
+pub struct Alarms(u64);
 
-const _: () = assert!(Alarm::ALL.len() <= 32, "a bit for each alarm");
+const _: () = assert!(Alarm::ALL.len() <= 64, "a bit for each alarm");
 
 impl Alarms {
     /// None.
@@ -110,13 +131,13 @@ impl Alarms {
     /// These, and `alarm` if it `holds`.
     #[must_use]
     pub const fn with(self, alarm: Alarm, holds: bool) -> Self {
-        if holds { Self(self.0 | 1 << alarm as u32) } else { self }
+        if holds { Self(self.0 | 1 << alarm as u64) } else { self }
     }
 
     /// Whether `alarm` is one of them.
     #[must_use]
     pub const fn has(self, alarm: Alarm) -> bool {
-        self.0 & 1 << alarm as u32 != 0
+        self.0 & 1 << alarm as u64 != 0
     }
 
     /// Each of them, the gravest first.

@@ -3,7 +3,7 @@
 //! | form | what |
 //! |---|---|
 //! | CSV | every object that was shown, each value to the last bit |
-//! | GPX 1.1 | the track of each drone by its Reported-Position, while that is valid |
+//! | GPX 1.1 | the track of each drone by its Reported-Position, while that is valid; broken where there is a gap |
 //! | KML 2.2 | the same |
 //!
 //! Heights are above the WGS-84 ellipsoid, as in the objects. KML's are above mean sea level, so its track is drawn on
@@ -15,6 +15,7 @@ use std::io::{self, Read, Write};
 
 use chrono::{DateTime, SecondsFormat};
 
+use crate::drone::words;
 use crate::intake::{Intake, Judged};
 use crate::recorder::{Reader, Record};
 use crate::{DroneId, Place, Verdict};
@@ -32,7 +33,10 @@ pub enum Form {
 
 /// The columns of CSV.
 pub const COLUMNS: &str = "time,drone,object,timestamp_ms,age_ms,status,latitude_deg,longitude_deg,altitude_m,\
-                           pitch_rad,yaw_rad,roll_rad,ax_m_s2,ay_m_s2,az_m_s2";
+                           pitch_rad,yaw_rad,roll_rad,ax_m_s2,ay_m_s2,az_m_s2,words";
+
+/// A track is broken where nothing valid came for longer, µs.
+pub const GAP_US: u64 = 2_000_000;
 
 /// Writes the recording that `reader` reads; `progress` is told how many of its bytes were read. Answers how many
 /// objects (CSV) or points (GPX, KML) were written.
@@ -48,7 +52,7 @@ pub fn export<R: Read, W: Write>(
     mut progress: impl FnMut(u64),
 ) -> io::Result<u64> {
     let mut intake = Intake::default();
-    let mut tracks: BTreeMap<DroneId, Vec<(u64, [f64; 3])>> = BTreeMap::new();
+    let mut tracks = Tracks::new();
     let mut written = 0;
     if form == Form::Csv {
         writeln!(to, "{COLUMNS}")?;
@@ -62,9 +66,10 @@ pub fn export<R: Read, W: Write>(
                     written += 1;
                 }
                 Form::Gpx | Form::Kml => {
-                    if let Some(position) = position(&intake, judged) {
+                    if judged.place == Place::Reported {
+                        let position = position(&intake, judged);
                         tracks.entry(judged.drone).or_default().push((at_us, position));
-                        written += 1;
+                        written += u64::from(position.is_some());
                     }
                 }
             }
@@ -82,13 +87,17 @@ pub fn export<R: Read, W: Write>(
 
 /// Judges once more what was recorded: the objects that were judged then. What was refused for its signature is none.
 pub fn judge(intake: &mut Intake, record: &Record) -> Vec<Judged> {
-    intake.take_if(&record.carried, |drone, place| {
-        record.found.iter().any(|found| found.place == place && found.drone == drone.to_string())
+    intake.take_if(&record.carried, |who, place| {
+        let who = who.to_string();
+        // Which of its senders it was is found anew.
+        let is_of = |drone: &str| drone.strip_prefix(&who).is_some_and(|rest| rest.is_empty() || rest.starts_with('-'));
+        record.found.iter().any(|found| found.place == place && is_of(&found.drone))
     })
 }
 
 /// An instant of µs since 1970 in words.
-fn time(at_us: u64) -> String {
+#[must_use]
+pub fn time(at_us: u64) -> String {
     let time = i64::try_from(at_us).ok().and_then(DateTime::from_timestamp_micros);
     time.map(|time| time.to_rfc3339_opts(SecondsFormat::Micros, true)).unwrap_or_default()
 }
@@ -100,17 +109,23 @@ fn row(intake: &Intake, judged: &Judged, at_us: u64) -> String {
     let _ = match judged.place {
         Place::LinkStatus => drone.link().map_or(Ok(()), |held| {
             let age_ms = held.age_us(at_us) / 1_000;
-            write!(row, ",{},{age_ms},0x{:04x},,,,,,,,,", held.timestamp, held.values.status.bits())
+            let status = held.values.status;
+            let words = if status.link_up() { "up" } else { "down" };
+            write!(row, ",{},{age_ms},0x{:04x},,,,,,,,,,{words}", held.timestamp, status.bits())
         }),
         Place::Reported => drone.reported().map_or(Ok(()), |held| {
             let v = &held.values;
             let head = (held.timestamp, held.age_us(at_us) / 1_000, v.status.bits());
-            values(&mut row, head, [v.latitude, v.longitude, v.altitude], [v.pitch, v.yaw, v.roll], v.acceleration)
+            values(&mut row, head, [v.latitude, v.longitude, v.altitude], [v.pitch, v.yaw, v.roll], v.acceleration)?;
+            let valid = if v.status.position_valid() { "" } else { "; no position" };
+            write!(row, ",{}{valid}", words::state(v.status.state()))
         }),
         Place::Gps(receiver) => drone.gps(usize::from(receiver)).map_or(Ok(()), |held| {
             let v = &held.values;
             let head = (held.timestamp, held.age_us(at_us) / 1_000, v.status.bits());
-            values(&mut row, head, [v.latitude, v.longitude, v.altitude], [v.pitch, v.yaw, v.roll], v.acceleration)
+            values(&mut row, head, [v.latitude, v.longitude, v.altitude], [v.pitch, v.yaw, v.roll], v.acceleration)?;
+            let valid = if v.status.position_valid() { "" } else { "; no position" };
+            write!(row, ",{}{valid}", words::fix(v.status.fix_type()))
         }),
     };
     row + "\n"
@@ -141,21 +156,35 @@ fn position(intake: &Intake, judged: &Judged) -> Option<[f64; 3]> {
     values.status.position_valid().then_some([values.latitude, values.longitude, values.altitude])
 }
 
-type Tracks = BTreeMap<DroneId, Vec<(u64, [f64; 3])>>;
+/// When Reported-Position was new, and where the drone was then, if that was valid.
+type Tracks = BTreeMap<DroneId, Vec<(u64, Option<[f64; 3]>)>>;
+
+/// The parts of a track without a gap.
+fn segments(points: &[(u64, Option<[f64; 3]>)]) -> impl Iterator<Item = Vec<(u64, [f64; 3])>> {
+    let valid = points.split(|(_, position)| position.is_none());
+    let near =
+        |(one, _): &(u64, Option<[f64; 3]>), (next, _): &(u64, Option<[f64; 3]>)| next.saturating_sub(*one) <= GAP_US;
+    let runs = valid.flat_map(move |run| run.chunk_by(near));
+    runs.map(|run| run.iter().filter_map(|(at_us, position)| Some((*at_us, (*position)?))).collect())
+}
 
 fn gpx(tracks: &Tracks, to: &mut impl Write) -> io::Result<()> {
     writeln!(to, r#"<?xml version="1.0" encoding="UTF-8"?>"#)?;
     writeln!(to, r#"<gpx version="1.1" creator="horus-base" xmlns="http://www.topografix.com/GPX/1/1">"#)?;
     for (drone, points) in tracks {
-        writeln!(to, "<trk><name>{drone}</name><desc>heights above the WGS-84 ellipsoid</desc><trkseg>")?;
-        for (at_us, [latitude, longitude, altitude]) in points {
-            write!(to, r#"<trkpt lat="{latitude}" lon="{longitude}">"#)?;
-            if !altitude.is_nan() {
-                write!(to, "<ele>{altitude}</ele>")?;
+        writeln!(to, "<trk><name>{drone}</name><desc>heights above the WGS-84 ellipsoid</desc>")?;
+        for segment in segments(points) {
+            writeln!(to, "<trkseg>")?;
+            for (at_us, [latitude, longitude, altitude]) in segment {
+                write!(to, r#"<trkpt lat="{latitude}" lon="{longitude}">"#)?;
+                if !altitude.is_nan() {
+                    write!(to, "<ele>{altitude}</ele>")?;
+                }
+                writeln!(to, "<time>{}</time></trkpt>", time(at_us))?;
             }
-            writeln!(to, "<time>{}</time></trkpt>", time(*at_us))?;
+            writeln!(to, "</trkseg>")?;
         }
-        writeln!(to, "</trkseg></trk>")?;
+        writeln!(to, "</trk>")?;
     }
     writeln!(to, "</gpx>")
 }
@@ -164,13 +193,16 @@ fn kml(tracks: &Tracks, to: &mut impl Write) -> io::Result<()> {
     writeln!(to, r#"<?xml version="1.0" encoding="UTF-8"?>"#)?;
     writeln!(to, r#"<kml xmlns="http://www.opengis.net/kml/2.2"><Document>"#)?;
     for (drone, points) in tracks {
-        writeln!(to, "<Placemark><name>{drone}</name><LineString><altitudeMode>clampToGround</altitudeMode>")?;
-        write!(to, "<coordinates>")?;
-        for (_, [latitude, longitude, altitude]) in points {
-            let altitude = if altitude.is_nan() { 0.0 } else { *altitude };
-            write!(to, "{longitude},{latitude},{altitude} ")?;
+        writeln!(to, "<Placemark><name>{drone}</name><MultiGeometry>")?;
+        for segment in segments(points) {
+            write!(to, "<LineString><altitudeMode>clampToGround</altitudeMode><coordinates>")?;
+            for (_, [latitude, longitude, altitude]) in segment {
+                let altitude = if altitude.is_nan() { 0.0 } else { altitude };
+                write!(to, "{longitude},{latitude},{altitude} ")?;
+            }
+            writeln!(to, "</coordinates></LineString>")?;
         }
-        writeln!(to, "</coordinates></LineString></Placemark>")?;
+        writeln!(to, "</MultiGeometry></Placemark>")?;
     }
     writeln!(to, "</Document></kml>")
 }
@@ -233,6 +265,16 @@ mod tests {
         memory.0.take()
     }
 
+    #[test]
+    fn a_track_is_broken_where_nothing_valid_came() {
+        let place = Some([47.0, 8.0, 470.0]);
+        let at = |second: u64, position| (second * 1_000_000, position);
+        let points = [at(0, place), at(2, place), at(5, place), at(6, None), at(7, place), at(8, place)];
+        let found: Vec<Vec<u64>> =
+            segments(&points).map(|part| part.iter().map(|(at, _)| at / 1_000_000).collect()).collect();
+        assert_eq!(found, [vec![0, 2], vec![5], vec![7, 8]]);
+    }
+
     fn exported(form: Form) -> (u64, String) {
         let recording = recording();
         let (mut out, mut read) = (vec![], 0);
@@ -253,7 +295,7 @@ mod tests {
             ["2026-09-21T14:13:20.000000Z", "127.0.0.1:4000", "Reported-Position", "70000", "0", "0x0008"]
         );
         assert_eq!(columns[6].parse(), Ok(47.497_912_345_678_91_f64));
-        assert_eq!(columns[8..], ["470.125", "", "", "", "", "", ""]);
+        assert_eq!(columns[8..], ["470.125", "", "", "", "", "", "", "starting"]);
         assert!(rows.iter().all(|row| row.split(',').count() == columns.len()));
     }
 

@@ -1,19 +1,38 @@
 //! All drones of which something arrives.
+//!
+//! # Design
+//!
+//! **A drone is kept by who it is and by who speaks.** Two drones with one MAVLink system id, or somebody who forges
+//! one, are two senders: each is judged and shown by itself (`7` and `7-2`), and both have the alarm
+//! [`TwoSenders`](crate::Alarm::TwoSenders). A sender is another one if its messages come from elsewhere ([`Source`]),
+//! or if they do not fit what was heard before ([`order`](crate::drone::order)).
+//!
+//! **Nobody fills it up.** There are at most [`MAX_DRONES`] drones and [`MAX_SENDERS`] of each; when there is no room,
+//! the one that is longest silent goes, one that was hardly heard before one that was heard often. A drone that speaks
+//! is never pushed out.
+//!
+//! **A drone whose address changed** is a new sender beside a silent one. The silent one is forgotten after
+//! [`RECENT_US`], if the new one's HORUS started at the same instant, so that it is the same.
 
 use core::fmt;
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
 
 use crate::carrier::published::Name;
+use crate::drone::order::{SEARCH_CYCLES, SLACK_US};
+use crate::drone::{RECENT_US, SILENT_US};
 use crate::{Bundle, Change, Drone, Verdict};
 
-/// How many drones are kept. Further ones are counted and not shown, so that strangers cannot fill the memory.
+/// How many drones are kept.
 pub const MAX_DRONES: usize = 4_096;
 
-/// Which drone it is.
+/// How many senders of one drone are kept.
+pub const MAX_SENDERS: u8 = 4;
+
+/// Who a drone says that it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum DroneId {
-    /// By its MAVLink system id. Several carriers that bring objects of one system id bring those of one drone.
+pub enum Who {
+    /// By its MAVLink system id.
     System(u32),
     /// By where its datagrams come from.
     Address(SocketAddr),
@@ -23,7 +42,15 @@ pub enum DroneId {
     Named(Name),
 }
 
-impl fmt::Display for DroneId {
+impl Who {
+    /// The first sender that is heard of it.
+    #[must_use]
+    pub const fn first(self) -> DroneId {
+        DroneId { who: self, sender: 1 }
+    }
+}
+
+impl fmt::Display for Who {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::System(id) => write!(f, "{id}"),
@@ -34,88 +61,200 @@ impl fmt::Display for DroneId {
     }
 }
 
+/// Which drone it is, and which of those who speak as it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct DroneId {
+    /// Who it says that it is.
+    pub who: Who,
+    /// Which sender, from 1, in the order in which they were heard.
+    pub sender: u8,
+}
+
+impl fmt::Display for DroneId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.sender {
+            1 => write!(f, "{}", self.who),
+            sender => write!(f, "{}-{sender}", self.who),
+        }
+    }
+}
+
+/// Where messages come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Source {
+    /// The line's number.
+    pub line: u16,
+    /// The sender's address, if the line has such.
+    pub from: Option<SocketAddr>,
+    /// The MAVLink component id.
+    pub component: u8,
+    /// Each message has a signature of the station's key.
+    pub signed: bool,
+}
+
+/// One sender of one drone.
+#[derive(Clone, Debug)]
+struct Sender {
+    source: Source,
+    drone: Drone,
+}
+
+impl Sender {
+    /// Who is dropped first has the least.
+    fn worth(&self) -> (bool, u64) {
+        (self.drone.counts().messages >= u64::from(SEARCH_CYCLES), self.drone.heard_us())
+    }
+
+    fn may_go(&self, at_us: u64) -> bool {
+        let (often, heard_us) = self.worth();
+        !often || at_us.saturating_sub(heard_us) > SILENT_US
+    }
+}
+
 /// All drones. See the [module](self).
 #[derive(Clone, Debug, Default)]
 pub struct Fleet {
-    drones: BTreeMap<DroneId, Drone>,
+    drones: BTreeMap<DroneId, Sender>,
     refused: u64,
+    dropped: u64,
 }
 
 impl Fleet {
-    /// Takes a message's objects, which arrived at `at_us`. Answers what was found of each, in their order; nothing if
-    /// there is no room for another drone, or if it is one that was not heard before and brought nothing intact.
-    pub fn take(&mut self, id: DroneId, at_us: u64, bundle: &Bundle<'_>) -> Vec<Verdict> {
-        if let Some(drone) = self.drones.get_mut(&id) {
-            return drone.take_bundle(at_us, bundle);
+    /// Takes a message's objects, which arrived at `at_us`. Answers which sender it was and what was found of each
+    /// object, in their order; nothing is found if there is no room for another drone, or if it is one that was not
+    /// heard before and brought nothing intact.
+    pub fn take(&mut self, who: Who, source: Source, at_us: u64, bundle: &Bundle<'_>) -> (DroneId, Vec<Verdict>) {
+        let mine: Vec<DroneId> = self.of(who).filter(|(_, sender)| sender.source == source).map(|(id, _)| id).collect();
+        let fits = |id: &&DroneId| self.drones.get(id).is_some_and(|sender| sender.drone.fits(at_us, bundle));
+        // Where only one is known, it says itself whether it is a stranger's.
+        let fitting = mine.iter().find(|id| mine.len() == 1 || fits(id)).or(mine.first()).copied();
+        if let Some((id, sender)) = fitting.and_then(|id| self.drones.get_mut(&id).map(|sender| (id, sender))) {
+            let verdicts = sender.drone.take_bundle(at_us, bundle);
+            if !sender.drone.met_stranger() {
+                self.note_rivals(id, at_us, &verdicts);
+                return (id, verdicts);
+            }
         }
         // Only an intact object shows that there is a drone at all.
         let mut drone = Drone::new(at_us);
         let verdicts = drone.take_bundle(at_us, bundle);
-        let known = verdicts.iter().any(|verdict| verdict.is_intact());
-        if known && self.drones.len() < MAX_DRONES {
-            self.drones.insert(id, drone);
-            return verdicts;
+        if !verdicts.iter().any(|verdict| verdict.is_intact()) {
+            return (who.first(), verdicts);
         }
-        self.refused += u64::from(known);
-        if known { vec![] } else { verdicts }
+        match self.room(who, at_us) {
+            Some(id) => {
+                self.drones.insert(id, Sender { source, drone });
+                self.note_rivals(id, at_us, &verdicts);
+                (id, verdicts)
+            }
+            None => {
+                self.refused += 1;
+                (who.first(), vec![])
+            }
+        }
+    }
+
+    /// The senders of a drone.
+    fn of(&self, who: Who) -> impl Iterator<Item = (DroneId, &Sender)> {
+        let all = who.first()..=DroneId { who, sender: u8::MAX };
+        self.drones.range(all).map(|(id, sender)| (*id, sender))
+    }
+
+    /// All who speak as this drone learn of one another.
+    fn note_rivals(&mut self, id: DroneId, at_us: u64, verdicts: &[Verdict]) {
+        if !verdicts.iter().any(|verdict| verdict.is_intact()) {
+            return;
+        }
+        let heard = |sender: &Sender| at_us.saturating_sub(sender.drone.heard_us()) <= RECENT_US;
+        let rivals: Vec<_> = self.of(id.who).filter(|(_, sender)| heard(sender)).map(|(rival, _)| rival).collect();
+        if rivals.iter().any(|rival| *rival != id) {
+            for rival in rivals {
+                if let Some(sender) = self.drones.get_mut(&rival) {
+                    sender.drone.note_rival(at_us);
+                }
+            }
+        }
+    }
+
+    /// Makes room for another sender of this drone, and gives it a name.
+    fn room(&mut self, who: Who, at_us: u64) -> Option<DroneId> {
+        let least = |senders: &mut dyn Iterator<Item = (DroneId, &Sender)>| {
+            senders
+                .filter(|(_, sender)| sender.may_go(at_us))
+                .min_by_key(|(_, sender)| sender.worth())
+                .map(|(id, _)| id)
+        };
+        if self.of(who).count() >= usize::from(MAX_SENDERS) {
+            let id = least(&mut self.of(who))?;
+            self.drop_one(id);
+        } else if self.drones.len() >= MAX_DRONES {
+            let id = least(&mut self.drones.iter().map(|(id, sender)| (*id, sender)))?;
+            self.drop_one(id);
+        }
+        (1..=MAX_SENDERS).map(|sender| DroneId { who, sender }).find(|id| !self.drones.contains_key(id))
+    }
+
+    fn drop_one(&mut self, id: DroneId) {
+        self.drones.remove(&id);
+        self.dropped += 1;
     }
 
     /// What is known of a drone.
     #[must_use]
     pub fn get(&self, id: DroneId) -> Option<&Drone> {
-        self.drones.get(&id)
+        self.drones.get(&id).map(|sender| &sender.drone)
+    }
+
+    /// Where a drone's messages come from.
+    #[must_use]
+    pub fn source(&self, id: DroneId) -> Option<Source> {
+        self.drones.get(&id).map(|sender| sender.source)
     }
 
     /// All drones, in the order of their ids.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = (DroneId, &Drone)> {
-        self.drones.iter().map(|(id, drone)| (*id, drone))
+        self.drones.iter().map(|(id, sender)| (*id, &sender.drone))
     }
 
     /// Brings every drone's alarms up to `now_us`. Answers what changed.
     pub fn tick(&mut self, now_us: u64) -> Vec<(DroneId, Change)> {
-        let of = |(id, drone): (&DroneId, &mut Drone)| {
-            let id = *id;
-            drone.tick(now_us).into_iter().map(move |change| (id, change))
-        };
-        self.drones.iter_mut().flat_map(of).collect()
+        let moved: Vec<_> = self.drones.iter().filter(|(id, sender)| self.has_moved(**id, sender, now_us)).collect();
+        let moved: Vec<_> = moved.into_iter().map(|(id, _)| *id).collect();
+        let mut changes = vec![];
+        for id in moved {
+            let raised =
+                self.drones.remove(&id).into_iter().flat_map(|sender| sender.drone.raised().collect::<Vec<_>>());
+            changes.extend(raised.map(|over| (id, Change { alarm: over.alarm, raised: false, at_us: now_us })));
+        }
+        for (id, sender) in &mut self.drones {
+            changes.extend(sender.drone.tick(now_us).into_iter().map(|change| (*id, change)));
+        }
+        changes
     }
 
-    /// Messages with intact objects that were refused because there are [`MAX_DRONES`] already.
+    /// Whether a sender is silent and another one goes on as the same HORUS.
+    fn has_moved(&self, id: DroneId, sender: &Sender, now_us: u64) -> bool {
+        let silent = |sender: &Sender, span_us| now_us.saturating_sub(sender.drone.heard_us()) > span_us;
+        let same = |other: &Sender| {
+            let started = sender.drone.started_us().zip(other.drone.started_us());
+            started.is_some_and(|(one, other)| one.abs_diff(other) <= SLACK_US)
+        };
+        silent(sender, RECENT_US)
+            && self.of(id.who).any(|(other, goes_on)| other != id && !silent(goes_on, SILENT_US) && same(goes_on))
+    }
+
+    /// Messages with intact objects that were refused because there was no room.
     #[must_use]
     pub const fn refused(&self) -> u64 {
         self.refused
     }
+
+    /// Drones that were dropped to make room for others.
+    #[must_use]
+    pub const fn dropped(&self) -> u64 {
+        self.dropped
+    }
 }
 
 #[cfg(test)]
-mod tests {
-    use profile::{GpsValues, Profile, ReportedValues};
-
-    use super::*;
-
-    fn profile(timestamp: u32) -> Profile<1> {
-        Profile::seal(&ReportedValues::absent(timestamp), &[GpsValues::absent(timestamp)])
-    }
-
-    #[test]
-    fn drones_are_kept_apart_and_strangers_make_none() {
-        let mut fleet = Fleet::default();
-        let (first, second) = (profile(500), profile(10));
-        let take = |fleet: &mut Fleet, id, bytes: &[u8]| fleet.take(id, 0, &Bundle::datagram(bytes).unwrap());
-        assert_eq!(take(&mut fleet, DroneId::System(1), first.as_bytes()), [Verdict::New; 2]);
-        assert_eq!(take(&mut fleet, DroneId::System(2), second.as_bytes()), [Verdict::New; 2]);
-        assert!(take(&mut fleet, DroneId::System(3), &[7; 124]).iter().all(|verdict| !verdict.is_intact()));
-        assert_eq!(fleet.iter().map(|(id, _)| id).collect::<Vec<_>>(), [DroneId::System(1), DroneId::System(2)]);
-        assert_eq!(fleet.get(DroneId::System(2)).and_then(Drone::timestamp), Some(10));
-    }
-
-    #[test]
-    fn there_are_never_more_than_the_most() {
-        let mut fleet = Fleet::default();
-        let sent = profile(10);
-        for id in 0..MAX_DRONES as u32 + 3 {
-            fleet.take(DroneId::System(id), 0, &Bundle::datagram(sent.as_bytes()).unwrap());
-        }
-        assert_eq!((fleet.iter().len(), fleet.refused()), (MAX_DRONES, 3));
-    }
-}
+mod tests;

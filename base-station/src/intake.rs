@@ -2,13 +2,17 @@
 //! played back.
 
 use std::collections::BTreeMap;
+use std::net::SocketAddr;
 
 use profile::{Layout, MAX_SIZE};
 
 use crate::carrier::mavlink::{Receiver, Verifier};
 use crate::carrier::published::{Name, Published};
 use crate::carrier::stream::Deframer;
-use crate::{Bundle, Change, DroneId, Fleet, Place, Verdict};
+use crate::{Bundle, Change, DroneId, Fleet, Place, Source, Verdict, Who};
+
+/// No datagram with objects is longer, bytes: more than an Ethernet frame carries. Longer ones are refused unread.
+pub const MAX_DATAGRAM: usize = 2_048;
 
 /// How a line brings objects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -83,6 +87,26 @@ pub struct Intake {
     verifier: Option<Verifier>,
     lines: BTreeMap<(u16, u8), Line>,
     damaged: u64,
+    oversized: u64,
+}
+
+/// What was refused before it was looked at which drone's it is; totals.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct Refused {
+    /// Messages that are not signed with this station's key, or were recorded and sent again.
+    pub unsigned: u64,
+    /// TUNNEL messages whose payload type or length is none of ours.
+    pub malformed: u64,
+    /// TUNNEL messages whose MAVLink checksum does not fit.
+    pub bad_crc: u64,
+    /// Datagrams of MAVLink 1, in which TUNNEL cannot travel.
+    pub version_1: u64,
+    /// MAVLink messages of other kinds, which are no fault.
+    pub foreign: u64,
+    /// Datagrams and frames without MAVLink that are no profile and no image by their length.
+    pub damaged: u64,
+    /// Datagrams that are longer than [`MAX_DATAGRAM`].
+    pub oversized: u64,
 }
 
 impl Intake {
@@ -98,7 +122,7 @@ impl Intake {
     }
 
     /// As [`take`](Self::take), but of those objects alone that are `wanted`: of a recording, those that were judged.
-    pub fn take_if(&mut self, carried: &Carried, wanted: impl Fn(DroneId, Place) -> bool) -> Vec<Judged> {
+    pub fn take_if(&mut self, carried: &Carried, wanted: impl Fn(Who, Place) -> bool) -> Vec<Judged> {
         self.take_each(carried, wanted, |_, _, _| {})
     }
 
@@ -107,15 +131,21 @@ impl Intake {
     pub fn take_each(
         &mut self,
         carried: &Carried,
-        wanted: impl Fn(DroneId, Place) -> bool,
+        wanted: impl Fn(Who, Place) -> bool,
         mut told: impl FnMut(DroneId, &Bundle<'_>, &[Verdict]),
     ) -> Vec<Judged> {
-        let Self { fleet, verifier, lines, damaged } = self;
+        let Self { fleet, verifier, lines, damaged, oversized } = self;
         let Carried { at_us, kind, line, from, bytes } = carried;
         let mut judged = vec![];
-        let mut judge = |drone: DroneId, bundle: &Bundle<'_>| {
-            if bundle.objects().all(|(place, _)| wanted(drone, place)) {
-                let verdicts = fleet.take(drone, *at_us, bundle);
+        if matches!(kind, Kind::MavlinkDatagrams | Kind::Datagrams) && bytes.len() > MAX_DATAGRAM {
+            *oversized += 1;
+            return judged;
+        }
+        let from_address: Option<SocketAddr> = from.parse().ok();
+        let plain = Source { line: *line, from: from_address, ..Source::default() };
+        let mut judge = |who: Who, source: Source, bundle: &Bundle<'_>| {
+            if bundle.objects().all(|(place, _)| wanted(who, place)) {
+                let (drone, verdicts) = fleet.take(who, source, *at_us, bundle);
                 if fleet.get(drone).is_some() {
                     told(drone, bundle, &verdicts);
                 }
@@ -137,7 +167,9 @@ impl Intake {
                 };
                 for received in received {
                     if let Some(bundle) = received.bundle() {
-                        judge(received.id(), &bundle);
+                        let component = received.component;
+                        let source = Source { component, signed: verifier.is_some(), ..plain };
+                        judge(received.who(), source, &bundle);
                     }
                 }
             }
@@ -145,18 +177,18 @@ impl Intake {
                 let message = match kind {
                     Kind::Published => Name::new(from)
                         .zip(Published::read(bytes))
-                        .map(|(name, published)| (DroneId::Named(name), published.bundle)),
-                    _ => from.parse().ok().map(DroneId::Address).zip(Bundle::datagram(bytes)),
+                        .map(|(name, published)| (Who::Named(name), published.bundle)),
+                    _ => from_address.map(Who::Address).zip(Bundle::datagram(bytes)),
                 };
                 match message {
-                    Some((drone, bundle)) => judge(drone, &bundle),
+                    Some((who, bundle)) => judge(who, plain, &bundle),
                     None => *damaged += 1,
                 }
             }
             Line::Stream(deframer) => {
                 for frame in bytes.iter().filter_map(|byte| deframer.push(*byte)) {
                     match frame.as_deref().ok().and_then(Bundle::datagram) {
-                        Some(bundle) => judge(DroneId::Line(*line), &bundle),
+                        Some(bundle) => judge(Who::Line(*line), plain, &bundle),
                         None => *damaged += 1,
                     }
                 }
@@ -176,10 +208,30 @@ impl Intake {
         &self.fleet
     }
 
-    /// Messages, datagrams and frames, without MAVLink, that were none of ours.
+    /// Whether MAVLink is taken with a signature alone.
     #[must_use]
-    pub const fn damaged(&self) -> u64 {
-        self.damaged
+    pub const fn is_signed(&self) -> bool {
+        self.verifier.is_some()
+    }
+
+    /// What was refused.
+    #[must_use]
+    pub fn refused(&self) -> Refused {
+        let begin = Refused { damaged: self.damaged, oversized: self.oversized, ..Refused::default() };
+        self.lines.values().fold(begin, |all, line| match line {
+            Line::Mavlink(receiver) => {
+                let more = receiver.counts();
+                Refused {
+                    unsigned: all.unsigned + more.unsigned,
+                    malformed: all.malformed + more.malformed,
+                    bad_crc: all.bad_crc + more.bad_crc,
+                    version_1: all.version_1 + more.version_1,
+                    foreign: all.foreign + more.foreign,
+                    ..all
+                }
+            }
+            Line::Stream(_) | Line::Messages => all,
+        })
     }
 }
 
@@ -211,7 +263,7 @@ mod tests {
         stream::encode(sent.as_bytes(), &mut framed);
         let published = published::message(5, &Bundle::datagram(sent.as_bytes()).unwrap(), &[Verdict::New; 4]);
         let lines = [
-            (carried(Kind::MavlinkDatagrams, "", &mavlink), "9"),
+            (carried(Kind::MavlinkDatagrams, "127.0.0.1:9", &mavlink), "9"),
             (carried(Kind::MavlinkStream, "", &mavlink), "9"),
             (carried(Kind::Datagrams, "127.0.0.1:5000", sent.as_bytes()), "127.0.0.1:5000"),
             (carried(Kind::Stream, "", &framed), "line2"),
@@ -238,6 +290,6 @@ mod tests {
                 assert_eq!(Kind::of(kind as u8), Some(kind));
             }
         }
-        assert_eq!((intake.fleet().iter().len(), intake.damaged()), (0, 4 + 1 + 4));
+        assert_eq!((intake.fleet().iter().len(), intake.refused().damaged), (0, 4 + 1 + 4));
     }
 }

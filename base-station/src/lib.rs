@@ -50,5 +50,5 @@ pub mod recorder;
 pub use alarm::{Alarm, Change, Raised, Severity};
 pub use bundle::Bundle;
 pub use drone::{Drone, Verdict};
-pub use fleet::{DroneId, Fleet};
+pub use fleet::{DroneId, Fleet, Source, Who};
 pub use place::{Intact, Place};

@@ -16,13 +16,16 @@ use base_station::carrier::published::is_station;
 use base_station::export::{self, Form};
 use base_station::intake::{Intake, Kind};
 use base_station::live::broker::{self, Broker};
+use base_station::live::page::{self, Access};
 use base_station::live::serve::{self, Limits};
 use base_station::live::tls::{Tls, Unusable};
-use base_station::live::{self, Clock, Inlet, Station, Time, lines, page, playback};
-use base_station::recorder::{Files, Fix, Reader, Recorder};
+use base_station::live::{self, Clock, Inlet, Station, Time, lines, playback};
+use base_station::recorder::{Files, Fix, Made, Reader, Recorder};
 use base_station::{Change, DroneId};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
+#[cfg(unix)]
+use tokio::signal::unix::{SignalKind, signal};
 
 /// Judges, shows and records what drones' flight controllers forward of HORUS.
 #[derive(Parser)]
@@ -129,8 +132,9 @@ struct Listen {
     /// Profiles or images in frames that end with a zero byte (COBS), on this serial port
     #[arg(long, value_name = "PORT[,BAUD]")]
     plain_serial: Vec<String>,
-    /// Take no MAVLink that is not signed with the key in this file, 64 hexadecimal digits
-    #[arg(long, value_name = "FILE")]
+    /// Take no MAVLink that is not signed with the key in this file, 64 hexadecimal digits; not together with lines
+    /// that cannot be signed
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["datagrams", "plain_serial"])]
     key: Option<PathBuf>,
 }
 
@@ -156,9 +160,15 @@ struct BrokerArgs {
 
 #[derive(Args)]
 struct Page {
-    /// Where the page is; on another address than 127.0.0.1 whoever reaches it sees every drone
+    /// Where the page is; another address than this machine's own needs --page-login or --page-open
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:8480")]
     http: SocketAddr,
+    /// User and password for the page, one a line, are in this file
+    #[arg(long, value_name = "FILE")]
+    page_login: Option<PathBuf>,
+    /// Serve the page on another address than this machine's own to whoever reaches it, without a login
+    #[arg(long, conflicts_with = "page_login")]
+    page_open: bool,
     /// End after so many seconds
     #[arg(long, value_name = "SECONDS")]
     seconds: Option<u64>,
@@ -201,8 +211,8 @@ fn serve(listen: &Listen, Output { page, record }: Output) -> Result<()> {
     let (inlet, station, ended) = live::start(verifier(listen)?, files(record)?, Time::Clock(clock.clone()), tell);
     open(listen, &clock, &inlet)?;
     // The lines have inlets of their own, and end when the station does.
-    show(station, None, &page)?;
-    finish(inlet, ended)
+    show(station.clone(), None, &page)?;
+    finish(inlet, &station, ended)
 }
 
 fn record(listen: &Listen, file: PathBuf) -> Result<()> {
@@ -212,7 +222,7 @@ fn record(listen: &Listen, file: PathBuf) -> Result<()> {
     complain(station.clone());
     runtime()?.block_on(interrupted(None))?;
     eprintln!("{} drones, {} arrivals dropped", station.known().intake.fleet().iter().len(), station.dropped());
-    finish(inlet, ended)
+    finish(inlet, &station, ended)
 }
 
 fn publish(to: &BrokerArgs, name: &str, listen: &Listen, Output { page, record }: Output) -> Result<()> {
@@ -224,11 +234,11 @@ fn publish(to: &BrokerArgs, name: &str, listen: &Listen, Output { page, record }
     unconnected.connect(inlet.clone()).with_context(|| format!("cannot begin with {broker}"))?;
     open(listen, &clock, &inlet)?;
     eprintln!("publishing to {broker} as {name}");
-    show(station, None, &page)?;
+    show(station.clone(), None, &page)?;
     if outlet.unpublished() > 0 {
         eprintln!("{} messages were not published", outlet.unpublished());
     }
-    finish(inlet, ended)
+    finish(inlet, &station, ended)
 }
 
 fn subscribe(to: &BrokerArgs, only: Option<&str>, Output { page, record }: Output) -> Result<()> {
@@ -239,8 +249,8 @@ fn subscribe(to: &BrokerArgs, only: Option<&str>, Output { page, record }: Outpu
     broker::subscribe(broker.clone(), only, 0, clock, inlet.clone())
         .with_context(|| format!("cannot begin with {broker}"))?;
     eprintln!("subscribed to {} at {broker}", only.unwrap_or("all stations"));
-    show(station, None, &page)?;
-    finish(inlet, ended)
+    show(station.clone(), None, &page)?;
+    finish(inlet, &station, ended)
 }
 
 /// The broker of these arguments.
@@ -269,12 +279,18 @@ fn broker(args: &BrokerArgs) -> Result<Broker> {
     if encrypted && host.starts_with('[') {
         bail!("with TLS a broker is called by its name or its IPv4 address");
     }
-    let login = args.login.as_ref().map(|file| -> Result<_> {
-        let text = std::fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
-        let mut lines = text.lines().map(str::to_owned);
-        lines.next().zip(lines.next()).with_context(|| format!("{} has not two lines", file.display()))
-    });
-    Ok(Broker { host: host.to_owned(), port, login: login.transpose()?, tls })
+    let login = args.login.as_deref().map(login).transpose()?;
+    if login.is_some() && tls.is_none() {
+        say("warning: user and password go to the broker unencrypted: anybody on the way can read them; use mqtts://");
+    }
+    Ok(Broker { host: host.to_owned(), port, login, tls })
+}
+
+/// User and password, one a line.
+fn login(file: &Path) -> Result<(String, String)> {
+    let text = std::fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
+    let mut lines = text.lines().map(str::to_owned);
+    lines.next().zip(lines.next()).with_context(|| format!("{} has not two lines", file.display()))
 }
 
 /// TLS of these arguments, with the authorities in this file.
@@ -336,6 +352,11 @@ fn export(file: &Path, form: Option<Forms>, output: &Path) -> Result<()> {
     bar.finish_and_clear();
     eprintln!("{} {}", written?, if form == Form::Csv { "objects" } else { "points" });
     told_torn(&reader);
+    // Who asks for the first part alone may mean the last flight, which has another name.
+    let more: Vec<_> = (1..).map(|number| Files::name(file, number)).take_while(|part| part.exists()).collect();
+    if let Some(last) = more.last() {
+        eprintln!("{} alone: there are {} more beside it, the last is {}", file.display(), more.len(), last.display());
+    }
     Ok(())
 }
 
@@ -363,8 +384,10 @@ fn repair(file: &Path, output: PathBuf) -> Result<()> {
     bar.finish_and_clear();
     recorder.finish().map_err(|why| anyhow!("cannot write: {why}"))?;
     eprintln!("{records} arrivals");
-    told_torn(&reader);
-    Ok(())
+    match told_torn(&reader) {
+        false => Ok(()),
+        true => bail!("something is lost; what could be read is in the copy"),
+    }
 }
 
 fn reader(file: &Path) -> Result<(Reader<BufReader<File>>, ProgressBar)> {
@@ -373,10 +396,15 @@ fn reader(file: &Path) -> Result<(Reader<BufReader<File>>, ProgressBar)> {
     Ok((Reader::new(BufReader::new(from)), bar))
 }
 
-fn told_torn<R: std::io::Read>(reader: &Reader<R>) {
+/// Says what of a recording could not be read, and answers whether there was such.
+fn told_torn<R: std::io::Read>(reader: &Reader<R>) -> bool {
+    for why in reader.lost() {
+        eprintln!("a chunk is damaged and left out ({why}); all before and behind it is there");
+    }
     if let Some(why) = reader.torn() {
         eprintln!("the recording is cut off ({why}); all before that is there");
     }
+    reader.torn().is_some() || !reader.lost().is_empty()
 }
 
 fn progress(bytes: u64) -> ProgressBar {
@@ -393,6 +421,10 @@ fn verifier(listen: &Listen) -> Result<Option<Verifier>> {
 
 fn files(file: Option<PathBuf>) -> Result<Option<Files>> {
     let Some(file) = file else { return Ok(None) };
+    let free = (0..).map(|number| Files::name(&file, number)).find(|name| !name.exists());
+    if let Some(free) = free.filter(|free| *free != file) {
+        eprintln!("{} exists: recording into {}", file.display(), free.display());
+    }
     let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
     if let Some(folder) = folder.filter(|folder| !folder.is_dir()) {
         bail!("there is no folder {} to record in", folder.display());
@@ -438,7 +470,12 @@ const fn words(kind: Kind) -> &'static str {
 /// Tells an alarm that came or went.
 fn tell(drone: DroneId, change: Change) {
     let what = if change.raised { "ALARM" } else { "over " };
-    eprintln!("drone {drone}: {what} {}", change.alarm);
+    say(&format!("drone {drone}: {what} {}", change.alarm));
+}
+
+/// Says something that happens while the station runs, with the time.
+fn say(words: &str) {
+    eprintln!("{} {words}", export::time(Clock::begin().now_us()));
 }
 
 fn runtime() -> Result<tokio::runtime::Runtime> {
@@ -453,8 +490,16 @@ async fn interrupted(seconds: Option<u64>) -> Result<()> {
             None => std::future::pending().await,
         }
     };
+    // What ends a service says TERM; the recording is to be whole then, too.
+    #[cfg(unix)]
+    let mut term = signal(SignalKind::terminate())?;
+    #[cfg(unix)]
+    let term = term.recv();
+    #[cfg(not(unix))]
+    let term = std::future::pending::<Option<()>>();
     tokio::select! {
         signal = tokio::signal::ctrl_c() => signal.context("cannot wait for a signal"),
+        _ = term => Ok(()),
         () = time => Ok(()),
     }
 }
@@ -464,17 +509,23 @@ async fn interrupted(seconds: Option<u64>) -> Result<()> {
 fn complain(station: Station) {
     thread::spawn(move || {
         let mut told = BTreeMap::<String, String>::new();
+        let mut files = 0;
         loop {
+            let made = station.known().recording.as_ref().map(Made::names).unwrap_or_default();
+            for name in made.iter().skip(files) {
+                say(&format!("recording into {}", name.display()));
+            }
+            files = made.len();
             let mut troubles: BTreeMap<_, _> = {
                 let known = station.known();
                 let recorder = known.recorder.as_ref().map(|trouble| ("recording".to_owned(), trouble.why.clone()));
                 known.lines.iter().cloned().chain(recorder).collect()
             };
             for (name, why) in troubles.iter().filter(|(name, _)| !told.contains_key(*name)) {
-                eprintln!("{name} fails: {why}");
+                say(&format!("{name} fails: {why}"));
             }
             for name in told.keys().filter(|name| !troubles.contains_key(*name)) {
-                eprintln!("{name} works again");
+                say(&format!("{name} works again"));
             }
             std::mem::swap(&mut told, &mut troubles);
             thread::sleep(COMPLAIN);
@@ -484,13 +535,24 @@ fn complain(station: Station) {
 
 /// Serves the page until somebody ends it.
 fn show(station: Station, player: Option<Arc<playback::Player>>, page: &Page) -> Result<()> {
+    let mut access = Access::from(page.http);
+    if let Some(file) = &page.page_login {
+        let (user, password) = login(file)?;
+        access = access.with_login(&format!("{user}:{password}"));
+    } else if !page.http.ip().is_loopback() && !page.page_open {
+        bail!(
+            "whoever reaches {} would see every drone: --page-login FILE asks for a user and a password, --page-open \
+             serves it to everybody",
+            page.http
+        );
+    }
     complain(station.clone());
     runtime()?.block_on(async {
         let listener = tokio::net::TcpListener::bind(page.http).await;
         let listener = listener.with_context(|| format!("cannot serve a page on {}", page.http))?;
         let address = listener.local_addr()?;
         println!("http://{address}/");
-        let router = page::router(station, player, address);
+        let router = page::router(station, player, access);
         // Open event streams would hold a graceful end up.
         tokio::select! {
             served = serve::serve(listener, router, Limits::default()) => served.context("the page ended"),
@@ -500,8 +562,15 @@ fn show(station: Station, player: Option<Arc<playback::Player>>, page: &Page) ->
 }
 
 /// Ends the station once the lines have noticed, and waits until all is written.
-fn finish(inlet: Inlet, ended: thread::JoinHandle<Result<(), String>>) -> Result<()> {
+fn finish(inlet: Inlet, station: &Station, ended: thread::JoinHandle<Result<(), String>>) -> Result<()> {
     inlet.close();
     drop(inlet);
-    ended.join().map_err(|_| anyhow!("the station's thread died"))?.map_err(|why| anyhow!("recording: {why}"))
+    let written = ended.join().map_err(|_| anyhow!("the station's thread died"))?;
+    if let Some(made) = station.known().recording.as_ref().map(Made::names) {
+        match &made[..] {
+            [] => eprintln!("nothing was recorded: nothing arrived"),
+            names => names.iter().for_each(|name| eprintln!("recorded: {}", name.display())),
+        }
+    }
+    written.map_err(|why| anyhow!("recording: {why}"))
 }

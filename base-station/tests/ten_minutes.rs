@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 
 use base_station::carrier::mavlink::{Forwarder, Rates, Receiver};
-use base_station::{Bundle, Fleet, Place, Verdict};
+use base_station::{Bundle, Fleet, Place, Source, Verdict, Who};
 use profile::{GpsStatus, GpsValues, LinkStatus, LinkStatusBits, LinkValues, Profile, ReportedStatus, ReportedValues};
 
 const SECOND: u64 = 1_000_000;
@@ -115,8 +115,9 @@ struct Judge {
 
 impl Judge {
     fn take(&mut self, message: &Message, bundle: &Bundle<'_>) {
-        let id = base_station::DroneId::System(7);
-        let verdicts = self.fleet.take(id, message.arrives_us, bundle);
+        let who = Who::System(7);
+        let (id, verdicts) = self.fleet.take(who, Source::default(), message.arrives_us, bundle);
+        assert_eq!(id, who.first(), "there is one sender");
         for ((place, bytes), verdict) in bundle.objects().zip(verdicts) {
             if verdict.is_intact() {
                 assert!(self.sent.contains(&(place, bytes.to_vec())), "{place} was not sent, and is {verdict:?}");

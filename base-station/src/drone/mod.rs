@@ -7,11 +7,15 @@
 //! brings nothing, unless the newer one lost just what the older one has: that is then shown, with its age.
 //!
 //! **A HORUS that has restarted** counts from 0 again, so all that it sends is older than what is shown. It is believed
-//! after three cycles in a row that each advance, if none of them is older than the time for which nothing newer came:
-//! a HORUS that was heard two seconds ago cannot have been running for an hour since. What was shown is then forgotten.
-//! No single message that was repeated, delayed, reordered or inserted is ever taken for a restart. In HORUS's first
-//! [`RESTART_SLACK_US`](order::RESTART_SLACK_US) three delayed messages in a row can be; the next newer one ends that.
+//! after three cycles in a row that each advance, once the one that was shown is quiet, if none of them is older than
+//! the time for which nothing newer came: a HORUS that was heard two seconds ago cannot have been running for an hour
+//! since. What was shown is then forgotten. No single message that was repeated, delayed, reordered or inserted is ever
+//! taken for a restart. In HORUS's first [`RESTART_SLACK_US`](order::RESTART_SLACK_US) three delayed messages in a row
+//! can be; the next newer one ends that. What fits neither is another sender ([`order`], [`fleet`](crate::fleet)).
 //! The DPR's Link-Status has a clock of its own, and is judged in the same way.
+//!
+//! **What is held can be shown.** Values that cannot be what their status calls them are taken out before they are held
+//! ([`profile::range`]), so no one who shows them has to look again.
 //!
 //! **Alarms** follow from what is held and from the time; [`Drone::tick`] says which came and went. Where the DPR's
 //! Link-Status arrives too, its bits are alarms as well.
@@ -20,7 +24,9 @@ pub mod order;
 pub mod words;
 
 use profile::ssi::client::Shown;
-use profile::{GpsValues, HorusState, LinkStatus, LinkValues, MAX_RECEIVERS, Object, Rejection, ReportedValues};
+use profile::{
+    GpsValues, HorusState, LinkStatus, LinkValues, MAX_RECEIVERS, Object, Rejection, ReportedValues, ResetReason,
+};
 
 use crate::age::Ages;
 use crate::alarm::{Alarms, Board};
@@ -30,6 +36,9 @@ use order::{Order, Step};
 /// A position that is older than this is stale, µs. What the page is to say within half a second, less what pushing and
 /// drawing take.
 pub const STALE_US: u64 = 400_000;
+
+/// What is shown of a receiver or of the link is old after so long, µs: receivers take turns on a slow radio.
+pub const OLD_US: u64 = 1_000_000;
 
 /// If nothing intact arrives for so long, µs, the drone is silent.
 pub const SILENT_US: u64 = 1_000_000;
@@ -98,6 +107,10 @@ pub struct Held<T> {
     pub late_us: u64,
     /// How often it arrived again, [`FROZEN_US`] and later.
     repeats: u32,
+    /// Its frame CRC, which tells two objects of one timestamp apart.
+    crc: u32,
+    /// It called a position valid that cannot be one.
+    implausible: bool,
 }
 
 impl<T> Held<T> {
@@ -160,6 +173,10 @@ pub struct Drone {
     restarted_us: Option<u64>,
     damaged_us: Option<u64>,
     strange_us: Option<u64>,
+    /// When somebody else was heard who speaks as this drone.
+    rival_us: Option<u64>,
+    /// What was taken last is a stranger's.
+    stranger: bool,
 }
 
 impl Drone {
@@ -181,12 +198,15 @@ impl Drone {
             restarted_us: None,
             damaged_us: None,
             strange_us: None,
+            rival_us: None,
+            stranger: false,
         }
     }
 
     /// Takes a message's objects, which arrived at `at_us`. Answers what was found of each, in their order.
     pub fn take_bundle(&mut self, at_us: u64, bundle: &Bundle<'_>) -> Vec<Verdict> {
         self.counts.messages += 1;
+        self.stranger = false;
         let mut cycle = None;
         let mut mixed = false;
         let verdicts = bundle.objects().map(|(place, bytes)| {
@@ -206,11 +226,16 @@ impl Drone {
             Shown::Vacant => Verdict::Vacant,
             Shown::Damaged(why) => Verdict::Rejected(why),
             Shown::Intact(object) => {
-                self.heard_us = self.heard_us.max(at_us);
-                match object {
-                    Intact::LinkStatus(link) => self.take_link(at_us, link),
-                    Intact::Object(object) => self.take_object(place, at_us, object),
+                let crc = bytes.last_chunk().map_or(0, |crc| u32::from_be_bytes(*crc));
+                let verdict = match object {
+                    Intact::LinkStatus(link) => self.take_link(at_us, link, crc),
+                    Intact::Object(object) => self.take_object(place, at_us, object, crc),
+                };
+                // What is not believed is no sign of life of this drone.
+                if verdict != Verdict::OutOfSequence {
+                    self.heard_us = self.heard_us.max(at_us);
                 }
+                verdict
             }
         };
         let Counts { new, duplicate, older, out_of_sequence, vacant, bad_crc, misplaced, .. } = &mut self.counts;
@@ -231,21 +256,33 @@ impl Drone {
         verdict
     }
 
-    fn take_link(&mut self, at_us: u64, link: &LinkStatus) -> Verdict {
+    fn take_link(&mut self, at_us: u64, link: &LinkStatus, crc: u32) -> Verdict {
         let timestamp = link.timestamp();
-        match self.dpr.judge(timestamp, at_us, false) {
+        match self.dpr.judge(timestamp, at_us, false, self.dpr_ages.early_us(timestamp, at_us, true)) {
             Step::Newest { .. } => {}
             Step::Restarted => self.dpr_ages = Ages::default(),
-            Step::Same => return Verdict::Duplicate,
+            Step::Same => return self.repeated(self.link.as_ref().map(|held| held.crc), at_us, crc),
             Step::Older => return Verdict::Older,
-            Step::Search => return Verdict::OutOfSequence,
+            Step::Search | Step::Stranger => return Verdict::OutOfSequence,
         }
         let late_us = self.dpr_ages.take(timestamp, at_us, true);
-        self.link = Some(Held { values: link.values(), timestamp, arrived_us: at_us, late_us, repeats: 0 });
+        let values = link.values();
+        let (arrived_us, repeats, implausible) = (at_us, 0, false);
+        self.link = Some(Held { values, timestamp, arrived_us, late_us, repeats, crc, implausible });
         Verdict::New
     }
 
-    fn take_object(&mut self, place: Place, at_us: u64, object: Object<'_>) -> Verdict {
+    /// What an object is whose timestamp is that of the one that is shown, whose frame CRC is `own`.
+    fn repeated(&mut self, own: Option<u32>, at_us: u64, crc: u32) -> Verdict {
+        if own == Some(crc) {
+            return Verdict::Duplicate;
+        }
+        // One sender does not seal two contents with one timestamp.
+        self.rival_us = Some(at_us);
+        Verdict::OutOfSequence
+    }
+
+    fn take_object(&mut self, place: Place, at_us: u64, object: Object<'_>, crc: u32) -> Verdict {
         let timestamp = object.timestamp();
         // Which receiver, from 0; Reported-Position is none.
         let receiver = match place {
@@ -253,11 +290,13 @@ impl Drone {
             Place::Reported | Place::LinkStatus => None,
         };
         let own = match receiver {
-            None => self.reported.as_ref().map(|held| held.timestamp),
-            Some(receiver) => self.gps.get(receiver).and_then(Option::as_ref).map(|held| held.timestamp),
+            None => self.reported.as_ref().map(|held| (held.timestamp, held.crc)),
+            Some(receiver) => self.gps.get(receiver).and_then(Option::as_ref).map(|held| (held.timestamp, held.crc)),
         };
+        let (own, own_crc) = (own.map(|(timestamp, _)| timestamp), own.map(|(_, crc)| crc));
         let newer_than_own = || profile::freshness(own, timestamp).is_fresh();
-        match self.horus.judge(timestamp, at_us, true) {
+        let crystal = self.has_crystal();
+        match self.horus.judge(timestamp, at_us, true, self.ages.early_us(timestamp, at_us, crystal)) {
             Step::Newest { missed } => self.counts.missed += u64::from(missed),
             Step::Restarted => {
                 self.counts.restarts += 1;
@@ -272,28 +311,80 @@ impl Drone {
                     None => self.reported.iter_mut().for_each(|held| held.repeated(at_us)),
                     Some(receiver) => self.gps[receiver].iter_mut().for_each(|held| held.repeated(at_us)),
                 }
-                return Verdict::Duplicate;
+                return self.repeated(own_crc, at_us, crc);
             }
             Step::Same | Step::Older => return Verdict::Older,
             Step::Search => return Verdict::OutOfSequence,
+            Step::Stranger => {
+                self.stranger = true;
+                return Verdict::OutOfSequence;
+            }
         }
-        let crystal = self.reported.as_ref().is_none_or(|held| !held.values.status.without_crystal());
         let late_us = self.ages.take(timestamp, at_us, crystal);
         let arrived_us = at_us;
         match (object, receiver) {
             (Object::Reported(object), _) => {
-                let values = object.values();
-                self.reported = Some(Held { values, timestamp, arrived_us, late_us, repeats: 0 });
+                let sent = object.values();
+                let values = sent.checked();
+                let implausible = sent.status.position_valid() && !values.status.position_valid();
+                self.reported = Some(Held { values, timestamp, arrived_us, late_us, repeats: 0, crc, implausible });
             }
             (Object::Gps(object), Some(receiver)) => {
-                let values = object.values();
+                let sent = object.values();
+                let values = sent.checked();
+                let implausible = sent.status.position_valid() && !values.status.position_valid();
                 self.receivers = self.receivers.max(receiver + 1);
-                self.gps[receiver] = Some(Held { values, timestamp, arrived_us, late_us, repeats: 0 });
+                let held = Held { values, timestamp, arrived_us, late_us, repeats: 0, crc, implausible };
+                self.gps[receiver] = Some(held);
             }
             // An object that is intact in its place is of that place's kind.
             (Object::Gps(_), None) => {}
         }
         Verdict::New
+    }
+
+    fn has_crystal(&self) -> bool {
+        self.reported.as_ref().is_none_or(|held| !held.values.status.without_crystal())
+    }
+
+    /// Whether a message's objects, which arrived at `at_us`, may be this drone's: they continue what was before, or
+    /// are late ones of it. The first object of the profile decides; in a message without one Link-Status does.
+    #[must_use]
+    pub fn fits(&self, at_us: u64, bundle: &Bundle<'_>) -> bool {
+        let mut fits = true;
+        for (place, bytes) in bundle.objects() {
+            match place.judge(bytes) {
+                Shown::Intact(Intact::LinkStatus(link)) => {
+                    let early_us = self.dpr_ages.early_us(link.timestamp(), at_us, true);
+                    fits = self.dpr.fits(link.timestamp(), at_us, false, early_us);
+                }
+                Shown::Intact(Intact::Object(object)) => {
+                    let early_us = self.ages.early_us(object.timestamp(), at_us, self.has_crystal());
+                    return self.horus.fits(object.timestamp(), at_us, true, early_us);
+                }
+                _ => {}
+            }
+        }
+        fits
+    }
+
+    /// Whether what was taken last is a stranger's ([`Step::Stranger`]): somebody else speaks as this drone.
+    #[must_use]
+    pub const fn met_stranger(&self) -> bool {
+        self.stranger
+    }
+
+    /// Somebody else was heard at `at_us` who speaks as this drone.
+    pub const fn note_rival(&mut self, at_us: u64) {
+        self.rival_us = Some(at_us);
+    }
+
+    /// When its HORUS started, µs of the caller's clock, as far as its newest sample tells.
+    #[must_use]
+    pub fn started_us(&self) -> Option<i64> {
+        let held = self.reported.as_ref()?;
+        let taken_us = held.arrived_us.saturating_sub(held.late_us);
+        Some(taken_us.cast_signed().saturating_sub(i64::from(held.timestamp) * 1_000))
     }
 
     /// Brings the alarms up to `now_us`. Answers which came and which went.
@@ -316,6 +407,11 @@ impl Drone {
         let status = reported.map(|held| held.values.status).unwrap_or_default();
         let is_in = |state| status.state() == Some(state);
         let stale = reported.is_none_or(|held| held.age_us(now_us) > STALE_US);
+        let silent = now_us.saturating_sub(self.heard_us) > SILENT_US;
+        // Everything that a silent drone has said is old.
+        let old = |age_us: u64| age_us > OLD_US && !silent;
+        let mut gps = self.gps.iter().flatten();
+        let implausible = reported.is_some_and(|held| held.implausible);
         let frozen = reported.is_some_and(|held| held.repeats > FROZEN_REPEATS);
         let clock = link.horus_clock_implausible() || self.ages.is_clock_implausible();
         Alarms::none()
@@ -324,17 +420,27 @@ impl Drone {
             .with(Alarm::SwitchedToRedundant, is_in(HorusState::SwitchedToRedundant))
             .with(Alarm::OutsideRange, is_in(HorusState::OutsideRange))
             .with(Alarm::InputsContradict, is_in(HorusState::InputsContradict))
-            .with(Alarm::Silent, now_us.saturating_sub(self.heard_us) > SILENT_US)
+            .with(Alarm::UnknownState, reported.is_some() && status.state().is_none())
+            .with(Alarm::TwoSenders, within(self.rival_us, RECENT_US))
+            .with(Alarm::PositionLost, is_in(HorusState::PositionLost))
+            .with(Alarm::HorusMemoryFault, status.memory_fault())
+            .with(Alarm::Silent, silent)
             .with(Alarm::Stale, stale)
             .with(Alarm::LinkDown, self.link.is_some() && !link.link_up())
+            .with(Alarm::NoField, link.no_field())
             .with(Alarm::Frozen, frozen || link.horus_frozen())
             .with(Alarm::OutOfSequence, link.out_of_sequence() || within(self.strange_us, SILENT_US))
-            .with(Alarm::NoAgreement, reported.is_some() && !status.position_valid())
+            .with(Alarm::Implausible, implausible)
+            .with(Alarm::NoAgreement, reported.is_some() && !status.position_valid() && !implausible)
             .with(Alarm::ClockImplausible, clock)
             .with(Alarm::RamFault, link.ram_fault())
             .with(Alarm::FlashFault, link.flash_fault())
             .with(Alarm::FrontEndFault, link.front_end_fault())
+            .with(Alarm::ReceiversOld, gps.clone().any(|held| old(held.age_us(now_us))))
+            .with(Alarm::LinkStatusOld, self.link.as_ref().is_some_and(|held| old(held.age_us(now_us))))
+            .with(Alarm::ReceiverImplausible, gps.any(|held| held.implausible))
             .with(Alarm::Restarted, link.horus_restarted() || within(self.restarted_us, RECENT_US))
+            .with(Alarm::HorusUnaskedReset, status.reset_reason().is_some_and(ResetReason::is_unasked))
             .with(Alarm::UnaskedReset, link.unasked_reset())
             .with(Alarm::Degraded, status.degraded())
             .with(Alarm::NoCrystal, status.without_crystal())

@@ -3,19 +3,46 @@
 //! The DPR judges each cycle by its own clock, to a quarter of a cycle ([`profile::sequence`]). Behind a radio that
 //! loses, reorders and holds back, nothing of that is left: here a timestamp may skip any number of cycles, and come
 //! [late](crate::age). It may not run ahead of time, and it may not go back.
+//!
+//! # What does not fit
+//!
+//! A timestamp that neither continues what was before nor can be a late message of it is searched with: it is believed
+//! once [`SEARCH_CYCLES`] in a row continue one another. What they are depends on the sender that was heard before:
+//!
+//! | the sender before | theirs | what they are |
+//! |---|---|---|
+//! | went on meanwhile | any | a [stranger](Step::Stranger): two speak |
+//! | is quiet for [`QUIET_US`] | as young as a restart makes them, or ahead | a [restart](Step::Restarted) |
+//! | is quiet for [`QUIET_US`] | back by more than [`LATE_US`] | a stranger: perhaps a recording of before |
+//! | neither | any | not known yet |
+//!
+//! So no number of messages in the gap between two messages of the true sender takes its place.
 
 use profile::{Freshness, freshness};
 
-/// So much earlier or later than it should a timestamp may arrive, µs: what a carrier may hold one message back longer
-/// than another.
+/// So much earlier than the fastest of the first samples a timestamp may come, µs: what a carrier may hold one message
+/// back longer than another.
 pub const SLACK_US: u64 = 2_000_000;
+
+/// So much earlier a timestamp may come once [`SEARCH_CYCLES`] have, µs.
+pub const AHEAD_US: u64 = 1_000_000;
+
+/// No carrier holds a message back for so long and delivers others before it, µs.
+pub const LATE_US: u64 = 10_000_000;
 
 /// A restarted sender's timestamp is at most the time for which nothing newer came from it, and this much, µs: what its
 /// last message may have been under way.
 pub const RESTART_SLACK_US: u64 = 500_000;
 
-/// So many timestamps in a row that each advance make a restart, or a step that nothing explains, believable.
+/// A restart, or another sender, is believed after this number of timestamps in a row that each advance.
 pub const SEARCH_CYCLES: u8 = 3;
+
+/// Nothing takes a sender's place that was heard within this time, µs: whoever sends less often than at 4 Hz is
+/// [stale](super::STALE_US) between two messages.
+pub const QUIET_US: u64 = 250_000;
+
+/// Searches that go on side by side, so that messages that continue nothing keep no sender from being found.
+const SEARCHES: usize = 4;
 
 /// What a timestamp is after those before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,6 +60,8 @@ pub enum Step {
     Search,
     /// The sender has started again: what was before it is forgotten.
     Restarted,
+    /// It is another sender's, who speaks beside or instead of the one that was heard before.
+    Stranger,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -41,58 +70,116 @@ struct Seen {
     at_us: u64,
 }
 
+/// Timestamps that continue one another and nothing else.
+#[derive(Clone, Copy, Debug)]
+struct Search {
+    began_us: u64,
+    last: Seen,
+    found: u8,
+}
+
+/// What a timestamp is to the newest.
+enum Kind {
+    Newest {
+        missed: u32,
+    },
+    Same,
+    Older,
+    /// It does not fit. `back` says that it is neither of a restart nor ahead.
+    Strange {
+        back: bool,
+    },
+}
+
 /// The memory of one sender's timestamps. See the [module](self).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Order {
     newest: Option<Seen>,
-    /// The last timestamp of a search, and how many in a row have advanced.
-    search: Option<(Seen, u8)>,
+    /// Newest ones since the sender started, at most [`SEARCH_CYCLES`].
+    taken: u8,
+    searches: [Option<Search>; SEARCHES],
 }
 
 impl Order {
-    /// What the timestamp, ms, of something that arrived at `at_us` is. `grid` is whether the sender's timestamps
-    /// advance by whole cycles.
-    pub fn judge(&mut self, timestamp: u32, at_us: u64, grid: bool) -> Step {
+    /// What the timestamp, ms, of something that arrived at `at_us` is, which was `early_us` earlier than the fastest
+    /// ([`Ages::early_us`](crate::age::Ages::early_us)). `grid` is whether the sender's timestamps advance by whole
+    /// cycles.
+    pub fn judge(&mut self, timestamp: u32, at_us: u64, grid: bool, early_us: i64) -> Step {
         let seen = Seen { timestamp, at_us };
-        let Some(newest) = self.newest else {
-            self.newest = Some(seen);
-            return Step::Newest { missed: 0 };
-        };
-        let candidate = match freshness(Some(newest.timestamp), timestamp) {
-            Freshness::Frozen => return Step::Same,
-            Freshness::Fresh { missed } if is_in_time(newest, seen) => {
-                *self = Self { newest: Some(seen), search: None };
+        let back = match self.kind(seen, grid, early_us) {
+            Kind::Newest { missed } => {
+                self.newest = Some(seen);
+                self.taken = SEARCH_CYCLES.min(self.taken + 1);
                 return Step::Newest { missed };
             }
-            Freshness::Irregular if !grid && is_in_time(newest, seen) => {
-                *self = Self { newest: Some(seen), search: None };
-                return Step::Newest { missed: 0 };
-            }
-            Freshness::Restarted => {
-                let silent_us = at_us.saturating_sub(newest.at_us).saturating_add(RESTART_SLACK_US);
-                u64::from(timestamp) * 1_000 <= silent_us
-            }
-            Freshness::First | Freshness::Fresh { .. } | Freshness::Irregular => true,
+            Kind::Same => return Step::Same,
+            Kind::Older => return Step::Older,
+            Kind::Strange { back } => back,
         };
-        if !candidate {
-            return Step::Older;
-        }
-        let found = match self.search {
-            Some((last, found)) => match freshness(Some(last.timestamp), timestamp) {
-                // Another object of the same cycle.
-                Freshness::Frozen => return Step::Search,
-                Freshness::Fresh { .. } if is_in_time(last, seen) => found + 1,
-                Freshness::Irregular if !grid && is_in_time(last, seen) => found + 1,
-                _ => 1,
-            },
-            None => 1,
+        let newest_us = self.newest.map_or(0, |newest| newest.at_us);
+        let Some((place, search)) = self.search(seen, grid).filter(|(_, search)| search.found >= SEARCH_CYCLES) else {
+            return Step::Search;
         };
-        if found < SEARCH_CYCLES {
-            self.search = Some((seen, found));
+        let both_speak = newest_us > search.began_us;
+        if !both_speak && at_us.saturating_sub(newest_us) < QUIET_US {
             return Step::Search;
         }
-        *self = Self { newest: Some(seen), search: None };
+        if both_speak || back {
+            self.searches[place] = None;
+            return Step::Stranger;
+        }
+        *self = Self { newest: Some(seen), taken: 1, ..Self::default() };
         Step::Restarted
+    }
+
+    /// Whether a timestamp continues what was before, or may be a late one of it; arguments as for
+    /// [`judge`](Self::judge).
+    #[must_use]
+    pub fn fits(&self, timestamp: u32, at_us: u64, grid: bool, early_us: i64) -> bool {
+        !matches!(self.kind(Seen { timestamp, at_us }, grid, early_us), Kind::Strange { .. })
+    }
+
+    fn kind(&self, seen: Seen, grid: bool, early_us: i64) -> Kind {
+        let Some(newest) = self.newest else { return Kind::Newest { missed: 0 } };
+        let passed_us = seen.at_us.saturating_sub(newest.at_us);
+        let ahead_us = if self.taken < SEARCH_CYCLES { SLACK_US } else { AHEAD_US };
+        let in_time = early_us <= ahead_us.saturating_add(drift_us(passed_us)).cast_signed();
+        match freshness(Some(newest.timestamp), seen.timestamp) {
+            Freshness::Frozen => Kind::Same,
+            Freshness::Fresh { missed } if in_time => Kind::Newest { missed },
+            Freshness::Irregular if in_time && !grid => Kind::Newest { missed: 0 },
+            Freshness::Restarted if u64::from(seen.timestamp) * 1_000 > passed_us.saturating_add(RESTART_SLACK_US) => {
+                if early_us < -LATE_US.cast_signed() {
+                    Kind::Strange { back: true }
+                } else {
+                    Kind::Older
+                }
+            }
+            _ => Kind::Strange { back: false },
+        }
+    }
+
+    /// The search that a timestamp continues, or begins, and its place.
+    fn search(&mut self, seen: Seen, grid: bool) -> Option<(usize, Search)> {
+        let passed_us = |search: &Search| seen.at_us.saturating_sub(search.last.at_us);
+        let continues = |search: &Search| match freshness(Some(search.last.timestamp), seen.timestamp) {
+            Freshness::Fresh { .. } => passed_us(search) <= LATE_US && is_in_time(search.last, seen),
+            Freshness::Irregular => !grid && passed_us(search) <= LATE_US && is_in_time(search.last, seen),
+            _ => false,
+        };
+        let known = self.searches.iter().position(|search| search.as_ref().is_some_and(continues));
+        if known.is_none() && self.searches.iter().flatten().any(|search| search.last.timestamp == seen.timestamp) {
+            // Another object of the same cycle.
+            return None;
+        }
+        let oldest = || (0..SEARCHES).min_by_key(|place| self.searches[*place].map(|search| search.last.at_us));
+        let place = known.or_else(oldest)?;
+        let before = self.searches[place].filter(|_| known.is_some());
+        let began = Search { began_us: seen.at_us, last: seen, found: 1 };
+        let search =
+            before.map_or(began, |before| Search { last: seen, found: SEARCH_CYCLES.min(before.found + 1), ..before });
+        self.searches[place] = Some(search);
+        Some((place, search))
     }
 
     /// The newest timestamp, ms.
@@ -106,19 +193,51 @@ impl Order {
 fn is_in_time(before: Seen, now: Seen) -> bool {
     let step_us = u64::from(now.timestamp.wrapping_sub(before.timestamp)) * 1_000;
     let passed_us = now.at_us.saturating_sub(before.at_us);
-    let drift_us = passed_us / u64::from(profile::sequence::TOLERANCE_SHARE);
-    step_us <= passed_us.saturating_add(drift_us).saturating_add(SLACK_US)
+    step_us <= passed_us.saturating_add(drift_us(passed_us)).saturating_add(SLACK_US)
+}
+
+/// What two clocks may drift apart while so much passes, µs.
+const fn drift_us(passed_us: u64) -> u64 {
+    passed_us / profile::sequence::TOLERANCE_SHARE as u64
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::age::Ages;
 
     const SECOND: u64 = 1_000_000;
 
+    /// An order and the ages beside it, as a drone has them.
+    #[derive(Default)]
+    struct Sender(Order, Ages);
+
+    impl Sender {
+        fn judge(&mut self, timestamp: u32, at_us: u64, grid: bool) -> Step {
+            let early_us = self.1.early_us(timestamp, at_us, true);
+            let step = self.0.judge(timestamp, at_us, grid, early_us);
+            match step {
+                Step::Restarted => self.1 = Ages::default(),
+                Step::Newest { .. } => {}
+                _ => return step,
+            }
+            self.1.take(timestamp, at_us, true);
+            step
+        }
+
+        /// One that has sent at 10 Hz for a minute, the last at 60 s.
+        fn running() -> Self {
+            let mut sender = Self::default();
+            for tenth in 0..=600 {
+                assert!(matches!(sender.judge(100 * tenth, 100_000 * u64::from(tenth), true), Step::Newest { .. }));
+            }
+            sender
+        }
+    }
+
     #[test]
     fn forward_is_newer_back_is_older_and_the_same_is_the_same() {
-        let mut order = Order::default();
+        let mut order = Sender::default();
         let mut judge = |timestamp, at| order.judge(timestamp, at, true);
         assert_eq!(judge(60_000, 0), Step::Newest { missed: 0 });
         assert_eq!(judge(60_010, 10_000), Step::Newest { missed: 0 });
@@ -126,12 +245,13 @@ mod tests {
         assert_eq!(judge(60_050, 10_002), Step::Same);
         assert_eq!(judge(60_040, 10_003), Step::Older);
         assert_eq!(judge(60_060, 10_004), Step::Newest { missed: 0 });
-        assert_eq!(judge(5_000, 3 * SECOND), Step::Older, "5 s ago it was running, so it cannot be that young");
+        assert_eq!(judge(53_100, 3 * SECOND), Step::Older, "10 s late or less: of before");
+        assert_eq!(judge(50_000, 3 * SECOND), Step::Search, "no carrier holds anything back for so long");
     }
 
     #[test]
     fn a_restart_is_believed_after_three_cycles_in_a_row() {
-        let mut order = Order::default();
+        let mut order = Sender::default();
         let mut judge = |timestamp, at| order.judge(timestamp, at, true);
         assert_eq!(judge(60_000, 0), Step::Newest { missed: 0 });
         assert_eq!(judge(30, SECOND), Step::Search);
@@ -143,23 +263,82 @@ mod tests {
     }
 
     #[test]
-    fn no_single_inserted_timestamp_is_believed_and_none_keeps_the_right_ones_out() {
-        let mut order = Order::default();
+    fn no_inserted_timestamp_is_believed_and_none_keeps_the_right_ones_out() {
+        let mut order = Sender::default();
         let mut at = 0;
         for cycle in 0..1_000_u32 {
             at += 10_000;
             let strange = [cycle * 10 + 3_600_000, 5, cycle * 10 + 7, 0][cycle as usize % 4];
             assert!(matches!(order.judge(10 * cycle + 70_000, at, true), Step::Newest { missed: 0 }), "{cycle}");
-            assert!(matches!(order.judge(strange, at, true), Step::Search | Step::Older), "{strange}");
+            let step = order.judge(strange, at, true);
+            assert!(matches!(step, Step::Search | Step::Older | Step::Stranger), "{strange}: {step:?}");
         }
     }
 
     #[test]
-    fn a_step_that_nothing_explains_is_believed_after_three_in_a_row() {
-        let mut order = Order::default();
+    fn a_burst_between_two_messages_takes_nobodys_place() {
+        for ahead in [1_900, 3_600_000] {
+            let mut order = Sender::running();
+            for burst in 0..5 {
+                assert_eq!(order.judge(60_000 + ahead + 10 * burst, 60 * SECOND + 1, true), Step::Search, "{ahead}");
+            }
+            assert_eq!(order.judge(60_100, 60_100_000, true), Step::Newest { missed: 9 });
+        }
+        // Once the true one is quiet, it does; a quarter of a second is what is looked for.
+        let mut order = Sender::running();
+        let steps = [0, 1, 249_999, 250_000]
+            .map(|after| order.judge(70_000 + 10 * (after as u32 % 7), 60 * SECOND + after, true));
+        assert_eq!(steps[..2], [Step::Search; 2]);
+        assert!(steps.contains(&Step::Restarted) == (steps[3] == Step::Restarted), "{steps:?}");
+    }
+
+    #[test]
+    fn who_speaks_beside_another_is_a_stranger_from_the_third_message_on() {
+        // An hour behind, and just as young as a restart would be.
+        for first in [10, 3_000_000] {
+            let mut order = Sender::default();
+            let mut found = vec![];
+            for tenth in 0..20_u32 {
+                let at = 100_000 * u64::from(tenth);
+                assert!(matches!(order.judge(5_000_000 + 100 * tenth, at, true), Step::Newest { .. }));
+                if tenth > 10 {
+                    found.push(order.judge(first + 100 * (tenth - 10), at + 50_000, true));
+                }
+            }
+            let expected = [Step::Search, Step::Search, Step::Stranger, Step::Search, Step::Search, Step::Stranger];
+            assert_eq!(found[..6], expected, "{first}");
+        }
+    }
+
+    #[test]
+    fn an_old_recording_is_another_sender_even_in_silence() {
+        let mut order = Sender::running();
+        let steps = [30_000, 30_100, 30_200].map(|ms| order.judge(ms, 35 * SECOND + u64::from(ms) * 1_000, true));
+        assert_eq!(steps, [Step::Search, Step::Search, Step::Stranger]);
+        assert_eq!(order.judge(66_000, 66 * SECOND, true), Step::Newest { missed: 599 });
+    }
+
+    #[test]
+    fn messages_that_continue_nothing_hide_no_stranger() {
+        let mut order = Sender::running();
+        let mut found = vec![];
+        for tenth in 1..8_u32 {
+            let at = 60 * SECOND + 100_000 * u64::from(tenth);
+            order.judge(60_000 + 100 * tenth, at, true);
+            for junk in 0..3 {
+                order.judge(900_000_000 - 30_000_000 * (tenth * 3 + junk), at + 1, true);
+            }
+            found.push(order.judge(9_000_000 + 100 * tenth, at + 2, true));
+        }
+        assert!(found.contains(&Step::Stranger), "{found:?}");
+    }
+
+    #[test]
+    fn an_unexplained_step_is_believed_after_three_in_a_row() {
+        let mut order = Sender::default();
         let mut judge = |timestamp, at| order.judge(timestamp, at, true);
         assert_eq!(judge(1_000, 0), Step::Newest { missed: 0 });
-        let steps = [1_015, 1_025, 1_035].map(|timestamp| judge(timestamp, u64::from(timestamp - 1_000) * 1_000));
+        let steps = [1_115, 1_225, 1_335].map(|timestamp| judge(timestamp, u64::from(timestamp - 1_000) * 1_000));
         assert_eq!(steps, [Step::Search, Step::Search, Step::Restarted]);
         let steps = [900_005, 900_015, 900_025].map(|timestamp| judge(timestamp, SECOND));
         assert_eq!(steps, [Step::Search, Step::Search, Step::Restarted]);
@@ -167,7 +346,7 @@ mod tests {
 
     #[test]
     fn a_clock_without_a_grid_may_advance_by_anything() {
-        let mut order = Order::default();
+        let mut order = Sender::default();
         assert_eq!(order.judge(1_000, 0, false), Step::Newest { missed: 0 });
         assert_eq!(order.judge(1_013, 1_000, false), Step::Newest { missed: 0 });
         let steps = [3, 7, 11].map(|timestamp| order.judge(timestamp, SECOND, false));
@@ -176,7 +355,7 @@ mod tests {
 
     #[test]
     fn a_long_silence_explains_a_long_step_and_timestamps_may_wrap() {
-        let mut order = Order::default();
+        let mut order = Sender::default();
         assert_eq!(order.judge(u32::MAX - 5, 0, true), Step::Newest { missed: 0 });
         assert_eq!(order.judge(4, 10_000, true), Step::Newest { missed: 0 });
         assert_eq!(order.judge(3_600_004, 3_600 * SECOND, true), Step::Newest { missed: 359_999 });

@@ -8,7 +8,11 @@ const CYCLE: u64 = 10_000;
 
 fn gps(timestamp: u32, longitude: f64) -> GpsValues {
     GpsValues {
-        status: GpsStatus::new().with_fix_type(FixType::Fix3D).with_position_valid(true).with_heard(true),
+        status: GpsStatus::new()
+            .with_fix_type(FixType::Fix3D)
+            .with_position_valid(true)
+            .with_heard(true)
+            .with_solution_age_ms(Some(80)),
         latitude: -47.497_9,
         longitude,
         altitude: 470.125,
@@ -134,7 +138,7 @@ fn a_sample_that_the_carrier_held_back_is_old_when_it_arrives() {
     take(&mut drone, 0, profile(5_000).as_bytes());
     take(&mut drone, 1_500_000, profile(5_100).as_bytes());
     assert!((1_399_000..=1_400_000).contains(&drone.reported().unwrap().age_us(1_500_000)));
-    assert_eq!(codes(&mut drone, 1_500_000), ["stale"]);
+    assert_eq!(codes(&mut drone, 1_500_000), ["stale", "receivers-old"]);
 }
 
 #[test]
@@ -185,9 +189,96 @@ fn what_horus_says_of_itself_is_an_alarm() {
     assert_eq!(says(status().with_state(HorusState::MotorsCut)), ["motors-cut"]);
     assert_eq!(says(status().with_state(HorusState::EmergencyFired)), ["emergency-fired"]);
     assert_eq!(says(status().with_state(HorusState::InputsContradict)), ["inputs-contradict"]);
+    let lost = status().with_state(HorusState::PositionLost).with_position_valid(false);
+    assert_eq!(says(lost), ["position-lost", "no-agreement"]);
+    assert_eq!(says(status().with_memory_fault(true)), ["horus-memory-fault"]);
+    for reason in [ResetReason::Watchdog, ResetReason::Lockup, ResetReason::BrownOutOrOther] {
+        assert_eq!(says(status().with_reset_reason(reason)), ["horus-unasked-reset"], "{reason:?}");
+    }
+    for reason in [ResetReason::PowerOn, ResetReason::Pin, ResetReason::Software] {
+        assert_eq!(says(status().with_reset_reason(reason)), [""; 0], "{reason:?}");
+    }
     assert_eq!(says(status().with_degraded(true)), ["degraded"]);
     assert_eq!(says(status().with_position_valid(false)), ["no-agreement"]);
     assert_eq!(says(status().with_without_crystal(true)), ["no-crystal"]);
+}
+
+#[test]
+fn an_impossible_position_is_an_alarm_and_not_shown() {
+    let says = |change: fn(&mut ReportedValues)| {
+        let mut drone = Drone::new(0);
+        let reported =
+            ReportedValues { status: status(), latitude: 47.0, longitude: 8.0, ..ReportedValues::absent(10) };
+        let mut reported = ReportedValues { altitude: 470.0, ..reported };
+        reported.status = reported.status.with_attitude_valid(false);
+        change(&mut reported);
+        take(&mut drone, 0, Profile::seal(&reported, &[gps(10, 8.0)]).as_bytes());
+        let values = drone.reported().unwrap().values;
+        assert_eq!(values.status.position_valid(), values.latitude.is_finite() && values.longitude.is_finite());
+        assert!(values.status.position_valid() || values.altitude.is_nan());
+        codes(&mut drone, 0)
+    };
+    assert_eq!(says(|_| {}), [""; 0]);
+    assert_eq!(says(|reported| reported.altitude = f64::NAN), [""; 0], "a 2D fix");
+    assert_eq!(says(|reported| reported.latitude = 91.0), ["implausible"]);
+    assert_eq!(says(|reported| reported.longitude = 500.0), ["implausible"]);
+    assert_eq!(says(|reported| reported.latitude = f64::NAN), ["implausible"]);
+    assert_eq!(says(|reported| reported.altitude = 1e300), ["implausible"]);
+    assert_eq!(says(|reported| reported.altitude = f64::NEG_INFINITY), ["implausible"]);
+    let none = |reported: &mut ReportedValues| {
+        (reported.latitude, reported.status) = (91.0, reported.status.with_position_valid(false));
+    };
+    assert_eq!(says(none), ["no-agreement"], "HORUS says itself that it is none");
+    let mut drone = Drone::new(0);
+    take(
+        &mut drone,
+        0,
+        Profile::seal(
+            &ReportedValues { status: status(), latitude: 47.0, longitude: 8.0, ..ReportedValues::absent(10) },
+            &[gps(10, 181.0)],
+        )
+        .as_bytes(),
+    );
+    assert!(codes(&mut drone, 0).contains(&"receiver-implausible"));
+    assert!(!drone.gps(1).unwrap().values.status.position_valid());
+}
+
+#[test]
+fn a_state_that_has_no_name_is_an_alarm() {
+    let mut drone = Drone::new(0);
+    assert!(!codes(&mut drone, 0).contains(&"unknown-state"));
+    let unnamed = ReportedStatus::from_bits(status().bits() | 0x0F00);
+    take(&mut drone, 0, profile_with(10, unnamed).as_bytes());
+    assert_eq!(codes(&mut drone, 0), ["unknown-state"]);
+}
+
+#[test]
+fn every_value_has_an_age_and_an_alarm_of_its_own() {
+    let mut drone = Drone::new(0);
+    let bytes = [link(7, LinkStatusBits::new().with_link_up(true)).as_bytes(), profile(10).as_bytes()].concat();
+    take(&mut drone, 0, &bytes);
+    // From here on Reported-Position alone arrives.
+    for cycle in 1..=250_u32 {
+        let at = CYCLE * u64::from(cycle);
+        drone.take(Place::Reported, at, &profile(10 + 10 * cycle).as_bytes()[..64]);
+        let expected: &[&str] = if at <= OLD_US { &[] } else { &["receivers-old", "link-status-old"] };
+        assert_eq!(codes(&mut drone, at), expected, "{at}");
+    }
+    // One receiver that is old is enough.
+    let at = 251 * CYCLE;
+    take(&mut drone, at, &profile(2_520).as_bytes()[..184]);
+    assert_eq!(codes(&mut drone, at), ["receivers-old", "link-status-old"]);
+    take(&mut drone, at + CYCLE, profile(2_530).as_bytes());
+    assert_eq!(codes(&mut drone, at + CYCLE), ["link-status-old"]);
+    assert!(!codes(&mut drone, at + 2 * SILENT_US).contains(&"receivers-old"), "silent says it all");
+}
+
+#[test]
+fn what_is_not_believed_is_no_sign_of_life() {
+    let mut drone = Drone::new(0);
+    take(&mut drone, 0, profile(70_000).as_bytes());
+    take(&mut drone, SILENT_US + 1, profile(5).as_bytes());
+    assert!(codes(&mut drone, SILENT_US + 1).contains(&"silent"));
 }
 
 #[test]
@@ -201,6 +292,7 @@ fn what_the_dpr_says_is_an_alarm() {
     let up = LinkStatusBits::new().with_link_up(true).with_all_accepted(true);
     assert_eq!(says(up), [""; 0]);
     assert_eq!(says(up.with_link_up(false)), ["link-down"]);
+    assert_eq!(says(up.with_link_up(false).with_no_field(true)), ["link-down", "no-field"]);
     assert_eq!(says(up.with_horus_frozen(true)), ["frozen"]);
     assert_eq!(says(up.with_horus_restarted(true)), ["restarted"]);
     assert_eq!(says(up.with_ram_fault(true)), ["ram-fault"]);
@@ -242,17 +334,20 @@ fn a_person_can_read_it() {
     let mut drone = Drone::new(0);
     assert!(drone.words(0).starts_with("no profile received\n  Reported  not received\n"));
     take(&mut drone, 0, profile_with(0, status().with_receivers_agreeing(2).with_degraded(true)).as_bytes());
-    let mut bytes = profile_with(1_230, status().with_receivers_agreeing(2).with_degraded(true)).as_bytes().to_vec();
+    let faulty = status().with_memory_fault(true).with_reset_reason(ResetReason::Software);
+    let mut bytes = profile_with(1_230, faulty.with_receivers_agreeing(2).with_degraded(true)).as_bytes().to_vec();
     bytes[130] ^= 1;
     take(&mut drone, 1_230_000, &bytes);
     let expected = "\
 1.23 s after HORUS start
   Reported   47.4979000° S    8.7289000° E   470.125 m  pitch  -5.7° roll   2.9° yaw 302.7°  \
-monitoring, 2 of 3 agree, degraded  0.01 s ago
-  GPS1       47.4979000° S    8.7289000° E   470.125 m  0.01 s ago
-  GPS2       47.4979000° S    8.7289001° E   470.125 m  1.24 s ago
-  GPS3      no position  silent  0.01 s ago
-  ALARM     fewer receivers agree than the drone has
+monitoring, 2 of 3 agree, degraded, MEMORY FAULT, last reset: software  0.01 s ago
+  GPS1       47.4979000° S    8.7289000° E   470.125 m  solution: 75 ms  0.01 s ago
+  GPS2       47.4979000° S    8.7289001° E   470.125 m  solution: 75 ms  1.24 s ago
+  GPS3      no position  silent  solution: none yet  0.01 s ago
+  ALARM     HORUS has found a fault of its memory
+  ALARM     what is shown of the receivers is old
+  ALARM     fewer receivers agree than the drone has, or on no altitude
   ALARM     damaged data arrived and were rejected
   2 profiles, 122 cycles missed, 1 bad CRC, 0 misplaced, 0 vacant";
     assert_eq!(drone.words(1_240_000), expected);

@@ -2,7 +2,7 @@
 
 use core::fmt::{self, Write as _};
 
-use profile::HorusState;
+use profile::{FixType, GpsStatus, HorusState, ResetReason};
 
 use super::{Counts, Drone, Held};
 
@@ -17,7 +17,46 @@ pub const fn state(state: Option<HorusState>) -> &'static str {
         Some(HorusState::MotorsCut) => "MOTORS CUT",
         Some(HorusState::EmergencyFired) => "EMERGENCY MEASURE FIRED",
         Some(HorusState::InputsContradict) => "STATE UNKNOWN: INPUTS CONTRADICT",
+        Some(HorusState::PositionLost) => "POSITION LOST",
         None => "in an unknown state",
+    }
+}
+
+/// A receiver's fix, in words.
+#[must_use]
+pub const fn fix(fix: Option<FixType>) -> &'static str {
+    match fix {
+        Some(FixType::NoFix) => "no fix",
+        Some(FixType::DeadReckoning) => "dead reckoning",
+        Some(FixType::Fix2D) => "2D",
+        Some(FixType::Fix3D) => "3D",
+        Some(FixType::GnssDeadReckoning) => "3D and dead reckoning",
+        Some(FixType::TimeOnly) => "time only",
+        None => "unknown",
+    }
+}
+
+/// Why HORUS or the DPR last started, in words.
+#[must_use]
+pub const fn reset(reason: Option<ResetReason>) -> &'static str {
+    match reason {
+        Some(ResetReason::PowerOn) => "power on",
+        Some(ResetReason::Pin) => "pin",
+        Some(ResetReason::Watchdog) => "watchdog",
+        Some(ResetReason::Lockup) => "lockup",
+        Some(ResetReason::Software) => "software",
+        Some(ResetReason::BrownOutOrOther) => "brown-out or other",
+        None => "unknown",
+    }
+}
+
+/// How old a receiver's solution was when HORUS sent it, in words.
+#[must_use]
+pub fn solution_age(status: GpsStatus) -> String {
+    match status.solution_age_ms() {
+        None => "none yet".to_owned(),
+        Some(GpsStatus::OLDEST_MS) => format!("{} ms or more", GpsStatus::OLDEST_MS),
+        Some(ms) => format!("{ms} ms"),
     }
 }
 
@@ -44,7 +83,9 @@ impl Drone {
                 row(f, v.status.position_valid(), [v.latitude, v.longitude, v.altitude], [v.pitch, v.roll, v.yaw])?;
                 let degraded = if v.status.degraded() { ", degraded" } else { "" };
                 let (doing, agreeing) = (state(v.status.state()), v.status.receivers_agreeing());
-                write!(f, "  {doing}, {agreeing} of {} agree{degraded}", self.receivers)?;
+                let memory = if v.status.memory_fault() { ", MEMORY FAULT" } else { "" };
+                let last = reset(v.status.reset_reason());
+                write!(f, "  {doing}, {agreeing} of {} agree{degraded}{memory}, last reset: {last}", self.receivers)?;
                 age(f, held, now_us)?;
             }
         }
@@ -60,6 +101,7 @@ impl Drone {
             for (_, note) in notes.into_iter().filter(|(applies, _)| *applies) {
                 write!(f, "  {note}")?;
             }
+            write!(f, "  solution: {}", solution_age(v.status))?;
             age(f, held, now_us)?;
         }
         for alarm in self.alarms_at(now_us).iter() {

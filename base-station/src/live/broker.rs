@@ -31,7 +31,7 @@ use super::tls::Tls;
 use super::{Clock, Event, Inlet};
 use crate::carrier::published::{self, MAX_MESSAGE, Name, TOPICS};
 use crate::intake::{Carried, Kind};
-use crate::{Bundle, DroneId, Verdict};
+use crate::{Bundle, DroneId, Verdict, Who};
 
 /// After a failure it is tried again after so long.
 pub const RETRY: Duration = Duration::from_millis(500);
@@ -110,7 +110,7 @@ impl Outlet {
     /// there is no connection, or too much waits. It never waits.
     pub fn offer(&self, drone: DroneId, at_us: u64, bundle: &Bundle<'_>, verdicts: &[Verdict]) {
         // Who subscribed to a drone does not publish it: two brokers that feed each other would not end.
-        if matches!(drone, DroneId::Named(_)) {
+        if matches!(drone.who, Who::Named(_)) {
             return;
         }
         let topic = || published::topic(&self.station, drone);

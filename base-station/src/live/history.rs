@@ -11,7 +11,7 @@ use std::collections::{BTreeMap, VecDeque};
 
 use profile::MAX_RECEIVERS;
 
-use crate::drone::STALE_US;
+use crate::drone::{OLD_US, STALE_US};
 use crate::{Drone, DroneId, Fleet};
 
 /// From one sample to the next, µs.
@@ -30,9 +30,6 @@ const _: () = assert!(size_of::<Sample>() <= SAMPLE_BYTES);
 
 /// All drones are looked at so often at most, µs.
 const LOOK_US: u64 = 20_000;
-
-/// A receiver's position that is older than this is not drawn, µs: receivers take turns on a slow radio.
-const RECEIVER_OLD_US: u64 = 1_000_000;
 
 /// Latitude and longitude, 1e-7 degrees.
 type Place = [i32; 2];
@@ -60,7 +57,7 @@ impl Sample {
         let young = reported.filter(|held| held.age_us(now_us) <= STALE_US);
         let valid = young.filter(|held| held.values.status.position_valid()).map(|held| &held.values);
         let gps = |receiver: usize| {
-            let held = drone.gps(receiver + 1).filter(|held| held.age_us(now_us) <= RECEIVER_OLD_US)?;
+            let held = drone.gps(receiver + 1).filter(|held| held.age_us(now_us) <= OLD_US)?;
             held.values.status.position_valid().then(|| place(held.values.latitude, held.values.longitude))
         };
         Self {
@@ -136,6 +133,9 @@ impl History {
             return;
         }
         self.looked_us = Some(now_us);
+        if self.tracks.len() > fleet.iter().len() {
+            self.tracks.retain(|id, _| fleet.get(*id).is_some());
+        }
         for (id, drone) in fleet.iter() {
             let track = self.tracks.entry(id).or_insert(Track {
                 samples: VecDeque::with_capacity(SAMPLES),
@@ -166,9 +166,9 @@ mod tests {
     use profile::{GpsStatus, GpsValues, Profile, ReportedStatus, ReportedValues};
 
     use super::*;
-    use crate::Bundle;
+    use crate::{Bundle, Source, Who};
 
-    const ID: DroneId = DroneId::System(1);
+    const ID: DroneId = Who::System(1).first();
 
     fn take(fleet: &mut Fleet, ms: u32, agree: u8) {
         let (latitude, longitude, altitude) = (47.123_456_74 + f64::from(ms) * 1e-9, -8.5, 470.25);
@@ -177,7 +177,7 @@ mod tests {
         let status = GpsStatus::new().with_position_valid(true).with_heard(true);
         let gps = GpsValues { status, latitude, longitude, altitude, ..GpsValues::absent(ms) };
         let sent = Profile::seal(&reported, &[gps, GpsValues::absent(ms), gps]);
-        fleet.take(ID, u64::from(ms) * 1_000, &Bundle::datagram(sent.as_bytes()).unwrap());
+        fleet.take(ID.who, Source::default(), u64::from(ms) * 1_000, &Bundle::datagram(sent.as_bytes()).unwrap());
     }
 
     /// A drone that is heard every 100 ms, but not from 5 s to 6.5 s, and two receivers of which agree at 3.1 s alone.
@@ -216,6 +216,6 @@ mod tests {
         let history = flown(700);
         let kept: Vec<_> = history.of(ID).map(|sample| sample.at_us / PERIOD_US).collect();
         assert_eq!((kept.len(), kept.first(), kept.last()), (601, Some(&100), Some(&700)));
-        assert_eq!(history.of(DroneId::System(2)).count(), 0);
+        assert_eq!(history.of(Who::System(2).first()).count(), 0);
     }
 }

@@ -8,7 +8,7 @@ use std::time::Duration;
 use socket2::SockRef;
 
 use super::{Clock, Event, Inlet};
-use crate::intake::{Carried, Kind};
+use crate::intake::{Carried, Kind, MAX_DATAGRAM};
 
 /// What a serial port is read with at the longest.
 const SERIAL_TIMEOUT: Duration = Duration::from_millis(5);
@@ -34,7 +34,8 @@ pub fn udp(address: SocketAddr, kind: Kind, line: u16, clock: Clock, inlet: Inle
     socket.set_read_timeout(Some(LOOK))?;
     let bound = socket.local_addr()?;
     thread::spawn(move || {
-        let mut buffer = vec![0; 65_536];
+        // One byte more tells a datagram that is too long.
+        let mut buffer = vec![0; MAX_DATAGRAM + 1];
         loop {
             let event = match socket.recv_from(&mut buffer) {
                 Ok((length, from)) => {

@@ -34,7 +34,7 @@ use tokio::sync::watch;
 
 use crate::carrier::mavlink::Verifier;
 use crate::intake::{Carried, Intake};
-use crate::recorder::{Files, Fix, Record, Trouble};
+use crate::recorder::{Files, Fix, Made, Record, Trouble};
 use crate::{Bundle, Change, DroneId, Verdict, export};
 use history::History;
 pub use recording::Recording;
@@ -158,6 +158,8 @@ pub struct Known {
     pub history: History,
     /// Lines that do not work, and why.
     pub lines: Vec<(String, String)>,
+    /// The files of the recording, if there is one.
+    pub recording: Option<Made>,
     /// Why nothing is recorded, if it should be.
     pub recorder: Option<Trouble>,
     /// The time up to which all is known, µs.
@@ -240,7 +242,8 @@ pub fn start_publishing(
 ) -> (Inlet, Station, thread::JoinHandle<Result<(), String>>) {
     let (to, from) = sync_channel(WAITING);
     let dropped = Arc::new(AtomicU64::new(0));
-    let known = Known { intake: Intake::new(verifier), ..Known::default() };
+    let recording = files.as_ref().map(Files::made);
+    let known = Known { intake: Intake::new(verifier), recording, ..Known::default() };
     let known = Arc::new(Mutex::new(known));
     let (changed, changes) = watch::channel(0);
     let station = Station { known, changes, dropped: Arc::clone(&dropped) };

@@ -24,7 +24,7 @@ pub struct Contents {
     pub first_us: u64,
     /// The last one's time, µs since 1970.
     pub last_us: u64,
-    /// Parts that are cut off, and where, in words.
+    /// Parts that are damaged or cut off, and where, in words.
     pub torn: Vec<String>,
 }
 
@@ -61,7 +61,8 @@ impl Recording {
                 progress(before + reader.bytes_read());
             }
             before += reader.bytes_read();
-            torn.extend(reader.torn().map(|why| format!("{}: {why}", part.display())));
+            let lost = reader.lost().iter().map(String::as_str).chain(reader.torn());
+            torn.extend(lost.map(|why| format!("{}: {why}", part.display())));
         }
         Ok(torn)
     }

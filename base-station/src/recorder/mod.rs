@@ -8,10 +8,12 @@
 //!
 //! **What a crash costs.** A chunk of the file is written whole, at least every [`FLUSH_US`], and then forced to the
 //! disk. So a process that is killed, or a power loss, costs the last half second. What is before stays readable:
-//! [`Reader`] checks each chunk's CRC before it gives anything of it, and ends where the file was cut.
+//! [`Reader`] checks each chunk's CRC before it gives anything of it, and ends where the file was cut. A chunk that was
+//! damaged costs itself alone.
 //!
 //! **A full disk** is no end: what cannot be written is counted and told ([`Recorder::trouble`]), and after
-//! [`RETRY_US`] the recorder tries again, in another part, so that nothing is appended to a torn one.
+//! [`RETRY_US`] the recorder tries again, in another part, so that nothing is appended to a torn one. The trouble is
+//! over once something is on the disk again, not when a file could be made.
 //!
 //! **Parts.** After [`PART_BYTES`] a part is finished and another begun: what MCAP's index of a part takes in memory is
 //! bounded, however long a recording is.
@@ -25,6 +27,7 @@ use std::collections::{BTreeMap, HashMap};
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
@@ -70,13 +73,32 @@ pub trait Parts {
 pub struct Files {
     path: PathBuf,
     last: Option<File>,
+    made: Made,
+}
+
+/// The files that were made so far, for whoever tells of them.
+#[derive(Clone, Debug, Default)]
+pub struct Made(Arc<Mutex<Vec<PathBuf>>>);
+
+impl Made {
+    /// Their names, in their order.
+    #[must_use]
+    pub fn names(&self) -> Vec<PathBuf> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
 }
 
 impl Files {
     /// Files of this name.
     #[must_use]
-    pub const fn new(path: PathBuf) -> Self {
-        Self { path, last: None }
+    pub fn new(path: PathBuf) -> Self {
+        Self { path, last: None, made: Made::default() }
+    }
+
+    /// The files that are made, as they come to be: not this name's where it exists already.
+    #[must_use]
+    pub fn made(&self) -> Made {
+        self.made.clone()
     }
 
     /// The name of the part of this number.
@@ -94,7 +116,9 @@ impl Parts for Files {
     type Part = BufWriter<File>;
 
     fn make(&mut self, number: u32) -> io::Result<Self::Part> {
-        let file = OpenOptions::new().write(true).create_new(true).open(Self::name(&self.path, number))?;
+        let name = Self::name(&self.path, number);
+        let file = OpenOptions::new().write(true).create_new(true).open(&name)?;
+        self.made.0.lock().unwrap_or_else(PoisonError::into_inner).push(name);
         self.last = Some(file.try_clone()?);
         Ok(BufWriter::new(file))
     }
@@ -209,8 +233,12 @@ impl<P: Parts> Recorder<P> {
         let synced = written.and_then(|()| self.parts.sync().map_err(|error| error.to_string()));
         match synced {
             Err(why) => self.fail(now_us, why),
-            Ok(()) if full => self.open = None,
-            Ok(()) => {}
+            Ok(()) => {
+                self.trouble = None;
+                if full {
+                    self.open = None;
+                }
+            }
         }
     }
 
@@ -256,7 +284,6 @@ impl<P: Parts> Recorder<P> {
             }
             self.tried_us = Some(at_us);
             self.open = Some(self.begin(at_us)?);
-            self.trouble = None;
         }
         let Some(open) = &mut self.open else { return Ok(false) };
         let channel = match open.channels.get(topic) {

@@ -73,6 +73,8 @@ pub struct Reader<R> {
     channels: HashSet<u16>,
     read: u64,
     torn: Option<String>,
+    /// Chunks that were damaged, in words.
+    lost: Vec<String>,
     ended: bool,
 }
 
@@ -87,6 +89,7 @@ impl<R: Read> Reader<R> {
             channels: HashSet::new(),
             read: 0,
             torn: None,
+            lost: vec![],
             ended: false,
         }
     }
@@ -99,6 +102,11 @@ impl<R: Read> Reader<R> {
     /// Where the file was cut or damaged, in words, once that place was reached. All before it was given.
     pub fn torn(&self) -> Option<&str> {
         self.torn.as_deref()
+    }
+
+    /// The chunks so far that were damaged and are left out, in words: where, and why.
+    pub fn lost(&self) -> &[String] {
+        &self.lost
     }
 
     /// What the reader holds at most so far, bytes.
@@ -138,7 +146,7 @@ impl<R: Read> Reader<R> {
             let body = usize::try_from(length).ok().and_then(|length| rest.get(..length));
             let body = body.ok_or(McapError::UnexpectedEoc)?;
             self.chunk.start += HEAD + body.len();
-            return look(&mut self.channels, opcode, body);
+            return look(&mut self.channels, !self.lost.is_empty(), opcode, body);
         }
         let filled = self.fill(HEAD as u64)?;
         if self.body.is_empty() {
@@ -157,10 +165,21 @@ impl<R: Read> Reader<R> {
             return Err(McapError::UnexpectedEof.into());
         }
         if opcode == op::CHUNK {
-            self.chunk = records(&self.body)?;
+            match records(&self.body) {
+                Ok(records) => self.chunk = records,
+                // The next record begins where this one's length says, so nothing else is lost.
+                Err(Stop::Torn(why)) => {
+                    self.lost.push(format!(
+                        "{} bytes at {}: {why}",
+                        self.body.len(),
+                        self.read - self.body.len() as u64
+                    ));
+                }
+                Err(stop) => return Err(stop),
+            }
             return Ok(None);
         }
-        look(&mut self.channels, opcode, &self.body)
+        look(&mut self.channels, !self.lost.is_empty(), opcode, &self.body)
     }
 
     /// The bytes that every file begins with.
@@ -220,8 +239,10 @@ fn chunk_head(body: &[u8]) -> Option<(u32, String, u64, &[u8])> {
     Some((crc, compression, u64::from_le_bytes(*take::<8>(&mut rest)?), rest))
 }
 
-/// Looks at a record that is no chunk: notes a channel of what arrived, and answers what arrived.
-fn look(channels: &mut HashSet<u16>, opcode: u8, body: &[u8]) -> Result<Option<Record>, Stop> {
+/// Looks at a record that is no chunk; `is_lossy` says that a chunk before was lost, and with it perhaps the word which
+/// channel is which, so that each message is looked at whether it is one of what arrived. Notes a channel of what
+/// arrived, and answers what arrived.
+fn look(channels: &mut HashSet<u16>, is_lossy: bool, opcode: u8, body: &[u8]) -> Result<Option<Record>, Stop> {
     let malformed = |what: &str| Stop::Torn(format!("a {what} that is malformed"));
     match opcode {
         op::CHANNEL => {
@@ -234,7 +255,8 @@ fn look(channels: &mut HashSet<u16>, opcode: u8, body: &[u8]) -> Result<Option<R
         op::MESSAGE => {
             let mut data = body;
             let [low, high, ..] = *take::<MESSAGE_HEAD>(&mut data).ok_or_else(|| malformed("message"))?;
-            let carried = channels.contains(&u16::from_le_bytes([low, high])).then(|| ros::read_carried(data));
+            let known = channels.contains(&u16::from_le_bytes([low, high])) || (is_lossy && channels.is_empty());
+            let carried = known.then(|| ros::read_carried(data));
             Ok(carried.flatten().map(|(carried, found)| Record { carried, found }))
         }
         _ => Ok(None),

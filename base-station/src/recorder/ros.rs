@@ -193,6 +193,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::Who;
 
     proptest! {
         #[test]
@@ -204,7 +205,7 @@ mod tests {
             let verdict = Verdict::Rejected(Rejection::Crc);
             let judged: Vec<_> = objects
                 .iter()
-                .map(|index| Judged { drone: DroneId::System(7), place: Place::ALL[*index], verdict })
+                .map(|index| Judged { drone: Who::System(7).first(), place: Place::ALL[*index], verdict })
                 .collect();
             let written = carried(&arrived, &judged);
             let (read, found) = read_carried(&written).unwrap();

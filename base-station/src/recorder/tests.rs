@@ -193,6 +193,57 @@ fn a_damaged_byte_costs_what_comes_after_it_at_most_and_is_never_taken_for_data(
 }
 
 #[test]
+fn a_flipped_bit_costs_its_chunk_alone_and_is_told() {
+    let disk = Disk::default();
+    let mut recorder = Recorder::new(disk.clone());
+    let recorded = record(&mut recorder, 0..200);
+    recorder.finish().unwrap();
+    let file = disk.parts.borrow()[0].clone();
+    let starts: Vec<usize> = chunks(&file);
+    assert!(starts.len() > 10, "{}", starts.len());
+    for start in &starts {
+        let mut damaged = file.clone();
+        // In the middle of the chunk's records.
+        damaged[start + 200] ^= 0x10;
+        let mut reader = Reader::new(&damaged[..]);
+        let mut records = vec![];
+        while let Some(record) = reader.next_record().unwrap() {
+            records.push(record);
+        }
+        assert_eq!((reader.lost().len(), reader.torn()), (1, None), "{start}");
+        let missing = recorded.len() - records.len();
+        assert!((1..=20).contains(&missing), "{missing} at {start}");
+        assert!(records.iter().all(|read| recorded.iter().any(|recorded| is_same(read, recorded))));
+    }
+}
+
+/// Where the chunks of a file begin.
+fn chunks(file: &[u8]) -> Vec<usize> {
+    let (mut at, mut found) = (mcap::MAGIC.len(), vec![]);
+    while let Some(head) = file.get(at..at + 9).filter(|_| at + 8 < file.len()) {
+        if head[0] == mcap::records::op::CHUNK {
+            found.push(at);
+        }
+        at += 9 + u64::from_le_bytes(head[1..9].try_into().unwrap()) as usize;
+    }
+    found
+}
+
+#[test]
+fn a_disk_that_stays_full_is_told_without_a_pause() {
+    let disk = Disk::default();
+    *disk.free.borrow_mut() = Some(6_000);
+    let mut recorder = Recorder::new(disk.clone());
+    record(&mut recorder, 0..100);
+    let since = recorder.trouble().unwrap().since_us;
+    for second in 1..20 {
+        // A file can be made again and again, and holds what is in memory; nothing reaches the disk.
+        record(&mut recorder, 100 * second..100 * second + 7);
+        assert_eq!(recorder.trouble().map(|trouble| trouble.since_us), Some(since), "{second}");
+    }
+}
+
+#[test]
 fn a_full_disk_is_told_and_ends_nothing() {
     let disk = Disk::default();
     *disk.free.borrow_mut() = Some(6_000);
@@ -271,7 +322,9 @@ fn read_through(from: impl io::Read) -> (usize, String, usize, u64) {
     while reader.next_record().unwrap().is_some() {
         count += 1;
     }
-    (count, reader.torn().unwrap_or_default().to_owned(), reader.held(), reader.bytes_read())
+    // A chunk that is none is left out, and what it claims is told.
+    let told = reader.lost().iter().map(String::as_str).chain(reader.torn()).collect::<Vec<_>>().join("; ");
+    (count, told, reader.held(), reader.bytes_read())
 }
 
 #[test]

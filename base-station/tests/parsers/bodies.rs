@@ -204,7 +204,7 @@ pub(crate) fn seeds() -> Vec<(&'static str, &'static str, Vec<u8>)> {
     let (plain, signed) = (sent(None, 1_000_000), sent(Some(Signer::new(key(), 3)), 0));
     // Cut off in its signature, with the others behind it.
     let cut = [&signed[..118], &signed[..]].concat();
-    let verdicts = Fleet::default().take(base_station::DroneId::System(7), NOW, &bundle);
+    let verdicts = Fleet::default().take(base_station::Who::System(7), base_station::Source::default(), NOW, &bundle).1;
     let whole = published::message(NOW, &bundle, &verdicts);
     let mut damaged = whole.clone();
     damaged[100] ^= 1;

@@ -156,19 +156,19 @@ fn pymavlink_reads_what_is_sent_here_plain_and_signed() {
         let all: Vec<_> = (0..20).flat_map(|cycle| expected(&image(70_000 + 10 * cycle))).collect();
         assert_eq!(tunnels, all);
         assert!(ours.iter().all(|message| message["component"] == 1));
-        for (nth, messages) in standard.chunks(4).enumerate() {
+        for (nth, messages) in standard.chunks(3).enumerate() {
             let names: Vec<_> = messages.iter().map(|message| message["name"].as_str().unwrap()).collect();
-            assert_eq!(names, ["HEARTBEAT", "GLOBAL_POSITION_INT", "GPS_RAW_INT", "ATTITUDE"]);
+            assert_eq!(names, ["HEARTBEAT", "GPS_RAW_INT", "ATTITUDE"]);
             assert!(messages.iter().all(|message| message["component"] == COMPONENT));
-            let [heartbeat, global, raw, attitude] = [0, 1, 2, 3].map(|index: usize| &messages[index]["fields"]);
+            let [heartbeat, raw, attitude] = [0, 1, 2].map(|index: usize| &messages[index]["fields"]);
             let time = 70_000 + 10 * nth as u64;
             assert_eq!((&heartbeat["type"], &heartbeat["system_status"]), (&json!(18), &json!(4)), "active");
             let latitude = ((47.497_9 + (time % 60_000) as f64 * 1e-8) * 1e7_f64).round() as i64;
-            assert_eq!((&global["lat"], &global["lon"]), (&json!(latitude), &json!(87_289_000)));
-            assert_eq!((&global["time_boot_ms"], &raw["fix_type"]), (&json!(time), &json!(3)));
+            assert_eq!((&raw["lat"], &raw["lon"]), (&json!(latitude), &json!(87_289_000)));
+            assert_eq!((&raw["time_usec"], &raw["fix_type"]), (&json!(time * 1_000), &json!(3)));
             assert!((attitude["yaw"].as_f64().unwrap() - 1.25).abs() < 1e-6);
         }
-        assert_eq!(standard.len(), 80);
+        assert_eq!(standard.len(), 60);
     }
     // Who asks for signatures takes neither what has none, nor what is signed with another key, nor one twice.
     let refused = |peer: &mut Peer, frames: &[Vec<u8>]| peer.parse(true, frames).iter().flatten().count();
@@ -216,7 +216,8 @@ fn what_pymavlink_sends_is_read_here_plain_and_signed_among_whatever_else_it_sen
         }
         assert!(unpack(&received) == all, "{} of {}", received.len(), all.len());
         assert_eq!(receiver.counts().tunnels, objects.len() as u64);
-        assert_eq!(receiver.counts().foreign, objects.len() as u64 * 7, "MAVLink 1 is not looked at");
+        let other = receiver.counts().foreign + receiver.counts().malformed;
+        assert_eq!(other, objects.len() as u64 * 7, "MAVLink 1 is not looked at");
 
         // A stream, in pieces of any length, with damage between the messages.
         let mut drawn = Drawn(1);

@@ -35,6 +35,9 @@ const LONGEST: u64 = 12 + 5 + 120 + SIGNATURE_SIZE as u64;
 /// HEARTBEAT goes once a second, as the protocol has it, µs.
 const HEARTBEAT_US: u64 = 1_000_000;
 
+/// HEARTBEAT says HORUS's state for so long after the last new Reported-Position, µs.
+const FRESH_US: u64 = 1_000_000;
+
 /// How much is sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rates {
@@ -42,14 +45,15 @@ pub struct Rates {
     pub bytes_per_s: u32,
     /// From one message of a kind to the next at the earliest, µs.
     pub period_us: u64,
-    /// From one standard position to the next, µs; none are sent if it is 0, nor HEARTBEAT.
+    /// From one standard position to the next, µs; none are sent if it is 0, nor HEARTBEAT. Ground stations show them
+    /// beside what the vehicle says of itself, so whoever wants that says so.
     pub standard_us: u64,
 }
 
-/// 10 Hz within 3 kB/s, and a standard position each second.
+/// 10 Hz within 3 kB/s, and no standard messages.
 impl Default for Rates {
     fn default() -> Self {
-        Self { bytes_per_s: 3_000, period_us: 100_000, standard_us: 1_000_000 }
+        Self { bytes_per_s: 3_000, period_us: 100_000, standard_us: 0 }
     }
 }
 
@@ -76,6 +80,8 @@ pub struct Forwarder {
     /// Bytes that may be sent, in millionths, and when that was so.
     bucket: (u64, u64),
     heartbeat_us: Option<u64>,
+    /// A new Reported-Position was offered since the last poll; and when the last poll was that found one.
+    reported: (bool, Option<u64>),
     standard_us: Option<u64>,
     standard: Vec<MavMessage>,
     /// Of the flight controller's component, and of the one for standard messages.
@@ -96,6 +102,7 @@ impl Forwarder {
             receivers_turn: false,
             bucket: (0, 0),
             heartbeat_us: None,
+            reported: (false, None),
             standard_us: None,
             standard: vec![],
             sequences: [0; 2],
@@ -123,6 +130,7 @@ impl Forwarder {
             let newest = &mut self.newest[place.index()];
             if newest.is_none_or(|newest| newest.bytes != bytes) {
                 *newest = Some(Newest { bytes, fresh: true });
+                self.reported.0 |= place == Place::Reported;
             }
         }
     }
@@ -130,6 +138,9 @@ impl Forwarder {
     /// The next message that may go at `now_us`, µs of a clock that does not go back; to be called until there is none.
     /// `unix_us`, µs since 1970, is for signatures alone.
     pub fn poll(&mut self, now_us: u64, unix_us: u64) -> Option<Vec<u8>> {
+        if std::mem::take(&mut self.reported.0) {
+            self.reported.1 = Some(now_us);
+        }
         let (held, at_us) = self.bucket;
         let brought = now_us.saturating_sub(at_us).saturating_mul(u64::from(self.rates.bytes_per_s));
         let most = LONGEST.max(u64::from(self.rates.bytes_per_s) / 10).saturating_mul(1_000_000);
@@ -156,7 +167,8 @@ impl Forwarder {
             reported.and_then(|newest| ReportedPosition::verify(&newest.bytes).ok().map(ReportedPosition::values));
         if due(self.heartbeat_us, HEARTBEAT_US) {
             self.heartbeat_us = Some(now_us);
-            return Some(Outgoing::Standard(standard::heartbeat(values.as_ref())));
+            let is_fresh = self.reported.1.is_some_and(|at_us| now_us.saturating_sub(at_us) <= FRESH_US);
+            return Some(Outgoing::Standard(standard::heartbeat(values.as_ref().filter(|_| is_fresh))));
         }
         if self.standard.is_empty() && due(self.standard_us, period_us) && reported.is_some_and(|newest| newest.fresh) {
             self.standard_us = Some(now_us);

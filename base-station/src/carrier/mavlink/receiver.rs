@@ -13,11 +13,11 @@ use mavlink::consts::v2::{
 };
 use mavlink::consts::{CHECKSUM_SIZE, MAX_FRAME_SIZE, PAYLOAD_LEN_OFFSET, STX_SIZE};
 use mavlink::dialects::common::MavMessage;
-use mavlink::{MAV_STX_V2, MAVLinkV2MessageRaw, MavlinkVersion, MessageData};
+use mavlink::{MAV_STX, MAV_STX_V2, MAVLinkV2MessageRaw, MavlinkVersion, MessageData};
 
 use super::signing::{self, Verifier};
 use super::tunnel::Tunnel;
-use crate::{Bundle, DroneId};
+use crate::{Bundle, Who};
 
 /// Objects that came in one message.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -32,8 +32,8 @@ pub struct Received {
 impl Received {
     /// Which drone it is.
     #[must_use]
-    pub const fn id(&self) -> DroneId {
-        DroneId::System(self.system)
+    pub const fn who(&self) -> Who {
+        Who::System(self.system)
     }
 
     /// The objects.
@@ -52,6 +52,12 @@ pub struct Counts {
     pub foreign: u64,
     /// Messages with objects that were refused: not signed, wrongly signed, or recorded and sent again.
     pub unsigned: u64,
+    /// TUNNEL messages whose payload type or length is none of ours.
+    pub malformed: u64,
+    /// TUNNEL messages whose checksum does not fit.
+    pub bad_crc: u64,
+    /// Datagrams of MAVLink 1, in which TUNNEL cannot travel.
+    pub version_1: u64,
 }
 
 /// A receiver of one link. See the [module](self).
@@ -79,6 +85,7 @@ impl Receiver {
     /// Takes a datagram, which holds whole messages. `unix_us`, µs since 1970, is for signatures alone.
     pub fn datagram(&mut self, unix_us: u64, bytes: &[u8]) -> Vec<Received> {
         let (mut received, mut at) = (vec![], 0);
+        self.counts.version_1 += u64::from(bytes.first() == Some(&MAV_STX));
         while at < bytes.len() {
             at = self.all(unix_us, bytes, at, &mut received);
             // Nothing more will come, so what seems to begin here is no message.
@@ -105,7 +112,10 @@ impl Receiver {
             at += skipped;
             match begin(&candidate[skipped..]) {
                 Begin::Short => return at,
-                Begin::None => at += 1,
+                Begin::None { bad_crc } => {
+                    self.counts.bad_crc += u64::from(bad_crc);
+                    at += 1;
+                }
                 Begin::Message(raw) => {
                     let (taken, is_verified) = self.message(unix_us, &raw);
                     received.extend(taken);
@@ -127,7 +137,9 @@ impl Receiver {
     /// The objects in a message, if they are taken; and whether its signature is known to be good.
     fn message(&mut self, unix_us: u64, raw: &MAVLinkV2MessageRaw) -> (Option<Received>, bool) {
         let Some(received) = received(raw) else {
-            self.counts.foreign += 1;
+            let count =
+                if raw.message_id() == Tunnel::ID { &mut self.counts.malformed } else { &mut self.counts.foreign };
+            *count += 1;
             return (None, false);
         };
         let is_verified = self.verifier.as_mut().map(|verifier| verifier.verify(signing::timestamp(unix_us), raw));
@@ -144,8 +156,8 @@ impl Receiver {
 enum Begin {
     /// More bytes are needed to tell.
     Short,
-    /// No message.
-    None,
+    /// No message; or a TUNNEL whose checksum does not fit.
+    None { bad_crc: bool },
     /// A message whose checksum fits.
     Message(Box<MAVLinkV2MessageRaw>),
 }
@@ -156,7 +168,7 @@ fn begin(candidate: &[u8]) -> Begin {
         return Begin::Short;
     };
     if flags & !SUPPORTED_IFLAGS != 0 {
-        return Begin::None;
+        return Begin::None { bad_crc: false };
     }
     let long_id = if flags & IFLAG_SYSID32 != 0 { SYSID32_EXTRA_HEADER_SIZE } else { 0 };
     let signature = if flags & IFLAG_SIGNED != 0 { SIGNATURE_SIZE } else { 0 };
@@ -165,7 +177,10 @@ fn begin(candidate: &[u8]) -> Begin {
     let mut bytes = [0; MAX_FRAME_SIZE];
     bytes[..length].copy_from_slice(frame);
     let raw = MAVLinkV2MessageRaw::from_bytes_unparsed(bytes);
-    if raw.has_valid_crc::<MavMessage>() { Begin::Message(Box::new(raw)) } else { Begin::None }
+    if raw.has_valid_crc::<MavMessage>() {
+        return Begin::Message(Box::new(raw));
+    }
+    Begin::None { bad_crc: raw.message_id() == Tunnel::ID }
 }
 
 /// The objects in a message, if it is one of ours.

@@ -85,8 +85,6 @@ impl Signer {
 #[derive(Clone, Debug)]
 pub struct Verifier {
     key: Key,
-    /// The newest time that was seen.
-    newest: u64,
     /// The last timestamp of each link, system and component.
     streams: BTreeMap<(u8, u32, u8), u64>,
 }
@@ -95,20 +93,20 @@ impl Verifier {
     /// A verifier for this key.
     #[must_use]
     pub const fn new(key: Key) -> Self {
-        Self { key, newest: 0, streams: BTreeMap::new() }
+        Self { key, streams: BTreeMap::new() }
     }
 
-    /// Whether the message is signed with the key, and newer than all of its stream before it.
+    /// Whether the message is signed with the key, and newer than all of its stream before it. A stream that was not
+    /// heard before is compared with this station's clock alone: one whose clock is ahead must not shut out the others.
     pub fn verify(&mut self, now: u64, message: &MAVLinkV2MessageRaw) -> bool {
         if message.incompatibility_flags() & IFLAG_SIGNED == 0 {
             return false;
         }
-        self.newest = self.newest.max(now);
         let stream = (message.signature_link_id(), message.system_id(), message.component_id());
         let timestamp = message.signature_timestamp();
         let is_new = match self.streams.get(&stream) {
             Some(last) => timestamp > *last,
-            None => timestamp.saturating_add(NEW_STREAM) >= self.newest && self.streams.len() < MAX_STREAMS,
+            None => timestamp.saturating_add(NEW_STREAM) >= now && self.streams.len() < MAX_STREAMS,
         };
         let mut value = [0; SIGNATURE_VALUE_SIZE];
         message.calculate_signature(&self.key.0, &mut value);
@@ -116,7 +114,6 @@ impl Verifier {
         let good = is_new && difference == 0;
         if good {
             self.streams.insert(stream, timestamp);
-            self.newest = self.newest.max(timestamp);
         }
         good
     }

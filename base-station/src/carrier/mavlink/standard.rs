@@ -5,32 +5,37 @@
 //!
 //! | message | what of Reported-Position |
 //! |---|---|
-//! | HEARTBEAT | that HORUS is there; emergency once it has cut the motors or fired the emergency measure |
-//! | GLOBAL_POSITION_INT | position; speeds are not in the objects and are 0, for which the message has no other word |
+//! | HEARTBEAT | HORUS's state: active only while it monitors; emergency once it has acted; UNINIT without fresh data |
 //! | GPS_RAW_INT | position and fix; accuracies unknown, satellites unknown |
 //! | ATTITUDE | attitude, if it is valid; rates 0 |
 //!
 //! Altitudes: the objects' are above the ellipsoid, MAVLink's above mean sea level. What separates the two (up to
-//! 100 m) is not known here, so `alt` is left 0 in both messages: evidently wrong rather than wrong by 50 m. The height
-//! is in the objects.
+//! 100 m) is not known here, so `alt` is left 0: evidently wrong rather than wrong by 50 m. The height is in the
+//! objects.
+//!
+//! GLOBAL_POSITION_INT is not among them: ground stations take it of any component of a vehicle for the vehicle's own
+//! position, and would move the operator's map to an altitude of 0.
 
 use mavlink::dialects::common::{
-    ATTITUDE_DATA, GLOBAL_POSITION_INT_DATA, GPS_RAW_INT_DATA, GpsFixType, HEARTBEAT_DATA, MavAutopilot, MavMessage,
-    MavModeFlag, MavState, MavType,
+    ATTITUDE_DATA, GPS_RAW_INT_DATA, GpsFixType, HEARTBEAT_DATA, MavAutopilot, MavMessage, MavModeFlag, MavState,
+    MavType,
 };
 use profile::{HorusState, ReportedValues};
 
 /// The component they come from: MAV_COMP_ID_PERIPHERAL, which `minimal.xml` has for devices without parameters.
 pub const COMPONENT: u8 = 158;
 
-/// HEARTBEAT, which says what state HORUS is in.
+/// HEARTBEAT, which says what state HORUS is in; `None` if nothing fresh says so.
 #[must_use]
 pub fn heartbeat(reported: Option<&ReportedValues>) -> MavMessage {
     let system_status = match reported.map(|values| values.status.state()) {
         Some(Some(HorusState::Monitoring)) => MavState::MAV_STATE_ACTIVE,
-        Some(Some(HorusState::OutsideRange | HorusState::SwitchedToRedundant | HorusState::InputsContradict)) => {
-            MavState::MAV_STATE_CRITICAL
-        }
+        Some(Some(
+            HorusState::PositionLost
+            | HorusState::OutsideRange
+            | HorusState::SwitchedToRedundant
+            | HorusState::InputsContradict,
+        )) => MavState::MAV_STATE_CRITICAL,
         Some(Some(HorusState::MotorsCut | HorusState::EmergencyFired)) => MavState::MAV_STATE_EMERGENCY,
         Some(Some(HorusState::Starting)) => MavState::MAV_STATE_BOOT,
         Some(None) | None => MavState::MAV_STATE_UNINIT,
@@ -48,18 +53,11 @@ pub fn heartbeat(reported: Option<&ReportedValues>) -> MavMessage {
 /// Position and attitude, as far as they are valid.
 #[must_use]
 pub fn position(reported: &ReportedValues) -> Vec<MavMessage> {
+    let reported = reported.checked();
     let mut messages = vec![];
     let time_boot_ms = reported.timestamp;
-    let place = degrees_1e7(reported.latitude, 90.0).zip(degrees_1e7(reported.longitude, 180.0));
-    if let Some((lat, lon)) = place.filter(|_| reported.status.position_valid()) {
-        let heading = reported.status.attitude_valid().then_some(reported.yaw).and_then(centidegrees);
-        messages.push(MavMessage::GLOBAL_POSITION_INT(GLOBAL_POSITION_INT_DATA {
-            time_boot_ms,
-            lat,
-            lon,
-            hdg: heading.unwrap_or(u16::MAX),
-            ..GLOBAL_POSITION_INT_DATA::default()
-        }));
+    if reported.status.position_valid() {
+        let (lat, lon) = (degrees_1e7(reported.latitude), degrees_1e7(reported.longitude));
         let is_3d = reported.altitude.is_finite();
         messages.push(MavMessage::GPS_RAW_INT(GPS_RAW_INT_DATA {
             time_usec: u64::from(time_boot_ms) * 1_000,
@@ -75,7 +73,7 @@ pub fn position(reported: &ReportedValues) -> Vec<MavMessage> {
         }));
     }
     let angles = [reported.roll, reported.pitch, reported.yaw];
-    if reported.status.attitude_valid() && angles.iter().all(|angle| angle.is_finite()) {
+    if reported.status.attitude_valid() {
         let [roll, pitch, yaw] = angles;
         messages.push(MavMessage::ATTITUDE(ATTITUDE_DATA {
             time_boot_ms,
@@ -88,16 +86,9 @@ pub fn position(reported: &ReportedValues) -> Vec<MavMessage> {
     messages
 }
 
-/// Degrees in units of 10⁻⁷; `None` if they are no number, or beyond `limit`.
-fn degrees_1e7(degrees: f64, limit: f64) -> Option<i32> {
-    // 180° are 1.8·10⁹, which an i32 holds.
-    (degrees.abs() <= limit).then(|| (degrees * 1e7).round() as i32)
-}
-
-/// A heading in rad in units of 0.01°, 0 to 35999.
-fn centidegrees(yaw: f32) -> Option<u16> {
-    let hundredths = (f64::from(yaw).to_degrees() * 100.0).rem_euclid(36_000.0).round();
-    yaw.is_finite().then_some(if hundredths >= 36_000.0 { 0 } else { hundredths as u16 })
+/// Degrees of a position in units of 10⁻⁷: 180° are 1.8·10⁹, which an i32 holds.
+fn degrees_1e7(degrees: f64) -> i32 {
+    (degrees * 1e7).round() as i32
 }
 
 #[cfg(test)]
@@ -122,14 +113,11 @@ mod tests {
     #[test]
     fn a_valid_position_is_told_in_units_of_mavlink() {
         let messages = position(&values());
-        let [MavMessage::GLOBAL_POSITION_INT(global), MavMessage::GPS_RAW_INT(raw), MavMessage::ATTITUDE(attitude)] =
-            &messages[..]
-        else {
+        let [MavMessage::GPS_RAW_INT(raw), MavMessage::ATTITUDE(attitude)] = &messages[..] else {
             panic!("{messages:?}")
         };
-        assert_eq!((global.lat, global.lon, global.time_boot_ms), (-474_979_000, 1_800_000_000, 1_230));
-        assert_eq!(global.hdg, 33_135, "331.35°");
-        assert_eq!((raw.lat, raw.fix_type), (global.lat, GpsFixType::GPS_FIX_TYPE_3D_FIX));
+        assert_eq!((raw.lat, raw.lon, raw.time_usec), (-474_979_000, 1_800_000_000, 1_230_000));
+        assert_eq!(raw.fix_type, GpsFixType::GPS_FIX_TYPE_3D_FIX);
         assert_eq!((attitude.roll, attitude.pitch, attitude.yaw), (0.2, 0.1, -0.5));
     }
 
@@ -139,18 +127,10 @@ mod tests {
         let none = ReportedStatus::new();
         assert_eq!(told(ReportedValues { status: none, ..values() }), 0);
         assert_eq!(told(ReportedValues { status: none.with_attitude_valid(true), ..values() }), 1);
-        assert_eq!(told(ReportedValues { status: none.with_position_valid(true), ..values() }), 2);
+        assert_eq!(told(ReportedValues { status: none.with_position_valid(true), ..values() }), 1);
         assert_eq!(told(ReportedValues { latitude: f64::NAN, ..values() }), 1);
         assert_eq!(told(ReportedValues { latitude: 90.1, ..values() }), 1);
         assert_eq!(told(ReportedValues { longitude: f64::INFINITY, roll: f32::NAN, ..values() }), 0);
-    }
-
-    #[test]
-    fn a_heading_is_below_360_degrees() {
-        assert_eq!(centidegrees(-1e-9), Some(0));
-        assert_eq!(centidegrees(0.0), Some(0));
-        assert_eq!(centidegrees(core::f32::consts::PI), Some(18_000));
-        assert_eq!(centidegrees(f32::NAN), None);
     }
 
     #[test]
@@ -163,6 +143,8 @@ mod tests {
             }
         };
         assert_eq!(told(HorusState::Monitoring), MavState::MAV_STATE_ACTIVE);
+        assert_eq!(told(HorusState::Starting), MavState::MAV_STATE_BOOT);
+        assert_eq!(told(HorusState::PositionLost), MavState::MAV_STATE_CRITICAL, "and not active");
         assert_eq!(told(HorusState::MotorsCut), MavState::MAV_STATE_EMERGENCY);
     }
 }

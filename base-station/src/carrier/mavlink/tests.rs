@@ -1,4 +1,4 @@
-use mavlink::dialects::common::{MavMessage, STATUSTEXT_DATA};
+use mavlink::dialects::common::{MavMessage, MavState, STATUSTEXT_DATA};
 use mavlink::{MAVLinkV2MessageRaw, MavHeader, MavlinkReader, MavlinkVersion, Message, MessageData};
 use profile::image::Image;
 use profile::{GpsValues, HorusState, Layout, LinkStatus, LinkValues, Profile, ReportedStatus, ReportedValues};
@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use super::forwarder::*;
 use super::tunnel::Tunnel;
 use super::*;
-use crate::{Bundle, Fleet, Place, Verdict};
+use crate::{Bundle, Fleet, Place, Source, Verdict};
 
 const SECOND: u64 = 1_000_000;
 
@@ -106,10 +106,10 @@ fn the_newest_goes_and_what_it_replaced_never_does() {
         offer(&mut forwarder, &image_of(5, 70_000 + 10 * cycle));
         for frame in drain(&mut forwarder, now) {
             for received in receiver.datagram(NOW, &frame) {
-                for verdict in fleet.take(received.id(), now, &received.bundle().unwrap()) {
+                for verdict in fleet.take(received.who(), Source::default(), now, &received.bundle().unwrap()).1 {
                     assert_eq!(verdict, Verdict::New);
                 }
-                let drone = fleet.get(received.id()).unwrap();
+                let drone = fleet.get(received.who().first()).unwrap();
                 assert_eq!(drone.timestamp(), Some(70_000 + 10 * cycle), "it is what was read last");
             }
         }
@@ -181,6 +181,42 @@ fn the_table_of_rates_in_the_decision_is_right() {
 }
 
 #[test]
+fn by_default_nothing_is_sent_but_objects_and_never_a_vehicles_position() {
+    let mut forwarder = Forwarder::new(7, 1, Rates::default());
+    offer(&mut forwarder, &image_of(3, 70_000));
+    let mut receiver = Receiver::default();
+    for frame in drain(&mut forwarder, 10 * SECOND) {
+        assert_eq!(receiver.datagram(NOW, &frame).len(), 1);
+    }
+    assert_eq!(receiver.counts().foreign, 0);
+}
+
+#[test]
+fn a_heartbeat_without_fresh_data_says_so() {
+    let mut forwarder = Forwarder::new(7, 1, Rates { standard_us: SECOND, ..free() });
+    let mut states = vec![];
+    for second in 0..4 {
+        // HORUS is silent after the first.
+        if second == 0 {
+            let status = ReportedStatus::new().with_state(HorusState::EmergencyFired);
+            let reported = ReportedValues { status, ..ReportedValues::absent(100) };
+            let sent = Profile::seal(&reported, &[GpsValues::absent(100)]);
+            forwarder.offer(&Bundle::datagram(sent.as_bytes()).unwrap());
+        }
+        for frame in drain(&mut forwarder, (10 + second) * SECOND) {
+            let raw = MavlinkReader::new(&frame[..]).read_raw_message::<MavMessage>(MavlinkVersion::V2).unwrap();
+            if let Ok(MavMessage::HEARTBEAT(heartbeat)) =
+                MavMessage::parse(MavlinkVersion::V2, raw.message_id(), raw.payload())
+            {
+                states.push(heartbeat.system_status);
+            }
+        }
+    }
+    let (fired, unknown) = (MavState::MAV_STATE_EMERGENCY, MavState::MAV_STATE_UNINIT);
+    assert_eq!(states, [fired, fired, unknown, unknown]);
+}
+
+#[test]
 fn the_standard_messages_come_from_a_component_of_their_own() {
     let mut forwarder = Forwarder::new(7, 1, Rates { standard_us: SECOND, ..free() });
     offer(&mut forwarder, &image_of(3, 70_000));
@@ -194,7 +230,7 @@ fn the_standard_messages_come_from_a_component_of_their_own() {
         }
     }
     let of = |name| (7, standard::COMPONENT, name);
-    assert_eq!(told, [of("HEARTBEAT"), of("GLOBAL_POSITION_INT"), of("GPS_RAW_INT"), of("ATTITUDE")]);
+    assert_eq!(told, [of("HEARTBEAT"), of("GPS_RAW_INT"), of("ATTITUDE")]);
     let later: usize = drain(&mut forwarder, 2 * SECOND).len();
     assert_eq!(later, 1, "HEARTBEAT; the position is not new");
 }
@@ -257,7 +293,8 @@ fn a_tunnel_of_somebody_else_is_foreign() {
         assert_eq!(receiver.datagram(NOW, raw.raw_bytes()), []);
     }
     assert_eq!(receiver.datagram(NOW, &foreign()), []);
-    assert_eq!((receiver.counts().foreign, receiver.counts().tunnels), (6, 0));
+    let counts = receiver.counts();
+    assert_eq!((counts.foreign, counts.malformed, counts.tunnels), (1, 5, 0));
     assert_eq!(Tunnel::ID, 385);
 }
 
@@ -361,8 +398,8 @@ fn pymavlink_sends_what_is_received_here_and_the_same_bytes_that_are_sent_here()
         let received = Receiver::new(verifier).datagram(PYMAVLINK_US, recorded);
         let bundle = received[0].bundle().unwrap();
         let mut fleet = Fleet::default();
-        assert_eq!(fleet.take(received[0].id(), 0, &bundle), [Verdict::New; 2]);
-        assert_eq!(received[0].id().to_string(), "42");
+        assert_eq!(fleet.take(received[0].who(), Source::default(), 0, &bundle).1, [Verdict::New; 2]);
+        assert_eq!(received[0].who().to_string(), "42");
 
         let mut forwarder = Forwarder::new(42, 1, free());
         if signed {

@@ -10,15 +10,16 @@
 //! The first state of a connection brings the drone's last ten minutes ([`history`](super::history)), at most 150 kB.
 //!
 //! **Nothing from elsewhere.** HTML, style and script are in the binary; the content security policy allows no others.
-//! While the station listens on this machine alone, requests whose Host is another are refused, so that no foreign page
-//! reaches it through a name that it lets point here.
+//! Requests whose Host is not this machine's name, or an address in numbers where the station listens on another
+//! address, are refused, so that no foreign page reaches it through a name that it lets point here; and what changes
+//! something is taken of this page alone.
 
 mod state;
 #[cfg(test)]
 mod tests;
 
 use std::convert::Infallible;
-use std::net::SocketAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -29,6 +30,7 @@ use axum::middleware::{self, Next};
 use axum::response::sse::{Event, Sse};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
+use base64::prelude::{BASE64_STANDARD, Engine as _};
 use futures_util::stream;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::{Instant, sleep};
@@ -53,6 +55,37 @@ pub const MAX_WATCHERS: usize = 256;
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; \
                       base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
+/// Who may open a page.
+#[derive(Clone, Debug)]
+pub struct Access {
+    local: bool,
+    /// What a request has to say of itself.
+    login: Option<String>,
+}
+
+impl From<SocketAddr> for Access {
+    /// Whoever reaches this address.
+    fn from(address: SocketAddr) -> Self {
+        Self { local: address.ip().is_loopback(), login: None }
+    }
+}
+
+impl Access {
+    /// Only who logs in with `user:password` (HTTP's Basic, which does not hide it: TLS is for a proxy before it).
+    #[must_use]
+    pub fn with_login(self, login: &str) -> Self {
+        Self { login: Some(format!("Basic {}", BASE64_STANDARD.encode(login))), ..self }
+    }
+
+    /// Whether the request says what it has to; the time it takes does not tell how much of it was right.
+    fn admits(&self, headers: &HeaderMap) -> bool {
+        let Some(login) = &self.login else { return true };
+        let said = text(headers, header::AUTHORIZATION).unwrap_or_default();
+        let differences = login.bytes().zip(said.bytes()).fold(0, |all, (one, other)| all | (one ^ other));
+        said.len() == login.len() && differences == 0
+    }
+}
+
 /// What every request needs.
 #[derive(Clone)]
 struct Page {
@@ -61,8 +94,8 @@ struct Page {
     watchers: Arc<Semaphore>,
 }
 
-/// The page of a station, to be served at `address`; with a player its pace can be set.
-pub fn router(station: Station, player: Option<Arc<Player>>, address: SocketAddr) -> Router {
+/// The page of a station, for whoever has `access`; with a player its pace can be set.
+pub fn router(station: Station, player: Option<Arc<Player>>, access: impl Into<Access>) -> Router {
     let page = Page { station, player, watchers: Arc::new(Semaphore::new(MAX_WATCHERS)) };
     let mut router = Router::new()
         .route("/", get(|| file("text/html; charset=utf-8", include_str!("index.html"))))
@@ -74,25 +107,29 @@ pub fn router(station: Station, player: Option<Arc<Player>>, address: SocketAddr
     if page.player.is_some() {
         router = router.route("/playback", post(playback));
     }
-    guarded(router.with_state(page), address)
+    guarded(router.with_state(page), access)
 }
 
-/// These pages, to be served at `address`, with what every page here has: other hosts' names are refused where that is
-/// this machine alone, and every answer has the content security policy.
-pub fn guarded(router: Router, address: SocketAddr) -> Router {
-    router.layer(middleware::from_fn_with_state(address.ip().is_loopback(), guard))
+/// These pages, for whoever has `access`, with what every page here has: other hosts' names are refused, and every
+/// answer has the content security policy.
+pub fn guarded(router: Router, access: impl Into<Access>) -> Router {
+    router.layer(middleware::from_fn_with_state(access.into(), guard))
 }
 
 async fn file(kind: &'static str, text: &'static str) -> impl IntoResponse {
     ([(header::CONTENT_TYPE, kind)], text)
 }
 
-/// Refuses other hosts' names, and sets the headers that every answer has.
-async fn guard(State(local): State<bool>, request: Request, next: Next) -> Response {
-    if local && !is_this_machine(request.headers()) {
-        return (StatusCode::FORBIDDEN, "this page is served to this machine alone").into_response();
+/// Refuses other hosts' names and who has no access, and sets the headers that every answer has.
+async fn guard(State(access): State<Access>, request: Request, next: Next) -> Response {
+    let foreign = !request.method().is_safe() && !is_own_page(request.headers());
+    if foreign || !is_served_as(access.local, request.headers()) {
+        return (StatusCode::FORBIDDEN, "this page is served by another name, or to another page").into_response();
     }
-    let mut response = next.run(request).await;
+    let mut response = match access.admits(request.headers()) {
+        true => next.run(request).await,
+        false => (StatusCode::UNAUTHORIZED, [(header::WWW_AUTHENTICATE, "Basic realm=\"HORUS\"")]).into_response(),
+    };
     let fixed = [
         (header::CONTENT_SECURITY_POLICY, POLICY),
         (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
@@ -106,11 +143,26 @@ async fn guard(State(local): State<bool>, request: Request, next: Next) -> Respo
     response
 }
 
-fn is_this_machine(headers: &HeaderMap) -> bool {
-    let host = headers.get(header::HOST).and_then(|host| host.to_str().ok()).unwrap_or_default();
+fn text(headers: &HeaderMap, name: impl header::AsHeaderName) -> Option<&str> {
+    headers.get(name).map(|value| value.to_str().unwrap_or_default())
+}
+
+/// Whether the request is for this page by a name that no foreign page can let point here: that of this machine, and
+/// where the page is not for this machine alone, any address in numbers.
+fn is_served_as(local: bool, headers: &HeaderMap) -> bool {
+    let host = text(headers, header::HOST).unwrap_or_default();
     let name = host.rsplit_once(':').filter(|(_, port)| port.bytes().all(|byte| byte.is_ascii_digit()));
     let name = name.map_or(host, |(name, _)| name);
-    matches!(name, "localhost" | "127.0.0.1" | "[::1]")
+    let address = || name.trim_start_matches('[').trim_end_matches(']').parse::<IpAddr>().is_ok();
+    matches!(name, "localhost" | "127.0.0.1" | "[::1]") || (!local && address())
+}
+
+/// Whether what would change something is asked for by this page, or by no browser. A browser says which site asks.
+fn is_own_page(headers: &HeaderMap) -> bool {
+    let host = text(headers, header::HOST).unwrap_or_default();
+    let own = |origin: &str| origin.split_once("://").is_some_and(|(_, of)| of == host);
+    text(headers, header::ORIGIN).is_none_or(own)
+        && text(headers, "sec-fetch-site").is_none_or(|site| matches!(site, "same-origin" | "none"))
 }
 
 /// Which drone the query asks for: `drone=ID`.
@@ -138,7 +190,7 @@ async fn events(State(page): State<Page>, RawQuery(query): RawQuery) -> Response
     // When the list went last.
     let listed: Option<Instant> = None;
     let begin = (page, changes, drone, listed, permit);
-    let states = stream::unfold(begin, |(page, mut changes, drone, mut listed, permit)| async move {
+    let states = stream::unfold(begin, |(page, mut changes, mut drone, mut listed, permit)| async move {
         if listed.is_some() {
             sleep(PUSH).await;
             // The station is gone: so is the page's reason.
@@ -148,6 +200,10 @@ async fn events(State(page): State<Page>, RawQuery(query): RawQuery) -> Response
         let with = With { list: listed.is_none_or(|listed| listed.elapsed() >= LIST), history: listed.is_none() };
         if with.list {
             listed = Some(Instant::now());
+        }
+        // What is shown stays, also if nobody asked for it: another drone that comes later does not take its place.
+        if drone.is_none() {
+            drone = page.station.known().intake.fleet().iter().next().map(|(id, _)| id.to_string());
         }
         let state = state::json(&page.station, page.player.as_deref(), drone.as_deref(), with);
         let event = Ok::<_, Infallible>(Event::default().retry(RETRY).data(state));

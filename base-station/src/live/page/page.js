@@ -3,6 +3,9 @@
 // without how old it is now, whether the drone, the base station or the way between is silent.
 
 const STALE_MS = 400;          // as base_station::drone::STALE_US
+const OLD_MS = 1000;           // as base_station::drone::OLD_US
+const FASTEST = 150;           // m/s: no drone here is faster
+const NEAR = 10000;            // m: other drones within this are on the map
 const LOST_MS = 350;           // without a state for so long the base station is not heard
 const KEPT_MS = 10 * 60 * 1000;
 const SAMPLE_MS = 100;         // history is kept at this rate
@@ -17,21 +20,26 @@ let ahead = 0;                 // the station's clock less this page's, ms
 let opened = true;             // and nothing has come since: it may be another clock
 let staling = 0;               // the timer of the instant at which it will be old
 let source = null;
-let wanted = null;             // the drone that is looked at
+let wanted = new URLSearchParams(location.search).get("drone"); // the drone that is looked at
+let listed = 0;                // when the list of all drones came, ms
 let shown = null;              // of which drone the history is
 let origin = null;             // of the map: degrees, and metres per degree
+let start = null;              // where and how high the drone was first
 let history = [];
 let clock = -Infinity;         // the station's time of the last state, to see a playback jump
 
 function connect() {
   if (source) source.close();
-  source = new EventSource("/events" + (wanted === null ? "" : "?drone=" + wanted));
+  source = new EventSource("/events" + (wanted === null ? "" : "?drone=" + encodeURIComponent(wanted)));
   source.onmessage = (event) => {
     const next = JSON.parse(event.data);
     // The list of all drones comes less often.
+    const now = performance.now();
+    if (next.drones) listed = now;
     next.drones = next.drones || (state ? state.drones : []);
     state = next;
-    const now = performance.now();
+    // What is shown stays, also when the connection is made anew or the page is loaded again.
+    if (state.drone && wanted === null) want(state.drone.id);
     // The offset is taken from the state with the shortest delay, so a delayed state cannot make data look younger. It
     // decays by 1 ms a second, which is more than two clocks drift apart.
     ahead = Math.max(state.now_us / 1000 - now, opened ? -Infinity : ahead - (now - heard) / 1000);
@@ -54,6 +62,14 @@ function connect() {
   };
 }
 
+// Notes which drone is looked at, in the address too.
+function want(id) {
+  wanted = id;
+  const here = new URL(location.href);
+  here.searchParams.set("drone", id);
+  window.history.replaceState(null, "", here);
+}
+
 // How long ago the station took the last state, ms. Played back, its clock is that of what was recorded.
 function since() {
   if (state.playback) return state.playback.speed === 0 ? 0 : performance.now() - heard;
@@ -73,9 +89,13 @@ function metres(latitude) {
   };
 }
 
+function centre([latitude, longitude]) {
+  origin = { latitude, longitude, ...metres(latitude) };
+}
+
 function local(position) {
   if (!position || position[0] === null || position[1] === null) return null;
-  if (!origin) origin = { latitude: position[0], longitude: position[1], ...metres(position[0]) };
+  if (!origin) centre(position);
   let east = position[1] - origin.longitude;
   if (east > 180) east -= 360;
   if (east < -180) east += 360;
@@ -91,7 +111,7 @@ function keep() {
   if (id !== shown || now < clock - 1) {
     shown = id;
     history = [];
-    origin = null;
+    origin = start = null;
   }
   clock = now;
   if (state.history) merge(state.history);
@@ -101,10 +121,11 @@ function keep() {
   const last = history[history.length - 1];
   if (last && now - last.at < SAMPLE_MS) return;
   const old = reported.age_ms > STALE_MS;
+  if (!old && reported.valid) start = start || reported.position;
   history.push({
     at: now,
-    voted: !old && reported.valid ? local(reported.position) : null,
-    gps: drone.gps.map((gps) => (gps && gps.valid && gps.age_ms <= 1000 ? local(gps.position) : null)),
+    voted: !old && reported.valid ? reported.position : null,
+    gps: drone.gps.map((gps) => (gps && gps.valid && gps.age_ms <= OLD_MS ? gps.position : null)),
     height: !old && reported.valid ? reported.position[2] : null,
     age: reported.age_ms / 1000,
     agree: old ? null : reported.agree,
@@ -122,7 +143,7 @@ function merge(samples) {
     while (next < own.length && own[next].at <= at) merged.push(own[next++]);
     const near = (sample) => sample && Math.abs(sample.at - at) < 1000;
     if (near(own[next - 1]) || near(own[next])) continue;
-    merged.push({ at, voted: local(voted), gps: gps.map(local), height, age, agree });
+    merged.push({ at, voted, gps, height, age, agree });
   }
   history = merged.concat(own.slice(next));
 }
@@ -139,7 +160,7 @@ function accuracy(drone, voted) {
   if (!drone || !voted) return "–";
   const inside = [], outside = [];
   drone.gps.forEach((gps, index) => {
-    const place = gps && gps.valid ? local(gps.position) : null;
+    const place = gps && gps.valid && gps.age_ms <= OLD_MS ? local(gps.position) : null;
     if (gps && gps.excluded) outside.push("GPS" + (index + 1));
     else if (place) inside.push(apart(place, voted));
   });
@@ -168,32 +189,80 @@ function rows(id, lines) {
   });
 }
 
+// What is wrong with the station itself, each with whether it is critical.
+function stationAlarms() {
+  const station = state.station;
+  const lines = [];
+  if (station.recorder) lines.push([true, "nothing is recorded: " + station.recorder]);
+  for (const [name, why] of station.lines) lines.push([true, `${name}: ${why}`]);
+  if (station.dropped) lines.push([true, `${station.dropped} arrivals dropped: this machine is too slow`]);
+  if (station.refused) lines.push([false, `${station.refused} messages of further drones not shown: there is no room`]);
+  if (station.forgotten) lines.push([false, `${station.forgotten} silent drones forgotten to make room for others`]);
+  return lines;
+}
+
+// The worst comes first: its words, and its colour. Nothing is green that is not well, live and now.
 function drawAge() {
   const silent = performance.now() - heard;
   const drone = state && state.drone;
   const reported = drone && drone.reported;
   const age = reported ? reported.age_ms + since() : null;
-  let kind = "fresh", words = "live";
+  // That it is old is told by its age as it is now.
+  const alarms = (drone ? drone.alarms : []).filter((alarm) => alarm.code !== "stale");
+  const worst = alarms.find((alarm) => alarm.critical) || alarms[0];
+  let kind = "fresh", level = "well", words = state && state.playback ? "as it was recorded" : "live";
   if (silent > LOST_MS) {
     kind = state ? "lost" : "waiting";
     words = state ? "NO CONNECTION TO THE BASE STATION" : "waiting for the base station";
   } else if (!reported) {
     kind = "waiting";
     words = state.drones.length ? "NO POSITION RECEIVED" : "no drone heard yet";
-  } else if (age > STALE_MS) {
-    kind = "old";
-    words = "OLD DATA";
-  } else if (!reported.valid) {
-    words = "live, but the position is not valid";
-  } else if (state.playback) {
-    words = "playback";
+  } else {
+    if (age > STALE_MS) kind = "old";
+    const told = worst ? [worst.words] : [];
+    if (kind === "old") told.push("OLD DATA");
+    if (!told.length && stationAlarms().length) told.push("live, but " + stationAlarms()[0][1]);
+    if (told.length) words = told.join(" · ");
+    if (worst || stationAlarms().length) level = worst && worst.critical ? "critical" : "warning";
+  }
+  if (kind !== "fresh") level = "critical";
+  if (state && state.playback) {
+    words = "PLAYBACK · " + words;
+    if (level === "well") level = "playback";
   }
   if (document.body.className !== kind) document.body.className = kind;
+  if (document.body.dataset.level !== level) document.body.dataset.level = level;
   put("verdict", words);
   put("age-value", age === null ? "–" : seconds(age));
-  const place = reported && origin && local(reported.position);
-  document.title = (kind === "fresh" ? "" : "! ") + "HORUS " + (drone ? drone.id : "");
-  put("doing", reported ? reported.state + (place ? `, ${Math.hypot(...place).toFixed(0)} m from the start` : "") : "");
+  put("doing", doing(reported));
+  drawTitle(drone, kind, level, words, worst);
+  drawFleetAges();
+}
+
+function doing(reported) {
+  if (!reported) {
+    const unread = state ? state.station.unread.slice(0, -1).filter(([, count]) => count) : [];
+    return state && !state.drones.length && unread.length
+      ? "refused: " + unread.map(([words, count]) => `${count} ${words}`).join("; ") : "";
+  }
+  const away = reported.valid && start ? apart(local(reported.position), local(start)) : null;
+  return reported.state + (away === null ? "" : `, ${away.toFixed(0)} m from the start`);
+}
+
+// The tab tells the worst of all drones: the one that is shown may be the only one that is well.
+function drawTitle(drone, kind, level, words, worst) {
+  const others = (state ? state.drones : []).filter((other) => other.worst && (!drone || other.id !== drone.id));
+  const other = others.reduce((one, next) => (one && one.worst.rank <= next.worst.rank ? one : next), null);
+  const lost = kind === "lost" || kind === "waiting";
+  const old = kind === "old" ? state.station.stale_rank : Infinity;
+  const own = lost ? -1 : Math.min(worst ? worst.rank : Infinity, old);
+  const theirs = other && other.worst.rank < own ? other : null;
+  const bad = theirs ? theirs.worst.critical : level === "critical";
+  const mark = bad ? "!! " : theirs || level === "warning" ? "! " : "";
+  const name = drone ? drone.id + ": " : "";
+  const title = mark + (theirs ? `${theirs.id}: ${theirs.worst.words} – HORUS` : mark ? `${name}${words} – HORUS`
+    : "HORUS " + (drone ? drone.id : ""));
+  if (document.title !== title) document.title = title;
 }
 
 function drawList() {
@@ -204,21 +273,52 @@ function drawList() {
     select.replaceChildren(...ids.map((id) => new Option(id, id)));
   }
   if (state.drone) select.value = state.drone.id;
-  const others = state.drones.filter((drone) => drone.critical && (!state.drone || drone.id !== state.drone.id));
-  put("others", others.length ? `${others.length} other drone(s) with critical alarms: ` +
-    others.slice(0, 5).map((drone) => drone.id).join(", ") : "");
+  element("fleet-section").hidden = ids.length < 2;
+  const body = element("fleet");
+  while (body.rows.length > ids.length) body.deleteRow(-1);
+  state.drones.forEach((drone, index) => {
+    const row = body.rows[index] || body.insertRow();
+    if (!row.cells.length) {
+      const head = document.createElement("th");
+      head.scope = "row";
+      const button = document.createElement("button");
+      button.addEventListener("click", () => look(button.textContent));
+      head.append(button);
+      row.append(head, ...[1, 2, 3].map(() => document.createElement("td")));
+    }
+    const own = state.drone && state.drone.id === drone.id;
+    row.className = drone.worst ? (drone.worst.critical ? "critical" : "warning") : "well";
+    const more = drone.alarms > 1 ? `, and ${drone.alarms - 1} more` : "";
+    const worst = drone.worst ? drone.worst.words + more : "well";
+    const texts = [drone.id, worst, null, drone.state || "no position received"];
+    row.cells[0].firstChild.setAttribute("aria-current", own ? "true" : "false");
+    texts.forEach((text, cell) => {
+      const target = cell ? row.cells[cell] : row.cells[0].firstChild;
+      if (text !== null && target.textContent !== text) target.textContent = text;
+    });
+  });
+}
+
+// The list comes each half second; its ages go on meanwhile.
+function drawFleetAges() {
+  if (!state) return;
+  const passed = state.playback ? 0 : performance.now() - listed;
+  state.drones.forEach((drone, index) => {
+    const row = element("fleet").rows[index];
+    const text = drone.age_ms === null ? "–" : seconds(drone.age_ms + passed);
+    if (row && row.cells[2].textContent !== text) row.cells[2].textContent = text;
+  });
 }
 
 function drawAlarms() {
-  const station = state.station;
-  const lines = [];
-  if (station.recorder) lines.push([true, "nothing is recorded: " + station.recorder]);
-  for (const [name, why] of station.lines) lines.push([true, `${name}: ${why}`]);
-  if (station.dropped) lines.push([true, `${station.dropped} arrivals dropped: this machine is too slow`]);
-  if (station.refused) lines.push([false, `${station.refused} messages of further drones not shown`]);
-  for (const alarm of state.drone ? state.drone.alarms : []) {
+  const drone = state.drone;
+  const lines = stationAlarms();
+  for (const alarm of drone ? drone.alarms : []) {
     lines.push([alarm.critical, `${alarm.words}, for ${Math.floor(alarm.since_ms / 1000)} s`]);
   }
+  const recording = state.station.recording;
+  put("recording", recording === null ? "" : state.station.recorder ? "NOT RECORDING" : `● recording ${recording}`);
+  put("signed", drone ? (drone.signed ? "signed" : "not signed") + `, from ${drone.from}` : "");
   const list = element("alarms");
   const key = JSON.stringify(lines);
   if (list.dataset.key === key) return;
@@ -231,6 +331,14 @@ function drawAlarms() {
   }));
 }
 
+// m/s over the last two seconds.
+function speed() {
+  const last = history[history.length - 1];
+  const before = last && history.findLast((point) => point.at <= last.at - 2000);
+  if (!last || !last.voted || !before || !before.voted || last.at - before.at > 4000) return null;
+  return apart(local(last.voted), local(before.voted)) / (last.at - before.at) * 1000;
+}
+
 function drawNumbers() {
   const drone = state.drone;
   const reported = drone && drone.reported;
@@ -238,11 +346,19 @@ function drawNumbers() {
   put("latitude", valid ? degrees(reported.position[0], "N", "S") : "–");
   put("longitude", valid ? degrees(reported.position[1], "E", "W") : "–");
   put("height", valid ? number(reported.position[2], 1, " m") : "–");
+  const above = valid && start ? reported.position[2] - start[2] : NaN;
+  put("above", Number.isFinite(above) && reported.position[2] !== null ? number(above, 1, " m") : "–");
+  put("speed-value", valid ? number(speed(), 1, " m/s") : "–");
+  put("clock", new Date(state.now_us / 1000).toLocaleString(undefined, { timeZoneName: "short" }));
   const turned = reported && reported.attitude;
   put("attitude", turned
     ? `${turned[0].toFixed(1)}°, ${turned[2].toFixed(1)}°, ${((turned[1] % 360 + 360) % 360).toFixed(1)}°` : "–");
   put("agree", reported ? `${reported.agree} of ${drone.receivers}${reported.degraded ? ", degraded" : ""}` : "–");
   put("accuracy", accuracy(drone, valid ? local(reported.position) : null));
+  rows("itself", reported ? [
+    ["HORUS's last reset", reported.reset, !reported.reset_usual],
+    ["HORUS's memory", reported.memory_fault ? "FAULT FOUND" : "no fault found", reported.memory_fault],
+  ] : []);
   put("time", drone && drone.time_ms !== null ? (drone.time_ms / 1000).toFixed(1) + " s" : "–");
 
   const body = element("receivers");
@@ -250,32 +366,39 @@ function drawNumbers() {
   while (body.rows.length > receivers.length) body.deleteRow(-1);
   receivers.forEach((gps, index) => {
     const row = body.rows[index] || body.insertRow();
-    while (row.cells.length < 5) row.insertCell();
-    const here = gps && gps.valid ? local(gps.position) : null;
+    while (row.cells.length < 6) row.insertCell();
+    const old = gps && gps.age_ms > OLD_MS;
+    const here = gps && gps.valid && !old ? local(gps.position) : null;
     const there = valid ? local(reported.position) : null;
-    const notes = gps ? [gps.fix, !gps.valid && "no position", !gps.heard && "silent", gps.stale && "stale",
-      gps.excluded && "EXCLUDED"].filter(Boolean).join(", ") : "not received";
+    const notes = gps ? [old && "OLD DATA", gps.fix, !gps.valid && "no position", !gps.heard && "silent",
+      gps.stale && "stale", gps.excluded && "EXCLUDED"].filter(Boolean).join(", ") : "not received";
     const texts = ["GPS" + (index + 1), notes,
       here && there ? apart(here, there).toFixed(1) + " m" : "–",
-      gps && gps.valid ? number(gps.position[2], 1, " m") : "–", gps ? seconds(gps.age_ms) : "–"];
+      gps && gps.valid ? number(gps.position[2], 1, " m") : "–", gps ? seconds(gps.age_ms) : "–",
+      gps ? gps.solution : "–"];
     texts.forEach((text, cell) => {
       if (row.cells[cell].textContent !== text) row.cells[cell].textContent = text;
     });
-    row.cells[1].className = !gps || gps.excluded || !gps.valid || !gps.heard ? "bad" : "";
+    row.cells[1].className = !gps || old || gps.excluded || !gps.valid || !gps.heard ? "bad" : "";
+    row.cells[4].className = old ? "bad" : "";
   });
 
   const link = drone && drone.link;
+  const oldLink = link && link.age_ms > OLD_MS;
   rows("link", link ? [
-    ["State", link.up ? "up" : "DOWN", !link.up],
+    ["State", (oldLink ? "not known, was " : "") + (link.up ? "up" : "DOWN"), !link.up || oldLink],
     ["Age of the sample at the DPR", link.sample_age_ms.toFixed(1) + " ms"],
     ["Frames received, missed", `${link.received}, ${link.missed}`],
     ["Objects accepted, rejected", `${link.accepted}, ${link.rejected}`],
     ["Access violations", String(link.violations), link.violations > 0],
     ["DPR's last reset", link.reset],
-    ["Age of this", seconds(link.age_ms)],
-  ] : [["Link-Status", "not received"]]);
+    ["Age of this", seconds(link.age_ms) + (oldLink ? ", OLD DATA" : ""), oldLink],
+  ] : [["Link-Status", "not received", true]]);
   const counts = drone && drone.counts;
-  rows("counts", counts ? [
+  const refused = state.station.unread.filter(([, count]) => count);
+  const unread = refused.map(([words, count]) => ["Refused: " + words, String(count), !words.startsWith("other")]);
+  if (!unread.length) unread.push(["Refused unread", "0"]);
+  rows("counts", [...counts ? [
     ["Messages", String(counts.messages)],
     ["Objects shown", String(counts.shown)],
     ["Bad CRC", String(counts.bad_crc), counts.bad_crc > 0],
@@ -285,7 +408,7 @@ function drawNumbers() {
     ["Out of sequence", String(counts.out_of_sequence)],
     ["Cycles not forwarded, or lost", String(counts.missed)],
     ["Restarts of HORUS", String(counts.restarts)],
-  ] : []);
+  ] : [], ...unread]);
 }
 
 // ---- pictures
@@ -312,11 +435,33 @@ function round(most) {
 
 const receiverColour = (index) => colour("--r" + (index + 1));
 
+// The places that set the scale: one that is left and come back to within a moment, faster than any drone flies, is
+// none of them.
+function steady(points) {
+  const runs = [[]];
+  for (const { at, voted } of points) {
+    const place = local(voted);
+    if (!place) continue;
+    const run = runs[runs.length - 1], last = run[run.length - 1];
+    const jumped = last && apart(last.place, place) > 50 + FASTEST * (at - last.at) / 1000;
+    if (jumped) runs.push([{ at, place }]); else run.push({ at, place });
+  }
+  const long = runs.filter((run) => run.length > 2);
+  return (long.length ? long : runs).flat().map((point) => point.place);
+}
+
 function drawMap() {
   const [to, width, height] = prepare(element("map"));
   const points = history.slice(-MAP_POINTS);
-  // What is voted, and the receivers now: one that was a kilometre off a while ago does not shrink the map.
-  const all = [...points.map((point) => point.voted), ...points[points.length - 1]?.gps || []].filter(Boolean);
+  const newest = points.findLast((point) => point.voted);
+  if (newest) centre(newest.voted);
+  // What is voted, the receivers now, and the other drones that are near: one that was a kilometre off a while ago does
+  // not shrink the map.
+  const here = newest ? local(newest.voted) : [0, 0];
+  const others = state.drones.filter((drone) => drone.place && (!state.drone || drone.id !== state.drone.id))
+    .map((drone) => ({ ...drone, place: local(drone.place) })).filter(({ place }) => apart(place, here) < NEAR);
+  const now = (points[points.length - 1]?.gps || []).map(local).filter((place) => place && apart(place, here) < NEAR);
+  const all = [...steady(points), ...now, ...others.map((drone) => drone.place)];
   if (!all.length) {
     to.fillStyle = colour("--soft");
     to.fillText("no position yet", 12, 24);
@@ -351,7 +496,7 @@ function drawMap() {
     to.beginPath();
     let on = false;
     for (const point of points) {
-      const place = pick(point);
+      const place = local(pick(point));
       if (!place) { on = false; continue; }
       const [px, py] = at(place);
       if (on) to.lineTo(px, py); else to.moveTo(px, py);
@@ -363,7 +508,8 @@ function drawMap() {
   receivers.forEach((_, index) => line((point) => point.gps[index] || null, receiverColour(index), 1));
   line((point) => point.voted, colour("--voted"), 2.5);
 
-  const last = points[points.length - 1];
+  const raw = points[points.length - 1];
+  const last = { voted: local(raw && raw.voted), gps: raw ? raw.gps.map(local) : [] };
   receivers.forEach((gps, index) => {
     if (!last.gps[index]) return;
     const [px, py] = at(last.gps[index]);
@@ -405,18 +551,23 @@ function drawMap() {
     to.fill();
   }
   // Where it was last known to be, if that is not now.
-  const known = last.voted ? null : points.findLast((point) => point.voted);
-  if (known) {
-    const [px, py] = at(known.voted);
+  if (!last.voted && newest) {
+    const [px, py] = at(local(newest.voted));
     to.strokeStyle = colour("--bad");
     to.lineWidth = 3;
     to.strokeRect(px - 8, py - 8, 16, 16);
+  }
+  for (const drone of others) {
+    const [px, py] = at(drone.place);
+    to.fillStyle = colour(drone.worst ? (drone.worst.critical ? "--bad" : "--warn") : "--ink");
+    to.fillRect(px - 4, py - 4, 8, 8);
+    to.fillText(drone.id, px + 8, py + 4);
   }
   to.fillStyle = colour("--ink");
   to.fillRect(12, height - 16, step / span, 3);
   to.fillText(`${step} m`, 12, height - 22);
   to.fillText("N ↑", width - 32, 20);
-  const voted = points.map((point) => point.voted).filter(Boolean);
+  const voted = steady(points);
   const range = (axis) => {
     const values = voted.map((place) => place[axis]);
     return `${(Math.max(...values) - Math.min(...values)).toFixed(0)} m`;
@@ -633,7 +784,12 @@ addEventListener("keydown", (event) => {
   act();
 });
 
-element("drone").addEventListener("change", (event) => { wanted = event.target.value; connect(); });
+function look(id) {
+  want(id);
+  connect();
+}
+
+element("drone").addEventListener("change", (event) => look(event.target.value));
 element("pause").addEventListener("click", pause);
 element("back").addEventListener("click", () => jump(-JUMP_S));
 element("forward").addEventListener("click", () => jump(JUMP_S));

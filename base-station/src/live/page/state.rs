@@ -1,12 +1,13 @@
 //! What the station knows, as the page reads it. Ages are those of the instant at which a state is made.
 
-use profile::{FixType, ResetReason};
+use profile::ResetReason;
 use serde::Serialize;
 
 use super::super::playback::Player;
 use super::super::{Known, Station, history};
+use crate::alarm::Alarms;
 use crate::drone::words;
-use crate::{Alarm, Drone, DroneId, Severity};
+use crate::{Alarm, Drone, DroneId, Fleet, Severity};
 
 #[derive(Serialize)]
 struct State {
@@ -40,9 +41,19 @@ struct Playback {
 #[derive(Serialize)]
 struct About {
     lines: Vec<(String, String)>,
+    /// The file that is being recorded into; no name before something has arrived.
+    recording: Option<String>,
     recorder: Option<String>,
     dropped: u64,
+    /// Drones' messages for which there is no room, and drones that made room.
     refused: u64,
+    forgotten: u64,
+    /// How grave it is that a position is old.
+    stale_rank: usize,
+    /// MAVLink is taken with a signature alone.
+    signed: bool,
+    /// What was refused unread, in words, and how often.
+    unread: Vec<(&'static str, u64)>,
 }
 
 /// A drone in the list.
@@ -50,8 +61,27 @@ struct About {
 struct Line {
     id: String,
     age_ms: Option<u64>,
-    critical: bool,
+    state: Option<&'static str>,
+    /// The gravest alarm.
+    worst: Option<Worst>,
     alarms: usize,
+    /// Latitude and longitude, if they are valid and not old.
+    place: Option<[f64; 2]>,
+}
+
+#[derive(Serialize)]
+struct Worst {
+    words: &'static str,
+    critical: bool,
+    /// 0 is the gravest of all.
+    rank: usize,
+}
+
+impl Worst {
+    fn of(alarms: Alarms) -> Option<Self> {
+        let alarm = alarms.iter().next()?;
+        Some(Self { words: alarm.words(), critical: alarm.severity() == Severity::Critical, rank: alarm as usize })
+    }
 }
 
 #[derive(Serialize)]
@@ -59,12 +89,16 @@ struct Raised {
     code: &'static str,
     words: &'static str,
     critical: bool,
+    rank: usize,
     since_ms: u64,
 }
 
 #[derive(Serialize)]
 struct Detail {
     id: String,
+    /// Where its messages come from, in words, and whether they are signed.
+    from: String,
+    signed: bool,
     stale: bool,
     silent_ms: u64,
     /// ms since HORUS's start.
@@ -84,6 +118,10 @@ struct Reported {
     valid: bool,
     agree: u8,
     degraded: bool,
+    memory_fault: bool,
+    reset: &'static str,
+    /// Its last reset was asked for by switching it on or by its pin.
+    reset_usual: bool,
     /// Degrees, degrees, m.
     position: [f64; 3],
     /// Pitch, yaw, roll, degrees.
@@ -99,6 +137,8 @@ struct Gps {
     heard: bool,
     stale: bool,
     excluded: bool,
+    /// The age of its solution when HORUS sent it.
+    solution: String,
     position: [f64; 3],
 }
 
@@ -152,14 +192,19 @@ fn state(known: &Known, dropped: u64, player: Option<&Player>, drone: Option<&st
     let fleet = known.intake.fleet();
     let line = |(id, drone): (DroneId, &Drone)| {
         let alarms = drone.alarms_at(now_us);
+        let reported = drone.reported();
+        let valid = reported.filter(|held| held.values.status.position_valid() && !alarms.has(Alarm::Stale));
         Line {
             id: id.to_string(),
-            age_ms: drone.reported().map(|held| held.age_us(now_us) / 1_000),
-            critical: alarms.iter().any(|alarm| alarm.severity() == Severity::Critical),
+            age_ms: reported.map(|held| held.age_us(now_us) / 1_000),
+            state: reported.map(|held| words::state(held.values.status.state())),
+            worst: Worst::of(alarms),
             alarms: alarms.iter().count(),
+            place: valid.map(|held| [held.values.latitude, held.values.longitude]),
         }
     };
-    let shown = fleet.iter().find(|(id, _)| drone.is_none_or(|drone| id.to_string() == drone));
+    let shown = drone.map_or_else(|| fleet.iter().next(), |drone| asked(fleet, drone));
+    let refused = known.intake.refused();
     State {
         now_us,
         playback: player.map(|player| {
@@ -173,12 +218,28 @@ fn state(known: &Known, dropped: u64, player: Option<&Player>, drone: Option<&st
         }),
         station: About {
             lines: known.lines.clone(),
+            recording: known
+                .recording
+                .as_ref()
+                .map(|made| made.names().last().map_or_else(String::new, |name| name.display().to_string())),
             recorder: known.recorder.as_ref().map(|trouble| trouble.why.clone()),
             dropped,
             refused: fleet.refused(),
+            forgotten: fleet.dropped(),
+            stale_rank: Alarm::Stale as usize,
+            signed: known.intake.is_signed(),
+            unread: vec![
+                ("not signed with this station's key", refused.unsigned),
+                ("TUNNEL with another payload type or length", refused.malformed),
+                ("TUNNEL damaged on the way", refused.bad_crc),
+                ("MAVLink 1, in which TUNNEL cannot travel", refused.version_1),
+                ("neither a profile nor an image", refused.damaged),
+                ("longer than any datagram with objects", refused.oversized),
+                ("other MAVLink messages", refused.foreign),
+            ],
         },
         drones: with.list.then(|| fleet.iter().map(line).collect()),
-        drone: shown.map(|(id, drone)| detail(id, drone, now_us)),
+        drone: shown.map(|(id, drone)| detail(fleet, id, drone, now_us)),
         history: shown.filter(|_| with.history).map(|(id, drone)| {
             let sample = |sample: &history::Sample| {
                 let gps = sample.gps(drone.receivers()).collect();
@@ -189,12 +250,24 @@ fn state(known: &Known, dropped: u64, player: Option<&Player>, drone: Option<&st
     }
 }
 
-fn detail(id: DroneId, drone: &Drone, now_us: u64) -> Detail {
+/// The drone of this name; or, if that one is gone, whoever else speaks as it.
+fn asked<'a>(fleet: &'a Fleet, name: &str) -> Option<(DroneId, &'a Drone)> {
+    let who = |id: DroneId| id.who.to_string();
+    fleet.iter().find(|(id, _)| id.to_string() == name).or_else(|| {
+        let is_sender = |rest: &str| rest.strip_prefix('-').is_some_and(|number| number.parse::<u8>().is_ok());
+        fleet.iter().find(|(id, _)| name.strip_prefix(&who(*id)).is_some_and(|rest| rest.is_empty() || is_sender(rest)))
+    })
+}
+
+fn detail(fleet: &Fleet, id: DroneId, drone: &Drone, now_us: u64) -> Detail {
     let alarms = drone.alarms_at(now_us);
     let since = |alarm| drone.raised().find(|raised| raised.alarm == alarm).map_or(now_us, |raised| raised.since_us);
     let counts = drone.counts();
+    let source = fleet.source(id).unwrap_or_default();
     Detail {
         id: id.to_string(),
+        from: source.from.map_or_else(|| format!("line {}", source.line), |from| from.to_string()),
+        signed: source.signed,
         stale: alarms.has(Alarm::Stale),
         silent_ms: now_us.saturating_sub(drone.heard_us()) / 1_000,
         time_ms: drone.timestamp(),
@@ -208,6 +281,9 @@ fn detail(id: DroneId, drone: &Drone, now_us: u64) -> Detail {
                 valid: v.status.position_valid(),
                 agree: v.status.receivers_agreeing(),
                 degraded: v.status.degraded(),
+                memory_fault: v.status.memory_fault(),
+                reset: words::reset(v.status.reset_reason()),
+                reset_usual: matches!(v.status.reset_reason(), Some(ResetReason::PowerOn | ResetReason::Pin)),
                 position: [v.latitude, v.longitude, v.altitude],
                 attitude: v.status.attitude_valid().then_some(attitude),
                 acceleration: v.status.acceleration_valid().then_some(v.acceleration),
@@ -225,7 +301,7 @@ fn detail(id: DroneId, drone: &Drone, now_us: u64) -> Detail {
                 missed: v.frames_missed,
                 violations: v.access_violations,
                 sample_age_ms: f64::from(v.age_100us) / 10.0,
-                reset: reset(v.status.reset_reason()),
+                reset: words::reset(v.status.reset_reason()),
             }
         }),
         alarms: alarms
@@ -234,6 +310,7 @@ fn detail(id: DroneId, drone: &Drone, now_us: u64) -> Detail {
                 code: alarm.code(),
                 words: alarm.words(),
                 critical: alarm.severity() == Severity::Critical,
+                rank: alarm as usize,
                 since_ms: now_us.saturating_sub(since(alarm)) / 1_000,
             })
             .collect(),
@@ -257,31 +334,12 @@ fn gps(drone: &Drone, receiver: usize, now_us: u64) -> Option<Gps> {
     let v = &held.values;
     Some(Gps {
         age_ms: held.age_us(now_us) / 1_000,
-        fix: match v.status.fix_type() {
-            Some(FixType::NoFix) => "no fix",
-            Some(FixType::DeadReckoning) => "dead reckoning",
-            Some(FixType::Fix2D) => "2D",
-            Some(FixType::Fix3D) => "3D",
-            Some(FixType::GnssDeadReckoning) => "3D and dead reckoning",
-            Some(FixType::TimeOnly) => "time only",
-            None => "unknown",
-        },
+        fix: words::fix(v.status.fix_type()),
         valid: v.status.position_valid(),
         heard: v.status.heard(),
         stale: v.status.stale(),
         excluded: v.status.excluded(),
+        solution: words::solution_age(v.status),
         position: [v.latitude, v.longitude, v.altitude],
     })
-}
-
-const fn reset(reason: Option<ResetReason>) -> &'static str {
-    match reason {
-        Some(ResetReason::PowerOn) => "power on",
-        Some(ResetReason::Pin) => "pin",
-        Some(ResetReason::Watchdog) => "watchdog",
-        Some(ResetReason::Lockup) => "lockup",
-        Some(ResetReason::Software) => "software",
-        Some(ResetReason::BrownOutOrOther) => "brown-out or other",
-        None => "unknown",
-    }
 }

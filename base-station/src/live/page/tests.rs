@@ -112,7 +112,93 @@ fn a_page_for_this_machine_answers_to_no_other_name() {
             assert_eq!(refused.status(), StatusCode::FORBIDDEN, "{host}");
         }
         let open = router(station().0, None, SocketAddr::from(([0, 0, 0, 0], 8480)));
-        assert_eq!(ask(&open, Method::GET, "/state", "base.example.org").await.status(), StatusCode::OK);
+        for (host, expected) in [
+            ("192.168.1.5:8480", StatusCode::OK),
+            ("[fe80::1]:8480", StatusCode::OK),
+            ("base.example.org", StatusCode::FORBIDDEN),
+            ("1.2.3.4.example.org:80", StatusCode::FORBIDDEN),
+        ] {
+            assert_eq!(ask(&open, Method::GET, "/state", host).await.status(), expected, "{host}");
+        }
+    });
+}
+
+#[test]
+fn a_page_with_a_login_is_shown_to_nobody_else() {
+    run(async {
+        let access = Access::from(SocketAddr::from(([0, 0, 0, 0], 8480))).with_login("pilot:wing");
+        let page = router(station().0, None, access);
+        // "pilot:wing", "pilot:win", "pilot:wing1", "pilot:xing" in Base64.
+        for (said, expected) in [
+            (Some("Basic cGlsb3Q6d2luZw=="), StatusCode::OK),
+            (Some("Basic cGlsb3Q6d2lu"), StatusCode::UNAUTHORIZED),
+            (Some("Basic cGlsb3Q6d2luZzE="), StatusCode::UNAUTHORIZED),
+            (Some("Basic cGlsb3Q6eGluZw=="), StatusCode::UNAUTHORIZED),
+            (Some(""), StatusCode::UNAUTHORIZED),
+            (None, StatusCode::UNAUTHORIZED),
+        ] {
+            for path in ["/", "/state", "/events", "/page.js"] {
+                let mut request = Request::builder().uri(path).header(header::HOST, "10.0.0.1:8480");
+                if let Some(said) = said {
+                    request = request.header(header::AUTHORIZATION, said);
+                }
+                let answer = page.clone().oneshot(request.body(Body::empty()).unwrap()).await.unwrap();
+                assert_eq!(answer.status(), expected, "{path}: {said:?}");
+            }
+        }
+    });
+}
+
+#[test]
+fn what_changes_something_is_taken_of_this_page_alone() {
+    run(async {
+        let contents = Contents { records: 1, first_us: START, last_us: START + 60_000_000, torn: vec![] };
+        let player = Arc::new(Player::new(&contents, START, 1.0));
+        let page = router(station().0, Some(Arc::clone(&player)), local());
+        for (name, value, expected) in [
+            ("origin", "http://localhost:8480", StatusCode::OK),
+            ("sec-fetch-site", "same-origin", StatusCode::OK),
+            ("sec-fetch-site", "none", StatusCode::OK),
+            ("origin", "https://evil.example", StatusCode::FORBIDDEN),
+            ("origin", "http://localhost:8480.evil.example", StatusCode::FORBIDDEN),
+            ("origin", "null", StatusCode::FORBIDDEN),
+            ("sec-fetch-site", "cross-site", StatusCode::FORBIDDEN),
+            ("sec-fetch-site", "same-site", StatusCode::FORBIDDEN),
+        ] {
+            let before = player.changes();
+            let request = Request::post("/playback?speed=2").header(header::HOST, "localhost:8480");
+            let request = request.header(name, value).body(Body::empty()).unwrap();
+            assert_eq!(page.clone().oneshot(request).await.unwrap().status(), expected, "{name}: {value}");
+            assert_eq!(player.changes() > before, expected == StatusCode::OK, "{name}: {value}");
+        }
+    });
+}
+
+#[test]
+fn a_new_drone_does_not_take_the_place_of_the_shown_one() {
+    run(async {
+        let (station, changed) = station();
+        let page = router(station.clone(), None, local());
+        let mut events = ask(&page, Method::GET, "/events", "localhost").await.into_body().into_data_stream();
+        let id = |bytes: &[u8]| -> Value {
+            let text = std::str::from_utf8(bytes).unwrap();
+            let data = text.lines().find_map(|line| line.strip_prefix("data: "));
+            serde_json::from_str::<Value>(data.unwrap()).unwrap()["drone"]["id"].clone()
+        };
+        assert_eq!(id(&events.next().await.unwrap().unwrap()), "3");
+        let mut forwarder = Forwarder::new(1, 1, Rates { bytes_per_s: 100_000, period_us: 0, standard_us: 0 });
+        forwarder.offer(&Bundle::datagram(profile().as_bytes()).unwrap());
+        while let Some(bytes) = forwarder.poll(1_000_000, 0) {
+            let carried = Carried { at_us: START, kind: Kind::MavlinkDatagrams, line: 0, from: String::new(), bytes };
+            station.known().intake.take(&carried);
+        }
+        changed.send_modify(|count| *count += 1);
+        assert_eq!(id(&events.next().await.unwrap().unwrap()), "3");
+        // One whose sender is another one now is still that drone.
+        for (query, expected) in [("1-2", "1".into()), ("3-2", "3".into()), ("3-x", Value::Null), ("33", Value::Null)] {
+            let state = text(ask(&page, Method::GET, &format!("/state?drone={query}"), "localhost").await).await;
+            assert_eq!(serde_json::from_str::<Value>(&state).unwrap()["drone"]["id"], expected, "{query}");
+        }
     });
 }
 
@@ -135,7 +221,7 @@ fn the_state_is_what_was_sent() {
         assert_eq!((&drone["gps"][1]["excluded"], &drone["gps"][2]["valid"]), (&true.into(), &false.into()));
         assert_eq!(drone["gps"][2]["position"][0], Value::Null, "not a number");
         assert_eq!(drone["link"], Value::Null);
-        assert_eq!(drone["alarms"][0]["words"], "fewer receivers agree than the drone has");
+        assert_eq!(drone["alarms"][0]["words"], "fewer receivers agree than the drone has, or on no altitude");
         assert_eq!(drone["alarms"].as_array().unwrap().len(), 1);
         assert_eq!(state["drones"].as_array().unwrap().len(), 2);
         assert_eq!((&state["station"]["dropped"], &state["station"]["lines"][0][1]), (&4.into(), &"unplugged".into()));
