@@ -6,11 +6,13 @@ use std::{env, fs};
 /// What is different in the DPR's suite: script, what stands there, what takes its place. What is generic or small is
 /// made in the suite's own crates, not in the firmware's library, and has to run from RAM too, as it does in the image.
 /// So the suite needs more room than the image has.
-const CHANGES: [(&str, &str, &str); 4] = [
+const CHANGES: [(&str, &str, &str); 6] = [
     ("hot.x", "__shot = .;", "__shot = .;\n    *(.text.*3dpr* .text.*15on_target_tests*);"),
     ("memory.x", "FLASH : ORIGIN = 0x00000000, LENGTH = 96K", "FLASH : ORIGIN = 0x00000000, LENGTH = 256K"),
     ("memory.x", "HOT   : ORIGIN = 0x00800000, LENGTH = 64K", "HOT   : ORIGIN = 0x00800000, LENGTH = 128K"),
     ("memory.x", "RAM   : ORIGIN = 0x20010000, LENGTH = 32K", "RAM   : ORIGIN = 0x20020000, LENGTH = 64K"),
+    ("memory.x", "__ram_start = 0x20010000;", "__ram_start = 0x20020000;"),
+    ("memory.x", "__ram_end = 0x20018000;", "__ram_end = 0x20030000;"),
 ];
 
 fn main() {

@@ -20,6 +20,9 @@ struct Start {
     bitten: bool,
 }
 
+// No watchdog: a suite feeds none.
+firmware_common::install_start!([]);
+
 #[defmt_test::tests]
 mod tests {
     use super::{pac, protection, Start};

@@ -1,7 +1,7 @@
 //! What the bench's boards keep while they are off: a file for each below `target/bench`.
 //!
 //! A file holds what [`bench::debug_port::Wire::kept`] answers: of the DPR 1 MiB of flash and 4 KiB of UICR, of
-//! the HORUS side 2 MiB of flash. To have a new board again, remove its file.
+//! the HORUS side 2 MiB of flash and 16 bytes of options. To have a new board again, remove its file.
 
 use std::path::{Path, PathBuf};
 

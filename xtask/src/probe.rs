@@ -111,6 +111,9 @@ pub(crate) fn flash(args: &FlashArgs) -> Result<ExitCode> {
 fn flash_elf(args: &FlashArgs, probe: &Found, elf: &Path) -> Result<ExitCode> {
     let mut session = attach(args.board, probe, &args.probe)?;
     write(&mut session, elf)?;
+    if args.board == Board::Horus {
+        set_brown_out_level(&mut session).context("could not set the brown-out level")?;
+    }
     let how_long = match (probe, args.seconds) {
         (Found::Usb(_), None) => "its log follows (Ctrl-C ends it)".to_owned(),
         (_, seconds) => format!("{} s of its log follow", seconds.unwrap_or(BENCH_LOG)),
@@ -285,6 +288,52 @@ fn keep_debug_port_open(session: &mut Session) -> Result<()> {
         bail!("it does not take the value that keeps the debug port open");
     }
     eprintln!("UICR.APPROTECT programmed: the debug port will open after a power-on too");
+    Ok(())
+}
+
+/// Programs brown-out level 3 into the option bytes of HORUS's STM32F429, without which its firmware stops at the
+/// start; the other option bytes stay (RM0090, "Option bytes"). The level counts from the next reset on.
+fn set_brown_out_level(session: &mut Session) -> Result<()> {
+    const OPTKEYR: u64 = 0x4002_3C08;
+    const KEYS: [u32; 2] = [0x0819_2A3B, 0x4C5D_6E7F];
+    const SR: u64 = 0x4002_3C0C;
+    const BSY: u32 = 1 << 16;
+    const OPTCR: u64 = 0x4002_3C14;
+    const OPTLOCK: u32 = 1 << 0;
+    const OPTSTRT: u32 = 1 << 1;
+    const BOR_LEV: u32 = 3 << 2;
+    // The option bytes are erased and programmed together: a sector's time, 0.8 s at most (DS9405, "Flash memory
+    // characteristics"). A look at the register through the probe takes 50 us and more.
+    const LOOKS: usize = 50_000;
+
+    let mut core = session.core(0).context("could not reach the core")?;
+    // What was just written has not run; whatever ran before must not use the interface meanwhile.
+    core.reset_and_halt(CORE_TIMEOUT).context("the core does not halt")?;
+    let options = core.read_word_32(OPTCR)?;
+    let level = options & BOR_LEV;
+    if level == 0 {
+        eprintln!("brown-out level 3 is set: the part resets below 2.7 V");
+        return Ok(());
+    }
+    let now = ["3", "2", "1", "off"][(level >> 2) as usize];
+    eprintln!(
+        "the brown-out level in the option bytes is {now}: programming level 3, so that the part resets below 2.7 V"
+    );
+    for key in KEYS {
+        core.write_word_32(OPTKEYR, key)?;
+    }
+    let wanted = options & !(BOR_LEV | OPTLOCK | OPTSTRT);
+    core.write_word_32(OPTCR, wanted)?;
+    core.write_word_32(OPTCR, wanted | OPTSTRT)?;
+    let is_done = |core: &mut Core<'_>| core.read_word_32(SR).is_ok_and(|status| status & BSY == 0);
+    let done = (0..LOOKS).any(|_| is_done(&mut core));
+    core.write_word_32(OPTCR, wanted | OPTLOCK)?;
+    // What the next start loads is what was programmed, not what the register was told.
+    core.reset_and_halt(CORE_TIMEOUT).context("the core does not halt")?;
+    let loaded = core.read_word_32(OPTCR)?;
+    if !done || loaded & BOR_LEV != 0 {
+        bail!("the option bytes do not take it: OPTCR is {loaded:#010x} after a reset");
+    }
     Ok(())
 }
 

@@ -9,7 +9,8 @@ use anyhow::{Context, Result, bail};
 use bench::faults::{Board, Campaign, Faults, Kind, Options};
 use bench::node::{Clock, Threads};
 use bench::report::{Exclusion, Report, Reported, Voter};
-use bench::sim::{Crystals, Flashed, Images, Observer, Outcome, Setup};
+use bench::sim::flips::{Flips, flips};
+use bench::sim::{Crystals, Flashed, FrontEndConfig, Images, Observer, Outcome, Setup, on_the_link};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -57,13 +58,23 @@ pub(crate) struct SimArgs {
     /// Draw the flight: ground track, height, each receiver, the voted position, exclusions, time to readable.
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
-    /// What goes wrong on purpose: a list of air, gnss, fc, power, buffers, inputs, hang (drawn into the run from the
-    /// seed), and of ram, flash, registers (each upset on a copy of the bench, see --upsets).
+    /// What goes wrong on purpose: a list of air, gnss, fc, power, buffers, inputs, hang, chips (drawn into the run
+    /// from the seed), and of ram, flash, registers (each upset on a copy of the bench, see --upsets).
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     faults: Vec<Kind>,
     /// How many upsets of RAM, flash and registers are tried.
     #[arg(long, value_name = "COUNT", default_value_t = 120)]
     upsets: usize,
+    /// Flip every bit of every register of both front ends once, for both parts, each on a copy of the bench; with a
+    /// number N, every N-th bit.
+    #[arg(long, value_name = "EVERY", num_args = 0..=1, default_missing_value = "1")]
+    flips: Option<std::num::NonZeroUsize>,
+    /// The front ends are ST25R3916, instead of ST25R3916B.
+    #[arg(long)]
+    st25r3916: bool,
+    /// HORUS's front end does not tell the end of a transmission while its receiver is off.
+    #[arg(long)]
+    no_txe: bool,
     /// Run what `flash --probe bench` wrote to both boards of the bench. It has to be the images as they are built now.
     #[arg(long)]
     from_flash: bool,
@@ -172,6 +183,10 @@ pub(crate) fn run(args: &SimArgs, go: impl FnOnce(&Setup, &mut Screen) -> Result
         eprint!("{campaign}");
         outcome.report.upsets = Some((&campaign).into());
     }
+    let flipped = args.flips.map(|every| flip_all(&setup, every.get())).transpose()?;
+    if let Some(flipped) = &flipped {
+        eprint!("{flipped}");
+    }
     let text = format!("{}{}\n", table(&outcome.report), outcome.base);
     // A program that reads the JSON from standard output gets nothing else there.
     if matches!(json, Some(Json::Stdout)) {
@@ -182,11 +197,21 @@ pub(crate) fn run(args: &SimArgs, go: impl FnOnce(&Setup, &mut Screen) -> Result
     if let Some(json) = json {
         json.write(&outcome.report)?;
     }
-    if outcome.report.violations.is_empty() {
+    let broken = flipped.iter().flat_map(|flipped| &flipped.0).filter(|flip| !flip.holds() || flip.unsaid()).count();
+    if outcome.report.violations.is_empty() && broken == 0 {
         return Ok(ExitCode::SUCCESS);
     }
-    eprintln!("error: {} violation(s)", outcome.report.violations.len());
+    eprintln!("error: {} violation(s), {broken} flip(s) not mended or not said", outcome.report.violations.len());
     Ok(ExitCode::FAILURE)
+}
+
+/// Flips every bit, or every `every`-th.
+fn flip_all(setup: &Setup, every: usize) -> Result<Flips> {
+    let style = ProgressStyle::with_template("{spinner} {pos} bits flipped, {elapsed}").expect("a constant template");
+    let bar = ProgressBar::new_spinner().with_style(style);
+    let flipped = flips(setup, |place, _| place % every == 0, |_| bar.inc(1))?;
+    bar.finish_and_clear();
+    Ok(flipped)
 }
 
 /// What is in the flash of a board of the bench.
@@ -217,6 +242,10 @@ fn setup(args: &SimArgs, recordings: Vec<Option<PathBuf>>, images: Images) -> Se
             dpr_ppb: to_ppb(args.dpr_ppm),
             flight_controller_ppb: to_ppb(args.fc_ppm),
         },
+        front_ends: on_the_link(FrontEndConfig {
+            txe_with_rx_off: !args.no_txe,
+            ..if args.st25r3916 { FrontEndConfig::st25r3916() } else { FrontEndConfig::default() }
+        }),
         faults: Faults::drawn(&args.faults, args.gps.0, args.seed, duration_ns),
         writes: true,
         sweep: None,

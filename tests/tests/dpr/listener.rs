@@ -18,8 +18,8 @@ const RXE: u8 = 0x10;
 /// The last byte is incomplete (fifo_lb), or its parity is missing (np_lb), in the second status of the FIFO.
 const FIFO_LAST_BITS: u8 = 0x0F;
 /// Steps from the sync of a frame to the receiver armed again: five waits with a status read after each, four reads of
-/// the FIFO, the event, and three transfers that arm.
-const STEPS: usize = 18;
+/// the FIFO, the event, three transfers that arm, and one that reads a setting back.
+const STEPS: usize = 19;
 
 /// What the chip says of a frame besides its bytes.
 #[derive(Clone, Copy)]

@@ -1,10 +1,10 @@
 //! The transmitter's calls of a cycle, with a port that only notes what it was asked for.
 
-use core::{cell::Cell, hint::black_box};
+use core::{hint::black_box, ops::Range};
 
 use horus_tx_fw::{
     telemetry::Telemetry,
-    transmitter::{Port, Slot, Ticket, Transmitter},
+    transmitter::{self, Slot, Ticket, Transmitter},
     RECEIVERS,
 };
 use on_target_tests::{
@@ -13,7 +13,10 @@ use on_target_tests::{
     profile_suite as suite,
 };
 use profile::{GpsValues, Profile, ReportedValues};
-use st25r3916::{PollerConfig, Short};
+use st25r3916::{
+    executor::{Failed, Port},
+    PollerConfig, Short,
+};
 
 /// The address byte of the driver's status read.
 const STATUS_READ: u8 = 0x59;
@@ -30,37 +33,50 @@ enum Started {
 /// The port.
 struct Wires {
     started: Option<Started>,
-    timer: bool,
+    /// What the last transfer has clocked in, and how much of it.
+    response: ([u8; Short::MAX], usize),
     /// The pin reads high once.
-    irq: Cell<bool>,
+    irq: bool,
     ticket: Ticket,
     loads: u32,
 }
 
 impl Port for Wires {
-    fn deposit(&mut self, profile: &Profile<RECEIVERS>) {
-        black_box(profile);
-    }
     fn start_short(&mut self, short: &Short) {
         self.started = Some(Started::Short(*short.padded(), short.bytes().len()));
     }
-    fn start_load(&mut self, start: usize, len: usize) {
-        black_box((start, len));
+    fn start_load(&mut self, offset: usize, len: usize) -> bool {
+        black_box((offset, len));
         self.loads += 1;
         self.started = Some(Started::Load);
+        true
+    }
+    fn ended(&mut self) -> bool {
+        true
+    }
+    fn response(&self) -> Result<&[u8], Failed> {
+        Ok(&self.response.0[..self.response.1])
     }
     fn abort(&mut self) {
         self.started = None;
     }
-    fn irq_is_high(&self) -> bool {
-        self.irq.replace(false)
+    fn irq_is_high(&mut self) -> bool {
+        core::mem::take(&mut self.irq)
     }
     fn start_timer(&mut self, us: u32) {
         black_box(us);
-        self.timer = true;
     }
-    fn stop_timer(&mut self) {
-        self.timer = false;
+    fn elapsed(&mut self) -> bool {
+        true
+    }
+}
+
+impl transmitter::Port for Wires {
+    fn deposit(&mut self, profile: &Profile<RECEIVERS>) {
+        black_box(profile);
+    }
+    fn point_at(&mut self, frame: Range<usize>) {
+        black_box(frame);
     }
     fn arm(&mut self, ticket: Ticket) {
         self.ticket = ticket;
@@ -72,36 +88,37 @@ impl Port for Wires {
 
 /// Answers what was started, until the transmitter waits for nothing but an offer. `main` is what the first status
 /// read shows.
-fn settle(transmitter: &mut Transmitter<'_>, wires: &mut Wires, chip: &mut Chip, mut main: u8) {
+fn settle(transmitter: &mut Transmitter<'_, Wires>, chip: &mut Chip, mut main: u8) {
     for _ in 0..200 {
+        let wires = transmitter.port();
         match wires.started.take() {
             Some(Started::Short(bytes, len)) => {
                 if bytes[0] == STATUS_READ {
                     chip.set_status(Status { main: core::mem::take(&mut main), ..Status::default() });
                 }
-                let response = chip.respond(&bytes[..len]);
-                transmitter.done(&response[..len], wires);
+                wires.response = (chip.respond(&bytes[..len]), len);
             }
-            Some(Started::Load) => transmitter.done(&[], wires),
-            None if wires.timer => {
-                wires.timer = false;
-                wires.irq.set(true);
-                transmitter.elapsed(wires);
-            }
-            None => return,
+            Some(Started::Load) => wires.response.1 = 0,
+            // A wait, which ends at once, or nothing but the offer.
+            None => wires.irq = true,
+        }
+        transmitter.poll();
+        let wires = transmitter.port();
+        if wires.started.is_none() && wires.irq {
+            wires.irq = false;
+            return;
         }
     }
     defmt::panic!("the transmitter does not settle");
 }
 
-/// `Transmitter::offer`, `done` and `slot`, and `Ticket::due`, over profiles whose every byte differs.
+/// `Transmitter::offer`, `poll` and `slot`, and `Ticket::due`, over profiles whose every byte differs.
 pub(crate) fn cycle(cycles: &Cycles) {
     let telemetry = Telemetry::new();
-    let mut transmitter = Transmitter::new(PollerConfig::new(), &telemetry);
-    let mut wires = Wires { started: None, timer: false, irq: Cell::new(false), ticket: Ticket::NONE, loads: 0 };
+    let wires = Wires { started: None, response: ([0; 8], 0), irq: false, ticket: Ticket::NONE, loads: 0 };
+    let mut transmitter = Transmitter::start(PollerConfig::new(), &telemetry, wires);
     let mut chip = Chip::new();
-    transmitter.start(&mut wires);
-    settle(&mut transmitter, &mut wires, &mut chip, 0);
+    settle(&mut transmitter, &mut chip, 0);
     defmt::assert!(transmitter.take_fault().is_none());
 
     let [mut offer, mut loaded, mut slot, mut skipped, mut due] = [Taken::NONE; 5];
@@ -118,12 +135,13 @@ pub(crate) fn cycle(cycles: &Cycles) {
                 taken.note(took);
             }
         };
-        let (took, taken) = cycles.timed(|| transmitter.offer(black_box(tick), black_box(&profile), &mut wires));
+        let (took, taken) = cycles.timed(|| transmitter.offer(black_box(tick), black_box(&profile)));
         defmt::assert!(taken);
         note(&mut offer, took);
-        defmt::assert!(matches!(wires.started.take(), Some(Started::Load)));
-        note(&mut loaded, cycles.of(|| transmitter.done(&[], &mut wires)));
-        let ticket = wires.ticket;
+        defmt::assert!(matches!(transmitter.port().started.take(), Some(Started::Load)));
+        transmitter.port().response.1 = 0;
+        note(&mut loaded, cycles.of(|| transmitter.poll()));
+        let ticket = transmitter.port().ticket;
         defmt::assert!(ticket != Ticket::NONE);
         for (ticket, tick, frame, right) in [
             (ticket, tick, 0, true),
@@ -136,17 +154,17 @@ pub(crate) fn cycle(cycles: &Cycles) {
             defmt::assert_eq!(command.is_some(), right);
             note(&mut due, took);
         }
-        wires.ticket = Ticket::NONE;
-        note(&mut slot, cycles.of(|| transmitter.slot(black_box(Slot { frame: 0, fired: Some(0) }), &mut wires)));
-        defmt::assert_eq!(wires.loads, 2 * tick);
-        settle(&mut transmitter, &mut wires, &mut chip, TXE);
+        transmitter.port().ticket = Ticket::NONE;
+        note(&mut slot, cycles.of(|| transmitter.slot(black_box(Slot { frame: 0, fired: Some(0) }))));
+        defmt::assert_eq!(transmitter.port().loads, 2 * tick);
+        settle(&mut transmitter, &mut chip, TXE);
         // A slot without a ticket.
-        note(&mut skipped, cycles.of(|| transmitter.slot(black_box(Slot { frame: 0, fired: None }), &mut wires)));
+        note(&mut skipped, cycles.of(|| transmitter.slot(black_box(Slot { frame: 0, fired: None }))));
         defmt::assert!(transmitter.take_fault().is_none());
         defmt::assert_eq!(telemetry.frames_sent.get(), tick);
     }
     offer.assert("Transmitter::offer", bounds(250, 250, 550, 8));
-    loaded.assert("Transmitter::done, head loaded", bounds(190, 200, 430, 8));
+    loaded.assert("Transmitter::poll, head loaded", bounds(190, 200, 430, 8));
     slot.assert("Transmitter::slot, fired", bounds(220, 250, 520, 8));
     skipped.assert("Transmitter::slot, nothing fired", bounds(60, 65, 140, 8));
     due.assert("Ticket::due", bounds(65, 50, 110, 32));

@@ -29,9 +29,15 @@ pub(super) fn words() -> Result<String> {
                 ("POSITION_VALID", reported.with_position_valid(true).bits(), "latitude and longitude are valid"),
                 ("ATTITUDE_VALID", reported.with_attitude_valid(true).bits(), "pitch, yaw and roll are valid"),
                 ("ACCELERATION_VALID", reported.with_acceleration_valid(true).bits(), "the accelerations are valid"),
-                ("DEGRADED", reported.with_degraded(true).bits(), "fewer receivers agree than are configured"),
+                (
+                    "DEGRADED",
+                    reported.with_degraded(true).bits(),
+                    "fewer receivers agree than configured, or on no altitude",
+                ),
                 ("WITHOUT_CRYSTAL", reported.with_without_crystal(true).bits(), "HORUS runs without its crystal"),
                 ("STATE_MASK", 0x0F00, "what HORUS is doing: horus_dpr_state_t"),
+                ("MEMORY_FAULT", reported.with_memory_fault(true).bits(), "HORUS has found a fault of its memory"),
+                ("RESET_MASK", 0xE000, "why HORUS last started: horus_dpr_reset_t"),
             ],
         )?,
         word(
@@ -46,8 +52,10 @@ pub(super) fn words() -> Result<String> {
                 ("HEARD", gps.with_heard(true).bits(), "heard in the last 250 ms"),
                 ("STALE", gps.with_stale(true).bits(), "the solution is older than its period allows"),
                 ("EXCLUDED", gps.with_excluded(true).bits(), "the voter excluded this receiver"),
+                ("AGE_MASK", gps.with_solution_age_ms(None).bits(), "age of its solution: horus_dpr_solution_age_ms"),
             ],
         )?,
+        ages()?,
         word(
             "LINK",
             "Link-Status",
@@ -65,6 +73,7 @@ pub(super) fn words() -> Result<String> {
                 ("CLOCK_IMPLAUSIBLE", link.with_horus_clock_implausible(true).bits(), "HORUS's clock is off by > 2 %"),
                 ("FLASH_FAULT", link.with_flash_fault(true).bits(), "the DPR's program memory is damaged"),
                 ("RESET_MASK", 0x7000, "why the DPR last started: horus_dpr_reset_t"),
+                ("NO_FIELD", link.with_no_field(true).bits(), "the front end works and senses no field of the sender"),
             ],
         )?,
         word(
@@ -83,6 +92,19 @@ pub(super) fn words() -> Result<String> {
         )?,
     ];
     Ok(text.concat() + &codes())
+}
+
+/// What the bits of a solution's age mean.
+fn ages() -> Result<String> {
+    let code = |age_ms| GpsStatus::new().with_solution_age_ms(age_ms).bits() >> 10;
+    ensure!(code(Some(u32::from(GpsStatus::AGE_STEP_MS))) == 1, "the age of a solution has another step");
+    let lines = [
+        ("GPS_AGE_STEP_MS", GpsStatus::AGE_STEP_MS, "the step of that age, ms"),
+        ("GPS_OLDEST_MS", GpsStatus::OLDEST_MS, "the age that stands for this or more, ms"),
+        ("GPS_AGE_NEVER", code(None), "the code of an age: there was no solution since HORUS's start"),
+        ("NO_SOLUTION", u16::MAX, "what horus_dpr_solution_age_ms says to that code"),
+    ];
+    Ok(defines(&lines.map(|(name, value, what)| (format!("HORUS_DPR_{name}"), format!("{value}U"), what))) + "\n")
 }
 
 fn word(prefix: &str, title: &str, used: u16, bits: &[Bits]) -> Result<String> {
@@ -128,16 +150,18 @@ fn codes() -> String {
         S::MotorsCut,
         S::EmergencyFired,
         S::InputsContradict,
+        S::PositionLost,
     ];
     let states = states.map(|state| {
         let (name, what) = match state {
-            S::Starting => ("STARTING", "not yet monitoring"),
-            S::Monitoring => ("MONITORING", "monitoring the flight range"),
+            S::Starting => ("STARTING", "no position since HORUS's start"),
+            S::Monitoring => ("MONITORING", "there is a position now"),
             S::OutsideRange => ("OUTSIDE_RANGE", "the position is outside the flight range"),
             S::SwitchedToRedundant => ("SWITCHED", "switched to the redundant flight controller"),
             S::MotorsCut => ("MOTORS_CUT", "motors cut"),
             S::EmergencyFired => ("EMERGENCY_FIRED", "emergency measure fired"),
             S::InputsContradict => ("INPUTS_CONTRADICT", "an input that tells the state contradicts itself"),
+            S::PositionLost => ("POSITION_LOST", "there was a position, and there is none now"),
         };
         (name, state as u8, what)
     });
@@ -165,11 +189,12 @@ fn codes() -> String {
     });
     enumeration("state", "What HORUS is doing. Other codes are reserved.", "STATE_", &states)
         + &enumeration("fix", "A receiver's fix. Other codes are reserved.", "FIX_", &fixes)
-        + &enumeration("reset", "Why the DPR last started. Other codes are reserved.", "RESET_", &resets)
+        + &enumeration("reset", "Why the DPR, or HORUS, last started. Other codes are reserved.", "RESET_", &resets)
 }
 
 /// The client's verdicts.
 pub(super) fn verdicts() -> String {
+    let none = ("NONE", 0, "no transaction has ended: nobody filled the report");
     let verdicts = Verdict::ALL.map(|verdict| {
         let (name, what) = match verdict {
             Verdict::Fresh => ("FRESH", "a new sample, in sequence, valid, not too old: its position is shown"),
@@ -177,7 +202,7 @@ pub(super) fn verdicts() -> String {
             Verdict::Searching => ("SEARCHING", "a new sample; the sequence is not found yet. Not shown"),
             Verdict::OutOfSequence => ("OUT_OF_SEQUENCE", "a sample that does not continue the others. Not shown"),
             Verdict::Empty => ("EMPTY", "Link-Status is intact; there is no Reported-Position"),
-            Verdict::Invalid => ("INVALID", "a new sample whose position is not valid. Not shown"),
+            Verdict::Invalid => ("INVALID", "a new sample whose position is not valid and not shown; its status is"),
             Verdict::Stale => ("STALE", "an intact sample that is older than the limit. Not shown"),
             Verdict::Busy => ("BUSY", "0xFF throughout, or nothing: not heard; what was sent is sent again"),
             Verdict::Damaged => ("DAMAGED", "damaged, or not read whole: nothing of it is used"),
@@ -186,14 +211,14 @@ pub(super) fn verdicts() -> String {
         };
         (name, verdict as u8, what)
     });
-    enumeration("verdict", "What a transaction brought.", "", &verdicts)
+    enumeration("verdict", "What a transaction brought.", "", &[&[none][..], &verdicts].concat())
 }
 
 /// A command's name and what it does.
 pub(super) fn command(command: Command) -> (&'static str, &'static str) {
     match command {
         Command::ClearCounters => ("CLEAR_COUNTERS", "sets Port-Status's counters to 0"),
-        Command::SelfTest => ("SELF_TEST", "one whole pass over flash and free RAM"),
+        Command::SelfTest => ("SELF_TEST", "one whole pass over flash and RAM in use"),
         _ => unreachable!("a command that C has no name for"),
     }
 }

@@ -1,4 +1,6 @@
-/* The flight controller's end of the SSI: what to send to the DPR, and what to make of what comes back.
+/* SPDX-License-Identifier: MIT OR Apache-2.0
+ *
+ * The flight controller's end of the SSI: what to send to the DPR, and what to make of what comes back.
  *
  * Generated from the Rust crate `profile` by `cargo xtask header`, from xtask/src/header/template.h and the layouts as
  * that crate has them. Do not edit: `cargo xtask lint` fails if this file is not what is generated.
@@ -138,6 +140,8 @@ typedef struct {
     horus_dpr_verdict_t verdict; /* what the transaction brought */
     bool has_position;           /* whether there is a position to fly by; if not, fall back on your own receiver */
     horus_dpr_sample_t position; /* that position; what is not valid in it is NaN, and its status bit clear */
+    bool has_status;             /* whether HORUS's status is known, with a valid position or without one */
+    uint16_t status;             /* HORUS_DPR_REPORTED_..., of a sample in sequence and not too old; else 0 */
     uint32_t age_us;             /* age of the last intact sample when the transaction began, us; not less than true */
     bool has_link;               /* whether this transaction brought Link-Status */
     horus_dpr_link_t link;       /* Link-Status, if so */
@@ -151,7 +155,7 @@ typedef struct {
     horus_dpr_window_t asked;               /* to be asked for in the next one */
     horus_dpr_window_t sent;                /* asked for, until it is known that the DPR has heard it */
     uint8_t object[HORUS_DPR_OBJECT_BYTES]; /* to be written, until it is known that the DPR has heard it */
-    horus_dpr_sample_t position;            /* the last sample's values, if they may be shown */
+    horus_dpr_sample_t position;            /* the last sample's values, as far as they may be shown */
     uint64_t last_due_us;                   /* the last sample: the earliest instant at which it could be read */
     uint64_t last_read_us;                  /* when it was read first */
     uint32_t last_timestamp;
@@ -166,6 +170,7 @@ typedef struct {
     bool has_object;
     bool object_under_way;
     bool has_position;
+    bool has_status;
     bool has_last;
     bool has_image;
     bool has_intact;
@@ -219,6 +224,11 @@ horus_dpr_result_t horus_dpr_view_link(
 /* Object number `index` of the profile as HORUS sent it: 0 is Reported-Position, 1 to 5 are GPS1 to GPS5. */
 horus_dpr_result_t horus_dpr_view_object(
     const horus_dpr_t *client, const uint8_t *miso, size_t bytes, uint8_t index, horus_dpr_sample_t *sample);
+
+/* How old the solution of a receiver, GPS1 to GPS5, was at the tick that its timestamp names: ms since it arrived at
+ * HORUS, rounded down to HORUS_DPR_GPS_AGE_STEP_MS, HORUS_DPR_GPS_OLDEST_MS for that or more, HORUS_DPR_NO_SOLUTION if
+ * there was none since HORUS's start. Not for Reported-Position. */
+uint16_t horus_dpr_solution_age_ms(const horus_dpr_sample_t *gps);
 
 /* Port-Status. */
 horus_dpr_result_t horus_dpr_view_port(

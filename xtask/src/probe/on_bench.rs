@@ -78,6 +78,26 @@ fn a_dpr_board_that_runs_its_firmware_is_written_again_without_erasing_all_of_it
     assert!(holds(&on, &elf, 0));
 }
 
+/// Where the option bytes are in what HORUS's board keeps, and what a new one has there (RM0090, "Option bytes").
+const OPTIONS: usize = 2 << 20;
+const AS_DELIVERED: [u8; 16] = *b"\xEC\xAA\xFF\xFF\xFF\xFF\xFF\xFF\xFF\x0F\xFF\xFF\xFF\xFF\xFF\xFF";
+
+#[test]
+fn flashing_horus_sets_brown_out_level_3_and_leaves_the_other_options() {
+    let Some((on, elf)) = board(Board::Horus) else { return };
+    assert_eq!(on.kept()[OPTIONS..], AS_DELIVERED);
+    for _ in 0..2 {
+        assert_eq!(flash(&on, Board::Horus, &elf, false), Ok(()));
+        let mut level_3 = AS_DELIVERED;
+        level_3[0] &= !0x0C;
+        assert_eq!(on.kept()[OPTIONS..], level_3);
+        // With the level that was set its firmware runs on.
+        on.switch_off_and_on();
+        on.run(500_000_000);
+        assert_eq!(on.restarts(), [""; 0]);
+    }
+}
+
 #[test]
 fn a_horus_board_is_written_new_and_again_while_its_firmware_runs() {
     let Some((on, elf)) = board(Board::Horus) else { return };
@@ -98,7 +118,8 @@ fn the_other_boards_part_is_refused_by_name_and_keeps_what_it_has() {
         let words = flash(&dpr, Board::Horus, &horus_elf, erase_all).unwrap_err();
         assert!(words.contains("a Nordic part whose debug port is locked, and the horus board"), "{words}");
     }
-    assert!(dpr.kept().iter().chain(&horus.kept()).all(|&byte| byte == 0xFF));
+    assert!(dpr.kept().iter().chain(&horus.kept()[..OPTIONS]).all(|&byte| byte == 0xFF));
+    assert_eq!(horus.kept()[OPTIONS..], AS_DELIVERED, "nor were the option bytes");
 }
 
 #[test]
