@@ -258,10 +258,12 @@ impl Port {
 /// after that: it is among the transactions of [`bounds::SSI_BUDGET`] for each of two images.
 fn may_follow(before: &PortValues, now: &PortValues, transactions: u32) -> bool {
     let most = transactions.saturating_add(2 * bounds::SSI_BUDGET);
-    let carried_out = now.commands_carried_out != before.commands_carried_out;
+    let last_command = |values: &PortValues| (values.last_command_timestamp, values.last_command);
+    // As many as before, and another last one: the one that clears the counters came, and is counted itself.
+    let carried_out = now.commands_carried_out > 0
+        && (now.commands_carried_out != before.commands_carried_out || last_command(now) != last_command(before));
     // A command may have cleared the counters.
     let within = |was: u32, is: u32, most: u32| (carried_out || is >= was) && is <= was.saturating_add(most);
-    let last_command = |values: &PortValues| (values.last_command_timestamp, values.last_command);
     let kinds = profile::Violation::ALL.into_iter().all(|kind| {
         let times = if kind == profile::Violation::TooMany { 2 } else { 1 };
         let [was, is] = [before, now].map(|values| u32::from(values.violations.of(kind)));

@@ -235,6 +235,20 @@ fn after_misconduct_counters_are_bounded_by_the_transactions() {
     assert_eq!(after(&|values| values.last_command_timestamp = 7), wrong);
 }
 
+#[test]
+fn counters_may_fall_during_misconduct_where_the_last_command_is_another() {
+    let told = |uplinks_accepted, commands_carried_out, last_command_timestamp| PortValues {
+        uplinks_accepted,
+        commands_carried_out,
+        last_command_timestamp,
+        ..PortValues::default()
+    };
+    assert!(may_follow(&told(15, 1, 7), &told(1, 1, 8), 0));
+    assert!(may_follow(&told(15, 2, 7), &told(1, 1, 8), 0));
+    assert!(!may_follow(&told(15, 1, 7), &told(14, 1, 7), 0));
+    assert!(!may_follow(&told(15, 1, 7), &told(0, 0, 8), 0));
+}
+
 /// Puts an event in its place.
 fn insert(log: &mut crate::Log, at: u64, what: What) {
     let place = log.events.partition_point(|event| (event.at, event.what.rank()) <= (at, what.rank()));
