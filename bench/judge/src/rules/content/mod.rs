@@ -45,7 +45,7 @@ use itself::Itself;
 use models::Models;
 use track::{Age, FOUND_LATE, Held, Track};
 use ubx::{Kind, Message, Reader};
-use vote::{Seen, Vote};
+use vote::{Ram, Seen, Vote};
 
 /// The status bit that says that the receiver was heard.
 const HEARD: u16 = 1 << 7;
@@ -284,7 +284,12 @@ impl Content {
         self.models.take(event);
         match &event.what {
             What::Power { board: Board::Horus, .. } | What::Reset { board: Board::Horus, .. } => {
-                self.vote.restart(self.itself.keeps_ram(), self.ticks.count);
+                let ram = match event.what {
+                    What::Power { .. } => Ram::MayBeKept,
+                    _ if self.itself.keeps_ram() => Ram::Kept,
+                    _ => Ram::Lost,
+                };
+                self.vote.restart(ram, self.ticks.count);
                 self.ticks = Ticks { since: at, ..Ticks::default() };
                 self.lines.iter_mut().for_each(|line| line.forget(at));
                 self.inputs.forget();

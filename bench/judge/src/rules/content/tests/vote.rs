@@ -817,11 +817,21 @@ fn horus_monitors_only_while_there_is_a_result() {
 /// What is found if HORUS restarts for `cause` while GPS2 is excluded, and GPS2 and GPS3 are excluded, or not, from the
 /// first cycle of the next start on.
 fn after_restart(cause: &str, reason: ResetReason, excluded: [bool; 2]) -> Vec<(Violation, u64)> {
+    after_off(false, cause, reason, excluded)
+}
+
+/// As [`after_restart`]; its supply is off for 10 ms before if `off`.
+fn after_off(off: bool, cause: &str, reason: ResetReason, excluded: [bool; 2]) -> Vec<(Violation, u64)> {
     let scene = strayed(3, 5..26);
     let from = shows(&scene, 5);
     let mut events = scene.events(|cycle, _, gps| gps[1].status = gps[1].status.with_excluded(cycle >= from));
     let at = tick(from + 20) + 9 * MS;
-    events.without(|event| event.at > at);
+    let ends = if off { at - 10 * MS } else { at };
+    events.without(|event| event.at > ends);
+    if off {
+        events.add(ends, What::Power { board: Board::Horus, on: false });
+        events.add(at, What::Power { board: Board::Horus, on: true });
+    }
     events.add(at, What::Reset { board: Board::Horus, cause: cause.into(), asked: false });
     for number in 1..=20 {
         let mut gps = [silent_gps(number * CYCLE_MS); 3];
@@ -849,6 +859,15 @@ fn who_is_excluded_stays_so_over_a_restart_that_keeps_ram() {
     }
     assert_eq!(after_restart("PowerOn", ResetReason::PowerOn, [false, false]), []);
     assert_eq!(after_restart("PowerOn", ResetReason::PowerOn, [true, false]), EXCLUSION);
+}
+
+#[test]
+fn a_supply_that_was_away_may_have_lost_who_is_excluded() {
+    let after = |excluded| after_off(true, "BrownOut", ResetReason::BrownOutOrOther, excluded);
+    assert_eq!(after([true, false]), []);
+    assert_eq!(after([false, false]), []);
+    assert_eq!(after([true, true]), EXCLUSION, "GPS3 agreed with GPS1");
+    assert_eq!(after_off(true, "PowerOn", ResetReason::PowerOn, [true, false]), EXCLUSION);
 }
 
 #[test]

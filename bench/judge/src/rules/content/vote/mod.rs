@@ -104,6 +104,17 @@ pub(super) struct Vote {
     inputs_known: bool,
 }
 
+/// Whether HORUS finds in its RAM who was excluded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Ram {
+    /// It does: its supply stayed.
+    Kept,
+    /// Its supply was away, and the log does not say how low it went.
+    MayBeKept,
+    /// It does not, or it must not believe it: this was power-on.
+    Lost,
+}
+
 /// What a cycle has come to.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Judged {
@@ -244,9 +255,9 @@ impl Vote {
         }
     }
 
-    /// HORUS starts anew after `ticks` ticks and forgets everything but, where its RAM `is_kept`, who is excluded: that
+    /// HORUS starts anew after `ticks` ticks and forgets everything but, where its `ram` is kept, who is excluded: that
     /// was so in the cycle seen last, or is the outcome of one of at most three votes after it that no frame shows.
-    pub(super) fn restart(&mut self, is_kept: bool, ticks: u64) {
+    pub(super) fn restart(&mut self, ram: Ram, ticks: u64) {
         let all = (0..self.receivers).fold(0, |set, receiver| set | bit(receiver));
         let restarted = match self.restarted {
             // No cycle was seen since the start before.
@@ -262,7 +273,12 @@ impl Vote {
                 (must, self.last.1 | self.doubtful)
             }
         };
-        *self = Self { restarted: is_kept.then_some(restarted), ..Self::new(self.receivers) };
+        let restarted = match ram {
+            Ram::Kept => Some(restarted),
+            Ram::MayBeKept => Some((0, restarted.1)),
+            Ram::Lost => None,
+        };
+        *self = Self { restarted, ..Self::new(self.receivers) };
     }
 
     /// What is wrong with who is excluded in the first cycle that is seen of a start, its `number`.
