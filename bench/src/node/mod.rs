@@ -95,7 +95,7 @@ pub struct Node<B: Board, C: Cost = Fast> {
     tasks: Option<Vec<(u64, u16)>>,
     resets: Vec<ResetAt>,
     probe_at: u64,
-    log_block: Option<u64>,
+    log_block: Option<Symbol>,
     log: rtt::Channels,
     lines: Vec<LogLine>,
     console: rtt::Text,

@@ -1,16 +1,12 @@
 //! A debug probe that reads the firmware's log.
 
-use bench_seam::Reset;
 use cortex_m4::Cost;
 
 use super::rtt::{self, LogLine};
-use super::{Board, Node, ResetAt};
+use super::{Board, Node, memory};
 
 /// How often the node empties the firmware's log, as a debug probe polls RTT, in virtual nanoseconds.
 pub const PROBE_PERIOD: u64 = 1_000_000;
-
-/// Start-up code has filled RAM by then, after the supply came on, virtual ns: 6 KB at 16 MHz take less than 1 ms.
-const FILLS_RAM_NS: u64 = 2_000_000;
 
 impl<B: Board, C: Cost> Node<B, C> {
     /// The log lines since last asked, console output through semihosting among them.
@@ -41,15 +37,19 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.probe_log(now);
     }
 
-    /// Whether the supply came on a moment ago: RAM held noise, and start-up code is still writing what it has to hold.
-    fn fills_ram(&self, at: u64) -> bool {
-        let came_on = |reset: &&ResetAt| reset.cause == Reset::PowerOn;
-        self.resets.last().filter(came_on).is_some_and(|reset| at < reset.at + FILLS_RAM_NS)
+    /// Overwrites the firmware's log with zeros, as debug probes do before a start: until start-up code has written the
+    /// control block anew, RAM holds what an earlier start or its supply's noise left there. Another probe that is
+    /// attached may be reading the block, and does so itself.
+    pub(super) fn clear_log(&mut self) {
+        if let Some(block) = self.log_block.filter(|_| !self.debugged) {
+            let size = usize::try_from(block.size).unwrap_or(0);
+            memory::write(&mut self.side.part, block.address, &vec![0; size.clamp(rtt::MAGIC.len(), rtt::LONGEST)]);
+        }
     }
 
     pub(super) fn probe_log(&mut self, at: u64) {
-        let Some(block) = self.log_block.filter(|_| self.powered && !self.fills_ram(at)) else { return };
-        let (lines, troubles) = self.log.probe(&mut self.side.part, block, &self.firmware, at);
+        let Some(block) = self.log_block.filter(|_| self.powered) else { return };
+        let (lines, troubles) = self.log.probe(&mut self.side.part, block.address, &self.firmware, at);
         self.lines.extend(lines);
         for (kind, text) in troubles {
             self.add_finding(kind, at, None, text);

@@ -154,6 +154,7 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.tell_halt();
         let unfinished = self.log.finish(self.now());
         self.lines.extend(unfinished);
+        self.clear_log();
         // What the last start did, the next may do again.
         self.reported.retain(|(kind, _)| *kind != FindingKind::HardFault && *kind != FindingKind::UnhandledInterrupt);
         self.arm();
@@ -176,6 +177,7 @@ impl<B: Board, C: Cost> Node<B, C> {
                 }
             }
         }
+        self.clear_log();
     }
 
     /// Every restart of the part so far.

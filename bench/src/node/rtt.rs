@@ -20,7 +20,7 @@ use super::{Firmware, memory};
 /// A message shorter than this fits where a buffer is not nearly full.
 const SHORT_MESSAGE: u64 = 32;
 /// What every initialised control block starts with. The firmware writes it last.
-const MAGIC: &[u8; 16] = b"SEGGER RTT\0\0\0\0\0\0";
+pub(super) const MAGIC: &[u8; 16] = b"SEGGER RTT\0\0\0\0\0\0";
 /// Offset of the count of up channels in the control block.
 const UP_COUNT: u64 = 16;
 /// Offset of the first channel.
@@ -29,6 +29,8 @@ const CHANNELS: u64 = 24;
 const CHANNEL_BYTES: u64 = 24;
 /// More channels than any firmware declares; a larger count is garbage.
 const MOST_CHANNELS: u64 = 16;
+/// No control block is longer, in bytes: it has as many down channels as up channels.
+pub(super) const LONGEST: usize = (CHANNELS + 2 * MOST_CHANNELS * CHANNEL_BYTES) as usize;
 
 /// The longest name of a channel that is shown.
 const LONGEST_NAME: usize = 32;
@@ -85,13 +87,6 @@ pub(crate) fn name<P: Part>(part: &P, block: u64, channel: u64) -> String {
     String::from_utf8_lossy(&bytes).chars().filter(|character| !character.is_control()).collect()
 }
 
-/// Write and read offset of up channel `channel`, 0 where they are not in memory.
-fn offsets<P: Part>(part: &P, block: u64, channel: u64) -> (u64, u64) {
-    let entry = block + CHANNELS + CHANNEL_BYTES * channel;
-    let word = |at| memory::value(part, at, 4).unwrap_or(0);
-    (word(entry + 12), word(entry + 16))
-}
-
 /// Empties up channel `channel` of the control block at `block`.
 pub(crate) fn drain<P: Part>(part: &mut P, block: u64, channel: u64) -> Result<Drained, RttFault> {
     if channel >= count(part, block)? {
@@ -100,7 +95,7 @@ pub(crate) fn drain<P: Part>(part: &mut P, block: u64, channel: u64) -> Result<D
     let word = |part: &P, at| memory::value(part, at, 4).unwrap_or(0);
     let entry = block + CHANNELS + CHANNEL_BYTES * channel;
     let (buffer, size) = (word(part, entry + 4), word(part, entry + 8));
-    let (write, read) = offsets(part, block, channel);
+    let (write, read) = (word(part, entry + 12), word(part, entry + 16));
     if size == 0 {
         return Ok(Drained::default());
     }
@@ -283,8 +278,6 @@ struct Channel {
     frames: Frames,
     /// What came, for [`Channels::take_raw`].
     raw: Vec<u8>,
-    /// The firmware starts again, and its start-up code has not yet set the read offset to 0.
-    starting: bool,
     /// What was said already, so that a firmware in a loop does not say it for ever.
     told_corrupt: bool,
     told_overrun: bool,
@@ -321,14 +314,6 @@ impl Channels {
         }
         let mut drained = Vec::new();
         for (number, channel) in (0..).zip(&mut self.list) {
-            let (write, read) = offsets(part, block, number);
-            channel.starting &= read != 0;
-            // Start-up code has set the write offset to 0, and not yet the read offset, which lies behind it in memory:
-            // what seems to wait was read before the restart.
-            if channel.starting && write == 0 {
-                drained.push(Drained::default());
-                continue;
-            }
             drained.push(match drain(part, block, number) {
                 Ok(drained) => drained,
                 Err(RttFault::Corrupt(text)) if !std::mem::replace(&mut channel.told_corrupt, true) => {
@@ -378,7 +363,6 @@ impl Channels {
             .iter_mut()
             .filter_map(|channel| {
                 channel.frames = Frames::default();
-                channel.starting = true;
                 channel.text.finish().map(|bytes| text_line(at, &channel.label, &bytes))
             })
             .collect()
@@ -528,33 +512,6 @@ mod tests {
         assert_eq!(text(channels.finish(6)), ["tw"]);
         assert_eq!(channels.take_raw(1), b"one\r\ntw");
         assert_eq!(channels.take_raw(1), b"");
-    }
-
-    #[test]
-    fn offsets_of_which_start_up_code_has_set_one_to_0_hold_nothing_new() {
-        let mut part = part(b"old text\n", 1);
-        let mut channels = Channels::default();
-        let mut texts = |part: &mut Nrf52840, restarts: bool| {
-            if restarts {
-                channels.finish(5);
-            }
-            let (lines, _) = channels.probe(part, BLOCK, &Firmware::raw("text", Vec::new()), 5);
-            lines.into_iter().map(|line| line.text).collect::<Vec<_>>()
-        };
-        assert_eq!(texts(&mut part, false), ["old text"]);
-        let entry = BLOCK + CHANNELS + CHANNEL_BYTES;
-        // A look before the start-up code has come so far, one while it is at it, one after it.
-        assert_eq!(texts(&mut part, true), [""; 0]);
-        put(&mut part, entry + 12, 0);
-        assert_eq!(texts(&mut part, false), [""; 0]);
-        put(&mut part, entry + 16, 0);
-        assert_eq!(texts(&mut part, false), [""; 0]);
-        // From then on an offset of 0 is one like any other.
-        memory::write(&mut part, BUFFER, b"new text\n......\n");
-        put(&mut part, entry + 12, 9);
-        assert_eq!(texts(&mut part, false), ["new text"]);
-        put(&mut part, entry + 12, 0);
-        assert_eq!(texts(&mut part, false), ["......"]);
     }
 
     #[test]

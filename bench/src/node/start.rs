@@ -72,7 +72,7 @@ impl<B: Board, C: Cost> Node<B, C> {
             tasks: None,
             resets: Vec::new(),
             probe_at: PROBE_PERIOD,
-            log_block: firmware.symbol("_SEGGER_RTT").map(|symbol| symbol.address),
+            log_block: firmware.symbol("_SEGGER_RTT"),
             log: Channels::default(),
             lines: Vec::new(),
             console: Text::default(),
