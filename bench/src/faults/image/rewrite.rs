@@ -15,13 +15,14 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use cortex_m4::Cost;
+use firmware_common::mpu::Access;
 
 use super::record::{Offset, Recording, Store, Stored, halves, is_wide};
 use super::seal;
 use crate::node::{Board, Error, Node};
 
-/// The stubs' distance from the vector table: behind every image, in flash of either part.
-const STUBS: u32 = 0x1_7000;
+/// The stubs begin at the next multiple of this behind the image.
+const ALIGNED: u32 = 0x100;
 /// Branches are looked for so far before and behind a store, bytes: a task is not longer.
 const NEAR: u32 = 0x2000;
 
@@ -79,8 +80,8 @@ pub enum RewriteError {
         /// What is wrong with it.
         why: &'static str,
     },
-    /// The image reaches to where its changed instructions go.
-    #[error("the image ends at {0:#010x}, behind where its changed instructions go")]
+    /// The image leaves too little of the flash from which its memory protection unit lets it execute.
+    #[error("the image's changed instructions end at {0:#010x}, where it cannot execute them")]
     TooLong(u32),
     /// A symbol is missing, or something is not in memory.
     #[error(transparent)]
@@ -349,12 +350,9 @@ pub fn rewrite<B: Board, C: Cost>(
         return Ok(());
     }
     let refuse = |at, why| Err(RewriteError::Instruction { at, why });
-    let first = node.address_of("__vector_table")? as u32;
-    let end = node.address_of("__image_crc")? as u32;
-    if end + 4 > first + STUBS {
-        return Err(RewriteError::TooLong(end + 4));
-    }
-    let mut stubs = Code { base: first + STUBS, halves: vec![] };
+    // Behind the image wherever it ends: how much free flash it may execute differs between the boards.
+    let end = node.address_of("__image_crc")? as u32 + 4;
+    let mut stubs = Code { base: end.next_multiple_of(ALIGNED), halves: vec![] };
     let mut done = 0;
     for &site in sites.keys() {
         if site < done {
@@ -412,10 +410,20 @@ pub fn rewrite<B: Board, C: Cost>(
         }
         jump.write_to(node)?;
     }
+    if !may_execute(stubs.base) || !may_execute(stubs.here() - 2) {
+        return Err(RewriteError::TooLong(stubs.here()));
+    }
     stubs.write_to(node)?;
     // Who patches a board before its first instruction has no use for a repair.
     let _ = seal(node)?;
     Ok(())
+}
+
+/// Whether a firmware may execute code at `address` of its flash. One table decides for both: where the one has its
+/// flash the other has nothing.
+fn may_execute(address: u32) -> bool {
+    let (horus, dpr) = (horus_tx_fw::protection::TASKS, dpr_fw::protection::TASKS);
+    horus.allows(address, Access::Execute) || dpr.allows(address, Access::Execute)
 }
 
 /// What becomes of the store at each address.
