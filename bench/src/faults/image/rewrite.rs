@@ -9,7 +9,7 @@
 //! | covered | not covered, and how that shows |
 //! |---|---|
 //! | STR, STRB, STRH, any offset without write-back | STRD, STM, write-back: nothing is stored there, an error |
-//! | a 16-bit store: the instruction after it moves into the stub | one that begins an IT block: an error |
+//! | a 16-bit store: the instruction after it moves into the stub, or else the one before it | if neither can: an error |
 //! | a 16-bit store alone in an IT block | a longer IT block: an error |
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -242,8 +242,8 @@ impl Code {
                 }
                 return Ok(());
             }
-            if first & 0xFF7F == 0xF85F || first & 0xFFF0 == 0xE8D0 {
-                return refuse("a wide literal load or a table branch cannot be moved");
+            if is_relative(first) {
+                return refuse("a wide literal load or address, or a table branch, cannot be moved");
             }
             self.raw(encoding);
             return Ok(());
@@ -283,6 +283,21 @@ impl Code {
         }
         Ok(())
     }
+}
+
+/// Whether a 32-bit instruction that begins with `first` takes what it loads, or where it leads, from where it is: TBB
+/// and TBH; LDR, LDRB, LDRH and their signed kin, LDRD, VLDR, and ADR, of a literal.
+const fn is_relative(first: u16) -> bool {
+    let table = first & 0xFFF0 == 0xE8D0;
+    let load = first & 0xFE1F == 0xF81F || first & 0xFE5F == 0xE85F || first & 0xFF3F == 0xED1F;
+    table || load || first & 0xFB5F == 0xF20F
+}
+
+/// Whether the instruction at `pc` would do the same elsewhere.
+fn can_move<B: Board, C: Cost>(node: &Node<B, C>, pc: u32) -> bool {
+    let (one, two) = halves(node, pc);
+    let encoding = if is_wide(one) { &[one, two][..] } else { &[one] };
+    Code { base: 0, halves: vec![] }.moved(pc, encoding, |_| Ok(0)).is_ok()
 }
 
 /// The low `bits` of `value` as a signed number.
@@ -371,8 +386,9 @@ pub fn rewrite<B: Board, C: Cost>(
             stubs.raw(&[0xD001 | (it & 0xF0) << 4]);
             skip = Some(stubs.hole());
             site - 2
-        } else if narrow && targets.contains(&(site + 2)) {
-            // Where the instruction after a 16-bit store is branched to, the one before the store moves with it.
+        } else if narrow && (targets.contains(&(site + 2)) || !can_move(node, site + 2)) {
+            // Where the instruction after a 16-bit store is branched to or cannot move, the one before the store moves
+            // with it.
             recording.before[&site]
         } else {
             site
@@ -492,8 +508,13 @@ mod tests {
 
     #[test]
     fn an_instruction_that_cannot_be_moved_is_refused_with_its_address() {
-        // IT EQ; LDR.W r0, [pc, #4].
-        for encoding in [&[0xBF08_u16][..], &[0xF8DF, 0x0004]] {
+        // IT EQ; LDR.W r0, [pc, #4]; TBB [pc, r1]; LDRH.W r0, [pc, #4]; LDRD r0, r1, [pc, #4]; VLDR s0, [pc, #4];
+        // ADR.W r0, forwards and backwards.
+        let [table, load] = [[0xE8DF_u16, 0xF001], [0xF8DF, 0x0004]];
+        let [half, two, float] = [[0xF8BF, 0x0004], [0xE9DF, 0x0101], [0xED9F, 0x0A01]];
+        let [forwards, backwards] = [[0xF20F, 0x0004], [0xF2AF, 0x0004]];
+        let wide = [table, load, half, two, float, forwards, backwards];
+        for encoding in [&[0xBF08_u16][..]].into_iter().chain(wide.iter().map(|it| &it[..])) {
             let refused = Code { base: 0x804_0000, halves: vec![] }.moved(0x800_0100, encoding, |_| Ok(0));
             assert!(matches!(refused, Err(RewriteError::Instruction { at: 0x800_0100, .. })), "{encoding:x?}");
         }
