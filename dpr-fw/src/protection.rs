@@ -20,9 +20,9 @@
 //!
 //! *Peripherals*: what is shut to the tasks is what only the start needs: clock and power, the flash controller (so
 //! that nothing can erase or write flash), the PPI (so that nothing can undo the expiry of the image), and everything
-//! that the board does not use. Two regions have eighths of 4 KiB, a peripheral each; that of the watchdog and the pause
-//! has eighths of 8 KiB, two peripherals, since the unit has no region left for either. So RTC1 and TIMER4 are open
-//! beside those of the board: nothing starts them, and no interrupt or PPI channel of theirs is enabled.
+//! that the board does not use. Two regions have eighths of 4 KiB, a peripheral each; that of the watchdog and the
+//! pause has eighths of 8 KiB, two peripherals, since the unit has no region left for either. So RTC1 and TIMER4 are
+//! open beside those of the board: nothing starts them, and no interrupt or PPI channel of theirs is enabled.
 
 use firmware_common::mpu::{Access, Allowed, Memory, Region, Table};
 

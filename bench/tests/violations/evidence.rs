@@ -48,7 +48,10 @@ table! {
         ..Row::new(Violation::DprStaysHung, || hangs(Board::Dpr))
     };
     a_horus_that_does_not_feed_its_watchdog => Row {
-        setup: |setup| stores(setup, Board::Horus, (breaks(), breaks() + 120 * MS), &[instead(IWDG_KR, IWDG_RELOAD, 0)]),
+        setup: |setup| {
+            let while_broken = (breaks(), breaks() + 120 * MS);
+            stores(setup, Board::Horus, while_broken, &[instead(IWDG_KR, IWDG_RELOAD, 0)]);
+        },
         duration: || 1_000 * MS,
         ..Row::new(Violation::HorusRestarted, Faults::none)
     };

@@ -153,7 +153,8 @@ table! {
         })
     };
     a_relay_that_switches_unseen => Row::new(Violation::StateWrong, || {
-        wire(WireFault::InputsUnseen, 300 * MS).with(breaks() + MS, breaks() + 61 * MS, Fault::Input(0, InputFault::Active))
+        let switches = Fault::Input(0, InputFault::Active);
+        wire(WireFault::InputsUnseen, 300 * MS).with(breaks() + MS, breaks() + 61 * MS, switches)
     });
     // PE3, the SPI receiver's chip select, stays an input.
     a_receiver_that_is_never_selected => Row {

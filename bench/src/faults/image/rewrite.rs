@@ -9,7 +9,7 @@
 //! | covered | not covered, and how that shows |
 //! |---|---|
 //! | STR, STRB, STRH, any offset without write-back | STRD, STM, write-back: nothing is stored there, an error |
-//! | a 16-bit store: the instruction after it moves into the stub, or else the one before it | if neither can: an error |
+//! | a 16-bit store: the instruction after it, or the one before, moves into the stub | if neither can: an error |
 //! | a 16-bit store alone in an IT block | a longer IT block: an error |
 
 use std::collections::{BTreeMap, BTreeSet};
