@@ -66,11 +66,15 @@ pub(crate) fn transact(node: &mut Node<Dpr>, bytes: usize, mosi: u8) -> Vec<u8> 
 
 /// A transaction that begins now: what MISO showed. The gap after it is over.
 pub(crate) fn carry(node: &mut Node<Dpr>, order: Order) -> Vec<u8> {
-    fn pass(node: &mut Node<Dpr>, end: u64) {
+    carry_by(node, order, |node, end| {
         while node.now() < end {
             node.advance(end);
         }
-    }
+    })
+}
+
+/// As [`carry`], the board run to each instant by `pass`.
+pub(crate) fn carry_by(node: &mut Node<Dpr>, order: Order, mut pass: impl FnMut(&mut Node<Dpr>, u64)) -> Vec<u8> {
     let mut master = SsiMaster::new(Crystal::default());
     let start = Start { bench_ns: node.now(), own_ns: 0 };
     master.begin(start, order);

@@ -6,7 +6,7 @@ use dpr_fw::telemetry::Telemetry as DprTelemetry;
 use horus_tx_fw::telemetry::Telemetry as HorusTelemetry;
 
 use super::images::{ALWAYS, awake, bits, instead, never, stores, without_telemetry};
-use super::{BREAKS, MS, Row, table};
+use super::{MS, Row, breaks, table};
 
 /// The STM32's SPI1_CR1, with the prescaler of the front end's clock in bits 5 to 3 (RM0090 28.5.1).
 const SPI1_CR1: u32 = 0x4001_3000;
@@ -20,22 +20,22 @@ const IWDG_START: u32 = 0xCCCC;
 /// The nRF52840's WDT, whose first register starts it (PS 6.36).
 const WDT: u32 = 0x4001_0000;
 
-/// A word in the telemetry of `board` is not zero from [`BREAKS`] on.
+/// A word in the telemetry of `board` is not zero from [`breaks`] on.
 fn counts(board: Board, symbol: &str, offset: usize) -> Faults {
     let offset = u32::try_from(offset).unwrap();
     let poke = ImageFault::Poke { symbol: symbol.into(), offset, bytes: vec![1, 0, 0, 0] };
-    Faults::none().with(BREAKS, u64::MAX, Fault::Image(board, poke))
+    Faults::none().with(breaks(), u64::MAX, Fault::Image(board, poke))
 }
 
-/// The number of channels in the log's control block of `board` is destroyed at [`BREAKS`].
+/// The number of channels in the log's control block of `board` is destroyed at [`breaks`].
 fn log_destroyed(board: Board) -> Faults {
     let poke = ImageFault::Poke { symbol: "_SEGGER_RTT".into(), offset: 16, bytes: vec![0xFF; 4] };
-    Faults::none().with(BREAKS, u64::MAX, Fault::Image(board, poke))
+    Faults::none().with(breaks(), u64::MAX, Fault::Image(board, poke))
 }
 
-/// `board` hangs from [`BREAKS`] on.
+/// `board` hangs from [`breaks`] on.
 fn hangs(board: Board) -> Faults {
-    Faults::none().with(BREAKS, BREAKS, Fault::Hang(board))
+    Faults::none().with(breaks(), breaks(), Fault::Hang(board))
 }
 
 table! {
@@ -48,16 +48,19 @@ table! {
         ..Row::new(Violation::DprStaysHung, || hangs(Board::Dpr))
     };
     a_horus_that_does_not_feed_its_watchdog => Row {
-        setup: |setup| stores(setup, Board::Horus, (BREAKS, BREAKS + 120 * MS), &[instead(IWDG_KR, IWDG_RELOAD, 0)]),
-        duration: 1_000 * MS,
+        setup: |setup| {
+            let while_broken = (breaks(), breaks() + 120 * MS);
+            stores(setup, Board::Horus, while_broken, &[instead(IWDG_KR, IWDG_RELOAD, 0)]);
+        },
+        duration: || 1_000 * MS,
         ..Row::new(Violation::HorusRestarted, Faults::none)
     };
     // With a stack in no memory the next interrupt is a fault, and the watchdog ends the safe state.
     a_dpr_whose_stack_pointer_lost_a_bit => Row {
-        duration: 3_000 * MS,
+        duration: || 3_000 * MS,
         ..Row::new(Violation::DprRestarted, || {
             let upset = Fault::Upset(Board::Dpr, Upset::Register { number: 13, bit: 30 });
-            Faults::none().with(BREAKS, BREAKS, upset)
+            Faults::none().with(breaks(), breaks(), upset)
         })
     };
     a_front_end_of_horus_that_is_clocked_too_fast => Row {
@@ -67,11 +70,11 @@ table! {
     a_horus_whose_log_is_none => Row::new(Violation::HorusFinding, || log_destroyed(Board::Horus));
     a_dpr_whose_log_is_none => Row::new(Violation::DprFinding, || log_destroyed(Board::Dpr));
     a_horus_that_does_not_sleep => Row {
-        setup: |setup| awake(setup, Board::Horus, BREAKS),
+        setup: |setup| awake(setup, Board::Horus, breaks()),
         ..Row::new(Violation::HorusOverloaded, Faults::none)
     };
     a_dpr_that_does_not_sleep => Row {
-        setup: |setup| awake(setup, Board::Dpr, BREAKS),
+        setup: |setup| awake(setup, Board::Dpr, breaks()),
         ..Row::new(Violation::DprOverloaded, Faults::none)
     };
     a_horus_that_counts_a_fault_that_nobody_sees => Row::new(Violation::HorusComplains, || {
@@ -89,7 +92,7 @@ table! {
         ..Row::new(Violation::NoTelemetry, Faults::none)
     };
     a_fault_that_is_added_behind_the_boards => Row {
-        added: || Faults::none().with(BREAKS - 100 * MS, BREAKS - 50 * MS, Fault::Air(AirFaults::default())),
+        added: || Faults::none().with(breaks() - 100 * MS, breaks() - 50 * MS, Fault::Air(AirFaults::default())),
         ..Row::new(Violation::Late, Faults::none)
     };
 }

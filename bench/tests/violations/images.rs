@@ -13,9 +13,11 @@ use st25r3916_model::{Chip, Config};
 use stm32f429::{Oscillators, Stm32f429};
 
 use super::MS;
+use super::boards::RAM_TEST;
 
-/// How much of a board's first time is recorded, ns: every store of its start and of its first cycle.
-const RECORDED: u64 = 30 * MS;
+/// How much of a board's first time is recorded, ns: every store of its start, which begins with the test of its RAM,
+/// and of its first cycles.
+const RECORDED: u64 = RAM_TEST + 30 * MS;
 /// How much of flash is compared: an image and the stubs behind it.
 const FLASH: usize = 0x4_4000;
 /// From the start to the end of the run.

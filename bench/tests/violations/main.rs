@@ -13,17 +13,74 @@ mod sending;
 mod shown;
 mod ssi;
 
+use std::sync::OnceLock;
+
 use bench::faults::Faults;
 use bench::sim::{Bench, Finished, Images, Setup};
-use bench_judge::{Event, Log, Violation, What, judge};
+use bench_judge::{Log, Violation, What, judge};
 
 const US: u64 = 1_000;
 const MS: u64 = 1_000_000;
 
-/// From when on the world is broken: both boards have started, and the link has been up for 200 ms. It lies 5 ms after
-/// one of HORUS's ticks, which come as long after the start as the test of HORUS's RAM and the comparison of its image
-/// with its CRC take, and less than 2 ms before the flight controller reads, every 4 ms.
-const BREAKS: u64 = 315_900_000;
+/// Both boards have started, and the link has been up for 200 ms.
+const SETTLED: u64 = 300 * MS;
+
+/// Between a tick of HORUS and the image of its cycle being readable, if there are three receivers.
+const READABLE: u64 = 5 * MS;
+
+/// The control cycle of the flight controller: between two instants so far apart exactly one transaction ends.
+const CONTROL_CYCLE: u64 = 4 * MS;
+
+/// What a sound run shows of when things happen after [`SETTLED`].
+struct Beat {
+    /// See [`breaks_with`].
+    breaks: u64,
+    /// See [`reads`].
+    reads: u64,
+}
+
+/// The beat of a link with so many receivers.
+///
+/// HORUS's first tick comes as long after the start as the test of its RAM and the comparison of its image with its CRC
+/// take, so it moves with the image.
+///
+/// # Panics
+///
+/// Where the images were not built.
+fn beat(gps: usize) -> &'static Beat {
+    static BEATS: [OnceLock<Beat>; 6] = [const { OnceLock::new() }; 6];
+    BEATS[gps].get_or_init(|| {
+        let log = sound(gps, SETTLED + 40 * MS).expect("the images were built").log;
+        let reads = |breaks: u64| {
+            log.events.iter().find_map(|event| match event.what {
+                What::Transaction { selected, .. } if selected > breaks => Some(selected),
+                _ => None,
+            })
+        };
+        let ticks = log.events.iter().filter(|event| event.what == What::Tick && event.at >= SETTLED);
+        let mut beats = ticks.filter_map(|tick| {
+            let breaks = tick.at + READABLE;
+            reads(breaks).filter(|reads| reads - breaks < CONTROL_CYCLE / 2).map(|reads| Beat { breaks, reads })
+        });
+        beats.next().expect("of two cycles' images one is read soon")
+    })
+}
+
+/// From when on the world of a link with so many receivers is broken: it is [`READABLE`] after a tick of HORUS, and the
+/// flight controller, which reads once in each control cycle, will read in less than half of one.
+fn breaks_with(gps: usize) -> u64 {
+    beat(gps).breaks
+}
+
+/// [`breaks_with`] three receivers.
+fn breaks() -> u64 {
+    breaks_with(3)
+}
+
+/// When the flight controller begins its first transaction after [`breaks`].
+fn reads() -> u64 {
+    beat(3).reads
+}
 
 /// A row of the table.
 struct Row {
@@ -32,35 +89,55 @@ struct Row {
     /// Receivers in the profile.
     gps: usize,
     /// How long the run is, ns.
-    duration: u64,
+    duration: fn() -> u64,
     /// What else of the set-up is other than in a sound run.
     setup: fn(&mut Setup),
     /// What is broken.
     faults: fn() -> Faults,
-    /// What is broken besides, told to the bench when both boards have come to [`BREAKS`].
+    /// What is broken besides, told to the bench when both boards have come to [`breaks_with`].
     added: fn() -> Faults,
 }
 
 impl Row {
     /// With three receivers, for 600 ms.
     const fn new(violation: Violation, faults: fn() -> Faults) -> Self {
-        Self { violation, gps: 3, duration: 600 * MS, setup: |_| {}, faults, added: Faults::none }
+        Self { violation, gps: 3, duration: || 600 * MS, setup: |_| {}, faults, added: Faults::none }
     }
+}
+
+/// A run with so many receivers, as far as it is the same for every row; `None` where the images were not built.
+fn setup(gps: usize, duration: u64) -> Option<Setup> {
+    let image = |name| boards::image(gps, name);
+    let images = Images { horus: image("horus-tx-fw.elf")?, dpr: image("dpr-fw.elf")? };
+    Some(Setup::new(images, gps, duration))
+}
+
+fn bench(setup: &Setup) -> Bench {
+    let mut bench = Bench::new(setup).unwrap_or_else(|error| panic!("{error}"));
+    bench.keep_log();
+    bench
+}
+
+/// A run in which nothing is broken.
+fn sound(gps: usize, duration: u64) -> Option<Finished> {
+    let setup = setup(gps, duration)?;
+    let mut bench = bench(&setup);
+    bench.run_to(duration, setup.threads);
+    Some(bench.finish(duration))
 }
 
 /// The run of a row; `None` where the images were not built.
 fn run(row: &Row) -> Option<Finished> {
-    let image = |name| boards::image(row.gps, name);
-    let images = Images { horus: image("horus-tx-fw.elf")?, dpr: image("dpr-fw.elf")? };
-    let mut setup = Setup::new(images, row.gps, row.duration);
+    let mut setup = setup(row.gps, 0)?;
+    let duration = (row.duration)();
+    setup.duration_ns = duration;
     setup.faults = (row.faults)();
     (row.setup)(&mut setup);
-    let mut bench: Bench = Bench::new(&setup).unwrap_or_else(|error| panic!("{error}"));
-    bench.keep_log();
-    bench.run_to(BREAKS.min(row.duration), setup.threads);
+    let mut bench = bench(&setup);
+    bench.run_to(breaks_with(row.gps).min(duration), setup.threads);
     bench.add_faults(&(row.added)());
-    bench.run_to(row.duration, setup.threads);
-    Some(bench.finish(row.duration))
+    bench.run_to(duration, setup.threads);
+    Some(bench.finish(duration))
 }
 
 /// Holds a row against what it must show.
@@ -100,18 +177,17 @@ fn every_violation_is_provoked_by_a_row() {
 
 #[test]
 fn the_world_breaks_when_the_image_of_a_cycle_is_readable() {
-    let Some(finished) = run(&Row::new(Violation::NoTick, Faults::none)) else { return };
-    let is_tick = |event: &&Event| event.what == What::Tick && event.at <= BREAKS;
-    let tick = finished.log.events.iter().rfind(is_tick).unwrap().at;
-    assert!((BREAKS - tick).abs_diff(5 * MS) <= 200 * US, "it comes {} ns after the tick", BREAKS - tick);
+    let Some(finished) = sound(3, SETTLED + 40 * MS) else { return };
+    let rises = finished.log.events.iter().filter(|event| matches!(event.what, What::Fresh { high: true, .. }));
+    let nearest = rises.map(|event| event.at.abs_diff(breaks())).min().unwrap();
+    assert!(nearest <= 200 * US, "{nearest} ns lie between them");
 }
 
 /// In a sound world nothing is violated, with any number of receivers: what a row shows comes from what it breaks.
 #[test]
 fn a_sound_world_shows_no_violation() {
     for gps in [1, 2, 3, 5] {
-        let row = Row { gps, ..Row::new(Violation::NoTick, Faults::none) };
-        let Some(finished) = run(&row) else { return };
+        let Some(finished) = sound(gps, 600 * MS) else { return };
         let words: Vec<String> = finished.verdict.violations.iter().map(ToString::to_string).collect();
         assert!(words.is_empty(), "{gps} receivers: {words:#?}");
     }

@@ -2,26 +2,32 @@
 
 use bench::faults::{Board, Fault, Faults, FrontEndFault, ImageFault, InputFault, ReceiverFault, WireFault};
 use bench_judge::Violation;
+use horus_tx_fw::receiver::HEARD_MS;
 
 use super::images::{ALWAYS, bits, stores};
-use super::{BREAKS, MS, Row, US, table};
+use super::{MS, Row, US, breaks, breaks_with, table};
 
 /// RM0090 8.4.1.
 const GPIOE_MODER: u32 = 0x4002_1000;
 
 /// A wire is broken for so long.
 fn wire(fault: WireFault, duration: u64) -> Faults {
-    Faults::none().with(BREAKS, BREAKS + duration, Fault::Wire(fault))
+    Faults::none().with(breaks(), breaks() + duration, Fault::Wire(fault))
 }
 
 /// HORUS's front end is broken for so long.
 fn front_end(fault: FrontEndFault, duration: u64) -> Faults {
-    Faults::none().with(BREAKS, BREAKS + duration, Fault::FrontEnd(fault))
+    front_end_with(3, fault, duration)
+}
+
+/// As [`front_end`], of a link with so many receivers.
+fn front_end_with(gps: usize, fault: FrontEndFault, duration: u64) -> Faults {
+    Faults::none().with(breaks_with(gps), breaks_with(gps) + duration, Fault::FrontEnd(fault))
 }
 
 /// HORUS's image is broken for so long.
 fn image(fault: ImageFault, duration: u64) -> Faults {
-    Faults::none().with(BREAKS, BREAKS + duration, Fault::Image(Board::Horus, fault))
+    Faults::none().with(breaks(), breaks() + duration, Fault::Image(Board::Horus, fault))
 }
 
 /// A variable or table of HORUS holds other bytes.
@@ -37,9 +43,12 @@ fn replaced(function: &str, was: &[u8], is: &[u8]) -> ImageFault {
 /// The upper word of the float64 1e7, by which HORUS divides latitude and longitude, and that of 2e7.
 const DIVISOR: (u32, u32) = (0x4163_12D0, 0x4173_12D0);
 
-/// The second half of `CMP.W Rn, #251` with which HORUS decides whether a receiver was heard within 250 ms, and that of
-/// `CMP.W Rn, #1`.
-const HEARD: ([u8; 2], [u8; 2]) = ([0xFB, 0x0F], [0x01, 0x0F]);
+/// The task in which HORUS fills a cycle compares the time since a receiver was heard with this: the first that is too
+/// long, ms.
+const NOT_HEARD: u8 = {
+    assert!(HEARD_MS < 0xFF);
+    HEARD_MS as u8 + 1
+};
 
 /// Constants of the voter, as float32: the squares of the horizontal limits, 30 m, and of the vertical ones, 8 m and
 /// 50 m; that of 200 m/s; and 1/256 of 1e-7 degrees in a radian. And what is there instead.
@@ -56,13 +65,14 @@ const MILLION_MILLIONS: u32 = 0x5368_D4A5;
 /// The voter has other constants.
 fn voter(constants: &[(u32, u32)]) -> Faults {
     let constants = constants.iter().map(|(of, value)| ImageFault::Constant { of: *of, value: *value });
-    constants.fold(Faults::none(), |faults, fault| faults.with(BREAKS, u64::MAX / 2, Fault::Image(Board::Horus, fault)))
+    constants
+        .fold(Faults::none(), |faults, fault| faults.with(breaks(), u64::MAX / 2, Fault::Image(Board::Horus, fault)))
 }
 
 /// And GPS2 is so far off to the north (m), from before on: that is in its objects when the voter changes.
 fn with_offset(faults: Faults, north: i32) -> Faults {
     let fault = ReceiverFault::Offset { north, east: 0, up: 0 };
-    faults.with(BREAKS - 200 * MS, u64::MAX / 2, Fault::Receiver(1, fault))
+    faults.with(breaks() - 200 * MS, u64::MAX / 2, Fault::Receiver(1, fault))
 }
 
 table! {
@@ -79,11 +89,11 @@ table! {
     // HORUS's front end.
     a_command_that_is_given_again => Row {
         gps: 1,
-        ..Row::new(Violation::ExtraFrame, || front_end(FrontEndFault::CommandAgain(2 * MS), 15 * MS))
+        ..Row::new(Violation::ExtraFrame, || front_end_with(1, FrontEndFault::CommandAgain(2 * MS), 15 * MS))
     };
     a_front_end_that_sends_again => Row {
         gps: 1,
-        ..Row::new(Violation::FrameWithoutCommand, || front_end(FrontEndFault::FrameAgain(2 * MS), 15 * MS))
+        ..Row::new(Violation::FrameWithoutCommand, || front_end_with(1, FrontEndFault::FrameAgain(2 * MS), 15 * MS))
     };
     a_mute_front_end => Row::new(Violation::CommandWithoutFrame, || front_end(FrontEndFault::Mute, 15 * MS));
     a_front_end_that_breaks_off => Row::new(Violation::BrokenOff, || front_end(FrontEndFault::BreaksOff, 15 * MS));
@@ -108,8 +118,8 @@ table! {
     };
     a_count_of_ticks_that_jumps => {
         Row::new(Violation::TimestampWrong, || Faults::none().with(
-            BREAKS,
-            BREAKS,
+            breaks(),
+            breaks(),
             Fault::Image(Board::Horus, poke("cycle_timer::TICKS", &1_000_u32.to_le_bytes())),
         ))
     };
@@ -117,7 +127,9 @@ table! {
         image(replaced("Receiver>::parse", &DIVISOR.0.to_le_bytes(), &DIVISOR.1.to_le_bytes()), 100 * MS)
     });
     a_receiver_that_counts_as_not_heard => {
-        Row::new(Violation::StatusWrong, || image(replaced("cycle::gps_values", &HEARD.0, &HEARD.1), 45 * MS))
+        Row::new(Violation::StatusWrong, || {
+            image(ImageFault::Compared { function: "CAN1_RX0".into(), with: NOT_HEARD, value: 1 }, 45 * MS)
+        })
     };
     a_vote_that_is_moved_twice_as_far => {
         Row::new(Violation::ReportedWrong, || voter(&[(PARTS_PER_RAD, TWICE_PARTS_PER_RAD)]))
@@ -126,26 +138,27 @@ table! {
     a_voter_that_does_not_look_at_heights => Row::new(Violation::VoteWrong, || {
         let blind = voter(&[(FLOOR_HEIGHT, MILLION_MILLIONS), (CEILING_HEIGHT, MILLION_MILLIONS)]);
         let offset = ReceiverFault::Offset { north: 0, east: 0, up: 120 };
-        blind.with(BREAKS + 50 * MS, u64::MAX / 2, Fault::Receiver(1, offset))
+        blind.with(breaks() + 50 * MS, u64::MAX / 2, Fault::Receiver(1, offset))
     });
     a_voter_that_takes_a_jump_at_once => Row::new(Violation::VoteWrong, || {
         (0..3).fold(voter(&[(SPEED, MILLION_MILLIONS)]), |faults, receiver| {
             let jump = Fault::Receiver(receiver, ReceiverFault::Jumps { metres: 1_000 });
-            faults.with(BREAKS + 50 * MS, u64::MAX / 2, jump)
+            faults.with(breaks() + 50 * MS, u64::MAX / 2, jump)
         })
     });
     a_receiver_that_takes_itself_for_a_car => Row {
-        duration: 6_000 * MS,
+        duration: || 6_000 * MS,
         ..Row::new(Violation::NotAirborne, || {
-            Faults::none().with(BREAKS, BREAKS, Fault::Receiver(0, ReceiverFault::ForgetsModel))
+            Faults::none().with(breaks(), breaks(), Fault::Receiver(0, ReceiverFault::ForgetsModel))
         })
     };
     a_relay_that_switches_unseen => Row::new(Violation::StateWrong, || {
-        wire(WireFault::InputsUnseen, 300 * MS).with(BREAKS + MS, BREAKS + 61 * MS, Fault::Input(0, InputFault::Active))
+        let switches = Fault::Input(0, InputFault::Active);
+        wire(WireFault::InputsUnseen, 300 * MS).with(breaks() + MS, breaks() + 61 * MS, switches)
     });
     // PE3, the SPI receiver's chip select, stays an input.
     a_receiver_that_is_never_selected => Row {
-        duration: 1_800 * MS,
+        duration: || 1_800 * MS,
         setup: |setup| stores(setup, Board::Horus, ALWAYS, &[bits(GPIOE_MODER, 0xC0, 0)]),
         ..Row::new(Violation::NotRead, Faults::none)
     };

@@ -7,10 +7,7 @@ use bench_judge::{Event, Violation, What};
 use dpr_fw::telemetry::Telemetry;
 
 use super::images::{ALWAYS, instead, stores};
-use super::{BREAKS, MS, Row, US, run, table};
-
-/// The control cycle of the flight controller: between two instants so far apart exactly one transaction ends.
-const CONTROL_CYCLE: u64 = 4 * MS;
+use super::{CONTROL_CYCLE, MS, Row, US, breaks, breaks_with, reads, run, table};
 
 /// The cycle of HORUS: between two instants so far apart exactly one frame begins.
 const CYCLE: u64 = 10 * MS;
@@ -29,7 +26,7 @@ fn hangs(faults: Faults, at: u64) -> Faults {
 /// Silence on the air, and the SSI hangs after the last frame was read and before the DPR takes it out of the image,
 /// 12.5 ms after that frame's end.
 fn hangs_in_silence() -> Faults {
-    hangs(lost(BREAKS, u64::MAX), BREAKS + 8 * MS)
+    hangs(lost(breaks(), u64::MAX), breaks() + 8 * MS)
 }
 
 fn of_wire(at: u64, until: u64, fault: WireFault) -> Faults {
@@ -38,12 +35,12 @@ fn of_wire(at: u64, until: u64, fault: WireFault) -> Faults {
 
 /// Bits of a byte of Link-Status read inverted, in one transaction.
 fn link_status(byte: usize, bits: u8) -> Faults {
-    of_wire(BREAKS, BREAKS + CONTROL_CYCLE, WireFault::MisoForged { object: None, byte, bits })
+    of_wire(breaks(), breaks() + CONTROL_CYCLE, WireFault::MisoForged { object: None, byte, bits })
 }
 
 fn regressed() -> Faults {
     // The second transaction of those that show one image.
-    let begins = 319 * MS;
+    let begins = reads() + CONTROL_CYCLE / 2;
     of_wire(begins, begins + CONTROL_CYCLE, WireFault::MisoReplay { age_ns: CYCLE })
 }
 
@@ -53,61 +50,65 @@ const PPI_CHENSET: u32 = 0x4001_F504;
 /// The DPR hangs when an image has just been put in, and the flight controller reads that when its time is over.
 fn hangs_with_an_image() -> Faults {
     let silent = Fault::FlightController(Conduct::Silent);
-    Faults::none().with(BREAKS, BREAKS + 30 * MS, silent).with(BREAKS + MS, BREAKS + MS, Fault::Hang(Board::Dpr))
+    Faults::none().with(breaks(), breaks() + 30 * MS, silent).with(
+        breaks() + MS,
+        breaks() + MS,
+        Fault::Hang(Board::Dpr),
+    )
 }
 
 table! {
-    vacant => Row::new(Violation::Vacant, || of_wire(BREAKS, u64::MAX, WireFault::MisoVacant { object: 2 }));
+    vacant => Row::new(Violation::Vacant, || of_wire(breaks(), u64::MAX, WireFault::MisoVacant { object: 2 }));
     // No object of some cycles, though Link-Status says that all were accepted.
     not_shown => Row::new(Violation::NotShown, || {
         let vacant = |faults: Faults, object| {
-            faults.with(BREAKS, BREAKS + 3 * CYCLE, Fault::Wire(WireFault::MisoVacant { object }))
+            faults.with(breaks(), breaks() + 3 * CYCLE, Fault::Wire(WireFault::MisoVacant { object }))
         };
         (0..=3).fold(Faults::none(), vacant)
     });
     // The DPR's front end is out of order for a while, so that no cycle must be shown for as long as a bring-up may
     // take; and then an object of none is shown, though all that reaches the antenna is well again.
     recovers_late => Row {
-        duration: 780 * MS,
+        duration: || 780 * MS,
         ..Row::new(Violation::RecoversLate, || {
-            let ends = BREAKS + 20 * MS;
+            let ends = breaks() + 20 * MS;
             let chip = Fault::Chip(Board::Dpr, ChipFault::IrqLow);
             let silent = Fault::FlightController(Conduct::Silent);
-            Faults::none().with(BREAKS, ends, chip).with(ends, u64::MAX, silent)
+            Faults::none().with(breaks(), ends, chip).with(ends, u64::MAX, silent)
         })
     };
     uplinks_that_nobody_counted => Row {
         setup: |setup| setup.writes = true,
         ..Row::new(Violation::PortStatusWrong, || {
-            of_wire(BREAKS, BREAKS + 45 * MS, WireFault::MisoForgedPort { object: 0, byte: 8, bits: 0x10 })
+            of_wire(breaks(), breaks() + 45 * MS, WireFault::MisoForgedPort { object: 0, byte: 8, bits: 0x10 })
         })
     };
     an_uplink_of_other_bytes => Row {
         setup: |setup| setup.writes = true,
         ..Row::new(Violation::UplinkWrong, || {
-            of_wire(BREAKS, BREAKS + 45 * MS, WireFault::MisoForgedPort { object: 2, byte: 20, bits: 0x10 })
+            of_wire(breaks(), breaks() + 45 * MS, WireFault::MisoForgedPort { object: 2, byte: 20, bits: 0x10 })
         })
     };
     shown_never_sent => Row::new(Violation::ShownNeverSent, || {
-        of_wire(BREAKS, u64::MAX, WireFault::MisoForged { object: Some(2), byte: 30, bits: 0x10 })
+        of_wire(breaks(), u64::MAX, WireFault::MisoForged { object: Some(2), byte: 30, bits: 0x10 })
     });
     // A repetition takes its cycle out of the image; the SSI, which hangs, goes on showing it.
     shown_out_of_sequence => Row {
         gps: 1,
-        duration: BREAKS + 2 * CYCLE,
+        duration: || breaks_with(1) + 2 * CYCLE,
         ..Row::new(Violation::ShownOutOfSequence, || {
             let repeated = AirFaults { repeated: 1.0, repeat_after_ns: (2 * MS, 2 * MS), ..AirFaults::default() };
             // So that the flight controller reads between the repetition and the frame after it.
-            let begins = BREAKS + 750 * US;
+            let begins = breaks_with(1) + 750 * US;
             hangs(Faults::none().with(begins, begins + CYCLE, Fault::Air(repeated)), begins + CYCLE)
         })
     };
     // It has not expired when the run ends.
-    shown_stale => Row { duration: BREAKS + 2 * CYCLE, ..Row::new(Violation::ShownStale, hangs_in_silence) };
+    shown_stale => Row { duration: || breaks() + 2 * CYCLE, ..Row::new(Violation::ShownStale, hangs_in_silence) };
     // The task that notices silence does nothing for 9 ms, and expiry has not come yet when it does again.
     shown_stale_while_the_deadline_is_dead => Row::new(Violation::ShownStale, || {
         let dead = Fault::Image(Board::Dpr, ImageFault::Dead("TIMER1".into()));
-        lost(BREAKS, BREAKS + 2 * CYCLE).with(BREAKS + 8 * MS, BREAKS + 21 * MS, dead)
+        lost(breaks(), breaks() + 2 * CYCLE).with(breaks() + 8 * MS, breaks() + 21 * MS, dead)
     });
     shown_expired => Row::new(Violation::ShownExpired, hangs_in_silence);
     // Without the expiry in hardware, which is that of two channels.
@@ -125,7 +126,7 @@ table! {
         let offset = u32::try_from(offset_of!(Telemetry, scrub_faults)).unwrap();
         let bytes = vec![1, 0, 0, 0];
         let poke = ImageFault::Poke { symbol: "DPR_TELEMETRY".into(), offset, bytes };
-        Faults::none().with(BREAKS, u64::MAX, Fault::Image(Board::Dpr, poke))
+        Faults::none().with(breaks(), u64::MAX, Fault::Image(Board::Dpr, poke))
     });
     // The DPR's oscillator is 0.6 % slow, as one without a crystal would be.
     link_time => Row {
@@ -144,7 +145,7 @@ fn a_dpr_that_hangs_with_its_expiry_in_hardware_shows_no_expired_image() {
 // ---- the figures that go with them
 
 /// The figures of a run of so many milliseconds with three receivers; `None` where the images were not built.
-fn figures(duration: u64, faults: fn() -> Faults) -> Option<(bench_judge::Faults, bench_judge::Log)> {
+fn figures(duration: fn() -> u64, faults: fn() -> Faults) -> Option<(bench_judge::Faults, bench_judge::Log)> {
     let finished = run(&Row { duration, ..Row::new(Violation::NotShown, faults) })?;
     Some((finished.verdict.figures.faults, finished.log))
 }
@@ -153,36 +154,39 @@ fn figures(duration: u64, faults: fn() -> Faults) -> Option<(bench_judge::Faults
 fn the_recovery_is_the_time_from_a_causes_end_to_what_was_sent_after_it_being_read() {
     // Within the hold of 26 cycles the first frame is shown: it begins within a cycle, ends within half of another, and
     // the flight controller reads within 4 ms.
-    let Some((short, _)) = figures(1_000 * MS, || lost(BREAKS, BREAKS + 10 * CYCLE)) else { return };
+    let Some((short, _)) = figures(|| 1_000 * MS, || lost(breaks(), breaks() + 10 * CYCLE)) else { return };
     assert!((1..=2).contains(&short.max_recovery_cycles.unwrap()), "{short:?}");
     // After that the sequence is searched for: the fourth frame is shown.
-    let (long, _) = figures(1_200 * MS, || lost(BREAKS, BREAKS + 30 * CYCLE)).unwrap();
+    let (long, _) = figures(|| 1_200 * MS, || lost(breaks(), breaks() + 30 * CYCLE)).unwrap();
     assert!((4..=5).contains(&long.max_recovery_cycles.unwrap()), "{long:?}");
     // A cause that ended less than 400 ms before the run does is not counted, and one that never ends neither.
-    for until in [BREAKS + 10 * CYCLE, u64::MAX] {
+    for until in [breaks() + 10 * CYCLE, u64::MAX] {
         let faults: fn() -> Faults =
-            if until == u64::MAX { || lost(BREAKS, u64::MAX) } else { || lost(BREAKS, BREAKS + 10 * CYCLE) };
-        let (recent, _) = figures(790 * MS, faults).unwrap();
+            if until == u64::MAX { || lost(breaks(), u64::MAX) } else { || lost(breaks(), breaks() + 10 * CYCLE) };
+        let (recent, _) = figures(|| 790 * MS, faults).unwrap();
         assert_eq!(recent.max_recovery_cycles, None, "{until}");
     }
 }
 
 #[test]
 fn every_object_that_is_read_as_valid_and_must_not_be_is_counted() {
-    const ENDS: u64 = BREAKS + 5 * CYCLE;
+    fn ends() -> u64 {
+        breaks() + 5 * CYCLE
+    }
     let forged = || {
         let forged = |object| Fault::Wire(WireFault::MisoForged { object: Some(object), byte: 30, bits: 1 });
-        Faults::none().with(BREAKS, ENDS, forged(1)).with(BREAKS, ENDS, forged(3))
+        Faults::none().with(breaks(), ends(), forged(1)).with(breaks(), ends(), forged(3))
     };
-    let Some((faults, log)) = figures(400 * MS, forged) else { return };
-    let during = |event: &&Event| matches!(event.what, What::Transaction { .. }) && (BREAKS..ENDS).contains(&event.at);
+    let Some((faults, log)) = figures(|| 400 * MS, forged) else { return };
+    let during =
+        |event: &&Event| matches!(event.what, What::Transaction { .. }) && (breaks()..ends()).contains(&event.at);
     let transactions = log.events.iter().filter(during).count() as u64;
     assert!(transactions >= 12, "{transactions}");
     assert_eq!(faults.invalid_shown_valid, 2 * transactions);
     // Old data after new were valid once, and are still.
-    let (regressed, _) = figures(400 * MS, regressed).unwrap();
+    let (regressed, _) = figures(|| 400 * MS, regressed).unwrap();
     assert_eq!(regressed.invalid_shown_valid, 0);
-    let (sound, _) = figures(400 * MS, Faults::none).unwrap();
+    let (sound, _) = figures(|| 400 * MS, Faults::none).unwrap();
     assert_eq!(sound.invalid_shown_valid, 0);
     assert_eq!(sound.max_recovery_cycles, None);
 }

@@ -3,8 +3,9 @@
 use bench::faults::{AirFaults, Board, Fault, Faults, ImageFault, WireFault};
 use bench::sim::phases::{Edge, Placement, Sweep};
 use bench_judge::Violation;
+use profile::Identifier;
 
-use super::{BREAKS, MS, Row, US, table};
+use super::{CONTROL_CYCLE, MS, Row, US, breaks, reads, table};
 
 /// The interrupt handler that serves the SSI.
 const SSI_END: &str = "SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1";
@@ -35,7 +36,7 @@ fn after_each_frame(ns: i64, frames: u32) -> Sweep {
 
 table! {
     a_front_end_whose_load_modulator_works_by_itself_answers =>
-        Row::new(Violation::Answered, || wire(BREAKS, 100 * MS, WireFault::AntennaAnswers));
+        Row::new(Violation::Answered, || wire(breaks(), 100 * MS, WireFault::AntennaAnswers));
     // One transaction in each of three cycles, and none after them.
     a_flight_controller_that_stops_reading_makes_no_transaction => Row {
         setup: |setup| setup.sweep = Some(after_each_frame(200_000, 3)),
@@ -43,7 +44,7 @@ table! {
     };
     // The watchdog, which the start begins with, bites 6 µs after the start-up time is over: the run ends before.
     a_firmware_whose_commit_task_does_nothing_never_gets_ready => Row {
-        duration: 100 * MS + 3 * US,
+        duration: || 100 * MS + 3 * US,
         ..Row::new(Violation::NeverReady, || {
             let sealed = ImageFault::Patch { address: 0, bytes: vec![], sealed: true };
             let dead = Fault::Image(Board::Dpr, ImageFault::Dead(COMMIT.into()));
@@ -51,28 +52,31 @@ table! {
         })
     };
     an_ssi_task_that_is_held_up_after_a_transaction_is_not_ready_in_time =>
-        Row::new(Violation::NotReady, || dpr(304 * MS, 350 * US, ImageFault::Hung(SSI_END.into())));
+        Row::new(Violation::NotReady, || dpr(reads() + 2 * CONTROL_CYCLE, 350 * US, ImageFault::Hung(SSI_END.into())));
     a_miso_line_that_is_stuck_high_for_two_transactions_looks_busy_twice =>
-        Row::new(Violation::BusyTwice, || wire(BREAKS, 8 * MS, WireFault::MisoOnes));
+        Row::new(Violation::BusyTwice, || wire(breaks(), 8 * MS, WireFault::MisoOnes));
     a_miso_line_that_stays_high_lets_nothing_be_read =>
-        Row::new(Violation::Silent, || wire(BREAKS, 200 * MS, WireFault::MisoOnes));
+        Row::new(Violation::Silent, || wire(breaks(), 200 * MS, WireFault::MisoOnes));
     a_transaction_whose_end_is_of_the_one_before_is_torn =>
-        Row::new(Violation::Torn, || wire(BREAKS, 100 * MS, WireFault::MisoSplice { at_byte: 250 }));
+        Row::new(Violation::Torn, || wire(breaks(), 100 * MS, WireFault::MisoSplice { at_byte: 250 }));
     a_bit_that_is_inverted_on_the_wire_is_damage =>
-        Row::new(Violation::Damaged, || wire(BREAKS, 100 * MS, WireFault::MisoBit { byte: 110, bit: 3 }));
+        Row::new(Violation::Damaged, || wire(breaks(), 100 * MS, WireFault::MisoBit { byte: 110, bit: 3 }));
     objects_in_each_others_places_are_misplaced =>
-        Row::new(Violation::Misplaced, || wire(BREAKS, 100 * MS, WireFault::MisoSwap));
+        Row::new(Violation::Misplaced, || wire(breaks(), 100 * MS, WireFault::MisoSwap));
     a_fresh_that_rises_without_a_new_image_announces_nothing_new =>
-        Row::new(Violation::FreshNotNew, || wire(BREAKS, 100 * MS, WireFault::FreshGlitch));
+        Row::new(Violation::FreshNotNew, || wire(breaks(), 100 * MS, WireFault::FreshGlitch));
     a_fresh_that_rests_low_announces_no_image =>
-        Row::new(Violation::FreshMissing, || wire(BREAKS, 100 * MS, WireFault::FreshStuck));
+        Row::new(Violation::FreshMissing, || wire(breaks(), 100 * MS, WireFault::FreshStuck));
     a_fresh_that_comes_late_makes_its_frame_late =>
-        Row::new(Violation::LateReadable, || wire(BREAKS, 100 * MS, WireFault::FreshLate(40 * US)));
+        Row::new(Violation::LateReadable, || wire(breaks(), 100 * MS, WireFault::FreshLate(40 * US)));
     an_image_whose_link_status_has_a_wrong_identifier_is_announced_all_the_same =>
         Row {
-            duration: BREAKS + 2 * MS,
+            duration: || breaks() + 2 * MS,
             ..Row::new(Violation::FreshUnreadable, || {
-                dpr(BREAKS, 100 * MS, ImageFault::Constant { of: 0x4400, value: 0x4401 })
+                let other = Identifier(Identifier::LINK_STATUS.0 + 0x100);
+                let (of, value) = (Identifier::LINK_STATUS.0.into(), other.0.into());
+                // While the frame is on the air.
+                dpr(breaks() - 2 * MS, 100 * MS, ImageFault::Constant { of, value })
             })
         };
     // Its last bit comes just before the next tick, and its image after that.
@@ -93,7 +97,7 @@ table! {
         ..Row::new(Violation::HeldBack, || {
             let lost = AirFaults { lost: 1.0, ..AirFaults::default() };
             let hung = ImageFault::Hung(SSI_END.into());
-            dpr(BREAKS + 11 * MS, 3 * MS, hung).with(BREAKS, BREAKS + 9 * MS, Fault::Air(lost))
+            dpr(breaks() + 11 * MS, 3 * MS, hung).with(breaks(), breaks() + 9 * MS, Fault::Air(lost))
         })
     };
 }

@@ -1,6 +1,9 @@
 //! The DPR image set up wrongly.
 
+use bench::world::ssi::Order;
 use dpr_fw::ssi::{BUDGET, PAUSE_US};
+use profile::ssi::REQUEST_SIZE;
+use reader::{carry_by, layout, transact};
 
 use super::*;
 
@@ -9,6 +12,9 @@ const FIRST: u64 = 60 * MS;
 /// From here on the task `commit` hangs, so that the image has to expire in hardware.
 const HANGS: u64 = 135 * MS;
 const DPR_RUN: u64 = 200 * MS;
+/// In this time two short transactions follow each that reads the image, and all of them are within one pause. The
+/// budget of an image is enough for them.
+const HASTY: std::ops::Range<u64> = 110 * MS..120 * MS;
 /// How often the flight controller reads.
 const READ_EVERY: u64 = 2 * MS;
 
@@ -20,6 +26,8 @@ struct Shows {
     intact: usize,
     valid: usize,
     all: usize,
+    /// Transactions that showed something though the end of the one before them came within the pause.
+    hasty: usize,
     /// How long after `commit` hung something valid was still read, ns.
     stale: u64,
     /// How often FRESH rose and fell.
@@ -39,7 +47,13 @@ fn dpr() -> Option<&'static (Node<Dpr>, Recording)> {
     DPR.get_or_init(|| {
         let mut node = boards::dpr()?;
         field_on(&mut node);
-        let recording = Recording::of(&mut node.clone(), RAM_TEST + 30 * MS, |_| {});
+        // The flight controller reads, so that what a transaction has the firmware store is recorded, too.
+        let (mut run, mut recording) = (node.clone(), Recording::default());
+        while run.now() < RAM_TEST + 30 * MS {
+            let next = run.now() + READ_EVERY;
+            recording.go_on(&mut run, next, |_| {});
+            carry_by(&mut run, Order::read(layout().image_len()), |run, end| recording.go_on(run, end, |_| {}));
+        }
         Some((node, recording))
     })
     .as_ref()
@@ -72,6 +86,10 @@ fn run_dpr(changes: &[Change]) -> (Shows, Vec<String>) {
             seen.valid += 1;
             seen.stale = read.at.saturating_sub(HANGS);
         }
+        if HASTY.contains(&node.now()) {
+            transact(&mut node, REQUEST_SIZE, 0);
+            seen.hasty += usize::from(transact(&mut node, REQUEST_SIZE, 0) != [0xFF; REQUEST_SIZE]);
+        }
     }
     let levels = node.board_mut(Dpr::take_fresh);
     seen.fresh = (levels.iter().filter(|(_, high)| *high).count(), levels.iter().filter(|(_, high)| !high).count());
@@ -96,6 +114,7 @@ const TIMER0: u32 = 0x4000_8000;
 const TIMER1: u32 = 0x4000_9000;
 const TIMER2: u32 = 0x4000_A000;
 const WDT: u32 = 0x4001_0000;
+const TIMER3: u32 = 0x4001_A000;
 const PPI_CHENSET: u32 = 0x4001_F504;
 /// PIN_CNF of port 1.
 const P1_CNF: u32 = 0x5000_0A00;
@@ -128,6 +147,8 @@ fn shows_as_ever(seen: &Shows) -> bool {
 const NO_OUTPUT: &str = "SCK or MOSI of SPIM is no output";
 const NO_INPUT: &str = "MISO of SPIM is no connected input";
 const NO_SPIS_INPUT: &str = "SCK, MOSI or CSN of SPIS is no connected input";
+
+const _: () = assert!(PAUSE_US <= 0xFF);
 
 const DPR_ROWS: &[Row<Shows>] = &[
     // ---- the front end's SPI
@@ -204,13 +225,24 @@ const DPR_ROWS: &[Row<Shows>] = &[
     row("PPI 1 and 2: no expiry", &[instead(PPI_CHENSET, 2, 0), instead(PPI_CHENSET, 4, 0)], Told::Nothing, |seen| {
         shows_as_ever(seen) && (24 * MS..30 * MS).contains(&seen.stale)
     }),
-    // The image would expire after 800 ms. Before that the transactions that are granted for one image are used up. The
-    // pause after each is 32 times as long, so that not every transaction of the flight controller is granted.
+    // The image would expire after 800 ms. Before that the transactions that are granted for one image are used up.
     row("TIMER2: prescaler 2^9", &[bits(TIMER2 + 0x510, 0xF, 9)], Told::Nothing, |seen| {
-        let granted = 32 * US * u64::from(PAUSE_US) * u64::from(BUDGET);
-        let shows = seen.received == 8 && seen.valid >= 25 && seen.intact >= 50 && seen.restarts.is_empty();
-        shows && (granted..granted + 3 * READ_EVERY).contains(&seen.stale) && seen.expired == 0
+        let granted = READ_EVERY * u64::from(BUDGET);
+        shows_as_ever(seen) && (granted..granted + 3 * READ_EVERY).contains(&seen.stale) && seen.expired == 0
     }),
+    // ---- the pause after a transaction
+    // Not here are its mode, which the image leaves as it is after a reset, and its bit mode: the pause is as long with
+    // eight bits, which hold it.
+    row("TIMER3: prescaler 2^9", &[bits(TIMER3 + 0x510, 0xF, 9)], Told::Nothing, |seen| {
+        seen.received == 8 && seen.valid < 25 && seen.intact < 60 && seen.restarts.is_empty()
+    }),
+    row("TIMER3: no prescaler", &[bits(TIMER3 + 0x510, 0xF, 0)], Told::Nothing, |seen| {
+        shows_as_ever(seen) && seen.hasty > 0
+    }),
+    row("TIMER3: not started", &[never(TIMER3)], Told::Nothing, rarely_shows),
+    row("TIMER3: compares with 0", &[bits(TIMER3 + 0x540, !0, 0)], Told::Nothing, rarely_shows),
+    row("TIMER3: no interrupt", &[bits(TIMER3 + 0x304, !0, 0)], Told::Nothing, rarely_shows),
+    row("TIMER3: interrupt not enabled", &[never_iser(0, 0x400_0000)], Told::Nothing, rarely_shows),
     // ---- the interrupt of the front end, and time
     row("PPI 0: the edge is not captured", &[instead(PPI_CHENSET, 1, 0)], Told::Nothing, |seen| {
         seen.received == 8 && seen.valid == 0 && seen.publish_us > 50_000

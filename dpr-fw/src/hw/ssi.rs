@@ -50,7 +50,7 @@ impl SsiDoorbell {
     }
 
     /// The pause is over: END and ACQUIRED call the SSI task again, at once if they have come meanwhile. Called by the
-    /// task of TIMER2 alone, which has the SSI task's priority. A compare that the SSI task has seen to by beginning
+    /// task of TIMER3 alone, which has the SSI task's priority. A compare that the SSI task has seen to by beginning
     /// the pause anew is none.
     pub(crate) fn end_pause() {
         // SAFETY: the pointers are the peripherals', valid for ever. The event is this task's and the SSI task's, which

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | MOVW; MOVW and MOVT in a row, or with one 16-bit instruction between | the halves farther apart |
 //! | MOV with a modified immediate | MOVS and other 8-bit immediates |
+//! | ADD and ORR with one, which put a field into a word, if the other value is one, too | other arithmetic |
 //! | an aligned word, between the code or in a table | a word that is put together at run time |
 
 use cortex_m4::Cost;
@@ -56,6 +57,11 @@ fn replaced(image: &[u8], of: u32, value: u32) -> Vec<(usize, Vec<u8>)> {
             }
         } else if here.0 & 0xFBFF == MOV && here.1 & 0x8000 == 0 && expanded(here) == of && value <= 0xFFFF {
             put(at, encoded(MOVW, register, value as u16));
+        } else if is_field(here)
+            && expanded(here) == of
+            && let Some((one, two)) = modified(value)
+        {
+            put(at, (here.0 & 0xFBFF | one, here.1 & 0x8F00 | two));
         } else if at % 2 == 0 && u32::from(here.0) | u32::from(here.1) << 16 == of {
             put(at, (value as u16, (value >> 16) as u16));
         }
@@ -67,6 +73,13 @@ fn replaced(image: &[u8], of: u32, value: u32) -> Vec<(usize, Vec<u8>)> {
 const MOVW: u16 = 0xF240;
 const MOVT: u16 = 0xF2C0;
 const MOV: u16 = 0xF04F;
+
+/// Encoding T3 of ORR and of ADD, A7.7.91 and A7.7.3; MOV is the former without a register, CMN the latter without a
+/// destination.
+const fn is_field((one, two): (u16, u16)) -> bool {
+    let without = one & 0xF == 0xF || two >> 8 & 0xF == 0xF;
+    matches!(one & 0xFBE0, 0xF040 | 0xF100) && two & 0x8000 == 0 && !without
+}
 
 fn is_half((one, two): (u16, u16), opcode: u16, register: u16) -> bool {
     one & 0xFBF0 == opcode && two & 0x8000 == 0 && two >> 8 & 0xF == register
@@ -81,7 +94,13 @@ fn encoded(opcode: u16, register: u16, value: u16) -> (u16, u16) {
     (opcode | (value >> 11 & 1) << 10 | value >> 12, (value >> 8 & 7) << 12 | register << 8 | value & 0xFF)
 }
 
-/// The modified immediate of a MOV, ARMv7-M ARM A5.3.2.
+/// The bits of both halfwords that are `value` as a modified immediate, if it can be one.
+fn modified(value: u32) -> Option<(u16, u16)> {
+    let bits = |code: u16| ((code >> 11 & 1) << 10, (code >> 8 & 7) << 12 | code & 0xFF);
+    (0..0x1000).map(bits).find(|bits| expanded(*bits) == value)
+}
+
+/// The modified immediate of an instruction, ARMv7-M ARM A5.3.2.
 fn expanded((one, two): (u16, u16)) -> u32 {
     let (rotation, byte) = ((one >> 10 & 1) << 4 | two >> 11 & 0xE | two >> 7 & 1, u32::from(two & 0xFF));
     match rotation {
@@ -126,6 +145,16 @@ mod tests {
         // MOV.W r3, #0x4400
         let (one, two) = encoded(MOVW, 3, 0x4401);
         assert_eq!(replaced(&image(&[0xF44F, 0x4388]), 0x4400, 0x4401), [(0, image(&[one, two]))]);
+    }
+
+    #[test]
+    fn a_constant_that_is_put_into_a_word_is_found_in_an_add_or_orr() {
+        // ADD.W r1, r1, #0x4400; ORR r2, r6, #0x4400; CMN.W r1, #0x4400.
+        let code = image(&[0xF501, 0x4188, 0xF446, 0x4288, 0xF511, 0x4F88]);
+        let wanted = [(0, image(&[0xF501, 0x418A])), (4, image(&[0xF446, 0x428A]))];
+        assert_eq!(replaced(&code, 0x4400, 0x4500), wanted);
+        // No modified immediate.
+        assert!(replaced(&code, 0x4400, 0x4401).is_empty());
     }
 
     #[test]

@@ -44,6 +44,15 @@ pub enum ImageFault {
         /// As many others.
         is: Vec<u8>,
     },
+    /// Every comparison of a register with this constant, in a function's code, is one with another.
+    Compared {
+        /// A handler's symbol, or the end of a function's path.
+        function: String,
+        /// The constant.
+        with: u8,
+        /// With what it is compared instead.
+        value: u8,
+    },
     /// The image's code and tables have another value in place of this constant, wherever they have it, and the image's
     /// CRC is made to fit.
     Constant {
@@ -80,7 +89,7 @@ impl ImageFault {
             Self::Faulting(handler) => format!("{handler} faulting"),
             Self::Stopped(address) => format!("stopped at {address:#010x}"),
             Self::Poke { symbol, offset, .. } => format!("{symbol}+{offset:#x} overwritten"),
-            Self::Replaced { function, .. } => format!("{function} changed"),
+            Self::Replaced { function, .. } | Self::Compared { function, .. } => format!("{function} changed"),
             Self::Constant { of, value } => format!("{value:#x} for {of:#x}"),
             Self::Patch { address, .. } => format!("{address:#010x} overwritten"),
         }
@@ -106,6 +115,13 @@ impl ImageFault {
             Self::Replaced { function, was, is } => {
                 let address = place_of(node, function, was)?;
                 Repair::after_writing(node, address, is)
+            }
+            Self::Compared { function, with, value } => {
+                let mut repair = Repair::default();
+                for address in comparisons(node, function, *with)? {
+                    repair.0.extend(Repair::after_writing(node, address, &[*value])?.0);
+                }
+                Ok(repair)
             }
             Self::Constant { of, value } => constant::replace(node, *of, *value),
             Self::Patch { address, bytes, sealed } => {
@@ -184,6 +200,29 @@ fn place_of<B: Board, C: Cost>(node: &Node<B, C>, name: &str, bytes: &[u8]) -> R
             found: if found.is_some() { "several places" } else { "no place" },
         }),
     }
+}
+
+/// Where the code of the function called `name` has the byte `with` that a register is compared with: at least one
+/// place. What is no instruction, but data, is taken for one.
+fn comparisons<B: Board, C: Cost>(node: &Node<B, C>, name: &str, with: u8) -> Result<Vec<u64>, Error> {
+    let first = entry(node, name)?;
+    let end = first + node.firmware().size_at(first) as u64;
+    let (mut pc, mut places) = (first, vec![]);
+    while pc < end {
+        let (one, two) = record::halves(node, pc as u32);
+        // Encodings T1 and T2 of CMP (immediate), ARMv7-M ARM A7.7.27; the byte is the lowest of its halfword.
+        let (narrow, wide) = (one & 0xF8FF == 0x2800 | u16::from(with), two == 0x0F00 | u16::from(with));
+        if narrow {
+            places.push(pc);
+        } else if one & 0xFFF0 == 0xF1B0 && wide {
+            places.push(pc + 2);
+        }
+        pc += if record::is_wide(one) { 4 } else { 2 };
+    }
+    if places.is_empty() {
+        return Err(Error::NoPlace { function: name.to_owned(), bytes: vec![with], found: "no place" });
+    }
+    Ok(places)
 }
 
 /// Overwrites the variable `symbol` from byte `offset` on.

@@ -114,14 +114,27 @@ pub struct Recording {
     pub(super) conditional: BTreeSet<u32>,
     /// The instruction before each store.
     pub(super) before: BTreeMap<u32, u32>,
+    /// The instruction executed last.
+    last: u32,
 }
 
 impl Recording {
     /// Runs `node` to `until` (ns), and calls `drain` after every step of it, which takes what left the board.
     #[must_use]
-    pub fn of<B: Board, C: Cost>(node: &mut Node<B, C>, until: u64, mut drain: impl FnMut(&mut Node<B, C>)) -> Self {
+    pub fn of<B: Board, C: Cost>(node: &mut Node<B, C>, until: u64, drain: impl FnMut(&mut Node<B, C>)) -> Self {
         let mut recording = Self::default();
-        let mut before = 0;
+        recording.go_on(node, until, drain);
+        recording
+    }
+
+    /// Goes on with `node` to `until` (ns), as [`Recording::of`] does: what reaches the board in between is done to it
+    /// between two calls.
+    pub fn go_on<B: Board, C: Cost>(
+        &mut self,
+        node: &mut Node<B, C>,
+        until: u64,
+        mut drain: impl FnMut(&mut Node<B, C>),
+    ) {
         while node.now() < until {
             if node.is_asleep() {
                 node.advance(node.earliest().max(node.now() + 1).min(until));
@@ -143,18 +156,17 @@ impl Recording {
             }
             let next = node.register(15);
             if next != pc + length {
-                recording.targets.insert(next);
+                self.targets.insert(next);
             } else if let Some((address, register, size)) = stored {
                 let value = if size == 4 { register } else { register & ((1 << (8 * size)) - 1) };
-                recording.stores.insert(Stored { address, pc, value });
-                recording.before.insert(pc, before);
+                self.stores.insert(Stored { address, pc, value });
+                self.before.insert(pc, self.last);
                 if in_it_block {
-                    recording.conditional.insert(pc);
+                    self.conditional.insert(pc);
                 }
             }
-            before = pc;
+            self.last = pc;
         }
-        recording
     }
 
     /// What was stored to `address`.

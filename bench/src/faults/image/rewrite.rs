@@ -9,19 +9,20 @@
 //! | covered | not covered, and how that shows |
 //! |---|---|
 //! | STR, STRB, STRH, any offset without write-back | STRD, STM, write-back: nothing is stored there, an error |
-//! | a 16-bit store: the instruction after it moves into the stub | one that begins an IT block: an error |
+//! | a 16-bit store: the instruction after it, or the one before, moves into the stub | if neither can: an error |
 //! | a 16-bit store alone in an IT block | a longer IT block: an error |
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use cortex_m4::Cost;
+use firmware_common::mpu::Access;
 
 use super::record::{Offset, Recording, Store, Stored, halves, is_wide};
 use super::seal;
 use crate::node::{Board, Error, Node};
 
-/// The stubs' distance from the vector table: behind every image, in flash of either part.
-const STUBS: u32 = 0x1_7000;
+/// The stubs begin at the next multiple of this behind the image.
+const ALIGNED: u32 = 0x100;
 /// Branches are looked for so far before and behind a store, bytes: a task is not longer.
 const NEAR: u32 = 0x2000;
 
@@ -79,8 +80,8 @@ pub enum RewriteError {
         /// What is wrong with it.
         why: &'static str,
     },
-    /// The image reaches to where its changed instructions go.
-    #[error("the image ends at {0:#010x}, behind where its changed instructions go")]
+    /// The image leaves too little of the flash from which its memory protection unit lets it execute.
+    #[error("the image's changed instructions end at {0:#010x}, where it cannot execute them")]
     TooLong(u32),
     /// A symbol is missing, or something is not in memory.
     #[error(transparent)]
@@ -241,8 +242,8 @@ impl Code {
                 }
                 return Ok(());
             }
-            if first & 0xFF7F == 0xF85F || first & 0xFFF0 == 0xE8D0 {
-                return refuse("a wide literal load or a table branch cannot be moved");
+            if is_relative(first) {
+                return refuse("a wide literal load or address, or a table branch, cannot be moved");
             }
             self.raw(encoding);
             return Ok(());
@@ -282,6 +283,21 @@ impl Code {
         }
         Ok(())
     }
+}
+
+/// Whether a 32-bit instruction that begins with `first` takes what it loads, or where it leads, from where it is: TBB
+/// and TBH; LDR, LDRB, LDRH and their signed kin, LDRD, VLDR, and ADR, of a literal.
+const fn is_relative(first: u16) -> bool {
+    let table = first & 0xFFF0 == 0xE8D0;
+    let load = first & 0xFE1F == 0xF81F || first & 0xFE5F == 0xE85F || first & 0xFF3F == 0xED1F;
+    table || load || first & 0xFB5F == 0xF20F
+}
+
+/// Whether the instruction at `pc` would do the same elsewhere.
+fn can_move<B: Board, C: Cost>(node: &Node<B, C>, pc: u32) -> bool {
+    let (one, two) = halves(node, pc);
+    let encoding = if is_wide(one) { &[one, two][..] } else { &[one] };
+    Code { base: 0, halves: vec![] }.moved(pc, encoding, |_| Ok(0)).is_ok()
 }
 
 /// The low `bits` of `value` as a signed number.
@@ -349,12 +365,9 @@ pub fn rewrite<B: Board, C: Cost>(
         return Ok(());
     }
     let refuse = |at, why| Err(RewriteError::Instruction { at, why });
-    let first = node.address_of("__vector_table")? as u32;
-    let end = node.address_of("__image_crc")? as u32;
-    if end + 4 > first + STUBS {
-        return Err(RewriteError::TooLong(end + 4));
-    }
-    let mut stubs = Code { base: first + STUBS, halves: vec![] };
+    // Behind the image wherever it ends: how much free flash it may execute differs between the boards.
+    let end = node.address_of("__image_crc")? as u32 + 4;
+    let mut stubs = Code { base: end.next_multiple_of(ALIGNED), halves: vec![] };
     let mut done = 0;
     for &site in sites.keys() {
         if site < done {
@@ -373,8 +386,9 @@ pub fn rewrite<B: Board, C: Cost>(
             stubs.raw(&[0xD001 | (it & 0xF0) << 4]);
             skip = Some(stubs.hole());
             site - 2
-        } else if narrow && targets.contains(&(site + 2)) {
-            // Where the instruction after a 16-bit store is branched to, the one before the store moves with it.
+        } else if narrow && (targets.contains(&(site + 2)) || !can_move(node, site + 2)) {
+            // Where the instruction after a 16-bit store is branched to or cannot move, the one before the store moves
+            // with it.
             recording.before[&site]
         } else {
             site
@@ -412,10 +426,20 @@ pub fn rewrite<B: Board, C: Cost>(
         }
         jump.write_to(node)?;
     }
+    if !may_execute(stubs.base) || !may_execute(stubs.here() - 2) {
+        return Err(RewriteError::TooLong(stubs.here()));
+    }
     stubs.write_to(node)?;
     // Who patches a board before its first instruction has no use for a repair.
     let _ = seal(node)?;
     Ok(())
+}
+
+/// Whether a firmware may execute code at `address` of its flash. One table decides for both: where the one has its
+/// flash the other has nothing.
+fn may_execute(address: u32) -> bool {
+    let (horus, dpr) = (horus_tx_fw::protection::TASKS, dpr_fw::protection::TASKS);
+    horus.allows(address, Access::Execute) || dpr.allows(address, Access::Execute)
 }
 
 /// What becomes of the store at each address.
@@ -484,8 +508,13 @@ mod tests {
 
     #[test]
     fn an_instruction_that_cannot_be_moved_is_refused_with_its_address() {
-        // IT EQ; LDR.W r0, [pc, #4].
-        for encoding in [&[0xBF08_u16][..], &[0xF8DF, 0x0004]] {
+        // IT EQ; LDR.W r0, [pc, #4]; TBB [pc, r1]; LDRH.W r0, [pc, #4]; LDRD r0, r1, [pc, #4]; VLDR s0, [pc, #4];
+        // ADR.W r0, forwards and backwards.
+        let [table, load] = [[0xE8DF_u16, 0xF001], [0xF8DF, 0x0004]];
+        let [half, two, float] = [[0xF8BF, 0x0004], [0xE9DF, 0x0101], [0xED9F, 0x0A01]];
+        let [forwards, backwards] = [[0xF20F, 0x0004], [0xF2AF, 0x0004]];
+        let wide = [table, load, half, two, float, forwards, backwards];
+        for encoding in [&[0xBF08_u16][..]].into_iter().chain(wide.iter().map(|it| &it[..])) {
             let refused = Code { base: 0x804_0000, halves: vec![] }.moved(0x800_0100, encoding, |_| Ok(0));
             assert!(matches!(refused, Err(RewriteError::Instruction { at: 0x800_0100, .. })), "{encoding:x?}");
         }
