@@ -104,7 +104,7 @@ fn boards_that_hang_until_their_watchdogs_bite_violate_nothing_and_the_link_reco
         (Clock::Pessimistic, 3, &among, 6),
     ] {
         let change = |setup: &mut Setup| (setup.clock, setup.writes) = (clock, true);
-        let Some(report) = report_of_setup(7_000 * MS, gps, kinds, seed, change) else { return };
+        let Some(report) = report_of_setup(10_000 * MS, gps, kinds, seed, change) else { return };
         let faults = &report.faults;
         assert_eq!(report.violations, [""; 0], "{clock} clock, {gps} receivers, seed {seed}");
         assert_eq!(faults.invalid_shown_valid, 0);

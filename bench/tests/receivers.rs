@@ -94,9 +94,10 @@ fn a_recorded_log_gives_bit_exact_gps_objects_on_each_interface() {
             .map(|position| [position.latitude, position.longitude, position.altitude].map(f64::to_bits))
             .collect();
         shown.dedup();
-        // On SPI the first may have waited behind a line that was stuck, for all that HORUS knows.
-        let told = if receiver == 2 { &held[1..] } else { &held[..] };
-        assert_eq!(shown, told, "GPS{}", receiver + 1);
+        // On SPI the first may have waited behind a line that was stuck, for all that HORUS knows, and so may the
+        // second, if the first burst outlasts its transfer: then no filler behind it shows that nothing more waited.
+        let first = if receiver == 2 { 1..=2 } else { 0..=0 };
+        assert!(first.into_iter().any(|first| shown == held[first..]), "GPS{}: {shown:?} of {held:?}", receiver + 1);
     }
 }
 

@@ -70,7 +70,9 @@ static POSITION_TABLE: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&POSITION)
 /// it, begun from 0.
 struct FourTables([[u32; 256]; 4]);
 
+#[expect(clippy::indexing_slicing, reason = "a table has an entry for each value of a byte, which every index is")]
 impl FourTables {
+    #[expect(clippy::as_conversions, reason = "u32::from is no const fn; the value is below 256")]
     const fn new(algorithm: &Algorithm<u32>) -> Self {
         let mut tables = [[0; 256]; 4];
         let mut byte = 0;
@@ -79,7 +81,7 @@ impl FourTables {
             let mut bit = 0;
             while bit < 32 {
                 let carry = register >> 31;
-                register = register << 1 ^ carry * algorithm.poly;
+                register = (register << 1) ^ (carry * algorithm.poly);
                 bit += 1;
                 if bit % 8 == 0 {
                     tables[bit / 8 - 1][byte] = register;
@@ -99,7 +101,8 @@ impl FourTables {
             register = behind_3[first] ^ behind_2[second] ^ behind_1[third] ^ behind_0[fourth];
         }
         for &byte in rest {
-            register = register << 8 ^ behind_0[usize::from((register >> 24) as u8 ^ byte)];
+            let [first, ..] = register.to_be_bytes();
+            register = (register << 8) ^ behind_0[usize::from(first ^ byte)];
         }
         register
     }

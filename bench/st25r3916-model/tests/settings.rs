@@ -388,7 +388,8 @@ fn a_bit_that_flips_takes_effect_without_a_finding() {
             (Side::Listener, Space::A, 0x03, 5),
             (Side::Listener, Space::A, 0x04, 0),
             (Side::Listener, Space::A, 0x26, 7),
-            (Side::Poller, Space::A, 0x28, 6),
+            // 12 % become 40 % on the ST25R3916 and 50 % on the B.
+            (Side::Poller, Space::A, 0x28, 7),
             (Side::Poller, Space::A, 0x27, 6),
             (Side::Poller, Space::A, 0x02, 3),
             (Side::Poller, Space::A, 0x04, 4),

@@ -2,8 +2,9 @@
 //!
 //! What a receiver on a bus says it keeps until it is read: [`What::Offered`] tells when it has something, and
 //! [`What::Fed`] what of it crossed the bus. While HORUS has no supply, starts or hangs, and while [`Excuse::Polling`]
-//! holds, nothing is asked: what is offered then is asked for from the next offer on. A receiver that is not read is
-//! told once for each [`bounds::READ_WITHIN`].
+//! holds, nothing is asked: what is offered then is asked for from the next offer on. What comes to be offered while
+//! something is read belongs to that, and so does its first byte. A receiver that is not read is told once for each
+//! [`bounds::READ_WITHIN`].
 
 use crate::disturbance::Excuse;
 use crate::{Board, Context, Event, Figures, Findings, Header, Violation, What, bounds};
@@ -13,13 +14,15 @@ use crate::{Board, Context, Event, Figures, Findings, Header, Violation, What, b
 pub struct Receivers {
     /// Since when each receiver has had something to say of which nothing was read, ns.
     waiting: Vec<Option<u64>>,
+    /// When the last byte that was read of each had crossed the bus, ns.
+    read_until: Vec<u64>,
 }
 
 impl Receivers {
     /// Nothing has happened yet.
     #[must_use]
     pub fn new(header: &Header) -> Self {
-        Self { waiting: vec![None; header.gps] }
+        Self { waiting: vec![None; header.gps], read_until: vec![0; header.gps] }
     }
 
     /// Takes the next event.
@@ -36,14 +39,16 @@ impl Receivers {
                 let runs = horus.powered && horus.hung.is_none() && at >= horus.since + bounds::START;
                 if let Some(waiting) = self.waiting.get_mut(*receiver)
                     && runs
+                    && at >= self.read_until[*receiver]
                     && !context.disturbances().excuse(Excuse::Polling, at)
                 {
                     waiting.get_or_insert(at);
                 }
             }
-            What::Fed { receiver, .. } => {
+            What::Fed { receiver, byte_ns, bytes, .. } => {
                 if let Some(waiting) = self.waiting.get_mut(*receiver) {
                     *waiting = None;
+                    self.read_until[*receiver] = at + byte_ns * bytes.len() as u64;
                 }
             }
             _ => {}
@@ -102,6 +107,9 @@ mod tests {
         assert_eq!(broken(FROM, vec![(DUE, fed(1))], DUE + 1), []);
         assert_eq!(broken(FROM, vec![(DUE, fed(0))], DUE + 1), [NOT_READ], "another one's");
         assert_eq!(broken(FROM, vec![(DUE - 1, offered())], DUE + 1), [NOT_READ], "the first counts");
+        // Offered in the middle of what is read, which ends 1 ns after it began, and behind that.
+        assert_eq!(broken(FROM, vec![(FROM - 1, fed(1))], DUE + 1), [NOT_READ], "read before");
+        assert_eq!(broken(FROM, vec![(FROM, fed(1)), (FROM, offered())], DUE + 1), []);
         // Told again for what is offered after that.
         let again = vec![(DUE + 1, offered())];
         assert_eq!(broken(FROM, again, DUE + bounds::READ_WITHIN + 2), [(Violation::NotRead, 2, DUE)]);
