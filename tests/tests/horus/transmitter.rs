@@ -164,7 +164,7 @@ pub(crate) fn cycle(cycles: &Cycles) {
         defmt::assert_eq!(telemetry.frames_sent.get(), tick);
     }
     offer.assert("Transmitter::offer", bounds(250, 250, 550, 8));
-    loaded.assert("Transmitter::poll, head loaded", bounds(190, 200, 430, 8));
+    loaded.assert("Transmitter::poll, head loaded", bounds(270, 290, 640, 8));
     slot.assert("Transmitter::slot, fired", bounds(220, 250, 520, 8));
     skipped.assert("Transmitter::slot, nothing fired", bounds(60, 65, 140, 8));
     due.assert("Ticket::due", bounds(65, 50, 110, 32));
