@@ -6,8 +6,8 @@
 //! events; after an event the machine stands still until [`Input::Start`]. A comma means: one after the other.
 //!
 //! ```text
-//!        New                                    any state
-//!         │ Start                                   │ FAULT
+//!        New ◄── FAULT for silence              any state
+//!         │ Start                                   │ any other FAULT
 //!         ▼                                         ▼
 //!     BringingUp ◄── time ── BackingOff ◄── Start ── Faulted
 //!         │ LISTENING
@@ -311,7 +311,7 @@ impl ListenerCounters {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ListenerState {
-    /// Nothing was done yet.
+    /// The chip needs a bring-up, which the next step begins: nothing was done yet, or silence was reported.
     New,
     /// A fault was reported; the chip needs a bring-up.
     Faulted,
@@ -541,11 +541,15 @@ impl Listener {
         self.field_irqs = 0;
         self.field_on = false;
         self.silent_us = 0;
-        if !matches!(fault, Fault::Silence { .. }) {
-            self.bring_up.failed();
-        }
         count(&mut self.counters.faults);
-        self.event(ListenerState::Faulted, ListenerEvent::Fault(fault))
+        let state = if let Fault::Silence { .. } = fault {
+            // The next bring-up follows at once: how rare these are is counted in `silences`.
+            ListenerState::New
+        } else {
+            self.bring_up.failed();
+            ListenerState::Faulted
+        };
+        self.event(state, ListenerEvent::Fault(fault))
     }
 
     fn progress(&mut self, progress: Progress) -> Step<ListenerEvent> {

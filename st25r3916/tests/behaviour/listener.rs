@@ -1032,6 +1032,23 @@ fn a_listener_that_hears_nothing_is_brought_up_anew_ever_more_rarely() {
 }
 
 #[test]
+fn no_back_off_of_earlier_faults_delays_the_bring_up_for_silence() {
+    let (mut rig, mut listener) = listening(Chip::new(Variant::B), FILLING);
+    // After these faults the next would be followed by a back-off of 64 ms.
+    rig.chip.miso = Miso::StuckLow;
+    assert_eq!(rig.listener(&mut listener), ListenerEvent::Fault(Fault::Reset));
+    for _ in 0..9 {
+        assert_eq!(rig.listener(&mut listener), ListenerEvent::Fault(Fault::Absent));
+    }
+    rig.chip.miso = Miso::Driven;
+    assert_eq!(rig.listener(&mut listener), ListenerEvent::Listening);
+    silences(&mut rig, &mut listener, 1, false);
+    let before = rig.chip.now;
+    assert_eq!(rig.listener(&mut listener), ListenerEvent::Listening);
+    assert!(rig.chip.now - before < 8_000, "{} µs", rig.chip.now - before);
+}
+
+#[test]
 fn a_deaf_listener_notices_whatever_interrupts_come_without_a_frame() {
     // A field that chatters, errors outside a frame, frames that never end.
     for disturbance in 0..3 {
