@@ -282,7 +282,8 @@ impl Shown {
             }
         }
         self.note_stale(reading.selected, was_stale.clone(), findings);
-        let answered = was_stale.is_some() || !wrong.is_empty();
+        let damaged = matches!(reading.link, Some(Err(_)));
+        let answered = was_stale.is_some() || !wrong.is_empty() || damaged;
         for (violation, words) in wrong {
             findings.add(violation, reading.selected, || words);
         }

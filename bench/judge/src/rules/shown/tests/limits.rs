@@ -80,6 +80,28 @@ fn a_transaction_that_reads_ones_throughout_is_not_asked() {
     }
 }
 
+/// A flight controller in another mode samples MISO half a clock early, so its first bit of a busy DPR is that of the
+/// line before the transfer. Without that bit it is judged as a DPR that hides the cycle; with it, that is damage.
+#[test]
+fn ones_throughout_but_for_the_first_bit_are_damage_and_not_asked() {
+    for n in RECEIVERS {
+        let run = Run::new(n);
+        for (first_byte, expected) in [(0x7F, vec![]), (0xFF, vec![Violation::NotShown])] {
+            let mut log = run.log(hide(run.timestamp(20)));
+            for event in &mut log.events {
+                let What::Transaction { selected, miso, .. } = &mut event.what else { continue };
+                if (run.end(20)..run.end(21)).contains(selected) && first_byte != 0xFF {
+                    miso.0.fill(0xFF);
+                    miso.0[0] = first_byte;
+                }
+            }
+            let shown = [Violation::NotShown, Violation::Vacant];
+            let found: Vec<_> = kinds(&judge(&log)).into_iter().filter(|found| shown.contains(found)).collect();
+            assert_eq!(found, expected, "{n} receivers");
+        }
+    }
+}
+
 #[test]
 fn what_was_read_across_a_restart_of_the_dpr_or_without_its_supply_is_not_judged() {
     let restart = 300 * MS;
