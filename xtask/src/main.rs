@@ -10,6 +10,9 @@ mod access;
 mod bench_flash;
 #[cfg(feature = "probe")]
 mod bench_probe;
+mod citations;
+#[cfg(test)]
+mod design;
 mod firmware;
 mod fuzz;
 mod gdb;
@@ -68,7 +71,7 @@ enum Command {
     Test(test::TestArgs),
     /// Print each image's flash and RAM against its budget; over budget fails.
     Size(SizeArgs),
-    /// Line length, the C header, formatting, then clippy with warnings as errors, for host and target.
+    /// Line length, citations, the C header, formatting, then clippy with warnings as errors, for host and target.
     Lint,
     /// Residual error of the profile's two CRCs: exact weights, probabilities, claims; writes docs/safety.
     Residual(residual::ResidualArgs),
