@@ -163,7 +163,7 @@ impl Pace {
 
     /// The age at `now` (ms) of what this kind of message has said last, ms, as
     /// [`GpsStatus::solution_age_ms`](profile::GpsStatus::solution_age_ms) tells it: 0 if it came since, and the
-    /// longest there is after more than [`FORGOTTEN_MS`], or if it has never said anything.
+    /// longest there is after more than `FORGOTTEN_MS`, or if it has never said anything.
     #[must_use]
     pub fn age_ms(&self, now: u32) -> u32 {
         self.since_arrival_ms(now).max(0) as u32

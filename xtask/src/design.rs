@@ -92,7 +92,7 @@ fn the_design_states_sequence_and_ssi() {
         format!("at {} MHz at most", timing::MAX_CLOCK_HZ / 1_000_000),
         format!("a request of {} bytes", ssi::REQUEST_SIZE),
         format!("u16 status, {} bytes,", Uplink::PAYLOAD),
-        format!("shown for {} ms", Uplink::EXPIRY_MS),
+        format!("shows it for {} ms", Uplink::EXPIRY_MS),
         format!("grants {} transactions", bounds::SSI_BUDGET),
         format!(
             "{} µs from CSN's fall to the first edge of SCK, {} µs from its last edge to CSN's rise, and {} µs",

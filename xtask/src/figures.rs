@@ -42,7 +42,7 @@ pub(crate) struct FiguresArgs {
 
 pub(crate) fn figures(args: &FiguresArgs) -> Result<ExitCode> {
     let three = on_all_clocks(&[])?;
-    let page = include_str!("figures/page.md")
+    let page = include_str!("figures/template.txt")
         .replace("@three@\n", &table(&three, Some(&on_all_clocks(&["--fc-ppm", "-1000"])?)))
         .replace("@five@\n", &table(&on_all_clocks(&["--gps", "5"])?, None))
         .replace("@memory@\n", &memory()?);

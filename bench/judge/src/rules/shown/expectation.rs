@@ -3,7 +3,7 @@
 //!
 //! The judge cannot know everything that decides: whether a frame was received that came while the listener was being
 //! armed, or on which side of a limit a step falls that is nearly at it. So it keeps *every*
-//! state that a DPR which does right can be in ([`State`]), and lets each frame lead each state to all its successors.
+//! state that a DPR which does right can be in (`State`), and lets each frame lead each state to all its successors.
 //! What they all agree on [must](Certainty::Must) be, what none allows must [never](Certainty::Never) be, and nothing
 //! is asked of the rest. While all is clear there is one state; after something unclear the states become one again
 //! when the sequence has been found from all of them, which takes four cycles.
