@@ -1,5 +1,5 @@
 //! Line length, citations, the C header and formatting, then clippy with warnings as errors, for the host and for the
-//! target.
+//! target, and the crates' documentation likewise.
 
 use std::process::{Command, ExitCode};
 
@@ -59,6 +59,11 @@ pub(crate) fn lint() -> Result<ExitCode> {
         ];
         step(format!("clippy (on-target tests, {name})"), &[&args[..], &["--", "-D", "warnings"]].concat());
     }
+    let mut documentation = cargo();
+    documentation
+        .args(["doc", "--quiet", "--no-deps", "--workspace", "--features", "xtask/live,xtask/probe"])
+        .env("RUSTDOCFLAGS", "-D warnings");
+    steps.push(("documentation".into(), documentation));
     let mut failed = vec![];
     eprintln!("-- line length");
     if let Err(error) = line_length::check() {

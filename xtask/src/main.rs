@@ -72,7 +72,8 @@ enum Command {
     Test(test::TestArgs),
     /// Print each image's flash and RAM against its budget; over budget fails.
     Size(SizeArgs),
-    /// Line length, citations, the C header, formatting, then clippy with warnings as errors, for host and target.
+    /// Line length, citations, the C header, formatting, then clippy with warnings as errors, for host and target, and
+    /// documentation likewise.
     Lint,
     /// Residual error of the profile's two CRCs: exact weights, probabilities, claims; writes docs/safety.
     Residual(residual::ResidualArgs),
