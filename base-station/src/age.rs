@@ -13,8 +13,8 @@
 //! least [`AGREE_US`] had one; the largest of theirs is it. The first [`AGREEING`] samples count at once, since
 //! there is nothing else to go by.
 //!
-//! What remains unknown is the fastest way's own delay: about 5 ms from sample to readable (README), up to a control
-//! cycle of the flight controller, and the carrier's. Each age here is *at least* so much, and that much more.
+//! What remains unknown is the fastest way's own delay: about 5 ms from sample to readable (docs/figures.md), up to a
+//! control cycle of the flight controller, and the carrier's. Each age here is *at least* so much, and that much more.
 //!
 //! **Drift.** Two crystals differ, so the smallest difference must not be kept for ever: it is let rise by
 //! [`CRYSTAL_DRIFT`] of the time that passes, and by [`NO_CRYSTAL_DRIFT`] while HORUS says that it runs without its

@@ -1,5 +1,5 @@
 //! What the DPR's release image shows of cycles that do not continue the ones before them: repeated, reordered, early,
-//! from a HORUS that restarted or whose clock is wrong. Design section 4, "Sequence".
+//! from a HORUS that restarted or whose clock is wrong. See docs/design.md#sequence.
 //!
 //! Frames of the test's own making are intact in every bit: length, CRC-16, identifiers, CRCs. What may be wrong with
 //! them is their timestamp and their instant.

@@ -2,8 +2,8 @@
 //!
 //! A worst case that was seen is not a bound: what delays a path comes from tasks and instants that have nothing to do
 //! with each other, and to meet all at once can take hours. So each part is measured by itself, at its longest, on each
-//! clock, and the parts are added up. The sums have to keep the design's bounds (section 6), and no run may exceed
-//! them.
+//! clock, and the parts are added up. The sums have to keep the bounds of docs/design.md#timing, and no run may
+//! exceed them.
 //!
 //! | part | how it is measured |
 //! |---|---|
@@ -13,7 +13,7 @@
 //! | sections that mask | the longest time for which BASEPRI or PRIMASK masks a priority while a task below it runs |
 //!
 //! The processor is looked at after each of its cycles. `cargo test -p bench --test sums -- --nocapture` prints the
-//! table that ARCHITECTURE.md refers to.
+//! tables of docs/timing.md#sums.
 
 mod boards;
 
@@ -36,8 +36,7 @@ const LOOKED_AT: u64 = 10 * MS;
 const END: u64 = WARM + 500 * MS;
 /// A cycle of the DPR's processor at most, ns: 64 MHz.
 const CYCLE: u64 = 15;
-/// With five receivers the sum on the pessimistic clock is above the bound: ARCHITECTURE.md, "Not there yet". It must
-/// not grow.
+/// With five receivers the sum on the pessimistic clock is above the bound (docs/timing.md#sums). It must not grow.
 const FIVE_RECEIVERS: u64 = 101_500;
 /// Exceptions of the tasks `ssi_end` (SPIS1) and `ssi_pause` (TIMER3).
 const SSI: [u32; 2] = [16 + 4, 16 + 26];

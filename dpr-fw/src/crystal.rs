@@ -10,7 +10,7 @@ const POLLS: u32 = 1_000;
 /// The pause between two of those, µs, at least.
 const PAUSE_US: u32 = 10;
 
-/// [`PAUSE_US`] in cycles of the internal oscillator's 64 MHz.
+/// `PAUSE_US` in cycles of the internal oscillator's 64 MHz.
 pub const PAUSE_CYCLES: u32 = 64 * PAUSE_US;
 
 /// The crystal has at least this long to start, ms: 27 times what it takes typically.

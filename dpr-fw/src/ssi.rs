@@ -90,7 +90,7 @@ impl<const LEN: usize> Windows<LEN> {
 }
 
 /// After the SSI task has served the end of a transaction, the next end does not call it for this time, µs: longer than
-/// the way of a frame from its last bit to its image with the SSI task in it (`ARCHITECTURE.md`, "Bounds"), and shorter
+/// the way of a frame from its last bit to its image with the SSI task in it (docs/timing.md#sums), and shorter
 /// than the least time from end to end of two transactions of 96 bytes ([`ssi::timing::SPACING_NS`]) without the time
 /// in which the first of them is served.
 pub const PAUSE_US: u32 = 95;

@@ -3,7 +3,7 @@
 //! # Design
 //!
 //! Each board has two [`Table`]s of [`Region`]s, one for the start and one for the tasks. A table is a constant and is
-//! checked when it is compiled. [`apply`] is the only function that writes the unit.
+//! checked when it is compiled. `apply` is the only function that writes the unit.
 //!
 //! - *Everything that no region opens is shut* (MPU_CTRL.PRIVDEFENA = 0, ARMv7-M ARM B3.5.5), for privileged code too,
 //!   which all of the firmware is. The private peripheral bus at 0xE000_0000 is exempt by the architecture (B3.5.1).

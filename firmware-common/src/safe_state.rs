@@ -5,7 +5,7 @@
 //! logged once, and nothing feeds the watchdog any more, which resets the part.
 //!
 //! A firmware installs all handlers with [`install_safe_state!`](crate::install_safe_state), and calls
-//! [`name_faults`] at its start.
+//! `name_faults` at its start.
 //!
 //! # Faults
 //!

@@ -31,7 +31,7 @@ const POLLS: u32 = 1_000;
 /// The pause between two of those, µs, at least; in processor cycles of the internal oscillator see [`PAUSE_CYCLES`].
 const PAUSE_US: u32 = 10;
 
-/// [`PAUSE_US`] in cycles of the internal oscillator.
+/// `PAUSE_US` in cycles of the internal oscillator.
 pub const PAUSE_CYCLES: u32 = PAUSE_US * (INTERNAL_HZ / 1_000_000);
 
 /// HSE has at least this long to become ready, ms: five times the 2 ms that a crystal takes typically (DS9405, HSE

@@ -15,8 +15,8 @@
 //! the voter asks of a candidate ([`horus_voter::Stated::is_plausible`]).
 //!
 //! **Age.** A value is worth something only for a while. It is *valid* until it is older than one period of its message
-//! and [`VALID_SLACK_MS`], and *stale* from one period and [`STALE_SLACK_MS`] on (design, section 2). The age counts
-//! from the arrival of the message, that is from the moment at which its last byte was parsed. The epoch for which it
+//! and [`VALID_SLACK_MS`], and *stale* from one period and [`STALE_SLACK_MS`] on (docs/design.md#validity). The age
+//! counts from the arrival of the message, that is from the moment at which its last byte was parsed. The epoch for which it
 //! holds is older by what the receiver takes to compute and to send, some tens of milliseconds. A message that repeats
 //! the time of week of the one before it renews nothing: a receiver that has frozen ages like one that is silent.
 //!
@@ -48,19 +48,19 @@ use crate::configuration::{Answer, VALSET};
 pub const BUFFER: usize = 256;
 /// The most bytes one call of [`Receiver::receive`] takes.
 pub const BYTES_PER_CALL: usize = 64;
-/// A receiver counts as heard this long after an intact message, ms (design, status bit 7).
+/// A receiver counts as heard this long after an intact message, ms (docs/design.md#status-words, bit 7).
 pub const HEARD_MS: u32 = 250;
 
-/// The longest period that is believed, ms (design, section 2), and the one a message kind has before its second
+/// The longest period that is believed, ms (docs/design.md#validity), and the one a message kind has before its second
 /// message: u-blox' default rate.
 pub const LONGEST_PERIOD_MS: u32 = 1_000;
 /// The shortest period that is believed, ms: 50 Hz, twice what the fastest receivers do.
 const SHORTEST_PERIOD_MS: u32 = 20;
 /// So many steps of the time of week in a row have to be longer than the period before it becomes longer.
 pub const LONGER_STEPS: u32 = 4;
-/// A solution is valid until it is older than its period and this, ms (design, section 2).
+/// A solution is valid until it is older than its period and this, ms (docs/design.md#validity).
 pub const VALID_SLACK_MS: u32 = 150;
-/// A solution is stale as soon as it is as old as its period and this, ms (design, section 2).
+/// A solution is stale as soon as it is as old as its period and this, ms (docs/design.md#validity).
 pub const STALE_SLACK_MS: u32 = 50;
 /// Older than this, ms, a stamp is forgotten, long before the clock's wrap could make it look young.
 const FORGOTTEN_MS: u32 = 60_000;
@@ -163,7 +163,7 @@ impl Pace {
 
     /// The age at `now` (ms) of what this kind of message has said last, ms, as
     /// [`GpsStatus::solution_age_ms`](profile::GpsStatus::solution_age_ms) tells it: 0 if it came since, and the
-    /// longest there is after more than [`FORGOTTEN_MS`], or if it has never said anything.
+    /// longest there is after more than `FORGOTTEN_MS`, or if it has never said anything.
     #[must_use]
     pub fn age_ms(&self, now: u32) -> u32 {
         self.since_arrival_ms(now).max(0) as u32

@@ -15,8 +15,8 @@
 //! ```
 //!
 //! The slots come as early as the worst case of the work before them allows, since they are part of the latency from
-//! sample to image (design section 6: at most 0.12 ms). Before a slot only the frame's first bytes have to be in the
-//! FIFO ([`st25r3916::poller::HEAD`]); the rest follows while the chip sends preamble and sync.
+//! sample to image (docs/design.md#timing: at most 0.12 ms). Before a slot only the frame's first bytes have to be in
+//! the FIFO ([`st25r3916::poller::HEAD`]); the rest follows while the chip sends preamble and sync.
 
 use profile::air::{self, Place};
 use st25r3916::poller::{self, HEAD};
@@ -223,7 +223,7 @@ const _: () = match poller::rest_within_us(SPI_HZ) {
     Some(within_us) => assert!(REST_STARTS_US <= within_us),
     None => panic!("the SPI is slower than the air"),
 };
-// Design section 6: the send slot is at most 0.12 ms after the tick.
+// docs/design.md#timing: the send slot is at most 0.12 ms after the tick.
 const _: () = assert!(SLOT_US[0] <= 120);
 const _: () = assert!(QUIET_FROM_US < QUIET_UNTIL_US);
 

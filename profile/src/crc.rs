@@ -19,7 +19,7 @@
 //! bursts of 28 bits there would go unseen), and only then does one pass over the whole object, CRC and all, end in a
 //! [fixed residue](FRAME_RESIDUE). [`frame_intact`] is that: one pass and one comparison.
 //!
-//! **Four tables of 256 words for the frame CRC** ([`FourTables`]), 4 KiB of flash, with which a step takes in four
+//! **Four tables of 256 words for the frame CRC** (`FourTables`), 4 KiB of flash, with which a step takes in four
 //! bytes: on a Cortex-M4 about 20 cycles, where four steps of a byte by one table are 32, since what is looked up for
 //! one byte does not wait for the byte before. Both boards spend most of their checks on this CRC: it closes every
 //! object, and their flash. The position CRC covers 20 bytes of a profile and has one table (`Table<1>` of the `crc`

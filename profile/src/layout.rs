@@ -55,7 +55,8 @@ enum Receivers {
     Five,
 }
 
-/// The layout of a profile, of its air frames and of its image. See the [module](self).
+/// The layout of a profile, of its air frames and of its image, for a number of receivers that is known at run time
+/// only.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Layout(Receivers);
 

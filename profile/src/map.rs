@@ -2,7 +2,7 @@
 //!
 //! | offset | object | bytes | written by |
 //! |---|---|---|---|
-//! | 0 | the [image](crate::image): Link-Status, Reported-Position, GPS1 … GPSn | [`Image::LEN`] | DPR, HORUS |
+//! | 0 | the [image]: Link-Status, Reported-Position, GPS1 … GPSn | [`Image::LEN`] | DPR, HORUS |
 //! | `LEN` | [Port-Status](PortStatus) | 64 | DPR |
 //! | `LEN` + 64 | [uplink](Uplink) of the base station, as it was stored | 64 | base station |
 //! | `LEN` + 128 | [uplink](Uplink) of the flight controller, as it was stored | 64 | flight controller |

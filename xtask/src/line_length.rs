@@ -6,7 +6,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail, ensure};
 
-use crate::workspace::root;
+use crate::workspace::{root, tracked};
 
 /// The longest line, in characters.
 const COLUMNS: usize = 120;
@@ -36,21 +36,9 @@ fn too_long(text: &str) -> impl Iterator<Item = (usize, usize)> + '_ {
 ///
 /// If there is such a line, or git does not tell which files are tracked.
 pub(crate) fn check() -> Result<()> {
-    let output = std::process::Command::new("git")
-        .args(["ls-files", "-z"])
-        .current_dir(root())
-        .output()
-        .context("could not start git, which tells which files are tracked")?;
-    ensure!(output.status.success(), "git ls-files failed: {}", String::from_utf8_lossy(&output.stderr).trim());
-    let listed = String::from_utf8(output.stdout).context("a tracked file's name is not UTF-8")?;
     let (mut files, mut found) = (0, 0);
-    for path in listed.split('\0').filter(|path| is_checked(path)) {
-        let file = root().join(path);
-        // Deleted but not committed yet: nothing to check.
-        if !file.exists() {
-            continue;
-        }
-        let text = std::fs::read_to_string(&file).with_context(|| format!("could not read {path}"))?;
+    for path in tracked()?.iter().filter(|path| is_checked(path)) {
+        let text = std::fs::read_to_string(root().join(path)).with_context(|| format!("could not read {path}"))?;
         files += 1;
         for (line, width) in too_long(&text) {
             eprintln!("{path}:{line}: {width} columns");
@@ -83,7 +71,8 @@ mod tests {
         for path in ["xtask/src/main.rs", "Cargo.toml", "dpr-fw/memory.x", "tools/install.sh", ".ci/run"] {
             assert!(is_checked(path), "{path}");
         }
-        for path in ["Cargo.lock", "README.md", "docs/plot.svg", "bench/data/flight.rs", "profile/fuzz/corpus/a.rs", ""]
+        for path in
+            ["Cargo.lock", "README.md", "docs/system.svg", "bench/data/flight.rs", "profile/fuzz/corpus/a.rs", ""]
         {
             assert!(!is_checked(path), "{path}");
         }

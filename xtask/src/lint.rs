@@ -1,11 +1,12 @@
-//! Line length, the C header and formatting, then clippy with warnings as errors, for the host and for the target.
+//! Line length, citations, the C header and formatting, then clippy with warnings as errors, for the host and for the
+//! target, and the crates' documentation likewise.
 
 use std::process::{Command, ExitCode};
 
 use anyhow::Result;
 
 use crate::workspace::{FLIP_LINK, TARGET, cargo, check, install};
-use crate::{Board, Receivers, line_length};
+use crate::{Board, Receivers, citations, line_length};
 
 pub(crate) fn lint() -> Result<ExitCode> {
     install(&FLIP_LINK)?;
@@ -58,10 +59,19 @@ pub(crate) fn lint() -> Result<ExitCode> {
         ];
         step(format!("clippy (on-target tests, {name})"), &[&args[..], &["--", "-D", "warnings"]].concat());
     }
+    let mut documentation = cargo();
+    documentation
+        .args(["doc", "--quiet", "--no-deps", "--workspace", "--features", "xtask/live,xtask/probe"])
+        .env("RUSTDOCFLAGS", "-D warnings");
+    steps.push(("documentation".into(), documentation));
     let mut failed = vec![];
     eprintln!("-- line length");
     if let Err(error) = line_length::check() {
         failed.push(format!("line length: {error:#}"));
+    }
+    eprintln!("-- citations");
+    if let Err(error) = citations::check() {
+        failed.push(format!("citations: {error:#}"));
     }
     eprintln!("-- C header");
     if let Err(error) = crate::header::check() {
@@ -73,5 +83,5 @@ pub(crate) fn lint() -> Result<ExitCode> {
             failed.push(error.to_string());
         }
     }
-    Ok(crate::test::verdict("lint", steps.len() + 2, &failed))
+    Ok(crate::test::verdict("lint", steps.len() + 3, &failed))
 }

@@ -10,6 +10,10 @@ mod access;
 mod bench_flash;
 #[cfg(feature = "probe")]
 mod bench_probe;
+mod citations;
+#[cfg(test)]
+mod design;
+mod figures;
 mod firmware;
 mod fuzz;
 mod gdb;
@@ -68,10 +72,13 @@ enum Command {
     Test(test::TestArgs),
     /// Print each image's flash and RAM against its budget; over budget fails.
     Size(SizeArgs),
-    /// Line length, the C header, formatting, then clippy with warnings as errors, for host and target.
+    /// Line length, citations, the C header, formatting, then clippy with warnings as errors, for host and target, and
+    /// documentation likewise.
     Lint,
     /// Residual error of the profile's two CRCs: exact weights, probabilities, claims; writes docs/safety.
     Residual(residual::ResidualArgs),
+    /// Write docs/figures.md and README's sample of a run from fresh runs, or check that they are current.
+    Figures(figures::FiguresArgs),
     /// Write the C header of the flight controller's client from the profile's layouts, or check that it is current.
     Header(header::HeaderArgs),
     /// Fuzz the parsers of the profile and of the base station with cargo-fuzz.
@@ -259,6 +266,7 @@ fn dispatch(command: Command) -> Result<ExitCode> {
         Command::Size(args) => size::size(args.gps),
         Command::Lint => lint::lint(),
         Command::Residual(args) => residual::residual(&args),
+        Command::Figures(args) => figures::figures(&args),
         Command::Header(args) => header::header(&args),
         Command::Fuzz(args) => fuzz::fuzz(&args),
         Command::Oracle(args) => oracle::oracle(&args),

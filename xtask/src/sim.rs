@@ -154,6 +154,12 @@ pub(crate) fn sim(args: &SimArgs) -> Result<ExitCode> {
     run(args, |setup, screen| Ok(Some(bench::sim::run(setup, screen)?)))
 }
 
+/// Builds both images, runs the link with them, and answers with the report alone.
+pub(crate) fn report(args: &SimArgs) -> Result<Report> {
+    let (horus, dpr) = firmware::build_pair(args.gps)?;
+    Ok(bench::sim::run(&setup(args, vec![], Images { horus, dpr }), &mut ())?.report)
+}
+
 /// Builds both images, has `go` run the link with them, and shows what came of it. `go` answers nothing where the run
 /// was ended before its time, which fails.
 pub(crate) fn run(args: &SimArgs, go: impl FnOnce(&Setup, &mut Screen) -> Result<Option<Outcome>>) -> Result<ExitCode> {

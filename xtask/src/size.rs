@@ -2,13 +2,14 @@
 //!
 //! Flash is what the image occupies there: code, constants and the initial values of statics. RAM is every static,
 //! initialised or not; what remains below the budget is the stack's, which flip-link puts where an overflow faults.
-//! Code that is copied to RAM has a region of its own there, which the linker bounds, and counts in flash.
+//! Code that is copied to RAM has a region of its own there, which the linker bounds, and counts in flash; it has a
+//! column of its own.
 
 use std::path::Path;
 use std::process::ExitCode;
 
 use anyhow::{Context, Result};
-use object::elf::{PT_LOAD, SHF_ALLOC, SHF_WRITE};
+use object::elf::{PF_X, PT_LOAD, ProgramHeader32, SHF_ALLOC, SHF_WRITE};
 use object::read::elf::{FileHeader, ProgramHeader, SectionHeader};
 
 use crate::workspace::cargo;
@@ -16,7 +17,15 @@ use crate::{Board, Receivers, firmware};
 
 /// Bytes in each kind of memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Footprint {
+pub(crate) struct Footprint {
+    pub(crate) flash: u64,
+    pub(crate) ram: u64,
+    /// Code that is copied from flash, where it counts, to RAM at the start and runs there.
+    pub(crate) code_in_ram: u64,
+}
+
+/// The most bytes that an image may have in each kind of memory. The linker bounds the code that runs from RAM.
+struct Budget {
     flash: u64,
     ram: u64,
 }
@@ -24,20 +33,24 @@ struct Footprint {
 pub(crate) fn size(gps: Receivers) -> Result<ExitCode> {
     let budgets = budgets()?;
     let mut over = false;
-    println!("{:<12} {:>9} {:>9} {:>5}   {:>9} {:>9} {:>5}", "image", "flash B", "budget", "", "RAM B", "budget", "");
+    println!(
+        "{:<12} {:>9} {:>9} {:>5}   {:>9} {:>9} {:>5}   {:>13}",
+        "image", "flash B", "budget", "", "RAM B", "budget", "", "code in RAM B"
+    );
     for board in Board::ALL {
         let elf = firmware::build(board, gps)?;
         let used = footprint(&elf)?;
         let budget = budget(&budgets, board)?;
         println!(
-            "{:<12} {:>9} {:>9} {:>4}%   {:>9} {:>9} {:>4}%",
+            "{:<12} {:>9} {:>9} {:>4}%   {:>9} {:>9} {:>4}%   {:>13}",
             board.package(),
             used.flash,
             budget.flash,
             used.flash * 100 / budget.flash,
             used.ram,
             budget.ram,
-            used.ram * 100 / budget.ram
+            used.ram * 100 / budget.ram,
+            used.code_in_ram
         );
         over |= used.flash > budget.flash || used.ram > budget.ram;
     }
@@ -56,7 +69,7 @@ fn budgets() -> Result<serde_json::Value> {
     serde_json::from_slice(&output.stdout).context("cargo metadata printed something that is not JSON")
 }
 
-fn budget(metadata: &serde_json::Value, board: Board) -> Result<Footprint> {
+fn budget(metadata: &serde_json::Value, board: Board) -> Result<Budget> {
     let packages = metadata["packages"].as_array().context("cargo metadata lists no packages")?;
     let budget = packages
         .iter()
@@ -67,10 +80,10 @@ fn budget(metadata: &serde_json::Value, board: Board) -> Result<Footprint> {
             .and_then(|budget| budget[kind].as_u64())
             .with_context(|| format!("{} has no package.metadata.budget.{kind}", board.package()))
     };
-    Ok(Footprint { flash: bytes("flash")?, ram: bytes("ram")? })
+    Ok(Budget { flash: bytes("flash")?, ram: bytes("ram")? })
 }
 
-fn footprint(elf: &Path) -> Result<Footprint> {
+pub(crate) fn footprint(elf: &Path) -> Result<Footprint> {
     let data = std::fs::read(elf).with_context(|| format!("could not read {}", elf.display()))?;
     measure(&data).with_context(|| format!("{} is not a 32-bit ELF image", elf.display()))
 }
@@ -79,11 +92,14 @@ fn measure(data: &[u8]) -> Result<Footprint> {
     let header = object::elf::FileHeader32::<object::Endianness>::parse(data)?;
     let endian = header.endian()?;
     // What a programmer writes: the file's bytes of each loadable segment.
-    let flash = header
-        .program_headers(endian, data)?
-        .iter()
-        .filter(|segment| segment.p_type(endian) == PT_LOAD)
-        .map(|segment| u64::from(segment.p_filesz(endian)))
+    let segments = header.program_headers(endian, data)?;
+    let loaded = || segments.iter().filter(|segment| segment.p_type(endian) == PT_LOAD);
+    let flash = loaded().map(|segment| u64::from(segment.p_filesz(endian))).sum();
+    // Code whose address is another than where it is loaded.
+    let is_code = |segment: &&ProgramHeader32<_>| segment.p_flags(endian) & PF_X == PF_X;
+    let code_in_ram = loaded()
+        .filter(|segment| is_code(segment) && segment.p_vaddr(endian) != segment.p_paddr(endian))
+        .map(|segment| u64::from(segment.p_memsz(endian)))
         .sum();
     // What the statics take: every writable section that has an address at run time.
     let ram = header
@@ -92,5 +108,5 @@ fn measure(data: &[u8]) -> Result<Footprint> {
         .filter(|section| section.sh_flags(endian) & (SHF_ALLOC | SHF_WRITE) == SHF_ALLOC | SHF_WRITE)
         .map(|section| u64::from(section.sh_size(endian)))
         .sum();
-    Ok(Footprint { flash, ram })
+    Ok(Footprint { flash, ram, code_in_ram })
 }

@@ -96,7 +96,7 @@ fn core_alone() -> Result<f64> {
     per_instruction(&text).context("the core's example did not say how fast it is")
 }
 
-/// The nanoseconds of an instruction, from the line "compute fast <n> M/s, ...".
+/// The nanoseconds of an instruction, from the line `compute fast <n> M/s, ...`.
 fn per_instruction(text: &str) -> Option<f64> {
     text.lines().find_map(|line| {
         let mut words = line.split_whitespace();

@@ -6,7 +6,7 @@ use std::process::Command;
 #[cfg(not(all(feature = "probe", feature = "live")))]
 use std::process::ExitCode;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 
 /// The target of both microcontrollers: Cortex-M4F.
 pub(crate) const TARGET: &str = "thumbv7em-none-eabihf";
@@ -29,6 +29,19 @@ pub(crate) fn root() -> PathBuf {
     let manifest =
         std::env::var_os("CARGO_MANIFEST_DIR").map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")), PathBuf::from);
     manifest.parent().map_or(manifest.clone(), Path::to_path_buf)
+}
+
+/// The files that git tracks, by their paths from the root, without those that are deleted and not committed yet.
+pub(crate) fn tracked() -> Result<Vec<String>> {
+    let output = Command::new("git")
+        .args(["ls-files", "-z"])
+        .current_dir(root())
+        .output()
+        .context("could not start git, which tells which files are tracked")?;
+    ensure!(output.status.success(), "git ls-files failed: {}", String::from_utf8_lossy(&output.stderr).trim());
+    let listed = String::from_utf8(output.stdout).context("a tracked file's name is not UTF-8")?;
+    let exists = |path: &&str| !path.is_empty() && root().join(path).exists();
+    Ok(listed.split('\0').filter(exists).map(str::to_owned).collect())
 }
 
 /// The folder for what cargo and xtask make.

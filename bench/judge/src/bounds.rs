@@ -1,20 +1,21 @@
 //! What is allowed: the design's numbers, ns unless said otherwise.
 
-/// HORUS tick to transmit command (chip select rising after it), peak to peak: design section 6.
+/// HORUS tick to transmit command (chip select rising after it), peak to peak: docs/design.md#timing.
 pub const TICK_TO_COMMAND_JITTER: u64 = 100;
-/// The same on the pessimistic clock, where an interrupt may meet the longest instruction: design section 6.
+/// The same on the pessimistic clock, where an interrupt may meet the longest instruction: docs/design.md#timing.
 pub const TICK_TO_COMMAND_JITTER_PESSIMISTIC: u64 = 1_000;
-/// HORUS tick to first bit on air, peak to peak; the front end itself scatters by up to 2.3 µs: design section 6.
+/// HORUS tick to first bit on air, peak to peak; the front end itself scatters by up to 2.3 µs: see
+/// docs/design.md#timing.
 pub const TICK_TO_AIR_JITTER: u64 = 3_000;
 /// Last bit to image readable, with a listener that reads its FIFO while it fills, whatever the flight controller does:
-/// design section 6.
+/// docs/design.md#timing.
 pub const LAST_BIT_TO_READABLE: u64 = 100_000;
-/// End of an SSI transaction to ready for the next: design section 6. The DPR may put a new image in for no longer
+/// End of an SSI transaction to ready for the next: docs/design.md#timing. The DPR may put a new image in for no longer
 /// either.
 pub const SSI_READY: u64 = 10_000;
 /// A sample is readable before its successor is taken.
 pub const SAMPLE_TO_READABLE: u64 = 10_000_000;
-/// The cycle: design section 6.
+/// The cycle: docs/design.md#timing.
 pub const CYCLE: u64 = 10_000_000;
 /// In a run shorter than this, what a start takes of a processor is most of what it does: its load is not judged.
 pub const LOAD_FROM: u64 = 300_000_000;
@@ -23,11 +24,11 @@ pub const LOAD_FROM: u64 = 300_000_000;
 pub const HORUS_START_WORK: u64 = 40_000_000;
 /// The same of the DPR's: 17 ms.
 pub const DPR_START_WORK: u64 = 20_000_000;
-/// Processor load, ten thousandths: design section 6.
+/// Processor load, ten thousandths: docs/design.md#timing.
 pub const LOAD_PER_10_000: u32 = 1_000;
-/// Missed-frame deadline after a frame's end: design section 4.
+/// Missed-frame deadline after a frame's end: docs/design.md#publication.
 pub const FRAME_DEADLINE: u64 = 12_500_000;
-/// An image that is not replaced stops being readable so long after its publication: design section 4.
+/// An image that is not replaced stops being readable so long after its publication: docs/design.md#publication.
 pub const EXPIRY: u64 = 25_000_000;
 /// From power-on or reset to a board doing its work: first tick, first readiness. HORUS compares its flash with its CRC
 /// (4 to 6 ms), starts its oscillators and waits one cycle; either board's watchdog would bite after 100 ms.
@@ -36,8 +37,8 @@ pub const START: u64 = 100_000_000;
 // ---- What the rules of the sending side add
 
 /// A tick comes 10 ms after the one before, give or take this: HORUS without its crystal runs on an oscillator that is
-/// trimmed to 1 % and may be off by 2 % over temperature (design section 2, Reported-Position bit 7), and 0.1 % for the
-/// clock that it is measured by.
+/// trimmed to 1 % and may be off by 2 % over temperature (docs/design.md#status-words, bit 7), and 0.1 % for the clock
+/// that it is measured by.
 pub const TICK_TOLERANCE: u64 = 210_000;
 /// Between two ticks, peak to peak from one start of HORUS to the next: its timer counts one oscillator.
 pub const TICK_WIDTH: u64 = 1_000;
@@ -70,29 +71,29 @@ pub const WATCHDOG_FED: u64 = 40_000_000;
 /// The same of the DPR's: 100 ms by an RC oscillator of 32.768 kHz that may be off by 2 % (nRF52840 PS 5.4), and as
 /// much again, since parts were seen that keep that narrowly.
 pub const DPR_WATCHDOG_LONGEST: u64 = 104_000_000;
-/// HORUS takes what its objects say after the tick and before the first slot, 0.12 ms after it at the latest (design
-/// section 6 and `profile::air::send_slot_us`): a message that arrived later is not in them. With a margin, since what
-/// arrives in between may be in them or not.
+/// HORUS takes what its objects say after the tick and before the first slot, 0.12 ms after it at the latest
+/// (docs/design.md#timing and `profile::air::send_slot_us`): a message that arrived later is not in them. With a
+/// margin, since what arrives in between may be in them or not.
 pub const SAMPLED_AFTER_TICK: u64 = 350_000;
 /// A message whose last byte crossed its line so long before a tick is in that tick's objects. HORUS looks how far a
 /// line's ring has come when the line falls idle (22 µs), at every half of the ring (5.5 ms) and, if it overlooks both,
 /// once a tick, after the objects of that tick are made: 10 ms. Parsing in pieces of 64 bytes, below all other tasks,
 /// takes less than 2 ms.
 pub const MESSAGE_TAKEN: u64 = CYCLE + 2_000_000;
-/// A solution is valid until it is older than its receiver's period and this: design section 2.
+/// A solution is valid until it is older than its receiver's period and this: docs/design.md#validity.
 pub const VALID_BEYOND_PERIOD: u64 = 150_000_000;
-/// A solution is stale from its receiver's period and this on: design section 2.
+/// A solution is stale from its receiver's period and this on: docs/design.md#validity.
 pub const STALE_BEYOND_PERIOD: u64 = 50_000_000;
-/// A receiver counts as heard so long after a message: design section 2.
+/// A receiver counts as heard so long after a message: docs/design.md#status-words.
 pub const HEARD: u64 = 250_000_000;
-/// The longest period that is believed of a receiver, ms: design section 2.
+/// The longest period that is believed of a receiver, ms: docs/design.md#validity.
 pub const LONGEST_PERIOD_MS: u32 = 1_000;
 /// The shortest, ms: 50 Hz, twice what the fastest receivers do.
 pub const SHORTEST_PERIOD_MS: u32 = 20;
 
 /// HORUS reads a receiver on a bus in every cycle, and tries anew at once where that fails: so long after it has
 /// offered something, or after its bus has come back, some of that has been read. It is a receiver's longest period,
-/// after which a position that it rests on is not valid any more (design section 2).
+/// after which a position that it rests on is not valid any more (docs/design.md#validity).
 pub const READ_WITHIN: u64 = 1_000_000_000;
 /// The dynamic model by which a receiver has to navigate: airborne with less than 2 g, of u-blox' CFG-NAVSPG-DYNMODEL.
 pub const DYNAMIC_MODEL: u8 = 7;
@@ -101,7 +102,7 @@ pub const DYNAMIC_MODEL: u8 = 7;
 /// bit rates, and two messages without an answer, 1 s each.
 pub const MODEL_TOLD: u64 = 5_000_000_000;
 /// The step in which a GPS object's status tells the age of its solution, the code of the oldest, and that of none:
-/// design section 2.
+/// docs/design.md#status-words.
 pub const AGE_STEP: u64 = 25_000_000;
 /// See [`AGE_STEP`].
 pub const AGE_OLDEST: u64 = 62;
@@ -128,13 +129,13 @@ pub const AGREEMENT_M: [(f64, f64); 2] = [(5.0, 30.0), (8.0, 50.0)];
 /// Between these limits two receivers agree within so many times the root of the sum of the squares of their
 /// accuracies.
 pub const AGREEMENT_SIGMAS: f64 = 3.0;
-/// Two attitudes agree within so many degrees of pitch, yaw and roll: design section 2 and decision 15, attitude and
-/// acceleration.
+/// Two attitudes agree within so many degrees of pitch, yaw and roll: docs/design.md#voting and decision 15, attitude
+/// and acceleration.
 pub const ATTITUDE_DEGREES: [f64; 3] = [5.0, 10.0, 5.0];
 /// Two accelerations agree within so many m/s² along each axis.
 pub const ACCELERATION_M_S2: f64 = 2.0;
-/// A result that jumps is shown when it has held for one second: design section 2. After so long it has, by the same
-/// tolerances as for [`RETURNED`].
+/// A result that jumps is shown when it has held for one second: docs/design.md#voting. After so long it has, by the
+/// same tolerances as for [`RETURNED`].
 pub const HELD_BACK: u64 = RETURNED;
 /// And before that it has not.
 pub const NOT_HELD_BACK: u64 = NOT_RETURNED;
@@ -173,7 +174,8 @@ pub const SSI_BUDGET: u32 = 16;
 /// From when the DPR is ready after a transaction, it need not see the next end for this time (`dpr_fw::ssi`): 95 µs
 /// by a counter of µs, and what it does between the two.
 pub const SSI_PAUSE: u64 = 100_000;
-/// The DPR's clock counts [`EXPIRY`]; it is off by no more than 2 % (design section 4), so no image expires earlier.
+/// The DPR's clock counts [`EXPIRY`]; it is off by no more than 2 % (docs/design.md#sequence), so no image expires
+/// earlier.
 pub const EXPIRY_EARLIEST: u64 = EXPIRY - EXPIRY / 50;
 /// A frame that is heard so much earlier or later than it was sent was delayed or repeated on its way.
 pub const AIR_DELAY: u64 = 1_000;
@@ -186,16 +188,17 @@ pub const PUBLICATION: u64 = 400_000;
 pub const PUBLICATION_PESSIMISTIC: u64 = 1_000_000;
 /// The values of Link-Status are taken so long before FRESH rises at most: the rest of the commit.
 pub const SEALED_BEFORE_FRESH: u64 = 200_000;
-/// Cycles that may be missing between two that are in sequence: design section 4.
+/// Cycles that may be missing between two that are in sequence: docs/design.md#sequence.
 pub const MAX_MISSED: u32 = 25;
 /// How much the time between two cycles may differ from their timestamps' step; to this comes one part in
-/// [`STEP_TOLERANCE_SHARE`] of the step: design section 4.
+/// [`STEP_TOLERANCE_SHARE`] of the step: docs/design.md#sequence.
 pub const STEP_TOLERANCE: u64 = 2_500_000;
 /// See [`STEP_TOLERANCE`]: 2 %.
 pub const STEP_TOLERANCE_SHARE: u64 = 50;
-/// While the sequence is searched for a cycle comes 10 ms after the one before it within this: design section 4.
+/// While the sequence is searched for a cycle comes 10 ms after the one before it within this:
+/// docs/design.md#sequence.
 pub const SEARCH_TOLERANCE: u64 = 500_000;
-/// So many cycles in a row that each advance by exactly one find the sequence: design section 4.
+/// So many cycles in a row that each advance by exactly one find the sequence: docs/design.md#sequence.
 pub const SEARCH_CYCLES: u8 = 3;
 /// Around every limit of the sequence's times nothing is asked: what the front ends scatter, the resolution of the
 /// DPR's counter, and its crystal (100 ppm of the longest step are 26 µs), many times over.
@@ -211,16 +214,19 @@ pub const SILENCE: u64 = 450_000_000;
 /// After such a silence, frames that begin within this after the first may escape it, and Link-Status may still say so:
 /// a bring-up takes 12 ms.
 pub const SILENCE_OVER: u64 = 2 * CYCLE;
-/// Between the end of one frame and the beginning of the next a listener needs this to hear both: design section 3.
+/// Between the end of one frame and the beginning of the next a listener needs this to hear both:
+/// docs/design.md#air-frame.
 pub const FRAME_GAP: u64 = 300_000;
 /// Of five receivers' two frames the second is waited for so long after the end of the first: it ends 3.935 ms after
 /// it, and the image has to be out before the next cycle's first.
 pub const SECOND_FRAME: u64 = 7_000_000;
-/// A restart of HORUS is shown in Link-Status for so long: design section 4, no control cycle may overlook it.
+/// A restart of HORUS is shown in Link-Status for so long (docs/design.md#link-status), so that no control cycle
+/// overlooks it.
 pub const RESTART_SHOWN: u64 = 1_000_000_000;
-/// HORUS's clock is implausible if it differs by more than one part in so many over a second: design section 4, bit 9.
+/// HORUS's clock is implausible if it differs by more than one part in so many over a second: see
+/// docs/design.md#sequence.
 pub const CLOCK_SHARE: u64 = 50;
-/// The shortest time over which the clocks are compared: design section 4, bit 9.
+/// The shortest time over which the clocks are compared: docs/design.md#sequence.
 pub const CLOCK_WINDOW: u64 = 1_000_000_000;
 /// What two crystals may be apart, parts per million: twice 50, and as much again for the temperature.
 pub const CRYSTALS_PPM: u64 = 200;
@@ -228,7 +234,8 @@ pub const CRYSTALS_PPM: u64 = 200;
 /// buffers and four images take turns, one in each cycle.
 pub const BUFFER_REPLACED: u64 = 5 * CYCLE;
 /// From the end of a cause to the first valid object of a cycle that HORUS sent after it, where no front end has to be
-/// brought up again: a frame, the three that find the sequence (design section 4), and the flight controller's reading.
+/// brought up again: a frame, the three that find the sequence (docs/design.md#sequence), and the flight controller's
+/// reading.
 pub const RECOVERY_CYCLES: u64 = 5;
 /// The same where a front end has to be brought up: after a restart of either board, and after a fault of either front
 /// end, whose firmware backs off up to 64 ms between two attempts.
@@ -245,6 +252,6 @@ pub const SELF_TEST: u64 = 60_000_000_000;
 /// After a flight controller has misused the SSI the DPR is asked for nothing for so long: what was under way ends, and
 /// the next image is put in.
 pub const MISUSE_OVER: u64 = 2 * CYCLE;
-/// Last bit to image readable where the FIFO is read at the frame's end only: design section 6. So it is for a frame
-/// whose LEN was damaged, since nobody knows then when its objects are complete.
+/// Last bit to image readable where the FIFO is read at the frame's end only: docs/design.md#timing. So it is for a
+/// frame whose LEN was damaged, since nobody knows then when its objects are complete.
 pub const STORE_AND_FORWARD: u64 = 360_000;

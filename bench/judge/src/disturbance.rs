@@ -44,7 +44,7 @@ pub enum Disturbance {
         /// How.
         harm: Harm,
     },
-    /// The flight controller does not read as design section 5 wants it.
+    /// The flight controller does not read as docs/design.md#ssi wants it.
     FlightController {
         /// How.
         conduct: Conduct,
@@ -102,7 +102,7 @@ pub enum Harm {
 pub enum Conduct {
     /// It makes no transaction.
     Silent,
-    /// It makes transactions that design section 5 forbids, or none that end.
+    /// It makes transactions that docs/design.md#ssi forbids, or none that end.
     Misuse,
 }
 

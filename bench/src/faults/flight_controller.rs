@@ -1,9 +1,9 @@
 //! How a flight controller misuses the SSI.
 //!
-//! The DPR must bear all of it: no frame is lost, nothing else is upset, and it is served again when it reads as design
-//! section 5 wants it. Times are by the flight controller's own clock. Where nothing else is said, a transaction has
-//! the set-up time, the bytes at 8 MHz, the hold time and the gap of design section 5 in SPI mode 0, and MOSI carries
-//! zeros, which ask for nothing.
+//! The DPR must bear all of it: no frame is lost, nothing else is upset, and it is served again when it reads as
+//! docs/design.md#ssi wants it. Times are by the flight controller's own clock. Where nothing else is said, a
+//! transaction has the set-up time, the bytes at 8 MHz, the hold time and the gap of that section in SPI mode 0, and
+//! MOSI carries zeros, which ask for nothing.
 
 use bench_judge::disturbance;
 use bench_seam::SpiMode;
@@ -130,7 +130,7 @@ const MANY: usize = 10_000;
 /// Bytes of [`Conduct::Lies`]: Link-Status and Reported-Position.
 const PART: usize = 96;
 
-/// Bytes that the DPR takes in: a request and an uplink object (design section 5).
+/// Bytes that the DPR takes in: a request and an uplink object (docs/design.md#ssi).
 const TAKEN_IN: usize = 72;
 
 /// From one fall of chip select to the next with [`Conduct::TogglesCsn`], ns.

@@ -48,7 +48,8 @@ pub const HANG_LENGTH: (u64, u64) = (300_000_000, 400_000_000);
 pub const START_HANG_LENGTH: (u64, u64) = (1_100_000_000, 1_200_000_000);
 
 /// Within this after a start, of which is known when it comes, no hang of that board is drawn, ns: its firmware may not
-/// have started its watchdog yet, so that nothing would ever end it, as on silicon (design section 6).
+/// have started its watchdog yet, so that nothing would ever end it, as on silicon
+/// (docs/design.md#start-and-supply).
 pub const WATCHDOG_STARTS: u64 = 2_000;
 
 /// A hang of a board that starts begins at most so long after the reset, ns: both firmwares have started by then.

@@ -7,7 +7,7 @@
 //!
 //! | explained by | since |
 //! |---|---|
-//! | an injected fault, as far as [`complaints`](crate::disturbance::complaints) says | the bench did it |
+//! | an injected fault, as far as [`complaints`] says | the bench did it |
 //! | a start of HORUS: what the DPR counts | a frame was cut off |
 //! | HORUS's field going off while HORUS runs | HORUS brings its front end up again, the DPR loses frames |
 //! | a frame that reached the DPR's antenna changed or not at all: what the DPR counts | the air is no board's fault |

@@ -28,7 +28,7 @@ pub struct Given {
     /// The part was given all of them as the receiver said them, in a transaction that was ended as it should be, and
     /// none of that transaction had waited for long.
     pub clean: bool,
-    /// They had waited in the receiver for longer than [`TOO_OLD`].
+    /// They had waited in the receiver for longer than `TOO_OLD`.
     pub old: bool,
 }
 

@@ -1,5 +1,5 @@
-//! The synchronous serial interface as the flight controller drives it (design section 5): the pins, and the one state
-//! machine that carries a transaction on them.
+//! The synchronous serial interface as the flight controller drives it (docs/design.md#ssi): the pins, and the one
+//! state machine that carries a transaction on them.
 //!
 //! [`SsiPort`] is what a flight controller can do to the DPR's pins. [`SsiMaster`] does it: given an [`Order`], it lets
 //! chip select fall, waits for the set-up time, clocks the bytes one after the other without a gap, waits for the hold
@@ -177,7 +177,7 @@ impl Order {
     /// As many bytes as there is time for.
     pub const ENDLESS: usize = usize::MAX;
 
-    /// A transaction of so many bytes as design section 5 wants it, as fast as it may be, that asks for nothing.
+    /// A transaction of so many bytes as docs/design.md#ssi wants it, as fast as it may be, that asks for nothing.
     #[must_use]
     pub const fn read(bytes: usize) -> Self {
         Self {

@@ -4,7 +4,7 @@ use super::{AGE_UNKNOWN, Config, Report, Verdict};
 use crate::sequence::{MAX_MISSED, SEARCH_CYCLES, TOLERANCE_SHARE};
 use crate::{CYCLE_MS, Freshness, LinkStatus, ReportedPosition, ReportedValues, freshness};
 
-/// The DPR stops to show an image so long after it was published, µs (design, section 4).
+/// The DPR stops to show an image so long after it was published, µs (docs/design.md#publication).
 pub const EXPIRY_US: u32 = 25_000;
 
 /// How much earlier or later than its timestamp says a sample may be read, µs; to this come 2 % of the step. An image

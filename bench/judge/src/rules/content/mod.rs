@@ -7,7 +7,7 @@
 //! [`bounds::MESSAGE_TAKEN`] before the tick, or one that arrived after that and at most
 //! [`bounds::SAMPLED_AFTER_TICK`] after the tick. Its values are compared bit by bit, its status bit by bit; which
 //! status bits a message of a certain age may have at that tick, with the bands in which both are right, is in
-//! [`track`]. A message that HORUS may have missed (a disturbed line, bytes before the first tick of a start, a message
+//! `track`. A message that HORUS may have missed (a disturbed line, bytes before the first tick of a start, a message
 //! inside a false start) may be the newest or not.
 //!
 //! # What is not judged
@@ -16,10 +16,10 @@
 //! - Ages for two seconds after a tick that was missing or irregular, or a timestamp that jumped: HORUS counts its time
 //!   in ticks.
 //! - Reported-Position in a cycle of which a GPS object was blamed, or is missing, and in the one after it. Else
-//!   [`vote`] says what it and the bits *excluded* must be. HORUS's state in it is judged in every cycle ([`inputs`]),
-//!   and so is what HORUS says of its last reset and of its memory ([`itself`]).
+//!   `vote` says what it and the bits *excluded* must be. HORUS's state in it is judged in every cycle (`inputs`),
+//!   and so is what HORUS says of its last reset and of its memory (`itself`).
 //!
-//! The dynamic model of a receiver is no message: [`models`] judges it by what the receiver itself makes of it.
+//! The dynamic model of a receiver is no message: `models` judges it by what the receiver itself makes of it.
 //!
 //! One object is told at most once for its values and once for its status. If both disagree with every message, it is
 //! the status if the values are those of a message that the status calls valid, or none where it calls none valid; else
@@ -49,7 +49,7 @@ use vote::{Ram, Seen, Vote};
 
 /// The status bit that says that the receiver was heard.
 const HEARD: u16 = 1 << 7;
-/// The voter's bit, which [`vote`] judges.
+/// The voter's bit, which `vote` judges.
 const EXCLUDED: u16 = 1 << 9;
 /// From this bit on the status tells the age of the solution.
 const AGE_SHIFT: u16 = 10;

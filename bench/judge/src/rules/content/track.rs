@@ -15,8 +15,8 @@ pub(super) const FOUND_LATE: u64 = 200_000_000;
 /// More messages that may have been taken are not told apart.
 const MOST_CANDIDATES: usize = 64;
 
-/// The period of a receiver's messages as HORUS learns it from their time of week (design section 2: 20 ms to 1 s). A
-/// shorter step is believed at once; a longer one when four in a row are longer, and then the shortest of them.
+/// The period of a receiver's messages as HORUS learns it from their time of week (docs/design.md#validity: 20 ms to
+/// 1 s). A shorter step is believed at once; a longer one when four in a row are longer, and then the shortest of them.
 #[derive(Clone, Copy, Debug)]
 struct Pace {
     time_of_week: Option<u32>,

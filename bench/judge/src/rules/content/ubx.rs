@@ -1,7 +1,7 @@
 //! Finds what a receiver said in the bytes of its line.
 //!
-//! Written from the u-blox 8 / M8 receiver description (UBX-13003221), chapter UBX Protocol, from design
-//! section 2, and from decision 15, which says what a receiver must state for its position to be valid.
+//! Written from the u-blox 8 / M8 receiver description (UBX-13003221), chapter UBX Protocol, from
+//! docs/design.md#validity, and from decision 15, which says what a receiver must state for its position to be valid.
 
 use std::f64::consts::PI;
 

@@ -1,6 +1,6 @@
 //! Port-Status and the uplinks that are read back, against what the flight controller has written.
 //!
-//! What a DPR that does right has made of every transaction is worked out from the log alone ([`model`]). A transaction
+//! What a DPR that does right has made of every transaction is worked out from the log alone (`model`). A transaction
 //! shows in the second image after its end at the latest, and in none before it; so Port-Status has to be what follows
 //! from one of those transactions. Where something is not certain (how long a self-test takes), several states are
 //! possible, and what is read afterwards decides.

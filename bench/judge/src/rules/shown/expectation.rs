@@ -1,8 +1,9 @@
-//! Which of the cycles that reach the DPR's antenna it shows: the sequence of design section 4, seen from outside.
+//! Which of the cycles that reach the DPR's antenna it shows: the sequence (docs/design.md#sequence), seen from
+//! outside.
 //!
 //! The judge cannot know everything that decides: whether a frame was received that came while the listener was being
 //! armed, or on which side of a limit a step falls that is nearly at it. So it keeps *every*
-//! state that a DPR which does right can be in ([`State`]), and lets each frame lead each state to all its successors.
+//! state that a DPR which does right can be in (`State`), and lets each frame lead each state to all its successors.
 //! What they all agree on [must](Certainty::Must) be, what none allows must [never](Certainty::Never) be, and nothing
 //! is asked of the rest. While all is clear there is one state; after something unclear the states become one again
 //! when the sequence has been found from all of them, which takes four cycles.
@@ -433,7 +434,7 @@ mod tests {
         state.steps(4, ms(10), |step| assert_eq!(step, EXACT));
     }
 
-    /// The limits are design section 4's, and around each lies a band in which either is right.
+    /// The limits are those of docs/design.md#sequence, and around each lies a band in which either is right.
     #[test]
     fn how_punctual_a_step_is_decides_what_it_may_be_taken_for() {
         let late = Step::TooEarlyOrLate;

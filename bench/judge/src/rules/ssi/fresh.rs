@@ -3,7 +3,7 @@
 //! # What FRESH claims
 //!
 //! From its rise on a transaction brings the new image, or 0xFF throughout while that is being put in; never an older
-//! one (design section 4, `dpr_fw::publish`). The DPR raises it
+//! one (docs/design.md#publication, `dpr_fw::publish`). The DPR raises it
 //!
 //! - before it gives the SSI's buffers back, so that no image is readable without FRESH;
 //! - at once if a transaction is under way, which still brings the image of before.

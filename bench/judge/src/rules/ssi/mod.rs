@@ -24,8 +24,8 @@
 //! - While [`Excuse::Service`] holds the flight controller is owed no service, and what it reads by the wrong clocks is
 //!   not looked at here: what it reads as valid still has to be, which is the rule of [`super::shown`]. No image may be
 //!   later for it.
-//! - A transaction that ends within [`bounds::SSI_PAUSE`] after the DPR was ready again after the one before is owed
-//!   service from the end of that time on.
+//! - A transaction that ends within [`SSI_PAUSE`](crate::bounds::SSI_PAUSE) after the DPR was ready again after the one
+//!   before is owed service from the end of that time on.
 //! - What is unsound while [`Excuse::UnsoundImage`] holds is not looked at here: a check that finds it is all that is
 //!   asked. That it is not valid is for [`super::shown`] to ask. Nor is it held against the DPR that it replaces such
 //!   an image by one that tells the same.
