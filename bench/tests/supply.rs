@@ -110,9 +110,12 @@ fn a_falling_supply_takes_the_dprs_image_away_and_is_named() {
 fn ram_is_kept_above_1_4_v_and_lost_without_a_supply() {
     let Some(mut node) = boards::horus() else { return };
     run_horus(&mut node, 100 * MS);
+    // The debug probe clears the log's control block, which has one channel, at each start.
+    let block = usize::try_from(node.address_of("_SEGGER_RTT").unwrap() - 0x2000_0000).unwrap();
     let ram = |node: &Node<bench::boards::Horus>| {
         let mut bytes = vec![0; 192 << 10];
         node.read(0x2000_0000, &mut bytes).unwrap();
+        bytes[block..block + 48].fill(0);
         bytes
     };
     let mut lost = |lowest| {
