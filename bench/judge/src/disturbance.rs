@@ -157,8 +157,12 @@ pub enum Excuse {
     HorusFrontEndUse,
     /// The same of the DPR's.
     DprFrontEndUse,
-    /// HORUS may not read what a receiver on a bus offers.
+    /// HORUS may not read what a receiver on a bus offers: this receiver, where one is disturbed.
     Polling,
+    /// A receiver may be set otherwise than HORUS needs it: this receiver, where one is disturbed.
+    Settings,
+    /// A receiver may say that it is where it is not, or nothing, or may be excluded for that: this receiver.
+    Position,
     /// What HORUS says of its receivers, its vote and its inputs may not be what they say now.
     Content,
     /// The DPR may not hear a frame that reaches its antenna, or not hand on what it has heard of it; and any cycle
@@ -266,6 +270,8 @@ impl Disturbance {
             // Bytes of its line may be lost.
             Self::Receiver { .. } => &[
                 (Excuse::Polling, After(bounds::READ_WITHIN)),
+                (Excuse::Settings, After(bounds::SETTINGS_TOLD)),
+                (Excuse::Position, After(bounds::POSITION_SETTLED)),
                 (Excuse::HorusComplaints, Start(Horus)),
             ],
             Self::Memory { board: Dpr, memory: Memory::Receive } => &[
@@ -347,6 +353,8 @@ impl Disturbance {
 #[derive(Clone, Copy, Debug)]
 struct Valid {
     excuse: Excuse,
+    /// The receiver that it is of; of all of them, or of none, where there is none.
+    receiver: Option<usize>,
     /// The board whose start ends it.
     board: Option<Board>,
     /// Until when its cause is there, ns.
@@ -378,7 +386,16 @@ impl Disturbances {
                 self.start(*board, at);
                 // An access that the restart has cut off.
                 let excuse = front_end_use(*board);
-                self.add(at, Valid { excuse, board: None, until: at, over: at.saturating_add(bounds::CUT_SHORT) });
+                self.add(
+                    at,
+                    Valid {
+                        excuse,
+                        receiver: None,
+                        board: None,
+                        until: at,
+                        over: at.saturating_add(bounds::CUT_SHORT),
+                    },
+                );
             }
             _ => {}
         }
@@ -390,7 +407,11 @@ impl Disturbances {
                 After(ns) => (disturbs.board(), until.saturating_add(*ns)),
                 Start(board) => (Some(*board), u64::MAX),
             };
-            self.add(at, Valid { excuse: *excuse, board, until, over });
+            let receiver = match disturbs {
+                Disturbance::Receiver { receiver } => Some(receiver),
+                _ => None,
+            };
+            self.add(at, Valid { excuse: *excuse, receiver, board, until, over });
         }
         if let Disturbance::FrontEnd { board: Board::Dpr, harm: Harm::Silent } = disturbs {
             self.silent = (at, until);
@@ -426,6 +447,13 @@ impl Disturbances {
         self.over[excuse as usize]
     }
 
+    /// Whether this is excused of a receiver (from 0) at `at`, ns.
+    #[must_use]
+    pub fn excuse_of(&self, receiver: usize, excuse: Excuse, at: u64) -> bool {
+        let concerns = |valid: &&Valid| valid.excuse == excuse && valid.receiver.is_none_or(|of| of == receiver);
+        self.excuse(excuse, at) && self.valid.iter().filter(concerns).any(|valid| at < valid.over)
+    }
+
     /// From when on, and until when, the DPR's front end does not answer, ns: the last time.
     #[must_use]
     pub fn silent_front_end(&self) -> (u64, u64) {
@@ -458,7 +486,9 @@ mod tests {
 
     const BEGINS: u64 = 1_000 * MS;
     const ENDS: u64 = 1_300 * MS;
-    const EXCUSES: [Excuse; 18] = [
+    const EXCUSES: [Excuse; 20] = [
+        Excuse::Settings,
+        Excuse::Position,
         Excuse::NoField,
         Excuse::Polling,
         Excuse::Content,
@@ -556,7 +586,12 @@ mod tests {
             (Disturbance::Emission, vec![(DprComplaints, None)]),
             (
                 Disturbance::Receiver { receiver: 0 },
-                vec![(Polling, Some(bounds::READ_WITHIN)), (HorusComplaints, None)],
+                vec![
+                    (Settings, Some(bounds::SETTINGS_TOLD)),
+                    (Position, Some(bounds::POSITION_SETTLED)),
+                    (Polling, Some(bounds::READ_WITHIN)),
+                    (HorusComplaints, None),
+                ],
             ),
             (Disturbance::Restart { board: horus }, vec![(DprComplaints, None)]),
             (Disturbance::Hang { board: horus }, vec![(HorusComplaints, None), (DprComplaints, None)]),

@@ -41,7 +41,7 @@ use profile::{CYCLE_MS, GpsValues, Layout, MAX_RECEIVERS, ReportedValues};
 
 use crate::disturbance::Excuse;
 use crate::read::{Frame, Placed, State, Values};
-use crate::{Board, Context, Event, Figures, Findings, Header, Violation, Voter, What, bounds};
+use crate::{Board, Context, Disturbances, Event, Figures, Findings, Header, Violation, Voter, What, bounds};
 use inputs::Inputs;
 use itself::Itself;
 use models::Models;
@@ -285,8 +285,8 @@ impl Content {
     /// Takes the next event.
     pub fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
         let at = event.at;
-        self.itself.take(&event.what);
-        self.models.take(event);
+        self.itself.take(at, &event.what);
+        self.models.take(at, &event.what);
         match &event.what {
             What::Power { board: Board::Horus, .. } | What::Reset { board: Board::Horus, .. } => {
                 let unjudged = std::mem::take(&mut self.unjudged);
@@ -330,7 +330,7 @@ impl Content {
                     && *started >= self.ticks.since + bounds::COMMAND_TO_AIR
                     && !context.disturbances().excuse(Excuse::Content, at)
                 {
-                    self.sent(at, *started, frame, findings);
+                    self.sent(at, *started, frame, context.disturbances(), findings);
                 }
             }
             _ => {}
@@ -338,7 +338,7 @@ impl Content {
     }
 
     /// HORUS has sent a frame.
-    fn sent(&mut self, at: u64, started: u64, frame: &Frame, findings: &mut Findings) {
+    fn sent(&mut self, at: u64, started: u64, frame: &Frame, disturbances: &Disturbances, findings: &mut Findings) {
         let Ticks { count, first, last, before, untimed, .. } = self.ticks;
         let (tick, number) = match (last, before) {
             (Some(last), _) if started >= last => (last, count),
@@ -370,6 +370,9 @@ impl Content {
                     {
                         findings.add(Violation::StateWrong, at, || format!("{what}, at {:.6} ms", at as f64 / 1e6));
                     }
+                    if let Some(what) = itself.wrong_crystal(values.status) {
+                        findings.add(Violation::CrystalWrong, at, || format!("{what}, at {:.6} ms", at as f64 / 1e6));
+                    }
                     if let Some(what) = itself.wrong(values.status) {
                         findings.add(Violation::ReportedWrong, at, || format!("{what}, at {:.6} ms", at as f64 / 1e6));
                     }
@@ -378,7 +381,7 @@ impl Content {
                 State::Valid { values: Values::Gps(values), .. } => {
                     let Some(line) = lines.get_mut(object.index - 1) else { continue };
                     if values.status.position_valid()
-                        && let Some(model) = models.wrong(object.index - 1, at, ticks.since)
+                        && let Some(model) = models.wrong(object.index - 1, at, ticks.since, disturbances)
                     {
                         let name = || format!("GPS{} navigates by model {model}", object.index);
                         findings.add(Violation::NotAirborne, at, name);
