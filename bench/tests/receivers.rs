@@ -425,7 +425,7 @@ fn each_receiver_is_told_that_it_flies() {
         let log = bench.finish(setup.duration_ns).log;
         for receiver in 0..3 {
             let model = log.events.iter().rev().find_map(|event| match event.what {
-                What::Navigates { receiver: of, model } if of == receiver => Some(model),
+                What::Settings { receiver: of, model, .. } if of == receiver => Some(model),
                 _ => None,
             });
             assert_eq!(model, Some(bounds::DYNAMIC_MODEL), "GPS{}, as delivered: {factory_settings}", receiver + 1);

@@ -71,6 +71,9 @@ pub const WATCHDOG_FED: u64 = 40_000_000;
 /// The same of the DPR's: 100 ms by an RC oscillator of 32.768 kHz that may be off by 2 % (nRF52840 PS 5.4), and as
 /// much again, since parts were seen that keep that narrowly.
 pub const DPR_WATCHDOG_LONGEST: u64 = 104_000_000;
+/// A task that died had checked in within this before, and the watchdog is fed once more for that: every task checks in
+/// once a cycle, and the DPR's deadline comes after 12.5 ms.
+pub const CHECKED_IN: u64 = FRAME_DEADLINE + CYCLE;
 /// HORUS takes what its objects say after the tick and before the first slot, 0.12 ms after it at the latest
 /// (docs/design.md#timing and `profile::air::send_slot_us`): a message that arrived later is not in them. With a
 /// margin, since what arrives in between may be in them or not.
@@ -97,10 +100,24 @@ pub const SHORTEST_PERIOD_MS: u32 = 20;
 pub const READ_WITHIN: u64 = 1_000_000_000;
 /// The dynamic model by which a receiver has to navigate: airborne with less than 2 g, of u-blox' CFG-NAVSPG-DYNMODEL.
 pub const DYNAMIC_MODEL: u8 = 7;
-/// A receiver whose position is shown has to have been told that within this after HORUS's start, the change to another
-/// model, or the end of a fault of the receiver or its line: 1.5 s until HORUS begins anew, 0.7 s at two
-/// bit rates, and two messages without an answer, 1 s each.
-pub const MODEL_TOLD: u64 = 5_000_000_000;
+/// A receiver has to be set as HORUS needs it within this after HORUS's start, the loss of a setting, or the end of a
+/// fault of the receiver or its line: 1.5 s until HORUS begins anew, 0.7 s at two bit rates, and two messages without an
+/// answer, 1 s each.
+pub const SETTINGS_TOLD: u64 = 5_000_000_000;
+/// So long after HORUS's start, or after enough receivers are well again, there is a position at the latest: the
+/// receivers have to be set, one of them has a solution once a second, and a result that jumps is held back.
+pub const POSITION_WITHIN: u64 = SETTINGS_TOLD + READ_WITHIN + HELD_BACK;
+/// After a fault of a receiver its position may be missing for so long, and it may be excluded.
+pub const POSITION_SETTLED: u64 = SETTINGS_TOLD + RETURNED;
+/// A position is one at which the aircraft was at most so long ago: design section 2 calls a solution valid for the
+/// longest period and [`VALID_BEYOND_PERIOD`], and a receiver takes up to [`BEFORE_ARRIVAL_SPREAD`] more than
+/// [`BEFORE_ARRIVAL`] to tell it.
+pub const POSITION_OLDEST: u64 =
+    LONGEST_PERIOD_MS as u64 * 1_000_000 + VALID_BEYOND_PERIOD + BEFORE_ARRIVAL + BEFORE_ARRIVAL_SPREAD;
+/// And it is off by so much at most, horizontal and vertical, m: five times what the worst of the receivers is off in
+/// one of 68 cases.
+pub const POSITION_OFF_M: [f64; 2] = [10.0, 20.0];
+
 /// The step in which a GPS object's status tells the age of its solution, the code of the oldest, and that of none:
 /// docs/design.md#status-words.
 pub const AGE_STEP: u64 = 25_000_000;
@@ -155,6 +172,28 @@ pub const GEODESY_SHARE: f64 = 0.01;
 pub const ARITHMETIC_M: f64 = 0.05;
 /// The same of an angle (rad) or an acceleration (m/s²) that is the mean of two.
 pub const ARITHMETIC_F32: f32 = 1e-5;
+
+// ---- Flight controller and base station
+
+/// FRESH is high for this at least (docs/hardware.md): a pin interrupt of the flight controller behind an isolator sees
+/// it.
+pub const FRESH_WIDTH: u64 = 1_500;
+/// A position that is older than this must not be flown by (docs/flight-controller.md), ns.
+pub const CLIENT_AGE_LIMIT: u64 = 100_000_000;
+/// What a client's age may be below the true one, ns: what both front ends scatter and the crystals of both boards and
+/// the flight controller are off (100 ppm and 1000 ppm of [`CLIENT_AGE_LIMIT`]).
+pub const CLIENT_AGE_SHORT: u64 = 300_000;
+/// And above it: it takes the image to be as old as one can be, and Link-Status rounds to 0.1 ms.
+pub const CLIENT_AGE_LONG: u64 = EXPIRY + 600_000;
+/// So many transactions in a row that bring cycles in sequence with a valid position find the client's sequence.
+pub const CLIENT_FINDS: u32 = SEARCH_CYCLES as u32 + 2;
+/// The base station's age may differ so much from the true one, ns: it knows the delay of no way, and takes the fastest
+/// for none. An air that holds frames back by up to 45 ms, an image that is read when it expires, and the crystals.
+pub const STATION_AGE_OFF: u64 = 120_000_000;
+/// A position that is older than this is stale for the base station (docs of the base station), ns.
+pub const STATION_STALE: u64 = 400_000_000;
+/// And if nothing arrives for this, the drone is silent, ns.
+pub const STATION_SILENT: u64 = 1_000_000_000;
 
 // ---- Receivers' lines
 
@@ -246,9 +285,22 @@ pub const FRONT_END_TOLD: u64 = 4 * CYCLE;
 /// From the return of a front end that was out of order to its firmware having brought it up again: within 15
 /// cycles.
 pub const FRONT_END_RECOVERY: u64 = 15 * CYCLE;
-/// A self-test of the DPR takes one pass over its flash and one over its RAM, which it makes while nothing else is to
-/// be done: 10 to 20 s, and longer beside a flight controller that takes the processor's time.
-pub const SELF_TEST: u64 = 60_000_000_000;
+/// A self-test of the DPR takes one pass over its flash and one over its RAM, in at most this: 3.5 s where the image and
+/// the RAM in use take all that they may, three times as fast as round the clock, and the processor's idle time allows.
+pub const SELF_TEST: u64 = 5_000_000_000;
+/// A pass over the DPR's flash takes at most this: 7.7 s for an image of 96 KiB, and what idle time may be missing.
+pub const FLASH_PASS_LONGEST: u64 = 9_000_000_000;
+/// And at least this: a self-test of an image of 16 KiB.
+pub const FLASH_PASS_SHORTEST: u64 = 400_000_000;
+/// Port-Status is made so long before Link-Status of the same image at most, ms: one cycle, and what its task waits for.
+pub const PORT_BEFORE_LINK_MS: u32 = 25;
+/// The causes by which the DPR's firmware codes its safe state (`firmware_common::last_stop`).
+pub const STOP_CAUSES: std::ops::RangeInclusive<u32> = 1..=14;
+/// From a flip in HORUS's flash to its field being off: two passes over its flash, 9.1 s where the image takes all that
+/// it may, and what idle time may be missing.
+pub const HORUS_FLASH_FOUND: u64 = 10_000_000_000;
+/// From a flip in the DPR's flash to Link-Status: the same, 15.4 s.
+pub const DPR_FLASH_FOUND: u64 = 17_000_000_000;
 /// After a flight controller has misused the SSI the DPR is asked for nothing for so long: what was under way ends, and
 /// the next image is put in.
 pub const MISUSE_OVER: u64 = 2 * CYCLE;

@@ -71,6 +71,14 @@ pub enum Disturbance {
         /// Which.
         board: Board,
     },
+    /// The interrupt of one of a board's tasks is off for good, while the rest of its firmware runs. Only a task that has
+    /// to check in before the watchdog is fed counts: the watchdog has to restart the board.
+    DeadTask {
+        /// Whose.
+        board: Board,
+        /// By which number it checks in.
+        task: u8,
+    },
     /// A bit of a board's memory.
     Memory {
         /// Whose.
@@ -149,8 +157,14 @@ pub enum Excuse {
     HorusFrontEndUse,
     /// The same of the DPR's.
     DprFrontEndUse,
-    /// HORUS may not read what a receiver on a bus offers.
+    /// HORUS may not read what a receiver on a bus offers: this receiver, where one is disturbed.
     Polling,
+    /// A receiver may be set otherwise than HORUS needs it: this receiver, where one is disturbed.
+    Settings,
+    /// A receiver may say that it is where it is not, or nothing, or may be excluded for that: this receiver.
+    Position,
+    /// What HORUS says of its receivers, its vote and its inputs may not be what they say now.
+    Content,
     /// The DPR may not hear a frame that reaches its antenna, or not hand on what it has heard of it; and any cycle
     /// that was heard may be shown.
     Hearing,
@@ -200,6 +214,8 @@ impl Disturbance {
         use Board::{Dpr, Horus};
         const RECOVERY: End = After(bounds::FRONT_END_RECOVERY);
         const REPLACED: End = After(bounds::BUFFER_REPLACED);
+        const HORUS_DEAD: End = After(bounds::FIRST_WATCHDOG_LONGEST + bounds::CHECKED_IN);
+        const DPR_DEAD: End = After(bounds::DPR_WATCHDOG_LONGEST + bounds::CHECKED_IN);
         match self {
             Self::FrontEnd { board: Horus, .. } => &[
                 (Excuse::Sending, RECOVERY),
@@ -233,9 +249,29 @@ impl Disturbance {
                 (Excuse::DprComplaints, Start(Dpr)),
             ],
             Self::Hang { board: Dpr } => &[(Excuse::DprComplaints, Start(Dpr))],
+            Self::DeadTask { board: Horus, .. } => &[
+                (Excuse::Sending, HORUS_DEAD),
+                (Excuse::HorusFrontEndUse, HORUS_DEAD),
+                (Excuse::Polling, HORUS_DEAD),
+                (Excuse::Content, HORUS_DEAD),
+                (Excuse::HorusComplaints, Start(Horus)),
+                (Excuse::DprComplaints, Start(Dpr)),
+            ],
+            Self::DeadTask { board: Dpr, .. } => &[
+                (Excuse::Hearing, DPR_DEAD),
+                (Excuse::Withdrawal, After(0)),
+                (Excuse::Latency, DPR_DEAD),
+                (Excuse::Service, DPR_DEAD),
+                (Excuse::DprFrontEndUse, DPR_DEAD),
+                (Excuse::NoField, Start(Dpr)),
+                (Excuse::LinkCounters, Start(Dpr)),
+                (Excuse::DprComplaints, Start(Dpr)),
+            ],
             // Bytes of its line may be lost.
             Self::Receiver { .. } => &[
                 (Excuse::Polling, After(bounds::READ_WITHIN)),
+                (Excuse::Settings, After(bounds::SETTINGS_TOLD)),
+                (Excuse::Position, After(bounds::POSITION_SETTLED)),
                 (Excuse::HorusComplaints, Start(Horus)),
             ],
             Self::Memory { board: Dpr, memory: Memory::Receive } => &[
@@ -285,7 +321,9 @@ impl Disturbance {
     #[must_use]
     pub const fn recovery_cycles(self) -> u64 {
         match self {
-            Self::FrontEnd { .. } | Self::Supply { .. } | Self::Restart { .. } => bounds::BRING_UP_CYCLES,
+            Self::FrontEnd { .. } | Self::Supply { .. } | Self::Restart { .. } | Self::DeadTask { .. } => {
+                bounds::BRING_UP_CYCLES
+            }
             _ => bounds::RECOVERY_CYCLES,
         }
     }
@@ -297,6 +335,7 @@ impl Disturbance {
             | Self::Supply { board }
             | Self::Restart { board }
             | Self::Hang { board }
+            | Self::DeadTask { board, .. }
             | Self::Memory { board, .. }
             | Self::Code { board } => Some(board),
             Self::Air
@@ -314,6 +353,8 @@ impl Disturbance {
 #[derive(Clone, Copy, Debug)]
 struct Valid {
     excuse: Excuse,
+    /// The receiver that it is of; of all of them, or of none, where there is none.
+    receiver: Option<usize>,
     /// The board whose start ends it.
     board: Option<Board>,
     /// Until when its cause is there, ns.
@@ -345,7 +386,16 @@ impl Disturbances {
                 self.start(*board, at);
                 // An access that the restart has cut off.
                 let excuse = front_end_use(*board);
-                self.add(at, Valid { excuse, board: None, until: at, over: at.saturating_add(bounds::CUT_SHORT) });
+                self.add(
+                    at,
+                    Valid {
+                        excuse,
+                        receiver: None,
+                        board: None,
+                        until: at,
+                        over: at.saturating_add(bounds::CUT_SHORT),
+                    },
+                );
             }
             _ => {}
         }
@@ -357,7 +407,11 @@ impl Disturbances {
                 After(ns) => (disturbs.board(), until.saturating_add(*ns)),
                 Start(board) => (Some(*board), u64::MAX),
             };
-            self.add(at, Valid { excuse: *excuse, board, until, over });
+            let receiver = match disturbs {
+                Disturbance::Receiver { receiver } => Some(receiver),
+                _ => None,
+            };
+            self.add(at, Valid { excuse: *excuse, receiver, board, until, over });
         }
         if let Disturbance::FrontEnd { board: Board::Dpr, harm: Harm::Silent } = disturbs {
             self.silent = (at, until);
@@ -393,6 +447,13 @@ impl Disturbances {
         self.over[excuse as usize]
     }
 
+    /// Whether this is excused of a receiver (from 0) at `at`, ns.
+    #[must_use]
+    pub fn excuse_of(&self, receiver: usize, excuse: Excuse, at: u64) -> bool {
+        let concerns = |valid: &&Valid| valid.excuse == excuse && valid.receiver.is_none_or(|of| of == receiver);
+        self.excuse(excuse, at) && self.valid.iter().filter(concerns).any(|valid| at < valid.over)
+    }
+
     /// From when on, and until when, the DPR's front end does not answer, ns: the last time.
     #[must_use]
     pub fn silent_front_end(&self) -> (u64, u64) {
@@ -425,9 +486,12 @@ mod tests {
 
     const BEGINS: u64 = 1_000 * MS;
     const ENDS: u64 = 1_300 * MS;
-    const EXCUSES: [Excuse; 17] = [
+    const EXCUSES: [Excuse; 20] = [
+        Excuse::Settings,
+        Excuse::Position,
         Excuse::NoField,
         Excuse::Polling,
+        Excuse::Content,
         Excuse::Sending,
         Excuse::HorusFrontEndUse,
         Excuse::DprFrontEndUse,
@@ -471,6 +535,8 @@ mod tests {
         use Excuse::*;
         let (recovery, replaced) = (Some(bounds::FRONT_END_RECOVERY), Some(bounds::BUFFER_REPLACED));
         let horus = Board::Horus;
+        let horus_dead = Some(bounds::FIRST_WATCHDOG_LONGEST + bounds::CHECKED_IN);
+        let dpr_dead = Some(bounds::DPR_WATCHDOG_LONGEST + bounds::CHECKED_IN);
         for (disturbs, expected) in [
             (
                 HORUS_FRONT_END,
@@ -520,11 +586,40 @@ mod tests {
             (Disturbance::Emission, vec![(DprComplaints, None)]),
             (
                 Disturbance::Receiver { receiver: 0 },
-                vec![(Polling, Some(bounds::READ_WITHIN)), (HorusComplaints, None)],
+                vec![
+                    (Settings, Some(bounds::SETTINGS_TOLD)),
+                    (Position, Some(bounds::POSITION_SETTLED)),
+                    (Polling, Some(bounds::READ_WITHIN)),
+                    (HorusComplaints, None),
+                ],
             ),
             (Disturbance::Restart { board: horus }, vec![(DprComplaints, None)]),
             (Disturbance::Hang { board: horus }, vec![(HorusComplaints, None), (DprComplaints, None)]),
             (Disturbance::Hang { board: Board::Dpr }, vec![(DprComplaints, None)]),
+            (
+                Disturbance::DeadTask { board: horus, task: 0 },
+                vec![
+                    (Polling, horus_dead),
+                    (Content, horus_dead),
+                    (Sending, horus_dead),
+                    (HorusFrontEndUse, horus_dead),
+                    (HorusComplaints, None),
+                    (DprComplaints, None),
+                ],
+            ),
+            (
+                Disturbance::DeadTask { board: Board::Dpr, task: 1 },
+                vec![
+                    (NoField, None),
+                    (DprFrontEndUse, dpr_dead),
+                    (Hearing, dpr_dead),
+                    (Withdrawal, Some(0)),
+                    (Latency, dpr_dead),
+                    (Service, dpr_dead),
+                    (LinkCounters, None),
+                    (DprComplaints, None),
+                ],
+            ),
             (Disturbance::Code { board: Board::Dpr }, vec![(SelfTest, None)]),
             (Disturbance::Code { board: horus }, vec![]),
             (Disturbance::Restart { board: Board::Dpr }, vec![]),

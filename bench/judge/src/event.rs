@@ -19,7 +19,7 @@ pub struct Header {
 
 impl Header {
     /// The format that this crate writes and reads.
-    pub const VERSION: u32 = 2;
+    pub const VERSION: u32 = 3;
 
     /// Whether the cores' time is the longest that silicon may take.
     #[must_use]
@@ -128,6 +128,13 @@ pub enum What {
         /// Which.
         board: Board,
     },
+    /// A board's external oscillator fails, or works again. It works before the first of these.
+    Crystal {
+        /// Whose.
+        board: Board,
+        /// It works.
+        works: bool,
+    },
     /// The levels of a pair of pins that tells HORUS's state are others; before the first of these no input is active.
     StateInput {
         /// 0 the relay, 1 the motor cut, 2 the emergency measure.
@@ -139,6 +146,15 @@ pub enum What {
     },
     /// HORUS's TICK pin rose: its 10 ms timer began the next cycle.
     Tick,
+    /// Where the simulated aircraft is at the tick of this instant. In a run that plays a recording nobody knows that.
+    Aircraft {
+        /// 1e-9 degrees north.
+        latitude: i64,
+        /// 1e-9 degrees east.
+        longitude: i64,
+        /// Above the ellipsoid, mm.
+        height: i64,
+    },
     /// Chip select of HORUS's front end rose after the byte of a transmit command.
     Command,
     /// HORUS's front end switched its carrier.
@@ -196,13 +212,14 @@ pub enum What {
         #[serde(default)]
         old: bool,
     },
-    /// A receiver's filter assumes from now on that it moves like this; before the first of these of a receiver nothing
-    /// is known of that.
-    Navigates {
+    /// A simulated receiver is set so from now on; before the first of these of a receiver nothing is known of that.
+    Settings {
         /// Which, from 0.
         receiver: usize,
-        /// Its dynamic model, as u-blox' CFG-NAVSPG-DYNMODEL counts them.
+        /// By which dynamic model it navigates, as u-blox' CFG-NAVSPG-DYNMODEL counts them.
         model: u8,
+        /// It puts out the message that HORUS takes positions from, NAV-PVT.
+        position: bool,
     },
     /// The DPR's FRESH pin rose or fell.
     Fresh {
@@ -225,6 +242,13 @@ pub enum What {
         /// What it read.
         miso: Bytes,
     },
+    /// What the flight controller's client says after the transaction that ended at this instant.
+    Decided {
+        /// The timestamp of the position to fly by, ms; nothing if there is none.
+        position: Option<u32>,
+        /// How old the sample is that was read last, when the transaction began, µs; nothing if that is not known.
+        age_us: Option<u32>,
+    },
     /// The flight controller forwarded a profile to the base station, untouched.
     Forwarded {
         /// The profile: the objects of the image, without Link-Status.
@@ -236,6 +260,13 @@ pub enum What {
         profile: Bytes,
         /// Which of its objects the base station shows as valid: bit 0 Reported-Position, bit n GPSn.
         shown: u8,
+    },
+    /// What the base station says of the drone at this instant: from time to time, and whenever its alarms change.
+    Station {
+        /// How old the Reported-Position is that it shows, µs; nothing if it shows none.
+        age_us: Option<u64>,
+        /// The alarms that hold, by the names that programs know them by.
+        alarms: Vec<String>,
     },
     /// A part found an access that silicon does not answer, or a state that its manual forbids.
     Finding {
@@ -296,29 +327,33 @@ impl What {
             Self::Reset { .. } => 1,
             Self::Injected { .. } => 2,
             Self::Hung { .. } => 3,
-            Self::StateInput { .. } => 4,
-            Self::Tick => 5,
-            Self::Command => 6,
-            Self::Field { .. } => 7,
-            Self::Sent { .. } => 8,
-            Self::FieldHeard { .. } => 9,
-            Self::Heard { .. } => 10,
-            Self::Answer => 11,
-            Self::Offered { .. } => 12,
-            Self::Fed { .. } => 13,
-            Self::Navigates { .. } => 14,
-            Self::Fresh { .. } => 15,
-            Self::Ssi(_) => 16,
-            Self::Selected => 17,
-            Self::Transaction { .. } => 18,
-            Self::Forwarded { .. } => 19,
-            Self::Arrived { .. } => 20,
-            Self::Finding { .. } => 21,
-            Self::Misuse { .. } => 22,
-            Self::Late { .. } => 23,
-            Self::Counter { .. } => 24,
-            Self::Load { .. } => 25,
-            Self::End => 26,
+            Self::Crystal { .. } => 4,
+            Self::StateInput { .. } => 5,
+            Self::Tick => 6,
+            Self::Aircraft { .. } => 7,
+            Self::Command => 8,
+            Self::Field { .. } => 9,
+            Self::Sent { .. } => 10,
+            Self::FieldHeard { .. } => 11,
+            Self::Heard { .. } => 12,
+            Self::Answer => 13,
+            Self::Offered { .. } => 14,
+            Self::Fed { .. } => 15,
+            Self::Settings { .. } => 16,
+            Self::Fresh { .. } => 17,
+            Self::Ssi(_) => 18,
+            Self::Selected => 19,
+            Self::Transaction { .. } => 20,
+            Self::Decided { .. } => 21,
+            Self::Forwarded { .. } => 22,
+            Self::Arrived { .. } => 23,
+            Self::Station { .. } => 24,
+            Self::Finding { .. } => 25,
+            Self::Misuse { .. } => 26,
+            Self::Late { .. } => 27,
+            Self::Counter { .. } => 28,
+            Self::Load { .. } => 29,
+            Self::End => 30,
         }
     }
 }

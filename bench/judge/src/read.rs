@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use profile::air::{CRC_BYTES, LEN_BYTES};
-use profile::ssi::{self, Parsed, REQUEST_SIZE};
+use profile::ssi::REQUEST_SIZE;
 use profile::{GpsValues, Layout, LinkStatus, LinkValues, Object, Rejection, ReportedValues};
 
 /// What an object says.
@@ -186,10 +186,54 @@ impl Window {
         if silent {
             return;
         }
-        let request = mosi.first_chunk::<REQUEST_SIZE>();
-        self.offset = match request.map(|request| ssi::parse(request, layout.map_len())) {
-            Some(Ok(Parsed::Window(request))) => usize::from(request.offset),
+        self.offset = match Asked::of(mosi, layout.map_len()) {
+            Asked::Window { offset } => offset,
             _ => 0,
         };
     }
+}
+
+/// What the flight controller asks for with the first bytes of a transaction (design section 5).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Asked {
+    /// Nothing: the line is idle.
+    Nothing,
+    /// A window that lies in the map.
+    Window {
+        /// Its first byte.
+        offset: usize,
+    },
+    /// A window that is empty, or does not lie in the map.
+    Outside,
+    /// Something whose CRC is wrong.
+    Damaged,
+    /// The transaction ended in the middle of it.
+    Short,
+}
+
+impl Asked {
+    /// What `mosi` asks of a map of so many bytes.
+    #[must_use]
+    pub fn of(mosi: &[u8], map_len: usize) -> Self {
+        let request = &mosi[..mosi.len().min(REQUEST_SIZE)];
+        if is_vacant(request) {
+            return Self::Nothing;
+        }
+        let [o0, o1, l0, l1, ..] = *request else { return Self::Short };
+        if request.len() < REQUEST_SIZE {
+            return Self::Short;
+        }
+        let [offset, length] = [[o0, o1], [l0, l1]].map(|bytes| usize::from(u16::from_le_bytes(bytes)));
+        match is_intact(request) {
+            false => Self::Damaged,
+            true if length == 0 || offset + length > map_len => Self::Outside,
+            true => Self::Window { offset },
+        }
+    }
+}
+
+/// Whether the last four bytes are the frame CRC of those before them, most significant byte first (design section 2).
+#[must_use]
+pub fn is_intact(bytes: &[u8]) -> bool {
+    bytes.split_last_chunk().is_some_and(|(bytes, crc)| profile::crc::frame(bytes).to_be_bytes() == *crc)
 }

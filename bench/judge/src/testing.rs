@@ -179,6 +179,10 @@ rules!(
     crate::rules::content::Content,
     crate::rules::boards::Boards,
     crate::rules::port::Port,
+    crate::rules::client::Client,
+    crate::rules::integrity::Integrity,
+    crate::rules::station::Station,
+    crate::rules::position::Position,
     crate::rules::receivers::Receivers
 );
 

@@ -81,6 +81,18 @@ violations! {
     /// HORUS does not read what a receiver offers. What a receiver on a bus has to say waits until HORUS reads it; a
     /// receiver on a UART does not wait.
     NotRead = "HORUS does not read what a receiver offers",
+    /// A receiver is not set as HORUS needs it. It puts no positions out, long after HORUS should have told it to.
+    NotConfigured = "a receiver is not set as HORUS needs it",
+    /// HORUS has no position in a sound run. Enough receivers are well, and nothing else that is found explains it.
+    NoPosition = "HORUS has no position in a sound run",
+    /// A position far from where the aircraft is. Reported-Position shows it as valid, and the aircraft was at no such
+    /// place for as long as a solution may be valid.
+    PositionOff = "a position far from where the aircraft is",
+    /// HORUS tells wrongly whether it runs without its crystal.
+    CrystalWrong = "HORUS tells wrongly whether it runs without its crystal",
+    /// A fault of memory has no consequence. A bit of a board's program memory was changed, and the board neither says
+    /// so nor stops within the time in which it has to find that.
+    FaultUnnoticed = "a fault of memory has no consequence",
     // ---- DPR and SSI
 
     /// The listener answered. The DPR's front end sent something.
@@ -93,6 +105,11 @@ violations! {
     /// The SSI was not ready in time. After the end of a transaction the DPR could not serve the next within its
     /// bound.
     NotReady = "the SSI was not ready in time",
+    /// A transaction reads nothing although an image is readable. It reads 0xFF throughout, and no image was being put
+    /// in, nor had a transaction just ended.
+    Unserved = "a transaction reads nothing although an image is readable",
+    /// FRESH is too short. The flight controller's pin interrupt may miss the pulse.
+    FreshShort = "FRESH is too short",
     /// The SSI was held back too long. The processor kept the SSI's buffers longer than its bound.
     HeldBack = "the SSI was held back too long",
     /// Two transactions in a row met the DPR busy. One may, while a new image is put in.
@@ -148,7 +165,20 @@ violations! {
     PortStatusWrong = "Port-Status tells what is not so",
     /// An uplink is read otherwise than it was written. Its bytes, its age, whether it is fresh.
     UplinkWrong = "an uplink is read otherwise than it was written",
-    // ---- Base station
+    // ---- Flight controller and base station
+
+    /// The client flies by a position that it must not. It is too old, or none that HORUS sent.
+    ClientWrong = "the client flies by a position that it must not",
+    /// The client tells a wrong age. Against the instant of the sample, as far as the wires tell it.
+    ClientAge = "the client tells a wrong age",
+    /// The client has no position although it reads valid ones in sequence.
+    ClientHides = "the client has no position although it reads them",
+    /// A profile is not forwarded. The flight controller read a new one, whole and sound.
+    NotForwarded = "a profile is not forwarded",
+    /// The base station tells a wrong age. Against the instant of the sample that it shows.
+    StationAge = "the base station tells a wrong age",
+    /// The base station alarms wrongly. An alarm holds that must not, or one that must does not.
+    StationAlarm = "the base station alarms wrongly",
 
     /// The base station missed a profile. It was forwarded and did not arrive.
     BaseMissed = "the base station missed a profile",

@@ -20,8 +20,10 @@ fn one_of_each() -> Vec<What> {
         What::Reset { board: Board::Dpr, cause: text(), asked: false },
         injected(Disturbance::Air, u64::MAX),
         What::Hung { board: Board::Dpr },
+        What::Crystal { board: Board::Horus, works: false },
         What::StateInput { input: 1, active: true, inactive: false },
         What::Tick,
+        What::Aircraft { latitude: -47_123_456_789, longitude: 8_700_000_001, height: -1 },
         What::Command,
         What::Field { on: false },
         What::Sent { started: 1, bit_rate: 423_750, bytes: vec![0, 0xA5, 0xFF].into(), whole: true },
@@ -30,13 +32,15 @@ fn one_of_each() -> Vec<What> {
         What::Answer,
         What::Offered { receiver: 1, bytes: vec![0xB5].into() },
         What::Fed { receiver: 2, byte_ns: 86_806, bytes: vec![0xB5, 0x62].into(), clean: true, old: false },
-        What::Navigates { receiver: 1, model: 7 },
+        What::Settings { receiver: 1, model: 7, position: true },
         What::Fresh { high: true, offered: Some(vec![1; 276].into()) },
         What::Ssi(SsiEvent::Held),
         What::Selected,
         What::Transaction { selected: 0, mosi: vec![0; 8].into(), miso: vec![0xFF; 96].into() },
+        What::Decided { position: Some(10), age_us: None },
         What::Forwarded { profile: vec![9].into() },
         What::Arrived { profile: vec![9].into(), shown: 0xFF },
+        What::Station { age_us: Some(5), alarms: vec![text()] },
         What::Finding { board: Board::Horus, text: text() },
         What::Misuse { board: Board::Dpr, text: text() },
         What::Late { board: Board::Dpr, text: "3 ns".into() },
@@ -49,7 +53,7 @@ fn one_of_each() -> Vec<What> {
 #[test]
 fn events_of_one_instant_stand_in_the_order_of_their_declaration() {
     let ranks: Vec<_> = one_of_each().iter().map(What::rank).collect();
-    assert_eq!(ranks, (0..27).collect::<Vec<_>>());
+    assert_eq!(ranks, (0..31).collect::<Vec<_>>());
     let source = include_str!("../src/event.rs");
     let declared = source.split("pub enum What {").nth(1).unwrap().split("\n}\n").next().unwrap();
     let is_variant = |line: &&str| line.starts_with("    ") && line.as_bytes()[4].is_ascii_uppercase();
@@ -95,7 +99,7 @@ fn error(lines: &[&str]) -> LogError {
     Log::read(lines.join("\n").as_bytes()).unwrap_err()
 }
 
-const HEADER: &str = r#"{"version":2,"gps":3,"seed":7,"clock":"fast"}"#;
+const HEADER: &str = r#"{"version":3,"gps":3,"seed":7,"clock":"fast"}"#;
 const TICK: &str = r#"{"at":10,"what":"tick"}"#;
 
 #[test]
@@ -120,9 +124,9 @@ fn what_is_no_log_is_told_with_its_line() {
         // What is wrong with it comes as the source.
         assert!(std::error::Error::source(&error).is_some());
     }
-    let newer = HEADER.replace("\"version\":2", "\"version\":3");
+    let newer = HEADER.replace("\"version\":4", "\"version\":3");
     assert!(matches!(error(&[&newer, TICK]), LogError::Version { found: 3 }));
-    assert_eq!(error(&[&newer]).to_string(), "the log has format 3, and this version reads format 2");
+    assert_eq!(error(&[&newer]).to_string(), "the log has format 4, and this version reads format 3");
     let backwards = [HEADER, TICK, TICK, r#"{"at":9,"what":"tick"}"#];
     assert!(matches!(error(&backwards), LogError::Order { line: 4, at: 9, before: 10 }));
     assert_eq!(error(&backwards).to_string(), "line 4: an event at 9 ns after one at 10 ns");

@@ -91,7 +91,7 @@ pub enum WireFault {
 pub const GLITCH_AFTER_NS: u64 = 3_000_000;
 
 /// How long an additional pulse of FRESH lasts, ns.
-pub const GLITCH_NS: u64 = 1_000;
+pub const GLITCH_NS: u64 = 2_000;
 
 /// How far back a replay may reach, ns.
 pub const HISTORY_NS: u64 = 1_000_000_000;

@@ -123,8 +123,8 @@ pub struct Voter {
 }
 
 impl From<bench_judge::Voter> for Voter {
-    fn from(bench_judge::Voter { agree, degraded, none, exclusions }: bench_judge::Voter) -> Self {
-        Self { agree, degraded, none, max_error_m: None, exclusions }
+    fn from(bench_judge::Voter { agree, degraded, none, worst_mm, exclusions }: bench_judge::Voter) -> Self {
+        Self { agree, degraded, none, max_error_m: worst_mm.map(|mm| mm as f64 / 1e3), exclusions }
     }
 }
 

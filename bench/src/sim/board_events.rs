@@ -104,7 +104,10 @@ impl BoardEvents {
             Turn::Begins(episode) => {
                 self.injected(now, episode);
                 match &episode.fault {
-                    Fault::Power(_, power) => power.begin(node),
+                    Fault::Power(_, power) => {
+                        power.begin(node);
+                        self.note_crystal(now, *power, false);
+                    }
                     // Without a supply nothing hangs, and what hangs already has done so for longer.
                     Fault::Hang(_) if node.is_powered() && !node.is_hung() => {
                         node.hang();
@@ -132,6 +135,7 @@ impl BoardEvents {
             Turn::Ends(Episode { fault, .. }) => match fault {
                 Fault::Power(_, power) => {
                     power.end(node);
+                    self.note_crystal(now, *power, true);
                     // Who mends a crystal resets the board: the firmware may still be waiting for it, and go on.
                     if matches!(power, PowerFault::CrystalDead) && self.without_crystal {
                         node.restart(FromOutside::Pin);
@@ -153,6 +157,13 @@ impl BoardEvents {
         }
         self.note_restarts(node, true);
         self.note_warning(node);
+    }
+
+    /// An episode of the crystal begins or ends.
+    fn note_crystal(&mut self, now: u64, fault: PowerFault, works: bool) {
+        if fault == PowerFault::CrystalDead {
+            self.note(now, What::Crystal { board: self.side, works });
+        }
     }
 
     fn apply<B: Powered, C: Cost>(

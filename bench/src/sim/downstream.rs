@@ -2,17 +2,20 @@
 //! goes wrong there. It also keeps the event log.
 
 use std::collections::VecDeque;
+use std::sync::Arc;
 
+use base_station::alarm::{Alarm, Alarms};
 use bench_judge::{Board as Side, Bytes, Disturbance, Event, Findings, Header, Log, SsiEvent, Verdict, What};
 use cortex_m4::Cost;
+use gnss_sim::Flight;
 use nrf52840::SpisEvent;
+use profile::ssi::client::AGE_UNKNOWN;
 use st25r3916_model::{Air, AirEvent, AirFaults, Counters};
 
 use super::board_events::{BoardEvents, injected};
 use super::marks::{DPR_SPI_HZ, HORUS_SPI_HZ, SSI_HZ, bus};
 use super::phases::{Edge, Phase, PhaseEvent, Sweeping};
 use super::recorder::Recorder;
-use super::truth::Truth;
 use super::upstream::Notes;
 use crate::boards::{Dpr, Horus};
 use crate::faults::wires::Wires;
@@ -22,6 +25,9 @@ use crate::trace::{self, Mark, TaskWatch, Wire, Word};
 use crate::world::flight_controller::{Placed, Stats};
 use crate::world::ssi::{Progress, Transaction};
 use crate::world::{BaseStation, FlightController};
+
+/// The log is told what the base station says at least so often, ns.
+const STATION_EVERY: u64 = 100_000_000;
 
 /// What the DPR's pins and its SPIS show.
 #[derive(Clone, Copy, Debug)]
@@ -54,6 +60,8 @@ pub(super) struct Link {
     untold_since: u64,
     /// What a transaction would read now, while the SPIS has the buffers and none is under way.
     offer: Option<Vec<u8>>,
+    /// When the log was last told what the base station says, ns, and which alarms held then.
+    station: (u64, Alarms),
     /// How many of the DPR's restarts were seen.
     restarts: usize,
     /// A transaction is under way.
@@ -72,7 +80,7 @@ pub(super) struct Link {
 /// What a [`Link`] begins with.
 pub(super) struct Surroundings {
     pub(super) header: Header,
-    pub(super) truth: Option<Truth>,
+    pub(super) flight: Option<Arc<Flight>>,
     pub(super) flight_controller: FlightController,
     pub(super) base: BaseStation,
     pub(super) traced: bool,
@@ -84,8 +92,6 @@ pub(super) struct Surroundings {
 pub(super) struct Ended {
     pub(super) verdict: Verdict,
     pub(super) log: Log,
-    /// How far Reported-Position was off at worst, m.
-    pub(super) worst_error_m: Option<f64>,
     pub(super) base: BaseStation,
     pub(super) phases: Vec<Phase>,
 }
@@ -104,10 +110,11 @@ impl Link {
             faults: faults.timeline(false),
             air_faults: vec![],
             dpr_events: BoardEvents::new(Side::Dpr),
-            recorder: Recorder::new(with.header, with.truth, with.logged),
+            recorder: Recorder::new(with.header, with.flight, with.logged),
             announced: None,
             untold_since: u64::MAX,
             offer: None,
+            station: (0, Alarms::none()),
             restarts: 0,
             selected: false,
             deselected: 0,
@@ -148,7 +155,22 @@ impl Link {
         self.watch_dpr(dpr);
         self.advance_air(reached, dpr);
         self.recorder.extend(self.dpr_events.take());
+        self.note_station(reached);
         self.recorder.release(reached.min(self.announced.unwrap_or(u64::MAX)).min(self.untold_since));
+    }
+
+    /// What the base station says at `now` (ns) is in the log, if it is time for that or its alarms have changed. What
+    /// arrived at that instant it has taken.
+    fn note_station(&mut self, now: u64) {
+        let drone = self.base.drone();
+        let alarms = drone.alarms_at(now / 1_000);
+        if now < self.station.0 + STATION_EVERY && alarms == self.station.1 {
+            return;
+        }
+        let age_us = drone.reported().map(|held| held.age_us(now / 1_000));
+        self.station = (now, alarms);
+        let alarms = alarms.iter().map(|alarm: Alarm| alarm.code().to_owned()).collect();
+        self.recorder.note(now, What::Station { age_us, alarms });
     }
 
     /// Keeps the event log from now on.
@@ -194,9 +216,9 @@ impl Link {
         for what in evidence {
             self.recorder.note(end, what);
         }
-        let (verdict, log, worst_error_m) = self.recorder.finish(end);
+        let (verdict, log) = self.recorder.finish(end);
         let phases = self.sweeping.map(Sweeping::into_phases).unwrap_or_default();
-        Ended { verdict, log, worst_error_m, base: self.base, phases }
+        Ended { verdict, log, base: self.base, phases }
     }
 
     fn mark(&mut self, at: u64, wire: Wire, level: bool) {
@@ -392,6 +414,11 @@ impl Link {
     fn transaction_over(&mut self, Transaction { selected_ns, deselected_ns, mosi, miso, .. }: Transaction) {
         let what = What::Transaction { selected: selected_ns, mosi: Bytes(mosi), miso: Bytes(miso) };
         self.recorder.note(deselected_ns, what);
+        if let Some(report) = self.flight_controller.last().map(|last| last.report) {
+            let position = report.position.map(|values| values.timestamp);
+            let age_us = (report.age_us != AGE_UNKNOWN).then_some(report.age_us);
+            self.recorder.note(deselected_ns, What::Decided { position, age_us });
+        }
         if let Some(profile) = self.flight_controller.last().and_then(|last| last.forwarded.clone()) {
             self.recorder.note(deselected_ns, What::Forwarded { profile: Bytes(profile) });
         }

@@ -16,7 +16,6 @@ mod marks;
 pub mod phases;
 mod recorder;
 pub mod telemetry;
-mod truth;
 mod upstream;
 
 use std::fs::File;
@@ -48,7 +47,6 @@ use crate::world::{BaseStation, FlightController};
 pub use debugged::Debugged;
 use downstream::{Ended, Link, Surroundings};
 use phases::{Phase, Sweep, Sweeping};
-use truth::Truth;
 use upstream::Receivers;
 
 /// How often the caller hears of progress and gets the log, in virtual nanoseconds.
@@ -319,7 +317,7 @@ impl<C: Cost> Bench<C> {
         let header = Header { version: Header::VERSION, gps: setup.gps, seed: setup.seed, clock };
         let surroundings = Surroundings {
             header,
-            truth: (!recorded).then(|| Truth::new(flight)),
+            flight: (!recorded).then_some(flight),
             flight_controller: FlightController::new(config),
             base: BaseStation::new(setup.gps),
             traced,
@@ -418,10 +416,8 @@ impl<C: Cost> Bench<C> {
         let header = downstream.header().clone();
         let around = (downstream.air(), downstream.stats());
         let evidence = downstream::evidence(&a, &b, header.gps);
-        let Ended { verdict, log, worst_error_m, base, phases } = downstream.finish(reached, evidence, &mut b);
-        let mut report = report(&header, reached, &verdict, (&a, &b), around, &base);
-        // What differs beyond a millimetre is no information.
-        report.voter.max_error_m = worst_error_m.map(|metres| (metres * 1e3).round() / 1e3);
+        let Ended { verdict, log, base, phases } = downstream.finish(reached, evidence, &mut b);
+        let report = report(&header, reached, &verdict, (&a, &b), around, &base);
         Finished { report, verdict, log, base, phases }
     }
 }

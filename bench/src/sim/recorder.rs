@@ -4,9 +4,10 @@
 //! nothing can come before them any more. Then they are judged in order of time and, where somebody wants to keep the
 //! log, handed on. The order depends on instants and on what happened alone, never on which thread came first.
 
-use bench_judge::{Event, Findings, Header, Judge, Log, Verdict, What};
+use std::sync::Arc;
 
-use super::truth::Truth;
+use bench_judge::{Event, Findings, Header, Judge, Log, Verdict, What};
+use gnss_sim::Flight;
 
 /// Events on their way into the log.
 #[derive(Clone, Debug)]
@@ -16,17 +17,17 @@ pub(super) struct Recorder {
     /// Everything before this instant is in the log.
     released: u64,
     judge: Judge,
-    /// Where the aircraft is, unless a recording is played.
-    truth: Option<Truth>,
+    /// Where the aircraft is, unless a recording is played: the log gets that at each tick.
+    flight: Option<Arc<Flight>>,
     /// What was released since it was last taken, where the log is kept.
     kept: Option<Vec<Event>>,
 }
 
 impl Recorder {
     /// An empty log. `keep` hands released events on through [`Recorder::take_kept`].
-    pub(super) fn new(header: Header, truth: Option<Truth>, keep: bool) -> Self {
+    pub(super) fn new(header: Header, flight: Option<Arc<Flight>>, keep: bool) -> Self {
         let judge = Judge::new(&header);
-        Self { header, waiting: vec![], released: 0, judge, truth, kept: keep.then(Vec::new) }
+        Self { header, waiting: vec![], released: 0, judge, flight, kept: keep.then(Vec::new) }
     }
 
     /// What the run is known by.
@@ -61,12 +62,13 @@ impl Recorder {
         self.waiting.sort_by_key(|event| (event.at, event.what.rank()));
         let later = self.waiting.split_off(self.waiting.partition_point(|event| event.at < before));
         for event in std::mem::replace(&mut self.waiting, later) {
-            self.judge.take(&event);
-            if let Some(truth) = &mut self.truth {
-                truth.take(&event);
-            }
-            if let Some(kept) = &mut self.kept {
-                kept.push(event);
+            let aircraft =
+                self.flight.as_ref().filter(|_| event.what == What::Tick).map(|flight| aircraft(flight, event.at));
+            for event in std::iter::once(event).chain(aircraft) {
+                self.judge.take(&event);
+                if let Some(kept) = &mut self.kept {
+                    kept.push(event);
+                }
             }
         }
     }
@@ -86,14 +88,21 @@ impl Recorder {
         self.judge.findings()
     }
 
-    /// The run is over at `end` (ns): what came of it, what was kept of the log since it was last taken, and how far
-    /// Reported-Position was off at worst, m. What happened after `end`, since a board stops at its first instruction
-    /// boundary after it, is not part of the run.
-    pub(super) fn finish(mut self, end: u64) -> (Verdict, Log, Option<f64>) {
+    /// The run is over at `end` (ns): what came of it, and what was kept of the log since it was last taken. What
+    /// happened after `end`, since a board stops at its first instruction boundary after it, is not part of the run.
+    pub(super) fn finish(mut self, end: u64) -> (Verdict, Log) {
         self.waiting.retain(|event| event.at <= end);
         self.note(end.max(self.released), What::End);
         self.release(u64::MAX);
         let log = Log { header: self.header, events: self.kept.unwrap_or_default() };
-        (self.judge.finish(), log, self.truth.and_then(|truth| truth.worst_m()))
+        (self.judge.finish(), log)
     }
+}
+
+/// Where the aircraft is at a tick at `at`, ns.
+fn aircraft(flight: &Flight, at: u64) -> Event {
+    let place = flight.state(at as f64 / 1e9).position;
+    let billionths = |degrees: f64| (degrees * 1e9).round() as i64;
+    let (latitude, longitude) = (billionths(place.latitude), billionths(place.longitude));
+    Event { at, what: What::Aircraft { latitude, longitude, height: (place.height * 1e3).round() as i64 } }
 }

@@ -95,8 +95,8 @@ impl Feed {
 #[derive(Clone, Debug)]
 pub(super) struct Receivers {
     feeds: Vec<Feed>,
-    /// The dynamic model of each as the log has it.
-    models: Vec<Option<u8>>,
+    /// The settings of each as the log has them: its dynamic model, and whether it puts positions out.
+    settings: Vec<Option<(u8, bool)>>,
     lines: LineFaults,
     faults: Timeline,
     events: BoardEvents,
@@ -111,7 +111,7 @@ pub(super) struct Receivers {
 impl Receivers {
     pub(super) fn new(receivers: Vec<Receiver>, layout: Layout, faults: &Faults, seed: u64) -> Self {
         Self {
-            models: vec![None; receivers.len()],
+            settings: vec![None; receivers.len()],
             feeds: receivers.into_iter().map(Feed::new).collect(),
             lines: LineFaults::new(seed),
             faults: faults.timeline(true),
@@ -155,13 +155,14 @@ impl Receivers {
         }
     }
 
-    /// By which dynamic models the receivers navigate goes into the log.
-    fn watch_models(&mut self, now: u64) {
-        for (receiver, (feed, told)) in self.feeds.iter().zip(&mut self.models).enumerate() {
+    /// How the receivers are set goes into the log.
+    fn watch_settings(&mut self, now: u64) {
+        for (receiver, (feed, told)) in self.feeds.iter().zip(&mut self.settings).enumerate() {
             let model = feed.receiver.dynamic_model();
-            if let Some(model) = model.filter(|model| *told != Some(*model)) {
-                *told = Some(model);
-                self.events.note(now, What::Navigates { receiver, model });
+            let set = model.zip(feed.receiver.output()).map(|(model, output)| (model, output.position > 0));
+            if let Some((model, position)) = set.filter(|set| *told != Some(*set)) {
+                *told = Some((model, position));
+                self.events.note(now, What::Settings { receiver, model, position });
             }
         }
     }
@@ -247,7 +248,7 @@ impl<C: Cost> Upstream<Horus, C> for Receivers {
         self.watch_ticks(node);
         self.watch_inputs(node);
         self.watch_buses(node);
-        self.watch_models(node.now());
+        self.watch_settings(node.now());
         let untold_since = node.board().receivers.untold_since();
         let mut marks = std::mem::take(&mut self.marks);
         self.events.watch(node);

@@ -1,5 +1,8 @@
 //! What the base station shows against what was forwarded.
 //!
+//! A transaction that brings a whole and sound profile of another cycle than the one that was forwarded last has it
+//! forwarded at once, unless [`Excuse::Service`] holds: then the flight controller's own conduct is at fault.
+//!
 //! # One cause, one violation
 //!
 //! - Bytes that were changed on the way are [`Violation::BaseChanged`], and the profile that they were is not missed as
@@ -12,8 +15,8 @@ use std::collections::VecDeque;
 
 use profile::{Layout, Object};
 
-use crate::bounds;
-use crate::{Context, Event, Figures, Findings, Header, Violation, What};
+use crate::disturbance::Excuse;
+use crate::{Context, Event, Figures, Findings, Header, Violation, What, bounds};
 
 /// Profiles that are kept of what transactions read: the flight controller forwards at once.
 const READ: usize = 4;
@@ -27,19 +30,30 @@ pub struct Base {
     outstanding: VecDeque<(u64, Vec<u8>)>,
     /// When something arrived that was not forwarded.
     strange: VecDeque<u64>,
+    /// When a profile was read that has to be forwarded at once, ns, and its timestamp, ms.
+    owed: Option<(u64, u32)>,
+    /// The timestamp that was forwarded last, ms.
+    forwarded: Option<u32>,
 }
 
 impl Base {
     /// Nothing has happened yet.
     #[must_use]
     pub fn new(_header: &Header) -> Self {
-        Self { read: VecDeque::new(), outstanding: VecDeque::new(), strange: VecDeque::new() }
+        Self {
+            read: VecDeque::new(),
+            outstanding: VecDeque::new(),
+            strange: VecDeque::new(),
+            owed: None,
+            forwarded: None,
+        }
     }
 
     /// Takes the next event.
     pub fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
         let at = event.at;
         self.expire(at.checked_sub(bounds::DOWNLINK), findings);
+        self.owes(at, findings);
         match &event.what {
             What::Transaction { .. } => {
                 let Some(reading) = context.reading().filter(|reading| !reading.silent) else { return };
@@ -47,6 +61,10 @@ impl Base {
                 let start = (layout.image_len() - layout.profile_len()).checked_sub(reading.offset);
                 let profile = start.and_then(|start| reading.miso.get(start..start + layout.profile_len()));
                 if let Some(profile) = profile {
+                    let excused = context.disturbances().excuse(Excuse::Service, reading.selected);
+                    let link = matches!(reading.link, Some(Ok(_)));
+                    let new = reading.timestamp().filter(|now| link && !excused && self.forwarded != Some(*now));
+                    self.owed = new.filter(|_| reading.is_sound()).map(|now| (at, now));
                     let mut kept = match self.read.len() {
                         READ => self.read.pop_front().unwrap_or_default(),
                         _ => vec![],
@@ -61,10 +79,21 @@ impl Base {
                     findings
                         .add(Violation::BaseChanged, at, || "what was forwarded is not what a transaction read".into());
                 }
+                if let Some((_, timestamp)) = self.owed.take() {
+                    self.forwarded = Some(timestamp);
+                }
                 self.outstanding.push_back((at, profile.to_vec()));
             }
             What::Arrived { profile, shown } => self.arrived(at, profile, *shown, context.layout(), findings),
             _ => {}
+        }
+    }
+
+    /// It is `now`: what had to be forwarded before is told.
+    fn owes(&mut self, now: u64, findings: &mut Findings) {
+        if let Some((at, timestamp)) = self.owed.take_if(|(at, _)| *at < now) {
+            self.forwarded = Some(timestamp);
+            findings.add(Violation::NotForwarded, at, || format!("that of {timestamp} ms"));
         }
     }
 
@@ -119,5 +148,6 @@ impl Base {
     /// The run is over.
     pub fn finish(&mut self, context: &Context, findings: &mut Findings, _figures: &mut Figures) {
         self.expire(Some(context.now() + 1), findings);
+        self.owes(context.now() + 1, findings);
     }
 }

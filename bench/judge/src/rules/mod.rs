@@ -5,22 +5,30 @@
 //! | [`cycle`] | ticks, transmit commands, frames, their timestamps and their timing |
 //! | [`content`] | what HORUS sends against the bytes that its receivers were fed |
 //! | [`receivers`] | whether HORUS reads what its receivers offer |
+//! | [`position`] | whether there is a position, and whether the aircraft was there |
 //! | [`boards`] | restarts, findings, misuse, load, the firmwares' own counters, the bench's own lateness |
+//! | [`integrity`] | whether a fault of memory has its consequence |
 //! | [`ssi`] | transactions, readiness, FRESH, what is torn or damaged |
 //! | [`shown`] | what is shown against what reached the DPR's antenna: absence, sequence, age |
 //! | [`link_status`] | Link-Status against the wires |
 //! | [`port`] | Port-Status and uplinks against what the flight controller wrote |
-//! | [`base`] | what the base station shows against what was forwarded |
+//! | [`client`] | what the flight controller's client says against the wires |
+//! | [`base`] | what the base station shows against what was forwarded, and whether it was |
+//! | [`station`] | the base station's ages and alarms against what has arrived there |
 
 pub mod base;
 pub mod boards;
+pub mod client;
 pub mod content;
 pub mod cycle;
+pub mod integrity;
 pub mod link_status;
 pub mod port;
+pub mod position;
 pub mod receivers;
 pub mod shown;
 pub mod ssi;
+pub mod station;
 
 use crate::{Context, Event, Figures, Findings, Header};
 
@@ -56,10 +64,14 @@ rules! {
     cycle: cycle::Cycle,
     content: content::Content,
     receivers: receivers::Receivers,
+    position: position::Position,
     ssi: ssi::Ssi,
     shown: shown::Shown,
     link_status: link_status::LinkStatus,
     port: port::Port,
+    integrity: integrity::Integrity,
+    client: client::Client,
     base: base::Base,
+    station: station::Station,
     boards: boards::Boards,
 }

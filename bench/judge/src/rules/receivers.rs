@@ -1,10 +1,14 @@
-//! Whether HORUS reads what its receivers have to say.
+//! Whether HORUS reads what its receivers have to say, and sets them so that they say it.
 //!
 //! What a receiver on a bus says it keeps until it is read: [`What::Offered`] tells when it has something, and
 //! [`What::Fed`] what of it crossed the bus. While HORUS has no supply, starts or hangs, and while [`Excuse::Polling`]
-//! holds, nothing is asked: what is offered then is asked for from the next offer on. What comes to be offered while
-//! something is read belongs to that, and so does its first byte. A receiver that is not read is told once for each
-//! [`bounds::READ_WITHIN`].
+//! holds of that receiver, nothing is asked: what is offered then is asked for from the next offer on. What comes to be
+//! offered while something is read belongs to that, and so does its first byte. A receiver that is not read is told
+//! once for each [`bounds::READ_WITHIN`].
+//!
+//! A simulated receiver tells how it is set ([`What::Settings`]). One that puts no positions out has to do so within
+//! [`bounds::SETTINGS_TOLD`] after it began not to, or after HORUS's start, unless [`Excuse::Settings`] holds of it. It
+//! is told once.
 
 use crate::disturbance::Excuse;
 use crate::{Board, Context, Event, Figures, Findings, Header, Violation, What, bounds};
@@ -16,33 +20,44 @@ pub struct Receivers {
     waiting: Vec<Option<u64>>,
     /// When the last byte that was read of each had crossed the bus, ns.
     read_until: Vec<u64>,
+    /// Since when each has put no positions out, ns; nothing where it does, where that is told, or where it is unknown.
+    unset: Vec<Option<u64>>,
 }
 
 impl Receivers {
     /// Nothing has happened yet.
     #[must_use]
     pub fn new(header: &Header) -> Self {
-        Self { waiting: vec![None; header.gps], read_until: vec![0; header.gps] }
+        Self { waiting: vec![None; header.gps], read_until: vec![0; header.gps], unset: vec![None; header.gps] }
     }
 
     /// Takes the next event.
     pub fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
         let at = event.at;
-        self.pass(at, findings);
+        self.pass(at, context, findings);
         match &event.what {
             What::Power { board: Board::Horus, .. }
             | What::Reset { board: Board::Horus, .. }
             | What::Hung { board: Board::Horus } => self.waiting.fill(None),
-            What::Injected { disturbs, .. } if disturbs.may_take(Excuse::Polling) => self.waiting.fill(None),
+            What::Injected { disturbs, .. } if disturbs.may_take(Excuse::Polling) => {
+                let excused = |receiver| context.disturbances().excuse_of(receiver, Excuse::Polling, at);
+                let waiting = self.waiting.iter_mut().enumerate();
+                waiting.filter(|(receiver, _)| excused(*receiver)).for_each(|(_, waiting)| *waiting = None);
+            }
             What::Offered { receiver, .. } => {
                 let horus = context.running(Board::Horus);
                 let runs = horus.powered && horus.hung.is_none() && at >= horus.since + bounds::START;
                 if let Some(waiting) = self.waiting.get_mut(*receiver)
                     && runs
                     && at >= self.read_until[*receiver]
-                    && !context.disturbances().excuse(Excuse::Polling, at)
+                    && !context.disturbances().excuse_of(*receiver, Excuse::Polling, at)
                 {
                     waiting.get_or_insert(at);
+                }
+            }
+            What::Settings { receiver, position, .. } => {
+                if let Some(unset) = self.unset.get_mut(*receiver) {
+                    *unset = (!position).then_some(unset.unwrap_or(at));
                 }
             }
             What::Fed { receiver, byte_ns, bytes, .. } => {
@@ -56,7 +71,7 @@ impl Receivers {
     }
 
     /// It is `now`: what has waited for too long by then is told.
-    fn pass(&mut self, now: u64, findings: &mut Findings) {
+    fn pass(&mut self, now: u64, context: &Context, findings: &mut Findings) {
         for (number, waiting) in (1..).zip(&mut self.waiting) {
             if let Some(since) = waiting.take_if(|since| now > *since + bounds::READ_WITHIN) {
                 findings.add(Violation::NotRead, since + bounds::READ_WITHIN, || {
@@ -64,11 +79,23 @@ impl Receivers {
                 });
             }
         }
+        let horus = context.running(Board::Horus);
+        if !horus.powered || horus.hung.is_some() {
+            return;
+        }
+        for (receiver, unset) in self.unset.iter_mut().enumerate() {
+            let due = |since: u64| since.max(horus.since) + bounds::SETTINGS_TOLD;
+            let excused = context.disturbances().excuse_of(receiver, Excuse::Settings, now);
+            if let Some(since) = unset.take_if(|since| now > due(*since) && !excused) {
+                findings
+                    .add(Violation::NotConfigured, due(since), || format!("GPS{} puts no positions out", receiver + 1));
+            }
+        }
     }
 
     /// The run is over.
     pub fn finish(&mut self, context: &Context, findings: &mut Findings, _figures: &mut Figures) {
-        self.pass(context.now(), findings);
+        self.pass(context.now(), context, findings);
     }
 }
 
@@ -140,7 +167,52 @@ mod tests {
         let over = FROM + MS + bounds::READ_WITHIN;
         let later = |at| broken(at, vec![(FROM + 1, disturbed())], over + bounds::READ_WITHIN + 1).len();
         assert_eq!((later(over - 1), later(over)), (0, 1));
-        let other = injected(Disturbance::Air, FROM + MS);
-        assert_eq!(broken(FROM, vec![(FROM + 1, other)], DUE + 1), [NOT_READ]);
+        let another = Disturbance::Receiver { receiver: 0 };
+        for other in [Disturbance::Air, another] {
+            assert_eq!(broken(FROM, vec![(FROM + 1, injected(other, FROM + MS))], DUE + 1), [NOT_READ], "{other:?}");
+        }
+    }
+
+    /// What is found of GPS2's settings where these events happen, in a run until `end`.
+    fn unset(events: Vec<(u64, What)>, end: u64) -> Vec<(Violation, u64, u64)> {
+        let mut log = Events::new(3);
+        events.into_iter().for_each(|(at, what)| _ = log.add(at, what));
+        found(Receivers::new(&header(3)), &log.end(end).log()).0
+    }
+
+    fn settings(position: bool) -> What {
+        What::Settings { receiver: 1, model: 7, position }
+    }
+
+    const TOLD: u64 = bounds::SETTINGS_TOLD;
+
+    #[test]
+    fn a_receiver_that_puts_no_positions_out_is_set_within_a_time() {
+        let told = |due| vec![(Violation::NotConfigured, 1, due)];
+        let from = |at| vec![(at, settings(false))];
+        assert_eq!(unset(from(5), TOLD + 5), []);
+        assert_eq!(unset(from(5), TOLD + 6), told(TOLD + 5));
+        assert_eq!(
+            unset([from(5), from(9)].concat(), 3 * TOLD),
+            told(TOLD + 5),
+            "the first counts, and it is told once"
+        );
+        let set = vec![(5, settings(false)), (TOLD + 5, settings(true))];
+        assert_eq!(unset(set.clone(), 3 * TOLD), []);
+        let again = [set, vec![(2 * TOLD, settings(false))]].concat();
+        assert_eq!(unset(again, 3 * TOLD + 1), told(3 * TOLD));
+    }
+
+    #[test]
+    fn a_receiver_is_set_later_after_a_start_of_horus_and_after_a_fault_of_its_own() {
+        let with = |at: u64, what: What, end: u64| unset(vec![(5, settings(false)), (at, what)], end).len();
+        let reset = || What::Reset { board: Board::Horus, cause: "a test".into(), asked: true };
+        assert_eq!((with(9, reset(), TOLD + 9), with(9, reset(), TOLD + 10)), (0, 1));
+        for what in [What::Power { board: Board::Horus, on: false }, What::Hung { board: Board::Horus }] {
+            assert_eq!(with(9, what, 3 * TOLD), 0, "nobody can");
+        }
+        let broken = |receiver| injected(Disturbance::Receiver { receiver }, MS);
+        assert_eq!((with(9, broken(1), MS + TOLD - 1), with(9, broken(1), MS + TOLD)), (0, 1));
+        assert_eq!(with(9, broken(0), TOLD + 6), 1, "another one's");
     }
 }

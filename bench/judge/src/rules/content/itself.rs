@@ -1,8 +1,10 @@
-//! What HORUS says of itself in Reported-Position: why it last started, and whether its memory has a fault.
+//! What HORUS says of itself in Reported-Position: why it last started, whether it runs on its crystal, and whether its
+//! memory has a fault.
 //!
 //! | bits | right |
 //! |---|---|
 //! | 13-15 | the reset that the log has, power-on before any; any where its words name none |
+//! | 7 | 0 if its external oscillator worked when it last started, else 1; either if that changed while it started |
 //! | 12 | 0 until something was done to HORUS's memory or image; from its first 1 on it stays 1 until the next start |
 //!
 //! Whether a fault of memory is found at all, and when, is no matter of this rule: HORUS looks at its memory in passes,
@@ -10,7 +12,7 @@
 
 use profile::{ReportedStatus, ResetReason};
 
-use crate::{Board, Disturbance, What};
+use crate::{Board, Disturbance, What, bounds};
 
 /// See the [module](self).
 #[derive(Clone, Debug)]
@@ -21,19 +23,39 @@ pub(super) struct Itself {
     hit: bool,
     /// It has said since its start that its memory has a fault.
     said: bool,
+    /// When it last started, ns.
+    since: u64,
+    /// Its external oscillator works now, and worked when it last started.
+    crystal: bool,
+    started_with: bool,
+    /// It fails, or works again, while HORUS was starting: it may have started on either.
+    unsure: bool,
 }
 
 impl Itself {
     /// Its supply has come on.
     pub(super) const fn new() -> Self {
-        Self { reason: Some(ResetReason::PowerOn), hit: false, said: false }
+        Self {
+            reason: Some(ResetReason::PowerOn),
+            hit: false,
+            said: false,
+            since: 0,
+            crystal: true,
+            started_with: true,
+            unsure: false,
+        }
     }
 
     /// Takes the next event.
-    pub(super) fn take(&mut self, what: &What) {
+    pub(super) fn take(&mut self, at: u64, what: &What) {
         match what {
             What::Power { board: Board::Horus, .. } => *self = Self { reason: Some(ResetReason::PowerOn), ..*self },
             What::Reset { board: Board::Horus, cause, .. } => self.reason = reason(cause),
+            What::Crystal { board: Board::Horus, works } => {
+                self.crystal = *works;
+                self.unsure |= at < self.since + bounds::START && *works != self.started_with;
+                return;
+            }
             What::Injected { disturbs, .. } => {
                 self.hit |= matches!(
                     disturbs,
@@ -44,11 +66,22 @@ impl Itself {
             _ => return,
         }
         self.said = false;
+        (self.since, self.started_with, self.unsure) = (at, self.crystal, false);
     }
 
     /// Whether what RAM held before the last start is still there.
     pub(super) fn keeps_ram(&self) -> bool {
         self.reason != Some(ResetReason::PowerOn)
+    }
+
+    /// What Reported-Position's status tells wrongly of the crystal, in words.
+    pub(super) fn wrong_crystal(&self, status: ReportedStatus) -> Option<&'static str> {
+        match (status.without_crystal(), self.started_with) {
+            _ if self.unsure => None,
+            (true, true) => Some("HORUS says that it has no crystal, and it had one as it started"),
+            (false, false) => Some("HORUS says that it has a crystal, and it had none as it started"),
+            _ => None,
+        }
     }
 
     /// What of a Reported-Position's status is wrong, in words.
@@ -91,7 +124,7 @@ mod tests {
 
     fn after(cause: &str) -> Itself {
         let mut itself = Itself::new();
-        itself.take(&What::Reset { board: Board::Horus, cause: cause.into(), asked: false });
+        itself.take(0, &What::Reset { board: Board::Horus, cause: cause.into(), asked: false });
         itself
     }
 
@@ -115,9 +148,9 @@ mod tests {
         assert_eq!(right(&after("a test")), [true; 5], "its words name none");
         assert!(after("a test").wrong(ReportedStatus::from_bits(6 << 13)).is_some(), "a reserved code");
         let mut itself = after("Pin");
-        itself.take(&What::Reset { board: Board::Dpr, cause: "Software".into(), asked: false });
+        itself.take(0, &What::Reset { board: Board::Dpr, cause: "Software".into(), asked: false });
         assert_eq!(right(&itself), [false, true, false, false, false]);
-        itself.take(&What::Power { board: Board::Horus, on: true });
+        itself.take(0, &What::Power { board: Board::Horus, on: true });
         assert_eq!(right(&itself), [true, false, false, false, false]);
     }
 
@@ -134,18 +167,43 @@ mod tests {
             Disturbance::Receiver { receiver: 0 },
         ] {
             let mut itself = Itself::new();
-            itself.take(&injected(other, 0));
+            itself.take(0, &injected(other, 0));
             assert!(!good(&mut itself, true), "{other:?}");
         }
         let board = Board::Horus;
         for kind in [Disturbance::Memory { board, memory: Memory::Ram }, Disturbance::Code { board }] {
             let mut itself = Itself::new();
-            itself.take(&injected(kind, 0));
+            itself.take(0, &injected(kind, 0));
             assert!(good(&mut itself, false) && good(&mut itself, true) && good(&mut itself, true), "{kind:?}");
             assert!(!good(&mut itself, false), "it is told no more");
             good(&mut itself, true);
-            itself.take(&What::Reset { board: Board::Horus, cause: "PowerOn".into(), asked: true });
+            itself.take(0, &What::Reset { board: Board::Horus, cause: "PowerOn".into(), asked: true });
             assert!(good(&mut itself, false), "{kind:?}");
         }
+    }
+
+    #[test]
+    fn whether_horus_has_a_crystal_is_how_it_last_started() {
+        let crystal = |works| What::Crystal { board: Board::Horus, works };
+        let reset = || What::Reset { board: Board::Horus, cause: "a test".into(), asked: true };
+        let started = bounds::START;
+        // Whether it may say that it has a crystal, and that it has none.
+        let allowed = |events: Vec<(u64, What)>| {
+            let mut itself = Itself::new();
+            events.iter().for_each(|(at, what)| itself.take(*at, what));
+            [false, true]
+                .map(|without| itself.wrong_crystal(ReportedStatus::new().with_without_crystal(without)).is_none())
+        };
+        let (with, without, either) = ([true, false], [false, true], [true, true]);
+        assert_eq!(allowed(vec![]), with);
+        assert_eq!(allowed(vec![(started, crystal(false))]), with, "it goes on, or restarts");
+        assert_eq!(allowed(vec![(started - 1, crystal(false))]), either);
+        assert_eq!(allowed(vec![(started, crystal(false)), (started + 1, reset())]), without);
+        let back = |at| vec![(started, crystal(false)), (started + 1, reset()), (at, crystal(true))];
+        assert_eq!(allowed(back(2 * started + 1)), without, "until its next start");
+        assert_eq!(allowed(back(2 * started)), either);
+        assert_eq!(allowed([back(2 * started), vec![(3 * started, reset())]].concat()), with);
+        let of_dpr = What::Crystal { board: Board::Dpr, works: false };
+        assert_eq!(allowed(vec![(5, of_dpr), (6, reset())]), with);
     }
 }

@@ -1,56 +1,46 @@
 //! By which dynamic model the receivers navigate whose positions HORUS shows.
 //!
-//! The receivers themselves tell ([`What::Navigates`]). A receiver whose position HORUS shows as valid has to navigate
-//! by [`bounds::DYNAMIC_MODEL`] from [`bounds::MODEL_TOLD`] on after the last of these: HORUS's start, the change to
-//! another model, the end of a fault of this receiver or its line. It is told once for each change. A receiver that
-//! tells nothing, as a recorded one does, is not asked.
+//! The receivers themselves tell ([`What::Settings`]). A receiver whose position HORUS shows as valid has to navigate by
+//! [`bounds::DYNAMIC_MODEL`] from [`bounds::SETTINGS_TOLD`] on after HORUS's start or the change to another model,
+//! unless [`Excuse::Settings`] holds of it. It is told once for each change. A receiver that tells nothing, as a
+//! recorded one does, is not asked.
 
-use crate::{Disturbance, Event, What, bounds};
-
-#[derive(Clone, Debug, Default)]
-struct Model {
-    /// The one by which it navigates, and since when, ns; nothing where it is right or not known.
-    other: Option<(u8, u64)>,
-    /// Until when it, or its line, was broken on purpose, ns.
-    broken: u64,
-}
+use crate::disturbance::Excuse;
+use crate::{Disturbances, What, bounds};
 
 /// See the [module](self).
 #[derive(Clone, Debug)]
-pub(super) struct Models(Vec<Model>);
+pub(super) struct Models {
+    /// By which model each navigates, if that is known.
+    known: Vec<Option<u8>>,
+    /// Since when it is another than it should be, ns; nothing where it is not, and where that is told.
+    other: Vec<Option<u64>>,
+}
 
 impl Models {
     /// Nothing is known of so many receivers.
     pub(super) fn new(receivers: usize) -> Self {
-        Self(vec![Model::default(); receivers])
+        Self { known: vec![None; receivers], other: vec![None; receivers] }
     }
 
-    /// Takes the next event.
-    pub(super) fn take(&mut self, event: &Event) {
-        match &event.what {
-            What::Navigates { receiver, model } => {
-                let Some(known) = self.0.get_mut(*receiver) else { return };
-                known.other = (*model != bounds::DYNAMIC_MODEL).then_some((*model, event.at));
-            }
-            What::Injected { disturbs: Disturbance::Receiver { receiver }, until, .. } => {
-                if let Some(model) = self.0.get_mut(*receiver) {
-                    model.broken = model.broken.max(*until);
-                }
-            }
-            _ => {}
+    /// Takes what happened at `at`, ns.
+    pub(super) fn take(&mut self, at: u64, what: &What) {
+        if let What::Settings { receiver, model, .. } = what
+            && let Some(known) = self.known.get_mut(*receiver)
+            && known.replace(*model) != Some(*model)
+        {
+            self.other[*receiver] = (*model != bounds::DYNAMIC_MODEL).then_some(at);
         }
     }
 
     /// The other model by which a receiver (from 0) navigates at `at`, ns, and should have been told better by a HORUS
     /// that runs since `since`; once.
-    pub(super) fn wrong(&mut self, receiver: usize, at: u64, since: u64) -> Option<u8> {
-        let model = self.0.get_mut(receiver)?;
-        let (other, from) = model.other?;
-        let due = from.max(since).max(model.broken).saturating_add(bounds::MODEL_TOLD);
-        (at > due).then(|| {
-            model.other = None;
-            other
-        })
+    pub(super) fn wrong(&mut self, receiver: usize, at: u64, since: u64, disturbances: &Disturbances) -> Option<u8> {
+        let other = self.other.get_mut(receiver)?;
+        let due = (*other)?.max(since) + bounds::SETTINGS_TOLD;
+        let told = at > due && !disturbances.excuse_of(receiver, Excuse::Settings, at);
+        told.then(|| *other = None)?;
+        self.known[receiver]
     }
 }
 
@@ -58,47 +48,54 @@ impl Models {
 mod tests {
     use super::*;
     use crate::testing::injected;
+    use crate::{Disturbance, Event};
 
-    fn models(events: &[(u64, What)]) -> Models {
-        let mut models = Models::new(2);
-        events.iter().for_each(|(at, what)| models.take(&Event { at: *at, what: what.clone() }));
-        models
+    const LATE: u64 = bounds::SETTINGS_TOLD;
+
+    /// What is told of GPS2 at `at`, where HORUS runs since `since`.
+    fn told(events: &[(u64, What)], at: u64, since: u64) -> Option<u8> {
+        let (mut models, mut disturbances) = (Models::new(2), Disturbances::default());
+        for (at, what) in events {
+            models.take(*at, what);
+            disturbances.take(&Event { at: *at, what: what.clone() });
+        }
+        models.wrong(1, at, since, &disturbances)
     }
 
     fn navigates(receiver: usize, model: u8) -> What {
-        What::Navigates { receiver, model }
+        What::Settings { receiver, model, position: true }
     }
 
     #[test]
     fn a_receiver_has_to_navigate_as_airborne_within_a_time() {
-        let late = bounds::MODEL_TOLD;
-        let told = |events: &[(u64, What)], at, since| models(events).wrong(1, at, since);
-        assert_eq!(told(&[], late * 9, 0), None, "it says nothing");
+        assert_eq!(told(&[], LATE * 9, 0), None, "it says nothing");
         let car = [(5, navigates(1, 4))];
-        assert_eq!((told(&car, late + 5, 0), told(&car, late + 6, 0)), (None, Some(4)));
-        assert_eq!((told(&car, late + 7, 7), told(&car, late + 8, 7)), (None, Some(4)), "from HORUS's start on");
+        assert_eq!((told(&car, LATE + 5, 0), told(&car, LATE + 6, 0)), (None, Some(4)));
+        assert_eq!((told(&car, LATE + 7, 7), told(&car, LATE + 8, 7)), (None, Some(4)), "from HORUS's start on");
         for airborne in [6, 8] {
-            assert_eq!(told(&[(5, navigates(1, airborne))], late * 2, 0), Some(airborne), "another of them");
+            assert_eq!(told(&[(5, navigates(1, airborne))], LATE * 2, 0), Some(airborne), "another of them");
         }
-        assert_eq!(told(&[(5, navigates(0, 4))], late * 2, 0), None, "the other receiver's");
-        assert_eq!(told(&[(5, navigates(1, 4)), (6, navigates(1, 7))], late * 2, 0), None);
+        assert_eq!(told(&[(5, navigates(0, 4))], LATE * 2, 0), None, "the other receiver's");
+        assert_eq!(told(&[(5, navigates(1, 4)), (6, navigates(1, 7))], LATE * 2, 0), None);
+        let silent = What::Settings { receiver: 1, model: 4, position: false };
+        assert_eq!(told(&[(5, navigates(1, 4)), (6, silent)], LATE + 6, 0), Some(4), "another setting");
     }
 
     #[test]
     fn a_fault_of_the_receiver_excuses_it_for_that_time() {
-        let late = bounds::MODEL_TOLD;
-        let fault = |receiver| injected(Disturbance::Receiver { receiver }, 100);
-        let told = |of, at| models(&[(5, navigates(1, 0)), (6, fault(of))]).wrong(1, at, 0);
-        assert_eq!((told(1, late + 100), told(1, late + 101)), (None, Some(0)));
-        assert_eq!(told(0, late + 50), Some(0));
+        let told =
+            |receiver, at| told(&[(5, navigates(1, 0)), (6, injected(Disturbance::Receiver { receiver }, 100))], at, 0);
+        assert_eq!((told(1, LATE + 99), told(1, LATE + 100)), (None, Some(0)));
+        assert_eq!(told(0, LATE + 50), Some(0));
     }
 
     #[test]
     fn each_change_is_told_once() {
-        let mut models = models(&[(0, navigates(1, 0))]);
-        let at = bounds::MODEL_TOLD * 2;
-        assert_eq!([models.wrong(1, at, 0), models.wrong(1, at, 0)], [Some(0), None]);
-        models.take(&Event { at, what: navigates(1, 4) });
-        assert_eq!(models.wrong(1, 2 * at, 0), Some(4));
+        let (mut models, disturbances) = (Models::new(2), Disturbances::default());
+        models.take(0, &navigates(1, 0));
+        let told = |models: &mut Models, at| models.wrong(1, at, 0, &disturbances);
+        assert_eq!([told(&mut models, LATE * 2), told(&mut models, LATE * 2)], [Some(0), None]);
+        models.take(LATE * 2, &navigates(1, 4));
+        assert_eq!(told(&mut models, LATE * 4), Some(4));
     }
 }

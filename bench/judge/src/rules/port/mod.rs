@@ -13,6 +13,7 @@
 //! - While [`Excuse::UnsoundImage`] holds: what is not intact then is not valid, which is all that is asked.
 //! - Of a map that FRESH has not announced in time: that is another violation.
 
+mod health;
 mod model;
 #[cfg(test)]
 mod tests;
@@ -27,6 +28,7 @@ use super::shown::publication;
 use crate::disturbance::Excuse;
 use crate::read::{Reading, is_vacant};
 use crate::{Board, Context, Disturbances, Event, Figures, Findings, Header, Violation, What, bounds};
+use health::Health;
 use model::{Model, Place, status_in, writes};
 
 /// Rises of FRESH that are remembered: a transaction may be long.
@@ -65,6 +67,7 @@ pub struct Port {
     written: u64,
     /// What Port-Status said when it was last looked at, and how many transactions there were since.
     known: (PortValues, u32),
+    health: Health,
 }
 
 impl Port {
@@ -82,6 +85,7 @@ impl Port {
             fresh: VecDeque::new(),
             written: 0,
             known: (PortValues::default(), 0),
+            health: Health::powered(0),
         };
         port.start(0, true);
         port
@@ -101,9 +105,13 @@ impl Port {
     pub fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
         match &event.what {
             What::Power { board: Board::Dpr, .. } | What::Reset { board: Board::Dpr, .. } => {
+                self.health = Health::of(event.at, &event.what);
                 self.start(event.at, !context.disturbances().excuse(Excuse::Service, event.at));
             }
-            What::Injected { disturbs, .. } if disturbs.may_take(Excuse::Service) => self.entries.clear(),
+            What::Injected { disturbs, .. } if disturbs.may_take(Excuse::Service) => {
+                self.entries.clear();
+                self.health.slowed();
+            }
             What::Fresh { high: true, .. } => {
                 self.fresh.push_back(event.at);
                 if self.fresh.len() > REMEMBERED {
@@ -166,6 +174,9 @@ impl Port {
                 return;
             }
         };
+        if let Some(words) = self.health.wrong(&values, reading, published, disturbances) {
+            findings.add(Violation::PortStatusWrong, selected, || words);
+        }
         if values.status.self_test_failed() && !disturbances.excuse(Excuse::SelfTest, published) {
             findings.add(Violation::PortStatusWrong, selected, || "a self-test failed, and nothing is damaged".into());
         }
@@ -211,6 +222,7 @@ impl Port {
     /// What was written up to entry number `place` shows, and Port-Status says this: nothing else is possible.
     fn decided(&mut self, place: usize, values: &PortValues, published: u64) {
         self.entries[place].models.retain(|model| model.fits(values, published));
+        self.entries[place].models.iter_mut().for_each(|model| model.told(values));
         self.entries.drain(..place);
         for next in 1..self.entries.len() {
             let entry = &self.entries[next];

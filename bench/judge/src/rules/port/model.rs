@@ -1,11 +1,11 @@
 //! What a DPR that does right makes of what the flight controller writes: parts, kinds of violation, timestamps, places
 //! (`profile::port_status`, `profile::uplink`, `profile::command`).
 
-use profile::ssi::{self, REQUEST_SIZE};
-use profile::uplink::Written;
-use profile::{Command, PortStatus, PortValues, Uplink, Violation, Violations};
+use profile::ssi::REQUEST_SIZE;
+use profile::{Command, Identifier, PortStatus, PortValues, Uplink, Violation, Violations};
 
 use crate::bounds;
+use crate::read::{Asked, is_intact, is_vacant};
 
 /// What the DPR takes in of a transaction: a request, an object, and as many bytes behind it as tell that something is
 /// driven there.
@@ -14,15 +14,10 @@ pub(super) const TAKEN_IN: usize = REQUEST_SIZE + Uplink::SIZE + 8;
 /// After a restart a writer is believed with its third timestamp in a row.
 const ROW: u8 = 3;
 
-/// Whether all of a part is what an idle line brings.
-fn is_idle(part: &[u8]) -> bool {
-    [0x00, 0xFF].iter().any(|idle| part.iter().all(|byte| byte == idle))
-}
-
 /// Whether a transaction with this MOSI can change anything that Port-Status or an uplink's place shows.
 pub(super) fn writes(mosi: &[u8]) -> bool {
     let taken_in = &mosi[..mosi.len().min(TAKEN_IN)];
-    !is_idle(taken_in)
+    !is_vacant(taken_in)
 }
 
 /// What is known of one writer's timestamps.
@@ -70,8 +65,32 @@ pub(super) struct Model {
     pub(super) places: [Place; 2],
     /// Of the base station, of the flight controller, of commands; nothing where nobody knows.
     timestamps: [Option<Timestamps>; 3],
-    /// Until when a self-test that was begun may not be over, ns.
-    testing: Option<u64>,
+    test: Test,
+}
+
+/// What there is of self-tests.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Test {
+    /// None is under way, and the last one ended so.
+    Idle { passed: bool, failed: bool },
+    /// One was begun at this instant, ns, and may be over.
+    Begun(u64),
+}
+
+impl Test {
+    fn told(values: &PortValues) -> Self {
+        Self::Idle { passed: values.status.self_test_passed(), failed: values.status.self_test_failed() }
+    }
+
+    /// Whether Port-Status may say this in an image of `at`, ns: a test that is over has either passed or failed.
+    fn fits(self, values: &PortValues, at: u64) -> bool {
+        let status = values.status;
+        match self {
+            Self::Idle { .. } => !status.self_test_running() && Self::told(values) == self,
+            Self::Begun(since) if status.self_test_running() => at < since + bounds::SELF_TEST,
+            Self::Begun(_) => status.self_test_passed() != status.self_test_failed(),
+        }
+    }
 }
 
 impl Model {
@@ -85,7 +104,7 @@ impl Model {
             violations: Violations::new(),
             places: [Place::Empty, Place::Empty],
             timestamps: [Some(Timestamps::NONE); 3],
-            testing: None,
+            test: Test::Idle { passed: false, failed: false },
         }
     }
 
@@ -99,7 +118,7 @@ impl Model {
             violations: values.violations,
             places: [Place::Unknown, Place::Unknown],
             timestamps: [None; 3],
-            testing: Some(at + bounds::SELF_TEST),
+            test: if values.status.self_test_running() { Test::Begun(at) } else { Test::told(values) },
         }
     }
 
@@ -110,12 +129,14 @@ impl Model {
             && self.last_command == (values.last_command_timestamp, values.last_command)
             && self.last_refused.is_none_or(|refused| refused == values.status.last_refused())
             && self.violations == values.violations
-            && (self.may_test(at) || !values.status.self_test_running())
+            && self.test.fits(values, at)
     }
 
-    /// Whether a self-test may be under way at `at`, ns.
-    fn may_test(&self, at: u64) -> bool {
-        self.testing.is_some_and(|until| at < until)
+    /// Port-Status has said this: a self-test that it does not tell any more is over.
+    pub(super) fn told(&mut self, values: &PortValues) {
+        if !values.status.self_test_running() {
+            self.test = Test::told(values);
+        }
     }
 
     /// The states that a transaction which ended at `at` (ns) may lead to, for a map of so many bytes.
@@ -124,42 +145,45 @@ impl Model {
         let (request, behind) = taken_in.split_at(taken_in.len().min(REQUEST_SIZE));
         let (object, beyond) = behind.split_at(behind.len().min(Uplink::SIZE));
         let mut next = self.clone();
-        match request.first_chunk::<REQUEST_SIZE>() {
-            Some(request) => {
-                if let Err(rejection) = ssi::parse(request, map_len) {
-                    next.violations.count(Violation::of_request(rejection), 1);
-                }
-            }
-            None if is_idle(request) => {}
-            None => next.violations.count(Violation::TooShort, 1),
+        match Asked::of(request, map_len) {
+            Asked::Nothing | Asked::Window { .. } => {}
+            Asked::Outside => next.violations.count(Violation::WindowOutside, 1),
+            Asked::Damaged => next.violations.count(Violation::RequestDamaged, 1),
+            Asked::Short => next.violations.count(Violation::TooShort, 1),
         }
-        let mut states = if is_idle(object) { vec![next] } else { next.written(object, at) };
-        if !is_idle(beyond) {
+        let mut states = if is_vacant(object) { vec![next] } else { next.written(object, at) };
+        if !is_vacant(beyond) {
             states.iter_mut().for_each(|state| state.violations.count(Violation::TooLong, 1));
         }
         states
     }
 
-    /// An object has come in that is not idle.
+    /// An object has come in that is not idle: an uplink or a command, as design section 5 and `profile::port_status`
+    /// have them.
     fn written(self, object: &[u8], at: u64) -> Vec<Self> {
-        match Written::verify(object) {
-            Err(rejection) => vec![self.refused(Violation::of_object(rejection))],
-            Ok(Written::BaseStation(uplink)) => self.uplink(0, uplink, at),
-            Ok(Written::FlightController(uplink)) => self.uplink(1, uplink, at),
-            Ok(Written::Command(command, object)) => self.in_time(2, object.timestamp(), |state| {
-                let timestamp = object.timestamp();
-                let busy = command == Command::SelfTest && state.may_test(at);
-                let refused = busy.then(|| state.clone().refused(Violation::CommandBusy));
-                std::iter::once(state.carried_out(command, timestamp, at)).chain(refused).collect()
-            }),
+        if object.len() < Uplink::SIZE {
+            return vec![self.refused(Violation::TooShort)];
         }
-    }
-
-    fn uplink(self, writer: usize, uplink: &Uplink, at: u64) -> Vec<Self> {
-        self.in_time(writer, uplink.timestamp(), |mut state| {
+        if !is_intact(object) {
+            return vec![self.refused(Violation::UplinkDamaged)];
+        }
+        let word = |place: usize| [0, 1, 2, 3].map(|byte| object[place + byte]);
+        let timestamp = u32::from_le_bytes(word(0));
+        let writer = match Identifier(u16::from_le_bytes([object[4], object[5]])) {
+            Identifier::UPLINK_BASE_STATION => 0,
+            Identifier::UPLINK_FLIGHT_CONTROLLER => 1,
+            Identifier::COMMAND => {
+                let is_zero = object[12..Uplink::SIZE - 4].iter().all(|byte| *byte == 0);
+                let known = Command::ALL.into_iter().find(|known| known.word().to_le_bytes() == word(8) && is_zero);
+                let Some(command) = known else { return vec![self.refused(Violation::CommandUnknown)] };
+                return self.in_time(2, timestamp, |state| state.commanded(command, timestamp, at));
+            }
+            _ => return vec![self.refused(Violation::UplinkIdentifier)],
+        };
+        self.in_time(writer, timestamp, |mut state| {
             state.uplinks_accepted = state.uplinks_accepted.wrapping_add(1);
             state.last_refused = Some(false);
-            state.places[writer] = Place::Stored(uplink.as_bytes().to_vec(), at);
+            state.places[writer] = Place::Stored(object.to_vec(), at);
             vec![state]
         })
     }
@@ -184,19 +208,27 @@ impl Model {
         self
     }
 
-    fn carried_out(mut self, command: Command, timestamp: u32, at: u64) -> Self {
-        match command {
-            Command::ClearCounters => {
-                self.violations = Violations::new();
-                self.uplinks_accepted = 0;
-                self.commands_carried_out = 0;
+    /// A command has come in that is known and in time.
+    fn commanded(self, command: Command, timestamp: u32, at: u64) -> Vec<Self> {
+        let done = |mut state: Self| {
+            state.commands_carried_out = state.commands_carried_out.wrapping_add(1);
+            state.last_command = (timestamp, command.word());
+            state.last_refused = Some(false);
+            state
+        };
+        match (command, self.test) {
+            (Command::ClearCounters, _) => {
+                let cleared =
+                    Self { violations: Violations::new(), uplinks_accepted: 0, commands_carried_out: 0, ..self };
+                vec![done(cleared)]
             }
-            _ => self.testing = Some(at + bounds::SELF_TEST),
+            (_, Test::Idle { .. }) => vec![done(Self { test: Test::Begun(at), ..self })],
+            // One that was begun may be over or not.
+            (_, Test::Begun(_)) => {
+                let refused = self.clone().refused(Violation::CommandBusy);
+                vec![done(Self { test: Test::Begun(at), ..self }), refused]
+            }
         }
-        self.commands_carried_out = self.commands_carried_out.wrapping_add(1);
-        self.last_command = (timestamp, command.word());
-        self.last_refused = Some(false);
-        self
     }
 }
 

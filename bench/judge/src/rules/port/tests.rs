@@ -155,11 +155,12 @@ fn every_kind_of_violation_and_every_command_is_followed() {
     let right = |published: u64, leave_out: usize| {
         let mut shown = Shown::default();
         let mut violations = Violations::new();
+        let mut running = false;
         for (n, ((at, object), (_, kind))) in written.iter().zip(&kinds).enumerate() {
             if published < ends(*at) {
                 break;
             }
-            shown.values.status = shown.values.status.with_last_refused(kind.is_some());
+            shown.values.status = PortStatusBits::new().with_last_refused(kind.is_some());
             match kind {
                 Some(kind) if n != leave_out => violations.count(*kind, 1),
                 Some(_) => {}
@@ -168,6 +169,7 @@ fn every_kind_of_violation_and_every_command_is_followed() {
                     shown.stored = Some((object.clone(), ends(*at)));
                 }
                 None => {
+                    running = true;
                     shown.values.commands_carried_out = 1;
                     shown.values.last_command_timestamp = 50;
                     shown.values.last_command = Command::SelfTest.word();
@@ -175,6 +177,7 @@ fn every_kind_of_violation_and_every_command_is_followed() {
             }
         }
         shown.values.violations = violations;
+        shown.values.status = shown.values.status.with_self_test_running(running);
         shown
     };
     assert_eq!(broken(&log(&written, |published| right(published, usize::MAX))), []);
@@ -362,9 +365,16 @@ fn from_the_instant_at_which_misuse_is_over_port_status_is_looked_at_again() {
 
 #[test]
 fn a_self_test_may_fail_after_memory_was_damaged_and_not_otherwise() {
-    let failed = log(&[], |published| {
+    let failed = log(&[(AT, command(50, Command::SelfTest))], |published| {
         let mut shown = Shown::default();
-        shown.values.status = PortStatusBits::new().with_self_test_failed(published >= 200 * MS);
+        if published >= ends(AT) {
+            shown.values.commands_carried_out = 1;
+            shown.values.last_command_timestamp = 50;
+            shown.values.last_command = Command::SelfTest.word();
+        }
+        let running = (ends(AT)..200 * MS).contains(&published);
+        let status = PortStatusBits::new().with_self_test_running(running);
+        shown.values.status = status.with_self_test_failed(published >= 200 * MS);
         shown
     });
     for (kinds, may) in [
@@ -450,10 +460,11 @@ fn what_port_status_has_decided_stays_so() {
                 shown.values.commands_carried_out = if last == 60 { 2 } else { 1 };
                 shown.values.last_command_timestamp = last;
                 shown.values.last_command = Command::SelfTest.word();
+                shown.values.status = shown.values.status.with_self_test_running(true);
             }
             if second && last == 50 {
                 shown.values.violations.count(profile::Violation::CommandBusy, 1);
-                shown.values.status = PortStatusBits::new().with_last_refused(true);
+                shown.values.status = shown.values.status.with_last_refused(true);
             }
             shown
         }))
@@ -590,10 +601,12 @@ fn clearing_the_counters_is_never_refused_as_busy_and_a_self_test_may_be_while_o
             values.last_command_timestamp = last.0;
             values.last_command = last.1.word();
             values.violations.count(profile::Violation::CommandBusy, u16::from(busy));
-            values.status = PortStatusBits::new().with_last_refused(busy).with_self_test_running(running);
+            let over = !running && sent[0] == test(1);
+            let status = PortStatusBits::new().with_last_refused(busy).with_self_test_running(running);
+            values.status = status.with_self_test_passed(over);
         })
     };
-    // It does not run for longer than a minute.
+    // It does not run for longer than its bound.
     let runs = |at: u64| {
         let status = PortStatusBits::new().with_self_test_running(true);
         let last_command = Command::SelfTest.word();

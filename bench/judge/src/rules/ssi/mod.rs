@@ -18,6 +18,9 @@
 //!   gave them to it, and [`Violation::HeldBack`] otherwise. Transactions that meet the DPR busy because of it are not
 //!   counted again, unless nothing is readable for longer than [`bounds::EXPIRY`](crate::bounds::EXPIRY): then it is
 //!   [`Violation::Silent`] alone.
+//! - A single transaction that reads 0xFF throughout may be one that met the DPR busy: as it put an image in, which
+//!   FRESH tells within [`bounds::SSI_READY`], so soon after another one, with the image's time over, or with the
+//!   transactions spent that it grants between two images. Any other is [`Violation::Unserved`].
 //! - An unsound image is [`Violation::FreshUnreadable`] if FRESH announced these bytes; if it became unsound later, or
 //!   FRESH rose while nothing could be read yet, it is what the transaction found: torn, misplaced, or damaged, in this
 //!   order, and one of them for each transaction.
@@ -45,7 +48,7 @@ mod service;
 
 use crate::disturbance::Excuse;
 use crate::read::Reading;
-use crate::{Board, Context, Event, Figures, Findings, Header, SsiEvent, Violation, What};
+use crate::{Board, Context, Event, Figures, Findings, Header, SsiEvent, Violation, What, bounds};
 use damage::Damage;
 use fresh::Claims;
 use latency::Cycles;
@@ -58,6 +61,8 @@ pub struct Ssi {
     claims: Claims,
     damage: Damage,
     cycles: Cycles,
+    /// Since when FRESH is high, ns.
+    high_since: Option<u64>,
 }
 
 impl Ssi {
@@ -69,6 +74,7 @@ impl Ssi {
             claims: Claims::default(),
             damage: Damage::default(),
             cycles: Cycles::default(),
+            high_since: None,
         }
     }
 
@@ -118,6 +124,7 @@ impl Ssi {
         let unsound = |at| context.disturbances().excuse(Excuse::UnsoundImage, at);
         match &event.what {
             What::Fresh { high, offered } => {
+                self.pulse(at, *high, findings);
                 let offered = offered.as_ref().map(|bytes| {
                     let offset = context.window().offset();
                     Reading::of(context.layout(), at, at, offset, bytes)
@@ -146,6 +153,14 @@ impl Ssi {
         }
     }
 
+    /// FRESH rises or falls.
+    fn pulse(&mut self, at: u64, high: bool, findings: &mut Findings) {
+        if let Some(since) = self.high_since.take().filter(|since| !high && at < since + bounds::FRESH_WIDTH) {
+            findings.add(Violation::FreshShort, since, || format!("{} ns", at - since));
+        }
+        self.high_since = high.then_some(at);
+    }
+
     fn transaction(&mut self, reading: &Reading, context: &Context, findings: &mut Findings) {
         let whole = reading.selected >= context.running(Board::Dpr).since;
         self.service.transaction(reading, whole, findings);
@@ -170,6 +185,7 @@ impl Ssi {
     fn restart(&mut self) {
         self.claims = Claims::default();
         self.damage = Damage::default();
+        self.high_since = None;
     }
 
     /// The run is over.

@@ -68,6 +68,8 @@ struct Streak {
     explained: bool,
     /// It is noted as silence.
     told: bool,
+    /// The first of them had no reason to read nothing.
+    unserved: bool,
 }
 
 impl Streak {
@@ -96,6 +98,10 @@ pub(super) struct Service {
     long_ended: u64,
     /// The transaction under way is not served.
     busy: bool,
+    /// The transaction under way may not be served: the one before has just ended, or the image's time is over.
+    may_be_busy: bool,
+    /// When FRESH rose first in the transaction under way, ns.
+    rose_within: Option<u64>,
     hold: Option<Hold>,
     /// Until when the DPR need not see the end of a transaction, ns.
     paused_until: u64,
@@ -125,6 +131,8 @@ impl Service {
             began: 0,
             long_ended: 0,
             busy: false,
+            may_be_busy: false,
+            rose_within: None,
             hold: None,
             paused_until: 0,
             pending: None,
@@ -194,6 +202,9 @@ impl Service {
     /// FRESH rose; `offers` if a transaction could begin. Whether there is a reason if none could.
     pub(super) fn rise(&mut self, at: u64, offers: bool) -> bool {
         (self.rose_at, self.served) = (Some(at), 0);
+        if self.under_way {
+            self.rose_within.get_or_insert(at);
+        }
         let expired = self.hold.is_some_and(|hold| hold.why == Why::Expiry);
         let unowed = self.pending.is_some_and(|pending| !pending.owed);
         if !offers && (expired || unowed) {
@@ -235,6 +246,10 @@ impl Service {
 
     pub(super) fn selected(&mut self, at: u64) {
         (self.under_way, self.began) = (true, at);
+        // The one before has just ended, or FRESH has just risen.
+        let just = self.quiet_since.max(self.paused_until).max(self.rose_at.unwrap_or(0));
+        self.may_be_busy = at <= just + bounds::SSI_READY || self.is_expired(at);
+        self.rose_within = None;
         // A flight controller that does not wait for the DPR as long as it has to is no evidence.
         self.pending = self.pending.filter(|pending| at.saturating_sub(pending.since) > bounds::SSI_READY);
     }
@@ -263,7 +278,10 @@ impl Service {
         }
         match Read::of(reading, busy) {
             Read::Image => self.end_streak(findings),
-            Read::Nothing if !(busy && spent) && !self.hung => self.read_nothing(reading.selected, findings),
+            Read::Nothing if !(busy && spent) && !self.hung => {
+                let soon = self.rose_within.is_some_and(|rose| rose <= reading.selected + bounds::SSI_READY);
+                self.read_nothing(reading.selected, !self.may_be_busy && !soon, findings);
+            }
             Read::Nothing | Read::Unknown => {}
         }
     }
@@ -309,8 +327,9 @@ impl Service {
         }
     }
 
-    fn read_nothing(&mut self, selected: u64, findings: &mut Findings) {
-        let new = Streak { first: selected, last: selected, count: 0, explained: false, told: false };
+    /// A transaction has read nothing, and had no reason to if `unserved`.
+    fn read_nothing(&mut self, selected: u64, unserved: bool, findings: &mut Findings) {
+        let new = Streak { first: selected, last: selected, count: 0, explained: false, told: false, unserved };
         let streak = self.streak.get_or_insert(new);
         streak.last = selected;
         streak.count += 1;
@@ -333,6 +352,8 @@ impl Service {
             self.silence(findings);
         } else if streak.count > 1 && !streak.explained {
             findings.add(Violation::BusyTwice, streak.first, || format!("{} in a row", streak.count));
+        } else if streak.count == 1 && streak.unserved && !streak.explained {
+            findings.add(Violation::Unserved, streak.first, || "it is not the DPR that was busy".into());
         }
         self.streak = None;
     }

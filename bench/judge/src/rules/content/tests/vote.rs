@@ -754,7 +754,7 @@ fn the_status_follows_from_the_vote() {
     let status =
         |of: fn(ReportedStatus) -> ReportedStatus| changed(3, move |reported| reported.status = of(reported.status));
     assert_eq!(status(|status| status), []);
-    assert_eq!(status(|status| status.with_without_crystal(true)), [], "that bit is another's");
+    assert_eq!(status(|status| status.with_without_crystal(true)), [(Violation::CrystalWrong, 1)]);
     assert_eq!(status(|status| status.with_receivers_agreeing(2)), VOTE, "all three agree");
     assert_eq!(status(|status| status.with_receivers_agreeing(4)), REPORTED);
     assert_eq!(status(|status| status.with_degraded(true)), REPORTED);

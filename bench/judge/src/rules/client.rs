@@ -1,0 +1,282 @@
+//! What the flight controller's client says against what was on the wires.
+//!
+//! | the client | violation |
+//! |---|---|
+//! | flies by a position that HORUS did not send as valid, or that is older than [`bounds::CLIENT_AGE_LIMIT`] | `ClientWrong` |
+//! | tells another age than the sample's that it read last | `ClientAge` |
+//! | has no position although it has read [`bounds::CLIENT_FINDS`] valid ones in sequence | `ClientHides` |
+//!
+//! How old a sample is follows from its frame at the DPR's antenna and the slot that the profile gives it: what the air
+//! adds before that nobody can tell. Of a sample that came several times the oldest and the youngest count.
+//!
+//! A client reads what it is given: what is no cycle in sequence, or is disturbed, it need not fly by, and so nothing
+//! is asked of its sequence then. While [`Excuse::Service`] holds it is the flight controller that does not follow its
+//! client, so that no age is asked of it; a position that must not be flown by is asked for always.
+
+use std::collections::VecDeque;
+
+use profile::{CYCLE_MS, Layout};
+
+use super::shown::expectation::age_at_end;
+use crate::disturbance::Excuse;
+use crate::read::{Reading, State, Values};
+use crate::{Context, Event, Figures, Findings, Header, Violation, What, bounds};
+
+/// So long is remembered what was sent, ns: a client that flies by what is older flies by none of these.
+const KEPT: u64 = 2_000_000_000;
+
+/// A Reported-Position at the DPR's antenna.
+#[derive(Clone, Copy, Debug)]
+struct Sample {
+    timestamp: u32,
+    valid: bool,
+    /// The instant of its sample, ns.
+    at: u64,
+}
+
+/// The transaction that is over.
+#[derive(Clone, Copy, Debug)]
+struct Read {
+    selected: u64,
+    /// The timestamp of Reported-Position in it, ms, and whether its position is valid.
+    sample: Option<(u32, bool)>,
+}
+
+/// See the [module](self).
+#[derive(Clone, Debug)]
+pub struct Client {
+    layout: Layout,
+    samples: VecDeque<Sample>,
+    read: Option<Read>,
+    /// The timestamp that was read last, ms, and how many valid ones in a row were in sequence before it and with it.
+    row: Option<(u32, u32)>,
+    /// The sample whose age was wrong, which is told.
+    told: Option<u32>,
+    hides: bool,
+}
+
+impl Client {
+    /// Nothing has happened yet.
+    ///
+    /// # Panics
+    ///
+    /// If there is no profile for the header's number of receivers.
+    #[must_use]
+    pub fn new(header: &Header) -> Self {
+        Self {
+            layout: Layout::for_receivers(header.gps).expect("a profile has 1, 2, 3 or 5 receivers"),
+            samples: VecDeque::new(),
+            read: None,
+            row: None,
+            told: None,
+            hides: false,
+        }
+    }
+
+    /// Takes the next event.
+    pub fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
+        match &event.what {
+            What::Heard { .. } => {
+                let object = context.frame().and_then(|frame| frame.objects.first());
+                if let Some(State::Valid { timestamp, values: Values::Reported(values) }) = object.map(|it| &it.state) {
+                    let (timestamp, valid) = (*timestamp, values.status.position_valid());
+                    self.samples.push_back(Sample {
+                        timestamp,
+                        valid,
+                        at: event.at.saturating_sub(age_at_end(self.layout, 0)),
+                    });
+                    while self.samples.pop_front_if(|sample| sample.at + KEPT < event.at).is_some() {}
+                }
+            }
+            What::Transaction { .. } => {
+                self.read =
+                    context.reading().map(|reading| Read { selected: reading.selected, sample: sample(reading) });
+                self.follow();
+            }
+            What::Decided { position, age_us } => self.decided(*position, *age_us, context, findings),
+            _ => {}
+        }
+    }
+
+    /// What was read last continues what was read before, or not.
+    fn follow(&mut self) {
+        let Some(sample) = self.read.and_then(|read| read.sample) else { return };
+        self.row = match (self.row, sample) {
+            (_, (_, false)) => None,
+            (Some((last, row)), (now, true)) if now == last => Some((last, row)),
+            (Some((last, row)), (now, true)) if now == last.wrapping_add(CYCLE_MS) => Some((now, row + 1)),
+            (_, (now, true)) => Some((now, 1)),
+        };
+    }
+
+    fn decided(&mut self, position: Option<u32>, age_us: Option<u32>, context: &Context, findings: &mut Findings) {
+        let Some(Read { selected, sample }) = self.read else { return };
+        let of = |timestamp: u32| {
+            self.samples.iter().filter(move |sample| sample.timestamp == timestamp && sample.at <= selected)
+        };
+        let ages = |timestamp| {
+            let ages = of(timestamp).map(|sample| selected - sample.at);
+            ages.clone().min().zip(ages.max())
+        };
+        if let Some(timestamp) = position {
+            let wrong = match ages(timestamp) {
+                None => Some("it was not sent".to_owned()),
+                Some(_) if of(timestamp).all(|sample| !sample.valid) => Some("it is not valid".to_owned()),
+                Some((youngest, _)) if youngest > bounds::CLIENT_AGE_LIMIT + bounds::CLIENT_AGE_SHORT => {
+                    Some(format!("it is {youngest} ns old"))
+                }
+                _ => None,
+            };
+            if let Some(wrong) = wrong {
+                findings.add(Violation::ClientWrong, selected, || format!("the position of {timestamp} ms: {wrong}"));
+            }
+        }
+        if context.disturbances().excuse(Excuse::Service, selected) {
+            (self.row, self.hides) = (None, false);
+            return;
+        }
+        if let (Some((timestamp, _)), Some(age_us)) = (sample, age_us)
+            && self.told != Some(timestamp)
+            && let Some((youngest, oldest)) = ages(timestamp)
+        {
+            let told = u64::from(age_us) * 1_000;
+            if told + bounds::CLIENT_AGE_SHORT < youngest || told > oldest + bounds::CLIENT_AGE_LONG {
+                self.told = Some(timestamp);
+                findings.add(Violation::ClientAge, selected, || format!("{told} ns instead of {youngest} ns"));
+            }
+        }
+        let found = sample.is_some() && self.row.is_some_and(|(_, row)| row >= bounds::CLIENT_FINDS);
+        let hides = found && position.is_none();
+        if hides && !std::mem::replace(&mut self.hides, hides) {
+            findings.add(Violation::ClientHides, selected, || "what it reads is valid and in sequence".into());
+        }
+        self.hides = hides;
+    }
+
+    /// The run is over.
+    pub fn finish(&mut self, _context: &Context, _findings: &mut Findings, _figures: &mut Figures) {}
+}
+
+/// Reported-Position in a transaction that brought it and Link-Status intact.
+fn sample(reading: &Reading) -> Option<(u32, bool)> {
+    let placed = reading.objects.first().filter(|placed| placed.index == 0)?;
+    match &placed.state {
+        State::Valid { timestamp, values: Values::Reported(values) } if matches!(reading.link, Some(Ok(_))) => {
+            Some((*timestamp, values.status.position_valid()))
+        }
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use profile::{LinkStatus, LinkValues, ReportedPosition, ReportedValues};
+
+    use super::*;
+    use crate::testing::{Events, MISUSE, MS, found, header, injected, silent_reported};
+
+    /// When the sample of cycle number `n` was taken, ns.
+    const fn sampled(n: u64) -> u64 {
+        100 * MS + n * bounds::CYCLE
+    }
+
+    fn stamp(n: u64) -> u32 {
+        n as u32 * CYCLE_MS
+    }
+
+    fn values(n: u64, valid: bool) -> ReportedValues {
+        let silent = silent_reported(stamp(n));
+        ReportedValues { status: silent.status.with_position_valid(valid), ..silent }
+    }
+
+    fn heard(log: &mut Events, n: u64, valid: bool) {
+        let layout = crate::testing::layout(1);
+        let gps = vec![crate::testing::silent_gps(stamp(n))];
+        let payload = crate::testing::objects(&values(n, valid), &gps).concat();
+        let bytes = [vec![payload.len() as u8 + 1], payload, vec![0, 0]].concat();
+        let ended = sampled(n) + age_at_end(layout, 0);
+        log.add(ended, What::Heard { started: ended - MS, bytes: bytes.into(), whole: true });
+    }
+
+    /// A transaction that began at `selected`, brought that of cycle number `n`, and what the client said of it.
+    fn read(log: &mut Events, selected: u64, n: u64, valid: bool, position: Option<u64>, age: Option<u64>) {
+        let link = *LinkStatus::seal(&LinkValues::default()).as_bytes();
+        let miso = [&link[..], ReportedPosition::seal(&values(n, valid)).as_bytes()].concat();
+        let at = selected + MS / 10;
+        log.add(at, What::Transaction { selected, mosi: vec![0; 8].into(), miso: miso.into() });
+        let age_us = age.map(|age| (age / 1_000) as u32);
+        log.add(at, What::Decided { position: position.map(stamp), age_us });
+    }
+
+    fn broken(log: &Events) -> Vec<(Violation, u64, u64)> {
+        found(Client::new(&header(1)), &log.log()).0
+    }
+
+    /// What is found where cycle 1 is heard, and read so long after its sample, ns, with this position and age.
+    fn once(after: u64, valid: bool, position: Option<u64>, age: Option<u64>, more: &[(u64, What)]) -> Vec<Violation> {
+        let mut log = Events::new(1);
+        heard(&mut log, 1, valid);
+        more.iter().for_each(|(at, what)| _ = log.add(*at, what.clone()));
+        read(&mut log, sampled(1) + after, 1, valid, position, age);
+        broken(&log).into_iter().map(|(violation, ..)| violation).collect()
+    }
+
+    #[test]
+    fn a_position_to_fly_by_was_sent_as_valid_and_is_not_too_old() {
+        let limit = bounds::CLIENT_AGE_LIMIT + bounds::CLIENT_AGE_SHORT;
+        let flown = |after, valid, position| once(after, valid, Some(position), Some(after), &[]);
+        assert_eq!(flown(limit, true, 1), []);
+        assert_eq!(flown(limit + 1, true, 1), [Violation::ClientWrong]);
+        assert_eq!(flown(20 * MS, false, 1), [Violation::ClientWrong], "not valid");
+        assert_eq!(flown(20 * MS, true, 2), [Violation::ClientWrong], "not sent");
+        let misuse = [(MS, injected(MISUSE, u64::MAX))];
+        let late = once(limit + 1, true, Some(1), Some(limit), &misuse);
+        assert_eq!(late, [Violation::ClientWrong], "whatever the flight controller does");
+    }
+
+    #[test]
+    fn the_age_that_a_client_tells_is_that_of_the_sample() {
+        let told = |age| once(20 * MS, true, Some(1), Some(age), &[]);
+        let wrong = [Violation::ClientAge];
+        let short = 20 * MS - bounds::CLIENT_AGE_SHORT;
+        assert_eq!(told(short), []);
+        assert_eq!(told(short - 1_000), wrong);
+        let long = 20 * MS + bounds::CLIENT_AGE_LONG;
+        assert_eq!(told(long), []);
+        assert_eq!(told(long + 1_000), wrong);
+        assert_eq!(once(20 * MS, true, Some(1), None, &[]), [], "it says that it does not know");
+        let misuse = [(MS, injected(MISUSE, u64::MAX))];
+        assert_eq!(once(20 * MS, true, Some(1), Some(0), &misuse), []);
+        // It comes twice, the second time 5 ms late: either may be what the DPR has shown.
+        let mut log = Events::new(1);
+        heard(&mut log, 1, true);
+        let mut again = Events::new(1);
+        heard(&mut again, 1, true);
+        let Event { at, what } = again.events.remove(0);
+        log.add(at + 5 * MS, what);
+        read(&mut log, sampled(1) + 20 * MS, 1, true, Some(1), Some(15 * MS));
+        assert_eq!(broken(&log), []);
+    }
+
+    #[test]
+    fn a_client_that_reads_a_sequence_has_a_position() {
+        let run = |cycles: &[(u64, bool)], hides: bool| {
+            let mut log = Events::new(1);
+            for (n, valid) in cycles {
+                heard(&mut log, *n, *valid);
+                let position = (!hides).then_some(*n);
+                read(&mut log, sampled(*n) + 6 * MS, *n, *valid, position, Some(6 * MS));
+            }
+            broken(&log).into_iter().map(|(violation, count, _)| (violation, count)).collect::<Vec<_>>()
+        };
+        let finds = u64::from(bounds::CLIENT_FINDS);
+        let row = |cycles: u64| (1..=cycles).map(|n| (n, true)).collect::<Vec<_>>();
+        assert_eq!(run(&row(finds - 1), true), []);
+        assert_eq!(run(&row(finds), true), [(Violation::ClientHides, 1)]);
+        assert_eq!(run(&row(finds + 5), true), [(Violation::ClientHides, 1)], "it is told once");
+        assert_eq!(run(&row(finds + 5), false), []);
+        let with = |change: fn(u64) -> (u64, bool)| run(&(1..=finds).map(change).collect::<Vec<_>>(), true);
+        assert_eq!(with(|n| (n, n != 3)), [], "one is not valid");
+        assert_eq!(with(|n| (n + u64::from(n > 3), true)), [], "one is missing");
+    }
+}

@@ -1,0 +1,198 @@
+//! What Port-Status says of the DPR's own health: its clock, its passes over the flash, what they and scrubs have found,
+//! and why it last stopped.
+//!
+//! | field | right |
+//! |---|---|
+//! | timestamp | that of Link-Status, or up to [`bounds::PORT_BEFORE_LINK_MS`] earlier, and never back |
+//! | passes over the flash | never back, as many as there was time for at most; at least as many as there had to be, unless the flight controller misused the SSI |
+//! | integrity faults, stuck bits, buffers out of use | 0 unless [`Excuse::RamFault`] holds, and never back |
+//! | bit 6 | whether buffers are out of use |
+//! | reason of the last safe state | 0 unless a watchdog ended the last run; the same from start to start |
+//!
+//! A firmware that has stopped waits for its watchdog, so that no other start has a reason.
+
+use profile::PortValues;
+
+use crate::disturbance::{Disturbances, Excuse};
+use crate::read::Reading;
+use crate::{What, bounds};
+
+/// See the [module](self).
+#[derive(Clone, Debug)]
+pub(super) struct Health {
+    /// When the DPR last started, ns.
+    since: u64,
+    /// It may have stopped before that.
+    stopped: bool,
+    /// The flight controller has taken more of its processor than it may.
+    slow: bool,
+    last: Option<PortValues>,
+}
+
+impl Health {
+    /// The supply has come on at `at`, ns.
+    pub(super) const fn powered(at: u64) -> Self {
+        Self { since: at, stopped: false, slow: false, last: None }
+    }
+
+    /// The DPR starts at `at` (ns), or has no supply any more.
+    pub(super) fn of(at: u64, what: &What) -> Self {
+        let by_watchdog = matches!(what, What::Reset { cause, .. } if cause.to_lowercase().contains("watchdog"));
+        Self { stopped: by_watchdog, ..Self::powered(at) }
+    }
+
+    /// The flight controller takes more of the DPR's processor than it may.
+    pub(super) fn slowed(&mut self) {
+        self.slow = true;
+    }
+
+    /// What is wrong with Port-Status in an image of `published` (ns) that was read with `reading`, in words.
+    pub(super) fn wrong(
+        &mut self,
+        values: &PortValues,
+        reading: &Reading,
+        published: u64,
+        disturbances: &Disturbances,
+    ) -> Option<String> {
+        let last = self.last.replace(*values).unwrap_or(PortValues { last_stop: values.last_stop, ..*values });
+        let of_ram = disturbances.excuse(Excuse::RamFault, published);
+        let found = |values: &PortValues| [values.integrity_faults, values.stuck_bits, values.buffers_out_of_use];
+        let back = |was: u32, is: u32| is.wrapping_sub(was) > u32::MAX / 2;
+        let passed = published.saturating_sub(self.since);
+        let [fewest, most] = [bounds::FLASH_PASS_LONGEST, bounds::FLASH_PASS_SHORTEST].map(|pass| passed / pass);
+        let passes = u64::from(values.flash_passes);
+        let early = match &reading.link {
+            Some(Ok(link)) => link.timestamp.wrapping_sub(values.timestamp) > bounds::PORT_BEFORE_LINK_MS,
+            _ => false,
+        };
+        let stop = values.last_stop;
+        let coded = stop == 0 || self.stopped && bounds::STOP_CAUSES.contains(&(stop >> 24));
+        let wrong = if early || back(last.timestamp, values.timestamp) {
+            "its time"
+        } else if passes > most || passes < fewest && !self.slow || values.flash_passes < last.flash_passes {
+            "passes over the flash"
+        } else if !of_ram && found(values) != [0; 3] {
+            "faults of memory that nothing has caused"
+        } else if found(values).into_iter().zip(found(&last)).any(|(is, was)| is < was) {
+            "faults of memory that are counted no more"
+        } else if values.status.buffers_out_of_use() != (values.buffers_out_of_use > 0) {
+            "whether buffers are out of use"
+        } else if !coded || stop != last.last_stop {
+            "the reason of the last safe state"
+        } else {
+            return None;
+        };
+        Some(format!("{wrong}: {values:?}"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use profile::{Layout, LinkStatus, LinkValues, PortStatusBits};
+
+    use super::*;
+    use crate::testing::{RECEIVE_BIT, injected};
+    use crate::{Board, Event};
+
+    /// What is right 1 s after the start.
+    const RIGHT: PortValues = {
+        let values = sound();
+        PortValues { timestamp: 990, ..values }
+    };
+    const AT: u64 = 1_000_000_000;
+
+    const fn sound() -> PortValues {
+        PortValues {
+            timestamp: 0,
+            status: PortStatusBits::from_bits(0),
+            uplinks_accepted: 0,
+            commands_carried_out: 0,
+            last_command_timestamp: 0,
+            last_command: 0,
+            base_station_age_ms: 0,
+            flight_controller_age_ms: 0,
+            violations: profile::Violations::new(),
+            integrity_faults: 0,
+            flash_passes: 0,
+            stuck_bits: 0,
+            buffers_out_of_use: 0,
+            last_stop: 0,
+        }
+    }
+
+    fn link(timestamp: u32) -> Reading {
+        let values = LinkValues { timestamp, ..LinkValues::default() };
+        Reading::of(Layout::for_receivers(1).unwrap(), AT, AT, 0, LinkStatus::seal(&values).as_bytes())
+    }
+
+    fn is_right(health: &mut Health, values: PortValues, at: u64) -> bool {
+        health.wrong(&values, &link(1_000), at, &Disturbances::default()).is_none()
+    }
+
+    fn once(values: PortValues) -> bool {
+        is_right(&mut Health::powered(0), values, AT)
+    }
+
+    #[test]
+    fn its_time_is_that_of_link_status_or_a_little_earlier_and_never_back() {
+        let earliest = 1_000 - bounds::PORT_BEFORE_LINK_MS;
+        for (timestamp, right) in [(1_000, true), (1_001, false), (earliest, true), (earliest - 1, false)] {
+            assert_eq!(once(PortValues { timestamp, ..RIGHT }), right, "{timestamp}");
+        }
+        let mut health = Health::powered(0);
+        assert!(is_right(&mut health, RIGHT, AT));
+        assert!(!is_right(&mut health, PortValues { timestamp: 989, ..RIGHT }, AT));
+    }
+
+    #[test]
+    fn passes_over_the_flash_are_as_many_as_there_was_time_for() {
+        let passes = |flash_passes, at| is_right(&mut Health::powered(0), PortValues { flash_passes, ..RIGHT }, at);
+        let (longest, shortest) = (bounds::FLASH_PASS_LONGEST, bounds::FLASH_PASS_SHORTEST);
+        assert_eq!((passes(0, longest - 1), passes(0, longest), passes(1, longest)), (true, false, true));
+        assert_eq!((passes(3, 3 * shortest), passes(3, 3 * shortest - 1)), (true, false));
+        let mut slow = Health::powered(0);
+        slow.slowed();
+        assert!(is_right(&mut slow, RIGHT, 9 * longest), "the flight controller took the time");
+        let mut health = Health::powered(0);
+        assert!(is_right(&mut health, PortValues { flash_passes: 2, ..RIGHT }, AT));
+        assert!(!is_right(&mut health, PortValues { flash_passes: 1, ..RIGHT }, AT));
+    }
+
+    #[test]
+    fn faults_of_memory_have_a_cause_and_are_not_forgotten() {
+        let bits = PortStatusBits::new().with_buffers_out_of_use(true);
+        let found = [
+            PortValues { integrity_faults: 1, ..RIGHT },
+            PortValues { stuck_bits: 1, ..RIGHT },
+            PortValues { buffers_out_of_use: 1, status: bits, ..RIGHT },
+        ];
+        let mut hit = Disturbances::default();
+        hit.take(&Event { at: 5, what: injected(RECEIVE_BIT, 5) });
+        for values in found {
+            assert!(!once(values), "{values:?}");
+            let mut health = Health::powered(0);
+            let mut right = |values| health.wrong(&values, &link(1_000), AT, &hit).is_none();
+            assert!(right(values) && right(values) && !right(RIGHT), "{values:?}");
+        }
+        let right = |values| Health::powered(0).wrong(&values, &link(1_000), AT, &hit).is_none();
+        assert!(!right(PortValues { buffers_out_of_use: 1, ..RIGHT }), "bit 6 says otherwise");
+        assert!(!right(PortValues { status: bits, ..RIGHT }));
+    }
+
+    #[test]
+    fn only_a_watchdog_ends_a_safe_state_and_its_reason_stays() {
+        let reset = |cause: &str| What::Reset { board: Board::Dpr, cause: cause.into(), asked: false };
+        let stops = |what: &What, last_stop| is_right(&mut Health::of(0, what), PortValues { last_stop, ..RIGHT }, AT);
+        let watchdog = reset("Watchdog(\"WDT\")");
+        for (cause, right) in [(0, true), (1, true), (14, true), (15, false), (255, false)] {
+            assert_eq!(stops(&watchdog, cause << 24), right, "{cause}");
+        }
+        assert!(!stops(&watchdog, 7), "no cause");
+        for what in [reset("Pin"), What::Power { board: Board::Dpr, on: true }] {
+            assert_eq!((stops(&what, 0), stops(&what, 1 << 24)), (true, false), "{what:?}");
+        }
+        let mut health = Health::of(0, &watchdog);
+        assert!(is_right(&mut health, PortValues { last_stop: 1 << 24, ..RIGHT }, AT));
+        assert!(!is_right(&mut health, PortValues { last_stop: 2 << 24, ..RIGHT }, AT));
+    }
+}

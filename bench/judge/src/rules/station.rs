@@ -1,0 +1,297 @@
+//! What the base station says of the drone against what has arrived there.
+//!
+//! The age that it tells is that of the Reported-Position that it shows: the newest that arrived, held against HORUS's
+//! tick. The alarms that follow from it, from silence and from what Reported-Position says are judged:
+//!
+//! | alarm | holds if |
+//! |---|---|
+//! | `silent` | nothing that it can show has arrived for [`bounds::STATION_SILENT`] |
+//! | `stale` | the Reported-Position that it shows is older than [`bounds::STATION_STALE`], or there is none |
+//! | `no-agreement` | that says that its position is not valid |
+//! | `emergency-fired`, `motors-cut`, `switched-to-redundant`, `inputs-contradict` | that says so |
+//! | `degraded`, `no-crystal`, `horus-memory-fault` | that says so |
+//!
+//! Around each limit of time nothing is asked. What arrives and does not continue what was before need not be shown, so
+//! what is shown is known only while the last [`bounds::CLIENT_FINDS`] profiles were in sequence, and only after as many
+//! does silence end for certain. Without a crystal HORUS's time is none of the station's, and no age is asked.
+
+use std::collections::VecDeque;
+
+use profile::{CYCLE_MS, HorusState, Layout, Object, ReportedStatus};
+
+use crate::{Context, Event, Figures, Findings, Header, Violation, What, bounds};
+
+/// So many ticks are remembered, with what was sent after them.
+const TICKS: usize = 256;
+
+/// What the newest Reported-Position that arrived says.
+#[derive(Clone, Copy, Debug)]
+struct Newest {
+    timestamp: u32,
+    status: ReportedStatus,
+    /// Its tick, ns, if that is known.
+    tick: Option<u64>,
+    /// How many in a row that arrived are in sequence, this one included.
+    row: u32,
+}
+
+/// See the [module](self).
+#[derive(Clone, Debug)]
+pub struct Station {
+    layout: Layout,
+    tick: Option<u64>,
+    /// Timestamps of Reported-Position, ms, each with its tick, ns.
+    sent: VecDeque<(u32, u64)>,
+    newest: Option<Newest>,
+    /// When something that can be shown arrived last, ns.
+    arrived: u64,
+    /// The alarm, or the age, that was wrong the last time: it is told once while it stays so.
+    told: Option<&'static str>,
+}
+
+impl Station {
+    /// Nothing has happened yet.
+    ///
+    /// # Panics
+    ///
+    /// If there is no profile for the header's number of receivers.
+    #[must_use]
+    pub fn new(header: &Header) -> Self {
+        Self {
+            layout: Layout::for_receivers(header.gps).expect("a profile has 1, 2, 3 or 5 receivers"),
+            tick: None,
+            sent: VecDeque::new(),
+            newest: None,
+            arrived: 0,
+            told: None,
+        }
+    }
+
+    /// Takes the next event.
+    pub fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
+        match &event.what {
+            What::Tick => self.tick = Some(event.at),
+            What::Sent { whole: true, .. } => {
+                let stamp = context.frame().filter(|frame| frame.number == Some(0)).and_then(|it| it.timestamp());
+                if let (Some(stamp), Some(tick)) = (stamp, self.tick) {
+                    if self.sent.len() == TICKS {
+                        self.sent.pop_front();
+                    }
+                    self.sent.push_back((stamp, tick));
+                }
+            }
+            What::Arrived { profile, shown } => self.arrived(event.at, profile, *shown),
+            What::Station { age_us, alarms } => {
+                let wrong = self.wrong_alarm(event.at, alarms).map(|name| (Violation::StationAlarm, name));
+                let wrong =
+                    wrong.or_else(|| self.is_age_wrong(event.at, *age_us).then_some((Violation::StationAge, "age")));
+                let before = std::mem::replace(&mut self.told, wrong.map(|(_, name)| name));
+                if let Some((violation, name)) = wrong.filter(|(_, name)| before != Some(name)) {
+                    findings.add(violation, event.at, || format!("{name}: it says {age_us:?} µs and {alarms:?}"));
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn arrived(&mut self, at: u64, profile: &[u8], shown: u8) {
+        if shown == 0 {
+            return;
+        }
+        self.arrived = at;
+        let bytes = self.layout.in_profile(0).and_then(|place| profile.get(place)).unwrap_or_default();
+        let Ok(Object::Reported(object)) = Object::verify(0, bytes) else { return };
+        let values = object.values();
+        let follows = |before: Newest| {
+            let step = values.timestamp.wrapping_sub(before.timestamp);
+            // A cycle that the flight controller did not read is missing.
+            step > 0 && step % CYCLE_MS == 0 && step <= 4 * CYCLE_MS
+        };
+        let row = self.newest.filter(|before| follows(*before)).map_or(1, |before| before.row + 1);
+        let tick = self.sent.iter().rev().find(|(stamp, _)| *stamp == values.timestamp).map(|(_, tick)| *tick);
+        self.newest = Some(Newest { timestamp: values.timestamp, status: values.status, tick, row });
+    }
+
+    /// What the station shows, as far as that is certain.
+    fn shown(&self) -> Option<Newest> {
+        self.newest.filter(|newest| newest.row >= bounds::CLIENT_FINDS)
+    }
+
+    /// The age of what the station shows at `at`, ns.
+    fn age(&self, at: u64) -> Option<u64> {
+        let shown = self.shown().filter(|shown| !shown.status.without_crystal())?;
+        Some(at - shown.tick?)
+    }
+
+    fn is_age_wrong(&self, at: u64, told_us: Option<u64>) -> bool {
+        self.age(at).is_some_and(|age| {
+            told_us.is_none_or(|told| age.abs_diff(told.saturating_mul(1_000)) > bounds::STATION_AGE_OFF)
+        })
+    }
+
+    /// An alarm that holds and must not, or that does not and must.
+    fn wrong_alarm(&self, at: u64, alarms: &[String]) -> Option<&'static str> {
+        let holds = |name: &str| alarms.iter().any(|alarm| alarm == name);
+        let after = |age: u64, limit: u64| match age {
+            age if age > limit + bounds::STATION_AGE_OFF => Some(true),
+            age if age + bounds::STATION_AGE_OFF < limit => Some(false),
+            _ => None,
+        };
+        // What arrives after a silence may not be believed at once.
+        let silent =
+            after(at - self.arrived, bounds::STATION_SILENT).filter(|silent| *silent || self.shown().is_some());
+        let stale = self.age(at).and_then(|age| after(age, bounds::STATION_STALE));
+        let status = self.shown().map(|shown| shown.status);
+        let says = |of: fn(ReportedStatus) -> bool| status.map(of);
+        let is_in = |state: HorusState| status.map(|status| status.state() == Some(state));
+        let wanted = [
+            ("silent", silent),
+            ("stale", stale),
+            ("no-agreement", says(|status| !status.position_valid())),
+            ("emergency-fired", is_in(HorusState::EmergencyFired)),
+            ("motors-cut", is_in(HorusState::MotorsCut)),
+            ("switched-to-redundant", is_in(HorusState::SwitchedToRedundant)),
+            ("inputs-contradict", is_in(HorusState::InputsContradict)),
+            ("degraded", says(ReportedStatus::degraded)),
+            ("no-crystal", says(ReportedStatus::without_crystal)),
+            ("horus-memory-fault", says(ReportedStatus::memory_fault)),
+        ];
+        wanted
+            .into_iter()
+            .find(|(name, wanted)| wanted.is_some_and(|wanted| wanted != holds(name)))
+            .map(|(name, _)| name)
+    }
+
+    /// The run is over.
+    pub fn finish(&mut self, _context: &Context, _findings: &mut Findings, _figures: &mut Figures) {}
+}
+
+#[cfg(test)]
+mod tests {
+    use profile::ReportedValues;
+
+    use super::*;
+    use crate::testing::{self, Events, MS, found, header, silent_gps, silent_reported};
+
+    const CYCLES: u64 = 10;
+    /// When the last cycle's tick was, and when it arrived, ns.
+    const TICK: u64 = testing::FIRST_TICK + (CYCLES - 1) * bounds::CYCLE;
+    const ARRIVED: u64 = TICK + 8 * MS;
+
+    fn names(alarms: &[&str]) -> Vec<String> {
+        alarms.iter().map(|name| (*name).to_owned()).collect()
+    }
+
+    /// [`CYCLES`] that say this arrive, and after that the station says something at some instants.
+    fn broken(
+        of: impl Fn(ReportedStatus) -> ReportedStatus,
+        cycles: u64,
+        says: &[(u64, Option<u64>, &[&str])],
+    ) -> Vec<(Violation, u64)> {
+        let mut log = Events::new(1);
+        for n in CYCLES - cycles..CYCLES {
+            let stamp = (n as u32 + 1) * CYCLE_MS;
+            let silent = silent_reported(stamp);
+            let status = of(silent.status.with_degraded(false).with_position_valid(true));
+            let values = ReportedValues { status, ..silent };
+            let tick = testing::FIRST_TICK + n * bounds::CYCLE;
+            log.cycle_of(tick, &values, &[silent_gps(stamp)]);
+            let profile = testing::objects(&values, &[silent_gps(stamp)]).concat();
+            log.add(tick + 8 * MS, What::Arrived { profile: profile.into(), shown: 0b11 });
+        }
+        for (at, age, alarms) in says {
+            let age_us = age.map(|age| age / 1_000);
+            log.add(*at, What::Station { age_us, alarms: names(alarms) });
+        }
+        let found = found(Station::new(&header(1)), &log.log()).0;
+        found.into_iter().map(|(violation, count, _)| (violation, count)).collect()
+    }
+
+    const fn same(status: ReportedStatus) -> ReportedStatus {
+        status
+    }
+
+    const ALARM: [(Violation, u64); 1] = [(Violation::StationAlarm, 1)];
+    const AGE: [(Violation, u64); 1] = [(Violation::StationAge, 1)];
+
+    #[test]
+    fn the_age_is_that_of_the_newest_sample_within_a_bound() {
+        let at = ARRIVED + 200 * MS;
+        let told = |age| broken(same, CYCLES, &[(at, age, &[])]);
+        let (true_age, off) = (at - TICK, bounds::STATION_AGE_OFF);
+        for (age, expected) in [
+            (Some(true_age - off), vec![]),
+            (Some(true_age - off - 1_000), AGE.into()),
+            (Some(true_age + off), vec![]),
+            (Some(true_age + off + 1_000), AGE.into()),
+            (None, AGE.into()),
+        ] {
+            assert_eq!(told(age), expected, "{age:?}");
+        }
+        // What is shown is not known yet, or its clock is none of the station's.
+        let few = u64::from(bounds::CLIENT_FINDS) - 1;
+        assert_eq!(broken(same, few, &[(at, Some(0), &[])]), []);
+        assert_eq!(broken(|it| it.with_without_crystal(true), CYCLES, &[(at, Some(0), &["no-crystal"])]), []);
+    }
+
+    #[test]
+    fn silence_and_staleness_are_told_within_a_bound_of_their_limits() {
+        let off = bounds::STATION_AGE_OFF;
+        let alarms = |at: u64, alarms: &[&str]| broken(same, CYCLES, &[(at, Some(at - TICK), alarms)]);
+        let stale = TICK + bounds::STATION_STALE;
+        for (at, without, with) in [
+            (stale - off - 1, vec![], ALARM.into()),
+            (stale - off, vec![], vec![]),
+            (stale + off, vec![], vec![]),
+            (stale + off + 1, ALARM.into(), vec![]),
+        ] {
+            assert_eq!((alarms(at, &[]), alarms(at, &["stale"])), (without, with), "{at}");
+        }
+        let silent = ARRIVED + bounds::STATION_SILENT;
+        for (at, without, with) in [
+            (silent - off - 1, vec![], ALARM.into()),
+            (silent - off, vec![], vec![]),
+            (silent + off, vec![], vec![]),
+            (silent + off + 1, ALARM.into(), vec![]),
+        ] {
+            assert_eq!((alarms(at, &["stale"]), alarms(at, &["stale", "silent"])), (without, with), "{at}");
+        }
+    }
+
+    #[test]
+    fn an_alarm_that_reported_position_tells_holds_if_it_says_so_and_not_otherwise() {
+        let states = [
+            (HorusState::EmergencyFired, "emergency-fired"),
+            (HorusState::MotorsCut, "motors-cut"),
+            (HorusState::SwitchedToRedundant, "switched-to-redundant"),
+            (HorusState::InputsContradict, "inputs-contradict"),
+        ];
+        let says = |of: &dyn Fn(ReportedStatus) -> ReportedStatus, alarms: &[&str]| {
+            broken(of, CYCLES, &[(ARRIVED + MS, Some(9 * MS), alarms)])
+        };
+        let mut of: Vec<(Box<dyn Fn(ReportedStatus) -> ReportedStatus>, &str)> = vec![
+            (Box::new(|it| it.with_position_valid(false)), "no-agreement"),
+            (Box::new(|it| it.with_degraded(true)), "degraded"),
+            (Box::new(|it| it.with_without_crystal(true)), "no-crystal"),
+            (Box::new(|it| it.with_memory_fault(true)), "horus-memory-fault"),
+        ];
+        for (state, name) in states {
+            of.push((Box::new(move |it: ReportedStatus| it.with_state(state)), name));
+        }
+        for (of, name) in of {
+            assert_eq!(says(&of, &[name]), [], "{name}");
+            assert_eq!(says(&of, &[]), ALARM, "{name}");
+            assert_eq!(says(&same, &[name]), ALARM, "{name}");
+        }
+        assert_eq!(says(&same, &["restarted", "damaged"]), [], "those are not judged");
+    }
+
+    #[test]
+    fn what_stays_wrong_is_told_once() {
+        let at = ARRIVED + MS;
+        let wrong = (at, Some(9 * MS), &["degraded"][..]);
+        assert_eq!(broken(same, CYCLES, &[wrong, (at + 1, Some(9 * MS), &["degraded"])]), ALARM);
+        let again = [wrong, (at + 1, Some(9 * MS), &[]), (at + 2, Some(9 * MS), &["degraded"])];
+        assert_eq!(broken(same, CYCLES, &again), [(Violation::StationAlarm, 2)]);
+    }
+}
