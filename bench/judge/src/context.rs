@@ -3,7 +3,7 @@
 use profile::Layout;
 
 use crate::read::{Frame, Reading, Window};
-use crate::{Board, Disturbances, Event, Header, What};
+use crate::{Board, Disturbance, Disturbances, Event, Header, What};
 
 /// Since when a board runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -16,8 +16,17 @@ pub struct Running {
     pub starts: u64,
     /// Since when it hangs by the bench's hand, ns, until its next start; `None` if it does not.
     pub hung: Option<u64>,
-    /// Its last start ended such a hang.
+    /// Since when one of its tasks is dead, ns, until its next start; `None` if none is.
+    pub dead: Option<u64>,
+    /// Its last start ended such a hang, or the death of a task.
     pub ended_hang: bool,
+}
+
+impl Running {
+    /// It starts, or loses its supply.
+    fn ends_hang(&mut self) {
+        self.ended_hang = self.hung.take().is_some() | self.dead.take().is_some();
+    }
 }
 
 /// The state of the run at the event that is being judged, that event included.
@@ -43,7 +52,7 @@ impl Context {
     /// If there is no profile for the header's number of receivers.
     #[must_use]
     pub fn new(header: &Header) -> Self {
-        let running = Running { powered: true, since: 0, starts: 1, hung: None, ended_hang: false };
+        let running = Running { powered: true, since: 0, starts: 1, hung: None, dead: None, ended_hang: false };
         Self {
             layout: Layout::for_receivers(header.gps).expect("a profile has 1, 2, 3 or 5 receivers"),
             worst_case: header.worst_case(),
@@ -71,20 +80,26 @@ impl Context {
                 running.since = event.at;
                 running.starts += u64::from(*on);
                 // Without a supply nothing hangs.
-                running.ended_hang = running.hung.take().is_some();
+                running.ends_hang();
                 self.forget_window(*board);
             }
             What::Reset { board, .. } => {
                 let running = self.running_mut(*board);
                 running.since = event.at;
                 running.starts += 1;
-                running.ended_hang = running.hung.take().is_some();
+                running.ends_hang();
                 self.forget_window(*board);
             }
             What::Hung { board } => {
                 let running = self.running_mut(*board);
                 if running.powered {
                     running.hung.get_or_insert(event.at);
+                }
+            }
+            What::Injected { disturbs: Disturbance::DeadTask { board, .. }, .. } => {
+                let running = self.running_mut(*board);
+                if running.powered {
+                    running.dead.get_or_insert(event.at);
                 }
             }
             What::Sent { bytes, whole, .. } | What::Heard { bytes, whole, .. } => {

@@ -71,6 +71,14 @@ pub enum Disturbance {
         /// Which.
         board: Board,
     },
+    /// The interrupt of one of a board's tasks is off for good, while the rest of its firmware runs. Only a task that has
+    /// to check in before the watchdog is fed counts: the watchdog has to restart the board.
+    DeadTask {
+        /// Whose.
+        board: Board,
+        /// By which number it checks in.
+        task: u8,
+    },
     /// A bit of a board's memory.
     Memory {
         /// Whose.
@@ -151,6 +159,8 @@ pub enum Excuse {
     DprFrontEndUse,
     /// HORUS may not read what a receiver on a bus offers.
     Polling,
+    /// What HORUS says of its receivers, its vote and its inputs may not be what they say now.
+    Content,
     /// The DPR may not hear a frame that reaches its antenna, or not hand on what it has heard of it; and any cycle
     /// that was heard may be shown.
     Hearing,
@@ -200,6 +210,8 @@ impl Disturbance {
         use Board::{Dpr, Horus};
         const RECOVERY: End = After(bounds::FRONT_END_RECOVERY);
         const REPLACED: End = After(bounds::BUFFER_REPLACED);
+        const HORUS_DEAD: End = After(bounds::FIRST_WATCHDOG_LONGEST + bounds::CHECKED_IN);
+        const DPR_DEAD: End = After(bounds::DPR_WATCHDOG_LONGEST + bounds::CHECKED_IN);
         match self {
             Self::FrontEnd { board: Horus, .. } => &[
                 (Excuse::Sending, RECOVERY),
@@ -233,6 +245,24 @@ impl Disturbance {
                 (Excuse::DprComplaints, Start(Dpr)),
             ],
             Self::Hang { board: Dpr } => &[(Excuse::DprComplaints, Start(Dpr))],
+            Self::DeadTask { board: Horus, .. } => &[
+                (Excuse::Sending, HORUS_DEAD),
+                (Excuse::HorusFrontEndUse, HORUS_DEAD),
+                (Excuse::Polling, HORUS_DEAD),
+                (Excuse::Content, HORUS_DEAD),
+                (Excuse::HorusComplaints, Start(Horus)),
+                (Excuse::DprComplaints, Start(Dpr)),
+            ],
+            Self::DeadTask { board: Dpr, .. } => &[
+                (Excuse::Hearing, DPR_DEAD),
+                (Excuse::Withdrawal, After(0)),
+                (Excuse::Latency, DPR_DEAD),
+                (Excuse::Service, DPR_DEAD),
+                (Excuse::DprFrontEndUse, DPR_DEAD),
+                (Excuse::NoField, Start(Dpr)),
+                (Excuse::LinkCounters, Start(Dpr)),
+                (Excuse::DprComplaints, Start(Dpr)),
+            ],
             // Bytes of its line may be lost.
             Self::Receiver { .. } => &[
                 (Excuse::Polling, After(bounds::READ_WITHIN)),
@@ -285,7 +315,9 @@ impl Disturbance {
     #[must_use]
     pub const fn recovery_cycles(self) -> u64 {
         match self {
-            Self::FrontEnd { .. } | Self::Supply { .. } | Self::Restart { .. } => bounds::BRING_UP_CYCLES,
+            Self::FrontEnd { .. } | Self::Supply { .. } | Self::Restart { .. } | Self::DeadTask { .. } => {
+                bounds::BRING_UP_CYCLES
+            }
             _ => bounds::RECOVERY_CYCLES,
         }
     }
@@ -297,6 +329,7 @@ impl Disturbance {
             | Self::Supply { board }
             | Self::Restart { board }
             | Self::Hang { board }
+            | Self::DeadTask { board, .. }
             | Self::Memory { board, .. }
             | Self::Code { board } => Some(board),
             Self::Air
@@ -425,9 +458,10 @@ mod tests {
 
     const BEGINS: u64 = 1_000 * MS;
     const ENDS: u64 = 1_300 * MS;
-    const EXCUSES: [Excuse; 17] = [
+    const EXCUSES: [Excuse; 18] = [
         Excuse::NoField,
         Excuse::Polling,
+        Excuse::Content,
         Excuse::Sending,
         Excuse::HorusFrontEndUse,
         Excuse::DprFrontEndUse,
@@ -471,6 +505,8 @@ mod tests {
         use Excuse::*;
         let (recovery, replaced) = (Some(bounds::FRONT_END_RECOVERY), Some(bounds::BUFFER_REPLACED));
         let horus = Board::Horus;
+        let horus_dead = Some(bounds::FIRST_WATCHDOG_LONGEST + bounds::CHECKED_IN);
+        let dpr_dead = Some(bounds::DPR_WATCHDOG_LONGEST + bounds::CHECKED_IN);
         for (disturbs, expected) in [
             (
                 HORUS_FRONT_END,
@@ -525,6 +561,30 @@ mod tests {
             (Disturbance::Restart { board: horus }, vec![(DprComplaints, None)]),
             (Disturbance::Hang { board: horus }, vec![(HorusComplaints, None), (DprComplaints, None)]),
             (Disturbance::Hang { board: Board::Dpr }, vec![(DprComplaints, None)]),
+            (
+                Disturbance::DeadTask { board: horus, task: 0 },
+                vec![
+                    (Polling, horus_dead),
+                    (Content, horus_dead),
+                    (Sending, horus_dead),
+                    (HorusFrontEndUse, horus_dead),
+                    (HorusComplaints, None),
+                    (DprComplaints, None),
+                ],
+            ),
+            (
+                Disturbance::DeadTask { board: Board::Dpr, task: 1 },
+                vec![
+                    (NoField, None),
+                    (DprFrontEndUse, dpr_dead),
+                    (Hearing, dpr_dead),
+                    (Withdrawal, Some(0)),
+                    (Latency, dpr_dead),
+                    (Service, dpr_dead),
+                    (LinkCounters, None),
+                    (DprComplaints, None),
+                ],
+            ),
             (Disturbance::Code { board: Board::Dpr }, vec![(SelfTest, None)]),
             (Disturbance::Code { board: horus }, vec![]),
             (Disturbance::Restart { board: Board::Dpr }, vec![]),

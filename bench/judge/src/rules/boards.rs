@@ -35,11 +35,14 @@
 //! watchdog counts as asked for; any other reset of a hung board is judged as usual, since a core that executes nothing
 //! cannot cause one. Until the restart, misuse of the board's front end is not reported. A board that stays hung is
 //! reported once.
+//!
+//! The same holds of a board one of whose tasks is dead ([`Disturbance::DeadTask`]), but that its watchdog may be fed
+//! once more for what that task had done before, and that the rest of its firmware runs on.
 
 use std::collections::BTreeMap;
 
 use crate::disturbance::{complaints, front_end_use};
-use crate::{Board, Context, Event, Figures, Findings, Header, Violation, What, bounds};
+use crate::{Board, Context, Disturbance, Event, Figures, Findings, Header, Violation, What, bounds};
 
 /// A violation of HORUS, and its like of the DPR.
 #[derive(Clone, Copy)]
@@ -119,7 +122,7 @@ impl Boards {
         match &event.what {
             What::Hung { board } if context.running(*board).hung == Some(at) => {
                 let longest = watchdog_longest(*board, at - context.running(*board).since);
-                self.restart_due[*board as usize] = Some(at + longest);
+                self.restart_by(*board, at + longest);
                 self.stopped[*board as usize].1 = Some(at);
             }
             What::Power { board, .. } => {
@@ -140,10 +143,18 @@ impl Boards {
                     findings.add(Of::RESTARTED.board(*board), at, || cause.clone());
                 }
             }
-            What::Injected { kind, .. } => match self.injected.get_mut(kind) {
-                Some(count) => *count += 1,
-                None => _ = self.injected.insert(kind.clone(), 1),
-            },
+            What::Injected { kind, disturbs, .. } => {
+                match self.injected.get_mut(kind) {
+                    Some(count) => *count += 1,
+                    None => _ = self.injected.insert(kind.clone(), 1),
+                }
+                if let Disturbance::DeadTask { board, .. } = *disturbs
+                    && context.running(board).dead == Some(at)
+                {
+                    let longest = watchdog_longest(board, at - context.running(board).since);
+                    self.restart_by(board, at + longest + bounds::CHECKED_IN);
+                }
+            }
             What::Field { on } => {
                 if std::mem::replace(&mut self.field, *on) && !on {
                     self.explained = [true; 2];
@@ -194,6 +205,12 @@ impl Boards {
             }
             _ => {}
         }
+    }
+
+    /// A board's watchdog has to restart it by `due` at the latest.
+    fn restart_by(&mut self, board: Board, due: u64) {
+        let restart_due = &mut self.restart_due[board as usize];
+        *restart_due = Some(restart_due.map_or(due, |before| before.min(due)));
     }
 
     /// A board starts at `at`, or loses its supply: it counts from zero. What HORUS was sending is cut off.
@@ -275,7 +292,6 @@ fn counts_faults(board: Board, name: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Disturbance;
     use crate::testing::{Events, HORUS_FRONT_END, IMAGE_BIT, MS, found, header, injected};
 
     const BOARDS: [Board; 2] = [Board::Horus, Board::Dpr];
@@ -470,6 +486,24 @@ mod tests {
             assert_eq!(broken(events.end(600 * MS)), [], "nothing has to restart it");
             let again = hung(board, 30 * MS, What::Hung { board });
             assert_eq!(again, [(STAYS[nth], 1, 50 * MS + LONGEST[nth])]);
+        }
+    }
+
+    #[test]
+    fn a_board_with_a_dead_task_is_restarted_by_its_watchdog_in_time() {
+        for (nth, board) in BOARDS.into_iter().enumerate() {
+            let dead = |after: u64, what: What| {
+                let mut events = run();
+                events.add(50 * MS, injected(Disturbance::DeadTask { board, task: 1 }, 50 * MS));
+                broken(events.add(50 * MS + after, what).end(600 * MS))
+            };
+            let longest = LONGEST[nth] + bounds::CHECKED_IN;
+            let bites = || reset(board, "Watchdog(\"WDT\")");
+            assert_eq!(dead(longest, bites()), []);
+            assert_eq!(dead(longest + 1, bites()), [(STAYS[nth], 1, 50 * MS + longest)], "told once");
+            assert_eq!(dead(20 * MS, reset(board, "LockedUp")), [(RESTARTED[nth], 1, 70 * MS)]);
+            // A hang as well does not put the restart off.
+            assert_eq!(dead(9 * MS, What::Hung { board })[0], (STAYS[nth], 1, 59 * MS + LONGEST[nth]));
         }
     }
 

@@ -15,6 +15,7 @@
 //! - An object whose timestamp does not follow from the one of the cycle before: `cycle` tells that.
 //! - Ages for two seconds after a tick that was missing or irregular, or a timestamp that jumped: HORUS counts its time
 //!   in ticks.
+//! - What HORUS says while [`Excuse::Content`] holds.
 //! - Reported-Position in a cycle of which a GPS object was blamed, or is missing, and in the one after it. Else
 //!   [`vote`] says what it and the bits *excluded* must be. HORUS's state in it is judged in every cycle ([`inputs`]),
 //!   and so is what HORUS says of its last reset and of its memory ([`itself`]).
@@ -38,6 +39,7 @@ use std::collections::VecDeque;
 
 use profile::{CYCLE_MS, GpsValues, Layout, MAX_RECEIVERS, ReportedValues};
 
+use crate::disturbance::Excuse;
 use crate::read::{Frame, Placed, State, Values};
 use crate::{Board, Context, Event, Figures, Findings, Header, Violation, Voter, What, bounds};
 use inputs::Inputs;
@@ -254,6 +256,8 @@ pub struct Content {
     models: Models,
     vote: Vote,
     voter: Voter,
+    /// Since the last start HORUS may have voted otherwise than its receivers say.
+    unjudged: bool,
 }
 
 impl Content {
@@ -274,6 +278,7 @@ impl Content {
             models: Models::new(header.gps),
             vote: Vote::new(header.gps),
             voter: Voter { agree: (0..=header.gps as u64).map(|agree| (agree, 0)).collect(), ..Voter::default() },
+            unjudged: false,
         }
     }
 
@@ -284,10 +289,12 @@ impl Content {
         self.models.take(event);
         match &event.what {
             What::Power { board: Board::Horus, .. } | What::Reset { board: Board::Horus, .. } => {
+                let unjudged = std::mem::take(&mut self.unjudged);
                 let ram = match event.what {
                     What::Power { .. } => Ram::MayBeKept,
-                    _ if self.itself.keeps_ram() => Ram::Kept,
-                    _ => Ram::Lost,
+                    _ if !self.itself.keeps_ram() => Ram::Lost,
+                    _ if unjudged => Ram::MayBeKept,
+                    _ => Ram::Kept,
                 };
                 self.vote.restart(ram, self.ticks.count);
                 self.ticks = Ticks { since: at, ..Ticks::default() };
@@ -307,6 +314,7 @@ impl Content {
                 ticks.first.get_or_insert(at);
                 ticks.before = ticks.last.replace(at);
             }
+            What::Injected { disturbs, .. } if disturbs.may_take(Excuse::Content) => self.unjudged = true,
             What::StateInput { input, active, inactive } => self.inputs.levels(at, *input, *active, *inactive),
             // What has waited for so long is no news: it must not be shown as if it were.
             What::Fed { old: true, .. } => {}
@@ -320,6 +328,7 @@ impl Content {
             What::Sent { started, whole: true, .. } => {
                 if let Some(frame) = context.frame()
                     && *started >= self.ticks.since + bounds::COMMAND_TO_AIR
+                    && !context.disturbances().excuse(Excuse::Content, at)
                 {
                     self.sent(at, *started, frame, findings);
                 }
@@ -339,7 +348,7 @@ impl Content {
         if self.sent.tick != tick {
             self.sent = Sent { tick, ..Sent::default() };
         }
-        let Self { lines, ticks, sent, layout, inputs, itself, models, vote, voter } = self;
+        let Self { lines, ticks, sent, layout, inputs, itself, models, vote, voter, .. } = self;
         let stamp = (number * u64::from(CYCLE_MS)) as u32;
         let gps = || frame.objects.iter().filter(|object| object.index > 0);
         let mut ahead = gps().filter_map(Placed::timestamp).map(|timestamp| timestamp.wrapping_sub(stamp));

@@ -27,7 +27,8 @@
 //!
 //! From the instant on at which the bench has the DPR hang until its next start nothing new must be shown, and what the
 //! DPR would have taken away with its processor may stay: it is not stale if the deadline had not passed by then. No
-//! expired image may be read: expiry takes no processor.
+//! expired image may be read: expiry takes no processor. Of a DPR with a dead task the same holds, but that the rest of
+//! its firmware may show what it hears.
 //!
 //! # Limits
 //!
@@ -261,7 +262,7 @@ impl Shown {
         let mut wrong: Vec<(Violation, String)> = vec![];
         let mut was_stale = None;
         for placed in reading.objects.iter().filter(|placed| placed.timestamp().is_some()) {
-            match self.judge(placed, reading.selected, dpr.hung) {
+            match self.judge(placed, reading.selected, dpr.hung.or(dpr.dead)) {
                 Fate::Right { serial, started } => {
                     self.youngest[placed.index] = serial;
                     self.recovery.shown(started, reading.selected);
@@ -300,7 +301,8 @@ impl Shown {
         }
     }
 
-    /// Whether a valid object may be shown by a transaction that began at `selected`, of a DPR that hangs since `hung`.
+    /// Whether a valid object may be shown by a transaction that began at `selected`, of a DPR that hangs, or has a dead task,
+    /// since `hung`.
     fn judge(&mut self, placed: &Placed, selected: u64, hung: Option<u64>) -> Fate {
         let index = placed.index;
         let what = || format!("object {index} of {} ms, read at {}", placed.timestamp().unwrap_or(0), ms(selected));
