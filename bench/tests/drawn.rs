@@ -65,7 +65,7 @@ fn a_kind_of_fault_alone_is_injected_alone() {
         (Kind::Buffers, &["buffer"]),
         (Kind::Inputs, &["input"]),
         // A board that hangs in its start is restarted before.
-        (Kind::Hang, &["hang", "power horus", "power dpr"]),
+        (Kind::Hang, &["hang", "dead task", "power horus", "power dpr"]),
         (Kind::Chips, &["horus front end register", "dpr front end register"]),
     ] {
         let Some(report) = report(3, &[kind], 9) else { return };

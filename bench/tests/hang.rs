@@ -9,10 +9,10 @@ mod reader;
 mod thumb;
 
 use bench::faults::plan::WATCHDOG_STARTS;
-use bench::faults::{Board, Conduct, Fault, Faults, PowerFault, Powered, ReceiverFault, name_of};
+use bench::faults::{Board, Conduct, Fault, Faults, PowerFault, Powered, ReceiverFault, name_of, tasks_of};
 use bench::node::{Bare, Clock, FromOutside, Node, ResetAt, Threads};
 use bench::sim::{Bench, Images, Outcome, Setup, run};
-use bench_judge::{What, bounds};
+use bench_judge::{Verdict, What, bounds};
 use bench_seam::Reset;
 use boards::{counter, image};
 use cortex_m4::{Cost, Fast, Optimistic, Pessimistic};
@@ -267,6 +267,44 @@ fn each_board_that_hangs_and_both_are_restarted_by_their_watchdogs_and_the_link_
             assert!((1..=15).contains(&cycles), "{boards:?} on the {clock} clock: {cycles} cycles");
         }
     }
+}
+
+/// How long after the death of a task its board has to be restarted, ns.
+const fn bitten_within(board: Board) -> u64 {
+    bounds::CHECKED_IN
+        + match board {
+            Board::Horus => bounds::WATCHDOG_LONGEST,
+            Board::Dpr => bounds::DPR_WATCHDOG_LONGEST,
+        }
+}
+
+#[test]
+fn whichever_task_of_a_board_is_dead_its_watchdog_bites_and_the_link_recovers() {
+    let mut wrong = vec![];
+    for board in BOARDS {
+        for (task, (name, _)) in (0_u8..).zip(tasks_of(board)) {
+            // Each at another phase of the cycle.
+            let at = BEGINS + 430 * US * u64::from(task);
+            let faults = Faults::none().with(at, at, Fault::DeadTask(board, task));
+            let Some(setup) = setup(faults, at + AFTER) else { return };
+            let mut bench: Bench = Bench::new(&setup).unwrap();
+            bench.run_to(setup.duration_ns, setup.threads);
+            let (resets, others) = match board {
+                Board::Horus => (bench.horus().resets().to_vec(), bench.dpr().resets().len()),
+                Board::Dpr => (bench.dpr().resets().to_vec(), bench.horus().resets().len()),
+            };
+            let latest = at + bitten_within(board);
+            let in_time = matches!(resets[..], [ResetAt { at: bitten, cause: Reset::Watchdog(_) }]
+                if (at..=latest).contains(&bitten));
+            let Verdict { violations, figures, .. } = bench.finish(setup.duration_ns).verdict;
+            let cycles = figures.faults.max_recovery_cycles.unwrap_or(0);
+            if !in_time || others > 0 || !violations.is_empty() || !(1..=15).contains(&cycles) {
+                let words: Vec<String> = violations.iter().map(ToString::to_string).collect();
+                wrong.push(format!("{board:?} {name} at {at}: {resets:?}, {cycles} cycles, {words:?}"));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
 }
 
 #[test]

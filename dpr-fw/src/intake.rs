@@ -3,10 +3,9 @@
 //! # Design
 //!
 //! Both tasks run the same function at the same priority: first every frame that waits is taken in, then the deadline
-//! is looked at. If neither gave cause for an image, the one that will be published next is prepared: the RFID side
-//! calls for that while a frame arrives. So it does not matter which of the two was called. A frame that came in time
-//! has moved the deadline before it is looked at, even if the timer's interrupt was first, and a frame of a wrong
-//! length, which moves nothing, cannot keep the deadline from being noticed.
+//! is looked at. So it does not matter which of the two was called. A frame that came in time has moved the deadline
+//! before it is looked at, even if the timer's interrupt was first, and a frame of a wrong length, which moves nothing,
+//! cannot keep the deadline from being noticed.
 
 use core::borrow::BorrowMut;
 
@@ -22,8 +21,8 @@ use crate::{
 };
 
 /// Takes in every frame that waits in `rotation`, then publishes an image without objects if the deadline has passed.
-/// If there was no frame and it has not, prepares the next image. `now_us` reads the counter, µs. The next deadline is
-/// [`Commit::deadline_us`]. Whether there was a frame or the deadline had passed.
+/// `now_us` reads the counter, µs. The next deadline is [`Commit::deadline_us`]. Whether there was a frame or the
+/// deadline had passed.
 pub fn take_in<const N: usize, B: Memory + BorrowMut<ReceiveMemory>>(
     commit: &mut Commit<N>,
     mut rotation: impl Mutex<T = Rotation<B, FrameInfo>>,
@@ -51,9 +50,6 @@ pub fn take_in<const N: usize, B: Memory + BorrowMut<ReceiveMemory>>(
         called_for = true;
     }
     called_for |= commit.check_deadline(now_us(), health, images);
-    if !called_for {
-        commit.prepare(images);
-    }
     let [accepted, rejected, received, missed] = commit.link().counters();
     telemetry.objects_accepted.set(accepted);
     telemetry.objects_rejected.set(rejected);

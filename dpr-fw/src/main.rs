@@ -43,6 +43,8 @@ firmware_common::install_safe_state!(hw::safe_state, hw::area, board::task_of);
 #[cfg(target_os = "none")]
 #[rtic::app(device = nrf52840_hal::pac, peripherals = true)]
 mod app {
+    use core::sync::atomic::{AtomicBool, Ordering};
+
     use cortex_m::peripheral::DWT;
     use defmt_rtt as _;
     use dpr_fw::{
@@ -93,6 +95,9 @@ mod app {
     static CHECK_IN: CheckIn<Task> = CheckIn::new();
 
     static INTEGRITY: Integrity = Integrity::new();
+
+    /// `commit` or `deadline` was called for a sign of life.
+    static ASKED: AtomicBool = AtomicBool::new(false);
 
     /// What `commit` and `deadline`, of the same priority, share.
     pub struct Committing {
@@ -265,12 +270,12 @@ mod app {
         }
     }
 
-    /// A transaction has ended, or the semaphore has come for another reason, or the scrub asks for a sign of life.
+    /// A transaction has ended, or the semaphore has come for another reason.
     #[task(binds = SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1, priority = 5, local = [ssi, server], shared = [mailbox])]
     fn ssi_end(cx: ssi_end::Context) {
         let start = DWT::cycle_count();
         cx.local.server.serve(cx.local.ssi, cx.shared.mailbox, &TELEMETRY);
-        CHECK_IN.check_in(Task::Ssi);
+        CHECK_IN.check_in(const { Task::named("ssi_end") });
         TELEMETRY.ssi_worst_cycles.record_max(DWT::cycle_count().wrapping_sub(start));
     }
 
@@ -278,26 +283,29 @@ mod app {
     #[task(binds = TIMER3, priority = 5)]
     fn ssi_pause(_: ssi_pause::Context) {
         SsiDoorbell::end_pause();
+        CHECK_IN.check_in(const { Task::named("ssi_pause") });
     }
 
     /// A transfer with the front end has ended.
     #[task(binds = SPIM0_SPIS0_TWIM0_TWIS0_SPI0_TWI0, priority = 4, shared = [receiver, rotation, front_end])]
     fn rf_spi(cx: rf_spi::Context) {
         receive(cx.shared.receiver, cx.shared.rotation, cx.shared.front_end);
+        CHECK_IN.check_in(const { Task::named("rf_spi") });
     }
 
-    /// The front end's IRQ has risen, or the scrub asks for a sign of life.
+    /// The front end's IRQ has risen.
     #[task(binds = GPIOTE, priority = 4, local = [rf_edge], shared = [receiver, rotation, front_end])]
     fn rf_irq(cx: rf_irq::Context) {
         cx.local.rf_edge.clear();
         receive(cx.shared.receiver, cx.shared.rotation, cx.shared.front_end);
-        CHECK_IN.check_in(Task::Rf);
+        CHECK_IN.check_in(const { Task::named("rf_irq") });
     }
 
     /// A wait of the front end's driver is over.
     #[task(binds = TIMER0, priority = 4, shared = [receiver, rotation, front_end])]
     fn rf_timer(cx: rf_timer::Context) {
         receive(cx.shared.receiver, cx.shared.rotation, cx.shared.front_end);
+        CHECK_IN.check_in(const { Task::named("rf_timer") });
     }
 
     fn receive(
@@ -320,6 +328,7 @@ mod app {
     fn commit(cx: commit::Context) {
         let commit::SharedResources { committing, rotation, mailbox, mut prepared, front_end } = cx.shared;
         prepared.lock(|prepared| publish(committing, rotation, mailbox, prepared.newest(), front_end));
+        CHECK_IN.check_in(const { Task::named("commit") });
     }
 
     /// No frame came in time: what was valid must not stay readable.
@@ -328,6 +337,7 @@ mod app {
         cx.shared.committing.deadline.clear();
         let deadline::SharedResources { committing, rotation, mailbox, mut prepared, front_end } = cx.shared;
         prepared.lock(|prepared| publish(committing, rotation, mailbox, prepared.newest(), front_end));
+        CHECK_IN.check_in(const { Task::named("deadline") });
     }
 
     fn publish(
@@ -338,6 +348,7 @@ mod app {
         mut front_end: impl Mutex<T = FrontEnd>,
     ) {
         let start = DWT::cycle_count();
+        let is_asked = ASKED.swap(false, Ordering::Relaxed);
         let Committing { commit, filling, deadline, started, reset_reason } = committing;
         let front_end = front_end.lock(|state| *state);
         let health = Health {
@@ -364,24 +375,35 @@ mod app {
             called_for |= commit.withdraw(hw::now_us(), &health, &mut outbox);
         }
         if !called_for {
+            // The RFID side calls for it while a frame arrives.
+            if !is_asked {
+                commit.prepare(&mut outbox);
+            }
             return;
         }
         deadline.set(commit.deadline_us());
         outbox.prepare();
         TELEMETRY.commit_worst_cycles.record_max(DWT::cycle_count().wrapping_sub(start));
-        CHECK_IN.check_in(Task::Commit);
         rtic::pend(Interrupt::SWI1_EGU1);
     }
 
-    /// Buffers were read or replaced: scrubs them, then asks the interrupts for their signs of life.
+    /// Buffers were read or replaced: scrubs them, then asks all other tasks for their signs of life.
     #[task(binds = SWI1_EGU1, priority = 2, local = [sign_of_life], shared = [rotation, mailbox])]
     fn scrub(cx: scrub::Context) {
         TELEMETRY.scrubbed(triple::scrub_waiting(cx.shared.rotation));
         TELEMETRY.scrubbed(triple::scrub_waiting(cx.shared.mailbox));
-        CHECK_IN.check_in(Task::Scrub);
+        CHECK_IN.check_in(const { Task::named("scrub") });
+        rtic::pend(Interrupt::SPIM0_SPIS0_TWIM0_TWIS0_SPI0_TWI0);
         rtic::pend(Interrupt::GPIOTE);
+        rtic::pend(Interrupt::TIMER0);
         SsiDoorbell::ask_for_sign_of_life(cx.local.sign_of_life);
+        rtic::pend(Interrupt::TIMER3);
         rtic::pend(Interrupt::SWI2_EGU2);
+        // Asked for a sign of life alone they prepare no image: what is written until the next frame is to be in it.
+        for vector in [Interrupt::SWI0_EGU0, Interrupt::TIMER1] {
+            ASKED.store(true, Ordering::Relaxed);
+            rtic::pend(vector);
+        }
     }
 
     /// A transaction has brought something, or an image was published: judges what came in and prepares what the next
@@ -417,7 +439,7 @@ mod app {
         TELEMETRY.access_violations.set(port.access_violations());
         TELEMETRY.uplink_rejected.set(u32::from(port.last_refused()));
         TELEMETRY.uplinks_accepted.set(port.uplinks_accepted());
-        CHECK_IN.check_in(Task::Port);
+        CHECK_IN.check_in(const { Task::named("port") });
         TELEMETRY.port_worst_cycles.record_max(DWT::cycle_count().wrapping_sub(start));
     }
 }

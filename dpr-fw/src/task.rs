@@ -1,9 +1,11 @@
 //! The firmware's tasks, and those of them that have to check in before the watchdog is fed
 //! ([`firmware_common::check_in`]).
 //!
-//! None of them needs the outside world for that: the deadline comes round every 12.5 ms without any frame, the commit
-//! tasks call the scrub, and the scrub pends the RFID, SSI and port tasks, which check in although they have nothing to
-//! do.
+//! Every task has to. None of them needs the outside world for that: the deadline comes round every 12.5 ms without any
+//! frame, it and `commit` call the scrub, and the scrub calls all others for a sign of life: each looks at what is the
+//! case, and checks in although it has nothing to do.
+
+use firmware_common::check_in;
 
 /// Every task of the firmware with its interrupt vector, the most urgent first: what a trace of the bench shows, by
 /// name.
@@ -19,26 +21,27 @@ pub const TASKS: &[(&str, &str)] = &[
     ("port", "SWI2_EGU2"),
 ];
 
-/// A task that has to check in.
+/// A task that has to check in: its place in [`TASKS`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Task {
-    /// The SSI's interrupt.
-    Ssi,
-    /// The RFID interrupts.
-    Rf,
-    /// Commit, called by a frame or by the deadline.
-    Commit,
-    /// Scrub.
-    Scrub,
-    /// Port.
-    Port,
+pub struct Task(u32);
+
+impl Task {
+    /// The task of this name.
+    ///
+    /// # Panics
+    ///
+    /// If there is none: as a constant it does not compile then.
+    #[must_use]
+    pub const fn named(name: &str) -> Self {
+        Self(check_in::place_of(name, TASKS))
+    }
 }
 
-impl firmware_common::check_in::Task for Task {
-    const COUNT: u32 = 5;
+impl check_in::Task for Task {
+    const COUNT: u32 = TASKS.len() as u32;
 
     fn number(self) -> u32 {
-        self as u32
+        self.0
     }
 }
 
@@ -48,16 +51,27 @@ mod tests {
     use firmware_common::check_in::CheckIn;
 
     #[test]
-    fn each_of_the_five_tasks_is_waited_for() {
-        let tasks = [Task::Ssi, Task::Rf, Task::Commit, Task::Scrub, Task::Port];
-        for missing in tasks {
+    fn each_of_the_tasks_is_waited_for() {
+        let tasks = || TASKS.iter().map(|(name, _)| Task::named(name));
+        for missing in tasks() {
             let list = CheckIn::new();
-            tasks.into_iter().filter(|&task| task != missing).for_each(|task| list.check_in(task));
+            tasks().filter(|&task| task != missing).for_each(|task| list.check_in(task));
             assert!(!list.complete(), "without {missing:?}");
             list.check_in(missing);
             assert!(list.complete());
         }
     }
+
+    #[test]
+    fn every_task_checks_in_where_the_firmware_binds_it() {
+        for (name, _) in TASKS {
+            let source = include_str!("main.rs");
+            let (_, body) = source.split_once(&format!("fn {name}(")).expect("the task's function");
+            let body = body.split("    #[task(").next().unwrap_or(body);
+            assert!(body.contains(&format!("Task::named(\"{name}\")")), "{name} does not check in");
+        }
+    }
+
     /// `#[task(binds = VECTOR, ..)]` and the name of the function below it, in the order of the source.
     #[test]
     fn the_table_of_tasks_is_the_one_that_the_firmware_binds() {

@@ -10,6 +10,30 @@ use core::{
     sync::atomic::{AtomicU32, Ordering},
 };
 
+/// The place of the task called `name` in a table of names and vectors.
+///
+/// # Panics
+///
+/// If there is none: as a constant it does not compile then.
+#[must_use]
+pub const fn place_of(name: &str, table: &[(&str, &str)]) -> u32 {
+    const fn is_same(one: &[u8], other: &[u8]) -> bool {
+        let mut nth = 0;
+        while nth < one.len() && nth < other.len() && one[nth] == other[nth] {
+            nth += 1;
+        }
+        nth == one.len() && nth == other.len()
+    }
+    let mut place = 0;
+    while place < table.len() {
+        if is_same(table[place].0.as_bytes(), name.as_bytes()) {
+            return place as u32;
+        }
+        place += 1;
+    }
+    panic!("no task of this name")
+}
+
 /// The tasks of a firmware that have to check in.
 pub trait Task: Copy {
     /// How many there are, at most 32.
@@ -88,6 +112,18 @@ mod tests {
             assert!(list.complete());
             assert!(!list.complete(), "after one time all must check in anew");
         }
+    }
+
+    #[test]
+    fn a_task_is_found_by_its_whole_name() {
+        let table = [("rf", "A"), ("rf_slot", "B"), ("slot", "C")];
+        assert_eq!(["rf", "rf_slot", "slot"].map(|name| place_of(name, &table)), [0, 1, 2]);
+    }
+
+    #[test]
+    #[should_panic(expected = "no task of this name")]
+    fn a_name_that_no_task_has_is_refused() {
+        let _ = place_of("rf_", &[("rf", "A"), ("rf_slot", "B")]);
     }
 
     #[derive(Clone, Copy)]

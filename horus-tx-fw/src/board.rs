@@ -24,7 +24,13 @@
 //! A new kind of interface is a variant of [`Hardware`] and a type in `hw/` behind `horus_tx_fw::source::Source`,
 //! which `hw/gnss.rs` joins.
 
-use horus_tx_fw::{configuration::Interface, source::Vector, state_inputs::INPUTS, task::TASKS, timing};
+use horus_tx_fw::{
+    configuration::Interface,
+    source::Vector,
+    state_inputs::INPUTS,
+    task::{calls_for_sign_of_life, TASKS},
+    timing,
+};
 use profile::MAX_RECEIVERS;
 use stm32f4xx_hal::{
     pac::{self, i2c1, spi1, tim3, uart4, Interrupt},
@@ -65,6 +71,15 @@ pub(crate) fn task_of(exception: u16) -> &'static str {
     let is_its = |vector: &Interrupt| *vector as u16 + 16 == exception;
     let task = TASK_VECTORS.iter().position(is_its).and_then(|index| TASKS.get(index));
     task.map_or(if exception == 0 { "idle" } else { "none" }, |(name, _)| name)
+}
+
+/// Calls every task that hardware alone calls otherwise, so that it checks in.
+pub(crate) fn ask_for_signs_of_life() {
+    for (place, vector) in TASK_VECTORS.into_iter().enumerate() {
+        if calls_for_sign_of_life(place) {
+            rtic::pend(vector);
+        }
+    }
 }
 
 /// A GPIO port.

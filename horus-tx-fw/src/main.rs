@@ -319,18 +319,21 @@ mod app {
             CycleEvent::Slot => rtic::pend(Interrupt::CAN1_TX),
             CycleEvent::Tick => rtic::pend(Interrupt::CAN1_RX0),
         }
+        CHECK_IN.check_in(const { Task::named("slot") });
         settle();
     }
 
     #[task(binds = DMA2_STREAM0, priority = 4, shared = [transmitter])]
     fn rf_spi(mut cx: rf_spi::Context) {
         cx.shared.transmitter.lock(Transmitter::poll);
+        CHECK_IN.check_in(const { Task::named("rf_spi") });
         settle();
     }
 
     #[task(binds = DMA2_STREAM3, priority = 4, shared = [transmitter])]
     fn rf_spi_error(mut cx: rf_spi_error::Context) {
         cx.shared.transmitter.lock(Transmitter::poll);
+        CHECK_IN.check_in(const { Task::named("rf_spi_error") });
         settle();
     }
 
@@ -340,6 +343,7 @@ mod app {
             transmitter.port().clear_pending_irq();
             transmitter.poll();
         });
+        CHECK_IN.check_in(const { Task::named("rf_irq") });
         settle();
     }
 
@@ -349,6 +353,7 @@ mod app {
             transmitter.port().clear_pending_timer();
             transmitter.poll();
         });
+        CHECK_IN.check_in(const { Task::named("rf_timer") });
         settle();
     }
 
@@ -362,7 +367,7 @@ mod app {
             }
             cx.shared.transmitter.lock(|transmitter| transmitter.slot(slot));
         }
-        CHECK_IN.check_in(Task::Rf);
+        CHECK_IN.check_in(const { Task::named("rf_slot") });
         settle();
     }
 
@@ -374,7 +379,7 @@ mod app {
         let profile = cx.shared.solutions.lock(|solutions| cx.shared.cycle.fill(tick, solutions));
         HORUS_TELEMETRY.worst_fill_cycles.record_max(DWT::cycle_count().wrapping_sub(begun));
         cx.shared.transmitter.lock(|transmitter| transmitter.offer(tick, &profile));
-        CHECK_IN.check_in(Task::Cycle);
+        CHECK_IN.check_in(const { Task::named("cycle") });
         settle();
     }
 
@@ -385,7 +390,7 @@ mod app {
         cx.shared.solutions.lock(|solutions| cycle.vote(tick.wrapping_add(1), solutions));
         hw::reset::keep_exclusions(cycle.excluded());
         cycle_timer::cycle_ended(tick);
-        CHECK_IN.check_in(Task::Vote);
+        CHECK_IN.check_in(const { Task::named("vote") });
         settle();
     }
 
@@ -395,15 +400,18 @@ mod app {
             line.poll();
         }
         rtic::pend(Interrupt::CAN1_RX1);
+        board::ask_for_signs_of_life();
+        CHECK_IN.check_in(const { Task::named("gnss_tick") });
         settle();
     }
 
-    fn serve(lines: &mut [GnssLine; RECEIVERS], (index, vector): (usize, Vector)) {
+    fn serve(task: Task, lines: &mut [GnssLine; RECEIVERS], (index, vector): (usize, Vector)) {
         if let Some(line) = lines.get_mut(index) {
             if line.interrupt(vector) {
                 rtic::pend(Interrupt::CAN1_RX1);
             }
         }
+        CHECK_IN.check_in(task);
         settle();
     }
 
@@ -411,55 +419,75 @@ mod app {
 
     #[task(binds = USART2, priority = 2, shared = [lines])]
     fn gnss1(cx: gnss1::Context) {
-        serve(cx.shared.lines, const { board::source_of(Interrupt::USART2) });
+        serve(const { Task::named("gnss1") }, cx.shared.lines, const { board::source_of(Interrupt::USART2) });
     }
     #[task(binds = DMA1_STREAM5, priority = 2, shared = [lines])]
     fn gnss1_ring(cx: gnss1_ring::Context) {
-        serve(cx.shared.lines, const { board::source_of(Interrupt::DMA1_STREAM5) });
+        serve(
+            const { Task::named("gnss1_ring") },
+            cx.shared.lines,
+            const { board::source_of(Interrupt::DMA1_STREAM5) },
+        );
     }
     #[task(binds = I2C2_EV, priority = 2, shared = [lines])]
     fn gnss2(cx: gnss2::Context) {
-        serve(cx.shared.lines, const { board::source_of(Interrupt::I2C2_EV) });
+        serve(const { Task::named("gnss2") }, cx.shared.lines, const { board::source_of(Interrupt::I2C2_EV) });
     }
     #[task(binds = I2C2_ER, priority = 2, shared = [lines])]
     fn gnss2_error(cx: gnss2_error::Context) {
-        serve(cx.shared.lines, const { board::source_of(Interrupt::I2C2_ER) });
+        serve(const { Task::named("gnss2_error") }, cx.shared.lines, const { board::source_of(Interrupt::I2C2_ER) });
     }
     #[task(binds = DMA1_STREAM2, priority = 2, shared = [lines])]
     fn gnss2_read(cx: gnss2_read::Context) {
-        serve(cx.shared.lines, const { board::source_of(Interrupt::DMA1_STREAM2) });
+        serve(
+            const { Task::named("gnss2_read") },
+            cx.shared.lines,
+            const { board::source_of(Interrupt::DMA1_STREAM2) },
+        );
     }
     #[task(binds = TIM4, priority = 2, shared = [lines])]
     fn gnss2_step(cx: gnss2_step::Context) {
-        serve(cx.shared.lines, const { board::source_of(Interrupt::TIM4) });
+        serve(const { Task::named("gnss2_step") }, cx.shared.lines, const { board::source_of(Interrupt::TIM4) });
     }
     #[task(binds = DMA2_STREAM5, priority = 2, shared = [lines])]
     fn gnss3(cx: gnss3::Context) {
-        serve(cx.shared.lines, const { board::source_of(Interrupt::DMA2_STREAM5) });
+        serve(const { Task::named("gnss3") }, cx.shared.lines, const { board::source_of(Interrupt::DMA2_STREAM5) });
     }
     #[task(binds = DMA2_STREAM6, priority = 2, shared = [lines])]
     fn gnss3_error(cx: gnss3_error::Context) {
-        serve(cx.shared.lines, const { board::source_of(Interrupt::DMA2_STREAM6) });
+        serve(
+            const { Task::named("gnss3_error") },
+            cx.shared.lines,
+            const { board::source_of(Interrupt::DMA2_STREAM6) },
+        );
     }
     #[task(binds = TIM3, priority = 2, shared = [lines])]
     fn gnss3_step(cx: gnss3_step::Context) {
-        serve(cx.shared.lines, const { board::source_of(Interrupt::TIM3) });
+        serve(const { Task::named("gnss3_step") }, cx.shared.lines, const { board::source_of(Interrupt::TIM3) });
     }
     #[task(binds = UART5, priority = 2, shared = [lines])]
     fn gnss4(cx: gnss4::Context) {
-        serve(cx.shared.lines, const { board::source_of(Interrupt::UART5) });
+        serve(const { Task::named("gnss4") }, cx.shared.lines, const { board::source_of(Interrupt::UART5) });
     }
     #[task(binds = DMA1_STREAM0, priority = 2, shared = [lines])]
     fn gnss4_ring(cx: gnss4_ring::Context) {
-        serve(cx.shared.lines, const { board::source_of(Interrupt::DMA1_STREAM0) });
+        serve(
+            const { Task::named("gnss4_ring") },
+            cx.shared.lines,
+            const { board::source_of(Interrupt::DMA1_STREAM0) },
+        );
     }
     #[task(binds = UART7, priority = 2, shared = [lines])]
     fn gnss5(cx: gnss5::Context) {
-        serve(cx.shared.lines, const { board::source_of(Interrupt::UART7) });
+        serve(const { Task::named("gnss5") }, cx.shared.lines, const { board::source_of(Interrupt::UART7) });
     }
     #[task(binds = DMA1_STREAM3, priority = 2, shared = [lines])]
     fn gnss5_ring(cx: gnss5_ring::Context) {
-        serve(cx.shared.lines, const { board::source_of(Interrupt::DMA1_STREAM3) });
+        serve(
+            const { Task::named("gnss5_ring") },
+            cx.shared.lines,
+            const { board::source_of(Interrupt::DMA1_STREAM3) },
+        );
     }
 
     #[task(binds = CAN1_RX1, priority = 1, local = [receivers, readers, configurations], shared = [solutions])]
@@ -497,7 +525,7 @@ mod app {
         if more {
             rtic::pend(Interrupt::CAN1_RX1);
         }
-        CHECK_IN.check_in(Task::Gnss);
+        CHECK_IN.check_in(const { Task::named("parse") });
         settle();
     }
 }

@@ -1,9 +1,11 @@
 //! The firmware's tasks, and those of them that have to check in before the watchdog is fed.
 //!
-//! What makes each of them run is the cycle timer alone, so that neither a missing receiver nor a missing front end
-//! keeps a task from checking in: the timer's interrupt calls `cycle` at every tick and `rf_slot` after every slot, and
-//! after the first slot of a cycle `rf_slot` calls `vote`, and `gnss_tick`, which serves every receiver's source and
-//! calls `parse`.
+//! Every task has to. What makes each of them run is the cycle timer alone, so that neither a missing receiver nor a
+//! missing front end keeps a task from checking in: the timer's interrupt calls `cycle` at every tick and `rf_slot`
+//! after every slot, and after the first slot of a cycle `rf_slot` calls `vote`, and `gnss_tick`, which serves every
+//! receiver's source and calls `parse`. The tasks that hardware alone calls are called by `gnss_tick` as well, once a
+//! cycle, for a sign of life ([`calls_for_sign_of_life`]): each of them looks at what is the case, and does nothing if
+//! nothing is.
 
 use firmware_common::check_in;
 
@@ -35,25 +37,49 @@ pub const TASKS: &[(&str, &str)] = &[
     ("parse", "CAN1_RX1"),
 ];
 
-/// A task that has to check in.
+/// A task that has to check in: its place in [`TASKS`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Task {
-    /// The 10 ms cycle has filled and offered a profile.
-    Cycle,
-    /// The vote for the next tick has taken place.
-    Vote,
-    /// The front end's executor has been told of a slot.
-    Rf,
-    /// The parser of the receivers' bytes has been through all of them.
-    Gnss,
+pub struct Task(u32);
+
+impl Task {
+    /// The task of this name.
+    ///
+    /// # Panics
+    ///
+    /// If there is none: as a constant it does not compile then.
+    #[must_use]
+    pub const fn named(name: &str) -> Self {
+        Self(check_in::place_of(name, TASKS))
+    }
 }
 
 impl check_in::Task for Task {
-    const COUNT: u32 = 4;
+    const COUNT: u32 = TASKS.len() as u32;
 
     fn number(self) -> u32 {
-        self as u32
+        self.0
     }
+}
+
+/// Whether hardware alone calls the task at this place of [`TASKS`], so that it has to be asked for a sign of life.
+#[must_use]
+pub const fn calls_for_sign_of_life(place: usize) -> bool {
+    const CALLED_BY_TASKS: [u32; 6] = [
+        Task::named("slot").0,
+        Task::named("rf_slot").0,
+        Task::named("cycle").0,
+        Task::named("vote").0,
+        Task::named("gnss_tick").0,
+        Task::named("parse").0,
+    ];
+    let mut nth = 0;
+    while nth < CALLED_BY_TASKS.len() {
+        if CALLED_BY_TASKS[nth] as usize == place {
+            return false;
+        }
+        nth += 1;
+    }
+    true
 }
 
 #[cfg(test)]
@@ -67,15 +93,27 @@ mod tests {
 
     #[test]
     fn one_missing_task_keeps_the_watchdog_unfed() {
-        let tasks = [Task::Cycle, Task::Vote, Task::Rf, Task::Gnss];
-        for missing in tasks {
+        let tasks = || TASKS.iter().map(|(name, _)| Task::named(name));
+        for missing in tasks() {
             let list = CheckIn::new();
-            tasks.into_iter().filter(|&task| task != missing).for_each(|task| list.check_in(task));
+            tasks().filter(|&task| task != missing).for_each(|task| list.check_in(task));
             assert!(!list.complete(), "without {missing:?}");
             list.check_in(missing);
             assert!(list.complete());
         }
     }
+
+    #[test]
+    fn every_task_checks_in_where_the_firmware_binds_it() {
+        for (name, _) in TASKS {
+            let source = include_str!("main.rs");
+            let (_, body) = source.split_once(&std::format!("fn {name}(")).expect("the task's function");
+            let body = body.split("    #[task(").next().unwrap_or(body);
+            let own = std::format!("Task::named(\"{name}\")");
+            assert!(body.contains(&own), "{name} does not check in");
+        }
+    }
+
     /// `#[task(binds = VECTOR, ..)]` and the name of the function below it, in the order of the source.
     #[test]
     fn the_table_of_tasks_is_the_one_that_the_firmware_binds() {

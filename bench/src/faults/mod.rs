@@ -17,6 +17,7 @@
 //! | [`buffer`] | a bit of the DPR's receive or image buffers, once or for a while | the part's RAM |
 //! | [`power`] | supply and reset of a board | the part and its front end |
 //! | [`Fault::Hang`] | a board's core, which executes nothing more until its watchdog restarts it | the core |
+//! | [`Fault::DeadTask`] | a task of a board, whose interrupt is off while the rest runs | the core |
 //! | [`upset`] | a bit of RAM, flash or a register | the part's memory |
 //! | [`image`] | instructions of a firmware in flash, or its variables | the image, before the run or in mid-run |
 //!
@@ -63,6 +64,8 @@ pub use state_inputs::InputFault;
 pub use upset::{Targets, Upset};
 pub use wires::{WireFault, Wires};
 
+use crate::trace::{self, vectors};
+
 /// Something that is wrong while an [`Episode`] lasts, or that happens at its beginning.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Fault {
@@ -92,6 +95,10 @@ pub enum Fault {
     /// it was doing, while its peripherals, DMA, timers and the chips beside it go on ([`crate::node::Node::hang`]).
     /// What ends it is the board's own watchdog, which nobody feeds: the bench restarts nothing.
     Hang(Board),
+    /// A task of a board is dead, by its place in the firmware's table of tasks ([`tasks_of`]): its interrupt is off in
+    /// the interrupt controller, and the rest runs. What ends it is the board's own watchdog, for which the task does
+    /// not check in any more. A board that has not switched its interrupts on yet, hangs or has no supply is not hit.
+    DeadTask(Board, u8),
     /// A bit of a board.
     Upset(Board, Upset),
     /// A bit of the DPR's buffers.
@@ -116,6 +123,10 @@ impl Fault {
             Self::Base(fault) => format!("base station {}", fault.name()),
             Self::Power(board, fault) => format!("power {} {}", name_of(*board), fault.name()),
             Self::Hang(board) => format!("hang {}", name_of(*board)),
+            Self::DeadTask(board, task) => {
+                let name = tasks_of(*board).get(usize::from(*task)).map_or("none", |(name, _)| name);
+                format!("dead task {} {name}", name_of(*board))
+            }
             Self::Upset(board, upset) => format!("{} {}", upset.name(), name_of(*board)),
             Self::Buffer(fault) => format!("buffer dpr {}", fault.name()),
             Self::Image(board, fault) => format!("image {} {}", name_of(*board), fault.name()),
@@ -137,6 +148,7 @@ impl Fault {
             Self::Base(_) => Disturbance::BaseStation,
             Self::Power(board, fault) => fault.disturbs(board),
             Self::Hang(board) => Disturbance::Hang { board },
+            Self::DeadTask(board, task) => Disturbance::DeadTask { board, task },
             Self::Upset(board, upset) => Disturbance::Memory { board, memory: upset.memory() },
             Self::Buffer(fault) => Disturbance::Memory { board: Board::Dpr, memory: fault.memory() },
             Self::Image(board, _) => Disturbance::Code { board },
@@ -154,6 +166,7 @@ impl Fault {
             | Self::Flip(board, _)
             | Self::Power(board, _)
             | Self::Hang(board)
+            | Self::DeadTask(board, _)
             | Self::Upset(board, _)
             | Self::Image(board, _) => *board == Board::Horus,
         }
@@ -168,6 +181,30 @@ pub fn name_of(board: Board) -> &'static str {
         Board::Dpr => "dpr",
     }
 }
+
+/// The tasks of a board's firmware: name and vector of each.
+#[must_use]
+pub fn tasks_of(board: Board) -> &'static [(&'static str, &'static str)] {
+    match board {
+        Board::Horus => horus_tx_fw::task::TASKS,
+        Board::Dpr => dpr_fw::task::TASKS,
+    }
+}
+
+/// The number of the interrupt whose handler is the task at place `task` of [`tasks_of`]; none if there is no such
+/// task.
+#[must_use]
+pub fn interrupt_of(board: Board, task: u8) -> Option<u16> {
+    let (_, vector) = tasks_of(board).get(usize::from(task))?;
+    let board = match board {
+        Board::Horus => trace::Board::Horus,
+        Board::Dpr => trace::Board::Dpr,
+    };
+    vectors::exception(board, vector)?.checked_sub(FIRST_INTERRUPT)
+}
+
+/// The number of the exception of interrupt 0, ARMv7-M ARM table B1-4.
+const FIRST_INTERRUPT: u16 = 16;
 
 /// A fault and when it is there.
 #[derive(Clone, Debug, PartialEq)]

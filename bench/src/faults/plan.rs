@@ -8,7 +8,7 @@ use std::str::FromStr;
 
 use super::{
     Absurd, AirFaults, Board, BufferFault, Buffers, BusFault, ChipFault, Conduct, Episode, Fault, Faults, InputFault,
-    PowerFault, ReceiverFault, Rng, chip::FLIP_MENDED, power::sag_length, state_inputs::INPUTS,
+    PowerFault, ReceiverFault, Rng, chip::FLIP_MENDED, power::sag_length, state_inputs::INPUTS, tasks_of,
 };
 use crate::boards::receivers::Interface;
 
@@ -43,6 +43,9 @@ pub const BETWEEN_BOARDS: u64 = 20_000_000;
 /// takes (190 ms, HORUS's) is over, and the board's start.
 pub const HANG_LENGTH: (u64, u64) = (300_000_000, 400_000_000);
 
+/// As [`HANG_LENGTH`], of a board of which one task is dead: it is fed once more at most, a cycle later.
+pub const DEAD_TASK_LENGTH: (u64, u64) = (320_000_000, 420_000_000);
+
 /// As [`HANG_LENGTH`], of a board that hangs while it starts: until HORUS feeds its watchdog first that takes up to
 /// 964 ms.
 pub const START_HANG_LENGTH: (u64, u64) = (1_100_000_000, 1_200_000_000);
@@ -54,6 +57,10 @@ pub const WATCHDOG_STARTS: u64 = 2_000;
 
 /// A hang of a board that starts begins at most so long after the reset, ns: both firmwares have started by then.
 pub const STARTS: u64 = 20_000_000;
+
+/// Within this after a start, of which is known when it comes, no task of that board is drawn to be dead, ns: its
+/// firmware may not have switched its interrupts on yet, after which the task would run.
+pub const TASKS_RUN: u64 = 100_000_000;
 
 /// Shapes of each board's sagging supply in a round.
 const SAGS: usize = 3;
@@ -79,7 +86,7 @@ pub enum Kind {
     Buffers,
     /// The inputs that tell HORUS's state.
     Inputs,
-    /// Boards that hang until their watchdogs restart them.
+    /// Boards that hang, and tasks that are dead, until the watchdogs restart their boards.
     Hang,
     /// Bits of the registers of either front end's chip.
     Chips,
@@ -199,19 +206,37 @@ impl Faults {
 }
 
 impl Faults {
-    /// Takes away the hangs that begin before the board's watchdog runs, after a start that an episode makes.
+    /// Takes away what would never end, after a start that an episode makes: hangs that begin before the board's
+    /// watchdog runs, and dead tasks of a firmware that has not switched its interrupts on yet.
     fn without_hangs_in_starts(&mut self) {
         for board in BOARDS {
-            let mut starts: Vec<u64> =
-                self.episodes.iter().filter(|it| starts(&it.fault, board)).map(|it| it.until).collect();
+            let of_power = |it: &&Episode| starts(&it.fault, board);
+            let mut starts: Vec<u64> = self.episodes.iter().filter(of_power).map(|it| it.until).collect();
+            // Between its beginning and its end a supply that sags restarts the board, too.
+            let troubles: Vec<(u64, u64)> =
+                self.episodes.iter().filter(|it| is_trouble(&it.fault, board)).map(|it| (it.at, it.until)).collect();
             starts.sort_unstable();
-            let is_starting = |at: u64| {
+            let is_unwatched = |at: u64| {
                 let before = starts.partition_point(|start| *start <= at);
                 before.checked_sub(1).is_some_and(|last| at < starts[last] + WATCHDOG_STARTS)
             };
-            self.episodes.retain(|it| it.fault != Fault::Hang(board) || !is_starting(it.at));
+            let may_not_run = |at: u64| {
+                let before = troubles.partition_point(|(begins, _)| *begins <= at);
+                // Two at most begin before either has ended: a dead crystal and a restart.
+                troubles[..before].iter().rev().take(2).any(|(_, ends)| at < ends.saturating_add(TASKS_RUN))
+            };
+            self.episodes.retain(|it| match it.fault {
+                Fault::Hang(of) if of == board => !is_unwatched(it.at),
+                Fault::DeadTask(of, _) if of == board => !may_not_run(it.at),
+                _ => true,
+            });
         }
     }
+}
+
+/// Whether an episode of `fault` may keep the firmware of `board` from running, or restarts it.
+fn is_trouble(fault: &Fault, board: Board) -> bool {
+    matches!(fault, Fault::Power(of, power) if *of == board && *power != PowerFault::FrontEndOff)
 }
 
 /// Whether `board` starts at the end of an episode of `fault`.
@@ -228,7 +253,7 @@ fn lasts(fault: &Fault) -> bool {
     match fault {
         Fault::Power(_, fault) => fault.lasts(),
         Fault::Buffer(fault) => fault.lasts(),
-        Fault::Hang(_) => false,
+        Fault::Hang(_) | Fault::DeadTask(..) => false,
         _ => true,
     }
 }
@@ -239,6 +264,7 @@ fn length_of(fault: &Fault) -> (u64, u64) {
         Fault::Receiver(_, ReceiverFault::Drifts { .. }) => DRIFT_LENGTH,
         Fault::Receiver(_, ReceiverFault::Jumps { .. }) => JUMP_LENGTH,
         Fault::Hang(_) => HANG_LENGTH,
+        Fault::DeadTask(..) => DEAD_TASK_LENGTH,
         Fault::Flip(..) => (FLIP_MENDED, FLIP_MENDED),
         Fault::Power(_, PowerFault::Sag(seed)) => (sag_length(*seed), sag_length(*seed)),
         _ => LENGTH,
@@ -411,7 +437,7 @@ fn power(rng: &mut Rng) -> Vec<Draw> {
     draws
 }
 
-/// Each board that hangs, and both, in either order; and each that hangs while it starts.
+/// Each board that hangs, and both, in either order; each that hangs while it starts; and a dead task of each.
 fn hangs(rng: &mut Rng) -> Vec<Draw> {
     let mut draws: Vec<Draw> = BOARDS.map(|board| vec![(0, Fault::Hang(board))]).into();
     for [first, second] in [[Board::Horus, Board::Dpr], [Board::Dpr, Board::Horus]] {
@@ -423,6 +449,8 @@ fn hangs(rng: &mut Rng) -> Vec<Draw> {
         let latest = if rng.below(2) == 0 { 10_000 } else { STARTS };
         let hangs = rng.between(WATCHDOG_STARTS, latest);
         draws.push(vec![(0, Fault::Power(board, restart)), (hangs, Fault::Hang(board))]);
+        let task = rng.below(tasks_of(board).len() as u64);
+        draws.push(vec![(0, Fault::DeadTask(board, task as u8))]);
     }
     draws
 }
@@ -649,6 +677,36 @@ mod tests {
         faults.add(hang(3 * WATCHDOG_STARTS, Board::Dpr));
         faults.without_hangs_in_starts();
         assert_eq!(faults.episodes.len(), 4);
+    }
+
+    #[test]
+    fn ten_minutes_have_every_task_of_both_boards_dead_each_alone() {
+        let episodes = Faults::drawn(&[Kind::Hang], 3, 5, 10 * MINUTE).episodes;
+        let mut dead = BTreeSet::new();
+        for pair in episodes.windows(2) {
+            if let Fault::DeadTask(board, task) = pair[0].fault {
+                assert!(pair[1].at - pair[0].at >= DEAD_TASK_LENGTH.0 + GAP.0, "{pair:?}");
+                dead.insert(Fault::DeadTask(board, task).name());
+            }
+        }
+        assert_eq!(dead.len(), BOARDS.into_iter().map(|board| tasks_of(board).len()).sum::<usize>(), "{dead:?}");
+    }
+
+    #[test]
+    fn no_task_is_dead_of_a_board_that_starts_or_has_no_supply() {
+        let left = |power: PowerFault, at: u64| {
+            let mut faults = Faults::none().with(500, 900, Fault::Power(Board::Dpr, power));
+            faults.add(Episode { at, until: at, fault: Fault::DeadTask(Board::Dpr, 0) });
+            faults.add(Episode { at, until: at, fault: Fault::DeadTask(Board::Horus, 0) });
+            faults.without_hangs_in_starts();
+            faults.episodes.len() == 3
+        };
+        for power in [PowerFault::Off(1), PowerFault::Sag(1), PowerFault::CrystalDead, PowerFault::Pin] {
+            for (at, stays) in [(499, true), (500, false), (900 + TASKS_RUN - 1, false), (900 + TASKS_RUN, true)] {
+                assert_eq!(left(power, at), stays, "{power:?} at {at}");
+            }
+        }
+        assert!(left(PowerFault::FrontEndOff, 700));
     }
 
     /// A kind's number seeds its draws: published figures hold as long as the kinds keep their numbers.

@@ -1,12 +1,15 @@
 //! Which exception's handler runs when, and when the core sleeps: the tasks of a firmware over time.
 
 use bench_seam::Part;
-use cortex_m4::Cost;
+use cortex_m4::{Cost, Width};
 
 use super::{Board, Node, memory};
 
 /// Exceptions that ARMv7-M numbers, ARMv7-M ARM table B1-4: 16 of the system, 240 interrupts at most on a Cortex-M4.
 const EXCEPTIONS: u16 = 16 + 240;
+
+/// Interrupt clear-enable registers, a bit for each interrupt, ARMv7-M ARM B3.4.5.
+const ICER: u32 = 0xE000_E180;
 
 /// Interrupt priority registers, a byte for each interrupt, and the system handlers' from number 4 on, ARMv7-M ARM
 /// B3.4.9 and B3.2.10.
@@ -62,6 +65,19 @@ impl<B: Board, C: Cost> Node<B, C> {
         };
         let word = self.word(u64::from(register & !3)).unwrap_or(0);
         i16::from(word.to_le_bytes()[(register & 3) as usize])
+    }
+
+    /// Interrupt `line` is off in the interrupt controller from now on, until the firmware switches it on again, as it
+    /// does at its next start. Does nothing to a part without its supply.
+    ///
+    /// # Panics
+    ///
+    /// If the core has no interrupt controller.
+    pub fn switch_interrupt_off(&mut self, line: u16) {
+        if self.is_powered() {
+            let register = ICER + 4 * u32::from(line / 32);
+            self.access_port_write(register, Width::Word, 1 << (line % 32)).expect("an interrupt controller");
+        }
     }
 
     /// The supply went off or came on: without it, the core sleeps.

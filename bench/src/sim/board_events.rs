@@ -6,13 +6,18 @@ use st25r3916_model::Chip;
 
 use crate::faults::image::Repair;
 use crate::faults::power::{self, PowerFault, Powered};
-use crate::faults::{Episode, Fault, Turn};
+use crate::faults::{Episode, Fault, Turn, interrupt_of};
 use crate::node::{FindingKind, FromOutside, Node};
 
 /// What the log is told of an episode that begins at `now` (ns).
 pub(super) fn injected(now: u64, episode: &Episode) -> What {
     let Episode { until, fault, .. } = episode;
     What::Injected { kind: fault.name(), disturbs: fault.disturbs(), until: (*until).max(now) }
+}
+
+/// A fault that cannot be injected must not look like one that was.
+fn no_task(board: Side, task: u8) -> What {
+    What::Finding { board, text: format!("a fault could not be injected: there is no task {task}") }
 }
 
 /// Events of one board since they were last taken.
@@ -114,6 +119,10 @@ impl BoardEvents {
                         self.note(now, What::Hung { board: self.side });
                     }
                     Fault::Hang(_) => {}
+                    Fault::DeadTask(_, task) => match interrupt_of(self.side, *task) {
+                        Some(line) => node.switch_interrupt_off(line),
+                        None => self.note(now, no_task(self.side, *task)),
+                    },
                     Fault::Chip(_, chip) => node.board_mut(|board| board.front_end().begin_chip_fault(*chip)),
                     Fault::Flip(_, place) => node.board_mut(|board| board.front_end().flip(*place)),
                     Fault::Buffer(buffer) => self.apply(node, now, |node| buffer.begin(node)),

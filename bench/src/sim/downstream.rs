@@ -447,6 +447,7 @@ impl Link {
             fault,
             Fault::Power(..)
                 | Fault::Hang(_)
+                | Fault::DeadTask(..)
                 | Fault::Chip(..)
                 | Fault::Buffer(_)
                 | Fault::Upset(..)

@@ -35,7 +35,7 @@ mod fst;
 mod signals;
 mod tasks;
 mod vcd;
-mod vectors;
+pub(crate) mod vectors;
 
 use std::collections::BTreeMap;
 use std::io;

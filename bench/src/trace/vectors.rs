@@ -151,7 +151,7 @@ const NRF52840: [&str; 48] = [
 ];
 
 /// The number of the exception that `vector` of the board's part is.
-pub(super) fn exception(board: Board, vector: &str) -> Option<u16> {
+pub(crate) fn exception(board: Board, vector: &str) -> Option<u16> {
     let interrupts = match board {
         Board::Horus => &STM32F429[..],
         Board::Dpr => &NRF52840[..],

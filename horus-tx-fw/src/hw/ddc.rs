@@ -209,11 +209,15 @@ impl DdcSource {
 
     fn stream_interrupt(&mut self) {
         let flags = dma::flags(self.port.stream);
+        if !flags.has_error() && !flags.is_complete() {
+            // Called for a sign of life. What ends from here on calls again, so its flag must stay.
+            return;
+        }
         dma::clear_flags(self.port.stream);
         if flags.has_error() {
             let order = self.ddc.stream_failed();
             self.carry_out(order);
-        } else if flags.is_complete() {
+        } else {
             compiler_fence(Ordering::Acquire);
             let first = [&BYTES[0], &BYTES[1], &BYTES[2]].map(|byte| byte.load(Ordering::Relaxed));
             let Received { stream, then } = self.ddc.received(first);

@@ -190,10 +190,12 @@ impl Radio {
         Self { len: 0, response: [0; Short::MAX], failed: false, frame: 0..0, over: false }
     }
 
-    /// Takes TIM5's interrupt. What counts is whether the time is over.
+    /// Takes TIM5's interrupt, if that is why the task was called. What counts is whether the time is over.
     pub fn clear_pending_timer(&mut self) {
-        self.over |= tim5().sr().read().uif().bit_is_set();
-        tim5().sr().write(|w| w.uif().clear());
+        if tim5().sr().read().uif().bit_is_set() {
+            tim5().sr().write(|w| w.uif().clear());
+            self.over = true;
+        }
     }
 
     /// Clears EXTI3's pending edge. What counts is the pin's level.

@@ -190,15 +190,17 @@ impl SpiSource {
     fn stream_interrupt(&mut self) {
         let incoming = dma::flags(self.port.stream_in);
         let has_error = incoming.has_error() || dma::flags(self.port.stream_out).has_error();
+        if !has_error && !incoming.is_complete() {
+            // Called for a sign of life. What ends from here on calls again, so its flag must stay.
+            return;
+        }
         dma::clear_flags(self.port.stream_in);
         dma::clear_flags(self.port.stream_out);
         let order = if has_error {
             self.polling.failed()
-        } else if incoming.is_complete() {
+        } else {
             // The last byte comes in after the last one has gone out, so the stream out has ended too.
             self.polling.transferred()
-        } else {
-            Order::Nothing
         };
         self.carry_out(order);
     }

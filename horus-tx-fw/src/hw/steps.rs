@@ -56,7 +56,9 @@ impl Steps {
     /// Whether the time is over; asks once.
     pub(super) fn is_over(&self) -> bool {
         let over = self.registers().sr().read().uif().bit_is_set();
-        self.registers().sr().write(|w| w.uif().clear());
+        if over {
+            self.registers().sr().write(|w| w.uif().clear());
+        }
         over
     }
 }
