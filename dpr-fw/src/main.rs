@@ -96,8 +96,9 @@ mod app {
 
     static INTEGRITY: Integrity = Integrity::new();
 
-    /// `commit` or `deadline` was called for a sign of life.
-    static ASKED: AtomicBool = AtomicBool::new(false);
+    /// The RFID side has called for an image to be prepared, since a frame arrives. Without that `commit` and `deadline`
+    /// prepare none: what is written until the next frame is to be in it.
+    static PREPARE: AtomicBool = AtomicBool::new(false);
 
     /// What `commit` and `deadline`, of the same priority, share.
     pub struct Committing {
@@ -315,7 +316,10 @@ mod app {
     ) {
         match receiver.serve::<RECEIVERS>(rotation, front_end, &TELEMETRY) {
             Call::None => {}
-            Call::Prepare => rtic::pend(Interrupt::SWI0_EGU0),
+            Call::Prepare => {
+                PREPARE.store(true, Ordering::Relaxed);
+                rtic::pend(Interrupt::SWI0_EGU0);
+            }
             Call::Handed => {
                 rtic::pend(Interrupt::SWI0_EGU0);
                 rtic::pend(Interrupt::SWI1_EGU1);
@@ -348,7 +352,7 @@ mod app {
         mut front_end: impl Mutex<T = FrontEnd>,
     ) {
         let start = DWT::cycle_count();
-        let is_asked = ASKED.swap(false, Ordering::Relaxed);
+        let prepare = PREPARE.swap(false, Ordering::Relaxed);
         let Committing { commit, filling, deadline, started, reset_reason } = committing;
         let front_end = front_end.lock(|state| *state);
         let health = Health {
@@ -375,8 +379,7 @@ mod app {
             called_for |= commit.withdraw(hw::now_us(), &health, &mut outbox);
         }
         if !called_for {
-            // The RFID side calls for it while a frame arrives.
-            if !is_asked {
+            if prepare {
                 commit.prepare(&mut outbox);
             }
             return;
@@ -399,11 +402,8 @@ mod app {
         SsiDoorbell::ask_for_sign_of_life(cx.local.sign_of_life);
         rtic::pend(Interrupt::TIMER3);
         rtic::pend(Interrupt::SWI2_EGU2);
-        // Asked for a sign of life alone they prepare no image: what is written until the next frame is to be in it.
-        for vector in [Interrupt::SWI0_EGU0, Interrupt::TIMER1] {
-            ASKED.store(true, Ordering::Relaxed);
-            rtic::pend(vector);
-        }
+        rtic::pend(Interrupt::SWI0_EGU0);
+        rtic::pend(Interrupt::TIMER1);
     }
 
     /// A transaction has brought something, or an image was published: judges what came in and prepares what the next
