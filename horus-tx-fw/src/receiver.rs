@@ -16,9 +16,9 @@
 //!
 //! **Age.** A value is worth something only for a while. It is *valid* until it is older than one period of its message
 //! and [`VALID_SLACK_MS`], and *stale* from one period and [`STALE_SLACK_MS`] on (docs/design.md#validity). The age
-//! counts from the arrival of the message, that is from the moment at which its last byte was parsed. The epoch for which it
-//! holds is older by what the receiver takes to compute and to send, some tens of milliseconds. A message that repeats
-//! the time of week of the one before it renews nothing: a receiver that has frozen ages like one that is silent.
+//! counts from the arrival of the message, that is from the moment at which its last byte was parsed. The epoch for
+//! which it holds is some tens of milliseconds older, by what the receiver takes to compute and to send. A message that
+//! repeats the time of week of the one before renews nothing: a receiver that has frozen ages like a silent one.
 //!
 //! **Period.** Each kind of message has its own period. It is learned from the steps of the receiver's time of week and
 //! believed to be 20 ms to 1 s; a slower receiver counts as one of 1 s, so that no receiver, whatever it sends, keeps a

@@ -1,5 +1,5 @@
-//! The runner from another project's folder, as the README has it: `cargo run` there builds the project's firmware and
-//! runs it on a board of the bench.
+//! The runner from another project's folder, as docs/bench.md#your-own-firmware has it: `cargo run` there builds the
+//! project's firmware and runs it on a board of the bench.
 //!
 //! The project is a real one, made in a folder of its own outside this workspace, of crates that this workspace's lock
 //! file has.
