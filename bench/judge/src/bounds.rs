@@ -190,6 +190,10 @@ pub const CLIENT_FINDS: u32 = SEARCH_CYCLES as u32 + 2;
 /// The base station's age may differ so much from the true one, ns: it knows the delay of no way, and takes the fastest
 /// for none. An air that holds frames back by up to 45 ms, an image that is read when it expires, and the crystals.
 pub const STATION_AGE_OFF: u64 = 120_000_000;
+/// What continues nothing that the base station has shown is shown for certain once it has come in sequence for this:
+/// one that has restarted is believed when what was before has been quiet for 250 ms, and the alarms of that last for
+/// 1 s.
+pub const STATION_SETTLES: u64 = 1_500_000_000;
 /// A position that is older than this is stale for the base station (docs of the base station), ns.
 pub const STATION_STALE: u64 = 400_000_000;
 /// And if nothing arrives for this, the drone is silent, ns.

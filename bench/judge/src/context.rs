@@ -3,6 +3,8 @@
 use profile::Layout;
 
 use crate::read::{Frame, Reading, Window};
+use crate::rules::shown::expectation::{Delivery, Expectation};
+use crate::rules::shown::truth::Truth;
 use crate::{Board, Disturbance, Disturbances, Event, Header, What};
 
 /// Since when a board runs.
@@ -29,6 +31,15 @@ impl Running {
     }
 }
 
+/// What HORUS put on the air, and what of it the DPR must or may make of what reached its antenna.
+#[derive(Clone, Debug)]
+struct Air {
+    truth: Truth,
+    expectation: Expectation,
+    /// Of the event that is being judged.
+    delivery: Option<Delivery>,
+}
+
 /// The state of the run at the event that is being judged, that event included.
 #[derive(Clone, Debug)]
 pub struct Context {
@@ -42,6 +53,8 @@ pub struct Context {
     window: Window,
     frame: Option<Frame>,
     reading: Option<Reading>,
+    /// Always there but while it takes an event, which it looks at in this context.
+    air: Option<Box<Air>>,
 }
 
 impl Context {
@@ -53,8 +66,10 @@ impl Context {
     #[must_use]
     pub fn new(header: &Header) -> Self {
         let running = Running { powered: true, since: 0, starts: 1, hung: None, dead: None, ended_hang: false };
+        let layout = Layout::for_receivers(header.gps).expect("a profile has 1, 2, 3 or 5 receivers");
+        let air = Air { truth: Truth::default(), expectation: Expectation::new(layout), delivery: None };
         Self {
-            layout: Layout::for_receivers(header.gps).expect("a profile has 1, 2, 3 or 5 receivers"),
+            layout,
             worst_case: header.worst_case(),
             now: 0,
             horus: running,
@@ -64,6 +79,7 @@ impl Context {
             window: Window::default(),
             frame: None,
             reading: None,
+            air: Some(Box::new(air)),
         }
     }
 
@@ -113,6 +129,45 @@ impl Context {
             What::End => self.ended = true,
             _ => {}
         }
+        if let Some(mut air) = self.air.take() {
+            air.truth.take(event, self);
+            air.delivery = air.expectation.take(event, self);
+            self.air = Some(air);
+        }
+    }
+
+    fn air(&self) -> &Air {
+        self.air.as_ref().expect("it is away while an event is taken alone")
+    }
+
+    /// What HORUS put on the air.
+    ///
+    /// # Panics
+    ///
+    /// Within [`Context::take`].
+    #[must_use]
+    pub fn truth(&self) -> &Truth {
+        &self.air().truth
+    }
+
+    /// What the DPR must or may make of what has reached its antenna.
+    ///
+    /// # Panics
+    ///
+    /// Within [`Context::take`].
+    #[must_use]
+    pub fn expectation(&self) -> &Expectation {
+        &self.air().expectation
+    }
+
+    /// The frame of the event that is being judged, if it has reached the DPR's antenna.
+    ///
+    /// # Panics
+    ///
+    /// Within [`Context::take`].
+    #[must_use]
+    pub fn delivery(&self) -> Option<&Delivery> {
+        self.air().delivery.as_ref()
     }
 
     /// A DPR that starts anew has heard of no window.

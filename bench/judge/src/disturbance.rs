@@ -130,6 +130,10 @@ pub enum Wire {
     Antenna,
     /// From the flight controller to the base station.
     Radio,
+    /// From all receivers' antennas to what they make of it: none of them knows that it is wrong.
+    Sky,
+    /// Within the flight controller, from its client to what it does.
+    Client,
 }
 
 /// A part of a board's memory.
@@ -214,6 +218,8 @@ impl Disturbance {
         use Board::{Dpr, Horus};
         const RECOVERY: End = After(bounds::FRONT_END_RECOVERY);
         const REPLACED: End = After(bounds::BUFFER_REPLACED);
+        // A test that is under way when the bit is hit.
+        const TESTED: End = After(bounds::SELF_TEST);
         const HORUS_DEAD: End = After(bounds::FIRST_WATCHDOG_LONGEST + bounds::CHECKED_IN);
         const DPR_DEAD: End = After(bounds::DPR_WATCHDOG_LONGEST + bounds::CHECKED_IN);
         match self {
@@ -227,7 +233,7 @@ impl Disturbance {
                 (Excuse::Hearing, RECOVERY),
                 (Excuse::Latency, After(1)),
                 (Excuse::DprFrontEndUse, RECOVERY),
-                (Excuse::NoField, Start(Dpr)),
+                (Excuse::NoField, After(bounds::FRONT_END_RECOVERY + bounds::FIELD_TOLD)),
                 (Excuse::LinkCounters, Start(Dpr)),
                 (Excuse::DprComplaints, Start(Dpr)),
             ],
@@ -278,7 +284,7 @@ impl Disturbance {
                 (Excuse::Hearing, REPLACED),
                 (Excuse::UnsoundImage, REPLACED),
                 (Excuse::RamFault, Start(Dpr)),
-                (Excuse::SelfTest, Start(Dpr)),
+                (Excuse::SelfTest, TESTED),
                 (Excuse::DprComplaints, Start(Dpr)),
             ],
             Self::Memory { board: Dpr, memory: Memory::Images } => &[
@@ -286,12 +292,12 @@ impl Disturbance {
                 (Excuse::Withdrawal, After(0)),
                 (Excuse::UnsoundImage, REPLACED),
                 (Excuse::RamFault, Start(Dpr)),
-                (Excuse::SelfTest, Start(Dpr)),
+                (Excuse::SelfTest, TESTED),
                 (Excuse::DprComplaints, Start(Dpr)),
             ],
             Self::Memory { board: Dpr, memory: Memory::Ram } => &[
                 (Excuse::RamFault, Start(Dpr)),
-                (Excuse::SelfTest, Start(Dpr)),
+                (Excuse::SelfTest, TESTED),
                 (Excuse::DprComplaints, Start(Dpr)),
             ],
             Self::Memory { board: Dpr, memory: Memory::Flash } => &[
@@ -535,6 +541,7 @@ mod tests {
         use Excuse::*;
         let (recovery, replaced) = (Some(bounds::FRONT_END_RECOVERY), Some(bounds::BUFFER_REPLACED));
         let horus = Board::Horus;
+        let tested = Some(bounds::SELF_TEST);
         let horus_dead = Some(bounds::FIRST_WATCHDOG_LONGEST + bounds::CHECKED_IN);
         let dpr_dead = Some(bounds::DPR_WATCHDOG_LONGEST + bounds::CHECKED_IN);
         for (disturbs, expected) in [
@@ -545,7 +552,7 @@ mod tests {
             (
                 DPR_FRONT_END,
                 vec![
-                    (NoField, None),
+                    (NoField, Some(bounds::FRONT_END_RECOVERY + bounds::FIELD_TOLD)),
                     (DprFrontEndUse, recovery),
                     (Hearing, recovery),
                     (Latency, Some(1)),
@@ -563,7 +570,7 @@ mod tests {
                     (Hearing, replaced),
                     (UnsoundImage, replaced),
                     (RamFault, None),
-                    (SelfTest, None),
+                    (SelfTest, tested),
                     (DprComplaints, None),
                 ],
             ),
@@ -574,11 +581,11 @@ mod tests {
                     (Withdrawal, Some(0)),
                     (UnsoundImage, replaced),
                     (RamFault, None),
-                    (SelfTest, None),
+                    (SelfTest, tested),
                     (DprComplaints, None),
                 ],
             ),
-            (of(Memory::Ram), vec![(RamFault, None), (SelfTest, None), (DprComplaints, None)]),
+            (of(Memory::Ram), vec![(RamFault, None), (SelfTest, tested), (DprComplaints, None)]),
             (of(Memory::Flash), vec![(FlashFault, None), (SelfTest, None), (DprComplaints, None)]),
             (of(Memory::Registers), vec![(DprComplaints, None)]),
             (Disturbance::Memory { board: horus, memory: Memory::Ram }, vec![(HorusComplaints, None)]),

@@ -124,8 +124,8 @@ fn what_is_no_log_is_told_with_its_line() {
         // What is wrong with it comes as the source.
         assert!(std::error::Error::source(&error).is_some());
     }
-    let newer = HEADER.replace("\"version\":4", "\"version\":3");
-    assert!(matches!(error(&[&newer, TICK]), LogError::Version { found: 3 }));
+    let newer = HEADER.replace("\"version\":3", "\"version\":4");
+    assert!(matches!(error(&[&newer, TICK]), LogError::Version { found: 4 }));
     assert_eq!(error(&[&newer]).to_string(), "the log has format 4, and this version reads format 3");
     let backwards = [HEADER, TICK, TICK, r#"{"at":9,"what":"tick"}"#];
     assert!(matches!(error(&backwards), LogError::Order { line: 4, at: 9, before: 10 }));

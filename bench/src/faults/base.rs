@@ -1,4 +1,5 @@
-//! How the base station misbehaves: it tells wrongly which objects of a profile it shows.
+//! How the base station misbehaves: it tells wrongly which objects of a profile it shows, how old they are, or what is
+//! alarming.
 
 use profile::Layout;
 
@@ -9,6 +10,10 @@ pub enum BaseFault {
     ShowsAll,
     /// It does not show this object: 0 for Reported-Position, n for GPSn.
     Hides(usize),
+    /// It takes what it shows to be new.
+    Young,
+    /// It alarms nobody.
+    Calm,
 }
 
 impl BaseFault {
@@ -18,6 +23,8 @@ impl BaseFault {
         match self {
             Self::ShowsAll => "shows all",
             Self::Hides(_) => "hides one",
+            Self::Young => "young",
+            Self::Calm => "calm",
         }
     }
 
@@ -27,6 +34,7 @@ impl BaseFault {
     pub fn shows(self, shown: u8, layout: Layout) -> u8 {
         match self {
             Self::ShowsAll => (0..layout.objects()).fold(0, |all, object| all | 1 << object),
+            Self::Young | Self::Calm => shown,
             Self::Hides(object) => shown & !1_u8.checked_shl(u32::try_from(object).unwrap_or(u32::MAX)).unwrap_or(0),
         }
     }

@@ -125,6 +125,10 @@ pub const fn is_dangerous(violation: Violation) -> bool {
             | Violation::StateWrong
             | Violation::TimestampWrong
             | Violation::UplinkWrong
+            | Violation::PositionOff
+            | Violation::ClientWrong
+            | Violation::ClientAge
+            | Violation::StationAge
             | Violation::BaseInvalid
             | Violation::BaseMixed
     )

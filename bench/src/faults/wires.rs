@@ -8,9 +8,10 @@ use std::collections::VecDeque;
 use std::ops::Range;
 
 use bench_judge::disturbance::Wire;
-use profile::{Layout, LinkStatus, Uplink, crc};
+use profile::ssi::client::Report;
+use profile::{Layout, LinkStatus, ReportedValues, Uplink, crc};
 
-use super::Rng;
+use super::{ReceiverFault, Rng};
 
 /// A fault of a wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -85,6 +86,16 @@ pub enum WireFault {
     RadioBit,
     /// The second half of each profile on the radio is that of the profile before.
     RadioMix,
+    /// Every receiver is wrong in this way, as if the satellites were; the log is not told that it is the receivers.
+    Sky(ReceiverFault),
+    /// The flight controller flies by the last position from before, whatever its client says.
+    ClientKeeps,
+    /// The flight controller takes every sample to be new.
+    ClientYoung,
+    /// The flight controller is not given the client's position.
+    ClientBlind,
+    /// The flight controller forwards nothing.
+    ClientMute,
 }
 
 /// How long after a pulse an additional one comes, ns: in the silence between two publications.
@@ -123,6 +134,11 @@ impl WireFault {
             Self::RadioDrop => "radio drop",
             Self::RadioBit => "radio bit",
             Self::RadioMix => "radio mix",
+            Self::Sky(_) => "sky",
+            Self::ClientKeeps => "client keeps",
+            Self::ClientYoung => "client young",
+            Self::ClientBlind => "client blind",
+            Self::ClientMute => "client mute",
         }
     }
 
@@ -144,13 +160,15 @@ impl WireFault {
             | Self::MisoOnes => Wire::Miso,
             Self::AntennaAnswers => Wire::Antenna,
             Self::RadioDrop | Self::RadioBit | Self::RadioMix => Wire::Radio,
+            Self::Sky(_) => Wire::Sky,
+            Self::ClientKeeps | Self::ClientYoung | Self::ClientBlind | Self::ClientMute => Wire::Client,
         }
     }
 
     /// Whether the wire is on HORUS's side.
     #[must_use]
     pub const fn is_upstream(self) -> bool {
-        matches!(self, Self::TickStuck | Self::TickGlitch | Self::InputsUnseen)
+        matches!(self, Self::TickStuck | Self::TickGlitch | Self::InputsUnseen | Self::Sky(_))
     }
 }
 
@@ -167,6 +185,8 @@ pub struct Wires {
     layout: Layout,
     noise: Rng,
     faults: Vec<WireFault>,
+    /// The position that the flight controller flew by last.
+    flown: Option<ReportedValues>,
     /// The level of FRESH at its far end.
     fresh: bool,
     /// What the DPR sent on MISO, the latest last.
@@ -189,6 +209,7 @@ impl Wires {
             sent: VecDeque::new(),
             frozen: None,
             radio: vec![],
+            flown: None,
         }
     }
 
@@ -292,6 +313,25 @@ impl Wires {
         let seen = (!self.faults.contains(&WireFault::TickStuck)).then_some(at);
         let glitch = seen.filter(|_| self.faults.contains(&WireFault::TickGlitch)).map(|at| at + GLITCH_AFTER_NS);
         seen.into_iter().chain(glitch)
+    }
+
+    /// What the flight controller makes of its client's `report`.
+    pub fn report(&mut self, report: Report) -> Report {
+        let has = |fault| self.faults.contains(&fault);
+        let age_us = if has(WireFault::ClientYoung) { 0 } else { report.age_us };
+        let position = match report.position {
+            _ if has(WireFault::ClientKeeps) => self.flown,
+            _ if has(WireFault::ClientBlind) => None,
+            position => position,
+        };
+        self.flown = position;
+        Report { position, age_us, ..report }
+    }
+
+    /// Whether the flight controller forwards what it reads.
+    #[must_use]
+    pub fn forwards(&self) -> bool {
+        !self.faults.contains(&WireFault::ClientMute)
     }
 
     /// Whether what the pins do that tell HORUS's state is seen.

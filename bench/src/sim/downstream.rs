@@ -163,11 +163,13 @@ impl Link {
     /// arrived at that instant it has taken.
     fn note_station(&mut self, now: u64) {
         let drone = self.base.drone();
-        let alarms = drone.alarms_at(now / 1_000);
+        let calm = self.base_faults.contains(&BaseFault::Calm);
+        let alarms = if calm { Alarms::none() } else { drone.alarms_at(now / 1_000) };
         if now < self.station.0 + STATION_EVERY && alarms == self.station.1 {
             return;
         }
-        let age_us = drone.reported().map(|held| held.age_us(now / 1_000));
+        let young = self.base_faults.contains(&BaseFault::Young);
+        let age_us = drone.reported().map(|held| if young { 0 } else { held.age_us(now / 1_000) });
         self.station = (now, alarms);
         let alarms = alarms.iter().map(|alarm: Alarm| alarm.code().to_owned()).collect();
         self.recorder.note(now, What::Station { age_us, alarms });
@@ -415,14 +417,18 @@ impl Link {
         let what = What::Transaction { selected: selected_ns, mosi: Bytes(mosi), miso: Bytes(miso) };
         self.recorder.note(deselected_ns, what);
         if let Some(report) = self.flight_controller.last().map(|last| last.report) {
+            let report = self.wires.report(report);
             let position = report.position.map(|values| values.timestamp);
             let age_us = (report.age_us != AGE_UNKNOWN).then_some(report.age_us);
             self.recorder.note(deselected_ns, What::Decided { position, age_us });
         }
+        let mut line = self.flight_controller.take_downlink();
+        if !self.wires.forwards() {
+            return;
+        }
         if let Some(profile) = self.flight_controller.last().and_then(|last| last.forwarded.clone()) {
             self.recorder.note(deselected_ns, What::Forwarded { profile: Bytes(profile) });
         }
-        let mut line = self.flight_controller.take_downlink();
         if !self.wires.radio(&mut line) {
             return;
         }

@@ -15,7 +15,7 @@ use crate::boards::front_end::Crossing;
 use crate::boards::receivers::{Given, Heard, Interface};
 use crate::boards::{Horus, InputChange};
 use crate::faults::receivers::{LineFaults, OnLine, ReceiverFault};
-use crate::faults::{Fault, Faults, Timeline, Turn, Wires};
+use crate::faults::{Fault, Faults, Timeline, Turn, WireFault, Wires};
 use crate::node::{LogLine, Node, Upstream};
 use crate::trace::{Mark, TaskWatch, Wire};
 
@@ -307,6 +307,18 @@ impl<C: Cost> Upstream<Horus, C> for Receivers {
                     }
                     let now = node.now();
                     node.board_mut(|board| board.set_input(now, input, begins.then_some(says)));
+                }
+                Fault::Wire(WireFault::Sky(fault)) => {
+                    if begins {
+                        self.events.injected(node.now(), episode);
+                    }
+                    for receiver in 0..self.feeds.len() {
+                        if begins {
+                            self.lines.begin(node.now(), episode.until, receiver, fault);
+                        } else {
+                            self.lines.end(receiver, fault);
+                        }
+                    }
                 }
                 Fault::Wire(fault) => {
                     // What was before has crossed the wire as it was.

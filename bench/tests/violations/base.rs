@@ -1,4 +1,4 @@
-//! Rows: what the base station shows against what was forwarded.
+//! Rows: what the flight controller and the base station make of what is read.
 
 use bench::faults::{AirFaults, BaseFault, Fault, Faults, WireFault};
 use bench_judge::Violation;
@@ -27,5 +27,30 @@ table! {
     });
     a_base_station_that_hides_a_valid_object => Row::new(Violation::BaseHidden, || {
         for_a_while(Fault::Base(BaseFault::Hides(2)))
+    });
+    a_flight_controller_that_keeps_an_old_position => Row::new(Violation::ClientWrong, || {
+        Faults::none().with(breaks(), breaks() + 250 * MS, Fault::Wire(WireFault::ClientKeeps))
+    });
+    a_flight_controller_that_takes_all_for_new => Row::new(Violation::ClientAge, || {
+        for_a_while(Fault::Wire(WireFault::ClientYoung))
+    });
+    a_flight_controller_that_is_given_no_position => Row::new(Violation::ClientHides, || {
+        for_a_while(Fault::Wire(WireFault::ClientBlind))
+    });
+    a_flight_controller_that_forwards_nothing => Row::new(Violation::NotForwarded, || {
+        for_a_while(Fault::Wire(WireFault::ClientMute))
+    });
+    // Nothing arrives for a while, so that what is shown gets old.
+    a_base_station_that_takes_all_for_new => Row {
+        duration: || 1_200 * MS,
+        ..Row::new(Violation::StationAge, || {
+            let lost = AirFaults { lost: 1.0, ..AirFaults::default() };
+            let until = breaks() + 250 * MS;
+            Faults::none().with(breaks(), until, Fault::Base(BaseFault::Young)).with(breaks(), until, Fault::Air(lost))
+        })
+    };
+    // Before the receivers have a solution there is no position, which is an alarm.
+    a_base_station_that_alarms_nobody => Row::new(Violation::StationAlarm, || {
+        Faults::none().with(0, u64::MAX, Fault::Base(BaseFault::Calm))
     });
 }

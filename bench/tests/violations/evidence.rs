@@ -6,7 +6,7 @@ use dpr_fw::telemetry::Telemetry as DprTelemetry;
 use horus_tx_fw::telemetry::Telemetry as HorusTelemetry;
 
 use super::images::{ALWAYS, awake, bits, instead, never, stores, without_telemetry};
-use super::{MS, Row, breaks, table};
+use super::{MS, Row, US, breaks, table};
 
 /// The STM32's SPI1_CR1, with the prescaler of the front end's clock in bits 5 to 3 (RM0090 28.5.1).
 const SPI1_CR1: u32 = 0x4001_3000;
@@ -31,6 +31,12 @@ fn counts(board: Board, symbol: &str, offset: usize) -> Faults {
 fn log_destroyed(board: Board) -> Faults {
     let poke = ImageFault::Poke { symbol: "_SEGGER_RTT".into(), offset: 16, bytes: vec![0xFF; 4] };
     Faults::none().with(breaks(), u64::MAX, Fault::Image(board, poke))
+}
+
+/// A bit of a word of flash that nobody reads until the next start is wrong for a moment.
+fn flash_flips(board: Board, address: u32) -> Faults {
+    let flip = || Fault::Upset(board, Upset::Flash { address, bit: 1 });
+    Faults::none().with(breaks(), breaks(), flip()).with(breaks() + US, breaks() + US, flip())
 }
 
 /// `board` hangs from [`breaks`] on.
@@ -94,5 +100,10 @@ table! {
     a_fault_that_is_added_behind_the_boards => Row {
         added: || Faults::none().with(breaks() - 100 * MS, breaks() - 50 * MS, Fault::Air(AirFaults::default())),
         ..Row::new(Violation::Late, Faults::none)
+    };
+    // A bit of flash flips, and flips back before anybody has looked: what was told has no consequence.
+    flash_of_horus_that_nobody_finds_changed => Row {
+        duration: || breaks() + 10_050 * MS,
+        ..Row::new(Violation::FaultUnnoticed, || flash_flips(Board::Horus, 0x0800_0004))
     };
 }

@@ -9,6 +9,10 @@ use super::{MS, Row, US, breaks, breaks_with, table};
 
 /// RM0090 8.4.1.
 const GPIOE_MODER: u32 = 0x4002_1000;
+/// The same of port D.
+const GPIOD_MODER: u32 = 0x4002_0C00;
+/// RM0090 6.3.1, with HSEON in bit 16.
+const RCC_CR: u32 = 0x4002_3800;
 
 /// A wire is broken for so long.
 fn wire(fault: WireFault, duration: u64) -> Faults {
@@ -164,5 +168,31 @@ table! {
     };
     a_voter_that_is_too_strict => {
         Row::new(Violation::ExclusionWrong, || with_offset(voter(&[(CEILING, TWO)]), 3))
+    };
+    // PD5, which HORUS sends to GPS1 by, stays an input.
+    a_receiver_that_hears_nothing_keeps_its_factory_settings => Row {
+        gps: 1,
+        duration: || 5_600 * MS,
+        setup: |setup| {
+            setup.factory_settings = true;
+            stores(setup, Board::Horus, ALWAYS, &[bits(GPIOD_MODER, 0xC00, 0)]);
+        },
+        ..Row::new(Violation::NotConfigured, Faults::none)
+    };
+    receivers_that_never_have_a_fix => Row {
+        duration: || 7_500 * MS,
+        ..Row::new(Violation::NoPosition, || {
+            Faults::none().with(1, u64::MAX, Fault::Wire(WireFault::Sky(ReceiverFault::NoFix)))
+        })
+    };
+    // From before the first solution on, so that no result jumps.
+    receivers_that_are_all_off_by_as_much => Row::new(Violation::PositionOff, || {
+        let off = ReceiverFault::Offset { north: 40, east: 0, up: 0 };
+        Faults::none().with(1, u64::MAX, Fault::Wire(WireFault::Sky(off)))
+    });
+    // Its external oscillator is never switched on.
+    a_horus_that_does_not_use_its_crystal => Row {
+        setup: |setup| stores(setup, Board::Horus, ALWAYS, &[bits(RCC_CR, 0x1_0000, 0)]),
+        ..Row::new(Violation::CrystalWrong, Faults::none)
     };
 }

@@ -5,12 +5,16 @@ use bench::sim::phases::{Edge, Placement, Sweep};
 use bench_judge::Violation;
 use profile::Identifier;
 
+use super::images::{ALWAYS, instead, stores};
 use super::{CONTROL_CYCLE, MS, Row, US, breaks, reads, table};
 
 /// The interrupt handler that serves the SSI.
 const SSI_END: &str = "SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1";
 /// The interrupt handler that publishes a frame's image.
 const COMMIT: &str = "SWI0_EGU0";
+
+/// The DPR's TIMER2, CC[2] (PS 6.30).
+const TIMER2_CC2: u32 = 0x4000_A548;
 
 /// What a tick of HORUS's timer takes, in which its slots are counted: 72 MHz.
 const TICKS_PER_US: u32 = 72;
@@ -99,5 +103,12 @@ table! {
             let hung = ImageFault::Hung(SSI_END.into());
             dpr(breaks() + 11 * MS, 3 * MS, hung).with(breaks(), breaks() + 9 * MS, Fault::Air(lost))
         })
+    };
+    a_miso_line_that_is_stuck_high_for_one_transaction_serves_nothing =>
+        Row::new(Violation::Unserved, || wire(reads() - US, CONTROL_CYCLE / 2, WireFault::MisoOnes));
+    // The compare register of the timer that ends the pulse.
+    a_fresh_that_is_high_for_half_as_long_is_too_short => Row {
+        setup: |setup| stores(setup, Board::Dpr, ALWAYS, &[instead(TIMER2_CC2, 2, 1)]),
+        ..Row::new(Violation::FreshShort, Faults::none)
     };
 }

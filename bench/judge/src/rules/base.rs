@@ -79,9 +79,8 @@ impl Base {
                     findings
                         .add(Violation::BaseChanged, at, || "what was forwarded is not what a transaction read".into());
                 }
-                if let Some((_, timestamp)) = self.owed.take() {
-                    self.forwarded = Some(timestamp);
-                }
+                self.owed = None;
+                self.forwarded = timestamp(context.layout(), profile);
                 self.outstanding.push_back((at, profile.to_vec()));
             }
             What::Arrived { profile, shown } => self.arrived(at, profile, *shown, context.layout(), findings),
@@ -150,4 +149,13 @@ impl Base {
         self.expire(Some(context.now() + 1), findings);
         self.owes(context.now() + 1, findings);
     }
+}
+
+/// The timestamp of a profile's first object that is valid, ms.
+fn timestamp(layout: Layout, profile: &[u8]) -> Option<u32> {
+    let stamp = |index| {
+        let bytes = layout.in_profile(index).and_then(|place| profile.get(place))?;
+        Object::verify(index, bytes).ok().map(Object::timestamp)
+    };
+    (0..layout.objects()).find_map(stamp)
 }

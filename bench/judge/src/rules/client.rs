@@ -42,14 +42,24 @@ struct Read {
     sample: Option<(u32, bool)>,
 }
 
+/// Valid samples that were read in sequence.
+#[derive(Clone, Copy, Debug)]
+struct Row {
+    /// The last one's timestamp, ms.
+    timestamp: u32,
+    /// When the transaction began that brought it first, ns.
+    selected: u64,
+    count: u32,
+}
+
 /// See the [module](self).
 #[derive(Clone, Debug)]
 pub struct Client {
     layout: Layout,
     samples: VecDeque<Sample>,
     read: Option<Read>,
-    /// The timestamp that was read last, ms, and how many valid ones in a row were in sequence before it and with it.
-    row: Option<(u32, u32)>,
+    /// What was read last and is valid, and how many in a row were in sequence before it and with it.
+    row: Option<Row>,
     /// The sample whose age was wrong, which is told.
     told: Option<u32>,
     hides: bool,
@@ -100,12 +110,15 @@ impl Client {
 
     /// What was read last continues what was read before, or not.
     fn follow(&mut self) {
-        let Some(sample) = self.read.and_then(|read| read.sample) else { return };
-        self.row = match (self.row, sample) {
-            (_, (_, false)) => None,
-            (Some((last, row)), (now, true)) if now == last => Some((last, row)),
-            (Some((last, row)), (now, true)) if now == last.wrapping_add(CYCLE_MS) => Some((now, row + 1)),
-            (_, (now, true)) => Some((now, 1)),
+        let Some(Read { selected, sample: Some((timestamp, valid)) }) = self.read else { return };
+        let row = self.row.filter(|row| selected <= row.selected + bounds::EXPIRY);
+        self.row = match row {
+            _ if !valid => None,
+            Some(row) if row.timestamp == timestamp => Some(row),
+            Some(row) if timestamp == row.timestamp.wrapping_add(CYCLE_MS) => {
+                Some(Row { timestamp, selected, count: row.count + 1 })
+            }
+            _ => Some(Row { timestamp, selected, count: 1 }),
         };
     }
 
@@ -145,7 +158,7 @@ impl Client {
                 findings.add(Violation::ClientAge, selected, || format!("{told} ns instead of {youngest} ns"));
             }
         }
-        let found = sample.is_some() && self.row.is_some_and(|(_, row)| row >= bounds::CLIENT_FINDS);
+        let found = sample.is_some() && self.row.is_some_and(|row| row.count >= bounds::CLIENT_FINDS);
         let hides = found && position.is_none();
         if hides && !std::mem::replace(&mut self.hides, hides) {
             findings.add(Violation::ClientHides, selected, || "what it reads is valid and in sequence".into());
@@ -157,12 +170,15 @@ impl Client {
     pub fn finish(&mut self, _context: &Context, _findings: &mut Findings, _figures: &mut Figures) {}
 }
 
-/// Reported-Position in a transaction that brought it and Link-Status intact.
+/// Reported-Position in a transaction that brought it and Link-Status intact. If that calls it so old that it may not be
+/// flown by before its image expires, it counts as not valid.
 fn sample(reading: &Reading) -> Option<(u32, bool)> {
     let placed = reading.objects.first().filter(|placed| placed.index == 0)?;
     match &placed.state {
-        State::Valid { timestamp, values: Values::Reported(values) } if matches!(reading.link, Some(Ok(_))) => {
-            Some((*timestamp, values.status.position_valid()))
+        State::Valid { timestamp, values: Values::Reported(values) } => {
+            let Some(Ok(link)) = &reading.link else { return None };
+            let young = u64::from(link.age_100us) * 100_000 + bounds::CLIENT_AGE_LONG <= bounds::CLIENT_AGE_LIMIT;
+            Some((*timestamp, values.status.position_valid() && young))
         }
         _ => None,
     }
@@ -278,5 +294,13 @@ mod tests {
         let with = |change: fn(u64) -> (u64, bool)| run(&(1..=finds).map(change).collect::<Vec<_>>(), true);
         assert_eq!(with(|n| (n, n != 3)), [], "one is not valid");
         assert_eq!(with(|n| (n + u64::from(n > 3), true)), [], "one is missing");
+        // The same timestamps again, of another start.
+        let mut log = Events::new(1);
+        for n in 1..=finds {
+            heard(&mut log, n, true);
+            let after = if n > 3 { 200 * MS } else { 6 * MS };
+            read(&mut log, sampled(n) + after, n, true, None, Some(after));
+        }
+        assert_eq!(broken(&log), [], "too long after the one before");
     }
 }

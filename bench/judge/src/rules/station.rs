@@ -11,9 +11,10 @@
 //! | `emergency-fired`, `motors-cut`, `switched-to-redundant`, `inputs-contradict` | that says so |
 //! | `degraded`, `no-crystal`, `horus-memory-fault` | that says so |
 //!
-//! Around each limit of time nothing is asked. What arrives and does not continue what was before need not be shown, so
-//! what is shown is known only while the last [`bounds::CLIENT_FINDS`] profiles were in sequence, and only after as many
-//! does silence end for certain. Without a crystal HORUS's time is none of the station's, and no age is asked.
+//! Around each limit of time nothing is asked. What arrives and does not continue what was before need not be shown: who
+//! sends it may be another. So what is shown is known only once profiles have come in sequence for
+//! [`bounds::STATION_SETTLES`], or [`bounds::CLIENT_FINDS`] of them where they are the first of all, and only then does
+//! silence end for certain. Without a crystal HORUS's time is none of the station's, and no age is asked.
 
 use std::collections::VecDeque;
 
@@ -31,8 +32,12 @@ struct Newest {
     status: ReportedStatus,
     /// Its tick, ns, if that is known.
     tick: Option<u64>,
-    /// How many in a row that arrived are in sequence, this one included.
-    row: u32,
+    /// How many in a row that arrived are in sequence, this one included, and since when, ns.
+    row: (u32, u64),
+    /// They are the first of all.
+    first: bool,
+    /// When it arrived, ns.
+    at: u64,
 }
 
 /// See the [module](self).
@@ -107,14 +112,19 @@ impl Station {
             // A cycle that the flight controller did not read is missing.
             step > 0 && step % CYCLE_MS == 0 && step <= 4 * CYCLE_MS
         };
-        let row = self.newest.filter(|before| follows(*before)).map_or(1, |before| before.row + 1);
+        let before = self.newest.filter(|before| follows(*before));
+        let row = before.map_or((1, at), |before| (before.row.0 + 1, before.row.1));
+        let first = before.map_or(self.newest.is_none(), |before| before.first);
         let tick = self.sent.iter().rev().find(|(stamp, _)| *stamp == values.timestamp).map(|(_, tick)| *tick);
-        self.newest = Some(Newest { timestamp: values.timestamp, status: values.status, tick, row });
+        self.newest = Some(Newest { timestamp: values.timestamp, status: values.status, tick, row, first, at });
     }
 
     /// What the station shows, as far as that is certain.
     fn shown(&self) -> Option<Newest> {
-        self.newest.filter(|newest| newest.row >= bounds::CLIENT_FINDS)
+        self.newest.filter(|newest| {
+            let (count, since) = newest.row;
+            newest.first && count >= bounds::CLIENT_FINDS || newest.at - since >= bounds::STATION_SETTLES
+        })
     }
 
     /// The age of what the station shows at `at`, ns.
@@ -232,6 +242,24 @@ mod tests {
         let few = u64::from(bounds::CLIENT_FINDS) - 1;
         assert_eq!(broken(same, few, &[(at, Some(0), &[])]), []);
         assert_eq!(broken(|it| it.with_without_crystal(true), CYCLES, &[(at, Some(0), &["no-crystal"])]), []);
+    }
+
+    #[test]
+    fn what_comes_after_another_sequence_is_shown_for_certain_after_a_while() {
+        // The first profile of all is of another start of HORUS.
+        let settles = bounds::STATION_SETTLES / bounds::CYCLE;
+        let found = |cycles: u64| {
+            let mut station = Station::new(&header(1));
+            let mut arrive = |at: u64, stamp: u32| {
+                let values = silent_reported(stamp);
+                let profile = testing::objects(&values, &[silent_gps(stamp)]).concat();
+                station.arrived(at, &profile, 0b11);
+            };
+            arrive(0, 90_000);
+            (1..=cycles).for_each(|n| arrive(n * bounds::CYCLE, n as u32 * CYCLE_MS));
+            station.wrong_alarm(cycles * bounds::CYCLE, &[]).is_some()
+        };
+        assert_eq!((found(settles), found(settles + 1)), (false, true), "no alarm, and there is no position");
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Link-Status against the wires.
 //!
 //! Link-Status holds as of the publication of its image: the last rise of FRESH before chip select fell. What the DPR
-//! had heard by then follows from the antenna, through the same [`Expectation`] as what it shows; where that is not
+//! had heard by then follows from the antenna, through the same [expectation](super::shown::expectation) as what it shows; where that is not
 //! certain, either value is right. A frame that ended shortly before FRESH may or may not have had its part in the
 //! image, unless the image shows it or nothing else can have caused it; so there may be several `Snapshot`s that an
 //! image can be of, and it has to fit one of them.
@@ -36,9 +36,8 @@ use counters::{Baseline, Counters};
 use profile::{Layout, LinkStatusBits, LinkValues};
 use start::{Reasons, Time};
 
-use super::shown::expectation::{Certainty, Delivery, Expectation};
+use super::shown::expectation::{Certainty, Delivery};
 use super::shown::publication;
-use super::shown::truth::Truth;
 use crate::disturbance::{Disturbances, Excuse};
 use crate::read::{Reading, State};
 use crate::{Board, Context, Event, Figures, Findings, Header, Violation, What, bounds};
@@ -99,8 +98,6 @@ impl Snapshot {
 pub struct LinkStatus {
     layout: Layout,
     publication: u64,
-    truth: Truth,
-    expectation: Expectation,
     clocks: Clocks,
     /// After each frame, the oldest first; at the DPR's start there is one without a frame. Never empty.
     snapshots: VecDeque<Snapshot>,
@@ -128,8 +125,6 @@ impl LinkStatus {
         Self {
             layout,
             publication: publication(header.worst_case()),
-            truth: Truth::default(),
-            expectation: Expectation::new(layout),
             clocks: Clocks::default(),
             snapshots: VecDeque::from([Self::at_start(layout)]),
             fresh: VecDeque::new(),
@@ -159,8 +154,6 @@ impl LinkStatus {
 
     /// Takes the next event.
     pub fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
-        self.truth.take(event, context);
-        let delivery = self.expectation.take(event, context);
         match &event.what {
             What::Power { board: Board::Dpr, .. } | What::Reset { board: Board::Dpr, .. } => {
                 self.reasons = Reasons::of(&event.what);
@@ -192,14 +185,14 @@ impl LinkStatus {
             }
             _ => {}
         }
-        if let Some(delivery) = delivery {
+        if let Some(delivery) = context.delivery() {
             let blind = context.disturbances().excuse(Excuse::Hearing, delivery.started);
-            self.heard(delivery, if blind { bounds::FRAME_DEADLINE } else { 0 });
+            self.heard(delivery.clone(), if blind { bounds::FRAME_DEADLINE } else { 0 }, context);
         }
     }
 
     /// A frame has reached the antenna, of which the DPR may know the end so badly, ns.
-    fn heard(&mut self, frame: Delivery, unsure: u64) {
+    fn heard(&mut self, frame: Delivery, unsure: u64, context: &Context) {
         let Some(last) = self.snapshots.back() else { return };
         let mut next = last.clone();
         next.counters.frame(&frame);
@@ -212,7 +205,7 @@ impl LinkStatus {
         (next.must, next.may) = if completes { (last.must | must, last.may | may) } else { (must, may) };
         if may & 1 == 1 {
             let sent = frame.objects.iter().find(|(index, ..)| *index == 0);
-            let sent = sent.and_then(|(index, bytes, _)| self.truth.find(*index, bytes, frame.started));
+            let sent = sent.and_then(|(index, bytes, _)| context.truth().find(*index, bytes, frame.started));
             let tick = sent.and_then(|sent| Some((sent.tick?, frame.started - sent.started)));
             let (at, delay) = tick.unwrap_or((frame.sampled, 0));
             if must & 1 == 1 {
@@ -225,8 +218,8 @@ impl LinkStatus {
                 next.samples.remove(0);
             }
         }
-        next.held = self.expectation.held_until();
-        next.frozen = self.expectation.frozen();
+        next.held = context.expectation().held_until();
+        next.frozen = context.expectation().frozen();
         for (at, least) in next.restarted.iter_mut().zip([Certainty::Must, Certainty::May]) {
             if frame.restarted >= least {
                 *at = Some(frame.ended);
@@ -290,7 +283,7 @@ impl LinkStatus {
             findings.add(Violation::LinkAge, reading.selected, || format!("{} · 100 µs", values.age_100us));
         }
         let no_field = self.no_field(published, dpr.since, disturbances);
-        let flags = |snapshot| self.wrong_flags(snapshot, values.status, reading, published, disturbances, no_field);
+        let flags = |snapshot| self.wrong_flags(snapshot, values.status, reading, published, context, no_field);
         // The words are of the last candidate, the one with every frame.
         let wrong = of_candidates.try_fold(String::new(), |_, snapshot| flags(snapshot));
         if let Some(words) = wrong.filter(|_| of_the_start.is_none()) {
@@ -371,9 +364,10 @@ impl LinkStatus {
         status: LinkStatusBits,
         reading: &Reading,
         published: u64,
-        disturbances: &Disturbances,
+        context: &Context,
         no_field: Certainty,
     ) -> Option<String> {
+        let disturbances = context.disturbances();
         let sealed = published - bounds::SEALED_BEFORE_FRESH.min(published);
         let expected = self.objects_expected(snapshot, published);
         let (must, may) = snapshot.held;
@@ -398,7 +392,7 @@ impl LinkStatus {
             false => Certainty::Never,
         };
         // Nothing heard for long, and a carrier: it cannot tell a silent sender from a deaf front end.
-        let front_end = if self.expectation.is_silent(published) { Certainty::May } else { Certainty::Never };
+        let front_end = if context.expectation().is_silent(published) { Certainty::May } else { Certainty::Never };
         let claims = [
             ("the link up", status.link_up(), self.objects_shown(reading, false), expected[0]),
             ("all accepted", status.all_accepted(), self.objects_shown(reading, true), expected[1]),

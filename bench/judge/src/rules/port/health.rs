@@ -7,15 +7,15 @@
 //! | passes over the flash | never back, as many as there was time for at most; at least as many as there had to be, unless the flight controller misused the SSI |
 //! | integrity faults, stuck bits, buffers out of use | 0 unless [`Excuse::RamFault`] holds, and never back |
 //! | bit 6 | whether buffers are out of use |
-//! | reason of the last safe state | 0 unless a watchdog ended the last run; the same from start to start |
+//! | reason of the last safe state | 0 from the first start on; the same from start to start |
 //!
-//! A firmware that has stopped waits for its watchdog, so that no other start has a reason.
+//! Whether a firmware had stopped before a later start the outside cannot know.
 
 use profile::PortValues;
 
+use crate::bounds;
 use crate::disturbance::{Disturbances, Excuse};
 use crate::read::Reading;
-use crate::{What, bounds};
 
 /// See the [module](self).
 #[derive(Clone, Debug)]
@@ -35,10 +35,9 @@ impl Health {
         Self { since: at, stopped: false, slow: false, last: None }
     }
 
-    /// The DPR starts at `at` (ns), or has no supply any more.
-    pub(super) fn of(at: u64, what: &What) -> Self {
-        let by_watchdog = matches!(what, What::Reset { cause, .. } if cause.to_lowercase().contains("watchdog"));
-        Self { stopped: by_watchdog, ..Self::powered(at) }
+    /// The DPR starts anew at `at` (ns), or has no supply any more.
+    pub(super) const fn again(at: u64) -> Self {
+        Self { stopped: true, ..Self::powered(at) }
     }
 
     /// The flight controller takes more of the DPR's processor than it may.
@@ -54,7 +53,8 @@ impl Health {
         published: u64,
         disturbances: &Disturbances,
     ) -> Option<String> {
-        let last = self.last.replace(*values).unwrap_or(PortValues { last_stop: values.last_stop, ..*values });
+        // What was made before the first millisecond is over knows of nothing yet.
+        let last = self.last.replace(*values).filter(|last| last.timestamp > 0).unwrap_or(*values);
         let of_ram = disturbances.excuse(Excuse::RamFault, published);
         let found = |values: &PortValues| [values.integrity_faults, values.stuck_bits, values.buffers_out_of_use];
         let back = |was: u32, is: u32| is.wrapping_sub(was) > u32::MAX / 2;
@@ -91,8 +91,8 @@ mod tests {
     use profile::{Layout, LinkStatus, LinkValues, PortStatusBits};
 
     use super::*;
+    use crate::Event;
     use crate::testing::{RECEIVE_BIT, injected};
-    use crate::{Board, Event};
 
     /// What is right 1 s after the start.
     const RIGHT: PortValues = {
@@ -180,19 +180,20 @@ mod tests {
     }
 
     #[test]
-    fn only_a_watchdog_ends_a_safe_state_and_its_reason_stays() {
-        let reset = |cause: &str| What::Reset { board: Board::Dpr, cause: cause.into(), asked: false };
-        let stops = |what: &What, last_stop| is_right(&mut Health::of(0, what), PortValues { last_stop, ..RIGHT }, AT);
-        let watchdog = reset("Watchdog(\"WDT\")");
+    fn a_safe_state_was_before_a_start_that_is_not_the_first_and_its_reason_stays() {
+        let stops = |mut health: Health, last_stop| is_right(&mut health, PortValues { last_stop, ..RIGHT }, AT);
         for (cause, right) in [(0, true), (1, true), (14, true), (15, false), (255, false)] {
-            assert_eq!(stops(&watchdog, cause << 24), right, "{cause}");
+            assert_eq!(stops(Health::again(0), cause << 24), right, "{cause}");
+            assert_eq!(stops(Health::powered(0), cause << 24), cause == 0, "{cause}");
         }
-        assert!(!stops(&watchdog, 7), "no cause");
-        for what in [reset("Pin"), What::Power { board: Board::Dpr, on: true }] {
-            assert_eq!((stops(&what, 0), stops(&what, 1 << 24)), (true, false), "{what:?}");
-        }
-        let mut health = Health::of(0, &watchdog);
+        assert!(!stops(Health::again(0), 7), "no cause");
+        let mut health = Health::again(0);
         assert!(is_right(&mut health, PortValues { last_stop: 1 << 24, ..RIGHT }, AT));
         assert!(!is_right(&mut health, PortValues { last_stop: 2 << 24, ..RIGHT }, AT));
+        // The object with which the DPR starts does not know yet.
+        let mut health = Health::again(0);
+        let mut right = |values, ms| health.wrong(&values, &link(ms), AT, &Disturbances::default()).is_none();
+        assert!(right(PortValues { timestamp: 0, ..RIGHT }, 10));
+        assert!(right(PortValues { last_stop: 1 << 24, ..RIGHT }, 1_000));
     }
 }

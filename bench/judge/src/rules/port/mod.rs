@@ -68,6 +68,8 @@ pub struct Port {
     /// What Port-Status said when it was last looked at, and how many transactions there were since.
     known: (PortValues, u32),
     health: Health,
+    /// It has said that its last self-test failed.
+    failed: bool,
 }
 
 impl Port {
@@ -86,6 +88,7 @@ impl Port {
             written: 0,
             known: (PortValues::default(), 0),
             health: Health::powered(0),
+            failed: false,
         };
         port.start(0, true);
         port
@@ -96,6 +99,7 @@ impl Port {
         self.entries.clear();
         self.fresh.clear();
         self.known = (PortValues::default(), 0);
+        self.failed = false;
         if known {
             self.entries.push_back(Entry { at, mosi: vec![], models: vec![Model::at_start()] });
         }
@@ -105,7 +109,7 @@ impl Port {
     pub fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
         match &event.what {
             What::Power { board: Board::Dpr, .. } | What::Reset { board: Board::Dpr, .. } => {
-                self.health = Health::of(event.at, &event.what);
+                self.health = Health::again(event.at);
                 self.start(event.at, !context.disturbances().excuse(Excuse::Service, event.at));
             }
             What::Injected { disturbs, .. } if disturbs.may_take(Excuse::Service) => {
@@ -177,7 +181,9 @@ impl Port {
         if let Some(words) = self.health.wrong(&values, reading, published, disturbances) {
             findings.add(Violation::PortStatusWrong, selected, || words);
         }
-        if values.status.self_test_failed() && !disturbances.excuse(Excuse::SelfTest, published) {
+        let failed = values.status.self_test_failed();
+        let newly = !std::mem::replace(&mut self.failed, failed);
+        if failed && newly && !disturbances.excuse(Excuse::SelfTest, published) {
             findings.add(Violation::PortStatusWrong, selected, || "a self-test failed, and nothing is damaged".into());
         }
         if self.entries.is_empty() {

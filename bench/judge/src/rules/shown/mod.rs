@@ -48,10 +48,9 @@ pub mod truth;
 
 use std::collections::VecDeque;
 
-use expectation::{Certainty, Delivery, Expectation};
+use expectation::{Certainty, Delivery};
 use profile::Layout;
 use recovery::Recovery;
-use truth::Truth;
 
 use crate::disturbance::Excuse;
 use crate::read::{Placed, Reading, State, Values};
@@ -102,8 +101,6 @@ struct Stale {
 pub struct Shown {
     layout: Layout,
     publication: u64,
-    truth: Truth,
-    expectation: Expectation,
     recovery: Recovery,
     deliveries: VecDeque<Delivery>,
     due: VecDeque<Due>,
@@ -143,8 +140,6 @@ impl Shown {
         Self {
             layout,
             publication: publication(header.worst_case()),
-            truth: Truth::default(),
-            expectation: Expectation::new(layout),
             recovery: Recovery::default(),
             deliveries: VecDeque::new(),
             due: VecDeque::new(),
@@ -161,7 +156,6 @@ impl Shown {
 
     /// Takes the next event.
     pub fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
-        self.truth.take(event, context);
         self.recovery.take(event, findings);
         match &event.what {
             What::Selected => self.selected = Some(event.at),
@@ -198,8 +192,8 @@ impl Shown {
             }
             _ => {}
         }
-        if let Some(delivery) = self.expectation.take(event, context) {
-            self.deliver(delivery);
+        if let Some(delivery) = context.delivery() {
+            self.deliver(delivery.clone());
         }
         self.close(event.at, false, findings);
     }
@@ -262,7 +256,7 @@ impl Shown {
         let mut wrong: Vec<(Violation, String)> = vec![];
         let mut was_stale = None;
         for placed in reading.objects.iter().filter(|placed| placed.timestamp().is_some()) {
-            match self.judge(placed, reading.selected, dpr.hung.or(dpr.dead)) {
+            match self.judge(placed, reading.selected, context) {
                 Fate::Right { serial, started } => {
                     self.youngest[placed.index] = serial;
                     self.recovery.shown(started, reading.selected);
@@ -302,12 +296,13 @@ impl Shown {
         }
     }
 
-    /// Whether a valid object may be shown by a transaction that began at `selected`, of a DPR that hangs, or has a dead task,
-    /// since `hung`.
-    fn judge(&mut self, placed: &Placed, selected: u64, hung: Option<u64>) -> Fate {
+    /// Whether a valid object may be shown by a transaction that began at `selected`.
+    fn judge(&mut self, placed: &Placed, selected: u64, context: &Context) -> Fate {
+        let dpr = context.running(Board::Dpr);
+        let hung = dpr.hung.or(dpr.dead);
         let index = placed.index;
         let what = || format!("object {index} of {} ms, read at {}", placed.timestamp().unwrap_or(0), ms(selected));
-        let sent = self.truth.find(index, &placed.bytes, selected);
+        let sent = context.truth().find(index, &placed.bytes, selected);
         let Some((serial, started)) = sent.map(|sent| (sent.serial, sent.started)) else {
             return Fate::Wrong(Violation::ShownNeverSent, 0, what());
         };
