@@ -397,7 +397,6 @@ mod app {
         rtic::pend(Interrupt::GPIOTE);
         rtic::pend(Interrupt::TIMER0);
         SsiDoorbell::ask_for_sign_of_life(cx.local.sign_of_life);
-        rtic::pend(Interrupt::TIMER3);
         rtic::pend(Interrupt::SWI2_EGU2);
         // Asked for a sign of life alone they prepare no image: what is written until the next frame is to be in it.
         for vector in [Interrupt::SWI0_EGU0, Interrupt::TIMER1] {
