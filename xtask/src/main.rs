@@ -10,6 +10,7 @@ mod access;
 mod bench_flash;
 #[cfg(feature = "probe")]
 mod bench_probe;
+mod defects;
 mod firmware;
 mod fuzz;
 mod gdb;
@@ -76,6 +77,8 @@ enum Command {
     Header(header::HeaderArgs),
     /// Fuzz the parsers of the profile and of the base station with cargo-fuzz.
     Fuzz(fuzz::FuzzArgs),
+    /// Run a table of defects of the sources against the judge, each in a copy of the workspace.
+    Defects(defects::DefectsArgs),
     /// Compare the bench's core with QEMU (qemu-system-arm) and with LLVM's disassembler (llvm-tools), case by case.
     Oracle(oracle::OracleArgs),
 }
@@ -261,6 +264,7 @@ fn dispatch(command: Command) -> Result<ExitCode> {
         Command::Residual(args) => residual::residual(&args),
         Command::Header(args) => header::header(&args),
         Command::Fuzz(args) => fuzz::fuzz(&args),
+        Command::Defects(args) => defects::defects(&args),
         Command::Oracle(args) => oracle::oracle(&args),
     }
 }
