@@ -400,7 +400,6 @@ mod app {
         rtic::pend(Interrupt::GPIOTE);
         rtic::pend(Interrupt::TIMER0);
         SsiDoorbell::ask_for_sign_of_life(cx.local.sign_of_life);
-        rtic::pend(Interrupt::TIMER3);
         rtic::pend(Interrupt::SWI2_EGU2);
         rtic::pend(Interrupt::SWI0_EGU0);
         rtic::pend(Interrupt::TIMER1);

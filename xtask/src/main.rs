@@ -11,6 +11,7 @@ mod bench_flash;
 #[cfg(feature = "probe")]
 mod bench_probe;
 mod citations;
+mod defects;
 #[cfg(test)]
 mod design;
 mod figures;
@@ -83,6 +84,8 @@ enum Command {
     Header(header::HeaderArgs),
     /// Fuzz the parsers of the profile and of the base station with cargo-fuzz.
     Fuzz(fuzz::FuzzArgs),
+    /// Run a table of defects of the sources against the judge, each in a copy of the workspace.
+    Defects(defects::DefectsArgs),
     /// Compare the bench's core with QEMU (qemu-system-arm) and with LLVM's disassembler (llvm-tools), case by case.
     Oracle(oracle::OracleArgs),
 }
@@ -269,6 +272,7 @@ fn dispatch(command: Command) -> Result<ExitCode> {
         Command::Figures(args) => figures::figures(&args),
         Command::Header(args) => header::header(&args),
         Command::Fuzz(args) => fuzz::fuzz(&args),
+        Command::Defects(args) => defects::defects(&args),
         Command::Oracle(args) => oracle::oracle(&args),
     }
 }

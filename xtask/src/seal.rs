@@ -55,7 +55,7 @@ pub(crate) fn copy_sealed(from: &Path, to: &Path) -> Result<()> {
 ///
 /// If it is not a 32-bit ELF file with a vector table and one word of `.image_crc` behind everything else that is
 /// loaded.
-fn seal(elf: &mut [u8]) -> Result<u32> {
+pub(crate) fn seal(elf: &mut [u8]) -> Result<u32> {
     let (image, word) = layout(elf)?;
     let crc = profile::crc::frame(&image);
     let field = usize::try_from(word)

@@ -75,6 +75,9 @@ pub(crate) struct SimArgs {
     /// HORUS's front end does not tell the end of a transmission while its receiver is off.
     #[arg(long)]
     no_txe: bool,
+    /// Run the images in this folder, horus-tx-fw.elf and dpr-fw.elf, instead of building them.
+    #[arg(long, value_name = "FOLDER", conflicts_with = "from_flash")]
+    images: Option<PathBuf>,
     /// Run what `flash --probe bench` wrote to both boards of the bench. It has to be the images as they are built now.
     #[arg(long)]
     from_flash: bool,
@@ -169,7 +172,10 @@ pub(crate) fn run(args: &SimArgs, go: impl FnOnce(&Setup, &mut Screen) -> Result
     }
     // Before anything is built or run: a result that cannot be kept is known here.
     let json = args.json.as_deref().map(Json::create).transpose()?;
-    let (horus, dpr) = firmware::build_pair(args.gps)?;
+    let (horus, dpr) = match &args.images {
+        Some(folder) => (folder.join("horus-tx-fw.elf"), folder.join("dpr-fw.elf")),
+        None => firmware::build_pair(args.gps)?,
+    };
     let mut setup = setup(args, recordings, Images { horus, dpr });
     if args.from_flash {
         setup.flashed = Some(Flashed { horus: flashed(crate::Board::Horus)?, dpr: flashed(crate::Board::Dpr)? });

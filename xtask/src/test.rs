@@ -55,6 +55,7 @@ pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
             code if code == ExitCode::SUCCESS => Ok(()),
             _ => anyhow::bail!("over budget"),
         });
+        step("a sample of the defects", &mut crate::defects::sample);
         // The tests that run both images are told where those are. Otherwise they would not be run, and would fail
         // where CI is set.
         let images = firmware::folder();

@@ -61,13 +61,14 @@ impl SsiDoorbell {
         }
     }
 
-    /// Calls the SSI task so that it checks in, if it has to be.
+    /// Calls the SSI's two tasks so that they check in, if no transaction does: each has both called.
     pub(crate) fn ask_for_sign_of_life(sign: &mut SignOfLife) {
         // SAFETY: the pointer is the port's, valid for ever; its input register is read, which races with nothing.
         let levels = unsafe { &*pac::P1::ptr() }.in_.read().bits();
         let is_selected = levels & 1 << SSI_SELECT_PIN == 0;
         if sign.is_due(DPR_TELEMETRY.ssi_transactions.get(), is_selected) {
             Self::call();
+            rtic::pend(Interrupt::TIMER3);
         }
     }
 }

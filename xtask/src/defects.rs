@@ -1,0 +1,432 @@
+//! Runs a table of defects against the judge: each must be noticed by the violation that the table names.
+//!
+//! The table is in `bench/tests/defects/table.rs`. All of its changes are made at once, in a copy of the workspace
+//! below the target folder: each becomes a choice between the old text and the new one, by a number that a crate of the copy
+//! alone gives. In a firmware image that number is a constant in flash, which is written into the built file before its
+//! CRC; in the bench, where the flight controller's client and the base station run, it is an environment variable. So
+//! two images and one bench do for the whole table. With number 0 the copy does what the checkout does, and has to
+//! pass every run of the table without a violation.
+//!
+//! Without the bench's share, which takes longest to build, `cargo xtask test` runs a sample.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode, Stdio};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use anyhow::{Context, Result, bail, ensure};
+use bench_judge::Violation;
+use clap::Args;
+
+use crate::workspace::{cargo, check, root, target_dir};
+use crate::{Board, Receivers, firmware, seal};
+
+#[path = "../../bench/tests/defects/table.rs"]
+mod table;
+
+use table::{DEFECTS, Defect, Shows};
+
+#[derive(Args)]
+pub(crate) struct DefectsArgs {
+    /// The defect's name; all of them without one.
+    name: Option<String>,
+}
+
+/// What the copy's package and binaries are called more than the checkout's, whose files they would replace otherwise.
+const SUFFIX: &str = "-with-defects";
+/// The two words before the number of the defect in an image.
+const MARK: [u32; 2] = [0x4445_4645, 0x4354_3A20];
+/// The environment variable that gives the number to the bench.
+const VARIABLE: &str = "HORUS_DEFECT";
+/// What stands for the choice in the new text of an edit.
+const CHOICE: &str = "DEFECT";
+/// The crates that the table may change.
+const CRATES: [&str; 7] =
+    ["profile", "st25r3916", "firmware-common", "horus-tx-fw", "horus-tx-fw/voter", "dpr-fw", "base-station"];
+/// Folders that no build needs.
+const LEFT_OUT: [&str; 3] = ["target", "docs", "fuzz"];
+/// Names of defects that `cargo xtask test` runs: of the firmwares alone, in short runs, of each kind one.
+const SAMPLE: [&str; 8] = [
+    "buses-not-polled",
+    "latitude-for-longitude",
+    "vote-for-the-tick-before",
+    "every-other-cycle",
+    "gps1-not-deposited",
+    "age-in-ms",
+    "fresh-not-raised",
+    "uplink-ages-exchanged",
+];
+
+/// The crate of the copy that says which defect was chosen.
+fn chooser() -> String {
+    let [first, second] = MARK;
+    format!(
+        "#![no_std]\n\
+         #[cfg(target_os = \"none\")]\n\
+         #[used]\n\
+         static CHOSEN: [u32; 3] = [{first:#x}, {second:#x}, 0];\n\
+         #[cfg(target_os = \"none\")]\n\
+         #[inline(always)]\n\
+         pub fn is(number: u32) -> bool {{\n\
+             core::hint::black_box(&CHOSEN)[2] == number\n\
+         }}\n\
+         #[cfg(not(target_os = \"none\"))]\n\
+         extern crate std;\n\
+         #[cfg(not(target_os = \"none\"))]\n\
+         pub fn is(number: u32) -> bool {{\n\
+             static CHOSEN: std::sync::OnceLock<u32> = std::sync::OnceLock::new();\n\
+             let chosen = || std::env::var(\"{VARIABLE}\").ok().and_then(|text| text.parse().ok()).unwrap_or(0);\n\
+             *CHOSEN.get_or_init(chosen) == number\n\
+         }}\n"
+    )
+}
+
+/// The number by which the defect at this place of the table is chosen; 0 chooses none.
+const fn number(place: usize) -> u32 {
+    place as u32 + 1
+}
+
+/// What stands in the copy where the old text of an edit is.
+fn changed(number: u32, old: &str, new: &str) -> String {
+    let choice = format!("::defect::is({number})");
+    if new.contains(CHOICE) {
+        new.replace(CHOICE, &choice)
+    } else if old.ends_with(';') {
+        format!("if {choice} {{ {new} }} else {{ {old} }}")
+    } else {
+        format!("(if {choice} {{ {new} }} else {{ {old} }})")
+    }
+}
+
+/// `text` of `file` with all defects of the table that are in it.
+fn with_defects(file: &str, text: &str) -> Result<String> {
+    let mut edits = vec![];
+    for (place, defect) in DEFECTS.iter().enumerate().filter(|(_, defect)| defect.edit.file == file) {
+        let old = defect.edit.old;
+        let mut found = text.match_indices(old);
+        let (Some((at, _)), None) = (found.next(), found.next()) else {
+            bail!("{}: {file} has to have this exactly once: {old}", defect.name);
+        };
+        edits.push((at, place, defect));
+    }
+    edits.sort_by_key(|(at, ..)| *at);
+    let (mut result, mut done) = (String::new(), 0);
+    for (at, place, Defect { name, edit, .. }) in edits {
+        ensure!(at >= done, "{name}: another defect changes the same text of {file}");
+        result.push_str(&text[done..at]);
+        result.push_str(&changed(number(place), edit.old, edit.new));
+        done = at + edit.old.len();
+    }
+    result.push_str(&text[done..]);
+    Ok(result)
+}
+
+/// The manifest of the copy's package in `folder`.
+fn manifest(folder: &str, text: &str) -> String {
+    let dependencies = "[dependencies]\n";
+    let mut text = text.to_owned();
+    if CRATES.contains(&folder) {
+        text = text.replacen(dependencies, &format!("{dependencies}defect.workspace = true\n"), 1);
+    }
+    let own = format!("name = \"{folder}\"\n");
+    let other = format!("name = \"{folder}{SUFFIX}\"\n");
+    match folder {
+        "" => text
+            .replacen("[workspace.dependencies]\n", "[workspace.dependencies]\ndefect = { path = \"defect\" }\n", 1)
+            .replacen("[workspace.lints.rust]\n", "[workspace.lints.rust]\nwarnings = \"allow\"\n", 1)
+            .replacen("\nxtask = {", &format!("\nxtask{SUFFIX} = {{"), 1),
+        "xtask" => text.replacen(&own, &other, 1),
+        // The package keeps its name, which is its library's, too.
+        "horus-tx-fw" | "dpr-fw" => {
+            let path = "path = \"src/main.rs\"\n";
+            let (package, targets) = text.split_once("[[bin]]\n").unwrap_or((&text, ""));
+            let targets = targets.replacen(path, "", 1).replacen(&own, &format!("{other}{path}"), 1);
+            format!("{}[[bin]]\n{targets}", package.replacen("[package]\n", "[package]\nautobins = false\n", 1))
+        }
+        _ => text,
+    }
+}
+
+/// Where the copy is.
+fn copy_folder() -> PathBuf {
+    target_dir().join("defects").join("copy")
+}
+
+/// Makes the copy, with all defects, and leaves files that are so already as they are: cargo builds what has changed.
+fn copy() -> Result<()> {
+    let (from, to) = (root(), copy_folder());
+    let mut kept = vec![];
+    copy_into(&from, &to, Path::new(""), &mut kept)?;
+    for (path, text) in [
+        ("defect/src/lib.rs", chooser()),
+        ("defect/Cargo.toml", "[package]\nname = \"defect\"\nversion = \"0.0.0\"\nedition = \"2024\"\n".to_owned()),
+    ] {
+        write_changed(&to.join(path), text.as_bytes())?;
+        kept.push(PathBuf::from(path));
+    }
+    let unknown = DEFECTS.iter().find(|defect| !kept.iter().any(|path| path == Path::new(defect.edit.file)));
+    ensure!(unknown.is_none(), "no file {}", unknown.map_or("", |defect| defect.edit.file));
+    Ok(())
+}
+
+/// Copies what is in the folder `inside` of `from`, which has to be a part of the workspace.
+fn copy_into(from: &Path, to: &Path, inside: &Path, kept: &mut Vec<PathBuf>) -> Result<()> {
+    let folder = from.join(inside);
+    for entry in fs::read_dir(&folder).with_context(|| format!("could not read {}", folder.display()))? {
+        let entry = entry?;
+        let name = entry.file_name();
+        let path = inside.join(&name);
+        let name = name.to_string_lossy();
+        if name.starts_with('.') || LEFT_OUT.contains(&&*name) || from.join(&path) == target_dir() {
+            continue;
+        }
+        if entry.file_type()?.is_dir() {
+            copy_into(from, to, &path, kept)?;
+            continue;
+        }
+        let bytes = fs::read(entry.path()).with_context(|| format!("could not read {}", path.display()))?;
+        let bytes = match (path.extension().and_then(|it| it.to_str()), std::str::from_utf8(&bytes)) {
+            (Some("rs"), Ok(text)) => with_defects(&path.to_string_lossy(), text)?.into_bytes(),
+            (Some("toml"), Ok(text)) if name == "Cargo.toml" => manifest(&inside.to_string_lossy(), text).into_bytes(),
+            _ => bytes,
+        };
+        write_changed(&to.join(&path), &bytes)?;
+        kept.push(path);
+    }
+    Ok(())
+}
+
+/// Writes a file unless it holds that already.
+fn write_changed(path: &Path, bytes: &[u8]) -> Result<()> {
+    if fs::read(path).is_ok_and(|there| there == bytes) {
+        return Ok(());
+    }
+    fs::create_dir_all(path.parent().unwrap_or(Path::new("."))).context("could not make a folder of the copy")?;
+    fs::write(path, bytes).with_context(|| format!("could not write {}", path.display()))
+}
+
+/// Both images of the copy as they were built, in which no defect is chosen and which have no CRC yet.
+struct Built(Vec<(Board, Vec<u8>)>);
+
+impl Built {
+    fn build() -> Result<Self> {
+        let manifest = copy_folder().join("Cargo.toml");
+        let (manifest, target) = (manifest.display().to_string(), target_dir().display().to_string());
+        let built = Board::ALL.map(|board| {
+            let (package, feature) = (board.package(), Receivers::DEFAULT.feature());
+            let name = format!("{package}{SUFFIX}");
+            let args = ["build", "--manifest-path", &manifest, "--target-dir", &target, "--package", package];
+            let args = [&args[..], &["--bin", &name, "--no-default-features", "--features", &feature]].concat();
+            let elf = firmware::build_for_target(&args, &name)?;
+            let elf = fs::read(&elf).with_context(|| format!("could not read {}", elf.display()))?;
+            Ok((board, elf))
+        });
+        Ok(Self(built.into_iter().collect::<Result<_>>()?))
+    }
+
+    /// Writes both images, in which defect `number` is chosen, to `folder`.
+    fn choose(&self, number: u32, folder: &Path) -> Result<()> {
+        fs::create_dir_all(folder).with_context(|| format!("could not make {}", folder.display()))?;
+        for (board, elf) in &self.0 {
+            let mut elf = elf.clone();
+            let mark: Vec<u8> = MARK.iter().flat_map(|word| word.to_le_bytes()).collect();
+            let places: Vec<usize> = (0..elf.len()).filter(|at| elf[*at..].starts_with(&mark)).collect();
+            let [at] = places[..] else { bail!("{}: the mark is there {} times", board.name(), places.len()) };
+            let place = at + mark.len();
+            elf[place..place + 4].copy_from_slice(&number.to_le_bytes());
+            seal::seal(&mut elf)?;
+            let path = folder.join(board.package()).with_extension("elf");
+            fs::write(&path, elf).with_context(|| format!("could not write {}", path.display()))?;
+        }
+        Ok(())
+    }
+}
+
+/// The bench of the copy.
+fn build_bench() -> Result<PathBuf> {
+    let package = format!("xtask{SUFFIX}");
+    let mut command = cargo();
+    command.args(["build", "--package", &package, "--manifest-path"]).arg(copy_folder().join("Cargo.toml"));
+    command.arg("--target-dir").arg(target_dir());
+    check("building the bench of the copy", &mut command)?;
+    Ok(target_dir().join("debug").join(package))
+}
+
+/// What a run of `cargo xtask sim` with defect `number` shows: its violations, in words.
+fn violations(bench: &Path, images: &Path, number: u32, run: &str) -> Result<Vec<String>> {
+    let output = Command::new(bench)
+        .args(["sim", "--threads", "1", "--json", "-", "--images"])
+        .arg(images)
+        .args(run.split(' '))
+        .env(VARIABLE, number.to_string())
+        .current_dir(root())
+        .stdin(Stdio::null())
+        .output()
+        .with_context(|| format!("could not start {}", bench.display()))?;
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).with_context(|| {
+        let said = String::from_utf8_lossy(&output.stderr);
+        format!("the run gave no report: {}", said.lines().rev().take(3).collect::<Vec<_>>().join(" / "))
+    })?;
+    let violations = report["violations"].as_array().context("the report has no violations")?;
+    Ok(violations.iter().filter_map(|violation| violation.as_str().map(str::to_owned)).collect())
+}
+
+/// The kinds of these violations.
+fn kinds(violations: &[String]) -> Vec<Violation> {
+    let of = |text: &String| Violation::ALL.iter().copied().find(|kind| text.starts_with(kind.words()));
+    violations.iter().filter_map(of).collect()
+}
+
+/// A run of the table: a defect, or none at all.
+struct Case {
+    name: String,
+    number: u32,
+    run: &'static str,
+    defect: Option<&'static Defect>,
+}
+
+/// What came of a case.
+struct Outcome {
+    line: String,
+    holds: bool,
+}
+
+impl Case {
+    fn of(chosen: &[(usize, &'static Defect)]) -> Vec<Self> {
+        let runs: BTreeMap<&str, ()> = chosen.iter().map(|(_, defect)| (defect.run, ())).collect();
+        let control = |run: &'static str| Self { name: "none".into(), number: 0, run, defect: None };
+        let mut cases: Vec<Self> = runs.into_keys().map(control).collect();
+        cases.extend(chosen.iter().map(|(place, defect)| Self {
+            name: defect.name.to_owned(),
+            number: number(*place),
+            run: defect.run,
+            defect: Some(defect),
+        }));
+        cases
+    }
+
+    fn outcome(&self, bench: &Path, built: &Built, folder: &Path) -> Outcome {
+        let shown = built.choose(self.number, folder).and_then(|()| violations(bench, folder, self.number, self.run));
+        let Self { name, run, .. } = self;
+        let shown = match shown {
+            Ok(shown) => shown,
+            Err(error) => return Outcome { line: format!("{name:<36} FAILED: {error:#}\n"), holds: false },
+        };
+        let kinds = kinds(&shown);
+        let words = || shown.first().map_or("nothing".to_owned(), |first| format!("\"{first}\""));
+        let (holds, verdict) = match self.defect.map(|defect| &defect.shows) {
+            None if shown.is_empty() => (true, "nothing shown, as it has to be".to_owned()),
+            None => (false, format!("WRONG: {} without a defect", words())),
+            Some(Shows::By(wanted)) if kinds.contains(wanted) => (true, wanted.words().to_owned()),
+            Some(Shows::By(wanted)) => (false, format!("WRONG: {} instead of \"{}\"", words(), wanted.words())),
+            Some(Shows::Not(why)) if shown.is_empty() => (true, format!("not noticed: {why}")),
+            Some(Shows::Not(_)) => (true, format!("NOW NOTICED, which the table does not say: {}", words())),
+        };
+        let mut line = format!("{name:<36} {verdict}\n");
+        if let Some(defect) = self.defect {
+            let _ = writeln!(line, "{:<36}   {} ({run})", "", defect.does);
+        } else {
+            let _ = writeln!(line, "{:<36}   ({run})", "");
+        }
+        Outcome { line, holds }
+    }
+}
+
+/// Runs these defects, and the runs without any, on all processors. Prints each, and answers how many were not as the
+/// table says.
+fn run(chosen: &[(usize, &'static Defect)], bench: &Path, built: &Built) -> Result<usize> {
+    let cases = Case::of(chosen);
+    let (next, wrong) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let printing = Mutex::new(());
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    std::thread::scope(|scope| {
+        for thread in 0..threads {
+            let (next, wrong, printing, cases) = (&next, &wrong, &printing, &cases);
+            let folder = target_dir().join("defects").join(format!("images-{thread}"));
+            scope.spawn(move || {
+                while let Some(case) = cases.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    let outcome = case.outcome(bench, built, &folder);
+                    wrong.fetch_add(usize::from(!outcome.holds), Ordering::Relaxed);
+                    let _one_at_a_time = printing.lock();
+                    print!("{}", outcome.line);
+                }
+            });
+        }
+    });
+    Ok(wrong.into_inner())
+}
+
+/// The defects called so, with their places.
+fn chosen(is_chosen: impl Fn(&Defect) -> bool) -> Vec<(usize, &'static Defect)> {
+    DEFECTS.iter().enumerate().filter(|(_, defect)| is_chosen(defect)).collect()
+}
+
+pub(crate) fn defects(args: &DefectsArgs) -> Result<ExitCode> {
+    let chosen = chosen(|defect| args.name.as_ref().is_none_or(|name| name == defect.name));
+    ensure!(!chosen.is_empty(), "there is no defect of this name");
+    copy()?;
+    let built = Built::build()?;
+    let wrong = run(&chosen, &build_bench()?, &built)?;
+    let unnoticed = chosen.iter().filter(|(_, defect)| matches!(defect.shows, Shows::Not(_))).count();
+    println!("{} defects: {unnoticed} are not noticed by any run, {wrong} runs not as the table says", chosen.len());
+    Ok(if wrong == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+/// Runs the sample with this program's own bench.
+pub(crate) fn sample() -> Result<()> {
+    let chosen = chosen(|defect| SAMPLE.contains(&defect.name));
+    copy()?;
+    let own = std::env::current_exe().context("could not find out where this program is")?;
+    match run(&chosen, &own, &Built::build()?)? {
+        0 => Ok(()),
+        wrong => bail!("{wrong} runs are not as the table of defects says"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_old_text_of_the_table_is_in_its_file_once() {
+        for Defect { edit, .. } in DEFECTS {
+            let text = fs::read_to_string(root().join(edit.file)).expect(edit.file);
+            let changed = with_defects(edit.file, &text).unwrap();
+            assert_ne!(changed, text, "{}", edit.file);
+        }
+    }
+
+    #[test]
+    fn a_text_that_is_not_there_is_an_error_that_names_the_defect() {
+        let Defect { name, edit, .. } = &DEFECTS[0];
+        for text in ["", &format!("{} {}", edit.old, edit.old)] {
+            let error = with_defects(edit.file, text).unwrap_err().to_string();
+            assert!(error.contains(name) && error.contains(edit.file), "{error}");
+        }
+    }
+
+    #[test]
+    fn at_least_sixty_defects_have_names_of_their_own() {
+        let names: BTreeMap<&str, &str> = DEFECTS.iter().map(|defect| (defect.name, defect.does)).collect();
+        assert!(names.len() == DEFECTS.len() && names.len() >= 60, "{}", names.len());
+        assert!(SAMPLE.iter().all(|name| names.contains_key(name)));
+    }
+
+    #[test]
+    fn the_sample_needs_no_bench_of_its_own() {
+        for defect in DEFECTS.iter().filter(|defect| SAMPLE.contains(&defect.name)) {
+            let file = defect.edit.file;
+            assert!(!file.starts_with("profile/") && !file.starts_with("base-station/"), "{}", defect.name);
+        }
+    }
+
+    #[test]
+    fn an_edit_becomes_a_choice_of_old_and_new() {
+        assert_eq!(changed(7, "go();", "stay();"), "if ::defect::is(7) { stay(); } else { go(); }");
+        assert_eq!(changed(7, "a + b", "a"), "(if ::defect::is(7) { a } else { a + b })");
+        assert_eq!(changed(7, "a", "!DEFECT && a"), "!::defect::is(7) && a");
+    }
+}
