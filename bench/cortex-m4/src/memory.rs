@@ -231,7 +231,7 @@ impl<C: Cost> Core<C> {
     /// After an access the run loop leaves its burst where the part changed something.
     #[inline(always)]
     fn notice<B: Bus>(&mut self, bus: &mut B) {
-        if bus.signals().changed {
+        if bus.signals().is_announced() {
             self.limit = 0;
         }
     }

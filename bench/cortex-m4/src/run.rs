@@ -72,15 +72,13 @@ impl<C: Cost> Core<C> {
                 self.system_advance();
                 due = bus.due().min(self.system_due());
             }
-            let signals = bus.signals();
-            if signals.changed {
-                signals.changed = false;
+            if let Some(change) = bus.signals().take_change() {
                 self.attention = true;
-                self.stalled_until = signals.stalled_until;
-                if std::mem::take(&mut signals.code_changed) {
+                self.stalled_until = change.stalled_until;
+                if change.forget_code {
                     code.forget();
                 }
-                if std::mem::take(&mut signals.stop) {
+                if change.stop {
                     return Exit::Stopped;
                 }
                 // The change may have been one of what is due.

@@ -3,7 +3,7 @@
 mod common;
 
 use common::{CODE, DEVICE, RAM, Rig};
-use cortex_m4::{Exit, Optimistic, Pessimistic, Register};
+use cortex_m4::{Cost, Exit, Fast, Optimistic, Pessimistic, Register};
 
 /// movs r0, #10; loop: subs r0, #1; bne loop; b .
 const COUNT: &[u16] = &[0x200A, 0x3801, 0xD1FD, 0xE7FE];
@@ -141,7 +141,7 @@ fn a_semihosting_call_is_answered_by_the_caller() {
 }
 
 /// Code in RAM, from its byte 0x200 on, at which a branch by r4 arrives: with and without the shorter way to fetch it.
-fn in_ram(code: &[u16]) -> [Rig<cortex_m4::Fast>; 2] {
+fn in_ram(code: &[u16]) -> [Rig<Fast>; 2] {
     [true, false].map(|fetches_both| {
         let mut rig = Rig::new(&[0x4720]);
         rig.board.fetches_both = fetches_both;
@@ -247,6 +247,30 @@ fn what_is_no_instruction_ends_in_a_lockup_without_a_handler() {
         assert_eq!(rig.core.run(&mut rig.board, 2000), Exit::Until);
         assert_eq!((rig.core.cycle(), rig.core.idle()), (2000, 2000 - at));
     }
+}
+
+/// CPSID f; CCR = r3; r0 = the word at r1, where nothing is; r6 = CFSR; r7 = BFAR; a store there; B .
+const PROBE: &[u16] = &[0xB671, 0x6013, 0x6808, 0x6826, 0x682F, 0x6008, 0xE7FE];
+
+/// BFHFNMIGN has handlers of priority -1 and -2 ignore a data bus fault (ARM ARM B3.2.8): the exception, not the status,
+/// which is set for each precise fault (B3.2.15, PRECISERR and BFARVALID) and is how firmware probes an address.
+#[test]
+fn firmware_that_probes_an_address_under_faultmask_reads_that_nothing_answered() {
+    fn probes<C: Cost>() {
+        let mut rig = Rig::<C>::with_clock(PROBE);
+        rig.set(0, 5).set(1, 0x7000_0000).set(2, 0xE000_ED14).set(3, 1 << 9 | 1 << 8);
+        rig.set(4, 0xE000_ED28).set(5, 0xE000_ED38);
+        assert_eq!(rig.core.run(&mut rig.board, 100), Exit::Until);
+        assert_eq!((rig.r(0), rig.r(6), rig.r(7)), (0, 1 << 15 | 1 << 9, 0x7000_0000), "{}", C::NAME);
+        assert_eq!((rig.core.pc(), rig.core.locked_up(), rig.core.active_exception()), (CODE + 12, false, 0));
+        // The same without BFHFNMIGN.
+        let mut rig = Rig::<C>::with_clock(PROBE);
+        rig.set(1, 0x7000_0000).set(2, 0xE000_ED14).set(3, 1 << 9);
+        assert_eq!(rig.core.run(&mut rig.board, 100), Exit::Lockup, "{}", C::NAME);
+    }
+    probes::<Fast>();
+    probes::<Optimistic>();
+    probes::<Pessimistic>();
 }
 
 #[test]
