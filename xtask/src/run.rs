@@ -139,11 +139,14 @@ fn ending(args: &RunArgs, outcome: &Outcome) -> ExitCode {
             count => format!(", after {count} restarts"),
         };
         if let Some(seconds) = args.seconds {
+            let well = outcome.findings.is_empty() && !outcome.stopped_itself;
+            let (error, whether, code) =
+                if well { ("", "", ExitCode::SUCCESS) } else { ("error: ", "not ", ExitCode::FAILURE) };
             eprintln!(
-                "still running after {seconds} s of virtual time, as it should (--seconds){restarts}: {}",
+                "{error}still running after {seconds} s of virtual time, {whether}as it should (--seconds){restarts}: {}",
                 outcome.doing
             );
-            return if outcome.findings.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE };
+            return code;
         }
         eprintln!(
             "error: still running after {} s of virtual time (--limit){restarts}: {}\n\

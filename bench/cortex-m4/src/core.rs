@@ -43,6 +43,9 @@ pub enum Exit {
     Lockup,
     /// AIRCR.SYSRESETREQ was written: the part resets, see [`Core::reset`].
     ResetRequest,
+    /// HardFault was entered just now, and the caller wants to know, see [`Core::tell_hard_faults`]. The first
+    /// instruction of its handler was not executed.
+    HardFault,
     /// The core halted for debug just now (DHCSR.S_HALT): it executes nothing until the debugger lets it go on. Told
     /// once, as time goes on.
     Halted,
@@ -123,6 +126,9 @@ pub struct Core<C: Cost> {
     pub(crate) told_lockup: bool,
     /// [`Exit::Halted`] was told.
     pub(crate) told_halt: bool,
+    /// The caller wants to know of each entry into HardFault; there was one of which it was not told.
+    pub(crate) tells_hard_faults: bool,
+    pub(crate) in_hard_fault: bool,
     /// Changes of the active exception.
     pub(crate) watch: Watch,
     /// What the caller watches of the data accesses.
@@ -200,6 +206,8 @@ impl<C: Cost> Core<C> {
             told_sleep: false,
             told_lockup: false,
             told_halt: false,
+            tells_hard_faults: false,
+            in_hard_fault: false,
             watch: Watch::default(),
             watchpoints: Watchpoints::default(),
             cost: PhantomData,
@@ -332,6 +340,12 @@ impl<C: Cost> Core<C> {
     #[must_use]
     pub fn due(&self) -> u64 {
         self.system_due()
+    }
+
+    /// From now on [`Core::run`] comes back with [`Exit::HardFault`] at each entry into HardFault, wherever the vector
+    /// table and the handler are; or no longer.
+    pub fn tell_hard_faults(&mut self, on: bool) {
+        self.tells_hard_faults = on;
     }
 
     /// Stops [`Core::run`] before the instruction at `address`.
