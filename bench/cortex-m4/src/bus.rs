@@ -112,17 +112,28 @@ pub trait Bus {
     /// [`BusError`] where nothing can be executed.
     fn fetch(&mut self, address: u32) -> Result<u16, BusError>;
 
-    /// What [`Bus::fetch`] would answer for `address`, and above it for the halfword behind: a shorter way to the same
-    /// values. `None` where it is none.
-    #[inline(always)]
-    fn fetch_both(&self, address: u32) -> Option<u32> {
+    /// Whether what [`Bus::fetch`] reads at `address` stays the same until [`Signals::forget_code`]: flash.
+    fn is_constant(&self, address: u32) -> bool;
+
+    /// From now on the page of 1 KiB that has `address`, of memory that can be written, is watched for writes. Answers
+    /// whether the part does that. Of memory for which it does not, the core compares each decoded instruction with
+    /// what [`Bus::fetch`] reads, before it executes it.
+    fn watch_code(&mut self, address: u32) -> bool {
         let _ = address;
-        None
+        false
     }
 
-    /// Whether what [`Bus::fetch`] reads at `address` stays the same until [`Signals::forget_code`]: flash. Of RAM,
-    /// the core compares each decoded instruction with memory before it executes it.
-    fn is_constant(&self, address: u32) -> bool;
+    /// Whether the page that has `address` is watched and nothing in it was written since.
+    fn is_watched(&self, address: u32) -> bool {
+        let _ = address;
+        false
+    }
+
+    /// How many pages that were watched have been written so far, whoever wrote them: their watch has ended.
+    #[inline(always)]
+    fn rewritten(&self) -> u64 {
+        0
+    }
 
     /// The next cycle at which something happens outside the core, `u64::MAX` for never.
     fn due(&self) -> u64;
