@@ -104,7 +104,20 @@ impl Target {
         firmware: &Firmware,
         connected: Connected,
         limits: Limits,
-        event: impl FnMut(Event<'_>),
+        mut event: impl FnMut(Event<'_>),
+    ) -> Result<Outcome, Error> {
+        self.run_here(clock, firmware, connected, limits, &mut event)
+    }
+
+    /// As [`Target::run_connected`], without a type parameter of the caller's: so the core is compiled in this crate,
+    /// with its options, and not in the caller's.
+    fn run_here(
+        self,
+        clock: Clock,
+        firmware: &Firmware,
+        connected: Connected,
+        limits: Limits,
+        event: &mut dyn FnMut(Event<'_>),
     ) -> Result<Outcome, Error> {
         match clock {
             Clock::Fast => self.run_on::<Fast>(firmware, connected, limits, event),
@@ -118,7 +131,7 @@ impl Target {
         firmware: &Firmware,
         connected: Connected,
         limits: Limits,
-        event: impl FnMut(Event<'_>),
+        event: &mut dyn FnMut(Event<'_>),
     ) -> Result<Outcome, Error> {
         match self {
             Self::Dpr => run_connected::<_, C>(Nrf52840::new(Settings::default()), firmware, connected, limits, event),
