@@ -104,6 +104,10 @@ pub struct Core<C: Cost> {
     pub(crate) attention: bool,
     /// Interrupts, faults, timers, MPU, debug: 0xE000_0000 to 0xE00F_FFFF.
     pub(crate) system: System,
+    /// What an aligned access of the code to memory needs of the MPU to go the short way ([`Core::load`]): to read, and to
+    /// write. 0 while no access goes it.
+    pub(crate) short_read: u32,
+    pub(crate) short_write: u32,
     /// Instructions that were decoded.
     pub(crate) code: Code,
     /// Instructions are executed one after the other while `cycle` is below; 0 asks the run loop to look around.
@@ -195,6 +199,8 @@ impl<C: Cost> Core<C> {
             retired: 0,
             attention: true,
             system: System::new(&config),
+            short_read: 0,
+            short_write: 0,
             code: Code::default(),
             limit: 0,
             kept_flags: (false, false, false, false),

@@ -181,6 +181,7 @@ impl<C: Cost> Core<C> {
         let careful = careful || self.ici != 0;
         loop {
             let pc = self.r[15];
+            self.note_short_way();
             if code.rewritten() != bus.rewritten() {
                 code.forget_rewritten(bus);
             }

@@ -18,7 +18,7 @@ mod coresight;
 mod debug;
 mod dwt;
 mod fpb;
-mod mpu;
+pub(crate) mod mpu;
 pub(crate) mod nvic;
 mod scb;
 mod systick;
@@ -343,7 +343,7 @@ impl<C: Cost> Core<C> {
     /// Whether the MPU allows a data access.
     #[inline]
     pub(crate) fn mpu_data(&mut self, address: u32, write: bool, privileged: bool) -> bool {
-        if !self.system.mpu.enabled() {
+        if self.mpu_opens(address, 1, write, privileged) {
             return true;
         }
         let priority = self.execution_priority();

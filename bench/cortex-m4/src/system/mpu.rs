@@ -50,8 +50,10 @@ impl Region {
     }
 }
 
-/// Addresses next to each other with the same rights, while the MPU applies.
+/// Addresses next to each other with the same rights, while the MPU applies. Sixteen bytes, so that one is found in a
+/// list by a shift.
 #[derive(Clone, Copy, Debug)]
+#[repr(align(16))]
 struct Span {
     first: u32,
     /// The last address less the first.
@@ -93,7 +95,7 @@ const UNPRIVILEGED: u32 = 3;
 
 /// The place in [`Span::rights`] of the right to read or write.
 #[inline(always)]
-const fn data_right(write: bool, privileged: bool) -> u32 {
+pub(crate) const fn data_right(write: bool, privileged: bool) -> u32 {
     (if write { WRITE } else { READ }) << if privileged { 0 } else { UNPRIVILEGED }
 }
 
@@ -197,6 +199,15 @@ impl Mpu {
     fn span(&mut self, address: u32) -> Span {
         let near = self.near[(address >> 28) as usize];
         if near.has(address, 1) { near } else { self.approach(address) }
+    }
+
+    /// Whether the right (of [`data_right`]) is given at `address`, whatever the priority. An access that is aligned is in
+    /// one span as a whole, since all begin and end at multiples of 32.
+    #[inline(always)]
+    pub(crate) fn gives(&mut self, address: u32, right: u32) -> bool {
+        let near = &self.near[(address >> 28) as usize];
+        let rights = if near.has(address, 1) { near.rights } else { self.approach(address).rights };
+        rights & right != 0
     }
 
     /// Whether the code may read, or write, all bytes from `address` on, as far as one span tells, whatever the
