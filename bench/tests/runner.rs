@@ -157,6 +157,82 @@ fn a_hard_fault_handler_that_only_loops_is_reported_once_and_ends_the_run() {
     assert!(outcome.findings[0].text.contains("undefined instruction"), "{}", outcome.findings[0]);
 }
 
+/// A handler that says what happened one byte of a UART after the other, 87 us each at 115 200 baud.
+#[test]
+fn the_handler_of_a_hard_fault_is_heard_to_its_end() {
+    const USART2: u32 = 0x4000_4400;
+    let mut main = Thumb::at(MAIN);
+    // USART2 on PA2; its clock is 16 MHz.
+    main.store(RCC + 0x30, 1).store(RCC + 0x40, 1 << 17).store(GPIOA + 0x20, 7 << 8).store(GPIOA, 0xA800_0020);
+    main.store(USART2 + 8, 139).store(USART2 + 12, 1 << 13 | 1 << 3).raw(&[0xDE00]);
+    let mut handler = Thumb::at(thumb::HANDLER);
+    // r3 bytes: wait for TXE, send.
+    handler.mov(3, 500).mov(0, USART2).mov(2, u32::from(b'x'));
+    let again = handler.here();
+    handler.ldr(1, 0, 0).test(1, 7).branch_if(thumb::If::CarryClear, again);
+    handler.str(2, 0, 4).raw(&[0x3B01]).branch_if(thumb::If::NotEqual, again);
+    let end = handler.here();
+    handler.branch(end);
+    let image = with_exception(&main, 3, (thumb::HANDLER, &handler));
+    let heard = |virtual_time: u64| {
+        let connected = Connected { heard: vec![Pin::new(0, 2)], ..Connected::default() };
+        let limits = Limits { virtual_time, ..Limits::default() };
+        let mut bytes = 0;
+        let count = |event: Event<'_>| bytes += usize::from(matches!(event, Event::Byte(_, b'x')));
+        let outcome = Target::Horus.run_connected(Clock::Fast, &image, connected, limits, count).unwrap();
+        assert_eq!((kinds(&outcome), outcome.status()), (vec![FindingKind::HardFault], 101), "{outcome:?}");
+        (bytes, outcome.virtual_time)
+    };
+    let (bytes, ended) = heard(60_000 * MS);
+    assert_eq!(bytes, 500);
+    assert!((100 * MS..101 * MS).contains(&ended), "{ended}");
+    assert!(heard(20 * MS).0 < 500, "the limit ends it");
+}
+
+/// The table's HardFault leads to the reset handler, which runs at each start.
+#[test]
+fn a_vector_table_whose_hard_fault_is_reset_is_no_fault_until_there_is_one() {
+    let mut main = Thumb::at(MAIN);
+    main.idle();
+    let outcome = on_horus(&with_exception(&main, 3, (MAIN, &main)));
+    assert_eq!((outcome.findings.len(), outcome.status()), (0, 124), "{outcome:?}");
+    let mut faulty = Thumb::at(MAIN);
+    faulty.raw(&[0xDE00]);
+    let outcome = on_horus(&with_exception(&faulty, 3, (MAIN, &faulty)));
+    assert_eq!(kinds(&outcome), [FindingKind::HardFault, FindingKind::Lockup], "{outcome:?}");
+}
+
+/// VTOR is moved to a table in RAM, as a boot loader and most systems with an RTOS do.
+#[test]
+fn a_hard_fault_behind_a_moved_vector_table_is_told() {
+    const TABLE: u32 = 0x2000_0800;
+    let mut main = Thumb::at(MAIN);
+    main.store(TABLE + 12, thumb::HANDLER | 1).store(0xE000_ED08, TABLE).raw(&[0xDE00]);
+    let mut handler = Thumb::at(thumb::HANDLER);
+    handler.branch(thumb::HANDLER);
+    let mut segments = firmware("moved", &main, &[]).segments().to_vec();
+    segments.push((u64::from(thumb::HANDLER), handler.bytes()));
+    let outcome = on_horus(&Firmware::raw("moved", segments));
+    assert_eq!(kinds(&outcome), [FindingKind::HardFault], "{outcome:?}");
+}
+
+#[test]
+fn a_firmware_that_stops_itself_in_a_masked_loop_or_a_handler_is_said_to() {
+    let mut masked = Thumb::at(MAIN);
+    masked.raw(&[0xB672, 0xE7FE]);
+    let outcome = on_horus(&firmware("masked", &masked, &[]));
+    assert!(outcome.stopped_itself, "{outcome:?}");
+    assert!(outcome.doing.starts_with("it has stopped itself"), "{}", outcome.doing);
+    let mut main = Thumb::at(MAIN);
+    main.tim2_every(16_000).idle();
+    let mut handler = Thumb::at(thumb::HANDLER);
+    handler.branch(thumb::HANDLER);
+    assert!(on_horus(&firmware("in its handler", &main, &[(28, &handler)])).stopped_itself);
+    let mut spins = Thumb::at(MAIN);
+    spins.branch(MAIN);
+    assert!(!on_horus(&firmware("spins", &spins, &[])).stopped_itself, "an interrupt may come");
+}
+
 #[test]
 fn a_firmware_that_only_restarts_ends_and_the_words_say_why_it_restarts() {
     for (target, base) in [(Target::Horus, FLASH), (Target::Dpr, 0)] {

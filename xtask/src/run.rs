@@ -132,28 +132,39 @@ fn on_bench(args: &RunArgs) -> Result<ExitCode> {
 
 /// What the run came to, as an exit code; said where it is not plain.
 fn ending(args: &RunArgs, outcome: &Outcome) -> ExitCode {
+    let (says, status) = verdict(args.seconds, args.limit, outcome);
+    if let Some(says) = says {
+        eprintln!("{says}");
+    }
+    u8::try_from(status).map_or(ExitCode::FAILURE, ExitCode::from)
+}
+
+/// What is to be said of a run that was to take so many `seconds`, or at most `limit`, and its status.
+fn verdict(seconds: Option<f64>, limit: f64, outcome: &Outcome) -> (Option<String>, u32) {
     if outcome.exit.is_none() && !outcome.died {
         let restarts = match outcome.resets {
             0 => String::new(),
             1 => ", after a restart".to_owned(),
             count => format!(", after {count} restarts"),
         };
-        if let Some(seconds) = args.seconds {
-            eprintln!(
-                "still running after {seconds} s of virtual time, as it should (--seconds){restarts}: {}",
-                outcome.doing
+        let doing = &outcome.doing;
+        if let Some(seconds) = seconds {
+            let well = outcome.findings.is_empty() && !outcome.stopped_itself;
+            let (error, whether) = if well { ("", "") } else { ("error: ", "not ") };
+            let says = format!(
+                "{error}still running after {seconds} s of virtual time, {whether}as it should (--seconds){restarts}: \
+                 {doing}"
             );
-            return if outcome.findings.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE };
+            return (Some(says), u32::from(!well));
         }
-        eprintln!(
-            "error: still running after {} s of virtual time (--limit){restarts}: {}\n\
-             If it is meant to run on for ever, say --seconds instead.",
-            args.limit, outcome.doing
+        let says = format!(
+            "error: still running after {limit} s of virtual time (--limit){restarts}: {doing}\n\
+             If it is meant to run on for ever, say --seconds instead."
         );
+        return (Some(says), outcome.status());
     }
     // A firmware that says it is well while the bench saw it do wrong is not well.
-    let status = if outcome.status() == 0 && !outcome.passed() { 1 } else { outcome.status() };
-    u8::try_from(status).map_or(ExitCode::FAILURE, ExitCode::from)
+    (None, if outcome.status() == 0 && !outcome.passed() { 1 } else { outcome.status() })
 }
 
 /// When what is sent to a UART begins, ns: by then an ordinary firmware listens.
@@ -345,6 +356,29 @@ mod tests {
                 assert_eq!(pin_name(board, pin), name.to_uppercase());
             }
         }
+    }
+
+    #[test]
+    fn a_firmware_that_has_stopped_itself_is_not_running_as_it_should() {
+        let outcome = Outcome {
+            exit: None,
+            died: false,
+            virtual_time: 1_000_000_000,
+            lines: vec![],
+            findings: vec![],
+            resets: 0,
+            load: 1.0,
+            stack: None,
+            doing: "it runs in main".to_owned(),
+            stopped_itself: false,
+        };
+        let (says, status) = verdict(Some(1.0), 60.0, &outcome);
+        assert_eq!(says.unwrap(), "still running after 1 s of virtual time, as it should (--seconds): it runs in main");
+        assert_eq!(status, 0);
+        let (says, status) = verdict(Some(1.0), 60.0, &Outcome { stopped_itself: true, ..outcome.clone() });
+        assert!(says.unwrap().starts_with("error: still running after 1 s of virtual time, not as it should"));
+        assert_eq!(status, 1);
+        assert_eq!(verdict(None, 60.0, &outcome).1, 124);
     }
 
     #[test]

@@ -1,23 +1,16 @@
 //! How fast the bench is: the core alone, and where the time of a link goes.
 
 use std::process::ExitCode;
-use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 use bench::node::Threads;
-use bench::sim::{Bench, Crystals, Images, Setup};
+use bench::sim::{Crystals, Images, Setup};
 use clap::Args;
 
 use crate::{Receivers, firmware, workspace};
 
 /// What is run first and not measured: the firmwares' start-up, which longer runs hardly notice.
 const WARM_UP_NS: u64 = 1_000_000_000;
-
-/// How often the link is run. The least time counts, as that of the run that other work on this machine held up least.
-const RUNS: usize = 3;
-
-/// How often the running bench is copied. The least time counts.
-const COPIES: usize = 100;
 
 /// Reports instructions per second of the core alone, where the time of `sim` goes, and what a copy of it takes.
 ///
@@ -26,8 +19,9 @@ const COPIES: usize = 100;
 ///
 /// Link: both images on one thread on the fast clock, after their first second, the least time of three runs. What an
 /// instruction takes in the loop that computes, times the instructions that each core executed, is the cores' share.
-/// The rest is measured as a whole only: part models, front ends, air and what stands around the boards. The shares of
-/// single functions are told by a profiler: `perf record target/debug/xtask sim --threads 1`.
+/// The rest is measured as a whole only: what accesses, interrupts and memory protection cost the cores beyond that loop,
+/// part models, front ends, air and what stands around the boards. The shares of single functions are told by a
+/// profiler: `valgrind --tool=callgrind target/debug/xtask sim --threads 1`.
 #[derive(Args)]
 pub(crate) struct SpeedArgs {
     /// Virtual time of the link to measure, in seconds.
@@ -42,41 +36,23 @@ pub(crate) fn speed(args: &SpeedArgs) -> Result<ExitCode> {
     let duration_ns = WARM_UP_NS + (args.seconds * 1e9).round() as u64;
     let setup = Setup::new(Images { horus, dpr }, Receivers::DEFAULT.0, duration_ns);
     let setup = Setup { threads: Threads::One, crystals: Crystals::default(), ..setup };
-    let mut warm: Bench = Bench::new(&setup)?;
-    warm.run_to(WARM_UP_NS, setup.threads);
-    let copy = (0..COPIES).map(|_| {
-        let began = Instant::now();
-        let copy = warm.clone();
-        let took = began.elapsed().as_secs_f64();
-        drop(copy);
-        took
-    });
-    let copy = copy.fold(f64::INFINITY, f64::min);
-    let mut least = f64::INFINITY;
-    let mut instructions = (0, 0);
-    for _ in 0..RUNS {
-        let mut bench = warm.clone();
-        let began = Instant::now();
-        bench.run_to(setup.duration_ns, setup.threads);
-        least = least.min(began.elapsed().as_secs_f64());
-        instructions = (
-            bench.horus().instructions() - warm.horus().instructions(),
-            bench.dpr().instructions() - warm.dpr().instructions(),
-        );
-    }
-    let whole = least / args.seconds * 1e3;
+    let measured = bench::sim::speed::speed(&setup, WARM_UP_NS)?;
+    let whole = measured.seconds * 1e3;
     println!("\nThe link on one thread, for each virtual second:");
     println!("  {whole:6.2} ms in all, {:.0} x real time", 1e3 / whole);
     let mut rest = whole;
-    for (board, count) in [("HORUS", instructions.0), ("DPR", instructions.1)] {
-        let millions = count as f64 / args.seconds / 1e6;
+    for (board, count) in [("HORUS", measured.horus), ("DPR", measured.dpr)] {
+        let millions = count / 1e6;
         let share = millions * per_instruction;
         rest -= share;
         let percent = 100.0 * share / whole;
         println!("  {share:6.2} ms ({percent:2.0} %) the {board} core: {millions:.2} million instructions");
     }
-    println!("  {rest:6.2} ms ({:2.0} %) part models, front ends, air, surroundings", 100.0 * rest / whole);
-    println!("\nA copy of the whole bench: {:.3} ms", copy * 1e3);
+    println!(
+        "  {rest:6.2} ms ({:2.0} %) the cores' accesses, part models, front ends, air, surroundings",
+        100.0 * rest / whole
+    );
+    println!("\nA copy of the whole bench: {:.3} ms", measured.copy * 1e3);
     Ok(ExitCode::SUCCESS)
 }
 

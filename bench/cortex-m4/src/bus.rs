@@ -1,5 +1,7 @@
 //! What the core asks of the part around it.
 
+use crate::Signals;
+
 /// How many bytes an access moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Width {
@@ -59,105 +61,6 @@ pub struct Access {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BusError;
 
-/// What the part drives into the core, and what it wants of [`crate::Core::run`]. The core looks only where something
-/// was announced, so everything that changes a signal here announces it.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Signals {
-    pub(crate) lines: [u64; 4],
-    pub(crate) nmi: bool,
-    pub(crate) event: bool,
-    pub(crate) changed: bool,
-    pub(crate) code_changed: bool,
-    pub(crate) stop: bool,
-    pub(crate) stalled_until: u64,
-}
-
-impl Signals {
-    /// [`Bus::due`] or the core's clock is another: the core looks again before its next instruction.
-    #[inline]
-    pub fn announce(&mut self) {
-        self.changed = true;
-    }
-
-    /// Whether the core has something to look at.
-    #[inline]
-    #[must_use]
-    pub fn is_announced(&self) -> bool {
-        self.changed
-    }
-
-    /// The levels of the interrupt lines: line n is bit n % 64 of word n / 64.
-    #[must_use]
-    pub fn lines(&self) -> &[u64; 4] {
-        &self.lines
-    }
-
-    /// Drives all lines of one word of [`Signals::lines`].
-    #[inline]
-    pub fn drive_lines(&mut self, word: usize, levels: u64) {
-        if std::mem::replace(&mut self.lines[word], levels) != levels {
-            self.changed = true;
-        }
-    }
-
-    /// Drives one interrupt line.
-    #[inline]
-    pub fn drive_line(&mut self, line: usize, high: bool) {
-        let (word, bit) = (line / 64, 1 << (line % 64));
-        let others = self.lines[word] & !bit;
-        self.drive_lines(word, if high { others | bit } else { others });
-    }
-
-    /// The level of the NMI input.
-    #[must_use]
-    pub fn nmi(&self) -> bool {
-        self.nmi
-    }
-
-    /// Drives the NMI input.
-    pub fn drive_nmi(&mut self, high: bool) {
-        if std::mem::replace(&mut self.nmi, high) != high {
-            self.changed = true;
-        }
-    }
-
-    /// An event for `WFE` comes from outside; the core takes it back.
-    pub fn raise_event(&mut self) {
-        (self.event, self.changed) = (true, true);
-    }
-
-    /// Instructions that were decoded no longer are what memory holds (flash was programmed or erased): the core
-    /// forgets what it decoded. RAM needs no such notice.
-    pub fn forget_code(&mut self) {
-        (self.code_changed, self.changed) = (true, true);
-    }
-
-    /// Whether the core has code to forget that it has not forgotten yet.
-    #[must_use]
-    pub fn forgets_code(&self) -> bool {
-        self.code_changed
-    }
-
-    /// [`crate::Core::run`] returns after the instruction, with [`crate::Exit::Stopped`].
-    pub fn stop(&mut self) {
-        (self.stop, self.changed) = (true, true);
-    }
-
-    /// The core executes nothing before `cycle`, since the bus holds it (a flash controller that works); 0 lets it go.
-    #[inline]
-    pub fn stall_until(&mut self, cycle: u64) {
-        if std::mem::replace(&mut self.stalled_until, cycle) != cycle {
-            self.changed = true;
-        }
-    }
-
-    /// The cycle before which the core executes nothing.
-    #[must_use]
-    pub fn stalled_until(&self) -> u64 {
-        self.stalled_until
-    }
-}
-
 /// At which end of what is possible a bus reckons its wait states, see [`crate::Cost`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Bound {
@@ -209,17 +112,28 @@ pub trait Bus {
     /// [`BusError`] where nothing can be executed.
     fn fetch(&mut self, address: u32) -> Result<u16, BusError>;
 
-    /// What [`Bus::fetch`] would answer for `address`, and above it for the halfword behind: a shorter way to the same
-    /// values. `None` where it is none.
-    #[inline(always)]
-    fn fetch_both(&self, address: u32) -> Option<u32> {
+    /// Whether what [`Bus::fetch`] reads at `address` stays the same until [`Signals::forget_code`]: flash.
+    fn is_constant(&self, address: u32) -> bool;
+
+    /// From now on the page of 1 KiB that has `address`, of memory that can be written, is watched for writes. Answers
+    /// whether the part does that. Of memory for which it does not, the core compares each decoded instruction with
+    /// what [`Bus::fetch`] reads, before it executes it.
+    fn watch_code(&mut self, address: u32) -> bool {
         let _ = address;
-        None
+        false
     }
 
-    /// Whether what [`Bus::fetch`] reads at `address` stays the same until [`Signals::forget_code`]: flash. Of RAM,
-    /// the core compares each decoded instruction with memory before it executes it.
-    fn is_constant(&self, address: u32) -> bool;
+    /// Whether the page that has `address` is watched and nothing in it was written since.
+    fn is_watched(&self, address: u32) -> bool {
+        let _ = address;
+        false
+    }
+
+    /// How many pages that were watched have been written so far, whoever wrote them: their watch has ended.
+    #[inline(always)]
+    fn rewritten(&self) -> u64 {
+        0
+    }
 
     /// The next cycle at which something happens outside the core, `u64::MAX` for never.
     fn due(&self) -> u64;

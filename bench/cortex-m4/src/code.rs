@@ -3,11 +3,14 @@
 //! | memory | decoded | forgotten |
 //! |---|---|---|
 //! | constant ([`Bus::is_constant`]) | a page at its first instruction | all, on [`crate::Signals::forget_code`] |
-//! | other (code in RAM) | each instruction at its first execution | where memory holds other halfwords by then |
+//! | watched ([`Bus::watch_code`]) | a page at its first instruction | a page, when something in it was written |
+//! | other | each instruction at its first execution | where memory holds other halfwords by then |
 //!
 //! A page has 1 KiB. Pages are shared by clones of the core, so that a clone costs little and what one has decoded is
-//! not decoded again. A page must be constant, or not constant, as a whole.
+//! not decoded again. A page must be of one kind as a whole. One that is written again and again between its
+//! instructions, since data are in it too, is no longer watched after [`MOST_REWRITES`] times.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::op::{Do, Op};
@@ -17,22 +20,35 @@ use crate::{Bus, Fault, decode};
 pub(crate) const BITS: u32 = 10;
 /// Instructions of a page, one for each halfword.
 const SLOTS: usize = 1 << (BITS - 1);
+/// How often a page is decoded anew as a whole because something in it was written.
+const MOST_REWRITES: u32 = 64;
 /// Entries of the index, a power of two.
 const INDEX: usize = 256;
+
+/// How it is known that a page's instructions are what memory holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Kind {
+    Constant,
+    Watched,
+    /// Each is compared with memory before it is executed.
+    Compared,
+}
 
 /// Instructions of one page.
 #[derive(Clone, Debug)]
 pub(crate) struct Page {
     /// The page's address without [`BITS`].
     number: u32,
-    constant: bool,
+    kind: Kind,
+    /// The last instruction is in the next page too.
+    straddles: bool,
     ops: [Op; SLOTS],
-    /// What the instructions were decoded from, first halfword below; only where the page is not constant.
+    /// What the instructions were decoded from, first halfword below; only where they are compared with memory.
     halfwords: Vec<u32>,
 }
 
 impl Page {
-    /// Whether `pc` is in this page and it is constant: then [`Page::op`] holds without further checks.
+    /// Whether `pc` is in this page.
     #[inline(always)]
     pub(crate) fn holds(&self, pc: u32) -> bool {
         pc >> BITS == self.number
@@ -43,19 +59,15 @@ impl Page {
         &self.ops[(pc >> 1) as usize % SLOTS]
     }
 
-    pub(crate) fn is_constant(&self) -> bool {
-        self.constant
+    #[inline(always)]
+    pub(crate) fn kind(&self) -> Kind {
+        self.kind
     }
 
-    /// Whether the instruction at `pc` of a page that is not constant was decoded, and from what memory holds now.
-    #[inline(always)]
-    pub(crate) fn is_current<B: Bus>(&self, bus: &B, pc: u32) -> bool {
-        let slot = (pc >> 1) as usize % SLOTS;
-        let (Some(&from), Some(now)) = (self.halfwords.get(slot), bus.fetch_both(pc)) else {
-            return false;
-        };
-        let mask = if decode::is_wide(from as u16) { u32::MAX } else { 0xFFFF };
-        now & mask == from && !matches!(self.ops[slot].what, Do::Unknown)
+    /// Whether nothing was written where its instructions are.
+    fn is_current<B: Bus>(&self, bus: &B) -> bool {
+        self.kind != Kind::Watched
+            || bus.is_watched(self.number << BITS) && (!self.straddles || bus.is_watched((self.number + 1) << BITS))
     }
 }
 
@@ -69,6 +81,10 @@ pub(crate) struct Code {
     breakpoints: Vec<u32>,
     /// Where the breakpoint units of the core want to look, sorted.
     hardware: Vec<u32>,
+    /// [`Bus::rewritten`] when the pages were last looked at.
+    rewritten: u64,
+    /// How often each page had to be decoded anew because something in it was written.
+    rewrites: BTreeMap<u32, u32>,
 }
 
 impl Code {
@@ -90,6 +106,28 @@ impl Code {
         &self.pages[place]
     }
 
+    /// [`Bus::rewritten`] when the pages were last looked at.
+    #[inline(always)]
+    pub(crate) fn rewritten(&self) -> u64 {
+        self.rewritten
+    }
+
+    /// Forgets the pages in which something was written.
+    #[cold]
+    #[inline(never)]
+    pub(crate) fn forget_rewritten<B: Bus>(&mut self, bus: &B) {
+        self.rewritten = bus.rewritten();
+        let Self { pages, rewrites, .. } = self;
+        pages.retain(|page| {
+            let current = page.is_current(bus);
+            if !current {
+                *rewrites.entry(page.number).or_default() += 1;
+            }
+            current
+        });
+        self.index.clear();
+    }
+
     #[cold]
     #[inline(never)]
     fn find<B: Bus>(&mut self, bus: &mut B, number: u32) -> usize {
@@ -105,9 +143,16 @@ impl Code {
 
     fn decode_page<B: Bus>(&self, bus: &mut B, number: u32) -> Page {
         let base = number << BITS;
-        let constant = bus.is_constant(base);
-        let mut page = Page { number, constant, ops: [decode::place(Do::Unknown); SLOTS], halfwords: Vec::new() };
-        if !constant {
+        let kind = if bus.is_constant(base) {
+            Kind::Constant
+        } else if self.rewrites.get(&number).is_none_or(|&times| times < MOST_REWRITES) && bus.watch_code(base) {
+            Kind::Watched
+        } else {
+            Kind::Compared
+        };
+        let ops = [decode::place(Do::Unknown); SLOTS];
+        let mut page = Page { number, kind, straddles: false, ops, halfwords: Vec::new() };
+        if kind == Kind::Compared {
             page.halfwords = vec![0; SLOTS];
             return page;
         }
@@ -119,6 +164,8 @@ impl Code {
             *op = decode_at(address, here.ok(), next.ok());
             address = address.wrapping_add(2);
         }
+        let last = bus.fetch(address.wrapping_sub(2)).is_ok_and(decode::is_wide);
+        page.straddles = kind == Kind::Watched && last && bus.watch_code(address);
         let stops = self.breakpoints.iter().chain(&self.hardware);
         for &address in stops.filter(|&&address| address >> BITS == number) {
             page.ops[(address >> 1) as usize % SLOTS] = decode::place(Do::Breakpoint);

@@ -43,6 +43,9 @@ pub enum Exit {
     Lockup,
     /// AIRCR.SYSRESETREQ was written: the part resets, see [`Core::reset`].
     ResetRequest,
+    /// HardFault was entered just now, and the caller wants to know, see [`Core::tell_hard_faults`]. The first
+    /// instruction of its handler was not executed.
+    HardFault,
     /// The core halted for debug just now (DHCSR.S_HALT): it executes nothing until the debugger lets it go on. Told
     /// once, as time goes on.
     Halted,
@@ -101,6 +104,10 @@ pub struct Core<C: Cost> {
     pub(crate) attention: bool,
     /// Interrupts, faults, timers, MPU, debug: 0xE000_0000 to 0xE00F_FFFF.
     pub(crate) system: System,
+    /// What an aligned access of the code to memory needs of the MPU to go the short way ([`Core::load`]): to read, and to
+    /// write. 0 while no access goes it.
+    pub(crate) short_read: u32,
+    pub(crate) short_write: u32,
     /// Instructions that were decoded.
     pub(crate) code: Code,
     /// Instructions are executed one after the other while `cycle` is below; 0 asks the run loop to look around.
@@ -123,6 +130,9 @@ pub struct Core<C: Cost> {
     pub(crate) told_lockup: bool,
     /// [`Exit::Halted`] was told.
     pub(crate) told_halt: bool,
+    /// The caller wants to know of each entry into HardFault; there was one of which it was not told.
+    pub(crate) tells_hard_faults: bool,
+    pub(crate) in_hard_fault: bool,
     /// Changes of the active exception.
     pub(crate) watch: Watch,
     /// What the caller watches of the data accesses.
@@ -189,6 +199,8 @@ impl<C: Cost> Core<C> {
             retired: 0,
             attention: true,
             system: System::new(&config),
+            short_read: 0,
+            short_write: 0,
             code: Code::default(),
             limit: 0,
             kept_flags: (false, false, false, false),
@@ -200,6 +212,8 @@ impl<C: Cost> Core<C> {
             told_sleep: false,
             told_lockup: false,
             told_halt: false,
+            tells_hard_faults: false,
+            in_hard_fault: false,
             watch: Watch::default(),
             watchpoints: Watchpoints::default(),
             cost: PhantomData,
@@ -332,6 +346,12 @@ impl<C: Cost> Core<C> {
     #[must_use]
     pub fn due(&self) -> u64 {
         self.system_due()
+    }
+
+    /// From now on [`Core::run`] comes back with [`Exit::HardFault`] at each entry into HardFault, wherever the vector
+    /// table and the handler are; or no longer.
+    pub fn tell_hard_faults(&mut self, on: bool) {
+        self.tells_hard_faults = on;
     }
 
     /// Stops [`Core::run`] before the instruction at `address`.

@@ -21,14 +21,16 @@ mod fp;
 mod memory;
 mod op;
 mod run;
+mod signals;
 mod special;
 mod system;
 mod watch;
 mod watchpoint;
 
 pub use self::core::{Config, Core, Exit, Register};
-pub use bus::{Access, Bound, Bus, BusError, Purpose, Signals, Width};
+pub use bus::{Access, Bound, Bus, BusError, Purpose, Width};
 pub use cost::{Cost, Fast, Optimistic, Pessimistic};
 pub use describe::describe;
 pub use fault::Fault;
+pub use signals::Signals;
 pub use watchpoint::{Watched, Watchpoint};

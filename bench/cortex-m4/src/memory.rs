@@ -14,6 +14,7 @@
 //! space only aligned accesses are allowed, others take UFSR.UNALIGNED. The write buffer is not modelled: each bus
 //! fault is precise.
 
+use crate::system::mpu::data_right;
 use crate::{Access, Bus, Core, Cost, Fault, Purpose, Width};
 
 /// The first address of the core's own space.
@@ -51,6 +52,16 @@ const fn bit_band(address: u32) -> Option<(u32, u32)> {
 }
 
 impl<C: Cost> Core<C> {
+    /// Finds out which accesses may go the short way: to memory that answers at once, where the MPU opens it. Privilege
+    /// and watching do not change while instructions are executed one after the other.
+    #[inline(always)]
+    pub(crate) fn note_short_way(&mut self) {
+        let short = C::BOUND.is_none() && !self.watching();
+        let privileged = self.is_privileged();
+        self.short_read = if short { data_right(false, privileged) } else { 0 };
+        self.short_write = if short { data_right(true, privileged) } else { 0 };
+    }
+
     /// Reads `width` at `address`, sign not extended.
     #[inline(always)]
     pub(crate) fn load<B: Bus>(
@@ -60,6 +71,12 @@ impl<C: Cost> Core<C> {
         width: Width,
         purpose: Purpose,
     ) -> Result<u32, Fault> {
+        if C::BOUND.is_none()
+            && self.system.mpu.gives(address, self.short_read)
+            && let Some(value) = bus.read_memory(address, width)
+        {
+            return Ok(value);
+        }
         let privileged = self.is_privileged();
         self.load_as(bus, address, width, purpose, privileged)
     }
@@ -74,6 +91,12 @@ impl<C: Cost> Core<C> {
         value: u32,
         purpose: Purpose,
     ) -> Result<(), Fault> {
+        if C::BOUND.is_none()
+            && self.system.mpu.gives(address, self.short_write)
+            && bus.write_memory(address, width, value)
+        {
+            return Ok(());
+        }
         let privileged = self.is_privileged();
         self.store_as(bus, address, width, value, purpose, privileged)
     }
@@ -88,12 +111,6 @@ impl<C: Cost> Core<C> {
         purpose: Purpose,
         privileged: bool,
     ) -> Result<u32, Fault> {
-        if self.takes_short_way()
-            && self.mpu_opens(address, width.bytes(), false, privileged)
-            && let Some(value) = bus.read_memory(address, width)
-        {
-            return Ok(value);
-        }
         if address & (width.bytes() - 1) != 0 || is_special(address) {
             return self.load_unusual(bus, address, width, purpose, privileged);
         }
@@ -111,23 +128,41 @@ impl<C: Cost> Core<C> {
         purpose: Purpose,
         privileged: bool,
     ) -> Result<(), Fault> {
-        if self.takes_short_way()
-            && self.mpu_opens(address, width.bytes(), true, privileged)
-            && bus.write_memory(address, width, value)
-        {
-            return Ok(());
-        }
         if address & (width.bytes() - 1) != 0 || is_special(address) {
             return self.store_unusual(bus, address, width, value, purpose, privileged);
         }
         self.store_plain(bus, address, width, value, purpose, privileged)
     }
 
-    /// Whether an access to memory concerns memory and the MPU alone: no wait states are counted, and the DWT does not
-    /// want to know.
+    /// The word at `address`, where all words around it are known to be reached ([`Core::reaches`]).
     #[inline(always)]
-    fn takes_short_way(&self) -> bool {
-        C::BOUND.is_none() && !self.watching()
+    pub(crate) fn load_next<B: Bus>(&mut self, bus: &mut B, address: u32, reached: bool) -> Result<u32, Fault> {
+        match reached.then(|| bus.read_memory(address, Width::Word)).flatten() {
+            Some(value) => Ok(value),
+            None => self.load(bus, address, Width::Word, Purpose::Data),
+        }
+    }
+
+    /// As [`Core::load_next`], for a store.
+    #[inline(always)]
+    pub(crate) fn store_next<B: Bus>(
+        &mut self,
+        bus: &mut B,
+        address: u32,
+        value: u32,
+        reached: bool,
+    ) -> Result<(), Fault> {
+        if reached && bus.write_memory(address, Width::Word, value) {
+            return Ok(());
+        }
+        self.store(bus, address, Width::Word, value, Purpose::Data)
+    }
+
+    /// Whether all of `bytes` from `address` on, if it is memory, is the core's to read or write without more ado: no
+    /// wait states are counted, the DWT does not want to know, and the MPU is open there.
+    #[inline(always)]
+    pub(crate) fn reaches(&mut self, address: u32, bytes: u32, write: bool, privileged: bool) -> bool {
+        C::BOUND.is_none() && !self.watching() && self.mpu_opens(address, bytes, write, privileged)
     }
 
     #[inline(always)]
@@ -231,7 +266,7 @@ impl<C: Cost> Core<C> {
     /// After an access the run loop leaves its burst where the part changed something.
     #[inline(always)]
     fn notice<B: Bus>(&mut self, bus: &mut B) {
-        if bus.signals().changed {
+        if bus.signals().is_announced() {
             self.limit = 0;
         }
     }

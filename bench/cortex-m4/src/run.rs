@@ -5,18 +5,18 @@
 //! | the caller's `until`, [`Bus::due`], SysTick | each instruction compares the cycle with the nearest of them |
 //! | [`crate::Signals`] | after an access that announced a change, and after each [`Bus::advance`] |
 //! | exceptions | after each of these, and after an instruction that may have changed a priority |
-//! | the MPU's rights to execute | each instruction while the MPU is on |
+//! | the MPU's rights to execute | each page; each instruction of one that is not open as a whole |
 //!
 //! An instruction is executed as a whole: the cycle of an access is that of its instruction's beginning, with the
 //! cycles of the accesses before it where the clock counts wait states.
 
-use crate::code::{BITS as PAGE_BITS, Code, Page};
+use crate::code::{BITS as PAGE_BITS, Code, Kind, Page};
 use crate::op::{Block, Do, Op};
 use crate::{Access, Bound, Bus, Core, Cost, Exit, Fault, Purpose, Width, decode};
 
-/// How a burst goes: on through a constant page, on while a page that may change holds what was decoded, or not on.
+/// How a burst goes: on through a constant page, on while nothing was written into a page that is watched, or not on.
 const ON: u8 = 0;
-const WHILE_CURRENT: u8 = 1;
+const WHILE_UNWRITTEN: u8 = 1;
 const ONCE: u8 = 2;
 
 /// How far the run loop goes.
@@ -72,15 +72,13 @@ impl<C: Cost> Core<C> {
                 self.system_advance();
                 due = bus.due().min(self.system_due());
             }
-            let signals = bus.signals();
-            if signals.changed {
-                signals.changed = false;
+            if let Some(change) = bus.signals().take_change() {
                 self.attention = true;
-                self.stalled_until = signals.stalled_until;
-                if std::mem::take(&mut signals.code_changed) {
+                self.stalled_until = change.stalled_until;
+                if change.forget_code {
                     code.forget();
                 }
-                if std::mem::take(&mut signals.stop) {
+                if change.stop {
                     return Exit::Stopped;
                 }
                 // The change may have been one of what is due.
@@ -115,6 +113,9 @@ impl<C: Cost> Core<C> {
             if self.halted && !self.told_halt {
                 self.told_halt = true;
                 return Exit::Halted;
+            }
+            if std::mem::take(&mut self.in_hard_fault) {
+                return Exit::HardFault;
             }
             if self.cycle >= until || stepped {
                 return Exit::Until;
@@ -180,17 +181,21 @@ impl<C: Cost> Core<C> {
         let careful = careful || self.ici != 0;
         loop {
             let pc = self.r[15];
+            self.note_short_way();
+            if code.rewritten() != bus.rewritten() {
+                code.forget_rewritten(bus);
+            }
             let place = code.page(bus, pc);
             let page = code.at(place);
-            let constant = page.is_constant();
+            let kind = page.kind();
             let plain = !careful && !never_executable(pc) && self.mpu_opens_page(pc, PAGE_BITS);
-            if plain && constant {
+            if plain && kind == Kind::Constant {
                 self.burst::<B, ON>(bus, page, page.op(pc));
-            } else if plain && page.is_current(bus, pc) {
-                self.burst::<B, WHILE_CURRENT>(bus, page, page.op(pc));
+            } else if plain && kind == Kind::Watched {
+                self.burst::<B, WHILE_UNWRITTEN>(bus, page, page.op(pc));
             } else {
                 let op = *page.op(pc);
-                let op = self.careful_op(bus, code, pc, op, constant);
+                let op = self.careful_op(bus, code, pc, op, kind != Kind::Compared);
                 self.burst::<B, ONCE>(bus, code.at(place), &op);
                 if careful {
                     return;
@@ -202,15 +207,16 @@ impl<C: Cost> Core<C> {
         }
     }
 
-    /// The instruction at `pc` where it is not simply the one of a constant page.
+    /// The instruction at `pc` where it is not simply the one of its page; `known` tells that `op`, which is there, is
+    /// what memory holds.
     #[inline(never)]
-    fn careful_op<B: Bus>(&mut self, bus: &mut B, code: &mut Code, pc: u32, op: Op, constant: bool) -> Op {
+    fn careful_op<B: Bus>(&mut self, bus: &mut B, code: &mut Code, pc: u32, op: Op, known: bool) -> Op {
         if never_executable(pc) || !self.mpu_fetch(pc) || !self.mpu_fetch(pc.wrapping_add(2)) && op.size == 4 {
             return decode::fault(Fault::MemInstruction);
         }
         let refused = self.refused_call.take() == Some(pc);
         let over = self.passed.take() == Some(pc);
-        let op = if over || !constant { code.changing(bus, pc, over) } else { op };
+        let op = if over || !known { code.changing(bus, pc, over) } else { op };
         // EPSR.ICI belongs to an interrupted load/store multiple (ARM ARM B1.4.2).
         if self.ici != 0 && !matches!(op.what, Do::Ldm { .. } | Do::Stm { .. }) {
             self.ici = 0;
@@ -220,11 +226,12 @@ impl<C: Cost> Core<C> {
     }
 
     /// Executes `first`; unless `GOES` is [`ONCE`], what follows on `page`, too, while the cycle is below the limit
-    /// and, if it is [`WHILE_CURRENT`], while memory holds what was decoded.
+    /// and, if it is [`WHILE_UNWRITTEN`], while nothing is written into a page that is watched.
     #[inline(never)]
     fn burst<B: Bus, const GOES: u8>(&mut self, bus: &mut B, page: &Page, first: &Op) {
         let mut op = first;
         let mut pc = self.r[15];
+        let rewritten = bus.rewritten();
         loop {
             let it = self.it;
             // At a breakpoint nothing is fetched yet: time stands still until the instruction there is executed.
@@ -239,8 +246,9 @@ impl<C: Cost> Core<C> {
                         }
                         self.r[15] = next;
                         pc = next;
-                        self.cycle += cost::<C>(op);
-                        self.retired += 1;
+                        // Neither comes near 2^64: a check at each instruction would find nothing.
+                        self.cycle = self.cycle.wrapping_add(cost::<C>(op));
+                        self.retired = self.retired.wrapping_add(1);
                     }
                     Err(fault) => {
                         self.fail(bus, op, it, fault);
@@ -253,7 +261,7 @@ impl<C: Cost> Core<C> {
             if GOES == ONCE || self.cycle >= self.limit || !page.holds(pc) {
                 return;
             }
-            if GOES == WHILE_CURRENT && !page.is_current(bus, pc) {
+            if GOES == WHILE_UNWRITTEN && bus.rewritten() != rewritten {
                 return;
             }
             op = page.op(pc);

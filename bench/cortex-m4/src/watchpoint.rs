@@ -89,7 +89,7 @@ impl<C: Cost> Core<C> {
     /// not leave it in the middle, which would take time. What an access set off meanwhile does.
     pub(crate) fn limit_of_multiple<B: Bus>(&self, bus: &mut B) -> u64 {
         match self.paused {
-            Some(Exit::Watchpoint) if !bus.signals().changed => self.watchpoints.limit,
+            Some(Exit::Watchpoint) if !bus.signals().is_announced() => self.watchpoints.limit,
             _ => self.limit,
         }
     }

@@ -3,7 +3,7 @@
 mod common;
 
 use common::{CODE, DEVICE, RAM, Rig};
-use cortex_m4::{Exit, Optimistic, Pessimistic, Register};
+use cortex_m4::{Cost, Exit, Fast, Optimistic, Pessimistic, Register};
 
 /// movs r0, #10; loop: subs r0, #1; bne loop; b .
 const COUNT: &[u16] = &[0x200A, 0x3801, 0xD1FD, 0xE7FE];
@@ -140,11 +140,12 @@ fn a_semihosting_call_is_answered_by_the_caller() {
     assert_eq!((rig.r(0), rig.core.pc()), (41, CODE + 6));
 }
 
-/// Code in RAM, from its byte 0x200 on, at which a branch by r4 arrives: with and without the shorter way to fetch it.
-fn in_ram(code: &[u16]) -> [Rig<cortex_m4::Fast>; 2] {
-    [true, false].map(|fetches_both| {
+/// Code in RAM, from its byte 0x200 on, at which a branch by r4 arrives: RAM that is watched for writes, and RAM that is
+/// not.
+fn in_ram(code: &[u16]) -> [Rig<Fast>; 2] {
+    [true, false].map(|watches| {
         let mut rig = Rig::new(&[0x4720]);
-        rig.board.fetches_both = fetches_both;
+        rig.board.watches = watches;
         for (index, half) in code.iter().enumerate() {
             rig.board.ram[0x200 + 2 * index..][..2].copy_from_slice(&half.to_le_bytes());
         }
@@ -174,11 +175,38 @@ fn code_in_ram_that_rewrites_itself_in_a_loop_is_executed_as_memory_holds_it_now
         assert_eq!(rig.core.run(&mut rig.board, 200), Exit::Until);
         assert_eq!((rig.r(5), rig.r(6)), ((1..=8).sum(), 8));
         // Two loops over the same code, the second with what a bus controller wrote meanwhile.
-        rig.board.ram[0x202] = 100;
-        rig.board.ram[0x204..][..2].copy_from_slice(&0x1A2D_u16.to_le_bytes());
+        rig.board.set_word(RAM + 0x200, 0x0064_F240);
+        rig.board.set_word(RAM + 0x204, 0x3101_1A2D);
         rig.set(15, RAM + 0x200).set(5, 1000).set(6, 7);
         assert_eq!(rig.core.run(&mut rig.board, 240), Exit::Until);
         assert_eq!(rig.r(5), 900, "subs r5, r5, r0");
+    }
+}
+
+/// So often that the page is no longer watched.
+#[test]
+fn code_that_writes_into_its_own_page_for_ever_is_executed_as_memory_holds_it_now() {
+    // loop: movw r0, #0; adds r1, #1; strh r1, [r2]; adds r5, r5, r0; b loop; r1 is the second halfword of movw.
+    for mut rig in in_ram(&[0xF240, 0x0000, 0x3101, 0x8011, 0x182D, 0xE7F9]) {
+        rig.set(1, 0).set(2, RAM + 0x202).set(5, 0);
+        assert_eq!(rig.core.run(&mut rig.board, 1 + 6 * 200), Exit::Until);
+        // The second halfword has bits 11:0 of the value in three pieces; below 256 it is the value.
+        assert_eq!((rig.r(1), rig.r(5)), (200, (0..200).sum()));
+    }
+}
+
+#[test]
+fn an_instruction_across_two_pages_of_ram_is_executed_as_memory_holds_it_now() {
+    for mut rig in in_ram(&[0xBF00]) {
+        // From 0x3FC on: nop; movw r0, #1 across 0x400; bx r3 (back to nop).
+        rig.board.set_word(RAM + 0x3FC, 0xF240_BF00);
+        rig.board.set_word(RAM + 0x400, 0x4718_0001);
+        rig.set(4, RAM + 0x3FD).set(3, RAM + 0x3FD);
+        assert_eq!(rig.core.run(&mut rig.board, 20), Exit::Until);
+        assert_eq!(rig.r(0), 1);
+        rig.board.set_word(RAM + 0x400, 0x4718_0002);
+        assert_eq!(rig.core.run(&mut rig.board, 40), Exit::Until);
+        assert_eq!(rig.r(0), 2);
     }
 }
 
@@ -247,6 +275,30 @@ fn what_is_no_instruction_ends_in_a_lockup_without_a_handler() {
         assert_eq!(rig.core.run(&mut rig.board, 2000), Exit::Until);
         assert_eq!((rig.core.cycle(), rig.core.idle()), (2000, 2000 - at));
     }
+}
+
+/// CPSID f; CCR = r3; r0 = the word at r1, where nothing is; r6 = CFSR; r7 = BFAR; a store there; B .
+const PROBE: &[u16] = &[0xB671, 0x6013, 0x6808, 0x6826, 0x682F, 0x6008, 0xE7FE];
+
+/// BFHFNMIGN has handlers of priority -1 and -2 ignore a data bus fault (ARM ARM B3.2.8): the exception, not the status,
+/// which is set for each precise fault (B3.2.15, PRECISERR and BFARVALID) and is how firmware probes an address.
+#[test]
+fn firmware_that_probes_an_address_under_faultmask_reads_that_nothing_answered() {
+    fn probes<C: Cost>() {
+        let mut rig = Rig::<C>::with_clock(PROBE);
+        rig.set(0, 5).set(1, 0x7000_0000).set(2, 0xE000_ED14).set(3, 1 << 9 | 1 << 8);
+        rig.set(4, 0xE000_ED28).set(5, 0xE000_ED38);
+        assert_eq!(rig.core.run(&mut rig.board, 100), Exit::Until);
+        assert_eq!((rig.r(0), rig.r(6), rig.r(7)), (0, 1 << 15 | 1 << 9, 0x7000_0000), "{}", C::NAME);
+        assert_eq!((rig.core.pc(), rig.core.locked_up(), rig.core.active_exception()), (CODE + 12, false, 0));
+        // The same without BFHFNMIGN.
+        let mut rig = Rig::<C>::with_clock(PROBE);
+        rig.set(1, 0x7000_0000).set(2, 0xE000_ED14).set(3, 1 << 9);
+        assert_eq!(rig.core.run(&mut rig.board, 100), Exit::Lockup, "{}", C::NAME);
+    }
+    probes::<Fast>();
+    probes::<Optimistic>();
+    probes::<Pessimistic>();
 }
 
 #[test]

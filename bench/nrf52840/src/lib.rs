@@ -66,7 +66,7 @@ use bench_seam::{
 };
 use cortex_m4::{Access, Bound, BusError, Config, Signals, Width};
 pub use ctrl_ap::CtrlRequest;
-use memory::{CODE_RAM_BASE, FLASH_BYTES, RAM_BASE, RAM_BYTES};
+use memory::{FLASH_BYTES, RAM_BASE, RAM_BYTES};
 use soc::Soc;
 
 /// The core clock, in Hz, where its source is exact.
@@ -378,16 +378,22 @@ impl Part for Nrf52840 {
         read.map(|half| half as u16).ok_or(BusError)
     }
 
-    #[inline(always)]
-    fn fetch_both(&self, address: u32) -> Option<u32> {
-        let ram = &self.soc.memory.ram;
-        let at_alias = |base| ram.read(address.wrapping_sub(base), Width::Word);
-        at_alias(CODE_RAM_BASE).or_else(|| at_alias(RAM_BASE))
-    }
-
     #[inline]
     fn is_constant(&self, address: u32) -> bool {
         address < FLASH_BYTES
+    }
+
+    fn watch_code(&mut self, address: u32) -> bool {
+        matches!(memory::place(address), Some(memory::Place::Ram(offset)) if self.soc.memory.ram.watch(offset))
+    }
+
+    fn is_watched(&self, address: u32) -> bool {
+        matches!(memory::place(address), Some(memory::Place::Ram(offset)) if self.soc.memory.ram.is_watched(offset))
+    }
+
+    #[inline(always)]
+    fn rewritten(&self) -> u64 {
+        self.soc.memory.ram.rewritten()
     }
 
     #[inline]
@@ -475,7 +481,7 @@ impl Part for Nrf52840 {
     }
 
     fn memory_mut(&mut self, address: u32, size: usize) -> Option<&mut [u8]> {
-        if address < FLASH_BYTES || (CODE_RAM_BASE..CODE_RAM_BASE + RAM_BYTES).contains(&address) {
+        if address < FLASH_BYTES {
             self.soc.signals.forget_code();
         }
         self.soc.memory.slice_mut(address, size)

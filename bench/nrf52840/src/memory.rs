@@ -111,7 +111,7 @@ impl Memory {
                 self.code_changed = true;
                 (self.flash.bytes_mut(), offset)
             }
-            Place::Ram(offset) => (self.ram.bytes_mut(), offset),
+            Place::Ram(offset) => return self.ram.slice_mut(offset, size),
             Place::Ficr(offset) => (self.ficr.bytes_mut(), offset),
             Place::Uicr(offset) => (self.uicr.bytes_mut(), offset),
         };

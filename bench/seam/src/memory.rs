@@ -55,10 +55,22 @@ pub struct StuckBit {
     pub value: bool,
 }
 
+/// The size of a page of [`Ram`] that can be watched, as a power of two: that of the core's pages of decoded code.
+const PAGE_BITS: u32 = 10;
+
 /// Memory that the core and bus controllers write.
+///
+/// A core that executes from it has its pages watched ([`Ram::watch`]), and all that changes a byte here ends the watch
+/// of its page, so that what was decoded is never executed after memory holds something else.
 #[derive(Clone, Debug)]
 pub struct Ram {
     bytes: Vec<u8>,
+    /// A bit for each page that is watched.
+    watched: Vec<u64>,
+    /// Where a write may meet a watched page: the first offset, and how many there are.
+    near_watched: (usize, usize),
+    /// Watches that a write has ended.
+    rewritten: u64,
     /// The byte of which a bit is stuck; [`usize::MAX`] if none is.
     stuck_at: usize,
     /// The stuck bits of that byte, and what they read.
@@ -69,7 +81,77 @@ impl Ram {
     /// `size` bytes of zero.
     #[must_use]
     pub fn new(size: usize) -> Self {
-        Self { bytes: vec![0; size], stuck_at: usize::MAX, stuck: (0, 0) }
+        Self {
+            bytes: vec![0; size],
+            watched: vec![0; size.div_ceil(64 << PAGE_BITS)],
+            near_watched: (0, 0),
+            rewritten: 0,
+            stuck_at: usize::MAX,
+            stuck: (0, 0),
+        }
+    }
+
+    /// The page of 1 KiB that has `offset` is watched until something in it is written. Answers whether it is there.
+    pub fn watch(&mut self, offset: u32) -> bool {
+        let page = (offset >> PAGE_BITS) as usize;
+        let there = offset < self.bytes.len() as u32;
+        if there {
+            self.watched[page / 64] |= 1 << (page % 64);
+            self.settle_watches();
+        }
+        there
+    }
+
+    /// Whether the page that has `offset` is watched, and so was not written since.
+    #[must_use]
+    pub fn is_watched(&self, offset: u32) -> bool {
+        let page = (offset >> PAGE_BITS) as usize;
+        self.watched.get(page / 64).is_some_and(|word| word >> (page % 64) & 1 != 0)
+    }
+
+    /// How many watches of pages a write has ended so far.
+    #[must_use]
+    #[inline(always)]
+    pub fn rewritten(&self) -> u64 {
+        self.rewritten
+    }
+
+    /// Works out where a write of up to four bytes may meet a watched page.
+    fn settle_watches(&mut self) {
+        let pages = 0..64 * self.watched.len();
+        let is_watched = |page: &usize| self.watched[page / 64] >> (page % 64) & 1 != 0;
+        self.near_watched = match (pages.clone().find(is_watched), pages.rev().find(is_watched)) {
+            (Some(first), Some(last)) => {
+                let first = (first << PAGE_BITS).saturating_sub(3);
+                (first, (last + 1 << PAGE_BITS) - first)
+            }
+            _ => (0, 0),
+        };
+    }
+
+    /// `size` bytes from `at` on change.
+    #[cold]
+    #[inline(never)]
+    fn rewrite(&mut self, at: usize, size: usize) {
+        let last = at.saturating_add(size).min(self.bytes.len());
+        if last <= at {
+            return;
+        }
+        let before = self.rewritten;
+        for page in at >> PAGE_BITS..=(last - 1) >> PAGE_BITS {
+            let (word, bit) = (page / 64, 1 << (page % 64));
+            self.rewritten += u64::from(self.watched[word] & bit != 0);
+            self.watched[word] &= !bit;
+        }
+        if self.rewritten != before {
+            self.settle_watches();
+        }
+    }
+
+    /// Whether a write at `at` may be into a watched page.
+    #[inline(always)]
+    fn may_be_watched(&self, at: usize) -> bool {
+        at.wrapping_sub(self.near_watched.0) < self.near_watched.1
     }
 
     /// A bit is stuck from now on, and no other; `address` counts from this memory's start. `None`: every bit takes
@@ -84,6 +166,7 @@ impl Ram {
     #[cold]
     fn keep_stuck(&mut self) {
         let (mask, value) = self.stuck;
+        self.rewrite(self.stuck_at, 1);
         if let Some(byte) = self.bytes.get_mut(self.stuck_at) {
             *byte = *byte & !mask | value;
         }
@@ -97,9 +180,16 @@ impl Ram {
     }
 
     /// All of it, to change. What is written so a stuck bit takes until the next [`Ram::write`] there.
-    #[inline]
     pub fn bytes_mut(&mut self) -> &mut [u8] {
+        self.rewrite(0, self.bytes.len());
         &mut self.bytes
+    }
+
+    /// As [`Ram::bytes_mut`], `size` bytes from `offset` on: `None` where some are past the end.
+    pub fn slice_mut(&mut self, offset: u32, size: usize) -> Option<&mut [u8]> {
+        let at = offset as usize;
+        self.rewrite(at, size);
+        self.bytes.get_mut(at..at.checked_add(size)?)
     }
 
     /// Reads at `offset`, `None` past the end.
@@ -116,11 +206,14 @@ impl Ram {
         if offset & (width as u32 - 1) != 0 { None } else { read(&self.bytes, offset, width) }
     }
 
-    /// As [`Ram::write`], and `false` where `offset` is not a multiple of the width.
+    /// As [`Ram::write`] where nothing watches; `false` where a page that is watched may be near, or where `offset` is not
+    /// a multiple of the width.
     #[must_use]
     #[inline(always)]
     pub fn write_aligned(&mut self, offset: u32, width: Width, value: u32) -> bool {
-        offset & (width as u32 - 1) == 0 && self.write(offset, width, value)
+        offset & (width as u32 - 1) == 0
+            && !self.may_be_watched(offset as usize)
+            && self.put(offset as usize, width, value)
     }
 
     /// Writes the low bytes of `value` at `offset`; `false` past the end.
@@ -128,6 +221,14 @@ impl Ram {
     #[inline(always)]
     pub fn write(&mut self, offset: u32, width: Width, value: u32) -> bool {
         let at = offset as usize;
+        if self.may_be_watched(at) {
+            self.rewrite(at, width.bytes() as usize);
+        }
+        self.put(at, width, value)
+    }
+
+    #[inline(always)]
+    fn put(&mut self, at: usize, width: Width, value: u32) -> bool {
         let written = match width {
             Width::Byte => self.bytes.get_mut(at).map(|to| *to = value as u8),
             Width::Half => self.bytes.get_mut(at..at + 2).map(|to| to.copy_from_slice(&(value as u16).to_le_bytes())),
@@ -148,4 +249,38 @@ fn read(bytes: &[u8], offset: u32, width: Width) -> Option<u32> {
         Width::Half => u32::from(u16::from_le_bytes(bytes.get(at..at + 2)?.try_into().ok()?)),
         Width::Word => u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const KIB: u32 = 1 << PAGE_BITS;
+
+    /// Everything that can change a byte of RAM.
+    #[test]
+    fn each_way_to_change_a_byte_ends_the_watch_of_its_page_alone() {
+        let ways: [fn(&mut Ram); 7] = [
+            |ram| assert!(ram.write(2 * KIB, Width::Byte, 1)),
+            |ram| assert!(ram.write(3 * KIB - 1, Width::Byte, 1)),
+            |ram| assert!(ram.write(2 * KIB - 2, Width::Word, 1)),
+            |ram| assert!(ram.write(2 * KIB + 4, Width::Word, 1)),
+            |ram| assert!(ram.slice_mut(2 * KIB - 2, 3).is_some()),
+            |ram| ram.stick(Some(StuckBit { address: 2 * KIB, bit: 0, value: true })),
+            |ram| assert!(ram.bytes_mut().len() == 8 * KIB as usize),
+        ];
+        for (index, way) in ways.iter().enumerate() {
+            let mut ram = Ram::new(8 * KIB as usize);
+            assert!(ram.watch(2 * KIB + 7) && ram.watch(5 * KIB) && !ram.watch(8 * KIB));
+            assert!(!ram.write_aligned(3 * KIB, Width::Byte, 1), "it may be near a page that is watched");
+            assert!(ram.write_aligned(KIB, Width::Word, 1) && ram.write_aligned(6 * KIB, Width::Word, 1));
+            assert!(ram.write(3 * KIB, Width::Word, 1) && ram.write(KIB, Width::Half, 1));
+            assert_eq!((ram.is_watched(2 * KIB), ram.is_watched(5 * KIB), ram.rewritten()), (true, true, 0));
+            way(&mut ram);
+            let all = index == 6;
+            assert_eq!((ram.is_watched(2 * KIB), ram.is_watched(5 * KIB)), (false, !all), "way {index}");
+            assert_eq!(ram.rewritten(), if all { 2 } else { 1 });
+            assert!(ram.write_aligned(2 * KIB, Width::Word, 1), "nothing is watched there any more");
+        }
+    }
 }

@@ -138,15 +138,26 @@ pub trait Part: Clone + std::fmt::Debug + Send + 'static {
     /// [`BusError`] where nothing can be executed.
     fn fetch(&mut self, address: u32) -> Result<u16, BusError>;
 
-    /// See [`cortex_m4::Bus::fetch_both`].
-    #[inline(always)]
-    fn fetch_both(&self, address: u32) -> Option<u32> {
-        let _ = address;
-        None
-    }
-
     /// See [`cortex_m4::Bus::is_constant`].
     fn is_constant(&self, address: u32) -> bool;
+
+    /// See [`cortex_m4::Bus::watch_code`], which [`crate::Ram`] carries out.
+    fn watch_code(&mut self, address: u32) -> bool {
+        let _ = address;
+        false
+    }
+
+    /// See [`cortex_m4::Bus::is_watched`].
+    fn is_watched(&self, address: u32) -> bool {
+        let _ = address;
+        false
+    }
+
+    /// See [`cortex_m4::Bus::rewritten`].
+    #[inline(always)]
+    fn rewritten(&self) -> u64 {
+        0
+    }
 
     /// The next cycle at which something happens in the part.
     fn due(&self) -> Cycle;

@@ -13,10 +13,8 @@ impl<B: Board, C: Cost> Node<B, C> {
     #[must_use]
     pub fn programmed(part: B::Part, board: B) -> Self {
         let mut node = Self::begin(part, board, &Firmware::raw("what is in flash", Vec::new()));
-        // What is in flash may be written anew: its handlers are then elsewhere.
-        if let Some(handler) = node.traps.hard_fault.take() {
-            node.core.clear_breakpoint(u32::try_from(handler).unwrap_or(u32::MAX));
-        }
+        // What runs there until it is written anew is nobody's firmware.
+        node.core.tell_hard_faults(false);
         node
     }
 

@@ -141,7 +141,7 @@ impl<B: Board, C: Cost> Node<B, C> {
 
     fn is_trap(&self, address: u64) -> bool {
         let traps = &self.traps;
-        traps.hard_fault == Some(address) || traps.default_handler.contains(&address) || traps.panic.contains(&address)
+        traps.default_handler.contains(&address) || traps.panic.contains(&address)
     }
 
     fn place(&self) -> (u32, u32, u16) {

@@ -106,7 +106,6 @@ pub struct Node<B: Board, C: Cost = Fast> {
 /// Instructions the node stops at to report what happened, and goes on from.
 #[derive(Clone, Debug, Default)]
 struct Traps {
-    hard_fault: Option<u64>,
     default_handler: BTreeSet<u64>,
     panic: BTreeSet<u64>,
 }

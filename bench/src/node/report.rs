@@ -15,7 +15,10 @@ const HFSR: u32 = 0xE000_ED2C;
 const BFAR: u32 = 0xE000_ED38;
 
 /// `B .` in Thumb.
-const BRANCH_TO_ITSELF: u64 = 0xE7FE;
+pub(super) const BRANCH_TO_ITSELF: u64 = 0xE7FE;
+
+/// HardFault's number, ARMv7-M ARM table B1-4. Where it is served by the default handler, it is told as what it is.
+const HARD_FAULT: u16 = 3;
 
 impl<B: Board, C: Cost> Node<B, C> {
     /// What went wrong since last asked.
@@ -82,11 +85,9 @@ impl<B: Board, C: Cost> Node<B, C> {
         if memory::value(&self.side.part, pc, 2) == Some(BRANCH_TO_ITSELF) {
             self.core.clear_breakpoint(self.core.pc());
         }
-        if self.traps.hard_fault == Some(pc) {
-            self.report_exception(FindingKind::HardFault);
-        } else if self.traps.panic.contains(&pc) {
+        if self.traps.panic.contains(&pc) {
             self.report_panic();
-        } else if self.traps.default_handler.contains(&pc) {
+        } else if self.traps.default_handler.contains(&pc) && !matches!(self.core.active_exception(), 0 | HARD_FAULT) {
             self.report_exception(FindingKind::UnhandledInterrupt);
         }
     }
@@ -116,7 +117,8 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.locked_up();
     }
 
-    fn report_exception(&mut self, kind: FindingKind) {
+    /// The core has just entered `kind`'s handler.
+    pub(super) fn report_exception(&mut self, kind: FindingKind) {
         let exception = self.core.register(Register::Xpsr) & 0x1FF;
         let returns = self.register(14);
         // EXC_RETURN bit 2 says which stack the core pushed its frame on, ARMv7-M ARM table B1-8.

@@ -1,7 +1,8 @@
 //! One firmware alone on one board, to its end: what `cargo xtask run` and on-target test suites go through.
 //!
-//! The run ends when the firmware exits through semihosting, when it dies (a panic whose handler faults, a HardFault, a
-//! lock-up), when it does nothing but restart, or at a limit of virtual time. defmt-test exits with
+//! The run ends when the firmware exits through semihosting, when it dies (a HardFault, an exception without a handler, a
+//! lock-up), when it does nothing but restart, or at a limit of virtual time. A fault's handler runs on for
+//! [`LAST_WORDS`], so that what it says of the fault is heard, unless the part restarts or locks up before. defmt-test exits with
 //! `SYS_EXIT_EXTENDED`; panic-probe ends a failed test in a HardFault.
 
 use std::collections::BTreeMap;
@@ -51,6 +52,10 @@ impl std::fmt::Display for Clock {
     }
 }
 
+/// How much longer a firmware runs after a HardFault or an exception without a handler, in virtual nanoseconds: at
+/// 115 200 baud 1 150 bytes of a UART.
+const LAST_WORDS: u64 = 100_000_000;
+
 /// A board a firmware can run on alone, with nothing on its pins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Target {
@@ -99,7 +104,20 @@ impl Target {
         firmware: &Firmware,
         connected: Connected,
         limits: Limits,
-        event: impl FnMut(Event<'_>),
+        mut event: impl FnMut(Event<'_>),
+    ) -> Result<Outcome, Error> {
+        self.run_here(clock, firmware, connected, limits, &mut event)
+    }
+
+    /// As [`Target::run_connected`], without a type parameter of the caller's: so the core is compiled in this crate,
+    /// with its options, and not in the caller's.
+    fn run_here(
+        self,
+        clock: Clock,
+        firmware: &Firmware,
+        connected: Connected,
+        limits: Limits,
+        event: &mut dyn FnMut(Event<'_>),
     ) -> Result<Outcome, Error> {
         match clock {
             Clock::Fast => self.run_on::<Fast>(firmware, connected, limits, event),
@@ -113,7 +131,7 @@ impl Target {
         firmware: &Firmware,
         connected: Connected,
         limits: Limits,
-        event: impl FnMut(Event<'_>),
+        event: &mut dyn FnMut(Event<'_>),
     ) -> Result<Outcome, Error> {
         match self {
             Self::Dpr => run_connected::<_, C>(Nrf52840::new(Settings::default()), firmware, connected, limits, event),
@@ -182,6 +200,8 @@ pub struct Outcome {
     pub stack: Option<(usize, usize)>,
     /// What the core was doing at the end, in words.
     pub doing: String,
+    /// Whether the firmware had stopped itself for good by then, see [`Node::stopped_itself`].
+    pub stopped_itself: bool,
 }
 
 impl Outcome {
@@ -253,6 +273,8 @@ pub(crate) struct Running<P: Part, C: Cost> {
     lines: Vec<LogLine>,
     findings: Vec<Finding>,
     died: bool,
+    /// Where the run ends since the firmware has died, virtual ns.
+    last: u64,
     over: bool,
 }
 
@@ -270,7 +292,7 @@ impl<P: Part, C: Cost> Running<P, C> {
         }
         let piece = limits.step.min(limits.virtual_time);
         let (lines, findings) = (Vec::new(), Vec::new());
-        Ok(Self { node, limits, stack, piece, told: 0, lines, findings, died: false, over: false })
+        Ok(Self { node, limits, stack, piece, told: 0, lines, findings, died: false, last: u64::MAX, over: false })
     }
 
     /// Runs to the end of the piece, or to where the board is halted before that, and hands over what it said.
@@ -291,8 +313,9 @@ impl<P: Part, C: Cost> Running<P, C> {
             self.node.find(FindingKind::RestartLoop, None, text);
         }
         let found = self.node.take_findings();
-        self.died |= found.iter().any(|finding| finding.kind.ends_run());
-        self.over = self.died || self.node.exit_status().is_some() || self.node.now() >= self.limits.virtual_time;
+        found.iter().for_each(|finding| self.note_end(finding));
+        let ended = self.died && (restarted || self.node.now() >= self.last);
+        self.over = ended || self.node.exit_status().is_some() || self.node.now() >= self.limits.virtual_time;
         self.hand_over(event);
         // Behind the lines: it stops at every restart, and those were logged before.
         self.node.resets()[self.told..].iter().for_each(|reset| event(Event::Reset(reset)));
@@ -304,7 +327,7 @@ impl<P: Part, C: Cost> Running<P, C> {
         if self.over {
             self.take_findings(event);
         }
-        self.piece = (self.node.now() + self.limits.step).min(self.limits.virtual_time);
+        self.piece = (self.node.now() + self.limits.step).min(self.limits.virtual_time).min(self.last);
     }
 
     /// Hands over what was logged and what the leads saw.
@@ -322,9 +345,20 @@ impl<P: Part, C: Cost> Running<P, C> {
         edges.for_each(|edge| event(Event::Pin(&edge)));
     }
 
+    /// Where the run ends, if `finding` says that the firmware has died.
+    fn note_end(&mut self, finding: &Finding) {
+        if finding.kind.ends_run() {
+            self.died = true;
+            self.last = self.last.min(match finding.kind {
+                FindingKind::HardFault | FindingKind::UnhandledInterrupt => finding.at + LAST_WORDS,
+                _ => finding.at,
+            });
+        }
+    }
+
     fn take_findings(&mut self, event: &mut dyn FnMut(Event<'_>)) {
         for finding in self.node.take_findings() {
-            self.died |= finding.kind.ends_run();
+            self.note_end(&finding);
             event(Event::Finding(&finding));
             self.findings.push(finding);
         }
@@ -368,6 +402,7 @@ impl<P: Part, C: Cost> Running<P, C> {
             load: node.usage().load(),
             stack: stack.map(|stack| (stack.used(node.part()), stack.size())),
             doing: node.doing(),
+            stopped_itself: node.stopped_itself(),
         }
     }
 }

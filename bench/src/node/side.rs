@@ -250,14 +250,22 @@ impl<B: Board> Bus for Side<B> {
         self.part.fetch(address)
     }
 
-    #[inline(always)]
-    fn fetch_both(&self, address: u32) -> Option<u32> {
-        self.part.fetch_both(address)
-    }
-
     #[inline]
     fn is_constant(&self, address: u32) -> bool {
         self.part.is_constant(address)
+    }
+
+    fn watch_code(&mut self, address: u32) -> bool {
+        self.part.watch_code(address)
+    }
+
+    fn is_watched(&self, address: u32) -> bool {
+        self.part.is_watched(address)
+    }
+
+    #[inline(always)]
+    fn rewritten(&self) -> u64 {
+        self.part.rewritten()
     }
 
     #[inline]

@@ -10,9 +10,6 @@ use super::rtt::{Channels, Text};
 use super::side::Side;
 use super::{Board, Error, Firmware, Hold, Node, Traps, memory};
 
-/// HardFault's place in the vector table, ARMv7-M ARM table B1-4.
-const HARD_FAULT: u64 = 3;
-
 impl<B: Board, C: Cost> Node<B, C> {
     /// `part` on `board` with `firmware` in its memory, at power-on.
     ///
@@ -46,19 +43,17 @@ impl<B: Board, C: Cost> Node<B, C> {
     /// The part at power-on, with `firmware` in its memory.
     pub(super) fn begin(part: B::Part, board: B, firmware: &Firmware) -> Self {
         let config = part.core();
-        let boot = u64::from(config.vector_table);
-        let vector = |number: u64| memory::value(&part, boot + 4 * number, 4);
+        // The panic handler is inlined where the linker's optimisation sees that it has one caller.
+        let panics = |name: &str| firmware.functions_called(name).collect::<BTreeSet<u64>>();
+        let handler = panics("rust_begin_unwind");
         let traps = Traps {
-            hard_fault: vector(HARD_FAULT)
-                .filter(|&handler| handler & 1 != 0 && memory::value(&part, handler & !1, 2).is_some())
-                .map(|handler| handler & !1),
             default_handler: firmware
                 .symbol("DefaultHandler_")
                 .or_else(|| firmware.symbol("DefaultHandler"))
                 .map(|symbol| symbol.address)
                 .into_iter()
                 .collect(),
-            panic: firmware.functions_called("rust_begin_unwind").collect(),
+            panic: if handler.is_empty() { panics("core::panicking::panic_fmt") } else { handler },
         };
         let mut node = Self {
             core: Core::new(config),
@@ -83,6 +78,7 @@ impl<B: Board, C: Cost> Node<B, C> {
             hold: Hold::default(),
         };
         node.arm();
+        node.core.tell_hard_faults(true);
         // A part that was made leaves its pins as at power-on, which the board hears of here.
         node.side.with(0, |part, view| part.reset(0, Reset::PowerOn, view));
         node.side.reset = None;
@@ -94,7 +90,7 @@ impl<B: Board, C: Cost> Node<B, C> {
     /// Has the core stop at every trap.
     pub(super) fn arm(&mut self) {
         let traps = &self.traps;
-        for &trap in traps.hard_fault.iter().chain(&traps.default_handler).chain(&traps.panic) {
+        for &trap in traps.default_handler.iter().chain(&traps.panic) {
             self.core.set_breakpoint(u32::try_from(trap).unwrap_or(u32::MAX));
         }
     }

@@ -1,9 +1,10 @@
 //! How a node goes through time.
 
 use bench_seam::{Cycle, NEVER, Reset};
-use cortex_m4::{Bus, Cost, Exit};
+use cortex_m4::{Bus, Cost, Exit, Register};
 
-use super::{Board, Node};
+use super::report::BRANCH_TO_ITSELF;
+use super::{Board, FindingKind, Node, memory};
 
 impl<B: Board, C: Cost> Node<B, C> {
     /// The cycle this board has reached. The core's last instruction may end later.
@@ -115,6 +116,10 @@ impl<B: Board, C: Cost> Node<B, C> {
                     self.met_breakpoint();
                     self.hold_at_end(found);
                 }
+                Exit::HardFault => {
+                    self.report_exception(FindingKind::HardFault);
+                    self.hold_at_end(found);
+                }
                 Exit::Watchpoint => self.met_watchpoint(),
                 Exit::HostCall => self.host_call(),
                 Exit::Lockup => {
@@ -135,6 +140,17 @@ impl<B: Board, C: Cost> Node<B, C> {
         side.note_idle(core.cycle(), core.idle(), rests || !*powered || exit.is_some());
     }
 
+    /// Whether the core loops on one instruction that it does not leave by itself, with interrupts masked or in the
+    /// handler of an exception: what firmware does that has stopped itself for good.
+    #[must_use]
+    pub fn stopped_itself(&self) -> bool {
+        let [primask, faultmask] = [Register::Primask, Register::Faultmask].map(|mask| self.core.register(mask) != 0);
+        self.powered
+            && !self.core.is_asleep()
+            && (primask || faultmask || self.core.active_exception() != 0)
+            && memory::value(&self.side.part, u64::from(self.core.pc()), 2) == Some(BRANCH_TO_ITSELF)
+    }
+
     /// What the core is doing now, in words.
     #[must_use]
     pub fn doing(&self) -> String {
@@ -148,6 +164,8 @@ impl<B: Board, C: Cost> Node<B, C> {
             format!("it hangs {place}")
         } else if self.side.clock.hz == 0 {
             format!("its core has no clock, {place}")
+        } else if self.stopped_itself() {
+            format!("it has stopped itself {place}")
         } else if !self.core.is_asleep() {
             format!("it runs {place}")
         } else if self.side.due().min(self.core.due()) == NEVER {

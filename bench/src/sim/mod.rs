@@ -15,6 +15,7 @@ pub mod flips;
 mod marks;
 pub mod phases;
 mod recorder;
+pub mod speed;
 pub mod telemetry;
 mod upstream;
 

@@ -304,7 +304,13 @@ impl Stm32f429 {
             if busy != 0 && purpose != Purpose::AccessPort {
                 self.stall(busy);
             }
-            let outcome = self.flash.store(offset, width, value, self.now.max(busy), self.clocks.hclk_hz);
+            let outcome = match self.flash.store(offset, width, value, self.now.max(busy), self.clocks.hclk_hz) {
+                Ok(()) => Outcome::Changed,
+                Err(text) => {
+                    self.find(FindingKind::Misuse, pc, "FLASH", text, address);
+                    Outcome::Done
+                }
+            };
             return self.after_flash(outcome, self.now.max(busy), pc);
         }
         if address < SRAM_BASE {

@@ -124,13 +124,18 @@ pub(crate) struct Stream {
     pub(crate) left: u32,
     pub(crate) peripheral: u32,
     pub(crate) memory: u32,
-    /// The FIFO: 16 bytes.
-    fifo: [u8; 16],
+    /// The FIFO's 16 bytes, the oldest lowest.
+    fifo: u128,
     pub(crate) filled: u8,
     /// Bytes still to be read from memory in this lap.
     ahead: u32,
     /// The request that the stream listens to: instance and mask, the mask 0 while the stream is off.
     pub(crate) source: Source,
+}
+
+/// Ones in as many bits as `width` has.
+const fn ones(width: Width) -> u128 {
+    (1 << (8 * width.bytes())) - 1
 }
 
 impl Stream {
@@ -146,7 +151,7 @@ impl Stream {
         left: 0,
         peripheral: 0,
         memory: 0,
-        fifo: [0; 16],
+        fifo: 0,
         filled: 0,
         ahead: 0,
         source: (0, 0),
@@ -205,21 +210,19 @@ impl Stream {
     }
 
     pub(crate) fn push(&mut self, value: u32, width: Width) {
-        let at = usize::from(self.filled);
-        let count = width.bytes() as usize;
-        if at + count <= self.fifo.len() {
-            self.fifo[at..at + count].copy_from_slice(&value.to_le_bytes()[..count]);
-            self.filled += count as u8;
+        let (at, count) = (self.filled, width.bytes() as u8);
+        if at + count <= 16 {
+            let mask = ones(width);
+            self.fifo = self.fifo & !(mask << (8 * at)) | (u128::from(value) & mask) << (8 * at);
+            self.filled += count;
         }
     }
 
     pub(crate) fn pop(&mut self, width: Width) -> u32 {
-        let count = width.bytes() as usize;
-        let mut bytes = [0; 4];
-        bytes[..count].copy_from_slice(&self.fifo[..count]);
-        self.fifo.copy_within(count.., 0);
-        self.filled = self.filled.saturating_sub(count as u8);
-        u32::from_le_bytes(bytes)
+        let value = (self.fifo & ones(width)) as u32;
+        self.fifo >>= 8 * width.bytes();
+        self.filled = self.filled.saturating_sub(width.bytes() as u8);
+        value
     }
 
     /// Whether what came from the peripheral goes to memory now.

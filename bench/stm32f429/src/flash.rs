@@ -296,7 +296,8 @@ impl FlashControl {
         match offset >> 2 {
             0 => {
                 let new = merge(self.acr, offset, width, value) & 0x1F0F;
-                if new & (3 << 11) != 0 && new & (INSTRUCTION_CACHE | DATA_CACHE) != 0 {
+                // ICRST and DCRST lie two bits above ICEN and DCEN; each asks for its own cache to be off (RM0090 3.9.1).
+                if new >> 2 & new & (INSTRUCTION_CACHE | DATA_CACHE) != 0 {
                     find(FindingKind::Misuse, "a cache is reset while it is on: that does nothing");
                 }
                 self.acr = new;
@@ -441,25 +442,36 @@ impl FlashControl {
         Outcome::Changed
     }
 
-    /// A store into flash.
-    pub(crate) fn store(&mut self, offset: u32, width: Width, value: u32, now: Cycle, hz: u64) -> Outcome {
-        if self.cr & (LOCK | PG) != PG || self.cr & (SER | MER | MER1) != 0 {
-            self.fail(PGSERR);
-            return Outcome::Done;
-        }
-        if 1 << (self.cr >> 8 & 3) != width.bytes() {
-            self.fail(PGPERR);
-            return Outcome::Done;
-        }
-        if offset & 15 > 16 - width.bytes() {
-            self.fail(PGAERR);
-            return Outcome::Done;
-        }
+    /// The error flag, and what is wrong, of a store of this width into flash that programs nothing.
+    fn refusal(&self, offset: u32, width: Width) -> Option<(u32, &'static str)> {
         let (bank, sector) = sector_of(offset);
-        if self.is_protected(bank, sector) {
-            self.fail(WRPERR);
-            return Outcome::Done;
+        if self.cr & (LOCK | PG) != PG || self.cr & (SER | MER | MER1) != 0 {
+            Some((PGSERR, "a store into flash without CR.PG alone and unlocked (PGSERR) does nothing, at"))
+        } else if 1 << (self.cr >> 8 & 3) != width.bytes() {
+            Some((PGPERR, "a store into flash of another width than PSIZE (PGPERR) does nothing, at"))
+        } else if offset & 15 > 16 - width.bytes() {
+            Some((PGAERR, "a store into flash across a line of 128 bits (PGAERR) does nothing, at"))
+        } else if self.is_protected(bank, sector) {
+            Some((WRPERR, "a store into a write-protected sector of flash (WRPERR) does nothing, at"))
+        } else {
+            None
         }
+    }
+
+    /// A store into flash; what is wrong with one that programs nothing. `hz` is HCLK.
+    pub(crate) fn store(
+        &mut self,
+        offset: u32,
+        width: Width,
+        value: u32,
+        now: Cycle,
+        hz: u64,
+    ) -> Result<(), &'static str> {
+        if let Some((flag, text)) = self.refusal(offset, width) {
+            self.fail(flag);
+            return Err(text);
+        }
+        let (bank, _) = sector_of(offset);
         let bytes = value.to_le_bytes();
         let at = offset as usize;
         let memory = &mut self.memory.bytes_mut()[at..at + width.bytes() as usize];
@@ -467,7 +479,7 @@ impl FlashControl {
             *to &= byte;
         }
         self.begin(1 << bank, now, hz, PROGRAM_NS);
-        Outcome::Changed
+        Ok(())
     }
 
     /// Wait states of a read at `address`: none where prefetch or a cache has it, else the latency; at worst each line

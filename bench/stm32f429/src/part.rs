@@ -77,6 +77,19 @@ impl Part for Stm32f429 {
         self.flash_offset(address).is_some() && self.flash.is_certain()
     }
 
+    fn watch_code(&mut self, address: u32) -> bool {
+        matches!(self.locate(address), Some((Memory::Sram, offset)) if self.sram.watch(offset as u32))
+    }
+
+    fn is_watched(&self, address: u32) -> bool {
+        matches!(self.locate(address), Some((Memory::Sram, offset)) if self.sram.is_watched(offset as u32))
+    }
+
+    #[inline(always)]
+    fn rewritten(&self) -> u64 {
+        self.sram.rewritten()
+    }
+
     #[inline]
     fn due(&self) -> Cycle {
         self.next
@@ -285,7 +298,7 @@ impl Part for Stm32f429 {
                 self.signals.forget_code();
                 self.flash.memory.bytes_mut()
             }
-            Memory::Sram => self.sram.bytes_mut(),
+            Memory::Sram => return self.sram.slice_mut(at as u32, size),
             Memory::Ccm => self.ccm.bytes_mut(),
             Memory::Factory => self.factory.bytes_mut(),
             Memory::Backup => self.backup.bytes_mut(),

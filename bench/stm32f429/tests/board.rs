@@ -332,6 +332,36 @@ fn flash_is_erased_and_programmed_by_its_interface_alone() {
     assert_eq!(rig.read(FLASH + 0xC) & 0x40, 0x40, "PGPERR: PSIZE is 32 bits");
 }
 
+/// Each cache can be reset while it is off itself (RM0090 3.9.1, ICRST and DCRST); the other's state does not matter.
+#[test]
+fn a_cache_is_reset_while_it_is_off_whether_or_not_the_other_is_on() {
+    const LATENCY: u32 = 5;
+    let faulty = |acr: u32| {
+        let mut rig = Rig::board();
+        rig.write(FLASH, LATENCY | acr);
+        rig.found(FindingKind::Misuse, "a cache is reset while it is on")
+    };
+    let (instruction, data) = (1 << 9, 1 << 10);
+    assert!(!faulty(instruction << 2 | data) && !faulty(data << 2 | instruction) && !faulty((instruction | data) << 2));
+    assert!(faulty(instruction << 2 | instruction) && faulty(data << 2 | data));
+    assert!(faulty((instruction | data) << 2 | data));
+}
+
+#[test]
+fn a_store_into_flash_that_programs_nothing_is_a_finding() {
+    let mut rig = Rig::board();
+    rig.write(0x0810_0000, 0);
+    assert!(rig.found(FindingKind::Misuse, "PGSERR) does nothing, at 0x8100000"), "{:?}", rig.part.findings());
+    rig.write(FLASH + 4, 0x4567_0123);
+    rig.write(FLASH + 4, 0xCDEF_89AB);
+    rig.write(FLASH + 0x10, 1 | 2 << 8);
+    rig.write(0x0810_0000, 0x1234_5678);
+    rig.step(rig.ms(1));
+    assert_eq!((rig.part.findings().len(), rig.read(0x0810_0000)), (1, 0x1234_5678));
+    rig.try_write(0x0810_0004, Width::Byte, 0).expect("flash takes it");
+    assert!(rig.found(FindingKind::Misuse, "PGPERR"), "{:?}", rig.part.findings());
+}
+
 #[test]
 fn a_wrong_flash_key_is_a_bus_error_and_locks_until_the_next_reset() {
     let mut rig = Rig::board();

@@ -64,8 +64,8 @@ impl<C: Cost> Core<C> {
     #[inline]
     pub(crate) fn take_signals<B: Bus>(&mut self, bus: &mut B) {
         let signals = bus.signals();
-        self.system.nvic.set_levels(&signals.lines, signals.nmi);
-        if std::mem::take(&mut signals.event) {
+        self.system.nvic.set_levels(signals.lines(), signals.nmi());
+        if signals.take_event() {
             self.event = true;
             self.attention = true;
         }

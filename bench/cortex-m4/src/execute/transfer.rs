@@ -20,8 +20,11 @@ impl<C: Cost> Core<C> {
         purpose: Purpose,
         privilege: Option<bool>,
     ) -> Result<u32, Fault> {
-        let privileged = privilege.unwrap_or_else(|| self.is_privileged());
-        let value = self.load_as(bus, address, Self::width(format), purpose, privileged)?;
+        let width = Self::width(format);
+        let value = match privilege {
+            None => self.load(bus, address, width, purpose)?,
+            Some(privileged) => self.load_as(bus, address, width, purpose, privileged)?,
+        };
         Ok(match format {
             Format::SignedByte => value as i8 as u32,
             Format::SignedHalf => value as i16 as u32,
@@ -37,13 +40,15 @@ impl<C: Cost> Core<C> {
         value: u32,
         privilege: Option<bool>,
     ) -> Result<(), Fault> {
-        let privileged = privilege.unwrap_or_else(|| self.is_privileged());
         let value = match Self::width(format) {
             Width::Byte => value & 0xFF,
             Width::Half => value & 0xFFFF,
             Width::Word => value,
         };
-        self.store_as(bus, address, Self::width(format), value, Purpose::Data, privileged)
+        match privilege {
+            None => self.store(bus, address, Self::width(format), value, Purpose::Data),
+            Some(privileged) => self.store_as(bus, address, Self::width(format), value, Purpose::Data, privileged),
+        }
     }
 
     /// Puts a loaded value into register `t`, which may be the program counter; gives the next address.
@@ -74,8 +79,18 @@ impl<C: Cost> Core<C> {
     ) -> Result<(), Fault> {
         let (address, offset) = self.dual_address(index, n, imm)?;
         let purpose = if n == 15 { Purpose::Literal } else { Purpose::Data };
-        let first = self.load(bus, address, Width::Word, purpose)?;
-        let second = self.load(bus, address.wrapping_add(4), Width::Word, purpose)?;
+        let privileged = self.is_privileged();
+        let short = self.reaches(address, 8, false, privileged).then(|| {
+            let first = bus.read_memory(address, Width::Word)?;
+            Some((first, bus.read_memory(address.wrapping_add(4), Width::Word)?))
+        });
+        let (first, second) = match short.flatten() {
+            Some(both) => both,
+            None => {
+                let first = self.load(bus, address, Width::Word, purpose)?;
+                (first, self.load(bus, address.wrapping_add(4), Width::Word, purpose)?)
+            }
+        };
         if index != Index::Offset {
             self.set(n, offset);
         }
@@ -94,8 +109,10 @@ impl<C: Cost> Core<C> {
         imm: u32,
     ) -> Result<(), Fault> {
         let (address, offset) = self.dual_address(index, n, imm)?;
-        self.store(bus, address, Width::Word, self.get(t), Purpose::Data)?;
-        self.store(bus, address.wrapping_add(4), Width::Word, self.get(t2), Purpose::Data)?;
+        let privileged = self.is_privileged();
+        let reached = self.reaches(address, 8, true, privileged);
+        self.store_next(bus, address, self.get(t), reached)?;
+        self.store_next(bus, address.wrapping_add(4), self.get(t2), reached)?;
         if index != Index::Offset {
             self.set(n, offset);
         }
@@ -199,6 +216,8 @@ impl<C: Cost> Core<C> {
         let mut address = start.wrapping_add(4 * before);
         let mut values = [0; 16];
         let mut done = 0;
+        let privileged = self.is_privileged();
+        let reached = rest != 0 && self.reaches(address, 4 * rest.count_ones(), false, privileged);
         let moved = rest;
         while rest != 0 {
             let register = rest.trailing_zeros() as usize & 15;
@@ -206,7 +225,7 @@ impl<C: Cost> Core<C> {
                 self.put_list(&values, moved & !rest);
                 return Ok(self.interrupt_multiple(register, rest.count_ones()));
             }
-            values[register] = self.load(bus, address, Width::Word, Purpose::Data)?;
+            values[register] = self.load_next(bus, address, reached)?;
             address = address.wrapping_add(4);
             rest &= rest - 1;
             done += 1;
@@ -241,12 +260,14 @@ impl<C: Cost> Core<C> {
         let (mut rest, before) = if self.ici == 0 { (list, 0) } else { self.continued(list) };
         let mut address = start.wrapping_add(4 * before);
         let mut done = 0;
+        let privileged = self.is_privileged();
+        let reached = rest != 0 && self.reaches(address, 4 * rest.count_ones(), true, privileged);
         while rest != 0 {
             let register = rest.trailing_zeros() as u8;
             if self.is_interrupted(bus, list, n, down, done) {
                 return Ok(self.interrupt_multiple(usize::from(register), rest.count_ones()));
             }
-            self.store(bus, address, Width::Word, self.get(register), Purpose::Data)?;
+            self.store_next(bus, address, self.get(register), reached)?;
             address = address.wrapping_add(4);
             rest &= rest - 1;
             done += 1;

@@ -18,7 +18,7 @@ mod coresight;
 mod debug;
 mod dwt;
 mod fpb;
-mod mpu;
+pub(crate) mod mpu;
 pub(crate) mod nvic;
 mod scb;
 mod systick;
@@ -343,23 +343,25 @@ impl<C: Cost> Core<C> {
     /// Whether the MPU allows a data access.
     #[inline]
     pub(crate) fn mpu_data(&mut self, address: u32, write: bool, privileged: bool) -> bool {
-        if !self.system.mpu.enabled() {
+        if self.mpu_opens(address, 1, write, privileged) {
             return true;
         }
         let priority = self.execution_priority();
         self.system.mpu.data(address, write, privileged, priority)
     }
 
-    /// Whether an access to memory needs no further look at the MPU: it is off, or open to privileged code there.
-    #[inline]
+    /// Whether an access to memory needs no further look at the MPU: it is off, or open to the code there.
+    #[inline(always)]
     pub(crate) fn mpu_opens(&mut self, address: u32, bytes: u32, write: bool, privileged: bool) -> bool {
-        !self.system.mpu.enabled() || privileged && self.system.mpu.opens(address, bytes, write)
+        self.system.mpu.opens(address, bytes, write, privileged)
     }
 
-    /// Whether no instruction of the page of `1 << bits` bytes that has `address` needs a look at the MPU.
-    #[inline]
+    /// Whether no instruction of the page of `1 << bits` bytes that has `address` needs a look at the MPU or at the
+    /// default memory map.
+    #[inline(always)]
     pub(crate) fn mpu_opens_page(&mut self, address: u32, bits: u32) -> bool {
-        !self.system.mpu.enabled() || self.is_privileged() && self.system.mpu.opens_page(address, bits)
+        let privileged = self.is_privileged();
+        self.system.mpu.opens_page(address, bits, privileged)
     }
 
     /// Whether the MPU and the default memory map allow the core to execute at `address`.

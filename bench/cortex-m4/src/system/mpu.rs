@@ -11,7 +11,7 @@ const ENABLE: u32 = 1;
 const HFNMIENA: u32 = 1 << 1;
 const PRIVDEFENA: u32 = 1 << 2;
 
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Region {
     /// RBAR bits 31:5.
     base: u32,
@@ -20,19 +20,21 @@ struct Region {
 }
 
 impl Region {
+    /// The region has 2 to the power of this many bytes, where it is on, ARM ARM B3.5.9.
+    fn size(self) -> Option<u32> {
+        let size = (self.attributes >> 1 & 0x1F) + 1;
+        (self.attributes & 1 != 0 && size >= 5).then_some(size)
+    }
+
     /// Whether the region is on and has `address`, ARM ARM B3.5.3.
     fn has(self, address: u32) -> bool {
-        let size = self.attributes >> 1 & 0x1F;
-        if self.attributes & 1 == 0 || size < 4 {
-            return false;
-        }
-        // 2^(size + 1) bytes; the base's bits below that do not take part
-        let inside = if size == 31 { u32::MAX } else { (2u32 << size) - 1 };
-        if (address ^ self.base) & !inside != 0 {
+        let Some(size) = self.size() else { return false };
+        // the base's bits below the size do not take part
+        if u64::from(address ^ self.base) >> size != 0 {
             return false;
         }
         // eighths of a region of 256 bytes or more can be off
-        size < 7 || self.attributes >> (8 + ((address >> (size - 2)) & 7)) & 1 == 0
+        size < 8 || self.attributes >> (8 + ((address >> (size - 3)) & 7)) & 1 == 0
     }
 
     /// RASR.AP, ARM ARM table B3-15.
@@ -48,27 +50,60 @@ impl Region {
     }
 }
 
+/// Addresses next to each other with the same rights, while the MPU applies. Sixteen bytes, so that one is found in a
+/// list by a shift.
+#[derive(Clone, Copy, Debug)]
+#[repr(align(16))]
+struct Span {
+    first: u32,
+    /// The last address less the first.
+    extent: u32,
+    /// What privileged code may do, and [`UNPRIVILEGED`] places higher what other code may.
+    rights: u32,
+}
+
+impl Span {
+    /// A span that has no address whose highest four bits are `place`.
+    const fn elsewhere(place: u32) -> Self {
+        Self { first: (place ^ 8) << 28, extent: 0, rights: 0 }
+    }
+
+    /// Whether all of `bytes`, 1 or more, from `address` on are in it.
+    #[inline(always)]
+    const fn has(&self, address: u32, bytes: u32) -> bool {
+        let offset = address.wrapping_sub(self.first);
+        offset <= self.extent && self.extent - offset >= bytes - 1
+    }
+}
+
 #[derive(Clone, Debug)]
 pub(crate) struct Mpu {
     control: u32,
     number: u32,
     count: u32,
     regions: [Region; 8],
-    /// What the regions say of privileged accesses to lines of [`LINE`] bytes, the least that a region or an eighth of
-    /// one has: a line's number and the bits below, in a place that follows from the number. A place that knows nothing
-    /// is 0.
-    lines: Box<[u32]>,
-    /// Whether all of a page of code may be executed by privileged code, and the line behind it: likewise.
-    pages: [u32; PAGES],
+    /// All addresses, in rising order; empty where the registers have changed since they were worked out.
+    spans: Vec<Span>,
+    /// The span that was last asked for, by the highest four bits of the address.
+    near: [Span; 16],
 }
 
-const LINE: u32 = 32;
-const LINES: usize = 1024;
-const PAGES: usize = 64;
 const READ: u32 = 1;
 const WRITE: u32 = 2;
 const EXECUTE: u32 = 4;
-const KNOWN: u32 = 8;
+const UNPRIVILEGED: u32 = 3;
+
+/// The place in [`Span::rights`] of the right to read or write.
+#[inline(always)]
+pub(crate) const fn data_right(write: bool, privileged: bool) -> u32 {
+    (if write { WRITE } else { READ }) << if privileged { 0 } else { UNPRIVILEGED }
+}
+
+/// The place of the right to execute.
+#[inline(always)]
+const fn fetch_right(privileged: bool) -> u32 {
+    EXECUTE << if privileged { 0 } else { UNPRIVILEGED }
+}
 
 /// Whether code may run there without a region that says so, ARM ARM table B3-1: code, SRAM and external RAM.
 fn default_executable(address: u32) -> bool {
@@ -82,57 +117,113 @@ impl Mpu {
             number: 0,
             count: u32::from(regions.min(8)),
             regions: [Region::default(); 8],
-            lines: vec![0; LINES].into_boxed_slice(),
-            pages: [0; PAGES],
+            spans: Vec::new(),
+            near: std::array::from_fn(|place| Span::elsewhere(place as u32)),
         }
     }
 
     /// Forgets what was decided by registers that are now others.
     fn forget(&mut self) {
-        self.lines.iter_mut().chain(&mut self.pages).for_each(|known| *known = 0);
+        self.spans.clear();
+        self.near = std::array::from_fn(|place| Span::elsewhere(place as u32));
     }
 
-    /// What privileged code may do at `address` while the MPU applies.
-    #[inline]
-    fn decided(&mut self, address: u32) -> u32 {
-        let number = address / LINE;
-        let known = self.lines[number as usize % LINES];
-        if known & KNOWN != 0 && known / LINE == number {
-            return known;
+    /// Works out the spans: between two neighbours of all addresses at which a region, an eighth of one or the default
+    /// map may begin or end, every address has the same rights.
+    fn work_out(&mut self) {
+        // The default map has eight areas; a region begins and ends, and has seven places between eighths.
+        let mut edges = [0_u32; 8 + 8 * 9];
+        let mut count = 0;
+        let mut add = |edge: u32| {
+            edges[count] = edge;
+            count += 1;
+        };
+        (0..8).for_each(|area| add(area << 29));
+        for region in self.regions {
+            let Some(size) = region.size() else { continue };
+            let parts = if size > 7 && region.attributes >> 8 & 0xFF != 0 { 8_u64 } else { 1 };
+            let first = region.base & !(((1_u64 << size) - 1) as u32);
+            // The end of the address space is no edge: it wraps to 0, which is one already.
+            (0..=parts).for_each(|part| add(first.wrapping_add(((part << size) / parts) as u32)));
         }
-        let mut decided = (number * LINE) | KNOWN;
-        for (bit, allowed) in [
-            (READ, self.decide_data(address, false, true)),
-            (WRITE, self.decide_data(address, true, true)),
-            (EXECUTE, self.decide_fetch(address, true)),
-        ] {
-            decided |= if allowed { bit } else { 0 };
+        let edges = &mut edges[..count];
+        edges.sort_unstable();
+        for index in 0..edges.len() {
+            let (first, last) = (edges[index], edges.get(index + 1).map_or(u32::MAX, |next| next.wrapping_sub(1)));
+            if last.wrapping_add(1) == first {
+                continue;
+            }
+            let rights = self.decide(first);
+            match self.spans.last_mut() {
+                Some(before) if before.rights == rights => before.extent = last - before.first,
+                _ => self.spans.push(Span { first, extent: last - first, rights }),
+            }
         }
-        self.lines[number as usize % LINES] = decided;
-        decided
     }
 
-    /// Whether privileged code may read, or write, all bytes from `address` on that are in one line, whatever the
+    /// What may be done at `address` while the MPU applies, or by the default map while it is off.
+    fn decide(&self, address: u32) -> u32 {
+        let region = self.region(address);
+        let mut rights = 0;
+        for privileged in [true, false] {
+            for write in [false, true] {
+                if !self.enabled() || self.decide_data(region, write, privileged) {
+                    rights |= data_right(write, privileged);
+                }
+            }
+            let executes = if self.enabled() {
+                self.decide_fetch(region, address, privileged)
+            } else {
+                default_executable(address)
+            };
+            rights |= if executes { fetch_right(privileged) } else { 0 };
+        }
+        rights
+    }
+
+    /// Finds the span of `address` and keeps it near.
+    #[cold]
+    #[inline(never)]
+    fn approach(&mut self, address: u32) -> Span {
+        if self.spans.is_empty() {
+            self.work_out();
+        }
+        let behind = self.spans.partition_point(|span| span.first <= address);
+        let span = self.spans[behind - 1];
+        self.near[(address >> 28) as usize] = span;
+        span
+    }
+
+    /// The span of `address`.
+    #[inline(always)]
+    fn span(&mut self, address: u32) -> Span {
+        let near = self.near[(address >> 28) as usize];
+        if near.has(address, 1) { near } else { self.approach(address) }
+    }
+
+    /// Whether the right (of [`data_right`]) is given at `address`, whatever the priority. An access that is aligned is in
+    /// one span as a whole, since all begin and end at multiples of 32.
+    #[inline(always)]
+    pub(crate) fn gives(&mut self, address: u32, right: u32) -> bool {
+        let near = &self.near[(address >> 28) as usize];
+        let rights = if near.has(address, 1) { near.rights } else { self.approach(address).rights };
+        rights & right != 0
+    }
+
+    /// Whether the code may read, or write, all bytes from `address` on, as far as one span tells, whatever the
     /// priority.
-    #[inline]
-    pub(crate) fn opens(&mut self, address: u32, bytes: u32, write: bool) -> bool {
-        address % LINE + bytes <= LINE && self.decided(address) & if write { WRITE } else { READ } != 0
+    #[inline(always)]
+    pub(crate) fn opens(&mut self, address: u32, bytes: u32, write: bool, privileged: bool) -> bool {
+        let span = self.span(address);
+        span.rights & data_right(write, privileged) != 0 && span.has(address, bytes)
     }
 
-    /// Whether privileged code may execute all of the page of `1 << bits` bytes that has `address`, and an instruction
-    /// that begins at its end, whatever the priority.
-    #[inline]
-    pub(crate) fn opens_page(&mut self, address: u32, bits: u32) -> bool {
-        let number = address >> bits;
-        let known = self.pages[number as usize % PAGES];
-        if known & KNOWN != 0 && known >> bits == number {
-            return known & EXECUTE != 0;
-        }
-        let first = number << bits;
-        let opens = default_executable(first)
-            && (0..=1 << bits).step_by(LINE as usize).all(|at| self.decided(first.wrapping_add(at)) & EXECUTE != 0);
-        self.pages[number as usize % PAGES] = first | KNOWN | if opens { EXECUTE } else { 0 };
-        opens
+    /// Whether the code may execute all of the page of `1 << bits` bytes that has `address`, and an instruction that
+    /// begins at its end, whatever the priority.
+    #[inline(always)]
+    pub(crate) fn opens_page(&mut self, address: u32, bits: u32, privileged: bool) -> bool {
+        let span = self.span(address);
+        span.rights & fetch_right(privileged) != 0 && span.has(address >> bits << bits, (1 << bits) + 2)
     }
 
     pub(crate) fn enabled(&self) -> bool {
@@ -151,17 +242,13 @@ impl Mpu {
     /// Whether data at `address` may be accessed. `priority` is the execution priority.
     pub(crate) fn data(&mut self, address: u32, write: bool, privileged: bool, priority: i32) -> bool {
         // the private peripheral bus is always of the default map (B3.5.1)
-        if !self.applies(priority) || address >> 20 == 0xE00 {
-            return true;
-        }
-        if privileged {
-            return self.decided(address) & if write { WRITE } else { READ } != 0;
-        }
-        self.decide_data(address, write, privileged)
+        !self.applies(priority)
+            || address >> 20 == 0xE00
+            || self.span(address).rights & data_right(write, privileged) != 0
     }
 
-    fn decide_data(&self, address: u32, write: bool, privileged: bool) -> bool {
-        match self.region(address) {
+    fn decide_data(&self, region: Option<Region>, write: bool, privileged: bool) -> bool {
+        match region {
             Some(region) => region.allows(write, privileged),
             None => privileged && self.control & PRIVDEFENA != 0,
         }
@@ -171,14 +258,11 @@ impl Mpu {
         if !self.applies(priority) {
             return default_executable(address);
         }
-        if privileged {
-            return self.decided(address) & EXECUTE != 0;
-        }
-        self.decide_fetch(address, privileged)
+        self.span(address).rights & fetch_right(privileged) != 0
     }
 
-    fn decide_fetch(&self, address: u32, privileged: bool) -> bool {
-        match self.region(address) {
+    fn decide_fetch(&self, region: Option<Region>, address: u32, privileged: bool) -> bool {
+        match region {
             // system space is execute-never whatever a region says (B3.1)
             Some(region) => {
                 region.allows(false, privileged) && region.attributes >> 28 & 1 == 0 && address < 0xE000_0000
@@ -205,7 +289,7 @@ impl Mpu {
         if self.count == 0 {
             return;
         }
-        self.forget();
+        let before = (self.control, self.regions);
         match offset {
             0x00 => {}
             0x04 => self.control = value & (ENABLE | HFNMIENA | PRIVDEFENA),
@@ -218,6 +302,52 @@ impl Mpu {
                 self.regions[(self.number & 7) as usize].base = value & !0x1F;
             }
             _ => self.regions[(self.number & 7) as usize].attributes = value & 0x173F_FF3F,
+        }
+        if before != (self.control, self.regions) {
+            self.forget();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// SplitMix64.
+    fn next(state: &mut u64) -> u32 {
+        *state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let word = (*state ^ *state >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        (word ^ word >> 27).wrapping_mul(0x94D0_49BB_1331_11EB) as u32
+    }
+
+    /// Regions of all sizes, near each other so that they overlap, with subregions.
+    #[test]
+    fn the_spans_say_of_every_address_what_the_regions_say() {
+        let mut state = 1;
+        for _ in 0..2000 {
+            let mut mpu = Mpu::new(8);
+            for number in 0..8 {
+                mpu.write(0x08, number);
+                let draw = next(&mut state);
+                let size = if draw & 7 == 0 { 31 } else { 4 + draw % 20 };
+                mpu.write(0x0C, 0x2000_0000 + (next(&mut state) & 0x000F_FFE0));
+                let disabled = if draw & 8 == 0 { 0 } else { next(&mut state) & 0xFF00 };
+                mpu.write(0x10, (next(&mut state) & 0x1700_0000) | disabled | size << 1 | u32::from(draw & 0x30 != 0));
+            }
+            mpu.write(0x04, next(&mut state) & 7);
+            mpu.span(0);
+            let ends = mpu.spans.iter().flat_map(|span| [span.first, span.first + span.extent]).collect::<Vec<_>>();
+            let (first, last) = (ends.first().copied(), ends.last().copied());
+            assert_eq!((first, last), (Some(0), Some(u32::MAX)));
+            let drawn = (0..100).map(|_| 0x2000_0000 | next(&mut state) & 0x001F_FFFF);
+            for address in ends.iter().copied().chain(drawn).chain((0..16).map(|place| place << 28)) {
+                assert_eq!(mpu.span(address).rights, mpu.decide(address), "{address:#x}");
+            }
+            for pair in ends[1..ends.len() - 1].chunks(2) {
+                assert_eq!(pair[0].wrapping_add(1), pair[1], "no address is left out");
+                // Two words across the end of a span have no one answer.
+                assert!(!mpu.opens(pair[0], 2, false, true) && !mpu.opens(pair[0], 2, true, false));
+            }
         }
     }
 }

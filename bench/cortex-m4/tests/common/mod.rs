@@ -1,6 +1,8 @@
 //! A part that is nothing but memory: flash at 0, RAM at 0x2000_0000, and a device that logs its accesses.
 #![allow(dead_code, reason = "each test program uses a part of it")]
 
+use std::collections::BTreeSet;
+
 use cortex_m4::{Access, Bound, Bus, BusError, Config, Core, Cost, Exit, Fast, Register, Signals, Width};
 
 /// Where the device is.
@@ -28,8 +30,10 @@ pub(crate) struct Board {
     pub(crate) waits: u32,
     pub(crate) fetches: Vec<u32>,
     pub(crate) bit_banding: bool,
-    /// Whether RAM has the shorter way to fetch.
-    pub(crate) fetches_both: bool,
+    /// Whether pages of RAM can be watched for writes, which are, and how many watches a write has ended.
+    pub(crate) watches: bool,
+    pub(crate) watched: BTreeSet<u32>,
+    pub(crate) rewritten: u64,
     /// Until when, and by which device address, an access asks the core to stop.
     pub(crate) stop_at: Option<u32>,
 }
@@ -56,7 +60,9 @@ impl Board {
             waits: 0,
             fetches: Vec::new(),
             bit_banding: false,
-            fetches_both: true,
+            watches: true,
+            watched: BTreeSet::new(),
+            rewritten: 0,
             stop_at: None,
         }
     }
@@ -69,6 +75,7 @@ impl Board {
     pub(crate) fn set_word(&mut self, address: u32, value: u32) {
         let at = (address - RAM) as usize;
         self.ram[at..at + 4].copy_from_slice(&value.to_le_bytes());
+        self.rewritten += u64::from(self.watched.remove(&(address >> 10)));
     }
 
     #[inline]
@@ -117,6 +124,7 @@ impl Bus for Board {
         let bytes = self.memory(access.address, access.width.bytes()).ok_or(BusError)?;
         let width = bytes.len();
         bytes.copy_from_slice(&value.to_le_bytes()[..width]);
+        self.rewritten += u64::from(self.watched.remove(&(access.address >> 10)));
         Ok(())
     }
 
@@ -129,6 +137,9 @@ impl Bus for Board {
 
     #[inline]
     fn write_memory(&mut self, address: u32, width: Width, value: u32) -> bool {
+        if self.watched.contains(&(address >> 10)) {
+            return false;
+        }
         let (at, bytes) = (address.wrapping_sub(RAM) as usize, width.bytes() as usize);
         let Some(to) = self.ram.get_mut(at..at.saturating_add(bytes)).filter(|_| at.is_multiple_of(bytes)) else {
             return false;
@@ -144,10 +155,21 @@ impl Bus for Board {
         }
     }
 
-    fn fetch_both(&self, address: u32) -> Option<u32> {
-        let at = address.checked_sub(RAM)? as usize;
-        let bytes = self.ram.get(at..at + 4).filter(|_| self.fetches_both)?;
-        Some(u32::from_le_bytes(bytes.try_into().unwrap()))
+    fn watch_code(&mut self, address: u32) -> bool {
+        let watches = self.watches && address >= RAM;
+        if watches {
+            self.watched.insert(address >> 10);
+        }
+        watches
+    }
+
+    fn is_watched(&self, address: u32) -> bool {
+        self.watched.contains(&(address >> 10))
+    }
+
+    #[inline]
+    fn rewritten(&self) -> u64 {
+        self.rewritten
     }
 
     fn is_constant(&self, address: u32) -> bool {

@@ -157,6 +157,12 @@ impl Usart {
         self.cr1 & (UE | enable) == UE | enable && self.bit != 0
     }
 
+    /// Whether a frame with data is under way. M must not change then (RM0090 30.6.4); the idle frame that `TE` sends
+    /// is no data, and what is set up during it holds for the first frame behind it.
+    fn sends_data(&self) -> bool {
+        self.sending.is_some_and(|sending| sending.data.is_some())
+    }
+
     /// Bits between the start and the stop, parity included.
     fn data_bits(&self) -> u32 {
         if self.cr1 & M != 0 { 9 } else { 8 }
@@ -195,7 +201,7 @@ impl Usart {
         let before = (self.is_on(TE), self.is_on(RE));
         let changed = self.cr1 ^ value;
         self.cr1 = value & 0xBFFE;
-        if changed & (M | OVER8) != 0 && self.sending.is_some() {
+        if changed & (M | OVER8) != 0 && self.sends_data() {
             cx.find(FindingKind::Misuse, "the frame format changed while a frame is under way");
         }
         self.set_bit();
@@ -266,7 +272,7 @@ impl Peripheral for Usart {
             }
             0x08 => {
                 let before = (self.is_on(TE), self.is_on(RE));
-                if self.sending.is_some_and(|sending| sending.data.is_some()) && self.brr != value & 0xFFFF {
+                if self.sends_data() && self.brr != value & 0xFFFF {
                     cx.find(FindingKind::Misuse, "BRR changed while a frame is under way");
                 }
                 self.brr = value & 0xFFFF;

@@ -164,6 +164,30 @@ fn the_first_byte_waits_for_the_idle_frame_that_enabling_the_transmitter_sends()
     assert_eq!(rig.lines.uart[0].0, 320);
 }
 
+/// The idle frame that `TE` sends is no data, so what is set up during it is in time; during a frame it is not.
+#[test]
+fn length_and_baud_rate_may_change_during_the_idle_frame_and_not_during_data() {
+    let changes = [(CR1, UE | TE | M), (CR1, UE | TE | OVER8), (BRR, 32)];
+    for (register, value) in changes {
+        let mut rig = Rig::new(Usart::new(1));
+        rig.connect(Signal::Uart(1, UartPin::Tx), 0, 0);
+        rig.write(BRR, 16);
+        rig.write(CR1, UE | TE);
+        rig.write(register, value);
+        assert!(!rig.found("under way"), "{register:#x} during the idle frame");
+    }
+    for (register, value) in changes {
+        let mut rig = Rig::new(Usart::new(1));
+        rig.connect(Signal::Uart(1, UartPin::Tx), 0, 0);
+        rig.write(BRR, 16);
+        rig.write(CR1, UE | TE);
+        rig.run(200);
+        rig.write(DR, 0x41);
+        rig.write(register, value);
+        assert!(rig.found("under way"), "{register:#x} during data");
+    }
+}
+
 #[test]
 fn without_a_baud_rate_nothing_is_sent() {
     let mut rig = Rig::new(Usart::new(1));

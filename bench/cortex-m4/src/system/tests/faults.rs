@@ -83,7 +83,7 @@ fn only_nmi_leaves_a_lockup_in_hard_fault() {
     enable(&mut core, &mut board, 0, 0);
     board.line(0, true);
     assert!(!look(&mut core, &mut board));
-    board.signals.nmi = true;
+    board.signals.drive_nmi(true);
     assert!(look(&mut core, &mut board));
     assert_eq!((core.ipsr, core.locked_up), (2, false));
     assert_eq!(board.word(core.r[13] + 24), 0xFFFF_FFFE);
@@ -217,7 +217,7 @@ fn a_stacking_fault_from_hard_fault_to_nmi_locks_up_for_good() {
     let (mut core, mut board) = machine();
     core.take_fault(&mut board, Fault::Undefined);
     core.r[13] = RAM + 8;
-    board.signals.nmi = true;
+    board.signals.drive_nmi(true);
     look(&mut core, &mut board);
     assert_eq!((core.locked_up, core.execution_priority()), (true, -2));
     assert!(!look(&mut core, &mut board) && core.locked_up);

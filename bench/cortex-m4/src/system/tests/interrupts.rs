@@ -207,7 +207,7 @@ fn nmi_preempts_hard_fault_and_ignores_faultmask() {
     leave(&mut core, &mut board);
     assert!(core.faultmask, "NMI's return leaves FAULTMASK");
     core.cps(false, false, true);
-    board.signals.nmi = true;
+    board.signals.drive_nmi(true);
     assert!(look(&mut core, &mut board), "the input does it too");
 }
 
@@ -270,9 +270,9 @@ fn wfi_does_not_wake_for_what_basepri_masks() {
 fn wfe_wakes_for_an_event_and_with_sevonpend_for_anything_that_becomes_pending() {
     let (mut core, mut board) = machine();
     core.waiting = Some(true);
-    board.signals.event = true;
+    board.signals.raise_event();
     look(&mut core, &mut board);
-    assert_eq!((core.waiting, core.event, board.signals.event), (None, false, false));
+    assert_eq!((core.waiting, core.event, board.signals.take_event()), (None, false, false));
     core.waiting = Some(true);
     board.line(0, true);
     look(&mut core, &mut board);

@@ -77,13 +77,7 @@ impl Board {
     }
 
     pub(super) fn line(&mut self, line: u16, level: bool) {
-        let (word, bit) = (usize::from(line / 64), 1 << (line % 64));
-        if level {
-            self.signals.lines[word] |= bit;
-        } else {
-            self.signals.lines[word] &= !bit;
-        }
-        self.signals.changed = true;
+        self.signals.drive_line(usize::from(line), level);
     }
 
     fn memory(&mut self, address: u32) -> Option<&mut [u8]> {

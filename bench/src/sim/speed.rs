@@ -1,0 +1,59 @@
+//! How fast the bench goes.
+//!
+//! It is measured here and not by the caller, since generic code is compiled with the options of the crate that names
+//! its types: a caller that is not optimised would measure another bench than the one that [`super::run`] runs.
+
+use std::time::Instant;
+
+use super::{Bench, Error, Setup};
+
+/// How often the bench is run. The least time counts, as that of the run that other work on this machine held up least.
+const RUNS: usize = 3;
+
+/// How often the running bench is copied. The least time counts.
+const COPIES: usize = 100;
+
+/// What one virtual second takes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Speed {
+    /// Seconds of this machine for a virtual second.
+    pub seconds: f64,
+    /// Instructions that HORUS's core executes in it.
+    pub horus: f64,
+    /// Instructions that the DPR's core executes in it.
+    pub dpr: f64,
+    /// What a copy of the whole bench takes, in seconds.
+    pub copy: f64,
+}
+
+/// Runs the bench on the fast clock from `warm_up_ns`, which is not measured, to its end.
+///
+/// # Errors
+///
+/// As [`Bench::new`].
+pub fn speed(setup: &Setup, warm_up_ns: u64) -> Result<Speed, Error> {
+    let mut warm: Bench = Bench::new(setup)?;
+    warm.run_to(warm_up_ns, setup.threads);
+    let seconds = |ns: u64| ns as f64 / 1e9;
+    let virtual_seconds = seconds(setup.duration_ns.saturating_sub(warm_up_ns));
+    let copy = (0..COPIES).map(|_| {
+        let began = Instant::now();
+        let copy = warm.clone();
+        let took = began.elapsed();
+        drop(copy);
+        took.as_secs_f64()
+    });
+    let copy = copy.fold(f64::INFINITY, f64::min);
+    let instructions = |bench: &Bench| [bench.horus().instructions(), bench.dpr().instructions()];
+    let before = instructions(&warm);
+    let (mut least, mut after) = (f64::INFINITY, before);
+    for _ in 0..RUNS {
+        let mut bench = warm.clone();
+        let began = Instant::now();
+        bench.run_to(setup.duration_ns, setup.threads);
+        least = least.min(began.elapsed().as_secs_f64());
+        after = instructions(&bench);
+    }
+    let each = |board: usize| (after[board] - before[board]) as f64 / virtual_seconds;
+    Ok(Speed { seconds: least / virtual_seconds, horus: each(0), dpr: each(1), copy })
+}
