@@ -127,6 +127,15 @@ fn row(intake: &Intake, judged: &Judged, at_us: u64) -> String {
             let valid = if v.status.position_valid() { "" } else { "; no position" };
             write!(row, ",{}{valid}", words::fix(v.status.fix_type()))
         }),
+        Place::PortStatus => drone.port_status().map_or(Ok(()), |held| {
+            let (status, age_ms) = (held.values.status, held.age_us(at_us) / 1_000);
+            let words = if status.last_refused() { "last refused" } else { "none refused" };
+            write!(row, ",{},{age_ms},0x{:04x},,,,,,,,,,{words}", held.timestamp, status.bits())
+        }),
+        // Its time is that of the base station that sent it, so it has no age.
+        Place::Uplink => drone.uplink().map_or(Ok(()), |uplink| {
+            write!(row, ",{},,0x{:04x},,,,,,,,,,", uplink.timestamp(), uplink.values().status.bits())
+        }),
     };
     row + "\n"
 }

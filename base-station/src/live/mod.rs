@@ -17,6 +17,7 @@
 pub mod broker;
 pub mod history;
 pub mod lines;
+pub mod mouths;
 pub mod page;
 pub mod playback;
 mod recording;
@@ -32,11 +33,12 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use tokio::sync::watch;
 
-use crate::carrier::mavlink::Verifier;
-use crate::intake::{Carried, Intake};
+use crate::carrier::mavlink::{Verifier, Voice};
+use crate::intake::{Carried, Intake, Kind};
 use crate::recorder::{Files, Fix, Made, Record, Trouble};
 use crate::{Bundle, Change, DroneId, Verdict, export};
 use history::History;
+use mouths::Mouths;
 pub use recording::Recording;
 
 /// Alarms are looked for at least so often.
@@ -120,6 +122,7 @@ pub enum Event {
 pub struct Inlet {
     to: SyncSender<Event>,
     dropped: Arc<AtomicU64>,
+    mouths: Mouths,
 }
 
 impl Inlet {
@@ -162,6 +165,8 @@ pub struct Known {
     pub recording: Option<Made>,
     /// Why nothing is recorded, if it should be.
     pub recorder: Option<Trouble>,
+    /// What the station itself says, if it says anything.
+    pub voice: Option<Voice>,
     /// The time up to which all is known, µs.
     pub now_us: u64,
 }
@@ -179,9 +184,15 @@ pub struct Station {
     known: Arc<Mutex<Known>>,
     changes: watch::Receiver<u64>,
     dropped: Arc<AtomicU64>,
+    mouths: Mouths,
 }
 
 impl Station {
+    /// From now on the station says this.
+    pub fn speak(&self, voice: Voice) {
+        self.known().voice = Some(voice);
+    }
+
     /// What it knows now. What holds it up holds the station up.
     pub fn known(&self) -> MutexGuard<'_, Known> {
         // Whoever panicked while looking has changed nothing.
@@ -246,14 +257,15 @@ pub fn start_publishing(
     let known = Known { intake: Intake::new(verifier), recording, ..Known::default() };
     let known = Arc::new(Mutex::new(known));
     let (changed, changes) = watch::channel(0);
-    let station = Station { known, changes, dropped: Arc::clone(&dropped) };
+    let mouths = Mouths::default();
+    let station = Station { known, changes, dropped: Arc::clone(&dropped), mouths: mouths.clone() };
     let inside = station.clone();
     let handle = thread::spawn(move || {
         let recording = files.map(Recording::start);
         run(&from, &inside, &changed, &time, recording.as_ref(), outlet.as_ref(), told);
         recording.map_or(Ok(()), Recording::finish)
     });
-    (Inlet { to, dropped }, station, handle)
+    (Inlet { to, dropped, mouths }, station, handle)
 }
 
 /// What is not handed on to a broker is told as long as it goes on.
@@ -305,6 +317,11 @@ fn run(
                     let judged = known.intake.take_each(&carried, |_, _| true, hand_on);
                     known.now_us = known.now_us.max(carried.at_us);
                     known.look();
+                    if let (Some(voice), Kind::MavlinkDatagrams, Ok(from)) =
+                        (&mut known.voice, carried.kind, carried.from.parse())
+                    {
+                        voice.heard(carried.line, from, carried.at_us);
+                    }
                     if let Some(recording) = recording {
                         let fixes = Fix::of(&judged, known.intake.fleet());
                         recording.carried(carried, judged, fixes);
@@ -341,6 +358,10 @@ fn run(
             }
             if matches!(time, Time::Clock(_)) {
                 known.look();
+            }
+            let Known { voice, intake, .. } = &mut *known;
+            for (to, bytes) in voice.as_mut().map(|voice| voice.tick(now_us, intake.fleet())).unwrap_or_default() {
+                station.mouths.send(to, &bytes);
             }
             known.recorder = recording.and_then(Recording::trouble);
             if let Some(outlet) = outlet {

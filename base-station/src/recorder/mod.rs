@@ -156,7 +156,7 @@ impl Fix {
         let fix = |judged: &Judged| {
             let drone = fleet.get(judged.drone)?;
             let position = match judged.place {
-                Place::LinkStatus => return None,
+                Place::LinkStatus | Place::PortStatus | Place::Uplink => return None,
                 Place::Reported => {
                     let values = &drone.reported()?.values;
                     let valid = values.status.position_valid();

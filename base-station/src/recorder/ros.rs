@@ -26,7 +26,7 @@ uint16 line         # which socket or port
 string from         # the datagram's sender, or STATION/DRONE of what another station published
 uint8[] bytes       # unchanged
 string[] drones     # of each object: which drone
-uint8[] places      # 0 Link-Status, 1 Reported-Position, 2 to 6 GPS1 to GPS5
+uint8[] places      # 0 Link-Status, 1 Reported-Position, 2 to 6 GPS1 to GPS5, 7 Port-Status, 8 uplink
 string[] verdicts   # new, duplicate, older, out-of-sequence, vacant, or why it was rejected
 ",
 };

@@ -2,7 +2,8 @@
 //!
 //! # Design
 //!
-//! **Read-only.** There is nothing to write but the pace of a playback, and that only where one is played back.
+//! **Read-only.** There is nothing to write but the pace of a playback, and that only where one is played back; and an
+//! uplink to a drone, and that only where the station was started so that it [sends them](crate::carrier::mavlink::voice).
 //! Whoever may open the page may see every drone; by default that is this machine alone.
 //!
 //! **Pushed.** Server-sent events, at most every [`PUSH`], each a whole state: a slow reader gets fewer, never old
@@ -32,11 +33,14 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use base64::prelude::{BASE64_STANDARD, Engine as _};
 use futures_util::stream;
+use profile::{Uplink, UplinkStatus};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::{Instant, sleep};
 
-use super::Station;
 use super::playback::Player;
+use super::{Known, Station};
+use crate::carrier::mavlink::Voice;
+use crate::carrier::mavlink::voice::NotSent;
 use state::With;
 
 /// From one state to the next at least: a screen's refresh.
@@ -94,7 +98,8 @@ struct Page {
     watchers: Arc<Semaphore>,
 }
 
-/// The page of a station, for whoever has `access`; with a player its pace can be set.
+/// The page of a station, for whoever has `access`; with a player its pace can be set. Uplinks can be sent if the
+/// station sends them by now.
 pub fn router(station: Station, player: Option<Arc<Player>>, access: impl Into<Access>) -> Router {
     let page = Page { station, player, watchers: Arc::new(Semaphore::new(MAX_WATCHERS)) };
     let mut router = Router::new()
@@ -106,6 +111,9 @@ pub fn router(station: Station, player: Option<Arc<Player>>, access: impl Into<A
         .route("/events", get(events));
     if page.player.is_some() {
         router = router.route("/playback", post(playback));
+    }
+    if page.station.known().voice.as_ref().is_some_and(Voice::sends_uplinks) {
+        router = router.route("/uplink", post(uplink));
     }
     guarded(router.with_state(page), access)
 }
@@ -228,4 +236,44 @@ async fn playback(State(page): State<Page>, RawQuery(query): RawQuery) -> Respon
         }
     }
     player.changes().to_string().into_response()
+}
+
+/// Sends an uplink: `drone=ID`, `payload=` up to 104 hexadecimal digits, zeros behind them, and `status=` a number, 0 if
+/// there is none. Answers its timestamp; the state says what becomes of it.
+async fn uplink(State(page): State<Page>, RawQuery(query): RawQuery) -> Response {
+    let query = query.unwrap_or_default();
+    let value = |name: &str| query.split('&').find_map(|part| part.strip_prefix(name)?.strip_prefix('='));
+    let status = value("status").map_or(Some(0), |status| status.parse().ok());
+    let (Some(drone), Some(payload), Some(status)) = (value("drone"), value("payload").and_then(payload), status)
+    else {
+        let words = "wanted: drone=ID&payload=HEX, at most 104 hexadecimal digits, and status=0 to 65535";
+        return (StatusCode::BAD_REQUEST, words).into_response();
+    };
+    let mut known = page.station.known();
+    let Known { intake, voice, now_us, .. } = &mut *known;
+    let id = intake.fleet().iter().map(|(id, _)| id).find(|id| id.to_string() == drone);
+    let sent = match (voice, id) {
+        (None, _) => Err(NotSent::NotAllowed),
+        (_, None) => Err(NotSent::UnknownDrone),
+        (Some(voice), Some(id)) => voice.send(*now_us, intake.fleet(), id, UplinkStatus::from_bits(status), payload),
+    };
+    match sent {
+        Ok(timestamp) => (StatusCode::ACCEPTED, timestamp.to_string()).into_response(),
+        Err(why) => (StatusCode::CONFLICT, why.to_string()).into_response(),
+    }
+}
+
+/// The bytes of an uplink's payload in hexadecimal digits.
+fn payload(digits: &str) -> Option<[u8; Uplink::PAYLOAD]> {
+    let mut payload = [0; Uplink::PAYLOAD];
+    let pairs = digits.as_bytes().chunks(2);
+    if digits.is_empty() || pairs.len() > payload.len() {
+        return None;
+    }
+    for (byte, pair) in payload.iter_mut().zip(pairs) {
+        let [high, low] = pair else { return None };
+        let digit = |digit: u8| char::from(digit).to_digit(16);
+        *byte = u8::try_from(digit(*high)? << 4 | digit(*low)?).ok()?;
+    }
+    Some(payload)
 }

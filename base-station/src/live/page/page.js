@@ -411,6 +411,54 @@ function drawNumbers() {
   ] : [], ...unread]);
 }
 
+// ---- uplink
+
+const UPLINK = {
+  sent: "SENT, not known yet whether the DPR has it",
+  written: "WRITTEN: the DPR shows it",
+  refused: "REFUSED by the DPR",
+  unanswered: "NOT ANSWERED: it is not known whether the DPR has it",
+};
+
+let refused = null;            // why the station did not send the last one
+
+function drawUplink() {
+  const section = element("uplink-section"), drone = state.drone;
+  section.hidden = !state.station.uplinks || !drone;
+  if (section.hidden) return;
+  const uplink = drone.uplink, port = drone.port;
+  const words = refused !== null ? "NOT SENT: " + refused : !uplink ? "none sent"
+    : UPLINK[uplink.state] + (uplink.why ? ": " + uplink.why : "");
+  put("uplink-state", words);
+  section.dataset.uplink = refused !== null ? "refused" : uplink ? uplink.state : "";
+  const answer = port && [
+    ["Uplinks that the DPR has stored", String(port.stored)],
+    ["Access violations by kind, together", String(port.violations), port.last_refused],
+    ["Age of Port-Status", seconds(port.age_ms)],
+  ];
+  rows("uplink", [...uplink ? [
+    ["Sent", `${seconds(uplink.ago_ms)} ago, ${uplink.times} times`],
+    ["Known after", uplink.state === "sent" ? "–" : seconds(uplink.after_ms)],
+    ["Timestamp, status", `${uplink.timestamp}, ${uplink.status}`],
+    ["Payload", uplink.payload.replace(/(00)+$/, "") || "00"],
+  ] : [], ...answer || []]);
+}
+
+async function sendUplink(event) {
+  event.preventDefault();
+  if (!state || !state.drone) return;
+  const query = new URLSearchParams({
+    drone: state.drone.id, payload: element("uplink-payload").value, status: element("uplink-status").value || "0",
+  });
+  try {
+    const answer = await fetch("/uplink?" + query, { method: "POST" });
+    refused = answer.ok ? null : await answer.text();
+  } catch {
+    refused = "the base station is not reached";
+  }
+  requestDraw();
+}
+
 // ---- pictures
 
 function prepare(canvas) {
@@ -640,6 +688,7 @@ function requestDraw() {
     drawList();
     drawAlarms();
     drawNumbers();
+    drawUplink();
     drawPlayback();
     // Pictures cost more than words: ten a second are enough.
     if (performance.now() - drawn > 95) {
@@ -779,7 +828,8 @@ addEventListener("keydown", (event) => {
   if (!act || !state || !state.playback || !element("keys").checked) return;
   if (event.ctrlKey || event.altKey || event.metaKey || event.isComposing) return;
   // A list takes letters itself. A key that is held jumps on and on, but does not pause and play in turn.
-  if (event.target instanceof HTMLSelectElement || (event.repeat && act === pause)) return;
+  const isText = event.target instanceof HTMLInputElement && ["text", "number"].includes(event.target.type);
+  if (event.target instanceof HTMLSelectElement || isText || (event.repeat && act === pause)) return;
   event.preventDefault();
   act();
 });
@@ -790,6 +840,7 @@ function look(id) {
 }
 
 element("drone").addEventListener("change", (event) => look(event.target.value));
+element("uplink-form").addEventListener("submit", sendUplink);
 element("pause").addEventListener("click", pause);
 element("back").addEventListener("click", () => jump(-JUMP_S));
 element("forward").addEventListener("click", () => jump(JUMP_S));

@@ -6,6 +6,8 @@ use serde::Serialize;
 use super::super::playback::Player;
 use super::super::{Known, Station, history};
 use crate::alarm::Alarms;
+use crate::carrier::mavlink::Voice;
+use crate::carrier::mavlink::voice::{Sending, State as Outcome};
 use crate::drone::words;
 use crate::{Alarm, Drone, DroneId, Fleet, Severity};
 
@@ -54,6 +56,8 @@ struct About {
     signed: bool,
     /// What was refused unread, in words, and how often.
     unread: Vec<(&'static str, u64)>,
+    /// Uplinks can be sent to drones.
+    uplinks: bool,
 }
 
 /// A drone in the list.
@@ -107,8 +111,59 @@ struct Detail {
     reported: Option<Reported>,
     gps: Vec<Option<Gps>>,
     link: Option<Link>,
+    port: Option<Port>,
+    uplink: Option<Uplink>,
     alarms: Vec<Raised>,
     counts: Counts,
+}
+
+/// What the DPR says of its port, in the answer to an uplink.
+#[derive(Serialize)]
+struct Port {
+    age_ms: u64,
+    stored: u32,
+    violations: u32,
+    last_refused: bool,
+}
+
+/// The last uplink that was sent to the drone.
+#[derive(Serialize)]
+struct Uplink {
+    /// ms, of this station's clock: what tells it from others.
+    timestamp: u32,
+    status: u16,
+    payload: String,
+    /// `sent`, `written`, `refused` or `unanswered`.
+    state: &'static str,
+    /// Why it was refused.
+    why: Option<String>,
+    times: u32,
+    /// From its first sending until this was known; as long as it is not, until now.
+    after_ms: u64,
+    ago_ms: u64,
+}
+
+impl Uplink {
+    fn of(sending: &Sending, now_us: u64) -> Self {
+        let values = sending.uplink.values();
+        let (state, why) = match &sending.state {
+            Outcome::Sent => ("sent", None),
+            Outcome::Written => ("written", None),
+            Outcome::Refused(why) => ("refused", Some(why.clone())),
+            Outcome::Unanswered => ("unanswered", None),
+        };
+        let until_us = if sending.state == Outcome::Sent { now_us } else { sending.at_us };
+        Self {
+            timestamp: values.timestamp,
+            status: values.status.bits(),
+            payload: values.payload.iter().map(|byte| format!("{byte:02x}")).collect(),
+            state,
+            why,
+            times: sending.times,
+            after_ms: until_us.saturating_sub(sending.since_us) / 1_000,
+            ago_ms: now_us.saturating_sub(sending.since_us) / 1_000,
+        }
+    }
 }
 
 #[derive(Serialize)]
@@ -237,9 +292,10 @@ fn state(known: &Known, dropped: u64, player: Option<&Player>, drone: Option<&st
                 ("longer than any datagram with objects", refused.oversized),
                 ("other MAVLink messages", refused.foreign),
             ],
+            uplinks: known.voice.as_ref().is_some_and(Voice::sends_uplinks),
         },
         drones: with.list.then(|| fleet.iter().map(line).collect()),
-        drone: shown.map(|(id, drone)| detail(fleet, id, drone, now_us)),
+        drone: shown.map(|(id, drone)| detail(known, id, drone, now_us)),
         history: shown.filter(|_| with.history).map(|(id, drone)| {
             let sample = |sample: &history::Sample| {
                 let gps = sample.gps(drone.receivers()).collect();
@@ -251,7 +307,7 @@ fn state(known: &Known, dropped: u64, player: Option<&Player>, drone: Option<&st
 }
 
 /// The drone of this name; or, if that one is gone, whoever else speaks as it.
-fn asked<'a>(fleet: &'a Fleet, name: &str) -> Option<(DroneId, &'a Drone)> {
+pub(super) fn asked<'a>(fleet: &'a Fleet, name: &str) -> Option<(DroneId, &'a Drone)> {
     let who = |id: DroneId| id.who.to_string();
     fleet.iter().find(|(id, _)| id.to_string() == name).or_else(|| {
         let is_sender = |rest: &str| rest.strip_prefix('-').is_some_and(|number| number.parse::<u8>().is_ok());
@@ -259,7 +315,8 @@ fn asked<'a>(fleet: &'a Fleet, name: &str) -> Option<(DroneId, &'a Drone)> {
     })
 }
 
-fn detail(fleet: &Fleet, id: DroneId, drone: &Drone, now_us: u64) -> Detail {
+fn detail(known: &Known, id: DroneId, drone: &Drone, now_us: u64) -> Detail {
+    let fleet = known.intake.fleet();
     let alarms = drone.alarms_at(now_us);
     let since = |alarm| drone.raised().find(|raised| raised.alarm == alarm).map_or(now_us, |raised| raised.since_us);
     let counts = drone.counts();
@@ -304,6 +361,13 @@ fn detail(fleet: &Fleet, id: DroneId, drone: &Drone, now_us: u64) -> Detail {
                 reset: words::reset(v.status.reset_reason()),
             }
         }),
+        port: drone.port_status().map(|held| Port {
+            age_ms: held.age_us(now_us) / 1_000,
+            stored: held.values.uplinks_accepted,
+            violations: held.values.violations.total(),
+            last_refused: held.values.status.last_refused(),
+        }),
+        uplink: known.voice.as_ref().and_then(|voice| voice.sending(id)).map(|sending| Uplink::of(sending, now_us)),
         alarms: alarms
             .iter()
             .map(|alarm| Raised {

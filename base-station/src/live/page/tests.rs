@@ -10,11 +10,12 @@ use tokio::sync::watch;
 use tower::ServiceExt;
 
 use super::super::Known;
+use super::super::mouths::Mouths;
 use super::super::playback::Contents;
 use super::*;
-use crate::Bundle;
-use crate::carrier::mavlink::{Forwarder, Rates};
+use crate::carrier::mavlink::{Forwarder, Key, Rates, Signer};
 use crate::intake::{Carried, Kind};
+use crate::{Bundle, Who};
 
 const START: u64 = 1_790_000_000_000_000;
 
@@ -61,7 +62,7 @@ fn station() -> (Station, watch::Sender<u64>) {
     known.lines.push(("/dev/ttyUSB0".into(), "unplugged".into()));
     let (changed, changes) = watch::channel(0);
     let dropped = Arc::new(AtomicU64::new(4));
-    (Station { known: Arc::new(Mutex::new(known)), changes, dropped }, changed)
+    (Station { known: Arc::new(Mutex::new(known)), changes, dropped, mouths: Mouths::default() }, changed)
 }
 
 fn run<T>(test: impl Future<Output = T>) -> T {
@@ -332,5 +333,56 @@ fn a_drone_that_is_not_known_is_none() {
             let expected = if query.contains("3&") { Value::from("3") } else { Value::Null };
             assert_eq!(state["drone"]["id"], expected, "{query}");
         }
+    });
+}
+
+#[test]
+fn an_uplink_is_taken_only_where_the_station_sends_them_and_of_its_own_page() {
+    run(async {
+        let post = async |page: &Router, query: &str| {
+            let answer = ask(page, Method::POST, &format!("/uplink{query}"), "localhost").await;
+            (answer.status(), text(answer).await)
+        };
+        // Neither without being told to, nor without a key.
+        let (silent, unsigned, allowed) = (station().0, station().0, station().0);
+        unsigned.speak(Voice::new(254, None).with_uplinks());
+        for without in [&silent, &unsigned] {
+            let page = router(without.clone(), None, local());
+            let (status, _) = post(&page, "?drone=3&payload=01").await;
+            assert!(matches!(status, StatusCode::METHOD_NOT_ALLOWED | StatusCode::NOT_FOUND), "{status}");
+            let state = text(ask(&page, Method::GET, "/state", "localhost").await).await;
+            assert!(state.contains(r#""uplinks":false"#), "{state}");
+        }
+        allowed.speak(Voice::new(254, Some(Signer::new(Key::new([1; 32]), 254))).with_uplinks());
+        let page = router(allowed.clone(), None, local());
+        let whole = "0".repeat(103);
+        let bad = ["", "?drone=3", "?payload=01", "?drone=3&payload=", "?drone=3&payload=0", "?drone=3&payload=%30"];
+        let worse = ["?drone=3&payload=0g", "?drone=3&payload=01&status=65536", "?drone=3&payload=01&status=x"];
+        for bad in bad.into_iter().chain(worse).map(str::to_owned).chain([format!("?drone=3&payload={whole}001")]) {
+            assert_eq!(post(&page, &bad).await.0, StatusCode::BAD_REQUEST, "{bad}");
+        }
+        for none in ["77", "3-2", "%33"] {
+            let (status, words) = post(&page, &format!("?drone={none}&payload=01")).await;
+            assert_eq!((status, words.as_str()), (StatusCode::CONFLICT, "this drone is not known here"));
+        }
+        let foreign =
+            [(header::ORIGIN, "http://example.org"), (HeaderName::from_static("sec-fetch-site"), "cross-site")];
+        for (name, value) in foreign {
+            let request = axum::http::Request::post("/uplink?drone=3&payload=01").header(header::HOST, "localhost");
+            let request = request.header(name, value).body(Body::empty()).unwrap();
+            assert_eq!(page.clone().oneshot(request).await.unwrap().status(), StatusCode::FORBIDDEN);
+        }
+        assert!(allowed.known().voice.as_ref().unwrap().sending(Who::System(3).first()).is_none(), "none was sent");
+        let (status, timestamp) = post(&page, "?drone=3&payload=01fF&status=513").await;
+        assert_eq!(
+            (status, timestamp),
+            (StatusCode::ACCEPTED, ((START + 120_000) as u64 / 1_000 % (1 << 32)).to_string())
+        );
+        let state = text(ask(&page, Method::GET, "/state?drone=3", "localhost").await).await;
+        let uplink = &serde_json::from_str::<Value>(&state).unwrap()["drone"]["uplink"];
+        assert_eq!((&uplink["state"], &uplink["status"], &uplink["times"]), (&json!("sent"), &json!(513), &json!(0)));
+        assert_eq!(uplink["payload"], format!("01ff{}", "0".repeat(100)));
+        let state = text(ask(&page, Method::GET, "/state?drone=9", "localhost").await).await;
+        assert_eq!(serde_json::from_str::<Value>(&state).unwrap()["drone"]["uplink"], Value::Null, "of drone 3 alone");
     });
 }
