@@ -21,7 +21,7 @@ use base_station::live::page::{self, Access};
 use base_station::live::serve::{self, Limits};
 use base_station::live::tls::{Tls, Unusable};
 use base_station::live::{self, Clock, Inlet, Station, Time, lines, playback};
-use base_station::recorder::{Files, Fix, Made, Reader, Recorder};
+use base_station::recorder::{Files, Made, Reader, Recorder, Sample};
 use base_station::{Change, DroneId};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -393,7 +393,7 @@ fn repair(file: &Path, output: PathBuf) -> Result<()> {
     let mut records = 0_u64;
     while let Some(record) = reader.next_record()? {
         let judged = export::judge(&mut intake, &record);
-        recorder.carried(&record.carried, &judged, &Fix::of(&judged, intake.fleet()));
+        recorder.carried(&record.carried, &judged, &Sample::of(&judged, intake.fleet()));
         for (drone, change) in intake.tick(record.carried.at_us) {
             recorder.alarm(drone, change);
         }

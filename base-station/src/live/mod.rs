@@ -25,6 +25,7 @@ pub mod serve;
 pub mod server;
 pub mod tls;
 
+use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -35,7 +36,7 @@ use tokio::sync::watch;
 
 use crate::carrier::mavlink::{Verifier, Voice};
 use crate::intake::{Carried, Intake, Kind};
-use crate::recorder::{Files, Fix, Made, Record, Trouble};
+use crate::recorder::{Files, Made, Record, Sample, Trouble};
 use crate::{Bundle, Change, DroneId, Verdict, export};
 use history::History;
 use mouths::Mouths;
@@ -46,6 +47,9 @@ pub const TICK: Duration = Duration::from_millis(20);
 
 /// How many arrivals may wait for the station: six seconds of a thousand drones at 10 Hz.
 const WAITING: usize = 65_536;
+
+/// So many alarms that came or went are kept, for the page.
+pub const KEPT_CHANGES: usize = 100;
 
 /// What was not handed on to a broker is told for so long, µs.
 const UNPUBLISHED_US: u64 = 5_000_000;
@@ -159,6 +163,8 @@ pub struct Known {
     pub intake: Intake,
     /// Their last minutes.
     pub history: History,
+    /// Alarms that came and went, of all drones, the newest last: at most [`KEPT_CHANGES`].
+    pub alarms: VecDeque<(DroneId, Change)>,
     /// Lines that do not work, and why.
     pub lines: Vec<(String, String)>,
     /// The files of the recording, if there is one.
@@ -172,6 +178,14 @@ pub struct Known {
 }
 
 impl Known {
+    /// Keeps that an alarm came or went.
+    fn note(&mut self, drone: DroneId, change: Change) {
+        if self.alarms.len() == KEPT_CHANGES {
+            self.alarms.pop_front();
+        }
+        self.alarms.push_back((drone, change));
+    }
+
     /// Notes in the history what is known now.
     fn look(&mut self) {
         self.history.look(self.now_us, self.intake.fleet());
@@ -323,8 +337,8 @@ fn run(
                         voice.heard(carried.line, from, carried.at_us);
                     }
                     if let Some(recording) = recording {
-                        let fixes = Fix::of(&judged, known.intake.fleet());
-                        recording.carried(carried, judged, fixes);
+                        let samples = Sample::of(&judged, known.intake.fleet());
+                        recording.carried(carried, judged, samples);
                     }
                 }
                 Event::Played(record) => {
@@ -342,6 +356,7 @@ fn run(
                 Event::Restart(at_us) => {
                     known.intake = Intake::default();
                     known.history = History::default();
+                    known.alarms.clear();
                     known.now_us = at_us;
                 }
             }
@@ -352,6 +367,7 @@ fn run(
             known.now_us = now_us;
             for (drone, change) in known.intake.tick(now_us) {
                 told(drone, change);
+                known.note(drone, change);
                 if let Some(recording) = recording {
                     recording.alarm(drone, change);
                 }
@@ -362,6 +378,11 @@ fn run(
             let Known { voice, intake, .. } = &mut *known;
             for (to, bytes) in voice.as_mut().map(|voice| voice.tick(now_us, intake.fleet())).unwrap_or_default() {
                 station.mouths.send(to, &bytes);
+            }
+            for told in voice.as_mut().map(Voice::take_told).unwrap_or_default() {
+                if let Some(recording) = recording {
+                    recording.uplink(now_us, told);
+                }
             }
             known.recorder = recording.and_then(Recording::trouble);
             if let Some(outlet) = outlet {

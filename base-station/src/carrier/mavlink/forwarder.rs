@@ -7,7 +7,8 @@
 //! never what is older than something that it has sent.
 //!
 //! - Objects that share a message: {Link-Status, Reported-Position}, {GPS1, GPS2}, {GPS3, GPS4}, {GPS5}, and, where it
-//!   is offered as the answer to an uplink ([`inbound`](super::inbound)), {Port-Status, uplink}. None is ever split. A place that is vacant is left out, or zeros if it is between others.
+//!   is offered as the answer to an uplink ([`inbound`](super::inbound)), {Port-Status, uplink}. None is ever split. A
+//!   place that is vacant is left out, or zeros if it is between others.
 //! - Each message goes once a period. If the budget does not suffice for that, Reported-Position goes before
 //!   every message of the others, which take turns: the position is twice as often new as the fastest receiver.
 //! - What is in the image again is not sent again.

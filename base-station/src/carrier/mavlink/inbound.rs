@@ -11,8 +11,8 @@
 //! is written once, and again only while the DPR does not show it: what the DPR has stored it refuses to store again.
 //!
 //! **The answer** is what the DPR itself says: Port-Status and the uplink that it shows, as they are in its map. It is
-//! due once for each message that brought the uplink, at once if the DPR shows it, otherwise [`SHOWN_AFTER_US`] after it
-//! was handed out to be written. What the map shows is read when [`reads_port`](Inbound::reads_port) asks for it.
+//! due once for each message that brought the uplink, at once if the DPR shows it, otherwise [`SHOWN_AFTER_US`] after
+//! it was handed out to be written. What the map shows is read when [`reads_port`](Inbound::reads_port) asks for it.
 //!
 //! No clock, no I/O: who runs it hands datagrams or bytes in, and writes with [`profile::ssi::client::Client::write`].
 
@@ -23,8 +23,8 @@ use super::receiver::{Received, Receiver};
 use super::signing::Verifier;
 use crate::Place;
 
-/// What was written shows in the map after so long, µs: the control cycle that writes it, up to two images of 10 ms, and
-/// another cycle that reads it.
+/// What was written shows in the map after so long, µs: the control cycle that writes it, up to two images of 10 ms,
+/// and another cycle that reads it.
 pub const SHOWN_AFTER_US: u64 = 40_000;
 
 /// Totals.

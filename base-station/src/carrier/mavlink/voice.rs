@@ -8,8 +8,8 @@
 //! ground station off while they hear one. So its type is MAV_TYPE_ONBOARD_CONTROLLER, and its system id [`SYSTEM`]. It
 //! goes to every serial line, and of UDP to whoever was heard there within [`HEARD_US`] and where it was told to.
 //!
-//! **An uplink** is one object, sealed once with the station's time, ms since 1970, which the DPR wants to be newer than
-//! that of the one before. It goes to the drone that it is for, signed, every [`AGAIN_US`], until what the DPR says has
+//! **An uplink** is one object, sealed once with the station's time, ms since 1970, which the DPR wants to be newer
+//! than that of the one before. It goes to the drone that it is for, signed, every [`AGAIN_US`], until what the DPR says has
 //! come back, or [`GIVES_UP_US`] have passed. What comes back is Port-Status and the uplink that the DPR shows:
 //!
 //! | came back | the uplink is |
@@ -72,6 +72,39 @@ pub enum State {
     Refused(String),
     /// It was sent in vain: nothing came back.
     Unanswered,
+}
+
+impl State {
+    /// A name for programs.
+    #[must_use]
+    pub const fn code(&self) -> &'static str {
+        match self {
+            Self::Sent => "sent",
+            Self::Written => "written",
+            Self::Refused(_) => "refused",
+            Self::Unanswered => "unanswered",
+        }
+    }
+
+    /// Why it was refused, if it was.
+    #[must_use]
+    pub fn why(&self) -> Option<&str> {
+        match self {
+            Self::Refused(why) => Some(why),
+            Self::Sent | Self::Written | Self::Unanswered => None,
+        }
+    }
+}
+
+/// What is known of an uplink since now.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Told {
+    /// To which drone.
+    pub drone: DroneId,
+    /// The object.
+    pub uplink: Uplink,
+    /// What became of it.
+    pub state: State,
 }
 
 /// The last uplink to one drone.
@@ -144,13 +177,15 @@ pub struct Voice {
     uplinks: Option<BTreeMap<DroneId, Sending>>,
     /// The timestamp of the uplink that was sealed last, ms.
     sealed: Option<u32>,
+    /// What nobody has taken yet of what became of uplinks.
+    told: Vec<Told>,
 }
 
 impl Voice {
     /// A station with this system id that says nothing; what it is told to say it signs if there is a signer.
     #[must_use]
     pub const fn new(system: u8, signer: Option<Signer>) -> Self {
-        Self { system, sequence: 0, signer, heartbeat: None, uplinks: None, sealed: None }
+        Self { system, sequence: 0, signer, heartbeat: None, uplinks: None, sealed: None, told: vec![] }
     }
 
     /// It says HEARTBEAT, to these addresses too.
@@ -214,6 +249,7 @@ impl Voice {
         self.sealed = Some(timestamp);
         let uplink = Uplink::seal(Writer::<BaseStation>::claim(), &UplinkValues { timestamp, status, payload });
         let (since_us, at_us) = (now_us, now_us);
+        self.told.push(Told { drone, uplink, state: State::Sent });
         uplinks.insert(drone, Sending { uplink, since_us, times: 0, state: State::Sent, at_us, first: None });
         Ok(timestamp)
     }
@@ -222,6 +258,11 @@ impl Voice {
     #[must_use]
     pub fn sending(&self, drone: DroneId) -> Option<&Sending> {
         self.uplinks.as_ref()?.get(&drone)
+    }
+
+    /// What has become of uplinks since this was last called, in its order.
+    pub fn take_told(&mut self) -> Vec<Told> {
+        std::mem::take(&mut self.told)
     }
 
     /// What is to be sent at `now_us`, µs since 1970, and to where; looks at what has come back of uplinks.
@@ -233,9 +274,12 @@ impl Voice {
         }
         let mut due = vec![];
         for (drone, sending) in self.uplinks.iter_mut().flatten() {
-            if sending.look(now_us, fleet, *drone)
-                && let Some((source, system)) = fleet.source(*drone).zip(system_of(*drone))
-            {
+            let before = sending.state.clone();
+            let is_due = sending.look(now_us, fleet, *drone);
+            if sending.state != before {
+                self.told.push(Told { drone: *drone, uplink: sending.uplink, state: sending.state.clone() });
+            }
+            if is_due && let Some((source, system)) = fleet.source(*drone).zip(system_of(*drone)) {
                 due.push((source, system, sending.uplink));
             }
         }

@@ -15,15 +15,23 @@ use crate::{Alarm, Drone, DroneId, Fleet, Severity};
 struct State {
     /// µs since 1970.
     now_us: u64,
+    /// The drone that was asked for; empty if none was.
+    asked: String,
     playback: Option<Playback>,
     station: About,
     /// Of all drones, each half second.
     drones: Option<Vec<Line>>,
+    /// Alarms that came and went, with the list of all drones, the oldest first.
+    log: Option<Vec<Change>>,
     drone: Option<Detail>,
     /// Of the drone, with the first state of a connection.
     #[serde(skip_serializing_if = "Option::is_none")]
     history: Option<Vec<Sample>>,
 }
+
+/// An alarm came or went: when (ms since 1970), of which drone, which, whether it is critical, whether it came.
+#[derive(Serialize)]
+struct Change(u64, String, &'static str, bool, bool);
 
 /// A drone at an instant: when (ms since 1970), the reported place, those of the receivers (degrees), the height (m),
 /// the worst age (s) and the fewest receivers that agreed in the time before.
@@ -146,19 +154,13 @@ struct Uplink {
 impl Uplink {
     fn of(sending: &Sending, now_us: u64) -> Self {
         let values = sending.uplink.values();
-        let (state, why) = match &sending.state {
-            Outcome::Sent => ("sent", None),
-            Outcome::Written => ("written", None),
-            Outcome::Refused(why) => ("refused", Some(why.clone())),
-            Outcome::Unanswered => ("unanswered", None),
-        };
         let until_us = if sending.state == Outcome::Sent { now_us } else { sending.at_us };
         Self {
             timestamp: values.timestamp,
             status: values.status.bits(),
             payload: values.payload.iter().map(|byte| format!("{byte:02x}")).collect(),
-            state,
-            why,
+            state: sending.state.code(),
+            why: sending.state.why().map(str::to_owned),
             times: sending.times,
             after_ms: until_us.saturating_sub(sending.since_us) / 1_000,
             ago_ms: now_us.saturating_sub(sending.since_us) / 1_000,
@@ -234,10 +236,10 @@ pub(super) struct With {
     pub(super) history: bool,
 }
 
-/// The state, with the details of `drone`, or of the first one if none is asked for.
-pub(super) fn json(station: &Station, player: Option<&Player>, drone: Option<&str>, with: With) -> String {
+/// The state, with the details of `drone`, or of the first one if there is none, for whoever `asked` so.
+pub(super) fn json(station: &Station, player: Option<&Player>, drone: Option<&str>, asked: &str, with: With) -> String {
     let known = station.known();
-    let state = state(&known, station.dropped(), player, drone, with);
+    let state = State { asked: asked.to_owned(), ..state(&known, station.dropped(), player, drone, with) };
     drop(known);
     serde_json::to_string(&state).unwrap_or_default()
 }
@@ -260,8 +262,13 @@ fn state(known: &Known, dropped: u64, player: Option<&Player>, drone: Option<&st
     };
     let shown = drone.map_or_else(|| fleet.iter().next(), |drone| asked(fleet, drone));
     let refused = known.intake.refused();
+    let change = |(id, change): &(DroneId, crate::Change)| {
+        let (words, critical) = (change.alarm.words(), change.alarm.severity() == Severity::Critical);
+        Change(change.at_us / 1_000, id.to_string(), words, critical, change.raised)
+    };
     State {
         now_us,
+        asked: String::new(),
         playback: player.map(|player| {
             let (first_us, last_us) = player.span_us();
             let seconds = |us: u64| us.saturating_sub(first_us) as f64 / 1e6;
@@ -295,6 +302,7 @@ fn state(known: &Known, dropped: u64, player: Option<&Player>, drone: Option<&st
             uplinks: known.voice.as_ref().is_some_and(Voice::sends_uplinks),
         },
         drones: with.list.then(|| fleet.iter().map(line).collect()),
+        log: with.list.then(|| known.alarms.iter().map(change).collect()),
         drone: shown.map(|(id, drone)| detail(known, id, drone, now_us)),
         history: shown.filter(|_| with.history).map(|(id, drone)| {
             let sample = |sample: &history::Sample| {
