@@ -6,6 +6,8 @@
 //! | GPX 1.1 | the track of each drone by its Reported-Position, while that is valid; broken where there is a gap |
 //! | KML 2.2 | the same |
 //!
+//! No library writes them: they are numbers, times and names of drones, none of which has a character to escape.
+//!
 //! Heights are above the WGS-84 ellipsoid, as in the objects. KML's are above mean sea level, so its track is drawn on
 //! the ground and the heights are in the coordinates alone.
 

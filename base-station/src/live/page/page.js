@@ -571,7 +571,7 @@ async function sendUplink(event) {
   requestDraw();
 }
 
-// ---- pictures
+// ---- pictures: by hand, since a library for plots is larger than the whole page, which loads nothing from elsewhere
 
 function prepare(canvas) {
   const scale = window.devicePixelRatio || 1;
