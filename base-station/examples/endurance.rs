@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 
 use base_station::intake::{Carried, Intake, Kind};
 use base_station::live::playback::Recording;
-use base_station::recorder::{Files, Fix, Parts, Recorder};
+use base_station::recorder::{Files, Parts, Recorder, Sample};
 use base_station::{Verdict, export};
 use indicatif::{ProgressBar, ProgressStyle};
 use profile::{GpsStatus, GpsValues, LinkStatus, LinkValues, Profile, ReportedStatus, ReportedValues};
@@ -97,7 +97,7 @@ pub(crate) fn run(images: u64, folder: &Path, progress: impl Fn(f64)) -> io::Res
             figures.arrivals += 1;
             figures.shown += judged.iter().filter(|judged| judged.verdict == Verdict::New).count() as u64;
             figures.refused += judged.iter().filter(|judged| !judged.verdict.is_intact()).count() as u64;
-            recorder.carried(&carried, &judged, &Fix::of(&judged, intake.fleet()));
+            recorder.carried(&carried, &judged, &Sample::of(&judged, intake.fleet()));
         }
         for (drone, change) in intake.tick(carried.at_us) {
             recorder.alarm(drone, change);

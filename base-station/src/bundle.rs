@@ -99,9 +99,9 @@ mod tests {
         let lengths = |first| {
             (0..500).filter(|length| Bundle::from_first(first, &vec![0; *length]).is_some()).collect::<Vec<_>>()
         };
-        assert_eq!(lengths(Place::Gps(4)), [60, 120]);
-        assert_eq!(lengths(Place::LinkStatus), [32, 96, 156, 216, 276, 336, 396]);
-        assert!(Bundle::new(Place::Gps(5), 2, &[0; 120]).is_none());
+        assert_eq!(lengths(Place::PortStatus), [64, 128]);
+        assert_eq!(lengths(Place::LinkStatus), [32, 96, 156, 216, 276, 336, 396, 460]);
+        assert!(Bundle::new(Place::Uplink, 2, &[0; 128]).is_none());
         assert!(Bundle::new(Place::Gps(5), usize::MAX, &[0; 120]).is_none());
         assert!(Bundle::new(Place::Gps(5), 0, &[]).is_none());
     }

@@ -6,6 +6,8 @@
 //! | GPX 1.1 | the track of each drone by its Reported-Position, while that is valid; broken where there is a gap |
 //! | KML 2.2 | the same |
 //!
+//! No library writes them: they are numbers, times and names of drones, none of which has a character to escape.
+//!
 //! Heights are above the WGS-84 ellipsoid, as in the objects. KML's are above mean sea level, so its track is drawn on
 //! the ground and the heights are in the coordinates alone.
 
@@ -126,6 +128,15 @@ fn row(intake: &Intake, judged: &Judged, at_us: u64) -> String {
             values(&mut row, head, [v.latitude, v.longitude, v.altitude], [v.pitch, v.yaw, v.roll], v.acceleration)?;
             let valid = if v.status.position_valid() { "" } else { "; no position" };
             write!(row, ",{}{valid}", words::fix(v.status.fix_type()))
+        }),
+        Place::PortStatus => drone.port_status().map_or(Ok(()), |held| {
+            let (status, age_ms) = (held.values.status, held.age_us(at_us) / 1_000);
+            let words = if status.last_refused() { "last refused" } else { "none refused" };
+            write!(row, ",{},{age_ms},0x{:04x},,,,,,,,,,{words}", held.timestamp, status.bits())
+        }),
+        // Its time is that of the base station that sent it, so it has no age.
+        Place::Uplink => drone.uplink().map_or(Ok(()), |uplink| {
+            write!(row, ",{},,0x{:04x},,,,,,,,,,", uplink.timestamp(), uplink.values().status.bits())
         }),
     };
     row + "\n"

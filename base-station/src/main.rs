@@ -11,7 +11,8 @@ use std::thread;
 use std::time::Duration;
 
 use anyhow::{Context, Result, anyhow, bail};
-use base_station::carrier::mavlink::{Key, Verifier};
+use base_station::carrier::mavlink::voice::SYSTEM;
+use base_station::carrier::mavlink::{Key, Signer, Verifier, Voice};
 use base_station::carrier::published::is_station;
 use base_station::export::{self, Form};
 use base_station::intake::{Intake, Kind};
@@ -20,7 +21,7 @@ use base_station::live::page::{self, Access};
 use base_station::live::serve::{self, Limits};
 use base_station::live::tls::{Tls, Unusable};
 use base_station::live::{self, Clock, Inlet, Station, Time, lines, playback};
-use base_station::recorder::{Files, Fix, Made, Reader, Recorder};
+use base_station::recorder::{Files, Made, Reader, Recorder, Sample};
 use base_station::{Change, DroneId};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -41,6 +42,9 @@ enum Command {
     Serve {
         #[command(flatten)]
         listen: Listen,
+        /// Let whoever opens the page send uplink objects to drones, signed with --key
+        #[arg(long, requires = "key")]
+        uplink: bool,
         #[command(flatten)]
         output: Output,
     },
@@ -62,6 +66,9 @@ enum Command {
         station: String,
         #[command(flatten)]
         listen: Listen,
+        /// Let whoever opens the page send uplink objects to drones, signed with --key
+        #[arg(long, requires = "key")]
+        uplink: bool,
         #[command(flatten)]
         output: Output,
     },
@@ -136,6 +143,17 @@ struct Listen {
     /// that cannot be signed
     #[arg(long, value_name = "FILE", conflicts_with_all = ["datagrams", "plain_serial"])]
     key: Option<PathBuf>,
+    /// Send HEARTBEAT each second, so that an autopilot that waits for a ground station sends: to every MAVLink serial
+    /// port, and to whoever is heard over UDP. Without it the station sends nothing
+    #[arg(long)]
+    heartbeat: bool,
+    /// Send HEARTBEAT to this UDP address too, where nothing is heard yet
+    #[arg(long, value_name = "ADDRESS:PORT", requires = "heartbeat")]
+    heartbeat_to: Vec<SocketAddr>,
+    /// MAVLink system id of what this station sends. Not that of the ground station that flies the drone, often 255:
+    /// its autopilot would not notice when it loses that one
+    #[arg(long, value_name = "1-255", default_value_t = SYSTEM, value_parser = clap::value_parser!(u8).range(1..))]
+    system_id: u8,
 }
 
 /// Which broker.
@@ -189,9 +207,11 @@ const COMPLAIN: Duration = Duration::from_millis(500);
 
 fn main() -> ExitCode {
     let done = match Cli::parse().command {
-        Command::Serve { listen, output } => serve(&listen, output),
+        Command::Serve { listen, uplink, output } => serve(&listen, uplink, output),
         Command::Record { file, listen } => record(&listen, file),
-        Command::Publish { broker, station, listen, output } => publish(&broker, &station, &listen, output),
+        Command::Publish { broker, station, listen, uplink, output } => {
+            publish(&broker, &station, &listen, uplink, output)
+        }
         Command::Subscribe { broker, station, output } => subscribe(&broker, station.as_deref(), output),
         Command::Replay { files, page, speed, from } => replay(files, &page, speed, from),
         Command::Export { file, form, output } => export(&file, form, &output),
@@ -206,9 +226,10 @@ fn main() -> ExitCode {
     }
 }
 
-fn serve(listen: &Listen, Output { page, record }: Output) -> Result<()> {
+fn serve(listen: &Listen, uplink: bool, Output { page, record }: Output) -> Result<()> {
     let clock = Clock::begin();
     let (inlet, station, ended) = live::start(verifier(listen)?, files(record)?, Time::Clock(clock.clone()), tell);
+    speak(listen, uplink, &station)?;
     open(listen, &clock, &inlet)?;
     // The lines have inlets of their own, and end when the station does.
     show(station.clone(), None, &page)?;
@@ -218,6 +239,7 @@ fn serve(listen: &Listen, Output { page, record }: Output) -> Result<()> {
 fn record(listen: &Listen, file: PathBuf) -> Result<()> {
     let clock = Clock::begin();
     let (inlet, station, ended) = live::start(verifier(listen)?, files(Some(file))?, Time::Clock(clock.clone()), tell);
+    speak(listen, false, &station)?;
     open(listen, &clock, &inlet)?;
     complain(station.clone());
     runtime()?.block_on(interrupted(None))?;
@@ -225,13 +247,14 @@ fn record(listen: &Listen, file: PathBuf) -> Result<()> {
     finish(inlet, &station, ended)
 }
 
-fn publish(to: &BrokerArgs, name: &str, listen: &Listen, Output { page, record }: Output) -> Result<()> {
+fn publish(to: &BrokerArgs, name: &str, listen: &Listen, uplink: bool, Output { page, record }: Output) -> Result<()> {
     let clock = Clock::begin();
     let broker = broker(to)?;
     let (outlet, unconnected) = broker::outlet(broker.clone(), station(name)?);
     let (verifier, files, time) = (verifier(listen)?, files(record)?, Time::Clock(clock.clone()));
     let (inlet, station, ended) = live::start_publishing(verifier, files, time, Some(outlet.clone()), tell);
     unconnected.connect(inlet.clone()).with_context(|| format!("cannot begin with {broker}"))?;
+    speak(listen, uplink, &station)?;
     open(listen, &clock, &inlet)?;
     eprintln!("publishing to {broker} as {name}");
     show(station.clone(), None, &page)?;
@@ -370,7 +393,7 @@ fn repair(file: &Path, output: PathBuf) -> Result<()> {
     let mut records = 0_u64;
     while let Some(record) = reader.next_record()? {
         let judged = export::judge(&mut intake, &record);
-        recorder.carried(&record.carried, &judged, &Fix::of(&judged, intake.fleet()));
+        recorder.carried(&record.carried, &judged, &Sample::of(&judged, intake.fleet()));
         for (drone, change) in intake.tick(record.carried.at_us) {
             recorder.alarm(drone, change);
         }
@@ -413,10 +436,35 @@ fn progress(bytes: u64) -> ProgressBar {
 }
 
 fn verifier(listen: &Listen) -> Result<Option<Verifier>> {
+    Ok(key(listen)?.map(Verifier::new))
+}
+
+/// The number of the link by which this station signs what it sends: each sender that has the key needs its own.
+const SIGNING_LINK: u8 = 254;
+
+/// Has the station say what it is to say.
+fn speak(listen: &Listen, uplink: bool, station: &Station) -> Result<()> {
+    if !listen.heartbeat && !uplink {
+        return Ok(());
+    }
+    let signer = key(listen)?.map(|key| Signer::new(key, SIGNING_LINK));
+    let mut voice = Voice::new(listen.system_id, signer);
+    if listen.heartbeat {
+        voice = voice.with_heartbeat(listen.heartbeat_to.clone());
+        eprintln!("sending HEARTBEAT as MAVLink system {}", listen.system_id);
+    }
+    if uplink {
+        voice = voice.with_uplinks();
+        eprintln!("whoever opens the page can send uplinks to drones");
+    }
+    station.speak(voice);
+    Ok(())
+}
+
+fn key(listen: &Listen) -> Result<Option<Key>> {
     let Some(file) = &listen.key else { return Ok(None) };
     let digits = std::fs::read_to_string(file).with_context(|| format!("cannot read the key {}", file.display()))?;
-    let key = Key::from_hex(&digits).context("a key is 64 hexadecimal digits")?;
-    Ok(Some(Verifier::new(key)))
+    Ok(Some(Key::from_hex(&digits).context("a key is 64 hexadecimal digits")?))
 }
 
 fn files(file: Option<PathBuf>) -> Result<Option<Files>> {

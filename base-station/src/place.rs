@@ -2,11 +2,12 @@
 
 use core::fmt;
 
+use profile::criticality::BaseStation;
 use profile::ssi::Request;
 use profile::ssi::client::{Shown, View};
-use profile::{Identifier, Layout, LinkStatus, MAX_RECEIVERS, Object, image};
+use profile::{Identifier, Layout, LinkStatus, MAX_RECEIVERS, Object, PortStatus, Uplink, image};
 
-/// An object that a base station knows, by its place in the DPR's image.
+/// An object that a base station knows, by its place in the DPR's map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Place {
     /// Link-Status, which the DPR writes: 32 bytes.
@@ -15,29 +16,45 @@ pub enum Place {
     Reported,
     /// GPS1 to GPS5, counted from 1: 60 bytes.
     Gps(u8),
+    /// Port-Status, which the DPR writes: 64 bytes.
+    PortStatus,
+    /// The base station's uplink, as the DPR has stored it: 64 bytes.
+    Uplink,
 }
 
 impl Place {
     /// How many there are.
-    pub const COUNT: usize = 2 + MAX_RECEIVERS;
+    pub const COUNT: usize = 4 + MAX_RECEIVERS;
 
-    /// All of them, in the order of the image.
-    pub const ALL: [Self; Self::COUNT] =
-        [Self::LinkStatus, Self::Reported, Self::Gps(1), Self::Gps(2), Self::Gps(3), Self::Gps(4), Self::Gps(5)];
+    /// All of them, in the order of the map.
+    pub const ALL: [Self; Self::COUNT] = [
+        Self::LinkStatus,
+        Self::Reported,
+        Self::Gps(1),
+        Self::Gps(2),
+        Self::Gps(3),
+        Self::Gps(4),
+        Self::Gps(5),
+        Self::PortStatus,
+        Self::Uplink,
+    ];
 
     /// The profile's object number `index`: 0 is Reported-Position, 1 to 5 are GPS1 to GPS5. `None` for any other.
     #[must_use]
     pub fn of_object(index: usize) -> Option<Self> {
-        Self::ALL.get(index.checked_add(1)?).copied()
+        Self::ALL.get(index.checked_add(1)?).copied().filter(|_| index <= MAX_RECEIVERS)
     }
 
-    /// Its number in the order of the image: 0 for Link-Status, 1 for Reported-Position, then the receivers.
+    /// Its number in the order of the map: 0 for Link-Status, 1 for Reported-Position, then the receivers, Port-Status
+    /// and the uplink.
     #[must_use]
     pub const fn index(self) -> usize {
         match self {
             Self::LinkStatus => 0,
             Self::Reported => 1,
             Self::Gps(receiver) => 1 + receiver as usize,
+            Self::PortStatus => 2 + MAX_RECEIVERS,
+            Self::Uplink => 3 + MAX_RECEIVERS,
         }
     }
 
@@ -48,6 +65,8 @@ impl Place {
             Self::LinkStatus => LinkStatus::SIZE,
             Self::Reported => profile::ReportedPosition::SIZE,
             Self::Gps(_) => profile::GpsObject::SIZE,
+            Self::PortStatus => PortStatus::SIZE,
+            Self::Uplink => Uplink::SIZE,
         }
     }
 
@@ -58,6 +77,8 @@ impl Place {
             Self::LinkStatus => Some(Identifier::LINK_STATUS),
             Self::Reported => Some(Identifier::REPORTED_POSITION),
             Self::Gps(receiver) => Identifier::GPS.get(usize::from(receiver).checked_sub(1)?).copied(),
+            Self::PortStatus => Some(Identifier::PORT_STATUS),
+            Self::Uplink => Some(Identifier::UPLINK_BASE_STATION),
         }
     }
 
@@ -76,6 +97,8 @@ impl Place {
         let offset = match self {
             Self::LinkStatus => Some(image::LINK_STATUS),
             Self::Reported | Self::Gps(_) => layout.in_image(self.index() - 1).map(|place| place.start),
+            Self::PortStatus => Some(layout.port_status().start),
+            Self::Uplink => Some(layout.uplink::<BaseStation>().start),
         };
         let (Some(Ok(offset)), Ok(length)) = (offset.map(u16::try_from), u16::try_from(bytes.len())) else {
             return damaged;
@@ -87,6 +110,8 @@ impl Place {
         match self {
             Self::LinkStatus => view.link().map(|shown| map(shown, Intact::LinkStatus)),
             Self::Reported | Self::Gps(_) => view.object(self.index() - 1).map(|shown| map(shown, Intact::Object)),
+            Self::PortStatus => view.port_status().map(|shown| map(shown, Intact::PortStatus)),
+            Self::Uplink => view.uplink::<BaseStation>().map(|shown| map(shown, Intact::Uplink)),
         }
         .unwrap_or(damaged)
     }
@@ -98,6 +123,8 @@ impl fmt::Display for Place {
             Self::LinkStatus => f.write_str("Link-Status"),
             Self::Reported => f.write_str("Reported-Position"),
             Self::Gps(receiver) => write!(f, "GPS{receiver}"),
+            Self::PortStatus => f.write_str("Port-Status"),
+            Self::Uplink => f.write_str("Uplink"),
         }
     }
 }
@@ -109,15 +136,22 @@ pub enum Intact<'a> {
     LinkStatus(&'a LinkStatus),
     /// An object of the profile.
     Object(Object<'a>),
+    /// Port-Status.
+    PortStatus(&'a PortStatus),
+    /// The base station's uplink.
+    Uplink(&'a Uplink),
 }
 
 impl Intact<'_> {
-    /// ms: of Link-Status since the DPR's start, of the others since HORUS's. Both wrap.
+    /// ms: of Link-Status and Port-Status since the DPR's start, of the uplink by the base station's clock, of the others
+    /// since HORUS's. All wrap.
     #[must_use]
     pub const fn timestamp(self) -> u32 {
         match self {
             Self::LinkStatus(object) => object.timestamp(),
             Self::Object(object) => object.timestamp(),
+            Self::PortStatus(object) => object.timestamp(),
+            Self::Uplink(object) => object.timestamp(),
         }
     }
 }
@@ -132,7 +166,10 @@ fn map<T, U>(shown: Shown<T>, with: impl FnOnce(T) -> U) -> Shown<U> {
 
 #[cfg(test)]
 mod tests {
-    use profile::{GpsObject, GpsValues, LinkValues, Rejection, ReportedPosition, ReportedValues};
+    use profile::criticality::{Dpr, Writer};
+    use profile::{
+        GpsObject, GpsValues, LinkValues, PortValues, Rejection, ReportedPosition, ReportedValues, UplinkValues,
+    };
 
     use super::*;
 
@@ -141,6 +178,8 @@ mod tests {
             Place::LinkStatus => LinkStatus::seal(&LinkValues::default()).as_bytes().to_vec(),
             Place::Reported => ReportedPosition::seal(&ReportedValues::absent(10)).as_bytes().to_vec(),
             Place::Gps(_) => GpsObject::seal(place.identifier().unwrap(), &GpsValues::absent(10)).as_bytes().to_vec(),
+            Place::PortStatus => PortStatus::seal(Writer::<Dpr>::claim(), &PortValues::default()).as_bytes().to_vec(),
+            Place::Uplink => Uplink::seal(Writer::<BaseStation>::claim(), &UplinkValues::default()).as_bytes().to_vec(),
         }
     }
 
@@ -152,7 +191,9 @@ mod tests {
             for place in Place::ALL {
                 match place.judge(&bytes) {
                     Shown::Intact(_) => assert_eq!(place, own),
-                    Shown::Damaged(Rejection::Identifier) => assert!(place != own && place.size() == own.size()),
+                    Shown::Damaged(Rejection::Identifier | Rejection::PositionCrc) => {
+                        assert!(place != own && place.size() == own.size());
+                    }
                     Shown::Damaged(Rejection::Length) => assert_ne!(place.size(), own.size()),
                     other => panic!("{own} in place of {place}: {other:?}"),
                 }

@@ -249,10 +249,10 @@ fn what_somebody_else_publishes_there_changes_nothing() {
     let _flying = Flying::start(7..=7, udp.unwrap());
     until("the drone is shown", || fresh(page) == ["north/7"]);
     runtime.block_on(async {
-        use rumqttc::v5::mqttbytes::QoS;
-        let mut options = rumqttc::v5::MqttOptions::new("somebody", "127.0.0.1", port);
-        options.set_keep_alive(Duration::from_secs(5));
-        let (client, mut events) = rumqttc::v5::AsyncClient::new(options, 100);
+        use rumqttc::PublishOptions;
+        let mut options = rumqttc::MqttOptions::new("somebody", ("127.0.0.1", port));
+        options.set_keep_alive(5);
+        let (client, mut events) = rumqttc::AsyncClient::builder(options).capacity(100).build();
         let whole = image(50_000);
         let bundle = Bundle::datagram(&whole).unwrap();
         let message = base_station::carrier::published::message(5, &bundle, &[base_station::Verdict::New; 5]);
@@ -268,13 +268,12 @@ fn what_somebody_else_publishes_there_changes_nothing() {
             ("horus/1/north/12", false, &[0; 5_000]),
         ];
         for (topic, retain, bytes) in foreign {
-            client.publish(topic, QoS::AtLeastOnce, retain, bytes.to_vec()).await.unwrap();
+            let options = PublishOptions::at_least_once().retain(retain);
+            client.publish(topic, bytes.to_vec(), options).await.unwrap();
         }
         let mut acknowledged = 0;
         while acknowledged < foreign.len() {
-            if let rumqttc::v5::Event::Incoming(rumqttc::v5::mqttbytes::v5::Packet::PubAck(_)) =
-                events.poll().await.unwrap()
-            {
+            if let rumqttc::Event::Incoming(rumqttc::Packet::PubAck(_)) = events.poll().await.unwrap() {
                 acknowledged += 1;
             }
         }

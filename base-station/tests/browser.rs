@@ -11,7 +11,7 @@ use std::thread::sleep;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use base_station::carrier::mavlink::tunnel::Tunnel;
-use base_station::carrier::mavlink::{Forwarder, Rates};
+use base_station::carrier::mavlink::{Forwarder, Inbound, Key, Rates, Signer, Verifier, Voice, voice};
 use base_station::intake::{Carried, Intake, Kind};
 use base_station::live::playback::{Player, Recording};
 use base_station::live::server::Server;
@@ -20,9 +20,10 @@ use base_station::recorder::{Files, Recorder};
 use base_station::{Bundle, Place};
 use browser::{DESK, PHONE, Tab};
 use mavlink::{MAVLinkV2MessageRaw, MavHeader};
+use profile::criticality::{Dpr, Writer};
 use profile::{
-    FixType, GpsStatus, GpsValues, HorusState, LinkStatus, LinkStatusBits, LinkValues, Profile, ReportedStatus,
-    ReportedValues, ResetReason,
+    FixType, GpsStatus, GpsValues, HorusState, LinkStatus, LinkStatusBits, LinkValues, PortStatus, PortValues, Profile,
+    ReportedStatus, ReportedValues, ResetReason,
 };
 use serde_json::{Value, json};
 
@@ -106,15 +107,29 @@ struct Scene {
 
 impl Scene {
     fn new(clock: impl FnOnce(Arc<AtomicU64>) -> Clock) -> Self {
+        Self::with_key(clock, None)
+    }
+
+    /// With a key the station takes what is signed with it alone, and sends uplinks.
+    fn with_key(clock: impl FnOnce(Arc<AtomicU64>) -> Clock, key: Option<Key>) -> Self {
         let passed_us = Arc::new(AtomicU64::new(0));
         let clock = clock(Arc::clone(&passed_us));
-        let (inlet, station, _) = live::start(None, None, Time::Clock(clock.clone()), |_, _| {});
+        let verifier = key.clone().map(Verifier::new);
+        let (inlet, station, _) = live::start(verifier, None, Time::Clock(clock.clone()), |_, _| {});
+        if let Some(key) = &key {
+            station.speak(Voice::new(voice::SYSTEM, Some(Signer::new(key.clone(), 254))).with_uplinks());
+        }
         let local = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
         let to = lines::udp(local, Kind::MavlinkDatagrams, 0, clock, inlet).unwrap();
         let server = Server::start(station.clone(), local).unwrap();
         let page = server.address();
         let forwarder = Forwarder::new(7, 1, Rates { bytes_per_s: 1_000_000, period_us: 0, standard_us: 0 });
+        let forwarder = match key {
+            Some(key) => forwarder.signed(Signer::new(key, 1)),
+            None => forwarder,
+        };
         let socket = UdpSocket::bind(local).unwrap();
+        socket.set_nonblocking(true).unwrap();
         let began = Instant::now();
         Self { server: Some(server), station, page, socket, to, forwarder, began, sent: 0, passed_us }
     }
@@ -139,7 +154,7 @@ impl Scene {
         let image = image(70_000 + u32::try_from(passed.as_millis()).unwrap() / 10 * 10);
         self.forwarder.offer(&Bundle::datagram(&image).unwrap());
         let now_us = u64::try_from(passed.as_micros()).unwrap();
-        while let Some(message) = self.forwarder.poll(now_us, 0) {
+        while let Some(message) = self.forwarder.poll(now_us, (now_ms() * 1e3) as u64) {
             self.socket.send_to(&message, self.to).unwrap();
             self.sent += 1;
         }
@@ -180,7 +195,7 @@ impl Scene {
     fn is_clean(&self, tab: &mut Tab) {
         assert_eq!(tab.troubles(), Vec::<String>::new());
         let requests = tab.requests();
-        assert!(requests.iter().any(|request| request.contains("/events")), "{requests:?}");
+        assert!(requests.iter().any(|request| request.contains("/page.js")), "{requests:?}");
         let here = self.address();
         assert!(requests.iter().all(|request| request.starts_with(&here)), "{requests:?}");
     }
@@ -507,17 +522,31 @@ fn the_page_can_be_used_by_keyboard_and_says_what_it_shows() {
     scene.fly_until(&mut tab, "document.getElementById('drone').options.length === 2");
     let focused = "document.activeElement.id || document.activeElement.className";
     let mut order = vec![];
-    for _ in 0..4 {
+    while order.len() < 8 {
         tab.press("Tab");
         order.push(tab.eval(focused).as_str().unwrap_or_default().to_owned());
+        // The other drone is silent by now: perhaps there is something to acknowledge.
+        order.retain(|id| id != "acknowledge");
     }
-    // The two in between choose a drone, in the list of all.
-    assert_eq!(order, ["drone", "", "", "scroll"]);
+    // Without a name: what came and went, and the two that choose a drone in the list of all.
+    assert_eq!(order, ["drone", "sound", "notify", "live-keys", "", "", "", "scroll"]);
     assert_eq!(tab.eval("getComputedStyle(document.activeElement).outlineStyle"), "solid", "the focus is seen");
     tab.eval("document.getElementById('drone').focus()");
     tab.press("ArrowDown");
     tab.until("document.getElementById('drone').value === '9'");
     tab.until("document.getElementById('latitude').textContent === '10.0000000° N'");
+    // By keys too, unless they are switched off.
+    tab.eval("document.activeElement.blur()");
+    tab.press("n");
+    tab.until("document.getElementById('drone').value === '7'");
+    tab.press("b");
+    tab.until("document.getElementById('drone').value === '9'");
+    tab.press("w");
+    tab.until("document.getElementById('drone').value === '7'");
+    tab.eval("document.getElementById('live-keys').click()");
+    tab.press("n");
+    scene.fly_until(&mut tab, FRESH);
+    assert_eq!(tab.eval("document.getElementById('drone').value"), "7");
 
     let spoken = tab.spoken();
     let says = |role: &str, name: &str| spoken.iter().any(|(is, called)| is == role && called == name);
@@ -619,13 +648,17 @@ fn shows(tab: &mut Tab, name: &str, said: &str, level: &str, mut send: impl FnMu
 fn what_is_wrong_is_said_first_and_nothing_of_it_is_green() {
     let _alone = alone();
     let Some(mut tab) = tab("wrong") else { return };
-    let scenes: [(&str, &str, Change); 4] = [
+    let scenes: [(&str, &str, Change); 5] = [
         ("emergency", "HORUS has fired the emergency measure", |reported, _| {
             reported.status = reported.status.with_state(HorusState::EmergencyFired);
         }),
         ("invalid", "no position: too few receivers agree", |reported, _| {
             // The numbers are there, and are not to be shown.
             reported.status = reported.status.with_position_valid(false).with_receivers_agreeing(1);
+        }),
+        ("position-lost", "HORUS has lost its position and does not monitor", |reported, _| {
+            let status = reported.status.with_state(HorusState::PositionLost).with_receivers_agreeing(0);
+            reported.status = status.with_position_valid(false);
         }),
         ("impossible", "no position: what HORUS calls valid cannot be one", |reported, _| {
             reported.latitude = 91.0;
@@ -649,8 +682,9 @@ fn what_is_wrong_is_said_first_and_nothing_of_it_is_green() {
             assert!(sent < 100, "{}", tab.eval("document.title"));
         }
         let doing = tab.text("#doing");
-        assert_eq!(doing.contains("from the start"), !said.starts_with("no position"), "{doing}");
-        if said.starts_with("no position") {
+        let has_none = said.starts_with("no position") || said.contains("lost its position");
+        assert_eq!(doing.contains("from the start"), !has_none, "{doing}");
+        if has_none {
             assert_eq!((tab.text("#latitude"), tab.text("#height")), ("–".into(), "–".into()));
         }
     }
@@ -757,6 +791,110 @@ fn eight_drones_are_seen_with_the_worst_in_the_title() {
 }
 
 #[test]
+fn more_tabs_than_a_browser_has_connections_show_the_drone() {
+    let _alone = alone();
+    let Some(mut tab) = tab("tabs") else { return };
+    let mut scene = Scene::begin();
+    tab.open(&scene.address());
+    scene.fly_until(&mut tab, FRESH);
+    tab.eval("window.tabs = []; true");
+    // Six connections to one host are what browsers allow.
+    for count in 1..=9 {
+        let expression = "tabs.push(window.open(location.href, '_blank'))";
+        let opened = json!({ "expression": expression, "userGesture": true, "returnByValue": true });
+        assert_eq!(tab.command("Runtime.evaluate", opened)["result"]["value"], count);
+    }
+    // A tab in the background draws no pictures, but says how old its data are.
+    let fresh = "tabs.every((tab) => tab && tab.document.body && tab.document.body.className === 'fresh')";
+    scene.fly_until(&mut tab, fresh);
+    scene.fly_until(&mut tab, FRESH);
+    scene.is_clean(&mut tab);
+}
+
+#[test]
+fn a_new_critical_alarm_sounds_until_it_is_acknowledged_and_stays_in_the_list() {
+    let _alone = alone();
+    let Some(mut tab) = tab("acknowledge") else { return };
+    let mut scene = Scene::begin();
+    let emergency: Change = |reported, _| reported.status = reported.status.with_state(HorusState::EmergencyFired);
+    let fly = |scene: &mut Scene, tab: &mut Tab, change: Change, wanted: &str| {
+        let began = Instant::now();
+        while tab.eval(wanted) != Value::Bool(true) {
+            scene.send(|ms| well(ms, change));
+            sleep(PERIOD);
+            assert!(began.elapsed() < Duration::from_secs(30), "never: {wanted}\n{}", tab.text("body"));
+        }
+    };
+    tab.open(&scene.address());
+    fly(&mut scene, &mut tab, |_, _| {}, "document.body.dataset.level === 'well' && acknowledged !== null");
+    let button = "document.getElementById('acknowledge')";
+    // A browser gives sound only to who was touched.
+    tab.eval("document.getElementById('sound').focus()");
+    tab.press("Space");
+    assert_eq!(tab.eval("document.getElementById('sound').checked"), true);
+    fly(&mut scene, &mut tab, emergency, &format!("sounds > 1 && {button}.textContent === 'Acknowledge 1'"));
+    tab.press("a");
+    tab.until(&format!("{button}.disabled && {button}.textContent === 'Acknowledge'"));
+    let sounds = tab.eval("sounds");
+    let later = "performance.now() - sounded > 2 * SOUND_MS";
+    fly(&mut scene, &mut tab, emergency, later);
+    assert_eq!(tab.eval("sounds"), sounds, "it is acknowledged");
+    let first = "document.getElementById('log').firstChild.textContent";
+    let words = tab.eval(first);
+    assert!(words.as_str().unwrap().ends_with("7: HORUS has fired the emergency measure"), "{words}");
+    assert!(tab.text("#verdict").starts_with("HORUS has fired"), "it is still the worst");
+    fly(&mut scene, &mut tab, |_, _| {}, &format!("{first}.endsWith('measure – over')"));
+    // The same again is another one.
+    fly(&mut scene, &mut tab, emergency, &format!("{button}.textContent === 'Acknowledge 1'"));
+    scene.is_clean(&mut tab);
+}
+
+#[test]
+fn an_uplink_from_the_page_is_said_to_be_sent_and_then_written() {
+    let _alone = alone();
+    let Some(mut tab) = tab("uplink") else { return };
+    let key = Key::new([3; 32]);
+    let mut scene = Scene::with_key(|_| Clock::begin(), Some(key.clone()));
+    let mut inbound = Inbound::new(7, Verifier::new(key));
+    let mut stored = [0; 64];
+    tab.open(&scene.address());
+    scene.fly_until(&mut tab, FRESH);
+    assert_eq!(tab.text("#signed").split(',').next(), Some("signed"));
+    assert_eq!(
+        (tab.eval("document.getElementById('uplink-section').hidden"), tab.text("#uplink-state")),
+        (false.into(), "none sent".into())
+    );
+    tab.eval(
+        "document.getElementById('uplink-payload').value = '0102fF'; document.getElementById('uplink-send').click()",
+    );
+    scene.fly_until(&mut tab, "document.getElementById('uplink-state').textContent.startsWith('SENT')");
+    let began = Instant::now();
+    while !tab.text("#uplink-state").starts_with("WRITTEN") {
+        let mut bytes = [0; 512];
+        let now_us = scene.began.elapsed().as_micros() as u64;
+        while let Ok(length) = scene.socket.recv(&mut bytes) {
+            if let Some(uplink) = inbound.datagram(now_us, (now_ms() * 1e3) as u64, &bytes[..length]) {
+                stored = *uplink.as_bytes();
+            }
+        }
+        let timestamp = 70_000 + scene.began.elapsed().as_millis() as u32;
+        let values = PortValues { timestamp, uplinks_accepted: 1, ..PortValues::default() };
+        let port = [PortStatus::seal(Writer::<Dpr>::claim(), &values).as_bytes().as_slice(), &stored].concat();
+        if inbound.read(now_us, &port) {
+            scene.forwarder.offer(&Bundle::new(Place::PortStatus, 2, &port).unwrap());
+        }
+        scene.send(image);
+        sleep(PERIOD);
+        assert!(began.elapsed() < Duration::from_secs(20), "{}", tab.text("#uplink-section"));
+    }
+    assert_eq!(stored[8..12], [1, 2, 255, 0]);
+    let rows = table(&mut tab, "uplink");
+    assert_eq!((rows[3][1].as_str(), rows[4][1].as_str()), ("0102ff", "1"), "{rows:?}");
+    screenshot(&mut tab, "uplink-written");
+    scene.is_clean(&mut tab);
+}
+
+#[test]
 fn refused_messages_are_said_where_nothing_is_shown() {
     let _alone = alone();
     let Some(mut tab) = tab("refused") else { return };
@@ -850,10 +988,19 @@ fn a_playback_can_be_paused_sped_up_and_moved_by_keyboard_and_says_what_it_does(
 
     // What is played back is never green, nor told as if it were now.
     tab.until("document.getElementById('verdict').textContent.startsWith('PLAYBACK · ')");
+    for (screen, place) in [(browser::Screen { width: 1_200, ..DESK }, "1200"), (PHONE, "390")] {
+        tab.screen(screen);
+        for scheme in ["light", "dark"] {
+            tab.scheme(scheme);
+            tab.until("document.getElementById('verdict').textContent.startsWith('PLAYBACK · ')");
+            screenshot(&mut tab, &format!("replay-{place}-{scheme}"));
+        }
+    }
+    tab.screen(DESK);
     assert_ne!(tab.eval("document.body.dataset.level"), "well");
 
     // Each control in its order, which Tab goes through with the focus seen.
-    tab.eval("document.getElementById('drone').focus()");
+    tab.eval("document.querySelector('summary').focus()");
     for id in ["back", "pause", "forward", "speed", "at", "keys"] {
         tab.press("Tab");
         assert_eq!(tab.eval("document.activeElement.id"), id);

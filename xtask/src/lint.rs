@@ -1,7 +1,7 @@
 //! Line length, citations, the C header and formatting, then clippy with warnings as errors, for the host and for the
-//! target, and the crates' documentation likewise.
+//! target, the crates' documentation likewise, and what the dependencies may be, where cargo-deny is installed.
 
-use std::process::{Command, ExitCode};
+use std::process::{Command, ExitCode, Stdio};
 
 use anyhow::Result;
 
@@ -65,6 +65,19 @@ pub(crate) fn lint() -> Result<ExitCode> {
         .env("RUSTDOCFLAGS", "-D warnings");
     steps.push(("documentation".into(), documentation));
     let mut failed = vec![];
+    // It compiles for minutes, so it is not installed here; `.ci/run` does that. Its advisories need a network.
+    if has_cargo_deny() {
+        let mut command = cargo();
+        command.args(["deny", "--log-level", "error", "check", "licenses", "bans", "sources"]);
+        steps.push(("licences, duplicates and sources of the dependencies (deny.toml)".into(), command));
+    } else {
+        let words =
+            "the dependencies were not checked: cargo-deny is not installed (cargo install cargo-deny --locked)";
+        eprintln!("-- {words}");
+        if std::env::var_os("CI").is_some() {
+            failed.push(words.to_owned());
+        }
+    }
     eprintln!("-- line length");
     if let Err(error) = line_length::check() {
         failed.push(format!("line length: {error:#}"));
@@ -84,4 +97,11 @@ pub(crate) fn lint() -> Result<ExitCode> {
         }
     }
     Ok(crate::test::verdict("lint", steps.len() + 3, &failed))
+}
+
+/// Whether cargo-deny is on the PATH, or among the tools below `target`.
+fn has_cargo_deny() -> bool {
+    let mut command = cargo();
+    command.args(["deny", "--version"]).stdout(Stdio::null()).stderr(Stdio::null());
+    command.status().is_ok_and(|status| status.success())
 }

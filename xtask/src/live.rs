@@ -18,15 +18,15 @@
 //! **Panel.** A second address is on the bench's side of the wire: it breaks things in the running flight, and shows
 //! both boards' logs ([`panel`]). The base station knows nothing of it, and its own page stays read-only.
 //!
-//! | left out | why |
-//! |---|---|
-//! | faults of the radio | the carrier is a socket of this machine; the bench breaks its own, beside this |
-//! | Port-Status, uplinks | the base station's messages have no place for them |
+//! **The way back.** With `--uplink` the page sends uplinks to the flight controller, signed, through the same socket;
+//! its end of that is [`base_station::carrier::mavlink::Inbound`]. It writes them to the DPR, and forwards what the DPR
+//! shows of them. `--loss` loses messages, each way, drawn from the seed.
 
 mod panel;
 #[cfg(test)]
 mod tests;
 
+use std::hash::{BuildHasher, RandomState};
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -35,17 +35,19 @@ use std::thread::sleep;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use anyhow::{Context, Result, anyhow, bail};
-use base_station::carrier::mavlink::{Forwarder, Rates, Receiver};
+use base_station::carrier::mavlink::voice::SYSTEM as STATION;
+use base_station::carrier::mavlink::{Forwarder, Inbound, Key, Rates, Receiver, Signer, Verifier, Voice};
 use base_station::intake::Kind;
 use base_station::live::server::Server;
 use base_station::live::{self, Clock, Station, Time, lines};
-use base_station::{Bundle, Change, DroneId};
-use bench::faults::Faults;
+use base_station::{Bundle, Change, DroneId, Place};
+use bench::faults::{Faults, Rng};
 use bench::sim::{Images, Observer, Outcome, Setup};
 
 use crate::sim::table;
 use crate::{LiveArgs, firmware};
 use panel::Panel;
+use profile::Uplink;
 
 /// MAVLink's system id of the drone.
 const SYSTEM: u8 = 1;
@@ -76,7 +78,7 @@ pub(crate) fn live(args: &LiveArgs) -> Result<ExitCode> {
     if let Some(kind) = args.faults.iter().find(|kind| kind.is_upset()) {
         bail!("--faults {kind}: upsets are tried on copies of the bench, which `cargo xtask sim` has and this has not");
     }
-    let mut page = Page::start(args.port, args.pace, tell)?;
+    let mut page = Page::start(args.port, args.pace, args.uplink, tell)?.with_loss(args.loss, args.seed);
     println!("http://{}/", page.server.address());
     let panel = page.panel.serve((LOCAL, args.panel_port).into(), page.server.address());
     let panel =
@@ -87,6 +89,7 @@ pub(crate) fn live(args: &LiveArgs) -> Result<ExitCode> {
     let faults = Faults::drawn(&args.faults, args.gps.0, args.seed, duration_ns);
     let setup =
         Setup { seed: args.seed, faults, writes: true, ..Setup::new(Images { horus, dpr }, args.gps.0, duration_ns) };
+    let setup = Setup { relays: args.uplink, ..setup };
     let began = Instant::now();
     let mut outcome = page.run(&setup)?;
     let wall = began.elapsed().as_secs_f64();
@@ -98,6 +101,22 @@ pub(crate) fn live(args: &LiveArgs) -> Result<ExitCode> {
         0 => bail!("the page has not got what was sent"),
         violations => bail!("{violations} violation(s)"),
     }
+}
+
+/// A key of this run alone: both ends of the way back are in this process.
+fn key() -> Key {
+    let mut bytes = [0; 32];
+    for chunk in bytes.chunks_mut(8) {
+        // Each is seeded by the system.
+        chunk.copy_from_slice(&RandomState::new().hash_one(()).to_le_bytes());
+    }
+    Key::new(bytes)
+}
+
+/// µs since 1970.
+fn unix_us() -> u64 {
+    let unix = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    u64::try_from(unix.as_micros()).unwrap_or_default()
 }
 
 /// Tells an alarm that came or went.
@@ -148,21 +167,37 @@ struct Page {
     unsent: Option<std::io::Error>,
     /// What somebody breaks meanwhile.
     panel: Panel,
+    /// The flight controller's end of the way back, if there is one.
+    inbound: Option<Inbound>,
+    /// Of a hundred messages so many are lost, each way; drawn from this.
+    loss: (u64, Rng),
 }
 
 impl Page {
-    /// Opens the page on this port; `told` hears of every alarm that comes or goes.
-    fn start(port: u16, pace: f64, told: impl FnMut(DroneId, Change) + Send + 'static) -> Result<Self> {
+    /// Opens the page on this port, which can send uplinks if it is said so; `told` hears of every alarm that comes or
+    /// goes.
+    fn start(port: u16, pace: f64, uplink: bool, told: impl FnMut(DroneId, Change) + Send + 'static) -> Result<Self> {
         let passed_us = Arc::new(AtomicU64::new(0));
         let clock = if pace == 1.0 { Clock::begin() } else { Clock::told(Arc::clone(&passed_us)) };
         // The station ends when the line does, and the line with this process.
-        let (inlet, station, _) = live::start(None, None, Time::Clock(clock.clone()), told);
+        let key = uplink.then(key);
+        let verifier = || key.clone().map(Verifier::new);
+        let (inlet, station, _) = live::start(verifier(), None, Time::Clock(clock.clone()), told);
+        if let Some(key) = &key {
+            station.speak(Voice::new(STATION, Some(Signer::new(key.clone(), STATION))).with_uplinks());
+        }
         let to = lines::udp((LOCAL, 0).into(), Kind::MavlinkDatagrams, 0, clock, inlet);
         let to = to.context("cannot listen on UDP")?;
         let server = Server::start(station.clone(), (LOCAL, port).into());
         let server = server.with_context(|| format!("cannot serve a page on {LOCAL}:{port}; --port takes another"))?;
         let socket = UdpSocket::bind((LOCAL, 0)).context("cannot send on UDP")?;
+        socket.set_nonblocking(true).context("cannot wait for nothing on UDP")?;
         let forwarder = Forwarder::new(SYSTEM, COMPONENT, RATES);
+        let forwarder = match &key {
+            Some(key) => forwarder.signed(Signer::new(key.clone(), COMPONENT)),
+            None => forwarder,
+        };
+        let inbound = verifier().map(|verifier| Inbound::new(SYSTEM, verifier));
         let (began, behind) = (None, Duration::ZERO);
         let panel = Panel::default();
         Ok(Self {
@@ -178,7 +213,20 @@ impl Page {
             sent: 0,
             unsent: None,
             panel,
+            inbound,
+            loss: (0, Rng::new(1)),
         })
+    }
+
+    /// The radio loses so many messages of a hundred, each way, drawn from this seed.
+    fn with_loss(self, percent: u64, seed: u64) -> Self {
+        Self { loss: (percent, Rng::new(seed)), ..self }
+    }
+
+    /// Whether the radio loses a message.
+    fn loses(&mut self) -> bool {
+        let (percent, rng) = &mut self.loss;
+        rng.below(100) < *percent
     }
 
     /// Runs the link, and sends what its flight controller forwards.
@@ -243,14 +291,37 @@ impl Observer for Page {
         self.wait(virtual_ns);
         let now_us = virtual_ns / 1_000;
         self.passed_us.store(now_us, Ordering::Relaxed);
-        let unix_us = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_micros();
-        while let Some(message) = self.forwarder.poll(now_us, u64::try_from(unix_us).unwrap_or_default()) {
+        while let Some(message) = self.forwarder.poll(now_us, unix_us()) {
+            if self.loses() {
+                continue;
+            }
             match self.socket.send_to(&message, self.to) {
                 // What a receiver finds in it is what will arrive.
                 Ok(_) => self.sent += Receiver::default().datagram(0, &message).len() as u64,
                 Err(error) => self.unsent = Some(error),
             }
         }
+    }
+
+    fn port(&mut self, virtual_ns: u64, port: &[u8]) {
+        let is_answer = self.inbound.as_mut().is_some_and(|inbound| inbound.read(virtual_ns / 1_000, port));
+        if let Some(bundle) = Bundle::new(Place::PortStatus, 2, port).filter(|_| is_answer) {
+            self.forwarder.offer(&bundle);
+        }
+    }
+
+    fn uplink(&mut self, virtual_ns: u64) -> Option<Uplink> {
+        let mut bytes = [0; 512];
+        let mut to_write = None;
+        // What fails here is that there is nothing.
+        while let Ok(length) = self.socket.recv(&mut bytes) {
+            if !self.loses()
+                && let Some(inbound) = &mut self.inbound
+            {
+                to_write = inbound.datagram(virtual_ns / 1_000, unix_us(), &bytes[..length]).or(to_write);
+            }
+        }
+        to_write
     }
 
     fn log(&mut self, board: &str, line: &str) {

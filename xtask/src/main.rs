@@ -230,6 +230,12 @@ pub(crate) struct LiveArgs {
     /// Virtual time per time on the wall, up to 100; 0 goes as fast as it can.
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = pace)]
     pub(crate) pace: f64,
+    /// Let whoever opens the page send uplinks of the base station to the DPR.
+    #[arg(long)]
+    pub(crate) uplink: bool,
+    /// Of so many messages in a hundred the radio between flight controller and base station loses one, each way.
+    #[arg(long, value_name = "PERCENT", default_value_t = 0, value_parser = clap::value_parser!(u64).range(0..=90))]
+    pub(crate) loss: u64,
 }
 
 /// Parses a pace.

@@ -260,6 +260,7 @@ fn setup(args: &SimArgs, recordings: Vec<Option<PathBuf>>, images: Images) -> Se
         }),
         faults: Faults::drawn(&args.faults, args.gps.0, args.seed, duration_ns),
         writes: true,
+        relays: false,
         sweep: None,
         trace: args.trace.clone(),
         log: args.events.clone(),

@@ -6,7 +6,7 @@
 //!
 //! | offset | what |
 //! |---|---|
-//! | 0 | u8 number of the first object in the order of the image: 0 Link-Status to 6 GPS5 |
+//! | 0 | u8 number of the first object in the order of the map: 0 Link-Status to 6 GPS5, 7 Port-Status, 8 uplink |
 //! | 1 | u8 how many objects follow one another from there, n |
 //! | 2 | u64 when they arrived at the publishing station, µs since 1970 by its clock |
 //! | 10 | n × u8 what was found of each ([`VERDICTS`]) |
@@ -42,7 +42,7 @@ pub const VERDICTS: [Verdict; 9] = [
 const HEAD: usize = 10;
 
 /// The longest message, bytes: every object.
-pub const MAX_MESSAGE: usize = HEAD + Place::COUNT + 32 + 64 + 5 * 60;
+pub const MAX_MESSAGE: usize = HEAD + Place::COUNT + 32 + 64 + 5 * 60 + 2 * 64;
 
 /// A station's name has so many characters at most.
 pub const MAX_STATION: usize = 32;
@@ -139,7 +139,7 @@ impl<'a> Published<'a> {
 pub fn message(at_us: u64, bundle: &Bundle<'_>, verdicts: &[Verdict]) -> Vec<u8> {
     let first = bundle.objects().next().map_or(0, |(place, _)| place.index());
     let number = |verdict: &Verdict| VERDICTS.iter().position(|known| known == verdict).unwrap_or(255) as u8;
-    // There are seven places.
+    // There are nine places.
     let mut message = vec![first as u8, verdicts.len() as u8];
     message.extend(at_us.to_le_bytes());
     message.extend(verdicts.iter().map(number));
@@ -155,9 +155,9 @@ mod tests {
 
     #[test]
     fn the_longest_message_holds_every_object() {
-        let bytes: Vec<u8> = (0..396_u32).map(|index| index as u8).collect();
+        let bytes: Vec<u8> = (0..524_u32).map(|index| index as u8).collect();
         let bundle = Bundle::from_first(Place::LinkStatus, &bytes).unwrap();
-        assert_eq!(message(0, &bundle, &VERDICTS[..7]).len(), MAX_MESSAGE);
+        assert_eq!(message(0, &bundle, &VERDICTS).len(), MAX_MESSAGE);
     }
 
     #[test]
@@ -181,8 +181,8 @@ mod tests {
     proptest! {
         #[test]
         fn what_is_published_is_read(
-            at_us in any::<u64>(), first in 0..7_usize, count in 1..8_usize, seed in any::<u8>(),
-            found in prop::collection::vec(0..VERDICTS.len(), 7),
+            at_us in any::<u64>(), first in 0..9_usize, count in 1..10_usize, seed in any::<u8>(),
+            found in prop::collection::vec(0..VERDICTS.len(), 9),
         ) {
             let places = Place::ALL.iter().skip(first).take(count);
             let bytes: Vec<u8> = (0..places.map(|place| place.size()).sum()).map(|at| at as u8 ^ seed).collect();

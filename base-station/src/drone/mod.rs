@@ -12,7 +12,9 @@
 //! since. What was shown is then forgotten. No single message that was repeated, delayed, reordered or inserted is ever
 //! taken for a restart. In HORUS's first [`RESTART_SLACK_US`](order::RESTART_SLACK_US) three delayed messages in a row
 //! can be; the next newer one ends that. What fits neither is another sender ([`order`], [`fleet`](crate::fleet)).
-//! The DPR's Link-Status has a clock of its own, and is judged in the same way.
+//! The DPR's Link-Status has a clock of its own, and is judged in the same way; so is its Port-Status. The uplink that
+//! the DPR shows carries the time of the base station that sent it, which nothing here can be compared with: it is held
+//! as it came last, is no sign of life, and says something to whoever knows what was sent ([`uplink`](Drone::uplink)).
 //!
 //! **What is held can be shown.** Values that cannot be what their status calls them are taken out before they are held
 //! ([`profile::range`]), so no one who shows them has to look again.
@@ -25,7 +27,8 @@ pub mod words;
 
 use profile::ssi::client::Shown;
 use profile::{
-    GpsValues, HorusState, LinkStatus, LinkValues, MAX_RECEIVERS, Object, Rejection, ReportedValues, ResetReason,
+    GpsValues, HorusState, LinkStatus, LinkValues, MAX_RECEIVERS, Object, PortStatus, PortValues, Rejection,
+    ReportedValues, ResetReason, Uplink,
 };
 
 use crate::age::Ages;
@@ -159,11 +162,14 @@ pub struct Counts {
 pub struct Drone {
     horus: Order,
     dpr: Order,
+    port: Order,
     ages: Ages,
     dpr_ages: Ages,
     reported: Option<Held<ReportedValues>>,
     gps: [Option<Held<GpsValues>>; MAX_RECEIVERS],
     link: Option<Held<LinkValues>>,
+    port_status: Option<Held<PortValues>>,
+    uplink: Option<Uplink>,
     /// The highest receiver of which an intact object arrived.
     receivers: usize,
     counts: Counts,
@@ -186,11 +192,14 @@ impl Drone {
         Self {
             horus: Order::default(),
             dpr: Order::default(),
+            port: Order::default(),
             ages: Ages::default(),
             dpr_ages: Ages::default(),
             reported: None,
             gps: [None; MAX_RECEIVERS],
             link: None,
+            port_status: None,
+            uplink: None,
             receivers: 0,
             counts: Counts::default(),
             board: Board::default(),
@@ -230,9 +239,14 @@ impl Drone {
                 let verdict = match object {
                     Intact::LinkStatus(link) => self.take_link(at_us, link, crc),
                     Intact::Object(object) => self.take_object(place, at_us, object, crc),
+                    Intact::PortStatus(port) => self.take_port(at_us, port, crc),
+                    Intact::Uplink(uplink) => match self.uplink.replace(*uplink) == Some(*uplink) {
+                        true => Verdict::Duplicate,
+                        false => Verdict::New,
+                    },
                 };
                 // What is not believed is no sign of life of this drone.
-                if verdict != Verdict::OutOfSequence {
+                if verdict != Verdict::OutOfSequence && place != Place::Uplink {
                     self.heard_us = self.heard_us.max(at_us);
                 }
                 verdict
@@ -260,7 +274,13 @@ impl Drone {
         let timestamp = link.timestamp();
         match self.dpr.judge(timestamp, at_us, false, self.dpr_ages.early_us(timestamp, at_us, true)) {
             Step::Newest { .. } => {}
-            Step::Restarted => self.dpr_ages = Ages::default(),
+            Step::Restarted => {
+                self.dpr_ages = Ages::default();
+                // Port-Status has the same clock.
+                self.port = Order::default();
+                self.port_status = None;
+                self.uplink = None;
+            }
             Step::Same => return self.repeated(self.link.as_ref().map(|held| held.crc), at_us, crc),
             Step::Older => return Verdict::Older,
             Step::Search | Step::Stranger => return Verdict::OutOfSequence,
@@ -269,6 +289,22 @@ impl Drone {
         let values = link.values();
         let (arrived_us, repeats, implausible) = (at_us, 0, false);
         self.link = Some(Held { values, timestamp, arrived_us, late_us, repeats, crc, implausible });
+        Verdict::New
+    }
+
+    fn take_port(&mut self, at_us: u64, port: &PortStatus, crc: u32) -> Verdict {
+        let timestamp = port.timestamp();
+        let early_us = self.dpr_ages.early_us(timestamp, at_us, true);
+        match self.port.judge(timestamp, at_us, false, early_us) {
+            Step::Newest { .. } | Step::Restarted => {}
+            Step::Same => return self.repeated(self.port_status.as_ref().map(|held| held.crc), at_us, crc),
+            Step::Older => return Verdict::Older,
+            Step::Search | Step::Stranger => return Verdict::OutOfSequence,
+        }
+        let (arrived_us, repeats, implausible) = (at_us, 0, false);
+        let late_us = early_us.min(0).unsigned_abs();
+        let values = port.values();
+        self.port_status = Some(Held { values, timestamp, arrived_us, late_us, repeats, crc, implausible });
         Verdict::New
     }
 
@@ -287,7 +323,7 @@ impl Drone {
         // Which receiver, from 0; Reported-Position is none.
         let receiver = match place {
             Place::Gps(receiver) => usize::from(receiver).checked_sub(1),
-            Place::Reported | Place::LinkStatus => None,
+            Place::Reported | Place::LinkStatus | Place::PortStatus | Place::Uplink => None,
         };
         let own = match receiver {
             None => self.reported.as_ref().map(|held| (held.timestamp, held.crc)),
@@ -348,7 +384,7 @@ impl Drone {
     }
 
     /// Whether a message's objects, which arrived at `at_us`, may be this drone's: they continue what was before, or
-    /// are late ones of it. The first object of the profile decides; in a message without one Link-Status does.
+    /// are late ones of it. The first object of the profile decides; in a message without one the DPR's own do.
     #[must_use]
     pub fn fits(&self, at_us: u64, bundle: &Bundle<'_>) -> bool {
         let mut fits = true;
@@ -361,6 +397,10 @@ impl Drone {
                 Shown::Intact(Intact::Object(object)) => {
                     let early_us = self.ages.early_us(object.timestamp(), at_us, self.has_crystal());
                     return self.horus.fits(object.timestamp(), at_us, true, early_us);
+                }
+                Shown::Intact(Intact::PortStatus(port)) => {
+                    let early_us = self.dpr_ages.early_us(port.timestamp(), at_us, true);
+                    fits = self.port.fits(port.timestamp(), at_us, false, early_us);
                 }
                 _ => {}
             }
@@ -463,6 +503,19 @@ impl Drone {
     #[must_use]
     pub const fn link(&self) -> Option<&Held<LinkValues>> {
         self.link.as_ref()
+    }
+
+    /// The newest Port-Status, which a drone forwards after it was sent an uplink.
+    #[must_use]
+    pub const fn port_status(&self) -> Option<&Held<PortValues>> {
+        self.port_status.as_ref()
+    }
+
+    /// The base station's uplink that the DPR showed last, as it arrived: that it is the one that was sent proves that
+    /// the DPR has stored it, and nothing about when.
+    #[must_use]
+    pub const fn uplink(&self) -> Option<&Uplink> {
+        self.uplink.as_ref()
     }
 
     /// The highest receiver of which anything intact arrived: 0 to 5.

@@ -1,4 +1,7 @@
-use profile::{FixType, GpsObject, GpsStatus, Identifier, LinkStatusBits, Profile, ReportedStatus, ResetReason};
+use profile::criticality::{BaseStation, Dpr, Writer};
+use profile::{
+    FixType, GpsObject, GpsStatus, Identifier, LinkStatusBits, Profile, ReportedStatus, ResetReason, UplinkValues,
+};
 use proptest::prelude::*;
 
 use super::*;
@@ -327,6 +330,63 @@ fn link_status_has_a_clock_of_its_own() {
     let restart = [10, 21, 29].map(|timestamp| take(300_000, timestamp, up));
     assert_eq!(restart, [Verdict::OutOfSequence, Verdict::OutOfSequence, Verdict::New]);
     assert_eq!(drone.link().unwrap().timestamp, 29);
+}
+
+#[test]
+fn what_the_dpr_says_of_its_port_is_held_and_a_shown_uplink_is_no_sign_of_life() {
+    let port = |timestamp, uplinks_accepted| {
+        let values = PortValues { timestamp, uplinks_accepted, ..PortValues::default() };
+        *PortStatus::seal(Writer::<Dpr>::claim(), &values).as_bytes()
+    };
+    let uplink = |timestamp| {
+        let values = UplinkValues { timestamp, ..UplinkValues::default() };
+        *Uplink::seal(Writer::<BaseStation>::claim(), &values).as_bytes()
+    };
+    let mut drone = Drone::new(0);
+    let mut at = 100_000_000;
+    let mut take = |drone: &mut Drone, place, bytes: &[u8]| {
+        at += 100_000;
+        drone.take(place, at, bytes)
+    };
+    assert_eq!(take(&mut drone, Place::LinkStatus, link(5_000, LinkStatusBits::new()).as_bytes()), Verdict::New);
+    assert_eq!(take(&mut drone, Place::PortStatus, &port(5_095, 3)), Verdict::New);
+    let held = *drone.port_status().unwrap();
+    assert_eq!((held.values.uplinks_accepted, held.timestamp), (3, 5_095));
+    assert_eq!((drone.heard_us(), held.arrived_us), (100_200_000, 100_200_000));
+    assert!((4_900..=5_000).contains(&held.late_us), "5 ms later than the fastest: {}", held.late_us);
+    assert_eq!(take(&mut drone, Place::PortStatus, &port(5_095, 3)), Verdict::Duplicate);
+    assert_eq!(take(&mut drone, Place::PortStatus, &port(5_000, 9)), Verdict::Older);
+    assert!(!drone.alarms_at(101_000_000).has(Alarm::TwoSenders));
+    assert_eq!(take(&mut drone, Place::PortStatus, &port(5_095, 9)), Verdict::OutOfSequence, "with another content");
+    assert!(drone.alarms_at(101_000_000).has(Alarm::TwoSenders));
+    assert_eq!(drone.port_status().unwrap().values.uplinks_accepted, 3);
+
+    let heard_us = drone.heard_us();
+    for (timestamp, verdict) in [(9, Verdict::New), (9, Verdict::Duplicate), (7, Verdict::New), (9, Verdict::New)] {
+        assert_eq!(take(&mut drone, Place::Uplink, &uplink(timestamp)), verdict);
+        assert_eq!(drone.uplink().map(Uplink::timestamp), Some(timestamp));
+    }
+    assert_eq!(drone.heard_us(), heard_us);
+    // Port-Status has the clock of Link-Status: with that it begins anew.
+    for timestamp in [10, 110, 210] {
+        take(&mut drone, Place::LinkStatus, link(timestamp, LinkStatusBits::new()).as_bytes());
+    }
+    assert_eq!((drone.port_status(), drone.uplink()), (None, None));
+    assert_eq!(take(&mut drone, Place::PortStatus, &port(305, 0)), Verdict::New);
+}
+
+#[test]
+fn a_clock_counts_as_a_crystals_where_nothing_else_is_said() {
+    // 1 % slow: more than crystals differ by, and less than HORUS may be off by without its own.
+    let (first, second) = (0, 10_100_000);
+    let mut drone = Drone::new(0);
+    for (at, timestamp) in [(first, 10), (second, 10_010)] {
+        drone.take(Place::LinkStatus, at, link(timestamp, LinkStatusBits::new()).as_bytes());
+        let object = GpsObject::seal(Identifier::gps(1), &gps(timestamp, 8.0));
+        drone.take(Place::Gps(1), at, object.as_bytes());
+    }
+    let late = [drone.link().unwrap().late_us, drone.gps(1).unwrap().late_us];
+    assert_eq!(late, [100_000 - 2_020; 2], "less 200 ppm of 10.1 s");
 }
 
 #[test]

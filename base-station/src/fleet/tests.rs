@@ -1,9 +1,12 @@
-use profile::{GpsValues, HorusState, Profile, ReportedStatus, ReportedValues};
+use profile::{GpsValues, HorusState, LinkStatus, LinkValues, Profile, ReportedStatus, ReportedValues};
 
 use super::*;
-use crate::Alarm;
+use crate::{Alarm, Place};
 
 const SECOND: u64 = 1_000_000;
+
+/// An instant that is later than any span that is compared with here, µs.
+const BEGIN: u64 = 1_000 * SECOND;
 
 fn profile_in(timestamp: u32, state: HorusState) -> Profile<1> {
     let status = ReportedStatus::new().with_position_valid(true).with_state(state);
@@ -55,17 +58,24 @@ fn two_drones_with_one_system_id_are_two_and_both_say_so() {
     for ahead in [3_600_000, 0] {
         let mut fleet = Fleet::default();
         for tenth in 0..30_u32 {
-            let at = 100_000 * u64::from(tenth);
+            let at = BEGIN + 100_000 * u64::from(tenth);
             assert_eq!(take(&mut fleet, 7, 1, at, &profile(100 * tenth + ahead)).1, [Verdict::New; 2]);
             let other = profile_in(100 * tenth, HorusState::EmergencyFired);
             assert_eq!(take(&mut fleet, 7, 2, at, &other), ("7-2".into(), vec![Verdict::New; 2]));
         }
         assert_eq!(names(&fleet), ["7", "7-2"]);
         for name in ["7", "7-2"] {
-            assert!(has(&fleet, name, 3 * SECOND, Alarm::TwoSenders));
-            assert_eq!(has(&fleet, name, 3 * SECOND, Alarm::EmergencyFired), name == "7-2");
+            assert!(has(&fleet, name, BEGIN + 3 * SECOND, Alarm::TwoSenders));
+            assert_eq!(has(&fleet, name, BEGIN + 3 * SECOND, Alarm::EmergencyFired), name == "7-2");
         }
-        assert!(!has(&fleet, "7", 3 * SECOND + RECENT_US, Alarm::TwoSenders), "the other has been quiet for long");
+        assert!(
+            !has(&fleet, "7", BEGIN + 3 * SECOND + RECENT_US, Alarm::TwoSenders),
+            "the other has been quiet for long"
+        );
+        for tenth in 30..250 {
+            take(&mut fleet, 7, 1, BEGIN + 100_000 * u64::from(tenth), &profile(100 * tenth + ahead));
+        }
+        assert!(!has(&fleet, "7", BEGIN + 25 * SECOND, Alarm::TwoSenders), "and one that goes on is alone");
     }
 }
 
@@ -149,6 +159,20 @@ fn a_drone_whose_address_changed_is_one_again_after_silence() {
         let at = 100_000 * u64::from(tenth);
         let (port, timestamp) = if tenth < 100 { (1, 60_000 + 100 * tenth) } else { (2, 100 * tenth) };
         take(&mut fleet, 7, port, at, &profile(timestamp));
+        fleet.tick(at);
+    }
+    assert_eq!(names(&fleet), ["7", "7-2"]);
+}
+
+#[test]
+fn a_silent_sender_whose_start_is_not_known_is_not_taken_for_another() {
+    let mut fleet = Fleet::default();
+    let link = LinkStatus::seal(&LinkValues::default());
+    let alone = Bundle::from_first(Place::LinkStatus, link.as_bytes()).unwrap();
+    fleet.take(Who::System(7), source(1), BEGIN, &alone);
+    for tenth in 0..150_u32 {
+        let at = BEGIN + 100_000 * u64::from(tenth);
+        take(&mut fleet, 7, 2, at, &profile(100 * tenth));
         fleet.tick(at);
     }
     assert_eq!(names(&fleet), ["7", "7-2"]);

@@ -1,4 +1,4 @@
-//! A broker between base stations: MQTT 5, by the `rumqttc` crate (decision 19).
+//! A broker between base stations: MQTT 5, by the `rumqttc-v5-next` crate (decision 19).
 //!
 //! # Design
 //!
@@ -11,7 +11,7 @@
 //! station's recording.
 //!
 //! **Again and again.** A connection that ends is made anew after [`RETRY`], and one that says nothing for [`SILENCE`]
-//! is ended: a broker answers a ping every [`KEEP_ALIVE`].
+//! is ended: a broker answers a ping every [`KEEP_ALIVE_S`].
 //!
 //! **TLS**, where it is asked for, encrypts the connection and authenticates the broker ([`tls`](super::tls)).
 
@@ -21,9 +21,8 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread;
 use std::time::Duration;
 
-use rumqttc::v5::mqttbytes::QoS;
-use rumqttc::v5::mqttbytes::v5::{Packet, Publish, SubAck, SubscribeReasonCode};
-use rumqttc::v5::{AsyncClient, ConnectionError, Event as Mqtt, EventLoop, MqttOptions};
+use rumqttc::{AsyncClient, ConnectionError, Event as Mqtt, EventLoop, MqttOptions, PublishOptions, QoS};
+use rumqttc::{Packet, Publish, SubAck, SubscribeReasonCode};
 use tokio::runtime::{Builder, Runtime};
 use tokio::time::{sleep, timeout};
 
@@ -36,8 +35,8 @@ use crate::{Bundle, DroneId, Verdict, Who};
 /// After a failure it is tried again after so long.
 pub const RETRY: Duration = Duration::from_millis(500);
 
-/// The broker is asked whether it is there so often; the shortest that `rumqttc` allows.
-pub const KEEP_ALIVE: Duration = Duration::from_secs(5);
+/// The broker is asked whether it is there so often, s.
+pub const KEEP_ALIVE_S: u16 = 5;
 
 /// A connection on which nothing happens for so long is ended.
 pub const SILENCE: Duration = Duration::from_secs(12);
@@ -78,10 +77,10 @@ impl std::fmt::Display for Broker {
 impl Broker {
     fn options(&self) -> MqttOptions {
         // Without a client id the broker gives one, so that no two stations put each other out.
-        let mut options = MqttOptions::new("", &self.host, self.port);
-        options.set_keep_alive(KEEP_ALIVE).set_clean_start(true).set_max_packet_size(Some(MAX_PACKET));
+        let mut options = MqttOptions::new("", (self.host.as_str(), self.port));
+        options.set_keep_alive(KEEP_ALIVE_S).set_clean_start(true).set_max_packet_size(Some(MAX_PACKET));
         if let Some((user, password)) = &self.login {
-            options.set_credentials(user, password);
+            options.set_credentials(user, password.clone());
         }
         if let Some(tls) = &self.tls {
             options.set_transport(tls.transport());
@@ -116,7 +115,7 @@ impl Outlet {
         let topic = || published::topic(&self.station, drone);
         let message = || published::message(at_us, bundle, verdicts);
         let published = self.connected.load(Ordering::Relaxed)
-            && self.client.try_publish(topic(), QoS::AtMostOnce, false, message()).is_ok();
+            && self.client.try_publish(topic(), message(), PublishOptions::at_most_once()).is_ok();
         if !published {
             self.unpublished.fetch_add(1, Ordering::Relaxed);
         }
@@ -140,7 +139,7 @@ pub struct Unconnected {
 /// before [`connect`](Unconnected::connect).
 #[must_use]
 pub fn outlet(broker: Broker, station: &str) -> (Outlet, Unconnected) {
-    let (client, events) = AsyncClient::new(broker.options(), WAITING);
+    let (client, events) = AsyncClient::builder(broker.options()).capacity(WAITING).build();
     let outlet = Outlet {
         station: station.into(),
         client,
@@ -176,7 +175,7 @@ impl Unconnected {
 ///
 /// If the system gives no event loop.
 pub fn subscribe(broker: Broker, station: Option<&str>, line: u16, clock: Clock, inlet: Inlet) -> io::Result<()> {
-    let (client, events) = AsyncClient::new(broker.options(), 16);
+    let (client, events) = AsyncClient::builder(broker.options()).capacity(16).build();
     let filter = format!("{TOPICS}/{}/+", station.unwrap_or("+"));
     let to = inlet.clone();
     spawn(broker, events, inlet, move |event| match event {
@@ -241,7 +240,7 @@ fn spawn(
                 };
                 // What waited is old by the time there is a connection again.
                 events.clean();
-                events.pending.clear();
+                events.reset_session_state();
                 let told = inlet.offer(Event::Line { name: broker.to_string(), why: Some(why) });
                 if !told || !each(Happened::Lost) {
                     return;

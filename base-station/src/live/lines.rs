@@ -1,4 +1,5 @@
-//! Lines of a real base station: sockets and serial ports. They are listened to and never written to.
+//! Lines of a real base station: sockets and serial ports. They are listened to; what the station says on those of
+//! MAVLink, if it is told to say anything, goes through [`Mouths`](super::mouths::Mouths).
 
 use std::io::{self, Read};
 use std::net::{SocketAddr, UdpSocket};
@@ -33,6 +34,9 @@ pub fn udp(address: SocketAddr, kind: Kind, line: u16, clock: Clock, inlet: Inle
     let _ = SockRef::from(&socket).set_recv_buffer_size(RECEIVE_BUFFER);
     socket.set_read_timeout(Some(LOOK))?;
     let bound = socket.local_addr()?;
+    if kind == Kind::MavlinkDatagrams {
+        inlet.mouths.add_socket(line, socket.try_clone()?);
+    }
     thread::spawn(move || {
         // One byte more tells a datagram that is too long.
         let mut buffer = vec![0; MAX_DATAGRAM + 1];
@@ -70,6 +74,9 @@ pub fn serial(path: String, baud: u32, kind: Kind, line: u16, clock: Clock, inle
                 return;
             }
             if let Ok(mut port) = opened {
+                if let (Kind::MavlinkStream, Ok(mouth)) = (kind, port.try_clone()) {
+                    inlet.mouths.add_port(line, mouth);
+                }
                 while why.is_none() {
                     match port.read(&mut buffer) {
                         Ok(0) => why = Some("the port is closed".into()),
@@ -84,6 +91,7 @@ pub fn serial(path: String, baud: u32, kind: Kind, line: u16, clock: Clock, inle
                         Err(error) => why = Some(error.to_string()),
                     }
                 }
+                inlet.mouths.remove(line);
                 if !inlet.offer(Event::Line { name: path.clone(), why }) {
                     return;
                 }

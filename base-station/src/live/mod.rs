@@ -17,6 +17,7 @@
 pub mod broker;
 pub mod history;
 pub mod lines;
+pub mod mouths;
 pub mod page;
 pub mod playback;
 mod recording;
@@ -24,6 +25,7 @@ pub mod serve;
 pub mod server;
 pub mod tls;
 
+use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -32,11 +34,12 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use tokio::sync::watch;
 
-use crate::carrier::mavlink::Verifier;
-use crate::intake::{Carried, Intake};
-use crate::recorder::{Files, Fix, Made, Record, Trouble};
+use crate::carrier::mavlink::{Verifier, Voice};
+use crate::intake::{Carried, Intake, Kind};
+use crate::recorder::{Files, Made, Record, Sample, Trouble};
 use crate::{Bundle, Change, DroneId, Verdict, export};
 use history::History;
+use mouths::Mouths;
 pub use recording::Recording;
 
 /// Alarms are looked for at least so often.
@@ -44,6 +47,9 @@ pub const TICK: Duration = Duration::from_millis(20);
 
 /// How many arrivals may wait for the station: six seconds of a thousand drones at 10 Hz.
 const WAITING: usize = 65_536;
+
+/// So many alarms that came or went are kept, for the page.
+pub const KEPT_CHANGES: usize = 100;
 
 /// What was not handed on to a broker is told for so long, µs.
 const UNPUBLISHED_US: u64 = 5_000_000;
@@ -120,6 +126,7 @@ pub enum Event {
 pub struct Inlet {
     to: SyncSender<Event>,
     dropped: Arc<AtomicU64>,
+    mouths: Mouths,
 }
 
 impl Inlet {
@@ -156,17 +163,29 @@ pub struct Known {
     pub intake: Intake,
     /// Their last minutes.
     pub history: History,
+    /// Alarms that came and went, of all drones, the newest last: at most [`KEPT_CHANGES`].
+    pub alarms: VecDeque<(DroneId, Change)>,
     /// Lines that do not work, and why.
     pub lines: Vec<(String, String)>,
     /// The files of the recording, if there is one.
     pub recording: Option<Made>,
     /// Why nothing is recorded, if it should be.
     pub recorder: Option<Trouble>,
+    /// What the station itself says, if it says anything.
+    pub voice: Option<Voice>,
     /// The time up to which all is known, µs.
     pub now_us: u64,
 }
 
 impl Known {
+    /// Keeps that an alarm came or went.
+    fn note(&mut self, drone: DroneId, change: Change) {
+        if self.alarms.len() == KEPT_CHANGES {
+            self.alarms.pop_front();
+        }
+        self.alarms.push_back((drone, change));
+    }
+
     /// Notes in the history what is known now.
     fn look(&mut self) {
         self.history.look(self.now_us, self.intake.fleet());
@@ -179,9 +198,15 @@ pub struct Station {
     known: Arc<Mutex<Known>>,
     changes: watch::Receiver<u64>,
     dropped: Arc<AtomicU64>,
+    mouths: Mouths,
 }
 
 impl Station {
+    /// From now on the station says this.
+    pub fn speak(&self, voice: Voice) {
+        self.known().voice = Some(voice);
+    }
+
     /// What it knows now. What holds it up holds the station up.
     pub fn known(&self) -> MutexGuard<'_, Known> {
         // Whoever panicked while looking has changed nothing.
@@ -246,14 +271,15 @@ pub fn start_publishing(
     let known = Known { intake: Intake::new(verifier), recording, ..Known::default() };
     let known = Arc::new(Mutex::new(known));
     let (changed, changes) = watch::channel(0);
-    let station = Station { known, changes, dropped: Arc::clone(&dropped) };
+    let mouths = Mouths::default();
+    let station = Station { known, changes, dropped: Arc::clone(&dropped), mouths: mouths.clone() };
     let inside = station.clone();
     let handle = thread::spawn(move || {
         let recording = files.map(Recording::start);
         run(&from, &inside, &changed, &time, recording.as_ref(), outlet.as_ref(), told);
         recording.map_or(Ok(()), Recording::finish)
     });
-    (Inlet { to, dropped }, station, handle)
+    (Inlet { to, dropped, mouths }, station, handle)
 }
 
 /// What is not handed on to a broker is told as long as it goes on.
@@ -305,9 +331,14 @@ fn run(
                     let judged = known.intake.take_each(&carried, |_, _| true, hand_on);
                     known.now_us = known.now_us.max(carried.at_us);
                     known.look();
+                    if let (Some(voice), Kind::MavlinkDatagrams, Ok(from)) =
+                        (&mut known.voice, carried.kind, carried.from.parse())
+                    {
+                        voice.heard(carried.line, from, carried.at_us);
+                    }
                     if let Some(recording) = recording {
-                        let fixes = Fix::of(&judged, known.intake.fleet());
-                        recording.carried(carried, judged, fixes);
+                        let samples = Sample::of(&judged, known.intake.fleet());
+                        recording.carried(carried, judged, samples);
                     }
                 }
                 Event::Played(record) => {
@@ -325,6 +356,7 @@ fn run(
                 Event::Restart(at_us) => {
                     known.intake = Intake::default();
                     known.history = History::default();
+                    known.alarms.clear();
                     known.now_us = at_us;
                 }
             }
@@ -335,12 +367,22 @@ fn run(
             known.now_us = now_us;
             for (drone, change) in known.intake.tick(now_us) {
                 told(drone, change);
+                known.note(drone, change);
                 if let Some(recording) = recording {
                     recording.alarm(drone, change);
                 }
             }
             if matches!(time, Time::Clock(_)) {
                 known.look();
+            }
+            let Known { voice, intake, .. } = &mut *known;
+            for (to, bytes) in voice.as_mut().map(|voice| voice.tick(now_us, intake.fleet())).unwrap_or_default() {
+                station.mouths.send(to, &bytes);
+            }
+            for told in voice.as_mut().map(Voice::take_told).unwrap_or_default() {
+                if let Some(recording) = recording {
+                    recording.uplink(now_us, told);
+                }
             }
             known.recorder = recording.and_then(Recording::trouble);
             if let Some(outlet) = outlet {

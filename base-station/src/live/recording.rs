@@ -5,16 +5,18 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
+use crate::carrier::mavlink::voice::Told;
 use crate::intake::{Carried, Judged};
-use crate::recorder::{FLUSH_US, Files, Fix, Recorder, Trouble};
+use crate::recorder::{FLUSH_US, Files, Recorder, Sample, Trouble};
 use crate::{Change, DroneId};
 
 /// How many messages may wait for the disk.
 const WAITING: usize = 65_536;
 
 enum What {
-    Carried(Carried, Vec<Judged>, Vec<Fix>),
+    Carried(Carried, Vec<Judged>, Vec<Sample>),
     Alarm(DroneId, Change),
+    Uplink(u64, Told),
 }
 
 /// A recorder on a thread of its own.
@@ -37,9 +39,14 @@ impl Recording {
     }
 
     /// Records what arrived.
-    pub fn carried(&self, carried: Carried, judged: Vec<Judged>, fixes: Vec<Fix>) {
+    pub fn carried(&self, carried: Carried, judged: Vec<Judged>, samples: Vec<Sample>) {
         let at_us = carried.at_us;
-        self.offer(at_us, What::Carried(carried, judged, fixes));
+        self.offer(at_us, What::Carried(carried, judged, samples));
+    }
+
+    /// Records what is known of an uplink since `at_us`.
+    pub fn uplink(&self, at_us: u64, told: Told) {
+        self.offer(at_us, What::Uplink(at_us, told));
     }
 
     /// Records that an alarm came or went.
@@ -80,9 +87,13 @@ fn write(from: &Receiver<What>, mut recorder: Recorder<Files>, told: &Mutex<Opti
     let mut last = (0, Instant::now());
     loop {
         match from.recv_timeout(half) {
-            Ok(What::Carried(carried, judged, fixes)) => {
+            Ok(What::Carried(carried, judged, samples)) => {
                 last = (carried.at_us, Instant::now());
-                recorder.carried(&carried, &judged, &fixes);
+                recorder.carried(&carried, &judged, &samples);
+            }
+            Ok(What::Uplink(at_us, told)) => {
+                last = (at_us, Instant::now());
+                recorder.uplink(at_us, &told);
             }
             Ok(What::Alarm(drone, change)) => {
                 last = (change.at_us, Instant::now());

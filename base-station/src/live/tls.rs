@@ -100,12 +100,12 @@ mod with {
         }
 
         /// What went wrong, in words, if it was TLS: with a broker that was called `host`.
-        pub(in crate::live) fn words(&self, error: &rumqttc::v5::ConnectionError, host: &str) -> Option<String> {
+        pub(in crate::live) fn words(&self, error: &rumqttc::ConnectionError, host: &str) -> Option<String> {
             if let Some(error) = find(error) {
                 return Some(words(error, host));
             }
             // What a broker says once the handshake is over, as of a certificate that is missing in TLS 1.3, is left of
-            // it in words alone (rumqttc 0.25).
+            // it in words alone (rumqttc-v5-next 0.34).
             let text = error.to_string();
             text.split_once(ALERT).map(|(_, name)| alert(name))
         }
@@ -183,7 +183,7 @@ mod without {
             match *self {}
         }
 
-        pub(in crate::live) const fn words(&self, _: &rumqttc::v5::ConnectionError, _: &str) -> Option<String> {
+        pub(in crate::live) const fn words(&self, _: &rumqttc::ConnectionError, _: &str) -> Option<String> {
             match *self {}
         }
     }
@@ -193,7 +193,7 @@ mod without {
 mod tests {
     use std::io;
 
-    use rumqttc::v5::ConnectionError;
+    use rumqttc::ConnectionError;
     use rustls::AlertDescription;
 
     use super::*;

@@ -3,7 +3,8 @@
 //! # Design
 //!
 //! **What is in it.** `/carried` has the bytes and the verdicts, and is all that a playback needs; `/alarms` what came
-//! and went; `/drone/ID/…` positions for maps. Schemas are in the file, in ROS 1's language, so that Foxglove and other
+//! and went; `/drone/ID/…` positions for maps, the state with agreement and attitude, and the link; `/uplinks` what this
+//! station sent to drones, and what became of it. Schemas are in the file, in ROS 1's language, so that Foxglove and other
 //! tools open it without anything of ours.
 //!
 //! **What a crash costs.** A chunk of the file is written whole, at least every [`FLUSH_US`], and then forced to the
@@ -33,6 +34,9 @@ use mcap::records::MessageHeader;
 use mcap::write::NoSeek;
 use mcap::{WriteOptions, Writer};
 
+use profile::{LinkValues, ReportedValues};
+
+use crate::carrier::mavlink::voice::Told;
 use crate::intake::{Carried, Judged};
 use crate::{Change, DroneId, Fleet, Place, Verdict};
 
@@ -137,40 +141,45 @@ pub struct Trouble {
     pub since_us: u64,
 }
 
-/// A valid position that is shown since now, for maps.
+/// What is shown since now, in plain values for other tools.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Fix {
-    /// Of which drone.
-    pub drone: DroneId,
-    /// Reported-Position, or a receiver.
-    pub place: Place,
-    /// Degrees north, degrees east, m above the ellipsoid.
-    pub position: [f64; 3],
+pub enum Sample {
+    /// A valid position, of Reported-Position or a receiver: degrees north, degrees east, m above the ellipsoid.
+    Position(DroneId, Place, [f64; 3]),
+    /// What HORUS says of itself, and how the drone is turned.
+    State(DroneId, ReportedValues),
+    /// Link-Status.
+    Link(DroneId, LinkValues),
 }
 
-impl Fix {
-    /// The valid positions among what was just `judged` and is now shown of `fleet`.
+impl Sample {
+    /// The samples of what was just `judged` and is now shown of `fleet`.
     #[must_use]
     pub fn of(judged: &[Judged], fleet: &Fleet) -> Vec<Self> {
-        let new = judged.iter().filter(|judged| judged.verdict == Verdict::New);
-        let fix = |judged: &Judged| {
-            let drone = fleet.get(judged.drone)?;
-            let position = match judged.place {
-                Place::LinkStatus => return None,
+        let mut samples = vec![];
+        for Judged { drone: id, place, .. } in judged.iter().filter(|judged| judged.verdict == Verdict::New) {
+            let Some(drone) = fleet.get(*id) else { continue };
+            match place {
+                Place::LinkStatus => samples.extend(drone.link().map(|held| Self::Link(*id, held.values))),
                 Place::Reported => {
-                    let values = &drone.reported()?.values;
-                    let valid = values.status.position_valid();
-                    valid.then_some([values.latitude, values.longitude, values.altitude])
+                    let Some(values) = drone.reported().map(|held| held.values) else { continue };
+                    samples.push(Self::State(*id, values));
+                    if values.status.position_valid() {
+                        let position = [values.latitude, values.longitude, values.altitude];
+                        samples.push(Self::Position(*id, *place, position));
+                    }
                 }
                 Place::Gps(receiver) => {
-                    let values = &drone.gps(usize::from(receiver))?.values;
-                    let valid = values.status.position_valid();
-                    valid.then_some([values.latitude, values.longitude, values.altitude])
+                    let values = drone.gps(usize::from(*receiver)).map(|held| held.values);
+                    let valid = values.filter(|values| values.status.position_valid());
+                    let position = valid.map(|values| [values.latitude, values.longitude, values.altitude]);
+                    samples.extend(position.map(|position| Self::Position(*id, *place, position)));
                 }
-            };
-            Some(Self { drone: judged.drone, place: judged.place, position: position? })
-        };
-        new.filter_map(fix).collect()
+                // What became of an uplink is told by whoever sent it.
+                Place::PortStatus | Place::Uplink => {}
+            }
+        }
+        samples
     }
 }
 
@@ -202,13 +211,25 @@ impl<P: Parts> Recorder<P> {
         Self { parts, open: None, next_part: 0, trouble: None, tried_us: None, lost: 0, part_bytes: PART_BYTES }
     }
 
-    /// Records what arrived, what was found in it, and the positions that it brought.
-    pub fn carried(&mut self, carried: &Carried, judged: &[Judged], fixes: &[Fix]) {
-        self.put(carried.at_us, "/carried", ros::CARRIED, &ros::carried(carried, judged));
-        for Fix { drone, place, position } in fixes {
-            let topic = format!("/drone/{drone}/{place}");
-            self.put(carried.at_us, &topic, ros::FIX, &ros::fix(carried.at_us, *position));
+    /// Records what arrived, what was found in it, and what of it is shown.
+    pub fn carried(&mut self, carried: &Carried, judged: &[Judged], samples: &[Sample]) {
+        let at_us = carried.at_us;
+        self.put(at_us, "/carried", ros::CARRIED, &ros::carried(carried, judged));
+        for sample in samples {
+            let (topic, schema, data) = match sample {
+                Sample::Position(drone, place, position) => {
+                    (format!("/drone/{drone}/{place}"), ros::FIX, ros::fix(at_us, *position))
+                }
+                Sample::State(drone, values) => (format!("/drone/{drone}/state"), ros::STATE, ros::state(values)),
+                Sample::Link(drone, values) => (format!("/drone/{drone}/link"), ros::LINK, ros::link(values)),
+            };
+            self.put(at_us, &topic, schema, &data);
         }
+    }
+
+    /// Records what is known of an uplink that this station sends.
+    pub fn uplink(&mut self, at_us: u64, told: &Told) {
+        self.put(at_us, "/uplinks", ros::UPLINK, &ros::uplink(told));
     }
 
     /// Records that an alarm came or went.

@@ -1,6 +1,10 @@
 //! The messages of a recording, in the serialisation of ROS 1, which every MCAP tool reads with the schema beside it:
 //! numbers little-endian without padding, strings and arrays after their length as a u32.
 
+use profile::{LinkValues, ReportedValues};
+
+use crate::carrier::mavlink::voice::Told;
+use crate::drone::words;
 use crate::intake::{Carried, Judged, Kind};
 use crate::{Alarm, DroneId, Place, Verdict};
 
@@ -26,7 +30,7 @@ uint16 line         # which socket or port
 string from         # the datagram's sender, or STATION/DRONE of what another station published
 uint8[] bytes       # unchanged
 string[] drones     # of each object: which drone
-uint8[] places      # 0 Link-Status, 1 Reported-Position, 2 to 6 GPS1 to GPS5
+uint8[] places      # 0 Link-Status, 1 Reported-Position, 2 to 6 GPS1 to GPS5, 7 Port-Status, 8 uplink
 string[] verdicts   # new, duplicate, older, out-of-sequence, vacant, or why it was rejected
 ",
 };
@@ -61,6 +65,54 @@ string frame_id
 MSG: sensor_msgs/NavSatStatus
 int8 status
 uint16 service
+",
+};
+
+/// What HORUS says of itself.
+pub(super) const STATE: Schema = Schema {
+    name: "horus_msgs/State",
+    text: "# What HORUS says of itself in Reported-Position. What is not known is NaN.
+uint32 timestamp_ms         # since HORUS's start
+string state                # in words
+uint8 state_code            # bits 8 to 11 of the status
+uint8 receivers_agreeing
+bool degraded
+bool position_valid
+bool memory_fault
+bool without_crystal
+float32 pitch               # rad
+float32 yaw                 # rad, from true north, clockwise
+float32 roll                # rad
+float32[3] acceleration     # m/s2, front, right, down, gravity removed
+",
+};
+
+/// How the link from HORUS to the DPR does.
+pub(super) const LINK: Schema = Schema {
+    name: "horus_msgs/Link",
+    text: "# Link-Status, as the DPR sealed it.
+uint32 timestamp_ms         # since the DPR's start
+uint16 status               # its bits
+bool up
+uint32 objects_accepted
+uint32 objects_rejected
+uint32 frames_received
+uint32 frames_missed
+uint16 access_violations
+float32 sample_age_ms       # of Reported-Position when the image was made
+",
+};
+
+/// What became of an uplink.
+pub(super) const UPLINK: Schema = Schema {
+    name: "horus_msgs/Uplink",
+    text: "# An uplink object that this station sends to a drone's DPR, and what is known of it now.
+string drone
+uint32 timestamp_ms         # the object's
+uint16 status               # the object's
+uint8[] payload             # the object's
+string state                # sent, written, refused, unanswered
+string why                  # it was refused
 ",
 };
 
@@ -99,6 +151,43 @@ pub(super) fn alarm(drone: DroneId, alarm: Alarm, raised: bool) -> Vec<u8> {
     put(&mut out, alarm.code().as_bytes());
     out.push(u8::from(raised));
     put(&mut out, alarm.words().as_bytes());
+    out
+}
+
+pub(super) fn state(values: &ReportedValues) -> Vec<u8> {
+    let mut out = values.timestamp.to_le_bytes().to_vec();
+    let status = values.status;
+    put(&mut out, words::state(status.state()).as_bytes());
+    out.push((status.bits() >> 8 & 0x0F) as u8);
+    out.push(status.receivers_agreeing());
+    let bits = [status.degraded(), status.position_valid(), status.memory_fault(), status.without_crystal()];
+    out.extend(bits.map(u8::from));
+    for value in [values.pitch, values.yaw, values.roll].into_iter().chain(values.acceleration) {
+        out.extend(value.to_le_bytes());
+    }
+    out
+}
+
+pub(super) fn link(values: &LinkValues) -> Vec<u8> {
+    let mut out = values.timestamp.to_le_bytes().to_vec();
+    out.extend(values.status.bits().to_le_bytes());
+    out.push(u8::from(values.status.link_up()));
+    let counts = [values.objects_accepted, values.objects_rejected, values.frames_received, values.frames_missed];
+    counts.iter().for_each(|count| out.extend(count.to_le_bytes()));
+    out.extend(values.access_violations.to_le_bytes());
+    out.extend((f32::from(values.age_100us) / 10.0).to_le_bytes());
+    out
+}
+
+pub(super) fn uplink(told: &Told) -> Vec<u8> {
+    let mut out = vec![];
+    let values = told.uplink.values();
+    put(&mut out, told.drone.to_string().as_bytes());
+    out.extend(values.timestamp.to_le_bytes());
+    out.extend(values.status.bits().to_le_bytes());
+    put(&mut out, &values.payload);
+    put(&mut out, told.state.code().as_bytes());
+    put(&mut out, told.state.why().unwrap_or_default().as_bytes());
     out
 }
 
@@ -189,11 +278,13 @@ impl Found {
 
 #[cfg(test)]
 mod tests {
-    use profile::Rejection;
+    use profile::criticality::{BaseStation, Writer};
+    use profile::{Rejection, Uplink, UplinkValues};
     use proptest::prelude::*;
 
     use super::*;
     use crate::Who;
+    use crate::carrier::mavlink::voice::State;
 
     proptest! {
         #[test]
@@ -221,6 +312,37 @@ mod tests {
         fn anything_may_be_in_a_file(data in prop::collection::vec(any::<u8>(), 0..200)) {
             let _ = read_carried(&data);
         }
+    }
+
+    /// The bytes that a message of a schema has whose strings and arrays of any length have `text` bytes together.
+    fn length(schema: Schema, text: usize) -> usize {
+        let kinds = schema.text.lines().filter(|line| !line.starts_with('#')).filter_map(|line| line.split(' ').next());
+        let size = |kind| match kind {
+            "bool" | "uint8" => 1,
+            "uint16" => 2,
+            "uint32" | "float32" | "string" | "uint8[]" => 4,
+            "float32[3]" => 12,
+            other => panic!("{other}"),
+        };
+        kinds.map(size).sum::<usize>() + text
+    }
+
+    #[test]
+    fn state_link_and_uplink_have_the_lengths_that_their_schemas_give() {
+        let values = ReportedValues { pitch: 0.5, ..ReportedValues::absent(0x0102_0304) };
+        let made = state(&values);
+        assert_eq!(made.len(), length(STATE, "starting".len()));
+        assert_eq!(
+            (&made[..4], &made[8..16], &made[22..26]),
+            (&[4, 3, 2, 1][..], &b"starting"[..], &[0, 0, 0, 0x3F][..])
+        );
+        let made = link(&LinkValues { frames_missed: 7, age_100us: 55, ..LinkValues::default() });
+        assert_eq!(made.len(), length(LINK, 0));
+        assert_eq!((&made[19..23], &made[25..]), (&[7, 0, 0, 0][..], &5.5_f32.to_le_bytes()[..]));
+        let uplink_object = Uplink::seal(Writer::<BaseStation>::claim(), &UplinkValues::default());
+        let (drone, why) = (Who::System(7).first(), "why".to_owned());
+        let made = uplink(&Told { drone, uplink: uplink_object, state: State::Refused(why) });
+        assert_eq!(made.len(), length(UPLINK, "7".len() + 52 + "refused".len() + "why".len()));
     }
 
     #[test]

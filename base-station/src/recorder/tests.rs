@@ -76,7 +76,7 @@ fn record(recorder: &mut Recorder<Disk>, cycles: std::ops::Range<u32>) -> Vec<(C
     let recorded = cycles.map(|cycle| {
         let carried = arrival(cycle);
         let judged = intake.take(&carried);
-        recorder.carried(&carried, &judged, &Fix::of(&judged, intake.fleet()));
+        recorder.carried(&carried, &judged, &Sample::of(&judged, intake.fleet()));
         for (drone, change) in intake.tick(carried.at_us) {
             recorder.alarm(drone, change);
         }
@@ -131,7 +131,7 @@ fn the_file_is_what_mcap_expects_of_one() {
     let mut topics: Vec<_> = summary.channels.values().map(|channel| channel.topic.clone()).collect();
     topics.sort();
     let of = |place| format!("/drone/127.0.0.1:4000/{place}");
-    assert_eq!(topics, ["/alarms".into(), "/carried".into(), of("GPS1"), of("Reported-Position")]);
+    assert_eq!(topics, ["/alarms".into(), "/carried".into(), of("GPS1"), of("Reported-Position"), of("state")]);
     for channel in summary.channels.values() {
         let schema = channel.schema.as_ref().unwrap();
         assert_eq!((&*channel.message_encoding, &*schema.encoding), ("ros1", "ros1msg"));
@@ -153,7 +153,7 @@ fn a_file_that_is_cut_anywhere_keeps_all_but_the_last_half_second() {
     for cycle in 0..60 {
         let carried = arrival(cycle);
         let judged = intake.take(&carried);
-        recorder.carried(&carried, &judged, &Fix::of(&judged, intake.fleet()));
+        recorder.carried(&carried, &judged, &Sample::of(&judged, intake.fleet()));
         recorder.tick(carried.at_us);
         recorded.push((carried, judged));
         left.push(disk.parts.borrow()[0].len());
@@ -290,7 +290,7 @@ fn files_are_never_overwritten() {
         let carried = arrival(0);
         let mut intake = Intake::default();
         let judged = intake.take(&carried);
-        recorder.carried(&carried, &judged, &Fix::of(&judged, intake.fleet()));
+        recorder.carried(&carried, &judged, &Sample::of(&judged, intake.fleet()));
         recorder.finish().unwrap();
     }
     let found: Vec<_> = (0..3).map(|number| Files::name(&path, number).exists()).collect();

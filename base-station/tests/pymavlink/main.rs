@@ -12,11 +12,14 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use base_station::carrier::mavlink::standard::COMPONENT;
-use base_station::carrier::mavlink::{Forwarder, Key, Rates, Receiver, Signer, Verifier, signing, tunnel};
+use base_station::carrier::mavlink::voice::{SYSTEM, State};
+use base_station::carrier::mavlink::{Forwarder, Key, Rates, Receiver, Signer, Verifier, Voice, signing, tunnel};
 use base_station::intake::Kind;
 use base_station::live::{self, Clock, Time, lines};
-use base_station::{Bundle, Place};
+use base_station::{Bundle, Place, Who};
 use common::{Drawn, image, not_run};
+use profile::criticality::{Dpr, Writer};
+use profile::{PortStatus, PortValues, UplinkStatus};
 use serde_json::{Value, json};
 
 const SECOND: u64 = 1_000_000;
@@ -325,6 +328,59 @@ fn pymavlink_and_a_station_hear_each_other_over_udp() {
     let (_, drone) = known.intake.fleet().iter().next().unwrap();
     assert_eq!(drone.counts().new, 5 * 5, "each object once");
     drop(known);
+    inlet.close();
+    ended.join().unwrap().unwrap();
+}
+
+#[test]
+fn an_autopilot_sends_to_a_station_once_it_hears_it_and_takes_its_uplink() {
+    let Some(mut peer) = Peer::start() else { return };
+    let port = peer.ask(&json!({ "do": "autopilot", "key": KEY })).as_u64().unwrap();
+    let clock = Clock::begin();
+    let verifier = Some(Verifier::new(key()));
+    let (inlet, station, ended) = live::start(verifier, None, Time::Clock(clock.clone()), |_, _| {});
+    let local = "127.0.0.1:0".parse().unwrap();
+    lines::udp(local, Kind::MavlinkDatagrams, 0, clock.clone(), inlet.clone()).unwrap();
+    let objects: Vec<_> =
+        expected(&image(70_000)).into_iter().map(|(kind, from)| json!({ "type": kind, "bytes": hex(&from) })).collect();
+    let is_active = |seconds: f64| json!({ "do": "is_active", "seconds": seconds, "objects": objects });
+
+    // A station that only listens is never heard, so nothing is sent to it.
+    assert_eq!(peer.ask(&is_active(1.5)), Value::Null);
+    assert_eq!(station.known().intake.fleet().iter().len(), 0);
+
+    let to = format!("127.0.0.1:{port}").parse().unwrap();
+    let voice = Voice::new(SYSTEM, Some(Signer::new(key(), 254)));
+    station.speak(voice.with_heartbeat(vec![to]).with_uplinks());
+    let heard = peer.ask(&is_active(20.0));
+    let who = (&heard["system"], &heard["signed"], &heard["version"], &heard["fields"]["type"]);
+    assert_eq!(who, (&json!(SYSTEM), &json!(true), &json!(2), &json!(18)), "{heard}");
+    let wait = |what: &str, is_so: &dyn Fn(&live::Known) -> bool| {
+        let began = Instant::now();
+        while !is_so(&station.known()) {
+            assert!(began.elapsed() < Duration::from_secs(20), "never {what}");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    };
+    let drone = Who::System(42).first();
+    wait("heard", &|known| known.intake.fleet().get(drone).is_some_and(|drone| drone.counts().new == 5));
+
+    let (status, payload) = (UplinkStatus::from_bits(0x1234), std::array::from_fn(|at| at as u8));
+    let sent = {
+        let mut known = station.known();
+        let live::Known { voice, intake, .. } = &mut *known;
+        voice.as_mut().unwrap().send(clock.now_us(), intake.fleet(), drone, status, payload).unwrap()
+    };
+    let answer = PortStatus::seal(Writer::<Dpr>::claim(), &PortValues { timestamp: 70_100, ..PortValues::default() });
+    let taken = peer.ask(&json!({ "do": "uplink", "port": hex(answer.as_bytes()) }));
+    let fields = &taken["fields"];
+    assert_eq!((&taken["system"], &taken["signed"]), (&json!(SYSTEM), &json!(true)), "{taken}");
+    let (kind, length) = (&fields["payload_type"], &fields["payload_length"]);
+    assert_eq!((kind, length, &fields["target_system"]), (&json!(0xC200), &json!(64), &json!(42)), "{taken}");
+    wait("written", &|known| {
+        let sending = known.voice.as_ref().and_then(|voice| voice.sending(drone));
+        sending.is_some_and(|sending| sending.state == State::Written && sending.uplink.timestamp() == sent)
+    });
     inlet.close();
     ended.join().unwrap().unwrap();
 }

@@ -38,6 +38,7 @@ def told(message):
         "component": message.get_srcComponent(),
         "sequence": message.get_seq(),
         "signed": message.get_signed(),
+        "version": 2 if message.get_msgbuf()[0] == 0xFD else 1,
         "fields": fields,
     }
 
@@ -122,7 +123,41 @@ def forward(request):
     return len(request["objects"])
 
 
+def autopilot(request):
+    """An autopilot's UDP port. As ArduPilot does, it sends only where it has heard something. Where it is."""
+    link = mavutil.mavlink_connection(
+        "udpin:127.0.0.1:0", dialect="common", source_system=42, source_component=1
+    )
+    link.setup_signing(bytes.fromhex(request["key"]), allow_unsigned_callback=lambda mav, message: False, link_id=5)
+    sockets["autopilot"] = link
+    return link.port.getsockname()[1]
+
+
+def is_active(request):
+    """The HEARTBEAT that the autopilot hears within these seconds, or nothing; once it has heard one it forwards."""
+    link = sockets["autopilot"]
+    heard = link.recv_match(type="HEARTBEAT", blocking=True, timeout=request["seconds"])
+    if heard is None:
+        return None
+    for given in request["objects"]:
+        payload = bytes.fromhex(given["bytes"])
+        link.mav.send(tunnel(link.mav, given["type"], payload))
+    return told(heard)
+
+
+def uplink(request):
+    """The TUNNEL that comes to the autopilot; it answers with what the DPR would show then."""
+    link = sockets["autopilot"]
+    heard = link.recv_match(type="TUNNEL", blocking=True, timeout=20)
+    if heard is None:
+        return None
+    stored = bytes(heard.payload[: heard.payload_length])
+    link.mav.send(tunnel(link.mav, 0xC401, bytes.fromhex(request["port"]) + stored))
+    return told(heard)
+
+
 for line in sys.stdin:
     request = json.loads(line)
     does = {"parse": parse, "send": send, "listen": listen, "hear": hear, "forward": forward}
+    does |= {"autopilot": autopilot, "is_active": is_active, "uplink": uplink}
     print(json.dumps(does[request["do"]](request)), flush=True)

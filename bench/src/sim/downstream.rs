@@ -9,7 +9,9 @@ use bench_judge::{Board as Side, Bytes, Disturbance, Event, Findings, Header, Lo
 use cortex_m4::Cost;
 use gnss_sim::Flight;
 use nrf52840::SpisEvent;
+use profile::Uplink;
 use profile::ssi::client::AGE_UNKNOWN;
+use profile::uplink::Written;
 use st25r3916_model::{Air, AirEvent, AirFaults, Counters};
 
 use super::board_events::{BoardEvents, injected};
@@ -193,6 +195,16 @@ impl Link {
     /// The images that the flight controller has read since the last call.
     pub(super) fn take_images(&mut self) -> Vec<(u64, Vec<u8>)> {
         self.flight_controller.take_images()
+    }
+
+    /// What the flight controller has read of Port-Status and the base station's uplink since this was last called.
+    pub(super) fn take_ports(&mut self) -> Vec<(u64, Vec<u8>)> {
+        self.flight_controller.take_ports()
+    }
+
+    /// Has the flight controller write an uplink of the base station.
+    pub(super) fn write(&mut self, uplink: &Uplink) {
+        self.flight_controller.write(Written::BaseStation(uplink));
     }
 
     /// The DPR's tasks go into a trace.

@@ -29,7 +29,7 @@ use bench_seam::Part;
 use cortex_m4::{Cost, Fast, Optimistic, Pessimistic};
 use gnss_sim::{Flight, LogError, Port, Receiver};
 use nrf52840::{Nrf52840, Settings};
-use profile::Layout;
+use profile::{Layout, Uplink};
 use st25r3916_model::Chip;
 /// What is set of a front end's chip.
 pub use st25r3916_model::Config as FrontEndConfig;
@@ -118,6 +118,9 @@ pub struct Setup {
     /// The flight controller writes uplinks and commands and reads the whole map now and then, where it keeps its own
     /// cycle. Otherwise it reads images alone and writes nothing.
     pub writes: bool,
+    /// Of the uplinks that it writes those of the base station come by radio, as [`Observer::uplink`] says; otherwise it
+    /// makes them up.
+    pub relays: bool,
     /// Instead of the flight controller's own cycle: transactions in every phase to a frame's end.
     pub sweep: Option<Sweep>,
     /// Where to write the wires and the tasks: a name in `.vcd` or `.fst`.
@@ -148,6 +151,7 @@ impl Setup {
             front_ends: on_the_link(FrontEndConfig::default()),
             faults: Faults::none(),
             writes: false,
+            relays: false,
             sweep: None,
             trace: None,
             log: None,
@@ -169,6 +173,19 @@ pub trait Observer {
     /// `virtual_ns`. Told before the [`progress`](Self::progress) that has come to that instant, in order of time.
     fn image(&mut self, virtual_ns: u64, image: &[u8]) {
         let _ = (virtual_ns, image);
+    }
+
+    /// The flight controller has read Port-Status and, behind it, the base station's uplink: 128 bytes, of which
+    /// Port-Status is intact. Otherwise as [`image`](Self::image); it reads them where [`Setup::writes`] says so.
+    fn port(&mut self, virtual_ns: u64, port: &[u8]) {
+        let _ = (virtual_ns, port);
+    }
+
+    /// The base station's uplink that has come to the flight controller by radio, if one has: it writes it in its next
+    /// transaction. Asked after each [`progress`](Self::progress).
+    fn uplink(&mut self, virtual_ns: u64) -> Option<Uplink> {
+        let _ = virtual_ns;
+        None
     }
 
     /// How often the run can end early, in virtual nanoseconds: a multiple of 10 ms. Never, unless told otherwise.
@@ -308,6 +325,7 @@ impl<C: Cost> Bench<C> {
         let mut config = flight_controller::Config {
             crystal_ppb: flight_controller_ppb,
             writes: setup.writes && setup.sweep.is_none(),
+            relays: setup.relays,
             ..flight_controller::Config::new(setup.gps)
         };
         let sweeping = setup.sweep.clone().map(|sweep| {
@@ -374,6 +392,7 @@ impl<C: Cost> Bench<C> {
             dpr.take_log();
             link.take_marks(dpr);
             link.take_images();
+            link.take_ports();
             Ok::<_, std::convert::Infallible>(())
         });
         let Ok(()) = run;
@@ -573,7 +592,13 @@ impl Kept {
         for (at, image) in link.take_images() {
             observer.image(at, &image);
         }
+        for (at, port) in link.take_ports() {
+            observer.port(at, &port);
+        }
         observer.progress(reached);
+        if let Some(uplink) = observer.uplink(reached) {
+            link.write(&uplink);
+        }
         Ok(())
     }
 

@@ -33,19 +33,43 @@ fn each_block_of_c_in_the_guide_compiles_with_all_warnings_as_errors() {
     }
 }
 
+/// Compiles C++ of an autopilot against declarations of what it uses, with these options too.
+fn compile_for_autopilot(source: &Path, options: &[&str]) {
+    let stubs = folder().join("tests/autopilots.hpp");
+    let include = format!("-I{}", folder().display());
+    let [source, stubs] = [source, &stubs].map(|path| path.to_str().expect("text"));
+    let common = ["-x", "c++", "-std=c++14", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", "-include", stubs];
+    compile(&[&common[..], options, &[&include, source]].concat());
+}
+
 #[test]
-fn the_examples_for_px4_and_ardupilot_compile_against_what_they_use_of_them() {
+fn the_example_for_ardupilot_compiles_against_what_it_uses() {
     let blocks = blocks("cpp");
-    assert_eq!(blocks.len(), 2);
-    for (number, block) in blocks.iter().enumerate() {
-        let source = scratch(&format!("guide{number}.cpp"));
-        fs::write(&source, block).expect("written");
-        let stubs = folder().join("tests/autopilots.hpp");
-        let include = format!("-I{}", folder().display());
-        let source = source.to_str().expect("text");
-        let stubs = stubs.to_str().expect("text");
-        let options = ["-x", "c++", "-std=c++14", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", "-include", stubs];
-        compile(&[&options[..], &[&include, source]].concat());
+    assert_eq!(blocks.len(), 1);
+    let source = scratch("guide.cpp");
+    fs::write(&source, &blocks[0]).expect("written");
+    compile_for_autopilot(&source, &[]);
+}
+
+#[test]
+fn the_module_for_px4_compiles_against_what_it_uses_of_each_release() {
+    let module = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/px4/src/drivers/horus_dpr/HorusDpr.cpp");
+    let text = fs::read_to_string(&module).expect("the module");
+    for (release, own_message) in [("115", false), ("116", false), ("117", true)] {
+        // The headers that it includes are empty: all that it uses is declared in one file.
+        let headers = scratch(&format!("px4-{release}"));
+        let _ = fs::remove_dir_all(&headers);
+        for line in text.lines().filter_map(|line| line.strip_prefix("#include <")) {
+            let name = line.strip_suffix('>').expect("a header");
+            if own_message || !name.ends_with("/aux_global_position.h") {
+                let path = headers.join(name);
+                fs::create_dir_all(path.parent().expect("a folder")).expect("made");
+                fs::write(path, "").expect("written");
+            }
+        }
+        let defined = format!("-DPX4_RELEASE={release}");
+        let headers = format!("-I{}", headers.display());
+        compile_for_autopilot(&module, &[&defined, &headers]);
     }
 }
 

@@ -52,7 +52,11 @@ fn command(panel: SocketAddr, path: &str) {
 
 /// Flies while `watch`, who is told where page and panel are, watches; the run ends when it has seen enough.
 fn watched(setup: &Setup, pace: f64, watch: impl FnOnce(SocketAddr, SocketAddr)) -> Outcome {
-    let mut page = Page::start(0, pace, |_, _| {}).unwrap();
+    watched_by(Page::start(0, pace, false, |_, _| {}).unwrap(), setup, watch)
+}
+
+/// As [`watched`], with this page.
+fn watched_by(mut page: Page, setup: &Setup, watch: impl FnOnce(SocketAddr, SocketAddr)) -> Outcome {
     let (panel, address) = (page.panel.clone(), page.server.address());
     panel.begin(setup.gps, setup.duration_ns);
     let server = panel.serve((LOCAL, 0).into(), address).unwrap();
@@ -72,7 +76,7 @@ fn watched(setup: &Setup, pace: f64, watch: impl FnOnce(SocketAddr, SocketAddr))
 fn the_page_shows_where_the_aircraft_is_and_link_status_and_nothing_is_damaged() {
     let Some(images) = images() else { return };
     let setup = Setup::new(images, 3, 2_000_000_000);
-    let mut page = Page::start(0, 0.0, |_, _| {}).unwrap();
+    let mut page = Page::start(0, 0.0, false, |_, _| {}).unwrap();
     let outcome = page.run(&setup).unwrap();
     assert_eq!(outcome.report.violations, [""; 0]);
     let shown = page.settle();
@@ -188,8 +192,39 @@ fn each_thing_that_the_panel_breaks_shows_on_the_page_and_passes_and_violates_no
 }
 
 #[test]
+fn an_uplink_from_the_page_is_written_to_the_dpr_and_shown_so_with_loss() {
+    let Some(images) = images() else { return };
+    let setup = Setup { writes: true, relays: true, ..Setup::new(images, 3, 3_600_000_000_000) };
+    let page = Page::start(0, 4.0, true, |_, _| {}).unwrap().with_loss(30, 3);
+    let (mut count, mut shown) = (0, vec![]);
+    let outcome = watched_by(page, &setup, |page, _| {
+        until(page, "heard", |drone| drone["reported"]["agree"] == 3);
+        for payload in 1..=5 {
+            let own = format!("Origin: http://{page}\r\n");
+            let (status, timestamp) =
+                ask(page, "POST", &format!("/uplink?drone=1&payload={payload:02x}&status=9"), &own);
+            assert_eq!(status, 202, "{timestamp}");
+            until(page, "written", |drone| {
+                let uplink = &drone["uplink"];
+                assert!(uplink["state"] == "sent" || uplink["state"] == "written", "{uplink}");
+                uplink["state"] == "written" && uplink["timestamp"].to_string() == timestamp
+            });
+            let drone = state(page)["drone"].clone();
+            assert_eq!((&drone["uplink"]["status"], &drone["port"]["last_refused"]), (&9.into(), &false.into()));
+            count += drone["uplink"]["times"].as_u64().unwrap();
+            shown.push(drone["uplink"]["after_ms"].as_u64().unwrap());
+        }
+        // A message that nobody signed reaches the flight controller, and nothing becomes of it.
+        assert_eq!(ask(page, "POST", "/uplink?drone=1&payload=01", "Origin: http://example.org\r\n").0, 403);
+    });
+    println!("five uplinks in {count} messages, shown as written after {shown:?} ms");
+    assert!(count >= 5 && shown.iter().all(|ms| *ms < 5_000), "{count}, {shown:?}");
+    assert_eq!(outcome.report.violations, [""; 0]);
+}
+
+#[test]
 fn the_panel_takes_commands_from_its_own_page_alone_and_the_base_stations_page_takes_none() {
-    let page = Page::start(0, 0.0, |_, _| {}).unwrap();
+    let page = Page::start(0, 0.0, false, |_, _| {}).unwrap();
     page.panel.begin(3, 60_000_000_000);
     let server = page.panel.serve((LOCAL, 0).into(), page.server.address()).unwrap();
     let (panel, station) = (server.address(), page.server.address());
@@ -221,7 +256,7 @@ fn the_panel_takes_commands_from_its_own_page_alone_and_the_base_stations_page_t
 #[test]
 fn what_the_panel_breaks_is_one_chain_of_episodes_without_a_gap_that_ends_when_it_is_said() {
     const PIECE: u64 = super::PIECE;
-    let page = Page::start(0, 0.0, |_, _| {}).unwrap();
+    let page = Page::start(0, 0.0, false, |_, _| {}).unwrap();
     page.panel.begin(3, 60_000_000_000);
     let server = page.panel.serve((LOCAL, 0).into(), page.server.address()).unwrap();
     let fly = |pieces: std::ops::Range<u64>| -> Vec<(u64, u64)> {
@@ -254,7 +289,7 @@ fn what_the_panel_breaks_is_one_chain_of_episodes_without_a_gap_that_ends_when_i
 #[test]
 fn a_board_hangs_once_its_watchdog_runs_and_not_without_a_supply() {
     const PIECE: u64 = super::PIECE;
-    let page = Page::start(0, 0.0, |_, _| {}).unwrap();
+    let page = Page::start(0, 0.0, false, |_, _| {}).unwrap();
     page.panel.begin(3, 60_000_000_000);
     let server = page.panel.serve((LOCAL, 0).into(), page.server.address()).unwrap();
     let hangs = |piece: u64, asked: &[&str]| -> Vec<u64> {
@@ -283,7 +318,7 @@ fn the_track_in_the_browser_is_within_a_metre_of_the_truth() {
     let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../target/tmp/browser/live");
     let mut tab = browser::Tab::start(&program, &folder);
     let setup = Setup::new(images, 3, 15_000_000_000);
-    let mut page = Page::start(0, 5.0, |_, _| {}).unwrap();
+    let mut page = Page::start(0, 5.0, false, |_, _| {}).unwrap();
     tab.open(&format!("http://{}/", page.server.address()));
     let outcome = page.run(&setup).unwrap();
     assert_eq!(outcome.report.violations, [""; 0]);

@@ -6,10 +6,11 @@
 //! to 6. So the forwarder keeps the newest object of each kind and sends what its budget allows, always the newest,
 //! never what is older than something that it has sent.
 //!
-//! - Objects that share a message: {Link-Status, Reported-Position}, {GPS1, GPS2}, {GPS3, GPS4}, {GPS5}. None is ever
-//!   split. A place that is vacant is left out, or zeros if it is between others.
+//! - Objects that share a message: {Link-Status, Reported-Position}, {GPS1, GPS2}, {GPS3, GPS4}, {GPS5}, and, where it
+//!   is offered as the answer to an uplink ([`inbound`](super::inbound)), {Port-Status, uplink}. None is ever split. A
+//!   place that is vacant is left out, or zeros if it is between others.
 //! - Each message goes once a period. If the budget does not suffice for that, Reported-Position goes before
-//!   every message of receivers, which take turns: the position is twice as often new as the fastest receiver.
+//!   every message of the others, which take turns: the position is twice as often new as the fastest receiver.
 //! - What is in the image again is not sent again.
 //!
 //! The budget is a bucket that fills by the bytes per second and holds what a tenth of a second brings, or one message:
@@ -27,10 +28,11 @@ use super::tunnel::Tunnel;
 use crate::{Bundle, Place};
 
 /// Which objects share a message: the first of them, and how many.
-const UNITS: [(Place, usize); 4] = [(Place::LinkStatus, 2), (Place::Gps(1), 2), (Place::Gps(3), 2), (Place::Gps(5), 1)];
+const UNITS: [(Place, usize); 5] =
+    [(Place::LinkStatus, 2), (Place::Gps(1), 2), (Place::Gps(3), 2), (Place::Gps(5), 1), (Place::PortStatus, 2)];
 
-/// The longest message, bytes: its frame, TUNNEL's head, two objects of receivers.
-const LONGEST: u64 = 12 + 5 + 120 + SIGNATURE_SIZE as u64;
+/// The longest message, bytes: its frame and a full TUNNEL.
+const LONGEST: u64 = 12 + Tunnel::ENCODED_LEN as u64 + SIGNATURE_SIZE as u64;
 
 /// HEARTBEAT goes once a second, as the protocol has it, µs.
 const HEARTBEAT_US: u64 = 1_000_000;
@@ -75,8 +77,8 @@ pub struct Forwarder {
     newest: [Option<Newest>; Place::COUNT],
     /// When each unit is due: one period after it was due last, however late it then went.
     due_us: [u64; UNITS.len()],
-    /// Reported-Position went last, so it is the receivers' turn.
-    receivers_turn: bool,
+    /// Reported-Position went last, so it is the others' turn.
+    others_turn: bool,
     /// Bytes that may be sent, in millionths, and when that was so.
     bucket: (u64, u64),
     heartbeat_us: Option<u64>,
@@ -99,7 +101,7 @@ impl Forwarder {
             signer: None,
             newest: [None; Place::COUNT],
             due_us: [0; UNITS.len()],
-            receivers_turn: false,
+            others_turn: false,
             bucket: (0, 0),
             heartbeat_us: None,
             reported: (false, None),
@@ -184,14 +186,14 @@ impl Forwarder {
             let fresh = |place: Place| self.newest[place.index()].is_some_and(|newest| newest.fresh);
             now_us >= self.due_us[unit] && self.places(unit).any(fresh)
         };
-        // Of the receivers' messages the one that is due longest.
-        let receivers = (1..UNITS.len()).filter(|unit| is_due(*unit)).min_by_key(|unit| self.due_us[*unit]);
-        let unit = match receivers {
-            Some(unit) if self.receivers_turn || !is_due(0) => unit,
+        // Of the other messages the one that is due longest.
+        let others = (1..UNITS.len()).filter(|unit| is_due(*unit)).min_by_key(|unit| self.due_us[*unit]);
+        let unit = match others {
+            Some(unit) if self.others_turn || !is_due(0) => unit,
             _ if is_due(0) => 0,
             _ => return None,
         };
-        self.receivers_turn = unit == 0;
+        self.others_turn = unit == 0;
         let (due_us, period_us) = (self.due_us[unit], self.rates.period_us);
         let in_time = now_us.saturating_sub(due_us) < period_us;
         self.due_us[unit] = if in_time { due_us } else { now_us }.saturating_add(period_us);

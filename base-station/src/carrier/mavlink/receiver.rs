@@ -36,6 +36,12 @@ impl Received {
         Who::System(self.system)
     }
 
+    /// The system that it is for; 0 is everybody.
+    #[must_use]
+    pub const fn target(&self) -> u8 {
+        self.tunnel.target_system
+    }
+
     /// The objects.
     #[must_use]
     pub fn bundle(&self) -> Option<Bundle<'_>> {

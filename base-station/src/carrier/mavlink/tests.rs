@@ -274,6 +274,20 @@ fn what_is_signed_is_believed_once_and_nothing_else_is() {
     assert_eq!(good.iter().map(|frame| open.datagram(NOW, frame).len()).sum::<usize>(), 3);
 }
 
+#[test]
+fn a_signed_drone_whose_clock_is_a_day_ahead_shuts_no_other_out() {
+    let day = 86_400 * SECOND;
+    let signed = |system: u8, unix_us: u64| {
+        let mut forwarder = Forwarder::new(system, 1, free()).signed(Signer::new(key(1), 3));
+        offer(&mut forwarder, &image_of(3, 70_000));
+        forwarder.poll(SECOND, unix_us).unwrap()
+    };
+    let mut receiver = Receiver::new(Some(Verifier::new(key(1))));
+    for (system, unix_us, count) in [(7, NOW + day, 1), (8, NOW, 1), (9, NOW - 90 * SECOND, 0), (7, NOW, 0)] {
+        assert_eq!(receiver.datagram(NOW, &signed(system, unix_us)).len(), count, "{system}");
+    }
+}
+
 fn foreign() -> Vec<u8> {
     let mut raw = MAVLinkV2MessageRaw::new();
     let header = MavHeader { system_id: 7, component_id: 1, sequence: 0 };

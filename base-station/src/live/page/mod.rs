@@ -2,12 +2,15 @@
 //!
 //! # Design
 //!
-//! **Read-only.** There is nothing to write but the pace of a playback, and that only where one is played back.
+//! **Read-only.** There is nothing to write but the pace of a playback, where one is played back, and an uplink to a
+//! drone, where the station was started so that it sends them ([`voice`](crate::carrier::mavlink::voice)).
 //! Whoever may open the page may see every drone; by default that is this machine alone.
 //!
 //! **Pushed.** Server-sent events, at most every [`PUSH`], each a whole state: a slow reader gets fewer, never old
 //! ones, since a state is made when the connection can take it. So a connection holds one state, and no queue grows.
-//! The first state of a connection brings the drone's last ten minutes ([`history`](super::history)), at most 150 kB.
+//! The first state of a connection brings the drone's last ten minutes ([`history`](super::history)), at most 150 kB. A
+//! browser allows six connections to one host, so all its tabs share one, which brings a state for each drone that is
+//! looked at (`stream.js`).
 //!
 //! **Nothing from elsewhere.** HTML, style and script are in the binary; the content security policy allows no others.
 //! Requests whose Host is not this machine's name, or an address in numbers where the station listens on another
@@ -18,6 +21,7 @@ mod state;
 #[cfg(test)]
 mod tests;
 
+use std::borrow::Cow;
 use std::convert::Infallible;
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
@@ -32,11 +36,14 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use base64::prelude::{BASE64_STANDARD, Engine as _};
 use futures_util::stream;
+use profile::{Uplink, UplinkStatus};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::{Instant, sleep};
 
-use super::Station;
 use super::playback::Player;
+use super::{Known, Station};
+use crate::carrier::mavlink::Voice;
+use crate::carrier::mavlink::voice::NotSent;
 use state::With;
 
 /// From one state to the next at least: a screen's refresh.
@@ -48,12 +55,15 @@ pub const LIST: Duration = Duration::from_millis(500);
 /// A browser that has lost the station tries again after so long.
 const RETRY: Duration = Duration::from_millis(500);
 
+/// So many drones can be asked for over one connection; a state for each is made in turn.
+pub const MAX_ASKED: usize = 16;
+
 /// So many browsers may watch at once; further ones are told to come later.
 pub const MAX_WATCHERS: usize = 256;
 
 /// What the browser may load: what comes from here, and nothing else.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; \
-                      base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+                      worker-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
 /// Who may open a page.
 #[derive(Clone, Debug)]
@@ -94,18 +104,23 @@ struct Page {
     watchers: Arc<Semaphore>,
 }
 
-/// The page of a station, for whoever has `access`; with a player its pace can be set.
+/// The page of a station, for whoever has `access`; with a player its pace can be set. Uplinks can be sent if the
+/// station sends them by now.
 pub fn router(station: Station, player: Option<Arc<Player>>, access: impl Into<Access>) -> Router {
     let page = Page { station, player, watchers: Arc::new(Semaphore::new(MAX_WATCHERS)) };
     let mut router = Router::new()
         .route("/", get(|| file("text/html; charset=utf-8", include_str!("index.html"))))
         .route("/page.css", get(|| file("text/css; charset=utf-8", include_str!("page.css"))))
         .route("/page.js", get(|| file("text/javascript; charset=utf-8", include_str!("page.js"))))
+        .route("/stream.js", get(|| file("text/javascript; charset=utf-8", include_str!("stream.js"))))
         .route("/icon.svg", get(|| file("image/svg+xml", include_str!("icon.svg"))))
         .route("/state", get(state_once))
         .route("/events", get(events));
     if page.player.is_some() {
         router = router.route("/playback", post(playback));
+    }
+    if page.station.known().voice.as_ref().is_some_and(Voice::sends_uplinks) {
+        router = router.route("/uplink", post(uplink));
     }
     guarded(router.with_state(page), access)
 }
@@ -165,17 +180,25 @@ fn is_own_page(headers: &HeaderMap) -> bool {
         && text(headers, "sec-fetch-site").is_none_or(|site| matches!(site, "same-origin" | "none"))
 }
 
-/// Which drone the query asks for: `drone=ID`.
-fn asked(query: Option<&str>) -> Option<&str> {
-    query?.split('&').find_map(|part| part.strip_prefix("drone="))
+/// The parts of a query, each a name and its value.
+fn parts(query: Option<&str>) -> impl Iterator<Item = (Cow<'_, str>, Cow<'_, str>)> {
+    form_urlencoded::parse(query.unwrap_or_default().as_bytes())
+}
+
+/// The first value of this name in a query.
+fn value<'a>(query: Option<&'a str>, name: &str) -> Option<Cow<'a, str>> {
+    parts(query).find_map(|(is, value)| (is == name).then_some(value))
 }
 
 async fn state_once(State(page): State<Page>, RawQuery(query): RawQuery) -> impl IntoResponse {
+    let drone = value(query.as_deref(), "drone");
+    let with = With { list: true, history: false };
     let state = state::json(
         &page.station,
         page.player.as_deref(),
-        asked(query.as_deref()),
-        With { list: true, history: false },
+        drone.as_deref(),
+        drone.as_deref().unwrap_or_default(),
+        with,
     );
     ([(header::CONTENT_TYPE, "application/json")], state)
 }
@@ -186,41 +209,80 @@ async fn events(State(page): State<Page>, RawQuery(query): RawQuery) -> Response
             .into_response();
     };
     let changes = page.station.changes();
-    let drone = asked(query.as_deref()).map(str::to_owned);
-    // When the list went last.
-    let listed: Option<Instant> = None;
-    let begin = (page, changes, drone, listed, permit);
-    let states = stream::unfold(begin, |(page, mut changes, mut drone, mut listed, permit)| async move {
-        if listed.is_some() {
-            sleep(PUSH).await;
-            // The station is gone: so is the page's reason.
-            changes.changed().await.ok()?;
+    let drones = all_asked(query.as_deref());
+    let round = Round { drones, next: 0, listed: None, with: With { list: true, history: true } };
+    let states = stream::unfold((page, changes, round, permit), |(page, mut changes, mut round, permit)| async move {
+        if round.next == 0 {
+            if round.listed.is_some() {
+                sleep(PUSH).await;
+                // The station is gone: so is the page's reason.
+                changes.changed().await.ok()?;
+            }
+            changes.mark_unchanged();
+            let list = round.listed.is_none_or(|listed| listed.elapsed() >= LIST);
+            round.with = With { list, history: round.listed.is_none() };
+            if list {
+                round.listed = Some(Instant::now());
+            }
         }
-        changes.mark_unchanged();
-        let with = With { list: listed.is_none_or(|listed| listed.elapsed() >= LIST), history: listed.is_none() };
-        if with.list {
-            listed = Some(Instant::now());
-        }
+        let Round { drones, next, with, .. } = &mut round;
+        let Asked { name, shown } = &mut drones[*next];
         // What is shown stays, also if nobody asked for it: another drone that comes later does not take its place.
-        if drone.is_none() {
-            drone = page.station.known().intake.fleet().iter().next().map(|(id, _)| id.to_string());
+        if shown.is_none() {
+            *shown = page.station.known().intake.fleet().iter().next().map(|(id, _)| id.to_string());
         }
-        let state = state::json(&page.station, page.player.as_deref(), drone.as_deref(), with);
+        let state = state::json(&page.station, page.player.as_deref(), shown.as_deref(), name, *with);
+        *next = (*next + 1) % drones.len();
         let event = Ok::<_, Infallible>(Event::default().retry(RETRY).data(state));
         let permit: OwnedSemaphorePermit = permit;
-        Some((event, (page, changes, drone, listed, permit)))
+        Some((event, (page, changes, round, permit)))
     });
     Sse::new(states).into_response()
+}
+
+/// What one connection is told: the drones that were asked for, one after the other.
+struct Round {
+    /// At least one.
+    drones: Vec<Asked>,
+    /// Whose state is next.
+    next: usize,
+    /// When the list of all drones went last.
+    listed: Option<Instant>,
+    with: With,
+}
+
+/// A drone that was asked for; nothing is any drone.
+struct Asked {
+    name: String,
+    shown: Option<String>,
+}
+
+/// Which drones the query asks for, each once: any if it asks for none.
+fn all_asked(query: Option<&str>) -> Vec<Asked> {
+    let mut names: Vec<String> = vec![];
+    for (_, name) in parts(query).filter(|(is, _)| is == "drone") {
+        if !names.iter().any(|known| *known == name) && names.len() < MAX_ASKED {
+            names.push(name.into_owned());
+        }
+    }
+    if names.is_empty() {
+        names.push(String::new());
+    }
+    let asked = |name: String| Asked { shown: (!name.is_empty()).then(|| name.clone()), name };
+    names.into_iter().map(asked).collect()
 }
 
 /// Sets the pace (`speed=2`) or the place (`at=SECONDS` from the start) of a playback. Answers how often that was done:
 /// a state that has counted so far is of after it.
 async fn playback(State(page): State<Page>, RawQuery(query): RawQuery) -> Response {
     let (Some(player), Some(query)) = (&page.player, query) else { return StatusCode::BAD_REQUEST.into_response() };
-    for part in query.split('&') {
-        match part.split_once('=').map(|(name, value)| (name, value.parse::<f64>())) {
-            Some(("speed", Ok(speed))) if speed.is_finite() => player.set_speed(speed),
-            Some(("at", Ok(seconds))) if seconds.is_finite() => {
+    if query.is_empty() {
+        return StatusCode::BAD_REQUEST.into_response();
+    }
+    for (name, value) in parts(Some(&query)) {
+        match (&*name, value.parse::<f64>()) {
+            ("speed", Ok(speed)) if speed.is_finite() => player.set_speed(speed),
+            ("at", Ok(seconds)) if seconds.is_finite() => {
                 let (first_us, _) = player.span_us();
                 player.jump(first_us.saturating_add((seconds.max(0.0) * 1e6) as u64));
             }
@@ -228,4 +290,44 @@ async fn playback(State(page): State<Page>, RawQuery(query): RawQuery) -> Respon
         }
     }
     player.changes().to_string().into_response()
+}
+
+/// Sends an uplink: `drone=ID`, `payload=` up to 104 hexadecimal digits, zeros behind them, and `status=` a number, 0
+/// if there is none. Answers its timestamp; the state says what becomes of it.
+async fn uplink(State(page): State<Page>, RawQuery(query): RawQuery) -> Response {
+    let query = query.unwrap_or_default();
+    let value = |name: &str| query.split('&').find_map(|part| part.strip_prefix(name)?.strip_prefix('='));
+    let status = value("status").map_or(Some(0), |status| status.parse().ok());
+    let (Some(drone), Some(payload), Some(status)) = (value("drone"), value("payload").and_then(payload), status)
+    else {
+        let words = "wanted: drone=ID&payload=HEX, at most 104 hexadecimal digits, and status=0 to 65535";
+        return (StatusCode::BAD_REQUEST, words).into_response();
+    };
+    let mut known = page.station.known();
+    let Known { intake, voice, now_us, .. } = &mut *known;
+    let id = intake.fleet().iter().map(|(id, _)| id).find(|id| id.to_string() == drone);
+    let sent = match (voice, id) {
+        (None, _) => Err(NotSent::NotAllowed),
+        (_, None) => Err(NotSent::UnknownDrone),
+        (Some(voice), Some(id)) => voice.send(*now_us, intake.fleet(), id, UplinkStatus::from_bits(status), payload),
+    };
+    match sent {
+        Ok(timestamp) => (StatusCode::ACCEPTED, timestamp.to_string()).into_response(),
+        Err(why) => (StatusCode::CONFLICT, why.to_string()).into_response(),
+    }
+}
+
+/// The bytes of an uplink's payload in hexadecimal digits.
+fn payload(digits: &str) -> Option<[u8; Uplink::PAYLOAD]> {
+    let mut payload = [0; Uplink::PAYLOAD];
+    let pairs = digits.as_bytes().chunks(2);
+    if digits.is_empty() || pairs.len() > payload.len() {
+        return None;
+    }
+    for (byte, pair) in payload.iter_mut().zip(pairs) {
+        let [high, low] = pair else { return None };
+        let digit = |digit: u8| char::from(digit).to_digit(16);
+        *byte = u8::try_from(digit(*high)? << 4 | digit(*low)?).ok()?;
+    }
+    Some(payload)
 }

@@ -29,37 +29,63 @@ let history = [];
 let clock = -Infinity;         // the station's time of the last state, to see a playback jump
 
 function connect() {
+  const ask = wanted === null ? "" : wanted;
+  if (window.SharedWorker) {
+    if (!source) {
+      source = new SharedWorker("/stream.js").port;
+      source.onmessage = ({ data }) => {
+        if (data.what === "state") take(data.data);
+        else if (data.what === "open") opened = true;
+        else lose();
+      };
+      addEventListener("pagehide", () => source.postMessage({ what: "bye" }));
+      addEventListener("pageshow", ({ persisted }) => { if (persisted) connect(); });
+      setInterval(() => source.postMessage({ what: "here" }), 2000);
+    }
+    source.postMessage({ what: "look", drone: ask });
+    return;
+  }
   if (source) source.close();
-  source = new EventSource("/events" + (wanted === null ? "" : "?drone=" + encodeURIComponent(wanted)));
-  source.onmessage = (event) => {
-    const next = JSON.parse(event.data);
-    // The list of all drones comes less often.
-    const now = performance.now();
-    if (next.drones) listed = now;
-    next.drones = next.drones || (state ? state.drones : []);
-    state = next;
-    // What is shown stays, also when the connection is made anew or the page is loaded again.
-    if (state.drone && wanted === null) want(state.drone.id);
-    // The offset is taken from the state with the shortest delay, so a delayed state cannot make data look younger. It
-    // decays by 1 ms a second, which is more than two clocks drift apart.
-    ahead = Math.max(state.now_us / 1000 - now, opened ? -Infinity : ahead - (now - heard) / 1000);
-    opened = false;
-    heard = now;
-    keep();
-    requestDraw();
-    // Not a moment later than it is old, whatever comes.
-    clearTimeout(staling);
-    const reported = state.drone && state.drone.reported;
-    if (reported) staling = setTimeout(drawAge, Math.max(0, STALE_MS - reported.age_ms - since()) + 1);
-  };
+  const mine = source = new EventSource("/events?drone=" + encodeURIComponent(ask));
+  mine.onmessage = (event) => take(event.data);
   // The station may have been restarted, and its clock begins anew then.
-  source.onopen = () => { opened = true; };
-  source.onerror = () => {
-    // The next one may count anew.
-    changes = gone = 0;
+  mine.onopen = () => { opened = true; };
+  mine.onerror = () => {
+    lose();
     // The browser tries again by itself, unless it was refused.
-    if (source.readyState === EventSource.CLOSED) setTimeout(connect, 1000);
+    if (mine === source && mine.readyState === EventSource.CLOSED) setTimeout(connect, 1000);
   };
+}
+
+// The station is not heard: the next one may count anew.
+function lose() {
+  changes = gone = 0;
+}
+
+function take(data) {
+  const next = JSON.parse(data);
+  // The list of all drones comes less often.
+  const now = performance.now();
+  if (next.drones) listed = now;
+  next.drones = next.drones || (state ? state.drones : []);
+  next.log = next.log || (state ? state.log : []);
+  state = next;
+  // What is shown stays, also when the connection is made anew or the page is loaded again.
+  if (state.drone && wanted === null) {
+    want(state.drone.id);
+    connect();
+  }
+  // The offset is taken from the state with the shortest delay, so a delayed state cannot make data look younger. It
+  // decays by 1 ms a second, which is more than two clocks drift apart.
+  ahead = Math.max(state.now_us / 1000 - now, opened ? -Infinity : ahead - (now - heard) / 1000);
+  opened = false;
+  heard = now;
+  keep();
+  requestDraw();
+  // Not a moment later than it is old, whatever comes.
+  clearTimeout(staling);
+  const reported = state.drone && state.drone.reported;
+  if (reported) staling = setTimeout(drawAge, Math.max(0, STALE_MS - reported.age_ms - since()) + 1);
 }
 
 // Notes which drone is looked at, in the address too.
@@ -331,6 +357,92 @@ function drawAlarms() {
   }));
 }
 
+// ---- what came and went
+
+const SOUND_MS = 3000;         // from one sound to the next while a critical alarm is not acknowledged
+
+let acknowledged = null;       // the station's time up to which alarms are acknowledged, ms
+let notified = null;           // and up to which they were notified of, ms
+let sounded = -Infinity;       // when, ms
+let sounds = 0;                // so many
+let audio = null;
+
+// Critical alarms of all drones that hold and came after `since`, the newest first.
+function critical(since) {
+  const over = new Set(), found = [];
+  for (const [at, id, words, isCritical, raised] of [...state.log].reverse()) {
+    const key = id + ": " + words;
+    if (raised && isCritical && !over.has(key) && at > since) found.push({ at, key });
+    over.add(key);
+  }
+  return found;
+}
+
+function drawLog() {
+  const now = state.now_us / 1000;
+  // What was there when the page was opened is on it.
+  if (acknowledged === null || acknowledged > now) acknowledged = notified = now;
+  const waiting = critical(acknowledged);
+  const button = element("acknowledge");
+  put("acknowledge", waiting.length ? `Acknowledge ${waiting.length}` : "Acknowledge");
+  if (button.disabled !== !waiting.length) button.disabled = !waiting.length;
+  const unknown = critical(notified);
+  if (unknown.length) {
+    notified = unknown[0].at;
+    if (element("notify").checked && window.Notification && Notification.permission === "granted") {
+      new Notification("HORUS: " + unknown[0].key, { tag: "horus-alarm" });
+    }
+  }
+  if (waiting.length && element("sound").checked && performance.now() - sounded > SOUND_MS) sound();
+  const list = element("log");
+  const lines = [...state.log].reverse().slice(0, 50);
+  const key = JSON.stringify(lines);
+  if (list.dataset.key === key) return;
+  list.dataset.key = key;
+  list.replaceChildren(...(lines.length ? lines : [null]).map((entry) => {
+    const line = document.createElement("li");
+    if (!entry) { line.textContent = "none since the station began"; return line; }
+    const [at, id, words, isCritical, raised] = entry;
+    line.className = raised && isCritical ? "critical" : "";
+    line.textContent = `${new Date(at).toLocaleTimeString()} ${id}: ${words}${raised ? "" : " – over"}`;
+    return line;
+  }));
+}
+
+// Three short tones; nothing from elsewhere, so no file.
+function sound() {
+  sounded = performance.now();
+  sounds += 1;
+  audio = audio || new AudioContext();
+  [0, 0.2, 0.4].forEach((after) => {
+    const tone = audio.createOscillator(), level = audio.createGain();
+    tone.frequency.value = 880;
+    level.gain.value = 0.2;
+    tone.connect(level).connect(audio.destination);
+    tone.start(audio.currentTime + after);
+    tone.stop(audio.currentTime + after + 0.12);
+  });
+}
+
+function acknowledge() {
+  if (!state || acknowledged === null || !critical(acknowledged).length) return;
+  acknowledged = state.now_us / 1000;
+  put("acknowledged", "acknowledged");
+  requestDraw();
+}
+
+// The drone after the one that is shown, or the one that is worst.
+function shift(by) {
+  const ids = state.drones.map((drone) => drone.id);
+  if (state.drone && ids.length > 1) look(ids[(ids.indexOf(state.drone.id) + by + ids.length) % ids.length]);
+}
+
+function worstDrone() {
+  const rank = (drone) => (drone.worst ? drone.worst.rank : Infinity);
+  const worst = state.drones.reduce((one, next) => (one && rank(one) <= rank(next) ? one : next), null);
+  if (worst) look(worst.id);
+}
+
 // m/s over the last two seconds.
 function speed() {
   const last = history[history.length - 1];
@@ -411,7 +523,55 @@ function drawNumbers() {
   ] : [], ...unread]);
 }
 
-// ---- pictures
+// ---- uplink
+
+const UPLINK = {
+  sent: "SENT, not known yet whether the DPR has it",
+  written: "WRITTEN: the DPR shows it",
+  refused: "REFUSED by the DPR",
+  unanswered: "NOT ANSWERED: it is not known whether the DPR has it",
+};
+
+let refused = null;            // why the station did not send the last one
+
+function drawUplink() {
+  const section = element("uplink-section"), drone = state.drone;
+  section.hidden = !state.station.uplinks || !drone;
+  if (section.hidden) return;
+  const uplink = drone.uplink, port = drone.port;
+  const words = refused !== null ? "NOT SENT: " + refused : !uplink ? "none sent"
+    : UPLINK[uplink.state] + (uplink.why ? ": " + uplink.why : "");
+  put("uplink-state", words);
+  section.dataset.uplink = refused !== null ? "refused" : uplink ? uplink.state : "";
+  const answer = port && [
+    ["Uplinks that the DPR has stored", String(port.stored)],
+    ["Access violations by kind, together", String(port.violations), port.last_refused],
+    ["Age of Port-Status", seconds(port.age_ms)],
+  ];
+  rows("uplink", [...uplink ? [
+    ["Sent", `${seconds(uplink.ago_ms)} ago, ${uplink.times} times`],
+    ["Known after", uplink.state === "sent" ? "–" : seconds(uplink.after_ms)],
+    ["Timestamp, status", `${uplink.timestamp}, ${uplink.status}`],
+    ["Payload", uplink.payload.replace(/(00)+$/, "") || "00"],
+  ] : [], ...answer || []]);
+}
+
+async function sendUplink(event) {
+  event.preventDefault();
+  if (!state || !state.drone) return;
+  const query = new URLSearchParams({
+    drone: state.drone.id, payload: element("uplink-payload").value, status: element("uplink-status").value || "0",
+  });
+  try {
+    const answer = await fetch("/uplink?" + query, { method: "POST" });
+    refused = answer.ok ? null : await answer.text();
+  } catch {
+    refused = "the base station is not reached";
+  }
+  requestDraw();
+}
+
+// ---- pictures: by hand, since a library for plots is larger than the whole page, which loads nothing from elsewhere
 
 function prepare(canvas) {
   const scale = window.devicePixelRatio || 1;
@@ -608,11 +768,30 @@ function drawPlot(id, title, unit, pick, atLeast) {
   if (low < 0 && values.every((value) => value >= 0)) { high -= low; low = 0; }
   const end = history[history.length - 1].at;
   const long = Math.max(60000, end - history[0].at);
-  const x = (at) => width - 8 - (end - at) / long * (width - 16);
-  const y = (value) => height - 8 - (value - low) / (high - low) * (height - 34);
+  // Between the axes; their numbers are beside and below.
+  const [left, top, bottom] = [52, 24, 18];
+  const x = (at) => width - 8 - (end - at) / long * (width - 8 - left);
+  const y = (value) => height - bottom - (value - low) / (high - low) * (height - bottom - top);
   const span = `last ${Math.round(long / 1000)} s`;
-  to.fillText(`${title}: ${low.toFixed(1)} to ${high.toFixed(1)}${unit}, ${span}`, 8, 16);
+  to.fillText(`${title}${unit ? "," + unit : ""}`, 8, 14);
   describe(id, `${title}: ${Math.min(...values).toFixed(1)} to ${Math.max(...values).toFixed(1)}${unit}, ${span}`);
+  to.strokeStyle = colour("--line");
+  to.lineWidth = 1;
+  to.beginPath();
+  to.textAlign = "right";
+  for (const value of [low, (low + high) / 2, high]) {
+    to.moveTo(left, y(value)); to.lineTo(width - 8, y(value));
+    to.fillText(value.toFixed(high - low < 4 ? 1 : 0), left - 4, y(value) + 4);
+  }
+  const tick = [10, 30, 60, 120, 300].find((seconds) => long / 1000 / seconds <= width / 90) || 600;
+  to.textAlign = "center";
+  for (let back = 0; back <= long / 1000; back += tick) {
+    const px = x(end - back * 1000);
+    to.moveTo(px, top); to.lineTo(px, height - bottom);
+    to.fillText(back ? `−${back} s` : "now", Math.min(Math.max(px, left + 24), width - 22), height - 4);
+  }
+  to.stroke();
+  to.textAlign = "left";
   to.strokeStyle = colour("--r1");
   to.lineWidth = 1.5;
   to.beginPath();
@@ -639,7 +818,9 @@ function requestDraw() {
     drawAge();
     drawList();
     drawAlarms();
+    drawLog();
     drawNumbers();
+    drawUplink();
     drawPlayback();
     // Pictures cost more than words: ten a second are enough.
     if (performance.now() - drawn > 95) {
@@ -766,6 +947,14 @@ function shiftSpeed(by) {
   changeSpeed(select.value);
 }
 
+// At any time; those of a playback are below.
+const LIVE_KEYS = {
+  a: acknowledge,
+  n: () => shift(1),
+  b: () => shift(-1),
+  w: worstDrone,
+};
+
 const KEYS = {
   p: pause,
   j: () => jump(-JUMP_S),
@@ -775,11 +964,13 @@ const KEYS = {
 };
 
 addEventListener("keydown", (event) => {
-  const act = KEYS[event.key.toLowerCase()];
-  if (!act || !state || !state.playback || !element("keys").checked) return;
+  const key = event.key.toLowerCase();
+  const act = LIVE_KEYS[key] || (state && state.playback && element("keys").checked ? KEYS[key] : null);
+  if (!act || !state || (LIVE_KEYS[key] && !element("live-keys").checked)) return;
   if (event.ctrlKey || event.altKey || event.metaKey || event.isComposing) return;
   // A list takes letters itself. A key that is held jumps on and on, but does not pause and play in turn.
-  if (event.target instanceof HTMLSelectElement || (event.repeat && act === pause)) return;
+  const isText = event.target instanceof HTMLInputElement && ["text", "number"].includes(event.target.type);
+  if (event.target instanceof HTMLSelectElement || isText || (event.repeat && act === pause)) return;
   event.preventDefault();
   act();
 });
@@ -790,6 +981,19 @@ function look(id) {
 }
 
 element("drone").addEventListener("change", (event) => look(event.target.value));
+element("acknowledge").addEventListener("click", acknowledge);
+element("sound").addEventListener("change", ({ target }) => {
+  // A browser gives sound only to who was touched.
+  if (target.checked) { audio = audio || new AudioContext(); audio.resume(); }
+});
+element("notify").addEventListener("change", async ({ target }) => {
+  if (target.checked && window.Notification) await Notification.requestPermission();
+  if (target.checked && !(window.Notification && Notification.permission === "granted")) {
+    target.checked = false;
+    put("acknowledged", "this browser does not allow notifications here");
+  }
+});
+element("uplink-form").addEventListener("submit", sendUplink);
 element("pause").addEventListener("click", pause);
 element("back").addEventListener("click", () => jump(-JUMP_S));
 element("forward").addEventListener("click", () => jump(JUMP_S));

@@ -6,6 +6,8 @@ use serde::Serialize;
 use super::super::playback::Player;
 use super::super::{Known, Station, history};
 use crate::alarm::Alarms;
+use crate::carrier::mavlink::Voice;
+use crate::carrier::mavlink::voice::{Sending, State as Outcome};
 use crate::drone::words;
 use crate::{Alarm, Drone, DroneId, Fleet, Severity};
 
@@ -13,15 +15,23 @@ use crate::{Alarm, Drone, DroneId, Fleet, Severity};
 struct State {
     /// µs since 1970.
     now_us: u64,
+    /// The drone that was asked for; empty if none was.
+    asked: String,
     playback: Option<Playback>,
     station: About,
     /// Of all drones, each half second.
     drones: Option<Vec<Line>>,
+    /// Alarms that came and went, with the list of all drones, the oldest first.
+    log: Option<Vec<Change>>,
     drone: Option<Detail>,
     /// Of the drone, with the first state of a connection.
     #[serde(skip_serializing_if = "Option::is_none")]
     history: Option<Vec<Sample>>,
 }
+
+/// An alarm came or went: when (ms since 1970), of which drone, which, whether it is critical, whether it came.
+#[derive(Serialize)]
+struct Change(u64, String, &'static str, bool, bool);
 
 /// A drone at an instant: when (ms since 1970), the reported place, those of the receivers (degrees), the height (m),
 /// the worst age (s) and the fewest receivers that agreed in the time before.
@@ -54,6 +64,8 @@ struct About {
     signed: bool,
     /// What was refused unread, in words, and how often.
     unread: Vec<(&'static str, u64)>,
+    /// Uplinks can be sent to drones.
+    uplinks: bool,
 }
 
 /// A drone in the list.
@@ -107,8 +119,53 @@ struct Detail {
     reported: Option<Reported>,
     gps: Vec<Option<Gps>>,
     link: Option<Link>,
+    port: Option<Port>,
+    uplink: Option<Uplink>,
     alarms: Vec<Raised>,
     counts: Counts,
+}
+
+/// What the DPR says of its port, in the answer to an uplink.
+#[derive(Serialize)]
+struct Port {
+    age_ms: u64,
+    stored: u32,
+    violations: u32,
+    last_refused: bool,
+}
+
+/// The last uplink that was sent to the drone.
+#[derive(Serialize)]
+struct Uplink {
+    /// ms, of this station's clock: what tells it from others.
+    timestamp: u32,
+    status: u16,
+    payload: String,
+    /// `sent`, `written`, `refused` or `unanswered`.
+    state: &'static str,
+    /// Why it was refused.
+    why: Option<String>,
+    times: u32,
+    /// From its first sending until this was known; as long as it is not, until now.
+    after_ms: u64,
+    ago_ms: u64,
+}
+
+impl Uplink {
+    fn of(sending: &Sending, now_us: u64) -> Self {
+        let values = sending.uplink.values();
+        let until_us = if sending.state == Outcome::Sent { now_us } else { sending.at_us };
+        Self {
+            timestamp: values.timestamp,
+            status: values.status.bits(),
+            payload: values.payload.iter().map(|byte| format!("{byte:02x}")).collect(),
+            state: sending.state.code(),
+            why: sending.state.why().map(str::to_owned),
+            times: sending.times,
+            after_ms: until_us.saturating_sub(sending.since_us) / 1_000,
+            ago_ms: now_us.saturating_sub(sending.since_us) / 1_000,
+        }
+    }
 }
 
 #[derive(Serialize)]
@@ -179,10 +236,10 @@ pub(super) struct With {
     pub(super) history: bool,
 }
 
-/// The state, with the details of `drone`, or of the first one if none is asked for.
-pub(super) fn json(station: &Station, player: Option<&Player>, drone: Option<&str>, with: With) -> String {
+/// The state, with the details of `drone`, or of the first one if there is none, for whoever `asked` so.
+pub(super) fn json(station: &Station, player: Option<&Player>, drone: Option<&str>, asked: &str, with: With) -> String {
     let known = station.known();
-    let state = state(&known, station.dropped(), player, drone, with);
+    let state = State { asked: asked.to_owned(), ..state(&known, station.dropped(), player, drone, with) };
     drop(known);
     serde_json::to_string(&state).unwrap_or_default()
 }
@@ -205,8 +262,13 @@ fn state(known: &Known, dropped: u64, player: Option<&Player>, drone: Option<&st
     };
     let shown = drone.map_or_else(|| fleet.iter().next(), |drone| asked(fleet, drone));
     let refused = known.intake.refused();
+    let change = |(id, change): &(DroneId, crate::Change)| {
+        let (words, critical) = (change.alarm.words(), change.alarm.severity() == Severity::Critical);
+        Change(change.at_us / 1_000, id.to_string(), words, critical, change.raised)
+    };
     State {
         now_us,
+        asked: String::new(),
         playback: player.map(|player| {
             let (first_us, last_us) = player.span_us();
             let seconds = |us: u64| us.saturating_sub(first_us) as f64 / 1e6;
@@ -237,9 +299,11 @@ fn state(known: &Known, dropped: u64, player: Option<&Player>, drone: Option<&st
                 ("longer than any datagram with objects", refused.oversized),
                 ("other MAVLink messages", refused.foreign),
             ],
+            uplinks: known.voice.as_ref().is_some_and(Voice::sends_uplinks),
         },
         drones: with.list.then(|| fleet.iter().map(line).collect()),
-        drone: shown.map(|(id, drone)| detail(fleet, id, drone, now_us)),
+        log: with.list.then(|| known.alarms.iter().map(change).collect()),
+        drone: shown.map(|(id, drone)| detail(known, id, drone, now_us)),
         history: shown.filter(|_| with.history).map(|(id, drone)| {
             let sample = |sample: &history::Sample| {
                 let gps = sample.gps(drone.receivers()).collect();
@@ -251,7 +315,7 @@ fn state(known: &Known, dropped: u64, player: Option<&Player>, drone: Option<&st
 }
 
 /// The drone of this name; or, if that one is gone, whoever else speaks as it.
-fn asked<'a>(fleet: &'a Fleet, name: &str) -> Option<(DroneId, &'a Drone)> {
+pub(super) fn asked<'a>(fleet: &'a Fleet, name: &str) -> Option<(DroneId, &'a Drone)> {
     let who = |id: DroneId| id.who.to_string();
     fleet.iter().find(|(id, _)| id.to_string() == name).or_else(|| {
         let is_sender = |rest: &str| rest.strip_prefix('-').is_some_and(|number| number.parse::<u8>().is_ok());
@@ -259,7 +323,8 @@ fn asked<'a>(fleet: &'a Fleet, name: &str) -> Option<(DroneId, &'a Drone)> {
     })
 }
 
-fn detail(fleet: &Fleet, id: DroneId, drone: &Drone, now_us: u64) -> Detail {
+fn detail(known: &Known, id: DroneId, drone: &Drone, now_us: u64) -> Detail {
+    let fleet = known.intake.fleet();
     let alarms = drone.alarms_at(now_us);
     let since = |alarm| drone.raised().find(|raised| raised.alarm == alarm).map_or(now_us, |raised| raised.since_us);
     let counts = drone.counts();
@@ -304,6 +369,13 @@ fn detail(fleet: &Fleet, id: DroneId, drone: &Drone, now_us: u64) -> Detail {
                 reset: words::reset(v.status.reset_reason()),
             }
         }),
+        port: drone.port_status().map(|held| Port {
+            age_ms: held.age_us(now_us) / 1_000,
+            stored: held.values.uplinks_accepted,
+            violations: held.values.violations.total(),
+            last_refused: held.values.status.last_refused(),
+        }),
+        uplink: known.voice.as_ref().and_then(|voice| voice.sending(id)).map(|sending| Uplink::of(sending, now_us)),
         alarms: alarms
             .iter()
             .map(|alarm| Raised {

@@ -10,11 +10,12 @@ use tokio::sync::watch;
 use tower::ServiceExt;
 
 use super::super::Known;
+use super::super::mouths::Mouths;
 use super::super::playback::Contents;
 use super::*;
-use crate::Bundle;
-use crate::carrier::mavlink::{Forwarder, Rates};
+use crate::carrier::mavlink::{Forwarder, Key, Rates, Signer};
 use crate::intake::{Carried, Kind};
+use crate::{Bundle, Who};
 
 const START: u64 = 1_790_000_000_000_000;
 
@@ -61,7 +62,7 @@ fn station() -> (Station, watch::Sender<u64>) {
     known.lines.push(("/dev/ttyUSB0".into(), "unplugged".into()));
     let (changed, changes) = watch::channel(0);
     let dropped = Arc::new(AtomicU64::new(4));
-    (Station { known: Arc::new(Mutex::new(known)), changes, dropped }, changed)
+    (Station { known: Arc::new(Mutex::new(known)), changes, dropped, mouths: Mouths::default() }, changed)
 }
 
 fn run<T>(test: impl Future<Output = T>) -> T {
@@ -83,15 +84,15 @@ async fn text(response: Response) -> String {
 fn every_answer_has_the_policy_and_nothing_is_fetched_from_elsewhere() {
     run(async {
         let router = router(station().0, None, local());
-        let paths = ["/", "/page.css", "/page.js", "/state", "/events", "/nowhere", "/playback"];
+        let paths = ["/", "/page.css", "/page.js", "/stream.js", "/state", "/events", "/nowhere", "/playback"];
         for path in paths {
             let answer = ask(&router, Method::GET, path, "127.0.0.1:8480").await;
             assert_eq!(answer.headers()[header::CONTENT_SECURITY_POLICY], POLICY, "{path}");
             assert_eq!(answer.headers()[header::X_CONTENT_TYPE_OPTIONS], "nosniff", "{path}");
-            let expected = if paths[..5].contains(&path) { StatusCode::OK } else { StatusCode::NOT_FOUND };
+            let expected = if paths[..6].contains(&path) { StatusCode::OK } else { StatusCode::NOT_FOUND };
             assert_eq!(answer.status(), expected, "{path}");
         }
-        for path in &paths[..3] {
+        for path in &paths[..4] {
             let text = text(ask(&router, Method::GET, path, "localhost").await).await;
             assert!(text.len() > 500 && !text.contains("http://") && !text.contains("https://"), "{path}");
             // What the policy would refuse.
@@ -269,6 +270,38 @@ fn a_state_is_pushed_at_once_and_then_with_every_change() {
 }
 
 #[test]
+fn one_connection_brings_a_state_for_each_drone_that_is_asked_for() {
+    run(async {
+        let (station, changed) = station();
+        let change = crate::Change { alarm: crate::Alarm::EmergencyFired, raised: true, at_us: START };
+        station.known().note(Who::System(9).first(), change);
+        let page = router(station.clone(), None, local());
+        let path = "/events?drone=9&drone=&drone=9&drone=77";
+        let mut events = ask(&page, Method::GET, path, "localhost").await.into_body().into_data_stream();
+        for round in 0..3 {
+            for (asked, shown) in [("9", json!("9")), ("", json!("3")), ("77", Value::Null)] {
+                let bytes = events.next().await.unwrap().unwrap();
+                let text = std::str::from_utf8(&bytes).unwrap();
+                let state: Value =
+                    serde_json::from_str(text.lines().find_map(|line| line.strip_prefix("data: ")).unwrap()).unwrap();
+                assert_eq!((&state["asked"], &state["drone"]["id"]), (&json!(asked), &shown), "{round}");
+                let whole = round == 0;
+                assert_eq!((state["drones"].is_array(), state["log"].is_array()), (whole, whole), "{round}");
+                if whole {
+                    let words = "HORUS has fired the emergency measure";
+                    assert_eq!(state["log"], json!([[START / 1_000, "9", words, true, true]]));
+                }
+            }
+            changed.send_modify(|count| *count += 1);
+        }
+        for _ in 0..2 * super::super::KEPT_CHANGES {
+            station.known().note(Who::System(9).first(), change);
+        }
+        assert_eq!(station.known().alarms.len(), super::super::KEPT_CHANGES);
+    });
+}
+
+#[test]
 fn too_many_watchers_are_told_to_come_later_and_a_place_that_is_left_is_free() {
     run(async {
         let (station, _changed) = station();
@@ -323,6 +356,27 @@ fn nothing_can_be_written_but_the_pace_of_a_playback() {
 }
 
 #[test]
+fn a_drone_is_found_by_a_name_that_a_query_has_to_encode() {
+    run(async {
+        let (station, _changed) = station();
+        for (kind, from) in [(Kind::Datagrams, "127.0.0.1:4000"), (Kind::Datagrams, "[::1]:5")] {
+            let bytes = profile().as_bytes().to_vec();
+            station.known().intake.take(&Carried { at_us: START, kind, line: 0, from: from.into(), bytes });
+        }
+        let page = router(station, None, local());
+        for (query, id) in [("127.0.0.1%3A4000", "127.0.0.1:4000"), ("%5B%3A%3A1%5D%3A5", "[::1]:5"), ("%33", "3")] {
+            let path = format!("/events?drone={query}");
+            let bytes = ask(&page, Method::GET, &path, "localhost").await.into_body().into_data_stream().next().await;
+            let bytes = bytes.unwrap().unwrap();
+            let text = std::str::from_utf8(&bytes).unwrap();
+            let state: Value =
+                serde_json::from_str(text.lines().find_map(|line| line.strip_prefix("data: ")).unwrap()).unwrap();
+            assert_eq!((&state["asked"], &state["drone"]["id"]), (&json!(id), &json!(id)));
+        }
+    });
+}
+
+#[test]
 fn a_drone_that_is_not_known_is_none() {
     run(async {
         let page = router(station().0, None, local());
@@ -332,5 +386,53 @@ fn a_drone_that_is_not_known_is_none() {
             let expected = if query.contains("3&") { Value::from("3") } else { Value::Null };
             assert_eq!(state["drone"]["id"], expected, "{query}");
         }
+    });
+}
+
+#[test]
+fn an_uplink_is_taken_only_where_the_station_sends_them_and_of_its_own_page() {
+    run(async {
+        let post = async |page: &Router, query: &str| {
+            let answer = ask(page, Method::POST, &format!("/uplink{query}"), "localhost").await;
+            (answer.status(), text(answer).await)
+        };
+        // Neither without being told to, nor without a key.
+        let (silent, unsigned, allowed) = (station().0, station().0, station().0);
+        unsigned.speak(Voice::new(254, None).with_uplinks());
+        for without in [&silent, &unsigned] {
+            let page = router(without.clone(), None, local());
+            let (status, _) = post(&page, "?drone=3&payload=01").await;
+            assert!(matches!(status, StatusCode::METHOD_NOT_ALLOWED | StatusCode::NOT_FOUND), "{status}");
+            let state = text(ask(&page, Method::GET, "/state", "localhost").await).await;
+            assert!(state.contains(r#""uplinks":false"#), "{state}");
+        }
+        allowed.speak(Voice::new(254, Some(Signer::new(Key::new([1; 32]), 254))).with_uplinks());
+        let page = router(allowed.clone(), None, local());
+        let whole = "0".repeat(103);
+        let bad = ["", "?drone=3", "?payload=01", "?drone=3&payload=", "?drone=3&payload=0", "?drone=3&payload=%30"];
+        let worse = ["?drone=3&payload=0g", "?drone=3&payload=01&status=65536", "?drone=3&payload=01&status=x"];
+        for bad in bad.into_iter().chain(worse).map(str::to_owned).chain([format!("?drone=3&payload={whole}001")]) {
+            assert_eq!(post(&page, &bad).await.0, StatusCode::BAD_REQUEST, "{bad}");
+        }
+        for none in ["77", "3-2", "%2F3"] {
+            let (status, words) = post(&page, &format!("?drone={none}&payload=01")).await;
+            assert_eq!((status, words.as_str()), (StatusCode::CONFLICT, "this drone is not known here"));
+        }
+        let foreign =
+            [(header::ORIGIN, "http://example.org"), (HeaderName::from_static("sec-fetch-site"), "cross-site")];
+        for (name, value) in foreign {
+            let request = axum::http::Request::post("/uplink?drone=3&payload=01").header(header::HOST, "localhost");
+            let request = request.header(name, value).body(Body::empty()).unwrap();
+            assert_eq!(page.clone().oneshot(request).await.unwrap().status(), StatusCode::FORBIDDEN);
+        }
+        assert!(allowed.known().voice.as_ref().unwrap().sending(Who::System(3).first()).is_none(), "none was sent");
+        let (status, timestamp) = post(&page, "?drone=3&payload=01fF&status=513").await;
+        assert_eq!((status, timestamp), (StatusCode::ACCEPTED, ((START + 120_000) / 1_000 % (1 << 32)).to_string()));
+        let state = text(ask(&page, Method::GET, "/state?drone=3", "localhost").await).await;
+        let uplink = &serde_json::from_str::<Value>(&state).unwrap()["drone"]["uplink"];
+        assert_eq!((&uplink["state"], &uplink["status"], &uplink["times"]), (&json!("sent"), &json!(513), &json!(0)));
+        assert_eq!(uplink["payload"], format!("01ff{}", "0".repeat(100)));
+        let state = text(ask(&page, Method::GET, "/state?drone=9", "localhost").await).await;
+        assert_eq!(serde_json::from_str::<Value>(&state).unwrap()["drone"]["uplink"], Value::Null, "of drone 3 alone");
     });
 }

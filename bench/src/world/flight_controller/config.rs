@@ -41,6 +41,9 @@ pub struct Config {
     /// It writes uplinks and commands, and reads the whole map now and then ([`super::uplinks`]); otherwise it reads
     /// the image alone and writes nothing.
     pub writes: bool,
+    /// The base station's uplinks come by radio ([`FlightController::write`](super::FlightController::write)): of those
+    /// that it writes it makes up none of the base station's.
+    pub relays: bool,
     /// What is random while it misuses the SSI follows from this.
     pub seed: u64,
 }
@@ -58,6 +61,7 @@ impl Config {
             crystal_ppb: 0,
             pace: Pace::FASTEST,
             writes: false,
+            relays: false,
             seed: 1,
         }
     }

@@ -29,7 +29,9 @@ pub mod uplinks;
 use std::collections::VecDeque;
 
 use base_station::carrier::stream;
-use profile::ssi::client::{self, Client};
+use profile::Uplink;
+use profile::criticality::BaseStation;
+use profile::ssi::client::{self, Client, Shown, View};
 use profile::ssi::{self, Request};
 use profile::uplink::Written;
 
@@ -86,6 +88,8 @@ pub struct FlightController {
     downlink: Vec<u8>,
     /// Intact images that it has read, each with the instant (ns) at which its transaction was over.
     images: Vec<(u64, Vec<u8>)>,
+    /// Port-Status, intact, and the base station's uplink behind it, likewise.
+    ports: Vec<(u64, Vec<u8>)>,
     stats: Stats,
 }
 
@@ -121,6 +125,7 @@ impl FlightController {
             previous: None,
             downlink: Vec::new(),
             images: Vec::new(),
+            ports: Vec::new(),
             stats: Stats::default(),
         };
         controller.plan();
@@ -246,6 +251,13 @@ impl FlightController {
         core::mem::take(&mut self.images)
     }
 
+    /// Port-Status and the base station's uplink, 128 bytes, each time that it has read them since this was last called:
+    /// Port-Status intact, the uplink as it was read. Each with the instant (ns) at which its transaction was over.
+    #[must_use]
+    pub fn take_ports(&mut self) -> Vec<(u64, Vec<u8>)> {
+        core::mem::take(&mut self.ports)
+    }
+
     /// Totals.
     #[must_use]
     pub fn stats(&self) -> Stats {
@@ -303,7 +315,12 @@ impl FlightController {
         }
         mosi.truncate(bytes);
         let own_ns = self.config.first_ns + self.cycle * self.config.cycle_ns;
-        if let Some(object) = self.config.writes.then(|| uplinks::written(self.cycle, own_ns)).flatten() {
+        let made_up = self.config.writes.then(|| uplinks::written(self.cycle, own_ns)).flatten();
+        let of_base_station = |object: &[u8; Uplink::SIZE]| Uplink::verify::<BaseStation>(object).is_ok();
+        // What came by radio goes first, and is not made up as well.
+        let is_free = uplinks::is_free(&mosi);
+        let made_up = made_up.filter(|object| is_free && !(self.config.relays && of_base_station(object)));
+        if let Some(object) = made_up {
             uplinks::put(&object, &mut mosi);
         }
         let bytes = self.placed.pop_front().map_or(bytes, |placed| placed.bytes);
@@ -337,6 +354,13 @@ impl FlightController {
             && let Some(whole) = view.find(0..self.config.image_len())
         {
             self.images.push((transaction.deselected_ns, whole.to_vec()));
+        }
+        let map = Request { offset: 0, length: u16::try_from(layout.map_len()).expect("a map has at most 588 bytes") };
+        let whole = View::new(layout, map, &transaction.miso);
+        if view.window().offset == 0 && matches!(whole.port_status(), Some(Shown::Intact(_))) {
+            let (status, uplink) = (layout.port_status(), layout.uplink::<BaseStation>());
+            let read = whole.find(status.start..uplink.end).filter(|_| status.end == uplink.start);
+            self.ports.extend(read.map(|port| (transaction.deselected_ns, port.to_vec())));
         }
         if reading.outcome == Outcome::Busy {
             // A busy DPR has not heard what it was asked for.

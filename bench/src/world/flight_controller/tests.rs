@@ -2,10 +2,11 @@
 
 use base_station::drone::Counts;
 use bench_seam::SpiMode;
+use profile::criticality::{BaseStation as BaseStationRole, Dpr, Writer};
 use profile::image::Image;
 use profile::{
-    GpsObject, GpsStatus, GpsValues, Identifier, LinkStatus, LinkStatusBits, LinkValues, Profile, Rejection,
-    ReportedPosition, ReportedStatus, ReportedValues,
+    GpsObject, GpsStatus, GpsValues, Identifier, LinkStatus, LinkStatusBits, LinkValues, PortStatus, PortValues,
+    Profile, Rejection, ReportedPosition, ReportedStatus, ReportedValues, UplinkValues,
 };
 
 use super::super::BaseStation;
@@ -339,6 +340,44 @@ fn a_window_that_met_a_busy_dpr_is_read_by_the_next_transaction() {
     rig.transact(&image[216..]);
     assert_eq!((rig.last().offset, rig.last().valid), (216, 1));
     assert_eq!(rig.transact(&image).len(), 276, "and is back at the whole image");
+}
+
+#[test]
+fn an_uplink_that_came_by_radio_is_written_in_place_of_made_up_ones() {
+    let config = Config { writes: true, relays: true, first_ns: 0, cycle_ns: 5 * MS, ..Config::new(3) };
+    let mut rig = Rig::new(config);
+    let image = image_of(&profile(10));
+    let values = UplinkValues { timestamp: 9, payload: [3; 52], ..UplinkValues::default() };
+    let uplink = Uplink::seal(Writer::<BaseStationRole>::claim(), &values);
+    let port = PortStatus::seal(Writer::<Dpr>::claim(), &PortValues { timestamp: 70, ..PortValues::default() });
+    let map = [&image[..], port.as_bytes(), uplink.as_bytes(), &[0; 64]].concat();
+    let mut written = vec![];
+    for cycle in 0..40 {
+        if cycle == 10 {
+            // The flight controller's own would be due in this cycle.
+            rig.controller.write(Written::BaseStation(&uplink));
+        }
+        let mosi = rig.transact(if uplinks::reads_map(cycle) { &map } else { &image });
+        if let Ok(written_now) = Written::verify(&mosi[ssi::REQUEST_SIZE..ssi::REQUEST_SIZE + Uplink::SIZE]) {
+            written.push((cycle, matches!(written_now, Written::BaseStation(_))));
+        }
+    }
+    assert_eq!(written, [(10, true), (30, false)], "cycle, and whether it is the base station's");
+    let ports = rig.controller.take_ports();
+    assert_eq!(ports.len(), 4, "each tenth cycle");
+    assert!(ports.iter().all(|(_, port)| port[..64] == *port_bytes(&map) && port[64..] == *uplink.as_bytes()));
+    // Without Port-Status there is nothing to tell.
+    let mut damaged = map;
+    damaged[280] ^= 1;
+    for cycle in 40..50 {
+        rig.transact(if uplinks::reads_map(cycle) { &damaged } else { &image });
+    }
+    assert_eq!(rig.controller.take_ports(), []);
+}
+
+/// Port-Status in the map of three receivers.
+fn port_bytes(map: &[u8]) -> &[u8] {
+    &map[276..340]
 }
 
 #[test]

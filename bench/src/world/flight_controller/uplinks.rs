@@ -41,6 +41,12 @@ pub fn written(cycle: u64, own_ns: u64) -> Option<[u8; Uplink::SIZE]> {
     }
 }
 
+/// Whether there is no object behind the request on MOSI yet.
+#[must_use]
+pub fn is_free(mosi: &[u8]) -> bool {
+    mosi.iter().skip(REQUEST_SIZE).take(Uplink::SIZE).all(|byte| *byte == 0)
+}
+
 /// Puts an object behind the request on MOSI.
 pub fn put(object: &[u8; Uplink::SIZE], mosi: &mut Vec<u8>) {
     let end = REQUEST_SIZE + object.len();

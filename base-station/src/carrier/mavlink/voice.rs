@@ -1,0 +1,404 @@
+//! What a base station itself sends: HEARTBEAT, and uplink objects for drones. Neither unless it is told to.
+//!
+//! # Design
+//!
+//! **HEARTBEAT**, once a second. An autopilot that sends only where it has heard something, or MAVLink 2 only to who
+//! speaks it, sends to a station that listens once it hears this. It must not look like a ground station that can fly:
+//! both PX4 (by its type, MAV_TYPE_GCS) and ArduPilot (by the system id, 255 by default) hold their failsafe for a lost
+//! ground station off while they hear one. So its type is MAV_TYPE_ONBOARD_CONTROLLER, and its system id [`SYSTEM`]. It
+//! goes to every serial line, and of UDP to whoever was heard there within [`HEARD_US`] and where it was told to.
+//!
+//! **An uplink** is one object, sealed once with the station's time, ms since 1970, which the DPR wants to be newer
+//! than that of the one before. It goes to the drone that it is for, signed, every [`AGAIN_US`], until what the DPR says has
+//! come back, or [`GIVES_UP_US`] have passed. What comes back is Port-Status and the uplink that the DPR shows:
+//!
+//! | came back | the uplink is |
+//! |---|---|
+//! | the object that was sent | [written](State::Written): the DPR has stored it |
+//! | Port-Status without it, later than [`ANSWERS_US`] after it was sent first | [refused](State::Refused), and why |
+//! | nothing | [sent](State::Sent), at last [unanswered](State::Unanswered) |
+//!
+//! The answer to an uplink before may be under way yet; hence the second row waits. Written counts whenever it comes.
+
+use std::collections::BTreeMap;
+use std::net::SocketAddr;
+
+use mavlink::consts::v2::IFLAG_SIGNED;
+use mavlink::dialects::common::{HEARTBEAT_DATA, MavAutopilot, MavMessage, MavModeFlag, MavState, MavType};
+use mavlink::{MAVLinkV2MessageRaw, MavHeader};
+use profile::criticality::{BaseStation, Writer};
+use profile::port_status::Violation;
+use profile::{PortValues, Uplink, UplinkStatus, UplinkValues};
+
+use super::signing::{self, Signer};
+use super::tunnel::Tunnel;
+use crate::{Bundle, DroneId, Fleet, Place, Source, Who};
+
+/// The station's system id unless it has another one: not 255, by which ArduPilot knows its ground station.
+pub const SYSTEM: u8 = 254;
+
+/// The station's component id, MAV_COMP_ID_ONBOARD_COMPUTER.
+pub const COMPONENT: u8 = 191;
+
+/// From one HEARTBEAT to the next, µs.
+pub const HEARTBEAT_US: u64 = 1_000_000;
+
+/// Who was heard over UDP within this time is sent HEARTBEAT, µs.
+pub const HEARD_US: u64 = 10_000_000;
+
+/// As many of those who are heard over UDP are sent HEARTBEAT.
+pub const MAX_HEARERS: usize = 64;
+
+/// From one sending of an uplink to the next, µs.
+pub const AGAIN_US: u64 = 250_000;
+
+/// After so long an uplink is not sent again, µs.
+pub const GIVES_UP_US: u64 = 5_000_000;
+
+/// What comes back so long after the first sending, µs, is no answer to an uplink before.
+pub const ANSWERS_US: u64 = 1_000_000;
+
+/// Of so many drones the last uplink is kept.
+pub const MAX_SENDINGS: usize = 64;
+
+/// What became of an uplink.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum State {
+    /// It was sent; what became of it is not known yet.
+    Sent,
+    /// The DPR has stored it: what it shows came back.
+    Written,
+    /// The DPR has not stored it; why, as far as Port-Status tells, in words.
+    Refused(String),
+    /// It was sent in vain: nothing came back.
+    Unanswered,
+}
+
+impl State {
+    /// A name for programs.
+    #[must_use]
+    pub const fn code(&self) -> &'static str {
+        match self {
+            Self::Sent => "sent",
+            Self::Written => "written",
+            Self::Refused(_) => "refused",
+            Self::Unanswered => "unanswered",
+        }
+    }
+
+    /// Why it was refused, if it was.
+    #[must_use]
+    pub fn why(&self) -> Option<&str> {
+        match self {
+            Self::Refused(why) => Some(why),
+            Self::Sent | Self::Written | Self::Unanswered => None,
+        }
+    }
+}
+
+/// What is known of an uplink since now.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Told {
+    /// To which drone.
+    pub drone: DroneId,
+    /// The object.
+    pub uplink: Uplink,
+    /// What became of it.
+    pub state: State,
+}
+
+/// The last uplink to one drone.
+#[derive(Clone, Debug)]
+pub struct Sending {
+    /// The object.
+    pub uplink: Uplink,
+    /// When it was sent first, µs.
+    pub since_us: u64,
+    /// How often it was sent.
+    pub times: u32,
+    /// What became of it.
+    pub state: State,
+    /// When that was known, µs; before that, when it was sent last.
+    pub at_us: u64,
+    /// What Port-Status said first after it was sent.
+    first: Option<PortValues>,
+}
+
+/// Why an uplink is not sent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NotSent {
+    /// This station sends none.
+    NotAllowed,
+    /// There is no such drone.
+    UnknownDrone,
+    /// The drone is not heard by MAVLink, so there is no way to it.
+    NoWay,
+    /// Uplinks to [`MAX_SENDINGS`] other drones are under way.
+    TooMany,
+}
+
+impl std::fmt::Display for NotSent {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::NotAllowed => "this station sends no uplinks: it was started without --uplink",
+            Self::UnknownDrone => "this drone is not known here",
+            Self::NoWay => "this drone is not heard over MAVLink, so no uplink can be sent to it",
+            Self::TooMany => "too many uplinks are under way",
+        })
+    }
+}
+
+/// Where a message goes: which line, and which address of it if it has such.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct To {
+    /// The line's number; `None` is every line without addresses.
+    pub line: Option<u16>,
+    /// The address.
+    pub address: Option<SocketAddr>,
+}
+
+/// HEARTBEAT, and to whom.
+#[derive(Debug, Default)]
+struct Heartbeat {
+    /// Always.
+    to: Vec<SocketAddr>,
+    /// Line and address of who was heard, and when last, µs.
+    heard: BTreeMap<(u16, SocketAddr), u64>,
+    last_us: Option<u64>,
+}
+
+/// What a station says. See the [module](self).
+#[derive(Debug)]
+pub struct Voice {
+    system: u8,
+    sequence: u8,
+    signer: Option<Signer>,
+    heartbeat: Option<Heartbeat>,
+    uplinks: Option<BTreeMap<DroneId, Sending>>,
+    /// The timestamp of the uplink that was sealed last, ms.
+    sealed: Option<u32>,
+    /// What nobody has taken yet of what became of uplinks.
+    told: Vec<Told>,
+}
+
+impl Voice {
+    /// A station with this system id that says nothing; what it is told to say it signs if there is a signer.
+    #[must_use]
+    pub const fn new(system: u8, signer: Option<Signer>) -> Self {
+        Self { system, sequence: 0, signer, heartbeat: None, uplinks: None, sealed: None, told: vec![] }
+    }
+
+    /// It says HEARTBEAT, to these addresses too.
+    #[must_use]
+    pub fn with_heartbeat(mut self, to: Vec<SocketAddr>) -> Self {
+        self.heartbeat = Some(Heartbeat { to, ..Heartbeat::default() });
+        self
+    }
+
+    /// It sends uplinks, if it can sign them.
+    #[must_use]
+    pub fn with_uplinks(mut self) -> Self {
+        self.uplinks = self.signer.is_some().then(BTreeMap::new);
+        self
+    }
+
+    /// Whether uplinks can be sent.
+    #[must_use]
+    pub const fn sends_uplinks(&self) -> bool {
+        self.uplinks.is_some()
+    }
+
+    /// Something came from this address over this line of MAVLink datagrams.
+    pub fn heard(&mut self, line: u16, from: SocketAddr, at_us: u64) {
+        let Some(Heartbeat { heard, .. }) = &mut self.heartbeat else { return };
+        if heard.len() >= MAX_HEARERS {
+            heard.retain(|_, last_us| at_us.saturating_sub(*last_us) <= HEARD_US);
+        }
+        if heard.len() < MAX_HEARERS || heard.contains_key(&(line, from)) {
+            heard.insert((line, from), at_us);
+        }
+    }
+
+    /// Has an uplink sent to a drone, in place of the one before if that is under way. Answers its timestamp, ms.
+    ///
+    /// # Errors
+    ///
+    /// If it cannot be sent.
+    pub fn send(
+        &mut self,
+        now_us: u64,
+        fleet: &Fleet,
+        drone: DroneId,
+        status: UplinkStatus,
+        payload: [u8; Uplink::PAYLOAD],
+    ) -> Result<u32, NotSent> {
+        let uplinks = self.uplinks.as_mut().ok_or(NotSent::NotAllowed)?;
+        fleet.get(drone).ok_or(NotSent::UnknownDrone)?;
+        system_of(drone).ok_or(NotSent::NoWay)?;
+        if !uplinks.contains_key(&drone) && uplinks.len() >= MAX_SENDINGS {
+            let settled = uplinks.iter().filter(|(_, sending)| sending.state != State::Sent);
+            let oldest = settled.min_by_key(|(_, sending)| sending.at_us).map(|(drone, _)| *drone);
+            uplinks.remove(&oldest.ok_or(NotSent::TooMany)?);
+        }
+        // The low 32 bits: they wrap every 50 days, and the DPR compares them as such.
+        let now_ms = (now_us / 1_000) as u32;
+        let timestamp = match self.sealed {
+            Some(sealed) if now_ms.wrapping_sub(sealed).cast_signed() <= 0 => sealed.wrapping_add(1),
+            _ => now_ms,
+        };
+        self.sealed = Some(timestamp);
+        let uplink = Uplink::seal(Writer::<BaseStation>::claim(), &UplinkValues { timestamp, status, payload });
+        let (since_us, at_us) = (now_us, now_us);
+        self.told.push(Told { drone, uplink, state: State::Sent });
+        uplinks.insert(drone, Sending { uplink, since_us, times: 0, state: State::Sent, at_us, first: None });
+        Ok(timestamp)
+    }
+
+    /// The last uplink to a drone.
+    #[must_use]
+    pub fn sending(&self, drone: DroneId) -> Option<&Sending> {
+        self.uplinks.as_ref()?.get(&drone)
+    }
+
+    /// What has become of uplinks since this was last called, in its order.
+    pub fn take_told(&mut self) -> Vec<Told> {
+        std::mem::take(&mut self.told)
+    }
+
+    /// What is to be sent at `now_us`, µs since 1970, and to where; looks at what has come back of uplinks.
+    pub fn tick(&mut self, now_us: u64, fleet: &Fleet) -> Vec<(To, Vec<u8>)> {
+        let mut out = vec![];
+        for to in self.heartbeat_due(now_us) {
+            let bytes = self.heartbeat(now_us);
+            out.push((to, bytes));
+        }
+        let mut due = vec![];
+        for (drone, sending) in self.uplinks.iter_mut().flatten() {
+            let before = sending.state.clone();
+            let is_due = sending.look(now_us, fleet, *drone);
+            if sending.state != before {
+                self.told.push(Told { drone: *drone, uplink: sending.uplink, state: sending.state.clone() });
+            }
+            if is_due && let Some((source, system)) = fleet.source(*drone).zip(system_of(*drone)) {
+                due.push((source, system, sending.uplink));
+            }
+        }
+        for (Source { line, from, .. }, system, uplink) in due {
+            let Some(bytes) = self.uplink(now_us, system, uplink.as_bytes()) else { continue };
+            out.push((To { line: Some(line), address: from }, bytes));
+        }
+        out
+    }
+
+    /// To whom HEARTBEAT is due now.
+    fn heartbeat_due(&mut self, now_us: u64) -> Vec<To> {
+        let Some(Heartbeat { to, heard, last_us }) = &mut self.heartbeat else { return vec![] };
+        if last_us.is_some_and(|last_us| now_us.saturating_sub(last_us) < HEARTBEAT_US) {
+            return vec![];
+        }
+        *last_us = Some(now_us);
+        heard.retain(|_, last_us| now_us.saturating_sub(*last_us) <= HEARD_US);
+        let told = to.iter().filter(|to| !heard.keys().any(|(_, address)| address == *to));
+        let told = told.map(|to| To { line: None, address: Some(*to) });
+        let heard = heard.keys().map(|(line, address)| To { line: Some(*line), address: Some(*address) });
+        [To { line: None, address: None }].into_iter().chain(told).chain(heard).collect()
+    }
+
+    fn heartbeat(&mut self, now_us: u64) -> Vec<u8> {
+        let message = MavMessage::HEARTBEAT(HEARTBEAT_DATA {
+            custom_mode: 0,
+            mavtype: MavType::MAV_TYPE_ONBOARD_CONTROLLER,
+            autopilot: MavAutopilot::MAV_AUTOPILOT_INVALID,
+            base_mode: MavModeFlag::empty(),
+            system_status: MavState::MAV_STATE_ACTIVE,
+            mavlink_version: 3,
+        });
+        let header = self.header();
+        let mut raw = MAVLinkV2MessageRaw::new();
+        match &self.signer {
+            Some(_) => raw.serialize_message_for_signing(header, &message),
+            None => raw.serialize_message(header, &message),
+        }
+        if let Some(signer) = &mut self.signer {
+            signer.sign(signing::timestamp(now_us), &mut raw);
+        }
+        raw.raw_bytes().to_vec()
+    }
+
+    fn uplink(&mut self, now_us: u64, system: u8, object: &[u8]) -> Option<Vec<u8>> {
+        let bundle = Bundle::new(Place::Uplink, 1, object)?;
+        let tunnel = Tunnel { target_system: system, ..Tunnel::of(&bundle)? };
+        let header = self.header();
+        let mut raw = MAVLinkV2MessageRaw::new();
+        *raw.incompatibility_flags_mut() |= IFLAG_SIGNED;
+        raw.serialize_message_data(header, &tunnel);
+        self.signer.as_mut()?.sign(signing::timestamp(now_us), &mut raw);
+        Some(raw.raw_bytes().to_vec())
+    }
+
+    fn header(&mut self) -> MavHeader {
+        let sequence = self.sequence;
+        self.sequence = sequence.wrapping_add(1);
+        MavHeader { system_id: u32::from(self.system), component_id: COMPONENT, sequence }
+    }
+}
+
+impl Sending {
+    /// Looks at what has come back by `now_us`. Answers whether it is to be sent (again).
+    fn look(&mut self, now_us: u64, fleet: &Fleet, drone: DroneId) -> bool {
+        let Some(heard) = fleet.get(drone) else { return false };
+        let came_back = heard.uplink() == Some(&self.uplink);
+        if came_back && self.state != State::Written {
+            (self.state, self.at_us) = (State::Written, now_us);
+        }
+        if self.state != State::Sent {
+            return false;
+        }
+        if let Some(held) = heard.port_status().filter(|held| held.arrived_us > self.since_us) {
+            let first = *self.first.get_or_insert(held.values);
+            if held.arrived_us > self.since_us.saturating_add(ANSWERS_US) {
+                (self.state, self.at_us) = (State::Refused(why(&first, &held.values)), now_us);
+                return false;
+            }
+        }
+        if now_us.saturating_sub(self.since_us) > GIVES_UP_US {
+            (self.state, self.at_us) = (State::Unanswered, now_us);
+            return false;
+        }
+        let again = self.times == 0 || now_us.saturating_sub(self.at_us) >= AGAIN_US;
+        if again {
+            self.times += 1;
+            self.at_us = now_us;
+        }
+        again
+    }
+}
+
+/// Why the DPR has not stored an uplink, as far as it can be seen from what it said first and what it says now.
+fn why(first: &PortValues, now: &PortValues) -> String {
+    let grown = |kind: &Violation| now.violations.of(*kind) > first.violations.of(*kind);
+    let words = |kind: &Violation| match kind {
+        Violation::UplinkNotNewer => Some("it is not newer than the one that the DPR had"),
+        Violation::UplinkDamaged => Some("it was damaged on the way to the DPR"),
+        Violation::UplinkIdentifier => Some("it is no object that may be written"),
+        Violation::TooShort => Some("the transaction that wrote it was too short"),
+        Violation::TooMany => Some("the DPR had too many transactions"),
+        _ => None,
+    };
+    match Violation::ALL.iter().filter(|kind| grown(kind)).find_map(words) {
+        Some(words) => words.to_owned(),
+        None if now.status.last_refused() => "the DPR says that it refused the last that came in".to_owned(),
+        None => "the DPR shows another one, or none".to_owned(),
+    }
+}
+
+/// The MAVLink system id by which a drone can be reached.
+fn system_of(drone: DroneId) -> Option<u8> {
+    match drone.who {
+        Who::System(system) => u8::try_from(system).ok(),
+        Who::Address(_) | Who::Line(_) | Who::Named(_) => None,
+    }
+}
+
+#[cfg(test)]
+mod tests;

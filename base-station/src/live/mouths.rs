@@ -1,0 +1,81 @@
+//! The sending side of the lines: whoever listens on a socket or a port can also say something there.
+
+use std::collections::BTreeMap;
+use std::io::Write;
+use std::net::UdpSocket;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use serialport::SerialPort;
+
+use crate::carrier::mavlink::voice::To;
+
+/// One line's.
+enum Mouth {
+    Socket(UdpSocket),
+    Port(Box<dyn SerialPort>),
+}
+
+/// Those of all lines of MAVLink that work at present, by the lines' numbers.
+#[derive(Clone, Default)]
+pub struct Mouths(Arc<Mutex<BTreeMap<u16, Mouth>>>);
+
+impl std::fmt::Debug for Mouths {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_tuple("Mouths").finish_non_exhaustive()
+    }
+}
+
+impl Mouths {
+    /// A line that is a socket.
+    pub(super) fn add_socket(&self, line: u16, socket: UdpSocket) {
+        self.with(|mouths| mouths.insert(line, Mouth::Socket(socket)));
+    }
+
+    /// A line that is a serial port, which was opened.
+    pub(super) fn add_port(&self, line: u16, port: Box<dyn SerialPort>) {
+        self.with(|mouths| mouths.insert(line, Mouth::Port(port)));
+    }
+
+    /// The line does not work any more.
+    pub(super) fn remove(&self, line: u16) {
+        self.with(|mouths| mouths.remove(&line));
+    }
+
+    /// Sends a message. What does not get through is lost, as on any carrier: it is sent again, or the next one is.
+    pub fn send(&self, to: To, bytes: &[u8]) {
+        self.with(|mouths| match (to.line, to.address) {
+            (Some(line), _) => {
+                if let Some(mouth) = mouths.get_mut(&line) {
+                    mouth.send(to, bytes);
+                }
+            }
+            // By the first line that has addresses.
+            (None, Some(_)) => {
+                if let Some(mouth) = mouths.values_mut().find(|mouth| matches!(mouth, Mouth::Socket(_))) {
+                    mouth.send(to, bytes);
+                }
+            }
+            (None, None) => {
+                mouths
+                    .values_mut()
+                    .filter(|mouth| matches!(mouth, Mouth::Port(_)))
+                    .for_each(|mouth| mouth.send(to, bytes));
+            }
+        });
+    }
+
+    fn with<T>(&self, act: impl FnOnce(&mut BTreeMap<u16, Mouth>) -> T) -> T {
+        act(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+impl Mouth {
+    fn send(&mut self, to: To, bytes: &[u8]) {
+        let _ = match (self, to.address) {
+            (Self::Socket(socket), Some(address)) => socket.send_to(bytes, address),
+            // One call, whose timeout is the port's: a radio that takes nothing holds the station up no longer.
+            (Self::Port(port), _) => port.write(bytes),
+            (Self::Socket(_), None) => Ok(0),
+        };
+    }
+}

@@ -1,0 +1,63 @@
+//! What `horus-base` refuses to begin with, and what it warns of.
+
+use std::fs;
+use std::path::PathBuf;
+use std::process::{Command, Output};
+
+/// What it does with these arguments; it ends by itself.
+fn run(arguments: &[&str]) -> (bool, String) {
+    let Output { status, stderr, .. } =
+        Command::new(env!("CARGO_BIN_EXE_horus-base")).args(arguments).output().unwrap();
+    (status.success(), String::from_utf8(stderr).unwrap())
+}
+
+/// A file with this in it, whose name is of this process alone.
+fn file(name: &str, text: &str) -> PathBuf {
+    let file = std::env::temp_dir().join(format!("horus-base-{name}-{}", std::process::id()));
+    fs::write(&file, text).unwrap();
+    file
+}
+
+#[test]
+fn a_key_is_not_taken_beside_lines_that_have_no_signatures() {
+    let key = file("key-beside", &"0".repeat(64));
+    let key = key.to_str().unwrap();
+    for line in [["--datagrams", "127.0.0.1:0"], ["--plain-serial", "/dev/null"]] {
+        let (began, said) = run(&[&["serve", "--key", key][..], &line].concat());
+        assert!(!began && said.contains("cannot be used with"), "{said}");
+    }
+    let (began, said) = run(&["serve", "--key", file("no-key", "12").to_str().unwrap()]);
+    assert!(!began && said.contains("a key is 64 hexadecimal digits"), "{said}");
+}
+
+#[test]
+fn uplinks_need_a_key_and_a_heartbeat_is_asked_for() {
+    let (began, said) = run(&["serve", "--uplink"]);
+    assert!(!began && said.contains("--key <FILE>"), "{said}");
+    let (began, said) = run(&["serve", "--heartbeat-to", "127.0.0.1:14555"]);
+    assert!(!began && said.contains("--heartbeat"), "{said}");
+    let (began, said) = run(&["serve", "--heartbeat", "--system-id", "0"]);
+    assert!(!began && said.contains("--system-id"), "{said}");
+}
+
+#[test]
+fn a_page_for_other_machines_needs_a_login_or_the_word_that_it_is_open() {
+    let udp = ["serve", "--udp", "127.0.0.1:0", "--seconds", "0"];
+    let on = |more: &[&str]| run(&[&udp[..], more].concat());
+    let (began, said) = on(&["--http", "0.0.0.0:0"]);
+    assert!(!began && said.contains("--page-login FILE") && said.contains("--page-open"), "{said}");
+    let login = file("login", "user\npassword\n");
+    for more in [&["--page-open"][..], &["--page-login", login.to_str().unwrap()]] {
+        let (began, said) = on(&[&["--http", "0.0.0.0:0"], more].concat());
+        assert!(began, "{said}");
+    }
+    assert!(on(&["--http", "127.0.0.1:0"]).0);
+}
+
+#[test]
+fn a_broker_that_is_given_a_password_unencrypted_is_warned_of() {
+    let login = file("broker-login", "user\npassword\n");
+    let to = ["--broker", "127.0.0.1:9", "--login", login.to_str().unwrap(), "--seconds", "0"];
+    let (began, said) = run(&[&["subscribe", "--http", "127.0.0.1:0"][..], &to].concat());
+    assert!(began && said.contains("user and password go to the broker unencrypted"), "{said}");
+}
