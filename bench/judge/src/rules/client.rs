@@ -22,6 +22,9 @@ use crate::disturbance::Excuse;
 use crate::read::{Reading, State, Values};
 use crate::{Context, Event, Figures, Findings, Header, Violation, What, bounds};
 
+/// The unit of the age in Link-Status, ns.
+const AGE_UNIT: u64 = 100_000;
+
 /// So long is remembered what was sent, ns: a client that flies by what is older flies by none of these.
 const KEPT: u64 = 2_000_000_000;
 
@@ -40,6 +43,8 @@ struct Read {
     selected: u64,
     /// The timestamp of Reported-Position in it, ms, and whether its position is valid.
     sample: Option<(u32, bool)>,
+    /// What Link-Status called its age, ns.
+    told: u64,
 }
 
 /// Valid samples that were read in sequence.
@@ -60,6 +65,8 @@ pub struct Client {
     read: Option<Read>,
     /// What was read last and is valid, and how many in a row were in sequence before it and with it.
     row: Option<Row>,
+    /// The timestamp that was read last, ms.
+    newest: Option<u32>,
     /// The sample whose age was wrong, which is told.
     told: Option<u32>,
     hides: bool,
@@ -78,6 +85,7 @@ impl Client {
             samples: VecDeque::new(),
             read: None,
             row: None,
+            newest: None,
             told: None,
             hides: false,
         }
@@ -99,8 +107,13 @@ impl Client {
                 }
             }
             What::Transaction { .. } => {
-                self.read =
-                    context.reading().map(|reading| Read { selected: reading.selected, sample: sample(reading) });
+                self.read = context.reading().map(|reading| {
+                    let told = match &reading.link {
+                        Some(Ok(link)) => u64::from(link.age_100us) * AGE_UNIT,
+                        _ => 0,
+                    };
+                    Read { selected: reading.selected, sample: sample(reading), told }
+                });
                 self.follow();
             }
             What::Decided { position, age_us } => self.decided(*position, *age_us, context, findings),
@@ -110,7 +123,7 @@ impl Client {
 
     /// What was read last continues what was read before, or not.
     fn follow(&mut self) {
-        let Some(Read { selected, sample: Some((timestamp, valid)) }) = self.read else { return };
+        let Some(Read { selected, sample: Some((timestamp, valid)), .. }) = self.read else { return };
         let row = self.row.filter(|row| selected <= row.selected + bounds::EXPIRY);
         self.row = match row {
             _ if !valid => None,
@@ -123,7 +136,7 @@ impl Client {
     }
 
     fn decided(&mut self, position: Option<u32>, age_us: Option<u32>, context: &Context, findings: &mut Findings) {
-        let Some(Read { selected, sample }) = self.read else { return };
+        let Some(Read { selected, sample, told: by_link }) = self.read else { return };
         let of = |timestamp: u32| {
             self.samples.iter().filter(move |sample| sample.timestamp == timestamp && sample.at <= selected)
         };
@@ -148,16 +161,22 @@ impl Client {
             (self.row, self.hides) = (None, false);
             return;
         }
+        // Data that are older than what was read before, or expired, or of another age than Link-Status says, it cannot
+        // tell from others: that is another rule's.
+        let back = |timestamp: u32| self.newest.is_some_and(|newest| newest.wrapping_sub(timestamp).cast_signed() > 0);
         if let (Some((timestamp, _)), Some(age_us)) = (sample, age_us)
             && self.told != Some(timestamp)
+            && !back(timestamp)
             && let Some((youngest, oldest)) = ages(timestamp)
         {
             let told = u64::from(age_us) * 1_000;
-            if told + bounds::CLIENT_AGE_SHORT < youngest || told > oldest + bounds::CLIENT_AGE_LONG {
+            let least = youngest.min(by_link + bounds::EXPIRY);
+            if told + bounds::CLIENT_AGE_SHORT < least || told > oldest.max(by_link) + bounds::CLIENT_AGE_LONG {
                 self.told = Some(timestamp);
                 findings.add(Violation::ClientAge, selected, || format!("{told} ns instead of {youngest} ns"));
             }
         }
+        self.newest = sample.map(|(timestamp, _)| timestamp).or(self.newest);
         let found = sample.is_some() && self.row.is_some_and(|row| row.count >= bounds::CLIENT_FINDS);
         let hides = found && position.is_none();
         if hides && !std::mem::replace(&mut self.hides, hides) {
@@ -177,7 +196,7 @@ fn sample(reading: &Reading) -> Option<(u32, bool)> {
     match &placed.state {
         State::Valid { timestamp, values: Values::Reported(values) } => {
             let Some(Ok(link)) = &reading.link else { return None };
-            let young = u64::from(link.age_100us) * 100_000 + bounds::CLIENT_AGE_LONG <= bounds::CLIENT_AGE_LIMIT;
+            let young = u64::from(link.age_100us) * AGE_UNIT + bounds::CLIENT_AGE_LONG <= bounds::CLIENT_AGE_LIMIT;
             Some((*timestamp, values.status.position_valid() && young))
         }
         _ => None,
