@@ -47,6 +47,16 @@ struct Read {
     told: u64,
 }
 
+/// A sample, as it was read first.
+#[derive(Clone, Copy, Debug)]
+struct First {
+    timestamp: u32,
+    /// When the transaction began, ns.
+    selected: u64,
+    /// What Link-Status called its age then, ns.
+    told: u64,
+}
+
 /// Valid samples that were read in sequence.
 #[derive(Clone, Copy, Debug)]
 struct Row {
@@ -65,8 +75,8 @@ pub struct Client {
     read: Option<Read>,
     /// What was read last and is valid, and how many in a row were in sequence before it and with it.
     row: Option<Row>,
-    /// The timestamp that was read last, ms.
-    newest: Option<u32>,
+    /// The sample that was read last.
+    newest: Option<First>,
     /// The sample whose age was wrong, which is told.
     told: Option<u32>,
     hides: bool,
@@ -163,7 +173,14 @@ impl Client {
         }
         // Data that are older than what was read before, or expired, or of another age than Link-Status says, it cannot
         // tell from others: that is another rule's.
-        let back = |timestamp: u32| self.newest.is_some_and(|newest| newest.wrapping_sub(timestamp).cast_signed() > 0);
+        let before = self.newest;
+        if let Some((timestamp, _)) = sample
+            && before.is_none_or(|before| before.timestamp != timestamp)
+        {
+            self.newest = Some(First { timestamp, selected, told: by_link });
+        }
+        let by_link = self.newest.map_or(0, |first| first.told + selected - first.selected);
+        let back = |stamp: u32| before.is_some_and(|it| it.timestamp.wrapping_sub(stamp).cast_signed() > 0);
         if let (Some((timestamp, _)), Some(age_us)) = (sample, age_us)
             && self.told != Some(timestamp)
             && !back(timestamp)
@@ -176,7 +193,6 @@ impl Client {
                 findings.add(Violation::ClientAge, selected, || format!("{told} ns instead of {youngest} ns"));
             }
         }
-        self.newest = sample.map(|(timestamp, _)| timestamp).or(self.newest);
         let found = sample.is_some() && self.row.is_some_and(|row| row.count >= bounds::CLIENT_FINDS);
         let hides = found && position.is_none();
         if hides && !std::mem::replace(&mut self.hides, hides) {
