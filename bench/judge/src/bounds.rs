@@ -97,6 +97,16 @@ pub const SHORTEST_PERIOD_MS: u32 = 20;
 /// offered something, or after its bus has come back, some of that has been read. It is a receiver's longest period,
 /// after which a position that it rests on is not valid any more (design section 2).
 pub const READ_WITHIN: u64 = 1_000_000_000;
+/// What has waited in a receiver on a bus for longer is no news when HORUS reads it: it may drop that, and what it reads
+/// within [`READ_SETTLED`] of it, since it reads in every cycle and may leave one out.
+pub const NEWS: u64 = 25_000_000;
+/// See [`NEWS`]: after what may be old, or a bus that failed, HORUS may take some reads to be sure of what is new.
+pub const READ_SETTLED: u64 = 100_000_000;
+/// What has waited for longer than this must not be taken: it is no solution of now, and counts nothing as heard.
+pub const TOO_OLD: u64 = 50_000_000;
+/// If more bytes than this wait in a receiver, HORUS leaves some of them for its next cycle (decision 16), and may drop
+/// them.
+pub const READ_AT_ONCE: u64 = 256;
 /// The dynamic model by which a receiver has to navigate: airborne with less than 2 g, of u-blox' CFG-NAVSPG-DYNMODEL.
 pub const DYNAMIC_MODEL: u8 = 7;
 /// A receiver has to be set as HORUS needs it within this after HORUS's start, the loss of a setting, or the end of a
