@@ -33,7 +33,7 @@ fn what_follows_on_something_old_or_damaged_may_be_dropped_for_a_while() {
     let spoils: [fn(&mut Line, u64); 3] = [
         |line, at| _ = read(line, at, NEWS + 1),
         |line, at| _ = line.read((at, at + MS), 100, at, false),
-        |line, at| _ = read(line, at, 9 * TOO_OLD),
+        |line, at| _ = read(line, at, TOO_OLD + 9 * MS),
     ];
     for spoil in spoils {
         let mut line = read_before();
