@@ -310,6 +310,23 @@ mod tests {
     }
 
     #[test]
+    fn the_age_goes_on_from_what_link_status_said_with_the_sample_first() {
+        let told = |age: u64| {
+            let mut log = Events::new(1);
+            heard(&mut log, 1, true);
+            read(&mut log, sampled(1) + 20 * MS, 1, true, Some(1), Some(20 * MS));
+            // The next transaction shows the same sample, and Link-Status says 400 ms.
+            read(&mut log, sampled(1) + 24 * MS, 1, true, Some(1), Some(age));
+            let last = log.events.iter_mut().rfind(|event| matches!(event.what, What::Transaction { .. }));
+            let What::Transaction { miso, .. } = &mut last.unwrap().what else { unreachable!("it is one") };
+            let link = LinkStatus::seal(&LinkValues { age_100us: 4_000, ..LinkValues::default() });
+            miso.0[..LinkStatus::SIZE].copy_from_slice(link.as_bytes());
+            broken(&log).len()
+        };
+        assert_eq!((told(24 * MS), told(400 * MS)), (0, 1));
+    }
+
+    #[test]
     fn a_client_that_reads_a_sequence_has_a_position() {
         let run = |cycles: &[(u64, bool)], hides: bool| {
             let mut log = Events::new(1);
