@@ -71,8 +71,8 @@ pub enum Disturbance {
         /// Which.
         board: Board,
     },
-    /// The interrupt of one of a board's tasks is off for good, while the rest of its firmware runs. Only a task that has
-    /// to check in before the watchdog is fed counts: the watchdog has to restart the board.
+    /// The interrupt of one of a board's tasks is off for good, while the rest of its firmware runs. Only a task that
+    /// has to check in before the watchdog is fed counts: the watchdog has to restart the board.
     DeadTask {
         /// Whose.
         board: Board,

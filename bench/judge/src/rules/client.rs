@@ -2,7 +2,7 @@
 //!
 //! | the client | violation |
 //! |---|---|
-//! | flies by a position that HORUS did not send as valid, or that is older than [`bounds::CLIENT_AGE_LIMIT`] | `ClientWrong` |
+//! | flies by a position not sent as valid, or older than [`bounds::CLIENT_AGE_LIMIT`] | `ClientWrong` |
 //! | tells another age than the sample's that it read last | `ClientAge` |
 //! | has no position although it has read [`bounds::CLIENT_FINDS`] valid ones in sequence | `ClientHides` |
 //!
@@ -205,8 +205,8 @@ impl Client {
     pub fn finish(&mut self, _context: &Context, _findings: &mut Findings, _figures: &mut Figures) {}
 }
 
-/// Reported-Position in a transaction that brought it and Link-Status intact. If that calls it so old that it may not be
-/// flown by before its image expires, it counts as not valid.
+/// Reported-Position in a transaction that brought it and Link-Status intact. If that calls it so old that it may not
+/// be flown by before its image expires, it counts as not valid.
 fn sample(reading: &Reading) -> Option<(u32, bool)> {
     let placed = reading.objects.first().filter(|placed| placed.index == 0)?;
     match &placed.state {

@@ -11,8 +11,8 @@
 //! | `emergency-fired`, `motors-cut`, `switched-to-redundant`, `inputs-contradict` | that says so |
 //! | `degraded`, `no-crystal`, `horus-memory-fault` | that says so |
 //!
-//! Around each limit of time nothing is asked. What arrives and does not continue what was before need not be shown: who
-//! sends it may be another. So what is shown is known only once profiles have come in sequence for
+//! Around each limit of time nothing is asked. What arrives and does not continue what was before need not be shown:
+//! who sends it may be another. So what is shown is known only once profiles have come in sequence for
 //! [`bounds::STATION_SETTLES`], or [`bounds::CLIENT_FINDS`] of them where they are the first of all, and only then does
 //! silence end for certain. Without a crystal HORUS's time is none of the station's, and no age is asked.
 

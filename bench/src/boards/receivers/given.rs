@@ -24,7 +24,8 @@ pub struct Given {
 /// What crossed a bus and was not told yet.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Crossings {
-    /// Of the transaction under way: the beginning and the end of each byte (ns), the byte, and since when it has waited (ns).
+    /// Of the transaction under way: the beginning and the end of each byte (ns), the byte, and since when it has
+    /// waited (ns).
     open: Vec<(u64, u64, u8, u64)>,
     /// Something of it is not as the receiver said it.
     spoilt: bool,

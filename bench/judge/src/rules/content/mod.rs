@@ -107,8 +107,8 @@ impl Line {
         }
     }
 
-    /// HORUS reads so many bytes of a receiver on a bus from `at` to `end`, which have waited since `since`, ns: whether
-    /// it has to take them, or may; nothing if it must not.
+    /// HORUS reads so many bytes of a receiver on a bus from `at` to `end`, which have waited since `since`, ns:
+    /// whether it has to take them, or may; nothing if it must not.
     fn read(&mut self, (at, end): (u64, u64), bytes: u64, since: u64, clean: bool) -> Option<bool> {
         self.waiting = self.waiting.saturating_sub(bytes);
         let news = clean && end <= since + bounds::NEWS;

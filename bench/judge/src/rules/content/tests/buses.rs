@@ -15,7 +15,8 @@ fn read_before() -> Line {
     line
 }
 
-/// What HORUS does with bytes that it reads from `at` on within 1 ms, which have waited for `waited` by the end of that.
+/// What HORUS does with bytes that it reads from `at` on within 1 ms, which have waited for `waited` by the end of
+/// that.
 fn read(line: &mut Line, at: u64, waited: u64) -> Option<bool> {
     line.read((at, at + MS), 100, at + MS - waited, true)
 }
