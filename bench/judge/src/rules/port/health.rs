@@ -4,7 +4,7 @@
 //! | field | right |
 //! |---|---|
 //! | timestamp | that of Link-Status, or up to [`bounds::PORT_BEFORE_LINK_MS`] earlier, and never back |
-//! | passes over the flash | never back; no more than there was time for; no fewer than had to be, without misuse of the SSI |
+//! | passes over the flash | never back; as many as there was time for; if the SSI was misused, maybe fewer |
 //! | integrity faults, stuck bits, buffers out of use | 0 unless [`Excuse::RamFault`] holds, and never back |
 //! | bit 6 | whether buffers are out of use |
 //! | reason of the last safe state | 0 from the first start on; the same from start to start |
