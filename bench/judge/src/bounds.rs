@@ -98,11 +98,21 @@ pub const SHORTEST_PERIOD_MS: u32 = 20;
 /// offered something, or after its bus has come back, some of that has been read. It is a receiver's longest period,
 /// after which a position that it rests on is not valid any more (docs/design.md#validity).
 pub const READ_WITHIN: u64 = 1_000_000_000;
+/// What has waited in a receiver on a bus for longer is no news when HORUS reads it: it may drop that, and what it
+/// reads within [`READ_SETTLED`] of it, since it reads in every cycle and may leave one out.
+pub const NEWS: u64 = 25_000_000;
+/// See [`NEWS`]: after what may be old, or a bus that failed, HORUS may take some reads to be sure of what is new.
+pub const READ_SETTLED: u64 = 100_000_000;
+/// What has waited for longer than this must not be taken: it is no solution of now, and counts nothing as heard.
+pub const TOO_OLD: u64 = 50_000_000;
+/// If more bytes than this wait in a receiver, HORUS leaves some of them for its next cycle (decision 16), and may drop
+/// them.
+pub const READ_AT_ONCE: u64 = 256;
 /// The dynamic model by which a receiver has to navigate: airborne with less than 2 g, of u-blox' CFG-NAVSPG-DYNMODEL.
 pub const DYNAMIC_MODEL: u8 = 7;
 /// A receiver has to be set as HORUS needs it within this after HORUS's start, the loss of a setting, or the end of a
-/// fault of the receiver or its line: 1.5 s until HORUS begins anew, 0.7 s at two bit rates, and two messages without an
-/// answer, 1 s each.
+/// fault of the receiver or its line: 1.5 s until HORUS begins anew, 0.7 s at two bit rates, and two messages without
+/// an answer, 1 s each.
 pub const SETTINGS_TOLD: u64 = 5_000_000_000;
 /// So long after HORUS's start, or after enough receivers are well again, there is a position at the latest: the
 /// receivers have to be set, one of them has a solution once a second, and a result that jumps is held back.
@@ -289,14 +299,16 @@ pub const FRONT_END_TOLD: u64 = 4 * CYCLE;
 /// From the return of a front end that was out of order to its firmware having brought it up again: within 15
 /// cycles.
 pub const FRONT_END_RECOVERY: u64 = 15 * CYCLE;
-/// A self-test of the DPR takes one pass over its flash and one over its RAM, in at most this: 3.5 s where the image and
-/// the RAM in use take all that they may, three times as fast as round the clock, and the processor's idle time allows.
+/// A self-test of the DPR takes one pass over its flash and one over its RAM, in at most this: 3.5 s where the image
+/// and the RAM in use take all that they may, three times as fast as round the clock, and the processor's idle time
+/// allows.
 pub const SELF_TEST: u64 = 5_000_000_000;
 /// A pass over the DPR's flash takes at most this: 7.7 s for an image of 96 KiB, and what idle time may be missing.
 pub const FLASH_PASS_LONGEST: u64 = 9_000_000_000;
 /// And at least this: a self-test of an image of 16 KiB.
 pub const FLASH_PASS_SHORTEST: u64 = 400_000_000;
-/// Port-Status is made so long before Link-Status of the same image at most, ms: one cycle, and what its task waits for.
+/// Port-Status is made so long before Link-Status of the same image at most, ms: one cycle, and what its task waits
+/// for.
 pub const PORT_BEFORE_LINK_MS: u32 = 25;
 /// The causes by which the DPR's firmware codes its safe state (`firmware_common::last_stop`).
 pub const STOP_CAUSES: std::ops::RangeInclusive<u32> = 1..=14;

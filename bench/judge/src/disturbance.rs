@@ -71,8 +71,8 @@ pub enum Disturbance {
         /// Which.
         board: Board,
     },
-    /// The interrupt of one of a board's tasks is off for good, while the rest of its firmware runs. Only a task that has
-    /// to check in before the watchdog is fed counts: the watchdog has to restart the board.
+    /// The interrupt of one of a board's tasks is off for good, while the rest of its firmware runs. Only a task that
+    /// has to check in before the watchdog is fed counts: the watchdog has to restart the board.
     DeadTask {
         /// Whose.
         board: Board,
@@ -163,6 +163,8 @@ pub enum Excuse {
     DprFrontEndUse,
     /// HORUS may not read what a receiver on a bus offers: this receiver, where one is disturbed.
     Polling,
+    /// HORUS may not take what it reads of a receiver on a bus: this receiver.
+    Taking,
     /// A receiver may be set otherwise than HORUS needs it: this receiver, where one is disturbed.
     Settings,
     /// A receiver may say that it is where it is not, or nothing, or may be excluded for that: this receiver.
@@ -276,6 +278,7 @@ impl Disturbance {
             // Bytes of its line may be lost.
             Self::Receiver { .. } => &[
                 (Excuse::Polling, After(bounds::READ_WITHIN)),
+                (Excuse::Taking, After(bounds::READ_SETTLED)),
                 (Excuse::Settings, After(bounds::SETTINGS_TOLD)),
                 (Excuse::Position, After(bounds::POSITION_SETTLED)),
                 (Excuse::HorusComplaints, Start(Horus)),
@@ -492,7 +495,8 @@ mod tests {
 
     const BEGINS: u64 = 1_000 * MS;
     const ENDS: u64 = 1_300 * MS;
-    const EXCUSES: [Excuse; 20] = [
+    const EXCUSES: [Excuse; 21] = [
+        Excuse::Taking,
         Excuse::Settings,
         Excuse::Position,
         Excuse::NoField,
@@ -594,6 +598,7 @@ mod tests {
             (
                 Disturbance::Receiver { receiver: 0 },
                 vec![
+                    (Taking, Some(bounds::READ_SETTLED)),
                     (Settings, Some(bounds::SETTINGS_TOLD)),
                     (Position, Some(bounds::POSITION_SETTLED)),
                     (Polling, Some(bounds::READ_WITHIN)),

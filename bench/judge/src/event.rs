@@ -206,11 +206,11 @@ pub enum What {
         /// The bytes.
         bytes: Bytes,
         /// The line carried them so that a UART reads every one of them as it is: no noise, break, or other rate; on a
-        /// bus, in a transaction of which HORUS may drop nothing for its age.
+        /// bus, as the receiver said them, in a transaction that was ended as it should be.
         clean: bool,
-        /// They had waited in the receiver for so long that what they say is not of now: they must not be taken.
+        /// On a bus, since when they had waited in the receiver, ns; nothing on a UART, where nothing waits.
         #[serde(default)]
-        old: bool,
+        since: Option<u64>,
     },
     /// A simulated receiver is set so from now on; before the first of these of a receiver nothing is known of that.
     Settings {

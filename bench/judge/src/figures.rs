@@ -108,8 +108,8 @@ pub struct Voter {
     pub degraded: u64,
     /// Cycles without a position.
     pub none: u64,
-    /// How far a valid position was from where the aircraft was at its tick, along the ground, mm: the worst; `None` where
-    /// there was no position, or nobody knows where the aircraft was.
+    /// How far a valid position was from where the aircraft was at its tick, along the ground, mm: the worst; `None`
+    /// where there was no position, or nobody knows where the aircraft was.
     pub worst_mm: Option<u64>,
     /// Who was excluded, in order of their beginnings: the first [`Voter::MOST_EXCLUSIONS`].
     pub exclusions: Vec<Exclusion>,

@@ -112,7 +112,7 @@ impl Events {
 
     /// A receiver puts bytes on its line.
     pub(crate) fn fed(&mut self, at: u64, receiver: usize, bytes: Vec<u8>) -> &mut Self {
-        self.add(at, What::Fed { receiver, byte_ns: BYTE_NS, bytes: Bytes(bytes), clean: true, old: false })
+        self.add(at, What::Fed { receiver, byte_ns: BYTE_NS, bytes: Bytes(bytes), clean: true, since: None })
     }
 
     /// Takes the events away for which `which` holds.

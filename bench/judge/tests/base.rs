@@ -261,3 +261,35 @@ fn a_torn_read_that_is_forwarded_and_shown_is_one_violation() {
     *arrived(&mut log, place + 1).1 = 0b0001;
     assert_eq!(kinds(&log), [Torn]);
 }
+
+/// How often a profile was not forwarded, and when first, ns.
+fn not_forwarded(log: &Log) -> Vec<(u64, u64)> {
+    let found = bench_judge::judge(log).violations.into_iter();
+    found.filter(|it| it.violation == NotForwarded).map(|it| (it.count, it.first_at)).collect()
+}
+
+#[test]
+fn a_new_profile_that_is_read_and_not_forwarded_at_once_is_a_violation() {
+    let log = Plan::new(3, 40).log();
+    // Another one than the one before it.
+    let of = |place: usize| match &log.events[place].what {
+        What::Forwarded { profile } => Some(profile),
+        _ => None,
+    };
+    let places: Vec<usize> = (0..log.events.len()).filter(|place| of(*place).is_some()).collect();
+    let place = places.windows(2).filter(|pair| of(pair[0]) != of(pair[1])).nth(9).unwrap()[1];
+    let mut kept = log.clone();
+    kept.events.drain(place..=place + 1);
+    assert_eq!(not_forwarded(&kept), [(1, log.events[place].at)]);
+    assert_eq!(not_forwarded(&log), []);
+    // A nanosecond later is not at once.
+    let at = log.events[place].at;
+    let mut late = log;
+    late.events[place].at += 1;
+    late.events[place + 1].at += 1;
+    sort(&mut late);
+    assert_eq!(not_forwarded(&late), [(1, at)]);
+    // What the flight controller does while it misuses the SSI is its own.
+    insert(&mut kept, 1, injected(MISUSE, u64::MAX));
+    assert_eq!(not_forwarded(&kept), []);
+}

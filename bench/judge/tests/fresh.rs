@@ -351,3 +351,20 @@ fn the_first_image_too_may_be_read_once_and_fresh_may_come_late_for_it() {
     insert(&mut late, FIRST_IMAGE + 3 * MS, What::Fresh { high: true, offered: Some(image.into()) });
     assert_eq!(found(&late), [(FreshMissing, 1)]);
 }
+
+#[test]
+fn a_pulse_of_fresh_that_is_shorter_than_its_bound_is_a_violation() {
+    for (width, violations) in [(bounds::FRESH_WIDTH, 0), (bounds::FRESH_WIDTH - 1, 1)] {
+        let mut log = Plan::new(3, 40).log();
+        let rises = log.events.iter().enumerate().filter(|(_, it)| matches!(it.what, What::Fresh { high: true, .. }));
+        let (place, rose) = rises.map(|(place, it)| (place, it.at)).nth(20).unwrap();
+        let is_fall = |event: &&mut bench_judge::Event| matches!(event.what, What::Fresh { high: false, .. });
+        match log.events[place..].iter_mut().find(is_fall).filter(|fall| fall.at < rose + MS) {
+            Some(fall) => fall.at = rose + width,
+            None => insert(&mut log, rose + width, What::Fresh { high: false, offered: None }),
+        }
+        sort(&mut log);
+        let found = bench_judge::judge(&log).violations.into_iter().filter(|it| it.violation == FreshShort);
+        assert_eq!(found.map(|it| it.count).sum::<u64>(), violations, "{width}");
+    }
+}

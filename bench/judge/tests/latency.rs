@@ -240,3 +240,24 @@ fn a_cycle_whose_second_frame_is_lost_is_shown_late_and_is_not_late() {
     let ours = [LateSample, LateReadable, Torn, Damaged, FreshMissing, FreshNotNew];
     assert!(!judged(&plan.log()).kinds().any(|kind| ours.contains(&kind)));
 }
+
+#[test]
+fn where_the_second_frame_may_be_missed_the_first_alone_may_be_shown_when_it_is_overdue() {
+    let allowed = bounds::STORE_AND_FORWARD + bounds::SECOND_FRAME;
+    for (hit, after, violations) in [
+        (true, allowed, vec![]),
+        (true, allowed + 1, vec![(LateReadable, 1)]),
+        (false, bounds::LAST_BIT_TO_READABLE + 1, vec![(LateReadable, 1)]),
+    ] {
+        let mut plan = Plan::new(5, 40);
+        let number = plan.showing(200);
+        let ended = plan.publications[number].at - TO_FRESH;
+        plan.publications[number].at = ended + after;
+        let mut log = plan.log();
+        if hit {
+            insert(&mut log, ended - 10 * MS, injected(RECEIVE_BIT, ended + MS));
+        }
+        let late: Vec<_> = found(&log).into_iter().filter(|(violation, _)| *violation == LateReadable).collect();
+        assert_eq!(late, violations, "{hit} {after}");
+    }
+}

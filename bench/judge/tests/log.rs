@@ -31,7 +31,7 @@ fn one_of_each() -> Vec<What> {
         What::Heard { started: 0, bytes: Bytes::default(), whole: false },
         What::Answer,
         What::Offered { receiver: 1, bytes: vec![0xB5].into() },
-        What::Fed { receiver: 2, byte_ns: 86_806, bytes: vec![0xB5, 0x62].into(), clean: true, old: false },
+        What::Fed { receiver: 2, byte_ns: 86_806, bytes: vec![0xB5, 0x62].into(), clean: true, since: Some(5) },
         What::Settings { receiver: 1, model: 7, position: true },
         What::Fresh { high: true, offered: Some(vec![1; 276].into()) },
         What::Ssi(SsiEvent::Held),

@@ -650,3 +650,40 @@ fn a_restart_forgets_neither_the_supply_nor_what_was_told_nor_the_figures() {
     let log = moved(&log, ended + TO_READY, ended + 9_000, &[SsiEvent::Released, SsiEvent::Ready]);
     assert_eq!(judged(&log).figures.ready_ns, Some(Max { max: 9_000 }));
 }
+
+fn is_unserved(log: &bench_judge::Log) -> bool {
+    bench_judge::judge(log).kinds().any(|kind| kind == Unserved)
+}
+
+#[test]
+fn a_single_transaction_that_reads_nothing_while_an_image_is_readable_is_a_violation() {
+    let nothing = |after: u64| {
+        let log = Plan::new(3, 40).log();
+        let rises: Vec<u64> = log
+            .events
+            .iter()
+            .filter(|event| matches!(event.what, What::Fresh { high: true, .. }))
+            .map(|event| event.at)
+            .collect();
+        let since = |at: u64| rises.iter().filter(|rose| **rose <= at).map(|rose| at - rose).min();
+        // One that repeats an image, and is not the last of the run.
+        let mut log = log;
+        let repeats = |event: &bench_judge::Event| match event.what {
+            What::Transaction { selected, .. } if selected > 200 * MS => since(selected).is_some_and(|it| it > 4 * MS),
+            _ => false,
+        };
+        let place = log.events.iter().position(repeats).unwrap();
+        let What::Transaction { selected, miso, .. } = &mut log.events[place].what else { unreachable!("it is one") };
+        miso.0.fill(0xFF);
+        // FRESH rises shortly before it once more, for what is there already.
+        let at = *selected - after;
+        (log, at)
+    };
+    let (log, _) = nothing(0);
+    assert!(is_unserved(&log) && !is_unserved(&Plan::new(3, 40).log()));
+    for (after, unserved) in [(bounds::SSI_READY, false), (bounds::SSI_READY + 1, true)] {
+        let (mut log, at) = nothing(after);
+        insert(&mut log, at, What::Fresh { high: true, offered: None });
+        assert_eq!(is_unserved(&log), unserved, "{after}");
+    }
+}

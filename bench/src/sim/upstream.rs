@@ -172,8 +172,8 @@ impl Receivers {
         let now = node.now();
         let (given, misuses) =
             node.board_mut(|board| (board.receivers.take_given(now), board.receivers.take_misuses()));
-        for Given { receiver, at, byte_ns, bytes, clean, old } in given {
-            self.events.note(at, What::Fed { receiver, byte_ns, bytes: Bytes(bytes), clean, old });
+        for Given { receiver, at, byte_ns, bytes, clean, since } in given {
+            self.events.note(at, What::Fed { receiver, byte_ns, bytes: Bytes(bytes), clean, since: Some(since) });
         }
         for (at, text) in misuses {
             self.events.note(at, What::Misuse { board: Side::Horus, text });
@@ -195,7 +195,7 @@ impl Receivers {
             let (frames, clean) = if baud == GNSS_BAUD { (frames, clean) } else { (at_rate(frames, baud), false) };
             let begins = node.board_mut(|board| board.receivers.send(at_ns, receiver, frames));
             let byte_ns = UartFrame::eight_n_one(0, baud).ns();
-            self.events.note(begins, What::Fed { receiver, byte_ns, bytes: Bytes(bytes), clean, old: false });
+            self.events.note(begins, What::Fed { receiver, byte_ns, bytes: Bytes(bytes), clean, since: None });
         }
     }
 }

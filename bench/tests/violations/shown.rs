@@ -7,7 +7,7 @@ use bench_judge::{Event, Violation, What};
 use dpr_fw::telemetry::Telemetry;
 
 use super::images::{ALWAYS, instead, stores};
-use super::{CONTROL_CYCLE, MS, Row, US, breaks, breaks_with, reads, run, table};
+use super::{CONTROL_CYCLE, MS, Row, US, bench, breaks, breaks_with, reads, run, setup, table};
 
 /// The cycle of HORUS: between two instants so far apart exactly one frame begins.
 const CYCLE: u64 = 10 * MS;
@@ -133,6 +133,43 @@ table! {
         setup: |setup| setup.crystals.dpr_ppb = -6_000_000,
         ..Row::new(Violation::LinkTime, Faults::none)
     };
+}
+
+#[test]
+fn each_field_of_port_status_is_judged() {
+    // A byte of each field, and the bit of it that is read inverted.
+    let fields = [
+        ("time", 1, 0x10),
+        ("uplink of the base station fresh", 6, 0x01),
+        ("last uplink refused", 6, 0x04),
+        ("self-test under way", 6, 0x08),
+        ("self-test passed", 6, 0x10),
+        ("self-test failed", 6, 0x20),
+        ("buffers out of use", 6, 0x40),
+        ("uplinks accepted", 8, 0x10),
+        ("commands carried out", 12, 0x01),
+        ("time of the last command", 16, 0x01),
+        ("last command", 20, 0x01),
+        ("age of the base station's uplink", 25, 0x10),
+        ("age of the flight controller's uplink", 27, 0x10),
+        ("violations of the first kind", 28, 0x01),
+        ("violations of the last kind", 46, 0x01),
+        ("integrity faults", 48, 0x01),
+        ("passes over the flash", 50, 0x04),
+        ("stuck bits", 52, 0x01),
+        ("buffers out of use, their number", 54, 0x01),
+        ("reason of the last safe state", 59, 0x01),
+    ];
+    for (name, byte, bits) in fields {
+        let Some(mut setup) = setup(3, breaks() + 100 * MS) else { return };
+        setup.writes = true;
+        setup.faults = of_wire(breaks(), u64::MAX, WireFault::MisoForgedPort { object: 0, byte, bits });
+        let mut bench = bench(&setup);
+        bench.run_to(setup.duration_ns, setup.threads);
+        let found: Vec<_> =
+            bench.finish(setup.duration_ns).verdict.violations.iter().map(|broken| broken.violation).collect();
+        assert!(matches!(found[..], [Violation::PortStatusWrong | Violation::UplinkWrong, ..]), "{name}: {found:?}");
+    }
 }
 
 #[test]

@@ -2,7 +2,7 @@
 //!
 //! | the client | violation |
 //! |---|---|
-//! | flies by a position that HORUS did not send as valid, or that is older than [`bounds::CLIENT_AGE_LIMIT`] | `ClientWrong` |
+//! | flies by a position not sent as valid, or older than [`bounds::CLIENT_AGE_LIMIT`] | `ClientWrong` |
 //! | tells another age than the sample's that it read last | `ClientAge` |
 //! | has no position although it has read [`bounds::CLIENT_FINDS`] valid ones in sequence | `ClientHides` |
 //!
@@ -22,6 +22,9 @@ use crate::disturbance::Excuse;
 use crate::read::{Reading, State, Values};
 use crate::{Context, Event, Figures, Findings, Header, Violation, What, bounds};
 
+/// The unit of the age in Link-Status, ns.
+const AGE_UNIT: u64 = 100_000;
+
 /// So long is remembered what was sent, ns: a client that flies by what is older flies by none of these.
 const KEPT: u64 = 2_000_000_000;
 
@@ -40,6 +43,18 @@ struct Read {
     selected: u64,
     /// The timestamp of Reported-Position in it, ms, and whether its position is valid.
     sample: Option<(u32, bool)>,
+    /// What Link-Status called its age, ns.
+    told: u64,
+}
+
+/// A sample, as it was read first.
+#[derive(Clone, Copy, Debug)]
+struct First {
+    timestamp: u32,
+    /// When the transaction began, ns.
+    selected: u64,
+    /// What Link-Status called its age then, ns.
+    told: u64,
 }
 
 /// Valid samples that were read in sequence.
@@ -60,6 +75,8 @@ pub struct Client {
     read: Option<Read>,
     /// What was read last and is valid, and how many in a row were in sequence before it and with it.
     row: Option<Row>,
+    /// The sample that was read last.
+    newest: Option<First>,
     /// The sample whose age was wrong, which is told.
     told: Option<u32>,
     hides: bool,
@@ -78,6 +95,7 @@ impl Client {
             samples: VecDeque::new(),
             read: None,
             row: None,
+            newest: None,
             told: None,
             hides: false,
         }
@@ -99,8 +117,13 @@ impl Client {
                 }
             }
             What::Transaction { .. } => {
-                self.read =
-                    context.reading().map(|reading| Read { selected: reading.selected, sample: sample(reading) });
+                self.read = context.reading().map(|reading| {
+                    let told = match &reading.link {
+                        Some(Ok(link)) => u64::from(link.age_100us) * AGE_UNIT,
+                        _ => 0,
+                    };
+                    Read { selected: reading.selected, sample: sample(reading), told }
+                });
                 self.follow();
             }
             What::Decided { position, age_us } => self.decided(*position, *age_us, context, findings),
@@ -110,7 +133,7 @@ impl Client {
 
     /// What was read last continues what was read before, or not.
     fn follow(&mut self) {
-        let Some(Read { selected, sample: Some((timestamp, valid)) }) = self.read else { return };
+        let Some(Read { selected, sample: Some((timestamp, valid)), .. }) = self.read else { return };
         let row = self.row.filter(|row| selected <= row.selected + bounds::EXPIRY);
         self.row = match row {
             _ if !valid => None,
@@ -123,7 +146,7 @@ impl Client {
     }
 
     fn decided(&mut self, position: Option<u32>, age_us: Option<u32>, context: &Context, findings: &mut Findings) {
-        let Some(Read { selected, sample }) = self.read else { return };
+        let Some(Read { selected, sample, told: by_link }) = self.read else { return };
         let of = |timestamp: u32| {
             self.samples.iter().filter(move |sample| sample.timestamp == timestamp && sample.at <= selected)
         };
@@ -148,12 +171,24 @@ impl Client {
             (self.row, self.hides) = (None, false);
             return;
         }
+        // Data that are older than what was read before, or expired, or of another age than Link-Status says, it cannot
+        // tell from others: that is another rule's.
+        let before = self.newest;
+        if let Some((timestamp, _)) = sample
+            && before.is_none_or(|before| before.timestamp != timestamp)
+        {
+            self.newest = Some(First { timestamp, selected, told: by_link });
+        }
+        let by_link = self.newest.map_or(0, |first| first.told + selected - first.selected);
+        let back = |stamp: u32| before.is_some_and(|it| it.timestamp.wrapping_sub(stamp).cast_signed() > 0);
         if let (Some((timestamp, _)), Some(age_us)) = (sample, age_us)
             && self.told != Some(timestamp)
+            && !back(timestamp)
             && let Some((youngest, oldest)) = ages(timestamp)
         {
             let told = u64::from(age_us) * 1_000;
-            if told + bounds::CLIENT_AGE_SHORT < youngest || told > oldest + bounds::CLIENT_AGE_LONG {
+            let least = youngest.min(by_link + bounds::EXPIRY);
+            if told + bounds::CLIENT_AGE_SHORT < least || told > oldest.max(by_link) + bounds::CLIENT_AGE_LONG {
                 self.told = Some(timestamp);
                 findings.add(Violation::ClientAge, selected, || format!("{told} ns instead of {youngest} ns"));
             }
@@ -170,14 +205,14 @@ impl Client {
     pub fn finish(&mut self, _context: &Context, _findings: &mut Findings, _figures: &mut Figures) {}
 }
 
-/// Reported-Position in a transaction that brought it and Link-Status intact. If that calls it so old that it may not be
-/// flown by before its image expires, it counts as not valid.
+/// Reported-Position in a transaction that brought it and Link-Status intact. If that calls it so old that it may not
+/// be flown by before its image expires, it counts as not valid.
 fn sample(reading: &Reading) -> Option<(u32, bool)> {
     let placed = reading.objects.first().filter(|placed| placed.index == 0)?;
     match &placed.state {
         State::Valid { timestamp, values: Values::Reported(values) } => {
             let Some(Ok(link)) = &reading.link else { return None };
-            let young = u64::from(link.age_100us) * 100_000 + bounds::CLIENT_AGE_LONG <= bounds::CLIENT_AGE_LIMIT;
+            let young = u64::from(link.age_100us) * AGE_UNIT + bounds::CLIENT_AGE_LONG <= bounds::CLIENT_AGE_LIMIT;
             Some((*timestamp, values.status.position_valid() && young))
         }
         _ => None,
@@ -272,6 +307,23 @@ mod tests {
         log.add(at + 5 * MS, what);
         read(&mut log, sampled(1) + 20 * MS, 1, true, Some(1), Some(15 * MS));
         assert_eq!(broken(&log), []);
+    }
+
+    #[test]
+    fn the_age_goes_on_from_what_link_status_said_with_the_sample_first() {
+        let told = |age: u64| {
+            let mut log = Events::new(1);
+            heard(&mut log, 1, true);
+            read(&mut log, sampled(1) + 20 * MS, 1, true, Some(1), Some(20 * MS));
+            // The next transaction shows the same sample, and Link-Status says 400 ms.
+            read(&mut log, sampled(1) + 24 * MS, 1, true, Some(1), Some(age));
+            let last = log.events.iter_mut().rfind(|event| matches!(event.what, What::Transaction { .. }));
+            let What::Transaction { miso, .. } = &mut last.unwrap().what else { unreachable!("it is one") };
+            let link = LinkStatus::seal(&LinkValues { age_100us: 4_000, ..LinkValues::default() });
+            miso.0[..LinkStatus::SIZE].copy_from_slice(link.as_bytes());
+            broken(&log).len()
+        };
+        assert_eq!((told(24 * MS), told(400 * MS)), (0, 1));
     }
 
     #[test]

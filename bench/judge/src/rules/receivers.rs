@@ -114,7 +114,7 @@ mod tests {
     }
 
     fn fed(receiver: usize) -> What {
-        What::Fed { receiver, byte_ns: 1, bytes: vec![1].into(), clean: false, old: true }
+        What::Fed { receiver, byte_ns: 1, bytes: vec![1].into(), clean: false, since: Some(0) }
     }
 
     /// What is found where GPS2 offers something at `at` and these events happen, in a run until `end`.

@@ -11,8 +11,8 @@
 //! | `emergency-fired`, `motors-cut`, `switched-to-redundant`, `inputs-contradict` | that says so |
 //! | `degraded`, `no-crystal`, `horus-memory-fault` | that says so |
 //!
-//! Around each limit of time nothing is asked. What arrives and does not continue what was before need not be shown: who
-//! sends it may be another. So what is shown is known only once profiles have come in sequence for
+//! Around each limit of time nothing is asked. What arrives and does not continue what was before need not be shown:
+//! who sends it may be another. So what is shown is known only once profiles have come in sequence for
 //! [`bounds::STATION_SETTLES`], or [`bounds::CLIENT_FINDS`] of them where they are the first of all, and only then does
 //! silence end for certain. Without a crystal HORUS's time is none of the station's, and no age is asked.
 
@@ -20,6 +20,7 @@ use std::collections::VecDeque;
 
 use profile::{CYCLE_MS, HorusState, Layout, Object, ReportedStatus};
 
+use crate::read::Frame;
 use crate::{Context, Event, Figures, Findings, Header, Violation, What, bounds};
 
 /// So many ticks are remembered, with what was sent after them.
@@ -77,7 +78,7 @@ impl Station {
         match &event.what {
             What::Tick => self.tick = Some(event.at),
             What::Sent { whole: true, .. } => {
-                let stamp = context.frame().filter(|frame| frame.number == Some(0)).and_then(|it| it.timestamp());
+                let stamp = context.frame().filter(|frame| frame.number == Some(0)).and_then(Frame::timestamp);
                 if let (Some(stamp), Some(tick)) = (stamp, self.tick) {
                     if self.sent.len() == TICKS {
                         self.sent.pop_front();
@@ -182,6 +183,8 @@ mod tests {
 
     use super::*;
     use crate::testing::{self, Events, MS, found, header, silent_gps, silent_reported};
+
+    type Change = Box<dyn Fn(ReportedStatus) -> ReportedStatus>;
 
     const CYCLES: u64 = 10;
     /// When the last cycle's tick was, and when it arrived, ns.
@@ -297,7 +300,7 @@ mod tests {
         let says = |of: &dyn Fn(ReportedStatus) -> ReportedStatus, alarms: &[&str]| {
             broken(of, CYCLES, &[(ARRIVED + MS, Some(9 * MS), alarms)])
         };
-        let mut of: Vec<(Box<dyn Fn(ReportedStatus) -> ReportedStatus>, &str)> = vec![
+        let mut of: Vec<(Change, &str)> = vec![
             (Box::new(|it| it.with_position_valid(false)), "no-agreement"),
             (Box::new(|it| it.with_degraded(true)), "degraded"),
             (Box::new(|it| it.with_without_crystal(true)), "no-crystal"),

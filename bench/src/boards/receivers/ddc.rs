@@ -14,7 +14,6 @@
 
 use bench_seam::{I2cAnswer, I2cEvent, Pad, Pin};
 
-use super::given::{DOUBTFUL, NEW};
 use super::{Crossings, Outbox};
 use crate::faults::Rng;
 use crate::faults::receivers::NOISE_ONE_IN;
@@ -25,9 +24,6 @@ use crate::node::Input;
 const ADDRESS: u8 = 0x42 << 1;
 /// Nine bits at 400 kHz take 22.5 µs; a controller's clock may be off by 1 % and is counted in whole nanoseconds.
 const SHORTEST_BYTE: u64 = 22_270;
-
-/// If more is available than this, HORUS leaves some of it for the next cycle (decision 16).
-const A_CYCLES: u16 = 256;
 
 const TOO_FAST: &str = "I2C: more than 400 kHz (ZED-F9R data sheet 5.3)";
 
@@ -65,12 +61,6 @@ pub(super) struct Ddc {
     register: u8,
     /// Bytes that were available when the high byte of their number was read.
     available: u16,
-    /// When that was, ns.
-    counted_at: Option<u64>,
-    /// The controller may drop what it reads, since it may be old.
-    may_drop: bool,
-    /// So many reads to come it may.
-    doubtful: u8,
     /// When the controller's last byte ended, ns: none where it held the clock since.
     last: Option<u64>,
     /// The last byte was not acknowledged: the controller will end the transfer.
@@ -95,9 +85,6 @@ impl Ddc {
             state: State::Idle,
             register: 0xFF,
             available: 0,
-            counted_at: None,
-            may_drop: true,
-            doubtful: DOUBTFUL,
             last: None,
             closing: false,
             failing: None,
@@ -106,11 +93,6 @@ impl Ddc {
             told: [false; 2],
             glitch_over: u64::MAX,
         }
-    }
-
-    #[cfg(test)]
-    pub(super) fn read_lately(&mut self, now: u64) {
-        (self.counted_at, self.doubtful, self.may_drop) = (Some(now), 0, false);
     }
 
     /// The bus fails in this way from `now` (ns) on.
@@ -215,22 +197,12 @@ impl Ddc {
         self.register = register.saturating_add(1);
         match register {
             0xFD => {
-                let was_behind = self.available > A_CYCLES;
                 self.available = u16::try_from(self.outbox.bytes.len()).unwrap_or(u16::MAX);
-                let pause = self.counted_at.replace(at).is_none_or(|before| at - before > NEW);
-                if pause || was_behind || self.available > A_CYCLES || self.failing.is_some() {
-                    self.doubtful = DOUBTFUL;
-                }
-                self.may_drop = self.doubtful > 0;
-                self.doubtful = self.doubtful.saturating_sub(1);
                 (self.available >> 8) as u8
             }
             0xFE => self.available as u8,
             0xFF => self.outbox.take().map_or(0xFF, |(byte, since)| {
-                self.crossings.byte(before, at, byte ^ flips, at - since);
-                if self.may_drop {
-                    self.crossings.spoil();
-                }
+                self.crossings.byte(before, at, byte ^ flips, since);
                 byte
             }),
             _ => 0xFF,

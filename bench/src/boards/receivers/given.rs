@@ -4,16 +4,6 @@
 /// whose period is none.
 const ROUNDING: u64 = 40;
 
-/// A part that reads a receiver in every cycle of 10 ms, and may leave one out, reads what has waited for so long, ns.
-/// If anything has waited for longer, or nothing was read for longer, it may drop what it reads.
-pub(super) const NEW: u64 = 25_000_000;
-
-/// So many reads after one that failed, came late or left something behind may be dropped as old.
-pub(super) const DOUBTFUL: u8 = 3;
-
-/// What has waited for so long, ns, is no solution of now.
-pub(super) const TOO_OLD: u64 = 50_000_000;
-
 /// Bytes of a receiver that the part was given, one after the other without a gap.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Given {
@@ -25,29 +15,28 @@ pub struct Given {
     pub byte_ns: u64,
     /// The bytes: what the receiver said, or what the bus made of it.
     pub bytes: Vec<u8>,
-    /// The part was given all of them as the receiver said them, in a transaction that was ended as it should be, and
-    /// none of that transaction had waited for long.
+    /// The part was given all of them as the receiver said them, in a transaction that was ended as it should be.
     pub clean: bool,
-    /// They had waited in the receiver for longer than `TOO_OLD`.
-    pub old: bool,
+    /// Since when they had waited in the receiver, ns.
+    pub since: u64,
 }
 
 /// What crossed a bus and was not told yet.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Crossings {
-    /// Of the transaction under way: the beginning and the end of each byte (ns), the byte, and whether it is too old.
-    open: Vec<(u64, u64, u8, bool)>,
+    /// Of the transaction under way: the beginning and the end of each byte (ns), the byte, and since when it has
+    /// waited (ns).
+    open: Vec<(u64, u64, u8, u64)>,
     /// Something of it is not as the receiver said it.
     spoilt: bool,
-    done: Vec<Vec<(u64, u64, u8, bool)>>,
+    done: Vec<Vec<(u64, u64, u8, u64)>>,
     clean: Vec<bool>,
 }
 
 impl Crossings {
-    /// A byte has crossed from `from` to `to` (ns), that had waited for so long, ns.
-    pub(super) fn byte(&mut self, from: u64, to: u64, byte: u8, waited: u64) {
-        self.open.push((from, to, byte, waited > TOO_OLD));
-        self.spoilt |= waited > NEW;
+    /// A byte has crossed from `from` to `to` (ns), that has waited since `since`, ns.
+    pub(super) fn byte(&mut self, from: u64, to: u64, byte: u8, since: u64) {
+        self.open.push((from, to, byte, since));
     }
 
     /// The transaction under way is none that the part must make sense of.
@@ -79,10 +68,10 @@ impl Crossings {
         let mut given: Vec<Given> = vec![];
         for (bytes, clean) in self.done.drain(..).zip(self.clean.drain(..)) {
             let first = given.len();
-            for (from, to, byte, old) in bytes {
+            for (from, to, byte, since) in bytes {
                 match given[first..].last_mut() {
-                    Some(run) if run.old == old && run.continues(from, to) => run.bytes.push(byte),
-                    _ => given.push(Given { receiver, at: from, byte_ns: to - from, bytes: vec![byte], clean, old }),
+                    Some(run) if run.since == since && run.continues(from, to) => run.bytes.push(byte),
+                    _ => given.push(Given { receiver, at: from, byte_ns: to - from, bytes: vec![byte], clean, since }),
                 }
             }
         }

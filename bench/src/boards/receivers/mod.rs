@@ -207,18 +207,6 @@ impl Receivers {
         self.plan();
     }
 
-    /// Each receiver on a bus was read regularly until `now` (ns).
-    #[cfg(test)]
-    fn read_lately(&mut self, now: u64) {
-        for port in &mut self.ports {
-            match port {
-                Port::I2c(ddc) => ddc.read_lately(now),
-                Port::Spi(spi) => spi.read_lately(now),
-                Port::Uart(_) => {}
-            }
-        }
-    }
-
     /// A receiver on a UART listens at `baud` from now on.
     pub fn listen_at(&mut self, receiver: usize, baud: u32) {
         if let Some(Port::Uart(uart)) = self.ports.get_mut(receiver) {
@@ -309,9 +297,6 @@ impl Receivers {
                 Port::Spi(spi) => {
                     if pin == spi.wires.cs {
                         spi.select(at, pad == Pad::Driven(false));
-                        if !matches!(pad, Pad::Driven(_)) {
-                            spi.let_go();
-                        }
                         self.given.extend(spi.crossings.take(receiver));
                     }
                 }

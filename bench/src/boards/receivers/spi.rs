@@ -16,7 +16,6 @@
 
 use bench_seam::{Pin, SpiFrame, SpiMode};
 
-use super::given::{DOUBTFUL, NEW};
 use super::{Crossings, Outbox};
 use crate::faults::{BusFault, Rng};
 
@@ -26,10 +25,6 @@ const SHORTEST_BIT_PS: u64 = 181_818;
 pub const SHORTEST_BYTE: u64 = 8_000;
 /// CFG-SPI-MAXFF, as it comes from the factory.
 const MOST_FILLER: u32 = 50;
-
-/// So many bytes of filler at a transfer's end tell a controller that the receiver has nothing more: fewer may be
-/// noise.
-const PROOF: u32 = 4;
 
 const WRONG_MODE: &str = "SPI: not mode 0, or not whole bytes (ZED-F9R data sheet 5.2)";
 const FAST_CLOCK: &str = "SPI: more than 5.5 MHz (ZED-F9R data sheet 5.2)";
@@ -59,15 +54,6 @@ pub(super) struct Spi {
     /// The last bit that was clocked out, and the last byte.
     last_bit: bool,
     last_byte: u8,
-    /// The last transfer left something behind.
-    has_left: bool,
-    /// So many transfers to come the controller may drop.
-    doubtful: u8,
-    /// The controller may drop every transfer up to the first that brings something and then filler: filler alone is
-    /// what a stuck line reads as, and where no filler follows, more may wait.
-    unproven: bool,
-    /// Bytes of filler since the last byte that the receiver said in this transfer; nothing if it has said none.
-    rest: Option<u32>,
     /// What is wrong with MISO.
     failing: Option<(BusFault, Rng)>,
 }
@@ -83,17 +69,8 @@ impl Spi {
             filler: MOST_FILLER,
             last_bit: true,
             last_byte: 0xFF,
-            has_left: false,
-            doubtful: DOUBTFUL,
-            unproven: true,
-            rest: None,
             failing: None,
         }
-    }
-
-    #[cfg(test)]
-    pub(super) fn read_lately(&mut self, now: u64) {
-        (self.outbox.read_at, self.doubtful, self.unproven, self.has_left) = (now, 0, false, false);
     }
 
     /// MISO is wrong in this way from now on.
@@ -107,8 +84,6 @@ impl Spi {
         if self.failing.as_ref().is_some_and(|(of, _)| *of == fault) {
             self.failing = None;
             self.crossings.spoil_open();
-            // What was said in this transfer so far the controller has not read.
-            self.rest = None;
         }
     }
 
@@ -117,30 +92,10 @@ impl Spi {
             return;
         }
         if selected {
-            // After a pause, a failure, or where something was left, the controller may drop what it reads as old.
-            if at.saturating_sub(self.outbox.read_at) > NEW || self.failing.is_some() || self.has_left {
-                self.doubt();
-            }
-            if self.doubtful > 0 || self.unproven {
-                self.doubtful = self.doubtful.saturating_sub(1);
-                self.crossings.spoil();
-            }
-            (self.outbox.read_at, self.rest) = (at, None);
+            self.outbox.read_at = at;
         } else {
             self.crossings.end();
-            self.has_left = !self.outbox.bytes.is_empty();
-            self.unproven &= self.rest < Some(PROOF) || self.has_left || self.failing.is_some();
         }
-    }
-
-    /// The controller drives chip select no longer: it starts anew, and knows of no transfer.
-    pub(super) fn let_go(&mut self) {
-        self.doubt();
-    }
-
-    /// What is read from now on may have waited.
-    fn doubt(&mut self) {
-        (self.doubtful, self.unproven) = (DOUBTFUL, true);
     }
 
     pub(super) fn is_clocked_by(&self, frame: &SpiFrame) -> bool {
@@ -178,14 +133,13 @@ impl Spi {
                 misuse = misuse.or(Some(FAST_BYTES));
                 answer = answer << 8 | u32::from(self.last_byte);
                 if self.last_byte != 0xFF {
-                    self.crossings.byte(from, to, self.last_byte, 0);
+                    self.crossings.byte(from, to, self.last_byte, from);
                 }
                 self.crossings.spoil();
                 continue;
             }
             self.last = Some(from);
             let said = self.outbox.take();
-            self.rest = if said.is_some() { Some(0) } else { self.rest.map(|rest| rest + 1) };
             let byte = said.map_or(0xFF, |(byte, _)| byte);
             let given = match &mut self.failing {
                 _ if misuse.is_some() => self.late(byte),
@@ -201,7 +155,7 @@ impl Spi {
                 self.crossings.spoil();
             }
             if said.is_some() || given != 0xFF {
-                self.crossings.byte(from, to, given, said.map_or(0, |(_, since)| to - since));
+                self.crossings.byte(from, to, given, said.map_or(from, |(_, since)| since));
             }
             if misuse.is_none() {
                 let shift = 8 * (bytes - 1 - number);

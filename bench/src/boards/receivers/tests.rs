@@ -23,7 +23,6 @@ impl Script {
     fn new() -> Self {
         let mut script = Self { receivers: Receivers::new(3), now: 10 * MS };
         script.receivers.attend();
-        script.receivers.read_lately(script.now);
         let mut inputs = vec![];
         script.receivers.powered(&mut inputs);
         assert!(inputs.contains(&Input::Level(SCL, Some(true))) && inputs.contains(&Input::Level(SDA, Some(true))));
@@ -170,98 +169,24 @@ fn i2c_that_is_too_fast_gives_no_right_bytes_and_is_told_once() {
     assert!(misuses[0].1.starts_with("receiver 2: I2C: more than 400 kHz"), "{misuses:?}");
 }
 
-/// Reads all that waits, after `pause` (ns): what is given, as runs of how many bytes, clean or not, too old or not.
-fn after_a_pause(receiver: usize, pause: u64) -> Vec<(usize, bool, bool)> {
-    let mut script = Script::new();
-    script.receivers.offer(script.now, receiver, &message());
-    script.now += pause;
-    script.receivers.offer(script.now, receiver, &message());
-    let read = |script: &mut Script| {
+#[test]
+fn what_was_offered_at_different_instants_is_told_apart_with_since_when_it_waited() {
+    for receiver in [1, 2] {
+        let mut script = Script::new();
+        let offered = [script.now, script.now + 60 * MS];
+        for at in offered {
+            script.now = at;
+            script.receivers.offer(at, receiver, &message());
+        }
+        script.now += 10 * MS;
         if receiver == 1 {
             script.read(Some(0xFD), 2 + 200);
         } else {
             script.transaction(&[0xFF; 220]);
         }
-        script.given().iter().map(|given| (given.bytes.len(), given.clean, given.old)).collect::<Vec<_>>()
-    };
-    let first = read(&mut script);
-    // Two reads later nothing is doubtful any more.
-    for _ in 0..2 {
-        script.now += 10 * MS;
-        read(&mut script);
+        let given: Vec<_> = script.given().iter().map(|given| (given.bytes.len(), given.clean, given.since)).collect();
+        assert_eq!(given, offered.map(|since| (100, true, since)), "{receiver}");
     }
-    script.now += 10 * MS;
-    script.receivers.offer(script.now, receiver, &message());
-    assert_eq!(read(&mut script), [(100, true, false)]);
-    first
-}
-
-#[test]
-fn what_waited_in_a_receiver_may_be_dropped_and_then_must_not_be_taken() {
-    for receiver in [1, 2] {
-        assert_eq!(after_a_pause(receiver, 10 * MS), [(200, true, false)]);
-        assert_eq!(after_a_pause(receiver, 30 * MS), [(200, false, false)]);
-        assert_eq!(after_a_pause(receiver, 60 * MS), [(100, false, true), (100, false, false)]);
-    }
-}
-
-/// What is given of two messages of which a read brings one each, after `before`.
-fn two_messages_after(before: impl Fn(&mut Script)) -> Vec<bool> {
-    let mut script = Script::new();
-    before(&mut script);
-    let mut clean = vec![];
-    for _ in 0..2 {
-        for waits in [true, false, false, false, false] {
-            script.now += 10 * MS;
-            if waits {
-                script.receivers.offer(script.now, 2, &message());
-            }
-            script.transaction(&[0xFF; 120]);
-            clean.extend(script.given().iter().map(|given| given.clean));
-        }
-    }
-    clean
-}
-
-#[test]
-fn over_spi_filler_alone_is_no_proof_that_nothing_had_waited() {
-    let reads = |script: &mut Script, count: u64| {
-        for _ in 0..count {
-            script.now += 10 * MS;
-            script.transaction(&[0xFF; 120]);
-        }
-    };
-    assert_eq!(two_messages_after(|_| ()), [true, true]);
-    // A pause, and then nothing but filler for long.
-    assert_eq!(
-        two_messages_after(|script| {
-            script.now += 30 * MS;
-            reads(script, 9);
-        }),
-        [false, true]
-    );
-    // Nor does a transfer prove it that a message ends without filler behind it, or with less than four bytes.
-    for (filler, clean) in [(0, false), (3, false), (4, true)] {
-        assert_eq!(
-            two_messages_after(|script| {
-                script.now += 30 * MS;
-                script.receivers.offer(script.now, 2, &message());
-                script.transaction(&vec![0xFF; message().len() + filler]);
-                script.given();
-                reads(script, 9);
-            }),
-            [clean, true],
-            "{filler} bytes of filler"
-        );
-    }
-    // The controller starts anew: its pins float for a moment.
-    assert_eq!(
-        two_messages_after(|script| {
-            script.receivers.pin(script.now, CS, Pad::Floating);
-            reads(script, 9);
-        }),
-        [false, true]
-    );
 }
 
 #[test]
@@ -273,7 +198,7 @@ fn over_spi_the_stream_is_clocked_out_and_filler_when_it_is_empty() {
     assert_eq!(miso, [&message()[..], &[0xFF; 20]].concat());
     assert_eq!(
         script.given(),
-        [Given { receiver: 2, at: begins, byte_ns: 14_222, bytes: message(), clean: true, old: false }],
+        [Given { receiver: 2, at: begins, byte_ns: 14_222, bytes: message(), clean: true, since: begins }],
         "and no filler"
     );
     assert!(!script.receivers.has_heard());
@@ -337,7 +262,6 @@ fn bytes_faster_than_125_kb_a_second_are_not_loaded_and_the_stream_waits() {
     assert!(script.receivers.take_misuses()[0].1.contains("125 kB/s"));
     // The same clock with a byte every 8 µs is right.
     script.now += MS;
-    script.receivers.read_lately(script.now);
     script.select(true);
     assert_eq!(script.clock(&[0xFF; 98], 1_778, 8_000), message()[2..]);
     script.select(false);
@@ -535,29 +459,6 @@ fn bit_errors_on_i2c_are_told_as_they_are_read_and_as_unsure() {
 }
 
 #[test]
-fn a_transfer_with_a_stuck_line_proves_no_receiver_empty() {
-    let mut script = Script::new();
-    script.receivers.begin_fault(script.now, 2, BusFault::Ones, 7);
-    script.receivers.offer(script.now, 2, &message()[..10]);
-    script.select(true);
-    script.clock(&[0xFF; 10], 14_222, 14_222);
-    script.receivers.end_fault(2, BusFault::Ones);
-    script.clock(&[0xFF; 10], 14_222, 14_222);
-    script.select(false);
-    for _ in 0..given::DOUBTFUL {
-        script.now += 10 * MS;
-        script.transaction(&[0xFF; 10]);
-    }
-    script.given();
-    for clean in [false, true] {
-        script.now += 10 * MS;
-        script.receivers.offer(script.now, 2, &message());
-        script.transaction(&[0xFF; 110]);
-        assert!(script.given().iter().all(|given| given.clean == clean));
-    }
-}
-
-#[test]
 fn each_fault_of_miso_makes_of_the_stream_what_it_says() {
     let said = message();
     let seen = |fault| {
@@ -567,7 +468,6 @@ fn each_fault_of_miso_makes_of_the_stream_what_it_says() {
         assert!(given.iter().all(|given| !given.clean), "{fault:?}");
         script.receivers.end_fault(2, fault);
         script.now += MS;
-        script.receivers.read_lately(script.now);
         assert_eq!(script.transaction(&[0xFF; 2]), said[..2], "{fault:?}: the stream has gone on");
         assert!(script.given()[0].clean);
         miso

@@ -71,6 +71,11 @@ struct Line {
     /// When the last valid position had arrived, and those that have not.
     solution: Option<u64>,
     solutions: VecDeque<u64>,
+    /// Bytes that wait in the receiver, where it is on a bus.
+    waiting: u64,
+    /// Until when HORUS may drop what it reads, ns; and it may drop the first that it reads after that.
+    doubtful: u64,
+    unproven: bool,
 }
 
 impl Line {
@@ -83,7 +88,35 @@ impl Line {
             may_have_heard: None,
             solution: None,
             solutions: VecDeque::new(),
+            waiting: 0,
+            doubtful: 0,
+            unproven: true,
         }
+    }
+
+    /// What HORUS reads by `until`, and the first after that, it may take to be old.
+    fn doubt(&mut self, until: u64) {
+        (self.doubtful, self.unproven) = (self.doubtful.max(until), true);
+    }
+
+    /// The receiver, which is on a bus, has something more to say.
+    fn offered(&mut self, at: u64, bytes: &[u8]) {
+        self.waiting += bytes.len() as u64;
+        if self.waiting > bounds::READ_AT_ONCE {
+            self.doubt(at + bounds::READ_SETTLED);
+        }
+    }
+
+    /// HORUS reads so many bytes of a receiver on a bus from `at` to `end`, which have waited since `since`, ns:
+    /// whether it has to take them, or may; nothing if it must not.
+    fn read(&mut self, (at, end): (u64, u64), bytes: u64, since: u64, clean: bool) -> Option<bool> {
+        self.waiting = self.waiting.saturating_sub(bytes);
+        let news = clean && end <= since + bounds::NEWS;
+        let sure = news && at >= self.doubtful && !std::mem::replace(&mut self.unproven, !news);
+        if !news {
+            self.doubt(end + bounds::READ_SETTLED);
+        }
+        (at <= since + bounds::TOO_OLD).then_some(sure)
     }
 
     fn fed(&mut self, at: u64, byte_ns: u64, bytes: &[u8], clean: bool) {
@@ -112,6 +145,7 @@ impl Line {
         self.tracks.iter_mut().for_each(Track::clear);
         self.heard = None;
         self.may_have_heard = None;
+        self.unproven = true;
     }
 
     /// Whether two messages of a kind may have come between one cycle's objects and the next one's.
@@ -316,14 +350,27 @@ impl Content {
             }
             What::Injected { disturbs, .. } if disturbs.may_take(Excuse::Content) => self.unjudged = true,
             What::StateInput { input, active, inactive } => self.inputs.levels(at, *input, *active, *inactive),
-            // What has waited for so long is no news: it must not be shown as if it were.
-            What::Fed { old: true, .. } => {}
-            What::Fed { receiver, byte_ns, bytes, clean, .. } => {
+            What::Offered { receiver, bytes } => {
+                if let Some(line) = self.lines.get_mut(*receiver) {
+                    line.offered(at, bytes);
+                }
+            }
+            What::Fed { receiver, byte_ns, bytes, clean, since } => {
                 let Some(line) = self.lines.get_mut(*receiver) else { return };
                 line.pass(at);
                 // Frames of a tick end before the tick after its successor.
                 line.settle(at.saturating_sub(4 * bounds::CYCLE), self.ticks.first);
-                line.fed(at, *byte_ns, bytes, *clean);
+                let taken = match since {
+                    None => Some(*clean),
+                    Some(since) => {
+                        let excused = context.disturbances().excuse_of(*receiver, Excuse::Taking, at);
+                        let end = at + byte_ns * bytes.len() as u64;
+                        line.read((at, end), bytes.len() as u64, *since, *clean && !excused)
+                    }
+                };
+                if let Some(sure) = taken {
+                    line.fed(at, *byte_ns, bytes, sure);
+                }
             }
             What::Sent { started, whole: true, .. } => {
                 if let Some(frame) = context.frame()

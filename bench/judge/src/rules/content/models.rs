@@ -1,6 +1,7 @@
 //! By which dynamic model the receivers navigate whose positions HORUS shows.
 //!
-//! The receivers themselves tell ([`What::Settings`]). A receiver whose position HORUS shows as valid has to navigate by
+//! The receivers themselves tell ([`What::Settings`]). A receiver whose position HORUS shows as valid has to navigate
+//! by
 //! [`bounds::DYNAMIC_MODEL`] from [`bounds::SETTINGS_TOLD`] on after HORUS's start or the change to another model,
 //! unless [`Excuse::Settings`] holds of it. It is told once for each change. A receiver that tells nothing, as a
 //! recorded one does, is not asked.

@@ -1,10 +1,10 @@
 //! Link-Status against the wires.
 //!
 //! Link-Status holds as of the publication of its image: the last rise of FRESH before chip select fell. What the DPR
-//! had heard by then follows from the antenna, through the same [expectation](super::shown::expectation) as what it shows; where that is not
-//! certain, either value is right. A frame that ended shortly before FRESH may or may not have had its part in the
-//! image, unless the image shows it or nothing else can have caused it; so there may be several `Snapshot`s that an
-//! image can be of, and it has to fit one of them.
+//! had heard by then follows from the antenna, through the same [expectation](super::shown::expectation) as what it
+//! shows; where that is not certain, either value is right. A frame that ended shortly before FRESH may or may not have
+//! had its part in the image, unless the image shows it or nothing else can have caused it; so there may be several
+//! `Snapshot`s that an image can be of, and it has to fit one of them.
 //!
 //! # What is whose
 //!

@@ -1,10 +1,10 @@
-//! What Port-Status says of the DPR's own health: its clock, its passes over the flash, what they and scrubs have found,
-//! and why it last stopped.
+//! What Port-Status says of the DPR's own health: its clock, its passes over the flash, what they and scrubs have
+//! found, and why it last stopped.
 //!
 //! | field | right |
 //! |---|---|
 //! | timestamp | that of Link-Status, or up to [`bounds::PORT_BEFORE_LINK_MS`] earlier, and never back |
-//! | passes over the flash | never back, as many as there was time for at most; at least as many as there had to be, unless the flight controller misused the SSI |
+//! | passes over the flash | never back; as many as there was time for; if the SSI was misused, maybe fewer |
 //! | integrity faults, stuck bits, buffers out of use | 0 unless [`Excuse::RamFault`] holds, and never back |
 //! | bit 6 | whether buffers are out of use |
 //! | reason of the last safe state | 0 from the first start on; the same from start to start |

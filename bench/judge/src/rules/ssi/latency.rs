@@ -29,8 +29,9 @@ struct Cycle {
     /// The DPR may have missed that frame.
     may_be_missed: bool,
     /// How long after that it may take to be readable, ns, if the LEN of the frame was damaged on the air: nobody could
-    /// read its objects while it arrived, or knows that it is the second one of its cycle.
-    damaged_len: Option<u64>,
+    /// read its objects while it arrived, or knows that it is the second one of its cycle. The same where the DPR may
+    /// have missed the second of two: the first alone is shown when the second is overdue.
+    longer: Option<u64>,
     /// It was readable.
     readable: bool,
     /// It was so too late.
@@ -115,7 +116,8 @@ impl Cycles {
             cycle.may_be_missed = may_be_missed;
             cycle.last_bit = cycle.last_bit.filter(|_| !again).or(Some(ended));
             let waits = if layout.frames() > 1 { bounds::SECOND_FRAME } else { 0 };
-            cycle.damaged_len = (!fits).then_some(bounds::STORE_AND_FORWARD + waits);
+            let first_alone = may_be_missed && layout.frames() > 1;
+            cycle.longer = (!fits || first_alone).then_some(bounds::STORE_AND_FORWARD + waits);
         }
     }
 
@@ -130,16 +132,16 @@ impl Cycles {
         let tick = cycle.tick;
         let Some(last_bit) = cycle.last_bit else { return };
         let Some(after_bit) = rose.checked_sub(last_bit) else { return };
-        let damaged_len = cycle.damaged_len;
-        let late = after_bit > damaged_len.unwrap_or(bounds::LAST_BIT_TO_READABLE);
+        let longer = cycle.longer;
+        let late = after_bit > longer.unwrap_or(bounds::LAST_BIT_TO_READABLE);
         cycle.late = late;
-        if damaged_len.is_none() {
+        if longer.is_none() {
             self.last_bit = self.last_bit.max(Some(after_bit));
         }
         if late {
             findings.add(Violation::LateReadable, rose, || format!("the cycle of {stamp} ms, after {after_bit} ns"));
         }
-        if damaged_len.is_some() {
+        if longer.is_some() {
             return;
         }
         let Some(after_tick) = tick.and_then(|tick| rose.checked_sub(tick)) else { return };

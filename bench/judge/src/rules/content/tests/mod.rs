@@ -1,5 +1,6 @@
 //! A run in which receivers speak and HORUS says what they said, changed by what a test wants to be found.
 
+mod buses;
 mod doubt;
 mod reader;
 mod status;
@@ -21,7 +22,7 @@ struct Burst {
     att: Option<NavAtt>,
     ins: Option<EsfIns>,
     clean: bool,
-    old: bool,
+    since: Option<u64>,
 }
 
 impl Burst {
@@ -55,7 +56,7 @@ impl Burst {
                 accelerations_1e2: [17, -981, 333].map(|axis| axis + step % APART as i32 + step / 10),
             }),
             clean: true,
-            old: false,
+            since: None,
         }
     }
 
@@ -175,8 +176,10 @@ impl Scene {
         for (receiver, bursts) in self.receivers.iter().enumerate() {
             for burst in bursts {
                 let bytes = burst.bytes().into();
-                events
-                    .add(burst.at, What::Fed { receiver, byte_ns: BYTE_NS, bytes, clean: burst.clean, old: burst.old });
+                events.add(
+                    burst.at,
+                    What::Fed { receiver, byte_ns: BYTE_NS, bytes, clean: burst.clean, since: burst.since },
+                );
             }
         }
         events.end(tick(self.cycles + 1) - MS);
