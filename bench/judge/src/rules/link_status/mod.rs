@@ -483,7 +483,10 @@ fn tells_of_a_silent_front_end(
     findings: &mut Findings,
 ) {
     let (from, until) = context.disturbances().silent_front_end();
-    let from = from.max(context.running(Board::Dpr).since + bounds::START) + bounds::FRONT_END_TOLD;
+    let dpr = context.running(Board::Dpr);
+    let from = from.max(dpr.since + bounds::START) + bounds::FRONT_END_TOLD;
+    // The task that would find that out may be the one that is dead.
+    let until = until.min(dpr.dead.unwrap_or(u64::MAX));
     let told = status.front_end_fault() && !status.link_up() && !status.all_accepted();
     if (from..until).contains(&published) && !told {
         findings.add(Violation::LinkFlags, selected, || {
