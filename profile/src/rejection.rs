@@ -64,14 +64,18 @@ impl Findings {
         Self { faults: self.faults | u8::from(!good) << bit }
     }
 
-    /// `accepted` if every check was good, or else the first reason why not. The reason is looked up, since a branch for
-    /// each would take a time of its own.
+    /// `accepted` if every check was good, or else the first reason why not.
     #[inline]
     pub(crate) fn judge<T>(self, accepted: T) -> Result<T, Rejection> {
-        use Rejection::{Command, Crc, Identifier, Length, PositionCrc, Window};
-        static REASONS: [Rejection; 6] = [Length, Crc, PositionCrc, Identifier, Window, Command];
         // Opaque to the optimiser, which might otherwise move a CRC into the branch that needs its result.
-        let first = usize::try_from(black_box(self.faults).trailing_zeros()).unwrap_or(REASONS.len());
-        REASONS.get(first).map_or(Ok(accepted), |reason| Err(*reason))
+        match black_box(self.faults).trailing_zeros() {
+            0 => Err(Rejection::Length),
+            1 => Err(Rejection::Crc),
+            2 => Err(Rejection::PositionCrc),
+            3 => Err(Rejection::Identifier),
+            4 => Err(Rejection::Window),
+            5 => Err(Rejection::Command),
+            _ => Ok(accepted),
+        }
     }
 }

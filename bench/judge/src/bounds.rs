@@ -119,8 +119,8 @@ pub const SETTINGS_TOLD: u64 = 5_000_000_000;
 pub const POSITION_WITHIN: u64 = SETTINGS_TOLD + READ_WITHIN + HELD_BACK;
 /// After a fault of a receiver its position may be missing for so long, and it may be excluded.
 pub const POSITION_SETTLED: u64 = SETTINGS_TOLD + RETURNED;
-/// A position is one at which the aircraft was at most so long ago: design section 2 calls a solution valid for the
-/// longest period and [`VALID_BEYOND_PERIOD`], and a receiver takes up to [`BEFORE_ARRIVAL_SPREAD`] more than
+/// A position is one at which the aircraft was at most so long ago: docs/design.md#validity calls a solution valid for
+/// the longest period and [`VALID_BEYOND_PERIOD`], and a receiver takes up to [`BEFORE_ARRIVAL_SPREAD`] more than
 /// [`BEFORE_ARRIVAL`] to tell it.
 pub const POSITION_OLDEST: u64 =
     LONGEST_PERIOD_MS as u64 * 1_000_000 + VALID_BEYOND_PERIOD + BEFORE_ARRIVAL + BEFORE_ARRIVAL_SPREAD;

@@ -193,7 +193,7 @@ impl Window {
     }
 }
 
-/// What the flight controller asks for with the first bytes of a transaction (design section 5).
+/// What the flight controller asks for with the first bytes of a transaction (docs/design.md#ssi).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Asked {
     /// Nothing: the line is idle.
@@ -232,7 +232,8 @@ impl Asked {
     }
 }
 
-/// Whether the last four bytes are the frame CRC of those before them, most significant byte first (design section 2).
+/// Whether the last four bytes are the frame CRC of those before them, most significant byte first
+/// (docs/design.md#crc).
 #[must_use]
 pub fn is_intact(bytes: &[u8]) -> bool {
     bytes.split_last_chunk().is_some_and(|(bytes, crc)| profile::crc::frame(bytes).to_be_bytes() == *crc)

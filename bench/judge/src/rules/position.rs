@@ -163,7 +163,7 @@ impl Position {
     }
 }
 
-/// How many receivers have to agree: design section 2.
+/// How many receivers have to agree: docs/design.md#voting.
 const fn quorum(receivers: usize) -> usize {
     match receivers {
         0..=2 => 1,

@@ -158,7 +158,7 @@ impl Model {
         states
     }
 
-    /// An object has come in that is not idle: an uplink or a command, as design section 5 and `profile::port_status`
+    /// An object has come in that is not idle: an uplink or a command, as docs/design.md#ssi and `profile::port_status`
     /// have them.
     fn written(self, object: &[u8], at: u64) -> Vec<Self> {
         if object.len() < Uplink::SIZE {
