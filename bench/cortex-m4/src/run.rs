@@ -114,8 +114,8 @@ impl<C: Cost> Core<C> {
                 self.told_halt = true;
                 return Exit::Halted;
             }
-            if std::mem::take(&mut self.in_hard_fault) {
-                return Exit::HardFault;
+            if std::mem::take(&mut self.in_fault) {
+                return Exit::Fault;
             }
             if self.cycle >= until || stepped {
                 return Exit::Until;
