@@ -202,6 +202,25 @@ fn a_vector_table_whose_hard_fault_is_reset_is_no_fault_until_there_is_one() {
     assert_eq!(kinds(&outcome), [FindingKind::HardFault, FindingKind::Lockup], "{outcome:?}");
 }
 
+/// Our firmwares enable MemManage, BusFault and UsageFault and end all of them as a HardFault.
+#[test]
+fn a_fault_that_has_the_handler_of_hard_fault_is_told_and_one_with_its_own_is_not() {
+    const SHCSR: u32 = 0xE000_ED24;
+    let mut main = Thumb::at(MAIN);
+    main.store(SHCSR, 7 << 16).raw(&[0xDE00]);
+    let mut handler = Thumb::at(thumb::HANDLER);
+    handler.branch(thumb::HANDLER);
+    // UsageFault is exception 6.
+    let own = with_exception(&main, 6, (thumb::HANDLER, &handler));
+    let outcome = on_horus(&own);
+    assert_eq!((kinds(&outcome), outcome.stopped_itself), (vec![], true), "{outcome:?}");
+    let mut segments = own.segments().to_vec();
+    segments[0].1[12..16].copy_from_slice(&(thumb::HANDLER | 1).to_le_bytes());
+    let outcome = on_horus(&Firmware::raw("shared", segments));
+    assert_eq!((kinds(&outcome), outcome.status()), (vec![FindingKind::HardFault], 101), "{outcome:?}");
+    assert!(outcome.findings[0].text.contains("undefined instruction"), "{}", outcome.findings[0]);
+}
+
 /// VTOR is moved to a table in RAM, as a boot loader and most systems with an RTOS do.
 #[test]
 fn a_hard_fault_behind_a_moved_vector_table_is_told() {

@@ -43,9 +43,9 @@ pub enum Exit {
     Lockup,
     /// AIRCR.SYSRESETREQ was written: the part resets, see [`Core::reset`].
     ResetRequest,
-    /// HardFault was entered just now, and the caller wants to know, see [`Core::tell_hard_faults`]. The first
-    /// instruction of its handler was not executed.
-    HardFault,
+    /// HardFault, MemManage, BusFault or UsageFault was entered just now, and the caller wants to know, see
+    /// [`Core::tell_faults`]. The first instruction of its handler was not executed.
+    Fault,
     /// The core halted for debug just now (DHCSR.S_HALT): it executes nothing until the debugger lets it go on. Told
     /// once, as time goes on.
     Halted,
@@ -130,9 +130,9 @@ pub struct Core<C: Cost> {
     pub(crate) told_lockup: bool,
     /// [`Exit::Halted`] was told.
     pub(crate) told_halt: bool,
-    /// The caller wants to know of each entry into HardFault; there was one of which it was not told.
-    pub(crate) tells_hard_faults: bool,
-    pub(crate) in_hard_fault: bool,
+    /// The caller wants to know of each entry into a fault's handler; there was one of which it was not told.
+    pub(crate) tells_faults: bool,
+    pub(crate) in_fault: bool,
     /// Changes of the active exception.
     pub(crate) watch: Watch,
     /// What the caller watches of the data accesses.
@@ -212,8 +212,8 @@ impl<C: Cost> Core<C> {
             told_sleep: false,
             told_lockup: false,
             told_halt: false,
-            tells_hard_faults: false,
-            in_hard_fault: false,
+            tells_faults: false,
+            in_fault: false,
             watch: Watch::default(),
             watchpoints: Watchpoints::default(),
             cost: PhantomData,
@@ -348,10 +348,16 @@ impl<C: Cost> Core<C> {
         self.system_due()
     }
 
-    /// From now on [`Core::run`] comes back with [`Exit::HardFault`] at each entry into HardFault, wherever the vector
-    /// table and the handler are; or no longer.
-    pub fn tell_hard_faults(&mut self, on: bool) {
-        self.tells_hard_faults = on;
+    /// From now on [`Core::run`] comes back with [`Exit::Fault`] at each entry into HardFault, MemManage, BusFault and
+    /// UsageFault, wherever the vector table and the handler are; or no longer.
+    pub fn tell_faults(&mut self, on: bool) {
+        self.tells_faults = on;
+    }
+
+    /// Where the vector table is now: VTOR.
+    #[must_use]
+    pub fn vector_table(&self) -> u32 {
+        self.system.scb.vtor
     }
 
     /// Stops [`Core::run`] before the instruction at `address`.

@@ -114,8 +114,8 @@ impl<C: Cost> Core<C> {
                 self.told_halt = true;
                 return Exit::Halted;
             }
-            if std::mem::take(&mut self.in_hard_fault) {
-                return Exit::HardFault;
+            if std::mem::take(&mut self.in_fault) {
+                return Exit::Fault;
             }
             if self.cycle >= until || stepped {
                 return Exit::Until;
@@ -233,30 +233,36 @@ impl<C: Cost> Core<C> {
         let mut pc = self.r[15];
         let rewritten = bus.rewritten();
         loop {
-            let it = self.it;
-            // At a breakpoint nothing is fetched yet: time stands still until the instruction there is executed.
-            if C::BOUND.is_some() && !matches!(op.what, Do::Breakpoint) {
-                self.fetch_waits(bus, pc, u32::from(op.size));
-            }
-            if it == 0 || self.begins_in_block(bus, op) {
-                match self.execute(bus, op, pc) {
-                    Ok(next) => {
-                        if it != 0 && op.block == Block::KeepsFlags {
-                            (self.flag_n, self.flag_z, self.flag_c, self.flag_v) = self.kept_flags;
-                        }
-                        self.r[15] = next;
-                        pc = next;
-                        // Neither comes near 2^64: a check at each instruction would find nothing.
-                        self.cycle = self.cycle.wrapping_add(cost::<C>(op));
-                        self.retired = self.retired.wrapping_add(1);
-                    }
-                    Err(fault) => {
-                        self.fail(bus, op, it, fault);
-                        return;
-                    }
-                }
-            } else {
+            if GOES != ONCE && self.it != 0 {
+                // In an IT block, which is left to the other burst, so that this one has none to look for.
+                self.burst::<B, ONCE>(bus, page, op);
                 pc = self.r[15];
+            } else {
+                let it = if GOES == ONCE { self.it } else { 0 };
+                // At a breakpoint nothing is fetched yet: time stands still until the instruction there is executed.
+                if C::BOUND.is_some() && !matches!(op.what, Do::Breakpoint) {
+                    self.fetch_waits(bus, pc, u32::from(op.size));
+                }
+                if it == 0 || self.begins_in_block(bus, op) {
+                    match self.execute(bus, op, pc) {
+                        Ok(next) => {
+                            if it != 0 && op.block == Block::KeepsFlags {
+                                (self.flag_n, self.flag_z, self.flag_c, self.flag_v) = self.kept_flags;
+                            }
+                            self.r[15] = next;
+                            pc = next;
+                            // Neither comes near 2^64: a check at each instruction would find nothing.
+                            self.cycle = self.cycle.wrapping_add(cost::<C>(op));
+                            self.retired = self.retired.wrapping_add(1);
+                        }
+                        Err(fault) => {
+                            self.fail(bus, op, it, fault);
+                            return;
+                        }
+                    }
+                } else {
+                    pc = self.r[15];
+                }
             }
             if GOES == ONCE || self.cycle >= self.limit || !page.holds(pc) {
                 return;

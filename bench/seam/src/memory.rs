@@ -123,7 +123,7 @@ impl Ram {
         self.near_watched = match (pages.clone().find(is_watched), pages.rev().find(is_watched)) {
             (Some(first), Some(last)) => {
                 let first = (first << PAGE_BITS).saturating_sub(3);
-                (first, (last + 1 << PAGE_BITS) - first)
+                (first, ((last + 1) << PAGE_BITS) - first)
             }
             _ => (0, 0),
         };

@@ -160,7 +160,7 @@ impl Board for Horus {
                 self.drive_input(due, input, (inactive, active));
             }
         }
-        for input in std::mem::take(&mut self.untold) {
+        for input in self.untold.drain(..) {
             let (active, inactive) = self.inputs[input].levels;
             let levels = INPUT_PINS[input].into_iter().zip([active, inactive]);
             inputs.extend(levels.map(|(pin, level)| Input::Level(pin, Some(level))));

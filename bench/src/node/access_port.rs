@@ -14,7 +14,7 @@ impl<B: Board, C: Cost> Node<B, C> {
     pub fn programmed(part: B::Part, board: B) -> Self {
         let mut node = Self::begin(part, board, &Firmware::raw("what is in flash", Vec::new()));
         // What runs there until it is written anew is nobody's firmware.
-        node.core.tell_hard_faults(false);
+        node.core.tell_faults(false);
         node
     }
 

@@ -17,7 +17,7 @@ const BFAR: u32 = 0xE000_ED38;
 /// `B .` in Thumb.
 pub(super) const BRANCH_TO_ITSELF: u64 = 0xE7FE;
 
-/// HardFault's number, ARMv7-M ARM table B1-4. Where it is served by the default handler, it is told as what it is.
+/// HardFault's number, ARMv7-M ARM table B1-4; those of MemManage, BusFault and UsageFault follow.
 const HARD_FAULT: u16 = 3;
 
 impl<B: Board, C: Cost> Node<B, C> {
@@ -87,7 +87,10 @@ impl<B: Board, C: Cost> Node<B, C> {
         }
         if self.traps.panic.contains(&pc) {
             self.report_panic();
-        } else if self.traps.default_handler.contains(&pc) && !matches!(self.core.active_exception(), 0 | HARD_FAULT) {
+        } else if self.traps.default_handler.contains(&pc)
+            && self.core.active_exception() != 0
+            && !self.is_in_hard_faults_handler()
+        {
             self.report_exception(FindingKind::UnhandledInterrupt);
         }
     }
@@ -115,6 +118,19 @@ impl<B: Board, C: Cost> Node<B, C> {
         }
         self.core.lock_up();
         self.locked_up();
+    }
+
+    /// Whether the core is before the first instruction of the handler that the vector table has for HardFault, in
+    /// HardFault or in a fault that the firmware ends in the same way. A fault with a handler of its own may be
+    /// ordinary: a system that has a stack grow, or ends one task of many.
+    pub(super) fn is_in_hard_faults_handler(&self) -> bool {
+        let vector = u64::from(self.core.vector_table()) + 4 * u64::from(HARD_FAULT);
+        let handler = memory::value(&self.side.part, vector, 4).map(|handler| handler & !1);
+        match self.core.active_exception() {
+            HARD_FAULT => true,
+            4..=6 => handler == Some(u64::from(self.core.pc())),
+            _ => false,
+        }
     }
 
     /// The core has just entered `kind`'s handler.

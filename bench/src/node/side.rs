@@ -27,8 +27,9 @@ pub(super) struct Side<B: Board> {
     pub(super) awake: (u64, u64),
     /// Something reached the board since it was last settled.
     pub(super) touched: bool,
-    /// When a chip of the board next acts.
+    /// When a chip of the board next acts: the cycle, and the same as the board has it, in ns.
     pub(super) board_due: Cycle,
+    board_event: u64,
     pub(super) inputs: Vec<Input>,
     /// The restart that the part asked for, with its cycle.
     pub(super) reset: Option<Reset>,
@@ -66,6 +67,7 @@ impl<B: Board> Side<B> {
             awake: (0, 0),
             touched: true,
             board_due: NEVER,
+            board_event: u64::MAX,
             inputs: Vec::new(),
             reset: None,
             watched: Vec::new(),
@@ -132,10 +134,14 @@ impl<B: Board> Side<B> {
 
     /// The board's next event may have moved.
     fn replan(&mut self) {
-        let due = self.time.cycle(self.board.next_event());
-        if due != self.board_due {
-            self.board_due = due;
-            self.part.signals().announce();
+        let event = self.board.next_event();
+        if event != self.board_event {
+            self.board_event = event;
+            let due = self.time.cycle(event);
+            if due != self.board_due {
+                self.board_due = due;
+                self.part.signals().announce();
+            }
         }
     }
 
@@ -190,7 +196,8 @@ impl<B: Board> Side<B> {
             self.awake = (self.awake.0 + self.scaled(cycles - self.awake.1), cycles);
             (self.before, self.changed_at) = (self.time, at);
             self.time.change(at, clock.hz, clock.ppb);
-            self.board_due = self.time.cycle(self.board.next_event());
+            self.board_event = self.board.next_event();
+            self.board_due = self.time.cycle(self.board_event);
             // The same instant is another cycle now: the core must not run on to the old one.
             self.horizon = self.time.cycle(self.horizon_ns);
             self.part.signals().stop();

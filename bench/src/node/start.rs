@@ -78,7 +78,7 @@ impl<B: Board, C: Cost> Node<B, C> {
             hold: Hold::default(),
         };
         node.arm();
-        node.core.tell_hard_faults(true);
+        node.core.tell_faults(true);
         // A part that was made leaves its pins as at power-on, which the board hears of here.
         node.side.with(0, |part, view| part.reset(0, Reset::PowerOn, view));
         node.side.reset = None;

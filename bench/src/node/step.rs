@@ -116,9 +116,11 @@ impl<B: Board, C: Cost> Node<B, C> {
                     self.met_breakpoint();
                     self.hold_at_end(found);
                 }
-                Exit::HardFault => {
-                    self.report_exception(FindingKind::HardFault);
-                    self.hold_at_end(found);
+                Exit::Fault => {
+                    if self.is_in_hard_faults_handler() {
+                        self.report_exception(FindingKind::HardFault);
+                        self.hold_at_end(found);
+                    }
                 }
                 Exit::Watchpoint => self.met_watchpoint(),
                 Exit::HostCall => self.host_call(),

@@ -135,7 +135,7 @@ impl<C: Cost> Core<C> {
         self.it = 0;
         self.ici = 0;
         self.ipsr = number;
-        self.in_hard_fault = number == HARD_FAULT && self.tells_hard_faults;
+        self.in_fault = (HARD_FAULT..=USAGE_FAULT).contains(&number) && self.tells_faults;
         self.exception_changed();
         self.system.nvic.activate(number);
         self.system.nvic.newly_pending = false;

@@ -24,7 +24,7 @@ impl<C: Cost> Core<C> {
         self.event = false;
         self.waiting = None;
         self.locked_up = false;
-        self.in_hard_fault = false;
+        self.in_fault = false;
         self.r[14] = 0xFFFF_FFFF;
         self.attention = true;
         let (Some(stack), Some(start)) = (self.vector(bus, 0), self.vector(bus, 1)) else {
