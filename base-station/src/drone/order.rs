@@ -345,6 +345,14 @@ mod tests {
     }
 
     #[test]
+    fn what_continues_a_search_may_run_ahead_by_the_drift_and_the_slack_alone() {
+        let seen = |timestamp, at_us| Seen { timestamp, at_us };
+        // 10 s, 2 % of it, and 2 s.
+        assert!(is_in_time(seen(0, SECOND), seen(12_200, 11 * SECOND)));
+        assert!(!is_in_time(seen(0, SECOND), seen(12_201, 11 * SECOND)));
+    }
+
+    #[test]
     fn a_clock_without_a_grid_may_advance_by_anything() {
         let mut order = Sender::default();
         assert_eq!(order.judge(1_000, 0, false), Step::Newest { missed: 0 });

@@ -376,6 +376,19 @@ fn what_the_dpr_says_of_its_port_is_held_and_a_shown_uplink_is_no_sign_of_life()
 }
 
 #[test]
+fn what_the_dpr_alone_says_fits_if_it_continues_what_it_said() {
+    let mut drone = Drone::new(0);
+    drone.take(Place::LinkStatus, 0, link(70_003, LinkStatusBits::new()).as_bytes());
+    let fits = |at, timestamp| {
+        let link = link(timestamp, LinkStatusBits::new());
+        drone.fits(at, &Bundle::from_first(Place::LinkStatus, link.as_bytes()).unwrap())
+    };
+    // The DPR's timestamps advance by anything.
+    assert_eq!([70_010, 70_103, 5].map(|timestamp| fits(100_000, timestamp)), [true, true, false]);
+    assert!(drone.fits(0, &Bundle::from_first(Place::LinkStatus, &[0; 32]).unwrap()), "nothing contradicts it");
+}
+
+#[test]
 fn a_clock_counts_as_a_crystals_where_nothing_else_is_said() {
     // 1 % slow: more than crystals differ by, and less than HORUS may be off by without its own.
     let (first, second) = (0, 10_100_000);
