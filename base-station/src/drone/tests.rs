@@ -309,13 +309,22 @@ fn what_the_dpr_says_is_an_alarm() {
 #[test]
 fn a_sample_that_keeps_arriving_is_frozen_and_a_duplicate_is_not() {
     let mut drone = Drone::new(0);
+    let at = |repeat: u64| 100_000_000 + repeat * CYCLE;
     for repeat in 0..100_u64 {
-        take(&mut drone, repeat * CYCLE, profile(10).as_bytes());
-        let frozen = codes(&mut drone, repeat * CYCLE).contains(&"frozen");
+        take(&mut drone, at(repeat), profile(10).as_bytes());
+        let frozen = codes(&mut drone, at(repeat)).contains(&"frozen");
         assert_eq!(frozen, repeat * CYCLE >= FROZEN_US + 3 * CYCLE, "{repeat}");
     }
-    take(&mut drone, 100 * CYCLE, profile(20).as_bytes());
-    assert!(!codes(&mut drone, 100 * CYCLE).contains(&"frozen"));
+    take(&mut drone, at(100), profile(20).as_bytes());
+    assert!(!codes(&mut drone, at(100)).contains(&"frozen"));
+}
+
+#[test]
+fn an_object_between_two_cycles_is_not_believed() {
+    let mut drone = Drone::new(0);
+    assert_eq!(take(&mut drone, 0, profile(70_000).as_bytes()), [Verdict::New; 4]);
+    assert_eq!(take(&mut drone, 13_000, profile(70_013).as_bytes()), [Verdict::OutOfSequence; 4]);
+    assert_eq!(drone.timestamp(), Some(70_000));
 }
 
 #[test]
@@ -354,10 +363,11 @@ fn what_the_dpr_says_of_its_port_is_held_and_a_shown_uplink_is_no_sign_of_life()
     assert_eq!((held.values.uplinks_accepted, held.timestamp), (3, 5_095));
     assert_eq!((drone.heard_us(), held.arrived_us), (100_200_000, 100_200_000));
     assert!((4_900..=5_000).contains(&held.late_us), "5 ms later than the fastest: {}", held.late_us);
-    assert_eq!(take(&mut drone, Place::PortStatus, &port(5_095, 3)), Verdict::Duplicate);
+    assert_eq!(take(&mut drone, Place::PortStatus, &port(5_098, 3)), Verdict::New, "by less than a cycle");
+    assert_eq!(take(&mut drone, Place::PortStatus, &port(5_098, 3)), Verdict::Duplicate);
     assert_eq!(take(&mut drone, Place::PortStatus, &port(5_000, 9)), Verdict::Older);
     assert!(!drone.alarms_at(101_000_000).has(Alarm::TwoSenders));
-    assert_eq!(take(&mut drone, Place::PortStatus, &port(5_095, 9)), Verdict::OutOfSequence, "with another content");
+    assert_eq!(take(&mut drone, Place::PortStatus, &port(5_098, 9)), Verdict::OutOfSequence, "with another content");
     assert!(drone.alarms_at(101_000_000).has(Alarm::TwoSenders));
     assert_eq!(drone.port_status().unwrap().values.uplinks_accepted, 3);
 
