@@ -55,7 +55,7 @@ fn watched(setup: &Setup, pace: f64, watch: impl FnOnce(SocketAddr, SocketAddr))
     watched_by(Page::start(0, pace, false, |_, _| {}).unwrap(), setup, watch)
 }
 
-/// As [`watched`], with this page.
+/// The same as [`watched`], with this page.
 fn watched_by(mut page: Page, setup: &Setup, watch: impl FnOnce(SocketAddr, SocketAddr)) -> Outcome {
     let (panel, address) = (page.panel.clone(), page.server.address());
     panel.begin(setup.gps, setup.duration_ns);
