@@ -399,6 +399,40 @@ fn what_the_dpr_alone_says_fits_if_it_continues_what_it_said() {
 }
 
 #[test]
+fn a_message_between_two_cycles_fits_the_dpr_and_not_horus() {
+    let mut drone = Drone::new(0);
+    take(&mut drone, 0, profile(70_000).as_bytes());
+    let fits = |drone: &Drone, timestamp| drone.fits(13_000, &Bundle::datagram(profile(timestamp).as_bytes()).unwrap());
+    assert_eq!([70_010, 70_013].map(|timestamp| fits(&drone, timestamp)), [true, false]);
+    let port = |timestamp| {
+        let values = PortValues { timestamp, ..PortValues::default() };
+        *PortStatus::seal(Writer::<Dpr>::claim(), &values).as_bytes()
+    };
+    drone.take(Place::PortStatus, 0, &port(5_000));
+    assert!(drone.fits(13_000, &Bundle::new(Place::PortStatus, 1, &port(5_013)).unwrap()));
+}
+
+#[test]
+fn a_late_sample_tells_the_same_start_of_horus() {
+    let mut drone = Drone::new(0);
+    for tenth in 0..5 {
+        take(&mut drone, 100_000 * u64::from(tenth), profile(70_000 + 100 * tenth).as_bytes());
+    }
+    take(&mut drone, 1_100_000, profile(70_500).as_bytes());
+    let started = drone.started_us().unwrap();
+    assert!((started + 70_000_000).abs() < 1_000, "{started}");
+}
+
+#[test]
+fn a_reset_for_a_reason_that_has_no_name_is_no_alarm() {
+    let mut drone = Drone::new(0);
+    let status = ReportedStatus::from_bits(status().bits() | 0xE000);
+    take(&mut drone, 0, profile_with(10, status).as_bytes());
+    assert_eq!(drone.reported().unwrap().values.status.reset_reason(), None);
+    assert!(!drone.alarms_at(0).has(Alarm::HorusUnaskedReset));
+}
+
+#[test]
 fn a_clock_counts_as_a_crystals_where_nothing_else_is_said() {
     // 1 % slow: more than crystals differ by, and less than HORUS may be off by without its own.
     let (first, second) = (0, 10_100_000);
