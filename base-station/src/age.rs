@@ -237,6 +237,22 @@ mod tests {
     }
 
     #[test]
+    fn a_rise_is_compared_with_the_time_between_the_two_fastest_samples() {
+        let mut ages = Ages::default();
+        for half in 0..=122_u32 {
+            // The fastest of the first window is at its start, that of the second at its end: 1 s in 60 s is no 2 %.
+            let late = match half {
+                0 => 0,
+                1..60 => 300_000,
+                60..116 => 2_000_000,
+                _ => 1_000_000,
+            };
+            ages.take(500 * half, 500_000 * u64::from(half) + late, true);
+            assert!(!ages.is_clock_implausible(), "{half}");
+        }
+    }
+
+    #[test]
     fn late_samples_among_the_first_make_none_early() {
         let mut ages = Ages::default();
         assert_eq!(ages.take(1_000, 5_000_000, true), 0);

@@ -169,7 +169,7 @@ struct Page {
     panel: Panel,
     /// The flight controller's end of the way back, if there is one.
     inbound: Option<Inbound>,
-    /// Of a hundred messages so many are lost, each way; drawn from this.
+    /// How many messages of a hundred are lost, each way, and what they are drawn from.
     loss: (u64, Rng),
 }
 

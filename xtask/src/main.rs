@@ -233,7 +233,7 @@ pub(crate) struct LiveArgs {
     /// Let whoever opens the page send uplinks of the base station to the DPR.
     #[arg(long)]
     pub(crate) uplink: bool,
-    /// Of so many messages in a hundred the radio between flight controller and base station loses one, each way.
+    /// How many messages of a hundred the radio between flight controller and base station loses, each way.
     #[arg(long, value_name = "PERCENT", default_value_t = 0, value_parser = clap::value_parser!(u64).range(0..=90))]
     pub(crate) loss: u64,
 }

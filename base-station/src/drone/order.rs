@@ -334,6 +334,18 @@ mod tests {
     }
 
     #[test]
+    fn two_strangers_that_speak_in_turn_are_both_found() {
+        let mut order = Sender::running();
+        let mut found = vec![];
+        for tenth in 1..=3_u32 {
+            let at = 60 * SECOND + 100_000 * u64::from(tenth);
+            assert!(matches!(order.judge(60_000 + 100 * tenth, at, true), Step::Newest { .. }));
+            found.extend([9_000_000, 19_000_000].map(|first| order.judge(first + 100 * tenth, at + 1, true)));
+        }
+        assert_eq!(found, [Step::Search, Step::Search, Step::Search, Step::Search, Step::Stranger, Step::Stranger]);
+    }
+
+    #[test]
     fn an_unexplained_step_is_believed_after_three_in_a_row() {
         let mut order = Sender::default();
         let mut judge = |timestamp, at| order.judge(timestamp, at, true);
@@ -342,6 +354,14 @@ mod tests {
         assert_eq!(steps, [Step::Search, Step::Search, Step::Restarted]);
         let steps = [900_005, 900_015, 900_025].map(|timestamp| judge(timestamp, SECOND));
         assert_eq!(steps, [Step::Search, Step::Search, Step::Restarted]);
+    }
+
+    #[test]
+    fn what_continues_a_search_may_run_ahead_by_the_drift_and_the_slack_alone() {
+        let seen = |timestamp, at_us| Seen { timestamp, at_us };
+        // 10 s, 2 % of it, and 2 s.
+        assert!(is_in_time(seen(0, SECOND), seen(12_200, 11 * SECOND)));
+        assert!(!is_in_time(seen(0, SECOND), seen(12_201, 11 * SECOND)));
     }
 
     #[test]

@@ -309,13 +309,22 @@ fn what_the_dpr_says_is_an_alarm() {
 #[test]
 fn a_sample_that_keeps_arriving_is_frozen_and_a_duplicate_is_not() {
     let mut drone = Drone::new(0);
+    let at = |repeat: u64| 100_000_000 + repeat * CYCLE;
     for repeat in 0..100_u64 {
-        take(&mut drone, repeat * CYCLE, profile(10).as_bytes());
-        let frozen = codes(&mut drone, repeat * CYCLE).contains(&"frozen");
+        take(&mut drone, at(repeat), profile(10).as_bytes());
+        let frozen = codes(&mut drone, at(repeat)).contains(&"frozen");
         assert_eq!(frozen, repeat * CYCLE >= FROZEN_US + 3 * CYCLE, "{repeat}");
     }
-    take(&mut drone, 100 * CYCLE, profile(20).as_bytes());
-    assert!(!codes(&mut drone, 100 * CYCLE).contains(&"frozen"));
+    take(&mut drone, at(100), profile(20).as_bytes());
+    assert!(!codes(&mut drone, at(100)).contains(&"frozen"));
+}
+
+#[test]
+fn an_object_between_two_cycles_is_not_believed() {
+    let mut drone = Drone::new(0);
+    assert_eq!(take(&mut drone, 0, profile(70_000).as_bytes()), [Verdict::New; 4]);
+    assert_eq!(take(&mut drone, 13_000, profile(70_013).as_bytes()), [Verdict::OutOfSequence; 4]);
+    assert_eq!(drone.timestamp(), Some(70_000));
 }
 
 #[test]
@@ -354,10 +363,11 @@ fn what_the_dpr_says_of_its_port_is_held_and_a_shown_uplink_is_no_sign_of_life()
     assert_eq!((held.values.uplinks_accepted, held.timestamp), (3, 5_095));
     assert_eq!((drone.heard_us(), held.arrived_us), (100_200_000, 100_200_000));
     assert!((4_900..=5_000).contains(&held.late_us), "5 ms later than the fastest: {}", held.late_us);
-    assert_eq!(take(&mut drone, Place::PortStatus, &port(5_095, 3)), Verdict::Duplicate);
+    assert_eq!(take(&mut drone, Place::PortStatus, &port(5_098, 3)), Verdict::New, "by less than a cycle");
+    assert_eq!(take(&mut drone, Place::PortStatus, &port(5_098, 3)), Verdict::Duplicate);
     assert_eq!(take(&mut drone, Place::PortStatus, &port(5_000, 9)), Verdict::Older);
     assert!(!drone.alarms_at(101_000_000).has(Alarm::TwoSenders));
-    assert_eq!(take(&mut drone, Place::PortStatus, &port(5_095, 9)), Verdict::OutOfSequence, "with another content");
+    assert_eq!(take(&mut drone, Place::PortStatus, &port(5_098, 9)), Verdict::OutOfSequence, "with another content");
     assert!(drone.alarms_at(101_000_000).has(Alarm::TwoSenders));
     assert_eq!(drone.port_status().unwrap().values.uplinks_accepted, 3);
 
@@ -373,6 +383,53 @@ fn what_the_dpr_says_of_its_port_is_held_and_a_shown_uplink_is_no_sign_of_life()
     }
     assert_eq!((drone.port_status(), drone.uplink()), (None, None));
     assert_eq!(take(&mut drone, Place::PortStatus, &port(305, 0)), Verdict::New);
+}
+
+#[test]
+fn what_the_dpr_alone_says_fits_if_it_continues_what_it_said() {
+    let mut drone = Drone::new(0);
+    drone.take(Place::LinkStatus, 0, link(70_003, LinkStatusBits::new()).as_bytes());
+    let fits = |at, timestamp| {
+        let link = link(timestamp, LinkStatusBits::new());
+        drone.fits(at, &Bundle::from_first(Place::LinkStatus, link.as_bytes()).unwrap())
+    };
+    // The DPR's timestamps advance by anything.
+    assert_eq!([70_010, 70_103, 5].map(|timestamp| fits(100_000, timestamp)), [true, true, false]);
+    assert!(drone.fits(0, &Bundle::from_first(Place::LinkStatus, &[0; 32]).unwrap()), "nothing contradicts it");
+}
+
+#[test]
+fn a_message_between_two_cycles_fits_the_dpr_and_not_horus() {
+    let mut drone = Drone::new(0);
+    take(&mut drone, 0, profile(70_000).as_bytes());
+    let fits = |drone: &Drone, timestamp| drone.fits(13_000, &Bundle::datagram(profile(timestamp).as_bytes()).unwrap());
+    assert_eq!([70_010, 70_013].map(|timestamp| fits(&drone, timestamp)), [true, false]);
+    let port = |timestamp| {
+        let values = PortValues { timestamp, ..PortValues::default() };
+        *PortStatus::seal(Writer::<Dpr>::claim(), &values).as_bytes()
+    };
+    drone.take(Place::PortStatus, 0, &port(5_000));
+    assert!(drone.fits(13_000, &Bundle::new(Place::PortStatus, 1, &port(5_013)).unwrap()));
+}
+
+#[test]
+fn a_late_sample_tells_the_same_start_of_horus() {
+    let mut drone = Drone::new(0);
+    for tenth in 0..5 {
+        take(&mut drone, 100_000 * u64::from(tenth), profile(70_000 + 100 * tenth).as_bytes());
+    }
+    take(&mut drone, 1_100_000, profile(70_500).as_bytes());
+    let started = drone.started_us().unwrap();
+    assert!((started + 70_000_000).abs() < 1_000, "{started}");
+}
+
+#[test]
+fn a_reset_for_a_reason_that_has_no_name_is_no_alarm() {
+    let mut drone = Drone::new(0);
+    let status = ReportedStatus::from_bits(status().bits() | 0xE000);
+    take(&mut drone, 0, profile_with(10, status).as_bytes());
+    assert_eq!(drone.reported().unwrap().values.status.reset_reason(), None);
+    assert!(!drone.alarms_at(0).has(Alarm::HorusUnaskedReset));
 }
 
 #[test]

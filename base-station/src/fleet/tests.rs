@@ -205,13 +205,13 @@ fn where_all_speak_no_further_one_is_taken_and_that_is_counted() {
     let mut fleet = Fleet::default();
     for cycle in 0..3_u32 {
         for system in 0..MAX_DRONES as u32 {
-            take(&mut fleet, system, 1, 10_000 * u64::from(cycle), &profile(10 * cycle));
+            take(&mut fleet, system, 1, BEGIN + 10_000 * u64::from(cycle), &profile(10 * cycle));
         }
     }
-    assert_eq!(take(&mut fleet, 9_999, 1, 30_000, &profile(10)).1, []);
+    assert_eq!(take(&mut fleet, 9_999, 1, BEGIN + 30_000, &profile(10)).1, []);
     assert_eq!((fleet.refused(), fleet.dropped(), fleet.iter().len()), (1, 0, MAX_DRONES));
     // The one that is silent for longest goes.
-    take(&mut fleet, 5, 1, 2 * SECOND, &profile(2_000));
-    assert_eq!(take(&mut fleet, 9_999, 1, 2 * SECOND, &profile(10)).1, [Verdict::New; 2]);
+    take(&mut fleet, 5, 1, BEGIN + 2 * SECOND, &profile(2_000));
+    assert_eq!(take(&mut fleet, 9_999, 1, BEGIN + 2 * SECOND, &profile(10)).1, [Verdict::New; 2]);
     assert!(fleet.get(Who::System(0).first()).is_none() && fleet.get(Who::System(5).first()).is_some());
 }

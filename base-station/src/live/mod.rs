@@ -48,7 +48,7 @@ pub const TICK: Duration = Duration::from_millis(20);
 /// How many arrivals may wait for the station: six seconds of a thousand drones at 10 Hz.
 const WAITING: usize = 65_536;
 
-/// So many alarms that came or went are kept, for the page.
+/// How many alarms that came or went are kept, for the page.
 pub const KEPT_CHANGES: usize = 100;
 
 /// What was not handed on to a broker is told for so long, µs.

@@ -46,7 +46,7 @@ pub const HEARTBEAT_US: u64 = 1_000_000;
 /// Who was heard over UDP within this time is sent HEARTBEAT, µs.
 pub const HEARD_US: u64 = 10_000_000;
 
-/// As many of those who are heard over UDP are sent HEARTBEAT.
+/// At most this many of those who are heard over UDP are sent HEARTBEAT.
 pub const MAX_HEARERS: usize = 64;
 
 /// From one sending of an uplink to the next, µs.
@@ -58,7 +58,7 @@ pub const GIVES_UP_US: u64 = 5_000_000;
 /// What comes back so long after the first sending, µs, is no answer to an uplink before.
 pub const ANSWERS_US: u64 = 1_000_000;
 
-/// Of so many drones the last uplink is kept.
+/// The last uplink is kept for at most this many drones.
 pub const MAX_SENDINGS: usize = 64;
 
 /// What became of an uplink.

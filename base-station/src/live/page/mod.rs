@@ -55,7 +55,7 @@ pub const LIST: Duration = Duration::from_millis(500);
 /// A browser that has lost the station tries again after so long.
 const RETRY: Duration = Duration::from_millis(500);
 
-/// So many drones can be asked for over one connection; a state for each is made in turn.
+/// How many drones can be asked for over one connection; a state for each is made in turn.
 pub const MAX_ASKED: usize = 16;
 
 /// So many browsers may watch at once; further ones are told to come later.

@@ -364,7 +364,7 @@ const SOUND_MS = 3000;         // from one sound to the next while a critical al
 let acknowledged = null;       // the station's time up to which alarms are acknowledged, ms
 let notified = null;           // and up to which they were notified of, ms
 let sounded = -Infinity;       // when, ms
-let sounds = 0;                // so many
+let sounds = 0;                // how often
 let audio = null;
 
 // Critical alarms of all drones that hold and came after `since`, the newest first.

@@ -30,7 +30,7 @@ struct Scene {
     port: PortValues,
     /// Uplinks that were written over the SSI, and when it is seen.
     writes: Vec<(Uplink, u64)>,
-    /// Of 100 messages so many are lost, each way.
+    /// How many messages of 100 are lost, each way.
     loss: u64,
     drawn: u64,
 }
