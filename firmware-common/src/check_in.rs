@@ -7,7 +7,7 @@
 
 use core::{
     marker::PhantomData,
-    sync::atomic::{AtomicU32, Ordering},
+    sync::atomic::{AtomicBool, Ordering},
 };
 
 /// The place of the task called `name` in a table of names and vectors.
@@ -43,10 +43,13 @@ pub trait Task: Copy {
     fn number(self) -> u32;
 }
 
+/// The most tasks that a firmware can have.
+const MOST: usize = 32;
+
 /// Which tasks `T` have checked in.
 #[derive(Debug)]
 pub struct CheckIn<T> {
-    seen: AtomicU32,
+    seen: [AtomicBool; MOST],
     tasks: PhantomData<fn(T)>,
 }
 
@@ -57,26 +60,29 @@ impl<T: Task> Default for CheckIn<T> {
 }
 
 impl<T: Task> CheckIn<T> {
-    /// A bit for each task.
-    const ALL: u32 = {
-        assert!(T::COUNT >= 1 && T::COUNT <= 32);
-        u32::MAX >> (32 - T::COUNT)
-    };
-
     /// No task has checked in.
     #[must_use]
     pub const fn new() -> Self {
-        Self { seen: AtomicU32::new(0), tasks: PhantomData }
+        const { assert!(T::COUNT >= 1 && T::COUNT as usize <= MOST) }
+        Self { seen: [const { AtomicBool::new(false) }; MOST], tasks: PhantomData }
     }
 
     /// Notes that `task` is alive. May be called from any priority.
     pub fn check_in(&self, task: T) {
-        self.seen.fetch_or(1 << task.number(), Ordering::Relaxed);
+        // One store: a bit of a word that all tasks share takes four times as long, on the way of each frame.
+        if let Some(own) = self.seen.get(task.number() as usize) {
+            own.store(true, Ordering::Relaxed);
+        }
     }
 
     /// Whether every task has checked in since this last answered yes. If so, all have to check in anew.
     pub fn complete(&self) -> bool {
-        self.seen.compare_exchange(Self::ALL, 0, Ordering::Relaxed, Ordering::Relaxed).is_ok()
+        let tasks = self.seen.iter().take(T::COUNT as usize);
+        let all = tasks.clone().all(|seen| seen.load(Ordering::Relaxed));
+        if all {
+            tasks.for_each(|seen| seen.store(false, Ordering::Relaxed));
+        }
+        all
     }
 }
 
