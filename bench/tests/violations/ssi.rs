@@ -12,6 +12,8 @@ use super::{CONTROL_CYCLE, MS, Row, US, breaks, reads, table};
 const SSI_END: &str = "SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1";
 /// The interrupt handler that publishes a frame's image.
 const COMMIT: &str = "SWI0_EGU0";
+/// The vector of the DPR's deadline task.
+const DEADLINE: &str = "TIMER1";
 
 /// The DPR's TIMER2, CC[2] (PS 6.30).
 const TIMER2_CC2: u32 = 0x4000_A548;
@@ -51,8 +53,10 @@ table! {
         duration: || 100 * MS + 3 * US,
         ..Row::new(Violation::NeverReady, || {
             let sealed = ImageFault::Patch { address: 0, bytes: vec![], sealed: true };
-            let dead = Fault::Image(Board::Dpr, ImageFault::Dead(COMMIT.into()));
-            Faults::none().with(0, u64::MAX, dead).with(0, u64::MAX, Fault::Image(Board::Dpr, sealed))
+            let dead = |task: &str| Fault::Image(Board::Dpr, ImageFault::Dead(task.into()));
+            // Either of the two tasks publishes what there is.
+            let both = Faults::none().with(0, u64::MAX, dead(COMMIT)).with(0, u64::MAX, dead(DEADLINE));
+            both.with(0, u64::MAX, Fault::Image(Board::Dpr, sealed))
         })
     };
     an_ssi_task_that_is_held_up_after_a_transaction_is_not_ready_in_time =>
