@@ -143,8 +143,8 @@ pub enum Intact<'a> {
 }
 
 impl Intact<'_> {
-    /// ms: of Link-Status and Port-Status since the DPR's start, of the uplink by the base station's clock, of the others
-    /// since HORUS's. All wrap.
+    /// ms: of Link-Status and Port-Status since the DPR's start, of the uplink by the base station's clock, of the
+    /// others since HORUS's. All wrap.
     #[must_use]
     pub const fn timestamp(self) -> u32 {
         match self {

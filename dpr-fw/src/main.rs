@@ -96,8 +96,8 @@ mod app {
 
     static INTEGRITY: Integrity = Integrity::new();
 
-    /// The RFID side has called for an image to be prepared, since a frame arrives. Without that `commit` and `deadline`
-    /// prepare none: what is written until the next frame is to be in it.
+    /// The RFID side has called for an image to be prepared, since a frame arrives. Without that `commit` and
+    /// `deadline` prepare none: what is written until the next frame is to be in it.
     static PREPARE: AtomicBool = AtomicBool::new(false);
 
     /// What `commit` and `deadline`, of the same priority, share.

@@ -19,8 +19,8 @@ const WARM_UP_NS: u64 = 1_000_000_000;
 ///
 /// Link: both images on one thread on the fast clock, after their first second, the least time of three runs. What an
 /// instruction takes in the loop that computes, times the instructions that each core executed, is the cores' share.
-/// The rest is measured as a whole only: what accesses, interrupts and memory protection cost the cores beyond that loop,
-/// part models, front ends, air and what stands around the boards. The shares of single functions are told by a
+/// The rest is measured as a whole only: what accesses, interrupts and memory protection cost the cores beyond that
+/// loop, part models, front ends, air and what stands around the boards. The shares of single functions are told by a
 /// profiler: `valgrind --tool=callgrind target/debug/xtask sim --threads 1`.
 #[derive(Args)]
 pub(crate) struct SpeedArgs {

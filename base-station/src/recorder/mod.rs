@@ -3,9 +3,10 @@
 //! # Design
 //!
 //! **What is in it.** `/carried` has the bytes and the verdicts, and is all that a playback needs; `/alarms` what came
-//! and went; `/drone/ID/…` positions for maps, the state with agreement and attitude, and the link; `/uplinks` what this
-//! station sent to drones, and what became of it. Schemas are in the file, in ROS 1's language, so that Foxglove and other
-//! tools open it without anything of ours.
+//! and went; `/drone/ID/…` positions for maps, the state with agreement and attitude, and the link; `/uplinks` what
+//! this
+//! station sent to drones, and what became of it. Schemas are in the file, in ROS 1's language, so that Foxglove and
+//! other tools open it without anything of ours.
 //!
 //! **What a crash costs.** A chunk of the file is written whole, at least every [`FLUSH_US`], and then forced to the
 //! disk. So a process that is killed, or a power loss, costs the last half second. What is before stays readable:

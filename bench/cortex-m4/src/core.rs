@@ -104,8 +104,8 @@ pub struct Core<C: Cost> {
     pub(crate) attention: bool,
     /// Interrupts, faults, timers, MPU, debug: 0xE000_0000 to 0xE00F_FFFF.
     pub(crate) system: System,
-    /// What an aligned access of the code to memory needs of the MPU to go the short way ([`Core::load`]): to read, and to
-    /// write. 0 while no access goes it.
+    /// What an aligned access of the code to memory needs of the MPU to go the short way ([`Core::load`]): to read,
+    /// and to write. 0 while no access goes it.
     pub(crate) short_read: u32,
     pub(crate) short_write: u32,
     /// Instructions that were decoded.

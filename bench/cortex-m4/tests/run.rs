@@ -140,8 +140,8 @@ fn a_semihosting_call_is_answered_by_the_caller() {
     assert_eq!((rig.r(0), rig.core.pc()), (41, CODE + 6));
 }
 
-/// Code in RAM, from its byte 0x200 on, at which a branch by r4 arrives: RAM that is watched for writes, and RAM that is
-/// not.
+/// Code in RAM, from its byte 0x200 on, at which a branch by r4 arrives: RAM that is watched for writes, and RAM that
+/// is not.
 fn in_ram(code: &[u16]) -> [Rig<Fast>; 2] {
     [true, false].map(|watches| {
         let mut rig = Rig::new(&[0x4720]);
@@ -280,7 +280,8 @@ fn what_is_no_instruction_ends_in_a_lockup_without_a_handler() {
 /// CPSID f; CCR = r3; r0 = the word at r1, where nothing is; r6 = CFSR; r7 = BFAR; a store there; B .
 const PROBE: &[u16] = &[0xB671, 0x6013, 0x6808, 0x6826, 0x682F, 0x6008, 0xE7FE];
 
-/// BFHFNMIGN has handlers of priority -1 and -2 ignore a data bus fault (ARM ARM B3.2.8): the exception, not the status,
+/// BFHFNMIGN has handlers of priority -1 and -2 ignore a data bus fault (ARM ARM B3.2.8): the exception, not the
+/// status,
 /// which is set for each precise fault (B3.2.15, PRECISERR and BFARVALID) and is how firmware probes an address.
 #[test]
 fn firmware_that_probes_an_address_under_faultmask_reads_that_nothing_answered() {

@@ -206,8 +206,8 @@ impl Ram {
         if offset & (width as u32 - 1) != 0 { None } else { read(&self.bytes, offset, width) }
     }
 
-    /// As [`Ram::write`] where nothing watches; `false` where a page that is watched may be near, or where `offset` is not
-    /// a multiple of the width.
+    /// As [`Ram::write`] where nothing watches; `false` where a page that is watched may be near, or where `offset`
+    /// is not a multiple of the width.
     #[must_use]
     #[inline(always)]
     pub fn write_aligned(&mut self, offset: u32, width: Width, value: u32) -> bool {

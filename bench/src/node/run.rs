@@ -1,9 +1,9 @@
 //! One firmware alone on one board, to its end: what `cargo xtask run` and on-target test suites go through.
 //!
-//! The run ends when the firmware exits through semihosting, when it dies (a HardFault, an exception without a handler, a
-//! lock-up), when it does nothing but restart, or at a limit of virtual time. A fault's handler runs on for
-//! [`LAST_WORDS`], so that what it says of the fault is heard, unless the part restarts or locks up before. defmt-test exits with
-//! `SYS_EXIT_EXTENDED`; panic-probe ends a failed test in a HardFault.
+//! The run ends when the firmware exits through semihosting, when it dies (a HardFault, an exception without a
+//! handler, a lock-up), when it does nothing but restart, or at a limit of virtual time. A fault's handler runs on for
+//! [`LAST_WORDS`], so that what it says of the fault is heard, unless the part restarts or locks up before.
+//! defmt-test exits with `SYS_EXIT_EXTENDED`; panic-probe ends a failed test in a HardFault.
 
 use std::collections::BTreeMap;
 use std::str::FromStr;

@@ -118,8 +118,8 @@ pub struct Setup {
     /// The flight controller writes uplinks and commands and reads the whole map now and then, where it keeps its own
     /// cycle. Otherwise it reads images alone and writes nothing.
     pub writes: bool,
-    /// Of the uplinks that it writes those of the base station come by radio, as [`Observer::uplink`] says; otherwise it
-    /// makes them up.
+    /// Of the uplinks that it writes those of the base station come by radio, as [`Observer::uplink`] says; otherwise
+    /// it makes them up.
     pub relays: bool,
     /// Instead of the flight controller's own cycle: transactions in every phase to a frame's end.
     pub sweep: Option<Sweep>,

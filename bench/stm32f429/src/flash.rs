@@ -296,7 +296,8 @@ impl FlashControl {
         match offset >> 2 {
             0 => {
                 let new = merge(self.acr, offset, width, value) & 0x1F0F;
-                // ICRST and DCRST lie two bits above ICEN and DCEN; each asks for its own cache to be off (RM0090 3.9.1).
+                // ICRST and DCRST lie two bits above ICEN and DCEN; each asks for its own cache to be off (RM0090
+                // 3.9.1).
                 if new >> 2 & new & (INSTRUCTION_CACHE | DATA_CACHE) != 0 {
                     find(FindingKind::Misuse, "a cache is reset while it is on: that does nothing");
                 }

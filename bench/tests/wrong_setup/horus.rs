@@ -291,7 +291,8 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     row("EXTI3: no rising edge", &[bits(EXTI + 8, 8, 0)], Told::Nothing, late_on_air),
     row("EXTI3: masked", &[bits(EXTI, 8, 0)], Told::Nothing, late_on_air),
     row("EXTI3: interrupt not enabled", &[never_iser(0, 0x200)], Told::Nothing, Sends::watchdog),
-    // The pin's level is looked at once in a cycle, when the tasks are called for a sign of life: half of the frames go.
+    // The pin's level is looked at once in a cycle, when the tasks are called for a sign of life: half of the frames
+    // go.
     row("EXTI3 masked, TIM5 without a clock", &[bits(EXTI, 8, 0), gate(0x40, 3)], Told::Finding(REFUSED), |seen| {
         (1..=seen.ticks.len() / 2).contains(&seen.frames.len()) && seen.field && seen.faults == 0
     }),

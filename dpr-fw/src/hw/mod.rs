@@ -25,7 +25,7 @@
 //! | no. | what | what we do |
 //! |---|---|---|
 //! | 36 | CLOCK: some registers survive a reset | the event of the HFXO is cleared before it is awaited |
-//! | 78 | TIMER: high current after STOP | TIMER3 stops after each pause of the SSI, the others never do; current only |
+//! | 78 | TIMER: high current after STOP | TIMER3 alone stops, after each pause of the SSI; current only |
 //! | 87 | CPU: FPU exceptions wake the processor | the FPU computes nothing here; a wake-up too many does no harm |
 //! | 136 | RESETREAS: bits set that should not be | with the pin's bit set, the others are not believed |
 //! | 155 | GPIOTE: an edge may be reported twice | the interrupt asks the pin for its level ([`dpr_fw::rf`]) |

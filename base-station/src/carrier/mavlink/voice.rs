@@ -9,7 +9,8 @@
 //! goes to every serial line, and of UDP to whoever was heard there within [`HEARD_US`] and where it was told to.
 //!
 //! **An uplink** is one object, sealed once with the station's time, ms since 1970, which the DPR wants to be newer
-//! than that of the one before. It goes to the drone that it is for, signed, every [`AGAIN_US`], until what the DPR says has
+//! than that of the one before. It goes to the drone that it is for, signed, every [`AGAIN_US`], until what the DPR
+//! says has
 //! come back, or [`GIVES_UP_US`] have passed. What comes back is Port-Status and the uplink that the DPR shows:
 //!
 //! | came back | the uplink is |

@@ -201,8 +201,8 @@ impl Mpu {
         if near.has(address, 1) { near } else { self.approach(address) }
     }
 
-    /// Whether the right (of [`data_right`]) is given at `address`, whatever the priority. An access that is aligned is in
-    /// one span as a whole, since all begin and end at multiples of 32.
+    /// Whether the right (of [`data_right`]) is given at `address`, whatever the priority. An access that is aligned
+    /// is in one span as a whole, since all begin and end at multiples of 32.
     #[inline(always)]
     pub(crate) fn gives(&mut self, address: u32, right: u32) -> bool {
         let near = &self.near[(address >> 28) as usize];

@@ -251,7 +251,8 @@ impl FlightController {
         core::mem::take(&mut self.images)
     }
 
-    /// Port-Status and the base station's uplink, 128 bytes, each time that it has read them since this was last called:
+    /// Port-Status and the base station's uplink, 128 bytes, each time that it has read them since this was last
+    /// called:
     /// Port-Status intact, the uplink as it was read. Each with the instant (ns) at which its transaction was over.
     #[must_use]
     pub fn take_ports(&mut self) -> Vec<(u64, Vec<u8>)> {

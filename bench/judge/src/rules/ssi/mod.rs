@@ -16,7 +16,7 @@
 //!   right as ever.
 //! - The time for which the processor keeps the SSI's buffers is [`Violation::NotReady`] if the end of a transaction
 //!   gave them to it, and [`Violation::HeldBack`] otherwise. Transactions that meet the DPR busy because of it are not
-//!   counted again, unless nothing is readable for longer than [`bounds::EXPIRY`](crate::bounds::EXPIRY): then it is
+//!   counted again, unless nothing is readable for longer than [`bounds::EXPIRY`]: then it is
 //!   [`Violation::Silent`] alone.
 //! - A single transaction that reads 0xFF throughout may be one that met the DPR busy: as it put an image in, which
 //!   FRESH tells within [`bounds::SSI_READY`], so soon after another one, with the image's time over, or with the
