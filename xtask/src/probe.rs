@@ -191,7 +191,7 @@ fn attach(board: Board, probe: &Found, args: &ProbeArgs) -> Result<Session> {
     }
     eprintln!("{} through {probe}", chip(board));
     let permissions = if args.erase_all { Permissions::new().allow_erase_all() } else { Permissions::new() };
-    let mut session = opened.attach(chip(board), permissions).map_err(|error| {
+    let mut session = opened.attach(watchdog::target(board)?, permissions).map_err(|error| {
         let explanation = explain(refusal(&error, args.erase_all), board, &probe.to_string());
         anyhow::Error::new(error).context(explanation)
     })?;
@@ -269,6 +269,7 @@ fn keep_debug_port_open(session: &mut Session) -> Result<()> {
     let mut core = session.core(0).context("could not reach the core")?;
     // So that no firmware uses the NVMC meanwhile.
     core.halt(CORE_TIMEOUT).context("the core does not halt")?;
+    watchdog::feed(&mut core).context("could not feed the watchdog")?;
     match Approtect::of(core.read_word_32(VARIANT)?, core.read_word_32(UICR_APPROTECT)?) {
         Approtect::Leave => return Ok(()),
         Approtect::WillLock => {
@@ -413,6 +414,9 @@ const MOST_RESTARTS: usize = 10;
 const DHCSR: u64 = 0xE000_EDF0;
 const S_RESET_ST: u32 = 1 << 25;
 
+/// What core it is (ARMv7-M ARM B3.2.3).
+const CPUID: u64 = 0xE000_ED00;
+
 /// Resets the core and shows its defmt log until it exits through semihosting (its code is ours), its time is over or
 /// it is interrupted. The log of a part that restarts meanwhile goes on from its new start.
 fn follow(session: &mut Session, elf: &Path, span: &Span<'_>, follow: Follow) -> Result<ExitCode> {
@@ -503,6 +507,14 @@ fn was_reset(core: &mut Core<'_>) -> Result<bool> {
 /// Has the core halt at a HardFault again, and at semihosting calls: of the resets of an nRF52840 only the soft ones
 /// leave that as it was (PS v1.7, 5.3.7.8). Answers whether a HardFault came before that.
 fn catch_again(core: &mut Core<'_>) -> Result<bool> {
+    // Those resets also close an nRF52840's debug port until the image opens it, some time after its start. Until then
+    // all reads zero, CPUID too, which never is, and a request to halt is lost.
+    let since = Instant::now();
+    while core.read_word_32(CPUID).context("lost the core")? == 0 {
+        if since.elapsed() >= CORE_TIMEOUT {
+            bail!("the debug port does not open after the restart");
+        }
+    }
     core.halt(CORE_TIMEOUT).context("the core does not halt")?;
     core.enable_vector_catch(VectorCatchCondition::HardFault).context("could not set the vector catch")?;
     if in_hard_fault(core)? {
@@ -576,6 +588,8 @@ fn drain(
         }
     }
 }
+
+mod watchdog;
 
 #[cfg(test)]
 mod on_bench;
