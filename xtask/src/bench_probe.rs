@@ -64,10 +64,9 @@ impl BenchBoard {
     }
 
     /// Its probe, which is unplugged together with the board's last user.
-    pub(crate) fn probe(&self) -> probe_rs::probe::Probe {
+    pub(crate) fn probe(&self) -> Box<dyn DebugProbe> {
         let name = format!("bench ({})", self.with(|on| on.wire.part_name()));
-        let probe = BenchProbe { board: self.clone(), name, khz: DEFAULT_KHZ, protocol: None };
-        probe_rs::probe::Probe::from_specific_probe(Box::new(probe))
+        Box::new(BenchProbe { board: self.clone(), name, khz: DEFAULT_KHZ, protocol: None })
     }
 
     fn with<T>(&self, act: impl FnOnce(&mut Switched) -> T) -> T {

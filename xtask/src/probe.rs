@@ -19,8 +19,10 @@ use probe_rs::flashing::{
     DownloadOptions, FileDownloadError, FlashError, FlashProgress, ProgressEvent, ProgressOperation,
     download_file_with_options, image_format,
 };
+use probe_rs::probe::cmsisdap::CmsisDapFactory;
+use probe_rs::probe::jlink::JLinkFactory;
 use probe_rs::probe::list::Lister;
-use probe_rs::probe::{DebugProbeInfo, DebugProbeSelector, Probe, WireProtocol};
+use probe_rs::probe::{DebugProbeInfo, DebugProbeSelector, Probe, ProbeFactory, WireProtocol};
 use probe_rs::rtt::Rtt;
 use probe_rs::semihosting::SemihostingCommand;
 use probe_rs::{
@@ -34,6 +36,8 @@ use crate::access::{
 use crate::bench_flash;
 use crate::bench_probe::BenchBoard;
 use crate::{Board, FlashArgs, ProbeArgs, firmware};
+
+use watchdog::Feeding;
 
 /// How long a core gets to do what a debugger asks.
 const CORE_TIMEOUT: Duration = Duration::from_secs(1);
@@ -109,7 +113,7 @@ pub(crate) fn flash(args: &FlashArgs) -> Result<ExitCode> {
 }
 
 fn flash_elf(args: &FlashArgs, probe: &Found, elf: &Path) -> Result<ExitCode> {
-    let mut session = attach(args.board, probe, &args.probe)?;
+    let (mut session, feeding) = attach(args.board, probe, &args.probe)?;
     write(&mut session, elf)?;
     if args.board == Board::Horus {
         set_brown_out_level(&mut session).context("could not set the brown-out level")?;
@@ -122,7 +126,7 @@ fn flash_elf(args: &FlashArgs, probe: &Found, elf: &Path) -> Result<ExitCode> {
     if let Found::Bench(board) = probe {
         board.save()?;
     }
-    let code = follow(&mut session, elf, &Span::of(probe, args.seconds), Follow::Firmware)?;
+    let code = follow((&mut session, &feeding), elf, &Span::of(probe, args.seconds), Follow::Firmware)?;
     drop(session);
     Ok(if say_findings(probe) { ExitCode::FAILURE } else { code })
 }
@@ -138,9 +142,9 @@ fn say_findings(probe: &Found) -> bool {
 /// Writes an ELF, runs it, shows its log and ends as it does: a semihosting exit gives the code.
 pub(crate) fn run(board: Board, elf: &Path, args: &ProbeArgs) -> Result<ExitCode> {
     let probe = choose(board, args)?;
-    let mut session = attach(board, &probe, args)?;
+    let (mut session, feeding) = attach(board, &probe, args)?;
     write(&mut session, elf)?;
-    let code = follow(&mut session, elf, &Span::Endless, Follow::Suite)?;
+    let code = follow((&mut session, &feeding), elf, &Span::Endless, Follow::Suite)?;
     drop(session);
     Ok(if say_findings(&probe) { ExitCode::FAILURE } else { code })
 }
@@ -180,12 +184,15 @@ fn listing(probes: &[DebugProbeInfo]) -> String {
     probes.iter().map(|probe| format!("\n  {probe}")).collect()
 }
 
-fn attach(board: Board, probe: &Found, args: &ProbeArgs) -> Result<Session> {
+fn attach(board: Board, probe: &Found, args: &ProbeArgs) -> Result<(Session, Feeding)> {
     // The library takes a part's name on trust: an STM32's absent access port 1 would read like a locked nRF52840's.
     if let Some(wrong) = look(probe, args)?.and_then(|seen| wrong_chip(board, seen, &probe.to_string())) {
         bail!(wrong);
     }
-    let (opened, khz) = open(probe, args)?;
+    let (opened, khz, feeding) = open(probe, args)?;
+    if board == Board::Horus {
+        feeding.end();
+    }
     if let Some(khz) = khz {
         eprintln!("SWD at {khz} kHz");
     }
@@ -198,20 +205,36 @@ fn attach(board: Board, probe: &Found, args: &ProbeArgs) -> Result<Session> {
     if board == Board::Dpr {
         keep_debug_port_open(&mut session).context("could not see to UICR.APPROTECT")?;
     }
-    Ok(session)
+    Ok((session, feeding))
 }
 
 /// Opens the probe. Answers the SWD clock in kHz, if one was asked for.
-fn open(probe: &Found, args: &ProbeArgs) -> Result<(Probe, Option<u32>)> {
-    let mut opened = match probe {
+/// The probe, the clock that it was told to make, and what ends that it feeds an nRF52840's watchdog.
+fn open(probe: &Found, args: &ProbeArgs) -> Result<(Probe, Option<u32>, Feeding)> {
+    let opened = match probe {
         Found::Usb(info) => {
-            info.open().with_context(|| format!("could not open {probe}: is another debugger using it?"))?
+            // Of the library's probes these speak in transfers, between which one can feed.
+            let drivers: [&dyn ProbeFactory; 2] = [&JLinkFactory, &CmsisDapFactory];
+            let selector = DebugProbeSelector::from(info);
+            drivers.into_iter().find_map(|driver| driver.open(&selector).ok())
         }
-        Found::Bench(board) => board.probe(),
+        Found::Bench(board) => Some(board.probe()),
+    };
+    let (mut opened, feeding) = match (opened, probe) {
+        (Some(opened), _) => {
+            let (opened, feeding) = watchdog::fed(opened);
+            (Probe::from_specific_probe(opened), feeding)
+        }
+        (None, Found::Usb(info)) => {
+            let opened =
+                info.open().with_context(|| format!("could not open {probe}: is another debugger using it?"))?;
+            (opened, Feeding::default())
+        }
+        (None, Found::Bench(_)) => unreachable!("the bench's probe is always there"),
     };
     opened.select_protocol(WireProtocol::Swd).context("the probe does not speak SWD")?;
     let khz = args.speed.map(|khz| opened.set_speed(khz).with_context(|| format!("the probe does not do {khz} kHz")));
-    Ok((opened, khz.transpose()?))
+    Ok((opened, khz.transpose()?, feeding))
 }
 
 /// What the probe is connected to; `None` where no debug port answers, which attaching will say. Only identification
@@ -224,7 +247,8 @@ fn look(probe: &Found, args: &ProbeArgs) -> Result<Option<Seen>> {
     const DBGMCU_IDCODE: u64 = 0xE004_2000;
     const INFO_PART: u64 = 0x1000_0100;
 
-    let (mut opened, _) = open(probe, args)?;
+    let (mut opened, _, feeding) = open(probe, args)?;
+    feeding.end();
     if opened.attach_to_unspecified().is_err() {
         return Ok(None);
     }
@@ -269,7 +293,6 @@ fn keep_debug_port_open(session: &mut Session) -> Result<()> {
     let mut core = session.core(0).context("could not reach the core")?;
     // So that no firmware uses the NVMC meanwhile.
     core.halt(CORE_TIMEOUT).context("the core does not halt")?;
-    watchdog::feed(&mut core).context("could not feed the watchdog")?;
     match Approtect::of(core.read_word_32(VARIANT)?, core.read_word_32(UICR_APPROTECT)?) {
         Approtect::Leave => return Ok(()),
         Approtect::WillLock => {
@@ -419,7 +442,12 @@ const CPUID: u64 = 0xE000_ED00;
 
 /// Resets the core and shows its defmt log until it exits through semihosting (its code is ours), its time is over or
 /// it is interrupted. The log of a part that restarts meanwhile goes on from its new start.
-fn follow(session: &mut Session, elf: &Path, span: &Span<'_>, follow: Follow) -> Result<ExitCode> {
+fn follow(
+    (session, feeding): (&mut Session, &Feeding),
+    elf: &Path,
+    span: &Span<'_>,
+    follow: Follow,
+) -> Result<ExitCode> {
     let data = std::fs::read(elf).with_context(|| format!("could not read {}", elf.display()))?;
     let table = Table::parse(&data)?.with_context(|| format!("{} carries no defmt log", elf.display()))?;
     let block = rtt_block(&data).with_context(|| format!("{} has no RTT control block", elf.display()))?;
@@ -436,6 +464,8 @@ fn follow(session: &mut Session, elf: &Path, span: &Span<'_>, follow: Follow) ->
     // The reset just now is ours.
     was_reset(&mut core)?;
     core.run().context("the core does not run")?;
+    // From here on its image has to do that.
+    feeding.end();
     let mut rtt = attach_log(&mut core, block)?;
     let mut restarts = 0;
     loop {

@@ -7,19 +7,24 @@
 //!
 //! | part | what is done | why |
 //! |---|---|---|
-//! | nRF52840 | fed in our halts and resets | soft resets do not end it; it cannot be stopped (PS v1.7, WDT) |
+//! | nRF52840 | fed between the probe's transfers ([`fed`]) | soft resets do not end it, nothing stops it (PS v1.7, WDT) |
 //! | STM32F429 | DBGMCU stops it in the first halt | a reset ends it; the image clears the bit (RM0090, 38.16.4) |
 //!
 //! Halting comes first, since an image that runs, or one half written that nothing feeds, would undo the rest.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Result, bail};
 use probe_rs::architecture::arm::memory::ArmMemoryInterface;
 use probe_rs::architecture::arm::sequences::ArmDebugSequence;
-use probe_rs::architecture::arm::{ArmDebugInterface, ArmError, FullyQualifiedApAddress};
+use probe_rs::architecture::arm::{
+    ArmCommunicationInterface, ArmDebugInterface, ArmError, DapProbe, FullyQualifiedApAddress, RawDapAccess,
+    RegisterAddress,
+};
 use probe_rs::config::{DebugSequence, Registry};
-use probe_rs::{Core, CoreType, MemoryInterface, Permissions, Target};
+use probe_rs::probe::{DebugProbe, DebugProbeError, WireProtocol};
+use probe_rs::{CoreStatus, CoreType, Permissions, Target};
 
 use super::DHCSR;
 use crate::Board;
@@ -29,9 +34,9 @@ use crate::access::chip;
 const HALT: u32 = 0xA05F_0003;
 const S_HALT: u32 = 1 << 17;
 
-/// WDT.RR[0] to RR[7] of the nRF52840, and what reloads it. Those that are not enabled take it for nothing.
-const RELOAD: u64 = 0x4001_0600;
-const RELOADS: [u32; 8] = [0x6E52_4635; 8];
+/// WDT.RR[0] of the nRF52840, the one that our image has enabled, and what reloads it.
+const RELOAD: u32 = 0x4001_0600;
+const RELOADED: u32 = 0x6E52_4635;
 
 /// DBGMCU_APB1_FZ of the STM32F429, and DBG_IWDG_STOP.
 const APB1_FREEZE: u64 = 0xE004_2008;
@@ -48,9 +53,186 @@ pub(super) fn target(board: Board) -> Result<Target> {
     Ok(target)
 }
 
-/// Feeds an nRF52840's watchdog.
-pub(super) fn feed(core: &mut Core<'_>) -> Result<(), probe_rs::Error> {
-    core.write_32(RELOAD, &RELOADS)
+/// A probe that feeds the watchdog of an nRF52840 between its transfers, and what ends that; the probe as it is where
+/// the library speaks to it otherwise than in transfers.
+pub(super) fn fed(mut probe: Box<dyn DebugProbe>) -> (Box<dyn DebugProbe>, Feeding) {
+    let feeding = Feeding(Arc::new(AtomicBool::new(true)));
+    if probe.try_as_dap_probe().is_none() {
+        return (probe, feeding);
+    }
+    (Box::new(Fed { probe, feeding: feeding.clone(), select: None, is_word: false, passed: 0 }), feeding)
+}
+
+/// Whether a watchdog is fed. It must not be while the image runs by itself.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Feeding(Arc<AtomicBool>);
+
+impl Feeding {
+    /// Nothing is fed from now on.
+    pub(super) fn end(&self) {
+        self.0.store(false, Ordering::Relaxed);
+    }
+}
+
+/// Registers of the AHB-AP in its bank 0 by A\[3:2\], and SELECT of the debug port (ADIv5.2 B2.2, C2.6).
+const CSW: u8 = 0x0;
+const TAR: u8 = 0x4;
+const DRW: u8 = 0xC;
+const SELECT: u8 = 0x8;
+
+/// CSW: accesses of a word.
+const SIZE: u32 = 7;
+const WORD: u32 = 2;
+
+/// The watchdog is fed once in so many writes of TAR, each of which comes with one transfer of data and more: at 1 ms
+/// for each of a probe's commands every 40 ms and more, and within 100 ms.
+const FEED_EVERY: u32 = 16;
+
+/// See [`fed`]. It feeds where the library is about to write TAR of the AHB-AP, so that it has nothing to restore.
+#[derive(Debug)]
+struct Fed {
+    probe: Box<dyn DebugProbe>,
+    feeding: Feeding,
+    /// SELECT, once it was written: access port and bank.
+    select: Option<u32>,
+    is_word: bool,
+    /// Writes of TAR since it was fed.
+    passed: u32,
+}
+
+impl Fed {
+    fn dap(&mut self) -> &mut dyn DapProbe {
+        self.probe.try_as_dap_probe().expect("asked when it was made")
+    }
+
+    /// The library is about to write a register.
+    fn writes(&mut self, address: RegisterAddress, value: u32) -> Result<(), ArmError> {
+        let register = address.a2_and_3();
+        match (address.is_ap(), register) {
+            (false, SELECT) => self.select = Some(value),
+            (true, CSW) if self.select == Some(0) => self.is_word = value & SIZE == WORD,
+            (true, TAR) if self.select == Some(0) && self.is_word && self.feeding.0.load(Ordering::Relaxed) => {
+                self.passed += 1;
+                if self.passed >= FEED_EVERY {
+                    self.passed = 0;
+                    self.dap().raw_write_register(address, RELOAD)?;
+                    return self.dap().raw_write_register(RegisterAddress::ApRegister(DRW), RELOADED);
+                }
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+}
+
+impl RawDapAccess for Fed {
+    fn raw_read_register(&mut self, address: RegisterAddress) -> Result<u32, ArmError> {
+        self.dap().raw_read_register(address)
+    }
+
+    fn raw_read_block(&mut self, address: RegisterAddress, values: &mut [u32]) -> Result<(), ArmError> {
+        self.dap().raw_read_block(address, values)
+    }
+
+    fn raw_write_register(&mut self, address: RegisterAddress, value: u32) -> Result<(), ArmError> {
+        self.writes(address.clone(), value)?;
+        self.dap().raw_write_register(address, value)
+    }
+
+    fn raw_write_block(&mut self, address: RegisterAddress, values: &[u32]) -> Result<(), ArmError> {
+        self.dap().raw_write_block(address, values)
+    }
+
+    fn raw_flush(&mut self) -> Result<(), ArmError> {
+        self.dap().raw_flush()
+    }
+
+    fn configure_jtag(&mut self, skip_scan: bool) -> Result<(), DebugProbeError> {
+        self.dap().configure_jtag(skip_scan)
+    }
+
+    fn jtag_sequence(&mut self, cycles: u8, tms: bool, tdi: u64) -> Result<(), DebugProbeError> {
+        self.dap().jtag_sequence(cycles, tms, tdi)
+    }
+
+    fn swj_sequence(&mut self, bit_len: u8, bits: u64) -> Result<(), DebugProbeError> {
+        self.dap().swj_sequence(bit_len, bits)
+    }
+
+    fn swj_pins(&mut self, pin_out: u32, pin_select: u32, pin_wait: u32) -> Result<u32, DebugProbeError> {
+        self.dap().swj_pins(pin_out, pin_select, pin_wait)
+    }
+
+    fn into_probe(self: Box<Self>) -> Box<dyn DebugProbe> {
+        self
+    }
+
+    fn core_status_notification(&mut self, state: CoreStatus) -> Result<(), DebugProbeError> {
+        self.dap().core_status_notification(state)
+    }
+}
+
+impl DapProbe for Fed {}
+
+impl DebugProbe for Fed {
+    fn get_name(&self) -> &str {
+        self.probe.get_name()
+    }
+
+    fn speed_khz(&self) -> u32 {
+        self.probe.speed_khz()
+    }
+
+    fn set_speed(&mut self, speed_khz: u32) -> Result<u32, DebugProbeError> {
+        self.probe.set_speed(speed_khz)
+    }
+
+    fn attach(&mut self) -> Result<(), DebugProbeError> {
+        self.probe.attach()
+    }
+
+    fn detach(&mut self) -> Result<(), probe_rs::Error> {
+        self.probe.detach()
+    }
+
+    fn target_reset(&mut self) -> Result<(), DebugProbeError> {
+        self.probe.target_reset()
+    }
+
+    fn target_reset_assert(&mut self) -> Result<(), DebugProbeError> {
+        self.probe.target_reset_assert()
+    }
+
+    fn target_reset_deassert(&mut self) -> Result<(), DebugProbeError> {
+        self.probe.target_reset_deassert()
+    }
+
+    fn select_protocol(&mut self, protocol: WireProtocol) -> Result<(), DebugProbeError> {
+        self.probe.select_protocol(protocol)
+    }
+
+    fn active_protocol(&self) -> Option<WireProtocol> {
+        self.probe.active_protocol()
+    }
+
+    fn has_arm_interface(&self) -> bool {
+        true
+    }
+
+    fn try_get_arm_debug_interface<'probe>(
+        self: Box<Self>,
+        sequence: Arc<dyn ArmDebugSequence>,
+    ) -> Result<Box<dyn ArmDebugInterface + 'probe>, (Box<dyn DebugProbe>, ArmError)> {
+        Ok(ArmCommunicationInterface::create(self, sequence, false))
+    }
+
+    fn into_probe(self: Box<Self>) -> Box<dyn DebugProbe> {
+        self
+    }
+
+    fn try_as_dap_probe(&mut self) -> Option<&mut dyn DapProbe> {
+        Some(self)
+    }
 }
 
 /// The library's sequence for a part, between whose steps the watchdog is seen to. What the library has of its own for
@@ -64,7 +246,7 @@ struct Watched {
 impl Watched {
     fn see_to(&self, memory: &mut dyn ArmMemoryInterface) -> Result<(), ArmError> {
         match self.board {
-            Board::Dpr => memory.write_32(RELOAD, &RELOADS),
+            Board::Dpr => memory.write_word_32(RELOAD.into(), RELOADED),
             Board::Horus => {
                 let stopped = memory.read_word_32(APB1_FREEZE)?;
                 memory.write_word_32(APB1_FREEZE, stopped | IWDG_STOP)
@@ -103,21 +285,6 @@ impl ArmDebugSequence for Watched {
             }
         }
         Err(ArmError::Timeout)
-    }
-
-    /// The last that happens between a reset with the core halted and what the library or we then do with it.
-    fn reset_catch_clear(
-        &self,
-        core: &mut dyn ArmMemoryInterface,
-        core_type: CoreType,
-        debug_base: Option<u64>,
-    ) -> Result<(), ArmError> {
-        self.library.reset_catch_clear(core, core_type, debug_base)?;
-        match self.board {
-            Board::Dpr => core.write_32(RELOAD, &RELOADS),
-            // The reset ended it.
-            Board::Horus => Ok(()),
-        }
     }
 
     fn debug_core_stop(&self, memory: &mut dyn ArmMemoryInterface, core_type: CoreType) -> Result<(), ArmError> {
