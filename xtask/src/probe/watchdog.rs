@@ -135,7 +135,7 @@ impl RawDapAccess for Fed {
     }
 
     fn raw_write_register(&mut self, address: RegisterAddress, value: u32) -> Result<(), ArmError> {
-        self.writes(address.clone(), value)?;
+        self.writes(address, value)?;
         self.dap().raw_write_register(address, value)
     }
 
