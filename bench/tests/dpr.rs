@@ -132,14 +132,17 @@ fn a_dpr_whose_crystal_is_dead_stops_by_name() {
 fn a_flight_controller_whose_mosi_nobody_drives_reads_the_image_for_ever_and_violates_nothing() {
     let Some(mut node) = boards::dpr() else { return };
     pass(&mut node, 50 * MS);
-    let mut read = 0;
+    let (mut read, mut silent) = (0, 0);
     while node.now() < 1_000 * MS {
         // Whole images, and parts that are shorter than a request or than what it can bring in.
         let bytes = [layout().image_len(), 96, 7, 32, 8, 1][read as usize % 6];
         let miso = transact(&mut node, bytes, 0xFF);
         if bytes >= 32 {
             let shown = View::of(node.now(), &miso);
-            assert!(shown.link.is_some(), "transaction {read} of {bytes} bytes: {miso:02x?}");
+            // One that meets the DPR while it puts a new image in reads ones throughout; how many those are is below.
+            let is_busy = miso.iter().all(|byte| *byte == 0xFF);
+            assert!(shown.link.is_some() || is_busy, "transaction {read} of {bytes} bytes: {miso:02x?}");
+            silent += usize::from(is_busy);
         }
         read += 1;
         pass(&mut node, 2 * MS);
@@ -149,7 +152,7 @@ fn a_flight_controller_whose_mosi_nobody_drives_reads_the_image_for_ever_and_vio
     // One that met the DPR while it put a new image in was not granted, and so not counted.
     let events = node.input(|part, _, _| part.take_spis_events());
     let busy = events.iter().filter(|(.., event)| *event == SpisEvent::Busy).count();
-    assert!(busy <= 2, "{busy} of {read}");
+    assert!(silent <= busy && busy <= 2, "{busy} of {read}, {silent} of them seen");
     let granted = count(&node, std::mem::offset_of!(Telemetry, ssi_transactions));
     assert_eq!(granted + u32::try_from(busy).unwrap(), read);
     let link = view(&mut node).link.expect("Link-Status");
