@@ -7,7 +7,7 @@
 //!
 //! | part | what is done | why |
 //! |---|---|---|
-//! | nRF52840 | fed between the probe's transfers ([`fed`]) | soft resets do not end it, nothing stops it (PS v1.7, WDT) |
+//! | nRF52840 | fed between the probe's transfers ([`fed`]) | soft resets do not end it, nothing stops it (PS v1.7) |
 //! | STM32F429 | DBGMCU stops it in the first halt | a reset ends it; the image clears the bit (RM0090, 38.16.4) |
 //!
 //! Halting comes first, since an image that runs, or one half written that nothing feeds, would undo the rest.
@@ -34,7 +34,7 @@ use crate::access::chip;
 const HALT: u32 = 0xA05F_0003;
 const S_HALT: u32 = 1 << 17;
 
-/// WDT.RR[0] of the nRF52840, the one that our image has enabled, and what reloads it.
+/// Register `WDT.RR[0]` of the nRF52840, the one that our image has enabled, and what reloads it.
 const RELOAD: u32 = 0x4001_0600;
 const RELOADED: u32 = 0x6E52_4635;
 
