@@ -17,6 +17,7 @@
 #![allow(unsafe_code)]
 
 use core::{
+    cell::Cell,
     ops::Range,
     sync::atomic::{compiler_fence, AtomicU32, Ordering},
 };
@@ -165,12 +166,18 @@ impl SpiSource {
     fn take(&mut self) {
         compiler_fence(Ordering::Acquire);
         let is_old = self.polling.is_old();
-        let filter = &mut self.filter;
-        let bytes = IN.iter().flat_map(|word| {
-            let word = word.load(Ordering::Relaxed);
-            let is_filler = word == FILLER_WORD && filter.skips();
-            let kept = word.to_ne_bytes().map(|byte| (!is_filler && filter.keeps(byte)).then_some(byte));
-            kept.into_iter().flatten()
+        let filter = Cell::from_mut(&mut self.filter);
+        let words = IN.iter().map(|word| word.load(Ordering::Relaxed)).filter(|word| {
+            let mut state = filter.get();
+            let is_filler = *word == FILLER_WORD && state.skips();
+            filter.set(state);
+            !is_filler
+        });
+        let bytes = words.flat_map(u32::to_ne_bytes).filter(|byte| {
+            let mut state = filter.get();
+            let is_kept = state.keeps(*byte);
+            filter.set(state);
+            is_kept
         });
         let brought = if is_old {
             bytes.count() > 0
