@@ -269,9 +269,10 @@ fn each_board_that_hangs_and_both_are_restarted_by_their_watchdogs_and_the_link_
     }
 }
 
-/// How long after the death of a task its board has to be restarted, ns.
+/// How long after the death of a task its board has to be restarted, ns, where the flight controller ends each of its
+/// transactions.
 const fn bitten_within(board: Board) -> u64 {
-    bounds::CHECKED_IN
+    bounds::CHECKED_IN[Board::Horus as usize]
         + match board {
             Board::Horus => bounds::WATCHDOG_LONGEST,
             Board::Dpr => bounds::DPR_WATCHDOG_LONGEST,
@@ -305,6 +306,18 @@ fn whichever_task_of_a_board_is_dead_its_watchdog_bites_and_the_link_recovers() 
         }
     }
     assert!(wrong.is_empty(), "{wrong:#?}");
+}
+
+#[test]
+fn a_dead_task_beside_any_flight_controller_ends_in_a_restart_in_time() {
+    for (nth, conduct) in (0..).zip(Conduct::ALL) {
+        let at = BEGINS + 370 * US * nth;
+        let dead = Fault::DeadTask(Board::Dpr, 2 + (nth % 3) as u8);
+        let faults = Faults::none().with(at, at, dead.clone());
+        let faults = faults.with(at - 20 * MS, at + 200 * MS, Fault::FlightController(conduct));
+        let Some(setup) = setup(faults, at + AFTER) else { return };
+        assert_eq!(outcome(&setup).report.violations, [""; 0], "{dead:?} beside {conduct:?}");
+    }
 }
 
 #[test]

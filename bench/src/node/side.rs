@@ -1,5 +1,7 @@
 //! What a core reaches while it runs: the part, the board around it, and the clock between them.
 
+use std::collections::VecDeque;
+
 use bench_seam::{Clock, Cycle, NEVER, Part, Reset, Timebase};
 use cortex_m4::{Access, Bound, Bus, BusError, Signals, Width};
 
@@ -12,16 +14,17 @@ const PERIPHERALS: u32 = 0x4000_0000;
 /// Where RAM begins: below is code.
 const RAM: u32 = 0x2000_0000;
 
+/// So many clocks of before are kept: a restart changes it three times.
+const CHANGES: usize = 16;
+
 /// All of a node that its core reaches while it runs: the part, the board and the clock.
 #[derive(Clone, Debug)]
 pub(super) struct Side<B: Board> {
     pub(super) part: B::Part,
     pub(super) board: B,
     pub(super) time: Timebase,
-    /// The clock before its last change: the time of the cycles before that.
-    before: Timebase,
-    /// The cycle of that change.
-    changed_at: Cycle,
+    /// The clocks before its last changes, each with the cycle at which it ended, the oldest first.
+    before: VecDeque<(Cycle, Timebase)>,
     pub(super) clock: Clock,
     /// The core was awake, in ns, up to the last change of its clock; and its awake cycles then.
     pub(super) awake: (u64, u64),
@@ -61,8 +64,7 @@ impl<B: Board> Side<B> {
             part,
             board,
             time,
-            before: time,
-            changed_at: 0,
+            before: VecDeque::new(),
             clock,
             awake: (0, 0),
             touched: true,
@@ -194,7 +196,10 @@ impl<B: Board> Side<B> {
             // The core may be within an instruction that lasts beyond this.
             let cycles = (at - idle).max(self.awake.1);
             self.awake = (self.awake.0 + self.scaled(cycles - self.awake.1), cycles);
-            (self.before, self.changed_at) = (self.time, at);
+            if self.before.len() == CHANGES {
+                self.before.pop_front();
+            }
+            self.before.push_back((at, self.time));
             self.time.change(at, clock.hz, clock.ppb);
             self.board_event = self.board.next_event();
             self.board_due = self.time.cycle(self.board_event);
@@ -209,9 +214,10 @@ impl<B: Board> Side<B> {
         (self.idle, self.idle_from) = (idle, rests.then_some(cycle));
     }
 
-    /// When `cycle` was, in ns; it lies no further back than the last change of the clock but one.
-    pub(super) fn past(&self, cycle: Cycle) -> u64 {
-        if cycle < self.changed_at { self.before.ns(cycle) } else { self.time.ns(cycle) }
+    /// When `cycle` was or will be, in ns: exact unless the clock has changed more than [`CHANGES`] times since.
+    pub(super) fn ns(&self, cycle: Cycle) -> u64 {
+        let then = self.before.iter().find(|(until, _)| cycle < *until);
+        then.map_or(&self.time, |(_, time)| time).ns(cycle)
     }
 
     /// So many cycles at the present rate, in ns.

@@ -18,10 +18,10 @@ impl<B: Board, C: Cost> Node<B, C> {
         self.side.time.ns(self.present())
     }
 
-    /// When `cycle` of this board's core begins, in virtual nanoseconds. Exact since the clock tree last changed.
+    /// When `cycle` of this board's core begins, in virtual nanoseconds: by the clock that it had then.
     #[must_use]
     pub fn ns(&self, cycle: Cycle) -> u64 {
-        self.side.time.ns(cycle)
+        self.side.ns(cycle)
     }
 
     /// The first cycle of this board's core that begins at `ns` or later.

@@ -92,6 +92,6 @@ impl<B: Board, C: Cost> Node<B, C> {
     pub(super) fn note_tasks(&mut self) {
         let Some(tasks) = &mut self.tasks else { return };
         let side = &self.side;
-        tasks.extend(self.core.take_exceptions().into_iter().map(|(cycle, active)| (side.past(cycle), active)));
+        tasks.extend(self.core.take_exceptions().into_iter().map(|(cycle, active)| (side.ns(cycle), active)));
     }
 }
