@@ -72,8 +72,9 @@ pub const WATCHDOG_FED: u64 = 40_000_000;
 /// much again, since parts were seen that keep that narrowly.
 pub const DPR_WATCHDOG_LONGEST: u64 = 104_000_000;
 /// A task that died had checked in within this before, and the watchdog is fed once more for that: every task checks in
-/// once a cycle, and the DPR's deadline comes after 12.5 ms.
-pub const CHECKED_IN: u64 = FRAME_DEADLINE + CYCLE;
+/// once a cycle, and the DPR's deadline comes after 12.5 ms. HORUS's, and the DPR's: its SSI task waits three deadlines
+/// more for the end of a transaction before it checks in without one (`dpr_fw::ssi`).
+pub const CHECKED_IN: [u64; 2] = [FRAME_DEADLINE + CYCLE, 4 * FRAME_DEADLINE + CYCLE];
 /// HORUS takes what its objects say after the tick and before the first slot, 0.12 ms after it at the latest
 /// (docs/design.md#timing and `profile::air::send_slot_us`): a message that arrived later is not in them. With a
 /// margin, since what arrives in between may be in them or not.

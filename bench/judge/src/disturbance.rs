@@ -222,8 +222,8 @@ impl Disturbance {
         const REPLACED: End = After(bounds::BUFFER_REPLACED);
         // A test that is under way when the bit is hit.
         const TESTED: End = After(bounds::SELF_TEST);
-        const HORUS_DEAD: End = After(bounds::FIRST_WATCHDOG_LONGEST + bounds::CHECKED_IN);
-        const DPR_DEAD: End = After(bounds::DPR_WATCHDOG_LONGEST + bounds::CHECKED_IN);
+        const HORUS_DEAD: End = After(bounds::FIRST_WATCHDOG_LONGEST + bounds::CHECKED_IN[Horus as usize]);
+        const DPR_DEAD: End = After(bounds::DPR_WATCHDOG_LONGEST + bounds::CHECKED_IN[Dpr as usize]);
         match self {
             Self::FrontEnd { board: Horus, .. } => &[
                 (Excuse::Sending, RECOVERY),
@@ -546,8 +546,8 @@ mod tests {
         let (recovery, replaced) = (Some(bounds::FRONT_END_RECOVERY), Some(bounds::BUFFER_REPLACED));
         let horus = Board::Horus;
         let tested = Some(bounds::SELF_TEST);
-        let horus_dead = Some(bounds::FIRST_WATCHDOG_LONGEST + bounds::CHECKED_IN);
-        let dpr_dead = Some(bounds::DPR_WATCHDOG_LONGEST + bounds::CHECKED_IN);
+        let horus_dead = Some(bounds::FIRST_WATCHDOG_LONGEST + bounds::CHECKED_IN[Board::Horus as usize]);
+        let dpr_dead = Some(bounds::DPR_WATCHDOG_LONGEST + bounds::CHECKED_IN[Board::Dpr as usize]);
         for (disturbs, expected) in [
             (
                 HORUS_FRONT_END,

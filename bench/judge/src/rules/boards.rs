@@ -152,7 +152,7 @@ impl Boards {
                     && context.running(board).dead == Some(at)
                 {
                     let longest = watchdog_longest(board, at - context.running(board).since);
-                    self.restart_by(board, at + longest + bounds::CHECKED_IN);
+                    self.restart_by(board, at + longest + bounds::CHECKED_IN[board as usize]);
                 }
             }
             What::Field { on } => {
@@ -497,7 +497,7 @@ mod tests {
                 events.add(50 * MS, injected(Disturbance::DeadTask { board, task: 1 }, 50 * MS));
                 broken(events.add(50 * MS + after, what).end(600 * MS))
             };
-            let longest = LONGEST[nth] + bounds::CHECKED_IN;
+            let longest = LONGEST[nth] + bounds::CHECKED_IN[nth];
             let bites = || reset(board, "Watchdog(\"WDT\")");
             assert_eq!(dead(longest, bites()), []);
             assert_eq!(dead(longest + 1, bites()), [(STAYS[nth], 1, 50 * MS + longest)], "told once");
