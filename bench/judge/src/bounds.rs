@@ -71,10 +71,11 @@ pub const WATCHDOG_FED: u64 = 40_000_000;
 /// The same of the DPR's: 100 ms by an RC oscillator of 32.768 kHz that may be off by 2 % (nRF52840 PS 5.4), and as
 /// much again, since parts were seen that keep that narrowly.
 pub const DPR_WATCHDOG_LONGEST: u64 = 104_000_000;
-/// A task that died had checked in within this before, and the watchdog is fed once more for that: every task checks in
-/// once a cycle, and the DPR's deadline comes after 12.5 ms. HORUS's, and the DPR's: its SSI task waits three deadlines
-/// more for the end of a transaction before it checks in without one (`dpr_fw::ssi`).
-pub const CHECKED_IN: [u64; 2] = [FRAME_DEADLINE + CYCLE, 4 * FRAME_DEADLINE + CYCLE];
+/// A task that died had checked in before, and the watchdog is fed once more for that, within this: every task of HORUS
+/// checks in once a cycle. The DPR's SSI task may do so only with the end of a transaction (`dpr_fw::ssi`), which a flight
+/// controller that misbehaves puts off, for good if the scrub task is dead, which asks for signs of life. Then the
+/// watchdog bites before, unless it is fed just in time.
+pub const CHECKED_IN: [u64; 2] = [FRAME_DEADLINE + CYCLE, DPR_WATCHDOG_LONGEST];
 /// HORUS takes what its objects say after the tick and before the first slot, 0.12 ms after it at the latest
 /// (docs/design.md#timing and `profile::air::send_slot_us`): a message that arrived later is not in them. With a
 /// margin, since what arrives in between may be in them or not.

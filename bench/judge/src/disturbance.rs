@@ -530,7 +530,7 @@ mod tests {
     }
 
     fn reset(board: Board) -> What {
-        What::Reset { board, cause: "a test".into(), asked: true }
+        What::Reset { board, cause: crate::Cause::Pin, asked: true }
     }
 
     /// What is excused, and for how long after the cause has gone, ns; nothing for until the next start.

@@ -38,6 +38,26 @@ pub enum Board {
     Dpr,
 }
 
+/// What restarts a board's microcontroller.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Cause {
+    /// The supply came on.
+    PowerOn,
+    /// The supply fell below the part's threshold for a moment.
+    BrownOut,
+    /// The reset pin.
+    Pin,
+    /// A watchdog.
+    Watchdog,
+    /// The core locked up.
+    Lockup,
+    /// The firmware.
+    Software,
+    /// The part woke from a sleep that ends so.
+    Wakeup,
+}
+
 /// Bytes; in a stored log two hexadecimal digits each.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Bytes(pub Vec<u8>);
@@ -107,8 +127,8 @@ pub enum What {
     Reset {
         /// Which.
         board: Board,
-        /// In words.
-        cause: String,
+        /// Why.
+        cause: Cause,
         /// The bench did it on purpose: the pin, the supply.
         asked: bool,
     },
@@ -272,6 +292,8 @@ pub enum What {
     Finding {
         /// On which board.
         board: Board,
+        /// Its core has met a fault or locked up: the board does nothing but restart from now on.
+        fault: bool,
         /// In words.
         text: String,
     },

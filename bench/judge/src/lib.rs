@@ -40,7 +40,7 @@ mod violation;
 
 pub use context::Context;
 pub use disturbance::{Disturbance, Disturbances};
-pub use event::{Board, Bytes, Event, Header, SsiEvent, What};
+pub use event::{Board, Bytes, Cause, Event, Header, SsiEvent, What};
 pub use figures::{Exclusion, Faults, Figures, Max, Quantiles, Span, Voter};
 pub use log::{Log, LogError, LogWriter};
 pub use verdict::{Broken, Findings, Verdict};

@@ -4,7 +4,7 @@ use profile::{GpsValues, Identifier, Layout, ReportedValues};
 
 use crate::disturbance::{Conduct, Harm, Memory};
 use crate::{
-    Board, Broken, Bytes, Context, Disturbance, Event, Figures, Findings, Header, Log, Violation, What, bounds,
+    Board, Broken, Bytes, Cause, Context, Disturbance, Event, Figures, Findings, Header, Log, Violation, What, bounds,
 };
 
 /// ns in a millisecond.
@@ -72,7 +72,7 @@ impl Events {
 
     /// HORUS starts anew.
     pub(crate) fn reset(&mut self, at: u64, board: Board, asked: bool) -> &mut Self {
-        self.add(at, What::Reset { board, cause: "a test".to_owned(), asked })
+        self.add(at, What::Reset { board, cause: Cause::PowerOn, asked })
     }
 
     /// `cycles` cycles from the tick at `first` on, which is the first of a start of HORUS.

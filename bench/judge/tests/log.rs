@@ -2,7 +2,9 @@
 
 mod common;
 
-use bench_judge::{Board, Bytes, Disturbance, Event, Header, Judge, Log, LogError, LogWriter, SsiEvent, What, judge};
+use bench_judge::{
+    Board, Bytes, Cause, Disturbance, Event, Header, Judge, Log, LogError, LogWriter, SsiEvent, What, judge,
+};
 use common::*;
 use proptest::prelude::*;
 
@@ -17,7 +19,7 @@ fn one_of_each() -> Vec<What> {
     let text = || "line 1\nline 2 \"\u{e9}\"".to_owned();
     vec![
         What::Power { board: Board::Horus, on: true },
-        What::Reset { board: Board::Dpr, cause: text(), asked: false },
+        What::Reset { board: Board::Dpr, cause: Cause::Watchdog, asked: false },
         injected(Disturbance::Air, u64::MAX),
         What::Hung { board: Board::Dpr },
         What::Crystal { board: Board::Horus, works: false },
@@ -41,7 +43,7 @@ fn one_of_each() -> Vec<What> {
         What::Forwarded { profile: vec![9].into() },
         What::Arrived { profile: vec![9].into(), shown: 0xFF },
         What::Station { age_us: Some(5), alarms: vec![text()] },
-        What::Finding { board: Board::Horus, text: text() },
+        What::Finding { board: Board::Horus, fault: true, text: text() },
         What::Misuse { board: Board::Dpr, text: text() },
         What::Late { board: Board::Dpr, text: "3 ns".into() },
         What::Counter { board: Board::Horus, name: "frames_skipped".into(), value: None },
@@ -237,7 +239,7 @@ fn what() -> impl Strategy<Value = What> {
     let ssi = prop_oneof![Just(SsiEvent::Held), Just(SsiEvent::Released), Just(SsiEvent::Ready), Just(SsiEvent::Busy)];
     prop_oneof![
         2 => (board(), any::<bool>()).prop_map(|(board, on)| What::Power { board, on }),
-        1 => (board(), ".*", any::<bool>()).prop_map(|(board, cause, asked)| What::Reset { board, cause, asked }),
+        1 => (board(), any::<bool>()).prop_map(|(board, asked)| What::Reset { board, cause: Cause::Lockup, asked }),
         1 => (".*", disturbance, any::<u64>())
             .prop_map(|(kind, disturbs, until)| What::Injected { kind, disturbs, until }),
         2 => Just(What::Tick),
@@ -257,7 +259,7 @@ fn what() -> impl Strategy<Value = What> {
         6 => (bytes(), image).prop_map(|(mosi, miso)| What::Transaction { selected: 0, mosi, miso: miso.into() }),
         2 => bytes().prop_map(|profile| What::Forwarded { profile }),
         2 => (bytes(), any::<u8>()).prop_map(|(profile, shown)| What::Arrived { profile, shown }),
-        1 => (board(), ".*").prop_map(|(board, text)| What::Finding { board, text }),
+        1 => (board(), any::<bool>(), ".*").prop_map(|(board, fault, text)| What::Finding { board, fault, text }),
         1 => (board(), "[a-z]*", any::<Option<u32>>())
             .prop_map(|(board, name, value)| What::Counter { board, name, value }),
     ]

@@ -1,6 +1,7 @@
 //! What either board tells the log: restarts, findings, and what goes wrong there on purpose.
 
-use bench_judge::{Board as Side, Event, What};
+use bench_judge::{Board as Side, Cause, Event, What};
+use bench_seam::Reset;
 use cortex_m4::Cost;
 use st25r3916_model::Chip;
 
@@ -15,9 +16,22 @@ pub(super) fn injected(now: u64, episode: &Episode) -> What {
     What::Injected { kind: fault.name(), disturbs: fault.disturbs(), until: (*until).max(now) }
 }
 
+/// Why a part has restarted.
+const fn cause(reset: Reset) -> Cause {
+    match reset {
+        Reset::PowerOn => Cause::PowerOn,
+        Reset::BrownOut => Cause::BrownOut,
+        Reset::Pin => Cause::Pin,
+        Reset::Watchdog(_) => Cause::Watchdog,
+        Reset::Lockup => Cause::Lockup,
+        Reset::Software => Cause::Software,
+        Reset::Wakeup(_) => Cause::Wakeup,
+    }
+}
+
 /// A fault that cannot be injected must not look like one that was.
 fn no_task(board: Side, task: u8) -> What {
-    What::Finding { board, text: format!("a fault could not be injected: there is no task {task}") }
+    What::Finding { board, fault: false, text: format!("a fault could not be injected: there is no task {task}") }
 }
 
 /// Events of one board since they were last taken.
@@ -71,7 +85,10 @@ impl BoardEvents {
             let board = self.side;
             let what = match finding.kind {
                 FindingKind::Late => What::Late { board, text: finding.text.clone() },
-                _ => What::Finding { board, text: finding.to_string() },
+                kind => {
+                    let fault = matches!(kind, FindingKind::HardFault | FindingKind::Lockup);
+                    What::Finding { board, fault, text: finding.to_string() }
+                }
             };
             self.events.push(Event { at: finding.at, what });
         }
@@ -80,7 +97,7 @@ impl BoardEvents {
 
     fn note_restarts<B: Powered, C: Cost>(&mut self, node: &Node<B, C>, asked: bool) {
         for reset in &node.resets()[self.restarts..] {
-            let what = What::Reset { board: self.side, cause: format!("{:?}", reset.cause), asked };
+            let what = What::Reset { board: self.side, cause: cause(reset.cause), asked };
             self.events.push(Event { at: reset.at, what });
             self.warned = false;
             self.without_crystal = B::cannot_start(node.part());
@@ -189,6 +206,6 @@ impl BoardEvents {
     /// A fault that cannot be injected must not look like one that was.
     fn refused(&mut self, now: u64, error: &crate::node::Error) {
         let text = format!("a fault could not be injected: {error}");
-        self.note(now, What::Finding { board: self.side, text });
+        self.note(now, What::Finding { board: self.side, fault: false, text });
     }
 }

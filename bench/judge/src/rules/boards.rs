@@ -42,7 +42,7 @@
 use std::collections::BTreeMap;
 
 use crate::disturbance::{complaints, front_end_use};
-use crate::{Board, Context, Disturbance, Event, Figures, Findings, Header, Violation, What, bounds};
+use crate::{Board, Cause, Context, Disturbance, Event, Figures, Findings, Header, Violation, What, bounds};
 
 /// A violation of HORUS, and its like of the DPR.
 #[derive(Clone, Copy)]
@@ -132,7 +132,7 @@ impl Boards {
             What::Reset { board, cause, asked } => {
                 self.restart_due[*board as usize] = None;
                 self.starts(*board, at);
-                let ends_hang = context.running(*board).ended_hang && is_of_watchdog(cause);
+                let ends_hang = context.running(*board).ended_hang && *cause == Cause::Watchdog;
                 if !asked && !ends_hang {
                     self.restarted = Some((*board, at));
                     // The fault that ended in this restart is told by it.
@@ -140,7 +140,7 @@ impl Boards {
                         of == board && at <= fault_at + bounds::WATCHDOG_LONGEST
                     };
                     self.faulted.retain(|fault| !ended_so(fault));
-                    findings.add(Of::RESTARTED.board(*board), at, || cause.clone());
+                    findings.add(Of::RESTARTED.board(*board), at, || format!("{cause:?}"));
                 }
             }
             What::Injected { kind, disturbs, .. } => {
@@ -170,12 +170,12 @@ impl Boards {
                 self.explained[Board::Dpr as usize] |= !whole || !as_sent;
             }
             // The restart that a lockup is stands before it.
-            What::Finding { board, text } if is_fault(text) => {
+            What::Finding { board, fault: true, text } => {
                 if self.restarted != Some((*board, at)) {
                     self.faulted.push((*board, at, text.clone()));
                 }
             }
-            What::Finding { board, text } => findings.add(Of::FINDING.board(*board), at, || text.clone()),
+            What::Finding { board, text, .. } => findings.add(Of::FINDING.board(*board), at, || text.clone()),
             // A firmware that does not know, or cannot read, what its front end is doing goes on using it.
             What::Misuse { board, .. } if context.disturbances().excuse(front_end_use(*board), at) => {}
             What::Misuse { board, .. } if context.running(*board).hung.is_some() => {}
@@ -270,16 +270,6 @@ const fn start_work(board: Board) -> u64 {
     }
 }
 
-/// Whether a reset's cause in words is the part's watchdog.
-fn is_of_watchdog(cause: &str) -> bool {
-    cause.to_lowercase().contains("watchdog")
-}
-
-/// Whether the words of a finding are those of a fault of the core, after which the board does nothing but restart.
-fn is_fault(text: &str) -> bool {
-    ["HardFault: ", "Lockup: "].iter().any(|kind| text.contains(kind))
-}
-
 /// Whether a firmware counts faults under this name.
 fn counts_faults(board: Board, name: &str) -> bool {
     let name = name.rsplit('.').next().unwrap_or(name);
@@ -341,8 +331,8 @@ mod tests {
         let text = || "in words".to_owned();
         let all = |board| {
             [
-                What::Reset { board, cause: text(), asked: false },
-                What::Finding { board, text: text() },
+                What::Reset { board, cause: Cause::Software, asked: false },
+                What::Finding { board, fault: false, text: text() },
                 What::Misuse { board, text: text() },
                 What::Load { board, per_10_000: 2 * bounds::LOAD_PER_10_000 + 1 },
             ]
@@ -388,8 +378,8 @@ mod tests {
 
     #[test]
     fn a_fault_of_a_core_is_told_by_the_restart_that_ends_it_or_by_itself() {
-        let fault = || What::Finding { board: Board::Dpr, text: "20 ms  HardFault: bus error".into() };
-        let restart = |board| What::Reset { board, cause: "Watchdog".into(), asked: false };
+        let fault = || What::Finding { board: Board::Dpr, fault: true, text: "20 ms  HardFault: bus error".into() };
+        let restart = |board| What::Reset { board, cause: Cause::Watchdog, asked: false };
         let told = |board, after: u64| {
             let mut events = run();
             events.add(30 * MS, fault()).add(30 * MS + after, restart(board));
@@ -424,15 +414,15 @@ mod tests {
         broken(&events)
     }
 
-    fn reset(board: Board, cause: &str) -> What {
-        What::Reset { board, cause: cause.into(), asked: false }
+    fn reset(board: Board, cause: Cause) -> What {
+        What::Reset { board, cause, asked: false }
     }
 
     #[test]
     fn the_watchdogs_reset_of_a_board_that_hangs_is_asked_for_and_must_come_in_time() {
         for (nth, board) in BOARDS.into_iter().enumerate() {
             let longest = LONGEST[nth];
-            let bites = || reset(board, "Watchdog(\"WDT\")");
+            let bites = || reset(board, Cause::Watchdog);
             let stays = (STAYS[nth], 1, 50 * MS + longest);
             assert_eq!(hung(board, 20 * MS, bites()), []);
             assert_eq!(hung(board, longest, bites()), []);
@@ -444,7 +434,7 @@ mod tests {
             assert_eq!(broken(&events), [(RESTARTED[nth], 1, 70 * MS)]);
             let other = BOARDS[1 - nth];
             let of_other = (RESTARTED[1 - nth], 1, 70 * MS);
-            let mut told = hung(board, 20 * MS, reset(other, "Watchdog(\"WDT\")"));
+            let mut told = hung(board, 20 * MS, reset(other, Cause::Watchdog));
             told.sort_by_key(|(violation, ..)| *violation == stays.0);
             assert_eq!(told, [of_other, stays]);
         }
@@ -453,11 +443,11 @@ mod tests {
     #[test]
     fn a_board_that_hangs_is_excused_one_restart_and_that_by_its_watchdog_alone() {
         for (nth, board) in BOARDS.into_iter().enumerate() {
-            for cause in ["Lockup", "Software"] {
-                assert_eq!(hung(board, 20 * MS, reset(board, cause)), [(RESTARTED[nth], 1, 70 * MS)], "{cause}");
+            for cause in [Cause::Lockup, Cause::Software] {
+                assert_eq!(hung(board, 20 * MS, reset(board, cause)), [(RESTARTED[nth], 1, 70 * MS)], "{cause:?}");
             }
             let mut events = run();
-            let bites = reset(board, "Watchdog(\"WDT\")");
+            let bites = reset(board, Cause::Watchdog);
             events.add(50 * MS, What::Hung { board }).add(60 * MS, bites.clone()).add(60 * MS + 1, bites);
             assert_eq!(broken(events.end(600 * MS)), [(RESTARTED[nth], 1, 60 * MS + 1)]);
         }
@@ -466,7 +456,7 @@ mod tests {
     #[test]
     fn a_restart_for_another_reason_and_a_supply_that_goes_off_end_a_hang() {
         for board in BOARDS {
-            let pin = What::Reset { board, cause: "Pin".into(), asked: true };
+            let pin = What::Reset { board, cause: Cause::Pin, asked: true };
             for what in [pin, What::Power { board, on: false }] {
                 assert_eq!(hung(board, 20 * MS, what), []);
             }
@@ -479,7 +469,7 @@ mod tests {
             let mut events = run();
             events.add(40 * MS, What::Power { board, on: false });
             events.add(50 * MS, What::Hung { board }).add(60 * MS, What::Power { board, on: true });
-            events.add(70 * MS, reset(board, "Watchdog(\"WDT\")"));
+            events.add(70 * MS, reset(board, Cause::Watchdog));
             assert_eq!(broken(events.end(600 * MS)), [(RESTARTED[nth], 1, 70 * MS)]);
             let mut events = run();
             events.add(40 * MS, What::Power { board, on: false }).add(50 * MS, What::Hung { board });
@@ -498,10 +488,10 @@ mod tests {
                 broken(events.add(50 * MS + after, what).end(600 * MS))
             };
             let longest = LONGEST[nth] + bounds::CHECKED_IN[nth];
-            let bites = || reset(board, "Watchdog(\"WDT\")");
+            let bites = || reset(board, Cause::Watchdog);
             assert_eq!(dead(longest, bites()), []);
             assert_eq!(dead(longest + 1, bites()), [(STAYS[nth], 1, 50 * MS + longest)], "told once");
-            assert_eq!(dead(20 * MS, reset(board, "LockedUp")), [(RESTARTED[nth], 1, 70 * MS)]);
+            assert_eq!(dead(20 * MS, reset(board, Cause::Lockup)), [(RESTARTED[nth], 1, 70 * MS)]);
             // A hang as well does not put the restart off.
             assert_eq!(dead(9 * MS, What::Hung { board })[0], (STAYS[nth], 1, 59 * MS + LONGEST[nth]));
         }
@@ -513,7 +503,7 @@ mod tests {
             let misuse = |at: u64, of: Board| {
                 let mut events = run();
                 events.add(50 * MS, What::Hung { board });
-                events.add(90 * MS, reset(board, "Watchdog(\"WDT\")"));
+                events.add(90 * MS, reset(board, Cause::Watchdog));
                 events.add(at, What::Misuse { board: of, text: "in words".into() });
                 broken(&events).len()
             };

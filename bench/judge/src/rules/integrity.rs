@@ -111,7 +111,7 @@ mod tests {
     #[test]
     fn a_start_of_the_board_begins_anew_and_other_memory_is_not_asked_for() {
         for (board, within) in BOARDS {
-            let reset = |board| What::Reset { board, cause: "a test".into(), asked: true };
+            let reset = |board| What::Reset { board, cause: crate::Cause::Pin, asked: true };
             let off = |board| What::Power { board, on: false };
             let other = BOARDS.map(|(board, _)| board)[1 - board as usize];
             for (what, expected) in [(reset(board), 0), (off(board), 0), (reset(other), 1), (off(other), 1)] {

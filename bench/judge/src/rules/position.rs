@@ -284,7 +284,7 @@ mod tests {
         let told = [(Violation::NoPosition, 1, bounds::POSITION_WITHIN)];
         assert_eq!(none(late, vec![]), told);
         assert_eq!(none(late + 50, vec![]), told);
-        let start = What::Reset { board: Board::Horus, cause: "a test".into(), asked: true };
+        let start = What::Reset { board: Board::Horus, cause: crate::Cause::Pin, asked: true };
         assert_eq!(none(late, vec![(50 * MS, start)]), []);
         assert_eq!(none(late, vec![(50 * MS, What::Hung { board: Board::Horus })]), [], "it hangs");
         assert_eq!(none(late, vec![disturbed(0)]), told, "two others are well");

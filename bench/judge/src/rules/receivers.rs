@@ -145,8 +145,8 @@ mod tests {
     #[test]
     fn a_horus_that_starts_hangs_or_has_no_supply_reads_nothing() {
         assert_eq!(broken(FROM - 1, vec![], DUE + 1), []);
-        let reset = What::Reset { board: Board::Horus, cause: "a test".into(), asked: true };
-        let of_dpr = What::Reset { board: Board::Dpr, cause: "a test".into(), asked: true };
+        let reset = What::Reset { board: Board::Horus, cause: crate::Cause::Pin, asked: true };
+        let of_dpr = What::Reset { board: Board::Dpr, cause: crate::Cause::Pin, asked: true };
         let off = What::Power { board: Board::Horus, on: false };
         let hung = What::Hung { board: Board::Horus };
         for (what, expected) in
@@ -206,7 +206,7 @@ mod tests {
     #[test]
     fn a_receiver_is_set_later_after_a_start_of_horus_and_after_a_fault_of_its_own() {
         let with = |at: u64, what: What, end: u64| unset(vec![(5, settings(false)), (at, what)], end).len();
-        let reset = || What::Reset { board: Board::Horus, cause: "a test".into(), asked: true };
+        let reset = || What::Reset { board: Board::Horus, cause: crate::Cause::Pin, asked: true };
         assert_eq!((with(9, reset(), TOLD + 9), with(9, reset(), TOLD + 10)), (0, 1));
         for what in [What::Power { board: Board::Horus, on: false }, What::Hung { board: Board::Horus }] {
             assert_eq!(with(9, what, 3 * TOLD), 0, "nobody can");

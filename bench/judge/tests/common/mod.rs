@@ -5,7 +5,7 @@
 #![allow(dead_code, reason = "not every test uses all of it")]
 
 use bench_judge::disturbance::{Conduct, Harm, Memory};
-use bench_judge::{Board, Disturbance, Event, Header, Log, SsiEvent, Verdict, Violation, What, bounds, judge};
+use bench_judge::{Board, Cause, Disturbance, Event, Header, Log, SsiEvent, Verdict, Violation, What, bounds, judge};
 use profile::{
     GpsValues, Layout, LinkStatus, LinkStatusBits, LinkValues, Profile, ReportedStatus, ReportedValues, ResetReason,
     air,
@@ -339,7 +339,7 @@ pub(crate) fn transactions(log: &mut Log) -> impl Iterator<Item = (u64, &mut Vec
 
 /// The DPR restarts.
 pub(crate) fn dpr_reset(asked: bool) -> What {
-    What::Reset { board: Board::Dpr, cause: "pin".into(), asked }
+    What::Reset { board: Board::Dpr, cause: Cause::Pin, asked }
 }
 
 /// The places in the log of the transactions that read an image again: nothing is forwarded of them.

@@ -12,7 +12,7 @@
 
 use profile::{ReportedStatus, ResetReason};
 
-use crate::{Board, Disturbance, What, bounds};
+use crate::{Board, Cause, Disturbance, What, bounds};
 
 /// See the [module](self).
 #[derive(Clone, Debug)]
@@ -50,7 +50,7 @@ impl Itself {
     pub(super) fn take(&mut self, at: u64, what: &What) {
         match what {
             What::Power { board: Board::Horus, .. } => *self = Self { reason: Some(ResetReason::PowerOn), ..*self },
-            What::Reset { board: Board::Horus, cause, .. } => self.reason = reason(cause),
+            What::Reset { board: Board::Horus, cause, .. } => self.reason = reason(*cause),
             What::Crystal { board: Board::Horus, works } => {
                 self.crystal = *works;
                 self.unsure |= at < self.since + bounds::START && *works != self.started_with;
@@ -99,17 +99,16 @@ impl Itself {
     }
 }
 
-/// The reason for which a part has restarted, from the words of the log.
-fn reason(cause: &str) -> Option<ResetReason> {
-    let cause = cause.to_lowercase();
-    let named = [
-        ("poweron", ResetReason::PowerOn),
-        ("brown", ResetReason::BrownOutOrOther),
-        ("watchdog", ResetReason::Watchdog),
-        ("software", ResetReason::Software),
-        ("pin", ResetReason::Pin),
-    ];
-    named.into_iter().find(|(word, _)| cause.contains(word)).map(|(_, reason)| reason)
+/// The reason that HORUS tells of a restart; none for what its part does not do.
+const fn reason(cause: Cause) -> Option<ResetReason> {
+    Some(match cause {
+        Cause::PowerOn => ResetReason::PowerOn,
+        Cause::BrownOut => ResetReason::BrownOutOrOther,
+        Cause::Watchdog => ResetReason::Watchdog,
+        Cause::Software => ResetReason::Software,
+        Cause::Pin => ResetReason::Pin,
+        Cause::Lockup | Cause::Wakeup => return None,
+    })
 }
 
 #[cfg(test)]
@@ -122,9 +121,9 @@ mod tests {
         ReportedStatus::new().with_reset_reason(reason).with_memory_fault(memory_fault)
     }
 
-    fn after(cause: &str) -> Itself {
+    fn after(cause: Cause) -> Itself {
         let mut itself = Itself::new();
-        itself.take(0, &What::Reset { board: Board::Horus, cause: cause.into(), asked: false });
+        itself.take(0, &What::Reset { board: Board::Horus, cause, asked: false });
         itself
     }
 
@@ -140,15 +139,15 @@ mod tests {
         let right = |itself: &Itself| ALL.map(|reason| itself.clone().wrong(told(reason, false)).is_none());
         assert_eq!(right(&Itself::new()), [true, false, false, false, false]);
         for (cause, right_one) in
-            [("PowerOn", 0), ("Pin", 1), ("Watchdog(\"IWDG\")", 2), ("Software", 3), ("BrownOut", 4)]
+            [(Cause::PowerOn, 0), (Cause::Pin, 1), (Cause::Watchdog, 2), (Cause::Software, 3), (Cause::BrownOut, 4)]
         {
-            assert_eq!(right(&after(cause)), [0, 1, 2, 3, 4].map(|one| one == right_one), "{cause}");
-            assert_eq!(after(cause).keeps_ram(), cause != "PowerOn");
+            assert_eq!(right(&after(cause)), [0, 1, 2, 3, 4].map(|one| one == right_one), "{cause:?}");
+            assert_eq!(after(cause).keeps_ram(), cause != Cause::PowerOn);
         }
-        assert_eq!(right(&after("a test")), [true; 5], "its words name none");
-        assert!(after("a test").wrong(ReportedStatus::from_bits(6 << 13)).is_some(), "a reserved code");
-        let mut itself = after("Pin");
-        itself.take(0, &What::Reset { board: Board::Dpr, cause: "Software".into(), asked: false });
+        assert_eq!(right(&after(Cause::Lockup)), [true; 5], "the part does not restart for that");
+        assert!(after(Cause::Lockup).wrong(ReportedStatus::from_bits(6 << 13)).is_some(), "a reserved code");
+        let mut itself = after(Cause::Pin);
+        itself.take(0, &What::Reset { board: Board::Dpr, cause: Cause::Software, asked: false });
         assert_eq!(right(&itself), [false, true, false, false, false]);
         itself.take(0, &What::Power { board: Board::Horus, on: true });
         assert_eq!(right(&itself), [true, false, false, false, false]);
@@ -177,7 +176,7 @@ mod tests {
             assert!(good(&mut itself, false) && good(&mut itself, true) && good(&mut itself, true), "{kind:?}");
             assert!(!good(&mut itself, false), "it is told no more");
             good(&mut itself, true);
-            itself.take(0, &What::Reset { board: Board::Horus, cause: "PowerOn".into(), asked: true });
+            itself.take(0, &What::Reset { board: Board::Horus, cause: Cause::PowerOn, asked: true });
             assert!(good(&mut itself, false), "{kind:?}");
         }
     }
@@ -185,7 +184,7 @@ mod tests {
     #[test]
     fn whether_horus_has_a_crystal_is_how_it_last_started() {
         let crystal = |works| What::Crystal { board: Board::Horus, works };
-        let reset = || What::Reset { board: Board::Horus, cause: "a test".into(), asked: true };
+        let reset = || What::Reset { board: Board::Horus, cause: Cause::Pin, asked: true };
         let started = bounds::START;
         // Whether it may say that it has a crystal, and that it has none.
         let allowed = |events: Vec<(u64, What)>| {

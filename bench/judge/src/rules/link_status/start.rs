@@ -2,7 +2,7 @@
 
 use profile::{LinkStatusBits, ResetReason};
 
-use crate::{What, bounds};
+use crate::{Cause, What, bounds};
 
 /// For which reasons the DPR may say that it has started.
 #[derive(Clone, Debug)]
@@ -14,25 +14,17 @@ impl Reasons {
         Self(Some(&[ResetReason::PowerOn, ResetReason::BrownOutOrOther]))
     }
 
-    /// The reasons after a start; any if the event's words name none.
-    pub(super) fn of(event: &What) -> Self {
-        let What::Reset { cause, asked, .. } = event else { return Self::power_on() };
-        let cause = cause.to_lowercase();
-        let says = |words: &[&str]| words.iter().any(|word| cause.contains(word));
-        let reasons: Option<&'static [ResetReason]> = if says(&["watchdog", "wdt"]) {
-            Some(&[ResetReason::Watchdog])
-        } else if says(&["lockup"]) {
-            Some(&[ResetReason::Lockup])
-        } else if says(&["software", "sysresetreq"]) {
-            Some(&[ResetReason::Software])
-        } else if says(&["power", "brown"]) {
-            return Self::power_on();
-        } else if *asked || says(&["pin"]) {
-            Some(&[ResetReason::Pin])
-        } else {
-            None
-        };
-        Self(reasons)
+    /// The reasons after a start; any where the part has none of its own.
+    pub(super) const fn of(event: &What) -> Self {
+        let What::Reset { cause, .. } = event else { return Self::power_on() };
+        Self(match cause {
+            Cause::PowerOn | Cause::BrownOut => return Self::power_on(),
+            Cause::Pin => Some(&[ResetReason::Pin]),
+            Cause::Watchdog => Some(&[ResetReason::Watchdog]),
+            Cause::Lockup => Some(&[ResetReason::Lockup]),
+            Cause::Software => Some(&[ResetReason::Software]),
+            Cause::Wakeup => None,
+        })
     }
 
     /// What of bits 6 and 12 to 14 is wrong, in words.

@@ -3,7 +3,7 @@ use profile::{LinkStatusBits, LinkValues, ResetReason};
 use crate::disturbance::{Harm, Memory};
 use crate::rules::shown::synthetic::{Air, Image, MS, Run, US};
 use crate::testing::{DPR_FRONT_END, HORUS_FRONT_END, IMAGE_BIT, RECEIVE_BIT, injected};
-use crate::{Board, Disturbance, Event, Violation, What, bounds};
+use crate::{Board, Cause, Disturbance, Event, Violation, What, bounds};
 
 const RECEIVERS: [usize; 3] = [1, 3, 5];
 
@@ -238,14 +238,12 @@ fn a_clock_that_is_3_percent_off_is_implausible_and_one_that_is_1_percent_off_is
 #[test]
 fn the_reason_of_the_last_reset_is_what_happened() {
     let reasons = [
-        ("PowerOn", ResetReason::PowerOn),
-        ("BrownOut", ResetReason::BrownOutOrOther),
-        ("the supply dipped: brown-out", ResetReason::BrownOutOrOther),
-        ("pin", ResetReason::Pin),
-        ("Watchdog(\"WDT\")", ResetReason::Watchdog),
-        ("Lockup", ResetReason::Lockup),
-        ("Software", ResetReason::Software),
-        ("asked for", ResetReason::Pin),
+        (Cause::PowerOn, ResetReason::PowerOn),
+        (Cause::BrownOut, ResetReason::BrownOutOrOther),
+        (Cause::Pin, ResetReason::Pin),
+        (Cause::Watchdog, ResetReason::Watchdog),
+        (Cause::Lockup, ResetReason::Lockup),
+        (Cause::Software, ResetReason::Software),
     ];
     for (cause, right) in reasons {
         for told in reasons.map(|(_, reason)| reason) {
@@ -253,7 +251,7 @@ fn the_reason_of_the_last_reset_is_what_happened() {
             let power = [ResetReason::PowerOn, ResetReason::BrownOutOrOther];
             let fits = told == right || power.contains(&told) && power.contains(&right);
             let expected: &[Violation] = if fits { &[] } else { &[Violation::LinkFlags] };
-            assert_eq!(run.broken(|_| {}), expected, "{cause}: {told:?}");
+            assert_eq!(run.broken(|_| {}), expected, "{cause:?}: {told:?}");
         }
     }
 }
@@ -277,7 +275,7 @@ fn a_fault_flag_is_excused_until_the_dprs_next_start() {
             let set = |run: &Run| run.broken(of(run, 100, |values| flip(values, bit)));
             let expected: &[Violation] = if may == Some(bit) { &[] } else { &[Violation::LinkFlags] };
             assert_eq!(set(&run), expected, "{disturbs:?}, bit {bit}");
-            let restarted = Run { dpr_start: Some((400 * MS, "pin", ResetReason::Pin)), ..run };
+            let restarted = Run { dpr_start: Some((400 * MS, Cause::Pin, ResetReason::Pin)), ..run };
             restarted.assert_flawless();
             assert_eq!(set(&restarted), [Violation::LinkFlags], "{disturbs:?}, bit {bit}, restarted");
         }
@@ -292,7 +290,7 @@ fn after_a_front_end_fault_counters_are_compared_from_image_to_image() {
     assert_eq!(run.broken(within(200 * MS..u64::MAX, upset)), []);
     let missed = |values: &mut LinkValues| values.frames_missed += 1;
     assert_eq!(run.broken(of(&run, 100, missed)), [Violation::LinkCounters]);
-    let restarted = Run { dpr_start: Some((400 * MS, "pin", ResetReason::Pin)), ..run };
+    let restarted = Run { dpr_start: Some((400 * MS, Cause::Pin, ResetReason::Pin)), ..run };
     assert_eq!(restarted.broken(within(401 * MS..u64::MAX, upset)), [Violation::LinkCounters]);
 }
 
@@ -326,7 +324,7 @@ fn the_time_starts_with_the_dpr_and_goes_on_with_it() {
             let broken = run.broken(within(0..u64::MAX, change));
             assert_eq!(broken == [Violation::LinkTime], wrong, "{n} receivers, {by}: {broken:?}");
         }
-        let mut late = Run { cycles: 80, dpr_start: Some((300 * MS, "pin", ResetReason::Pin)), ..Run::new(n) };
+        let mut late = Run { cycles: 80, dpr_start: Some((300 * MS, Cause::Pin, ResetReason::Pin)), ..Run::new(n) };
         late.assert_flawless();
         let runs_on = |values: &mut LinkValues| values.timestamp += 300;
         assert_eq!(late.broken(within(301 * MS..u64::MAX, runs_on)), [Violation::LinkTime]);
@@ -391,7 +389,7 @@ fn a_rise_of_fresh_that_announces_the_image_of_before_is_no_publication() {
 #[test]
 fn a_power_cycle_of_the_dpr_is_a_start() {
     let power = |at, on| Event { at, what: What::Power { board: Board::Dpr, on } };
-    let mut run = Run { cycles: 80, dpr_start: Some((300 * MS, "power-on", ResetReason::PowerOn)), ..Run::new(3) };
+    let mut run = Run { cycles: 80, dpr_start: Some((300 * MS, Cause::PowerOn, ResetReason::PowerOn)), ..Run::new(3) };
     run.extra = vec![power(250 * MS, false), power(300 * MS, true)];
     let mut log = run.log(|images| images.retain(|image| !(250 * MS..300 * MS).contains(&image.at)));
     // Without a supply nothing is heard and nothing read.

@@ -305,7 +305,7 @@ fn what_a_dpr_has_taken_in_begins_anew_with_each_of_its_starts() {
     });
     assert_eq!(broken(&forgotten), [(Violation::PortStatusWrong, 1)]);
     for what in [
-        What::Reset { board: Board::Dpr, cause: "pin".into(), asked: true },
+        What::Reset { board: Board::Dpr, cause: crate::Cause::Pin, asked: true },
         What::Power { board: Board::Dpr, on: true },
     ] {
         let mut log = forgotten.clone();
@@ -318,7 +318,7 @@ fn what_a_dpr_has_taken_in_begins_anew_with_each_of_its_starts() {
 fn what_a_transaction_writes_into_which_the_dpr_restarts_and_what_one_reads_that_is_not_served_counts_for_nothing() {
     let mut restarted = log(&[(READ, uplink(1_000, 7))], |_| Shown::default());
     assert_eq!(broken(&restarted), [(Violation::PortStatusWrong, 1)]);
-    let reset = What::Reset { board: Board::Dpr, cause: "pin".into(), asked: true };
+    let reset = What::Reset { board: Board::Dpr, cause: crate::Cause::Pin, asked: true };
     insert(&mut restarted, READ + MS / 4, reset);
     assert_eq!(broken(&restarted), []);
     let mut silent = log(&[], |_| Shown::default());

@@ -342,7 +342,7 @@ mod tests {
     #[test]
     fn the_cause_of_a_hang_ends_with_the_boards_restart_and_takes_a_bring_up() {
         let hung = |at, board| Event { at, what: What::Hung { board } };
-        let reset = |at, board| Event { at, what: What::Reset { board, cause: "a test".into(), asked: false } };
+        let reset = |at, board| Event { at, what: What::Reset { board, cause: crate::Cause::Pin, asked: false } };
         let power = |at, board, on| Event { at, what: What::Power { board, on } };
         for board in [Board::Horus, Board::Dpr] {
             let due = 90 * MS + bounds::BRING_UP_CYCLES * bounds::CYCLE;

@@ -64,7 +64,7 @@ pub(crate) struct Run {
     /// HORUS's cycle, ns.
     pub(crate) period: u64,
     /// When the DPR restarts, and why.
-    pub(crate) dpr_start: Option<(u64, &'static str, ResetReason)>,
+    pub(crate) dpr_start: Option<(u64, crate::Cause, ResetReason)>,
     pub(crate) extra: Vec<Event>,
     /// The flight controller's cycle, ns, and how many bytes it reads.
     pub(crate) control: u64,
@@ -151,7 +151,7 @@ impl Run {
             let tick = self.tick(cycle);
             events.push(Event { at: tick, what: What::Tick });
             if self.horus_starts.contains(&cycle) {
-                let what = What::Reset { board: Board::Horus, cause: "pin".into(), asked: true };
+                let what = What::Reset { board: Board::Horus, cause: crate::Cause::Pin, asked: true };
                 events.push(Event { at: tick - 50 * MS, what });
             }
             let profile = self.profile(cycle);
@@ -206,7 +206,7 @@ impl Run {
         Dpr::new(self.layout(), 0, ResetReason::PowerOn).run(&heard, restart.min(end), &mut images);
         if let Some((at, cause, reason)) = self.dpr_start {
             images.iter_mut().for_each(|image| image.expires = image.expires.min(at - 1));
-            let what = What::Reset { board: Board::Dpr, cause: cause.into(), asked: true };
+            let what = What::Reset { board: Board::Dpr, cause, asked: true };
             events.push(Event { at, what });
             Dpr::new(self.layout(), at, reason).run(&heard, end, &mut images);
         }

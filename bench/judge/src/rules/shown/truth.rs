@@ -110,7 +110,7 @@ mod tests {
         }
 
         fn horus_restarts(&mut self, at: u64) {
-            self.take(at, What::Reset { board: Board::Horus, cause: "a test".to_owned(), asked: true });
+            self.take(at, What::Reset { board: Board::Horus, cause: crate::Cause::Pin, asked: true });
         }
 
         /// A frame whose objects are stamped `timestamp` (ms), the last of them damaged if it is not `intact`.

@@ -2,7 +2,7 @@ use gnss_sim::ubx::WEEK_MS;
 use profile::{ReportedStatus, ResetReason};
 
 use super::*;
-use crate::{Board, Figures};
+use crate::{Board, Cause, Figures};
 
 const VOTE: [(Violation, u64); 1] = [(Violation::VoteWrong, 1)];
 const MISSING: [(Violation, u64); 1] = [(Violation::VoteMissing, 1)];
@@ -816,12 +816,12 @@ fn horus_monitors_only_while_there_is_a_result() {
 
 /// What is found if HORUS restarts for `cause` while GPS2 is excluded, and GPS2 and GPS3 are excluded, or not, from the
 /// first cycle of the next start on.
-fn after_restart(cause: &str, reason: ResetReason, excluded: [bool; 2]) -> Vec<(Violation, u64)> {
+fn after_restart(cause: Cause, reason: ResetReason, excluded: [bool; 2]) -> Vec<(Violation, u64)> {
     after_off(false, cause, reason, excluded)
 }
 
 /// As [`after_restart`]; its supply is off for 10 ms before if `off`.
-fn after_off(off: bool, cause: &str, reason: ResetReason, excluded: [bool; 2]) -> Vec<(Violation, u64)> {
+fn after_off(off: bool, cause: Cause, reason: ResetReason, excluded: [bool; 2]) -> Vec<(Violation, u64)> {
     let scene = strayed(3, 5..26);
     let from = shows(&scene, 5);
     let mut events = scene.events(|cycle, _, gps| gps[1].status = gps[1].status.with_excluded(cycle >= from));
@@ -832,7 +832,7 @@ fn after_off(off: bool, cause: &str, reason: ResetReason, excluded: [bool; 2]) -
         events.add(ends, What::Power { board: Board::Horus, on: false });
         events.add(at, What::Power { board: Board::Horus, on: true });
     }
-    events.add(at, What::Reset { board: Board::Horus, cause: cause.into(), asked: false });
+    events.add(at, What::Reset { board: Board::Horus, cause, asked: false });
     for number in 1..=20 {
         let mut gps = [silent_gps(number * CYCLE_MS); 3];
         for (gps, excluded) in gps[1..].iter_mut().zip(excluded) {
@@ -849,30 +849,30 @@ fn after_off(off: bool, cause: &str, reason: ResetReason, excluded: [bool; 2]) -
 #[test]
 fn who_is_excluded_stays_so_over_a_restart_that_keeps_ram() {
     for (cause, reason) in [
-        ("Watchdog(\"IWDG\")", ResetReason::Watchdog),
-        ("BrownOut", ResetReason::BrownOutOrOther),
-        ("Pin", ResetReason::Pin),
+        (Cause::Watchdog, ResetReason::Watchdog),
+        (Cause::BrownOut, ResetReason::BrownOutOrOther),
+        (Cause::Pin, ResetReason::Pin),
     ] {
-        assert_eq!(after_restart(cause, reason, [true, false]), [], "{cause}");
-        assert_eq!(after_restart(cause, reason, [false, false]), EXCLUSION, "{cause}");
-        assert_eq!(after_restart(cause, reason, [true, true]), EXCLUSION, "{cause}: GPS3 agreed with GPS1");
+        assert_eq!(after_restart(cause, reason, [true, false]), [], "{cause:?}");
+        assert_eq!(after_restart(cause, reason, [false, false]), EXCLUSION, "{cause:?}");
+        assert_eq!(after_restart(cause, reason, [true, true]), EXCLUSION, "{cause:?}: GPS3 agreed with GPS1");
     }
-    assert_eq!(after_restart("PowerOn", ResetReason::PowerOn, [false, false]), []);
-    assert_eq!(after_restart("PowerOn", ResetReason::PowerOn, [true, false]), EXCLUSION);
+    assert_eq!(after_restart(Cause::PowerOn, ResetReason::PowerOn, [false, false]), []);
+    assert_eq!(after_restart(Cause::PowerOn, ResetReason::PowerOn, [true, false]), EXCLUSION);
 }
 
 #[test]
 fn a_supply_that_was_away_may_have_lost_who_is_excluded() {
-    let after = |excluded| after_off(true, "BrownOut", ResetReason::BrownOutOrOther, excluded);
+    let after = |excluded| after_off(true, Cause::BrownOut, ResetReason::BrownOutOrOther, excluded);
     assert_eq!(after([true, false]), []);
     assert_eq!(after([false, false]), []);
     assert_eq!(after([true, true]), EXCLUSION, "GPS3 agreed with GPS1");
-    assert_eq!(after_off(true, "PowerOn", ResetReason::PowerOn, [true, false]), EXCLUSION);
+    assert_eq!(after_off(true, Cause::PowerOn, ResetReason::PowerOn, [true, false]), EXCLUSION);
 }
 
 #[test]
 fn a_wrong_reason_of_the_last_reset_is_told_in_each_cycle() {
-    assert_eq!(after_restart("Pin", ResetReason::Watchdog, [true, false]), [(Violation::ReportedWrong, 20)]);
+    assert_eq!(after_restart(Cause::Pin, ResetReason::Watchdog, [true, false]), [(Violation::ReportedWrong, 20)]);
 }
 
 #[test]

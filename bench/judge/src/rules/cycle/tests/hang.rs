@@ -24,7 +24,7 @@ fn hung(gps: usize, at: u64, told: Option<u64>) -> Events {
     if let Some(told) = told {
         events.add(told, What::Hung { board: Board::Horus });
     }
-    let what = What::Reset { board: Board::Horus, cause: "Watchdog(\"IWDG\")".into(), asked: false };
+    let what = What::Reset { board: Board::Horus, cause: crate::Cause::Watchdog, asked: false };
     events.add(at + BITES, what).field(at + BITES + 4 * MS, false).field(at + BITES + 6 * MS, true);
     events.cycles(at + BITES + 20 * MS, 9);
     events.end(at + BITES + 105 * MS);

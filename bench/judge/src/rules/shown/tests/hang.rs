@@ -6,7 +6,11 @@ use crate::{Board, Event, Violation, What, bounds};
 
 /// A run in which the DPR makes nothing new from `at` on, and its watchdog bites 80 ms later.
 fn stopped(n: usize, at: u64) -> Run {
-    Run { cycles: 80, dpr_start: Some((at + 80 * MS, "watchdog", profile::ResetReason::Watchdog)), ..Run::new(n) }
+    Run {
+        cycles: 80,
+        dpr_start: Some((at + 80 * MS, crate::Cause::Watchdog, profile::ResetReason::Watchdog)),
+        ..Run::new(n)
+    }
 }
 
 /// It makes nothing new; what it has made expires.

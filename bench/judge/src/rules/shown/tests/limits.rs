@@ -105,7 +105,7 @@ fn ones_throughout_but_for_the_first_bit_are_damage_and_not_asked() {
 #[test]
 fn what_was_read_across_a_restart_of_the_dpr_or_without_its_supply_is_not_judged() {
     let restart = 300 * MS;
-    let mut run = Run { dpr_start: Some((restart, "pin", profile::ResetReason::Pin)), ..Run::new(3) };
+    let mut run = Run { dpr_start: Some((restart, crate::Cause::Pin, profile::ResetReason::Pin)), ..Run::new(3) };
     let forged = Run { horus_starts: vec![1], ..run.clone() }.profile(20);
     let object = run.layout().in_profile(1).unwrap();
     let forge = |images: &mut Vec<Image>| {
@@ -281,7 +281,8 @@ fn a_frame_that_follows_another_within_300_us_need_not_be_received() {
 
 #[test]
 fn a_dpr_that_has_started_must_show_what_follows_100_ms_later() {
-    let mut run = Run { cycles: 80, dpr_start: Some((300 * MS, "pin", profile::ResetReason::Pin)), ..Run::new(3) };
+    let mut run =
+        Run { cycles: 80, dpr_start: Some((300 * MS, crate::Cause::Pin, profile::ResetReason::Pin)), ..Run::new(3) };
     run.assert_flawless();
     // Cycle 38 is sent 400 ms after power-on, and the sequence is found by the three after it at the latest.
     let first = (30..80).find(|cycle| run.broken(hide(run.timestamp(*cycle))) == [Violation::NotShown]);

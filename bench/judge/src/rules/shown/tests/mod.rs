@@ -79,7 +79,7 @@ fn a_restart_of_either_board_breaks_nothing() {
         for since in [0, 3, 5, 7, 9] {
             let mut run = Run::new(n);
             run.cycles = 80;
-            run.dpr_start = Some((200 * MS + since * MS, "pin", profile::ResetReason::Pin));
+            run.dpr_start = Some((200 * MS + since * MS, crate::Cause::Pin, profile::ResetReason::Pin));
             run.assert_flawless();
         }
     }
@@ -421,7 +421,7 @@ fn a_start_of_a_board_is_a_cause_and_the_first_of_all_is_none() {
     // The frame of cycle 22 is the first to begin after that.
     assert_eq!(with(vec![off.clone(), power(235 * MS, Board::Horus, true)]), Some(2));
     assert_eq!(with(vec![off]), None, "it never comes back");
-    let reset = What::Reset { board: Board::Horus, cause: "pin".into(), asked: true };
+    let reset = What::Reset { board: Board::Horus, cause: crate::Cause::Pin, asked: true };
     assert_eq!(with(vec![Event { at: 229 * MS, what: reset }]), Some(1));
 }
 
@@ -475,7 +475,7 @@ fn whatever_happens_to_any_frames_a_dpr_that_does_right_breaks_nothing() {
         }
         if draw(3) == 0 {
             let at = 100 * MS + draw(1_000_000_000);
-            run.dpr_start = Some((at, "pin", profile::ResetReason::Pin));
+            run.dpr_start = Some((at, crate::Cause::Pin, profile::ResetReason::Pin));
         }
         run.control = 1_100 * US + draw(4_000_000);
         println!("seed {seed}");
