@@ -474,3 +474,16 @@ fn a_front_end_is_called_at_fault_only_after_long_silence() {
     assert_eq!(told(run.end(90)..run.end(90) + 15 * MS), []);
     assert_eq!(told(run.end(93)..run.end(94)), [Violation::LinkFlags]);
 }
+
+#[test]
+fn frames_that_a_deaf_front_end_may_have_missed_end_no_silence() {
+    let run = Run { cycles: 100, ..Run::new(3).hit_all(20..90, &Air::Lost) };
+    let told = |mut run: Run| {
+        let deaf = Disturbance::FrontEnd { board: Board::Dpr, harm: Harm::Deaf };
+        // The frames of cycles 10 to 19 reach the antenna and may be missed; the excuse itself ends with cycle 50.
+        run.extra.push(Event { at: run.tick(10), what: injected(deaf, run.tick(50) - bounds::FRONT_END_RECOVERY) });
+        let silent = run.end(9) + bounds::SILENCE;
+        run.broken(within(silent + 5 * MS..run.end(19) + bounds::SILENCE, |values| flip(values, 5)))
+    };
+    assert_eq!(told(run), []);
+}

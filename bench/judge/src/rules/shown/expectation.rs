@@ -200,7 +200,7 @@ pub struct Expectation {
     armed: u64,
     /// The end of the last frame of whatever length, ns.
     last_end: Option<u64>,
-    /// The end of the last whole frame, ns.
+    /// The end of the last whole frame that nothing kept the listener from hearing, ns.
     last_whole: u64,
     /// Between two whole frames so far apart that the DPR may have taken its front end for deaf, ns.
     silence: Range<u64>,
@@ -227,7 +227,8 @@ impl Expectation {
                 let len = bytes.first().map(|len| usize::from(*len) + CRC_BYTES);
                 let whole = *whole && len == Some(bytes.len());
                 let gap = self.last_end.replace(event.at).is_none_or(|end| *started >= end + bounds::FRAME_GAP);
-                if whole {
+                // What a listener may not have heard ends no silence.
+                if whole && !context.disturbances().excuse(Excuse::Hearing, *started) {
                     let silent_from = std::mem::replace(&mut self.last_whole, event.at) + bounds::SILENCE;
                     if event.at > silent_from {
                         self.silence = silent_from..event.at + bounds::SILENCE_OVER;
