@@ -112,6 +112,14 @@ pub struct Core<C: Cost> {
     pub(crate) code: Code,
     /// Instructions are executed one after the other while `cycle` is below; 0 asks the run loop to look around.
     pub(crate) limit: u64,
+    /// Something is due at this cycle.
+    pub(crate) due: u64,
+    /// Cycles that the instruction before this boundary has left, which was cut short by what is due.
+    pub(crate) cut: u64,
+    /// The same of instructions that an exception has interrupted: they pass with the next return.
+    pub(crate) owed: u64,
+    /// When lazy preservation last saved the floating-point state.
+    pub(crate) preserved_fp: u64,
     /// N, Z, C and V before the instruction in an IT block that may have to leave them.
     pub(crate) kept_flags: (bool, bool, bool, bool),
     /// The last word of code that was fetched, for the wait states; odd for none.
@@ -203,6 +211,10 @@ impl<C: Cost> Core<C> {
             short_write: 0,
             code: Code::default(),
             limit: 0,
+            due: u64::MAX,
+            cut: 0,
+            owed: 0,
+            preserved_fp: 0,
             kept_flags: (false, false, false, false),
             fetched: 1,
             stalled_until: 0,

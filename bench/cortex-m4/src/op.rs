@@ -37,6 +37,18 @@ pub(crate) struct Op {
 
 const _: () = assert!(size_of::<Op>() <= 16);
 
+impl Op {
+    /// It moves several registers to or from memory, and an interrupt need not wait for its end (TRM 3.9.1). One that
+    /// loads PC may be a return from an exception, and is left out.
+    pub(crate) const fn is_multiple(&self) -> bool {
+        match self.what {
+            Do::Ldm { list, .. } => list >> 15 == 0,
+            Do::Stm { .. } | Do::Fp(FpOp::Vldm { .. } | FpOp::Vstm { .. }) => true,
+            _ => false,
+        }
+    }
+}
+
 /// Data-processing operations that take any operand of ARM ARM A5.3.1 and A5.3.11.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Alu {

@@ -97,6 +97,11 @@ impl<C: Cost> Core<C> {
                 }
                 due = bus.due().min(self.system_due());
             }
+            if self.cut > 0 {
+                // Nothing has interrupted it after all.
+                self.cycle += std::mem::take(&mut self.cut);
+                continue;
+            }
             let asleep = self.waiting.is_some();
             if asleep != self.told_sleep {
                 self.told_sleep = asleep;
@@ -126,6 +131,7 @@ impl<C: Cost> Core<C> {
                 // It wants to look again after the next instruction.
                 self.limit = self.limit.min(self.cycle + 1);
             }
+            self.due = due;
             if stalled {
                 self.cycle = self.limit.min(self.stalled_until);
                 continue;
@@ -243,6 +249,7 @@ impl<C: Cost> Core<C> {
                 if C::BOUND.is_some() && !matches!(op.what, Do::Breakpoint) {
                     self.fetch_waits(bus, pc, u32::from(op.size));
                 }
+                let began = self.cycle;
                 if it == 0 || self.begins_in_block(bus, op) {
                     match self.execute(bus, op, pc) {
                         Ok(next) => {
@@ -254,6 +261,9 @@ impl<C: Cost> Core<C> {
                             // Neither comes near 2^64: a check at each instruction would find nothing.
                             self.cycle = self.cycle.wrapping_add(cost::<C>(op));
                             self.retired = self.retired.wrapping_add(1);
+                            if C::BOUND == Some(Bound::Best) && self.cycle > self.due {
+                                self.cut_short(op, began);
+                            }
                         }
                         Err(fault) => {
                             self.fail(bus, op, it, fault);
@@ -284,6 +294,20 @@ impl<C: Cost> Core<C> {
         self.limit = 0;
         self.attention = true;
         self.take_fault(bus, fault);
+    }
+
+    /// On the clock of what silicon takes at least: what is due in the middle of `op`, which began at the cycle `began`,
+    /// comes there if silicon interrupts it, as it does a load/store multiple (TRM 3.9.1) and the lazy saving of the FP
+    /// state (TRM 7.2). What is left of its cycles passes with the return from the exception, or at once if there is
+    /// none; what it does to registers and memory it has done.
+    #[cold]
+    #[inline(never)]
+    fn cut_short(&mut self, op: &Op, began: u64) {
+        if std::mem::take(&mut self.preserved_fp) >= began || op.is_multiple() {
+            let at = self.due.max(began);
+            self.cut = self.cycle.saturating_sub(at);
+            self.cycle -= self.cut;
+        }
     }
 
     /// In an IT block: whether `op` is to be executed now. If not, it was skipped or has faulted.

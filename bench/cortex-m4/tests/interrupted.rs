@@ -17,12 +17,38 @@ const PROGRAM: &[u16] = &[
 ];
 const HANDLER: u32 = 0x64;
 
-/// Raises line 0 every `period` cycles; a write to the device takes it back.
+/// Allows the FPU; gives interrupt 1 the lower priority; enables 0 and 1; 64 times pushes and pops 16 FP registers and
+/// pushes 12 core registers; writes to the device, 8 bytes in. The handler of 1, [`LOW`] bytes in, pushes and pops the same FP
+/// registers, that of 0, [`HIGH`] bytes in, writes to the device at once.
+#[rustfmt::skip]
+const MULTIPLES: &[u16] = &[
+    0x4817, 0xF44F, 0x0170, 0x6001, 0xF3BF, 0x8F4F, 0xF3BF, 0x8F6F, 0x4814, 0xF44F, 0x4100, 0x6001, 0x4813, 0x2103,
+    0x6001, 0xEEB7, 0x0A00, 0x2640, 0xF04F, 0x4C80, 0xED2D, 0x8A10, 0xECBD, 0x8A10, 0xE92D, 0x0FFF, 0xB00C, 0x3E01,
+    0xD1F6, 0xF8CC, 0x6008, 0xE7FE, 0xED2D, 0x8A10, 0xECBD, 0x8A10, 0xF04F, 0x4080, 0x6040, 0xF3BF, 0x8F4F, 0x4770,
+    0xF04F, 0x4080, 0x6000, 0xF3BF, 0x8F4F, 0x4770, 0xED88, 0xE000, 0xE400, 0xE000, 0xE100, 0xE000,
+];
+const LOW: u32 = 0x40;
+const HIGH: u32 = 0x54;
+
+/// Raises line 0 every `period` cycles, and line 1 `before` cycles earlier if that is not 0; a write to the device takes
+/// either back.
 #[derive(Clone, Debug)]
 struct Storm {
     board: Board,
     period: u64,
+    before: u64,
     due: u64,
+    /// When line 0 was raised, and the longest that its handler then took to write.
+    raised: u64,
+    latest: u64,
+    /// When the program wrote that it is over.
+    over: Option<u64>,
+}
+
+impl Storm {
+    fn new(board: Board, period: u64, before: u64) -> Self {
+        Self { board, period, before, due: period, raised: 0, latest: 0, over: None }
+    }
 }
 
 impl Bus for Storm {
@@ -31,8 +57,14 @@ impl Bus for Storm {
     }
 
     fn write(&mut self, access: &Access, value: u32) -> Result<(), BusError> {
-        if access.address == DEVICE {
-            self.board.signals.drive_line(0, false);
+        match access.address.wrapping_sub(DEVICE) {
+            0 => {
+                self.board.signals.drive_line(0, false);
+                self.latest = self.latest.max(access.cycle - self.raised);
+            }
+            4 => self.board.signals.drive_line(1, false),
+            8 => self.over = Some(access.cycle),
+            _ => {}
         }
         self.board.write(access, value)
     }
@@ -46,11 +78,15 @@ impl Bus for Storm {
     }
 
     fn due(&self) -> u64 {
-        self.due
+        if self.board.signals.lines()[0] & 2 == 0 { self.due - self.before } else { self.due }
     }
 
     fn advance(&mut self, cycle: u64) {
+        if self.before > 0 && self.due - self.before <= cycle {
+            self.board.signals.drive_line(1, true);
+        }
         while self.due <= cycle {
+            self.raised = self.due;
             self.due += self.period;
             self.board.signals.drive_line(0, true);
         }
@@ -78,7 +114,7 @@ fn run<C: Cost>(period: u64) -> (Vec<u8>, u32) {
     for (index, byte) in board.ram.iter_mut().take(0x100).enumerate() {
         *byte = (index * 167 + 13) as u8;
     }
-    let mut bus = Storm { board, period, due: period };
+    let mut bus = Storm::new(board, period, 0);
     let mut core = Core::<C>::new(CONFIG);
     core.reset(&mut bus);
     for end in 1..1000 {
@@ -101,4 +137,49 @@ fn a_program_that_is_interrupted_anywhere_computes_the_same() {
             assert!(ram == calm, "period {period}");
         }
     }
+}
+
+/// How long after its line was raised the handler of interrupt 0 writes at the latest, how often it did, and how long
+/// the program takes.
+fn multiples<C: Cost>(period: u64, before: u64) -> (u64, u64, u64) {
+    let mut board = Board::new(MULTIPLES);
+    for (vector, handler) in [(0x40, HIGH), (0x44, LOW)] {
+        board.flash[vector..vector + 4].copy_from_slice(&((CODE + handler) | 1).to_le_bytes());
+    }
+    let mut bus = Storm::new(board, period, before);
+    let mut core = Core::<C>::new(CONFIG);
+    core.reset(&mut bus);
+    for end in 1..1000 {
+        assert_eq!(core.run(&mut bus, end * 100), Exit::Until, "period {period}, pc {:#x}", core.pc());
+        if let Some(over) = bus.over {
+            let served = bus.board.writes.iter().filter(|(address, .., at)| *address == DEVICE && *at < over).count();
+            return (bus.latest, served as u64, over);
+        }
+    }
+    panic!("period {period}: the program does not end");
+}
+
+/// TRM 3.9.1 and 7.2: load and store multiple and the lazy saving of the FP state are interruptible.
+#[test]
+fn at_best_no_interrupt_waits_for_a_load_or_store_multiple() {
+    let (.., calm) = multiples::<Optimistic>(1_000_000, 0);
+    // Entry, two instructions of the handler; a barrier and the return.
+    let (entry, left) = (12 + 1, 1 + 1 + 2 + 10);
+    for period in 173..300 {
+        let (latest, served, over) = multiples::<Optimistic>(period, 0);
+        assert!((entry..=entry + 1).contains(&latest), "period {period}: {latest} cycles");
+        assert_eq!(over - calm, served * (entry + left), "period {period}: what was cut short passes later");
+    }
+    assert!(multiples::<Pessimistic>(173, 0).0 > entry + 10);
+}
+
+#[test]
+fn at_best_no_interrupt_waits_for_lazy_stacking() {
+    for before in 1..60 {
+        // No longer than for the return from the lower one.
+        let (latest, served, _) = multiples::<Optimistic>(300, before);
+        assert!(latest <= 12 + 1 + 10 && served > 10, "{before} cycles after the lower one: {latest} cycles");
+    }
+    let latest = (1..60).map(|before| multiples::<Pessimistic>(300, before).0).max();
+    assert!(latest > Some(12 + 1 + 30), "{latest:?} cycles");
 }

@@ -180,6 +180,8 @@ pub enum Excuse {
     UnsoundImage,
     /// A frame may be readable late after its last bit.
     Latency,
+    /// The DPR may not know how long a frame is while it arrives, and read most of it after its last bit.
+    Length,
     /// The flight controller may make no transaction.
     Transactions,
     /// The flight controller is owed no service of the SSI, what it reads is not what the DPR has sent, and what it has
@@ -285,6 +287,7 @@ impl Disturbance {
             ],
             Self::Memory { board: Dpr, memory: Memory::Receive } => &[
                 (Excuse::Hearing, REPLACED),
+                (Excuse::Length, REPLACED),
                 (Excuse::UnsoundImage, REPLACED),
                 (Excuse::RamFault, Start(Dpr)),
                 (Excuse::SelfTest, TESTED),
@@ -437,7 +440,8 @@ impl Disturbances {
     /// A board starts, or loses its supply.
     fn start(&mut self, board: Board, now: u64) {
         self.valid.retain(|valid| valid.board != Some(board) || now < valid.until);
-        self.over = [0; EXCUSES];
+        // What was excused until now was.
+        self.over = self.over.map(|over| over.min(now));
         for valid in &self.valid {
             let over = &mut self.over[valid.excuse as usize];
             *over = (*over).max(valid.over);
@@ -495,7 +499,7 @@ mod tests {
 
     const BEGINS: u64 = 1_000 * MS;
     const ENDS: u64 = 1_300 * MS;
-    const EXCUSES: [Excuse; 21] = [
+    const EXCUSES: [Excuse; 22] = [
         Excuse::Taking,
         Excuse::Settings,
         Excuse::Position,
@@ -509,6 +513,7 @@ mod tests {
         Excuse::Withdrawal,
         Excuse::UnsoundImage,
         Excuse::Latency,
+        Excuse::Length,
         Excuse::Transactions,
         Excuse::Service,
         Excuse::RamFault,
@@ -573,6 +578,7 @@ mod tests {
                 vec![
                     (Hearing, replaced),
                     (UnsoundImage, replaced),
+                    (Length, replaced),
                     (RamFault, None),
                     (SelfTest, tested),
                     (DprComplaints, None),
@@ -685,7 +691,18 @@ mod tests {
             (BEGINS + 1, reset(Board::Dpr)),
         ];
         assert_eq!(after(&both).until(Excuse::Hearing), ENDS + bounds::BUFFER_REPLACED);
-        assert_eq!(after(&both).until(Excuse::LinkCounters), 0);
+        assert_eq!(after(&both).until(Excuse::LinkCounters), BEGINS + 1, "the start");
+    }
+
+    #[test]
+    fn a_start_forgets_nothing_of_what_was_excused_before_it() {
+        let silent = Disturbance::FlightController { conduct: Conduct::Silent };
+        // What is over is dropped with the next disturbance.
+        let over = [(BEGINS, injected(silent, ENDS)), (ENDS, injected(Disturbance::Air, ENDS))];
+        for board in [Board::Horus, Board::Dpr] {
+            let start = [over[0].clone(), over[1].clone(), (ENDS + 1, reset(board))];
+            assert_eq!(after(&start).until(Excuse::Transactions), ENDS, "{board:?}");
+        }
     }
 
     #[test]

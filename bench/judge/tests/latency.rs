@@ -131,6 +131,28 @@ fn a_frame_that_began_while_the_dprs_front_end_was_out_of_order_may_be_late() {
     }
 }
 
+/// A bit of the buffer that holds LEN.
+#[test]
+fn a_frame_in_a_buffer_of_which_a_bit_is_hit_has_the_time_of_one_that_is_read_at_its_end() {
+    for gps in [1, 3] {
+        for (kind, after, violations) in [
+            (RECEIVE_BIT, bounds::STORE_AND_FORWARD, vec![]),
+            (RECEIVE_BIT, bounds::STORE_AND_FORWARD + 1, vec![(LateReadable, 1)]),
+            (IMAGE_BIT, bounds::LAST_BIT_TO_READABLE + 1, vec![(LateReadable, 1)]),
+        ] {
+            let mut plan = Plan::new(gps, 40);
+            let number = plan.showing(200);
+            let ended = plan.publications[number].at - TO_FRESH;
+            plan.publications[number].at = ended + after;
+            // No transaction is in the way.
+            plan.selects.retain(|selected| !(ended - MS..ended + MS).contains(selected));
+            let mut log = plan.log();
+            insert(&mut log, ended - 10 * MS, injected(kind, ended + MS));
+            assert_eq!(found(&log), violations, "{gps} receivers, {kind:?}, {after} ns");
+        }
+    }
+}
+
 #[test]
 fn a_frame_that_may_be_missed_is_timed_from_its_repetition() {
     for (fault, late, violations) in [

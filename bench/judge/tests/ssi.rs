@@ -2,8 +2,8 @@
 
 mod common;
 
-use bench_judge::disturbance::Wire;
-use bench_judge::{Board, Disturbance, Max, Quantiles, SsiEvent, Violation::*, What, bounds};
+use bench_judge::disturbance::{Conduct, Wire};
+use bench_judge::{Board, Disturbance, Event, Max, Quantiles, SsiEvent, Violation::*, What, bounds};
 use common::*;
 use profile::LinkValues;
 
@@ -46,6 +46,22 @@ fn an_answer_is_a_violation() {
     insert(&mut log, 100 * MS, What::Answer);
     insert(&mut log, 120 * MS, What::Answer);
     assert_eq!(found(&log), [(Answered, 2)]);
+}
+
+#[test]
+fn a_flight_controller_that_was_silent_and_is_not_any_more_may_be_so_when_a_board_restarts() {
+    let (from, to) = (200 * MS, 400 * MS);
+    for (until, violations) in [(to - bounds::NO_TRANSACTION, vec![]), (from, vec![(NoTransaction, 1)])] {
+        let mut log = without_transactions(from, to).log();
+        let silent = Disturbance::FlightController { conduct: Conduct::Silent };
+        insert(&mut log, from, injected(silent, until));
+        // What is over is dropped with the next.
+        insert(&mut log, until, injected(Disturbance::Air, until));
+        let off = What::Power { board: Board::Horus, on: false };
+        insert(&mut log, to - MS, off);
+        let found: Vec<_> = found(&log).into_iter().filter(|(violation, _)| *violation == NoTransaction).collect();
+        assert_eq!(found, violations, "{until}");
+    }
 }
 
 /// A run in which the flight controller reads nothing from `from` to `to` (ns).
@@ -243,7 +259,7 @@ fn a_transaction_into_which_the_dpr_restarts_is_not_judged() {
     let at = log.events[place].at;
     assert_eq!(found(&log), [(Torn, 1)]);
     insert(&mut log, at - 50_000, dpr_reset(true));
-    let publication = |event: &bench_judge::Event| matches!(event.what, What::Fresh { high: true, .. });
+    let publication = |event: &Event| matches!(event.what, What::Fresh { high: true, .. });
     let next = log.events.iter().find(|event| event.at > at && publication(event)).unwrap().at;
     blind(&mut log, at + 1, next);
     log.events.retain(|event| !(at..next).contains(&event.at) || !matches!(event.what, What::Ssi(_)));
@@ -288,6 +304,24 @@ fn a_dpr_that_is_not_ready_10_us_after_a_transaction_is_a_violation() {
             || !matches!(event.what, What::Ssi(SsiEvent::Held | SsiEvent::Released | SsiEvent::Ready))
     });
     assert_eq!(found(&late), [(NotReady, 1)]);
+}
+
+/// Where the flight controller misuses the SSI, the end of a transaction that was not served may be served late.
+#[test]
+fn what_the_dpr_takes_after_a_transaction_to_which_it_owes_nothing_it_does_not_hold_for_itself() {
+    for (longer, violations) in [(MS, vec![]), (0, vec![(NotReady, 1)])] {
+        let mut log = Plan::new(3, 60).log();
+        let ended = log.events[repeats(&log)[40]].at;
+        let shown = |event: &Event| matches!(event.what, What::Fresh { .. });
+        assert!(!log.events.iter().any(|event| event.at.abs_diff(ended) < 500_000 && shown(event)));
+        blind(&mut log, ended, ended + 1);
+        log.events.retain(|event| event.at != ended || event.what != What::Ssi(SsiEvent::Held));
+        let mut log = moved(&log, ended + TO_READY, ended + 400_000, &[SsiEvent::Released, SsiEvent::Ready]);
+        insert(&mut log, ended + 20_000, What::Ssi(SsiEvent::Held));
+        let until = ended + longer - bounds::MISUSE_OVER;
+        insert(&mut log, until - MS, injected(MISUSE, until));
+        assert_eq!(found(&log), violations, "{longer}");
+    }
 }
 
 #[test]
@@ -668,7 +702,7 @@ fn a_single_transaction_that_reads_nothing_while_an_image_is_readable_is_a_viola
         let since = |at: u64| rises.iter().filter(|rose| **rose <= at).map(|rose| at - rose).min();
         // One that repeats an image, and is not the last of the run.
         let mut log = log;
-        let repeats = |event: &bench_judge::Event| match event.what {
+        let repeats = |event: &Event| match event.what {
             What::Transaction { selected, .. } if selected > 200 * MS => since(selected).is_some_and(|it| it > 4 * MS),
             _ => false,
         };

@@ -48,6 +48,7 @@ impl<C: Cost> Core<C> {
     /// Exception entry: stacks, then takes the best pending exception. One that preempts is pending.
     pub(super) fn enter<B: Bus>(&mut self, bus: &mut B, return_address: u32) {
         self.waiting = None;
+        self.owed += std::mem::take(&mut self.cut);
         self.cycle += C::EXCEPTION_ENTRY;
         let exc_return = 0xFFFF_FFE1
             | u32::from(self.control & CONTROL_FPCA == 0) << 4

@@ -49,7 +49,7 @@ impl<C: Cost> Core<C> {
             self.take_best(bus, value);
             return;
         }
-        self.cycle += C::EXCEPTION_RETURN;
+        self.cycle += C::EXCEPTION_RETURN + std::mem::take(&mut self.owed);
         // the stack to return to is in use once the frame has been found good
         let frame = if process && self.control & CONTROL_SPSEL == 0 { self.other_sp } else { self.r[13] };
         let privileged = !to_thread || self.control & CONTROL_NPRIV == 0;

@@ -2,7 +2,8 @@
 //!
 //! On the clocks with bounds a load/store multiple in whose middle something is due is left there, with the register to
 //! go on with in EPSR.ICI, and continued afterwards (ARM ARM B1.5.10). Three kinds are completed first instead, which
-//! costs an interrupt up to 16 cycles: those in an IT block, those whose base is in the list, and PUSH.
+//! costs an interrupt up to 16 cycles on the pessimistic clock and nothing on the optimistic one (`Core::cut_short`):
+//! those in an IT block, those whose base is in the list, and PUSH.
 //!
 //! The local exclusive monitor marks all of memory (TRM 3.6.2: the granule is the whole address space): a STREX
 //! succeeds if no exception and no CLREX or STREX came since the LDREX, whatever its address.

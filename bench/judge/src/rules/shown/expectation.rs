@@ -290,7 +290,18 @@ impl Expectation {
         hears: bool,
     ) -> (Certainty, Certainty) {
         let before = std::mem::take(&mut self.states);
-        if !hears {
+        let verdict = if hears {
+            let mut back = vec![];
+            for state in &before {
+                state.successors(timestamp, sampled, number, |next, is_back| {
+                    back.push(is_back);
+                    if !self.states.contains(&next) {
+                        self.states.push(next);
+                    }
+                });
+            }
+            (Certainty::of(self.states.iter().map(|state| state.shown)), Certainty::of(back))
+        } else {
             let of = |found: u8| State {
                 last: Some((timestamp, sampled)),
                 found,
@@ -302,18 +313,9 @@ impl Expectation {
             // What it was held to be the same as may be what the DPR has not heard.
             self.states.push(State { frozen: true, ..of(0) });
             self.states.push(State::default());
-            return (Certainty::May, Certainty::May);
-        }
-        let mut back = vec![];
-        for state in &before {
-            state.successors(timestamp, sampled, number, |next, is_back| {
-                back.push(is_back);
-                if !self.states.contains(&next) {
-                    self.states.push(next);
-                }
-            });
-        }
-        let verdict = (Certainty::of(self.states.iter().map(|state| state.shown)), Certainty::of(back));
+            (Certainty::May, Certainty::May)
+        };
+        // It may have been missed.
         if received < Certainty::Must {
             for mut state in before {
                 if state.last.is_some_and(|(_, at)| sampled.saturating_sub(at) > FORGOTTEN) {

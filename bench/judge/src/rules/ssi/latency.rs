@@ -28,9 +28,10 @@ struct Cycle {
     last_bit: Option<u64>,
     /// The DPR may have missed that frame.
     may_be_missed: bool,
-    /// How long after that it may take to be readable, ns, if the LEN of the frame was damaged on the air: nobody could
-    /// read its objects while it arrived, or knows that it is the second one of its cycle. The same where the DPR may
-    /// have missed the second of two: the first alone is shown when the second is overdue.
+    /// How long after that it may take to be readable, ns, if the LEN of the frame was damaged on the air, or may be in
+    /// the DPR's buffer: nobody could read its objects while it arrived, or knows that it is the second one of its
+    /// cycle. The same where the DPR may have missed the second of two: the first alone is shown when the second is
+    /// overdue.
     longer: Option<u64>,
     /// It was readable.
     readable: bool,
@@ -96,8 +97,8 @@ impl Cycles {
         }
     }
 
-    /// A whole frame with this LEN reached the DPR's antenna; its last bit at `ended`. The DPR may miss it if
-    /// `may_be_missed`.
+    /// A whole frame with this LEN, if the DPR knows it, reached the DPR's antenna; its last bit at `ended`. The DPR may
+    /// miss it if `may_be_missed`.
     pub(super) fn heard(
         &mut self,
         layout: Layout,

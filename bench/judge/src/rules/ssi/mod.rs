@@ -34,7 +34,8 @@
 //!   an image by one that tells the same.
 //! - A transaction that brings an older image than the one announced is [`Violation::FreshNotNew`], but for one whose
 //!   objects are older than what was read before: that is [`Violation::Regression`], of another rule.
-//! - How soon a frame is readable that began while [`Excuse::Latency`] holds is not asked. Of one that began while
+//! - How soon a frame is readable that began while [`Excuse::Latency`] holds is not asked. One that began while
+//!   [`Excuse::Length`] holds has the time of one whose LEN was damaged on the air. Of one that began while
 //!   [`Excuse::Hearing`] holds and came again it is asked from the last time it came: the DPR may have missed the
 //!   first.
 //! - A cycle that is readable too late after its last bit is not also a sample that is readable too late. One that is
@@ -109,7 +110,7 @@ impl Ssi {
             What::Heard { started, whole: true, bytes } if !disturbances.excuse(Excuse::Latency, *started) => {
                 if let Some(frame) = context.frame() {
                     let may_be_missed = disturbances.excuse(Excuse::Hearing, *started);
-                    let len = bytes.first().copied();
+                    let len = bytes.first().copied().filter(|_| !disturbances.excuse(Excuse::Length, *started));
                     self.cycles.heard(context.layout(), frame, len, (*started, at), may_be_missed);
                 }
             }

@@ -174,7 +174,9 @@ impl Service {
 
     /// The flight controller misuses the SSI: nothing is owed to it.
     pub(super) fn misused(&mut self) {
-        (self.pending, self.claimed, self.streak) = (None, None, None);
+        (self.claimed, self.streak) = (None, None);
+        // Who takes the buffers now does so because of that transaction.
+        self.pending.iter_mut().for_each(|pending| pending.owed = false);
     }
 
     /// Time passes: what should have happened before `now`.

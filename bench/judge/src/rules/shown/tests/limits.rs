@@ -317,3 +317,31 @@ fn a_dpr_that_missed_a_frame_that_would_have_ended_the_sequence_goes_on_in_it() 
     log.events.sort_by_key(|event| (event.at, event.what.rank()));
     assert_eq!(kinds(&judge(&log)), []);
 }
+
+#[test]
+fn a_dpr_that_may_have_missed_a_frame_that_came_again_may_go_on_in_sequence() {
+    for hit in [true, false] {
+        let run = Run::new(1);
+        // It begins while the front end is being brought up, which is over when the next cycle's does.
+        let again = run.end(20) + MS;
+        let mut log = run.log(|_| {});
+        let repeated = log.events.iter().find_map(|event| match &event.what {
+            What::Heard { started, bytes, whole } if event.at == run.end(19) => {
+                let what = What::Heard { started: again, bytes: bytes.clone(), whole: *whole };
+                Some(Event { at: again + event.at - started, what })
+            }
+            _ => None,
+        });
+        log.events.extend(repeated);
+        if hit {
+            let until = again + 1 - bounds::FRONT_END_RECOVERY;
+            log.events.push(Event { at: until, what: injected(DPR_FRONT_END, until) });
+        }
+        log.events.sort_by_key(|event| (event.at, event.what.rank()));
+        let found = kinds(&judge(&log));
+        assert!(
+            if hit { found.is_empty() } else { found.contains(&Violation::ShownOutOfSequence) },
+            "{hit}: {found:?}"
+        );
+    }
+}
