@@ -344,6 +344,20 @@ mod tests {
     }
 
     #[test]
+    fn no_age_is_asked_of_a_sample_from_before_the_one_that_was_read() {
+        // Cycles 1 and 2 are heard; one is read rightly, and then one with an age of nothing.
+        let then = |first: u64, next: u64| {
+            let mut log = Events::new(1);
+            (1..=2).for_each(|n| heard(&mut log, n, true));
+            let at = sampled(2) + 20 * MS;
+            read(&mut log, at, first, true, Some(first), Some(at - sampled(first)));
+            read(&mut log, at + 4 * MS, next, true, Some(next), Some(0));
+            broken(&log).len()
+        };
+        assert_eq!((then(1, 2), then(2, 2), then(2, 1)), (1, 1, 0));
+    }
+
+    #[test]
     fn the_age_goes_on_from_what_link_status_said_with_the_sample_first() {
         let told = |age: u64| {
             let mut log = Events::new(1);
@@ -410,6 +424,20 @@ mod tests {
         let with = |change: fn(u64) -> (u64, bool)| run(&(1..=finds).map(change).collect::<Vec<_>>(), true);
         assert_eq!(with(|n| (n, n != 3)), [], "one is not valid");
         assert_eq!(with(|n| (n + u64::from(n > 3), true)), [], "one is missing");
+        // The next is read so long after the one before, and Link-Status calls all of them so old, in its unit.
+        let late = |by: u64, told: u64| {
+            let mut log = Events::new(1);
+            for n in 1..=finds {
+                heard(&mut log, n, true);
+                let after = 6 * MS + if n == finds { by } else { 0 };
+                read_as(&mut log, sampled(n) + after, told, n, true, None, None);
+            }
+            broken(&log).len()
+        };
+        let expired = bounds::EXPIRY - bounds::CYCLE;
+        assert_eq!((late(expired, 0), late(expired + 1, 0)), (1, 0));
+        let too_old = (bounds::CLIENT_AGE_LIMIT - bounds::CLIENT_AGE_LONG) / AGE_UNIT;
+        assert_eq!((late(0, too_old), late(0, too_old + 1)), (1, 0), "it will not be young enough");
         // The same timestamps again, of another start.
         let mut log = Events::new(1);
         for n in 1..=finds {

@@ -233,15 +233,6 @@ impl Cycle<'_> {
     }
 }
 
-/// M of so many receivers.
-const fn quorum(receivers: usize) -> usize {
-    match receivers {
-        0..=2 => 1,
-        3 => 2,
-        _ => 3,
-    }
-}
-
 /// What holds whichever of them it is; nothing if one is not known.
 fn all<T: Mark>(marks: impl Iterator<Item = Option<T>>) -> Option<T> {
     marks.collect::<Option<Vec<_>>>()?.into_iter().reduce(Mark::or)
@@ -282,7 +273,7 @@ impl Vote {
                     did_not.is_some_and(|at| self.last_tick + votes - at < bounds::NOT_RETURNED)
                 };
                 let must = each(self.last.1).filter(stays).fold(0, |set, receiver| set | bit(receiver));
-                let is_quorum = count(heard) >= quorum(self.receivers);
+                let is_quorum = count(heard) >= bounds::quorum(self.receivers);
                 (must, if is_quorum { all } else { self.last.1 | self.doubtful | heard })
             }
         };
@@ -567,7 +558,7 @@ impl<'a> Cycle<'a> {
             )
         };
         let (high, may_be_high) = (with(0), with(1));
-        let least = quorum(seen.len());
+        let least = bounds::quorum(seen.len());
         Self { seen, earlier, places, relations, sure, may, high, may_be_high, now, before, least }
     }
 
