@@ -9,7 +9,7 @@ mod reader;
 mod thumb;
 
 use bench::faults::plan::WATCHDOG_STARTS;
-use bench::faults::{Board, Conduct, Fault, Faults, PowerFault, Powered, ReceiverFault, name_of, tasks_of};
+use bench::faults::{Board, Conduct, Fault, Faults, PowerFault, Powered, ReceiverFault, name_of, power, tasks_of};
 use bench::node::{Bare, Clock, FromOutside, Node, ResetAt, Threads};
 use bench::sim::{Bench, Images, Outcome, Setup, run};
 use bench_judge::{Verdict, What, bounds};
@@ -396,6 +396,51 @@ fn after_its_supply_was_off_horus_excludes_nobody_until_it_votes() {
     let (_, excluded, status) = sent[sent.partition_point(|(sent, ..)| *sent < to)];
     assert_eq!((excluded, status.reset_reason()), (false, Some(ResetReason::PowerOn)));
     assert!(sent.last().is_some_and(|(_, excluded, _)| *excluded), "it is outvoted again");
+}
+
+/// RAM outlives a supply that sags to 1.4 V, and a part that was off below 1.6 V says power-on: a shape that falls
+/// there, rests or not, and rises again.
+fn forgetful_sag() -> u64 {
+    let forgets = |shape: &u64| {
+        let volts: Vec<u32> = power::shape(*shape).into_iter().map(|(_, volts)| volts).collect();
+        let lowest = *volts.iter().min().unwrap();
+        let falls = volts.iter().position(|volts| *volts == lowest).unwrap();
+        (1_400_000..1_600_000).contains(&lowest)
+            && volts[..falls].is_sorted_by(|one, next| one >= next)
+            && volts[falls..].is_sorted()
+    };
+    (0..).find(forgets).unwrap()
+}
+
+#[test]
+fn power_on_forgets_who_is_excluded_also_if_its_start_is_cut_off() {
+    let off = Fault::Receiver(2, ReceiverFault::Offset { north: 200, east: 0, up: 0 });
+    let (shape, from) = (forgetful_sag(), BEGINS + 300 * MS);
+    let to = from + power::sag_length(shape);
+    let sag = Fault::Power(Board::Horus, PowerFault::Sag(shape));
+    let faults = Faults::none().with(0, u64::MAX, off).with(from, to, sag);
+    let Some(setup) = setup(faults, to + 1_000 * MS + AFTER) else { return };
+    let run = |hangs: Option<u64>| {
+        let mut bench: Bench = Bench::new(&setup).unwrap();
+        bench.keep_log();
+        hangs.iter().for_each(|at| bench.add_faults(&hang(Faults::none(), *at, Board::Horus)));
+        bench.run_to(setup.duration_ns, Threads::Two);
+        let resets = bench.horus().resets().to_vec();
+        (resets, bench.finish(setup.duration_ns))
+    };
+    let (resets, _) = run(None);
+    let [ResetAt { at, cause: Reset::PowerOn }] = *resets else { panic!("{resets:?}") };
+    for after in [WATCHDOG_STARTS, MS, 5 * MS, 10 * MS, 15 * MS] {
+        let (resets, finished) = run(Some(at + after));
+        let [_, ResetAt { at: bitten, cause: Reset::Watchdog("IWDG") }] = *resets else { panic!("{resets:?}") };
+        assert_eq!(finished.verdict.violations, [], "{after}");
+        let sent = sent(&finished.log);
+        let (before, then) = (sent.partition_point(|(sent, ..)| *sent < at), &sent[..]);
+        assert!(then[before - 1].1, "it was excluded");
+        let (first, excluded, status) = then[before];
+        assert_eq!((excluded, status.reset_reason()), (false, Some(ResetReason::Watchdog)), "{after}");
+        assert!(first > bitten && then.last().is_some_and(|(_, excluded, _)| *excluded), "it is outvoted again");
+    }
 }
 
 #[test]

@@ -7,7 +7,8 @@
 //! voter has excluded is written after each vote into memory that the start-up code leaves as it is (section
 //! `.uninit`), with the number of receivers and the frame CRC behind it.
 //!
-//! A start that follows anything but power-on takes it up again; the receivers of the mask then have to agree for a
+//! A start that follows anything but power-on takes it up again, and one that follows power-on destroys it with its
+//! first instructions (`hw::start_up`), so that no later start finds it; the receivers of the mask then have to agree for a
 //! second from the start on before they return (decision 15). What is not intact, is of an image with another number of
 //! receivers, or is no mask that the voter comes to ([`Voter::excluding`](horus_voter::Voter::excluding)) counts as
 //! nobody: the voter then begins as after power-on.
@@ -63,6 +64,15 @@ mod tests {
         }
         for words in [[0; WORDS], [u32::MAX; WORDS]] {
             assert_eq!(from_words(words, ResetReason::Watchdog), 0);
+        }
+    }
+
+    #[test]
+    fn a_record_whose_first_word_is_the_flags_of_power_on_is_none() {
+        for excluded in 0..=u8::MAX {
+            for flags in [0x0E00_0000, 0x0E00_0003, 0xFF00_0003] {
+                assert_eq!(from_words([flags, to_words(excluded)[1]], ResetReason::Watchdog), 0, "{flags:#x}");
+            }
         }
     }
 

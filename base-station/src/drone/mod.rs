@@ -12,6 +12,9 @@
 //! since. What was shown is then forgotten. No single message that was repeated, delayed, reordered or inserted is ever
 //! taken for a restart. In HORUS's first [`RESTART_SLACK_US`](order::RESTART_SLACK_US) three delayed messages in a row
 //! can be; the next newer one ends that. What fits neither is another sender ([`order`], [`fleet`](crate::fleet)).
+//! If HORUS is heard again only when it has run for longer than before, its timestamps go on as if it had not restarted,
+//! and the time for which it did not run looks like delay. The reason of its last reset tells it where that is another
+//! one; it stays the same as long as HORUS runs.
 //! The DPR's Link-Status has a clock of its own, and is judged in the same way; so is its Port-Status. The uplink that
 //! the DPR shows carries the time of the base station that sent it, which nothing here can be compared with: it is held
 //! as it came last, is no sign of life, and says something to whoever knows what was sent ([`uplink`](Drone::uplink)).
@@ -28,7 +31,7 @@ pub mod words;
 use profile::ssi::client::Shown;
 use profile::{
     GpsValues, HorusState, LinkStatus, LinkValues, MAX_RECEIVERS, Object, PortStatus, PortValues, Rejection,
-    ReportedValues, ResetReason, Uplink,
+    ReportedStatus, ReportedValues, ResetReason, Uplink,
 };
 
 use crate::age::Ages;
@@ -332,15 +335,19 @@ impl Drone {
         let (own, own_crc) = (own.map(|(timestamp, _)| timestamp), own.map(|(_, crc)| crc));
         let newer_than_own = || profile::freshness(own, timestamp).is_fresh();
         let crystal = self.has_crystal();
-        match self.horus.judge(timestamp, at_us, true, self.ages.early_us(timestamp, at_us, crystal)) {
-            Step::Newest { missed } => self.counts.missed += u64::from(missed),
-            Step::Restarted => {
-                self.counts.restarts += 1;
-                self.restarted_us = Some(at_us);
-                self.ages = Ages::default();
-                self.reported = None;
-                self.gps = [None; MAX_RECEIVERS];
+        let reset = |status: ReportedStatus| status.reset_reason();
+        let had_another_reset = match object {
+            Object::Reported(sent) => {
+                self.reported.is_some_and(|held| reset(held.values.status) != reset(sent.status()))
             }
+            Object::Gps(_) => false,
+        };
+        match self.horus.judge(timestamp, at_us, true, self.ages.early_us(timestamp, at_us, crystal)) {
+            Step::Newest { .. } | Step::Same | Step::Older if had_another_reset && newer_than_own() => {
+                self.restart(at_us);
+            }
+            Step::Newest { missed } => self.counts.missed += u64::from(missed),
+            Step::Restarted => self.restart(at_us),
             Step::Same | Step::Older if newer_than_own() => {}
             Step::Same | Step::Older if own == Some(timestamp) => {
                 match receiver {
@@ -377,6 +384,15 @@ impl Drone {
             (Object::Gps(_), None) => {}
         }
         Verdict::New
+    }
+
+    /// HORUS has started anew: what was before is forgotten.
+    fn restart(&mut self, at_us: u64) {
+        self.counts.restarts += 1;
+        self.restarted_us = Some(at_us);
+        self.ages = Ages::default();
+        self.reported = None;
+        self.gps = [None; MAX_RECEIVERS];
     }
 
     fn has_crystal(&self) -> bool {

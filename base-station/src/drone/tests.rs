@@ -162,6 +162,45 @@ fn a_restarted_horus_is_shown_from_its_third_cycle_on_and_what_was_before_is_for
 }
 
 #[test]
+fn another_reason_of_the_last_reset_is_a_restart_also_where_the_timestamps_go_on() {
+    let again = status().with_reset_reason(ResetReason::Watchdog);
+    // Heard until 0.27 s after its start; after a second it is heard again, 0.28 s after the next.
+    let taken = |status: ReportedStatus, first: std::ops::Range<usize>| {
+        let mut drone = Drone::new(0);
+        (1..=27).for_each(|cycle| drop(take(&mut drone, u64::from(cycle) * CYCLE, profile(10 * cycle).as_bytes())));
+        let (at, sent) = (1_270_000, profile_with(280, status));
+        if !first.is_empty() {
+            drone.take(Place::Gps(1), at, &sent.as_bytes()[first]);
+        }
+        let mut bytes = sent.as_bytes().to_vec();
+        bytes[184..].fill(0);
+        let verdicts = take(&mut drone, at, &bytes);
+        assert_eq!(verdicts[0], Verdict::New);
+        drone
+    };
+    for first in [0..0, 64..124] {
+        let mut drone = taken(again, first);
+        assert_eq!(drone.reported().unwrap().age_us(1_270_000), 0);
+        assert_eq!((drone.counts().restarts, drone.gps(3)), (1, None), "what was before is forgotten");
+        assert_eq!(codes(&mut drone, 1_270_000), ["restarted", "horus-unasked-reset"]);
+    }
+    // Otherwise it looks like a message that was held back.
+    let drone = taken(status(), 0..0);
+    assert!((989_000..=990_000).contains(&drone.reported().unwrap().age_us(1_270_000)));
+    assert_eq!(drone.counts().restarts, 0);
+}
+
+#[test]
+fn a_late_message_of_before_a_restart_is_older_whatever_reset_it_tells_of() {
+    let mut drone = Drone::new(0);
+    take(&mut drone, 0, profile(60_000).as_bytes());
+    let again = status().with_reset_reason(ResetReason::Watchdog);
+    take(&mut drone, 60_020_000, profile_with(60_020, again).as_bytes());
+    assert_eq!(take(&mut drone, 60_030_000, profile(60_010).as_bytes())[0], Verdict::Older);
+    assert_eq!((drone.timestamp(), drone.counts().restarts), (Some(60_020), 1));
+}
+
+#[test]
 fn alarms_come_with_the_time_and_go_with_newer_data() {
     let mut drone = Drone::new(0);
     assert_eq!(codes(&mut drone, 0), ["stale"], "nothing was received yet");
@@ -450,7 +489,8 @@ fn a_clock_counts_as_a_crystals_where_nothing_else_is_said() {
 fn a_person_can_read_it() {
     let mut drone = Drone::new(0);
     assert!(drone.words(0).starts_with("no profile received\n  Reported  not received\n"));
-    take(&mut drone, 0, profile_with(0, status().with_receivers_agreeing(2).with_degraded(true)).as_bytes());
+    let degraded = status().with_receivers_agreeing(2).with_degraded(true).with_reset_reason(ResetReason::Software);
+    take(&mut drone, 0, profile_with(0, degraded).as_bytes());
     let faulty = status().with_memory_fault(true).with_reset_reason(ResetReason::Software);
     let mut bytes = profile_with(1_230, faulty.with_receivers_agreeing(2).with_degraded(true)).as_bytes().to_vec();
     bytes[130] ^= 1;

@@ -140,6 +140,15 @@ pub const AGE_NEVER: u64 = 63;
 
 // ---- The voted position: decision 15
 
+/// How many of so many receivers have to agree: docs/design.md#voting.
+#[must_use]
+pub const fn quorum(receivers: usize) -> usize {
+    match receivers {
+        0..=2 => 1,
+        3..=4 => 2,
+        _ => 3,
+    }
+}
 /// The worst accuracies, horizontal and vertical, with which a position is valid, mm.
 pub const WORST_ACCURACY_MM: [u32; 2] = [30_000, 50_000];
 /// The greatest speed with which a position is valid, mm/s.

@@ -18,7 +18,7 @@ const MAGIC: u32 = 0x484F_5255;
 
 /// Who is excluded, as [`exclusions`] has it.
 #[link_section = ".uninit.EXCLUSIONS"]
-static EXCLUSIONS: [AtomicU32; exclusions::WORDS] = [const { AtomicU32::new(0) }; exclusions::WORDS];
+pub(super) static EXCLUSIONS: [AtomicU32; exclusions::WORDS] = [const { AtomicU32::new(0) }; exclusions::WORDS];
 
 /// Keeps the mask of the receivers that are excluded.
 pub fn keep_exclusions(excluded: u8) {

@@ -11,9 +11,15 @@
 //! RCC_CSR collects flags until RMVF clears all of them (RM0090 6.3.21). Cleared before the watchdog starts, it tells a
 //! restart by the watchdog from the start before it, also where that start did not come far: the flags of power-on and
 //! of brown-out would hide the watchdog's.
+//!
+//! A start after power-on forgets here who was excluded ([`horus_tx_fw::exclusions`]): memory outlives a supply that was
+//! away for a moment, and if this start is cut off before its first vote, the next one could not tell the record from
+//! its own. The flags take the place of its first word, which no record begins with.
 
 use firmware_common::start::RESET_FLAGS;
 use horus_tx_fw::timing;
+
+use super::reset::EXCLUSIONS;
 
 firmware_common::install_start!(
     [
@@ -32,7 +38,13 @@ firmware_common::install_start!(
         "str r2, [r0, #8]",
         "ldr r0, ={flags}",
         "str r1, [r0]",
+        // PORRSTF: power-on.
+        "ldr r0, ={exclusions}",
+        "tst r1, #0x08000000",
+        "it ne",
+        "strne r1, [r0]",
     ]
     reload = const timing::WATCHDOG_RELOAD,
     flags = sym RESET_FLAGS,
+    exclusions = sym EXCLUSIONS,
 );

@@ -7,7 +7,9 @@
 //! | has no position although it has read [`bounds::CLIENT_FINDS`] valid ones in sequence | `ClientHides` |
 //!
 //! How old a sample is follows from its frame at the DPR's antenna and the slot that the profile gives it: what the air
-//! adds before that nobody can tell. Of a sample that came several times the oldest and the youngest count.
+//! adds before that nobody can tell. Of a sample that came several times the oldest and the youngest count. One that
+//! Link-Status called younger when it was read first is no older than that for the client: it knows nothing else of the
+//! sample's age but how long ago FRESH rose, and whether Link-Status tells the truth is that rule's.
 //!
 //! A client reads what it is given: what is no cycle in sequence, or is disturbed, it need not fly by, and so nothing
 //! is asked of its sequence then. While [`Excuse::Service`] holds it is the flight controller that does not follow its
@@ -53,8 +55,18 @@ struct First {
     timestamp: u32,
     /// When the transaction began, ns.
     selected: u64,
+    /// When FRESH had announced it at the earliest, ns.
+    announced: u64,
     /// What Link-Status called its age then, ns.
     told: u64,
+}
+
+impl First {
+    /// The least and the greatest age of the sample at `at`, ns, as far as Link-Status tells it.
+    const fn ages(&self, at: u64) -> (u64, u64) {
+        let sealed = AGE_UNIT + bounds::SEALED_BEFORE_FRESH;
+        (self.told + (at - self.selected), self.told + sealed + (at - self.announced))
+    }
 }
 
 /// Valid samples that were read in sequence.
@@ -72,6 +84,8 @@ struct Row {
 pub struct Client {
     layout: Layout,
     samples: VecDeque<Sample>,
+    /// When FRESH rose last, ns.
+    fresh: u64,
     read: Option<Read>,
     /// What was read last and is valid, and how many in a row were in sequence before it and with it.
     row: Option<Row>,
@@ -93,6 +107,7 @@ impl Client {
         Self {
             layout: Layout::for_receivers(header.gps).expect("a profile has 1, 2, 3 or 5 receivers"),
             samples: VecDeque::new(),
+            fresh: 0,
             read: None,
             row: None,
             newest: None,
@@ -116,6 +131,7 @@ impl Client {
                     while self.samples.pop_front_if(|sample| sample.at + KEPT < event.at).is_some() {}
                 }
             }
+            What::Fresh { high: true, .. } => self.fresh = event.at,
             What::Transaction { .. } => {
                 self.read = context.reading().map(|reading| {
                     let told = match &reading.link {
@@ -154,14 +170,26 @@ impl Client {
             let ages = of(timestamp).map(|sample| selected - sample.at);
             ages.clone().min().zip(ages.max())
         };
+        // Data that are older than what was read before, or expired, it cannot tell from others: that is another rule's.
+        let before = self.newest;
+        if let Some((timestamp, _)) = sample
+            && before.is_none_or(|before| before.timestamp != timestamp)
+        {
+            let announced = Some(self.fresh).filter(|fresh| *fresh <= selected).unwrap_or(0);
+            let announced = announced.max(selected.saturating_sub(bounds::EXPIRY));
+            self.newest = Some(First { timestamp, selected, announced, told: by_link });
+        }
+        let by_link =
+            |timestamp: u32| self.newest.filter(|first| first.timestamp == timestamp).map(|first| first.ages(selected));
         if let Some(timestamp) = position {
             let wrong = match ages(timestamp) {
                 None => Some("it was not sent".to_owned()),
                 Some(_) if of(timestamp).all(|sample| !sample.valid) => Some("it is not valid".to_owned()),
-                Some((youngest, _)) if youngest > bounds::CLIENT_AGE_LIMIT + bounds::CLIENT_AGE_SHORT => {
-                    Some(format!("it is {youngest} ns old"))
+                Some((youngest, _)) => {
+                    let least = by_link(timestamp).map_or(youngest, |(_, most)| youngest.min(most));
+                    let too_old = least > bounds::CLIENT_AGE_LIMIT + bounds::CLIENT_AGE_SHORT;
+                    too_old.then(|| format!("it is {youngest} ns old"))
                 }
-                _ => None,
             };
             if let Some(wrong) = wrong {
                 findings.add(Violation::ClientWrong, selected, || format!("the position of {timestamp} ms: {wrong}"));
@@ -171,15 +199,6 @@ impl Client {
             (self.row, self.hides) = (None, false);
             return;
         }
-        // Data that are older than what was read before, or expired, or of another age than Link-Status says, it cannot
-        // tell from others: that is another rule's.
-        let before = self.newest;
-        if let Some((timestamp, _)) = sample
-            && before.is_none_or(|before| before.timestamp != timestamp)
-        {
-            self.newest = Some(First { timestamp, selected, told: by_link });
-        }
-        let by_link = self.newest.map_or(0, |first| first.told + selected - first.selected);
         let back = |stamp: u32| before.is_some_and(|it| it.timestamp.wrapping_sub(stamp).cast_signed() > 0);
         if let (Some((timestamp, _)), Some(age_us)) = (sample, age_us)
             && self.told != Some(timestamp)
@@ -187,8 +206,10 @@ impl Client {
             && let Some((youngest, oldest)) = ages(timestamp)
         {
             let told = u64::from(age_us) * 1_000;
-            let least = youngest.min(by_link + bounds::EXPIRY);
-            if told + bounds::CLIENT_AGE_SHORT < least || told > oldest.max(by_link) + bounds::CLIENT_AGE_LONG {
+            let (least, most) = by_link(timestamp).unwrap_or((youngest, oldest));
+            if told + bounds::CLIENT_AGE_SHORT < youngest.min(most)
+                || told > oldest.max(least) + bounds::CLIENT_AGE_LONG
+            {
                 self.told = Some(timestamp);
                 findings.add(Violation::ClientAge, selected, || format!("{told} ns instead of {youngest} ns"));
             }
@@ -251,7 +272,20 @@ mod tests {
 
     /// A transaction that began at `selected`, brought that of cycle number `n`, and what the client said of it.
     fn read(log: &mut Events, selected: u64, n: u64, valid: bool, position: Option<u64>, age: Option<u64>) {
-        let link = *LinkStatus::seal(&LinkValues::default()).as_bytes();
+        read_as(log, selected, (selected - sampled(n)) / AGE_UNIT, n, valid, position, age);
+    }
+
+    /// As [`read`]; Link-Status calls it so old, in its unit.
+    fn read_as(
+        log: &mut Events,
+        selected: u64,
+        told: u64,
+        n: u64,
+        valid: bool,
+        position: Option<u64>,
+        age: Option<u64>,
+    ) {
+        let link = *LinkStatus::seal(&LinkValues { age_100us: told as u16, ..LinkValues::default() }).as_bytes();
         let miso = [&link[..], ReportedPosition::seal(&values(n, valid)).as_bytes()].concat();
         let at = selected + MS / 10;
         log.add(at, What::Transaction { selected, mosi: vec![0; 8].into(), miso: miso.into() });
@@ -310,6 +344,20 @@ mod tests {
     }
 
     #[test]
+    fn no_age_is_asked_of_a_sample_from_before_the_one_that_was_read() {
+        // Cycles 1 and 2 are heard; one is read rightly, and then one with an age of nothing.
+        let then = |first: u64, next: u64| {
+            let mut log = Events::new(1);
+            (1..=2).for_each(|n| heard(&mut log, n, true));
+            let at = sampled(2) + 20 * MS;
+            read(&mut log, at, first, true, Some(first), Some(at - sampled(first)));
+            read(&mut log, at + 4 * MS, next, true, Some(next), Some(0));
+            broken(&log).len()
+        };
+        assert_eq!((then(1, 2), then(2, 2), then(2, 1)), (1, 1, 0));
+    }
+
+    #[test]
     fn the_age_goes_on_from_what_link_status_said_with_the_sample_first() {
         let told = |age: u64| {
             let mut log = Events::new(1);
@@ -324,6 +372,36 @@ mod tests {
             broken(&log).len()
         };
         assert_eq!((told(24 * MS), told(400 * MS)), (0, 1));
+    }
+
+    #[test]
+    fn a_sample_is_no_older_for_the_client_than_link_status_called_it() {
+        // Read 10 ms after its sample, 4 ms after FRESH, and flown by until the limit and 1 ms.
+        let flown = |fresh: &[u64], told: u64, last: u64| {
+            let (first, limit) = (sampled(1) + 10 * MS, bounds::CLIENT_AGE_LIMIT + bounds::CLIENT_AGE_SHORT);
+            let mut log = Events::new(1);
+            heard(&mut log, 1, true);
+            fresh.iter().for_each(|at| _ = log.add(*at, What::Fresh { high: true, offered: None }));
+            read_as(&mut log, first, told, 1, true, Some(1), Some(10 * MS));
+            // It reads an image without objects, and says what it said before.
+            let at = sampled(1) + limit + MS;
+            let link = LinkStatus::seal(&LinkValues::default());
+            log.add(
+                at,
+                What::Transaction { selected: at, mosi: vec![0; 8].into(), miso: link.as_bytes().to_vec().into() },
+            );
+            log.add(at, What::Decided { position: Some(stamp(last)), age_us: None });
+            broken(&log).into_iter().map(|(violation, ..)| violation).collect::<Vec<_>>()
+        };
+        let fresh = sampled(1) + 6 * MS;
+        let wrong = vec![Violation::ClientWrong];
+        // By 60, 47 · 100 µs at FRESH: the truth, and 1.3 ms younger.
+        assert_eq!(flown(&[fresh], 60, 1), wrong);
+        assert_eq!(flown(&[fresh], 47, 1), []);
+        assert_eq!(flown(&[fresh], 48, 1), wrong, "not young enough");
+        assert_eq!(flown(&[], 47, 1), wrong, "FRESH may have risen when it was sampled");
+        assert_eq!(flown(&[fresh, sampled(1) + 11 * MS], 47, 1), [], "a later rise is another image's");
+        assert_eq!(flown(&[fresh], 47, 2), wrong, "another sample");
     }
 
     #[test]
@@ -346,12 +424,26 @@ mod tests {
         let with = |change: fn(u64) -> (u64, bool)| run(&(1..=finds).map(change).collect::<Vec<_>>(), true);
         assert_eq!(with(|n| (n, n != 3)), [], "one is not valid");
         assert_eq!(with(|n| (n + u64::from(n > 3), true)), [], "one is missing");
+        // The next is read so long after the one before, and Link-Status calls all of them so old, in its unit.
+        let late = |by: u64, told: u64| {
+            let mut log = Events::new(1);
+            for n in 1..=finds {
+                heard(&mut log, n, true);
+                let after = 6 * MS + if n == finds { by } else { 0 };
+                read_as(&mut log, sampled(n) + after, told, n, true, None, None);
+            }
+            broken(&log).len()
+        };
+        let expired = bounds::EXPIRY - bounds::CYCLE;
+        assert_eq!((late(expired, 0), late(expired + 1, 0)), (1, 0));
+        let too_old = (bounds::CLIENT_AGE_LIMIT - bounds::CLIENT_AGE_LONG) / AGE_UNIT;
+        assert_eq!((late(0, too_old), late(0, too_old + 1)), (1, 0), "it will not be young enough");
         // The same timestamps again, of another start.
         let mut log = Events::new(1);
         for n in 1..=finds {
             heard(&mut log, n, true);
             let after = if n > 3 { 200 * MS } else { 6 * MS };
-            read(&mut log, sampled(n) + after, n, true, None, Some(after));
+            read_as(&mut log, sampled(n) + after, 0, n, true, None, Some(after));
         }
         assert_eq!(broken(&log), [], "too long after the one before");
     }

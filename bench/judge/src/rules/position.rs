@@ -12,7 +12,7 @@
 use std::collections::VecDeque;
 
 use gnss_sim::{Geodetic, TangentPlane};
-use profile::{MAX_RECEIVERS, ReportedValues};
+use profile::ReportedValues;
 
 use crate::disturbance::Excuse;
 use crate::read::{State, Values};
@@ -88,7 +88,8 @@ impl Position {
                 };
                 self.truths.push_back(Truth { at, place });
                 while self.truths.pop_front_if(|truth| truth.at + bounds::POSITION_OLDEST < at).is_some() {}
-                if self.disturbed(at, context) >= quorum(self.receivers) || context.running(Board::Horus).hung.is_some()
+                if self.disturbed(at, context) >= bounds::quorum(self.receivers)
+                    || context.running(Board::Horus).hung.is_some()
                 {
                     self.wait(at, findings);
                 }
@@ -120,7 +121,7 @@ impl Position {
 
     fn missing(&mut self, at: u64, findings: &mut Findings) {
         let due = self.waits_since + bounds::POSITION_WITHIN;
-        if at > due && !std::mem::replace(&mut self.told, at > due) && explaining(findings) == self.explained {
+        if at > due && !std::mem::replace(&mut self.told, true) && explaining(findings) == self.explained {
             findings.add(Violation::NoPosition, due, || format!("none since {:.3} ms", self.waits_since as f64 / 1e6));
         }
     }
@@ -140,7 +141,7 @@ impl Position {
         let disturbed = self.disturbed(now.at, context);
         let [more_along, more_up] = match disturbed {
             0 => [0.0; 2],
-            _ if self.receivers < 3 || disturbed >= quorum(self.receivers) => return,
+            _ if self.receivers < 3 || disturbed >= bounds::quorum(self.receivers) => return,
             _ => bounds::AGREEMENT_M.map(|(_, most)| most),
         };
         let [off_along, off_up] = bounds::POSITION_OFF_M;
@@ -160,15 +161,6 @@ impl Position {
             self.missing(context.now(), findings);
         }
         figures.voter.worst_mm = self.worst_mm;
-    }
-}
-
-/// How many receivers have to agree: docs/design.md#voting.
-const fn quorum(receivers: usize) -> usize {
-    match receivers {
-        0..=2 => 1,
-        MAX_RECEIVERS.. => 3,
-        _ => 2,
     }
 }
 

@@ -15,24 +15,39 @@
 //! who sends it may be another. So what is shown is known only once profiles have come in sequence for
 //! [`bounds::STATION_SETTLES`], or [`bounds::CLIENT_FINDS`] of them where they are the first of all, and only then does
 //! silence end for certain. Without a crystal HORUS's time is none of the station's, and no age is asked.
+//!
+//! A HORUS that has started anew says so by timestamps that go back, or by another reason of its last reset. If neither
+//! is so, the station cannot know (docs of the base station): it may count by the clock of the start before, which makes
+//! the sample older by the time for which HORUS did not run.
 
 use std::collections::VecDeque;
 
-use profile::{CYCLE_MS, HorusState, Layout, Object, ReportedStatus};
+use profile::{CYCLE_MS, HorusState, Layout, Object, ReportedStatus, ResetReason};
 
 use crate::read::Frame;
-use crate::{Context, Event, Figures, Findings, Header, Violation, What, bounds};
+use crate::{Board, Context, Event, Figures, Findings, Header, Violation, What, bounds};
 
 /// So many ticks are remembered, with what was sent after them.
 const TICKS: usize = 256;
+
+/// A sample that the station has shown, and by whose clock it counts.
+#[derive(Clone, Copy, Debug)]
+struct Shown {
+    timestamp: u32,
+    reason: Option<ResetReason>,
+    /// Its tick, ns, and in which of HORUS's starts that was.
+    tick: (u64, u64),
+    /// How much older than it is the station may take it to be, ns.
+    late: u64,
+}
 
 /// What the newest Reported-Position that arrived says.
 #[derive(Clone, Copy, Debug)]
 struct Newest {
     timestamp: u32,
     status: ReportedStatus,
-    /// Its tick, ns, if that is known.
-    tick: Option<u64>,
+    /// Its tick, ns, if that is known, and how much older the station may take it to be.
+    tick: Option<(u64, u64)>,
     /// How many in a row that arrived are in sequence, this one included, and since when, ns.
     row: (u32, u64),
     /// They are the first of all.
@@ -46,9 +61,12 @@ struct Newest {
 pub struct Station {
     layout: Layout,
     tick: Option<u64>,
-    /// Timestamps of Reported-Position, ms, each with its tick, ns.
-    sent: VecDeque<(u32, u64)>,
+    /// HORUS's starts so far.
+    starts: u64,
+    /// Timestamps of Reported-Position, ms, each with its tick, ns, and the start.
+    sent: VecDeque<(u32, (u64, u64))>,
     newest: Option<Newest>,
+    last: Option<Shown>,
     /// When something that can be shown arrived last, ns.
     arrived: u64,
     /// The alarm, or the age, that was wrong the last time: it is told once while it stays so.
@@ -66,8 +84,10 @@ impl Station {
         Self {
             layout: Layout::for_receivers(header.gps).expect("a profile has 1, 2, 3 or 5 receivers"),
             tick: None,
+            starts: 0,
             sent: VecDeque::new(),
             newest: None,
+            last: None,
             arrived: 0,
             told: None,
         }
@@ -77,13 +97,14 @@ impl Station {
     pub fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
         match &event.what {
             What::Tick => self.tick = Some(event.at),
+            What::Reset { board: Board::Horus, .. } => self.starts += 1,
             What::Sent { whole: true, .. } => {
                 let stamp = context.frame().filter(|frame| frame.number == Some(0)).and_then(Frame::timestamp);
                 if let (Some(stamp), Some(tick)) = (stamp, self.tick) {
                     if self.sent.len() == TICKS {
                         self.sent.pop_front();
                     }
-                    self.sent.push_back((stamp, tick));
+                    self.sent.push_back((stamp, (tick, self.starts)));
                 }
             }
             What::Arrived { profile, shown } => self.arrived(event.at, profile, *shown),
@@ -116,8 +137,23 @@ impl Station {
         let before = self.newest.filter(|before| follows(*before));
         let row = before.map_or((1, at), |before| (before.row.0 + 1, before.row.1));
         let first = before.map_or(self.newest.is_none(), |before| before.first);
-        let tick = self.sent.iter().rev().find(|(stamp, _)| *stamp == values.timestamp).map(|(_, tick)| *tick);
+        let tick = self.sent.iter().rfind(|(stamp, _)| *stamp == values.timestamp).copied();
+        let tick = tick.map(|(_, tick)| (tick.0, self.late(values.timestamp, values.status.reset_reason(), tick)));
         self.newest = Some(Newest { timestamp: values.timestamp, status: values.status, tick, row, first, at });
+    }
+
+    /// A sample of that tick has arrived, ns, in that start: how much older the station may take it to be, ns.
+    fn late(&mut self, timestamp: u32, reason: Option<ResetReason>, tick: (u64, u64)) -> u64 {
+        let step = |last: Shown| timestamp.wrapping_sub(last.timestamp);
+        let goes_on = self.last.filter(|last| step(*last).cast_signed() > 0 && last.reason == reason);
+        let late = goes_on.map_or(0, |last| match last.tick.1 == tick.1 {
+            true => last.late,
+            false => (last.late + tick.0 - last.tick.0).saturating_sub(u64::from(step(last)) * 1_000_000),
+        });
+        if goes_on.is_some() || self.last.is_none() || self.shown().is_some() {
+            self.last = Some(Shown { timestamp, reason, tick, late });
+        }
+        late
     }
 
     /// What the station shows, as far as that is certain.
@@ -128,16 +164,16 @@ impl Station {
         })
     }
 
-    /// The age of what the station shows at `at`, ns.
-    fn age(&self, at: u64) -> Option<u64> {
+    /// How old what the station shows is at `at`, ns, and how old the station may take it to be.
+    fn ages(&self, at: u64) -> Option<[u64; 2]> {
         let shown = self.shown().filter(|shown| !shown.status.without_crystal())?;
-        Some(at - shown.tick?)
+        let (tick, late) = shown.tick?;
+        Some([at - tick, at - tick + late])
     }
 
     fn is_age_wrong(&self, at: u64, told_us: Option<u64>) -> bool {
-        self.age(at).is_some_and(|age| {
-            told_us.is_none_or(|told| age.abs_diff(told.saturating_mul(1_000)) > bounds::STATION_AGE_OFF)
-        })
+        let is_off = |told: u64| move |age: u64| age.abs_diff(told.saturating_mul(1_000)) > bounds::STATION_AGE_OFF;
+        self.ages(at).is_some_and(|ages| told_us.is_none_or(|told| ages.into_iter().all(is_off(told))))
     }
 
     /// An alarm that holds and must not, or that does not and must.
@@ -151,7 +187,8 @@ impl Station {
         // What arrives after a silence may not be believed at once.
         let silent =
             after(at - self.arrived, bounds::STATION_SILENT).filter(|silent| *silent || self.shown().is_some());
-        let stale = self.age(at).and_then(|age| after(age, bounds::STATION_STALE));
+        let stale = self.ages(at).map(|ages| ages.map(|age| after(age, bounds::STATION_STALE)));
+        let stale = stale.and_then(|[stale, late]| stale.filter(|_| stale == late));
         let status = self.shown().map(|shown| shown.status);
         let says = |of: fn(ReportedStatus) -> bool| status.map(of);
         let is_in = |state: HorusState| status.map(|status| status.state() == Some(state));
@@ -266,6 +303,21 @@ mod tests {
     }
 
     #[test]
+    fn up_to_three_cycles_that_were_not_read_break_no_sequence() {
+        let found = |step: u32| {
+            let mut station = Station::new(&header(1));
+            for n in 0..bounds::CLIENT_FINDS {
+                let stamp = 100 + n * step;
+                let profile = testing::objects(&silent_reported(stamp), &[silent_gps(stamp)]).concat();
+                station.arrived(u64::from(n) * bounds::CYCLE, &profile, 0b11);
+            }
+            station.wrong_alarm(u64::from(bounds::CLIENT_FINDS) * bounds::CYCLE, &[]).is_some()
+        };
+        let steps = [0, 5, 10, 15, 20, 40, 45, 50];
+        assert_eq!(steps.map(found), [false, false, true, false, true, true, false, false]);
+    }
+
+    #[test]
     fn silence_and_staleness_are_told_within_a_bound_of_their_limits() {
         let off = bounds::STATION_AGE_OFF;
         let alarms = |at: u64, alarms: &[&str]| broken(same, CYCLES, &[(at, Some(at - TICK), alarms)]);
@@ -315,6 +367,47 @@ mod tests {
             assert_eq!(says(&same, &[name]), ALARM, "{name}");
         }
         assert_eq!(says(&same, &["restarted", "damaged"]), [], "those are not judged");
+    }
+
+    #[test]
+    fn what_goes_on_over_a_start_of_horus_may_be_counted_by_the_clock_of_before() {
+        // What arrives is stamped 10 ms to 100 ms; HORUS starts anew, is away for so long, and arrives from `first` on.
+        const AWAY: u64 = 1_000 * MS;
+        let settles = bounds::STATION_SETTLES / bounds::CYCLE;
+        let told = |starts: bool, first: u32, reason: ResetReason, age: u64, alarms: &[&str]| {
+            let mut log = Events::new(1);
+            let mut cycle = |tick: u64, stamp: u32, reason: ResetReason| {
+                let silent = silent_reported(stamp);
+                let status = silent.status.with_position_valid(true).with_degraded(false).with_reset_reason(reason);
+                let values = ReportedValues { status, ..silent };
+                log.cycle_of(tick, &values, &[silent_gps(stamp)]);
+                let profile = testing::objects(&values, &[silent_gps(stamp)]).concat();
+                log.add(tick + 8 * MS, What::Arrived { profile: profile.into(), shown: 0b11 });
+            };
+            (0..CYCLES).for_each(|n| {
+                cycle(testing::FIRST_TICK + n * bounds::CYCLE, (n as u32 + 1) * CYCLE_MS, ResetReason::PowerOn);
+            });
+            let again = |n: u64| TICK + AWAY + n * bounds::CYCLE;
+            (0..=settles).for_each(|n| cycle(again(n), first + n as u32 * CYCLE_MS, reason));
+            if starts {
+                log.reset(TICK + AWAY / 2, Board::Horus, true);
+            }
+            let at = again(settles) + 9 * MS;
+            log.add(at, What::Station { age_us: Some((9 * MS + age) / 1_000), alarms: names(alarms) });
+            let found = found(Station::new(&header(1)), &log.log()).0;
+            found.into_iter().map(|(violation, count, _)| (violation, count)).collect::<Vec<_>>()
+        };
+        let same = ResetReason::PowerOn;
+        let late = AWAY - 10 * MS;
+        assert_eq!(told(true, 110, same, late, &["stale"]), []);
+        assert_eq!(told(true, 110, same, 0, &[]), [], "it knows better");
+        assert_eq!(told(true, 110, same, late / 2, &["stale"]), AGE, "neither");
+        assert_eq!(told(true, 510, same, late - 400 * MS, &["stale"]), [], "it has run for longer");
+        assert_eq!(told(true, 510, same, late, &["stale"]), AGE);
+        assert_eq!(told(false, 1_100, same, 0, &[]), []);
+        assert_eq!(told(false, 1_100, same, 0, &["stale"]), ALARM, "it was not away");
+        assert_eq!(told(true, 110, ResetReason::Watchdog, late, &["stale"]), ALARM, "it says so");
+        assert_eq!(told(true, 10, same, late, &["stale"]), ALARM, "its timestamps do");
     }
 
     #[test]

@@ -159,6 +159,13 @@ impl Line {
         Kind::ALL.into_iter().any(|kind| newest(kind) > 1)
     }
 
+    /// Whether it may have brought HORUS a position by `at` that the objects of `tick` need not show.
+    fn heard_since(&self, tick: u64, at: u64) -> bool {
+        let positions = self.arriving.iter().filter(|message| message.said.is_some_and(|it| it.0 == Kind::Position));
+        positions.into_iter().any(|message| message.arrived <= at && message.arrived + bounds::MESSAGE_TAKEN > tick)
+            || self.tracks[Kind::Position as usize].newest() + bounds::MESSAGE_TAKEN > tick
+    }
+
     /// What had arrived by `by` HORUS has taken, or missed for good. Its lines are up since before `first_tick`.
     fn settle(&mut self, by: u64, first_tick: Option<u64>) {
         while let Some(message) = self.arriving.pop_front_if(|message| message.arrived <= by) {
@@ -330,7 +337,10 @@ impl Content {
                     _ if unjudged => Ram::MayBeKept,
                     _ => Ram::Kept,
                 };
-                self.vote.restart(ram, self.ticks.count);
+                let since = self.vote.last_tick;
+                let heard = (0..).zip(&self.lines).filter(|(_, line)| line.heard_since(since, at));
+                let heard = heard.fold(0, |set, (receiver, _)| set | 1 << receiver);
+                self.vote.restart(ram, self.ticks.count, heard);
                 self.ticks = Ticks { since: at, ..Ticks::default() };
                 self.lines.iter_mut().for_each(|line| line.forget(at));
                 self.inputs.forget();

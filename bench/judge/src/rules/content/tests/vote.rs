@@ -822,10 +822,21 @@ fn after_restart(cause: Cause, reason: ResetReason, excluded: [bool; 2]) -> Vec<
 
 /// As [`after_restart`]; its supply is off for 10 ms before if `off`.
 fn after_off(off: bool, cause: Cause, reason: ResetReason, excluded: [bool; 2]) -> Vec<(Violation, u64)> {
-    let scene = strayed(3, 5..26);
-    let from = shows(&scene, 5);
+    after_cycles(&strayed(3, 5..26), 25, off, cause, reason, excluded)
+}
+
+/// As [`after_off`], in a run of 3 receivers, so many cycles after the first in which GPS2 is excluded.
+fn after_cycles(
+    scene: &Scene,
+    cycles: u64,
+    off: bool,
+    cause: Cause,
+    reason: ResetReason,
+    excluded: [bool; 2],
+) -> Vec<(Violation, u64)> {
+    let from = shows(scene, 5);
     let mut events = scene.events(|cycle, _, gps| gps[1].status = gps[1].status.with_excluded(cycle >= from));
-    let at = tick(from + 20) + 9 * MS;
+    let at = tick(from + cycles) + 9 * MS;
     let ends = if off { at - 10 * MS } else { at };
     events.without(|event| event.at > ends);
     if off {
@@ -859,6 +870,29 @@ fn who_is_excluded_stays_so_over_a_restart_that_keeps_ram() {
     }
     assert_eq!(after_restart(Cause::PowerOn, ResetReason::PowerOn, [false, false]), []);
     assert_eq!(after_restart(Cause::PowerOn, ResetReason::PowerOn, [true, false]), EXCLUSION);
+}
+
+#[test]
+fn who_speaks_just_before_a_restart_may_be_excluded_by_a_vote_that_no_frame_shows() {
+    // All speak just before the 20th cycle after GPS2 was excluded; of that burst only these receivers'.
+    let found = |cycles: u64, speak: &[usize], excluded: [bool; 2]| {
+        let mut scene = strayed(3, 5..26);
+        for (receiver, bursts) in scene.receivers.iter_mut().enumerate() {
+            bursts.retain(|burst| burst.at != FIRST_BURST + 700 * MS || speak.contains(&receiver));
+        }
+        after_cycles(&scene, cycles, false, Cause::Pin, ResetReason::Pin, excluded)
+    };
+    for (cycles, speak, expected) in [
+        (20, &[2][..], vec![]),
+        (20, &[0], EXCLUSION.into()),
+        (20, &[0, 1], vec![]),
+        (20, &[], EXCLUSION.into()),
+        (18, &[0, 1, 2], EXCLUSION.into()),
+        (21, &[0, 1, 2], EXCLUSION.into()),
+    ] {
+        assert_eq!(found(cycles, speak, [true, true]), expected, "after {cycles} cycles, of {speak:?}");
+        assert_eq!(found(cycles, speak, [true, false]), []);
+    }
 }
 
 #[test]

@@ -26,7 +26,8 @@
 //! after it began to agree with all. Not excluded against them: it agrees with no member, or it cannot have agreed for
 //! a second since it was. Where M members have an altitude, those are the members that one with an altitude has to
 //! agree with. After a restart that leaves RAM as it was: one that was excluded in the last cycle before it and cannot
-//! have returned since is not; or one is that was not, and agreed with all others then.
+//! have returned since is not; or one is that was not, agreed with all others then, and has said nothing new since, nor
+//! have M of the others.
 //!
 //! An altitude, an attitude and an acceleration take M members that have one, and all of those have to agree.
 //!
@@ -94,7 +95,7 @@ pub(super) struct Vote {
     /// Who may have been outvoted after the cycle that was seen last.
     doubtful: Set,
     /// The tick of that cycle, ns.
-    last_tick: u64,
+    pub(super) last_tick: u64,
     /// There was a result since HORUS's start; there may have been one.
     located: bool,
     may_be_located: bool,
@@ -256,8 +257,10 @@ impl Vote {
     }
 
     /// HORUS starts anew after `ticks` ticks and forgets everything but, where its `ram` is kept, who is excluded: that
-    /// was so in the cycle seen last, or is the outcome of one of at most three votes after it that no frame shows.
-    pub(super) fn restart(&mut self, ram: Ram, ticks: u64) {
+    /// was so in the cycle seen last, or is the outcome of one of at most three votes after it that no frame shows. In
+    /// those the receivers `heard` may have had positions that the cycle does not show. One that agreed with all others
+    /// in it is outvoted only by what is new: its own position, or those of a whole quorum.
+    pub(super) fn restart(&mut self, ram: Ram, ticks: u64, heard: Set) {
         let all = (0..self.receivers).fold(0, |set, receiver| set | bit(receiver));
         let restarted = match self.restarted {
             // No cycle was seen since the start before.
@@ -270,7 +273,8 @@ impl Vote {
                     did_not.is_some_and(|at| self.last_tick + votes - at < bounds::NOT_RETURNED)
                 };
                 let must = each(self.last.1).filter(stays).fold(0, |set, receiver| set | bit(receiver));
-                (must, self.last.1 | self.doubtful)
+                let is_quorum = count(heard) >= bounds::quorum(self.receivers);
+                (must, if is_quorum { all } else { self.last.1 | self.doubtful | heard })
             }
         };
         let restarted = match ram {
@@ -554,11 +558,7 @@ impl<'a> Cycle<'a> {
             )
         };
         let (high, may_be_high) = (with(0), with(1));
-        let least = match seen.len() {
-            0..=2 => 1,
-            3 => 2,
-            _ => 3,
-        };
+        let least = bounds::quorum(seen.len());
         Self { seen, earlier, places, relations, sure, may, high, may_be_high, now, before, least }
     }
 
