@@ -3,16 +3,29 @@
 
 mod boards;
 
+use std::fs::{self, File};
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+
 use bench::faults::{BufferFault, Buffers, Fault, Faults, Kind};
 use bench::sim::{Images, Outcome, Setup, run};
+use bench_judge::{Log, What, bounds};
 use boards::image;
+use dpr_fw::RECEIVE_WORDS;
+use dpr_fw::rf::LEAD;
+use dpr_fw::triple::RECEIVE_BUFFERS;
 
 const MS: u64 = 1_000_000;
 
 /// What came of a run with these faults; `None` where the images were not built.
 fn outcome(faults: Faults, duration: u64) -> Option<Outcome> {
+    outcome_of(faults, duration, None)
+}
+
+/// The same, with the event log in a file.
+fn outcome_of(faults: Faults, duration: u64, log: Option<PathBuf>) -> Option<Outcome> {
     let images = Images { horus: image(3, "horus-tx-fw.elf")?, dpr: image(3, "dpr-fw.elf")? };
-    let setup = Setup { faults, ..Setup::new(images, 3, duration) };
+    let setup = Setup { faults, log, ..Setup::new(images, 3, duration) };
     Some(run(&setup, &mut ()).unwrap_or_else(|error| panic!("{error}")))
 }
 
@@ -44,6 +57,35 @@ fn a_bit_that_is_stuck_at_either_value_is_found_by_a_scrub_and_no_other_bit_is()
     }
     let Some(sound) = outcome(Faults::none(), 600 * MS) else { return };
     assert_eq!(sound.report.dpr.scrub_faults, 0);
+}
+
+/// Where a frame's length cannot be read while it arrives, all of it is read and verified after its last bit.
+#[test]
+fn a_bit_that_is_stuck_in_the_length_of_a_frame_makes_it_late_and_violates_nothing() {
+    let mut late = 0;
+    for buffer in 0..RECEIVE_BUFFERS as u64 {
+        let length = 8 * (buffer * 4 * RECEIVE_WORDS as u64 + LEAD as u64);
+        // The frame of three receivers counts 245 bytes, an odd number.
+        let stuck = Fault::Buffer(BufferFault::Stuck(Buffers::Receive, false, length));
+        let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("stuck-{buffer}.log"));
+        let faults = Faults::none().with(300 * MS, 340 * MS, stuck);
+        let Some(outcome) = outcome_of(faults, 600 * MS, Some(path.clone())) else { return };
+        assert_eq!(outcome.report.violations, [""; 0], "buffer {buffer}");
+        let log = Log::read(BufReader::new(File::open(&path).unwrap())).unwrap();
+        fs::remove_file(path).unwrap();
+        let mut ended = None;
+        let latency = log.events.iter().filter_map(|event| match event.what {
+            What::Heard { .. } => {
+                ended = Some(event.at);
+                None
+            }
+            What::Fresh { high: true, .. } => ended.take().map(|ended| event.at - ended),
+            _ => None,
+        });
+        late += latency.filter(|latency| *latency > bounds::LAST_BIT_TO_READABLE).count();
+    }
+    // A buffer that is scrubbed before it receives a frame is out of use by then.
+    assert!((1..=RECEIVE_BUFFERS).contains(&late), "{late} frames were late");
 }
 
 #[test]

@@ -32,6 +32,16 @@ pub mod station;
 
 use crate::{Context, Event, Figures, Findings, Header};
 
+/// An instant for a person.
+fn ms(at: u64) -> String {
+    format!("{:.6} ms", at as f64 / 1e6)
+}
+
+/// Whether counter or timestamp `a` is after `b`: both wrap.
+fn is_later(a: u32, b: u32) -> bool {
+    (1..1 << 31).contains(&a.wrapping_sub(b))
+}
+
 macro_rules! rules {
     ($($name:ident: $rule:ty,)*) => {
         /// All rules.

@@ -2,7 +2,6 @@
 
 use profile::Layout;
 
-use super::ms;
 use crate::{Context, Findings, Span, Violation, bounds};
 
 /// A value and when it occurred, ns.
@@ -103,13 +102,8 @@ impl Worst {
         for (violation, outlier) in all {
             if let Some(Outlier { span, at, bound }) = outlier {
                 findings.add(violation, at, || {
-                    format!(
-                        "{} to {} ns, {} ns peak to peak at {}, the bound is {bound} ns",
-                        span.min,
-                        span.max,
-                        span.width(),
-                        ms(at)
-                    )
+                    let (Span { min, max }, width) = (span, span.width());
+                    format!("{min} to {max} ns, {width} ns peak to peak, the bound is {bound} ns")
                 });
             }
         }

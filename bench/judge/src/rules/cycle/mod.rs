@@ -38,15 +38,11 @@ mod tests;
 
 use profile::{CYCLE_MS, Layout};
 
+use super::ms;
 use crate::disturbance::{Disturbances, Excuse};
 use crate::read::{Frame, State};
 use crate::{Board, Context, Event, Figures, Findings, Header, Violation, What, bounds};
 use jitter::{Jitter, Series, Worst};
-
-/// An instant for a person.
-fn ms(at: u64) -> String {
-    format!("{:.6} ms", at as f64 / 1e6)
-}
 
 /// A transmit command whose frame has not ended.
 #[derive(Clone, Copy, Debug)]

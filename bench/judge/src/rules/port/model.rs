@@ -6,6 +6,7 @@ use profile::{Command, Identifier, PortStatus, PortValues, Uplink, Violation, Vi
 
 use crate::bounds;
 use crate::read::{Asked, is_intact, is_vacant};
+use crate::rules::is_later;
 
 /// What the DPR takes in of a transaction: a request, an object, and as many bytes behind it as tell that something is
 /// driven there.
@@ -31,7 +32,7 @@ impl Timestamps {
     const NONE: Self = Self { last: None, row: None };
 
     fn accept(&mut self, timestamp: u32) -> bool {
-        let newer = |than: u32| (1..1 << 31).contains(&timestamp.wrapping_sub(than));
+        let newer = |than: u32| is_later(timestamp, than);
         let row = self.row.filter(|(before, _)| newer(*before)).map_or(1, |(_, row)| row + 1);
         if self.last.is_none_or(newer) || row == ROW {
             *self = Self { last: Some(timestamp), row: None };

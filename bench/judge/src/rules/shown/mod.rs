@@ -52,6 +52,7 @@ use expectation::{Certainty, Delivery};
 use profile::Layout;
 use recovery::Recovery;
 
+use super::ms;
 use crate::disturbance::Excuse;
 use crate::read::{Placed, Reading, State, Values};
 use crate::{Board, Context, Event, Figures, Findings, Header, Violation, What, bounds};
@@ -415,9 +416,4 @@ fn awaits_second(layout: Layout, frame: &Delivery) -> u64 {
 #[must_use]
 pub fn publication(worst_case: bool) -> u64 {
     if worst_case { bounds::PUBLICATION_PESSIMISTIC } else { bounds::PUBLICATION }
-}
-
-/// An instant for a person.
-fn ms(at: u64) -> String {
-    format!("{:.6} ms", at as f64 / 1e6)
 }

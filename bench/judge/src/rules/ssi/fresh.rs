@@ -23,6 +23,7 @@ use profile::LinkValues;
 use super::latency::Cycles;
 use crate::disturbance::{Disturbances, Excuse};
 use crate::read::{Reading, State};
+use crate::rules::is_later;
 use crate::{Findings, Violation};
 
 /// More rises than there are between chip select falling and rising, unless the flight controller hangs for long.
@@ -34,11 +35,6 @@ struct Mark {
     link: Option<LinkValues>,
     /// The timestamp of its objects, ms.
     stamp: Option<u32>,
-}
-
-/// Whether `a` is after `b`; counters and timestamps wrap.
-fn is_later(a: u32, b: u32) -> bool {
-    (1..1 << 31).contains(&a.wrapping_sub(b))
 }
 
 impl Mark {
