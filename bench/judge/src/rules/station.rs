@@ -17,8 +17,8 @@
 //! silence end for certain. Without a crystal HORUS's time is none of the station's, and no age is asked.
 //!
 //! A HORUS that has started anew says so by timestamps that go back, or by another reason of its last reset. If neither
-//! is so, the station cannot know (docs of the base station): it may count by the clock of the start before, which makes
-//! the sample older by the time for which HORUS did not run.
+//! is so, the station cannot know (docs of the base station): it may count by the clock of the start before, which
+//! makes the sample older by the time for which HORUS did not run.
 
 use std::collections::VecDeque;
 
