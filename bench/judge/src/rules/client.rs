@@ -413,7 +413,9 @@ mod tests {
             for (n, valid) in cycles {
                 heard(&mut log, *n, *valid);
                 let position = (!hides).then_some(*n);
-                read(&mut log, sampled(*n) + 6 * MS, *n, *valid, position, Some(6 * MS));
+                for after in [6 * MS, 7 * MS] {
+                    read(&mut log, sampled(*n) + after, *n, *valid, position, Some(after));
+                }
             }
             broken(&log).into_iter().map(|(violation, count, _)| (violation, count)).collect::<Vec<_>>()
         };
