@@ -7,8 +7,8 @@
 //! voter has excluded is written after each vote into memory that the start-up code leaves as it is (section
 //! `.uninit`), with the number of receivers and the frame CRC behind it.
 //!
-//! A start that follows anything but power-on takes it up again, and one that follows power-on destroys it with its
-//! first instructions (`hw::start_up`), so that no later start finds it; the receivers of the mask then have to agree for a
+//! A start that follows power-on destroys it with its first instructions (`hw::start_up`), so that no later start finds
+//! it. One that follows anything else takes it up again; the receivers of the mask then have to agree for a
 //! second from the start on before they return (decision 15). What is not intact, is of an image with another number of
 //! receivers, or is no mask that the voter comes to ([`Voter::excluding`](horus_voter::Voter::excluding)) counts as
 //! nobody: the voter then begins as after power-on.

@@ -12,9 +12,9 @@
 //! since. What was shown is then forgotten. No single message that was repeated, delayed, reordered or inserted is ever
 //! taken for a restart. In HORUS's first [`RESTART_SLACK_US`](order::RESTART_SLACK_US) three delayed messages in a row
 //! can be; the next newer one ends that. What fits neither is another sender ([`order`], [`fleet`](crate::fleet)).
-//! If HORUS is heard again only when it has run for longer than before, its timestamps go on as if it had not restarted,
-//! and the time for which it did not run looks like delay. The reason of its last reset tells it where that is another
-//! one; it stays the same as long as HORUS runs.
+//! If HORUS is heard again only when it has run for longer than before, its timestamps go on as if it had not
+//! restarted, and the time for which it did not run looks like delay. The reason of its last reset tells it where that
+//! is another one; it stays the same as long as HORUS runs.
 //! The DPR's Link-Status has a clock of its own, and is judged in the same way; so is its Port-Status. The uplink that
 //! the DPR shows carries the time of the base station that sent it, which nothing here can be compared with: it is held
 //! as it came last, is no sign of life, and says something to whoever knows what was sent ([`uplink`](Drone::uplink)).

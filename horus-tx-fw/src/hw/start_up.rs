@@ -12,9 +12,9 @@
 //! restart by the watchdog from the start before it, also where that start did not come far: the flags of power-on and
 //! of brown-out would hide the watchdog's.
 //!
-//! A start after power-on forgets here who was excluded ([`horus_tx_fw::exclusions`]): memory outlives a supply that was
-//! away for a moment, and if this start is cut off before its first vote, the next one could not tell the record from
-//! its own. The flags take the place of its first word, which no record begins with.
+//! A start after power-on forgets here who was excluded ([`horus_tx_fw::exclusions`]): memory outlives a supply that
+//! was away for a moment, and if this start is cut off before its first vote, the next one could not tell the record
+//! from its own. The flags take the place of its first word, which no record begins with.
 
 use firmware_common::start::RESET_FLAGS;
 use horus_tx_fw::timing;

@@ -170,7 +170,7 @@ impl Client {
             let ages = of(timestamp).map(|sample| selected - sample.at);
             ages.clone().min().zip(ages.max())
         };
-        // Data that are older than what was read before, or expired, it cannot tell from others: that is another rule's.
+        // Data that are older than what was read before, or expired, it cannot tell from others: another rule's matter.
         let before = self.newest;
         if let Some((timestamp, _)) = sample
             && before.is_none_or(|before| before.timestamp != timestamp)
@@ -359,10 +359,10 @@ mod tests {
 
     #[test]
     fn the_age_goes_on_from_what_link_status_said_with_the_sample_first() {
-        let told = |age: u64| {
+        let told = |first: u64, age: u64| {
             let mut log = Events::new(1);
             heard(&mut log, 1, true);
-            read(&mut log, sampled(1) + 20 * MS, 1, true, Some(1), Some(20 * MS));
+            read_as(&mut log, sampled(1) + 20 * MS, first / AGE_UNIT, 1, true, Some(1), Some(first));
             // The next transaction shows the same sample, and Link-Status says 400 ms.
             read(&mut log, sampled(1) + 24 * MS, 1, true, Some(1), Some(age));
             let last = log.events.iter_mut().rfind(|event| matches!(event.what, What::Transaction { .. }));
@@ -371,7 +371,9 @@ mod tests {
             miso.0[..LinkStatus::SIZE].copy_from_slice(link.as_bytes());
             broken(&log).len()
         };
-        assert_eq!((told(24 * MS), told(400 * MS)), (0, 1));
+        assert_eq!((told(20 * MS, 24 * MS), told(20 * MS, 400 * MS)), (0, 1));
+        let long = 34 * MS + bounds::CLIENT_AGE_LONG;
+        assert_eq!((told(30 * MS, long), told(30 * MS, long + 1_000)), (0, 1), "as Link-Status told it wrongly");
     }
 
     #[test]
@@ -411,7 +413,9 @@ mod tests {
             for (n, valid) in cycles {
                 heard(&mut log, *n, *valid);
                 let position = (!hides).then_some(*n);
-                read(&mut log, sampled(*n) + 6 * MS, *n, *valid, position, Some(6 * MS));
+                for after in [6 * MS, 7 * MS] {
+                    read(&mut log, sampled(*n) + after, *n, *valid, position, Some(after));
+                }
             }
             broken(&log).into_iter().map(|(violation, count, _)| (violation, count)).collect::<Vec<_>>()
         };

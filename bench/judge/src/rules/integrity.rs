@@ -2,8 +2,8 @@
 //!
 //! A bit of a board's flash that is changed on purpose is one of its firmware's image, which both boards compare with
 //! its CRC round the clock (docs/design.md#start-and-supply). HORUS has to stop within [`bounds::HORUS_FLASH_FOUND`]:
-//! its field goes off. The DPR has to say so in Link-Status within [`bounds::DPR_FLASH_FOUND`]. A start of the board, or
-//! its supply going off, begins that anew, since both compare at their start, too: a board that does not come up has
+//! its field goes off. The DPR has to say so in Link-Status within [`bounds::DPR_FLASH_FOUND`]. A start of the board,
+//! or its supply going off, begins that anew, since both compare at their start, too: a board that does not come up has
 //! noticed.
 //!
 //! What a changed bit of RAM or of a register does the outside cannot know: what becomes of it is for the other rules.

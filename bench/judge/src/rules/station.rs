@@ -17,8 +17,8 @@
 //! silence end for certain. Without a crystal HORUS's time is none of the station's, and no age is asked.
 //!
 //! A HORUS that has started anew says so by timestamps that go back, or by another reason of its last reset. If neither
-//! is so, the station cannot know (docs of the base station): it may count by the clock of the start before, which makes
-//! the sample older by the time for which HORUS did not run.
+//! is so, the station cannot know (docs of the base station): it may count by the clock of the start before, which
+//! makes the sample older by the time for which HORUS did not run.
 
 use std::collections::VecDeque;
 
@@ -30,9 +30,9 @@ use crate::{Board, Context, Event, Figures, Findings, Header, Violation, What, b
 /// So many ticks are remembered, with what was sent after them.
 const TICKS: usize = 256;
 
-/// A sample that the station has shown, and by whose clock it counts.
+/// The sample that arrived last, by whose clock the station may count.
 #[derive(Clone, Copy, Debug)]
-struct Shown {
+struct Last {
     timestamp: u32,
     reason: Option<ResetReason>,
     /// Its tick, ns, and in which of HORUS's starts that was.
@@ -66,7 +66,7 @@ pub struct Station {
     /// Timestamps of Reported-Position, ms, each with its tick, ns, and the start.
     sent: VecDeque<(u32, (u64, u64))>,
     newest: Option<Newest>,
-    last: Option<Shown>,
+    last: Option<Last>,
     /// When something that can be shown arrived last, ns.
     arrived: u64,
     /// The alarm, or the age, that was wrong the last time: it is told once while it stays so.
@@ -144,15 +144,13 @@ impl Station {
 
     /// A sample of that tick has arrived, ns, in that start: how much older the station may take it to be, ns.
     fn late(&mut self, timestamp: u32, reason: Option<ResetReason>, tick: (u64, u64)) -> u64 {
-        let step = |last: Shown| timestamp.wrapping_sub(last.timestamp);
+        let step = |last: Last| timestamp.wrapping_sub(last.timestamp);
         let goes_on = self.last.filter(|last| step(*last).cast_signed() > 0 && last.reason == reason);
         let late = goes_on.map_or(0, |last| match last.tick.1 == tick.1 {
             true => last.late,
             false => (last.late + tick.0 - last.tick.0).saturating_sub(u64::from(step(last)) * 1_000_000),
         });
-        if goes_on.is_some() || self.last.is_none() || self.shown().is_some() {
-            self.last = Some(Shown { timestamp, reason, tick, late });
-        }
+        self.last = Some(Last { timestamp, reason, tick, late });
         late
     }
 
@@ -374,7 +372,8 @@ mod tests {
         // What arrives is stamped 10 ms to 100 ms; HORUS starts anew, is away for so long, and arrives from `first` on.
         const AWAY: u64 = 1_000 * MS;
         let settles = bounds::STATION_SETTLES / bounds::CYCLE;
-        let told = |starts: bool, first: u32, reason: ResetReason, age: u64, alarms: &[&str]| {
+        // Before that another start was heard, for long, if `earlier`.
+        let told_after = |earlier: bool, starts: bool, first: u32, reason: ResetReason, age: u64, alarms: &[&str]| {
             let mut log = Events::new(1);
             let mut cycle = |tick: u64, stamp: u32, reason: ResetReason| {
                 let silent = silent_reported(stamp);
@@ -384,11 +383,15 @@ mod tests {
                 let profile = testing::objects(&values, &[silent_gps(stamp)]).concat();
                 log.add(tick + 8 * MS, What::Arrived { profile: profile.into(), shown: 0b11 });
             };
+            if earlier {
+                cycle(testing::FIRST_TICK - bounds::CYCLE, 90_000, ResetReason::PowerOn);
+            }
             (0..CYCLES).for_each(|n| {
                 cycle(testing::FIRST_TICK + n * bounds::CYCLE, (n as u32 + 1) * CYCLE_MS, ResetReason::PowerOn);
             });
             let again = |n: u64| TICK + AWAY + n * bounds::CYCLE;
             (0..=settles).for_each(|n| cycle(again(n), first + n as u32 * CYCLE_MS, reason));
+            log.reset(testing::FIRST_TICK - MS, Board::Horus, true);
             if starts {
                 log.reset(TICK + AWAY / 2, Board::Horus, true);
             }
@@ -397,8 +400,10 @@ mod tests {
             let found = found(Station::new(&header(1)), &log.log()).0;
             found.into_iter().map(|(violation, count, _)| (violation, count)).collect::<Vec<_>>()
         };
+        let told = |starts, first, reason, age, alarms: &[&str]| told_after(false, starts, first, reason, age, alarms);
         let same = ResetReason::PowerOn;
         let late = AWAY - 10 * MS;
+        assert_eq!(told_after(true, true, 110, same, late, &["stale"]), [], "the first clock does not count any more");
         assert_eq!(told(true, 110, same, late, &["stale"]), []);
         assert_eq!(told(true, 110, same, 0, &[]), [], "it knows better");
         assert_eq!(told(true, 110, same, late / 2, &["stale"]), AGE, "neither");
