@@ -10,7 +10,7 @@
 //!         │ Start                                   │ any other FAULT
 //!         ▼                                         ▼
 //!     BringingUp ◄── time ── BackingOff ◄── Start ── Faulted
-//!         │ CheckingField, LISTENING
+//!         │ LISTENING
 //!         ▼
 //!      Reported ◄── FIELDON, FIELDOFF ──┐
 //!         │ Start                       │
@@ -61,8 +61,8 @@
 //! told apart is a sync in the few microseconds between that read and the clear: if the clear also
 //! discards the interrupt (the data sheet is of two minds), the frame is recognised by its I_rxe alone.
 //!
-//! So I_eon and I_eof can be lost, too. After a bring-up, and [`ListenerConfig::supervision_us`] after the last interrupt,
-//! the field detector's output is read, and what it says is told if it differs from what was told before. (ST's RFAL reads the same bit before it relies on these interrupts.)
+//! So I_eon and I_eof can be lost, too. [`ListenerConfig::supervision_us`] after the last interrupt the field detector's
+//! output is read, and what it says is told. (ST's RFAL reads the same bit before it relies on these interrupts.)
 //!
 //! # Recovery
 //!
@@ -345,11 +345,8 @@ pub enum ListenerState {
     CheckingSetting,
     /// Nothing came for a while: operation control, mode and bit rate are being read.
     CheckingConfiguration,
-    /// After a bring-up, or where nothing came for a while: the field detector's output is being read.
-    CheckingField {
-        /// It is the latter: the receiver is re-armed afterwards.
-        idle: bool,
-    },
+    /// Nothing came for a while: the field detector's output is being read.
+    CheckingField,
     /// Bytes of a frame are being read.
     ReadingFifo {
         /// How many.
@@ -525,22 +522,18 @@ impl Listener {
             }
             (ListenerState::CheckingConfiguration, Input::Done(response)) => {
                 match self.bring_up.role().check_configuration(response) {
-                    Ok(()) => self.short(ListenerState::CheckingField { idle: true }, DISPLAY_READ),
+                    Ok(()) => self.short(ListenerState::CheckingField, DISPLAY_READ),
                     Err(fault) => self.fault(fault),
                 }
             }
-            (ListenerState::CheckingField { idle }, Input::Done(response)) => {
+            (ListenerState::CheckingField, Input::Done(response)) => {
                 if let [_, display] = response {
                     let (there, irq) =
                         if display & reg::DISPLAY_FIELD == 0 { (false, reg::IRQ_EOF) } else { (true, reg::IRQ_EON) };
                     self.field_irqs = if there == self.field_on { 0 } else { irq };
                 }
                 // The status once more: a frame may have begun since the read before.
-                if idle {
-                    self.short(ListenerState::RearmStatus, STATUS_READ)
-                } else {
-                    self.event(ListenerState::Reported, ListenerEvent::Listening)
-                }
+                self.short(ListenerState::RearmStatus, STATUS_READ)
             }
             _ => self.fault(Fault::Executor),
         }
@@ -559,13 +552,13 @@ impl Listener {
     fn fault(&mut self, fault: Fault) -> Step<ListenerEvent> {
         self.frame = None;
         self.field_irqs = 0;
+        self.field_on = false;
         self.silent_us = 0;
         count(&mut self.counters.faults);
         let state = if let Fault::Silence { .. } = fault {
             // The next bring-up follows at once: how rare these are is counted in `silences`.
             ListenerState::New
         } else {
-            self.field_on = false;
             self.bring_up.failed();
             ListenerState::Faulted
         };
@@ -580,7 +573,7 @@ impl Listener {
             Progress::Finished => {
                 self.idle_irqs = 0;
                 count(&mut self.counters.bring_ups);
-                self.short(ListenerState::CheckingField { idle: false }, DISPLAY_READ)
+                self.event(ListenerState::Reported, ListenerEvent::Listening)
             }
         }
     }

@@ -229,9 +229,7 @@ impl Chip {
 
     fn reset(&mut self) {
         self.written.clear();
-        let field = self.a[0x31] & 0x40;
         self.a = [0; 64];
-        self.a[0x31] = field;
         self.a[0x0B..=0x0E].copy_from_slice(&[0x08, 0x2D, 0xD8, 0x00]);
         self.a[0x28] = 0x70;
         self.b = [0; 64];
