@@ -16,15 +16,15 @@
 //!         │ Start                       │
 //!         ▼                             │
 //!  ┌─► Listening ◄──► ReadingStatus ────┴── nothing for a while ──► CheckingConfiguration ──┐
-//!  │                    │ I_rxs                                            CheckingField ◄──┘
-//!  │                    ▼                                                        │
-//!  │   Receiving ◄──► ReadingStatus, ReadingFifo                                 │
-//!  │      ▲             │ FRAME, DROPPED                                         │
-//!  │      │             ▼                                                        │
-//!  │      │           Delivered                                                  │
-//!  │      │             │ Start                                                  │
-//!  │      │             ▼                                                        │
-//!  │      └── I_rxs ── RearmStatus ◄─────────────────────────────────────────────┘
+//!  │                    │ I_rxs                                                             │
+//!  │                    ▼                                                                   │
+//!  │   Receiving ◄──► ReadingStatus, ReadingFifo                                            │
+//!  │      ▲             │ FRAME, DROPPED                                                    │
+//!  │      │             ▼                                                                   │
+//!  │      │           Delivered                                                             │
+//!  │      │             │ Start                                                             │
+//!  │      │             ▼                                                                   │
+//!  │      └── I_rxs ── RearmStatus ◄────────────────────────────────────────────────────────┘
 //!  │                    │
 //!  │                    ▼
 //!  └── CheckingSetting ◄── RearmUnmask ◄── RearmClear
@@ -61,9 +61,6 @@
 //! told apart is a sync in the few microseconds between that read and the clear: if the clear also
 //! discards the interrupt (the data sheet is of two minds), the frame is recognised by its I_rxe alone.
 //!
-//! So I_eon and I_eof can be lost, too. [`ListenerConfig::supervision_us`] after the last interrupt the field detector's
-//! output is read, and what it says is told. (ST's RFAL reads the same bit before it relies on these interrupts.)
-//!
 //! # Recovery
 //!
 //! | trouble | what happens |
@@ -72,7 +69,7 @@
 //! | I_rxs again without I_rxe | [`Dropped::Overrun`], the new frame is received |
 //! | field lost under a frame | [`Dropped::FieldLost`], [`ListenerEvent::FieldOff`], re-arm |
 //! | errors without a frame (a start in the middle of one) | re-arm |
-//! | nothing for [`ListenerConfig::supervision_us`] | configuration checked, field detector read, re-arm |
+//! | nothing for [`ListenerConfig::supervision_us`] | configuration checked, re-arm |
 //! | a register that is not as it was set | [`Fault::Register`] when its turn comes, one setting at each re-arming |
 //! | no frame for [`SILENCE_US`] | [`Fault::Silence`], bring-up; then after twice that, up to [`SILENCE_LONGEST_US`] |
 //! | reset of the chip | [`Fault::Reset`] at the next interrupt or supervision, bring-up |
@@ -87,7 +84,7 @@
 //! has its turn within 0.12 s; an idle listener re-arms every 20 ms. It is the last transfer before the wait, so that a
 //! frame which begins meanwhile is received, and takes at most 8 bytes.
 
-use crate::bring_up::{BringUp, CONFIGURATION_READ, DISPLAY_READ, IDLE_IRQS, Progress, Role};
+use crate::bring_up::{BringUp, CONFIGURATION_READ, IDLE_IRQS, Progress, Role};
 use crate::command;
 use crate::machine::{Fault, Input, Short, Step, Transfer};
 use crate::register as reg;
@@ -345,8 +342,6 @@ pub enum ListenerState {
     CheckingSetting,
     /// Nothing came for a while: operation control, mode and bit rate are being read.
     CheckingConfiguration,
-    /// Nothing came for a while: the field detector's output is being read.
-    CheckingField,
     /// Bytes of a frame are being read.
     ReadingFifo {
         /// How many.
@@ -522,18 +517,10 @@ impl Listener {
             }
             (ListenerState::CheckingConfiguration, Input::Done(response)) => {
                 match self.bring_up.role().check_configuration(response) {
-                    Ok(()) => self.short(ListenerState::CheckingField, DISPLAY_READ),
+                    // The status once more: a frame may have begun since the read before.
+                    Ok(()) => self.short(ListenerState::RearmStatus, STATUS_READ),
                     Err(fault) => self.fault(fault),
                 }
-            }
-            (ListenerState::CheckingField, Input::Done(response)) => {
-                if let [_, display] = response {
-                    let (there, irq) =
-                        if display & reg::DISPLAY_FIELD == 0 { (false, reg::IRQ_EOF) } else { (true, reg::IRQ_EON) };
-                    self.field_irqs = if there == self.field_on { 0 } else { irq };
-                }
-                // The status once more: a frame may have begun since the read before.
-                self.short(ListenerState::RearmStatus, STATUS_READ)
             }
             _ => self.fault(Fault::Executor),
         }
