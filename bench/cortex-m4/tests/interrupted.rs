@@ -18,7 +18,8 @@ const PROGRAM: &[u16] = &[
 const HANDLER: u32 = 0x64;
 
 /// Allows the FPU; gives interrupt 1 the lower priority; enables 0 and 1; 64 times pushes and pops 16 FP registers and
-/// pushes 12 core registers; writes to the device, 8 bytes in. The handler of 1, [`LOW`] bytes in, pushes and pops the same FP
+/// pushes 12 core registers; writes to the device, 8 bytes in. The handler of 1, [`LOW`] bytes in, pushes and pops the
+/// same FP
 /// registers, that of 0, [`HIGH`] bytes in, writes to the device at once.
 #[rustfmt::skip]
 const MULTIPLES: &[u16] = &[
@@ -30,7 +31,8 @@ const MULTIPLES: &[u16] = &[
 const LOW: u32 = 0x40;
 const HIGH: u32 = 0x54;
 
-/// Raises line 0 every `period` cycles, and line 1 `before` cycles earlier if that is not 0; a write to the device takes
+/// Raises line 0 every `period` cycles, and line 1 `before` cycles earlier if that is not 0; a write to the device
+/// takes
 /// either back.
 #[derive(Clone, Debug)]
 struct Storm {
