@@ -145,8 +145,14 @@ fn fresh_that_offers_the_image_of_before_is_a_violation() {
     for (shows, violations) in [(1, vec![]), (0, vec![(FreshNotNew, 1)])] {
         plan.publications[2].image = plan.publications[shows].image.clone();
         let mut log = plan.log();
-        insert(&mut log, plan.publications[2].at - 1_000, injected(IMAGE_BIT, plan.publications[2].at));
+        let rose = plan.publications[2].at;
+        insert(&mut log, rose - 1_000, injected(IMAGE_BIT, rose));
         assert_eq!(found(&log), violations, "{shows}");
+        // The same where nothing is known of what FRESH offers but what is read.
+        let rise = log.events.iter().position(|event| event.at == rose && matches!(event.what, What::Fresh { .. }));
+        *offered(&mut log, rise.unwrap()) = None;
+        let is_old = found(&log).iter().any(|(violation, _)| *violation == FreshNotNew);
+        assert_eq!(is_old, shows == 0, "read: {shows}");
     }
     // An image of the same time and counts that tells another status is another image.
     let values = LinkStatus::verify(&first.image[..LinkStatus::SIZE]).unwrap().values();

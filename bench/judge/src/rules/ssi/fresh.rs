@@ -185,7 +185,13 @@ impl Claims {
     }
 
     /// A transaction brought a sound image.
-    pub(super) fn transaction(&mut self, reading: &Reading, cycles: &mut Cycles, findings: &mut Findings) {
+    pub(super) fn transaction(
+        &mut self,
+        reading: &Reading,
+        cycles: &mut Cycles,
+        disturbances: &Disturbances,
+        findings: &mut Findings,
+    ) {
         let Some(mark) = Mark::of(reading) else { return };
         let selected = reading.selected;
         // Objects older than what was read before are another rule's.
@@ -196,16 +202,19 @@ impl Claims {
             return;
         }
         let older = |claim: &Claim| claim.mark.is_some_and(|older| older.is_the_same_as(&mark));
-        let stale = self.claims.range(..announced.saturating_sub(1)).rev().any(older);
+        let mut before = self.claims.range(..announced.saturating_sub(1)).rev();
+        let is_last = before.next().is_some_and(older);
+        let stale = is_last || before.any(older);
         let Some(claim) = announced.checked_sub(1).and_then(|last| self.claims.get_mut(last)) else {
             missing(selected, mark, cycles, findings);
             self.claims.push_front(Claim { mark: Some(mark), unannounced: true, ..Claim::new(selected) });
             self.newest = mark.stamp.or(self.newest);
             return;
         };
+        let replaces = is_last && claim.mark.is_none() && disturbances.excuse(Excuse::UnsoundImage, claim.rose);
         match claim.mark {
             Some(expected) if expected.is_of(&mark) != Some(false) => {}
-            _ if stale => {
+            _ if stale && !replaces => {
                 if !regressed && !std::mem::replace(&mut claim.told, true) {
                     findings.add(Violation::FreshNotNew, claim.rose, || {
                         format!("an older image was read at {selected} ns")

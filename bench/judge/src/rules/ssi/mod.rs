@@ -178,7 +178,7 @@ impl Ssi {
         }
         let spliced = self.claims.is_spliced(reading);
         if !self.damage.find(reading, spliced, &self.cycles, context.layout(), findings) {
-            self.claims.transaction(reading, &mut self.cycles, findings);
+            self.claims.transaction(reading, &mut self.cycles, context.disturbances(), findings);
         }
         self.damage.remember(reading);
     }
