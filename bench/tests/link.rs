@@ -152,8 +152,9 @@ fn a_flight_controller_that_reads_at_every_phase_delays_nothing() {
         assert_eq!(report.dpr.objects_accepted, (report.air.frames_delivered - SEARCHED) * 4);
         assert_eq!(report.dpr.objects_rejected, SEARCHED * 4);
         assert_eq!(report.ssi.fresh, report.base.profiles);
-        // In each of the first four cycles of 4 ms the DPR tests its memory.
-        assert!(report.ssi.busy <= 4, "{:?}", report.ssi);
+        // In each of the first four cycles of 4 ms the DPR tests its memory, and one transaction begins within the 4 us
+        // in which the DPR holds the buffers to put an image in.
+        assert!(report.ssi.busy <= 5, "{:?}", report.ssi);
         assert!(report.ssi.ready_ns.unwrap().max <= 10_000, "{:?}", report.ssi);
         assert!(report.latency_ns.last_bit_to_readable.unwrap().max <= 100_000, "{:?}", report.latency_ns);
     }

@@ -399,7 +399,7 @@ mod app {
         TELEMETRY.scrubbed(triple::scrub_waiting(cx.shared.rotation));
         TELEMETRY.scrubbed(triple::scrub_waiting(cx.shared.mailbox));
         CHECK_IN.check_in(const { Task::named("scrub") });
-        // Of a cycle's two frames one asks: the calls of eight tasks are a tenth of the processor's load.
+        // With five receivers a cycle has two frames, and one call a cycle is enough for the watchdog.
         let now_us = hw::now_us();
         if now_us.wrapping_sub(*cx.local.asked_us) < SIGNS_OF_LIFE_US {
             return;

@@ -297,10 +297,9 @@ impl<C: Cost> Core<C> {
     }
 
     /// On the clock of what silicon takes at least: what is due in the middle of `op`, which began at the cycle
-    /// `began`,
-    /// comes there if silicon interrupts it, as it does a load/store multiple (TRM 3.9.1) and the lazy saving of the FP
-    /// state (TRM 7.2). What is left of its cycles passes with the return from the exception, or at once if there is
-    /// none; what it does to registers and memory it has done.
+    /// `began`, comes there if silicon interrupts it, as it does a load/store multiple (TRM 3.9.1) and the lazy saving
+    /// of the FP state (TRM 7.2). What is left of its cycles passes with the return from the exception, or at once if
+    /// there is none; what it does to registers and memory it has done.
     #[cold]
     #[inline(never)]
     fn cut_short(&mut self, op: &Op, began: u64) {

@@ -19,8 +19,7 @@ const HANDLER: u32 = 0x64;
 
 /// Allows the FPU; gives interrupt 1 the lower priority; enables 0 and 1; 64 times pushes and pops 16 FP registers and
 /// pushes 12 core registers; writes to the device, 8 bytes in. The handler of 1, [`LOW`] bytes in, pushes and pops the
-/// same FP
-/// registers, that of 0, [`HIGH`] bytes in, writes to the device at once.
+/// same FP registers. That of 0, [`HIGH`] bytes in, writes to the device at once.
 #[rustfmt::skip]
 const MULTIPLES: &[u16] = &[
     0x4817, 0xF44F, 0x0170, 0x6001, 0xF3BF, 0x8F4F, 0xF3BF, 0x8F6F, 0x4814, 0xF44F, 0x4100, 0x6001, 0x4813, 0x2103,
@@ -32,8 +31,7 @@ const LOW: u32 = 0x40;
 const HIGH: u32 = 0x54;
 
 /// Raises line 0 every `period` cycles, and line 1 `before` cycles earlier if that is not 0; a write to the device
-/// takes
-/// either back.
+/// takes either back.
 #[derive(Clone, Debug)]
 struct Storm {
     board: Board,

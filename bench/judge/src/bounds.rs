@@ -73,9 +73,8 @@ pub const WATCHDOG_FED: u64 = 40_000_000;
 pub const DPR_WATCHDOG_LONGEST: u64 = 104_000_000;
 /// A task that died had checked in before, and the watchdog is fed once more for that, within this: every task of HORUS
 /// checks in once a cycle. The DPR's SSI task may do so only with the end of a transaction (`dpr_fw::ssi`), which a
-/// flight
-/// controller that misbehaves puts off, for good if the scrub task is dead, which asks for signs of life. Then the
-/// watchdog bites before, unless it is fed just in time.
+/// flight controller that misbehaves puts off, for good if the scrub task is dead, which asks for signs of life. Then
+/// the watchdog bites before, unless it is fed just in time.
 pub const CHECKED_IN: [u64; 2] = [FRAME_DEADLINE + CYCLE, DPR_WATCHDOG_LONGEST];
 /// HORUS takes what its objects say after the tick and before the first slot, 0.12 ms after it at the latest
 /// (docs/design.md#timing and `profile::air::send_slot_us`): a message that arrived later is not in them. With a

@@ -133,7 +133,7 @@ fn a_frame_that_began_while_the_dprs_front_end_was_out_of_order_may_be_late() {
 
 /// A bit of the buffer that holds LEN.
 #[test]
-fn a_frame_in_a_buffer_of_which_a_bit_is_hit_has_the_time_of_one_that_is_read_at_its_end() {
+fn a_frame_in_a_buffer_with_a_hit_bit_may_be_as_late_as_one_stored_whole() {
     for gps in [1, 3] {
         for (kind, after, violations) in [
             (RECEIVE_BIT, bounds::STORE_AND_FORWARD, vec![]),

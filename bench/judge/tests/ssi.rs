@@ -49,7 +49,7 @@ fn an_answer_is_a_violation() {
 }
 
 #[test]
-fn a_flight_controller_that_was_silent_and_is_not_any_more_may_be_so_when_a_board_restarts() {
+fn a_restart_keeps_until_when_the_flight_controller_was_silent() {
     let (from, to) = (200 * MS, 400 * MS);
     for (until, violations) in [(to - bounds::NO_TRANSACTION, vec![]), (from, vec![(NoTransaction, 1)])] {
         let mut log = without_transactions(from, to).log();
@@ -308,7 +308,7 @@ fn a_dpr_that_is_not_ready_10_us_after_a_transaction_is_a_violation() {
 
 /// Where the flight controller misuses the SSI, the end of a transaction that was not served may be served late.
 #[test]
-fn what_the_dpr_takes_after_a_transaction_to_which_it_owes_nothing_it_does_not_hold_for_itself() {
+fn buffers_taken_after_a_transaction_owed_nothing_are_not_held_back() {
     for (longer, violations) in [(MS, vec![]), (0, vec![(NotReady, 1)])] {
         let mut log = Plan::new(3, 60).log();
         let ended = log.events[repeats(&log)[40]].at;

@@ -14,7 +14,7 @@ const PERIPHERALS: u32 = 0x4000_0000;
 /// Where RAM begins: below is code.
 const RAM: u32 = 0x2000_0000;
 
-/// So many clocks of before are kept: a restart changes it three times.
+/// How many earlier clocks a node keeps. A restart changes the clock three times.
 const CHANGES: usize = 16;
 
 /// All of a node that its core reaches while it runs: the part, the board and the clock.

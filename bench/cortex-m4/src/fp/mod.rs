@@ -14,8 +14,8 @@
 //!   past d15, SP or PC as the core register of a transfer) is taken as undefined too: compilers emit none of it, and a
 //!   fault is seen where a guessed result is not.
 //! - A `VLDM` or `VSTM` is never abandoned or continued in its middle (ICI): on the pessimistic clock an interrupt
-//! waits
-//!   for its end, as for that of lazy stacking. On the optimistic one neither delays it: see `Core::cut_short`.
+//!   waits for its end, as for that of lazy stacking. On the optimistic one neither delays it: see
+//!   `Core::cut_short`.
 //! - The stall between a floating-point result and the next instruction that reads it is not tracked instruction by
 //!   instruction: it is the difference between the least and the most that [`cycles`] tells.
 //! - The exception outputs of the FPU (FPIXC, FPIDC and the others), which a part may wire to an interrupt line, are

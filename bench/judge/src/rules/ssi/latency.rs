@@ -98,8 +98,7 @@ impl Cycles {
     }
 
     /// A whole frame with this LEN, if the DPR knows it, reached the DPR's antenna; its last bit at `ended`. The DPR
-    /// may
-    /// miss it if `may_be_missed`.
+    /// may miss it if `may_be_missed`.
     pub(super) fn heard(
         &mut self,
         layout: Layout,
