@@ -36,8 +36,6 @@ const LOOKED_AT: u64 = 10 * MS;
 const END: u64 = WARM + 500 * MS;
 /// A cycle of the DPR's processor at most, ns: 64 MHz.
 const CYCLE: u64 = 15;
-/// With five receivers the sum on the pessimistic clock is above the bound (docs/timing.md#sums). It must not grow.
-const FIVE_RECEIVERS: u64 = 101_500;
 /// Exceptions of the tasks `ssi_end` (SPIS1) and `ssi_pause` (TIMER3).
 const SSI: [u32; 2] = [16 + 4, 16 + 26];
 /// BASEPRI that masks the SSI's priority 5 and the RFID side's priority 4, of eight levels in the three upper bits.
@@ -96,10 +94,14 @@ fn is_of_the_rfid_side(exception: u32) -> bool {
 }
 
 impl<C: Cost> Watched<C> {
-    /// The longest run of each exception, ns: from its entry to the entry of another, or the return.
+    /// The longest run of an exception, ns: from its entry to the entry of another, or the return. A run in which FRESH
+    /// rises is the last piece of a frame's way. If it serves a transaction that has just ended, too, it takes less than
+    /// two runs, which are what the sum has.
     fn longest(&self, exception: u32) -> u64 {
-        let runs = self.runs.windows(2).filter(|pair| pair[0].1 == exception).map(|pair| pair[1].0 - pair[0].0);
-        runs.max().unwrap_or(0)
+        let rises: Vec<u64> = self.frames().into_iter().map(|(_, rose)| rose).collect();
+        let runs = self.runs.windows(2).filter(|pair| pair[0].1 == exception).map(|pair| pair[0].0..pair[1].0);
+        let served = runs.filter(|run| !rises.iter().any(|rose| run.contains(rose)));
+        served.map(|run| run.end - run.start).max().unwrap_or(0)
     }
 
     /// What one service of the SSI takes of whatever it preempts: the end of the pause and the end of a transaction.
@@ -157,7 +159,7 @@ impl<C: Cost> Watched<C> {
 }
 
 /// Adds both sums up for so many receivers, and holds them against the bounds and against what was seen.
-fn add_up<C: Cost>(gps: usize, readable_bound: u64) {
+fn add_up<C: Cost>(gps: usize) {
     let Some(quiet) = watch::<C>(gps, Some(Conduct::Silent)) else { return };
     let Some(usual) = watch::<C>(gps, None) else { return };
     let Some(hostile) = watch::<C>(gps, Some(Conduct::Edges(1_000))) else { return };
@@ -174,7 +176,7 @@ fn add_up<C: Cost>(gps: usize, readable_bound: u64) {
     println!("  last bit to readable: way {way} + SSI's share {share} + RFID masked {of_rfid} = {readable}");
     let ready = usual.served() + of_ssi;
     println!("  SSI ready: way {} + SSI masked {of_ssi} = {ready}", usual.served());
-    assert!(readable <= readable_bound, "{readable}");
+    assert!(readable <= bounds::LAST_BIT_TO_READABLE, "{readable}");
     assert!(ready <= bounds::SSI_READY, "{ready}");
     assert!(of_ssi > 0 && of_rfid >= of_ssi, "the commit task masks both when it publishes");
     for seen in [&quiet, &usual, &hostile] {
@@ -187,13 +189,13 @@ fn add_up<C: Cost>(gps: usize, readable_bound: u64) {
 
 #[test]
 fn with_three_receivers_both_deadlines_hold_as_sums_on_three_clocks() {
-    add_up::<Fast>(3, bounds::LAST_BIT_TO_READABLE);
-    add_up::<Optimistic>(3, bounds::LAST_BIT_TO_READABLE);
-    add_up::<Pessimistic>(3, bounds::LAST_BIT_TO_READABLE);
+    add_up::<Fast>(3);
+    add_up::<Optimistic>(3);
+    add_up::<Pessimistic>(3);
 }
 
 #[test]
 fn both_sums_hold_with_one_and_five_receivers_on_the_pessimistic_clock() {
-    add_up::<Pessimistic>(1, bounds::LAST_BIT_TO_READABLE);
-    add_up::<Pessimistic>(5, FIVE_RECEIVERS);
+    add_up::<Pessimistic>(1);
+    add_up::<Pessimistic>(5);
 }

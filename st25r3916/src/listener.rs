@@ -44,7 +44,7 @@
 //! 2. [`BODY`] bytes before that end: what is there, most of the frame;
 //! 3. [`TAIL`] bytes before that end: what is there,
 //!
-//! so that [`TAIL`] - 2 bytes of the payload are left after I_rxe (4 µs at 8 MHz with the command). The CRC-16 stays
+//! so that [`TAIL`] - 2 bytes of the payload are left after I_rxe (5 µs at 8 MHz with the command). The CRC-16 stays
 //! in the FIFO as far as it has not been read by then: the chip has compared it, and re-arming clears it away. The FIFO
 //! is never read empty while the chip fills it: a read on the way takes one byte less than the level gave, which can
 //! only have grown since, or takes so long that another byte has come by its end. An executor that is late at any of
@@ -92,13 +92,14 @@ use crate::status::{STATUS_READ, Status};
 use crate::{FRAME_US, Variant};
 
 /// With [`ReadMode::WhileFilling`], bytes that are still to come when the second read begins. Until the third there are
-/// 25 bytes, 472 µs on air; the second read, at most 227 bytes, takes 237 µs at 8 MHz with its status, and the rest is
+/// 24 bytes, 453 µs on air; the second read, at most 227 bytes, takes 237 µs at 8 MHz with its status, and the rest is
 /// the executor's to verify what has arrived.
 pub const BODY: usize = 30;
 /// With [`ReadMode::WhileFilling`], bytes that are still to come when the third read begins, the CRC-16 among them.
-/// They take 94 µs to arrive; the third read, at most 28 bytes, takes 38 µs at 8 MHz with its status, and the rest is
-/// the executor's to be late in and to verify what has arrived.
-pub const TAIL: usize = 5;
+/// They take 113 µs to arrive; the third read, at most 28 bytes, takes 38 µs at 8 MHz with its status. The executor may
+/// be late by the rest: by a byte's time, 19 µs, since LEN tells the end in whole bytes, by its own work, and by what
+/// interrupts it. A third read that is still under way as the frame ends is what makes a delivery late.
+pub const TAIL: usize = 6;
 /// With [`ReadMode::WhileFilling`], bytes awaited before the first read.
 const HEAD: u16 = 16;
 /// Bytes a read on the way leaves in the FIFO, so that it never runs dry while the chip writes it.

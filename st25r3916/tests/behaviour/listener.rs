@@ -293,7 +293,7 @@ fn a_frame_is_read_while_it_fills_and_few_bytes_are_left_at_its_end() {
         assert_eq!(rig.buffer[1..=len], payload(len, len));
         let left = rig.chip.log.iter().rev().find(|mosi| mosi[0] == 0x9F).unwrap().len() - 1;
         assert_eq!(left, TAIL - 2, "bytes read after I_rxe for {len}, without the CRC-16");
-        assert!(rig.chip.now - end <= 16, "{} µs after the last bit for {len}", rig.chip.now - end);
+        assert!(rig.chip.now - end <= 17, "{} µs after the last bit for {len}", rig.chip.now - end);
         let reads = rig.chip.log.iter().filter(|mosi| mosi[0] == 0x9F).count();
         assert_eq!(reads, 4);
         assert_eq!(rig.listener_within(&mut listener, 5), None);
