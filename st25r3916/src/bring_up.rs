@@ -37,6 +37,8 @@ use crate::{
 const IRQ_READ: Short = Short::new([command::READ | reg::IRQ_MAIN, 0, 0, 0, 0]);
 /// Operation control, mode and bit rate: what a reset would change.
 pub(crate) const CONFIGURATION_READ: Short = Short::new([command::READ | reg::OPERATION_CONTROL, 0, 0, 0]);
+/// The auxiliary display.
+pub(crate) const DISPLAY_READ: Short = Short::new([command::READ | reg::AUXILIARY_DISPLAY, 0]);
 /// Interrupts without the awaited bit before the pin is called stuck.
 pub(crate) const IDLE_IRQS: u8 = 8;
 /// The shortest back-off before a bring-up, in microseconds; doubled by each failure.

@@ -10,21 +10,21 @@
 //!         │ Start                                   │ any other FAULT
 //!         ▼                                         ▼
 //!     BringingUp ◄── time ── BackingOff ◄── Start ── Faulted
-//!         │ LISTENING
+//!         │ CheckingField, LISTENING
 //!         ▼
 //!      Reported ◄── FIELDON, FIELDOFF ──┐
 //!         │ Start                       │
 //!         ▼                             │
 //!  ┌─► Listening ◄──► ReadingStatus ────┴── nothing for a while ──► CheckingConfiguration ──┐
-//!  │                    │ I_rxs                                                             │
-//!  │                    ▼                                                                   │
-//!  │   Receiving ◄──► ReadingStatus, ReadingFifo                                            │
-//!  │      ▲             │ FRAME, DROPPED                                                    │
-//!  │      │             ▼                                                                   │
-//!  │      │           Delivered                                                             │
-//!  │      │             │ Start                                                             │
-//!  │      │             ▼                                                                   │
-//!  │      └── I_rxs ── RearmStatus ◄────────────────────────────────────────────────────────┘
+//!  │                    │ I_rxs                                            CheckingField ◄──┘
+//!  │                    ▼                                                        │
+//!  │   Receiving ◄──► ReadingStatus, ReadingFifo                                 │
+//!  │      ▲             │ FRAME, DROPPED                                         │
+//!  │      │             ▼                                                        │
+//!  │      │           Delivered                                                  │
+//!  │      │             │ Start                                                  │
+//!  │      │             ▼                                                        │
+//!  │      └── I_rxs ── RearmStatus ◄─────────────────────────────────────────────┘
 //!  │                    │
 //!  │                    ▼
 //!  └── CheckingSetting ◄── RearmUnmask ◄── RearmClear
@@ -61,6 +61,10 @@
 //! told apart is a sync in the few microseconds between that read and the clear: if the clear also
 //! discards the interrupt (the data sheet is of two minds), the frame is recognised by its I_rxe alone.
 //!
+//! So I_eon and I_eof can be lost, too. After a bring-up, and [`ListenerConfig::supervision_us`] after the last interrupt,
+//! the field detector's output is read, and what it says is told if it differs from what was told before. (ST's RFAL
+//! reads the same bit before it relies on these interrupts.)
+//!
 //! # Recovery
 //!
 //! | trouble | what happens |
@@ -69,7 +73,7 @@
 //! | I_rxs again without I_rxe | [`Dropped::Overrun`], the new frame is received |
 //! | field lost under a frame | [`Dropped::FieldLost`], [`ListenerEvent::FieldOff`], re-arm |
 //! | errors without a frame (a start in the middle of one) | re-arm |
-//! | nothing for [`ListenerConfig::supervision_us`] | configuration checked, re-arm |
+//! | nothing for [`ListenerConfig::supervision_us`] | configuration checked, field detector read, re-arm |
 //! | a register that is not as it was set | [`Fault::Register`] when its turn comes, one setting at each re-arming |
 //! | no frame for [`SILENCE_US`] | [`Fault::Silence`], bring-up; then after twice that, up to [`SILENCE_LONGEST_US`] |
 //! | reset of the chip | [`Fault::Reset`] at the next interrupt or supervision, bring-up |
@@ -84,7 +88,7 @@
 //! has its turn within 0.12 s; an idle listener re-arms every 20 ms. It is the last transfer before the wait, so that a
 //! frame which begins meanwhile is received, and takes at most 8 bytes.
 
-use crate::bring_up::{BringUp, CONFIGURATION_READ, IDLE_IRQS, Progress, Role};
+use crate::bring_up::{BringUp, CONFIGURATION_READ, DISPLAY_READ, IDLE_IRQS, Progress, Role};
 use crate::command;
 use crate::machine::{Fault, Input, Short, Step, Transfer};
 use crate::register as reg;
@@ -343,6 +347,11 @@ pub enum ListenerState {
     CheckingSetting,
     /// Nothing came for a while: operation control, mode and bit rate are being read.
     CheckingConfiguration,
+    /// After a bring-up, or where nothing came for a while: the field detector's output is being read.
+    CheckingField {
+        /// It is the latter: the receiver is re-armed afterwards.
+        idle: bool,
+    },
     /// Bytes of a frame are being read.
     ReadingFifo {
         /// How many.
@@ -518,9 +527,21 @@ impl Listener {
             }
             (ListenerState::CheckingConfiguration, Input::Done(response)) => {
                 match self.bring_up.role().check_configuration(response) {
-                    // The status once more: a frame may have begun since the read before.
-                    Ok(()) => self.short(ListenerState::RearmStatus, STATUS_READ),
+                    Ok(()) => self.short(ListenerState::CheckingField { idle: true }, DISPLAY_READ),
                     Err(fault) => self.fault(fault),
+                }
+            }
+            (ListenerState::CheckingField { idle }, Input::Done(response)) => {
+                if let [_, display] = response {
+                    let (there, irq) =
+                        if display & reg::DISPLAY_FIELD == 0 { (false, reg::IRQ_EOF) } else { (true, reg::IRQ_EON) };
+                    self.field_irqs = if there == self.field_on { 0 } else { irq };
+                }
+                // The status once more: a frame may have begun since the read before.
+                if idle {
+                    self.short(ListenerState::RearmStatus, STATUS_READ)
+                } else {
+                    self.event(ListenerState::Reported, ListenerEvent::Listening)
                 }
             }
             _ => self.fault(Fault::Executor),
@@ -540,13 +561,13 @@ impl Listener {
     fn fault(&mut self, fault: Fault) -> Step<ListenerEvent> {
         self.frame = None;
         self.field_irqs = 0;
-        self.field_on = false;
         self.silent_us = 0;
         count(&mut self.counters.faults);
         let state = if let Fault::Silence { .. } = fault {
             // The next bring-up follows at once: how rare these are is counted in `silences`.
             ListenerState::New
         } else {
+            self.field_on = false;
             self.bring_up.failed();
             ListenerState::Faulted
         };
@@ -561,7 +582,7 @@ impl Listener {
             Progress::Finished => {
                 self.idle_irqs = 0;
                 count(&mut self.counters.bring_ups);
-                self.event(ListenerState::Reported, ListenerEvent::Listening)
+                self.short(ListenerState::CheckingField { idle: false }, DISPLAY_READ)
             }
         }
     }

@@ -74,7 +74,7 @@
 //! 5 ms) and drops the field meanwhile, which the listener sees; that is why a single lost frame does not cause one
 //! and leaves the field on.
 
-use crate::bring_up::{BringUp, CONFIGURATION_READ, IDLE_IRQS, Progress, Role};
+use crate::bring_up::{BringUp, CONFIGURATION_READ, DISPLAY_READ, IDLE_IRQS, Progress, Role};
 use crate::command;
 use crate::machine::{Fault, Input, Short, Step, Transfer};
 use crate::register as reg;
@@ -515,6 +515,3 @@ impl Poller {
         self.wait()
     }
 }
-
-/// The auxiliary display.
-const DISPLAY_READ: Short = Short::new([command::READ | reg::AUXILIARY_DISPLAY, 0]);

@@ -234,6 +234,8 @@ pub const FIFO_LAST_BITS: u8 = 0x0F;
 /// The FIFO's size in bytes.
 pub const FIFO_SIZE: u16 = 512;
 
+/// Auxiliary display: the external field detector senses a field (`efd_o`).
+pub const DISPLAY_FIELD: u8 = 0x40;
 /// Auxiliary display: transmitter on.
 pub const DISPLAY_TX_ON: u8 = 0x20;
 /// Auxiliary display: oscillator stable (*seen*).

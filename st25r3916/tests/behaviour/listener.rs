@@ -25,11 +25,15 @@ fn payload(len: usize, seed: usize) -> Vec<u8> {
     (0..len).map(|index| (index * 31 + seed * 7 + 3) as u8).collect()
 }
 
-/// Sends a frame 1 ms from now and expects it whole.
+/// Sends a frame 1 ms from now and expects it whole. Before it the field of earlier frames may be told again.
 fn hears(rig: &mut Rig, listener: &mut Listener, len: usize) {
     let bytes = payload(len, len);
     rig.chip.frame(rig.chip.now + 1_000, &bytes);
-    assert_eq!(rig.listener(listener), ListenerEvent::Frame { len, flags: CLEAN });
+    let mut event = rig.listener(listener);
+    if event == ListenerEvent::FieldOn {
+        event = rig.listener(listener);
+    }
+    assert_eq!(event, ListenerEvent::Frame { len, flags: CLEAN });
     assert_eq!(rig.buffer[1..=len], bytes);
 }
 
@@ -85,6 +89,7 @@ fn an_st25r3916_is_brought_up_byte_by_byte() {
             "DB",
             "D1",
             "42 00 00 00",
+            "71 00",
         ]
     );
 }
@@ -134,6 +139,7 @@ fn an_st25r3916b_at_3_3_volts_is_calibrated_and_has_its_own_antenna_tuning() {
             "DB",
             "D1",
             "42 00 00 00",
+            "71 00",
         ]
     );
 }
@@ -255,6 +261,8 @@ fn a_listener_tells_its_state() {
     assert_eq!(listener.state(), ListenerState::ReadingStatus { late: true });
     assert_eq!(rig.listener_within(&mut listener, 1), None);
     assert_eq!(listener.state(), ListenerState::CheckingConfiguration);
+    assert_eq!(rig.listener_within(&mut listener, 1), None);
+    assert_eq!(listener.state(), ListenerState::CheckingField { idle: true });
     assert_eq!(rig.listener_within(&mut listener, 1), None);
     assert_eq!(listener.state(), ListenerState::RearmStatus);
     let _ = listener.step(Input::Failed);
@@ -650,7 +658,7 @@ fn the_field_coming_and_going_is_told() {
         rig.chip.at(rig.chip.now + 5_000, Happening::Irq(TIMER, EOF));
         assert_eq!(rig.listener(&mut listener), ListenerEvent::FieldOff);
         // Off for 0.4 s: the chip is checked, nothing is reported.
-        assert_eq!(rig.listener_within(&mut listener, 140), None);
+        assert_eq!(rig.listener_within(&mut listener, 160), None);
         assert!(rig.chip.now > 400_000);
         assert_eq!(listener.counters().faults, 0);
     }
@@ -692,6 +700,36 @@ fn a_frame_tells_that_there_is_a_field_even_if_its_coming_was_not_seen() {
     rig.chip.at(rig.chip.now + 1_000, Happening::Irq(TIMER, EON | EOF));
     assert_eq!(rig.listener(&mut listener), ListenerEvent::FieldOff);
     assert_eq!(rig.listener(&mut listener), ListenerEvent::FieldOn);
+}
+
+#[test]
+fn a_field_that_comes_or_goes_without_its_interrupt_is_told_within_25_ms() {
+    let (mut rig, mut listener) = listening(Chip::new(Variant::B), FILLING);
+    for event in [ListenerEvent::FieldOn, ListenerEvent::FieldOff, ListenerEvent::FieldOn] {
+        rig.chip.senses_field(event == ListenerEvent::FieldOn);
+        let changed = rig.chip.now;
+        assert_eq!(rig.listener(&mut listener), event);
+        assert!(rig.chip.now - changed < 25_000, "{} µs", rig.chip.now - changed);
+    }
+    // What is told already is not told again.
+    assert_eq!(rig.listener_within(&mut listener, 100), None);
+}
+
+#[test]
+fn a_field_that_changes_during_the_bring_up_for_silence_is_told_after_it() {
+    for there in [true, false] {
+        let (mut rig, mut listener) = listening(Chip::new(Variant::B), FILLING);
+        if !there {
+            rig.chip.field(true);
+        }
+        silences(&mut rig, &mut listener, 1, !there);
+        rig.chip.senses_field(there);
+        let changed = rig.chip.now;
+        assert_eq!(rig.listener(&mut listener), ListenerEvent::Listening);
+        let told = if there { ListenerEvent::FieldOn } else { ListenerEvent::FieldOff };
+        assert_eq!(rig.listener(&mut listener), told);
+        assert!(rig.chip.now - changed < 8_000, "{} µs", rig.chip.now - changed);
+    }
 }
 
 #[test]
@@ -998,7 +1036,7 @@ fn silences(rig: &mut Rig, listener: &mut Listener, count: usize, field: bool) -
                 assert_eq!(fault, Fault::Silence { field });
                 instants.push((rig.chip.now - start) / 1_000);
             }
-            Some(ListenerEvent::Listening) if field => rig.chip.irqs[TIMER] |= EON,
+            Some(ListenerEvent::Listening) if field => rig.chip.field(true),
             _ => {}
         }
     }
@@ -1009,7 +1047,9 @@ fn silences(rig: &mut Rig, listener: &mut Listener, count: usize, field: bool) -
 fn a_listener_that_hears_nothing_is_brought_up_anew_ever_more_rarely() {
     for field in [true, false] {
         let (mut rig, mut listener) = listening(Chip::new(Variant::B), FILLING);
-        rig.chip.irqs[TIMER] |= if field { EON } else { 0 };
+        if field {
+            rig.chip.field(true);
+        }
         let mut before = 0;
         for (instant, after) in silences(&mut rig, &mut listener, 7, field).iter().zip([500, 1_000, 2_000, 4_000]) {
             let waited = instant - before;
@@ -1022,7 +1062,7 @@ fn a_listener_that_hears_nothing_is_brought_up_anew_ever_more_rarely() {
         assert_eq!(rig.listener(&mut listener), ListenerEvent::Listening);
         // A frame, and the first interval is the shortest again; nothing was backed off.
         hears(&mut rig, &mut listener, 244);
-        rig.chip.irqs[TIMER] |= if field { 0 } else { EOF };
+        rig.chip.field(field);
         let instants = silences(&mut rig, &mut listener, 1, field);
         assert!((450..=530).contains(&instants[0]), "{instants:?}");
         let before = rig.chip.now;

@@ -185,6 +185,17 @@ impl Chip {
         });
     }
 
+    /// The field detector's output, without the interrupt that tells of its change.
+    pub(crate) fn senses_field(&mut self, there: bool) {
+        self.a[0x31] = self.a[0x31] & !0x40 | u8::from(there) << 6;
+    }
+
+    /// The field comes or goes, and its interrupt with it.
+    pub(crate) fn field(&mut self, there: bool) {
+        self.irqs[TIMER] |= if there { EON } else { EOF };
+        self.senses_field(there);
+    }
+
     pub(crate) fn pin(&self) -> bool {
         self.pin_stuck || self.irqs.iter().zip(&self.a[0x16..]).any(|(irq, mask)| irq & !mask != 0)
     }
@@ -218,7 +229,9 @@ impl Chip {
 
     fn reset(&mut self) {
         self.written.clear();
+        let field = self.a[0x31] & 0x40;
         self.a = [0; 64];
+        self.a[0x31] = field;
         self.a[0x0B..=0x0E].copy_from_slice(&[0x08, 0x2D, 0xD8, 0x00]);
         self.a[0x28] = 0x70;
         self.b = [0; 64];
@@ -260,9 +273,13 @@ impl Chip {
                 if register == MAIN && bits & 0x80 != 0 {
                     self.a[0x31] |= 0x10;
                 }
+                if register == TIMER && bits & (EON | EOF) != 0 {
+                    self.senses_field(bits & EON != 0);
+                }
             }
             Happening::Measured(steps) => self.a[0x25] = steps,
             Happening::Sync => {
+                self.senses_field(true);
                 self.receiving = self.receiver_listens();
                 if self.receiving {
                     self.fifo.clear();
