@@ -209,7 +209,7 @@ impl Ddc {
             bus_errors: 0,
             hold: 0,
             stuck: None,
-            backlog: Backlog::new(),
+            backlog: Backlog::new(2),
             leaves: false,
             counts: Counts { timed_out: 0, recoveries: 0, refused: 0 },
         }

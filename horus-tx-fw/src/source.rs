@@ -23,22 +23,20 @@ const _: () = assert!(RING >= 2 * crate::ddc::MOST && RING >= 2 * crate::spi::TR
 ///
 /// A receiver on I2C or SPI keeps what it has to say until it is read. A solution that has waited there (while its bus
 /// was stuck, or HORUS started) would count as new when it arrives, since its age counts from then. So what comes after
-/// such a pause is dropped until the receiver has been read empty once; what comes after that is younger than two
+/// such a pause is dropped until the receiver has been read empty; what comes after that is younger than two
 /// ticks and a transfer. On SPI, where an idle receiver and a line that is stuck high read alike, it has been read
-/// empty when something came and nothing more: that costs the first message after the pause.
+/// empty when something came and nothing more: that costs the first message after the pause. On I2C the receiver says
+/// how much waits, and a pulse on the line makes that too little: two reads in a row have to leave nothing behind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Backlog {
-    is_old: bool,
+    /// Reads in a row that have to leave nothing behind after a pause.
+    proofs: u8,
+    /// So many of them are still to come; 0: what comes is new.
+    missing: u8,
     /// Ticks since a read ended.
     ticks: u8,
     /// Reads in a row that left something behind.
     behind: u8,
-}
-
-impl Default for Backlog {
-    fn default() -> Self {
-        Self::new()
-    }
 }
 
 impl Backlog {
@@ -47,22 +45,24 @@ impl Backlog {
     /// So many reads in a row may leave something behind, less one.
     pub const BEHIND: u8 = 2;
 
-    /// The receiver has never been read.
+    /// The receiver has never been read. After a pause, `proofs` reads in a row have to leave nothing behind.
     #[must_use]
-    pub const fn new() -> Self {
-        Self { is_old: true, ticks: 0, behind: 0 }
+    pub const fn new(proofs: u8) -> Self {
+        Self { proofs, missing: proofs, ticks: 0, behind: 0 }
     }
 
     /// A tick, before the read that it begins.
     pub fn tick(&mut self) {
         self.ticks = self.ticks.saturating_add(1);
-        self.is_old |= self.ticks > Self::TICKS;
+        if self.ticks > Self::TICKS {
+            self.missing = self.proofs;
+        }
     }
 
     /// Whether what is being read is to be dropped.
     #[must_use]
     pub const fn is_old(&self) -> bool {
-        self.is_old
+        self.missing > 0
     }
 
     /// A read has ended. `is_empty`: the receiver has nothing more that had waited when the read began. Tells whether
@@ -70,9 +70,13 @@ impl Backlog {
     pub fn read(&mut self, is_empty: bool) -> bool {
         self.ticks = 0;
         self.behind = if is_empty { 0 } else { (self.behind + 1).min(Self::BEHIND) };
-        self.is_old |= self.behind == Self::BEHIND;
-        let keeps = !self.is_old;
-        self.is_old &= !is_empty;
+        if self.behind == Self::BEHIND || self.is_old() && !is_empty {
+            self.missing = self.proofs;
+        }
+        let keeps = !self.is_old();
+        if is_empty {
+            self.missing = self.missing.saturating_sub(1);
+        }
         keeps
     }
 }
@@ -274,17 +278,20 @@ mod tests {
     use std::vec::Vec;
 
     #[test]
-    fn a_receiver_is_believed_when_it_has_been_read_empty_once() {
-        let mut backlog = Backlog::new();
+    fn a_receiver_is_believed_when_it_has_been_read_empty_as_often_as_told() {
+        let mut backlog = Backlog::new(1);
         assert!(backlog.is_old());
         assert!(!backlog.read(false) && !backlog.read(true), "never read before");
         assert!(!backlog.is_old() && backlog.read(true) && backlog.read(false) && backlog.read(true));
+        let mut backlog = Backlog::new(2);
+        assert!(!backlog.read(true) && !backlog.read(false) && !backlog.read(true), "not in a row");
+        assert!(!backlog.read(true) && backlog.read(true));
     }
 
     #[test]
     fn two_ticks_may_pass_without_a_read_and_not_three() {
         for (ticks, kept) in [(1, true), (2, true), (3, false), (200, false)] {
-            let mut backlog = Backlog::new();
+            let mut backlog = Backlog::new(1);
             backlog.read(true);
             (0..ticks).for_each(|_| backlog.tick());
             assert_eq!(backlog.read(true), kept, "{ticks}");
@@ -295,7 +302,7 @@ mod tests {
 
     #[test]
     fn one_read_may_leave_something_behind_and_not_two() {
-        let mut backlog = Backlog::new();
+        let mut backlog = Backlog::new(1);
         backlog.read(true);
         assert!(backlog.read(false) && !backlog.read(false) && !backlog.read(false) && !backlog.read(true));
         assert!(backlog.read(true));

@@ -91,7 +91,7 @@ impl Polling {
     /// Nothing has been transferred.
     #[must_use]
     pub const fn new() -> Self {
-        Self { state: State::Idle, backlog: Backlog::new(), timed_out: 0, recoveries: 0 }
+        Self { state: State::Idle, backlog: Backlog::new(1), timed_out: 0, recoveries: 0 }
     }
 
     /// Transfers that had not ended by the next tick, wraps.
