@@ -5,6 +5,7 @@
 mod boards;
 
 use bench::faults::{AirFaults, Board, ChipFault, Conduct, Fault, Faults, PowerFault};
+use bench::node::Clock;
 use bench::sim::{Images, Outcome, Setup, run};
 use boards::image;
 
@@ -143,6 +144,25 @@ fn a_field_that_goes_while_the_listener_re_arms_is_told() {
         let at = BEGINS + after * 1_000;
         let faults = Faults::none().with(at, at + 90 * MS, Fault::Power(Board::Horus, PowerFault::FrontEndOff));
         let Some(outcome) = outcome(faults, 100 * MS) else { return };
+        assert_eq!(outcome.report.violations, [""; 0], "{after} µs");
+    }
+}
+
+#[test]
+fn a_message_to_a_receiver_whose_end_is_served_late_leaves_no_interrupt_on() {
+    // 38 ms after its restart HORUS sends the last byte of a message to GPS1. A stuck interrupt line of the front end
+    // keeps it from serving the UART for longer than two bytes take.
+    for after in (37_900..38_500).step_by(60) {
+        let stuck = BEGINS + after * 1_000;
+        let faults = one(Fault::Power(Board::Horus, PowerFault::Pin), 0).with(
+            stuck,
+            stuck + 20 * MS,
+            Fault::Chip(Board::Horus, ChipFault::IrqHigh),
+        );
+        let (Some(horus), Some(dpr)) = (image(3, "horus-tx-fw.elf"), image(3, "dpr-fw.elf")) else { return };
+        let setup =
+            Setup { faults, clock: Clock::Pessimistic, ..Setup::new(Images { horus, dpr }, 3, stuck + 130 * MS) };
+        let outcome = run(&setup, &mut ()).unwrap_or_else(|error| panic!("{error}"));
         assert_eq!(outcome.report.violations, [""; 0], "{after} µs");
     }
 }

@@ -140,7 +140,8 @@ impl UartSource {
             None if is_complete => {
                 let rate = message.rate();
                 self.outgoing = None;
-                uart.cr1().modify(|_, w| w.tcie().clear_bit());
+                // Both: a call that comes later than the last bit finds the data register's interrupt on still.
+                uart.cr1().modify(|_, w| w.txeie().clear_bit().tcie().clear_bit());
                 if rate != Rate::Usual {
                     self.change_rate(Rate::Usual);
                 }
