@@ -44,16 +44,19 @@ impl<C: Cost> Core<C> {
             self.refuse_return(bus, value);
             return;
         }
-        if self.preempts() {
+        // while the state is still in the registers, memory has no copy of it
+        let fp_in_memory = value & 0x10 == 0 && self.system.scb.fpccr & FPCCR_LSPACT == 0;
+        let unstacked = self.cycle + C::EXCEPTION_RETURN + if fp_in_memory { C::FP_UNSTACKING } else { 0 };
+        if self.preempts() || self.is_abandoned(bus, unstacked) {
             self.cycle += C::TAIL_CHAIN;
             self.take_best(bus, value);
             return;
         }
-        self.cycle += C::EXCEPTION_RETURN + std::mem::take(&mut self.owed);
+        self.cycle = unstacked + std::mem::take(&mut self.owed);
         // the stack to return to is in use once the frame has been found good
         let frame = if process && self.control & CONTROL_SPSEL == 0 { self.other_sp } else { self.r[13] };
         let privileged = !to_thread || self.control & CONTROL_NPRIV == 0;
-        let words = match self.pop_frame(bus, frame, value, privileged) {
+        let words = match self.pop_frame(bus, frame, fp_in_memory, privileged) {
             Ok(words) => words,
             Err(fault) => {
                 self.derived_fault(fault, false);
@@ -94,6 +97,31 @@ impl<C: Cost> Core<C> {
         }
     }
 
+    /// On the clock of what silicon takes at least: whether something that preempts what is returned to arrives before
+    /// the cycle `unstacked`, at which the return has unstacked. The return is then abandoned, and what has arrived is
+    /// tail-chained (Yiu, "The Definitive Guide to ARM Cortex-M3 and Cortex-M4 Processors", chapter 8, "pop
+    /// preemption").
+    fn is_abandoned<B: Bus>(&mut self, bus: &mut B, unstacked: u64) -> bool {
+        if C::BOUND != Some(Bound::Best) {
+            return false;
+        }
+        let mut last = None;
+        loop {
+            let due = bus.due().min(self.system_due());
+            if due >= unstacked || last == Some(due) {
+                return false;
+            }
+            last = Some(due);
+            self.cycle = self.cycle.max(due);
+            bus.advance(self.cycle);
+            self.system_advance();
+            self.take_signals(bus);
+            if self.preempts() {
+                return true;
+            }
+        }
+    }
+
     /// A return that fails a check: UsageFault, entered without unstacking. ARM ARM B1.5.8.
     fn refuse_return<B: Bus>(&mut self, bus: &mut B, value: u32) {
         self.system.scb.cfsr |= CFSR_INVPC;
@@ -105,15 +133,13 @@ impl<C: Cost> Core<C> {
     }
 
     /// Reads the frame that a return unstacks: eight words, and with the FP state, if it is there, seventeen more.
-    fn pop_frame<B: Bus>(&mut self, bus: &mut B, frame: u32, value: u32, privileged: bool) -> Result<[u32; 25], Fault> {
+    fn pop_frame<B: Bus>(&mut self, bus: &mut B, frame: u32, fp: bool, privileged: bool) -> Result<[u32; 25], Fault> {
         let mut words = [0; 25];
         let mut count = BASIC;
-        // while the state is still in the registers, memory has no copy of it
-        if value & 0x10 == 0 && self.system.scb.fpccr & FPCCR_LSPACT == 0 {
+        if fp {
             if !self.fpu_allowed(privileged) {
                 return Err(Fault::NoCoprocessor);
             }
-            self.cycle += C::FP_UNSTACKING;
             count = EXTENDED - 1;
         }
         for (index, word) in words.iter_mut().enumerate().take(count as usize) {

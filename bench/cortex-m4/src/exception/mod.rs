@@ -10,8 +10,8 @@
 //! | `reset` | reset, power-on | B1.5.5 |
 //!
 //! Entry and return are each one step: nothing interrupts them in their middle. What arrives while an entry stacks is
-//! served by late arrival; what arrives while a return unstacks preempts right after it. Imprecise bus faults do not
-//! exist in this model: every bus fault is precise.
+//! served by late arrival; what arrives while a return unstacks preempts right after it, or, on the clock of what
+//! silicon takes at least, in its place. Imprecise bus faults do not exist in this model: every bus fault is precise.
 
 mod entry;
 mod exit;
@@ -24,7 +24,7 @@ use crate::system::nvic::{
     self, BUS_FAULT, DEBUG_MONITOR, HARD_FAULT, IDLE_PRIORITY, MEM_MANAGE, NMI, SV_CALL, USAGE_FAULT,
 };
 use crate::system::*;
-use crate::{Access, Bus, Core, Cost, Fault, Purpose, Width};
+use crate::{Access, Bound, Bus, Core, Cost, Fault, Purpose, Width};
 
 /// Words of a basic frame and of one with the floating-point state, ARM ARM B1.5.7.
 const BASIC: u32 = 8;
