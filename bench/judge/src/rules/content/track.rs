@@ -1,43 +1,32 @@
 //! What of one kind of message HORUS may have taken, and how old it is.
 
+use std::collections::VecDeque;
+
 use gnss_sim::ubx::WEEK_MS;
 
 use super::ubx::{Kind, Motion, STALE, Said};
 use crate::bounds;
 
-/// So many longer steps of the time of week in a row make a period longer: HORUS then takes the shortest of them.
-const LONGER_STEPS: u32 = 4;
-/// After so many equal steps in a row HORUS has learned that period whatever it had believed before: at most three more
-/// longer steps complete a row that had begun, and two rows of four follow that may end shorter.
-const EQUAL_STEPS: u32 = 9;
+/// A receiver's period is between the shortest and the longest of so many steps of its time of week: one message that
+/// is lost, and one that comes too soon, change no period for good.
+const STEPS: usize = 4;
 /// Of a message that HORUS may have found late: by how much at most, ns.
 pub(super) const FOUND_LATE: u64 = 200_000_000;
 /// More messages that may have been taken are not told apart.
 const MOST_CANDIDATES: usize = 64;
 
-/// The period of a receiver's messages as HORUS learns it from their time of week (docs/design.md#validity: 20 ms to
-/// 1 s). A shorter step is believed at once; a longer one when four in a row are longer, and then the shortest of them.
-#[derive(Clone, Copy, Debug)]
+/// The period of a receiver's messages, as it keeps it (docs/design.md#validity).
+#[derive(Clone, Debug)]
 struct Pace {
     time_of_week: Option<u32>,
-    /// ms; nothing while it is not certain which messages HORUS has taken.
-    period: Option<u32>,
-    longer: u32,
-    shortest_longer: u32,
-    step: u32,
-    equal: u32,
+    /// The last steps from a message to the next, ms.
+    steps: VecDeque<u32>,
 }
 
 impl Pace {
-    const fn new() -> Self {
-        Self {
-            time_of_week: None,
-            period: Some(bounds::LONGEST_PERIOD_MS),
-            longer: 0,
-            shortest_longer: bounds::LONGEST_PERIOD_MS,
-            step: 0,
-            equal: 0,
-        }
+    /// Before its first two messages a receiver counts as one with the longest period.
+    fn new() -> Self {
+        Self { time_of_week: None, steps: VecDeque::from([bounds::LONGEST_PERIOD_MS]) }
     }
 
     /// A message that HORUS has taken.
@@ -45,40 +34,24 @@ impl Pace {
         let Some(before) = self.time_of_week.replace(time_of_week) else { return };
         let step = (time_of_week % WEEK_MS + WEEK_MS - before % WEEK_MS) % WEEK_MS;
         // A repeated time of week, one that comes too soon, and a step back tell nothing of the period.
-        if !(bounds::SHORTEST_PERIOD_MS..WEEK_MS / 2).contains(&step) {
-            return;
-        }
-        let step = step.min(bounds::LONGEST_PERIOD_MS);
-        self.equal = if step == self.step { self.equal + 1 } else { 1 };
-        self.step = step;
-        match self.period {
-            None if self.equal < EQUAL_STEPS => return,
-            Some(period) if step > period => {
-                self.longer += 1;
-                self.shortest_longer = self.shortest_longer.min(step);
-                if self.longer < LONGER_STEPS {
-                    return;
-                }
-                self.period = Some(self.shortest_longer);
+        if (bounds::SHORTEST_PERIOD_MS..WEEK_MS / 2).contains(&step) {
+            if self.steps.len() == STEPS {
+                self.steps.pop_front();
             }
-            _ => self.period = Some(step),
+            self.steps.push_back(step.min(bounds::LONGEST_PERIOD_MS));
         }
-        self.longer = 0;
-        self.shortest_longer = bounds::LONGEST_PERIOD_MS;
     }
 
-    /// A message that HORUS may have taken.
+    /// A message that HORUS may have taken: until as many steps are certain as count, the period may be any.
     fn doubted(&mut self) {
-        *self = Self { period: None, ..Self::new() };
+        let any = [bounds::SHORTEST_PERIOD_MS, bounds::LONGEST_PERIOD_MS].repeat(STEPS / 2);
+        *self = Self { time_of_week: None, steps: any.into() };
     }
 
     /// The least and the greatest that the period can be, ns.
     fn range(&self) -> (u64, u64) {
-        let (least, most) = match self.period {
-            Some(period) => (period, period),
-            None => (bounds::SHORTEST_PERIOD_MS, bounds::LONGEST_PERIOD_MS),
-        };
-        (u64::from(least) * 1_000_000, u64::from(most) * 1_000_000)
+        let ns = |ms: Option<&u32>| u64::from(ms.copied().unwrap_or_default()) * 1_000_000;
+        (ns(self.steps.iter().min()), ns(self.steps.iter().max()))
     }
 }
 

@@ -96,13 +96,13 @@ fn after_doubt(doubtful: usize, age: u64, valid: bool) -> Vec<(Violation, u64)> 
 }
 
 #[test]
-fn after_a_doubt_the_period_is_known_again_after_nine_equal_steps() {
+fn after_a_doubt_the_period_is_known_again_after_four_steps() {
     assert_eq!(after_doubt(99, 230, true), STATUS, "190 ms is the end");
     assert_eq!(after_doubt(18, 230, true), [], "the period may be a second");
     assert_eq!(after_doubt(18, 230, false), [], "or what it was");
     assert_eq!(after_doubt(18, 120, false), STATUS);
-    assert_eq!(after_doubt(10, 230, true), []);
-    assert_eq!(after_doubt(9, 230, true), STATUS);
+    assert_eq!(after_doubt(15, 230, true), []);
+    assert_eq!(after_doubt(14, 230, true), STATUS);
 }
 
 #[test]
