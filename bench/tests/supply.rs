@@ -107,6 +107,25 @@ fn a_falling_supply_takes_the_dprs_image_away_and_is_named() {
 }
 
 #[test]
+fn a_supply_that_falls_while_the_dpr_writes_its_log_stops_it_without_a_panic() {
+    let Some(mut warm) = boards::dpr() else { return };
+    field_on(&mut warm);
+    run_dpr(&mut warm, 1_000 * MS);
+    // Its line of once a second comes 19.8 ms later: the supply has been there for 17 ms as the part starts.
+    for after in (1_019_800..1_019_900).step_by(2) {
+        let mut node = warm.clone();
+        run_dpr(&mut node, after * US);
+        node.supply(2_564_999, 0);
+        run_dpr(&mut node, 1_030 * MS);
+        assert_eq!(node.take_findings(), [], "{after} µs after the start");
+        node.supply(3_000_000, 0);
+        run_dpr(&mut node, 1_300 * MS);
+        let lines = log(&mut node);
+        assert!(lines.iter().any(|line| line.contains("the last stop: supply too low")), "{after} µs: {lines:?}");
+    }
+}
+
+#[test]
 fn ram_is_kept_above_1_4_v_and_lost_without_a_supply() {
     let Some(mut node) = boards::horus() else { return };
     run_horus(&mut node, 100 * MS);

@@ -10,25 +10,44 @@
 //! They run in thread mode, and no interrupt handler enters a critical section, so two never overlap even though none
 //! is masked.
 //!
-//! A handler that panics is the exception. It never returns, and if it interrupted a message that was being written,
-//! the logger notices that (its `TAKEN` flag) and panics again, and [`safe_state`](crate::safe_state) then does without
-//! a message. In handler mode all interrupts are masked as usual, so that no second handler comes in between.
+//! A handler that stops the firmware is the exception. It never returns, and if it interrupted a message that was being
+//! written ([`is_interrupted`]), [`safe_state`](crate::safe_state) does without a message: the logger would panic. In
+//! handler mode all interrupts are masked as usual, so that no second handler comes in between.
+
+/// Whether a message was being written in thread mode as the caller, a handler, was called. False without the feature
+/// `log-section`: the critical section then lets no interrupt in between, and of a fault within it nothing is known.
+#[must_use]
+pub fn is_interrupted() -> bool {
+    #[cfg(all(target_os = "none", feature = "log-section"))]
+    return imp::WRITING.load(core::sync::atomic::Ordering::Relaxed);
+    #[cfg(not(all(target_os = "none", feature = "log-section")))]
+    false
+}
 
 #[cfg(all(target_os = "none", feature = "log-section"))]
 #[allow(unsafe_code)]
 mod imp {
+    use core::sync::atomic::{AtomicBool, Ordering};
+
     use cortex_m::{interrupt, peripheral::SCB, register::primask};
+
+    /// Thread mode is in a section.
+    pub(super) static WRITING: AtomicBool = AtomicBool::new(false);
 
     struct LogSection;
 
     critical_section::set_impl!(LogSection);
 
     // SAFETY: two sections never overlap. In thread mode there is one thread, and handlers enter no section but that of
-    // a panic, which never returns and refuses to write into a message that is being written (module docs). In handler
-    // mode all interrupts are masked.
+    // the safe state, which never returns and writes nothing into a message that is being written (module docs). In
+    // handler mode all interrupts are masked.
     unsafe impl critical_section::Impl for LogSection {
         unsafe fn acquire() -> critical_section::RawRestoreState {
-            let unmask = primask::read().is_active() && in_handler();
+            if !in_handler() {
+                WRITING.store(true, Ordering::Relaxed);
+                return 0;
+            }
+            let unmask = primask::read().is_active();
             if unmask {
                 interrupt::disable();
             }
@@ -36,7 +55,9 @@ mod imp {
         }
 
         unsafe fn release(unmask: critical_section::RawRestoreState) {
-            if unmask != 0 {
+            if !in_handler() {
+                WRITING.store(false, Ordering::Relaxed);
+            } else if unmask != 0 {
                 // SAFETY: they were not masked when the section began.
                 unsafe { interrupt::enable() };
             }

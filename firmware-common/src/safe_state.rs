@@ -26,21 +26,21 @@ mod imp {
 
     use crate::{
         last_stop::{self, FaultStatus, Stop},
-        memory, mpu,
+        log_section, memory, mpu,
     };
 
     /// The cause has been logged, or is being logged: a fault inside the logger must not log again.
     static LOGGED: AtomicBool = AtomicBool::new(false);
 
     /// Masks all interrupts, calls `enter`, records what `stop` finds out, calls `log` with it unless a cause was
-    /// logged already, and waits for the watchdog. `enter` comes first: to find out may take a while.
+    /// logged already or a message is being written, and waits for the watchdog. `enter` comes first: to find out may take a while.
     pub fn enter(enter: fn(), stop: impl FnOnce() -> Stop, log: impl FnOnce(&Stop)) -> ! {
         cortex_m::interrupt::disable();
         mpu::off();
         enter();
         let stop = stop();
         last_stop::note(&stop);
-        if !LOGGED.swap(true, Ordering::Relaxed) {
+        if !LOGGED.swap(true, Ordering::Relaxed) && !log_section::is_interrupted() {
             log(&stop);
         }
         loop {
