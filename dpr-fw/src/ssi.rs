@@ -146,10 +146,11 @@ impl SignOfLife {
     /// own cycle half of the watchdog's 100 ms.
     pub const MOST: u32 = 3;
 
-    /// No transaction has been seen.
+    /// No transaction has been seen since the start, which has taken up to a third of the watchdog's time: of one that
+    /// is under way already one cycle is waited for.
     #[must_use]
     pub const fn new() -> Self {
-        Self { transactions: 0, waited: 0 }
+        Self { transactions: 0, waited: Self::MOST - 1 }
     }
 
     /// Whether the task is to be called, after so many transactions in all, and while the DPR is selected or not. Asked
@@ -260,6 +261,8 @@ mod tests {
 
     #[test]
     fn the_task_is_called_to_check_in_when_no_transaction_calls_it() {
+        let mut sign = SignOfLife::new();
+        assert!(!sign.is_due(0, true) && sign.is_due(0, true), "one is under way since before the start");
         let mut sign = SignOfLife::new();
         assert!(sign.is_due(0, false) && sign.is_due(0, false), "nobody reads");
         assert!(!sign.is_due(1, false) && !sign.is_due(2, true), "transactions came");
