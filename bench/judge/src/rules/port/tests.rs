@@ -211,6 +211,22 @@ fn after_misconduct_port_status_is_believed_once_and_held_against_what_follows()
 }
 
 #[test]
+fn after_misconduct_port_status_is_not_believed_while_an_images_bit_is_hit() {
+    let with = |disturbs| {
+        let mut log = log(&[], |published| {
+            let mut shown = Shown::default();
+            shown.values.violations.count(profile::Violation::TooMany, if published >= 240 * MS { 2 } else { 1 });
+            shown
+        });
+        insert(&mut log, 5 * MS, injected(MISUSE, 200 * MS));
+        insert(&mut log, 110 * MS, injected(disturbs, 245 * MS));
+        broken(&log)
+    };
+    assert_eq!(with(IMAGE_BIT), []);
+    assert_eq!(with(Disturbance::Air), [(Violation::PortStatusWrong, 1)]);
+}
+
+#[test]
 fn after_misconduct_counters_are_bounded_by_the_transactions() {
     use profile::Violation::{TooLong, TooMany};
     let after = |change: &dyn Fn(&mut PortValues)| {
