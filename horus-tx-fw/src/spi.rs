@@ -77,6 +77,8 @@ enum State {
 pub struct Polling {
     state: State,
     backlog: Backlog,
+    /// The transfer before brought something.
+    brought: bool,
     timed_out: u32,
     recoveries: u32,
 }
@@ -91,7 +93,7 @@ impl Polling {
     /// Nothing has been transferred.
     #[must_use]
     pub const fn new() -> Self {
-        Self { state: State::Idle, backlog: Backlog::new(1), timed_out: 0, recoveries: 0 }
+        Self { state: State::Idle, backlog: Backlog::new(1), brought: false, timed_out: 0, recoveries: 0 }
     }
 
     /// Transfers that had not ended by the next tick, wraps.
@@ -156,9 +158,11 @@ impl Polling {
 
     /// The bytes of a transfer have been looked at. `brought`: some were the receiver's. `is_empty`: it ended with
     /// filler outside of a message, so the receiver has no more ([`Filter::has_nothing_more`]). While something may
-    /// have waited, a transfer of nothing but filler proves nothing: a line that is stuck high reads the same.
+    /// have waited, a transfer of nothing but filler proves nothing, since a line that is stuck high reads the same,
+    /// unless the one before brought something: a message may end with its transfer.
     pub fn read(&mut self, brought: bool, is_empty: bool) {
-        self.backlog.read(is_empty && (brought || !self.backlog.is_old()));
+        let brought_before = core::mem::replace(&mut self.brought, brought);
+        self.backlog.read(is_empty && (brought || brought_before || !self.backlog.is_old()));
     }
 
     /// A stream has failed.
@@ -171,6 +175,7 @@ impl Polling {
 
     fn abort(&mut self) -> Order {
         self.recoveries = self.recoveries.wrapping_add(1);
+        self.brought = false;
         self.state = State::Idle;
         Order::Abort
     }
@@ -403,6 +408,20 @@ mod tests {
             polling.read(brought, is_empty);
             assert_eq!(polling.is_old(), is_old, "{brought} {is_empty}");
         }
+    }
+
+    #[test]
+    fn filler_right_after_a_message_that_ended_with_its_transfer_proves_it_was_the_last() {
+        let mut polling = Polling::new();
+        polling.read(true, false);
+        polling.read(false, true);
+        assert!(!polling.is_old());
+        let mut polling = Polling::new();
+        polling.read(true, false);
+        polling.poll();
+        polling.poll();
+        polling.read(false, true);
+        assert!(polling.is_old(), "one that failed lies between");
     }
 
     proptest! {
