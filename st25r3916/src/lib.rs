@@ -217,7 +217,7 @@
 //! assert_eq!(listener.step(Input::Done(&buffer[..245])), Step::Event(frame));
 //! // The payload, buffer[1..245], is the caller's; with `Start` the receiver is armed again.
 //! assert_eq!(mosi(listener.step(Input::Start)), [0x59, 0, 0, 0, 0, 0, 0, 0]); // none begun meanwhile?
-//! assert_eq!(mosi(listener.step(Input::Done(&[0, 0xFB, 0, 0, 0, 0, 0, 0]))), [0xDB]);
+//! assert_eq!(mosi(listener.step(Input::Done(&[0, 0xFB, 0, 0, 0, 0, 2, 0]))), [0xDB]); // its CRC-16
 //! assert_eq!(mosi(listener.step(Input::Done(&[0]))), [0xD1]);
 //! assert_eq!(mosi(listener.step(Input::Done(&[0]))), [0x40, 0, 0]); // one of the settings at each re-arming
 //! assert_eq!(listener.step(Input::Done(&[0, 0x07, 0xBC])), Step::Wait { us: 20_000 });

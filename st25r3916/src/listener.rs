@@ -57,13 +57,14 @@
 //! re-arm the receiver (status, clear FIFO, unmask receive data: 10 bytes) come after the next
 //! [`Input::Start`]. The next frame's first byte is at least its preamble and sync (151 µs) after its
 //! beginning. Should it have begun before the executor came back, the status read shows its I_rxs and
-//! the machine leaves the FIFO alone (the chip resets it at I_rxs) and receives it. What cannot be
-//! told apart is a sync in the few microseconds between that read and the clear: if the clear also
-//! discards the interrupt (the data sheet is of two minds), the frame is recognised by its I_rxe alone.
+//! the machine leaves the FIFO alone (the chip resets it at I_rxs) and receives it. It clears only a FIFO that holds
+//! something, as after a frame, behind which the next one is far; an idle chip's it leaves alone. What cannot be told
+//! apart after a frame is a sync in the few microseconds between that read and the clear: if the clear also discards
+//! the interrupt (the data sheet is of two minds), the frame is recognised by its I_rxe alone.
 //!
-//! So I_eon and I_eof can be lost, too. After a bring-up, and [`ListenerConfig::supervision_us`] after the last interrupt,
-//! the field detector's output is read, and what it says is told if it differs from what was told before. (ST's RFAL
-//! reads the same bit before it relies on these interrupts.)
+//! So I_eon and I_eof can be lost, too. After a bring-up, and [`ListenerConfig::supervision_us`] after the last
+//! interrupt, the field detector's output is read, and what it says is told if it differs from what was told before.
+//! (ST's RFAL reads the same bit before it relies on these interrupts.)
 //!
 //! # Recovery
 //!
@@ -592,6 +593,9 @@ impl Listener {
         self.note_field(status);
         if status.is_set(reg::IRQ_RXS) {
             self.status_begins(status)
+        } else if status.is_quiet() && status.count == 0 {
+            // Nothing is to be cleared, and the clear would discard the I_rxs of a frame that begins just now.
+            self.short(ListenerState::RearmUnmask, command::UNMASK_RECEIVE_DATA)
         } else {
             self.short(ListenerState::RearmClear, command::CLEAR_FIFO)
         }
