@@ -280,6 +280,24 @@ const fn bitten_within(board: Board) -> u64 {
 }
 
 #[test]
+fn no_task_is_dead_of_a_board_that_has_not_started_or_has_no_supply() {
+    for board in BOARDS {
+        for after in [0, 500 * US, 2 * MS, 8 * MS, 60 * MS] {
+            for power in [PowerFault::Watchdog, PowerFault::Off(1)] {
+                let until = if power == PowerFault::Watchdog { BEGINS } else { BEGINS + 10 * MS };
+                let at = BEGINS + after;
+                let faults = Faults::none().with(BEGINS, until, Fault::Power(board, power));
+                let Some(setup) = setup(faults.with(at, at, Fault::DeadTask(board, 0)), at + AFTER) else { return };
+                let Outcome { report, verdict, .. } = outcome(&setup);
+                assert_eq!(report.violations, [""; 0], "{board:?}, {after} ns after {power:?}");
+                let dead = verdict.figures.faults.injected.keys().any(|name| name.starts_with("dead task"));
+                assert_eq!(dead, after == 60 * MS, "{board:?}, {after} ns after {power:?}");
+            }
+        }
+    }
+}
+
+#[test]
 fn whichever_task_of_a_board_is_dead_its_watchdog_bites_and_the_link_recovers() {
     let mut wrong = vec![];
     for board in BOARDS {

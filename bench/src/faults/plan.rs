@@ -58,10 +58,6 @@ pub const WATCHDOG_STARTS: u64 = 2_000;
 /// A hang of a board that starts begins at most so long after the reset, ns: both firmwares have started by then.
 pub const STARTS: u64 = 20_000_000;
 
-/// Within this after a start, of which is known when it comes, no task of that board is drawn to be dead, ns: its
-/// firmware may not have switched its interrupts on yet, after which the task would run.
-pub const TASKS_RUN: u64 = 100_000_000;
-
 /// Shapes of each board's sagging supply in a round.
 const SAGS: usize = 3;
 
@@ -206,37 +202,20 @@ impl Faults {
 }
 
 impl Faults {
-    /// Takes away what would never end, after a start that an episode makes: hangs that begin before the board's
-    /// watchdog runs, and dead tasks of a firmware that has not switched its interrupts on yet.
+    /// Takes away hangs that begin after a start that an episode makes, and before the board's watchdog runs: they would
+    /// never end.
     fn without_hangs_in_starts(&mut self) {
         for board in BOARDS {
             let of_power = |it: &&Episode| starts(&it.fault, board);
             let mut starts: Vec<u64> = self.episodes.iter().filter(of_power).map(|it| it.until).collect();
-            // Between its beginning and its end a supply that sags restarts the board, too.
-            let troubles: Vec<(u64, u64)> =
-                self.episodes.iter().filter(|it| is_trouble(&it.fault, board)).map(|it| (it.at, it.until)).collect();
             starts.sort_unstable();
             let is_unwatched = |at: u64| {
                 let before = starts.partition_point(|start| *start <= at);
                 before.checked_sub(1).is_some_and(|last| at < starts[last] + WATCHDOG_STARTS)
             };
-            let may_not_run = |at: u64| {
-                let before = troubles.partition_point(|(begins, _)| *begins <= at);
-                // Two at most begin before either has ended: a dead crystal and a restart.
-                troubles[..before].iter().rev().take(2).any(|(_, ends)| at < ends.saturating_add(TASKS_RUN))
-            };
-            self.episodes.retain(|it| match it.fault {
-                Fault::Hang(of) if of == board => !is_unwatched(it.at),
-                Fault::DeadTask(of, _) if of == board => !may_not_run(it.at),
-                _ => true,
-            });
+            self.episodes.retain(|it| it.fault != Fault::Hang(board) || !is_unwatched(it.at));
         }
     }
-}
-
-/// Whether an episode of `fault` may keep the firmware of `board` from running, or restarts it.
-fn is_trouble(fault: &Fault, board: Board) -> bool {
-    matches!(fault, Fault::Power(of, power) if *of == board && *power != PowerFault::FrontEndOff)
 }
 
 /// Whether `board` starts at the end of an episode of `fault`.
@@ -690,23 +669,6 @@ mod tests {
             }
         }
         assert_eq!(dead.len(), BOARDS.into_iter().map(|board| tasks_of(board).len()).sum::<usize>(), "{dead:?}");
-    }
-
-    #[test]
-    fn no_task_is_dead_of_a_board_that_starts_or_has_no_supply() {
-        let left = |power: PowerFault, at: u64| {
-            let mut faults = Faults::none().with(500, 900, Fault::Power(Board::Dpr, power));
-            faults.add(Episode { at, until: at, fault: Fault::DeadTask(Board::Dpr, 0) });
-            faults.add(Episode { at, until: at, fault: Fault::DeadTask(Board::Horus, 0) });
-            faults.without_hangs_in_starts();
-            faults.episodes.len() == 3
-        };
-        for power in [PowerFault::Off(1), PowerFault::Sag(1), PowerFault::CrystalDead, PowerFault::Pin] {
-            for (at, stays) in [(499, true), (500, false), (900 + TASKS_RUN - 1, false), (900 + TASKS_RUN, true)] {
-                assert_eq!(left(power, at), stays, "{power:?} at {at}");
-            }
-        }
-        assert!(left(PowerFault::FrontEndOff, 700));
     }
 
     /// A kind's number seeds its draws: published figures hold as long as the kinds keep their numbers.

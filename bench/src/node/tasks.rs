@@ -68,16 +68,21 @@ impl<B: Board, C: Cost> Node<B, C> {
     }
 
     /// Interrupt `line` is off in the interrupt controller from now on, until the firmware switches it on again, as it
-    /// does at its next start. Does nothing to a part without its supply.
+    /// does at its next start. Does nothing where it is not on: to a part without its supply, and while its firmware
+    /// starts. Tells whether it was on.
     ///
     /// # Panics
     ///
     /// If the core has no interrupt controller.
-    pub fn switch_interrupt_off(&mut self, line: u16) {
-        if self.is_powered() {
-            let register = ICER + 4 * u32::from(line / 32);
-            self.access_port_write(register, Width::Word, 1 << (line % 32)).expect("an interrupt controller");
+    pub fn switch_interrupt_off(&mut self, line: u16) -> bool {
+        let (register, bit) = (ICER + 4 * u32::from(line / 32), 1 << (line % 32));
+        let words = "an interrupt controller";
+        // What is on reads as 1 in the registers that switch off, too (ARMv7-M ARM B3.4.5).
+        let was_on = self.is_powered() && self.access_port_read(register, Width::Word).expect(words) & bit != 0;
+        if was_on {
+            self.access_port_write(register, Width::Word, bit).expect(words);
         }
+        was_on
     }
 
     /// The supply went off or came on: without it, the core sleeps.

@@ -124,6 +124,15 @@ impl BoardEvents {
         let powered = node.is_powered();
         match turn {
             Turn::Begins(episode) => {
+                if let Fault::DeadTask(_, task) = episode.fault {
+                    match interrupt_of(self.side, task) {
+                        Some(line) if node.switch_interrupt_off(line) => self.injected(now, episode),
+                        // A start would bring the task to life.
+                        Some(_) => {}
+                        None => self.note(now, no_task(self.side, task)),
+                    }
+                    return;
+                }
                 self.injected(now, episode);
                 match &episode.fault {
                     Fault::Power(_, power) => {
@@ -136,10 +145,6 @@ impl BoardEvents {
                         self.note(now, What::Hung { board: self.side });
                     }
                     Fault::Hang(_) => {}
-                    Fault::DeadTask(_, task) => match interrupt_of(self.side, *task) {
-                        Some(line) => node.switch_interrupt_off(line),
-                        None => self.note(now, no_task(self.side, *task)),
-                    },
                     Fault::Chip(_, chip) => node.board_mut(|board| board.front_end().begin_chip_fault(*chip)),
                     Fault::Flip(_, place) => node.board_mut(|board| board.front_end().flip(*place)),
                     Fault::Buffer(buffer) => self.apply(node, now, |node| buffer.begin(node)),
@@ -154,6 +159,7 @@ impl BoardEvents {
                     | Fault::FrontEnd(_)
                     | Fault::FlightController(_)
                     | Fault::Wire(_)
+                    | Fault::DeadTask(..)
                     | Fault::Base(_) => {}
                 }
             }
