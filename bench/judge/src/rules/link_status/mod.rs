@@ -165,6 +165,7 @@ impl LinkStatus {
                 self.last.clear();
                 self.offered.clear();
             }
+            What::Injected { disturbs, .. } if disturbs.may_take(Excuse::Hearing) => self.may_have_missed(event.at),
             What::FieldHeard { on } if *on != self.field.0 => self.field = (*on, event.at),
             What::Fresh { high: true, offered } => {
                 // What announces the image of before is no publication: rule `ssi` tells that.
@@ -189,6 +190,19 @@ impl LinkStatus {
             let blind = context.disturbances().excuse(Excuse::Hearing, delivery.started);
             self.heard(delivery.clone(), if blind { bounds::FRAME_DEADLINE } else { 0 }, context);
         }
+    }
+
+    /// From `at` on the DPR may not hear: a frame that ended just before may not have been read any more.
+    fn may_have_missed(&mut self, at: u64) {
+        if self.snapshots.len() < 2 {
+            return;
+        }
+        let Some((last, before)) = self.snapshots.pop_back().zip(self.snapshots.back()) else { return };
+        let just_ended = |frame: &Delivery| at < frame.ended + bounds::LAST_BIT_TO_READABLE;
+        let missed = last.frame.as_ref().is_some_and(just_ended);
+        let samples = if missed { &before.samples[..] } else { &[] };
+        let none = last.none || missed && before.none;
+        self.snapshots.push_back(Snapshot { samples: [samples, &last.samples].concat(), none, ..last });
     }
 
     /// A frame has reached the antenna, of which the DPR may know the end so badly, ns.
