@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <cstring>
 
-// ---- PX4: after the files that docs/flight-controller.md lists. PX4_RELEASE is 115, 116 or 117.
+// ---- PX4: after the files that docs/flight-controller.md lists. PX4_RELEASE is 115, 116 (1.17 is the same) or 118.
 #define PX4_OK 0
 #define PX4_ERROR (-1)
 #define OK 0
@@ -156,6 +156,7 @@ struct aux_global_position_s {
     uint64_t timestamp;
     uint64_t timestamp_sample;
     uint8_t id;
+    uint8_t source;
     double lat;
     double lon;
     float alt;
@@ -165,7 +166,7 @@ struct aux_global_position_s {
 };
 
 // A topic is of one type, and a publication of another does not compile.
-#if defined(PX4_RELEASE) && PX4_RELEASE >= 117
+#if defined(PX4_RELEASE) && PX4_RELEASE >= 118
 using aux_global_position_topic = aux_global_position_s;
 #else
 using aux_global_position_topic = vehicle_global_position_s;

@@ -16,7 +16,7 @@
 /* Since the topic has a message of its own. */
 using Position = aux_global_position_s;
 #else
-/* PX4 1.15 and 1.16: the topic is of the type of the vehicle's own. */
+/* PX4 1.15 to 1.17: the topic is of the type of the vehicle's own. */
 using Position = vehicle_global_position_s;
 #endif
 
@@ -91,7 +91,7 @@ public:
             set_ellipsoid(position, static_cast<float>(report.position.altitude), 0);
             mark_valid(position, 0);
             set_source(position, 0);
-            /* HORUS gives no accuracy: EKF2_AGP_NOISE is what counts. */
+            /* HORUS gives no accuracy: EKF2's parameter of the noise is what counts. */
             position.eph = 0.0F;
             position.epv = 0.0F;
             position.timestamp = hrt_absolute_time();
