@@ -138,8 +138,8 @@ fn a_front_end_that_fails_while_the_other_board_restarts_is_brought_up_within_15
 
 #[test]
 fn a_field_that_goes_while_the_listener_re_arms_is_told() {
-    // The interrupt that tells of it is discarded with the FIFO's content, about 120 µs after a frame's last bit, for 12
-    // µs; a frame ends 0.98 ms after this instant's cycle began.
+    // The interrupt that tells of it is discarded with the FIFO's content, about 120 µs after a frame's last bit, for
+    // 12 µs; a frame ends 0.98 ms after this instant's cycle began.
     for after in (1_000..1_200).step_by(4) {
         let at = BEGINS + after * 1_000;
         let faults = Faults::none().with(at, at + 90 * MS, Fault::Power(Board::Horus, PowerFault::FrontEndOff));

@@ -95,8 +95,8 @@ fn is_of_the_rfid_side(exception: u32) -> bool {
 
 impl<C: Cost> Watched<C> {
     /// The longest run of an exception, ns: from its entry to the entry of another, or the return. A run in which FRESH
-    /// rises is the last piece of a frame's way. If it serves a transaction that has just ended, too, it takes less than
-    /// two runs, which are what the sum has.
+    /// rises is the last piece of a frame's way. If it serves a transaction that has just ended, too, it takes less
+    /// than two runs, which are what the sum has.
     fn longest(&self, exception: u32) -> u64 {
         let rises: Vec<u64> = self.frames().into_iter().map(|(_, rose)| rose).collect();
         let runs = self.runs.windows(2).filter(|pair| pair[0].1 == exception).map(|pair| pair[0].0..pair[1].0);

@@ -33,7 +33,8 @@ mod imp {
     static LOGGED: AtomicBool = AtomicBool::new(false);
 
     /// Masks all interrupts, calls `enter`, records what `stop` finds out, calls `log` with it unless a cause was
-    /// logged already or a message is being written, and waits for the watchdog. `enter` comes first: to find out may take a while.
+    /// logged already or a message is being written, and waits for the watchdog. `enter` comes first: to find out may
+    /// take a while.
     pub fn enter(enter: fn(), stop: impl FnOnce() -> Stop, log: impl FnOnce(&Stop)) -> ! {
         cortex_m::interrupt::disable();
         mpu::off();

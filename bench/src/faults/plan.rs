@@ -202,8 +202,8 @@ impl Faults {
 }
 
 impl Faults {
-    /// Takes away hangs that begin after a start that an episode makes, and before the board's watchdog runs: they would
-    /// never end.
+    /// Takes away hangs that begin after a start that an episode makes, and before the board's watchdog runs: they
+    /// would never end.
     fn without_hangs_in_starts(&mut self) {
         for board in BOARDS {
             let of_power = |it: &&Episode| starts(&it.fault, board);
