@@ -393,7 +393,7 @@ mod app {
         rtic::pend(Interrupt::SWI1_EGU1);
     }
 
-    /// Buffers were read or replaced: scrubs them, then asks all other tasks for their signs of life, once a cycle.
+    /// Buffers were read or replaced: scrubs them, then asks the other tasks for their signs of life, once a cycle.
     #[task(binds = SWI1_EGU1, priority = 2, local = [sign_of_life, asked_us: u32 = 0], shared = [rotation, mailbox])]
     fn scrub(cx: scrub::Context) {
         TELEMETRY.scrubbed(triple::scrub_waiting(cx.shared.rotation));
@@ -405,13 +405,22 @@ mod app {
             return;
         }
         *cx.local.asked_us = now_us;
-        rtic::pend(Interrupt::SPIM0_SPIS0_TWIM0_TWIS0_SPI0_TWI0);
-        rtic::pend(Interrupt::GPIOTE);
-        rtic::pend(Interrupt::TIMER0);
+        // What has come of frames needs no call.
+        for (task, vector) in const {
+            [
+                (Task::named("rf_spi"), Interrupt::SPIM0_SPIS0_TWIM0_TWIS0_SPI0_TWI0),
+                (Task::named("rf_irq"), Interrupt::GPIOTE),
+                (Task::named("rf_timer"), Interrupt::TIMER0),
+                (Task::named("commit"), Interrupt::SWI0_EGU0),
+                (Task::named("deadline"), Interrupt::TIMER1),
+            ]
+        } {
+            if !CHECK_IN.has_checked_in(task) {
+                rtic::pend(vector);
+            }
+        }
         SsiDoorbell::ask_for_sign_of_life(cx.local.sign_of_life);
         rtic::pend(Interrupt::SWI2_EGU2);
-        rtic::pend(Interrupt::SWI0_EGU0);
-        rtic::pend(Interrupt::TIMER1);
     }
 
     /// A transaction has brought something, or an image was published: judges what came in and prepares what the next

@@ -75,6 +75,12 @@ impl<T: Task> CheckIn<T> {
         }
     }
 
+    /// Whether `task` has checked in since [`complete`](Self::complete) last answered yes.
+    #[must_use]
+    pub fn has_checked_in(&self, task: T) -> bool {
+        self.seen.get(task.number() as usize).is_some_and(|own| own.load(Ordering::Relaxed))
+    }
+
     /// Whether every task has checked in since this last answered yes. If so, all have to check in anew.
     pub fn complete(&self) -> bool {
         let tasks = self.seen.iter().take(T::COUNT as usize);
@@ -110,8 +116,10 @@ mod tests {
         for missing in tasks {
             let list = CheckIn::new();
             for task in tasks.into_iter().filter(|&task| task != missing) {
+                assert!(!list.has_checked_in(task));
                 list.check_in(task);
                 list.check_in(task);
+                assert!(list.has_checked_in(task));
             }
             assert!(!list.complete(), "without {missing:?}");
             list.check_in(missing);
