@@ -78,9 +78,9 @@ fn frame(
     let mut listener = before.clone();
     let mut waits = waits.iter();
     let mut arm = |chip: &mut Chip| {
-        // At re-arming nothing has happened.
-        let &(main, count) = waits.next().unwrap_or(&(0, 0));
-        let Flags { error, fifo } = if main == RXS || (main, count) == (0, 0) { CLEAN } else { flags };
+        // At re-arming nothing has happened, and the CRC-16 is still in the FIFO.
+        let &(main, count) = waits.next().unwrap_or(&(0, 2));
+        let Flags { error, fifo } = if main == RXS || (main, count) == (0, 2) { CLEAN } else { flags };
         chip.set_status(Status { main, error, count, fifo });
         main
     };
