@@ -593,7 +593,7 @@ impl Listener {
         self.note_field(status);
         if status.is_set(reg::IRQ_RXS) {
             self.status_begins(status)
-        } else if status.is_quiet() && status.count == 0 {
+        } else if status.is_quiet() && status.count == 0 && !status.flow_error() {
             // Nothing is to be cleared, and the clear would discard the I_rxs of a frame that begins just now.
             self.short(ListenerState::RearmUnmask, command::UNMASK_RECEIVE_DATA)
         } else {

@@ -867,6 +867,15 @@ fn a_frame_that_begins_while_an_idle_chip_is_checked_is_received() {
 }
 
 #[test]
+fn supervision_clears_a_fifo_that_ran_over() {
+    let (mut rig, mut listener) = listening(Chip::new(Variant::B), FILLING);
+    rig.chip.fifo_flags = 0x10;
+    assert_eq!(rig.listener_within(&mut listener, 10), None);
+    assert_eq!(rig.chip.fifo_flags, 0);
+    hears(&mut rig, &mut listener, 244);
+}
+
+#[test]
 fn supervision_costs_nothing_while_frames_come() {
     let (mut rig, mut listener) = listening(Chip::new(Variant::B), FILLING);
     for cycle in 0..50 {
