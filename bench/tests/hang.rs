@@ -280,7 +280,7 @@ const fn bitten_within(board: Board) -> u64 {
 }
 
 #[test]
-fn no_task_is_dead_of_a_board_that_has_not_started_or_has_no_supply() {
+fn no_task_of_a_board_that_does_not_run_is_dead() {
     for board in BOARDS {
         for after in [0, 500 * US, 2 * MS, 8 * MS, 60 * MS] {
             for power in [PowerFault::Watchdog, PowerFault::Off(1)] {

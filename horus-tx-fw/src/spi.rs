@@ -411,7 +411,7 @@ mod tests {
     }
 
     #[test]
-    fn filler_right_after_a_message_that_ended_with_its_transfer_proves_it_was_the_last() {
+    fn filler_after_a_message_that_fills_its_transfer_proves_the_receiver_empty() {
         let mut polling = Polling::new();
         polling.read(true, false);
         polling.read(false, true);

@@ -489,7 +489,7 @@ fn frames_that_a_deaf_front_end_may_have_missed_end_no_silence() {
 }
 
 #[test]
-fn a_frame_that_ended_just_before_the_front_end_failed_may_have_been_missed() {
+fn a_frame_that_ended_just_before_a_fault_may_be_missed() {
     for (after, wrong) in [(bounds::LAST_BIT_TO_READABLE - 1, false), (bounds::LAST_BIT_TO_READABLE, true)] {
         let mut run = Run { cycles: 100, ..Run::new(3).hit_all(20..90, &Air::Lost) };
         run.extra.push(Event { at: run.end(19) + after, what: injected(DPR_FRONT_END, run.tick(30)) });

@@ -211,7 +211,7 @@ fn after_misconduct_port_status_is_believed_once_and_held_against_what_follows()
 }
 
 #[test]
-fn after_misconduct_port_status_is_not_believed_while_an_images_bit_is_hit() {
+fn no_port_status_is_believed_while_an_images_bit_is_hit() {
     let with = |disturbs| {
         let mut log = log(&[], |published| {
             let mut shown = Shown::default();
