@@ -31,7 +31,7 @@ const _: () = assert!(RING >= 2 * crate::ddc::MOST && RING >= 2 * crate::spi::TR
 pub struct Backlog {
     /// Reads in a row that have to leave nothing behind after a pause.
     proofs: u8,
-    /// So many of them are still to come; 0: what comes is new.
+    /// How many of these reads are still to come. With none, what comes is new.
     missing: u8,
     /// Ticks since a read ended.
     ticks: u8,
@@ -278,7 +278,7 @@ mod tests {
     use std::vec::Vec;
 
     #[test]
-    fn a_receiver_is_believed_when_it_has_been_read_empty_as_often_as_told() {
+    fn a_receiver_is_believed_once_it_was_read_empty_often_enough() {
         let mut backlog = Backlog::new(1);
         assert!(backlog.is_old());
         assert!(!backlog.read(false) && !backlog.read(true), "never read before");

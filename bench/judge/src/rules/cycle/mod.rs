@@ -44,7 +44,7 @@ use crate::read::{Frame, State};
 use crate::{Board, Context, Event, Figures, Findings, Header, Violation, What, bounds};
 use jitter::{Jitter, Series, Worst};
 
-/// So long after a reset chip select has been let go, ns: what takes some cycles of a clock of 168 MHz at most.
+/// A reset lets go of chip select within this, ns: some cycles of HORUS's 168 MHz.
 const LETS_GO: u64 = 100;
 
 /// A transmit command whose frame has not ended.
@@ -222,7 +222,7 @@ impl Cycle {
                 self.cut_off(event.at);
             }
             What::Tick => self.tick(event.at, disturbances, findings),
-            // A reset lets go of chip select in whatever HORUS was sending, a few cycles of its clock later at most.
+            // A reset lets go of chip select in whatever HORUS was sending.
             What::Command if event.at < self.run.since + LETS_GO => {}
             What::Command => {
                 let cut_off = self.run.dropped || self.run.hung;

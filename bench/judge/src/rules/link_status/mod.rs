@@ -194,15 +194,12 @@ impl LinkStatus {
 
     /// From `at` on the DPR may not hear: a frame that ended just before may not have been read any more.
     fn may_have_missed(&mut self, at: u64) {
-        if self.snapshots.len() < 2 {
-            return;
+        let mut newest = self.snapshots.iter_mut().rev();
+        let (Some(last), Some(before)) = (newest.next(), newest.next()) else { return };
+        if at < last.ended() + bounds::LAST_BIT_TO_READABLE {
+            last.samples.splice(..0, before.samples.iter().copied());
+            last.none |= before.none;
         }
-        let Some((last, before)) = self.snapshots.pop_back().zip(self.snapshots.back()) else { return };
-        let just_ended = |frame: &Delivery| at < frame.ended + bounds::LAST_BIT_TO_READABLE;
-        let missed = last.frame.as_ref().is_some_and(just_ended);
-        let samples = if missed { &before.samples[..] } else { &[] };
-        let none = last.none || missed && before.none;
-        self.snapshots.push_back(Snapshot { samples: [samples, &last.samples].concat(), none, ..last });
     }
 
     /// A frame has reached the antenna, of which the DPR may know the end so badly, ns.
