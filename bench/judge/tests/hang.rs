@@ -2,7 +2,7 @@
 
 mod common;
 
-use bench_judge::{Board, Event, Log, SsiEvent, Violation, Violation::*, What, bounds};
+use bench_judge::{Board, Disturbance, Event, Log, SsiEvent, Violation, Violation::*, What, bounds};
 use common::*;
 
 const MS: u64 = 1_000_000;
@@ -25,10 +25,22 @@ fn silent(plan: &Plan, from: u64) -> Log {
     log
 }
 
-/// A log and the same with the DPR hanging since `at`.
+/// The task of the DPR that is dead where one is.
+const DEAD: Disturbance = Disturbance::DeadTask { board: Board::Dpr, task: 0 };
+
+/// A log in which the DPR hangs from `at` on.
 fn judged_at(log: &Log, at: u64) -> Vec<(Violation, u64)> {
+    judged_with(log, at, hung())
+}
+
+/// A log in which one of the DPR's tasks is dead from `at` on.
+fn judged_dead_at(log: &Log, at: u64) -> Vec<(Violation, u64)> {
+    judged_with(log, at, What::Injected { kind: "dead task".into(), disturbs: DEAD, until: at })
+}
+
+fn judged_with(log: &Log, at: u64, what: What) -> Vec<(Violation, u64)> {
     let mut log = log.clone();
-    insert(&mut log, at, hung());
+    insert(&mut log, at, what);
     found(&log)
 }
 
@@ -80,12 +92,16 @@ fn what_had_waited_too_long_when_the_dpr_hung_is_told() {
     let log = Plan::new(3, 60).log();
     let ended = last_end(&log, 258 * MS);
     let unready = silent(&Plan::new(3, 60), ended + 1);
-    assert_eq!(judged_at(&unready, ended + bounds::SSI_READY), []);
-    assert_eq!(judged_at(&unready, ended + bounds::SSI_READY + 1), [(NotReady, 1)]);
+    for judged in [judged_at, judged_dead_at] {
+        assert_eq!(judged(&unready, ended + bounds::SSI_READY), []);
+        assert_eq!(judged(&unready, ended + bounds::SSI_READY + 1), [(NotReady, 1)]);
+    }
     let mut held = silent(&Plan::new(3, 60), ended + 100_000);
     insert(&mut held, ended + 110_000, What::Ssi(SsiEvent::Held));
-    assert_eq!(judged_at(&held, ended + 110_000 + bounds::SSI_READY), []);
-    assert_eq!(judged_at(&held, ended + 110_000 + bounds::SSI_READY + 1), [(HeldBack, 1)]);
+    for judged in [judged_at, judged_dead_at] {
+        assert_eq!(judged(&held, ended + 110_000 + bounds::SSI_READY), []);
+        assert_eq!(judged(&held, ended + 110_000 + bounds::SSI_READY + 1), [(HeldBack, 1)]);
+    }
 }
 
 #[test]
@@ -139,8 +155,10 @@ fn a_dpr_that_hangs_in_its_start_need_not_get_ready_and_one_that_has_restarted_m
     let log = plan.log();
     assert_eq!(found(&log), [(NeverReady, 1)]);
     assert_eq!(judged_at(&log, 50 * MS), []);
-    assert_eq!(judged_at(&log, bounds::START), []);
-    assert_eq!(judged_at(&log, bounds::START + 1), [(NeverReady, 1)]);
+    for judged in [judged_at, judged_dead_at] {
+        assert_eq!(judged(&log, bounds::START), []);
+        assert_eq!(judged(&log, bounds::START + 1), [(NeverReady, 1)]);
+    }
     let mut log = log.clone();
     insert(&mut log, 130 * MS, dpr_reset(true));
     assert_eq!(judged_at(&log, 50 * MS), [(NeverReady, 1)], "after its restart");

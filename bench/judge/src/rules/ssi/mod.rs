@@ -13,7 +13,7 @@
 //!   last start is not judged.
 //! - A DPR that the bench has hang owes nothing from then on until its next start: what ends, becomes due or is asked
 //!   for while it hangs it cannot serve. What had waited too long by then is told, and what is read meanwhile has to be
-//!   right as ever.
+//!   right as ever. A DPR with a dead task owes nothing either: any of its tasks may be one that gets the SSI ready.
 //! - The time for which the processor keeps the SSI's buffers is [`Violation::NotReady`] if the end of a transaction
 //!   gave them to it, and [`Violation::HeldBack`] otherwise. Transactions that meet the DPR busy because of it are not
 //!   counted again, unless nothing is readable for longer than [`bounds::EXPIRY`]: then it is
@@ -49,7 +49,7 @@ mod service;
 
 use crate::disturbance::Excuse;
 use crate::read::Reading;
-use crate::{Board, Context, Event, Figures, Findings, Header, SsiEvent, Violation, What, bounds};
+use crate::{Board, Context, Disturbance, Event, Figures, Findings, Header, SsiEvent, Violation, What, bounds};
 use damage::Damage;
 use fresh::Claims;
 use latency::Cycles;
@@ -84,6 +84,16 @@ impl Ssi {
         let at = event.at;
         let disturbances = context.disturbances();
         self.service.pass(at, disturbances, findings);
+        let dpr = context.running(Board::Dpr);
+        match &event.what {
+            What::Hung { board: Board::Dpr } if dpr.hung == Some(at) => self.service.hang(at, findings),
+            What::Injected { disturbs: Disturbance::DeadTask { board: Board::Dpr, .. }, .. }
+                if dpr.dead == Some(at) =>
+            {
+                self.service.hang(at, findings);
+            }
+            _ => {}
+        }
         if disturbances.excuse(Excuse::Service, at) {
             self.service.misused();
         }
@@ -95,9 +105,6 @@ impl Ssi {
             What::Reset { board: Board::Dpr, .. } => {
                 self.restart();
                 self.service.reset(at);
-            }
-            What::Hung { board: Board::Dpr } if context.running(Board::Dpr).hung == Some(at) => {
-                self.service.hang(at, findings);
             }
             What::Injected { disturbs, .. } if disturbs.may_take(Excuse::Latency) => self.cycles.front_end_fails(at),
             What::Answer => findings.add(Violation::Answered, at, || "the DPR's front end sent".into()),
