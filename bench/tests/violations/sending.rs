@@ -89,7 +89,10 @@ table! {
         ..Row::new(Violation::TickIrregular, Faults::none)
     };
     // A task that does nothing for a while.
-    the_cycles_task_is_dead => Row::new(Violation::NoFrame, || image(ImageFault::Dead("CAN1_RX0".into()), 35 * MS));
+    the_cycles_task_is_dead => Row {
+        also: Some(Violation::HorusComplains),
+        ..Row::new(Violation::NoFrame, || image(ImageFault::Dead("CAN1_RX0".into()), 35 * MS))
+    };
     // HORUS's front end.
     a_command_that_is_given_again => Row {
         gps: 1,
@@ -120,8 +123,9 @@ table! {
     a_wrong_table_of_the_position_crc => {
         Row::new(Violation::SentInvalid, || image(poke("crc::POSITION_TABLE", &[0; 1024]), 45 * MS))
     };
-    a_count_of_ticks_that_jumps => {
-        Row::new(Violation::TimestampWrong, || Faults::none().with(
+    a_count_of_ticks_that_jumps => Row {
+        also: Some(Violation::HorusComplains),
+        ..Row::new(Violation::TimestampWrong, || Faults::none().with(
             breaks(),
             breaks(),
             Fault::Image(Board::Horus, poke("cycle_timer::TICKS", &1_000_u32.to_le_bytes())),

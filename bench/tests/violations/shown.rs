@@ -126,12 +126,15 @@ table! {
     link_counters => Row::new(Violation::LinkCounters, || link_status(8, 0x01));
     link_flags => Row::new(Violation::LinkFlags, || link_status(7, 0x02));
     // A fault counter of its RAM that counts what was never there: the flag says so.
-    link_flags_of_a_ram_fault => Row::new(Violation::LinkFlags, || {
-        let offset = u32::try_from(offset_of!(Telemetry, scrub_faults)).unwrap();
-        let bytes = vec![1, 0, 0, 0];
-        let poke = ImageFault::Poke { symbol: "DPR_TELEMETRY".into(), offset, bytes };
-        Faults::none().with(breaks(), u64::MAX, Fault::Image(Board::Dpr, poke))
-    });
+    link_flags_of_a_ram_fault => Row {
+        also: Some(Violation::DprComplains),
+        ..Row::new(Violation::LinkFlags, || {
+            let offset = u32::try_from(offset_of!(Telemetry, scrub_faults)).unwrap();
+            let bytes = vec![1, 0, 0, 0];
+            let poke = ImageFault::Poke { symbol: "DPR_TELEMETRY".into(), offset, bytes };
+            Faults::none().with(breaks(), u64::MAX, Fault::Image(Board::Dpr, poke))
+        })
+    };
     // The DPR's oscillator is 0.6 % slow, as one without a crystal would be.
     link_time => Row {
         setup: |setup| setup.crystals.dpr_ppb = -6_000_000,

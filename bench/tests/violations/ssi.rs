@@ -50,6 +50,7 @@ table! {
     };
     // The watchdog, which the start begins with, bites 6 µs after the start-up time is over: the run ends before.
     a_firmware_whose_commit_task_does_nothing_never_gets_ready => Row {
+        also: Some(Violation::DprComplains),
         duration: || 100 * MS + 3 * US,
         ..Row::new(Violation::NeverReady, || {
             let sealed = ImageFault::Patch { address: 0, bytes: vec![], sealed: true };

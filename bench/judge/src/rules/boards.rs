@@ -11,7 +11,6 @@
 //! | a start of HORUS: what the DPR counts | a frame was cut off |
 //! | HORUS's field going off while HORUS runs | HORUS brings its front end up again, the DPR loses frames |
 //! | a frame that reached the DPR's antenna changed or not at all: what the DPR counts | the air is no board's fault |
-//! | any violation found before | it is that one's consequence, and a cause is told once |
 //!
 //! A board's own start ends what explains its complaints of before: it counts from zero then.
 //!
@@ -240,9 +239,6 @@ impl Boards {
         figures.faults.injected = std::mem::take(&mut self.injected);
         for (board, at, text) in self.faulted.drain(..) {
             findings.add(Of::FINDING.board(board), at, || text);
-        }
-        if findings.counts().next().is_some() {
-            return;
         }
         for Complaint { board, at, name, value } in self.complaints.drain(..) {
             if self.explained[board as usize] || context.disturbances().excuse(complaints(board), at) {
@@ -587,7 +583,8 @@ mod tests {
         assert_eq!(disturbed(Disturbance::Input { input: 0 }), both);
         assert_eq!(disturbed(HORUS_FRONT_END), []);
         let late = What::Late { board: Board::Dpr, text: "5 ns".into() };
-        assert_eq!(complaining(|events| _ = events.add(9 * MS, late)), [Violation::Late]);
+        let late = complaining(|events| _ = events.add(9 * MS, late));
+        assert_eq!(late, [Violation::HorusComplains, Violation::DprComplains, Violation::Late], "beside anything else");
     }
 
     #[test]
