@@ -63,7 +63,8 @@ pub struct Port {
     /// The oldest first; never empty while the DPR's state is known, and empty otherwise.
     entries: VecDeque<Entry>,
     fresh: VecDeque<u64>,
-    /// When the last object was written that was not idle, ns.
+    /// When the last transaction ended that may have changed what Port-Status counts, ns: one that wrote an object, or
+    /// any while the flight controller misused the SSI.
     written: u64,
     /// What Port-Status said when it was last looked at, and how many transactions there were since.
     known: (PortValues, u32),
@@ -133,6 +134,9 @@ impl Port {
 
     fn transaction(&mut self, reading: &Reading, mosi: &[u8], context: &Context, findings: &mut Findings) {
         self.known.1 = self.known.1.saturating_add(1);
+        if context.disturbances().excuse(Excuse::Service, reading.selected) {
+            self.written = reading.deselected;
+        }
         let dpr = context.running(Board::Dpr);
         if reading.silent || !dpr.powered || reading.selected < dpr.since {
             return;

@@ -211,6 +211,22 @@ fn after_misconduct_port_status_is_believed_once_and_held_against_what_follows()
 }
 
 #[test]
+fn port_status_is_believed_from_the_second_image_after_misconduct_on() {
+    // Excused are transactions until 220 ms; the last ends at 217.5 ms, and shows from 230 ms on at the latest.
+    let counted_from = |from: u64| {
+        let mut log = log(&[], |published| {
+            let mut shown = Shown::default();
+            shown.values.violations.count(profile::Violation::TooMany, u16::from(published >= from * MS));
+            shown
+        });
+        insert(&mut log, 120 * MS, injected(MISUSE, 200 * MS));
+        broken(&log)
+    };
+    assert_eq!(counted_from(230), []);
+    assert_eq!(counted_from(240), [(Violation::PortStatusWrong, 1)]);
+}
+
+#[test]
 fn no_port_status_is_believed_while_an_images_bit_is_hit() {
     let with = |disturbs| {
         let mut log = log(&[], |published| {
@@ -240,8 +256,8 @@ fn after_misconduct_counters_are_bounded_by_the_transactions() {
         insert(&mut log, 120 * MS, injected(MISUSE, 200 * MS));
         broken(&log)
     };
-    // Those from 121 ms to 221 ms, the first that is believed, and those of two images.
-    const MOST: u16 = 26 + 2 * bounds::SSI_BUDGET as u16;
+    // Those from 121 ms to 233 ms, the first that is believed, and those of two images.
+    const MOST: u16 = 29 + 2 * bounds::SSI_BUDGET as u16;
     let wrong = [(Violation::PortStatusWrong, 1)];
     assert_eq!(after(&|values| values.violations.count(TooMany, 2 * MOST)), []);
     assert_eq!(after(&|values| values.violations.count(TooMany, 2 * MOST + 1)), wrong);
