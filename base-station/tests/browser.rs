@@ -737,6 +737,7 @@ fn two_senders_are_two_drones_and_each_says_that_there_is_another() {
     assert_eq!(fleet.iter().map(|row| row[0].as_str()).collect::<Vec<_>>(), ["7", "7-2"]);
     assert!(fleet[1][1].starts_with("HORUS has fired the emergency measure, and"), "{fleet:?}");
     tab.until("document.title.startsWith('!! 7-2: HORUS has fired the emergency measure')");
+    assert_eq!(tab.text("#other"), "7-2: HORUS has fired the emergency measure");
     scene.is_clean(&mut tab);
 }
 
@@ -769,6 +770,7 @@ fn eight_drones_are_seen_with_the_worst_in_the_title() {
     shows(&mut tab, "eight-drones", "live", "well", || said(&mut scene));
     let title = "document.title === '!! 11: HORUS has fired the emergency measure – HORUS'";
     tab.until(title);
+    assert_eq!(tab.text("#other"), "11: HORUS has fired the emergency measure", "the box names the drone that is worse");
     said(&mut scene);
     sleep(page::LIST);
     said(&mut scene);

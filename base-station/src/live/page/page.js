@@ -261,7 +261,10 @@ function drawAge() {
   put("verdict", words);
   put("age-value", age === null ? "–" : seconds(age));
   put("doing", doing(reported));
-  drawTitle(drone, kind, level, words, worst);
+  const other = worseDrone(drone, kind, worst);
+  put("other", other ? `${other.id}: ${other.worst.words}` : "");
+  element("other").className = other ? (other.worst.critical ? "critical" : "warning") : "";
+  drawTitle(drone, other, level, words);
   drawFleetAges();
 }
 
@@ -275,18 +278,22 @@ function doing(reported) {
   return reported.state + (away === null ? "" : `, ${away.toFixed(0)} m from the start`);
 }
 
-// The tab tells the worst of all drones: the one that is shown may be the only one that is well.
-function drawTitle(drone, kind, level, words, worst) {
+// The drone with the worst alarm, where it is worse than that of the drone that is shown.
+function worseDrone(drone, kind, worst) {
   const others = (state ? state.drones : []).filter((other) => other.worst && (!drone || other.id !== drone.id));
   const other = others.reduce((one, next) => (one && one.worst.rank <= next.worst.rank ? one : next), null);
   const lost = kind === "lost" || kind === "waiting";
   const old = kind === "old" ? state.station.stale_rank : Infinity;
   const own = lost ? -1 : Math.min(worst ? worst.rank : Infinity, old);
-  const theirs = other && other.worst.rank < own ? other : null;
-  const bad = theirs ? theirs.worst.critical : level === "critical";
-  const mark = bad ? "!! " : theirs || level === "warning" ? "! " : "";
+  return other && other.worst.rank < own ? other : null;
+}
+
+// The tab tells the worst of all drones: the one that is shown may be the only one that is well.
+function drawTitle(drone, other, level, words) {
+  const bad = other ? other.worst.critical : level === "critical";
+  const mark = bad ? "!! " : other || level === "warning" ? "! " : "";
   const name = drone ? drone.id + ": " : "";
-  const title = mark + (theirs ? `${theirs.id}: ${theirs.worst.words} – HORUS` : mark ? `${name}${words} – HORUS`
+  const title = mark + (other ? `${other.id}: ${other.worst.words} – HORUS` : mark ? `${name}${words} – HORUS`
     : "HORUS " + (drone ? drone.id : ""));
   if (document.title !== title) document.title = title;
 }
