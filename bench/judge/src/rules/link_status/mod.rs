@@ -60,11 +60,19 @@ const RESTART_BAND: u64 = 2_000_000;
 struct Sample {
     /// The instant of its sample, ns.
     at: u64,
-    /// What the air added on the way, ns, of which the DPR cannot know.
+    /// So much newer the DPR may take it for, ns: what the air added on the way, of which the DPR cannot know.
     delay: u64,
     /// So much older the DPR may take it for, ns: a front end that does not say when the frame ended makes it assume
     /// the longest.
     unsure: u64,
+}
+
+impl Sample {
+    /// This one, the other, which is not older, or any that lies between them.
+    fn or(self, other: Self) -> Self {
+        let newest = self.delay.max(other.at.saturating_sub(self.at) + other.delay);
+        Self { at: self.at, delay: newest, unsure: self.unsure.max(other.unsure) }
+    }
 }
 
 /// What the DPR knows after a frame.
@@ -90,6 +98,21 @@ struct Snapshot {
 impl Snapshot {
     fn ended(&self) -> u64 {
         self.frame.as_ref().map_or(0, |frame| frame.ended)
+    }
+
+    /// A Reported-Position of this sample may have been accepted, or must have been.
+    fn accept(&mut self, sample: Sample, must: bool) {
+        if must {
+            self.samples.clear();
+            self.none = false;
+        }
+        self.samples.push(sample);
+        // Of too many that are possible the oldest two become one, which may be either and any between them.
+        if let [oldest, second, ..] = self.samples[..]
+            && self.samples.len() > REMEMBERED
+        {
+            self.samples.splice(..2, [oldest.or(second)]);
+        }
     }
 }
 
@@ -219,15 +242,7 @@ impl LinkStatus {
             let sent = sent.and_then(|(index, bytes, _)| context.truth().find(*index, bytes, frame.started));
             let tick = sent.and_then(|sent| Some((sent.tick?, frame.started - sent.started)));
             let (at, delay) = tick.unwrap_or((frame.sampled, 0));
-            if must & 1 == 1 {
-                next.samples.clear();
-                next.none = false;
-            }
-            next.samples.push(Sample { at, delay, unsure });
-            // Of those that are merely possible the oldest are not remembered.
-            if next.samples.len() > REMEMBERED {
-                next.samples.remove(0);
-            }
+            next.accept(Sample { at, delay, unsure }, must & 1 == 1);
         }
         next.held = context.expectation().held_until();
         next.frozen = context.expectation().frozen();

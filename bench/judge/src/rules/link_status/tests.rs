@@ -463,6 +463,22 @@ fn a_sample_whose_end_is_not_known_may_be_told_older() {
 }
 
 #[test]
+fn any_number_of_samples_may_follow_the_last_certain_one() {
+    let layout = Run::new(3).layout();
+    let mut snapshot = super::LinkStatus::at_start(layout);
+    let sample = |nth: u64| super::Sample { at: nth * 10 * MS, delay: 0, unsure: 0 };
+    snapshot.accept(sample(10), true);
+    (11..100).for_each(|nth| snapshot.accept(sample(nth), false));
+    let fits = |snapshot: &super::Snapshot, told| super::age_fits(snapshot, told, 1_000 * MS + 50_000);
+    // The certain one is 900 ms old, the newest 10 ms; only among the oldest is any between two possible.
+    for (told, fit) in [(9_001, true), (9_003, false), (8_950, true), (100, true), (150, false), (96, false)] {
+        assert_eq!(fits(&snapshot, told), fit, "{told}");
+    }
+    snapshot.accept(sample(100), true);
+    assert!(!fits(&snapshot, 9_000), "none of before");
+}
+
+#[test]
 fn a_front_end_is_called_at_fault_only_after_long_silence() {
     let run = Run { cycles: 100, ..Run::new(3).hit_all(20..90, &Air::Lost) };
     run.assert_flawless();
