@@ -191,9 +191,10 @@ impl LinkStatus {
             What::Injected { disturbs, .. } if disturbs.may_take(Excuse::Hearing) => self.may_have_missed(event.at),
             What::FieldHeard { on } if *on != self.field.0 => self.field = (*on, event.at),
             What::Fresh { high: true, offered } => {
-                // What announces the image of before is no publication: rule `ssi` tells that.
+                // What announces the image of before is no publication: rule `ssi` tells that. Two images are the same
+                // only if their Link-Status is, which is at offset 0.
                 let offered = offered.as_ref().map_or(&[][..], |bytes| &bytes.0);
-                if !offered.is_empty() && offered == self.offered {
+                if context.window().offset() == 0 && !offered.is_empty() && offered == self.offered {
                     return;
                 }
                 self.offered = offered.to_vec();

@@ -387,6 +387,28 @@ fn a_rise_of_fresh_that_announces_the_image_of_before_is_no_publication() {
 }
 
 #[test]
+fn images_of_which_a_window_without_link_status_is_offered_are_told_apart() {
+    let run = Run { control: MS, ..Run::new(3) }.hit_all(20..23, &Air::Hit(vec![0, 1, 2, 3]));
+    let mut log = run.log(|_| {});
+    let mut request = vec![92, 0, 4, 0];
+    request.extend(profile::crc::frame(&request).to_be_bytes());
+    let mut rises = 0;
+    for event in log.events.iter_mut().filter(|event| (run.tick(20)..run.end(21) + MS).contains(&event.at)) {
+        match &mut event.what {
+            What::Transaction { mosi, .. } if event.at < run.end(21) => mosi.0[..8].copy_from_slice(&request),
+            What::Fresh { high: true, offered } => {
+                *offered = Some(vec![0; 4].into());
+                rises += 1;
+            }
+            _ => {}
+        }
+    }
+    assert_eq!(rises, 2);
+    let own = |kind: &Violation| *kind >= Violation::LinkAge && *kind <= Violation::LinkTime;
+    assert_eq!(crate::judge(&log).kinds().filter(own).count(), 0);
+}
+
+#[test]
 fn a_power_cycle_of_the_dpr_is_a_start() {
     let power = |at, on| Event { at, what: What::Power { board: Board::Dpr, on } };
     let mut run = Run { cycles: 80, dpr_start: Some((300 * MS, Cause::PowerOn, ResetReason::PowerOn)), ..Run::new(3) };
