@@ -68,6 +68,9 @@ pub struct Port {
     written: u64,
     /// What Port-Status said when it was last looked at, and how many transactions there were since.
     known: (PortValues, u32),
+    /// Access violations of Link-Status and of Port-Status, and the last command's timestamp, when nothing that was
+    /// written had still to show.
+    counted: (u32, u32, u32),
     health: Health,
     /// It has said that its last self-test failed.
     failed: bool,
@@ -88,6 +91,7 @@ impl Port {
             fresh: VecDeque::new(),
             written: 0,
             known: (PortValues::default(), 0),
+            counted: (0, 0, 0),
             health: Health::powered(0),
             failed: false,
         };
@@ -100,6 +104,7 @@ impl Port {
         self.entries.clear();
         self.fresh.clear();
         self.known = (PortValues::default(), 0);
+        self.counted = (0, 0, 0);
         self.failed = false;
         if known {
             self.entries.push_back(Entry { at, mosi: vec![], models: vec![Model::at_start()] });
@@ -227,6 +232,23 @@ impl Port {
         self.uplinks(place..=last, &values, uplinks, (published, selected), disturbances, findings);
         if first == last {
             self.decided(last, &values, published);
+            if let Some(Ok(link)) = &reading.link {
+                self.counted(link.access_violations, &values, selected, findings);
+            }
+        }
+    }
+
+    /// Link-Status counts the violations of all kinds in one, since the DPR's start: it grows as Port-Status does while
+    /// no command clears that.
+    fn counted(&mut self, link: u16, values: &PortValues, selected: u64, findings: &mut Findings) {
+        let now = (u32::from(link), values.violations.total(), values.last_command_timestamp);
+        let (link_before, total_before, command_before) = std::mem::replace(&mut self.counted, now);
+        let (link, total, command) = now;
+        let grew_alike = link == u32::from(u16::MAX) || link + total_before == total + link_before;
+        if link < total.min(u32::from(u16::MAX)) || command == command_before && !grew_alike {
+            findings.add(Violation::LinkCounters, selected, || {
+                format!("{link} access violations after {link_before}, and Port-Status {total} after {total_before}")
+            });
         }
     }
 

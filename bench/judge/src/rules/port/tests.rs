@@ -1,5 +1,5 @@
 use profile::criticality::{Dpr, Writer};
-use profile::{Command, CommandObject, PortStatus, PortStatusBits, UplinkValues, Violations};
+use profile::{Command, CommandObject, LinkStatus, LinkValues, PortStatus, PortStatusBits, UplinkValues, Violations};
 
 use super::*;
 use crate::disturbance::Memory;
@@ -187,6 +187,39 @@ fn every_kind_of_violation_and_every_command_is_followed() {
     }
     let model = Model::at_start().after(&[vec![0; 8], too_long].concat(), 0, 468);
     assert!(model.iter().all(|model| *model != Model::at_start()));
+}
+
+#[test]
+fn link_status_counts_the_access_violations_of_all_kinds_and_clears_none() {
+    const CLEARED: u64 = 201 * MS;
+    // Link-Status says so before and after the command that clears Port-Status.
+    let told = |before: u16, after: u16| {
+        let clears = command(2_000, Command::ClearCounters);
+        let mut log = log(&[(AT, uplink(1_000, 7)[..9].to_vec()), (CLEARED, clears)], |published| {
+            let mut shown = Shown::default();
+            let cleared = published >= ends(CLEARED);
+            let counted = u16::from(published >= ends(AT) && !cleared);
+            shown.values.violations.count(profile::Violation::UplinkDamaged, counted);
+            shown.values.status = shown.values.status.with_last_refused(counted == 1);
+            if cleared {
+                shown.values.commands_carried_out = 1;
+                shown.values.last_command_timestamp = 2_000;
+                shown.values.last_command = Command::ClearCounters.word();
+            }
+            shown
+        });
+        for (from, total) in [(AT + 30 * MS, before), (CLEARED + 30 * MS, after), (CLEARED + 50 * MS, after)] {
+            let values = LinkValues { access_violations: total, ..LinkValues::default() };
+            let read = (from..).find(|at| at % READS == MS).unwrap();
+            miso(&mut log, read)[..LinkStatus::SIZE].copy_from_slice(LinkStatus::seal(&values).as_bytes());
+        }
+        broken(&log)
+    };
+    assert_eq!(told(1, 1), []);
+    assert_eq!(told(1, u16::MAX), [], "it may stay there");
+    for (before, after) in [(0, 1), (2, 2), (0, 0)] {
+        assert_eq!(told(before, after)[0].0, Violation::LinkCounters, "{before}, {after}");
+    }
 }
 
 #[test]
