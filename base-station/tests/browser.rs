@@ -770,7 +770,11 @@ fn eight_drones_are_seen_with_the_worst_in_the_title() {
     shows(&mut tab, "eight-drones", "live", "well", || said(&mut scene));
     let title = "document.title === '!! 11: HORUS has fired the emergency measure – HORUS'";
     tab.until(title);
-    assert_eq!(tab.text("#other"), "11: HORUS has fired the emergency measure", "the box names the drone that is worse");
+    assert_eq!(
+        tab.text("#other"),
+        "11: HORUS has fired the emergency measure",
+        "the box names the drone that is worse"
+    );
     said(&mut scene);
     sleep(page::LIST);
     said(&mut scene);

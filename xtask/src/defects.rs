@@ -1,9 +1,8 @@
 //! Runs a table of defects against the judge: each must be noticed by the violation that the table names.
 //!
 //! The table is in `bench/tests/defects/table.rs`. All of its changes are made at once, in a copy of the workspace
-//! below the target folder: each becomes a choice between the old text and the new one, by a number that a crate of
-//! the copy
-//! alone gives. In a firmware image that number is a constant in flash, which is written into the built file before its
+//! below the target folder: each becomes a choice between the old text and the new one, by a number that a crate of the
+//! copy alone gives. In a firmware image that number is a constant in flash, which is written into the built file before its
 //! CRC; in the bench, where the flight controller's client and the base station run, it is an environment variable. So
 //! two images and one bench do for the whole table. With number 0 the copy does what the checkout does, and has to
 //! pass every run of the table without a violation.
@@ -32,8 +31,8 @@ use table::{DEFECTS, Defect, Shows};
 
 #[derive(Args)]
 pub(crate) struct DefectsArgs {
-    /// The defect's name; all of them without one.
-    name: Option<String>,
+    /// The defects' names; all of them without one.
+    names: Vec<String>,
 }
 
 /// What the copy's package and binaries are called more than the checkout's, whose files they would replace otherwise.
@@ -324,7 +323,7 @@ impl Case {
             Some(Shows::By(wanted)) if kinds.contains(wanted) => (true, wanted.words().to_owned()),
             Some(Shows::By(wanted)) => (false, format!("WRONG: {} instead of \"{}\"", words(), wanted.words())),
             Some(Shows::Not(why)) if shown.is_empty() => (true, format!("not noticed: {why}")),
-            Some(Shows::Not(_)) => (true, format!("NOW NOTICED, which the table does not say: {}", words())),
+            Some(Shows::Not(_)) => (false, format!("NOW NOTICED, which the table does not say: {}", words())),
         };
         let mut line = format!("{name:<36} {verdict}\n");
         if let Some(defect) = self.defect {
@@ -366,8 +365,9 @@ fn chosen(is_chosen: impl Fn(&Defect) -> bool) -> Vec<(usize, &'static Defect)> 
 }
 
 pub(crate) fn defects(args: &DefectsArgs) -> Result<ExitCode> {
-    let chosen = chosen(|defect| args.name.as_ref().is_none_or(|name| name == defect.name));
-    ensure!(!chosen.is_empty(), "there is no defect of this name");
+    let chosen = chosen(|defect| args.names.is_empty() || args.names.iter().any(|name| name == defect.name));
+    let unknown = args.names.iter().find(|name| !chosen.iter().any(|(_, defect)| defect.name == **name));
+    ensure!(unknown.is_none(), "there is no defect {}", unknown.map_or("", String::as_str));
     copy()?;
     let built = Built::build()?;
     let wrong = run(&chosen, &build_bench()?, &built)?;
