@@ -83,6 +83,8 @@ const STATES: &str = "--seconds 20 --seed 8 --faults inputs";
 const HANG: &str = "--seconds 20 --seed 9 --faults hang";
 /// Bits of the front ends' registers.
 const CHIPS: &str = "--seconds 20 --seed 10 --faults chips";
+/// Everything, for long.
+const LONG: &str = "--seconds 60 --seed 31 --faults air,gnss,fc,power,buffers,inputs,hang";
 /// Everything.
 const ALL: &str = "--seconds 20 --seed 11 --faults air,gnss,fc,power,buffers,inputs,hang";
 
@@ -373,7 +375,7 @@ pub(crate) const DEFECTS: &[Defect] = &[
         edit(LINK,
           "self.since_us(self.restarted_us) < RESTART_SHOWN_US",
           "self.since_us(self.restarted_us) < RESTART_SHOWN_US / 1_000"),
-        HANG, By(V::LinkFlags)),
+        LONG, By(V::LinkFlags)),
     row("no-field-not-told", "a field that is not there is not told",
         edit(LINK, ".with_no_field(health.no_field)", ".with_no_field(health.no_field && !DEFECT)"),
         POWER, By(V::LinkFlags)),
@@ -532,10 +534,10 @@ pub(crate) const DEFECTS: &[Defect] = &[
         AIR, By(V::StationAge)),
     row("stale-after-minutes", "the alarm of a stale position comes a thousand times too late",
         edit(DRONE, "held.age_us(now_us) > STALE_US", "held.age_us(now_us) > 1_000 * STALE_US"),
-        HANG, By(V::StationAlarm)),
+        LONG, By(V::StationAlarm)),
     row("silence-not-alarmed", "the base station never says that nothing arrives",
         edit(DRONE, ".with(Alarm::Silent, silent)", ".with(Alarm::Silent, silent && !DEFECT)"),
-        HANG, By(V::StationAlarm)),
+        LONG, By(V::StationAlarm)),
     row("no-agreement-not-alarmed", "the base station does not say that there is no position",
         edit(DRONE, "reported.is_some() && !status.position_valid() && !implausible", "false"),
         JUMPS, By(V::StationAlarm)),
