@@ -96,7 +96,9 @@ pub(crate) fn drain<P: Part>(part: &mut P, block: u64, channel: u64) -> Result<D
     let entry = block + CHANNELS + CHANNEL_BYTES * channel;
     let (buffer, size) = (word(part, entry + 4), word(part, entry + 8));
     let (write, read) = (word(part, entry + 12), word(part, entry + 16));
-    if size == 0 {
+    // A firmware that tests its RAM as it starts writes zeros and ones over the block of the start before, of which the
+    // magic may still stand.
+    if size == 0 || [size, write, read].contains(&u64::from(u32::MAX)) {
         return Ok(Drained::default());
     }
     if write >= size || read >= size {
@@ -493,6 +495,15 @@ mod tests {
         let mut part = part(b"text", 0);
         put(&mut part, BLOCK + CHANNELS + CHANNEL_BYTES + 12, SIZE);
         assert!(matches!(drain(&mut part, BLOCK, 1), Err(RttFault::Corrupt(_))));
+    }
+
+    #[test]
+    fn a_channel_that_a_ram_test_has_filled_with_ones_is_not_there() {
+        for offset in [8, 12, 16] {
+            let mut part = part(b"text", 0);
+            put(&mut part, BLOCK + CHANNELS + CHANNEL_BYTES + offset, u32::MAX.into());
+            assert_eq!(drain(&mut part, BLOCK, 1), Ok(Drained::default()), "{offset}");
+        }
     }
 
     #[test]

@@ -50,7 +50,10 @@ impl Mark {
     fn is_newer_than(&self, before: &Self) -> bool {
         let Some((now, then)) = self.link.zip(before.link) else { return self.stamp != before.stamp };
         let counters = |link: LinkValues| {
-            [link.timestamp, link.frames_received, link.frames_missed, link.objects_accepted, link.objects_rejected]
+            let LinkValues { timestamp, frames_received, frames_missed, .. } = link;
+            let LinkValues { objects_accepted, objects_rejected, access_violations, .. } = link;
+            let violations = u32::from(access_violations);
+            [timestamp, frames_received, frames_missed, objects_accepted, objects_rejected, violations]
         };
         let stamps = self.stamp.zip(before.stamp);
         let withdraws = self.stamp.is_none();
@@ -267,6 +270,16 @@ mod tests {
         assert!(!shown.is_newer_than(&without(LinkValues { age_100us: 48, ..link })), "objects do not come back");
         let other = Mark { stamp: Some(760), ..without(LinkValues { age_100us: 51, ..link }) };
         assert!(!other.is_newer_than(&shown), "nor do those of an older cycle");
+    }
+
+    #[test]
+    fn an_image_that_counts_more_access_violations_is_newer() {
+        let of = |access_violations| Mark {
+            link: Some(LinkValues { timestamp: 12, access_violations, ..LinkValues::default() }),
+            stamp: None,
+        };
+        assert!(of(1).is_newer_than(&of(0)));
+        assert!(!of(0).is_newer_than(&of(1)));
     }
 
     #[test]
