@@ -6,7 +6,7 @@ use core::hint::black_box;
 
 use cortex_m::peripheral::{DCB, DWT};
 
-/// What a core cycle is worth where the suite runs: one of the bench's clocks (`bench/cortex-m4/src/cost.rs`), or
+/// What a core cycle is worth where the suite runs: one of the bench's clocks (`emulator/cortex-m4/src/cost.rs`), or
 /// hardware.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Clock {

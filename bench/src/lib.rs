@@ -1,8 +1,7 @@
 //! Both firmware images on an emulated pair of MCUs, with the air between them.
 //!
-//! [`node`] runs real ELF files in virtual time, on the core of `cortex-m4` and the parts of `stm32f429` and
-//! `nrf52840`. [`boards`] is what is wired to each part, [`world`] what stands beside the boards, [`faults`] what goes
-//! wrong on purpose. [`sim`] puts all of it together and writes one event log, which `bench-judge` judges; [`report`]
+//! The emulator ([`emulator_node`]) runs real ELF files in virtual time. [`boards`] is what is wired to each of its
+//! parts, [`world`] what stands beside the boards, [`faults`] what goes wrong on purpose. [`sim`] puts all of it together and writes one event log, which `bench-judge` judges; [`report`]
 //! is what a run showed, [`plot`] its flight as a picture, and [`trace`] its wires. [`gdb`] lets a debugger attach, and
 //! [`debug_port`] a debug probe.
 #![forbid(unsafe_code)]
@@ -11,14 +10,8 @@ pub mod boards;
 pub mod debug_port;
 pub mod faults;
 pub mod gdb;
-pub mod node;
 pub mod plot;
 pub mod report;
 pub mod sim;
 pub mod trace;
 pub mod world;
-
-/// Pins, and what a part does to them.
-pub mod wiring {
-    pub use bench_seam::{Pad, Pin};
-}

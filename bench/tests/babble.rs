@@ -5,13 +5,13 @@ mod boards;
 
 use bench::boards::{Dpr, Horus};
 use bench::faults::{Conduct, Episode, Fault, Faults, Timeline, Turn, Wires};
-use bench::node::{Downstream, Node, Relay, Threads, Upstream};
 use bench::world::FlightController;
 use bench::world::flight_controller;
 use bench::world::ssi::Progress;
 use bench_judge::bounds::TICK_TO_COMMAND_JITTER;
 use boards::{RAM_TEST, counter};
 use dpr_fw::telemetry::Telemetry as DprTelemetry;
+use emulator_node::{Downstream, Node, Relay, Threads, Upstream};
 use gnss_sim::ubx;
 use horus_tx_fw::telemetry::{Line as LineTelemetry, Telemetry as HorusTelemetry};
 use profile::image::Image;

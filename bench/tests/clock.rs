@@ -5,10 +5,10 @@ mod boards;
 mod reader;
 
 use bench::boards::Horus;
-use bench::node::{Node, Relay, Threads};
-use bench_seam::Reset;
 use boards::{RAM_TEST, counter};
 use dpr_fw::telemetry::Telemetry as DprTelemetry;
+use emulator_node::{Node, Relay, Threads};
+use emulator_part::Reset;
 use firmware_common::last_stop::Cause;
 use horus_tx_fw::telemetry::Telemetry as HorusTelemetry;
 use profile::sequence::SEARCH_CYCLES;
@@ -223,7 +223,7 @@ fn a_clock_that_fails_switches_the_field_off_at_once_and_horus_sends_again_witho
         let restored = horus.node.now();
         assert!(!horus.run_to(restored + 50 * MS), "{phase}");
         assert!(horus.frames(restored).iter().all(|(_, without)| *without), "{phase}");
-        horus.node.restart(bench::node::FromOutside::Pin);
+        horus.node.restart(emulator_node::FromOutside::Pin);
         let started = horus.node.now();
         horus.run_to(started + 80 * MS);
         let with = horus.frames(started);

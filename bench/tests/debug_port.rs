@@ -2,7 +2,7 @@
 //! and what it must not get away with.
 
 use bench::debug_port::{Ack, Desk, Request, Wire, kept_bytes, switch_on};
-use bench::node::FindingKind;
+use emulator_node::FindingKind;
 
 const MS: u64 = 1_000_000;
 

@@ -6,11 +6,11 @@ mod reader;
 
 use bench::boards::Dpr;
 use bench::faults::ImageFault;
-use bench::node::{FromOutside, Node};
 use bench::world::ssi::Order;
 use boards::counter;
 use dpr_fw::ssi::RECEIVE_BYTES;
 use dpr_fw::telemetry::Telemetry;
+use emulator_node::{FromOutside, Node};
 use firmware_common::last_stop::Cause;
 use nrf52840::{Settings, SpisEvent};
 use profile::ResetReason;

@@ -3,9 +3,9 @@
 mod boards;
 
 use bench::faults::{Faults, Kind};
-use bench::node::Clock;
 use bench::sim::{Images, Setup, run};
 use boards::image;
+use emulator_node::Clock;
 
 const MS: u64 = 1_000_000;
 

@@ -11,10 +11,10 @@ use std::sync::mpsc::{self, Receiver, Sender};
 
 use bench::faults::Board as Side;
 use bench::gdb::{Alone, Ended, serve, serve_alone};
-use bench::node::{Clock, Connected, Drive, Event, FindingKind, Firmware, Limits, Target};
 use bench::sim::{self, Images, Outcome, Setup};
-use bench::wiring::Pin;
 use boards::{image, not_run};
+use emulator_node::{Clock, Connected, Drive, Event, FindingKind, Firmware, Limits, Target};
+use emulator_part::Pin;
 use gdbstub::conn::{Connection, ConnectionExt};
 use object::{Object as _, ObjectSymbol as _};
 

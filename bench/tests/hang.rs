@@ -4,18 +4,20 @@
 //! are found is in the table of violations.
 
 mod boards;
+#[path = "../../emulator/node/tests/player/mod.rs"]
 mod player;
 mod reader;
+#[path = "../../emulator/node/tests/thumb/mod.rs"]
 mod thumb;
 
 use bench::faults::plan::WATCHDOG_STARTS;
 use bench::faults::{Board, Conduct, Fault, Faults, PowerFault, Powered, ReceiverFault, name_of, power, tasks_of};
-use bench::node::{Bare, Clock, FromOutside, Node, ResetAt, Threads};
 use bench::sim::{Bench, Images, Outcome, Setup, run};
 use bench_judge::{Verdict, What, bounds};
-use bench_seam::Reset;
 use boards::{counter, image};
 use cortex_m4::{Cost, Fast, Optimistic, Pessimistic};
+use emulator_node::{Bare, Clock, FromOutside, Node, ResetAt, Threads};
+use emulator_part::Reset;
 use horus_tx_fw::telemetry::Telemetry;
 use nrf52840::{Nrf52840, Settings};
 use player::Player;

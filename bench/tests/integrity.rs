@@ -9,10 +9,10 @@ mod reader;
 
 use bench::boards::{Dpr, Horus};
 use bench::faults::Upset;
-use bench::node::{Board, FromOutside, Node};
-use bench_seam::{Part, StuckBit};
 use cortex_m4::{Cost, Pessimistic};
 use dpr_fw::integrity as dpr;
+use emulator_node::{Board, FromOutside, Node};
+use emulator_part::{Part, StuckBit};
 use firmware_common::{last_stop::Cause, start_test};
 use horus_tx_fw::integrity as horus;
 use nrf52840::Settings;

@@ -9,8 +9,8 @@ mod reader;
 
 use bench::boards::{Dpr, Horus};
 use bench::faults::image::ImageFault;
-use bench::node::{Board, Node};
-use bench_seam::Reset;
+use emulator_node::{Board, Node};
+use emulator_part::Reset;
 use firmware_common::last_stop::Cause;
 use profile::LinkStatus;
 use reader::{MS, transact};

@@ -7,10 +7,10 @@
 
 mod boards;
 
-use bench::node::Clock;
 use bench::sim::phases::{Edge, Phase, Placement, Sweep};
 use bench::sim::{Crystals, Images, Setup, run};
 use boards::image;
+use emulator_node::Clock;
 use profile::sequence::SEARCH_CYCLES;
 use profile::ssi::timing;
 

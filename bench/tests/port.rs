@@ -5,10 +5,10 @@ mod boards;
 mod reader;
 
 use bench::boards::Dpr;
-use bench::node::Node;
 use bench::world::ssi::Order;
 use boards::counter;
 use dpr_fw::telemetry::Telemetry;
+use emulator_node::Node;
 use profile::criticality::{BaseStation, FlightController, Writer};
 use profile::map::{Map, MapReading};
 use profile::ssi::{Request, encode};

@@ -9,11 +9,11 @@ use bench::boards::Horus;
 use bench::boards::receivers::Interface;
 use bench::faults::receivers::bus::BusFault;
 use bench::faults::{Board, Fault, Faults, PowerFault, ReceiverFault, Rng};
-use bench::node::{Clock, Node, Threads};
 use bench::sim::{Bench, Images, Outcome, Setup, run};
 use bench::world::base_station::{Entry, Position};
 use bench_judge::{What, bounds};
 use boards::image;
+use emulator_node::{Clock, Node, Threads};
 use gnss_sim::{Log, ubx};
 
 const MS: u64 = 1_000_000;

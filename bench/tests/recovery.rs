@@ -5,9 +5,9 @@
 mod boards;
 
 use bench::faults::{AirFaults, Board, ChipFault, Conduct, Fault, Faults, PowerFault};
-use bench::node::Clock;
 use bench::sim::{Images, Outcome, Setup, run};
 use boards::image;
+use emulator_node::Clock;
 
 const MS: u64 = 1_000_000;
 /// Both boards have started, and the link has been up for 200 ms.

@@ -3,13 +3,14 @@
 
 mod boards;
 mod elf;
+#[path = "../../emulator/node/tests/thumb/mod.rs"]
 mod thumb;
 
-use bench::node::{
+use elf::{EM_ARM, ET_EXEC, elf};
+use emulator_node::{
     Bare, Clock, Connected, Event, Finding, FindingKind, Firmware, Limits, Node, Outcome, Sending, Target,
 };
-use bench_seam::Pin;
-use elf::{EM_ARM, ET_EXEC, elf};
+use emulator_part::Pin;
 use stm32f429::{Oscillators, Stm32f429};
 use thumb::{COUNTER, FLASH, GPIOA, MAIN, RCC, STACK, Thumb, firmware, firmware_at};
 

@@ -8,9 +8,9 @@ mod boards;
 mod reader;
 
 use bench::boards::Dpr;
-use bench::node::{FromOutside, Node, Relay, Threads};
 use boards::{RAM_TEST, counter};
 use dpr_fw::telemetry::Telemetry;
+use emulator_node::{FromOutside, Node, Relay, Threads};
 use profile::sequence::SEARCH_CYCLES;
 use reader::{Antenna, MS, RECEIVERS, Reader, Sent, US, View, field_on, frame_ns, payload, send, views};
 use stm32f429::Oscillators;
@@ -192,10 +192,10 @@ fn both(oscillators: Oscillators) -> Option<Relay<bench::boards::Horus, Dpr, Ant
 
 fn go<A, B, U, D>(relay: &mut Relay<A, B, U, D>, to: u64)
 where
-    A: bench::node::Board,
-    B: bench::node::Board,
-    U: bench::node::Upstream<A>,
-    D: bench::node::Downstream<B, Message = U::Message, Notes = U::Notes>,
+    A: emulator_node::Board,
+    B: emulator_node::Board,
+    U: emulator_node::Upstream<A>,
+    D: emulator_node::Downstream<B, Message = U::Message, Notes = U::Notes>,
     Relay<A, B, U, D>: Sized,
     Node<A>: Send,
 {

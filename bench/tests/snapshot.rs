@@ -3,10 +3,10 @@
 mod boards;
 
 use bench::faults::{AirFaults, Faults};
-use bench::node::Threads;
 use bench::sim::{Bench, Images, Setup};
 use boards::image;
 use cortex_m4::{Cost, Fast, Pessimistic};
+use emulator_node::Threads;
 
 const US: u64 = 1_000;
 const MS: u64 = 1_000_000;

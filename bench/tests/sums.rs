@@ -21,11 +21,11 @@ use std::collections::BTreeMap;
 use std::marker::PhantomData;
 
 use bench::faults::{Conduct, Fault, Faults};
-use bench::node::Threads;
 use bench::sim::{Bench, Images, Setup};
 use bench_judge::{Log, SsiEvent, What, bounds};
 use boards::image;
 use cortex_m4::{Cost, Fast, Optimistic, Pessimistic, Register};
+use emulator_node::Threads;
 
 const MS: u64 = 1_000_000;
 /// From here on the link is up, ns.

@@ -6,10 +6,10 @@ mod boards;
 mod reader;
 
 use bench::faults::{Board, Fault, Faults, PowerFault, Rng, power};
-use bench::node::Node;
 use bench::sim::{Images, Setup, run};
-use bench_seam::Reset;
 use boards::image;
+use emulator_node::Node;
+use emulator_part::Reset;
 use firmware_common::last_stop::Cause;
 use reader::{MS, US, field_on, transact};
 use st25r3916_model::AirEvent;
@@ -32,7 +32,7 @@ fn run_dpr(node: &mut Node<bench::boards::Dpr>, to: u64) {
     }
 }
 
-fn log<B: bench::node::Board>(node: &mut Node<B>) -> Vec<String> {
+fn log<B: emulator_node::Board>(node: &mut Node<B>) -> Vec<String> {
     node.take_log().iter().map(ToString::to_string).collect()
 }
 

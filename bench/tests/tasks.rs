@@ -2,14 +2,16 @@
 
 mod boards;
 mod elf;
+#[path = "../../emulator/node/tests/player/mod.rs"]
 mod player;
+#[path = "../../emulator/node/tests/thumb/mod.rs"]
 mod thumb;
 
 use std::collections::BTreeMap;
 
-use bench::node::{Firmware, Node};
 use bench::trace::{self, Mark, TaskWatch};
 use elf::{EM_ARM, ET_EXEC, elf};
+use emulator_node::{Firmware, Node};
 use player::{IN, Player};
 use stm32f429::{EXTI3_INTERRUPT, TIM2_INTERRUPT};
 use thumb::{COUNTER, EXTI, HANDLER, MAIN, TIM2, Thumb, firmware};

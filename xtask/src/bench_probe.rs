@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use anyhow::{Context, Result};
 use bench::debug_port::{Ack, Request, Wire, switch_on};
-use bench::node::{Finding, FindingKind};
+use emulator_node::{Finding, FindingKind};
 use probe_rs::CoreStatus;
 use probe_rs::architecture::arm::sequences::ArmDebugSequence;
 use probe_rs::architecture::arm::{

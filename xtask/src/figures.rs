@@ -7,9 +7,9 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail, ensure};
-use bench::node::Clock;
 use bench::report::Report;
 use clap::{Args, Parser};
+use emulator_node::Clock;
 
 use crate::size::{Footprint, footprint};
 use crate::workspace::root;

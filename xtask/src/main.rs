@@ -40,8 +40,8 @@ use std::process::ExitCode;
 
 use anyhow::Result;
 use bench::faults::Kind;
-use bench::node::Target;
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use emulator_node::Target;
 
 /// Builds, tests, flashes and simulates the HORUS link.
 #[derive(Parser)]

@@ -8,7 +8,7 @@ use clap::Args;
 use core_oracle::{Class, Options, RECORDED_CASES};
 
 /// Where the recordings are that the ordinary tests replay, from the workspace's root.
-const RECORDINGS: &str = "bench/cortex-m4/tests/data";
+const RECORDINGS: &str = "emulator/cortex-m4/tests/data";
 
 #[derive(Args)]
 pub(crate) struct OracleArgs {

@@ -573,7 +573,7 @@ fn faulted(core: &mut Core<'_>, elf: &Path) -> Result<String> {
     let stack: u32 = core.read_core_reg(if returns & PROCESS_STACK != 0 { PSP } else { MSP })?;
     // A stack that led into nothing may be why.
     let Ok(pc) = core.read_word_32(u64::from(stack) + RETURN_ADDRESS) else { return Ok(String::new()) };
-    let place = bench::node::Firmware::read(elf)?.place_of(u64::from(pc));
+    let place = emulator_node::Firmware::read(elf)?.place_of(u64::from(pc));
     Ok(place.map_or_else(|| format!(" at {pc:#010x}"), |place| format!(" in {place}")))
 }
 

@@ -8,9 +8,9 @@ use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail};
 use bench::gdb::{Alone, Ended, serve_alone};
-use bench::node::{Clock, Connected, Drive, Event, Firmware, Limits, LogLine, Outcome, Sending};
-use bench::wiring::{Pad, Pin};
 use clap::{Args, ValueEnum};
+use emulator_node::{Clock, Connected, Drive, Event, Firmware, Limits, LogLine, Outcome, Sending};
+use emulator_part::{Pad, Pin};
 
 use crate::{Board, ProbeArgs, gdb};
 
@@ -315,7 +315,7 @@ fn on_hardware(_args: &RunArgs) -> Result<ExitCode> {
 
 #[cfg(test)]
 mod tests {
-    use bench::node::LogLevel;
+    use emulator_node::LogLevel;
 
     use super::*;
 

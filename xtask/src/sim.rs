@@ -7,11 +7,11 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 use bench::faults::{Board, Campaign, Faults, Kind, Options};
-use bench::node::{Clock, Threads};
 use bench::report::{Exclusion, Report, Reported, Voter};
 use bench::sim::flips::{Flips, flips};
 use bench::sim::{Crystals, Flashed, FrontEndConfig, Images, Observer, Outcome, Setup, on_the_link};
 use clap::Args;
+use emulator_node::{Clock, Threads};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::{Receivers, bench_flash, firmware};

@@ -12,7 +12,7 @@ use anyhow::{Context, Result};
 use object::elf::{PF_X, PT_LOAD, ProgramHeader32, SHF_ALLOC, SHF_WRITE};
 use object::read::elf::{FileHeader, ProgramHeader, SectionHeader};
 
-use crate::workspace::cargo;
+use crate::workspace::metadata;
 use crate::{Board, Receivers, firmware};
 
 /// Bytes in each kind of memory.
@@ -31,7 +31,7 @@ struct Budget {
 }
 
 pub(crate) fn size(gps: Receivers) -> Result<ExitCode> {
-    let budgets = budgets()?;
+    let budgets = metadata()?;
     let mut over = false;
     println!(
         "{:<12} {:>9} {:>9} {:>5}   {:>9} {:>9} {:>5}   {:>13}",
@@ -59,14 +59,6 @@ pub(crate) fn size(gps: Receivers) -> Result<ExitCode> {
         return Ok(ExitCode::FAILURE);
     }
     Ok(ExitCode::SUCCESS)
-}
-
-fn budgets() -> Result<serde_json::Value> {
-    let output = cargo()
-        .args(["metadata", "--no-deps", "--format-version", "1"])
-        .output()
-        .context("could not start cargo metadata")?;
-    serde_json::from_slice(&output.stdout).context("cargo metadata printed something that is not JSON")
 }
 
 fn budget(metadata: &serde_json::Value, board: Board) -> Result<Budget> {

@@ -3,9 +3,9 @@
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail};
-use bench::node::Threads;
 use bench::sim::{Crystals, Images, Setup};
 use clap::Args;
+use emulator_node::Threads;
 
 use crate::{Receivers, firmware, workspace};
 

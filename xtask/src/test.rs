@@ -4,8 +4,8 @@ use std::path::Path;
 use std::process::{Command, ExitCode};
 
 use anyhow::{Context, Result};
-use bench::node::Clock;
 use clap::Args;
+use emulator_node::Clock;
 
 use crate::run::Place;
 use crate::workspace::{TARGET, cargo, check};

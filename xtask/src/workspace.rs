@@ -119,3 +119,35 @@ fn path_with_tools() -> OsString {
     // A PATH that cannot be joined was not usable before either.
     std::env::join_paths(parts).unwrap_or(old)
 }
+
+/// What cargo says of the workspace's packages.
+pub(crate) fn metadata() -> Result<serde_json::Value> {
+    let output = cargo()
+        .args(["metadata", "--no-deps", "--format-version", "1"])
+        .output()
+        .context("could not start cargo metadata")?;
+    serde_json::from_slice(&output.stdout).context("cargo metadata printed something that is not JSON")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_emulator_depends_on_nothing_outside_its_folder() {
+        let metadata = metadata().unwrap();
+        let folder = root().join("emulator");
+        let is_inside = |path: &str| Path::new(path).starts_with(&folder);
+        let of = |value: &serde_json::Value, key: &str| value[key].as_str().map(str::to_owned);
+        let packages = metadata["packages"].as_array().unwrap();
+        let inside: Vec<_> =
+            packages.iter().filter(|package| is_inside(package["manifest_path"].as_str().unwrap())).collect();
+        assert_eq!(inside.len(), 6);
+        for package in inside {
+            for dependency in package["dependencies"].as_array().unwrap() {
+                let outside = of(dependency, "path").filter(|path| !is_inside(path));
+                assert_eq!(outside, None, "{} must not depend on it", package["name"]);
+            }
+        }
+    }
+}

@@ -1,12 +1,11 @@
 //! The DPR: nRF52840-DK with its front end and the SSI.
 
-use bench_seam::{Pad, Pin, SpiFrame, SpiMode};
-use cortex_m4::Cost;
+use emulator_part::{Pad, Pin, SpiFrame};
 use nrf52840::{Nrf52840, SsiWires};
 use st25r3916_model::Chip;
 
 use super::front_end::{FrontEnd, Wires};
-use crate::node::{Board, Input, Node};
+use emulator_node::{Board, Input};
 
 /// The SSI's wires at the DPR.
 pub const SSI: SsiWires =
@@ -78,30 +77,5 @@ impl Board for Dpr {
 
     fn outgoing(&self) -> bool {
         self.front_end.has_air()
-    }
-}
-
-/// The flight controller's end of the SSI.
-impl<C: Cost> Node<Dpr, C> {
-    /// Chip select falls now.
-    pub fn ssi_select(&mut self) {
-        self.input(|part, view, at| part.ssi_select(at, SSI.csn, view));
-    }
-
-    /// The bytes of `mosi` have been clocked in `mode`, one after the other: the first ended at `first`, the last at
-    /// `last` (ns). Answers what MISO carried: its pull-up's ones where nobody drives it.
-    pub fn ssi_exchange(&mut self, first: u64, last: u64, mosi: &[u8], mode: SpiMode) -> Vec<u8> {
-        let (first, last) = (self.cycle_at(first), self.cycle_at(last));
-        let gaps = mosi.len().saturating_sub(1).max(1) as u64;
-        let mut miso = vec![0xFF; mosi.len()];
-        self.input(|part, view, _| {
-            part.ssi_exchange(first, ((last - first) << 16) / gaps, mode, mosi, &mut miso, view);
-        });
-        miso
-    }
-
-    /// Chip select rises now.
-    pub fn ssi_deselect(&mut self) {
-        self.input(|part, view, at| part.ssi_deselect(at, SSI.csn, view));
     }
 }

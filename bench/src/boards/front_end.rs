@@ -4,12 +4,12 @@
 //! of another polarity or phase shifts bits. What the chip is and has done it knows itself; here are the wires, and a
 //! watch on them for a trace.
 
-use bench_seam::{Pad, Pin, SpiFrame, SpiMode};
+use emulator_part::{Pad, Pin, SpiFrame, SpiMode};
 use st25r3916_model::{AirEvent, Chip};
 
 use crate::faults::chip::{ChipFault, ChipFaults};
 use crate::faults::{Emission, FrontEndFault, RegisterBit};
-use crate::node::Input;
+use emulator_node::Input;
 
 /// A byte that crossed between the part and the chip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,6 +1,6 @@
 //! The HORUS side: NUCLEO-F429ZI with its front end and its receivers.
 
-use bench_seam::{I2cAnswer, I2cEvent, Pad, Pin, SpiFrame, UartFrame};
+use emulator_part::{I2cAnswer, I2cEvent, Pad, Pin, SpiFrame, UartFrame};
 use horus_tx_fw::timing::GNSS_BAUD;
 use st25r3916_model::Chip;
 use stm32f429::{Stm32f429, pin};
@@ -8,7 +8,7 @@ use stm32f429::{Stm32f429, pin};
 use super::front_end::{FrontEnd, Wires};
 use super::receivers::Receivers;
 use crate::faults::{InputFault, state_inputs::INPUTS};
-use crate::node::{Board, Input};
+use emulator_node::{Board, Input};
 
 /// The front end's wires on the HORUS side.
 const HORUS_FRONT_END: Wires =

@@ -2,15 +2,15 @@
 //!
 //! Their cores are on the pessimistic clock: what the on-target suites ask of a board is what holds there.
 
-use bench_seam::Part;
 use cortex_m4::Pessimistic;
+use emulator_part::Part;
 use nrf52840::{Nrf52840, Settings};
 use st25r3916_model::{Chip, Config};
 use stm32f429::{Oscillators, Stm32f429};
 
 use super::{Alone, DebugPort, Debugged, Wire};
 use crate::boards::{Dpr, Horus, SSI};
-use crate::node::Node;
+use emulator_node::Node;
 
 /// One of the two boards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

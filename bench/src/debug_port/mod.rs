@@ -29,13 +29,13 @@ mod access_port;
 mod desk;
 mod part;
 
-use bench_seam::Part;
 use cortex_m4::{Cost, Width};
+use emulator_part::Part;
 
-use crate::node::{Board, Finding, FromOutside, Node, ResetAt};
 use access_port::MemoryAp;
 pub(crate) use desk::restore;
 pub use desk::{Desk, kept_bytes, switch_on};
+use emulator_node::{Board, Finding, FromOutside, Node, ResetAt};
 pub use part::{Alone, Debugged, PinReset};
 
 /// What a debugger asks of the port in one transfer on the wires.

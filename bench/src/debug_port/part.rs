@@ -1,11 +1,11 @@
 //! What a part adds to the debug port of its core.
 
-use bench_seam::{Part, Reset};
+use emulator_part::{Part, Reset};
 use nrf52840::{CtrlRequest, Nrf52840};
 use stm32f429::Stm32f429;
 
 use crate::boards::{Dpr, Horus};
-use crate::node::{Bare, Board};
+use emulator_node::{Bare, Board};
 
 /// What a write to an access port of the part's own did to its reset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -4,11 +4,11 @@
 //! likely as the others. Where the buffers are is known from the image's symbols.
 
 use bench_judge::disturbance::Memory;
-use bench_seam::{Part, StuckBit};
 use cortex_m4::Cost;
+use emulator_part::{Part, StuckBit};
 
 use super::Upset;
-use crate::node::{Board, Error, Node};
+use emulator_node::{Board, Error, Node};
 
 /// Which of the DPR's buffers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -6,7 +6,7 @@
 //! MOSI carries zeros, which ask for nothing.
 
 use bench_judge::disturbance;
-use bench_seam::SpiMode;
+use emulator_part::SpiMode;
 use profile::ssi::{Request, encode};
 use profile::{Identifier, crc};
 

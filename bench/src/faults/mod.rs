@@ -92,7 +92,7 @@ pub enum Fault {
     /// A board's supply or reset pin.
     Power(Board, PowerFault),
     /// A board hangs from the episode's beginning on: its core executes nothing more and takes no interrupt, whatever
-    /// it was doing, while its peripherals, DMA, timers and the chips beside it go on ([`crate::node::Node::hang`]).
+    /// it was doing, while its peripherals, DMA, timers and the chips beside it go on ([`emulator_node::Node::hang`]).
     /// What ends it is the board's own watchdog, which nobody feeds: the bench restarts nothing.
     Hang(Board),
     /// A task of a board is dead, by its place in the firmware's table of tasks ([`tasks_of`]): its interrupt is off in

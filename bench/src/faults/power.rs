@@ -6,7 +6,7 @@ use st25r3916_model::Chip;
 
 use crate::boards::front_end::FrontEnd;
 use crate::boards::{Dpr, Horus};
-use crate::node::{Board, FromOutside, Node};
+use emulator_node::{Board, FromOutside, Node};
 
 use super::Rng;
 

@@ -6,7 +6,7 @@ use bench_judge::disturbance::Memory;
 use cortex_m4::Cost;
 
 use super::{Kind, Rng};
-use crate::node::{Board, Error, Node};
+use emulator_node::{Board, Error, Node};
 
 /// Where a bit flips.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -184,7 +184,7 @@ mod tests {
     use stm32f429::{Oscillators, Stm32f429};
 
     use super::*;
-    use crate::node::{Bare, Firmware};
+    use emulator_node::{Bare, Firmware};
 
     /// A board whose image is a vector table and a branch to itself.
     fn node() -> Node<Bare<Stm32f429>> {

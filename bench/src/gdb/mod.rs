@@ -1,15 +1,15 @@
 //! gdb at one board: of the running link, or of one that runs a firmware alone.
 //!
 //! [`serve`] runs the whole link ([`crate::sim`]) with a debugger at one board, and [`serve_alone`] one firmware alone
-//! on one board ([`crate::node::Target::run_connected`]). The debugger speaks gdb's remote protocol over any connection
+//! on one board ([`emulator_node::Target::run_connected`]). The debugger speaks gdb's remote protocol over any connection
 //! (`gdbstub` reads and writes it). What a debugger does to a board on a desk, it does here without
-//! being noticed: a halted board halts the world ([`crate::node::Halt`]), so no frame, no transaction and no
+//! being noticed: a halted board halts the world ([`emulator_node::Halt`]), so no frame, no transaction and no
 //! watchdog passes meanwhile, and what is only looked at leaves the run's report as it would have been, byte for byte.
 //!
 //! | gdb | here |
 //! |---|---|
 //! | registers | r0 to pc, xPSR, MSP, PSP, masks, CONTROL, d0 to d15 (so s0 to s31), FPSCR |
-//! | memory | flash, RAM; peripherals and the core's own space are read on a copy ([`crate::node::Node::peek`]) |
+//! | memory | flash, RAM; peripherals and the core's own space are read on a copy ([`emulator_node::Node::peek`]) |
 //! | `break`, `hbreak` | as many as wanted, in flash and RAM; memory is never patched |
 //! | `watch`, `rwatch`, `awatch` | as many as wanted; loads and stores of the core, not DMA |
 //! | `stepi`, `step`, `next` | interrupts on the way are handled to their ends; faults are stepped into |
@@ -34,16 +34,16 @@ mod world;
 use std::marker::PhantomData;
 
 use bench_judge::Board as Side;
-use bench_seam::Part;
 use cortex_m4::{Cost, Fast, Optimistic, Pessimistic};
+use emulator_part::Part;
 use gdbstub::conn::ConnectionExt;
 use gdbstub::stub::run_blocking::{BlockingEventLoop, Event as Incoming, WaitForStopReasonError};
 use gdbstub::stub::{DisconnectReason, GdbStub, SingleThreadStopReason};
 use nrf52840::{Nrf52840, Settings};
 use stm32f429::{Oscillators, Stm32f429};
 
-use crate::node::{self, Clock, Connected, Event, Firmware, Limits, Running, Target};
 use crate::sim::{self, Debugged, Error, Observer, Setup};
+use emulator_node::{self as node, Clock, Connected, Event, Firmware, Limits, Running, Target};
 use target::Debuggee;
 use world::{Link, Solo, World};
 

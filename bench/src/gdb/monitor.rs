@@ -1,11 +1,11 @@
 //! gdb's `monitor` commands: what a person at the bench has beside the debugger.
 
 use bench_judge::Board as Side;
-use bench_seam::Pin;
+use emulator_part::Pin;
 
 use super::target::Debuggee;
 use super::world::World;
-use crate::node::Resume;
+use emulator_node::Resume;
 
 /// What `monitor help` says.
 const HELP: &str = "\

@@ -21,7 +21,7 @@ use gdbstub_arch::arm::ArmBreakpointKind;
 
 use super::arch::{CoreRegisters, CortexM4, Number};
 use super::world::{Debuggable, World};
-use crate::node::{Halt, Resume};
+use emulator_node::{Halt, Resume};
 
 /// EFAULT of gdb's remote protocol ("Debugging with GDB", appendix E.13.9, Errno Values).
 const BAD_ADDRESS: u8 = 14;

@@ -3,13 +3,13 @@
 use std::fmt::Write as _;
 
 use bench_judge::Board as Side;
-use bench_seam::{Part, Pin};
 use cortex_m4::{Cost, Register, Watchpoint};
+use emulator_part::{Part, Pin};
 
 use crate::faults::plan::LAST_BEFORE_END;
 use crate::faults::{Episode, Fault, Faults, Kind, PowerFault};
-use crate::node::{self, Event, FromOutside, Halt, Node, Resume, Running};
 use crate::sim::{self, Debugged, Observer};
+use emulator_node::{self as node, Event, FromOutside, Halt, Node, Resume, Running};
 
 /// A node of either board.
 pub(super) trait Debuggable {

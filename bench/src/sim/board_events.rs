@@ -1,14 +1,14 @@
 //! What either board tells the log: restarts, findings, and what goes wrong there on purpose.
 
 use bench_judge::{Board as Side, Cause, Event, What};
-use bench_seam::Reset;
 use cortex_m4::Cost;
+use emulator_part::Reset;
 use st25r3916_model::Chip;
 
 use crate::faults::image::Repair;
 use crate::faults::power::{self, PowerFault, Powered};
 use crate::faults::{Episode, Fault, Turn, interrupt_of};
-use crate::node::{FindingKind, FromOutside, Node};
+use emulator_node::{FindingKind, FromOutside, Node};
 
 /// What the log is told of an episode that begins at `now` (ns).
 pub(super) fn injected(now: u64, episode: &Episode) -> What {
@@ -202,7 +202,7 @@ impl BoardEvents {
         &mut self,
         node: &mut Node<B, C>,
         now: u64,
-        act: impl FnOnce(&mut Node<B, C>) -> Result<(), crate::node::Error>,
+        act: impl FnOnce(&mut Node<B, C>) -> Result<(), emulator_node::Error>,
     ) {
         if let Err(error) = act(node) {
             self.refused(now, &error);
@@ -210,7 +210,7 @@ impl BoardEvents {
     }
 
     /// A fault that cannot be injected must not look like one that was.
-    fn refused(&mut self, now: u64, error: &crate::node::Error) {
+    fn refused(&mut self, now: u64, error: &emulator_node::Error) {
         let text = format!("a fault could not be injected: {error}");
         self.note(now, What::Finding { board: self.side, fault: false, text });
     }

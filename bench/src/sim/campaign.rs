@@ -5,7 +5,7 @@ use cortex_m4::Cost;
 
 use super::Bench;
 use crate::faults::{Board, Fault, Faults, RunOutcome, Subject, Targets, Upset};
-use crate::node::{Digest, Threads};
+use emulator_node::{Digest, Threads};
 
 impl<C: Cost> Subject for Bench<C> {
     fn run_to(&mut self, at: u64) {

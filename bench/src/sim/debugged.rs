@@ -6,7 +6,7 @@ use st25r3916_model::AirEvent;
 use super::{Bench, Error, Kept, Observer, Outcome, STEP, Setup};
 use crate::boards::{Dpr, Horus};
 use crate::faults::Faults;
-use crate::node::{Course, Node, Way};
+use emulator_node::{Course, Node, Way};
 
 /// A run of the link whose boards may be halted. Its outcome is that of [`super::run`] with the same setup, byte for
 /// byte, however often it was halted, unless somebody changed a register or memory meanwhile.

@@ -22,11 +22,11 @@ use super::upstream::Notes;
 use crate::boards::{Dpr, Horus};
 use crate::faults::wires::Wires;
 use crate::faults::{BaseFault, Episode, Fault, Faults, Timeline, Turn};
-use crate::node::{Downstream, LogLine, Node};
 use crate::trace::{self, Mark, TaskWatch, Wire, Word};
 use crate::world::flight_controller::{Placed, Stats};
 use crate::world::ssi::{Progress, Transaction};
 use crate::world::{BaseStation, FlightController};
+use emulator_node::{Downstream, LogLine, Node};
 
 /// The log is told what the base station says at least so often, ns.
 const STATION_EVERY: u64 = 100_000_000;

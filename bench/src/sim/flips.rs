@@ -16,7 +16,7 @@ use super::{Bench, Error, Setup, on_the_link};
 use crate::faults::campaign::is_dangerous;
 use crate::faults::chip::FLIP_MENDED;
 use crate::faults::{Board, Fault, Faults, RegisterBit, name_of};
-use crate::node::{Clock, Threads};
+use emulator_node::{Clock, Threads};
 
 /// Valid data are back so long after a flip at the latest, ns.
 pub const VALID_AGAIN: u64 = 1_500_000_000;

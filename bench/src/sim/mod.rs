@@ -25,8 +25,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use bench_judge::{Findings, Header, Log, LogWriter, Verdict};
-use bench_seam::Part;
 use cortex_m4::{Cost, Fast, Optimistic, Pessimistic};
+use emulator_part::Part;
 use gnss_sim::{Flight, LogError, Port, Receiver};
 use nrf52840::{Nrf52840, Settings};
 use profile::{Layout, Uplink};
@@ -39,7 +39,6 @@ use crate::boards::receivers::Interface;
 use crate::boards::{self, Dpr, Horus};
 use crate::debug_port::{self, Debugged as HasDebugPort};
 use crate::faults::{Campaign, Faults, Options};
-use crate::node::{self, Board, Clock, Firmware, Node, Relay, Threads};
 use crate::plot::History;
 use crate::report::{self, Report};
 use crate::trace::{self, TaskWatch, Trace};
@@ -47,6 +46,7 @@ use crate::world::flight_controller::{self, Schedule};
 use crate::world::{BaseStation, FlightController};
 pub use debugged::Debugged;
 use downstream::{Ended, Link, Surroundings};
+use emulator_node::{self as node, Board, Clock, Firmware, Node, Relay, Threads};
 use phases::{Phase, Sweep, Sweeping};
 use upstream::Receivers;
 

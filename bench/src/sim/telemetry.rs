@@ -9,7 +9,7 @@ use dpr_fw::telemetry::Telemetry as DprTelemetry;
 use horus_tx_fw::telemetry::{Line, Telemetry as HorusTelemetry};
 
 use crate::boards::{Dpr, Horus};
-use crate::node::{Board, Node};
+use emulator_node::{Board, Node};
 
 /// HORUS's counters of faults: each name and where it stands.
 const HORUS: [(&str, usize); 3] = [

@@ -3,8 +3,8 @@
 use std::collections::VecDeque;
 
 use bench_judge::{Board as Side, Bytes, Event, What};
-use bench_seam::UartFrame;
 use cortex_m4::Cost;
+use emulator_part::UartFrame;
 use gnss_sim::{Burst, Receiver};
 use horus_tx_fw::timing::{GNSS_BAUD, TICK_PULSE_TICKS, TICKS_PER_US};
 use profile::Layout;
@@ -16,8 +16,8 @@ use crate::boards::receivers::{Given, Heard, Interface};
 use crate::boards::{Horus, InputChange};
 use crate::faults::receivers::{LineFaults, OnLine, ReceiverFault};
 use crate::faults::{Fault, Faults, Timeline, Turn, WireFault, Wires};
-use crate::node::{LogLine, Node, Upstream};
 use crate::trace::{Mark, TaskWatch, Wire};
+use emulator_node::{LogLine, Node, Upstream};
 
 /// How long the pin TICK is high before each tick, ns.
 const TICK_PULSE_NS: u64 = TICK_PULSE_TICKS as u64 * 1_000 / TICKS_PER_US as u64;

@@ -4,7 +4,7 @@ use cortex_m4::Cost;
 
 use super::signals::{Board, TaskSignal};
 use super::{Mark, vectors};
-use crate::node::{self, Node};
+use emulator_node::{self as node, Node};
 
 /// A task of a firmware.
 #[derive(Clone, Debug, PartialEq, Eq)]

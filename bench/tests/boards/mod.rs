@@ -4,8 +4,8 @@
 use std::path::PathBuf;
 
 use bench::boards::{Dpr, Horus, SSI};
-use bench::node::{Board, Firmware, Node};
 use cortex_m4::Cost;
+use emulator_node::{Board, Firmware, Node};
 use firmware_common::start_test;
 use nrf52840::{Nrf52840, Settings};
 use st25r3916_model::{Chip, Config};

@@ -3,8 +3,8 @@
 #![allow(dead_code, reason = "each test file uses what it needs")]
 
 use bench::boards::{Dpr, Horus};
-use bench::node::{Downstream, Node, Upstream};
 use bench::world::ssi::{Crystal, Filler, Order, Progress, SsiMaster, Start};
+use emulator_node::{Downstream, Node, Upstream};
 use profile::air::air_time_ns;
 use profile::{GpsStatus, GpsValues, Layout, LinkStatus, LinkValues, Object, Profile, ReportedStatus, ReportedValues};
 use st25r3916_model::{Air, AirEvent, AirFaults, Chunk, FrameStart, Technology};

@@ -17,10 +17,10 @@ use std::sync::OnceLock;
 
 use bench::boards::{Dpr, Horus};
 use bench::faults::image::{Change, ImageFault, Recording, To, rewrite};
-use bench::node::{Finding, Node};
-use bench_seam::Reset;
 use boards::{RAM_TEST, counter};
 use dpr_fw::telemetry::Telemetry as DprTelemetry;
+use emulator_node::{Finding, Node};
+use emulator_part::Reset;
 use gnss_sim::ubx::NavPvt;
 use horus_tx_fw::telemetry::{Line, Telemetry as HorusTelemetry};
 use profile::{GpsObject, Identifier, ReportedPosition};

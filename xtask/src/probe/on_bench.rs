@@ -44,7 +44,7 @@ fn flash(on: &BenchBoard, board: Board, elf: &Path, erase_all: bool) -> Result<(
 /// Whether a board holds the image.
 fn holds(on: &BenchBoard, elf: &Path, flash: u64) -> bool {
     let kept = on.kept();
-    bench::node::Firmware::read(elf).unwrap().segments().iter().all(|(address, bytes)| {
+    emulator_node::Firmware::read(elf).unwrap().segments().iter().all(|(address, bytes)| {
         let at = usize::try_from(address - flash).unwrap();
         kept[at..at + bytes.len()] == bytes[..]
     })
@@ -126,7 +126,7 @@ fn the_other_boards_part_is_refused_by_name_and_keeps_what_it_has() {
 fn a_bit_of_flash_that_sticks_is_found_by_verifying() {
     for (name, at) in [(Board::Dpr, 0x4000), (Board::Horus, 0x0800_4000)] {
         let Some((on, elf)) = board(name) else { return };
-        let image = bench::node::Firmware::read(&elf).unwrap();
+        let image = emulator_node::Firmware::read(&elf).unwrap();
         let (start, bytes) = image
             .segments()
             .iter()

@@ -12,13 +12,13 @@
 //! "undefined" there: it reads 0xFF here. That the number of available bytes is taken when its high byte is read is an
 //! assumption: else a message that comes between the two bytes would make it wrong by 256.
 
-use bench_seam::{I2cAnswer, I2cEvent, Pad, Pin};
+use emulator_part::{I2cAnswer, I2cEvent, Pad, Pin};
 
 use super::{Crossings, Outbox};
 use crate::faults::Rng;
 use crate::faults::receivers::NOISE_ONE_IN;
 use crate::faults::receivers::bus::{BusFault, CLOCKS, GLITCH, GLITCHES, STRETCHED};
-use crate::node::Input;
+use emulator_node::Input;
 
 /// The receiver's address, with the direction bit clear.
 const ADDRESS: u8 = 0x42 << 1;

@@ -28,13 +28,13 @@ mod uart;
 
 use std::collections::VecDeque;
 
-use bench_seam::{I2cAnswer, I2cEvent, Pad, Pin, SpiFrame, UartFrame};
+use emulator_part::{I2cAnswer, I2cEvent, Pad, Pin, SpiFrame, UartFrame};
 use gnss_sim::ubx;
 use stm32f429::pin;
 
 use crate::faults::{BusFault, Rng};
-use crate::node::Input;
 use ddc::Ddc;
+use emulator_node::Input;
 use given::Crossings;
 pub use given::Given;
 use spi::Spi;

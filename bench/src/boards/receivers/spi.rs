@@ -14,7 +14,7 @@
 //! loaded none: MISO carries the byte before once more, its stream waits, and what is clocked in is lost. At more than
 //! 5.5 MHz its output comes too late: each bit is read in the next one's place.
 
-use bench_seam::{Pin, SpiFrame, SpiMode};
+use emulator_part::{Pin, SpiFrame, SpiMode};
 
 use super::{Crossings, Outbox};
 use crate::faults::{BusFault, Rng};

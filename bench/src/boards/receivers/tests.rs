@@ -1,6 +1,6 @@
 //! The ports against a controller that follows a script.
 
-use bench_seam::SpiMode;
+use emulator_part::SpiMode;
 use gnss_sim::ubx::{self, NavPvt};
 
 use super::*;

@@ -6,10 +6,10 @@
 
 use std::collections::VecDeque;
 
-use bench_seam::{Pin, UartFrame, UartParity};
+use emulator_part::{Pin, UartFrame, UartParity};
 use horus_tx_fw::timing::GNSS_BAUD;
 
-use crate::node::Input;
+use emulator_node::Input;
 
 /// A bit may be one part in so many longer or shorter: 2.5 %.
 const TOLERANCE: u64 = 40;

@@ -10,7 +10,7 @@
 use cortex_m4::Cost;
 
 use super::{Repair, seal};
-use crate::node::{Board, Error, Node};
+use emulator_node::{Board, Error, Node};
 
 /// Every place of `node`'s image that loads `of` loads `value` from now on; the image is sealed again.
 ///

@@ -12,7 +12,7 @@ pub use rewrite::{Change, RewriteError, To, rewrite};
 
 use cortex_m4::Cost;
 
-use crate::node::{Board, Error, Node};
+use emulator_node::{Board, Error, Node};
 
 /// What is wrong with an image.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use cortex_m4::Cost;
 
-use crate::node::{Board, Node};
+use emulator_node::{Board, Node};
 
 /// Where peripherals begin, the core's own included.
 const PERIPHERALS: u32 = 0x4000_0000;

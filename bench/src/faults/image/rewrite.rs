@@ -19,7 +19,7 @@ use firmware_common::mpu::Access;
 
 use super::record::{Offset, Recording, Store, Stored, halves, is_wide};
 use super::seal;
-use crate::node::{Board, Error, Node};
+use emulator_node::{Board, Error, Node};
 
 /// The stubs begin at the next multiple of this behind the image.
 const ALIGNED: u32 = 0x100;

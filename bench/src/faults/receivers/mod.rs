@@ -29,7 +29,7 @@ mod tests;
 
 use std::collections::VecDeque;
 
-use bench_seam::UartFrame;
+use emulator_part::UartFrame;
 use gnss_sim::ubx;
 use horus_tx_fw::timing::GNSS_BAUD;
 

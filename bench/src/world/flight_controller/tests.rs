@@ -1,7 +1,7 @@
 //! Unit tests: what it reads, and what it does while it misuses the SSI.
 
 use base_station::drone::Counts;
-use bench_seam::SpiMode;
+use emulator_part::SpiMode;
 use profile::criticality::{BaseStation as BaseStationRole, Dpr, Writer};
 use profile::image::Image;
 use profile::{

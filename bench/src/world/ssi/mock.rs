@@ -1,6 +1,6 @@
 //! A DPR's pins for unit tests: it keeps what was done to them, and shows what the test wants.
 
-use bench_seam::SpiMode;
+use emulator_part::SpiMode;
 
 use super::{Order, Progress, SsiMaster, SsiPort, Start, Transaction};
 

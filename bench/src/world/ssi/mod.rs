@@ -13,13 +13,13 @@
 //! An action is due at its instant, and the DPR's pin sees it at the first boundary of the DPR's instructions from
 //! then on. What is scheduled follows from instants that were due; what is told ([`Transaction`]) is what the pin saw.
 
-use bench_seam::SpiMode;
 use cortex_m4::Cost;
+use emulator_part::SpiMode;
 use profile::ssi::timing;
 
-use crate::boards::Dpr;
+use crate::boards::{Dpr, SSI};
 use crate::faults::Rng;
-use crate::node::Node;
+use emulator_node::Node;
 
 /// How many bytes cross together at most.
 const RUN: usize = 16;
@@ -53,15 +53,21 @@ impl<C: Cost> SsiPort for Node<Dpr, C> {
     }
 
     fn select(&mut self) {
-        self.ssi_select();
+        self.input(|part, view, at| part.ssi_select(at, SSI.csn, view));
     }
 
     fn exchange(&mut self, first: u64, last: u64, mosi: &[u8], mode: SpiMode) -> Vec<u8> {
-        self.ssi_exchange(first, last, mosi, mode)
+        let (first, last) = (self.cycle_at(first), self.cycle_at(last));
+        let gaps = mosi.len().saturating_sub(1).max(1) as u64;
+        let mut miso = vec![0xFF; mosi.len()];
+        self.input(|part, view, _| {
+            part.ssi_exchange(first, ((last - first) << 16) / gaps, mode, mosi, &mut miso, view);
+        });
+        miso
     }
 
     fn deselect(&mut self) {
-        self.ssi_deselect();
+        self.input(|part, view, at| part.ssi_deselect(at, SSI.csn, view));
     }
 
     fn quiet(&self) -> usize {

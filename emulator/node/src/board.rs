@@ -1,0 +1,120 @@
+//! What is wired around a microcontroller.
+//!
+//! A [`Board`] hears what its part does to pins and buses ([`emulator_part::Outside`], with instants in nanoseconds) and
+//! says what its chips do to the part's pins. After everything that reaches it, and when its own [`Board::next_event`]
+//! has come, the node calls [`Board::settle`]; the part hears of what comes back at that same instant.
+
+use std::fmt::Debug;
+use std::marker::PhantomData;
+
+use emulator_part::{Cycle, I2cAnswer, I2cEvent, Outside, Pad, Part, Pin, SpiFrame, Timebase, UartFrame};
+
+/// What a board does to a pin of its part.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Input {
+    /// It drives the pin (`Some`) or lets go of it.
+    Level(Pin, Option<bool>),
+    /// It sends a frame on the pin; the start bit begins at this instant (ns), a frame's length ago at most.
+    Frame(Pin, u64, UartFrame),
+}
+
+/// The chips on a part's buses and the wires between them. Instants are virtual nanoseconds.
+pub trait Board: Clone + Debug + Send + 'static {
+    /// The board's microcontroller.
+    type Part: Part;
+
+    /// See [`Outside::pin`].
+    fn pin(&mut self, at: u64, pin: Pin, pad: Pad) {
+        let _ = (at, pin, pad);
+    }
+
+    /// See [`Outside::spi`]. `begins` and `ends` are the frame's.
+    fn spi(&mut self, begins: u64, ends: u64, frame: &SpiFrame) -> Option<u32> {
+        let _ = (begins, ends, frame);
+        None
+    }
+
+    /// See [`Outside::uart`].
+    fn uart(&mut self, at: u64, pin: Pin, frame: &UartFrame) {
+        let _ = (at, pin, frame);
+    }
+
+    /// See [`Outside::i2c`].
+    fn i2c(&mut self, at: u64, scl: Pin, sda: Pin, event: I2cEvent) -> I2cAnswer {
+        let _ = (at, scl, sda, event);
+        I2cAnswer::NOBODY
+    }
+
+    /// See [`Outside::microvolts`].
+    fn microvolts(&self, at: u64, pin: Pin) -> i32 {
+        let _ = (at, pin);
+        0
+    }
+
+    /// When a chip of the board next acts by itself, `u64::MAX` for never. At that instant the node calls
+    /// [`Board::settle`], which must move it on.
+    fn next_event(&self) -> u64 {
+        u64::MAX
+    }
+
+    /// The chips act up to `at`; what they do to the part's pins is added to `inputs`, changes only.
+    fn settle(&mut self, at: u64, inputs: &mut Vec<Input>) {
+        let _ = (at, inputs);
+    }
+
+    /// Whether something waits to leave the board, which returns [`super::Node::advance`] at once.
+    fn outgoing(&self) -> bool {
+        false
+    }
+}
+
+/// A part with nothing around it: every pin open, every bus empty.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Bare<P>(PhantomData<P>);
+
+impl<P> Bare<P> {
+    /// Nothing.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self(PhantomData)
+    }
+}
+
+impl<P: Part> Board for Bare<P> {
+    type Part = P;
+}
+
+/// A board as its part sees it: [`Outside`], with the part's cycles turned into the bench's time.
+#[derive(Debug)]
+pub struct View<'a, B> {
+    pub(super) board: &'a mut B,
+    pub(super) time: &'a Timebase,
+    /// Something reached the board.
+    pub(super) touched: &'a mut bool,
+}
+
+impl<B: Board> Outside for View<'_, B> {
+    fn pin(&mut self, at: Cycle, pin: Pin, pad: Pad) {
+        *self.touched = true;
+        self.board.pin(self.time.ns(at), pin, pad);
+    }
+
+    fn spi(&mut self, frame: &SpiFrame) -> Option<u32> {
+        *self.touched = true;
+        self.board.spi(self.time.ns(frame.begins), self.time.ns(frame.ends), frame)
+    }
+
+    fn uart(&mut self, at: Cycle, pin: Pin, frame: &UartFrame) {
+        *self.touched = true;
+        self.board.uart(self.time.ns(at), pin, frame);
+    }
+
+    fn i2c(&mut self, at: Cycle, scl: Pin, sda: Pin, event: I2cEvent) -> I2cAnswer {
+        *self.touched = true;
+        self.board.i2c(self.time.ns(at), scl, sda, event)
+    }
+
+    fn microvolts(&self, at: Cycle, pin: Pin) -> i32 {
+        self.board.microvolts(self.time.ns(at), pin)
+    }
+}

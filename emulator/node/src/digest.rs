@@ -1,0 +1,40 @@
+//! Digests of a state.
+
+/// FNV-1a, 64 bits: a digest that is the same on every host and release.
+#[derive(Clone, Copy, Debug)]
+pub struct Digest(u64);
+
+impl Default for Digest {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Digest {
+    const OFFSET: u64 = 0xCBF2_9CE4_8422_2325;
+    const PRIME: u64 = 0x0000_0100_0000_01B3;
+
+    /// Of nothing yet.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self(Self::OFFSET)
+    }
+
+    /// Takes bytes.
+    pub fn bytes(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(Self::PRIME);
+        }
+    }
+
+    /// Takes a word, its least significant byte first.
+    pub fn word(&mut self, word: u64) {
+        self.bytes(&word.to_le_bytes());
+    }
+
+    /// The digest of all that it took.
+    #[must_use]
+    pub fn finish(self) -> u64 {
+        self.0
+    }
+}

@@ -1,0 +1,335 @@
+//! A firmware image: what goes into memory, and what its addresses mean to a person.
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+
+use addr2line::gimli;
+use object::elf::{ELFMAG, EM_ARM, ET_DYN, ET_EXEC, ET_REL, PT_LOAD};
+use object::read::elf::{ElfFile32, FileHeader, ProgramHeader};
+use object::{Architecture, LittleEndian, Object, ObjectSection, ObjectSymbol, SymbolKind};
+
+use super::Error;
+
+/// A symbol of a firmware.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Symbol {
+    /// Its address; for a function that of its first instruction, with the Thumb bit clear.
+    pub address: u64,
+    /// Its size in bytes, zero where the image does not say.
+    pub size: u64,
+}
+
+/// A function, for naming an address inside it.
+#[derive(Clone, Debug)]
+struct Function {
+    start: u64,
+    size: u64,
+    name: String,
+}
+
+/// One firmware image, read once and shared by every node that runs it.
+#[derive(Clone, Debug)]
+pub struct Firmware(Arc<Contents>);
+
+#[derive(Debug)]
+struct Contents {
+    name: String,
+    elf: Vec<u8>,
+    segments: Vec<(u64, Vec<u8>)>,
+    symbols: BTreeMap<String, Symbol>,
+    functions: Vec<Function>,
+    log: Option<defmt_decoder::Table>,
+    /// Why there is no table, as far as the image has a part of one.
+    log_error: Option<String>,
+}
+
+impl Firmware {
+    /// Reads the ELF file at `path`.
+    ///
+    /// # Errors
+    ///
+    /// A file that cannot be read, or is no linked 32-bit Arm ELF file.
+    pub fn read(path: &Path) -> Result<Self, Error> {
+        let bytes = std::fs::read(path).map_err(|error| Error::Firmware(format!("{}: {error}", path.display())))?;
+        let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+        Self::parse(&name, bytes)
+    }
+
+    /// Takes the ELF file in `elf`, called `name` in reports.
+    ///
+    /// # Errors
+    ///
+    /// As [`Firmware::read`].
+    pub fn parse(name: &str, elf: Vec<u8>) -> Result<Self, Error> {
+        let refuse = |error: &dyn std::fmt::Display| Error::Firmware(format!("{name}: {error}"));
+        if elf.is_empty() {
+            return Err(refuse(&"the file is empty"));
+        }
+        if !elf.starts_with(&ELFMAG) {
+            return Err(refuse(&"not an ELF file: name the one that the linker wrote, no .hex, .bin or source"));
+        }
+        // Which kind of file it is decides how the rest of it is laid out, so this is looked at before it is parsed.
+        if let Ok(any) = object::File::parse(&*elf)
+            && (any.architecture() != Architecture::Arm || !any.is_little_endian())
+        {
+            let order = if any.is_little_endian() { "" } else { ", big-endian" };
+            let words = "not for a Cortex-M: build it with --target thumbv7em-none-eabihf";
+            return Err(refuse(&format!("an image for {:?}{order}, {words}", any.architecture())));
+        }
+        let file = ElfFile32::<LittleEndian>::parse(&*elf)
+            .map_err(|error| refuse(&format!("a damaged or truncated ELF file ({error})")))?;
+        match file.elf_header().e_type(LittleEndian) {
+            ET_EXEC | ET_DYN => {}
+            ET_REL => return Err(refuse(&"an object file: link it, its code has no addresses yet")),
+            kind => return Err(refuse(&format!("an ELF file of type {kind}, which is no program"))),
+        }
+        if file.elf_header().e_machine(LittleEndian) != EM_ARM {
+            return Err(refuse(&format!("an image for {:?}, not for a 32-bit Arm", file.architecture())));
+        }
+        let mut segments = Vec::new();
+        for header in file.elf_program_headers() {
+            if header.p_type(LittleEndian) != PT_LOAD || header.p_filesz(LittleEndian) == 0 {
+                continue;
+            }
+            let bytes = header
+                .data(LittleEndian, &*elf)
+                .map_err(|()| refuse(&"a segment lies outside the file: is it truncated?"))?;
+            segments.push((u64::from(header.p_paddr(LittleEndian)), bytes.to_vec()));
+        }
+        if segments.is_empty() {
+            return Err(refuse(&"nothing in it goes into memory: was it linked with a linker script (-Tlink.x)?"));
+        }
+        let mut symbols = BTreeMap::new();
+        let mut functions = Vec::new();
+        for symbol in file.symbols() {
+            let Ok(name) = symbol.name() else { continue };
+            // `$t` and `$d` mark code and data for disassemblers.
+            if name.is_empty() || name.starts_with('$') || symbol.is_undefined() {
+                continue;
+            }
+            let code = symbol.kind() == SymbolKind::Text;
+            let address = if code { symbol.address() & !1 } else { symbol.address() };
+            if code {
+                let name = format!("{:#}", rustc_demangle::demangle(name));
+                functions.push(Function { start: address, size: symbol.size(), name });
+            }
+            symbols.insert(name.to_owned(), Symbol { address, size: symbol.size() });
+        }
+        functions.sort_by(|a, b| (a.start, &a.name).cmp(&(b.start, &b.name)));
+        // An image may link crates that log with defmt and not log itself: it runs all the same.
+        let (log, log_error) = match defmt_decoder::Table::parse(&elf) {
+            Ok(table) => (table, None),
+            Err(error) => (None, Some(error.to_string())),
+        };
+        drop(file);
+        Ok(Self(Arc::new(Contents { name: name.to_owned(), elf, segments, symbols, functions, log, log_error })))
+    }
+
+    /// Bytes at addresses, with no symbols: a few hand-assembled instructions for a test.
+    #[must_use]
+    pub fn raw(name: &str, segments: Vec<(u64, Vec<u8>)>) -> Self {
+        Self(Arc::new(Contents {
+            name: name.to_owned(),
+            elf: Vec::new(),
+            segments,
+            symbols: BTreeMap::new(),
+            functions: Vec::new(),
+            log: None,
+            log_error: None,
+        }))
+    }
+
+    /// The name reports use, the ELF file's.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.0.name
+    }
+
+    /// What goes where before the first instruction: load addresses and bytes.
+    #[must_use]
+    pub fn segments(&self) -> &[(u64, Vec<u8>)] {
+        &self.0.segments
+    }
+
+    /// The symbol called `name`, as the linker has it.
+    #[must_use]
+    pub fn symbol(&self, name: &str) -> Option<Symbol> {
+        self.0.symbols.get(name).copied()
+    }
+
+    /// The address of a variable or function whose demangled name, without the number that the compiler put behind it,
+    /// ends in `name` as whole path segments.
+    pub fn symbol_called(&self, name: &str) -> Option<u64> {
+        self.variable_called(name).map(|symbol| symbol.address)
+    }
+
+    /// As [`Firmware::symbol_called`], with its size.
+    pub fn variable_called(&self, name: &str) -> Option<Symbol> {
+        let mut symbols = self.0.symbols.iter();
+        let called = |symbol: &str| {
+            let path = symbol.trim_end_matches(|end: char| end.is_ascii_digit()).strip_suffix('.').unwrap_or(symbol);
+            let path = format!("{:#}", rustc_demangle::demangle(path));
+            path.strip_suffix(name).is_some_and(|path| path.is_empty() || path.ends_with("::"))
+        };
+        symbols.find(|(symbol, _)| called(symbol)).map(|(_, symbol)| *symbol)
+    }
+
+    /// The bytes of the function that begins at `address`; 0 where none does.
+    pub fn size_at(&self, address: u64) -> usize {
+        let sizes = self.0.functions.iter().filter(|function| function.start == address).map(|function| function.size);
+        sizes.max().and_then(|size| usize::try_from(size).ok()).unwrap_or(0)
+    }
+
+    /// The end of what the image places in RAM, from `from` on and below `top`: `from` where that is nothing, `None` in
+    /// an image without sections.
+    pub(crate) fn placed_below(&self, from: u32, top: u32) -> Option<u32> {
+        let file = object::File::parse(&*self.0.elf).ok()?;
+        let mut any = false;
+        let mut end = u64::from(from);
+        for section in file.sections() {
+            any = true;
+            let (first, behind) = (section.address(), section.address() + section.size());
+            // What is not loaded is at address 0.
+            if first >= u64::from(from) && behind <= u64::from(top) {
+                end = end.max(behind);
+            }
+        }
+        u32::try_from(end).ok().filter(|_| any)
+    }
+
+    /// The addresses of every function whose demangled name ends in `name` as a whole path segment.
+    pub fn functions_called(&self, name: &str) -> impl Iterator<Item = u64> {
+        self.0
+            .functions
+            .iter()
+            .filter(move |function| {
+                function.name.strip_suffix(name).is_some_and(|path| path.is_empty() || path.ends_with("::"))
+            })
+            .map(|function| function.start)
+    }
+
+    /// The defmt table, where the firmware logs with defmt.
+    pub(crate) fn log_table(&self) -> Option<&defmt_decoder::Table> {
+        self.0.log.as_ref()
+    }
+
+    /// Why the image has no defmt table that can be read, where it has something of one.
+    pub(crate) fn log_error(&self) -> Option<&str> {
+        self.0.log_error.as_deref()
+    }
+
+    /// `address` as function and offset, like `horus_tx_fw::app::cycle+0x1c`.
+    #[must_use]
+    pub fn name_of(&self, address: u64) -> Option<String> {
+        let address = address & !1;
+        let function = self.function_at(address)?;
+        Some(match address - function.start {
+            0 => function.name.clone(),
+            offset => format!("{}+{offset:#x}", function.name),
+        })
+    }
+
+    fn function_at(&self, address: u64) -> Option<&Function> {
+        let after = self.0.functions.partition_point(|function| function.start <= address);
+        let function = self.0.functions.get(after.checked_sub(1)?)?;
+        (address - function.start < function.size.max(2)).then_some(function)
+    }
+
+    /// What a person needs to find the instruction at `address`: function and source line, like
+    /// `horus_tx_fw::app::cycle+0x1c (src/main.rs:120)`. Of code that was inlined from the language's own libraries or
+    /// from a dependency, both are those of the innermost caller in the firmware itself; where that was inlined too,
+    /// the function that the linker knows follows: `horus_tx_fw::clock::init (src/clock.rs:70), inlined in main+0x1c`.
+    #[must_use]
+    pub fn place_of(&self, address: u64) -> Option<String> {
+        let name = self.name_of(address)?;
+        let Some(source) = self.source_of(address) else { return Some(name) };
+        let line = source.line;
+        Some(match source.inlined {
+            Some(function) => format!("{function} ({line}), inlined in {name}"),
+            None => format!("{name} ({line})"),
+        })
+    }
+
+    /// The source line of the instruction at `address`, like `src/main.rs:120`, where the image carries DWARF. See
+    /// [`Firmware::place_of`] for which of several.
+    #[must_use]
+    pub fn line_of(&self, address: u64) -> Option<String> {
+        self.source_of(address).map(|source| source.line)
+    }
+
+    fn source_of(&self, address: u64) -> Option<Source> {
+        let address = address & !1;
+        let file = object::File::parse(&*self.0.elf).ok()?;
+        let load = |section: gimli::SectionId| -> Result<Cow<'_, [u8]>, gimli::Error> {
+            let section = file.section_by_name(section.name());
+            Ok(section.and_then(|section| section.uncompressed_data().ok()).unwrap_or_default())
+        };
+        let sections = gimli::DwarfSections::load(load).ok()?;
+        let dwarf = sections.borrow(|section| gimli::EndianSlice::new(section, gimli::LittleEndian));
+        let context = addr2line::Context::from_dwarf(dwarf).ok()?;
+        let unit = context.find_dwarf_and_unit(address).skip_all_loads();
+        let directory = unit.and_then(|unit| unit.comp_dir).map(|directory| directory.to_string_lossy().into_owned());
+        let mut frames = context.find_frames(address).skip_all_loads().ok()?;
+        let mut found: Option<Source> = None;
+        let mut own = false;
+        let mut outermost = None;
+        while let Ok(Some(frame)) = frames.next() {
+            let function = frame.function.and_then(|function| {
+                let raw = function.raw_name().ok()?;
+                Some(format!("{:#}", rustc_demangle::demangle(&raw)))
+            });
+            // Of the frame that was found, there is now one around it: it was inlined.
+            if let (Some(found), true) = (&mut found, outermost.is_some()) {
+                found.inlined = found.inlined.take().or_else(|| found.function.take());
+            }
+            if let Some(location) = frame.location
+                && let (Some(file), Some(line)) = (location.file, location.line)
+                && !own
+            {
+                own = !is_library(file);
+                if own || found.is_none() {
+                    let line = format!("{}:{line}", within(file, directory.as_deref()));
+                    found = Some(Source { function: function.clone(), inlined: None, line });
+                }
+            }
+            outermost = function;
+        }
+        // The linker puts what it left out of the image at address 0 in the debug information, on top of what is
+        // really there on a part whose flash begins at 0.
+        let start = self.function_at(address)?.start;
+        let is_there = |name: &String| {
+            let bare = |name: &str| name.rsplit("::").next().unwrap_or_default().to_owned();
+            let same = |function: &Function| function.start == start && bare(&function.name) == bare(name);
+            self.0.functions.iter().any(same)
+        };
+        if outermost.as_ref().is_some_and(|name| !is_there(name)) {
+            return None;
+        }
+        found
+    }
+}
+
+/// Where an instruction comes from.
+#[derive(Debug)]
+struct Source {
+    /// The function it is written in, where the image says.
+    function: Option<String>,
+    /// The same, where that function was inlined into another.
+    inlined: Option<String>,
+    /// File and line.
+    line: String,
+}
+
+/// `file` as seen from the directory it was compiled in, which says nothing to a reader.
+fn within<'a>(file: &'a str, directory: Option<&str>) -> &'a str {
+    directory.and_then(|directory| file.strip_prefix(directory)?.strip_prefix('/')).unwrap_or(file)
+}
+
+/// Whether a source file belongs to the language's libraries or to a package from elsewhere.
+fn is_library(file: &str) -> bool {
+    ["/rustc/", "/rustlib/", "library/core/", "/registry/src/", "/git/checkouts/"]
+        .iter()
+        .any(|part| file.contains(part))
+}

@@ -1,0 +1,420 @@
+//! One firmware alone on one board, to its end: what `cargo xtask run` and on-target test suites go through.
+//!
+//! The run ends when the firmware exits through semihosting, when it dies (a HardFault, an exception without a
+//! handler, a lock-up), when it does nothing but restart, or at a limit of virtual time. A fault's handler runs on for
+//! [`LAST_WORDS`], so that what it says of the fault is heard, unless the part restarts or locks up before.
+//! defmt-test exits with `SYS_EXIT_EXTENDED`; panic-probe ends a failed test in a HardFault.
+
+use std::collections::BTreeMap;
+use std::str::FromStr;
+
+use cortex_m4::{Cost, Fast, Optimistic, Pessimistic};
+use emulator_part::{Part, Pin};
+use nrf52840::{Nrf52840, Settings};
+use stm32f429::{Oscillators, Stm32f429};
+
+use super::finding::{Finding, FindingKind};
+use super::rtt::LogLine;
+use super::{Connected, Error, Firmware, Halt, Leads, Node, PinEdge, ResetAt, Stack};
+
+/// What a core's instructions and exceptions cost, see [`cortex_m4::Cost`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Clock {
+    /// A fixed cost: [`cortex_m4::Fast`].
+    #[default]
+    Fast,
+    /// No processor of this kind is faster: [`cortex_m4::Optimistic`].
+    Optimistic,
+    /// No processor of this kind is slower: [`cortex_m4::Pessimistic`].
+    Pessimistic,
+}
+
+impl FromStr for Clock {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        match name {
+            "fast" => Ok(Self::Fast),
+            "optimistic" => Ok(Self::Optimistic),
+            "pessimistic" => Ok(Self::Pessimistic),
+            _ => Err(format!("no clock called {name}: take fast, optimistic or pessimistic")),
+        }
+    }
+}
+
+impl std::fmt::Display for Clock {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Fast => Fast::NAME,
+            Self::Optimistic => Optimistic::NAME,
+            Self::Pessimistic => Pessimistic::NAME,
+        })
+    }
+}
+
+/// How much longer a firmware runs after a HardFault or an exception without a handler, in virtual nanoseconds: at
+/// 115 200 baud 1 150 bytes of a UART.
+const LAST_WORDS: u64 = 100_000_000;
+
+/// A board a firmware can run on alone, with nothing on its pins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Target {
+    /// The DPR's nRF52840.
+    Dpr,
+    /// The HORUS side's STM32F429.
+    Horus,
+}
+
+impl FromStr for Target {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        match name {
+            "dpr" => Ok(Self::Dpr),
+            "horus" => Ok(Self::Horus),
+            _ => Err(format!("no board called {name}: take dpr or horus")),
+        }
+    }
+}
+
+impl Target {
+    /// Runs `firmware` on this board with nothing around it. See [`run`].
+    ///
+    /// # Errors
+    ///
+    /// As [`run`].
+    pub fn run(
+        self,
+        clock: Clock,
+        firmware: &Firmware,
+        limits: Limits,
+        event: impl FnMut(Event<'_>),
+    ) -> Result<Outcome, Error> {
+        self.run_connected(clock, firmware, Connected::default(), limits, event)
+    }
+
+    /// Runs `firmware` on this board with leads clipped to it. See [`run_connected`].
+    ///
+    /// # Errors
+    ///
+    /// As [`run`].
+    pub fn run_connected(
+        self,
+        clock: Clock,
+        firmware: &Firmware,
+        connected: Connected,
+        limits: Limits,
+        mut event: impl FnMut(Event<'_>),
+    ) -> Result<Outcome, Error> {
+        self.run_here(clock, firmware, connected, limits, &mut event)
+    }
+
+    /// As [`Target::run_connected`], without a type parameter of the caller's: so the core is compiled in this crate,
+    /// with its options, and not in the caller's.
+    fn run_here(
+        self,
+        clock: Clock,
+        firmware: &Firmware,
+        connected: Connected,
+        limits: Limits,
+        event: &mut dyn FnMut(Event<'_>),
+    ) -> Result<Outcome, Error> {
+        match clock {
+            Clock::Fast => self.run_on::<Fast>(firmware, connected, limits, event),
+            Clock::Optimistic => self.run_on::<Optimistic>(firmware, connected, limits, event),
+            Clock::Pessimistic => self.run_on::<Pessimistic>(firmware, connected, limits, event),
+        }
+    }
+
+    fn run_on<C: Cost>(
+        self,
+        firmware: &Firmware,
+        connected: Connected,
+        limits: Limits,
+        event: &mut dyn FnMut(Event<'_>),
+    ) -> Result<Outcome, Error> {
+        match self {
+            Self::Dpr => run_connected::<_, C>(Nrf52840::new(Settings::default()), firmware, connected, limits, event),
+            Self::Horus => run_connected::<_, C>(
+                Stm32f429::new(Oscillators::default()).with_brown_out_level_3(),
+                firmware,
+                connected,
+                limits,
+                event,
+            ),
+        }
+    }
+}
+
+/// How far a run may go, in virtual nanoseconds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limits {
+    /// The run ends here if the firmware does not end it first.
+    pub virtual_time: u64,
+    /// How often output is handed over.
+    pub step: u64,
+    /// The run ends at this many restarts: a firmware that only restarts does nothing else.
+    pub restarts: usize,
+}
+
+impl Default for Limits {
+    /// A minute of virtual time, output every 10 ms, a hundred restarts.
+    fn default() -> Self {
+        Self { virtual_time: 60_000_000_000, step: 10_000_000, restarts: 100 }
+    }
+}
+
+/// What a run hands over as it goes.
+#[derive(Debug)]
+pub enum Event<'a> {
+    /// The firmware logged a line.
+    Line(&'a LogLine),
+    /// Something went wrong.
+    Finding(&'a Finding),
+    /// The part restarted.
+    Reset(&'a ResetAt),
+    /// A watched pin did something else.
+    Pin(&'a PinEdge),
+    /// The part sent a byte from this pin.
+    Byte(Pin, u8),
+}
+
+/// How a run ended.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outcome {
+    /// The status the firmware exited with, or `None` where it did not exit.
+    pub exit: Option<u32>,
+    /// Whether the firmware died: a HardFault, an exception without a handler, a lock-up, or nothing but restarts.
+    pub died: bool,
+    /// The virtual time the run took, in nanoseconds.
+    pub virtual_time: u64,
+    /// Every line the firmware logged.
+    pub lines: Vec<LogLine>,
+    /// What went wrong.
+    pub findings: Vec<Finding>,
+    /// How often the part restarted.
+    pub resets: usize,
+    /// The share of the time in which the core was awake, 0 to 1.
+    pub load: f64,
+    /// How deep the stack went, and its size, in bytes; `None` where the image does not say where it is.
+    pub stack: Option<(usize, usize)>,
+    /// What the core was doing at the end, in words.
+    pub doing: String,
+    /// Whether the firmware had stopped itself for good by then, see [`Node::stopped_itself`].
+    pub stopped_itself: bool,
+}
+
+impl Outcome {
+    /// Whether the firmware exited with status 0 and did nothing that a person should look at.
+    #[must_use]
+    pub fn passed(&self) -> bool {
+        self.exit == Some(0) && self.findings.is_empty()
+    }
+
+    /// The status for a process that stands for this run: the firmware's own, 101 where it died (as a panic of a host
+    /// process gives), 124 where it ran into the limit (as `timeout` gives).
+    #[must_use]
+    pub fn status(&self) -> u32 {
+        status(self.exit, self.died)
+    }
+}
+
+fn status(exit: Option<u32>, died: bool) -> u32 {
+    match exit {
+        _ if died => 101,
+        Some(status) => status,
+        None => 124,
+    }
+}
+
+/// Runs `firmware` on `part` with nothing around it, and hands what it says to `event` as it goes.
+///
+/// # Errors
+///
+/// What [`Node::new`] refuses.
+pub fn run<P: Part, C: Cost>(
+    part: P,
+    firmware: &Firmware,
+    limits: Limits,
+    event: impl FnMut(Event<'_>),
+) -> Result<Outcome, Error> {
+    run_connected::<P, C>(part, firmware, Connected::default(), limits, event)
+}
+
+/// As [`run`], with leads clipped to the part.
+///
+/// # Errors
+///
+/// What [`Node::new`] refuses.
+pub fn run_connected<P: Part, C: Cost>(
+    part: P,
+    firmware: &Firmware,
+    connected: Connected,
+    limits: Limits,
+    mut event: impl FnMut(Event<'_>),
+) -> Result<Outcome, Error> {
+    let mut running = Running::<P, C>::new(part, firmware, connected, limits)?;
+    while !running.is_over() {
+        running.go(&mut event);
+    }
+    Ok(running.finish())
+}
+
+/// A run of one firmware alone on one board, a piece at a time. Where a debugger halts the board, a piece is cut off
+/// and goes on afterwards to the same instant, so that the outcome is the one without it.
+pub struct Running<P: Part, C: Cost> {
+    node: Node<Leads<P>, C>,
+    limits: Limits,
+    stack: Option<Stack>,
+    /// Where the piece ends that the node is in, virtual ns.
+    piece: u64,
+    /// Restarts that were handed over.
+    told: usize,
+    lines: Vec<LogLine>,
+    findings: Vec<Finding>,
+    died: bool,
+    /// Where the run ends since the firmware has died, virtual ns.
+    last: u64,
+    over: bool,
+}
+
+impl<P: Part, C: Cost> Running<P, C> {
+    /// The board at power-on.
+    ///
+    /// # Errors
+    ///
+    /// What [`Node::new`] refuses.
+    pub fn new(part: P, firmware: &Firmware, connected: Connected, limits: Limits) -> Result<Self, Error> {
+        let mut node = Node::<_, C>::new(part, Leads::new(connected), firmware)?.with_semihosting();
+        let stack = Stack::of(firmware, node.part());
+        if let Some(stack) = stack {
+            node.input(|part, _, _| stack.paint(part));
+        }
+        let piece = limits.step.min(limits.virtual_time);
+        let (lines, findings) = (Vec::new(), Vec::new());
+        Ok(Self { node, limits, stack, piece, told: 0, lines, findings, died: false, last: u64::MAX, over: false })
+    }
+
+    /// Runs to the end of the piece, or to where the board is halted before that, and hands over what it said.
+    pub fn go(&mut self, event: &mut dyn FnMut(Event<'_>)) {
+        // It stops at every restart, before a firmware that only restarts has done so for a whole step.
+        let restarted = self.node.advance_to_restart(self.piece);
+        let halted = self.node.halted().filter(|_| !restarted);
+        if let Some(why) = halted {
+            self.hand_over(event);
+            // Of a firmware that came to its end a person wants to know why before looking at it.
+            if why == Halt::Ended {
+                self.take_findings(event);
+            }
+            return;
+        }
+        if self.node.resets().len() >= self.limits.restarts && !self.died {
+            let text = restart_loop(self.node.resets());
+            self.node.find(FindingKind::RestartLoop, None, text);
+        }
+        let found = self.node.take_findings();
+        found.iter().for_each(|finding| self.note_end(finding));
+        let ended = self.died && (restarted || self.node.now() >= self.last);
+        self.over = ended || self.node.exit_status().is_some() || self.node.now() >= self.limits.virtual_time;
+        self.hand_over(event);
+        // Behind the lines: it stops at every restart, and those were logged before.
+        self.node.resets()[self.told..].iter().for_each(|reset| event(Event::Reset(reset)));
+        self.told = self.node.resets().len();
+        for finding in found {
+            event(Event::Finding(&finding));
+            self.findings.push(finding);
+        }
+        if self.over {
+            self.take_findings(event);
+        }
+        self.piece = (self.node.now() + self.limits.step).min(self.limits.virtual_time).min(self.last);
+    }
+
+    /// Hands over what was logged and what the leads saw.
+    fn hand_over(&mut self, event: &mut dyn FnMut(Event<'_>)) {
+        let (edges, heard) = self.node.board_mut(|board| (board.take_edges(), board.take_heard()));
+        heard.into_iter().for_each(|(pin, byte)| event(Event::Byte(pin, byte)));
+        let mut edges = edges.into_iter().peekable();
+        for line in if self.over { self.node.finish_log() } else { self.node.take_log() } {
+            while let Some(edge) = edges.next_if(|edge| edge.at <= line.at) {
+                event(Event::Pin(&edge));
+            }
+            event(Event::Line(&line));
+            self.lines.push(line);
+        }
+        edges.for_each(|edge| event(Event::Pin(&edge)));
+    }
+
+    /// Where the run ends, if `finding` says that the firmware has died.
+    fn note_end(&mut self, finding: &Finding) {
+        if finding.kind.ends_run() {
+            self.died = true;
+            self.last = self.last.min(match finding.kind {
+                FindingKind::HardFault | FindingKind::UnhandledInterrupt => finding.at + LAST_WORDS,
+                _ => finding.at,
+            });
+        }
+    }
+
+    fn take_findings(&mut self, event: &mut dyn FnMut(Event<'_>)) {
+        for finding in self.node.take_findings() {
+            self.note_end(&finding);
+            event(Event::Finding(&finding));
+            self.findings.push(finding);
+        }
+    }
+
+    /// Whether the run has come to its end.
+    pub fn is_over(&self) -> bool {
+        self.over
+    }
+
+    /// The board.
+    pub fn node(&mut self) -> &mut Node<Leads<P>, C> {
+        &mut self.node
+    }
+
+    /// As [`Outcome::status`], of the run up to where it is, but not zero after findings, and zero for one without that
+    /// is still running where it is meant to run on for ever.
+    pub fn status(&self, runs_on: bool) -> u32 {
+        let exit = self.node.exit_status().or(runs_on.then_some(0));
+        match status(exit, self.died) {
+            0 if !self.findings.is_empty() => 1,
+            status => status,
+        }
+    }
+
+    /// When the run ends at the latest, virtual ns.
+    pub fn end(&self) -> u64 {
+        self.limits.virtual_time
+    }
+
+    /// What the run came to, up to where it is.
+    pub fn finish(self) -> Outcome {
+        let Self { node, stack, lines, findings, died, .. } = self;
+        Outcome {
+            exit: node.exit_status(),
+            died,
+            virtual_time: node.now(),
+            lines,
+            findings,
+            resets: node.resets().len(),
+            load: node.usage().load(),
+            stack: stack.map(|stack| (stack.used(node.part()), stack.size())),
+            doing: node.doing(),
+            stopped_itself: node.stopped_itself(),
+        }
+    }
+}
+
+/// What a person needs to hear of a firmware that only restarts.
+fn restart_loop(resets: &[ResetAt]) -> String {
+    let mut causes = BTreeMap::<String, usize>::new();
+    for reset in resets {
+        *causes.entry(reset.why()).or_default() += 1;
+    }
+    let causes: Vec<String> = causes.iter().map(|(cause, times)| format!("{times} times {cause}")).collect();
+    let count = resets.len();
+    let causes = causes.join(", ");
+    format!("the part restarted {count} times ({causes}): the run ends here, as nothing else is to be expected")
+}

@@ -1,0 +1,327 @@
+//! What a core reaches while it runs: the part, the board around it, and the clock between them.
+
+use std::collections::VecDeque;
+
+use cortex_m4::{Access, Bound, Bus, BusError, Signals, Width};
+use emulator_part::{Clock, Cycle, NEVER, Part, Reset, Timebase};
+
+use super::LineEdge;
+use super::board::{Board, Input, View};
+use super::finding::Finding;
+
+/// Where peripherals begin: below are code and RAM.
+const PERIPHERALS: u32 = 0x4000_0000;
+/// Where RAM begins: below is code.
+const RAM: u32 = 0x2000_0000;
+
+/// How many earlier clocks a node keeps. A restart changes the clock three times.
+const CHANGES: usize = 16;
+
+/// All of a node that its core reaches while it runs: the part, the board and the clock.
+#[derive(Clone, Debug)]
+pub(super) struct Side<B: Board> {
+    pub(super) part: B::Part,
+    pub(super) board: B,
+    pub(super) time: Timebase,
+    /// The clocks before its last changes, each with the cycle at which it ended, the oldest first.
+    before: VecDeque<(Cycle, Timebase)>,
+    pub(super) clock: Clock,
+    /// The core was awake, in ns, up to the last change of its clock; and its awake cycles then.
+    pub(super) awake: (u64, u64),
+    /// Something reached the board since it was last settled.
+    pub(super) touched: bool,
+    /// When a chip of the board next acts: the cycle, and the same as the board has it, in ns.
+    pub(super) board_due: Cycle,
+    board_event: u64,
+    pub(super) inputs: Vec<Input>,
+    /// The restart that the part asked for, with its cycle.
+    pub(super) reset: Option<Reset>,
+    pub(super) watched: Vec<(u16, bool)>,
+    pub(super) edges: Vec<LineEdge>,
+    /// What the part's models found, with instants.
+    pub(super) findings: Vec<Finding>,
+    pub(super) noted: usize,
+    /// Cycles in which the core did not run, but for those since it last came to rest.
+    idle: u64,
+    /// When that was; nothing if the core runs.
+    idle_from: Option<Cycle>,
+    /// Nothing outside the core happens past this cycle yet, which begins at this instant (ns): something may act on
+    /// the board there.
+    pub(super) horizon: Cycle,
+    pub(super) horizon_ns: u64,
+    /// Something acted on the board since the core last ran: it may wake.
+    pub(super) stirred: bool,
+    /// When the core fell asleep (`true`) and woke, ns; nothing unless watched.
+    pub(super) sleeps: Option<Vec<(u64, bool)>>,
+}
+
+impl<B: Board> Side<B> {
+    /// A part and its board at power-on.
+    pub(super) fn new(part: B::Part, board: B) -> Self {
+        let clock = part.clock();
+        let time = Timebase::new(clock.hz, clock.ppb);
+        Self {
+            part,
+            board,
+            time,
+            before: VecDeque::new(),
+            clock,
+            awake: (0, 0),
+            touched: true,
+            board_due: NEVER,
+            board_event: u64::MAX,
+            inputs: Vec::new(),
+            reset: None,
+            watched: Vec::new(),
+            edges: Vec::new(),
+            findings: Vec::new(),
+            noted: 0,
+            idle: 0,
+            idle_from: None,
+            horizon: 0,
+            horizon_ns: 0,
+            stirred: true,
+            sleeps: None,
+        }
+    }
+
+    /// Calls the part with its view of the board.
+    pub(super) fn with<T>(&mut self, at: Cycle, call: impl FnOnce(&mut B::Part, &mut View<'_, B>) -> T) -> T {
+        let Self { part, board, time, touched, .. } = self;
+        let answer = call(part, &mut View { board, time, touched });
+        self.after(at);
+        answer
+    }
+
+    /// The board acts on what reached it, and what changed is looked at.
+    #[inline]
+    pub(super) fn after(&mut self, at: Cycle) {
+        if self.touched {
+            self.settle(at);
+        }
+        if self.part.signals().is_announced() {
+            self.changed(at);
+        }
+    }
+
+    /// Lets the board's chips act up to `at`, and the part hear of what they do, until nothing moves any more.
+    pub(super) fn settle(&mut self, at: Cycle) {
+        let ns = self.time.ns(at);
+        let mut inputs = std::mem::take(&mut self.inputs);
+        loop {
+            self.touched = false;
+            inputs.clear();
+            self.board.settle(ns, &mut inputs);
+            if inputs.is_empty() && !self.touched {
+                break;
+            }
+            for input in &inputs {
+                let Self { part, board, time, touched, .. } = self;
+                let mut view = View { board, time, touched };
+                match *input {
+                    Input::Level(pin, level) => part.drive(at, pin, level, &mut view),
+                    Input::Frame(pin, begins, frame) => {
+                        part.receive(time.cycle(begins), pin, frame, &mut view);
+                    }
+                }
+            }
+        }
+        self.inputs = inputs;
+        self.replan();
+        if self.board.outgoing() {
+            let signals = self.part.signals();
+            signals.stop();
+        }
+    }
+
+    /// The board's next event may have moved.
+    fn replan(&mut self) {
+        let event = self.board.next_event();
+        if event != self.board_event {
+            self.board_event = event;
+            let due = self.time.cycle(event);
+            if due != self.board_due {
+                self.board_due = due;
+                self.part.signals().announce();
+            }
+        }
+    }
+
+    /// The part drives something else into the core, or has other plans: what the node must know of it.
+    pub(super) fn changed(&mut self, at: Cycle) {
+        // Before the rate changes: the instants of what was found up to here are counted at the old one.
+        let found = self.part.findings();
+        if found.len() > self.noted {
+            for finding in &found[self.noted..] {
+                self.findings.push(Finding {
+                    kind: finding.kind.into(),
+                    at: self.time.ns(finding.at),
+                    pc: finding.pc.map(u64::from),
+                    symbol: None,
+                    text: format!("{}: {}", finding.place, finding.text),
+                });
+            }
+            self.noted = self.part.findings().len();
+        }
+        let clock = self.part.clock();
+        if clock != self.clock {
+            self.follow(clock, at);
+        }
+        if let Some(reset) = self.part.take_reset() {
+            self.reset.get_or_insert(reset);
+            self.part.signals().stop();
+        }
+        for index in 0..self.watched.len() {
+            let (line, was) = self.watched[index];
+            let high = self.part.signals().lines()[usize::from(line) / 64] >> (line % 64) & 1 != 0;
+            if high != was {
+                self.watched[index].1 = high;
+                self.edges.push(LineEdge { at: self.time.ns(at), line, high });
+            }
+        }
+    }
+
+    /// The core goes on at another rate from `at` on, or stands still.
+    fn follow(&mut self, clock: Clock, at: Cycle) {
+        let stopped = std::mem::replace(&mut self.clock, clock).hz == 0;
+        // Cycles go on being counted at the last rate while the core has no clock: they are the bench's time then. A
+        // rate that is merely another lets no core go that waits for its flash.
+        if clock.hz == 0 {
+            self.part.signals().stall_until(NEVER);
+        } else if stopped {
+            self.part.signals().stall_until(0);
+        }
+        if clock.hz > 0 {
+            let idle = self.idle + self.idle_from.map_or(0, |from| at.saturating_sub(from));
+            // The core may be within an instruction that lasts beyond this.
+            let cycles = (at - idle).max(self.awake.1);
+            self.awake = (self.awake.0 + self.scaled(cycles - self.awake.1), cycles);
+            if self.before.len() == CHANGES {
+                self.before.pop_front();
+            }
+            self.before.push_back((at, self.time));
+            self.time.change(at, clock.hz, clock.ppb);
+            self.board_event = self.board.next_event();
+            self.board_due = self.time.cycle(self.board_event);
+            // The same instant is another cycle now: the core must not run on to the old one.
+            self.horizon = self.time.cycle(self.horizon_ns);
+            self.part.signals().stop();
+        }
+    }
+
+    /// At `cycle`, the core has not run in `idle` of its cycles; `rests` tells whether it does not run now either.
+    pub(super) fn note_idle(&mut self, cycle: Cycle, idle: u64, rests: bool) {
+        (self.idle, self.idle_from) = (idle, rests.then_some(cycle));
+    }
+
+    /// When `cycle` was or will be, in ns: exact unless the clock has changed more than [`CHANGES`] times since.
+    pub(super) fn ns(&self, cycle: Cycle) -> u64 {
+        let then = self.before.iter().find(|(until, _)| cycle < *until);
+        then.map_or(&self.time, |(_, time)| time).ns(cycle)
+    }
+
+    /// So many cycles at the present rate, in ns.
+    pub(super) fn scaled(&self, cycles: u64) -> u64 {
+        self.time.span_ns(cycles)
+    }
+}
+
+impl<B: Board> Bus for Side<B> {
+    #[inline(always)]
+    fn read(&mut self, access: &Access) -> Result<u32, BusError> {
+        let Self { part, board, time, touched, .. } = self;
+        let answer = part.read(access, &mut View { board, time, touched });
+        if access.address >= PERIPHERALS {
+            self.after(access.cycle);
+        }
+        answer
+    }
+
+    #[inline(always)]
+    fn write(&mut self, access: &Access, value: u32) -> Result<(), BusError> {
+        let Self { part, board, time, touched, .. } = self;
+        let answer = part.write(access, value, &mut View { board, time, touched });
+        // A store into code is one to a flash controller.
+        if !(RAM..PERIPHERALS).contains(&access.address) {
+            self.after(access.cycle);
+        }
+        answer
+    }
+
+    #[inline(always)]
+    fn read_memory(&self, address: u32, width: Width) -> Option<u32> {
+        self.part.read_memory(address, width)
+    }
+
+    #[inline(always)]
+    fn write_memory(&mut self, address: u32, width: Width, value: u32) -> bool {
+        self.part.write_memory(address, width, value)
+    }
+
+    #[inline]
+    fn fetch(&mut self, address: u32) -> Result<u16, BusError> {
+        self.part.fetch(address)
+    }
+
+    #[inline]
+    fn is_constant(&self, address: u32) -> bool {
+        self.part.is_constant(address)
+    }
+
+    fn watch_code(&mut self, address: u32) -> bool {
+        self.part.watch_code(address)
+    }
+
+    fn is_watched(&self, address: u32) -> bool {
+        self.part.is_watched(address)
+    }
+
+    #[inline(always)]
+    fn rewritten(&self) -> u64 {
+        self.part.rewritten()
+    }
+
+    #[inline]
+    fn due(&self) -> Cycle {
+        self.part.due().min(self.board_due)
+    }
+
+    fn advance(&mut self, cycle: Cycle) {
+        loop {
+            let (part, board) = (self.part.due(), self.board_due);
+            // The core's last instruction may have ended past the horizon.
+            if part.min(board) > cycle.min(self.horizon) {
+                return;
+            }
+            if part <= board {
+                self.with(part, |model, view| model.advance(part, view));
+            } else {
+                self.settle(board);
+                self.after(board);
+            }
+        }
+    }
+
+    #[inline]
+    fn signals(&mut self) -> &mut Signals {
+        self.part.signals()
+    }
+
+    fn sleeps(&mut self, cycle: Cycle, asleep: bool, deep: bool) {
+        let at = cycle.min(self.horizon);
+        let slept = self.idle_from.map_or(0, |from| cycle.saturating_sub(from));
+        self.note_idle(cycle, self.idle + slept, asleep);
+        if let Some(sleeps) = &mut self.sleeps {
+            sleeps.push((self.time.ns(at), asleep));
+        }
+        self.with(at, |part, view| part.sleeps(at, asleep, deep, view));
+    }
+
+    fn wait_states(&mut self, access: &Access, bound: Bound) -> u32 {
+        self.part.wait_states(access, bound)
+    }
+
+    fn bit_banding(&self) -> bool {
+        self.part.bit_banding()
+    }
+}

@@ -1,0 +1,102 @@
+//! Which exception's handler runs when, and when the core sleeps: the tasks of a firmware over time.
+
+use cortex_m4::{Cost, Width};
+use emulator_part::Part;
+
+use super::{Board, Node, memory};
+
+/// Exceptions that ARMv7-M numbers, ARMv7-M ARM table B1-4: 16 of the system, 240 interrupts at most on a Cortex-M4.
+const EXCEPTIONS: u16 = 16 + 240;
+
+/// Interrupt clear-enable registers, a bit for each interrupt, ARMv7-M ARM B3.4.5.
+const ICER: u32 = 0xE000_E180;
+
+/// Interrupt priority registers, a byte for each interrupt, and the system handlers' from number 4 on, ARMv7-M ARM
+/// B3.4.9 and B3.2.10.
+const IPR: u32 = 0xE000_E400;
+const SHPR: u32 = 0xE000_ED18;
+
+impl<B: Board, C: Cost> Node<B, C> {
+    /// Begins or ends the record of active exceptions and of the core's sleep. It begins with the present state.
+    pub fn watch_tasks(&mut self, on: bool) {
+        self.core.watch_exceptions(on);
+        let now = self.now();
+        self.tasks = on.then(|| vec![(now, self.core.active_exception())]);
+        self.side.sleeps = on.then(|| vec![(now, self.core.is_asleep())]);
+    }
+
+    /// The changes of the active exception since last asked: from which instant (virtual ns) on it was which, 0 for
+    /// thread mode, 16 + n for interrupt n. Empty where they are not watched.
+    pub fn take_tasks(&mut self) -> Vec<(u64, u16)> {
+        self.note_tasks();
+        self.tasks.as_mut().map(std::mem::take).unwrap_or_default()
+    }
+
+    /// When the core fell asleep (`true`) and woke (`false`) since last asked, virtual ns. Empty where tasks are not
+    /// watched.
+    pub fn take_sleeps(&mut self) -> Vec<(u64, bool)> {
+        self.side.sleeps.as_mut().map(std::mem::take).unwrap_or_default()
+    }
+
+    /// The numbers of the exceptions whose handler is the function that the image calls `handler`: of several where
+    /// the compiler has merged functions with the same code. None if there is no such function, if no place of the
+    /// vector table leads to it, or if it is the default handler.
+    #[must_use]
+    pub fn exceptions_of(&self, handler: &str) -> Vec<u16> {
+        let Some(address) = self.firmware.symbol(handler).map(|symbol| symbol.address & !1) else { return vec![] };
+        if self.traps.default_handler.contains(&address) {
+            return vec![];
+        }
+        let table = u64::from(self.side.part.core().vector_table);
+        let entry = |number: u16| memory::value(&self.side.part, table + 4 * u64::from(number), 4);
+        (1..EXCEPTIONS).filter(|&number| entry(number) == Some(address | 1)).collect()
+    }
+
+    /// The priority of exception `number` as its register has it now, lower is more urgent: -3 to 255, and 256 for
+    /// thread mode.
+    #[must_use]
+    pub fn exception_priority(&mut self, number: u16) -> i16 {
+        let number = u32::from(number);
+        let register = match number {
+            0 => return 256,
+            1..=3 => return i16::try_from(number).unwrap_or(0) - 4,
+            4..=15 => SHPR + number - 4,
+            _ => IPR + number - 16,
+        };
+        let word = self.word(u64::from(register & !3)).unwrap_or(0);
+        i16::from(word.to_le_bytes()[(register & 3) as usize])
+    }
+
+    /// Interrupt `line` is off in the interrupt controller from now on, until the firmware switches it on again, as it
+    /// does at its next start. Does nothing where it is not on: to a part without its supply, and while its firmware
+    /// starts. Tells whether it was on.
+    ///
+    /// # Panics
+    ///
+    /// If the core has no interrupt controller.
+    pub fn switch_interrupt_off(&mut self, line: u16) -> bool {
+        let (register, bit) = (ICER + 4 * u32::from(line / 32), 1 << (line % 32));
+        let words = "an interrupt controller";
+        // What is on reads as 1 in the registers that switch off, too (ARMv7-M ARM B3.4.5).
+        let was_on = self.is_powered() && self.access_port_read(register, Width::Word).expect(words) & bit != 0;
+        if was_on {
+            self.access_port_write(register, Width::Word, bit).expect(words);
+        }
+        was_on
+    }
+
+    /// The supply went off or came on: without it, the core sleeps.
+    pub(super) fn note_power(&mut self) {
+        let at = self.now();
+        if let Some(sleeps) = &mut self.side.sleeps {
+            sleeps.push((at, !self.powered));
+        }
+    }
+
+    /// Takes over what the core recorded, before its clock changes again.
+    pub(super) fn note_tasks(&mut self) {
+        let Some(tasks) = &mut self.tasks else { return };
+        let side = &self.side;
+        tasks.extend(self.core.take_exceptions().into_iter().map(|(cycle, active)| (side.ns(cycle), active)));
+    }
+}

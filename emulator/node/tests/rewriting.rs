@@ -1,0 +1,165 @@
+//! Firmware that writes the code it executes, in flash and in RAM, as a boot loader does: what is executed is what was
+//! written last, and a flash that works holds the core that executes from it.
+
+mod thumb;
+
+use cortex_m4::{Cost, Fast, Optimistic, Pessimistic};
+use emulator_node::{Bare, Node};
+use emulator_part::Part;
+use nrf52840::{Nrf52840, Settings};
+use stm32f429::{Oscillators, Stm32f429};
+use thumb::{COUNTER, MAIN, Thumb, firmware, firmware_at};
+
+const MS: u64 = 1_000_000;
+
+/// Where the function is that is written anew, in RAM.
+const IN_RAM: u32 = 0x2000_1000;
+
+/// `movs r0, #value; bx lr` as one word.
+const fn function(value: u32) -> u32 {
+    0x4770_2000 | value
+}
+
+/// Calls the function at `at` and stores what it returns at `to`.
+fn call(main: &mut Thumb, at: u32, to: u32) {
+    // BLX r2; then r0 to memory.
+    main.mov(2, at | 1).raw(&[0x4790]).mov(1, to).str(0, 1, 0);
+}
+
+/// What the two calls returned, after `ms` of `part` with `main`.
+fn returned<P: Part, C: Cost>(part: P, image: &emulator_node::Firmware, ms: u64) -> [u32; 2] {
+    let mut node: Node<Bare<P>, C> = Node::new(part, Bare::new(), image).unwrap();
+    node.advance(ms * MS);
+    assert_eq!(node.take_findings(), []);
+    [COUNTER, COUNTER + 4].map(|at| node.word(u64::from(at)).unwrap())
+}
+
+mod nrf {
+    use super::*;
+
+    const NVMC_CONFIG: u32 = 0x4001_E504;
+    const NVMC_ERASEPAGE: u32 = 0x4001_E508;
+    const PAGE: u32 = 0x1000;
+
+    /// Writes a function into flash, calls it, erases its page, writes another, calls that.
+    fn image() -> emulator_node::Firmware {
+        let mut main = Thumb::at(0x400);
+        main.store(NVMC_CONFIG, 1).store(PAGE, function(1));
+        call(&mut main, PAGE, COUNTER);
+        main.store(NVMC_CONFIG, 2).store(NVMC_ERASEPAGE, PAGE).store(NVMC_CONFIG, 1).store(PAGE, function(2));
+        call(&mut main, PAGE, COUNTER + 4);
+        main.idle();
+        firmware_at(0, "rewrites its flash", &main, &[])
+    }
+
+    fn after<C: Cost>(ms: u64) -> [u32; 2] {
+        returned::<_, C>(Nrf52840::new(Settings::default()), &image(), ms)
+    }
+
+    #[test]
+    fn a_function_written_anew_in_flash_is_the_one_executed() {
+        assert_eq!(after::<Fast>(90), [1, 2]);
+        assert_eq!(after::<Optimistic>(90), [1, 2]);
+        assert_eq!(after::<Pessimistic>(90), [1, 2]);
+    }
+
+    /// 85 ms (PS 4.3, t_ERASEPAGE) of an internal oscillator that is up to 1.5 % fast.
+    #[test]
+    fn the_core_stands_still_while_its_flash_is_erased() {
+        assert_eq!(after::<Fast>(83), [1, 0]);
+        assert_eq!(after::<Optimistic>(83), [1, 0]);
+        assert_eq!(after::<Pessimistic>(83), [1, 0]);
+    }
+
+    /// The crystal's rate becomes the core's 0.36 ms after it was started, within the erase.
+    #[test]
+    fn an_oscillator_that_starts_meanwhile_does_not_cut_an_erase_short() {
+        let mut main = Thumb::at(0x400);
+        main.store(0x4000_0000, 1).store(NVMC_CONFIG, 2).store(NVMC_ERASEPAGE, PAGE).store(COUNTER, 1).idle();
+        let image = firmware_at(0, "erases beside a start of the crystal", &main, &[]);
+        let settings = || Settings { hfint_ppb: 15_000_000, ..Settings::default() };
+        assert_eq!(returned::<_, Fast>(Nrf52840::new(settings()), &image, 80)[0], 0);
+        assert_eq!(returned::<_, Fast>(Nrf52840::new(settings()), &image, 90)[0], 1);
+    }
+
+    #[test]
+    fn a_function_written_anew_in_ram_is_the_one_executed() {
+        let image = in_ram(0x400, |main| firmware_at(0, "rewrites its RAM", main, &[]));
+        assert_eq!(returned::<_, Fast>(Nrf52840::new(Settings::default()), &image, 1), [1, 2]);
+        assert_eq!(returned::<_, Optimistic>(Nrf52840::new(Settings::default()), &image, 1), [1, 2]);
+        assert_eq!(returned::<_, Pessimistic>(Nrf52840::new(Settings::default()), &image, 1), [1, 2]);
+    }
+}
+
+mod stm32 {
+    use super::*;
+
+    const KEYR: u32 = 0x4002_3C04;
+    const SR: u32 = 0x4002_3C0C;
+    const CR: u32 = 0x4002_3C10;
+    const SECTOR_1: u32 = 0x0800_4000;
+    /// CR.PSIZE: words.
+    const WORDS: u32 = 2 << 8;
+
+    /// Reads SR until BSY is clear.
+    fn settle(main: &mut Thumb) {
+        main.mov(0, SR);
+        let again = main.here();
+        main.ldr(1, 0, 0).test(1, 16).branch_if(thumb::If::CarrySet, again);
+    }
+
+    /// Writes a function into flash, calls it, erases its sector, writes another, calls that (RM0090 3.6).
+    fn image() -> emulator_node::Firmware {
+        let mut main = Thumb::at(MAIN);
+        main.store(KEYR, 0x4567_0123).store(KEYR, 0xCDEF_89AB);
+        main.store(CR, WORDS | 1).store(SECTOR_1, function(1));
+        settle(&mut main);
+        call(&mut main, SECTOR_1, COUNTER);
+        main.store(CR, WORDS | 1 << 3 | 1 << 1).store(CR, 1 << 16 | WORDS | 1 << 3 | 1 << 1);
+        settle(&mut main);
+        main.store(CR, WORDS | 1).store(SECTOR_1, function(2));
+        settle(&mut main);
+        call(&mut main, SECTOR_1, COUNTER + 4);
+        main.idle();
+        firmware("rewrites its flash", &main, &[])
+    }
+
+    fn after<C: Cost>(ms: u64) -> [u32; 2] {
+        returned::<_, C>(Stm32f429::new(Oscillators::default()), &image(), ms)
+    }
+
+    #[test]
+    fn a_function_written_anew_in_flash_is_the_one_executed() {
+        assert_eq!(after::<Fast>(600), [1, 2]);
+        assert_eq!(after::<Optimistic>(600), [1, 2]);
+        assert_eq!(after::<Pessimistic>(600), [1, 2]);
+    }
+
+    /// 250 ms for a sector of 16 KiB (DS9405, flash memory programming).
+    #[test]
+    fn the_core_stands_still_while_its_flash_is_erased() {
+        assert_eq!(after::<Fast>(249), [1, 0]);
+        assert_eq!(after::<Optimistic>(249), [1, 0]);
+        assert_eq!(after::<Pessimistic>(249), [1, 0]);
+    }
+
+    #[test]
+    fn a_function_written_anew_in_ram_is_the_one_executed() {
+        let image = in_ram(MAIN, |main| firmware("rewrites its RAM", main, &[]));
+        assert_eq!(returned::<_, Fast>(Stm32f429::new(Oscillators::default()), &image, 1), [1, 2]);
+        assert_eq!(returned::<_, Optimistic>(Stm32f429::new(Oscillators::default()), &image, 1), [1, 2]);
+        assert_eq!(returned::<_, Pessimistic>(Stm32f429::new(Oscillators::default()), &image, 1), [1, 2]);
+    }
+}
+
+/// Writes a function into RAM, calls it, writes another in its place, calls that.
+fn in_ram(base: u32, image: impl Fn(&Thumb) -> emulator_node::Firmware) -> emulator_node::Firmware {
+    let mut main = Thumb::at(base);
+    for (value, to) in [(1, COUNTER), (2, COUNTER + 4)] {
+        // DSB; ISB: what was stored is what is fetched (ARM ARM A3.7.3).
+        main.store(IN_RAM, function(value)).raw(&[0xF3BF, 0x8F4F, 0xF3BF, 0x8F6F]);
+        call(&mut main, IN_RAM, to);
+    }
+    main.idle();
+    image(&main)
+}

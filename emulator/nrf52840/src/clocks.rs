@@ -1,0 +1,155 @@
+//! Time: the 16 MHz peripheral clock and the 32.768 kHz clock as exact functions of the core's cycles (PS 5.4).
+//!
+//! | covered | PS |
+//! |---|---|
+//! | the core at 64 MHz and PCLK16M at a quarter of it, in phase; both from HFINT until HFXO has started | 5.4 |
+//! | LFCLK from LFRC, LFXO or synthesised from HFCLK, each with its error | 5.4 |
+//!
+//! HFINT and HFXO feed the core as well, so a cycle is as long as their error makes it, and PCLK16M is four cycles of
+//! the core whatever feeds them. LFCLK is an oscillator of its own: its rate in cycles is a ratio that changes whenever
+//! either source does. Counts are computed in integers from where it last changed, so nothing drifts.
+//!
+//! Left out: temperature and ageing (an error is a constant of the run).
+use emulator_part::Cycle;
+
+/// Cycles of the core in one of PCLK16M.
+pub(crate) const CYCLES_PER_TICK: u64 = 4;
+
+/// Cycles of the core in `ns` nanoseconds of an exact clock, rounded up.
+pub(crate) const fn cycles(ns: u64) -> u64 {
+    (ns as u128 * 64).div_ceil(1000) as u64
+}
+
+/// PCLK16M.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Pclk16m;
+
+impl Pclk16m {
+    /// The ticks counted by `at`.
+    #[inline]
+    pub(crate) const fn ticks(self, at: Cycle) -> u64 {
+        at / CYCLES_PER_TICK
+    }
+
+    /// The cycle at which `tick` has been counted.
+    #[inline]
+    pub(crate) const fn instant(self, tick: u64) -> Cycle {
+        tick * CYCLES_PER_TICK
+    }
+}
+
+/// LFCLK, counting since it last changed its rate.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Lfclk {
+    lf_ppb: i64,
+    hf_ppb: i64,
+    /// The cycle, and the count there.
+    anchor: (Cycle, u64),
+    /// How far it was into the next tick there, in 1 / [`Lfclk::den`] of one.
+    phase: u128,
+}
+
+/// A billion and `ppb` more.
+fn scale(ppb: i64) -> u64 {
+    1_000_000_000_u64.wrapping_add_signed(ppb)
+}
+
+impl Lfclk {
+    /// One that starts at `at`, `lf_ppb` fast where the core's clock is `hf_ppb` fast.
+    pub(crate) fn new(lf_ppb: i64, hf_ppb: i64, at: Cycle) -> Self {
+        assert!(lf_ppb.unsigned_abs() < 500_000_000, "an error of {lf_ppb} ppb is no clock");
+        Self { lf_ppb, hf_ppb, anchor: (at, 0), phase: 0 }
+    }
+
+    /// Ticks per cycle are `num / den`: 32768 / 64 000 000 is 8 / 15625.
+    fn num(&self) -> u128 {
+        8 * u128::from(scale(self.lf_ppb))
+    }
+
+    fn den(&self) -> u128 {
+        15_625 * u128::from(scale(self.hf_ppb))
+    }
+
+    fn run(&self, at: Cycle) -> u128 {
+        self.phase + u128::from(at.saturating_sub(self.anchor.0)) * self.num()
+    }
+
+    /// The ticks counted by `at`, which is not before the last change of rate.
+    pub(crate) fn ticks(&self, at: Cycle) -> u64 {
+        self.anchor.1 + (self.run(at) / self.den()) as u64
+    }
+
+    /// The first cycle at which `tick` has been counted.
+    pub(crate) fn instant(&self, tick: u64) -> Cycle {
+        let ticks = u128::from(tick.saturating_sub(self.anchor.1));
+        self.anchor.0 + (ticks * self.den()).saturating_sub(self.phase).div_ceil(self.num()) as u64
+    }
+
+    /// Goes on counting with other errors from `at`.
+    pub(crate) fn retune(&mut self, at: Cycle, lf_ppb: i64, hf_ppb: i64) {
+        let (den, phase) = (self.den(), self.run(at) % self.den());
+        self.anchor = (at, self.ticks(at));
+        (self.lf_ppb, self.hf_ppb) = (lf_ppb, hf_ppb);
+        self.phase = phase * self.den() / den;
+    }
+
+    pub(crate) fn ppb(&self) -> i64 {
+        self.lf_ppb
+    }
+}
+
+/// Both clocks as the peripherals see them.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Clocks {
+    /// PCLK16M.
+    pub(crate) hf: Pclk16m,
+    /// How much faster than 64 MHz the core's clock is.
+    pub(crate) hf_ppb: i64,
+    /// LFCLK while it runs.
+    pub(crate) lf: Option<Lfclk>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tick_is_counted_at_its_own_cycle_and_not_one_before() {
+        for (lf, hf) in [(0, 0), (-40_000, 20_001), (2_000_000, 15_000_000)] {
+            let clock = Lfclk::new(lf, hf, 17);
+            for tick in [1, 2, 3, 32_767, 32_768, 160_000_000_001] {
+                let at = clock.instant(tick);
+                assert_eq!(clock.ticks(at), tick, "{lf} {hf} ppb");
+                assert_eq!(clock.ticks(at - 1), tick - 1, "{lf} {hf} ppb");
+            }
+        }
+    }
+
+    #[test]
+    fn a_second_of_an_exact_crystal_is_sixty_four_million_cycles() {
+        assert_eq!(Lfclk::new(0, 0, 0).instant(32_768), 64_000_000);
+        assert_eq!(Lfclk::new(20_000, 20_000, 0).instant(32_768), 64_000_000);
+    }
+
+    #[test]
+    fn a_change_of_nothing_moves_no_tick() {
+        let clock = Lfclk::new(12_345, 0, 5);
+        let mut touched = clock;
+        for at in [17, 30_000, 1_000_003, 77_777_777] {
+            touched.retune(at, 12_345, 0);
+        }
+        for tick in 40_000..40_100 {
+            assert_eq!(touched.instant(tick), clock.instant(tick));
+        }
+    }
+
+    #[test]
+    fn a_change_of_the_core_clock_keeps_the_count() {
+        let mut clock = Lfclk::new(0, 0, 0);
+        let at = clock.instant(1_000);
+        clock.retune(at, 0, 15_000_000);
+        assert_eq!(clock.ticks(at), 1_000);
+        // The core is faster now, and a tick takes more of its cycles.
+        assert_eq!(clock.instant(1_000 + 32_768) - at, 64_000_000 * 1_015 / 1_000);
+    }
+}

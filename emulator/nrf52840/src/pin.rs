@@ -1,0 +1,43 @@
+//! Pins as the part numbers them itself.
+use emulator_part as part;
+
+/// A pin: P0.00 to P0.31 are 0 to 31, P1.00 to P1.15 are 32 to 47, as PSEL numbers them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Pin(u8);
+
+impl Pin {
+    /// The pin a PSEL register names, or `None` where it is disconnected or names none.
+    #[inline]
+    pub(crate) fn selected(psel: u32) -> Option<Self> {
+        let pin = (psel & 0x3F) as u8;
+        (psel & 1 << 31 == 0 && pin < 48).then_some(Self(pin))
+    }
+
+    /// The pin the bench names, or `None` where the part has none such.
+    pub(crate) fn outside(pin: part::Pin) -> Option<Self> {
+        let exists = matches!((pin.port, pin.number), (0, 0..=31) | (1, 0..=15));
+        exists.then_some(Self(pin.port << 5 | pin.number))
+    }
+
+    /// The pin as the bench names it.
+    #[inline]
+    pub(crate) const fn named(self) -> part::Pin {
+        part::Pin::new(self.0 >> 5, self.0 & 31)
+    }
+
+    /// The port, 0 or 1, and the pin in it.
+    #[inline]
+    pub(crate) const fn place(self) -> (usize, u32) {
+        ((self.0 >> 5) as usize, self.0 as u32 & 31)
+    }
+
+    #[inline]
+    pub(crate) const fn index(self) -> usize {
+        self.0 as usize
+    }
+
+    #[inline]
+    pub(crate) const fn of(port: usize, n: u32) -> Self {
+        Self((port as u8) << 5 | n as u8)
+    }
+}

@@ -1,0 +1,137 @@
+//! The interconnect: which block is where, and what carries the effect of one to another.
+//!
+//! | module | covered | PS |
+//! |---|---|---|
+//! | `map` | peripheral IDs, bases and interrupts | 4.2 |
+//! | `instances` | the blocks that are modelled, and how one is called by its ID | 4.2 |
+//! | `access` | tasks (write 1, read 0), events (write 0 clears, 1 sets), SHORTS, INTEN | 6.1 |
+//! | `acts` | what happens, in order; PPI; EasyDMA to data RAM, byte by byte | 4.6, 6.16 |
+//! | `outside` | levels, bytes and frames that cross the pins | 6.10, 6.25, 6.26, 6.31, 6.32, 6.34 |
+//! | `power` | clock sources, System OFF, what each source of reset leaves as it was | 5.3, 5.4 |
+//!
+//! | left out | why |
+//! |---|---|
+//! | the one PCLK16M cycle that a PPI channel takes | below the resolution anything here is asked for; order is kept |
+//! | RAM\[n\].POWER taking a section's contents while the part is on | registers only |
+//!
+//! Everything that happens is an [`Act`] in one queue, carried out in order. An event that triggers, through PPI, the
+//! task that raises it again never ends on the part, one turn per clock cycle; here it is cut after a number of turns
+//! and reported.
+
+#[macro_use]
+mod instances;
+
+mod access;
+mod acts;
+mod map;
+mod outside;
+mod power;
+#[cfg(test)]
+mod tests;
+
+use crate::clocks::{Clocks, Lfclk, Pclk16m};
+use crate::gpio::Gpio;
+use crate::gpiote::Gpiote;
+use crate::instance::{Act, Cx, Id, Instance, Outbox, Source, address_of};
+use crate::memory::{FLASH_BYTES, Memory, RAM_BASE, RAM_BYTES, identification};
+use crate::memory::{Place, place};
+use crate::pin::Pin;
+use crate::serial::Serial;
+use crate::{Settings, SpisEvent, SsiWires, WatchdogReset};
+use cortex_m4::{Access, BusError, Purpose, Signals, Width};
+use emulator_part::{
+    Cycle, FindingKind, I2cAnswer, I2cEvent, NEVER, Outside, Reset, SpiFrame, SpiMode, Supplied, UartFrame,
+};
+use instances::*;
+use map::*;
+pub(crate) use map::{COMP, GPIO};
+
+/// Interrupt lines of the NVIC.
+pub(crate) const INTERRUPT_LINES: u16 = 48;
+
+/// What ended System OFF where it was not a pin's DETECT.
+const BY_LPCOMP: &str = "LPCOMP";
+
+/// Everything inside the part but the core.
+#[derive(Clone, Debug)]
+pub(crate) struct Soc {
+    pub(crate) settings: Settings,
+    pub(crate) memory: Memory,
+    clocks: Clocks,
+    /// LFCLK comes from HFCLK.
+    lf_synthesised: bool,
+    pub(crate) gpio: Gpio,
+    parts: Parts,
+    pub(crate) out: Outbox,
+    /// The latest cycle that anything happened at.
+    pub(crate) now: Cycle,
+    pub(crate) signals: Signals,
+    /// Instances called since their interrupt lines and next cycles were last looked at.
+    touched: u64,
+    /// Instances that have a next cycle, and which: [`NEVER`] for none.
+    scheduled: u64,
+    nexts: [Cycle; 64],
+    /// The least of them.
+    pub(crate) next: Cycle,
+    /// Instances that EasyDMA works for.
+    pub(crate) moving: u64,
+    /// When the core last had to wait for EasyDMA.
+    met_dma: Cycle,
+    pub(crate) spis_events: Vec<(Cycle, usize, SpisEvent)>,
+    /// At each [`SpisEvent::Ready`], what a transaction would read.
+    pub(crate) spis_offers: Vec<(Cycle, Vec<u8>)>,
+    pub(crate) watchdog_resets: Vec<WatchdogReset>,
+    pub(crate) ssi: Option<SsiWires>,
+    restarting: Option<Reset>,
+    /// The part waits for its restart, or is in System OFF: nothing happens in it.
+    halted: bool,
+    off: bool,
+    /// The supply holds the part in reset.
+    held: bool,
+    pub(crate) access: crate::ctrl_ap::Access,
+}
+
+impl Soc {
+    pub(crate) fn new(settings: Settings) -> Self {
+        let mut soc = Self {
+            memory: Memory::new(&settings),
+            clocks: Clocks { hf: Pclk16m, hf_ppb: settings.hfint_ppb, lf: None },
+            lf_synthesised: false,
+            gpio: Gpio::default(),
+            parts: Parts::new(&settings),
+            out: Outbox::default(),
+            now: 0,
+            signals: Signals::default(),
+            touched: INSTANCES,
+            scheduled: 0,
+            nexts: [NEVER; 64],
+            next: NEVER,
+            moving: 0,
+            met_dma: 0,
+            spis_events: Vec::new(),
+            spis_offers: Vec::new(),
+            watchdog_resets: Vec::new(),
+            ssi: None,
+            restarting: None,
+            halted: false,
+            off: false,
+            held: false,
+            access: crate::ctrl_ap::Access::default(),
+            settings,
+        };
+        soc.look_at_touched();
+        soc
+    }
+
+    pub(crate) fn hf_ppb(&self) -> i64 {
+        self.clocks.hf_ppb
+    }
+
+    pub(crate) fn take_reset(&mut self) -> Option<Reset> {
+        self.restarting.take()
+    }
+
+    fn find(&mut self, kind: FindingKind, place: &'static str, what: &'static str, value: u32) {
+        self.out.find(self.now, kind, place, what, value);
+    }
+}

@@ -1,0 +1,332 @@
+//! UARTE: the UART with EasyDMA (PS 6.34), and the legacy UART, which shares its registers (6.33).
+//!
+//! `transmitter` has TXD and CTS, `receiver` RXD and RTS, `line` the wire, this module the registers.
+//!
+//! | covered | PS |
+//! |---|---|
+//! | STARTTX, STOPTX; TXSTARTED, TXDRDY, ENDTX, TXSTOPPED | 6.34 |
+//! | STARTRX, STOPRX, FLUSHRX; RXSTARTED, RXDRDY, ENDRX, RXTO; ENDRX_STARTRX, ENDRX_STOPRX | 6.34 |
+//! | the 6-byte FIFO that bridges two buffers, and OVERRUN past it | 6.34 |
+//! | BAUDRATE, parity and stop bits, as they are on the wire | 6.34 |
+//! | flow control: CTS holds the next byte back, RTS says there is room; CTS and NCTS | 6.34 |
+//! | FRAMING, PARITY and BREAK, from the levels at the receiver's own sample instants | 6.34 |
+//! | the legacy UART: RXD, TXD, RXDRDY, TXDRDY, ERROR, SUSPEND | 6.33 |
+//!
+//! The receiver waits for a falling edge and samples each bit in its middle by its own BAUDRATE, the stop bit as well;
+//! then it waits for the next falling edge. A frame of another rate is therefore received as the bits that it shows at
+//! those instants (the PS does not say how often a bit is sampled; one sample is assumed). A byte with a framing or
+//! parity error is received all the same (assumed).
+//!
+//! The PS wants RXD and CTS as inputs, TXD and RTS as outputs (6.34, *Pin configuration*). Here a TXD that GPIO does
+//! not have as an output sends nothing and an RXD whose input buffer is disconnected receives nothing; the first is
+//! reported.
+//!
+//! | left out | why |
+//! |---|---|
+//! | the check of the start bit's middle, and bytes that begin before STARTRX | no noise here |
+
+mod line;
+mod receiver;
+mod transmitter;
+
+use crate::clocks::{CYCLES_PER_TICK, Clocks};
+use crate::instance::{Act, Block, Cx, Instance};
+use crate::pin::Pin;
+use emulator_part::{Cycle, UartFrame, UartParity};
+use std::collections::VecDeque;
+
+const CTS: u32 = 0;
+const NCTS: u32 = 1;
+const RXDRDY: u32 = 2;
+const ENDRX: u32 = 4;
+const TXDRDY: u32 = 7;
+const ENDTX: u32 = 8;
+const ERROR: u32 = 9;
+const RXTO: u32 = 17;
+const RXSTARTED: u32 = 19;
+const TXSTARTED: u32 = 20;
+const TXSTOPPED: u32 = 22;
+const ENDRX_STARTRX: u32 = 5;
+const ENDRX_STOPRX: u32 = 6;
+
+/// ERRORSRC.
+const OVERRUN: u32 = 1;
+const PARITY: u32 = 1 << 1;
+const FRAMING: u32 = 1 << 2;
+const BREAK: u32 = 1 << 3;
+
+const ENABLED: u32 = 8;
+const LEGACY: u32 = 4;
+/// Bytes the receiver holds when no buffer waits.
+const FIFO: usize = 6;
+/// With flow control, RTS goes up when the receiver has room for so many bytes more (PS 6.34).
+const ROOM: usize = 4;
+/// Byte times from STOPRX to RXTO, in which the far end may finish what it had begun.
+const RX_TIMEOUT_BYTES: u64 = 4;
+/// The longest bit that can be received, in picoseconds: a second.
+const LONGEST_BIT_PS: u64 = 1_000_000_000_000;
+/// Picoseconds of a cycle of an exact core clock.
+const CYCLE_PS: u64 = 15_625;
+
+#[derive(Debug, Default, Clone, Copy)]
+struct Buffer {
+    at: u32,
+    len: u32,
+    done: u32,
+}
+
+/// What arrives on RXD.
+#[derive(Debug, Default, Clone)]
+struct Line {
+    frames: VecDeque<(Cycle, UartFrame)>,
+}
+
+/// The length of a cycle in 2⁻¹⁶ ps.
+fn period(clocks: &Clocks) -> u64 {
+    (CYCLE_PS << 16) * 1_000_000_000 / 1_000_000_000_u64.wrapping_add_signed(clocks.hf_ppb)
+}
+
+/// One instance.
+#[derive(Clone, Debug)]
+pub(crate) struct Uarte {
+    block: Block,
+    enable: u32,
+    psel: [u32; 4],
+    baudrate: u32,
+    config: u32,
+    errorsrc: u32,
+    /// PTR, MAXCNT, AMOUNT of RXD and TXD.
+    rxd: [u32; 3],
+    txd: [u32; 3],
+    tx: Option<Buffer>,
+    /// The byte on its way, the tick its transmission began at, and whether the transmitter was told to stop.
+    byte: u8,
+    tx_from: u64,
+    tx_sent: u64,
+    tx_stopping: bool,
+    tx_next: Option<Cycle>,
+    /// CTS holds the next byte back.
+    tx_held: bool,
+    /// What RTS drives, and on which pin.
+    rts: Option<(Pin, bool)>,
+    rx: Option<Buffer>,
+    rx_on: bool,
+    rx_since: Cycle,
+    rx_timeout: Option<Cycle>,
+    fifo: VecDeque<u8>,
+    line: Line,
+    /// The start edge of the byte being received, and when its stop bit is sampled.
+    receiving: Option<(Cycle, Cycle)>,
+    /// The legacy UART: its transmitter is on, and the byte that waits behind the one on its way.
+    legacy_tx: bool,
+    legacy_waiting: Option<u8>,
+}
+
+impl Default for Uarte {
+    fn default() -> Self {
+        Self {
+            block: Block::default(),
+            enable: 0,
+            psel: [u32::MAX; 4],
+            baudrate: 0x0400_0000,
+            config: 0,
+            errorsrc: 0,
+            rxd: [0; 3],
+            txd: [0; 3],
+            tx: None,
+            byte: 0,
+            tx_from: 0,
+            tx_sent: 0,
+            tx_stopping: false,
+            tx_next: None,
+            tx_held: false,
+            rts: None,
+            rx: None,
+            rx_on: false,
+            rx_since: 0,
+            rx_timeout: None,
+            fifo: VecDeque::new(),
+            line: Line::default(),
+            receiving: None,
+            legacy_tx: false,
+            legacy_waiting: None,
+        }
+    }
+}
+
+impl Uarte {
+    fn has_parity(&self) -> bool {
+        self.config >> 1 & 0b111 == 0b111
+    }
+
+    /// PCLK16M ticks that `bytes` bytes take: BAUDRATE is the rate in 2^-32 of PCLK16M.
+    fn ticks(&self, bytes: u64) -> u64 {
+        let stop = 1 + u64::from(self.config >> 4 & 1);
+        let bits = bytes * (9 + u64::from(self.has_parity()) + stop);
+        (bits << 32) / u64::from(self.baudrate.max(1))
+    }
+
+    /// Cycles that `halves` half bits take.
+    fn half_bits(&self, halves: u64) -> u64 {
+        (halves << 31) * CYCLES_PER_TICK / u64::from(self.baudrate.max(1))
+    }
+
+    fn stop(&mut self) {
+        (self.tx, self.tx_next, self.rx, self.rx_on, self.rx_timeout) = (None, None, None, false, None);
+        (self.legacy_tx, self.legacy_waiting, self.receiving) = (false, None, None);
+        self.tx_held = false;
+        self.fifo.clear();
+        self.line.frames.clear();
+    }
+}
+
+impl Instance for Uarte {
+    crate::instance::block!();
+
+    fn task(&mut self, offset: u32, cx: &mut Cx<'_>) -> bool {
+        if !matches!(self.enable, ENABLED | LEGACY) && matches!(offset, 0x000 | 0x008) {
+            cx.misuse("started while it is not enabled; ENABLE", self.enable);
+            return true;
+        }
+        let legacy = self.enable == LEGACY;
+        match offset {
+            0x000 if legacy => self.receiver_on(cx),
+            0x008 if legacy => self.legacy_tx = true,
+            0x00C | 0x01C if legacy => {
+                (self.legacy_tx, self.legacy_waiting) = (false, None);
+                if offset == 0x01C {
+                    self.stop_rx(cx);
+                }
+            }
+            0x000 => self.start_rx(cx),
+            0x004 => self.stop_rx(cx),
+            0x008 => {
+                if self.tx.is_some() {
+                    cx.misuse("STARTTX during a transmission", 0);
+                    return true;
+                }
+                self.block.raise(TXSTARTED, cx);
+                (self.tx_from, self.tx_sent) = (cx.hf(), 0);
+                self.tx = Some(Buffer { at: self.txd[0], len: self.txd[1], done: 0 });
+                if self.txd[1] == 0 {
+                    self.tx = None;
+                    self.txd[2] = 0;
+                    self.block.raise(ENDTX, cx);
+                } else {
+                    self.fetch(cx);
+                }
+            }
+            0x00C => {
+                if self.tx.is_some() && !self.tx_held {
+                    self.tx_stopping = true;
+                } else {
+                    self.stop_tx(cx);
+                }
+            }
+            0x02C => {
+                self.rx = Some(Buffer { at: self.rxd[0], len: self.rxd[1], done: 0 });
+                self.drain(cx);
+                self.end_rx(cx);
+            }
+            _ => return false,
+        }
+        self.request_to_send(cx);
+        true
+    }
+
+    fn read(&self, offset: u32, _: Cycle, _: &Clocks) -> Option<u32> {
+        Some(match offset {
+            0x480 => self.errorsrc,
+            0x500 => self.enable,
+            0x508..=0x514 => self.psel[(offset as usize - 0x508) / 4],
+            0x518 => self.fifo.front().map_or(0, |&byte| u32::from(byte)),
+            0x51C => 0,
+            0x524 => self.baudrate,
+            0x534..=0x53C => self.rxd[(offset as usize - 0x534) / 4],
+            0x544..=0x54C => self.txd[(offset as usize - 0x544) / 4],
+            0x56C => self.config,
+            _ => return None,
+        })
+    }
+
+    fn was_read(&mut self, offset: u32, cx: &mut Cx<'_>) {
+        if offset == 0x518 && self.enable == LEGACY && self.fifo.pop_front().is_some() && !self.fifo.is_empty() {
+            self.block.raise(RXDRDY, cx);
+        }
+        self.request_to_send(cx);
+    }
+
+    fn write(&mut self, offset: u32, value: u32, cx: &mut Cx<'_>) -> bool {
+        match offset {
+            0x480 => self.errorsrc &= !value,
+            0x500 => {
+                let enable = value & 0xF;
+                if enable != self.enable {
+                    self.stop();
+                }
+                self.enable = enable;
+            }
+            0x508..=0x514 => self.psel[(offset as usize - 0x508) / 4] = value,
+            0x518 => {}
+            0x51C => self.legacy_send(value as u8, cx),
+            0x524 => self.baudrate = value,
+            0x534 | 0x538 => {
+                self.rxd[(offset as usize - 0x534) / 4] = if offset == 0x538 { value & 0xFFFF } else { value }
+            }
+            0x544 | 0x548 => {
+                self.txd[(offset as usize - 0x544) / 4] = if offset == 0x548 { value & 0xFFFF } else { value }
+            }
+            0x53C | 0x54C => {}
+            0x56C => {
+                self.config = value & 0x1F;
+            }
+            _ => return false,
+        }
+        self.request_to_send(cx);
+        true
+    }
+
+    fn next(&self) -> Option<Cycle> {
+        let sampled = self.receiving.map(|(_, stop)| stop);
+        [self.tx_next, self.rx_timeout, sampled].into_iter().flatten().min()
+    }
+
+    fn due(&mut self, cx: &mut Cx<'_>) {
+        let now = cx.now;
+        if self.tx_next.take_if(|at| *at <= now).is_some() {
+            self.tx_sent += 1;
+            self.sent(cx);
+            if let Some(tx) = &mut self.tx {
+                tx.done += 1;
+                let (over, done) = (tx.done == tx.len, tx.done);
+                if over {
+                    self.tx = None;
+                    self.txd[2] = done;
+                    self.block.raise(ENDTX, cx);
+                }
+                if self.tx_stopping {
+                    self.stop_tx(cx);
+                } else if !over {
+                    self.fetch(cx);
+                }
+            } else if let Some(byte) = self.legacy_waiting.take() {
+                self.byte = byte;
+                self.arm_tx(cx);
+            }
+        }
+        self.sample(cx);
+        if self.rx_timeout.take_if(|at| *at <= now).is_some() {
+            self.rx_on = false;
+            if self.rx.is_some() {
+                // Its shortcuts do not start again what was told to stop.
+                self.finish_rx(cx);
+            }
+            self.block.raise(RXTO, cx);
+        }
+        self.request_to_send(cx);
+    }
+
+    fn moves(&self) -> bool {
+        self.tx.is_some() || self.rx.is_some()
+    }
+}
