@@ -1,9 +1,9 @@
 //! gdb at one board: of the running link, or of one that runs a firmware alone.
 //!
 //! [`serve`] runs the whole link ([`crate::sim`]) with a debugger at one board, and [`serve_alone`] one firmware alone
-//! on one board ([`emulator_node::Target::run_connected`]). The debugger speaks gdb's remote protocol over any connection
-//! (`gdbstub` reads and writes it). What a debugger does to a board on a desk, it does here without
-//! being noticed: a halted board halts the world ([`emulator_node::Halt`]), so no frame, no transaction and no
+//! on one board ([`emulator_node::Target::run_connected`]). The debugger speaks gdb's remote protocol over any
+//! connection (`gdbstub` reads and writes it). What a debugger does to a board on a desk, it does here without being
+//! noticed: a halted board halts the world ([`emulator_node::Halt`]), so no frame, no transaction and no
 //! watchdog passes meanwhile, and what is only looked at leaves the run's report as it would have been, byte for byte.
 //!
 //! | gdb | here |

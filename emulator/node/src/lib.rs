@@ -9,8 +9,8 @@
 //!
 //! # Time
 //! Virtual time is `u64` nanoseconds from power-on, one time for all boards. Inside a board, time is counted in cycles
-//! of its core, whose rate is what its crystals and its clock tree make of it ([`emulator_part::Timebase`]). Models act at
-//! their exact cycles. The core acts on instruction boundaries, so an instant the core takes part in is late by at most
+//! of its core, whose rate is what its crystals and its clock tree make of it ([`emulator_part::Timebase`]). Models act
+//! at their exact cycles. The core acts on instruction boundaries, so an instant the core takes part in is late by at most
 //! one instruction.
 //!
 //! # What stops a run from lying
