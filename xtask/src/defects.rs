@@ -3,9 +3,9 @@
 //! The table is in `bench/tests/defects/table.rs`. All of its changes are made at once, in a copy of the workspace
 //! below the target folder: each becomes a choice between the old text and the new one, by a number that a crate of the
 //! copy alone gives. In a firmware image that number is a constant in flash, which is written into the built file
-//! before its CRC; in the bench, where the flight controller's client and the base station run, it is an environment variable. So
-//! two images and one bench do for the whole table. With number 0 the copy does what the checkout does, and has to
-//! pass every run of the table without a violation.
+//! before its CRC; in the bench, where the flight controller's client and the base station run, it is an environment
+//! variable. So two images and one bench do for the whole table. With number 0 the copy does what the checkout does,
+//! and has to pass every run of the table without a violation.
 //!
 //! Without the bench's share, which takes longest to build, `cargo xtask test` runs a sample.
 

@@ -1,8 +1,9 @@
 //! What is wired around a microcontroller.
 //!
 //! A [`Board`] hears what its part does to pins and buses ([`emulator_part::Outside`], with instants in nanoseconds)
-//! and says what its chips do to the part's pins. After everything that reaches it, and when its own [`Board::next_event`]
-//! has come, the node calls [`Board::settle`]; the part hears of what comes back at that same instant.
+//! and says what its chips do to the part's pins. After everything that reaches it, and when its own
+//! [`Board::next_event`] has come, the node calls [`Board::settle`]; the part hears of what comes back at that same
+//! instant.
 
 use std::fmt::Debug;
 use std::marker::PhantomData;

@@ -10,8 +10,8 @@
 //! # Time
 //! Virtual time is `u64` nanoseconds from power-on, one time for all boards. Inside a board, time is counted in cycles
 //! of its core, whose rate is what its crystals and its clock tree make of it ([`emulator_part::Timebase`]). Models act
-//! at their exact cycles. The core acts on instruction boundaries, so an instant the core takes part in is late by at most
-//! one instruction.
+//! at their exact cycles. The core acts on instruction boundaries, so an instant the core takes part in is late by at
+//! most one instruction.
 //!
 //! # What stops a run from lying
 //! An access where the part has nothing faults, as on silicon. An access to a register without a model, to a peripheral
