@@ -284,12 +284,31 @@ mod tests {
             }
             assert_eq!(order.judge(60_100, 60_100_000, true), Step::Newest { missed: 9 });
         }
-        // Once the true one is quiet, it does; a quarter of a second is what is looked for.
-        let mut order = Sender::running();
-        let steps = [0, 1, 249_999, 250_000]
-            .map(|after| order.judge(70_000 + 10 * (after as u32 % 7), 60 * SECOND + after, true));
-        assert_eq!(steps[..2], [Step::Search; 2]);
-        assert!(steps.contains(&Step::Restarted) == (steps[3] == Step::Restarted), "{steps:?}");
+        // Once the true one is quiet, it does.
+        for (third, step) in [(QUIET_US - 1, Step::Search), (QUIET_US, Step::Restarted)] {
+            let mut order = Sender::running();
+            for burst in 1..=2_u32 {
+                let at = 60 * SECOND + u64::from(burst);
+                assert_eq!(order.judge(3_660_000 + 10 * burst, at, true), Step::Search, "{third}");
+            }
+            assert_eq!(order.judge(3_660_030, 60 * SECOND + third, true), step, "{third}");
+        }
+    }
+
+    #[test]
+    fn the_sample_that_proves_a_restart_counts_as_the_first() {
+        // With the third sample less may be early than before.
+        for (more, step) in [(1, Step::Newest { missed: 0 }), (2, Step::Search)] {
+            let mut order = Order::default();
+            order.judge(60_000, 0, true, 0);
+            let steps = [10, 20, 30].map(|ms| order.judge(ms, SECOND + u64::from(ms) * 1_000, true, 0));
+            assert_eq!(steps[2], Step::Restarted);
+            for nth in 1..=more {
+                order.judge(30 + 10 * nth, SECOND + 40_000 + u64::from(nth), true, 0);
+            }
+            let early = AHEAD_US.cast_signed() + 500_000;
+            assert_eq!(order.judge(40 + 10 * more, SECOND + 50_000, true, early), step, "{more}");
+        }
     }
 
     #[test]
