@@ -296,6 +296,27 @@ mod tests {
     }
 
     #[test]
+    fn what_goes_back_is_a_restarts_or_late_up_to_the_limits() {
+        let judged = |timestamp, early_us| {
+            let mut order = Order::default();
+            order.judge(60_000, 0, true, 0);
+            order.judge(timestamp, SECOND, true, early_us)
+        };
+        // It may have started as the last one came, half a second before.
+        assert_eq!([1_500, 1_510].map(|timestamp| judged(timestamp, -1)), [Step::Search, Step::Older]);
+        let late = LATE_US.cast_signed();
+        assert_eq!([-late, -late - 1].map(|early_us| judged(5_000, early_us)), [Step::Older, Step::Search]);
+    }
+
+    #[test]
+    fn timestamps_off_the_grid_continue_no_search() {
+        let mut order = Order::default();
+        order.judge(60_000, 0, true, 0);
+        let steps = [900_005, 900_012, 900_019].map(|timestamp| order.judge(timestamp, SECOND, true, 0));
+        assert_eq!(steps, [Step::Search; 3]);
+    }
+
+    #[test]
     fn the_sample_that_proves_a_restart_counts_as_the_first() {
         // With the third sample less may be early than before.
         for (more, step) in [(1, Step::Newest { missed: 0 }), (2, Step::Search)] {
