@@ -3,12 +3,12 @@
 use std::path::Path;
 use std::process::{Command, ExitCode};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use clap::Args;
 use emulator_node::Clock;
 
 use crate::run::Place;
-use crate::workspace::{TARGET, cargo, check};
+use crate::workspace::{TARGET, cargo, check, metadata};
 use crate::{Board, ProbeArgs, Receivers, firmware};
 
 #[derive(Args)]
@@ -26,14 +26,54 @@ pub(crate) struct TestArgs {
     /// Run the on-target suites only, and no host test.
     #[arg(long)]
     on_target: bool,
+    /// Run one package's tests, or those of the test binaries of this name, and of these only what has TEST in its name.
+    #[arg(long, num_args = 1..=2, value_names = ["NAME", "TEST"], conflicts_with_all = ["board", "on_target", "clock"])]
+    only: Vec<String>,
     #[command(flatten)]
     probe: ProbeArgs,
+}
+
+/// The arguments of `cargo test` for the package called `name`, or for the test binaries called so.
+fn selected(metadata: &serde_json::Value, name: &str) -> Result<Vec<String>> {
+    let packages: Vec<_> = metadata["packages"].as_array().into_iter().flatten().collect();
+    let called = |value: &serde_json::Value| value["name"] == name;
+    let is_test = |target: &serde_json::Value| target["kind"][0] == "test" && called(target);
+    let has_test = |package: &&&serde_json::Value| package["targets"].as_array().into_iter().flatten().any(is_test);
+    let package = packages.iter().find(|package| called(package));
+    let of_tests: Vec<_> = packages.iter().filter(has_test).collect();
+    ensure!(package.is_some() || !of_tests.is_empty(), "no package and no test binary is called {name}");
+    let chosen: Vec<_> = package.map_or(of_tests, |package| vec![package]);
+    let names = chosen.iter().filter_map(|package| package["name"].as_str());
+    let mut args: Vec<String> = names.flat_map(|name| ["--package", name]).map(str::to_owned).collect();
+    if package.is_none() {
+        args.extend(["--test".into(), name.to_owned()]);
+    }
+    // A test of xtask may need what only these bring in.
+    if args.iter().any(|arg| arg == "xtask") {
+        args.extend(["--features".into(), "live,probe".into()]);
+    }
+    Ok(args)
+}
+
+/// Runs what [`selected`] says, with both images.
+fn only(name: &str, test: Option<&String>) -> Result<ExitCode> {
+    let args = selected(&metadata()?, name)?;
+    for gps in Receivers::ALL {
+        firmware::build_pair(gps)?;
+    }
+    let mut command = cargo();
+    command.args(["test", "--quiet"]).args(args).arg("--").args(test).env("LINK_IMAGES", firmware::folder());
+    check("cargo test", &mut command)?;
+    Ok(ExitCode::SUCCESS)
 }
 
 pub(crate) fn test(args: &TestArgs) -> Result<ExitCode> {
     #[cfg(not(feature = "probe"))]
     if args.on == Place::Hardware {
         return crate::workspace::again_with("probe");
+    }
+    if let Some(name) = args.only.first() {
+        return only(name, args.only.get(1));
     }
     // Asked for before anything is built: the host tests are built with all features of xtask, which replaces the file
     // of the running program, and the system then reports its path with " (deleted)" appended.
@@ -132,4 +172,22 @@ pub(crate) fn verdict(name: &str, ran: usize, failed: &[String]) -> ExitCode {
     }
     println!("{name}: {} passed, {} failed", ran - failed.len(), failed.len());
     if failed.is_empty() { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_selects_its_package_or_each_test_binary_of_that_name() {
+        let metadata = metadata().unwrap();
+        let args = |name| selected(&metadata, name).unwrap().join(" ");
+        assert_eq!(args("profile"), "--package profile");
+        assert_eq!(args("phases"), "--package bench --test phases");
+        let hang = args("hang");
+        assert!(hang.contains("--package bench ") && hang.contains("--package bench-judge "), "{hang}");
+        assert_eq!(args("xtask"), "--package xtask --features live,probe");
+        let error = selected(&metadata, "nothing").unwrap_err().to_string();
+        assert_eq!(error, "no package and no test binary is called nothing");
+    }
 }
