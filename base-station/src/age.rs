@@ -253,6 +253,18 @@ mod tests {
     }
 
     #[test]
+    fn a_window_is_over_with_the_sample_at_its_end_and_2_percent_are_plausible() {
+        // So much more has passed here than there in each of two windows, ms; 2 % are 600 ms.
+        for (more, implausible) in [(600, false), (601, true)] {
+            let mut ages = Ages::default();
+            for window in 0..=2_u32 {
+                ages.take(window * (30_000 - more), u64::from(window) * WINDOW_US, true);
+            }
+            assert_eq!(ages.is_clock_implausible(), implausible, "{more} ms");
+        }
+    }
+
+    #[test]
     fn late_samples_among_the_first_make_none_early() {
         let mut ages = Ages::default();
         assert_eq!(ages.take(1_000, 5_000_000, true), 0);
