@@ -210,6 +210,7 @@ fn where_all_speak_no_further_one_is_taken_and_that_is_counted() {
     }
     assert_eq!(take(&mut fleet, 9_999, 1, BEGIN + 30_000, &profile(10)).1, []);
     assert_eq!((fleet.refused(), fleet.dropped(), fleet.iter().len()), (1, 0, MAX_DRONES));
+    assert_eq!(take(&mut fleet, 9_999, 1, BEGIN + 20_000 + SILENT_US, &profile(10)).1, [], "silent for no longer");
     // The one that is silent for longest goes.
     take(&mut fleet, 5, 1, BEGIN + 2 * SECOND, &profile(2_000));
     assert_eq!(take(&mut fleet, 9_999, 1, BEGIN + 2 * SECOND, &profile(10)).1, [Verdict::New; 2]);
