@@ -329,15 +329,11 @@ impl Disturbance {
         self.takes().iter().any(|(own, _)| *own == excuse)
     }
 
-    /// In how many cycles after its cause has gone the link has to have recovered.
+    /// Whether a front end may have to be brought up again after it, for which the link has
+    /// [`bounds::BRING_UP_CYCLES`].
     #[must_use]
-    pub const fn recovery_cycles(self) -> u64 {
-        match self {
-            Self::FrontEnd { .. } | Self::Supply { .. } | Self::Restart { .. } | Self::DeadTask { .. } => {
-                bounds::BRING_UP_CYCLES
-            }
-            _ => bounds::RECOVERY_CYCLES,
-        }
+    pub const fn brings_up(self) -> bool {
+        matches!(self, Self::FrontEnd { .. } | Self::Supply { .. } | Self::Restart { .. } | Self::DeadTask { .. })
     }
 
     /// The board that is disturbed: its next start ends what is excused, unless the cause is still there.

@@ -63,7 +63,7 @@ impl Recovery {
         match &event.what {
             // What never goes away is no cause that anything could recover from.
             What::Injected { disturbs, until, .. } if *until < u64::MAX => {
-                let bring_up = disturbs.recovery_cycles() == bounds::BRING_UP_CYCLES;
+                let bring_up = disturbs.brings_up();
                 self.cause((*until).max(event.at), bring_up, findings);
             }
             What::Hung { board } => {
