@@ -210,7 +210,7 @@ mod tests {
             came.iter().map(|change| (change.alarm, change.raised)).collect::<Vec<_>>(),
             [(Alarm::Stale, true), (Alarm::Degraded, true)]
         );
-        assert_eq!(board.set(7, two), []);
+        assert_eq!(board.set(7, two.with(Alarm::Stale, true)), [], "once is enough");
         let one = Alarms::none().with(Alarm::Degraded, true);
         assert_eq!(board.set(9, one), [Change { alarm: Alarm::Stale, raised: false, at_us: 9 }]);
         assert_eq!(board.raised().collect::<Vec<_>>(), [Raised { alarm: Alarm::Degraded, since_us: 5 }]);

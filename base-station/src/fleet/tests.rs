@@ -64,6 +64,8 @@ fn two_drones_with_one_system_id_are_two_and_both_say_so() {
             assert_eq!(take(&mut fleet, 7, 2, at, &other), ("7-2".into(), vec![Verdict::New; 2]));
         }
         assert_eq!(names(&fleet), ["7", "7-2"]);
+        let sources = fleet.iter().map(|(id, _)| fleet.source(id));
+        assert!(sources.eq([1, 2].map(|port| Some(source(port)))));
         for name in ["7", "7-2"] {
             assert!(has(&fleet, name, BEGIN + 3 * SECOND, Alarm::TwoSenders));
             assert_eq!(has(&fleet, name, BEGIN + 3 * SECOND, Alarm::EmergencyFired), name == "7-2");
