@@ -69,8 +69,8 @@ pub struct Port {
     /// What Port-Status said when it was last looked at, and how many transactions there were since.
     known: (PortValues, u32),
     /// Access violations of Link-Status and of Port-Status, and the last command's timestamp, when nothing that was
-    /// written had still to show.
-    counted: (u32, u32, u32),
+    /// written had still to show; nothing once Port-Status was wrong, which is another violation.
+    counted: Option<(u32, u32, u32)>,
     health: Health,
     /// It has said that its last self-test failed.
     failed: bool,
@@ -91,7 +91,7 @@ impl Port {
             fresh: VecDeque::new(),
             written: 0,
             known: (PortValues::default(), 0),
-            counted: (0, 0, 0),
+            counted: None,
             health: Health::powered(0),
             failed: false,
         };
@@ -104,7 +104,7 @@ impl Port {
         self.entries.clear();
         self.fresh.clear();
         self.known = (PortValues::default(), 0);
-        self.counted = (0, 0, 0);
+        self.counted = Some((0, 0, 0));
         self.failed = false;
         if known {
             self.entries.push_back(Entry { at, mosi: vec![], models: vec![Model::at_start()] });
@@ -224,6 +224,7 @@ impl Port {
             });
             // It is told once, and from here on what the DPR says is what there is.
             self.entries.clear();
+            self.counted = None;
             self.known = (values, 0);
             return;
         };
@@ -242,7 +243,8 @@ impl Port {
     /// no command clears that.
     fn counted(&mut self, link: u16, values: &PortValues, selected: u64, findings: &mut Findings) {
         let now = (u32::from(link), values.violations.total(), values.last_command_timestamp);
-        let (link_before, total_before, command_before) = std::mem::replace(&mut self.counted, now);
+        let Some(before) = &mut self.counted else { return };
+        let (link_before, total_before, command_before) = std::mem::replace(before, now);
         let (link, total, command) = now;
         let grew_alike = link == u32::from(u16::MAX) || link + total_before == total + link_before;
         if link < total.min(u32::from(u16::MAX)) || command == command_before && !grew_alike {
