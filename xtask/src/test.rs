@@ -26,7 +26,7 @@ pub(crate) struct TestArgs {
     /// Run the on-target suites only, and no host test.
     #[arg(long)]
     on_target: bool,
-    /// Run one package's tests, or those of the test binaries of this name, and of these only what has TEST in its name.
+    /// Run one package's tests, or those of each test binary of this name, and of these what has TEST in its name.
     #[arg(long, num_args = 1..=2, value_names = ["NAME", "TEST"], conflicts_with_all = ["board", "on_target", "clock"])]
     only: Vec<String>,
     #[command(flatten)]
