@@ -254,7 +254,7 @@ mod tests {
 
     #[test]
     fn a_window_is_over_with_the_sample_at_its_end_and_2_percent_are_plausible() {
-        // So much more has passed here than there in each of two windows, ms; 2 % are 600 ms.
+        // By how much less HORUS's clock advances than the station's in each of two windows, ms; 2 % are 600 ms.
         for (more, implausible) in [(600, false), (601, true)] {
             let mut ages = Ages::default();
             for window in 0..=2_u32 {

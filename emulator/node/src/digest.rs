@@ -14,7 +14,7 @@ impl Digest {
     const OFFSET: u64 = 0xCBF2_9CE4_8422_2325;
     const PRIME: u64 = 0x0000_0100_0000_01B3;
 
-    /// Of nothing yet.
+    /// The digest of no bytes.
     #[must_use]
     pub const fn new() -> Self {
         Self(Self::OFFSET)

@@ -60,10 +60,10 @@ const RESTART_BAND: u64 = 2_000_000;
 struct Sample {
     /// The instant of its sample, ns.
     at: u64,
-    /// So much newer the DPR may take it for, ns: what the air added on the way, of which the DPR cannot know.
+    /// By how much the DPR may take it to be newer, ns: what the air added on the way, which the DPR cannot know.
     delay: u64,
-    /// So much older the DPR may take it for, ns: a front end that does not say when the frame ended makes it assume
-    /// the longest.
+    /// By how much the DPR may take it to be older, ns: where a front end does not say when the frame ended, the DPR
+    /// assumes the longest.
     unsure: u64,
 }
 
@@ -107,7 +107,7 @@ impl Snapshot {
             self.none = false;
         }
         self.samples.push(sample);
-        // Of too many that are possible the oldest two become one, which may be either and any between them.
+        // Where there are too many, the oldest two become one sample that may be either of them or any between.
         if let [oldest, second, ..] = self.samples[..]
             && self.samples.len() > REMEMBERED
         {

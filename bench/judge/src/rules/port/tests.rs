@@ -245,7 +245,7 @@ fn after_misconduct_port_status_is_believed_once_and_held_against_what_follows()
 
 #[test]
 fn port_status_is_believed_from_the_second_image_after_misconduct_on() {
-    // Excused are transactions until 220 ms; the last ends at 217.5 ms, and shows from 230 ms on at the latest.
+    // Transactions are excused until 220 ms. The last of them ends at 217.5 ms and shows from 230 ms on at the latest.
     let counted_from = |from: u64| {
         let mut log = log(&[], |published| {
             let mut shown = Shown::default();
