@@ -43,6 +43,7 @@ pub use disturbance::{Disturbance, Disturbances};
 pub use event::{Board, Bytes, Cause, Event, Header, SsiEvent, What};
 pub use figures::{Exclusion, Faults, Figures, Max, Quantiles, Span, Voter};
 pub use log::{Log, LogError, LogWriter};
+use rules::Rule as _;
 pub use verdict::{Broken, Findings, Verdict};
 pub use violation::Violation;
 

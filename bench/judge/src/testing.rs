@@ -3,6 +3,7 @@
 use profile::{GpsValues, Identifier, Layout, ReportedValues};
 
 use crate::disturbance::{Conduct, Harm, Memory};
+use crate::rules::Rule;
 use crate::{
     Board, Broken, Bytes, Cause, Context, Disturbance, Event, Figures, Findings, Header, Log, Violation, What, bounds,
 };
@@ -151,40 +152,6 @@ pub(crate) fn objects(reported: &ReportedValues, gps: &[GpsValues]) -> Vec<Vec<u
     );
     objects
 }
-
-/// A rule, as the tests drive it.
-pub(crate) trait Rule {
-    /// Takes the next event.
-    fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings);
-    /// The run is over.
-    fn finish(&mut self, context: &Context, findings: &mut Findings, figures: &mut Figures);
-}
-
-macro_rules! rules {
-    ($($rule:ty),* $(,)?) => {
-        $(impl Rule for $rule {
-            fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
-                Self::take(self, event, context, findings);
-            }
-
-            fn finish(&mut self, context: &Context, findings: &mut Findings, figures: &mut Figures) {
-                Self::finish(self, context, findings, figures);
-            }
-        })*
-    };
-}
-
-rules!(
-    crate::rules::cycle::Cycle,
-    crate::rules::content::Content,
-    crate::rules::boards::Boards,
-    crate::rules::port::Port,
-    crate::rules::client::Client,
-    crate::rules::integrity::Integrity,
-    crate::rules::station::Station,
-    crate::rules::position::Position,
-    crate::rules::receivers::Receivers
-);
 
 /// What one rule finds in a log, and the figures.
 pub(crate) fn broken(mut rule: impl Rule, log: &Log) -> (Vec<Broken>, Figures) {

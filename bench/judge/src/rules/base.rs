@@ -15,6 +15,7 @@ use std::collections::VecDeque;
 
 use profile::{Layout, Object};
 
+use super::Rule;
 use crate::disturbance::Excuse;
 use crate::{Context, Event, Figures, Findings, Header, Violation, What, bounds};
 
@@ -36,10 +37,8 @@ pub struct Base {
     forwarded: Option<u32>,
 }
 
-impl Base {
-    /// Nothing has happened yet.
-    #[must_use]
-    pub fn new(_header: &Header) -> Self {
+impl Rule for Base {
+    fn new(_header: &Header) -> Self {
         Self {
             read: VecDeque::new(),
             outstanding: VecDeque::new(),
@@ -49,8 +48,7 @@ impl Base {
         }
     }
 
-    /// Takes the next event.
-    pub fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
+    fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
         let at = event.at;
         self.expire(at.checked_sub(bounds::DOWNLINK), findings);
         self.owes(at, findings);
@@ -88,6 +86,13 @@ impl Base {
         }
     }
 
+    fn finish(&mut self, context: &Context, findings: &mut Findings, _figures: &mut Figures) {
+        self.expire(Some(context.now() + 1), findings);
+        self.owes(context.now() + 1, findings);
+    }
+}
+
+impl Base {
     /// It is `now`: what had to be forwarded before is told.
     fn owes(&mut self, now: u64, findings: &mut Findings) {
         if let Some((at, timestamp)) = self.owed.take_if(|(at, _)| *at < now) {
@@ -142,12 +147,6 @@ impl Base {
         }
         // Nothing that is still to arrive can be one of these.
         while self.strange.pop_front_if(|strange| *strange < until).is_some() {}
-    }
-
-    /// The run is over.
-    pub fn finish(&mut self, context: &Context, findings: &mut Findings, _figures: &mut Figures) {
-        self.expire(Some(context.now() + 1), findings);
-        self.owes(context.now() + 1, findings);
     }
 }
 

@@ -40,6 +40,7 @@
 
 use std::collections::BTreeMap;
 
+use super::Rule;
 use crate::disturbance::{complaints, front_end_use};
 use crate::{Board, Cause, Context, Disturbance, Event, Figures, Findings, Header, Violation, What, bounds};
 
@@ -97,10 +98,8 @@ pub struct Boards {
     complaints: Vec<Complaint>,
 }
 
-impl Boards {
-    /// Nothing has happened yet.
-    #[must_use]
-    pub fn new(_header: &Header) -> Self {
+impl Rule for Boards {
+    fn new(_header: &Header) -> Self {
         Self {
             injected: BTreeMap::new(),
             explained: [false; 2],
@@ -114,8 +113,7 @@ impl Boards {
         }
     }
 
-    /// Takes the next event.
-    pub fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
+    fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
         let at = event.at;
         self.pass(at, findings);
         match &event.what {
@@ -206,6 +204,21 @@ impl Boards {
         }
     }
 
+    fn finish(&mut self, context: &Context, findings: &mut Findings, figures: &mut Figures) {
+        figures.faults.injected = std::mem::take(&mut self.injected);
+        for (board, at, text) in self.faulted.drain(..) {
+            findings.add(Of::FINDING.board(board), at, || text);
+        }
+        for Complaint { board, at, name, value } in self.complaints.drain(..) {
+            if self.explained[board as usize] || context.disturbances().excuse(complaints(board), at) {
+                continue;
+            }
+            findings.add(Of::COMPLAINS.board(board), at, || format!("{name} = {value}"));
+        }
+    }
+}
+
+impl Boards {
     /// A board's watchdog has to restart it by `due` at the latest.
     fn restart_by(&mut self, board: Board, due: u64) {
         let restart_due = &mut self.restart_due[board as usize];
@@ -231,20 +244,6 @@ impl Boards {
             if let Some(due) = self.restart_due[board as usize].take_if(|due| now > *due) {
                 findings.add(Of::STAYS_HUNG.board(board), due, || "its watchdog should have bitten by now".to_owned());
             }
-        }
-    }
-
-    /// The run is over.
-    pub fn finish(&mut self, context: &Context, findings: &mut Findings, figures: &mut Figures) {
-        figures.faults.injected = std::mem::take(&mut self.injected);
-        for (board, at, text) in self.faulted.drain(..) {
-            findings.add(Of::FINDING.board(board), at, || text);
-        }
-        for Complaint { board, at, name, value } in self.complaints.drain(..) {
-            if self.explained[board as usize] || context.disturbances().excuse(complaints(board), at) {
-                continue;
-            }
-            findings.add(Of::COMPLAINS.board(board), at, || format!("{name} = {value}"));
         }
     }
 }

@@ -19,10 +19,11 @@ use std::collections::VecDeque;
 
 use profile::{CYCLE_MS, Layout};
 
+use super::Rule;
 use super::shown::expectation::age_at_end;
 use crate::disturbance::Excuse;
 use crate::read::{Reading, State, Values};
-use crate::{Context, Event, Figures, Findings, Header, Violation, What, bounds};
+use crate::{Context, Event, Findings, Header, Violation, What, bounds};
 
 /// The unit of the age in Link-Status, ns.
 const AGE_UNIT: u64 = 100_000;
@@ -96,14 +97,8 @@ pub struct Client {
     hides: bool,
 }
 
-impl Client {
-    /// Nothing has happened yet.
-    ///
-    /// # Panics
-    ///
-    /// If there is no profile for the header's number of receivers.
-    #[must_use]
-    pub fn new(header: &Header) -> Self {
+impl Rule for Client {
+    fn new(header: &Header) -> Self {
         Self {
             layout: Layout::for_receivers(header.gps).expect("a profile has 1, 2, 3 or 5 receivers"),
             samples: VecDeque::new(),
@@ -116,8 +111,7 @@ impl Client {
         }
     }
 
-    /// Takes the next event.
-    pub fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
+    fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
         match &event.what {
             What::Heard { .. } => {
                 let object = context.frame().and_then(|frame| frame.objects.first());
@@ -146,7 +140,9 @@ impl Client {
             _ => {}
         }
     }
+}
 
+impl Client {
     /// What was read last continues what was read before, or not.
     fn follow(&mut self) {
         let Some(Read { selected, sample: Some((timestamp, valid)), .. }) = self.read else { return };
@@ -221,9 +217,6 @@ impl Client {
         }
         self.hides = hides;
     }
-
-    /// The run is over.
-    pub fn finish(&mut self, _context: &Context, _findings: &mut Findings, _figures: &mut Figures) {}
 }
 
 /// Reported-Position in a transaction that brought it and Link-Status intact. If that calls it so old that it may not

@@ -8,8 +8,9 @@
 //!
 //! What a changed bit of RAM or of a register does the outside cannot know: what becomes of it is for the other rules.
 
+use super::Rule;
 use crate::disturbance::Memory;
-use crate::{Board, Context, Disturbance, Event, Figures, Findings, Header, Violation, What, bounds};
+use crate::{Board, Context, Disturbance, Event, Findings, Header, Violation, What, bounds};
 
 /// See the [module](self).
 #[derive(Clone, Debug)]
@@ -19,15 +20,12 @@ pub struct Integrity {
     due: [Option<u64>; 2],
 }
 
-impl Integrity {
-    /// Nothing has happened yet.
-    #[must_use]
-    pub fn new(_header: &Header) -> Self {
+impl Rule for Integrity {
+    fn new(_header: &Header) -> Self {
         Self { due: [None; 2] }
     }
 
-    /// Takes the next event.
-    pub fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
+    fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
         self.pass(event.at, findings);
         match &event.what {
             What::Injected { disturbs: Disturbance::Memory { board, memory: Memory::Flash }, .. }
@@ -50,7 +48,9 @@ impl Integrity {
             _ => {}
         }
     }
+}
 
+impl Integrity {
     fn pass(&mut self, now: u64, findings: &mut Findings) {
         for board in [Board::Horus, Board::Dpr] {
             if let Some(due) = self.due[board as usize].take_if(|due| now > *due) {
@@ -58,9 +58,6 @@ impl Integrity {
             }
         }
     }
-
-    /// The run is over.
-    pub fn finish(&mut self, _context: &Context, _findings: &mut Findings, _figures: &mut Figures) {}
 }
 
 #[cfg(test)]

@@ -42,6 +42,22 @@ fn is_later(a: u32, b: u32) -> bool {
     (1..1 << 31).contains(&a.wrapping_sub(b))
 }
 
+/// What takes every event of a run and notes what is broken.
+pub trait Rule {
+    /// Nothing has happened yet.
+    ///
+    /// # Panics
+    ///
+    /// If there is no profile for the header's number of receivers.
+    fn new(header: &Header) -> Self;
+
+    /// Takes the next event, which `context` has taken already.
+    fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings);
+
+    /// The run is over.
+    fn finish(&mut self, _context: &Context, _findings: &mut Findings, _figures: &mut Figures) {}
+}
+
 macro_rules! rules {
     ($($name:ident: $rule:ty,)*) => {
         /// All rules.
@@ -50,20 +66,16 @@ macro_rules! rules {
             $($name: $rule,)*
         }
 
-        impl Rules {
-            /// Nothing has happened yet.
-            #[must_use]
-            pub fn new(header: &Header) -> Self {
+        impl Rule for Rules {
+            fn new(header: &Header) -> Self {
                 Self { $($name: <$rule>::new(header),)* }
             }
 
-            /// Takes the next event.
-            pub fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
+            fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
                 $(self.$name.take(event, context, findings);)*
             }
 
-            /// The run is over.
-            pub fn finish(&mut self, context: &Context, findings: &mut Findings, figures: &mut Figures) {
+            fn finish(&mut self, context: &Context, findings: &mut Findings, figures: &mut Figures) {
                 $(self.$name.finish(context, findings, figures);)*
             }
         }

@@ -14,6 +14,7 @@ use std::collections::VecDeque;
 use gnss_sim::{Geodetic, TangentPlane};
 use profile::ReportedValues;
 
+use super::Rule;
 use crate::disturbance::Excuse;
 use crate::read::{State, Values};
 use crate::{Board, Context, Event, Figures, Findings, Header, Violation, What, bounds};
@@ -58,10 +59,8 @@ pub struct Position {
     worst_mm: Option<u64>,
 }
 
-impl Position {
-    /// Nothing has happened yet.
-    #[must_use]
-    pub fn new(header: &Header) -> Self {
+impl Rule for Position {
+    fn new(header: &Header) -> Self {
         Self {
             receivers: header.gps,
             truths: VecDeque::new(),
@@ -72,8 +71,7 @@ impl Position {
         }
     }
 
-    /// Takes the next event.
-    pub fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
+    fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
         let at = event.at;
         match &event.what {
             What::Power { board: Board::Horus, .. } | What::Reset { board: Board::Horus, .. } => {
@@ -108,6 +106,15 @@ impl Position {
         }
     }
 
+    fn finish(&mut self, context: &Context, findings: &mut Findings, figures: &mut Figures) {
+        if !self.truths.is_empty() {
+            self.missing(context.now(), findings);
+        }
+        figures.voter.worst_mm = self.worst_mm;
+    }
+}
+
+impl Position {
     /// How many receivers may be wrong at `at`, ns.
     fn disturbed(&self, at: u64, context: &Context) -> usize {
         let disturbances = context.disturbances();
@@ -153,14 +160,6 @@ impl Position {
             let [along, up] = away(&now);
             findings.add(Violation::PositionOff, now.at, || format!("{along:.1} m, {up:.1} m in height"));
         }
-    }
-
-    /// The run is over.
-    pub fn finish(&mut self, context: &Context, findings: &mut Findings, figures: &mut Figures) {
-        if !self.truths.is_empty() {
-            self.missing(context.now(), findings);
-        }
-        figures.voter.worst_mm = self.worst_mm;
     }
 }
 

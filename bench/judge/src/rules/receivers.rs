@@ -10,8 +10,9 @@
 //! [`bounds::SETTINGS_TOLD`] after it began not to, or after HORUS's start, unless [`Excuse::Settings`] holds of it. It
 //! is told once.
 
+use super::Rule;
 use crate::disturbance::Excuse;
-use crate::{Board, Context, Event, Figures, Findings, Header, Violation, What, bounds};
+use crate::{Board, Context, Event, Findings, Header, Violation, What, bounds};
 
 /// See the [module](self).
 #[derive(Clone, Debug)]
@@ -24,15 +25,12 @@ pub struct Receivers {
     unset: Vec<Option<u64>>,
 }
 
-impl Receivers {
-    /// Nothing has happened yet.
-    #[must_use]
-    pub fn new(header: &Header) -> Self {
+impl Rule for Receivers {
+    fn new(header: &Header) -> Self {
         Self { waiting: vec![None; header.gps], read_until: vec![0; header.gps], unset: vec![None; header.gps] }
     }
 
-    /// Takes the next event.
-    pub fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
+    fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
         let at = event.at;
         self.pass(at, context, findings);
         match &event.what {
@@ -69,7 +67,9 @@ impl Receivers {
             _ => {}
         }
     }
+}
 
+impl Receivers {
     /// It is `now`: what has waited for too long by then is told.
     fn pass(&mut self, now: u64, context: &Context, findings: &mut Findings) {
         for (number, waiting) in (1..).zip(&mut self.waiting) {
@@ -92,9 +92,6 @@ impl Receivers {
             }
         }
     }
-
-    /// The run is over.
-    pub fn finish(&mut self, _context: &Context, _findings: &mut Findings, _figures: &mut Figures) {}
 }
 
 #[cfg(test)]

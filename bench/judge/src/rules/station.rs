@@ -24,8 +24,9 @@ use std::collections::VecDeque;
 
 use profile::{CYCLE_MS, HorusState, Layout, Object, ReportedStatus, ResetReason};
 
+use super::Rule;
 use crate::read::Frame;
-use crate::{Board, Context, Event, Figures, Findings, Header, Violation, What, bounds};
+use crate::{Board, Context, Event, Findings, Header, Violation, What, bounds};
 
 /// So many ticks are remembered, with what was sent after them.
 const TICKS: usize = 256;
@@ -73,14 +74,8 @@ pub struct Station {
     told: Option<&'static str>,
 }
 
-impl Station {
-    /// Nothing has happened yet.
-    ///
-    /// # Panics
-    ///
-    /// If there is no profile for the header's number of receivers.
-    #[must_use]
-    pub fn new(header: &Header) -> Self {
+impl Rule for Station {
+    fn new(header: &Header) -> Self {
         Self {
             layout: Layout::for_receivers(header.gps).expect("a profile has 1, 2, 3 or 5 receivers"),
             tick: None,
@@ -93,8 +88,7 @@ impl Station {
         }
     }
 
-    /// Takes the next event.
-    pub fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
+    fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
         match &event.what {
             What::Tick => self.tick = Some(event.at),
             What::Reset { board: Board::Horus, .. } => self.starts += 1,
@@ -120,7 +114,9 @@ impl Station {
             _ => {}
         }
     }
+}
 
+impl Station {
     fn arrived(&mut self, at: u64, profile: &[u8], shown: u8) {
         if shown == 0 {
             return;
@@ -207,9 +203,6 @@ impl Station {
             .find(|(name, wanted)| wanted.is_some_and(|wanted| wanted != holds(name)))
             .map(|(name, _)| name)
     }
-
-    /// The run is over.
-    pub fn finish(&mut self, _context: &Context, _findings: &mut Findings, _figures: &mut Figures) {}
 }
 
 #[cfg(test)]

@@ -39,6 +39,7 @@ use std::collections::VecDeque;
 
 use profile::{CYCLE_MS, GpsValues, Layout, MAX_RECEIVERS, ReportedValues};
 
+use super::Rule;
 use crate::disturbance::Excuse;
 use crate::read::{Frame, Placed, State, Values};
 use crate::{Board, Context, Disturbances, Event, Figures, Findings, Header, Violation, Voter, What, bounds};
@@ -301,14 +302,8 @@ pub struct Content {
     unjudged: bool,
 }
 
-impl Content {
-    /// Nothing has happened yet.
-    ///
-    /// # Panics
-    ///
-    /// If there is no profile for the header's number of receivers.
-    #[must_use]
-    pub fn new(header: &Header) -> Self {
+impl Rule for Content {
+    fn new(header: &Header) -> Self {
         Self {
             layout: Layout::for_receivers(header.gps).expect("a profile has 1, 2, 3 or 5 receivers"),
             lines: vec![Line::new(); header.gps],
@@ -323,8 +318,7 @@ impl Content {
         }
     }
 
-    /// Takes the next event.
-    pub fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
+    fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
         let at = event.at;
         self.itself.take(at, &event.what);
         self.models.take(at, &event.what);
@@ -394,6 +388,20 @@ impl Content {
         }
     }
 
+    fn finish(&mut self, context: &Context, _findings: &mut Findings, figures: &mut Figures) {
+        figures.voter = self.voter.clone();
+        figures.last_solution_ns = self
+            .lines
+            .iter_mut()
+            .map(|line| {
+                line.pass(context.now());
+                line.solution
+            })
+            .collect();
+    }
+}
+
+impl Content {
     /// HORUS has sent a frame.
     fn sent(&mut self, at: u64, started: u64, frame: &Frame, disturbances: &Disturbances, findings: &mut Findings) {
         let Ticks { count, first, last, before, untimed, .. } = self.ticks;
@@ -479,18 +487,5 @@ impl Content {
         if let Some((violation, what)) = wrong {
             findings.add(violation, at, || format!("{what}, at {:.6} ms", at as f64 / 1e6));
         }
-    }
-
-    /// The run is over.
-    pub fn finish(&mut self, context: &Context, _findings: &mut Findings, figures: &mut Figures) {
-        figures.voter = self.voter.clone();
-        figures.last_solution_ns = self
-            .lines
-            .iter_mut()
-            .map(|line| {
-                line.pass(context.now());
-                line.solution
-            })
-            .collect();
     }
 }

@@ -38,7 +38,7 @@ mod tests;
 
 use profile::{CYCLE_MS, Layout};
 
-use super::ms;
+use super::{Rule, ms};
 use crate::disturbance::{Disturbances, Excuse};
 use crate::read::{Frame, State};
 use crate::{Board, Context, Event, Figures, Findings, Header, Violation, What, bounds};
@@ -184,14 +184,8 @@ pub struct Cycle {
     measured: Measured,
 }
 
-impl Cycle {
-    /// Nothing has happened yet.
-    ///
-    /// # Panics
-    ///
-    /// If there is no profile for the header's number of receivers.
-    #[must_use]
-    pub fn new(header: &Header) -> Self {
+impl Rule for Cycle {
+    fn new(header: &Header) -> Self {
         Self {
             layout: Layout::for_receivers(header.gps).expect("a profile has 1, 2, 3 or 5 receivers"),
             run: Run::new(0, true),
@@ -200,8 +194,7 @@ impl Cycle {
         }
     }
 
-    /// Takes the next event.
-    pub fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
+    fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
         let disturbances = context.disturbances();
         self.pass(event.at, disturbances, findings);
         match &event.what {
@@ -246,6 +239,21 @@ impl Cycle {
         }
     }
 
+    fn finish(&mut self, context: &Context, findings: &mut Findings, figures: &mut Figures) {
+        self.pass(context.now(), context.disturbances(), findings);
+        self.tell_missing(findings);
+        self.conclude(context);
+        self.worst.tell(findings);
+        figures.frames_sent = self.measured.frames_sent;
+        figures.bit_rate = self.measured.bit_rate;
+        figures.air_time_ns = self.measured.air_time_ns;
+        figures.period_ns = self.measured.period.span();
+        figures.tick_to_command_ns = self.measured.command.span();
+        figures.tick_to_air_ns = self.measured.air.span();
+    }
+}
+
+impl Cycle {
     /// It is `now`: what has not come until now is missing.
     fn pass(&mut self, now: u64, disturbances: &Disturbances, findings: &mut Findings) {
         let run = &mut self.run;
@@ -484,20 +492,6 @@ impl Cycle {
             }
         }
         own
-    }
-
-    /// The run is over.
-    pub fn finish(&mut self, context: &Context, findings: &mut Findings, figures: &mut Figures) {
-        self.pass(context.now(), context.disturbances(), findings);
-        self.tell_missing(findings);
-        self.conclude(context);
-        self.worst.tell(findings);
-        figures.frames_sent = self.measured.frames_sent;
-        figures.bit_rate = self.measured.bit_rate;
-        figures.air_time_ns = self.measured.air_time_ns;
-        figures.period_ns = self.measured.period.span();
-        figures.tick_to_command_ns = self.measured.command.span();
-        figures.tick_to_air_ns = self.measured.air.span();
     }
 }
 

@@ -36,11 +36,12 @@ use counters::{Baseline, Counters};
 use profile::{Layout, LinkStatusBits, LinkValues};
 use start::{Reasons, Time};
 
+use super::Rule;
 use super::shown::expectation::{Certainty, Delivery};
 use super::shown::publication;
 use crate::disturbance::{Disturbances, Excuse};
 use crate::read::{Reading, State};
-use crate::{Board, Context, Event, Figures, Findings, Header, Violation, What, bounds};
+use crate::{Board, Context, Event, Findings, Header, Violation, What, bounds};
 
 /// So many frames, and so many rises of FRESH, are remembered: a transaction may be long.
 const REMEMBERED: usize = 64;
@@ -136,14 +137,8 @@ pub struct LinkStatus {
     offered: Vec<u8>,
 }
 
-impl LinkStatus {
-    /// Nothing has happened yet.
-    ///
-    /// # Panics
-    ///
-    /// If there is no profile for the header's number of receivers.
-    #[must_use]
-    pub fn new(header: &Header) -> Self {
+impl Rule for LinkStatus {
+    fn new(header: &Header) -> Self {
         let layout = Layout::for_receivers(header.gps).expect("a profile has 1, 2, 3 or 5 receivers");
         Self {
             layout,
@@ -160,23 +155,7 @@ impl LinkStatus {
         }
     }
 
-    fn at_start(layout: Layout) -> Snapshot {
-        Snapshot {
-            frame: None,
-            counters: Counters::new(layout),
-            samples: vec![],
-            none: true,
-            must: 0,
-            may: 0,
-            held: (0, 0),
-            frozen: Certainty::Never,
-            restarted: [None; 2],
-            implausible: Certainty::Never,
-        }
-    }
-
-    /// Takes the next event.
-    pub fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
+    fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
         match &event.what {
             What::Power { board: Board::Dpr, .. } | What::Reset { board: Board::Dpr, .. } => {
                 self.reasons = Reasons::of(&event.what);
@@ -213,6 +192,23 @@ impl LinkStatus {
         if let Some(delivery) = context.delivery() {
             let blind = context.disturbances().excuse(Excuse::Hearing, delivery.started);
             self.heard(delivery.clone(), if blind { bounds::FRAME_DEADLINE } else { 0 }, context);
+        }
+    }
+}
+
+impl LinkStatus {
+    fn at_start(layout: Layout) -> Snapshot {
+        Snapshot {
+            frame: None,
+            counters: Counters::new(layout),
+            samples: vec![],
+            none: true,
+            must: 0,
+            may: 0,
+            held: (0, 0),
+            frozen: Certainty::Never,
+            restarted: [None; 2],
+            implausible: Certainty::Never,
         }
     }
 
@@ -496,9 +492,6 @@ impl LinkStatus {
         };
         [of(&|mask| mask != 0), of(&|mask| mask == whole)]
     }
-
-    /// The run is over.
-    pub fn finish(&mut self, _context: &Context, _findings: &mut Findings, _figures: &mut Figures) {}
 }
 
 /// Asks an image of `published` for what it has to say of a front end that does not answer.

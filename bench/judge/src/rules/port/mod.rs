@@ -24,10 +24,11 @@ use std::ops::Range;
 use profile::criticality::{BaseStation, FlightController};
 use profile::{Layout, PortValues, Uplink};
 
+use super::Rule;
 use super::shown::publication;
 use crate::disturbance::Excuse;
 use crate::read::{Reading, is_vacant};
-use crate::{Board, Context, Disturbances, Event, Figures, Findings, Header, Violation, What, bounds};
+use crate::{Board, Context, Disturbances, Event, Findings, Header, Violation, What, bounds};
 use health::Health;
 use model::{Model, Place, status_in, writes};
 
@@ -76,14 +77,8 @@ pub struct Port {
     failed: bool,
 }
 
-impl Port {
-    /// Nothing has happened yet.
-    ///
-    /// # Panics
-    ///
-    /// If there is no profile for the header's number of receivers.
-    #[must_use]
-    pub fn new(header: &Header) -> Self {
+impl Rule for Port {
+    fn new(header: &Header) -> Self {
         let mut port = Self {
             layout: Layout::for_receivers(header.gps).expect("a profile has 1, 2, 3 or 5 receivers"),
             publication: publication(header.worst_case()),
@@ -99,20 +94,7 @@ impl Port {
         port
     }
 
-    /// The DPR starts: it has taken nothing in, and what it will is `known`.
-    fn start(&mut self, at: u64, known: bool) {
-        self.entries.clear();
-        self.fresh.clear();
-        self.known = (PortValues::default(), 0);
-        self.counted = Some((0, 0, 0));
-        self.failed = false;
-        if known {
-            self.entries.push_back(Entry { at, mosi: vec![], models: vec![Model::at_start()] });
-        }
-    }
-
-    /// Takes the next event.
-    pub fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
+    fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
         match &event.what {
             What::Power { board: Board::Dpr, .. } | What::Reset { board: Board::Dpr, .. } => {
                 self.health = Health::again(event.at);
@@ -134,6 +116,20 @@ impl Port {
                 }
             }
             _ => {}
+        }
+    }
+}
+
+impl Port {
+    /// The DPR starts: it has taken nothing in, and what it will is `known`.
+    fn start(&mut self, at: u64, known: bool) {
+        self.entries.clear();
+        self.fresh.clear();
+        self.known = (PortValues::default(), 0);
+        self.counted = Some((0, 0, 0));
+        self.failed = false;
+        if known {
+            self.entries.push_back(Entry { at, mosi: vec![], models: vec![Model::at_start()] });
         }
     }
 
@@ -295,9 +291,6 @@ impl Port {
             }
         }
     }
-
-    /// The run is over.
-    pub fn finish(&mut self, _context: &Context, _findings: &mut Findings, _figures: &mut Figures) {}
 }
 
 /// Whether Port-Status may say `now` after `before` and so many transactions of which it is not known what the DPR took

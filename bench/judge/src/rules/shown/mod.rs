@@ -52,7 +52,7 @@ use expectation::{Certainty, Delivery};
 use profile::Layout;
 use recovery::Recovery;
 
-use super::ms;
+use super::{Rule, ms};
 use crate::disturbance::Excuse;
 use crate::read::{Placed, Reading, State, Values};
 use crate::{Board, Context, Event, Figures, Findings, Header, Violation, What, bounds};
@@ -129,14 +129,8 @@ enum Fate {
     Wrong(Violation, u64, String),
 }
 
-impl Shown {
-    /// Nothing has happened yet.
-    ///
-    /// # Panics
-    ///
-    /// If there is no profile for the header's number of receivers.
-    #[must_use]
-    pub fn new(header: &Header) -> Self {
+impl Rule for Shown {
+    fn new(header: &Header) -> Self {
         let layout = Layout::for_receivers(header.gps).expect("a profile has 1, 2, 3 or 5 receivers");
         Self {
             layout,
@@ -155,8 +149,7 @@ impl Shown {
         }
     }
 
-    /// Takes the next event.
-    pub fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
+    fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
         self.recovery.take(event, findings);
         match &event.what {
             What::Selected => self.selected = Some(event.at),
@@ -199,6 +192,19 @@ impl Shown {
         self.close(event.at, false, findings);
     }
 
+    fn finish(&mut self, context: &Context, findings: &mut Findings, figures: &mut Figures) {
+        self.close(context.now(), false, findings);
+        self.note_stale(context.now(), None, findings);
+        figures.valid_cycles = self.valid_cycles;
+        figures.invalid_since_ns = self.invalid_since;
+        figures.faults.invalid_shown_valid = self.invalid_shown_valid;
+        let longest = self.recovery.finish(context.now(), findings);
+        figures.faults.max_recovery_cycles = longest.all;
+        figures.faults.max_recovery_cycles_without_bring_up = longest.without_bring_up;
+    }
+}
+
+impl Shown {
     /// A frame has reached the antenna.
     fn deliver(&mut self, delivery: Delivery) {
         let ended = delivery.ended;
@@ -392,18 +398,6 @@ impl Shown {
             }
             _ => {}
         }
-    }
-
-    /// The run is over.
-    pub fn finish(&mut self, context: &Context, findings: &mut Findings, figures: &mut Figures) {
-        self.close(context.now(), false, findings);
-        self.note_stale(context.now(), None, findings);
-        figures.valid_cycles = self.valid_cycles;
-        figures.invalid_since_ns = self.invalid_since;
-        figures.faults.invalid_shown_valid = self.invalid_shown_valid;
-        let longest = self.recovery.finish(context.now(), findings);
-        figures.faults.max_recovery_cycles = longest.all;
-        figures.faults.max_recovery_cycles_without_bring_up = longest.without_bring_up;
     }
 }
 

@@ -47,6 +47,7 @@ mod fresh;
 mod latency;
 mod service;
 
+use super::Rule;
 use crate::disturbance::Excuse;
 use crate::read::Reading;
 use crate::{Board, Context, Disturbance, Event, Figures, Findings, Header, SsiEvent, Violation, What, bounds};
@@ -66,10 +67,8 @@ pub struct Ssi {
     high_since: Option<u64>,
 }
 
-impl Ssi {
-    /// Nothing has happened yet.
-    #[must_use]
-    pub fn new(_header: &Header) -> Self {
+impl Rule for Ssi {
+    fn new(_header: &Header) -> Self {
         Self {
             service: Service::new(),
             claims: Claims::default(),
@@ -79,8 +78,7 @@ impl Ssi {
         }
     }
 
-    /// Takes the next event.
-    pub fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
+    fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
         let at = event.at;
         let disturbances = context.disturbances();
         self.service.pass(at, disturbances, findings);
@@ -126,6 +124,15 @@ impl Ssi {
         }
     }
 
+    fn finish(&mut self, context: &Context, findings: &mut Findings, figures: &mut Figures) {
+        self.service.finish(context.now(), context.disturbances(), findings);
+        figures.ready_ns = self.service.figure();
+        figures.sample_to_readable = self.cycles.sample_to_readable();
+        figures.last_bit_to_readable = self.cycles.last_bit_to_readable();
+    }
+}
+
+impl Ssi {
     /// Takes an event of the SSI of a DPR that has a supply.
     fn take_ssi(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
         let at = event.at;
@@ -194,13 +201,5 @@ impl Ssi {
         self.claims = Claims::default();
         self.damage = Damage::default();
         self.high_since = None;
-    }
-
-    /// The run is over.
-    pub fn finish(&mut self, context: &Context, findings: &mut Findings, figures: &mut Figures) {
-        self.service.finish(context.now(), context.disturbances(), findings);
-        figures.ready_ns = self.service.figure();
-        figures.sample_to_readable = self.cycles.sample_to_readable();
-        figures.last_bit_to_readable = self.cycles.last_bit_to_readable();
     }
 }

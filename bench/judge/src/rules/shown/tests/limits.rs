@@ -4,6 +4,7 @@ use super::super::Shown;
 use super::super::synthetic::{Air, Image, MS, Run, US, kinds};
 use super::{RECEIVERS, hide, show};
 use crate::disturbance::Harm;
+use crate::rules::Rule as _;
 use crate::testing::{DPR_FRONT_END, HORUS_FRONT_END, IMAGE_BIT, RECEIVE_BIT, injected};
 use crate::{Board, Context, Disturbance, Event, Findings, Violation, What, bounds, judge};
 
