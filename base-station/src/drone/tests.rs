@@ -78,6 +78,19 @@ fn what_was_sealed_is_held_to_the_last_bit() {
     assert_eq!(drone.reported().unwrap().values.altitude.to_bits(), 470.125_f64.to_bits());
     assert!(drone.gps(0).is_none() && drone.gps(4).is_none() && drone.gps(9).is_none());
     assert_eq!(drone.counts(), Counts { messages: 3, new: 12, ..Counts::default() });
+    assert_eq!(drone.receivers(), 3);
+}
+
+#[test]
+fn each_verdict_has_a_name_of_its_own() {
+    let rejections = [Rejection::Length, Rejection::Crc, Rejection::PositionCrc, Rejection::Identifier];
+    let verdicts =
+        [Verdict::New, Verdict::Duplicate, Verdict::Older, Verdict::OutOfSequence, Verdict::Vacant].into_iter();
+    let names: Vec<_> = verdicts.chain(rejections.map(Verdict::Rejected)).map(Verdict::code).collect();
+    assert_eq!(
+        names,
+        ["new", "duplicate", "older", "out-of-sequence", "vacant", "length", "crc", "position-crc", "identifier"]
+    );
 }
 
 #[test]
@@ -208,6 +221,7 @@ fn alarms_come_with_the_time_and_go_with_newer_data() {
     assert_eq!(codes(&mut drone, 1_000), [""; 0]);
     assert_eq!(codes(&mut drone, 1_000 + STALE_US), [""; 0]);
     assert_eq!(codes(&mut drone, 1_001 + STALE_US), ["stale"]);
+    assert_eq!(codes(&mut drone, 1_000 + SILENT_US), ["stale"]);
     assert_eq!(codes(&mut drone, 1_001 + SILENT_US), ["silent", "stale"]);
     let since: Vec<_> = drone.raised().map(|raised| raised.since_us).collect();
     assert_eq!(since, [1_001 + SILENT_US, 1_001 + STALE_US]);
@@ -448,7 +462,20 @@ fn a_message_between_two_cycles_fits_the_dpr_and_not_horus() {
         *PortStatus::seal(Writer::<Dpr>::claim(), &values).as_bytes()
     };
     drone.take(Place::PortStatus, 0, &port(5_000));
-    assert!(drone.fits(13_000, &Bundle::new(Place::PortStatus, 1, &port(5_013)).unwrap()));
+    let fits = |timestamp| drone.fits(13_000, &Bundle::new(Place::PortStatus, 1, &port(timestamp)).unwrap());
+    assert_eq!([5_013, 5].map(fits), [true, false]);
+}
+
+#[test]
+fn a_late_sample_fits_a_horus_without_its_crystal_for_longer() {
+    let fits = |without_crystal| {
+        let mut drone = Drone::new(0);
+        let status = status().with_without_crystal(without_crystal);
+        take(&mut drone, 0, profile_with(70_000, status).as_bytes());
+        // It is 10.1 s late, of which 0.2 s may be the clock's.
+        drone.fits(10_000_000, &Bundle::datagram(profile(69_900).as_bytes()).unwrap())
+    };
+    assert_eq!([false, true].map(fits), [false, true]);
 }
 
 #[test]
