@@ -90,9 +90,9 @@ violations! {
     PositionOff = "a position far from where the aircraft is",
     /// HORUS tells wrongly whether it runs without its crystal.
     CrystalWrong = "HORUS tells wrongly whether it runs without its crystal",
-    /// A fault of memory has no consequence. A bit of a board's program memory was changed, and the board neither says
-    /// so nor stops within the time in which it has to find that.
-    FaultUnnoticed = "a fault of memory has no consequence",
+    /// A fault has no consequence. A bit of a board's program memory was changed, a bit of a buffer is stuck, or a supply
+    /// falls, and the board neither says so nor stops within the time in which it has to.
+    FaultUnnoticed = "a fault has no consequence",
     // ---- DPR and SSI
 
     /// The listener answered. The DPR's front end sent something.

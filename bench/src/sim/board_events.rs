@@ -112,6 +112,9 @@ impl BoardEvents {
     /// for whoever judges it hangs.
     fn note_warning<B: Powered, C: Cost>(&mut self, node: &mut Node<B, C>) {
         if node.take_supply_warning() && node.is_powered() && !std::mem::replace(&mut self.warned, true) {
+            if !node.is_hung() {
+                self.note(node.now(), What::Warned { board: self.side });
+            }
             self.note(node.now(), What::Hung { board: self.side });
         }
     }

@@ -76,7 +76,7 @@ const FC: &str = "--seconds 20 --seed 5 --faults fc";
 /// Supplies and reset pins.
 const POWER: &str = "--seconds 20 --seed 6 --faults power";
 /// Bits of the DPR's buffers.
-const BUFFERS: &str = "--seconds 20 --seed 7 --faults buffers";
+const BUFFERS: &str = "--seconds 20 --seed 12 --faults buffers";
 /// The inputs of HORUS's state.
 const STATES: &str = "--seconds 20 --seed 8 --faults inputs";
 /// Boards hang, and tasks are dead.
@@ -286,8 +286,7 @@ pub(crate) const DEFECTS: &[Defect] = &[
         PLAIN, By(V::NoFrame)),
     row("field-stays-on", "the safe state leaves the field on",
         edit("horus-tx-fw/src/hw/mod.rs", "    radio::field_off();", "    {}"),
-        POWER,
-        Not("the judge has no rule for it yet: the carrier of a HORUS that has stopped for its supply has to go off")),
+        POWER, By(V::FaultUnnoticed)),
     row("check-in-forgotten", "the watchdog is fed whatever the tasks do",
         edit("firmware-common/src/check_in.rs",
           "let all = tasks.clone().all(|seen| seen.load(Ordering::Relaxed));",
@@ -347,7 +346,7 @@ pub(crate) const DEFECTS: &[Defect] = &[
         PLAIN, By(V::Vacant)),
     row("scrub-without-check", "a bit that is stuck is never found",
         edit("dpr-fw/src/triple/types.rs", "stuck_bits += self.0.differing_bits(pattern);", "stuck_bits += 0;"),
-        BUFFERS, Not("the judge has no rule for it yet: a bit of a buffer that is stuck has to be told")),
+        BUFFERS, By(V::FaultUnnoticed)),
 
     // ---- DPR: Link-Status
 
@@ -386,7 +385,7 @@ pub(crate) const DEFECTS: &[Defect] = &[
         AIR, By(V::LinkFlags)),
     row("ram-fault-not-told", "a fault of the RAM is not told",
         edit(LINK, ".with_ram_fault(health.ram_fault)", ".with_ram_fault(health.ram_fault && !DEFECT)"),
-        BUFFERS, Not("the judge has no rule for it yet: a bit of a buffer that is stuck has to be told")),
+        BUFFERS, By(V::FaultUnnoticed)),
     row("dpr-reset-reason-constant", "the DPR's last reset is always power-on",
         edit(LINK,
           ".with_reset_reason(health.reset_reason)",
@@ -428,8 +427,8 @@ pub(crate) const DEFECTS: &[Defect] = &[
     row("image-fault-without-consequence", "an image that is damaged is not withdrawn",
         edit(INTEGRITY, "self.damaged.store(generation, Ordering::Relaxed);", "let _ = generation;"),
         BUFFERS,
-        Not("the judge has no rule for it yet: for how long an image that is damaged may be readable \
-          (IMAGE_DETECT_US); bench/tests/integrity.rs has it")),
+        Not("an image lives no longer than the 25 ms within which damage has to be found; bench/tests/integrity.rs has \
+          it")),
     row("self-test-never-begins", "a self-test that was asked for never begins",
         edit(INTEGRITY,
           "state.compare_exchange(REQUESTED, RUNNING, Ordering::Relaxed, Ordering::Relaxed).is_ok()",

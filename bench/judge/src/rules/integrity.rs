@@ -1,48 +1,96 @@
-//! Whether a fault of memory has the consequence that the design demands.
+//! Whether a fault has the consequence that the design demands (docs/design.md#start-and-supply).
 //!
-//! A bit of a board's flash that is changed on purpose is one of its firmware's image, which both boards compare with
-//! its CRC round the clock (docs/design.md#start-and-supply). HORUS has to stop within [`bounds::HORUS_FLASH_FOUND`]:
-//! its field goes off. The DPR has to say so in Link-Status within [`bounds::DPR_FLASH_FOUND`]. A start of the board,
-//! or its supply going off, begins that anew, since both compare at their start, too: a board that does not come up has
-//! noticed.
+//! | fault | consequence | within |
+//! |---|---|---|
+//! | a bit of HORUS's flash changes | HORUS stops: its field goes off | [`bounds::HORUS_FLASH_FOUND`] |
+//! | a bit of the DPR's flash changes | Link-Status says so | [`bounds::DPR_FLASH_FOUND`] |
+//! | a bit of a buffer of the DPR is stuck | Link-Status tells a RAM fault | [`bounds::SCRUBBED_CYCLES`] |
+//! | HORUS is warned of a supply that falls | its field goes off | [`bounds::SAFE_STATE`] |
+//! | the DPR is warned of a supply that falls | transactions read 0xFF | [`bounds::SAFE_STATE`] |
 //!
-//! What a changed bit of RAM or of a register does the outside cannot know: what becomes of it is for the other rules.
+//! Both boards compare their flash with its CRC round the clock and at their start, and look at their supply there. So a
+//! start of the board, or its supply going off, ends what was asked of it: a board that does not come up has noticed.
+//! A bit that is stuck is asked for while it is, and only while new cycles are shown, since buffers take turns then.
+//!
+//! The outside cannot know what a changed bit of other RAM, or of a register, does: that is for the other rules.
 
 use super::Rule;
-use crate::disturbance::Memory;
+use crate::disturbance::{Excuse, Memory};
+use crate::read::Reading;
 use crate::{Board, Context, Disturbance, Event, Findings, Header, Violation, What, bounds};
+
+/// A bit of a buffer that is stuck.
+#[derive(Clone, Copy, Debug)]
+struct Stuck {
+    /// Until when, ns.
+    until: u64,
+    /// Timestamp of the cycle that was shown last, ms.
+    shown: Option<u32>,
+    /// How many cycles were shown since.
+    cycles: u32,
+}
 
 /// See the [module](self).
 #[derive(Clone, Debug)]
 pub struct Integrity {
     /// By when each board has to have noticed that its flash was changed, ns; nothing where it has, where that is told,
     /// or where there is nothing to notice.
-    due: [Option<u64>; 2],
+    flash_due: [Option<u64>; 2],
+    /// The same of the supply that each board was warned of.
+    supply_due: [Option<u64>; 2],
+    /// The DPR's buffer has a bit that Link-Status does not tell of yet.
+    stuck: Option<Stuck>,
+    /// HORUS's carrier is on.
+    field: bool,
 }
 
 impl Rule for Integrity {
     fn new(_header: &Header) -> Self {
-        Self { due: [None; 2] }
+        Self { flash_due: [None; 2], supply_due: [None; 2], stuck: None, field: false }
     }
 
     fn take(&mut self, event: &Event, context: &Context, findings: &mut Findings) {
-        self.pass(event.at, findings);
+        let at = event.at;
+        self.pass(at, findings);
         match &event.what {
-            What::Injected { disturbs: Disturbance::Memory { board, memory: Memory::Flash }, .. }
+            What::Injected { disturbs: Disturbance::Memory { board, memory }, until, .. }
                 if context.running(*board).powered =>
             {
-                let within = match board {
-                    Board::Horus => bounds::HORUS_FLASH_FOUND,
-                    Board::Dpr => bounds::DPR_FLASH_FOUND,
-                };
-                self.due[*board as usize].get_or_insert(event.at + within);
+                match (board, memory) {
+                    (_, Memory::Flash) => {
+                        let within = [bounds::HORUS_FLASH_FOUND, bounds::DPR_FLASH_FOUND][*board as usize];
+                        self.flash_due[*board as usize].get_or_insert(at + within);
+                    }
+                    (Board::Dpr, Memory::Receive | Memory::Images) if *until > at => {
+                        self.stuck = Some(Stuck { until: *until, shown: None, cycles: 0 });
+                    }
+                    _ => {}
+                }
             }
-            What::Power { board, .. } | What::Reset { board, .. } => self.due[*board as usize] = None,
-            What::Field { on: false } => self.due[Board::Horus as usize] = None,
+            // A front end that is out of order may not take the command.
+            What::Warned { board }
+                if *board == Board::Dpr || self.field && !context.disturbances().excuse(Excuse::Sending, at) =>
+            {
+                let ready = context.running(*board).since + bounds::START;
+                self.supply_due[*board as usize] = Some(at.max(ready) + bounds::SAFE_STATE);
+            }
+            What::Power { board, .. } | What::Reset { board, .. } => {
+                self.flash_due[*board as usize] = None;
+                self.supply_due[*board as usize] = None;
+                if *board == Board::Dpr {
+                    self.stuck = None;
+                }
+            }
+            What::Field { on } => {
+                self.field = *on;
+                if !on {
+                    self.flash_due[Board::Horus as usize] = None;
+                    self.supply_due[Board::Horus as usize] = None;
+                }
+            }
             What::Transaction { .. } => {
-                let told = context.reading().and_then(|reading| reading.link.as_ref());
-                if told.is_some_and(|link| link.is_ok_and(|values| values.status.flash_fault())) {
-                    self.due[Board::Dpr as usize] = None;
+                if let Some(reading) = context.reading() {
+                    self.read(reading, context.disturbances().excuse(Excuse::Service, reading.selected), findings);
                 }
             }
             _ => {}
@@ -51,12 +99,43 @@ impl Rule for Integrity {
 }
 
 impl Integrity {
+    /// A transaction is over. What it reads is not known to be what the DPR has sent where that is `excused`.
+    fn read(&mut self, reading: &Reading, excused: bool, findings: &mut Findings) {
+        let due = &mut self.supply_due[Board::Dpr as usize];
+        if !excused && !reading.silent && due.take_if(|due| reading.selected > *due).is_some() {
+            findings
+                .add(Violation::FaultUnnoticed, reading.selected, || "Dpr's supply falls, and it is read".to_owned());
+        }
+        let Some(Ok(link)) = &reading.link else { return };
+        if link.status.flash_fault() {
+            self.flash_due[Board::Dpr as usize] = None;
+        }
+        if link.status.ram_fault() {
+            self.stuck = None;
+        }
+        let Some(stuck) = &mut self.stuck else { return };
+        let shown = reading.timestamp();
+        if shown.is_some() && stuck.shown != shown {
+            stuck.shown = shown;
+            stuck.cycles += 1;
+        }
+        if stuck.cycles > bounds::SCRUBBED_CYCLES {
+            findings.add(Violation::FaultUnnoticed, reading.selected, || "a bit of a buffer is stuck".to_owned());
+            self.stuck = None;
+        }
+    }
+
+    /// It is `now`: what is overdue is told once.
     fn pass(&mut self, now: u64, findings: &mut Findings) {
         for board in [Board::Horus, Board::Dpr] {
-            if let Some(due) = self.due[board as usize].take_if(|due| now > *due) {
+            if let Some(due) = self.flash_due[board as usize].take_if(|due| now > *due) {
                 findings.add(Violation::FaultUnnoticed, due, || format!("{board:?}'s flash was changed"));
             }
         }
+        if let Some(due) = self.supply_due[Board::Horus as usize].take_if(|due| now > *due) {
+            findings.add(Violation::FaultUnnoticed, due, || "Horus's supply falls, and its field is on".to_owned());
+        }
+        self.stuck.take_if(|stuck| now > stuck.until);
     }
 }
 
@@ -65,24 +144,45 @@ mod tests {
     use profile::{LinkStatus, LinkStatusBits, LinkValues};
 
     use super::*;
-    use crate::testing::{Events, MS, found, header, injected};
+    use crate::testing::{
+        Events, HORUS_FRONT_END, IMAGE_BIT, MISUSE, MS, RECEIVE_BIT, found, header, injected, objects, silent_gps,
+        silent_reported,
+    };
 
     const BOARDS: [(Board, u64); 2] =
         [(Board::Horus, bounds::HORUS_FLASH_FOUND), (Board::Dpr, bounds::DPR_FLASH_FOUND)];
 
-    /// What is found where a bit of `memory` is changed at 5 ns and these events happen, in a run until `end`.
-    fn broken(board: Board, memory: Memory, events: Vec<(u64, What)>, end: u64) -> Vec<(Violation, u64, u64)> {
+    fn found_in(events: Vec<(u64, What)>, end: u64) -> Vec<(Violation, u64, u64)> {
         let mut log = Events::new(3);
-        log.add(5, injected(Disturbance::Memory { board, memory }, 5));
         events.into_iter().for_each(|(at, what)| _ = log.add(at, what));
         found(Integrity::new(&header(3)), &log.end(end).log()).0
     }
 
+    /// What is found where a bit of `memory` is changed at 5 ns and these events happen, in a run until `end`.
+    fn broken(board: Board, memory: Memory, mut events: Vec<(u64, What)>, end: u64) -> Vec<(Violation, u64, u64)> {
+        events.push((5, injected(Disturbance::Memory { board, memory }, 5)));
+        found_in(events, end)
+    }
+
+    fn transaction(selected: u64, miso: Vec<u8>) -> What {
+        What::Transaction { selected, mosi: vec![0; 8].into(), miso: miso.into() }
+    }
+
     fn tells(fault: bool) -> What {
         let status = LinkStatusBits::new().with_flash_fault(fault);
-        let values = LinkValues { status, ..LinkValues::default() };
-        let miso = LinkStatus::seal(&values).as_bytes().to_vec();
-        What::Transaction { selected: 0, mosi: vec![0; 8].into(), miso: miso.into() }
+        transaction(0, LinkStatus::seal(&LinkValues { status, ..LinkValues::default() }).as_bytes().to_vec())
+    }
+
+    /// A transaction that shows the cycle of this timestamp (ms), with or without a RAM fault.
+    fn shows(timestamp: u32, fault: bool) -> What {
+        let status = LinkStatusBits::new().with_ram_fault(fault);
+        let mut miso = LinkStatus::seal(&LinkValues { status, ..LinkValues::default() }).as_bytes().to_vec();
+        miso.extend(objects(&silent_reported(timestamp), &[silent_gps(timestamp); 3]).concat());
+        transaction(u64::from(timestamp) * MS, miso)
+    }
+
+    fn reset(board: Board) -> What {
+        What::Reset { board, cause: crate::Cause::Pin, asked: true }
     }
 
     #[test]
@@ -105,7 +205,6 @@ mod tests {
     #[test]
     fn a_start_of_the_board_begins_anew_and_other_memory_is_not_asked_for() {
         for (board, within) in BOARDS {
-            let reset = |board| What::Reset { board, cause: crate::Cause::Pin, asked: true };
             let off = |board| What::Power { board, on: false };
             let other = BOARDS.map(|(board, _)| board)[1 - board as usize];
             for (what, expected) in [(reset(board), 0), (off(board), 0), (reset(other), 1), (off(other), 1)] {
@@ -121,5 +220,69 @@ mod tests {
             let second = injected(Disturbance::Memory { board, memory: Memory::Flash }, MS);
             assert_eq!(broken(board, Memory::Flash, vec![(MS, second)], within + 6).len(), 1, "the first counts");
         }
+    }
+
+    #[test]
+    fn a_bit_that_is_stuck_is_told_once_every_buffer_was_scrubbed() {
+        let cycles = bounds::SCRUBBED_CYCLES;
+        let shown = |count: u32, fault| -> Vec<(u64, What)> {
+            (1..=count).map(|n| (u64::from(10 * n) * MS + 1, shows(10 * n, fault && n == count))).collect()
+        };
+        let until = |count: u32| u64::from(10 * count) * MS + 1;
+        let stuck = |disturbs, until, events: Vec<(u64, What)>| {
+            found_in([(5, injected(disturbs, until))].into_iter().chain(events).collect(), 1_000 * MS)
+        };
+        let untold = [(Violation::FaultUnnoticed, 1, u64::from(10 * (cycles + 1)) * MS)];
+        for disturbs in [RECEIVE_BIT, IMAGE_BIT] {
+            assert_eq!(stuck(disturbs, u64::MAX, shown(cycles, false)), []);
+            assert_eq!(stuck(disturbs, u64::MAX, shown(2 * cycles, false)), untold, "told once");
+            assert_eq!(stuck(disturbs, u64::MAX, shown(cycles + 1, true)), []);
+            assert_eq!(stuck(disturbs, until(cycles + 1), shown(cycles + 1, false)), untold);
+            assert_eq!(stuck(disturbs, until(cycles + 1) - 1, shown(cycles + 1, false)), [], "it is stuck no more");
+            assert_eq!(stuck(disturbs, 5, shown(2 * cycles, false)), [], "it flipped");
+            let same = (1..100).map(|n| (n * MS, shows(10, false))).collect();
+            assert_eq!(stuck(disturbs, u64::MAX, same), [], "one cycle, read often");
+            for (board, expected) in [(Board::Dpr, vec![]), (Board::Horus, untold.to_vec())] {
+                let restarted = shown(cycles + 1, false).into_iter().chain([(6, reset(board))]).collect();
+                assert_eq!(stuck(disturbs, u64::MAX, restarted), expected);
+            }
+        }
+    }
+
+    #[test]
+    fn a_horus_whose_supply_falls_switches_its_field_off_in_time() {
+        const WARNED: u64 = 500 * MS;
+        let (board, due) = (Board::Horus, WARNED + bounds::SAFE_STATE);
+        let after = |what: Vec<(u64, What)>| {
+            let before = [(MS, What::Field { on: true }), (WARNED, What::Warned { board })];
+            found_in(before.into_iter().chain(what).collect(), 900 * MS)
+        };
+        let off = || What::Field { on: false };
+        let late = [(Violation::FaultUnnoticed, 1, due)];
+        assert_eq!(after(vec![]), late);
+        assert_eq!(after(vec![(due, off())]), []);
+        assert_eq!(after(vec![(due + 1, off())]), late);
+        assert_eq!(after(vec![(due, reset(board))]), []);
+        assert_eq!(after(vec![(due, reset(Board::Dpr))]), late);
+        assert_eq!(after(vec![(WARNED - 1, off())]), [], "there is no field");
+        assert_eq!(after(vec![(WARNED - 1, injected(HORUS_FRONT_END, WARNED))]), [], "its front end is out of order");
+        let starting = vec![(WARNED - MS, reset(board)), (WARNED - MS + bounds::START + bounds::SAFE_STATE, off())];
+        assert_eq!(after(starting), [], "it looks at its supply when it has started");
+    }
+
+    #[test]
+    fn a_dpr_whose_supply_falls_is_read_as_silent() {
+        const WARNED: u64 = 500 * MS;
+        let (board, due) = (Board::Dpr, WARNED + bounds::SAFE_STATE);
+        let read = |selected, miso: u8, before: Option<What>| {
+            let events = [(WARNED, What::Warned { board }), (selected + MS, transaction(selected, vec![miso; 300]))];
+            found_in(events.into_iter().chain(before.map(|what| (WARNED + 1, what))).collect(), 900 * MS)
+        };
+        assert_eq!(read(due, 0, None), []);
+        assert_eq!(read(due + 1, 0, None), [(Violation::FaultUnnoticed, 1, due + 1)]);
+        assert_eq!(read(due + 1, 0xFF, None), []);
+        assert_eq!(read(due + 1, 0, Some(reset(board))), []);
+        assert_eq!(read(due + 1, 0, Some(reset(Board::Horus))).len(), 1);
+        assert_eq!(read(due + 1, 0, Some(injected(MISUSE, 600 * MS))), [], "nobody knows what was read");
     }
 }
