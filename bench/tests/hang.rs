@@ -10,8 +10,9 @@ mod reader;
 #[path = "../../emulator/node/tests/thumb/mod.rs"]
 mod thumb;
 
+use bench::boards::Powered;
 use bench::faults::plan::WATCHDOG_STARTS;
-use bench::faults::{Board, Conduct, Fault, Faults, PowerFault, Powered, ReceiverFault, name_of, power, tasks_of};
+use bench::faults::{Board, Conduct, Fault, Faults, PowerFault, ReceiverFault, name_of, power, tasks_of};
 use bench::sim::{Bench, Images, Outcome, Setup, run};
 use bench_judge::{Verdict, What, bounds};
 use boards::{counter, image};

@@ -3,10 +3,11 @@
 
 mod boards;
 
+use bench::boards::Powered;
 use bench::boards::{Dpr, Horus};
 use bench::faults::image::{ImageFault, poke};
 use bench::faults::{Kind, OnLine};
-use bench::faults::{LineFaults, PowerFault, Powered, ReceiverFault, Rng, Targets, Upset};
+use bench::faults::{LineFaults, PowerFault, ReceiverFault, Rng, Targets, Upset};
 use boards::{RAM_TEST, counter};
 use emulator_node::{Board, Error, Node};
 use emulator_part::Reset;

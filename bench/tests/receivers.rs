@@ -6,7 +6,6 @@ mod boards;
 use std::sync::Arc;
 
 use bench::boards::Horus;
-use bench::boards::receivers::Interface;
 use bench::faults::receivers::bus::BusFault;
 use bench::faults::{Board, Fault, Faults, PowerFault, ReceiverFault, Rng};
 use bench::sim::{Bench, Images, Outcome, Setup, run};
@@ -14,6 +13,7 @@ use bench::world::base_station::{Entry, Position};
 use bench_judge::{What, bounds};
 use boards::image;
 use emulator_node::{Clock, Node, Threads};
+use gnss_sim::Port;
 use gnss_sim::{Log, ubx};
 
 const MS: u64 = 1_000_000;
@@ -189,7 +189,7 @@ const BACK: u64 = 360 * MS;
 fn of_bus(clock: Clock) {
     for fault in BusFault::ALL {
         let Some(mut setup) = setup(1_600) else { return };
-        let receiver = if fault.interface() == Interface::I2c { 1 } else { 2 };
+        let receiver = if fault.interface() == Port::I2c { 1 } else { 2 };
         setup.clock = clock;
         let injected = Fault::Receiver(receiver, ReceiverFault::Bus(fault));
         setup.faults = Faults::none().with(FAILS.start, FAILS.end, injected);
@@ -283,7 +283,7 @@ fn drawn_failures(clock: Clock, seed: u64, failures: u64, table: &mut [Table; Bu
         let kind = rng.below(BusFault::ALL.len() as u64) as usize;
         let from = SETTLED + number * SECOND + rng.below(240 * MS);
         let until = from + rng.between(MS, 400 * MS);
-        let receiver = if BusFault::ALL[kind].interface() == Interface::I2c { 1 } else { 2 };
+        let receiver = if BusFault::ALL[kind].interface() == Port::I2c { 1 } else { 2 };
         let fault = Fault::Receiver(receiver, ReceiverFault::Bus(BusFault::ALL[kind]));
         setup.faults = setup.faults.with(from, until, fault);
         drawn.push((kind, receiver, from, until));

@@ -76,6 +76,9 @@ pub enum Port {
 }
 
 impl Port {
+    /// What the link's receivers 1 to 5 are connected by (docs/hardware.md).
+    pub const OF: [Self; 5] = [Self::Uart1, Self::I2c, Self::Spi, Self::Uart1, Self::Uart1];
+
     /// The ports whose keys a receiver knows, with USB and UART2, by their place in a group of CFG-MSGOUT keys.
     const PLACES: u32 = 5;
 

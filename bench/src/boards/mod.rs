@@ -17,6 +17,8 @@ mod dpr;
 pub mod front_end;
 mod horus;
 pub mod receivers;
+mod supply;
 
 pub use dpr::{Dpr, FRESH, SSI};
 pub use horus::{Horus, InputChange};
+pub use supply::{Powered, supply};

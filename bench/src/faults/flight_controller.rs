@@ -7,12 +7,6 @@
 
 use bench_judge::disturbance;
 use emulator_part::SpiMode;
-use profile::ssi::{Request, encode};
-use profile::{Identifier, crc};
-
-use super::Rng;
-use crate::world::flight_controller::Config;
-use crate::world::ssi::{Filler, Order, Pace};
 
 /// How the flight controller behaves while an episode lasts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,17 +50,6 @@ pub enum Conduct {
         /// Bytes of each.
         bytes: usize,
     },
-}
-
-/// When a flight controller that misuses the SSI begins its transactions.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Rhythm {
-    /// One in each of its control cycles in which the one before is over.
-    InCycle,
-    /// Each as soon as the one before is over, and the gap after it.
-    AtOnce,
-    /// There are none.
-    Never,
 }
 
 impl Conduct {
@@ -122,128 +105,4 @@ impl Conduct {
             _ => disturbance::Conduct::Misuse,
         }
     }
-}
-
-/// Bytes of [`Conduct::TenThousand`].
-const MANY: usize = 10_000;
-
-/// Bytes of [`Conduct::Lies`]: Link-Status and Reported-Position.
-const PART: usize = 96;
-
-/// Bytes that the DPR takes in: a request and an uplink object (docs/design.md#ssi).
-const TAKEN_IN: usize = 72;
-
-/// From one fall of chip select to the next with [`Conduct::TogglesCsn`], ns.
-const TOGGLE: u64 = 2_000;
-
-/// How long chip select is high at least with [`Conduct::Every`], ns: as long as the DPR's peripheral needs (nRF52840
-/// PS v1.7, 6.26.7, t<sub>SPIS,CSNH</sub>).
-const CSN_HIGH: u64 = 300;
-
-/// What [`Conduct::Hammers`] leaves of the gap, ns.
-const HAMMER_GAP: u64 = 1_000;
-
-/// A [`Conduct`] that lasts.
-#[derive(Clone, Debug)]
-pub struct Misconduct {
-    conduct: Conduct,
-    config: Config,
-    noise: Rng,
-}
-
-impl Misconduct {
-    /// `conduct` of the flight controller with this configuration; what is random follows from `seed`.
-    #[must_use]
-    pub const fn new(conduct: Conduct, config: Config, seed: u64) -> Self {
-        Self { conduct, config, noise: Rng::new(seed) }
-    }
-
-    /// When its transactions begin.
-    #[must_use]
-    pub const fn rhythm(&self) -> Rhythm {
-        match self.conduct {
-            Conduct::Hammers
-            | Conduct::ZeroBytes
-            | Conduct::Hangs
-            | Conduct::RunsAway
-            | Conduct::TogglesCsn
-            | Conduct::ClocksWithoutCsn
-            | Conduct::BackToBack
-            | Conduct::Edges(_)
-            | Conduct::Every { .. } => Rhythm::AtOnce,
-            Conduct::TenThousand
-            | Conduct::OtherMode(_)
-            | Conduct::RandomBytes
-            | Conduct::Lies
-            | Conduct::ReplaysUplink => Rhythm::InCycle,
-            Conduct::Silent => Rhythm::Never,
-        }
-    }
-
-    /// Its next transaction.
-    pub fn order(&mut self) -> Order {
-        let pace = self.config.pace;
-        let read = |bytes| Order { pace, ..Order::read(bytes) };
-        let whole = self.config.image_len();
-        match self.conduct {
-            Conduct::Hammers => Order { pace: Pace { gap_ns: HAMMER_GAP, ..pace }, ..read(1) },
-            Conduct::ZeroBytes => read(0),
-            Conduct::Hangs | Conduct::Silent => Order { lets_go: false, ..read(0) },
-            Conduct::RunsAway => Order { filler: self.noise(), ..read(Order::ENDLESS) },
-            Conduct::TenThousand => read(MANY),
-            Conduct::TogglesCsn => edges(pace, TOGGLE),
-            Conduct::Edges(period_ns) => edges(pace, period_ns),
-            Conduct::Every { period_ns, bytes } => {
-                let gap_ns = period_ns.saturating_sub(pace.transaction_ns(bytes)).max(CSN_HIGH);
-                Order { pace: Pace { gap_ns, ..pace }, ..Order::read(bytes) }
-            }
-            Conduct::ClocksWithoutCsn => Order { selects: false, filler: self.noise(), ..read(Order::ENDLESS) },
-            Conduct::BackToBack => read(whole),
-            Conduct::OtherMode(mode) => Order { mode, ..read(whole) },
-            Conduct::RandomBytes => Order { filler: self.noise(), ..read(whole) },
-            Conduct::Lies => Order { mosi: self.lie(), ..read(PART) },
-            Conduct::ReplaysUplink => Order { mosi: uplink(), ..read(whole) },
-        }
-    }
-
-    /// Noise that is another one in each transaction.
-    fn noise(&mut self) -> Filler {
-        Filler::Noise(Rng::new(self.noise.word()))
-    }
-
-    /// What is no request, or one that the DPR must refuse.
-    fn lie(&mut self) -> Vec<u8> {
-        let image_len = self.config.image_len() as u64;
-        let below = |noise: &mut Rng, bound| u16::try_from(noise.below(bound)).unwrap_or(u16::MAX);
-        match self.noise.below(5) {
-            0 => encode(Request { offset: 4_096, length: 64 }).to_vec(),
-            1 => encode(Request { offset: 0, length: 0xFFFF }).to_vec(),
-            // From within the image to beyond its end.
-            2 => {
-                let offset = below(&mut self.noise, image_len);
-                let length = below(&mut self.noise, 1_000) + 1;
-                let rest = u16::try_from(image_len).unwrap_or(u16::MAX) - offset;
-                encode(Request { offset, length: rest + length }).to_vec()
-            }
-            3 => encode(Request { offset: 96, length: 60 })[..4].to_vec(),
-            _ => (0..TAKEN_IN).map(|_| self.noise.byte()).collect(),
-        }
-    }
-}
-
-/// Chip select falls and rises, once in `period_ns`.
-fn edges(pace: Pace, period_ns: u64) -> Order {
-    let low = period_ns / 2;
-    Order { pace: Pace { setup_ns: low, hold_ns: 0, gap_ns: period_ns - low, ..pace }, ..Order::read(0) }
-}
-
-/// A request for nothing, and an intact uplink object of the flight controller from the first second.
-fn uplink() -> Vec<u8> {
-    let mut object = vec![];
-    object.extend(1_000_u32.to_le_bytes());
-    object.extend(Identifier::UPLINK_FLIGHT_CONTROLLER.0.to_le_bytes());
-    object.extend(0_u16.to_le_bytes());
-    object.extend(0..52_u8);
-    object.extend(crc::frame(&object).to_be_bytes());
-    [vec![0; profile::ssi::REQUEST_SIZE], object].concat()
 }

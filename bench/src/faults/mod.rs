@@ -26,8 +26,9 @@
 //!
 //! # Where to add a fault
 //!
-//! A variant of [`Fault`] and its effect in one of the files above, what it disturbs ([`Fault::disturbs`]), which says
-//! what the judge excuses ([`bench_judge::disturbance`]), and a line in [`plan`] so that `--faults` can draw it.
+//! A variant of [`Fault`] in one of the files above, its effect where it acts, what it disturbs ([`Fault::disturbs`]),
+//! which says what the judge excuses ([`bench_judge::disturbance`]), and a line in [`plan`] so that `--faults` can draw
+//! it.
 
 pub mod base;
 pub mod buffer;
@@ -56,7 +57,7 @@ pub use flight_controller::Conduct;
 pub use front_end::{Emission, FrontEndFault};
 pub use image::ImageFault;
 pub use plan::{Kind, UnknownKind};
-pub use power::{PowerFault, Powered};
+pub use power::PowerFault;
 pub use receivers::{Absurd, BusFault, LineFaults, OnLine, ReceiverFault};
 pub use rng::Rng;
 pub use st25r3916_model::AirFaults;

@@ -10,7 +10,7 @@ use super::{
     Absurd, AirFaults, Board, BufferFault, Buffers, BusFault, ChipFault, Conduct, Episode, Fault, Faults, InputFault,
     PowerFault, ReceiverFault, Rng, chip::FLIP_MENDED, power::sag_length, state_inputs::INPUTS, tasks_of,
 };
-use crate::boards::receivers::Interface;
+use gnss_sim::Port;
 
 /// No episode begins before this instant, ns: both boards start in peace.
 pub const FIRST_AT: u64 = 300_000_000;
@@ -260,7 +260,7 @@ fn all_of(kind: Kind, gps: usize, rng: &mut Rng) -> Vec<Draw> {
         Kind::Gnss if gps == 0 => vec![],
         Kind::Gnss => {
             let mut one = |fault: ReceiverFault| {
-                let fitting: Vec<usize> = (0..gps).filter(|receiver| fault.fits(Interface::OF[*receiver])).collect();
+                let fitting: Vec<usize> = (0..gps).filter(|receiver| fault.fits(Port::OF[*receiver])).collect();
                 let drawn = rng.below(fitting.len().max(1) as u64) as usize;
                 fitting.get(drawn).map(|receiver| vec![(0, Fault::Receiver(*receiver, fault))])
             };

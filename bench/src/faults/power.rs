@@ -1,24 +1,15 @@
 //! Supply and reset of a board.
 
 use bench_judge::disturbance::{Disturbance, Harm};
-use cortex_m4::Cost;
-use st25r3916_model::Chip;
-
-use crate::boards::front_end::FrontEnd;
-use crate::boards::{Dpr, Horus};
-use emulator_node::{Board, FromOutside, Node};
 
 use super::Rng;
 
 /// A millisecond, ns.
 const MS: u64 = 1_000_000;
 
-/// The lowest supply of a front end, µV (DS13541, operating conditions). Below it promises nothing; here it is off.
-const FRONT_END_UV: u32 = 2_400_000;
-
 /// What a sagging supply begins at, one of these, and comes back to: the boards' 3.3 V, and the highest that both parts
 /// take, µV.
-const RAILS_UV: [u32; 2] = [3_300_000, 3_600_000];
+pub(crate) const RAILS_UV: [u32; 2] = [3_300_000, 3_600_000];
 
 /// What happens to a board's supply or reset pin. The front end has the board's supply.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -74,44 +65,6 @@ impl PowerFault {
     pub const fn lasts(self) -> bool {
         matches!(self, Self::Off(_) | Self::CrystalDead | Self::Sag(_) | Self::FrontEndOff)
     }
-
-    /// It begins on `node`'s board now.
-    pub fn begin<B: Powered, C: Cost>(self, node: &mut Node<B, C>) {
-        match self {
-            Self::Off(_) => {
-                node.power_off();
-                supply_front_end(node, false);
-            }
-            Self::CrystalDead => B::crystal(node, false),
-            Self::FrontEndOff => supply_front_end(node, false),
-            // Its voltages come one by one.
-            Self::Sag(_) => {}
-            Self::Pin => node.restart(FromOutside::Pin),
-            Self::BrownOut => node.restart(FromOutside::BrownOut),
-            Self::Watchdog => node.restart(FromOutside::Watchdog),
-        }
-    }
-
-    /// It ends on `node`'s board now.
-    pub fn end<B: Powered, C: Cost>(self, node: &mut Node<B, C>) {
-        match self {
-            Self::Off(seed) => {
-                supply_front_end(node, true);
-                node.power_on(seed);
-            }
-            Self::CrystalDead => B::crystal(node, true),
-            // Without the board's supply the front end has none either.
-            Self::FrontEndOff if node.is_powered() => supply_front_end(node, true),
-            Self::Sag(seed) => supply(node, RAILS_UV[0], seed),
-            Self::FrontEndOff | Self::Pin | Self::BrownOut | Self::Watchdog => {}
-        }
-    }
-}
-
-/// A board's supply has `microvolts` from now on; see [`Node::supply`].
-pub fn supply<B: Powered, C: Cost>(node: &mut Node<B, C>, microvolts: u32, seed: u64) {
-    node.supply(microvolts, seed);
-    supply_front_end(node, microvolts >= FRONT_END_UV);
 }
 
 /// The voltages of a supply that sags, µV, each with its time from the beginning, ns; the last is where it is well
@@ -153,68 +106,6 @@ pub fn shape(seed: u64) -> Vec<(u64, u32)> {
 #[must_use]
 pub fn sag_length(seed: u64) -> u64 {
     shape(seed).last().map_or(0, |(at, _)| *at)
-}
-
-/// A board whose front end has a supply that can fail.
-pub trait Powered: Board {
-    /// The front end.
-    fn front_end(&mut self) -> &mut FrontEnd;
-
-    /// Its front end's chip, to look at.
-    fn chip(&self) -> &Chip;
-
-    /// Its crystal works from now on, or is dead.
-    fn crystal<C: Cost>(node: &mut Node<Self, C>, works: bool);
-
-    /// Whether its firmware can do nothing but wait for the watchdog after a reset.
-    fn cannot_start(part: &Self::Part) -> bool;
-}
-
-/// What the DPR's crystal takes to start, ns.
-const CRYSTAL_STARTS: u64 = 360_000;
-
-impl Powered for Horus {
-    fn crystal<C: Cost>(node: &mut Node<Self, C>, works: bool) {
-        node.input(|part, view, at| if works { part.restore_hse(at, view) } else { part.fail_hse(at, view) });
-    }
-
-    /// Without its crystal it runs on its internal oscillator.
-    fn cannot_start(_: &Self::Part) -> bool {
-        false
-    }
-
-    fn front_end(&mut self) -> &mut FrontEnd {
-        &mut self.front_end
-    }
-
-    fn chip(&self) -> &Chip {
-        self.front_end.chip()
-    }
-}
-
-impl Powered for Dpr {
-    fn crystal<C: Cost>(node: &mut Node<Self, C>, works: bool) {
-        node.input(|part, _, _| part.set_hfxo_startup(works.then_some(CRYSTAL_STARTS)));
-    }
-
-    fn cannot_start(part: &Self::Part) -> bool {
-        !part.has_hfxo()
-    }
-
-    fn front_end(&mut self) -> &mut FrontEnd {
-        &mut self.front_end
-    }
-
-    fn chip(&self) -> &Chip {
-        self.front_end.chip()
-    }
-}
-
-fn supply_front_end<B: Powered, C: Cost>(node: &mut Node<B, C>, on: bool) {
-    let now = node.now();
-    node.board_mut(|board| {
-        board.front_end().with(|chip| if on { chip.power_on(now) } else { chip.power_off(now) });
-    });
 }
 
 #[cfg(test)]

@@ -5,8 +5,9 @@ use cortex_m4::Cost;
 use emulator_part::Reset;
 use st25r3916_model::Chip;
 
+use crate::boards::{Powered, supply};
+use crate::faults::PowerFault;
 use crate::faults::image::Repair;
-use crate::faults::power::{self, PowerFault, Powered};
 use crate::faults::{Episode, Fault, Turn, interrupt_of};
 use emulator_node::{FindingKind, FromOutside, Node};
 
@@ -166,7 +167,7 @@ impl BoardEvents {
                     | Fault::Base(_) => {}
                 }
             }
-            Turn::Supply { microvolts, seed } => power::supply(node, *microvolts, *seed),
+            Turn::Supply { microvolts, seed } => supply(node, *microvolts, *seed),
             Turn::Ends(Episode { fault, .. }) => match fault {
                 Fault::Power(_, power) => {
                     power.end(node);

@@ -35,7 +35,6 @@ use st25r3916_model::Chip;
 pub use st25r3916_model::Config as FrontEndConfig;
 use stm32f429::{Oscillators, Stm32f429};
 
-use crate::boards::receivers::Interface;
 use crate::boards::{self, Dpr, Horus};
 use crate::debug_port::{self, Debugged as HasDebugPort};
 use crate::faults::{Campaign, Faults, Options};
@@ -681,12 +680,7 @@ fn receivers(setup: &Setup, flight: &Arc<Flight>) -> Result<Vec<Receiver>, LogEr
         .map(|index| match setup.recordings.get(index - 1) {
             Some(Some(path)) => Ok(Receiver::recorded(Arc::new(gnss_sim::Log::open(path)?))),
             _ => {
-                let port = match Interface::OF[index - 1] {
-                    Interface::Uart => Port::Uart1,
-                    Interface::I2c => Port::I2c,
-                    Interface::Spi => Port::Spi,
-                };
-                let receiver = Receiver::generated(index, setup.seed, flight.clone()).connected_by(port);
+                let receiver = Receiver::generated(index, setup.seed, flight.clone()).connected_by(Port::OF[index - 1]);
                 let receiver = match setup.receiver_hz {
                     Some(hz) => receiver.with_fixed_period(1_000 / hz),
                     None => receiver,

@@ -12,12 +12,13 @@ use st25r3916_model::AirEvent;
 
 use super::board_events::BoardEvents;
 use crate::boards::front_end::Crossing;
-use crate::boards::receivers::{Given, Heard, Interface};
+use crate::boards::receivers::{Given, Heard};
 use crate::boards::{Horus, InputChange};
 use crate::faults::receivers::{LineFaults, OnLine, ReceiverFault};
 use crate::faults::{Fault, Faults, Timeline, Turn, WireFault, Wires};
 use crate::trace::{Mark, TaskWatch, Wire};
 use emulator_node::{LogLine, Node, Upstream};
+use gnss_sim::Port;
 
 /// How long the pin TICK is high before each tick, ns.
 const TICK_PULSE_NS: u64 = TICK_PULSE_TICKS as u64 * 1_000 / TICKS_PER_US as u64;
@@ -184,7 +185,7 @@ impl Receivers {
     fn feed<C: Cost>(&mut self, node: &mut Node<Horus, C>, lines: Vec<OnLine>) {
         for OnLine { at_ns, receiver, frames, clean } in lines {
             let bytes: Vec<u8> = frames.iter().map(|frame| frame.data as u8).collect();
-            if Interface::OF[receiver] != Interface::Uart {
+            if Port::OF[receiver] != Port::Uart1 {
                 // What is read of it, and when, the board tells.
                 node.board_mut(|board| board.receivers.offer(at_ns, receiver, &bytes));
                 self.events.note(at_ns.max(node.now()), What::Offered { receiver, bytes: Bytes(bytes) });

@@ -64,26 +64,3 @@ impl TraceFile {
         }
     }
 }
-
-/// The digits of `value`, most significant first, as both formats write them; `z` where nothing drives the signal.
-pub(super) fn digits(bits: u32, value: Value) -> impl Iterator<Item = u8> {
-    (0..bits).rev().map(move |bit| match value {
-        Some(value) => b'0' + u8::from(value >> bit & 1 != 0),
-        None => b'z',
-    })
-}
-
-/// Calls `open` and `close` for the groups that lie between those of one signal and those of the next.
-pub(super) fn regroup<T>(
-    to: &mut T,
-    from: &[&'static str],
-    next: &[&'static str],
-    mut open: impl FnMut(&mut T, &'static str) -> io::Result<()>,
-    mut close: impl FnMut(&mut T) -> io::Result<()>,
-) -> io::Result<()> {
-    let common = from.iter().zip(next).take_while(|(of, to)| of == to).count();
-    for _ in common..from.len() {
-        close(to)?;
-    }
-    next[common..].iter().try_for_each(|group| open(to, group))
-}

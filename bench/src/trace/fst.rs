@@ -9,8 +9,7 @@ use fst_writer::{
     FstVarType, FstWriteError, open_fst,
 };
 
-use super::file::{digits, regroup};
-use super::signals::{Id, Signals, Value};
+use super::signals::{Id, Signals, Value, digits, regroup};
 
 /// Changes are kept in memory up to about so many bytes before they are compressed and written: a block of the file.
 /// The larger the blocks, the better they are compressed and the coarser a viewer reads.

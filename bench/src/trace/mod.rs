@@ -43,8 +43,8 @@ use std::path::{Path, PathBuf};
 
 use file::TraceFile;
 use signals::{BUSES, Id, Signals, Value};
-pub use signals::{Board, Bus, DPR, HORUS, SSI, TaskSignal, Wire, Word};
-pub use tasks::{Task, TaskWatch};
+pub use signals::{Board, Bus, DPR, HORUS, SSI, Task, TaskSignal, Wire, Word};
+pub use tasks::TaskWatch;
 
 /// How far back an event may still be placed: more than the longest byte and the greatest lookahead together.
 const WINDOW_NS: u64 = 200_000;

@@ -1,8 +1,6 @@
 //! What there is to see in a trace: every signal with its group, its name and its width.
 
-use std::fmt;
-
-use super::tasks::Task;
+use std::{fmt, io};
 
 /// A board of the trace.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -174,6 +172,17 @@ pub(super) struct Signal {
     pub(super) start: Value,
 }
 
+/// A task of a firmware.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Task {
+    /// Its name in the firmware's sources.
+    pub name: &'static str,
+    /// Its interrupt vector, as the part's manual calls it.
+    pub vector: &'static str,
+    /// The number of its exception in the image: 16 + n for interrupt n.
+    pub exception: u16,
+}
+
 /// One of a board's signals about its tasks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TaskSignal {
@@ -277,6 +286,29 @@ impl fmt::Display for Task {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(formatter, "{}_{}", self.name, self.vector)
     }
+}
+
+/// The digits of `value`, most significant first, as both formats write them; `z` where nothing drives the signal.
+pub(super) fn digits(bits: u32, value: Value) -> impl Iterator<Item = u8> {
+    (0..bits).rev().map(move |bit| match value {
+        Some(value) => b'0' + u8::from(value >> bit & 1 != 0),
+        None => b'z',
+    })
+}
+
+/// Calls `open` and `close` for the groups that lie between those of one signal and those of the next.
+pub(super) fn regroup<T>(
+    to: &mut T,
+    from: &[&'static str],
+    next: &[&'static str],
+    mut open: impl FnMut(&mut T, &'static str) -> io::Result<()>,
+    mut close: impl FnMut(&mut T) -> io::Result<()>,
+) -> io::Result<()> {
+    let common = from.iter().zip(next).take_while(|(of, to)| of == to).count();
+    for _ in common..from.len() {
+        close(to)?;
+    }
+    next[common..].iter().try_for_each(|group| open(to, group))
 }
 
 #[cfg(test)]

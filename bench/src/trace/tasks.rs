@@ -2,20 +2,9 @@
 
 use cortex_m4::Cost;
 
-use super::signals::{Board, TaskSignal};
+use super::signals::{Board, Task, TaskSignal};
 use super::{Mark, vectors};
 use emulator_node::{self as node, Node};
-
-/// A task of a firmware.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Task {
-    /// Its name in the firmware's sources.
-    pub name: &'static str,
-    /// Its interrupt vector, as the part's manual calls it.
-    pub vector: &'static str,
-    /// The number of its exception in the image: 16 + n for interrupt n.
-    pub exception: u16,
-}
 
 /// Watches the tasks of a board. Plain data: a clone of it goes with a clone of its node.
 #[derive(Clone, Debug)]

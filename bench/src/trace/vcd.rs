@@ -6,8 +6,7 @@ use std::path::Path;
 
 use vcd::{IdCode, SimulationCommand, TimescaleUnit, Writer};
 
-use super::file::{digits, regroup};
-use super::signals::{Id, Signals, Value};
+use super::signals::{Id, Signals, Value, digits, regroup};
 
 /// A VCD file being written.
 pub(super) struct VcdFile {

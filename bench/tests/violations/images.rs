@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
+use bench::boards::Powered;
 use bench::boards::{Dpr, Horus};
 use bench::faults::image::{Change, Recording, To, rewrite};
-use bench::faults::power::Powered;
 use bench::faults::{Board, Episode, Fault, ImageFault};
 use bench::sim::Setup;
 use emulator_node::{Firmware, Node};

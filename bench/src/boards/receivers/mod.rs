@@ -40,22 +40,6 @@ pub use given::Given;
 use spi::Spi;
 use uart::Uart;
 
-/// What a receiver is connected by.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Interface {
-    /// UART, 8N1.
-    Uart,
-    /// I2C, which u-blox calls DDC.
-    I2c,
-    /// SPI.
-    Spi,
-}
-
-impl Interface {
-    /// What receivers 1 to 5 are connected by.
-    pub const OF: [Self; 5] = [Self::Uart, Self::I2c, Self::Spi, Self::Uart, Self::Uart];
-}
-
 /// Bytes that a receiver keeps for a bus: u-blox integration manuals, "Extended TX timeout".
 pub const BUFFER: usize = 4096;
 /// After so long without communication a receiver puts no more messages into a bus's buffer, ns.

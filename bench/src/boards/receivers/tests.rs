@@ -358,7 +358,7 @@ fn levels(script: &mut Script) -> Vec<(Pin, bool)> {
 
 fn failing(fault: BusFault) -> Script {
     let mut script = Script::new();
-    let receiver = if fault.interface() == Interface::I2c { 1 } else { 2 };
+    let receiver = if fault.interface() == gnss_sim::Port::I2c { 1 } else { 2 };
     script.receivers.offer(script.now, receiver, &message().repeat(10));
     script.receivers.begin_fault(script.now, receiver, fault, 7);
     script

@@ -10,7 +10,7 @@
 //! | `Noise` | one bit in [`super::NOISE_ONE_IN`] that is read is another, of the length too | at the end |
 //! | `Ones`, `Zeros`, `Random`, `Shifted` | MISO is high, low, random, or a bit late | at the end |
 
-use crate::boards::receivers::Interface;
+use gnss_sim::Port;
 
 /// A fault of a receiver's bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -66,10 +66,10 @@ impl BusFault {
 
     /// The bus that can have it.
     #[must_use]
-    pub const fn interface(self) -> Interface {
+    pub const fn interface(self) -> Port {
         match self {
-            Self::Ones | Self::Zeros | Self::Random | Self::Shifted => Interface::Spi,
-            _ => Interface::I2c,
+            Self::Ones | Self::Zeros | Self::Random | Self::Shifted => Port::Spi,
+            _ => Port::I2c,
         }
     }
 

@@ -34,8 +34,8 @@ use gnss_sim::ubx;
 use horus_tx_fw::timing::GNSS_BAUD;
 
 use super::Rng;
-use crate::boards::receivers::Interface;
 pub use bus::BusFault;
+use gnss_sim::Port;
 use messages::{
     each_message, flattened, last_itow, last_position, move_by, pushed, set_fields, set_itow, turned,
     with_bad_checksums, without_fix,
@@ -228,9 +228,9 @@ impl ReceiverFault {
 
     /// Whether a receiver with this interface can have it.
     #[must_use]
-    pub fn fits(self, interface: Interface) -> bool {
+    pub fn fits(self, interface: Port) -> bool {
         match self {
-            Self::WrongBaud(_) | Self::Break | Self::Noise | Self::FramingErrors => interface == Interface::Uart,
+            Self::WrongBaud(_) | Self::Break | Self::Noise | Self::FramingErrors => interface == Port::Uart1,
             Self::Bus(fault) => interface == fault.interface(),
             _ => true,
         }

@@ -21,6 +21,7 @@
 //! | `reading` | what it makes of the bytes that one transaction brought |
 
 mod config;
+mod misconduct;
 mod reading;
 #[cfg(test)]
 mod tests;
@@ -38,8 +39,10 @@ use profile::uplink::Written;
 pub use config::{Config, Placed, Schedule};
 pub use reading::{Outcome, Reading};
 
+use misconduct::{Misconduct, Rhythm};
+
 use super::ssi::{Crystal, Order, Progress, SsiMaster, SsiPort, Start, Transaction};
-use crate::faults::flight_controller::{Conduct, Misconduct, Rhythm};
+use crate::faults::Conduct;
 use crate::faults::wires::Wires;
 
 /// Totals since reset.

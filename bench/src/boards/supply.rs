@@ -1,0 +1,115 @@
+//! Supply, reset and crystal of a board, and what a [`PowerFault`] does to them.
+
+use cortex_m4::Cost;
+use emulator_node::{Board, FromOutside, Node};
+use st25r3916_model::Chip;
+
+use super::front_end::FrontEnd;
+use super::{Dpr, Horus};
+use crate::faults::PowerFault;
+use crate::faults::power::RAILS_UV;
+
+/// The lowest supply of a front end, µV (DS13541, operating conditions). Below it promises nothing; here it is off.
+const FRONT_END_UV: u32 = 2_400_000;
+
+/// A board whose front end has a supply that can fail.
+pub trait Powered: Board {
+    /// The front end.
+    fn front_end(&mut self) -> &mut FrontEnd;
+
+    /// Its front end's chip, to look at.
+    fn chip(&self) -> &Chip;
+
+    /// Its crystal works from now on, or is dead.
+    fn crystal<C: Cost>(node: &mut Node<Self, C>, works: bool);
+
+    /// Whether its firmware can do nothing but wait for the watchdog after a reset.
+    fn cannot_start(part: &Self::Part) -> bool;
+}
+
+/// What the DPR's crystal takes to start, ns.
+const CRYSTAL_STARTS: u64 = 360_000;
+
+impl Powered for Horus {
+    fn crystal<C: Cost>(node: &mut Node<Self, C>, works: bool) {
+        node.input(|part, view, at| if works { part.restore_hse(at, view) } else { part.fail_hse(at, view) });
+    }
+
+    /// Without its crystal it runs on its internal oscillator.
+    fn cannot_start(_: &Self::Part) -> bool {
+        false
+    }
+
+    fn front_end(&mut self) -> &mut FrontEnd {
+        &mut self.front_end
+    }
+
+    fn chip(&self) -> &Chip {
+        self.front_end.chip()
+    }
+}
+
+impl Powered for Dpr {
+    fn crystal<C: Cost>(node: &mut Node<Self, C>, works: bool) {
+        node.input(|part, _, _| part.set_hfxo_startup(works.then_some(CRYSTAL_STARTS)));
+    }
+
+    fn cannot_start(part: &Self::Part) -> bool {
+        !part.has_hfxo()
+    }
+
+    fn front_end(&mut self) -> &mut FrontEnd {
+        &mut self.front_end
+    }
+
+    fn chip(&self) -> &Chip {
+        self.front_end.chip()
+    }
+}
+
+fn supply_front_end<B: Powered, C: Cost>(node: &mut Node<B, C>, on: bool) {
+    let now = node.now();
+    node.board_mut(|board| {
+        board.front_end().with(|chip| if on { chip.power_on(now) } else { chip.power_off(now) });
+    });
+}
+
+impl PowerFault {
+    /// It begins on `node`'s board now.
+    pub fn begin<B: Powered, C: Cost>(self, node: &mut Node<B, C>) {
+        match self {
+            Self::Off(_) => {
+                node.power_off();
+                supply_front_end(node, false);
+            }
+            Self::CrystalDead => B::crystal(node, false),
+            Self::FrontEndOff => supply_front_end(node, false),
+            // Its voltages come one by one.
+            Self::Sag(_) => {}
+            Self::Pin => node.restart(FromOutside::Pin),
+            Self::BrownOut => node.restart(FromOutside::BrownOut),
+            Self::Watchdog => node.restart(FromOutside::Watchdog),
+        }
+    }
+
+    /// It ends on `node`'s board now.
+    pub fn end<B: Powered, C: Cost>(self, node: &mut Node<B, C>) {
+        match self {
+            Self::Off(seed) => {
+                supply_front_end(node, true);
+                node.power_on(seed);
+            }
+            Self::CrystalDead => B::crystal(node, true),
+            // Without the board's supply the front end has none either.
+            Self::FrontEndOff if node.is_powered() => supply_front_end(node, true),
+            Self::Sag(seed) => supply(node, RAILS_UV[0], seed),
+            Self::FrontEndOff | Self::Pin | Self::BrownOut | Self::Watchdog => {}
+        }
+    }
+}
+
+/// A board's supply has `microvolts` from now on; see [`Node::supply`].
+pub fn supply<B: Powered, C: Cost>(node: &mut Node<B, C>, microvolts: u32, seed: u64) {
+    node.supply(microvolts, seed);
+    supply_front_end(node, microvolts >= FRONT_END_UV);
+}
