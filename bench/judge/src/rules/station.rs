@@ -141,7 +141,7 @@ impl Station {
     /// A sample of that tick has arrived, ns, in that start: how much older the station may take it to be, ns.
     fn late(&mut self, timestamp: u32, reason: Option<ResetReason>, tick: (u64, u64)) -> u64 {
         let step = |last: Last| timestamp.wrapping_sub(last.timestamp);
-        let goes_on = self.last.filter(|last| step(*last).cast_signed() > 0 && last.reason == reason);
+        let goes_on = self.last.filter(|last| step(*last).cast_signed() >= 0 && last.reason == reason);
         let late = goes_on.map_or(0, |last| match last.tick.1 == tick.1 {
             true => last.late,
             false => (last.late + tick.0 - last.tick.0).saturating_sub(u64::from(step(last)) * 1_000_000),
@@ -223,8 +223,18 @@ mod tests {
         alarms.iter().map(|name| (*name).to_owned()).collect()
     }
 
-    /// [`CYCLES`] that say this arrive, and after that the station says something at some instants.
+    /// The last of [`CYCLES`] that say this arrive, and after that the station says something at some instants.
     fn broken(
+        of: impl Fn(ReportedStatus) -> ReportedStatus,
+        cycles: u64,
+        says: &[(u64, Option<u64>, &[&str])],
+    ) -> Vec<(Violation, u64)> {
+        broken_after(8 * MS, of, cycles, says)
+    }
+
+    /// The same where each arrives so long after its tick, ns.
+    fn broken_after(
+        takes: u64,
         of: impl Fn(ReportedStatus) -> ReportedStatus,
         cycles: u64,
         says: &[(u64, Option<u64>, &[&str])],
@@ -238,7 +248,7 @@ mod tests {
             let tick = testing::FIRST_TICK + n * bounds::CYCLE;
             log.cycle_of(tick, &values, &[silent_gps(stamp)]);
             let profile = testing::objects(&values, &[silent_gps(stamp)]).concat();
-            log.add(tick + 8 * MS, What::Arrived { profile: profile.into(), shown: 0b11 });
+            log.add(tick + takes, What::Arrived { profile: profile.into(), shown: 0b11 });
         }
         for (at, age, alarms) in says {
             let age_us = age.map(|age| age / 1_000);
@@ -273,6 +283,13 @@ mod tests {
         let few = u64::from(bounds::CLIENT_FINDS) - 1;
         assert_eq!(broken(same, few, &[(at, Some(0), &[])]), []);
         assert_eq!(broken(|it| it.with_without_crystal(true), CYCLES, &[(at, Some(0), &["no-crystal"])]), []);
+    }
+
+    #[test]
+    fn a_sample_that_arrives_when_later_ones_were_sent_has_its_own_age() {
+        let at = ARRIVED + 200 * MS;
+        let told = |age| broken_after(38 * MS, same, CYCLES, &[(at, Some(age), &[])]);
+        assert_eq!((told(at - TICK), told(0)), (vec![], AGE.into()));
     }
 
     #[test]
@@ -398,6 +415,7 @@ mod tests {
         let late = AWAY - 10 * MS;
         assert_eq!(told_after(true, true, 110, same, late, &["stale"]), [], "the first clock does not count any more");
         assert_eq!(told(true, 110, same, late, &["stale"]), []);
+        assert_eq!(told(true, 100, same, AWAY, &["stale"]), [], "it has run for as long");
         assert_eq!(told(true, 110, same, 0, &[]), [], "it knows better");
         assert_eq!(told(true, 110, same, late / 2, &["stale"]), AGE, "neither");
         assert_eq!(told(true, 510, same, late - 400 * MS, &["stale"]), [], "it has run for longer");
