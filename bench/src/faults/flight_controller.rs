@@ -1,9 +1,9 @@
-//! How a flight controller misuses the SSI.
+//! A flight controller's misuses of the SSI.
 //!
-//! The DPR must bear all of it: no frame is lost, nothing else is upset, and it is served again when it reads as
-//! docs/design.md#ssi wants it. Times are by the flight controller's own clock. Where nothing else is said, a
-//! transaction has the set-up time, the bytes at 8 MHz, the hold time and the gap of that section in SPI mode 0, and
-//! MOSI carries zeros, which ask for nothing.
+//! The DPR must withstand all of them: no frame is lost, nothing else is disturbed, and the flight controller is served
+//! again when it reads by the rules of docs/design.md#ssi. Times are by the flight controller's own clock. Unless
+//! stated otherwise, a transaction has the set-up time, the bytes at 8 MHz, the hold time and the gap of that section
+//! in SPI mode 0, and MOSI carries zeros, which request nothing.
 
 use bench_judge::disturbance;
 use emulator_part::SpiMode;
@@ -14,63 +14,64 @@ use super::Rng;
 use crate::world::flight_controller::Config;
 use crate::world::ssi::{Filler, Order, Pace};
 
-/// How the flight controller behaves while an episode lasts.
+/// The flight controller's behaviour while an episode lasts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Conduct {
-    /// Selects, clocks one byte and lets go, then selects again after 1 µs instead of the gap of 10 µs: 200 000
+    /// Selects, clocks one byte and deselects, then selects again after 1 µs instead of the gap of 10 µs: 200 000
     /// transactions a second.
     Hammers,
-    /// Selects and lets go without a clock, and keeps the gap: 77 000 transactions a second.
+    /// Selects and deselects without a clock, and keeps the gap: 77 000 transactions a second.
     ZeroBytes,
-    /// Selects, and neither clocks nor lets go until the episode's end.
+    /// Selects, and neither clocks nor deselects until the episode's end.
     Hangs,
     /// Selects and clocks noise until the episode's end: a million bytes a second.
     RunsAway,
-    /// Reads 10 000 bytes in each transaction, in its control cycle as far as that leaves room: one takes 10 ms.
+    /// Reads 10 000 bytes in each transaction, in as many control cycles as that allows: one takes 10 ms.
     TenThousand,
     /// Lets chip select fall for 1 µs and rise for 1 µs without a clock: 500 000 times a second.
     TogglesCsn,
-    /// Clocks noise with chip select high until the episode's end: a million bytes a second. No transaction.
+    /// Clocks noise with chip select high until the episode's end, a million bytes a second, so there is no
+    /// transaction.
     ClocksWithoutCsn,
-    /// Reads whole images one after the other with nothing but the gap between them: with three receivers 3 460
-    /// transactions a second.
+    /// Reads whole images back to back with only the gap between them: 3 460 transactions a second with three
+    /// receivers.
     BackToBack,
     /// Reads the whole image once in each control cycle, but in this SPI mode.
     OtherMode(SpiMode),
     /// Reads the whole image once in each control cycle, with noise on MOSI throughout.
     RandomBytes,
-    /// Reads 96 bytes in each control cycle, and asks in turn at random for windows that do not exist, sends the first
-    /// half of a request, and noise for a request and an uplink object.
+    /// Reads 96 bytes in each control cycle. At random it requests windows that do not exist, sends the first half of a
+    /// request, or sends noise for a request and an uplink object.
     Lies,
     /// Reads the whole image once in each control cycle, and sends the same intact uplink object again and again.
     ReplaysUplink,
-    /// No transaction at all.
+    /// Makes no transaction at all.
     Silent,
-    /// Lets chip select fall and rise without a clock, once in so many ns, each for half of them.
+    /// Lets chip select fall and rise without a clock, with this period in ns, half of it low.
     Edges(u64),
-    /// Reads so many bytes, none or more, with the set-up and hold times: once in so many ns, or where they do not
-    /// suffice as soon as chip select was high for 0.3 µs.
+    /// Reads `bytes` bytes, possibly none, with the set-up and hold times, once in `period_ns`; where that is too
+    /// short, as soon as chip select has been high for 0.3 µs.
     Every {
-        /// From the beginning of one transaction to that of the next, ns.
+        /// The time from the beginning of one transaction to that of the next, ns.
         period_ns: u64,
-        /// Bytes of each.
+        /// The number of bytes in each.
         bytes: usize,
     },
 }
 
-/// When a flight controller that misuses the SSI begins its transactions.
+/// The instants at which a flight controller that misuses the SSI begins its transactions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rhythm {
-    /// One in each of its control cycles in which the one before is over.
+    /// One begins in each of its control cycles if the one before is over.
     InCycle,
-    /// Each as soon as the one before is over, and the gap after it.
+    /// Each begins once the one before it and the gap after that are over.
     AtOnce,
-    /// There are none.
+    /// There are no transactions.
     Never,
 }
 
 impl Conduct {
-    /// Each of them but those that have a rate, [`Self::Edges`] and [`Self::Every`].
+    /// All conducts but those with a rate, [`Self::Edges`] and [`Self::Every`].
     pub const ALL: [Self; 15] = [
         Self::Hammers,
         Self::ZeroBytes,
@@ -89,7 +90,7 @@ impl Conduct {
         Self::Silent,
     ];
 
-    /// What the event log calls it.
+    /// Returns the conduct's name in the event log.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -114,7 +115,7 @@ impl Conduct {
         }
     }
 
-    /// What of it the judge has to know.
+    /// The facts about it that the judge needs.
     #[must_use]
     pub const fn disturbs(self) -> disturbance::Conduct {
         match self {
@@ -124,23 +125,23 @@ impl Conduct {
     }
 }
 
-/// Bytes of [`Conduct::TenThousand`].
+/// The bytes that [`Conduct::TenThousand`] reads.
 const MANY: usize = 10_000;
 
-/// Bytes of [`Conduct::Lies`]: Link-Status and Reported-Position.
+/// The bytes that [`Conduct::Lies`] reads: Link-Status and Reported-Position.
 const PART: usize = 96;
 
-/// Bytes that the DPR takes in: a request and an uplink object (docs/design.md#ssi).
+/// The bytes that the DPR accepts: a request and an uplink object (docs/design.md#ssi).
 const TAKEN_IN: usize = 72;
 
-/// From one fall of chip select to the next with [`Conduct::TogglesCsn`], ns.
+/// The time from one fall of chip select to the next with [`Conduct::TogglesCsn`], ns.
 const TOGGLE: u64 = 2_000;
 
-/// How long chip select is high at least with [`Conduct::Every`], ns: as long as the DPR's peripheral needs (nRF52840
-/// PS v1.7, 6.26.7, t<sub>SPIS,CSNH</sub>).
+/// The shortest time for which chip select is high with [`Conduct::Every`], ns: the DPR's peripheral needs as much
+/// (nRF52840 PS v1.7, 6.26.7, t<sub>SPIS,CSNH</sub>).
 const CSN_HIGH: u64 = 300;
 
-/// What [`Conduct::Hammers`] leaves of the gap, ns.
+/// The gap that [`Conduct::Hammers`] leaves, ns.
 const HAMMER_GAP: u64 = 1_000;
 
 /// A [`Conduct`] that lasts.
@@ -152,13 +153,13 @@ pub struct Misconduct {
 }
 
 impl Misconduct {
-    /// `conduct` of the flight controller with this configuration; what is random follows from `seed`.
+    /// The conduct `conduct` of a flight controller with this configuration; `seed` decides everything random.
     #[must_use]
     pub const fn new(conduct: Conduct, config: Config, seed: u64) -> Self {
         Self { conduct, config, noise: Rng::new(seed) }
     }
 
-    /// When its transactions begin.
+    /// The instants at which its transactions begin.
     #[must_use]
     pub const fn rhythm(&self) -> Rhythm {
         match self.conduct {
@@ -180,7 +181,7 @@ impl Misconduct {
         }
     }
 
-    /// Its next transaction.
+    /// Returns its next transaction.
     pub fn order(&mut self) -> Order {
         let pace = self.config.pace;
         let read = |bytes| Order { pace, ..Order::read(bytes) };
@@ -206,19 +207,19 @@ impl Misconduct {
         }
     }
 
-    /// Noise that is another one in each transaction.
+    /// Noise that differs in each transaction.
     fn noise(&mut self) -> Filler {
         Filler::Noise(Rng::new(self.noise.word()))
     }
 
-    /// What is no request, or one that the DPR must refuse.
+    /// Bytes that are no request, or a request that the DPR must refuse.
     fn lie(&mut self) -> Vec<u8> {
         let image_len = self.config.image_len() as u64;
         let below = |noise: &mut Rng, bound| u16::try_from(noise.below(bound)).unwrap_or(u16::MAX);
         match self.noise.below(5) {
             0 => encode(Request { offset: 4_096, length: 64 }).to_vec(),
             1 => encode(Request { offset: 0, length: 0xFFFF }).to_vec(),
-            // From within the image to beyond its end.
+            // The window reaches from within the image to beyond its end.
             2 => {
                 let offset = below(&mut self.noise, image_len);
                 let length = below(&mut self.noise, 1_000) + 1;
@@ -231,13 +232,13 @@ impl Misconduct {
     }
 }
 
-/// Chip select falls and rises, once in `period_ns`.
+/// Lets chip select fall and rise once in `period_ns`.
 fn edges(pace: Pace, period_ns: u64) -> Order {
     let low = period_ns / 2;
     Order { pace: Pace { setup_ns: low, hold_ns: 0, gap_ns: period_ns - low, ..pace }, ..Order::read(0) }
 }
 
-/// A request for nothing, and an intact uplink object of the flight controller from the first second.
+/// An empty request, and an intact uplink object of the flight controller from the first second.
 fn uplink() -> Vec<u8> {
     let mut object = vec![];
     object.extend(1_000_u32.to_le_bytes());

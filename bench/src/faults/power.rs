@@ -1,4 +1,4 @@
-//! Supply and reset of a board.
+//! Faults of a board's supply and reset.
 
 use bench_judge::disturbance::{Disturbance, Harm};
 use cortex_m4::Cost;
@@ -10,40 +10,42 @@ use emulator_node::{Board, FromOutside, Node};
 
 use super::Rng;
 
-/// A millisecond, ns.
+/// One millisecond, ns.
 const MS: u64 = 1_000_000;
 
-/// The lowest supply of a front end, µV (DS13541, operating conditions). Below it promises nothing; here it is off.
+/// The lowest supply of a front end, µV (DS13541, operating conditions). The data sheet promises nothing below it; the
+/// model switches the chip off there.
 const FRONT_END_UV: u32 = 2_400_000;
 
-/// What a sagging supply begins at, one of these, and comes back to: the boards' 3.3 V, and the highest that both parts
-/// take, µV.
+/// The voltages from which a supply may sag and to which it returns: the boards' 3.3 V, and the highest that both parts
+/// allow, µV.
 const RAILS_UV: [u32; 2] = [3_300_000, 3_600_000];
 
-/// What happens to a board's supply or reset pin. The front end has the board's supply.
+/// A fault of a board's supply or reset pin. The front end shares the board's supply.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PowerFault {
     /// The supply is off from the episode's beginning to its end; RAM comes up with noise that follows from this seed.
     Off(u64),
-    /// The reset pin is pulled low for a moment. RAM keeps its contents, and the front end its registers.
+    /// The reset pin is pulled low briefly. RAM keeps its contents, and the front end its registers.
     Pin,
-    /// The supply dips below the part's brown-out threshold for a moment. RAM keeps its contents, and the front end,
-    /// which works from a lower supply, its registers.
+    /// The supply dips below the part's brown-out threshold briefly. RAM keeps its contents, and the front end, which
+    /// works from a lower supply, its registers.
     BrownOut,
-    /// The watchdog bites, whatever the firmware did. RAM keeps its contents, and the front end its registers.
+    /// The watchdog resets the part, whatever the firmware did. RAM keeps its contents, and the front end its
+    /// registers.
     Watchdog,
-    /// The crystal is dead from the episode's beginning to its end: HORUS's fails, the DPR's, which nothing supervises,
-    /// does not start. A board that was restarted meanwhile and cannot start is reset by its pin at the end.
+    /// The crystal is dead from the episode's beginning to its end: HORUS's stops, while the DPR's, which is not
+    /// supervised, does not start. A board that restarted meanwhile and cannot start is reset by its pin at the end.
     CrystalDead,
-    /// The supply sags and comes back from the episode's beginning to its end, in a [`shape`] that follows from this
-    /// seed. What the voltages do is the parts' business: warnings, resets, bits that are read wrongly.
+    /// The supply sags and recovers from the episode's beginning to its end, in a [`shape`] that follows from this
+    /// seed. The parts model the effects: warnings, resets, bits that are read wrongly.
     Sag(u64),
     /// The front end alone is without supply from the episode's beginning to its end; its registers are lost.
     FrontEndOff,
 }
 
 impl PowerFault {
-    /// What the event log calls it.
+    /// Returns the fault's name in the event log.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -57,25 +59,25 @@ impl PowerFault {
         }
     }
 
-    /// What it disturbs on this board.
+    /// The disturbance of this board that the judge must know of.
     #[must_use]
     pub const fn disturbs(self, board: bench_judge::Board) -> Disturbance {
         match self {
             Self::Off(_) | Self::Sag(_) => Disturbance::Supply { board },
             Self::Pin | Self::BrownOut | Self::Watchdog => Disturbance::Restart { board },
-            // Each start while it is dead is told as a hang.
+            // Each start while it is dead is logged as a hang.
             Self::CrystalDead => Disturbance::Hang { board },
             Self::FrontEndOff => Disturbance::FrontEnd { board, harm: Harm::Silent },
         }
     }
 
-    /// Whether it lasts: the others are over as they begin.
+    /// Whether the fault lasts; the others are over as they begin.
     #[must_use]
     pub const fn lasts(self) -> bool {
         matches!(self, Self::Off(_) | Self::CrystalDead | Self::Sag(_) | Self::FrontEndOff)
     }
 
-    /// It begins on `node`'s board now.
+    /// Begins the fault on `node`'s board now.
     pub fn begin<B: Powered, C: Cost>(self, node: &mut Node<B, C>) {
         match self {
             Self::Off(_) => {
@@ -84,7 +86,7 @@ impl PowerFault {
             }
             Self::CrystalDead => B::crystal(node, false),
             Self::FrontEndOff => supply_front_end(node, false),
-            // Its voltages come one by one.
+            // Its voltages arrive one by one.
             Self::Sag(_) => {}
             Self::Pin => node.restart(FromOutside::Pin),
             Self::BrownOut => node.restart(FromOutside::BrownOut),
@@ -92,7 +94,7 @@ impl PowerFault {
         }
     }
 
-    /// It ends on `node`'s board now.
+    /// Ends the fault on `node`'s board now.
     pub fn end<B: Powered, C: Cost>(self, node: &mut Node<B, C>) {
         match self {
             Self::Off(seed) => {
@@ -108,17 +110,17 @@ impl PowerFault {
     }
 }
 
-/// A board's supply has `microvolts` from now on; see [`Node::supply`].
+/// Sets a board's supply to `microvolts` from now on; see [`Node::supply`].
 pub fn supply<B: Powered, C: Cost>(node: &mut Node<B, C>, microvolts: u32, seed: u64) {
     node.supply(microvolts, seed);
     supply_front_end(node, microvolts >= FRONT_END_UV);
 }
 
-/// The voltages of a supply that sags, µV, each with its time from the beginning, ns; the last is where it is well
-/// again.
+/// The voltages of a sagging supply, µV, each with its time from the beginning, ns; the last is the original voltage.
 ///
-/// One to four legs lead from the rail to other voltages, and a last one back: to nothing, to between the thresholds of
-/// the parts' supervisors, to anywhere. Each takes 1, 10 or 100 ms, as a ramp in steps of 20 mV at most or as one step.
+/// One to four legs lead from the rail to other voltages, and a last one back. The voltages are zero, between the
+/// thresholds of the parts' supervisors, or anywhere. Each leg takes 1, 10 or 100 ms, as a ramp in steps of at most 20
+/// mV or as one step.
 #[must_use]
 pub fn shape(seed: u64) -> Vec<(u64, u32)> {
     const STEP_UV: u32 = 20_000;
@@ -139,7 +141,7 @@ pub fn shape(seed: u64) -> Vec<(u64, u32)> {
         for step in 1..=steps {
             let part = i64::from(step) * (i64::from(to) - i64::from(volts)) / i64::from(steps);
             let reached = (i64::from(volts) + part) as u32;
-            // One step is at the leg's beginning, and the rest of it is spent there.
+            // A single step comes at the leg's beginning; the voltage then holds for the rest of the leg.
             let after = if steps == 1 { 0 } else { takes * u64::from(step) / u64::from(steps) };
             shape.push((at + after, reached));
         }
@@ -149,7 +151,7 @@ pub fn shape(seed: u64) -> Vec<(u64, u32)> {
     shape
 }
 
-/// How long a supply sags, ns.
+/// The duration of a sag, ns.
 #[must_use]
 pub fn sag_length(seed: u64) -> u64 {
     shape(seed).last().map_or(0, |(at, _)| *at)
@@ -160,17 +162,17 @@ pub trait Powered: Board {
     /// The front end.
     fn front_end(&mut self) -> &mut FrontEnd;
 
-    /// Its front end's chip, to look at.
+    /// Read access to its front end's chip.
     fn chip(&self) -> &Chip;
 
-    /// Its crystal works from now on, or is dead.
+    /// Makes its crystal work, or dead, from now on.
     fn crystal<C: Cost>(node: &mut Node<Self, C>, works: bool);
 
-    /// Whether its firmware can do nothing but wait for the watchdog after a reset.
+    /// Whether its firmware can only wait for the watchdog after a reset.
     fn cannot_start(part: &Self::Part) -> bool;
 }
 
-/// What the DPR's crystal takes to start, ns.
+/// The start-up time of the DPR's crystal, ns.
 const CRYSTAL_STARTS: u64 = 360_000;
 
 impl Powered for Horus {
@@ -178,7 +180,7 @@ impl Powered for Horus {
         node.input(|part, view, at| if works { part.restore_hse(at, view) } else { part.fail_hse(at, view) });
     }
 
-    /// Without its crystal it runs on its internal oscillator.
+    /// Without its crystal the DPR runs on its internal oscillator.
     fn cannot_start(_: &Self::Part) -> bool {
         false
     }
