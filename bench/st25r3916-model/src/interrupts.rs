@@ -1,11 +1,11 @@
-//! Interrupts: the bits that wait to be read, and the IRQ pin: its level, and the exact instants at which it changed.
+//! Interrupts: the pending bits, and the IRQ pin with its level and the exact instants of its changes.
 //!
-//! The bus is modelled byte by byte, the pin is not: reading an interrupt register clears it at the first rising clock
+//! The bus is modelled byte by byte, the pin is not. Reading an interrupt register clears it at the first rising clock
 //! edge of the byte that carries its value, and the pin falls there, not at the byte's end. Four recordings of silicon
 //! (public repository hydrabus/st25r3916_decoder_dumps_sigrok, 2 ns resolution, 10.5 MHz clock) show the fall 30 to 32
 //! ns after that edge and 682 to 684 ns before the byte's last one, in 38 of 38 reads.
 //!
-//! A byte is handed over at its end, so the chip tells of a fall when it has already happened:
+//! A byte is passed on at its end, so the chip reports a fall after it has happened:
 //! [`Chip::take_irq_edges`](crate::Chip::take_irq_edges) gives every change with its own instant,
 //! [`Chip::irq_since`](crate::Chip::irq_since) the last one.
 //!
@@ -63,29 +63,29 @@ impl Withheld {
     }
 }
 
-/// Changes of the pin that are kept until somebody takes them; older ones are dropped.
+/// The most changes of the pin that are kept until they are taken; older ones are dropped.
 const KEPT: usize = 64;
 
 /// A change of the IRQ pin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct IrqEdge {
-    /// When, virtual ns. Not before the edge before it, and at most the length of one SPI byte before the call that
-    /// caused it.
+    /// The instant, virtual ns. It is not before the previous edge, and at most the length of one SPI byte before the
+    /// call that caused it.
     pub at_ns: u64,
     /// The level from then on: true is high, an unmasked interrupt is pending.
     pub level: bool,
 }
 
-/// Pending bits, the pin and its recent past. `enabled` are the bits that may drive the pin.
+/// The pending bits, the pin and its recent changes. `enabled` has the bits that may drive the pin.
 #[derive(Clone, Debug)]
 pub(crate) struct Interrupts {
     pending: u32,
     level: bool,
     since: u64,
-    /// When each interrupt bit was last set, ns.
+    /// The instant at which each interrupt bit was last set, ns.
     raised: [u64; 32],
     edges: VecDeque<IrqEdge>,
-    /// The level that was last asked for as a change.
+    /// The level that [`Interrupts::take_change`] last returned.
     told: Option<bool>,
 }
 
@@ -100,7 +100,7 @@ impl Interrupts {
         self.pending
     }
 
-    /// These bits are set at `at`.
+    /// Sets these bits at `at`.
     pub(crate) fn raise(&mut self, bits: u32, enabled: u32, at: u64) {
         let mut left = bits & !self.pending;
         while left != 0 {
@@ -111,24 +111,24 @@ impl Interrupts {
         self.follows(enabled, at);
     }
 
-    /// All bits are forgotten; the pin does not follow yet.
+    /// Clears all bits; the pin does not follow yet.
     pub(crate) fn clear(&mut self) {
         self.pending = 0;
     }
 
-    /// A fault flips these bits at `at`.
+    /// Flips these bits at `at` by a fault.
     pub(crate) fn flip(&mut self, bits: u32, enabled: u32, at: u64) {
         let cleared = bits & self.pending;
         self.pending &= !cleared;
         self.raise(bits & !cleared, enabled, at);
     }
 
-    /// Something that moves the pin has happened at `at`.
+    /// Updates the pin at `at`.
     pub(crate) fn follows(&mut self, enabled: u32, at: u64) {
         self.becomes(self.pending & enabled != 0, at);
     }
 
-    /// These bits were carried away by a read that cleared them at `at`, perhaps a little in the past.
+    /// Clears these bits, which a read cleared at `at`, perhaps slightly in the past.
     pub(crate) fn were_read(&mut self, bits: u32, enabled: u32, at: u64) {
         self.pending &= !bits;
         let left = self.pending & enabled;
@@ -143,7 +143,7 @@ impl Interrupts {
         }
     }
 
-    /// The pin has this level from `at` on.
+    /// Sets the pin's level from `at` on.
     fn becomes(&mut self, level: bool, at: u64) {
         if level == self.level {
             return;
@@ -157,12 +157,12 @@ impl Interrupts {
         self.edges.push_back(IrqEdge { at_ns, level });
     }
 
-    /// Since when the pin has had its level.
+    /// The instant since which the pin has had its level.
     pub(crate) fn since(&self) -> u64 {
         self.since
     }
 
-    /// The pin's changes since the last call.
+    /// Takes the pin's changes since the last call.
     pub(crate) fn take_edges(&mut self) -> impl Iterator<Item = IrqEdge> + '_ {
         self.edges.drain(..)
     }
@@ -172,7 +172,7 @@ impl Interrupts {
         !self.edges.is_empty()
     }
 
-    /// The level, if it is not the one that was told last.
+    /// The level, if it differs from the one that was last returned.
     pub(crate) fn take_change(&mut self) -> Option<bool> {
         let level = self.level;
         (self.told.replace(level) != Some(level)).then_some(level)

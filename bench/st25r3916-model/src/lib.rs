@@ -1,28 +1,28 @@
 //! A behavioural model of the ST25R3916 (DS12484) and ST25R3916B (DS13541): SPI bytes with chip select, the IRQ pin,
 //! the air, virtual time.
 //!
-//! The model needs no microcontroller. A bench gives it bytes and instants and looks at a pin; two of them face each
-//! other through [`Air`]. It behaves as the data sheet says, also when misused, and says so: whatever it does not
-//! model, and whatever the data sheet does not allow, is in [`Chip::reports`] with its first instant and count, never
-//! silently zero. Where the documents are silent or contradict themselves there is a switch or a measured value in
-//! [`Config`]; two recordings of silicon are replayed against it by this crate's tests.
+//! The model needs no microcontroller. A bench passes bytes and instants to it and reads a pin; two of them face each
+//! other through [`Air`]. It behaves as the data sheet specifies, also when misused: everything that it does not model,
+//! and everything that the data sheet does not allow, is in [`Chip::reports`] with its first instant and count, and
+//! never silently zero. Where the documents are silent or contradict themselves, [`Config`] has a switch or a measured
+//! value; this crate's tests replay two recordings of silicon against it.
 //!
-//! # Driving it
+//! # Use
 //!
-//! Time is `u64` nanoseconds and does not go back. Before looking at [`Chip::irq`] at an instant,
+//! Time is `u64` nanoseconds and does not go back. Before reading [`Chip::irq`] at an instant,
 //! [`advance`](Chip::advance) to it; to sleep, sleep until [`next_event`](Chip::next_event). [`Chip::transfer`] is one
-//! byte, called with the instant at which its last clock ends: register values and FIFO bytes are taken at the end of
-//! the byte before, as on silicon, and take effect at the end of their own. One effect comes earlier: reading an
-//! interrupt register moves the IRQ pin at the first clock edge of the byte read; [`Chip::take_irq_edges`] gives the
-//! pin's changes with their own instants, [`Chip::irq_since`] the last one. Between events a chip costs nothing, and a
-//! byte costs a few nanoseconds and no allocation; a frame allocates a few times.
+//! byte, called with the instant at which its last clock ends: register values and FIFO bytes are read at the end of
+//! the byte before, as on silicon, and writes take effect at the end of their own byte. One effect comes earlier:
+//! reading an interrupt register moves the IRQ pin at the first clock edge of the byte read; [`Chip::take_irq_edges`]
+//! gives the pin's changes with their own instants, [`Chip::irq_since`] the last one. Between events a chip costs no
+//! time, and a byte costs a few nanoseconds and no allocation; a frame allocates a few times.
 //!
-//! Two chips may be advanced alternately in steps of up to a microsecond: an air event that lies a little behind the
-//! hearer's time keeps its own instant for the arithmetic of its bits, and receiver latencies (several microseconds)
-//! cover the difference.
+//! Two chips may be advanced alternately in steps of up to a microsecond: an air event that lies slightly before the
+//! receiving chip's time keeps its own instant for the arithmetic of its bits, and receiver latencies (several
+//! microseconds) cover the difference.
 //!
-//! The start of a transmission scatters, as on silicon, from the generator that [`Config::seed`] starts: two chips of
-//! one bench want different seeds. A test that wants exact instants sets [`Config::transmit_scatter_ns`] to 0.
+//! The start of a transmission scatters, as on silicon, by the generator that [`Config::seed`] seeds: two chips of one
+//! bench need different seeds. A test that needs exact instants sets [`Config::transmit_scatter_ns`] to 0.
 //!
 //! ```
 //! use st25r3916_model::{Chip, Config};
@@ -43,13 +43,14 @@
 //!
 //! # Modules
 //!
-//! Each opens with what it covers, by data sheet section, and what it leaves out and why. None knows those above it:
+//! Each module's documentation starts with what it covers, by data sheet section, and what it leaves out and why. A
+//! module does not use those above it:
 //!
 //! - `air`: two chips and what is between them.
 //! - `chip`: the parts of a chip put together; SPI bytes, register accesses and commands.
 //! - `transmitter`, `receiver` (frames, one each at a time), `field` (carriers), `timers`, `fifo`, `spi` (the slave's
 //!   state); `receive_chain`, `modulation` and `supply` (settings that the board or the technology contradicts).
-//! - `core`: what every part stands on: time and deadlines (`schedule`), `registers` (map, reset values and contents),
+//! - `core`: the common base: time and deadlines (`schedule`), `registers` (map, reset values and contents),
 //!   `interrupts` (pending bits and the IRQ pin), findings (`report`).
 #![forbid(unsafe_code)]
 

@@ -1,8 +1,8 @@
-//! What a poller modulates its carrier with, and whether the antenna is in tune: can what is set send NFC-F?
+//! Checks a poller's modulation and its antenna's tuning: whether the settings can send NFC-F.
 //!
-//! The air is digital, so a setting that cannot is a finding ([`crate::Kind::Modulation`],
-//! [`crate::Kind::FieldWithoutHysteresis`]) or, where [`crate::Config::unsuited_modulation_reaches`] is false, a frame
-//! of which nothing but the carrier leaves the antenna.
+//! The air is digital. A setting that cannot send is a finding ([`crate::Kind::Modulation`],
+//! [`crate::Kind::FieldWithoutHysteresis`]) or, where [`crate::Config::unsuited_modulation_reaches`] is false, only the
+//! frame's carrier leaves the antenna.
 //!
 //! | covered | source |
 //! |---|---|
@@ -16,7 +16,7 @@
 //! | left out | why |
 //! |---|---|
 //! | the shape of the modulation (B2A, B2F, B34 to B38, B30 to B33), resistive AM | no source says what still works |
-//! | single-ended driving (00 bits 7, 6), the driver's other resistances | weaker, by how much depends on the antenna |
+//! | single-ended driving (00 bits 7, 6), the driver's other resistances | they are weaker, to a degree that depends on the antenna |
 //!
 //! Public repositories: \[1\] techmccat/st25r39 `src/registers.rs`, which paraphrases DS13541; \[2\]
 //! stm32duino/ST25R3916 `src/st25r3916_com.h`.
@@ -31,13 +31,13 @@ const ACT_AMSINK: u8 = 0x01;
 const DIS_REG_AM: u8 = 0x80;
 const VDDRF_CONT: u8 = 0x08;
 const AAT_EN: u8 = 0x20;
-/// The depths that NFC-F is sent with, percent.
+/// The modulation depths of NFC-F, percent.
 const DEPTHS: core::ops::RangeInclusive<u8> = 8..=30;
 /// am_mod as percent.
 const DEPTH_A: [u8; 16] = [5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 17, 19, 22, 26, 40];
 const DEPTH_B: [u8; 16] = [0, 8, 10, 11, 12, 13, 14, 15, 20, 25, 30, 40, 50, 60, 70, 82];
 
-/// Whether the settings of a poller can send NFC-F; each that cannot is a finding.
+/// Whether the settings of a poller can send NFC-F; each unsuitable one is a finding.
 pub(crate) fn suits(core: &mut Core) -> bool {
     let is_b = core.config().variant == Variant::St25r3916b;
     let driver = core.a(reg::TX_DRIVER);
@@ -45,7 +45,7 @@ pub(crate) fn suits(core: &mut Core) -> bool {
     let deep_enough = DEPTHS.contains(&depths[usize::from(driver >> 4)]) && driver & 0x0F != 0x0F;
     let (mode, io) = (core.a(reg::MODE), core.a(reg::IO2));
     let (auxiliary, shaping) = (core.registers().b(reg::B_AUX_MOD), core.registers().b(reg::B_AWS1));
-    // A capacitor at VDD_AM is either small or large, and both bits say which.
+    // The capacitor at VDD_AM is either small or large, and both bits must agree on it.
     let pair = (auxiliary & DIS_REG_AM != 0) != (io & ACT_AMSINK != 0);
     let looks = [
         (mode & TR_AM != 0, Space::A, reg::MODE, mode),

@@ -1,4 +1,4 @@
-//! A frame on its way out: its parts, and the arithmetic of its bits in time.
+//! A frame being sent: its parts, and the arithmetic of its bits in time.
 
 use crate::clock::{CYCLES_106, bit_cycles, bits_in, bits_ns, rate_of};
 use crate::core::Core;
@@ -7,11 +7,11 @@ use crate::event::{Chunk, FrameStart, Technology};
 use crate::registers::reg;
 use crate::report::Kind;
 
-/// A frame on its way out.
+/// A frame being sent.
 #[derive(Clone, Debug)]
 pub(crate) struct Outgoing {
-    /// As it starts on the air; its chunk holds the bytes that the chip puts before the FIFO's, then all that went onto
-    /// the air so far but the CRC.
+    /// The frame as it starts on the air. Its chunk holds the bytes that the chip puts before the FIFO's, then
+    /// everything on the air so far but the CRC.
     frame: FrameStart,
     trailer_bits: u32,
     /// Bytes that the chip puts before the FIFO's.
@@ -21,7 +21,8 @@ pub(crate) struct Outgoing {
     /// Bits of an incomplete last byte from the FIFO.
     last_bits: u32,
     with_crc: bool,
-    /// An answer without a load modulator, or a frame that is not modulated: nothing of it reaches the air.
+    /// Whether it is an answer without a load modulator, or a frame that is not modulated: no part of it reaches the
+    /// air.
     pub(crate) silent: bool,
 
     /// First bit on the air, ns.
@@ -29,16 +30,16 @@ pub(crate) struct Outgoing {
     started: bool,
     /// FIFO bytes announced to the air.
     announced: usize,
-    /// Of these, taken from the FIFO.
+    /// The number of these that were taken from the FIFO.
     consumed: usize,
-    /// When the next announced byte leaves the FIFO, ns.
+    /// The instant at which the next announced byte leaves the FIFO, ns.
     next_byte: u64,
-    /// The FIFO was disturbed: what was announced and is still in it is not sent, the frame underflows.
+    /// Whether the FIFO was disturbed: announced bytes that are still in it are not sent, and the frame underflows.
     cut: bool,
 }
 
 impl Outgoing {
-    /// A frame of bits of so many carrier cycles, that begins with `prefix` and has nothing else yet.
+    /// A frame with bits of `cycles` carrier cycles that begins with `prefix` and has no other bytes yet.
     fn new(core: &Core, technology: Technology, cycles: u64, prefix: Vec<u8>) -> Self {
         let frame = FrameStart {
             technology,
@@ -68,7 +69,7 @@ impl Outgoing {
         frame
     }
 
-    /// C4 and C5: the frame that the registers describe. What is not modelled is noted, and there is no frame.
+    /// C4 and C5: the frame that the registers describe. An unmodelled setting is reported, and there is no frame.
     pub(crate) fn described(core: &mut Core, with_crc: bool) -> Option<Self> {
         let length = core.registers().a16(reg::TRANSMIT_LENGTH);
         let (whole, last_bits) = (usize::from(length >> 3), u32::from(length & 0x07));
@@ -103,7 +104,7 @@ impl Outgoing {
                 }
                 let len = ((whole + 1) & 0xFF) as u8;
                 let mut frame = Self::new(core, technology, bit_cycles(rate), vec![len]);
-                // f_p: 48, 64, 80 or 96 bits of preamble; then 16 of sync.
+                // f_p selects 48, 64, 80 or 96 bits of preamble; 16 bits of sync follow.
                 frame.frame.header_bits = 48 + 16 * u32::from(core.a(reg::PREAMBLE) & 0x03) + 16;
                 frame
             }
@@ -114,7 +115,7 @@ impl Outgoing {
         Some(frame)
     }
 
-    /// C6 and C7: a short frame of seven bits. In another mode than NFC-A's there is none, and that is noted.
+    /// C6 and C7: a short frame of seven bits. In another mode than NFC-A's there is none, which is reported.
     pub(crate) fn short(core: &mut Core, byte: u8) -> Option<Self> {
         if core.target() || core.operation_mode() != 1 {
             core.note(Kind::UnmodelledMode(core.a(reg::MODE)));
@@ -129,8 +130,8 @@ impl Outgoing {
             0 => core.a(reg::BIT_RATE) & 0x03,
             detected => detected,
         };
-        // NFC-F part of the memory: two bytes of system code, then the 19 bytes of the answer, its request data
-        // included.
+        // The NFC-F part of the memory has two bytes of system code, then the 19 bytes of the answer with its request
+        // data. included.
         let body = &core.registers().target_memory()[17..36];
         let mut prefix = vec![1 + body.len() as u8];
         prefix.extend_from_slice(body);
@@ -140,7 +141,7 @@ impl Outgoing {
         answer
     }
 
-    /// Start of communication; end of communication is a logic 0 and a bit without modulation.
+    /// Sets the start of communication, and the end of communication, which is a logic 0 and a bit without modulation.
     fn nfc_a(mut self, byte_bits: u32) -> Self {
         self.frame.header_bits = 1;
         self.frame.byte_bits = byte_bits;
@@ -153,12 +154,12 @@ impl Outgoing {
         self.frame.technology
     }
 
-    /// Whether it is an answer: load modulation.
+    /// Whether it is an answer, by load modulation.
     pub(crate) fn is_answer(&self) -> bool {
         self.frame.load_modulation
     }
 
-    /// Its first bit is due at `at`.
+    /// Schedules its first bit at `at`.
     pub(crate) fn starts_at(&mut self, at: u64) {
         self.start = at;
     }
@@ -168,12 +169,12 @@ impl Outgoing {
         self.started
     }
 
-    /// FIFO bytes, an incomplete one counted.
+    /// The number of FIFO bytes, including an incomplete one.
     fn total(&self) -> usize {
         self.whole + usize::from(self.last_bits != 0)
     }
 
-    /// FIFO bytes that the air has not been given.
+    /// The number of FIFO bytes that were not passed to the air yet.
     pub(crate) fn missing(&self) -> usize {
         self.total() - self.announced
     }
@@ -188,29 +189,29 @@ impl Outgoing {
         self.consumed == self.total()
     }
 
-    /// When FIFO byte `i` starts on the air.
+    /// The instant at which FIFO byte `i` starts on the air.
     fn byte_start(&self, i: usize) -> u64 {
         let bits = u64::from(self.frame.header_bits) + u64::from(self.frame.byte_bits) * (self.prefix + i) as u64;
         self.start.saturating_add(bits_ns(bits, self.frame.bit_as))
     }
 
-    /// When the next FIFO byte to be taken starts on the air.
+    /// The instant at which the next FIFO byte to be taken starts on the air.
     pub(crate) fn next_taken(&self) -> u64 {
         self.byte_start(self.consumed)
     }
 
-    /// When the byte is taken that leaves `below` - 1 of the `level` FIFO bytes; `None` when the frame needs fewer.
+    /// The instant of the byte that leaves `below` - 1 of the `level` FIFO bytes; `None` when the frame needs fewer.
     pub(crate) fn falls_below(&self, below: usize, level: usize) -> Option<u64> {
         let last = self.consumed + level.checked_sub(below)?;
         (self.started && last < self.total()).then(|| self.byte_start(last))
     }
 
-    /// When the air needs a byte that it was not given; `None` when it has all.
+    /// The instant at which the air needs a byte that it was not given; `None` when it has all.
     pub(crate) fn needs_more_at(&self) -> Option<u64> {
         (self.missing() != 0).then(|| self.byte_start(self.announced))
     }
 
-    /// When its last bit has left.
+    /// The instant at which its last bit has left.
     pub(crate) fn ends_at(&self) -> u64 {
         self.start.saturating_add(bits_ns(self.lengths().1, self.frame.bit_as))
     }
@@ -220,13 +221,13 @@ impl Outgoing {
         self.lengths().0
     }
 
-    /// Data bits that have left by `now`.
+    /// The number of data bits that have left by `now`.
     pub(crate) fn bits_by(&self, now: u64) -> u32 {
         let bits = self.frame.data_bits_in(now.saturating_sub(self.start));
         u32::try_from(bits).unwrap_or(u32::MAX).min(self.data_bits())
     }
 
-    /// Data bits and air bits of the whole frame.
+    /// The numbers of data bits and air bits of the whole frame.
     fn lengths(&self) -> (u32, u64) {
         let FrameStart { header_bits, byte_bits, .. } = self.frame;
         let bytes = self.prefix + self.whole + if self.with_crc { 2 } else { 0 };
@@ -238,7 +239,7 @@ impl Outgoing {
         (u32::try_from(data).unwrap_or(u32::MAX), air)
     }
 
-    /// FIFO bytes whose turn has come since the last call of [`Outgoing::take_due`].
+    /// The number of FIFO bytes whose turn has come since the last call of [`Outgoing::take_due`].
     pub(crate) fn due(&self, now: u64) -> usize {
         if !self.started || now < self.next_byte {
             return 0;
@@ -249,7 +250,7 @@ impl Outgoing {
         usize::try_from(begun).unwrap_or(usize::MAX).clamp(self.consumed, self.announced) - self.consumed
     }
 
-    /// The FIFO bytes whose turn has come leave it: how many.
+    /// Takes the FIFO bytes whose turn has come, and returns their number.
     pub(crate) fn take_due(&mut self, now: u64) -> usize {
         let due = self.due(now);
         if due != 0 {
@@ -259,7 +260,7 @@ impl Outgoing {
         due
     }
 
-    /// The first bit leaves, and `data` of the FIFO goes onto the air with it.
+    /// Sends the first bit, and passes `data` of the FIFO to the air with it.
     pub(crate) fn start(&mut self, data: &[u8]) -> FrameStart {
         self.started = true;
         self.next_byte = self.byte_start(0);
@@ -268,7 +269,7 @@ impl Outgoing {
         frame
     }
 
-    /// `data` of the FIFO goes onto the air; behind its last byte the CRC does too.
+    /// Passes `data` of the FIFO to the air, and the CRC after its last byte.
     pub(crate) fn more(&mut self, data: &[u8]) -> Chunk {
         let chunk = self.give(data);
         self.next_byte = self.byte_start(self.consumed);
@@ -290,7 +291,7 @@ impl Outgoing {
         chunk
     }
 
-    /// The FIFO loses what it still holds of the frame. Answers whether the air was promised some of it.
+    /// Removes the rest of the frame from the FIFO. Returns whether some of it had been announced to the air.
     pub(crate) fn disturb(&mut self) -> bool {
         let promised = self.started && self.announced > self.consumed;
         if promised {

@@ -1,4 +1,4 @@
-//! The receive chain: can what it is set to pass the technology that is received?
+//! Checks the receive chain: whether its settings can pass the technology that is received.
 //!
 //! After reset it suits NFC-A's 848 kHz subcarrier: 0B = 08 puts the first zero of the high-pass at 600 kHz. NFC-F has
 //! no subcarrier; its spectrum at 424 kbit/s lies below that zero. The air is digital, so a wrong setting is a finding
@@ -9,15 +9,15 @@
 //! - 0B: high-pass zeros at 12 and 200 kHz (hz 1, 5) or 12 and 80 kHz (3), low-pass at 1200 kHz (lp 0) or 600 kHz (1).
 //!   13 is the value of \[1\] (poller, both parts) and of \[2\] (poller and listener); 01 that of \[1\] for a listener
 //!   in active communication and of \[3\] for every listener.
-//! - 0C: any. AGC, squelch and choice of demodulator; \[1\] to \[3\] differ (2D, 3D, FD, 6D), none of them blocks the
-//!   signal.
+//! - 0C: any. It holds AGC, squelch and choice of demodulator; \[1\] to \[3\] differ (2D, 3D, FD, 6D), and none of them
+//!   blocks the signal.
 //! - 0D, 0E: 00, the HF input without gain reduction: \[1\] and \[2\]. Reset leaves 0D = D8.
-//! - B0C: 54 (\[1\], \[2\]) or 58 (poller of \[2\]); B0D: 00 (\[1\], \[2\]), as its bit 0 is for a 424 kHz subcarrier.
-//!   Not looked at with the correlator off (dis_corr, 0A bit 2).
+//! - B0C: 54 (\[1\], \[2\]) or 58 (poller of \[2\]); B0D: 00 (\[1\], \[2\]), because its bit 0 is for a 424 kHz
+//!   subcarrier. Neither is checked with the correlator off (dis_corr, 0A bit 2).
 //!
 //! Accepted for NFC-A at 106 kbit/s, each by \[1\], \[4\] and the recording that this crate's tests replay:
 //! - 0B: 08; 0C: any; 0D, 0E: 00.
-//! - B0C: 51, or 11 during anticollision; B0D: 00. Not looked at with the correlator off.
+//! - B0C: 51, or 11 during anticollision; B0D: 00. Neither is checked with the correlator off.
 //!
 //! Public repositories:
 //! - \[1\] stm32duino/ST25R3916 `src/rfal_rfst25r3916_analogConfigTbl.h` (ST's own table)
@@ -27,19 +27,18 @@
 //! - \[4\] flipperdevices/flipperzero-firmware `targets/f7/furi_hal/furi_hal_nfc_iso14443a.c` (poller and listener)
 //!
 //! The channel (0B bit 7, AM or PM) is free. Where sources disagree about a listener (\[1\] sets nothing for a passive
-//! one and so keeps what a poller before it had left), each setting that one of them gives is accepted and the reset
-//! values are not. Any other value may work on a bench with silicon; then it belongs into these tables with what was
-//! measured.
+//! one and so keeps the settings of an earlier poller), each setting of one of them is accepted and the reset values
+//! are not. Another value that works on a bench with silicon belongs into these tables with the measurement. measured.
 
 use crate::core::Core;
 use crate::event::Technology;
 use crate::registers::reg;
 use crate::report::{Kind, Space};
 
-/// dis_corr (0A): the correlator is off, its settings have no effect.
+/// dis_corr (0A): the correlator is off, and its settings have no effect.
 const DIS_CORR: u8 = 0x04;
 
-/// Whether every register of the chain suits `technology`; each that does not is a finding.
+/// Whether every register of the chain suits `technology`; each unsuitable one is a finding.
 pub(crate) fn suits(core: &mut Core, technology: Technology) -> bool {
     let filter = core.a(reg::RX_CONF1);
     let (lp, hz) = ((filter >> 4) & 0x07, filter & 0x0F);

@@ -1,7 +1,6 @@
 //! The receiver: frames from the air into the FIFO.
 //!
-//! What is in the FIFO of a frame on its way in is arithmetic on the clock, done when somebody looks
-//! ([`Receiver::settle`]).
+//! The FIFO's share of a frame being received is arithmetic on the clock, computed on access ([`Receiver::settle`]).
 //!
 //! | covered | DS13541 |
 //! |---|---|
@@ -39,21 +38,21 @@ const LEVEL: usize = 300;
 /// From the end of a SENSF_REQ to the answer's first slot: 512 × 64 carrier cycles (ISO 18092, 2.417 ms).
 const ANSWER_DELAY_CYCLES: u64 = 512 * 64;
 
-/// The receiver, and the frame that it hears.
+/// The receiver, and the frame that it is receiving.
 #[derive(Clone, Debug)]
 pub(crate) struct Receiver {
     frame: Option<Incoming>,
-    /// Virtual time from which it has been unmasked; none when it is masked.
+    /// The virtual time from which it has been unmasked; `None` when it is masked.
     unmasked_since: Option<u64>,
 }
 
 impl Receiver {
-    /// Unmasked from time 0.
+    /// A receiver that is unmasked from time 0.
     pub(crate) fn new() -> Self {
         Self { frame: None, unmasked_since: Some(0) }
     }
 
-    /// Set default: what it heard is gone, and it is unmasked from now on.
+    /// Resets it as Set default does: the frame being received is lost, and it is unmasked from now on.
     pub(crate) fn set_default(&mut self, now: u64) {
         *self = Self { frame: None, unmasked_since: Some(now) };
     }
@@ -70,17 +69,17 @@ impl Receiver {
         self.unmasked_since.is_none()
     }
 
-    /// D0, or it hangs after a broken frame.
+    /// Masks it: by D0, or because it hangs after a broken frame.
     pub(crate) fn mask(&mut self) {
         self.unmasked_since = None;
     }
 
-    /// D1. A frame already past its sync cannot be joined, one being received goes on.
+    /// Unmasks it by D1. A frame already past its sync cannot be joined, and one being received goes on.
     pub(crate) fn unmask(&mut self, now: u64) {
         self.unmasked_since.get_or_insert(now);
     }
 
-    /// The mask when nobody has asked: a target waits for D1, a poller's receiver is open.
+    /// Sets the mask without a command: a target waits for D1, a poller's receiver is open.
     pub(crate) fn mask_idle(&mut self, core: &Core) {
         let waits = core.target() && core.config().target_rearms_by_command;
         self.unmasked_since = (!waits).then_some(core.now());
@@ -88,12 +87,12 @@ impl Receiver {
 
     // --- FIFO ---
 
-    /// Bytes that have come since the FIFO was last settled.
+    /// The number of bytes that have come since the FIFO was last settled.
     pub(crate) fn arriving(&self, core: &Core) -> usize {
         self.frame.as_ref().map_or(0, |frame| frame.due(core.now()))
     }
 
-    /// Puts into the FIFO the bytes that have come.
+    /// Puts the bytes that have come into the FIFO.
     pub(crate) fn settle(&mut self, core: &mut Core, fifo: &mut Fifo) {
         let Some(frame) = &mut self.frame else { return };
         let mut lost = false;
@@ -105,14 +104,14 @@ impl Receiver {
         }
     }
 
-    /// The controller took a byte. I_wl comes again when the level is reached again.
+    /// Handles a byte that the controller took. I_wl comes again when the level is reached again.
     pub(crate) fn taken(&mut self, core: &mut Core, fifo: &mut Fifo) {
         if fifo.len() + 1 == LEVEL {
             self.plan_level(core, fifo);
         }
     }
 
-    /// I_wl on the way up: when the byte arrives that makes 300.
+    /// Plans I_wl for the instant at which the 300th byte arrives.
     pub(crate) fn plan_level(&mut self, core: &mut Core, fifo: &mut Fifo) {
         self.settle(core, fifo);
         let level = fifo.len();
@@ -125,7 +124,7 @@ impl Receiver {
         }
     }
 
-    /// The FIFO should have reached its level.
+    /// Checks whether the FIFO has reached its level.
     pub(crate) fn level(&mut self, core: &mut Core, fifo: &mut Fifo) {
         self.settle(core, fifo);
         if fifo.len() >= LEVEL {
@@ -137,9 +136,9 @@ impl Receiver {
 
     // --- the air ---
 
-    /// A frame began at `at`.
+    /// Takes the start of a frame at `at`.
     pub(crate) fn frame_starts(&mut self, core: &mut Core, fifo: &mut Fifo, at: u64, frame: FrameStart) {
-        // One frame after another: an unfinished one has been drowned.
+        // Another frame is still unfinished: the new one masks it.
         self.signal_lost(core, fifo, at);
         if self.busy() {
             core.statistics_mut().missed += 1;
@@ -156,7 +155,7 @@ impl Receiver {
         core.plan(Due::RxStart, sync.max(core.now()));
     }
 
-    /// More of the frame is on the air.
+    /// Takes more bytes of the frame on the air.
     pub(crate) fn frame_goes_on(&mut self, core: &mut Core, fifo: &mut Fifo, chunk: &Chunk) {
         if let Some(frame) = self.frame.as_mut().filter(|frame| !frame.has_ended()) {
             frame.more(chunk);
@@ -164,18 +163,18 @@ impl Receiver {
         }
     }
 
-    /// The frame ended at `at` after `bits` data bits.
+    /// Takes the end of the frame at `at` after `bits` data bits.
     pub(crate) fn frame_ends(&mut self, core: &mut Core, fifo: &mut Fifo, at: u64, bits: u32) {
         let Some(frame) = self.frame.as_mut().filter(|frame| !frame.has_ended()) else { return };
         if !frame.locked && at < frame.header_end() {
-            // It broke off before its sync had ended: there is no frame to find.
+            // The frame broke off before its sync had ended, so it cannot be found.
             return self.signal_lost(core, fifo, at);
         }
         frame.ends(at, bits);
         self.plan_end(core, fifo);
     }
 
-    /// The signal of the frame being heard stops at `at`.
+    /// Handles the loss at `at` of the signal of the frame being received.
     pub(crate) fn signal_lost(&mut self, core: &mut Core, fifo: &mut Fifo, at: u64) {
         let Some(frame) = self.frame.as_mut().filter(|frame| !frame.has_ended()) else { return };
         if frame.stops(at) {
@@ -189,7 +188,7 @@ impl Receiver {
 
     // --- a frame ---
 
-    /// Whether the receiver, as it is set, takes this frame.
+    /// Whether the receiver accepts this frame with its present settings.
     fn takes(&self, core: &Core, field: &Field, sending: bool, rx: &Incoming) -> bool {
         if !core.powered() || !core.oscillator() || !core.operates(RX_EN) || sending {
             return false;
@@ -206,7 +205,7 @@ impl Receiver {
             }
             match rx.frame.technology {
                 Technology::NfcF if om == 0x04 => right_rate,
-                // Bit rate detection: om3, with om2 for NFC-F and om0 for NFC-A.
+                // Bit rate detection uses om3, with om2 for NFC-F and om0 for NFC-A.
                 Technology::NfcF => om & 0x08 != 0 && om & 0x04 != 0,
                 Technology::NfcA => om & 0x08 != 0 && om & 0x01 != 0,
             }
@@ -219,7 +218,7 @@ impl Receiver {
         }
     }
 
-    /// A frame that the receiver should take arrives in a mode or at a rate that is not modelled: that says so.
+    /// Whether the mode and rate are modelled for a frame that the receiver should accept; if not, that is reported.
     fn is_modelled(&self, core: &mut Core, sending: bool, rx: &Incoming) {
         let listening = core.powered() && core.oscillator() && core.operates(RX_EN) && !sending;
         if !listening || self.masked() || core.target() == rx.frame.load_modulation {
@@ -229,7 +228,7 @@ impl Receiver {
         let rate_modelled = match (core.target(), core.operation_mode()) {
             (false, 0x01) => rate == 0,
             (false, 0x03) | (true, 0x04) => matches!(rate, 1 | 2),
-            // Bit rate detection, of NFC-A (om0) and NFC-F (om2): the rate is found.
+            // Bit rate detection, of NFC-A (om0) and NFC-F (om2), finds the rate.
             (true, 0x09 | 0x0C | 0x0D) => true,
             _ => return core.note(Kind::UnmodelledMode(core.a(reg::MODE))),
         };
@@ -238,7 +237,7 @@ impl Receiver {
         }
     }
 
-    /// The sync, or the start of communication, has passed. `sending`: the transmitter has a frame.
+    /// Handles the end of the sync, or of the start of communication. `sending`: the transmitter has a frame.
     pub(crate) fn starts(&mut self, core: &mut Core, fifo: &mut Fifo, field: &Field, sending: bool) {
         let Some(mut rx) = self.frame.take() else { return };
         self.is_modelled(core, sending, &rx);
@@ -286,7 +285,7 @@ impl Receiver {
         }
     }
 
-    /// The frame is in.
+    /// Completes the frame.
     pub(crate) fn ends(&mut self, core: &mut Core, fifo: &mut Fifo) {
         self.settle(core, fifo);
         core.cancel(Due::RxLevel);
@@ -330,7 +329,7 @@ impl Receiver {
         }
     }
 
-    /// It lets go of what it was receiving: no interrupt.
+    /// Drops the frame being received, without an interrupt.
     pub(crate) fn abort(&mut self, core: &mut Core, fifo: &mut Fifo) {
         if self.busy() {
             self.settle(core, fifo);
@@ -350,8 +349,9 @@ fn crc_right(rx: &Incoming) -> bool {
     right == *crc
 }
 
-/// SENSF_REQ: LEN 6, command 0, system code, request code, slots. The system code must be the one in the passive target
-/// memory, or FF in the bytes that do not matter (JIS X 6319-4); another is received like any frame.
+/// Whether the frame is a SENSF_REQ (LEN 6, command 0, system code, request code, slots) for the chip's own system
+/// code. It must be the one in the passive target memory, or FF in bytes that do not matter (JIS X 6319-4); another is
+/// received like any frame.
 fn asks_for_own(core: &Core, rx: &Incoming) -> bool {
     let own = &core.registers().target_memory()[15..17];
     rx.frame.technology == Technology::NfcF

@@ -1,4 +1,5 @@
-//! The register map: what exists, what can be written, what it is after reset, how far it is modelled.
+//! The register map: existing registers, their writable bits and reset values, and the extent to which they are
+//! modelled.
 //!
 //! | covered | DS13541 |
 //! |---|---|
@@ -6,15 +7,16 @@
 //!
 //! | left out | why |
 //! |---|---|
-//! | what analog registers do to the radio (0B–0E, 26–2B, | the air is digital here; they are stored and read back; |
-//! | B0B–B0D, B0F, B28–B2A, B2E–B38), but what the next column names | `receive_chain`, `modulation`, `field`, |
+//! | the effects of analog registers on the radio (0B–0E, 26–2B, | the air is digital here; they are stored and read back; |
+//! | B0B–B0D, B0F, B28–B2A, B2E–B38), except in the next column's modules | `receive_chain`, `modulation`, `field`, |
 //! | | `supply` |
 //! | stream mode, EMD suppression, wake-up by amplitude or phase, | the link uses none; a write of another value |
 //! | PPON2, capacitive sensor | than reset is reported |
 //!
-//! Reset values: 03, 0B, 0C, 0D, 0F, 15, 28, B0B, B0C, B15 and B29 as a recording of silicon shows them after a
-//! bring-up that does not write them; 26, 27, 29–2B and B2A as public drivers imply, without influence here; B28 with
-//! the load modulator connected, the cautious assumption for a listener that must not answer; 0 elsewhere.
+//! The reset values of 03, 0B, 0C, 0D, 0F, 15, 28, B0B, B0C, B15 and B29 are those of a recording of silicon after a
+//! bring-up that does not write them. Those of 26, 27, 29–2B and B2A follow from public drivers and have no effect
+//! here. B28 has the load modulator connected, the cautious assumption for a listener that must not answer; the others
+//! are 0.
 
 use crate::Variant;
 use crate::report::Space;
@@ -75,20 +77,20 @@ pub(crate) const EN_FD: u8 = 0x03;
 /// targ (03): the chip is a target.
 pub(crate) const TARGET: u8 = 0x80;
 
-/// How far a register is modelled.
+/// The extent to which a register is modelled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Class {
-    /// Its function is modelled, or it is analog and has none here: stored.
+    /// Its function is modelled, or it is analog and has no effect here: stored.
     Stored,
     /// A result or a status: writes have no effect.
     ReadOnly,
     /// Digital function that is not modelled: stored, and reported when it differs from reset.
     Unmodelled,
-    /// Not in this part.
+    /// The part does not have it.
     Absent,
 }
 
-/// Space A after power-up.
+/// The reset values of space A.
 pub(crate) const RESET_A: [u8; 64] = {
     let mut r = [0u8; 64];
     r[0x03] = 0x08;
@@ -106,7 +108,7 @@ pub(crate) const RESET_A: [u8; 64] = {
     r
 };
 
-/// Space B after power-up.
+/// The reset values of space B.
 pub(crate) const RESET_B: [u8; 64] = {
     let mut r = [0u8; 64];
     r[0x0B] = 0x0C;
@@ -128,8 +130,8 @@ pub(crate) fn reset(space: Space, address: u8) -> u8 {
     }
 }
 
-/// Bits of a register that a fault can flip: those that exist of what is stored, and of the interrupts. 0 where the
-/// part has no register, or shows a result.
+/// Bits of a register that a fault can flip: those that exist in stored registers and in the interrupts. The value is 0
+/// where the part has no register, or the register shows a result.
 pub(crate) fn flippable(variant: Variant, space: Space, address: u8) -> u8 {
     match class(variant, space, address) {
         Class::Stored | Class::Unmodelled => writable(space, address),
@@ -141,30 +143,30 @@ pub(crate) fn flippable(variant: Variant, space: Space, address: u8) -> u8 {
 /// Bits that exist; the others read 0.
 pub(crate) fn writable(space: Space, address: u8) -> u8 {
     match (space, address) {
-        // Bit 1 is reserved. Bit 0: slow_up (ST25R3916) or act_amsink (B).
+        // Bit 1 is reserved. Bit 0 is slow_up (ST25R3916) or act_amsink (B).
         (Space::A, 0x01) => 0xFD,
         (Space::A, 0x04) => 0x33,
-        // Recorded: FF written reads back FB; bit 2 is reserved.
+        // In the recording FF written reads back FB; bit 2 is reserved.
         (Space::A, 0x19) => 0xFB,
         (Space::A, 0x12) => 0xEF,
         _ => 0xFF,
     }
 }
 
-/// Bits of a stored register whose function is not modelled, as far as `value` sets them: reported when written.
+/// The unmodelled bits that `value` sets in a stored register: reported when written.
 pub(crate) fn unmodelled_bits(space: Space, address: u8, value: u8) -> u8 {
     match (space, address) {
-        // nfc_ar: response field by itself.
+        // nfc_ar is the response field by itself.
         (Space::A, 0x03) => value & 0x03,
         // no_rx_par, nfc_f0, antcl.
         (Space::A, 0x05) => value & 0x61,
-        // gptc: 1 and 2 are modelled; nrt_nfc, nrt_emv.
+        // The modelled values of gptc are 1 and 2; nrt_nfc and nrt_emv are not modelled.
         (Space::A, 0x12) => value & 0x06 | if value >> 5 > 2 { value & 0xE0 } else { 0 },
         _ => 0,
     }
 }
 
-/// How far a register is modelled in this part.
+/// The extent to which a register is modelled in this part.
 pub(crate) fn class(variant: Variant, space: Space, address: u8) -> Class {
     match space {
         Space::A => match address {
@@ -200,21 +202,21 @@ pub(crate) struct Registers {
     target_memory: [u8; TARGET_MEMORY],
 }
 
-/// Passive target memory: NFC-A 15, NFC-F 21, TSN 12 bytes.
+/// Size of the passive target memory: NFC-A 15, NFC-F 21, TSN 12 bytes.
 const TARGET_MEMORY: usize = 48;
 
 impl Registers {
-    /// As after power-up.
+    /// The registers after power-up.
     pub(crate) fn new() -> Self {
         Self { a: RESET_A, b: RESET_B, test: [0; 64], target_memory: [0; TARGET_MEMORY] }
     }
 
-    /// Every register takes its reset value; the passive target memory keeps its own.
+    /// Sets every register to its reset value; the passive target memory is kept.
     pub(crate) fn reset(&mut self) {
         *self = Self { target_memory: self.target_memory, ..Self::new() };
     }
 
-    /// What is stored.
+    /// The stored value.
     pub(crate) fn get(&self, space: Space, address: u8) -> u8 {
         let i = usize::from(address & 0x3F);
         match space {
@@ -224,7 +226,7 @@ impl Registers {
         }
     }
 
-    /// Stores without a look at what is writable.
+    /// Stores a value without regard to writable bits.
     pub(crate) fn set(&mut self, space: Space, address: u8, value: u8) {
         let i = usize::from(address & 0x3F);
         match space {
@@ -259,7 +261,7 @@ impl Registers {
         &self.target_memory
     }
 
-    /// Loads byte `i` of the passive target memory; beyond its end nothing happens.
+    /// Loads byte `i` of the passive target memory; bytes beyond its end are ignored.
     pub(crate) fn load_target_memory(&mut self, i: u8, value: u8) {
         if let Some(cell) = self.target_memory.get_mut(usize::from(i)) {
             *cell = value;

@@ -1,10 +1,10 @@
-//! What a run must not pass over in silence: accesses the model does not cover, and accesses the data sheet does not
-//! allow.
+//! Findings that must not pass unnoticed: accesses that the model does not cover, and accesses that the data sheet does
+//! not allow.
 use core::fmt;
 
 use crate::event::Technology;
 
-/// Which of the chip's three register spaces.
+/// One of the chip's three register spaces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Space {
     /// Addressed directly.
@@ -15,30 +15,30 @@ pub enum Space {
     Test,
 }
 
-/// One kind of finding, with when it was first seen and how often.
+/// One kind of finding, with its first instant and its count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Report {
     /// Virtual time of the first occurrence, ns.
     pub first_ns: u64,
     /// Occurrences.
     pub count: u64,
-    /// What was found.
+    /// The kind of finding.
     pub kind: Kind,
 }
 
-/// What can be found.
+/// The kinds of findings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Kind {
-    /// A direct command whose effect is not modelled: nothing happened.
+    /// A direct command whose effect is not modelled: it had no effect.
     UnmodelledCommand(u8),
     /// An SPI mode byte the data sheet does not define.
     UnknownModeByte(u8),
-    /// A register whose function is not modelled was given a value other than its reset value: the value is kept,
-    /// nothing more.
+    /// A register whose function is not modelled was set to another value than its reset value: the value is only
+    /// stored.
     UnmodelledRegister(Space, u8),
     /// Bits (the third value) of a register that is modelled otherwise were set, and their function is not modelled:
-    /// they are kept, nothing more.
+    /// they are only stored.
     UnmodelledBits(Space, u8, u8),
     /// A register the part does not have was accessed.
     NoSuchRegister(Space, u8),
@@ -54,49 +54,49 @@ pub enum Kind {
     CommandWithoutOscillator(u8),
     /// The mode (03) was written without a stable oscillator: ignored.
     ModeWithoutOscillator,
-    /// A transmission was asked for without a field: ignored.
+    /// A transmission was requested without a field: ignored.
     TransmitWithoutField,
-    /// A transmission was asked for while one was on the air: ignored.
+    /// A transmission was requested while one was on the air: ignored.
     TransmitWhileBusy,
-    /// A transmission of no bytes was asked for where the mode cannot: ignored.
+    /// A transmission of no bytes was requested where the mode does not allow it: ignored.
     EmptyFrame,
-    /// An NFC-F frame longer than its length byte can say.
+    /// An NFC-F frame was longer than its length byte can express.
     FrameTooLong(u16),
     /// A transmission ran out of FIFO bytes and broke off.
     TransmitUnderflow,
-    /// The FIFO was cleared, or read, while a transmission still had to take bytes out of it. What had been loaded for
-    /// it is not sent: the frame breaks off by an underflow when the byte on the air ends, unless none of its bytes was
+    /// The FIFO was cleared, or read, while a transmission still had to take bytes out of it. The bytes loaded for it
+    /// are not sent: the frame breaks off by an underflow when the byte on the air ends, unless none of its bytes was
     /// on the air yet.
     FifoDisturbed,
-    /// The mode (03) or the bit rate (04) was changed while a frame was on its way. What is being sent goes on as it
-    /// began, what is being received is let go when the change concerns reception; no document says what silicon does.
+    /// The mode (03) or the bit rate (04) was changed during a frame. A frame being sent goes on unchanged, and one
+    /// being received is dropped when the change concerns reception; no document describes silicon's behaviour.
     ChangedInFrame(u8),
-    /// More bytes than the FIFO holds: the excess was lost.
+    /// More bytes were written than the FIFO holds: the excess was lost.
     FifoOverflow,
     /// The FIFO was read when it was empty.
     FifoUnderflow,
     /// A frame began to arrive while bytes of its predecessor were unread: they are lost.
     FrameOverwritten,
-    /// SPI clock above the part's 10 MHz, Hz.
+    /// The SPI clock was above the part's 10 MHz; the value is its rate, Hz.
     SpiTooFast(u32),
-    /// Clocked in an SPI mode other than 1: bits are sampled one early or late.
+    /// The SPI mode was not 1: bits are sampled one early or late.
     WrongSpiMode(u8),
     /// A transfer ended with fewer than eight clocks after the last byte: these bits were lost.
     BitsLost(u8),
-    /// SPI clocks without chip select.
+    /// The SPI clock ran without chip select.
     NotSelected,
-    /// Chip select asserted twice.
+    /// Chip select was asserted twice.
     SelectedTwice,
-    /// A transfer ended after a prefix or an address that asked for more.
+    /// A transfer ended after a prefix or an address that needs more bytes.
     TransferCutShort,
-    /// An access while the part had no supply.
+    /// The part was accessed without a supply.
     NotPowered,
     /// sup3V (01, bit 7) does not suit the supply.
     SupplyMismatch,
-    /// The supply (mV) lies outside what the part is made for.
+    /// The supply (mV) lies outside the part's range.
     SupplyOutOfRange(u16),
-    /// Antenna tuning values (26, 27) were written, the antenna is used, and aat_en (01, bit 5) is clear: they drive
-    /// nothing.
+    /// Antenna tuning values (26, 27) were written and the antenna is used, but aat_en (01, bit 5) is clear, so they
+    /// have no effect.
     AntennaTuningOff,
     /// A frame was received while a register of the receive chain had a value with which no public source receives its
     /// technology.
@@ -110,8 +110,8 @@ pub enum Kind {
         /// Its value.
         value: u8,
     },
-    /// A poller sent a frame of NFC-F while a register had a value with which the part cannot modulate so, or that goes
-    /// with no other as documented.
+    /// A poller sent a frame of NFC-F while a register had a value with which the part cannot modulate NFC-F, or a
+    /// combination that is not documented.
     Modulation {
         /// The register's space.
         space: Space,
@@ -120,9 +120,9 @@ pub enum Kind {
         /// Its value.
         value: u8,
     },
-    /// The external field detector (2A, 2B, peer detection) ends at the voltage at which it begins, or above.
+    /// The external field detector's lower threshold (2A, 2B, peer detection) is not below its upper one.
     FieldWithoutHysteresis(u8, u8),
-    /// Initial field on (C8) with the external field detector off: collision avoidance sees nothing.
+    /// Initial field on (C8) came with the external field detector off, so collision avoidance cannot detect a field.
     CollisionAvoidanceBlind,
     /// A target was armed with automatic answers enabled (08) and its load modulator connected.
     AutomaticAnswersEnabled,
@@ -186,10 +186,10 @@ impl fmt::Display for Report {
     }
 }
 
-/// Distinct kinds kept; more cannot arise from one driver, only from noise on the bus.
+/// The most kinds that are kept; one driver cannot cause more, only noise on the bus.
 const KINDS: usize = 512;
 
-/// The list: one entry per kind.
+/// The list of findings, with one entry per kind.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Reports(Vec<Report>);
 

@@ -1,6 +1,6 @@
-//! The model's one source of randomness: small, seeded, and the same on every machine.
+//! The model's only source of randomness, which is small, seeded, and the same on every machine.
 
-/// SplitMix64 (Steele, Lea, Flood 2014): good enough to choose faults and to scatter an instant.
+/// SplitMix64 (Steele, Lea, Flood 2014), good enough to choose faults and to scatter an instant.
 #[derive(Clone, Debug)]
 pub(crate) struct SplitMix(u64);
 
@@ -17,17 +17,17 @@ impl SplitMix {
         z ^ (z >> 31)
     }
 
-    /// True with probability `p`; draws nothing when it cannot be.
+    /// True with probability `p`; no number is drawn when `p` is 0 or less.
     pub(crate) fn hit(&mut self, p: f64) -> bool {
         p > 0.0 && ((self.next() >> 11) as f64) < p * (1u64 << 53) as f64
     }
 
-    /// 0 to `n` - 1, or 0.
+    /// A number from 0 to `n` - 1, or 0.
     pub(crate) fn below(&mut self, n: usize) -> usize {
         ((u128::from(self.next()) * n as u128) >> 64) as usize
     }
 
-    /// 0 to `most`, each as likely as the others; draws nothing when `most` is 0.
+    /// A uniform number from 0 to `most`; no number is drawn when `most` is 0.
     pub(crate) fn up_to(&mut self, most: u64) -> u64 {
         if most == 0 {
             return 0;

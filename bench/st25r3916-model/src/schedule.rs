@@ -1,9 +1,9 @@
-//! What the chip does by itself, as a table of deadlines: one entry for each thing that can fall due.
+//! The chip's own actions as a table of deadlines, with one entry for each kind.
 
 /// No deadline.
 const NEVER: u64 = u64::MAX;
 
-/// What can fall due. The order decides between two at the same instant.
+/// The kinds of deadlines. Their order decides between two at the same instant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub(crate) enum Due {
@@ -77,23 +77,23 @@ pub(crate) struct Schedule {
 }
 
 impl Schedule {
-    /// Nothing is due.
+    /// A table without deadlines.
     pub(crate) fn new() -> Self {
         Self { due: [NEVER; DUES.len()], next: NEVER }
     }
 
-    /// `what` falls due at `at`, and no longer when it did before.
+    /// Schedules `what` at `at`, in place of its earlier deadline.
     pub(crate) fn plan(&mut self, what: Due, at: u64) {
         self.due[what as usize] = at;
         self.next = self.due.iter().copied().min().unwrap_or(NEVER);
     }
 
-    /// `what` does not fall due.
+    /// Cancels the deadline of `what`.
     pub(crate) fn cancel(&mut self, what: Due) {
         self.plan(what, NEVER);
     }
 
-    /// Whether `what` will fall due.
+    /// Whether `what` has a deadline.
     pub(crate) fn running(&self, what: Due) -> bool {
         self.due[what as usize] != NEVER
     }
@@ -103,7 +103,7 @@ impl Schedule {
         (self.next != NEVER).then_some(self.next)
     }
 
-    /// Takes out what falls due first, if that is not after `now`; with its instant.
+    /// Takes the first deadline, if it is not after `now`, with its instant.
     pub(crate) fn take(&mut self, now: u64) -> Option<(u64, Due)> {
         if self.next > now {
             return None;

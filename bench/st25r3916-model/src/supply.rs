@@ -1,4 +1,4 @@
-//! Supply and antenna tuning: what a driver can measure, and settings that the board contradicts.
+//! Supply and antenna tuning: a driver's measurements, and settings that do not suit the board.
 //!
 //! | covered | source |
 //! |---|---|
@@ -12,7 +12,7 @@
 //!
 //! | left out | why |
 //! |---|---|
-//! | what a wrong supply range does to the regulators, what tuning does to the | the air is digital; a finding says |
+//! | the effects of a wrong supply range on the regulators, and of tuning on the | the air is digital; a finding reports |
 //! | field | it |
 
 use crate::core::Core;
@@ -20,17 +20,17 @@ use crate::field::Field;
 use crate::registers::{self, RX_EN, reg};
 use crate::report::{Kind, Space};
 
-/// What the part can be supplied with, mV.
+/// The part's range of supply voltages, mV.
 const RANGE_MV: core::ops::RangeInclusive<u16> = 2_400..=5_500;
-/// Supplies above this want sup3V clear, below it set, mV.
+/// The threshold of sup3V, mV: it must be clear above it and set below.
 const SUP3V_MV: u16 = 3_600;
-/// A step of the A/D converter when it measures a supply, rounded up, mV: so near to the threshold a measurement may
-/// say either.
+/// A step of the A/D converter when it measures a supply, rounded up, mV: this close to the threshold a measurement may
+/// give either result.
 const STEP_MV: u16 = 24;
 const SUP3V: u8 = 0x80;
 const AAT_EN: u8 = 0x20;
 
-/// The supply is loaded: is there enough of it, and does the regulators' range fit?
+/// Checks, when the supply is loaded, its voltage and the regulators' range.
 pub(crate) fn suits(core: &mut Core) {
     let mv = core.config().vdd_mv;
     if !RANGE_MV.contains(&mv) {
@@ -42,9 +42,9 @@ pub(crate) fn suits(core: &mut Core) {
     }
 }
 
-/// The antenna may be in use: if it is, do tuning values that were written reach it?
+/// Checks, if the antenna is in use, that written tuning values reach it.
 pub(crate) fn tuning_suits(core: &mut Core, field: &Field) {
-    // Its own carrier is on, or it listens to another's.
+    // The antenna is in use when its own carrier is on, or when the chip listens to another's.
     let listens = core.oscillator() && core.target() && core.operates(RX_EN);
     if !field.own() && !listens {
         return;
@@ -55,7 +55,8 @@ pub(crate) fn tuning_suits(core: &mut Core, field: &Field) {
     }
 }
 
-/// What DF finds, A/D steps of 23.4 mV; mpsv (2C, bits 2:0) chooses the supply. Above 255 steps the display saturates.
+/// The result of DF, in A/D steps of 23.4 mV; mpsv (2C, bits 2:0) selects the supply. Above 255 steps the display
+/// saturates.
 pub(crate) fn measured(core: &Core) -> u8 {
     let mv = match core.a(reg::REGULATOR) & 0x07 {
         0 => core.config().vdd_mv,

@@ -16,7 +16,7 @@ use crate::interrupts::irq;
 use crate::registers::reg;
 use crate::schedule::Due;
 
-/// What triggers the general purpose timer (12, gptc).
+/// The triggers of the general purpose timer (12, gptc).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub(crate) enum Trigger {
@@ -59,13 +59,14 @@ pub(crate) fn general_purpose_trigger(core: &mut Core, trigger: Trigger) {
 
 pub(crate) fn start_wake_up(core: &mut Core) {
     let w = core.a(reg::WAKE_UP);
-    // wur: 1 = 10 ms steps, 0 = 100 ms steps; wut: 1 to 8 of them. From the RC oscillator, taken as exact.
+    // wur selects 10 ms steps (1) or 100 ms steps (0), wut 1 to 8 of them. They come from the RC oscillator, taken as
+    // exact.
     let step = if w & 0x80 != 0 { 10_000_000 } else { 100_000_000 };
     core.plan_in(Due::WakeUp, step * (1 + u64::from((w >> 4) & 0x07)));
 }
 
-/// The wake-up timer is over. wto (32, bit 3): an interrupt at each time-out; without it the timer only measures, which
-/// is not modelled.
+/// Ends the wake-up timer. With wto (32, bit 3) each time-out raises an interrupt; without it the timer only measures,
+/// which is not modelled.
 pub(crate) fn wake_up(core: &mut Core) {
     if core.a(reg::WAKE_UP) & 0x08 != 0 {
         core.raise(irq::WT);

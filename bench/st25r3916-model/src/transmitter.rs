@@ -1,8 +1,8 @@
 //! The transmitter: frames out of the FIFO onto the air.
 //!
 //! A frame costs a handful of events, not one per byte. When a frame starts, everything then in the FIFO goes onto the
-//! air as one chunk; bytes loaded later follow as further chunks, each just before the air needs it; which byte has
-//! left the FIFO is arithmetic on the clock done when somebody looks ([`Transmitter::settle`]).
+//! air as one chunk; bytes loaded later follow as further chunks, each just before the air needs it. The bytes that
+//! have left the FIFO are computed on access ([`Transmitter::settle`]).
 //!
 //! | covered | DS13541 |
 //! |---|---|
@@ -12,13 +12,13 @@
 //! | CRC_A |  |
 //! | FIFO: sending while loading, water level on the way down (below 200), underflow breaks the frame off | FIFO |
 //! | automatic SENSF_RES, slot 0; load modulation by C4 of a target | Passive target |
-//! | start of transmission scattered around its mean | recorded, see `Config::transmit_scatter_ns` |
+//! | scatter of the start of transmission around its mean | recorded, see `Config::transmit_scatter_ns` |
 //! | FIFO cleared or read in mid-frame: the transmission | FIFO; silicon sends what is loaded in time |
-//! | underflows at its next byte | instead, if anything is |
+//! | underflows at its next byte | the remaining bytes instead, if any |
 //!
 //! | left out | why |
 //! |---|---|
-//! | NFC-B, NFC-V, topaz, NFCIP-1, stream modes, higher rates of | the link is NFC-F; asked for, they are |
+//! | NFC-B, NFC-V, topaz, NFCIP-1, stream modes, higher rates of | the link is NFC-F; their use is |
 //! | NFC-A | reported |
 
 use crate::core::Core;
@@ -36,14 +36,14 @@ use crate::timers;
 /// FIFO level below which a transmission raises I_wl.
 const LEVEL: usize = 200;
 
-/// The transmitter, and the frame that it has.
+/// The transmitter, with its frame.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Transmitter {
     frame: Option<Outgoing>,
 }
 
 impl Transmitter {
-    /// Whether it has a frame, on the air or about to be.
+    /// Whether it has a frame that is or will be on the air.
     pub(crate) fn busy(&self) -> bool {
         self.frame.is_some()
     }
@@ -53,19 +53,19 @@ impl Transmitter {
         self.frame.as_ref().is_some_and(Outgoing::started)
     }
 
-    /// Bytes that have left the FIFO since it was last settled.
+    /// The number of bytes that have left the FIFO since it was last settled.
     pub(crate) fn leaving(&self, core: &Core) -> usize {
         self.frame.as_ref().map_or(0, |frame| frame.due(core.now()))
     }
 
-    /// Takes out of the FIFO the bytes that have left for the air.
+    /// Removes the bytes that have left for the air from the FIFO.
     pub(crate) fn settle(&mut self, core: &Core, fifo: &mut Fifo) {
         if let Some(frame) = &mut self.frame {
             fifo.drop_front(frame.take_due(core.now()));
         }
     }
 
-    /// Whether `frame` can be sent now; why not is noted.
+    /// Whether `frame` can be sent now; a reason against it is reported.
     pub(crate) fn admits(&self, core: &mut Core, field: &Field, frame: &mut Outgoing) -> bool {
         if self.busy() {
             core.note(Kind::TransmitWhileBusy);
@@ -80,14 +80,14 @@ impl Transmitter {
             frame.silent = !core.load_modulator();
             core.note(Kind::LoadModulation);
         } else if frame.technology() == Technology::NfcF {
-            // Both looked at, so that each finding is told.
+            // Both checks run, so that each finding is reported.
             let modulates = modulation::suits(core) & modulation::in_tune(core);
             frame.silent = !modulates && !core.config().unsuited_modulation_reaches;
         }
         true
     }
 
-    /// An admitted frame is on its way: its first bit follows after the transmitter's latency.
+    /// Starts an admitted frame: its first bit follows after the transmitter's latency.
     pub(crate) fn send(&mut self, core: &mut Core, fifo: &mut Fifo, mut frame: Outgoing) {
         core.cancel(Due::NoResponse);
         fifo.clear_flags();
@@ -99,7 +99,7 @@ impl Transmitter {
         core.plan(Due::TxStart, start);
     }
 
-    /// The first bit leaves.
+    /// Sends the first bit.
     pub(crate) fn starts(&mut self, core: &mut Core, fifo: &mut Fifo) {
         let Some(frame) = &mut self.frame else { return };
         let start = frame.start(&fifo.front(frame.missing()));
@@ -118,7 +118,7 @@ impl Transmitter {
         }
     }
 
-    /// The air needs a byte that was not in the FIFO when the last chunk went.
+    /// Supplies the air with bytes that were not in the FIFO when the last chunk went.
     pub(crate) fn goes_on(&mut self, core: &mut Core, fifo: &mut Fifo) {
         self.settle(core, fifo);
         let Some(frame) = &mut self.frame else { return };
@@ -139,7 +139,7 @@ impl Transmitter {
         self.plan(core);
     }
 
-    /// The FIFO is about to be cleared or read by the controller. A transmission that still has to take bytes out of it
+    /// Handles the controller's clearing or reading of the FIFO. A transmission that still has to take bytes out of it
     /// does not get them: from its next byte on the FIFO is empty.
     pub(crate) fn disturb(&mut self, core: &mut Core) {
         let Some(frame) = self.frame.as_mut().filter(|frame| !frame.all_taken()) else { return };
@@ -150,7 +150,7 @@ impl Transmitter {
         core.note(Kind::FifoDisturbed);
     }
 
-    /// The last bit has left.
+    /// Ends the frame after its last bit.
     pub(crate) fn ends(&mut self, core: &mut Core, fifo: &mut Fifo) {
         self.settle(core, fifo);
         let Some(frame) = self.frame.take() else { return };
@@ -161,7 +161,7 @@ impl Transmitter {
         over(core);
     }
 
-    /// The signal stops where it is, without an interrupt.
+    /// Stops the signal at once, without an interrupt.
     pub(crate) fn break_off(&mut self, core: &mut Core, fifo: &mut Fifo) {
         if self.frame.is_none() {
             return;
@@ -176,14 +176,14 @@ impl Transmitter {
         }
     }
 
-    /// The controller loaded a byte.
+    /// Handles a byte that the controller loaded.
     pub(crate) fn loaded(&mut self, core: &mut Core, fifo: &mut Fifo) {
         if fifo.len() == LEVEL {
             self.plan_level(core, fifo);
         }
     }
 
-    /// I_wl on the way down: when the byte leaves that leaves fewer than 200.
+    /// Plans I_wl for the instant at which fewer than 200 bytes are left.
     fn plan_level(&mut self, core: &mut Core, fifo: &mut Fifo) {
         self.settle(core, fifo);
         if let Some(at) = self.frame.as_ref().and_then(|frame| frame.falls_below(LEVEL, fifo.len())) {
@@ -191,7 +191,7 @@ impl Transmitter {
         }
     }
 
-    /// The FIFO should have fallen below its level.
+    /// Checks whether the FIFO has fallen below its level.
     pub(crate) fn level(&mut self, core: &mut Core, fifo: &mut Fifo) {
         self.settle(core, fifo);
         if fifo.len() < LEVEL {
@@ -202,7 +202,7 @@ impl Transmitter {
     }
 }
 
-/// A transmission is over, with or without an underflow.
+/// Ends a transmission, with or without an underflow.
 fn over(core: &mut Core) {
     core.cancel(Due::TxLevel);
     if core.operates(RX_EN) {

@@ -1,4 +1,4 @@
-//! What the air does to frames, event by event: its bits, its length and whether it is heard at all.
+//! Tests the air's effect on frames, event by event: their bits, their length and whether they are received at all.
 
 mod common;
 
@@ -32,14 +32,14 @@ fn clean_air_hands_every_event_on_at_its_instant_and_keeps_nothing_back() {
 #[test]
 fn a_frame_that_the_poller_broke_off_is_not_delivered() {
     let bytes = frame(20, 1);
-    // (bytes given to the air, data bits that were on it)
+    // Each case has the bytes given to the air, and the data bits that were on it.
     let cases = [
-        // The FIFO ran dry after ten bytes: fewer than LEN announces, yet all that the poller had given.
+        // The FIFO ran dry after ten bytes: fewer than LEN, yet all that the poller had given.
         (10, 80),
-        // The field went off inside the last byte of the CRC, and inside an earlier one.
+        // The field went off within the last byte of the CRC, and within an earlier one.
         (23, 8 * 23 - 1),
         (23, 100),
-        // Nothing but preamble and sync.
+        // Only preamble and sync were sent.
         (23, 0),
         (0, 0),
     ];
@@ -60,7 +60,8 @@ fn a_frame_that_the_poller_broke_off_is_not_delivered() {
 
 #[test]
 fn an_nfc_a_frame_is_whole_when_its_end_of_communication_was_sent() {
-    // (data bits, bits on the air after the start of communication, whole)
+    // Each case has the data bits, the bits on the air after the start of communication, and whether the frame is
+    // whole.
     for (bits, air, whole) in [(24, 27 + 2, true), (24, 27, false), (24, 27 + 1, false), (20, 18 + 4 + 2, true)] {
         let mut antenna = Antenna::new(1, clean());
         antenna.poller(MS, AirEvent::FrameStart(start(Technology::NfcA, &[1, 2, 3])));
@@ -101,7 +102,7 @@ fn each_inverted_bit_is_noted_at_its_place_on_the_air() {
                 assert_eq!(injected, instants);
                 assert!(heard.whole);
             }
-            // A wrong bit in the sync: nobody sees a frame.
+            // A wrong bit in the sync hides the frame.
             None => assert!(!injected.is_empty() && injected.iter().all(|error| *error == at)),
         }
     }
@@ -297,7 +298,7 @@ fn nothing_of_a_frame_is_heard_after_it_was_cut() {
 
 #[test]
 fn a_frame_longer_than_its_len_is_whole_only_with_all_that_the_poller_gave() {
-    // 255 bytes of payload: LEN wraps to 0.
+    // With 255 bytes of payload LEN wraps to 0.
     let mut bytes = frame(254, 1);
     bytes[0] = 0;
     for (bits, whole) in [(8 * 100, false), (8 * 257, true)] {
@@ -339,14 +340,14 @@ fn frozen_air_repeats_the_last_frame_of_the_same_length_and_clean_air_goes_on_wi
     antenna.set(8 * MS, AirFaults { frozen: true, ..clean() });
     let end = antenna.send(10 * MS, &long(4));
     antenna.send(12 * MS, &short(5));
-    // Nothing of this length came before: it is heard as it is sent.
+    // No earlier frame has this length, so it is received as it is sent.
     antenna.send(14 * MS, &frame(16, 6));
     antenna.set(16 * MS, clean());
     antenna.send(17 * MS, &long(7));
     let heard: Vec<_> = antenna.heard().into_iter().map(|heard| heard.bytes).collect();
     assert_eq!(heard, [long(1), short(2), long(3), long(3), short(2), frame(16, 6), long(7)]);
     assert_eq!(antenna.injected("frozen"), [10 * MS, 12 * MS]);
-    // The poller's own frame is what it sent, and of the same duration.
+    // The poller's own frame is unchanged, and of the same duration.
     let sent = antenna.air.take_sent();
     assert_eq!((&sent[3].bytes, sent[3].ended_ns), (&long(4), end));
     assert_eq!(antenna.ended(), (5, 2, 0));

@@ -1,4 +1,4 @@
-//! The faults of the air between two chips: what a listener's controller sees of each.
+//! Tests the faults of the air between two chips, as the listener's controller observes them.
 
 mod common;
 
@@ -22,13 +22,13 @@ fn set(pair: &mut Pair, faults: AirFaults) {
     air.set_faults(*now, faults, |at, event| listener.hear(at, event));
 }
 
-/// A payload of `n` bytes is on its way.
+/// Sends a payload of `n` bytes.
 fn send(pair: &mut Pair, n: usize, seed: u64) {
     pair.load(&payload(n, seed));
     pair.fire();
 }
 
-/// Interrupts and FIFO after a frame, and the listener armed again.
+/// Reads interrupts and FIFO after a frame, and arms the listener again.
 fn received(pair: &mut Pair) -> ([u8; 4], Vec<u8>) {
     let irqs = pair.irqs(Side::Listener);
     let (n, _) = pair.fifo(Side::Listener);
@@ -39,7 +39,7 @@ fn received(pair: &mut Pair) -> ([u8; 4], Vec<u8>) {
 
 #[test]
 fn a_burst_is_found_by_the_crc_and_what_the_fifo_holds_is_what_the_antenna_heard() {
-    // Bursts up to 16 bits: CRC-16 finds each of them.
+    // CRC-16 detects every burst of up to 16 bits.
     let mut pair = pair(AirFaults { burst: 1.0, burst_bits: 16, ..clean() });
     let mut whole = 0;
     for seed in 0..100 {
@@ -47,7 +47,7 @@ fn a_burst_is_found_by_the_crc_and_what_the_fifo_holds_is_what_the_antenna_heard
         pair.run_for(5 * MS);
         let heard = pair.air.take_heard().remove(0);
         let (irqs, data) = received(&mut pair);
-        // A burst in LEN makes the frame shorter or longer than it is.
+        // A burst in LEN makes the frame appear shorter or longer than it is.
         if heard.bytes[0] == 101 {
             assert_eq!((irqs, &data), ([0x30, 0, 0x80, 0], &heard.bytes));
             whole += 1;
@@ -85,7 +85,7 @@ fn a_delayed_frame_is_received_when_it_comes_and_not_before() {
     pair.run_to(start + 12 * MS);
     assert_eq!(pair.irqs(Side::Listener), [0; 4]);
     assert!(pair.wait_irq(Side::Listener, MS));
-    // 64 bits of preamble and sync, and the receiver's latency.
+    // The time includes 64 bits of preamble and sync, and the receiver's latency.
     assert_eq!(pair.now, start + 12 * MS + 151_032 + pair.listener.config().nfc_f_latency_ns);
     pair.run_for(5 * MS);
     let (irqs, data) = received(&mut pair);
@@ -140,7 +140,7 @@ fn of_a_byte_that_breaks_off_the_fifo_holds_the_bits_that_came_and_tells_how_man
         let mut pair = pair(clean());
         send(&mut pair, 60, 1);
         let start = pair.now + pair.poller.config().transmit_latency_ns;
-        // Preamble, sync, LEN, nine bytes of the payload, and some bits; the middle of a bit, to be clear of its ends.
+        // Preamble, sync, LEN, nine bytes of the payload, and some bits arrived; the instant is in the middle of a bit.
         let came = 64 + 80 + bits;
         pair.run_to(start + (2 * came + 1) * 18_879 / 16);
         set(&mut pair, AirFaults { field_off: true, ..clean() });
@@ -154,7 +154,7 @@ fn of_a_byte_that_breaks_off_the_fifo_holds_the_bits_that_came_and_tells_how_man
         // NFC-F sends the highest bit first.
         let of_last = held.get(bytes).copied().unwrap_or(0);
         assert_eq!(of_last, sent[bytes - 1] & !(0xFF >> last), "{bits} bits");
-        // What the antenna heard are the whole bytes.
+        // The antenna's record has only whole bytes.
         assert_eq!(pair.air.take_heard().remove(0).bytes, held[..bytes], "{bits} bits");
     }
 }
@@ -213,7 +213,7 @@ fn a_frame_whose_fifo_runs_dry_is_not_delivered() {
 
 #[test]
 fn an_nfc_a_frame_is_delivered_unless_its_fifo_runs_dry() {
-    // Three bytes with CRC, of which the FIFO has three or two; and a short frame.
+    // Three bytes with CRC are sent, of which the FIFO has three or two, and a short frame.
     for (loaded, command, delivered) in [(3, 0xC4, true), (2, 0xC4, false), (0, 0xC6, true)] {
         let mut pair = nfc_a_poller(Config::default());
         pair.spi(Side::Poller, &[0xDB]);

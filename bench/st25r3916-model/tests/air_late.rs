@@ -1,4 +1,4 @@
-//! What the air does to the time of frames: repeated, delayed, scattered, meeting each other, and without a field.
+//! Tests the air's effect on the time of frames: repeated, delayed, scattered, colliding, and without a field.
 
 mod common;
 
@@ -9,24 +9,24 @@ fn clean() -> AirFaults {
     AirFaults::default()
 }
 
-/// Every frame is heard once more, so long after its end.
+/// Repeats every frame `after_ns` after its end.
 fn repeating(after_ns: u64) -> AirFaults {
     AirFaults { repeated: 1.0, repeat_after_ns: (after_ns, after_ns), ..clean() }
 }
 
-/// Every frame is heard so much later.
+/// Delays every frame by `ns`.
 fn delaying(ns: u64) -> AirFaults {
     AirFaults { delayed: 1.0, delay_ns: (ns, ns), ..clean() }
 }
 
-/// When and how frames were heard: first bit, last bit, whole, origin.
+/// The received frames: first bit, last bit, whole, origin.
 fn heard(antenna: &mut Antenna) -> Vec<(u64, u64, bool, Origin)> {
     antenna.heard().iter().map(|heard| (heard.started_ns, heard.ended_ns, heard.whole, heard.origin)).collect()
 }
 
 #[test]
 fn a_repetition_is_the_frame_as_it_was_heard_once_and_after_its_delay() {
-    // With a burst, so that what is heard differs from what was sent.
+    // A burst makes the received frame differ from the sent one.
     let faults = AirFaults { burst: 1.0, burst_bits: 8, ..repeating(3 * MS) };
     let mut antenna = Antenna::new(1, faults);
     let end = antenna.send(10 * MS, &frame(20, 1));
@@ -55,7 +55,7 @@ fn a_repetition_comes_at_any_instant_of_its_range() {
         after[usize::try_from(antenna.injected("repeated")[0] - end - 100).unwrap()] += 1;
     }
     assert!(after.iter().all(|count| (60..140).contains(count)), "{after:?}");
-    // A range that ends before it begins is its beginning.
+    // A range whose end precedes its beginning counts as its beginning.
     antenna.set(5_000 * MS, AirFaults { repeated: 1.0, repeat_after_ns: (200, 100), ..clean() });
     let end = antenna.send(5_001 * MS, &frame(5, 1));
     antenna.run_to(6_000 * MS);
@@ -67,7 +67,7 @@ fn a_repetition_waits_for_the_frame_on_the_air_and_then_300_us_more() {
     let mut antenna = Antenna::new(1, repeating(2 * MS));
     let first = antenna.send(10 * MS, &frame(20, 1));
     antenna.set(first + MS, clean());
-    // A frame that is on the air when the repetition is due.
+    // Another frame is on the air when the repetition is due.
     let second = antenna.send(first + 2 * MS - 50 * US, &frame(100, 2));
     assert!(second > first + 2 * MS);
     antenna.run_to(100 * MS);
@@ -218,7 +218,7 @@ fn without_a_field_the_listener_sees_no_carrier_and_no_frame_until_it_is_back() 
     let mut antenna = Antenna::new(1, clean());
     antenna.set(5 * MS, AirFaults { field_off: true, ..clean() });
     antenna.send(10 * MS, &frame(20, 1));
-    // Set anew, it is still off.
+    // The field stays off when the faults are set again.
     antenna.set(15 * MS, AirFaults { field_off: true, lost: 0.5, ..clean() });
     antenna.set(20 * MS, clean());
     let end = antenna.send(30 * MS, &frame(20, 1));
@@ -273,7 +273,7 @@ fn a_field_that_goes_off_breaks_off_the_frame_on_the_air_and_one_that_comes_back
 fn late_frames_are_lost_when_they_are_due_without_a_carrier() {
     let off = AirFaults { field_off: true, ..clean() };
     for faults in [repeating(5 * MS), delaying(5 * MS)] {
-        // The field is away, or the poller has switched its own off.
+        // The field is off by a fault, or the poller has switched its own off.
         for poller in [false, true] {
             let mut antenna = Antenna::new(1, faults);
             let end = antenna.send(10 * MS, &frame(20, 1));

@@ -1,13 +1,14 @@
-//! Recordings of silicon (an ST25R3916 at 5.2 V reading an NFC-A tag), replayed: the same MOSI bytes at the same
-//! instants must get the same MISO bytes, and the IRQ pin must move as it did.
+//! Replays recordings of silicon (an ST25R3916 at 5.2 V reading an NFC-A tag): the same MOSI bytes at the same instants
+//! must give the same MISO bytes, and the IRQ pin must move in the same way.
 //!
-//! The recordings are not part of this repository: they are looked for in `shared/data/st25r3916-silicon` beside the
-//! checkout or beside a folder that it lies in. Without them these tests say "not run"; where `CI` is set, they fail.
+//! The recordings are not part of this repository. The tests look for them in `shared/data/st25r3916-silicon` beside
+//! the checkout or beside a folder that contains it. Without them these tests report "not run"; where `CI` is set, they
+//! fail.
 //!
-//! What the recordings do not show is set up before they begin, over SPI, as the recorded firmware had done (registers
-//! it had written, a general purpose timer that had run out while masked). The tag is a stand-in that answers with the
-//! recorded bytes when the recorded tag did: its answers' instants are derived from the recorded I_rxs edges, which are
-//! therefore checked for order and level only; that they fit ISO 14443-3's frame delay time is a check of its own.
+//! The state before the recordings is set up over SPI, as the recorded firmware had done (registers it had written, a
+//! general purpose timer that had run out while masked). The tag is a stand-in that answers with the recorded bytes at
+//! the recorded instants. Those are derived from the recorded I_rxs edges, which are therefore checked only for order
+//! and level; a separate check compares them with ISO 14443-3's frame delay time.
 
 use std::path::Path;
 
@@ -15,17 +16,17 @@ use st25r3916_model::{
     AirEvent, BrokenFrame, Chip, Chunk, Config, FrameStart, IrqEdge, Kind, Space, Technology, Variant,
 };
 
-/// Where in virtual time a recording begins: after the set-up.
+/// The virtual time at which a recording begins, ns, after the setup.
 const BEGIN_NS: u64 = 60_000_000;
 /// The recorded controller's SPI clock, Hz.
 const SPI_HZ: u32 = 10_500_000;
-/// From a byte's first rising clock edge to the end of its eighth clock at that rate, ns.
+/// The time from a byte's first rising clock edge to the end of its eighth clock at that rate, ns.
 const BYTE_NS: u64 = 762;
-/// How far a modelled fall of the IRQ pin may lie from the recorded one, ns: the text gives a transfer's instant and an
-/// edge's to 100 ns each, and the bytes of an interrupt read start up to 60 ns from where [`byte_ends`] has them. A
-/// fall at the byte's end would be 683 ns away.
+/// The tolerance of a fall of the IRQ pin against the recording, ns: the text gives a transfer's instant and an edge's
+/// to 100 ns each, and the bytes of an interrupt read start up to 60 ns from their instants in [`byte_ends`]. A fall at
+/// the byte's end would be 683 ns away.
 const FALL_TOLERANCE_NS: u64 = 150;
-/// The same for a rise, whose cause may be a command: those start up to 300 ns from where [`byte_ends`] has them. The
+/// The same for a rise, which a command may cause: those start up to 300 ns from their instants in [`byte_ends`]. The
 /// recorded receiver's own delays vary by 400 ns.
 const EDGE_TOLERANCE_NS: u64 = 250;
 /// One bit at 106 kbit/s.
@@ -68,7 +69,7 @@ fn capture(name: &str) -> Option<Vec<Line>> {
             }
         });
     }
-    // An edge inside a transfer may be listed before it.
+    // An edge within a transfer may be listed before it.
     lines.sort_by_key(Line::at);
     Some(lines)
 }
@@ -89,7 +90,7 @@ fn board() -> Chip {
     chip
 }
 
-/// When the bytes of a transfer end, ns after chip select falls: as the same recordings show it at 2 ns
+/// The instants at which the bytes of a transfer end, ns after chip select falls, from the same recordings at 2 ns
 /// resolution (hydrabus/st25r3916_decoder_dumps_sigrok). The first byte starts later the more the controller prepares;
 /// the second follows it by 1.5 µs, each further one by 1.88 µs.
 fn byte_ends(mosi: &[u8]) -> impl Iterator<Item = u64> {
@@ -106,12 +107,12 @@ fn byte_ends(mosi: &[u8]) -> impl Iterator<Item = u64> {
 fn exchange(chip: &mut Chip, at: u64, mosi: &[u8]) -> Vec<u8> {
     chip.select(at);
     let miso = mosi.iter().zip(byte_ends(mosi)).map(|(&b, end)| chip.transfer(at + end, b)).collect();
-    // Chip select rises when the controller gets round to it, 1.8 us or more after the last edge.
+    // The controller raises chip select 1.8 us or more after the last edge.
     chip.deselect(at + byte_ends(mosi).last().unwrap_or(0) + 1_800);
     miso
 }
 
-/// What the recorded firmware does before its first scan.
+/// The recorded firmware's actions before its first scan.
 fn bring_up(chip: &mut Chip, writes: &[&[u8]]) {
     let mut now = 1_000_000;
     let mut run = |bytes: &[u8], then: u64| {
@@ -125,11 +126,11 @@ fn bring_up(chip: &mut Chip, writes: &[&[u8]]) {
     run(&[0x02, 0x80], 1_000_000);
     run(&[0x03, 0x08], 0);
     run(&[0x5A, 0, 0, 0, 0], 0);
-    // Supply measurement and regulators.
+    // The firmware measures the supply and adjusts the regulators.
     run(&[0xDF], 100_000);
     run(&[0xD6], 4_000_000);
     run(&[0x5A, 0, 0, 0, 0], 0);
-    // 20 ms of the general purpose timer, masked: its bit stays.
+    // The general purpose timer runs for 20 ms, masked: its bit stays.
     run(&[0x13, 0x84, 0x6C], 0);
     run(&[0xE0], 21_000_000);
     run(&[0x02, 0x83], 0);
@@ -143,7 +144,7 @@ fn bring_up(chip: &mut Chip, writes: &[&[u8]]) {
 fn every_register_of_both_spaces_reads_as_on_silicon() {
     let Some(lines) = capture("Read_All_Registers_SpaceA_B.txt") else { return };
     let mut chip = board();
-    // What the bring-up of the recorded firmware writes besides.
+    // These are the further writes of the recorded firmware's bring-up.
     bring_up(
         &mut chip,
         &[&[0x08, 0x50], &[0x26, 0x49, 0x45], &[0x29, 0x5F, 0x11, 0x00], &[0xFB, 0x05, 0x40], &[0x5A, 0, 0, 0, 0]],
@@ -154,15 +155,15 @@ fn every_register_of_both_spaces_reads_as_on_silicon() {
         }
     }
     assert!(!chip.irq());
-    // The list holds addresses that the part has, and no other.
+    // The list holds the addresses that the part has, and no other.
     assert_eq!(chip.reports().iter().filter(|r| matches!(r.kind, Kind::NoSuchRegister(..))).count(), 0);
 }
 
-/// An NFC-A tag that says what the recorded one said, when it said it.
+/// An NFC-A tag that repeats the recorded one's answers at their instants.
 struct Tag {
-    /// Recorded I_rxs edges, and the bytes the firmware then read and must have heard.
+    /// The recorded I_rxs edges, and the bytes that the firmware then read and must have received.
     answers: Vec<(u64, Vec<u8>)>,
-    /// From the start of the answer to I_rxs, ns.
+    /// The time from the start of the answer to I_rxs, ns.
     to_rxs: u64,
 }
 
@@ -173,14 +174,14 @@ impl Tag {
         for line in lines {
             match line {
                 Line::Irq { at, level: true } => rose = *at,
-                // I_rxs alone
+                // The read shows only I_rxs.
                 Line::Transfer { mosi, miso, .. } if mosi[0] == 0x5A && miso[1] == 0x20 => {
                     answers.push((rose, Vec::new()));
                 }
                 Line::Transfer { mosi, miso, .. } if mosi[0] == 0x9F => {
                     let (_, data) = answers.last_mut().expect("data after a start");
                     data.extend_from_slice(&miso[1..]);
-                    // Of the SAK the firmware reads one byte of the three in the FIFO: its CRC_A is the standard's.
+                    // The firmware reads one byte of the SAK's three in the FIFO; its CRC_A is the standard's.
                     if data.len() == 1 {
                         let crc = crc_a(data);
                         data.extend_from_slice(&crc);
@@ -193,7 +194,7 @@ impl Tag {
         Self { answers, to_rxs: bit + config.nfc_a_start_latency_ns }
     }
 
-    /// Tells the chip of every answer in good time.
+    /// Passes every answer to the chip in advance.
     fn speak(&self, chip: &mut Chip) {
         for (rxs, data) in &self.answers {
             let start = rxs - self.to_rxs;
@@ -264,8 +265,8 @@ fn reading_a_tag_answers_byte_for_byte_and_moves_the_irq_pin_in_order_and_in_tim
         lines.iter().filter_map(|l| if let Line::Irq { at, level } = l { Some((*at, *level)) } else { None }).collect();
     assert_eq!(edges.len(), recorded.len(), "edges {edges:?}");
     assert_eq!(recorded.iter().filter(|(_, level)| !level).count(), 22);
-    // A frame starts when the recorded chip started it, somewhere in the scatter; its end, I_txe, and what counts from
-    // there, I_nre, move along with it.
+    // A frame starts when the recorded chip started it, somewhere in the scatter; its end, I_txe, and I_nre, which
+    // counts from there, move along with it.
     let scatter = Config::default().transmit_scatter_ns / 2;
     let mut starts: Vec<i64> = Vec::new();
     for (edge, (was, level)) in edges.iter().zip(&recorded) {
@@ -295,11 +296,11 @@ fn reading_a_tag_answers_byte_for_byte_and_moves_the_irq_pin_in_order_and_in_tim
         assert!(late.unsigned_abs() <= EDGE_TOLERANCE_NS, "edge at {}, recorded at {was}: {late} ns", edge.at_ns);
     }
     assert_eq!(starts.len(), 7);
-    // The recorded frames use most of the scatter: the model's is not wider than it must be.
+    // The recorded frames use most of the scatter, so the model's is not wider than necessary.
     let used = starts.iter().max().expect("frames") - starts.iter().min().expect("frames");
     assert!(used > scatter as i64 && used <= 2 * (scatter + EDGE_TOLERANCE_NS) as i64, "{starts:?}");
 
-    // What the tag heard: the frames of ISO 14443-3, with the CRC the chip adds.
+    // The tag receives the frames of ISO 14443-3, with the CRC that the chip adds.
     let frames: Vec<&Vec<u8>> = sent
         .iter()
         .filter_map(|(_, e)| if let AirEvent::FrameStart(f) = e { Some(&f.chunk.data) } else { None })
@@ -323,7 +324,7 @@ fn reading_a_tag_answers_byte_for_byte_and_moves_the_irq_pin_in_order_and_in_tim
     }
     assert_eq!(sent.first().map(|(_, e)| e), Some(&AirEvent::FieldOn));
     assert_eq!(sent.last().map(|(_, e)| e), Some(&AirEvent::FieldOff));
-    // What silicon worked with is not found fault with: its supply range, its antenna tuning, its receive chain.
+    // The supply range, antenna tuning and receive chain that worked on silicon cause no finding.
     let kinds: Vec<Kind> = chip.reports().iter().map(|r| r.kind).collect();
     // The recorded controller is faster than the data sheet allows, and sets antcl and a register (EMD
     // suppression) that are not modelled.
@@ -340,7 +341,7 @@ fn reading_a_tag_answers_byte_for_byte_and_moves_the_irq_pin_in_order_and_in_tim
     assert_eq!(chip.statistics().received, 6);
     assert_eq!(chip.statistics().crc_errors, 0);
 
-    // ISO 14443-3: an answer starts 1172 cycles (86.4 us) after the end of the last bit, plus the pause; I_txe comes
+    // By ISO 14443-3 an answer starts 1172 cycles (86.4 us) after the end of the last bit, plus the pause; I_txe comes
     // two bits after that bit.
     let delays: Vec<u64> = sent
         .iter()

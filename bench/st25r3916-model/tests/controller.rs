@@ -1,4 +1,4 @@
-//! What the chip makes of a controller's chip select, clock and frames, and what it tells of them.
+//! Tests the chip's handling of a controller's chip select, clock and frames, and its reports about them.
 
 mod common;
 
@@ -9,7 +9,8 @@ fn found(chip: &Chip, kind: Kind) -> u64 {
     chip.reports().iter().find(|report| report.kind == kind).map_or(0, |report| report.count)
 }
 
-/// A frame of `bits` bits at 8 MHz from `begins_ns` on; what crossed, and what the controller read.
+/// Clocks a frame of `bits` bits at 8 MHz from `begins_ns` on; returns the bytes that crossed, and what the controller
+/// read.
 fn clock(chip: &mut Chip, begins_ns: u64, mode: SpiMode, bits: u8, mosi: u32) -> (Vec<(u64, u8, u8)>, u32) {
     let frame = SpiFrame { begins_ns, ends_ns: begins_ns + 125 * u64::from(bits), mode, bits, mosi };
     let mut crossed = vec![];
@@ -37,13 +38,13 @@ fn it_tells_when_chip_select_rose_after_a_command_to_transmit() {
     assert_eq!(pair.poller.take_transmits(), []);
     pair.fire();
     let first = pair.now;
-    // Clear and transmit in one transfer, refused because the other is on the air.
+    // Clear and transmit come in one transfer, which is refused because the other chip is on the air.
     pair.run_for(10_000);
     pair.spi(Side::Poller, &[0xDA, 0xC4]);
     let second = pair.now;
     assert_eq!(pair.poller.take_transmits(), [first, second]);
     assert_eq!(found(&pair.poller, Kind::TransmitWhileBusy), 1);
-    // The byte as a value, as a FIFO byte, and other commands.
+    // The command's byte appears as a value, as a FIFO byte, and after other commands.
     pair.spi(Side::Poller, &[0x13, 0xC4, 0xC4]);
     pair.spi(Side::Poller, &[0x80, 0xC4, 0xC4]);
     pair.spi(Side::Poller, &[0xDB]);
@@ -77,7 +78,7 @@ fn a_frame_of_whole_bytes_in_mode_1_is_its_bytes() {
     assert_eq!(clock(&mut chip, 2_000, SpiMode::Mode1, 8, 0), (vec![(3_000, 0, 0x31)], 0x31));
     chip.deselect(3_000);
     chip.select(4_000);
-    // The same as one frame.
+    // The same bytes are clocked as one frame.
     let crossed = vec![(6_000, 0x7F, 0), (7_000, 0, 0x31)];
     assert_eq!(clock(&mut chip, 5_000, SpiMode::Mode1, 16, 0x7F00), (crossed, 0x0031));
     chip.deselect(7_000);
@@ -117,13 +118,13 @@ fn bits_that_make_no_whole_byte_are_lost() {
 fn frames_tell_the_clock_to_a_hundredth() {
     let frame = |ns| SpiFrame { begins_ns: 0, ends_ns: ns, mode: SpiMode::Mode1, bits: 8, mosi: 0 };
     let mut chip = Chip::new(Config::default());
-    // 8 bits in 793 ns are 10.09 MHz, in 792 ns 10.101 MHz.
+    // A frame of 8 bits in 793 ns is 10.09 MHz, in 792 ns 10.101 MHz.
     for (ns, told) in [(800, None), (793, None), (792, Some(10_101_010)), (444, Some(18_018_018)), (1_000, None)] {
         let before = chip.reports().len();
         chip.select(0);
         chip.clock_frame(&frame(ns), |_, _, _, _| {});
         chip.deselect(0);
-        // What the frame told is judged at the next transfer.
+        // The clock derived from the frame is judged at the next transfer.
         chip.select(0);
         chip.deselect(0);
         let new: Vec<Kind> = chip.reports()[before..].iter().map(|report| report.kind).collect();

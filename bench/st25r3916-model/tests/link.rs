@@ -1,4 +1,4 @@
-//! Two chips through the air, driven over SPI as the data sheet says.
+//! Tests two chips through the air, driven over SPI as the data sheet specifies.
 
 mod common;
 
@@ -13,7 +13,7 @@ fn pair() -> Pair {
     Pair::started(Config::default(), Config::default(), clean())
 }
 
-/// What the listener makes of a frame: interrupts at its start and end, and the FIFO.
+/// Receives a frame: returns the interrupts at its start and end, and the FIFO.
 fn receive(pair: &mut Pair) -> ([u8; 4], Vec<u8>) {
     assert!(pair.wait_irq(Side::Listener, 7_000_000), "I_rxs");
     assert_eq!(pair.irqs(Side::Listener)[0], 0x20);
@@ -83,7 +83,7 @@ fn a_frame_is_read_while_it_arrives() {
         most = most.max(n);
         data.extend(pair.read_fifo(Side::Listener, n));
     }
-    // 53 bytes arrive in a millisecond.
+    // The rate is 53 bytes per millisecond.
     assert!((10..=14).contains(&most), "{most} bytes in 200 us");
     assert_eq!(data[1..245], sent);
     assert_eq!(pair.irqs(Side::Listener), [0x10, 0, 0, 0]);
@@ -131,7 +131,7 @@ fn running_dry_breaks_the_frame_off_and_the_receiver_says_so() {
             BrokenFrame::EndsWithError => assert_eq!(pair.irqs(Side::Listener), [0x30, 0, 0x90, 0]),
             BrokenFrame::NeverEnds => assert_eq!(pair.irqs(Side::Listener), [0x20, 0, 0, 0]),
         }
-        // It recovers: DB, D1.
+        // The listener recovers by DB and D1.
         pair.arm();
         pair.irqs(Side::Poller);
         pair.load(&payload(10, 6));
@@ -146,7 +146,7 @@ fn the_water_level_of_a_long_frame_sets_its_bit_behind_the_mask() {
     pair.load(&payload(244, 5));
     pair.fire();
     let start = pair.now + pair.poller.config().transmit_latency_ns;
-    // Below 200 when byte 45 has left: 64 + 8 + 44 * 8 bits.
+    // The level falls below 200 when byte 45 has left: after 64 + 8 + 44 * 8 bits.
     pair.run_to(start + (72 + 44 * 8) * 2_360 - 4_000);
     assert_eq!(pair.irqs(Side::Poller)[0], 0);
     pair.run_for(4_000);
@@ -161,13 +161,13 @@ fn an_unarmed_listener_hears_nothing_until_unmasked() {
     pair.load(&payload(20, 1));
     pair.fire();
     receive(&mut pair);
-    // Not re-armed.
+    // The listener is not re-armed.
     pair.load(&payload(20, 2));
     pair.fire();
     pair.run_for(3_000_000);
     assert_eq!(pair.irqs(Side::Listener), [0, 0, 0, 0]);
     assert_eq!(pair.listener.statistics().missed, 1);
-    // Armed in the middle of a frame: that one is not joined, the next is heard.
+    // It is armed in the middle of a frame, which is missed; the next is received.
     pair.load(&payload(200, 3));
     pair.fire();
     pair.run_for(1_000_000);
@@ -181,7 +181,8 @@ fn an_unarmed_listener_hears_nothing_until_unmasked() {
 
 #[test]
 fn a_sync_already_under_way_is_not_joined() {
-    // The sync is bits 48 to 63 of the frame: armed before it the frame is heard, armed inside it it is not.
+    // The sync is bits 48 to 63 of the frame: a listener armed before it receives the frame, one armed within it does
+    // not.
     for (bits_into, heard) in [(40, true), (50, false), (62, false)] {
         let mut pair = Pair::started(exact(), exact(), clean());
         pair.spi(Side::Listener, &[0xD0]);
@@ -378,14 +379,14 @@ fn bit_rate_detection_finds_424_and_a_fixed_rate_ignores_another() {
     pair.run_for(1_000_000);
     assert_eq!(pair.irqs(Side::Listener), [0x30, 0x01, 0, 0]);
     assert_eq!(pair.spi(Side::Listener, &[0x64, 0])[1] & 0x30, 0x20);
-    // 212 kbit/s fixed.
+    // The rate is fixed at 212 kbit/s.
     pair.spi(Side::Listener, &[0x03, 0xA0, 0x11]);
     pair.arm();
     pair.load(&payload(20, 2));
     pair.fire();
     pair.run_for(1_000_000);
     assert_eq!(pair.irqs(Side::Listener), [0, 0, 0, 0]);
-    // And a poller at 212 kbit/s is heard.
+    // A poller at 212 kbit/s is received.
     pair.spi(Side::Poller, &[0x04, 0x11]);
     pair.load(&payload(20, 3));
     pair.fire();
@@ -404,7 +405,7 @@ fn initial_field_on_waits_for_silence_and_gives_way_to_a_foreign_field() {
     pair.spi(Side::Poller, &[0xC8]);
     let fired = pair.now;
     assert!(pair.wait_irq(Side::Poller, 1_000_000));
-    // 4096 carrier cycles, then I_apon.
+    // The delay is 4096 carrier cycles, then I_apon follows.
     assert_eq!(pair.now - fired, 302_065 + pair.poller.config().field_on_latency_ns);
     assert_eq!(pair.irqs(Side::Poller), [0, 0, 0, 0x20]);
     assert!(pair.wait_irq(Side::Poller, 1_000_000));
@@ -426,7 +427,7 @@ fn lock_step_with_a_microsecond_of_skew_changes_nothing() {
     pair.poller.select(now);
     pair.poller.transfer(now + 1_000, 0xC4);
     pair.poller.deselect(now + 1_000);
-    // The listener runs ahead of the poller by a microsecond, always.
+    // The listener runs ahead of the poller by a microsecond.
     while now < base + 8_000_000 {
         now += 1_000;
         pair.listener.advance(now + 1_000);
@@ -459,7 +460,7 @@ fn interrupts_that_are_withheld_are_not_raised_and_come_again_when_they_are_not(
     {
         pair.listener.withhold(withheld);
         pair.poller.withhold(withheld);
-        // Its bytes are in the FIFO all the same.
+        // The frame's bytes are in the FIFO anyway.
         assert_eq!(frame(&mut pair), (seen, 23), "{withheld:?}");
     }
 }

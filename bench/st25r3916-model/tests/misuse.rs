@@ -1,4 +1,4 @@
-//! What a careless controller does: reported, never silently right, never a panic.
+//! Tests a careless controller: every misuse is reported, never silently accepted, and never a panic.
 
 mod common;
 
@@ -157,7 +157,7 @@ fn no_response_and_wake_up_timers_run_as_set() {
     pair.fire();
     assert!(pair.wait_irq(Side::Poller, 5_000_000));
     let end = pair.air.last_frame().expect("sent").end_ns;
-    // 100 steps of 64 carrier cycles.
+    // The timer has 100 steps of 64 carrier cycles.
     assert_eq!(pair.now - end, 471_976 + pair.poller.config().no_response_extra_ns);
     assert_eq!(pair.irqs(Side::Poller)[1], 0x40);
     pair.spi(Side::Poller, &[0x32, 0x88]);
@@ -169,7 +169,7 @@ fn no_response_and_wake_up_timers_run_as_set() {
 
 #[test]
 fn clearing_the_fifo_in_mid_frame_never_lets_the_frame_arrive_whole() {
-    // The FIFO is emptied at different bytes, and loaded again or not: what was announced does not come.
+    // The FIFO is emptied at different bytes, and loaded again or not: the announced bytes do not come.
     for (at_ns, reload) in [(200_000, false), (1_000_000, false), (1_000_000, true), (4_500_000, false)] {
         let mut pair = Pair::started(exact(), exact(), clean());
         pair.load(&payload(244, 1));
@@ -183,20 +183,20 @@ fn clearing_the_fifo_in_mid_frame_never_lets_the_frame_arrive_whole() {
             pair.spi(Side::Poller, &load);
         }
         pair.run_for(6_000_000);
-        // None of what was loaded afterwards has gone out.
+        // The bytes loaded afterwards were not sent.
         assert_eq!(pair.fifo(Side::Poller).0, if reload { 244 } else { 0 });
         assert_eq!(found(&pair.poller, Kind::TransmitUnderflow), 1);
         assert_eq!(pair.fifo(Side::Poller).1 & 0x20, 0x20, "fifo_unf");
         let irqs = pair.irqs(Side::Listener);
         assert_eq!((irqs[0] & 0x10, irqs[2] & 0x90), (0x10, 0x90), "I_rxe with I_crc and I_err1");
         let (n, _) = pair.fifo(Side::Listener);
-        // 8 bits of 32 cycles a byte, 64 bits before the first; LEN leads.
+        // A byte takes 8 bits of 32 cycles, and 64 bits precede the first byte, LEN.
         let begun = (at_ns as f64 / 1e3 - 3.65 + 1.0 - 151.0) / 18.879;
         assert!((n as f64 - begun).abs() <= 2.0, "{n} bytes, {begun:.1} had begun");
         assert_eq!(pair.read_fifo(Side::Listener, n)[1..], payload(244, 1)[..n - 1]);
         let c = pair.air.counters();
         assert_eq!((c.sent, c.delivered, c.damaged), (1, 0, 1));
-        // The poller is not stuck.
+        // The poller must not hang.
         pair.arm();
         pair.irqs(Side::Poller);
         pair.load(&payload(10, 3));
@@ -216,7 +216,7 @@ fn a_frame_that_was_loaded_in_parts_and_then_cleared_counts_as_damaged() {
     let mut load = vec![0x80];
     load.extend_from_slice(&payload(244, 1)[16..]);
     pair.spi(Side::Poller, &load);
-    // 40 bytes are gone; the first 16 were announced alone.
+    // The first 16 bytes were announced alone, and 40 bytes are gone.
     pair.run_for(650_000);
     pair.spi(Side::Poller, &[0xDB]);
     pair.run_for(6_000_000);
@@ -242,7 +242,7 @@ fn clearing_the_fifo_before_its_first_byte_is_due_lets_other_bytes_be_sent() {
     let mut pair = Pair::started(exact(), exact(), clean());
     pair.load(&payload(40, 1));
     pair.fire();
-    // Still before the first bit: no byte has been announced to the air.
+    // The first bit is still due, so no byte has been announced to the air.
     let now = pair.now;
     pair.poller.select(now);
     pair.poller.transfer(now + 1_000, 0xDB);
@@ -262,7 +262,7 @@ fn clearing_the_fifo_when_its_last_byte_has_left_harms_nothing() {
     let mut pair = Pair::started(exact(), exact(), clean());
     pair.load(&payload(20, 1));
     pair.fire();
-    // During the CRC: 64 bits, LEN and 20 bytes have gone.
+    // The CRC is on the air: 64 bits, LEN and 20 bytes have gone.
     pair.run_for(3_650 + (64 + 21 * 8 + 4) * 2_360);
     assert!(pair.poller.is_transmitting());
     pair.spi(Side::Poller, &[0xDB]);
@@ -287,7 +287,7 @@ fn the_water_level_comes_again_each_time_a_reception_reaches_it() {
         let (n, _) = pair.fifo(Side::Poller);
         assert!((300..=301).contains(&n), "{n} bytes at I_wl");
         levels += 1;
-        // Down to 50 bytes: 250 more until the next.
+        // The FIFO falls to 50 bytes, so 250 more must arrive until the next I_wl.
         data.extend(pair.read_fifo(Side::Poller, 250));
     }
     assert_eq!(levels, 4, "at 300, 550, 800 and 1050 bytes");
@@ -313,7 +313,7 @@ fn the_water_level_comes_again_after_the_fifo_was_cleared() {
 #[test]
 fn a_mode_or_rate_that_is_not_modelled_says_so_when_a_frame_arrives() {
     for (writes, kind) in [
-        // NFC-A target with its anticollision; active communication.
+        // The modes are an NFC-A target with its anticollision, and active communication.
         (&[&[0x03u8, 0x88, 0x22][..]], Kind::UnmodelledMode(0x88)),
         (&[&[0x03, 0xB8, 0x22]], Kind::UnmodelledMode(0xB8)),
         // NFC-F has no 106 kbit/s here.
@@ -332,7 +332,7 @@ fn a_mode_or_rate_that_is_not_modelled_says_so_when_a_frame_arrives() {
         assert_eq!(pair.listener.statistics().missed, 1);
     }
     for (mode, rate, kind) in [
-        // NFC-B; NFC-A at 212 kbit/s.
+        // The settings are NFC-B, and NFC-A at 212 kbit/s.
         (0x10, 0x00, Kind::UnmodelledMode(0x10)),
         (0x08, 0x01, Kind::UnmodelledBitRate(0x01)),
     ] {
@@ -340,7 +340,7 @@ fn a_mode_or_rate_that_is_not_modelled_says_so_when_a_frame_arrives() {
         pair.spi(Side::Poller, &[0x03, mode, rate]);
         nfc_a_answer(&mut pair, &[1, 2, 3]);
         assert_eq!(found(&pair.poller, kind), 1);
-        // Not when it does not listen.
+        // A chip that does not listen reports nothing.
         pair.spi(Side::Poller, &[0x02, 0x88]);
         nfc_a_answer(&mut pair, &[1, 2, 3]);
         assert_eq!(found(&pair.poller, kind), 1);
@@ -376,7 +376,7 @@ fn bits_that_are_kept_without_effect_are_reported_and_others_are_not() {
 
 #[test]
 fn collision_avoidance_sees_a_field_at_any_instant_of_its_window() {
-    // The field comes and goes before the window of 302 us ends; or is there from the start and goes at once.
+    // The field comes and goes before the window of 302 us ends, or is there from the start and goes at once.
     for (on, off) in [(100_000, 150_000), (250_000, 290_000)] {
         let mut pair = Pair::new(exact(), exact(), clean());
         pair.start(Side::Listener);
@@ -434,7 +434,7 @@ fn mode_and_rate_changed_in_mid_frame_are_found_on_either_side() {
     for (write, register, lost) in [
         (&[0x03u8, 0xA4][..], 0x03, true),
         (&[0x04, 0x21], 0x04, true),
-        // The rate of transmission.
+        // The write changes the rate of transmission.
         (&[0x04, 0x12], 0x04, false),
     ] {
         let mut pair = Pair::started(exact(), exact(), clean());
@@ -446,7 +446,7 @@ fn mode_and_rate_changed_in_mid_frame_are_found_on_either_side() {
         assert_eq!(found(&pair.listener, Kind::ChangedInFrame(register)), 1);
         assert_eq!(pair.irqs(Side::Listener)[0] & 0x10 == 0, lost, "{write:02X?}");
     }
-    // What is being sent goes on as it began.
+    // A frame being sent goes on as it began.
     for write in [[0x03, 0x08], [0x04, 0x11]] {
         let mut pair = Pair::started(exact(), exact(), clean());
         pair.load(&payload(200, 1));
@@ -457,7 +457,7 @@ fn mode_and_rate_changed_in_mid_frame_are_found_on_either_side() {
         assert_eq!(found(&pair.poller, Kind::ChangedInFrame(write[0])), 1);
         assert_eq!(pair.irqs(Side::Listener), [0x30, 0, 0, 0]);
     }
-    // Writing the value that is there, or between frames, is no change in a frame.
+    // Neither a write of the present value nor one between frames is a change during a frame.
     let mut pair = Pair::started(exact(), exact(), clean());
     pair.load(&payload(200, 1));
     pair.fire();
@@ -468,7 +468,7 @@ fn mode_and_rate_changed_in_mid_frame_are_found_on_either_side() {
     assert_eq!(pair.poller.reports(), []);
 }
 
-/// One thing a controller, a field or a supply does.
+/// One action of a controller, a field or a supply.
 #[derive(Clone, Debug)]
 enum Act {
     Spi(Side, Vec<u8>),
@@ -531,7 +531,7 @@ proptest! {
             let make = if started { Pair::started } else { Pair::new };
             let mut pair = make(config.clone(), config.clone(), air);
             let mut heard = Vec::new();
-            // The bring-up has left its edges behind, perhaps more than are kept.
+            // The bring-up has left edges, perhaps more than are kept.
             let mut pins = [Side::Poller, Side::Listener].map(|side| {
                 let chip = pair.chip(side);
                 chip.take_irq_edges().for_each(drop);
@@ -549,7 +549,7 @@ proptest! {
                 for (i, side) in [Side::Poller, Side::Listener].into_iter().enumerate() {
                     let (now, chip) = (pair.now, pair.chip(side));
                     for edge in chip.take_irq_edges() {
-                        // The pin changes at each edge, and in order.
+                        // The pin changes at each edge, and edges are in order.
                         prop_assert!(edge.level != pins[i].0 && edge.at_ns >= pins[i].1 && edge.at_ns <= now);
                         pins[i] = (edge.level, edge.at_ns);
                     }

@@ -1,4 +1,5 @@
-//! Settings that the board or the technology contradicts: supply, antenna tuning, receive chain. Each is a finding.
+//! Tests settings that do not suit the board or the technology: supply, antenna tuning, receive chain. Each is a
+//! finding.
 
 mod common;
 
@@ -20,7 +21,7 @@ fn a_driver_can_measure_the_supply_and_choose_its_range_or_refuse_it() {
         (3_300, 141, true, false),
         (5_000, 213, false, false),
         (5_220, 223, false, false),
-        // 254 steps are 5.94 V: the converter's end, not the part's.
+        // The converter's end is 254 steps, 5.94 V, which is not the part's limit.
         (5_950, 254, false, true),
     ] {
         let config = Config { vdd_mv, ..Config::default() };
@@ -66,7 +67,7 @@ fn a_supply_that_a_measurement_may_read_as_either_range_suits_both() {
 
 #[test]
 fn supply_and_tuning_are_looked_at_whatever_puts_the_part_to_work() {
-    // The field comes on with the oscillator; the receiver without adjusting the regulators.
+    // The field comes on with the oscillator; the receiver is on without adjusted regulators.
     for operation in [[0x88, 0x88], [0x80, 0xC0]] {
         let mut pair = Pair::new(Config::default(), Config::default(), clean());
         pair.spi(Side::Poller, &[0x01, 0x9C]);
@@ -87,7 +88,7 @@ fn supply_and_tuning_are_looked_at_whatever_puts_the_part_to_work() {
 fn the_measured_supply_is_the_one_that_is_selected() {
     let mut pair = Pair::new(Config::default(), Config::default(), clean());
     pair.start(Side::Poller);
-    // VDD, VDD_A, VDD_D, VDD_RF, VDD_AM, and one that does not exist.
+    // The selected supplies are VDD, VDD_A, VDD_D, VDD_RF, VDD_AM, and one that does not exist.
     for (mpsv, steps) in [(0, 213), (1, 128), (2, 128), (3, 128), (4, 115), (5, 0)] {
         pair.spi(Side::Poller, &[0x2C, mpsv]);
         pair.spi(Side::Poller, &[0xDF]);
@@ -135,7 +136,7 @@ fn antenna_tuning_without_aat_en_is_found_when_the_antenna_is_used() {
             );
         }
     }
-    // The order does not matter: tuned while it listens.
+    // The order does not matter: the antenna may be tuned while the chip listens.
     let mut pair = Pair::started(Config::default(), Config::default(), clean());
     pair.spi(Side::Listener, &[0x01, 0x1C]);
     assert_eq!(found(&pair.listener, Kind::AntennaTuningOff), 0);
@@ -163,7 +164,8 @@ fn a_finding_names_register_value_and_technology() {
 /// Space, address and value of a register that does not suit.
 type Finding = (Space, u8, u8);
 
-/// The listener receives a frame with these writes on top of a suitable chain; what it finds about the chain.
+/// Makes the listener receive a frame with these writes on top of a suitable chain; returns the findings about the
+/// chain.
 fn listens_with(writes: &[&[u8]], config: Config) -> (Vec<Finding>, u64) {
     let mut pair = Pair::started(Config::default(), config, clean());
     for w in writes {
@@ -199,13 +201,13 @@ fn a_listener_with_the_reset_values_of_the_receive_chain_is_found_out() {
 fn each_setting_that_a_public_driver_receives_nfc_f_with_is_accepted() {
     let strict = Config { unsuited_chain_receives: false, ..Config::default() };
     let settings: [&[&[u8]]; 5] = [
-        // Flipper Zero, listener; poller.
+        // The first settings are Flipper Zero's for a listener, the second for a poller.
         &[&[0x0B, 0x13, 0x2D, 0x00, 0x00], &[0xFB, 0x0C, 0x54, 0x00]],
         &[&[0x0B, 0x13], &[0xFB, 0x0C, 0x58, 0x00]],
-        // ST, poller: ST25R3916; ST25R3916B.
+        // The settings are ST's for a poller, with an ST25R3916 and an ST25R3916B.
         &[&[0x0B, 0x13, 0x3D, 0x00, 0x00], &[0xFB, 0x0C, 0x54, 0x00]],
         &[&[0x0B, 0x13, 0xFD, 0x00, 0x00], &[0xFB, 0x0C, 0x54, 0x00]],
-        // Filter and mixer of a listener.
+        // The write sets filter and mixer of a listener.
         &[&[0x0B, 0x01, 0x6D]],
     ];
     for writes in settings {
@@ -216,12 +218,13 @@ fn each_setting_that_a_public_driver_receives_nfc_f_with_is_accepted() {
 #[test]
 fn each_register_of_the_receive_chain_is_looked_at() {
     let cases: [(&[u8], Finding); 8] = [
-        // A zero at 600 kHz; at 60 and 400 kHz; a low-pass of 300 kHz; a code that does not exist.
+        // The filters are a zero at 600 kHz, zeros at 60 and 400 kHz, a low-pass of 300 kHz, and a code that does not
+        // exist.
         (&[0x0B, 0x18], (Space::A, 0x0B, 0x18)),
         (&[0x0B, 0x10], (Space::A, 0x0B, 0x10)),
         (&[0x0B, 0x23], (Space::A, 0x0B, 0x23)),
         (&[0x0B, 0x33], (Space::A, 0x0B, 0x33)),
-        // The low-frequency input; gain reduced in the second stage.
+        // The writes select the low-frequency input, or reduce the gain in the second stage.
         (&[0x0D, 0x03], (Space::A, 0x0D, 0x03)),
         (&[0x0E, 0x80], (Space::A, 0x0E, 0x80)),
         (&[0xFB, 0x0C, 0x51], (Space::B, 0x0C, 0x51)),
@@ -247,12 +250,12 @@ fn an_nfc_a_poller_is_told_of_an_nfc_f_chain_and_not_of_its_own() {
     }
 }
 
-/// A link on which a setting that does not suit has its effect.
+/// A link on which an unsuitable setting has its effect.
 fn strict(config: Config) -> Config {
     Config { unsuited_chain_receives: false, unsuited_modulation_reaches: false, ..config }
 }
 
-/// Both ends set up, the listener's antenna in tune.
+/// A pair with both ends set up and the listener's antenna in tune.
 fn strict_pair(config: &Config) -> Pair {
     let mut pair = Pair::started(strict(config.clone()), strict(config.clone()), clean());
     let [a, b] = config.tuning[1];
@@ -277,14 +280,14 @@ const BOTH: fn() -> [Config; 2] = || [Config::default(), Config::st25r3916()];
 #[test]
 fn a_poller_that_cannot_modulate_nfc_f_is_not_heard() {
     let b = Variant::St25r3916b;
-    // Which part, what it writes, the register that does not suit.
+    // The part, the write, and the unsuitable register.
     type Written = (Space, u8, u8);
     let cases: [(Variant, &[u8], Written); 9] = [
         (b, &[0x03, 0x18], (Space::A, 0x03, 0x18)),
         (b, &[0x28, 0x00], (Space::A, 0x28, 0x00)),
         (b, &[0x28, 0xC0], (Space::A, 0x28, 0xC0)),
         (b, &[0x28, 0x4F], (Space::A, 0x28, 0x4F)),
-        // Neither documented pair of dis_reg_am and act_amsink.
+        // The combination is neither documented pair of dis_reg_am and act_amsink.
         (b, &[0xFB, 0x28, 0x04], (Space::B, 0x28, 0x04)),
         (b, &[0x01, 0x3D], (Space::B, 0x28, 0x84)),
         (b, &[0xFB, 0x2E, 0x01], (Space::B, 0x2E, 0x01)),
@@ -360,7 +363,7 @@ fn a_field_detector_without_hysteresis_is_a_finding() {
 
 #[test]
 fn the_field_detector_has_hysteresis() {
-    // 2A's trg for 75 to 800 mV, with 350 mV at the antenna.
+    // The voltage at the antenna is 350 mV, and trg of 2A selects 75 to 800 mV.
     for (trg, seen) in [(1, true), (4, true), (5, false), (7, false)] {
         let mut pair = Pair::new(Config::default(), Config::default(), clean());
         pair.start_listener();
@@ -388,7 +391,7 @@ fn a_bit_that_flips_takes_effect_without_a_finding() {
             (Side::Listener, Space::A, 0x03, 5),
             (Side::Listener, Space::A, 0x04, 0),
             (Side::Listener, Space::A, 0x26, 7),
-            // 12 % become 40 % on the ST25R3916 and 50 % on the B.
+            // The flip changes 12 % to 40 % on the ST25R3916 and to 50 % on the B.
             (Side::Poller, Space::A, 0x28, 7),
             (Side::Poller, Space::A, 0x27, 6),
             (Side::Poller, Space::A, 0x02, 3),
@@ -418,7 +421,7 @@ fn a_mask_or_an_interrupt_that_flips_moves_the_pin() {
     pair.listener.flip(Space::A, 0x16, 5);
     pair.listener.flip(Space::A, 0x1A, 5);
     assert!(!pair.listener.irq());
-    // A result, a register of the other part, a reserved bit, and a chip without a supply.
+    // The bits belong to a result, a register of the other part, a reserved bit, and a chip without a supply.
     for (space, address, bit) in [(Space::A, 0x3F, 0), (Space::A, 0x30, 0), (Space::B, 0x01, 0), (Space::A, 0x19, 2)] {
         assert_eq!(pair.listener.flippable(space, address) >> bit & 1, 0);
         let before = pair.listener.peek(space, address);

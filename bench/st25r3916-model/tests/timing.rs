@@ -1,4 +1,4 @@
-//! Instants that the model gives away: where the IRQ pin moves, and how the start of transmission scatters.
+//! Tests instants of the model: the edges of the IRQ pin, and the scatter of the start of transmission.
 
 mod common;
 
@@ -20,7 +20,7 @@ fn with_irq(hz: u32) -> Chip {
 
 #[test]
 fn the_pin_falls_at_the_first_rising_edge_of_the_byte_that_carries_the_interrupts_away() {
-    // A byte has eight clock periods from its first rising edge to its end; the pin follows 31 ns after the former.
+    // A byte has eight clock periods from its first rising edge to its end; the pin follows 31 ns after that edge.
     for (hz, before_end) in [(10_000_000, 769), (8_000_000, 969), (1_000_000, 7_969)] {
         let mut chip = with_irq(hz);
         chip.select(720_000);
@@ -48,7 +48,7 @@ fn a_clock_that_was_not_told_counts_as_the_fastest() {
 
 #[test]
 fn the_pin_never_falls_before_the_byte_that_was_read() {
-    // Told 1 MHz, but the byte ends 500 ns after the one before.
+    // The clock is set to 1 MHz, but the byte ends 500 ns after the one before.
     let mut chip = with_irq(1_000_000);
     chip.select(720_000);
     chip.transfer(730_000, 0x5A);
@@ -75,10 +75,10 @@ fn an_interrupt_within_the_byte_that_clears_another_makes_a_pulse() {
     chip.select(801_000);
     chip.transfer(802_000, 0xE3);
     chip.deselect(802_000);
-    // 64 carrier cycles: 4.720 us.
+    // The timer takes 64 carrier cycles: 4.720 us.
     chip.select(804_000);
     chip.transfer(805_000, 0x5A);
-    // The owner looks in the middle of the byte; the chip learns of the byte at its end.
+    // The pin is read in the middle of the byte; the chip gets the byte at its end.
     chip.advance(806_720);
     assert!(chip.irq());
     chip.transfer(807_200, 0x00);
@@ -91,7 +91,7 @@ fn an_interrupt_within_the_byte_that_clears_another_makes_a_pulse() {
 #[test]
 fn the_pin_stays_high_when_an_earlier_interrupt_is_left() {
     let mut chip = with_irq(10_000_000);
-    // A second bit, in 1B: D6 and its I_dct.
+    // A second bit is pending in 1B: I_dct, after D6.
     chip.select(711_000);
     chip.transfer(712_000, 0xD6);
     chip.deselect(712_000);
@@ -147,7 +147,7 @@ fn edges_that_nobody_takes_do_not_pile_up() {
     assert!(edges.windows(2).all(|w| w[0].at_ns < w[1].at_ns && w[0].level != w[1].level));
 }
 
-/// From the command's end to the first bit, for so many frames.
+/// The times from the command's end to the first bit, for `frames` frames.
 fn starts(config: Config, frames: u64) -> Vec<u64> {
     let mut pair = Pair::started(config, exact(), Air::new(0, AirFaults::default()));
     (0..frames)
@@ -171,7 +171,7 @@ fn the_start_of_transmission_scatters_over_what_is_set_around_its_mean() {
         assert!(most - least > scatter * 95 / 100, "{least} to {most}");
         let average = seen.iter().sum::<u64>() / 500;
         assert!(average.abs_diff(mean) < scatter / 20, "{average}");
-        // Uniform: each quarter has its quarter.
+        // A uniform scatter has a quarter of the frames in each quarter.
         let quarter = seen.iter().filter(|s| **s < mean - scatter / 4).count();
         assert!((90..=160).contains(&quarter), "{quarter} of 500 in the first quarter");
     }

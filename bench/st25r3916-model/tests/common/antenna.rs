@@ -1,4 +1,4 @@
-//! A poller that is only instants and bytes, and a listener's antenna that notes all that it is told.
+//! A poller reduced to instants and bytes, and a listener's antenna that records every event.
 
 use st25r3916_model::{Air, AirEvent, AirFaults, Chunk, FrameStart, Heard, Technology};
 
@@ -9,12 +9,12 @@ pub(crate) const BIT_AS: u64 = 2_359_882_005_899;
 /// Bits of preamble and sync.
 pub(crate) const HEADER: u64 = 64;
 
-/// So many bits at 424 kbit/s, ns.
+/// The duration of `bits` bits at 424 kbit/s, ns.
 pub(crate) fn bits_ns(bits: u64) -> u64 {
     (bits * (BIT_AS / 1_000) + 500_000) / 1_000_000
 }
 
-/// LEN, payload, CRC-16; the air does not look at the last.
+/// LEN, payload, CRC-16; the air does not check the CRC.
 pub(crate) fn frame(payload: usize, seed: u8) -> Vec<u8> {
     let mut bytes = vec![payload as u8 + 1];
     bytes.extend((0..payload + 2).map(|i| (i as u8).wrapping_mul(37).wrapping_add(seed)));
@@ -28,14 +28,14 @@ pub(crate) fn start(technology: Technology, data: &[u8]) -> FrameStart {
     FrameStart { technology, bits_per_second, bit_as: BIT_AS, header_bits, byte_bits, load_modulation, chunk }
 }
 
-/// The air, and all that the listener's antenna was told.
+/// The air, and all events at the listener's antenna.
 pub(crate) struct Antenna {
     pub(crate) air: Air,
     pub(crate) told: Vec<(u64, AirEvent)>,
 }
 
 impl Antenna {
-    /// The poller's field is on from the start.
+    /// An antenna with the poller's field on from the start.
     pub(crate) fn new(seed: u64, faults: AirFaults) -> Self {
         let mut antenna = Self { air: Air::new(seed, faults), told: vec![] };
         antenna.poller(0, AirEvent::FieldOn);
@@ -52,7 +52,7 @@ impl Antenna {
         self.air.set_faults(at, faults, |at, event| told.push((at, event.clone())));
     }
 
-    /// Time passes, from event to event.
+    /// Advances the time from event to event.
     pub(crate) fn run_to(&mut self, to: u64) {
         let told = &mut self.told;
         while let Some(at) = self.air.next_event().filter(|at| *at <= to) {
@@ -62,7 +62,7 @@ impl Antenna {
         self.air.advance(to, |at, event| told.push((at, event.clone())));
     }
 
-    /// A whole NFC-F frame from `at` on; answers its end.
+    /// Sends a whole NFC-F frame from `at` on and returns its end.
     pub(crate) fn send(&mut self, at: u64, bytes: &[u8]) -> u64 {
         self.run_to(at);
         self.poller(at, AirEvent::FrameStart(start(Technology::NfcF, bytes)));

@@ -1,4 +1,4 @@
-//! A controller's hands: transfers at 8 MHz, and the two bring-ups of the data sheet.
+//! A simple controller: transfers at 8 MHz, and the two bring-ups of the data sheet.
 #![allow(dead_code, reason = "each test file uses its share")]
 
 pub(crate) mod antenna;
@@ -38,7 +38,7 @@ impl Pair {
         [self.poller.next_event(), self.listener.next_event(), self.air.next_event()].into_iter().flatten().min()
     }
 
-    /// Both chips to `to`, event by event.
+    /// Runs both chips to `to`, event by event.
     pub(crate) fn run_to(&mut self, to: u64) {
         self.air.carry(&mut self.poller, &mut self.listener);
         loop {
@@ -73,7 +73,7 @@ impl Pair {
         miso
     }
 
-    /// Runs until the side's IRQ pin is high; false after `ns`.
+    /// Runs until the side's IRQ pin is high; returns false after `ns`.
     pub(crate) fn wait_irq(&mut self, side: Side, ns: u64) -> bool {
         let end = self.now + ns;
         while !self.chip(side).irq() {
@@ -88,7 +88,7 @@ impl Pair {
         true
     }
 
-    /// The four interrupt registers, read and so cleared.
+    /// Reads, and so clears, the four interrupt registers.
     pub(crate) fn irqs(&mut self, side: Side) -> [u8; 4] {
         let r = self.spi(side, &[0x5A, 0, 0, 0, 0]);
         [r[1], r[2], r[3], r[4]]
@@ -96,7 +96,7 @@ impl Pair {
 
     pub(crate) fn start(&mut self, side: Side) {
         self.spi(side, &[0xC1]);
-        // 5 V, antenna tuning on.
+        // The board has 5 V and antenna tuning.
         self.spi(side, &[0x00, 0x07, 0x3C]);
         self.spi(side, &[0x02, 0x80]);
         assert!(self.wait_irq(side, 10_000_000), "oscillator");
@@ -120,7 +120,7 @@ impl Pair {
         self.spi(Side::Poller, &[0x02, 0x88]);
     }
 
-    /// 12 % AM, by active wave shaping where the part has that; the antenna in tune.
+    /// Sets 12 % AM, by active wave shaping where the part has it, with the antenna in tune.
     pub(crate) fn modulate_nfc_f(&mut self) {
         let [a, b] = self.poller.config().tuning[0];
         self.spi(Side::Poller, &[0x26, a, b]);
@@ -147,13 +147,13 @@ impl Pair {
         self.arm();
     }
 
-    /// The receive chain as public drivers set it for NFC-F.
+    /// Sets the receive chain for NFC-F as public drivers do.
     pub(crate) fn receive_nfc_f(&mut self, side: Side) {
         self.spi(side, &[0x0B, 0x13, 0x2D, 0x00, 0x00]);
         self.spi(side, &[0xFB, 0x0C, 0x54, 0x00]);
     }
 
-    /// The receive chain as public drivers set it for NFC-A.
+    /// Sets the receive chain for NFC-A as public drivers do.
     pub(crate) fn receive_nfc_a(&mut self, side: Side) {
         self.spi(side, &[0x0B, 0x08, 0x2D, 0x00, 0x00]);
         self.spi(side, &[0xFB, 0x0C, 0x51, 0x00]);
@@ -164,7 +164,7 @@ impl Pair {
         self.spi(Side::Listener, &[0xD1]);
     }
 
-    /// Both started, the field seen.
+    /// A pair in which both chips have started and the field is detected.
     pub(crate) fn started(poller: Config, listener: Config, air: Air) -> Self {
         let mut pair = Self::new(poller, listener, air);
         pair.start_listener();
@@ -174,7 +174,7 @@ impl Pair {
         pair
     }
 
-    /// DB, length, FIFO; not yet C4.
+    /// Sends DB, the length and the FIFO bytes, without C4.
     pub(crate) fn load(&mut self, payload: &[u8]) {
         self.spi(Side::Poller, &[0xDB]);
         let bits = (payload.len() as u16) << 3;
@@ -202,12 +202,12 @@ impl Pair {
     }
 }
 
-/// A chip whose transmissions start exactly when they do on average.
+/// A chip whose transmissions always start at the mean instant.
 pub(crate) fn exact() -> Config {
     Config { transmit_scatter_ns: 0, ..Config::default() }
 }
 
-/// Bytes that repeat nowhere near.
+/// Bytes whose sequence does not repeat over short distances.
 pub(crate) fn payload(n: usize, seed: u64) -> Vec<u8> {
     let mut x = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
     (0..n)
@@ -229,13 +229,13 @@ pub(crate) fn nfc_a_poller(config: Config) -> Pair {
     pair.start(Side::Poller);
     pair.receive_nfc_a(Side::Poller);
     pair.spi(Side::Poller, &[0x03, 0x08, 0x00]);
-    // The answers' CRC is not what these tests are about.
+    // These tests do not concern the answers' CRC.
     pair.spi(Side::Poller, &[0x0A, 0x80]);
     pair.spi(Side::Poller, &[0x02, 0xC8]);
     pair
 }
 
-/// An answer of these bytes begins now; the poller is told of it in advance.
+/// Begins an answer of these bytes, of which the poller is notified in advance.
 pub(crate) fn nfc_a_answer_begins(pair: &mut Pair, data: &[u8]) {
     let now = pair.now;
     pair.poller.hear(
@@ -255,7 +255,7 @@ pub(crate) fn nfc_a_answer_begins(pair: &mut Pair, data: &[u8]) {
     pair.poller.hear(end, &AirEvent::FrameEnd { bits: 8 * data.len() as u32 });
 }
 
-/// The same, and it has been received.
+/// Begins the same answer and runs until it has been received.
 pub(crate) fn nfc_a_answer(pair: &mut Pair, data: &[u8]) {
     nfc_a_answer_begins(pair, data);
     pair.run_for(200_000 + 90_000 * data.len() as u64);
