@@ -1,5 +1,5 @@
-//! What is connected to a board talks too much, or nonsense: receivers to HORUS, the flight controller to the DPR.
-//! Neither may delay the cycle, cost a frame or upset anything else.
+//! A peripheral that sends too much, or nonsense: receivers to HORUS, the flight controller to the DPR. Neither may
+//! delay the cycle, cost a frame or disturb anything else.
 
 mod boards;
 
@@ -21,7 +21,8 @@ use st25r3916_model::{Air, AirEvent, AirFaults, Config};
 
 const MS: u64 = 1_000_000;
 
-/// More bytes than a line carries in a millisecond: 460 800 baud, ten bits each. So it is never idle.
+/// The number of bytes generated per millisecond. It exceeds what a line carries at 460 800 baud, ten bits each, so the
+/// line is never idle.
 const A_MILLISECOND: usize = 47;
 
 /// A linear congruential generator (Knuth's MMIX): noise that is the same every time.
@@ -36,13 +37,13 @@ impl Noise {
 
 // ---- receivers
 
-/// What comes over a line without a pause.
+/// A source that fills a line without a pause.
 #[derive(Clone, Copy, Debug)]
 enum Babble {
     Noise,
     /// The beginnings of UBX messages of the greatest length, one after the other.
     Beginnings,
-    /// UBX messages that are whole and that nobody asked for.
+    /// Whole, unsolicited UBX messages.
     Unasked,
 }
 
@@ -52,7 +53,7 @@ fn receivers_that_never_stop_talking_do_not_move_a_frame() {
         let Some(mut node) = boards::horus() else { return };
         let mut noise = Noise(1);
         let mut starts = vec![];
-        // The start, and 48 cycles from the first frame on.
+        // The run covers the start and 48 cycles from the first frame on.
         while node.now() < starts.first().map_or(RAM_TEST + 100 * MS, |first| first + 485 * MS) {
             for line in 0..3 {
                 let bytes: Vec<u8> = match babble {
@@ -73,7 +74,7 @@ fn receivers_that_never_stop_talking_do_not_move_a_frame() {
             }
         }
         assert_eq!(starts.len(), 49, "{babble:?}");
-        // What the firmware answers for: the transmit command comes at the same instant of every cycle.
+        // The firmware determines the transmit command, which comes at the same instant of every cycle.
         let commands = node.board_mut(|board| board.front_end.take_transmits());
         assert_eq!(commands.len(), 49, "{babble:?}");
         for pair in commands.windows(2) {
@@ -90,8 +91,9 @@ fn receivers_that_never_stop_talking_do_not_move_a_frame() {
         for line_number in 0..3 {
             let line = std::mem::offset_of!(HorusTelemetry, lines) + line_number * size_of::<LineTelemetry>();
             let bytes = count(line + std::mem::offset_of!(LineTelemetry, bytes));
-            // A UART's all, but for half a ring that may still be on its way. What is read over a bus, 256 bytes a
-            // cycle, is dropped: there is always more, and what has waited is no news (decision 16).
+            // All bytes of a UART are taken, except for half a ring that may still be on its way. Bytes that are read
+            // over a bus, 256 a cycle, are dropped, because there is always more and old data are useless (decision
+            // 16).
             let taken = [20_000..=23_500, 0..=0, 0..=0][line_number].clone();
             assert!(taken.contains(&bytes), "{babble:?}, receiver {line_number}: {bytes} bytes taken");
             assert_eq!(count(line + std::mem::offset_of!(LineTelemetry, overruns)), 0, "{babble:?}");
@@ -103,17 +105,17 @@ fn receivers_that_never_stop_talking_do_not_move_a_frame() {
 
 // ---- flight controller
 
-/// From when to when the flight controller misuses the SSI, ns.
+/// The interval in which the flight controller misuses the SSI, ns.
 const EPISODE: std::ops::Range<u64> = RAM_TEST + 30 * MS..RAM_TEST + 330 * MS;
 
-/// A flight controller that goes wrong, and the air to the DPR's front end.
+/// A faulty flight controller, and the air to the DPR's front end.
 struct Controller {
     flight_controller: FlightController,
     wires: Wires,
     turns: Timeline,
-    /// What the last transaction that read the whole image brought.
+    /// The bytes of the last transaction that read the whole image.
     read: Vec<u8>,
-    /// How many transactions began and ended while it was wrong.
+    /// The number of transactions that began and ended during the misuse.
     wrong: usize,
     air: Air,
 }
@@ -191,7 +193,7 @@ fn a_flight_controller_that_misuses_the_ssi_costs_no_frame_and_is_served_again_a
     for conduct in Conduct::ALL {
         let (Some(a), Some(b)) = (boards::horus(), boards::dpr()) else { return };
         let mut relay = Relay { a, b, upstream: Antenna, downstream: Controller::new(conduct) };
-        // The start, whose load does not count, and then what is measured.
+        // The load of the start does not count, so the measurement begins after it.
         relay.run(EPISODE.start - 5 * MS, 400 * MS, Threads::Two, |_, _, _| Ok::<_, ()>(())).unwrap();
         let started = relay.b.usage();
         relay.run(EPISODE.end + 70 * MS, 400 * MS, Threads::Two, |_, _, _| Ok::<_, ()>(())).unwrap();
@@ -204,7 +206,7 @@ fn a_flight_controller_that_misuses_the_ssi_costs_no_frame_and_is_served_again_a
         println!("{}: {wrong} transactions, load {load:.4}, {violations} access violations", conduct.name());
         // The first frame is that of 31 ms; that of 411 ms is through at 416 ms, and the end comes before 424.
         assert_eq!(count(&dpr, std::mem::offset_of!(DprTelemetry, frames_received)), 39, "{conduct:?}");
-        // The first three cycles find the sequence and are not shown.
+        // The first three cycles are spent on finding the sequence and are not shown.
         let shown = 39 - u32::from(SEARCH_CYCLES);
         assert_eq!(count(&dpr, std::mem::offset_of!(DprTelemetry, objects_accepted)), shown * 4, "{conduct:?}");
         for (name, offset) in [
@@ -217,25 +219,27 @@ fn a_flight_controller_that_misuses_the_ssi_costs_no_frame_and_is_served_again_a
         }
         let images = u32::try_from((EPISODE.end - EPISODE.start) / (10 * MS)).unwrap();
         let expected = match conduct {
-            // Noise is no request, no object, and nothing that may be behind one: each transaction tells each once.
+            // Noise is neither a request nor an object nor what may follow one: each transaction counts each violation
+            // once.
             Conduct::RunsAway => 3..=3,
             Conduct::RandomBytes => 225..=225,
-            // Requests with a valid CRC that ask for what is not there; what lies where an object would is no object.
+            // These are requests with a valid CRC for windows that do not exist, and bytes in an object's place that
+            // are no object.
             Conduct::Lies => 75..=90,
-            // The first is new.
+            // The first object is new.
             Conduct::ReplaysUplink => 74..=74,
-            // More transactions than the DPR grants between two images: told once for each image.
+            // There are more transactions than the DPR grants between two images, which counts once for each image.
             Conduct::Hammers | Conduct::ZeroBytes | Conduct::TogglesCsn | Conduct::BackToBack => images..=images + 1,
-            // Zeros ask for nothing, and what follows a request is no violation.
+            // Zeros request nothing, and bytes after a request are no violation.
             _ => 0..=0,
         };
         assert!(expected.contains(&violations), "{conduct:?}: {violations} violations");
         assert_eq!(dpr.resets().len(), 0, "{conduct:?}");
-        // The bench finds what the flight controller does in another mode, not what the DPR does.
+        // The bench reports the flight controller's wrong mode as a finding, although the DPR is not at fault.
         let findings = dpr.take_findings();
         assert_eq!(!findings.is_empty(), matches!(conduct, Conduct::OtherMode(_)), "{conduct:?}: {findings:?}");
         assert!(load < 0.1, "{conduct:?}: load {load}");
-        // Sane, it reads what there is.
+        // After the misuse the flight controller reads the present image.
         let read = &downstream.read;
         assert_eq!(read.len(), Image::<3>::LEN, "{conduct:?}");
         let link = LinkStatus::verify(&read[..LinkStatus::SIZE]).unwrap().values();

@@ -1,5 +1,5 @@
-//! Bits of the DPR's receive and image buffers that flip or are stuck: nothing wrong is shown as valid, and a stuck bit
-//! is found by a scrub and told.
+//! Bits of the DPR's receive and image buffers that flip or are stuck: nothing wrong is shown as valid, and a scrub
+//! finds and reports a stuck bit.
 
 mod boards;
 
@@ -17,12 +17,12 @@ use dpr_fw::triple::RECEIVE_BUFFERS;
 
 const MS: u64 = 1_000_000;
 
-/// What came of a run with these faults; `None` where the images were not built.
+/// The outcome of a run with these faults; `None` where the images were not built.
 fn outcome(faults: Faults, duration: u64) -> Option<Outcome> {
     outcome_of(faults, duration, None)
 }
 
-/// The same, with the event log in a file.
+/// The same, with the event log written to `log`.
 fn outcome_of(faults: Faults, duration: u64, log: Option<PathBuf>) -> Option<Outcome> {
     let images = Images { horus: image(3, "horus-tx-fw.elf")?, dpr: image(3, "dpr-fw.elf")? };
     let setup = Setup { faults, log, ..Setup::new(images, 3, duration) };
@@ -33,7 +33,7 @@ fn outcome_of(faults: Faults, duration: u64, log: Option<PathBuf>) -> Option<Out
 fn bits_that_flip_in_any_cycle_are_never_shown_as_valid() {
     let mut faults = Faults::none();
     for (nth, at) in (300..900).step_by(7).enumerate() {
-        // A bit of another place each time: the word picks the bit, and is spread by a multiplication.
+        // Each flip hits another bit: the word picks it, and a multiplication spreads the words.
         let word = (nth as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 20;
         let buffers = if nth % 2 == 0 { Buffers::Receive } else { Buffers::Image };
         faults = faults.with(at * MS, at * MS, Fault::Buffer(BufferFault::Flips(buffers, word)));
@@ -41,7 +41,7 @@ fn bits_that_flip_in_any_cycle_are_never_shown_as_valid() {
     let Some(outcome) = outcome(faults, 1_200 * MS) else { return };
     assert_eq!(outcome.report.violations, [""; 0]);
     assert_eq!(outcome.report.faults.invalid_shown_valid, 0);
-    // Some were in an object that was read, and its CRC told.
+    // Some flips hit an object that was read, and its CRC showed it.
     assert!(outcome.report.ssi.bad_crc > 0, "{:?}", outcome.report.ssi);
 }
 
@@ -59,13 +59,13 @@ fn a_bit_that_is_stuck_at_either_value_is_found_by_a_scrub_and_no_other_bit_is()
     assert_eq!(sound.report.dpr.scrub_faults, 0);
 }
 
-/// Where a frame's length cannot be read while it arrives, all of it is read and verified after its last bit.
+/// Where a frame's length cannot be read while it arrives, the whole frame is read and verified after its last bit.
 #[test]
 fn a_bit_that_is_stuck_in_the_length_of_a_frame_makes_it_late_and_violates_nothing() {
     let mut late = 0;
     for buffer in 0..RECEIVE_BUFFERS as u64 {
         let length = 8 * (buffer * 4 * RECEIVE_WORDS as u64 + LEAD as u64);
-        // The frame of three receivers counts 245 bytes, an odd number.
+        // LEN of the frame for three receivers is 245, an odd number.
         let stuck = Fault::Buffer(BufferFault::Stuck(Buffers::Receive, false, length));
         let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("stuck-{buffer}.log"));
         let faults = Faults::none().with(300 * MS, 340 * MS, stuck);
@@ -84,7 +84,7 @@ fn a_bit_that_is_stuck_in_the_length_of_a_frame_makes_it_late_and_violates_nothi
         });
         late += latency.filter(|latency| *latency > bounds::LAST_BIT_TO_READABLE).count();
     }
-    // A buffer that is scrubbed before it receives a frame is out of use by then.
+    // A buffer that is scrubbed before it receives a frame is already out of use.
     assert!((1..=RECEIVE_BUFFERS).contains(&late), "{late} frames were late");
 }
 

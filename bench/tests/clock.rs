@@ -17,12 +17,12 @@ use reader::{Antenna, MS, Reader, US};
 use st25r3916_model::AirEvent;
 use stm32f429::Oscillators;
 
-/// The longest from the failure of the external clock to the field being off: the exception, and one register written
-/// over the front end's SPI with the processor on 16 MHz.
+/// The longest time from the failure of the external clock to the field being off, ns: the exception, and one register
+/// written over the front end's SPI with the processor on 16 MHz.
 const FIELD_OFF: u64 = 100 * US;
 
-/// The longest from there to the watchdog's bite: 100 ms at the nominal rate of an oscillator that may run at 17 kHz
-/// instead of 32 (DS9405 table 42).
+/// The longest time from there to the watchdog's reset, ns: 100 ms at the nominal rate of an oscillator that may run at
+/// 17 kHz instead of 32 (DS9405 table 42).
 const BITE: u64 = 200 * MS;
 
 #[test]
@@ -31,14 +31,14 @@ fn without_a_crystal_horus_sends_every_10_ms_says_so_in_each_object_and_is_accep
         let oscillators = Oscillators { hse_hz: None, hsi_ppb, ..Oscillators::default() };
         let (Some(a), Some(b)) = (boards::horus_on(oscillators), boards::dpr()) else { return };
         let mut relay = Relay { a, b, upstream: Antenna::default(), downstream: Reader::new() };
-        // Longer than two of the windows in which the DPR compares the clocks.
+        // The run is longer than two of the windows in which the DPR compares the clocks.
         relay.run(2_300 * MS, 100 * MS, Threads::Two, |_, _, _| Ok::<_, ()>(())).unwrap();
         let Relay { a: horus, b: dpr, upstream, downstream: reader } = relay;
         assert!(!horus.part().has_hse());
         assert_eq!(counter(&horus, "HORUS_TELEMETRY", std::mem::offset_of!(HorusTelemetry, without_crystal)), 1);
         assert_eq!(horus.resets().len(), 0, "{hsi_ppb} ppb");
 
-        // 10 ms of its own, an oscillator that is 1 % fast makes 9.901 ms of them.
+        // An oscillator that is 1 % fast makes 9.901 ms of HORUS's own 10 ms.
         let cycle = u64::try_from(10_000_000 * 1_000_000_000_i64 / (1_000_000_000 + hsi_ppb)).unwrap();
         assert!(reader.sent.len() >= 220, "{hsi_ppb} ppb: {} frames", reader.sent.len());
         for pair in reader.sent.windows(2) {
@@ -50,7 +50,7 @@ fn without_a_crystal_horus_sends_every_10_ms_says_so_in_each_object_and_is_accep
             let position = ReportedPosition::verify(&frame.payload[..ReportedPosition::SIZE]).unwrap();
             assert!(position.values().status.without_crystal(), "{hsi_ppb} ppb: {} ms", position.timestamp());
         }
-        // What needs no crystal: from the tick to the transmit command, peak to peak.
+        // The time from the tick to the transmit command, peak to peak, needs no crystal.
         let after = |tick: u64| upstream.transmits.iter().find(|at| **at > tick).map(|at| at - tick);
         let delays: Vec<u64> = upstream.ticks.iter().filter_map(|tick| after(*tick)).collect();
         let (least, most) = (*delays.iter().min().unwrap(), *delays.iter().max().unwrap());
@@ -74,7 +74,8 @@ fn without_a_crystal_horus_sends_every_10_ms_says_so_in_each_object_and_is_accep
 
 #[test]
 fn a_pll_that_never_locks_is_named_after_the_watchdogs_restart() {
-    // An oscillator of another frequency than the board is made for: HSE gets ready, and the PLL is out of its range.
+    // The oscillator has another frequency than the board is designed for: HSE becomes ready, and the PLL is out of its
+    // range.
     let oscillators = Oscillators { hse_hz: Some(25_000_000), ..Oscillators::default() };
     let Some(mut horus) = boards::horus_on(oscillators) else { return };
     let mut restarts = 0;
@@ -92,8 +93,8 @@ fn a_pll_that_never_locks_is_named_after_the_watchdogs_restart() {
     assert!((2..=5).contains(&restarts), "{restarts}");
 }
 
-/// What the DPR makes of a HORUS whose oscillator is so much off: whether it shows it, and whether it calls its clock
-/// implausible.
+/// The DPR's judgement of a HORUS whose oscillator has this error: whether it shows its objects, and whether it reports
+/// its clock as implausible.
 fn verdict(hsi_ppb: i64) -> Option<(bool, bool)> {
     let oscillators = Oscillators { hse_hz: None, hsi_ppb, ..Oscillators::default() };
     let (a, b) = (boards::horus_on(oscillators)?, boards::dpr()?);
@@ -111,7 +112,7 @@ fn verdict(hsi_ppb: i64) -> Option<(bool, bool)> {
     Some((all(|(_, shown)| *shown), all(|(status, _)| status.horus_clock_implausible())))
 }
 
-/// A search takes cycles of 10 ms ± 0.5 ms, and a clock is implausible from 2 % on (docs/hardware.md has the table).
+/// A search accepts cycles of 10 ms ± 0.5 ms, and a clock is implausible from 2 % on (docs/hardware.md has the table).
 #[test]
 fn the_dpr_judges_horus_without_a_crystal_by_its_error() {
     for (percent, expected) in [
@@ -130,7 +131,7 @@ fn the_dpr_judges_horus_without_a_crystal_by_its_error() {
     }
 }
 
-/// What a HORUS board alone put on the air.
+/// The transmissions of a HORUS board alone.
 struct Transmitter {
     node: Node<Horus>,
     air: Vec<(u64, AirEvent)>,
@@ -141,7 +142,7 @@ impl Transmitter {
         Some(Self { node: boards::horus()?, air: vec![] })
     }
 
-    /// Runs to `end`, or to a restart before it. Answers whether it restarted.
+    /// Runs to `end`, or to a restart before it. Returns whether it restarted.
     fn run_to(&mut self, end: u64) -> bool {
         while self.node.now() < end {
             let restarted = self.node.advance_to_restart(end);
@@ -157,8 +158,8 @@ impl Transmitter {
         self.air.iter().find(|(at, event)| *at >= from && matches!(event, AirEvent::FieldOff)).map(|(at, _)| *at)
     }
 
-    /// When frames that began from `from` on began, and whether their Reported-Position says that HORUS runs without a
-    /// crystal.
+    /// The frames that began from `from` on: the instant of each, and whether its Reported-Position reports that HORUS
+    /// runs without a crystal.
     fn frames(&self, from: u64) -> Vec<(u64, bool)> {
         let mut frames = vec![];
         let (mut started, mut bytes) = (0, vec![]);
@@ -203,7 +204,7 @@ fn a_clock_that_fails_switches_the_field_off_at_once_and_horus_sends_again_witho
         let log: String = horus.node.take_log().iter().map(|line| format!("{line}\n")).collect();
         assert!(log.contains("the external clock has failed"), "{phase}: {log}");
 
-        // It stays away: HORUS runs on its internal oscillator, and stays up.
+        // The clock stays away: HORUS runs on its internal oscillator, and stays up.
         assert!(!horus.run_to(restarted + 300 * MS), "{phase}: restarted again");
         let again = horus.frames(restarted);
         println!(
@@ -218,7 +219,7 @@ fn a_clock_that_fails_switches_the_field_off_at_once_and_horus_sends_again_witho
             assert!((pair[1].0 - pair[0].0).abs_diff(10 * MS) <= 3_000, "{phase}: {pair:?}");
         }
 
-        // It comes back: nothing changes before the next start, which uses it.
+        // The clock returns: nothing changes before the next start, which uses it.
         horus.node.input(|part, view, at| part.restore_hse(at, view));
         let restored = horus.node.now();
         assert!(!horus.run_to(restored + 50 * MS), "{phase}");

@@ -1,5 +1,5 @@
-//! The debug port of both boards, bit by bit and word by word, as the specifications have it: what a tool may rely on,
-//! and what it must not get away with.
+//! Tests the debug port of both boards, bit by bit and word by word, against the specifications: what a tool may rely
+//! on, and what the port must refuse.
 
 use bench::debug_port::{Ack, Desk, Request, Wire, kept_bytes, switch_on};
 use emulator_node::FindingKind;
@@ -12,7 +12,7 @@ const CONTROL: u8 = 4;
 const SELECT: u8 = 8;
 const READ_BUFFER: u8 = 0xC;
 
-/// The AHB-AP's, of bank 0.
+/// The AHB-AP's registers, of bank 0.
 const CSW: u8 = 0;
 const TAR: u8 = 4;
 const DRW: u8 = 0xC;
@@ -28,7 +28,7 @@ const DCRDR: u32 = 0xE000_EDF8;
 const DEMCR: u32 = 0xE000_EDFC;
 const DEBUG_KEY: u32 = 0xA05F_0000;
 
-/// A board's wires, and what a simple tool does with them.
+/// A board's wires with the operations of a simple tool.
 struct Tool(Box<dyn Wire>);
 
 impl Tool {
@@ -36,7 +36,7 @@ impl Tool {
         Self(switch_on(desk, None).unwrap())
     }
 
-    /// As [`Tool::at`], with SWD selected and the domains powered.
+    /// The tool of [`Tool::at`] with SWD selected and the domains powered.
     fn connected(desk: Desk) -> Self {
         let mut tool = Self::at(desk);
         tool.connect();
@@ -60,7 +60,7 @@ impl Tool {
         self.line_reset();
     }
 
-    /// A transfer, with some time for it.
+    /// Makes a transfer and lets some time pass.
     fn ask(&mut self, request: Request) -> Ack {
         self.0.pass(12_000);
         self.0.transfer(request)
@@ -184,7 +184,7 @@ fn a_bus_error_is_sticky_until_it_is_cleared() {
 fn the_halted_core_runs_a_program_that_the_debugger_put_into_ram() {
     let mut tool = Tool::connected(Desk::Horus);
     assert_eq!(tool.read(0xE004_2000) & 0xFFF, 0x419, "DBGMCU_IDCODE");
-    // Without a program the core has locked up, which halting ends.
+    // Without a program the core has locked up; a halt ends the lock-up.
     assert_eq!(tool.read(DHCSR) >> 19 & 1, 1, "S_LOCKUP");
     tool.halt();
     assert_eq!(tool.read(DHCSR) >> 19 & 1, 0, "S_LOCKUP");
@@ -224,7 +224,7 @@ fn flash_is_programmed_through_its_controller_and_is_there_when_the_board_is_swi
     tool.0.pass(MS);
     assert_eq!(tool.read(SR), 0);
     assert_eq!(tool.read(0x0800_4000), 0x1234_5678);
-    // Programming clears bits alone.
+    // Programming can only clear bits.
     tool.write(0x0800_4000, 0xFFFF_0000);
     tool.0.pass(MS);
     assert_eq!(tool.read(0x0800_4000), 0x1234_0000);
@@ -234,7 +234,7 @@ fn flash_is_programmed_through_its_controller_and_is_there_when_the_board_is_swi
     later.connect();
     assert_eq!(later.read(0x0800_4000), 0x1234_0000);
     assert!(switch_on(Desk::Dpr, Some(&kept)).is_none(), "that is another board's");
-    // Sector 1, words.
+    // Erases sector 1 and programs words.
     later.halt();
     later.write(KEYR, 0x4567_0123);
     later.write(KEYR, 0xCDEF_89AB);
@@ -265,7 +265,7 @@ fn a_new_nrf52840_is_locked_and_erasing_opens_it_until_the_next_power_on() {
     assert_eq!(tool.access(0, 0xFC), 0x2477_0011);
     tool.halt();
     assert_eq!(tool.read(0x1000_0104), u32::from_be_bytes(*b"AAF0"), "INFO.VARIANT");
-    // Through a soft reset it stays open, of the core's own and of CTRL-AP.
+    // The port stays open through a soft reset, by the core itself and by CTRL-AP.
     tool.soft_reset();
     assert_eq!(tool.access(1, 0x0C), 1);
     tool.write_access(1, 0x00, 1);
@@ -326,7 +326,7 @@ fn the_reset_pin_holds_the_part_and_its_debug_registers_answer_meanwhile() {
 
 #[test]
 fn an_nrf52840s_pin_reset_resets_its_debug_registers_and_a_soft_reset_does_not() {
-    // A pin reset locks the part, so it is erased again before anybody can look.
+    // A pin reset locks the part, so it must be erased again before it can be inspected.
     let erase = |tool: &mut Tool| {
         tool.write_access(1, 0x04, 1);
         tool.0.pass(170 * MS);
@@ -365,9 +365,9 @@ fn an_nrf52840s_watchdog_goes_on_through_a_soft_reset_pauses_with_the_halted_cor
     tool.0.pass(170 * MS);
     assert_eq!(tool.access(1, 0x0C), 1);
     tool.halt();
-    // A loop in RAM: b .
+    // The program in RAM is a loop: b .
     tool.write(0x2000_0100, 0xE7FE_E7FE);
-    // 100 ms; running while the core sleeps, pausing while it is halted.
+    // The watchdog takes 100 ms, runs while the core sleeps and pauses while it is halted.
     tool.write(WDT + 0x504, 3276);
     tool.write(WDT + 0x50C, 1);
     tool.write(WDT, 1);

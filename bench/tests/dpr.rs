@@ -1,5 +1,5 @@
-//! What the DPR's release image tells of itself and takes from its surroundings: the reason of its last reset, a line
-//! that nobody drives, transactions that are too long, the debug port.
+//! Tests what the DPR's release image reports of itself and tolerates from its surroundings: the reason of its last
+//! reset, an undriven line, transactions that are too long, the debug port.
 
 mod boards;
 mod reader;
@@ -21,7 +21,7 @@ fn count(node: &Node<Dpr>, offset: usize) -> u32 {
     counter(node, "DPR_TELEMETRY", offset)
 }
 
-/// Runs `ns` on.
+/// Runs the board for `ns`.
 fn pass(node: &mut Node<Dpr>, ns: u64) {
     let end = node.now() + ns;
     while node.now() < end {
@@ -31,7 +31,7 @@ fn pass(node: &mut Node<Dpr>, ns: u64) {
 
 // ---- the reason of the last reset
 
-/// What resets it.
+/// A cause of a reset.
 #[derive(Clone, Copy, Debug)]
 enum Reset {
     Pin,
@@ -41,7 +41,7 @@ enum Reset {
     Watchdog,
 }
 
-/// The longest from a task's last sign of life to the watchdog's reset.
+/// The longest time from a task's last check-in to the watchdog's reset, ns.
 const BITE: u64 = 200 * MS;
 
 impl Reset {
@@ -76,7 +76,7 @@ fn link_status_tells_each_reason_of_the_last_reset_apart() {
         (status.reset_reason(), status.unasked_reset())
     };
     assert_eq!(told(&mut node), (Some(ResetReason::PowerOn), false), "at first");
-    // Each follows another one, so that nothing is left over of the reason before.
+    // Each reset follows a different one, so that no earlier reason remains.
     let resets = [
         (Reset::Pin, ResetReason::Pin),
         (Reset::Watchdog, ResetReason::Watchdog),
@@ -134,12 +134,13 @@ fn a_flight_controller_whose_mosi_nobody_drives_reads_the_image_for_ever_and_vio
     pass(&mut node, 50 * MS);
     let (mut read, mut silent) = (0, 0);
     while node.now() < 1_000 * MS {
-        // Whole images, and parts that are shorter than a request or than what it can bring in.
+        // The lengths are whole images, and parts that are shorter than a request or than what it can bring in.
         let bytes = [layout().image_len(), 96, 7, 32, 8, 1][read as usize % 6];
         let miso = transact(&mut node, bytes, 0xFF);
         if bytes >= 32 {
             let shown = View::of(node.now(), &miso);
-            // One that meets the DPR while it puts a new image in reads ones throughout; how many those are is below.
+            // A transaction that meets the DPR while it puts a new image in reads ones throughout; the number of those
+            // is checked below.
             let is_busy = miso.iter().all(|byte| *byte == 0xFF);
             assert!(shown.link.is_some() || is_busy, "transaction {read} of {bytes} bytes: {miso:02x?}");
             silent += usize::from(is_busy);
@@ -149,7 +150,7 @@ fn a_flight_controller_whose_mosi_nobody_drives_reads_the_image_for_ever_and_vio
     }
     assert!(read >= 400, "{read}");
     assert_eq!(count(&node, std::mem::offset_of!(Telemetry, access_violations)), 0);
-    // One that met the DPR while it put a new image in was not granted, and so not counted.
+    // A transaction that met the DPR while it put a new image in was not granted, and so not counted.
     let events = node.input(|part, _, _| part.take_spis_events());
     let busy = events.iter().filter(|(.., event)| *event == SpisEvent::Busy).count();
     assert!(silent <= busy && busy <= 2, "{busy} of {read}, {silent} of them seen");
@@ -168,13 +169,13 @@ fn a_busy_dpr_does_not_hear_a_request_and_goes_on_showing_the_window_that_it_was
         let mosi = encode(Request { offset, length }).to_vec();
         carry(node, Order { mosi, ..Order::read(bytes) })
     };
-    // Its publications without a frame are 10 ms apart: after one there is time for some transactions.
+    // Its publications without a frame are 10 ms apart, so there is time for some transactions after one.
     let mut rose = vec![];
     while rose.is_empty() {
         pass(&mut node, MS / 10);
         rose = node.board_mut(Dpr::take_fresh);
     }
-    // What the task does not get to do after the first transaction leaves the DPR busy in the second.
+    // The hung task leaves the DPR busy in the second transaction, because it does not finish its work after the first.
     let hung = ImageFault::Hung("SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1".into()).apply(&mut node).unwrap();
     let image = ask(&mut node, 16, 16, whole);
     assert!(image.iter().any(|byte| *byte != 0xFF));
@@ -197,7 +198,7 @@ fn transactions_that_clock_too_many_bytes_out_or_in_are_counted() {
     };
     assert_eq!(counts(&node), (0, 0));
     let image = layout().map_len();
-    // Bytes of the transaction, and whether it reads and writes too many.
+    // The loop has the transaction's bytes, and whether it reads and writes too many.
     let mut expected = (0, 0);
     for (bytes, reads, writes) in [
         (RECEIVE_BYTES, 0, 0),
@@ -231,11 +232,11 @@ fn the_debug_port_of_a_revision_3_part_is_opened_where_uicr_allows_it_and_an_old
         let Some(mut node) = boards::dpr_on(settings) else { return };
         node.write(UICR_APPROTECT, &u32::to_le_bytes(uicr)).unwrap();
         pass(&mut node, 50 * MS);
-        // The software's half, whatever the hardware's says.
+        // The software's half opens, whatever the hardware's half holds.
         let software = node.part().debug_port_open(0x5A);
         assert_eq!(software, opened, "{build_code:?} with {uicr:#x}");
         assert_eq!(node.part().debug_port_open(uicr), opened, "{build_code:?} with {uicr:#x}");
-        // After a reset it is closed, and the firmware opens it again.
+        // After a reset the port is closed, and the firmware opens it again.
         node.restart(FromOutside::Pin);
         assert!(!node.part().debug_port_open(uicr));
         pass(&mut node, 50 * MS);

@@ -14,12 +14,12 @@ fn report(gps: usize, kinds: &[Kind], seed: u64) -> Option<bench::report::Report
     report_of(6_000 * MS, gps, kinds, seed)
 }
 
-/// The same of a run of another length, ns.
+/// The same for a run of another length, ns.
 fn report_of(duration: u64, gps: usize, kinds: &[Kind], seed: u64) -> Option<bench::report::Report> {
     report_of_setup(duration, gps, kinds, seed, |_| {})
 }
 
-/// The same with another set-up.
+/// The same with another setup.
 fn report_of_setup(
     duration: u64,
     gps: usize,
@@ -43,12 +43,12 @@ fn faults_of_every_kind_at_once_violate_nothing_and_the_link_recovers() {
         let Some(report) = report(gps, &ALL, seed) else { return };
         assert_eq!(report.violations, [""; 0], "{gps} receivers, seed {seed}");
         assert_eq!(report.faults.invalid_shown_valid, 0);
-        // Of each kind some faults were there, and each is in the log by its name.
+        // The log has some faults of each kind, each under its name.
         for kind in ["air", "receiver", "flight controller", "power", "buffer", "input", "hang"] {
             let injected = report.faults.injected.keys().any(|name| name.starts_with(kind));
             assert!(injected, "{kind} of {:?}", report.faults.injected);
         }
-        // Within 15 cycles where a front end had to be brought up again.
+        // The limit is 15 cycles where a front end had to be brought up again.
         let recovery = report.faults.max_recovery_cycles.unwrap_or_else(|| panic!("seed {seed}: nothing was measured"));
         assert!((1..=15).contains(&recovery), "{gps} receivers, seed {seed}: {recovery} cycles");
         let plain = report.faults.max_recovery_cycles_without_bring_up;
@@ -64,7 +64,7 @@ fn a_kind_of_fault_alone_is_injected_alone() {
         (Kind::Power, &["power"]),
         (Kind::Buffers, &["buffer"]),
         (Kind::Inputs, &["input"]),
-        // A board that hangs in its start is restarted before.
+        // A board that hangs in its start is restarted first.
         (Kind::Hang, &["hang", "dead task", "power horus", "power dpr"]),
         (Kind::Chips, &["horus front end register", "dpr front end register"]),
     ] {
@@ -77,8 +77,8 @@ fn a_kind_of_fault_alone_is_injected_alone() {
     }
 }
 
-/// The short form of `cargo xtask sim --seconds 1000 --faults air,fc,power,buffers --seed 7`: every fault of these
-/// kinds has its turn.
+/// The short form of `cargo xtask sim --seconds 1000 --faults air,fc,power,buffers --seed 7`, in which every fault of
+/// these kinds occurs.
 #[test]
 fn thirty_seconds_of_all_that_disturbs_the_dpr_violate_nothing() {
     let kinds = [Kind::Air, Kind::FlightController, Kind::Power, Kind::Buffers];
@@ -91,7 +91,7 @@ fn thirty_seconds_of_all_that_disturbs_the_dpr_violate_nothing() {
     assert!(plain.is_some_and(|cycles| cycles <= 5), "{:?}", report.faults);
 }
 
-/// Boards that hang, alone and among all that disturbs the DPR, with each number of receivers and on each clock.
+/// Boards hang, alone and together with every disturbance of the DPR, with each number of receivers and on each clock.
 #[test]
 fn boards_that_hang_until_their_watchdogs_bite_violate_nothing_and_the_link_recovers() {
     let among = [Kind::Air, Kind::FlightController, Kind::Power, Kind::Buffers, Kind::Hang];
@@ -115,7 +115,7 @@ fn boards_that_hang_until_their_watchdogs_bite_violate_nothing_and_the_link_reco
     }
 }
 
-/// Bits of the front ends' registers that flip, alone and among all that disturbs the link.
+/// Bits of the front ends' registers flip, alone and together with every disturbance of the link.
 #[test]
 fn bits_that_flip_in_either_front_end_violate_nothing() {
     let among = [Kind::Air, Kind::Power, Kind::Hang, Kind::Chips];

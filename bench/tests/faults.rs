@@ -1,8 +1,8 @@
-//! What the two release images do when something inside them breaks: a task that dies, hangs or faults. What breaks is
-//! the image in flash, as a debugger would change it under the running core; nothing else of a board is touched.
+//! Tests both release images with internal faults: a task that dies, hangs or faults. The image in flash is changed as
+//! a debugger would change it under the running core; nothing else of a board is touched.
 //!
-//! Each image must come into its safe state by itself, be restarted by its watchdog, and work again once the damage is
-//! gone.
+//! Each image must enter its safe state by itself, be restarted by its watchdog, and work again once the damage is
+//! mended.
 
 mod boards;
 mod reader;
@@ -21,26 +21,26 @@ use st25r3916_model::{Air, AirEvent, AirFaults};
 const US: u64 = 1_000;
 const MS: u64 = 1_000_000;
 
-/// The longest a watchdog may take from the last sign of life to its bite: the independent watchdog's 100 ms at the
-/// nominal rate of an oscillator that runs at 17 kHz instead of 32 at worst (DS9405 table 42); the nRF52840's takes 100
+/// The longest time from the last check-in to the watchdog's reset, ns: the independent watchdog takes 100 ms at the
+/// nominal rate, and its oscillator runs at 17 kHz instead of 32 at worst (DS9405 table 42); the nRF52840's takes 100
 /// ms.
 const BITE: u64 = 200 * MS;
 
-/// In this time HORUS starts and sends four frames at least.
+/// The time in which HORUS starts and sends at least four frames, ns.
 const STARTS: u64 = boards::RAM_TEST + 55 * MS;
 
-/// After which a task does its work no more.
+/// The damages after which a task no longer does its work.
 const DAMAGES: [(Damage, &str); 2] = [(ImageFault::Dead, "dead"), (ImageFault::Hung, "hung")];
 
-/// What can become of a task, by its vector.
+/// A damage to a task, given its vector.
 type Damage = fn(String) -> ImageFault;
 
-/// Puts `damage` where the task of `vector` begins.
+/// Puts `damage` at the beginning of the task of `vector`.
 fn break_task<B: Board>(node: &mut Node<B>, vector: &str, damage: Damage) -> Repair {
     damage(vector.to_owned()).apply(node).unwrap()
 }
 
-/// Runs to the board's next restart, and answers when it was. `look` is called whenever something left the board.
+/// Runs to the board's next restart and returns its instant. `look` is called whenever an event left the board.
 fn until_restart<B: Board>(node: &mut Node<B>, within: u64, mut look: impl FnMut(&mut Node<B>)) -> u64 {
     let end = node.now() + within;
     while node.now() < end {
@@ -97,7 +97,7 @@ impl Transmitter {
     }
 }
 
-/// The tasks that have to check in, and the one that makes them run.
+/// The tasks that have to check in, and the one that triggers them.
 const HORUS_TASKS: [(&str, &str); 4] =
     [("TIM2", "slot"), ("CAN1_TX", "rf_slot"), ("CAN1_RX0", "cycle"), ("CAN1_RX1", "parse")];
 
@@ -150,7 +150,7 @@ fn link_status(node: &mut Node<Dpr>) -> LinkStatus {
     *LinkStatus::verify(&read).unwrap_or_else(|rejection| panic!("{rejection} in {read:02x?}"))
 }
 
-/// The tasks that run without a frame: all but `commit`, whose place `deadline` takes.
+/// The tasks that run without a frame: all but `commit`, which `deadline` replaces.
 const DPR_TASKS: [(&str, &str); 4] = [
     ("SPIM1_SPIS1_TWIM1_TWIS1_SPI1_TWI1", "ssi_end"),
     ("GPIOTE", "rf_irq"),
@@ -182,7 +182,7 @@ fn a_fault_in_the_dpr_leaves_nothing_to_be_read_until_the_watchdog_has_restarted
         let Some(mut dpr) = boards::dpr() else { return };
         dpr.advance(50 * MS);
         let repair = break_task(&mut dpr, vector, ImageFault::Faulting);
-        // The deadline monitor comes round every 12.5 ms and makes each of them run.
+        // The deadline monitor runs every 12.5 ms and triggers each of them.
         dpr.advance(dpr.now() + 15 * MS);
         assert!(faulted(&mut dpr), "{task}");
         let read = transact(&mut dpr, LinkStatus::SIZE, 0);
@@ -198,33 +198,33 @@ fn a_fault_in_the_dpr_leaves_nothing_to_be_read_until_the_watchdog_has_restarted
 
 // ---- both boards: a hung DPR
 
-/// No object may be readable as valid longer than this after its frame's last bit: the image expires in hardware 25 ms
-/// after its publication, which the frame's end precedes by well under 5 ms.
+/// The longest time after its frame's last bit for which an object may be read as valid, ns: the image expires in
+/// hardware 25 ms after its publication, which follows the frame's end by well under 5 ms.
 const STALE: u64 = 30 * MS;
 
-/// A flight controller that reads the whole image again and again, and the air to the DPR's front end.
+/// A flight controller that reads the whole image repeatedly, and the air to the DPR's front end.
 struct Reader {
     master: SsiMaster,
     transactions: usize,
-    /// The timestamps of the valid objects of every image read, with the instant its transaction began.
+    /// The timestamps of the valid objects of every image read, with the instant at which its transaction began.
     read: Vec<(u64, Vec<u32>)>,
     air: Air,
     /// The bytes of the frame that is on the air, LEN first.
     frame: Vec<u8>,
-    /// When each frame's last bit was through, by the timestamp it carries.
+    /// The instant at which each frame's last bit was through, by the timestamp it carries.
     sent: std::collections::BTreeMap<u32, u64>,
-    /// Frames are lost on the air from the damage to the repair, because the task runs only when they are.
+    /// Whether frames are lost on the air from the damage to the repair, because the task runs only then.
     loses: bool,
     lost: bool,
-    /// When the task was broken, and how to repair it.
+    /// The instant at which the task was broken, and its repair.
     broken: Option<(u64, Repair)>,
     repaired: bool,
 }
 
-/// When its first transaction begins.
+/// The instant at which its first transaction begins, ns.
 const FIRST_READ: u64 = 20 * MS;
 
-/// From one transaction's end and the gap to the next one's start.
+/// The pauses from one transaction's end and the gap to the next one's start, ns.
 const PAUSES: [u64; 3] = [US * 700, US * 2_150, US * 3_600];
 
 impl Reader {
@@ -245,12 +245,12 @@ impl Reader {
         reader
     }
 
-    /// The next transaction begins at `at` (ns).
+    /// Schedules the next transaction at `at` (ns).
     fn read_at(&mut self, at: u64) {
         self.master.begin(Start { bench_ns: at, own_ns: 0 }, Order::read(Image::<3>::LEN));
     }
 
-    /// The timestamps of the valid objects in `image`, HORUS's alone.
+    /// The timestamps of the valid objects in `image` that HORUS wrote.
     fn valid(image: &[u8]) -> Vec<u32> {
         let objects = &image[LinkStatus::SIZE..];
         let (reported, gps) = objects.split_at(ReportedPosition::SIZE);
@@ -261,7 +261,7 @@ impl Reader {
         reported.into_iter().chain(gps).collect()
     }
 
-    /// The instant at which the oldest data were read as valid, and how long before it their frame had ended.
+    /// The instant at which the oldest data were read as valid, and the time since the end of their frame.
     fn oldest(&self) -> (u64, u64) {
         let timestamps = self.read.iter().flat_map(|(at, valid)| valid.iter().map(move |ms| (*at, *ms)));
         let ages = timestamps.map(|(at, ms)| {
@@ -345,10 +345,10 @@ const EVERY_DPR_TASK: [(&str, &str); 8] = [
     ("", "idle"),
 ];
 
-/// Tasks that run when frames stay away.
+/// The tasks that run when frames are missing.
 const ON_LOSS: [&str; 2] = ["rf_timer", "deadline"];
 
-/// Hangs `vector`, or the idle task where it has none and as soon as it sleeps.
+/// Hangs `vector`. The idle task has no vector and is hung as soon as it sleeps.
 fn hang(node: &mut Node<Dpr>, vector: &str) -> Option<Repair> {
     if !vector.is_empty() {
         return Some(break_task(node, vector, ImageFault::Hung));
@@ -359,7 +359,7 @@ fn hang(node: &mut Node<Dpr>, vector: &str) -> Option<Repair> {
     Some(ImageFault::Stopped(u32::try_from(address).unwrap()).apply(node).unwrap())
 }
 
-/// The flight controller reads on all the time. The watchdog restarts the DPR, and the damage is repaired at the first
+/// The flight controller reads all the time. The watchdog restarts the DPR, and the damage is repaired at the first
 /// restart. A firmware that checks its flash as it starts may have met the damage before that, and then restarts once
 /// more.
 fn hung(vector: &str, task: &str, breaks_at: u64) -> Option<Reader> {
@@ -392,7 +392,7 @@ fn hung(vector: &str, task: &str, breaks_at: u64) -> Option<Reader> {
 fn no_task_that_hangs_in_the_dpr_leaves_old_data_to_be_read_as_valid() {
     let mut stale = vec![];
     for (nth, (vector, task)) in EVERY_DPR_TASK.into_iter().enumerate() {
-        // Each at another phase of HORUS's cycle, and late enough that ten valid images were read before.
+        // Each damage comes at another phase of HORUS's cycle, and late enough that ten valid images were read before.
         let Some(reader) = hung(vector, task, 110 * MS + nth as u64 * 1_250 * US) else { return };
         let (at, age) = reader.oldest();
         println!("{task} hung: the oldest data read as valid were {} us old", age / US);
@@ -405,7 +405,7 @@ fn no_task_that_hangs_in_the_dpr_leaves_old_data_to_be_read_as_valid() {
 
 // ---- flash that lost a bit before the start
 
-/// Where the vector of an interrupt lies that the firmware does not use: part of the image, and never fetched.
+/// The address of an unused interrupt's vector, which is part of the image but never fetched.
 fn unused_vector(table: u64, interrupt: u64) -> u64 {
     table + 4 * (16 + interrupt)
 }
@@ -419,7 +419,7 @@ fn flip<B: Board>(node: &mut Node<B>, address: u64) {
 #[test]
 fn a_bit_of_horus_flash_that_is_wrong_at_the_start_keeps_the_field_off_until_it_is_right_again() {
     let Some(mut horus) = transmitter() else { return };
-    // The window watchdog's, interrupt 0.
+    // The vector is the window watchdog's, interrupt 0.
     let address = unused_vector(0x0800_0000, 0);
     flip(&mut horus.node, address);
     horus.run_for(500 * MS);
@@ -438,7 +438,7 @@ fn a_bit_of_horus_flash_that_is_wrong_at_the_start_keeps_the_field_off_until_it_
 #[test]
 fn a_bit_of_the_dprs_flash_that_is_wrong_at_the_start_leaves_nothing_to_be_read_until_it_is_right_again() {
     let Some(mut dpr) = boards::dpr() else { return };
-    // The radio's, interrupt 1.
+    // The vector is the radio's, interrupt 1.
     let address = unused_vector(0, 1);
     flip(&mut dpr, address);
     while dpr.now() < 500 * MS {
@@ -451,7 +451,7 @@ fn a_bit_of_the_dprs_flash_that_is_wrong_at_the_start_leaves_nothing_to_be_read_
     assert_eq!(dpr.resets().len(), bites, "and no other");
     let log = logged(&mut dpr);
     assert!(log.contains("flash"), "{log}");
-    // It has compared its flash when half of the watchdog's time is over, and waits.
+    // The firmware has compared its flash by half of the watchdog's time, and waits.
     until_restart(&mut dpr, BITE, |_| {});
     dpr.advance(dpr.now() + 50 * MS);
     flip(&mut dpr, address);
@@ -460,7 +460,7 @@ fn a_bit_of_the_dprs_flash_that_is_wrong_at_the_start_leaves_nothing_to_be_read_
     assert!(link_status(&mut dpr).status().unasked_reset());
 }
 
-// ---- what stands in for absent images
+// ---- tests without images
 
 #[test]
 fn a_test_without_its_images_fails_where_ci_runs_and_says_elsewhere_that_it_did_not_run() {

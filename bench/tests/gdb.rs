@@ -1,4 +1,4 @@
-//! gdb at a board of the running link: what it reads, where it halts, and that the run is the one without it.
+//! Tests gdb at a board of the running link: what it reads, where it halts, and that the run stays unchanged.
 
 mod boards;
 
@@ -26,12 +26,12 @@ fn setup(clock: Clock) -> Option<Setup> {
     Some(Setup { clock, writes: true, ..Setup::new(images, 3, END) })
 }
 
-/// Everything that a run leaves.
+/// The complete results of a run as text.
 fn all_of(outcome: &Outcome) -> String {
     format!("{:#?}\n{:#?}\n{:#?}\n{}", outcome.report, outcome.verdict, outcome.logs, outcome.base)
 }
 
-/// The address, without the Thumb bit, and the size of the symbol whose demangled name begins so.
+/// The address, without the Thumb bit, and the size of the symbol whose demangled name begins with `begins`.
 fn symbol(image: &Path, begins: &str) -> (u32, u32) {
     let bytes = std::fs::read(image).unwrap();
     let elf = object::File::parse(bytes.as_slice()).unwrap();
@@ -41,7 +41,7 @@ fn symbol(image: &Path, begins: &str) -> (u32, u32) {
     (u32::try_from(found[0].address()).unwrap() & !1, u32::try_from(found[0].size()).unwrap())
 }
 
-/// The first byte of the code that commits an image: it seals Link-Status and publishes.
+/// The address of the code that commits an image: it seals Link-Status and publishes.
 fn commit(image: &Path) -> u32 {
     symbol(image, "<dpr_fw::commit::Commit<3>>::publish::").0
 }
@@ -82,7 +82,7 @@ impl ConnectionExt for InMemory {
     }
 }
 
-/// The client's end: packets as "Debugging with GDB", appendix E, has them.
+/// The client's end, with packets as in "Debugging with GDB", appendix E.
 struct Client {
     to_stub: Sender<u8>,
     from_stub: Receiver<u8>,
@@ -90,7 +90,7 @@ struct Client {
 
 impl Client {
     fn send(&self, bytes: &[u8]) {
-        // A stub that has said its last word hears nothing more.
+        // A stub that has ended ignores further bytes.
         for byte in bytes {
             let _ = self.to_stub.send(*byte);
         }
@@ -101,7 +101,7 @@ impl Client {
         format!("${text}#{sum:02x}").into_bytes()
     }
 
-    /// The next packet's text, runs of one character written out.
+    /// The next packet's text, with run-length encoding expanded.
     fn reply(&self) -> String {
         while self.from_stub.recv().unwrap() != b'$' {}
         let mut text = String::new();
@@ -127,7 +127,7 @@ impl Client {
         self.reply()
     }
 
-    /// The little-endian word that `text` asks for.
+    /// The little-endian word that the command `text` returns.
     fn word(&self, text: &str) -> u32 {
         u32::from_str_radix(&self.ask(text), 16).unwrap_or_else(|error| panic!("{text}: {error}")).swap_bytes()
     }
@@ -136,7 +136,7 @@ impl Client {
         self.word("pf")
     }
 
-    /// What a monitor command says.
+    /// The output of a monitor command.
     fn monitor(&self, command: &str) -> String {
         let hex = command.bytes().fold(String::new(), |mut hex, byte| {
             let _ = write!(hex, "{byte:02x}");
@@ -155,7 +155,7 @@ impl Client {
     }
 }
 
-/// Has a debugger that does what `script` does at what `serve` serves.
+/// Runs `serve` with a debugger that follows `script`.
 fn attended<R>(script: impl FnOnce(&Client) + Send, serve: impl FnOnce(InMemory, &mut dyn FnMut(String)) -> R) -> R {
     let (to_stub, from_client) = mpsc::channel();
     let (to_client, from_stub) = mpsc::channel();
@@ -172,7 +172,7 @@ fn attended<R>(script: impl FnOnce(&Client) + Send, serve: impl FnOnce(InMemory,
     })
 }
 
-/// Runs the link with a debugger at `side` that does what `script` does.
+/// Runs the link with a debugger at `side` that follows `script`.
 fn debugged(setup: &Setup, side: Side, script: impl FnOnce(&Client) + Send) -> Ended {
     attended(script, |connection, lost| serve(setup, side, connection, &mut (), lost).unwrap())
 }
@@ -194,13 +194,13 @@ fn breakpoints_watchpoints_steps_and_reads_leave_the_run_as_it_is_on_every_clock
             assert!(gdb.ask("qSupported:swbreak+;hwbreak+;vContSupported+").contains("qXfer:features:read+"));
             assert_eq!(&gdb.ask("?")[1..3], "05");
             assert!(gdb.ask("qXfer:features:read:target.xml:0,fff").contains("org.gnu.gdb.arm.m-profile"));
-            // At power-on: the program counter is at the reset vector, and what is read is there.
+            // At power-on the program counter equals the reset vector.
             assert_eq!(gdb.pc(), gdb.word("m4,4") & !1);
             assert_eq!(gdb.word("mE000ED00,4"), 0x410F_C241, "CPUID");
             assert_eq!(gdb.word("m10000100,4"), 0x0005_2840, "FICR.INFO.PART");
             assert_eq!(gdb.ask("m60000000,4"), "E0e", "nothing is there");
             assert_eq!(gdb.ask("g").len(), 2 * (23 * 4 + 16 * 8 + 4));
-            // Code in RAM; the start puts it there after the breakpoint was set.
+            // The breakpoint is in code in RAM, which the start copies there after the breakpoint was set.
             assert_eq!(gdb.ask(&format!("Z1,{commit:x},2")), "OK");
             for nth in 0..3 {
                 assert!(gdb.ask("c").contains("hwbreak"), "stop {nth}");
@@ -209,19 +209,19 @@ fn breakpoints_watchpoints_steps_and_reads_leave_the_run_as_it_is_on_every_clock
             assert!(gdb.monitor("time").contains(" ms of 200 ms"));
             assert!(gdb.monitor("pins").starts_with("high: "));
             assert!(gdb.monitor("pin P9.00").contains("no pin"));
-            // 3000 instructions, and whatever interrupts came: SSI transactions and FIFO reads among them.
+            // The debugger makes 3000 steps through any interrupts: SSI transactions and FIFO reads are among them.
             let mut distinct = std::collections::BTreeSet::new();
             for _ in 0..3000 {
                 assert_eq!(&gdb.ask("s")[1..3], "05");
                 distinct.insert(gdb.pc());
             }
             assert!(distinct.len() > 300, "{}", distinct.len());
-            // Peripherals, with reads that clear or pop on silicon, and every register of the core.
+            // The addresses are peripherals whose reads clear or pop on silicon, and every register of the core.
             for address in ["40004400", "40000504", "40008540", "4001F500", "E000E010", "E000E100"] {
                 assert_eq!(gdb.ask(&format!("m{address},40")).len(), 0x80, "{address}");
             }
             (0..40).for_each(|number| assert!(gdb.ask(&format!("p{number:x}")).len() >= 8));
-            // A store to any of the images, then any access: behind the instruction.
+            // The watchpoint halts after a store to any of the images, then after any access.
             assert_eq!(gdb.ask(&format!("z1,{commit:x},2")), "OK");
             let watched = format!("{images:x},{size:x}");
             for (kind, name) in [(2, "watch:"), (4, "awatch:"), (3, "rwatch:")] {
@@ -235,12 +235,12 @@ fn breakpoints_watchpoints_steps_and_reads_leave_the_run_as_it_is_on_every_clock
                 }
                 assert_eq!(gdb.ask(&format!("z{kind},{watched}")), "OK");
             }
-            // Ctrl-C is there before the board has run.
+            // Ctrl-C arrives before the board has run.
             gdb.send(&[Client::packet("c"), vec![3]].concat());
             assert_eq!(&gdb.reply()[1..3], "02");
             assert_eq!(gdb.ask(&format!("Z0,{commit:x},2")), "OK");
             assert!(gdb.ask("c").contains("swbreak"));
-            // The breakpoint is still there when the debugger leaves.
+            // The breakpoint still exists when the debugger leaves.
             assert_eq!(gdb.ask("D"), "OK");
         }));
         assert!(all_of(&with) == all_of(&without), "{clock} clock:\n{:#?}\n{:#?}", with.report, without.report);
@@ -290,7 +290,7 @@ fn what_a_debugger_changes_happens_and_shows() {
         assert!(gdb.monitor("faults air").contains("too little of the run is left"));
         assert!(gdb.monitor("pin P0.02 high").contains("P0.02 is high"));
         assert!(gdb.monitor("pin P0.02 release").contains("P0.02 is low"));
-        // It comes up again and commits.
+        // The firmware starts again and commits.
         assert!(gdb.ask("c").contains("swbreak"));
         assert_eq!(gdb.ask("D"), "OK");
     }));
@@ -317,7 +317,7 @@ fn kill_ends_the_run_and_a_lost_connection_does_not() {
     assert_eq!(lost.len(), 1, "{lost:?}");
 }
 
-/// The DPR's image, and a run of it alone, with leads at FRESH and at what its front end would say.
+/// The DPR's image, and a run of it alone, with probes on FRESH and inputs in place of its front end.
 fn dpr_alone(clock: Clock, run: impl FnOnce(Alone<'_>, &Path)) {
     let Some(path) = image(3, "dpr-fw.elf") else { return };
     let firmware = Firmware::read(&path).unwrap();
@@ -330,7 +330,7 @@ fn dpr_alone(clock: Clock, run: impl FnOnce(Alone<'_>, &Path)) {
     run(Alone { target: Target::Dpr, clock, firmware: &firmware, connected, limits, runs_on: true }, &path);
 }
 
-/// What of a run appears on a screen in an order that must not hang on a debugger.
+/// The output of a run in an order that must not depend on a debugger.
 fn shown(to: &mut Vec<String>) -> impl FnMut(Event<'_>) + '_ {
     |event| {
         if let Event::Line(_) | Event::Pin(_) = event {
@@ -357,7 +357,7 @@ fn a_debugger_at_a_board_that_is_alone_leaves_its_run_as_it_is_on_every_clock() 
                     assert!(gdb.ask("c").contains("watch:"));
                     (0..50).for_each(|_| assert_eq!(&gdb.ask("s")[1..3], "05"));
                 }
-                // Peripherals whose reads clear or pop on silicon, and virtual time.
+                // The addresses are peripherals whose reads clear or pop on silicon; virtual time is read, too.
                 assert_eq!(gdb.ask("m40004400,40").len(), 0x80);
                 assert!(gdb.monitor("time").contains(" ms of 100 ms"));
                 assert!(gdb.monitor("faults air").contains("this board is alone"));
@@ -386,7 +386,7 @@ fn a_board_that_is_alone_is_reset_halts_where_its_firmware_ends_and_tells_its_st
             assert_eq!(gdb.pc(), start);
             assert_eq!(gdb.ask(&format!("Z1,{commit:x},2")), "OK");
             assert!(gdb.ask("c").contains("hwbreak"));
-            // Where nothing is.
+            // The program counter is set to an address without memory.
             assert_eq!(gdb.ask("Pf=00000060"), "OK");
             assert_eq!(&gdb.ask("c")[1..3], "0b", "SIGSEGV");
             assert_eq!(gdb.pc(), gdb.word("mc,4") & !1, "before the HardFault handler's first instruction");
@@ -401,7 +401,7 @@ fn a_board_that_is_alone_is_reset_halts_where_its_firmware_ends_and_tells_its_st
     });
 }
 
-/// gdb with this script at the DPR over a socket of this machine's file system; what it wrote.
+/// Runs gdb with this script at the DPR over a Unix socket; returns its output.
 fn real_gdb(setup: &Setup, script: &[String]) -> (Ended, String) {
     let folder = std::env::temp_dir().join(format!("bench-gdb-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
@@ -423,7 +423,7 @@ fn real_gdb(setup: &Setup, script: &[String]) -> (Ended, String) {
     (ended, text)
 }
 
-/// gdb's connection, unless it ends before it makes one.
+/// Accepts gdb's connection, unless gdb ends before it connects.
 fn accept(listener: &UnixListener, gdb: &mut std::process::Child, written: &Path) -> UnixStream {
     loop {
         if let Ok((connection, _)) = listener.accept() {
@@ -450,9 +450,9 @@ fn a_session_of_the_real_gdb_leaves_the_run_as_it_is() {
         "backtrace 1",
         "info registers pc xpsr msp d0 fpscr",
         "print $s0",
-        // What cortex-debug says when it attaches.
+        // cortex-debug sends these commands when it attaches.
         "monitor halt",
-        // The image, and the flash that it came from.
+        // The session reads the image, and the flash from which it was copied.
         &format!("x/4xw {images:#x}"),
         "x/2xw 0",
         &format!("watch *(unsigned *)({images:#x} + 8)"),

@@ -1,7 +1,7 @@
-//! Boards that hang: their cores execute nothing more, and their own watchdogs end it.
+//! Tests boards that hang: their cores execute nothing more, and their own watchdogs end it.
 //!
-//! What the judge makes of it is in its own tests; that a watchdog which never started, and an expiry that is disabled,
-//! are found is in the table of violations.
+//! The judge's rules for hangs have their own tests. The table of violations checks that a watchdog which never started
+//! and an expiry that is disabled are found.
 
 mod boards;
 #[path = "../../emulator/node/tests/player/mod.rs"]
@@ -28,27 +28,27 @@ use thumb::{COUNTER, HANDLER, MAIN, RCC, TIM2, Thumb, firmware};
 
 const MS: u64 = 1_000_000;
 const US: u64 = 1_000;
-/// Both boards have started, and the link has been up for 200 ms.
+/// The instant at which both boards have started and the link has been up for 200 ms, ns.
 const BEGINS: u64 = 303 * MS;
-/// From a hang to the end of the run: longer than a watchdog takes and the judge waits for a recovery.
+/// The time from a hang to the end of the run, ns: longer than the watchdog and the judge's limit for a recovery.
 const AFTER: u64 = 700 * MS;
 
 const BOARDS: [Board; 2] = [Board::Horus, Board::Dpr];
 const CLOCKS: [Clock; 3] = [Clock::Fast, Clock::Optimistic, Clock::Pessimistic];
 
-/// The STM32's watchdog and the register that says why the part was reset, RM0090 21.4 and 6.3.21.
+/// The STM32's watchdog and the register with the reset cause, RM0090 21.4 and 6.3.21.
 const IWDG: u32 = 0x4000_3000;
 const RCC_CSR: u32 = RCC + 0x74;
 const IWDGRSTF: u32 = 1 << 29;
-/// The nRF52840's, PS 6.36.
+/// The nRF52840's watchdog, PS 6.36.
 const WDT: u32 = 0x4001_0000;
 
 // ---- a node
 
-/// Counts updates of TIM2, every 10 ms, and sleeps between; the watchdog bites after 100 ms of 32 kHz.
+/// Counts updates of TIM2, every 10 ms, and sleeps between; the watchdog resets after 100 ms of 32 kHz.
 fn counting() -> Node<Player> {
     let mut main = Thumb::at(MAIN);
-    // Reload of 800 ticks of 4 periods each.
+    // The reload value is 800 ticks of 4 periods each.
     main.store(IWDG, 0xCCCC).store(IWDG, 0x5555).store(IWDG + 8, 800 - 1).store(IWDG + 4, 0);
     main.tim2_every(160_000).idle();
     let mut tick = Thumb::at(HANDLER);
@@ -81,7 +81,7 @@ fn a_core_that_hangs_executes_nothing_until_the_watchdog_bites_and_is_not_awake_
     let mut csr = [0; 4];
     assert_eq!(node.peek(RCC_CSR, &mut csr), 4);
     assert_ne!(u32::from_le_bytes(csr) & IWDGRSTF, 0);
-    // It runs as after any reset, and feeds its watchdog again.
+    // The part runs as after any reset, and feeds its watchdog again.
     assert!(!node.is_hung());
     run_to(&mut node, at + 300 * MS);
     assert_eq!((node.word(u64::from(COUNTER)), node.resets().len()), (Some(19 + 29), 1));
@@ -131,7 +131,7 @@ fn a_part_that_is_reset_for_another_reason_or_loses_its_supply_hangs_no_longer()
 #[test]
 fn an_nrf52840_that_hangs_says_after_its_watchdogs_reset_that_it_was_that() {
     let mut main = Thumb::at(0x400);
-    // 100 ms of 32768 Hz.
+    // The watchdog takes 100 ms at 32768 Hz.
     main.store(WDT + 0x504, 3_276).store(WDT, 1);
     let again = main.here();
     main.store(WDT + 0x600, 0x6E52_4635).branch(again);
@@ -150,7 +150,7 @@ fn an_nrf52840_that_hangs_says_after_its_watchdogs_reset_that_it_was_that() {
 
 // ---- a release image that hangs while it starts
 
-/// Runs `node` to `to`, through everything that leaves the board.
+/// Runs `node` to `to` and discards everything that leaves the board.
 fn pass<B: Powered, C: Cost>(node: &mut Node<B, C>, to: u64) {
     while node.now() < to {
         node.advance(to);
@@ -158,8 +158,8 @@ fn pass<B: Powered, C: Cost>(node: &mut Node<B, C>, to: u64) {
     }
 }
 
-/// Hangs a copy of `node`, which has just been reset, after `after`, and runs it to the watchdog's reset. `None` if
-/// that does not come within 0.6 s; HORUS's, which is not fed yet, takes 512 ms.
+/// Hangs a copy of `node`, which has just been reset, after `after`, and runs it to the watchdog's reset. Returns
+/// `None` if that does not come within 0.6 s; HORUS's, which is not fed yet, takes 512 ms.
 fn hung_after<B: Powered, C: Cost>(node: &Node<B, C>, after: u64) -> Option<Node<B, C>>
 where
     Node<B, C>: Clone,
@@ -177,7 +177,7 @@ where
     None
 }
 
-/// How long after a reset by the pin a hang is first ended by the watchdog, ns, to 100 ns.
+/// The earliest time after a reset by the pin at which the watchdog ends a hang, ns, to 100 ns.
 fn watched_from<B: Powered, C: Cost>(mut node: Node<B, C>) -> u64
 where
     Node<B, C>: Clone,
@@ -197,7 +197,7 @@ where
     from
 }
 
-/// On both boards.
+/// The result of [`watched_from`] on both boards.
 fn watched_from_on<C: Cost + Clone>() -> Option<[u64; 2]> {
     let horus = boards::horus_with::<C>(Oscillators::default())?;
     Some([watched_from(horus), watched_from(boards::dpr_with::<C>(Settings::default())?)])
@@ -211,7 +211,7 @@ fn both_watchdogs_run_two_microseconds_after_a_reset_on_every_clock() {
     assert!(clocks.into_iter().flatten().all(|from| from <= 1_500), "{clocks:?}");
 }
 
-/// Instants of a start: the first at which both watchdogs run, then later ones.
+/// Instants in a start: the first at which both watchdogs run, then later ones.
 const IN_START: [u64; 3] = [WATCHDOG_STARTS, 300 * US, 2_900 * US];
 
 #[test]
@@ -272,8 +272,8 @@ fn each_board_that_hangs_and_both_are_restarted_by_their_watchdogs_and_the_link_
     }
 }
 
-/// How long after the death of a task its board has to be restarted, ns, where the flight controller ends each of its
-/// transactions.
+/// The longest time from the death of a task to the restart of its board, ns, where the flight controller ends each of
+/// its transactions.
 const fn bitten_within(board: Board) -> u64 {
     bounds::CHECKED_IN[Board::Horus as usize]
         + match board {
@@ -305,7 +305,7 @@ fn whichever_task_of_a_board_is_dead_its_watchdog_bites_and_the_link_recovers() 
     let mut wrong = vec![];
     for board in BOARDS {
         for (task, (name, _)) in (0_u8..).zip(tasks_of(board)) {
-            // Each at another phase of the cycle.
+            // Each task dies at another phase of the cycle.
             let at = BEGINS + 430 * US * u64::from(task);
             let faults = Faults::none().with(at, at, Fault::DeadTask(board, task));
             let Some(setup) = setup(faults, at + AFTER) else { return };
@@ -361,8 +361,7 @@ fn link_status_says_that_the_watchdog_has_restarted_a_dpr_that_hung() {
     assert_eq!(said.and_then(|link| link.status.reset_reason()), Some(ResetReason::Watchdog));
 }
 
-/// What HORUS sent of GPS3 and of itself, in order: when (ns), whether GPS3 is excluded, and Reported-Position's
-/// status.
+/// HORUS's objects in order: the instant of each (ns), whether GPS3 is excluded, and Reported-Position's status.
 fn sent(log: &bench_judge::Log) -> Vec<(u64, bool, ReportedStatus)> {
     let of = |payload: &[u8]| {
         let [reported, gps3] = [0, 3].map(|object| Profile::<3>::place(object).and_then(|place| payload.get(place)));
@@ -394,7 +393,7 @@ fn a_receiver_excluded_before_the_watchdog_bites_is_still_excluded_after_it() {
     let (_, excluded, before) = sent[restarted - 1];
     assert!(excluded && before.state() == Some(HorusState::Monitoring), "{before:?}");
     assert_eq!(before.reset_reason(), Some(ResetReason::PowerOn));
-    // No receiver has said anything yet that would exclude it anew.
+    // No receiver has sent anything yet that would exclude it anew.
     let (_, excluded, after) = sent[restarted];
     assert!(excluded && !after.position_valid(), "{after:?}");
     assert_eq!((after.state(), after.reset_reason()), (Some(HorusState::Starting), Some(ResetReason::Watchdog)));
@@ -419,8 +418,8 @@ fn after_its_supply_was_off_horus_excludes_nobody_until_it_votes() {
     assert!(sent.last().is_some_and(|(_, excluded, _)| *excluded), "it is outvoted again");
 }
 
-/// RAM outlives a supply that sags to 1.4 V, and a part that was off below 1.6 V says power-on: a shape that falls
-/// there, rests or not, and rises again.
+/// A shape of a supply that falls to between 1.4 V and 1.6 V and rises again, with or without a rest there. RAM
+/// survives 1.4 V, while a part that was below 1.6 V reports power-on.
 fn forgetful_sag() -> u64 {
     let forgets = |shape: &u64| {
         let volts: Vec<u32> = power::shape(*shape).into_iter().map(|(_, volts)| volts).collect();
@@ -491,7 +490,7 @@ fn a_board_that_hangs_is_also_restarted_by_its_pin_and_by_its_supply() {
     }
 }
 
-/// What [`WATCHDOG_STARTS`] promises: from then on a hang is ended by the watchdog.
+/// From [`WATCHDOG_STARTS`] on the watchdog ends a hang.
 #[test]
 fn so_long_after_its_start_each_boards_watchdog_runs() {
     for clock in CLOCKS {
@@ -506,8 +505,8 @@ fn so_long_after_its_start_each_boards_watchdog_runs() {
     }
 }
 
-/// Wherever in the publication of an image the DPR hangs, nothing is read from it that has expired: the flight
-/// controller waits, and reads when the time of that image is just over.
+/// Wherever in the publication of an image the DPR hangs, no expired data are read from it: the flight controller
+/// waits, and reads just after that image has expired.
 #[test]
 fn wherever_the_dpr_hangs_while_it_puts_an_image_in_nothing_expired_is_read() {
     let Some(setup) = setup(Faults::none(), BEGINS + 45 * MS) else { return };

@@ -1,5 +1,5 @@
-//! What faults that are injected do to the release images: that each of them arrives, and that a board is well again
-//! when it is over. What the boards owe to the flight controller while it lasts is the judge's to say.
+//! Tests the effect of injected faults on the release images: each fault takes effect, and the board works again when
+//! it is over. The judge checks the boards' duties to the flight controller meanwhile.
 
 mod boards;
 
@@ -19,7 +19,7 @@ const MS: u64 = 1_000_000;
 
 // ---- the receivers' lines
 
-/// What HORUS has counted of one receiver's line.
+/// HORUS's counters of one receiver's line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Counts {
     bytes: u32,
@@ -55,7 +55,7 @@ impl Counts {
 struct Fed {
     node: Node<Horus>,
     faults: LineFaults,
-    /// When the next positions are sent.
+    /// The instant at which the next positions are sent, ns.
     at: u64,
 }
 
@@ -100,7 +100,7 @@ impl Fed {
         [0, 1, 2].map(|receiver| Counts::of(&self.node, receiver))
     }
 
-    /// What is counted from now to `end`.
+    /// The counts from now to `end`.
     fn counts_to(&mut self, end: u64) -> [Counts; 3] {
         let before = self.counts();
         self.run_to(end);
@@ -109,13 +109,14 @@ impl Fed {
     }
 }
 
-/// The line carries 46 080 bytes a second, or 9 216 in 200 ms; half of the DMA's ring may still be on its way.
+/// The number of bytes in 200 ms at 46 080 bytes a second, 9 216, less half of the DMA's ring that may still be on its
+/// way.
 const WITHOUT_A_PAUSE: std::ops::RangeInclusive<u32> = 8_900..=9_500;
 
-/// Whether this is what HORUS counts of ten positions of 100 bytes.
+/// Whether HORUS counts ten positions of 100 bytes correctly under a fault.
 type Arrived = fn(Counts) -> bool;
 
-/// Every fault, and what is counted while it is there.
+/// Every fault, and the expected counts during it.
 const LINES: [(ReceiverFault, Arrived); 14] = [
     (ReceiverFault::Silent, |seen| seen == Counts::default()),
     (ReceiverFault::Babbles, |seen| WITHOUT_A_PAUSE.contains(&seen.bytes) && seen.errors == 0 && seen.messages == 0),
@@ -123,7 +124,7 @@ const LINES: [(ReceiverFault, Arrived); 14] = [
     (ReceiverFault::Unasked, |seen| WITHOUT_A_PAUSE.contains(&seen.bytes) && seen.errors == 0 && seen.damaged == 0),
     (ReceiverFault::Frozen, |seen| seen.messages == 10 && seen.damaged == 0),
     (ReceiverFault::WrongBaud(38_400), |seen| seen.messages == 0 && seen.errors > 100),
-    // One character, whose stop bit is missing.
+    // A break is one character whose stop bit is missing.
     (ReceiverFault::Break, |seen| seen.messages == 0 && (1..=2).contains(&seen.errors) && seen.bytes <= 2),
     (ReceiverFault::Noise, |seen| seen.messages < 8 && seen.damaged > 0 && (1..=6).contains(&seen.errors)),
     (ReceiverFault::FramingErrors, |seen| (30..=100).contains(&seen.errors)),
@@ -146,7 +147,7 @@ fn every_fault_of_a_receiver_arrives_at_horus_leaves_the_others_alone_and_ends()
         fed.faults.begin(105 * MS, 305 * MS, 0, fault);
         let [first, others @ ..] = fed.counts_to(305 * MS);
         fed.faults.end(0, fault);
-        // What was under way, or late, comes first.
+        // Bytes under way and delayed bytes come first.
         fed.run_to(405 * MS);
         let after = fed.counts_to(605 * MS);
         if !arrived(first) || others != [ten; 2] || after != [ten; 3] {
@@ -160,7 +161,7 @@ fn every_fault_of_a_receiver_arrives_at_horus_leaves_the_others_alone_and_ends()
 
 // ---- supply and reset
 
-/// Runs `node` for so long and answers what its front end emitted.
+/// Runs `node` for `ns` and returns what its front end emitted.
 fn emitted<B: Powered>(node: &mut Node<B>, ns: u64) -> Vec<AirEvent> {
     let end = node.now() + ns;
     let mut events = vec![];
@@ -176,7 +177,7 @@ fn frames(events: &[AirEvent]) -> usize {
     events.iter().filter(|event| matches!(event, AirEvent::FrameStart(_))).count()
 }
 
-/// In this time HORUS starts and sends four frames at least.
+/// The time in which HORUS starts and sends at least four frames, ns.
 const STARTS: u64 = RAM_TEST + 55 * MS;
 
 /// Runs HORUS from its start into the first millisecond of a frame, which takes nearly five.
@@ -185,7 +186,7 @@ fn into_a_frame(node: &mut Node<Horus>) {
     assert!((0..10).any(|_| frames(&emitted(node, MS)) > 0), "a frame in each cycle");
 }
 
-/// The frame that is on the air breaks off, the field goes with it, and nothing comes afterwards.
+/// Whether the frame on the air breaks off, the field ends with it, and nothing follows.
 fn breaks_off(events: &[AirEvent]) -> bool {
     // A frame of three receivers has 247 bytes.
     matches!(events, [AirEvent::FrameEnd { bits: 0..1_976 }, AirEvent::FieldOff])
@@ -246,7 +247,7 @@ fn a_pin_and_a_brown_out_restart_a_board_at_once_and_leave_ram_and_front_end_as_
     for (fault, cause) in [(PowerFault::Pin, Reset::Pin), (PowerFault::BrownOut, Reset::BrownOut)] {
         let Some(mut node) = boards::horus() else { return };
         emitted(&mut node, 55 * MS);
-        // Below the stack in use.
+        // The address is below the stack in use.
         node.write(0x2000_0010, b"kept").unwrap();
         fault.begin(&mut node);
         assert_eq!(causes(&node), [cause]);
@@ -268,7 +269,7 @@ fn horus_finds_its_front_end_again_after_that_was_without_supply() {
     let without = emitted(&mut node, 100 * MS);
     assert!(breaks_off(&without), "{without:?}");
     PowerFault::FrontEndOff.end(&mut node);
-    // It looks for a lost front end every so often.
+    // The firmware searches for a lost front end periodically.
     assert!(frames(&emitted(&mut node, 500 * MS)) >= 10);
     assert_eq!(node.resets().len(), 0);
     assert!(counter(&node, "HORUS_TELEMETRY", std::mem::offset_of!(Telemetry, rf_faults)) > 0);
@@ -315,7 +316,7 @@ fn a_variable_or_handler_that_the_image_lacks_is_refused_by_its_name() {
 #[test]
 fn a_patch_that_is_sealed_passes_the_firmwares_check_of_its_flash_and_one_that_is_not_does_not() {
     let Some(node) = boards::horus() else { return };
-    // The window watchdog's vector: part of the image, and never fetched.
+    // The window watchdog's vector is part of the image, and never fetched.
     let patch = |sealed| ImageFault::Patch { address: 0x0800_0040, bytes: vec![0xAA; 4], sealed };
     let mut sealed = node.clone();
     let repair = patch(true).apply(&mut sealed).unwrap();
@@ -325,7 +326,7 @@ fn a_patch_that_is_sealed_passes_the_firmwares_check_of_its_flash_and_one_that_i
     let _ = patch(false).apply(&mut open).unwrap();
     assert_eq!(frames(&emitted(&mut open, 300 * MS)), 0);
     assert!(!open.resets().is_empty());
-    // Mended, the flash is byte for byte what it was.
+    // After the repair the flash equals the original byte for byte.
     repair.mend(&mut sealed).unwrap();
     let flash = |node: &Node<Horus>| {
         let mut flash = vec![0; 112 << 10];
@@ -344,7 +345,7 @@ fn targets_of<B: Powered>(mut node: Node<B>, flash: u32) {
     assert!(targets.ram.iter().any(|range| range.start == node.register(13)), "the stack in use: {targets:x?}");
     let [image] = &targets.flash[..] else { panic!("{targets:x?}") };
     assert!(image.start == flash && image.end > flash + 20_000, "{targets:x?}");
-    // Whatever is drawn can be applied, and is undone by the same upset.
+    // Every drawn upset can be applied, and the same upset undoes it.
     let mut rng = Rng::new(1);
     for kind in [Kind::Ram, Kind::Flash, Kind::Registers] {
         for _ in 0..50 {

@@ -1,8 +1,8 @@
-//! How long a bit that flips in memory goes unnoticed, on both boards with the release images.
+//! Measures how long a bit that flips in memory goes undetected, on both boards with the release images.
 //!
-//! A debugger flips one bit of what is stored while the image runs. The test waits until the board says so as its
-//! flight controller, its antenna or its log would notice, and holds the time against what the firmwares' modules
-//! `integrity` state.
+//! A debugger flips one stored bit while the image runs. The test waits until the board reports it to its flight
+//! controller, at its antenna or in its log, and compares the time with the limits of the firmwares' modules
+//! `integrity`.
 
 mod boards;
 mod reader;
@@ -28,7 +28,7 @@ fn run<B: Board>(node: &mut Node<B>, ns: u64) {
     }
 }
 
-/// Steps of `step` ns until `done`; how long that was, ns.
+/// Runs in steps of `step` ns until `done`; returns the elapsed time, ns.
 fn until<B: Board>(node: &mut Node<B>, step: u64, within: u64, mut done: impl FnMut(&mut Node<B>) -> bool) -> u64 {
     let from = node.now();
     while node.now() < from + within {
@@ -49,7 +49,7 @@ fn dpr_counter(node: &Node<Dpr>, name: &str) -> u32 {
     boards::counter(node, "DPR_TELEMETRY", 4 * place)
 }
 
-/// What Link-Status says. A transaction may meet the DPR busy, but not two in a row.
+/// The status bits of Link-Status. A transaction may meet the DPR busy, but not two in a row.
 fn link(node: &mut Node<Dpr>) -> profile::LinkStatusBits {
     let read = (0..2).find_map(|_| {
         let read = transact(node, LinkStatus::SIZE, 0);
@@ -58,15 +58,15 @@ fn link(node: &mut Node<Dpr>) -> profile::LinkStatusBits {
     read.expect("Link-Status is readable")
 }
 
-/// What is said of the stop before this start.
+/// The log line about the stop before this start.
 fn last_stop<B: Board>(node: &mut Node<B>) -> String {
     node.take_log().iter().map(ToString::to_string).find(|line| line.contains("the last stop: ")).unwrap_or_default()
 }
 
 // ---- DPR
 
-/// Where the image is that the flight controller reads: the place in the statics that holds the Link-Status that it
-/// has just read, which no other image has.
+/// The address of the image that the flight controller reads: the Link-Status that it has just read is in no other
+/// image.
 fn shown(node: &mut Node<Dpr>) -> u32 {
     let read = transact(node, LinkStatus::SIZE, 0);
     let start = address(node, "__sbss");
@@ -97,7 +97,7 @@ fn a_bit_that_flips_in_the_image_shown_is_noticed_in_time_and_no_object_of_that_
         assert_eq!(view(&mut node).valid.len(), 4, "byte {byte}");
         let faults = dpr_counter(&node, "image_faults");
         assert_eq!(faults, 0);
-        // Until the next frame's deadline this image is the one that is shown: 12.5 ms after the frame's end.
+        // Until the next frame's deadline, 12.5 ms after the frame's end, this image is shown.
         let address = shown(&mut node) + byte;
         Upset::Ram { address, bit }.apply(&mut node).unwrap();
         let (mut silent, began) = (false, node.now());
@@ -129,7 +129,7 @@ fn a_bit_that_flips_in_the_dprs_flash_withholds_all_objects_until_it_is_as_it_wa
     let Some(mut node) = boards::dpr() else { return };
     field_on(&mut node);
     run(&mut node, 40 * MS);
-    // The vector table, which the memory protection unit shuts: a vector that no interrupt uses.
+    // The bit is in the vector table, which the memory protection unit shuts: in a vector that no interrupt uses.
     let table = Upset::Flash { address: 0xFC, bit: 2 };
     let last = Upset::Flash { address: address(&node, "__image_crc") - 4, bit: 30 };
     let within = u64::from(dpr::FLASH_DETECT_US) * US;
@@ -156,13 +156,13 @@ fn a_bit_that_flips_in_the_dprs_code_in_ram_or_in_a_guard_word_stops_it() {
         let Some(mut node) = boards::dpr() else { return };
         run(&mut node, 40 * MS);
         let (cause, within, at) = match symbol {
-            // What is there is the end of a CRC's table: the firmware goes on.
+            // The end of a CRC's table is at that place, so the firmware goes on.
             "__ehot" => (Cause::CodeInRam, dpr::CODE_DETECT_US, address(&node, symbol) - 4),
             _ => (Cause::GuardWord, 2 * firmware_common::patrol::SLICE_US + 12_500, address(&node, symbol)),
         };
         Upset::Ram { address: at, bit: 4 }.apply(&mut node).unwrap();
         let silent = |node: &mut Node<Dpr>| transact(node, 8, 0).iter().all(|byte| *byte == 0xFF);
-        // A transaction may meet the DPR busy once.
+        // One transaction may meet the DPR busy.
         let took = until(&mut node, MS, u64::from(within) * US, |node| silent(node) && silent(node));
         eprintln!("{symbol}: silent after {} us", took / US);
         let restarts = node.now() + 200 * MS;
@@ -175,7 +175,7 @@ fn a_bit_that_flips_in_the_dprs_code_in_ram_or_in_a_guard_word_stops_it() {
     }
 }
 
-/// A bit of unused stack sticks at the level that it does not have.
+/// Makes a bit of unused stack stick at the opposite of its level.
 fn stick<B: Board>(node: &mut Node<B>) {
     let address = address(node, "_stack_end") + 0x101;
     let mut byte = [0];
@@ -194,7 +194,7 @@ fn a_stuck_bit_of_the_dprs_ram_is_shown_in_time() {
     let took = until(&mut node, 50 * MS, within, |node| link(node).ram_fault());
     eprintln!("the DPR's RAM: shown after {} ms", took / MS);
     assert!(dpr_counter(&node, "ram_errors") >= 1);
-    // It is still there at the next start, and shown from the first image on; without it nothing is.
+    // The stuck bit is still there at the next start and shown from the first image on; without it no fault is shown.
     for sticks in [true, false] {
         if !sticks {
             node.input(|part, _, _| part.stick(None));
@@ -206,7 +206,7 @@ fn a_stuck_bit_of_the_dprs_ram_is_shown_in_time() {
     }
 }
 
-/// When the test of the memory at the start has come to its end, µs.
+/// The time at which the memory test at the start has ended, µs.
 fn tested_us<B: Board, C: Cost>(node: &mut Node<B, C>) -> u64 {
     let result = node.address_of("MEMORY_TEST").unwrap();
     while node.word(result) != Some(start_test::TESTED) {
@@ -232,7 +232,7 @@ fn the_memory_test_at_the_start_takes_at_most_its_stated_time() {
 
 // ---- HORUS
 
-/// What left HORUS's antenna meanwhile.
+/// Runs HORUS for `ns` and returns what left its antenna.
 fn run_horus(node: &mut Node<Horus>, ns: u64) -> Vec<(u64, AirEvent)> {
     let end = node.now() + ns;
     let mut air = vec![];
@@ -243,7 +243,7 @@ fn run_horus(node: &mut Node<Horus>, ns: u64) -> Vec<(u64, AirEvent)> {
     air
 }
 
-/// The status of the last Reported-Position of these.
+/// The status of the last Reported-Position in these events.
 fn said(air: &[(u64, AirEvent)]) -> ReportedStatus {
     let mut frames: Vec<Vec<u8>> = vec![];
     for (_, event) in air {
@@ -257,7 +257,7 @@ fn said(air: &[(u64, AirEvent)]) -> ReportedStatus {
     frames.iter().rev().find_map(status).expect("HORUS has sent a frame")
 }
 
-/// When the field goes off within so long.
+/// The instant at which the field goes off within `within`.
 fn field_off(node: &mut Node<Horus>, within: u64) -> Option<u64> {
     let from = node.now();
     while node.now() < from + within {
@@ -277,7 +277,7 @@ fn a_stuck_bit_of_horuss_ram_switches_the_field_off_for_good() {
     stick(&mut node);
     let took = field_off(&mut node, u64::from(horus::RAM_DETECT_US) * US).expect("the field goes off in time");
     eprintln!("HORUS's RAM: field off after {} ms", took / MS);
-    // Each start finds it before anything is sent, and says so.
+    // Each start finds it before anything is sent, and reports it.
     node.take_log();
     let air = run_horus(&mut node, 1_000 * MS);
     assert!(!air.iter().any(|(_, event)| matches!(event, AirEvent::FieldOn)));

@@ -1,8 +1,8 @@
-//! The whole link: both release images against each other. What the figures must be, and that what should be noticed
-//! is.
+//! Tests the whole link, with both release images against each other: the figures must hold, and every disturbance must
+//! be detected.
 //!
-//! The images are built by `cargo xtask test`, which says where they are in `LINK_IMAGES`; without it no test is run,
-//! and each fails where `CI` is set. One run is a few hundred virtual milliseconds, and a function of its setup.
+//! `cargo xtask test` builds the images and gives their folder in `LINK_IMAGES`; without it no test is run, and each
+//! fails where `CI` is set. One run is a few hundred virtual milliseconds, and a function of its setup.
 
 mod boards;
 mod waves;
@@ -19,7 +19,7 @@ use profile::sequence::SEARCH_CYCLES;
 
 const MS: u64 = 1_000_000;
 
-/// Cycles with which the DPR finds the sequence at the start: they arrive, are rejected, and are not shown.
+/// The cycles with which the DPR finds the sequence at the start: they arrive, are rejected, and are not shown.
 const SEARCHED: u64 = SEARCH_CYCLES as u64;
 
 /// The setup of a short run with this many receivers, or `None` where the images were not built.
@@ -40,9 +40,9 @@ fn with_any_number_of_receivers_every_object_arrives_in_time_and_nothing_is_viol
         assert_eq!(report.violations, [""; 0], "{gps} receivers");
         let frames_per_cycle = if gps == 5 { 2 } else { 1 };
         let cycles = report.air.frames_delivered / frames_per_cycle;
-        // HORUS tests its RAM for 12 ms on this clock, compares its flash with the CRC and sets up for 8 to 9 ms, the
-        // longer the image, and the first tick comes 10 ms after that: the 79th at 810 to 811 ms, whose last frame with
-        // five receivers is through before 821, and the 80th's first is not.
+        // HORUS tests its RAM for 12 ms on this clock. It then compares its flash with the CRC and sets up for 8 to 9
+        // ms, the longer the image. The first tick comes 10 ms after that, and the 79th at 810 to 811 ms. The 79th
+        // cycle's last frame with five receivers is through before 821 ms, and the 80th's first is not.
         assert_eq!(cycles, 79, "{gps} receivers");
         assert_eq!(report.horus.frames_sent, report.air.frames_delivered);
         // The cycles with which the DPR finds the sequence are rejected, each object of them, and no other.
@@ -54,14 +54,14 @@ fn with_any_number_of_receivers_every_object_arrives_in_time_and_nothing_is_viol
         let command = report.horus.tick_to_command_ns.unwrap();
         assert!(command.max > 0 && command.width() <= 100);
         assert!(report.horus.tick_to_air_ns.unwrap().width() <= 3_000);
-        // 8 ppm fast.
+        // HORUS's crystal is 8 ppm fast.
         assert!(report.horus.period_ns.unwrap().min.abs_diff(9_999_920) <= 3_000, "{:?}", report.horus.period_ns);
         assert!(report.ssi.ready_ns.unwrap().max <= 10_000);
         assert!(report.horus.load <= 0.1 && report.dpr.load <= 0.1);
         assert!(report.latency_ns.last_bit_to_readable.unwrap().max <= 100_000);
         if gps == 3 {
             assert_eq!(report.air.bit_rate, 424_000);
-            // 2040 bits of 32 / 13.56 MHz, on a crystal that is 8 ppm fast.
+            // A frame has 2040 bits of 32 / 13.56 MHz, on a crystal that is 8 ppm fast.
             assert!(report.air.air_time_ns.abs_diff(4_814_159 - 39) <= 2, "{}", report.air.air_time_ns);
             assert!(report.latency_ns.sample_to_readable.unwrap().p999 <= 5_500_000);
         }
@@ -121,8 +121,8 @@ fn every_wire_of_the_trace_moves_and_no_instant_comes_before_another() {
         assert!(falls.len() >= 5, "{board}: {falls:?}");
         assert!(falls.iter().all(|after| (29..=33).contains(after)), "{board}: {falls:?}");
     }
-    // This flight controller asks for no window: MOSI stays low. Every exception is a task's, and every task is called
-    // for a sign of life if for nothing else.
+    // This flight controller requests no window, so MOSI stays low. Every exception is a task's, and every task runs at
+    // least for its check-in.
     let still = ["dpr.tasks.dpr_other", "horus.tasks.horus_other", "ssi.ssi_mosi"];
     let unmoved: Vec<&str> = waves.iter().filter(|(_, changes)| changes.len() < 2).map(|(name, _)| &**name).collect();
     assert_eq!(unmoved, still);
@@ -141,7 +141,7 @@ fn crystals_at_their_worst_against_each_other_change_nothing() {
 }
 
 /// The flight controller's 4 ms cycle slips through every phase of HORUS's 10 ms within 2 s, so that its transactions
-/// meet the DPR at everything it does; at 10 ms and 4 ms without a slip they would meet it at five instants alone.
+/// meet every activity of the DPR; at 10 ms and 4 ms without a slip they would meet it only at five instants.
 #[test]
 fn a_flight_controller_that_reads_at_every_phase_delays_nothing() {
     let Some(mut setup) = setup(3, 2_200) else { return };
@@ -163,7 +163,7 @@ fn a_flight_controller_that_reads_at_every_phase_delays_nothing() {
 #[test]
 fn bit_errors_cost_the_objects_they_hit_and_nothing_invalid_is_shown() {
     let Some(mut setup) = setup(3, 600) else { return };
-    // 1952 payload bits a frame: about every third frame is hit, mostly in one object.
+    // A frame has 1952 payload bits, so about every third frame is hit, mostly in one object.
     setup.faults = Faults::of_air(AirFaults { bit_error: 2e-4, ..AirFaults::default() });
     let report = outcome(&setup).report;
     assert!(report.air.frames_damaged >= 5, "{:?}", report.air);
@@ -179,7 +179,7 @@ fn bit_errors_cost_the_objects_they_hit_and_nothing_invalid_is_shown() {
 
 #[test]
 fn lost_frames_are_missed_counted_and_their_successors_arrive() {
-    // The run ends between two frames: one that is lost as it ends nobody has missed yet.
+    // The run ends between two frames, because a frame that is lost at its end would not be missed yet.
     let Some(mut setup) = setup(3, 595) else { return };
     setup.faults = Faults::of_air(AirFaults { lost: 0.2, ..AirFaults::default() });
     let report = outcome(&setup).report;
@@ -199,8 +199,8 @@ fn frames_that_break_off_leave_the_link_working() {
     let report = outcome(&setup).report;
     assert_eq!(report.violations, [""; 0]);
     assert!(report.air.frames_damaged >= 3, "{:?}", report.air);
-    // A frame that broke off has no right length and is rejected outright. Of the whole ones, the first three cycles
-    // find the sequence: with this seed no frame breaks off among them.
+    // A frame that broke off has a wrong length and is rejected at once. The first three whole cycles find the
+    // sequence: with this seed no frame breaks off among them.
     assert_eq!(report.dpr.objects_accepted, (report.air.frames_delivered - SEARCHED) * 4, "{report:?}");
     assert_eq!(report.dpr.objects_rejected, SEARCHED * 4, "{report:?}");
     assert_eq!((report.ssi.bad_crc, report.base.bad_crc), (0, 0));
@@ -215,7 +215,7 @@ fn an_image_for_another_profile_is_noticed() {
     assert!(verdict.kinds().any(|violation| violation == Violation::FreshUnreadable), "{:?}", report.violations);
 }
 
-/// The recording called `name`, or `None` (said, see [`not_run`]) where it is not at hand.
+/// The recording called `name`, or `None` (reported, see [`not_run`]) where it is not available.
 fn recording(name: &str) -> Option<PathBuf> {
     let log = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/ubx").join(name);
     if log.exists() {
@@ -225,7 +225,7 @@ fn recording(name: &str) -> Option<PathBuf> {
     None
 }
 
-/// Plays `log` at every receiver and compares what the base station showed with what the log holds, bit by bit.
+/// Plays `log` at every receiver and compares the base station's display with the log's contents, bit by bit.
 fn shows_what_the_log_holds(mut setup: Setup, log: PathBuf, at_least: usize) {
     let held = Log::open(&log).unwrap();
     setup.recordings = vec![Some(log); 3];
@@ -233,7 +233,7 @@ fn shows_what_the_log_holds(mut setup: Setup, log: PathBuf, at_least: usize) {
     assert_eq!(outcome.report.violations, [""; 0]);
     let mut shown: Vec<[u64; 3]> = vec![];
     for entry in outcome.base.history() {
-        // Reported-Position is brought to its tick: the GPS objects show what was said.
+        // Reported-Position is extrapolated to its tick; the GPS objects have the receivers' own values.
         for position in entry.gps.iter().flatten().filter(|position| position.valid) {
             let bits = [position.latitude, position.longitude, position.altitude].map(f64::to_bits);
             if !shown.contains(&bits) {
@@ -243,7 +243,7 @@ fn shows_what_the_log_holds(mut setup: Setup, log: PathBuf, at_least: usize) {
     }
     assert!(shown.len() >= at_least, "{} positions shown", shown.len());
     let mut held = held.positions().iter().map(|position| {
-        // The definition: the nearest float64 to the decimal that the message carries.
+        // The correct value is the float64 nearest to the decimal that the message carries.
         [
             f64::from(position.latitude_1e7) / 1e7,
             f64::from(position.longitude_1e7) / 1e7,
@@ -251,7 +251,7 @@ fn shows_what_the_log_holds(mut setup: Setup, log: PathBuf, at_least: usize) {
         ]
         .map(f64::to_bits)
     });
-    // In the log's order, and none that it does not hold.
+    // The values are in the log's order, and all of them are from the log.
     for bits in &shown {
         assert!(
             held.any(|position| position == *bits),
@@ -261,7 +261,7 @@ fn shows_what_the_log_holds(mut setup: Setup, log: PathBuf, at_least: usize) {
     }
 }
 
-/// NAV-PVT at 1 Hz with a 3D fix, `epochs` of them.
+/// NAV-PVT at 1 Hz with a 3D fix, `epochs` times.
 fn one_hertz(epochs: u32) -> Vec<u8> {
     let fix = |epoch| ubx::NavPvt {
         itow_ms: 100_000 + epoch * 1_000,
@@ -277,9 +277,9 @@ fn one_hertz(epochs: u32) -> Vec<u8> {
     (0..epochs).flat_map(|epoch| fix(epoch).encode()).collect()
 }
 
-/// Design: a position is valid for one period of its receiver and 150 ms more, so 1.15 s at 1 Hz. What comes on top:
-/// HORUS takes the bytes in its next cycle (10 ms) and the flight controller reads what was valid no more within a
-/// cycle of each (10 ms, 4 ms) and the air time.
+/// A position is valid for one period of its receiver plus 150 ms, so for 1.15 s at 1 Hz. HORUS takes the bytes in its
+/// next cycle (10 ms), and the flight controller reads the invalid state within a cycle of each (10 ms, 4 ms) and the
+/// air time.
 #[test]
 fn reported_position_turns_invalid_one_period_and_150_ms_after_the_last_solution_of_a_receiver_that_falls_silent() {
     for gps in [1, 3] {
@@ -357,8 +357,8 @@ fn either_part_carries_the_link_with_and_without_i_txe() {
     }
 }
 
-/// A sample of `cargo xtask sim --flips`: one bit of registers that make a front end deaf or mute, and of some that do
-/// not matter.
+/// A sample of `cargo xtask sim --flips`: one bit each of registers that make a front end deaf or mute, and of some
+/// without an effect.
 #[test]
 fn a_bit_that_flips_in_a_front_end_costs_under_1500_ms() {
     let Some(setup) = setup(3, 100) else { return };

@@ -1,8 +1,8 @@
-//! What the memory protection units of both boards refuse, and how the stop is named after the restart.
+//! Tests what the memory protection units of both boards refuse, and how the stop is named after the restart.
 //!
-//! A task of each release image is overwritten with a few instructions that do what no task may. The board must come
-//! into its safe state at once, its watchdog must restart it, and the start after that must tell why it stopped: in the
-//! log, and in the telemetry as the code of `firmware_common::last_stop`.
+//! A task of each release image is overwritten with a few instructions that no task may execute. The board must enter
+//! its safe state at once, its watchdog must restart it, and the start after that must report the cause of the stop: in
+//! the log, and in the telemetry as the code of `firmware_common::last_stop`.
 
 mod boards;
 mod reader;
@@ -16,10 +16,11 @@ use profile::LinkStatus;
 use reader::{MS, transact};
 use st25r3916_model::AirEvent;
 
-/// The longest a watchdog may take to its bite; see `faults.rs`.
+/// The longest time that a watchdog may take to its reset, ns; see `faults.rs`.
 const BITE: u64 = 200 * MS;
 
-/// Both tasks run in every cycle of 10 ms, the DPR's with every deadline of 12.5 ms at the latest.
+/// The longest period of both tasks, ns: they run in every cycle of 10 ms, the DPR's at the latest with every deadline
+/// of 12.5 ms.
 const PERIOD: u64 = 15 * MS;
 
 /// `MOVW` or `MOVT` of `value` to register `to`, encodings T3 and T1 (ARMv7-M ARM A7.7.76, A7.7.79).
@@ -32,18 +33,18 @@ fn load_r0(value: u32) -> Vec<u16> {
     [mov(0xF240, 0, value as u16), mov(0xF2C0, 0, (value >> 16) as u16)].concat()
 }
 
-/// What a task does that it may not.
+/// A forbidden action of a task.
 #[derive(Clone, Copy, Debug)]
 enum Misdeed {
     Read(u32),
     Write(u32),
     Execute(u32),
-    /// Pushes until the stack is full, and on.
+    /// Pushes until the stack is full, and beyond.
     Recurse,
 }
 
 impl Misdeed {
-    /// As instructions, with a branch to itself behind: whoever is let do it hangs.
+    /// The instructions, followed by a branch to itself, so that a task whose access succeeds hangs.
     fn code(self) -> Vec<u8> {
         const LDR_R1_R0: u16 = 0x6801;
         const STR_R1_R0: u16 = 0x6001;
@@ -61,7 +62,7 @@ impl Misdeed {
     }
 }
 
-/// One line of a table: what is done, what the log says of it, and where it happened.
+/// One line of a table: the action, the log's text about it, and the place.
 type Row = (Misdeed, &'static str, &'static str);
 
 const DATA: &str = "memory protection, data access at ";
@@ -91,7 +92,7 @@ fn run<B: Board>(node: &mut Node<B>, ns: u64) {
     }
 }
 
-/// What leaves HORUS's antenna meanwhile is dropped.
+/// Runs HORUS and discards what leaves its antenna.
 fn run_horus(node: &mut Node<Horus>, ns: u64) {
     let end = node.now() + ns;
     while node.now() < end {
@@ -159,7 +160,7 @@ fn the_dpr_stops_at_each_access_that_no_task_may_make_and_names_it_after_the_res
     }
 }
 
-/// Where HORUS's telemetry has the code.
+/// The offset of the code in HORUS's telemetry.
 const HORUS_LAST_STOP: usize = core::mem::offset_of!(horus_tx_fw::telemetry::Telemetry, last_stop);
 
 #[test]

@@ -1,9 +1,9 @@
-//! The flight controller's transactions in every phase to the end of a frame, in steps of 100 ns: what meets once in
-//! minutes at its own cycle meets here at once.
+//! Places the flight controller's transactions in every phase to the end of a frame, in steps of 100 ns. Coincidences
+//! that its own cycle reaches once in minutes occur here at once.
 //!
-//! Around the publication, each phase is taken twice: with a whole image that ends there and 96 bytes right after it,
-//! and with 96 bytes that begin there after a long silence. The crystals of the boards are 200 ppm off, opposite ways;
-//! the phases do not depend on them.
+//! Around the publication, each phase is tested twice: with a whole image that ends there and 96 bytes right after it,
+//! and with 96 bytes that begin there after a long silence. The crystals of the boards are 200 ppm off, in opposite
+//! directions; the phases do not depend on them.
 
 mod boards;
 
@@ -16,25 +16,25 @@ use profile::ssi::timing;
 
 const US: i64 = 1_000;
 
-/// From a frame's last bit: a publication comes between 60 and 100 us after it, and what follows it (the scrub of three
-/// buffers) is over 240 us after it.
+/// The first phase, ns from a frame's last bit. A publication comes between 60 and 100 us after it, and its aftermath
+/// (the scrub of three buffers) is over 240 us after it.
 const FIRST: i64 = -60 * US;
 const LAST: i64 = 240 * US;
 
-/// With other than three receivers: the publication alone. Transactions still end in every phase up to 230 us, since in
-/// each cycle one ends 100 or 110 us later; begin they do up to 131 us. What comes after that, the scrub, is the
-/// same code with any number of receivers, which differ in the bytes that it goes over.
+/// The last phase with one or five receivers, which covers only the publication. Transactions still end in every phase
+/// up to 230 us, because in each cycle one ends 100 or 110 us later; they begin up to 131 us. The scrub after that is
+/// the same code with any number of receivers, which differ only in its length.
 const LAST_OF_PUBLICATION: i64 = 120 * US;
 
-/// From the end of a transaction to the beginning of the next: the time within which the DPR promises to be ready, and
-/// 1 us more.
+/// The time from the end of a transaction to the beginning of the next, ns: the time within which the DPR promises to
+/// be ready, and 1 us more.
 const GAP: i64 = timing::GAP_NS as i64 + US;
 
 fn falls(after_ns: i64, bytes: usize) -> Placement {
     Placement { edge: Edge::Falls, after_ns, bytes: Some(bytes) }
 }
 
-/// Runs `sweep` and says what the worst of it was; nothing may be violated, whatever meets.
+/// Runs `sweep` and prints its worst times; nothing may be violated in any coincidence.
 fn holds(gps: usize, sweep: Sweep, clock: Clock, (horus_ppb, dpr_ppb): (i64, i64)) {
     let (Some(horus), Some(dpr)) = (image(gps, "horus-tx-fw.elf"), image(gps, "dpr-fw.elf")) else { return };
     let cycles = sweep.cycles();
@@ -55,7 +55,7 @@ fn holds(gps: usize, sweep: Sweep, clock: Clock, (horus_ppb, dpr_ppb): (i64, i64
     println!("  last bit to FRESH  {:?}", worst(|phase| phase.fresh_ns().unwrap_or(0)));
     println!("  SSI ready          {:?}", worst(Phase::ready_ns));
     println!("  SSI held           {:?}", worst(Phase::hold_ns));
-    // The first violation of each kind with what happened around it.
+    // The first violation of each kind is printed with the surrounding events.
     for broken in &outcome.verdict.violations {
         let phase = outcome.phases.iter().rev().find(|phase| phase.frame_ended <= broken.first_at + 1_000_000);
         if let Some(phase) = phase {
@@ -68,10 +68,10 @@ fn holds(gps: usize, sweep: Sweep, clock: Clock, (horus_ppb, dpr_ppb): (i64, i64
     assert_eq!((outcome.report.ssi.bad_crc, outcome.report.dpr.objects_rejected), (0, searched), "{gps} receivers");
 }
 
-/// Around the publication of the cycle's frame number `frame`, from 0, in every phase from [`FIRST`] to `last`.
+/// Sweeps around the publication of the cycle's frame number `frame`, from 0, in every phase from [`FIRST`] to `last`.
 fn around_a_publication(gps: usize, frame: usize, last: i64, clock: Clock, crystals: (i64, i64)) {
     let whole = Placement { edge: Edge::Rises, after_ns: 0, bytes: None };
-    // Half a millisecond later, what was published is read in any case.
+    // The published image has certainly been read half a millisecond later.
     let witness = falls(700 * US, 96);
     let patterns = vec![vec![whole, falls(GAP, 96), witness], vec![falls(0, 96), witness]];
     holds(gps, Sweep { frame, from_ns: FIRST, to_ns: last, step_ns: 100, patterns }, clock, crystals);
@@ -87,7 +87,7 @@ fn a_publication_with_three_receivers_may_meet_a_transaction_in_any_phase() {
     around_a_publication(3, 0, LAST, Clock::Fast, (200_000, -200_000));
 }
 
-/// Where everything takes the longest that silicon may take, and what the scrub calls comes later.
+/// This clock takes the longest that silicon may take, which also delays what the scrub triggers.
 #[test]
 fn on_the_pessimistic_clock_a_publication_may_meet_a_transaction_in_any_phase() {
     around_a_publication(3, 0, LAST + 60 * US, Clock::Pessimistic, (-200_000, 200_000));
@@ -98,9 +98,9 @@ fn a_publication_with_five_receivers_may_meet_a_transaction_in_any_phase() {
     around_a_publication(5, 1, LAST_OF_PUBLICATION, Clock::Fast, (200_000, -200_000));
 }
 
-/// The DPR's idle task wakes with whatever happens, and does then what is due once a second. In the silence between two
-/// frames it is the end of the pause after a transaction that wakes it, 96 to 106 us after the transaction's end, so
-/// another one that ends 109 to 127 us after the first, which is as soon as it may, meets what it does. Whole seconds
+/// The DPR's idle task wakes at every event and then does the work that is due once a second. In the silence between
+/// two frames the end of the pause after a transaction wakes it, 96 to 106 us after the transaction's end. Another
+/// transaction that ends 109 to 127 us after the first, which is the earliest, coincides with that work. Whole seconds
 /// of the DPR move by 400 us a second against HORUS's cycle, so in 25 s half of them fall into that silence, each with
 /// another distance.
 #[test]
@@ -109,7 +109,7 @@ fn what_the_dpr_does_once_a_second_holds_no_transaction_up() {
         let pair = |at: i64| [falls(at, 8), falls(at + i64::from(timing::SPACING_NS) + gap, 8)];
         (0..7).flat_map(|place| pair(place * 650 * US)).collect()
     };
-    // A prime number of patterns: 100 cycles later, in the next second, it is another one.
+    // The number of patterns is prime, so the pattern differs 100 cycles later, in the next second.
     let patterns = (0..19).map(|pattern| pairs(pattern * US)).collect();
     let sweep = Sweep { frame: 0, from_ns: 300 * US, to_ns: 313_100, step_ns: 100, patterns };
     holds(3, sweep, Clock::Fast, (200_000, -200_000));

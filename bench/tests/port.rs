@@ -1,5 +1,5 @@
-//! What a flight controller writes, against the DPR's release image: uplinks and commands are read back, and what it
-//! may not write is counted by kind.
+//! Tests a flight controller's writes against the DPR's release image: uplinks and commands are read back, and
+//! forbidden writes are counted by kind.
 
 mod boards;
 mod reader;
@@ -52,7 +52,7 @@ fn uplinks_are_read_back_as_they_were_written_until_they_are_old() {
     let own = Uplink::seal(OWN, &UplinkValues { timestamp: 9, payload, ..UplinkValues::default() });
     write(&mut node, &[IDLE, base.as_bytes()]);
     write(&mut node, &[&encode(Request { offset: 276, length: 192 }), own.as_bytes()]);
-    // The window that was asked for with the second.
+    // The window was requested with the second write.
     let window = transact(&mut node, 192, 0);
     let whole = map(&mut node);
     assert_eq!(whole[276 + 64..], window[64..]);

@@ -1,7 +1,6 @@
-//! What the flight controller does on the SSI leaves the RFID side as it is: frames received, objects accepted, and how
-//! soon after its sample each cycle is announced, differ by less than 1 % from those with a flight controller that
-//! keeps to the rules; and the SSI's tasks come between a frame's last bit and its image once, and in the call that
-//! publishes it.
+//! Tests that the flight controller's use of the SSI leaves the RFID side unaffected. Frames received, objects
+//! accepted, and the time from each sample to its announcement differ by less than 1 % from those with a flight
+//! controller that keeps to the rules. The SSI's tasks delay a frame's image once, and in the call that publishes it.
 
 mod boards;
 
@@ -13,29 +12,28 @@ use cortex_m4::{Cost, Fast, Pessimistic};
 use profile::image::Image;
 
 const MS: u64 = 1_000_000;
-/// From when to when the flight controller misuses the SSI, ns, and is looked at.
+/// The interval in which the flight controller misuses the SSI and the figures are taken, ns.
 const EPISODE: std::ops::Range<u64> = 300 * MS..900 * MS;
 
-/// What the SSI's tasks take of a frame's way at most, ns: the end of the pause and the end of a transaction, once (the
-/// sum of `sums.rs`: 9.3 us), and the end that comes in the pause, which the call by which the image is published
-/// serves, too.
+/// The longest time by which the SSI's tasks delay a frame, ns: the end of the pause and the end of a transaction, once
+/// (the sum of `sums.rs`: 9.3 us), and an end within the pause, which the publishing call also serves.
 const FAST_SHARE: u64 = 14_000;
 /// The same on the pessimistic clock (17.2 us).
 const PESSIMISTIC_SHARE: u64 = 22_500;
 
-/// What the RFID side did in [`EPISODE`].
+/// The RFID side's figures in [`EPISODE`].
 #[derive(Debug)]
 struct Figures {
     frames: u64,
     accepted: u64,
     rejected: u64,
-    /// From HORUS's tick to FRESH, ns.
+    /// The time from HORUS's tick to FRESH, ns.
     announced: Quantiles,
-    /// From a frame's last bit to FRESH at worst, ns.
+    /// The longest time from a frame's last bit to FRESH, ns.
     last_bit: u64,
 }
 
-/// From the last tick before each frame, and from its last bit, to the rise of FRESH that follows it, ns.
+/// The times from the last tick before each frame, and from its last bit, to the next rise of FRESH, ns.
 fn announced(log: &Log) -> impl Iterator<Item = (u64, u64)> {
     let (mut tick, mut heard) = (None, None);
     log.events.iter().filter_map(move |event| match &event.what {
@@ -61,7 +59,7 @@ fn warm<C: Cost>() -> Option<(Setup, Bench<C>)> {
     Some((setup, bench))
 }
 
-/// The figures with a flight controller that behaves so.
+/// The figures with a flight controller of this conduct.
 fn figures<C: Cost>((setup, bench): &(Setup, Bench<C>), conduct: Option<Conduct>) -> Figures {
     let mut bench = bench.clone();
     if let Some(conduct) = conduct {
@@ -83,8 +81,8 @@ fn figures<C: Cost>((setup, bench): &(Setup, Bench<C>), conduct: Option<Conduct>
     Figures { frames, accepted, rejected, announced, last_bit }
 }
 
-/// Holds the figures with each of `conducts` against those with a flight controller that makes no transaction at all.
-/// The SSI's share is `share_ns` at most.
+/// Compares the figures with each of `conducts` with those of a flight controller that makes no transaction at all. The
+/// SSI's share is at most `share_ns`.
 fn changes_nothing<C: Cost>(conducts: impl IntoIterator<Item = Conduct>, share_ns: u64) {
     let Some(warm) = warm::<C>() else { return };
     let quiet = figures(&warm, Some(Conduct::Silent));
@@ -108,7 +106,7 @@ fn changes_nothing<C: Cost>(conducts: impl IntoIterator<Item = Conduct>, share_n
 }
 
 /// Edges without a clock from 1 kHz to 4 MHz, and transactions of none, one, eight and 96 bytes and of the whole image
-/// from 1 kHz to as often as they go. No period divides that of the frames, so each meets them in many phases.
+/// from 1 kHz to the highest possible rate. No period divides that of the frames, so each meets them in many phases.
 fn rates() -> impl Iterator<Item = Conduct> {
     let edges = [997_000, 293_000, 117_000, 97_000, 53_000, 11_300, 2_000, 1_000, 250].map(Conduct::Edges);
     let each =
@@ -117,7 +115,7 @@ fn rates() -> impl Iterator<Item = Conduct> {
 }
 
 /// A flight controller that was silent begins to select in every phase to a frame's end, with all that an image grants.
-/// However fast, that costs the frame no more than the SSI's share.
+/// At any rate, that delays the frame by at most the SSI's share.
 fn begins_in_every_phase<C: Cost>(share_ns: u64) {
     let Some((setup, bench)) = warm::<C>() else { return };
     let silent = |until| Faults::none().with(EPISODE.start + MS, until, Fault::FlightController(Conduct::Silent));

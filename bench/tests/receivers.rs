@@ -1,5 +1,5 @@
-//! Receivers on a UART, on I2C and on SPI against the release image: what each says is shown to the last bit, and
-//! whatever is wrong with one interface costs neither a cycle nor another receiver, and is over soon after its end.
+//! Tests receivers on a UART, on I2C and on SPI against the release image: their values are shown to the last bit, and
+//! a fault of one interface costs neither a cycle nor another receiver, and is over soon after its end.
 
 mod boards;
 
@@ -24,7 +24,7 @@ fn setup(milliseconds: u64) -> Option<Setup> {
     Some(Setup::new(images, 3, milliseconds * MS))
 }
 
-/// A run in which nothing is violated and no cycle is lost.
+/// Runs the setup; nothing may be violated and no cycle may be lost.
 fn sound(setup: &Setup) -> Outcome {
     let outcome = run(setup, &mut ()).unwrap_or_else(|error| panic!("{error}"));
     let what = || setup.faults.episodes().iter().map(|episode| episode.fault.name()).collect::<Vec<_>>();
@@ -37,7 +37,7 @@ fn sound(setup: &Setup) -> Outcome {
     outcome
 }
 
-/// When each receiver's position was shown as valid (`true`) or not, ns.
+/// The changes of a receiver's position between valid (`true`) and not, with their instants, ns.
 fn validity(outcome: &Outcome, receiver: usize) -> Vec<(u64, bool)> {
     let of = |gps: [Option<Position>; 5]| gps[receiver].is_some_and(|it| it.valid);
     outcome.base.history().map(|entry| (entry.at_ns, of(entry.gps))).collect()
@@ -51,7 +51,7 @@ fn log() -> Vec<u8> {
                 itow_ms: 100_000 + epoch as u32 * 100,
                 fix_type: 3,
                 flags: ubx::NavPvt::FLAG_FIX_OK,
-                // 0xFF within a message is no filler.
+                // A 0xFF within a message is not filler.
                 latitude_1e7: 0x1C4F_FFFF + epoch * 7,
                 longitude_1e7: 87_290_587 - epoch * 11,
                 height_mm: 470_001 + epoch,
@@ -94,8 +94,8 @@ fn a_recorded_log_gives_bit_exact_gps_objects_on_each_interface() {
             .map(|position| [position.latitude, position.longitude, position.altitude].map(f64::to_bits))
             .collect();
         shown.dedup();
-        // On SPI the first may have waited behind a line that was stuck, for all that HORUS knows, and so may the
-        // second, if the first burst outlasts its transfer: then no filler behind it shows that nothing more waited.
+        // On SPI the first message may have waited behind a stuck line, as far as HORUS can know. So may the second, if
+        // the first burst outlasts its transfer: then no filler after it shows that the receiver is empty.
         let first = if receiver == 2 { 1..=2 } else { 0..=0 };
         assert!(first.into_iter().any(|first| shown == held[first..]), "GPS{}: {shown:?} of {held:?}", receiver + 1);
     }
@@ -158,7 +158,7 @@ fn one_receiver_in_3d_beside_two_in_2d_shows_no_altitude() {
             .iter()
             .all(|(_, position)| position.valid && (position.altitude.is_nan() || position.altitude <= 800.0))
     );
-    // All have a solution within 250 ms.
+    // All receivers have a solution within 250 ms.
     let during = altitudes.iter().filter(|(at, _)| (770..900).contains(at));
     assert!(during.clone().count() > 10 && during.clone().all(|(_, position)| position.altitude.is_nan()));
     assert!(altitudes.iter().any(|(at, position)| *at > 1_200 && position.altitude > 400.0), "it is back");
@@ -179,11 +179,11 @@ fn an_attitude_that_two_receivers_contradict_each_other_in_is_not_shown() {
     assert!(oriented(770, 900) < 1e-9);
 }
 
-/// From when to when a bus fails.
+/// The interval in which a bus fails, ns.
 const FAILS: std::ops::Range<u64> = 500 * MS..900 * MS;
-/// So long after the end of any fault of a bus its receiver's position is valid again: HORUS looks at a bus that was
-/// stuck at the latest 110 ms after the last time (decision 16), the receiver's next solution comes within 200 ms and
-/// what it kept meanwhile is read before it, and 50 ms for a cycle, the air and the way to the base station.
+/// The longest time from the end of any fault of a bus to a valid position of its receiver, ns. HORUS tries a stuck bus
+/// again after at most 110 ms (decision 16), the receiver's next solution comes within 200 ms and its stored messages
+/// are read before it, and a cycle, the air and the way to the base station take 50 ms.
 const BACK: u64 = 360 * MS;
 
 fn of_bus(clock: Clock) {
@@ -248,30 +248,30 @@ fn endless_bus_errors_take_at_most_two_percent_of_the_processor() {
     assert_eq!(disturbed.resets().len(), 0);
 }
 
-/// What became of the failures of one kind.
+/// The consequences of the failures of one kind.
 #[derive(Clone, Copy, Debug, Default)]
 struct Table {
     failures: u64,
-    /// In how many of them the receiver's position was not valid for a while.
+    /// The number of them in which the receiver's position was not valid for a while.
     silenced: u64,
-    /// How long it was not at most, and how long after the failure's end it was valid again at most, ns.
+    /// The longest such time, and the longest time from the failure's end to a valid position, ns.
     longest: u64,
     latest: u64,
-    /// Profiles in which the two other receivers may not have agreed.
+    /// The number of profiles in which the two other receivers may have disagreed.
     apart: u64,
 }
 
-/// Whether these two receivers, which are right, may not agree, though they state little: farther apart than the least
-/// distances of decision 15, less what they may move within a message.
+/// Whether these two correct receivers may disagree although they report a high accuracy: they are farther apart than
+/// the least distances of decision 15, less their possible motion within a message.
 fn may_disagree(one: Position, other: Position) -> bool {
     let north = (one.latitude - other.latitude).to_radians() * 6_371_000.0;
     let east = (one.longitude - other.longitude).to_radians() * 6_371_000.0 * one.latitude.to_radians().cos();
     north.hypot(east) > 5.0 - 1.0 || (one.altitude - other.altitude).abs() > 8.0 - 0.5
 }
 
-/// `failures` of buses, one a second, each of a drawn kind at a drawn instant for a drawn time: nothing is violated, no
-/// cycle is lost, every other receiver stays valid, and so does Reported-Position where those agree. Returns the
-/// greatest distance of Reported-Position from where the drone really was, m; `None` without images.
+/// Injects `failures` of buses, one a second, each of a drawn kind at a drawn instant for a drawn time. Nothing is
+/// violated, no cycle is lost, every other receiver stays valid, and so does Reported-Position where those agree.
+/// Returns the greatest error of Reported-Position, m; `None` without images.
 fn drawn_failures(clock: Clock, seed: u64, failures: u64, table: &mut [Table; BusFault::ALL.len()]) -> Option<f64> {
     const SECOND: u64 = 1_000 * MS;
     const SETTLED: u64 = SECOND;
@@ -303,7 +303,7 @@ fn drawn_failures(clock: Clock, seed: u64, failures: u64, table: &mut [Table; Bu
             for other in &others {
                 assert!(of(entry, *other), "{}: GPS{} at {}", what(), other + 1, entry.at_ns);
             }
-            // Where the two others disagree nobody can tell who is right.
+            // Where the two others disagree, the correct one cannot be determined.
             let apart = may_disagree(entry.gps[others[0]].unwrap(), entry.gps[others[1]].unwrap());
             row.apart += u64::from(apart);
             assert!(apart || entry.reported.is_some_and(|reported| reported.valid), "{}: at {}", what(), entry.at_ns);
@@ -334,8 +334,8 @@ fn tell(table: &[Table; BusFault::ALL.len()]) {
     }
 }
 
-/// As far as the result is from the flight's truth at worst, m: the receivers' own errors, and what two of them may
-/// differ while a third is silent (`horus-tx-fw/tests/voted.rs`).
+/// The greatest error of the result against the flight's truth, m: the receivers' own errors, and the possible
+/// difference of two of them while a third is silent (`horus-tx-fw/tests/voted.rs`).
 const RIGHT_M: f64 = 9.0;
 
 #[test]
@@ -350,7 +350,7 @@ fn whatever_bus_fails_at_whatever_instant_the_position_stays_valid_and_right() {
     assert_eq!(table.iter().map(|row| row.apart).sum::<u64>(), 0, "the others agree all the time in these");
 }
 
-/// The same a thousand times.
+/// The test above with a thousand failures.
 #[test]
 #[ignore = "takes two minutes: cargo xtask build && \
             LINK_IMAGES=$PWD/target/firmware cargo test -p bench --test receivers -- --ignored --nocapture"]
@@ -367,19 +367,20 @@ fn a_thousand_failures_of_buses() {
     assert!(worst <= RIGHT_M, "{worst} m");
 }
 
-/// So long after a receiver on a UART has lost its settings it is back: it starts (0.3 s), HORUS hears nothing it can
-/// read, tries the usual rate, waits half a second, sets the rate from 38 400 baud, waits 100 ms and more for the
-/// receiver, and configures it (decision 16).
+/// The longest time from a receiver's loss of its settings on a UART to its recovery, ns. It starts (0.3 s), HORUS
+/// receives nothing readable, tries the usual rate, waits half a second, sets the rate from 38 400 baud, waits 100 ms
+/// and more for the receiver, and configures it (decision 16).
 const CONFIGURED: u64 = 2_500 * MS;
 
-/// The longest time from the end of a stuck MISO to a valid position of its receiver, where the reads until then have
-/// taken all that had waited: what comes first within 200 ms proves that the receiver is read empty, and is dropped
-/// (decision 16), the next solution comes 200 ms later, and 50 ms for a cycle, the air and the way to the base station.
+/// The longest time from the end of a stuck MISO to a valid position of its receiver, ns, where the reads until then
+/// have taken all stored messages. The first message within 200 ms proves that the receiver is empty and is dropped
+/// (decision 16), the next solution comes 200 ms later, and a cycle, the air and the way to the base station take 50
+/// ms.
 const PROVED: u64 = 450 * MS;
 
-/// To HORUS, a MISO that is stuck high as it starts reads like a receiver that has nothing to say. What comes when that
-/// ends has waited in the receiver since HORUS was switched off: more than a second, 1.4 kB, of which the reads until
-/// then have lost some.
+/// A MISO that is stuck high as HORUS starts reads like a receiver without messages. The bytes that come when the fault
+/// ends have waited in the receiver since HORUS was switched off: more than a second, 1.4 kB, some of which the reads
+/// until then have lost.
 #[test]
 fn what_waited_behind_a_line_that_was_stuck_as_horus_started_is_not_taken_for_new() {
     for reads in 0..6 {

@@ -1,6 +1,6 @@
-//! Every cause, one at a time: while it lasts nothing wrong is shown and Link-Status tells the truth, and when it has
-//! gone away the link is well again within 5 cycles, or within 15 where a front end has to be brought up again. The
-//! judge says both.
+//! Tests every cause separately: while it lasts nothing wrong is shown and Link-Status is correct, and after its end
+//! the link works again within 5 cycles, or within 15 where a front end has to be brought up again. The judge checks
+//! both.
 
 mod boards;
 
@@ -10,23 +10,24 @@ use boards::image;
 use emulator_node::Clock;
 
 const MS: u64 = 1_000_000;
-/// Both boards have started, and the link has been up for 200 ms.
+/// The instant at which both boards have started and the link has been up for 200 ms, ns.
 const BEGINS: u64 = 303 * MS;
-/// From a cause's end to the end of the run: longer than the judge waits for a recovery.
+/// The time from a cause's end to the end of the run, ns: longer than the judge's limit for a recovery.
 const AFTER: u64 = 450 * MS;
 
 const BOARDS: [Board; 2] = [Board::Horus, Board::Dpr];
 const RESTARTS: [PowerFault; 3] = [PowerFault::Pin, PowerFault::BrownOut, PowerFault::Watchdog];
 
-/// What came of a run with these faults, of which the last ends `length` after [`BEGINS`]; `None` where the images were
-/// not built.
+/// The outcome of a run with these faults, the last of which ends `length` after [`BEGINS`]; `None` where the images
+/// were not built.
 fn outcome(faults: Faults, length: u64) -> Option<Outcome> {
     let images = Images { horus: image(3, "horus-tx-fw.elf")?, dpr: image(3, "dpr-fw.elf")? };
     let setup = Setup { faults, ..Setup::new(images, 3, BEGINS + length + AFTER) };
     Some(run(&setup, &mut ()).unwrap_or_else(|error| panic!("{error}")))
 }
 
-/// Nothing is violated, and the link recovers within so many cycles; `false` where the images were not built.
+/// Checks that nothing is violated and the link recovers within `cycles` cycles; `false` where the images were not
+/// built.
 fn recovers(faults: Faults, length: u64, cycles: u64) -> bool {
     let words = format!("{faults:?}");
     let Some(outcome) = outcome(faults, length) else { return false };
@@ -48,7 +49,7 @@ fn after_silence_a_frozen_horus_and_a_field_that_was_lost_the_link_is_well_again
     let none = AirFaults::default();
     let frozen = AirFaults { frozen: true, ..none };
     for fault in [AirFaults { lost: 1.0, ..none }, frozen, AirFaults { field_off: true, ..none }] {
-        // Within the hold of 26 cycles, and beyond it.
+        // The lengths lie within the hold of 26 cycles, and beyond it.
         for length in [5 * MS, 57 * MS, 241 * MS, 400 * MS] {
             if !recovers(one(Fault::Air(fault), length), length, 5) {
                 return;
@@ -70,7 +71,8 @@ fn after_a_flight_controller_that_misuses_the_ssi_the_link_is_well_again_within_
 fn after_each_fault_of_either_front_end_the_link_is_well_again_within_15_cycles() {
     for board in BOARDS {
         for fault in ChipFault::ALL {
-            // Shorter than a cycle, so long that the back-off has just doubled, and so long that it is at its longest.
+            // The lengths are shorter than a cycle, such that the back-off has just doubled, and such that it is at its
+            // longest.
             for length in [4 * MS, 140 * MS, 390 * MS] {
                 if !recovers(one(Fault::Chip(board, fault), length), length, 15) {
                     return;
@@ -138,8 +140,8 @@ fn a_front_end_that_fails_while_the_other_board_restarts_is_brought_up_within_15
 
 #[test]
 fn a_field_that_goes_while_the_listener_re_arms_is_told() {
-    // The interrupt that tells of it is discarded with the FIFO's content, about 120 µs after a frame's last bit, for
-    // 12 µs; a frame ends 0.98 ms after this instant's cycle began.
+    // The interrupt that reports the field's loss is discarded with the FIFO's content, about 120 µs after a frame's
+    // last bit, for 12 µs; a frame ends 0.98 ms after this instant's cycle began.
     for after in (1_000..1_200).step_by(4) {
         let at = BEGINS + after * 1_000;
         let faults = Faults::none().with(at, at + 90 * MS, Fault::Power(Board::Horus, PowerFault::FrontEndOff));
@@ -150,7 +152,7 @@ fn a_field_that_goes_while_the_listener_re_arms_is_told() {
 
 #[test]
 fn a_message_that_is_served_late_leaves_no_interrupt_on() {
-    // 38 ms after its restart HORUS sends the last byte of a message to GPS1. A stuck interrupt line of the front end
+    // HORUS sends the last byte of a message to GPS1 38 ms after its restart. A stuck interrupt line of the front end
     // keeps it from serving the UART for longer than two bytes take.
     for after in (36_000..40_000).step_by(60) {
         let stuck = BEGINS + after * 1_000;

@@ -1,5 +1,5 @@
-//! What `cargo xtask run` goes through: any file, alone on one board, is refused or ends within the limit, with words
-//! that say what is wrong; and what a firmware logs is shown, whatever it logs with.
+//! Tests the runner of `cargo xtask run`: any file, alone on one board, is refused or ends within the limit, with a
+//! clear message; and a firmware's log is shown in any format.
 
 mod boards;
 mod elf;
@@ -71,7 +71,7 @@ fn an_image_that_does_not_fit_the_part_or_has_no_vectors_is_refused() {
     assert!(words.contains("has no memory"), "{words}");
     let words = refused(Target::Horus, vec![(u64::from(FLASH), vec![0; 4096])]);
     assert!(words.contains("no vector table at 0x00000000") && words.contains("begins at 0x08000000"), "{words}");
-    // Behind a bootloader that is not there.
+    // The image is linked behind a bootloader that does not exist.
     let words = refused(Target::Dpr, vec![(0x5_0000, vec![1; 64])]);
     assert!(words.contains("begins at 0x00050000"), "{words}");
 }
@@ -120,7 +120,7 @@ fn a_firmware_that_spins_or_sleeps_for_ever_ends_at_the_limit_and_the_outcome_sa
     assert!(!outcome.doing.contains("nothing is due"), "{}", outcome.doing);
 }
 
-/// `main` with one exception of the core, by its number.
+/// The firmware `main` with one exception of the core, by its number.
 fn with_exception(main: &Thumb, number: usize, handler: (u32, &Thumb)) -> Firmware {
     let mut segments = firmware("exception", main, &[]).segments().to_vec();
     segments[0].1[4 * number..][..4].copy_from_slice(&(handler.0 | 1).to_le_bytes());
@@ -158,16 +158,16 @@ fn a_hard_fault_handler_that_only_loops_is_reported_once_and_ends_the_run() {
     assert!(outcome.findings[0].text.contains("undefined instruction"), "{}", outcome.findings[0]);
 }
 
-/// A handler that says what happened one byte of a UART after the other, 87 us each at 115 200 baud.
+/// The handler reports the fault byte by byte over a UART, 87 us each at 115 200 baud.
 #[test]
 fn the_handler_of_a_hard_fault_is_heard_to_its_end() {
     const USART2: u32 = 0x4000_4400;
     let mut main = Thumb::at(MAIN);
-    // USART2 on PA2; its clock is 16 MHz.
+    // The firmware uses USART2 on PA2; its clock is 16 MHz.
     main.store(RCC + 0x30, 1).store(RCC + 0x40, 1 << 17).store(GPIOA + 0x20, 7 << 8).store(GPIOA, 0xA800_0020);
     main.store(USART2 + 8, 139).store(USART2 + 12, 1 << 13 | 1 << 3).raw(&[0xDE00]);
     let mut handler = Thumb::at(thumb::HANDLER);
-    // r3 bytes: wait for TXE, send.
+    // The loop sends r3 bytes: it waits for TXE, then sends.
     handler.mov(3, 500).mov(0, USART2).mov(2, u32::from(b'x'));
     let again = handler.here();
     handler.ldr(1, 0, 0).test(1, 7).branch_if(thumb::If::CarryClear, again);
@@ -190,7 +190,7 @@ fn the_handler_of_a_hard_fault_is_heard_to_its_end() {
     assert!(heard(20 * MS).0 < 500, "the limit ends it");
 }
 
-/// The table's HardFault leads to the reset handler, which runs at each start.
+/// The table's HardFault leads to the reset handler, which also runs at each start.
 #[test]
 fn a_vector_table_whose_hard_fault_is_reset_is_no_fault_until_there_is_one() {
     let mut main = Thumb::at(MAIN);
@@ -302,7 +302,7 @@ fn a_finding_has_the_instant_of_its_access_and_the_peripherals_name_also_over_a_
     let again = main.here();
     main.raw(&[0x3801]).branch_if(thumb::If::NotEqual, again);
     let store = main.here() + 16;
-    // A timer without its clock; then the part goes over to its 8 MHz crystal and works on.
+    // A timer is used without its clock; then the part switches to its 8 MHz crystal and continues.
     main.store(thumb::TIM2, 1);
     main.store(RCC, 1 << 18 | 1 << 16 | 0x83).wait_for(RCC, 17).store(RCC + 8, 1).idle();
     let outcome = on_horus(&firmware("clocks", &main, &[]));
@@ -310,16 +310,16 @@ fn a_finding_has_the_instant_of_its_access_and_the_peripherals_name_also_over_a_
     let finding = &outcome.findings[0];
     assert_eq!((finding.kind, finding.pc), (FindingKind::Refused, Some(u64::from(store))));
     assert!(finding.text.starts_with("TIM2: "), "{finding}");
-    // Two cycles a turn at 16 MHz are 2 ms, and a few instructions.
+    // At 16 MHz the loop of two cycles a turn takes 2 ms, and a few instructions.
     assert!((2 * MS..2 * MS + 3_000).contains(&finding.at), "{finding}");
 }
 
 #[test]
 fn a_finding_in_a_release_image_names_the_firmwares_own_function_and_line() {
     let Some(path) = boards::image(3, "dpr-fw.elf") else { return };
-    // The other board's image: what it copies to RAM cannot be fetched where it is linked to.
+    // The image is the other board's: the code that it copies to RAM cannot be fetched at its link address.
     let outcome = on_horus(&Firmware::read(&path).unwrap());
-    // The first instructions, which store to the nRF52840's registers, are assembler: it has a name and no lines.
+    // The first instructions, which store to the nRF52840's registers, are assembler, which has a name and no lines.
     let place_of = |finding: &Finding| finding.symbol.clone().unwrap_or_default();
     let (assembler, rust): (Vec<_>, Vec<_>) =
         outcome.findings.iter().partition(|finding| place_of(finding).starts_with("__pre_init+"));
@@ -338,7 +338,7 @@ const BLOCK: u32 = 0x2000_1000;
 const NAMES: u32 = FLASH + 0x4000;
 const TEXTS: u32 = FLASH + 0x4100;
 
-/// One up channel as the test's firmware sets it up: its name, what is in its buffer, its mode.
+/// One up channel in the test's firmware: its name, the contents of its buffer, its mode.
 struct Up<'a>(&'a str, &'a [u8], u32);
 
 /// A firmware whose control block has these channels, each with a buffer of 256 bytes that `main` fills.
@@ -363,7 +363,7 @@ fn logging(channels: &[Up<'_>], then: impl FnOnce(&mut Thumb)) -> Firmware {
             main.store(entry + at, word);
         }
     }
-    // All sixteen bytes: RAM that nobody has written holds anything.
+    // The firmware writes all sixteen bytes, because RAM holds arbitrary values before the first write.
     put(&mut main, BLOCK, b"SEGGER RTT\0\0\0\0\0\0");
     then(&mut main);
     main.idle();
@@ -446,18 +446,18 @@ fn the_test_images_stack_is_where_the_vector_table_says() {
 
 // ---- leads
 
-/// USART2 of the STM32F429, whose pins PA2 and PA3 are.
+/// USART2 of the STM32F429, on the pins PA2 and PA3.
 const USART2: u32 = 0x4000_4400;
 
 #[test]
 fn what_is_sent_to_a_uart_arrives_and_what_it_sends_is_heard() {
     let mut main = Thumb::at(MAIN);
     main.store(RCC + 0x30, 1).store(RCC + 0x40, 1 << 17);
-    // PA2 and PA3 in alternate function 7, beside the debug port's pins as they are after a reset.
+    // PA2 and PA3 are in alternate function 7; the debug port's pins stay as they are after a reset.
     main.store(GPIOA + 0x20, 0x7700).store(GPIOA, 0xA800_00A0);
-    // 16 MHz by 139 are 115 108 baud; on, with transmitter and receiver.
+    // 16 MHz divided by 139 is 115 108 baud; the UART is enabled, with transmitter and receiver.
     main.store(USART2 + 8, 139).store(USART2 + 0xC, 1 << 13 | 1 << 3 | 1 << 2);
-    // Each byte goes back, one greater.
+    // Each byte is sent back, incremented.
     let again = main.here();
     main.wait_for(USART2, 5).mov(0, USART2).ldr(1, 0, 4).raw(&[0x3101]).str(1, 0, 4).branch(again);
     let [transmits, receives] = [2, 3].map(|number| Pin::new(0, number));

@@ -1,8 +1,8 @@
-//! What the DPR's release image shows of cycles that do not continue the ones before them: repeated, reordered, early,
-//! from a HORUS that restarted or whose clock is wrong. See docs/design.md#sequence.
+//! Tests how the DPR's release image handles cycles that do not continue the ones before them: repeated, reordered,
+//! early, from a HORUS that restarted or whose clock is wrong. See docs/design.md#sequence.
 //!
-//! Frames of the test's own making are intact in every bit: length, CRC-16, identifiers, CRCs. What may be wrong with
-//! them is their timestamp and their instant.
+//! The test's own frames are intact in every bit: length, CRC-16, identifiers, CRCs. Only their timestamps and instants
+//! may be wrong.
 
 mod boards;
 mod reader;
@@ -15,13 +15,13 @@ use profile::sequence::SEARCH_CYCLES;
 use reader::{Antenna, MS, RECEIVERS, Reader, Sent, US, View, field_on, frame_ns, payload, send, views};
 use stm32f429::Oscillators;
 
-/// When the first frame of the test's own begins: the DPR has started long before.
+/// The instant at which the test's first frame begins, ns: the DPR has started long before.
 const FIRST: u64 = 60 * MS;
 
-/// Valid objects of a cycle.
+/// The number of valid objects of a cycle.
 const OBJECTS: u32 = 4;
 
-/// No object may be readable longer than this after its frame's last bit.
+/// The longest time after its frame's last bit for which an object may be readable, ns.
 const STALE: u64 = 30 * MS;
 
 fn dpr() -> Option<Node<Dpr>> {
@@ -37,8 +37,8 @@ fn count(node: &Node<Dpr>, offset: usize) -> u32 {
     counter(node, "DPR_TELEMETRY", offset)
 }
 
-/// The longest time, in ns, for which something valid was read after the last bit of the last frame that carried it,
-/// where `sent` are instants of last bits with their timestamps.
+/// The longest time, in ns, for which valid data were read after the last bit of the last frame that carried them.
+/// `sent` has the instants of last bits with their timestamps.
 fn oldest(views: &[View], sent: &[(u64, u32)]) -> u64 {
     let shown = views.iter().flat_map(|view| view.valid.iter().map(|timestamp| (view.at, *timestamp)));
     let ages = shown.map(|(at, timestamp)| {
@@ -69,7 +69,7 @@ fn timestamps_20_10_20_10_and_so_on_show_nothing() {
     }
 }
 
-/// The frames of `sent` (first bit, timestamp) end when their air time is over.
+/// The frames of `sent` (first bit, timestamp) with the instants at which their air time is over.
 fn ends(sent: &[(u64, u32)]) -> Vec<(u64, u32)> {
     sent.iter().map(|(at, timestamp)| (at + frame_ns(), *timestamp)).collect()
 }
@@ -77,8 +77,8 @@ fn ends(sent: &[(u64, u32)]) -> Vec<(u64, u32)> {
 #[test]
 fn frames_that_follow_each_other_too_early_are_noticed_and_not_shown() {
     let Some(mut node) = dpr() else { return };
-    // Ten cycles as they should be, then frames with 1 ms between one's end and the next's beginning, whose timestamps
-    // go on as if nothing were wrong.
+    // Ten correct cycles are followed by frames with 1 ms between one's end and the next's beginning, whose timestamps
+    // continue as if nothing were wrong.
     let mut at = FIRST;
     let mut sent = vec![];
     for cycle in 0..40 {
@@ -104,8 +104,8 @@ fn frames_that_follow_each_other_too_early_are_noticed_and_not_shown() {
     }
 }
 
-/// One frame more than HORUS sends, in the gap between its frames 20 and 21: the frame `back` cycles before frame 21,
-/// to the bit.
+/// Sends one frame more than HORUS sends, in the gap between its frames 20 and 21: an exact copy of the frame `back`
+/// cycles before frame 21.
 fn inserted(back: u32) -> Option<()> {
     let mut node = dpr()?;
     let stamp = |cycle: u32| 500 + 10 * cycle;
@@ -120,7 +120,7 @@ fn inserted(back: u32) -> Option<()> {
     }
     let views = views(&mut node, FIRST + 400 * MS);
     let inserted_end = insert.0 + frame_ns();
-    // It is frame 22 that opens the search: frame 21 comes 5 ms after the inserted one, too early. Frames 22, 23 and 24
+    // Frame 22 opens the search, because frame 21 comes too early, 5 ms after the inserted one. Frames 22, 23 and 24
     // are the three that advance as the search demands, and the third of them is shown.
     let found = ends(&sent)[25].0;
     let during: Vec<_> = views.iter().filter(|view| (inserted_end + 150 * US..found).contains(&view.at)).collect();
@@ -135,7 +135,7 @@ fn inserted(back: u32) -> Option<()> {
     assert_eq!(first_again, Some(&stamp(24)), "{back} back");
     let age = oldest(&views, &ends(&sent));
     assert!(age <= STALE, "{back} back: {age} ns");
-    // Of 41 frames, the first three, the inserted one, and 21 to 23 are not shown.
+    // The first three of the 41 frames, the inserted one, and 21 to 23 are not shown.
     let accepted = count(&node, std::mem::offset_of!(Telemetry, objects_accepted));
     assert_eq!(accepted, (41 - 3 - 4) * OBJECTS, "{back} back");
     Some(())
@@ -155,7 +155,7 @@ fn a_frame_that_repeats_its_predecessor_in_the_successors_place_is_not_shown() {
     let Some(mut node) = dpr() else { return };
     let mut sent = vec![];
     for cycle in 0..30 {
-        // Frame 15 is frame 14 again, and so on up to 17.
+        // Frames 15 to 17 repeat frame 14.
         let stamp = 500 + 10 * if (15..18).contains(&cycle) { 14 } else { cycle };
         sent.push((FIRST + u64::from(cycle) * 10 * MS, stamp));
     }
@@ -171,15 +171,15 @@ fn a_frame_that_repeats_its_predecessor_in_the_successors_place_is_not_shown() {
     assert!(frozen.count() >= 8);
     let age = oldest(&views, &ends(&sent));
     assert!(age <= STALE, "{age} ns");
-    // The step from frame 14's timestamp to frame 18's is one of four cycles in 10 ms: too early. So 19, 20 and 21 are
-    // the three of the search.
+    // The step from frame 14's timestamp to frame 18's is four cycles in 10 ms, which is too early. So 19, 20 and 21
+    // are the three of the search.
     let newest: Vec<u32> = views.iter().filter_map(|view| view.valid.first().copied()).collect();
     assert_eq!(newest.iter().find(|timestamp| **timestamp > 640), Some(&(500 + 210)));
 }
 
 // ---- the real HORUS
 
-/// Send slot and air time, which are constants of the profile: the sample's age at its frame's last bit, us.
+/// The sample's age at its frame's last bit, us, from send slot and air time, which are constants of the profile.
 const AGE_AT_END: u32 = match profile::air::age_at_end_us::<RECEIVERS>(0) {
     Some(age) => age,
     None => panic!("a frame of the cycle"),
@@ -209,15 +209,15 @@ fn the_age_in_link_status_is_that_of_the_sample_when_the_image_was_published() {
     let fresh = relay.downstream.views.iter().filter_map(|view| view.link).filter(|link| link.status.all_accepted());
     let ages: Vec<u32> = fresh.map(|link| u32::from(link.age_100us) * 100).collect();
     assert!(ages.len() >= 50, "{}", ages.len());
-    // From the last bit to the publication it is at most 100 us; the age is rounded down to 100 us.
+    // The time from the last bit to the publication is at most 100 us; the age is rounded down to 100 us.
     for age in ages {
         assert!((AGE_AT_END - 99..=AGE_AT_END + 100).contains(&age), "{age} us");
     }
 }
 
-/// Which frame since the restart at `restarted`, from 1, was the first that was read as valid. What is read as valid
-/// before is the last frame of before the restart, which ends with its bytes in the front end's FIFO although HORUS has
-/// restarted, and not longer than [`STALE`] after its end.
+/// The number, from 1, of the first frame since the restart at `restarted` that was read as valid. Earlier valid reads
+/// have the last frame of before the restart, which ends with its bytes in the front end's FIFO although HORUS has
+/// restarted, and are at most [`STALE`] after its end.
 fn first_shown(reader: &Reader, restarted: u64) -> usize {
     let (before, since): (Vec<&Sent>, Vec<&Sent>) = reader.sent.iter().partition(|frame| frame.started < restarted);
     let last = before.last().expect("it sent before");
@@ -253,7 +253,7 @@ fn a_horus_that_really_restarts_is_shown_again_within_five_cycles_of_its_first_f
 fn a_horus_that_its_watchdog_restarted_is_shown_again_within_five_cycles_of_its_first_frame() {
     let Some(mut relay) = both(Oscillators::default()) else { return };
     go(&mut relay, 207 * MS);
-    // The task that parses what the receivers send never ends.
+    // The task that parses the receivers' messages never ends.
     let task = relay.a.address_of("CAN1_RX1").unwrap() & !1;
     let mut was = [0; 2];
     relay.a.read(task, &mut was).unwrap();
@@ -264,7 +264,7 @@ fn a_horus_that_its_watchdog_restarted_is_shown_again_within_five_cycles_of_its_
         go(&mut relay, now);
         now += 5 * MS;
     }
-    // Started again it may have met the damage, and then waits for the watchdog once more.
+    // The restarted firmware may have met the damage again, and then waits for the watchdog once more.
     relay.a.write(task, &was).unwrap();
     go(&mut relay, now + 400 * MS);
     let restarted = relay.a.resets().last().unwrap().at;
@@ -287,7 +287,7 @@ fn a_horus_clock_that_is_wrong_by_3_percent_is_told_within_2600_ms_and_its_objec
         let after: Vec<&View> = reader.views.iter().filter(|view| view.at > told).collect();
         assert!(after.len() >= 50, "{ppb} ppb");
         let shown = after.iter().filter(|view| !view.valid.is_empty()).count();
-        // What is busy or between two cycles is not valid; nearly all is.
+        // A busy read or one between two cycles is not valid; nearly all others are.
         assert!(shown * 10 >= after.len() * 9, "{ppb} ppb: {shown} of {} valid", after.len());
         assert!(after.iter().all(|view| view.link.is_none() || implausible(view)), "{ppb} ppb");
         let accepted = count(&relay.b, std::mem::offset_of!(Telemetry, objects_accepted)) as usize;

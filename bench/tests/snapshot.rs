@@ -1,4 +1,5 @@
-//! A bench is plain data: a copy that is run on does, byte for byte, what the original does, on one thread and on two.
+//! Tests that a bench is plain data: a copy that runs on does exactly, byte for byte, what the original does, on one
+//! thread and on two.
 
 mod boards;
 
@@ -18,7 +19,7 @@ fn setup() -> Option<Setup> {
     Some(Setup { seed: 5, faults, ..Setup::new(images, 3, END) })
 }
 
-/// Everything that a run leaves: figures, what the base station shows, and both boards' registers and memory.
+/// The complete results of a run: figures, what the base station shows, and both boards' registers and memory.
 fn outcome<C: Cost>(bench: Bench<C>) -> (String, [u64; 2]) {
     let digests = [bench.horus().digest(), bench.dpr().digest()];
     let finished = bench.finish(END);
@@ -38,8 +39,8 @@ fn on_one_thread_and_on_two_a_run_leaves_the_same_bytes() {
     assert_eq!(whole::<Pessimistic>(&setup, Threads::One), whole::<Pessimistic>(&setup, Threads::Two));
 }
 
-/// In the bring-up of both front ends, between two frames, while a frame is on the air and its beginning is being read,
-/// at its last bit, and while an image is published.
+/// Instants in the bring-up of both front ends, between two frames, while a frame is on the air and its beginning is
+/// being read, at its last bit, and while an image is published.
 const INSTANTS: [u64; 7] =
     [0, 6 * MS + 300 * US, 101 * MS, 147 * MS + 777, 149 * MS + 419 * US, 149 * MS + 503 * US, 213 * MS];
 
@@ -54,7 +55,7 @@ fn a_copy_taken_at_any_instant_and_run_on_leaves_the_bytes_of_the_original() {
         copy.run_to(END, Threads::Two);
         assert_eq!(outcome(copy), expected, "a copy at {instant} ns");
     }
-    // The copies' runs changed nothing of the original, and neither did where it stopped.
+    // The copies' runs and the stop changed nothing in the original.
     original.run_to(END, Threads::One);
     assert_eq!(outcome(original), expected);
 }

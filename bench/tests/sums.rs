@@ -1,18 +1,17 @@
-//! The two deadlines of the DPR as sums: last bit to readable, and end of a transaction to ready for the next.
+//! Computes the two deadlines of the DPR as sums: last bit to readable, and end of a transaction to ready for the next.
 //!
-//! A worst case that was seen is not a bound: what delays a path comes from tasks and instants that have nothing to do
-//! with each other, and to meet all at once can take hours. So each part is measured by itself, at its longest, on each
-//! clock, and the parts are added up. The sums have to keep the bounds of docs/design.md#timing, and no run may
-//! exceed them.
+//! An observed worst case is not a bound: independent tasks and instants delay a path, and it can take hours until all
+//! coincide. So each part is measured separately, at its longest, on each clock, and the parts are added up. The sums
+//! have to keep the bounds of docs/design.md#timing, and no run may exceed them.
 //!
 //! | part | how it is measured |
 //! |---|---|
-//! | the frame's way | from the last bit to FRESH, cut where the running task changes, the longest of each piece |
+//! | the frame's way | from the last bit to FRESH, cut where the running task changes, with the longest time of each piece |
 //! | the SSI task's way | from the end of a transaction that nothing masks to the release |
 //! | the SSI's share | the longest runs of `ssi_end` and `ssi_pause`, with exception entry and return of both |
 //! | sections that mask | the longest time for which BASEPRI or PRIMASK masks a priority while a task below it runs |
 //!
-//! The processor is looked at after each of its cycles. `cargo test -p bench --test sums -- --nocapture` prints the
+//! The processor is examined after each of its cycles. `cargo test -p bench --test sums -- --nocapture` prints the
 //! tables of docs/timing.md#sums.
 
 mod boards;
@@ -28,31 +27,32 @@ use cortex_m4::{Cost, Fast, Optimistic, Pessimistic, Register};
 use emulator_node::Threads;
 
 const MS: u64 = 1_000_000;
-/// From here on the link is up, ns.
+/// The instant from which on the link is up, ns.
 const WARM: u64 = 300 * MS;
-/// A cycle, ns: what is done once in it is seen.
+/// The time that is examined, ns: one cycle, so that everything done once per cycle is included.
 const LOOKED_AT: u64 = 10 * MS;
-/// What the flight controller is served in is read off the log up to here, ns.
+/// The end of the log from which the flight controller's service times are taken, ns.
 const END: u64 = WARM + 500 * MS;
-/// A cycle of the DPR's processor at most, ns: 64 MHz.
+/// The longest cycle of the DPR's processor, ns: 64 MHz.
 const CYCLE: u64 = 15;
-/// Exceptions of the tasks `ssi_end` (SPIS1) and `ssi_pause` (TIMER3).
+/// The exceptions of the tasks `ssi_end` (SPIS1) and `ssi_pause` (TIMER3).
 const SSI: [u32; 2] = [16 + 4, 16 + 26];
-/// BASEPRI that masks the SSI's priority 5 and the RFID side's priority 4, of eight levels in the three upper bits.
+/// The values of BASEPRI that mask the SSI's priority 5 and the RFID side's priority 4, of eight levels in the three
+/// upper bits.
 const MASKS: [u32; 2] = [0x60, 0x80];
 
-/// What the processor did, as one looks at it after each of its cycles.
+/// The processor's activity, examined after each of its cycles.
 struct Watched<C: Cost> {
-    /// For each change of the running exception: when, and which; 0 is the idle loop or sleep.
+    /// For each change of the running exception its instant (ns) and its number; 0 is the idle loop or sleep.
     runs: Vec<(u64, u32)>,
-    /// The longest time for which each of [`MASKS`] was masked by a task below it, ns.
+    /// The longest time for which a task below each of [`MASKS`] masked it, ns.
     masked: [u64; 2],
     log: Log,
     clock: PhantomData<C>,
 }
 
-/// The link with so many receivers up to [`WARM`], then under the eyes of the test; the flight controller writes and
-/// reads in its cycle, or behaves as told.
+/// Runs the link with `gps` receivers up to [`WARM`], then examines every cycle; the flight controller writes and reads
+/// in its cycle, or follows `conduct`.
 fn watch<C: Cost>(gps: usize, conduct: Option<Conduct>) -> Option<Watched<C>> {
     let images = Images { horus: image(gps, "horus-tx-fw.elf")?, dpr: image(gps, "dpr-fw.elf")? };
     let mut setup = Setup { writes: true, ..Setup::new(images, gps, END) };
@@ -74,7 +74,7 @@ fn watch<C: Cost>(gps: usize, conduct: Option<Conduct>) -> Option<Watched<C>> {
         }
         let (base, all) = (dpr.core_register(Register::Basepri), dpr.core_register(Register::Primask) != 0);
         for ((mask, since), longest) in MASKS.into_iter().zip(&mut since).zip(&mut masked) {
-            // A task of that priority or a higher one masks nothing: it runs.
+            // A task of that priority or a higher one runs itself and masks nothing.
             let runs = SSI.contains(&active) || mask == MASKS[1] && is_of_the_rfid_side(active);
             if (all || base != 0 && base <= mask) && !runs {
                 let since = *since.get_or_insert(at - CYCLE);
@@ -88,15 +88,15 @@ fn watch<C: Cost>(gps: usize, conduct: Option<Conduct>) -> Option<Watched<C>> {
     Some(Watched { runs, masked, log: bench.finish(END).log, clock: PhantomData })
 }
 
-/// `rf_spi`, `rf_irq`, `rf_timer`: SPIM0, GPIOTE, TIMER0.
+/// Whether the exception is that of `rf_spi`, `rf_irq` or `rf_timer`: SPIM0, GPIOTE, TIMER0.
 fn is_of_the_rfid_side(exception: u32) -> bool {
     [16 + 3, 16 + 6, 16 + 8].contains(&exception)
 }
 
 impl<C: Cost> Watched<C> {
     /// The longest run of an exception, ns: from its entry to the entry of another, or the return. A run in which FRESH
-    /// rises is the last piece of a frame's way. If it serves a transaction that has just ended, too, it takes less
-    /// than two runs, which are what the sum has.
+    /// rises is the last piece of a frame's way. If it also serves a transaction that has just ended, it takes less
+    /// than the two runs that are in the sum.
     fn longest(&self, exception: u32) -> u64 {
         let rises: Vec<u64> = self.frames().into_iter().map(|(_, rose)| rose).collect();
         let runs = self.runs.windows(2).filter(|pair| pair[0].1 == exception).map(|pair| pair[0].0..pair[1].0);
@@ -104,13 +104,14 @@ impl<C: Cost> Watched<C> {
         served.map(|run| run.end - run.start).max().unwrap_or(0)
     }
 
-    /// What one service of the SSI takes of whatever it preempts: the end of the pause and the end of a transaction.
+    /// The time for which one service of the SSI preempts another task, ns: the end of the pause and the end of a
+    /// transaction.
     fn share(&self) -> u64 {
         let around = (C::EXCEPTION_ENTRY + C::EXCEPTION_RETURN) * 1_000 / 64;
         SSI.iter().map(|&exception| self.longest(exception) + around).sum()
     }
 
-    /// Frames' last bits and the rises of FRESH after them, ns.
+    /// The last bits of frames and the rises of FRESH after them, ns.
     fn frames(&self) -> Vec<(u64, u64)> {
         let mut heard = None;
         let frames = self.log.events.iter().filter_map(|event| match event.what {
@@ -124,7 +125,7 @@ impl<C: Cost> Watched<C> {
         frames.collect()
     }
 
-    /// The pieces of the frames' ways, cut where the running task changes: the exception, and the longest of each.
+    /// The pieces of the frames' ways, cut where the running task changes: the exception, and the longest time of each.
     fn pieces(&self) -> Vec<(u32, u64)> {
         let mut pieces: BTreeMap<usize, (u32, u64)> = BTreeMap::new();
         let frames = self.frames();
@@ -143,7 +144,7 @@ impl<C: Cost> Watched<C> {
         pieces.into_values().collect()
     }
 
-    /// From the end of a transaction to the release, the longest, ns.
+    /// The longest time from the end of a transaction to the release, ns.
     fn served(&self) -> u64 {
         let mut ended = None;
         let served = self.log.events.iter().filter_map(|event| match event.what {
@@ -158,7 +159,7 @@ impl<C: Cost> Watched<C> {
     }
 }
 
-/// Adds both sums up for so many receivers, and holds them against the bounds and against what was seen.
+/// Adds both sums up for `gps` receivers, and compares them with the bounds and the observed times.
 fn add_up<C: Cost>(gps: usize) {
     let Some(quiet) = watch::<C>(gps, Some(Conduct::Silent)) else { return };
     let Some(usual) = watch::<C>(gps, None) else { return };
@@ -183,7 +184,7 @@ fn add_up<C: Cost>(gps: usize) {
         let worst = seen.frames().into_iter().map(|(last_bit, rose)| rose - last_bit).max().expect("a frame");
         assert!(worst <= readable, "{worst}");
     }
-    // A run in which nothing met is no sum: the hostile one has the SSI's tasks in some frame's way.
+    // A sum needs coincidences: the hostile run has the SSI's tasks in some frame's way.
     assert!(hostile.longest(SSI[0]) > 0 && hostile.longest(SSI[1]) > 0, "both tasks ran");
 }
 

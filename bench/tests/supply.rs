@@ -1,6 +1,7 @@
-//! Supplies that sag: what the boards do about it, and that nothing that HORUS never computed is shown as valid.
+//! Tests sagging supplies: the boards react correctly, and no object that HORUS never computed is shown as valid.
 //!
-//! `SUPPLY_SHAPES=1000 cargo test -p bench --test supply -- --nocapture shapes` tries so many drawn shapes and tells.
+//! `SUPPLY_SHAPES=1000 cargo test -p bench --test supply -- --nocapture shapes` tries that number of drawn shapes and
+//! prints it.
 
 mod boards;
 mod reader;
@@ -15,7 +16,7 @@ use reader::{MS, US, field_on, transact};
 use st25r3916_model::AirEvent;
 use stm32f429::{Oscillators, Stm32f429};
 
-/// What left HORUS's antenna until `to`.
+/// Runs HORUS to `to` and returns what left its antenna.
 fn run_horus(node: &mut Node<bench::boards::Horus>, to: u64) -> Vec<(u64, AirEvent)> {
     let mut air = vec![];
     while node.now() < to {
@@ -91,7 +92,7 @@ fn a_falling_supply_takes_the_dprs_image_away_and_is_named() {
     let now = node.now();
     run_dpr(&mut node, now + 50 * US);
     assert!(silent(&mut node) && silent(&mut node));
-    // Neither does the start after the watchdog's bite come to anything.
+    // The start after the watchdog's reset does not complete either.
     let now = node.now();
     run_dpr(&mut node, now + 300 * MS);
     assert!(silent(&mut node) && silent(&mut node));
@@ -152,7 +153,7 @@ fn ram_is_kept_above_1_4_v_and_lost_without_a_supply() {
     assert!(lost(0) > 80 << 10);
 }
 
-/// Runs `count` shapes, of either board's supply and of both, one after the other; how many there were.
+/// Runs `count` shapes, of either board's supply and of both, one after the other; returns their number.
 fn sagging(seed: u64, count: u64) -> Option<u64> {
     let images = Images { horus: image(3, "horus-tx-fw.elf")?, dpr: image(3, "dpr-fw.elf")? };
     let mut rng = Rng::stream(seed, 0x5A6);
@@ -165,7 +166,7 @@ fn sagging(seed: u64, count: u64) -> Option<u64> {
         };
         let (mut end, shape) = (at, rng.word());
         for board in hit {
-            // Both boards together: of one supply, or of two.
+            // Both boards sag together, by one shape or by two.
             let shape = if rng.one_in(2) { shape } else { rng.word() };
             let from = at + rng.between(0, 10 * MS);
             let until = from + power::sag_length(shape);

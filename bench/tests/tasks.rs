@@ -1,4 +1,5 @@
-//! Which task runs when: what a node records of its core's exceptions and sleep, and what a trace makes of it.
+//! Tests when which task runs: what a node records of its core's exceptions and sleep, and what a trace derives from
+//! it.
 
 mod boards;
 mod elf;
@@ -18,15 +19,15 @@ use thumb::{COUNTER, EXTI, HANDLER, MAIN, TIM2, Thumb, firmware};
 
 const MS: u64 = 1_000_000;
 
-/// A cycle on the 16 MHz oscillator, rounded up, ns.
+/// The duration of a cycle on the 16 MHz oscillator, rounded up, ns.
 const CYCLE: u64 = 63;
 
-/// Exceptions as the core numbers them.
+/// The exception numbers of the core.
 const TICK: u16 = 16 + TIM2_INTERRUPT;
 const HIT: u16 = 16 + EXTI3_INTERRUPT;
 
-/// `tick` runs at every update of TIM2, every 10 ms, for about 1 ms, and is less urgent than `hit`, at each rising edge
-/// of PA3. Between, the core sleeps.
+/// A firmware whose task `tick` runs at every update of TIM2, every 10 ms, for about 1 ms. It is less urgent than
+/// `hit`, which runs at each rising edge of PA3. The core sleeps between them.
 fn two_tasks() -> Node<Player> {
     two_tasks_with(0)
 }
@@ -34,7 +35,7 @@ fn two_tasks() -> Node<Player> {
 /// The same with `hit` at another priority.
 fn two_tasks_with(hit: u32) -> Node<Player> {
     let mut main = Thumb::at(MAIN);
-    // NVIC_IPR7: interrupt 28 at priority 0x80; NVIC_IPR2: interrupt 9.
+    // The stores set interrupt 28 to priority 0x80 in NVIC_IPR7 and interrupt 9 in NVIC_IPR2.
     main.exti3_on_pa3().store(0xE000_E41C, 0x80).store(0xE000_E408, hit << 8).tim2_every(160_000).idle();
     let mut tick = Thumb::at(HANDLER);
     tick.store(TIM2 + 0x10, 0).mov(0, 8_000);
@@ -65,7 +66,7 @@ fn changes_of_the_active_exception_come_with_the_instants_of_entry_and_return() 
         assert!(entered - rise <= 20 * CYCLE, "entered {} ns after its line", entered - rise);
         assert!((MS..MS + 100 * CYCLE).contains(&(left - entered)), "{} ns", left - entered);
     }
-    // It sleeps but for its start and the three updates.
+    // The core sleeps except for its start and the three updates.
     let sleeps = node.take_sleeps();
     let asleep: Vec<bool> = sleeps.iter().map(|(_, asleep)| *asleep).collect();
     assert_eq!(asleep, [false, true, false, true, false, true, false, true]);
@@ -89,12 +90,13 @@ fn watching_tasks_changes_nothing_that_the_firmware_could_see() {
     assert_eq!(run(true), run(false));
 }
 
-/// The core starts at 16 MHz and goes over to 8 MHz while it runs: what was before is told in the time of before.
+/// The core starts at 16 MHz and changes to 8 MHz while it runs; earlier instants are reported in the earlier clock's
+/// time.
 #[test]
 fn instants_before_a_change_of_the_clock_are_those_of_the_clock_before() {
     let mut main = Thumb::at(MAIN);
     main.store(thumb::RCC, 1 << 18 | 1 << 16 | 0x83).wait_for(thumb::RCC, 17);
-    // SVC, and the other clock within the same millisecond.
+    // The firmware executes SVC, and changes the clock within the same millisecond.
     main.raw(&[0xDF00]).store(thumb::RCC + 0x08, 1).raw(&[0xDF00]).idle();
     let mut call = Thumb::at(HANDLER);
     call.count(COUNTER).ret();
@@ -139,7 +141,7 @@ fn a_task_that_is_preempted_stays_entered_while_another_runs() {
     let mut watch = TaskWatch::new(trace::Board::Horus, &mut node, &TABLE);
     let named: Vec<_> = watch.tasks().iter().map(|task| (task.to_string(), task.exception)).collect();
     assert_eq!(named, [("tick_TIM2".to_owned(), TICK), ("hit_EXTI3".to_owned(), HIT)], "the image has no third");
-    // In the middle of the second tick, and once in the core's sleep.
+    // The edges come in the middle of the second tick, and once in the core's sleep.
     node.advance(20 * MS + MS / 2);
     assert_eq!([0, 3, HIT, TICK].map(|exception| node.exception_priority(exception)), [256, -1, 0, 0x80]);
     node.drive(IN, Some(true));
@@ -181,7 +183,7 @@ fn a_task_that_another_follows_by_tail_chaining_has_ended() {
         node.drive(IN, Some(true));
         node.advance(19 * MS);
         let states = over_time(watch.take(&mut node));
-        // Without a place in the table it is one of the others.
+        // A task that is not in the table counts as one of the others.
         let hit = if table.len() == 1 { "Other" } else { "Entered(1)" };
         let entered: Vec<(u64, u64)> = states
             .iter()

@@ -1,4 +1,4 @@
-//! Traces in both formats, written from a few events and read back.
+//! Tests traces in both formats, written from a few events and read back.
 
 mod waves;
 
@@ -37,7 +37,7 @@ fn a_decoder_reads_the_byte_back_in_either_mode_and_the_bytes_signal_has_it_whil
             ]);
             trace.finish().unwrap();
             let waves = waves::read(&file);
-            // What is sampled on the rising or the falling edge of the clock.
+            // A decoder samples on the rising or the falling edge of the clock.
             let sampled = |group: &str, wire: &str, edge: &str| {
                 let data = changes(&waves, &format!("{group}.{group}_{wire}"));
                 let level = |at: u64| data.iter().take_while(|(when, _)| *when <= at).last().unwrap().1 == "1";
@@ -50,7 +50,7 @@ fn a_decoder_reads_the_byte_back_in_either_mode_and_the_bytes_signal_has_it_whil
             assert_eq!(sampled("dpr", "miso", "0"), u32::from(byte));
             assert_eq!(sampled("ssi", "mosi", "1"), u32::from(byte));
             let (sent, answered) = (format!("{byte:08b}"), format!("{:08b}", !byte));
-            // Eight clocks of 9 MHz are 888.9 ns.
+            // Eight clocks at 9 MHz take 888.9 ns.
             let while_selected = |value| pairs(&[(0, "zzzzzzzz"), (9_112, value), (11_000, "zzzzzzzz")]);
             assert_eq!(changes(&waves, "horus.horus_mosi_byte"), while_selected(&sent));
             assert_eq!(changes(&waves, "horus.horus_miso_byte"), while_selected(&answered));
@@ -118,7 +118,7 @@ fn numbers_and_tasks_come_back_under_their_names() {
     }
 }
 
-/// More than one block of the file; every change must be in one of them.
+/// The trace has more than one block of the file; every change must be in one of them.
 #[test]
 fn a_long_trace_loses_nothing_between_the_blocks_of_its_file() {
     let [_, file] = files("long");

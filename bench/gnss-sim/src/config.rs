@@ -1,4 +1,4 @@
-//! A receiver's configuration: UBX-CFG-VALSET, its keys, and what the receiver answers.
+//! A receiver's configuration: UBX-CFG-VALSET, its keys, and the receiver's answers.
 //!
 //! # Sources
 //!
@@ -7,20 +7,20 @@
 //! (UBX-22024085), "Default interface settings". Dynamic models and which is the factory's: ZED-F9R and ZED-F9P
 //! integration manuals (UBX-20039643, UBX-18010802), CFG-NAVSPG-DYNMODEL.
 //!
-//! # What is kept
+//! # Rules
 //!
-//! - A message is applied whole or refused whole: a key that the receiver does not know, a value that it cannot have, a
-//!   layer that does not exist, an item that is cut off, more than 64 items.
+//! - A message is applied whole or refused whole. It is refused for an unknown key, an impossible value, a layer that
+//!   does not exist, an item that is cut off, or more than 64 items.
 //! - Layers: RAM, which a restart clears; battery-backed RAM and flash, which are one here and survive it.
-//! - Keys of all of the receiver's ports are known, whatever the receiver is connected by; those of this port act.
-//! - The dynamic model is kept and told; it changes nothing of what a receiver makes of a flight.
-//! - A receiver without inertial sensors does not know the keys of NAV-ATT and ESF-INS, as its firmware does not.
+//! - Keys of all of the receiver's ports are known, whichever port it is connected by; those of this port take effect.
+//! - The dynamic model is stored and reported; it does not change the receiver's solutions.
+//! - A receiver without inertial sensors rejects the keys of NAV-ATT and ESF-INS, as its firmware does.
 //! - A message with a wrong checksum, and noise between messages, are ignored without an answer.
 //!
 //! # Left out
 //!
-//! Transactions, UBX-CFG-VALGET and UBX-CFG-VALDEL, the configuration messages of generation 8, and input over NMEA or
-//! RTCM. A message of class CFG that is none of these is refused, any other is ignored.
+//! These are transactions, UBX-CFG-VALGET and UBX-CFG-VALDEL, the configuration messages of generation 8, and input
+//! over NMEA or RTCM. Another message of class CFG is refused, any other is ignored.
 
 use std::collections::BTreeMap;
 
@@ -37,16 +37,16 @@ pub const ACK: u8 = 0x01;
 /// UBX-ACK-NAK.
 pub const NAK: u8 = 0x00;
 
-/// Items in one UBX-CFG-VALSET at most.
+/// The most items in one UBX-CFG-VALSET.
 const MOST_ITEMS: usize = 64;
-/// The longest message that a receiver takes here: 64 items of eight bytes fit.
+/// The longest message that a receiver accepts here, bytes: 64 items of eight bytes fit.
 const LONGEST: usize = 1024;
 
 /// CFG-RATE-MEAS: the measurement period, ms.
 pub const RATE_MEAS: u32 = 0x3021_0001;
-/// CFG-RATE-NAV: measurements of one navigation solution.
+/// CFG-RATE-NAV: the number of measurements per navigation solution.
 pub const RATE_NAV: u32 = 0x3021_0002;
-/// CFG-NAVSPG-DYNMODEL: how the receiver's filter assumes that it moves.
+/// CFG-NAVSPG-DYNMODEL: the motion that the receiver's filter assumes.
 pub const NAVSPG_DYNMODEL: u32 = 0x2011_0021;
 /// CFG-UART1-BAUDRATE, bit/s.
 pub const UART1_BAUDRATE: u32 = 0x4052_0001;
@@ -56,15 +56,15 @@ pub const MSGOUT_NAV_PVT: u32 = 0x2091_0006;
 pub const MSGOUT_NAV_ATT: u32 = 0x2091_001F;
 /// CFG-MSGOUT-UBX_ESF_INS_I2C.
 pub const MSGOUT_ESF_INS: u32 = 0x2091_0114;
-/// In a group of output protocols: UBX.
+/// UBX in a group of output protocols.
 pub const OUTPROT_UBX: u32 = 1;
-/// NMEA.
+/// NMEA in a group of output protocols.
 pub const OUTPROT_NMEA: u32 = 2;
 
-/// The bit rates that a receiver's UART has: data sheet, UART specifications, and interface description.
+/// The bit rates that a receiver's UART supports: data sheet, UART specifications, and interface description.
 const BAUD_RATES: [u64; 8] = [9_600, 19_200, 38_400, 57_600, 115_200, 230_400, 460_800, 921_600];
 
-/// What a receiver is connected by.
+/// The port by which a receiver is connected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Port {
     /// UART1.
@@ -105,12 +105,12 @@ impl Port {
     }
 }
 
-/// What a receiver puts out, and how: what follows from its configuration.
+/// A receiver's output, which follows from its configuration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Output {
-    /// From one solution to the next, ms.
+    /// The time from one solution to the next, ms.
     pub period_ms: u32,
-    /// NAV-PVT with every so many solutions; 0: never.
+    /// The number of solutions per NAV-PVT; 0 for no NAV-PVT.
     pub position: u32,
     /// The same of NAV-ATT.
     pub attitude: u32,
@@ -122,7 +122,7 @@ pub struct Output {
     pub bit_rate: u32,
 }
 
-/// What a receiver's hardware and firmware have.
+/// The abilities of a receiver's hardware and firmware.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Abilities {
     pub(crate) attitude: bool,
@@ -131,7 +131,7 @@ pub(crate) struct Abilities {
     pub(crate) fixed_period: bool,
 }
 
-/// A receiver's configuration, and the message that it is being sent.
+/// A receiver's configuration, and the message that is arriving.
 #[derive(Debug, Clone)]
 pub(crate) struct Configuration {
     port: Port,
@@ -139,12 +139,12 @@ pub(crate) struct Configuration {
     factory: BTreeMap<u32, u64>,
     saved: BTreeMap<u32, u64>,
     ram: BTreeMap<u32, u64>,
-    /// From the first byte on that may begin a message.
+    /// The input from the first byte on that may begin a message.
     input: Vec<u8>,
 }
 
 impl Configuration {
-    /// Factory settings; of a receiver whose period cannot be set, with that period.
+    /// The factory settings; for a receiver with a fixed period, with that period.
     pub(crate) fn new(port: Port, abilities: Abilities, period_ms: u32) -> Self {
         let mut factory = BTreeMap::new();
         for protocols in [0x1072_0000, 0x1074_0000, 0x107A_0000] {
@@ -159,12 +159,12 @@ impl Configuration {
         factory.insert(RATE_MEAS, if abilities.fixed_period { u64::from(period_ms) } else { 1_000 });
         factory.insert(RATE_NAV, 1);
         factory.insert(UART1_BAUDRATE, 38_400);
-        // One with inertial sensors is made for cars, others for whatever is portable.
+        // The factory model of receivers with inertial sensors is automotive, that of others portable.
         factory.insert(NAVSPG_DYNMODEL, if abilities.attitude || abilities.inertial { 4 } else { 0 });
         Self { port, abilities, factory, saved: BTreeMap::new(), ram: BTreeMap::new(), input: vec![] }
     }
 
-    /// What HORUS would set was set before, and saved, but for the dynamic model.
+    /// Sets and saves the settings that HORUS would set, except for the dynamic model.
     pub(crate) fn configured(mut self, period_ms: u32, bit_rate: u32) -> Self {
         let port = self.port;
         let items = [
@@ -180,7 +180,7 @@ impl Configuration {
         self
     }
 
-    /// The receiver restarts: RAM is lost, and with `factory` everything that was saved.
+    /// Restarts the receiver: RAM is lost, and with `factory` everything that was saved.
     pub(crate) fn restart(&mut self, factory: bool) {
         self.ram.clear();
         self.input.clear();
@@ -189,12 +189,12 @@ impl Configuration {
         }
     }
 
-    /// The receiver goes on with the dynamic model that it had saved, or came with.
+    /// Returns to the saved or original dynamic model.
     pub(crate) fn forget_dynamic_model(&mut self) {
         self.ram.remove(&NAVSPG_DYNMODEL);
     }
 
-    /// Its dynamic model, as CFG-NAVSPG-DYNMODEL counts them.
+    /// The dynamic model, in the numbering of CFG-NAVSPG-DYNMODEL.
     pub(crate) fn dynamic_model(&self) -> u8 {
         u8::try_from(self.value(NAVSPG_DYNMODEL)).unwrap_or(u8::MAX)
     }
@@ -218,7 +218,7 @@ impl Configuration {
         }
     }
 
-    /// A byte has arrived, or something that could not be read. The answer to the message that it ends.
+    /// Takes a byte; `None` is an unreadable one. Returns the answer to the message that it completes.
     pub(crate) fn hear(&mut self, byte: Option<u8>) -> Option<Vec<u8>> {
         let Some(byte) = byte else {
             self.input.clear();
@@ -254,15 +254,15 @@ impl Configuration {
         }
     }
 
-    /// UBX-CFG-VALSET: nothing where it is refused.
+    /// Applies UBX-CFG-VALSET; `None` where it is refused.
     fn set(&mut self, payload: &[u8]) -> Option<()> {
-        // Version 0; layers RAM, battery-backed RAM, flash; reserved.
+        // The payload begins with version 0, the layers (RAM, battery-backed RAM, flash), and reserved bytes.
         let ([0, layers @ 1..=7, _, _], mut rest) = payload.split_first_chunk::<4>()? else { return None };
         let mut items = vec![];
         while !rest.is_empty() {
             let (key, after) = rest.split_first_chunk::<4>()?;
             let key = u32::from_le_bytes(*key);
-            // The size in bits 28 to 30: a bit (in a byte), 1, 2, 4 and 8 bytes.
+            // Bits 28 to 30 give the size: a bit (in a byte), 1, 2, 4 and 8 bytes.
             let size = match key >> 28 & 7 {
                 1 | 2 => 1,
                 3 => 2,
@@ -292,11 +292,11 @@ impl Configuration {
 
     fn can_be(&self, key: u32, value: u64) -> bool {
         match key {
-            // 25 ms, 40 Hz, is the fastest of the generation (NEO-M9N: 25 Hz with several constellations).
+            // A period of 25 ms, 40 Hz, is the fastest of the generation (NEO-M9N: 25 Hz with several constellations).
             RATE_MEAS => !self.abilities.fixed_period && (25..=65_535).contains(&value),
             RATE_NAV => !self.abilities.fixed_period && (1..=127).contains(&value),
             UART1_BAUDRATE => BAUD_RATES.contains(&value),
-            // Portable; stationary to wrist. Later ones are not in every receiver.
+            // The values are portable, and stationary to wrist. Later ones are not in every receiver.
             NAVSPG_DYNMODEL => matches!(value, 0 | 2..=9),
             _ if key >> 28 == 1 => value <= 1,
             _ => true,

@@ -4,27 +4,28 @@
 //!
 //! Three scalar plans describe the flight: height above the start, ground speed, and course. Each is a chain of quintic
 //! ramps (the minimum-jerk polynomial), constant in between, so every plan and its first two derivatives are
-//! continuous. The aircraft flies the way it points (yaw = course). From the plans follow, without any filter or
-//! simulation step,
+//! continuous. The aircraft flies the way it points (yaw = course). The plans give the following directly, without any
+//! filter or simulation step:
 //!
 //! - velocity: speed along the course, and the height's first derivative;
 //! - acceleration: speed's derivative along the course, speed × turn rate across it, and the height's second
 //!   derivative;
-//! - attitude: a rotorcraft can only push along its own vertical axis, so that axis points along the force it needs,
+//! - attitude: a rotorcraft can only push along its own vertical axis, so that axis points along the required force,
 //!   which is mass × (acceleration − gravity) plus drag. Pitch is negative (nose down) while it speeds up or cruises
 //!   against drag, roll is positive (right side down) in a right turn.
 //!
-//! Position is the integral of velocity, taken by five-point Gauss-Legendre quadrature: sums over a fixed grid are made
-//! when the flight is planned, so any instant costs the same. The result is a pure function of time and seed.
+//! Position is the integral of velocity, taken by five-point Gauss-Legendre quadrature: sums over a fixed grid are
+//! computed when the flight is planned, so every instant costs the same. The result is a pure function of time and
+//! seed.
 //!
-//! # How long a flight is
+//! # The length of a flight
 //!
-//! A flight is planned to fill the duration it is given, all its phases included, so that a run of 10 s shows a
-//! take-off and a landing as well as one of ten minutes does. A short one is a low and slow hop (speed and height are
-//! what the acceleration limits leave of the time); a long one climbs to [`HEIGHT_MAX`], cruises at [`SPEED_MAX`] and
-//! flies more legs, which bend round so that the aircraft stays within a few kilometres. Less than [`SHORTEST`] is
-//! planned as that, and the run sees the beginning. Before its first instant and after its last one the aircraft stands
-//! still on the ground.
+//! A flight is planned to fill the given duration with all its phases, so that a run of 10 s shows a take-off and a
+//! landing as well as one of ten minutes does. A short flight is a low and slow hop, whose speed and height follow from
+//! the acceleration limits; a long one climbs to [`HEIGHT_MAX`], cruises at [`SPEED_MAX`] and flies more legs, which
+//! bend round so that the aircraft stays within a few kilometres. A duration below [`SHORTEST`] is planned as that, and
+//! the run shows the beginning. Before its first instant and after its last one the aircraft stands still on the
+//! ground.
 
 use core::f64::consts::{PI, TAU};
 
@@ -44,16 +45,16 @@ pub const SPEED_MAX: f64 = 16.0;
 pub const CLIMB_MAX: f64 = 4.5;
 /// Greatest height above the start, m.
 pub const HEIGHT_MAX: f64 = 60.0;
-/// Greatest acceleration along the course, and across it, and vertically, m/s² each.
+/// Greatest acceleration along the course, across it, and vertically, m/s² each.
 pub const ACCELERATION_MAX: f64 = 3.5;
 /// Shortest flight that is planned, s.
 pub const SHORTEST: f64 = 8.0;
-/// Longest flight that is planned, s (a day; batteries are not simulated). Longer ones are planned as this.
+/// Longest flight that is planned, s: a day, because batteries are not simulated. Longer ones are planned as this.
 pub const LONGEST: f64 = 86_400.0;
 
 /// Standard gravity, m/s².
 const GRAVITY: f64 = 9.806_65;
-/// Deceleration by drag per unit of speed, 1/s: 15° nose down at 16 m/s, as small multicopters show.
+/// Deceleration by drag per unit of speed, 1/s: 15° nose down at 16 m/s, as in small multicopters.
 const DRAG: f64 = 0.16;
 /// Peak slope of the quintic ramp, at its middle: 15/8.
 const RAMP_SLOPE: f64 = 1.875;
@@ -62,21 +63,21 @@ const RAMP_CURVE: f64 = 5.773_502_691_896_258;
 /// Spacing of the position sums, s.
 const GRID: f64 = 0.1;
 
-/// Where the aircraft is, how it moves and how it lies in the air.
+/// Position, motion and attitude of the aircraft.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct State {
     /// WGS-84.
     pub position: Geodetic,
-    /// Metres north, east, down of the start, in the start's tangent plane.
+    /// Position in the start's tangent plane, metres north, east, down.
     pub ned: [f64; 3],
     /// Metres per second north, east, down. North and down are the start's; a few kilometres away the local ones
     /// differ by less than 1 mrad.
     pub velocity: [f64; 3],
-    /// Nose above the horizon, rad, −π/2 ..= π/2.
+    /// Pitch, the nose above the horizon, rad, −π/2 ..= π/2.
     pub pitch: f64,
-    /// Right side down, rad, −π ..= π.
+    /// Roll, right side down, rad, −π ..= π.
     pub roll: f64,
-    /// Where the nose points, from true north, clockwise, rad, −π ..= π.
+    /// Heading of the nose from true north, clockwise, rad, −π ..= π.
     pub yaw: f64,
     /// Acceleration in the body frame, front, right, down, m/s², gravity removed: zero at rest.
     pub acceleration: [f64; 3],
@@ -105,7 +106,7 @@ pub enum Phase {
     Landed,
 }
 
-/// One planned flight. Cheap to query, at any instant, in any order.
+/// One planned flight, which can be queried cheaply at any instant and in any order.
 #[derive(Debug, Clone)]
 pub struct Flight {
     plane: TangentPlane,
@@ -122,7 +123,7 @@ pub struct Flight {
 impl Flight {
     /// Plans the flight of `seed` that fills `seconds`, from [`START`].
     ///
-    /// `seconds` is clamped to [`SHORTEST`] ..= [`LONGEST`]; not a number counts as the shortest.
+    /// `seconds` is clamped to [`SHORTEST`] ..= [`LONGEST`]; NaN counts as the shortest.
     #[must_use]
     pub fn new(seed: u64, seconds: f64) -> Self {
         Self::from_start(seed, seconds, START)
@@ -137,7 +138,8 @@ impl Flight {
             Uniform::new_inclusive(low, high).expect("the bounds of every draw are finite and ordered").sample(&mut rng)
         };
 
-        // Shares of a short flight; a long one needs no more than the second number, and cruises for the rest.
+        // The first numbers are shares of a short flight; a long one needs at most the second number, and cruises for
+        // the rest.
         let standing = (0.03 * planned).min(2.0);
         let climb = (0.22 * planned).min(28.0);
         let acceleration = (0.15 * planned).min(11.0);
@@ -153,7 +155,7 @@ impl Flight {
         });
         let [take_off, climbed, cruising, brake, hovering, descend, _] = phase_ends;
 
-        // The recipient's roof or garden lies a little higher or lower than the start.
+        // The recipient's roof or garden is slightly higher or lower than the start.
         let ground = draw(-0.1, 0.1);
         let height_gained = HEIGHT_MAX
             .min(ramp_limit(climb, CLIMB_MAX, ACCELERATION_MAX))
@@ -168,9 +170,9 @@ impl Flight {
         speed.ramp(climbed, acceleration, speed_reached);
         speed.ramp(brake, braking, -speed_reached);
 
-        // Legs of about 15 s, each ending in a turn: a wide one, then a narrow one back, and so on. On a long flight
-        // two legs turn the aircraft by 45° on average, so after sixteen the path has closed; on a short one both turns
-        // are what the acceleration limit leaves, an S.
+        // Legs take about 15 s, each ending in a turn: a wide one, then a narrow one back, and so on. On a long flight
+        // two legs turn the aircraft by 45° on average, so after sixteen the path has closed; on a short one the
+        // acceleration limit bounds both turns, which form an S. are what the acceleration limit leaves, an S.
         let mut course = Plan::starting_at(draw(-PI, PI));
         let side = if draw(0.0, 1.0) < 0.5 { -1.0 } else { 1.0 };
         let legs = (cruise / 15.0).ceil().max(2.0);
@@ -191,7 +193,7 @@ impl Flight {
         let mut flight =
             Self { plane: TangentPlane::new(start), planned, phase_ends, height, speed, course, sums: vec![[0.0; 2]] };
         let mut sum = [0.0; 2];
-        // Speed is zero from `hovering` on, and with it everything that would still be added.
+        // Speed is zero from `hovering` on, so later cells add nothing.
         for cell in 0..(hovering / GRID).ceil() as usize {
             let from = cell as f64 * GRID;
             let [north, east] = flight.distance(from, from + GRID);
@@ -201,19 +203,19 @@ impl Flight {
         flight
     }
 
-    /// The plane at the start, in which the flight was planned.
+    /// The tangent plane at the start, in which the flight was planned.
     #[must_use]
     pub fn plane(&self) -> &TangentPlane {
         &self.plane
     }
 
-    /// How long the flight is, s, standing on the ground at both ends included.
+    /// The length of the flight, s, including the time on the ground at both ends.
     #[must_use]
     pub fn planned_seconds(&self) -> f64 {
         self.planned
     }
 
-    /// The part of the flight that instant `t` (s) belongs to.
+    /// The phase of the flight at instant `t` (s).
     #[must_use]
     pub fn phase(&self, t: f64) -> Phase {
         const PHASES: [Phase; 7] = [
@@ -228,7 +230,7 @@ impl Flight {
         PHASES.into_iter().zip(self.phase_ends).find(|(_, end)| t < *end).map_or(Phase::Landed, |(phase, _)| phase)
     }
 
-    /// The aircraft at `t` seconds.
+    /// The state of the aircraft at `t` seconds.
     #[must_use]
     pub fn state(&self, t: f64) -> State {
         let pose = self.pose(t);
@@ -245,7 +247,7 @@ impl Flight {
         }
     }
 
-    /// Metres north, east, down of the start at `t`.
+    /// Position in metres north, east, down of the start at `t`.
     fn ned(&self, t: f64) -> [f64; 3] {
         let t = t.clamp(0.0, self.planned);
         let cell = ((t / GRID) as usize).min(self.sums.len() - 1);
@@ -254,7 +256,7 @@ impl Flight {
         [north + more_north, east + more_east, -self.height.at(t)[0]]
     }
 
-    /// Distance north and east flown between two instants, m: five-point Gauss-Legendre.
+    /// Distance flown north and east between two instants, m: five-point Gauss-Legendre.
     fn distance(&self, from: f64, to: f64) -> [f64; 2] {
         /// Abscissae and weights on −1 ..= 1 (Abramowitz and Stegun, table 25.4).
         const RULE: [(f64, f64); 5] = [
@@ -279,9 +281,9 @@ impl Flight {
         let [_, climb, climb_rate] = self.height.at(t);
         let [speed, speed_rate, _] = self.speed.at(t);
         let [course, turn_rate, _] = self.course.at(t);
-        // In the frame that is level and points along the course: front, right, down.
+        // The frame is level and points along the course: front, right, down.
         let acceleration = [speed_rate, speed * turn_rate, -climb_rate];
-        // What the rotors must supply, per unit of mass.
+        // The rotors must supply this force, per unit of mass.
         let force = [acceleration[0] + DRAG * speed, acceleration[1], acceleration[2] - DRAG * climb - GRAVITY];
         let total = sqrt(force.iter().map(|f| f * f).sum());
         Pose {
@@ -306,20 +308,20 @@ impl Flight {
     }
 }
 
-/// What follows from the plans at one instant without integrating.
+/// Values that follow from the plans at one instant without integrating.
 struct Pose {
-    /// Unwrapped, so that it can be differentiated.
+    /// The course, unwrapped, so that it can be differentiated.
     course: f64,
-    /// North, east, down.
+    /// The velocity north, east, down.
     velocity: [f64; 3],
-    /// Front, right, down of the level frame along the course.
+    /// The acceleration front, right, down in the level frame along the course.
     acceleration: [f64; 3],
     pitch: f64,
     roll: f64,
 }
 
 impl Pose {
-    /// The acceleration, turned from the level frame into the body frame: pitch about the right axis, then roll about
+    /// The acceleration in the body frame, rotated from the level frame: pitch about the right axis, then roll about
     /// the front one.
     fn body_acceleration(&self) -> [f64; 3] {
         let [x, y, z] = self.acceleration;
@@ -330,13 +332,12 @@ impl Pose {
     }
 }
 
-/// Largest change that a quintic ramp of `duration` can make within a limit on its first and one on its second
-/// derivative.
+/// Largest change of a quintic ramp of `duration` within a limit on its first and one on its second derivative.
 fn ramp_limit(duration: f64, slope: f64, curve: f64) -> f64 {
     (slope * duration / RAMP_SLOPE).min(curve * duration * duration / RAMP_CURVE)
 }
 
-/// An angle brought into −π ..= π.
+/// Brings an angle into −π ..= π.
 fn wrap(angle: f64) -> f64 {
     angle - TAU * libm::round(angle / TAU)
 }
@@ -361,13 +362,13 @@ impl Plan {
         Self { initial, ramps: Vec::new() }
     }
 
-    /// Adds a ramp, which starts no earlier than the last one ended.
+    /// Adds a ramp, which must not start before the last one ended.
     fn ramp(&mut self, start: f64, duration: f64, change: f64) {
         let (from, free) = self
             .ramps
             .last()
             .map_or((self.initial, f64::NEG_INFINITY), |last| (last.from + last.change, last.start + last.duration));
-        // The starts are sums of the same shares in another order: equal up to rounding.
+        // The starts are sums of the same shares in another order, so they are equal up to rounding.
         assert!(duration > 0.0 && start >= free - 1e-6, "ramps follow one another");
         self.ramps.push(Ramp { start: start.max(free), duration, from, change });
     }

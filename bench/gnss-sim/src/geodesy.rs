@@ -1,8 +1,8 @@
-//! WGS-84 positions and the local tangent plane that a flight is planned in.
+//! WGS-84 positions and the local tangent plane in which a flight is planned.
 //!
 //! A flight of a few kilometres is planned in metres north, east and down of its start. The receivers report degrees
-//! and metres above the ellipsoid. The conversion between the two is the exact one (tangent plane, ECEF, geodetic),
-//! not a flat-earth scale factor: at 2 km the earth has already fallen away by 0.3 m.
+//! and metres above the ellipsoid. The conversion between the two is the exact one (tangent plane, ECEF, geodetic), not
+//! a flat-earth scale factor: at 2 km the surface already lies 0.3 m below the plane.
 
 use libm::{atan2, cos, sin, sqrt};
 
@@ -42,8 +42,8 @@ impl Geodetic {
     /// The position at earth-centred, earth-fixed coordinates in m.
     ///
     /// Fixed-point iteration on the latitude. Each round gains a factor of e² ≈ 1/150, so eight rounds reach the
-    /// resolution of the float64 anywhere from the ground to the stratosphere. Not for points within kilometres of the
-    /// earth's axis.
+    /// resolution of the float64 anywhere from the ground to the stratosphere. It does not hold for points within
+    /// kilometres of the earth's axis.
     #[must_use]
     pub fn from_ecef([x, y, z]: [f64; 3]) -> Self {
         let p = sqrt(x * x + y * y);
@@ -52,7 +52,7 @@ impl Geodetic {
             let n = prime_vertical_radius(sin(lat));
             lat = atan2(z + E2 * n * sin(lat), p);
         }
-        // Along the normal, from both coordinates: well conditioned at every latitude.
+        // The height along the normal uses both coordinates, so it is well conditioned at every latitude.
         let n = prime_vertical_radius(sin(lat));
         let height = p * cos(lat) + z * sin(lat) - SEMI_MAJOR_AXIS * SEMI_MAJOR_AXIS / n;
         Self { latitude: lat.to_degrees(), longitude: atan2(y, x).to_degrees(), height }
@@ -69,7 +69,7 @@ fn prime_vertical_radius(sin_lat: f64) -> f64 {
 pub struct TangentPlane {
     origin: Geodetic,
     origin_ecef: [f64; 3],
-    /// Rows: north, east, down as unit vectors in ECEF.
+    /// The rows are north, east, down as unit vectors in ECEF.
     axes: [[f64; 3]; 3],
 }
 
@@ -86,7 +86,7 @@ impl TangentPlane {
         }
     }
 
-    /// Where north = east = down = 0 lies.
+    /// The origin, where north = east = down = 0.
     #[must_use]
     pub fn origin(&self) -> Geodetic {
         self.origin
@@ -104,7 +104,7 @@ impl TangentPlane {
         Geodetic::from_ecef(ecef)
     }
 
-    /// Metres north, east and down of the origin.
+    /// The position in metres north, east and down of the origin.
     #[must_use]
     pub fn to_ned(&self, position: Geodetic) -> [f64; 3] {
         let [x, y, z] = position.to_ecef();
@@ -122,7 +122,7 @@ mod tests {
     fn the_ellipsoid_has_its_published_axes() {
         let equator = Geodetic { latitude: 0.0, longitude: 90.0, height: 0.0 }.to_ecef();
         assert!((equator[1] - 6_378_137.0).abs() < 1e-9 && equator[0].abs() < 1e-9);
-        // Semi-minor axis, NIMA TR8350.2 table 3.3.
+        // The pole is at the semi-minor axis, NIMA TR8350.2 table 3.3.
         let pole = Geodetic { latitude: 90.0, longitude: 0.0, height: 0.0 }.to_ecef();
         assert!((pole[2] - 6_356_752.314_2).abs() < 1e-4, "{pole:?}");
     }
@@ -148,10 +148,10 @@ mod tests {
         let plane = TangentPlane::new(origin);
         let at = plane.to_geodetic([0.0; 3]);
         assert!((at.latitude - origin.latitude).abs() < 1e-12 && (at.height - 470.0).abs() < 1e-8);
-        // 2 km away on the plane one is d²/2R = 0.31 m above the surface of equal height.
+        // A point 2 km away on the plane is d²/2R = 0.31 m above the surface of equal height.
         let away = plane.to_geodetic([2_000.0, 0.0, 0.0]);
         assert!((away.height - 470.0 - 0.313).abs() < 0.002, "{away:?}");
-        // One arc minute of latitude at 45° is 1852 m by the definition of the sea mile, near enough.
+        // One arc minute of latitude at 45° is approximately 1852 m by the definition of the sea mile.
         let north = plane.to_geodetic([1_853.0, 0.0, 0.0]);
         assert!((north.latitude - origin.latitude - 1.0 / 60.0).abs() < 2e-5);
         for ned in [[10.0, -20.0, -60.0], [-3_000.0, 1_500.0, -120.0]] {

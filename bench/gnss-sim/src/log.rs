@@ -1,31 +1,30 @@
-//! A UBX log that a real receiver recorded, as a byte source.
+//! A UBX log recorded from a real receiver, as a byte source.
 //!
-//! # What is played
+//! # The contents
 //!
-//! Exactly the bytes of the file, all of them, in their order: UBX, NMEA, RTCM, damaged messages and noise alike. The
-//! log is read only to find out *when* its bytes were sent.
+//! A log is played exactly, all bytes of the file in their order: UBX, NMEA, RTCM, damaged messages and noise alike.
+//! The log is only parsed to find out *when* its bytes were sent.
 //!
-//! # When it is played
+//! # The timing
 //!
-//! A receiver sends one burst per navigation epoch, and every UBX NAV message tells its epoch (`iTOW`, GPS time of week
-//! in ms). The file is cut where a message opens a new epoch, and each piece is sent as far after the one before it as
-//! their `iTOW` lie apart:
+//! A receiver sends one burst per navigation epoch, and every UBX NAV message has its epoch (`iTOW`, GPS time of week
+//! in ms). The file is cut where a message opens a new epoch, and the pieces are sent at the intervals of their `iTOW`:
 //!
-//! - [`FIRST_BURST_NS`] after reset: what precedes the first epoch, at once, and behind it the first epoch.
+//! - The bytes before the first epoch are sent [`FIRST_BURST_NS`] after reset, followed by the first epoch.
 //! - A NAV message with a right checksum whose `iTOW` is ahead of the current epoch's opens the next epoch. The week's
 //!   roll-over is a step like any other. A step longer than [`GAP_MAX_MS`] (tunnel, recording resumed) is cut down to
 //!   that.
 //! - A NAV-PVT whose `iTOW` is *not* ahead (a receiver that does not know the time, or logs put together) opens an
 //!   epoch as well, [`PERIOD_WITHOUT_TIME_MS`] after the one before. Other late messages belong to the epoch that they
 //!   arrive in.
-//! - What is not a NAV message goes with the epoch before it.
+//! - Bytes that are not a NAV message belong to the epoch before them.
 //! - A burst never starts before the one ahead of it has left the UART.
 //!
-//! # What it holds
+//! # The positions
 //!
-//! [`Log::positions`] lists the positions that a reader of the stream can take from it: NAV-PVT messages of 92 bytes
-//! (protocol version 15 and later) with a right checksum, `gnssFixOK` set, `invalidLlh` clear, and a fix that has a
-//! position. A log without any is refused when it is opened, with the reason.
+//! [`Log::positions`] lists the positions in the log: NAV-PVT messages of 92 bytes (protocol version 15 and later) with
+//! a right checksum, `gnssFixOK` set, `invalidLlh` clear, and a fix that has a position. A log without any is refused
+//! when it is opened, with the reason.
 
 use std::fs::File;
 use std::io::{self, Read};
@@ -34,20 +33,20 @@ use std::path::{Path, PathBuf};
 
 use crate::ubx::{self, Frame, NavPvt, WEEK_MS};
 
-/// The first byte of a log, ns after reset: the firmware is listening by then, so no position of the log is lost to its
-/// start-up.
+/// The instant of a log's first byte, ns after reset: the firmware is listening by then, so its start-up loses no
+/// position of the log.
 pub const FIRST_BURST_NS: u64 = 100_000_000;
 
 /// Longest pause between two epochs, ms.
 pub const GAP_MAX_MS: u32 = 5_000;
 
-/// Pause before an epoch whose time of week does not say how long it was, ms.
+/// Pause before an epoch whose time of week does not give its length, ms.
 pub const PERIOD_WITHOUT_TIME_MS: u32 = 1_000;
 
-/// Longest log that is read, bytes: a day of 1 Mbit/s would not be longer.
+/// Longest log that is read, bytes: a day at 1 Mbit/s is shorter.
 pub const LENGTH_MAX: u64 = 1 << 30;
 
-/// Why a log cannot be played.
+/// The reason why a log cannot be played.
 #[derive(Debug, thiserror::Error)]
 pub enum LogError {
     /// The file cannot be opened or read.
@@ -58,7 +57,7 @@ pub enum LogError {
     Unreadable {
         /// The file.
         path: PathBuf,
-        /// What the operating system says.
+        /// The operating system's error.
         source: io::Error,
     },
     /// The file has no bytes.
@@ -84,12 +83,12 @@ pub enum LogError {
     NoPosition {
         /// The file.
         path: PathBuf,
-        /// What was found instead.
+        /// The contents that were found instead.
         counts: LogCounts,
     },
 }
 
-/// What a log is made of.
+/// The contents of a log.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct LogCounts {
     /// Length of the log.
@@ -102,11 +101,11 @@ pub struct LogCounts {
     pub nmea: usize,
     /// RTCM 3 messages with a right CRC.
     pub rtcm: usize,
-    /// Bytes that belong to no whole message: damaged or cut-off messages, and anything else.
+    /// Bytes that belong to no whole message: damaged or cut-off messages, and noise.
     pub unknown_bytes: usize,
 }
 
-/// A position as a NAV-PVT message of the log states it.
+/// A position in a NAV-PVT message of the log.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct RecordedPosition {
     /// GPS time of week, ms.
@@ -120,28 +119,28 @@ pub struct RecordedPosition {
 }
 
 impl RecordedPosition {
-    /// Longitude, degrees: the float64 nearest to the decimal number that the message states.
+    /// Longitude, degrees: the float64 nearest to the decimal number in the message.
     ///
-    /// The quotient, not the product with 1e-7: division of two exactly represented numbers is correctly rounded, 1e-7
-    /// itself is not exact. This defines the value to its last bit.
+    /// It is a quotient and not the product with 1e-7, because a division of two exactly represented numbers is
+    /// correctly rounded, while 1e-7 itself is not exact. This defines the value to its last bit.
     #[must_use]
     pub fn longitude(&self) -> f64 {
         f64::from(self.longitude_1e7) / 1e7
     }
 
-    /// Latitude, degrees; rounded as [`Self::longitude`] is.
+    /// Latitude, degrees; rounded like [`Self::longitude`].
     #[must_use]
     pub fn latitude(&self) -> f64 {
         f64::from(self.latitude_1e7) / 1e7
     }
 
-    /// Height above the ellipsoid, m; rounded as [`Self::longitude`] is.
+    /// Height above the ellipsoid, m; rounded like [`Self::longitude`].
     #[must_use]
     pub fn altitude(&self) -> f64 {
         f64::from(self.height_mm) / 1e3
     }
 
-    /// The position that a UBX message states, if it is a NAV-PVT message with a valid one.
+    /// The position in a UBX message, if it is a NAV-PVT message with a valid one.
     #[must_use]
     pub fn from_frame(frame: &Frame<'_>) -> Option<Self> {
         if (frame.class, frame.id) != (ubx::CLASS_NAV, NavPvt::ID) || frame.payload.len() != NavPvt::PAYLOAD {
@@ -151,7 +150,7 @@ impl RecordedPosition {
             Some(i32::from_le_bytes(frame.payload.get(offset..offset + 4)?.try_into().ok()?))
         };
         let byte = |offset: usize| frame.payload.get(offset).copied();
-        // 1 dead reckoning, 2 2D, 3 3D, 4 GNSS and dead reckoning; 5 is time only.
+        // The fix types are 1 dead reckoning, 2 2D, 3 3D, 4 GNSS and dead reckoning; 5 is time only.
         let fixed = matches!(byte(20)?, 1..=4);
         let ok = byte(21)? & NavPvt::FLAG_FIX_OK != 0 && byte(78)? & NavPvt::FLAG3_INVALID_LLH == 0;
         (fixed && ok).then_some(())?;
@@ -164,7 +163,7 @@ impl RecordedPosition {
     }
 }
 
-/// A recorded log, cut into the bursts that it is played in.
+/// A recorded log, cut into the bursts in which it is played.
 #[derive(Debug, Clone)]
 pub struct Log {
     bytes: Vec<u8>,
@@ -178,7 +177,7 @@ impl Log {
     ///
     /// # Errors
     ///
-    /// [`LogError`]: it cannot be read, is empty, is too long, or holds no position.
+    /// [`LogError`] if the file cannot be read, is empty, is too long, or holds no position.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, LogError> {
         let path = path.as_ref();
         let unreadable = |source| LogError::Unreadable { path: path.to_owned(), source };
@@ -187,11 +186,11 @@ impl Log {
         Self::from_bytes(path, bytes)
     }
 
-    /// The log that `bytes` are; `path` is what errors call it.
+    /// The log in `bytes`; errors name it `path`.
     ///
     /// # Errors
     ///
-    /// [`LogError`], all but `Unreadable`.
+    /// [`LogError`], except `Unreadable`.
     pub fn from_bytes(path: impl AsRef<Path>, bytes: Vec<u8>) -> Result<Self, LogError> {
         let path = path.as_ref();
         if bytes.is_empty() {
@@ -239,7 +238,7 @@ impl Log {
         &self.positions
     }
 
-    /// What the log is made of.
+    /// The contents of the log.
     #[must_use]
     pub fn counts(&self) -> LogCounts {
         self.counts
@@ -251,8 +250,9 @@ impl Log {
         &self.bytes
     }
 
-    /// When each burst is due (ns after reset) and what it consists of, in order. At least one; none is empty; together
-    /// they are [`Self::bytes`]. The UART may still be busy with the one before: the receiver sees to that.
+    /// The instant of each burst (ns after reset) and its bytes, in order. There is at least one, none is empty, and
+    /// together they are [`Self::bytes`]. The UART may still be busy with the one before, which the receiver takes into
+    /// account.
     pub fn bursts(&self) -> impl ExactSizeIterator<Item = (u64, &[u8])> {
         self.bursts.iter().map(|(at, range)| (*at, &self.bytes[range.clone()]))
     }
@@ -264,7 +264,7 @@ impl Log {
         Some((*at, &self.bytes[range.clone()]))
     }
 
-    /// From reset to when the last epoch is due, ns.
+    /// The time from reset to the last epoch, ns.
     #[must_use]
     pub fn duration_ns(&self) -> u64 {
         self.bursts.last().map_or(0, |(at, _)| *at)
@@ -278,17 +278,17 @@ struct Cutter {
     epoch: Option<u32>,
     /// Whether the current epoch has had its NAV-PVT.
     has_pvt: bool,
-    /// Start of each epoch but the first: ns after the first one, offset of its first byte.
+    /// The start of each epoch but the first: ns after the first one, and the offset of its first byte.
     cuts: Vec<(u64, usize)>,
     now_ns: u64,
 }
 
 impl Cutter {
-    /// A NAV message at `offset`, of the epoch `itow`.
+    /// Takes a NAV message at `offset`, of the epoch `itow`.
     fn message(&mut self, offset: usize, itow: u32, is_pvt: bool) {
         if let Some(epoch) = self.epoch {
             let step = (itow + WEEK_MS - epoch) % WEEK_MS;
-            // More than half a week ahead is behind.
+            // A step of more than half a week ahead counts as behind.
             let ahead = step > 0 && step <= WEEK_MS / 2;
             let pause = if ahead {
                 step.min(GAP_MAX_MS)
@@ -306,14 +306,14 @@ impl Cutter {
     }
 
     fn bursts(self, length: usize) -> Vec<(u64, Range<usize>)> {
-        // What precedes the first epoch, and that epoch, are one burst.
+        // The bytes before the first epoch and that epoch form one burst.
         let starts = std::iter::once((0, 0)).chain(self.cuts.iter().copied());
         let ends = self.cuts.iter().map(|(_, offset)| *offset).chain([length]);
         starts.zip(ends).map(|((at, start), end)| (FIRST_BURST_NS + at, start..end)).collect()
     }
 }
 
-/// Length of the NMEA sentence with a right checksum that `bytes` start with: `$`, at most 255 printable characters
+/// Length of the NMEA sentence with a right checksum at the start of `bytes`: `$`, at most 255 printable characters
 /// (u-blox sends proprietary ones beyond the standard's 82), `*hh`, CR, LF.
 fn nmea_at_start_of(bytes: &[u8]) -> Option<usize> {
     const LONGEST: usize = 255;
@@ -328,10 +328,10 @@ fn nmea_at_start_of(bytes: &[u8]) -> Option<usize> {
     (told == u32::from(sum)).then_some(1 + star + 5)
 }
 
-/// Length of the RTCM 3 message with a right CRC that `bytes` start with (RTCM 10403: 0xD3, 6 zero bits, 10 bits of
+/// Length of the RTCM 3 message with a right CRC at the start of `bytes` (RTCM 10403: 0xD3, 6 zero bits, 10 bits of
 /// length, CRC-24Q).
 fn rtcm_at_start_of(bytes: &[u8]) -> Option<usize> {
-    // The catalogue knows CRC-24Q under LTE's name for it: poly 0x864CFB, init 0.
+    // The catalogue lists CRC-24Q under LTE's name for it: poly 0x864CFB, init 0.
     const CRC_24Q: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_24_LTE_A);
     let [0xd3, high, low, ..] = *bytes else {
         return None;

@@ -1,7 +1,7 @@
 //! NMEA sentences as a u-blox receiver sends them from the factory: RMC, VTG and GGA of NMEA 0183 version 4.1x.
 //!
-//! GLL, GSA, GSV and TXT, which it sends too, are left out: HORUS reads none of them, and these three are as unlike UBX
-//! as those.
+//! GLL, GSA, GSV and TXT, which it also sends, are left out: HORUS reads none of them, and these three already stand
+//! for all that is not UBX.
 
 use crate::ubx::NavPvt;
 
@@ -18,7 +18,7 @@ pub(crate) fn sentences(pvt: &NavPvt) -> Vec<u8> {
     );
     let course = f64::from(pvt.heading_of_motion_1e5) / 1e5;
     let metres_per_second = f64::from(pvt.ground_speed_mm_s) / 1e3;
-    // A knot is 1852 m an hour.
+    // A knot is 1852 m per hour.
     let knots = metres_per_second * 3_600.0 / 1_852.0;
     let geoid = f64::from(pvt.height_mm - pvt.height_msl_mm) / 1e3;
     let height = f64::from(pvt.height_msl_mm) / 1e3;
@@ -36,11 +36,11 @@ pub(crate) fn sentences(pvt: &NavPvt) -> Vec<u8> {
     .collect()
 }
 
-/// Degrees with so many digits, then minutes.
+/// The degrees with `digits` digits, then minutes.
 fn angle(degrees_1e7: i32, digits: usize) -> String {
     let angle = degrees_1e7.unsigned_abs();
     let minutes = f64::from(angle % 10_000_000) * 60.0 / 1e7;
-    // Five digits of a minute that would round to 60.
+    // Minutes that would round to 60 in five digits are limited.
     let minutes = minutes.min(59.999_99);
     format!("{:0digits$}{minutes:08.5}", angle / 10_000_000)
 }

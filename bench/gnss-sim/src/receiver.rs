@@ -2,28 +2,28 @@
 //!
 //! # Design
 //!
-//! A receiver is an iterator of [`Burst`]s, ordered in time: the bytes that it puts on its line without a gap, and when
-//! the first start bit falls. It computes a burst when asked for it and keeps nothing of the past but the state in
-//! front of the one that is due, so a run of any length needs no memory. It knows its bit rate only to keep a burst
-//! from starting while the one before is still on the line.
+//! A receiver is an iterator of [`Burst`]s, ordered in time: the bytes that it puts on its line without a gap, and the
+//! instant of the first start bit. It computes a burst on request and keeps only the state before the burst that is
+//! due, so a run of any length needs no memory. It uses its bit rate only to keep a burst from starting while the one
+//! before is still on the line.
 //!
-//! A generated receiver starts as HORUS had configured it before, with that saved ([`Receiver::with_factory_settings`]:
-//! without). What it is sent ([`Receiver::hear`]) may change what it puts out: the burst that was due is then made
-//! anew.
+//! A generated receiver starts as if HORUS had configured it before and it had saved that
+//! ([`Receiver::with_factory_settings`]: without). Its input ([`Receiver::hear`]) may change its output: the burst that
+//! was due is then computed again.
 //!
-//! # What a generated receiver gets wrong, as real ones do
+//! # The errors of a generated receiver, which real ones have too
 //!
-//! - It navigates at its own rate, on epochs that are multiples of its period in GPS time. Reset falls at a random
+//! - It navigates at its own rate, on epochs that are multiples of its period in GPS time. Reset occurs at a random
 //!   point of GPS time, so the receivers' epochs, though aligned with each other, are not aligned with the 10 ms cycle
 //!   of HORUS.
-//! - Its clock is kept within ±0.5 ms of GPS time by steps of 1 ms, as u-blox receivers do it: it drifts, and jumps.
-//!   The solution belongs to the instant that the clock said was the epoch.
-//! - Its position is off by a bias that wanders (first-order Gauss-Markov, what satellite geometry and atmosphere
-//!   leave) and by white noise; its velocity, attitude and acceleration by white noise, the latter two also by a
-//!   constant (how it is mounted).
-//! - The solution leaves the receiver a delay after its epoch (40 to 80 ms, by model), with jitter.
+//! - Its clock is kept within ±0.5 ms of GPS time by steps of 1 ms, as in u-blox receivers: it drifts, and jumps. The
+//!   solution belongs to the epoch's instant by that clock.
+//! - Its position has a wandering bias (first-order Gauss-Markov, from satellite geometry and atmosphere) and white
+//!   noise; its velocity, attitude and acceleration have white noise, the latter two also a constant error (from the
+//!   mounting).
+//! - The solution leaves the receiver some time after its epoch (40 to 80 ms, by model), with jitter.
 //!
-//! Receivers of an odd number carry inertial sensors and send NAV-ATT and ESF-INS; the others send NAV-PVT alone.
+//! Receivers of an odd number carry inertial sensors and send NAV-ATT and ESF-INS; the others only send NAV-PVT.
 
 use std::sync::Arc;
 
@@ -38,17 +38,17 @@ use crate::log::{Log, RecordedPosition};
 use crate::nmea;
 use crate::ubx::{EsfIns, Frame, NavAtt, NavPvt, WEEK_MS};
 
-/// Bit rate of a receiver's UART, unless told otherwise.
+/// Default bit rate of a receiver's UART, bit/s.
 pub const BIT_RATE: u32 = 460_800;
 
 /// Bits of a byte on the line: start, eight, stop.
 const BITS_PER_BYTE: u64 = 10;
 
-/// GPS week that simulated flights take place in (from 22 June 2025).
+/// GPS week of simulated flights (from 22 June 2025).
 const WEEK: i64 = 2_372;
-/// GPS time of week of the reset, ms, give or take a second: Wednesday, 10:00.
+/// GPS time of week of the reset, ms, within a second: Wednesday, 10:00.
 const START_OF_RUN_MS: u64 = (3 * 24 + 10) * 3_600_000;
-/// GPS is ahead of UTC by this many seconds since 2017 (IERS Bulletin C 52).
+/// The seconds by which GPS is ahead of UTC since 2017 (IERS Bulletin C 52).
 const LEAP_SECONDS: i64 = 18;
 /// Ellipsoid above mean sea level near Winterthur, m (EGM96).
 const GEOID: f64 = 47.5;
@@ -58,20 +58,20 @@ const BIAS_TIME: f64 = 60.0;
 /// Bytes that a receiver sends without a gap between them.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Burst {
-    /// When the start bit of the first byte falls, ns after reset.
+    /// The instant at which the start bit of the first byte begins, ns after reset.
     pub at_ns: u64,
-    /// Empty where a receiver has a solution and is configured to say nothing of it.
+    /// The bytes; empty where a receiver has a solution and is configured to send none of it.
     pub bytes: Vec<u8>,
 }
 
-/// What kind of receiver a generated one is.
+/// The model of a generated receiver.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Model {
     /// Navigation period, ms; divides the week.
     pub period_ms: u32,
-    /// From the epoch to the first byte of its solution, mean, ms.
+    /// Mean time from the epoch to the first byte of its solution, ms.
     pub delay_ms: f64,
-    /// Standard deviation of that delay, ms; never more than three of them either way.
+    /// Standard deviation of that delay, ms; the deviation is limited to three times this.
     pub delay_jitter_ms: f64,
     /// Sends NAV-ATT.
     pub attitude: bool,
@@ -84,7 +84,7 @@ pub struct Model {
 }
 
 impl Model {
-    /// The receivers that HORUS carries in its first to fifth place.
+    /// The models that HORUS carries in its first to fifth place.
     pub const FITTED: [Self; 5] = [
         Self {
             period_ms: 100,
@@ -133,8 +133,8 @@ impl Model {
         },
     ];
 
-    /// The receiver in place `index`, counted from 1 as the objects GPS1 … GPS5 are; the sixth is like the first, and
-    /// so on.
+    /// The model in place `index`, counted from 1 as the objects GPS1 … GPS5 are; the sixth is like the first, and so
+    /// on.
     #[must_use]
     pub fn fitted(index: usize) -> Self {
         Self::FITTED[index.wrapping_sub(1) % Self::FITTED.len()]
@@ -143,14 +143,14 @@ impl Model {
 
 /// A receiver: an iterator of its bursts, in order. A generated one never ends; a recorded one ends with its log.
 ///
-/// A clone that is asked and told the same says the same.
+/// A clone with the same inputs and calls yields the same bursts.
 #[derive(Debug, Clone)]
 pub struct Receiver {
     source: Source,
     bit_rate: u32,
-    /// When the line is idle again, ns.
+    /// The instant at which the line is idle again, ns.
     idle_ns: u64,
-    /// The burst that is due, once it was asked for.
+    /// The burst that is due, once it was requested.
     due: Option<Burst>,
 }
 
@@ -161,40 +161,40 @@ enum Source {
 }
 
 impl Receiver {
-    /// The receiver in place `index` (from 1) that watches `flight`, its noise drawn from `seed`.
+    /// The receiver in place `index` (from 1) that observes `flight`, with its noise drawn from `seed`.
     ///
-    /// All receivers of one `seed` share the GPS time of the reset; nothing else.
+    /// All receivers of one `seed` share only the GPS time of the reset.
     #[must_use]
     pub fn generated(index: usize, seed: u64, flight: Arc<Flight>) -> Self {
         Self::with_model(Model::fitted(index), index, seed, flight)
     }
 
-    /// As [`Self::generated`], but of the given model.
+    /// The like of [`Self::generated`] with the given model.
     #[must_use]
     pub fn with_model(model: Model, index: usize, seed: u64, flight: Arc<Flight>) -> Self {
         Self::from_source(Source::Generated(Box::new(Generated::new(model, index, seed, flight))))
     }
 
-    /// The same receiver, connected by `port`: what it takes for its own output of what it is configured to.
+    /// The same receiver, connected by `port`, which decides the part of the configuration that applies to it.
     #[must_use]
     pub fn connected_by(mut self, port: Port) -> Self {
         self.rebuild(|generated| generated.port = port);
         self
     }
 
-    /// The same receiver as it comes from the factory, or after it has lost what it had saved: 38 400 bit/s, NMEA
-    /// alone, one solution a second.
+    /// The same receiver with its factory settings, or after it has lost its saved ones: 38 400 bit/s, NMEA only, one
+    /// solution a second.
     #[must_use]
     pub fn with_factory_settings(mut self) -> Self {
         self.restart(0, true);
         self
     }
 
-    /// The same receiver, but it has a solution every `period_ms` and refuses every configuration of that.
+    /// The same receiver with a solution every `period_ms`; it refuses every other period.
     ///
     /// # Panics
     ///
-    /// If the period is 0.
+    /// Panics if the period is 0.
     #[must_use]
     pub fn with_fixed_period(mut self, period_ms: u32) -> Self {
         assert!(period_ms > 0, "a solution takes time");
@@ -205,7 +205,7 @@ impl Receiver {
         self
     }
 
-    /// Another beginning of a generated receiver.
+    /// Rebuilds a generated receiver with `change`.
     fn rebuild(&mut self, change: impl FnOnce(&mut Generated)) {
         if let Source::Generated(generated) = &mut self.source {
             change(generated);
@@ -215,9 +215,9 @@ impl Receiver {
         }
     }
 
-    /// The receiver is sent a byte, or something that it cannot read, at `at` (ns after reset). The answer, if that
-    /// ends a message which has one: UBX, to be sent with what the receiver puts out, at the bit rate that it has
-    /// from now on. A recorded receiver answers nothing.
+    /// Takes a byte at `at` (ns after reset); `None` is an unreadable one. Returns the answer, in UBX, if the byte
+    /// completes a message that has one; it is sent along with the receiver's output, at the bit rate from then on. A
+    /// recorded receiver returns none.
     pub fn hear(&mut self, at_ns: u64, byte: Option<u8>) -> Option<Vec<u8>> {
         let Source::Generated(generated) = &mut self.source else { return None };
         let answer = generated.configuration.hear(byte)?;
@@ -225,8 +225,8 @@ impl Receiver {
         Some(answer)
     }
 
-    /// The receiver restarts at `at` (ns after reset): what it was told and had not saved is lost, and with `factory`
-    /// what it had saved, too. A recorded receiver goes on.
+    /// Restarts the receiver at `at` (ns after reset): unsaved settings are lost, and with `factory` the saved ones,
+    /// too. A recorded receiver goes on.
     pub fn restart(&mut self, at_ns: u64, factory: bool) {
         if let Source::Generated(generated) = &mut self.source {
             generated.configuration.restart(factory);
@@ -234,14 +234,14 @@ impl Receiver {
         }
     }
 
-    /// The receiver loses the dynamic model that it was told and had not saved, and nothing else.
+    /// Makes the receiver lose its unsaved dynamic model, and nothing else.
     pub fn forget_dynamic_model(&mut self) {
         if let Source::Generated(generated) = &mut self.source {
             generated.configuration.forget_dynamic_model();
         }
     }
 
-    /// How its filter assumes that it moves, as CFG-NAVSPG-DYNMODEL counts the models; nothing of a recorded one.
+    /// The dynamic model of its filter, in the numbering of CFG-NAVSPG-DYNMODEL; `None` for a recorded one.
     #[must_use]
     pub fn dynamic_model(&self) -> Option<u8> {
         match &self.source {
@@ -250,7 +250,7 @@ impl Receiver {
         }
     }
 
-    /// The configuration may be another from `at` on.
+    /// Adapts to a configuration that may have changed at `at`.
     fn reconfigured(&mut self, at_ns: u64) {
         let Source::Generated(generated) = &mut self.source else { return };
         if generated.configuration.output() == generated.output {
@@ -267,7 +267,7 @@ impl Receiver {
         self.bit_rate = generated.output.bit_rate;
     }
 
-    /// What the receiver puts out; nothing of a recorded one.
+    /// The receiver's output; `None` for a recorded one.
     #[must_use]
     pub fn output(&self) -> Option<Output> {
         match &self.source {
@@ -276,7 +276,7 @@ impl Receiver {
         }
     }
 
-    /// When its next burst begins, ns after reset; `None` if none comes any more.
+    /// The instant at which its next burst begins, ns after reset; `None` if none comes any more.
     pub fn next_at(&mut self) -> Option<u64> {
         if self.due.is_none() {
             let mut burst = match &mut self.source {
@@ -297,7 +297,7 @@ impl Receiver {
         self.due.as_ref().map(|burst| burst.at_ns)
     }
 
-    /// A receiver that says what `log` says.
+    /// A receiver that plays `log`.
     #[must_use]
     pub fn recorded(log: Arc<Log>) -> Self {
         Self::from_source(Source::Recorded { log, next: 0 })
@@ -311,7 +311,7 @@ impl Receiver {
     ///
     /// # Panics
     ///
-    /// If the rate is zero.
+    /// Panics if the rate is zero.
     #[must_use]
     pub fn at_bit_rate(mut self, bits_per_second: u32) -> Self {
         assert!(bits_per_second > 0, "a UART has a bit rate");
@@ -325,8 +325,8 @@ impl Receiver {
         self.bit_rate
     }
 
-    /// When the last byte of the last valid position in `burst` has crossed the line, ns after reset; `None` if it
-    /// holds none.
+    /// The instant at which the last byte of the last valid position in `burst` has crossed the line, ns after reset;
+    /// `None` if it holds none.
     #[must_use]
     pub fn last_solution_ns(&self, burst: &Burst) -> Option<u64> {
         let mut last = None;
@@ -346,7 +346,7 @@ impl Receiver {
         last
     }
 
-    /// How long `bytes` bytes take on the line, ns, rounded up.
+    /// The time that `bytes` bytes take on the line, ns, rounded up.
     #[must_use]
     pub fn line_time_ns(&self, bytes: usize) -> u64 {
         (bytes as u64 * BITS_PER_BYTE * 1_000_000_000).div_ceil(u64::from(self.bit_rate))
@@ -364,18 +364,18 @@ impl Iterator for Receiver {
     }
 }
 
-/// A receiver that watches a flight.
+/// A receiver that observes a flight.
 #[derive(Debug, Clone)]
 struct Generated {
     model: Model,
     port: Port,
     fixed_period: bool,
     configuration: Configuration,
-    /// What follows from it.
+    /// The output that follows from the configuration.
     output: Output,
-    /// Solutions so far.
+    /// The number of solutions so far.
     solutions: u32,
-    /// The state in front of the burst that is due.
+    /// The state before the burst that is due.
     before: Option<Box<Generated>>,
     flight: Arc<Flight>,
     noise: ChaCha8Rng,
@@ -383,9 +383,9 @@ struct Generated {
     reset_ns: u64,
     /// Number of the next epoch since the start of the week.
     epoch: u64,
-    /// How far the clock is ahead at reset, ns; ±0.5 ms.
+    /// The time by which the clock is ahead at reset, ns; ±0.5 ms.
     clock_ns: f64,
-    /// How fast it drifts, parts per billion.
+    /// The drift of the clock, parts per billion.
     clock_ppb: f64,
     /// Wandering bias north, east, down, m.
     bias: [f64; 3],
@@ -398,7 +398,7 @@ struct Generated {
 
 impl Generated {
     fn new(model: Model, index: usize, seed: u64, flight: Arc<Flight>) -> Self {
-        // The stream number keeps the receivers' noise apart under one seed; stream 0 is what they share.
+        // The stream number keeps the receivers' noise independent under one seed; stream 0 is shared by all.
         let mut shared = ChaCha8Rng::seed_from_u64(seed);
         shared.set_stream(0);
         let mut noise = ChaCha8Rng::seed_from_u64(seed);
@@ -442,10 +442,10 @@ impl Generated {
         self.configuration = configuration(&self.model, self.port, self.fixed_period);
     }
 
-    /// What is put out from `at` (ns after reset) on is what the configuration says.
+    /// Makes the output follow the configuration from `at` (ns after reset) on.
     fn follow_configuration(&mut self, at_ns: u64) {
         self.output = self.configuration.output();
-        // The first epoch after that whose clock error cannot put it before.
+        // The next epoch is the first after that which no clock error can place before it.
         let period_ns = u64::from(self.output.period_ms) * 1_000_000;
         self.epoch = (self.reset_ns + at_ns + 1_000_000).div_ceil(period_ns);
     }
@@ -456,12 +456,12 @@ impl Generated {
         self.epoch += 1;
         let nominal_ns = epoch_ms * 1_000_000 - self.reset_ns;
         let clock_ns = self.clock_error_ns(nominal_ns);
-        // The receiver's clock is ahead: it takes the measurement early.
+        // The receiver's clock is ahead, so it takes the measurement early.
         let measured_ns = nominal_ns as f64 - clock_ns;
         let truth = self.flight.state(measured_ns / 1e9);
         let seen = self.observe(&truth);
 
-        // Three standard deviations at most, so that no solution overtakes the one before.
+        // The jitter is limited to three standard deviations, so that no solution overtakes the one before.
         let jitter = normal(&mut self.noise).clamp(-3.0, 3.0) * self.model.delay_jitter_ms;
         let sent_ns = measured_ns + (self.model.delay_ms + jitter) * 1e6;
         let bytes = self.messages(epoch_ms, clock_ns, &seen);
@@ -475,7 +475,7 @@ impl Generated {
         free - 1e6 * libm::round(free / 1e6)
     }
 
-    /// The aircraft as this receiver sees it.
+    /// The aircraft as observed by this receiver.
     fn observe(&mut self, truth: &State) -> State {
         let mut normal = || normal(&mut self.noise);
         let keep = libm::exp(-f64::from(self.output.period_ms) / 1e3 / BIAS_TIME);
@@ -500,7 +500,7 @@ impl Generated {
         }
     }
 
-    /// The solution in what the receiver is configured to send: one burst.
+    /// The burst of a solution, with the messages that are configured.
     fn messages(&self, epoch_ms: u64, clock_ns: f64, seen: &State) -> Vec<u8> {
         let itow_ms = u32::try_from(epoch_ms % u64::from(WEEK_MS)).expect("a week is shorter than 2^32 ms");
         let pvt = self.nav_pvt(epoch_ms, itow_ms, clock_ns, seen);
@@ -583,19 +583,19 @@ impl Generated {
     }
 }
 
-/// How a receiver of this model is configured when HORUS has done that before.
+/// The configuration of a receiver of this model after HORUS has configured it.
 fn configuration(model: &Model, port: Port, fixed_period: bool) -> Configuration {
     let abilities = Abilities { attitude: model.attitude, inertial: model.inertial, fixed_period };
     Configuration::new(port, abilities, model.period_ms).configured(model.period_ms, BIT_RATE)
 }
 
-/// To the nearest integer that a field of 32 bits holds.
+/// Rounds to the nearest integer of a field of 32 bits.
 fn rounded(value: f64) -> i32 {
     // A float-to-integer `as` saturates, and no field of a flight comes near that.
     libm::round(value) as i32
 }
 
-/// A heading of −360 ..= 360 degrees in the unit and range of the wire, 0 ..= 360 × 1e5.
+/// Converts a heading of −360 ..= 360 degrees to the unit and range of the wire, 0 ..= 360 × 1e5.
 fn heading_1e5(degrees: f64) -> i32 {
     rounded(if degrees < 0.0 { degrees + 360.0 } else { degrees } * 1e5)
 }

@@ -1,7 +1,7 @@
-//! UBX as u-blox receivers speak it: framing, and the three messages that HORUS reads.
+//! UBX, the protocol of u-blox receivers: framing, and the three messages that HORUS reads.
 //!
-//! From the u-blox 8 / u-blox M8 receiver description including protocol specification (UBX-13003221), chapter UBX
-//! Protocol: frame structure, checksum, NAV-PVT, NAV-ATT and ESF-INS; the F9 interface descriptions agree on all of
+//! The source is the u-blox 8 / u-blox M8 receiver description including protocol specification (UBX-13003221), chapter
+//! UBX Protocol: frame structure, checksum, NAV-PVT, NAV-ATT and ESF-INS; the F9 interface descriptions agree on all of
 //! them. Fields are in the units of the wire, little-endian; the names are those of the specification in this
 //! language's spelling.
 
@@ -32,7 +32,7 @@ pub fn checksum(bytes: &[u8]) -> [u8; 2] {
 ///
 /// # Panics
 ///
-/// If the payload is longer than the 65535 bytes that the length field can tell.
+/// Panics if the payload exceeds the 65535 bytes that the length field can express.
 #[must_use]
 pub fn frame(class: u8, id: u8, payload: &[u8]) -> Vec<u8> {
     let length = u16::try_from(payload.len()).expect("a UBX payload has at most 65535 bytes");
@@ -53,12 +53,12 @@ pub struct Frame<'a> {
     pub class: u8,
     /// Message identifier within its class.
     pub id: u8,
-    /// What is between length and checksum.
+    /// The bytes between length and checksum.
     pub payload: &'a [u8],
 }
 
 impl<'a> Frame<'a> {
-    /// The frame that `bytes` starts with, if a whole one with a right checksum does.
+    /// The whole frame with a right checksum at the start of `bytes`, if any.
     #[must_use]
     pub fn at_start_of(bytes: &'a [u8]) -> Option<Self> {
         let rest = bytes.strip_prefix(&SYNC)?;
@@ -76,16 +76,16 @@ impl<'a> Frame<'a> {
         self.payload.len() + OVERHEAD
     }
 
-    /// GPS time of week of the navigation epoch, ms, where this is a message of class NAV that states one.
+    /// GPS time of week of the navigation epoch, ms, where this is a message of class NAV that has one.
     ///
-    /// Most start with it. A few start with a version; NAV-RESETODO and those not known here have none to offer.
+    /// Most messages start with it. A few start with a version; NAV-RESETODO and unknown ones have none.
     #[must_use]
     pub fn itow_ms(&self) -> Option<u32> {
         let offset = match (self.class, self.id) {
-            // POSECEF, POSLLH, STATUS, DOP, ATT, SOL, PVT, VELECEF, VELNED, TIMEGPS, TIMEUTC, CLOCK, TIMEGLO, TIMEBDS,
-            // TIMEGAL, TIMELS, TIMEQZSS, NMI
+            // The messages are POSECEF, POSLLH, STATUS, DOP, ATT, SOL, PVT, VELECEF, VELNED, TIMEGPS, TIMEUTC, CLOCK,
+            // TIMEGLO, TIMEBDS, TIMEGAL, TIMELS, TIMEQZSS, NMI
             (CLASS_NAV, 0x01..=0x07 | 0x11 | 0x12 | 0x20..=0x28) => 0,
-            // SVINFO, DGPS, SBAS, ORB, SAT, COV, GEOFENCE, EELL, SLAS, SIG, AOPSTATUS, EOE
+            // The messages are SVINFO, DGPS, SBAS, ORB, SAT, COV, GEOFENCE, EELL, SLAS, SIG, AOPSTATUS, EOE.
             (CLASS_NAV, 0x30..=0x32 | 0x34..=0x36 | 0x39 | 0x3d | 0x42 | 0x43 | 0x60 | 0x61) => 0,
             // ODO, HPPOSECEF, HPPOSLLH, SVIN, RELPOSNED
             (CLASS_NAV, 0x09 | 0x13 | 0x14 | 0x3b | 0x3c) => 4,
@@ -172,7 +172,7 @@ impl NavPvt {
     /// `flags3`: longitude, latitude, height and hMSL are invalid.
     pub const FLAG3_INVALID_LLH: u8 = 1;
 
-    /// The message as it is on the wire.
+    /// The encoded message.
     #[must_use]
     pub fn encode(&self) -> Vec<u8> {
         let mut p = Vec::with_capacity(Self::PAYLOAD);
@@ -197,7 +197,7 @@ impl NavPvt {
         p.push(self.flags3);
         p.extend([0; 5]);
         p.extend(self.heading_of_vehicle_1e5.to_le_bytes());
-        // Magnetic declination and its accuracy, not valid (bit 3 of `valid`).
+        // The magnetic declination and its accuracy are not valid (bit 3 of `valid`).
         p.extend([0; 4]);
         debug_assert_eq!(p.len(), Self::PAYLOAD);
         frame(CLASS_NAV, Self::ID, &p)
@@ -227,7 +227,7 @@ impl NavAtt {
     /// Bytes on the wire.
     pub const WIRE: usize = Self::PAYLOAD + OVERHEAD;
 
-    /// The message as it is on the wire.
+    /// The encoded message.
     #[must_use]
     pub fn encode(&self) -> Vec<u8> {
         let mut p = Vec::with_capacity(Self::PAYLOAD);
@@ -264,7 +264,7 @@ impl EsfIns {
     /// Version 1 in bits 0–7, and the six valid bits 8–13.
     const BITFIELD: u32 = 0x3f01;
 
-    /// The message as it is on the wire.
+    /// The encoded message.
     #[must_use]
     pub fn encode(&self) -> Vec<u8> {
         let mut p = Vec::with_capacity(Self::PAYLOAD);

@@ -1,4 +1,4 @@
-//! What a receiver makes of its configuration, and what it answers.
+//! Tests how a receiver handles its configuration, and its answers.
 
 use std::sync::Arc;
 
@@ -16,7 +16,7 @@ fn receiver(index: usize, port: Port) -> Receiver {
     Receiver::generated(index, 1, Arc::new(Flight::new(1, 60.0))).connected_by(port)
 }
 
-/// UBX-CFG-VALSET with these keys and values, each as many bytes as its key says.
+/// UBX-CFG-VALSET with these keys and values, each as many bytes long as its key requires.
 fn valset(layers: u8, items: &[(u32, u64)]) -> Vec<u8> {
     let mut payload = vec![0, layers, 0, 0];
     for (key, value) in items {
@@ -27,7 +27,7 @@ fn valset(layers: u8, items: &[(u32, u64)]) -> Vec<u8> {
     ubx::frame(CLASS_CFG, VALSET, &payload)
 }
 
-/// All answers to `bytes`, which arrive at `at`.
+/// Sends `bytes`, which arrive at `at`, and returns all answers.
 fn tell(receiver: &mut Receiver, at: u64, bytes: &[u8]) -> Vec<Vec<u8>> {
     bytes.iter().filter_map(|byte| receiver.hear(at, Some(*byte))).collect()
 }
@@ -36,7 +36,7 @@ fn answer(id: u8) -> Vec<Vec<u8>> {
     vec![ubx::frame(CLASS_ACK, id, &[CLASS_CFG, VALSET])]
 }
 
-/// What it sends up to `end`.
+/// The bursts up to `end`.
 fn sent(receiver: &mut Receiver, end: u64) -> Vec<Burst> {
     std::iter::from_fn(|| if receiver.next_at()? < end { receiver.next() } else { None }).collect()
 }
@@ -165,7 +165,7 @@ fn a_message_with_a_key_that_is_not_known_is_refused_whole() {
     refused(&mut receiver, &[(Port::Uart1.protocol_key(OUTPROT_UBX), 2)]);
     refused(&mut receiver, &[]);
     refused(&mut receiver, &[(RATE_MEAS, 200); 65]);
-    // No layer; a version that there is not; an item that is cut off.
+    // The messages have no layer, an unknown version, or an item that is cut off.
     let cut = [0, 1, 0, 0, 1, 0, 0x21, 0x30, 5];
     assert_eq!(tell(&mut receiver, 0, &valset(0, &[(RATE_MEAS, 200)])), answer(NAK));
     assert_eq!(tell(&mut receiver, 0, &ubx::frame(CLASS_CFG, VALSET, &[7, 1, 0, 0])), answer(NAK));
@@ -196,7 +196,7 @@ fn damaged_messages_are_not_answered_and_the_next_is_found() {
     let noise = [&bad[..], b"\xB5\xB5\x62\x06\x8A\xFF\xFF$GNGGA", &good].concat();
     assert_eq!(tell(&mut receiver, 0, &noise), answer(ACK));
     assert_eq!(receiver.output().unwrap().period_ms, 200);
-    // A byte that cannot be read ends the message that it is part of.
+    // An unreadable byte ends the message that it is part of.
     let half = good.len() / 2;
     assert!(tell(&mut receiver, 0, &good[..half]).is_empty());
     assert_eq!(receiver.hear(0, None), None);

@@ -1,4 +1,4 @@
-//! What is encoded here reads back with the `ublox` crate, which was written by others.
+//! Tests that the `ublox` crate, which was written by others, reads back what is encoded here.
 
 use gnss_sim::ubx::{self, EsfIns, Frame, NavAtt, NavPvt};
 use ublox::{
@@ -134,7 +134,8 @@ fn esf_ins_reads_back_field_by_field() {
 
 #[test]
 fn framing_is_that_of_a_poll_request_of_the_specification() {
-    // A NAV-PVT poll: empty payload, checksum by hand: 01+07+00+00 = 08; 01+08+08+08 = 19 (hex).
+    // The frame is a NAV-PVT poll with an empty payload and a checksum by hand: 01+07+00+00 = 08; 01+08+08+08 = 19
+    // (hex).
     assert_eq!(ubx::frame(0x01, 0x07, &[]), [0xb5, 0x62, 0x01, 0x07, 0x00, 0x00, 0x08, 0x19]);
 }
 

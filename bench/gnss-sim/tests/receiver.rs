@@ -1,4 +1,4 @@
-//! Generated receivers: each its own rate, noise, delay and clock.
+//! Tests generated receivers, each with its own rate, noise, delay and clock.
 
 use std::sync::Arc;
 
@@ -22,12 +22,12 @@ fn bursts(index: usize, seed: u64, flight: &Arc<Flight>) -> Vec<Burst> {
         .collect()
 }
 
-/// Solutions as another reader sees them.
+/// Solutions as another parser reads them.
 #[derive(Debug, Default)]
 struct Seen {
-    /// (time of week ms, latitude, longitude, height, burst's instant)
+    /// The positions: (time of week ms, latitude, longitude, height, burst's instant).
     positions: Vec<(u32, f64, f64, f64, u64)>,
-    /// (roll, pitch, heading), degrees
+    /// The attitudes: (roll, pitch, heading), degrees.
     attitudes: Vec<[f64; 3]>,
     accelerations: Vec<[f64; 3]>,
     seconds_of_day: Vec<f64>,
@@ -99,7 +99,7 @@ fn positions_are_the_flights_within_what_the_receiver_promises() {
         {
             let worst = errors.iter().map(|e| e[axis].abs()).fold(0.0, f64::max);
             assert!(worst < 4.0 * bias + 5.0 * white + 0.2, "{index} {axis}: {worst}");
-            // White noise shows in the difference of neighbours; it is there, and it is as large as promised.
+            // White noise shows in the difference of neighbours, and must be as large as specified.
             let steps: Vec<_> = errors.windows(2).map(|e| e[1][axis] - e[0][axis]).collect();
             let deviation = (steps.iter().map(|s| s * s).sum::<f64>() / steps.len() as f64 / 2.0).sqrt();
             assert!((white * 0.8..white * 1.6 + 0.05).contains(&deviation), "{index} {axis}: {deviation}");
@@ -134,8 +134,8 @@ fn attitude_and_acceleration_are_the_flights() {
 #[test]
 fn delay_and_clock_phase_belong_to_the_receiver() {
     let flight = flight();
-    // All share the GPS time of the reset: the instant of iTOW zero, seen through each receiver, differs by delay and
-    // clock only.
+    // All receivers share the GPS time of the reset: the instant of iTOW zero, observed through each receiver, differs
+    // only by delay and clock.
     let origin = |index: usize| -> Vec<f64> {
         let seen = read(&bursts(index, 4, &flight));
         seen.positions.iter().map(|p| p.4 as f64 / 1e6 - f64::from(p.0)).collect()
@@ -170,7 +170,7 @@ fn the_clock_in_the_message_is_utc_at_the_time_of_week() {
 fn bursts_follow_one_another_without_overlap() {
     let flight = flight();
     for index in 1..=5 {
-        // At 9600 bit/s the 25 Hz receiver's line is busier than it can be: bursts queue and stay in order.
+        // At 9600 bit/s the 25 Hz receiver's line is overloaded: bursts queue and stay in order.
         for bit_rate in [BIT_RATE, 9_600] {
             let receiver = Receiver::generated(index, 6, Arc::clone(&flight)).at_bit_rate(bit_rate);
             let mut idle = 0;
@@ -187,7 +187,7 @@ fn the_noise_of_a_receiver_depends_on_its_seed_and_place_alone() {
     let flight = flight();
     assert_eq!(bursts(2, 7, &flight), bursts(2, 7, &flight));
     assert_ne!(bursts(2, 7, &flight), bursts(2, 8, &flight));
-    // The same kind of receiver in two places.
+    // The same model is in two places.
     let model = Model::fitted(1);
     let take = |index| Receiver::with_model(model, index, 7, Arc::clone(&flight)).take(20).collect::<Vec<_>>();
     assert_ne!(take(1), take(2));
@@ -208,7 +208,7 @@ fn the_last_solution_of_a_burst_has_arrived_with_its_last_byte() {
     let mut bytes = b"$GNGLL,noise*00\r\n".to_vec();
     bytes.extend(&fix);
     let solved = bytes.len();
-    // A message without a position, and one that is cut short.
+    // One message has no position, and one is cut short.
     bytes.extend(none.iter().chain(&fix[..fix.len() - 1]));
     let burst = Burst { at_ns: 7_000, bytes };
     assert_eq!(receiver.last_solution_ns(&burst), Some(7_000 + receiver.line_time_ns(solved)));

@@ -10,7 +10,7 @@ use emulator_node::{Board, Input};
 /// The SSI's wires at the DPR.
 pub const SSI: SsiWires =
     SsiWires { sck: Pin::new(1, 1), mosi: Pin::new(1, 2), miso: Pin::new(1, 3), csn: Pin::new(1, 4) };
-/// Where the DPR announces a new image.
+/// The pin on which the DPR announces a new image.
 pub const FRESH: Pin = Pin::new(1, 5);
 /// The front end's wires at the DPR.
 const DPR_FRONT_END: Wires = Wires {
@@ -20,7 +20,7 @@ const DPR_FRONT_END: Wires = Wires {
     cs: Pin::new(1, 12),
     irq: Pin::new(0, 3),
 };
-/// The DPR.
+/// The DPR's board.
 #[derive(Clone, Debug)]
 pub struct Dpr {
     /// The front end.
@@ -31,7 +31,7 @@ pub struct Dpr {
 }
 
 impl Dpr {
-    /// The board, with nobody selected on its SSI.
+    /// The board with its SSI deselected.
     #[must_use]
     pub fn new(chip: Chip, watched: bool) -> Self {
         Self {
@@ -42,7 +42,7 @@ impl Dpr {
         }
     }
 
-    /// The levels that FRESH took since the last call, each with its instant, ns.
+    /// Takes the levels of FRESH since the last call, each with its instant, ns.
     pub fn take_fresh(&mut self) -> Vec<(u64, bool)> {
         std::mem::take(&mut self.fresh_changes)
     }

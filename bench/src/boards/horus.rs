@@ -13,33 +13,33 @@ use emulator_node::{Board, Input};
 /// The front end's wires on the HORUS side.
 const HORUS_FRONT_END: Wires =
     Wires { sck: pin('A', 5), mosi: pin('A', 7), miso: pin('A', 6), cs: pin('D', 14), irq: pin('A', 3) };
-/// Where the 10 ms timer shows its ticks: the pin falls with each.
+/// The pin on which the 10 ms timer shows its ticks: it falls with each.
 const TICK: Pin = pin('B', 10);
 
-/// The pairs of pins that tell HORUS's state: that which is high while relay, motor cut or emergency measure is active,
-/// and that which is high while it is not.
+/// The pairs of pins that carry HORUS's state inputs: one is high while relay, motor cut or emergency measure is
+/// active, the other while it is not.
 const INPUT_PINS: [[Pin; 2]; INPUTS] =
     [[pin('E', 2), pin('E', 4)], [pin('E', 5), pin('E', 6)], [pin('D', 3), pin('D', 4)]];
 
-/// One of these inputs.
+/// One state input.
 #[derive(Clone, Copy, Debug)]
 struct StateInput {
     /// The levels of its two pins.
     levels: (bool, bool),
-    /// When they change over, ns, and after what time again.
+    /// The instant of the next change-over and the interval between change-overs, ns.
     chatters: Option<(u64, u64)>,
 }
 
-/// The pins of an input have other levels.
+/// A change of the two pins of an input.
 #[derive(Clone, Copy, Debug)]
 pub struct InputChange {
-    /// Since when, ns.
+    /// The instant of the change, ns.
     pub at: u64,
-    /// Which, from 0.
+    /// The input's index, from 0.
     pub input: usize,
-    /// The pin that is high while the input is active.
+    /// The level of the pin that is high while the input is active.
     pub active: bool,
-    /// The other one.
+    /// The level of the other pin.
     pub inactive: bool,
 }
 
@@ -50,19 +50,19 @@ pub struct Horus {
     pub front_end: FrontEnd,
     /// The receivers' interfaces.
     pub receivers: Receivers,
-    /// The lines rest high, which the part was told.
+    /// Whether the part has seen the lines at rest, which are high.
     powered: bool,
     /// The level of the pin TICK.
     tick: bool,
     ticks: Vec<u64>,
     inputs: [StateInput; INPUTS],
     input_changes: Vec<InputChange>,
-    /// Inputs whose pins the part has not been told of.
+    /// Inputs whose pin levels were not passed to the part yet.
     untold: Vec<usize>,
 }
 
 impl Horus {
-    /// The board with so many receivers, of which none sends yet.
+    /// The board with `receivers` receivers, none of which sends yet.
     #[must_use]
     pub fn new(chip: Chip, receivers: usize, watched: bool) -> Self {
         Self {
@@ -77,7 +77,7 @@ impl Horus {
         }
     }
 
-    /// Input `input` says this from `at` (ns) on; nothing: it is inactive.
+    /// Sets input `input` to this fault from `at` (ns) on; `None` makes it inactive.
     pub fn set_input(&mut self, at: u64, input: usize, says: Option<InputFault>) {
         let Some(state) = self.inputs.get_mut(input) else { return };
         state.chatters = match says {
@@ -93,20 +93,20 @@ impl Horus {
         self.untold.push(input);
     }
 
-    /// What the inputs' pins did since the last call.
+    /// Takes the changes of the inputs' pins since the last call.
     pub fn take_input_changes(&mut self) -> Vec<InputChange> {
         std::mem::take(&mut self.input_changes)
     }
 
-    /// Receiver `index` (from 0) says `bytes` at `at` (ns): on a UART they begin then, or when it has sent what it
-    /// sends then, which is the answer; over a bus they can be read from then on.
+    /// Passes `bytes` of receiver `index` (from 0) to its interface at `at` (ns). A UART begins to send them then, or
+    /// once its earlier bytes are sent, and that instant is returned; over a bus they can be read from then on.
     pub fn say(&mut self, at: u64, index: usize, bytes: &[u8]) -> u64 {
         let frames = bytes.iter().map(|&byte| UartFrame::eight_n_one(byte, GNSS_BAUD));
         self.receivers.offer(at, index, bytes);
         self.receivers.send(at, index, frames)
     }
 
-    /// The 10 ms timer's ticks since the last call: each the instant at which the pin TICK was driven low, in ns.
+    /// Takes the 10 ms timer's ticks since the last call: the instant, in ns, at which each drove the pin TICK low.
     pub fn take_ticks(&mut self) -> Vec<u64> {
         std::mem::take(&mut self.ticks)
     }
@@ -118,7 +118,7 @@ impl Board for Horus {
     fn pin(&mut self, at: u64, pin: Pin, pad: Pad) {
         if pin == TICK && pad.level() != self.tick {
             self.tick = pad.level();
-            // A pin that a restart lets go of shows no tick.
+            // A pin that a reset releases shows no tick.
             if pad == Pad::Driven(false) {
                 self.ticks.push(at);
             }

@@ -9,7 +9,8 @@ use super::{Dpr, Horus};
 use crate::faults::PowerFault;
 use crate::faults::power::RAILS_UV;
 
-/// The lowest supply of a front end, µV (DS13541, operating conditions). Below it promises nothing; here it is off.
+/// The lowest supply of a front end, µV (DS13541, operating conditions). The data sheet promises nothing below it; the
+/// model switches the chip off there.
 const FRONT_END_UV: u32 = 2_400_000;
 
 /// A board whose front end has a supply that can fail.
@@ -17,17 +18,17 @@ pub trait Powered: Board {
     /// The front end.
     fn front_end(&mut self) -> &mut FrontEnd;
 
-    /// Its front end's chip, to look at.
+    /// Read access to its front end's chip.
     fn chip(&self) -> &Chip;
 
-    /// Its crystal works from now on, or is dead.
+    /// Makes its crystal work, or dead, from now on.
     fn crystal<C: Cost>(node: &mut Node<Self, C>, works: bool);
 
-    /// Whether its firmware can do nothing but wait for the watchdog after a reset.
+    /// Whether its firmware can only wait for the watchdog after a reset.
     fn cannot_start(part: &Self::Part) -> bool;
 }
 
-/// What the DPR's crystal takes to start, ns.
+/// The start-up time of the DPR's crystal, ns.
 const CRYSTAL_STARTS: u64 = 360_000;
 
 impl Powered for Horus {
@@ -35,7 +36,7 @@ impl Powered for Horus {
         node.input(|part, view, at| if works { part.restore_hse(at, view) } else { part.fail_hse(at, view) });
     }
 
-    /// Without its crystal it runs on its internal oscillator.
+    /// Without its crystal the DPR runs on its internal oscillator.
     fn cannot_start(_: &Self::Part) -> bool {
         false
     }
@@ -67,15 +68,8 @@ impl Powered for Dpr {
     }
 }
 
-fn supply_front_end<B: Powered, C: Cost>(node: &mut Node<B, C>, on: bool) {
-    let now = node.now();
-    node.board_mut(|board| {
-        board.front_end().with(|chip| if on { chip.power_on(now) } else { chip.power_off(now) });
-    });
-}
-
 impl PowerFault {
-    /// It begins on `node`'s board now.
+    /// Begins the fault on `node`'s board now.
     pub fn begin<B: Powered, C: Cost>(self, node: &mut Node<B, C>) {
         match self {
             Self::Off(_) => {
@@ -84,7 +78,7 @@ impl PowerFault {
             }
             Self::CrystalDead => B::crystal(node, false),
             Self::FrontEndOff => supply_front_end(node, false),
-            // Its voltages come one by one.
+            // Its voltages arrive one by one.
             Self::Sag(_) => {}
             Self::Pin => node.restart(FromOutside::Pin),
             Self::BrownOut => node.restart(FromOutside::BrownOut),
@@ -92,7 +86,7 @@ impl PowerFault {
         }
     }
 
-    /// It ends on `node`'s board now.
+    /// Ends the fault on `node`'s board now.
     pub fn end<B: Powered, C: Cost>(self, node: &mut Node<B, C>) {
         match self {
             Self::Off(seed) => {
@@ -108,8 +102,15 @@ impl PowerFault {
     }
 }
 
-/// A board's supply has `microvolts` from now on; see [`Node::supply`].
+/// Sets a board's supply to `microvolts` from now on; see [`Node::supply`].
 pub fn supply<B: Powered, C: Cost>(node: &mut Node<B, C>, microvolts: u32, seed: u64) {
     node.supply(microvolts, seed);
     supply_front_end(node, microvolts >= FRONT_END_UV);
+}
+
+fn supply_front_end<B: Powered, C: Cost>(node: &mut Node<B, C>, on: bool) {
+    let now = node.now();
+    node.board_mut(|board| {
+        board.front_end().with(|chip| if on { chip.power_on(now) } else { chip.power_off(now) });
+    });
 }

@@ -13,7 +13,7 @@ pub(super) trait Target {
     /// Reads; `None` where the bus answers with an error.
     fn read(&mut self, address: u32, width: Width) -> Option<u32>;
 
-    /// Writes; `false` likewise.
+    /// Writes; `false` where the bus answers with an error.
     fn write(&mut self, address: u32, width: Width, value: u32) -> bool;
 }
 
@@ -25,14 +25,14 @@ const BD3: u8 = 0x1C;
 const BASE: u8 = 0xF8;
 const IDR: u8 = 0xFC;
 
-/// TRM: Prot bits at their reset values, accesses are permitted, words.
+/// TRM reset value: Prot bits at their reset values, accesses permitted, word size.
 const CSW_RESET: u32 = 0x4380_0042;
 /// MasterType, HPROT1, AddrInc, Size.
 const CSW_WRITABLE: u32 = 1 << 29 | 1 << 25 | 3 << 4 | 7;
-/// What TAR's increment reaches (ADI C2.2.2).
+/// The bits of TAR that its increment changes (ADI C2.2.2).
 const INCREMENT: u32 = 0x3FF;
 
-/// How TAR goes on after an access.
+/// How TAR changes after an access.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Step {
     Off,
@@ -70,7 +70,7 @@ impl MemoryAp {
         }
     }
 
-    /// How many accesses one of DRW makes: several where they are packed (ADI C2.2.7).
+    /// The number of bus accesses that one access of DRW makes: several where they are packed (ADI C2.2.7).
     const fn accesses(&self) -> u32 {
         match self.step() {
             Step::Packed => 4 / self.width().bytes(),
@@ -107,7 +107,7 @@ impl MemoryAp {
 
     pub(super) fn write(&mut self, register: u8, value: u32, target: &mut impl Target) -> bool {
         match register {
-            // A size that is not there is not taken (ADI C2.6.4).
+            // An unsupported size is ignored (ADI C2.6.4).
             CSW => {
                 let kept = if value & 7 > 2 { CSW_WRITABLE & !7 } else { CSW_WRITABLE };
                 self.csw = self.csw & !kept | value & kept;
@@ -130,7 +130,7 @@ impl MemoryAp {
     }
 }
 
-/// Where in a word the bytes of an access travel.
+/// The byte lane of an access, as a shift in bits.
 const fn shift(address: u32, width: Width) -> u32 {
     8 * (address & 3 & !(width.bytes() - 1))
 }
@@ -139,7 +139,7 @@ const fn shift(address: u32, width: Width) -> u32 {
 mod tests {
     use super::*;
 
-    /// Four kilobytes at 0, and nothing behind.
+    /// Four kilobytes at address 0; every other address answers with an error.
     struct Memory(Vec<u8>);
 
     impl Target for Memory {

@@ -1,6 +1,6 @@
-//! The two boards of the link as they lie on a desk: each with its front end, out of any field, nothing else connected.
+//! The two boards of the link alone on a desk: each with its front end, outside any field, with nothing else connected.
 //!
-//! Their cores are on the pessimistic clock: what the on-target suites ask of a board is what holds there.
+//! Their cores use the pessimistic clock, because the bounds of the on-target suites must hold there.
 
 use cortex_m4::Pessimistic;
 use emulator_part::Part;
@@ -15,18 +15,18 @@ use emulator_node::Node;
 /// One of the two boards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Desk {
-    /// nRF52840-DK, with a part of build code AAF0 by default: its debug port is locked when it is new.
+    /// nRF52840-DK, by default with a part of build code AAF0, whose debug port is locked when it is new.
     Dpr,
     /// NUCLEO-F429ZI.
     Horus,
 }
 
-/// Switches a board on whose part keeps `kept` from before, or is new, and answers its debug port.
+/// Switches on a board whose part holds `kept` from before, or is new, and returns its debug port.
 ///
-/// `kept` is what [`Wire::kept`] answered, of [`kept_bytes`] bytes; `None` where it has another length.
+/// `kept` is what [`Wire::kept`] returned, [`kept_bytes`] bytes long; the result is `None` for another length.
 #[must_use]
 pub fn switch_on(desk: Desk, kept: Option<&[u8]>) -> Option<Box<dyn Wire>> {
-    // The expansion boards run the chip from the 5 V of their header.
+    // The expansion boards supply the chip from the 5 V of their header.
     let chip = Chip::new(Config { vdd_mv: 5000, ..Config::default() });
     Some(match desk {
         Desk::Dpr => {
@@ -41,7 +41,7 @@ pub fn switch_on(desk: Desk, kept: Option<&[u8]>) -> Option<Box<dyn Wire>> {
     })
 }
 
-/// How many bytes a board's part keeps without its supply.
+/// The number of bytes that a board's part keeps without its supply.
 #[must_use]
 pub fn kept_bytes(desk: Desk) -> usize {
     let kept = match desk {
@@ -61,7 +61,7 @@ where
     Some(DebugPort::new(Node::programmed(part, board)))
 }
 
-/// Puts what a part kept into its memory; `None` where it has another length.
+/// Restores a part's memory from `kept`; `None` where the length differs.
 pub(crate) fn restore<P: Debugged + Part>(part: &mut P, kept: &[u8]) -> Option<()> {
     let mut rest = kept;
     for &(address, size) in P::KEPT {

@@ -1,8 +1,8 @@
-//! The debug port of a board: what the two wires of Serial Wire Debug reach, for whatever drives them.
+//! The debug port of a board, behind the two wires of Serial Wire Debug.
 //!
-//! Written from ARM's *Debug Interface Architecture Specification ADIv5.0 to ADIv5.2* (IHI 0031, "ADI" below), the
+//! The sources are ARM's *Debug Interface Architecture Specification ADIv5.0 to ADIv5.2* (IHI 0031, "ADI" below), the
 //! ARMv7-M Architecture Reference Manual (chapter C1), the Cortex-M4 Technical Reference Manual (100166, "TRM") and the
-//! parts' manuals, and not from any tool that uses such ports: those are what it is there to check.
+//! parts' manuals. No tool that uses such ports was a source, because the model is there to check those tools.
 //!
 //! | covered | by |
 //! |---|---|
@@ -18,12 +18,12 @@
 //! |---|---|
 //! | JTAG, dormant state, SWD protocol version 2 | both parts have a DP of version 1: no answer |
 //! | pushed verify and compare (TRNMODE, TRNCNT), overrun detection | no tool here uses them; TRNMODE reads 0 |
-//! | WAIT | every access is over when the next request can have come: 46 clocks of SWCLK are many of the core's |
+//! | WAIT | every access is over before the next request can come: 46 clocks of SWCLK are many of the core's |
 //! | the DWT's comparators and the AHB-AP at a reset that resets debug components | they stay; no tool here sets any |
-//! | the time of the wires | [`DebugPort::pass`]: who drives the port knows its clock and its own latency |
+//! | the time of the wires | [`DebugPort::pass`]: the driver of the port knows its clock and its own latency |
 //!
-//! TAR's increment stays within 1 KiB, which is all that ADI C2.2.2 promises. Cortex-M3 and M4 are said to go up to
-//! 4 KiB (OpenOCD counts on 12 bits there); a tool that counts on them fails here.
+//! TAR's increment stays within 1 KiB, which is all that ADI C2.2.2 promises. On Cortex-M3 and M4 it is said to reach 4
+//! KiB (OpenOCD relies on 12 bits there); a tool that relies on them fails here.
 
 mod access_port;
 mod desk;
@@ -38,70 +38,70 @@ pub use desk::{Desk, kept_bytes, switch_on};
 use emulator_node::{Board, Finding, FromOutside, Node, ResetAt};
 pub use part::{Alone, Debugged, PinReset};
 
-/// What a debugger asks of the port in one transfer on the wires.
+/// A debugger's request in one transfer on the wires.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Request {
     /// Read the debug port's register at this address: 0, 4, 8 or 0xC.
     ReadPort(u8),
-    /// Write it.
+    /// Write that register.
     WritePort(u8, u32),
-    /// Read the selected access port's register at this address of the selected bank. What it read is the answer to the
-    /// next such request, or to a read of RDBUFF.
+    /// Read the selected access port's register at this address of the selected bank. The answer comes with the next
+    /// such request, or with a read of RDBUFF.
     ReadAccess(u8),
-    /// Write it.
+    /// Write that register.
     WriteAccess(u8, u32),
 }
 
-/// What the port answers.
+/// The port's answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ack {
-    /// It is done; of a read this is the word.
+    /// The transfer is done; for a read this is the word.
     Ok(u32),
-    /// A sticky flag is set, or a domain has no power: nothing was done.
+    /// A sticky flag is set, or a domain has no power: the request had no effect.
     Fault,
-    /// Nobody drives the line.
+    /// No one drives the line.
     Nothing,
 }
 
-/// The wires of a board's debug port, whatever part and clock it has.
+/// The wires of a board's debug port, for any part and clock.
 pub trait Wire: Send + std::fmt::Debug {
     /// The part's name, as its maker writes it.
     fn part_name(&self) -> &'static str;
 
-    /// SWDIO takes these bits, the lowest first, one in each clock of SWCLK.
+    /// Sends these bits on SWDIO, the lowest first, one in each clock of SWCLK.
     fn sequence(&mut self, bits: u64, count: u8);
 
-    /// One transfer.
+    /// Makes one transfer.
     fn transfer(&mut self, request: Request) -> Ack;
 
-    /// The reset pin is pulled low, or let go.
+    /// Pulls the reset pin low, or releases it.
     fn reset_pin(&mut self, low: bool);
 
-    /// So many nanoseconds of virtual time pass on the board.
+    /// Lets `ns` nanoseconds of virtual time pass on the board.
     fn pass(&mut self, ns: u64);
 
     /// Virtual time since the board was switched on, in nanoseconds.
     fn now(&self) -> u64;
 
-    /// What went wrong on the board since last asked.
+    /// Takes the board's findings since the last call.
     fn take_findings(&mut self) -> Vec<Finding>;
 
     /// Every restart of the part since the board was switched on.
     fn resets(&self) -> &[ResetAt];
 
-    /// What the part keeps without its supply, one stretch after the other as [`Debugged::KEPT`] lists them.
+    /// The memory that the part keeps without its supply, one range after the other as [`Debugged::KEPT`] lists them.
     fn kept(&self) -> Vec<u8>;
 
-    /// A bit of flash keeps its value whatever is programmed there. Answers whether that is flash.
+    /// Makes a bit of flash keep its value whatever is programmed there. Returns whether the address is in flash.
     fn stick_flash(&mut self, address: u32, bit: u8, value: bool) -> bool;
 }
 
-/// How the wires are understood.
+/// The state of the protocol on the wires.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Line {
-    /// As JTAG, which is how an SWJ-DP comes up (ADI B5.2.1).
+    /// JTAG, in which an SWJ-DP comes up (ADI B5.2.1).
     Jtag,
-    /// As SWD; a line reset has to come, after the selection or after a protocol error (ADI B4.2.5).
+    /// SWD, waiting for a line reset after the selection or after a protocol error (ADI B4.2.5).
     Lost,
     /// After a line reset only DPIDR can be read (ADI B4.3.3).
     Reset,
@@ -109,13 +109,13 @@ enum Line {
     Open,
 }
 
-/// Ones in a row that are a line reset (ADI B4.3.3).
+/// The number of successive ones that make a line reset (ADI B4.3.3).
 const LINE_RESET: u32 = 50;
 /// The sequences that select SWD and JTAG, the lowest bit first (ADI B5.2.2).
 const TO_SWD: u16 = 0xE79E;
 const TO_JTAG: u16 = 0xE73C;
 
-/// SW-DP of version 1, by Arm, as Cortex-M4 parts have it (TRM; RM0090 38.8.3).
+/// The identifier of an SW-DP of version 1, by Arm, as Cortex-M4 parts have it (TRM; RM0090 38.8.3).
 const DPIDR: u32 = 0x2BA0_1477;
 
 /// CTRL/STAT (ADI B2.2.2).
@@ -129,7 +129,7 @@ const DEBUG_POWER_REQUEST: u32 = 1 << 28;
 const DEBUG_POWER_ACK: u32 = 1 << 29;
 const SYSTEM_POWER_REQUEST: u32 = 1 << 30;
 const SYSTEM_POWER_ACK: u32 = 1 << 31;
-/// What is kept of a write: MASKLANE, TRNCNT, and the two power requests. CDBGRSTREQ is not there on these parts.
+/// The bits that a write keeps: MASKLANE, TRNCNT, and the two power requests. These parts do not have CDBGRSTREQ.
 const CONTROL_KEPT: u32 = 0x00FF_FF00 | DEBUG_POWER_REQUEST | SYSTEM_POWER_REQUEST;
 /// DLCR (ADI B2.2.3): the turnaround is one clock.
 const DLCR: u32 = 0x40;
@@ -139,13 +139,14 @@ const DLCR: u32 = 0x40;
 pub struct DebugPort<B: Board, C: Cost> {
     node: Node<B, C>,
     line: Line,
-    /// Ones in a row up to now, and the bits since the last line reset: how many, and the latest sixteen.
+    /// The number of successive ones up to now, and the bits since the last line reset: their number, and the latest
+    /// sixteen.
     ones: u32,
     since_reset: u32,
     latest: u16,
     control: u32,
     select: u32,
-    /// What the last AP read brought, and the last read of all.
+    /// The results of the last AP read and of the last read of any kind.
     read_buffer: u32,
     resend: u32,
     memory_ap: MemoryAp,
@@ -159,7 +160,7 @@ impl<B: Alone, C: Cost> DebugPort<B, C>
 where
     B::Part: Debugged,
 {
-    /// The port of the board `node`, with nothing connected yet.
+    /// The port of the board `node`, with no debugger connected yet.
     #[must_use]
     pub fn new(node: Node<B, C>) -> Self {
         Self {
@@ -185,12 +186,12 @@ where
         &self.node
     }
 
-    /// The board behind the port, to change.
+    /// Mutable access to the board behind the port.
     pub fn node_mut(&mut self) -> &mut Node<B, C> {
         &mut self.node
     }
 
-    /// One bit on SWDIO.
+    /// Sends one bit on SWDIO.
     fn bit(&mut self, bit: bool) {
         self.latest = self.latest >> 1 | u16::from(bit) << 15;
         self.since_reset = self.since_reset.saturating_add(1);
@@ -222,7 +223,7 @@ where
             }
         }
         self.line = Line::Open;
-        // With a flag set these alone are answered (ADI B4.2.4).
+        // With a sticky flag set the port answers only these requests (ADI B4.2.4).
         let always =
             matches!(request, Request::ReadPort(0) | Request::WritePort(0, _)) || request == Request::ReadPort(4);
         if self.control & STICKY != 0 && !always {
@@ -272,7 +273,7 @@ where
         }
     }
 
-    /// CTRL/STAT. What is asked for has power at once.
+    /// The value of CTRL/STAT. A requested domain has power at once.
     fn status(&self) -> u32 {
         let acknowledged = |request, ack| if self.control & request != 0 { ack } else { 0 };
         self.control
@@ -307,8 +308,8 @@ where
         (self.select >> 24) as u8
     }
 
-    /// Reads a register of the selected access port; `None` where the transaction failed. One that is not there reads
-    /// zero (ADI B2.2.11).
+    /// Reads a register of the selected access port; `None` where the transaction failed. An absent register reads zero
+    /// (ADI B2.2.11).
     fn access_read(&mut self, register: u8) -> Option<u32> {
         match self.selected() {
             0 if !self.node.part().is_open() => Some(0),
@@ -348,20 +349,21 @@ where
         self.reset_debug();
     }
 
-    /// The part has just restarted, and its core has not run an instruction: what of its debug registers that reset
-    /// resets is as after a power-on.
+    /// Resets the debug registers that this reset of the part resets to their values after power-on. The core has not
+    /// run an instruction yet.
     fn reset_debug(&mut self) {
-        /// DHCSR with its key, FP_CTRL with its key, DEMCR (ARMv7-M C1.6.2, C1.11.3, C1.6.5).
+        /// The writes: DHCSR with its key, FP_CTRL with its key, DEMCR (ARMv7-M C1.6.2, C1.11.3, C1.6.5).
         const RESET: [(u32, u32); 3] = [(0xE000_EDF0, 0xA05F_0000), (0xE000_2000, 2), (0xE000_EDFC, 0)];
         if self.node.resets().last().is_some_and(|reset| B::Part::resets_debug(reset.cause)) {
             for (address, value) in RESET {
-                // They are there.
+                // These registers always exist.
                 let _ = self.node.access_port_write(address, Width::Word, value);
             }
         }
     }
 
-    /// A part that is held in reset answers in its private space alone, where its debug registers are.
+    /// Whether the core answers at `address`: a part that is held in reset answers only in its private space, which has
+    /// its debug registers.
     fn reachable(&self, address: u32) -> bool {
         !self.held || address >> 20 == 0xE00
     }
@@ -373,7 +375,7 @@ where
             && (byte[0] >> bit & 1 != 0) != value
         {
             byte[0] ^= 1 << bit;
-            // It was read there just now.
+            // The byte was just read from there.
             self.node.write(u64::from(address), &byte).expect("memory");
         }
     }
@@ -408,7 +410,7 @@ where
     }
 
     fn transfer(&mut self, request: Request) -> Ack {
-        // A transfer is no line reset: its bits end the ones before.
+        // A transfer ends a run of ones, so it is no line reset.
         self.ones = 0;
         self.since_reset = u32::MAX;
         self.answer(request)
@@ -427,7 +429,7 @@ where
     }
 
     fn pass(&mut self, ns: u64) {
-        // A part that is held in reset does nothing; its time stands still.
+        // A part that is held in reset does not run; its time stands still.
         if self.held {
             return;
         }

@@ -1,4 +1,4 @@
-//! What a part adds to the debug port of its core.
+//! A part's additions to the debug port of its core.
 
 use emulator_part::{Part, Reset};
 use nrf52840::{CtrlRequest, Nrf52840};
@@ -7,20 +7,20 @@ use stm32f429::Stm32f429;
 use crate::boards::{Dpr, Horus};
 use emulator_node::{Bare, Board};
 
-/// What a write to an access port of the part's own did to its reset.
+/// What a write to one of the part's own access ports did to its reset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PinReset {
-    /// Nothing.
+    /// The reset is unchanged.
     Unchanged,
     /// The part is held in reset.
     Hold,
-    /// It starts, by a soft reset.
+    /// The part starts, by a soft reset.
     Release,
 }
 
 /// A part with a debug port.
 pub trait Debugged: Part {
-    /// What it keeps without its supply, flash first: address and size.
+    /// The memory that it keeps without its supply, flash first: address and size of each range.
     const KEPT: &'static [(u32, usize)];
 
     /// Whether a debugger reaches the AHB-AP.
@@ -33,8 +33,8 @@ pub trait Debugged: Part {
         true
     }
 
-    /// Whether a reset for this cause resets the core's debug registers too. ARMv7-M C1.6.5 promises it of one by power
-    /// alone.
+    /// Whether a reset for this cause also resets the core's debug registers. ARMv7-M C1.6.5 promises it only of a
+    /// power-on reset.
     fn resets_debug(cause: Reset) -> bool {
         matches!(cause, Reset::PowerOn | Reset::BrownOut)
     }
@@ -45,13 +45,13 @@ pub trait Debugged: Part {
         0
     }
 
-    /// Writes one, at the part's cycle `at`.
+    /// Writes such a register at the part's cycle `at`.
     fn write_port(&mut self, ap: u8, register: u8, value: u32, at: u64) -> PinReset {
         let _ = (ap, register, value, at);
         PinReset::Unchanged
     }
 
-    /// The part has come to its cycle `at` with a debugger there.
+    /// Advances the part to its cycle `at` with a debugger connected.
     fn port_advances(&mut self, at: u64) {
         let _ = at;
     }
@@ -64,13 +64,13 @@ impl Debugged for Nrf52840 {
         self.access_port_open()
     }
 
-    /// The pin that UICR.PSELRESET names, in both of its words alike and not disconnected (PS 4.5, 5.3.7).
+    /// The pin that UICR.PSELRESET selects, if both of its words agree and are not disconnected (PS 4.5, 5.3.7).
     fn has_reset_pin(&self) -> bool {
         let words = self.memory(0x1000_1200, 8).unwrap_or_default();
         words.len() == 8 && words[..4] == words[4..] && words[3] & 0x80 == 0
     }
 
-    /// All but soft resets, a lock-up's among them (PS 5.3.7.8, *Reset behavior*: "Debug").
+    /// All resets but soft ones, which include a lock-up's (PS 5.3.7.8, *Reset behavior*: "Debug").
     fn resets_debug(cause: Reset) -> bool {
         !matches!(cause, Reset::Software | Reset::Lockup)
     }
@@ -101,9 +101,9 @@ impl Debugged for Stm32f429 {
     const KEPT: &'static [(u32, usize)] = &[(0x0800_0000, 2 << 20), (0x1FFF_C000, 16)];
 }
 
-/// A board that a debug port can be on with nobody else around.
+/// A board whose debug port works with no other board around.
 pub trait Alone: Board {
-    /// What leaves the board goes nowhere.
+    /// Discards what leaves the board.
     fn forget_outgoing(&mut self) {}
 }
 

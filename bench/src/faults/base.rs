@@ -1,5 +1,5 @@
-//! How the base station misbehaves: it tells wrongly which objects of a profile it shows, how old they are, or what is
-//! alarming.
+//! Faults of the base station: it reports wrongly which objects of a profile it shows, how old they are, or which
+//! alarms are raised. alarming.
 
 use profile::Layout;
 
@@ -10,14 +10,14 @@ pub enum BaseFault {
     ShowsAll,
     /// It does not show this object: 0 for Reported-Position, n for GPSn.
     Hides(usize),
-    /// It takes what it shows to be new.
+    /// It shows every object as new.
     Young,
-    /// It alarms nobody.
+    /// It raises no alarm.
     Calm,
 }
 
 impl BaseFault {
-    /// What the event log calls it.
+    /// Returns the fault's name in the event log.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -28,8 +28,8 @@ impl BaseFault {
         }
     }
 
-    /// What is shown of a profile with this layout, of which a sound base station shows the objects `shown` (bit 0
-    /// Reported-Position, bit n GPSn).
+    /// The objects that are shown of a profile with this layout, where a sound base station shows the objects `shown`
+    /// (bit 0 Reported-Position, bit n GPSn).
     #[must_use]
     pub fn shows(self, shown: u8, layout: Layout) -> u8 {
         match self {

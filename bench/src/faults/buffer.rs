@@ -1,7 +1,7 @@
-//! Bits of the DPR's buffers: the memory that frames are received into, and that images are read from.
+//! Faulty bits in the DPR's buffers, into which frames are received and from which images are read.
 //!
-//! Which bit is drawn from a word of random numbers when the fault begins, over all buffers of a kind, each bit as
-//! likely as the others. Where the buffers are is known from the image's symbols.
+//! A random word picks the bit when the fault begins, uniformly over all buffers of a kind. The image's symbols give
+//! the buffers' addresses.
 
 use bench_judge::disturbance::Memory;
 use cortex_m4::Cost;
@@ -10,12 +10,12 @@ use emulator_part::{Part, StuckBit};
 use super::Upset;
 use emulator_node::{Board, Error, Node};
 
-/// Which of the DPR's buffers.
+/// A kind of the DPR's buffers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Buffers {
-    /// Those that frames are received into.
+    /// The buffers into which frames are received.
     Receive,
-    /// Those that the SSI reads images from.
+    /// The buffers from which the SSI reads images.
     Image,
 }
 
@@ -29,17 +29,17 @@ impl Buffers {
     }
 }
 
-/// A fault of a bit of the DPR's buffers. The word says which bit it is.
+/// A fault of a bit of the DPR's buffers. The word picks the bit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BufferFault {
-    /// It flips once.
+    /// The bit flips once.
     Flips(Buffers, u64),
-    /// It reads this value, whatever is written, until the episode's end.
+    /// The bit reads this value until the episode's end, whatever is written.
     Stuck(Buffers, bool, u64),
 }
 
 impl BufferFault {
-    /// What the event log calls it.
+    /// Returns the fault's name in the event log.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -50,7 +50,7 @@ impl BufferFault {
         }
     }
 
-    /// Where the bit is.
+    /// The kind of buffer that holds the bit.
     #[must_use]
     pub const fn memory(self) -> Memory {
         match self {
@@ -59,13 +59,13 @@ impl BufferFault {
         }
     }
 
-    /// Whether it lasts: a bit that flips does so as the episode begins.
+    /// Whether the fault lasts: a flip takes place as the episode begins.
     #[must_use]
     pub const fn lasts(self) -> bool {
         matches!(self, Self::Stuck(..))
     }
 
-    /// It begins on `node` now.
+    /// Begins the fault on `node` now.
     ///
     /// # Errors
     ///
@@ -85,7 +85,7 @@ impl BufferFault {
         }
     }
 
-    /// It ends on `node` now: the bit keeps its value until something is written there.
+    /// Ends the fault on `node` now: the bit keeps its value until the next write.
     pub fn end<B: Board, C: Cost>(self, node: &mut Node<B, C>) {
         if self.lasts() {
             node.input(|part, _, _| part.stick(None));

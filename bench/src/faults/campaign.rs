@@ -1,10 +1,10 @@
-//! Many upsets, each on a copy of a bench of its own, and what comes of them.
+//! Campaigns of upsets: each upset is tried on its own copy of a bench, and its effect is classed.
 //!
-//! A campaign runs a [`Subject`] once from its beginning. At instants spread over that run it takes copies: one that
-//! is run on as it is, the reference, and one for each trial, with one upset. A trial is classed by what the judge
-//! says of it and of the reference, and by what the flight controller has read in both.
+//! A campaign runs a [`Subject`] once from its beginning. At instants spread over that run it makes copies: one without
+//! an upset, the reference, and one for each trial, with one upset. The judge's verdicts on trial and reference, and
+//! what the flight controller has read in both, give the trial's class.
 //!
-//! | class | what the flight controller saw |
+//! | class | what the flight controller read |
 //! |---|---|
 //! | masked | the same as without the upset |
 //! | detected | something else, and nothing invalid as valid |
@@ -24,57 +24,57 @@ pub trait Subject: Clone {
     /// The memory that `board`'s firmware uses now.
     fn targets(&self, board: Board) -> Targets;
 
-    /// Has `upset` happen to `board` now.
+    /// Applies `upset` to `board` now.
     fn upset(&mut self, board: Board, upset: Upset);
 
-    /// What came of this subject from now until `for_ns` later.
+    /// Runs this subject for `for_ns` from now and returns the outcome.
     fn outcome(self, for_ns: u64) -> RunOutcome;
 }
 
-/// What came of a run.
+/// The outcome of a run.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RunOutcome {
-    /// What the judge says.
+    /// The judge's verdict.
     pub verdict: Verdict,
-    /// A digest of all bytes that the flight controller has read, and of the instants at which it has.
+    /// A digest of all bytes that the flight controller has read, and of their instants.
     pub read_digest: u64,
 }
 
-/// What a campaign tries.
+/// The settings of a campaign.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Options {
-    /// Kinds of upset, in turn; others are left out.
+    /// The kinds of upset, in turn; other kinds are left out.
     pub kinds: Vec<Kind>,
-    /// Boards, in turn.
+    /// The boards, in turn.
     pub boards: Vec<Board>,
-    /// How many trials.
+    /// The number of trials.
     pub count: usize,
-    /// How many trials have an instant, and its reference, in common; at least 1.
+    /// The number of trials that share an instant and its reference; at least 1.
     pub per_instant: usize,
-    /// The instants are spread between these two, virtual ns.
+    /// The range of the instants, virtual ns.
     pub between: (u64, u64),
-    /// How long each copy is run from its upset on, ns.
+    /// The time for which each copy runs from its upset on, ns.
     pub for_ns: u64,
-    /// Instants and upsets follow from it.
+    /// The seed of the instants and upsets.
     pub seed: u64,
 }
 
-/// What an upset did.
+/// The class of an upset's effect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Class {
-    /// Nothing that the flight controller could see.
+    /// The flight controller saw no difference.
     Masked,
-    /// Something, but nothing invalid was shown as valid.
+    /// It saw a difference, but nothing invalid was shown as valid.
     Detected,
     /// Something invalid was shown as valid.
     Dangerous,
 }
 
 impl Class {
-    /// All, from harmless to dangerous.
+    /// All classes, from harmless to dangerous.
     pub const ALL: [Self; 3] = [Self::Masked, Self::Detected, Self::Dangerous];
 
-    /// In a word.
+    /// The class's name.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -102,9 +102,9 @@ impl Class {
     }
 }
 
-/// Whether `violation` means that something invalid was shown as valid: to the flight controller, or at the base
-/// station. The judge does not say whether an object whose contents are wrong was shown, so such an object counts.
-/// Flags of Link-Status, HORUS's state, a timestamp and an uplink are acted on as a position is.
+/// Whether `violation` means that invalid data were shown as valid to the flight controller or at the base station. The
+/// judge does not report whether an object with wrong contents was shown, so such an object counts. Flags of
+/// Link-Status, HORUS's state, a timestamp and an uplink count too, because a reader acts on them as on a position.
 #[must_use]
 pub const fn is_dangerous(violation: Violation) -> bool {
     matches!(
@@ -134,34 +134,34 @@ pub const fn is_dangerous(violation: Violation) -> bool {
     )
 }
 
-/// One upset and what came of it.
+/// One upset and its outcome.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Trial {
-    /// Its number in its campaign, from 1: with the campaign's seed it says which trial it is.
+    /// Its number in its campaign, from 1; together with the campaign's seed it identifies the trial.
     pub number: usize,
     /// The campaign's seed.
     pub seed: u64,
-    /// When, virtual ns.
+    /// The upset's instant, virtual ns.
     pub at: u64,
-    /// On which board.
+    /// The board.
     pub board: Board,
-    /// Which.
+    /// The upset.
     pub upset: Upset,
-    /// What it did.
+    /// The class of its effect.
     pub class: Class,
-    /// What the judge found that it had not found without it.
+    /// The violations that the reference does not have.
     pub violations: Vec<Violation>,
 }
 
-/// Upsets and what came of them.
+/// The trials of a campaign.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Campaign {
-    /// In order of their instants.
+    /// The trials in order of their instants.
     pub trials: Vec<Trial>,
 }
 
 impl Campaign {
-    /// Tries upsets on copies of `subject`, which is at its beginning.
+    /// Tries upsets on copies of `subject`, which must be at its beginning.
     #[must_use]
     pub fn run<S: Subject>(mut subject: S, options: &Options) -> Self {
         let kinds: Vec<Kind> = options.kinds.iter().copied().filter(|kind| kind.is_upset()).collect();
@@ -174,7 +174,7 @@ impl Campaign {
         let (from, to) = options.between;
         let mut rng = Rng::new(options.seed);
         for instant in 0..instants {
-            // One instant somewhere in each of so many equal parts of the run.
+            // One random instant is drawn in each of several equal parts of the run.
             let part = |nth: u64| from + (u128::from(to - from) * u128::from(nth) / u128::from(instants)) as u64;
             let at = rng.between(part(instant), part(instant + 1).saturating_sub(1).max(part(instant)));
             subject.run_to(at);
@@ -202,14 +202,14 @@ impl Campaign {
         Self { trials }
     }
 
-    /// How many upsets of `kind` on `board` are of `class`.
+    /// The number of upsets of `kind` on `board` that are of `class`.
     #[must_use]
     pub fn count(&self, board: Board, kind: Kind, class: Class) -> usize {
         let is_one = |trial: &&Trial| trial.board == board && trial.upset.kind() == kind && trial.class == class;
         self.trials.iter().filter(is_one).count()
     }
 
-    /// Those that showed something invalid as valid.
+    /// The trials that showed something invalid as valid.
     pub fn dangerous(&self) -> impl Iterator<Item = &Trial> + '_ {
         self.trials.iter().filter(|trial| trial.class == Class::Dangerous)
     }
@@ -251,8 +251,8 @@ mod tests {
     const HORUS_RAM: std::ops::Range<u32> = 0x2000_0000..0x2000_0100;
     const DPR_RAM: std::ops::Range<u32> = 0x2000_8000..0x2000_8100;
 
-    /// What a bench shows that has one upset, by the lowest bits of where it is: nothing, other bytes, or an old
-    /// object.
+    /// A bench with one upset. The lowest bits of the upset's place decide whether nothing changes, other bytes are
+    /// read, or an old object is shown.
     #[derive(Clone, Debug, Default)]
     struct Bench<'a> {
         now: u64,
@@ -289,7 +289,7 @@ mod tests {
             if let Some(outcomes) = self.outcomes {
                 outcomes.set(outcomes.get() + 1);
             }
-            // A bench with a violation of its own, whatever happens to it.
+            // The bench has this violation with and without an upset.
             let always = (Violation::ShownStale, 2);
             match self.upset {
                 Some((_, _, Upset::Ram { address, .. })) if address % 4 == 1 => outcome(&[always], 8),
@@ -377,7 +377,7 @@ mod tests {
         assert!(instants.is_sorted());
         instants.dedup();
         assert_eq!(instants.len(), 25);
-        // Each in its own part of 320 ns, and one reference each.
+        // Each instant lies in its own part of 320 ns and has one reference.
         for (nth, at) in instants.iter().enumerate() {
             let from = 1_000 + 320 * nth as u64;
             assert!((from..from + 320).contains(at), "{at}");

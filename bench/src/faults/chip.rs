@@ -1,7 +1,7 @@
-//! What a front-end chip, or a line between it and its board, does wrong.
+//! Faults of a front-end chip, or of a line between it and its board.
 //!
-//! [`crate::boards::front_end::FrontEnd`] carries it out. The chip itself stays in order but for what is named here: it
-//! takes what the board writes to it, it has its field and its frames, and it is as it was left when the fault is over.
+//! [`crate::boards::front_end::FrontEnd`] carries them out. Apart from the named fault the chip works: it accepts the
+//! board's writes, it has its field and its frames, and its state is unchanged when the fault is over.
 
 use bench_judge::disturbance::Harm;
 use st25r3916_model::{Chip, Space, Withheld};
@@ -9,17 +9,17 @@ use st25r3916_model::{Chip, Space, Withheld};
 /// A fault of either board's front end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ChipFault {
-    /// The interrupt line rests low; the interrupt bits can be read.
+    /// The interrupt line stays low; the interrupt bits can be read.
     IrqLow,
-    /// The interrupt line rests high, whatever is read.
+    /// The interrupt line stays high, whatever is read.
     IrqHigh,
-    /// The chip's interrupt logic is hung: no interrupt bit is set.
+    /// The chip's interrupt logic hangs: no interrupt bit is set.
     NoInterrupts,
-    /// The chip never says that a frame has ended: I_rxs without I_rxe at the listener, no I_txe at the poller.
+    /// The chip never reports a frame's end: I_rxs without I_rxe at the listener, no I_txe at the poller.
     NoFrameEnds,
-    /// Every bit that the board reads from the chip is one.
+    /// Every bit that the board reads from the chip is 1.
     ReadsOnes,
-    /// Every bit that the board reads from the chip is zero.
+    /// Every bit that the board reads from the chip is 0.
     ReadsZeros,
 }
 
@@ -28,7 +28,7 @@ impl ChipFault {
     pub const ALL: [Self; 6] =
         [Self::IrqLow, Self::IrqHigh, Self::NoInterrupts, Self::NoFrameEnds, Self::ReadsOnes, Self::ReadsZeros];
 
-    /// What the event log calls it, after the board and the words "front end".
+    /// Returns the fault's name in the event log, which follows the board and the words "front end".
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -41,8 +41,8 @@ impl ChipFault {
         }
     }
 
-    /// What the board can tell of it: a line that rests high is not that of a chip which has been read, and of a chip
-    /// whose line rests low, or that sets no interrupt, nothing can be told from one that nothing happens to.
+    /// What the board can observe of the fault. A line that stays high contradicts interrupts that have been read. A
+    /// line that stays low, or a missing interrupt, looks to the board like a chip without events.
     #[must_use]
     pub const fn harm(self) -> Harm {
         match self {
@@ -52,8 +52,8 @@ impl ChipFault {
     }
 }
 
-/// The longest time from the flip of a register's bit to the link's recovery from it, ns: what was flipped is
-/// told or has no effect. With the bring-up that may follow, valid data are back within 1.5 s.
+/// The longest time from the flip of a register's bit to the link's recovery, ns: the flip is reported or has no
+/// effect. With the bring-up that may follow, valid data are back within 1.5 s.
 pub const FLIP_MENDED: u64 = 1_350_000_000;
 
 /// A bit of a register of a front end's chip.
@@ -63,12 +63,12 @@ pub struct RegisterBit {
     pub in_space_b: bool,
     /// Its address.
     pub address: u8,
-    /// 0 to 7.
+    /// The bit's number, 0 to 7.
     pub bit: u8,
 }
 
 impl RegisterBit {
-    /// Every bit that `chip` has and keeps: spaces A and B, in order.
+    /// Every bit that `chip` stores, in spaces A and B, in order.
     #[must_use]
     pub fn all_of(chip: &Chip) -> Vec<Self> {
         let addresses = [false, true].into_iter().flat_map(|in_space_b| (0..64).map(move |it| (in_space_b, it)));
@@ -80,32 +80,32 @@ impl RegisterBit {
         bits.collect()
     }
 
-    /// Flips it.
+    /// Flips this bit of `chip`.
     pub fn flip(self, chip: &mut Chip) {
         chip.flip(if self.in_space_b { Space::B } else { Space::A }, self.address, self.bit);
     }
 }
 
-/// The faults of one front end that are there at present.
+/// The present faults of one front end.
 #[derive(Clone, Debug, Default)]
 pub struct ChipFaults {
     present: Vec<ChipFault>,
 }
 
 impl ChipFaults {
-    /// This is wrong as well from now on.
+    /// Begins `fault`.
     pub fn begin(&mut self, fault: ChipFault) {
         self.present.push(fault);
     }
 
-    /// This is wrong no longer. Nothing happens if it was not.
+    /// Ends `fault`, if it is present.
     pub fn end(&mut self, fault: ChipFault) {
         if let Some(place) = self.present.iter().position(|other| *other == fault) {
             self.present.remove(place);
         }
     }
 
-    /// The last that began of those which `of` picks.
+    /// The latest of the present faults that `of` accepts.
     fn last<T>(&self, of: impl Fn(ChipFault) -> Option<T>) -> Option<T> {
         self.present.iter().rev().find_map(|fault| of(*fault))
     }
@@ -121,7 +121,7 @@ impl ChipFaults {
         stuck.unwrap_or(level)
     }
 
-    /// What the board reads, where the chip drives `answer`; `None`: nobody drives the line.
+    /// The byte that the board reads, where the chip drives `answer`; `None` where the line is not driven.
     #[must_use]
     pub fn miso(&self, answer: Option<u32>) -> Option<u32> {
         let stuck = self.last(|fault| match fault {

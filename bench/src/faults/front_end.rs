@@ -1,7 +1,8 @@
-//! What HORUS's front end, the poller, does wrong, or the wires to it.
+//! Faults of HORUS's front end, the poller, or of the wires to it.
 //!
-//! [`Emission`] stands between the chip and its antenna: it is told what the chip emits, and says what leaves the
-//! antenna. Neither chip nor firmware notices. [`FrontEndFault::SelectLate`] acts on the wire to the chip instead.
+//! [`Emission`] lies between the chip and its antenna: it takes what the chip emits and returns what leaves the
+//! antenna. Neither chip nor firmware can observe it. [`FrontEndFault::SelectLate`] acts on the wire to the chip
+//! instead.
 
 use std::collections::VecDeque;
 
@@ -12,30 +13,30 @@ use super::Rng;
 /// A fault of HORUS's front end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrontEndFault {
-    /// Its antenna is disconnected: no carrier, and no frame.
+    /// Its antenna is disconnected: neither carrier nor frame leaves it.
     NoCarrier,
-    /// Its modulator is dead: a carrier, and no frame.
+    /// Its modulator is dead: it emits a carrier, but no frame.
     Mute,
     /// The second half of each frame is missing.
     BreaksOff,
-    /// The last byte of each payload is missing, as if the chip had been told a length that is less by one: the frame's
-    /// own length and CRC fit what is sent.
+    /// The last byte of each payload is missing, as if the chip had been set to a length that is less by one: the
+    /// frame's own length and CRC fit what is sent.
     Shortened,
-    /// Each frame is sent once more, so many ns after it has ended, and nothing commanded that.
+    /// Each frame is sent once more without a command, this many ns after it has ended.
     FrameAgain(u64),
-    /// The chip is given each transmit command once more, so many ns after the frame has ended, with the same frame.
+    /// The chip gets each transmit command once more, this many ns after the frame has ended, with the same frame.
     CommandAgain(u64),
-    /// Each frame begins later than the chip begins it, by up to so many ns, each time as likely as the others.
+    /// Each frame begins late by a uniformly drawn delay of up to this many ns.
     Scatters(u64),
-    /// Each rise of chip select reaches the chip late, by up to so many ns, each time as likely as the others.
+    /// Each rise of chip select reaches the chip late by a uniformly drawn delay of up to this many ns.
     SelectLate(u64),
 }
 
-/// From a command that is given once more to its frame, ns: the mean of what recordings show.
+/// The time from a repeated command to its frame, ns: the mean of what recordings show.
 pub const COMMAND_TO_FRAME_NS: u64 = 4_000;
 
 impl FrontEndFault {
-    /// What the event log calls it.
+    /// Returns the fault's name in the event log.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -51,7 +52,7 @@ impl FrontEndFault {
     }
 }
 
-/// A frame of `whole` bytes, of which the first tells a length less by one already, loses its last byte of payload.
+/// Removes the last byte of payload from a frame of `whole` bytes, whose first byte already gives a length less by one.
 fn shorten(data: &mut Vec<u8>, whole: usize) {
     data.truncate(whole - 3);
     let crc = nfc_f(data);
@@ -62,36 +63,36 @@ fn shorten(data: &mut Vec<u8>, whole: usize) {
 #[derive(Clone, Debug)]
 struct Sending {
     start: FrameStart,
-    /// It leaves the antenna so much later, ns.
+    /// The delay with which it leaves the antenna, ns.
     late: u64,
-    /// The chip's end of it is no event at the antenna any more.
+    /// Whether the chip's own end of the frame no longer reaches the antenna.
     ended: bool,
-    /// Nothing of it leaves the antenna.
+    /// Whether the whole frame is lost.
     lost: bool,
-    /// It is to be sent without its last byte of payload, when all of its so many bytes are there.
+    /// The frame's whole length, bytes, if it is to lose its last byte of payload once all bytes are there.
     shortened: Option<usize>,
 }
 
-/// What leaves the antenna of what a chip emits. See the [module](self).
+/// The part of a chip's emission that leaves the antenna. See the [module](self).
 #[derive(Clone, Debug)]
 pub struct Emission {
     noise: Rng,
     faults: Vec<FrontEndFault>,
     sending: Option<Sending>,
-    /// What leaves the antenna, and when, in order of time.
+    /// Events that will leave the antenna and their instants, in order of time.
     leaving: VecDeque<(u64, AirEvent)>,
-    /// Commands that nobody gave.
+    /// Transmit commands that the firmware did not give.
     commands: Vec<u64>,
 }
 
 impl Emission {
-    /// A sound front end. What is random follows from `seed`.
+    /// A sound front end. `seed` decides everything random.
     #[must_use]
     pub const fn new(seed: u64) -> Self {
         Self { noise: Rng::new(seed), faults: vec![], sending: None, leaving: VecDeque::new(), commands: vec![] }
     }
 
-    /// This is wrong from `now` (ns) on, beside what is wrong already. `carrier`: the chip's is on.
+    /// Begins `fault` at `now` (ns), beside any present faults. `carrier` is whether the chip's carrier is on.
     pub fn begin(&mut self, now: u64, fault: FrontEndFault, carrier: bool) {
         if fault == FrontEndFault::NoCarrier {
             if carrier && !self.has(fault) {
@@ -105,7 +106,7 @@ impl Emission {
         self.faults.push(fault);
     }
 
-    /// This is wrong no longer from `now` (ns) on. Nothing happens if it was not. `carrier`: the chip's is on.
+    /// Ends `fault` at `now` (ns), if it is present. `carrier` is whether the chip's carrier is on.
     pub fn end(&mut self, now: u64, fault: FrontEndFault, carrier: bool) {
         let Some(place) = self.faults.iter().position(|other| *other == fault) else { return };
         self.faults.remove(place);
@@ -123,14 +124,14 @@ impl Emission {
         self.leaving.insert(place, (at, event));
     }
 
-    /// By how much a rise of chip select is late, ns.
+    /// The delay of a rise of chip select, ns.
     pub fn select_late(&mut self) -> u64 {
         let Self { faults, noise, .. } = self;
         let late = |fault: &FrontEndFault| if let FrontEndFault::SelectLate(ns) = fault { noise.below(*ns) } else { 0 };
         faults.iter().map(late).sum()
     }
 
-    /// The chip emitted this at `at` (ns).
+    /// Takes an event that the chip emitted at `at` (ns).
     pub fn emitted(&mut self, at: u64, event: AirEvent) {
         match event {
             AirEvent::FieldOn | AirEvent::FieldOff => {
@@ -176,13 +177,13 @@ impl Emission {
             .sum();
         let data = &mut start.chunk.data;
         let mut bits = None;
-        // LEN, of which it is one of two bytes at least, payload and CRC.
+        // LEN counts itself and the payload but neither of the two bytes of CRC.
         let whole = data.first().map_or(0, |len| usize::from(*len) + 2);
         let mut shortened = None;
         if self.faults.contains(&FrontEndFault::Shortened) && whole > 4 {
             data[0] -= 1;
             bits = Some(8 * (whole as u64 - 1));
-            // What the chip loads while it sends comes later.
+            // The chip loads the remaining bytes while it sends.
             if data.len() >= whole {
                 shorten(data, whole);
             } else {
@@ -194,7 +195,7 @@ impl Emission {
         }
         if let (Some(bits), false) = (bits, lost) {
             let air = u64::from(start.header_bits) + bits / 8 * u64::from(start.byte_bits) + bits % 8;
-            // A bit is about 2.4 µs long, in attoseconds.
+            // The factor converts attoseconds; a bit is about 2.4 µs long.
             let ends = at + late + air * (start.bit_as / 1_000_000) / 1_000;
             self.leave(ends, AirEvent::FrameEnd { bits: u32::try_from(bits).unwrap_or(u32::MAX) });
         }
@@ -204,7 +205,7 @@ impl Emission {
         self.sending = Some(Sending { start, late, ended: bits.is_some(), lost, shortened });
     }
 
-    /// A frame of so many `bits` ended at `at`.
+    /// Schedules a repetition of a frame of `bits` bits that ended at `at`.
     fn send_again(&mut self, at: u64, start: &FrameStart, bits: u32) {
         for fault in self.faults.clone() {
             let begins = match fault {
@@ -221,18 +222,19 @@ impl Emission {
         }
     }
 
-    /// When something next leaves the antenna, ns; `u64::MAX` for never.
+    /// The instant at which the next event leaves the antenna, ns; `u64::MAX` for never.
     #[must_use]
     pub fn next_at(&self) -> u64 {
         self.leaving.front().map_or(u64::MAX, |(at, _)| *at)
     }
 
-    /// What leaves the antenna at `now` (ns) or before.
+    /// Takes an event that leaves the antenna at `now` (ns) or before.
     pub fn take(&mut self, now: u64) -> Option<(u64, AirEvent)> {
         self.leaving.pop_front_if(|(at, _)| *at <= now)
     }
 
-    /// The transmit commands since the last call that nobody gave, each with its instant (ns); some may lie ahead.
+    /// Takes the transmit commands since the last call that the firmware did not give, each with its instant (ns); some
+    /// may lie ahead.
     pub fn take_commands(&mut self) -> Vec<u64> {
         std::mem::take(&mut self.commands)
     }
@@ -245,7 +247,7 @@ mod tests {
     use super::*;
 
     const MS: u64 = 1_000_000;
-    /// A bit of 424 kbit/s is 2.36 µs; here 2 µs, so that instants are round.
+    /// A bit at 424 kbit/s takes 2.36 µs; 2 µs keeps the instants round.
     const BIT_NS: u64 = 2_000;
 
     fn frame() -> FrameStart {
@@ -266,7 +268,8 @@ mod tests {
     const BITS: u32 = 8 * 13;
     const AIR_NS: u64 = (64 + BITS as u64) * BIT_NS;
 
-    /// What leaves the antenna until `until` if a frame begins at 1 ms, and the front end does `fault` from 0 on.
+    /// The events that leave the antenna until `until` if a frame begins at 1 ms and the front end has `faults` from 0
+    /// on.
     fn leaves(faults: &[FrontEndFault], until: u64) -> (Vec<(u64, AirEvent)>, Vec<u64>) {
         let mut emission = Emission::new(1);
         faults.iter().for_each(|fault| emission.begin(0, *fault, false));

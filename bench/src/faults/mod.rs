@@ -1,19 +1,19 @@
-//! What goes wrong on purpose, and when.
+//! Injected faults and their instants.
 //!
-//! [`Faults`] is the one type that says it, for tests and for `cargo xtask sim --faults`: a list of [`Episode`]s, each
-//! a [`Fault`] from one instant to another, and the damage done to the images before the run. Tests write episodes by
+//! [`Faults`] is the one type for them, in tests and in `cargo xtask sim --faults`: a list of [`Episode`]s, each a
+//! [`Fault`] from one instant to another, and the damage done to the images before the run. Tests write episodes by
 //! hand; [`Faults::drawn`] draws them from a seed.
 //!
-//! | file | what it breaks | where it acts |
+//! | file | what it disturbs | where it acts |
 //! |---|---|---|
 //! | `st25r3916_model::AirFaults` | frames between the antennas | the air |
 //! | [`receivers`] | what a GNSS receiver sends, its line, its bus | the receivers' interfaces on HORUS's board |
-//! | [`state_inputs`] | the inputs that tell HORUS's state | HORUS's pins |
+//! | [`state_inputs`] | HORUS's state inputs | HORUS's pins |
 //! | [`front_end`] | HORUS's front end | its antenna, its chip select |
 //! | [`chip`] | either front end's chip | its interrupts, its SPI, a bit of its registers |
 //! | [`flight_controller`] | how the flight controller uses the SSI | the SSI's pins |
-//! | [`wires`] | what the wires between boards and world carry | FRESH, TICK, MISO, the radio |
-//! | [`base`] | which objects the base station shows | what it tells of a profile |
+//! | [`wires`] | the signals between boards and world | FRESH, TICK, MISO, the radio |
+//! | [`base`] | which objects the base station shows | what it reports of a profile |
 //! | [`buffer`] | a bit of the DPR's receive or image buffers, once or for a while | the part's RAM |
 //! | [`power`] | supply and reset of a board | the part and its front end |
 //! | [`Fault::Hang`] | a board's core, which executes nothing more until its watchdog restarts it | the core |
@@ -67,49 +67,50 @@ pub use wires::{WireFault, Wires};
 
 use crate::trace::{self, vectors};
 
-/// Something that is wrong while an [`Episode`] lasts, or that happens at its beginning.
+/// A fault that lasts as long as an [`Episode`], or that occurs at its beginning.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Fault {
-    /// The air treats frames so.
+    /// A fault of the air between the antennas.
     Air(AirFaults),
-    /// A receiver, from 0, or its line.
+    /// A fault of a receiver, counted from 0, or of its line.
     Receiver(usize, ReceiverFault),
-    /// An input that tells HORUS's state: 0 the relay, 1 the motor cut, 2 the emergency measure.
+    /// A fault of a state input: 0 is the relay, 1 the motor cut, 2 the emergency measure.
     Input(usize, InputFault),
-    /// HORUS's front end.
+    /// A fault of HORUS's front end.
     FrontEnd(FrontEndFault),
-    /// A board's front-end chip, or a line to it.
+    /// A fault of a board's front-end chip, or of a line to it.
     Chip(Board, ChipFault),
-    /// A bit of a register of a board's front-end chip flips at the episode's beginning: of those that the chip has
-    /// ([`RegisterBit::all_of`]), the one at this place, counted round. The episode ends when the firmware has to have
-    /// noticed.
+    /// A bit of a register of a board's front-end chip flips at the episode's beginning. The number indexes the bits
+    /// that the chip has ([`RegisterBit::all_of`]), modulo their count. The episode ends when the firmware must have
+    /// detected it.
     Flip(Board, u64),
-    /// The flight controller behaves so.
+    /// A misuse of the SSI by the flight controller.
     FlightController(Conduct),
-    /// A wire.
+    /// A fault of a wire.
     Wire(WireFault),
-    /// The base station.
+    /// A fault of the base station.
     Base(BaseFault),
-    /// A board's supply or reset pin.
+    /// A fault of a board's supply or reset pin.
     Power(Board, PowerFault),
     /// A board hangs from the episode's beginning on: its core executes nothing more and takes no interrupt, whatever
-    /// it was doing, while its peripherals, DMA, timers and the chips beside it go on ([`emulator_node::Node::hang`]).
-    /// What ends it is the board's own watchdog, which nobody feeds: the bench restarts nothing.
+    /// it was doing, while its peripherals, DMA, timers and the chips beside it continue
+    /// ([`emulator_node::Node::hang`]). Only the board's own watchdog, which is no longer fed, ends it: the bench
+    /// restarts nothing.
     Hang(Board),
-    /// A task of a board is dead, by its place in the firmware's table of tasks ([`tasks_of`]): its interrupt is off in
-    /// the interrupt controller, and the rest runs. What ends it is the board's own watchdog, for which the task does
-    /// not check in any more. A board that has not switched its interrupts on yet, hangs or has no supply is not hit.
+    /// A task of a board is dead, given by its place in the firmware's table of tasks ([`tasks_of`]): its interrupt is
+    /// off in the interrupt controller, and the rest runs. The board's own watchdog ends it, because the task no longer
+    /// checks in. A board that has not enabled its interrupts yet, hangs or has no supply is not affected.
     DeadTask(Board, u8),
-    /// A bit of a board.
+    /// An upset of a bit of a board.
     Upset(Board, Upset),
-    /// A bit of the DPR's buffers.
+    /// A fault of a bit of the DPR's buffers.
     Buffer(BufferFault),
-    /// Code of a board's image; it is mended at the episode's end.
+    /// Damage to a board's image, which is mended at the episode's end.
     Image(Board, ImageFault),
 }
 
 impl Fault {
-    /// What the event log calls it.
+    /// Returns the fault's name in the event log.
     #[must_use]
     pub fn name(&self) -> String {
         match self {
@@ -134,7 +135,7 @@ impl Fault {
         }
     }
 
-    /// What it disturbs.
+    /// The disturbance that the judge must know of.
     #[must_use]
     pub const fn disturbs(&self) -> Disturbance {
         match *self {
@@ -174,7 +175,7 @@ impl Fault {
     }
 }
 
-/// A board in the log's words.
+/// Returns a board's name in the event log.
 #[must_use]
 pub fn name_of(board: Board) -> &'static str {
     match board {
@@ -183,7 +184,7 @@ pub fn name_of(board: Board) -> &'static str {
     }
 }
 
-/// The tasks of a board's firmware: name and vector of each.
+/// The tasks of a board's firmware, with name and vector of each.
 #[must_use]
 pub fn tasks_of(board: Board) -> &'static [(&'static str, &'static str)] {
     match board {
@@ -192,7 +193,7 @@ pub fn tasks_of(board: Board) -> &'static [(&'static str, &'static str)] {
     }
 }
 
-/// The number of the interrupt whose handler is the task at place `task` of [`tasks_of`]; none if there is no such
+/// The number of the interrupt whose handler is the task at place `task` of [`tasks_of`]; `None` if there is no such
 /// task.
 #[must_use]
 pub fn interrupt_of(board: Board, task: u8) -> Option<u16> {
@@ -204,41 +205,41 @@ pub fn interrupt_of(board: Board, task: u8) -> Option<u16> {
     vectors::exception(board, vector)?.checked_sub(FIRST_INTERRUPT)
 }
 
-/// The number of the exception of interrupt 0, ARMv7-M ARM table B1-4.
+/// The exception number of interrupt 0, ARMv7-M ARM table B1-4.
 const FIRST_INTERRUPT: u16 = 16;
 
-/// A fault and when it is there.
+/// A fault and its duration.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Episode {
-    /// When it begins, virtual ns.
+    /// The instant at which it begins, virtual ns.
     pub at: u64,
-    /// When its cause goes away, ns: [`Episode::at`] for what has no duration, `u64::MAX` for never.
+    /// The instant at which its cause ends, ns: [`Episode::at`] for a fault without a duration, `u64::MAX` for never.
     pub until: u64,
-    /// What.
+    /// The fault.
     pub fault: Fault,
 }
 
-/// Everything that goes wrong in a run. The default is a run in which nothing does.
+/// All faults of a run. The default has none.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Faults {
-    /// In order of their beginnings.
+    /// The episodes in order of their beginnings.
     episodes: Vec<Episode>,
 }
 
 impl Faults {
-    /// Nothing goes wrong.
+    /// A run without faults.
     #[must_use]
     pub fn none() -> Self {
         Self::default()
     }
 
-    /// The air treats frames so from the beginning to the end.
+    /// A run with this fault of the air from beginning to end.
     #[must_use]
     pub fn of_air(faults: AirFaults) -> Self {
         Self::none().with(0, u64::MAX, Fault::Air(faults))
     }
 
-    /// And this.
+    /// Adds an episode and returns the whole.
     #[must_use]
     pub fn with(mut self, at: u64, until: u64, fault: Fault) -> Self {
         self.add(Episode { at, until, fault });
@@ -257,7 +258,7 @@ impl Faults {
         &self.episodes
     }
 
-    /// What begins and ends on HORUS's side (`upstream`) or on the DPR's.
+    /// The beginnings and ends on HORUS's side (`upstream`) or on the DPR's.
     #[must_use]
     pub fn timeline(&self, upstream: bool) -> Timeline {
         let mine = self.episodes.iter().filter(|episode| episode.fault.is_upstream() == upstream);
@@ -277,36 +278,36 @@ impl Faults {
     }
 }
 
-/// An episode begins or ends.
+/// The beginning, a change or the end of an episode.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Turn {
-    /// It begins.
+    /// The episode begins.
     Begins(Episode),
     /// The voltage of the side's supply changes, in an episode in which it sags.
     Supply {
-        /// To this, µV.
+        /// The new voltage, µV.
         microvolts: u32,
-        /// The episode's.
+        /// The episode's seed.
         seed: u64,
     },
-    /// It ends.
+    /// The episode ends.
     Ends(Episode),
 }
 
-/// Beginnings and ends of one side's episodes, in order of time.
+/// The beginnings and ends of one side's episodes, in order of time.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Timeline {
     turns: VecDeque<(u64, Turn)>,
 }
 
 impl Timeline {
-    /// When the next episode begins or ends, ns; `u64::MAX` for never.
+    /// The instant at which the next episode begins or ends, ns; `u64::MAX` for never.
     #[must_use]
     pub fn next_at(&self) -> u64 {
         self.turns.front().map_or(u64::MAX, |(at, _)| *at)
     }
 
-    /// And what is on `other`.
+    /// Adds the turns of `other`.
     pub fn add(&mut self, other: Self) {
         for (at, turn) in other.turns {
             let place = self.turns.partition_point(|(before, _)| *before <= at);
@@ -314,7 +315,7 @@ impl Timeline {
         }
     }
 
-    /// What begins or ends at `now` (ns) or before.
+    /// Takes a turn at `now` (ns) or before.
     pub fn take(&mut self, now: u64) -> Option<Turn> {
         self.turns.pop_front_if(|(at, _)| *at <= now).map(|(_, turn)| turn)
     }

@@ -1,7 +1,7 @@
 //! Faults drawn from a seed.
 //!
-//! Every kind has random numbers of its own, so that asking for one kind more leaves the others' episodes as they were.
-//! The faults of a kind come in rounds: each round has all of them, in a random order.
+//! Every kind has its own random numbers, so another kind leaves the episodes of the others unchanged. The faults of a
+//! kind come in rounds: each round has all of them, in a random order.
 
 use std::fmt;
 use std::str::FromStr;
@@ -12,56 +12,57 @@ use super::{
 };
 use gnss_sim::Port;
 
-/// No episode begins before this instant, ns: both boards start in peace.
+/// The instant before which no episode begins, ns, so that both boards start undisturbed.
 pub const FIRST_AT: u64 = 300_000_000;
 
-/// No episode ends later than so long before the run's end, ns: what recovers is seen to recover.
+/// The time before the run's end at which the last episode ends, ns, so that every recovery is observed.
 pub const LAST_BEFORE_END: u64 = 600_000_000;
 
-/// From one episode's end to the next one's beginning, of the same kind: 0.5 s on average, ns.
+/// The time from one episode's end to the beginning of the next of the same kind: 0.5 s on average, ns.
 pub const GAP: (u64, u64) = (100_000_000, 900_000_000);
 
 /// Both boards.
 const BOARDS: [Board; 2] = [Board::Horus, Board::Dpr];
 
-/// A millisecond, ns.
+/// One millisecond, ns.
 const MS: u64 = 1_000_000;
 
-/// How long an episode lasts, ns.
+/// The duration of an episode, ns.
 pub const LENGTH: (u64, u64) = (20_000_000, 400_000_000);
 
-/// How long a receiver drifts away, ns: until it is a few tens of metres off.
+/// The duration of a receiver's drift, ns: it ends a few tens of metres off.
 pub const DRIFT_LENGTH: (u64, u64) = (1_000_000_000, 3_000_000_000);
 
-/// How long a receiver jumps, or all of them, ns: shorter and longer than what all show is held back.
+/// The duration of a jump of one receiver or of all, ns: some are shorter and some longer than a common jump is held
+/// back.
 pub const JUMP_LENGTH: (u64, u64) = (20_000_000, 2_500_000_000);
 
-/// Where both boards lose their supply, restart or hang, the second does so much later at most, ns.
+/// The longest time between the two boards' losses of supply, restarts or hangs, ns, where both fail together.
 pub const BETWEEN_BOARDS: u64 = 20_000_000;
 
-/// So long after the beginning of a hang the next episode may begin after [`GAP`], ns: the longest that a watchdog
-/// takes (190 ms, HORUS's) is over, and the board's start.
+/// The time after the beginning of a hang from which [`GAP`] counts, ns: it covers the slowest watchdog (190 ms,
+/// HORUS's) and the board's start.
 pub const HANG_LENGTH: (u64, u64) = (300_000_000, 400_000_000);
 
-/// As [`HANG_LENGTH`], of a board of which one task is dead: it is fed once more at most, a cycle later.
+/// The like of [`HANG_LENGTH`] for a board with a dead task, ns: the watchdog is fed at most once more, a cycle later.
 pub const DEAD_TASK_LENGTH: (u64, u64) = (320_000_000, 420_000_000);
 
-/// As [`HANG_LENGTH`], of a board that hangs while it starts: until HORUS feeds its watchdog first that takes up to
-/// 964 ms.
+/// The like of [`HANG_LENGTH`] for a board that hangs while it starts, ns: HORUS first feeds its watchdog after up to
+/// 964 ms. 964 ms.
 pub const START_HANG_LENGTH: (u64, u64) = (1_100_000_000, 1_200_000_000);
 
-/// Within this after a start, of which is known when it comes, no hang of that board is drawn, ns: its firmware may not
-/// have started its watchdog yet, so that nothing would ever end it, as on silicon
-/// (docs/design.md#start-and-supply).
+/// The time after a start of known instant in which no hang of that board is drawn, ns. Its firmware may not have
+/// started its watchdog yet, so that nothing would ever end the hang, as on silicon (docs/design.md#start-and-supply).
 pub const WATCHDOG_STARTS: u64 = 2_000;
 
-/// A hang of a board that starts begins at most so long after the reset, ns: both firmwares have started by then.
+/// The latest beginning of a hang after a reset, for a board that hangs while it starts, ns: both firmwares have
+/// started by then.
 pub const STARTS: u64 = 20_000_000;
 
-/// Shapes of each board's sagging supply in a round.
+/// The number of shapes of each board's sagging supply in a round.
 const SAGS: usize = 3;
 
-/// What `--faults` can draw.
+/// A kind of fault that `--faults` can draw.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Kind {
     /// The air, and the front ends on either side of it.
@@ -78,11 +79,11 @@ pub enum Kind {
     Flash,
     /// Bits of registers.
     Registers,
-    /// Bits of the DPR's receive and image buffers, in the run itself.
+    /// Bits of the DPR's receive and image buffers, which flip or stick during the run.
     Buffers,
-    /// The inputs that tell HORUS's state.
+    /// The state inputs of HORUS.
     Inputs,
-    /// Boards that hang, and tasks that are dead, until the watchdogs restart their boards.
+    /// Hanging boards and dead tasks, until the watchdogs restart their boards.
     Hang,
     /// Bits of the registers of either front end's chip.
     Chips,
@@ -104,7 +105,7 @@ impl Kind {
         Self::Chips,
     ];
 
-    /// What `--faults` calls it.
+    /// Returns the kind's name in `--faults`.
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
@@ -122,7 +123,7 @@ impl Kind {
         }
     }
 
-    /// Whether it is an upset: each is tried on a copy of the bench, none is drawn into a run.
+    /// Whether it is an upset, which is tried on a copy of the bench and never drawn into a run.
     #[must_use]
     pub const fn is_upset(self) -> bool {
         matches!(self, Self::Ram | Self::Flash | Self::Registers)
@@ -149,15 +150,14 @@ impl FromStr for Kind {
     }
 }
 
-/// Faults that belong together, each so much later than the first begins (ns).
+/// Faults that belong together, each with its delay after the first one's beginning (ns).
 type Draw = Vec<(u64, Fault)>;
 
 impl Faults {
-    /// Faults of these kinds in a run of `duration_ns` with `gps` receivers, drawn from `seed`. Of each kind at most
-    /// one episode is there at a time, but for the supplies of both boards that fail together and for receivers that
-    /// are wrong together: else one receiver at most is at fault, though another may still be excluded for what it did
-    /// before. Upsets of RAM, flash and registers are
-    /// not drawn into a run: each is tried on a copy of the bench ([`super::Campaign`]).
+    /// Faults of these kinds in a run of `duration_ns` with `gps` receivers, drawn from `seed`. Each kind has at most
+    /// one episode at a time, except supplies of both boards that fail together and receivers that are wrong together.
+    /// Otherwise at most one receiver is faulty, though another may still be excluded for an earlier fault. Upsets of
+    /// RAM, flash and registers are not drawn into a run: each is tried on a copy of the bench ([`super::Campaign`]).
     #[must_use]
     pub fn drawn(kinds: &[Kind], gps: usize, seed: u64, duration_ns: u64) -> Self {
         let mut faults = Self::none();
@@ -194,7 +194,8 @@ impl Faults {
                 }
             }
         }
-        // Together at the end: a day has tens of thousands of each kind. Those of one instant stay as they were drawn.
+        // The list is sorted once at the end, because a day has tens of thousands of episodes of each kind. The sort is
+        // stable.
         faults.episodes.sort_by_key(|episode| episode.at);
         faults.without_hangs_in_starts();
         faults
@@ -202,7 +203,7 @@ impl Faults {
 }
 
 impl Faults {
-    /// Takes away hangs that begin after a start that an episode makes, and before the board's watchdog runs: they
+    /// Removes hangs that begin after a start that an episode causes and before the board's watchdog runs, because they
     /// would never end.
     fn without_hangs_in_starts(&mut self) {
         for board in BOARDS {
@@ -237,7 +238,7 @@ fn lasts(fault: &Fault) -> bool {
     }
 }
 
-/// How long `fault` may last, ns.
+/// The duration that `fault` may have, ns.
 fn length_of(fault: &Fault) -> (u64, u64) {
     match fault {
         Fault::Receiver(_, ReceiverFault::Drifts { .. }) => DRIFT_LENGTH,
@@ -250,7 +251,7 @@ fn length_of(fault: &Fault) -> (u64, u64) {
     }
 }
 
-/// One round of `kind`: every fault of it once.
+/// One round of `kind`, with every fault of it once.
 fn all_of(kind: Kind, gps: usize, rng: &mut Rng) -> Vec<Draw> {
     match kind {
         Kind::Air => {
@@ -280,36 +281,37 @@ fn all_of(kind: Kind, gps: usize, rng: &mut Rng) -> Vec<Draw> {
     }
 }
 
-/// Each way in which the air treats frames badly, so strongly that an episode of average length shows it.
+/// Every fault of the air, so strong that an episode of average length shows it.
 fn air() -> Vec<AirFaults> {
     let none = AirFaults::default();
     vec![
-        // A frame has about 2000 bits: of three, one passes.
+        // A frame has about 2000 bits, so about one frame in three survives.
         AirFaults { bit_error: 5e-4, ..none },
         AirFaults { lost: 0.4, ..none },
-        // A carrier, and no frame: HORUS is silent.
+        // A carrier without a frame looks like a silent HORUS.
         AirFaults { lost: 1.0, ..none },
-        // HORUS is frozen, as far as the DPR can tell.
+        // The DPR cannot tell a frozen frame from a frozen HORUS.
         AirFaults { frozen: true, ..none },
         AirFaults { truncated: 0.4, ..none },
-        // Up to twice what the objects' CRCs detect without exception.
+        // The bursts reach up to twice the length that the objects' CRCs always detect.
         AirFaults { burst: 0.4, burst_bits: 64, ..none },
-        // A frame of a cycle is on the air for half of it: its repetition comes before the next, or collides with it.
+        // A cycle's frame takes half of the cycle on the air, so its repetition comes before the next frame or collides
+        // with it.
         AirFaults { repeated: 0.4, repeat_after_ns: (100_000, 12 * MS), ..none },
-        // By less than a cycle to several.
+        // The delay ranges from less than a cycle to several cycles.
         AirFaults { delayed: 0.4, delay_ns: (MS, 45 * MS), ..none },
         AirFaults { field_off: true, ..none },
         AirFaults { scatter_ns: 3 * MS, ..none },
     ]
 }
 
-/// Each way in which either front end's chip, or a line to it, fails.
+/// Every fault of either front end's chip or of a line to it.
 fn front_ends() -> impl Iterator<Item = Fault> {
     let of = |board| ChipFault::ALL.into_iter().map(move |fault| Fault::Chip(board, fault));
     [Board::Horus, Board::Dpr].into_iter().flat_map(of)
 }
 
-/// Each way in which a receiver or its line fails.
+/// Every fault of a receiver or its line.
 fn receivers() -> Vec<ReceiverFault> {
     let absurd = Absurd::ALL.map(ReceiverFault::Absurd);
     let mut faults = vec![
@@ -318,7 +320,7 @@ fn receivers() -> Vec<ReceiverFault> {
         ReceiverFault::Beginnings,
         ReceiverFault::Unasked,
         ReceiverFault::Frozen,
-        // What u-blox receivers start with when they have lost their configuration.
+        // u-blox receivers start at this rate when they have lost their configuration.
         ReceiverFault::WrongBaud(38_400),
         ReceiverFault::Break,
         ReceiverFault::Noise,
@@ -328,13 +330,13 @@ fn receivers() -> Vec<ReceiverFault> {
         ReceiverFault::NoFix,
         ReceiverFault::LateBursts(60_000_000),
         ReceiverFault::BadChecksums,
-        // Beyond the 30 m, and the 50 m, within which receivers may agree.
+        // The offset exceeds the 30 m and 50 m within which receivers may agree.
         ReceiverFault::Offset { north: 40, east: -30, up: 0 },
         ReceiverFault::Offset { north: 0, east: 0, up: 120 },
         ReceiverFault::Drifts { mm_s: 20_000 },
         ReceiverFault::FrozenPosition,
         ReceiverFault::Flat,
-        // Beyond the 10 degrees, and the 2 m/s², within which receivers may agree.
+        // The change exceeds the 10 degrees and 2 m/s² within which receivers may agree.
         ReceiverFault::Turned { degrees: 180 },
         ReceiverFault::Pushed { cm_s2: 500 },
         ReceiverFault::Understates,
@@ -350,7 +352,7 @@ fn receivers() -> Vec<ReceiverFault> {
     faults
 }
 
-/// What several receivers do together: all jump, to the same place or height; and one is wrong in height while the
+/// Faults of several receivers together: all jump to the same place or height, or one has a wrong height while the
 /// others measure none.
 fn receivers_together(gps: usize, rng: &mut Rng) -> [Draw; 3] {
     let high = ReceiverFault::Offset { north: 0, east: 0, up: 500 };
@@ -365,13 +367,13 @@ fn receivers_together(gps: usize, rng: &mut Rng) -> [Draw; 3] {
     ]
 }
 
-/// Each input that tells HORUS's state, and each thing that it says.
+/// Every state input of HORUS with every fault of it.
 fn inputs() -> impl Iterator<Item = (usize, InputFault)> {
     (0..INPUTS).flat_map(|input| InputFault::ALL.map(|fault| (input, fault)))
 }
 
-/// Bits of the DPR's buffers that flip, as many of either kind as there are buffers, and one of either kind that is
-/// stuck at zero, and one at one, for a while.
+/// Faults of the DPR's buffers: for each kind of buffer, as many flips as there are buffers, and one bit each that is
+/// stuck at zero and at one for a while.
 fn buffers(rng: &mut Rng) -> Vec<Draw> {
     let mut draws = vec![];
     for (buffers, count) in [(Buffers::Receive, 3), (Buffers::Image, 4)] {
@@ -385,11 +387,11 @@ fn buffers(rng: &mut Rng) -> Vec<Draw> {
     draws
 }
 
-/// What restarts a board at once.
+/// The faults that restart a board at once.
 const RESTARTS: [PowerFault; 3] = [PowerFault::Pin, PowerFault::BrownOut, PowerFault::Watchdog];
 
-/// Each way in which supply and reset of either board fail, some shapes in which a supply sags, and both boards
-/// together, in either order: without their supplies, and restarted for any two reasons; and a DPR that is restarted
+/// Every fault of either board's supply and reset, some shapes of a sagging supply, and faults of both boards together
+/// in either order: without their supplies, and restarted for any two reasons. The last is a DPR that is restarted
 /// while its crystal is dead.
 fn power(rng: &mut Rng) -> Vec<Draw> {
     let restart = Fault::Power(Board::Dpr, RESTARTS[rng.below(RESTARTS.len() as u64) as usize]);
@@ -416,7 +418,7 @@ fn power(rng: &mut Rng) -> Vec<Draw> {
     draws
 }
 
-/// Each board that hangs, and both, in either order; each that hangs while it starts; and a dead task of each.
+/// Hangs of each board, of both in either order and of each while it starts, and a dead task of each.
 fn hangs(rng: &mut Rng) -> Vec<Draw> {
     let mut draws: Vec<Draw> = BOARDS.map(|board| vec![(0, Fault::Hang(board))]).into();
     for [first, second] in [[Board::Horus, Board::Dpr], [Board::Dpr, Board::Horus]] {
@@ -424,7 +426,7 @@ fn hangs(rng: &mut Rng) -> Vec<Draw> {
     }
     for board in BOARDS {
         let restart = RESTARTS[rng.below(RESTARTS.len() as u64) as usize];
-        // Half of them in the first 10 µs, the others at any instant.
+        // Half of them begin in the first 10 µs, the others at any instant.
         let latest = if rng.below(2) == 0 { 10_000 } else { STARTS };
         let hangs = rng.between(WATCHDOG_STARTS, latest);
         draws.push(vec![(0, Fault::Power(board, restart)), (hangs, Fault::Hang(board))]);
@@ -622,7 +624,7 @@ mod tests {
             let alone = |at: u64| episodes.iter().filter(|other| other.at.abs_diff(at) <= BETWEEN_BOARDS).count() == 1;
             assert!(episodes.iter().any(|episode| episode.fault == fault && alone(episode.at)), "{board:?} alone");
         }
-        // Whoever hangs has restarted before the next hang, and has started its watchdog.
+        // A board has restarted and has started its watchdog before its next hang.
         let hangs: Vec<_> = episodes.iter().filter(|it| matches!(it.fault, Fault::Hang(_))).cloned().collect();
         for pair in hangs.windows(2).filter(|pair| !together(pair)) {
             assert!(pair[1].at - pair[0].at >= HANG_LENGTH.0 + GAP.0, "{pair:?}");
@@ -647,7 +649,7 @@ mod tests {
         }
         assert!(left(PowerFault::FrontEndOff, hang(900, Board::Dpr)));
         assert!(left(PowerFault::CrystalDead, hang(900, Board::Dpr)));
-        // Of several starts the last counts.
+        // The last of several starts counts.
         let mut faults = Faults::none();
         for at in [100, 2 * WATCHDOG_STARTS, 9 * WATCHDOG_STARTS] {
             faults.add(Episode { at, until: at, fault: Fault::Power(Board::Dpr, PowerFault::Pin) });

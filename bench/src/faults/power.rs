@@ -1,40 +1,41 @@
-//! Supply and reset of a board.
+//! Faults of a board's supply and reset.
 
 use bench_judge::disturbance::{Disturbance, Harm};
 
 use super::Rng;
 
-/// A millisecond, ns.
+/// One millisecond, ns.
 const MS: u64 = 1_000_000;
 
-/// What a sagging supply begins at, one of these, and comes back to: the boards' 3.3 V, and the highest that both parts
-/// take, µV.
+/// The voltages from which a supply may sag and to which it returns: the boards' 3.3 V, and the highest that both parts
+/// allow, µV.
 pub(crate) const RAILS_UV: [u32; 2] = [3_300_000, 3_600_000];
 
-/// What happens to a board's supply or reset pin. The front end has the board's supply.
+/// A fault of a board's supply or reset pin. The front end shares the board's supply.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PowerFault {
     /// The supply is off from the episode's beginning to its end; RAM comes up with noise that follows from this seed.
     Off(u64),
-    /// The reset pin is pulled low for a moment. RAM keeps its contents, and the front end its registers.
+    /// The reset pin is pulled low briefly. RAM keeps its contents, and the front end its registers.
     Pin,
-    /// The supply dips below the part's brown-out threshold for a moment. RAM keeps its contents, and the front end,
-    /// which works from a lower supply, its registers.
+    /// The supply dips below the part's brown-out threshold briefly. RAM keeps its contents, and the front end, which
+    /// works from a lower supply, its registers.
     BrownOut,
-    /// The watchdog bites, whatever the firmware did. RAM keeps its contents, and the front end its registers.
+    /// The watchdog resets the part, whatever the firmware did. RAM keeps its contents, and the front end its
+    /// registers.
     Watchdog,
-    /// The crystal is dead from the episode's beginning to its end: HORUS's fails, the DPR's, which nothing supervises,
-    /// does not start. A board that was restarted meanwhile and cannot start is reset by its pin at the end.
+    /// The crystal is dead from the episode's beginning to its end: HORUS's stops, while the DPR's, which is not
+    /// supervised, does not start. A board that restarted meanwhile and cannot start is reset by its pin at the end.
     CrystalDead,
-    /// The supply sags and comes back from the episode's beginning to its end, in a [`shape`] that follows from this
-    /// seed. What the voltages do is the parts' business: warnings, resets, bits that are read wrongly.
+    /// The supply sags and recovers from the episode's beginning to its end, in a [`shape`] that follows from this
+    /// seed. The parts model the effects: warnings, resets, bits that are read wrongly.
     Sag(u64),
     /// The front end alone is without supply from the episode's beginning to its end; its registers are lost.
     FrontEndOff,
 }
 
 impl PowerFault {
-    /// What the event log calls it.
+    /// Returns the fault's name in the event log.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -48,30 +49,30 @@ impl PowerFault {
         }
     }
 
-    /// What it disturbs on this board.
+    /// The disturbance of this board that the judge must know of.
     #[must_use]
     pub const fn disturbs(self, board: bench_judge::Board) -> Disturbance {
         match self {
             Self::Off(_) | Self::Sag(_) => Disturbance::Supply { board },
             Self::Pin | Self::BrownOut | Self::Watchdog => Disturbance::Restart { board },
-            // Each start while it is dead is told as a hang.
+            // Each start while it is dead is logged as a hang.
             Self::CrystalDead => Disturbance::Hang { board },
             Self::FrontEndOff => Disturbance::FrontEnd { board, harm: Harm::Silent },
         }
     }
 
-    /// Whether it lasts: the others are over as they begin.
+    /// Whether the fault lasts; the others are over as they begin.
     #[must_use]
     pub const fn lasts(self) -> bool {
         matches!(self, Self::Off(_) | Self::CrystalDead | Self::Sag(_) | Self::FrontEndOff)
     }
 }
 
-/// The voltages of a supply that sags, µV, each with its time from the beginning, ns; the last is where it is well
-/// again.
+/// The voltages of a sagging supply, µV, each with its time from the beginning, ns; the last is the original voltage.
 ///
-/// One to four legs lead from the rail to other voltages, and a last one back: to nothing, to between the thresholds of
-/// the parts' supervisors, to anywhere. Each takes 1, 10 or 100 ms, as a ramp in steps of 20 mV at most or as one step.
+/// One to four legs lead from the rail to other voltages, and a last one back. The voltages are zero, between the
+/// thresholds of the parts' supervisors, or anywhere. Each leg takes 1, 10 or 100 ms, as a ramp in steps of at most 20
+/// mV or as one step.
 #[must_use]
 pub fn shape(seed: u64) -> Vec<(u64, u32)> {
     const STEP_UV: u32 = 20_000;
@@ -92,7 +93,7 @@ pub fn shape(seed: u64) -> Vec<(u64, u32)> {
         for step in 1..=steps {
             let part = i64::from(step) * (i64::from(to) - i64::from(volts)) / i64::from(steps);
             let reached = (i64::from(volts) + part) as u32;
-            // One step is at the leg's beginning, and the rest of it is spent there.
+            // A single step comes at the leg's beginning; the voltage then holds for the rest of the leg.
             let after = if steps == 1 { 0 } else { takes * u64::from(step) / u64::from(steps) };
             shape.push((at + after, reached));
         }
@@ -102,7 +103,7 @@ pub fn shape(seed: u64) -> Vec<(u64, u32)> {
     shape
 }
 
-/// How long a supply sags, ns.
+/// The duration of a sag, ns.
 #[must_use]
 pub fn sag_length(seed: u64) -> u64 {
     shape(seed).last().map_or(0, |(at, _)| *at)

@@ -1,17 +1,17 @@
-//! The faults' one source of randomness: seeded, and the same on every machine.
+//! The faults' only source of randomness, which is seeded and the same on every machine.
 
-/// SplitMix64 (Steele, Lea, Flood 2014): one 64-bit state, good enough to choose faults.
+/// SplitMix64 (Steele, Lea, Flood 2014), with one 64-bit state, is good enough to choose faults.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Rng(u64);
 
 impl Rng {
-    /// The numbers that follow from `seed`.
+    /// A generator seeded with `seed`.
     #[must_use]
     pub const fn new(seed: u64) -> Self {
         Self(seed)
     }
 
-    /// The numbers that follow from `seed` in stream `stream`: streams of one seed have nothing in common.
+    /// A generator seeded with `seed` in stream `stream`: the streams of one seed are independent.
     #[must_use]
     pub fn stream(seed: u64, stream: u64) -> Self {
         let mut of_stream = Self(stream);
@@ -27,17 +27,17 @@ impl Rng {
         z ^ (z >> 31)
     }
 
-    /// From 0 to `n` - 1, each as likely as the others; 0 where `n` is 0.
+    /// A uniform number from 0 to `n` - 1; 0 where `n` is 0.
     pub fn below(&mut self, n: u64) -> u64 {
         ((u128::from(self.word()) * u128::from(n)) >> 64) as u64
     }
 
-    /// From `least` to `most`, each as likely as the others.
+    /// A uniform number from `least` to `most`.
     pub fn between(&mut self, least: u64, most: u64) -> u64 {
         least + self.below((most - least).saturating_add(1))
     }
 
-    /// True once in `n` times.
+    /// Returns true once in `n` times.
     pub fn one_in(&mut self, n: u64) -> bool {
         self.below(n) == 0
     }

@@ -1,30 +1,30 @@
-//! What the inputs say that tell HORUS's state: relay, motor cut, emergency measure.
+//! Faults of HORUS's state inputs: relay, motor cut, emergency measure.
 
-/// How many inputs there are, each a pair of pins.
+/// The number of inputs, each a pair of pins.
 pub const INPUTS: usize = 3;
 
 /// Their names, the least severe first.
 const NAMES: [&str; INPUTS] = ["relay", "motor cut", "emergency measure"];
 
-/// What an input says while an episode lasts; else it is inactive.
+/// The level of an input while an episode lasts; otherwise it is inactive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum InputFault {
-    /// It is active, which is no fault of its own.
+    /// It is active, which is not a fault in itself.
     Active,
     /// Both pins are high: a broken wire, which the pull-ups hold.
     BothHigh,
     /// Both pins are low: a short to ground.
     BothLow,
-    /// The contact chatters: both pins change over after every such time, ns.
+    /// The contact chatters: both pins change over at this interval, ns.
     Chatters(u64),
 }
 
 impl InputFault {
-    /// Each once. One contact chatters by less than a cycle, one by more.
+    /// All faults. One contact chatters faster than a cycle, one slower.
     pub const ALL: [Self; 5] =
         [Self::Active, Self::BothHigh, Self::BothLow, Self::Chatters(3_700_000), Self::Chatters(13_000_000)];
 
-    /// What the event log calls it of this input, from 0.
+    /// Returns the fault's name in the event log for input `input`, from 0.
     #[must_use]
     pub fn name(self, input: usize) -> String {
         let what = match self {
@@ -36,7 +36,8 @@ impl InputFault {
         format!("{} {what}", NAMES.get(input).unwrap_or(&"no input"))
     }
 
-    /// The levels of the two pins at its beginning: that which is high while the input is active, and the other one.
+    /// The levels of the two pins at its beginning: first the pin that is high while the input is active, then the
+    /// other.
     #[must_use]
     pub const fn levels(self) -> (bool, bool) {
         match self {

@@ -1,4 +1,4 @@
-//! A bit that flips.
+//! Upsets: single bits that flip.
 
 use std::ops::Range;
 
@@ -8,34 +8,34 @@ use cortex_m4::Cost;
 use super::{Kind, Rng};
 use emulator_node::{Board, Error, Node};
 
-/// Where a bit flips.
+/// The place of an upset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Upset {
-    /// In RAM.
+    /// A bit of RAM.
     Ram {
         /// The byte's address.
         address: u32,
-        /// 0 to 7.
+        /// The bit's number, 0 to 7.
         bit: u8,
     },
-    /// In flash.
+    /// A bit of flash.
     Flash {
         /// The byte's address.
         address: u32,
-        /// 0 to 7.
+        /// The bit's number, 0 to 7.
         bit: u8,
     },
-    /// In a register of the core: 0 to 15.
+    /// A bit of a core register, 0 to 15.
     Register {
-        /// Which.
+        /// The register's number.
         number: u8,
-        /// 0 to 31.
+        /// The bit's number, 0 to 31.
         bit: u8,
     },
 }
 
 impl Upset {
-    /// What the event log calls it.
+    /// Returns the upset's name in the event log.
     #[must_use]
     pub const fn name(&self) -> &'static str {
         match self {
@@ -45,7 +45,7 @@ impl Upset {
         }
     }
 
-    /// In which memory the bit is.
+    /// The kind of memory that holds the bit.
     #[must_use]
     pub const fn memory(&self) -> Memory {
         match self {
@@ -55,7 +55,7 @@ impl Upset {
         }
     }
 
-    /// What `--faults` calls it.
+    /// Returns the kind's name in `--faults`.
     #[must_use]
     pub const fn kind(&self) -> Kind {
         match self {
@@ -65,8 +65,7 @@ impl Upset {
         }
     }
 
-    /// An upset of `kind` among `targets`, each bit as likely as the others; `None` where `kind` is no kind of upset or
-    /// has no targets.
+    /// A uniformly drawn upset of `kind` among `targets`; `None` where `kind` is not a kind of upset or has no targets.
     pub fn drawn(kind: Kind, rng: &mut Rng, targets: &Targets) -> Option<Self> {
         match kind {
             Kind::Ram => {
@@ -79,7 +78,7 @@ impl Upset {
             }
             Kind::Registers => {
                 let number = rng.below(16) as u8;
-                // The bits that are always zero are not there in hardware: two of SP, one of PC (ARMv7-M ARM B1.4.1).
+                // Hardware lacks the bits that are always zero: two of SP, one of PC (ARMv7-M ARM B1.4.1).
                 let least = match number {
                     13 => 2,
                     15 => 1,
@@ -133,7 +132,7 @@ impl std::fmt::Display for Upset {
     }
 }
 
-/// A byte's address and a bit of it.
+/// A random byte's address and a bit of it.
 fn a_bit(rng: &mut Rng, ranges: &[Range<u32>]) -> Option<(u32, u8)> {
     let bytes: u64 = ranges.iter().map(|range| u64::from(range.end.saturating_sub(range.start))).sum();
     let mut nth = rng.below(bytes);
@@ -148,17 +147,17 @@ fn a_bit(rng: &mut Rng, ranges: &[Range<u32>]) -> Option<(u32, u8)> {
     None
 }
 
-/// The memory that a firmware uses: an upset elsewhere could do nothing.
+/// The memory that a firmware uses: an upset elsewhere has no effect.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Targets {
-    /// Statics, the buffers of the DMA controllers among them, and the stack in use.
+    /// Statics, which include the buffers of the DMA controllers, and the stack in use.
     pub ram: Vec<Range<u32>>,
     /// The image, its CRC included.
     pub flash: Vec<Range<u32>>,
 }
 
 impl Targets {
-    /// What `node`'s firmware uses now.
+    /// The memory that `node`'s firmware uses now.
     ///
     /// # Errors
     ///

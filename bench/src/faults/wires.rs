@@ -1,8 +1,8 @@
-//! What wires between the boards and the world carry wrongly.
+//! Faults of the wires between the boards and the world.
 //!
-//! [`Wires`] is what stands on the wires: it is told what one end sends, and says what the other end sees. It acts
-//! where the bench hands such a thing over: MISO before the flight controller sees a transaction, FRESH and TICK before
-//! they are logged, the radio before the base station hears it. Of the antenna it says only whether it answers.
+//! [`Wires`] takes what one end sends and returns what the other end receives. It acts where the bench passes the
+//! signals on: MISO before the flight controller sees a transaction, FRESH and TICK before they are logged, the radio
+//! before the base station receives it. For the antenna it only decides whether it answers.
 
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -16,102 +16,102 @@ use super::{ReceiverFault, Rng};
 /// A fault of a wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WireFault {
-    /// FRESH rests low, whatever the DPR drives.
+    /// FRESH stays low, whatever the DPR drives.
     FreshStuck,
     /// FRESH shows another pulse of [`GLITCH_NS`], [`GLITCH_AFTER_NS`] after each pulse of the DPR's.
     FreshGlitch,
-    /// Every edge of FRESH is seen so many ns late.
+    /// Every edge of FRESH arrives this many ns late.
     FreshLate(u64),
-    /// TICK rests low, whatever HORUS drives.
+    /// TICK stays low, whatever HORUS drives.
     TickStuck,
     /// TICK shows another tick, [`GLITCH_AFTER_NS`] after each tick of HORUS's.
     TickGlitch,
-    /// The log is told nothing of the pins that tell HORUS's state.
+    /// HORUS's state inputs are missing from the log.
     InputsUnseen,
     /// One bit of each transaction's MISO is inverted.
     MisoBit {
-        /// In which byte of the transaction, from 0; shorter transactions are left alone.
+        /// The byte's index in the transaction, from 0; shorter transactions are left alone.
         byte: usize,
-        /// Which bit, 0 (the least significant) to 7.
+        /// The bit's number, 0 (the least significant) to 7.
         bit: u8,
     },
-    /// A transaction reads again what the latest one had read that ended at least so long before it ended. Where that
-    /// one was shorter, or where there is none, it reads what the DPR sends.
+    /// A transaction repeats the bytes of the latest one that ended at least this long before. Where that one was
+    /// shorter, or does not exist, it reads what the DPR sends.
     MisoReplay {
-        /// How long before, ns; at most [`HISTORY_NS`].
+        /// The least age of the repeated transaction, ns; at most [`HISTORY_NS`].
         age_ns: u64,
     },
-    /// The bytes from this one on are those of the transaction before, as far as that had them.
+    /// The bytes from this one on are those of the transaction before, where it had them.
     MisoSplice {
-        /// The first such byte, from 0.
+        /// The index of the first such byte, from 0.
         at_byte: usize,
     },
     /// GPS1 and GPS2 are read in each other's places, where a transaction reads both.
     MisoSwap,
-    /// The place of one object reads 0x00, as one that was not received.
+    /// One object's place reads 0x00, like that of an object that was not received.
     MisoVacant {
-        /// Which: 0 for Reported-Position, n for GPSn.
+        /// The object: 0 for Reported-Position, n for GPSn.
         object: usize,
     },
-    /// Every transaction reads again what the last one had read that ended before this began, as far as that reached:
-    /// an isolator or a bridge in the line that hangs and repeats what it has.
+    /// Every transaction repeats the last one that ended before the fault began, where it had the bytes: an isolator or
+    /// a bridge in the line hangs and repeats its contents.
     MisoFrozen,
     /// Bits of one object, or of Link-Status, are inverted and its CRC is made to fit, where a transaction reads all of
-    /// it: what a line cannot do, and a bridge that makes up frames of its own can.
+    /// it. A line cannot do that, but a bridge that generates frames of its own can.
     MisoForged {
-        /// Which: 0 for Reported-Position, n for GPSn, nothing for Link-Status.
+        /// The object: 0 for Reported-Position, n for GPSn, `None` for Link-Status.
         object: Option<usize>,
-        /// In which of its bytes, from 0, before its CRC.
+        /// The index of the byte in it, from 0, before its CRC.
         byte: usize,
-        /// Which bits.
+        /// The inverted bits.
         bits: u8,
     },
-    /// As [`WireFault::MisoForged`], for what stands behind the image in the map.
+    /// The like of [`WireFault::MisoForged`] for what follows the image in the map.
     MisoForgedPort {
-        /// Which: 0 for Port-Status, 1 for the uplink of the base station, 2 for that of the flight controller.
+        /// The object: 0 for Port-Status, 1 for the uplink of the base station, 2 for that of the flight controller.
         object: usize,
-        /// In which of its bytes, from 0, before its CRC.
+        /// The index of the byte in it, from 0, before its CRC.
         byte: usize,
-        /// Which bits.
+        /// The inverted bits.
         bits: u8,
     },
     /// Every byte reads 0xFF.
     MisoOnes,
-    /// The listener's antenna answers each frame that it hears, although nobody told its front end to: its load
+    /// The listener's antenna answers each frame that it receives, although its front end has no such command: its load
     /// modulator works by itself.
     AntennaAnswers,
     /// The radio to the base station carries nothing.
     RadioDrop,
-    /// One bit of each profile on the radio is inverted, another one each time.
+    /// One bit of each profile on the radio is inverted, a different one each time.
     RadioBit,
     /// The second half of each profile on the radio is that of the profile before.
     RadioMix,
-    /// Every receiver is wrong in this way, as if the satellites were; the log is not told that it is the receivers.
+    /// Every receiver has this fault, as if the satellites had it; the log does not attribute it to the receivers.
     Sky(ReceiverFault),
-    /// The flight controller flies by the last position from before, whatever its client says.
+    /// The flight controller keeps flying by the last position, whatever its client reports.
     ClientKeeps,
-    /// The flight controller takes every sample to be new.
+    /// The flight controller treats every sample as new.
     ClientYoung,
-    /// The flight controller is not given the client's position.
+    /// The flight controller does not get the client's position.
     ClientBlind,
     /// The flight controller forwards nothing.
     ClientMute,
 }
 
-/// How long after a pulse an additional one comes, ns: in the silence between two publications.
+/// The delay of an additional pulse after a genuine one, ns: it lies in the silence between two publications.
 pub const GLITCH_AFTER_NS: u64 = 3_000_000;
 
-/// How long an additional pulse of FRESH lasts, ns.
+/// The length of an additional pulse of FRESH, ns.
 pub const GLITCH_NS: u64 = 2_000;
 
-/// How far back a replay may reach, ns.
+/// The longest time that a replay may reach back, ns.
 pub const HISTORY_NS: u64 = 1_000_000_000;
 
-/// How many transactions are remembered at most: a flight controller that hammers makes 200 000 a second.
+/// The most transactions that are kept: a flight controller that hammers makes 200 000 a second.
 const REMEMBERED: usize = 4_096;
 
 impl WireFault {
-    /// What the event log calls it.
+    /// Returns the fault's name in the event log.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -142,7 +142,7 @@ impl WireFault {
         }
     }
 
-    /// On which wire it is.
+    /// The wire that has the fault.
     #[must_use]
     pub const fn wire(self) -> Wire {
         match self {
@@ -172,33 +172,33 @@ impl WireFault {
     }
 }
 
-/// What the DPR sent in a transaction that ended at an instant (ns).
+/// The bytes that the DPR sent in a transaction, and the instant at which it ended (ns).
 #[derive(Clone, Debug)]
 struct Sent {
     ended: u64,
     miso: Vec<u8>,
 }
 
-/// The wires with what is wrong with them at present. See the [module](self).
+/// The wires with their present faults. See the [module](self).
 #[derive(Clone, Debug)]
 pub struct Wires {
     layout: Layout,
     noise: Rng,
     faults: Vec<WireFault>,
-    /// The position that the flight controller flew by last.
+    /// The last position that the flight controller flew by.
     flown: Option<ReportedValues>,
     /// The level of FRESH at its far end.
     fresh: bool,
-    /// What the DPR sent on MISO, the latest last.
+    /// The transactions that the DPR sent on MISO, the latest last.
     sent: VecDeque<Sent>,
     /// The last transaction when MISO froze.
     frozen: Option<Sent>,
-    /// What was last sent on the radio.
+    /// The last frame on the radio.
     radio: Vec<u8>,
 }
 
 impl Wires {
-    /// Sound wires around a DPR whose image has this layout. What is random follows from `seed`.
+    /// Sound wires around a DPR whose image has this layout. `seed` decides everything random.
     #[must_use]
     pub const fn new(layout: Layout, seed: u64) -> Self {
         Self {
@@ -213,11 +213,12 @@ impl Wires {
         }
     }
 
-    /// This is wrong from now on, beside what is wrong already.
+    /// Begins `fault`, beside any present faults.
     ///
     /// # Panics
     ///
-    /// If a replay reaches back farther than [`HISTORY_NS`], or a bit is none of a byte: a bench set up so is wrong.
+    /// Panics if a replay reaches back farther than [`HISTORY_NS`], or a bit's number exceeds 7: the bench is set up
+    /// wrongly.
     pub fn begin(&mut self, fault: WireFault) {
         match fault {
             WireFault::MisoReplay { age_ns } => assert!(age_ns <= HISTORY_NS, "a replay of {age_ns} ns ago"),
@@ -228,15 +229,15 @@ impl Wires {
         self.faults.push(fault);
     }
 
-    /// This is wrong no longer. Nothing happens if it was not.
+    /// Ends `fault`, if it is present.
     pub fn end(&mut self, fault: WireFault) {
         if let Some(place) = self.faults.iter().position(|other| *other == fault) {
             self.faults.remove(place);
         }
     }
 
-    /// A transaction ended at `at` (ns) in which the DPR sent `miso`, whose first byte is that at `offset` of the
-    /// image. Afterwards `miso` is what the flight controller saw.
+    /// Takes a transaction that ended at `at` (ns) in which the DPR sent `miso`, whose first byte is that at `offset`
+    /// of the image. Changes `miso` to what the flight controller receives.
     pub fn miso(&mut self, at: u64, offset: usize, miso: &mut [u8]) {
         let sent = miso.to_vec();
         for fault in &self.faults {
@@ -261,7 +262,7 @@ impl Wires {
                 }
                 WireFault::MisoFrozen => overwrite(miso, 0, self.frozen.as_ref()),
                 WireFault::MisoForged { object, byte, bits } => {
-                    // Link-Status stands at the image's start.
+                    // Link-Status is at the image's start.
                     let place = object.map_or(Some(0..LinkStatus::SIZE), |object| self.layout.in_image(object));
                     forge(offset, miso, place, (byte, bits));
                 }
@@ -288,14 +289,14 @@ impl Wires {
         }
     }
 
-    /// The DPR's FRESH took `level` at `at` (ns). Answers the levels that its far end takes for that, each with its
+    /// Takes a level of the DPR's FRESH at `at` (ns). Returns the resulting levels at the far end, each with its
     /// instant (ns), in order of time; some may lie ahead.
     pub fn fresh(&mut self, at: u64, level: bool) -> impl Iterator<Item = (u64, bool)> + use<> {
         let late: u64 =
             self.faults.iter().map(|fault| if let WireFault::FreshLate(ns) = fault { *ns } else { 0 }).sum();
         let mut seen = vec![];
         let stuck = self.faults.contains(&WireFault::FreshStuck);
-        // A pulse under way when the wire breaks comes to its end, and one under way when it is mended is not seen.
+        // A pulse under way when the wire breaks is completed, and one under way when it is mended is not visible.
         if level != self.fresh && !(level && stuck) {
             self.fresh = level;
             seen.push((at + late, level));
@@ -307,15 +308,15 @@ impl Wires {
         seen.into_iter()
     }
 
-    /// HORUS's TICK rose at `at` (ns). Answers when its far end sees it rise for that, in order of time; some may lie
-    /// ahead.
+    /// Takes a rise of HORUS's TICK at `at` (ns). Returns the instants of the resulting rises at its far end, in order
+    /// of time; some may lie ahead.
     pub fn tick(&self, at: u64) -> impl Iterator<Item = u64> + use<> {
         let seen = (!self.faults.contains(&WireFault::TickStuck)).then_some(at);
         let glitch = seen.filter(|_| self.faults.contains(&WireFault::TickGlitch)).map(|at| at + GLITCH_AFTER_NS);
         seen.into_iter().chain(glitch)
     }
 
-    /// What the flight controller makes of its client's `report`.
+    /// Changes the client's `report` to what the flight controller uses.
     pub fn report(&mut self, report: Report) -> Report {
         let has = |fault| self.faults.contains(&fault);
         let age_us = if has(WireFault::ClientYoung) { 0 } else { report.age_us };
@@ -334,20 +335,20 @@ impl Wires {
         !self.faults.contains(&WireFault::ClientMute)
     }
 
-    /// Whether what the pins do that tell HORUS's state is seen.
+    /// Whether HORUS's state inputs are visible.
     #[must_use]
     pub fn shows_inputs(&self) -> bool {
         !self.faults.contains(&WireFault::InputsUnseen)
     }
 
-    /// Whether the listener's antenna answers what it hears.
+    /// Whether the listener's antenna answers what it receives.
     #[must_use]
     pub fn answers(&self) -> bool {
         self.faults.contains(&WireFault::AntennaAnswers)
     }
 
-    /// The flight controller sent `bytes` to the base station, which are a whole frame or nothing. Afterwards they are
-    /// what the base station hears; it hears nothing if the answer is `false`.
+    /// Takes `bytes` that the flight controller sent to the base station: a whole frame, or none. Changes them to what
+    /// the base station receives; it receives nothing if the result is `false`.
     pub fn radio(&mut self, bytes: &mut Vec<u8>) -> bool {
         if bytes.is_empty() {
             return true;
@@ -374,13 +375,13 @@ impl Wires {
     }
 }
 
-/// The bytes of `miso` from `from` on become those of `old`, as far as that has them.
+/// Replaces the bytes of `miso` from `from` on by those of `old`, where it has them.
 fn overwrite(miso: &mut [u8], from: usize, old: Option<&Sent>) {
     let old = old.map_or(&[][..], |old| &old.miso);
     miso.iter_mut().zip(old).skip(from).for_each(|(byte, old)| *byte = *old);
 }
 
-/// Inverts `bits` of a byte of the object at `place`, and makes its CRC fit, where `miso`, which begins with the map's
+/// Inverts `bits` of a byte of the object at `place` and makes its CRC fit, where `miso`, which begins with the map's
 /// byte `offset`, has all of it.
 fn forge(offset: usize, miso: &mut [u8], place: Option<Range<usize>>, (byte, bits): (usize, u8)) {
     let place = place.and_then(|place| Some(place.start.checked_sub(offset)?..place.end - offset));
@@ -407,7 +408,7 @@ mod tests {
         wires
     }
 
-    /// An image of which every byte of an object is its number, from 1, and Link-Status is zero.
+    /// An image in which every byte of an object is the object's number, from 1, and Link-Status is zero.
     fn image() -> Vec<u8> {
         let layout = Layout::for_receivers(3).unwrap();
         let mut image = vec![0; layout.image_len()];

@@ -1,30 +1,30 @@
-//! gdb at one board: of the running link, or of one that runs a firmware alone.
+//! A gdb server for one board, either of the running link or of one that runs a firmware alone.
 //!
 //! [`serve`] runs the whole link ([`crate::sim`]) with a debugger at one board, and [`serve_alone`] one firmware alone
-//! on one board ([`emulator_node::Target::run_connected`]). The debugger speaks gdb's remote protocol over any
-//! connection (`gdbstub` reads and writes it). What a debugger does to a board on a desk, it does here without being
-//! noticed: a halted board halts the world ([`emulator_node::Halt`]), so no frame, no transaction and no
-//! watchdog passes meanwhile, and what is only looked at leaves the run's report as it would have been, byte for byte.
+//! on one board ([`emulator_node::Target::run_connected`]). The debugger uses gdb's remote protocol over any connection
+//! (`gdbstub` reads and writes it). A real board would notice a debugger; this one does not: a halted board halts the
+//! world ([`emulator_node::Halt`]), so no frame, no transaction and no watchdog passes meanwhile, and inspection leaves
+//! the run's report unchanged, byte for byte.
 //!
 //! | gdb | here |
 //! |---|---|
 //! | registers | r0 to pc, xPSR, MSP, PSP, masks, CONTROL, d0 to d15 (so s0 to s31), FPSCR |
 //! | memory | flash, RAM; peripherals and the core's own space are read on a copy ([`emulator_node::Node::peek`]) |
-//! | `break`, `hbreak` | as many as wanted, in flash and RAM; memory is never patched |
-//! | `watch`, `rwatch`, `awatch` | as many as wanted; loads and stores of the core, not DMA |
-//! | `stepi`, `step`, `next` | interrupts on the way are handled to their ends; faults are stepped into |
-//! | `load`, `set` | changes the board: from there on it is another run |
+//! | `break`, `hbreak` | any number, in flash and RAM; memory is never patched |
+//! | `watch`, `rwatch`, `awatch` | any number; loads and stores of the core, not DMA |
+//! | `stepi`, `step`, `next` | interrupts that occur run to their ends; faults are stepped into |
+//! | `load`, `set` | change the board: the run then differs from the undisturbed one |
 //! | Ctrl-C | halts the board within 10 ms of virtual time |
 //! | `detach`, or a lost connection | the run goes on to its end without breakpoints |
 //! | `kill` | ends the run |
 //! | `monitor help` | virtual time, pins, reset, and faults of the link |
 //!
 //! A firmware that runs alone halts with SIGSEGV where it ends in a HardFault, in an exception without a handler or in
-//! a lock-up, so that a person sees the place. Then, or when it exits by itself, the run goes on to what would have
-//! been its end, and gdb hears the status that `cargo xtask run` ends with.
+//! a lock-up, so that the user sees the place. After that, or when it exits by itself, the run continues to its
+//! ordinary end, and gdb gets the exit status of `cargo xtask run`.
 //!
-//! Left out: `load`'s erase (writes change flash as they are, without a flash controller), reverse execution, and more
-//! than one board at a time.
+//! `load`'s erase (writes change flash directly, without a flash controller), reverse execution, and more than one
+//! board at a time are left out. than one board at a time.
 
 mod arch;
 mod monitor;
@@ -47,21 +47,21 @@ use emulator_node::{self as node, Clock, Connected, Event, Firmware, Limits, Run
 use target::Debuggee;
 use world::{Link, Solo, World};
 
-/// How a run with a debugger ended, whose outcome is `O`.
+/// The end of a run with a debugger; `O` is the run's outcome.
 #[derive(Debug)]
 pub enum Ended<O = sim::Outcome> {
-    /// It came to its end.
+    /// The run came to its end.
     Finished(Box<O>),
     /// The debugger ended it at this instant, virtual ns.
     Killed(u64),
 }
 
-/// Runs the link with the debugger on `connection` at the board called `side`, which begins halted at power-on, to its
-/// end. What went wrong with the connection is told to `lost`; the run then goes on without a debugger.
+/// Runs the link to its end with the debugger on `connection` at the board called `side`, which begins halted at
+/// power-on. An error of the connection is passed to `lost`; the run then continues without a debugger.
 ///
 /// # Errors
 ///
-/// As [`crate::sim::run`].
+/// The errors are those of [`crate::sim::run`].
 pub fn serve<T>(
     setup: &Setup,
     side: Side,
@@ -99,33 +99,33 @@ where
     })
 }
 
-/// A firmware alone on one board, as [`Target::run_connected`] takes it.
+/// A firmware alone on one board, for [`Target::run_connected`].
 #[derive(Debug)]
 pub struct Alone<'a> {
     /// The board.
     pub target: Target,
-    /// What processor time costs.
+    /// The cost of processor time.
     pub clock: Clock,
-    /// What runs.
+    /// The firmware.
     pub firmware: &'a Firmware,
-    /// What is clipped to the board.
+    /// The connections to the board.
     pub connected: Connected,
-    /// How far it runs.
+    /// The limits of the run.
     pub limits: Limits,
-    /// Whether it is meant to run on for ever: gdb then hears of a success where the limit of virtual time ends it.
+    /// Whether it is meant to run for ever: gdb then gets a success where the limit of virtual time ends it.
     pub runs_on: bool,
 }
 
-/// Runs one firmware alone on one board, with the debugger on `connection` at it, to its end. It begins halted at
-/// power-on. What it says is handed to `event`, also when it halts; what went wrong with the connection is told to
-/// `lost`, and the run then goes on without a debugger.
+/// Runs one firmware alone on one board to its end, with the debugger on `connection`. It begins halted at power-on.
+/// Its events are passed to `event`, also when it halts. An error of the connection is passed to `lost`, and the run
+/// then continues without a debugger.
 ///
-/// The outcome is that of [`Target::run_connected`], however often the board was halted, unless somebody changed a
-/// register, memory or a pin meanwhile.
+/// The outcome is that of [`Target::run_connected`], however often the board was halted, unless the debugger changed a
+/// register, memory or a pin. register, memory or a pin meanwhile.
 ///
 /// # Errors
 ///
-/// As [`node::run`].
+/// The errors are those of [`node::run`].
 pub fn serve_alone<T>(
     alone: Alone<'_>,
     connection: T,
@@ -187,15 +187,15 @@ where
     })
 }
 
-/// What a debugger left of a run.
+/// The state of a run when the debugger has left it.
 enum Left<W> {
-    /// The run, which is over.
+    /// The run is over.
     Over(W),
     /// The debugger ended it at this instant, virtual ns.
     Killed(u64),
 }
 
-/// Has the debugger on `connection` at the board of `world` until it leaves, then runs to the end.
+/// Serves the debugger on `connection` at the board of `world` until it leaves, then runs to the end.
 fn attended<W: World, T>(world: W, connection: T, lost: &mut dyn FnMut(String)) -> Result<Left<W>, W::Error>
 where
     T: ConnectionExt,
@@ -220,7 +220,7 @@ where
     Ok(Left::Over(debuggee.world))
 }
 
-/// What waits for the board and for gdb while the board runs.
+/// The event loop, which waits for the board and for gdb while the board runs.
 struct Loop<W, T>(PhantomData<(W, T)>);
 
 impl<W: World, T: ConnectionExt> BlockingEventLoop for Loop<W, T> {

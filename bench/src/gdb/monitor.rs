@@ -1,4 +1,4 @@
-//! gdb's `monitor` commands: what a person at the bench has beside the debugger.
+//! gdb's `monitor` commands, for what a user of the bench needs beside the debugger.
 
 use bench_judge::Board as Side;
 use emulator_part::Pin;
@@ -7,7 +7,7 @@ use super::target::Debuggee;
 use super::world::World;
 use emulator_node::Resume;
 
-/// What `monitor help` says.
+/// The text of `monitor help`.
 const HELP: &str = "\
 monitor time                    virtual time, instructions, what the core does
 monitor pins                    every pin that is high
@@ -20,7 +20,7 @@ monitor help                    this
 ";
 
 impl<W: World> Debuggee<W> {
-    /// Carries out `command` and answers what to say.
+    /// Carries out `command` and returns its output.
     pub(super) fn monitor(&mut self, command: &str) -> Result<String, W::Error> {
         let words: Vec<&str> = command.split_whitespace().collect();
         Ok(match words.as_slice() {
@@ -29,8 +29,8 @@ impl<W: World> Debuggee<W> {
             ["pins"] => self.pins(),
             ["pin", name] => self.pin(name),
             ["pin", name, level] => self.drive(name, level),
-            // What OpenOCD understands, and editors therefore say to any server (cortex-debug's src/external.ts). The
-            // debugger can only ask while the board is halted.
+            // Editors send OpenOCD's commands to any server (cortex-debug's src/external.ts). A command can only arrive
+            // while the board is halted. debugger can only ask while the board is halted.
             ["halt"] => self.time(),
             ["reset"] | ["reset", "halt"] => self.reset()?,
             ["faults", list] => self.world.faults(list),
@@ -55,12 +55,12 @@ impl<W: World> Debuggee<W> {
             (0..ports).flat_map(move |port| (0..numbers).map(move |number| Pin::new(port, number)))
         };
         match self.world.side() {
-            // P0.00 to P0.31 and P1.00 to P1.15.
+            // The ports are P0.00 to P0.31 and P1.00 to P1.15.
             Side::Dpr => pins(2, 32)
                 .filter(|pin| pin.port == 0 || pin.number < 16)
                 .map(|pin| (format!("P{}.{:02}", pin.port, pin.number), pin))
                 .collect(),
-            // PA0 to PH1, as far as the NUCLEO's package of 144 pins brings them out.
+            // The ports are PA0 to PH1, as far as the NUCLEO's package of 144 pins has them.
             Side::Horus => pins(8, 16)
                 .filter(|pin| pin.port < 7 || pin.number < 2)
                 .map(|pin| (format!("P{}{}", char::from(b'A' + pin.port), pin.number), pin))
@@ -108,7 +108,7 @@ impl<W: World> Debuggee<W> {
         self.pin(name)
     }
 
-    /// Pulls the reset pin and runs on to the halt behind it.
+    /// Pulls the reset pin and runs on to the halt after it.
     fn reset(&mut self) -> Result<String, W::Error> {
         self.node().halt_after_reset(true);
         self.node().resume(Resume::Continue);

@@ -29,7 +29,7 @@ const BAD_ADDRESS: u8 = 14;
 /// One board of a run, and the run around it.
 pub(super) struct Debuggee<W> {
     pub(super) world: W,
-    /// Breakpoints that gdb calls software's (`Z0`) and hardware's (`Z1`): both are the core's own here.
+    /// Breakpoints that gdb calls software (`Z0`) and hardware (`Z1`) ones; the core implements both.
     software: BTreeSet<u32>,
     hardware: BTreeSet<u32>,
     watchpoints: Vec<Watchpoint>,
@@ -42,12 +42,12 @@ impl<W: World> Debuggee<W> {
         Self { world, software: BTreeSet::new(), hardware: BTreeSet::new(), watchpoints: Vec::new() }
     }
 
-    /// The board that the debugger is at.
+    /// The board with the debugger.
     pub(super) fn node(&mut self) -> &mut dyn Debuggable {
         self.world.node()
     }
 
-    /// Runs on for a while. Answers why the board stands still, if it does, or that the run is over.
+    /// Runs for a while. Returns why the board has stopped, if it has, or that the run is over.
     pub(super) fn go(&mut self) -> Result<Option<SingleThreadStopReason<u32>>, W::Error> {
         self.world.go()?;
         Ok(match self.node().halted() {
@@ -64,7 +64,7 @@ impl<W: World> Debuggee<W> {
         self.reason(why)
     }
 
-    /// Forgets the debugger: the board goes on without any breakpoint.
+    /// Removes the debugger: the board goes on without any breakpoint.
     pub(super) fn release(&mut self) {
         self.node().halt_at_end(false);
         for address in std::mem::take(&mut self.software).into_iter().chain(std::mem::take(&mut self.hardware)) {
@@ -89,7 +89,7 @@ impl<W: World> Debuggee<W> {
                     (true, false) => WatchKind::Read,
                     (false, _) => WatchKind::Write,
                 },
-                // gdb wants an address that it watches, and a wider access may begin before that.
+                // gdb expects an address that it watches, and a wider access may begin before that.
                 addr: watched.address.max(watched.watchpoint.address),
             },
             Halt::Stepped => SingleThreadStopReason::DoneStep,
@@ -104,7 +104,7 @@ impl<W: World> Debuggee<W> {
         (node.register(low), high.map(|high| node.register(high)))
     }
 
-    /// Writes a register where that changes it: a write of its own sets nothing off then.
+    /// Writes a register if that changes it, because even a write of the same value may have effects.
     fn write_number(&mut self, number: Number, words: (u32, Option<u32>)) {
         let (low, high) = number.of_core();
         for (register, value) in [(Some(low), Some(words.0)), (high, words.1)] {
@@ -274,7 +274,7 @@ impl<W: World> HwBreakpoint for Debuggee<W> {
     }
 }
 
-/// gdb's watchpoint as the core has it.
+/// Converts gdb's watchpoint to the core's.
 fn watchpoint(address: u32, length: u32, kind: WatchKind) -> Watchpoint {
     let reads = matches!(kind, WatchKind::Read | WatchKind::ReadWrite);
     let writes = matches!(kind, WatchKind::Write | WatchKind::ReadWrite);

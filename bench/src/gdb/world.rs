@@ -1,4 +1,4 @@
-//! What a debugger can be at: a board of the running link, or a board that runs one firmware alone.
+//! The targets of a debugger: a board of the running link, or a board that runs one firmware alone.
 
 use std::fmt::Write as _;
 
@@ -109,36 +109,36 @@ impl<B: node::Board, C: Cost> Debuggable for Node<B, C> {
 
 /// A run with a debugger at one of its boards.
 pub(super) trait World {
-    /// Why it cannot go on.
+    /// The reason why it cannot continue.
     type Error: std::fmt::Display;
 
-    /// Which board the debugger is at.
+    /// The board with the debugger.
     fn side(&self) -> Side;
 
-    /// The board that the debugger is at.
+    /// The node of the board with the debugger.
     fn node(&mut self) -> &mut dyn Debuggable;
 
-    /// Runs on to where the board is halted, or for at most 10 ms of virtual time, or to the end.
+    /// Runs until the board halts, for at most 10 ms of virtual time, or to the end.
     fn go(&mut self) -> Result<(), Self::Error>;
 
     fn is_over(&self) -> bool;
 
-    /// With which status the run ended, for a debugger that takes it for a process.
+    /// The exit status of the run, for a debugger that treats it as a process.
     fn status(&mut self) -> u8;
 
-    /// When the run ends, virtual ns.
+    /// The end of the run, virtual ns.
     fn end(&self) -> u64;
 
     /// The instant that all of the run has reached, virtual ns.
     fn now(&mut self) -> u64;
 
-    /// The board's reset pin is pulled, and let go.
+    /// Pulls and releases the board's reset pin.
     fn pull_reset(&mut self);
 
-    /// What `monitor help` says of `monitor faults`.
+    /// The line of `monitor help` for `monitor faults`.
     const FAULTS_HELP: &'static str;
 
-    /// Has these kinds of faults happen from now on. Answers what to say.
+    /// Adds faults of these kinds from now on. Returns the text for the user.
     fn faults(&mut self, list: &str) -> String;
 }
 
@@ -147,7 +147,7 @@ pub(super) struct Link<'a, C: Cost> {
     pub(super) run: Debugged<C>,
     pub(super) side: Side,
     pub(super) observer: &'a mut dyn Observer,
-    /// Receivers in the profile, and the seed: what `monitor faults` draws from.
+    /// The number of receivers in the profile and the seed, from which `monitor faults` draws.
     pub(super) gps: usize,
     pub(super) seed: u64,
 }
@@ -191,14 +191,14 @@ monitor faults LIST             what goes wrong from now on, drawn from the seed
         self.run.now()
     }
 
-    /// As a fault that the log names.
+    /// The reset is injected as a fault, so that the log names it.
     fn pull_reset(&mut self) {
         let now = self.node().now();
         let fault = Fault::Power(self.side, PowerFault::Pin);
         self.run.add_faults(&Faults::none().with(now, now, fault));
     }
 
-    /// Draws what goes wrong in the rest of the run.
+    /// Draws faults for the rest of the run.
     fn faults(&mut self, list: &str) -> String {
         let kinds: Result<Vec<Kind>, _> = list.split(',').map(str::parse).collect();
         let kinds = match kinds {
@@ -237,7 +237,7 @@ monitor faults LIST             what goes wrong from now on, drawn from the seed
 pub(super) struct Solo<'a, P: Part, C: Cost> {
     pub(super) run: Running<P, C>,
     pub(super) side: Side,
-    /// The firmware is meant to run on for ever.
+    /// Whether the firmware is meant to run for ever.
     pub(super) runs_on: bool,
     pub(super) event: &'a mut dyn FnMut(Event<'_>),
 }

@@ -1,6 +1,6 @@
-//! Four panels: ground track, height, distance from where the aircraft was, and time from sample to readable.
+//! Draws four panels: ground track, height, distance from the true position, and time from sample to readable.
 //!
-//! Coordinates are whole pixels and all text is text, so that the same numbers make the same file.
+//! Coordinates are whole pixels and text stays text, so that the same numbers give the same file.
 
 use std::ops::Range;
 
@@ -10,7 +10,7 @@ use plotters::prelude::*;
 
 use super::Place;
 
-/// What went wrong while drawing.
+/// An error of the drawing library.
 pub(super) type Error = Box<dyn std::error::Error>;
 
 type Panel<'a> = DrawingArea<SVGBackend<'a>, Shift>;
@@ -19,22 +19,22 @@ type Chart<'a> = ChartContext<'a, SVGBackend<'a>, Cartesian2d<RangedCoordf64, Ra
 const WIDTH: u32 = 1_000;
 const TRACK_HEIGHT: u32 = 720;
 const PANEL_HEIGHT: u32 = 280;
-/// So many points of a line are drawn: more than it has pixels.
+/// The most points of a line that are drawn, which is more than its width in pixels.
 const MOST_POINTS: usize = 2_000;
-/// An axis of metres shows this many at least.
+/// The least length of an axis of metres, m.
 const LEAST_M: f64 = 20.0;
 
-/// A cycle as it is drawn.
+/// One cycle's numbers for the picture.
 pub(super) struct Drawn {
     pub(super) seconds: f64,
     pub(super) truth: Option<Place>,
-    /// Reported-Position first.
+    /// The positions of the objects, Reported-Position first.
     pub(super) said: [Option<Place>; 1 + profile::MAX_RECEIVERS],
     pub(super) excluded: u8,
     pub(super) latency_ms: Option<f64>,
 }
 
-/// Colours of Okabe and Ito, which the colour-blind tell apart: Reported-Position, GPS1 to GPS5.
+/// Colours of Okabe and Ito, which colour-blind readers can distinguish: Reported-Position, GPS1 to GPS5.
 const COLOURS: [RGBColor; 1 + profile::MAX_RECEIVERS] = [
     RGBColor(0x00, 0x00, 0x00),
     RGBColor(0x00, 0x72, 0xB2),
@@ -46,7 +46,7 @@ const COLOURS: [RGBColor; 1 + profile::MAX_RECEIVERS] = [
 const TRUTH: RGBColor = RGBColor(0x99, 0x99, 0x99);
 const GRID: RGBColor = RGBColor(0xE4, 0xE4, 0xE4);
 
-/// The picture of these cycles.
+/// Draws the picture of these cycles.
 pub(super) fn svg(title: &str, receivers: usize, cycles: &[Drawn]) -> Result<String, Error> {
     let mut text = String::new();
     {
@@ -71,7 +71,7 @@ fn along(one: Place, other: Place) -> f64 {
     (one[0] - other[0]).hypot(one[1] - other[1])
 }
 
-/// What holds all of `values`, with a margin, and is at least `least` wide.
+/// The range that holds all of `values`, with a margin, and is at least `least` wide.
 fn range(values: impl Iterator<Item = f64>, least: f64) -> Range<f64> {
     let (low, high) = values
         .filter(|value| value.is_finite())
@@ -84,7 +84,7 @@ fn range(values: impl Iterator<Item = f64>, least: f64) -> Range<f64> {
     middle - half..middle + half
 }
 
-/// A line from point to point, in pieces where there is none.
+/// A line from point to point, split where a point is missing.
 fn pieces(points: impl Iterator<Item = Option<(f64, f64)>>) -> Vec<Vec<(f64, f64)>> {
     let mut pieces = vec![vec![]];
     for point in points {
@@ -98,12 +98,12 @@ fn pieces(points: impl Iterator<Item = Option<(f64, f64)>>) -> Vec<Vec<(f64, f64
     pieces
 }
 
-/// Each cycle, or every so many.
+/// Every cycle, or one in several if there are many.
 fn thinned(cycles: &[Drawn]) -> impl Iterator<Item = &Drawn> {
     cycles.iter().step_by(cycles.len().div_ceil(MOST_POINTS).max(1))
 }
 
-/// A line with its name.
+/// Draws a line with its name.
 fn line(
     chart: &mut Chart<'_>,
     name: &str,
@@ -125,7 +125,8 @@ fn name(object: usize) -> String {
     if object == 0 { "Reported-Position".to_owned() } else { format!("GPS{object}") }
 }
 
-/// Receivers thin and in colour, Reported-Position bold and last, so that it lies on top.
+/// The objects with their styles: receivers thin and in colour, Reported-Position bold and last, so that it lies on
+/// top.
 fn objects(receivers: usize) -> impl Iterator<Item = (usize, ShapeStyle)> {
     (1..=receivers).chain([0]).map(|object| (object, COLOURS[object].stroke_width(if object == 0 { 3 } else { 1 })))
 }
@@ -168,7 +169,7 @@ fn ground_track(area: &Panel<'_>, receivers: usize, cycles: &[Drawn]) -> Result<
     let all = || cycles.iter().flat_map(|cycle| cycle.said.iter().take(1).flatten().chain(&cycle.truth));
     let north = range(all().map(|place| place[0]), LEAST_M);
     let east = range(all().map(|place| place[1]), LEAST_M);
-    // The same scale both ways: what is left for the chart is about this much.
+    // Both axes have the same scale; about this much is left for the chart.
     let (width, height) = (f64::from(WIDTH) - 86.0, f64::from(TRACK_HEIGHT) - 86.0);
     let metres = ((north.end - north.start) / height).max((east.end - east.start) / width);
     let around = |range: &Range<f64>, pixels: f64| {
@@ -186,7 +187,7 @@ fn ground_track(area: &Panel<'_>, receivers: usize, cycles: &[Drawn]) -> Result<
     legend(&mut chart)
 }
 
-/// A number of each object over time, with the times shaded in which a receiver was excluded.
+/// Draws a number of each object over time, with the times shaded in which a receiver was excluded.
 fn over_time(
     area: &Panel<'_>,
     title: &str,
@@ -196,14 +197,14 @@ fn over_time(
 ) -> Result<(), Error> {
     let of = |cycle: &Drawn, object: usize| cycle.said[object].map(|said| value(said, cycle.truth));
     let x = range(cycles.iter().map(|cycle| cycle.seconds), 0.1);
-    // Where the aircraft is tells how much is shown; a receiver that is far outside is drawn at the edge.
+    // The aircraft's true position sets the range; a receiver that is far outside is drawn at the edge.
     let shown = cycles.iter().flat_map(|cycle| {
         let truth = cycle.truth.map(|truth| value(truth, Some(truth)));
         let said = (0..=receivers).filter(|object| *object == 0 || cycle.truth.is_none());
         truth.into_iter().chain(said.filter_map(|object| of(cycle, object))).collect::<Vec<_>>()
     });
     let mut y = range(shown, LEAST_M);
-    // A distance has no negative side.
+    // A distance cannot be negative.
     if y.start < 0.0 && y.end > 0.0 {
         y = -1.0..y.end - y.start - 1.0;
     }
@@ -226,7 +227,7 @@ fn over_time(
     legend(&mut chart)
 }
 
-/// From when to when a receiver was excluded, s.
+/// The intervals in which a receiver was excluded, s.
 fn excluded(cycles: &[Drawn], receiver: usize) -> Vec<Range<f64>> {
     let mut spans: Vec<Range<f64>> = vec![];
     let mut was = false;
@@ -242,7 +243,7 @@ fn excluded(cycles: &[Drawn], receiver: usize) -> Vec<Range<f64>> {
     spans
 }
 
-/// The longest of each group of cycles, so that none is hidden.
+/// Draws the longest of each group of cycles, so that no long one is hidden.
 fn readable(area: &Panel<'_>, cycles: &[Drawn]) -> Result<(), Error> {
     let x = range(cycles.iter().map(|cycle| cycle.seconds), 0.1);
     let group = cycles.len().div_ceil(MOST_POINTS).max(1);

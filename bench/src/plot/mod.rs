@@ -1,5 +1,5 @@
-//! A run's flight as a picture: where the aircraft was, what each receiver and HORUS said of it, who was excluded, and
-//! how long each cycle took to become readable.
+//! A run's flight as a picture: the aircraft's true position, the positions of each receiver and of HORUS, the excluded
+//! receivers, and the time that each cycle took to become readable.
 //!
 //! [`History`] takes the event log and keeps a few numbers of each cycle; [`History::svg`] draws them.
 
@@ -10,28 +10,28 @@ use bench_judge::{Event, What};
 use gnss_sim::{Flight, Geodetic, TangentPlane};
 use profile::{GpsValues, Layout, MAX_RECEIVERS, ReportedValues};
 
-/// No frame takes longer than this from its end to FRESH, ns: what rises later belongs to another cycle.
+/// The longest time from a frame's end to FRESH, ns: a later rise belongs to another cycle.
 const READABLE_WITHIN: u64 = 5_000_000;
 
-/// North, east and up of the picture's origin, m.
+/// A position north, east and up of the picture's origin, m.
 type Place = [f64; 3];
 
-/// What was sent in the cycle of a tick.
+/// The values sent in the cycle of a tick.
 #[derive(Clone, Debug, Default)]
 struct Cycle {
-    /// ns.
+    /// The tick's instant, ns.
     tick: u64,
-    /// When its last frame so far ended, ns.
+    /// The instant at which its last frame so far ended, ns.
     ended: u64,
-    /// The objects' positions, Reported-Position first, as far as they were valid.
+    /// The objects' positions, Reported-Position first; `None` where not valid.
     positions: [Option<Geodetic>; 1 + MAX_RECEIVERS],
-    /// Which receivers were excluded, bit 0 GPS1.
+    /// The excluded receivers, bit 0 GPS1.
     excluded: u8,
-    /// From the tick to FRESH, ns.
+    /// The time from the tick to FRESH, ns.
     latency: Option<u64>,
 }
 
-/// What a run's picture is drawn from.
+/// The data from which a run's picture is drawn.
 #[derive(Clone, Debug)]
 pub struct History {
     layout: Layout,
@@ -41,7 +41,7 @@ pub struct History {
 }
 
 impl History {
-    /// Nothing has happened yet. `title` stands above the picture.
+    /// An empty history. `title` stands above the picture.
     #[must_use]
     pub fn new(layout: Layout, title: String) -> Self {
         Self { layout, ticks: [None; 2], cycles: vec![], title }
@@ -74,11 +74,11 @@ impl History {
         }
     }
 
-    /// The picture, as an SVG document. `flight` is where the aircraft was, unless a recording was played.
+    /// Draws the picture as an SVG document. `flight` has the true positions, unless a recording was played.
     ///
     /// # Errors
     ///
-    /// What the drawing library reports; drawing into a string gives it no reason to.
+    /// An error of the drawing library; none is expected, because it draws into a string.
     pub fn svg(&self, flight: Option<&Flight>) -> Result<String, Box<dyn std::error::Error>> {
         let position = |cycle: &Cycle| cycle.positions.iter().flatten().next().copied();
         let origin = flight
@@ -132,7 +132,7 @@ mod tests {
 
     const MS: u64 = 1_000_000;
 
-    /// A frame of a single receiver's cycle that was sent after the tick at `tick`.
+    /// The event of a single receiver's frame that was sent after the tick at `tick`.
     fn sent(tick: u64, latitude: f64, excluded: bool) -> Event {
         let reported = ReportedValues {
             status: ReportedStatus::new().with_position_valid(true),

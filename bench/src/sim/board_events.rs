@@ -1,4 +1,4 @@
-//! What either board tells the log: restarts, findings, and what goes wrong there on purpose.
+//! The log events of either board: restarts, findings, and injected faults.
 
 use bench_judge::{Board as Side, Cause, Event, What};
 use cortex_m4::Cost;
@@ -11,13 +11,13 @@ use crate::faults::image::Repair;
 use crate::faults::{Episode, Fault, Turn, interrupt_of};
 use emulator_node::{FindingKind, FromOutside, Node};
 
-/// What the log is told of an episode that begins at `now` (ns).
+/// The log event of an episode that begins at `now` (ns).
 pub(super) fn injected(now: u64, episode: &Episode) -> What {
     let Episode { until, fault, .. } = episode;
     What::Injected { kind: fault.name(), disturbs: fault.disturbs(), until: (*until).max(now) }
 }
 
-/// Why a part has restarted.
+/// The log's cause of a restart of a part.
 const fn cause(reset: Reset) -> Cause {
     match reset {
         Reset::PowerOn => Cause::PowerOn,
@@ -40,15 +40,15 @@ fn no_task(board: Side, task: u8) -> What {
 pub(super) struct BoardEvents {
     side: Side,
     events: Vec<Event>,
-    /// How many of the node's restarts are in the log.
+    /// The number of the node's restarts that are in the log.
     restarts: usize,
-    /// The part has warned its firmware of its supply since it last started: the firmware has to stop.
+    /// The part has warned its firmware of its supply since it last started, so the firmware has to stop.
     warned: bool,
-    /// The part has last started without the crystal that its firmware needs.
+    /// The part last started without the crystal that its firmware needs.
     without_crystal: bool,
-    /// How many of its findings are.
+    /// The number of its findings that are in the log.
     findings: usize,
-    /// What is to be put back at the end of an episode that damaged the image.
+    /// The original contents that are restored at the end of an episode which damaged the image.
     repairs: Vec<(Fault, Repair)>,
 }
 
@@ -57,22 +57,22 @@ impl BoardEvents {
         Self { side, events: vec![], restarts: 0, warned: false, without_crystal: false, findings: 0, repairs: vec![] }
     }
 
-    /// Something happened at `at` (ns).
+    /// Records an event at `at` (ns).
     pub(super) fn note(&mut self, at: u64, what: What) {
         self.events.push(Event { at, what });
     }
 
-    /// What the bench does wrong on purpose from `now` (ns) on.
+    /// Records a fault that is injected from `now` (ns) on.
     pub(super) fn injected(&mut self, now: u64, episode: &Episode) {
         self.note(now, injected(now, episode));
     }
 
-    /// What is not in the log yet.
+    /// Takes the events that are not in the log yet.
     pub(super) fn take(&mut self) -> Vec<Event> {
         std::mem::take(&mut self.events)
     }
 
-    /// Restarts that nobody asked for, and findings, since the last look.
+    /// Records unexpected restarts, and findings, since the last call.
     pub(super) fn watch<B: Powered, C: Cost>(&mut self, node: &mut Node<B, C>) {
         self.note_restarts(node, false);
         self.note_warning(node);
@@ -109,8 +109,8 @@ impl BoardEvents {
         self.restarts = node.resets().len();
     }
 
-    /// A firmware that was warned of its supply has to do nothing more until its watchdog, or the supply, restarts it:
-    /// for whoever judges it hangs.
+    /// Records a hang: a firmware that was warned of its supply must stop until its watchdog, or the supply, restarts
+    /// it, and the judge treats that as a hang.
     fn note_warning<B: Powered, C: Cost>(&mut self, node: &mut Node<B, C>) {
         if node.take_supply_warning() && node.is_powered() && !std::mem::replace(&mut self.warned, true) {
             if !node.is_hung() {
@@ -120,10 +120,10 @@ impl BoardEvents {
         }
     }
 
-    /// An episode of this board's supply, bits or image begins or ends.
+    /// Begins or ends an episode of this board's supply, bits or image.
     pub(super) fn turn<B: Powered, C: Cost>(&mut self, node: &mut Node<B, C>, turn: &Turn) {
         let now = node.now();
-        // Restarts of before were not asked for.
+        // Restarts before the episode were unexpected.
         self.watch(node);
         let powered = node.is_powered();
         match turn {
@@ -131,7 +131,7 @@ impl BoardEvents {
                 if let Fault::DeadTask(_, task) = episode.fault {
                     match interrupt_of(self.side, task) {
                         Some(line) if node.switch_interrupt_off(line) => self.injected(now, episode),
-                        // A start would bring the task to life.
+                        // A start would revive the task.
                         Some(_) => {}
                         None => self.note(now, no_task(self.side, task)),
                     }
@@ -143,7 +143,7 @@ impl BoardEvents {
                         power.begin(node);
                         self.note_crystal(now, *power, false);
                     }
-                    // Without a supply nothing hangs, and what hangs already has done so for longer.
+                    // A board without a supply cannot hang, and one that hangs already started earlier.
                     Fault::Hang(_) if node.is_powered() && !node.is_hung() => {
                         node.hang();
                         self.note(now, What::Hung { board: self.side });
@@ -172,7 +172,8 @@ impl BoardEvents {
                 Fault::Power(_, power) => {
                     power.end(node);
                     self.note_crystal(now, *power, true);
-                    // Who mends a crystal resets the board: the firmware may still be waiting for it, and go on.
+                    // The end of a crystal's fault resets the board, because the firmware may still be waiting for the
+                    // crystal and would go on.
                     if matches!(power, PowerFault::CrystalDead) && self.without_crystal {
                         node.restart(FromOutside::Pin);
                     }
@@ -195,7 +196,7 @@ impl BoardEvents {
         self.note_warning(node);
     }
 
-    /// An episode of the crystal begins or ends.
+    /// Records the beginning or end of an episode of the crystal.
     fn note_crystal(&mut self, now: u64, fault: PowerFault, works: bool) {
         if fault == PowerFault::CrystalDead {
             self.note(now, What::Crystal { board: self.side, works });

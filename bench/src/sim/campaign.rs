@@ -1,4 +1,4 @@
-//! The bench as what upsets are tried on.
+//! Implements the subject of upsets for the bench.
 
 use bench_judge::What;
 use cortex_m4::Cost;
@@ -17,7 +17,7 @@ impl<C: Cost> Subject for Bench<C> {
             Board::Horus => Targets::of(self.horus()),
             Board::Dpr => Targets::of(self.dpr()),
         };
-        // An image without these symbols has nothing that is known to be used.
+        // The memory in use is unknown in an image without these symbols.
         targets.unwrap_or_default()
     }
 

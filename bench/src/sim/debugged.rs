@@ -9,7 +9,7 @@ use crate::faults::Faults;
 use emulator_node::{Course, Node, Way};
 
 /// A run of the link whose boards may be halted. Its outcome is that of [`super::run`] with the same setup, byte for
-/// byte, however often it was halted, unless somebody changed a register or memory meanwhile.
+/// byte, however often it was halted, unless the debugger changed a register or memory.
 pub struct Debugged<C: Cost> {
     bench: Bench<C>,
     course: Course<AirEvent>,
@@ -18,11 +18,12 @@ pub struct Debugged<C: Cost> {
 }
 
 impl<C: Cost> Debugged<C> {
-    /// The bench at power-on. It runs on one thread whatever the setup says: where a board is halted, the other is too.
+    /// The bench at power-on. It runs on one thread whatever the setup says, because a halted board also halts the
+    /// other.
     ///
     /// # Errors
     ///
-    /// As [`super::run`].
+    /// The errors are those of [`super::run`].
     pub fn new(setup: &Setup) -> Result<Self, Error> {
         let mut bench = Bench::new(setup)?;
         let kept = Kept::begin(setup, &mut bench)?;
@@ -30,11 +31,11 @@ impl<C: Cost> Debugged<C> {
         Ok(Self { bench, course, kept, end: setup.duration_ns })
     }
 
-    /// Runs on to where a board is halted, or for another 10 ms of virtual time, or to the end.
+    /// Runs until a board halts, for another 10 ms of virtual time, or to the end.
     ///
     /// # Errors
     ///
-    /// What was to be kept of the run cannot be written.
+    /// A file of the run's records cannot be written.
     pub fn run(&mut self, observer: &mut dyn Observer) -> Result<Way, Error> {
         if self.course.is_over() {
             return Ok(Way::Reached(self.end));
@@ -54,7 +55,7 @@ impl<C: Cost> Debugged<C> {
         self.course.is_over()
     }
 
-    /// When the run ends, virtual ns.
+    /// The end of the run, virtual ns.
     #[must_use]
     pub fn end(&self) -> u64 {
         self.end
@@ -70,23 +71,23 @@ impl<C: Cost> Debugged<C> {
         &mut self.bench.relay.b
     }
 
-    /// The instant that both boards have reached, ns. HORUS may be up to 2 ms ahead of the DPR, which hears nothing of
-    /// it before its time.
+    /// The instant that both boards have reached, ns. HORUS may be up to 2 ms ahead of the DPR, which receives nothing
+    /// of it before its time.
     #[must_use]
     pub fn now(&self) -> u64 {
         self.bench.now()
     }
 
-    /// What goes wrong from now on beside what was set up, see [`Bench::add_faults`].
+    /// Adds faults from now on beside those of the setup; see [`Bench::add_faults`].
     pub fn add_faults(&mut self, faults: &Faults) {
         self.bench.add_faults(faults);
     }
 
-    /// What came of the run, which must be over.
+    /// The outcome of the run, which must be over.
     ///
     /// # Errors
     ///
-    /// What was to be kept of the run cannot be written.
+    /// A file of the run's records cannot be written.
     pub fn finish(self) -> Result<Outcome, Error> {
         self.kept.finish(self.bench, self.end)
     }

@@ -1,5 +1,5 @@
-//! What is between and beside the boards as the DPR sees it: the air, the flight controller, the base station, and what
-//! goes wrong there. It also keeps the event log.
+//! The DPR's surroundings: the air, the flight controller, the base station, and their faults. This module also keeps
+//! the event log.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -28,13 +28,13 @@ use crate::world::ssi::{Progress, Transaction};
 use crate::world::{BaseStation, FlightController};
 use emulator_node::{Downstream, LogLine, Node};
 
-/// The log is told what the base station says at least so often, ns.
+/// The longest interval between two records of the base station's display in the log, ns.
 const STATION_EVERY: u64 = 100_000_000;
 
-/// What the DPR's pins and its SPIS show.
+/// An observation of the DPR's pins and its SPIS.
 #[derive(Clone, Copy, Debug)]
 enum Seen {
-    /// The part restarted: its SPIS has no buffers until they are given to it.
+    /// The part restarted: its SPIS has no buffers until the firmware gives it some.
     Restart,
     Fresh(bool),
     Spis(SpisEvent),
@@ -44,42 +44,44 @@ enum Seen {
 #[derive(Clone, Debug)]
 pub(super) struct Link {
     air: Air,
-    /// To which instant the air was told everything, ns: what the poller emitted is heard up to a millisecond ahead.
+    /// The instant up to which the air has all inputs, ns: the poller's emissions are passed on up to a millisecond
+    /// ahead.
     air_at: u64,
     flight_controller: FlightController,
     base: BaseStation,
-    /// What is wrong with the base station at present.
+    /// The present faults of the base station.
     base_faults: Vec<BaseFault>,
     wires: Wires,
     faults: Timeline,
-    /// Air faults under way: the last counts.
+    /// The present faults of the air: the last one acts.
     air_faults: Vec<(u64, AirFaults)>,
     dpr_events: BoardEvents,
     recorder: Recorder,
-    /// When FRESH rose, while it is not known yet what a transaction would read.
+    /// The instant at which FRESH rose, while the image that a transaction would read is not known yet.
     announced: Option<u64>,
-    /// Since when HORUS has a transaction with a receiver under way, ns: what crosses in it is told when it is over.
+    /// The instant since which HORUS has a transaction with a receiver under way, ns: its bytes are logged when it is
+    /// over.
     untold_since: u64,
-    /// What a transaction would read now, while the SPIS has the buffers and none is under way.
+    /// The bytes that a transaction would read now, while the SPIS has the buffers and none is under way.
     offer: Option<Vec<u8>>,
-    /// When the log was last told what the base station says, ns, and which alarms held then.
+    /// The instant of the last record of the base station's display, ns, and the alarms that held then.
     station: (u64, Alarms),
-    /// How many of the DPR's restarts were seen.
+    /// The number of the DPR's restarts that were recorded.
     restarts: usize,
-    /// A transaction is under way.
+    /// Whether a transaction is under way.
     selected: bool,
-    /// When the last one ended, ns.
+    /// The instant at which the last one ended, ns.
     deselected: u64,
-    /// What goes into a trace, while there is one.
+    /// The marks for a trace, while there is one.
     trace: Option<Vec<Mark>>,
     /// The DPR's tasks, while there is a trace.
     tasks: Option<TaskWatch>,
     sweeping: Option<Sweeping>,
-    /// What HORUS logged as it ran ahead.
+    /// The log lines of HORUS, which runs ahead.
     horus_lines: VecDeque<LogLine>,
 }
 
-/// What a [`Link`] begins with.
+/// The initial values of a [`Link`].
 pub(super) struct Surroundings {
     pub(super) header: Header,
     pub(super) flight: Option<Arc<Flight>>,
@@ -90,7 +92,7 @@ pub(super) struct Surroundings {
     pub(super) sweeping: Option<Sweeping>,
 }
 
-/// What a [`Link`] ends with.
+/// The final values of a [`Link`].
 pub(super) struct Ended {
     pub(super) verdict: Verdict,
     pub(super) log: Log,
@@ -127,32 +129,32 @@ impl Link {
         }
     }
 
-    /// What HORUS had logged by `now`.
+    /// Takes what HORUS had logged by `now`.
     pub(super) fn horus_lines(&mut self, now: u64) -> impl Iterator<Item = LogLine> {
         std::iter::from_fn(move || self.horus_lines.pop_front_if(|line| line.at <= now))
     }
 
-    /// What the run is known by.
+    /// The run's header.
     pub(super) fn header(&self) -> &Header {
         self.recorder.header()
     }
 
-    /// What was broken in the part of the run that is judged already.
+    /// The violations in the part of the run that is judged already.
     pub(super) fn findings(&self) -> &Findings {
         self.recorder.findings()
     }
 
-    /// What the air has carried.
+    /// The counters of the air.
     pub(super) fn air(&self) -> Counters {
         self.air.counters()
     }
 
-    /// What the flight controller has read.
+    /// The statistics of the flight controller.
     pub(super) fn stats(&self) -> Stats {
         self.flight_controller.stats()
     }
 
-    /// Both boards have passed `reached` (ns): what happened before is judged.
+    /// Both boards have passed `reached` (ns), so everything before it is judged.
     pub(super) fn come_to<C: Cost>(&mut self, reached: u64, dpr: &mut Node<Dpr, C>) {
         self.watch_dpr(dpr);
         self.advance_air(reached, dpr);
@@ -161,8 +163,8 @@ impl Link {
         self.recorder.release(reached.min(self.announced.unwrap_or(u64::MAX)).min(self.untold_since));
     }
 
-    /// What the base station says at `now` (ns) is in the log, if it is time for that or its alarms have changed. What
-    /// arrived at that instant it has taken.
+    /// Records the base station's display at `now` (ns), if that is due or its alarms have changed. It has taken what
+    /// arrived at that instant.
     fn note_station(&mut self, now: u64) {
         let drone = self.base.drone();
         let calm = self.base_faults.contains(&BaseFault::Calm);
@@ -182,37 +184,37 @@ impl Link {
         self.recorder.keep();
     }
 
-    /// What goes wrong beside what was set up.
+    /// Adds faults to those of the setup.
     pub(super) fn add_faults(&mut self, faults: &Faults) {
         self.faults.add(faults.timeline(false));
     }
 
-    /// What was released of the log since the last call.
+    /// Takes the part of the log that was released since the last call.
     pub(super) fn take_log(&mut self) -> Vec<Event> {
         self.recorder.take_kept()
     }
 
-    /// The images that the flight controller has read since the last call.
+    /// Takes the images that the flight controller has read since the last call.
     pub(super) fn take_images(&mut self) -> Vec<(u64, Vec<u8>)> {
         self.flight_controller.take_images()
     }
 
-    /// What the flight controller has read of Port-Status and the base station's uplink since this was last called.
+    /// Takes what the flight controller has read of Port-Status and the base station's uplink since the last call.
     pub(super) fn take_ports(&mut self) -> Vec<(u64, Vec<u8>)> {
         self.flight_controller.take_ports()
     }
 
-    /// Has the flight controller write an uplink of the base station.
+    /// Makes the flight controller write an uplink of the base station.
     pub(super) fn write(&mut self, uplink: &Uplink) {
         self.flight_controller.write(Written::BaseStation(uplink));
     }
 
-    /// The DPR's tasks go into a trace.
+    /// Records the DPR's tasks in a trace.
     pub(super) fn watch_tasks(&mut self, tasks: TaskWatch) {
         self.tasks = Some(tasks);
     }
 
-    /// What happened on the wires since the last call, for the trace; nothing without one.
+    /// Takes the marks of the wires since the last call, for the trace; empty without one.
     pub(super) fn take_marks<C: Cost>(&mut self, dpr: &mut Node<Dpr, C>) -> Vec<Mark> {
         let Some(trace) = &mut self.trace else { return vec![] };
         let crossings = dpr.board_mut(|board| board.front_end.take_crossings());
@@ -223,7 +225,7 @@ impl Link {
         std::mem::take(trace)
     }
 
-    /// The run is over at `end` (ns).
+    /// Ends the run at `end` (ns).
     pub(super) fn finish<C: Cost>(mut self, end: u64, evidence: Vec<What>, dpr: &mut Node<Dpr, C>) -> Ended {
         self.come_to(end, dpr);
         self.offered(None);
@@ -249,7 +251,7 @@ impl Link {
 
     // ---- the air
 
-    /// What the poller emitted: noted, then through the air to the listener.
+    /// Records what the poller emitted and passes it through the air to the listener.
     fn emitted<C: Cost>(&mut self, at: u64, event: AirEvent, node: &mut Node<Dpr, C>) {
         match &event {
             AirEvent::FieldOn | AirEvent::FieldOff => {
@@ -283,8 +285,8 @@ impl Link {
         self.note_air();
     }
 
-    /// The air comes to `to` (ns), with what it does by itself: frames that it holds back or repeats. The poller has
-    /// emitted everything before that instant.
+    /// Advances the air to `to` (ns) and passes on frames that it holds back or repeats. The poller has emitted
+    /// everything before that instant.
     fn advance_air<C: Cost>(&mut self, to: u64, node: &mut Node<Dpr, C>) {
         let Self { air, recorder, .. } = self;
         node.board_mut(|board| {
@@ -296,7 +298,7 @@ impl Link {
         self.note_air();
     }
 
-    /// What the air says of frames and faults since the last look.
+    /// Records the air's events of frames and faults since the last call.
     fn note_air(&mut self) {
         for frame in self.air.take_sent() {
             if let Some(sweeping) = &mut self.sweeping
@@ -325,7 +327,7 @@ impl Link {
         }
     }
 
-    /// A frame began at `at`: the transactions that a sweep wants around its end are placed.
+    /// Places the transactions that a sweep makes around the end of a frame that began at `at`.
     fn place_transactions(&mut self, at: u64, len: u8) {
         let Some(sweeping) = &mut self.sweeping else { return };
         let config = *self.flight_controller.config();
@@ -341,7 +343,7 @@ impl Link {
 
     // ---- the DPR
 
-    /// Notes what happened for the phase that is being swept.
+    /// Records an event for the phase that is being swept.
     fn note_phase(&mut self, at: u64, event: PhaseEvent) {
         if let Some(phase) = self.sweeping.as_mut().and_then(Sweeping::phase) {
             let after = i64::try_from(at).unwrap_or(i64::MAX) - i64::try_from(phase.frame_ended).unwrap_or(i64::MAX);
@@ -349,7 +351,7 @@ impl Link {
         }
     }
 
-    /// What the DPR's pins and its SPIS showed since the last look.
+    /// Records the events of the DPR's pins and its SPIS since the last call.
     fn watch_dpr<C: Cost>(&mut self, node: &mut Node<Dpr, C>) {
         let changes = node.board_mut(Dpr::take_fresh);
         let spis = node.input(|part, _, _| part.take_spis_events());
@@ -360,7 +362,7 @@ impl Link {
         }
         seen.extend(node.resets()[self.restarts..].iter().map(|reset| (reset.at, Seen::Restart)));
         self.restarts = node.resets().len();
-        // An image is put in before FRESH announces it, and readable only after that: of one instant, FRESH comes
+        // An image is put in before FRESH announces it, and is readable only after that: at equal instants FRESH comes
         // first.
         seen.extend(spis.into_iter().map(|(cycle, _, event)| (node.ns(cycle), Seen::Spis(event))));
         seen.sort_by_key(|(at, _)| *at);
@@ -402,7 +404,7 @@ impl Link {
         if high {
             self.offered(None);
             self.announced = Some(at);
-            // What rises with the end of a transaction was settled during it.
+            // A rise at the end of a transaction was handled during it.
             if self.selected || at <= self.deselected {
                 self.offered(None);
             } else if self.offer.is_some() {
@@ -415,7 +417,7 @@ impl Link {
         }
     }
 
-    /// What a transaction would have read after FRESH rose, if it rose, is known now.
+    /// Records the image that a transaction would have read after FRESH rose, if it rose, once it is known.
     fn offered(&mut self, image: Option<Vec<u8>>) {
         if let Some(at) = self.announced.take() {
             self.recorder.note(at, What::Fresh { high: true, offered: image.map(Bytes) });
@@ -424,7 +426,7 @@ impl Link {
 
     // ---- the flight controller and the base station
 
-    /// The flight controller's transaction is over: what it brought is noted, and what it forwards goes on.
+    /// Records what a finished transaction of the flight controller brought, and forwards it.
     fn transaction_over(&mut self, Transaction { selected_ns, deselected_ns, mosi, miso, .. }: Transaction) {
         let what = What::Transaction { selected: selected_ns, mosi: Bytes(mosi), miso: Bytes(miso) };
         self.recorder.note(deselected_ns, what);
@@ -452,7 +454,7 @@ impl Link {
         }
     }
 
-    /// An episode on the DPR's side begins or ends.
+    /// Begins or ends an episode on the DPR's side.
     fn turn<C: Cost>(&mut self, turn: &Turn, node: &mut Node<Dpr, C>) {
         let now = node.now();
         let (Turn::Begins(episode) | Turn::Ends(episode)) = turn else {
@@ -513,10 +515,10 @@ impl Link {
         }
     }
 
-    /// A fault of the board itself begins, changes or ends.
+    /// Begins, changes or ends a fault of the board itself.
     fn turn_board<C: Cost>(&mut self, turn: &Turn, node: &mut Node<Dpr, C>) {
         self.dpr_events.turn(node, turn);
-        // Without a supply nothing is offered. A restart is seen by itself.
+        // A board without a supply offers nothing. A restart is recorded separately.
         if !node.is_powered() {
             self.offered(None);
             self.offer = None;
@@ -524,7 +526,7 @@ impl Link {
     }
 }
 
-/// The DPR's antenna sees a carrier, or none any more.
+/// Records that the DPR's antenna sees a carrier, or no longer sees one.
 fn note_field(recorder: &mut Recorder, at: u64, event: &AirEvent) {
     match event {
         AirEvent::FieldOn => recorder.note(at, What::FieldHeard { on: true }),
@@ -607,7 +609,7 @@ impl<C: Cost> Downstream<Dpr, C> for Link {
     }
 }
 
-/// What a run leaves at its end: counters, loads.
+/// The final counters and loads of a run.
 pub(super) fn evidence<C: Cost>(horus: &Node<Horus, C>, dpr: &Node<Dpr, C>, receivers: usize) -> Vec<What> {
     let mut evidence = vec![];
     evidence.extend(super::telemetry::counters(horus, dpr, receivers));

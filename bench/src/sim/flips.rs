@@ -1,8 +1,8 @@
-//! Every bit of every register of both front ends, flipped once, each on a copy of one running bench.
+//! Flips every bit of every register of both front ends once, each on a copy of one running bench.
 //!
-//! A bench runs until the link has been up for a while. For each bit a copy of it goes on for [`FOR_NS`] after the bit
-//! has flipped, and what the flight controller reads is looked at: how long it read nothing valid and new, and what
-//! Link-Status said meanwhile. Both parts are tried, each in a bench of its own.
+//! A bench runs until the link has been up for a while. For each bit a copy of it flips the bit and runs for
+//! [`FOR_NS`]. The result has the time in which the flight controller read no valid and new data, and the content of
+//! Link-Status meanwhile. Both parts are tried, each in its own bench.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -18,31 +18,32 @@ use crate::faults::chip::FLIP_MENDED;
 use crate::faults::{Board, Fault, Faults, RegisterBit, name_of};
 use emulator_node::{Clock, Threads};
 
-/// Valid data are back so long after a flip at the latest, ns.
+/// The longest time from a flip to valid data, ns.
 pub const VALID_AGAIN: u64 = 1_500_000_000;
-/// The bench has run so long when bits begin to flip, ns.
+/// The time that the bench has run when bits begin to flip, ns.
 const WARM: u64 = 600_000_000;
-/// Each copy runs so long after its flip, ns: a link that comes back and goes again shows.
+/// The time that each copy runs after its flip, ns: long enough to show a link that recovers and fails again.
 pub const FOR_NS: u64 = 2_000_000_000;
-/// Between two readings of new data there is less, ns: two cycles, and the control cycle of the flight controller.
+/// The longest time between two readings of new data in a working link, ns: two cycles, and the control cycle of the
+/// flight controller.
 const GAP: u64 = 35_000_000;
 
-/// What a flip came to.
+/// The outcome of a flip.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Flip {
     /// The part: `ST25R3916` or `ST25R3916B`.
     pub part: &'static str,
-    /// Whose front end.
+    /// The board of the front end.
     pub board: Board,
-    /// Which bit.
+    /// The bit.
     pub bit: RegisterBit,
-    /// From the flip until valid and new data were read again and went on being read, ns: 0 if they never ceased to be;
-    /// `None` if they were not at the end.
+    /// The time from the flip until valid and new data were read again for good, ns: 0 if they never ceased; `None` if
+    /// they were missing at the end.
     pub back_after: Option<u64>,
-    /// How many readings said that the link was down, that the front end was at fault, and nothing of either, while
-    /// nothing valid and new was read.
+    /// The numbers of readings without valid and new data that reported the link down, the front end faulty, and
+    /// neither.
     pub said: [u32; 3],
-    /// Something invalid was shown as valid: in words.
+    /// Invalid data that were shown as valid, as text.
     pub dangerous: Vec<String>,
 }
 
@@ -53,7 +54,7 @@ impl Flip {
         self.back_after.is_some_and(|after| after <= VALID_AGAIN) && self.dangerous.is_empty()
     }
 
-    /// Whether valid and new data ceased to be read, and no reading said why.
+    /// Whether valid and new data ceased to be read, and no reading gave a cause.
     #[must_use]
     pub fn unsaid(&self) -> bool {
         self.back_after != Some(0) && self.said[..2] == [0, 0]
@@ -71,7 +72,7 @@ impl fmt::Display for Flip {
     }
 }
 
-/// What all flips came to.
+/// The outcomes of all flips.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Flips(pub Vec<Flip>);
 
@@ -105,11 +106,11 @@ impl fmt::Display for Flips {
     }
 }
 
-/// Flips every bit of both parts' registers for which `takes` says so, by its place among all; `each` hears of each.
+/// Flips every bit of both parts' registers whose index `takes` accepts; `each` gets every outcome.
 ///
 /// # Errors
 ///
-/// As [`super::run`].
+/// The errors are those of [`super::run`].
 pub fn flips(
     setup: &Setup,
     mut takes: impl FnMut(usize, RegisterBit) -> bool,
@@ -153,7 +154,7 @@ fn of_part<C: Cost>(
                 continue;
             }
             let mut copy = bench.clone();
-            // At another phase of the cycle for each bit, a few of which meet a frame.
+            // Each bit flips at another phase of the cycle; a few flips meet a frame.
             let at = bench.now() + 1_000_000 + place as u64 * 7_310_000 % 10_000_000;
             copy.add_faults(&Faults::none().with(at, at + FLIP_MENDED, Fault::Flip(board, place as u64)));
             copy.keep_log();
@@ -169,11 +170,11 @@ fn of_part<C: Cost>(
     }
 }
 
-/// What was read from `at` to `end` (ns): how long until valid and new data went on being read, and what Link-Status
-/// said before that.
+/// Evaluates what was read from `at` to `end` (ns): the time until valid and new data were read again for good, and
+/// what Link-Status reported before that.
 fn read(events: &[Event], at: u64, end: u64) -> (Option<u64>, [u32; 3]) {
     let mut status: Vec<(u64, LinkStatusBits)> = vec![];
-    // New data were read until here; where they ceased to be, and came back.
+    // `last` is the latest reading of new data; `back` is the recovery after a gap.
     let (mut last, mut back) = (at, Some(0));
     let mut newest = None;
     for event in events {

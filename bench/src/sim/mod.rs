@@ -1,11 +1,12 @@
 //! The whole link in virtual time: both images, the air, the receivers, the flight controller and the base station.
 //!
-//! Nothing here reaches into a firmware to make the link work. The two ELF files run as they would on the boards; what
-//! this module adds stands on the boards' pins and antennas. What it reads from their RAM (the log, the telemetry
-//! counters) is what a debug probe would read.
+//! Nothing here changes a firmware to make the link work. The two ELF files run as they would on the boards; this
+//! module adds what is connected to the boards' pins and antennas. It reads from their RAM (the log, the telemetry
+//! counters) what a debug probe would read.
 //!
-//! What passes between the boards is one-way and takes no time: the poller's chip emits, the listener's hears. So HORUS
-//! may run ahead on a thread of its own and never the DPR, and both are exact. [`Bench`] is all of it as plain data.
+//! The connection between the boards is one-way and takes no time: the poller's chip emits, the listener's receives. So
+//! HORUS may run ahead on a thread of its own, the DPR never does, and both are exact. [`Bench`] holds all of it as
+//! plain data.
 
 mod board_events;
 mod campaign;
@@ -31,7 +32,7 @@ use gnss_sim::{Flight, LogError, Port, Receiver};
 use nrf52840::{Nrf52840, Settings};
 use profile::{Layout, Uplink};
 use st25r3916_model::Chip;
-/// What is set of a front end's chip.
+/// The settings of a front end's chip.
 pub use st25r3916_model::Config as FrontEndConfig;
 use stm32f429::{Oscillators, Stm32f429};
 
@@ -49,11 +50,11 @@ use emulator_node::{self as node, Board, Clock, Firmware, Node, Relay, Threads};
 use phases::{Phase, Sweep, Sweeping};
 use upstream::Receivers;
 
-/// How often the caller hears of progress and gets the log, in virtual nanoseconds.
+/// The interval at which the caller gets progress and the log, virtual ns.
 const STEP: u64 = 10_000_000;
 
-/// What an [`Observer`] breaks begins so long after the end of a piece at the earliest, ns: a board ends a piece with
-/// an instruction, which may be behind its end.
+/// The shortest time from the end of a piece to the beginning of a fault that an [`Observer`] adds, ns: a board ends a
+/// piece with a whole instruction, which may lie after its end.
 pub const AHEAD_NS: u64 = 100_000;
 
 /// The two images.
@@ -65,74 +66,73 @@ pub struct Images {
     pub dpr: PathBuf,
 }
 
-/// What both boards' parts kept from before they were switched on, as [`crate::debug_port::Wire::kept`] has it.
+/// The memory that both boards' parts kept from before they were switched on, from [`crate::debug_port::Wire::kept`].
 #[derive(Clone, Debug)]
 pub struct Flashed {
-    /// The HORUS side's.
+    /// The HORUS side's memory.
     pub horus: Vec<u8>,
-    /// The DPR's.
+    /// The DPR's memory.
     pub dpr: Vec<u8>,
 }
 
-/// Errors of the crystals, parts per billion, positive is fast.
+/// Errors of the crystals, parts per billion; positive values are fast.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Crystals {
-    /// HORUS board: the microcontroller's and the front end's.
+    /// The error on the HORUS board, of the microcontroller's and the front end's crystal.
     pub horus_ppb: i64,
-    /// DPR board: the microcontroller's and the front end's.
+    /// The error on the DPR board, of the microcontroller's and the front end's crystal.
     pub dpr_ppb: i64,
-    /// The flight controller's.
+    /// The error of the flight controller's crystal.
     pub flight_controller_ppb: i64,
 }
 
-/// What to run.
+/// The setup of a run.
 #[derive(Clone, Debug)]
 pub struct Setup {
     /// The two images, built for this number of receivers.
     pub images: Images,
-    /// What is in the boards' flash, which has to hold these images: they then name what runs, and are not loaded.
+    /// The contents of the boards' flash, if any. It must hold these images, which are then not loaded.
     pub flashed: Option<Flashed>,
-    /// Receivers in the profile: 1, 2, 3 or 5.
+    /// The number of receivers in the profile: 1, 2, 3 or 5.
     pub gps: usize,
-    /// How long, in virtual nanoseconds.
+    /// The length of the run, virtual ns.
     pub duration_ns: u64,
-    /// What processor time costs.
+    /// The cost of processor time.
     pub clock: Clock,
-    /// On how many threads. The outcome is the same.
+    /// The number of threads, which does not change the outcome.
     pub threads: Threads,
     /// Seed of everything random.
     pub seed: u64,
     /// For each receiver in turn, a recorded log to play instead of the generated flight.
     pub recordings: Vec<Option<PathBuf>>,
-    /// Every generated receiver has so many solutions a second and refuses to be configured to another period.
+    /// The number of solutions a second of every generated receiver, which then refuses another period.
     pub receiver_hz: Option<u32>,
     /// Every generated receiver starts with its factory settings.
     pub factory_settings: bool,
     /// The crystals' errors.
     pub crystals: Crystals,
-    /// Both boards' front ends, but for their crystals, seeds and supplies.
+    /// The settings of both boards' front ends, except for their crystals, seeds and supplies.
     pub front_ends: FrontEndConfig,
-    /// What goes wrong on purpose.
+    /// The injected faults.
     pub faults: Faults,
     /// The flight controller writes uplinks and commands and reads the whole map now and then, where it keeps its own
-    /// cycle. Otherwise it reads images alone and writes nothing.
+    /// cycle. Otherwise it only reads images.
     pub writes: bool,
-    /// Of the uplinks that it writes those of the base station come by radio, as [`Observer::uplink`] says; otherwise
-    /// it makes them up.
+    /// The base station's uplinks come by radio ([`Observer::uplink`]); otherwise the flight controller generates them.
     pub relays: bool,
-    /// Instead of the flight controller's own cycle: transactions in every phase to a frame's end.
+    /// A sweep of transactions through every phase to a frame's end, in place of the flight controller's own cycle.
     pub sweep: Option<Sweep>,
-    /// Where to write the wires and the tasks: a name in `.vcd` or `.fst`.
+    /// The trace file of the wires and the tasks, ending in `.vcd` or `.fst`.
     pub trace: Option<PathBuf>,
-    /// Where to store the event log.
+    /// The file that stores the event log.
     pub log: Option<PathBuf>,
-    /// Where to draw the flight, as an SVG.
+    /// The SVG file of the flight's picture.
     pub plot: Option<PathBuf>,
 }
 
 impl Setup {
-    /// A run in which nothing goes wrong: fast clock, both threads, seed 1, the generated flight, crystals that differ
-    /// as ordinary ones do.
+    /// A run without faults: fast clock, both threads, seed 1, the generated flight, crystals with ordinary
+    /// differences.
     #[must_use]
     pub fn new(images: Images, gps: usize, duration_ns: u64) -> Self {
         Self {
@@ -159,8 +159,8 @@ impl Setup {
     }
 }
 
-/// Who watches a run. It may take its time in each of these, and end the run early; what the run does until then
-/// depends on neither.
+/// The observer of a run. Each of its functions may take any time, and it may end the run early; neither changes what
+/// the run does until then.
 pub trait Observer {
     /// The run has come this far, in virtual nanoseconds.
     fn progress(&mut self, virtual_ns: u64);
@@ -168,117 +168,117 @@ pub trait Observer {
     /// A board logged a line.
     fn log(&mut self, board: &str, line: &str);
 
-    /// The flight controller has read a whole image of which nothing is damaged, in a transaction that was over at
-    /// `virtual_ns`. Told before the [`progress`](Self::progress) that has come to that instant, in order of time.
+    /// The flight controller has read a whole, undamaged image in a transaction that was over at `virtual_ns`. It is
+    /// called before the [`progress`](Self::progress) that has reached that instant, in order of time.
     fn image(&mut self, virtual_ns: u64, image: &[u8]) {
         let _ = (virtual_ns, image);
     }
 
-    /// The flight controller has read Port-Status and, behind it, the base station's uplink: 128 bytes, of which
-    /// Port-Status is intact. Otherwise as [`image`](Self::image); it reads them where [`Setup::writes`] says so.
+    /// The flight controller has read Port-Status and, after it, the base station's uplink: 128 bytes, of which
+    /// Port-Status is intact. It is called like [`image`](Self::image), in runs whose [`Setup::writes`] is set.
     fn port(&mut self, virtual_ns: u64, port: &[u8]) {
         let _ = (virtual_ns, port);
     }
 
-    /// The base station's uplink that has come to the flight controller by radio, if one has: it writes it in its next
-    /// transaction. Asked after each [`progress`](Self::progress).
+    /// Returns the base station's uplink that has arrived by radio, if any: the flight controller writes it in its next
+    /// transaction. It is called after each [`progress`](Self::progress).
     fn uplink(&mut self, virtual_ns: u64) -> Option<Uplink> {
         let _ = virtual_ns;
         None
     }
 
-    /// How often the run can end early, in virtual nanoseconds: a multiple of 10 ms. Never, unless told otherwise.
+    /// The interval at which the run can end early, virtual ns: a multiple of 10 ms. The default is never.
     fn piece_ns(&self) -> u64 {
         u64::MAX
     }
 
-    /// Whether the run is to end here, asked after each piece.
+    /// Whether the run ends here; called after each piece.
     fn ends(&mut self) -> bool {
         false
     }
 
-    /// What goes wrong from now on beside what was set up, asked after each piece, which ended at `virtual_ns`. No
-    /// episode may begin before [`AHEAD_NS`] after that. The judge learns of it as of what was set up.
+    /// Returns faults to add to those of the setup; called after each piece, which ended at `virtual_ns`. No episode
+    /// may begin before [`AHEAD_NS`] after that. The judge gets them like those of the setup.
     fn faults(&mut self, virtual_ns: u64) -> Faults {
         let _ = virtual_ns;
         Faults::none()
     }
 }
 
-/// Nobody watches.
+/// The observer that does nothing.
 impl Observer for () {
     fn progress(&mut self, _virtual_ns: u64) {}
     fn log(&mut self, _board: &str, _line: &str) {}
 }
 
-/// What came of a run.
+/// The outcome of a run.
 #[derive(Debug)]
 pub struct Outcome {
-    /// The figures. [`crate::report::Speed`] is the caller's to fill in: this crate reads no wall clock.
+    /// The figures. The caller fills in [`crate::report::Speed`], because this crate reads no wall clock.
     pub report: Report,
-    /// What is judged of the event log.
+    /// The judge's verdict on the event log.
     pub verdict: Verdict,
-    /// The base station, with what it showed.
+    /// The base station, with its history.
     pub base: BaseStation,
     /// Every log line of both boards: board, line.
     pub logs: Vec<(&'static str, String)>,
-    /// What came of each phase of [`Setup::sweep`].
+    /// The outcome of each phase of [`Setup::sweep`].
     pub phases: Vec<Phase>,
 }
 
-/// Why a run could not begin.
+/// The reason why a run could not begin.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// An image or a board.
+    /// An image or a board failed.
     #[error(transparent)]
     Engine(#[from] node::Error),
-    /// A receiver's recording.
+    /// A receiver's recording cannot be played.
     #[error(transparent)]
     Recording(#[from] LogError),
-    /// The trace file.
+    /// The trace file cannot be written.
     #[error(transparent)]
     Trace(#[from] trace::Error),
-    /// The file that stores the event log.
+    /// The event log cannot be written.
     #[error("the event log cannot be written to {}", path.display())]
     Log {
         /// The file.
         path: PathBuf,
-        /// What the operating system says.
+        /// The operating system's error.
         source: std::io::Error,
     },
-    /// The file that the flight is drawn into.
+    /// The picture of the flight cannot be drawn.
     #[error("the flight cannot be drawn into {}", path.display())]
     Plot {
         /// The file.
         path: PathBuf,
-        /// What the operating system or the drawing library says.
+        /// The error of the operating system or the drawing library.
         source: Box<dyn std::error::Error + Send + Sync>,
     },
 }
 
 /// The whole bench: both boards, their front ends, the air, the receivers, the flight controller and the base station.
-/// A clone that is run on does, byte for byte, what the original does.
+/// A clone that runs on does exactly, byte for byte, what the original does.
 #[derive(Clone, Debug)]
 pub struct Bench<C: Cost = Fast> {
     relay: Relay<Horus, Dpr, Receivers, Link, C>,
 }
 
-/// What came of a [`Bench`].
+/// The outcome of a [`Bench`].
 #[derive(Debug)]
 pub struct Finished {
     /// The figures.
     pub report: Report,
-    /// What is judged of the event log.
+    /// The judge's verdict on the event log.
     pub verdict: Verdict,
-    /// The event log, if [`Bench::keep_log`] asked for it.
+    /// The event log, if [`Bench::keep_log`] was called.
     pub log: Log,
-    /// The base station, with what it showed.
+    /// The base station, with its history.
     pub base: BaseStation,
-    /// What came of each phase of [`Setup::sweep`].
+    /// The outcome of each phase of [`Setup::sweep`].
     pub phases: Vec<Phase>,
 }
 
-/// A board with this image: loaded, or found in what the part kept.
+/// A board with this image, which is loaded or found in the memory that the part kept.
 fn switched_on<B: Board, C: Cost>(
     mut part: B::Part,
     board: B,
@@ -300,14 +300,14 @@ impl<C: Cost> Bench<C> {
     ///
     /// # Errors
     ///
-    /// An image that cannot be loaded, or a recording that cannot be played.
+    /// An image cannot be loaded, or a recording cannot be played.
     pub fn new(setup: &Setup) -> Result<Self, Error> {
         let flight = Arc::new(Flight::new(setup.seed, setup.duration_ns as f64 / 1e9));
         let receivers = receivers(setup, &flight)?;
         let recorded = setup.recordings.iter().any(Option::is_some);
         let traced = setup.trace.is_some();
         let Crystals { horus_ppb, dpr_ppb, flight_controller_ppb } = setup.crystals;
-        // The expansion boards run the chip from the 5 V of their header.
+        // The expansion boards supply the chip from the 5 V of their header.
         let chip = |crystal_ppb, seed| {
             Chip::new(FrontEndConfig { crystal_ppb, seed, vdd_mv: 5000, ..setup.front_ends.clone() })
         };
@@ -356,12 +356,12 @@ impl<C: Cost> Bench<C> {
         self.relay.downstream.keep_log();
     }
 
-    /// Runs to `end` (virtual ns). `each` is called every 10 ms of virtual time with the instant, the DPR and what is
-    /// around it.
+    /// Runs to `end` (virtual ns). `each` is called every 10 ms of virtual time with the instant, the DPR and its
+    /// surroundings.
     ///
     /// # Errors
     ///
-    /// What `each` answers.
+    /// Passes on the errors of `each`.
     fn run<E>(
         &mut self,
         end: u64,
@@ -385,7 +385,7 @@ impl<C: Cost> Bench<C> {
         Ok(trace)
     }
 
-    /// Runs to `end` (virtual ns) with nobody watching.
+    /// Runs to `end` (virtual ns) without an observer.
     pub fn run_to(&mut self, end: u64, threads: Threads) {
         let run = self.run(end, threads, |_, dpr, link| {
             dpr.take_log();
@@ -415,20 +415,19 @@ impl<C: Cost> Bench<C> {
         &self.relay.b
     }
 
-    /// What was broken in the part of the run that is judged already: all but the last few milliseconds.
+    /// The violations in the part of the run that is judged already: all but the last few milliseconds.
     #[must_use]
     pub fn findings(&self) -> &Findings {
         self.relay.downstream.findings()
     }
 
-    /// What goes wrong from now on beside what was set up; it must lie ahead of the instant that both boards have
-    /// reached.
+    /// Adds faults to those of the setup; they must lie ahead of the instant that both boards have reached.
     pub fn add_faults(&mut self, faults: &Faults) {
         self.relay.upstream.add_faults(faults);
         self.relay.downstream.add_faults(faults);
     }
 
-    /// What came of the run so far, which has come to `reached` (virtual ns).
+    /// The outcome of the run so far, which has reached `reached` (virtual ns).
     #[must_use]
     pub fn finish(self, reached: u64) -> Finished {
         let Relay { a, mut b, downstream, .. } = self.relay;
@@ -441,7 +440,7 @@ impl<C: Cost> Bench<C> {
     }
 }
 
-/// The figures of a run that has come to `reached` (ns).
+/// The figures of a run that has reached `reached` (ns).
 fn report<C: Cost>(
     header: &Header,
     reached: u64,
@@ -452,7 +451,7 @@ fn report<C: Cost>(
 ) -> Report {
     let figures = verdict.figures.clone();
     let of_dpr = |name| u64::from(telemetry::of_dpr(dpr, name).unwrap_or(0));
-    // What differs beyond four digits is no information.
+    // Digits beyond the fourth carry no information.
     let load = |load: f64| (load * 1e4).round() / 1e4;
     Report {
         seed: header.seed,
@@ -511,7 +510,7 @@ fn report<C: Cost>(
 ///
 /// # Errors
 ///
-/// An image that cannot be loaded, a recording that cannot be played, or a trace that cannot be written.
+/// An image cannot be loaded, a recording cannot be played, or a trace cannot be written.
 pub fn run(setup: &Setup, observer: &mut dyn Observer) -> Result<Outcome, Error> {
     match setup.clock {
         Clock::Fast => run_on::<Fast>(setup, observer),
@@ -535,7 +534,7 @@ fn run_on<C: Cost>(setup: &Setup, observer: &mut dyn Observer) -> Result<Outcome
     kept.finish(bench, end)
 }
 
-/// What is kept of a run as it goes: logs, trace, event log, picture.
+/// The outputs of a run that are written as it goes: logs, trace, event log, picture.
 struct Kept {
     setup: Setup,
     trace: Option<Trace>,
@@ -545,7 +544,7 @@ struct Kept {
 }
 
 impl Kept {
-    /// What `setup` asks for, of a bench at power-on.
+    /// Opens the outputs that `setup` requests, for a bench at power-on.
     fn begin<C: Cost>(setup: &Setup, bench: &mut Bench<C>) -> Result<Self, Error> {
         let trace = setup.trace.as_deref().map(|path| bench.trace(path)).transpose()?;
         let unwritten = |source| unwritten(setup, source);
@@ -561,7 +560,7 @@ impl Kept {
         Ok(Self { setup: setup.clone(), trace, stored, plotted, logs: vec![] })
     }
 
-    /// The run has come to `reached` (ns).
+    /// Writes the outputs of the run up to `reached` (ns).
     fn take<C: Cost>(
         &mut self,
         reached: u64,
@@ -601,7 +600,7 @@ impl Kept {
         Ok(())
     }
 
-    /// The run ended at `reached` (ns).
+    /// Completes the outputs of the run, which ended at `reached` (ns).
     fn finish<C: Cost>(self, bench: Bench<C>, reached: u64) -> Result<Outcome, Error> {
         let Self { setup, trace, stored, plotted, logs } = self;
         let Finished { report, verdict, log, base, phases } = bench.finish(reached);
@@ -623,12 +622,12 @@ impl Kept {
     }
 }
 
-/// The event log of this run could not be written.
+/// The error of an event log that could not be written.
 fn unwritten(setup: &Setup, source: std::io::Error) -> Error {
     Error::Log { path: setup.log.clone().unwrap_or_default(), source }
 }
 
-/// The picture of a run's flight, whose file was there before the run began.
+/// The picture of a run's flight; its file is created before the run begins.
 struct Plot {
     path: PathBuf,
     file: File,
@@ -658,7 +657,7 @@ impl Plot {
 ///
 /// # Errors
 ///
-/// An image that cannot be loaded, or a recording that cannot be played.
+/// An image cannot be loaded, or a recording cannot be played.
 pub fn campaign(setup: &Setup, options: &Options) -> Result<Campaign, Error> {
     Ok(match setup.clock {
         Clock::Fast => Campaign::run(Bench::<Fast>::new(setup)?, options),
@@ -667,14 +666,14 @@ pub fn campaign(setup: &Setup, options: &Options) -> Result<Campaign, Error> {
     })
 }
 
-/// A front end as it is on the link: what its settings cannot send does not arrive, and what they cannot receive is not
-/// heard.
+/// A front end as the link uses it: frames that its settings cannot send do not arrive, and frames that they cannot
+/// receive are lost.
 #[must_use]
 pub fn on_the_link(config: FrontEndConfig) -> FrontEndConfig {
     FrontEndConfig { unsuited_chain_receives: false, unsuited_modulation_reaches: false, ..config }
 }
 
-/// What each receiver will send.
+/// The receivers with their messages.
 fn receivers(setup: &Setup, flight: &Arc<Flight>) -> Result<Vec<Receiver>, LogError> {
     (1..=setup.gps)
         .map(|index| match setup.recordings.get(index - 1) {

@@ -1,61 +1,60 @@
-//! Transactions that are placed around a frame's end, in every phase.
+//! Places transactions around a frame's end, in every phase.
 //!
 //! # Design
 //!
-//! A flight controller's cycle is its own, so each of its transactions meets the DPR's work at an instant that nobody
-//! chose. Some of these meetings last 100 ns: at a control cycle of 4 ms they occur once in minutes. A [`Sweep`] makes
-//! each happen: from one HORUS cycle to the next, it places transactions around the end of a frame at a phase that
-//! advances by a fixed step, and the phase is relative to the frame's last bit as it passes the antenna. Errors of
-//! crystals and the scatter of the front end therefore do not blur it.
+//! A flight controller's cycle is its own, so each of its transactions meets the DPR's work at an arbitrary instant.
+//! Some of these meetings last 100 ns: at a control cycle of 4 ms they occur once in minutes. A [`Sweep`] makes each of
+//! them happen. In every HORUS cycle it places transactions around the end of a frame, at a phase that advances by a
+//! fixed step and is relative to the frame's last bit at the antenna. Errors of crystals and the scatter of the front
+//! end therefore do not blur it.
 //!
-//! The end of a frame is known at its beginning: frames of one length take one time. The first frame of each length is
-//! measured.
+//! The end of a frame is known at its beginning, because frames of one length take the same time. The first frame of
+//! each length is measured.
 //!
-//! What each phase led to is in its [`Phase`]; the judge judges a swept run like any other.
+//! A [`Phase`] holds the outcome of each phase; the judge judges a swept run like any other.
 
 use std::collections::BTreeMap;
 
 use nrf52840::SpisEvent;
 use profile::{Layout, air};
 
-/// Which edge of chip select a transaction is placed by.
+/// The edge of chip select by which a transaction is placed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Edge {
-    /// Its beginning.
+    /// The falling edge, its beginning.
     Falls,
-    /// Its end.
+    /// The rising edge, its end.
     Rises,
 }
 
 /// A transaction relative to a phase.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Placement {
-    /// Which edge of chip select is placed.
+    /// The edge of chip select that is placed.
     pub edge: Edge,
-    /// How long after the phase's instant the edge is, ns; negative for before it.
+    /// The time from the phase's instant to the edge, ns; negative values are before it.
     pub after_ns: i64,
-    /// How many bytes are clocked; `None` for the whole image.
+    /// The number of bytes that are clocked; `None` for the whole image.
     pub bytes: Option<usize>,
 }
 
-/// Phases, and what is placed at each.
+/// The phases of a sweep and the transactions at each.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Sweep {
-    /// Around the end of which frame of a cycle, from 0.
+    /// The frame of a cycle around whose end they are placed, from 0.
     pub frame: usize,
     /// The first phase, ns after the frame's last bit.
     pub from_ns: i64,
-    /// No phase is later than this, ns after the frame's last bit.
+    /// The last phase at most, ns after the frame's last bit.
     pub to_ns: i64,
-    /// From one phase to the next, ns.
+    /// The step from one phase to the next, ns.
     pub step_ns: u64,
-    /// The transactions of one cycle, in order of time. With several patterns, each phase is taken with one after the
-    /// other.
+    /// The transactions of one cycle, in order of time. Several patterns take turns at each phase.
     pub patterns: Vec<Vec<Placement>>,
 }
 
 impl Sweep {
-    /// How many cycles it takes.
+    /// The number of cycles that it takes.
     #[must_use]
     pub fn cycles(&self) -> u64 {
         let width = u64::try_from(self.to_ns - self.from_ns).unwrap_or(0);
@@ -71,37 +70,37 @@ impl Sweep {
     }
 }
 
-/// What came of one phase.
+/// The outcome of one phase.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Phase {
     /// The phase, ns after the frame's last bit.
     pub phase_ns: i64,
-    /// Which of the sweep's patterns was placed there.
+    /// The index of the sweep's pattern that was placed there.
     pub pattern: usize,
-    /// The frame's last bit, ns.
+    /// The instant of the frame's last bit, ns.
     pub frame_ended: u64,
-    /// What the wires and the SPIS showed up to the next phase, each with its instant, ns after the frame's last bit.
+    /// The events of the wires and the SPIS up to the next phase, each with its instant, ns after the frame's last bit.
     /// Each kind is in order of time.
     pub events: Vec<(i64, PhaseEvent)>,
 }
 
-/// What the wires and the SPIS show of a phase.
+/// An event of the wires or the SPIS in a phase.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PhaseEvent {
     /// The flight controller's chip select falls.
     Selected,
-    /// It rises.
+    /// The flight controller's chip select rises.
     Deselected,
     /// FRESH rises.
     FreshRises,
     /// FRESH falls.
     FreshFalls,
-    /// What the SPIS shows of its semaphore.
+    /// An event of the SPIS's semaphore.
     Spis(SpisEvent),
 }
 
 impl Phase {
-    /// When FRESH first rose, ns after the frame's last bit; `None` if it did not.
+    /// The instant of FRESH's first rise, ns after the frame's last bit; `None` if it did not rise.
     #[must_use]
     pub fn fresh_ns(&self) -> Option<i64> {
         self.events.iter().find(|(_, event)| *event == PhaseEvent::FreshRises).map(|(at, _)| *at)
@@ -113,7 +112,7 @@ impl Phase {
         self.longest(PhaseEvent::Deselected, PhaseEvent::Spis(SpisEvent::Ready))
     }
 
-    /// The longest time for which the processor held the SSI back, ns.
+    /// The longest time for which the processor held the SSI's semaphore, ns.
     #[must_use]
     pub fn hold_ns(&self) -> i64 {
         self.longest(PhaseEvent::Spis(SpisEvent::Held), PhaseEvent::Spis(SpisEvent::Released))
@@ -140,19 +139,19 @@ impl Phase {
 pub(super) struct Sweeping {
     sweep: Sweep,
     cycle: u64,
-    /// LEN of the frame that is swept around.
+    /// LEN of the frame around which the sweep is made.
     target: u8,
-    /// How long a frame with this LEN is on the air, ns.
+    /// The time that a frame with this LEN is on the air, ns.
     durations: BTreeMap<u8, u64>,
     phases: Vec<Phase>,
 }
 
 impl Sweeping {
-    /// A sweep of the link with so many receivers.
+    /// A sweep of the link with `receivers` receivers.
     ///
     /// # Panics
     ///
-    /// If its cycles have no such frame.
+    /// Panics if its cycles have no such frame.
     pub(super) fn new(sweep: Sweep, receivers: usize) -> Self {
         let frame = Layout::for_receivers(receivers).and_then(|layout| layout.frame(sweep.frame));
         let payload = frame.expect("a frame of the link's cycles").length();
@@ -160,13 +159,13 @@ impl Sweeping {
         Self { sweep, cycle: 0, target, durations: BTreeMap::new(), phases: vec![] }
     }
 
-    /// A frame with this LEN was on the air for so long.
+    /// Records that a frame with this LEN was on the air for `took` ns.
     pub(super) fn frame_took(&mut self, len: u8, took: u64) {
         self.durations.insert(len, took);
     }
 
-    /// A frame with this LEN began at `at`: what is to be placed around its end. Each is the chip select's edge, its
-    /// instant, and the bytes.
+    /// The transactions to place around the end of a frame with this LEN that began at `at`. Each has the chip select's
+    /// edge, its instant, and the bytes.
     pub(super) fn frame_started(&mut self, at: u64, len: u8) -> Vec<(Edge, u64, Option<usize>)> {
         let Some(&took) = self.durations.get(&len).filter(|_| len == self.target) else { return vec![] };
         let Some((phase_ns, pattern)) = self.sweep.at(self.cycle) else { return vec![] };

@@ -1,8 +1,8 @@
-//! The event log of a run, as it is written and judged.
+//! Writes and judges the event log of a run.
 //!
-//! Boards and world tell of their events in pieces, the HORUS side ahead of the DPR's, so events wait here until
-//! nothing can come before them any more. Then they are judged in order of time and, where somebody wants to keep the
-//! log, handed on. The order depends on instants and on what happened alone, never on which thread came first.
+//! Boards and world deliver their events in pieces, the HORUS side ahead of the DPR's, so events wait here until no
+//! earlier one can come. Then they are judged in order of time and, if the log is kept, stored. The order depends only
+//! on instants and on the events, never on which thread came first.
 
 use std::sync::Arc;
 
@@ -14,51 +14,51 @@ use gnss_sim::Flight;
 pub(super) struct Recorder {
     header: Header,
     waiting: Vec<Event>,
-    /// Everything before this instant is in the log.
+    /// The instant before which everything is in the log, ns.
     released: u64,
     judge: Judge,
-    /// Where the aircraft is, unless a recording is played: the log gets that at each tick.
+    /// The aircraft's true flight, which the log gets at each tick, unless a recording is played.
     flight: Option<Arc<Flight>>,
-    /// What was released since it was last taken, where the log is kept.
+    /// The events released since they were last taken, where the log is kept.
     kept: Option<Vec<Event>>,
 }
 
 impl Recorder {
-    /// An empty log. `keep` hands released events on through [`Recorder::take_kept`].
+    /// An empty log. `keep` stores released events for [`Recorder::take_kept`].
     pub(super) fn new(header: Header, flight: Option<Arc<Flight>>, keep: bool) -> Self {
         let judge = Judge::new(&header);
         Self { header, waiting: vec![], released: 0, judge, flight, kept: keep.then(Vec::new) }
     }
 
-    /// What the run is known by.
+    /// The run's header.
     pub(super) fn header(&self) -> &Header {
         &self.header
     }
 
-    /// Something happened at `at` (ns).
+    /// Records an event at `at` (ns).
     ///
     /// # Panics
     ///
-    /// If the log already holds later events: the bench would have judged a run that was not the one that ran.
+    /// Panics if the log already holds later events: the bench would have judged another run than the one that ran.
     pub(super) fn note(&mut self, at: u64, what: What) {
         assert!(at >= self.released, "{what:?} at {at} ns is told when the log has come to {} ns", self.released);
         self.waiting.push(Event { at, what });
     }
 
-    /// Several things happened.
+    /// Records several events.
     pub(super) fn extend(&mut self, events: impl IntoIterator<Item = Event>) {
         for Event { at, what } in events {
             self.note(at, what);
         }
     }
 
-    /// Nothing that is still to be told happened before `before` (ns): what did is judged.
+    /// Releases the events before `before` (ns), because no earlier one can come, and judges them.
     pub(super) fn release(&mut self, before: u64) {
         if before <= self.released {
             return;
         }
         self.released = before;
-        // Stable: of one instant and one rank, what was told first comes first.
+        // The sort is stable: events of one instant and one rank stay in the order of their arrival.
         self.waiting.sort_by_key(|event| (event.at, event.what.rank()));
         let later = self.waiting.split_off(self.waiting.partition_point(|event| event.at < before));
         for event in std::mem::replace(&mut self.waiting, later) {
@@ -73,23 +73,23 @@ impl Recorder {
         }
     }
 
-    /// Keeps what is released from now on.
+    /// Keeps the events that are released from now on.
     pub(super) fn keep(&mut self) {
         self.kept.get_or_insert_default();
     }
 
-    /// What was released since the last call, where the log is kept.
+    /// Takes the events released since the last call, where the log is kept.
     pub(super) fn take_kept(&mut self) -> Vec<Event> {
         self.kept.as_mut().map(std::mem::take).unwrap_or_default()
     }
 
-    /// What was broken so far.
+    /// The violations so far.
     pub(super) fn findings(&self) -> &Findings {
         self.judge.findings()
     }
 
-    /// The run is over at `end` (ns): what came of it, and what was kept of the log since it was last taken. What
-    /// happened after `end`, since a board stops at its first instruction boundary after it, is not part of the run.
+    /// Ends the run at `end` (ns). Returns the verdict and the part of the log that was not taken yet. Events after
+    /// `end` are not part of the run; they occur because a board stops at its first instruction boundary after it.
     pub(super) fn finish(mut self, end: u64) -> (Verdict, Log) {
         self.waiting.retain(|event| event.at <= end);
         self.note(end.max(self.released), What::End);
@@ -99,7 +99,7 @@ impl Recorder {
     }
 }
 
-/// Where the aircraft is at a tick at `at`, ns.
+/// The event with the aircraft's position at a tick at `at`, ns.
 fn aircraft(flight: &Flight, at: u64) -> Event {
     let place = flight.state(at as f64 / 1e9).position;
     let billionths = |degrees: f64| (degrees * 1e9).round() as i64;

@@ -1,36 +1,36 @@
-//! How fast the bench goes.
+//! Measures the speed of the bench.
 //!
-//! It is measured here and not by the caller, since generic code is compiled with the options of the crate that names
+//! It is measured here and not by the caller, because generic code is compiled with the options of the crate that names
 //! its types: a caller that is not optimised would measure another bench than the one that [`super::run`] runs.
 
 use std::time::Instant;
 
 use super::{Bench, Error, Setup};
 
-/// How often the bench is run. The least time counts, as that of the run that other work on this machine held up least.
+/// The number of runs. The shortest counts, because other work on this machine delayed it least.
 const RUNS: usize = 3;
 
-/// How often the running bench is copied. The least time counts.
+/// The number of copies of the running bench. The shortest time counts.
 const COPIES: usize = 100;
 
-/// What one virtual second takes.
+/// The cost of one virtual second.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Speed {
-    /// Seconds of this machine for a virtual second.
+    /// The seconds of this machine for a virtual second.
     pub seconds: f64,
-    /// Instructions that HORUS's core executes in it.
+    /// The number of instructions that HORUS's core executes in it.
     pub horus: f64,
-    /// Instructions that the DPR's core executes in it.
+    /// The number of instructions that the DPR's core executes in it.
     pub dpr: f64,
-    /// What a copy of the whole bench takes, in seconds.
+    /// The duration of a copy of the whole bench, s.
     pub copy: f64,
 }
 
-/// Runs the bench on the fast clock from `warm_up_ns`, which is not measured, to its end.
+/// Runs the bench on the fast clock to its end and measures the part from `warm_up_ns` on.
 ///
 /// # Errors
 ///
-/// As [`Bench::new`].
+/// The errors are those of [`Bench::new`].
 pub fn speed(setup: &Setup, warm_up_ns: u64) -> Result<Speed, Error> {
     let mut warm: Bench = Bench::new(setup)?;
     warm.run_to(warm_up_ns, setup.threads);

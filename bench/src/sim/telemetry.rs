@@ -1,5 +1,4 @@
-//! What the firmwares count about themselves, read from RAM as a debug probe reads it: evidence beside what was seen
-//! from outside.
+//! Reads the firmwares' own counters from RAM as a debug probe does, as evidence beside what is observed from outside.
 
 use std::mem::offset_of;
 
@@ -11,7 +10,7 @@ use horus_tx_fw::telemetry::{Line, Telemetry as HorusTelemetry};
 use crate::boards::{Dpr, Horus};
 use emulator_node::{Board, Node};
 
-/// HORUS's counters of faults: each name and where it stands.
+/// HORUS's counters of faults, with their names and offsets.
 const HORUS: [(&str, usize); 3] = [
     ("cycle_overruns", offset_of!(HorusTelemetry, cycle_overruns)),
     ("frames_skipped", offset_of!(HorusTelemetry, frames_skipped)),
@@ -31,7 +30,7 @@ pub fn counter<B: Board, C: Cost>(node: &Node<B, C>, symbol: &str, offset: usize
 ///
 /// # Panics
 ///
-/// If the firmware has no counter of that name.
+/// Panics if the firmware has no counter of that name.
 #[must_use]
 pub fn of_dpr<C: Cost>(node: &Node<Dpr, C>, name: &str) -> Option<u32> {
     let index = DprTelemetry::NAMES.iter().position(|other| *other == name).expect("a counter of the DPR's firmware");

@@ -1,4 +1,4 @@
-//! What stands beside HORUS: its receivers, the antenna that takes what its front end emits, and what goes wrong there.
+//! HORUS's surroundings: its receivers, the antenna of its front end, and their faults.
 
 use std::collections::VecDeque;
 
@@ -20,27 +20,27 @@ use crate::trace::{Mark, TaskWatch, Wire};
 use emulator_node::{LogLine, Node, Upstream};
 use gnss_sim::Port;
 
-/// How long the pin TICK is high before each tick, ns.
+/// The time for which the pin TICK is high before each tick, ns.
 const TICK_PULSE_NS: u64 = TICK_PULSE_TICKS as u64 * 1_000 / TICKS_PER_US as u64;
 
-/// From the end of a message that a receiver answers to the answer, ns. Interface descriptions promise one second;
-/// receivers take some tens of milliseconds.
+/// The time from the end of a message to a receiver's answer, ns. Interface descriptions promise one second; receivers
+/// take some tens of milliseconds.
 const ANSWERS_AFTER: u64 = 20_000_000;
-/// After a change of its bit rate a receiver may ignore what it is sent for so long, ns: u-blox integration manuals,
+/// The time after a change of its bit rate for which a receiver may ignore its input, ns: u-blox integration manuals,
 /// "UART interfaces", "a short time delay of typically 100 ms".
 const DEAF_AFTER_BAUD: u64 = 100_000_000;
-/// A receiver that restarts says and hears nothing for so long, ns.
+/// The time for which a restarting receiver neither sends nor receives, ns.
 const STARTS: u64 = 300_000_000;
 
-/// A receiver, and what it says next.
+/// A receiver and its pending messages.
 #[derive(Clone, Debug)]
 struct Feed {
     receiver: Receiver,
-    /// When its next burst begins, ns; `u64::MAX` for never.
+    /// The instant at which its next burst begins, ns; `u64::MAX` for never.
     burst_at: u64,
-    /// Answers to what it was sent, each with its instant (ns).
+    /// Answers to its input, each with its instant (ns).
     answers: VecDeque<(u64, Vec<u8>)>,
-    /// It hears nothing before this, ns.
+    /// The instant before which it ignores its input, ns.
     deaf_until: u64,
 }
 
@@ -50,12 +50,12 @@ impl Feed {
         Self { receiver, burst_at, answers: VecDeque::new(), deaf_until: 0 }
     }
 
-    /// When it next says something, ns.
+    /// The instant at which it next sends, ns.
     fn next_at(&self) -> u64 {
         self.burst_at.min(self.answers.front().map_or(u64::MAX, |(at, _)| *at))
     }
 
-    /// What it says at `at` (ns) or before, next.
+    /// Takes its next message at `at` (ns) or before.
     fn take(&mut self, at: u64) -> Option<Burst> {
         if self.next_at() > at {
             return None;
@@ -68,7 +68,7 @@ impl Feed {
         burst
     }
 
-    /// HORUS has sent it a byte, or something that it cannot read, by `at` (ns).
+    /// Passes on a byte from HORUS that has arrived by `at` (ns); `None` for an unreadable one.
     fn hear(&mut self, at: u64, byte: Option<u8>) {
         if at < self.deaf_until {
             return;
@@ -83,7 +83,7 @@ impl Feed {
         }
     }
 
-    /// It restarts at `at` (ns), and has lost what it had saved.
+    /// Restarts it at `at` (ns) with its saved settings lost.
     fn lose_settings(&mut self, at: u64) {
         self.answers.clear();
         self.deaf_until = at + STARTS;
@@ -92,18 +92,18 @@ impl Feed {
     }
 }
 
-/// What stands beside HORUS.
+/// HORUS's surroundings.
 #[derive(Clone, Debug)]
 pub(super) struct Receivers {
     feeds: Vec<Feed>,
-    /// The settings of each as the log has them: its dynamic model, and whether it puts positions out.
+    /// The settings of each receiver as last logged: its dynamic model, and whether it outputs positions.
     settings: Vec<Option<(u8, bool)>>,
     lines: LineFaults,
     faults: Timeline,
     events: BoardEvents,
     wires: Wires,
     seed: u64,
-    /// What the pin TICK did, while there is a trace.
+    /// The marks of the pin TICK, while there is a trace.
     marks: Vec<Mark>,
     /// HORUS's tasks, while there is a trace.
     tasks: Option<TaskWatch>,
@@ -124,17 +124,17 @@ impl Receivers {
         }
     }
 
-    /// HORUS's tasks go into a trace.
+    /// Records HORUS's tasks in a trace.
     pub(super) fn watch_tasks(&mut self, tasks: TaskWatch) {
         self.tasks = Some(tasks);
     }
 
-    /// What goes wrong beside what was set up.
+    /// Adds faults to those of the setup.
     pub(super) fn add_faults(&mut self, faults: &Faults) {
         self.faults.add(faults.timeline(true));
     }
 
-    /// The ticks since the last look are on the wire TICK, as it is now.
+    /// Passes the ticks since the last call to the wire TICK with its present faults.
     fn watch_ticks<C: Cost>(&mut self, node: &mut Node<Horus, C>) {
         let ticks = node.board_mut(Horus::take_ticks);
         for at in ticks.into_iter().flat_map(|at| self.wires.tick(at)) {
@@ -147,7 +147,7 @@ impl Receivers {
         }
     }
 
-    /// What the pins did that tell HORUS's state is in the log, as far as it is seen.
+    /// Logs the changes of HORUS's state inputs, unless a fault hides them.
     fn watch_inputs<C: Cost>(&mut self, node: &mut Node<Horus, C>) {
         for InputChange { at, input, active, inactive } in node.board_mut(Horus::take_input_changes) {
             if self.wires.shows_inputs() {
@@ -156,7 +156,7 @@ impl Receivers {
         }
     }
 
-    /// How the receivers are set goes into the log.
+    /// Logs the receivers' settings when they change.
     fn watch_settings(&mut self, now: u64) {
         for (receiver, (feed, told)) in self.feeds.iter().zip(&mut self.settings).enumerate() {
             let model = feed.receiver.dynamic_model();
@@ -168,7 +168,7 @@ impl Receivers {
         }
     }
 
-    /// What crossed the buses goes into the log.
+    /// Logs the traffic of the buses.
     fn watch_buses<C: Cost>(&mut self, node: &mut Node<Horus, C>) {
         let now = node.now();
         let (given, misuses) =
@@ -181,7 +181,7 @@ impl Receivers {
         }
     }
 
-    /// What is on a line goes to the board and into the log.
+    /// Passes what is on the lines to the board and into the log.
     fn feed<C: Cost>(&mut self, node: &mut Node<Horus, C>, lines: Vec<OnLine>) {
         for OnLine { at_ns, receiver, frames, clean } in lines {
             let bytes: Vec<u8> = frames.iter().map(|frame| frame.data as u8).collect();
@@ -191,7 +191,7 @@ impl Receivers {
                 self.events.note(at_ns.max(node.now()), What::Offered { receiver, bytes: Bytes(bytes) });
                 continue;
             }
-            // What was made for a line at the usual rate is on this one at the receiver's.
+            // Frames at the usual rate are converted to the receiver's.
             let baud = self.feeds[receiver].receiver.bit_rate();
             let (frames, clean) = if baud == GNSS_BAUD { (frames, clean) } else { (at_rate(frames, baud), false) };
             let begins = node.board_mut(|board| board.receivers.send(at_ns, receiver, frames));
@@ -201,7 +201,7 @@ impl Receivers {
     }
 }
 
-/// `frames` with those that are ordinary ones at the usual rate at `baud`.
+/// Converts the well-formed frames in `frames` from the usual rate to `baud`.
 fn at_rate(frames: Vec<UartFrame>, baud: u32) -> Vec<UartFrame> {
     let at = |frame: UartFrame| {
         let byte = frame.data as u8;
@@ -210,20 +210,20 @@ fn at_rate(frames: Vec<UartFrame>, baud: u32) -> Vec<UartFrame> {
     frames.into_iter().map(at).collect()
 }
 
-/// A byte takes no longer to cross a receiver's bus, ns: 29 µs on I2C. It is told as of its beginning.
+/// The longest time that a byte takes to cross a receiver's bus, ns: 29 µs on I2C. It is logged as of its beginning.
 const ON_THE_WAY: u64 = 100_000;
 
-/// What is told of the HORUS board as it runs ahead.
+/// The reports of the HORUS board, which runs ahead.
 #[derive(Debug)]
 pub(super) struct Notes {
     pub(super) lines: Vec<LogLine>,
     pub(super) events: Vec<Event>,
-    /// What crossed between the part and its front end; nothing unless there is a trace.
+    /// The traffic between the part and its front end; empty unless there is a trace.
     pub(super) crossings: Vec<(u64, Crossing)>,
-    /// What else goes into a trace: the pin TICK and the tasks.
+    /// The other marks for a trace: the pin TICK and the tasks.
     pub(super) marks: Vec<Mark>,
-    /// Since when a transaction with a receiver may be under way, ns: its bytes are told when it is over, and its first
-    /// only when it has crossed.
+    /// The instant since which a transaction with a receiver may be under way, ns: its bytes are logged when it is
+    /// over, and its first becomes known only when it has crossed.
     pub(super) untold_since: u64,
 }
 
@@ -325,7 +325,7 @@ impl<C: Cost> Upstream<Horus, C> for Receivers {
                     }
                 }
                 Fault::Wire(fault) => {
-                    // What was before has crossed the wire as it was.
+                    // Earlier ticks have crossed the wire as it was before.
                     self.watch_ticks(node);
                     self.watch_inputs(node);
                     if begins {

@@ -1,4 +1,4 @@
-//! The file of a trace: which format it has, and what either format is told.
+//! The file of a trace, in either format.
 
 use std::ffi::OsStr;
 use std::io;
@@ -9,7 +9,7 @@ use super::fst::FstFile;
 use super::signals::{Id, Signals, Value};
 use super::vcd::VcdFile;
 
-/// A file being written, in the format that its name's ending says.
+/// A file being written, in the format of its name's ending.
 pub(super) enum TraceFile {
     Vcd(VcdFile),
     Fst(Box<FstFile>),
@@ -26,7 +26,7 @@ impl TraceFile {
         }
     }
 
-    /// The values of all signals at 0 ns, which come first.
+    /// Writes the values of all signals at 0 ns, which come first.
     pub(super) fn start(&mut self, signals: &Signals, values: &[Value]) -> io::Result<()> {
         if let Self::Vcd(file) = self {
             file.start()?;
@@ -40,7 +40,7 @@ impl TraceFile {
         Ok(())
     }
 
-    /// What follows happens at `at` (ns), which comes after every instant before.
+    /// Begins the changes at `at` (ns), which must be later than every instant before.
     pub(super) fn time(&mut self, at: u64) -> io::Result<()> {
         match self {
             Self::Vcd(file) => file.time(at),
@@ -48,7 +48,7 @@ impl TraceFile {
         }
     }
 
-    /// Signal `id`, `bits` wide, takes `value`.
+    /// Writes that signal `id`, `bits` wide, takes `value`.
     pub(super) fn change(&mut self, id: Id, bits: u32, value: Value) -> io::Result<()> {
         match self {
             Self::Vcd(file) => file.change(id, bits, value),
@@ -56,7 +56,7 @@ impl TraceFile {
         }
     }
 
-    /// Nothing follows.
+    /// Completes the file.
     pub(super) fn finish(self) -> io::Result<()> {
         match self {
             Self::Vcd(file) => file.finish(),

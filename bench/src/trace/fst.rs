@@ -11,15 +11,15 @@ use fst_writer::{
 
 use super::signals::{Id, Signals, Value, digits, regroup};
 
-/// Changes are kept in memory up to about so many bytes before they are compressed and written: a block of the file.
-/// The larger the blocks, the better they are compressed and the coarser a viewer reads.
+/// The approximate number of bytes of changes that are kept in memory before they are compressed and written as one
+/// block of the file. Larger blocks compress better but make a viewer's reads coarser.
 const BLOCK: usize = 16 << 20;
 
 /// An FST file being written.
 pub(super) struct FstFile {
     writer: FstBodyWriter<BufWriter<File>>,
     ids: Vec<FstSignalId>,
-    /// Of the value that is written, which saves an allocation each.
+    /// The digits of the value being written, kept to save an allocation for each.
     digits: Vec<u8>,
 }
 
@@ -29,7 +29,7 @@ impl FstFile {
             start_time: 0,
             timescale_exponent: -9,
             version: "bench".to_owned(),
-            // The same run gives the same file.
+            // The same run must give the same file, so it has no date.
             date: String::new(),
             file_type: FstFileType::Verilog,
         };
@@ -50,7 +50,7 @@ impl FstFile {
         regroup(&mut header, group, &[], open, close)?;
         ids.sort_by_key(|(id, _)| *id);
         let ids = ids.into_iter().map(|(_, id)| id).collect();
-        // What is changed before the first instant is the state at 0 ns.
+        // Changes before the first instant give the state at 0 ns.
         Ok(Self { writer: header.finish().map_err(failed)?, ids, digits: vec![] })
     }
 

@@ -1,16 +1,16 @@
-//! The wires and the tasks of a run as a file, for GTKWave, Surfer and sigrok.
+//! Writes the wires and the tasks of a run to a file for GTKWave, Surfer and sigrok.
 //!
 //! # Formats
 //!
-//! The file's ending says which. sigrok's importer reads VCD, and of that one-bit wires alone; GTKWave and Surfer read
-//! both. For 10 s of the link with three receivers, `cargo xtask sim --seconds 10 --trace run.fst`:
+//! The file's ending selects the format. sigrok's importer only reads VCD, and only its one-bit wires; GTKWave and
+//! Surfer read both. For 10 s of the link with three receivers, `cargo xtask sim --seconds 10 --trace run.fst`:
 //!
 //! | ending | format | size |
 //! |---|---|---|
 //! | `.vcd` | Value Change Dump, text | 327 MB |
 //! | `.fst` | Fast Signal Trace, compressed | 1.8 MB |
 //!
-//! # What there is to see
+//! # The signals
 //!
 //! | group | signals |
 //! |---|---|
@@ -27,7 +27,7 @@
 //!
 //! The models exchange whole bytes, each at the end of its eighth clock; the clock edges and data bits of a byte are
 //! drawn back from there at the bus's clock rate. A byte's signal has its value from its first clock until the next
-//! byte or the end of chip select, and is not driven (`z`) otherwise. Events arrive a little out of order, because the
+//! byte or the end of chip select, and is not driven (`z`) otherwise. Events arrive slightly out of order, because the
 //! boards run up to the scheduler's lookahead apart, so they wait in a window before they are written.
 
 mod file;
@@ -46,14 +46,15 @@ use signals::{BUSES, Id, Signals, Value};
 pub use signals::{Board, Bus, DPR, HORUS, SSI, Task, TaskSignal, Wire, Word};
 pub use tasks::TaskWatch;
 
-/// How far back an event may still be placed: more than the longest byte and the greatest lookahead together.
+/// The age up to which an event may still be placed, ns: more than the longest byte and the greatest lookahead
+/// together.
 const WINDOW_NS: u64 = 200_000;
 
-/// Why a trace cannot be written.
+/// The reason why a trace cannot be written.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The file's name does not say which format it has.
+    /// The file's name does not end in a known format.
     #[error("a trace's name ends in .vcd or in .fst, and {} does not", path.display())]
     Ending {
         /// The file.
@@ -64,29 +65,30 @@ pub enum Error {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the operating system says.
+        /// The operating system's error.
         source: io::Error,
     },
-    /// Something was told after the trace had been written up to a later instant.
+    /// An event came after the trace had been written up to a later instant.
     #[error("the trace is written up to {written} ns, and {signal} changed at {at} ns")]
     Late {
         /// The signal.
         signal: String,
-        /// When it changed, ns.
+        /// The instant at which it changed, ns.
         at: u64,
-        /// What is written, ns.
+        /// The instant up to which the trace is written, ns.
         written: u64,
     },
 }
 
-/// Something that happened.
+/// An event of a trace.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mark {
     /// The wire took a level at the instant (ns).
     Level(u64, Wire, bool),
     /// The number took a value at the instant (ns), or ended.
     Word(u64, Word, Option<u64>),
-    /// A byte crossed the bus, controller to chip and back, its eighth clock ending at the instant (ns), at so many Hz.
+    /// A byte crossed the bus, controller to chip and back; its eighth clock ended at the instant (ns), at this rate in
+    /// Hz.
     Byte(u64, Bus, u8, u8, u32),
     /// A board's tasks changed at the instant (ns): [`TaskWatch`] makes these.
     Task(u64, Board, TaskSignal, u64),
@@ -97,13 +99,13 @@ pub struct Trace {
     path: PathBuf,
     file: TraceFile,
     signals: Signals,
-    /// What each signal carries at the last written instant.
+    /// The values of the signals at the last written instant.
     values: Vec<Value>,
-    /// Events not yet written, by time; of several on one signal at one instant the last counts.
+    /// Events not yet written, by time; the last of several on one signal at one instant counts.
     waiting: BTreeMap<(u64, Id), Value>,
-    /// Everything before this instant is written, ns.
+    /// The instant before which everything is written, ns.
     written: u64,
-    /// The values at 0 ns are written.
+    /// Whether the values at 0 ns are written.
     begun: bool,
 }
 
@@ -112,8 +114,8 @@ impl Trace {
     ///
     /// # Errors
     ///
-    /// A name that ends neither in `.vcd` nor in `.fst`, a directory that does not exist, and what else the file system
-    /// says.
+    /// The name ends neither in `.vcd` nor in `.fst`, the directory does not exist, or the file system reports an
+    /// error.
     pub fn create(path: &Path, horus: &[Task], dpr: &[Task]) -> Result<Self, Error> {
         let signals = Signals::new(horus, dpr);
         let file = TraceFile::create(path, &signals)?;
@@ -121,7 +123,7 @@ impl Trace {
         Ok(Self { path: path.to_owned(), file, signals, values, waiting: BTreeMap::new(), written: 0, begun: false })
     }
 
-    /// Takes what happened.
+    /// Takes events.
     pub fn take(&mut self, marks: impl IntoIterator<Item = Mark>) {
         for mark in marks {
             match mark {
@@ -145,14 +147,14 @@ impl Trace {
         }
     }
 
-    /// A byte has crossed a bus: its eighth clock ended at `at` (ns), at `hz`.
+    /// Draws a byte that has crossed a bus: its eighth clock ended at `at` (ns), at `hz`.
     fn byte(&mut self, at: u64, bus: Bus, mosi: u8, miso: u8, hz: u32) {
         let half = |halves: u64| at.saturating_sub(halves * 500_000_000 / u64::from(hz));
         let bit = |byte: u8, bit: u64| Some(u64::from(byte >> (7 - bit) & 1));
         for nth in 0..8 {
             let left = 2 * (8 - nth);
             let (low, high, fall) = (half(left), half(left - 1), half(left - 2));
-            // Mode 0: low half, then high half. Mode 1: high half, then low half.
+            // The clock has a low half, then a high half in mode 0, and the reverse in mode 1.
             let (rise, fall) = if bus.changes_on_rise { (low, high) } else { (high, fall) };
             self.set(low, Signals::wire(bus.mosi), bit(mosi, nth));
             self.set(low, Signals::wire(bus.miso), bit(miso, nth));
@@ -163,11 +165,11 @@ impl Trace {
         self.set(half(16), Signals::word(bus.miso_byte), Some(u64::from(miso)));
     }
 
-    /// Writes what can no longer change: both boards have passed `now` (ns).
+    /// Writes the events that can no longer change: both boards have passed `now` (ns).
     ///
     /// # Errors
     ///
-    /// What the file system says, and an event that is told too late.
+    /// The file system reports an error, or an event came too late.
     pub fn flush_before(&mut self, now: u64) -> Result<(), Error> {
         let before = now.saturating_sub(WINDOW_NS);
         if before == 0 {
@@ -180,11 +182,11 @@ impl Trace {
         Ok(())
     }
 
-    /// Writes the rest.
+    /// Writes the remaining events.
     ///
     /// # Errors
     ///
-    /// As [`Trace::flush_before`].
+    /// The errors are those of [`Trace::flush_before`].
     pub fn finish(mut self) -> Result<(), Error> {
         let due = std::mem::take(&mut self.waiting);
         self.write(due)?;
@@ -196,7 +198,7 @@ impl Trace {
         let Self { path, file, signals, values, written, begun, .. } = self;
         let failed = |source| Error::Io { path: path.clone(), source };
         if !std::mem::replace(begun, true) {
-            // What is told of 0 ns belongs to the state at the start.
+            // Events at 0 ns belong to the state at the start.
             while let Some(first) = due.first_entry().filter(|first| first.key().0 == 0) {
                 let Id(place) = first.key().1;
                 values[place] = first.remove();

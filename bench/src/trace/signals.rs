@@ -1,4 +1,4 @@
-//! What there is to see in a trace: every signal with its group, its name and its width.
+//! The signals of a trace, each with its group, its name and its width.
 
 use std::{fmt, io};
 
@@ -55,25 +55,25 @@ pub enum Wire {
 /// A number of the trace, several bits wide.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Word {
-    /// The byte that HORUS's front end is sent, from its first clock on.
+    /// The byte to HORUS's front end, from its first clock on.
     HorusMosiByte,
-    /// The byte that HORUS's front end answers.
+    /// The byte from HORUS's front end.
     HorusMisoByte,
     /// The timestamp of the first object in the frame on the air.
     FrameTimestamp,
-    /// The byte that the DPR's front end is sent.
+    /// The byte to the DPR's front end.
     DprMosiByte,
-    /// The byte that the DPR's front end answers.
+    /// The byte from the DPR's front end.
     DprMisoByte,
-    /// The byte that the flight controller sends.
+    /// The byte from the flight controller.
     SsiMosiByte,
-    /// The byte that the DPR answers.
+    /// The byte from the DPR.
     SsiMisoByte,
-    /// The age of Reported-Position in the image that was read last, in units of 100 µs: Link-Status carries it.
+    /// The age of Reported-Position in the image that was read last, in units of 100 µs, from its Link-Status.
     LinkStatusAge,
 }
 
-/// A one-bit signal: group, name, level at the start. sigrok drops the groups, so the names alone tell them apart.
+/// The one-bit signals: group, name, level at the start. sigrok drops the groups, so the names alone must be unique.
 const WIRES: [(Wire, &str, &str, bool); 18] = [
     (Wire::HorusSck, "horus", "horus_sck", false),
     (Wire::HorusMosi, "horus", "horus_mosi", false),
@@ -154,19 +154,19 @@ pub const SSI: Bus = Bus {
 /// Every bus.
 pub(super) const BUSES: [Bus; 3] = [HORUS, DPR, SSI];
 
-/// A signal's place in the list of all.
+/// A signal's index in the list of all.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Id(pub(super) usize);
 
-/// What a signal carries: a number, or nothing (high impedance, `z`).
+/// A signal's value: a number, or none (high impedance, `z`).
 pub(super) type Value = Option<u64>;
 
 /// A signal of the trace.
 #[derive(Clone, Debug)]
 pub(super) struct Signal {
-    /// The groups from the outermost inward.
+    /// The groups, from the outermost inward.
     pub(super) group: Vec<&'static str>,
-    /// Letters, digits and underscores: what every viewer takes.
+    /// The name in letters, digits and underscores, which every viewer accepts.
     pub(super) name: String,
     pub(super) bits: u32,
     pub(super) start: Value,
@@ -177,7 +177,7 @@ pub(super) struct Signal {
 pub struct Task {
     /// Its name in the firmware's sources.
     pub name: &'static str,
-    /// Its interrupt vector, as the part's manual calls it.
+    /// Its interrupt vector, in the part's manual's terms.
     pub vector: &'static str,
     /// The number of its exception in the image: 16 + n for interrupt n.
     pub exception: u16,
@@ -186,11 +186,11 @@ pub struct Task {
 /// One of a board's signals about its tasks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TaskSignal {
-    /// The task of this number in the board's list is entered, whether it runs or a more urgent one preempts it.
+    /// The task of this number in the board's list is active, whether it runs or a more urgent one preempts it.
     Entered(usize),
-    /// An exception that is in no list is entered.
+    /// An exception that is not in the list is active.
     Other,
-    /// Nothing is entered and the core is awake: thread mode.
+    /// No exception is active and the core is awake: thread mode.
     Idle,
     /// The core sleeps, or has no supply.
     Asleep,
@@ -202,7 +202,7 @@ pub enum TaskSignal {
 #[derive(Clone, Debug)]
 pub(super) struct Signals {
     all: Vec<Signal>,
-    /// The lists of tasks: where each board's signals begin, and how many tasks it has.
+    /// Where each board's task signals begin, and the number of its tasks.
     boards: [(usize, usize); 2],
 }
 
@@ -239,12 +239,12 @@ impl Signals {
         Self { all, boards }
     }
 
-    /// Every signal, each at the place that its [`Id`] says.
+    /// Every signal, at the index of its [`Id`].
     pub(super) fn all(&self) -> &[Signal] {
         &self.all
     }
 
-    /// Every signal, those of a group one after the other, groups within a group after its own signals.
+    /// Every signal, ordered by group; the groups within a group follow its own signals.
     pub(super) fn by_group(&self) -> Vec<(Id, &Signal)> {
         let mut groups: Vec<&'static str> = vec![];
         for signal in &self.all {
@@ -288,7 +288,7 @@ impl fmt::Display for Task {
     }
 }
 
-/// The digits of `value`, most significant first, as both formats write them; `z` where nothing drives the signal.
+/// The digits of `value` in both formats, most significant first; `z` where nothing drives the signal.
 pub(super) fn digits(bits: u32, value: Value) -> impl Iterator<Item = u8> {
     (0..bits).rev().map(move |bit| match value {
         Some(value) => b'0' + u8::from(value >> bit & 1 != 0),

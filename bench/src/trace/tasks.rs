@@ -1,4 +1,4 @@
-//! The tasks of a board over time: from the changes of the active exception to what is entered, runs and sleeps.
+//! Derives the tasks of a board over time from the changes of the active exception: active, running, sleeping.
 
 use cortex_m4::Cost;
 
@@ -11,14 +11,14 @@ use emulator_node::{self as node, Node};
 pub struct TaskWatch {
     board: Board,
     tasks: Vec<Task>,
-    /// The exceptions that are entered, each with its priority; the last of them runs.
+    /// The active exceptions, each with its priority; the last of them runs.
     entered: Vec<(u16, i16)>,
     asleep: bool,
 }
 
 impl TaskWatch {
-    /// Begins to watch the tasks of `node` from now on. `table` has the firmware's tasks: name and vector of each. A
-    /// task whose vector does not lead to the image's function of that name is left out.
+    /// Watches the tasks of `node` from now on. `table` has the firmware's tasks: name and vector of each. A task whose
+    /// vector does not lead to the image's function of that name is left out.
     #[must_use]
     pub fn new<B: node::Board, C: Cost>(
         board: Board,
@@ -42,8 +42,8 @@ impl TaskWatch {
         &self.tasks
     }
 
-    /// What happened since the last call. To be called at least once every 4096 changes of the active exception, which
-    /// a core makes in some milliseconds at the earliest.
+    /// Takes the events since the last call. It must be called at least once every 4096 changes of the active
+    /// exception, for which a core needs some milliseconds at least.
     pub fn take<B: node::Board, C: Cost>(&mut self, node: &mut Node<B, C>) -> Vec<Mark> {
         let mut marks = vec![];
         let mut sleeps = node.take_sleeps().into_iter().peekable();
@@ -60,14 +60,14 @@ impl TaskWatch {
         marks
     }
 
-    /// From `at` on exception `active` of this priority runs.
+    /// Records that exception `active` of this priority runs from `at` on.
     fn changes(&mut self, at: u64, active: u16, priority: i16, marks: &mut Vec<Mark>) {
         if let Some(place) = self.entered.iter().position(|&(entered, _)| entered == active) {
-            // Returned to, or entered anew by tail-chaining.
+            // The core returned to it, or entered it anew by tail-chaining.
             self.leave(at, place + 1, marks);
         } else {
-            // What is not more urgent than the last cannot preempt it: it follows by tail-chaining (ARMv7-M ARM
-            // B1.5.12). Thread mode is less urgent than everything.
+            // An exception that is not more urgent than the last cannot preempt it and follows by tail-chaining
+            // (ARMv7-M ARM B1.5.12). Thread mode is less urgent than every exception.
             while self.entered.last().is_some_and(|&(_, last)| last <= priority) {
                 self.leave(at, self.entered.len() - 1, marks);
             }
@@ -80,11 +80,11 @@ impl TaskWatch {
         self.idle(at, marks);
     }
 
-    /// All but the first `stay` of what is entered have ended.
+    /// Ends all but the first `stay` active exceptions.
     fn leave(&mut self, at: u64, stay: usize, marks: &mut Vec<Mark>) {
         for (ended, _) in self.entered.split_off(stay) {
             let signal = self.signal(ended);
-            // Two exceptions that are in no list share a signal.
+            // Two exceptions that are not in the list share a signal.
             if self.entered.iter().all(|&(entered, _)| self.signal(entered) != signal) {
                 marks.push(self.mark(at, signal, 0));
             }

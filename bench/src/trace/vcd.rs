@@ -1,4 +1,4 @@
-//! Value Change Dump (IEEE 1364-2005, section 18): text, which every viewer and sigrok read.
+//! Value Change Dump (IEEE 1364-2005, section 18), a text format that every viewer and sigrok read.
 
 use std::fs::File;
 use std::io::{self, BufWriter};
@@ -34,13 +34,13 @@ impl VcdFile {
         Ok(Self { writer, codes })
     }
 
-    /// The values at 0 ns follow.
+    /// Begins the values at 0 ns.
     pub(super) fn start(&mut self) -> io::Result<()> {
         self.time(0)?;
         self.writer.begin(SimulationCommand::Dumpvars)
     }
 
-    /// They are complete.
+    /// Ends the values at 0 ns.
     pub(super) fn started(&mut self) -> io::Result<()> {
         self.writer.end()
     }
@@ -60,7 +60,7 @@ impl VcdFile {
             let value = digits(1, value).map(digit).next().unwrap_or(vcd::Value::X);
             return self.writer.change_scalar(self.codes[place], value);
         }
-        // Leading digits that repeat are left out, which a reader fills up (18.2.1).
+        // Repeated leading digits are left out; a reader restores them (18.2.1).
         let needed = value.map_or(1, |value| (u64::BITS - value.leading_zeros()).clamp(1, bits));
         self.writer.change_vector(self.codes[place], digits(needed, value).map(digit))
     }

@@ -1,9 +1,9 @@
-//! The interrupts of the two parts by name. An image alone cannot say which is which: the compiler merges handlers with
-//! the same code, and then several vectors lead to one function with several names.
+//! The interrupts of the two parts by name. An image alone does not identify them: the compiler merges handlers with
+//! the same code, and several vectors then lead to one function with several names.
 
 use super::Board;
 
-/// RM0090 table 63: the STM32F429's interrupts in the order of their numbers, as its vectors are called in sources.
+/// RM0090 table 63: the STM32F429's interrupts in the order of their numbers, with the names used in sources.
 const STM32F429: [&str; 91] = [
     "WWDG",
     "PVD",
@@ -150,7 +150,7 @@ const NRF52840: [&str; 48] = [
     "SPIM3",
 ];
 
-/// The number of the exception that `vector` of the board's part is.
+/// The exception number of `vector` in the board's part.
 pub(crate) fn exception(board: Board, vector: &str) -> Option<u16> {
     let interrupts = match board {
         Board::Horus => &STM32F429[..],

@@ -1,8 +1,8 @@
-//! The base station: where profiles end up.
+//! The base station, the final receiver of the profiles.
 //!
-//! What is judged of them, kept and shown is [`base_station`]'s to say, which a real base station runs as well. Here is
-//! the end of the radio link before it, and a history beside it, so that a test can compare what was shown, to the last
-//! bit, with what the receivers said.
+//! The crate [`base_station`], which a real base station also runs, judges, keeps and shows the profiles. This module
+//! adds the end of the radio link before it, and a history beside it, so that a test can compare what was shown, to the
+//! last bit, with what the receivers sent.
 
 use core::fmt;
 use std::collections::VecDeque;
@@ -12,30 +12,30 @@ use base_station::{Bundle, Drone, Intact};
 use profile::ssi::client::Shown;
 use profile::{Layout, MAX_RECEIVERS, Object};
 
-/// How many profiles the history holds; older ones are dropped. Eleven minutes.
+/// The number of profiles in the history, eleven minutes; older ones are dropped.
 pub const HISTORY: usize = 65_536;
 
-/// A position as it was shown. What is not known is NaN.
+/// A position as it was shown. Unknown values are NaN.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Position {
-    /// Degrees north.
+    /// The latitude, degrees north.
     pub latitude: f64,
-    /// Degrees east.
+    /// The longitude, degrees east.
     pub longitude: f64,
-    /// Metres above the ellipsoid.
+    /// The height, metres above the ellipsoid.
     pub altitude: f64,
-    /// Whether its object's status says that it is valid.
+    /// Whether its object's status marks the position as valid.
     pub valid: bool,
-    /// Whether it says so of the attitude.
+    /// Whether its object's status marks the attitude as valid.
     pub oriented: bool,
 }
 
 /// One profile as it was shown.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Entry {
-    /// When its last byte arrived, ns.
+    /// The instant at which its last byte arrived, ns.
     pub at_ns: u64,
-    /// ms since HORUS start.
+    /// The timestamp, ms since HORUS start.
     pub timestamp: u32,
     /// Reported-Position, if that object was accepted.
     pub reported: Option<Position>,
@@ -48,7 +48,7 @@ pub struct Entry {
 pub struct Arrival {
     /// Its bytes as they arrived.
     pub profile: Vec<u8>,
-    /// Which of its objects the base station takes for valid: bit 0 Reported-Position, bit n GPSn.
+    /// The objects that the base station treats as valid: bit 0 Reported-Position, bit n GPSn.
     pub shown: u8,
 }
 
@@ -60,16 +60,16 @@ pub struct BaseStation {
     drone: Drone,
     bad_frames: u64,
     history: VecDeque<Entry>,
-    /// When something arrived last, ns.
+    /// The instant of the latest arrival, ns.
     arrived_ns: u64,
 }
 
 impl BaseStation {
-    /// A base station for profiles of so many receivers.
+    /// A base station for profiles of `receivers` receivers.
     ///
     /// # Panics
     ///
-    /// If there is no profile for so many.
+    /// Panics if no profile has that number of receivers.
     #[must_use]
     pub fn new(receivers: usize) -> Self {
         let layout = Layout::for_receivers(receivers);
@@ -84,7 +84,7 @@ impl BaseStation {
         }
     }
 
-    /// Takes bytes that arrived at `at_ns`. Answers the profiles that they completed.
+    /// Takes bytes that arrived at `at_ns`. Returns the profiles that they completed.
     pub fn receive(&mut self, at_ns: u64, bytes: &[u8]) -> Vec<Arrival> {
         let mut arrivals = vec![];
         self.arrived_ns = at_ns;
@@ -102,24 +102,24 @@ impl BaseStation {
         arrivals
     }
 
-    /// What is known of the drone.
+    /// The state of the drone.
     #[must_use]
     pub fn drone(&self) -> &Drone {
         &self.drone
     }
 
-    /// Frames that were damaged or of another length.
+    /// The number of frames that were damaged or had a wrong length.
     #[must_use]
     pub fn bad_frames(&self) -> u64 {
         self.bad_frames
     }
 
-    /// What arrived intact, oldest first: every profile with an intact object, the last [`HISTORY`] of them.
+    /// The intact profiles, oldest first: every profile with an intact object, the last [`HISTORY`] of them.
     pub fn history(&self) -> impl DoubleEndedIterator<Item = &Entry> + ExactSizeIterator {
         self.history.iter()
     }
 
-    /// Takes a profile. Answers which of its objects are valid: bit 0 Reported-Position, bit n GPSn.
+    /// Takes a profile. Returns its valid objects: bit 0 Reported-Position, bit n GPSn.
     fn profile(&mut self, at_ns: u64, bundle: &Bundle<'_>) -> u8 {
         let verdicts = self.drone.take_bundle(at_ns / 1_000, bundle);
         let mut shown = 0;
@@ -141,7 +141,7 @@ impl BaseStation {
                 }
                 Object::Gps(object) => {
                     let values = object.values();
-                    // Object 0 is Reported-Position, and no profile has more than five others.
+                    // Object 0 is Reported-Position, and no profile has more than five other objects.
                     entry.gps[index - 1] = Some(Position {
                         latitude: values.latitude,
                         longitude: values.longitude,
@@ -162,7 +162,7 @@ impl BaseStation {
     }
 }
 
-/// The state when something arrived last, for a person: a line per object, the alarms, then what came of the link.
+/// The state at the latest arrival as text: a line per object, the alarms, then the figures of the link.
 impl fmt::Display for BaseStation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}, {} bad frames", self.drone.words(self.arrived_ns / 1_000), self.bad_frames)

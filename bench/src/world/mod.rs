@@ -1,16 +1,15 @@
 //! The world around the two boards: the aircraft's flight controller, which reads the DPR over SSI, and the base
-//! station, which it forwards to.
+//! station, to which it forwards.
 //!
-//! Neither runs our firmware, so neither is emulated: they are state machines in virtual time that know the wire
-//! format, through `profile`, and nothing of how the boards are made. The flight controller is a source of SPI activity
-//! and a sink of what comes back; the base station is a sink of bytes. Both verify what they receive, as the real ones
-//! do: what is fresh and what is damaged.
+//! Neither runs our firmware, so neither is emulated: they are state machines in virtual time that use the wire format,
+//! through `profile`, and are independent of the boards' design. The flight controller reads and writes over the SSI;
+//! the base station only receives. Both check what they receive for freshness and damage, as the real ones do.
 //!
 //! | file | what |
 //! |---|---|
 //! | [`ssi`] | the SSI's pins, and the state machine that carries a transaction on them |
-//! | [`flight_controller`] | when transactions begin, what they ask for, what is made of what they bring |
-//! | [`base_station`] | the end of the radio link; what is shown of what arrives is for the crate of that name to say |
+//! | [`flight_controller`] | the instants of transactions, their requests, and the evaluation of their contents |
+//! | [`base_station`] | the end of the radio link; the crate of that name decides what is shown |
 
 pub mod base_station;
 pub mod flight_controller;

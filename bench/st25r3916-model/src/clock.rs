@@ -1,5 +1,5 @@
-//! The chip's own time: carrier cycles of its crystal, turned into virtual nanoseconds, and the bit rates that divide
-//! them.
+//! The chip's own time: it converts carrier cycles of its crystal to virtual nanoseconds and to the bit rates that
+//! divide them.
 
 /// Carrier cycles per second.
 pub(crate) const CARRIER_HZ: u64 = 13_560_000;
@@ -9,7 +9,7 @@ pub(crate) const AS_PER_NS: u64 = 1_000_000_000;
 /// Carrier cycles per bit at 106 kbit/s.
 pub(crate) const CYCLES_106: u64 = 128;
 
-/// A crystal, as far as time is concerned.
+/// A crystal's time base.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Clock {
     /// Attoseconds in a thousand carrier cycles.
@@ -19,33 +19,33 @@ pub(crate) struct Clock {
 impl Clock {
     pub(crate) fn new(ppb: i64) -> Self {
         let scale = 1_000_000_000i128 + i128::from(ppb.clamp(-1_000_000, 1_000_000));
-        // 1000 cycles in as = 1000 * 1e18 / 13.56e6 * 1e9 / (1e9 + ppb)
+        // The equation is: 1000 cycles in as = 1000 * 1e18 / 13.56e6 * 1e9 / (1e9 + ppb).
         let numerator = 1_000i128 * 1_000_000_000_000_000_000 * 1_000_000_000;
         let denominator = i128::from(CARRIER_HZ) * scale;
         let rounded = (numerator + denominator / 2) / denominator;
         Self { millicycle_as: u64::try_from(rounded).unwrap_or(u64::MAX) }
     }
 
-    /// `n` carrier cycles in ns, rounded.
+    /// Converts `n` carrier cycles to ns, rounded.
     pub(crate) fn cycles(self, n: u64) -> u64 {
         let a = u128::from(n) * u128::from(self.millicycle_as);
         let ns = (a + 500 * u128::from(AS_PER_NS)) / (1_000 * u128::from(AS_PER_NS));
         u64::try_from(ns).unwrap_or(u64::MAX)
     }
 
-    /// `n` carrier cycles in attoseconds, for a bit's length.
+    /// Converts `n` carrier cycles to attoseconds, for a bit's length.
     pub(crate) fn cycles_as(self, n: u64) -> u64 {
         let a = u128::from(n) * u128::from(self.millicycle_as) / 1_000;
         u64::try_from(a).unwrap_or(u64::MAX)
     }
 }
 
-/// Carrier cycles of a bit at the rate that register 04 or 24 codes as `rate`.
+/// Carrier cycles of a bit at the rate with the code `rate` in register 04 or 24.
 pub(crate) fn bit_cycles(rate: u8) -> u64 {
     CYCLES_106 >> rate
 }
 
-/// The nominal rate of a bit of so many carrier cycles, bit/s.
+/// The nominal rate of a bit of `cycles` carrier cycles, bit/s.
 pub(crate) fn rate_of(cycles: u64) -> u32 {
     match cycles {
         64 => 212_000,
@@ -55,16 +55,16 @@ pub(crate) fn rate_of(cycles: u64) -> u32 {
     }
 }
 
-/// `bits` bits of `bit_as` attoseconds in ns, rounded.
+/// The duration of `bits` bits of `bit_as` attoseconds in ns, rounded.
 pub(crate) fn bits_ns(bits: u64, bit_as: u64) -> u64 {
     let a = u128::from(bits) * u128::from(bit_as);
     let ns = (a + u128::from(AS_PER_NS / 2)) / u128::from(AS_PER_NS);
     u64::try_from(ns).unwrap_or(u64::MAX)
 }
 
-/// Whole bits of `bit_as` attoseconds in `ns`.
+/// The number of whole bits of `bit_as` attoseconds in `ns`.
 pub(crate) fn bits_in(ns: u64, bit_as: u64) -> u64 {
-    // Half a nanosecond more, so that an instant from `bits_ns` counts its own bit.
+    // Half a nanosecond is added, so that an instant from `bits_ns` counts its own bit.
     let a = u128::from(ns) * u128::from(AS_PER_NS) + u128::from(AS_PER_NS / 2);
     u64::try_from(a / u128::from(bit_as.max(1))).unwrap_or(u64::MAX)
 }
@@ -75,7 +75,7 @@ mod tests {
 
     #[test]
     fn air_times_of_the_data_sheet() {
-        // (64 + 8 (n + 3)) bits of 32 cycles.
+        // A frame takes (64 + 8 (n + 3)) bits of 32 cycles.
         let bit = Clock::new(0).cycles_as(32);
         assert_eq!(bits_ns(64 + 8 * (244 + 3), bit), 4_814_159);
         assert_eq!(bits_ns(64 + 8 * (254 + 3), bit), 5_002_950);

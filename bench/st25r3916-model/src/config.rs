@@ -1,6 +1,7 @@
-//! What can differ between two boards that carry the chip, and where the documents leave the silicon's behaviour open.
+//! The differences between two boards that carry the chip, and the choices where the documents do not define its
+//! behaviour.
 
-/// Which of the two parts.
+/// The part's variant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Variant {
     /// ST25R3916 (DS12484): identity 0x2A, capacitive sensor, no RC calibration.
@@ -9,89 +10,90 @@ pub enum Variant {
     St25r3916b,
 }
 
-/// What the chip makes of a frame that breaks off: a length byte that promises more than comes, or a lost field.
+/// The chip's handling of a frame that breaks off, by a length byte that exceeds the data or by a lost field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BrokenFrame {
-    /// I_rxe comes with I_err1 (and I_crc unless no_crc_rx): the framing logic notices the missing bits.
+    /// I_rxe comes with I_err1 (and I_crc unless no_crc_rx): the framing logic detects the missing bits.
     EndsWithError,
-    /// I_rxe never comes, and the receiver hangs until D1: seen on real parts by several drivers.
+    /// I_rxe never comes, and the receiver hangs until D1; several drivers report this of real parts.
     NeverEnds,
 }
 
-/// A chip and what surrounds it. The default is an ST25R3916B on a 5 V supply with a perfect crystal.
+/// A chip and its surroundings. The default is an ST25R3916B on a 5 V supply with a perfect crystal.
 ///
-/// Three kinds of values: which part and board; switches where the documents contradict themselves or each other; and
-/// the *individual* - latencies and converter results that no document gives and that were measured on one ST25R3916 at
-/// 5.2 V. The individual's defaults are those measurements, except where the field says "assumed".
+/// There are three kinds of values: the part and its board; switches where the documents contradict themselves or each
+/// other; and the *individual* values, which are latencies and converter results that no document gives and that were
+/// measured on one ST25R3916 at 5.2 V. The individual defaults are those measurements, except where the field says
+/// "assumed".
 #[derive(Clone, Debug, PartialEq)]
 pub struct Config {
     /// The part.
     pub variant: Variant,
-    /// Supply voltage, mV. Decides what Measure power supply (DF) finds and whether sup3V suits. The part's range is
-    /// 2400 to 5500; any other value is taken too, for a driver to find, and is a finding when the part is put to work
-    /// with it.
+    /// Supply voltage, mV. It decides the result of Measure power supply (DF) and whether sup3V suits. The part's range
+    /// is 2400 to 5500; any other value is accepted, for a driver to detect, and is a finding when the part is put to
+    /// work with it.
     pub vdd_mv: u16,
-    /// Error of the 27.12 MHz crystal, parts per billion, positive is fast; beyond ±1 000 000 it is taken as that
-    /// bound.
+    /// Error of the 27.12 MHz crystal, parts per billion, positive is fast; it is clamped to ±1 000 000.
     pub crystal_ppb: i64,
     /// Time from `en` to a stable oscillator, ns (data sheet: typically 0.7 ms).
     pub oscillator_startup_ns: u64,
 
-    /// Whether DB (clear FIFO) clears the interrupt registers too: the data sheet says both.
+    /// Whether DB (clear FIFO) also clears the interrupt registers: the data sheet contradicts itself.
     pub db_clears_irqs: bool,
-    /// Whether C2 (stop) clears the interrupt registers: recorded, an I_gpe that was due before a C2 was gone after it.
+    /// Whether C2 (stop) clears the interrupt registers: in a recording, an I_gpe that was due before a C2 was gone
+    /// after it.
     pub stop_clears_irqs: bool,
-    /// Whether a transmission that ends with the receiver off (`rx_en` = 0) raises I_txe: implied by the data sheet,
-    /// not observed.
+    /// Whether a transmission that ends with the receiver off (`rx_en` = 0) raises I_txe: the data sheet implies it,
+    /// but it was not observed.
     pub txe_with_rx_off: bool,
-    /// Whether a target must be unmasked (D1) before its first frame and after each: true is the cautious reading.
+    /// Whether a target must be unmasked (D1) before its first frame and after each: true is the cautious choice.
     pub target_rearms_by_command: bool,
-    /// What happens to a frame that breaks off.
+    /// The handling of a frame that breaks off.
     pub broken_frame: BrokenFrame,
-    /// Whether a frame is received although the receive chain (0B to 0E, B0C, B0D) cannot pass its technology. True: a
-    /// finding only, as some of it may get through. False: the frame is missed as well.
+    /// Whether a frame is received although the receive chain (0B to 0E, B0C, B0D) cannot pass its technology. If true,
+    /// it is only a finding, because some of it may get through; if false, the frame is also missed.
     pub unsuited_chain_receives: bool,
 
-    /// The same of a frame that is sent with settings that cannot modulate NFC-F, or into an antenna that is out of
-    /// tune: true, a finding only; false, nothing of it leaves the antenna but the carrier. An antenna that is out of
-    /// tune hears nothing either.
+    /// The same for a frame that is sent with settings that cannot modulate NFC-F, or into an antenna that is out of
+    /// tune. If true, it is only a finding; if false, only the carrier leaves the antenna, and an antenna that is out
+    /// of tune receives nothing either.
     pub unsuited_modulation_reaches: bool,
     /// The antenna's tuning (26, 27) that suits its matching network in a poller and in a listener.
     pub tuning: [[u8; 2]; 2],
-    /// How far either of them may be off, steps: assumed, since it is a matter of the antenna's quality.
+    /// The tolerance of the tuning, steps: assumed, because it depends on the antenna's quality.
     pub tuning_tolerance: u8,
-    /// What another chip's field, where there is one, is at the field detector's input, mV: assumed, some centimetres.
+    /// The voltage of another chip's field at the field detector's input, mV: assumed, some centimetres away.
     pub field_mv: u16,
 
-    /// Starts the generator that the start of transmission scatters by: the same seed, the same instants.
+    /// Seed of the scatter of the start of transmission: the same seed gives the same instants.
     pub seed: u64,
-    /// Individual: from the end of the command byte to the start of the frame on the air, mean, ns. Seven NFC-A frames
-    /// of one recording start 2.71 to 4.59 µs after the last clock edge of C4 to C7 (I_txe less the length of the
-    /// frame; half a clock less from the byte's end); this is the middle. For NFC-F inferred.
+    /// Individual: mean time from the end of the command byte to the start of the frame on the air, ns. Seven NFC-A
+    /// frames of one recording start 2.71 to 4.59 µs after the last clock edge of C4 to C7 (I_txe less the length of
+    /// the frame; half a clock less from the byte's end); this is the middle. The value for NFC-F is inferred.
     pub transmit_latency_ns: u64,
-    /// Individual: how far the start of transmission scatters around its mean, peak to peak, uniform, ns; 0: not at
-    /// all. In the recordings, frames start up to 2.1 µs apart after the same command (seven of NFC-A within 1.9 µs,
-    /// two equal ones of NFC-V 2.1 µs, two of NFC-B 0.4 µs); 2.3 µs, a bit of 424 kbit/s, covers them. Taken as at most
-    /// twice the mean.
+    /// Individual: scatter of the start of transmission around its mean, peak to peak, uniform, ns; 0 for none. In the
+    /// recordings, frames start up to 2.1 µs apart after the same command (seven of NFC-A within 1.9 µs, two equal ones
+    /// of NFC-V 2.1 µs, two of NFC-B 0.4 µs); 2.3 µs, a bit of 424 kbit/s, covers them. It is limited to twice the
+    /// mean.
     pub transmit_scatter_ns: u64,
-    /// Individual: from the first rising clock edge of the byte that carries an interrupt register away to the fall of
+    /// Individual: time from the first rising clock edge of the byte that carries an interrupt register to the fall of
     /// the IRQ pin, ns (recorded: 30 to 32 ns).
     pub irq_fall_ns: u64,
-    /// Individual: from the field's switch-on to I_apon, ns (three recordings: 2.70 to 2.71 µs).
+    /// Individual: time from the field's switch-on to I_apon, ns (three recordings: 2.70 to 2.71 µs).
     pub field_on_latency_ns: u64,
-    /// Individual: how much longer than its setting the field-on guard time runs until I_cat, ns (three recordings).
+    /// Individual: excess of the field-on guard time until I_cat over its setting, ns (three recordings).
     pub guard_extra_ns: u64,
-    /// Individual: how much longer than its setting the no-response timer runs, ns.
+    /// Individual: excess of the no-response timer over its setting, ns.
     pub no_response_extra_ns: u64,
-    /// Individual: NFC-A answer, from the end of its start of communication to I_rxs, ns.
+    /// Individual: NFC-A answer, time from the end of its start of communication to I_rxs, ns.
     pub nfc_a_start_latency_ns: u64,
-    /// Individual: NFC-A answer, from the end of a byte to the byte in the FIFO, and from the end of the frame to
+    /// Individual: NFC-A answer, time from the end of a byte to the byte in the FIFO, and from the end of the frame to
     /// I_rxe, ns.
     pub nfc_a_latency_ns: u64,
-    /// Individual, assumed (two bits at 424 kbit/s): NFC-F, from the end of the sync to I_rxs, from the end of a byte
-    /// to the byte in the FIFO, and from the end of the frame to I_rxe, ns.
+    /// Individual, assumed (two bits at 424 kbit/s): NFC-F, time from the end of the sync to I_rxs, from the end of a
+    /// byte to the byte in the FIFO, and from the end of the frame to I_rxe, ns.
     pub nfc_f_latency_ns: u64,
-    /// Individual, assumed: from a change of the external field to the detector's output, ns.
+    /// Individual, assumed: time from a change of the external field to the detector's output, ns.
     pub field_detect_ns: u64,
 
     /// Individual: duration of Adjust regulators (D6), ns (data sheet: at most 5 ms; 3 ms assumed).
@@ -106,11 +108,11 @@ pub struct Config {
     pub driver_timing_display: u8,
     /// Individual: RC calibration display (B39) after EA.
     pub rc_calibration_display: u8,
-    /// Individual: what Measure amplitude (D3) finds, A/D steps.
+    /// Individual: result of Measure amplitude (D3), A/D steps.
     pub amplitude: u8,
-    /// Individual: what Measure phase (D9) finds, A/D steps.
+    /// Individual: result of Measure phase (D9), A/D steps.
     pub phase: u8,
-    /// Individual: regulated supplies as DF finds them: VDD_A, VDD_D, VDD_RF, VDD_AM, mV.
+    /// Individual: results of DF for the regulated supplies: VDD_A, VDD_D, VDD_RF, VDD_AM, mV.
     pub regulated_mv: [u16; 4],
 }
 

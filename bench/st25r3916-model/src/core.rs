@@ -1,5 +1,5 @@
-//! What every part of the chip stands on: configuration, time, power and oscillator, registers, interrupts, deadlines,
-//! and the lists of what was found and emitted.
+//! The common base of the chip's parts: configuration, time, power and oscillator, registers, interrupts, deadlines,
+//! and the lists of findings and emissions.
 
 use crate::clock::Clock;
 use crate::config::Config;
@@ -10,18 +10,18 @@ use crate::report::{Kind, Report, Reports, Space};
 use crate::rng::SplitMix;
 use crate::schedule::{Due, Schedule};
 
-/// What the chip has done, for a report.
+/// Counters of the chip's activity, for a report.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Statistics {
     /// Frames sent to their end.
     pub sent: u64,
-    /// Frames received to I_rxe, whatever their flags.
+    /// Frames received to I_rxe, with any flags.
     pub received: u64,
-    /// Of these, with a CRC error.
+    /// Received frames with a CRC error.
     pub crc_errors: u64,
     /// Frames that broke off while being received.
     pub broken: u64,
-    /// Frames that passed by: not armed, receiver off, other mode or rate.
+    /// Frames that were missed: not armed, receiver off, other mode or rate.
     pub missed: u64,
     /// Frames that began while their predecessor was unread in the FIFO.
     pub overwritten: u64,
@@ -40,7 +40,7 @@ pub(crate) struct Core {
     /// Interrupt bits that a fault keeps from being set.
     withheld: u32,
     schedule: Schedule,
-    /// Scatters what scatters on silicon.
+    /// The source of everything that scatters on silicon.
     rng: SplitMix,
     reports: Reports,
     outbox: Vec<(u64, AirEvent)>,
@@ -48,7 +48,7 @@ pub(crate) struct Core {
 }
 
 impl Core {
-    /// Powered from time 0, registers at their reset values.
+    /// A core that is powered from time 0, with registers at their reset values.
     pub(crate) fn new(config: Config) -> Self {
         Self {
             clock: Clock::new(config.crystal_ppb),
@@ -75,7 +75,7 @@ impl Core {
         self.clock
     }
 
-    /// 0 to `most`, each as likely as the others.
+    /// A uniform number from 0 to `most`.
     pub(crate) fn scatter(&mut self, most: u64) -> u64 {
         self.rng.up_to(most)
     }
@@ -86,12 +86,12 @@ impl Core {
         self.now
     }
 
-    /// Time is `now`, unless it is later already.
+    /// Advances the time to `now`, unless it is later already.
     pub(crate) fn reach(&mut self, now: u64) {
         self.now = self.now.max(now);
     }
 
-    /// What falls due first up to `now`; time moves to its instant.
+    /// Takes the first deadline up to `now`; time moves to its instant.
     pub(crate) fn take_due(&mut self, now: u64) -> Option<Due> {
         let (at, what) = self.schedule.take(now)?;
         self.reach(at);
@@ -138,7 +138,7 @@ impl Core {
         self.oscillator = stable;
     }
 
-    /// Set default: registers, interrupts and oscillator, as after power-up. The pin does not follow yet.
+    /// Resets registers, interrupts and oscillator as after power-up (Set default). The pin does not follow yet.
     pub(crate) fn set_default(&mut self) {
         self.registers.reset();
         self.registers.set(Space::B, reg::B_DRIVER_TIMING as u8, self.config.driver_timing_display);
@@ -146,7 +146,7 @@ impl Core {
         self.oscillator = false;
     }
 
-    /// No deadline is left.
+    /// Cancels all deadlines.
     pub(crate) fn cancel_all(&mut self) {
         self.schedule = Schedule::new();
     }
@@ -220,36 +220,36 @@ impl Core {
         self.interrupts.raise(bits & !self.withheld, unmasked, self.now);
     }
 
-    /// These bits were read at `at`, perhaps a little in the past.
+    /// Clears these bits, which were read at `at`, perhaps slightly in the past.
     pub(crate) fn interrupts_were_read(&mut self, bits: u32, at: u64) {
         let unmasked = self.unmasked();
         self.interrupts.were_read(bits, unmasked, at);
     }
 
-    /// A fault flips these bits.
+    /// Flips these bits by a fault.
     pub(crate) fn flip_interrupts(&mut self, bits: u32) {
         let unmasked = self.unmasked();
         self.interrupts.flip(bits, unmasked, self.now);
     }
 
-    /// These bits, and no others, are not set from now on whatever happens; those that are set stay.
+    /// Keeps these bits, and no others, from being set from now on; those that are set stay.
     pub(crate) fn withhold(&mut self, bits: u32) {
         self.withheld = bits;
     }
 
-    /// Every interrupt bit is cleared.
+    /// Clears every interrupt bit.
     pub(crate) fn clear_interrupts(&mut self) {
         self.interrupts.clear();
         self.pin_follows();
     }
 
-    /// A mask, the supply or the pending bits have changed.
+    /// Updates the pin after a change of a mask, the supply or the pending bits.
     pub(crate) fn pin_follows(&mut self) {
         let unmasked = self.unmasked();
         self.interrupts.follows(unmasked, self.now);
     }
 
-    // --- what leaves the chip ---
+    // --- emissions of the chip ---
 
     pub(crate) fn note(&mut self, kind: Kind) {
         self.reports.note(self.now, kind);

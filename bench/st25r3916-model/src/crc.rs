@@ -1,4 +1,4 @@
-//! The two CRC-16 of the air: NFC-F (ISO 18092, FeliCa) and NFC-A (ISO 14443-3 annex B).
+//! The two CRC-16 used on the air: NFC-F (ISO 18092, FeliCa) and NFC-A (ISO 14443-3 annex B).
 
 /// NFC-F: polynomial 0x1021, initial value 0, most significant bit first; sent most significant byte first.
 #[must_use]
@@ -29,7 +29,7 @@ pub(crate) fn nfc_a(bytes: &[u8]) -> [u8; 2] {
 mod tests {
     #[test]
     fn check_values_of_the_catalogue() {
-        // CRC-16/XMODEM and CRC-16/ISO-IEC-14443-3-A over "123456789".
+        // The values are CRC-16/XMODEM and CRC-16/ISO-IEC-14443-3-A over "123456789".
         assert_eq!(super::nfc_f(b"123456789"), 0x31C3u16.to_be_bytes());
         assert_eq!(super::nfc_a(b"123456789"), 0xBF05u16.to_le_bytes());
     }

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | external field detector, own field, NFC initial field on (C8) with its guard time | External field detector, 4.4 |
 //! | | NFC field on |
-//! | its thresholds for peer detection (2A, 2B bits 6:4) against the field that there is | the same; steps: \[1\] |
+//! | its thresholds for peer detection (2A, 2B bits 6:4) against the field's voltage | the same; steps: \[1\] |
 //!
 //! | left out | why |
 //! |---|---|
@@ -23,14 +23,15 @@ use crate::registers::{EN, EN_FD, TX_EN, reg};
 use crate::report::Kind;
 use crate::schedule::Due;
 
-/// What the detector's input must have, by bits 6:4 of 2A (for a field to be there) and of 2B (for it to stay), mV.
+/// The voltage that the detector's input needs, by bits 6:4 of 2A (for a field to appear) and of 2B (for it to stay),
+/// mV.
 const THRESHOLDS_MV: [u16; 8] = [75, 105, 150, 205, 290, 400, 560, 800];
 
-/// The carriers, as the chip makes and sees them.
+/// The carriers that the chip makes and detects.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Field {
     own: bool,
-    /// A carrier from outside, whether or not the chip sees it.
+    /// Whether there is a carrier from outside, detected or not.
     outside: bool,
     /// The detector's output.
     detected: bool,
@@ -57,7 +58,7 @@ impl Field {
         core.powered() && core.oscillator() && core.operates(EN | TX_EN)
     }
 
-    /// The own carrier goes on or off.
+    /// Switches the own carrier on or off.
     pub(crate) fn switch(&mut self, core: &mut Core, on: bool) {
         self.own = on;
         if on {
@@ -69,13 +70,13 @@ impl Field {
         }
     }
 
-    /// A carrier from outside comes or goes.
+    /// Records that a carrier from outside comes or goes.
     pub(crate) fn outside_is(&mut self, core: &mut Core, on: bool) {
         self.outside = on;
         self.look(core);
     }
 
-    /// The detector starts anew: it has seen nothing.
+    /// Restarts the detector with no carrier detected.
     pub(crate) fn forget(&mut self) {
         self.detected = false;
     }
@@ -84,7 +85,7 @@ impl Field {
         let threshold = |i: usize| THRESHOLDS_MV[usize::from(core.a(i) >> 4 & 7)];
         let needed =
             if self.detected { threshold(reg::FIELD_OFF_THRESHOLD) } else { threshold(reg::FIELD_ON_THRESHOLD) };
-        // Its own field blinds the detector.
+        // The chip's own field blinds the detector.
         core.powered()
             && self.outside
             && core.config().field_mv >= needed
@@ -92,7 +93,7 @@ impl Field {
             && core.a(reg::OPERATION) & EN_FD != 0
     }
 
-    /// The detector is about to be relied on: does it end below where it begins?
+    /// Checks, before the detector is used, that its lower threshold is below the upper one.
     pub(crate) fn has_hysteresis(core: &mut Core) {
         let (on, off) = (core.a(reg::FIELD_ON_THRESHOLD), core.a(reg::FIELD_OFF_THRESHOLD));
         if core.a(reg::OPERATION) & EN_FD != 0 && on >> 4 & 7 <= off >> 4 & 7 {
@@ -110,7 +111,7 @@ impl Field {
         }
     }
 
-    /// The detector's delay is over.
+    /// Changes the detector's output at the end of its delay.
     pub(crate) fn detect(&mut self, core: &mut Core) {
         let sees = self.sees(core);
         if sees != self.detected {
@@ -122,8 +123,8 @@ impl Field {
         }
     }
 
-    /// C8: listens for a foreign field during T_IDT + n T_RFW (4096 + n 512 carrier cycles), then switches its own on.
-    /// A field that the detector sees at its start or at any instant of the window ends it.
+    /// Carries out C8: it listens for a foreign field during T_IDT + n T_RFW (4096 + n 512 carrier cycles), then
+    /// switches its own on. A field that the detector sees at its start or at any instant of the window ends it.
     pub(crate) fn initial_on(&self, core: &mut Core) {
         if core.a(reg::OPERATION) & EN_FD == 0 {
             core.note(Kind::CollisionAvoidanceBlind);
@@ -137,13 +138,13 @@ impl Field {
     }
 }
 
-/// Collision avoidance has seen a foreign field.
+/// Ends collision avoidance because of a foreign field.
 fn avoided(core: &mut Core) {
     core.cancel(Due::FieldOn);
     core.raise(irq::CAC);
 }
 
-/// Collision avoidance has switched the own field on: I_apon, then the guard time.
+/// Begins the guard time after collision avoidance has switched the own field on and raised I_apon.
 pub(crate) fn start_guard(core: &mut Core) {
     let apon = core.config().field_on_latency_ns;
     core.plan_in(Due::Apon, apon);

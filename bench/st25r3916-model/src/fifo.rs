@@ -12,7 +12,7 @@ pub(crate) struct Fifo {
     pub(crate) underflow: bool,
     /// fifo_ovr (1F, bit 4).
     pub(crate) overflow: bool,
-    /// fifo_lb (1F, bits 3:1): bits in the last byte, 0 when it is whole.
+    /// fifo_lb (1F, bits 3:1): the number of bits in the last byte, 0 when it is whole.
     pub(crate) last_bits: u8,
 }
 
@@ -42,12 +42,12 @@ impl Fifo {
         (i < self.len).then(|| self.ring[(self.head + i) % CAPACITY])
     }
 
-    /// Up to `n` bytes from the front, which stay.
+    /// Up to `n` bytes from the front, without removing them.
     pub(crate) fn front(&self, n: usize) -> Vec<u8> {
         (0..n.min(self.len)).filter_map(|i| self.peek(i)).collect()
     }
 
-    /// False, and the overflow flag, when there is no room.
+    /// Adds a byte; false, with the overflow flag set, when there is no room.
     pub(crate) fn push(&mut self, byte: u8) -> bool {
         if self.len == CAPACITY {
             self.overflow = true;

@@ -1,23 +1,23 @@
-//! A frame on its way in, from the moment it is heard: its bytes, and the arithmetic of their instants.
+//! A frame being received, from its first bit on: its bytes, and the arithmetic of their instants.
 //!
-//! An NFC-F frame ends when LEN + 2 bytes are in, or when the signal ends before that. Which of the two counts when
-//! they disagree is not documented; the first to happen does here.
+//! An NFC-F frame ends when LEN + 2 bytes are in, or when the signal ends before that. It is not documented which of
+//! the two counts when they disagree; the model takes the first.
 
 use crate::clock::{bits_in, bits_ns};
 use crate::event::{Chunk, FrameStart, Technology};
 
-/// A frame on its way in.
+/// A frame being received.
 #[derive(Clone, Debug)]
 pub(crate) struct Incoming {
     pub(crate) frame: FrameStart,
     start: u64,
-    /// The receiver took it: I_rxs was raised.
+    /// Whether the receiver accepted it: I_rxs was raised.
     pub(crate) locked: bool,
     /// Bytes in the FIFO.
     deposited: usize,
-    /// When the next byte reaches the FIFO, ns.
+    /// The instant at which the next byte reaches the FIFO, ns.
     next_byte: u64,
-    /// The signal's end and the data bits until then.
+    /// The signal's end and the number of data bits until then.
     ended: Option<(u64, u32)>,
     latency: u64,
 }
@@ -33,12 +33,12 @@ impl Incoming {
         self.start.saturating_add(bits_ns(bits, self.frame.bit_as))
     }
 
-    /// When its sync, or its start of communication, has passed.
+    /// The instant at which its sync, or its start of communication, has passed.
     pub(crate) fn header_end(&self) -> u64 {
         self.instant(0)
     }
 
-    /// When its sync, or its start of communication, began: the decoder must have been running by then.
+    /// The instant at which its sync, or its start of communication, began: the decoder must have been running by then.
     pub(crate) fn sync_start(&self) -> u64 {
         let bits = match self.frame.technology {
             Technology::NfcF => self.frame.header_bits.saturating_sub(16),
@@ -52,15 +52,15 @@ impl Incoming {
         self.ended.is_some()
     }
 
-    /// More of it is on the air.
+    /// Adds bytes that are on the air.
     pub(crate) fn more(&mut self, chunk: &Chunk) {
         self.frame.chunk.data.extend_from_slice(&chunk.data);
         self.frame.chunk.parity_error |= chunk.parity_error;
         self.next_byte = 0;
     }
 
-    /// The signal ended at `at`, after `bits` data bits: of the last byte's there may be fewer than eight, and only
-    /// these are known.
+    /// Ends the signal at `at`, after `bits` data bits: the last byte may have fewer than eight, and only these are
+    /// known.
     pub(crate) fn ends(&mut self, at: u64, bits: u32) {
         self.ended = Some((at, bits));
         let data = &mut self.frame.chunk.data;
@@ -75,7 +75,7 @@ impl Incoming {
         }
     }
 
-    /// The signal stopped at `at`, wherever the frame was. False when that is before the frame could be found.
+    /// Stops the signal at `at`, anywhere in the frame. Returns false when that is too early for the frame to be found.
     pub(crate) fn stops(&mut self, at: u64) -> bool {
         let air = bits_in(at.saturating_sub(self.start), self.frame.bit_as);
         if !self.locked && air < u64::from(self.frame.header_bits) {
@@ -88,7 +88,7 @@ impl Incoming {
         true
     }
 
-    /// Bytes the frame says it has: LEN and CRC of NFC-F.
+    /// The number of bytes of the frame by its own LEN, with the CRC of NFC-F.
     fn limit(&self) -> Option<usize> {
         match self.frame.technology {
             Technology::NfcF => self.frame.chunk.data.first().map(|&len| usize::from(len.max(1)) + 2),
@@ -96,7 +96,7 @@ impl Incoming {
         }
     }
 
-    /// Bytes that may reach the FIFO.
+    /// The number of bytes that may reach the FIFO.
     fn available(&self) -> usize {
         let n = self.frame.chunk.data.len();
         self.limit().map_or(n, |l| n.min(l))
@@ -107,7 +107,7 @@ impl Incoming {
         &self.frame.chunk.data[..self.available()]
     }
 
-    /// Whether everything that the frame says it has was heard.
+    /// Whether every announced byte was received.
     pub(crate) fn whole(&self) -> bool {
         match (self.limit(), self.ended) {
             (Some(limit), None) => self.frame.chunk.data.len() >= limit,
@@ -116,17 +116,17 @@ impl Incoming {
         }
     }
 
-    /// Bits of an incomplete last byte, 0 when it is whole. The data sheet says so of a frame, whatever its technology
+    /// Bits of an incomplete last byte, 0 when it is whole. The data sheet specifies this for a frame of any technology
     /// (fifo_lb), and ST's own driver (RFAL) reads it in the same way for all.
     pub(crate) fn last_bits(&self) -> u8 {
         match self.ended {
-            // What comes after the last byte that LEN announces is not looked at.
+            // Bits after the last byte that LEN announces are ignored.
             Some((_, bits)) if (bits as usize).div_ceil(8) <= self.available() => (bits % 8) as u8,
             _ => 0,
         }
     }
 
-    /// When the receiver is done with it; `None` while that is not known.
+    /// The instant at which the receiver is done with it; `None` while that is not known.
     pub(crate) fn done_at(&self) -> Option<u64> {
         let end = match (self.whole(), self.limit(), self.ended) {
             (true, Some(limit), _) => self.instant(limit),
@@ -136,13 +136,14 @@ impl Incoming {
         Some(end.saturating_add(self.latency))
     }
 
-    /// When a FIFO with `level` bytes of it reaches `full`; `None` when the frame, as far as it is known, is shorter.
+    /// The instant at which a FIFO with `level` bytes of it reaches `full`; `None` when the frame, as far as it is
+    /// known, is shorter.
     pub(crate) fn reaches(&self, full: usize, level: usize) -> Option<u64> {
         let byte = self.deposited + full.checked_sub(level)?;
         (self.locked && byte <= self.available()).then(|| self.instant(byte).saturating_add(self.latency))
     }
 
-    /// Bytes that have come since the last call of [`Incoming::take_due`].
+    /// The number of bytes that have come since the last call of [`Incoming::take_due`].
     pub(crate) fn due(&self, now: u64) -> usize {
         if !self.locked || now < self.next_byte {
             return 0;
@@ -154,7 +155,7 @@ impl Incoming {
         usize::try_from(bytes).unwrap_or(usize::MAX).clamp(self.deposited, most) - self.deposited
     }
 
-    /// The bytes that have come, for the FIFO.
+    /// Takes the bytes that have come, for the FIFO.
     pub(crate) fn take_due(&mut self, now: u64) -> &[u8] {
         let (from, due) = (self.deposited, self.due(now));
         if due != 0 {
@@ -164,7 +165,7 @@ impl Incoming {
         &self.frame.chunk.data[from..from + due]
     }
 
-    /// The bytes that are left, for the FIFO: the last may be a rounding of a nanosecond away.
+    /// Takes the remaining bytes for the FIFO: the last may be a rounding of a nanosecond away.
     pub(crate) fn take_rest(&mut self) -> &[u8] {
         let from = self.deposited;
         self.deposited = self.available().max(from);

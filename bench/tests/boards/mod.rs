@@ -11,18 +11,18 @@ use nrf52840::{Nrf52840, Settings};
 use st25r3916_model::{Chip, Config};
 use stm32f429::{Oscillators, Stm32f429};
 
-/// What a test answers that lacks something it needs: a test that ran on nothing must not look as if it had passed
-/// where nobody reads its output, so with `ci` it fails. `how` says how to get what is missing.
+/// The result of a test that lacks something it needs. With `ci` it fails, because a test that ran on nothing must not
+/// look as if it had passed where no one reads its output. `how` explains how to get what is missing.
 pub(crate) fn verdict(ci: bool, missing: &str, how: &str) -> Result<String, String> {
     let words = format!("not run: {missing} ({how})");
     if ci { Err(words) } else { Ok(words) }
 }
 
-/// Says that this test is not run because `missing`, and fails it where the environment has `CI`.
+/// Reports that this test is not run because `missing`, and fails it where the environment has `CI`.
 ///
 /// # Panics
 ///
-/// Where `CI` is set.
+/// Panics where `CI` is set.
 pub(crate) fn not_run(missing: &str, how: &str) {
     match verdict(std::env::var_os("CI").is_some(), missing, how) {
         Ok(words) => eprintln!("{words}"),
@@ -30,7 +30,7 @@ pub(crate) fn not_run(missing: &str, how: &str) {
     }
 }
 
-/// The image called `name` for so many receivers, or `None` (said, see [`not_run`]) where it was not built.
+/// The image called `name` for `receivers` receivers, or `None` (reported, see [`not_run`]) where it was not built.
 pub(crate) fn image(receivers: usize, name: &str) -> Option<PathBuf> {
     let how = "`cargo xtask test` builds the images and says in LINK_IMAGES where they are";
     let Some(folder) = std::env::var_os("LINK_IMAGES").map(PathBuf::from) else {
@@ -45,8 +45,8 @@ pub(crate) fn image(receivers: usize, name: &str) -> Option<PathBuf> {
     Some(path)
 }
 
-/// The longest that a board tests its RAM before it does anything else, ns: the DPR's 96 KiB on its 64 MHz, which take
-/// longer than HORUS's 32 KiB on 16 MHz (`firmware_common::start_test`).
+/// The longest test of a board's RAM at its start, ns: that of the DPR's 96 KiB at 64 MHz, which takes longer than
+/// HORUS's 32 KiB at 16 MHz (`firmware_common::start_test`).
 pub(crate) const RAM_TEST: u64 = {
     let horus = start_test::longest_us(32 << 10, start_test::HORUS_CYCLES, 16);
     let dpr = start_test::longest_us(96 << 10, start_test::DPR_CYCLES, 64);
@@ -57,38 +57,38 @@ fn chip() -> Chip {
     Chip::new(Config { vdd_mv: 5000, ..Config::default() })
 }
 
-/// The HORUS board with three receivers, of which none sends.
+/// The HORUS board with three receivers, none of which sends.
 pub(crate) fn horus() -> Option<Node<Horus>> {
     horus_on(Oscillators::default())
 }
 
-/// As [`horus`], with these oscillators.
+/// The board of [`horus`] with these oscillators.
 pub(crate) fn horus_on(oscillators: Oscillators) -> Option<Node<Horus>> {
     horus_with(oscillators)
 }
 
-/// As [`horus_on`], whatever the core's time costs.
+/// The board of [`horus_on`] with any cost of the core's time.
 pub(crate) fn horus_with<C: Cost>(oscillators: Oscillators) -> Option<Node<Horus, C>> {
     horus_part(Stm32f429::new(oscillators).with_brown_out_level_3())
 }
 
-/// As [`horus_with`], with this part.
+/// The board of [`horus_with`] with this part.
 pub(crate) fn horus_part<C: Cost>(part: Stm32f429) -> Option<Node<Horus, C>> {
     let image = Firmware::read(&image(3, "horus-tx-fw.elf")?).unwrap();
     Some(Node::new(part, Horus::new(chip(), 3, false), &image).unwrap())
 }
 
-/// The DPR board, out of any field.
+/// The DPR board, outside any field.
 pub(crate) fn dpr() -> Option<Node<Dpr>> {
     dpr_on(Settings::default())
 }
 
-/// As [`dpr`], with a part like this.
+/// The board of [`dpr`] with a part of these settings.
 pub(crate) fn dpr_on(settings: Settings) -> Option<Node<Dpr>> {
     dpr_with(settings)
 }
 
-/// As [`dpr_on`], whatever the core's time costs.
+/// The board of [`dpr_on`] with any cost of the core's time.
 pub(crate) fn dpr_with<C: Cost>(settings: Settings) -> Option<Node<Dpr, C>> {
     let image = Firmware::read(&image(3, "dpr-fw.elf")?).unwrap();
     let mut node = Node::new(Nrf52840::new(settings), Dpr::new(chip(), false), &image).unwrap();

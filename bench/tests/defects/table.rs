@@ -1,30 +1,30 @@
-//! Defects that a hurried change could leave in the sources: each a small change of one file, the run of `cargo xtask
-//! sim` that shows it, and the violation by which it shows.
+//! Defects that a hurried change could leave in the sources. Each has a small change of one file, the run of `cargo
+//! xtask sim` that shows it, and the violation that results.
 //!
 //! `cargo xtask defects` applies all of them to a copy of the workspace at once, each as a choice at run time, and runs
-//! each by itself (`xtask/src/defects.rs`). Where the new text has the word `DEFECT`, that is the choice; otherwise the
-//! old text is what runs without the defect, and the new text what runs with it.
+//! each separately (`xtask/src/defects.rs`). Where the new text contains the word `DEFECT`, that is the choice;
+//! otherwise the old text runs without the defect, and the new text with it.
 //!
-//! To add one: a row here. Its old text has to be in its file exactly once, and in no `const fn`.
+//! A new defect is a row here. Its old text must occur exactly once in its file, and in no `const fn`.
 
 use bench_judge::Violation;
 
 /// A change of a file.
 pub(crate) struct Edit {
-    /// The file, from the workspace's root.
+    /// The file's path from the workspace's root.
     pub(crate) file: &'static str,
-    /// What is there.
+    /// The original text.
     pub(crate) old: &'static str,
-    /// What the defect makes of it.
+    /// The text with the defect.
     pub(crate) new: &'static str,
 }
 
-/// Whether the run shows it.
+/// The result of the run.
 pub(crate) enum Shows {
-    /// By this violation, among others perhaps.
+    /// The run shows this violation, perhaps among others.
     By(Violation),
-    /// By no violation, for this reason: where a rule is missing the reason says which, and where none can be the test
-    /// that has it.
+    /// The run shows no violation, for this reason: it names a missing rule or, where no rule is possible, the test
+    /// that finds the defect.
     Not(&'static str),
 }
 
@@ -32,13 +32,13 @@ pub(crate) enum Shows {
 pub(crate) struct Defect {
     /// Its name.
     pub(crate) name: &'static str,
-    /// What it does wrong.
+    /// The effect of the defect.
     pub(crate) does: &'static str,
     /// The change.
     pub(crate) edit: Edit,
     /// The arguments of `cargo xtask sim` for the run that shows it.
     pub(crate) run: &'static str,
-    /// What that run shows.
+    /// The result of that run.
     pub(crate) shows: Shows,
 }
 
@@ -61,9 +61,9 @@ const CLIENT: &str = "profile/src/ssi/client/mod.rs";
 const DRONE: &str = "base-station/src/drone/mod.rs";
 const ORDER: &str = "base-station/src/drone/order.rs";
 
-/// Nothing goes wrong but the defect.
+/// The only fault is the defect.
 const PLAIN: &str = "--seconds 6";
-/// The receivers are as delivered.
+/// The receivers have their factory settings.
 const FACTORY: &str = "--seconds 8 --factory-settings";
 /// Receivers and their lines fail.
 const GNSS: &str = "--seconds 20 --seed 3 --faults gnss";

@@ -1,5 +1,5 @@
-//! What reads a DPR board and what sends to it, where a test wants neither the simulated flight controller nor, for
-//! frames of its own making, HORUS.
+//! A simple reader of a DPR board and a sender of frames, for tests that need neither the simulated flight controller
+//! nor HORUS.
 #![allow(dead_code, reason = "each test file uses what it needs")]
 
 use bench::boards::{Dpr, Horus};
@@ -12,7 +12,7 @@ use st25r3916_model::{Air, AirEvent, AirFaults, Chunk, FrameStart, Technology};
 pub(crate) const US: u64 = 1_000;
 pub(crate) const MS: u64 = 1_000_000;
 
-/// Receivers of the images that these tests run.
+/// The number of receivers of the images that these tests run.
 pub(crate) const RECEIVERS: usize = 3;
 
 /// The places of the objects in the image.
@@ -20,17 +20,17 @@ pub(crate) fn layout() -> Layout {
     Layout::for_receivers(RECEIVERS).expect("a profile of three receivers")
 }
 
-/// A bit at 424 kbit/s: 32 periods of 13.56 MHz, attoseconds.
+/// The duration of a bit at 424 kbit/s, attoseconds: 32 periods of 13.56 MHz.
 const BIT_AS: u64 = 32 * 1_000_000_000_000_000 / 13_560;
 
 // ---- what is read
 
-/// What one transaction brought.
+/// The contents of one transaction.
 #[derive(Clone, Debug)]
 pub(crate) struct View {
-    /// When chip select fell, ns.
+    /// The instant at which chip select fell, ns.
     pub(crate) at: u64,
-    /// Everything read 0xFF.
+    /// Whether every byte read 0xFF.
     pub(crate) silent: bool,
     /// Link-Status, if it is intact.
     pub(crate) link: Option<LinkValues>,
@@ -58,13 +58,13 @@ impl View {
     }
 }
 
-/// One transaction of `bytes` bytes that begins now, in which MOSI shows `mosi` throughout: what MISO showed. The gap
-/// after it is over.
+/// Carries one transaction of `bytes` bytes that begins now, in which MOSI shows `mosi` throughout, and the gap after
+/// it. Returns what MISO showed.
 pub(crate) fn transact(node: &mut Node<Dpr>, bytes: usize, mosi: u8) -> Vec<u8> {
     carry(node, Order { filler: Filler::Byte(mosi), ..Order::read(bytes) })
 }
 
-/// A transaction that begins now: what MISO showed. The gap after it is over.
+/// Carries a transaction that begins now, and the gap after it. Returns what MISO showed.
 pub(crate) fn carry(node: &mut Node<Dpr>, order: Order) -> Vec<u8> {
     carry_by(node, order, |node, end| {
         while node.now() < end {
@@ -73,7 +73,7 @@ pub(crate) fn carry(node: &mut Node<Dpr>, order: Order) -> Vec<u8> {
     })
 }
 
-/// As [`carry`], the board run to each instant by `pass`.
+/// Does the same as [`carry`], with `pass` running the board to each instant.
 pub(crate) fn carry_by(node: &mut Node<Dpr>, order: Order, mut pass: impl FnMut(&mut Node<Dpr>, u64)) -> Vec<u8> {
     let mut master = SsiMaster::new(Crystal::default());
     let start = Start { bench_ns: node.now(), own_ns: 0 };
@@ -93,7 +93,7 @@ pub(crate) fn view(node: &mut Node<Dpr>) -> View {
     View::of(at, &transact(node, layout().image_len(), 0))
 }
 
-/// Reads images one after the other, 2 ms from one's end to the next's beginning, up to `end`.
+/// Reads images one after the other up to `end`, with 2 ms from one's end to the next's beginning.
 pub(crate) fn views(node: &mut Node<Dpr>, end: u64) -> Vec<View> {
     let mut all = vec![];
     while node.now() < end {
@@ -108,7 +108,7 @@ pub(crate) fn views(node: &mut Node<Dpr>, end: u64) -> Vec<View> {
 
 // ---- what is sent
 
-/// The payload of a cycle's frame, every object of it valid, with `timestamp` ms.
+/// The payload of a cycle's frame with `timestamp` ms, in which every object is valid.
 pub(crate) fn payload(timestamp: u32) -> Vec<u8> {
     let gps = GpsValues { status: GpsStatus::new().with_position_valid(true), ..GpsValues::absent(timestamp) };
     let reported = ReportedValues {
@@ -118,7 +118,7 @@ pub(crate) fn payload(timestamp: u32) -> Vec<u8> {
     Profile::<RECEIVERS>::seal(&reported, &[gps; RECEIVERS]).as_bytes().to_vec()
 }
 
-/// How long the frame of [`payload`] is on the air, ns.
+/// The time that the frame of [`payload`] is on the air, ns.
 pub(crate) fn frame_ns() -> u64 {
     air_time_ns(u8::try_from(payload(0).len()).expect("it fits one frame"))
 }
@@ -131,12 +131,13 @@ fn crc16(bytes: &[u8]) -> [u8; 2] {
     crc.to_be_bytes()
 }
 
-/// The DPR's chip hears a field from now on.
+/// Switches the field at the DPR's chip on.
 pub(crate) fn field_on(node: &mut Node<Dpr>) {
     node.board_mut(|board| board.front_end.hear(0, &AirEvent::FieldOn));
 }
 
-/// It hears a frame with `payload` whose first bit is on the air at `at`, which may lie ahead. Frames must not overlap.
+/// Sends the chip a frame with `payload` whose first bit is on the air at `at`, which may lie ahead. Frames must not
+/// overlap.
 pub(crate) fn send(node: &mut Node<Dpr>, at: u64, payload: &[u8]) {
     let length = u8::try_from(payload.len()).expect("it fits one frame");
     let mut data = vec![length + 1];
@@ -163,9 +164,9 @@ pub(crate) fn send(node: &mut Node<Dpr>, at: u64, payload: &[u8]) {
 /// A frame that was on the air.
 #[derive(Clone, Debug)]
 pub(crate) struct Sent {
-    /// First bit, ns.
+    /// The instant of the first bit, ns.
     pub(crate) started: u64,
-    /// Last bit, ns.
+    /// The instant of the last bit, ns.
     pub(crate) ended: u64,
     pub(crate) payload: Vec<u8>,
 }
@@ -177,12 +178,12 @@ impl Sent {
     }
 }
 
-/// The poller's antenna, and what the firmware is timed by.
+/// The poller's antenna, with the instants of HORUS's commands and ticks.
 #[derive(Default)]
 pub(crate) struct Antenna {
-    /// When HORUS gave its front end the transmit command.
+    /// The instants at which HORUS gave its front end the transmit command, ns.
     pub(crate) transmits: Vec<u64>,
-    /// When the 10 ms timer ticked.
+    /// The instants of the 10 ms timer's ticks, ns.
     pub(crate) ticks: Vec<u64>,
 }
 
@@ -202,7 +203,7 @@ impl Upstream<Horus> for Antenna {
     }
 }
 
-/// A flight controller that reads the whole image again and again, and the air to the DPR's front end.
+/// A flight controller that reads the whole image repeatedly, and the air to the DPR's front end.
 pub(crate) struct Reader {
     master: SsiMaster,
     pub(crate) views: Vec<View>,
@@ -210,14 +211,14 @@ pub(crate) struct Reader {
     started: u64,
     frame: Vec<u8>,
     pub(crate) sent: Vec<Sent>,
-    /// When the field went off.
+    /// The instants at which the field went off, ns.
     pub(crate) field_off: Vec<u64>,
 }
 
-/// When its first transaction begins.
+/// The instant at which its first transaction begins, ns.
 const FIRST_READ: u64 = 20 * MS;
 
-/// From one transaction's end and the gap to the next one's start: not a part of HORUS's cycle.
+/// The pause from one transaction's end and the gap to the next one's start, ns; it does not divide HORUS's cycle.
 const PAUSE: u64 = 1_830 * US;
 
 impl Reader {
@@ -235,7 +236,7 @@ impl Reader {
         reader
     }
 
-    /// The next transaction begins at `at` (ns).
+    /// Schedules the next transaction at `at` (ns).
     fn read(&mut self, at: u64) {
         self.master.begin(Start { bench_ns: at, own_ns: 0 }, Order::read(layout().image_len()));
     }

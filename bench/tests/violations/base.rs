@@ -1,11 +1,11 @@
-//! Rows: what the flight controller and the base station make of what is read.
+//! Rows about the flight controller's and the base station's use of what is read.
 
 use bench::faults::{AirFaults, BaseFault, Fault, Faults, WireFault};
 use bench_judge::Violation;
 
 use super::{MS, Row, breaks, table};
 
-/// For 40 ms.
+/// Lasts for 40 ms.
 fn for_a_while(fault: Fault) -> Faults {
     Faults::none().with(breaks(), breaks() + 40 * MS, fault)
 }
@@ -14,7 +14,7 @@ table! {
     a_radio_that_drops_profiles => Row::new(Violation::BaseMissed, || {
         for_a_while(Fault::Wire(WireFault::RadioDrop))
     });
-    // For one profile: of many, some would be damaged in their framing and so be missed.
+    // The fault lasts for one profile, because several damaged ones would also miss some through damaged framing.
     a_radio_that_inverts_a_bit => Row::new(Violation::BaseChanged, || {
         Faults::none().with(breaks(), breaks() + 8 * MS, Fault::Wire(WireFault::RadioBit))
     });
@@ -40,7 +40,7 @@ table! {
     a_flight_controller_that_forwards_nothing => Row::new(Violation::NotForwarded, || {
         for_a_while(Fault::Wire(WireFault::ClientMute))
     });
-    // Nothing arrives for a while, so that what is shown gets old.
+    // No profile arrives for a while, so that the displayed one ages.
     a_base_station_that_takes_all_for_new => Row {
         duration: || 1_200 * MS,
         ..Row::new(Violation::StationAge, || {

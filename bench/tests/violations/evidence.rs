@@ -1,4 +1,4 @@
-//! Rows: restarts, findings, misuse, load, counters, lateness of the bench.
+//! Rows about restarts, findings, misuse, load, counters, lateness of the bench.
 
 use bench::faults::{AirFaults, Board, Fault, Faults, ImageFault, Upset};
 use bench_judge::Violation;
@@ -15,31 +15,31 @@ const IWDG_KR: u32 = 0x4000_3000;
 /// The key that reloads the STM32's watchdog.
 const IWDG_RELOAD: u32 = 0xAAAA;
 
-/// The key that starts it.
+/// The key that starts the STM32's watchdog.
 const IWDG_START: u32 = 0xCCCC;
 /// The nRF52840's WDT, whose first register starts it (PS 6.36).
 const WDT: u32 = 0x4001_0000;
 
-/// A word in the telemetry of `board` is not zero from [`breaks`] on.
+/// Makes a word in the telemetry of `board` nonzero from [`breaks`] on.
 fn counts(board: Board, symbol: &str, offset: usize) -> Faults {
     let offset = u32::try_from(offset).unwrap();
     let poke = ImageFault::Poke { symbol: symbol.into(), offset, bytes: vec![1, 0, 0, 0] };
     Faults::none().with(breaks(), u64::MAX, Fault::Image(board, poke))
 }
 
-/// The number of channels in the log's control block of `board` is destroyed at [`breaks`].
+/// Destroys the number of channels in the log's control block of `board` at [`breaks`].
 fn log_destroyed(board: Board) -> Faults {
     let poke = ImageFault::Poke { symbol: "_SEGGER_RTT".into(), offset: 16, bytes: vec![0xFF; 4] };
     Faults::none().with(breaks(), u64::MAX, Fault::Image(board, poke))
 }
 
-/// A bit of a word of flash that nobody reads until the next start is wrong for a moment.
+/// Flips a bit of a word of flash that is not read until the next start, for a moment.
 fn flash_flips(board: Board, address: u32) -> Faults {
     let flip = || Fault::Upset(board, Upset::Flash { address, bit: 1 });
     Faults::none().with(breaks(), breaks(), flip()).with(breaks() + US, breaks() + US, flip())
 }
 
-/// `board` hangs from [`breaks`] on.
+/// Makes `board` hang from [`breaks`] on.
 fn hangs(board: Board) -> Faults {
     Faults::none().with(breaks(), breaks(), Fault::Hang(board))
 }
@@ -61,7 +61,7 @@ table! {
         duration: || 1_000 * MS,
         ..Row::new(Violation::HorusRestarted, Faults::none)
     };
-    // With a stack in no memory the next interrupt is a fault, and the watchdog ends the safe state.
+    // With a stack pointer outside memory the next interrupt is a fault, and the watchdog ends the safe state.
     a_dpr_whose_stack_pointer_lost_a_bit => Row {
         duration: || 3_000 * MS,
         ..Row::new(Violation::DprRestarted, || {
@@ -101,7 +101,7 @@ table! {
         added: || Faults::none().with(breaks() - 100 * MS, breaks() - 50 * MS, Fault::Air(AirFaults::default())),
         ..Row::new(Violation::Late, Faults::none)
     };
-    // A bit of flash flips, and flips back before anybody has looked: what was told has no consequence.
+    // A bit of flash flips, and flips back before the check: the logged upset has no consequence.
     flash_of_horus_that_nobody_finds_changed => Row {
         duration: || breaks() + 10_050 * MS,
         ..Row::new(Violation::FaultUnnoticed, || flash_flips(Board::Horus, 0x0800_0004))

@@ -1,4 +1,4 @@
-//! Release images that are wrong in a way that has to be looked for in them.
+//! Changes to release images for which the place in the image must be searched.
 
 use std::path::PathBuf;
 
@@ -15,10 +15,10 @@ use stm32f429::{Oscillators, Stm32f429};
 use super::MS;
 use super::boards::RAM_TEST;
 
-/// How much of a board's first time is recorded, ns: every store of its start, which begins with the test of its RAM,
-/// and of its first cycles.
+/// The length of the recording of a board's first stores, ns: every store of its start, which begins with the test of
+/// its RAM, and of its first cycles.
 const RECORDED: u64 = RAM_TEST + 30 * MS;
-/// How much of flash is compared: an image and the stubs behind it.
+/// The number of bytes of flash that are compared: an image and the stubs behind it.
 const FLASH: usize = 0x4_4000;
 /// From the start to the end of the run.
 pub(super) const ALWAYS: (u64, u64) = (0, u64::MAX);
@@ -49,7 +49,7 @@ fn dpr(setup: &Setup) -> Node<Dpr> {
     Node::new(Nrf52840::new(Settings::default()), Dpr::new(chip(), false), &image(setup, Board::Dpr)).unwrap()
 }
 
-/// Between `at` and `until` (ns) the image of `board` stores something else to registers, its CRC made to fit.
+/// Makes the image of `board` store other values to registers between `at` and `until` (ns), with its CRC made to fit.
 pub(super) fn stores(setup: &mut Setup, board: Board, (at, until): (u64, u64), changes: &[Change]) {
     let patches = match board {
         Board::Horus => patches(horus(setup), changes),
@@ -61,7 +61,7 @@ pub(super) fn stores(setup: &mut Setup, board: Board, (at, until): (u64, u64), c
     }
 }
 
-/// Where flash differs after [`rewrite`], and what is there then.
+/// The places at which flash differs after [`rewrite`], and the bytes there then.
 fn patches<B: Powered>(mut node: Node<B>, changes: &[Change]) -> Vec<(u32, Vec<u8>)> {
     let recording = Recording::of(&mut node.clone(), RECORDED, |node| {
         node.board_mut(|board| board.front_end().take_air());
@@ -86,12 +86,12 @@ fn patches<B: Powered>(mut node: Node<B>, changes: &[Change]) -> Vec<(u32, Vec<u
             _ => patches.push((address, vec![after])),
         }
     }
-    // Stubs first, then the branches to them.
+    // The stubs are written first, then the branches to them.
     patches.reverse();
     patches
 }
 
-/// From `at` (ns) on the task `idle` of `board` does not sleep.
+/// Keeps the task `idle` of `board` from sleeping from `at` (ns) on.
 pub(super) fn awake(setup: &mut Setup, board: Board, at: u64) {
     let firmware = image(setup, board);
     let idle = firmware.functions_called("idle").next().expect("the task idle");
@@ -108,7 +108,7 @@ pub(super) fn awake(setup: &mut Setup, board: Board, at: u64) {
         }
         Board::Dpr => {
             let mut node = dpr(setup);
-            // Until its code is in RAM.
+            // The loop waits until the task's code is in RAM.
             while node.now() < RECORDED {
                 node.advance(RECORDED);
             }
@@ -120,7 +120,7 @@ pub(super) fn awake(setup: &mut Setup, board: Board, at: u64) {
     setup.faults.add(Episode { at, until: u64::MAX, fault });
 }
 
-/// The image of `board` has no telemetry: its symbol has another name.
+/// Removes the telemetry of `board`'s image by renaming its symbol.
 pub(super) fn without_telemetry(setup: &mut Setup, board: Board) {
     let (path, symbol) = match board {
         Board::Horus => (&mut setup.images.horus, "HORUS_TELEMETRY"),
@@ -138,17 +138,17 @@ pub(super) fn without_telemetry(setup: &mut Setup, board: Board) {
     std::fs::write(&*path, elf).unwrap();
 }
 
-/// The bits of `mask` are `value` whenever the image stores to `address`.
+/// Sets the bits of `mask` to `value` whenever the image stores to `address`.
 pub(super) const fn bits(address: u32, mask: u32, value: u32) -> Change {
     Change { address, to: To::Bits { mask, value } }
 }
 
-/// The image stores `value` where it would store `of`.
+/// Makes the image store `value` where it would store `of`.
 pub(super) const fn instead(address: u32, of: u32, value: u32) -> Change {
     Change { address, to: To::Instead { of, value } }
 }
 
-/// The image never stores to `address`.
+/// Suppresses the image's stores to `address`.
 pub(super) const fn never(address: u32) -> Change {
     Change { address, to: To::Nothing }
 }

@@ -1,6 +1,6 @@
-//! The table of violations: each is provoked by a broken world or a broken release image, and by that it and no other
-//! violation shows, except that a firmware's own fault counter may report the same. A violation that no row provokes
-//! fails the table, so there is none that cannot occur.
+//! The table of violations. A broken world or a broken release image provokes each one, and no other violation may
+//! show, except that a firmware's own fault counter may report the same. A violation without a row fails the table, so
+//! there is none that cannot occur.
 //!
 //! Each row's event log is judged twice, and once more after it was stored and read again: the verdict is the same.
 
@@ -23,16 +23,16 @@ use bench_judge::{Log, Violation, What, judge};
 const US: u64 = 1_000;
 const MS: u64 = 1_000_000;
 
-/// Both boards have started, and the link has been up for 200 ms.
+/// The instant at which both boards have started and the link has been up for 200 ms, ns.
 const SETTLED: u64 = 300 * MS;
 
-/// Between a tick of HORUS and the image of its cycle being readable, if there are three receivers.
+/// The time from a tick of HORUS to its cycle's image being readable, with three receivers, ns.
 const READABLE: u64 = 5 * MS;
 
-/// The control cycle of the flight controller: between two instants so far apart exactly one transaction ends.
+/// The control cycle of the flight controller, ns: exactly one transaction ends in any such interval.
 const CONTROL_CYCLE: u64 = 4 * MS;
 
-/// What a sound run shows of when things happen after [`SETTLED`].
+/// The phase of a sound run after [`SETTLED`].
 struct Beat {
     /// See [`breaks_with`].
     breaks: u64,
@@ -40,14 +40,14 @@ struct Beat {
     reads: u64,
 }
 
-/// The beat of a link with so many receivers.
+/// The beat of a link with `gps` receivers.
 ///
-/// HORUS's first tick comes as long after the start as the test of its RAM and the comparison of its image with its CRC
-/// take, so it moves with the image.
+/// HORUS's first tick comes after the test of its RAM and the comparison of its image with its CRC, so it moves with
+/// the image.
 ///
 /// # Panics
 ///
-/// Where the images were not built.
+/// Panics where the images were not built.
 fn beat(gps: usize) -> &'static Beat {
     static BEATS: [OnceLock<Beat>; 6] = [const { OnceLock::new() }; 6];
     BEATS[gps].get_or_init(|| {
@@ -67,48 +67,48 @@ fn beat(gps: usize) -> &'static Beat {
     })
 }
 
-/// From when on the world of a link with so many receivers is broken: it is [`READABLE`] after a tick of HORUS, and the
-/// flight controller, which reads once in each control cycle, will read in less than half of one.
+/// The instant from which the world of a link with `gps` receivers is broken, ns. It is [`READABLE`] after a tick of
+/// HORUS, and the flight controller's next read is less than half a control cycle later.
 fn breaks_with(gps: usize) -> u64 {
     beat(gps).breaks
 }
 
-/// [`breaks_with`] three receivers.
+/// The value of [`breaks_with`] for three receivers.
 fn breaks() -> u64 {
     breaks_with(3)
 }
 
-/// When the flight controller begins its first transaction after [`breaks`].
+/// The instant at which the flight controller begins its first transaction after [`breaks`], ns.
 fn reads() -> u64 {
     beat(3).reads
 }
 
 /// A row of the table.
 struct Row {
-    /// What must show first, and nothing else beside `also`.
+    /// The violation that must show first; beside it only `also` may show.
     violation: Violation,
-    /// The violation by which a firmware's own fault counter tells the same.
+    /// The violation by which a firmware's own fault counter reports the same.
     also: Option<Violation>,
-    /// Receivers in the profile.
+    /// The number of receivers in the profile.
     gps: usize,
-    /// How long the run is, ns.
+    /// The length of the run, ns.
     duration: fn() -> u64,
-    /// What else of the set-up is other than in a sound run.
+    /// The setup's differences from a sound run.
     setup: fn(&mut Setup),
-    /// What is broken.
+    /// The fault of the row.
     faults: fn() -> Faults,
-    /// What is broken besides, told to the bench when both boards have come to [`breaks_with`].
+    /// Further faults, given to the bench when both boards have reached [`breaks_with`].
     added: fn() -> Faults,
 }
 
 impl Row {
-    /// With three receivers, for 600 ms.
+    /// A row with three receivers and 600 ms.
     const fn new(violation: Violation, faults: fn() -> Faults) -> Self {
         Self { violation, also: None, gps: 3, duration: || 600 * MS, setup: |_| {}, faults, added: Faults::none }
     }
 }
 
-/// A run with so many receivers, as far as it is the same for every row; `None` where the images were not built.
+/// The setup for `gps` receivers that all rows share; `None` where the images were not built.
 fn setup(gps: usize, duration: u64) -> Option<Setup> {
     let image = |name| boards::image(gps, name);
     let images = Images { horus: image("horus-tx-fw.elf")?, dpr: image("dpr-fw.elf")? };
@@ -143,7 +143,7 @@ fn run(row: &Row) -> Option<Finished> {
     Some(bench.finish(duration))
 }
 
-/// Holds a row against what it must show.
+/// Checks that a row shows what it must.
 fn holds(row: &Row) {
     let Some(finished) = run(row) else { return };
     let words: Vec<String> = finished.verdict.violations.iter().map(ToString::to_string).collect();
@@ -186,7 +186,7 @@ fn the_world_breaks_when_the_image_of_a_cycle_is_readable() {
     assert!(nearest <= 200 * US, "{nearest} ns lie between them");
 }
 
-/// In a sound world nothing is violated, with any number of receivers: what a row shows comes from what it breaks.
+/// Nothing is violated in a sound world with any number of receivers, so a row's violation is due to its fault.
 #[test]
 fn a_sound_world_shows_no_violation() {
     for gps in [1, 2, 3, 5] {

@@ -1,4 +1,4 @@
-//! What is shown against what reached the DPR's antenna, and Link-Status against the wires.
+//! Rows that compare what is shown with what reached the DPR's antenna, and Link-Status with the wires.
 
 use std::mem::offset_of;
 
@@ -9,10 +9,10 @@ use dpr_fw::telemetry::Telemetry;
 use super::images::{ALWAYS, instead, stores};
 use super::{CONTROL_CYCLE, MS, Row, US, bench, breaks, breaks_with, reads, run, setup, table};
 
-/// The cycle of HORUS: between two instants so far apart exactly one frame begins.
+/// The cycle of HORUS, ns: exactly one frame begins in any such interval.
 const CYCLE: u64 = 10 * MS;
 
-/// No frame is heard.
+/// Every frame is lost on the air.
 fn lost(at: u64, until: u64) -> Faults {
     Faults::none().with(at, until, Fault::Air(AirFaults { lost: 1.0, ..AirFaults::default() }))
 }
@@ -23,7 +23,7 @@ fn hangs(faults: Faults, at: u64) -> Faults {
     wire(wire(faults, WireFault::FreshStuck), WireFault::MisoFrozen)
 }
 
-/// Silence on the air, and the SSI hangs after the last frame was read and before the DPR takes it out of the image,
+/// The air is silent, and the SSI hangs after the last frame was read and before the DPR removes it from the image,
 /// 12.5 ms after that frame's end.
 fn hangs_in_silence() -> Faults {
     hangs(lost(breaks(), u64::MAX), breaks() + 8 * MS)
@@ -33,13 +33,13 @@ fn of_wire(at: u64, until: u64, fault: WireFault) -> Faults {
     Faults::none().with(at, until, Fault::Wire(fault))
 }
 
-/// Bits of a byte of Link-Status read inverted, in one transaction.
+/// Inverts bits of a byte of Link-Status in one transaction.
 fn link_status(byte: usize, bits: u8) -> Faults {
     of_wire(breaks(), breaks() + CONTROL_CYCLE, WireFault::MisoForged { object: None, byte, bits })
 }
 
 fn regressed() -> Faults {
-    // The second transaction of those that show one image.
+    // The fault hits the second transaction that shows one image.
     let begins = reads() + CONTROL_CYCLE / 2;
     of_wire(begins, begins + CONTROL_CYCLE, WireFault::MisoReplay { age_ns: CYCLE })
 }
@@ -47,7 +47,7 @@ fn regressed() -> Faults {
 /// The nRF52840's register that enables PPI channels (PS 6.16).
 const PPI_CHENSET: u32 = 0x4001_F504;
 
-/// The DPR hangs when an image has just been put in, and the flight controller reads that when its time is over.
+/// The DPR hangs when an image has just been put in, and the flight controller reads that image after its expiry.
 fn hangs_with_an_image() -> Faults {
     let silent = Fault::FlightController(Conduct::Silent);
     Faults::none().with(breaks(), breaks() + 30 * MS, silent).with(
@@ -59,15 +59,15 @@ fn hangs_with_an_image() -> Faults {
 
 table! {
     vacant => Row::new(Violation::Vacant, || of_wire(breaks(), u64::MAX, WireFault::MisoVacant { object: 2 }));
-    // No object of some cycles, though Link-Status says that all were accepted.
+    // No object of some cycles is shown, though Link-Status reports that all were accepted.
     not_shown => Row::new(Violation::NotShown, || {
         let vacant = |faults: Faults, object| {
             faults.with(breaks(), breaks() + 3 * CYCLE, Fault::Wire(WireFault::MisoVacant { object }))
         };
         (0..=3).fold(Faults::none(), vacant)
     });
-    // The DPR's front end is out of order for a while, so that no cycle must be shown for as long as a bring-up may
-    // take; and then an object of none is shown, though all that reaches the antenna is well again.
+    // The DPR's front end fails for a while, so that no cycle has to be shown for as long as a bring-up may take;
+    // afterwards no object is shown, although the antenna receives intact frames again.
     recovers_late => Row {
         duration: || 780 * MS,
         ..Row::new(Violation::RecoversLate, || {
@@ -92,31 +92,31 @@ table! {
     shown_never_sent => Row::new(Violation::ShownNeverSent, || {
         of_wire(breaks(), u64::MAX, WireFault::MisoForged { object: Some(2), byte: 30, bits: 0x10 })
     });
-    // A repetition takes its cycle out of the image; the SSI, which hangs, goes on showing it.
+    // A repetition removes its cycle from the image; the hung SSI keeps showing it.
     shown_out_of_sequence => Row {
         gps: 1,
         duration: || breaks_with(1) + 2 * CYCLE,
         ..Row::new(Violation::ShownOutOfSequence, || {
             let repeated = AirFaults { repeated: 1.0, repeat_after_ns: (2 * MS, 2 * MS), ..AirFaults::default() };
-            // So that the flight controller reads between the repetition and the frame after it.
+            // The flight controller then reads between the repetition and the frame after it.
             let begins = breaks_with(1) + 750 * US;
             hangs(Faults::none().with(begins, begins + CYCLE, Fault::Air(repeated)), begins + CYCLE)
         })
     };
-    // It has not expired when the run ends.
+    // The image has not expired when the run ends.
     shown_stale => Row { duration: || breaks() + 2 * CYCLE, ..Row::new(Violation::ShownStale, hangs_in_silence) };
-    // The task that notices silence does nothing for 9 ms, and expiry has not come yet when it does again.
+    // The task that detects silence does nothing for 9 ms, and runs again before the image expires.
     shown_stale_while_the_deadline_is_dead => Row::new(Violation::ShownStale, || {
         let dead = Fault::Image(Board::Dpr, ImageFault::Dead("TIMER1".into()));
         lost(breaks(), breaks() + 2 * CYCLE).with(breaks() + 8 * MS, breaks() + 21 * MS, dead)
     });
     shown_expired => Row::new(Violation::ShownExpired, hangs_in_silence);
-    // Without the expiry in hardware, which is that of two channels.
+    // The expiry in hardware, which uses two channels, is disabled.
     shown_expired_by_a_dpr_that_hangs => Row {
         setup: |setup| stores(setup, Board::Dpr, ALWAYS, &[instead(PPI_CHENSET, 2, 0), instead(PPI_CHENSET, 4, 0)]),
         ..Row::new(Violation::ShownExpired, hangs_with_an_image)
     };
-    // One transaction reads what one of the cycle before had read.
+    // One transaction reads again what one of the cycle before had read.
     // The flight controller's clock is slow, so that no transaction is under way when FRESH rises.
     regression => Row {
         setup: |setup| setup.crystals.flight_controller_ppb = -1_000_000,
@@ -125,7 +125,7 @@ table! {
     link_age => Row::new(Violation::LinkAge, || link_status(25, 0x10));
     link_counters => Row::new(Violation::LinkCounters, || link_status(8, 0x01));
     link_flags => Row::new(Violation::LinkFlags, || link_status(7, 0x02));
-    // A fault counter of its RAM that counts what was never there: the flag says so.
+    // A fault counter of its RAM counts a fault that never occurred, and the flag reports it.
     link_flags_of_a_ram_fault => Row {
         also: Some(Violation::DprComplains),
         ..Row::new(Violation::LinkFlags, || {
@@ -144,7 +144,7 @@ table! {
 
 #[test]
 fn each_field_of_port_status_is_judged() {
-    // A byte of each field, and the bit of it that is read inverted.
+    // The table has a byte of each field, and the bit of it that is inverted.
     let fields = [
         ("time", 1, 0x10),
         ("uplink of the base station fresh", 6, 0x01),
@@ -186,9 +186,9 @@ fn a_dpr_that_hangs_with_its_expiry_in_hardware_shows_no_expired_image() {
     assert!(finished.log.events.iter().any(|event| event.what == What::Hung { board: Board::Dpr }));
 }
 
-// ---- the figures that go with them
+// ---- the figures of such runs
 
-/// The figures of a run of so many milliseconds with three receivers; `None` where the images were not built.
+/// The figures of a run of `duration` with three receivers; `None` where the images were not built.
 fn figures(duration: fn() -> u64, faults: fn() -> Faults) -> Option<(bench_judge::Faults, bench_judge::Log)> {
     let finished = run(&Row { duration, ..Row::new(Violation::NotShown, faults) })?;
     Some((finished.verdict.figures.faults, finished.log))
@@ -200,10 +200,10 @@ fn the_recovery_is_the_time_from_a_causes_end_to_what_was_sent_after_it_being_re
     // the flight controller reads within 4 ms.
     let Some((short, _)) = figures(|| 1_000 * MS, || lost(breaks(), breaks() + 10 * CYCLE)) else { return };
     assert!((1..=2).contains(&short.max_recovery_cycles.unwrap()), "{short:?}");
-    // After that the sequence is searched for: the fourth frame is shown.
+    // After that the sequence is searched, and the fourth frame is shown.
     let (long, _) = figures(|| 1_200 * MS, || lost(breaks(), breaks() + 30 * CYCLE)).unwrap();
     assert!((4..=5).contains(&long.max_recovery_cycles.unwrap()), "{long:?}");
-    // A cause that ended less than 400 ms before the run does is not counted, and one that never ends neither.
+    // A cause that ended less than 400 ms before the run's end is not counted, nor one that never ends.
     for until in [breaks() + 10 * CYCLE, u64::MAX] {
         let faults: fn() -> Faults =
             if until == u64::MAX { || lost(breaks(), u64::MAX) } else { || lost(breaks(), breaks() + 10 * CYCLE) };
@@ -227,7 +227,7 @@ fn every_object_that_is_read_as_valid_and_must_not_be_is_counted() {
     let transactions = log.events.iter().filter(during).count() as u64;
     assert!(transactions >= 12, "{transactions}");
     assert_eq!(faults.invalid_shown_valid, 2 * transactions);
-    // Old data after new were valid once, and are still.
+    // Old data after new ones were valid once, and still are.
     let (regressed, _) = figures(|| 400 * MS, regressed).unwrap();
     assert_eq!(regressed.invalid_shown_valid, 0);
     let (sound, _) = figures(|| 400 * MS, Faults::none).unwrap();

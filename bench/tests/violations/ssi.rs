@@ -1,4 +1,4 @@
-//! What the DPR shows on the SSI, and when: rule `ssi`.
+//! Rows about the contents and instants of what the DPR shows on the SSI: rule `ssi`.
 
 use bench::faults::{AirFaults, Board, Fault, Faults, ImageFault, WireFault};
 use bench::sim::phases::{Edge, Placement, Sweep};
@@ -18,22 +18,22 @@ const DEADLINE: &str = "TIMER1";
 /// The DPR's TIMER2, CC[2] (PS 6.30).
 const TIMER2_CC2: u32 = 0x4000_A548;
 
-/// What a tick of HORUS's timer takes, in which its slots are counted: 72 MHz.
+/// The ticks per microsecond of HORUS's timer, which counts its slots: 72 MHz.
 const TICKS_PER_US: u32 = 72;
-/// When HORUS sends the second frame of five receivers, µs after its tick.
+/// The instant at which HORUS sends the second frame of five receivers, µs after its tick.
 const SECOND_SLOT_US: u32 = 4_130;
 
-/// A broken wire from `at` on for `ns`.
+/// A wire is broken from `at` on for `ns`.
 fn wire(at: u64, ns: u64, fault: WireFault) -> Faults {
     Faults::none().with(at, at + ns, Fault::Wire(fault))
 }
 
-/// A broken image of the DPR from `at` on for `ns`.
+/// The DPR's image is broken from `at` on for `ns`.
 fn dpr(at: u64, ns: u64, fault: ImageFault) -> Faults {
     Faults::none().with(at, at + ns, Fault::Image(Board::Dpr, fault))
 }
 
-/// A transaction so long after the end of each of the first so many frames, ns; from one to the next 1 µs more.
+/// A transaction `ns` after the end of each of the first `frames` frames, and 1 µs later from one to the next.
 fn after_each_frame(ns: i64, frames: u32) -> Sweep {
     let read = Placement { edge: Edge::Falls, after_ns: 0, bytes: None };
     let to_ns = ns + i64::from(frames - 1) * 1_000;
@@ -43,19 +43,19 @@ fn after_each_frame(ns: i64, frames: u32) -> Sweep {
 table! {
     a_front_end_whose_load_modulator_works_by_itself_answers =>
         Row::new(Violation::Answered, || wire(breaks(), 100 * MS, WireFault::AntennaAnswers));
-    // One transaction in each of three cycles, and none after them.
+    // Each of three cycles has one transaction, and later ones have none.
     a_flight_controller_that_stops_reading_makes_no_transaction => Row {
         setup: |setup| setup.sweep = Some(after_each_frame(200_000, 3)),
         ..Row::new(Violation::NoTransaction, Faults::none)
     };
-    // The watchdog, which the start begins with, bites 6 µs after the start-up time is over: the run ends before.
+    // The watchdog, with which the start begins, resets 6 µs after the start-up time is over; the run ends before.
     a_firmware_whose_commit_task_does_nothing_never_gets_ready => Row {
         also: Some(Violation::DprComplains),
         duration: || 100 * MS + 3 * US,
         ..Row::new(Violation::NeverReady, || {
             let sealed = ImageFault::Patch { address: 0, bytes: vec![], sealed: true };
             let dead = |task: &str| Fault::Image(Board::Dpr, ImageFault::Dead(task.into()));
-            // Either of the two tasks publishes what there is.
+            // Either of the two tasks publishes what is available.
             let both = Faults::none().with(0, u64::MAX, dead(COMMIT)).with(0, u64::MAX, dead(DEADLINE));
             both.with(0, u64::MAX, Fault::Image(Board::Dpr, sealed))
         })
@@ -87,7 +87,7 @@ table! {
             ..Row::new(Violation::FreshUnreadable, || {
                 let other = Identifier(Identifier::LINK_STATUS.0 + 0x100);
                 let (of, value) = (Identifier::LINK_STATUS.0.into(), other.0.into());
-                // While the frame is on the air.
+                // The change comes while the frame is on the air.
                 dpr(breaks() - 2 * MS, 100 * MS, ImageFault::Constant { of, value })
             })
         };
@@ -102,8 +102,8 @@ table! {
             Faults::none().with(0, u64::MAX, Fault::Image(Board::Horus, late))
         })
     };
-    // It asks for them itself at the deadline after a lost frame. The image of that deadline is never read: each cycle
-    // has one transaction, just after its frame.
+    // The DPR requests the buffers itself at the deadline after a lost frame. The image of that deadline is never read,
+    // because each cycle has one transaction, just after its frame.
     a_processor_that_keeps_the_buffers_without_a_transaction_holds_the_ssi_back => Row {
         setup: |setup| setup.sweep = Some(after_each_frame(200_000, 60)),
         ..Row::new(Violation::HeldBack, || {
@@ -114,7 +114,7 @@ table! {
     };
     a_miso_line_that_is_stuck_high_for_one_transaction_serves_nothing =>
         Row::new(Violation::Unserved, || wire(reads() - US, CONTROL_CYCLE / 2, WireFault::MisoOnes));
-    // The compare register of the timer that ends the pulse.
+    // The constant is the compare register of the timer that ends the pulse.
     a_fresh_that_is_high_for_half_as_long_is_too_short => Row {
         setup: |setup| stores(setup, Board::Dpr, ALWAYS, &[instead(TIMER2_CC2, 2, 1)]),
         ..Row::new(Violation::FreshShort, Faults::none)

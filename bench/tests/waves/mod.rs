@@ -1,10 +1,10 @@
-//! Traces read back by `wellen`, the library that Surfer reads its files with.
+//! Reads traces back with `wellen`, the library with which Surfer reads its files.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// The changes of each signal of the file at `path`: its name with its groups, then from which instant (ns) on it has
-/// which value, in binary, the state at 0 ns first.
+/// The changes of each signal of the file at `path`: its name with its groups, then each instant (ns) with the new
+/// value in binary, the state at 0 ns first.
 pub(crate) fn read(path: &Path) -> BTreeMap<String, Vec<(u64, String)>> {
     let mut wave = wellen::simple::read(path).unwrap();
     let variables: Vec<_> = {

@@ -1,4 +1,4 @@
-//! The DPR image set up wrongly.
+//! Wrong setups of the DPR image.
 
 use bench::world::ssi::Order;
 use dpr_fw::ssi::{BUDGET, PAUSE_US};
@@ -7,35 +7,36 @@ use reader::{carry_by, layout, transact};
 
 use super::*;
 
-/// The DPR's run: frames come from here on, every 10 ms.
+/// The instant of the first frame of the DPR's run, ns; one follows every 10 ms.
 const FIRST: u64 = 60 * MS;
-/// From here on the task `commit` hangs, so that the image has to expire in hardware.
+/// The instant from which the task `commit` hangs, ns, so that the image has to expire in hardware.
 const HANGS: u64 = 135 * MS;
 const DPR_RUN: u64 = 200 * MS;
-/// In this time two short transactions follow each that reads the image, and all of them are within one pause. The
-/// budget of an image is enough for them.
+/// The interval in which two short transactions follow each that reads the image, ns; all of them are within one pause.
+/// The budget of an image suffices for them.
 const HASTY: std::ops::Range<u64> = 110 * MS..120 * MS;
-/// How often the flight controller reads.
+/// The interval between the flight controller's reads, ns.
 const READ_EVERY: u64 = 2 * MS;
 
-/// What is seen of the DPR from outside.
+/// The external observations of the DPR.
 #[derive(Clone, Debug, Default)]
 struct Shows {
-    /// Transactions in which everything read 0xFF, those with an intact Link-Status, and those with a valid object.
+    /// The numbers of transactions in which every byte read 0xFF, of those with an intact Link-Status, and of those
+    /// with a valid object.
     silent: usize,
     intact: usize,
     valid: usize,
     all: usize,
-    /// Transactions that showed something though the end of the one before them came within the pause.
+    /// The number of transactions that showed data though the one before them ended within the pause.
     hasty: usize,
-    /// How long after `commit` hung something valid was still read, ns.
+    /// The time after `commit` hung for which valid data were still read, ns.
     stale: u64,
-    /// How often FRESH rose and fell.
+    /// The numbers of rises and falls of FRESH.
     fresh: (usize, usize),
     received: u32,
     missed: u32,
     faults: u32,
-    /// The longest from a frame's end to its publication, us.
+    /// The longest time from a frame's end to its publication, us.
     publish_us: u32,
     expired: u32,
     log: String,
@@ -47,7 +48,7 @@ fn dpr() -> Option<&'static (Node<Dpr>, Recording)> {
     DPR.get_or_init(|| {
         let mut node = boards::dpr()?;
         field_on(&mut node);
-        // The flight controller reads, so that what a transaction has the firmware store is recorded, too.
+        // The flight controller reads, so that the stores that a transaction triggers are recorded, too.
         let (mut run, mut recording) = (node.clone(), Recording::default());
         while run.now() < RAM_TEST + 30 * MS {
             let next = run.now() + READ_EVERY;
@@ -75,7 +76,7 @@ fn run_dpr(changes: &[Change]) -> (Shows, Vec<String>) {
         }
         if !hangs && node.now() >= HANGS {
             hangs = true;
-            // It stays so.
+            // The damage stays.
             let _ = ImageFault::Hung("SWI0_EGU0".into()).apply(&mut node).unwrap();
         }
         let read: View = view(&mut node);
@@ -116,10 +117,10 @@ const TIMER2: u32 = 0x4000_A000;
 const WDT: u32 = 0x4001_0000;
 const TIMER3: u32 = 0x4001_A000;
 const PPI_CHENSET: u32 = 0x4001_F504;
-/// PIN_CNF of port 1.
+/// The PIN_CNF registers of port 1.
 const P1_CNF: u32 = 0x5000_0A00;
 
-/// The front end is never used, the log says why; the SSI shows images with nothing valid in them.
+/// The front end is never used, the log has the reason, and the SSI shows images without valid objects.
 fn deaf_for(seen: &Shows, reason: &str) -> bool {
     seen.received == 0
         && seen.valid == 0
@@ -129,17 +130,17 @@ fn deaf_for(seen: &Shows, reason: &str) -> bool {
         && seen.restarts.is_empty()
 }
 
-/// Frames are received and published; the flight controller gets nothing of it.
+/// Frames are received and published, but the flight controller receives none of it.
 fn mute(seen: &Shows) -> bool {
     seen.received == 8 && seen.fresh.0 >= 10 && seen.intact == 0 && seen.valid == 0 && seen.restarts.is_empty()
 }
 
-/// As [`mute`], and what it reads is what a line shows that nobody drives, or SPIS's default character.
+/// The like of [`mute`], where the flight controller reads an undriven line, or SPIS's default character.
 fn mute_and_silent(seen: &Shows) -> bool {
     mute(seen) && seen.silent == seen.all
 }
 
-/// Everything but FRESH is as it should be.
+/// Everything but FRESH is correct.
 fn shows_as_ever(seen: &Shows) -> bool {
     seen.received == 8 && seen.valid >= 25 && seen.intact >= 60 && seen.restarts.is_empty()
 }
@@ -194,7 +195,7 @@ const DPR_ROWS: &[Row<Shows>] = &[
     row("SPIS1: CPHA", &[bits(SPIS1 + 0x554, 7, 2)], Told::Finding("another SPI mode"), mute),
     row("SPIS1: CPOL", &[bits(SPIS1 + 0x554, 7, 4)], Told::Finding("another SPI mode"), mute),
     row("SPIS1: least significant bit first", &[bits(SPIS1 + 0x554, 7, 1)], Told::Nothing, |seen| {
-        // What is 0xFF throughout reads the same from either end.
+        // A run of 0xFF reads the same in either bit order.
         mute(seen) && seen.silent < seen.all / 2
     }),
     row("SPIS1: MISO on P1.07", &[bits(SPIS1 + 0x50C, 0x3F, 0x27)], Told::Nothing, mute_and_silent),
@@ -206,7 +207,7 @@ const DPR_ROWS: &[Row<Shows>] = &[
     row("SPIS1: not enabled", &[bits(SPIS1 + 0x500, !0, 0)], Told::Finding("while SPIS is not enabled"), |seen| {
         seen.received == 8 && seen.silent == seen.all && seen.fresh == (0, 0)
     }),
-    // The task runs only when the scrub asks for a sign of life, so most transactions find no image.
+    // The task runs only when the scrub requests a check-in, so most transactions find no image.
     row("SPIS1: no interrupts", &[bits(SPIS1 + 0x304, !0, 0)], Told::Nothing, rarely_shows),
     row("SPIS1: interrupt not enabled", &[never_iser(0, 0x10)], Told::Nothing, |seen| {
         seen.silent == seen.all && seen.fresh.0 <= 1
@@ -221,7 +222,7 @@ const DPR_ROWS: &[Row<Shows>] = &[
     row("FRESH: channel is an input", &[bits(GPIOTE + 0x514, 3, 1)], Told::Nothing, |seen| {
         shows_as_ever(seen) && seen.fresh == (0, 0)
     }),
-    // One transaction more reads the image; at its end the SSI's task sees that its time is over.
+    // One more transaction reads the image; at its end the SSI's task finds it expired.
     row("PPI 1 and 2: no expiry", &[instead(PPI_CHENSET, 2, 0), instead(PPI_CHENSET, 4, 0)], Told::Nothing, |seen| {
         shows_as_ever(seen) && (24 * MS..30 * MS).contains(&seen.stale)
     }),
@@ -230,9 +231,8 @@ const DPR_ROWS: &[Row<Shows>] = &[
         let granted = READ_EVERY * u64::from(BUDGET);
         shows_as_ever(seen) && (granted..granted + 3 * READ_EVERY).contains(&seen.stale) && seen.expired == 0
     }),
-    // ---- the pause after a transaction
-    // Not here are its mode, which the image leaves as it is after a reset, and its bit mode: the pause is as long with
-    // eight bits, which hold it.
+    // ---- the pause after a transaction The timer's mode is missing here, because the image leaves it at its reset
+    // value, and so is its bit mode: the pause is as long with eight bits, which suffice for it.
     row("TIMER3: prescaler 2^9", &[bits(TIMER3 + 0x510, 0xF, 9)], Told::Nothing, |seen| {
         seen.received == 8 && seen.valid < 25 && seen.intact < 60 && seen.restarts.is_empty()
     }),
@@ -265,7 +265,7 @@ const DPR_ROWS: &[Row<Shows>] = &[
     // Without time the idle loop has nothing to do and does not feed the watchdog either.
     row("TIMER0: not started", &[never(TIMER0)], Told::Nothing, |seen| seen.valid == 0 && restarts_by_watchdog(seen)),
     row("TIMER1: no interrupt", &[bits(TIMER1 + 0x304, !0, 0)], Told::Nothing, |seen| {
-        // No image while no frame comes: what was there expires.
+        // There is no image while no frame comes: the earlier one expires.
         seen.silent > 30 && seen.fresh.0 < 12 && seen.received == 8
     }),
     row("commit's interrupt not enabled", &[never_iser(0, 0x10_0000)], Told::Nothing, is_bitten),
@@ -280,12 +280,12 @@ const DPR_ROWS: &[Row<Shows>] = &[
     }),
 ];
 
-/// The watchdog restarts the DPR every 100 ms, and nothing else does.
+/// The watchdog restarts the DPR every 100 ms, and there is no other restart.
 fn restarts_by_watchdog(seen: &Shows) -> bool {
     seen.restarts == [Reset::Watchdog("WDT"); 2]
 }
 
-/// The end of a transfer is noticed when the driver's wait is over, 2 ms later.
+/// The end of a transfer is only noticed when the driver's wait is over, 2 ms later.
 fn publishes_late(seen: &Shows) -> bool {
     seen.received == 8 && seen.publish_us > 1_000
 }
@@ -295,7 +295,7 @@ fn rarely_shows(seen: &Shows) -> bool {
     seen.received == 8 && seen.silent > 60 && seen.valid < 10
 }
 
-/// The watchdog restarts the DPR, since a task does not check in.
+/// The watchdog restarts the DPR, because a task does not check in.
 fn is_bitten(seen: &Shows) -> bool {
     seen.restarts.contains(&Reset::Watchdog("WDT"))
 }

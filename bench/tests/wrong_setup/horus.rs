@@ -1,25 +1,25 @@
-//! The HORUS image set up wrongly.
+//! Wrong setups of the HORUS image.
 
 use super::*;
 
-/// How long HORUS runs.
+/// The length of HORUS's run, ns.
 const HORUS_RUN: u64 = RAM_TEST + 250 * MS;
 
-/// What is seen of the HORUS side from outside.
+/// The external observations of the HORUS side.
 #[derive(Clone, Debug, Default)]
 struct Sends {
-    /// When each frame began, ns.
+    /// The instant at which each frame began, ns.
     frames: Vec<u64>,
-    /// How long the last frame was on the air, ns.
+    /// The time for which the last frame was on the air, ns.
     air_ns: u64,
-    /// For each receiver, how many frames said that its position is valid.
+    /// For each receiver, the number of frames with a valid position.
     valid: [usize; 3],
-    /// The 10 ms timer's ticks, ns.
+    /// The instants of the 10 ms timer's ticks, ns.
     ticks: Vec<u64>,
-    /// The field was switched on.
+    /// Whether the field was switched on.
     field: bool,
-    /// UBX messages, bytes, and errors of each receiver's line. HORUS does not take the first message of the third,
-    /// which is on SPI.
+    /// The UBX messages, bytes, and errors of each receiver's line. HORUS drops the first message of the third, which
+    /// is on SPI.
     messages: [u32; 3],
     bytes: [u32; 3],
     errors: [u32; 3],
@@ -142,18 +142,18 @@ const TIM2: u32 = 0x4000_0000;
 const TIM5: u32 = 0x4000_0C00;
 const IWDG: u32 = 0x4000_3000;
 
-/// All but what is asked for goes on as it should: the other two receivers, and a frame every 10 ms.
+/// Only the first receiver is lost: the other two work, and a frame is sent every 10 ms.
 fn first_receiver_alone_is_lost(seen: &Sends) -> bool {
     let [first, second, third] = seen.valid;
     first == 0 && second >= 20 && third >= 20 && seen.messages == [0, 11, 11] && on_time(seen)
 }
 
-/// A frame in every cycle of 10 ms.
+/// A frame is sent in every cycle of 10 ms.
 fn on_time(seen: &Sends) -> bool {
     seen.frames.len() >= 23 && seen.ticks.len() >= 23 && seen.period() == 10 * MS && seen.restarts.is_empty()
 }
 
-/// The front end is never used, the log says why, and the rest of the board goes on.
+/// The front end is never used, the log has the reason, and the rest of the board works.
 fn off_air_for(seen: &Sends, reason: &str) -> bool {
     off_air(seen, reason) && seen.messages[2] == 11
 }
@@ -178,15 +178,15 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     row("USART2: OVER8 with a divider for 16 samples", &[bits(USART2 + 0xC, 0x8000, 0x8000)], Told::Nothing, |seen| {
         first_receiver_alone_is_lost(seen) && seen.errors[0] > 100
     }),
-    // Nine bits take the stop bit for parity and the next start bit for a stop.
+    // With nine bits the UART reads the stop bit as parity and the next start bit as a stop bit.
     row("USART2: eight bits and parity", &[bits(USART2 + 0xC, 0x1400, 0x1400)], Told::Nothing, |seen| {
         first_receiver_alone_is_lost(seen) && seen.errors[0] > 100
     }),
     row("USART2: receiver not enabled", &[bits(USART2 + 0xC, 4, 0)], Told::Nothing, |seen| {
         first_receiver_alone_is_lost(seen) && seen.bytes[0] == 0 && seen.errors[0] == 0
     }),
-    // EIE reports nothing without DMAR (RM0090 30.6.6): what is counted is the overrun that each idle line comes with,
-    // and that is found when the task is called for a sign of life.
+    // EIE reports nothing without DMAR (RM0090 30.6.6). The counted error is the overrun that comes with each idle
+    // line, and the check-in of the task finds it.
     row("USART2: no DMA requests", &[bits(USART2 + 0x14, 0x40, 0)], Told::Nothing, |seen| {
         first_receiver_alone_is_lost(seen) && seen.bytes[0] == 0 && seen.errors[0] >= 12
     }),
@@ -202,14 +202,14 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     row("DMA1 stream 5: channel 3", &[bits(DMA1_STREAM5, 7 << 25, 3 << 25)], Told::Nothing, |seen| {
         first_receiver_alone_is_lost(seen) && seen.bytes[0] == 0 && seen.errors[0] > 100
     }),
-    // RXNE stays, and with it the request: the ring fills with nothing as fast as the controller goes round.
+    // RXNE stays, and with it the request: the ring fills with zeros as fast as the controller runs.
     row("DMA1 stream 5: towards the UART", &[bits(DMA1_STREAM5, 0xC0, 0x40)], Told::Nothing, |seen| {
         first_receiver_alone_is_lost(seen) && seen.bytes[0] > 100_000 && seen.errors[0] > 100
     }),
     row("DMA1 stream 5: reads CR3 for DR", &[bits(DMA1_STREAM5 + 8, !0, USART2 + 0x14)], Told::Nothing, |seen| {
         first_receiver_alone_is_lost(seen) && seen.bytes[0] > 100_000 && seen.errors[0] > 100
     }),
-    // The first byte ends in a transfer error; the firmware starts the ring again, by code that is not changed.
+    // The first byte ends in a transfer error; the firmware restarts the ring by code that is not changed.
     row(
         "DMA1 stream 5: ring in CCM RAM",
         &[bits(DMA1_STREAM5 + 0xC, !0, 0x1000_0000)],
@@ -217,7 +217,7 @@ const HORUS_ROWS: &[Row<Sends>] = &[
         |seen| seen.errors == [1, 0, 0] && seen.messages == [11, 11, 11] && on_time(seen),
     ),
     row("DMA1: no clock", &[gate(0x30, 21)], Told::Finding(REFUSED), |seen| {
-        // Receivers 1 and 2 are DMA1's.
+        // Receivers 1 and 2 use DMA1.
         seen.valid[0] == 0 && seen.valid[1] == 0 && seen.valid[2] >= 20 && on_time(seen)
     }),
     // ---- the buses of receivers 2 and 3
@@ -238,7 +238,7 @@ const HORUS_ROWS: &[Row<Sends>] = &[
         off_air_for(seen, "Absent")
     }),
     row("SPI1: 16 bits", &[bits(SPI1, 0x800, 0x800)], Told::Finding("chip:"), |seen| off_air_for(seen, "Identity")),
-    // 281 kHz: loading a frame takes 7 ms, and the slot passes. The chip answers, so nothing is at fault.
+    // At 281 kHz loading a frame takes 7 ms, and the slot passes. The chip answers, so no fault is reported.
     row("SPI1: clock divided by 256", &[bits(SPI1, 0x38, 0x38)], Told::Nothing, |seen| {
         seen.frames.is_empty() && seen.field && seen.skipped >= 23 && seen.faults == 0 && seen.log.contains("HORUS")
     }),
@@ -258,7 +258,7 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     row("GPIOD: no clock", &[gate(0x30, 3)], Told::Finding(REFUSED), |seen| {
         off_air_for(seen, "Absent") && seen.bytes == [0, 1100, 1100]
     }),
-    // A transfer that never completes is ended by the firmware's bound.
+    // The firmware's time limit ends a transfer that never completes.
     row("DMA2 stream 0: channel 4", &[bits(DMA2_STREAM0, 7 << 25, 4 << 25)], Told::Nothing, |seen| {
         off_air_for(seen, "Bus")
     }),
@@ -278,21 +278,20 @@ const HORUS_ROWS: &[Row<Sends>] = &[
         Told::Finding("does not reach 0x10000000"),
         |seen| off_air_for(seen, "Bus"),
     ),
-    // DMA2 serves the receiver on SPI, too.
+    // DMA2 also serves the receiver on SPI.
     row("DMA2: no clock", &[gate(0x30, 22)], Told::Finding(REFUSED), |seen| {
         off_air(seen, "Bus") && seen.messages == [12, 11, 0]
     }),
     row("DMA2 stream 0: interrupt not enabled", &[never_iser(1, 0x0100_0000)], Told::Nothing, |seen| {
         seen.frames.is_empty() && seen.watchdog()
     }),
-    // ---- the front end's interrupt and timer
-    // Without the edge the firmware learns of the oscillator and of the first frames when its waits are over.
+    // ---- the front end's interrupt and timer Without the edge the firmware detects the oscillator and the first
+    // frames only when its waits are over.
     row("EXTI3: from port D", &[bits(SYSCFG + 8, 0xF000, 0x3000)], Told::Nothing, late_on_air),
     row("EXTI3: no rising edge", &[bits(EXTI + 8, 8, 0)], Told::Nothing, late_on_air),
     row("EXTI3: masked", &[bits(EXTI, 8, 0)], Told::Nothing, late_on_air),
     row("EXTI3: interrupt not enabled", &[never_iser(0, 0x200)], Told::Nothing, Sends::watchdog),
-    // The pin's level is looked at once in a cycle, when the tasks are called for a sign of life: half of the frames
-    // go.
+    // The pin's level is read once per cycle, at the check-in of the tasks: half of the frames are sent.
     row("EXTI3 masked, TIM5 without a clock", &[bits(EXTI, 8, 0), gate(0x40, 3)], Told::Finding(REFUSED), |seen| {
         (1..=seen.ticks.len() / 2).contains(&seen.frames.len()) && seen.field && seen.faults == 0
     }),
@@ -320,9 +319,9 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     row("FLASH: three wait states", &[bits(FLASH, 0xF, 3)], Told::Finding("too few wait states"), |seen| {
         seen.log.is_empty() && seen.ticks.is_empty() && !seen.field && seen.watchdog()
     }),
-    // A UART is off its rate; I2C and SPI are slower alone, but I2C is told a frequency that it does not have.
+    // A UART is off its rate. I2C and SPI would only be slower, but I2C is configured for a wrong clock frequency.
     row("PLL: 100 MHz", &[bits(RCC + 4, 0x7FC0, 100 << 6)], Told::Finding(I2C_FREQUENCY), |seen| {
-        // I2C and SPI have a clock wire, so they still read what the receivers send; the last one may be on its way.
+        // I2C and SPI have a clock wire, so the receivers' messages are still read; the last one may be on its way.
         seen.period() == 14_400_000
             && seen.messages[0] == 0
             && seen.messages[1..].iter().all(|&messages| messages >= 10)
@@ -338,7 +337,7 @@ const HORUS_ROWS: &[Row<Sends>] = &[
         seen.without_crystal && seen.log.contains("the external clock is missing") && seen.period() == 10 * MS
     }),
     row("APB1: divided by 8", &[bits(RCC + 8, 0x1C00, 0x1800)], Told::Finding(I2C_FREQUENCY), |seen| {
-        // I2C and SPI are looked at every 20 ms.
+        // I2C and SPI are polled every 20 ms.
         seen.period() == 20 * MS && seen.messages == [0, 10, 11]
     }),
     row("APB1: divided by 2", &[bits(RCC + 8, 0x1C00, 0x1000)], Told::Finding("PCLK1 is faster"), |seen| {
@@ -349,7 +348,7 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     row("IWDG: never reloaded", &[instead(IWDG, 0xAAAA, 0)], Told::Nothing, |seen| {
         seen.watchdog() && !seen.frames.is_empty() && seen.log.contains("reset: watchdog")
     }),
-    // Without ticks nobody looks at receivers 2 and 3.
+    // Without ticks receivers 2 and 3 are not polled.
     row(
         "IWDG: prescaler and reload stay locked, and TIM2's interrupt is not enabled",
         &[instead(IWDG, 0x5555, 0), never_iser(0, 0x1000_0000)],
@@ -364,13 +363,13 @@ const HORUS_ROWS: &[Row<Sends>] = &[
     ),
 ];
 
-/// The field comes on two cycles late; from there on a frame in every cycle.
+/// The field comes on two cycles late; after that every cycle has a frame.
 fn late_on_air(seen: &Sends) -> bool {
     seen.frames.len() + 2 == seen.ticks.len() && seen.skipped == 2 && seen.faults == 0 && seen.messages == [12, 11, 11]
 }
 
-/// Frames leave at the tick instead of the slot 100 us after it. The cycle that begins with it is refused, since the
-/// rest of the frame before is still to be loaded: so every second cycle sends.
+/// Frames leave at the tick instead of the slot 100 us after it. The cycle that begins then is refused, because the
+/// rest of the frame before is still to be loaded, so every second cycle sends.
 fn fires_at_every_second_tick(seen: &Sends) -> bool {
     let after = |frame: &u64| seen.ticks.iter().filter(|tick| *tick <= frame).map(|tick| frame - tick).min();
     seen.frames.len() == 12

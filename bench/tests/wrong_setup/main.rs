@@ -1,9 +1,8 @@
-//! Boards that are set up wrongly on purpose: both release images, patched in flash, fail the way silicon would.
+//! Wrong setups: both release images, patched in flash, must fail the way silicon would.
 //!
-//! Each row changes what the firmware writes to one register (see [`rewrite`]) and says what is seen of it from
-//! outside: on the air, on the SSI, in the log, in the telemetry, by a restart. The same must not be seen of the image
-//! as it was built. A row also says what the models have to report of it; where silicon would be silent, so must they
-//! be.
+//! Each row changes what the firmware writes to one register (see [`rewrite`]) and states the external symptom: on the
+//! air, on the SSI, in the log, in the telemetry, or a restart. The original image must not show it. A row also states
+//! what the models must report; where silicon would be silent, so must they be.
 
 #[path = "../boards/mod.rs"]
 mod boards;
@@ -29,17 +28,17 @@ use st25r3916_model::AirEvent;
 
 // ---- what is changed
 
-/// The bits of `mask` are `value` whenever the image stores to `address`.
+/// Sets the bits of `mask` to `value` whenever the image stores to `address`.
 const fn bits(address: u32, mask: u32, value: u32) -> Change {
     Change { address, to: To::Bits { mask, value } }
 }
 
-/// The image stores `value` where it would store `of`.
+/// Makes the image store `value` where it would store `of`.
 const fn instead(address: u32, of: u32, value: u32) -> Change {
     Change { address, to: To::Instead { of, value } }
 }
 
-/// The image never stores to `address`.
+/// Suppresses the image's stores to `address`.
 const fn never(address: u32) -> Change {
     Change { address, to: To::Nothing }
 }
@@ -49,12 +48,12 @@ const fn gate(offset: u32, bit: u32) -> Change {
     never(0x4247_0000 + 32 * offset + 4 * bit)
 }
 
-/// What must be reported of a wrong set-up.
+/// The finding that a wrong setup must cause.
 #[derive(Clone, Copy, Debug)]
 enum Told {
-    /// Nothing: silicon has no way to tell.
+    /// There is none, because silicon cannot detect it.
     Nothing,
-    /// A finding whose words hold this.
+    /// A finding whose text contains this.
     Finding(&'static str),
 }
 
@@ -70,7 +69,7 @@ const fn row<S>(what: &'static str, changes: &'static [Change], told: Told, seen
     Row { what, changes, seen, told }
 }
 
-/// Runs every row of `rows` on a clone of `board`, patched, and demands of each what it says.
+/// Runs every row of `rows` on a patched clone of `board`, and checks the row's expectations.
 fn check<S: Debug>(rows: &[Row<S>], healthy: &S, run: impl Fn(&[Change]) -> (S, Vec<String>)) {
     let mut wrong = vec![];
     for row in rows {
@@ -91,7 +90,7 @@ fn check<S: Debug>(rows: &[Row<S>], healthy: &S, run: impl Fn(&[Change]) -> (S, 
     assert!(wrong.is_empty(), "{} of {} rows:\n{}", wrong.len(), rows.len(), wrong.join("\n"));
 }
 
-/// For every row the same patch, but with each value stored as it was: what is seen must not hang on the stubs.
+/// Runs the same patch for every row with each value unchanged, because the stubs themselves must have no effect.
 fn control<S: Debug>(rows: &[Row<S>], recording: &Recording, run: impl Fn(&[Change]) -> (S, Vec<String>)) -> Vec<S> {
     let mut all = vec![];
     for row in rows {
@@ -114,7 +113,7 @@ fn words(findings: Vec<Finding>) -> Vec<String> {
 /// The interrupts' enable registers, ARMv7-M ARM B3.4.4.
 const ISER: u32 = 0xE000_E100;
 
-/// The image's store that enables the interrupts `of` of ISER register `word` enables none.
+/// Makes the image's store that enables the interrupts `of` of ISER register `word` enable none.
 const fn never_iser(word: u32, of: u32) -> Change {
     instead(ISER + 4 * word, of, 0)
 }

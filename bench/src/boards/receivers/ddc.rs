@@ -8,9 +8,9 @@
 //! | One byte written sets the register address, two or more are data for the receiver | see below |
 //!
 //! Registers and access forms: u-blox integration manuals, "I2C register layout", "Read access types", "Write access"
-//! (ZED-F9P UBX-18010802, NEO-D9S UBX-19026111, SAM-M10Q UBX-22020019 say the same). Reading any other register is
-//! "undefined" there: it reads 0xFF here. That the number of available bytes is taken when its high byte is read is an
-//! assumption: else a message that comes between the two bytes would make it wrong by 256.
+//! (ZED-F9P UBX-18010802, NEO-D9S UBX-19026111, SAM-M10Q UBX-22020019 say the same). They call reading any other
+//! register "undefined"; here it reads 0xFF. The model assumes that the number of available bytes is latched when its
+//! high byte is read, because a message between the two bytes would otherwise make it wrong by 256.
 
 use emulator_part::{I2cAnswer, I2cEvent, Pad, Pin};
 
@@ -27,25 +27,25 @@ const SHORTEST_BYTE: u64 = 22_270;
 
 const TOO_FAST: &str = "I2C: more than 400 kHz (ZED-F9R data sheet 5.3)";
 
-/// What the receiver is doing.
+/// The state of the transfer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum State {
     /// It is not addressed.
     Idle,
-    /// It takes these bytes.
+    /// It receives these bytes.
     Written(Vec<u8>),
-    /// It gives bytes.
+    /// It sends bytes.
     Read,
 }
 
-/// What is wrong with the bus.
+/// A fault of the bus.
 #[derive(Clone, Debug)]
 struct Failing {
     fault: BusFault,
     rng: Rng,
-    /// Clocks that the controller has made since.
+    /// Clocks that the controller has made since the fault began.
     clocks: u32,
-    /// When the next glitch begins, ns.
+    /// The instant at which the next glitch begins, ns.
     glitch_at: u64,
 }
 
@@ -61,17 +61,17 @@ pub(super) struct Ddc {
     register: u8,
     /// Bytes that were available when the high byte of their number was read.
     available: u16,
-    /// When the controller's last byte ended, ns: none where it held the clock since.
+    /// The instant at which the controller's last byte ended, ns; `None` where it has held the clock since.
     last: Option<u64>,
-    /// The last byte was not acknowledged: the controller will end the transfer.
+    /// The last byte was not acknowledged, so the controller will end the transfer.
     closing: bool,
     failing: Option<Failing>,
-    /// SCL and SDA as the part makes them: high where it lets go.
+    /// SCL and SDA as the part drives them: high where it releases them.
     made: [bool; 2],
-    /// SCL and SDA as they are held low here, and as the part was told.
+    /// SCL and SDA as the receiver holds them low, and as last passed to the part.
     low: [bool; 2],
     told: [bool; 2],
-    /// When the glitch under way is over, ns.
+    /// The instant at which the present glitch ends, ns.
     glitch_over: u64,
 }
 
@@ -95,7 +95,7 @@ impl Ddc {
         }
     }
 
-    /// The bus fails in this way from `now` (ns) on.
+    /// Begins `fault` of the bus at `now` (ns).
     pub(super) fn begin_fault(&mut self, now: u64, fault: BusFault, mut rng: Rng) {
         self.crossings.spoil_open();
         let glitch_at = if fault == BusFault::Glitches { now + rng.between(GLITCHES.0, GLITCHES.1) } else { u64::MAX };
@@ -105,14 +105,14 @@ impl Ddc {
             _ => {}
         }
         if self.low != [false; 2] {
-            // What was under way comes to nothing.
+            // The fault aborts the transfer under way.
             self.state = State::Idle;
             self.crossings.end();
         }
         self.failing = Some(Failing { fault, rng, clocks: 0, glitch_at });
     }
 
-    /// It fails no longer.
+    /// Ends `fault` of the bus.
     pub(super) fn end_fault(&mut self, fault: BusFault) {
         if self.failing.as_ref().is_some_and(|failing| failing.fault == fault) {
             self.failing = None;
@@ -126,7 +126,7 @@ impl Ddc {
         self.failing.as_ref().is_some_and(|failing| failing.fault == fault)
     }
 
-    /// Bits of a byte that are inverted on their way.
+    /// The bits of a byte that the bus inverts.
     fn flips(&mut self) -> u8 {
         match &mut self.failing {
             Some(Failing { fault: BusFault::Noise, rng, .. }) => {
@@ -136,7 +136,7 @@ impl Ddc {
         }
     }
 
-    /// The controller has acted; what it did ended at `at` (ns). `heard` gets each byte that is for the receiver.
+    /// Applies what the controller did, which ended at `at` (ns). `heard` gets each byte that is for the receiver.
     pub(super) fn act(
         &mut self,
         at: u64,
@@ -155,7 +155,7 @@ impl Ddc {
                     self.outbox.read_at = at;
                     self.state = if address & 1 == 0 { State::Written(vec![]) } else { State::Read };
                     if self.fails(BusFault::Stretches) {
-                        // The next byte begins that much later.
+                        // Clock stretching delays the next byte by that much.
                         self.last = Some(at + STRETCHED);
                         I2cAnswer { stretched_ns: STRETCHED, ..yes }
                     } else {
@@ -176,7 +176,7 @@ impl Ddc {
                 let flips = self.flips();
                 let data = self.next(at, before.unwrap_or(at), flips) ^ flips;
                 self.closing = !acknowledged;
-                // In what a failing bus carries nothing is sure.
+                // On a failing bus no byte is certain.
                 if fast || self.failing.is_some() {
                     self.crossings.spoil();
                 }
@@ -191,7 +191,7 @@ impl Ddc {
         (answer, misuse)
     }
 
-    /// The byte of the register that is read, which ends at `at`; the one before ended at `before` (ns).
+    /// The next byte of the register that is read. It ends at `at`; the byte before it ended at `before` (ns).
     fn next(&mut self, at: u64, before: u64, flips: u8) -> u8 {
         let register = self.register;
         self.register = register.saturating_add(1);
@@ -209,7 +209,7 @@ impl Ddc {
         }
     }
 
-    /// A transfer ends, by a stop or by another start.
+    /// Ends a transfer, at a stop or a repeated start.
     fn finish(&mut self, heard: &mut impl FnMut(u8)) {
         match std::mem::replace(&mut self.state, State::Idle) {
             State::Written(bytes) => match bytes[..] {
@@ -218,7 +218,7 @@ impl Ddc {
                 _ => bytes.into_iter().for_each(heard),
             },
             State::Read => {
-                // A controller that ends without having refused a byte has lost count.
+                // A controller that ends a read without a NACK has lost count.
                 if !std::mem::take(&mut self.closing) {
                     self.crossings.spoil();
                 }
@@ -229,7 +229,7 @@ impl Ddc {
         self.closing = false;
     }
 
-    /// The part does something to `pin`: software, while the pin is a general purpose one.
+    /// Applies what software drives on `pin` while it is a general-purpose pin.
     pub(super) fn pin(&mut self, pin: Pin, pad: Pad) {
         let Some(line) = [self.scl, self.sda].iter().position(|line| *line == pin) else { return };
         let high = pad != Pad::Driven(false);
@@ -243,14 +243,14 @@ impl Ddc {
         }
     }
 
-    /// When a line is next moved, ns.
+    /// The instant at which a line next changes, ns.
     pub(super) fn next_at(&self) -> u64 {
         let glitch = self.failing.as_ref().map_or(u64::MAX, |failing| failing.glitch_at);
         let changed = if self.low == self.told { u64::MAX } else { 0 };
         glitch.min(self.glitch_over).min(changed)
     }
 
-    /// The lines are moved up to `at` (ns): whether any was.
+    /// Drives the lines up to `at` (ns) and returns whether any changed.
     pub(super) fn settle(&mut self, at: u64, inputs: &mut Vec<Input>) -> bool {
         let mut moved = false;
         if at >= self.glitch_over {
@@ -260,7 +260,7 @@ impl Ddc {
         }
         if let Some(failing) = self.failing.as_mut().filter(|failing| at >= failing.glitch_at) {
             failing.glitch_at = at + failing.rng.between(GLITCHES.0, GLITCHES.1);
-            // An idle bus has its glitches too.
+            // Glitches also occur on an idle bus.
             self.glitch_over = at + GLITCH;
             self.low[1] = true;
             moved = true;

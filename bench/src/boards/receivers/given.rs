@@ -1,55 +1,55 @@
-//! What crossed a bus, in the words of the event log: runs of bytes that follow one another without a gap.
+//! Traffic of a bus in the event log's form: runs of bytes that follow one another without a gap.
 
-/// A byte may end so much earlier or later than its run says, ns: the ends of bytes are whole nanoseconds of a clock
-/// whose period is none.
+/// The most by which a byte's end may differ from its run's byte time, ns: ends are whole nanoseconds, and the clock's
+/// period is not.
 const ROUNDING: u64 = 40;
 
-/// Bytes of a receiver that the part was given, one after the other without a gap.
+/// Bytes of a receiver that the part read, back to back.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Given {
-    /// Which receiver, from 0.
+    /// The receiver's index, from 0.
     pub receiver: usize,
-    /// When the first byte began, ns.
+    /// The instant at which the first byte began, ns.
     pub at: u64,
-    /// What a byte takes, ns.
+    /// The duration of a byte, ns.
     pub byte_ns: u64,
-    /// The bytes: what the receiver said, or what the bus made of it.
+    /// The bytes as the part read them, which a bus fault may have changed.
     pub bytes: Vec<u8>,
-    /// The part was given all of them as the receiver said them, in a transaction that was ended as it should be.
+    /// The part read all of them as the receiver sent them, in a transaction that ended correctly.
     pub clean: bool,
-    /// Since when they had waited in the receiver, ns.
+    /// The instant since which they had waited in the receiver, ns.
     pub since: u64,
 }
 
-/// What crossed a bus and was not told yet.
+/// Bus traffic that was not reported yet.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Crossings {
-    /// Of the transaction under way: the beginning and the end of each byte (ns), the byte, and since when it has
-    /// waited (ns).
+    /// The bytes of the transaction under way: each one's beginning and end (ns), its value, and the instant since
+    /// which it has waited (ns).
     open: Vec<(u64, u64, u8, u64)>,
-    /// Something of it is not as the receiver said it.
+    /// Some byte of the transaction differs from what the receiver sent.
     spoilt: bool,
     done: Vec<Vec<(u64, u64, u8, u64)>>,
     clean: Vec<bool>,
 }
 
 impl Crossings {
-    /// A byte has crossed from `from` to `to` (ns), that has waited since `since`, ns.
+    /// Records a byte that crossed from `from` to `to` (ns) and had waited since `since` (ns).
     pub(super) fn byte(&mut self, from: u64, to: u64, byte: u8, since: u64) {
         self.open.push((from, to, byte, since));
     }
 
-    /// The transaction under way is none that the part must make sense of.
+    /// Marks the transaction under way as one that the part need not interpret.
     pub(super) fn spoil(&mut self) {
         self.spoilt = true;
     }
 
-    /// The same, if there is one of which something has crossed.
+    /// Marks the transaction under way likewise if any byte has crossed in it.
     pub(super) fn spoil_open(&mut self) {
         self.spoilt |= !self.open.is_empty();
     }
 
-    /// The transaction is over.
+    /// Ends the transaction.
     pub(super) fn end(&mut self) {
         let clean = !std::mem::take(&mut self.spoilt);
         if !self.open.is_empty() {
@@ -58,12 +58,12 @@ impl Crossings {
         }
     }
 
-    /// Since when there is something that was not told, ns; `u64::MAX` for nothing.
+    /// The instant of the oldest traffic that was not reported yet, ns; `u64::MAX` for none.
     pub(super) fn since(&self) -> u64 {
         self.open.first().map_or(u64::MAX, |(from, ..)| *from)
     }
 
-    /// What crossed in transactions that are over.
+    /// Takes the traffic of the transactions that are over.
     pub(super) fn take(&mut self, receiver: usize) -> Vec<Given> {
         let mut given: Vec<Given> = vec![];
         for (bytes, clean) in self.done.drain(..).zip(self.clean.drain(..)) {
@@ -80,7 +80,7 @@ impl Crossings {
 }
 
 impl Given {
-    /// Whether a byte from `from` to `to` (ns) follows without a gap, and takes as long as the others.
+    /// Whether a byte from `from` to `to` (ns) follows without a gap and takes as long as the others.
     fn continues(&self, from: u64, to: u64) -> bool {
         let nth = |number: usize| self.at + number as u64 * self.byte_ns;
         from.abs_diff(nth(self.bytes.len())) <= ROUNDING && to.abs_diff(nth(self.bytes.len() + 1)) <= ROUNDING

@@ -1,15 +1,15 @@
-//! The receivers' interfaces on the HORUS board: what is between a receiver's stream of messages and the part's pins.
+//! The receivers' interfaces on the HORUS board: they connect a receiver's stream of messages to the part's pins.
 //!
 //! | file | interface | receivers | source |
 //! |---|---|---|---|
 //! | `uart` | UART, both ways | GPS1, GPS4, GPS5 | ZED-F9R data sheet (UBX-22024085) 5.1 |
 //! | [`ddc`] | DDC: an I2C peripheral at address 0x42 with a stream in register 0xFF | GPS2 | 5.3, and see [`ddc`] |
 //! | [`spi`] | SPI: a stream in either direction, without registers | GPS3 | 5.2, and see [`spi`] |
-//! | `given` | what crossed a bus, in the words of the event log | | |
+//! | `given` | bus traffic in the event log's form | | |
 //!
-//! What a receiver says and what it makes of its configuration is not known here: `gnss_sim` decides that. A port takes
-//! whole messages ([`Receivers::offer`]), gives their bytes to the part when the part asks for them, and collects what
-//! the part sends ([`Receivers::take_heard`]).
+//! `gnss_sim` decides what a receiver sends and how it handles its configuration; this module does not. A port accepts
+//! whole messages ([`Receivers::offer`]), sends their bytes when the part reads them, and collects what the part sends
+//! ([`Receivers::take_heard`]).
 //!
 //! # The output buffer
 //!
@@ -42,24 +42,25 @@ use uart::Uart;
 
 /// Bytes that a receiver keeps for a bus: u-blox integration manuals, "Extended TX timeout".
 pub const BUFFER: usize = 4096;
-/// After so long without communication a receiver puts no more messages into a bus's buffer, ns.
+/// The time without communication after which a receiver puts no more messages into a bus's buffer, ns.
 pub const FORSAKEN: u64 = 2_000_000_000;
 
-/// A transaction that is not ended so long after its first byte has been given up, ns.
+/// The time after its first byte at which an unfinished transaction counts as abandoned, ns.
 pub const ABANDONED: u64 = 50_000_000;
 
-/// Messages that wait to be read over a bus.
+/// The output buffer: messages that wait to be read over a bus.
 #[derive(Clone, Debug, Default)]
 struct Outbox {
     bytes: VecDeque<u8>,
-    /// Since when they have waited: instants (ns), and how many bytes each is of.
+    /// The instants (ns) since which the bytes have waited, and the number of bytes of each.
     since: VecDeque<(u64, usize)>,
-    /// When the part last communicated, ns.
+    /// The instant of the part's last communication, ns.
     read_at: u64,
 }
 
 impl Outbox {
-    /// Whole messages are put in at `at` (ns): those that fit, and none if nobody has read for long.
+    /// Puts whole messages into the buffer at `at` (ns): those that fit, and none if the bus has been idle for too
+    /// long.
     fn put(&mut self, at: u64, mut messages: &[u8]) {
         if at.saturating_sub(self.read_at) > FORSAKEN {
             return;
@@ -74,7 +75,7 @@ impl Outbox {
         }
     }
 
-    /// The part reads a byte: the byte, and since when it has waited (ns).
+    /// Takes the byte that the part reads, with the instant (ns) since which it has waited.
     fn take(&mut self) -> Option<(u8, u64)> {
         let byte = self.bytes.pop_front()?;
         let (since, left) = self.since.front_mut()?;
@@ -87,7 +88,7 @@ impl Outbox {
     }
 }
 
-/// The length of what `bytes` begin with: a UBX message, or what precedes the next one.
+/// The length of what `bytes` begin with: a UBX message, or the bytes before the next one.
 fn message_at_start_of(bytes: &[u8]) -> usize {
     match ubx::Frame::at_start_of(bytes) {
         Some(frame) => frame.wire_len(),
@@ -100,11 +101,11 @@ fn message_at_start_of(bytes: &[u8]) -> usize {
 /// A byte that the part sent to a receiver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Heard {
-    /// When it had arrived, ns.
+    /// The instant at which it had arrived, ns.
     pub at: u64,
-    /// Which receiver, from 0.
+    /// The receiver's index, from 0.
     pub receiver: usize,
-    /// The byte; nothing for what the receiver could not read, which ends the message that it is part of.
+    /// The byte; `None` for an unreadable one, which ends the message that it is part of.
     pub byte: Option<u8>,
 }
 
@@ -120,19 +121,19 @@ enum Port {
 #[derive(Clone, Debug)]
 pub struct Receivers {
     ports: Vec<Port>,
-    /// Somebody takes what the part sends: see [`Receivers::attend`].
+    /// Whether the part's bytes are kept for [`Receivers::take_heard`]; see [`Receivers::attend`].
     attended: bool,
     heard: Vec<Heard>,
     given: Vec<Given>,
-    /// What was done to a receiver against its data sheet: the first time of each kind, with its instant (ns).
+    /// Uses of a receiver against its data sheet: the first of each kind, with its instant (ns).
     misuses: Vec<(u64, String)>,
     told: Vec<(usize, &'static str)>,
-    /// The least of the ports' next instants, ns.
+    /// The earliest of the ports' next instants, ns.
     next: u64,
 }
 
 impl Receivers {
-    /// So many receivers, of which none has said anything.
+    /// `number` receivers, none of which has sent a byte.
     #[must_use]
     pub fn new(receivers: usize) -> Self {
         let ports = [
@@ -153,8 +154,8 @@ impl Receivers {
         }
     }
 
-    /// A receiver on a UART begins to send these frames at `at` (ns), or when it has sent what it sends then: that
-    /// instant is the answer.
+    /// Queues these frames on a receiver's UART at `at` (ns). Returns the instant at which they begin: `at`, or the end
+    /// of the frames before them.
     pub fn send(&mut self, at: u64, receiver: usize, frames: impl IntoIterator<Item = UartFrame>) -> u64 {
         let Some(Port::Uart(uart)) = self.ports.get_mut(receiver) else { return at };
         let begins = uart.send(at, frames);
@@ -162,7 +163,7 @@ impl Receivers {
         begins
     }
 
-    /// A receiver on a bus has `messages` to be read from `at` (ns) on.
+    /// Makes `messages` of a receiver on a bus readable from `at` (ns) on.
     pub fn offer(&mut self, at: u64, receiver: usize, messages: &[u8]) {
         match self.ports.get_mut(receiver) {
             Some(Port::I2c(ddc)) => ddc.outbox.put(at, messages),
@@ -171,7 +172,7 @@ impl Receivers {
         }
     }
 
-    /// The bus of a receiver fails in this way from `now` (ns) on; what is random about it follows from `seed`.
+    /// Begins `fault` of a receiver's bus at `now` (ns); `seed` decides everything random about it.
     pub fn begin_fault(&mut self, now: u64, receiver: usize, fault: BusFault, seed: u64) {
         match self.ports.get_mut(receiver) {
             Some(Port::I2c(ddc)) => ddc.begin_fault(now, fault, Rng::new(seed)),
@@ -181,7 +182,7 @@ impl Receivers {
         self.plan();
     }
 
-    /// It fails no longer.
+    /// Ends `fault` of a receiver's bus.
     pub fn end_fault(&mut self, receiver: usize, fault: BusFault) {
         match self.ports.get_mut(receiver) {
             Some(Port::I2c(ddc)) => ddc.end_fault(fault),
@@ -191,31 +192,32 @@ impl Receivers {
         self.plan();
     }
 
-    /// A receiver on a UART listens at `baud` from now on.
+    /// Sets the rate at which a receiver's UART listens, in baud.
     pub fn listen_at(&mut self, receiver: usize, baud: u32) {
         if let Some(Port::Uart(uart)) = self.ports.get_mut(receiver) {
             uart.listen_at(baud);
         }
     }
 
-    /// From now on what the part sends is kept for [`Receivers::take_heard`], and stops the node that it may be taken.
+    /// Keeps what the part sends from now on for [`Receivers::take_heard`] and stops the node after each byte, so that
+    /// it can be taken.
     pub fn attend(&mut self) {
         self.attended = true;
     }
 
-    /// What the part has sent to receivers since the last call; nothing unless somebody attends.
+    /// Takes what the part has sent to receivers since the last call; empty unless [`Receivers::attend`] was called.
     pub fn take_heard(&mut self) -> Vec<Heard> {
         std::mem::take(&mut self.heard)
     }
 
-    /// Whether the part has sent something that was not taken.
+    /// Whether the part has sent a byte that was not taken yet.
     #[must_use]
     pub fn has_heard(&self) -> bool {
         !self.heard.is_empty()
     }
 
-    /// What crossed the buses since the last call: of transactions that are over, and of those that were not ended for
-    /// [`ABANDONED`]. It is `now` (ns).
+    /// Takes the bus traffic since the last call: transactions that are over, and those that have not ended within
+    /// [`ABANDONED`]. `now` is the present, ns.
     pub fn take_given(&mut self, now: u64) -> Vec<Given> {
         for (receiver, port) in self.ports.iter_mut().enumerate() {
             let (Port::I2c(Ddc { crossings, .. }) | Port::Spi(Spi { crossings, .. })) = port else { continue };
@@ -228,7 +230,7 @@ impl Receivers {
         std::mem::take(&mut self.given)
     }
 
-    /// Since when a transaction is under way of which nothing was told yet, ns; `u64::MAX` where none is.
+    /// The instant since which a transaction is under way that was not reported yet, ns; `u64::MAX` for none.
     #[must_use]
     pub fn untold_since(&self) -> u64 {
         let of = |port: &Port| match port {
@@ -239,7 +241,7 @@ impl Receivers {
         self.ports.iter().map(of).min().unwrap_or(u64::MAX)
     }
 
-    /// What was done against data sheets since the last call: each kind once in a run.
+    /// Takes the violations of data sheets since the last call: each kind once in a run.
     pub fn take_misuses(&mut self) -> Vec<(u64, String)> {
         std::mem::take(&mut self.misuses)
     }
@@ -260,19 +262,19 @@ impl Receivers {
         self.next = self.ports.iter().map(of).min().unwrap_or(u64::MAX);
     }
 
-    /// The lines rest: what the board drives from power-on.
+    /// Drives the lines to their rest levels at power-on.
     pub(super) fn powered(&self, inputs: &mut Vec<Input>) {
         for port in &self.ports {
             match port {
                 Port::Uart(uart) => inputs.push(Input::Level(uart.to_part, Some(true))),
-                // The pull-ups.
+                // The pull-ups hold the lines high.
                 Port::I2c(ddc) => inputs.extend([ddc.scl, ddc.sda].map(|pin| Input::Level(pin, Some(true)))),
                 Port::Spi(_) => {}
             }
         }
     }
 
-    /// The part does something to `pin` at `at` (ns).
+    /// Applies what the part drives on `pin` at `at` (ns).
     pub(super) fn pin(&mut self, at: u64, pin: Pin, pad: Pad) {
         for (receiver, port) in self.ports.iter_mut().enumerate() {
             match port {
@@ -289,7 +291,7 @@ impl Receivers {
         self.plan();
     }
 
-    /// The part clocks a frame of an SPI from `begins` to `ends` (ns). `None` where no receiver drives MISO.
+    /// Clocks a frame of an SPI from `begins` to `ends` (ns). Returns `None` where no receiver drives MISO.
     pub(super) fn spi(&mut self, begins: u64, ends: u64, frame: &SpiFrame) -> Option<u32> {
         let (receiver, spi) = self.ports.iter_mut().enumerate().find_map(|(receiver, port)| match port {
             Port::Spi(spi) if spi.is_clocked_by(frame) => Some((receiver, spi)),
@@ -302,7 +304,7 @@ impl Receivers {
         answer
     }
 
-    /// The part has sent a UART frame on `pin`, which ended at `at` (ns).
+    /// Passes on a UART frame that the part has sent on `pin` and that ended at `at` (ns).
     pub(super) fn uart(&mut self, at: u64, pin: Pin, frame: &UartFrame) {
         let found = self.ports.iter_mut().enumerate().find_map(|(receiver, port)| match port {
             Port::Uart(uart) if uart.from_part == pin => Some(Heard { at, receiver, byte: uart.hears(at, frame)? }),
@@ -311,7 +313,7 @@ impl Receivers {
         self.hears(found);
     }
 
-    /// The part's I2C with these pins has done something, which ended at `at` (ns).
+    /// Passes on an event of the part's I2C on these pins, which ended at `at` (ns).
     pub(super) fn i2c(&mut self, at: u64, scl: Pin, sda: Pin, event: I2cEvent) -> I2cAnswer {
         let found = self.ports.iter_mut().enumerate().find_map(|(receiver, port)| match port {
             Port::I2c(ddc) if (ddc.scl, ddc.sda) == (scl, sda) => Some((receiver, ddc)),
@@ -333,13 +335,13 @@ impl Receivers {
         }
     }
 
-    /// When a receiver next acts on the part's pins by itself, ns.
+    /// The next instant at which a receiver drives the part's pins by itself, ns.
     #[must_use]
     pub(super) fn next_event(&self) -> u64 {
         self.next
     }
 
-    /// The receivers act up to `at` (ns).
+    /// Runs the receivers up to `at` (ns).
     pub(super) fn settle(&mut self, at: u64, inputs: &mut Vec<Input>) {
         let mut moved = at >= self.next;
         for port in &mut self.ports {

@@ -4,26 +4,26 @@
 //! |---|---|
 //! | Mode 0, most significant bit first, at most 5.5 MHz | ZED-F9R data sheet 5.2, NEO-D9S data sheet 5.2 |
 //! | At most 125 kB/s: a byte every 8 µs | the same; NEO-M8P data sheet 4.4.1, "minimum byte period" |
-//! | No registers: what is clocked in is for the receiver, what is clocked out is its stream, 0xFF when empty | below |
+//! | There are no registers: the receiver takes what is clocked in and sends its stream, 0xFF when empty | below |
 //! | After 50 bytes of 0xFF in a row the receiver reads no input until a byte that is not 0xFF | below |
 //!
 //! Streams and filler: u-blox integration manuals, "SPI interface", "Read access" and "Back-to-back read and write
 //! access" (ZED-F9K UBX-20046189, ZED-F9T UBX-18053713, NEO-D9S UBX-19026111 say the same).
 //!
-//! The data sheets do not say what a receiver does whose bytes are clocked faster than it can load them. Here it has
-//! loaded none: MISO carries the byte before once more, its stream waits, and what is clocked in is lost. At more than
-//! 5.5 MHz its output comes too late: each bit is read in the next one's place.
+//! The data sheets do not say what a receiver does when its bytes are clocked faster than it can load them. The model
+//! then loads none: MISO repeats the byte before, the stream waits, and what is clocked in is lost. At more than 5.5
+//! MHz its output is too late: each bit is read in the next one's place.
 
 use emulator_part::{Pin, SpiFrame, SpiMode};
 
 use super::{Crossings, Outbox};
 use crate::faults::{BusFault, Rng};
 
-/// A bit of 5.5 MHz, ps.
+/// The duration of a bit at 5.5 MHz, ps.
 const SHORTEST_BIT_PS: u64 = 181_818;
-/// A byte of 125 kB/s, ns.
+/// The duration of a byte at 125 kB/s, ns.
 pub const SHORTEST_BYTE: u64 = 8_000;
-/// CFG-SPI-MAXFF, as it comes from the factory.
+/// The factory default of CFG-SPI-MAXFF.
 const MOST_FILLER: u32 = 50;
 
 const WRONG_MODE: &str = "SPI: not mode 0, or not whole bytes (ZED-F9R data sheet 5.2)";
@@ -47,14 +47,14 @@ pub(super) struct Spi {
     pub(super) outbox: Outbox,
     pub(super) crossings: Crossings,
     selected: bool,
-    /// When the last byte that was loaded in time began, ns; nothing since the chip was selected.
+    /// The instant at which the last byte that was loaded in time began, ns; `None` since the chip was selected.
     last: Option<u64>,
-    /// Bytes of 0xFF in a row that were clocked in.
+    /// The number of successive 0xFF bytes that were clocked in.
     filler: u32,
-    /// The last bit that was clocked out, and the last byte.
+    /// The last bit and the last byte that were clocked out.
     last_bit: bool,
     last_byte: u8,
-    /// What is wrong with MISO.
+    /// The fault of MISO.
     failing: Option<(BusFault, Rng)>,
 }
 
@@ -73,13 +73,13 @@ impl Spi {
         }
     }
 
-    /// MISO is wrong in this way from now on.
+    /// Begins a fault of MISO.
     pub(super) fn begin_fault(&mut self, fault: BusFault, rng: Rng) {
         self.crossings.spoil_open();
         self.failing = Some((fault, rng));
     }
 
-    /// It is wrong no longer.
+    /// Ends a fault of MISO.
     pub(super) fn end_fault(&mut self, fault: BusFault) {
         if self.failing.as_ref().is_some_and(|(of, _)| *of == fault) {
             self.failing = None;
@@ -102,8 +102,8 @@ impl Spi {
         frame.sck.contains(&Some(self.wires.sck))
     }
 
-    /// The part clocks a frame from `begins` to `ends` (ns). `heard` gets what the receiver takes, with the instant at
-    /// which it had arrived.
+    /// Clocks a frame of the part from `begins` to `ends` (ns). `heard` gets what the receiver accepts, with the
+    /// instant at which it had arrived.
     pub(super) fn clock(
         &mut self,
         begins: u64,
@@ -122,7 +122,7 @@ impl Spi {
         } else if (ends - begins) * 1_000 < bits * SHORTEST_BIT_PS - 1_000 {
             misuse = Some(FAST_CLOCK);
         }
-        // A line that the part does not drive rests high, by the receiver's own pull-up.
+        // A line that the part does not drive is high, by the receiver's own pull-up.
         let mosi = if frame.mosi.contains(&Some(self.wires.mosi)) { frame.data } else { u32::MAX };
         let mut answer = 0_u32;
         for number in 0..bytes.max(1) {
@@ -165,7 +165,7 @@ impl Spi {
         ((frame.miso == Some(self.wires.miso)).then_some(answer), misuse)
     }
 
-    /// `byte` with each bit in the next one's place.
+    /// Shifts `byte` by one bit, because each bit is read in the next one's place.
     fn late(&mut self, byte: u8) -> u8 {
         let shifted = byte >> 1 | u8::from(self.last_bit) << 7;
         self.last_bit = byte & 1 != 0;

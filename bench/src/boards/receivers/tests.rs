@@ -8,7 +8,7 @@ use super::*;
 const SCL: Pin = pin('F', 1);
 const SDA: Pin = pin('F', 0);
 const CS: Pin = pin('E', 3);
-/// A bit of 400 kHz, ns.
+/// The duration of a bit at 400 kHz, ns.
 const BIT: u64 = 2_500;
 
 const MS: u64 = 1_000_000;
@@ -34,7 +34,7 @@ impl Script {
         self.receivers.i2c(self.now, SCL, SDA, event)
     }
 
-    /// Sets the register address, if one is given, and reads so many bytes.
+    /// Sets the register address, if one is given, and reads `bytes` bytes.
     fn read(&mut self, register: Option<u8>, bytes: usize) -> Vec<u8> {
         if let Some(register) = register {
             assert!(self.i2c(I2cEvent::Start(0x84)).acknowledged);
@@ -63,7 +63,7 @@ impl Script {
         }
     }
 
-    /// Clocks bytes, each for `takes` ns and one every `every` ns; answers what MISO carried.
+    /// Clocks bytes, each for `takes` ns and one every `every` ns; returns what MISO carried.
     fn clock(&mut self, mosi: &[u8], takes: u64, every: u64) -> Vec<u8> {
         mosi.iter()
             .map(|&byte| {
@@ -102,7 +102,7 @@ fn over_i2c_the_number_of_bytes_and_then_the_bytes_are_read() {
     script.receivers.offer(script.now, 1, &message());
     assert_eq!(script.read(Some(0xFD), 2), [0, 100]);
     let begins = script.now + 9 * BIT;
-    // The register address has come to 0xFF, where it stays.
+    // The register address has reached 0xFF, where it stays.
     assert_eq!(script.read(None, 60), message()[..60]);
     assert_eq!(script.read(Some(0xFD), 2), [0, 40]);
     assert_eq!(script.read(Some(0xFF), 42), [&message()[60..], &[0xFF, 0xFF]].concat());
@@ -253,14 +253,14 @@ fn bytes_faster_than_125_kb_a_second_are_not_loaded_and_the_stream_waits() {
     let mut script = Script::new();
     script.receivers.offer(script.now, 2, &message());
     script.select(true);
-    // 4.5 MHz without a gap: every fifth byte begins 8 µs after the one that was loaded.
+    // At 4.5 MHz without a gap every fifth byte begins 8 µs after the one that was loaded.
     let miso = script.clock(&[0xFF; 10], 1_778, 1_778);
     let sync = ubx::SYNC;
     assert_eq!(miso, [[sync[0]; 5], [sync[1]; 5]].concat());
     script.select(false);
     assert!(script.given().iter().all(|given| !given.clean));
     assert!(script.receivers.take_misuses()[0].1.contains("125 kB/s"));
-    // The same clock with a byte every 8 µs is right.
+    // The same clock reads correctly with a byte every 8 µs.
     script.now += MS;
     script.select(true);
     assert_eq!(script.clock(&[0xFF; 98], 1_778, 8_000), message()[2..]);
@@ -332,7 +332,7 @@ fn a_byte_at_another_rate_is_nothing_that_the_receiver_can_read() {
     script.receivers.listen_at(0, 38_400);
     assert_eq!(send(&mut script, 38_400), [Some(0xB5)]);
     assert_eq!(send(&mut script, 460_800), [None]);
-    // After more than 100 errors it hears nothing for the rest of a second.
+    // After more than 100 errors the UART ignores its input for the rest of a second.
     for _ in 0..100 {
         send(&mut script, 460_800);
     }
@@ -343,7 +343,7 @@ fn a_byte_at_another_rate_is_nothing_that_the_receiver_can_read() {
 
 // ---- faults
 
-/// What the receivers do to the pins by `now`.
+/// The levels that the receivers drive on the pins by `now`.
 fn levels(script: &mut Script) -> Vec<(Pin, bool)> {
     let mut inputs = vec![];
     script.receivers.settle(script.now, &mut inputs);
@@ -364,7 +364,7 @@ fn failing(fault: BusFault) -> Script {
     script
 }
 
-/// Software makes so many clocks.
+/// Makes `number` clocks by software.
 fn clocks(script: &mut Script, number: u32) {
     for _ in 0..number {
         script.receivers.pin(script.now, SCL, Pad::Driven(false));

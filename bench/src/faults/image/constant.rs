@@ -1,10 +1,10 @@
-//! Another value for a constant that an image's code loads, found by what it is and not by where it is.
+//! Replaces a constant that an image's code loads, found by its value and not by its address.
 //!
 //! | covered | not covered |
 //! |---|---|
 //! | MOVW; MOVW and MOVT in a row, or with one 16-bit instruction between | the halves farther apart |
 //! | MOV with a modified immediate | MOVS and other 8-bit immediates |
-//! | ADD and ORR with one, which put a field into a word, if the other value is one, too | other arithmetic |
+//! | ADD and ORR with one, which put a field into a word, if the new value is a modified immediate, too | other arithmetic |
 //! | an aligned word, between the code or in a table | a word that is put together at run time |
 
 use cortex_m4::Cost;
@@ -12,7 +12,7 @@ use cortex_m4::Cost;
 use super::{Repair, seal};
 use emulator_node::{Board, Error, Node};
 
-/// Every place of `node`'s image that loads `of` loads `value` from now on; the image is sealed again.
+/// Makes every place of `node`'s image that loads `of` load `value` from now on, and seals the image again.
 ///
 /// # Errors
 ///
@@ -34,7 +34,7 @@ pub(super) fn replace<B: Board, C: Cost>(node: &mut Node<B, C>, of: u32, value: 
     Ok(repair)
 }
 
-/// Where in `image` the constant `of` is, and what stands there instead for `value`.
+/// The places in `image` that hold the constant `of`, and the bytes that replace them for `value`.
 fn replaced(image: &[u8], of: u32, value: u32) -> Vec<(usize, Vec<u8>)> {
     let half = |at: usize| image.get(2 * at..2 * at + 2).map(|bytes| u16::from_le_bytes([bytes[0], bytes[1]]));
     let pair = |at| half(at).zip(half(at + 1));
@@ -69,13 +69,13 @@ fn replaced(image: &[u8], of: u32, value: u32) -> Vec<(usize, Vec<u8>)> {
     places
 }
 
-/// First halfwords, ARMv7-M ARM A7.7.76 and A7.7.79: MOVW is encoding T3 of MOV, MOV is encoding T2.
+/// The first halfwords, ARMv7-M ARM A7.7.76 and A7.7.79: MOVW is encoding T3 of MOV, MOV is encoding T2.
 const MOVW: u16 = 0xF240;
 const MOVT: u16 = 0xF2C0;
 const MOV: u16 = 0xF04F;
 
-/// Encoding T3 of ORR and of ADD, A7.7.91 and A7.7.3; MOV is the former without a register, CMN the latter without a
-/// destination.
+/// Whether the instruction is ORR or ADD in encoding T3, A7.7.91 and A7.7.3. MOV is an ORR without a register, CMN an
+/// ADD without a destination.
 const fn is_field((one, two): (u16, u16)) -> bool {
     let without = one & 0xF == 0xF || two >> 8 & 0xF == 0xF;
     matches!(one & 0xFBE0, 0xF040 | 0xF100) && two & 0x8000 == 0 && !without
@@ -94,7 +94,7 @@ fn encoded(opcode: u16, register: u16, value: u16) -> (u16, u16) {
     (opcode | (value >> 11 & 1) << 10 | value >> 12, (value >> 8 & 7) << 12 | register << 8 | value & 0xFF)
 }
 
-/// The bits of both halfwords that are `value` as a modified immediate, if it can be one.
+/// The bits of both halfwords that encode `value` as a modified immediate, if that is possible.
 fn modified(value: u32) -> Option<(u16, u16)> {
     let bits = |code: u16| ((code >> 11 & 1) << 10, (code >> 8 & 7) << 12 | code & 0xFF);
     (0..0x1000).map(bits).find(|bits| expanded(*bits) == value)
@@ -136,7 +136,7 @@ mod tests {
         let (to_low, to_high) = (encoded(MOVW, 1, 0xFCC0), encoded(MOVT, 1, 6));
         let wanted = [(0, image(&[to_low.0, to_low.1])), (6, image(&[to_high.0, to_high.1]))];
         assert_eq!(replaced(&code, of, 0x0006_FCC0), wanted);
-        // Its low half alone is no constant of 16 bits.
+        // Its low half alone is not a 16-bit constant.
         assert!(replaced(&code, 0xC4A0, 1).is_empty());
     }
 
@@ -153,7 +153,7 @@ mod tests {
         let code = image(&[0xF501, 0x4188, 0xF446, 0x4288, 0xF511, 0x4F88]);
         let wanted = [(0, image(&[0xF501, 0x418A])), (4, image(&[0xF446, 0x428A]))];
         assert_eq!(replaced(&code, 0x4400, 0x4500), wanted);
-        // No modified immediate.
+        // The new value is not a modified immediate.
         assert!(replaced(&code, 0x4400, 0x4401).is_empty());
     }
 

@@ -1,7 +1,7 @@
 //! Damage to the code of a firmware in flash, or to its variables.
 //!
-//! [`ImageFault::apply`] damages a board as a debugger would, under the running core, and answers the [`Repair`].
-//! [`rewrite()`] changes what an image stores to peripheral registers, from what a [`Recording`] of it shows.
+//! [`ImageFault::apply`] damages a board as a debugger would, while its core runs, and returns the [`Repair`].
+//! [`rewrite()`] changes what an image stores to peripheral registers, by means of a [`Recording`] of its stores.
 
 mod constant;
 mod record;
@@ -14,7 +14,7 @@ use cortex_m4::Cost;
 
 use emulator_node::{Board, Error, Node};
 
-/// What is wrong with an image.
+/// A defect of an image.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ImageFault {
     /// The handler of this vector, or the function of this name, returns at once.
@@ -27,52 +27,52 @@ pub enum ImageFault {
     Stopped(u32),
     /// A variable or table, by its symbol, holds these bytes from this offset on.
     Poke {
-        /// The symbol as the linker has it, or the end of its path: `cycle_timer::TICKS`.
+        /// The symbol in the linker's form, or the end of its path: `cycle_timer::TICKS`.
         symbol: String,
-        /// Bytes from its first.
+        /// The offset from its first byte.
         offset: u32,
-        /// What it holds there.
+        /// The bytes that it holds there.
         bytes: Vec<u8>,
     },
-    /// The code of a function, its literals included, holds other bytes where it holds certain ones, which must be at
-    /// one place of it alone.
+    /// The code of a function, its literals included, holds other bytes in place of certain ones, which must occur
+    /// exactly once in it.
     Replaced {
         /// A handler's symbol, or the end of a function's path.
         function: String,
-        /// The bytes, from an even address on.
+        /// The original bytes, from an even address on.
         was: Vec<u8>,
-        /// As many others.
+        /// The new bytes, of the same number.
         is: Vec<u8>,
     },
-    /// Every comparison of a register with this constant, in a function's code, is one with another.
+    /// Every comparison of a register with this constant in a function's code compares it with another.
     Compared {
         /// A handler's symbol, or the end of a function's path.
         function: String,
         /// The constant.
         with: u8,
-        /// With what it is compared instead.
+        /// The new constant.
         value: u8,
     },
-    /// The image's code and tables have another value in place of this constant, wherever they have it, and the image's
+    /// The image's code and tables have another value in place of this constant, wherever it occurs, and the image's
     /// CRC is made to fit.
     Constant {
-        /// The constant.
+        /// The original constant.
         of: u32,
-        /// What is there instead.
+        /// The new constant.
         value: u32,
     },
     /// Memory at this address holds these bytes, flash included.
     Patch {
         /// The first byte's address.
         address: u32,
-        /// What is there.
+        /// The bytes that it holds.
         bytes: Vec<u8>,
-        /// The image's CRC is made to fit, so that the firmware's own check of its flash finds nothing.
+        /// Whether the image's CRC is made to fit, so that the firmware's own check of its flash passes.
         sealed: bool,
     },
 }
 
-/// `BX LR`: a handler returns without having done anything, its interrupt not even acknowledged.
+/// `BX LR`: a handler returns without any effect and without acknowledging its interrupt.
 const RETURN: u16 = 0x4770;
 /// `B .`
 const BRANCH_TO_ITSELF: u16 = 0xE7FE;
@@ -80,7 +80,7 @@ const BRANCH_TO_ITSELF: u16 = 0xE7FE;
 const UNDEFINED: u16 = 0xDE00;
 
 impl ImageFault {
-    /// What the event log calls it.
+    /// Returns the fault's name in the event log.
     #[must_use]
     pub fn name(&self) -> String {
         match self {
@@ -100,8 +100,8 @@ impl ImageFault {
     /// # Errors
     ///
     /// [`Error::NoSymbol`] where the image has no handler, function or variable of that name, or no such constant,
-    /// [`Error::NotMemory`] where an address is none of the part's memory, [`Error::NoPlace`] where what is to be
-    /// replaced is not there once.
+    /// [`Error::NotMemory`] where an address is outside the part's memory, [`Error::NoPlace`] where the bytes to be
+    /// replaced do not occur exactly once.
     pub fn apply<B: Board, C: Cost>(&self, node: &mut Node<B, C>) -> Result<Repair, Error> {
         let code = |node: &mut Node<B, C>, address, instruction: u16| {
             Repair::after_writing(node, address, &instruction.to_le_bytes())
@@ -135,7 +135,7 @@ impl ImageFault {
     }
 }
 
-/// What was in memory before it was damaged.
+/// The original contents of the damaged memory.
 #[must_use = "the damage stays without it"]
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Repair(Vec<(u64, Vec<u8>)>);
@@ -155,18 +155,18 @@ impl Repair {
         Ok(repair)
     }
 
-    /// Mends the damage: what was overwritten is there again.
+    /// Mends the damage by restoring the overwritten bytes.
     ///
     /// # Errors
     ///
-    /// [`Error::NotMemory`], of another part than the damaged one.
+    /// [`Error::NotMemory`] where the part is not the damaged one.
     pub fn mend<B: Board, C: Cost>(&self, node: &mut Node<B, C>) -> Result<(), Error> {
         self.0.iter().rev().try_for_each(|(address, was)| node.write(*address, was))
     }
 }
 
-/// Of code that the firmware copies to RAM: where it is loaded from if `address` is where it runs, and the other way
-/// round.
+/// The second place of code that the firmware copies to RAM: the load address if `address` is where it runs, and the
+/// other way round.
 fn twin<B: Board, C: Cost>(node: &Node<B, C>, address: u64) -> Option<u64> {
     let [start, end, load] = ["__shot", "__ehot", "__sihot"].map(|symbol| node.address_of(symbol).ok());
     let (start, end, load) = (start?, end?, load?);
@@ -174,19 +174,19 @@ fn twin<B: Board, C: Cost>(node: &Node<B, C>, address: u64) -> Option<u64> {
     from(start).map(|offset| load + offset).or_else(|| from(load).map(|offset| start + offset))
 }
 
-/// Where the bytes at `address` are from the beginning: in flash, if they are code that is copied to RAM.
+/// The address at which the image stores the bytes of `address`: in flash, for code that is copied to RAM.
 fn stored<B: Board, C: Cost>(node: &Node<B, C>, address: u64) -> u64 {
     let runs = node.address_of("__shot").is_ok_and(|start| address >= start);
     twin(node, address).filter(|_| runs).unwrap_or(address)
 }
 
-/// The first instruction of the handler or function called `name`: a symbol, or else a function whose path ends so.
+/// The first instruction of the handler or function called `name`: a symbol, or else a function whose path ends in it.
 fn entry<B: Board, C: Cost>(node: &Node<B, C>, name: &str) -> Result<u64, Error> {
     let called = node.firmware().functions_called(name).next();
     node.address_of(name).or_else(|error| called.ok_or(error)).map(|address| address & !1)
 }
 
-/// Where the function called `name` holds `bytes`: the one place.
+/// The only place at which the function called `name` holds `bytes`.
 fn place_of<B: Board, C: Cost>(node: &Node<B, C>, name: &str, bytes: &[u8]) -> Result<u64, Error> {
     let first = entry(node, name)?;
     let mut code = vec![0; node.firmware().size_at(first)];
@@ -202,15 +202,15 @@ fn place_of<B: Board, C: Cost>(node: &Node<B, C>, name: &str, bytes: &[u8]) -> R
     }
 }
 
-/// Where the code of the function called `name` has the byte `with` that a register is compared with: at least one
-/// place. What is no instruction, but data, is taken for one.
+/// The places in the code of the function called `name` whose byte `with` is compared with a register; there must be at
+/// least one. Data in the code are treated as instructions.
 fn comparisons<B: Board, C: Cost>(node: &Node<B, C>, name: &str, with: u8) -> Result<Vec<u64>, Error> {
     let first = entry(node, name)?;
     let end = first + node.firmware().size_at(first) as u64;
     let (mut pc, mut places) = (first, vec![]);
     while pc < end {
         let (one, two) = record::halves(node, pc as u32);
-        // Encodings T1 and T2 of CMP (immediate), ARMv7-M ARM A7.7.27; the byte is the lowest of its halfword.
+        // The encodings are T1 and T2 of CMP (immediate), ARMv7-M ARM A7.7.27; the byte is the lowest of its halfword.
         let (narrow, wide) = (one & 0xF8FF == 0x2800 | u16::from(with), two == 0x0F00 | u16::from(with));
         if narrow {
             places.push(pc);
@@ -242,7 +242,7 @@ pub fn poke<B: Board, C: Cost>(
     Repair::after_writing(node, address, bytes)
 }
 
-/// Seals `node`'s image again, as the build does: its CRC is that of what is in flash now.
+/// Seals `node`'s image again, as the build does, with the CRC of the present flash contents.
 ///
 /// # Errors
 ///

@@ -1,12 +1,12 @@
-//! Patches a release image in flash so that it sets a register up wrongly, without knowing where in the image it does.
+//! Patches a release image in flash so that it sets a register up wrongly, without knowing the place in the image.
 //!
-//! [`Recording`] runs an unpatched board instruction by instruction and keeps every store to a peripheral: which
-//! instruction, to which address, with which value. [`rewrite`] then replaces each instruction that stores to a given
-//! register by a branch to a stub in free flash. The stub does the same store with some bits changed, or leaves it out,
-//! whenever the address is that register's, and goes back. At last the image is sealed again, as the build does, so
-//! that the firmware's comparison of its flash passes. Code that the recording did not come through stays as it was.
+//! [`Recording`] runs an unpatched board instruction by instruction and records every store to a peripheral with its
+//! instruction, address and value. [`rewrite`] then replaces each instruction that stores to a given register by a
+//! branch to a stub in free flash. The stub makes the same store with some bits changed, or omits it, whenever the
+//! address is that register's, and then returns. Finally the image is sealed again, as the build does, so that the
+//! firmware's check of its flash passes. Code that did not run in the recording stays unchanged.
 //!
-//! | covered | not covered, and how that shows |
+//! | covered | not covered, and the symptom |
 //! |---|---|
 //! | STR, STRB, STRH, any offset without write-back | STRD, STM, write-back: nothing is stored there, an error |
 //! | a 16-bit store: the instruction after it, or the one before, moves into the stub | if neither can: an error |
@@ -21,35 +21,35 @@ use super::record::{Offset, Recording, Store, Stored, halves, is_wide};
 use super::seal;
 use emulator_node::{Board, Error, Node};
 
-/// The stubs begin at the next multiple of this behind the image.
+/// The stubs begin at the next multiple of this after the image.
 const ALIGNED: u32 = 0x100;
-/// Branches are looked for so far before and behind a store, bytes: a task is not longer.
+/// The distance before and behind a store within which branches are searched, bytes: no task is longer.
 const NEAR: u32 = 0x2000;
 
-/// What a patch makes of the stores to one register.
+/// The change that a patch makes to the stores to one register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Change {
     /// The register's address.
     pub address: u32,
-    /// What becomes of a store to it.
+    /// The effect on a store to it.
     pub to: To,
 }
 
-/// What becomes of a store.
+/// The effect of a patch on a store.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum To {
     /// The bits of the mask take these values.
     Bits {
-        /// Which bits.
+        /// The mask of the changed bits.
         mask: u32,
-        /// Their values, in their places.
+        /// Their values, in place.
         value: u32,
     },
-    /// This value is stored in place of that one; other values stay.
+    /// This value is stored in place of another; other values stay.
     Instead {
-        /// What the image stores.
+        /// The value that the image stores.
         of: u32,
-        /// What is stored.
+        /// The value that is stored instead.
         value: u32,
     },
     /// Nothing is stored.
@@ -66,18 +66,18 @@ impl To {
     }
 }
 
-/// Why an image cannot be changed as asked for.
+/// The reason why an image cannot be changed as requested.
 #[derive(Debug, thiserror::Error)]
 pub enum RewriteError {
-    /// Nothing that the recording shows of the image would be another.
+    /// The change alters no store of the recording.
     #[error("nothing of the image is changed by {0:x?}")]
     NothingChanged(Change),
-    /// An instruction that must move does not mean the same elsewhere.
+    /// An instruction that must be moved is not position-independent.
     #[error("at {at:#010x}: {why}")]
     Instruction {
         /// Its address.
         at: u32,
-        /// What is wrong with it.
+        /// The reason.
         why: &'static str,
     },
     /// The image leaves too little of the flash from which its memory protection unit lets it execute.
@@ -88,7 +88,7 @@ pub enum RewriteError {
     Node(#[from] Error),
 }
 
-/// Code under way, at its address.
+/// Code that is being assembled, with its address.
 struct Code {
     base: u32,
     halves: Vec<u16>,
@@ -113,7 +113,7 @@ impl Code {
         self.halves.extend_from_slice(halves);
     }
 
-    /// `register` = `value`, by MOVW and MOVT, which leave the flags.
+    /// Loads `value` into `register` by MOVW and MOVT, which leave the flags.
     fn load(&mut self, register: u8, value: u32) {
         for (opcode, half) in [(0xF240_u16, value as u16), (0xF2C0, (value >> 16) as u16)] {
             let (imm4, i, imm3, imm8) = (half >> 12, half >> 11 & 1, half >> 8 & 7, half & 0xFF);
@@ -126,7 +126,7 @@ impl Code {
         self.raw(&bl_imm(distance, 0xF000, false));
     }
 
-    /// The branch that was left open at `hole` leads here.
+    /// Makes the branch at `hole` lead here.
     fn close(&mut self, hole: usize) {
         let from = self.base + 2 * u32::try_from(hole).expect("a stub is short");
         let distance = self.here().wrapping_sub(from + 4).cast_signed();
@@ -146,7 +146,7 @@ impl Code {
         self.halves.len() - 2
     }
 
-    /// `store`, which is `encoding`, changed where it goes to one of the registers in `changes`.
+    /// Assembles `store`, encoded as `encoding`, with its effect changed where it stores to a register in `changes`.
     fn store(&mut self, store: Store, encoding: &[u16], changes: &[Change]) {
         let scratch: Vec<u8> = (0..8).filter(|register| !store.uses(*register)).take(3).collect();
         let [a, b, c] = scratch[..] else { unreachable!("a store uses three registers of eight at most") };
@@ -211,7 +211,7 @@ impl Code {
         }
     }
 
-    /// The 16-bit or 32-bit instruction `encoding` from `pc`, so that it does the same here.
+    /// Assembles the instruction `encoding` from `pc` so that it has the same effect here.
     fn moved(
         &mut self,
         pc: u32,
@@ -236,7 +236,7 @@ impl Code {
                         self.raw(&[0xD000 | (condition ^ 1) << 8 | 1]);
                         self.branch(target);
                     }
-                    // Barriers, hints, special registers: the same everywhere.
+                    // Barriers, hints and accesses to special registers are position-independent.
                     (0x8000, _) => self.raw(encoding),
                     _ => return refuse("a branch to another instruction set cannot be moved"),
                 }
@@ -265,7 +265,7 @@ impl Code {
                     return refuse("an IT block cannot be moved");
                 }
                 if first & 0xF500 == 0xB100 {
-                    // CBZ or CBNZ: its opposite leads past the branch.
+                    // The opposite of the CBZ or CBNZ leads past the branch.
                     self.raw(&[(first ^ 0x0800) & 0xFD07 | 1 << 3]);
                     self.branch(pc + 4 + u32::from((first >> 9 & 1) << 6 | (first >> 3 & 0x1F) << 1));
                 } else {
@@ -285,15 +285,15 @@ impl Code {
     }
 }
 
-/// Whether a 32-bit instruction that begins with `first` takes what it loads, or where it leads, from where it is: TBB
-/// and TBH; LDR, LDRB, LDRH and their signed kin, LDRD, VLDR, and ADR, of a literal.
+/// Whether a 32-bit instruction that begins with `first` is relative to its own address: TBB and TBH; LDR, LDRB, LDRH
+/// and their signed forms, LDRD, VLDR, and ADR, with a literal.
 const fn is_relative(first: u16) -> bool {
     let table = first & 0xFFF0 == 0xE8D0;
     let load = first & 0xFE1F == 0xF81F || first & 0xFE5F == 0xE85F || first & 0xFF3F == 0xED1F;
     table || load || first & 0xFB5F == 0xF20F
 }
 
-/// Whether the instruction at `pc` would do the same elsewhere.
+/// Whether the instruction at `pc` has the same effect at another address.
 fn can_move<B: Board, C: Cost>(node: &Node<B, C>, pc: u32) -> bool {
     let (one, two) = halves(node, pc);
     let encoding = if is_wide(one) { &[one, two][..] } else { &[one] };
@@ -305,7 +305,7 @@ fn signed(value: u16, bits: u32) -> i32 {
     i32::from(value) << (32 - bits) >> (32 - bits)
 }
 
-/// How far a B.W or BL leads.
+/// The distance of a B.W or BL, bytes.
 fn bl_distance(first: u16, second: u16) -> i32 {
     let s = u32::from(first >> 10 & 1);
     let i1 = !(u32::from(second >> 13) ^ s) & 1;
@@ -314,8 +314,8 @@ fn bl_distance(first: u16, second: u16) -> i32 {
     (value << 7).cast_signed() >> 7
 }
 
-/// Where the branches within [`NEAR`] bytes of `site` lead that say so themselves: those that a recording has not seen
-/// taken may be taken in another run. What is no instruction, but data, is taken for one.
+/// The targets of the direct branches within [`NEAR`] bytes of `site`: another run may take branches that the recording
+/// did not. Data in the code are treated as instructions.
 fn near_targets<B: Board, C: Cost>(node: &Node<B, C>, site: u32) -> BTreeSet<u32> {
     let mut targets = BTreeSet::new();
     let mut pc = site.saturating_sub(NEAR) & !3;
@@ -342,19 +342,19 @@ fn near_targets<B: Board, C: Cost>(node: &Node<B, C>, site: u32) -> BTreeSet<u32
     targets
 }
 
-/// How far a conditional B.W leads: encoding T3, ARMv7-M ARM A7.7.12.
+/// The distance of a conditional B.W, bytes: encoding T3, ARMv7-M ARM A7.7.12.
 fn conditional_distance(first: u16, second: u16) -> i32 {
     let (s, j1, j2) = (u32::from(first >> 10 & 1), u32::from(second >> 13 & 1), u32::from(second >> 11 & 1));
     let value = s << 20 | j2 << 19 | j1 << 18 | u32::from(first & 0x3F) << 12 | u32::from(second & 0x7FF) << 1;
     (value << 11).cast_signed() >> 11
 }
 
-/// Patches `node`'s flash so that what it stored to the registers of `changes` in `recording` becomes what they say,
-/// and seals the image again. The board must not have run yet.
+/// Patches `node`'s flash so that its stores in `recording` to the registers of `changes` have the changed effect, and
+/// seals the image again. The board must not have run yet.
 ///
 /// # Errors
 ///
-/// A change changes nothing of what was recorded, or an instruction cannot be replaced.
+/// A change affects no recorded store, or an instruction cannot be replaced.
 pub fn rewrite<B: Board, C: Cost>(
     node: &mut Node<B, C>,
     recording: &Recording,
@@ -365,7 +365,7 @@ pub fn rewrite<B: Board, C: Cost>(
         return Ok(());
     }
     let refuse = |at, why| Err(RewriteError::Instruction { at, why });
-    // Behind the image wherever it ends: how much free flash it may execute differs between the boards.
+    // The stubs directly follow the image, because the boards differ in how much free flash may be executed.
     let end = node.address_of("__image_crc")? as u32 + 4;
     let mut stubs = Code { base: end.next_multiple_of(ALIGNED), halves: vec![] };
     let mut done = 0;
@@ -378,7 +378,8 @@ pub fn rewrite<B: Board, C: Cost>(
         let narrow = !is_wide(halves(node, site).0);
         let mut skip = None;
         let start = if recording.conditional.contains(&site) {
-            // IT and the one instruction in its block: the stub branches where the block would not be executed.
+            // IT governs the one instruction in its block; the stub then branches where the block would not be
+            // executed.
             let it = halves(node, site - 2).0;
             if !narrow || it & 0xFF0F != 0xBF08 {
                 return refuse(site, "a store in an IT block of more than one instruction cannot be replaced");
@@ -387,8 +388,8 @@ pub fn rewrite<B: Board, C: Cost>(
             skip = Some(stubs.hole());
             site - 2
         } else if narrow && (targets.contains(&(site + 2)) || !can_move(node, site + 2)) {
-            // Where the instruction after a 16-bit store is branched to or cannot move, the one before the store moves
-            // with it.
+            // Where the instruction after a 16-bit store is a branch target or cannot move, the one before the store
+            // moves as well.
             recording.before[&site]
         } else {
             site
@@ -430,19 +431,19 @@ pub fn rewrite<B: Board, C: Cost>(
         return Err(RewriteError::TooLong(stubs.here()));
     }
     stubs.write_to(node)?;
-    // Who patches a board before its first instruction has no use for a repair.
+    // A board that is patched before its first instruction needs no repair.
     let _ = seal(node)?;
     Ok(())
 }
 
-/// Whether a firmware may execute code at `address` of its flash. One table decides for both: where the one has its
-/// flash the other has nothing.
+/// Whether a firmware may execute code at `address` of its flash. One table serves both boards, because the address
+/// ranges of their flash do not overlap.
 fn may_execute(address: u32) -> bool {
     let (horus, dpr) = (horus_tx_fw::protection::TASKS, dpr_fw::protection::TASKS);
     horus.allows(address, Access::Execute) || dpr.allows(address, Access::Execute)
 }
 
-/// What becomes of the store at each address.
+/// The changes for the store at each address.
 fn sites(recording: &Recording, changes: &[Change]) -> Result<BTreeMap<u32, Vec<Change>>, RewriteError> {
     let mut sites: BTreeMap<u32, Vec<Change>> = BTreeMap::new();
     for change in changes {
@@ -467,7 +468,7 @@ mod tests {
 
     use super::*;
 
-    /// What `encoding` from `pc` becomes at `base`, in words.
+    /// Disassembles `encoding` after a move from `pc` to `base`.
     fn moved(pc: u32, base: u32, encoding: &[u16]) -> Vec<String> {
         let mut code = Code { base, halves: vec![] };
         code.moved(pc, encoding, |at| Ok(at ^ 0xFFFF_0000)).unwrap();
@@ -481,7 +482,7 @@ mod tests {
         words
     }
 
-    /// What the instruction is where it was, in words.
+    /// Disassembles the instruction at its original place.
     fn unmoved(pc: u32, encoding: &[u16]) -> String {
         describe(pc, encoding[0], encoding.get(1).copied().unwrap_or_default()).1
     }
@@ -492,7 +493,7 @@ mod tests {
             let [first, second] = bl_imm(distance, 0xF000, true);
             assert_eq!(bl_distance(first, second), distance);
         }
-        // BEQ.W over nothing, far ahead, and back to itself.
+        // The three BEQ.W have distance zero, a long distance ahead, and one back to themselves.
         assert_eq!(conditional_distance(0xF000, 0x8000), 0);
         assert_eq!(conditional_distance(0xF03F, 0xAFFF), 0xF_FFFE);
         assert_eq!(conditional_distance(0xF43F, 0xAFFE), -4);

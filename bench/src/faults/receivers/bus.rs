@@ -1,4 +1,4 @@
-//! What goes wrong on a receiver's bus: what the board does to the lines, and to the bytes on them.
+//! Faults of a receiver's bus: of its lines, and of the bytes on them.
 //!
 //! | fault | what happens | it is over |
 //! |---|---|---|
@@ -7,7 +7,7 @@
 //! | `NoAnswer` | no address is acknowledged | at the end |
 //! | `Stretches` | the clock is held for 20 ms after each address, which the data sheet allows | at the end |
 //! | `Glitches` | SDA is pulled low for 1 µs every now and then | at the end |
-//! | `Noise` | one bit in [`super::NOISE_ONE_IN`] that is read is another, of the length too | at the end |
+//! | `Noise` | one bit in [`super::NOISE_ONE_IN`] that is read is inverted, in the length too | at the end |
 //! | `Ones`, `Zeros`, `Random`, `Shifted` | MISO is high, low, random, or a bit late | at the end |
 
 use gnss_sim::Port;
@@ -25,7 +25,7 @@ pub enum BusFault {
     NoAnswer,
     /// The receiver holds the clock for [`STRETCHED`] after each address.
     Stretches,
-    /// SDA is pulled low for [`GLITCH`], in intervals of [`GLITCHES`].
+    /// SDA is pulled low for [`GLITCH`], at intervals of [`GLITCHES`].
     Glitches,
     /// Bits that are read over I2C are inverted.
     Noise,
@@ -39,13 +39,13 @@ pub enum BusFault {
     Shifted,
 }
 
-/// The longest that a receiver holds the clock, ns: ZED-F9R data sheet 5.3.
+/// The longest time for which a receiver holds the clock, ns: ZED-F9R data sheet 5.3.
 pub const STRETCHED: u64 = 20_000_000;
-/// How long SDA is low in a glitch, ns: less than half a bit of 400 kHz.
+/// The time for which SDA is low in a glitch, ns: less than half a bit at 400 kHz.
 pub const GLITCH: u64 = 1_000;
-/// From one glitch to the next, ns, at least and at most.
+/// The shortest and the longest time from one glitch to the next, ns.
 pub const GLITCHES: (u64, u64) = (5_000, 400_000);
-/// So many clocks free a receiver that holds SDA: UM10204 (I2C specification) 3.1.16.
+/// The number of clocks that frees a receiver which holds SDA: UM10204 (I2C specification) 3.1.16.
 pub const CLOCKS: u32 = 9;
 
 impl BusFault {
@@ -64,7 +64,7 @@ impl BusFault {
         Self::Shifted,
     ];
 
-    /// The bus that can have it.
+    /// The interface that can have the fault.
     #[must_use]
     pub const fn interface(self) -> Port {
         match self {
@@ -73,7 +73,7 @@ impl BusFault {
         }
     }
 
-    /// What the event log calls it.
+    /// Returns the fault's name in the event log.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {

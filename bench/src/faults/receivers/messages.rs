@@ -1,17 +1,17 @@
-//! UBX messages with other contents.
+//! Changes to the contents of UBX messages.
 
 use gnss_sim::ubx::{self, EsfIns, Frame, NavAtt, NavPvt};
 
-/// A degree of latitude is about 111.2 km: so many 10⁻⁷ degrees are a hundred metres.
+/// The latitude of a hundred metres, in 10⁻⁷ degrees: a degree is about 111.2 km.
 const LATITUDE_1E7_PER_100_M: i64 = 8_993;
-/// And of longitude at the latitude of the simulated flights, 47.5 degrees.
+/// The same of longitude at the latitude of the simulated flights, 47.5 degrees.
 const LONGITUDE_1E7_PER_100_M: i64 = 13_310;
 
-/// Where NAV-PVT has longitude, latitude and height: UBX-NAV-PVT in the receiver description (UBX-13003221).
+/// The offsets of longitude, latitude and height in NAV-PVT: UBX-NAV-PVT in the receiver description (UBX-13003221).
 pub(super) const LONGITUDE: usize = 24;
 pub(super) const LATITUDE: usize = 28;
 pub(super) const HEIGHT: usize = 32;
-/// Where it has the accuracies, horizontal and vertical, and the velocity north.
+/// The offsets of the accuracies, horizontal and vertical, and of the velocity north.
 pub(super) const ACCURACIES: [usize; 2] = [40, 44];
 pub(super) const VELOCITY_NORTH: usize = 48;
 
@@ -22,7 +22,7 @@ pub(super) fn last_itow(bytes: &[u8]) -> Option<u32> {
     last
 }
 
-/// `bytes` with `change` made to the payload of every whole UBX message (class, identifier, payload).
+/// Returns `bytes` with `change` applied to the payload of every whole UBX message (class, identifier, payload).
 pub(super) fn each_message(bytes: &[u8], mut change: impl FnMut(u8, u8, &mut Vec<u8>)) -> Vec<u8> {
     let mut changed = Vec::with_capacity(bytes.len());
     let mut rest = bytes;
@@ -40,7 +40,7 @@ pub(super) fn each_message(bytes: &[u8], mut change: impl FnMut(u8, u8, &mut Vec
     changed
 }
 
-/// `bytes` with the second checksum byte of every whole UBX message inverted.
+/// Returns `bytes` with the second checksum byte of every whole UBX message inverted.
 pub(super) fn with_bad_checksums(bytes: &[u8]) -> Vec<u8> {
     let mut changed = bytes.to_vec();
     let mut at = 0;
@@ -57,13 +57,13 @@ pub(super) fn with_bad_checksums(bytes: &[u8]) -> Vec<u8> {
     changed
 }
 
-/// Where a message has its time of week.
+/// The offset of a message's time of week.
 fn itow_at(class: u8, id: u8, payload: &[u8]) -> Option<usize> {
     if (class, id) == (ubx::CLASS_ESF, EsfIns::ID) {
         return Some(8);
     }
     let itow = Frame { class, id, payload }.itow_ms()?.to_le_bytes();
-    // First of all, or after a version.
+    // It is the first field, or follows a version.
     [0, 4].into_iter().find(|&at| payload.get(at..at + 4) == Some(&itow))
 }
 
@@ -73,8 +73,8 @@ pub(super) fn set_itow(class: u8, id: u8, payload: &mut [u8], itow_ms: u32) {
     }
 }
 
-/// A NAV-PVT message says that there is no fix, and, where the receiver has just started, no time. Offsets: UBX-NAV-PVT
-/// in the receiver description (UBX-13003221).
+/// Changes a NAV-PVT message to one without a fix and, where the receiver has just started, without a time. Offsets:
+/// UBX-NAV-PVT in the receiver description (UBX-13003221).
 pub(super) fn without_fix(class: u8, id: u8, payload: &mut [u8], started: bool) {
     if (class, id) != (ubx::CLASS_NAV, NavPvt::ID) || payload.len() < NavPvt::PAYLOAD {
         return;
@@ -82,14 +82,14 @@ pub(super) fn without_fix(class: u8, id: u8, payload: &mut [u8], started: bool) 
     if started {
         payload[11] = 0;
     }
-    // fixType, flags, numSV, flags3.
+    // The fields are fixType, flags, numSV and flags3.
     payload[20] = 0;
     payload[21] &= !NavPvt::FLAG_FIX_OK;
     payload[23] = 0;
     payload[78] |= NavPvt::FLAG3_INVALID_LLH;
 }
 
-/// A NAV-PVT message of a 3D fix says that it is a 2D one. Its height stays: HORUS has to leave it out.
+/// Changes a NAV-PVT message of a 3D fix to a 2D fix. Its height stays: HORUS must ignore it.
 pub(super) fn flattened(class: u8, id: u8, payload: &mut [u8]) {
     const FIX_TYPE: usize = 20;
     if is_position(class, id, payload) && payload[FIX_TYPE] >= 3 {
@@ -97,7 +97,7 @@ pub(super) fn flattened(class: u8, id: u8, payload: &mut [u8]) {
     }
 }
 
-/// A NAV-ATT message has its heading so many degrees too far clockwise.
+/// Turns the heading of a NAV-ATT message clockwise by `degrees`.
 pub(super) fn turned(class: u8, id: u8, payload: &mut [u8], degrees: u16) {
     const HEADING: usize = 16;
     const TURN_1E5: i32 = 36_000_000;
@@ -107,7 +107,7 @@ pub(super) fn turned(class: u8, id: u8, payload: &mut [u8], degrees: u16) {
     }
 }
 
-/// An ESF-INS message has so much more acceleration to the front, cm/s².
+/// Adds `by` cm/s² to the forward acceleration of an ESF-INS message.
 pub(super) fn pushed(class: u8, id: u8, payload: &mut [u8], by: i32) {
     const FRONT: usize = 24;
     if (class, id) == (ubx::CLASS_ESF, EsfIns::ID) && payload.len() >= EsfIns::PAYLOAD {
@@ -121,7 +121,7 @@ fn is_position(class: u8, id: u8, payload: &[u8]) -> bool {
     (class, id) == (ubx::CLASS_NAV, NavPvt::ID) && payload.len() >= NavPvt::PAYLOAD
 }
 
-/// A NAV-PVT message has its position so many millimetres too far north, east and up. North ends at the pole.
+/// Moves the position of a NAV-PVT message north, east and up by these millimetres. A move north ends at the pole.
 pub(super) fn move_by(class: u8, id: u8, payload: &mut [u8], [north, east, up]: [i64; 3]) {
     const POLE_1E7: i64 = 900_000_000;
     if !is_position(class, id, payload) {
@@ -136,7 +136,7 @@ pub(super) fn move_by(class: u8, id: u8, payload: &mut [u8], [north, east, up]: 
     add(HEIGHT, up, i32::MAX.into());
 }
 
-/// Longitude, latitude and height of the last NAV-PVT message, as they are on the wire.
+/// Longitude, latitude and height of the last NAV-PVT message, in their wire units.
 pub(super) fn last_position(bytes: &[u8]) -> Option<[i32; 3]> {
     let mut last = None;
     each_message(bytes, |class, id, payload| {
@@ -147,7 +147,7 @@ pub(super) fn last_position(bytes: &[u8]) -> Option<[i32; 3]> {
     last
 }
 
-/// Fields of a NAV-PVT message (where, what) have these values.
+/// Sets fields (offset, value) of a NAV-PVT message.
 pub(super) fn set_fields(class: u8, id: u8, payload: &mut [u8], fields: &[(usize, u32)]) {
     if is_position(class, id, payload) {
         fields.iter().for_each(|(at, value)| set(payload, *at, *value));

@@ -1,26 +1,26 @@
-//! What a GNSS receiver, or its line, does wrong.
+//! Faults of a GNSS receiver or its line.
 //!
-//! [`LineFaults`] stands between a receiver and HORUS's UART pin: it takes the receiver's bursts and answers what is on
-//! the line instead. It knows nothing of a board, so what a fault does to a burst can be tested byte by byte.
+//! [`LineFaults`] lies between a receiver and HORUS's UART pin: it takes the receiver's bursts and returns what appears
+//! on the line instead. It does not depend on a board, so the effect of a fault on a burst can be tested byte by byte.
 //!
 //! | fault | what is on the line |
 //! |---|---|
 //! | `Silent` | nothing |
-//! | `Babbles`, `Beginnings`, `Unasked` | bytes without a pause, and nothing of what the receiver has to say |
+//! | `Babbles`, `Beginnings`, `Unasked` | bytes without a pause, without the receiver's own messages |
 //! | `Frozen`, `Jumps`, `NoFix`, `BadChecksums` | the receiver's messages, with other contents |
 //! | `Offset`, `Drifts`, `FrozenPosition`, `Understates`, `Absurd` | NAV-PVT with another position or accuracy |
 //! | `Flat`, `Turned`, `Pushed` | a 2D fix in NAV-PVT, another heading in NAV-ATT, another acceleration in ESF-INS |
 //! | `TimeJumps`, `OtherLength` | the receiver's messages of another time, or of another length |
-//! | `Restarts` | nothing, then messages of a receiver that knows neither time nor place |
-//! | `LosesSettings` | what the receiver says with factory settings, until it is configured: `gnss_sim` |
-//! | `ForgetsModel` | the receiver's messages: it only takes itself for something else than an aircraft |
+//! | `Restarts` | nothing, then messages of a receiver with neither time nor position |
+//! | `LosesSettings` | the messages of the factory settings, until it is configured: `gnss_sim` |
+//! | `ForgetsModel` | the receiver's messages, with another dynamic model than the airborne one |
 //! | `LateBursts` | the receiver's messages, later |
 //! | `WrongBaud`, `Noise`, `FramingErrors` | the receiver's messages, damaged frame by frame |
 //! | `Break` | a low level |
-//! | `Bus` | what [`bus`] says: the board does that |
+//! | `Bus` | see [`bus`]: the board applies it |
 //!
-//! A receiver on I2C or SPI has no line of its own: what would be on it waits in the receiver until it is read. Faults
-//! of a UART fit receivers on a UART alone, faults of a bus those on that bus ([`ReceiverFault::fits`]).
+//! A receiver on I2C or SPI has no line of its own: its bytes wait in the receiver until they are read. Faults of a
+//! UART apply only to receivers on a UART, faults of a bus to those on that bus ([`ReceiverFault::fits`]).
 
 pub mod bus;
 mod messages;
@@ -50,9 +50,9 @@ pub enum ReceiverFault {
     Babbles,
     /// Sends the beginnings of UBX messages of the greatest length, one after the other and without a pause.
     Beginnings,
-    /// Sends whole UBX messages that nobody asked for, one after the other and without a pause.
+    /// Sends whole unsolicited UBX messages, one after the other and without a pause.
     Unasked,
-    /// Goes on with new data that all carry the time of week of its last message before.
+    /// Continues with new data that all carry the time of week of its last message before.
     Frozen,
     /// Sends at this bit rate, bit/s.
     WrongBaud(u32),
@@ -62,66 +62,66 @@ pub enum ReceiverFault {
     Noise,
     /// Stop bits on its line are low: one in [`FRAMING_ONE_IN`].
     FramingErrors,
-    /// Is silent for the first half of the episode. In the second half it has started again and searches: its messages
+    /// Sends nothing in the first half of the episode. In the second half it has restarted and searches: its messages
     /// carry a time of week that begins at 0, and no fix.
     Restarts,
     /// Its position is this far too far north, m.
     Jumps {
-        /// How far.
+        /// The distance, m.
         metres: u32,
     },
-    /// Its position is this far off, m.
+    /// Its position has this error, m.
     Offset {
-        /// Too far north.
+        /// The error to the north, m.
         north: i32,
-        /// Too far east.
+        /// The error to the east, m.
         east: i32,
-        /// Too high.
+        /// The error upwards, m.
         up: i32,
     },
-    /// Its position moves away to the north at this speed, mm/s, and its velocity says nothing of it: a slow spoofing.
+    /// Its position moves north at this speed, mm/s, while its velocity does not show it: a slow spoofing.
     Drifts {
-        /// How fast.
+        /// The speed, mm/s.
         mm_s: u32,
     },
-    /// Its position stays where it was, and its time and its velocity go on.
+    /// Its position stays where it was, while its time and its velocity go on.
     FrozenPosition,
     /// Its fix is a 2D one.
     Flat,
-    /// Its heading is so many degrees off.
+    /// Its heading is turned by this angle, degrees.
     Turned {
-        /// Clockwise.
+        /// The angle, clockwise.
         degrees: u16,
     },
-    /// Its acceleration is so much off, cm/s².
+    /// Its acceleration has this error, cm/s².
     Pushed {
-        /// To the front.
+        /// The forward error.
         cm_s2: i32,
     },
-    /// It states an accuracy of [`UNDERSTATED_MM`], whatever it has.
+    /// It reports an accuracy of [`UNDERSTATED_MM`], whatever the true one.
     Understates,
-    /// A field of its NAV-PVT messages has a value that it cannot have.
+    /// A field of its NAV-PVT messages has an impossible value.
     Absurd(Absurd),
-    /// Its time of week is so much ahead, ms, or behind.
+    /// Its time of week is this much ahead, ms; negative values are behind.
     TimeJumps(i32),
-    /// The payloads of its messages are so many bytes longer, or shorter.
+    /// The payloads of its messages are this much longer, bytes; negative values are shorter.
     OtherLength(i8),
-    /// Has no fix: its position is marked invalid.
+    /// It has no fix: its position is marked invalid.
     NoFix,
-    /// Every burst comes so much later, ns.
+    /// Every burst comes this much later, ns.
     LateBursts(u64),
     /// The checksum of every message is wrong.
     BadChecksums,
-    /// Restarts with its factory settings: on a UART at 38 400 bit/s, NMEA alone, a solution a second. It stays so
+    /// Restarts with its factory settings: NMEA only, one solution a second, and 38 400 bit/s on a UART. It stays so
     /// until HORUS configures it.
     LosesSettings,
-    /// Loses the dynamic model that it was told, and goes on as if nothing had happened: HORUS cannot notice.
+    /// Loses its configured dynamic model and otherwise works as before, so that HORUS cannot detect it.
     ForgetsModel,
     /// Its bus fails.
     Bus(BusFault),
 }
 
-/// A field that has a value which it cannot have.
+/// A field with an impossible value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Absurd {
     /// 91 degrees north.
@@ -134,7 +134,7 @@ pub enum Absurd {
     Speed,
     /// No accuracy: 0.
     NoAccuracy,
-    /// The greatest accuracy there is, 4295 km.
+    /// The greatest accuracy that the field can hold, 4295 km.
     HugeAccuracy,
 }
 
@@ -154,7 +154,7 @@ impl Absurd {
         }
     }
 
-    /// Which bytes of NAV-PVT have which values.
+    /// The offsets and values of the NAV-PVT bytes.
     fn fields(self) -> Vec<(usize, u32)> {
         match self {
             Self::Latitude => vec![(messages::LATITUDE, 910_000_000)],
@@ -167,29 +167,30 @@ impl Absurd {
     }
 }
 
-/// The accuracy that [`ReceiverFault::Understates`] states, mm.
+/// The accuracy that [`ReceiverFault::Understates`] reports, mm.
 pub const UNDERSTATED_MM: u32 = 10;
 
-/// [`ReceiverFault::Noise`] inverts one bit in so many: about one NAV-PVT message in six arrives whole.
+/// [`ReceiverFault::Noise`] inverts one bit in this number: about one NAV-PVT message in six arrives whole.
 pub const NOISE_ONE_IN: u64 = 500;
 
-/// [`ReceiverFault::FramingErrors`] makes one stop bit in so many low.
+/// [`ReceiverFault::FramingErrors`] makes one stop bit in this number low.
 pub const FRAMING_ONE_IN: u64 = 16;
 
-/// The second half of [`ReceiverFault::Restarts`] begins so long after the first at the latest, ns.
+/// The longest first half of [`ReceiverFault::Restarts`], ns.
 pub const LONGEST_SILENCE: u64 = 1_000_000_000;
 
 /// The longest time that a line is held low without a pause, ns.
 const LONGEST_BREAK: u64 = 3_600_000_000_000;
 
-/// So many frames at once of what comes without a pause: about a millisecond, and a whole number of [`BEGINNING`].
+/// The number of frames that are generated at once for an endless fault: about a millisecond, and a whole number of
+/// [`BEGINNING`].
 const CHUNK: usize = 48;
 
-/// The beginning of a NAV-PVT message that claims to be of the greatest length.
+/// The beginning of a NAV-PVT message whose length field has the greatest value.
 const BEGINNING: [u8; 6] = [0xB5, 0x62, 0x01, 0x07, 0xFF, 0xFF];
 
 impl ReceiverFault {
-    /// What the event log calls it.
+    /// Returns the fault's name in the event log.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -226,7 +227,7 @@ impl ReceiverFault {
         }
     }
 
-    /// Whether a receiver with this interface can have it.
+    /// Whether a receiver with this interface can have the fault.
     #[must_use]
     pub fn fits(self, interface: Port) -> bool {
         match self {
@@ -243,17 +244,17 @@ impl ReceiverFault {
     }
 }
 
-/// What is on a receiver's line.
+/// A run of frames on a receiver's line.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct OnLine {
-    /// When the first frame's start bit begins, ns, or when the line is free again after that.
+    /// The instant at which the first frame's start bit begins, ns, or at which the line is free after that.
     pub at_ns: u64,
-    /// Whose line, from 0.
+    /// The receiver's index, from 0.
     pub receiver: usize,
     /// The frames, one after the other without a gap.
     pub frames: Vec<UartFrame>,
-    /// Every frame is an ordinary one at the receiver's bit rate: HORUS gets [`OnLine::bytes`], whatever they say. Of
-    /// other frames it gets some or none.
+    /// Every frame is well-formed at the receiver's bit rate: HORUS reads [`OnLine::bytes`], whatever their contents.
+    /// It reads some or none of other frames.
     pub clean: bool,
 }
 
@@ -263,7 +264,7 @@ impl OnLine {
         Self { at_ns, receiver, frames, clean: true }
     }
 
-    /// The bytes of the frames that are ordinary ones at the receiver's bit rate; `None` in the place of any other.
+    /// The bytes of the well-formed frames at the receiver's bit rate; `None` in the place of any other.
     pub fn bytes(&self) -> impl Iterator<Item = Option<u8>> + '_ {
         self.frames.iter().map(|frame| {
             let byte = frame.data as u8;
@@ -272,26 +273,26 @@ impl OnLine {
     }
 }
 
-/// A fault under way.
+/// A present fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Active {
     fault: ReceiverFault,
     at: u64,
     until: u64,
-    /// When it next sends by itself, ns.
+    /// The instant at which it next sends by itself, ns.
     next: u64,
 }
 
-/// What is wrong with one receiver and its line.
+/// The faults of one receiver and its line.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 struct Line {
-    /// In the order of their beginnings: the last acts.
+    /// The faults in the order of their beginnings: the last one acts.
     faults: Vec<Active>,
     /// The time of week of the receiver's last burst without a fault, ms.
     last_itow: Option<u32>,
-    /// Longitude, latitude and height of its last burst without a fault, as they are on the wire.
+    /// Longitude, latitude and height of its last burst without a fault, in their wire units.
     last_position: Option<[i32; 3]>,
-    /// What comes later than it was sent, in order.
+    /// Bursts that are delayed, in order.
     waiting: VecDeque<OnLine>,
 }
 
@@ -302,7 +303,7 @@ impl Line {
     }
 }
 
-/// What is wrong with all receivers and their lines.
+/// The faults of all receivers and their lines.
 #[derive(Clone, Debug)]
 pub struct LineFaults {
     rng: Rng,
@@ -310,7 +311,7 @@ pub struct LineFaults {
 }
 
 impl LineFaults {
-    /// Nothing is wrong yet. What will be random follows from `seed`.
+    /// No faults yet. `seed` decides everything random.
     #[must_use]
     pub const fn new(seed: u64) -> Self {
         Self { rng: Rng::new(seed), lines: vec![] }
@@ -323,8 +324,8 @@ impl LineFaults {
         &mut self.lines[receiver]
     }
 
-    /// `fault` begins at `at` and will end at `until` (ns; `u64::MAX` for never). Of several at one receiver, the one
-    /// that began last acts.
+    /// Begins `fault` at `at`; it will end at `until` (ns; `u64::MAX` for never). If one receiver has several, the
+    /// latest acts.
     pub fn begin(&mut self, at: u64, until: u64, receiver: usize, fault: ReceiverFault) {
         let line = self.line(receiver);
         if fault == ReceiverFault::Break {
@@ -335,7 +336,7 @@ impl LineFaults {
         line.faults.push(Active { fault, at, until, next });
     }
 
-    /// `fault` ends. What it holds back still comes.
+    /// Ends `fault`. Bursts that it holds back still come.
     pub fn end(&mut self, receiver: usize, fault: ReceiverFault) {
         let faults = &mut self.line(receiver).faults;
         if let Some(index) = faults.iter().position(|active| active.fault == fault) {
@@ -343,8 +344,8 @@ impl LineFaults {
         }
     }
 
-    /// The receiver sends `bytes` from `at` (ns) on: what is on the line instead. What comes later is held back for
-    /// [`LineFaults::take`].
+    /// Takes `bytes`, which the receiver sends from `at` (ns) on, and returns what is on the line instead. Delayed
+    /// bursts are kept for [`LineFaults::take`].
     pub fn burst(&mut self, at: u64, receiver: usize, bytes: &[u8]) -> Vec<OnLine> {
         let line = self.line(receiver);
         let Some(active) = line.faults.last().copied() else {
@@ -445,7 +446,7 @@ impl LineFaults {
         self.in_order(OnLine::clean(at, receiver, &clean))
     }
 
-    /// `on_line`, or nothing now where something of before still waits.
+    /// Returns `on_line`, or queues it behind an earlier burst that still waits.
     fn in_order(&mut self, mut on_line: OnLine) -> Vec<OnLine> {
         let line = self.line(on_line.receiver);
         let Some(before) = line.waiting.back() else { return vec![on_line] };
@@ -454,19 +455,19 @@ impl LineFaults {
         vec![]
     }
 
-    /// `byte` with each of its bits and its stop bit inverted once in [`NOISE_ONE_IN`] times.
+    /// The frame of `byte` with each of its bits and its stop bit inverted once in [`NOISE_ONE_IN`] times.
     fn noisy(&mut self, byte: u8) -> UartFrame {
         let flips = (0..9).fold(0_u16, |flips, bit| flips | u16::from(self.rng.one_in(NOISE_ONE_IN)) << bit);
         with_stop(byte ^ flips as u8, flips >> 8 == 0)
     }
 
-    /// When something comes on a line by itself, ns; `u64::MAX` for never.
+    /// The instant at which the next delayed or unsolicited burst comes, ns; `u64::MAX` for never.
     #[must_use]
     pub fn next_at(&self) -> u64 {
         self.lines.iter().map(Line::next_at).min().unwrap_or(u64::MAX)
     }
 
-    /// What comes on the lines by itself at `now` (ns) or before.
+    /// Takes the delayed and unsolicited bursts at `now` (ns) or before.
     pub fn take(&mut self, now: u64) -> Vec<OnLine> {
         let mut taken = vec![];
         for (receiver, line) in self.lines.iter_mut().enumerate() {
@@ -477,11 +478,11 @@ impl LineFaults {
             let bytes: Vec<u8> = match active.fault {
                 ReceiverFault::Babbles => (0..CHUNK).map(|_| self.rng.byte()).collect(),
                 ReceiverFault::Beginnings => BEGINNING.into_iter().cycle().take(CHUNK).collect(),
-                // MON-VER, which answers a request for the receiver's version.
+                // MON-VER answers a poll of the receiver's version.
                 _ => ubx::frame(0x0A, 0x04, &[self.rng.byte(); CHUNK - ubx::OVERHEAD]),
             };
             let on_line = OnLine::clean(now, receiver, &bytes);
-            // The next begins where this ends: the line is never idle.
+            // The next one begins where this one ends: the line is never idle.
             active.next = now + on_line.frames.iter().map(UartFrame::ns).sum::<u64>();
             taken.push(on_line);
         }
@@ -497,16 +498,16 @@ fn damaged(at_ns: u64, receiver: usize, frames: Vec<UartFrame>) -> OnLine {
     on_line
 }
 
-/// `byte` with its stop bit high, or low: a ninth bit that is low, and then a stop bit.
+/// The frame of `byte` with its stop bit high, or low: a low ninth bit, and then a stop bit.
 const fn with_stop(byte: u8, high: bool) -> UartFrame {
     let frame = UartFrame::eight_n_one(byte, GNSS_BAUD);
     if high { frame } else { UartFrame { bits: 9, ..frame } }
 }
 
-/// A low level for `ns`, one character at least. The line rests high in the last twentieth.
+/// A low level for `ns`, at least one character. The line is high in the last twentieth.
 fn low_for(ns: u64) -> UartFrame {
     let character = UartFrame::eight_n_one(0, GNSS_BAUD);
     let ns = ns.clamp(character.ns(), LONGEST_BREAK);
-    // Ten bits low, half a bit high.
+    // Ten bits are low, then half a bit is high.
     UartFrame { bits: 9, stop_halves: 1, bit_ps: ns * 2_000 / 21, ..character }
 }

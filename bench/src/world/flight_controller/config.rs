@@ -1,56 +1,56 @@
-//! How the flight controller reads, and when.
+//! The settings of the flight controller's reads.
 
 use profile::Layout;
 
 use crate::world::ssi::Pace;
 
-/// When the flight controller's transactions begin.
+/// The instants at which the flight controller's transactions begin.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Schedule {
-    /// One in each of its own control cycles: [`Config::cycle_ns`].
+    /// One begins in each of its own control cycles: [`Config::cycle_ns`].
     EveryCycle,
-    /// Each at the instant that it was given with [`FlightController::place`](super::FlightController::place), and no
-    /// other.
+    /// Each begins at an instant given with [`FlightController::place`](super::FlightController::place), and there are
+    /// no others.
     Placed,
 }
 
 /// A transaction that is to begin at an instant of the bench's choice.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Placed {
-    /// When chip select falls, ns after reset, by the bench's clock.
+    /// The instant at which chip select falls, ns after reset, by the bench's clock.
     pub at_ns: u64,
-    /// How many bytes are clocked: as many as are wanted, or the whole image.
+    /// The number of bytes that are clocked, up to the whole image.
     pub bytes: usize,
 }
 
-/// How the flight controller reads.
+/// The settings of the flight controller's reads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Config {
-    /// Receivers in the profile: 1, 2, 3 or 5.
+    /// The number of receivers in the profile: 1, 2, 3 or 5.
     pub receivers: usize,
-    /// When transactions begin.
+    /// The instants at which transactions begin.
     pub schedule: Schedule,
-    /// Control cycle by its own clock, ns.
+    /// The control cycle by its own clock, ns.
     pub cycle_ns: u64,
-    /// First transaction after reset, by its own clock, ns.
+    /// The first transaction after reset, by its own clock, ns.
     pub first_ns: u64,
-    /// How much faster its crystal runs than it should, parts per billion.
+    /// The error of its crystal, parts per billion; positive values are fast.
     pub crystal_ppb: i64,
-    /// How fast a transaction goes.
+    /// The pace of a transaction.
     pub pace: Pace,
-    /// It writes uplinks and commands, and reads the whole map now and then ([`super::uplinks`]); otherwise it reads
-    /// the image alone and writes nothing.
+    /// It writes uplinks and commands, and reads the whole map now and then ([`super::uplinks`]); otherwise it only
+    /// reads the image.
     pub writes: bool,
-    /// The base station's uplinks come by radio ([`FlightController::write`](super::FlightController::write)): of those
-    /// that it writes it makes up none of the base station's.
+    /// The base station's uplinks come by radio ([`FlightController::write`](super::FlightController::write)), and it
+    /// generates none of them itself.
     pub relays: bool,
-    /// What is random while it misuses the SSI follows from this.
+    /// The seed of everything random while it misuses the SSI.
     pub seed: u64,
 }
 
 impl Config {
-    /// 4 ms control cycle, a perfect crystal, first transaction one cycle after reset. On the wire it is as fast as
-    /// [`profile::ssi::timing`] allows.
+    /// A 4 ms control cycle, a perfect crystal, and the first transaction one cycle after reset. On the wire it is as
+    /// fast as [`profile::ssi::timing`] allows.
     #[must_use]
     pub const fn new(receivers: usize) -> Self {
         Self {
@@ -66,7 +66,7 @@ impl Config {
         }
     }
 
-    /// Bytes of the image.
+    /// The size of the image, bytes.
     #[must_use]
     pub const fn image_len(&self) -> usize {
         self.layout().image_len()
@@ -76,13 +76,13 @@ impl Config {
     ///
     /// # Panics
     ///
-    /// If there is no profile for so many receivers: a bench set up so is wrong.
+    /// Panics if no profile has that number of receivers: the bench is set up wrongly.
     #[must_use]
     pub const fn layout(&self) -> Layout {
         Layout::for_receivers(self.receivers).expect("a profile has 1, 2, 3 or 5 receivers")
     }
 
-    /// From chip select falling to chip select rising in a transaction of so many bytes, by its own clock, ns.
+    /// The time from chip select falling to chip select rising in a transaction of `bytes` bytes, by its own clock, ns.
     #[must_use]
     pub const fn transaction_ns(&self, bytes: usize) -> u64 {
         self.pace.transaction_ns(bytes)

@@ -7,34 +7,34 @@ use super::Config;
 use crate::faults::{Conduct, Rng};
 use crate::world::ssi::{Filler, Order, Pace};
 
-/// When a flight controller that misuses the SSI begins its transactions.
+/// The instants at which a flight controller that misuses the SSI begins its transactions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Rhythm {
-    /// One in each of its control cycles in which the one before is over.
+    /// One begins in each of its control cycles if the one before is over.
     InCycle,
-    /// Each as soon as the one before is over, and the gap after it.
+    /// Each begins once the one before it and the gap after that are over.
     AtOnce,
-    /// There are none.
+    /// There are no transactions.
     Never,
 }
 
-/// Bytes of [`Conduct::TenThousand`].
+/// The bytes that [`Conduct::TenThousand`] reads.
 const MANY: usize = 10_000;
 
-/// Bytes of [`Conduct::Lies`]: Link-Status and Reported-Position.
+/// The bytes that [`Conduct::Lies`] reads: Link-Status and Reported-Position.
 const PART: usize = 96;
 
-/// Bytes that the DPR takes in: a request and an uplink object (docs/design.md#ssi).
+/// The bytes that the DPR accepts: a request and an uplink object (docs/design.md#ssi).
 const TAKEN_IN: usize = 72;
 
-/// From one fall of chip select to the next with [`Conduct::TogglesCsn`], ns.
+/// The time from one fall of chip select to the next with [`Conduct::TogglesCsn`], ns.
 const TOGGLE: u64 = 2_000;
 
-/// How long chip select is high at least with [`Conduct::Every`], ns: as long as the DPR's peripheral needs (nRF52840
-/// PS v1.7, 6.26.7, t<sub>SPIS,CSNH</sub>).
+/// The shortest time for which chip select is high with [`Conduct::Every`], ns: the DPR's peripheral needs as much
+/// (nRF52840 PS v1.7, 6.26.7, t<sub>SPIS,CSNH</sub>).
 const CSN_HIGH: u64 = 300;
 
-/// What [`Conduct::Hammers`] leaves of the gap, ns.
+/// The gap that [`Conduct::Hammers`] leaves, ns.
 const HAMMER_GAP: u64 = 1_000;
 
 /// A [`Conduct`] that lasts.
@@ -46,13 +46,13 @@ pub(super) struct Misconduct {
 }
 
 impl Misconduct {
-    /// `conduct` of the flight controller with this configuration; what is random follows from `seed`.
+    /// The conduct `conduct` of a flight controller with this configuration; `seed` decides everything random.
     #[must_use]
     pub(super) const fn new(conduct: Conduct, config: Config, seed: u64) -> Self {
         Self { conduct, config, noise: Rng::new(seed) }
     }
 
-    /// When its transactions begin.
+    /// The instants at which its transactions begin.
     #[must_use]
     pub(super) const fn rhythm(&self) -> Rhythm {
         match self.conduct {
@@ -74,7 +74,7 @@ impl Misconduct {
         }
     }
 
-    /// Its next transaction.
+    /// Returns its next transaction.
     pub(super) fn order(&mut self) -> Order {
         let pace = self.config.pace;
         let read = |bytes| Order { pace, ..Order::read(bytes) };
@@ -100,19 +100,19 @@ impl Misconduct {
         }
     }
 
-    /// Noise that is another one in each transaction.
+    /// Noise that differs in each transaction.
     fn noise(&mut self) -> Filler {
         Filler::Noise(Rng::new(self.noise.word()))
     }
 
-    /// What is no request, or one that the DPR must refuse.
+    /// Bytes that are no request, or a request that the DPR must refuse.
     fn lie(&mut self) -> Vec<u8> {
         let image_len = self.config.image_len() as u64;
         let below = |noise: &mut Rng, bound| u16::try_from(noise.below(bound)).unwrap_or(u16::MAX);
         match self.noise.below(5) {
             0 => encode(Request { offset: 4_096, length: 64 }).to_vec(),
             1 => encode(Request { offset: 0, length: 0xFFFF }).to_vec(),
-            // From within the image to beyond its end.
+            // The window reaches from within the image to beyond its end.
             2 => {
                 let offset = below(&mut self.noise, image_len);
                 let length = below(&mut self.noise, 1_000) + 1;
@@ -125,13 +125,13 @@ impl Misconduct {
     }
 }
 
-/// Chip select falls and rises, once in `period_ns`.
+/// Lets chip select fall and rise once in `period_ns`.
 fn edges(pace: Pace, period_ns: u64) -> Order {
     let low = period_ns / 2;
     Order { pace: Pace { setup_ns: low, hold_ns: 0, gap_ns: period_ns - low, ..pace }, ..Order::read(0) }
 }
 
-/// A request for nothing, and an intact uplink object of the flight controller from the first second.
+/// An empty request, and an intact uplink object of the flight controller from the first second.
 fn uplink() -> Vec<u8> {
     let mut object = vec![];
     object.extend(1_000_u32.to_le_bytes());

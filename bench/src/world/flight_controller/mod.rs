@@ -3,22 +3,22 @@
 //! # Design
 //!
 //! An ordinary flight controller: once per control cycle (4 ms) it reads the DPR image in one SPI transaction, mode 0,
-//! 8 MHz, and goes on with whatever it got. Its crystal is its own, so its cycle drifts through that of the DPR and
-//! meets it in every phase. [`SsiMaster`] carries its transactions: [`FlightController::next_at`] says when it next
-//! does something on the wires, and [`FlightController::act`] does it.
+//! 8 MHz, and continues with whatever it got. It has its own crystal, so its cycle drifts through that of the DPR and
+//! meets it in every phase. [`SsiMaster`] carries its transactions: [`FlightController::next_at`] gives the instant of
+//! its next action on the wires, and [`FlightController::act`] carries it out.
 //!
-//! It uses the client that a flight controller is meant to use, [`profile::ssi::client`]: that says what each
-//! transaction sends, finds the objects in what comes back, and says whether there is a position to fly by
-//! ([`Reading::report`]). See [`Outcome`] for what the bench makes of it. A whole profile that it has not seen before
-//! goes to the base station, its bytes untouched ([`stream`]). Nothing else does.
+//! It uses the client for flight controllers, [`profile::ssi::client`]: the client determines what each transaction
+//! sends, finds the objects in the answer, and decides whether there is a position to fly by ([`Reading::report`]).
+//! [`Outcome`] has the bench's evaluation. The bytes of a whole and new profile go to the base station unchanged
+//! ([`stream`]). Nothing else is forwarded.
 //!
-//! While a [`Conduct`] is set, it misuses the SSI in that way. It verifies what it reads all the same.
+//! While a [`Conduct`] is set, it misuses the SSI in that way but still verifies what it reads.
 //!
 //! | file | what |
 //! |---|---|
-//! | `config` | how it reads, and when |
-//! | [`uplinks`] | what it writes, if it does |
-//! | `reading` | what it makes of the bytes that one transaction brought |
+//! | `config` | the settings of its reads |
+//! | [`uplinks`] | its writes, if any |
+//! | `reading` | the evaluation of the bytes that one transaction brought |
 
 mod config;
 mod misconduct;
@@ -48,17 +48,17 @@ use crate::faults::wires::Wires;
 /// Totals since reset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Stats {
-    /// Transactions that are over: the sum of the next four.
+    /// The number of finished transactions: the sum of the next four.
     pub transactions: u64,
-    /// [`Outcome::Fresh`].
+    /// The number of [`Outcome::Fresh`].
     pub fresh: u64,
-    /// [`Outcome::Repeated`].
+    /// The number of [`Outcome::Repeated`].
     pub repeated: u64,
-    /// [`Outcome::Busy`].
+    /// The number of [`Outcome::Busy`].
     pub busy: u64,
-    /// [`Outcome::BadCrc`].
+    /// The number of [`Outcome::BadCrc`].
     pub bad_crc: u64,
-    /// Profiles forwarded to the base station: fresh ones.
+    /// The number of profiles forwarded to the base station, which are the fresh ones.
     pub forwarded: u64,
 }
 
@@ -68,30 +68,30 @@ pub struct FlightController {
     config: Config,
     crystal: Crystal,
     master: SsiMaster,
-    /// When the next action is due, ns.
+    /// The instant at which the next action is due, ns.
     next_at: u64,
     /// The control cycle in which its next transaction begins.
     cycle: u64,
     /// The transactions that are to begin at instants of the bench's choice, in order of time.
     placed: VecDeque<Placed>,
-    /// How it misuses the SSI at present.
+    /// Its present misuse of the SSI.
     misconduct: Option<Misconduct>,
-    /// How many episodes of misconduct there were.
+    /// The number of episodes of misconduct.
     episodes: u64,
-    /// No transaction begins before this instant, ns.
+    /// The instant before which no transaction begins, ns.
     not_before: u64,
     client: Client,
-    /// What shall be asked for in the coming transactions.
+    /// Windows to request in the coming transactions.
     requests: VecDeque<Request>,
-    /// What the transaction under way asks for.
+    /// The window that the present transaction requests.
     asked: Option<Request>,
     last: Option<Reading>,
-    /// Timestamp of the last fresh profile.
+    /// The timestamp of the last fresh profile.
     previous: Option<u32>,
     downlink: Vec<u8>,
     /// Intact images that it has read, each with the instant (ns) at which its transaction was over.
     images: Vec<(u64, Vec<u8>)>,
-    /// Port-Status, intact, and the base station's uplink behind it, likewise.
+    /// Intact Port-Status followed by the base station's uplink, each with that instant.
     ports: Vec<(u64, Vec<u8>)>,
     stats: Stats,
 }
@@ -101,8 +101,8 @@ impl FlightController {
     ///
     /// # Panics
     ///
-    /// If there is no profile for so many receivers, or a transaction does not fit into the control cycle, or the
-    /// crystal is more than 1 % off: a bench set up so is wrong.
+    /// Panics if no profile has that number of receivers, a transaction does not fit into the control cycle, or the
+    /// crystal is more than 1 % off: the bench is set up wrongly.
     #[must_use]
     pub fn new(config: Config) -> Self {
         assert!(config.crystal_ppb.unsigned_abs() <= 10_000_000, "a crystal is off by {} ppb", config.crystal_ppb);
@@ -135,13 +135,13 @@ impl FlightController {
         controller
     }
 
-    /// Asks, in the next transaction that asks for nothing else yet, for a window of the image; the transaction after
-    /// that reads just that. One whose request met a busy DPR is repeated; the transaction after it reads what it
-    /// itself was to read. Without a request every transaction reads the whole image.
+    /// Requests a window of the image in the next transaction without a request; the transaction after that reads just
+    /// that window. A request that met a busy DPR is repeated; the transaction after it reads its own window. Without a
+    /// request every transaction reads the whole image.
     ///
     /// # Panics
     ///
-    /// If the window is empty or longer than the image. One that lies outside of the image is sent as it is: the DPR
+    /// Panics if the window is empty or longer than the image. A window outside the image is sent unchanged: the DPR
     /// has to refuse it.
     pub fn request(&mut self, window: Request) {
         assert!(
@@ -152,17 +152,17 @@ impl FlightController {
         self.requests.push_back(window);
     }
 
-    /// Writes an object in the next transaction of its own, and again as long as the DPR is busy.
+    /// Writes an object in its next ordinary transaction, and again as long as the DPR is busy.
     pub fn write(&mut self, object: Written<'_>) {
         self.client.write(object);
     }
 
-    /// Has a transaction begin at an instant of the bench's choice, [`Schedule::Placed`] alone.
+    /// Places a transaction at a chosen instant, for [`Schedule::Placed`] only.
     ///
     /// # Panics
     ///
-    /// If the schedule is another one, if so many bytes are none or more than the image has, or if the transaction
-    /// before it is not over by then, and the gap after it.
+    /// Panics if the schedule is another one, if the number of bytes is zero or exceeds the image, or if the
+    /// transaction before it and its gap are not over by then.
     pub fn place(&mut self, transaction: Placed) {
         let Placed { at_ns, bytes } = transaction;
         assert_eq!(self.config.schedule, Schedule::Placed, "this flight controller keeps its own cycle");
@@ -180,8 +180,8 @@ impl FlightController {
         self.plan();
     }
 
-    /// From `at` (ns) on it misuses the SSI so; a transaction under way comes to its end before. With `None` it lets go
-    /// of everything and reads on in its cycle, as it does at reset.
+    /// Sets the misuse of the SSI from `at` (ns) on; a transaction under way is completed first. `None` releases all
+    /// wires and resumes reading in its cycle, as at reset.
     pub fn set_conduct(&mut self, at: u64, conduct: Option<Conduct>) {
         if self.misconduct.take().is_some() {
             self.master.cut(at);
@@ -191,7 +191,7 @@ impl FlightController {
             self.misconduct = Some(Misconduct::new(conduct, self.config, self.config.seed ^ self.episodes));
             self.episodes += 1;
         } else {
-            // A transaction that was cut short ends with a byte and the hold time; then there is a gap.
+            // A transaction that is cut short ends with a whole byte and the hold time; then there is a gap.
             let pace = self.config.pace;
             self.not_before += self.crystal.by_the_bench(pace.byte_ns + pace.hold_ns + pace.gap_ns);
             let from = self.not_before;
@@ -200,25 +200,25 @@ impl FlightController {
         self.plan();
     }
 
-    /// When the next action is due, ns. `u64::MAX` if there is none.
+    /// The instant at which the next action is due, ns; `u64::MAX` if there is none.
     #[must_use]
     pub fn next_at(&self) -> u64 {
         self.next_at
     }
 
-    /// Whether its next action is that bytes cross.
+    /// Whether its next action is a transfer of bytes.
     #[must_use]
     pub fn is_clocking(&self) -> bool {
         self.master.is_clocking()
     }
 
-    /// Takes the action that is due, on the DPR's pins. What MISO carried comes to it through `wires`. Nothing is told
-    /// of what is no part of a transaction: clocks without chip select. Of a transaction that is over, MISO is what the
-    /// flight controller saw, and [`Self::last`] is what it made of it.
+    /// Carries out the due action on the DPR's pins. MISO reaches it through `wires`. Clocks without chip select are
+    /// not reported, because they are not part of a transaction. For a finished transaction, MISO is what the flight
+    /// controller received, and [`Self::last`] is its evaluation.
     ///
     /// # Panics
     ///
-    /// If nothing is due at any time.
+    /// Panics if no action is due at any time.
     pub fn act(&mut self, port: &mut impl SsiPort, wires: &mut Wires) -> Option<Progress> {
         if self.master.is_idle() {
             let start = self.start().expect("a transaction is due");
@@ -234,29 +234,29 @@ impl FlightController {
         told
     }
 
-    /// What it made of the transaction that was over last.
+    /// The evaluation of the last finished transaction.
     #[must_use]
     pub fn last(&self) -> Option<&Reading> {
         self.last.as_ref()
     }
 
-    /// What it has sent to the base station since this was last called.
+    /// Takes what it has sent to the base station since the last call.
     #[must_use]
     pub fn take_downlink(&mut self) -> Vec<u8> {
         core::mem::take(&mut self.downlink)
     }
 
-    /// The whole images that it has read since this was last called, each with the instant (ns) at which its
-    /// transaction was over: Link-Status and the profile's objects, each of them intact or vacant. They are what a
-    /// forwarder of Link-Status has to offer, whether or not the profile is new.
+    /// Takes the whole images that it has read since the last call, each with the instant (ns) at which its transaction
+    /// was over: Link-Status and the profile's objects, each of them intact or vacant. A forwarder of Link-Status can
+    /// use them whether or not the profile is new.
     #[must_use]
     pub fn take_images(&mut self) -> Vec<(u64, Vec<u8>)> {
         core::mem::take(&mut self.images)
     }
 
-    /// Port-Status and the base station's uplink, 128 bytes, each time that it has read them since this was last
-    /// called:
-    /// Port-Status intact, the uplink as it was read. Each with the instant (ns) at which its transaction was over.
+    /// Takes Port-Status and the base station's uplink, 128 bytes, for each time that it has read them since the last
+    /// call. Port-Status is intact, the uplink as it was read. Each has the instant (ns) at which its transaction was
+    /// over.
     #[must_use]
     pub fn take_ports(&mut self) -> Vec<(u64, Vec<u8>)> {
         core::mem::take(&mut self.ports)
@@ -268,13 +268,13 @@ impl FlightController {
         self.stats
     }
 
-    /// How it reads.
+    /// The settings of its reads.
     #[must_use]
     pub fn config(&self) -> &Config {
         &self.config
     }
 
-    /// Settles what it does next.
+    /// Determines its next action.
     fn plan(&mut self) {
         if self.master.is_idle() {
             let from = self.master.free_at().max(self.not_before);
@@ -287,12 +287,12 @@ impl FlightController {
         }
     }
 
-    /// When the next transaction in its own cycle begins.
+    /// The beginning of the next transaction in its own cycle.
     fn in_cycle(&self) -> Start {
         Start { bench_ns: 0, own_ns: self.config.first_ns + self.cycle * self.config.cycle_ns }
     }
 
-    /// When its next transaction begins.
+    /// The beginning of its next transaction.
     fn start(&self) -> Option<Start> {
         let at = |bench_ns| Start { bench_ns, own_ns: 0 };
         match (self.misconduct.as_ref().map(Misconduct::rhythm), self.config.schedule) {
@@ -303,7 +303,7 @@ impl FlightController {
         }
     }
 
-    /// What the transaction that begins now is to be.
+    /// The transaction that begins now.
     fn order(&mut self) -> Order {
         self.asked = None;
         if let Some(misconduct) = &mut self.misconduct {
@@ -314,27 +314,27 @@ impl FlightController {
         let mut mosi = vec![0; self.client.capacity()];
         let bytes = self.client.begin(&mut mosi).expect("room for any transaction");
         if let Some(window) = refused {
-            // The client does not ask for what lies outside of the map: the bench does.
+            // The bench itself requests windows outside the map, because the client never does.
             mosi[..ssi::REQUEST_SIZE].copy_from_slice(&ssi::encode(window));
         }
         mosi.truncate(bytes);
         let own_ns = self.config.first_ns + self.cycle * self.config.cycle_ns;
         let made_up = self.config.writes.then(|| uplinks::written(self.cycle, own_ns)).flatten();
         let of_base_station = |object: &[u8; Uplink::SIZE]| Uplink::verify::<BaseStation>(object).is_ok();
-        // What came by radio goes first, and is not made up as well.
+        // An uplink from the radio goes first and replaces a generated one.
         let is_free = uplinks::is_free(&mosi);
         let made_up = made_up.filter(|object| is_free && !(self.config.relays && of_base_station(object)));
         if let Some(object) = made_up {
             uplinks::put(&object, &mut mosi);
         }
         let bytes = self.placed.pop_front().map_or(bytes, |placed| placed.bytes);
-        // The client reads the image; what is behind it in the map, the judge looks at.
+        // The client reads the image; the judge checks what follows it in the map.
         let reads_map = self.config.writes && bytes == self.config.image_len() && uplinks::reads_map(self.cycle);
         let bytes = if reads_map { self.config.layout().map_len() } else { bytes };
         Order { mosi, pace: self.config.pace, ..Order::read(bytes) }
     }
 
-    /// A transaction is over.
+    /// Ends a transaction.
     fn conclude(&mut self, transaction: &Transaction) {
         let own_us = self.crystal.own_ns(transaction.selected_ns) / 1_000;
         let image = transaction.miso.get(..self.config.image_len()).unwrap_or(&transaction.miso);
@@ -367,7 +367,7 @@ impl FlightController {
             self.ports.extend(read.map(|port| (transaction.deselected_ns, port.to_vec())));
         }
         if reading.outcome == Outcome::Busy {
-            // A busy DPR has not heard what it was asked for.
+            // A busy DPR has not received the request.
             if let Some(unheard) = self.asked.take() {
                 self.requests.push_front(unheard);
             }

@@ -1,50 +1,50 @@
-//! What the flight controller makes of the bytes that one transaction brought.
+//! Evaluates the bytes that one transaction brought to the flight controller.
 
 use profile::image;
 use profile::ssi::client::{Report, Shown, View};
 use profile::{Layout, LinkValues, Rejection};
 
-/// What a transaction amounted to.
+/// The result of a transaction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Outcome {
-    /// Everything intact, the image was read whole, and the profile is another than the one forwarded last.
+    /// Everything is intact, the image was read whole, and the profile differs from the one forwarded last.
     Fresh,
-    /// Everything intact, nothing new: the same profile again, none yet, or a window without one.
+    /// Everything is intact but not new: the same profile again, none yet, or a window without one.
     Repeated,
-    /// 0xFF throughout: the DPR was busy.
+    /// Every byte is 0xFF: the DPR was busy.
     Busy,
-    /// Link-Status or an object is neither intact nor vacant. Nothing of it is used.
+    /// Link-Status or an object is neither intact nor vacant. No part of the image is used.
     BadCrc,
 }
 
-/// What one transaction brought.
+/// The contents of one transaction.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Reading {
-    /// The DPR's pin saw chip select fall, ns.
+    /// The instant at which chip select fell at the DPR's pin, ns.
     pub selected_ns: u64,
-    /// What it amounted to.
+    /// The result.
     pub outcome: Outcome,
-    /// Which byte of the image came first.
+    /// The offset in the image of the first byte.
     pub offset: usize,
     /// Link-Status, if it was read and intact.
     pub link: Option<LinkValues>,
-    /// Timestamp of the first valid object, ms since HORUS start: that of Reported-Position if it is valid.
+    /// The timestamp of the first valid object, ms since HORUS start: that of Reported-Position if it is valid.
     pub timestamp: Option<u32>,
-    /// Valid objects of the profile.
+    /// The number of valid objects of the profile.
     pub valid: usize,
-    /// Places of objects that were read and are vacant.
+    /// The number of places of objects that were read and are vacant.
     pub vacant: usize,
-    /// The first damaged thing, if any: its offset in the image, and what is wrong with it.
+    /// The first damage, if any: its offset in the image, and its kind.
     pub damage: Option<(usize, Rejection)>,
-    /// The profile that was forwarded to the base station, if it was: [`Outcome::Fresh`] alone.
+    /// The profile that was forwarded to the base station, if any: only for [`Outcome::Fresh`].
     pub forwarded: Option<Vec<u8>>,
-    /// What the client says: whether there is a position to fly by, and how old it is.
+    /// The client's report: whether there is a position to fly by, and its age.
     pub report: Report,
 }
 
 impl Reading {
-    /// What a transaction brought that began at `selected_ns`: `view` shows it, and the client's report is `report`.
-    /// `previous` is the timestamp of the profile that was forwarded last.
+    /// Evaluates a transaction that began at `selected_ns`, with its contents in `view` and the client's report in
+    /// `report`. `previous` is the timestamp of the profile that was forwarded last.
     pub(super) fn of(selected_ns: u64, view: &View<'_>, layout: Layout, report: Report, previous: Option<u32>) -> Self {
         let mut reading = Self {
             selected_ns,

@@ -1,4 +1,4 @@
-//! Unit tests: what it reads, and what it does while it misuses the SSI.
+//! Unit tests of the flight controller: its reads, and its misuses of the SSI.
 
 use base_station::drone::Counts;
 use emulator_part::SpiMode;
@@ -67,7 +67,7 @@ impl Rig {
         self.controller.act(&mut self.pins, &mut self.wires)
     }
 
-    /// Runs one transaction against a DPR that shows `shown`, and zeros after it. Gives what was on MOSI.
+    /// Runs one transaction against a DPR that shows `shown`, and zeros after it. Returns what was on MOSI.
     fn transact(&mut self, shown: &[u8]) -> Vec<u8> {
         self.pins.shown = shown.to_vec();
         loop {
@@ -77,7 +77,7 @@ impl Rig {
         }
     }
 
-    /// Runs to `end` (ns); gives the transactions that were over by then.
+    /// Runs to `end` (ns) and returns the transactions that were over by then.
     fn run(&mut self, end: u64) -> Vec<Transaction> {
         let mut over = vec![];
         while self.controller.next_at() <= end {
@@ -102,7 +102,7 @@ fn rig() -> Rig {
     Rig::new(Config::new(3))
 }
 
-// ---- what it reads
+// ---- reads
 
 #[test]
 fn a_transaction_keeps_the_timing_that_its_configuration_states() {
@@ -209,8 +209,8 @@ fn its_client_shows_a_position_from_the_fourth_cycle_on_until_it_is_too_old() {
         .collect();
     let positions: Vec<_> = shown.iter().map(|report| report.position.map(|position| position.timestamp)).collect();
     assert_eq!(positions, [None, None, None, Some(40), Some(50)]);
-    // 6.1 ms of Link-Status, and up to the 25 ms for which an image can be read: its time in the DPR never changes
-    // here.
+    // The age is 6.1 ms from Link-Status plus up to the 25 ms for which an image can be read, because its time in the
+    // DPR never changes here.
     assert_eq!(shown[4].age_us, 31_100);
     let ages: Vec<_> = (0..8)
         .map(|_| {
@@ -238,7 +238,7 @@ fn a_busy_dpr_is_told_from_a_damaged_image() {
         assert_eq!(rig.outcome(), Outcome::BadCrc, "bit {bit}");
     }
     assert!(rig.controller.take_downlink().is_empty(), "nothing damaged is forwarded");
-    // The same profile, read well at last, is still new.
+    // The same profile is still new when it is read well at last.
     rig.transact(&image);
     assert_eq!(rig.outcome(), Outcome::Fresh);
     let stats = rig.controller.stats();
@@ -331,7 +331,7 @@ fn a_window_that_met_a_busy_dpr_is_read_by_the_next_transaction() {
     let image = image_of(&profile(10));
     rig.controller.request(Request { offset: 96, length: 60 });
     rig.transact(&image);
-    // The window that was granted stays, and what this transaction asks for is lost.
+    // The window that was granted stays, and the request of this transaction is lost.
     rig.controller.request(Request { offset: 216, length: 60 });
     let asking = rig.transact(&[0xff; 60]);
     assert_eq!(rig.outcome(), Outcome::Busy);
@@ -354,7 +354,7 @@ fn an_uplink_that_came_by_radio_is_written_in_place_of_made_up_ones() {
     let mut written = vec![];
     for cycle in 0..40 {
         if cycle == 10 {
-            // The flight controller's own would be due in this cycle.
+            // The flight controller's own uplink would be due in this cycle.
             rig.controller.write(Written::BaseStation(&uplink));
         }
         let mosi = rig.transact(if uplinks::reads_map(cycle) { &map } else { &image });
@@ -366,7 +366,7 @@ fn an_uplink_that_came_by_radio_is_written_in_place_of_made_up_ones() {
     let ports = rig.controller.take_ports();
     assert_eq!(ports.len(), 4, "each tenth cycle");
     assert!(ports.iter().all(|(_, port)| port[..64] == *port_bytes(&map) && port[64..] == *uplink.as_bytes()));
-    // Without Port-Status there is nothing to tell.
+    // Without Port-Status no port is reported.
     let mut damaged = map;
     damaged[280] ^= 1;
     for cycle in 40..50 {
@@ -375,7 +375,7 @@ fn an_uplink_that_came_by_radio_is_written_in_place_of_made_up_ones() {
     assert_eq!(rig.controller.take_ports(), []);
 }
 
-/// Port-Status in the map of three receivers.
+/// Port-Status and what follows it, in the map of three receivers.
 fn port_bytes(map: &[u8]) -> &[u8] {
     &map[276..340]
 }
@@ -413,16 +413,17 @@ fn it_sees_and_forwards_what_the_wires_made_of_miso() {
     let mut vacant = image[32..].to_vec();
     vacant[184..].fill(0);
     assert_eq!(rig.last().forwarded, Some(vacant));
-    // The window that was asked for decides where an object is read.
+    // The requested window decides where an object is read.
     rig.controller.request(Request { offset: 216, length: 60 });
     rig.transact(&image);
     rig.transact(&image[216..]);
     assert_eq!((rig.last().offset, rig.last().vacant), (216, 1));
 }
 
-// ---- what it does wrong
+// ---- misuses
 
-/// It misuses the SSI from 10 ms to 50 ms; the transactions that began meanwhile, all of them, and the pins.
+/// Runs a misuse of the SSI from 10 ms to 50 ms; returns the transactions that began meanwhile, all of them, and the
+/// pins.
 fn misused(conduct: Conduct, image: &[u8]) -> (Vec<Transaction>, Vec<Transaction>, Rig) {
     let mut rig = rig();
     rig.pins.shown = image.to_vec();
@@ -459,7 +460,7 @@ fn whatever_it_did_it_lets_go_at_the_end_and_reads_on_in_its_cycle() {
 #[test]
 fn each_conduct_keeps_the_rate_that_it_states() {
     let image = image_of(&profile(10));
-    // Transactions that begin in 40 ms, and the bytes of each.
+    // The transactions that begin in 40 ms, and the bytes of each.
     for (conduct, count, bytes) in [
         (Conduct::Hammers, 8_000, 1),
         (Conduct::ZeroBytes, 3_077, 0),
@@ -478,7 +479,7 @@ fn each_conduct_keeps_the_rate_that_it_states() {
         (Conduct::Silent, 0, 0),
         (Conduct::Edges(50_000), 800, 0),
         (Conduct::Every { period_ns: 200_000, bytes: 96 }, 200, 96),
-        // A microsecond of set-up, one for the byte, two of hold, and 0.3 between two transactions.
+        // Each takes a microsecond of set-up, one for the byte, two of hold, and 0.3 between two transactions.
         (Conduct::Every { period_ns: 1_000, bytes: 1 }, 9_302, 1),
     ] {
         let (meanwhile, _, rig) = misused(conduct, &image);

@@ -1,22 +1,21 @@
-//! What the flight controller writes as it goes about its business: uplinks of the base station and of its own, and now
-//! and then a command.
+//! The flight controller's ordinary writes: uplinks of the base station and of its own, and an occasional command.
 
 use profile::criticality::{BaseStation, FlightController, Writer, WritesUplink};
 use profile::ssi::REQUEST_SIZE;
 use profile::{Command, CommandObject, Uplink, UplinkValues};
 
-/// Control cycles from one uplink to the next, of the base station and of the flight controller in turn: each writer's
-/// comes every 80 ms, and in between there are images that show all that was written.
+/// The number of control cycles from one uplink to the next, of the base station and of the flight controller in turn:
+/// each writer's comes every 80 ms, and images in between show everything that was written.
 const UPLINK_EVERY: u64 = 10;
 
-/// Control cycles from one command to the next: one second.
+/// The number of control cycles from one command to the next: one second.
 const COMMAND_EVERY: u64 = 250;
 
-/// In this one of [`UPLINK_EVERY`] cycles nothing is written and the whole map is read, Port-Status and uplinks with
-/// it.
+/// The cycle of every [`UPLINK_EVERY`] in which nothing is written and the whole map is read, with Port-Status and
+/// uplinks.
 const MAP_READ: u64 = 8;
 
-/// A millisecond, ns.
+/// One millisecond, ns.
 const MS: u64 = 1_000_000;
 
 /// Whether the transaction of control cycle number `cycle` reads the whole map.
@@ -25,8 +24,8 @@ pub fn reads_map(cycle: u64) -> bool {
     cycle % UPLINK_EVERY == MAP_READ
 }
 
-/// What is sent behind the request in control cycle number `cycle`, which begins at `own_ns` by the flight controller's
-/// clock; nothing in most.
+/// The bytes after the request in control cycle number `cycle`, which begins at `own_ns` by the flight controller's
+/// clock; empty in most.
 #[must_use]
 pub fn written(cycle: u64, own_ns: u64) -> Option<[u8; Uplink::SIZE]> {
     let timestamp = u32::try_from(own_ns / MS % (1 << 32)).unwrap_or(u32::MAX);
@@ -41,20 +40,20 @@ pub fn written(cycle: u64, own_ns: u64) -> Option<[u8; Uplink::SIZE]> {
     }
 }
 
-/// Whether there is no object behind the request on MOSI yet.
+/// Whether no object follows the request on MOSI yet.
 #[must_use]
 pub fn is_free(mosi: &[u8]) -> bool {
     mosi.iter().skip(REQUEST_SIZE).take(Uplink::SIZE).all(|byte| *byte == 0)
 }
 
-/// Puts an object behind the request on MOSI.
+/// Appends an object to the request on MOSI.
 pub fn put(object: &[u8; Uplink::SIZE], mosi: &mut Vec<u8>) {
     let end = REQUEST_SIZE + object.len();
     mosi.resize(mosi.len().max(end), 0);
     mosi[REQUEST_SIZE..end].copy_from_slice(object);
 }
 
-/// An uplink whose payload differs from one to the next.
+/// An uplink whose payload changes with the timestamp.
 fn uplink<W: WritesUplink>(timestamp: u32) -> [u8; Uplink::SIZE] {
     let bytes = timestamp.to_le_bytes();
     let payload = std::array::from_fn(|place| bytes[place % bytes.len()] ^ place as u8);

@@ -1,14 +1,14 @@
-//! A DPR's pins for unit tests: it keeps what was done to them, and shows what the test wants.
+//! A DPR's pins for unit tests: they record every action and show what the test sets.
 
 use emulator_part::SpiMode;
 
 use super::{Order, Progress, SsiMaster, SsiPort, Start, Transaction};
 
-/// What was done to the pins.
+/// An action on the pins.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Done {
     Select(u64),
-    /// The last edges of the first and the last byte, MOSI, the mode.
+    /// The instants of the last edges of the first and the last byte, MOSI, and the mode.
     Bytes(u64, u64, Vec<u8>, SpiMode),
     Deselect(u64),
 }
@@ -18,7 +18,7 @@ pub(crate) enum Done {
 pub(crate) struct Pins {
     pub(crate) now: u64,
     pub(crate) done: Vec<Done>,
-    /// What MISO shows from the start of each transaction, and zeros after it.
+    /// What MISO shows from the start of each transaction; zeros follow.
     pub(crate) shown: Vec<u8>,
     pub(crate) quiet: usize,
     index: usize,
@@ -40,7 +40,7 @@ impl Pins {
         }
     }
 
-    /// What was on MOSI since the last call.
+    /// Takes what was on MOSI since the last call.
     pub(crate) fn take_mosi(&mut self) -> Vec<u8> {
         let done = std::mem::take(&mut self.done).into_iter();
         done.flat_map(|done| if let Done::Bytes(_, _, mosi, _) = done { mosi } else { vec![] }).collect()

@@ -1,17 +1,17 @@
-//! The synchronous serial interface as the flight controller drives it (docs/design.md#ssi): the pins, and the one
-//! state machine that carries a transaction on them.
+//! The synchronous serial interface on the flight controller's side (docs/design.md#ssi): the pins, and the one state
+//! machine that carries a transaction on them.
 //!
-//! [`SsiPort`] is what a flight controller can do to the DPR's pins. [`SsiMaster`] does it: given an [`Order`], it lets
-//! chip select fall, waits for the set-up time, clocks the bytes one after the other without a gap, waits for the hold
-//! time, and lets chip select rise, each at its instant by its own [`Crystal`]. Every SSI transaction of the bench is
-//! carried by it: those of the flight controller, of a flight controller that has gone wrong, and of tests.
+//! [`SsiPort`] has the actions of a flight controller on the DPR's pins. [`SsiMaster`] carries them out: given an
+//! [`Order`], it lets chip select fall, waits for the set-up time, clocks the bytes one after the other without a gap,
+//! waits for the hold time, and lets chip select rise, each at its instant by its own [`Crystal`]. It carries every SSI
+//! transaction of the bench: those of the flight controller, of a faulty flight controller, and of tests.
 //!
-//! Bytes cross in runs of up to 16 that the DPR's model takes together when the last of them has been clocked. EasyDMA
-//! then reads and writes the DPR's memory up to 16 µs late, but no event is late: a run ends with the byte that raises
-//! one ([`SsiPort::quiet`]).
+//! Bytes cross in runs of up to 16, which the DPR's model takes together when the last of them has been clocked.
+//! EasyDMA then reads and writes the DPR's memory up to 16 µs late, but no event is late: a run ends with the byte that
+//! raises one ([`SsiPort::quiet`]).
 //!
-//! An action is due at its instant, and the DPR's pin sees it at the first boundary of the DPR's instructions from
-//! then on. What is scheduled follows from instants that were due; what is told ([`Transaction`]) is what the pin saw.
+//! An action is due at its instant, and takes effect on the DPR's pin at the next boundary of the DPR's instructions.
+//! The schedule follows from the due instants; a [`Transaction`] has the instants at the pin.
 
 use cortex_m4::Cost;
 use emulator_part::SpiMode;
@@ -21,29 +21,30 @@ use crate::boards::{Dpr, SSI};
 use crate::faults::Rng;
 use emulator_node::Node;
 
-/// How many bytes cross together at most.
+/// The most bytes that cross together.
 const RUN: usize = 16;
 
-/// How many bytes of a transaction are kept; the others are counted. The longest image has 396.
+/// The number of bytes of a transaction that are kept; further ones are only counted. The longest image has 396.
 pub const KEPT: usize = 16_384;
 
-/// What a flight controller can do to the pins of the DPR's SSI.
+/// The actions of a flight controller on the pins of the DPR's SSI.
 pub trait SsiPort {
     /// The instant that the DPR has reached, ns.
     fn now(&self) -> u64;
 
-    /// Chip select falls now.
+    /// Makes chip select fall now.
     fn select(&mut self);
 
-    /// The bytes of `mosi` have been clocked in `mode`, one after the other without a gap: the last edge of the first
-    /// was at `first`, that of the last at `last` (ns), which the DPR may have passed by a few bytes. Answers what MISO
-    /// carried meanwhile: the ones of its pull-up where nobody drives it, as while chip select is high.
+    /// Clocks the bytes of `mosi` in `mode`, one after the other without a gap: the last edge of the first was at
+    /// `first`, that of the last at `last` (ns), which the DPR may have passed by a few bytes. Returns what MISO
+    /// carried meanwhile: the ones of its pull-up where it is not driven, as while chip select is high.
     fn exchange(&mut self, first: u64, last: u64, mosi: &[u8], mode: SpiMode) -> Vec<u8>;
 
-    /// Chip select rises now.
+    /// Makes chip select rise now.
     fn deselect(&mut self);
 
-    /// How many bytes may be clocked before the DPR's peripheral raises an event; `usize::MAX` for any number.
+    /// The number of bytes that may be clocked before the DPR's peripheral raises an event; `usize::MAX` for any
+    /// number.
     fn quiet(&self) -> usize;
 }
 
@@ -75,28 +76,29 @@ impl<C: Cost> SsiPort for Node<Dpr, C> {
     }
 }
 
-/// A clock of a flight controller's own.
+/// The clock of a flight controller.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Crystal {
-    /// How much faster it runs than it should, parts per billion.
+    /// Its error, parts per billion; positive values are fast.
     pub ppb: i64,
 }
 
 impl Crystal {
-    /// How long `own_ns` by this clock take by the bench's, ns: less with a fast crystal.
+    /// Converts a duration of `own_ns` by this clock to the bench's, ns: less with a fast crystal.
     ///
     /// # Panics
     ///
-    /// If the crystal is so slow that it stands still.
+    /// Panics if the crystal is so slow that it stands still.
     #[must_use]
     pub const fn by_the_bench(self, own_ns: u64) -> u64 {
         const BILLION: u64 = 1_000_000_000;
         let rate = BILLION.checked_add_signed(self.ppb).expect("a crystal that swings");
-        // own_ns * BILLION / rate to the nearest, whole turns of `rate` apart so that it fits 64 bits.
+        // This is own_ns * BILLION / rate, rounded to nearest; whole turns of `rate` are split off so that it fits 64
+        // bits.
         own_ns / rate * BILLION + (own_ns % rate * BILLION + rate / 2) / rate
     }
 
-    /// How long `bench_ns` by the bench's clock take by this one, ns: more with a fast crystal.
+    /// Converts a duration of `bench_ns` by the bench's clock to this one, ns: more with a fast crystal.
     #[must_use]
     pub const fn own_ns(self, bench_ns: u64) -> u64 {
         const BILLION: i64 = 1_000_000_000;
@@ -108,9 +110,9 @@ impl Crystal {
 /// An instant that is partly known by the bench's clock and partly by the flight controller's own.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Start {
-    /// By the bench's clock, ns.
+    /// The part by the bench's clock, ns.
     pub bench_ns: u64,
-    /// What follows after that by its own clock, ns.
+    /// The time after that by its own clock, ns.
     pub own_ns: u64,
 }
 
@@ -122,21 +124,21 @@ impl Start {
     }
 }
 
-/// How fast a transaction goes, by the flight controller's own clock.
+/// The pace of a transaction, by the flight controller's own clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pace {
-    /// From chip select falling to the first clock edge, ns; at least [`timing::CSN_SETUP_NS`].
+    /// The time from chip select falling to the first clock edge, ns; at least [`timing::CSN_SETUP_NS`].
     pub setup_ns: u64,
-    /// A byte on the wire, ns: 8 bits.
+    /// The duration of a byte on the wire, 8 bits, ns.
     pub byte_ns: u64,
-    /// From the last clock edge to chip select rising, ns; at least [`timing::CSN_HOLD_NS`].
+    /// The time from the last clock edge to chip select rising, ns; at least [`timing::CSN_HOLD_NS`].
     pub hold_ns: u64,
-    /// From chip select rising to the earliest time at which it falls again, ns; at least [`timing::GAP_NS`].
+    /// The shortest time from chip select rising to its next fall, ns; at least [`timing::GAP_NS`].
     pub gap_ns: u64,
 }
 
 impl Pace {
-    /// As fast as [`timing`] allows.
+    /// The fastest pace that [`timing`] allows.
     pub const FASTEST: Self = Self {
         setup_ns: timing::CSN_SETUP_NS as u64,
         byte_ns: 8 * 1_000_000_000 / timing::MAX_CLOCK_HZ as u64,
@@ -144,17 +146,17 @@ impl Pace {
         gap_ns: timing::GAP_NS as u64,
     };
 
-    /// From chip select falling to chip select rising in a transaction of so many bytes, ns.
+    /// The time from chip select falling to chip select rising in a transaction of `bytes` bytes, ns.
     #[must_use]
     pub const fn transaction_ns(&self, bytes: usize) -> u64 {
         self.setup_ns + bytes as u64 * self.byte_ns + self.hold_ns
     }
 }
 
-/// What MOSI carries after the bytes that an [`Order`] names.
+/// The bytes on MOSI after those that an [`Order`] lists.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Filler {
-    /// This byte again and again.
+    /// This byte, repeated.
     Byte(u8),
     /// Noise.
     Noise(Rng),
@@ -163,27 +165,27 @@ pub enum Filler {
 /// A transaction to be carried.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Order {
-    /// Whether chip select falls: without, the bytes are clocked past a DPR that is not selected.
+    /// Whether chip select falls; otherwise the bytes are clocked while the DPR is not selected.
     pub selects: bool,
-    /// Whether chip select rises after the last byte: without, it stays low until [`SsiMaster::cut`].
+    /// Whether chip select rises after the last byte; otherwise it stays low until [`SsiMaster::cut`].
     pub lets_go: bool,
-    /// How many bytes are clocked; [`Order::ENDLESS`] until [`SsiMaster::cut`].
+    /// The number of bytes that are clocked; [`Order::ENDLESS`] until [`SsiMaster::cut`].
     pub bytes: usize,
-    /// What MOSI carries first.
+    /// The first bytes on MOSI.
     pub mosi: Vec<u8>,
-    /// What it carries after that.
+    /// The bytes after those.
     pub filler: Filler,
     /// Clock polarity and phase.
     pub mode: SpiMode,
-    /// How fast it goes.
+    /// Its pace.
     pub pace: Pace,
 }
 
 impl Order {
-    /// As many bytes as there is time for.
+    /// The number of bytes is limited only by time.
     pub const ENDLESS: usize = usize::MAX;
 
-    /// A transaction of so many bytes as docs/design.md#ssi wants it, as fast as it may be, that asks for nothing.
+    /// A transaction of `bytes` bytes by the rules of docs/design.md#ssi, as fast as they allow, without a request.
     #[must_use]
     pub const fn read(bytes: usize) -> Self {
         Self {
@@ -197,7 +199,7 @@ impl Order {
         }
     }
 
-    /// What MOSI carries in byte `index`. To be asked of each byte once, in order.
+    /// The byte `index` on MOSI. It must be called for each byte once, in order.
     fn mosi(&mut self, index: usize) -> u8 {
         match (self.mosi.get(index), &mut self.filler) {
             (Some(byte), _) => *byte,
@@ -207,52 +209,52 @@ impl Order {
     }
 }
 
-/// A transaction that is over.
+/// A finished transaction.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Transaction {
-    /// When the DPR's pin saw chip select fall, ns.
+    /// The instant at which chip select fell at the DPR's pin, ns.
     pub selected_ns: u64,
-    /// When it saw chip select rise, ns.
+    /// The instant at which it rose there, ns.
     pub deselected_ns: u64,
-    /// How many bytes were clocked.
+    /// The number of bytes that were clocked.
     pub bytes: usize,
-    /// What MOSI carried: the first [`KEPT`] bytes.
+    /// The first [`KEPT`] bytes on MOSI.
     pub mosi: Vec<u8>,
-    /// What MISO carried: the first [`KEPT`] bytes.
+    /// The first [`KEPT`] bytes on MISO.
     pub miso: Vec<u8>,
 }
 
 /// Bytes that crossed one after the other.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Run {
-    /// The last edge of the first byte.
+    /// The instant of the last edge of the first byte.
     first: Start,
     crystal: Crystal,
     byte_ns: u64,
-    /// What MOSI carried.
+    /// The bytes on MOSI.
     pub mosi: Vec<u8>,
-    /// What MISO carried at the DPR's pin.
+    /// The bytes on MISO at the DPR's pin.
     pub miso: Vec<u8>,
 }
 
 impl Run {
-    /// The last edge of the byte at `index`, ns.
+    /// The instant of the last edge of the byte at `index`, ns.
     #[must_use]
     pub const fn edge(&self, index: usize) -> u64 {
         self.first.and(index as u64 * self.byte_ns, self.crystal)
     }
 
-    /// The bytes: the last edge (ns) of each, MOSI, MISO.
+    /// The bytes: the instant of the last edge (ns) of each, MOSI, MISO.
     pub fn bytes(&self) -> impl Iterator<Item = (u64, u8, u8)> {
         let crossed = self.mosi.iter().zip(&self.miso).enumerate();
         crossed.map(|(index, (mosi, miso))| (self.edge(index), *mosi, *miso))
     }
 }
 
-/// What an action of an [`SsiMaster`] was.
+/// The result of an action of an [`SsiMaster`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Progress {
-    /// Chip select fell; the instant at which the DPR's pin saw it, ns.
+    /// Chip select fell; the instant is that at the DPR's pin, ns.
     Selected(u64),
     /// Bytes crossed.
     Clocked(Run),
@@ -265,29 +267,29 @@ pub enum Progress {
 struct UnderWay {
     order: Order,
     start: Start,
-    /// When the DPR's pin saw chip select fall, ns; nothing before it was due.
+    /// The instant at which chip select fell at the DPR's pin, ns; `None` before it was due.
     selected_ns: Option<u64>,
-    /// How many bytes are done.
+    /// The number of bytes that are done.
     done: usize,
-    /// How many are being clocked.
+    /// The number of bytes that are being clocked.
     run: usize,
-    /// When it was cut short: chip select rises then.
+    /// The instant at which it was cut short: chip select rises then.
     released: Option<u64>,
     mosi: Vec<u8>,
     miso: Vec<u8>,
 }
 
-/// Who carries transactions on the SSI, one at a time. See the [module](self).
+/// Carries transactions on the SSI, one at a time. See the [module](self).
 #[derive(Clone, Debug)]
 pub struct SsiMaster {
     crystal: Crystal,
     under_way: Option<UnderWay>,
-    /// From when on chip select may fall again, ns.
+    /// The instant from which chip select may fall again, ns.
     free_ns: u64,
 }
 
 impl SsiMaster {
-    /// One whose instants go by `crystal`, with nothing to do.
+    /// An idle one whose instants follow `crystal`.
     #[must_use]
     pub const fn new(crystal: Crystal) -> Self {
         Self { crystal, under_way: None, free_ns: 0 }
@@ -299,14 +301,14 @@ impl SsiMaster {
         self.under_way.is_none()
     }
 
-    /// Whether its next action is that bytes cross.
+    /// Whether its next action is a transfer of bytes.
     #[must_use]
     pub fn is_clocking(&self) -> bool {
         self.under_way.as_ref().is_some_and(|it| it.run > 0)
     }
 
-    /// From when on chip select may fall after the transaction under way, or after the last one: when it was due to
-    /// rise and the gap. `u64::MAX` while a transaction has no end.
+    /// The instant from which chip select may fall after the present or the last transaction, ns: its due rise plus the
+    /// gap. `u64::MAX` while a transaction has no end.
     #[must_use]
     pub fn free_at(&self) -> u64 {
         let Some(it) = &self.under_way else { return self.free_ns };
@@ -317,11 +319,11 @@ impl SsiMaster {
         }
     }
 
-    /// Has it carry a transaction that begins at `start`.
+    /// Starts a transaction that begins at `start`.
     ///
     /// # Panics
     ///
-    /// If it is carrying one.
+    /// Panics if one is under way.
     pub fn begin(&mut self, start: Start, order: Order) {
         assert!(self.is_idle(), "a transaction is under way");
         let (mosi, miso) = (vec![], vec![]);
@@ -329,7 +331,7 @@ impl SsiMaster {
             Some(UnderWay { order, start, selected_ns: None, done: 0, run: 0, released: None, mosi, miso });
     }
 
-    /// When its next action is due, ns; `u64::MAX` for never.
+    /// The instant at which its next action is due, ns; `u64::MAX` for never.
     #[must_use]
     pub fn next_at(&self) -> u64 {
         let Some(it) = &self.under_way else { return u64::MAX };
@@ -343,12 +345,12 @@ impl SsiMaster {
         }
     }
 
-    /// Takes the action that is due. Nothing is told of what the DPR's pins do not show as part of a transaction:
-    /// clocks without chip select.
+    /// Carries out the due action. Clocks without chip select are not reported, because they are not part of a
+    /// transaction.
     ///
     /// # Panics
     ///
-    /// If it has nothing to do.
+    /// Panics if it is idle.
     pub fn act(&mut self, port: &mut impl SsiPort) -> Option<Progress> {
         let mut it = self.under_way.take().expect("a transaction is under way");
         if it.selected_ns.is_none() {
@@ -384,8 +386,8 @@ impl SsiMaster {
         }))
     }
 
-    /// At `at` (ns) it lets go of everything: the byte under way is clocked to its end, and chip select rises after the
-    /// hold time. A transaction that is not under way yet is dropped.
+    /// Releases all wires at `at` (ns): the present byte is clocked to its end, and chip select rises after the hold
+    /// time. A transaction that is not under way yet is dropped.
     pub fn cut(&mut self, at: u64) {
         let Some(mut it) = self.under_way.take().filter(|it| it.selected_ns.is_some()) else { return };
         let end = it.done + it.run;
@@ -399,12 +401,12 @@ impl SsiMaster {
         self.under_way = Some(it);
     }
 
-    /// When the last edge of the `bytes`-th byte is, counted from 1, ns.
+    /// The instant of the last edge of the `bytes`-th byte, counted from 1, ns.
     fn clocked(&self, it: &UnderWay, bytes: usize) -> u64 {
         it.start.and(it.order.pace.setup_ns + bytes as u64 * it.order.pace.byte_ns, self.crystal)
     }
 
-    /// The bytes that have been clocked cross.
+    /// Exchanges the bytes that have been clocked.
     fn exchange(&self, it: &mut UnderWay, port: &mut impl SsiPort) -> Run {
         let count = std::mem::take(&mut it.run);
         let pace = it.order.pace;
@@ -421,7 +423,7 @@ impl SsiMaster {
     }
 }
 
-/// `it` with the bytes that are clocked next.
+/// Returns `it` with the run of bytes that is clocked next.
 fn planned(mut it: UnderWay, port: &impl SsiPort) -> UnderWay {
     it.run = (it.order.bytes - it.done).min(RUN).min(port.quiet().max(1));
     it

@@ -9,7 +9,7 @@ fn at(bench_ns: u64) -> Start {
     Start { bench_ns, own_ns: 0 }
 }
 
-/// Runs `master` to `end` (ns); answers what it told.
+/// Runs `master` to `end` (ns) and returns its reports.
 fn run(master: &mut SsiMaster, pins: &mut Pins, end: u64) -> Vec<Progress> {
     let mut told = vec![];
     while master.next_at() <= end {
@@ -66,13 +66,13 @@ fn instants_go_by_the_crystal_from_the_start_on() {
     let long = Order { pace: Pace { byte_ns: 20_000_000, ..Pace::FASTEST }, ..Order::read(2) };
     let mut pins = Pins::showing(&[]);
     let over = pins.carry(&mut SsiMaster::new(crystal), at(0), long);
-    // 40.003 ms, of which 50 ppm are 2 us.
+    // 50 ppm of 40.003 ms are 2 us.
     assert_eq!(over.deselected_ns, 40_003_000 - 2_000);
 }
 
 #[test]
 fn each_byte_of_a_run_has_its_last_edge() {
-    // 2.5 % fast: 2 us, 3 us, 4 us, 5 us by its own clock.
+    // The clock is 2.5 % fast; the instants are 2 us, 3 us, 4 us, 5 us by its own time.
     let mut master = SsiMaster::new(Crystal { ppb: 25_000_000 });
     let mut pins = Pins::showing(&[5, 6, 7, 8]);
     master.begin(at(100), Order { mosi: vec![1, 2, 3, 4], ..Order::read(4) });
@@ -106,7 +106,7 @@ fn a_transaction_that_does_not_let_go_ends_when_it_is_cut() {
 
 #[test]
 fn a_transaction_that_is_cut_clocks_the_byte_under_way_to_its_end() {
-    // The first byte ends at 2 us; so at 50.5 us, 49 are done and one is under way, and at 50 us 49 are.
+    // The first byte ends at 2 us; so at 50.5 us, 49 are done and one is under way, and at 50 us exactly 49 are done.
     for (cut, bytes, rises) in [(50_500, 50, 53_000), (50_000, 49, 52_000), (1_000, 0, 3_000), (400, 0, 2_400)] {
         let mut master = SsiMaster::new(STANDARD);
         let mut pins = Pins::showing(&[]);

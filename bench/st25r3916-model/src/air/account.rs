@@ -1,10 +1,10 @@
-//! What the air tells of a run: counters, frames sent and heard, faults injected.
+//! Accounts for a run of the air: counters, frames sent and received, faults injected.
 
 #[cfg(doc)]
 use super::AirFaults;
 
-/// What the air has carried from poller to listener. A frame of the poller is in exactly one of delivered, damaged,
-/// lost once it has ended at the listener.
+/// Counters of what the air has carried from poller to listener. Once it has ended at the listener, a frame of the
+/// poller counts in exactly one of delivered, damaged and lost.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
     /// Frames the poller began.
@@ -21,13 +21,13 @@ pub struct Counters {
     pub bursts: u64,
     /// Frames that [`AirFaults::truncated`] cut.
     pub cut: u64,
-    /// Frames heard once more. A repetition is not among those sent, delivered, damaged or lost.
+    /// Repetitions that the listener received. They do not count as sent, delivered, damaged or lost.
     pub repeated: u64,
     /// Frames that [`AirFaults::delayed`] held back.
     pub delayed: u64,
     /// Frames whose start [`AirFaults::scatter_ns`] moved.
     pub scattered: u64,
-    /// Frames that [`AirFaults::frozen`] replaced by one of before.
+    /// Frames that [`AirFaults::frozen`] replaced by an earlier one.
     pub frozen: u64,
     /// Times a frame began while another was on the air: both are damaged.
     pub collisions: u64,
@@ -37,7 +37,7 @@ pub struct Counters {
     pub answers: u64,
 }
 
-/// The last frame of the poller that ended.
+/// The last finished frame of the poller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LastFrame {
     /// First bit on the air, ns.
@@ -50,7 +50,7 @@ pub struct LastFrame {
     pub data_bits: u32,
 }
 
-/// A frame as the poller sent it, whatever became of it on the way.
+/// A frame as the poller sent it, regardless of its fate on the air.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SentFrame {
     /// First bit on the air, virtual ns.
@@ -59,36 +59,36 @@ pub struct SentFrame {
     pub ended_ns: u64,
     /// Nominal bit rate, bit/s.
     pub bits_per_second: u32,
-    /// NFC-F: LEN, payload, CRC-16. Of a frame that broke off, the bytes that were sent to their last bit.
+    /// The bytes in NFC-F: LEN, payload, CRC-16; for a frame that broke off, those that were sent to their last bit.
     pub bytes: Vec<u8>,
-    /// False for a frame that the poller broke off: it ended before the bytes that it announced.
+    /// False for a frame that the poller broke off before the number of bytes in its LEN.
     pub whole: bool,
 }
 
-/// By which way a frame came to the listener.
+/// The way by which a frame reached the listener.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Origin {
     /// Straight from the poller.
     Poller,
-    /// Heard once more ([`AirFaults::repeated`]).
+    /// As a repetition ([`AirFaults::repeated`]).
     Repeated,
-    /// Held back on the way ([`AirFaults::delayed`]).
+    /// With a delay ([`AirFaults::delayed`]).
     Delayed,
 }
 
-/// A frame as it reached the listener's antenna, whether or not the listener took it.
+/// A frame at the listener's antenna, whether or not the listener received it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Heard {
     /// First bit at the antenna, virtual ns.
     pub started_ns: u64,
     /// End of the last bit, virtual ns.
     pub ended_ns: u64,
-    /// NFC-F: LEN, payload, CRC-16, with every error of the air in them. Of a frame that broke off, the bytes that
-    /// were heard to their last bit.
+    /// The bytes in NFC-F: LEN, payload, CRC-16, with every error of the air; for a frame that broke off, those that
+    /// arrived to their last bit.
     pub bytes: Vec<u8>,
-    /// Every byte that the poller announced was heard, rightly or wrongly.
+    /// Every byte of the poller's LEN arrived, correct or wrong.
     pub whole: bool,
-    /// By which way it came.
+    /// The way by which it came.
     pub origin: Origin,
 }
 
@@ -122,7 +122,7 @@ impl Fault {
     }
 }
 
-/// What became of a frame of the poller at the listener.
+/// The outcome of a frame of the poller at the listener.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Outcome {
     Delivered,
@@ -159,7 +159,7 @@ impl Account {
         *count += 1;
     }
 
-    /// A frame from `origin` is over at the listener.
+    /// A frame from `origin` has ended at the listener.
     pub(super) fn over(&mut self, origin: Origin, outcome: Outcome) {
         if origin == Origin::Repeated {
             return;

@@ -1,60 +1,59 @@
-//! What can go wrong on the way from the poller to the listener, and the generator that decides when it does.
+//! Faults on the way from the poller to the listener, and the generator that decides when they occur.
 
 use crate::event::{Chunk, FrameStart, Technology};
 use crate::rng::SplitMix;
 
-/// Bits of an NFC-F sync: any of them inverted and the receiver does not see a frame.
+/// Bits of an NFC-F sync: the receiver detects no frame if any of them is inverted.
 const SYNC_BITS: u32 = 16;
-/// The shortest burst, bits: its first and its last bit.
+/// The shortest burst, bits: it consists of its first and its last bit.
 const SHORTEST_BURST: u32 = 2;
 
-/// What the air does to the poller's frames. The default is clean.
+/// The air's effect on the poller's frames. The default has no faults.
 ///
-/// Every probability lies between 0 (never) and 1 (always); what lies outside counts as the nearer of the two. A range
-/// of times is (shortest, longest) in ns, both ends included and every instant equally likely; a longest below the
-/// shortest counts as the shortest.
+/// Every probability lies between 0 (never) and 1 (always); a value outside is clamped. A range of times is (shortest,
+/// longest) in ns, both ends included and every instant equally likely; a longest below the shortest counts as the
+/// shortest.
 ///
-/// What happens to a frame is decided when its first bit leaves the poller.
+/// The fate of a frame is decided when its first bit leaves the poller.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct AirFaults {
-    /// Probability that a bit, of the sync or of the data, is inverted, each for itself. A frame with a wrong bit in
-    /// its sync is not heard.
+    /// Probability that a bit, of the sync or of the data, is inverted, independently of the others. A frame with a
+    /// wrong bit in its sync is not received.
     pub bit_error: f64,
-    /// Probability that a frame is not heard at all.
+    /// Probability that a frame is not received at all.
     pub lost: f64,
     /// Probability that a frame breaks off after a random number of its bytes, at least one byte early.
     pub truncated: f64,
     /// Probability that a frame is hit by one burst of errors, anywhere from LEN to the end of the CRC-16.
     pub burst: f64,
     /// The longest burst, bits. A burst is 2 to this many bits long, each length equally likely: its first and last bit
-    /// are inverted, those between them each with probability one half. Below 2 counts as 2; a burst longer than the
-    /// frame is as long as the frame.
+    /// are inverted, those between them each with probability one half. A value below 2 counts as 2; a burst longer
+    /// than the frame is as long as the frame.
     pub burst_bits: u32,
-    /// Probability that a frame that was heard whole is heard once more.
+    /// Probability that a frame that was received whole is received once more.
     pub repeated: f64,
-    /// From the end of a frame to the first bit of its repetition, ns.
+    /// The time from the end of a frame to the first bit of its repetition, ns.
     pub repeat_after_ns: (u64, u64),
-    /// Probability that a frame is not heard at its time but later: a store-and-forward repeater stands between the
-    /// antennas.
+    /// Probability that a frame is received late, as through a store-and-forward repeater between the antennas.
     pub delayed: f64,
-    /// How much later a delayed frame is heard, first bit to first bit, ns.
+    /// The delay of a delayed frame, first bit to first bit, ns.
     pub delay_ns: (u64, u64),
-    /// Each frame is heard with the bytes of the last one of its length that ended whole before this fault was there: a
-    /// repeater that hangs stands between the antennas.
+    /// Each frame is received with the bytes of the last whole one of its length from before this fault, as through a
+    /// hung repeater between the antennas.
     pub frozen: bool,
-    /// Nothing reaches the listener, and it sees no carrier.
+    /// No frame reaches the listener, and it detects no carrier.
     pub field_off: bool,
-    /// The start of a frame that is not delayed comes 0 to this much later, ns, each instant equally likely; its bits
-    /// keep their length. Beyond the gap between two frames it makes them collide.
+    /// The largest delay of the start of a frame that is not delayed otherwise, ns, each instant equally likely; its
+    /// bits keep their length. Beyond the gap between two frames it makes them collide.
     pub scatter_ns: u64,
 }
 
-/// An instant in a range of times.
+/// Draws an instant in a range of times.
 pub(super) fn within(rng: &mut SplitMix, (shortest, longest): (u64, u64)) -> u64 {
     shortest.saturating_add(rng.up_to(longest.saturating_sub(shortest)))
 }
 
-/// Inverted bits of a sync. None outside NFC-F, whose start of communication is a single symbol.
+/// The inverted bits of a sync. There are none outside NFC-F, whose start of communication is a single symbol.
 pub(super) fn sync_errors(rng: &mut SplitMix, faults: &AirFaults, frame: &FrameStart) -> u64 {
     if faults.bit_error <= 0.0 || frame.technology != Technology::NfcF {
         return 0;
@@ -62,8 +61,8 @@ pub(super) fn sync_errors(rng: &mut SplitMix, faults: &AirFaults, frame: &FrameS
     (0..SYNC_BITS).map(|_| u64::from(rng.hit(faults.bit_error))).sum()
 }
 
-/// The data bits that a burst inverts, counted in the order of the air; empty when there is none. `bits` are the
-/// frame's.
+/// The data bits that a burst inverts, counted in the order of the air; empty when there is none. `bits` is the frame's
+/// length.
 pub(super) fn burst(rng: &mut SplitMix, faults: &AirFaults, bits: u64) -> Vec<u64> {
     if bits < u64::from(SHORTEST_BURST) || !rng.hit(faults.burst) {
         return vec![];
@@ -76,7 +75,7 @@ pub(super) fn burst(rng: &mut SplitMix, faults: &AirFaults, bits: u64) -> Vec<u6
     (first..=last).filter(|&bit| bit == first || bit == last || rng.hit(0.5)).collect()
 }
 
-/// Where data bit `bit` of the air is in its byte: NFC-F sends the most significant bit first, NFC-A the least.
+/// The mask of data bit `bit` of the air in its byte: NFC-F sends the most significant bit first, NFC-A the least.
 fn mask(technology: Technology, bit: u64) -> u8 {
     match technology {
         Technology::NfcF => 0x80 >> (bit % 8),
@@ -85,7 +84,7 @@ fn mask(technology: Technology, bit: u64) -> u8 {
 }
 
 /// Inverts bits of `chunk`, whose first byte is the frame's byte `first`: those of `burst`, and each with the
-/// probability of a bit error. Answers the bits that the latter inverted, in the order of the air.
+/// probability of a bit error. Returns the bits of the latter kind, in the order of the air.
 pub(super) fn invert(
     rng: &mut SplitMix,
     faults: &AirFaults,

@@ -1,5 +1,4 @@
-//! One frame on its way from the poller's antenna to the listener's: what the poller sends of it, and what becomes of
-//! it until it is heard.
+//! One frame on its way from the poller's antenna to the listener's: the poller's part of it, and its fate on the way.
 
 use std::collections::VecDeque;
 
@@ -12,7 +11,7 @@ const NFC_A_TRAILER_BITS: u32 = 2;
 /// Bytes of an NFC-F frame that LEN does not count.
 const CRC_BYTES: usize = 2;
 
-/// How many bytes an NFC-F frame has, by its LEN; `None` for NFC-A, which does not say.
+/// The number of bytes of an NFC-F frame, by its LEN; `None` for NFC-A, which has no length.
 fn announced(technology: Technology, first: Option<&u8>) -> Option<usize> {
     match technology {
         Technology::NfcF => first.map(|&len| usize::from(len.max(1)) + CRC_BYTES),
@@ -20,7 +19,7 @@ fn announced(technology: Technology, first: Option<&u8>) -> Option<usize> {
     }
 }
 
-/// The data bits of a frame as far as they are known at its start.
+/// The number of data bits of a frame that are known at its start.
 pub(super) fn expected_bits(start: &FrameStart) -> u64 {
     let data = &start.chunk.data;
     8 * announced(start.technology, data.first()).unwrap_or(data.len()) as u64
@@ -31,7 +30,7 @@ pub(super) fn expected_bits(start: &FrameStart) -> u64 {
 pub(super) struct Sending {
     pub(super) id: u64,
     pub(super) started_ns: u64,
-    /// Its bytes so far, without what the air did to them.
+    /// Its bytes so far, without the air's effects.
     start: FrameStart,
 }
 
@@ -40,7 +39,7 @@ impl Sending {
         Self { id, started_ns, start }
     }
 
-    /// Bytes that the poller has given so far.
+    /// The number of bytes that the poller has given so far.
     pub(super) fn len(&self) -> usize {
         self.start.chunk.data.len()
     }
@@ -49,16 +48,17 @@ impl Sending {
         self.start.chunk.data.extend_from_slice(&chunk.data);
     }
 
-    /// Data bits that were on the air by `at`.
+    /// The number of data bits that were on the air by `at`.
     pub(super) fn bits_by(&self, at: u64) -> u32 {
         let bits = self.start.data_bits_in(at.saturating_sub(self.started_ns)).min(8 * self.len() as u64);
         u32::try_from(bits).unwrap_or(u32::MAX)
     }
 
-    /// What the poller has sent, if the frame ends at `at` after `bits` data bits.
+    /// The frame that the poller has sent, if it ends at `at` after `bits` data bits.
     ///
-    /// A frame is whole when every bit the poller gave was on the air, and every byte that the frame itself announces:
-    /// an NFC-F frame by its LEN, an NFC-A frame by its end of communication, which one that breaks off has not.
+    /// A frame is whole when every bit that the poller gave was on the air, and every byte that the frame itself
+    /// announces: an NFC-F frame by its LEN, an NFC-A frame by its end of communication, which is missing if it breaks
+    /// off.
     pub(super) fn ended(self, at: u64, bits: u32) -> SentFrame {
         let Self { started_ns, mut start, .. } = self;
         let data = &mut start.chunk.data;
@@ -79,38 +79,38 @@ impl Sending {
     }
 }
 
-/// What comes after a frame's start.
+/// An event after a frame's start.
 #[derive(Clone, Debug)]
 pub(super) enum Later {
     Bytes(Chunk),
     End { bits: u32, whole: bool },
 }
 
-/// A frame on its way to the listener. Its instants count from its first bit, wherever in time that comes to lie.
+/// A frame on its way to the listener. Its instants count from its first bit, whenever that is on the air.
 #[derive(Clone, Debug)]
 pub(super) struct Flight {
     pub(super) id: u64,
     pub(super) origin: Origin,
-    /// The faults when it began: they decide what becomes of it to its end.
+    /// The faults when it began: they decide its fate to its end.
     pub(super) faults: AirFaults,
     /// Its first bit at the listener, ns; `None` while it waits for another frame to end.
     pub(super) due: Option<u64>,
-    /// As heard, all of it that is known.
+    /// The frame as received, as far as it is known.
     pub(super) start: FrameStart,
-    /// Data bits that a burst inverts.
+    /// The data bits that a burst inverts.
     pub(super) burst: Vec<u64>,
-    /// What comes after its start, in order; nothing counts behind its end.
+    /// The events after its start, in order; later ones than its end are ignored.
     pub(super) later: VecDeque<(u64, Later)>,
-    /// It carries the bytes of a frame of before: what the poller sends of it counts for nothing.
+    /// It carries the bytes of an earlier frame: the poller's further bytes are ignored.
     pub(super) frozen: bool,
-    /// The air has changed a bit of it.
+    /// Whether the air has changed a bit of it.
     pub(super) changed: bool,
-    /// Faults in it, each with the first bit it concerns.
+    /// The faults in it, each with the first bit it concerns.
     pub(super) marks: VecDeque<(u64, Fault)>,
 }
 
 impl Flight {
-    /// A frame that is heard when the poller sends it, from `at` on.
+    /// A frame that is received when the poller sends it, from `at` on.
     pub(super) fn new(id: u64, faults: AirFaults, at: u64, start: FrameStart) -> Self {
         Self {
             id,
@@ -126,25 +126,25 @@ impl Flight {
         }
     }
 
-    /// What was heard of it in `took` ns, to be heard once more from `due` on.
+    /// Repeats what was received of it in `took` ns, from `due` on.
     pub(super) fn again(self, id: u64, due: u64, took: u64, bits: u32) -> Self {
         let later = VecDeque::from([(took, Later::End { bits, whole: true })]);
         let (origin, burst, marks) = (Origin::Repeated, vec![], VecDeque::new());
         Self { id, origin, due: Some(due), later, burst, marks, ..self }
     }
 
-    /// When something of it next happens, once it is on the air.
+    /// The instant of its next event, once it is on the air.
     pub(super) fn next(&self, began: u64) -> Option<u64> {
         self.later.front().map(|(after, _)| began.saturating_add(*after))
     }
 
-    /// A fault is in it, `after` ns from its first bit.
+    /// Marks a fault in it, `after` ns from its first bit.
     pub(super) fn mark(&mut self, after: u64, fault: Fault) {
         let place = self.marks.partition_point(|(other, _)| *other <= after);
         self.marks.insert(place, (after, fault));
     }
 
-    /// Cuts it after `bytes` of the bytes it has now.
+    /// Cuts it after `bytes` of its present bytes.
     pub(super) fn cut(&mut self, bytes: usize) {
         self.start.chunk.data.truncate(bytes);
         let end = self.start.until_byte(bytes);
@@ -152,7 +152,7 @@ impl Flight {
         self.later.push_back((end, Later::End { bits, whole: false }));
     }
 
-    /// It ended at `ended_ns` after `bits` data bits.
+    /// The received frame, which ended at `ended_ns` after `bits` data bits.
     pub(super) fn heard(&self, began: u64, ended_ns: u64, bits: u32, whole: bool) -> Heard {
         let mut bytes = self.start.chunk.data.clone();
         if !whole {

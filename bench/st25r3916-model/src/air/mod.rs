@@ -1,4 +1,4 @@
-//! The air between a poller and a listener: who hears what, when, and how damaged.
+//! The air between a poller and a listener: it determines when a frame is received, and with which damage.
 //!
 //! | covered | source |
 //! |---|---|
@@ -11,25 +11,25 @@
 //! | left out | why |
 //! |---|---|
 //! | propagation time | 1 ns at 30 cm |
-//! | faults of answers | the link has none: an answer is counted, and is a violation to its user |
+//! | faults of answers | the link has none: an answer is counted, and its user treats it as a violation |
 //!
 //! # Frames that meet
 //!
 //! At most one frame is on the air at the listener's antenna.
 //!
-//! - A frame that is repeated or delayed never begins on top of another: if the air is taken when it is due, it begins
+//! - A frame that is repeated or delayed never begins during another: if the air is occupied when it is due, it begins
 //!   0.3 ms after the other's end.
-//! - The poller knows nothing of such frames. If one of its frames begins while another frame is on the air, both are
-//!   damaged: the one on the air breaks off at that instant, and the poller's is not heard, because its sync is
-//!   drowned. The same happens to two frames of the poller that [`AirFaults::scatter_ns`] moves onto each other.
+//! - The poller is unaware of such frames. If one of its frames begins while another frame is on the air, both are
+//!   damaged: the one on the air breaks off at that instant, and the poller's is not received, because its sync is
+//!   masked. The same happens to two frames of the poller that [`AirFaults::scatter_ns`] moves onto each other.
 //! - Every frame travels on the poller's carrier. If there is none at the listener when a frame is due there, the frame
 //!   is lost; if it goes off during a frame, the frame breaks off.
 //!
 //! # Time
 //!
 //! [`Air::from_poller`], [`Air::set_faults`] and [`Air::advance`] are called in order of time; the instants may lie
-//! ahead of the listener's time, as [`Chip::hear`] takes what lies ahead. What comes later waits in the air: whoever
-//! keeps the time calls [`Air::advance`] at [`Air::next_event`]. Without faults nothing ever waits.
+//! ahead of the listener's time, because [`Chip::hear`] accepts such events. Later events wait in the air: the owner of
+//! the time calls [`Air::advance`] at [`Air::next_event`]. Without faults no event ever waits.
 
 mod account;
 mod faults;
@@ -45,8 +45,8 @@ use account::{Account, Fault, Outcome};
 use faults::{burst, invert, sync_errors, within};
 use flight::{Flight, Later, Sending, expected_bits};
 
-/// From the end of a frame to the start of one that waited for it, ns: the shortest gap that the link itself keeps
-/// between two frames.
+/// The time from the end of a frame to the start of one that waited for it, ns: the shortest gap that the link itself
+/// keeps between two frames.
 const GAP_NS: u64 = 300_000;
 
 /// The air between one poller and one listener.
@@ -59,9 +59,9 @@ pub struct Air {
     sending: Option<Sending>,
     /// The frame at the listener's antenna, with its first bit there.
     on_air: Option<(u64, Flight)>,
-    /// Frames that have not begun there, in the order they were planned.
+    /// Frames that have not begun there, in the order of their planning.
     waiting: Vec<Flight>,
-    /// The last frame of each length that the poller sent whole while nothing froze the air: at most one per LEN.
+    /// The last frame of each length that the poller sent whole while the air was not frozen: at most one per LEN.
     whole: Vec<Vec<u8>>,
     next_id: u64,
     account: Account,
@@ -85,8 +85,8 @@ impl Air {
         air
     }
 
-    /// Changes the faults from `at` (virtual ns) on. A frame that the poller began before keeps its fate, repetitions
-    /// and delays that are on their way included; but a field that goes off breaks off the frame that is on the air.
+    /// Changes the faults from `at` (virtual ns) on. A frame that the poller began before keeps its fate, including its
+    /// repetitions and delays; but a field that goes off breaks off the frame that is on the air.
     pub fn set_faults(&mut self, at: u64, faults: AirFaults, mut hears: impl FnMut(u64, &AirEvent)) {
         self.advance(at, &mut hears);
         let was_off = std::mem::replace(&mut self.faults, faults).field_off;
@@ -101,8 +101,8 @@ impl Air {
         }
     }
 
-    /// Moves what each chip has emitted to the other, until both are silent, and lets the air come to the poller's
-    /// time. Call it when either [`has_air`](Chip::has_air), and at [`Air::next_event`].
+    /// Moves what each chip has emitted to the other until both are silent, and advances the air to the poller's time.
+    /// Call it when either [`has_air`](Chip::has_air), and at [`Air::next_event`].
     pub fn carry(&mut self, poller: &mut Chip, listener: &mut Chip) {
         loop {
             for (at, event) in poller.take_air() {
@@ -119,7 +119,7 @@ impl Air {
         }
     }
 
-    /// What the poller emitted, for who owns the chips apart: `hears` gets what the listener hears.
+    /// Takes what the poller emitted, for owners of separate chips: `hears` gets what the listener receives.
     pub fn from_poller(&mut self, at: u64, event: AirEvent, mut hears: impl FnMut(u64, &AirEvent)) {
         match event {
             AirEvent::FieldOn | AirEvent::FieldOff => {
@@ -138,35 +138,35 @@ impl Air {
                 self.sending_breaks_off(at, &mut hears);
                 self.frame_started(at, frame);
             }
-            // Before the air comes to `at`: what is due there must find the frame's end.
+            // The air advances to `at` afterwards, because the events due there depend on the frame's end.
             AirEvent::Bytes(chunk) => self.frame_goes_on(at, chunk),
             AirEvent::FrameEnd { bits } => self.frame_ended(at, bits),
         }
         self.advance(at, &mut hears);
     }
 
-    /// What the listener emitted, for who owns the chips apart; the poller hears it unchanged.
+    /// Takes what the listener emitted, for owners of separate chips; the poller receives it unchanged.
     pub fn from_listener(&mut self, _at: u64, event: &AirEvent) {
         if matches!(event, AirEvent::FrameStart(_)) {
             self.account.counters.answers += 1;
         }
     }
 
-    /// When the air next has something for the listener by itself, virtual ns.
+    /// The instant of the air's next own event for the listener, virtual ns.
     pub fn next_event(&self) -> Option<u64> {
         let on_air = self.on_air.as_ref().and_then(|(began, flight)| flight.next(*began));
         let waiting = self.waiting.iter().filter_map(|flight| flight.due).min();
         on_air.into_iter().chain(waiting).min()
     }
 
-    /// The listener hears what the air has for it up to and including `to` (virtual ns). The poller must have emitted
+    /// Passes the air's events up to and including `to` (virtual ns) to the listener. The poller must have emitted
     /// everything up to that instant.
     pub fn advance(&mut self, to: u64, mut hears: impl FnMut(u64, &AirEvent)) {
         loop {
             let ends = self.on_air.as_ref().and_then(|(began, flight)| flight.next(*began));
             let begins = (0..self.waiting.len()).filter_map(|i| Some((self.waiting[i].due?, i))).min();
             match (ends, begins) {
-                // What ends and what begins at the same instant do not meet.
+                // A frame that ends and one that begins at the same instant do not meet.
                 (Some(at), _) if at <= to && begins.is_none_or(|(due, _)| at <= due) => self.goes_on(&mut hears),
                 (_, Some((due, index))) if due <= to => self.begins(due, index, &mut hears),
                 _ => break,
@@ -175,7 +175,7 @@ impl Air {
         self.publish_marks(to);
     }
 
-    /// What was carried so far.
+    /// The counters so far.
     pub fn counters(&self) -> Counters {
         self.account.counters
     }
@@ -185,21 +185,21 @@ impl Air {
         self.account.last
     }
 
-    /// The frames that the poller sent since the last call, in the order of their ends.
+    /// Takes the frames that the poller sent since the last call, in the order of their ends.
     pub fn take_sent(&mut self) -> Vec<SentFrame> {
         std::mem::take(&mut self.account.sent)
     }
 
-    /// The frames that the listener's antenna heard since the last call, in the order of their ends.
+    /// Takes the frames that reached the listener's antenna since the last call, in the order of their ends.
     pub fn take_heard(&mut self) -> Vec<Heard> {
         std::mem::take(&mut self.account.heard)
     }
 
-    /// The faults since the last call, in order of time: the instant (virtual ns) and the kind, one of "bit error" (one
-    /// entry a bit), "burst", "lost", "cut", "repeated", "delayed", "scatter", "field off", "frozen".
+    /// Takes the faults since the last call, in order of time: the instant (virtual ns) and the kind, one of "bit
+    /// error" (one entry a bit), "burst", "lost", "cut", "repeated", "delayed", "scatter", "field off", "frozen".
     ///
     /// The instant of an error is that of its first bit at the listener, of a cut the frame's end there, of a
-    /// repetition its first bit; of what is lost, delayed or scattered, and of an error in the sync, it is the first
+    /// repetition its first bit. For a lost, delayed or scattered frame, and for an error in the sync, it is the first
     /// bit that the poller sent.
     pub fn take_injected(&mut self) -> Vec<(u64, &'static str)> {
         std::mem::take(&mut self.account.injected)
@@ -278,7 +278,7 @@ impl Air {
         self.account.sent.push(sent);
     }
 
-    /// The poller's frame is over without having ended: the next one begins, or the carrier is gone.
+    /// Ends the poller's frame without its own end: the next one begins, or the carrier is gone.
     fn sending_breaks_off(&mut self, at: u64, hears: &mut impl FnMut(u64, &AirEvent)) {
         if let Some(sending) = &self.sending {
             let bits = sending.bits_by(at);
@@ -305,7 +305,7 @@ impl Air {
 
     // --- the listener's side ---
 
-    /// A frame is due at the listener.
+    /// Begins a frame that is due at the listener.
     fn begins(&mut self, due: u64, index: usize, hears: &mut impl FnMut(u64, &AirEvent)) {
         let straight = self.waiting[index].origin == Origin::Poller;
         if self.on_air.is_some() && !straight {
@@ -328,7 +328,7 @@ impl Air {
         self.on_air = Some((due, flight));
     }
 
-    /// What is next of the frame on the air.
+    /// Passes on the next event of the frame on the air.
     fn goes_on(&mut self, hears: &mut impl FnMut(u64, &AirEvent)) {
         let Some((began, flight)) = &mut self.on_air else { return };
         let Some((after, later)) = flight.later.pop_front() else { return };
@@ -346,7 +346,7 @@ impl Air {
         }
     }
 
-    /// The frame on the air, if there is one, stops at `at`.
+    /// Stops the frame on the air, if there is one, at `at`.
     fn break_off(&mut self, at: u64, hears: &mut impl FnMut(u64, &AirEvent)) {
         let Some((began, flight)) = &self.on_air else { return };
         let bits = flight.start.data_bits_in(at.saturating_sub(*began)).min(8 * flight.start.chunk.data.len() as u64);
@@ -355,7 +355,7 @@ impl Air {
         self.over(at, bits, false);
     }
 
-    /// The frame on the air ended at `at`.
+    /// Ends the frame on the air at `at`.
     fn over(&mut self, at: u64, bits: u32, whole: bool) {
         self.publish_marks(at);
         let Some((began, flight)) = self.on_air.take() else { return };
@@ -372,7 +372,7 @@ impl Air {
         }
     }
 
-    /// Tells of the faults in the frame on the air that lie up to `to`.
+    /// Publishes the faults in the frame on the air up to `to`.
     fn publish_marks(&mut self, to: u64) {
         let Some((began, flight)) = &mut self.on_air else { return };
         while let Some((after, fault)) = flight.marks.pop_front_if(|(after, _)| began.saturating_add(*after) <= to) {
@@ -381,7 +381,7 @@ impl Air {
     }
 }
 
-/// The bytes of `flight` from byte `first` on pass the air.
+/// Applies the air's damage to the bytes of `flight` from byte `first` on.
 fn damage(rng: &mut SplitMix, flight: &mut Flight, first: usize, chunk: &mut Chunk) {
     let before = chunk.clone();
     for bit in invert(rng, &flight.faults, flight.start.technology, &flight.burst, first, chunk) {
@@ -390,7 +390,7 @@ fn damage(rng: &mut SplitMix, flight: &mut Flight, first: usize, chunk: &mut Chu
     flight.changed |= *chunk != before;
 }
 
-/// The frame `id` of the poller, unless it is over at the listener.
+/// The poller's frame `id`, unless it has ended at the listener.
 fn flight_of<'a>(on_air: &'a mut Option<(u64, Flight)>, waiting: &'a mut [Flight], id: u64) -> Option<&'a mut Flight> {
     let on_air = on_air.iter_mut().map(|(_, flight)| flight);
     on_air.chain(waiting).find(|flight| flight.id == id)

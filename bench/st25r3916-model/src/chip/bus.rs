@@ -41,8 +41,8 @@ impl Chip {
         self.spi.selected
     }
 
-    /// Eight clocks, the last of them ending at `now` (half a period after its falling edge): takes `mosi`, returns
-    /// what was shifted out meanwhile. 0 where the part drives nothing.
+    /// Makes eight clocks, the last of them ending at `now` (half a period after its falling edge): takes `mosi` and
+    /// returns the byte on MISO. It is 0 where the part does not drive MISO.
     pub fn transfer(&mut self, now: u64, mosi: u8) -> u8 {
         self.advance(now);
         if !self.core.powered() {
@@ -105,8 +105,8 @@ impl Chip {
         self.spi.state = State::Mode;
     }
 
-    /// The transfers since the last call that held a command to transmit (C4 to C7), admitted or not: each the instant
-    /// chip select rose, virtual ns. It is the last instant that the controller answers for.
+    /// Takes the transfers since the last call that held a transmit command (C4 to C7), admitted or not: the instant at
+    /// which chip select rose in each, virtual ns. It is the last instant that the controller determines.
     pub fn take_transmits(&mut self) -> Vec<u64> {
         std::mem::take(&mut self.transmits)
     }
@@ -117,7 +117,8 @@ impl Chip {
             0x40..=0x7F => self.read_from(Space::A, byte & 0x3F),
             0x80 => State::Load,
             0x9F => self.read_fifo(),
-            // Passive target memory: from the NFC-A part, the NFC-F part, the TSN part; read from the start.
+            // The commands load passive target memory from the NFC-A part, the NFC-F part or the TSN part, and read it
+            // from the start.
             0xA0 => State::LoadTarget(0),
             0xA8 => State::LoadTarget(15),
             0xAC => State::LoadTarget(36),
@@ -144,7 +145,7 @@ impl Chip {
         State::Read(space, address)
     }
 
-    /// A register has been shifted out: what that clears. `seen` is the value that went out.
+    /// Carries out the effects of reading a register. `seen` is the value that went out.
     fn register_was_read(&mut self, space: Space, address: u8, seen: u8) {
         if space == Space::A && (0x1A..=0x1D).contains(&address) {
             let shift = 8 * u32::from(address - 0x1A);

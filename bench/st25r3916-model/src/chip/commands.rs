@@ -51,7 +51,7 @@ impl Chip {
             0xD5 => core.set_a(reg::GAIN, 0),
             0xD6 => {
                 supply::suits(core);
-                // reg_s (2C, bit 7): the voltage is set by hand, and the display shows what was set.
+                // reg_s (2C, bit 7) sets the voltage by hand, and the display shows that value.
                 let regulator = core.a(reg::REGULATOR);
                 let shown =
                     if regulator & 0x80 != 0 { (regulator & 0x78) << 1 } else { core.config().regulator_display };
@@ -76,7 +76,7 @@ impl Chip {
         }
     }
 
-    /// C4: with CRC. C5: without. C6, C7: REQA, WUPA.
+    /// Transmits: C4 with CRC, C5 without, C6 and C7 send REQA and WUPA.
     fn transmit(&mut self, code: u8) {
         let core = &mut self.core;
         let frame = match code {
@@ -126,7 +126,7 @@ impl Chip {
         }
     }
 
-    /// The command in progress sets this register after `ns`.
+    /// Sets this register to the result of the command in progress after `ns`.
     fn result(&mut self, space: Space, i: usize, value: u8, ns: u64) {
         self.measuring = Some((space, i as u8, value));
         self.core.plan_in(Due::CommandDone, ns);
@@ -136,9 +136,9 @@ impl Chip {
         self.result(Space::A, i, value, self.config().measurement_ns);
     }
 
-    /// A target that is about to listen: can it answer by itself?
+    /// Checks whether a target that is about to listen could answer by itself.
     fn check_silence(&mut self) {
-        // d_ac_ap2p, d_212_424_1r, d_106_ac_a
+        // The bits are d_ac_ap2p, d_212_424_1r and d_106_ac_a.
         let silent = self.core.a(reg::PASSIVE_TARGET) & 0x0D == 0x0D;
         if self.core.target() && !silent && self.core.load_modulator() {
             self.core.note(Kind::AutomaticAnswersEnabled);

@@ -1,7 +1,7 @@
 //! The controller's side of the bus: frames of any length, clocked in any mode and at any rate.
 //!
 //! The chip's own mode is 1 (DS13541, SPI interface: idle low, both sides sample on the falling edge), and it takes
-//! whole bytes. A clock of another polarity or phase shifts bits; what makes no whole byte is lost.
+//! whole bytes. A clock of another polarity or phase shifts bits; an incomplete byte is lost.
 
 use super::Chip;
 use crate::report::Kind;
@@ -11,7 +11,7 @@ use crate::report::Kind;
 pub enum SpiMode {
     /// Idle low, sampled on the first edge.
     Mode0,
-    /// Idle low, sampled on the second edge: the chip's own.
+    /// Idle low, sampled on the second edge, which is the chip's own mode.
     Mode1,
     /// Idle high, sampled on the first edge.
     Mode2,
@@ -28,24 +28,24 @@ pub struct SpiFrame {
     pub ends_ns: u64,
     /// Polarity and phase of the clock.
     pub mode: SpiMode,
-    /// How many bits, 1 to 32.
+    /// The number of bits, 1 to 32.
     pub bits: u8,
-    /// What MOSI carries, in the order it travels: the first bit is the most significant of the `bits` low ones.
+    /// The bits on MOSI in their order: the first bit is the most significant of the `bits` low ones.
     pub mosi: u32,
 }
 
 impl Chip {
-    /// A frame is clocked. Answers what the controller reads from MISO, in the order of [`SpiFrame::mosi`]; `each` gets
-    /// every whole byte that crosses: the instant its eighth clock ended (virtual ns), what the chip took, what it
-    /// gave.
+    /// Clocks a frame. Returns the bits that the controller reads from MISO, in the order of [`SpiFrame::mosi`]; `each`
+    /// gets every whole byte: the instant at which its eighth clock ended (virtual ns), the chip's input, and its
+    /// output.
     ///
-    /// The frame tells the chip the controller's clock, as [`Chip::spi_clock_hz`] does.
+    /// The frame sets the controller's clock rate, as [`Chip::spi_clock_hz`] does.
     pub fn clock_frame(&mut self, frame: &SpiFrame, mut each: impl FnMut(&mut Self, u64, u8, u8)) -> u32 {
         let SpiFrame { begins_ns, ends_ns, mode, mosi, .. } = *frame;
         let (bits, span) = (u64::from(frame.bits.max(1)), ends_ns.saturating_sub(begins_ns));
         self.spi.took(frame.bits, span);
         if bits == 8 && mode == SpiMode::Mode1 {
-            // What follows, for the frames that firmwares send: a byte in the chip's own mode.
+            // This is a shortcut for the frames that firmwares send: a byte in the chip's own mode.
             let miso = self.transfer(ends_ns, mosi as u8);
             each(self, ends_ns, mosi as u8, miso);
             return u32::from(miso);
@@ -60,14 +60,14 @@ impl Chip {
             let many = (bits - bit).min(8);
             let mut byte = 0_u8;
             for nth in bit..bit + many {
-                // Clocked in mode 3, data changes on the edge that the chip samples on: it takes the bit before.
+                // In mode 3 data change on the edge on which the chip samples, so it reads the bit before.
                 let seen = if mode == SpiMode::Mode3 { std::mem::replace(&mut last.0, sent(nth)) } else { sent(nth) };
                 byte = byte << 1 | u8::from(seen);
             }
             bit += many;
             let at = begins_ns + span * bit / bits;
             if many < 8 {
-                // What is left over is lost at the end of chip select.
+                // An incomplete byte is lost at the end of chip select.
                 self.advance(at);
                 self.core.note(Kind::BitsLost(many as u8));
                 answer <<= many;
@@ -77,7 +77,7 @@ impl Chip {
             each(self, at, byte, miso);
             for nth in (0..8).rev() {
                 let driven = miso >> nth & 1 != 0;
-                // The chip changes MISO on the rising edge. A controller that samples there (modes 0 and 3) takes the
+                // The chip changes MISO on the rising edge. A controller that samples there (modes 0 and 3) reads the
                 // bit before, and so does one that samples the falling edge before it (mode 2).
                 let read = if mode == SpiMode::Mode1 { driven } else { std::mem::replace(&mut last.1, driven) };
                 answer = answer << 1 | u32::from(read);
@@ -87,8 +87,8 @@ impl Chip {
         answer
     }
 
-    /// The SPI clock the controller uses, Hz; above 10 MHz is reported at each transfer. It also tells when in a byte
-    /// the IRQ pin falls ([`Chip::take_irq_edges`]).
+    /// Sets the SPI clock that the controller uses, Hz; above 10 MHz each transfer is reported. The clock also
+    /// determines when in a byte the IRQ pin falls ([`Chip::take_irq_edges`]).
     pub fn spi_clock_hz(&mut self, hz: u32) {
         self.spi.set_hz(hz);
     }

@@ -1,11 +1,11 @@
-//! The register file: what a read finds, and what a write does.
+//! The register file: the results of reads, and the effects of writes.
 //!
 //! | covered | DS13541 |
 //! |---|---|
 //! | interrupt registers (1A to 1D), FIFO status (1E, 1F), timer and rate display (24), | 4.5 Registers |
 //! | auxiliary display (31), identity (3F) | |
 //! | operation control (02), mode (03), bit rate (04), I/O configuration (01), tuning, masks (16 to 19) | as above |
-//! | a bit of any register that flips by itself: the register then does what its new value says | a fault, no section |
+//! | a bit of any register that flips by itself: the register then acts by its new value | a fault, no section |
 //!
 //! | left out | why |
 //! |---|---|
@@ -20,7 +20,7 @@ use crate::schedule::Due;
 use crate::supply;
 
 impl Chip {
-    /// A register's value as a read would find it, without the read's side effects.
+    /// The value that a read of a register would return, without the read's side effects.
     pub fn peek(&self, space: Space, address: u8) -> u8 {
         let core = &self.core;
         let stored = core.registers().get(space, address);
@@ -55,8 +55,8 @@ impl Chip {
 
     fn auxiliary_display(&self) -> u8 {
         let Self { core, field, receiver, .. } = self;
-        // Recorded: detector automatic and own field off reads en_peer. With the field on, automatic means collision
-        // avoidance.
+        // As recorded, the automatic detector reads en_peer with the own field off. With the field on, automatic means
+        // collision avoidance.
         let (peer, avoidance) = match core.a(reg::OPERATION) & EN_FD {
             1 => (false, true),
             2 => (true, false),
@@ -77,7 +77,7 @@ impl Chip {
             | u8::from(avoidance)
     }
 
-    /// An access to a register that the part does not have is noted.
+    /// Reports an access to a register that the part does not have.
     pub(super) fn register_exists(&mut self, space: Space, address: u8) {
         if registers::class(self.core.config().variant, space, address) == Class::Absent {
             self.core.note(Kind::NoSuchRegister(space, address));
@@ -115,13 +115,13 @@ impl Chip {
         }
     }
 
-    /// The bits of a register that [`Chip::flip`] can flip: those that the part has and keeps.
+    /// The bits of a register that [`Chip::flip`] can flip, which are those that the part stores.
     pub fn flippable(&self, space: Space, address: u8) -> u8 {
         registers::flippable(self.core.config().variant, space, address)
     }
 
-    /// A fault flips a bit of a register, at the time last advanced to. What the register does, it does with its new
-    /// value from now on. Nothing happens to a bit that is not [`Chip::flippable`], or without a supply.
+    /// Flips a bit of a register at the time last advanced to. The register acts by its new value from now on. The call
+    /// has no effect on a bit that is not [`Chip::flippable`], or without a supply.
     pub fn flip(&mut self, space: Space, address: u8, bit: u8) {
         let bits = 1 << (bit & 7) & self.flippable(space, address);
         if bits == 0 || !self.core.powered() {
@@ -133,7 +133,7 @@ impl Chip {
         }
     }
 
-    /// A register has a new value: what follows from it.
+    /// Stores a register's new value and carries out its effects.
     fn store(&mut self, space: Space, address: u8, value: u8) {
         match (space, usize::from(address & 0x3F)) {
             (Space::A, reg::MODE) => self.mode_becomes(value),
@@ -167,7 +167,7 @@ impl Chip {
         }
     }
 
-    /// 03 or 04 gets a value while a frame is on its way out or in.
+    /// Reports a write to 03 or 04 while a frame is being sent or received.
     fn changes_in_frame(&mut self, i: usize, value: u8) {
         let on_its_way = self.transmitter.busy() || self.receiver.busy();
         if on_its_way && self.core.a(i) != value {

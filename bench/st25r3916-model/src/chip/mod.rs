@@ -1,12 +1,12 @@
 //! The chip: its parts put together, and the order in which things happen.
 //!
 //! Everything the chip does by itself is a deadline in one small table; `advance` takes them in order of time. Between
-//! deadlines nothing runs: a frame on its way through the FIFO is computed when somebody looks.
+//! deadlines nothing is computed: a frame on its way through the FIFO is evaluated on access.
 //!
 //! | covered | DS13541 |
 //! |---|---|
 //! | power-up, oscillator start and I_osc | Power-on, Operating modes |
-//! | what the parts do to each other: field and frames, sending and receiving, FIFO | the parts' own sections |
+//! | the parts' effects on each other: field and frames, sending and receiving, FIFO | the parts' own sections |
 //!
 //! The chip's children: `bus` (bytes over SPI), `controller` (the clock and bits of a controller), `commands`,
 //! `file` (the register file).
@@ -36,7 +36,7 @@ pub use controller::{SpiFrame, SpiMode};
 
 /// One ST25R3916 or ST25R3916B on a virtual clock.
 ///
-/// All times are virtual ns and do not go back: an instant before the last one counts as the last one.
+/// All times are virtual ns and do not go back: an earlier instant than the last one counts as the last one.
 #[derive(Clone, Debug)]
 pub struct Chip {
     core: Core,
@@ -49,9 +49,9 @@ pub struct Chip {
     inbox: VecDeque<(u64, u64, AirEvent)>,
     /// The result register that a command in progress will set.
     measuring: Option<(Space, u8, u8)>,
-    /// When chip select rose after a command to transmit.
+    /// The instants at which chip select rose after a transmit command.
     transmits: Vec<u64>,
-    /// The last bit on MOSI and on MISO: what a clock of another phase finds there.
+    /// The last bit on MOSI and on MISO, which a clock of another phase samples.
     last_bits: (bool, bool),
 }
 
@@ -84,7 +84,7 @@ impl Chip {
         self.core.now()
     }
 
-    /// Supply on: every register takes its reset value. What was on the air is still there.
+    /// Switches the supply on: every register takes its reset value. Carriers and frames on the air are still there.
     pub fn power_on(&mut self, now: u64) {
         self.advance(now);
         if !self.core.powered() {
@@ -93,7 +93,7 @@ impl Chip {
         }
     }
 
-    /// Supply off: own field, IRQ pin and MISO go low, registers are lost. A frame on the air breaks off.
+    /// Switches the supply off: own field, IRQ pin and MISO go low, registers are lost. A frame on the air breaks off.
     pub fn power_off(&mut self, now: u64) {
         self.advance(now);
         if self.core.powered() {
@@ -118,12 +118,12 @@ impl Chip {
         self.transmitter.on_air()
     }
 
-    /// When the chip next does something by itself, ns; never before the time last advanced to.
+    /// The instant at which the chip next does something by itself, ns; never before the time last advanced to.
     pub fn next_event(&self) -> Option<u64> {
         self.core.next_due().map(|next| next.max(self.core.now()))
     }
 
-    /// Lets every internal event up to and including `now` take effect.
+    /// Runs every internal event up to and including `now`.
     pub fn advance(&mut self, now: u64) {
         while let Some(what) = self.core.take_due(now) {
             self.fall_due(what);
@@ -131,18 +131,18 @@ impl Chip {
         self.core.reach(now);
     }
 
-    /// Whether there is anything for [`Chip::take_air`].
+    /// Whether [`Chip::take_air`] would return an event.
     pub fn has_air(&self) -> bool {
         self.core.has_air()
     }
 
-    /// What the chip has emitted since the last call, in order of time.
+    /// Takes what the chip has emitted since the last call, in order of time.
     pub fn take_air(&mut self) -> impl Iterator<Item = (u64, AirEvent)> + '_ {
         self.core.take_air()
     }
 
-    /// Something happens on the air at `at`. It may lie ahead, and then waits; what lies behind takes effect now, but a
-    /// frame's bits keep the times they had.
+    /// Takes an event on the air at `at`. It may lie ahead, and then waits; an earlier one takes effect now, but a
+    /// frame's bits keep their times.
     pub fn hear(&mut self, at: u64, event: &AirEvent) {
         let effect = at.max(self.core.now());
         let place = self.inbox.partition_point(|(t, _, _)| *t <= effect);
@@ -156,20 +156,20 @@ impl Chip {
         self.core.irq()
     }
 
-    /// Since when the IRQ pin has had its level, virtual ns. After a read that cleared it, this lies inside the byte
-    /// read.
+    /// The instant since which the IRQ pin has had its level, virtual ns. After a read that cleared it, this lies
+    /// within the byte read.
     pub fn irq_since(&self) -> u64 {
         self.core.interrupts().since()
     }
 
-    /// The IRQ pin's level if it is another than at the last call; always at the first one.
+    /// The IRQ pin's level if it has changed since the last call; always at the first call.
     pub fn take_irq_change(&mut self) -> Option<bool> {
         self.core.interrupts_mut().take_change()
     }
 
-    /// Every change of the IRQ pin since the last call, in order, each with its exact instant; the last 64 of them. A
-    /// pulse shorter than a byte is in it (the pin falls by a read and rises by the next event before the byte ends),
-    /// which two looks at [`Chip::irq`] would not show.
+    /// Takes every change of the IRQ pin since the last call, in order, each with its exact instant; the last 64 of
+    /// them. It includes a pulse shorter than a byte (the pin falls by a read and rises by the next event before the
+    /// byte ends), which two calls of [`Chip::irq`] would not show.
     pub fn take_irq_edges(&mut self) -> impl Iterator<Item = IrqEdge> + '_ {
         self.core.interrupts_mut().take_edges()
     }
@@ -180,23 +180,23 @@ impl Chip {
         self.core.interrupts().has_edges()
     }
 
-    /// What must not be passed over in silence.
+    /// The reports of everything that must not pass unnoticed.
     pub fn reports(&self) -> &[Report] {
         self.core.reports()
     }
 
-    /// As [`Chip::reports`], of the time since the last call: a kind that occurs again afterwards is reported again.
+    /// Takes the [`Chip::reports`] since the last call: a kind that occurs again afterwards is reported again.
     pub fn take_reports(&mut self) -> Vec<Report> {
         self.core.take_reports()
     }
 
-    /// A fault of the chip keeps these interrupts, and no others, from being raised from now on. Those that wait to be
-    /// read stay, and whatever else the chip does it does as before.
+    /// Applies a fault of the chip that keeps these interrupts, and no others, from being raised from now on. Pending
+    /// ones stay, and the chip otherwise works as before.
     pub fn withhold(&mut self, interrupts: Withheld) {
         self.core.withhold(interrupts.bits());
     }
 
-    /// What the chip has done.
+    /// The counters of the chip's activity.
     pub fn statistics(&self) -> Statistics {
         self.core.statistics()
     }
@@ -245,7 +245,7 @@ impl Chip {
                 }
                 core.raise(irq::DCT);
             }
-            // The mask ends by having been in the past.
+            // The mask is over once its deadline has passed.
             Due::MaskReceive => {}
             Due::NoResponse => core.raise(irq::NRE),
             Due::GeneralPurpose => core.raise(irq::GPE),
@@ -257,7 +257,7 @@ impl Chip {
         }
     }
 
-    /// Something on the air takes effect now; `at` is when it happened.
+    /// Applies an event on the air now; `at` is when it happened.
     fn heard(&mut self, at: u64, event: AirEvent) {
         let Self { core, fifo, receiver, field, .. } = self;
         match event {
@@ -272,9 +272,9 @@ impl Chip {
         }
     }
 
-    // --- what concerns more than one part ---
+    // --- events that concern more than one part ---
 
-    /// Set default (C0, C1), and what a supply that comes or goes does.
+    /// Carries out Set default (C0, C1), which the supply's switching on and off includes.
     fn set_default(&mut self) {
         self.break_off();
         self.receiver.set_default(self.core.now());
@@ -288,7 +288,7 @@ impl Chip {
         self.core.pin_follows();
     }
 
-    /// 02 has been written.
+    /// Carries out a write of 02.
     fn operation_changed(&mut self) {
         if !self.core.enabled() {
             self.core.set_oscillator(false);
@@ -314,7 +314,7 @@ impl Chip {
         self.field.look(&mut self.core);
     }
 
-    /// The own field is on when oscillator and transmitter are.
+    /// Switches the own field: it is on when oscillator and transmitter are.
     fn field_follows(&mut self) {
         let on = Field::wanted(&self.core);
         if on == self.field.own() {
@@ -332,8 +332,8 @@ impl Chip {
         self.field.look(&mut self.core);
     }
 
-    /// A frame is to be sent. Half duplex: what was being received is gone, what comes during the transmission is not
-    /// heard.
+    /// Sends a frame. The chip is half duplex: a frame being received is lost, and one that comes during the
+    /// transmission is not received.
     fn send(&mut self, mut frame: Outgoing) {
         if self.transmitter.admits(&mut self.core, &self.field, &mut frame) {
             self.let_go();
@@ -341,23 +341,23 @@ impl Chip {
         }
     }
 
-    /// Stop, field off, supply off: a frame on the air breaks off, without an interrupt.
+    /// Breaks off a frame on the air without an interrupt, as at Stop, field off and supply off.
     fn break_off(&mut self) {
         self.transmitter.break_off(&mut self.core, &mut self.fifo);
     }
 
-    /// The receiver lets go of what it was receiving.
+    /// Makes the receiver drop the frame being received.
     fn let_go(&mut self) {
         self.receiver.abort(&mut self.core, &mut self.fifo);
     }
 
-    /// Brings the FIFO up to date: bytes that left for the air, bytes that arrived.
+    /// Updates the FIFO: bytes that left for the air, bytes that arrived.
     fn settle(&mut self) {
         self.transmitter.settle(&self.core, &mut self.fifo);
         self.receiver.settle(&mut self.core, &mut self.fifo);
     }
 
-    /// Bytes in the FIFO now.
+    /// The number of bytes in the FIFO now.
     fn fifo_level(&self) -> usize {
         let (leaving, arriving) = (self.transmitter.leaving(&self.core), self.receiver.arriving(&self.core));
         (self.fifo.len().saturating_sub(leaving) + arriving).min(CAPACITY)
