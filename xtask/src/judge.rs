@@ -21,6 +21,9 @@ pub(crate) fn run(args: &JudgeArgs) -> Result<ExitCode> {
     let verdict = judge(&log);
     let seconds = log.events.last().map_or(0, |event| event.at) as f64 / 1e9;
     println!("{} receiver(s), seed {}, {} clock, {seconds} s", log.header.gps, log.header.seed, log.header.clock);
+    if !log.is_whole() {
+        println!("The log is cut off there, and judged up to there.");
+    }
     if verdict.violations.is_empty() {
         println!("violations            none");
         return Ok(ExitCode::SUCCESS);

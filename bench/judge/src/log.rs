@@ -4,7 +4,7 @@ use std::io::{self, BufRead, Write};
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Event, Header};
+use crate::{Event, Header, What};
 
 /// A run's events, in order of time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -51,21 +51,25 @@ pub enum LogError {
 }
 
 impl Log {
-    /// Reads a stored log.
+    /// Reads a stored log. Half a line at its end, which a run leaves that was killed, is no event.
     ///
     /// # Errors
     ///
     /// [`LogError`].
     pub fn read(from: impl BufRead) -> Result<Self, LogError> {
-        let mut lines = (1..).zip(from.lines());
+        let mut lines = (1..).zip(from.lines()).peekable();
         let (line, first) = lines.next().ok_or(LogError::Empty)?;
         let header: Header = serde_json::from_str(&first?).map_err(|source| LogError::Line { line, source })?;
         if header.version != Header::VERSION {
             return Err(LogError::Version { found: header.version });
         }
         let mut events: Vec<Event> = vec![];
-        for (line, text) in lines {
-            let event: Event = serde_json::from_str(&text?).map_err(|source| LogError::Line { line, source })?;
+        while let Some((line, text)) = lines.next() {
+            let event: Event = match serde_json::from_str(&text?) {
+                Ok(event) => event,
+                Err(source) if source.is_eof() && lines.peek().is_none() => break,
+                Err(source) => return Err(LogError::Line { line, source }),
+            };
             let before = events.last().map_or(0, |event| event.at);
             if event.at < before {
                 return Err(LogError::Order { line, at: event.at, before });
@@ -73,6 +77,12 @@ impl Log {
             events.push(event);
         }
         Ok(Self { header, events })
+    }
+
+    /// Whether the run came to its end: the log of one that was killed ends anywhere.
+    #[must_use]
+    pub fn is_whole(&self) -> bool {
+        self.events.last().is_some_and(|event| event.what == What::End)
     }
 
     /// Stores the log.

@@ -22,6 +22,7 @@ fn one_of_each() -> Vec<What> {
         What::Reset { board: Board::Dpr, cause: Cause::Watchdog, asked: false },
         injected(Disturbance::Air, u64::MAX),
         What::Hung { board: Board::Dpr },
+        What::Warned { board: Board::Horus },
         What::Crystal { board: Board::Horus, works: false },
         What::StateInput { input: 1, active: true, inactive: false },
         What::Tick,
@@ -55,7 +56,7 @@ fn one_of_each() -> Vec<What> {
 #[test]
 fn events_of_one_instant_stand_in_the_order_of_their_declaration() {
     let ranks: Vec<_> = one_of_each().iter().map(What::rank).collect();
-    assert_eq!(ranks, (0..31).collect::<Vec<_>>());
+    assert_eq!(ranks, (0..32).collect::<Vec<_>>());
     let source = include_str!("../src/event.rs");
     let declared = source.split("pub enum What {").nth(1).unwrap().split("\n}\n").next().unwrap();
     let is_variant = |line: &&str| line.starts_with("    ") && line.as_bytes()[4].is_ascii_uppercase();
@@ -132,6 +133,22 @@ fn what_is_no_log_is_told_with_its_line() {
     let backwards = [HEADER, TICK, TICK, r#"{"at":9,"what":"tick"}"#];
     assert!(matches!(error(&backwards), LogError::Order { line: 4, at: 9, before: 10 }));
     assert_eq!(error(&backwards).to_string(), "line 4: an event at 9 ns after one at 10 ns");
+}
+
+#[test]
+fn a_log_that_is_cut_off_is_read_up_to_there_and_says_so() {
+    let log = Plan::new(1, 4).log();
+    let whole = stored(&log);
+    assert!(Log::read(&*whole).unwrap().is_whole());
+    let header = whole.iter().position(|byte| *byte == b'\n').unwrap() + 1;
+    for end in header..whole.len() - 1 {
+        let cut = Log::read(&whole[..end]).unwrap();
+        let lines = whole[..end].iter().filter(|byte| **byte == b'\n').count() - 1;
+        // A line without its end may be whole.
+        assert!([lines, lines + 1].contains(&cut.events.len()), "{end}");
+        assert_eq!(cut.events, log.events[..cut.events.len()], "{end}");
+        assert_eq!(cut.is_whole(), cut.events.len() == log.events.len(), "{end}");
+    }
 }
 
 /// A file that cannot be read or written.

@@ -113,10 +113,10 @@ impl BoardEvents {
     /// it, and the judge treats that as a hang.
     fn note_warning<B: Powered, C: Cost>(&mut self, node: &mut Node<B, C>) {
         if node.take_supply_warning() && node.is_powered() && !std::mem::replace(&mut self.warned, true) {
+            self.note(node.now(), What::Hung { board: self.side });
             if !node.is_hung() {
                 self.note(node.now(), What::Warned { board: self.side });
             }
-            self.note(node.now(), What::Hung { board: self.side });
         }
     }
 
