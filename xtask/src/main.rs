@@ -25,6 +25,7 @@ mod lint;
 #[cfg(feature = "live")]
 mod live;
 mod oracle;
+mod output;
 #[cfg(feature = "probe")]
 mod probe;
 mod residual;

@@ -3,26 +3,34 @@
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 use bench::faults::{Board, Campaign, Faults, Kind, Options};
-use bench::report::{Exclusion, Report, Reported, Voter};
+use bench::report::{Exclusion, Report, Reported, UpsetClasses, Upsets, Voter};
 use bench::sim::flips::{Flips, flips};
 use bench::sim::{Crystals, Flashed, FrontEndConfig, Images, Observer, Outcome, Setup, on_the_link};
 use clap::Args;
 use emulator_node::{Clock, Threads};
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::output::Output;
 use crate::{Receivers, bench_flash, firmware};
 
 /// Crystals are sold to tens of ppm; far more than that is a mistyped number.
 const MAX_PPM: f64 = 1000.0;
 
+/// Ctrl-C ends a run after so much virtual time at most, ns.
+const PIECE: u64 = 500_000_000;
+
+/// Ctrl-C was pressed.
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
 #[derive(Args)]
 pub(crate) struct SimArgs {
     /// Virtual time to run, in seconds.
-    #[arg(long, default_value_t = 10.0, value_parser = positive_seconds)]
+    #[arg(long, default_value_t = 10.0, allow_negative_numbers = true, value_parser = positive_seconds)]
     seconds: f64,
     /// Seed of everything random: flight, receivers' noise.
     #[arg(long, default_value_t = 1)]
@@ -101,11 +109,14 @@ pub(crate) struct SimArgs {
     fc_ppm: f64,
 }
 
-/// Parses a length of virtual time: up to a day.
+/// Parses a length of virtual time: from one cycle of HORUS, 10 ms, to a day.
 pub(crate) fn positive_seconds(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
-        Ok(seconds) if seconds > 0.0 && seconds <= 86_400.0 => Ok(seconds),
-        _ => Err("expected seconds above 0 and up to 86400".to_owned()),
+        Ok(seconds) if (0.01..=86_400.0).contains(&seconds) => Ok(seconds),
+        Ok(seconds) if seconds > 0.0 && seconds < 0.01 => Err("a cycle of HORUS takes 0.01 seconds".to_owned()),
+        Ok(seconds) if seconds <= 0.0 => Err("no time passes in a run that short".to_owned()),
+        Ok(seconds) if seconds > 86_400.0 => Err("a run takes a day at most, 86400 seconds".to_owned()),
+        _ => Err("expected a number of seconds from 0.01 to 86400".to_owned()),
     }
 }
 
@@ -151,9 +162,24 @@ impl Observer for Screen {
             self.say(&format!("{board:>5} {line}"));
         }
     }
+
+    fn piece_ns(&self) -> u64 {
+        PIECE
+    }
+
+    fn ends(&mut self) -> bool {
+        INTERRUPTED.load(Ordering::Relaxed)
+    }
 }
 
 pub(crate) fn sim(args: &SimArgs) -> Result<ExitCode> {
+    // The first Ctrl-C ends the run, whose results are then written and shown; the second ends everything.
+    let pressed = || {
+        if INTERRUPTED.swap(true, Ordering::Relaxed) {
+            std::process::exit(130);
+        }
+    };
+    ctrlc::set_handler(pressed).context("cannot wait for Ctrl-C")?;
     run(args, |setup, screen| Ok(Some(bench::sim::run(setup, screen)?)))
 }
 
@@ -170,13 +196,27 @@ pub(crate) fn run(args: &SimArgs, go: impl FnOnce(&Setup, &mut Screen) -> Result
     if let Some(beyond) = recordings.iter().skip(args.gps.0).position(Option::is_some) {
         bail!("--ubx{}: this profile has {} receiver(s) only (--gps {})", args.gps.0 + beyond + 1, args.gps, args.gps);
     }
-    // Before anything is built or run: a result that cannot be kept is known here.
-    let json = args.json.as_deref().map(Json::create).transpose()?;
+    // Before anything is built or run: what cannot be read, and a result that cannot be kept, is known here.
+    for (option, path) in (1..).zip(&recordings).filter_map(|(number, path)| Some((number, path.as_ref()?))) {
+        gnss_sim::Log::open(path).with_context(|| format!("--ubx{option}: {} cannot be played", path.display()))?;
+    }
+    if let Some(plot) = args.plot.as_deref().filter(|plot| plot.extension().is_none_or(|ending| ending != "svg")) {
+        bail!("--plot: the picture is SVG, and {} does not end in .svg", plot.display());
+    }
+    let output = |option, path: &Option<PathBuf>| path.as_deref().map(|path| Output::new(option, path)).transpose();
+    let json = args.json.clone().filter(|path| path != Path::new("-"));
+    let outputs = [
+        output("--json", &json)?,
+        output("--trace", &args.trace)?,
+        output("--events", &args.events)?,
+        output("--plot", &args.plot)?,
+    ];
+    let [json, trace, log, plot] = outputs.each_ref().map(|output| output.as_ref().map(|it| it.path().to_owned()));
     let (horus, dpr) = match &args.images {
         Some(folder) => (folder.join("horus-tx-fw.elf"), folder.join("dpr-fw.elf")),
         None => firmware::build_pair(args.gps)?,
     };
-    let mut setup = setup(args, recordings, Images { horus, dpr });
+    let mut setup = Setup { trace, log, plot, ..setup(args, recordings, Images { horus, dpr }) };
     if args.from_flash {
         setup.flashed = Some(Flashed { horus: flashed(crate::Board::Horus)?, dpr: flashed(crate::Board::Dpr)? });
     }
@@ -190,30 +230,51 @@ pub(crate) fn run(args: &SimArgs, go: impl FnOnce(&Setup, &mut Screen) -> Result
     let Some(mut outcome) = outcome else { return Ok(ExitCode::FAILURE) };
     outcome.report.speed.times_real_time = outcome.report.virtual_seconds / wall;
 
-    if args.faults.iter().any(|kind| kind.is_upset()) {
+    let cut = args.seconds - outcome.report.virtual_seconds > 1e-9;
+    if cut {
+        eprintln!("ended before its time, after {} of {} s", outcome.report.virtual_seconds, args.seconds);
+    }
+    if !cut && args.faults.iter().any(|kind| kind.is_upset()) {
         let campaign = upsets(args, &setup)?;
         eprint!("{campaign}");
         outcome.report.upsets = Some((&campaign).into());
     }
-    let flipped = args.flips.map(|every| flip_all(&setup, every.get())).transpose()?;
+    let flipped = args.flips.filter(|_| !cut).map(|every| flip_all(&setup, every.get())).transpose()?;
     if let Some(flipped) = &flipped {
         eprint!("{flipped}");
     }
-    let text = format!("{}{}\n", table(&outcome.report), outcome.base);
+    let mut text = table(&outcome.report);
+    let excluded = |receiver: usize| outcome.report.voter.exclusions.iter().any(|it| it.receiver == receiver);
+    let recorded = |receiver: &usize| setup.recordings.get(receiver - 1).is_some_and(Option::is_some);
+    for receiver in (1..=args.gps.0).filter(|receiver| recorded(receiver) && excluded(*receiver)) {
+        text.push_str(&format!(
+            "GPS{receiver} plays a recording, and the voter compares it with receivers that are elsewhere. \
+             `--gps 1` plays it alone.\n"
+        ));
+    }
+    text.push_str(&format!("{}\n", outcome.base));
+    let mut report = serde_json::to_string_pretty(&outcome.report).context("the report does not serialise")?;
+    report.push('\n');
     // A program that reads the JSON from standard output gets nothing else there.
-    if matches!(json, Some(Json::Stdout)) {
+    if args.json.as_deref() == Some(Path::new("-")) {
         eprint!("{text}");
+        std::io::stdout().write_all(report.as_bytes()).context("could not write the report")?;
     } else {
         print!("{text}");
     }
-    if let Some(json) = json {
-        json.write(&outcome.report)?;
+    if let Some(path) = json {
+        std::fs::write(&path, report).with_context(|| format!("could not write {}", path.display()))?;
     }
+    outputs.into_iter().flatten().try_for_each(Output::finish)?;
+    let dangerous = outcome.report.upsets.as_ref().map_or(0, |upsets| upsets.dangerous.len());
     let broken = flipped.iter().flat_map(|flipped| &flipped.0).filter(|flip| !flip.holds() || flip.unsaid()).count();
-    if outcome.report.violations.is_empty() && broken == 0 {
+    if outcome.report.violations.is_empty() && broken == 0 && dangerous == 0 {
         return Ok(ExitCode::SUCCESS);
     }
-    eprintln!("error: {} violation(s), {broken} flip(s) not mended or not said", outcome.report.violations.len());
+    eprintln!(
+        "error: {} violation(s), {dangerous} dangerous upset(s), {broken} flip(s) not mended or not said",
+        outcome.report.violations.len()
+    );
     Ok(ExitCode::FAILURE)
 }
 
@@ -262,37 +323,9 @@ fn setup(args: &SimArgs, recordings: Vec<Option<PathBuf>>, images: Images) -> Se
         writes: true,
         relays: false,
         sweep: None,
-        trace: args.trace.clone(),
-        log: args.events.clone(),
-        plot: args.plot.clone(),
-    }
-}
-
-/// Where the report goes as JSON.
-enum Json {
-    Stdout,
-    File(PathBuf, std::fs::File),
-}
-
-impl Json {
-    fn create(path: &Path) -> Result<Self> {
-        if path == Path::new("-") {
-            return Ok(Self::Stdout);
-        }
-        let file = std::fs::File::create(path)
-            .with_context(|| format!("--json: the report cannot be written to {}", path.display()))?;
-        Ok(Self::File(path.to_owned(), file))
-    }
-
-    fn write(self, report: &Report) -> Result<()> {
-        let mut text = serde_json::to_string_pretty(report).context("the report does not serialise")?;
-        text.push('\n');
-        match self {
-            Self::Stdout => std::io::stdout().write_all(text.as_bytes()).context("could not write the report"),
-            Self::File(path, mut file) => {
-                file.write_all(text.as_bytes()).with_context(|| format!("could not write {}", path.display()))
-            }
-        }
+        trace: None,
+        log: None,
+        plot: None,
     }
 }
 
@@ -372,6 +405,13 @@ fn exclusions(voter: &Voter) -> String {
     text
 }
 
+/// What came of the upsets that were tried on copies of the bench.
+fn upsets_in_words(upsets: &Upsets) -> String {
+    let count = |of: fn(&UpsetClasses) -> usize| upsets.classes.values().map(of).sum::<usize>();
+    let (masked, detected) = (count(|classes| classes.masked), count(|classes| classes.detected));
+    format!("{masked} masked, {detected} detected, {} dangerous, each on a copy", upsets.dangerous.len())
+}
+
 /// What was done wrong on purpose, and what came of it.
 fn faults_in_words(faults: &bench::report::Faults) -> String {
     if faults.injected.is_empty() {
@@ -395,6 +435,11 @@ pub(crate) fn table(report: &Report) -> String {
     // What was never measured has no figure.
     let or_none = |text: Option<String>| text.unwrap_or_else(|| "none".to_owned());
     let Report { horus, air, dpr, latency_ns: latency, ssi, reported, base, .. } = report;
+    // What the DPR counts it counts from its last start.
+    let since = match dpr.since_ns {
+        0 => String::new(),
+        since => format!(" since its start at {:.3} s", since as f64 / 1e9),
+    };
     let rows = [
         (
             "run",
@@ -436,14 +481,14 @@ pub(crate) fn table(report: &Report) -> String {
         (
             "DPR",
             format!(
-                "{} objects accepted, {} rejected, {} frames missed, load {:.1} %",
+                "{} objects accepted, {} rejected, {} frames missed{since}, load {:.1} %",
                 dpr.objects_accepted,
                 dpr.objects_rejected,
                 dpr.frames_missed,
                 dpr.load * 100.0
             ),
         ),
-        ("  scrubs", format!("{}, {} found a stuck bit", dpr.scrubs, dpr.scrub_faults)),
+        ("  scrubs", format!("{}, {} found a stuck bit{since}", dpr.scrubs, dpr.scrub_faults)),
         (
             "sample to readable",
             or_none(
@@ -475,6 +520,9 @@ pub(crate) fn table(report: &Report) -> String {
         text.push_str(&format!("{name:<21} {value}\n"));
         if name == "voter" {
             text.push_str(&exclusions(&report.voter));
+        }
+        if let Some(upsets) = report.upsets.as_ref().filter(|_| name == "faults") {
+            text.push_str(&format!("{:<21} {}\n", "upsets", upsets_in_words(upsets)));
         }
     }
     match report.violations.as_slice() {
@@ -544,9 +592,35 @@ mod tests {
 
     #[test]
     fn lengths_of_time_outside_a_day_are_refused() {
-        for text in ["0", "-1", "nan", "inf", "86401", "ten"] {
-            assert!(positive_seconds(text).is_err(), "{text}");
+        for (text, why) in [
+            ("0", "no time passes"),
+            ("-1", "no time passes"),
+            ("0.001", "a cycle of HORUS"),
+            ("nan", "expected a number"),
+            ("inf", "a day at most"),
+            ("86401", "a day at most"),
+            ("ten", "expected a number"),
+        ] {
+            let error = positive_seconds(text).unwrap_err();
+            assert!(error.starts_with(why) || error.contains(why), "{text}: {error}");
         }
-        assert_eq!(positive_seconds("0.5"), Ok(0.5));
+        assert_eq!(["0.01", "0.5", "86400"].map(positive_seconds), [Ok(0.01), Ok(0.5), Ok(86_400.0)]);
+    }
+
+    #[test]
+    fn the_table_tells_since_when_a_restarted_dpr_counts() {
+        let mut report = Report::default();
+        assert!(!table(&report).contains("since its start"));
+        report.dpr.since_ns = 12_345_000_000;
+        assert_eq!(table(&report).matches(" since its start at 12.345 s").count(), 2);
+    }
+
+    #[test]
+    fn the_table_counts_upsets_by_what_came_of_them() {
+        let classes = UpsetClasses { masked: 5, detected: 2, dangerous: 1 };
+        let classes = [("dpr ram".to_owned(), classes.clone()), ("horus ram".to_owned(), classes)].into();
+        let upsets = Some(Upsets { classes, dangerous: vec!["this".to_owned(), "that".to_owned()] });
+        let text = table(&Report { upsets, ..Report::default() });
+        assert!(text.contains("upsets                10 masked, 4 detected, 2 dangerous, each on a copy\n"), "{text}");
     }
 }

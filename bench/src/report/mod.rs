@@ -53,6 +53,8 @@ pub struct Air {
 /// The receiving side, from the DPR's own counters.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Dpr {
+    /// The start of the DPR from which on the next five count: its last, ns.
+    pub since_ns: u64,
     /// The number of objects that passed CRC, identifier and freshness.
     pub objects_accepted: u64,
     /// The number of objects that did not.

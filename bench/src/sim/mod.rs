@@ -474,6 +474,7 @@ fn report<C: Cost>(
             frames_lost: air.lost,
         },
         dpr: report::Dpr {
+            since_ns: dpr.resets().last().map_or(0, |reset| reset.at),
             objects_accepted: of_dpr("objects_accepted"),
             objects_rejected: of_dpr("objects_rejected"),
             frames_missed: of_dpr("frames_missed"),
