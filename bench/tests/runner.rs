@@ -8,7 +8,7 @@ mod thumb;
 
 use elf::{EM_ARM, ET_EXEC, elf};
 use emulator_node::{
-    Bare, Clock, Connected, Event, Finding, FindingKind, Firmware, Limits, Node, Outcome, Sending, Target,
+    Bare, Clock, Connected, Event, Finding, FindingKind, Firmware, Heard, Limits, Node, Outcome, Sending, Target,
 };
 use emulator_part::Pin;
 use stm32f429::{Oscillators, Stm32f429};
@@ -179,7 +179,7 @@ fn the_handler_of_a_hard_fault_is_heard_to_its_end() {
         let connected = Connected { heard: vec![Pin::new(0, 2)], ..Connected::default() };
         let limits = Limits { virtual_time, ..Limits::default() };
         let mut bytes = 0;
-        let count = |event: Event<'_>| bytes += usize::from(matches!(event, Event::Byte(_, b'x')));
+        let count = |event: Event<'_>| bytes += usize::from(matches!(event, Event::Byte(Heard { byte: b'x', .. })));
         let outcome = Target::Horus.run_connected(Clock::Fast, &image, connected, limits, count).unwrap();
         assert_eq!((kinds(&outcome), outcome.status()), (vec![FindingKind::HardFault], 101), "{outcome:?}");
         (bytes, outcome.virtual_time)
@@ -466,7 +466,7 @@ fn what_is_sent_to_a_uart_arrives_and_what_it_sends_is_heard() {
     let limits = Limits { virtual_time: 10 * MS, ..Limits::default() };
     let mut heard = vec![];
     let event = |event: Event<'_>| {
-        if let Event::Byte(pin, byte) = event {
+        if let Event::Byte(Heard { pin, byte, .. }) = event {
             heard.push((pin, byte));
         }
     };

@@ -3,13 +3,14 @@
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
+use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 use bench::gdb::{Alone, Ended, serve_alone};
 use clap::{Args, ValueEnum};
-use emulator_node::{Clock, Connected, Drive, Event, Firmware, Limits, LogLine, Outcome, Sending};
+use emulator_node::{Clock, Connected, Drive, Event, Firmware, Heard, Limits, LogLine, Outcome, Sending};
 use emulator_part::{Pad, Pin};
 
 use crate::{Board, ProbeArgs, gdb};
@@ -35,13 +36,17 @@ pub(crate) struct RunArgs {
     /// only.
     #[arg(long, value_name = "PIN=0|1[@MS]")]
     drive: Vec<String>,
-    /// Write what the firmware sends from a UART's pin to a file, or to standard output with `-`: P0.06=out.bin. Any
-    /// number. Bench only.
+    /// Join two pins by a wire: P0.02=P0.03. Levels and UART frames that the firmware puts on either arrive at the other.
+    /// Any number. Bench only.
+    #[arg(long, value_name = "PIN=PIN")]
+    wire: Vec<String>,
+    /// Write what the firmware sends from a UART's pin to a file, byte for byte, or with `-` to standard output, by lines
+    /// with their virtual time: P0.06=out.bin. Any number. Bench only.
     #[arg(long, value_name = "PIN=FILE|-")]
     uart: Vec<String>,
-    /// Send a file to a UART's pin, 8N1, so many bits a second, from 100 ms on: P0.08@115200=in.bin. Any number. Bench
-    /// only.
-    #[arg(long, value_name = "PIN@BAUD=FILE")]
+    /// Send a file, or standard input with `-`, to a UART's pin, 8N1, so many bits a second, from 100 ms or so many
+    /// milliseconds on: P0.08@115200=in.bin, P0.08@115200@2500=more.bin. Any number, also to one pin. Bench only.
+    #[arg(long, value_name = "PIN@BAUD[@MS]=FILE|-")]
     uart_in: Vec<String>,
     /// What processor time costs: fast, optimistic or pessimistic. The last two bound what silicon takes. Bench only.
     #[arg(long, default_value_t)]
@@ -80,10 +85,14 @@ pub(crate) fn run(args: &RunArgs) -> Result<ExitCode> {
 
 fn on_bench(args: &RunArgs) -> Result<ExitCode> {
     let firmware = Firmware::read(&args.elf)?;
+    if let Some(hint) = linked_elsewhere(args.board, &firmware) {
+        eprintln!("{hint}");
+    }
     let (connected, mut files) = leads(args)?;
     let seconds = args.seconds.unwrap_or(args.limit);
     let limits = Limits { virtual_time: (seconds * 1e9) as u64, ..Limits::default() };
-    let mut output = Output { stdout: std::io::stdout(), closed: false };
+    let mut output = Output { stdout: std::io::stdout(), closed: false, half: BTreeMap::new() };
+    let began = Instant::now();
     let mut unwritten = None;
     let mut event = |event: Event<'_>| match event {
         Event::Line(line) => output.line(line),
@@ -93,13 +102,14 @@ fn on_bench(args: &RunArgs) -> Result<ExitCode> {
             let (name, does) = (pin_name(args.board, edge.pin), pad_text(edge.pad));
             output.text(format_args!("{:>14.6} ms  {name} {does}", milliseconds(edge.at)));
         }
-        Event::Byte(pin, byte) => {
-            if let Some((path, file)) = files.get_mut(&pin)
-                && let Err(error) = file.write_all(&[byte])
-            {
-                unwritten.get_or_insert_with(|| anyhow::Error::new(error).context(format!("--uart: {path}")));
+        Event::Byte(heard) => match files.get_mut(&heard.pin) {
+            Some((path, file)) => {
+                if let Err(error) = file.write_all(&[heard.byte]) {
+                    unwritten.get_or_insert_with(|| anyhow::Error::new(error).context(format!("--uart: {path}")));
+                }
             }
-        }
+            None => output.byte(heard),
+        },
     };
     let target = args.board.on_bench();
     let outcome = if args.gdb {
@@ -113,6 +123,7 @@ fn on_bench(args: &RunArgs) -> Result<ExitCode> {
     } else {
         Ok(target.run_connected(args.clock, &firmware, connected, limits, event)?)
     };
+    output.finish();
     for (path, file) in files.values_mut() {
         file.flush().with_context(|| format!("--uart: {path}"))?;
     }
@@ -126,8 +137,37 @@ fn on_bench(args: &RunArgs) -> Result<ExitCode> {
             return Ok(ExitCode::FAILURE);
         }
     };
-    eprintln!("{}", summary(&outcome));
+    let seconds = began.elapsed().as_secs_f64();
+    eprintln!("{}", summary(&outcome, args.clock, (!args.gdb).then_some(seconds)));
+    if let Some(hint) = said_nothing(args, &firmware, &outcome) {
+        eprintln!("{hint}");
+    }
     Ok(ending(args, &outcome))
+}
+
+/// What to look at where an image lies at addresses that another part's flash has.
+fn linked_elsewhere(board: Board, firmware: &Firmware) -> Option<String> {
+    // The STM32 shows its flash at 0, too, so that an image for the nRF52840 is loaded and runs into nothing.
+    const STM32_FLASH: u64 = 0x0800_0000;
+    let lies_below = firmware.segments().iter().all(|(address, _)| *address < STM32_FLASH);
+    (board == Board::Horus && lies_below).then(|| {
+        let name = firmware.name();
+        format!(
+            "{name} has nothing at {STM32_FLASH:#010x}, where the STM32F429 has its flash: is it linked for this part?"
+        )
+    })
+}
+
+/// How to get text of a firmware that printed none.
+fn said_nothing(args: &RunArgs, firmware: &Firmware, outcome: &Outcome) -> Option<&'static str> {
+    if !outcome.lines.is_empty() || !args.uart.is_empty() {
+        return None;
+    }
+    Some(if firmware.has_defmt() {
+        "It logged nothing. Which of its defmt messages are compiled in, DEFMT_LOG says as it is built: DEFMT_LOG=info."
+    } else {
+        "It printed nothing. Text comes over RTT, by semihosting, or from a UART with --uart PIN=-."
+    })
 }
 
 /// What the run came to, as an exit code; said where it is not plain.
@@ -167,11 +207,8 @@ fn verdict(seconds: Option<f64>, limit: f64, outcome: &Outcome) -> (Option<Strin
     (None, if outcome.status() == 0 && !outcome.passed() { 1 } else { outcome.status() })
 }
 
-/// When what is sent to a UART begins, ns: by then an ordinary firmware listens.
-const SENDING_BEGINS: u64 = 100_000_000;
-
-/// Where the bytes of a pin go, and what that is called.
-type Files = BTreeMap<Pin, (String, Box<dyn Write>)>;
+/// The file that the bytes of a pin go to, and what it is called.
+type Files = BTreeMap<Pin, (String, BufWriter<File>)>;
 
 /// What the arguments clip to the board.
 fn leads(args: &RunArgs) -> Result<(Connected, Files)> {
@@ -207,21 +244,34 @@ fn leads(args: &RunArgs) -> Result<(Connected, Files)> {
     for text in &args.uart {
         let (name, path) = text.split_once('=').with_context(|| format!("--uart {text}: expected PIN=FILE"))?;
         let pin = pin("uart", name)?;
-        let file: Box<dyn Write> = if path == "-" {
-            Box::new(std::io::stdout())
-        } else {
-            Box::new(BufWriter::new(File::create(path).with_context(|| format!("--uart: could not write {path}"))?))
-        };
         connected.heard.push(pin);
-        files.insert(pin, (path.to_owned(), file));
+        if path != "-" {
+            let file = File::create(path).with_context(|| format!("--uart: could not write {path}"))?;
+            files.insert(pin, (path.to_owned(), BufWriter::new(file)));
+        }
+    }
+    for text in &args.wire {
+        let (one, other) = text.split_once('=').with_context(|| format!("--wire {text}: expected PIN=PIN"))?;
+        let ends = [pin("wire", one)?, pin("wire", other)?];
+        if ends[0] == ends[1] {
+            bail!("--wire {text}: expected two pins");
+        }
+        connected.wires.push(ends);
     }
     for text in &args.uart_in {
         let parts = text.split_once('=').and_then(|(lead, path)| Some((lead.split_once('@')?, path)));
-        let ((name, baud), path) = parts.with_context(|| format!("--uart-in {text}: expected PIN@BAUD=FILE"))?;
+        let ((name, rest), path) = parts.with_context(|| format!("--uart-in {text}: expected PIN@BAUD=FILE"))?;
+        let (baud, ms) = rest.split_once('@').unwrap_or((rest, "100"));
+        let ms = ms.parse().ok().filter(|ms| (0.0..1e9).contains(ms));
+        let ms: f64 = ms.with_context(|| format!("--uart-in {text}: expected a number of milliseconds"))?;
         let baud = baud.parse().ok().filter(|baud| (1..=10_000_000).contains(baud));
         let baud = baud.with_context(|| format!("--uart-in {text}: expected 1 to 10000000 bits a second"))?;
-        let bytes = std::fs::read(Path::new(path)).with_context(|| format!("--uart-in: could not read {path}"))?;
-        connected.sent.push(Sending { at: SENDING_BEGINS, pin: pin("uart-in", name)?, baud, bytes });
+        let read = match path {
+            "-" => std::io::read_to_string(std::io::stdin()).map(String::into_bytes),
+            path => std::fs::read(path),
+        };
+        let bytes = read.with_context(|| format!("--uart-in: could not read {path}"))?;
+        connected.sent.push(Sending { at: (ms * 1e6) as u64, pin: pin("uart-in", name)?, baud, bytes });
     }
     Ok((connected, files))
 }
@@ -267,7 +317,12 @@ struct Output<W> {
     stdout: W,
     /// Who read it went away: a pipe into `head`, say. The run goes on, as its exit code still counts.
     closed: bool,
+    /// The line that each UART has begun, and when its first byte was sent, ns.
+    half: BTreeMap<Pin, (u64, Vec<u8>)>,
 }
+
+/// A line of a UART that is longer is shown in parts.
+const LONGEST_LINE: usize = 4096;
 
 impl<W: Write> Output<W> {
     /// Shows a line. One without a time stamp of the firmware's gets virtual time: when the probe took it, up to 1 ms
@@ -280,6 +335,31 @@ impl<W: Write> Output<W> {
         }
     }
 
+    /// A UART sent a byte: lines are shown when they end.
+    fn byte(&mut self, Heard { at, pin, byte }: Heard) {
+        let (_, bytes) = self.half.entry(pin).or_insert((at, vec![]));
+        if byte != b'\n' {
+            bytes.push(byte);
+        }
+        if (byte == b'\n' || bytes.len() == LONGEST_LINE)
+            && let Some((at, bytes)) = self.half.remove(&pin)
+        {
+            self.half_line(at, &bytes);
+        }
+    }
+
+    fn half_line(&mut self, at: u64, bytes: &[u8]) {
+        let line = String::from_utf8_lossy(bytes);
+        self.text(format_args!("{:>14.6} ms  {}", milliseconds(at), line.trim_end_matches('\r')));
+    }
+
+    /// Shows the lines that have no end.
+    fn finish(&mut self) {
+        for (at, bytes) in std::mem::take(&mut self.half).into_values() {
+            self.half_line(at, &bytes);
+        }
+    }
+
     fn text(&mut self, text: std::fmt::Arguments<'_>) {
         self.closed = self.closed || writeln!(self.stdout, "{text}").is_err();
     }
@@ -289,17 +369,27 @@ fn milliseconds(ns: u64) -> f64 {
     ns as f64 / 1e6
 }
 
-/// What came of a run, in a line.
-fn summary(outcome: &Outcome) -> String {
+/// What came of a run that took so many `seconds`, in a line; nothing of its speed where a debugger held it up.
+fn summary(outcome: &Outcome, clock: Clock, seconds: Option<f64>) -> String {
     let findings = outcome.findings.len();
     let resets = outcome.resets;
-    let stack = outcome.stack.map_or(String::new(), |(used, size)| format!(", stack {used} of {size} bytes at worst"));
+    let stack = match outcome.stack {
+        // A firmware that tests its RAM writes to all of it.
+        Some((used, size)) if used == size => format!(", all {size} bytes of the stack written"),
+        Some((used, size)) => format!(", stack {used} of {size} bytes at worst"),
+        None => String::new(),
+    };
+    let speed = seconds.map(|seconds| {
+        let millions = outcome.instructions as f64 / 1e6;
+        format!("; {millions:.1} million instructions on the {clock} clock, {:.0} million a second", millions / seconds)
+    });
     format!(
-        "{:.3} ms of virtual time, load {:.1} %{stack}, {findings} finding{}, {resets} restart{}",
+        "{:.3} ms of virtual time, load {:.1} %{stack}, {findings} finding{}, {resets} restart{}{}",
         milliseconds(outcome.virtual_time),
         outcome.load * 100.0,
         if findings == 1 { "" } else { "s" },
         if resets == 1 { "" } else { "s" },
+        speed.unwrap_or_default(),
     )
 }
 
@@ -368,6 +458,7 @@ mod tests {
             findings: vec![],
             resets: 0,
             load: 1.0,
+            instructions: 0,
             stack: None,
             doing: "it runs in main".to_owned(),
             stopped_itself: false,
@@ -390,7 +481,7 @@ mod tests {
             channel: String::new(),
             text: text.to_owned(),
         };
-        let mut output = Output { stdout: Pipe(vec![], 2), closed: false };
+        let mut output = Output { stdout: Pipe(vec![], 2), closed: false, half: BTreeMap::new() };
         ["", "0.001"].into_iter().for_each(|timestamp| output.line(&line(timestamp, "hello")));
         assert!(!output.closed);
         output.line(&line("", "too late"));
@@ -398,5 +489,18 @@ mod tests {
         output.stdout.1 = 9;
         output.line(&line("", "never"));
         assert_eq!(String::from_utf8(output.stdout.0).unwrap(), "      1.500000 ms  hello\n0.001 hello\n");
+    }
+
+    #[test]
+    fn lines_of_a_uart_get_the_time_of_their_first_byte() {
+        let mut output = Output { stdout: vec![], closed: false, half: BTreeMap::new() };
+        let (one, other) = (Pin::new(0, 6), Pin::new(0, 8));
+        for (at, pin, byte) in [(1, one, b'a'), (2, other, b'x'), (3, one, b'b'), (4, one, b'\r'), (5, one, b'\n')] {
+            output.byte(Heard { at: at * 1_000_000, pin, byte });
+        }
+        output.byte(Heard { at: 6_000_000, pin: one, byte: b'\n' });
+        output.finish();
+        let text = String::from_utf8(output.stdout).unwrap();
+        assert_eq!(text, "      1.000000 ms  ab\n      6.000000 ms  \n      2.000000 ms  x\n");
     }
 }

@@ -211,6 +211,12 @@ impl Firmware {
     }
 
     /// The defmt table, where the firmware logs with defmt.
+    /// Whether the image has a table of defmt messages.
+    #[must_use]
+    pub fn has_defmt(&self) -> bool {
+        self.0.log.is_some()
+    }
+
     pub(crate) fn log_table(&self) -> Option<&defmt_decoder::Table> {
         self.0.log.as_ref()
     }

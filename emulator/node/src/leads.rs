@@ -53,6 +53,19 @@ pub struct Connected {
     pub heard: Vec<Pin>,
     /// What is sent.
     pub sent: Vec<Sending>,
+    /// Pairs of pins with a wire between them: what the part drives on one, level or UART frame, arrives at the other.
+    pub wires: Vec<[Pin; 2]>,
+}
+
+/// A byte that the part sent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Heard {
+    /// The end of its stop bit, in virtual nanoseconds.
+    pub at: u64,
+    /// The pin.
+    pub pin: Pin,
+    /// The byte.
+    pub byte: u8,
 }
 
 /// The board.
@@ -62,7 +75,7 @@ pub struct Leads<P> {
     /// What the part does to each watched pin.
     pads: BTreeMap<Pin, Pad>,
     edges: Vec<PinEdge>,
-    heard: Vec<(Pin, u8)>,
+    heard: Vec<Heard>,
     /// What is left to do from outside, the latest first: when, and what.
     plan: Vec<(u64, Input)>,
     part: PhantomData<P>,
@@ -94,9 +107,21 @@ impl<P> Leads<P> {
         std::mem::take(&mut self.edges)
     }
 
-    /// The bytes that were heard since the last call, each with its pin.
-    pub fn take_heard(&mut self) -> Vec<(Pin, u8)> {
+    /// The bytes that were heard since the last call, in order.
+    pub fn take_heard(&mut self) -> Vec<Heard> {
         std::mem::take(&mut self.heard)
+    }
+
+    /// What arrives by wire at the pins that are joined to `pin`, at `at` (ns).
+    fn carry(&mut self, at: u64, pin: Pin, input: impl Fn(Pin) -> Input) {
+        for [one, other] in &self.connected.wires {
+            for (from, to) in [(*one, *other), (*other, *one)] {
+                if from == pin {
+                    let place = self.plan.partition_point(|(due, _)| *due > at);
+                    self.plan.insert(place, (at, input(to)));
+                }
+            }
+        }
     }
 }
 
@@ -107,12 +132,18 @@ impl<P: Part> Board for Leads<P> {
         if self.connected.watched.contains(&pin) && self.pads.insert(pin, pad) != Some(pad) {
             self.edges.push(PinEdge { at, pin, pad });
         }
+        let level = match pad {
+            Pad::Driven(level) => Some(level),
+            Pad::Pulled(_) | Pad::Floating => None,
+        };
+        self.carry(at, pin, |to| Input::Level(to, level));
     }
 
-    fn uart(&mut self, _: u64, pin: Pin, frame: &UartFrame) {
+    fn uart(&mut self, at: u64, pin: Pin, frame: &UartFrame) {
         if self.connected.heard.contains(&pin) {
-            self.heard.push((pin, (frame.data & 0xFF) as u8));
+            self.heard.push(Heard { at, pin, byte: (frame.data & 0xFF) as u8 });
         }
+        self.carry(at, pin, |to| Input::Frame(to, at.saturating_sub(frame.ns()), frame.clone()));
     }
 
     fn next_event(&self) -> u64 {
@@ -123,5 +154,54 @@ impl<P: Part> Board for Leads<P> {
         while let Some((_, input)) = self.plan.pop_if(|&mut (due, _)| due <= at) {
             inputs.push(input);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nrf52840::Nrf52840;
+
+    use super::*;
+
+    const ONE: Pin = Pin::new(0, 2);
+    const OTHER: Pin = Pin::new(0, 3);
+
+    fn settled(leads: &mut Leads<Nrf52840>, at: u64) -> Vec<Input> {
+        let mut inputs = vec![];
+        leads.settle(at, &mut inputs);
+        inputs
+    }
+
+    #[test]
+    fn a_wire_carries_what_is_driven_on_either_end_to_the_other() {
+        let connected = Connected { wires: vec![[ONE, OTHER]], ..Connected::default() };
+        let mut leads = Leads::<Nrf52840>::new(connected);
+        for (from, to) in [(ONE, OTHER), (OTHER, ONE)] {
+            for (pad, level) in [
+                (Pad::Driven(true), Some(true)),
+                (Pad::Driven(false), Some(false)),
+                (Pad::Pulled(true), None),
+                (Pad::Floating, None),
+            ] {
+                leads.pin(5, from, pad);
+                assert_eq!(leads.next_event(), 5);
+                assert_eq!(settled(&mut leads, 5), [Input::Level(to, level)]);
+            }
+        }
+        leads.pin(6, Pin::new(1, 2), Pad::Driven(true));
+        assert_eq!(settled(&mut leads, 6), []);
+    }
+
+    #[test]
+    fn a_frame_arrives_when_it_was_sent_and_in_the_order_of_what_is_planned() {
+        let driven = vec![Drive { at: 1_000_000, pin: OTHER, level: true }];
+        let connected = Connected { wires: vec![[ONE, OTHER]], driven, ..Connected::default() };
+        let mut leads = Leads::<Nrf52840>::new(connected);
+        let frame = UartFrame::eight_n_one(0x55, 115_200);
+        let at = 500_000;
+        leads.uart(at, ONE, &frame);
+        assert_eq!(settled(&mut leads, at - 1), []);
+        assert_eq!(settled(&mut leads, at), [Input::Frame(OTHER, at - frame.ns(), frame)]);
+        assert_eq!(leads.next_event(), 1_000_000);
     }
 }

@@ -56,7 +56,7 @@ pub use finding::{Finding, FindingKind};
 pub use firmware::{Firmware, Symbol};
 use hold::Hold;
 pub use hold::{Halt, Resume};
-pub use leads::{Connected, Drive, Leads, PinEdge, Sending};
+pub use leads::{Connected, Drive, Heard, Leads, PinEdge, Sending};
 pub use pair::{Between, Lookahead, Nothing, Pair, Sent};
 pub use probe::PROBE_PERIOD;
 pub use relay::{Course, Downstream, Relay, Threads, Upstream, Way};
@@ -97,6 +97,8 @@ pub struct Node<B: Board, C: Cost = Fast> {
     resets: Vec<ResetAt>,
     probe_at: u64,
     log_block: Option<Symbol>,
+    /// When RAM is searched for the block of an image that does not say where it is, virtual ns.
+    search_at: u64,
     log: rtt::Channels,
     lines: Vec<LogLine>,
     console: rtt::Text,

@@ -3,10 +3,13 @@
 use cortex_m4::Cost;
 
 use super::rtt::{self, LogLine};
-use super::{Board, Node, memory};
+use super::{Board, Node, Symbol, memory};
 
 /// How often the node empties the firmware's log, as a debug probe polls RTT, in virtual nanoseconds.
 pub const PROBE_PERIOD: u64 = 1_000_000;
+
+/// How often the RAM of an image without the usual symbol is searched for a log at least, in virtual nanoseconds.
+const LONGEST_SEARCH: u64 = 100_000_000;
 
 impl<B: Board, C: Cost> Node<B, C> {
     /// The log lines since last asked, console output through semihosting among them.
@@ -48,6 +51,11 @@ impl<B: Board, C: Cost> Node<B, C> {
     }
 
     pub(super) fn probe_log(&mut self, at: u64) {
+        if self.log_block.is_none() && at >= self.search_at {
+            // Ever less often: a firmware that logs does so soon.
+            self.search_at = at + at.clamp(PROBE_PERIOD, LONGEST_SEARCH);
+            self.log_block = rtt::find(&self.side.part).map(|address| Symbol { address, size: 0 });
+        }
         let Some(block) = self.log_block.filter(|_| self.powered) else { return };
         let (lines, troubles) = self.log.probe(&mut self.side.part, block.address, &self.firmware, at);
         self.lines.extend(lines);

@@ -78,6 +78,17 @@ pub(crate) fn count<P: Part>(part: &P, block: u64) -> Result<u64, RttFault> {
     }
 }
 
+/// Where a control block is in the part's RAM: the first that begins with the magic at a multiple of four and has a
+/// count that can be true. An image that calls its block otherwise, or has no symbols, is read this way.
+pub(crate) fn find<P: Part>(part: &P) -> Option<u64> {
+    P::RAM.iter().find_map(|&(start, size)| {
+        let bytes = part.memory(start, size)?;
+        let places = (0..bytes.len().saturating_sub(MAGIC.len())).step_by(4);
+        let mut found = places.filter(|at| bytes[*at..].starts_with(MAGIC)).map(|at| u64::from(start) + at as u64);
+        found.find(|block| count(part, *block).is_ok())
+    })
+}
+
 /// The name of up channel `channel`, empty where it has none that can be read.
 pub(crate) fn name<P: Part>(part: &P, block: u64, channel: u64) -> String {
     let entry = block + CHANNELS + CHANNEL_BYTES * channel;
@@ -474,6 +485,21 @@ mod tests {
         assert_eq!(drain(&mut part, BLOCK, 1).unwrap().bytes, b"");
         let entry = BLOCK + CHANNELS + CHANNEL_BYTES;
         assert_eq!(memory::value(&part, entry + 16, 4), Some(5));
+    }
+
+    #[test]
+    fn a_control_block_is_found_by_its_magic_and_a_count_that_can_be_true() {
+        assert_eq!(find(&part(b"text", 0)), Some(BLOCK));
+        assert_eq!(find(&Nrf52840::new(Settings::default())), None);
+        // A copy of the magic alone, before the block and where no word begins.
+        let mut part = part(b"text", 0);
+        for copy in [BLOCK - 0x40, BLOCK - 0x81] {
+            memory::write(&mut part, copy, MAGIC);
+        }
+        put(&mut part, BLOCK - 0x40 + UP_COUNT, 1_000);
+        assert_eq!(find(&part), Some(BLOCK));
+        put(&mut part, BLOCK + UP_COUNT, 0);
+        assert_eq!(find(&part), None);
     }
 
     #[test]

@@ -9,13 +9,13 @@ use std::collections::BTreeMap;
 use std::str::FromStr;
 
 use cortex_m4::{Cost, Fast, Optimistic, Pessimistic};
-use emulator_part::{Part, Pin};
+use emulator_part::Part;
 use nrf52840::{Nrf52840, Settings};
 use stm32f429::{Oscillators, Stm32f429};
 
 use super::finding::{Finding, FindingKind};
 use super::rtt::LogLine;
-use super::{Connected, Error, Firmware, Halt, Leads, Node, PinEdge, ResetAt, Stack};
+use super::{Connected, Error, Firmware, Halt, Heard, Leads, Node, PinEdge, ResetAt, Stack};
 
 /// What a core's instructions and exceptions cost, see [`cortex_m4::Cost`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -175,8 +175,8 @@ pub enum Event<'a> {
     Reset(&'a ResetAt),
     /// A watched pin did something else.
     Pin(&'a PinEdge),
-    /// The part sent a byte from this pin.
-    Byte(Pin, u8),
+    /// The part sent a byte from a pin that is listened to.
+    Byte(Heard),
 }
 
 /// How a run ended.
@@ -196,6 +196,8 @@ pub struct Outcome {
     pub resets: usize,
     /// The share of the time in which the core was awake, 0 to 1.
     pub load: f64,
+    /// How many instructions the core executed.
+    pub instructions: u64,
     /// How deep the stack went, and its size, in bytes; `None` where the image does not say where it is.
     pub stack: Option<(usize, usize)>,
     /// What the core was doing at the end, in words.
@@ -333,7 +335,7 @@ impl<P: Part, C: Cost> Running<P, C> {
     /// Hands over what was logged and what the leads saw.
     fn hand_over(&mut self, event: &mut dyn FnMut(Event<'_>)) {
         let (edges, heard) = self.node.board_mut(|board| (board.take_edges(), board.take_heard()));
-        heard.into_iter().for_each(|(pin, byte)| event(Event::Byte(pin, byte)));
+        heard.into_iter().for_each(|heard| event(Event::Byte(heard)));
         let mut edges = edges.into_iter().peekable();
         for line in if self.over { self.node.finish_log() } else { self.node.take_log() } {
             while let Some(edge) = edges.next_if(|edge| edge.at <= line.at) {
@@ -400,6 +402,7 @@ impl<P: Part, C: Cost> Running<P, C> {
             findings,
             resets: node.resets().len(),
             load: node.usage().load(),
+            instructions: node.instructions(),
             stack: stack.map(|stack| (stack.used(node.part()), stack.size())),
             doing: node.doing(),
             stopped_itself: node.stopped_itself(),

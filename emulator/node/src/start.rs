@@ -68,6 +68,7 @@ impl<B: Board, C: Cost> Node<B, C> {
             resets: Vec::new(),
             probe_at: PROBE_PERIOD,
             log_block: firmware.symbol("_SEGGER_RTT"),
+            search_at: PROBE_PERIOD,
             log: Channels::default(),
             lines: Vec::new(),
             console: Text::default(),
