@@ -108,9 +108,9 @@ pub struct Config {
     pub driver_timing_display: u8,
     /// Individual: RC calibration display (B39) after EA.
     pub rc_calibration_display: u8,
-    /// Individual: result of Measure amplitude (D3), A/D steps.
+    /// Individual: result of Measure amplitude (D3), A/D steps; a constant, which is reported.
     pub amplitude: u8,
-    /// Individual: result of Measure phase (D9), A/D steps.
+    /// Individual: result of Measure phase (D9), A/D steps; a constant, which is reported.
     pub phase: u8,
     /// Individual: results of DF for the regulated supplies: VDD_A, VDD_D, VDD_RF, VDD_AM, mV.
     pub regulated_mv: [u16; 4],

@@ -32,6 +32,10 @@ pub struct Report {
 pub enum Kind {
     /// A direct command whose effect is not modelled: it had no effect.
     UnmodelledCommand(u8),
+    /// D3 or D9: the result is that of [`Config::amplitude`](crate::Config::amplitude) or
+    /// [`Config::phase`](crate::Config::phase), whatever the antenna sees. The field that silicon drives while it
+    /// measures is not emitted.
+    ConstantMeasurement(u8),
     /// An SPI mode byte the data sheet does not define.
     UnknownModeByte(u8),
     /// A register whose function is not modelled was set to another value than its reset value: the value is only
@@ -134,6 +138,12 @@ impl fmt::Display for Kind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::UnmodelledCommand(c) => write!(f, "direct command {c:02X} is not modelled"),
+            Self::ConstantMeasurement(c) => {
+                write!(
+                    f,
+                    "direct command {c:02X} reads a constant: the antenna is not measured, and no field is driven"
+                )
+            }
             Self::UnknownModeByte(b) => write!(f, "SPI mode byte {b:02X} is not defined"),
             Self::UnmodelledRegister(s, a) => write!(f, "register {s:?} {a:02X}: its function is not modelled"),
             Self::NoSuchRegister(s, a) => write!(f, "register {s:?} {a:02X} does not exist in this part"),

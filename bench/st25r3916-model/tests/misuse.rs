@@ -88,6 +88,20 @@ fn unmodelled_things_are_recorded_with_first_instant_and_count() {
 }
 
 #[test]
+fn a_measurement_that_is_a_constant_is_reported_as_one() {
+    let mut chip = Chip::new(Config { amplitude: 0x12, phase: 0x34, ..Config::default() });
+    exchange(&mut chip, 0, &[0x02, 0x80]);
+    chip.advance(10_000_000);
+    for (code, result) in [(0xD3, 0x12), (0xD9, 0x34)] {
+        let at = chip.now();
+        exchange(&mut chip, at, &[code]);
+        chip.advance(at + 1_000_000);
+        assert_eq!(exchange(&mut chip, at + 1_000_000, &[0x40 | 0x25, 0])[1], result, "{code:02X}");
+        assert_eq!(found(&chip, Kind::ConstantMeasurement(code)), 1);
+    }
+}
+
+#[test]
 fn spi_clock_and_chip_select_are_watched() {
     let mut chip = Chip::new(Config::default());
     chip.transfer(0, 0x40);

@@ -45,8 +45,11 @@ impl Chip {
                 }
                 supply::tuning_suits(&mut self.core, &self.field);
             }
-            0xD3 => self.measure(reg::AD_RESULT, self.config().amplitude),
-            0xD9 => self.measure(reg::AD_RESULT, self.config().phase),
+            0xD3 | 0xD9 => {
+                core.note(Kind::ConstantMeasurement(code));
+                let config = self.config();
+                self.measure(reg::AD_RESULT, if code == 0xD3 { config.amplitude } else { config.phase });
+            }
             0xDF => self.measure(reg::AD_RESULT, supply::measured(&self.core)),
             0xD5 => core.set_a(reg::GAIN, 0),
             0xD6 => {
