@@ -48,8 +48,9 @@ pub(crate) struct RunArgs {
     /// milliseconds on: P0.08@115200=in.bin, P0.08@115200@2500=more.bin. Any number, also to one pin. Bench only.
     #[arg(long, value_name = "PIN@BAUD[@MS]=FILE|-")]
     uart_in: Vec<String>,
-    /// What processor time costs: fast, optimistic or pessimistic. The last two bound what silicon takes. Bench only.
-    #[arg(long, default_value_t)]
+    /// What processor time costs: fast, optimistic or pessimistic. The last two bound what silicon takes, so that on the
+    /// optimistic one a delay loop is never shorter than it can be. Bench only.
+    #[arg(long, default_value_t = Clock::Optimistic)]
     clock: Clock,
     /// Halt the board at power-on and wait for gdb, or an editor that speaks its protocol. Bench only.
     #[arg(long)]
