@@ -26,6 +26,7 @@ mod lint;
 mod live;
 mod oracle;
 mod output;
+mod package;
 #[cfg(feature = "probe")]
 mod probe;
 mod residual;
@@ -87,6 +88,8 @@ enum Command {
     Fuzz(fuzz::FuzzArgs),
     /// Run a table of defects of the sources against the judge, each in a copy of the workspace.
     Defects(defects::DefectsArgs),
+    /// Package the crates that others can use, and build each from its tarball.
+    Package,
     /// Compare the bench's core with QEMU (qemu-system-arm) and with LLVM's disassembler (llvm-tools), case by case.
     Oracle(oracle::OracleArgs),
 }
@@ -275,6 +278,7 @@ fn dispatch(command: Command) -> Result<ExitCode> {
         Command::Test(args) => test::test(&args),
         Command::Size(args) => size::size(args.gps),
         Command::Lint => lint::lint(),
+        Command::Package => package::package(),
         Command::Residual(args) => residual::residual(&args),
         Command::Figures(args) => figures::figures(&args),
         Command::Header(args) => header::header(&args),

@@ -7,6 +7,25 @@
 //! randomness, nothing that hangs on which thread comes first. All of it is plain data: a clone that is run on does
 //! what the original does.
 //!
+//! ```
+//! use emulator_node::{Clock, Event, Firmware, Limits, Target};
+//!
+//! // The stack's top, the reset vector, and a loop: adds r0, #1; b to it.
+//! let words = [0x2000_4000_u32, 0x0800_0009, 0xE7FD_3001];
+//! let image = words.iter().flat_map(|word| word.to_le_bytes()).collect();
+//! let firmware = Firmware::raw("a loop", vec![(0x0800_0000, image)]);
+//! let limits = Limits { virtual_time: 1_000_000, ..Limits::default() };
+//! let outcome = Target::Horus.run(Clock::Optimistic, &firmware, limits, |event| {
+//!     if let Event::Line(line) = event {
+//!         println!("{line}");
+//!     }
+//! })?;
+//! // A millisecond of 16 MHz: each turn takes three cycles, as on silicon at best.
+//! assert!(outcome.findings.is_empty());
+//! assert!((10_600..10_700).contains(&outcome.instructions), "{}", outcome.instructions);
+//! # Ok::<(), emulator_node::Error>(())
+//! ```
+//!
 //! # Time
 //! Virtual time is `u64` nanoseconds from power-on, one time for all boards. Inside a board, time is counted in cycles
 //! of its core, whose rate is what its crystals and its clock tree make of it ([`emulator_part::Timebase`]). Models act

@@ -31,6 +31,20 @@
 //!
 //! In System OFF the core's cycles go on being counted, and [`Signals::stalled_until`] holds the core until the reset
 //! that ends it.
+//!
+//! ```
+//! use cortex_m4::{Access, Purpose, Width};
+//! use emulator_part::{Open, Part, Pin};
+//! use nrf52840::{Nrf52840, Settings};
+//!
+//! let mut part = Nrf52840::new(Settings::default());
+//! let word = |address| Access { address, width: Width::Word, purpose: Purpose::Data, privileged: true, cycle: 0, pc: 0 };
+//! part.write(&word(0x5000_0518), 1 << 13, &mut Open)?; // P0.DIRSET
+//! part.write(&word(0x5000_0508), 1 << 13, &mut Open)?; // P0.OUTSET
+//! assert!(part.pin(Pin::new(0, 13)));
+//! assert!(part.findings().is_empty());
+//! # Ok::<(), cortex_m4::BusError>(())
+//! ```
 #![forbid(unsafe_code)]
 
 mod analog;

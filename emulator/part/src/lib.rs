@@ -7,6 +7,13 @@
 //! # Time
 //! Inside a part, time is a count of its core's clock cycles ([`Cycle`]), since all that the core is in step with is
 //! then exact. [`Timebase`] turns cycles into the bench's nanoseconds and back; it changes with the part's clock tree.
+//!
+//! ```
+//! use emulator_part::UartFrame;
+//!
+//! // Ten bits at 115 200 bit/s.
+//! assert_eq!(UartFrame::eight_n_one(0x55, 115_200).ns(), 86_806);
+//! ```
 #![forbid(unsafe_code)]
 
 mod finding;

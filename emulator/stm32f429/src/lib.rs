@@ -19,6 +19,21 @@
 //! | stop and standby mode | a finding when a deep sleep begins; the part goes on as in sleep mode |
 //! | the bus matrix's arbitration, but for [`Part::wait_states`] | DMA transfers take no time |
 //! | BOOT0 | low: the part boots from flash |
+//!
+//! ```
+//! use cortex_m4::{Access, Purpose, Width};
+//! use emulator_part::{Open, Part, Pin};
+//! use stm32f429::{Oscillators, Stm32f429};
+//!
+//! let mut part = Stm32f429::new(Oscillators::default());
+//! let word = |address| Access { address, width: Width::Word, purpose: Purpose::Data, privileged: true, cycle: 0, pc: 0 };
+//! part.write(&word(0x4002_3830), 1, &mut Open)?; // RCC_AHB1ENR: GPIOA
+//! part.write(&word(0x4002_0000), 0xA800_0000 | 1 << 10, &mut Open)?; // GPIOA_MODER: PA5 is an output
+//! part.write(&word(0x4002_0018), 1 << 5, &mut Open)?; // GPIOA_BSRR
+//! assert!(part.pin(Pin::new(0, 5)));
+//! assert!(part.findings().is_empty());
+//! # Ok::<(), cortex_m4::BusError>(())
+//! ```
 #![forbid(unsafe_code)]
 
 mod adc;

@@ -1,0 +1,45 @@
+//! Whether the crates that others can use build from their own packages, without this workspace.
+
+use std::fs;
+use std::process::{Command, ExitCode};
+
+use anyhow::{Context, Result, ensure};
+
+use crate::workspace::{cargo, check, root, target_dir};
+
+/// The crates that stand alone.
+const PACKAGES: [&str; 8] = [
+    "profile",
+    "st25r3916",
+    "horus-voter",
+    "cortex-m4",
+    "emulator-part",
+    "nrf52840",
+    "stm32f429-part",
+    "emulator-node",
+];
+
+/// Packages them and builds each from its tarball. Nothing is published: cargo resolves packages of one workspace against
+/// each other only where they may be published, so that is allowed in a copy of what is committed.
+pub(crate) fn package() -> Result<ExitCode> {
+    const OFF: &str = "publish = false";
+    let folder = target_dir().join("package");
+    let copy = folder.join("copy");
+    if copy.exists() {
+        fs::remove_dir_all(&copy).with_context(|| format!("could not remove {}", copy.display()))?;
+    }
+    check(
+        "copying what is committed",
+        Command::new("git").args(["clone", "--quiet", "--shared"]).arg(root()).arg(&copy),
+    )?;
+    let manifest = copy.join("Cargo.toml");
+    let text = fs::read_to_string(&manifest).with_context(|| format!("could not read {}", manifest.display()))?;
+    ensure!(text.contains(OFF), "{} does not say {OFF}", manifest.display());
+    fs::write(&manifest, text.replace(OFF, "publish = true")).context("could not write the copy's manifest")?;
+    let mut command = cargo();
+    command.args(["package", "--allow-dirty", "--manifest-path"]).arg(&manifest);
+    command.args(PACKAGES.iter().flat_map(|package| ["--package", package]));
+    check("packaging", command.arg("--target-dir").arg(&folder))?;
+    println!("{} crates build from their packages, in {}", PACKAGES.len(), folder.join("package").display());
+    Ok(ExitCode::SUCCESS)
+}
