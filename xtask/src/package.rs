@@ -14,7 +14,7 @@ const PACKAGES: [&str; 8] = [
     "horus-voter",
     "cortex-m4",
     "emulator-part",
-    "nrf52840",
+    "nrf52840-part",
     "stm32f429-part",
     "emulator-node",
 ];
