@@ -444,4 +444,19 @@ mod tests {
         }
         assert_eq!(broken(&log), [], "too long after the one before");
     }
+
+    #[test]
+    fn samples_are_forgotten_that_are_older_than_any_that_is_shown() {
+        let mut log = Events::new(1);
+        let cycles = 2 * KEPT / bounds::CYCLE;
+        (0..cycles).for_each(|n| heard(&mut log, n, true));
+        let log = log.end(sampled(cycles)).log();
+        let (mut client, mut context) = (Client::new(&log.header), Context::new(&log.header));
+        for event in &log.events {
+            context.take(event);
+            client.take(event, &context, &mut Findings::default());
+            assert!(client.samples.iter().all(|sample| event.at <= sample.at + KEPT + bounds::CYCLE));
+        }
+        assert!(client.samples.len() as u64 >= KEPT / bounds::CYCLE - 1);
+    }
 }
