@@ -1,4 +1,4 @@
-//! Any ELF alone on one board: a cargo runner, for the on-target tests and for projects of other people.
+//! Runs any ELF alone on one board: a cargo runner for the on-target tests and for other projects.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -25,31 +25,30 @@ pub(crate) struct RunArgs {
     /// Stop after this much virtual time, in seconds; an image that is still running then fails. Bench only.
     #[arg(long, default_value_t = 60.0, value_parser = crate::sim::positive_seconds, conflicts_with = "seconds")]
     limit: f64,
-    /// The image is meant to run on for ever: end after this much virtual time, in seconds, as a success. Bench only.
+    /// The image is meant to run for ever: end after this much virtual time, in seconds, as a success. Bench only.
     #[arg(long, value_parser = crate::sim::positive_seconds)]
     seconds: Option<f64>,
     /// Print each change of a pin with its virtual time: P0.13 on the dpr board, PB7 on horus. Any number. Bench only.
     #[arg(long, value_name = "PIN")]
     pin: Vec<String>,
-    /// Drive a pin from outside, from power-on or from so many milliseconds on: P0.11=0, PC13=1@250. Any number. Bench
-    /// only.
+    /// Drive a pin from outside, from power-on or from this many milliseconds on: P0.11=0, PC13=1@250. Any number.
+    /// Bench only.
     #[arg(long, value_name = "PIN=0|1[@MS]")]
     drive: Vec<String>,
     /// Write what the firmware sends from a UART's pin to a file, or to standard output with `-`: P0.06=out.bin. Any
     /// number. Bench only.
     #[arg(long, value_name = "PIN=FILE|-")]
     uart: Vec<String>,
-    /// Send a file to a UART's pin, 8N1, so many bits a second, from 100 ms on: P0.08@115200=in.bin. Any number. Bench
-    /// only.
+    /// Send a file to a UART's pin, 8N1, at this bit rate, from 100 ms on: P0.08@115200=in.bin. Any number. Bench only.
     #[arg(long, value_name = "PIN@BAUD=FILE")]
     uart_in: Vec<String>,
-    /// What processor time costs: fast, optimistic or pessimistic. The last two bound what silicon takes. Bench only.
+    /// The cost of processor time: fast, optimistic or pessimistic. The last two bound what silicon takes. Bench only.
     #[arg(long, default_value_t)]
     clock: Clock,
-    /// Halt the board at power-on and wait for gdb, or an editor that speaks its protocol. Bench only.
+    /// Halt the board at power-on and wait for gdb, or an editor that uses its protocol. Bench only.
     #[arg(long)]
     gdb: bool,
-    /// The port on 127.0.0.1 to wait for gdb at; 0 takes a free one.
+    /// The port on 127.0.0.1 to wait for gdb at; 0 selects a free one.
     #[arg(long, default_value_t = gdb::PORT, requires = "gdb")]
     port: u16,
     /// Where it runs.
@@ -130,7 +129,7 @@ fn on_bench(args: &RunArgs) -> Result<ExitCode> {
     Ok(ending(args, &outcome))
 }
 
-/// What the run came to, as an exit code; said where it is not plain.
+/// The exit code of the run, with a message where the reason is not obvious.
 fn ending(args: &RunArgs, outcome: &Outcome) -> ExitCode {
     let (says, status) = verdict(args.seconds, args.limit, outcome);
     if let Some(says) = says {
@@ -139,7 +138,7 @@ fn ending(args: &RunArgs, outcome: &Outcome) -> ExitCode {
     u8::try_from(status).map_or(ExitCode::FAILURE, ExitCode::from)
 }
 
-/// What is to be said of a run that was to take so many `seconds`, or at most `limit`, and its status.
+/// The message about a run that was to take `seconds`, or at most `limit`, and its status.
 fn verdict(seconds: Option<f64>, limit: f64, outcome: &Outcome) -> (Option<String>, u32) {
     if outcome.exit.is_none() && !outcome.died {
         let restarts = match outcome.resets {
@@ -163,17 +162,17 @@ fn verdict(seconds: Option<f64>, limit: f64, outcome: &Outcome) -> (Option<Strin
         );
         return (Some(says), outcome.status());
     }
-    // A firmware that says it is well while the bench saw it do wrong is not well.
+    // A firmware that reports success has failed if the bench has findings about it.
     (None, if outcome.status() == 0 && !outcome.passed() { 1 } else { outcome.status() })
 }
 
-/// When what is sent to a UART begins, ns: by then an ordinary firmware listens.
+/// The instant at which sending to a UART begins, ns: an ordinary firmware listens by then.
 const SENDING_BEGINS: u64 = 100_000_000;
 
-/// Where the bytes of a pin go, and what that is called.
+/// The destinations of pins' bytes, with their names.
 type Files = BTreeMap<Pin, (String, Box<dyn Write>)>;
 
-/// What the arguments clip to the board.
+/// The connections to the board by these arguments.
 fn leads(args: &RunArgs) -> Result<(Connected, Files)> {
     let pin = |option: &str, name: &str| {
         pin_called(args.board, name).with_context(|| {
@@ -226,7 +225,7 @@ fn leads(args: &RunArgs) -> Result<(Connected, Files)> {
     Ok((connected, files))
 }
 
-/// The pin that a board's maker calls so: P0.13, P1.02 on the nRF52840; PB7, PC13 on the STM32.
+/// The pin with this name of the board's maker: P0.13, P1.02 on the nRF52840; PB7, PC13 on the STM32.
 fn pin_called(board: Board, name: &str) -> Option<Pin> {
     let rest = name.strip_prefix(['P', 'p'])?;
     let (port, number) = match board {
@@ -262,16 +261,16 @@ const fn pad_text(pad: Pad) -> &'static str {
     }
 }
 
-/// Where the firmware's log goes.
+/// The destination of the firmware's log.
 struct Output<W> {
     stdout: W,
-    /// Who read it went away: a pipe into `head`, say. The run goes on, as its exit code still counts.
+    /// Whether its reader has gone, as in a pipe into `head`. The run continues, because its exit code still counts.
     closed: bool,
 }
 
 impl<W: Write> Output<W> {
-    /// Shows a line. One without a time stamp of the firmware's gets virtual time: when the probe took it, up to 1 ms
-    /// after it was written.
+    /// Shows a line. One without a time stamp of the firmware gets the virtual time at which the probe read it, up to 1
+    /// ms after it was written.
     fn line(&mut self, line: &LogLine) {
         if line.timestamp.is_empty() {
             self.text(format_args!("{:>14.6} ms  {line}", milliseconds(line.at)));
@@ -319,7 +318,7 @@ mod tests {
 
     use super::*;
 
-    /// A reader that goes away after so many lines.
+    /// A reader that stops after a number of lines.
     struct Pipe(Vec<u8>, usize);
 
     impl Write for Pipe {
