@@ -2,7 +2,8 @@
 //!
 //! The board, its debug port and its time are the bench's ([`bench::debug_port`]); this is the probe between them: an
 //! adapter that converts the library's requests to transfers on the wires, as a CMSIS-DAP probe does, and that takes
-//! time for it. another wrote. Each command switches the board on.
+//! time for it. A file has the memory that the board's part keeps without its supply, so that one command finds what
+//! another wrote. Each command switches the board on.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};

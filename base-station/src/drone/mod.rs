@@ -15,10 +15,10 @@
 //! a row can be; the next newer one ends that. Other messages belong to another sender ([`order`],
 //! [`fleet`](crate::fleet)). If a restarted HORUS is received again only after it has run for longer than before, its
 //! timestamps continue as if it had not restarted, and the time for which it did not run looks like delay. A changed
-//! reason of its last reset shows the restart; the reason stays the same as long as HORUS runs. judged in the same way.
-//! The uplink that the DPR shows has the time of the base station that sent it, which cannot be compared with anything
-//! here: the last one is kept, is no sign of life, and is meaningful only to the sender of the uplink
-//! ([`uplink`](Drone::uplink)).
+//! reason of its last reset shows the restart; the reason stays the same as long as HORUS runs. The DPR's Link-Status
+//! and Port-Status share a separate clock and are judged in the same way. The uplink that the DPR shows has the time of
+//! the base station that sent it, which cannot be compared with anything here: the last one is kept, is no sign of
+//! life, and is meaningful only to the sender of the uplink ([`uplink`](Drone::uplink)).
 //!
 //! **Everything that is kept can be shown.** Values that contradict their own status are removed before they are kept
 //! ([`profile::range`]), so no display has to check again.

@@ -172,7 +172,7 @@ impl Flight {
 
         // Legs take about 15 s, each ending in a turn: a wide one, then a narrow one back, and so on. On a long flight
         // two legs turn the aircraft by 45° on average, so after sixteen the path has closed; on a short one the
-        // acceleration limit bounds both turns, which form an S. are what the acceleration limit leaves, an S.
+        // acceleration limit bounds both turns, which form an S.
         let mut course = Plan::starting_at(draw(-PI, PI));
         let side = if draw(0.0, 1.0) < 0.5 { -1.0 } else { 1.0 };
         let legs = (cruise / 15.0).ceil().max(2.0);

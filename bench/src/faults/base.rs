@@ -1,5 +1,5 @@
 //! Faults of the base station: it reports wrongly which objects of a profile it shows, how old they are, or which
-//! alarms are raised. alarming.
+//! alarms are raised.
 
 use profile::Layout;
 

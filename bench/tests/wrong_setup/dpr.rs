@@ -231,8 +231,9 @@ const DPR_ROWS: &[Row<Shows>] = &[
         let granted = READ_EVERY * u64::from(BUDGET);
         shows_as_ever(seen) && (granted..granted + 3 * READ_EVERY).contains(&seen.stale) && seen.expired == 0
     }),
-    // ---- the pause after a transaction The timer's mode is missing here, because the image leaves it at its reset
-    // value, and so is its bit mode: the pause is as long with eight bits, which suffice for it.
+    // ---- the pause after a transaction
+    // The timer's mode is missing here, because the image leaves it at its reset value, and so is its bit mode: the
+    // pause is as long with eight bits, which suffice for it.
     row("TIMER3: prescaler 2^9", &[bits(TIMER3 + 0x510, 0xF, 9)], Told::Nothing, |seen| {
         seen.received == 8 && seen.valid < 25 && seen.intact < 60 && seen.restarts.is_empty()
     }),
