@@ -36,7 +36,7 @@ use rand_distr::{Distribution, Uniform};
 
 use crate::geodesy::{Geodetic, TangentPlane};
 
-/// Where flights start: a field near Winterthur, 470 m above the ellipsoid.
+/// The start of all flights: a field near Winterthur, 470 m above the ellipsoid.
 pub const START: Geodetic = Geodetic { latitude: 47.4979, longitude: 8.7289, height: 470.0 };
 
 /// Highest ground speed, m/s.
