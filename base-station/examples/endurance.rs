@@ -27,7 +27,8 @@ const HOUR: u64 = 360_000;
 /// The instant at which the first one arrives, µs since 1970.
 const START_US: u64 = 1_790_000_000_000_000;
 
-/// The limit for the growth of memory from the first tenth of the work on, kB: the index of a part, which ends with it.
+/// The limit for the growth of memory from the first tenth of the work on, kB. A part's index causes it, and is freed
+/// with the part.
 pub(crate) const GROWTH_KB: u64 = 16 << 10;
 
 /// The outcome of a run.
@@ -141,7 +142,7 @@ pub(crate) fn run(images: u64, folder: &Path, progress: impl Fn(f64)) -> io::Res
     Ok(figures)
 }
 
-/// The arrival of this number; there are a hundred a second.
+/// The arrival with this number; there are a hundred a second.
 fn arrival(number: u64) -> Carried {
     // HORUS's clock wraps after seven weeks, far more than a day.
     let time = u32::try_from(number * 10).unwrap_or(u32::MAX);

@@ -66,7 +66,7 @@ pub struct Judged {
     pub drone: DroneId,
     /// The object.
     pub place: Place,
-    /// What was found.
+    /// The verdict.
     pub verdict: Verdict,
 }
 

@@ -79,7 +79,7 @@ pub struct Tab {
     process: Child,
     to: ChildStdin,
     from: Receiver<Value>,
-    /// The session of the page, for every command.
+    /// The DevTools session of the page, for every command.
     session: String,
     commands: u64,
     events: VecDeque<Value>,

@@ -208,7 +208,7 @@ mod tests {
 
     const SECOND: u64 = 1_000_000;
 
-    /// An order with its ages, as a drone has them.
+    /// A drone's order with its ages.
     #[derive(Default)]
     struct Sender(Order, Ages);
 

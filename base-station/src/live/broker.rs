@@ -197,7 +197,7 @@ pub fn subscribe(broker: Broker, station: Option<&str>, line: u16, clock: Clock,
     })
 }
 
-/// What happens on a connection.
+/// An event of a connection.
 enum Happened<'a> {
     Connected,
     Lost,

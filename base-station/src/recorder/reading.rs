@@ -167,7 +167,7 @@ impl<R: Read> Reader<R> {
         if opcode == op::CHUNK {
             match records(&self.body) {
                 Ok(records) => self.chunk = records,
-                // The next record begins where this one's length says, so only this one is lost.
+                // This record's length gives the place of the next, so only this one is lost.
                 Err(Stop::Torn(why)) => {
                     self.lost.push(format!(
                         "{} bytes at {}: {why}",

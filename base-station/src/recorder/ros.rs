@@ -215,7 +215,7 @@ pub(super) fn fix(at_us: u64, [latitude, longitude, altitude]: [f64; 3]) -> Vec<
 pub struct Found {
     /// The drone's id as text.
     pub drone: String,
-    /// Which object.
+    /// The object.
     pub place: Place,
     /// The verdict's [code](Verdict::code).
     pub verdict: String,
