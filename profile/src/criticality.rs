@@ -86,7 +86,7 @@
 //! judges what comes over a wire by its CRC, its identifier and its timestamp.
 use core::{fmt, marker::PhantomData};
 
-/// How critical a communication is (paper, Table 1).
+/// The criticality of a communication (paper, Table 1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Criticality {
     /// A safety function relies on it.

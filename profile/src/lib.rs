@@ -57,19 +57,19 @@
 //! ```
 //! use profile::{FixType, Freshness, GpsStatus, GpsValues, Identifier, Profile, Rejection, ReportedValues, freshness};
 //!
-//! // HORUS: what three receivers say at 1230 ms. The third has not been heard.
+//! // HORUS: the solutions of three receivers at 1230 ms. The third has sent none.
 //! let status = GpsStatus::new().with_fix_type(FixType::Fix3D).with_position_valid(true).with_heard(true);
 //! let first = GpsValues { status, latitude: 47.4979, longitude: 8.7296, altitude: 493.2, ..GpsValues::absent(1230) };
 //! let second = GpsValues { latitude: 47.4980, ..first };
 //! let reported = ReportedValues { latitude: 47.4979, longitude: 8.7296, ..ReportedValues::absent(1230) };
 //! let sent = Profile::<3>::seal(&reported, &[first, second, GpsValues::absent(1230)]);
 //!
-//! // On the way, one bit of GPS2 is lost: 64 bytes of Reported-Position, 60 of GPS1, and then its 20th.
+//! // One bit of GPS2 is damaged on the way: 64 bytes of Reported-Position, 60 of GPS1, and then its 20th.
 //! let mut bytes = [0; Profile::<3>::SIZE];
 //! bytes.copy_from_slice(sent.as_bytes());
 //! bytes[64 + 60 + 20] ^= 0x10;
 //!
-//! // The base station: that object is rejected, the others stand.
+//! // The base station rejects that object and accepts the others.
 //! let read = Profile::<3>::read(&bytes)?;
 //! assert_eq!(read.gps[1].err(), Some(Rejection::Crc));
 //! assert_eq!(read.gps[0]?.values().altitude, 493.2);

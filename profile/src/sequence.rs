@@ -43,7 +43,7 @@
 //! use profile::sequence::{Judgement, Sequence};
 //!
 //! let mut sequence = Sequence::new();
-//! // Timestamp in ms, instant of the sample on the receiver's clock in µs.
+//! // The arguments are the timestamp in ms, and the instant of the sample on the receiver's clock in µs.
 //! assert_eq!(sequence.judge(500, 70_000), Judgement::Searching { found: 0 });
 //! assert_eq!(sequence.judge(510, 80_004), Judgement::Searching { found: 1 });
 //! assert_eq!(sequence.judge(520, 90_001), Judgement::Searching { found: 2 });

@@ -7,7 +7,7 @@
 //! | first byte, modulo 7 | step | what follows it |
 //! |---|---|---|
 //! | 0 | a new client | u8 receivers, u16 bytes to read, u32 age limit, u32 silence, µs |
-//! | 1 | asks for a window | u16 offset, u16 length |
+//! | 1 | requests a window | u16 offset, u16 length |
 //! | 2 | writes an object | 64 bytes |
 //! | 3 | a transaction | u64 began, u64 FRESH, µs; u16 count; that many bytes of MISO, at most 1024 |
 //! | 4 | views every object of the last transaction | |

@@ -41,7 +41,7 @@
 //! let mut buffer = [0; 96];
 //! let bytes = client.begin(&mut buffer).unwrap();
 //! assert_eq!(bytes, 96);
-//! // The flight controller's SPI driver sends `buffer` and leaves there what came back: here, that the DPR is busy.
+//! // The flight controller's SPI driver sends `buffer` and replaces it by the answer: here the DPR is busy.
 //! buffer.fill(0xFF);
 //! let report = client.end(&buffer, 4_000, None);
 //! assert_eq!(report.verdict, Verdict::Busy);
@@ -180,11 +180,11 @@ impl Client {
     /// # use profile::{Layout, ssi::client::{Client, Config}};
     /// # let mut client = Client::new(Config::new(Layout::for_receivers(3).unwrap())).unwrap();
     ///
-    /// // What the flight controller itself has to say. Its timestamp must be later than that of the one before.
+    /// // The flight controller's own uplink. Its timestamp must be later than that of the one before.
     /// let values = UplinkValues { timestamp: 1_200, payload: [7; 52], ..UplinkValues::default() };
     /// client.write(Written::FlightController(&Uplink::seal(Writer::<FlightController>::claim(), &values)));
     ///
-    /// // What the base station has sent by radio: passed on as it is, if it is intact.
+    /// // The base station's object from the radio is passed on unchanged, if it is intact.
     /// # let received = *CommandObject::seal(Writer::<FlightController>::claim(), 1_210, Command::SelfTest).as_bytes();
     /// if let Ok(written) = Written::verify(&received) {
     ///     client.write(written);
