@@ -13,7 +13,7 @@
 //! # use st25r3916::blocking::Error;
 //! use st25r3916::{ListenerConfig, ListenerEvent, PollerConfig, blocking};
 //!
-//! // One board: SPI mode 1, at most 10 MHz; the chip's IRQ pin; a delay.
+//! // One board has SPI mode 1 at 10 MHz at most, the chip's IRQ pin and a delay.
 //! # type Done<S, P> = Result<(), Error<S, P>>;
 //! # fn poller<S: SpiDevice, P: InputPin, D: DelayNs>(spi: S, irq: P, delay: D) -> Done<S::Error, P::Error> {
 //! let mut poller = blocking::Poller::new(spi, irq, delay, PollerConfig::new());
@@ -65,7 +65,7 @@
 //! use st25r3916::{Input, Listener, ListenerConfig, ListenerEvent, Poller, PollerConfig, PollerEvent};
 //! use st25r3916::{FrameFlags, Fault, ListenerState, PollerState, ReadMode, Step, Transfer, Variant};
 //!
-//! /// The bytes of the short transfer that a step asks for.
+//! /// The bytes of the short transfer that a step requests.
 //! fn mosi<E>(step: Step<E>) -> Vec<u8> {
 //!     match step {
 //!         Step::Transfer(Transfer::Short(short)) => short.bytes().to_vec(),
@@ -136,11 +136,11 @@
 //! assert_eq!(mosi(poller.step(Input::Done(&[0]))), [0x22, 0x07, 0xA0]); // length
 //! assert_eq!(mosi(poller.step(Input::Done(&[0; 3]))), [0x59, 0, 0, 0, 0, 0, 0, 0]); // empty?
 //! assert_eq!(poller.step(Input::Done(&[0, 0xFB, 0, 0, 0, 0, 0, 0])), Step::Event(PollerEvent::Prepared));
-//! // The payload is known: 80 and its first bytes.
+//! // Once the payload is known, its first bytes are loaded after the byte 80.
 //! let head = Transfer::Load { offset: 0, len: 16 };
 //! assert_eq!(poller.step(Input::Start), Step::Transfer(head));
 //! assert_eq!(poller.step(Input::Done(&[])), Step::Event(PollerEvent::Loaded));
-//! // At its own instant the executor sends this one byte, and then the rest of the payload:
+//! // At an instant of its choice the executor sends this one byte, and then the rest of the payload.
 //! assert_eq!(Poller::transmit().bytes(), [0xC4]);
 //! let rest = Transfer::Load { offset: 16, len: 228 };
 //! assert_eq!(poller.step(Input::Done(&[0])), Step::Transfer(rest));
@@ -154,7 +154,7 @@
 //! assert_eq!(mosi(poller.step(Input::Done(&[0, 0x30]))), [0x40, 0, 0]); // one of the settings after each frame
 //! assert_eq!(poller.step(Input::Done(&[0, 0x07, 0x3C])), Step::Event(PollerEvent::Ready));
 //!
-//! // The listener, a 3916, up to its regulators: as above without the RC calibration.
+//! // The listener is a 3916: up to its regulators the steps are the same, without the RC calibration.
 //! let config = ListenerConfig { read_mode: ReadMode::StoreAndForward, ..ListenerConfig::new() };
 //! let mut listener = Listener::new(config);
 //! let _ = listener.step(Input::Start);
