@@ -41,7 +41,7 @@ impl BitErrorRate {
         (1..=6).rev().flat_map(|decade| [1, 2, 5].map(|digit| Self { digit, decade }))
     }
 
-    /// As a number.
+    /// The rate as a number.
     #[must_use]
     pub fn value(self) -> f64 {
         f64::from(self.digit) / 10_f64.powi(self.decade as i32)

@@ -21,7 +21,7 @@ const HOURS_PER_YEAR: f64 = 8766.0;
 /// One code with the results of its weights.
 #[derive(Clone, Debug)]
 pub struct Judged {
-    /// Which code.
+    /// The code.
     pub code: Code,
     /// Its weight distribution.
     pub weights: Weights,
@@ -110,7 +110,7 @@ impl Analysis {
 /// A claim, and whether it holds.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Claim {
-    /// What is claimed.
+    /// The claim's text.
     pub claim: String,
     /// Whether it holds.
     pub holds: bool,
