@@ -52,7 +52,7 @@ pub(crate) fn check() -> Result<()> {
     Ok(())
 }
 
-/// The citations in `files` (path and text) of what is not among them, each as `file:line: what`.
+/// The citations in `files` (path and text) of missing targets, each as `file:line: what`.
 fn broken(files: &BTreeMap<String, String>) -> Vec<String> {
     let mut broken = vec![];
     for (path, text) in files {

@@ -18,7 +18,7 @@ const FOLDERS: [&str; 2] = ["profile/fuzz", "base-station/fuzz"];
 pub(crate) struct FuzzArgs {
     /// The fuzz target; all of them, one after the other, if none is named.
     target: Option<String>,
-    /// How long each target is fuzzed, in seconds.
+    /// The time for which each target is fuzzed, in seconds.
     #[arg(long, default_value_t = 60)]
     seconds: u32,
     /// The fuzzer's seed.

@@ -127,7 +127,7 @@ impl Board {
     }
 }
 
-/// How many GNSS receivers the profile carries (1, 2, 3 or 5).
+/// The number of GNSS receivers in the profile (1, 2, 3 or 5).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Receivers(pub(crate) usize);
 

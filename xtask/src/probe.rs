@@ -456,7 +456,7 @@ fn follow(
     core.reset_and_halt(CORE_TIMEOUT).context("the core does not reset")?;
     // The last run's contents of RAM must not be taken for this run's log.
     core.write_8(block, &[0; 16]).context("could not clear the old log")?;
-    // Not every reset clears the catch on every part, so another run may have left it.
+    // Some resets do not clear the catch on every part, so another run may have left it.
     core.disable_vector_catch(VectorCatchCondition::HardFault).context("could not set the vector catch")?;
     if follow == Follow::Suite {
         core.enable_vector_catch(VectorCatchCondition::HardFault).context("could not set the vector catch")?;

@@ -51,14 +51,14 @@ pub(crate) struct RunArgs {
     /// The port on 127.0.0.1 to wait for gdb at; 0 selects a free one.
     #[arg(long, default_value_t = gdb::PORT, requires = "gdb")]
     port: u16,
-    /// Where it runs.
+    /// The place where it runs.
     #[arg(long, value_enum, default_value_t = Place::Bench)]
     on: Place,
     #[command(flatten)]
     probe: ProbeArgs,
 }
 
-/// Where target code runs.
+/// The place where target code runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Place {
     /// The emulated boards: no hardware needed.
@@ -288,7 +288,7 @@ fn milliseconds(ns: u64) -> f64 {
     ns as f64 / 1e6
 }
 
-/// What came of a run, in a line.
+/// The outcome of a run in one line.
 fn summary(outcome: &Outcome) -> String {
     let findings = outcome.findings.len();
     let resets = outcome.resets;

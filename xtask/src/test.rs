@@ -13,7 +13,7 @@ use crate::{Board, ProbeArgs, Receivers, firmware};
 
 #[derive(Args)]
 pub(crate) struct TestArgs {
-    /// Where the on-target suites run.
+    /// The place where the on-target suites run.
     #[arg(long, value_enum, default_value_t = Place::Bench)]
     on: Place,
     /// The cost of processor time in the on-target suites on the bench: fast, optimistic or pessimistic. By default

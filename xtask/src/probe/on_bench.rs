@@ -184,7 +184,7 @@ impl ProbeFactory for Plugged {
     }
 }
 
-/// So many of them.
+/// A list of several such probes.
 #[derive(Debug)]
 struct Several(usize);
 
