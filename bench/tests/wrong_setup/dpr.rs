@@ -12,8 +12,8 @@ const FIRST: u64 = 60 * MS;
 /// The instant from which the task `commit` hangs, ns, so that the image has to expire in hardware.
 const HANGS: u64 = 135 * MS;
 const DPR_RUN: u64 = 200 * MS;
-/// The interval in which two short transactions follow each that reads the image, ns; all of them are within one pause.
-/// The budget of an image suffices for them.
+/// The interval in which two short transactions follow each one that reads the image, ns. All are within one pause, and
+/// the budget of an image suffices for them.
 const HASTY: std::ops::Range<u64> = 110 * MS..120 * MS;
 /// The interval between the flight controller's reads, ns.
 const READ_EVERY: u64 = 2 * MS;
