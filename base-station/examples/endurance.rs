@@ -27,8 +27,8 @@ const HOUR: u64 = 360_000;
 /// The instant at which the first one arrives, µs since 1970.
 const START_US: u64 = 1_790_000_000_000_000;
 
-/// The limit for the growth of memory from the first tenth of the work on, kB. A part's index causes it, and is freed
-/// with the part.
+/// The limit for the growth of memory from the first tenth of the work on, kB. The index of a part grows with it, and
+/// is freed when the part ends.
 pub(crate) const GROWTH_KB: u64 = 16 << 10;
 
 /// The outcome of a run.
@@ -58,7 +58,7 @@ impl Figures {
         self.memory_kb.iter().max().map_or(0, |most| most.saturating_sub(first))
     }
 
-    /// Whether everything was read again, and memory did not grow.
+    /// Whether all arrivals were read again, and memory stayed within its limit.
     #[must_use]
     pub(crate) fn is_good(&self) -> bool {
         self.read == self.arrivals && self.growth_kb() <= GROWTH_KB

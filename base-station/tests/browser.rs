@@ -243,7 +243,7 @@ fn image_at(ms: u32, (latitude, longitude, altitude): (f64, f64, f64)) -> Vec<u8
     [LinkStatus::seal(&link).as_bytes(), Profile::<3>::seal(&reported, &gps).as_bytes()].concat()
 }
 
-/// The texts of a table's rows, cell by cell.
+/// The displayed text of each cell of a table, row by row.
 fn table(tab: &mut Tab, id: &str) -> Vec<Vec<String>> {
     let rows = format!(
         "[...document.getElementById('{id}').rows].map((row) => [...row.cells].map((cell) => cell.textContent))"

@@ -101,7 +101,7 @@ impl Tab {
         let mut command = Command::new("/bin/sh");
         command.args(["-c", "exec \"$@\" 3<&0 4>&1 </dev/null >/dev/null 2>&1", "sh"]).arg(program);
         command.args(["--headless", "--remote-debugging-pipe", "--disable-gpu", "--no-first-run", "--mute-audio"]);
-        // Containers give a browser less shared memory than it needs, and root no sandbox; the page is ours.
+        // In a container the browser lacks shared memory, and as root it has no sandbox. The page is trusted.
         command.args(["--disable-dev-shm-usage", "--no-sandbox", "--disable-background-networking"]);
         command.args(["--disable-component-update", "--disable-default-apps", "--disable-sync"]);
         command.arg("--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1");
@@ -143,7 +143,7 @@ impl Tab {
     ///
     /// # Panics
     ///
-    /// Panics if it fails, or the browser does not answer.
+    /// Panics if the command fails or the browser does not answer.
     pub fn command(&mut self, method: &str, params: Value) -> Value {
         self.commands += 1;
         let id = self.commands;

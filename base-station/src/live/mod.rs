@@ -10,7 +10,7 @@
 //! | one for each broker | passes data on to it, or receives from it ([`broker`]) |
 //! | page | serves it, where the program has other things to do ([`server`]) |
 //!
-//! A playback has a thread that reads in place of the lines.
+//! In a playback, one thread that reads the recording replaces the threads of the lines.
 //!
 //! Bounded queues connect them. Where one is full, the newest item is dropped and counted, and the page shows the
 //! count.

@@ -8,7 +8,7 @@ use crate::intake::{Intake, Kind};
 
 const START: u64 = 1_790_000_000_000_000;
 
-/// Parts in memory, on a disk of a limited size.
+/// Keeps a recording's parts in memory, like a disk of a limited size.
 #[derive(Clone, Default)]
 struct Disk {
     parts: Rc<RefCell<Vec<Vec<u8>>>>,

@@ -82,7 +82,7 @@ impl Signer {
     }
 }
 
-/// Accepts each message that is signed with a key once.
+/// Accepts each signed message once, if its signature is by the given key.
 #[derive(Clone, Debug)]
 pub struct Verifier {
     key: Key,
