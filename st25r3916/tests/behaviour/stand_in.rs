@@ -614,7 +614,7 @@ impl Rig {
         panic!("no event within 200 steps");
     }
 
-    /// Continues from an event of the poller to its next.
+    /// Runs a poller from one event to its next.
     pub(crate) fn poller_next(&mut self, machine: &mut Poller) -> PollerEvent {
         self.poller(machine, Step::Event(PollerEvent::Ready))
     }
