@@ -156,7 +156,7 @@ struct Page {
     pace: f64,
     /// The elapsed virtual time, µs, for a station that does not read the system's clock.
     passed_us: Arc<AtomicU64>,
-    /// The real beginning of the run: as if its first step had taken no time, because the images are loaded before it.
+    /// The real time of the run's beginning, without the time of its first step, which loads the images.
     began: Option<Instant>,
     /// The greatest lag behind real time.
     behind: Duration,
