@@ -95,9 +95,9 @@ pub const HEAD: usize = 16;
 /// The latest time after the transmit command at which the load of the rest may begin, in microseconds, on an SPI of
 /// `spi_hz`, so that the FIFO never runs dry; `None` if the SPI is not faster than the air, 53 kB/s.
 ///
-/// The chip takes byte `n` of the payload (from 0) when preamble, sync, LEN and `n` bytes are on the air: `64 + 8 · (n
-/// + 1)` bits of 32 / 13.56 MHz. The SPI has loaded it after `n - HEAD + 2` bytes, the first of which is the FIFO load
-/// command. Because the SPI is faster, the first byte of the rest decides.
+/// The chip takes byte `n` of the payload (from 0) when preamble, sync, LEN and `n` bytes are on the air:
+/// `64 + 8 · (n + 1)` bits of 32 / 13.56 MHz. The SPI has loaded it after `n - HEAD + 2` bytes, the first of which is
+/// the FIFO load command. Because the SPI is faster, the first byte of the rest decides.
 #[must_use]
 pub const fn rest_within_us(spi_hz: u32) -> Option<u32> {
     const AIR_BITS: u64 = 64 + 8 * (HEAD as u64 + 1);
